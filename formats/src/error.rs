@@ -1,0 +1,127 @@
+//! What a reader says when a file is not what it should be.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// Where a file stopped making sense, what stood there, and what should have.
+///
+/// Every reader of this crate refuses with this one type, so that a person always gets the same five
+/// facts: the file, the line, the field, what was found, what was expected; and a hint where there is one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct ParseError {
+    /// The file as the user named it, or what stands for it (`<stdin>`, `embedded:sun`).
+    pub path: PathBuf,
+    /// The line, counted from 1; `None` for binary files.
+    pub line: Option<u64>,
+    /// The field, column, keyword or dotted key that is wrong.
+    pub field: Option<String>,
+    /// What stands in the file.
+    pub found: String,
+    /// What should stand there.
+    pub expected: String,
+    /// What to do about it.
+    pub hint: Option<String>,
+}
+
+impl ParseError {
+    /// An error that knows only its file; add the rest with the methods below.
+    pub fn new(
+        path: impl AsRef<Path>,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self {
+            path: path.as_ref().to_path_buf(),
+            line: None,
+            field: None,
+            found: found.into(),
+            expected: expected.into(),
+            hint: None,
+        }
+    }
+
+    /// The same error at a line (counted from 1).
+    #[must_use]
+    pub fn at_line(mut self, line: u64) -> Self {
+        self.line = Some(line);
+        self
+    }
+
+    /// The same error in a field, column, keyword or dotted key.
+    #[must_use]
+    pub fn in_field(mut self, field: impl Into<String>) -> Self {
+        self.field = Some(field.into());
+        self
+    }
+
+    /// The same error with what to do about it.
+    #[must_use]
+    pub fn with_hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = Some(hint.into());
+        self
+    }
+}
+
+impl fmt::Display for ParseError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path.display())?;
+        if let Some(line) = self.line {
+            write!(f, ":{line}")?;
+        }
+        if let Some(field) = &self.field {
+            write!(f, ": {field}")?;
+        }
+        write!(f, ": found {}, expected {}", self.found, self.expected)?;
+        if let Some(hint) = &self.hint {
+            write!(f, " ({hint})")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for ParseError {}
+
+/// Why a file could not be read or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FileError {
+    /// The operating system refused.
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io {
+        /// `read`, `write`, `create` …
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file was read and is not what it should be.
+    #[error(transparent)]
+    Parse(#[from] ParseError),
+}
+
+impl FileError {
+    /// An I/O error with the file that it is about.
+    pub fn io(action: &'static str, path: impl AsRef<Path>, source: std::io::Error) -> Self {
+        Self::Io { action, path: path.as_ref().to_path_buf(), source }
+    }
+}
+
+/// The names nearest to `wanted` (case ignored), best first, for "did you mean": at most `most` of them, and
+/// none that is far off.
+pub fn nearest_names<'a>(
+    wanted: &str,
+    names: impl IntoIterator<Item = &'a str>,
+    most: usize,
+) -> Vec<&'a str> {
+    let wanted = wanted.to_lowercase();
+    let mut scored: Vec<(f64, &str)> = names
+        .into_iter()
+        .map(|name| (strsim::jaro_winkler(&wanted, &name.to_lowercase()), name))
+        .filter(|(score, _)| *score > 0.7)
+        .collect();
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
+    scored.truncate(most);
+    scored.into_iter().map(|(_, name)| name).collect()
+}

@@ -1,0 +1,157 @@
+//! A table in memory: named columns with units, and metadata. ECSV and FITS binary tables read into it and are written from it.
+
+/// Metadata, in the order in which it was written.
+pub type Meta = serde_json::Map<String, serde_json::Value>;
+
+/// A table: columns of one length, and what is known about them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Table {
+    /// Free metadata (`title`, `source`, `licence`, `quantity` …).
+    pub meta: Meta,
+    /// The columns, all of one length.
+    pub columns: Vec<Column>,
+}
+
+/// One column.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// Name, with the unit as suffix where it has one (`wavelength_nm`).
+    pub name: String,
+    /// Unit as astropy spells it (`nm`, `W / (m2 nm)`); `None` for a pure number or text.
+    pub unit: Option<String>,
+    /// A sentence for people.
+    pub description: Option<String>,
+    /// The values.
+    pub values: Values,
+}
+
+/// The values of a column. A missing value is `NaN` among floats, `None` elsewhere.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Values {
+    /// Floating-point numbers; `NaN` where missing.
+    F64(Vec<f64>),
+    /// Whole numbers.
+    I64(Vec<Option<i64>>),
+    /// Truth values.
+    Bool(Vec<Option<bool>>),
+    /// Text; an empty text is text, not a missing value.
+    Text(Vec<Option<String>>),
+}
+
+impl Values {
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        match self {
+            Values::F64(v) => v.len(),
+            Values::I64(v) => v.len(),
+            Values::Bool(v) => v.len(),
+            Values::Text(v) => v.len(),
+        }
+    }
+
+    /// Whether there is no row.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The kind in words, for error messages.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Values::F64(_) => "floating-point numbers",
+            Values::I64(_) => "whole numbers",
+            Values::Bool(_) => "truth values",
+            Values::Text(_) => "text",
+        }
+    }
+}
+
+/// What is wrong with a table for the one who asked it.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TableError {
+    /// The column is not there.
+    #[error("there is no column `{name}`; the columns are {}", available.join(", "))]
+    NoColumn {
+        /// The column that was asked for.
+        name: String,
+        /// The columns that there are.
+        available: Vec<String>,
+    },
+    /// The column holds something else.
+    #[error("column `{name}` holds {found}, not {expected}")]
+    WrongKind {
+        /// The column.
+        name: String,
+        /// What it holds.
+        found: &'static str,
+        /// What was asked for.
+        expected: &'static str,
+    },
+}
+
+impl Table {
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.columns.first().map_or(0, |c| c.values.len())
+    }
+
+    /// The column of that name.
+    pub fn column(&self, name: &str) -> Result<&Column, TableError> {
+        self.columns.iter().find(|c| c.name == name).ok_or_else(|| TableError::NoColumn {
+            name: name.to_owned(),
+            available: self.columns.iter().map(|c| c.name.clone()).collect(),
+        })
+    }
+
+    /// A column of floating-point numbers (`NaN` where missing).
+    pub fn f64(&self, name: &str) -> Result<&[f64], TableError> {
+        match &self.column(name)?.values {
+            Values::F64(v) => Ok(v),
+            other => Err(wrong_kind(name, other, "floating-point numbers")),
+        }
+    }
+
+    /// A column of whole numbers.
+    pub fn i64(&self, name: &str) -> Result<&[Option<i64>], TableError> {
+        match &self.column(name)?.values {
+            Values::I64(v) => Ok(v),
+            other => Err(wrong_kind(name, other, "whole numbers")),
+        }
+    }
+
+    /// A column of text.
+    pub fn text(&self, name: &str) -> Result<&[Option<String>], TableError> {
+        match &self.column(name)?.values {
+            Values::Text(v) => Ok(v),
+            other => Err(wrong_kind(name, other, "text")),
+        }
+    }
+
+    /// A text in the metadata.
+    pub fn meta_text(&self, key: &str) -> Option<&str> {
+        self.meta.get(key).and_then(|v| v.as_str())
+    }
+}
+
+fn wrong_kind(name: &str, found: &Values, expected: &'static str) -> TableError {
+    TableError::WrongKind { name: name.to_owned(), found: found.kind(), expected }
+}
+
+impl Column {
+    /// A column of floating-point numbers.
+    pub fn f64(name: impl Into<String>, unit: Option<&str>, values: Vec<f64>) -> Self {
+        Self {
+            name: name.into(),
+            unit: unit.map(str::to_owned),
+            description: None,
+            values: Values::F64(values),
+        }
+    }
+
+    /// A column of text, none missing.
+    pub fn text(name: impl Into<String>, values: Vec<String>) -> Self {
+        let values = Values::Text(values.into_iter().map(Some).collect());
+        Self { name: name.into(), unit: None, description: None, values }
+    }
+}

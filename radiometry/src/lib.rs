@@ -1,0 +1,7 @@
+//! Light's units and tables, the sky and the air, stations and light curves.
+//!
+//! In the order in which data flows through it:
+//!
+//! - [`tables`]: the reference tables that the program carries with it.
+
+pub mod tables;

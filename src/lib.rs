@@ -1,0 +1,1 @@
+//! The `sunglint` program's workflows, one module per thing a person does.

@@ -1,0 +1,80 @@
+//! What the tests of the workspace share: skips that are counted, the Python of the peer programs, and the folders.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::Command;
+
+/// The top of the repository.
+pub fn repository() -> PathBuf {
+    // tests/kit lies two folders below the top.
+    let mut top = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+    top.pop();
+    top.pop();
+    top
+}
+
+/// A file of `fixtures/`.
+pub fn fixture(path: &str) -> PathBuf {
+    repository().join("fixtures").join(path)
+}
+
+/// A file of the folder `shared` beside the checkout, where there is one.
+pub fn shared(path: &str) -> Option<PathBuf> {
+    let file = repository().parent()?.join("shared").join(path);
+    file.exists().then_some(file)
+}
+
+/// Records that `test` could not run, and why. The test returns after it; `./test` counts it as skipped,
+/// and under `CI=true` fails if `tests/allowed_skips.txt` does not list it.
+pub fn skip(test: &str, reason: &str) {
+    eprintln!("skipped {test}: {reason}");
+    if let Some(log) = std::env::var_os("SUNGLINT_SKIP_LOG") {
+        let line = format!("{test}\t{}\n", reason.replace('\n', " "));
+        let written = std::fs::OpenOptions::new()
+            .create(true)
+            .append(true)
+            .open(&log)
+            // One write call per line: tests run side by side.
+            .and_then(|mut file| file.write_all(line.as_bytes()));
+        if let Err(error) = written {
+            panic!("cannot record the skip of {test} in {}: {error}", log.display());
+        }
+    }
+}
+
+/// The Python that has the peer programs (`.venv` at the top, made by `./test`), or `None` after recording the skip
+/// of `test`.
+pub fn peer_python(test: &str, modules: &[&str]) -> Option<PathBuf> {
+    let python = repository().join(".venv/bin/python");
+    if !python.exists() {
+        skip(test, "no .venv with the peer programs (./test makes it)");
+        return None;
+    }
+    for module in modules {
+        let found = Command::new(&python)
+            .args(["-c", &format!("import {module}")])
+            .output()
+            .is_ok_and(|out| out.status.success());
+        if !found {
+            skip(test, &format!("the Python package {module} is not in .venv"));
+            return None;
+        }
+    }
+    Some(python)
+}
+
+/// Runs a Python script with the peer programs and gives what it printed; panics with its error output if it fails.
+pub fn run_python(python: &std::path::Path, script: &str, arguments: &[&str]) -> String {
+    let output = Command::new(python)
+        .arg("-c")
+        .arg(script)
+        .args(arguments)
+        .output()
+        .unwrap_or_else(|error| panic!("cannot start {}: {error}", python.display()));
+    assert!(
+        output.status.success(),
+        "the peer script failed:\n{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
