@@ -6,12 +6,17 @@
 //! - [`tables`]: the reference tables that the program carries with it;
 //! - [`spectrum`]: values on a wavelength grid, typed by what they hold;
 //! - [`quadrature`]: the one integral over wavelength;
-//! - [`light`]: the Sun and Vega;
-//! - [`passband`]: passbands and magnitudes.
+//! - [`light`]: the Sun, Vega, black bodies;
+//! - [`refractive_index`]: n + ik of spacecraft metals, semiconductors and Kapton;
+//! - [`passband`]: passbands and magnitudes;
+//! - [`spectral_type`], [`star_light`]: a star's absolute spectrum from its magnitude, type and colour.
 
 pub mod constants;
 pub mod light;
 pub mod passband;
 pub mod quadrature;
+pub mod refractive_index;
+pub mod spectral_type;
 pub mod spectrum;
+pub mod star_light;
 pub mod tables;
