@@ -1,0 +1,124 @@
+//! The grammar of the command line. Subcommands appear here as they become real, none before.
+
+use crate::output::{Console, OutputArgs};
+use crate::{air, demo, star, tables};
+use clap::{Args, CommandFactory as _, Parser, Subcommand};
+use std::path::PathBuf;
+
+/// Light curves of satellites and space debris: observed, calibrated, simulated, compared.
+///
+/// Times are UTC, ISO 8601 (2026-11-20T18:30:00), or `now`. Angles are degrees. Zenith angles are true unless --apparent.
+/// Results go to stdout, messages to stderr. Exit codes: 0 done, 1 failed, 2 usage.
+#[derive(Debug, Parser)]
+#[command(name = "sunglint", version, propagate_version = true, max_term_width = 110)]
+pub struct Cli {
+    /// Options of every command.
+    #[command(flatten)]
+    pub global: Global,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Options of every command.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Options of every command")]
+pub struct Global {
+    /// Seed of everything random; the same seed gives the same result
+    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
+    pub seed: u64,
+    /// Threads to use at most [default: as many as there are cores]; results do not depend on it
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+    /// Say more on stderr
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub verbose: u8,
+    /// Say nothing on stderr but errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Print one JSON document on stdout instead of text
+    #[arg(long, global = true)]
+    pub json: bool,
+}
+
+/// What a person does.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Show what there is on embedded input: figures, tables, a light curve
+    Demo(demo::DemoArgs),
+    /// List the reference tables with their ranges, sources, licences and checksums, or show one
+    Tables(tables::TablesArgs),
+    /// Transmission of the air above a station
+    Air(air::AirArgs),
+    /// Place, airmass and expected count rates of a star
+    Star(star::StarArgs),
+    /// Print the completions of a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Write the manual pages into a folder
+    Man {
+        /// The folder
+        #[arg(short, long, value_name = "FOLDER")]
+        output: PathBuf,
+        /// Overwrite what is there
+        #[arg(long)]
+        force: bool,
+    },
+}
+
+/// Runs a parsed command line.
+///
+/// # Errors
+/// Whatever the command says; `main` prints it and exits with 1.
+pub fn run(cli: &Cli) -> anyhow::Result<()> {
+    let console = Console { json: cli.global.json, quiet: cli.global.quiet, verbose: cli.global.verbose };
+    match &cli.command {
+        Command::Demo(args) => demo::run(args, console),
+        Command::Tables(args) => tables::run(args, console),
+        Command::Air(args) => air::run(args, console),
+        Command::Star(args) => star::run(args, console),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), "sunglint", &mut script);
+            console.print(&String::from_utf8(script)?)
+        }
+        Command::Man { output, force } => write_manual(output, *force, console),
+    }
+}
+
+/// One page for the program and one for each command, from the same definition as the parser.
+fn write_manual(folder: &std::path::Path, force: bool, console: Console) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).map_err(|e| sunglint_formats::FileError::io("create", folder, e))?;
+    let out = OutputArgs { output: vec![], force };
+    let mut command = Cli::command();
+    command.build();
+    let mut pages = vec![command.clone()];
+    pages.extend(command.get_subcommands().filter(|c| c.get_name() != "help").cloned());
+    for page in pages {
+        let name = page.get_display_name().unwrap_or_else(|| page.get_name()).to_owned();
+        let page = page.name(leak(&name)).disable_help_subcommand(true);
+        let mut text = Vec::new();
+        clap_mangen::Man::new(page).render(&mut text)?;
+        let path = folder.join(format!("{name}.1"));
+        out.write_file(&path, &text)?;
+        console.say(&format!("wrote {}", path.display()));
+    }
+    Ok(())
+}
+
+/// clap wants names that live as long as the program; a handful of pages do.
+fn leak(name: &str) -> &'static str {
+    Box::leak(name.to_owned().into_boxed_str())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_grammar_is_sound() {
+        Cli::command().debug_assert();
+    }
+}

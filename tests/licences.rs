@@ -1,0 +1,59 @@
+//! Every package that is built into the program has a licence that we may ship.
+
+use std::process::Command;
+
+/// What we accept; of an `OR`, one side is enough. MPL-2.0 and Unicode-3.0 ask for their texts only.
+const ACCEPTED: &[&str] = &[
+    "MIT",
+    "Apache-2.0",
+    "Apache-2.0 WITH LLVM-exception",
+    "BSD-2-Clause",
+    "BSD-3-Clause",
+    "ISC",
+    "Zlib",
+    "0BSD",
+    "Unlicense",
+    "CC0-1.0",
+    "BSL-1.0",
+    "MPL-2.0",
+    "Unicode-3.0",
+];
+
+fn accepted(expression: &str) -> bool {
+    // `A OR B AND C`, with the old spelling `A/B`; parentheses only group what is split anyway.
+    let expression = expression.replace('/', " OR ").replace(['(', ')'], "");
+    let alternatives: Vec<&str> = expression.split(" OR ").collect();
+    alternatives
+        .iter()
+        .any(|all| all.split(" AND ").all(|one| ACCEPTED.contains(&one.trim())))
+}
+
+#[test]
+fn every_dependency_may_be_shipped() {
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
+    let output = Command::new(cargo)
+        .args(["tree", "--locked", "--offline", "--workspace", "--edges", "normal,build"])
+        .args(["--prefix", "none", "--format", "{p}\t{l}"])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    let mut packages: Vec<(&str, &str)> =
+        text.lines().map(|l| l.trim_end_matches(" (*)")).filter_map(|l| l.split_once('\t')).collect();
+    packages.sort_unstable();
+    packages.dedup();
+    assert!(packages.len() > 30, "cargo tree lists only {} packages", packages.len());
+    let refused: Vec<_> = packages.iter().filter(|(_, licence)| !accepted(licence)).collect();
+    assert!(refused.is_empty(), "not accepted: {refused:?}");
+}
+
+#[test]
+fn expressions_are_read() {
+    assert!(accepted("MIT OR GPL-3.0"));
+    assert!(accepted("Apache-2.0/MIT"));
+    assert!(accepted("(MIT OR Apache-2.0) AND Unicode-3.0"));
+    assert!(!accepted("GPL-3.0"));
+    assert!(!accepted("MIT AND GPL-3.0"));
+    assert!(!accepted(""));
+}
