@@ -8,10 +8,4 @@
 //! - [`output`]: where results go, in which format, and that nothing is overwritten;
 //! - [`plot`]: figures.
 
-pub mod air;
-pub mod cli;
-pub mod demo;
-pub mod output;
 pub mod plot;
-pub mod star;
-pub mod tables;

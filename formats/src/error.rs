@@ -99,6 +99,20 @@ pub enum FileError {
     /// The file was read and is not what it should be.
     #[error(transparent)]
     Parse(#[from] ParseError),
+    /// What should be written does not fit the format.
+    #[error("cannot write {}: {source}", path.display())]
+    Encode {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        source: EncodeError,
+    },
+    /// The file is there already, and the caller did not ask to overwrite it.
+    #[error("{} is there already; it is not overwritten unless that is asked for", path.display())]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
 }
 
 impl FileError {
@@ -106,6 +120,46 @@ impl FileError {
     pub fn io(action: &'static str, path: impl AsRef<Path>, source: std::io::Error) -> Self {
         Self::Io { action, path: path.as_ref().to_path_buf(), source }
     }
+
+    /// An encoding error with the file that it is about.
+    pub fn encode(path: impl AsRef<Path>, source: EncodeError) -> Self {
+        Self::Encode { path: path.as_ref().to_path_buf(), source }
+    }
+}
+
+/// Why a value in memory cannot be written in a format (a keyword too long, a text that is not ASCII …).
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{field}: found {found}, expected {expected}")]
+#[non_exhaustive]
+pub struct EncodeError {
+    /// The column, keyword or field that does not fit.
+    pub field: String,
+    /// What is there.
+    pub found: String,
+    /// What the format can hold.
+    pub expected: String,
+}
+
+impl EncodeError {
+    /// A value of `field` that the format cannot hold.
+    pub fn new(
+        field: impl Into<String>,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self { field: field.into(), found: found.into(), expected: expected.into() }
+    }
+}
+
+/// A piece of a foreign text for an error message: one line, quoted, control characters escaped, at most 40
+/// characters.
+pub(crate) fn excerpt(text: &str) -> String {
+    const MOST: usize = 40;
+    let mut short: String = text.chars().take(MOST).flat_map(char::escape_debug).collect();
+    if text.chars().nth(MOST).is_some() {
+        short.push('…');
+    }
+    format!("`{short}`")
 }
 
 /// The names nearest to `wanted` (case ignored), best first, for "did you mean": at most `most` of them, and

@@ -6,9 +6,12 @@
 //! - [`table`]: columns with units and metadata, in memory;
 //! - [`ecsv`]: tables as text that a person can open and astropy reads.
 
+pub mod atomic;
 pub mod ecsv;
 pub mod error;
+pub mod read;
 pub mod table;
+pub mod time;
 
 pub use error::{FileError, ParseError, nearest_names};
 pub use table::{Column, Meta, Table, TableError, Values};

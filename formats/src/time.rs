@@ -1,0 +1,419 @@
+//! UTC as text, leap seconds included: ISO 8601 ↔ [`hifitime::Epoch`].
+//!
+//! hifitime 4.3 cannot be used for this by itself: it parses `2016-12-31T23:59:60.5` to the same instant as
+//! `…23:59:59.5` and never prints a second 60. Here a UTC text becomes a **TAI** epoch, which holds a leap second as
+//! any other, and all arithmetic is in whole nanoseconds. Print an epoch with [`format_utc`], not with its `Display`,
+//! which would show TAI.
+//!
+//! Between 1972 and 2100; after the last leap second known (2016-12-31) TAI − UTC stays 37 s.
+
+use crate::error::ParseError;
+use hifitime::{Duration, Epoch, TimeScale};
+use std::fmt;
+use std::path::Path;
+
+/// TAI − UTC in seconds from 0 h UTC of a day on (day as Modified Julian Date): the day after each leap second.
+/// Source: IERS Bulletin C (<https://hpiers.obspm.fr/iers/bul/bulc/Leap_Second.dat>), Bulletins C 1 to 70.
+const TAI_MINUS_UTC: [(i64, i64); 28] = [
+    (41317, 10),
+    (41499, 11),
+    (41683, 12),
+    (42048, 13),
+    (42413, 14),
+    (42778, 15),
+    (43144, 16),
+    (43509, 17),
+    (43874, 18),
+    (44239, 19),
+    (44786, 20),
+    (45151, 21),
+    (45516, 22),
+    (46247, 23),
+    (47161, 24),
+    (47892, 25),
+    (48257, 26),
+    (48804, 27),
+    (49169, 28),
+    (49534, 29),
+    (50083, 30),
+    (50630, 31),
+    (51179, 32),
+    (53736, 33),
+    (54832, 34),
+    (56109, 35),
+    (57204, 36),
+    (57754, 37),
+];
+
+/// Modified Julian Date of hifitime's TAI reference, 1900-01-01.
+const MJD_1900: i64 = 15020;
+const SECONDS_A_DAY: i64 = 86_400;
+const NANOSECONDS: i128 = 1_000_000_000;
+const FORM: &str = "UTC as 2026-03-04T05:06:07.89Z";
+
+/// A text that is not a UTC time.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct UtcError {
+    /// What stands there.
+    pub found: String,
+    /// What should.
+    pub expected: &'static str,
+    /// What to do about it.
+    pub hint: Option<&'static str>,
+}
+
+impl UtcError {
+    /// The same as an error of a file; add the line and the field.
+    pub fn in_file(self, path: impl AsRef<Path>) -> ParseError {
+        let error = ParseError::new(path, self.found, self.expected);
+        match self.hint {
+            Some(hint) => error.with_hint(hint),
+            None => error,
+        }
+    }
+}
+
+impl fmt::Display for UtcError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "found {}, expected {}", self.found, self.expected)?;
+        self.hint.map_or(Ok(()), |hint| write!(f, " ({hint})"))
+    }
+}
+
+impl std::error::Error for UtcError {}
+
+/// The instant of a UTC text such as `2016-12-31T23:59:60.5Z`.
+///
+/// The `Z` may be left out, a blank may stand for the `T`, a date alone is its midnight, seconds may be left out and
+/// have up to nine decimals. Second 60 is accepted where the IERS put a leap second, and is an instant of its own. An
+/// offset such as `+01:00` is refused: times in files are UTC. Years 1972 to 2100. The epoch is in TAI.
+///
+/// # Errors
+/// [`UtcError`] says what stands there and what should.
+pub fn parse_utc(text: &str) -> Result<Epoch, UtcError> {
+    let bad = |expected, hint| UtcError { found: crate::error::excerpt(text), expected, hint };
+    let form = || bad(FORM, None);
+    let body = text.strip_suffix(['Z', 'z']).unwrap_or(text);
+    let (date, time) = match body.split_once(['T', 't', ' ']) {
+        Some((date, time)) => (date, Some(time)),
+        None => (body, None),
+    };
+    if let Some(time) = time
+        && time.contains(['+', '-'])
+    {
+        return Err(bad(FORM, Some("times are UTC: subtract the offset and end with Z")));
+    }
+    let [year, month, day] = numbers(date, '-', [4, 2, 2]).ok_or_else(form)?;
+    let (clock, nanoseconds) = match time {
+        None => ([0, 0, 0], 0),
+        Some(time) => clock(time).ok_or_else(form)?,
+    };
+    let [hour, minute, second] = clock;
+    if !(1972..=2100).contains(&year) {
+        return Err(bad("a year from 1972 to 2100", Some("UTC has whole leap seconds since 1972")));
+    }
+    if !(1..=12).contains(&month) || !(1..=days_in_month(year, month)).contains(&day) {
+        return Err(bad("a day of the calendar", None));
+    }
+    let mjd = mjd_of(year, month, day);
+    let leap = hour == 23 && minute == 59 && ends_with_leap_second(mjd);
+    if second == 60 && !leap && hour < 24 && minute < 60 {
+        return Err(bad(
+            "a second from 0 to 59",
+            Some("a second 60 is only at the end of a day for which the IERS announced one"),
+        ));
+    }
+    if hour > 23 || minute > 59 || second > 60 {
+        return Err(bad("a time of day from 00:00:00 to 23:59:59", None));
+    }
+    let seconds = (mjd - MJD_1900) * SECONDS_A_DAY + hour * 3600 + minute * 60 + second;
+    let tai = i128::from(seconds + tai_minus_utc(mjd)) * NANOSECONDS + i128::from(nanoseconds);
+    Ok(Epoch::from_tai_duration(Duration::from_total_nanoseconds(tai)))
+}
+
+/// An instant as UTC text with `digits` decimals of a second (at most 9, which lose nothing) and a `Z`:
+/// `2016-12-31T23:59:60.5Z`. Rounded to the nearest, half away from zero; second 60 is only printed in a leap second.
+///
+/// Works for every epoch; before 1972, where UTC had no whole leap seconds, it takes TAI − UTC = 10 s.
+pub fn format_utc(epoch: Epoch, digits: u8) -> String {
+    let digits = digits.min(9);
+    let grid = 10_i128.pow(u32::from(9 - digits));
+    // Seconds of UTC and of TAI begin together since 1972, so rounding TAI rounds UTC.
+    let tai = (tai_nanoseconds(epoch) + grid / 2).div_euclid(grid) * grid;
+    let (tai_seconds, nanoseconds) = (tai.div_euclid(NANOSECONDS), tai.rem_euclid(NANOSECONDS));
+    let tai_seconds = tai_seconds as i64; // hifitime's range is 1e14 s
+    let (days, second_of_day) = utc_of(tai_seconds);
+    let (year, month, day) = date_of(days + MJD_1900);
+    let second_60 = (second_of_day - (SECONDS_A_DAY - 1)).max(0); // 1 in a leap second
+    let s = second_of_day - second_60;
+    let mut text = format!(
+        "{year:04}-{month:02}-{day:02}T{:02}:{:02}:{:02}",
+        s / 3600,
+        s / 60 % 60,
+        s % 60 + second_60
+    );
+    if digits > 0 {
+        let fraction = nanoseconds / grid;
+        text.push_str(&format!(".{fraction:0width$}", width = usize::from(digits)));
+    }
+    text.push('Z');
+    text
+}
+
+/// Nanoseconds of TAI since 1900-01-01, exact. An epoch in hifitime's UTC cannot hold a leap second.
+pub fn tai_nanoseconds(epoch: Epoch) -> i128 {
+    if epoch.time_scale != TimeScale::UTC {
+        return epoch.to_tai_duration().total_nanoseconds();
+    }
+    // hifitime looks its leap seconds up by a rounded f64; this does it in whole numbers.
+    let utc = epoch.duration.total_nanoseconds();
+    let days = utc.div_euclid(NANOSECONDS * i128::from(SECONDS_A_DAY)) as i64;
+    utc + i128::from(tai_minus_utc(days + MJD_1900)) * NANOSECONDS
+}
+
+/// Days since 1900-01-01 and second of the day (86400 in a leap second) of a second of TAI since 1900.
+fn utc_of(tai_seconds: i64) -> (i64, i64) {
+    let start = |mjd: i64, offset: i64| (mjd - MJD_1900) * SECONDS_A_DAY + offset;
+    let next = TAI_MINUS_UTC.iter().position(|&(mjd, offset)| start(mjd, offset) > tai_seconds);
+    let offset = match next {
+        None => TAI_MINUS_UTC[TAI_MINUS_UTC.len() - 1].1,
+        Some(0) => TAI_MINUS_UTC[0].1,
+        Some(next) => {
+            let (mjd, offset) = TAI_MINUS_UTC[next];
+            if tai_seconds == start(mjd, offset) - 1 {
+                return (mjd - 1 - MJD_1900, SECONDS_A_DAY);
+            }
+            TAI_MINUS_UTC[next - 1].1
+        }
+    };
+    let utc = tai_seconds - offset;
+    (utc.div_euclid(SECONDS_A_DAY), utc.rem_euclid(SECONDS_A_DAY))
+}
+
+fn tai_minus_utc(mjd: i64) -> i64 {
+    let after = TAI_MINUS_UTC.partition_point(|&(from, _)| from <= mjd);
+    TAI_MINUS_UTC[after.saturating_sub(1)].1
+}
+
+fn ends_with_leap_second(mjd: i64) -> bool {
+    TAI_MINUS_UTC[1..].iter().any(|&(from, _)| from == mjd + 1)
+}
+
+/// `HH:MM`, `HH:MM:SS` or `HH:MM:SS.fff`: hour, minute, second and nanoseconds, not yet checked for range.
+fn clock(time: &str) -> Option<([i64; 3], i64)> {
+    let (whole, fraction) = match time.split_once('.') {
+        Some((whole, fraction)) => (whole, Some(fraction)),
+        None => (time, None),
+    };
+    let nanoseconds = match fraction {
+        None => 0,
+        Some(digits) if (1..=9).contains(&digits.len()) => {
+            number(digits)? * 10_i64.pow(9 - digits.len() as u32)
+        }
+        Some(_) => return None,
+    };
+    if whole.len() == 5 && fraction.is_none() {
+        let [hour, minute] = numbers(whole, ':', [2, 2])?;
+        return Some(([hour, minute, 0], 0));
+    }
+    Some((numbers(whole, ':', [2, 2, 2])?, nanoseconds))
+}
+
+/// The numbers between separators, each with exactly so many digits.
+fn numbers<const N: usize>(text: &str, separator: char, widths: [usize; N]) -> Option<[i64; N]> {
+    let mut parts = text.split(separator);
+    let mut values = [0; N];
+    for (value, width) in values.iter_mut().zip(widths) {
+        *value = number(parts.next().filter(|part| part.len() == width)?)?;
+    }
+    parts.next().is_none().then_some(values)
+}
+
+fn number(digits: &str) -> Option<i64> {
+    digits.bytes().all(|b| b.is_ascii_digit()).then(|| digits.parse().ok())?
+}
+
+fn days_in_month(year: i64, month: i64) -> i64 {
+    let leap_year = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
+    match month {
+        2 if leap_year => 29,
+        2 => 28,
+        4 | 6 | 9 | 11 => 30,
+        _ => 31,
+    }
+}
+
+/// Modified Julian Date of a day of the Gregorian calendar (Fliegel and Van Flandern's reckoning from 1 March).
+fn mjd_of(year: i64, month: i64, day: i64) -> i64 {
+    let (y, m) = if month <= 2 { (year - 1, month + 9) } else { (year, month - 3) };
+    365 * y + y.div_euclid(4) - y.div_euclid(100) + y.div_euclid(400) + (153 * m + 2) / 5 + day
+        - 678_882
+}
+
+/// The day of the Gregorian calendar of a Modified Julian Date.
+fn date_of(mjd: i64) -> (i64, i64, i64) {
+    const DAYS_IN_400_YEARS: i64 = 146_097;
+    let days = mjd + 678_881; // since 0000-03-01
+    let (era, day_of_era) =
+        (days.div_euclid(DAYS_IN_400_YEARS), days.rem_euclid(DAYS_IN_400_YEARS));
+    let year_of_era =
+        (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let m = (5 * day_of_year + 2) / 153; // March is 0
+    let (year, month) = if m < 10 { (0, m + 3) } else { (1, m - 9) };
+    (year + year_of_era + 400 * era, month, day_of_year - (153 * m + 2) / 5 + 1)
+}
+
+/// A UTC time as a value of a TOML file: text, or TOML's own date and time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Utc(pub Epoch);
+
+impl<'de> serde::Deserialize<'de> for Utc {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Text;
+        impl serde::de::Visitor<'_> for Text {
+            type Value = Utc;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(FORM)
+            }
+            fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<Utc, E> {
+                parse_utc(text).map(Utc).map_err(|error| {
+                    E::invalid_value(serde::de::Unexpected::Str(text), &error.expected)
+                })
+            }
+        }
+        deserializer.deserialize_str(Text)
+    }
+}
+
+impl serde::Serialize for Utc {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&format_utc(self.0, 9))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tai_seconds(text: &str) -> f64 {
+        tai_nanoseconds(parse_utc(text).unwrap()) as f64 * 1e-9
+    }
+
+    #[test]
+    fn a_leap_second_is_an_instant_of_its_own() {
+        // IERS Bulletin C 52: 2016 December 31, 23h 59m 60s; TAI - UTC = 36 s before, 37 s after.
+        let before = parse_utc("2016-12-31T23:59:59.5Z").unwrap();
+        let within = parse_utc("2016-12-31T23:59:60.5Z").unwrap();
+        let after = parse_utc("2017-01-01T00:00:00.5Z").unwrap();
+        assert_eq!((within - before).total_nanoseconds(), 1_000_000_000);
+        assert_eq!((after - within).total_nanoseconds(), 1_000_000_000);
+        assert_eq!(format_utc(before, 1), "2016-12-31T23:59:59.5Z");
+        assert_eq!(format_utc(within, 1), "2016-12-31T23:59:60.5Z");
+        assert_eq!(format_utc(after, 1), "2017-01-01T00:00:00.5Z");
+    }
+
+    #[test]
+    fn known_instants() {
+        // astropy 8.0.2: (Time(text, scale='utc').tai - Time('1900-01-01', scale='tai')).sec
+        assert_eq!(tai_seconds("1972-01-01"), 2_272_060_810.0);
+        assert_eq!(tai_seconds("2000-01-01T12:00:00Z"), 3_155_716_832.0);
+        assert_eq!(tai_seconds("2016-12-31T23:59:60.5"), 3_692_217_636.5);
+        assert_eq!(tai_seconds("2100-12-31 23:59"), 6_342_969_577.0);
+    }
+
+    #[test]
+    fn rounding_carries_into_and_out_of_the_leap_second() {
+        let at = |text| parse_utc(text).unwrap();
+        assert_eq!(format_utc(at("2016-12-31T23:59:59.96"), 1), "2016-12-31T23:59:60.0Z");
+        assert_eq!(format_utc(at("2016-12-31T23:59:60.96"), 1), "2017-01-01T00:00:00.0Z");
+        assert_eq!(format_utc(at("2016-12-30T23:59:59.96"), 1), "2016-12-31T00:00:00.0Z");
+        assert_eq!(
+            format_utc(at("2026-02-28T23:59:59.999999999"), 6),
+            "2026-03-01T00:00:00.000000Z"
+        );
+        assert_eq!(
+            format_utc(at("2026-03-04T05:06:07.123456789"), 9),
+            "2026-03-04T05:06:07.123456789Z"
+        );
+        assert_eq!(format_utc(at("2026-03-04T05:06:07.5"), 0), "2026-03-04T05:06:08Z");
+    }
+
+    #[test]
+    fn an_epoch_in_utc_is_placed_to_the_nanosecond() {
+        // Ten nanoseconds before a leap second ended the day: an f64 of seconds cannot tell.
+        let epoch = Epoch::from_gregorian_utc(2015, 6, 30, 23, 59, 59, 999_999_990);
+        assert_eq!(format_utc(epoch, 9), "2015-06-30T23:59:59.999999990Z");
+        let epoch = Epoch::from_gregorian_utc(2026, 3, 4, 5, 6, 7, 0);
+        assert_eq!(epoch, parse_utc("2026-03-04T05:06:07").unwrap());
+    }
+
+    #[test]
+    fn what_is_not_utc_is_refused_with_a_reason() {
+        for (text, message) in [
+            (
+                "2015-03-03T23:59:60",
+                "found `2015-03-03T23:59:60`, expected a second from 0 to 59 (a second 60 is only at the end of a day for which the IERS announced one)",
+            ),
+            (
+                "2016-12-31T22:59:60Z",
+                "found `2016-12-31T22:59:60Z`, expected a second from 0 to 59 (a second 60 is only at the end of a day for which the IERS announced one)",
+            ),
+            (
+                "2016-12-31T23:59:61Z",
+                "found `2016-12-31T23:59:61Z`, expected a time of day from 00:00:00 to 23:59:59",
+            ),
+            (
+                "2026-03-04T24:00:00",
+                "found `2026-03-04T24:00:00`, expected a time of day from 00:00:00 to 23:59:59",
+            ),
+            ("2026-02-29", "found `2026-02-29`, expected a day of the calendar"),
+            (
+                "1969-07-20T20:17:40Z",
+                "found `1969-07-20T20:17:40Z`, expected a year from 1972 to 2100 (UTC has whole leap seconds since 1972)",
+            ),
+            (
+                "2026-03-04T05:06:07+01:00",
+                "found `2026-03-04T05:06:07+01:00`, expected UTC as 2026-03-04T05:06:07.89Z (times are UTC: subtract the offset and end with Z)",
+            ),
+            (
+                "2026-03-04T05:06:07.",
+                "found `2026-03-04T05:06:07.`, expected UTC as 2026-03-04T05:06:07.89Z",
+            ),
+            (
+                "2026-03-04T05:06:07.1234567890",
+                "found `2026-03-04T05:06:07.1234567890`, expected UTC as 2026-03-04T05:06:07.89Z",
+            ),
+            ("4 March 2026", "found `4 March 2026`, expected UTC as 2026-03-04T05:06:07.89Z"),
+            ("", "found ``, expected UTC as 2026-03-04T05:06:07.89Z"),
+        ] {
+            assert_eq!(parse_utc(text).unwrap_err().to_string(), message);
+        }
+    }
+
+    #[test]
+    fn every_day_from_1900_to_2200_comes_back() {
+        // Truth: the calendar itself, counted day by day.
+        let (mut year, mut month, mut day) = (1900, 1, 1);
+        for mjd in MJD_1900..MJD_1900 + 110_000 {
+            assert_eq!(mjd_of(year, month, day), mjd);
+            assert_eq!(date_of(mjd), (year, month, day));
+            day += 1;
+            if day > days_in_month(year, month) {
+                (day, month) = (1, month + 1);
+            }
+            if month > 12 {
+                (month, year) = (1, year + 1);
+            }
+        }
+    }
+
+    #[test]
+    fn epochs_far_away_print_without_panic() {
+        for epoch in
+            [Epoch::from_tai_duration(Duration::MIN), Epoch::from_tai_duration(Duration::MAX)]
+        {
+            assert!(format_utc(epoch, 9).ends_with('Z'));
+        }
+    }
+}
