@@ -99,7 +99,7 @@ impl OutputArgs {
         let mut written = Vec::new();
         for path in &self.output {
             if path.as_os_str() == "-" {
-                console.print(&ecsv::write_string(&product.table)?)?;
+                console.print(&ecsv::to_string(&product.table)?)?;
             } else if is_folder(path) {
                 std::fs::create_dir_all(path)
                     .with_context(|| format!("cannot create the folder {}", path.display()))?;
@@ -128,7 +128,7 @@ impl OutputArgs {
             })
         };
         let bytes = match Format::of(path)? {
-            Format::Ecsv => ecsv::write_string(&product.table)?.into_bytes(),
+            Format::Ecsv => ecsv::to_string(&product.table)?.into_bytes(),
             Format::Csv => plain_csv(&product.table)?,
             Format::Fits => sunglint_formats::fits::table_bytes(&product.table)?,
             Format::Json => {
@@ -182,7 +182,7 @@ fn is_folder(path: &Path) -> bool {
 
 /// The columns alone, for programs that know no ECSV.
 fn plain_csv(table: &Table) -> anyhow::Result<Vec<u8>> {
-    let text = ecsv::write_string(table)?;
+    let text = ecsv::to_string(table)?;
     let body: Vec<&str> = text.lines().skip_while(|l| l.starts_with('#')).collect();
     Ok((body.join("\n") + "\n").into_bytes())
 }

@@ -102,8 +102,10 @@ impl Axis {
         self
     }
 
+    /// Whether a value can be drawn: a number, above 0 on a logarithmic axis, within a given range.
     fn good(&self, value: f64) -> bool {
-        value.is_finite() && (!self.log || value > 0.0)
+        let within = self.range.is_none_or(|(first, last)| (first..=last).contains(&value));
+        value.is_finite() && (!self.log || value > 0.0) && within
     }
 
     /// The range to draw, with a margin where it comes from the data.
@@ -111,7 +113,8 @@ impl Axis {
         if let Some(range) = self.range {
             return Some(range);
         }
-        let (lo, hi) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
+        let (lo, hi) =
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
         if lo > hi {
             return None;
         }
@@ -127,7 +130,12 @@ impl Axis {
 impl Series {
     /// A line.
     pub fn line(label: impl Into<String>, colour: usize, points: Vec<(f64, f64)>) -> Self {
-        Self { label: label.into(), points, style: Style::Line, colour: COLOURS[colour % COLOURS.len()] }
+        Self {
+            label: label.into(),
+            points,
+            style: Style::Line,
+            colour: COLOURS[colour % COLOURS.len()],
+        }
     }
 }
 
@@ -156,15 +164,18 @@ impl Figure {
     /// The figure as the bytes of a PNG file, at twice the size of the SVG.
     pub fn png(&self) -> Result<Vec<u8>, PlotError> {
         use_font();
-        let (width, height) = self.size(2);
+        // Drawn at twice the size again and shrunk: the library draws lines without smoothing.
+        let (width, height) = self.size(4);
         let mut pixels = vec![255_u8; (width * height * 3) as usize];
         {
             let root = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
-            self.draw(&root, 2)?;
+            self.draw(&root, 4)?;
             root.present().map_err(|e| PlotError::Draw(e.to_string()))?;
         }
-        let image = image::RgbImage::from_raw(width, height, pixels)
-            .ok_or_else(|| PlotError::Draw("the picture has not the size it was asked for".into()))?;
+        let image = image::RgbImage::from_raw(width, height, pixels).ok_or_else(|| {
+            PlotError::Draw("the picture has not the size it was asked for".into())
+        })?;
+        let image = image::imageops::thumbnail(&image, width / 2, height / 2);
         let mut bytes = Cursor::new(Vec::new());
         image
             .write_to(&mut bytes, image::ImageFormat::Png)
@@ -172,7 +183,11 @@ impl Figure {
         Ok(bytes.into_inner())
     }
 
-    fn draw<DB: DrawingBackend>(&self, root: &DrawingArea<DB, Shift>, scale: u32) -> Result<(), PlotError> {
+    fn draw<DB: DrawingBackend>(
+        &self,
+        root: &DrawingArea<DB, Shift>,
+        scale: u32,
+    ) -> Result<(), PlotError> {
         let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
         root.fill(&WHITE).map_err(failed)?;
         let title = ("sans-serif", 19 * scale).into_font().color(&BLACK);
@@ -204,7 +219,13 @@ impl Figure {
 }
 
 impl Panel {
-    fn draw<DB, X, Y>(&self, area: &DrawingArea<DB, Shift>, scale: u32, x: X, y: Y) -> Result<(), PlotError>
+    fn draw<DB, X, Y>(
+        &self,
+        area: &DrawingArea<DB, Shift>,
+        scale: u32,
+        x: X,
+        y: Y,
+    ) -> Result<(), PlotError>
     where
         DB: DrawingBackend,
         X: AsRangedCoord<Value = f64>,
@@ -238,29 +259,41 @@ impl Panel {
         for series in &self.series {
             let colour = series.colour;
             let good = |p: &(f64, f64)| self.x.good(p.0) && self.y.good(p.1);
-            let mut drawn = Vec::new();
             match series.style {
                 Style::Line => {
                     // A point that is no number breaks the line: a gap is shown, not bridged.
                     for piece in series.points.split(|p| !good(p)).filter(|p| !p.is_empty()) {
-                        let line = LineSeries::new(piece.iter().copied(), colour.stroke_width(2 * scale));
-                        drawn.push(chart.draw_series(line).map_err(failed)?);
+                        if scale == 1 {
+                            let line =
+                                LineSeries::new(piece.iter().copied(), colour.stroke_width(2));
+                            chart.draw_series(line).map_err(failed)?;
+                            continue;
+                        }
+                        // In a bitmap the library's joins shoot out as spikes: single strokes with round ends instead.
+                        let stroke = colour.stroke_width(2 * scale);
+                        let strokes = piece.windows(2).map(|ends| PathElement::new(ends, stroke));
+                        chart.draw_series(strokes).map_err(failed)?;
+                        let joins = piece.iter().map(|p| Circle::new(*p, scale, colour.filled()));
+                        chart.draw_series(joins).map_err(failed)?;
                     }
                 }
                 Style::Dots => {
                     let dots = series.points.iter().copied().filter(good);
                     let dots = dots.map(|p| Circle::new(p, 2 * scale, colour.filled()));
-                    drawn.push(chart.draw_series(dots).map_err(failed)?);
+                    chart.draw_series(dots).map_err(failed)?;
                 }
             }
-            if let Some(first) = drawn.into_iter().next()
-                && !series.label.is_empty()
-            {
+            if !series.label.is_empty() {
                 named += 1;
                 let length = 18 * scale as i32;
-                first.label(&series.label).legend(move |(x, y)| {
-                    PathElement::new([(x, y), (x + length, y)], colour.stroke_width(3 * scale))
-                });
+                // The name hangs on a series without points: a broken line has many pieces and one name.
+                chart
+                    .draw_series(std::iter::empty::<Circle<(f64, f64), u32>>())
+                    .map_err(failed)?
+                    .label(&series.label)
+                    .legend(move |(x, y)| {
+                        PathElement::new([(x, y), (x + length, y)], colour.stroke_width(3 * scale))
+                    });
             }
         }
         if named > 0 {
@@ -308,7 +341,10 @@ mod tests {
     fn figure(points: Vec<(f64, f64)>, log: bool) -> Figure {
         let y = if log { Axis::log("y (1)") } else { Axis::linear("y (1)") };
         let series = vec![Series::line("line", 0, points)];
-        Figure { title: "Title".into(), panels: vec![Panel { x: Axis::linear("x (nm)"), y, series }] }
+        Figure {
+            title: "Title".into(),
+            panels: vec![Panel { x: Axis::linear("x (nm)"), y, series }],
+        }
     }
 
     #[test]
@@ -316,7 +352,15 @@ mod tests {
         let points = vec![(0.0, 1.0), (1.0, 2.0), (2.0, f64::NAN), (3.0, 4.0), (4.0, 3.0)];
         let svg = figure(points.clone(), false).svg().unwrap();
         assert!(svg.contains("Title") && svg.contains("x (nm)"));
-        assert_eq!(svg.matches("<polyline").count() - figure(vec![(0.0, 1.0), (1.0, 2.0)], false).svg().unwrap().matches("<polyline").count(), 1);
+        assert_eq!(
+            svg.matches("<polyline").count()
+                - figure(vec![(0.0, 1.0), (1.0, 2.0)], false)
+                    .svg()
+                    .unwrap()
+                    .matches("<polyline")
+                    .count(),
+            1
+        );
         let png = figure(points, true).png().unwrap();
         assert_eq!(image::load_from_memory(&png).unwrap().width(), 2 * WIDTH);
     }
@@ -329,7 +373,9 @@ mod tests {
 
     #[test]
     fn ticks_are_short() {
-        for (value, text) in [(0.0, "0"), (0.25, "0.25"), (400.0, "400"), (1e6, "1e6"), (2e-5, "2e-5")] {
+        for (value, text) in
+            [(0.0, "0"), (0.25, "0.25"), (400.0, "400"), (1e6, "1e6"), (2e-5, "2e-5")]
+        {
             assert_eq!(tick(value), text);
         }
     }

@@ -23,9 +23,7 @@ fn accepted(expression: &str) -> bool {
     // `A OR B AND C`, with the old spelling `A/B`; parentheses only group what is split anyway.
     let expression = expression.replace('/', " OR ").replace(['(', ')'], "");
     let alternatives: Vec<&str> = expression.split(" OR ").collect();
-    alternatives
-        .iter()
-        .any(|all| all.split(" AND ").all(|one| ACCEPTED.contains(&one.trim())))
+    alternatives.iter().any(|all| all.split(" AND ").all(|one| ACCEPTED.contains(&one.trim())))
 }
 
 #[test]
@@ -39,8 +37,11 @@ fn every_dependency_may_be_shipped() {
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let text = String::from_utf8(output.stdout).unwrap();
-    let mut packages: Vec<(&str, &str)> =
-        text.lines().map(|l| l.trim_end_matches(" (*)")).filter_map(|l| l.split_once('\t')).collect();
+    let mut packages: Vec<(&str, &str)> = text
+        .lines()
+        .map(|l| l.trim_end_matches(" (*)"))
+        .filter_map(|l| l.split_once('\t'))
+        .collect();
     packages.sort_unstable();
     packages.dedup();
     assert!(packages.len() > 30, "cargo tree lists only {} packages", packages.len());

@@ -405,7 +405,7 @@ mod tests {
     #[test]
     fn a_curve_survives_its_file_leap_second_and_flags_included() {
         let table = curve().to_table().unwrap();
-        let text = sunglint_formats::ecsv::write_string(&table).unwrap();
+        let text = sunglint_formats::ecsv::to_string(&table).unwrap();
         assert!(text.contains("2016-12-31T23:59:60.5"), "{text}");
         let back = sunglint_formats::ecsv::read_str("curve.ecsv", &text).unwrap();
         let back = LightCurve::from_table("curve.ecsv", &back).unwrap();

@@ -1,0 +1,364 @@
+//! A station: where it stands, its telescope, its channels, its camera and its lasers, as read from a `station.toml` and the curves beside it.
+
+mod file;
+
+use crate::quadrature::{Integral, Product};
+use crate::spectrum::{Irradiance, Quantity, Response, Spectrum};
+use std::path::{Path, PathBuf};
+use sunglint_formats::toml::Document;
+use sunglint_formats::{Curve, FileError};
+
+/// A station.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Station {
+    /// Its name: letters, digits, `_` and `-`.
+    pub name: String,
+    /// A sentence about it.
+    pub description: String,
+    /// Where it stands.
+    pub site: Site,
+    /// What gathers the light.
+    pub telescope: Telescope,
+    /// The air above it, unless the user says otherwise.
+    pub air: AirDefaults,
+    /// Its channels, at least one, names unique.
+    pub channels: Vec<Channel>,
+    /// Its camera.
+    pub camera: Option<Camera>,
+    /// Its ranging lasers.
+    pub lasers: Vec<Laser>,
+    /// Notes of the file on values that contradict each other or are not measured, by the table that they stand in.
+    pub notes: Vec<(String, String)>,
+}
+
+/// Where a station stands, WGS84.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Site {
+    /// Geodetic latitude, degrees north.
+    pub latitude_deg: f64,
+    /// Longitude, degrees east.
+    pub longitude_deg: f64,
+    /// Height above the ellipsoid, m.
+    pub height_m: f64,
+    /// What stands in the way near the horizon.
+    pub horizon: Horizon,
+}
+
+/// The lowest elevation that can be seen.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Horizon {
+    /// The same all around, degrees.
+    Flat(f64),
+    /// Elevation (degrees) against azimuth (degrees, 0 to 360, increasing), linear between and around north.
+    Mask(Vec<(f64, f64)>),
+}
+
+impl Horizon {
+    /// The lowest visible elevation at an azimuth, both in degrees.
+    pub fn elevation_deg(&self, azimuth_deg: f64) -> f64 {
+        let mask = match self {
+            Horizon::Flat(elevation) => return *elevation,
+            Horizon::Mask(mask) => mask,
+        };
+        let (Some(&first), Some(&last)) = (mask.first(), mask.last()) else { return 0.0 };
+        let azimuth = azimuth_deg.rem_euclid(360.0);
+        let i = mask.partition_point(|(a, _)| *a <= azimuth);
+        let (a0, e0) = if i == 0 { (last.0 - 360.0, last.1) } else { mask[i - 1] };
+        let (a1, e1) = if i == mask.len() { (first.0 + 360.0, first.1) } else { mask[i] };
+        if a1 > a0 { e0 + (e1 - e0) * (azimuth - a0) / (a1 - a0) } else { e0 }
+    }
+}
+
+/// What gathers the light.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Telescope {
+    /// Diameter of the primary mirror, m.
+    pub primary_diameter_m: f64,
+    /// Diameter of what stands before it, m; 0 for none.
+    pub obstruction_diameter_m: f64,
+    /// Focal length, m.
+    pub focal_length_m: f64,
+    /// How it follows a target.
+    pub mount: Mount,
+}
+
+impl Telescope {
+    /// Collecting area π(R₁² − R₂²), m².
+    pub fn area_m2(&self) -> f64 {
+        std::f64::consts::FRAC_PI_4
+            * (self.primary_diameter_m.powi(2) - self.obstruction_diameter_m.powi(2))
+    }
+}
+
+/// How a telescope follows a target.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mount {
+    /// Polar axis: a pass across the meridian is interrupted.
+    #[default]
+    Equatorial,
+    /// Azimuth and altitude: blind near the zenith.
+    AltAzimuth,
+}
+
+/// The air above a station unless the user says otherwise; `None` is the profile's own column.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct AirDefaults {
+    /// Name of the constituent profile (`midlatitude_winter`).
+    pub profile: String,
+    /// Pressure at the site, hPa.
+    pub pressure_hpa: Option<f64>,
+    /// Ozone column, Dobson units.
+    pub ozone_du: Option<f64>,
+    /// Precipitable water above the site, mm.
+    pub water_mm: Option<f64>,
+}
+
+/// One spectral channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channel {
+    /// Its name: letters, digits and `_`; columns of light curves start with it.
+    pub name: String,
+    /// What is in the light's way: transmissions, 0 beyond their tables.
+    pub optics: Vec<Spectrum<Response>>,
+    /// Counts per photon, 0 beyond its table.
+    pub efficiency: Spectrum<Response>,
+    /// What counts.
+    pub detector: Detector,
+}
+
+/// What counts the photons of a channel.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Detector {
+    /// A single-photon counter.
+    Counter(Counter),
+    /// A plane of the camera's Bayer pattern: `R`, `G`, `B`, or `L` for a camera without one.
+    CameraPlane(char),
+}
+
+/// A single-photon counter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Counter {
+    /// What its rates are rates of.
+    pub quantity: CounterQuantity,
+    /// How it loses counts.
+    pub dead_time: DeadTime,
+    /// The rate at and above which it tells nothing, Hz, measured.
+    pub saturation_hz: f64,
+    /// Dark rate, Hz, measured.
+    pub dark_rate_hz: f64,
+    /// Active area, mm².
+    pub area_mm2: Option<f64>,
+    /// Where its fibre looks on the camera's frame.
+    pub fibre: Option<Fibre>,
+}
+
+/// What a counter's rates are rates of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CounterQuantity {
+    /// Counts: the efficiency belongs in a prediction.
+    #[default]
+    Counts,
+    /// Photons, by the linearity curve of the maker: the efficiency is left out.
+    Photons,
+}
+
+/// How a counter loses counts.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum DeadTime {
+    /// Not modelled.
+    None,
+    /// Deaf for a time after each count: m = n/(1+nτ).
+    NonParalysable {
+        /// τ, s.
+        dead_time_s: f64,
+    },
+    /// Deaf for a time after each photon, counted or not: m = n e^(−nτ).
+    Paralysable {
+        /// τ, s.
+        dead_time_s: f64,
+    },
+    /// Deaf, then recovering exponentially (Krause and Walenta, arXiv 2507.10361).
+    ExponentialRecovery {
+        /// τ, s.
+        dead_time_s: f64,
+        /// The recovery's time constant, s.
+        recovery_s: f64,
+    },
+    /// A tabulated curve from measured to true rate, both Hz and increasing.
+    Table {
+        /// Measured rates, Hz.
+        measured_hz: Vec<f64>,
+        /// True rates, Hz.
+        true_hz: Vec<f64>,
+    },
+}
+
+/// A fibre's field on the camera's frame: a two-dimensional normal distribution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fibre {
+    /// Centre from the frame's centre, pixels (x, y).
+    pub offset_px: [f64; 2],
+    /// Standard deviations, pixels (x, y).
+    pub sigma_px: [f64; 2],
+}
+
+/// A camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Camera {
+    /// Its name.
+    pub name: String,
+    /// Pixels across and down.
+    pub size_px: [u32; 2],
+    /// Angle that a pixel sees, arcsec.
+    pub pixel_scale_arcsec: f64,
+    /// The colours of the first four pixels, row by row (`RGGB`); `None` for a monochrome camera.
+    pub bayer: Option<String>,
+    /// Electrons per count of the converter.
+    pub gain_e_per_adu: f64,
+    /// Read noise, electrons.
+    pub read_noise_e: f64,
+    /// Full well, electrons.
+    pub full_well_e: f64,
+    /// Bits of the converter.
+    pub adc_bits: u8,
+    /// Dark current, electrons per second.
+    pub dark_e_per_s: f64,
+}
+
+impl Camera {
+    /// The count at which a pixel is saturated: the full well or the converter's end, whichever comes first.
+    pub fn saturation_adu(&self) -> f64 {
+        (self.full_well_e / self.gain_e_per_adu).min(2_f64.powi(i32::from(self.adc_bits)) - 1.0)
+    }
+}
+
+/// A ranging laser.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Laser {
+    /// Its name.
+    pub name: String,
+    /// Wavelength, vacuum nm.
+    pub wavelength_nm: f64,
+    /// Line width, nm.
+    pub linewidth_nm: f64,
+    /// Energy of a pulse, J.
+    pub pulse_energy_j: f64,
+    /// Length of a pulse, s.
+    pub pulse_length_s: f64,
+    /// Pulses per second.
+    pub repetition_rate_hz: f64,
+    /// Full angle of divergence, arcsec.
+    pub divergence_arcsec: f64,
+    /// Beam radius at the telescope, m.
+    pub beam_radius_m: f64,
+}
+
+const BUILT_IN: &[(&str, &str, &[(&str, &str)])] = &[(
+    "ufo",
+    include_str!("../stations/ufo/station.toml"),
+    &[
+        ("efficiency_r.csv", include_str!("../stations/ufo/efficiency_r.csv")),
+        ("efficiency_g.csv", include_str!("../stations/ufo/efficiency_g.csv")),
+        ("efficiency_b.csv", include_str!("../stations/ufo/efficiency_b.csv")),
+        ("efficiency_id400.csv", include_str!("../stations/ufo/efficiency_id400.csv")),
+        ("efficiency_spcm.csv", include_str!("../stations/ufo/efficiency_spcm.csv")),
+        ("efficiency_mppc.csv", include_str!("../stations/ufo/efficiency_mppc.csv")),
+        ("optics_camera.csv", include_str!("../stations/ufo/optics_camera.csv")),
+        ("optics_id400.csv", include_str!("../stations/ufo/optics_id400.csv")),
+        ("optics_spcm.csv", include_str!("../stations/ufo/optics_spcm.csv")),
+        ("optics_mppc.csv", include_str!("../stations/ufo/optics_mppc.csv")),
+    ],
+)];
+
+impl Station {
+    /// The names of the built-in stations.
+    pub fn built_in_names() -> Vec<&'static str> {
+        BUILT_IN.iter().map(|(name, _, _)| *name).collect()
+    }
+
+    /// A built-in station; `None` if there is none of that name.
+    pub fn built_in(name: &str) -> Option<Result<Self, FileError>> {
+        let (_, toml, curves) = BUILT_IN.iter().find(|(built_in, _, _)| *built_in == name)?;
+        let folder = PathBuf::from(format!("embedded:{name}"));
+        let read = || {
+            let document = Document::new(folder.join("station.toml"), *toml)?;
+            file::station(&document, &mut |curve| {
+                let text = curves.iter().find(|(name, _)| *name == curve).map(|(_, text)| *text);
+                let path = folder.join(curve);
+                let missing = || std::io::Error::from(std::io::ErrorKind::NotFound);
+                let text = text.ok_or_else(|| FileError::io("read", &path, missing()))?;
+                Ok(Curve::from_str(&path, text)?)
+            })
+        };
+        Some(read())
+    }
+
+    /// A station from its file, or from the `station.toml` of a folder. Curves are looked for beside the file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or that says what a station cannot be: with path, line and field.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        let path = path.as_ref();
+        let path = if path.is_dir() { path.join("station.toml") } else { path.to_path_buf() };
+        let document = Document::read(path)?;
+        file::station(&document, &mut |curve| Curve::read(document.resolve(curve)))
+    }
+
+    /// The channel of that name.
+    pub fn channel(&self, name: &str) -> Option<&Channel> {
+        self.channels.iter().find(|c| c.name == name)
+    }
+
+    /// Rate of a channel under a light, Hz: ν = (A/hc) ∫ E T_a T_m η λ dλ (thesis eq. 4.16), after the air where it is given. It is the true rate
+    /// of the detector, without dark counts and before its dead time. A camera plane's stands for the whole aperture, as if every pixel had its colour.
+    pub fn rate_hz<Q: Quantity>(
+        &self,
+        channel: &Channel,
+        light: &Spectrum<Irradiance>,
+        air: Option<&Spectrum<Q>>,
+    ) -> Integral {
+        let product = Product::of(light);
+        let product = match air {
+            Some(air) => product.times(air),
+            None => product,
+        };
+        channel.times_sensitivity(product).photon_rate().times(self.telescope.area_m2())
+    }
+}
+
+impl Channel {
+    /// A product of spectra times the channel's effective sensitivity P(λ) = T_m η; without η where the rates are photons.
+    pub fn times_sensitivity<'a>(&'a self, product: Product<'a>) -> Product<'a> {
+        let product = self.optics.iter().fold(product, Product::times);
+        if self.counts_photons() { product } else { product.times(&self.efficiency) }
+    }
+
+    /// Whether the channel's rates are photons rather than counts.
+    pub fn counts_photons(&self) -> bool {
+        matches!(&self.detector, Detector::Counter(c) if c.quantity == CounterQuantity::Photons)
+    }
+
+    /// ∫P dλ, nm: divides a rate into a band average in Hz/nm.
+    pub fn bandwidth_nm(&self) -> f64 {
+        self.times_sensitivity(Product::default()).integral().value
+    }
+
+    /// The effective sensitivity P(λ) = T_m η at a wavelength.
+    pub fn sensitivity_at(&self, nm: f64) -> f64 {
+        let optics: f64 = self.optics.iter().map(|o| o.at(nm)).product();
+        if self.counts_photons() { optics } else { optics * self.efficiency.at(nm) }
+    }
+
+    /// The wavelengths at which the channel can count, nm; `None` where its curves have none in common.
+    pub fn range_nm(&self) -> Option<(f64, f64)> {
+        let mut range = self.efficiency.range_nm();
+        for optic in &self.optics {
+            let (first, last) = optic.range_nm();
+            range = (range.0.max(first), range.1.min(last));
+        }
+        (range.0 < range.1).then_some(range)
+    }
+}

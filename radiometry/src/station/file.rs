@@ -1,0 +1,417 @@
+//! What stands in a `station.toml`, and how it becomes a [`Station`].
+
+use super::{
+    AirDefaults, Camera, Channel, Counter, CounterQuantity, DeadTime, Detector, Fibre, Horizon, Laser, Mount, Site,
+    Station, Telescope,
+};
+use crate::spectrum::{Response, Spectrum};
+use serde::Deserialize;
+use sunglint_formats::toml::{Document, Finite, Fraction, LatitudeDeg, LongitudeDeg, NonNegative, Positive};
+use sunglint_formats::{Curve, FileError, ParseError};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StationFile {
+    name: String,
+    #[serde(default)]
+    description: String,
+    site: SiteFile,
+    telescope: TelescopeFile,
+    #[serde(default)]
+    air: AirFile,
+    channel: Vec<ChannelFile>,
+    camera: Option<CameraFile>,
+    #[serde(default)]
+    laser: Vec<LaserFile>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SiteFile {
+    latitude_deg: LatitudeDeg,
+    longitude_deg: LongitudeDeg,
+    height_m: Finite,
+    horizon_deg: Option<LatitudeDeg>,
+    horizon_mask: Option<String>,
+    note: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TelescopeFile {
+    primary_diameter_m: Positive,
+    obstruction_diameter_m: NonNegative,
+    focal_length_m: Positive,
+    #[serde(default)]
+    mount: Mount,
+    note: Option<String>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields)]
+struct AirFile {
+    profile: Option<String>,
+    pressure_hpa: Option<Positive>,
+    ozone_du: Option<NonNegative>,
+    water_mm: Option<NonNegative>,
+    note: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ChannelFile {
+    name: String,
+    #[serde(default)]
+    optics: Vec<String>,
+    transmission: Option<Fraction>,
+    efficiency: String,
+    camera_plane: Option<String>,
+    counter: Option<CounterFile>,
+    note: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CounterFile {
+    #[serde(default)]
+    quantity: CounterQuantity,
+    dead_time_model: DeadTimeModel,
+    dead_time_ns: Option<NonNegative>,
+    recovery_ns: Option<Positive>,
+    linearity: Option<String>,
+    saturation_hz: Positive,
+    dark_rate_hz: NonNegative,
+    area_mm2: Option<Positive>,
+    fibre_offset_px: Option<[Finite; 2]>,
+    fibre_sigma_px: Option<[Positive; 2]>,
+}
+
+#[derive(Deserialize, Clone, Copy, PartialEq, Eq)]
+#[serde(rename_all = "snake_case")]
+enum DeadTimeModel {
+    None,
+    NonParalysable,
+    Paralysable,
+    ExponentialRecovery,
+    Table,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraFile {
+    name: String,
+    width_px: u32,
+    height_px: u32,
+    pixel_size_um: Option<Positive>,
+    pixel_scale_arcsec: Option<Positive>,
+    bayer: Option<String>,
+    gain_e_per_adu: Positive,
+    read_noise_e: NonNegative,
+    full_well_e: Positive,
+    adc_bits: u8,
+    dark_e_per_s: Option<NonNegative>,
+    note: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LaserFile {
+    name: String,
+    wavelength_nm: Positive,
+    linewidth_nm: Positive,
+    pulse_energy_mj: Positive,
+    pulse_length_ns: Positive,
+    repetition_rate_hz: Positive,
+    divergence_arcsec: Positive,
+    beam_radius_m: Positive,
+    note: Option<String>,
+}
+
+type Loader<'a> = &'a mut dyn FnMut(&str) -> Result<Curve, FileError>;
+
+/// The station of a document; `curve` reads the files that it names.
+pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, FileError> {
+    let file: StationFile = document.parse()?;
+    let mut notes = Vec::new();
+    let mut note = |table: String, text: Option<String>| notes.extend(text.map(|text| (table, text)));
+    check_name(document, "name", &file.name, "_-")?;
+    let site = site(document, &file.site, curve)?;
+    note("site".into(), file.site.note);
+    let telescope = telescope(document, &file.telescope)?;
+    note("telescope".into(), file.telescope.note);
+    note("air".into(), file.air.note);
+    let camera = file.camera.as_ref().map(|c| camera(document, c, &telescope)).transpose()?;
+    note("camera".into(), file.camera.and_then(|c| c.note));
+    if file.channel.is_empty() {
+        return Err(document.error_at("channel", "at least one [[channel]]").into());
+    }
+    let mut channels: Vec<Channel> = Vec::new();
+    for (i, channel_file) in file.channel.into_iter().enumerate() {
+        let at = format!("channel[{i}]");
+        let channel = channel(document, &at, &channel_file, camera.as_ref(), curve)?;
+        if channels.iter().any(|c| c.name == channel.name) {
+            let expected = "a name that no other channel has";
+            return Err(document.error_at(&format!("{at}.name"), expected).into());
+        }
+        note(format!("channel {}", channel.name), channel_file.note);
+        channels.push(channel);
+    }
+    let mut lasers = Vec::new();
+    for laser_file in file.laser {
+        note(format!("laser {}", laser_file.name), laser_file.note.clone());
+        lasers.push(laser(laser_file));
+    }
+    let air = AirDefaults {
+        profile: file.air.profile.unwrap_or_else(|| "midlatitude_winter".into()),
+        pressure_hpa: file.air.pressure_hpa.map(Positive::get),
+        ozone_du: file.air.ozone_du.map(NonNegative::get),
+        water_mm: file.air.water_mm.map(NonNegative::get),
+    };
+    let (name, description) = (file.name, file.description);
+    Ok(Station { name, description, site, telescope, air, channels, camera, lasers, notes })
+}
+
+fn check_name(document: &Document, key: &str, name: &str, extra: &str) -> Result<(), ParseError> {
+    let good = |c: char| c.is_ascii_alphanumeric() || extra.contains(c);
+    if !name.is_empty() && name.chars().all(good) {
+        return Ok(());
+    }
+    let extra: Vec<String> = extra.chars().map(|c| c.to_string()).collect();
+    Err(document.error_at(key, format!("a name of letters, digits and {}", extra.join(" "))))
+}
+
+fn site(document: &Document, file: &SiteFile, curve: Loader) -> Result<Site, FileError> {
+    let horizon = match (&file.horizon_deg, &file.horizon_mask) {
+        (Some(_), Some(_)) => {
+            let expected = "either horizon_deg or horizon_mask, not both";
+            return Err(document.error_at("site.horizon_mask", expected).into());
+        }
+        (Some(elevation), None) => Horizon::Flat(elevation.get()),
+        (None, None) => Horizon::Flat(0.0),
+        (None, Some(name)) => {
+            let mask = curve(name)?;
+            let wrong = |expected: &str, x: f64| {
+                let found = format!("{} {x}", mask.x_name);
+                ParseError::new(&mask.path, found, expected).in_field(mask.x_name.clone())
+            };
+            if mask.x_name != "azimuth_deg" || mask.y_name != "elevation_deg" {
+                let found = format!("{}, {}", mask.x_name, mask.y_name);
+                return Err(ParseError::new(&mask.path, found, "columns azimuth_deg, elevation_deg").into());
+            }
+            if let Some(x) = mask.x.iter().find(|x| !(0.0..=360.0).contains(*x)) {
+                return Err(wrong("an azimuth from 0 to 360 degrees", *x).into());
+            }
+            Horizon::Mask(mask.x.iter().copied().zip(mask.y.iter().copied()).collect())
+        }
+    };
+    Ok(Site {
+        latitude_deg: file.latitude_deg.get(),
+        longitude_deg: file.longitude_deg.get(),
+        height_m: file.height_m.get(),
+        horizon,
+    })
+}
+
+fn telescope(document: &Document, file: &TelescopeFile) -> Result<Telescope, ParseError> {
+    let telescope = Telescope {
+        primary_diameter_m: file.primary_diameter_m.get(),
+        obstruction_diameter_m: file.obstruction_diameter_m.get(),
+        focal_length_m: file.focal_length_m.get(),
+        mount: file.mount,
+    };
+    if telescope.obstruction_diameter_m >= telescope.primary_diameter_m {
+        let expected = format!("less than primary_diameter_m = {}", telescope.primary_diameter_m);
+        return Err(document.error_at("telescope.obstruction_diameter_m", expected));
+    }
+    Ok(telescope)
+}
+
+fn camera(document: &Document, file: &CameraFile, telescope: &Telescope) -> Result<Camera, ParseError> {
+    const ARCSEC_PER_RADIAN: f64 = 648_000.0 / std::f64::consts::PI;
+    let pixel_scale_arcsec = match (&file.pixel_scale_arcsec, &file.pixel_size_um) {
+        (Some(scale), _) => scale.get(),
+        (None, Some(size)) => (size.get() * 1e-6 / telescope.focal_length_m).atan() * ARCSEC_PER_RADIAN,
+        (None, None) => return Err(document.error_at("camera", "pixel_scale_arcsec or pixel_size_um")),
+    };
+    for (key, value) in [("camera.width_px", file.width_px), ("camera.height_px", file.height_px)] {
+        if value == 0 {
+            return Err(document.error_at(key, "at least 1 pixel"));
+        }
+    }
+    if !(1..=32).contains(&file.adc_bits) {
+        return Err(document.error_at("camera.adc_bits", "1 to 32 bits"));
+    }
+    if let Some(pattern) = &file.bayer
+        && !["RGGB", "BGGR", "GRBG", "GBRG"].contains(&pattern.as_str())
+    {
+        return Err(document.error_at("camera.bayer", "RGGB, BGGR, GRBG or GBRG (none for a monochrome camera)"));
+    }
+    Ok(Camera {
+        name: file.name.clone(),
+        size_px: [file.width_px, file.height_px],
+        pixel_scale_arcsec,
+        bayer: file.bayer.clone(),
+        gain_e_per_adu: file.gain_e_per_adu.get(),
+        read_noise_e: file.read_noise_e.get(),
+        full_well_e: file.full_well_e.get(),
+        adc_bits: file.adc_bits,
+        dark_e_per_s: file.dark_e_per_s.map_or(0.0, NonNegative::get),
+    })
+}
+
+fn channel(
+    document: &Document,
+    at: &str,
+    file: &ChannelFile,
+    camera: Option<&Camera>,
+    curve: Loader,
+) -> Result<Channel, FileError> {
+    check_name(document, &format!("{at}.name"), &file.name, "_")?;
+    let efficiency = fractions(&curve(&file.efficiency)?)?;
+    let mut optics = Vec::new();
+    for name in &file.optics {
+        optics.push(fractions(&curve(name)?)?);
+    }
+    if let Some(transmission) = &file.transmission {
+        // A grey factor on the efficiency's own grid changes nothing else.
+        let (first, last) = efficiency.range_nm();
+        let grey = Spectrum::constant(transmission.get(), first, last);
+        optics.push(grey.map_err(|e| document.error_at(&format!("{at}.transmission"), e.to_string()))?);
+    }
+    let detector = match (&file.camera_plane, &file.counter) {
+        (Some(plane), None) => camera_plane(document, at, plane, camera)?,
+        (None, Some(file)) => Detector::Counter(counter(document, at, file, curve)?),
+        _ => {
+            let expected = "either camera_plane or a table [channel.counter]";
+            return Err(document.error_at(at, expected).into());
+        }
+    };
+    let channel = Channel { name: file.name.clone(), optics, efficiency, detector };
+    if channel.range_nm().is_none() {
+        let expected = "optics and efficiency with wavelengths in common";
+        return Err(document.error_at(&format!("{at}.efficiency"), expected).into());
+    }
+    Ok(channel)
+}
+
+fn camera_plane(document: &Document, at: &str, plane: &str, camera: Option<&Camera>) -> Result<Detector, ParseError> {
+    let wrong = |expected: &str| Err(document.error_at(&format!("{at}.camera_plane"), expected));
+    let Some(camera) = camera else {
+        return wrong("a table [camera] that this plane belongs to");
+    };
+    match (plane, &camera.bayer) {
+        ("R", Some(_)) => Ok(Detector::CameraPlane('R')),
+        ("G", Some(_)) => Ok(Detector::CameraPlane('G')),
+        ("B", Some(_)) => Ok(Detector::CameraPlane('B')),
+        ("L", None) => Ok(Detector::CameraPlane('L')),
+        (_, Some(_)) => wrong("R, G or B: the camera has a Bayer pattern"),
+        (_, None) => wrong("L: the camera has no Bayer pattern"),
+    }
+}
+
+fn counter(document: &Document, at: &str, file: &CounterFile, curve: Loader) -> Result<Counter, FileError> {
+    let key = |name: &str| format!("{at}.counter.{name}");
+    let given = [
+        ("dead_time_ns", file.dead_time_ns.is_some()),
+        ("recovery_ns", file.recovery_ns.is_some()),
+        ("linearity", file.linearity.is_some()),
+    ];
+    let (model, wanted): (&str, &[&str]) = match file.dead_time_model {
+        DeadTimeModel::None => ("none", &[]),
+        DeadTimeModel::NonParalysable => ("non_paralysable", &["dead_time_ns"]),
+        DeadTimeModel::Paralysable => ("paralysable", &["dead_time_ns"]),
+        DeadTimeModel::ExponentialRecovery => ("exponential_recovery", &["dead_time_ns", "recovery_ns"]),
+        DeadTimeModel::Table => ("table", &["linearity"]),
+    };
+    for (name, is_given) in given {
+        if wanted.contains(&name) && !is_given {
+            let expected = format!("{name}, which the model {model} needs");
+            return Err(document.error_at(&key("dead_time_model"), expected).into());
+        }
+        if !wanted.contains(&name) && is_given {
+            let expected = format!("no {name}: the model {model} does not use it");
+            return Err(document.error_at(&key(name), expected).into());
+        }
+    }
+    let seconds = |ns: Option<f64>| ns.unwrap_or(0.0) * 1e-9;
+    let dead_time_s = seconds(file.dead_time_ns.map(NonNegative::get));
+    let dead_time = match file.dead_time_model {
+        DeadTimeModel::None => DeadTime::None,
+        DeadTimeModel::NonParalysable => DeadTime::NonParalysable { dead_time_s },
+        DeadTimeModel::Paralysable => DeadTime::Paralysable { dead_time_s },
+        DeadTimeModel::ExponentialRecovery => {
+            let recovery_s = seconds(file.recovery_ns.map(Positive::get));
+            DeadTime::ExponentialRecovery { dead_time_s, recovery_s }
+        }
+        DeadTimeModel::Table => linearity(&curve(file.linearity.as_deref().unwrap_or_default())?)?,
+    };
+    // The most that the model can give: a saturation above it can never be reached.
+    let limit_hz = match dead_time {
+        DeadTime::NonParalysable { dead_time_s } => 1.0 / dead_time_s,
+        DeadTime::Paralysable { dead_time_s } => 1.0 / (std::f64::consts::E * dead_time_s),
+        _ => f64::INFINITY,
+    };
+    if file.saturation_hz.get() > limit_hz {
+        let expected = format!("at most {limit_hz:.6e} Hz, which a dead time of {:e} ns allows", dead_time_s * 1e9);
+        return Err(document.error_at(&key("saturation_hz"), expected).into());
+    }
+    let fibre = match (file.fibre_offset_px, file.fibre_sigma_px) {
+        (Some(offset), Some(sigma)) => {
+            Some(Fibre { offset_px: offset.map(Finite::get), sigma_px: sigma.map(Positive::get) })
+        }
+        (None, None) => None,
+        _ => {
+            let expected = "fibre_offset_px and fibre_sigma_px, or neither";
+            return Err(document.error_at(&format!("{at}.counter"), expected).into());
+        }
+    };
+    Ok(Counter {
+        quantity: file.quantity,
+        dead_time,
+        saturation_hz: file.saturation_hz.get(),
+        dark_rate_hz: file.dark_rate_hz.get(),
+        area_mm2: file.area_mm2.map(Positive::get),
+        fibre,
+    })
+}
+
+fn laser(file: LaserFile) -> Laser {
+    Laser {
+        name: file.name,
+        wavelength_nm: file.wavelength_nm.get(),
+        linewidth_nm: file.linewidth_nm.get(),
+        pulse_energy_j: file.pulse_energy_mj.get() * 1e-3,
+        pulse_length_s: file.pulse_length_ns.get() * 1e-9,
+        repetition_rate_hz: file.repetition_rate_hz.get(),
+        divergence_arcsec: file.divergence_arcsec.get(),
+        beam_radius_m: file.beam_radius_m.get(),
+    }
+}
+
+/// A curve of fractions against wavelength.
+fn fractions(curve: &Curve) -> Result<Spectrum<Response>, ParseError> {
+    if curve.x_name != "wavelength_nm" {
+        let error = ParseError::new(&curve.path, format!("`{}`", curve.x_name), "wavelengths in the first column");
+        return Err(error.in_field(curve.x_name.clone()).with_hint("name it wavelength_nm, wavelength_um or wavelength_angstrom"));
+    }
+    if let Some(i) = curve.y.iter().position(|y| !(0.0..=1.0).contains(y)) {
+        let found = format!("{} at {} nm", curve.y[i], curve.x[i]);
+        let error = ParseError::new(&curve.path, found, "a fraction from 0 to 1").in_field(curve.y_name.clone());
+        return Err(error.with_hint(format!("a column in percent is named {}_percent", curve.y_name)));
+    }
+    Spectrum::new(curve.x.clone(), curve.y.clone())
+        .map_err(|e| ParseError::new(&curve.path, e.to_string(), "a curve against wavelength"))
+}
+
+fn linearity(curve: &Curve) -> Result<DeadTime, ParseError> {
+    if curve.x_name != "measured_hz" || curve.y_name != "true_hz" {
+        let found = format!("{}, {}", curve.x_name, curve.y_name);
+        return Err(ParseError::new(&curve.path, found, "columns measured_hz, true_hz"));
+    }
+    let rising = |v: &[f64]| v.windows(2).all(|w| w[0] < w[1]) && v.first().is_some_and(|v| *v >= 0.0);
+    if !rising(&curve.x) || !rising(&curve.y) {
+        let error = ParseError::new(&curve.path, "rates that do not increase, or below 0", "increasing rates");
+        return Err(error.in_field("true_hz"));
+    }
+    Ok(DeadTime::Table { measured_hz: curve.x.clone(), true_hz: curve.y.clone() })
+}
