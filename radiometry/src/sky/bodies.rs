@@ -17,7 +17,7 @@ pub const LUNAR_RADIUS_M: f64 = 1.7374e6;
 pub struct SunPlace {
     /// The apparent direction, GCRS axes, unit vector: light time and aberration are in it.
     pub direction_gcrs: DVec3,
-    /// The distance from the observer to where the Sun was when the light left it, m.
+    /// The distance from the observer to where the Sun was when the light left it, m, in the barycentric frame.
     pub distance_m: f64,
 }
 
@@ -43,7 +43,8 @@ impl SunPlace {
 pub struct MoonPlace {
     /// The apparent direction, GCRS axes, unit vector.
     pub direction_gcrs: DVec3,
-    /// The distance from the observer to where the Moon was when the light left it, m.
+    /// The distance from the observer to where the Moon was when the light left it, m, in the GCRS (light time in the
+    /// barycentric frame would add the Earth's motion of up to 38 km).
     pub distance_m: f64,
     /// The phase angle Sun–Moon–observer, degrees: 0 at full moon, 180 at new moon.
     pub phase_angle_deg: f64,
