@@ -9,14 +9,21 @@
 //! - [`light`]: the Sun, Vega, black bodies;
 //! - [`refractive_index`]: n + ik of spacecraft metals, semiconductors and Kapton;
 //! - [`passband`]: passbands and magnitudes;
-//! - [`spectral_type`], [`star_light`]: a star's absolute spectrum from its magnitude, type and colour.
+//! - [`spectral_type`], [`star_light`]: a star's absolute spectrum from its magnitude, type and colour;
+//! - [`sky`]: where things are: time, Earth orientation, sites, frames, the Sun, the Moon and stars;
+//! - [`station`]: site, telescope, channels, camera and lasers of an observatory;
+//! - [`flags`], [`light_curve`]: the schema in which measured and simulated light meet.
 
 pub mod constants;
+pub mod flags;
 pub mod light;
+pub mod light_curve;
 pub mod passband;
 pub mod quadrature;
 pub mod refractive_index;
+pub mod sky;
 pub mod spectral_type;
 pub mod spectrum;
 pub mod star_light;
+pub mod station;
 pub mod tables;
