@@ -155,7 +155,14 @@ impl EncodeError {
 /// characters.
 pub(crate) fn excerpt(text: &str) -> String {
     const MOST: usize = 40;
-    let mut short: String = text.chars().take(MOST).flat_map(char::escape_debug).collect();
+    let mut short = String::new();
+    for c in text.chars().take(MOST) {
+        if c.is_control() {
+            short.extend(c.escape_debug());
+        } else {
+            short.push(c);
+        }
+    }
     if text.chars().nth(MOST).is_some() {
         short.push('…');
     }

@@ -12,6 +12,7 @@ pub mod error;
 pub mod read;
 pub mod table;
 pub mod time;
+pub mod toml;
 
 pub use error::{FileError, ParseError, nearest_names};
 pub use table::{Column, Meta, Table, TableError, Values};

@@ -37,6 +37,13 @@ pub enum Values {
     Bool(Vec<Option<bool>>),
     /// Text; an empty text is text, not a missing value.
     Text(Vec<Option<String>>),
+    /// A vector in each row, all of one width (from FITS; ECSV does not hold them).
+    Vectors {
+        /// Number of values in each row; at least 1.
+        width: usize,
+        /// The values of all rows, one row after the other; never vectors again.
+        flat: Box<Values>,
+    },
 }
 
 impl Values {
@@ -47,6 +54,7 @@ impl Values {
             Values::I64(v) => v.len(),
             Values::Bool(v) => v.len(),
             Values::Text(v) => v.len(),
+            Values::Vectors { width, flat } => flat.len() / (*width).max(1),
         }
     }
 
@@ -62,6 +70,7 @@ impl Values {
             Values::I64(_) => "whole numbers",
             Values::Bool(_) => "truth values",
             Values::Text(_) => "text",
+            Values::Vectors { .. } => "vectors",
         }
     }
 }
@@ -120,6 +129,25 @@ impl Table {
         }
     }
 
+    /// A column of truth values.
+    pub fn bool(&self, name: &str) -> Result<&[Option<bool>], TableError> {
+        match &self.column(name)?.values {
+            Values::Bool(v) => Ok(v),
+            other => Err(wrong_kind(name, other, "truth values")),
+        }
+    }
+
+    /// A column of vectors of floating-point numbers: the width, and all rows one after the other.
+    pub fn f64_vectors(&self, name: &str) -> Result<(usize, &[f64]), TableError> {
+        match &self.column(name)?.values {
+            Values::Vectors { width, flat } => match flat.as_ref() {
+                Values::F64(v) => Ok((*width, v)),
+                other => Err(wrong_kind(name, other, "vectors of floating-point numbers")),
+            },
+            other => Err(wrong_kind(name, other, "vectors of floating-point numbers")),
+        }
+    }
+
     /// A column of text.
     pub fn text(&self, name: &str) -> Result<&[Option<String>], TableError> {
         match &self.column(name)?.values {
@@ -147,6 +175,23 @@ impl Column {
             description: None,
             values: Values::F64(values),
         }
+    }
+
+    /// A column of whole numbers, none missing.
+    pub fn i64(name: impl Into<String>, unit: Option<&str>, values: Vec<i64>) -> Self {
+        Self {
+            name: name.into(),
+            unit: unit.map(str::to_owned),
+            description: None,
+            values: Values::I64(values.into_iter().map(Some).collect()),
+        }
+    }
+
+    /// The same column with a sentence for people.
+    #[must_use]
+    pub fn described(mut self, description: impl Into<String>) -> Self {
+        self.description = Some(description.into());
+        self
     }
 
     /// A column of text, none missing.

@@ -1,0 +1,107 @@
+//! A TOML file with its source, for errors that come later.
+
+use super::deserializer::{Value, describe};
+use crate::error::{FileError, ParseError, excerpt};
+use crate::read::line_of;
+use serde::de::DeserializeOwned;
+use std::path::{Path, PathBuf};
+use toml::de::{DeTable, DeValue};
+
+/// A TOML file: parsed once for its syntax, then into structs, and asked again for the place of a key.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Document {
+    path: PathBuf,
+    source: String,
+}
+
+impl Document {
+    /// Reads a file and checks its syntax.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        let path = path.as_ref();
+        let source = crate::read::text(path)?;
+        Ok(Self::new(path, source)?)
+    }
+
+    /// A document from its text; `path` names it in errors, and other files are found relative to it.
+    ///
+    /// # Errors
+    /// A [`ParseError`] with the line if the text is not TOML.
+    pub fn new(path: impl AsRef<Path>, source: impl Into<String>) -> Result<Self, ParseError> {
+        let document = Self { path: path.as_ref().to_path_buf(), source: source.into() };
+        document.tree().map(|_| ())?;
+        Ok(document)
+    }
+
+    /// The file as the user named it.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The text of the file.
+    pub fn source(&self) -> &str {
+        &self.source
+    }
+
+    /// The value of a type that derives `Deserialize`.
+    ///
+    /// # Errors
+    /// A [`ParseError`] with the line and the dotted key: an unknown or missing key, a value of a wrong kind or out of range.
+    pub fn parse<T: DeserializeOwned>(&self) -> Result<T, ParseError> {
+        let root = Value { value: DeValue::Table(self.tree()?), start: 0 };
+        T::deserialize(root).map_err(|error| error.finish(&self.path, &self.source))
+    }
+
+    /// An error at a dotted key (`channel[2].dead_time_ns`), for what only a look at several keys shows. A key that is not
+    /// there gets the line of the nearest table above it.
+    pub fn error_at(&self, key: &str, expected: impl Into<String>) -> ParseError {
+        let (line, found) = match self.find(key) {
+            Some((byte, found)) => (line_of(&self.source, byte), found),
+            None => (1, None),
+        };
+        let found = found.unwrap_or_else(|| "no such key".to_owned());
+        ParseError::new(&self.path, found, expected).at_line(line).in_field(key)
+    }
+
+    /// The line of a dotted key, from 1; `None` if it is not there.
+    pub fn line_of(&self, key: &str) -> Option<u64> {
+        let (byte, found) = self.find(key)?;
+        found.map(|_| line_of(&self.source, byte))
+    }
+
+    /// A path that stands in the document: relative to the folder of the document, unless it is absolute.
+    pub fn resolve(&self, path: impl AsRef<Path>) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(path)
+    }
+
+    fn tree(&self) -> Result<DeTable<'_>, ParseError> {
+        DeTable::parse(&self.source).map(toml::Spanned::into_inner).map_err(|error| {
+            let byte = error.span().map_or(0, |span| span.start);
+            let line = line_of(&self.source, byte);
+            let found = self.source.lines().nth(line as usize - 1).unwrap_or("").trim();
+            ParseError::new(&self.path, excerpt(found), "TOML")
+                .at_line(line)
+                .with_hint(error.message())
+        })
+    }
+
+    /// Where the value of a key begins and what it is; where only a part of the way exists, the place at which that ends
+    /// and `None`.
+    fn find(&self, key: &str) -> Option<(usize, Option<String>)> {
+        let mut value = DeValue::Table(self.tree().ok()?);
+        let mut start = 0;
+        for step in key.split(['.', '[']).map(|step| step.trim_end_matches(']')) {
+            let next = match value {
+                DeValue::Table(mut table) => table.remove(step),
+                DeValue::Array(array) => {
+                    step.parse().ok().and_then(|i: usize| array.into_iter().nth(i))
+                }
+                _ => None,
+            };
+            let Some(next) = next else { return Some((start, None)) };
+            start = next.span().start;
+            value = next.into_inner();
+        }
+        let found = describe(&value);
+        Some((start, Some(found)))
+    }
+}
