@@ -56,10 +56,12 @@ impl Flags {
                 let names: Vec<String> =
                     Flags::all().iter_names().map(|(n, _)| n.to_lowercase()).collect();
                 let error = wrong(format!("the flag `{name}`"), "a flag that this version knows");
-                return Err(match nearest_names(name, names.iter().map(String::as_str), 1).first() {
-                    Some(near) => error.with_hint(format!("did you mean `{near}`?")),
-                    None => error,
-                });
+                return Err(
+                    match nearest_names(name, names.iter().map(String::as_str), 1).first() {
+                        Some(near) => error.with_hint(format!("did you mean `{near}`?")),
+                        None => error,
+                    },
+                );
             };
             match bit.as_u64() {
                 Some(bit @ 0..32) => numbering[bit as usize] = flag,

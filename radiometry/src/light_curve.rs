@@ -136,7 +136,8 @@ impl LightCurve {
         for channel in &self.channels {
             let name = &channel.name;
             let rate = Column::f64(format!("{name}_rate_hz"), Some("Hz"), channel.rate_hz.clone());
-            let sigma = Column::f64(format!("{name}_sigma_hz"), Some("Hz"), channel.sigma_hz.clone());
+            let sigma =
+                Column::f64(format!("{name}_sigma_hz"), Some("Hz"), channel.sigma_hz.clone());
             let bits = channel.flags.iter().map(|f| Some(i64::from(f.bits()))).collect();
             let flags = Column {
                 name: format!("{name}_flags"),
@@ -164,13 +165,17 @@ impl LightCurve {
     pub fn from_table(path: impl AsRef<Path>, table: &Table) -> Result<Self, ParseError> {
         let path = path.as_ref();
         let kind = match table.meta_text("quantity") {
-            Some(text) => text
-                .parse()
-                .map_err(|expected: String| ParseError::new(path, format!("`{text}`"), expected).in_field("quantity"))?,
+            Some(text) => text.parse().map_err(|expected: String| {
+                ParseError::new(path, format!("`{text}`"), expected).in_field("quantity")
+            })?,
             None => {
-                return Err(ParseError::new(path, "no metadata `quantity`", "raw, linear, calibrated or predicted")
-                    .in_field("quantity")
-                    .with_hint("is this a light curve of the sunglint schema?"));
+                return Err(ParseError::new(
+                    path,
+                    "no metadata `quantity`",
+                    "raw, linear, calibrated or predicted",
+                )
+                .in_field("quantity")
+                .with_hint("is this a light curve of the sunglint schema?"));
             }
         };
         let reader = Reader { path, table };
@@ -210,9 +215,17 @@ impl LightCurve {
         let wrong = |field: String, found: String, expected: &str| {
             Err(ParseError::new(path, found, expected).in_field(field))
         };
-        let optional = [("range_m", &self.range_m), ("phase_deg", &self.phase_deg), ("zenith_deg", &self.zenith_deg)];
+        let optional = [
+            ("range_m", &self.range_m),
+            ("phase_deg", &self.phase_deg),
+            ("zenith_deg", &self.zenith_deg),
+        ];
         let mut lengths = vec![("exposure_s".to_owned(), self.exposure_s.len())];
-        lengths.extend(optional.iter().filter_map(|(name, v)| v.as_ref().map(|v| ((*name).to_owned(), v.len()))));
+        lengths.extend(
+            optional
+                .iter()
+                .filter_map(|(name, v)| v.as_ref().map(|v| ((*name).to_owned(), v.len()))),
+        );
         for channel in &self.channels {
             lengths.push((format!("{}_rate_hz", channel.name), channel.rate_hz.len()));
             lengths.push((format!("{}_sigma_hz", channel.name), channel.sigma_hz.len()));
@@ -221,7 +234,8 @@ impl LightCurve {
         if let Some((field, length)) = lengths.into_iter().find(|(_, length)| *length != n) {
             return wrong(field, format!("{length} values"), &format!("{n}, as many as time_utc"));
         }
-        let bad = |values: &[f64], good: &dyn Fn(f64) -> bool| values.iter().position(|v| !good(*v));
+        let bad =
+            |values: &[f64], good: &dyn Fn(f64) -> bool| values.iter().position(|v| !good(*v));
         if let Some(i) = bad(&self.exposure_s, &|s| s.is_finite() && s > 0.0) {
             return wrong(row("exposure_s", i), self.exposure_s[i].to_string(), "a time above 0 s");
         }
@@ -231,7 +245,8 @@ impl LightCurve {
                 "range_m" => (f64::INFINITY, "a distance above 0 m"),
                 _ => (180.0, "an angle from 0 to 180 degrees"),
             };
-            let good = |v: f64| v.is_finite() && v <= most && (v > 0.0 || v == 0.0 && name != "range_m");
+            let good =
+                |v: f64| v.is_finite() && v <= most && (v > 0.0 || v == 0.0 && name != "range_m");
             if let Some(i) = bad(values, &good) {
                 return wrong(row(name, i), values[i].to_string(), expected);
             }
@@ -239,7 +254,11 @@ impl LightCurve {
         for channel in &self.channels {
             let name = &channel.name;
             if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
-                return wrong("channel".into(), format!("`{name}`"), "a name of letters, digits and _");
+                return wrong(
+                    "channel".into(),
+                    format!("`{name}`"),
+                    "a name of letters, digits and _",
+                );
             }
             for i in 0..n {
                 let (rate, sigma) = (channel.rate_hz[i], channel.sigma_hz[i]);
@@ -272,7 +291,8 @@ impl Reader<'_> {
     fn column(&self, name: &str) -> Result<&Values, ParseError> {
         self.table.column(name).map(|c| &c.values).map_err(|_| {
             let found: Vec<&str> = self.table.columns.iter().map(|c| c.name.as_str()).collect();
-            let error = ParseError::new(self.path, "no such column", format!("a column `{name}`")).in_field(name);
+            let error = ParseError::new(self.path, "no such column", format!("a column `{name}`"))
+                .in_field(name);
             match nearest_names(name, found.iter().copied(), 1).first() {
                 Some(near) => error.with_hint(format!("the nearest is `{near}`")),
                 None => error,
@@ -299,14 +319,20 @@ impl Reader<'_> {
 
     pub fn times(&self, name: &str) -> Result<Vec<Epoch>, ParseError> {
         let Values::Text(values) = self.column(name)? else {
-            return Err(ParseError::new(self.path, "numbers", "times as text, ISO 8601").in_field(name));
+            return Err(
+                ParseError::new(self.path, "numbers", "times as text, ISO 8601").in_field(name)
+            );
         };
         let time = |(i, text): (usize, &Option<String>)| {
             let text = text.as_deref().unwrap_or("");
             parse_utc(text).map_err(|error| {
-                ParseError::new(self.path, format!("`{text}`"), "a time such as 2026-11-20T18:30:00.5")
-                    .in_field(row(name, i))
-                    .with_hint(error.to_string())
+                ParseError::new(
+                    self.path,
+                    format!("`{text}`"),
+                    "a time such as 2026-11-20T18:30:00.5",
+                )
+                .in_field(row(name, i))
+                .with_hint(error.to_string())
             })
         };
         values.iter().enumerate().map(time).collect()
@@ -319,7 +345,8 @@ impl Reader<'_> {
         let read = |(i, value): (usize, &Option<i64>)| {
             value.and_then(|v| Flags::renumbered(v, bits)).ok_or_else(|| {
                 let found = value.map_or_else(|| "nothing".to_owned(), |v| v.to_string());
-                ParseError::new(self.path, found, "bits that flag_bits in the metadata names").in_field(row(name, i))
+                ParseError::new(self.path, found, "bits that flag_bits in the metadata names")
+                    .in_field(row(name, i))
             })
         };
         values.iter().enumerate().map(read).collect()
@@ -327,19 +354,26 @@ impl Reader<'_> {
 
     fn refuse_unknown(&self, channels: &[ChannelCurve]) -> Result<(), ParseError> {
         let mut known: Vec<String> =
-            ["time_utc", "exposure_s", "range_m", "phase_deg", "zenith_deg"].map(str::to_owned).to_vec();
+            ["time_utc", "exposure_s", "range_m", "phase_deg", "zenith_deg"]
+                .map(str::to_owned)
+                .to_vec();
         for channel in channels {
-            known.extend(["rate_hz", "sigma_hz", "flags"].map(|suffix| format!("{}_{suffix}", channel.name)));
+            known.extend(
+                ["rate_hz", "sigma_hz", "flags"].map(|suffix| format!("{}_{suffix}", channel.name)),
+            );
         }
         match self.table.columns.iter().find(|c| !known.contains(&c.name)) {
             None => Ok(()),
             Some(column) => {
-                let error = ParseError::new(self.path, "an unknown column", "the columns of a light curve")
-                    .in_field(column.name.clone());
-                Err(match nearest_names(&column.name, known.iter().map(String::as_str), 1).first() {
-                    Some(near) => error.with_hint(format!("did you mean `{near}`?")),
-                    None => error,
-                })
+                let error =
+                    ParseError::new(self.path, "an unknown column", "the columns of a light curve")
+                        .in_field(column.name.clone());
+                Err(
+                    match nearest_names(&column.name, known.iter().map(String::as_str), 1).first() {
+                        Some(near) => error.with_hint(format!("did you mean `{near}`?")),
+                        None => error,
+                    },
+                )
             }
         }
     }
@@ -367,7 +401,9 @@ impl Provenance {
             command: text("command"),
             station: text("station"),
             target: text("target"),
-            inputs: inputs.map(|m| m.iter().map(|(k, v)| (k.clone(), strings(v))).collect()).unwrap_or_default(),
+            inputs: inputs
+                .map(|m| m.iter().map(|(k, v)| (k.clone(), strings(v))).collect())
+                .unwrap_or_default(),
             notes: notes.map(|n| n.iter().map(strings).collect()).unwrap_or_default(),
         }
     }
@@ -428,10 +464,18 @@ mod tests {
             message(&|c| c.channels[0].rate_hz[1] = f64::INFINITY),
             "light curve: spcm_rate_hz, row 2: found inf, expected a number (nan only where a flag says why)"
         );
-        assert_eq!(message(&|c| c.exposure_s[2] = 0.0), "light curve: exposure_s, row 3: found 0, expected a time above 0 s");
+        assert_eq!(
+            message(&|c| c.exposure_s[2] = 0.0),
+            "light curve: exposure_s, row 3: found 0, expected a time above 0 s"
+        );
         assert!(message(&|c| c.channels[0].sigma_hz[2] = -1.0).contains("sigma_hz, row 3"));
-        assert!(message(&|c| c.phase_deg = Some(vec![0.0, 181.0, 0.0])).contains("phase_deg, row 2"));
-        assert!(message(&|c| c.range_m = Some(vec![1.0])).contains("range_m: found 1 values, expected 3"));
+        assert!(
+            message(&|c| c.phase_deg = Some(vec![0.0, 181.0, 0.0])).contains("phase_deg, row 2")
+        );
+        assert!(
+            message(&|c| c.range_m = Some(vec![1.0]))
+                .contains("range_m: found 1 values, expected 3")
+        );
     }
 
     #[test]
@@ -449,10 +493,26 @@ mod tests {
             refuse(&|t| t.columns[3].name = "spcm_sigma".into()),
             "c.ecsv: spcm_sigma_hz: found no such column, expected a column `spcm_sigma_hz` (the nearest is `spcm_sigma`)"
         );
-        assert!(refuse(&|t| { t.meta.remove("quantity"); }).contains("no metadata `quantity`"));
-        assert!(refuse(&|t| { t.meta.insert("quantity".into(), json!("fitted")); }).contains("found `fitted`, expected raw"));
-        assert!(refuse(&|t| t.columns[0] = Column::text("time_utc", vec!["yesterday".into(); 3])).contains("time_utc, row 1"));
-        assert!(refuse(&|t| t.columns[4].values = Values::I64(vec![Some(0), Some(1 << 40), None])).contains("spcm_flags, row 2"));
+        assert!(
+            refuse(&|t| {
+                t.meta.remove("quantity");
+            })
+            .contains("no metadata `quantity`")
+        );
+        assert!(
+            refuse(&|t| {
+                t.meta.insert("quantity".into(), json!("fitted"));
+            })
+            .contains("found `fitted`, expected raw")
+        );
+        assert!(
+            refuse(&|t| t.columns[0] = Column::text("time_utc", vec!["yesterday".into(); 3]))
+                .contains("time_utc, row 1")
+        );
+        assert!(
+            refuse(&|t| t.columns[4].values = Values::I64(vec![Some(0), Some(1 << 40), None]))
+                .contains("spcm_flags, row 2")
+        );
     }
 
     /// A file may number its flags otherwise, as a later version would: names decide, not numbers.

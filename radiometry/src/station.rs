@@ -3,6 +3,7 @@
 mod file;
 
 use crate::quadrature::{Integral, Product};
+use crate::sky::Site;
 use crate::spectrum::{Irradiance, Quantity, Response, Spectrum};
 use std::path::{Path, PathBuf};
 use sunglint_formats::toml::Document;
@@ -17,6 +18,8 @@ pub struct Station {
     pub description: String,
     /// Where it stands.
     pub site: Site,
+    /// What stands in the way near the horizon.
+    pub horizon: Horizon,
     /// What gathers the light.
     pub telescope: Telescope,
     /// The air above it, unless the user says otherwise.
@@ -29,19 +32,6 @@ pub struct Station {
     pub lasers: Vec<Laser>,
     /// Notes of the file on values that contradict each other or are not measured, by the table that they stand in.
     pub notes: Vec<(String, String)>,
-}
-
-/// Where a station stands, WGS84.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Site {
-    /// Geodetic latitude, degrees north.
-    pub latitude_deg: f64,
-    /// Longitude, degrees east.
-    pub longitude_deg: f64,
-    /// Height above the ellipsoid, m.
-    pub height_m: f64,
-    /// What stands in the way near the horizon.
-    pub horizon: Horizon,
 }
 
 /// The lowest elevation that can be seen.

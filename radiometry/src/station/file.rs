@@ -1,9 +1,10 @@
 //! What stands in a `station.toml`, and how it becomes a [`Station`].
 
 use super::{
-    AirDefaults, Camera, Channel, Counter, CounterQuantity, DeadTime, Detector, Fibre, Horizon, Laser, Mount, Site,
-    Station, Telescope,
+    AirDefaults, Camera, Channel, Counter, CounterQuantity, DeadTime, Detector, Fibre, Horizon, Laser, Mount, Station,
+    Telescope,
 };
+use crate::sky::{Geodetic, Site};
 use crate::spectrum::{Response, Spectrum};
 use serde::Deserialize;
 use sunglint_formats::toml::{Document, Finite, Fraction, LatitudeDeg, LongitudeDeg, NonNegative, Positive};
@@ -135,7 +136,8 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
     let mut notes = Vec::new();
     let mut note = |table: String, text: Option<String>| notes.extend(text.map(|text| (table, text)));
     check_name(document, "name", &file.name, "_-")?;
-    let site = site(document, &file.site, curve)?;
+    let site = site(document, &file.site)?;
+    let horizon = horizon(document, &file.site, curve)?;
     note("site".into(), file.site.note);
     let telescope = telescope(document, &file.telescope)?;
     note("telescope".into(), file.telescope.note);
@@ -168,7 +170,7 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
         water_mm: file.air.water_mm.map(NonNegative::get),
     };
     let (name, description) = (file.name, file.description);
-    Ok(Station { name, description, site, telescope, air, channels, camera, lasers, notes })
+    Ok(Station { name, description, site, horizon, telescope, air, channels, camera, lasers, notes })
 }
 
 fn check_name(document: &Document, key: &str, name: &str, extra: &str) -> Result<(), ParseError> {
@@ -180,8 +182,17 @@ fn check_name(document: &Document, key: &str, name: &str, extra: &str) -> Result
     Err(document.error_at(key, format!("a name of letters, digits and {}", extra.join(" "))))
 }
 
-fn site(document: &Document, file: &SiteFile, curve: Loader) -> Result<Site, FileError> {
-    let horizon = match (&file.horizon_deg, &file.horizon_mask) {
+fn site(document: &Document, file: &SiteFile) -> Result<Site, ParseError> {
+    let geodetic = Geodetic {
+        latitude_deg: file.latitude_deg.get(),
+        longitude_deg: file.longitude_deg.get(),
+        height_m: file.height_m.get(),
+    };
+    Site::new(geodetic).map_err(|e| document.error_at("site.height_m", e.to_string()))
+}
+
+fn horizon(document: &Document, file: &SiteFile, curve: Loader) -> Result<Horizon, FileError> {
+    Ok(match (&file.horizon_deg, &file.horizon_mask) {
         (Some(_), Some(_)) => {
             let expected = "either horizon_deg or horizon_mask, not both";
             return Err(document.error_at("site.horizon_mask", expected).into());
@@ -203,12 +214,6 @@ fn site(document: &Document, file: &SiteFile, curve: Loader) -> Result<Site, Fil
             }
             Horizon::Mask(mask.x.iter().copied().zip(mask.y.iter().copied()).collect())
         }
-    };
-    Ok(Site {
-        latitude_deg: file.latitude_deg.get(),
-        longitude_deg: file.longitude_deg.get(),
-        height_m: file.height_m.get(),
-        horizon,
     })
 }
 
