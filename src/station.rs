@@ -1,0 +1,59 @@
+//! Which station a command is about: `--station`, else `$SUNGLINT_STATION`, else `./station.toml`.
+
+use anyhow::{Context as _, bail};
+use clap::Args;
+use std::path::Path;
+use sunglint_formats::nearest_names;
+use sunglint_radiometry::station::Station;
+
+/// Which station.
+#[derive(Debug, Clone, Default, Args)]
+pub struct StationArgs {
+    /// The station: a built-in name (`ufo`), a station.toml, or its folder [default: $SUNGLINT_STATION, else ./station.toml]
+    #[arg(long, value_name = "NAME|FILE|FOLDER")]
+    pub station: Option<String>,
+}
+
+impl StationArgs {
+    /// The station that was asked for, or the one that the surroundings name; `None` where neither does.
+    pub fn find(&self) -> anyhow::Result<Option<Station>> {
+        if let Some(name) = &self.station {
+            return named(name).map(Some);
+        }
+        match std::env::var("SUNGLINT_STATION") {
+            Ok(name) if !name.is_empty() => {
+                return named(&name).context("from $SUNGLINT_STATION").map(Some);
+            }
+            _ => {}
+        }
+        let here = Path::new("station.toml");
+        if here.is_file() { Ok(Some(Station::read(here)?)) } else { Ok(None) }
+    }
+
+    /// The station; an error that lists the names where there is none.
+    pub fn get(&self) -> anyhow::Result<Station> {
+        self.find()?.with_context(|| {
+            format!(
+                "no station: give --station with a built-in name ({}), a station.toml or its folder, set SUNGLINT_STATION, or put a station.toml here",
+                Station::built_in_names().join(", ")
+            )
+        })
+    }
+}
+
+fn named(name: &str) -> anyhow::Result<Station> {
+    if let Some(station) = Station::built_in(name) {
+        return Ok(station?);
+    }
+    let path = Path::new(name);
+    if path.exists() {
+        return Ok(Station::read(path)?);
+    }
+    let names = Station::built_in_names();
+    let near = nearest_names(name, names.iter().copied(), 1);
+    let hint = near.first().map_or(String::new(), |near| format!("; did you mean {near}?"));
+    bail!(
+        "there is no station `{name}`: it is neither a built-in name ({}) nor a file or folder{hint}",
+        names.join(", ")
+    )
+}
