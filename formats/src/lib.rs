@@ -9,6 +9,7 @@
 pub mod atomic;
 pub mod ecsv;
 pub mod error;
+pub mod fits;
 pub mod read;
 pub mod table;
 pub mod time;

@@ -1,0 +1,131 @@
+//! A new file, HDU by HDU.
+
+use super::BLOCK;
+use super::card::{Card, CardValue};
+use super::header::{Header, is_structural};
+use super::image::{Image, encode};
+use crate::atomic::Overwrite;
+use crate::error::{EncodeError, FileError};
+use crate::table::Table;
+use std::path::Path;
+
+/// Puts images and tables into a FITS file, in the order in which they are given. A file that begins with a table gets an
+/// empty primary HDU before it.
+#[derive(Debug, Clone, Default)]
+pub struct Writer {
+    bytes: Vec<u8>,
+}
+
+impl Writer {
+    /// A file without HDUs.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds an image. Its header is written after the cards that describe the layout; such cards in it are left out, and a
+    /// comment that is too long is cut.
+    ///
+    /// # Errors
+    /// A card that FITS cannot hold: not ASCII, not finite, too long.
+    pub fn image(&mut self, image: &Image) -> Result<(), EncodeError> {
+        let (bitpix, zero, data) = encode(&image.pixels);
+        let mut header = Header::default();
+        self.begin(&mut header, "IMAGE", "image");
+        header.set("BITPIX", bitpix, "bits of a pixel");
+        let shape = image.pixels.shape();
+        header.set("NAXIS", shape.len() as i64, "number of axes");
+        for (i, &n) in shape.iter().rev().enumerate() {
+            header.set(&format!("NAXIS{}", i + 1), n as i64, "");
+        }
+        self.end_of_layout(&mut header);
+        if let Some(zero) = zero {
+            header.set("BSCALE", 1_i64, "");
+            let value = match zero as i64 {
+                // 2^63 is beyond i64; the standard asks for a whole number all the same.
+                i64::MAX => CardValue::Other("9223372036854775808".to_owned()),
+                zero => CardValue::Integer(zero),
+            };
+            header.set("BZERO", value, "offset of the integers");
+        }
+        self.push(header, &image.header, &data)
+    }
+
+    /// Adds a table as a binary table with that EXTNAME (or none if it is empty).
+    ///
+    /// Whole numbers become 64-bit columns (K), with TNULL where one is missing; floats D; truth values L; texts A as wide as
+    /// the longest, in which a missing text is an empty one and blanks at the end are lost. Keywords of the metadata are
+    /// written in capitals; lists of text under `COMMENT`, `comments`, `HISTORY` or `history` become such cards.
+    ///
+    /// # Errors
+    /// What FITS cannot hold: text that is not ASCII, nested metadata, columns of different lengths.
+    pub fn table(&mut self, table: &Table, name: &str) -> Result<(), EncodeError> {
+        if self.bytes.is_empty() {
+            self.empty_primary()?;
+        }
+        let columns = super::table_out::encode(table)?;
+        let mut header = Header::default();
+        self.begin(&mut header, "BINTABLE", "binary table");
+        header.set("BITPIX", 8_i64, "");
+        header.set("NAXIS", 2_i64, "");
+        header.set("NAXIS1", columns.row_bytes as i64, "bytes of a row");
+        header.set("NAXIS2", columns.rows as i64, "rows");
+        self.end_of_layout(&mut header);
+        header.set("TFIELDS", columns.fields as i64, "columns");
+        header.cards.extend(columns.cards);
+        if !name.is_empty() {
+            header.set("EXTNAME", name, "");
+        }
+        let meta = super::table_out::meta_cards(&table.meta)?;
+        self.push(header, &meta, &columns.data)
+    }
+
+    /// The bytes of the file.
+    pub fn into_bytes(self) -> Vec<u8> {
+        self.bytes
+    }
+
+    /// Writes the file, whole or not at all.
+    pub fn write_file(self, path: impl AsRef<Path>, overwrite: Overwrite) -> Result<(), FileError> {
+        crate::atomic::write_file(path, &self.bytes, overwrite)
+    }
+
+    fn begin(&self, header: &mut Header, extension: &str, what: &str) {
+        if self.bytes.is_empty() {
+            header.set("SIMPLE", true, "FITS");
+        } else {
+            header.set("XTENSION", extension, what);
+        }
+    }
+
+    fn end_of_layout(&self, header: &mut Header) {
+        if self.bytes.is_empty() {
+            header.set("EXTEND", true, "");
+        } else {
+            header.set("PCOUNT", 0_i64, "");
+            header.set("GCOUNT", 1_i64, "");
+        }
+    }
+
+    fn empty_primary(&mut self) -> Result<(), EncodeError> {
+        let mut header = Header::default();
+        self.begin(&mut header, "", "");
+        header.set("BITPIX", 8_i64, "");
+        header.set("NAXIS", 0_i64, "no data here");
+        self.end_of_layout(&mut header);
+        self.push(header, &Header::default(), &[])
+    }
+
+    fn push(&mut self, mut header: Header, free: &Header, data: &[u8]) -> Result<(), EncodeError> {
+        let keep = |card: &&Card| !is_structural(&card.keyword);
+        for card in free.cards.iter().filter(keep) {
+            // EXTNAME as an argument wins over one in the metadata.
+            if card.keyword != "EXTNAME" || header.get("EXTNAME").is_none() {
+                header.cards.push(card.clone());
+            }
+        }
+        self.bytes.extend(header.encode()?);
+        self.bytes.extend_from_slice(data);
+        self.bytes.resize(self.bytes.len().next_multiple_of(BLOCK), 0);
+        Ok(())
+    }
+}
