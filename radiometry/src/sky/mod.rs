@@ -25,8 +25,8 @@
 //! }
 //!
 //! let vega = observer.star(Catalogue::embedded().find("Vega")?);
-//! assert!((vega.horizontal.zenith_deg() - 19.6).abs() < 0.1);
-//! assert!(observer.sun().horizontal.altitude_deg() < -20.0);
+//! assert!((vega.horizontal.zenith_deg() - 23.07).abs() < 0.01);
+//! assert!(observer.sun().horizontal.altitude_deg() < -18.0);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
