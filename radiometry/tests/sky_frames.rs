@@ -1,5 +1,7 @@
 //! Frames, sites, directions, the Sun and Moon where closed forms are known.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use glam::{DMat3, DVec3};
 use hifitime::Epoch;
 use proptest::prelude::*;
@@ -277,6 +279,18 @@ fn poles_and_date_line() {
     assert!((place.horizontal.altitude_deg() - place.of_date.dec_deg).abs() * 3600.0 < 0.001);
     let from_south = south.star(vega).horizontal.altitude_deg();
     assert!((from_south + place.horizontal.altitude_deg()).abs() * 3600.0 < 0.001);
+
+    // A star at the celestial pole itself, with a proper motion.
+    for dec_deg in [90.0, -90.0] {
+        let mut polar = Star::at("pole", Equatorial { ra_deg: 30.0, dec_deg }).unwrap();
+        polar.pm_ra_mas_yr = Some(1000.0);
+        polar.pm_dec_mas_yr = Some(0.0);
+        let moved = separation_deg(
+            north.star_direction_gcrs(&polar),
+            north.star_direction_gcrs(&Star::at("still", polar.icrs).unwrap()),
+        );
+        assert!((moved * 3600.0 - 24.61).abs() < 0.01, "1″ a year for 24.61 years: {moved}");
+    }
 
     let east = Observer::at(epoch, &site(10.0, 180.0, 0.0), &earth).unwrap();
     let west = Observer::at(epoch, &site(10.0, -180.0, 0.0), &earth).unwrap();

@@ -1,6 +1,8 @@
 //! Places on the sky against other programs: astropy 8.0.2, skyfield 1.55, JPL's DE430 and JUP310, libastro.
 //! The fixtures name every version; `radiometry/tests/peers/sky.py` makes them.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use glam::DVec3;
 use hifitime::{Duration, Epoch, TimeScale, Unit};
 use std::collections::BTreeMap;

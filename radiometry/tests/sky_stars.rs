@@ -1,5 +1,7 @@
 //! Stars by name: what is found, what is refused and how.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use sunglint_radiometry::sky::{
     Catalogue, EarthOrientation, Equatorial, Geodetic, Observer, Site, Star, StarError, StarNote,
     Utc,

@@ -1,5 +1,7 @@
 //! Time scales through leap seconds, and Earth orientation between and outside its rows.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use hifitime::{Epoch, TimeScale, Unit};
 use std::str::FromStr;
 use sunglint_formats::ecsv;

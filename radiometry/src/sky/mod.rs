@@ -11,8 +11,8 @@
 //! - [`stars`]: the bright stars by name, and a star's place.
 //!
 //! The models are those of the IAU through `sofars`, a port of SOFA: precession–nutation IAU 2006/2000A, the Earth
-//! rotation angle, `epv00` for the Earth and the Sun (0.02″ here), `moon98` for the Moon (worst 18″, 3″ rms, by its authors). All altitudes
-//! are TRUE: refraction belongs to the air.
+//! rotation angle, `epv00` for the Earth and the Sun (0.02″ here), `moon98` for the Moon (3″ rms, 18″ at
+//! worst, by its authors). All altitudes are TRUE: refraction belongs to the air.
 //!
 //! ```
 //! use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Geodetic, Observer, Site, Utc};

@@ -20,8 +20,8 @@ pub enum StarError {
     },
     /// The number is not in the catalogue.
     #[error(
-        "{asked} is not among the {stars} stars of the catalogue, which ends at V = {faintest_mag}: give its place by hand \
-         (right ascension and declination, ICRS, J2000){}",
+        "{asked} is not among the {stars} stars of the catalogue, which ends at V = {faintest_mag}: give its place by \
+         hand (right ascension and declination, ICRS, J2000){}",
         did_you_mean(nearest)
     )]
     NotInCatalogue {
@@ -50,7 +50,8 @@ pub enum StarError {
     },
     /// A place that is not on the sky.
     #[error(
-        "{name}: right ascension {ra_deg}°, declination {dec_deg}° is no place on the sky (expected −180° to 360° and −90° to 90°)"
+        "{name}: right ascension {ra_deg}°, declination {dec_deg}° is no place on the sky (expected −180° to \
+         360° and −90° to 90°)"
     )]
     ImpossiblePlace {
         /// The star's name.
@@ -62,8 +63,8 @@ pub enum StarError {
     },
 }
 
-const HOW_TO_NAME: &str = "Names are read as `Vega`, `alp Lyr`, `alpha Lyr`, `α Lyr`, `HIP 91262` or `HD 172167`; a star \
-                           that is not in the catalogue can be given by its place (ICRS, J2000)";
+const HOW_TO_NAME: &str = "Names are read as `Vega`, `alp Lyr`, `alpha Lyr`, `α Lyr`, `HIP 91262` or `HD 172167`; \
+                           a star that is not in the catalogue can be given by its place (ICRS, J2000)";
 
 fn did_you_mean(nearest: &[String]) -> String {
     if nearest.is_empty() { String::new() } else { format!("; nearest: {}", nearest.join(", ")) }
