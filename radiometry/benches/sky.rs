@@ -1,5 +1,7 @@
 //! What a frame costs, and what each direction costs once it is built.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use divan::{Bencher, black_box};
 use glam::DVec3;
 use sunglint_radiometry::sky::{

@@ -127,8 +127,9 @@ impl SkyFrame {
     }
 
     /// The Sun from a GCRS position near the Earth, for an observer who moves with that GCRS velocity: light time,
-    /// and aberration of the Earth's velocity *and* the observer's (a satellite's own 7.5 km/s shifts the Sun by 5″). Give the velocity
-    /// for directions in the body's own rest frame; zero for directions in the scene, whose axes and rest frame are the GCRS.
+    /// and aberration of the Earth's velocity *and* the observer's (a satellite's own 7.5 km/s shifts the Sun by
+    /// 5″). Give the velocity for directions in the body's own rest frame; zero for directions in the scene, whose axes
+    /// and rest frame are the GCRS.
     ///
     /// # Errors
     /// [`SkyError::NotFinite`]; [`SkyError::AtObserver`] for a position inside the body.
@@ -158,7 +159,8 @@ impl SkyFrame {
         SunPlace { direction_gcrs: DVec3::from_array(direction), distance_m }
     }
 
-    /// The Sun's geometric position at this instant, m from the Earth's centre, GCRS axes (SOFA `epv00`; no light time).
+    /// The Sun's geometric position at this instant, m from the Earth's centre, GCRS axes (SOFA `epv00`; no light
+    /// time).
     pub fn sun_position_gcrs_m(&self) -> DVec3 {
         -self.earth_from_sun.position * AU_M
     }

@@ -73,7 +73,8 @@ pub struct SkyFrame {
 }
 
 impl SkyFrame {
-    /// The frames at an epoch. Costs some 0.1 ms, nearly all of it nutation and the Earth's ephemeris: build it once per epoch.
+    /// The frames at an epoch. Costs some 50 µs, nearly all of it nutation and the Earth's ephemeris:
+    /// build it once per epoch.
     ///
     /// # Errors
     /// [`SkyError::Time`] before 1972, [`SkyError::OutsideEphemeris`] after 2099.
@@ -283,8 +284,8 @@ impl Observer {
     /// the aberration of the site's rotation (0.3″). A satellite at 1000 km lags by up to 5″.
     ///
     /// Annual aberration does not enter: in the GCRS the Earth stands still, and what the Earth's motion adds by
-    /// aberration the light time of the Earth's motion takes away, to second order (0.002″). Good for satellites and, to that
-    /// order, the Moon.
+    /// aberration the light time of the Earth's motion takes away, to second order (0.002″). Good for satellites and,
+    /// to that order, the Moon.
     ///
     /// # Errors
     /// [`SkyError::AtObserver`] within a millimetre of the site, [`SkyError::NotFinite`].

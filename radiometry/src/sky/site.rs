@@ -72,7 +72,7 @@ impl Geodetic {
     }
 
     /// The geodetic coordinates of a position in the ITRS, m, at any height (SOFA `gc2gd`); longitude in
-    /// (−180°, 180°], 0 at the poles.
+    /// (−180°, 180°], 0 at the poles. Good to 1e-8 m below 100 km, to 2 mm (5e-6″ of latitude) in high orbits.
     ///
     /// # Errors
     /// [`SiteError::NoPlace`] for what is not finite or lies deeper than 100 km above the Earth's centre, where a

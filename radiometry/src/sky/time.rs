@@ -1,8 +1,8 @@
 //! From [`hifitime::Epoch`] to the Julian dates that astronomy wants, through leap seconds.
 //!
 //! Why not by `hifitime` alone: a UTC-scale `Epoch` of version 4.3.1 has no second 60 (`23:59:60.5` becomes
-//! `23:59:59.5`), and its TAI → UTC conversion is one second behind for the 37 s *before* the leap second at the end of 2016. So
-//! here an instant is a count of TAI nanoseconds, ΔAT comes from SOFA's table by the calendar day, and
+//! `23:59:59.5`), and its TAI → UTC conversion switches 37 s too early at the leap second of 2016 (23:59:59.5 there and
+//! back is 23:59:58.5). So here an instant is a count of TAI nanoseconds, ΔAT comes from SOFA's table by the calendar day, and
 //! [`Utc`] goes between calendar and epoch. An `Epoch` that must be able to lie in a leap second is
 //! of scale TAI, as [`Utc::to_epoch`] makes it.
 

@@ -20,8 +20,8 @@ pub enum StarError {
     },
     /// The number is not in the catalogue.
     #[error(
-        "{asked} is not among the {stars} stars of the catalogue, which ends at V = {faintest_mag}: give its place by hand \
-         (right ascension and declination, ICRS, J2000){}",
+        "{asked} is not among the {stars} stars of the catalogue, which ends at V = {faintest_mag}: give its place by \
+         hand (right ascension and declination, ICRS, J2000){}",
         did_you_mean(nearest)
     )]
     NotInCatalogue {
@@ -50,7 +50,8 @@ pub enum StarError {
     },
     /// A place that is not on the sky.
     #[error(
-        "{name}: right ascension {ra_deg}°, declination {dec_deg}° is no place on the sky (expected −180° to 360° and −90° to 90°)"
+        "{name}: right ascension {ra_deg}°, declination {dec_deg}° is no place on the sky (expected −180° to \
+         360° and −90° to 90°)"
     )]
     ImpossiblePlace {
         /// The star's name.
@@ -62,8 +63,8 @@ pub enum StarError {
     },
 }
 
-const HOW_TO_NAME: &str = "Names are read as `Vega`, `alp Lyr`, `alpha Lyr`, `α Lyr`, `HIP 91262` or `HD 172167`; a star \
-                           that is not in the catalogue can be given by its place (ICRS, J2000)";
+const HOW_TO_NAME: &str = "Names are read as `Vega`, `alp Lyr`, `alpha Lyr`, `α Lyr`, `HIP 91262` or `HD 172167`; \
+                           a star that is not in the catalogue can be given by its place (ICRS, J2000)";
 
 fn did_you_mean(nearest: &[String]) -> String {
     if nearest.is_empty() { String::new() } else { format!("; nearest: {}", nearest.join(", ")) }
@@ -138,7 +139,7 @@ impl Catalogue {
     /// 1. `HIP 91262`, `HIP91262`, `hip:91262` and `HD 172167`: by number;
     /// 2. a proper name, case ignored: `Vega`, `rigil kentaurus`;
     /// 3. a designation as the table spells it: `alp Lyr`, also `alpha Lyr` and `α Lyr`, with an index `alp1 Cen`,
-    ///    `α² Cen`. Case decides only where it must: `A Cen` and `a Cen` are two stars;
+    ///    `α² Cen`. Case decides only where it must: `A Cen` and `a Cen` are two stars, `nu Pav` and `NU Pav` too;
     /// 4. a Greek letter without its index (`gamma Vel`), where only one star carries the letter in that constellation.
     ///
     /// # Errors
@@ -153,11 +154,14 @@ impl Catalogue {
         if let Some(number) = catalogue_number(asked) {
             return self.by_number(number);
         }
-        let lower = asked.to_lowercase();
-        let spelled = as_the_table_spells(asked);
+        let plain = asked.split_whitespace().collect::<Vec<_>>().join(" ");
+        let lower = plain.to_lowercase();
+        let spelled = as_the_table_spells(&plain);
         let spelled_lower = spelled.to_lowercase();
-        let rounds: [&dyn Fn(&Star) -> bool; 4] = [
+        let rounds: [&dyn Fn(&Star) -> bool; 5] = [
             &|s| s.name.as_ref().is_some_and(|n| n.to_lowercase() == lower),
+            // `NU Pav` is a variable star, not a nu: what is spelled as in the table stays what it is.
+            &|s| s.bayer.as_ref() == Some(&plain),
             &|s| s.bayer.as_ref() == Some(&spelled),
             &|s| s.bayer.as_ref().is_some_and(|b| b.to_lowercase() == spelled_lower),
             &|s| s.bayer.as_deref().and_then(without_index).as_ref() == Some(&spelled_lower),

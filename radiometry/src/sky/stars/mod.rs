@@ -58,10 +58,10 @@ pub enum StarNote {
     SpectroscopicBinary,
     /// The catalogue gives no object type: it may be any of these.
     UnknownType,
-    /// No proper motion: the place is that of its epoch, rounded to 1e-4° (0.3″); at 1000 km a motion nobody notices,
-    /// for fibre alignment it may count.
+    /// No proper motion: the place is that of its epoch, rounded to 1e-4° (0.3″), and where it went since is unknown. In the
+    /// embedded table these are stars beyond 300 pc, where 30 km/s is 0.02″ a year.
     NoProperMotion,
-    /// No parallax: it is taken as infinitely far (at most 0.8″ for the nearest star, mostly below 0.05″).
+    /// No parallax: it is taken as infinitely far, which errs by its parallax (mostly below 0.004″ in the embedded table).
     NoParallax,
 }
 
@@ -163,7 +163,8 @@ impl fmt::Display for Star {
 impl Observer {
     /// Where a star stands: space motion since its epoch, parallax, light deflection by the Sun, annual and diurnal
     /// aberration (SOFA `pmpx`, `ldsun`, `ab`, as `atciq` chains them), then precession, nutation, Earth rotation and polar
-    /// motion as one matrix. Radial velocity is taken as 0 (below 0.01″ per century for every star of the table).
+    /// motion as one matrix. Radial velocity is taken as 0: for α Centauri that is 0.04″ by 2026, for all others of the
+    /// table less.
     pub fn star(&self, star: &Star) -> StarPlace {
         let direction_gcrs = self.star_direction_gcrs(star);
         let horizontal = self.of_unit(direction_gcrs);
