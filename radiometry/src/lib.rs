@@ -2,6 +2,8 @@
 //!
 //! In the order in which data flows through it:
 //!
-//! - [`tables`]: the reference tables that the program carries with it.
+//! - [`tables`]: the reference tables that the program carries with it;
+//! - [`air`]: what the atmosphere leaves of a direct beam.
 
+pub mod air;
 pub mod tables;
