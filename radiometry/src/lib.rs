@@ -11,9 +11,11 @@
 //! - [`passband`]: passbands and magnitudes;
 //! - [`spectral_type`], [`star_light`]: a star's absolute spectrum from its magnitude, type and colour;
 //! - [`sky`]: where things are: time, Earth orientation, sites, frames, the Sun, the Moon and stars;
+//! - [`air`]: what the atmosphere leaves of a direct beam;
 //! - `station`: site, telescope, channels, camera and lasers of an observatory;
 //! - [`flags`], [`light_curve`]: the schema in which measured and simulated light meet.
 
+pub mod air;
 pub mod constants;
 pub mod flags;
 pub mod light;
