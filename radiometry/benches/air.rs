@@ -16,7 +16,8 @@ fn main() {
 }
 
 fn air() -> Air {
-    let options = AirOptions { altitude_m: 399.0, ..AirOptions::new(Profile::midlatitude_winter()) };
+    let options =
+        AirOptions { altitude_m: 399.0, ..AirOptions::new(Profile::midlatitude_winter()) };
     Air::new(&options).unwrap()
 }
 

@@ -13,11 +13,10 @@
 //! - [`sky`]: where things are: time, Earth orientation, sites, frames, the Sun, the Moon and stars;
 //! - [`air`]: what the atmosphere leaves of a direct beam;
 //! - `station`: site, telescope, channels, camera and lasers of an observatory;
-//! - [`flags`], [`light_curve`]: the schema in which measured and simulated light meet.
+//! - [`light_curve`]: the schema in which measured and simulated light meet.
 
 pub mod air;
 pub mod constants;
-pub mod flags;
 pub mod light;
 pub mod light_curve;
 pub mod passband;

@@ -27,6 +27,8 @@ pub struct StarColours<'a> {
     pub b_minus_v_mag: Option<f64>,
     /// MK type as the catalogue writes it.
     pub spectral_type: Option<&'a str>,
+    /// What the catalogue's V counts from.
+    pub zero: ZeroPoint,
 }
 
 /// Where a star's spectrum came from.
@@ -221,7 +223,7 @@ fn scaled(
     if !star.v_mag.is_finite() {
         return Err(StarLightError::Magnitude { v_mag: star.v_mag });
     }
-    let irradiance = Passband::named("V")?.scaled_to(shape, star.v_mag, ZeroPoint::default())?;
+    let irradiance = Passband::named("V")?.scaled_to(shape, star.v_mag, star.zero)?;
     let own = colour(&irradiance)?;
     let colour_excess_mag = star.b_minus_v_mag.filter(|bv| bv.is_finite()).map(|bv| bv - own);
     Ok(StarLight { irradiance, origin, colour_excess_mag })
@@ -282,7 +284,13 @@ mod tests {
     use crate::quadrature::Product;
 
     fn star(v_mag: f64, bv: Option<f64>, kind: Option<&str>) -> StarLight {
-        of(StarColours { v_mag, b_minus_v_mag: bv, spectral_type: kind }).unwrap()
+        of(StarColours {
+            v_mag,
+            b_minus_v_mag: bv,
+            spectral_type: kind,
+            zero: ZeroPoint::default(),
+        })
+        .unwrap()
     }
 
     /// Truth: intrinsic Johnson colours of the types, A0V −0.02, G2V 0.65, K2III 1.16 (Fitzgerald 1970; Pecaut and Mamajek 2013 for dwarfs). Tolerance 0.05: the
@@ -332,7 +340,12 @@ mod tests {
         for (kind, a, b, c, d) in rows {
             let library = star(5.0, None, Some(kind)).irradiance;
             let bv = colour(&library).unwrap();
-            let colours = StarColours { v_mag: 5.0, b_minus_v_mag: Some(bv), spectral_type: None };
+            let colours = StarColours {
+                v_mag: 5.0,
+                b_minus_v_mag: Some(bv),
+                spectral_type: None,
+                zero: ZeroPoint::default(),
+            };
             let body = black_body(colours).unwrap().irradiance;
             for (edges, expected) in [
                 ((600.0, 700.0), a),
@@ -372,19 +385,30 @@ mod tests {
 
     #[test]
     fn without_type_and_colour_there_is_no_light() {
-        let colours = StarColours { v_mag: 4.0, b_minus_v_mag: None, spectral_type: Some("C") };
+        let colours = StarColours {
+            v_mag: 4.0,
+            b_minus_v_mag: None,
+            spectral_type: Some("C"),
+            zero: ZeroPoint::default(),
+        };
         assert!(
             of(colours)
                 .unwrap_err()
                 .to_string()
                 .contains("spectral type is C and B-V is not known")
         );
-        let hot = StarColours { v_mag: 4.0, b_minus_v_mag: Some(-0.8), spectral_type: None };
+        let hot = StarColours {
+            v_mag: 4.0,
+            b_minus_v_mag: Some(-0.8),
+            spectral_type: None,
+            zero: ZeroPoint::default(),
+        };
         assert!(matches!(of(hot), Err(StarLightError::Colour { .. })));
         let nan = StarColours {
             v_mag: f64::NAN,
             b_minus_v_mag: Some(f64::NAN),
             spectral_type: Some("A0V"),
+            zero: ZeroPoint::default(),
         };
         assert!(matches!(of(nan), Err(StarLightError::Magnitude { .. })));
     }

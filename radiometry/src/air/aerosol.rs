@@ -155,9 +155,11 @@ impl Aerosol {
                 (optical_depth * (wavelength_nm / reference_nm).powf(-exponent), 0.0)
             }
             Aerosol::Model(model) => {
-                let low = (model.above_sea_level(wavelength_nm) - background(wavelength_nm)).max(0.0);
+                let low =
+                    (model.above_sea_level(wavelength_nm) - background(wavelength_nm)).max(0.0);
                 let room = (COMPRESSED_BELOW_KM - station_km).max(0.0) / COMPRESSED_BELOW_KM;
-                let left = (-(station_km - COMPRESSED_BELOW_KM).max(0.0) / BACKGROUND_SCALE_KM).exp();
+                let left =
+                    (-(station_km - COMPRESSED_BELOW_KM).max(0.0) / BACKGROUND_SCALE_KM).exp();
                 (low * room, background(wavelength_nm) * left)
             }
         }

@@ -6,6 +6,7 @@ use super::path::{Path, Shells, Zenith};
 use super::profile::{Level, Profile};
 use super::spectra::{self, CARBON_DIOXIDE, OXYGEN, Species, Term, WATER_REGIONS};
 use super::{AirError, LOSCHMIDT_CM3, Sampling};
+use crate::spectrum::{Spectrum, Transmission};
 
 /// Where the path integrals stand in [`Amounts`].
 pub(crate) mod amount {
@@ -97,7 +98,13 @@ impl AirOptions {
             }
         };
         if let Some(p) = self.pressure_hpa {
-            require(p, 0.1, 1200.0, "pressure_hpa", "0.1 to 1200 hPa, at the station's own altitude")?;
+            require(
+                p,
+                0.1,
+                1200.0,
+                "pressure_hpa",
+                "0.1 to 1200 hPa, at the station's own altitude",
+            )?;
         }
         if let Some(ozone) = self.ozone_du {
             require(ozone, 0.0, 1500.0, "ozone_du", "0 to 1500 DU (300 is usual)")?;
@@ -316,6 +323,21 @@ impl Air {
         Ok(self.sampled(&path, sampling, |_| true))
     }
 
+    /// One-way transmission for one zenith angle as a spectrum over a range in nm, on the model's own points: what goes into the
+    /// integrals of [`crate::quadrature`]. Beyond the tables (294–1250 nm) it is missing, and the integrals say so.
+    ///
+    /// # Errors
+    /// As [`Air::path`]; a range outside the tables.
+    pub fn spectrum(
+        &self,
+        zenith: Zenith,
+        range_nm: (f64, f64),
+    ) -> Result<Spectrum<Transmission>, AirError> {
+        let sampling = Sampling::native(range_nm.0, range_nm.1)?;
+        let values = self.transmission(zenith, &sampling)?;
+        Ok(Spectrum::new(sampling.wavelength_nm().to_vec(), values)?)
+    }
+
     /// The same by species.
     ///
     /// # Errors
@@ -459,8 +481,7 @@ fn refractivity(level: &Level, wavelength_nm: f64) -> f64 {
     const BOLTZMANN_J_K: f64 = 1.380_649e-23;
     let s2 = (1e3 / wavelength_nm).powi(2);
     let dry = 1e-8 * (5_792_105.0 / (238.0185 - s2) + 167_917.0 / (57.362 - s2));
-    let wet =
-        1e-8 * 1.022 * (295.235 + s2 * (2.6422 + s2 * (-0.032_380 + s2 * 0.004_028)));
+    let wet = 1e-8 * 1.022 * (295.235 + s2 * (2.6422 + s2 * (-0.032_380 + s2 * 0.004_028)));
     let number_cm3 = |pa: f64, kelvin: f64| 1e-6 * pa / (BOLTZMANN_J_K * kelvin);
     dry * (level.air_cm3 - level.water_cm3) / number_cm3(101_325.0, 288.15)
         + wet * level.water_cm3 / number_cm3(1333.0, 293.15)

@@ -2,7 +2,7 @@
 
 use super::AirError;
 use crate::tables::{self, Embedded};
-use sunglint_formats::Table;
+use sunglint_formats::{Table, nearest_names};
 
 /// What is known at one altitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,12 +62,8 @@ impl Profile {
             &tables::AIR_US_STANDARD,
         ];
         let index = Self::NAMES.iter().position(|n| *n == name).ok_or_else(|| {
-            let mut near = Self::NAMES.map(|n| (strsim::damerau_levenshtein(n, name), n));
-            near.sort();
-            AirError::UnknownProfile {
-                name: name.to_owned(),
-                nearest: (near[0].0 <= 4).then_some(near[0].1),
-            }
+            let nearest = nearest_names(name, Self::NAMES, 1).first().copied();
+            AirError::UnknownProfile { name: name.to_owned(), nearest }
         })?;
         Self::from_table(name, TABLES[index].table())
     }

@@ -58,14 +58,28 @@ impl Sampling {
         Self::from_rows(rows)
     }
 
+    /// The native points from `from_nm` to `to_nm` and both ends, ascending in wavelength; ends beyond the tables are drawn in to
+    /// them. On these points the piecewise-linear curve is the model itself, nothing lost.
+    ///
+    /// # Errors
+    /// A range that is empty or wholly outside the tables.
+    pub fn native(from_nm: f64, to_nm: f64) -> Result<Self, AirError> {
+        let (lowest_nm, highest_nm) = range_nm();
+        let (from, to) = (from_nm.max(lowest_nm), to_nm.min(highest_nm));
+        if !(from < to) {
+            return Err(AirError::Wavelength { wavelength_nm: from_nm, lowest_nm, highest_nm });
+        }
+        let between = (0..NATIVE).rev().map(native_nm).filter(|nm| (from < *nm) && (*nm < to));
+        let grid: Vec<f64> = std::iter::once(from).chain(between).chain([to]).collect();
+        Self::points(&grid)
+    }
+
     /// Means over `centre_nm` ± `half_width_nm` (vacuum), in any order.
     ///
     /// # Errors
     /// A bin that reaches outside the tables or has no width; none at all.
     pub fn means(centre_nm: &[f64], half_width_nm: f64) -> Result<Self, AirError> {
-        Self::from_rows(
-            centre_nm.iter().map(|&nm| mean(nm - half_width_nm, nm + half_width_nm)),
-        )
+        Self::from_rows(centre_nm.iter().map(|&nm| mean(nm - half_width_nm, nm + half_width_nm)))
     }
 
     /// Means over the bins between ascending edges \[nm, vacuum\]: one bin less than edges.
@@ -177,7 +191,8 @@ mod tests {
         for sampling in
             [Sampling::means(&centres, 0.5).unwrap(), Sampling::points(&centres).unwrap()]
         {
-            let line: Vec<f64> = sampling.native.iter().map(|&i| 3.0 * native_nm(i) - 7.0).collect();
+            let line: Vec<f64> =
+                sampling.native.iter().map(|&i| 3.0 * native_nm(i) - 7.0).collect();
             let mut out = vec![0.0; centres.len()];
             sampling.apply(&line, &mut out);
             for (nm, value) in centres.iter().zip(&out) {
