@@ -60,6 +60,10 @@ fn the_rotation_is_pyerfas() {
         assert!((frame.earth_rotation_angle_rad() - number("era_rad")).abs() < 1e-12);
         let origins = frame.equation_of_origins_rad() - number("equation_of_origins_rad");
         assert!(origins.abs() < 1e-12);
+        // astropy's get_sun takes the light time to first order: 0.01″.
+        let sun = DVec3::new(number("sun_x"), number("sun_y"), number("sun_z"));
+        let arcsec = separation_deg(frame.sun().direction_gcrs, sun) * 3600.0;
+        assert!(arcsec < 0.01, "row {row}: the Sun {arcsec}″");
     }
 }
 

@@ -53,7 +53,7 @@ fn satellite_m(table: &Table, row: usize) -> DVec3 {
 /// IERS table and to skyfield as ΔT and polar motion.
 ///
 /// (The largest difference of the Sun, 0.044″, is one second of its motion, inside the leap second of 2016 only: astropy's
-/// `get_body` takes the light time across it. Its `get_sun` and SOFA's functions chained by hand agree with us to 0.002″ there.)
+/// `get_body` takes the light time across it. Its `get_sun` agrees with us there: see `sky_frames.rs`.)
 #[test]
 fn altitude_and_azimuth_agree_with_astropy_and_skyfield() {
     let table = read("places");
@@ -120,7 +120,7 @@ fn tt_epoch(jd_tt: f64) -> Epoch {
 /// SOFA's Sun and Moon against theories that are not SOFA's: JPL's DE430 over eight days of 2015, JUP310's Sun in 2053,
 /// and libastro (VSOP87 and Moshier's Moon) over 2005 to 2027. The peers give astrometric directions, so the annual
 /// aberration is taken out of ours by its first-order formula (second order: 0.002″; solar potential 0.004″).
-/// Sun: 0.1″ for JPL, 2″ for libastro. Moon: 20″ (18″ is the worst that moon98's authors found, the issue asks for 60″), 30 km.
+/// Sun: 0.1″ for JPL, 2″ for libastro. Moon: 20″ (18″ is the worst that moon98's authors found, 60″ is promised), 30 km.
 #[test]
 fn the_sun_and_the_moon_agree_with_independent_theories() {
     let table = read("bodies");

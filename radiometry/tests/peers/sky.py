@@ -12,7 +12,7 @@ import astropy
 import erfa
 import numpy as np
 from astropy import units as u
-from astropy.coordinates import (AltAz, CartesianRepresentation, EarthLocation, GCRS, ITRS, SkyCoord, get_body,
+from astropy.coordinates import (AltAz, CartesianRepresentation, EarthLocation, GCRS, ITRS, SkyCoord, get_body, get_sun,
                                  solar_system_ephemeris)
 from astropy.table import Table
 from astropy.time import Time
@@ -162,10 +162,13 @@ def frames(_repository):
         tt = erfa.taitt(*tai)
         ut1 = erfa.utcut1(utc.jd1, utc.jd2, dut1)
         matrix = erfa.c2t06a(*tt, *ut1, x * erfa.DAS2R, y * erfa.DAS2R)
-        rows.append((text + "Z", dut1, x, y, *matrix.flatten(), erfa.era00(*ut1), erfa.eo06a(*tt)))
+        sun = get_sun(utc).cartesian.xyz.value
+        rows.append((text + "Z", dut1, x, y, *matrix.flatten(), erfa.era00(*ut1), erfa.eo06a(*tt),
+                     *(sun / np.linalg.norm(sun))))
     names = (["epoch_utc", "ut1_minus_utc_s", "x_pole_arcsec", "y_pole_arcsec"]
-             + [f"m{i}{j}" for i in range(3) for j in range(3)] + ["era_rad", "equation_of_origins_rad"])
-    return Table(rows=rows, names=names), "GCRS to ITRS by c2t06a, row by row; Earth rotation angle; equation of the origins"
+             + [f"m{i}{j}" for i in range(3) for j in range(3)] + ["era_rad", "equation_of_origins_rad", "sun_x", "sun_y", "sun_z"])
+    return Table(rows=rows, names=names), ("GCRS to ITRS by c2t06a, row by row; Earth rotation angle; equation of the origins; the "
+                                             "Sun from the Earth's centre by astropy's get_sun")
 
 
 def orientation(_repository):
