@@ -7,6 +7,7 @@
 //! - [`ecsv`]: tables as text that a person can open and astropy reads.
 
 pub mod atomic;
+pub mod curve;
 pub mod ecsv;
 pub mod error;
 pub mod fits;

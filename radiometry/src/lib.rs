@@ -12,7 +12,7 @@
 //! - [`spectral_type`], [`star_light`]: a star's absolute spectrum from its magnitude, type and colour;
 //! - [`sky`]: where things are: time, Earth orientation, sites, frames, the Sun, the Moon and stars;
 //! - [`air`]: what the atmosphere leaves of a direct beam;
-//! - `station`: site, telescope, channels, camera and lasers of an observatory;
+//! - [`station`]: site, telescope, channels, camera and lasers of an observatory;
 //! - [`light_curve`]: the schema in which measured and simulated light meet.
 
 pub mod air;
@@ -26,5 +26,5 @@ pub mod sky;
 pub mod spectral_type;
 pub mod spectrum;
 pub mod star_light;
-//pub mod station;
+pub mod station;
 pub mod tables;

@@ -6,8 +6,9 @@ use crate::quadrature::{Integral, Product};
 use crate::sky::Site;
 use crate::spectrum::{Irradiance, Quantity, Response, Spectrum};
 use std::path::{Path, PathBuf};
+use sunglint_formats::FileError;
+use sunglint_formats::curve;
 use sunglint_formats::toml::Document;
-use sunglint_formats::{Curve, FileError};
 
 /// A station.
 #[derive(Debug, Clone, PartialEq)]
@@ -275,12 +276,12 @@ impl Station {
         let folder = PathBuf::from(format!("embedded:{name}"));
         let read = || {
             let document = Document::new(folder.join("station.toml"), *toml)?;
-            file::station(&document, &mut |curve| {
-                let text = curves.iter().find(|(name, _)| *name == curve).map(|(_, text)| *text);
-                let path = folder.join(curve);
+            file::station(&document, &mut |wanted| {
+                let text = curves.iter().find(|(name, _)| *name == wanted).map(|(_, text)| *text);
+                let path = folder.join(wanted);
                 let missing = || std::io::Error::from(std::io::ErrorKind::NotFound);
                 let text = text.ok_or_else(|| FileError::io("read", &path, missing()))?;
-                Ok(Curve::from_str(&path, text)?)
+                Ok((curve::read_str(&path, text, None)?, path))
             })
         };
         Some(read())
@@ -294,7 +295,10 @@ impl Station {
         let path = path.as_ref();
         let path = if path.is_dir() { path.join("station.toml") } else { path.to_path_buf() };
         let document = Document::read(path)?;
-        file::station(&document, &mut |curve| Curve::read(document.resolve(curve)))
+        file::station(&document, &mut |name| {
+            let path = document.resolve(name);
+            Ok((curve::read(&path, None)?, path))
+        })
     }
 
     /// The channel of that name.

@@ -42,8 +42,7 @@ impl Samples {
 
     /// Time and exposure, which come first in a table, and the geometry, which comes last.
     pub(super) fn columns(&self) -> (Vec<Column>, Vec<Column>) {
-        let mut time =
-            Column::text("time_utc", self.time.iter().map(|t| format_utc(*t, 9)).collect());
+        let mut time = Column::text("time_utc", self.time.iter().map(|t| shortest(*t)).collect());
         time.description = Some("mid-exposure, ISO 8601".into());
         let first = vec![time, Column::f64("exposure_s", Some("s"), self.exposure_s.clone())];
         let column = |(name, unit, values): (&str, &str, &Option<Vec<f64>>)| {
@@ -99,6 +98,13 @@ impl Samples {
         }
         Ok(())
     }
+}
+
+/// UTC to the nanosecond, without the zeros at its end.
+fn shortest(time: Epoch) -> String {
+    let text = format_utc(time, 9);
+    let digits = text.trim_end_matches('Z').trim_end_matches('0').trim_end_matches('.');
+    format!("{digits}Z")
 }
 
 /// A place in a table for an error message; rows count from 1.

@@ -204,7 +204,7 @@ mod tests {
             print(t['time_utc'][1].strip(), t['flags'][1], t['zenith_deg'].unit)\nprint(Table.read(sys.argv[1],hdu='BINS')['upper_nm'][2])";
         let out = sunglint_testkit::run_python(&python, script, &[file.to_str().unwrap()]);
         std::fs::remove_file(&file).unwrap();
-        assert_eq!(out, "(2, 3) 6.5e-12 W / (sr nm)\n2026-11-20T18:30:00.100000000 8 deg\n400.0\n");
+        assert_eq!(out, "(2, 3) 6.5e-12 W / (sr nm)\n2026-11-20T18:30:00.1Z 8 deg\n400.0\n");
     }
 
     #[test]

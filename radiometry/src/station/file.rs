@@ -1,14 +1,18 @@
 //! What stands in a `station.toml`, and how it becomes a [`Station`].
 
 use super::{
-    AirDefaults, Camera, Channel, Counter, CounterQuantity, DeadTime, Detector, Fibre, Horizon, Laser, Mount, Station,
-    Telescope,
+    AirDefaults, Camera, Channel, Counter, CounterQuantity, DeadTime, Detector, Fibre, Horizon,
+    Laser, Mount, Station, Telescope,
 };
 use crate::sky::{Geodetic, Site};
 use crate::spectrum::{Response, Spectrum};
 use serde::Deserialize;
-use sunglint_formats::toml::{Document, Finite, Fraction, LatitudeDeg, LongitudeDeg, NonNegative, Positive};
-use sunglint_formats::{Curve, FileError, ParseError};
+use std::path::PathBuf;
+use sunglint_formats::curve::Curve;
+use sunglint_formats::toml::{
+    Document, Finite, Fraction, LatitudeDeg, LongitudeDeg, NonNegative, Positive,
+};
+use sunglint_formats::{FileError, ParseError};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -128,13 +132,15 @@ struct LaserFile {
     note: Option<String>,
 }
 
-type Loader<'a> = &'a mut dyn FnMut(&str) -> Result<Curve, FileError>;
+/// Reads a curve that the file names, and says under which path it was found.
+type Loader<'a> = &'a mut dyn FnMut(&str) -> Result<(Curve, PathBuf), FileError>;
 
 /// The station of a document; `curve` reads the files that it names.
 pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, FileError> {
     let file: StationFile = document.parse()?;
     let mut notes = Vec::new();
-    let mut note = |table: String, text: Option<String>| notes.extend(text.map(|text| (table, text)));
+    let mut note =
+        |table: String, text: Option<String>| notes.extend(text.map(|text| (table, text)));
     check_name(document, "name", &file.name, "_-")?;
     let site = site(document, &file.site)?;
     let horizon = horizon(document, &file.site, curve)?;
@@ -170,7 +176,18 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
         water_mm: file.air.water_mm.map(NonNegative::get),
     };
     let (name, description) = (file.name, file.description);
-    Ok(Station { name, description, site, horizon, telescope, air, channels, camera, lasers, notes })
+    Ok(Station {
+        name,
+        description,
+        site,
+        horizon,
+        telescope,
+        air,
+        channels,
+        camera,
+        lasers,
+        notes,
+    })
 }
 
 fn check_name(document: &Document, key: &str, name: &str, extra: &str) -> Result<(), ParseError> {
@@ -200,14 +217,16 @@ fn horizon(document: &Document, file: &SiteFile, curve: Loader) -> Result<Horizo
         (Some(elevation), None) => Horizon::Flat(elevation.get()),
         (None, None) => Horizon::Flat(0.0),
         (None, Some(name)) => {
-            let mask = curve(name)?;
+            let (mask, path) = curve(name)?;
             let wrong = |expected: &str, x: f64| {
                 let found = format!("{} {x}", mask.x_name);
-                ParseError::new(&mask.path, found, expected).in_field(mask.x_name.clone())
+                ParseError::new(&path, found, expected).in_field(mask.x_name.clone())
             };
             if mask.x_name != "azimuth_deg" || mask.y_name != "elevation_deg" {
                 let found = format!("{}, {}", mask.x_name, mask.y_name);
-                return Err(ParseError::new(&mask.path, found, "columns azimuth_deg, elevation_deg").into());
+                return Err(
+                    ParseError::new(&path, found, "columns azimuth_deg, elevation_deg").into()
+                );
             }
             if let Some(x) = mask.x.iter().find(|x| !(0.0..=360.0).contains(*x)) {
                 return Err(wrong("an azimuth from 0 to 360 degrees", *x).into());
@@ -231,12 +250,20 @@ fn telescope(document: &Document, file: &TelescopeFile) -> Result<Telescope, Par
     Ok(telescope)
 }
 
-fn camera(document: &Document, file: &CameraFile, telescope: &Telescope) -> Result<Camera, ParseError> {
+fn camera(
+    document: &Document,
+    file: &CameraFile,
+    telescope: &Telescope,
+) -> Result<Camera, ParseError> {
     const ARCSEC_PER_RADIAN: f64 = 648_000.0 / std::f64::consts::PI;
     let pixel_scale_arcsec = match (&file.pixel_scale_arcsec, &file.pixel_size_um) {
         (Some(scale), _) => scale.get(),
-        (None, Some(size)) => (size.get() * 1e-6 / telescope.focal_length_m).atan() * ARCSEC_PER_RADIAN,
-        (None, None) => return Err(document.error_at("camera", "pixel_scale_arcsec or pixel_size_um")),
+        (None, Some(size)) => {
+            (size.get() * 1e-6 / telescope.focal_length_m).atan() * ARCSEC_PER_RADIAN
+        }
+        (None, None) => {
+            return Err(document.error_at("camera", "pixel_scale_arcsec or pixel_size_um"));
+        }
     };
     for (key, value) in [("camera.width_px", file.width_px), ("camera.height_px", file.height_px)] {
         if value == 0 {
@@ -249,7 +276,8 @@ fn camera(document: &Document, file: &CameraFile, telescope: &Telescope) -> Resu
     if let Some(pattern) = &file.bayer
         && !["RGGB", "BGGR", "GRBG", "GBRG"].contains(&pattern.as_str())
     {
-        return Err(document.error_at("camera.bayer", "RGGB, BGGR, GRBG or GBRG (none for a monochrome camera)"));
+        return Err(document
+            .error_at("camera.bayer", "RGGB, BGGR, GRBG or GBRG (none for a monochrome camera)"));
     }
     Ok(Camera {
         name: file.name.clone(),
@@ -272,16 +300,18 @@ fn channel(
     curve: Loader,
 ) -> Result<Channel, FileError> {
     check_name(document, &format!("{at}.name"), &file.name, "_")?;
-    let efficiency = fractions(&curve(&file.efficiency)?)?;
+    let efficiency = fractions(curve(&file.efficiency)?)?;
     let mut optics = Vec::new();
     for name in &file.optics {
-        optics.push(fractions(&curve(name)?)?);
+        optics.push(fractions(curve(name)?)?);
     }
     if let Some(transmission) = &file.transmission {
         // A grey factor on the efficiency's own grid changes nothing else.
         let (first, last) = efficiency.range_nm();
         let grey = Spectrum::constant(transmission.get(), first, last);
-        optics.push(grey.map_err(|e| document.error_at(&format!("{at}.transmission"), e.to_string()))?);
+        optics.push(
+            grey.map_err(|e| document.error_at(&format!("{at}.transmission"), e.to_string()))?,
+        );
     }
     let detector = match (&file.camera_plane, &file.counter) {
         (Some(plane), None) => camera_plane(document, at, plane, camera)?,
@@ -299,7 +329,12 @@ fn channel(
     Ok(channel)
 }
 
-fn camera_plane(document: &Document, at: &str, plane: &str, camera: Option<&Camera>) -> Result<Detector, ParseError> {
+fn camera_plane(
+    document: &Document,
+    at: &str,
+    plane: &str,
+    camera: Option<&Camera>,
+) -> Result<Detector, ParseError> {
     let wrong = |expected: &str| Err(document.error_at(&format!("{at}.camera_plane"), expected));
     let Some(camera) = camera else {
         return wrong("a table [camera] that this plane belongs to");
@@ -314,7 +349,12 @@ fn camera_plane(document: &Document, at: &str, plane: &str, camera: Option<&Came
     }
 }
 
-fn counter(document: &Document, at: &str, file: &CounterFile, curve: Loader) -> Result<Counter, FileError> {
+fn counter(
+    document: &Document,
+    at: &str,
+    file: &CounterFile,
+    curve: Loader,
+) -> Result<Counter, FileError> {
     let key = |name: &str| format!("{at}.counter.{name}");
     let given = [
         ("dead_time_ns", file.dead_time_ns.is_some()),
@@ -325,7 +365,9 @@ fn counter(document: &Document, at: &str, file: &CounterFile, curve: Loader) -> 
         DeadTimeModel::None => ("none", &[]),
         DeadTimeModel::NonParalysable => ("non_paralysable", &["dead_time_ns"]),
         DeadTimeModel::Paralysable => ("paralysable", &["dead_time_ns"]),
-        DeadTimeModel::ExponentialRecovery => ("exponential_recovery", &["dead_time_ns", "recovery_ns"]),
+        DeadTimeModel::ExponentialRecovery => {
+            ("exponential_recovery", &["dead_time_ns", "recovery_ns"])
+        }
         DeadTimeModel::Table => ("table", &["linearity"]),
     };
     for (name, is_given) in given {
@@ -348,7 +390,7 @@ fn counter(document: &Document, at: &str, file: &CounterFile, curve: Loader) -> 
             let recovery_s = seconds(file.recovery_ns.map(Positive::get));
             DeadTime::ExponentialRecovery { dead_time_s, recovery_s }
         }
-        DeadTimeModel::Table => linearity(&curve(file.linearity.as_deref().unwrap_or_default())?)?,
+        DeadTimeModel::Table => linearity(curve(file.linearity.as_deref().unwrap_or_default())?)?,
     };
     // The most that the model can give: a saturation above it can never be reached.
     let limit_hz = match dead_time {
@@ -357,7 +399,10 @@ fn counter(document: &Document, at: &str, file: &CounterFile, curve: Loader) -> 
         _ => f64::INFINITY,
     };
     if file.saturation_hz.get() > limit_hz {
-        let expected = format!("at most {limit_hz:.6e} Hz, which a dead time of {:e} ns allows", dead_time_s * 1e9);
+        let expected = format!(
+            "at most {limit_hz:.6e} Hz, which a dead time of {:e} ns allows",
+            dead_time_s * 1e9
+        );
         return Err(document.error_at(&key("saturation_hz"), expected).into());
     }
     let fibre = match (file.fibre_offset_px, file.fibre_sigma_px) {
@@ -394,29 +439,40 @@ fn laser(file: LaserFile) -> Laser {
 }
 
 /// A curve of fractions against wavelength.
-fn fractions(curve: &Curve) -> Result<Spectrum<Response>, ParseError> {
+fn fractions((curve, path): (Curve, PathBuf)) -> Result<Spectrum<Response>, ParseError> {
     if curve.x_name != "wavelength_nm" {
-        let error = ParseError::new(&curve.path, format!("`{}`", curve.x_name), "wavelengths in the first column");
-        return Err(error.in_field(curve.x_name.clone()).with_hint("name it wavelength_nm, wavelength_um or wavelength_angstrom"));
+        let error = ParseError::new(
+            &path,
+            format!("`{}`", curve.x_name),
+            "wavelengths in the first column",
+        );
+        return Err(error
+            .in_field(curve.x_name.clone())
+            .with_hint("name it wavelength_nm, wavelength_um or wavelength_angstrom"));
     }
     if let Some(i) = curve.y.iter().position(|y| !(0.0..=1.0).contains(y)) {
         let found = format!("{} at {} nm", curve.y[i], curve.x[i]);
-        let error = ParseError::new(&curve.path, found, "a fraction from 0 to 1").in_field(curve.y_name.clone());
-        return Err(error.with_hint(format!("a column in percent is named {}_percent", curve.y_name)));
+        let error =
+            ParseError::new(&path, found, "a fraction from 0 to 1").in_field(curve.y_name.clone());
+        return Err(
+            error.with_hint(format!("a column in percent is named {}_percent", curve.y_name))
+        );
     }
-    Spectrum::new(curve.x.clone(), curve.y.clone())
-        .map_err(|e| ParseError::new(&curve.path, e.to_string(), "a curve against wavelength"))
+    Spectrum::new(curve.x, curve.y)
+        .map_err(|e| ParseError::new(&path, e.to_string(), "a curve against wavelength"))
 }
 
-fn linearity(curve: &Curve) -> Result<DeadTime, ParseError> {
+fn linearity((curve, path): (Curve, PathBuf)) -> Result<DeadTime, ParseError> {
     if curve.x_name != "measured_hz" || curve.y_name != "true_hz" {
         let found = format!("{}, {}", curve.x_name, curve.y_name);
-        return Err(ParseError::new(&curve.path, found, "columns measured_hz, true_hz"));
+        return Err(ParseError::new(&path, found, "columns measured_hz, true_hz"));
     }
-    let rising = |v: &[f64]| v.windows(2).all(|w| w[0] < w[1]) && v.first().is_some_and(|v| *v >= 0.0);
+    let rising =
+        |v: &[f64]| v.windows(2).all(|w| w[0] < w[1]) && v.first().is_some_and(|v| *v >= 0.0);
     if !rising(&curve.x) || !rising(&curve.y) {
-        let error = ParseError::new(&curve.path, "rates that do not increase, or below 0", "increasing rates");
+        let error =
+            ParseError::new(&path, "rates that do not increase, or below 0", "increasing rates");
         return Err(error.in_field("true_hz"));
     }
-    Ok(DeadTime::Table { measured_hz: curve.x.clone(), true_hz: curve.y.clone() })
+    Ok(DeadTime::Table { measured_hz: curve.x, true_hz: curve.y })
 }

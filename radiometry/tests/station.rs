@@ -1,0 +1,267 @@
+//! Stations: the built-in one against the published figures, and files that are wrong.
+
+use std::path::{Path, PathBuf};
+use sunglint_radiometry::spectrum::{Irradiance, Spectrum, Transmission};
+use sunglint_radiometry::station::{DeadTime, Detector, Horizon, Station};
+
+fn ufo() -> Station {
+    Station::built_in("ufo").unwrap().unwrap()
+}
+
+/// Truth: the thesis' text and tables B.1, B.2 and C.1.
+#[test]
+fn the_built_in_station_is_the_published_one() {
+    let ufo = ufo();
+    let site = ufo.site.geodetic();
+    let dms = |d: f64, m: f64, s: f64| d + m / 60.0 + s / 3600.0;
+    assert!((site.latitude_deg - dms(48.0, 46.0, 56.6)).abs() < 1e-9);
+    assert!((site.longitude_deg - dms(9.0, 11.0, 47.1)).abs() < 1e-9);
+    assert_eq!(site.height_m, 399.0);
+    // 31 % bigger without its obstruction.
+    let full = std::f64::consts::PI * 0.215_f64.powi(2);
+    assert!((full / ufo.telescope.area_m2() - 1.31).abs() < 0.005);
+    let names: Vec<&str> = ufo.channels.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["r", "g", "b", "id400", "spcm", "mppc"]);
+    for (name, peak_nm, peak, first_nm, last_nm) in [
+        ("b", 450.0, 0.50, 350.0, 660.0),
+        ("g", 520.0, 0.56, 400.0, 650.0),
+        ("r", 600.0, 0.56, 400.0, 700.0),
+        ("id400", 950.0, 0.35, 880.0, 1240.0),
+        ("spcm", 650.0, 0.70, 350.0, 1100.0),
+        ("mppc", 420.0, 0.50, 320.0, 900.0),
+    ] {
+        let efficiency = &ufo.channel(name).unwrap().efficiency;
+        let highest = efficiency.value().iter().copied().fold(0.0, f64::max);
+        assert_eq!((efficiency.at(peak_nm), highest), (peak, peak), "{name}");
+        assert_eq!(efficiency.range_nm(), (first_nm, last_nm), "{name}");
+        assert_eq!(
+            efficiency.at(first_nm) + efficiency.at(last_nm),
+            0.0,
+            "{name} has a step at its end"
+        );
+    }
+    let counter = |name: &str| match &ufo.channel(name).unwrap().detector {
+        Detector::Counter(counter) => counter.clone(),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(counter("spcm").dead_time, DeadTime::NonParalysable { dead_time_s: 22e-9 });
+    assert_eq!(counter("id400").dark_rate_hz, 756.0);
+    assert_eq!(counter("mppc").fibre.unwrap().sigma_px, [18.213, 23.411]);
+    let camera = ufo.camera.unwrap();
+    assert_eq!(camera.size_px, [1391, 1039]);
+    // 6.45 µm at 3 m.
+    assert!((camera.pixel_scale_arcsec - 0.4435).abs() < 1e-3);
+    // The sensor's area of table B.1 is that of its pixels.
+    assert!((1391.0 * 1039.0 * 6.45e-3_f64.powi(2) - 60.126).abs() < 1e-3);
+    assert_eq!(camera.saturation_adu(), 65535.0);
+}
+
+/// Truth: by hand. Flat light of 1e-12 W/m²/nm on a station with a box filter: A/(hc) E P (λ₂²−λ₁²)/2.
+#[test]
+fn a_rate_is_photons_times_area_times_sensitivity() {
+    let folder = station(|toml| toml);
+    let station = Station::read(folder.path()).unwrap();
+    let light = Spectrum::<Irradiance>::constant(1e-12, 300.0, 1200.0).unwrap();
+    let grey = Spectrum::<Transmission>::constant(0.5, 300.0, 1200.0).unwrap();
+    let channel = station.channel("box").unwrap();
+    let hc_j_nm = 1.986_445_857e-16;
+    let expected = std::f64::consts::PI
+        * (0.25 - 0.01)
+        * 1e-12
+        * 0.4
+        * 0.9
+        * (600.0_f64.powi(2) - 500.0_f64.powi(2))
+        / 2.0
+        / hc_j_nm;
+    let found = station.rate_hz::<Transmission>(channel, &light, None);
+    assert!((found.value / expected - 1.0).abs() < 1e-9, "{} {expected}", found.value);
+    assert!(found.is_covered());
+    assert!((station.rate_hz(channel, &light, Some(&grey)).value / expected - 0.5).abs() < 1e-9);
+    assert!((channel.bandwidth_nm() - 36.0).abs() < 1e-9);
+    // Light that nobody tabulated is said.
+    let short = Spectrum::<Irradiance>::constant(1e-12, 300.0, 560.0).unwrap();
+    assert_eq!(station.rate_hz::<Transmission>(channel, &short, None).uncovered_nm, 40.0);
+    // Photons leave the efficiency out.
+    let photons =
+        self::station(|toml| toml.replace("quantity = \"counts\"", "quantity = \"photons\""));
+    let station = Station::read(photons.path().join("station.toml")).unwrap();
+    let channel = station.channel("box").unwrap();
+    assert!((channel.bandwidth_nm() - 90.0).abs() < 1e-9);
+    assert_eq!((station.lasers[0].pulse_energy_j, station.lasers[0].pulse_length_s), (0.14, 7e-9));
+}
+
+#[test]
+fn a_horizon_goes_around_north() {
+    let mask = Horizon::Mask(vec![(90.0, 10.0), (270.0, 30.0)]);
+    for (azimuth, elevation) in [
+        (90.0, 10.0),
+        (180.0, 20.0),
+        (270.0, 30.0),
+        (0.0, 20.0),
+        (360.0, 20.0),
+        (-45.0, 25.0),
+        (45.0, 15.0),
+    ] {
+        assert!((mask.elevation_deg(azimuth) - elevation).abs() < 1e-12, "{azimuth}");
+    }
+    assert_eq!(Horizon::Flat(10.0).elevation_deg(123.0), 10.0);
+    assert_eq!(Horizon::Mask(vec![(10.0, 7.0)]).elevation_deg(200.0), 7.0);
+    let folder = station(|toml| toml.replace("horizon_deg = 10", "horizon_mask = \"mask.csv\""));
+    std::fs::write(folder.path().join("mask.csv"), "azimuth_deg,elevation_deg\n0,5\n180,15\n")
+        .unwrap();
+    let read = Station::read(folder.path()).unwrap();
+    assert!((read.horizon.elevation_deg(90.0) - 10.0).abs() < 1e-12);
+}
+
+/// What is wrong in a station's files, and what is said of it.
+#[test]
+fn wrong_files_are_refused_with_file_line_and_field() {
+    for (from, to, expected) in [
+        (
+            "dead_time_ns = 22",
+            "dead_time_ns = -22",
+            "station.toml:26: channel[0].counter.dead_time_ns: found -22, expected",
+        ),
+        (
+            "dead_time_ns = 22",
+            "dead_time_us = 22",
+            "station.toml:26: channel[0].counter.dead_time_us: found",
+        ),
+        ("dead_time_ns = 22\n", "", "dead_time_ns, which the model non_paralysable needs"),
+        (
+            "dead_time_ns = 22",
+            "dead_time_ns = 22\nrecovery_ns = 3",
+            "no recovery_ns: the model non_paralysable does not use it",
+        ),
+        (
+            "saturation_hz = 1e6",
+            "saturation_hz = 1e9",
+            "at most 4.545455e7 Hz, which a dead time of 2.2e1 ns allows",
+        ),
+        ("quantity = \"counts\"", "quantity = \"clicks\"", "channel[0].counter.quantity"),
+        (
+            "latitude_deg = 48.7",
+            "latitude_deg = 98.7",
+            "station.toml:4: site.latitude_deg: found 98.7, expected",
+        ),
+        (
+            "obstruction_diameter_m = 0.2",
+            "obstruction_diameter_m = 1.2",
+            "telescope.obstruction_diameter_m: found 1.2, expected less than primary_diameter_m = 1",
+        ),
+        ("efficiency = \"efficiency.csv\"", "efficiency = \"nowhere.csv\"", "cannot read"),
+        ("name = \"box\"", "name = \"a box\"", "channel[0].name: found"),
+        (
+            "[channel.counter]",
+            "camera_plane = \"R\"\n[channel.counter]",
+            "either camera_plane or a table [channel.counter]",
+        ),
+        ("[telescope]", "[telescop]", "station.toml"),
+        ("height_m = 300", "height_m = nan", "site.height_m: found nan, expected"),
+        ("profile = \"tropical\"", "profil = \"tropical\"", "profile"),
+    ] {
+        let folder = station(|toml| {
+            assert!(toml.contains(from), "{from}");
+            toml.replacen(from, to, 1)
+        });
+        let message = Station::read(folder.path()).unwrap_err().to_string();
+        assert!(
+            message.contains(expected),
+            "{from} -> {to}\n  found    {message}\n  expected {expected}"
+        );
+    }
+    for (curve, expected) in [
+        (
+            "wavelength_nm,efficiency\n500,0.4\n600,NaN\n",
+            "efficiency.csv:3: efficiency: found `NaN`",
+        ),
+        ("wavelength_nm,efficiency\n500,0.4\n450,0.4\n", "efficiency.csv:3: wavelength_nm"),
+        (
+            "wavelength_nm,efficiency\n500,40\n600,40\n",
+            "a column in percent is named efficiency_percent",
+        ),
+        ("nm,efficiency\n500,0.4\n600,0.4\n", "name it wavelength_nm"),
+        (
+            "wavelength_nm,efficiency\n900,0.4\n950,0.4\n",
+            "optics and efficiency with wavelengths in common",
+        ),
+        ("", "efficiency.csv"),
+    ] {
+        let folder = station(|toml| toml);
+        std::fs::write(folder.path().join("efficiency.csv"), curve).unwrap();
+        let message = Station::read(folder.path()).unwrap_err().to_string();
+        assert!(message.contains(expected), "{curve}\n  found    {message}\n  expected {expected}");
+    }
+}
+
+/// The folder of a test's station, gone when dropped.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn station(change: impl Fn(String) -> String) -> Folder {
+    use std::sync::atomic::{AtomicU32, Ordering};
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let number = COUNT.fetch_add(1, Ordering::Relaxed);
+    let path =
+        std::env::temp_dir().join(format!("sunglint-station-{}-{number}", std::process::id()));
+    std::fs::create_dir_all(&path).unwrap();
+    let toml = r#"name = "test"
+
+[site]
+latitude_deg = 48.7
+longitude_deg = 9
+height_m = 300
+horizon_deg = 10
+
+[telescope]
+primary_diameter_m = 1
+obstruction_diameter_m = 0.2
+focal_length_m = 8
+
+[air]
+profile = "tropical"
+
+[[channel]]
+name = "box"
+optics = ["optics.csv"]
+efficiency = "efficiency.csv"
+note = "a box"
+[channel.counter]
+quantity = "counts"
+dead_time_model = "non_paralysable"
+# a comment, so that the line below is 26
+dead_time_ns = 22
+saturation_hz = 1e6
+dark_rate_hz = 0
+
+[[laser]]
+name = "Graz"
+wavelength_nm = 1064
+linewidth_nm = 1
+pulse_energy_mj = 140
+pulse_length_ns = 7
+repetition_rate_hz = 10
+divergence_arcsec = 5
+beam_radius_m = 0.06
+"#;
+    std::fs::write(path.join("station.toml"), change(toml.to_owned())).unwrap();
+    std::fs::write(
+        path.join("efficiency.csv"),
+        "# flat\nwavelength_nm,efficiency\n500,0.4\n600,0.4\n",
+    )
+    .unwrap();
+    std::fs::write(path.join("optics.csv"), "wavelength_um,transmission_percent\n0.4,90\n0.7,90\n")
+        .unwrap();
+    Folder(path)
+}
