@@ -9,7 +9,9 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::str::FromStr;
 use sunglint_formats::{Column, Table};
-use sunglint_radiometry::air::{Aerosol, AerosolModel, Air, AirOptions, Components, Path, Profile, Sampling, Zenith};
+use sunglint_radiometry::air::{
+    Aerosol, AerosolModel, Air, AirOptions, Components, Path, Profile, Sampling, Zenith,
+};
 use sunglint_radiometry::station::Station;
 
 /// What is known of the air; what is not given is the station's, or the profile's own.
@@ -54,12 +56,19 @@ impl FromStr for AerosolArg {
         if let Some(model) = AerosolModel::from_name(text) {
             return Ok(Self(Aerosol::Model(model)));
         }
-        let numbers = text.split_once(',').and_then(|(tau, alpha)| Some((tau.trim().parse().ok()?, alpha.trim().parse().ok()?)));
+        let numbers = text
+            .split_once(',')
+            .and_then(|(tau, alpha)| Some((tau.trim().parse().ok()?, alpha.trim().parse().ok()?)));
         let (optical_depth, exponent) = numbers.ok_or_else(|| {
             let names: Vec<&str> = AerosolModel::ALL.iter().map(|m| m.name()).collect();
             format!("expected none, {} or TAU,ALPHA", names.join(", "))
         })?;
-        Ok(Self(Aerosol::Angstrom { optical_depth, wavelength_nm: 550.0, exponent, scale_height_m: 1800.0 }))
+        Ok(Self(Aerosol::Angstrom {
+            optical_depth,
+            wavelength_nm: 550.0,
+            exponent,
+            scale_height_m: 1800.0,
+        }))
     }
 }
 
@@ -96,7 +105,12 @@ impl AirModelArgs {
         };
         format!(
             "{} at {altitude_m} m: {:.1} hPa, {:.1} K, ozone {:.1} DU, water {:.2} mm, CO2 {:.0} ppm, {aerosol}",
-            self.profile(station), c.pressure_hpa, c.temperature_k, c.ozone_du, c.water_mm, c.co2_ppm
+            self.profile(station),
+            c.pressure_hpa,
+            c.temperature_k,
+            c.ozone_du,
+            c.water_mm,
+            c.co2_ppm
         )
     }
 }
@@ -105,7 +119,14 @@ impl AirModelArgs {
 #[derive(Debug, Args)]
 pub struct AirArgs {
     /// Zenith angles, degrees, separated by commas
-    #[arg(short, long, value_name = "DEG,...", value_delimiter = ',', default_value = "0,30,45,60,70,80", allow_negative_numbers = true)]
+    #[arg(
+        short,
+        long,
+        value_name = "DEG,...",
+        value_delimiter = ',',
+        default_value = "0,30,45,60,70,80",
+        allow_negative_numbers = true
+    )]
     pub zenith: Vec<f64>,
     /// The zenith angles are apparent (refracted), not true
     #[arg(long)]
@@ -152,7 +173,8 @@ pub fn run(args: &AirArgs, console: Console) -> anyhow::Result<()> {
         Some(_) => None,
         None => Some(args.station.get().context("which station's air? (or give --altitude-m)")?),
     };
-    let altitude_m = args.altitude_m.or(station.as_ref().map(|s| s.site.geodetic().height_m)).unwrap_or(0.0);
+    let altitude_m =
+        args.altitude_m.or(station.as_ref().map(|s| s.site.geodetic().height_m)).unwrap_or(0.0);
     let air = args.model.air(altitude_m, station.as_ref())?;
     let wavelength_nm = args.wavelengths()?;
     let sampling = if args.points {
@@ -178,35 +200,63 @@ impl AirArgs {
     fn wavelengths(&self) -> anyhow::Result<Vec<f64>> {
         let (from, to, step) = (self.from_nm, self.to_nm, self.step_nm);
         if !(from.is_finite() && to.is_finite() && step > 0.0 && from <= to) {
-            bail!("the wavelengths from {from} to {to} nm by {step} nm are none: --from-nm must not be above --to-nm, and --step-nm above 0");
+            bail!(
+                "the wavelengths from {from} to {to} nm by {step} nm are none: --from-nm must not be above --to-nm, and --step-nm above 0"
+            );
         }
         let n = ((to - from) / step + 1e-9).floor();
         if n > 1e6 {
-            bail!("the wavelengths from {from} to {to} nm by {step} nm are {n} many; more than 1e6 make no sense, the model resolves 20 cm-1: take a larger --step-nm");
+            bail!(
+                "the wavelengths from {from} to {to} nm by {step} nm are {n} many; more than 1e6 make no sense, the model resolves 20 cm-1: take a larger --step-nm"
+            );
         }
         // The count is bounded above.
         Ok((0..=n as u32).map(|i| from + f64::from(i) * step).collect())
     }
 
     fn label(&self, path: &Path) -> String {
-        let (angle, kind) = if self.apparent { (path.apparent_deg, "apparent") } else { (path.true_deg, "true") };
+        let (angle, kind) =
+            if self.apparent { (path.apparent_deg, "apparent") } else { (path.true_deg, "true") };
         format!("{}° {kind}", round(angle))
     }
 
-    fn product(&self, title: &str, air: &Air, wavelength_nm: &[f64], rows: &[Row], station: Option<&Station>) -> Product {
+    fn product(
+        &self,
+        title: &str,
+        air: &Air,
+        wavelength_nm: &[f64],
+        rows: &[Row],
+        station: Option<&Station>,
+    ) -> Product {
         let mut table = Table::default();
-        let kind = if self.points { "value at the wavelength".to_owned() } else { format!("mean over {} nm", self.step_nm) };
-        for (key, value) in [("title", title), ("zenith_kind", if self.apparent { "apparent" } else { "true" }), ("value", &kind)] {
+        let kind = if self.points {
+            "value at the wavelength".to_owned()
+        } else {
+            format!("mean over {} nm", self.step_nm)
+        };
+        for (key, value) in [
+            ("title", title),
+            ("zenith_kind", if self.apparent { "apparent" } else { "true" }),
+            ("value", &kind),
+        ] {
             table.meta.insert(key.into(), json!(value));
         }
         table.meta.insert("missing".into(), json!(MISSING));
         table.columns.push(Column::f64("wavelength_nm", Some("nm"), wavelength_nm.to_vec()));
         for (row, angle) in rows.iter().zip(&self.zenith) {
             let angle = format!("z{}", round(*angle));
-            table.columns.push(Column::f64(format!("transmission_{angle}"), None, row.components.total.clone()));
+            table.columns.push(Column::f64(
+                format!("transmission_{angle}"),
+                None,
+                row.components.total.clone(),
+            ));
             if self.components {
                 for (name, values) in constituents(&row.components) {
-                    table.columns.push(Column::f64(format!("{name}_{angle}"), None, values.to_vec()));
+                    table.columns.push(Column::f64(
+                        format!("{name}_{angle}"),
+                        None,
+                        values.to_vec(),
+                    ));
                 }
             }
         }
@@ -218,7 +268,12 @@ impl AirArgs {
                 "water_mm": c.water_mm, "co2_ppm": c.co2_ppm, "aerosol_optical_depth_550_nm": c.aerosol_550 },
             "value": kind, "missing": MISSING, "wavelength_nm": wavelength_nm, "zenith": json_rows,
         });
-        Product { name: "air".into(), table, figure: Some(self.figure(title, wavelength_nm, rows)), json }
+        Product {
+            name: "air".into(),
+            table,
+            figure: Some(self.figure(title, wavelength_nm, rows)),
+            json,
+        }
     }
 
     fn json_row(&self, air: &Air, row: &Row) -> Value {
@@ -230,23 +285,33 @@ impl AirArgs {
             "transmission": row.components.total,
         });
         if self.components {
-            let parts = constituents(&row.components).map(|(name, values)| (name.to_owned(), json!(values)));
+            let parts = constituents(&row.components)
+                .map(|(name, values)| (name.to_owned(), json!(values)));
             json["components"] = Value::Object(parts.collect());
         }
         json
     }
 
     fn figure(&self, title: &str, wavelength_nm: &[f64], rows: &[Row]) -> Figure {
-        let curve = |values: &[f64]| wavelength_nm.iter().copied().zip(values.iter().copied()).collect();
-        let x = || Axis::linear("vacuum wavelength (nm)").from_to(self.from_nm, self.to_nm.max(self.from_nm + self.step_nm));
+        let curve =
+            |values: &[f64]| wavelength_nm.iter().copied().zip(values.iter().copied()).collect();
+        let x = || {
+            Axis::linear("vacuum wavelength (nm)")
+                .from_to(self.from_nm, self.to_nm.max(self.from_nm + self.step_nm))
+        };
         let y = |label: &str| Axis::linear(label).from_to(0.0, 1.0);
         let series = rows.iter().enumerate().map(|(i, row)| {
-            Series::line(format!("zenith angle {}", self.label(&row.path)), i, curve(&row.components.total))
+            Series::line(
+                format!("zenith angle {}", self.label(&row.path)),
+                i,
+                curve(&row.components.total),
+            )
         });
         let mut panels = vec![Panel { x: x(), y: y("transmission"), series: series.collect() }];
         if let (true, Some(last)) = (self.components, rows.last()) {
             let series = constituents(&last.components).enumerate();
-            let series = series.map(|(i, (name, values))| Series::line(name.replace('_', " "), i, curve(values)));
+            let series = series
+                .map(|(i, (name, values))| Series::line(name.replace('_', " "), i, curve(values)));
             let label = format!("constituents, {}", self.label(&last.path));
             panels.push(Panel { x: x(), y: y(&label), series: series.collect() });
         }
@@ -255,7 +320,9 @@ impl AirArgs {
 
     fn text(&self, title: &str, air: &Air, rows: &[Row]) -> anyhow::Result<String> {
         const SHOWN_NM: [f64; 9] = [320.0, 400.0, 500.0, 550.0, 650.0, 762.0, 850.0, 940.0, 1064.0];
-        let mut text = format!("{title}\n\n  zenith angle      refraction  air mass            transmission (mean over 1 nm) at nm\n");
+        let mut text = format!(
+            "{title}\n\n  zenith angle      refraction  air mass            transmission (mean over 1 nm) at nm\n"
+        );
         let _ = write!(text, "  true    apparent      arcsec  Rayleigh   water ");
         for nm in SHOWN_NM {
             let _ = write!(text, "{nm:>8}");
@@ -267,14 +334,21 @@ impl AirArgs {
             let _ = write!(
                 text,
                 "{:8.4}{:10.4}{:12.1}{:10.4}{:9.4} ",
-                row.path.true_deg, row.path.apparent_deg, row.path.refraction_arcsec(), masses.rayleigh, masses.water
+                row.path.true_deg,
+                row.path.apparent_deg,
+                row.path.refraction_arcsec(),
+                masses.rayleigh,
+                masses.water
             );
             for t in air.transmission(Zenith::Apparent(row.path.apparent_deg), &sampling)? {
                 let _ = write!(text, "{t:8.4}");
             }
             text.push('\n');
         }
-        let _ = writeln!(text, "\n{MISSING}.\n`-o FILE` writes the spectra (.ecsv, .csv, .fits, .json) or draws them (.png, .svg).");
+        let _ = writeln!(
+            text,
+            "\n{MISSING}.\n`-o FILE` writes the spectra (.ecsv, .csv, .fits, .json) or draws them (.png, .svg)."
+        );
         Ok(text)
     }
 }

@@ -73,7 +73,8 @@ pub enum Command {
 /// # Errors
 /// Whatever the command says; `main` prints it and exits with 1.
 pub fn run(cli: &Cli) -> anyhow::Result<()> {
-    let console = Console { json: cli.global.json, quiet: cli.global.quiet, verbose: cli.global.verbose };
+    let console =
+        Console { json: cli.global.json, quiet: cli.global.quiet, verbose: cli.global.verbose };
     match &cli.command {
         Command::Demo(args) => demo::run(args, console),
         Command::Tables(args) => tables::run(args, console),
@@ -90,7 +91,8 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
 
 /// One page for the program and one for each command, from the same definition as the parser.
 fn write_manual(folder: &std::path::Path, force: bool, console: Console) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder).map_err(|e| sunglint_formats::FileError::io("create", folder, e))?;
+    std::fs::create_dir_all(folder)
+        .map_err(|e| sunglint_formats::FileError::io("create", folder, e))?;
     let out = OutputArgs { output: vec![], force };
     let mut command = Cli::command();
     command.build();

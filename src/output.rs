@@ -130,7 +130,11 @@ impl OutputArgs {
         let bytes = match Format::of(path)? {
             Format::Ecsv => ecsv::to_string(&product.table)?.into_bytes(),
             Format::Csv => plain_csv(&product.table)?,
-            Format::Fits => sunglint_formats::fits::table_bytes(&product.table)?,
+            Format::Fits => {
+                let mut writer = sunglint_formats::fits::Writer::new();
+                writer.table(&product.table, &product.name.to_uppercase())?;
+                writer.into_bytes()
+            }
             Format::Json => {
                 let mut text = serde_json::to_vec_pretty(&product.json)?;
                 text.push(b'\n');

@@ -139,7 +139,9 @@ impl Series {
     }
 }
 
-const WIDTH: u32 = 900;
+const WIDTH: u32 = 1000;
+/// Width of the strip on the right that holds the names, so that they never lie on the data.
+const LEGEND_WIDTH: u32 = 150;
 const PANEL_HEIGHT: u32 = 400;
 const TITLE_HEIGHT: u32 = 46;
 
@@ -234,7 +236,23 @@ impl Panel {
         Y::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
     {
         let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
-        let mut chart = ChartBuilder::on(area)
+        let names: Vec<(&str, RGBColor)> = self
+            .series
+            .iter()
+            .filter(|s| !s.label.is_empty())
+            .map(|s| (s.label.as_str(), s.colour))
+            .collect();
+        let legend_width = if names.is_empty() { 0 } else { LEGEND_WIDTH * scale };
+        let (area, legend) = area.split_horizontally(area.dim_in_pixel().0 - legend_width);
+        for (i, (name, colour)) in names.iter().enumerate() {
+            let (y, length) = ((22 + 20 * i as i32) * scale as i32, 18 * scale as i32);
+            let line = PathElement::new([(0, y), (length, y)], colour.stroke_width(3 * scale));
+            legend.draw(&line).map_err(failed)?;
+            let font = ("sans-serif", 13 * scale).into_font().color(&BLACK);
+            let middle = y - 7 * scale as i32;
+            legend.draw_text(name, &font, (length + 6 * scale as i32, middle)).map_err(failed)?;
+        }
+        let mut chart = ChartBuilder::on(&area)
             .margin(10 * scale)
             .margin_right(24 * scale)
             .x_label_area_size(44 * scale)
@@ -255,7 +273,6 @@ impl Panel {
             .y_label_formatter(&|v| tick(*v))
             .draw()
             .map_err(failed)?;
-        let mut named = 0;
         for series in &self.series {
             let colour = series.colour;
             let good = |p: &(f64, f64)| self.x.good(p.0) && self.y.good(p.1);
@@ -283,29 +300,6 @@ impl Panel {
                     chart.draw_series(dots).map_err(failed)?;
                 }
             }
-            if !series.label.is_empty() {
-                named += 1;
-                let length = 18 * scale as i32;
-                // The name hangs on a series without points: a broken line has many pieces and one name.
-                chart
-                    .draw_series(std::iter::empty::<Circle<(f64, f64), u32>>())
-                    .map_err(failed)?
-                    .label(&series.label)
-                    .legend(move |(x, y)| {
-                        PathElement::new([(x, y), (x + length, y)], colour.stroke_width(3 * scale))
-                    });
-            }
-        }
-        if named > 0 {
-            chart
-                .configure_series_labels()
-                .position(SeriesLabelPosition::UpperRight)
-                .margin(8 * scale)
-                .legend_area_size(26 * scale)
-                .background_style(WHITE.mix(0.85))
-                .label_font(("sans-serif", 13 * scale))
-                .draw()
-                .map_err(failed)?;
         }
         Ok(())
     }

@@ -12,8 +12,10 @@ use std::fmt::Write as _;
 use sunglint_formats::time::{format_utc, parse_utc};
 use sunglint_formats::{Column, Table};
 use sunglint_radiometry::air::{Air, Path, Zenith};
-use sunglint_radiometry::passband::{Passband, ZeroPoint};
-use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Observer, Star, StarPlace, separation_deg};
+use sunglint_radiometry::passband::ZeroPoint;
+use sunglint_radiometry::sky::{
+    Catalogue, EarthOrientation, Equatorial, Observer, Star, StarPlace, separation_deg,
+};
 use sunglint_radiometry::spectrum::{Spectrum, Transmission};
 use sunglint_radiometry::star_light::{self, StarColours, StarLight};
 use sunglint_radiometry::station::{Detector, Station};
@@ -84,8 +86,10 @@ pub struct ChannelRate {
     pub band_hz_nm: f64,
     /// Width of the channel for which light or air was not tabulated, nm.
     pub uncovered_nm: f64,
-    /// Whether the rate is at or past the detector's saturation.
-    pub saturated: bool,
+    /// What the detector would truly count: the rate over the channel's typical κ, Hz; `None` without one.
+    pub expected_hz: Option<f64>,
+    /// The counter's saturation, where the expected rate is at or past it, Hz.
+    pub past_saturation_hz: Option<f64>,
 }
 
 /// Shows a star.
@@ -125,7 +129,8 @@ pub fn when(text: &str) -> anyhow::Result<Epoch> {
     if text == "now" {
         return Epoch::now().context("the system has no clock");
     }
-    parse_utc(text).with_context(|| format!("`{text}` is no time; write 2026-11-20T18:30:00 (UTC) or now"))
+    parse_utc(text)
+        .with_context(|| format!("`{text}` is no time; write 2026-11-20T18:30:00 (UTC) or now"))
 }
 
 /// A star as a station sees it.
@@ -145,18 +150,29 @@ pub struct View {
 
 impl View {
     /// A star at a moment from a station through an air.
-    pub fn new(star: &Star, light: StarLight, observer: &Observer, station: &Station, air: &Air) -> anyhow::Result<Self> {
+    pub fn new(
+        star: &Star,
+        light: StarLight,
+        observer: &Observer,
+        station: &Station,
+        air: &Air,
+    ) -> anyhow::Result<Self> {
         let place = observer.star(star);
         let zenith = Zenith::True(place.horizontal.zenith_deg());
-        let path = if place.horizontal.altitude_deg() > -2.0 { air.path(zenith).ok() } else { None };
-        let transmission = path.as_ref().map(|_| air.spectrum(zenith, light.irradiance.range_nm())).transpose()?;
+        let path =
+            if place.horizontal.altitude_deg() > -2.0 { air.path(zenith).ok() } else { None };
+        let transmission =
+            path.as_ref().map(|_| air.spectrum(zenith, light.irradiance.range_nm())).transpose()?;
         let rates = station
             .channels
             .iter()
             .map(|channel| {
                 let above = station.rate_hz::<Transmission>(channel, &light.irradiance, None);
-                let below = transmission.as_ref().map(|t| station.rate_hz(channel, &light.irradiance, Some(t)));
-                let limit = match &channel.detector {
+                let below = transmission
+                    .as_ref()
+                    .map(|t| station.rate_hz(channel, &light.irradiance, Some(t)));
+                let expected_hz = below.and_then(|b| Some(b.value / channel.typical_kappa?));
+                let limit_hz = match &channel.detector {
                     Detector::Counter(counter) => counter.saturation_hz,
                     // What saturates a camera depends on exposure and seeing.
                     Detector::CameraPlane(_) => f64::INFINITY,
@@ -167,7 +183,8 @@ impl View {
                     rate_hz: below.map(|b| b.value),
                     band_hz_nm: above.value / channel.bandwidth_nm(),
                     uncovered_nm: below.unwrap_or(above).uncovered_nm,
-                    saturated: below.is_some_and(|b| b.value >= limit),
+                    expected_hz,
+                    past_saturation_hz: expected_hz.filter(|hz| *hz >= limit_hz).map(|_| limit_hz),
                 }
             })
             .collect();
@@ -181,7 +198,9 @@ impl StarArgs {
             (Some(ra_deg), Some(dec_deg)) => Star::at(&self.name, Equatorial { ra_deg, dec_deg })?,
             _ => Catalogue::embedded()
                 .find(&self.name)
-                .context("use --ra DEG --dec DEG --v MAG --type MK (or --bv MAG) for a star of your own")?
+                .context(
+                    "use --ra DEG --dec DEG --v MAG --type MK (or --bv MAG) for a star of your own",
+                )?
                 .clone(),
         };
         star.v_mag = self.v.or(star.v_mag);
@@ -194,20 +213,35 @@ impl StarArgs {
         let Some(v_mag) = star.v_mag else {
             bail!("no magnitude of {star} is known: give --v MAG");
         };
-        let colours =
-            StarColours { v_mag, b_minus_v_mag: star.bv_mag, spectral_type: star.spectral_type.as_deref(), zero: self.zero_point };
+        let colours = StarColours {
+            v_mag,
+            b_minus_v_mag: star.bv_mag,
+            spectral_type: star.spectral_type.as_deref(),
+            zero: self.zero_point,
+        };
         Ok(match self.spectrum {
             SpectrumChoice::Auto => star_light::of(colours)?,
             SpectrumChoice::BlackBody => star_light::black_body(colours)?,
         })
     }
 
-    fn product(&self, star: &Star, view: &View, observer: &Observer, station: &Station, air: &Air) -> Product {
+    fn product(
+        &self,
+        star: &Star,
+        view: &View,
+        observer: &Observer,
+        station: &Station,
+        air: &Air,
+    ) -> Product {
         let light = &view.light.irradiance;
         let time = format_utc(observer.frame().epoch(), 3);
         let mut table = Table::default();
-        let title = format!("{star} from {} at {time} UTC", station.name);
-        for (key, value) in [("title", &title), ("spectrum", &view.light.origin.to_string()), ("zero_point", &self.zero_point.to_string())] {
+        let title = format!("{star} from {} at {time}", station.name);
+        for (key, value) in [
+            ("title", &title),
+            ("spectrum", &view.light.origin.to_string()),
+            ("zero_point", &self.zero_point.to_string()),
+        ] {
             table.meta.insert(key.into(), json!(value));
         }
         // The union of both grids, so that nothing of either is lost.
@@ -217,22 +251,37 @@ impl StarArgs {
         table.columns.push(Column::f64("wavelength_nm", Some("nm"), grid.clone()));
         table.columns.push(Column::f64("irradiance_w_m2_nm", Some("W / (m2 nm)"), above));
         if let (Some(t), Some(after)) = (&view.transmission, &after) {
-            table.columns.push(Column::f64("transmission", None, grid.iter().map(|nm| t.at(*nm)).collect()));
-            table.columns.push(Column::f64("ground_irradiance_w_m2_nm", Some("W / (m2 nm)"), after.value().to_vec()));
+            table.columns.push(Column::f64(
+                "transmission",
+                None,
+                grid.iter().map(|nm| t.at(*nm)).collect(),
+            ));
+            table.columns.push(Column::f64(
+                "ground_irradiance_w_m2_nm",
+                Some("W / (m2 nm)"),
+                after.value().to_vec(),
+            ));
         }
         let name = star.label().to_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "_");
         let json = self.json(star, view, observer, station, air);
         Product { name, table, figure: Some(figure(&title, view, station)), json }
     }
 
-    fn json(&self, star: &Star, view: &View, observer: &Observer, station: &Station, air: &Air) -> Value {
+    fn json(
+        &self,
+        star: &Star,
+        view: &View,
+        observer: &Observer,
+        station: &Station,
+        air: &Air,
+    ) -> Value {
         let h = view.place.horizontal;
         let rates: Vec<Value> = view
             .rates
             .iter()
             .map(|r| {
                 json!({ "channel": r.channel, "rate_hz": r.rate_hz, "above_air_hz": r.above_air_hz, "band_hz_nm": r.band_hz_nm,
-                    "uncovered_nm": r.uncovered_nm, "saturated": r.saturated })
+                    "uncovered_nm": r.uncovered_nm, "expected_hz": r.expected_hz, "past_saturation_hz": r.past_saturation_hz })
             })
             .collect();
         json!({
@@ -251,7 +300,14 @@ impl StarArgs {
         })
     }
 
-    fn text(&self, star: &Star, view: &View, observer: &Observer, station: &Station, air: &Air) -> String {
+    fn text(
+        &self,
+        star: &Star,
+        view: &View,
+        observer: &Observer,
+        station: &Station,
+        air: &Air,
+    ) -> String {
         let mut text = String::new();
         let or_none = |v: Option<f64>| v.map_or("unknown".to_owned(), |v| v.to_string());
         let _ = writeln!(
@@ -268,12 +324,27 @@ impl StarArgs {
         let site = station.site.geodetic();
         let _ = writeln!(
             text,
-            "{} UTC from {} ({:.4}°, {:.4}°, {} m)",
-            format_utc(observer.frame().epoch(), 0), station.name, site.latitude_deg, site.longitude_deg, site.height_m
+            "{} from {} ({:.4}°, {:.4}°, {} m)",
+            format_utc(observer.frame().epoch(), 0),
+            station.name,
+            site.latitude_deg,
+            site.longitude_deg,
+            site.height_m
         );
         let (h, place) = (view.place.horizontal, &view.place);
-        let _ = writeln!(text, "  altitude {:.4}°  azimuth {:.4}°  zenith angle {:.4}° (true)  hour angle {:+.4}°", h.altitude_deg(), h.azimuth_deg(), h.zenith_deg(), place.hour_angle_deg);
-        let _ = writeln!(text, "  right ascension {:.5}°  declination {:+.5}° (of date)", place.of_date.ra_deg, place.of_date.dec_deg);
+        let _ = writeln!(
+            text,
+            "  altitude {:.4}°  azimuth {:.4}°  zenith angle {:.4}° (true)  hour angle {:+.4}°",
+            h.altitude_deg(),
+            h.azimuth_deg(),
+            h.zenith_deg(),
+            place.hour_angle_deg
+        );
+        let _ = writeln!(
+            text,
+            "  right ascension {:.5}°  declination {:+.5}° (of date)",
+            place.of_date.ra_deg, place.of_date.dec_deg
+        );
         let (sun, moon) = (observer.sun(), observer.moon());
         let _ = writeln!(
             text,
@@ -286,10 +357,16 @@ impl StarArgs {
         );
         match &view.path {
             Some(path) => {
-                let _ = writeln!(text, "  apparent zenith angle {:.4}°  airmass {:.4}", path.apparent_deg, air.air_masses(path).rayleigh);
+                let _ = writeln!(
+                    text,
+                    "  apparent zenith angle {:.4}°  airmass {:.4}",
+                    path.apparent_deg,
+                    air.air_masses(path).rayleigh
+                );
                 let mask = station.horizon.elevation_deg(h.azimuth_deg());
                 if 90.0 - path.apparent_deg < mask {
-                    let _ = writeln!(text, "  BEHIND the station's horizon, which is at {mask}° there");
+                    let _ =
+                        writeln!(text, "  BEHIND the station's horizon, which is at {mask}° there");
                 }
             }
             None => text.push_str("  BELOW the horizon: no light comes through\n"),
@@ -303,26 +380,38 @@ impl StarArgs {
             excess.map_or("without a check".to_owned(), |e| format!("within {e:+.3} mag")),
             self.zero_point
         );
-        text.push_str("\n  channel    at the detector   above the air   transmitted   band average above the air\n");
+        text.push_str("\n  channel    predicted rate   above the air   transmitted   band average above the air   expected count rate\n");
         for r in &view.rates {
-            let rate = r.rate_hz.map_or("-".to_owned(), |v| format!("{v:.4e} Hz"));
-            let share = r.rate_hz.map_or("-".to_owned(), |v| format!("{:.4}", v / r.above_air_hz));
-            let _ = write!(text, "  {:<9} {rate:>16} {:>12.4e} Hz {share:>13} {:>14.4e} Hz/nm", r.channel, r.above_air_hz, r.band_hz_nm);
-            if r.saturated {
-                text.push_str("   SATURATED");
+            let or_dash =
+                |v: Option<f64>, write: &dyn Fn(f64) -> String| v.map_or("-".to_owned(), write);
+            let hz = |v: f64| format!("{v:.4e} Hz");
+            let _ = write!(
+                text,
+                "  {:<9} {:>15} {:>15} {:>13} {:>23} Hz/nm {:>21}",
+                r.channel,
+                or_dash(r.rate_hz, &hz),
+                hz(r.above_air_hz),
+                or_dash(r.rate_hz, &|v| format!("{:.4}", v / r.above_air_hz)),
+                format!("{:.4e}", r.band_hz_nm),
+                or_dash(r.expected_hz, &hz),
+            );
+            if let Some(limit) = r.past_saturation_hz {
+                let _ = write!(text, "   PAST SATURATION ({limit:.1e} Hz): attenuate");
             }
             if r.uncovered_nm > 0.0 {
                 let _ = write!(text, "   (no spectrum or air for {:.0} nm of it)", r.uncovered_nm);
             }
             text.push('\n');
         }
-        text.push_str("Rates are true rates: before dead time, without dark counts; losses that the station file does not know are left to the star calibration.\n");
+        text.push_str("Predicted rates are after the air, before dead time, without dark counts. Expected count rates are divided by the channel's typical kappa (losses that\nonly the star calibration knows).\n");
         text
     }
 }
 
 fn figure(title: &str, view: &View, station: &Station) -> Figure {
-    let points = |s: &Spectrum<_>| s.wavelength_nm().iter().copied().zip(s.value().iter().copied()).collect();
+    let points = |s: &Spectrum<_>| {
+        s.wavelength_nm().iter().copied().zip(s.value().iter().copied()).collect()
+    };
     let light = &view.light.irradiance;
     let x = || Axis::linear("vacuum wavelength (nm)").from_to(300.0, 1240.0);
     let mut series = vec![Series::line("above the air", 0, points(light))];
@@ -338,12 +427,11 @@ fn figure(title: &str, view: &View, station: &Station) -> Figure {
         title: title.to_owned(),
         panels: vec![
             Panel { x: x(), y: Axis::linear("irradiance (W m⁻² nm⁻¹)"), series },
-            Panel { x: x(), y: Axis::linear("effective sensitivity of the channels"), series: channels.collect() },
+            Panel {
+                x: x(),
+                y: Axis::linear("effective sensitivity of the channels"),
+                series: channels.collect(),
+            },
         ],
     }
-}
-
-/// The magnitude of a star's light in a band, for the demonstration.
-pub fn magnitude(light: &StarLight, band: &str, zero: ZeroPoint) -> anyhow::Result<f64> {
-    Ok(Passband::named(band)?.magnitude(&light.irradiance, zero)?)
 }

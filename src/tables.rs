@@ -47,8 +47,12 @@ pub fn run(args: &TablesArgs, console: Console) -> anyhow::Result<()> {
             };
             let description = Description::of(embedded);
             let json = description.json();
-            let product =
-                Product { name: embedded.name.to_owned(), table: embedded.table().clone(), figure: None, json };
+            let product = Product {
+                name: embedded.name.to_owned(),
+                table: embedded.table().clone(),
+                figure: None,
+                json,
+            };
             args.out.deliver(&product, console)?;
             if args.out.output.is_empty() {
                 console.result(&description.text(embedded.table()), &product.json)?;
@@ -96,7 +100,9 @@ impl Description {
     }
 
     fn range_text(&self) -> String {
-        self.range.as_ref().map_or(String::new(), |(column, from, to)| format!("{column} {from} to {to}"))
+        self.range
+            .as_ref()
+            .map_or(String::new(), |(column, from, to)| format!("{column} {from} to {to}"))
     }
 
     fn text(&self, table: &Table) -> String {
@@ -122,7 +128,8 @@ impl Description {
 fn range(column: &Column) -> Option<(String, f64, f64)> {
     let Values::F64(values) = &column.values else { return None };
     let finite = values.iter().copied().filter(|v| v.is_finite());
-    let (lo, hi) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
+    let (lo, hi) =
+        finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
     (lo <= hi).then(|| (column.name.clone(), lo, hi))
 }
 
@@ -166,7 +173,10 @@ fn list_text(rows: &[Description]) -> String {
             &row.sha256[..16]
         );
     }
-    let _ = writeln!(text, "\n`sunglint tables NAME` shows one with its source; `-o FILE.ecsv` writes it.");
+    let _ = writeln!(
+        text,
+        "\n`sunglint tables NAME` shows one with its source; `-o FILE.ecsv` writes it."
+    );
     text
 }
 

@@ -116,6 +116,8 @@ pub struct Channel {
     pub efficiency: Spectrum<Response>,
     /// What counts.
     pub detector: Detector,
+    /// The star calibration's κ on a usual night (predicted = κ × measured): for planning, never for calibrating.
+    pub typical_kappa: Option<f64>,
 }
 
 /// What counts the photons of a channel.

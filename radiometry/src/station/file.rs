@@ -72,6 +72,7 @@ struct ChannelFile {
     efficiency: String,
     camera_plane: Option<String>,
     counter: Option<CounterFile>,
+    typical_kappa: Option<Positive>,
     note: Option<String>,
 }
 
@@ -321,7 +322,8 @@ fn channel(
             return Err(document.error_at(at, expected).into());
         }
     };
-    let channel = Channel { name: file.name.clone(), optics, efficiency, detector };
+    let typical_kappa = file.typical_kappa.map(Positive::get);
+    let channel = Channel { name: file.name.clone(), optics, efficiency, detector, typical_kappa };
     if channel.range_nm().is_none() {
         let expected = "optics and efficiency with wavelengths in common";
         return Err(document.error_at(&format!("{at}.efficiency"), expected).into());
@@ -398,11 +400,10 @@ fn counter(
         DeadTime::Paralysable { dead_time_s } => 1.0 / (std::f64::consts::E * dead_time_s),
         _ => f64::INFINITY,
     };
-    if file.saturation_hz.get() > limit_hz {
-        let expected = format!(
-            "at most {limit_hz:.6e} Hz, which a dead time of {:e} ns allows",
-            dead_time_s * 1e9
-        );
+    // A saturation at the limit itself is meant, whatever the last digit of its reciprocal.
+    if file.saturation_hz.get() > limit_hz * (1.0 + 1e-9) {
+        let ns = file.dead_time_ns.map_or(0.0, NonNegative::get);
+        let expected = format!("at most {limit_hz:.6e} Hz, which a dead time of {ns} ns allows");
         return Err(document.error_at(&key("saturation_hz"), expected).into());
     }
     let fibre = match (file.fibre_offset_px, file.fibre_sigma_px) {
