@@ -7,9 +7,13 @@
 //! - [`ecsv`]: tables as text that a person can open and astropy reads.
 
 pub mod atomic;
+pub mod bsdf;
+pub mod counts;
+pub mod curve;
 pub mod ecsv;
 pub mod error;
 pub mod fits;
+pub mod frame;
 pub mod read;
 pub mod table;
 pub mod time;
