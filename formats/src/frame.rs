@@ -67,14 +67,14 @@ impl Bayer {
     #[must_use]
     pub fn shifted(self, columns: u32, rows: u32) -> Self {
         let column = match self {
-            _ if columns % 2 == 0 => self,
+            _ if columns.is_multiple_of(2) => self,
             Self::Rggb => Self::Grbg,
             Self::Grbg => Self::Rggb,
             Self::Gbrg => Self::Bggr,
             Self::Bggr => Self::Gbrg,
         };
         match column {
-            _ if rows % 2 == 0 => column,
+            _ if rows.is_multiple_of(2) => column,
             Self::Rggb => Self::Gbrg,
             Self::Gbrg => Self::Rggb,
             Self::Grbg => Self::Bggr,

@@ -74,6 +74,6 @@ pub mod toml;
 
 pub use counts::{CountFlags, CountRecord, CountSeries};
 pub use curve::Curve;
-pub use error::{EncodeError, FileError, ParseError, nearest_names};
+pub use error::{EncodeError, FileError, ParseError, ParseErrorParts, nearest_names};
 pub use frame::{Bayer, Frame};
 pub use table::{Column, Meta, Table, TableError, Values};
