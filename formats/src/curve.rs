@@ -72,15 +72,16 @@ pub fn read_str(
             let expected = format!("{} fields, one for each column", names.len());
             return Err(ParseError::new(path, found, expected).at_line(line));
         }
-        let number = |i: usize| {
+        let number = |i: usize, factor: Factor| {
             let text = record.get(i).unwrap_or("");
-            text.parse().ok().filter(|value: &f64| value.is_finite()).ok_or_else(|| {
+            let value = text.parse().map(|value| factor.apply(value));
+            value.ok().filter(|value: &f64| value.is_finite()).ok_or_else(|| {
                 ParseError::new(path, excerpt(text), "a finite number")
                     .at_line(line)
                     .in_field(&names[i])
             })
         };
-        let (x, y) = (x_factor.apply(number(0)?), y_factor.apply(number(index)?));
+        let (x, y) = (number(0, x_factor)?, number(index, y_factor)?);
         if let Some(&last) = curve.x.last()
             && x <= last
         {

@@ -1,15 +1,22 @@
 //! What a reader says when a file is not what it should be.
 
 use std::fmt;
+use std::ops::{Deref, DerefMut};
 use std::path::{Path, PathBuf};
 
 /// Where a file stopped making sense, what stood there, and what should have.
 ///
 /// Every reader of this crate refuses with this one type, so that a person always gets the same five
 /// facts: the file, the line, the field, what was found, what was expected; and a hint where there is one.
+/// They are fields of [`ParseErrorParts`], to which it dereferences: `error.line`.
+// Boxed, so that a `Result` of a reader is no larger than what it reads.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ParseError(Box<ParseErrorParts>);
+
+/// The facts of a [`ParseError`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct ParseError {
+pub struct ParseErrorParts {
     /// The file as the user named it, or what stands for it (`<stdin>`, `embedded:sun`).
     pub path: PathBuf,
     /// The line, counted from 1; `None` for binary files.
@@ -24,6 +31,20 @@ pub struct ParseError {
     pub hint: Option<String>,
 }
 
+impl Deref for ParseError {
+    type Target = ParseErrorParts;
+
+    fn deref(&self) -> &ParseErrorParts {
+        &self.0
+    }
+}
+
+impl DerefMut for ParseError {
+    fn deref_mut(&mut self) -> &mut ParseErrorParts {
+        &mut self.0
+    }
+}
+
 impl ParseError {
     /// An error that knows only its file; add the rest with the methods below.
     pub fn new(
@@ -31,14 +52,14 @@ impl ParseError {
         found: impl Into<String>,
         expected: impl Into<String>,
     ) -> Self {
-        Self {
+        Self(Box::new(ParseErrorParts {
             path: path.as_ref().to_path_buf(),
             line: None,
             field: None,
             found: found.into(),
             expected: expected.into(),
             hint: None,
-        }
+        }))
     }
 
     /// The same error at a line (counted from 1).

@@ -1,5 +1,8 @@
 //! A table in memory: named columns with units, and metadata. ECSV and FITS binary tables read into it and are written from it.
 
+use crate::error::{ParseError, nearest_names};
+use std::path::Path;
+
 /// Metadata, in the order in which it was written.
 pub type Meta = serde_json::Map<String, serde_json::Value>;
 
@@ -97,6 +100,31 @@ pub enum TableError {
         /// What was asked for.
         expected: &'static str,
     },
+}
+
+impl TableError {
+    /// The same as an error of the file that the table was read from.
+    pub fn in_file(self, path: impl AsRef<Path>) -> ParseError {
+        match self {
+            Self::NoColumn { name, available } => {
+                let nearest = nearest_names(&name, available.iter().map(String::as_str), 1);
+                let hint = nearest.first().map(|nearest| format!("did you mean `{nearest}`?"));
+                let error = ParseError::new(
+                    path,
+                    "no such column",
+                    format!("it beside {}", available.join(", ")),
+                )
+                .in_field(name);
+                match hint {
+                    Some(hint) => error.with_hint(hint),
+                    None => error,
+                }
+            }
+            Self::WrongKind { name, found, expected } => {
+                ParseError::new(path, found, expected).in_field(name)
+            }
+        }
+    }
 }
 
 impl Table {

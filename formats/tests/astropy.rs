@@ -22,7 +22,11 @@ folder = sys.argv[1]
 
 fn python(test: &str, folder: &Path, script: &str) -> Option<String> {
     let python = peer_python(test, &["astropy"])?;
-    Some(run_python(&python, &format!("{NUMPY}{script}"), &[folder.to_str().unwrap()]))
+    Some(run_python(
+        &python,
+        &format!("{NUMPY}{script}"),
+        &[folder.to_str().expect("a path in UTF-8")],
+    ))
 }
 
 #[test]
@@ -148,7 +152,7 @@ dtypes = ['u1', 'i1', 'i2', 'u2', 'i4', 'u4', 'i8', 'u8', 'f4', 'f8']
 ";
 
 fn cube<T>(value: impl Fn(i128) -> T) -> ArrayD<T> {
-    Array::from_shape_vec(IxDyn(&[3, 4, 5]), (0..60).map(value).collect()).unwrap()
+    Array::from_shape_vec(IxDyn(&[3, 4, 5]), (0..60).map(value).collect()).expect("60 values")
 }
 
 fn cubes() -> Vec<(&'static str, Pixels)> {

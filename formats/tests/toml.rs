@@ -86,7 +86,7 @@ fn refused(from: &str, to: &str, message: &str) {
     assert!(GOOD.contains(from), "the text has no `{from}`");
     let document = Document::new("hill.toml", GOOD.replacen(from, to, 1));
     let error = match document {
-        Ok(document) => document.parse::<Station>().unwrap_err(),
+        Ok(document) => document.parse::<Station>().expect_err("it is wrong"),
         Err(error) => error,
     };
     assert_eq!(error.to_string(), message);

@@ -142,7 +142,7 @@ fn parse_header(path: &Path, yaml: &str) -> Result<Header, ParseError> {
         let error = ParseError::new(path, "a header that cannot be read", "an ECSV header in YAML")
             .with_hint(message);
         match line {
-            Some(line) if line > 0 => error.at_line(line as u64),
+            Some(line) if line > 0 => error.at_line(line),
             _ => error,
         }
     })?;

@@ -98,7 +98,7 @@ impl Field {
         let form_keyword = keyword("TFORM");
         let bad = |found: String, expected: &str| {
             let mut error = fits.bad(hdu, &form_keyword, found, expected);
-            error.field = error.field.map(|field| format!("{field} ({name})"));
+            error.field = error.field.take().map(|field| format!("{field} ({name})"));
             error
         };
         let Some(form) = header.text(&form_keyword) else {
@@ -155,7 +155,7 @@ impl Field {
         expected: impl Into<String>,
     ) -> ParseError {
         let mut error = fits.bad(hdu, &self.keyword(stem), found, expected);
-        error.field = error.field.map(|field| format!("{field} ({})", self.name));
+        error.field = error.field.take().map(|field| format!("{field} ({})", self.name));
         error
     }
 }
