@@ -7,7 +7,7 @@ use serde_json::Value;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use sunglint_formats::atomic::{Overwrite, write_file};
-use sunglint_formats::{Table, ecsv};
+use sunglint_formats::{FileError, Table, ecsv};
 
 /// Where results go.
 #[derive(Debug, Clone, Default, Args)]
@@ -88,7 +88,7 @@ impl OutputArgs {
         for path in self.output.iter().filter(|p| p.as_os_str() != "-" && !is_folder(p)) {
             Format::of(path)?;
             if !self.force && path.symlink_metadata().is_ok() {
-                bail!(sunglint_formats::FileError::Exists { path: path.clone() });
+                return Err(there_already(path));
             }
         }
         Ok(())
@@ -149,8 +149,15 @@ impl OutputArgs {
     /// Writes bytes whole or not at all, over nothing unless `--force`.
     pub fn write_file(&self, path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
         let overwrite = if self.force { Overwrite::Allow } else { Overwrite::Refuse };
-        Ok(write_file(path, bytes, overwrite)?)
+        write_file(path, bytes, overwrite).map_err(|error| match error {
+            FileError::Exists { path } => there_already(&path),
+            error => error.into(),
+        })
     }
+}
+
+fn there_already(path: &Path) -> anyhow::Error {
+    anyhow::anyhow!("{} is there already: nothing is overwritten without --force", path.display())
 }
 
 enum Format {

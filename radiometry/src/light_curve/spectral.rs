@@ -37,8 +37,13 @@ impl SpectralLightCurve {
     /// # Errors
     /// What could not be read back: edges that do not increase, arrays that do not match, numbers that are none and not flagged.
     pub fn to_fits(&self) -> Result<Vec<u8>, EncodeError> {
-        self.check(Path::new("spectral light curve"))
-            .map_err(|e| EncodeError::new(e.field.unwrap_or_default(), e.found, e.expected))?;
+        self.check(Path::new("spectral light curve")).map_err(|e| {
+            EncodeError::new(
+                e.field.clone().unwrap_or_default(),
+                e.found.clone(),
+                e.expected.clone(),
+            )
+        })?;
         let mut header = Header::default();
         header.set("BUNIT", self.unit.as_str(), "unit of the values");
         header.set("QUANTITY", self.quantity.as_str(), "what the values are");
