@@ -47,6 +47,8 @@ const TAI_MINUS_UTC: [(i64, i64); 28] = [
 
 /// Modified Julian Date of hifitime's TAI reference, 1900-01-01.
 const MJD_1900: i64 = 15020;
+/// Modified Julian Date of 2100-12-31, the last day that is read.
+const MJD_2100_LAST: i64 = 88433;
 const SECONDS_A_DAY: i64 = 86_400;
 const NANOSECONDS: i128 = 1_000_000_000;
 const FORM: &str = "UTC as 2026-03-04T05:06:07.89Z";
@@ -169,6 +171,47 @@ pub fn tai_nanoseconds(epoch: Epoch) -> i128 {
     let utc = epoch.duration.total_nanoseconds();
     let days = utc.div_euclid(NANOSECONDS * i128::from(SECONDS_A_DAY)) as i64;
     utc + i128::from(tai_minus_utc(days + MJD_1900)) * NANOSECONDS
+}
+
+/// One day of UTC, 1972 to 2100, which a leap second makes longer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct UtcDay {
+    /// Its Modified Julian Date.
+    pub mjd: i64,
+    /// TAI − UTC on it, s.
+    pub tai_minus_utc_s: i64,
+    /// Its first instant, nanoseconds of TAI since 1900-01-01.
+    pub start_tai_ns: i128,
+    /// Its length, nanoseconds: of 86,400 s or 86,401 s.
+    pub length_ns: i128,
+}
+
+impl UtcDay {
+    /// The day of a Modified Julian Date; `None` before 1972 or after 2100.
+    pub fn of_mjd(mjd: i64) -> Option<Self> {
+        if !(TAI_MINUS_UTC[0].0..=MJD_2100_LAST).contains(&mjd) {
+            return None;
+        }
+        let (today, tomorrow) = (tai_minus_utc(mjd), tai_minus_utc(mjd + 1));
+        Some(Self {
+            mjd,
+            tai_minus_utc_s: today,
+            start_tai_ns: i128::from((mjd - MJD_1900) * SECONDS_A_DAY + today) * NANOSECONDS,
+            length_ns: i128::from(SECONDS_A_DAY + tomorrow - today) * NANOSECONDS,
+        })
+    }
+
+    /// The day in which an epoch lies; `None` before 1972 or after 2100.
+    pub fn containing(epoch: Epoch) -> Option<Self> {
+        let tai_ns = tai_nanoseconds(epoch);
+        let day_ns = i128::from(SECONDS_A_DAY) * NANOSECONDS;
+        let guess = i64::try_from(tai_ns.div_euclid(day_ns)).ok()? + MJD_1900;
+        // TAI is ahead of UTC, so the guess is right or one day late.
+        let day = Self::of_mjd(guess).filter(|day| tai_ns >= day.start_tai_ns);
+        day.or_else(|| {
+            Self::of_mjd(guess - 1).filter(|day| tai_ns < day.start_tai_ns + day.length_ns)
+        })
+    }
 }
 
 /// Days since 1900-01-01 and second of the day (86400 in a leap second) of a second of TAI since 1900.

@@ -4,9 +4,8 @@
 
 use divan::{Bencher, black_box};
 use glam::DVec3;
-use sunglint_radiometry::sky::{
-    Catalogue, EarthOrientation, Geodetic, Observer, Site, SkyFrame, Utc,
-};
+use sunglint_formats::time::parse_utc;
+use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Geodetic, Observer, Site, SkyFrame};
 
 fn main() {
     divan::main();
@@ -16,7 +15,7 @@ fn observer() -> Observer {
     let site =
         Site::new(Geodetic { latitude_deg: 48.782389, longitude_deg: 9.196417, height_m: 399.0 })
             .unwrap();
-    let epoch = "2024-08-12T22:30:00Z".parse::<Utc>().unwrap().to_epoch().unwrap();
+    let epoch = parse_utc("2024-08-12T22:30:00Z").unwrap();
     Observer::at(epoch, &site, EarthOrientation::embedded()).unwrap()
 }
 

@@ -6,10 +6,11 @@ use glam::{DMat3, DVec3};
 use hifitime::Epoch;
 use proptest::prelude::*;
 use sunglint_formats::ecsv;
-use sunglint_radiometry::sky::bodies::SOLAR_RADIUS_M;
+use sunglint_formats::time::parse_utc;
+use sunglint_radiometry::constants::SUN_RADIUS_M;
 use sunglint_radiometry::sky::{
     Catalogue, EarthOrientation, Equatorial, Geodetic, Horizontal, Observer, Site, SiteError,
-    SkyError, SkyFrame, Star, SunPlace, Twilight, Utc, separation_deg, separation_rad,
+    SkyError, SkyFrame, Star, SunPlace, Twilight, separation_deg, separation_rad,
 };
 use sunglint_testkit::fixture;
 
@@ -18,7 +19,7 @@ const LIGHT_M_S: f64 = 299_792_458.0;
 const AU_M: f64 = 149_597_870_700.0;
 
 fn utc(text: &str) -> Epoch {
-    text.parse::<Utc>().unwrap().to_epoch().unwrap()
+    parse_utc(text).unwrap()
 }
 
 fn site(latitude_deg: f64, longitude_deg: f64, height_m: f64) -> Site {
@@ -152,7 +153,7 @@ fn the_suns_angular_radius_follows_its_distance() {
     assert!((sun.angular_radius_deg() * 3600.0 - 959.231).abs() < 1e-3);
     assert_eq!(sun.distance_au(), 1.0);
     // The physics of a star that fills a hemisphere: at its surface the radius is 90°.
-    let close = SunPlace { direction_gcrs: DVec3::X, distance_m: SOLAR_RADIUS_M };
+    let close = SunPlace { direction_gcrs: DVec3::X, distance_m: SUN_RADIUS_M };
     assert!((close.angular_radius_deg() - 90.0).abs() < 1e-9);
 
     // Perihelion of January and aphelion of July 2024: 0.98331 and 1.01673 au (Astronomical Almanac).

@@ -6,9 +6,10 @@
 use glam::DVec3;
 use hifitime::{Duration, Epoch, TimeScale, Unit};
 use std::collections::BTreeMap;
+use sunglint_formats::time::parse_utc;
 use sunglint_formats::{Table, Values, ecsv};
 use sunglint_radiometry::sky::{
-    Catalogue, EarthOrientation, Equatorial, Geodetic, Horizontal, Observer, Site, SkyFrame, Utc,
+    Catalogue, EarthOrientation, Equatorial, Geodetic, Horizontal, Observer, Site, SkyFrame,
     separation_deg,
 };
 use sunglint_testkit::{fixture, peer_python, repository, run_python};
@@ -25,7 +26,7 @@ fn text(table: &Table, column: &str, row: usize) -> String {
 
 fn observer_of(table: &Table, row: usize) -> Observer {
     let number = |column: &str| table.f64(column).unwrap()[row];
-    let epoch = text(table, "epoch_utc", row).parse::<Utc>().unwrap().to_epoch().unwrap();
+    let epoch = parse_utc(&text(table, "epoch_utc", row)).unwrap();
     let earth = EarthOrientation::constant(
         number("ut1_minus_utc_s"),
         number("x_pole_arcsec"),

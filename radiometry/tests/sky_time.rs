@@ -2,17 +2,18 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-use hifitime::{Epoch, TimeScale, Unit};
+use hifitime::{Epoch, TimeScale};
 use std::str::FromStr;
 use sunglint_formats::ecsv;
+use sunglint_formats::time::{UtcDay, format_utc, parse_utc};
 use sunglint_radiometry::sky::{
     EarthOrientation, OrientationError, OrientationOrigin, OrientationRow, SkyError, SkyFrame,
-    TimeError, TimeScales, Utc,
+    TimeError, TimeScales,
 };
 use sunglint_testkit::fixture;
 
 fn utc(text: &str) -> Epoch {
-    text.parse::<Utc>().unwrap().to_epoch().unwrap()
+    parse_utc(text).unwrap()
 }
 
 /// SOFA's own calendar → quasi-JD → TAI → TT, as `sofars` 0.6.2 ports them: the same two-part dates to 0.1 ns.
@@ -51,9 +52,9 @@ fn hifitime_alone_loses_the_leap_second() {
 
     // Ours keeps both, and reads hifitime's UTC epochs right everywhere else.
     assert_eq!((utc("2016-12-31T23:59:60.5Z") - utc("2016-12-31T23:59:59.5Z")).to_seconds(), 1.0);
-    assert_eq!(Utc::from_epoch(before).unwrap().to_string(), "2016-12-31T23:59:59.5Z");
+    assert_eq!(format_utc(before, 1), "2016-12-31T23:59:59.5Z");
     let last_ns = Epoch::from_str("2016-12-31T23:59:59.999999999 UTC").unwrap();
-    assert_eq!(Utc::from_epoch(last_ns).unwrap().to_string(), "2016-12-31T23:59:59.999999999Z");
+    assert_eq!(format_utc(last_ns, 9), "2016-12-31T23:59:59.999999999Z");
 }
 
 /// UT1, the Earth rotation angle and UT1−TAI run on evenly through the leap second.
@@ -93,37 +94,18 @@ fn ut1_and_the_earth_rotation_angle_run_evenly_through_the_leap_second() {
     assert!((after - before - 1.0).abs() < 1e-7, "UT1-UTC jumps by the leap second");
 }
 
+/// SOFA's table of leap seconds (`dat`, as `sofars` 0.6.2 ports it) against ours, every day from 1972 to 2099.
 #[test]
-fn calendar_times_go_there_and_back() {
-    let mut epoch = utc("1972-01-01T00:00:00Z");
-    let step = 12_345_678.901_234_567 * Unit::Second;
-    while epoch < utc("2040-01-01T00:00:00Z") {
-        let calendar = Utc::from_epoch(epoch).unwrap();
-        assert_eq!(calendar.to_epoch().unwrap(), epoch);
-        assert_eq!(calendar.to_string().parse::<Utc>().unwrap(), calendar);
-        epoch += step;
+fn leap_seconds_are_sofas() {
+    for mjd in 41_317..88_068 {
+        let (year, month, day, _) = sofars::cal::jd2cal(2_400_000.5, mjd as f64).unwrap();
+        let sofa = sofars::ts::dat(year, month, day, 0.0).unwrap();
+        assert_eq!(UtcDay::of_mjd(mjd).unwrap().tai_minus_utc_s as f64, sofa, "MJD {mjd}");
     }
 }
 
 #[test]
-fn impossible_times_are_refused_with_the_reason() {
-    for (text, reason) in [
-        ("2015-12-31T23:59:60Z", "no leap second"),
-        ("2016-12-31T23:58:60Z", "no leap second"),
-        ("2016-02-30T00:00:00Z", "not in the calendar"),
-        ("2016-13-01T00:00:00Z", "not in the calendar"),
-        ("2016-01-01T24:00:00Z", "time of day"),
-        ("1971-12-31T23:59:59Z", "1972-01-01"),
-        ("2016-01-01", "ISO 8601"),
-        ("2016-01-01T00:00Z", "ISO 8601"),
-        ("2016-01-01T00:00:00.Z", "ISO 8601"),
-        ("2016-1-01T00:00:00Z", "ISO 8601"),
-        ("2016-01-01T00:00:00+01:00", "ISO 8601"),
-        ("2016-01-01T00:00:00.0000000001Z", "ISO 8601"),
-    ] {
-        let error = text.parse::<Utc>().unwrap_err().to_string();
-        assert!(error.contains(reason), "{text}: {error}");
-    }
+fn times_outside_the_tables_are_refused() {
     let early = Epoch::from_gregorian_tai_at_midnight(1969, 7, 20);
     let error = SkyFrame::new(early, &EarthOrientation::zero()).unwrap_err();
     assert!(matches!(error, SkyError::Time(TimeError::OutsideUtc { .. })), "{error}");

@@ -1,14 +1,13 @@
 //! The Sun and the Moon: from the Earth's centre, from a site, or from a satellite.
 
 use super::angles::{Horizontal, separation_rad};
-use super::frame::{AU_M, LIGHT_M_S, Observer, SkyError, SkyFrame, aberrated, retarded};
+use super::frame::{Observer, SkyError, SkyFrame, aberrated, retarded};
+use crate::constants::{AU_M, LIGHT_M_PER_S, SUN_RADIUS_M};
 use glam::DVec3;
 use sofars::consts::DAYSEC;
 use std::fmt;
 
 /// The nominal solar radius, m (IAU 2015 resolution B3): 959.23″ or 0.26645° at 1 au. (The older 959.63″ of the
-/// almanacs means 695 990 km, 0.04 % more.)
-pub const SOLAR_RADIUS_M: f64 = 6.957e8;
 /// The Moon's mean radius, m (IAU working group on cartographic coordinates 2015).
 pub const LUNAR_RADIUS_M: f64 = 1.7374e6;
 
@@ -29,7 +28,7 @@ impl SunPlace {
 
     /// The angular radius of the photosphere, radians: asin(R/d).
     pub fn angular_radius_rad(&self) -> f64 {
-        (SOLAR_RADIUS_M / self.distance_m).asin()
+        (SUN_RADIUS_M / self.distance_m).asin()
     }
 
     /// The angular radius of the photosphere, degrees (about 0.2665°).
@@ -140,7 +139,7 @@ impl SkyFrame {
     ) -> Result<SunPlace, SkyError> {
         check(position_gcrs_m, velocity_gcrs_m_s)?;
         let place = self.sun_seen_from(position_gcrs_m, velocity_gcrs_m_s);
-        outside_of(SOLAR_RADIUS_M, place.distance_m)?;
+        outside_of(SUN_RADIUS_M, place.distance_m)?;
         Ok(place)
     }
 
@@ -149,7 +148,7 @@ impl SkyFrame {
             (self.earth_from_barycentre.velocity - self.earth_from_sun.velocity) * (AU_M / DAYSEC);
         let line = retarded(self.sun_position_gcrs_m(), sun_velocity_m_s, position_gcrs_m);
         let distance_m = line.length();
-        let velocity_c = (self.earth_velocity_m_s() + velocity_gcrs_m_s) / LIGHT_M_S;
+        let velocity_c = (self.earth_velocity_m_s() + velocity_gcrs_m_s) / LIGHT_M_PER_S;
         let direction = sofars::astro::ab(
             &(line / distance_m).to_array(),
             &velocity_c.to_array(),

@@ -5,17 +5,14 @@ use super::angles::Horizontal;
 use super::orientation::{EarthOrientation, Orientation};
 use super::site::Site;
 use super::time::{TimeError, TimeScales};
+use crate::constants::{AU_M, LIGHT_M_PER_S};
 use glam::{DMat3, DVec3};
 use hifitime::Epoch;
 use sofars::astro::IauAstrom;
-use sofars::consts::{CMPS, D2PI, DAS2R, DAU, DAYSEC};
+use sofars::consts::{D2PI, DAS2R, DAYSEC};
 
 /// The Earth's rotation rate, rad per UT1 second (SOFA `pvtob`).
 pub const EARTH_ROTATION_RAD_S: f64 = 1.002_737_811_911_354_6 * D2PI / DAYSEC;
-/// The speed of light, m/s.
-pub(super) const LIGHT_M_S: f64 = CMPS;
-/// The astronomical unit, m (IAU 2012).
-pub(super) const AU_M: f64 = DAU;
 
 /// What can go wrong in the sky.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -314,14 +311,14 @@ pub(super) fn retarded(position_m: DVec3, velocity_m_s: DVec3, observer_m: DVec3
     let mut line = position_m - observer_m;
     // Two rounds: each gains a factor velocity/c.
     for _ in 0..2 {
-        line = position_m - velocity_m_s * (line.length() / LIGHT_M_S) - observer_m;
+        line = position_m - velocity_m_s * (line.length() / LIGHT_M_PER_S) - observer_m;
     }
     line
 }
 
 /// First-order aberration, for observers that move slowly in the GCRS (the second order is below 0.001″ to 10 km/s).
 pub(super) fn aberrated(direction: DVec3, observer_velocity_m_s: DVec3) -> DVec3 {
-    (direction + observer_velocity_m_s / LIGHT_M_S).normalize()
+    (direction + observer_velocity_m_s / LIGHT_M_PER_S).normalize()
 }
 
 fn check_finite(vector_m: DVec3) -> Result<(), SkyError> {

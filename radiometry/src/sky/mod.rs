@@ -15,10 +15,10 @@
 //! worst, by its authors). All altitudes are TRUE: refraction belongs to the air.
 //!
 //! ```
-//! use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Geodetic, Observer, Site, Utc};
+//! use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Geodetic, Observer, Site};
 //!
 //! let site = Site::new(Geodetic { latitude_deg: 48.782389, longitude_deg: 9.196417, height_m: 399.0 })?;
-//! let epoch = "2024-08-12T22:30:00Z".parse::<Utc>()?.to_epoch()?;
+//! let epoch = sunglint_formats::time::parse_utc("2024-08-12T22:30:00Z")?;
 //! let observer = Observer::at(epoch, &site, EarthOrientation::embedded())?;
 //! if observer.frame().orientation().origin.is_outside() {
 //!     eprintln!("{}", observer.frame().orientation().origin);
@@ -46,4 +46,4 @@ pub use orientation::{
 };
 pub use site::{Geodetic, Site, SiteError};
 pub use stars::{Catalogue, Star, StarError, StarNote, StarPlace};
-pub use time::{JulianDate, TimeError, TimeScales, Utc};
+pub use time::{JulianDate, TimeError, TimeScales};

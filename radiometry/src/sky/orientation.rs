@@ -52,7 +52,7 @@ pub enum OrientationError {
         /// The unit of both.
         unit: &'static str,
     },
-    /// A date before 1972, after 2999, or not a number.
+    /// A date before 1972, after 2100, or not a number.
     #[error("Earth orientation, row {row}: MJD {mjd_utc} is not a date of UTC since 1972")]
     ImpossibleDate {
         /// The row, from 1.
@@ -267,7 +267,7 @@ impl EarthOrientation {
     /// The orientation at an epoch. Outside the table it is 0 and says so ([`OrientationOrigin::Outside`]).
     ///
     /// # Errors
-    /// [`TimeError::OutsideUtc`] before 1972 or after 2999.
+    /// [`TimeError::OutsideUtc`] before 1972 or after 2100.
     pub fn at(&self, epoch: Epoch) -> Result<Orientation, TimeError> {
         let delta_at_s = tai_minus_utc_s(epoch)?;
         let from_utc = |ut1_minus_utc_s, x_pole_arcsec, y_pole_arcsec, origin| Orientation {
@@ -283,7 +283,7 @@ impl EarthOrientation {
                 Ok(from_utc(*ut1_minus_utc_s, x, y, OrientationOrigin::Constant))
             }
             Source::Table { knots, first_mjd_utc, last_mjd_utc } => {
-                let tai_s = tai_seconds(epoch)?;
+                let tai_s = tai_seconds(epoch);
                 if let Some(knot) = interpolate(knots, tai_s) {
                     return Ok(Orientation {
                         ut1_minus_utc_s: knot.ut1_minus_tai_s + delta_at_s,
