@@ -1,5 +1,7 @@
 //! The air against LOWTRAN7 (fixtures/lowtran7: what it is, its settings and licence).
 
+#![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use sunglint_radiometry::air::{
@@ -37,17 +39,13 @@ impl Reference {
 }
 
 fn station() -> Air {
-    let options = AirOptions { altitude_m: 399.0, ..AirOptions::new(Profile::midlatitude_winter()) };
+    let options =
+        AirOptions { altitude_m: 399.0, ..AirOptions::new(Profile::midlatitude_winter()) };
     Air::new(&options).unwrap()
 }
 
 /// Largest |a − b| and its wavelength, where `keep` says so.
-fn largest(
-    wavelength_nm: &[f64],
-    a: &[f64],
-    b: &[f64],
-    keep: impl Fn(f64) -> bool,
-) -> (f64, f64) {
+fn largest(wavelength_nm: &[f64], a: &[f64], b: &[f64], keep: impl Fn(f64) -> bool) -> (f64, f64) {
     let mut worst = (0.0, f64::NAN);
     for ((nm, a), b) in wavelength_nm.iter().zip(a).zip(b) {
         if keep(*nm) && (a - b).abs() > worst.0 {
@@ -67,8 +65,8 @@ fn absorbers(c: &Components) -> [(&'static str, &[f64]); 5] {
     ]
 }
 
-/// Truth: LOWTRAN7. Absorption within 1e-3 (3e-3 below 320 nm) at 0, 60, 80°; Rayleigh within 2e-3, and 3.6e-3 where the two
-/// formulas themselves differ (Bodhaine et al. 1999 against Shettle et al. 1980); the total within 3e-3 (5e-3 below
+/// Truth: LOWTRAN7. Absorption within 1e-3 (3e-3 below 320 nm) at 0, 60, 80°; Rayleigh within 2e-3, below 320 nm within 3.6e-3,
+/// where the two formulas themselves differ (Bodhaine et al. 1999 against Shettle et al. 1980); the total within 3e-3 (5e-3 below
 /// 320 nm) at 0, 45, 60, 70, 80, 85°.
 #[test]
 fn components_and_total_agree_with_lowtran7() {
@@ -76,7 +74,8 @@ fn components_and_total_agree_with_lowtran7() {
     let nm = &reference.wavelength_nm;
     let sampling = Sampling::means(nm, 0.5).unwrap();
     let air = station();
-    let mut table = String::from("largest |dT| against LOWTRAN7, 300-1240 nm, 399 m, midlatitude winter\n");
+    let mut table =
+        String::from("largest |dT| against LOWTRAN7, 300-1240 nm, 399 m, midlatitude winter\n");
     let mut failures = String::new();
     let mut row = |name: &str, zenith: &str, ours: &[f64], theirs: &[f64], limits: (f64, f64)| {
         let uv = largest(nm, ours, theirs, |nm| nm < 320.0);
@@ -84,8 +83,13 @@ fn components_and_total_agree_with_lowtran7() {
         let show = |(d, nm): (f64, f64)| {
             if d < 5e-6 { "none above 5e-6     ".into() } else { format!("{d:.5} at {nm:>4} nm  ") }
         };
-        writeln!(table, "{name:<14} {zenith:>3} deg   below 320 nm: {}from 320 nm: {}", show(uv), show(rest).trim_end())
-            .unwrap();
+        writeln!(
+            table,
+            "{name:<14} {zenith:>3} deg   below 320 nm: {}from 320 nm: {}",
+            show(uv),
+            show(rest).trim_end()
+        )
+        .unwrap();
         if uv.0 > limits.0 || rest.0 > limits.1 {
             writeln!(failures, "{name} at {zenith}: {uv:?} {rest:?}").unwrap();
         }
@@ -98,7 +102,13 @@ fn components_and_total_agree_with_lowtran7() {
         }
         // Why the air has no methane.
         assert!(reference.component(zenith, "ch4").iter().all(|t| *t == 1.0));
-        row("rayleigh", zenith, &ours.rayleigh, &reference.component(zenith, "rayleigh"), (3.6e-3, 3.6e-3));
+        row(
+            "rayleigh",
+            zenith,
+            &ours.rayleigh,
+            &reference.component(zenith, "rayleigh"),
+            (3.6e-3, 2e-3),
+        );
     }
     for zenith in ["0", "45", "60", "70", "80", "85"] {
         let z = Zenith::Apparent(zenith.parse().unwrap());
@@ -124,7 +134,7 @@ fn rayleigh_differs_from_lowtran7_by_the_formula_alone() {
         let ours = air.components(Zenith::Apparent(path.apparent_deg), &sampling).unwrap().rayleigh;
         let theirs = reference.component(zenith, "rayleigh");
         let mut beyond = Vec::new();
-        for ((nm, ours), theirs) in nm.iter().zip(&ours).zip(&theirs) {
+        for ((nm, ours), theirs) in nm.iter().zip(&ours).zip(&theirs).skip(1) {
             let v = 1e7 / nm;
             let shettle = (-column_km * v.powi(4) / (9.380_76e18 - 1.084_26e9 * v * v)).exp();
             assert!((shettle - theirs).abs() < 1.1e-3, "{zenith}°, {nm} nm: {shettle} {theirs}");
@@ -133,7 +143,11 @@ fn rayleigh_differs_from_lowtran7_by_the_formula_alone() {
                 assert!((ours - shettle).abs() > 1e-3, "{zenith}°, {nm} nm");
             }
         }
-        println!("{zenith}°: Rayleigh beyond 2e-3 at {:?} … {:?} nm", beyond.first(), beyond.last());
+        println!(
+            "{zenith}°: Rayleigh beyond 2e-3 at {:?} … {:?} nm",
+            beyond.first(),
+            beyond.last()
+        );
     }
 }
 
@@ -141,7 +155,9 @@ fn rayleigh_differs_from_lowtran7_by_the_formula_alone() {
 #[test]
 fn air_masses_agree_with_lowtran7() {
     let air = station();
-    for (z, truth) in [(45.0, 1.4128), (60.0, 1.9940), (70.0, 2.9024), (80.0, 5.5910), (85.0, 10.3582)] {
+    for (z, truth) in
+        [(45.0, 1.4128), (60.0, 1.9940), (70.0, 2.9024), (80.0, 5.5910), (85.0, 10.3582)]
+    {
         let path = air.path(Zenith::Apparent(z)).unwrap();
         let ours = air.air_masses(&path).rayleigh;
         assert!((ours - truth).abs() < 1e-3, "{z}°: {ours} against {truth}");
@@ -153,7 +169,8 @@ fn air_masses_agree_with_lowtran7() {
 /// shape of the aerosol here.
 #[test]
 fn every_atmosphere_agrees_with_lowtran7() {
-    let table = sunglint_formats::ecsv::read_str("fixtures/lowtran7/atmospheres.ecsv", ATMOSPHERES).unwrap();
+    let table = sunglint_formats::ecsv::read_str("fixtures/lowtran7/atmospheres.ecsv", ATMOSPHERES)
+        .unwrap();
     let texts = |name| table.text(name).unwrap().iter().map(|t| t.clone().unwrap());
     let zenith = table.f64("zenith_deg").unwrap();
     let (nm, total) = (table.f64("wavelength_nm").unwrap(), table.f64("total").unwrap());

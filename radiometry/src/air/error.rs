@@ -36,7 +36,9 @@ pub enum AirError {
         levels: usize,
     },
     /// The station is outside the profile.
-    #[error("the station at {altitude_m} m is outside {lowest_m} m to {highest_m} m, where this profile holds")]
+    #[error(
+        "the station at {altitude_m} m is outside {lowest_m} m to {highest_m} m, where this profile holds"
+    )]
     Altitude {
         /// The station's altitude \[m\].
         altitude_m: f64,
@@ -56,7 +58,9 @@ pub enum AirError {
         expected: &'static str,
     },
     /// A column was given for a gas that the profile does not have.
-    #[error("{option} = {value} cannot be reached: the profile holds none of this gas above the station")]
+    #[error(
+        "{option} = {value} cannot be reached: the profile holds none of this gas above the station"
+    )]
     EmptyColumn {
         /// The option, with its unit as suffix.
         option: &'static str,
@@ -81,7 +85,9 @@ pub enum AirError {
         zenith_deg: f64,
     },
     /// The direction is below the horizon.
-    #[error("the {kind} zenith angle {zenith_deg}° is below the horizon, which lies at {horizon_deg:.4}° ({kind})")]
+    #[error(
+        "the {kind} zenith angle {zenith_deg}° is below the horizon, which lies at {horizon_deg:.4}° ({kind})"
+    )]
     BelowHorizon {
         /// `true` or `apparent`.
         kind: &'static str,
@@ -91,7 +97,9 @@ pub enum AirError {
         horizon_deg: f64,
     },
     /// A wavelength is outside the tables.
-    #[error("{wavelength_nm} nm is outside {lowest_nm:.3} to {highest_nm} nm, which the absorption tables cover; cut the range")]
+    #[error(
+        "{wavelength_nm} nm is outside {lowest_nm:.3} to {highest_nm} nm, which the absorption tables cover; cut the range"
+    )]
     Wavelength {
         /// The wavelength or bin edge \[nm, vacuum\].
         wavelength_nm: f64,
@@ -120,7 +128,9 @@ pub enum AirError {
         expected: usize,
     },
     /// The table did not reach its tolerance.
-    #[error("{nodes} nodes leave an interpolation error of {error:.1e} in transmission; ask for more than {tolerance:.1e}")]
+    #[error(
+        "{nodes} nodes leave an interpolation error of {error:.1e} in transmission; ask for more than {tolerance:.1e}"
+    )]
     Tolerance {
         /// The tolerance that was asked for.
         tolerance: f64,

@@ -63,9 +63,7 @@ impl Sampling {
     /// # Errors
     /// A bin that reaches outside the tables or has no width; none at all.
     pub fn means(centre_nm: &[f64], half_width_nm: f64) -> Result<Self, AirError> {
-        Self::from_rows(
-            centre_nm.iter().map(|&nm| mean(nm - half_width_nm, nm + half_width_nm)),
-        )
+        Self::from_rows(centre_nm.iter().map(|&nm| mean(nm - half_width_nm, nm + half_width_nm)))
     }
 
     /// Means over the bins between ascending edges \[nm, vacuum\]: one bin less than edges.
@@ -177,7 +175,8 @@ mod tests {
         for sampling in
             [Sampling::means(&centres, 0.5).unwrap(), Sampling::points(&centres).unwrap()]
         {
-            let line: Vec<f64> = sampling.native.iter().map(|&i| 3.0 * native_nm(i) - 7.0).collect();
+            let line: Vec<f64> =
+                sampling.native.iter().map(|&i| 3.0 * native_nm(i) - 7.0).collect();
             let mut out = vec![0.0; centres.len()];
             sampling.apply(&line, &mut out);
             for (nm, value) in centres.iter().zip(&out) {

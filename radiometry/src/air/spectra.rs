@@ -43,7 +43,10 @@ impl Term {
         let to = native.partition_point(|&i| i < end);
         Term {
             first: from,
-            coefficient: native[from..to].iter().map(|&i| self.coefficient[i - self.first]).collect(),
+            coefficient: native[from..to]
+                .iter()
+                .map(|&i| self.coefficient[i - self.first])
+                .collect(),
             ..*self
         }
     }
@@ -113,7 +116,7 @@ pub(crate) fn gases() -> &'static [Term] {
 }
 
 /// A column of an embedded table.
-fn column(table: &'static tables::Embedded, name: &str) -> &'static [f64] {
+pub(crate) fn column(table: &'static tables::Embedded, name: &str) -> &'static [f64] {
     // A test touches every column named here, so this cannot fail in a program that passed it.
     #[expect(clippy::unwrap_used, reason = "embedded table, read by a test")]
     table.table().f64(name).unwrap()
@@ -261,8 +264,8 @@ mod tests {
         for nm in [300.0, 400.0, 550.0, 800.0] {
             let (l2, cm) = ((1e-3_f64 * nm).powi(2), 1e-7 * nm);
             let s2 = 1.0 / l2;
-            let n300 = 1e-8
-                * (8060.51 + 2_480_990.0 / (132.274 - s2) + 17_455.7 / (39.329_57 - s2));
+            let n300 =
+                1e-8 * (8060.51 + 2_480_990.0 / (132.274 - s2) + 17_455.7 / (39.329_57 - s2));
             let n = 1.0 + n300 * (1.0 + 0.54 * 6e-5);
             let king = (78.084 * (1.034 + 3.17e-4 * s2)
                 + 20.946 * (1.096 + 1.385e-3 * s2 + 1.448e-4 * s2 * s2)
