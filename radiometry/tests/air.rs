@@ -359,6 +359,8 @@ fn options_that_make_no_sense_are_refused_by_name() {
         ("ozone_du", AirOptions { ozone_du: Some(-1.0), ..base() }),
         ("water_mm", AirOptions { water_mm: Some(-0.1), ..base() }),
         ("pressure_hpa", AirOptions { pressure_hpa: Some(101_325.0), ..base() }),
+        // Thirty kilometres up there is next to none; fifty millimetres would be steam.
+        ("water_mm", AirOptions { altitude_m: 30_000.0, water_mm: Some(50.0), ..base() }),
         ("co2_ppm", AirOptions { co2_ppm: Some(f64::INFINITY), ..base() }),
         ("refraction_nm", AirOptions { refraction_nm: 0.55, ..base() }),
         ("earth_radius_m", AirOptions { earth_radius_m: 6371.0, ..base() }),
@@ -501,6 +503,41 @@ proptest! {
             for (a, b) in high.iter().zip(low) {
                 prop_assert!((0.0..=1.0 + 1e-12).contains(a), "{name} {a}");
                 prop_assert!(b <= &(a + 1e-13), "{name}: {b} after {a}");
+            }
+        }
+    }
+
+    /// Whatever the air, the table's error stays below what it reports.
+    #[test]
+    fn the_reported_error_bounds_the_error(
+        name in proptest::sample::select(&Profile::NAMES[..]),
+        model in proptest::sample::select(&AerosolModel::ALL[..]),
+        hazy in proptest::bool::ANY,
+        refraction in proptest::bool::ANY,
+        altitude_m in -400.0..6500.0_f64,
+        ozone_du in 0.0..600.0_f64,
+        water_mm in 0.0..30.0_f64,
+        decades in 4.0..8.0_f64,
+    ) {
+        let options = AirOptions {
+            altitude_m,
+            ozone_du: Some(ozone_du),
+            water_mm: Some(water_mm),
+            aerosol: if hazy { Aerosol::Model(model) } else { Aerosol::None },
+            refraction,
+            ..AirOptions::new(Profile::named(name).unwrap())
+        };
+        let air = Air::new(&options).unwrap();
+        let sampling = Sampling::means(&[302.0, 310.5, 325.0, 345.0, 420.0, 605.0, 687.0, 761.0, 824.0, 905.0, 940.0, 1088.0, 1131.0, 1164.0, 1205.0, 1231.0], 0.5).unwrap();
+        let table = AirTable::new(&air, &sampling, 10_f64.powf(-decades)).unwrap();
+        for i in 0..150 {
+            let u = (f64::from(i) * 0.618_033_988_75 + decades).fract();
+            let apparent = 90.0 * (1.0 - (1.0 - u).powi(3));
+            for zenith in [Zenith::Apparent(apparent), Zenith::True(apparent)] {
+                let exact = air.transmission(zenith, &sampling).unwrap();
+                for (a, b) in table.transmission(zenith).unwrap().iter().zip(&exact) {
+                    prop_assert!((a - b).abs() <= table.interpolation_error(), "{zenith:?}: {a} {b} {table:?}");
+                }
             }
         }
     }

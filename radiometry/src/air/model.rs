@@ -202,6 +202,8 @@ struct Layer {
     linear: [bool; amount::INTERPOLATED],
     bottom_c: f64,
     rise_c: f64,
+    bottom_cold: f64,
+    rise_cold: f64,
 }
 
 /// The air above one station.
@@ -242,13 +244,25 @@ impl Air {
         for level in &mut levels {
             level.water_cm3 *= water;
             level.ozone_cm3 *= ozone;
+            if level.water_cm3 > 0.5 * level.air_cm3 {
+                return Err(AirError::Option {
+                    option: "water_mm",
+                    value: options.water_mm.unwrap_or(f64::NAN),
+                    expected: "less: scaled to this column, the profile would be more water than air; choose a moister one",
+                });
+            }
         }
 
         let mut layers = layers(&levels, &options.aerosol);
         let vertical = integrate(&straight, &layers, 0.0).0;
         for k in [amount::AEROSOL, amount::BACKGROUND] {
             if vertical[k] > 0.0 {
-                layers.iter_mut().for_each(|l| l.bottom[k] /= vertical[k]);
+                for layer in &mut layers {
+                    layer.bottom[k] /= vertical[k];
+                    if layer.linear[k] {
+                        layer.change[k] /= vertical[k];
+                    }
+                }
             }
         }
         let vertical = integrate(&straight, &layers, 0.0).0;
@@ -411,6 +425,12 @@ fn densities(level: &Level, station_km: f64, aerosol: &Aerosol) -> [f64; amount:
     d
 }
 
+/// Where between 296 K (0) and 260 K (1) the self-broadened continuum is; it is not extrapolated, as in LOWTRAN7. Taken at
+/// the levels: a limit that is met inside a layer would be a kink there, and the path integrals no longer smooth in z.
+fn coldness(level: &Level) -> f64 {
+    ((296.0 - level.temperature_k) / 36.0).clamp(0.0, 1.0)
+}
+
 fn layers(levels: &[Level], aerosol: &Aerosol) -> Vec<Layer> {
     let station_km = levels[0].altitude_km;
     let at: Vec<_> = levels.iter().map(|l| densities(l, station_km, aerosol)).collect();
@@ -424,6 +444,8 @@ fn layers(levels: &[Level], aerosol: &Aerosol) -> Vec<Layer> {
                 linear: [false; amount::INTERPOLATED],
                 bottom_c: level[0].temperature_k - 273.15,
                 rise_c: level[1].temperature_k - level[0].temperature_k,
+                bottom_cold: coldness(&level[0]),
+                rise_cold: coldness(&level[1]) - coldness(&level[0]),
             };
             for (k, (a, b)) in density[0].iter().zip(&density[1]).enumerate() {
                 layer.linear[k] = !(*a > 0.0 && *b > 0.0);
@@ -453,8 +475,7 @@ fn integrate(shells: &Shells, layers: &[Layer], apparent_deg: f64) -> (Amounts, 
         let ozone = at[amount::OZONE] * ds;
         sum[amount::OZONE_T] += ozone * celsius;
         sum[amount::OZONE_T2] += ozone * celsius * celsius;
-        // The continuum is tabulated at 260 and 296 K and not extrapolated, as in LOWTRAN7.
-        let cold = ((296.0 - 273.15 - celsius) / 36.0).clamp(0.0, 1.0);
+        let cold = layer.bottom_cold + layer.rise_cold * fraction;
         sum[amount::WATER_SELF_COLD] += at[amount::WATER_SELF] * ds * cold;
     });
     (sum, bending)

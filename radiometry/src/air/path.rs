@@ -132,7 +132,11 @@ impl Shells {
         let mut bending = 0.0;
         for (index, layer) in self.layers.iter().enumerate() {
             let thickness = layer.top_km - layer.bottom_km;
-            let low = x_squared(layer.bottom_km, layer.refractivity_bottom);
+            // At the station x is known without the rounding that is left in n r − C: at the horizon 2 mm of path.
+            let low = match index {
+                0 => (r0 * elevation.sin()).powi(2),
+                _ => x_squared(layer.bottom_km, layer.refractivity_bottom),
+            };
             let high = x_squared(layer.top_km, layer.refractivity_top);
             let (middle, half) =
                 (0.5 * (high.sqrt() + low.sqrt()), 0.5 * (high.sqrt() - low.sqrt()));
