@@ -481,7 +481,7 @@ fn integrate(shells: &Shells, layers: &[Layer], apparent_deg: f64) -> (Amounts, 
     (sum, bending)
 }
 
-/// n − 1 of moist air: the dispersion of Ciddor 1996 (Appl. Opt. 35, 1566, eqs. 1–3) with densities of ideal gases (his
+/// n − 1 of moist air: the dispersion of Ciddor 1996 (Appl. Opt. 35, 1566) with densities of ideal gases (his
 /// compressibility moves n − 1 by less than 5e−4 of itself).
 fn refractivity(level: &Level, wavelength_nm: f64) -> f64 {
     const BOLTZMANN_J_K: f64 = 1.380_649e-23;
@@ -497,7 +497,7 @@ fn refractivity(level: &Level, wavelength_nm: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Truth: Ciddor 1996, table 1: dry air of 450 ppm CO₂, 633 nm, 20 °C: 21458.0e-8 at 80 kPa, 26824.4e-8 at 100 kPa.
+    /// Truth: Ciddor 1996: dry air of 450 ppm CO₂, 633 nm, 20 °C: 21458.0e-8 at 80 kPa, 26824.4e-8 at 100 kPa.
     #[test]
     fn refractivity_is_ciddors() {
         let mut level = *Profile::named("us_standard").unwrap().levels().first().unwrap();

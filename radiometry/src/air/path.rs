@@ -271,7 +271,7 @@ mod tests {
         }
     }
 
-    /// Truth: Chapman's function, here by its definition as an integral over angles (Chapman 1931, eq. 22),
+    /// Truth: Chapman's function, here by its definition as an integral over angles (Chapman 1931),
     /// Ch(X, z) = X sin z ∫₀^z exp(X − X sin z/sin λ) csc² λ dλ, by Simpson's rule; at the horizon
     /// Ch = X e^X K₁(X) ≈ √(πX/2)(1 + 3/(8X) − 15/(128X²)).
     #[test]
@@ -309,7 +309,7 @@ mod tests {
     }
 
     /// Truth: Laplace's expansion, R = N(1 − H/r) tan z − N(H/r − N/2) tan³ z, which Oriani's theorem makes
-    /// nearly independent of the structure (Green, Spherical Astronomy, 1985, eq. 4.24); the next term is about
+    /// nearly independent of the structure (Green, Spherical Astronomy, 1985); the next term is about
     /// 3N(H/r)² tan⁵ z.
     #[test]
     fn an_exponential_atmosphere_refracts_as_laplace_says() {
