@@ -2,6 +2,8 @@
 //!
 //! `cargo bench -p sunglint-radiometry --bench air`
 
+#![expect(clippy::unwrap_used, reason = "a benchmark that cannot run should stop")]
+
 use divan::{Bencher, black_box};
 use sunglint_radiometry::air::{Air, AirOptions, AirTable, Profile, Sampling, Zenith};
 

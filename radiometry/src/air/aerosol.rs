@@ -1,6 +1,7 @@
 //! Haze and dust: what scatters besides the molecules.
 
 use super::AirError;
+use super::spectra::column;
 use crate::tables;
 use std::fmt;
 
@@ -81,11 +82,8 @@ impl AerosolModel {
 
     /// Vertical optical depth above sea level: linear in the table (300–1260 nm); below 300 nm continued as a straight line.
     fn above_sea_level(self, wavelength_nm: f64) -> f64 {
-        let table = tables::AEROSOLS.table();
-        // A test evaluates every model, so the columns are there.
-        let (Ok(nm), Ok(depth)) = (table.f64("wavelength_nm"), table.f64(self.name())) else {
-            return 0.0;
-        };
+        let nm = column(&tables::AEROSOLS, "wavelength_nm");
+        let depth = column(&tables::AEROSOLS, self.name());
         let upper = nm.partition_point(|x| *x < wavelength_nm).clamp(1, nm.len() - 1);
         let f = (wavelength_nm - nm[upper - 1]) / (nm[upper] - nm[upper - 1]);
         depth[upper - 1] + f * (depth[upper] - depth[upper - 1])
@@ -140,10 +138,10 @@ impl Aerosol {
             "an Ångström exponent from -2 to 5",
         )?;
         require(
-            (100.0..=20_000.0).contains(&scale_height_m),
+            (300.0..=20_000.0).contains(&scale_height_m),
             "aerosol scale_height_m",
             scale_height_m,
-            "100 to 20 000 m",
+            "300 to 20 000 m",
         )
     }
 
@@ -171,7 +169,8 @@ impl Aerosol {
             Aerosol::None => return (0.0, 0.0),
             Aerosol::Angstrom { scale_height_m, .. } => 1e-3 * scale_height_m,
             Aerosol::Model(_) => {
-                let room = (COMPRESSED_BELOW_KM - station_km).max(0.1) / COMPRESSED_BELOW_KM;
+                // No thinner than the layers resolve; above 5 km there is next to nothing of it left.
+                let room = (COMPRESSED_BELOW_KM - station_km).max(1.0) / COMPRESSED_BELOW_KM;
                 MODEL_SCALE_KM * room
             }
         };

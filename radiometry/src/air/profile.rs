@@ -38,6 +38,8 @@ pub struct Profile {
 
 /// Stations may lie this far below the lowest level \[m\].
 const BELOW_LOWEST_M: f64 = 500.0;
+/// Thicker layers are divided \[km\]. The standard atmospheres have none.
+const THICKEST_KM: f64 = 5.0;
 
 impl Profile {
     /// The names of the standard atmospheres.
@@ -199,9 +201,19 @@ impl Profile {
     /// The levels from a station upwards, the first at the station.
     pub(crate) fn above(&self, altitude_m: f64) -> Result<Vec<Level>, AirError> {
         let station = self.at(altitude_m)?;
+        let mut levels = vec![station];
         // A sliver of a layer costs time and gives nothing: levels within a millimetre are the station's.
-        let higher = self.levels.iter().filter(|l| l.altitude_km > station.altitude_km + 1e-6);
-        Ok(std::iter::once(station).chain(higher.copied()).collect())
+        for level in self.levels.iter().filter(|l| l.altitude_km > station.altitude_km + 1e-6) {
+            // The quadrature along the path has six points per layer: enough for a few scale heights.
+            let below_km = levels[levels.len() - 1].altitude_km;
+            let parts = ((level.altitude_km - below_km) / THICKEST_KM - 1e-9).ceil();
+            for part in 1..parts as usize {
+                let f = part as f64 / parts;
+                levels.push(self.at(1e3 * (below_km + f * (level.altitude_km - below_km)))?);
+            }
+            levels.push(*level);
+        }
+        Ok(levels)
     }
 }
 

@@ -116,7 +116,7 @@ pub(crate) fn gases() -> &'static [Term] {
 }
 
 /// A column of an embedded table.
-fn column(table: &'static tables::Embedded, name: &str) -> &'static [f64] {
+pub(crate) fn column(table: &'static tables::Embedded, name: &str) -> &'static [f64] {
     // A test touches every column named here, so this cannot fail in a program that passed it.
     #[expect(clippy::unwrap_used, reason = "embedded table, read by a test")]
     table.table().f64(name).unwrap()
@@ -216,8 +216,8 @@ fn water_continuum() -> Vec<Term> {
 }
 
 /// Rayleigh scattering per molecule of air \[cm²\]: Bodhaine et al. 1999 (J. Atmos. Oceanic Technol. 16, 1854), eq. 29,
-/// which is for 360 ppm of CO₂; other amounts by the refractivity, n − 1 ∝ 1 + 0.54 (C − 0.0003) (their eq. 19), and the
-/// King factor (their eq. 23).
+/// which is for 360 ppm of CO₂; other amounts by the refractivity, n − 1 ∝ 1 + 0.54 (C − 0.0003), and the
+/// King factor.
 pub(crate) fn rayleigh_cm2(wavelength_nm: f64, co2_ppm: f64) -> f64 {
     let l2 = (1e-3 * wavelength_nm).powi(2);
     let base = (1.045_599_6 - 341.290_61 / l2 - 0.902_308_50 * l2)
@@ -257,8 +257,8 @@ pub(crate) fn aerosol(aerosol: &Aerosol, station_km: f64) -> Vec<Term> {
 mod tests {
     use super::*;
 
-    /// Truth: the definition that eq. 29 is a fit to (Bodhaine et al. 1999, eq. 22): σ = 24π³(n²−1)²/(λ⁴N²(n²+2)²)·F with
-    /// the refractive index of Peck and Reeder (eq. 17, 300 ppm), N = 2.546899e19 cm⁻³.
+    /// Truth: the definition that eq. 29 is a fit to (Bodhaine et al. 1999): σ = 24π³(n²−1)²/(λ⁴N²(n²+2)²)·F with
+    /// the refractive index of Peck and Reeder (300 ppm), N = 2.546899e19 cm⁻³.
     #[test]
     fn the_fit_for_rayleigh_follows_its_definition() {
         for nm in [300.0, 400.0, 550.0, 800.0] {

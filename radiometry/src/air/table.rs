@@ -4,9 +4,10 @@ use super::math::{STENCIL, exp_minus, lagrange};
 use super::path::{checked, invert};
 use super::{Air, AirError, Sampling, Zenith};
 
-/// Scale of the variable in which the nodes are even: the Earth's radius over the thickness of the homogeneous
-/// atmosphere. Any value near it serves: it moves nodes, not results.
-const RADIUS_OVER_SCALE: f64 = 758.0;
+/// Scale of the variable in which the nodes are even: the Earth's radius over the thickness of a shell of 400 m. It moves
+/// nodes, not results. A shell as thin as that crowds them at the horizon, where water and haze bend fastest, as much as
+/// the zenith can bear: the error is then about the same everywhere.
+const RADIUS_OVER_SCALE: f64 = 16000.0;
 /// Intervals between nodes at first; doubled until the error is below the tolerance.
 const FIRST_INTERVALS: usize = 16;
 const MOST_INTERVALS: usize = 1024;
@@ -20,14 +21,13 @@ const MOST_INTERVALS: usize = 1024;
 /// multiply-adds and an exponential per sample, all vectorised.
 ///
 /// # Error
-/// L is smooth in t: each species' path integral is, and a bin's −ln of a mean of exponentials of such. The error of the
-/// interpolation between two nodes is ω(t) L⁽⁶⁾/720 with a known ω, so where L⁽⁶⁾ does not change sign over six
-/// nodes the error is largest where ω is: in the middle of an interval (in the two outermost intervals at each end, within
-/// a tenth of it near the middle). The builder measures the error in T against the exact calculation in the
-/// middle of *every* interval, for every sample, by apparent and by true zenith angle, and doubles the nodes until the
-/// largest is below the tolerance. A second pass measures at 0.25 and 0.75 of every interval. [`AirTable::interpolation_error`] is the largest of
-/// all these, times 1.5. So the bound is sampled, at three points per interval, not proven; the factor covers what lies
-/// between them.
+/// L is smooth in t: each species' path integral is, and a bin's −ln of a mean of exponentials of such. Between two nodes the
+/// interpolation errs by ω(t) L⁽⁶⁾/720 with a known ω, so where L⁽⁶⁾ changes little over six nodes the error is
+/// largest where ω is: in the middle of an interval, in the outermost ones within a quarter of it. The builder measures
+/// the error in T against the exact calculation at 0.25, 0.5 and 0.75 of *every* interval, for every sample, by apparent and
+/// by true zenith angle; it doubles the nodes until 1.5 times the largest is below the tolerance, and reports that.
+/// So the bound is sampled, not proven: the factor of 1.5 covers what lies between the samples (a property test draws stations
+/// and angles at random; 6000 stations were drawn once without a case beyond the bound).
 #[derive(Debug, Clone)]
 pub struct AirTable {
     samples: usize,
@@ -36,8 +36,9 @@ pub struct AirTable {
     intervals: usize,
     /// Optical depths, node by node.
     depths: Vec<f64>,
-    /// Refraction \[deg\] at the nodes.
-    refraction_deg: Vec<f64>,
+    /// Refraction over sin z \[deg\] at the nodes: even in z, hence smooth in t also at the zenith, where the refraction itself
+    /// goes as √t.
+    bending_deg: Vec<f64>,
     error: f64,
 }
 
@@ -48,7 +49,7 @@ impl AirTable {
     /// Tabulates an air on a sampling until the interpolation errs by less than `tolerance` in transmission (absolute).
     ///
     /// # Errors
-    /// A tolerance that is not positive, or that 1024 intervals do not reach (about 1e−12).
+    /// A tolerance that is not positive, or that 1024 intervals do not reach.
     pub fn new(air: &Air, sampling: &Sampling, tolerance: f64) -> Result<Self, AirError> {
         if !(tolerance > 0.0 && tolerance.is_finite()) {
             return Err(AirError::Option {
@@ -155,7 +156,7 @@ impl AirTable {
             t_last,
             intervals: nodes.len() - 1,
             depths: nodes.iter().flat_map(|n| n.depths.iter().copied()).collect(),
-            refraction_deg: nodes.iter().map(|n| n.true_deg - n.apparent_deg).collect(),
+            bending_deg: nodes.iter().map(|n| n.bending_deg).collect(),
             error: f64::INFINITY,
         }
     }
@@ -165,9 +166,9 @@ impl AirTable {
         let apparent_deg = match zenith {
             Zenith::Apparent(z) => checked(z, "apparent", 90.0)?,
             Zenith::True(z) => {
-                let horizon_deg = 90.0 + self.refraction_deg[self.intervals];
+                let horizon_deg = 90.0 + self.bending_deg[self.intervals];
                 let z = checked(z, "true", horizon_deg)?;
-                invert(z, z.min(90.0), |a| a + self.refraction(t_of(a)))
+                invert(z, z.min(90.0), |a| a + self.bending(t_of(a)) * a.to_radians().sin())
             }
         };
         Ok(t_of(apparent_deg))
@@ -181,9 +182,9 @@ impl AirTable {
         (first, lagrange(u - first as f64))
     }
 
-    fn refraction(&self, t: f64) -> f64 {
+    fn bending(&self, t: f64) -> f64 {
         let (first, weights) = self.stencil(t);
-        weights.iter().zip(&self.refraction_deg[first..]).map(|(w, r)| w * r).sum()
+        weights.iter().zip(&self.bending_deg[first..]).map(|(w, r)| w * r).sum()
     }
 
     fn row(&self, t: f64, out: &mut [f64]) {
@@ -226,6 +227,7 @@ impl AirTable {
 struct Node {
     apparent_deg: f64,
     true_deg: f64,
+    bending_deg: f64,
     depths: Vec<f64>,
 }
 
@@ -249,7 +251,11 @@ impl Builder<'_> {
             // Where the mean is next to nothing, its logarithm is taken without leaving the range of numbers.
             *depth = if *depth > 1e-250 { -depth.ln() } else { self.sampling.depth(j, &native) };
         }
-        Node { apparent_deg: path.apparent_deg, true_deg: path.true_deg, depths }
+        // At the zenith 0/0; a tenth of a degree beside it the ratio is the same to 3e-6.
+        let beside = if path.apparent_deg < 0.1 { self.air.path_at(0.1) } else { path };
+        let bending_deg =
+            (beside.true_deg - beside.apparent_deg) / beside.apparent_deg.to_radians().sin();
+        Node { apparent_deg: path.apparent_deg, true_deg: path.true_deg, bending_deg, depths }
     }
 
     /// Exact nodes at one place of every interval.
@@ -285,6 +291,5 @@ mod tests {
         for z in [0.01, 10.0, 45.0, 80.0, 89.9, 90.0] {
             assert!((zenith_of(t_of(z)) - z).abs() < 1e-6, "{z}: {}", zenith_of(t_of(z)));
         }
-        assert!(t_of(90.0).exp() > 38.0 && t_of(90.0).exp() < 40.0);
     }
 }
