@@ -170,6 +170,11 @@ fn values_that_are_wrong() {
     );
     refused(
         "slots = 7",
+        "tilt_rad = 1e999",
+        "hill.toml:20: channel[1].tilt_rad: found 1e999, expected a number",
+    );
+    refused(
+        "slots = 7",
         "slots = 700",
         "hill.toml:20: channel[1].slots: found 700, expected a whole number from 0 to 255",
     );

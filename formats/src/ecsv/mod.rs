@@ -11,7 +11,7 @@
 //!
 //! What is refused: `float128`, `complex`, and columns with a `subtype` (arrays and JSON inside a text), by name. The
 //! attributes `format` and `meta` of a column are not kept. Classes that astropy names in the metadata
-//! (`__serialized_columns__`) stay there as plain data: a time column is text.
+//! (`__serialized_columns__`) stay there as plain data (a time column is text), and are not written again.
 //!
 //! YAML is read with `serde-saphyr`.
 

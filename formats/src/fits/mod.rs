@@ -23,7 +23,8 @@
 //! as the standard uses it for unsigned integers (and signed bytes) gives those, exactly; any other BSCALE or BZERO, and
 //! a BLANK that occurs, gives `f64` with `NaN`.
 //!
-//! **Tables**: columns L, B, I, J, K, E, D and A, single or vectors, with TSCAL, TZERO, TNULL and TUNIT. Refused by name: bits (X),
+//! **Tables**: columns L, B, I, J, K, E, D and A, single or vectors, with TSCAL, TZERO, TNULL and TUNIT. Vectors are
+//! flat (TDIM counts for texts only), columns of no values are left out. Refused by name: bits (X),
 //! complex numbers (C, M), variable length (P, Q), tile-compressed images (`.fits.fz`), random groups.
 //!
 //! **Hostile files**: nothing is allocated before the bytes that it should hold are seen to be there, so memory is bounded
