@@ -18,8 +18,8 @@ pub fn read(path: impl AsRef<Path>) -> Result<Table, FileError> {
 ///
 /// # Errors
 /// A [`ParseError`] with the line and, where there is one, the column: a header that is not ECSV, a datatype that is
-/// not read (see the module), columns that differ between the header and the rows, a wrong number of fields, a value that is
-/// not of the datatype.
+/// not read (see the module), columns that differ between the header and the rows, a wrong number of fields, a value
+/// that is not of the datatype.
 pub fn read_str(path: impl AsRef<Path>, text: &str) -> Result<Table, ParseError> {
     let path = path.as_ref();
     let (yaml, rest, line) = split_header(path, text)?;

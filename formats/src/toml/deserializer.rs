@@ -175,7 +175,8 @@ impl<'de, 's, I: Iterator<Item = (usize, Spanned<DeValue<'s>>)>> SeqAccess<'de> 
     }
 }
 
-/// The entries of a table, in the order in which they stand in the file, so that the first error is the first in the file.
+/// The entries of a table, in the order in which they stand in the file, so that the first error is the first in the
+/// file.
 pub(super) struct Entries<'s> {
     rest: VecDeque<(Spanned<DeString<'s>>, Spanned<DeValue<'s>>)>,
     current: Option<(String, Value<'s>)>,
