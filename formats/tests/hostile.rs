@@ -315,6 +315,10 @@ fn fits_that_promises_too_much() {
         image(&["NAXIS   = 0"], 2880 - 80),
         "f.fits: HDU 0: found a header without data, expected an image"
     );
+    assert_eq!(
+        image(&["NAXIS   = 1", "NAXIS1  = 10", "PCOUNT  = 5"], 2880),
+        "f.fits: PCOUNT: found 5, expected 0, for an image"
+    );
     // An axis of nothing beside axes that overflow.
     assert_eq!(
         image(

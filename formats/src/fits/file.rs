@@ -90,10 +90,12 @@ pub fn inflate(path: impl AsRef<Path>, bytes: Vec<u8>, most: u64) -> Result<Vec<
 }
 
 impl Fits {
-    /// Reads a file; `.gz` and `.z` are unpacked, up to 4 GiB.
+    /// Reads a file; one packed with gzip or zlib is unpacked, up to 64 MiB or 256 times its size.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
         let path = path.as_ref();
-        let bytes = inflate(path, crate::read::bytes(path)?, 4 << 30)?;
+        let bytes = crate::read::bytes(path)?;
+        let most = (64_u64 << 20).max(bytes.len() as u64 * 256);
+        let bytes = inflate(path, bytes, most)?;
         Ok(Self::from_bytes(path, bytes)?)
     }
 
