@@ -1,9 +1,10 @@
-//! The `.bsdf` tensor file: named arrays, as Dupuy and Jakob's material database holds its measurements and Mitsuba 3 reads them
-//! (*An adaptive parameterization for efficient material acquisition and rendering*, ACM TOG 37, 2018).
+//! The `.bsdf` tensor file: named arrays, as Dupuy and Jakob's material database holds its measurements and Mitsuba 3
+//! reads them (*An adaptive parameterization for efficient material acquisition and rendering*, ACM TOG 37, 2018).
 //!
-//! Little-endian: `tensor_file\0`, version 1.0, u32 number of fields; then per field a u16 length and the name, u16 number of axes, u8 type,
-//! u64 offset of the data from the start of the file, u64 for each axis. The last index runs fastest. What the arrays mean is not
-//! known here; [`TensorFile::check_material`] only says which that a measured material needs are missing.
+//! Little-endian: `tensor_file\0`, version 1.0, u32 number of fields; then per field a u16 length and the name, u16
+//! number of axes, u8 type, u64 offset of the data from the start of the file, u64 for each axis. The last index runs
+//! fastest. What the arrays mean is not known here; [`TensorFile::check_material`] only says which that a measured
+//! material needs are missing.
 
 use crate::atomic::Overwrite;
 use crate::error::{EncodeError, FileError, ParseError, excerpt};
@@ -108,8 +109,8 @@ impl TensorFile {
         Ok(Self::from_bytes(path, &crate::read::bytes(path)?)?)
     }
 
-    /// A tensor file from its bytes; `path` names it in errors. Memory is bounded by the bytes: all data together must not be more
-    /// than there are, so blocks that overlap are refused where that would multiply them.
+    /// A tensor file from its bytes; `path` names it in errors. Memory is bounded by the bytes: all data together must
+    /// not be more than there are, so blocks that overlap are refused where that would multiply them.
     ///
     /// # Errors
     /// A [`ParseError`] with the field: not a tensor file, another version, cut off, an unknown type, a name twice.
@@ -188,8 +189,9 @@ impl TensorFile {
         self.tensors.iter().find(|tensor| tensor.name == name)
     }
 
-    /// Checks that everything is there that a measured material needs, in the right type and with the right number of axes. `path` names
-    /// the file in errors. Whether the shapes fit each other, and what the values mean, is left to who uses them.
+    /// Checks that everything is there that a measured material needs, in the right type and with the right number of
+    /// axes. `path` names the file in errors. Whether the shapes fit each other, and what the values mean, is left to
+    /// who uses them.
     ///
     /// # Errors
     /// A [`ParseError`] that names all missing fields together, or the field of a wrong type or shape.

@@ -60,8 +60,8 @@ const FLAG_BITS: &str = "flag_bits";
 const KIND: &str = "kind";
 
 impl CountSeries {
-    /// The series as a table, which loses nothing: `start_utc` (nanoseconds), `start_ps`, `length_ps`, `flags`, and for each channel
-    /// `<channel>_counts` and `<channel>_missed`. The names of the flag bits are in the metadata.
+    /// The series as a table, which loses nothing: `start_utc` (nanoseconds), `start_ps`, `length_ps`, `flags`, and for
+    /// each channel `<channel>_counts` and `<channel>_missed`. The names of the flag bits are in the metadata.
     ///
     /// # Errors
     /// A record with another number of channels; a count beyond 63 bits; a channel name twice.
@@ -123,8 +123,8 @@ impl CountSeries {
     /// The series in a table; `path` names the file that it came from in errors.
     ///
     /// # Errors
-    /// A [`ParseError`] with the column: one that is missing or of another kind, a missing or negative value, a time that is not UTC, flag
-    /// bits that are not known or have other names.
+    /// A [`ParseError`] with the column: one that is missing or of another kind, a missing or negative value, a time
+    /// that is not UTC, flag bits that are not known or have other names.
     pub fn from_table(path: impl AsRef<Path>, table: &Table) -> Result<Self, ParseError> {
         let path = path.as_ref();
         let bad = |field: &str, found: String, expected: &str| {

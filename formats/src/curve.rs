@@ -1,7 +1,8 @@
 //! Curves as CSV: a passband, a quantum efficiency, a filter transmission, as vendors' plots are digitised.
 //!
-//! The first column is the grid, any other may be the values: `wavelength_nm,transmission`. Lines that begin with `#` are notes.
-//! Wavelengths in `_um` and `_angstrom` become nanometres, `_percent` becomes a fraction, in the values and in the names.
+//! The first column is the grid, any other may be the values: `wavelength_nm,transmission`. Lines that begin with `#`
+//! are notes. Wavelengths in `_um` and `_angstrom` become nanometres, `_percent` becomes a fraction, in the values and
+//! in the names.
 
 use crate::error::{FileError, ParseError, excerpt, nearest_names};
 use std::path::Path;
@@ -28,12 +29,12 @@ pub fn read(path: impl AsRef<Path>, column: Option<&str>) -> Result<Curve, FileE
     Ok(read_str(path, &text, column)?)
 }
 
-/// Reads a curve from CSV text. `column` names the values (before or after conversion: `qe_percent` or `qe`); without it the
-/// file must have two columns. `path` names the text in errors.
+/// Reads a curve from CSV text. `column` names the values (before or after conversion: `qe_percent` or `qe`); without
+/// it the file must have two columns. `path` names the text in errors.
 ///
 /// # Errors
-/// A [`ParseError`] with line and column: no such column, a value that is no finite number, a grid that does not increase, a
-/// wrong number of fields, less than two rows.
+/// A [`ParseError`] with line and column: no such column, a value that is no finite number, a grid that does not
+/// increase, a wrong number of fields, less than two rows.
 pub fn read_str(
     path: impl AsRef<Path>,
     text: &str,
@@ -167,7 +168,8 @@ fn value_column(
     })
 }
 
-/// What a value is multiplied with. Division by a whole number rounds once where multiplying by its inverse rounds twice.
+/// What a value is multiplied with. Division by a whole number rounds once where multiplying by its inverse rounds
+/// twice.
 #[derive(Clone, Copy)]
 enum Factor {
     One,

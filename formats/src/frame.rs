@@ -11,14 +11,15 @@ use std::path::Path;
 /// A frame of a camera: the pixels, and what is needed to make sense of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// The pixels in ADU, `[row, column]`, in the order of the file (the first row is `ROWORDER`'s first). 16 bits hold what every
-    /// camera here delivers; 8-bit streams fit in.
+    /// The pixels in ADU, `[row, column]`, in the order of the file (the first row is `ROWORDER`'s first). 16 bits hold
+    /// what every camera here delivers; 8-bit streams fit in.
     pub pixels: Array2<u16>,
     /// Column and row of the sensor of the frame's first pixel, in unbinned pixels. Multiples of the binning.
     pub origin: [u32; 2],
     /// Sensor columns and rows in one pixel.
     pub binning: [u32; 2],
-    /// The colours of the frame's own first 2 × 2 pixels; `None` for a monochrome or a binned frame. See [`Bayer::of_frame`].
+    /// The colours of the frame's own first 2 × 2 pixels; `None` for a monochrome or a binned frame. See
+    /// [`Bayer::of_frame`].
     pub bayer: Option<Bayer>,
     /// Start of the exposure.
     pub start: Epoch,
@@ -82,7 +83,8 @@ impl Bayer {
         }
     }
 
-    /// The pattern at the first pixel of a frame of a sensor with the pattern `self`: an odd origin shifts it, binning leaves none.
+    /// The pattern at the first pixel of a frame of a sensor with the pattern `self`: an odd origin shifts it, binning
+    /// leaves none.
     ///
     /// For drivers: cameras (INDI's among them) say the pattern of the sensor whatever the origin is.
     pub fn of_frame(self, origin: [u32; 2], binning: [u32; 2]) -> Option<Self> {
@@ -104,14 +106,17 @@ impl Frame {
 
     /// The frame in a FITS file (its first image).
     ///
-    /// `DATE-OBS` (UTC) and `EXPTIME` (or `EXPOSURE`), s, must be there. Optional: `EGAIN`, e⁻/ADU (a `GAIN` is the setting of the camera,
-    /// in its own units, and stays among the other cards unless its comment says e-/ADU); `CCD-TEMP`, °C; `SATURATE`, ADU; `XBINNING`,
-    /// `YBINNING`; `XORGSUBF`, `YORGSUBF`, in binned pixels as SBFITSEXT has them; `BAYERPAT` with `XBAYROFF` and `YBAYROFF`, which are applied.
+    /// `DATE-OBS` (UTC) and `EXPTIME` (or `EXPOSURE`), s, must be there. Optional: `EGAIN`, e⁻/ADU (a `GAIN` is the
+    /// setting of the camera, in its own units, and stays among the other cards unless its comment says e-/ADU);
+    /// `CCD-TEMP`, °C; `SATURATE`, ADU; `XBINNING`, `YBINNING`; `XORGSUBF`, `YORGSUBF`, in binned pixels as SBFITSEXT
+    /// has them; `BAYERPAT` with `XBAYROFF` and `YBAYROFF`, which are applied.
     ///
-    /// A camera may say the sensor's pattern beside an odd origin: a driver that knows the origin sets [`Bayer::of_frame`] itself.
+    /// A camera may say the sensor's pattern beside an odd origin: a driver that knows the origin sets
+    /// [`Bayer::of_frame`] itself.
     ///
     /// # Errors
-    /// A [`ParseError`] with the keyword: no 2-d image, values that do not fit 16 bits unsigned, a card missing or out of range.
+    /// A [`ParseError`] with the keyword: no 2-d image, values that do not fit 16 bits unsigned, a card missing or out
+    /// of range.
     pub fn from_fits(fits: &Fits) -> Result<Self, ParseError> {
         let path = fits.path();
         let index = fits
@@ -154,7 +159,8 @@ impl Frame {
     /// The frame as an image for FITS.
     ///
     /// # Errors
-    /// An origin that is no multiple of the binning (SBFITSEXT counts it in binned pixels); a number that is not finite.
+    /// An origin that is no multiple of the binning (SBFITSEXT counts it in binned pixels); a number that is not
+    /// finite.
     pub fn to_image(&self) -> Result<Image, EncodeError> {
         let mut header = Header::default();
         let start = format_utc(self.start, 9);

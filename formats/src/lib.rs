@@ -13,8 +13,8 @@
 //! - [`fits`]: images, cubes and binary tables;
 //! - [`bsdf`]: the tensor file of measured materials.
 //!
-//! Readers refuse what they do not understand. They never panic on bytes from outside, and use no more memory than a small multiple of
-//! the bytes that are there.
+//! Readers refuse what they do not understand. They never panic on bytes from outside, and use no more memory than a
+//! small multiple of the bytes that are there.
 //!
 //! # A night in three files
 //!

@@ -1,6 +1,8 @@
-//! A table in memory: named columns with units, and metadata. ECSV and FITS binary tables read into it and are written from it.
+//! A table in memory: named columns with units, and metadata. ECSV and FITS binary tables read into it and are written
+//! from it.
 
-use crate::error::{ParseError, nearest_names};
+use crate::error::{EncodeError, ParseError, nearest_names};
+use std::collections::HashSet;
 use std::path::Path;
 
 /// Metadata, in the order in which it was written.
@@ -131,6 +133,23 @@ impl Table {
     /// Number of rows.
     pub fn rows(&self) -> usize {
         self.columns.first().map_or(0, |c| c.values.len())
+    }
+
+    /// Whether the columns have one length and a name each, as every writer needs it.
+    pub(crate) fn check_columns(&self) -> Result<(), EncodeError> {
+        let mut names = HashSet::new();
+        for column in &self.columns {
+            let bad =
+                |found: String, expected: &str| EncodeError::new(&column.name, found, expected);
+            if column.values.len() != self.rows() {
+                let expected = format!("{} rows, as in the first column", self.rows());
+                return Err(bad(format!("{} rows", column.values.len()), &expected));
+            }
+            if !names.insert(&column.name) {
+                return Err(bad("the column twice".to_owned(), "each column once"));
+            }
+        }
+        Ok(())
     }
 
     /// The column of that name.

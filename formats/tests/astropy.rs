@@ -7,7 +7,7 @@ use std::path::Path;
 use sunglint_formats::atomic::Overwrite;
 use sunglint_formats::fits::{Fits, Header, Image, Kind, Pixels, Writer};
 use sunglint_formats::time::{format_utc, parse_utc, tai_nanoseconds};
-use sunglint_formats::{Column, Meta, Table, Values, ecsv};
+use sunglint_formats::{Bayer, Column, Frame, Meta, Table, Values, ecsv};
 use sunglint_testkit::{peer_python, run_python};
 
 const NUMPY: &str = "
@@ -432,6 +432,70 @@ print('all the same')
 ";
     let Some(out) = python("tables_that_we_write", folder.path(), script) else { return };
     assert_eq!(out, "all the same\n");
+}
+
+#[test]
+fn tables_with_classes_of_astropy_stay_readable() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = "
+from astropy.table import QTable
+from astropy.time import Time
+t = QTable({'q': [1.0, 2.0] * u.nm, 't': Time(['2016-12-31T23:59:60.5', '2020-01-02'], format='isot', scale='utc')})
+t.meta['title'] = 'hey'
+t.write(f'{folder}/q.ecsv')
+";
+    let test = "tables_with_classes_of_astropy_stay_readable";
+    let Some(_) = python(test, folder.path(), script) else { return };
+    let table = ecsv::read(folder.path().join("q.ecsv")).unwrap();
+    assert_eq!(table.f64("q").unwrap(), [1.0, 2.0]);
+    assert_eq!(table.column("q").unwrap().unit.as_deref(), Some("nm"));
+    assert_eq!(table.text("t").unwrap()[0].as_deref(), Some("2016-12-31T23:59:60.500"));
+    ecsv::write_file(folder.path().join("again.ecsv"), &table, Overwrite::Refuse).unwrap();
+    let script = "
+t = Table.read(f'{folder}/again.ecsv')
+assert t['q'].unit == u.nm and list(t['q']) == [1, 2] and t['t'][0] == '2016-12-31T23:59:60.500'
+assert t.meta == {'title': 'hey'}, t.meta
+";
+    python(test, folder.path(), script);
+}
+
+#[test]
+fn frames_both_ways() {
+    let folder = tempfile::tempdir().unwrap();
+    // The cards that the CCD simulator of INDI 1.9.9 was seen to write; a frame of its own begins at an odd place.
+    let script = "
+h = fits.PrimaryHDU(np.arange(12, dtype='u2').reshape(3, 4) * 5000)
+for k, v in {'ROWORDER': 'TOP-DOWN', 'INSTRUME': 'CCD Simulator', 'EXPTIME': 0.1, 'PIXSIZE1': 6.45, 'XBINNING': 1, 'YBINNING': 1,
+             'FRAME': 'Light', 'CCD-TEMP': -10.5, 'XBAYROFF': 0, 'YBAYROFF': 0, 'BAYERPAT': 'RGGB',
+             'DATE-OBS': '2026-11-20T17:05:06.789', 'GAIN': 90.0}.items():
+    h.header[k] = v
+h.writeto(f'{folder}/indi.fits')
+";
+    let Some(_) = python("frames_both_ways", folder.path(), script) else { return };
+    let mut frame = Frame::read(folder.path().join("indi.fits")).unwrap();
+    assert_eq!(frame.pixels[[2, 3]], 55_000);
+    assert_eq!(frame.bayer, Some(Bayer::Rggb));
+    assert_eq!(format_utc(frame.start, 3), "2026-11-20T17:05:06.789Z");
+    assert_eq!((frame.exposure_s, frame.temperature_c), (0.1, Some(-10.5)));
+    // Its GAIN is a setting, not electrons for an ADU.
+    assert_eq!((frame.gain_e_per_adu, frame.header.real("GAIN")), (None, Some(90.0)));
+    // What the driver that asked for a subframe knows.
+    frame.origin = [501, 401];
+    frame.bayer = Bayer::Rggb.of_frame(frame.origin, frame.binning);
+    frame.gain_e_per_adu = Some(0.27);
+    frame.write_file(folder.path().join("ours.fits"), Overwrite::Refuse).unwrap();
+    assert_eq!(Frame::read(folder.path().join("ours.fits")).unwrap(), frame);
+    let script = "
+from astropy.time import Time
+with fits.open(f'{folder}/ours.fits') as f:
+    f.verify('exception')
+    h = f[0].header
+    assert f[0].data.dtype == np.uint16 and f[0].data[2, 3] == 55000
+    assert h['BAYERPAT'] == 'BGGR' and h['XORGSUBF'] == 501 and h['YORGSUBF'] == 401 and h['EGAIN'] == 0.27
+    assert h['EXPTIME'] == 0.1 and h['CCD-TEMP'] == -10.5 and h['INSTRUME'] == 'CCD Simulator' and h['TIMESYS'] == 'UTC'
+    assert abs((Time(h['DATE-OBS'], scale='utc') - Time('2026-11-20T17:05:06.789', scale='utc')).sec) < 1e-9
+";
+    python("frames_both_ways", folder.path(), script);
 }
 
 #[test]

@@ -90,6 +90,32 @@ fn one_column_of_missing_values_keeps_its_rows() {
 }
 
 #[test]
+fn what_the_format_cannot_hold_is_not_written() {
+    let table = |columns| Table { meta: Meta::new(), columns };
+    let column =
+        |name: &str, values| Column { name: name.into(), unit: None, description: None, values };
+    let refused = |columns| ecsv::to_string(&table(columns)).unwrap_err().to_string();
+    let flat = Box::new(Values::F64(vec![1.0; 6]));
+    assert_eq!(
+        refused(vec![column("v", Values::Vectors { width: 3, flat })]),
+        "v: found vectors of 3, expected one value a row (FITS holds vectors)"
+    );
+    assert_eq!(
+        refused(vec![column("t", Values::Text(vec![None]))]),
+        "t: found a missing text in a table of one column, expected a second column beside it, or the empty text"
+    );
+    assert_eq!(
+        refused(vec![Column::f64("a", None, vec![1.0]), Column::f64("b", None, vec![])]),
+        "b: found 0 rows, expected 1 rows, as in the first column"
+    );
+    assert_eq!(
+        refused(vec![Column::f64("a", None, vec![]), Column::f64("a", None, vec![])]),
+        "a: found the column twice, expected each column once"
+    );
+    assert_eq!(refused(vec![]), "table: found no columns, expected at least one column");
+}
+
+#[test]
 fn what_is_wrong_is_named_with_its_line_and_column() {
     let with = |from: &str, to: &str| {
         assert!(GOOD.contains(from), "{from}");

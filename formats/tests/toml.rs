@@ -170,6 +170,11 @@ fn values_that_are_wrong() {
     );
     refused(
         "slots = 7",
+        "tilt_rad = 1e999",
+        "hill.toml:20: channel[1].tilt_rad: found 1e999, expected a number",
+    );
+    refused(
+        "slots = 7",
         "slots = 700",
         "hill.toml:20: channel[1].slots: found 700, expected a whole number from 0 to 255",
     );
@@ -198,6 +203,43 @@ fn values_that_are_wrong() {
         "2016-12-31T23:59:60.5Z",
         "2016-12-30T23:59:60.5Z",
         "hill.toml:3: made: found 2016-12-30T23:59:60.5Z, expected a second from 0 to 59",
+    );
+}
+
+#[test]
+fn checks_of_other_types_keep_the_place() {
+    #[derive(Debug, Deserialize)]
+    #[serde(try_from = "i64")]
+    struct Even;
+    impl TryFrom<i64> for Even {
+        type Error = String;
+        fn try_from(number: i64) -> Result<Self, String> {
+            if number % 2 == 0 { Ok(Self) } else { Err(format!("{number} is odd")) }
+        }
+    }
+    #[derive(Debug, Deserialize)]
+    #[serde(untagged)]
+    #[expect(dead_code, reason = "only read")]
+    enum Either {
+        Number(f64),
+        Text(String),
+    }
+    #[derive(Debug, Deserialize)]
+    #[expect(dead_code, reason = "only read")]
+    struct Plan {
+        steps: Option<Vec<Even>>,
+        either: Option<Either>,
+    }
+    let error = |source: &str| {
+        Document::new("plan.toml", source).unwrap().parse::<Plan>().unwrap_err().to_string()
+    };
+    assert_eq!(
+        error("steps = [\n  2,\n  3,\n]\n"),
+        "plan.toml:3: steps[1]: found 3, expected a valid value (3 is odd)"
+    );
+    assert_eq!(
+        error("\neither = true\n"),
+        "plan.toml:2: either: found true, expected a valid value (data did not match any variant of untagged enum Either)"
     );
 }
 

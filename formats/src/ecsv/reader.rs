@@ -18,8 +18,8 @@ pub fn read(path: impl AsRef<Path>) -> Result<Table, FileError> {
 ///
 /// # Errors
 /// A [`ParseError`] with the line and, where there is one, the column: a header that is not ECSV, a datatype that is
-/// not read (see the module), columns that differ between the header and the rows, a wrong number of fields, a value that is
-/// not of the datatype.
+/// not read (see the module), columns that differ between the header and the rows, a wrong number of fields, a value
+/// that is not of the datatype.
 pub fn read_str(path: impl AsRef<Path>, text: &str) -> Result<Table, ParseError> {
     let path = path.as_ref();
     let (yaml, rest, line) = split_header(path, text)?;
@@ -129,6 +129,8 @@ fn parse_header(path: &Path, yaml: &str) -> Result<Header, ParseError> {
         // JSON has no NaN: `.nan` in the metadata stays the text `.nan`.
         non_finite_float_policy: NonFiniteFloatPolicy::AsString,
         with_snippet: false,
+        // Repeated by reference, a text of the file's own size would multiply; headers have no need of it.
+        alias_limits: serde_saphyr::alias_limits! { max_total_replayed_events: 100 },
     };
     let header: Header = serde_saphyr::from_str_with_options(yaml, options).map_err(|error| {
         let line = error.location().map(|location| location.line());

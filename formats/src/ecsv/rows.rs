@@ -59,9 +59,7 @@ impl<'a> Rows<'a> {
             self.rest = &self.rest[end..];
             self.line += 1;
         }
-        if self.delimiter == b' ' {
-            self.rest = self.rest.trim_start_matches(' ');
-        }
+        self.rest = self.rest.trim_start_matches([' ', '\t']);
     }
 
     /// Takes an unquoted field; whether another field follows.
@@ -170,11 +168,11 @@ mod tests {
 
     #[test]
     fn commas_quotes_and_lines() {
-        let text = "a, \"b\"\"c\" ,\r\n# note\n\n\"x\ny\",\"\",3\n1,,";
+        let text = " \"a\", \"b\"\"c\" ,\r\n# note\n\n\"x\ny\",\"\",3\n1,,";
         assert_eq!(
             all(text, b','),
             vec![
-                (1, vec![plain("a"), quoted("b\"c"), plain("")]),
+                (1, vec![quoted("a"), quoted("b\"c"), plain("")]),
                 (4, vec![quoted("x\ny"), quoted(""), plain("3")]),
                 (6, vec![plain("1"), plain(""), plain("")]),
             ]

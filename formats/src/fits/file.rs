@@ -90,18 +90,21 @@ pub fn inflate(path: impl AsRef<Path>, bytes: Vec<u8>, most: u64) -> Result<Vec<
 }
 
 impl Fits {
-    /// Reads a file; `.gz` and `.z` are unpacked, up to 4 GiB.
+    /// Reads a file; one packed with gzip or zlib is unpacked, up to 64 MiB or 256 times its size.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
         let path = path.as_ref();
-        let bytes = inflate(path, crate::read::bytes(path)?, 4 << 30)?;
+        let bytes = crate::read::bytes(path)?;
+        let most = (64_u64 << 20).max(bytes.len() as u64 * 256);
+        let bytes = inflate(path, bytes, most)?;
         Ok(Self::from_bytes(path, bytes)?)
     }
 
-    /// A file from its bytes; `path` names it in errors. Headers are read and the data are seen to be there; they are decoded
-    /// when asked for.
+    /// A file from its bytes; `path` names it in errors. Headers are read and the data are seen to be there; they are
+    /// decoded when asked for.
     ///
     /// # Errors
-    /// A [`ParseError`] with the keyword: no FITS file, a header without END, a layout that makes no sense, data cut off.
+    /// A [`ParseError`] with the keyword: no FITS file, a header without END, a layout that makes no sense, data cut
+    /// off.
     pub fn from_bytes(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Self, ParseError> {
         let mut fits = Self { path: path.as_ref().to_path_buf(), bytes, hdus: Vec::new() };
         let mut at = 0;
@@ -152,11 +155,12 @@ impl Fits {
 
     /// The binary table of an HDU (0 is the primary one, which is never a table).
     ///
-    /// The metadata are the cards that do not describe the layout: numbers, texts and truth values by keyword, `COMMENT` and
-    /// `HISTORY` as lists of text.
+    /// The metadata are the cards that do not describe the layout: numbers, texts and truth values by keyword,
+    /// `COMMENT` and `HISTORY` as lists of text.
     ///
     /// # Errors
-    /// A [`ParseError`] if there is no such HDU, if it is something else, or with the name of a column that is not read.
+    /// A [`ParseError`] if there is no such HDU, if it is something else, or with the name of a column that is not
+    /// read.
     pub fn table(&self, index: usize) -> Result<Table, ParseError> {
         let hdu = self.hdu_of(index, Kind::Table, "a binary table")?;
         super::table::decode(self, hdu)

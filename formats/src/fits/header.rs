@@ -85,7 +85,8 @@ impl Header {
         Self { cards }
     }
 
-    /// Reads cards from `bytes` up to END. The header and its length in bytes, padding included; `None` if there is no END.
+    /// Reads cards from `bytes` up to END. The header and its length in bytes, padding included; `None` if there is no
+    /// END.
     pub(super) fn parse(bytes: &[u8]) -> Option<(Self, usize)> {
         let mut header = Self::default();
         for (i, raw) in bytes.chunks_exact(CARD).enumerate() {

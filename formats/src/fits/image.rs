@@ -76,6 +76,17 @@ const TWO_63: f64 = 9_223_372_036_854_775_808.0;
 
 pub(super) fn decode(fits: &Fits, hdu: &Hdu) -> Result<Image, ParseError> {
     let bytes = fits.data(hdu);
+    for (keyword, plain) in [("PCOUNT", 0), ("GCOUNT", 1)] {
+        let value = hdu.header().integer(keyword).unwrap_or(plain);
+        if value != plain {
+            return Err(fits.bad(
+                hdu,
+                keyword,
+                value.to_string(),
+                format!("{plain}, for an image"),
+            ));
+        }
+    }
     let mut shape: Vec<usize> = Vec::new();
     for n in fits.axes(hdu)? {
         shape.push(usize::try_from(n).unwrap_or(usize::MAX));

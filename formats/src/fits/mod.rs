@@ -1,4 +1,5 @@
-//! FITS in and out: images and cubes with their headers, and binary tables. Standard: FITS 4.0 (IAU FITS Working Group 2018).
+//! FITS in and out: images and cubes with their headers, and binary tables. Standard: FITS 4.0 (IAU FITS Working Group
+//! 2018).
 //!
 //! [`Fits`] holds the bytes of a file and knows where each HDU lies; [`Fits::image`] and [`Fits::table`] decode one.
 //! [`Writer`] puts images and tables into a new file.
@@ -19,21 +20,22 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! **Images**: BITPIX 8, 16, 32, 64, −32 and −64, any number of axes; the shape is in the order of numpy (NAXISn … NAXIS1). BZERO
-//! as the standard uses it for unsigned integers (and signed bytes) gives those, exactly; any other BSCALE or BZERO, and
-//! a BLANK that occurs, gives `f64` with `NaN`.
+//! **Images**: BITPIX 8, 16, 32, 64, −32 and −64, any number of axes; the shape is in the order of numpy (NAXISn …
+//! NAXIS1). BZERO as the standard uses it for unsigned integers (and signed bytes) gives those, exactly; any other
+//! BSCALE or BZERO, and a BLANK that occurs, gives `f64` with `NaN`.
 //!
-//! **Tables**: columns L, B, I, J, K, E, D and A, single or vectors, with TSCAL, TZERO, TNULL and TUNIT. Refused by name: bits (X),
+//! **Tables**: columns L, B, I, J, K, E, D and A, single or vectors, with TSCAL, TZERO, TNULL and TUNIT. Vectors are
+//! flat (TDIM counts for texts only), columns of no values are left out. Refused by name: bits (X),
 //! complex numbers (C, M), variable length (P, Q), tile-compressed images (`.fits.fz`), random groups.
 //!
-//! **Hostile files**: nothing is allocated before the bytes that it should hold are seen to be there, so memory is bounded
-//! by the size of the file; what is wrong is a [`ParseError`](crate::ParseError) with the keyword.
+//! **Hostile files**: nothing is allocated before the bytes that it should hold are seen to be there, so memory is
+//! bounded by the size of the file; what is wrong is a [`ParseError`](crate::ParseError) with the keyword.
 //!
-//! *Why not the crate `fitsrs` (0.4.1)?* Tried on files of astropy: it reads cards, images and tables, and 20,000 mutated
-//! files gave no panic. But it gives raw integers (no BZERO, TZERO, TSCAL, TNULL: an unsigned 16-bit frame comes out as
-//! negative numbers), it ends silently where the data are cut off (10,000 pixels promised, 1,440 there: 1,440 pixels
-//! and no error), and sizes that overflow (`NAXIS1` × `NAXIS2`, a TFORM repeat) panic in a checked build and wrap around in
-//! another. What would be left of it is smaller than the work around it.
+//! *Why not the crate `fitsrs` (0.4.1)?* Tried on files of astropy: it reads cards, images and tables, and 20,000
+//! mutated files gave no panic. But it gives raw integers (no BZERO, TZERO, TSCAL, TNULL: an unsigned 16-bit frame
+//! comes out as negative numbers), it ends silently where the data are cut off (10,000 pixels promised, 1,440 there:
+//! 1,440 pixels and no error), and sizes that overflow (`NAXIS1` × `NAXIS2`, a TFORM repeat) panic in a checked build
+//! and wrap around in another. What would be left of it is smaller than the work around it.
 
 mod card;
 mod file;

@@ -26,6 +26,7 @@ struct Field {
 }
 
 pub(super) fn encode(table: &Table) -> Result<Encoded, EncodeError> {
+    table.check_columns()?;
     let rows = table.rows();
     let mut header = Header::default();
     let mut fields = Vec::new();
@@ -34,16 +35,6 @@ pub(super) fn encode(table: &Table) -> Result<Encoded, EncodeError> {
         return Err(EncodeError::new("table", found, "at most 999"));
     }
     for (i, column) in table.columns.iter().enumerate() {
-        if column.values.len() != rows {
-            return Err(EncodeError::new(
-                &column.name,
-                format!("{} rows", column.values.len()),
-                format!("{rows} rows, as in the first column"),
-            ));
-        }
-        if table.columns[..i].iter().any(|other| other.name == column.name) {
-            return Err(EncodeError::new(&column.name, "the column twice", "each column once"));
-        }
         let field = field(&column.name, &column.values)?;
         let keyword = |stem: &str| format!("{stem}{}", i + 1);
         header.set(&keyword("TTYPE"), column.name.as_str(), "");

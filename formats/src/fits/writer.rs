@@ -9,8 +9,8 @@ use crate::error::{EncodeError, FileError};
 use crate::table::Table;
 use std::path::Path;
 
-/// Puts images and tables into a FITS file, in the order in which they are given. A file that begins with a table gets an
-/// empty primary HDU before it.
+/// Puts images and tables into a FITS file, in the order in which they are given. A file that begins with a table gets
+/// an empty primary HDU before it.
 #[derive(Debug, Clone, Default)]
 pub struct Writer {
     bytes: Vec<u8>,
@@ -22,8 +22,8 @@ impl Writer {
         Self::default()
     }
 
-    /// Adds an image. Its header is written after the cards that describe the layout; such cards in it are left out, and a
-    /// comment that is too long is cut.
+    /// Adds an image. Its header is written after the cards that describe the layout; such cards in it are left out,
+    /// and a comment that is too long is cut.
     ///
     /// # Errors
     /// A card that FITS cannot hold: not ASCII, not finite, too long.
@@ -52,9 +52,10 @@ impl Writer {
 
     /// Adds a table as a binary table with that EXTNAME (or none if it is empty).
     ///
-    /// Whole numbers become 64-bit columns (K), with TNULL where one is missing; floats D; truth values L; texts A as wide as
-    /// the longest, in which a missing text is an empty one and blanks at the end are lost. Keywords of the metadata are
-    /// written in capitals; lists of text under `COMMENT`, `comments`, `HISTORY` or `history` become such cards.
+    /// Whole numbers become 64-bit columns (K), with TNULL where one is missing; floats D; truth values L; texts A as
+    /// wide as the longest, in which a missing text is an empty one and blanks at the end are lost. Keywords of the
+    /// metadata are written in capitals; lists of text under `COMMENT`, `comments`, `HISTORY` or `history` become such
+    /// cards.
     ///
     /// # Errors
     /// What FITS cannot hold: text that is not ASCII, nested metadata, columns of different lengths.

@@ -47,6 +47,10 @@ pub(super) fn describe(value: &DeValue<'_>) -> String {
     }
 }
 
+fn has_digits(text: &str) -> bool {
+    text.bytes().any(|b| b.is_ascii_digit())
+}
+
 fn visit_integer<'de, V: Visitor<'de>>(
     number: &DeInteger<'_>,
     visitor: V,
@@ -69,8 +73,11 @@ impl<'de> Deserializer<'de> for Value<'_> {
             DeValue::String(text) => visitor.visit_str(&text),
             DeValue::Integer(number) => visit_integer(&number, visitor),
             DeValue::Float(number) => match number.as_str().parse() {
-                Ok(value) => visitor.visit_f64(value),
-                Err(_) => Err(Error::invalid_value(Unexpected::Str(number.as_str()), &visitor)),
+                // `1e999` is a number that does not fit, not an infinity.
+                Ok(value) if f64::is_finite(value) || !has_digits(number.as_str()) => {
+                    visitor.visit_f64(value)
+                }
+                _ => Err(Error::invalid_value(Unexpected::Str(number.as_str()), &visitor)),
             },
             DeValue::Boolean(value) => visitor.visit_bool(value),
             // As text, which `time::Utc` reads; the TOML grammar has checked its form.
@@ -168,7 +175,8 @@ impl<'de, 's, I: Iterator<Item = (usize, Spanned<DeValue<'s>>)>> SeqAccess<'de> 
     }
 }
 
-/// The entries of a table, in the order in which they stand in the file, so that the first error is the first in the file.
+/// The entries of a table, in the order in which they stand in the file, so that the first error is the first in the
+/// file.
 pub(super) struct Entries<'s> {
     rest: VecDeque<(Spanned<DeString<'s>>, Spanned<DeValue<'s>>)>,
     current: Option<(String, Value<'s>)>,

@@ -45,14 +45,15 @@ impl Document {
     /// The value of a type that derives `Deserialize`.
     ///
     /// # Errors
-    /// A [`ParseError`] with the line and the dotted key: an unknown or missing key, a value of a wrong kind or out of range.
+    /// A [`ParseError`] with the line and the dotted key: an unknown or missing key, a value of a wrong kind or out of
+    /// range.
     pub fn parse<T: DeserializeOwned>(&self) -> Result<T, ParseError> {
         let root = Value { value: DeValue::Table(self.tree()?), start: 0 };
         T::deserialize(root).map_err(|error| error.finish(&self.path, &self.source))
     }
 
-    /// An error at a dotted key (`channel[2].dead_time_ns`), for what only a look at several keys shows. A key that is not
-    /// there gets the line of the nearest table above it.
+    /// An error at a dotted key (`channel[2].dead_time_ns`), for what only a look at several keys shows. A key that is
+    /// not there gets the line of the nearest table above it.
     pub fn error_at(&self, key: &str, expected: impl Into<String>) -> ParseError {
         let (line, found) = match self.find(key) {
             Some((byte, found)) => (line_of(&self.source, byte), found),
@@ -84,8 +85,8 @@ impl Document {
         })
     }
 
-    /// Where the value of a key begins and what it is; where only a part of the way exists, the place at which that ends
-    /// and `None`.
+    /// Where the value of a key begins and what it is; where only a part of the way exists, the place at which that
+    /// ends and `None`.
     fn find(&self, key: &str) -> Option<(usize, Option<String>)> {
         let mut value = DeValue::Table(self.tree().ok()?);
         let mut start = 0;

@@ -1,9 +1,10 @@
 //! TOML for what people write: stations, instruments, plans. Every error has the file, the line and the dotted key.
 //!
-//! A plain `#[derive(Deserialize)] #[serde(deny_unknown_fields)]` struct is enough; [`Document::parse`] turns what serde
-//! says into a [`ParseError`](crate::ParseError). An unknown key is answered with the nearest known one, and a key that
-//! differs only in its unit (`dead_time_us` for `dead_time_ns`) with the factor. [`Positive`], [`Fraction`] and their
-//! like check numbers where they stand; [`Document::error_at`] makes the same error later, for checks across keys.
+//! A plain `#[derive(Deserialize)] #[serde(deny_unknown_fields)]` struct is enough; [`Document::parse`] turns what
+//! serde says into a [`ParseError`](crate::ParseError). An unknown key is answered with the nearest known one, and a
+//! key that differs only in its unit (`dead_time_us` for `dead_time_ns`) with the factor. [`Positive`], [`Fraction`]
+//! and their like check numbers where they stand; [`Document::error_at`] makes the same error later, for checks across
+//! keys.
 //!
 //! ```
 //! use serde::Deserialize;
