@@ -7,7 +7,7 @@
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
 //! - [`output`]: where results go, in which format, and that nothing is overwritten;
-//! - [`plot`]: figures.
+//! - [`plot`] draws figures.
 
 pub mod air;
 pub mod cli;

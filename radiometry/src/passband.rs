@@ -201,7 +201,7 @@ impl Passband {
         zero: ZeroPoint,
     ) -> Result<f64, PhotometryError> {
         let mean = self.mean(light)?;
-        if !(mean > 0.0) {
+        if mean.is_nan() || mean <= 0.0 {
             return Err(PhotometryError::NoLight {
                 passband: self.name.clone(),
                 mean_w_m2_nm: mean,
@@ -223,7 +223,7 @@ impl Passband {
         zero: ZeroPoint,
     ) -> Result<Spectrum<Irradiance>, PhotometryError> {
         let mean = self.mean(shape)?;
-        if !(mean > 0.0) {
+        if mean.is_nan() || mean <= 0.0 {
             return Err(PhotometryError::NoLight {
                 passband: self.name.clone(),
                 mean_w_m2_nm: mean,

@@ -282,7 +282,7 @@ mod tests {
     fn photons_per_second() {
         let light = Spectrum::<Irradiance>::constant(1.0, 300.0, 900.0).unwrap();
         let filter = Spectrum::<Response>::constant(1.0, 500.0, 501.0).unwrap();
-        let photon_j = 1239.841_984 / 500.5 * 1.602_176_634e-19;
+        let photon_j = 1_239.841_984 / 500.5 * 1.602_176_634e-19;
         near(Product::of(&light).times(&filter).photon_rate().value, 1.0 / photon_j, 1e-9);
     }
 }

@@ -249,32 +249,37 @@ pub struct Laser {
     pub beam_radius_m: f64,
 }
 
-const BUILT_IN: &[(&str, &str, &[(&str, &str)])] = &[(
-    "ufo",
-    include_str!("../stations/ufo/station.toml"),
-    &[
-        ("efficiency_r.csv", include_str!("../stations/ufo/efficiency_r.csv")),
-        ("efficiency_g.csv", include_str!("../stations/ufo/efficiency_g.csv")),
-        ("efficiency_b.csv", include_str!("../stations/ufo/efficiency_b.csv")),
-        ("efficiency_id400.csv", include_str!("../stations/ufo/efficiency_id400.csv")),
-        ("efficiency_spcm.csv", include_str!("../stations/ufo/efficiency_spcm.csv")),
-        ("efficiency_mppc.csv", include_str!("../stations/ufo/efficiency_mppc.csv")),
-        ("optics_camera.csv", include_str!("../stations/ufo/optics_camera.csv")),
-        ("optics_id400.csv", include_str!("../stations/ufo/optics_id400.csv")),
-        ("optics_spcm.csv", include_str!("../stations/ufo/optics_spcm.csv")),
-        ("optics_mppc.csv", include_str!("../stations/ufo/optics_mppc.csv")),
-    ],
+/// A station that the program carries with it: its file, and the curves that the file names.
+struct BuiltIn {
+    name: &'static str,
+    toml: &'static str,
+    curves: &'static [(&'static str, &'static str)],
+}
+
+macro_rules! built_in {
+    ($name:literal: $($curve:literal),*) => {
+        BuiltIn {
+            name: $name,
+            toml: include_str!(concat!("../stations/", $name, "/station.toml")),
+            curves: &[$(($curve, include_str!(concat!("../stations/", $name, "/", $curve)))),*],
+        }
+    };
+}
+
+const BUILT_IN: &[BuiltIn] = &[built_in!(
+    "ufo":
+    "efficiency_r.csv", "efficiency_g.csv", "efficiency_b.csv", "efficiency_id400.csv", "efficiency_spcm.csv", "efficiency_mppc.csv", "optics_camera.csv", "optics_id400.csv", "optics_spcm.csv", "optics_mppc.csv"
 )];
 
 impl Station {
     /// The names of the built-in stations.
     pub fn built_in_names() -> Vec<&'static str> {
-        BUILT_IN.iter().map(|(name, _, _)| *name).collect()
+        BUILT_IN.iter().map(|station| station.name).collect()
     }
 
     /// A built-in station; `None` if there is none of that name.
     pub fn built_in(name: &str) -> Option<Result<Self, FileError>> {
-        let (_, toml, curves) = BUILT_IN.iter().find(|(built_in, _, _)| *built_in == name)?;
+        let BuiltIn { toml, curves, .. } = BUILT_IN.iter().find(|station| station.name == name)?;
         let folder = PathBuf::from(format!("embedded:{name}"));
         let read = || {
             let document = Document::new(folder.join("station.toml"), *toml)?;

@@ -66,7 +66,7 @@ impl Sampling {
     pub fn native(from_nm: f64, to_nm: f64) -> Result<Self, AirError> {
         let (lowest_nm, highest_nm) = range_nm();
         let (from, to) = (from_nm.max(lowest_nm), to_nm.min(highest_nm));
-        if !(from < to) {
+        if from.is_nan() || to.is_nan() || from >= to {
             return Err(AirError::Wavelength { wavelength_nm: from_nm, lowest_nm, highest_nm });
         }
         let between = (0..NATIVE).rev().map(native_nm).filter(|nm| (from < *nm) && (*nm < to));
