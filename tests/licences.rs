@@ -1,5 +1,7 @@
 //! Every package that is built into the program has a licence that we may ship.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use std::process::Command;
 
 /// What we accept; of an `OR`, one side is enough. MPL-2.0 and Unicode-3.0 ask for their texts only.

@@ -1,5 +1,7 @@
 //! The program as a person runs it: what it prints, writes and refuses, and its exit codes.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

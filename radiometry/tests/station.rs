@@ -1,5 +1,7 @@
 //! Stations: the built-in one against the published figures, and files that are wrong.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use std::path::{Path, PathBuf};
 use sunglint_radiometry::spectrum::{Irradiance, Spectrum, Transmission};
 use sunglint_radiometry::station::{DeadTime, Detector, Horizon, Station};
