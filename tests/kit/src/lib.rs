@@ -1,4 +1,8 @@
-//! What the tests of the workspace share: skips that are counted, the Python of the peer programs, and the folders.
+//! What the tests of the workspace share: skips that are counted, the Python of the peer programs, campaigns, and the folders.
+
+mod campaign;
+
+pub use campaign::Campaign;
 
 use std::io::Write as _;
 use std::path::PathBuf;
