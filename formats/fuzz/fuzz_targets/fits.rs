@@ -12,7 +12,8 @@ fuzz_target!(|bytes: &[u8]| {
         if let Ok(image) = fits.image(i) {
             let mut writer = Writer::new();
             if writer.image(&image).is_ok() {
-                let again = Fits::from_bytes("x", writer.into_bytes()).expect("what we write, we read");
+                let again =
+                    Fits::from_bytes("x", writer.into_bytes()).expect("what we write, we read");
                 let again = again.image(0).expect("what we write, we read");
                 assert_eq!(format!("{:?}", again.pixels), format!("{:?}", image.pixels));
             }
@@ -20,7 +21,8 @@ fuzz_target!(|bytes: &[u8]| {
         if let Ok(table) = fits.table(i) {
             let mut writer = Writer::new();
             if writer.table(&table, "").is_ok() {
-                let again = Fits::from_bytes("x", writer.into_bytes()).expect("what we write, we read");
+                let again =
+                    Fits::from_bytes("x", writer.into_bytes()).expect("what we write, we read");
                 let again = again.table(1).expect("what we write, we read");
                 assert_eq!(again.rows(), table.rows());
             }

@@ -111,6 +111,9 @@ fn scalar(text: &mut String, value: &str) {
 }
 
 fn double_quoted(text: &mut String, value: &str) {
+    fn escape(text: &mut String, c: char) {
+        let _ = write!(text, "\\u{:04X}", u32::from(c));
+    }
     text.push('"');
     for c in value.chars() {
         match c {
@@ -118,14 +121,9 @@ fn double_quoted(text: &mut String, value: &str) {
             '\\' => text.push_str("\\\\"),
             '\n' => text.push_str("\\n"),
             '\t' => text.push_str("\\t"),
-            // Control characters, line and paragraph separators, byte-order marks and surrogate-like planes: YAML wants
-            // them escaped, and a stray line break would end the comment line.
-            c if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\u{feff}') => {
-                let _ = write!(text, "\\u{:04X}", u32::from(c));
-            }
-            c if matches!(u32::from(c), 0xFFFE | 0xFFFF) => {
-                let _ = write!(text, "\\u{:04X}", u32::from(c));
-            }
+            // YAML wants these escaped; a line break among them would end the comment line.
+            '\u{2028}' | '\u{2029}' | '\u{feff}' | '\u{fffe}' | '\u{ffff}' => escape(text, c),
+            c if c.is_control() => escape(text, c),
             c => text.push(c),
         }
     }

@@ -186,7 +186,7 @@ macro_rules! wide {
 }
 wide!(u8, i16, i32, i64);
 
-fn values<const N: usize, T>(bytes: &[u8], value: fn([u8; N]) -> T) -> Vec<T> {
+fn values<const N: usize, T>(bytes: &[u8], value: impl Fn([u8; N]) -> T) -> Vec<T> {
     bytes.as_chunks::<N>().0.iter().map(|&chunk| value(chunk)).collect()
 }
 
@@ -198,7 +198,9 @@ fn array<T>(shape: Vec<usize>, values: Vec<T>) -> Option<ArrayD<T>> {
 pub(super) fn encode(pixels: &Pixels) -> (i64, Option<f64>, Vec<u8>) {
     // Iterating gives logical order, whatever the memory layout is.
     fn bytes<T: Copy, const N: usize>(array: &ArrayD<T>, encode: impl Fn(T) -> [u8; N]) -> Vec<u8> {
-        array.iter().flat_map(|&value| encode(value)).collect()
+        let mut bytes = Vec::with_capacity(array.len() * N);
+        array.iter().for_each(|&value| bytes.extend_from_slice(&encode(value)));
+        bytes
     }
     match pixels {
         Pixels::U8(a) => (8, None, bytes(a, |v| [v])),

@@ -37,7 +37,10 @@ pub(super) fn decode(fits: &Fits, hdu: &Hdu) -> Result<Table, ParseError> {
     }
     let (row_bytes, rows) = (row_bytes as usize, rows as usize);
     let fields = fields(fits, hdu, row_bytes)?;
-    let data = &fits.data(hdu)[..row_bytes * rows];
+    // With GCOUNT 0 there are none, whatever the axes say.
+    let Some(data) = fits.data(hdu).get(..row_bytes * rows) else {
+        return Err(fits.bad(hdu, "GCOUNT", "no data", "1, for a table"));
+    };
     let mut columns: Vec<Column> = Vec::new();
     for field in fields {
         if field.repeat == 0 && field.letter != 'A' {
