@@ -172,6 +172,19 @@ impl<'a> Product<'a> {
     }
 }
 
+impl<Q: Quantity> Spectrum<Q> {
+    /// The mean over each bin between consecutive edges (nm, increasing), exact for the piecewise-linear spectrum;
+    /// what lies beyond the table counts as [`Quantity::OUTSIDE`] says.
+    pub fn bin_means(&self, edges_nm: &[f64]) -> Vec<f64> {
+        Product::of(self)
+            .bins(edges_nm)
+            .iter()
+            .zip(edges_nm.windows(2))
+            .map(|(bin, edge)| bin.value / (edge[1] - edge[0]))
+            .collect()
+    }
+}
+
 impl Factor<'_> {
     /// The value at `nm` in the interval that starts at grid point `i`, or beyond the table.
     fn at(&self, i: usize, nm: f64) -> f64 {

@@ -210,17 +210,6 @@ impl<Q: Quantity> Spectrum<Q> {
         Spectrum::new(self.wavelength_nm.clone(), self.value.clone())
     }
 
-    /// The mean over each bin between consecutive edges (nm, increasing), exact for the piecewise-linear spectrum;
-    /// what lies beyond the table counts as [`Quantity::OUTSIDE`] says.
-    pub fn bin_means(&self, edges_nm: &[f64]) -> Vec<f64> {
-        crate::quadrature::Product::of(self)
-            .bins(edges_nm)
-            .iter()
-            .zip(edges_nm.windows(2))
-            .map(|(bin, edge)| bin.value / (edge[1] - edge[0]))
-            .collect()
-    }
-
     /// The product with another spectrum on the union of both grids within the range where both are tabulated, for
     /// tables and plots. Linear between its points, the product is not: integrals are taken of the factors
     /// ([`crate::quadrature::Product`]), never of this.

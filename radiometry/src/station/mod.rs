@@ -260,8 +260,8 @@ macro_rules! built_in {
     ($name:literal: $($curve:literal),*) => {
         BuiltIn {
             name: $name,
-            toml: include_str!(concat!("../stations/", $name, "/station.toml")),
-            curves: &[$(($curve, include_str!(concat!("../stations/", $name, "/", $curve)))),*],
+            toml: include_str!(concat!("../../stations/", $name, "/station.toml")),
+            curves: &[$(($curve, include_str!(concat!("../../stations/", $name, "/", $curve)))),*],
         }
     };
 }
