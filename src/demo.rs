@@ -126,7 +126,8 @@ fn night(
         ..Provenance::default()
     };
     let samples = Samples { zenith_deg: Some(zenith_deg), ..Samples::new(time, EXPOSURE_S) };
-    Ok(LightCurve { kind: RateKind::Predicted, samples, channels, provenance })
+    let other = Default::default();
+    Ok(LightCurve { kind: RateKind::Predicted, samples, channels, provenance, other })
 }
 
 fn star_product(star: &Star, curve: &LightCurve) -> anyhow::Result<Product> {

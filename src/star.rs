@@ -167,7 +167,7 @@ impl View {
             .channels
             .iter()
             .map(|channel| {
-                let above = station.rate_hz::<Transmission>(channel, &light.irradiance, None);
+                let above = station.rate_hz(channel, &light.irradiance, None);
                 let below = transmission
                     .as_ref()
                     .map(|t| station.rate_hz(channel, &light.irradiance, Some(t)));
@@ -245,7 +245,7 @@ impl StarArgs {
             table.meta.insert(key.into(), json!(value));
         }
         // The union of both grids, so that nothing of either is lost.
-        let after = view.transmission.as_ref().and_then(|t| light.times(t).ok());
+        let after = view.transmission.as_ref().and_then(|t| light.through(t).ok());
         let grid = after.as_ref().map_or(light.wavelength_nm(), |a| a.wavelength_nm()).to_vec();
         let above = grid.iter().map(|nm| light.at(*nm)).collect();
         table.columns.push(Column::f64("wavelength_nm", Some("nm"), grid.clone()));
@@ -415,7 +415,7 @@ fn figure(title: &str, view: &View, station: &Station) -> Figure {
     let light = &view.light.irradiance;
     let x = || Axis::linear("vacuum wavelength (nm)").from_to(300.0, 1240.0);
     let mut series = vec![Series::line("above the air", 0, points(light))];
-    if let Some(after) = view.transmission.as_ref().and_then(|t| light.times(t).ok()) {
+    if let Some(after) = view.transmission.as_ref().and_then(|t| light.through(t).ok()) {
         series.push(Series::line("at the ground", 1, points(&after)));
     }
     let grid: Vec<f64> = (300..=1240).map(f64::from).collect();

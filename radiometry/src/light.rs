@@ -1,4 +1,4 @@
-//! The lights of the sky that are tabulated: the Sun and Vega.
+//! Lights: the Sun and Vega, which are tabulated, and black bodies.
 
 use crate::spectrum::{Irradiance, Spectrum};
 use crate::tables;
@@ -22,7 +22,7 @@ fn embedded(table: &tables::Embedded) -> Spectrum<Irradiance> {
     spectrum.expect("embedded, and read by a test")
 }
 
-/// Spectral exitance-like shape of a black body, B_λ(T) in W m⁻² sr⁻¹ nm⁻¹ (Planck), at a vacuum wavelength in nm. Stable at
+/// Spectral radiance of a black body, B_λ(T) in W m⁻² sr⁻¹ nm⁻¹ (Planck), at a vacuum wavelength in nm. Stable at
 /// both ends: `expm1` where hc/λkT is small, an honest 0 where it is beyond the exponent's range.
 pub fn planck_w_m2_sr_nm(temperature_k: f64, wavelength_nm: f64) -> f64 {
     use crate::constants::{BOLTZMANN_J_PER_K, HC_J_NM, LIGHT_M_PER_S};
@@ -36,10 +36,11 @@ pub fn planck_w_m2_sr_nm(temperature_k: f64, wavelength_nm: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Truth: the 10 nm band around 555.6 nm of the makers' own check, 3.473e-9 erg/s/cm²/Å = 3.473e-11 W/m²/nm; the digits given.
+    /// Truth: 3.473e-9 erg/s/cm²/Å = 3.473e-11 W/m²/nm, the mean of 554.6–556.6 nm of the original file (9192 points), of which ours are 0.5 nm
+    /// means: it checks units and the table, not CALSPEC. Tolerance: the digits given.
     #[test]
     fn vega_at_555_6_nm() {
-        let mean = vega().bin_means(&[554.6, 556.6])[0];
+        let mean = vega().bin_means(&[554.6, 556.6]).unwrap()[0];
         assert!((mean / 3.473e-11 - 1.0).abs() < 5e-4, "{mean}");
     }
 

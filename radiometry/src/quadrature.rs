@@ -2,10 +2,12 @@
 //!
 //! Between two neighbouring points of the union of all grids every factor is linear in λ, so that a product of k factors
 //! is a polynomial of degree k, which ⌊k/2⌋+1 Gauss–Legendre points integrate exactly. The photon rate
-//! ∫Φ·T_a·T_m·η·λ dλ has five linear factors: three points an interval.
+//! ∫Φ·T_a·T_m·η·λ dλ has five linear factors: three points an interval. More factors get more points.
 
 use crate::constants::HC_J_NM;
-use crate::spectrum::{Outside, Quantity, Spectrum, lerp};
+use crate::spectrum::{Outside, Quantity, Spectrum, SpectrumError, lerp};
+use std::borrow::Cow;
+use std::sync::LazyLock;
 
 /// An integral, and how much of its range was not in the tables.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -46,10 +48,17 @@ struct Factor<'a> {
 /// assert!((Product::of(&light).times(&filter).integral().value - 200.0).abs() < 1e-12);
 /// # Ok::<(), sunglint_radiometry::spectrum::SpectrumError>(())
 /// ```
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Product<'a> {
     factors: Vec<Factor<'a>>,
     wavelength_power: u8,
+    number: f64,
+}
+
+impl Default for Product<'_> {
+    fn default() -> Self {
+        Self { factors: Vec::new(), wavelength_power: 0, number: 1.0 }
+    }
 }
 
 impl<'a> Product<'a> {
@@ -76,28 +85,45 @@ impl<'a> Product<'a> {
         self
     }
 
+    /// The product with a number.
+    #[must_use]
+    pub fn times_number(mut self, number: f64) -> Self {
+        self.number *= number;
+        self
+    }
+
     /// The integral over all wavelengths at which the product can be other than zero: the common range of the factors
-    /// that are zero beyond their tables, or where there is none of them, of the tabulated ones.
+    /// that are zero beyond their tables; where there is none of them, the range that any factor is tabulated in, so that what the
+    /// others lack is said.
     pub fn integral(&self) -> Integral {
         match self.support() {
-            Some((first, last)) => self.over(first, last),
+            Some((first, last)) => self.between(&[first, last])[0],
             None => Integral::default(),
         }
     }
 
-    /// The integral from `from_nm` to `to_nm`.
-    pub fn over(&self, from_nm: f64, to_nm: f64) -> Integral {
-        self.bins(&[from_nm, to_nm])[0]
+    /// The integral from `from_nm` to `to_nm`; fails where that is not up.
+    pub fn over(&self, from_nm: f64, to_nm: f64) -> Result<Integral, SpectrumError> {
+        Ok(self.bins(&[from_nm, to_nm])?[0])
     }
 
-    /// The integral over each bin between consecutive edges (nm, increasing).
-    pub fn bins(&self, edges_nm: &[f64]) -> Vec<Integral> {
-        debug_assert!(edges_nm.windows(2).all(|e| e[0] <= e[1]), "edges must increase");
+    /// The integral over each bin between consecutive edges (nm); fails where these do not increase.
+    pub fn bins(&self, edges_nm: &[f64]) -> Result<Vec<Integral>, SpectrumError> {
+        let rises = |pair: &[f64]| pair[0] < pair[1] && pair[0].is_finite() && pair[1].is_finite();
+        if let Some(i) = edges_nm.windows(2).position(|pair| !rises(pair)) {
+            let (previous_nm, next_nm) = (edges_nm[i], edges_nm[i + 1]);
+            return Err(SpectrumError::Edges { edge: i + 2, previous_nm, next_nm });
+        }
+        Ok(self.between(edges_nm))
+    }
+
+    /// As [`Product::bins`], for edges that are known to increase.
+    fn between(&self, edges_nm: &[f64]) -> Vec<Integral> {
         let mut bins = vec![Integral::default(); edges_nm.len().saturating_sub(1)];
         let (Some(&first), Some(&last)) = (edges_nm.first(), edges_nm.last()) else { return bins };
         let breaks = self.breakpoints(edges_nm, first, last);
         let degree = self.factors.len() + usize::from(self.wavelength_power);
-        let rule = GAUSS[(degree / 2).min(GAUSS.len() - 1)];
+        let rule = gauss_legendre(degree / 2 + 1);
         let mut cursors = vec![0_usize; self.factors.len()];
         let mut bin = 0;
         for interval in breaks.windows(2) {
@@ -113,11 +139,12 @@ impl<'a> Product<'a> {
                     *cursor += 1;
                 }
                 let inside = middle >= factor.x[0] && middle <= factor.x[factor.x.len() - 1];
-                match (inside, factor.outside) {
-                    (true, _) => {}
-                    (false, Outside::Zero) => dark = true,
-                    (false, Outside::Held) => uncovered = true,
-                    (false, Outside::Missing) => uncovered = true,
+                match factor.outside {
+                    // Zero beyond its table, or padded with zeros within it.
+                    Outside::Zero => {
+                        dark |= !inside || factor.y[*cursor] == 0.0 && factor.y[*cursor + 1] == 0.0
+                    }
+                    Outside::Held | Outside::Missing => uncovered |= !inside,
                 }
             }
             if dark {
@@ -127,7 +154,7 @@ impl<'a> Product<'a> {
                 bins[bin].uncovered_nm += b - a;
             }
             let mut sum = 0.0;
-            for &(node, weight) in rule {
+            for &(node, weight) in rule.iter() {
                 let nm = middle + 0.5 * (b - a) * node;
                 let mut value = weight * nm.powi(i32::from(self.wavelength_power));
                 for (factor, &i) in self.factors.iter().zip(&cursors) {
@@ -135,7 +162,7 @@ impl<'a> Product<'a> {
                 }
                 sum += value;
             }
-            bins[bin].value += 0.5 * (b - a) * sum;
+            bins[bin].value += self.number * 0.5 * (b - a) * sum;
         }
         bins
     }
@@ -149,13 +176,10 @@ impl<'a> Product<'a> {
     /// The range over which the product can be other than zero.
     fn support(&self) -> Option<(f64, f64)> {
         let ends = |f: &Factor| (f.x[0], f.x[f.x.len() - 1]);
-        let common = |(a, b): (f64, f64), (c, d): (f64, f64)| (a.max(c), b.min(d));
-        let zero =
-            self.factors.iter().filter(|f| f.outside == Outside::Zero).map(ends).reduce(common);
-        let range = zero.or_else(|| {
-            self.factors.iter().filter(|f| f.outside == Outside::Missing).map(ends).reduce(common)
-        });
-        range.or_else(|| self.factors.iter().map(ends).reduce(common)).filter(|(a, b)| a < b)
+        let zero = self.factors.iter().filter(|f| f.outside == Outside::Zero).map(ends);
+        let common = zero.reduce(|(a, b), (c, d)| (a.max(c), b.min(d)));
+        let widest = || self.factors.iter().map(ends).reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
+        common.or_else(widest).filter(|(a, b)| a < b)
     }
 
     fn breakpoints(&self, edges_nm: &[f64], first: f64, last: f64) -> Vec<f64> {
@@ -173,15 +197,11 @@ impl<'a> Product<'a> {
 }
 
 impl<Q: Quantity> Spectrum<Q> {
-    /// The mean over each bin between consecutive edges (nm, increasing), exact for the piecewise-linear spectrum;
-    /// what lies beyond the table counts as [`Quantity::OUTSIDE`] says.
-    pub fn bin_means(&self, edges_nm: &[f64]) -> Vec<f64> {
-        Product::of(self)
-            .bins(edges_nm)
-            .iter()
-            .zip(edges_nm.windows(2))
-            .map(|(bin, edge)| bin.value / (edge[1] - edge[0]))
-            .collect()
+    /// The mean over each bin between consecutive edges (nm), exact for the piecewise-linear spectrum; what lies beyond the table
+    /// counts as [`Quantity::OUTSIDE`] says. Fails where the edges do not increase.
+    pub fn bin_means(&self, edges_nm: &[f64]) -> Result<Vec<f64>, SpectrumError> {
+        let bins = Product::of(self).bins(edges_nm)?;
+        Ok(bins.iter().zip(edges_nm.windows(2)).map(|(bin, e)| bin.value / (e[1] - e[0])).collect())
     }
 }
 
@@ -200,30 +220,38 @@ impl Factor<'_> {
     }
 }
 
-/// Gauss–Legendre nodes and weights on [−1, 1] of n = 1 … 5 points, exact to degree 2n−1 (Abramowitz and Stegun,
-/// table 25.4).
-const GAUSS: [&[(f64, f64)]; 5] = [
-    &[(0.0, 2.0)],
-    &[(-0.577_350_269_189_625_8, 1.0), (0.577_350_269_189_625_8, 1.0)],
-    &[
-        (-0.774_596_669_241_483_4, 5.0 / 9.0),
-        (0.0, 8.0 / 9.0),
-        (0.774_596_669_241_483_4, 5.0 / 9.0),
-    ],
-    &[
-        (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
-        (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
-        (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
-        (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
-    ],
-    &[
-        (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
-        (-0.538_469_310_105_683_1, 0.478_628_670_499_366_5),
-        (0.0, 128.0 / 225.0),
-        (0.538_469_310_105_683_1, 0.478_628_670_499_366_5),
-        (0.906_179_845_938_664, 0.236_926_885_056_189_1),
-    ],
-];
+/// Gauss–Legendre nodes and weights on [−1, 1] of n points, exact to degree 2n−1.
+fn gauss_legendre(n: usize) -> Cow<'static, [(f64, f64)]> {
+    static FIRST: LazyLock<Vec<Vec<(f64, f64)>>> = LazyLock::new(|| (0..=8).map(nodes).collect());
+    match FIRST.get(n) {
+        Some(rule) => Cow::Borrowed(rule),
+        None => Cow::Owned(nodes(n)),
+    }
+}
+
+/// The roots of the Legendre polynomial of degree n by Newton's method from Chebyshev's points, and their weights
+/// 2/((1−x²)P′ₙ(x)²) (Abramowitz and Stegun 25.4.29).
+fn nodes(n: usize) -> Vec<(f64, f64)> {
+    let node = |i: usize| {
+        let mut x = (std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
+        let mut slope = 1.0;
+        for _ in 0..100 {
+            let (mut p, mut before) = (1.0, 0.0);
+            for k in 1..=n {
+                let k = k as f64;
+                (p, before) = (((2.0 * k - 1.0) * x * p - (k - 1.0) * before) / k, p);
+            }
+            slope = n as f64 * (x * p - before) / (x * x - 1.0);
+            let step = p / slope;
+            x -= step;
+            if step.abs() < 1e-16 {
+                break;
+            }
+        }
+        (x, 2.0 / ((1.0 - x * x) * slope * slope))
+    };
+    (0..n).map(node).collect()
+}
 
 #[cfg(test)]
 mod tests {
@@ -243,8 +271,13 @@ mod tests {
         };
         let (p, q, r, s) =
             (line(400.0, 600.0), line(300.0, 601.0), line(399.0, 700.0), line(1.0, 999.0));
-        let found =
-            Product::of(&p).times(&q).times(&r).times(&s).times_wavelength().over(400.0, 600.0);
+        let found = Product::of(&p)
+            .times(&q)
+            .times(&r)
+            .times(&s)
+            .times_wavelength()
+            .over(400.0, 600.0)
+            .unwrap();
         near(found.value, (600_f64.powi(6) - 400_f64.powi(6)) / 6e12, 1e-14);
         assert!(found.is_covered());
     }
@@ -265,13 +298,16 @@ mod tests {
         let light = Spectrum::<Irradiance>::constant(3.0, 450.0, 900.0).unwrap();
         let paint = Spectrum::<Reflectance>::constant(0.5, 300.0, 580.0).unwrap();
         let found = Product::of(&light).times(&filter).integral();
-        assert_eq!((found.value, found.uncovered_nm), (450.0, 50.0));
+        near(found.value, 450.0, 1e-14);
+        assert_eq!(found.uncovered_nm, 50.0);
         let found = Product::of(&light).times(&filter).times(&paint).integral();
-        assert_eq!((found.value, found.uncovered_nm), (225.0, 70.0));
+        near(found.value, 225.0, 1e-14);
+        assert_eq!(found.uncovered_nm, 70.0);
         assert!(!found.is_covered());
         // Beyond the filter nothing is missing.
-        let found = Product::of(&light).times(&filter).over(300.0, 1500.0);
-        assert_eq!((found.value, found.uncovered_nm), (450.0, 50.0));
+        let found = Product::of(&light).times(&filter).over(300.0, 1500.0).unwrap();
+        near(found.value, 450.0, 1e-14);
+        assert_eq!(found.uncovered_nm, 50.0);
         // No common wavelength at all.
         let far = Spectrum::<Response>::constant(1.0, 700.0, 800.0).unwrap();
         assert_eq!(Product::of(&far).times(&filter).integral(), Integral::default());
@@ -282,11 +318,11 @@ mod tests {
         let sun: Spectrum<Irradiance> = crate::light::sun_at_1_au().clone();
         let edges: Vec<f64> = (0..=188).map(|i| 300.0 + 5.0 * f64::from(i)).collect();
         let product = Product::of(&sun);
-        let sum: f64 = product.bins(&edges).iter().map(|b| b.value).sum();
-        near(sum, product.over(300.0, 1240.0).value, 1e-13);
+        let sum: f64 = product.bins(&edges).unwrap().iter().map(|b| b.value).sum();
+        near(sum, product.over(300.0, 1240.0).unwrap().value, 1e-13);
         // Truth: the integral that the table's makers give, 1075.74 W/m² (trapezoids on the same points).
         near(sum, 1075.74, 1e-5);
-        assert_eq!(sun.bin_means(&edges).len(), 188);
+        assert_eq!(sun.bin_means(&edges).unwrap().len(), 188);
     }
 
     /// Truth: 1 W/(m² nm) over the nanometre around 500.5 nm, at 1239.841984 eV nm a photon (CODATA 2018). Tolerance: the
@@ -297,5 +333,59 @@ mod tests {
         let filter = Spectrum::<Response>::constant(1.0, 500.0, 501.0).unwrap();
         let photon_j = 1_239.841_984 / 500.5 * 1.602_176_634e-19;
         near(Product::of(&light).times(&filter).photon_rate().value, 1.0 / photon_j, 1e-9);
+    }
+
+    /// Truth: k factors λ/1000 over 1–1000 nm integrate to 1000/(k+1) but for 1e-3^(k+1). Tolerance: rounding.
+    #[test]
+    fn any_number_of_factors_is_integrated_exactly() {
+        let line = Spectrum::<Transmission>::new(vec![1.0, 1000.0], vec![1e-3, 1.0]).unwrap();
+        for k in 1..=24 {
+            let product = (0..k).fold(Product::default(), |product, _| product.times(&line));
+            near(
+                product.integral().value,
+                1000.0 / (f64::from(k) + 1.0) * (1.0 - 1e-3_f64.powi(k + 1)),
+                1e-13,
+            );
+        }
+    }
+
+    #[test]
+    fn light_and_air_that_do_not_meet_are_not_covered() {
+        let light = Spectrum::<Irradiance>::constant(1.0, 300.0, 400.0).unwrap();
+        let air = Spectrum::<Transmission>::constant(1.0, 500.0, 600.0).unwrap();
+        let found = Product::of(&light).times(&air).integral();
+        assert_eq!((found.value, found.uncovered_nm), (0.0, 300.0));
+    }
+
+    /// A response that is padded with zeros asks for no light there.
+    #[test]
+    fn zeros_within_a_response_need_no_light() {
+        let filter = Spectrum::<Response>::new(
+            vec![300.0, 400.0, 401.0, 499.0, 500.0, 900.0],
+            vec![0.0, 0.0, 1.0, 1.0, 0.0, 0.0],
+        )
+        .unwrap();
+        let light = Spectrum::<Irradiance>::constant(2.0, 390.0, 510.0).unwrap();
+        let found = Product::of(&light).times(&filter).integral();
+        assert!(found.is_covered() && (found.value - 198.0).abs() < 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn edges_that_do_not_increase_are_refused() {
+        let light = Spectrum::<Irradiance>::constant(2.0, 390.0, 510.0).unwrap();
+        for edges in [[600.0, 400.0], [400.0, 400.0], [400.0, f64::NAN], [f64::NEG_INFINITY, 0.0]] {
+            assert!(
+                matches!(
+                    Product::of(&light).bins(&edges),
+                    Err(SpectrumError::Edges { edge: 2, .. })
+                ),
+                "{edges:?}"
+            );
+        }
+        assert_eq!(
+            light.bin_means(&[400.0, 410.0, 420.0, 410.0]).unwrap_err().to_string(),
+            "edges of bins must increase: 410 nm follows 420 nm at edge 4"
+        );
+        assert!(Product::of(&light).bins(&[]).unwrap().is_empty());
     }
 }

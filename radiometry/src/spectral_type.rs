@@ -57,9 +57,9 @@ fn number(text: &str) -> Option<(f64, &str)> {
     (value < 10.0).then_some((value, &text[end..]))
 }
 
-/// The luminosity class at the start of `text`.
+/// The luminosity class at the start of `text`, which may be set off by blanks or by the sign of a subtype (`K0-III`).
 fn luminosity(text: &str) -> Option<f64> {
-    let (first, rest) = roman(text)?;
+    let (first, rest) = roman(text.trim_start_matches([' ', ':', '+', '-', '(']))?;
     let rest = rest.trim_start_matches([':', 'a', 'b']);
     match rest.strip_prefix(['-', '/']).and_then(roman) {
         Some((second, _)) => Some(0.5 * (first + second)),
@@ -78,7 +78,8 @@ impl fmt::Display for SpectralType {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let letter = (self.temperature / 10.0).floor().clamp(0.0, 6.0);
         let name = &LETTERS[letter as usize..=letter as usize];
-        write!(f, "{name}{}", self.temperature - 10.0 * letter)?;
+        // A tenth of a subclass is as fine as types go; the rest is rounding.
+        write!(f, "{name}{}", (10.0 * (self.temperature - 10.0 * letter)).round() / 10.0)?;
         match self.luminosity {
             None => Ok(()),
             Some(class) => {
@@ -118,6 +119,13 @@ mod tests {
             ("A0IV(n)kB9", 20.0, Some(4.0)),
             ("A0sp", 20.0, None),
             ("B5", 15.0, None),
+            ("G2 V", 42.0, Some(5.0)),
+            ("F5 IV-V", 35.0, Some(4.5)),
+            ("K0-III", 50.0, Some(3.0)),
+            ("K5+III", 55.0, Some(3.0)),
+            ("M0-IIIa", 60.0, Some(3.0)),
+            ("G8+K0V", 48.0, None),
+            ("M3SIII", 63.0, None),
         ] {
             let parsed = SpectralType::parse(text).unwrap();
             assert_eq!(
@@ -131,5 +139,6 @@ mod tests {
         }
         assert_eq!(SpectralType::parse("K2III-IV").unwrap().to_string(), "K2III-IV");
         assert_eq!(SpectralType::parse("B9.5V").unwrap().to_string(), "B9.5V");
+        assert_eq!(SpectralType::parse("B0.2V").unwrap().to_string(), "B0.2V");
     }
 }

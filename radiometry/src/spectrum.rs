@@ -109,6 +109,26 @@ pub enum SpectrumError {
     /// The table lacks what the spectrum needs.
     #[error(transparent)]
     Table(#[from] TableError),
+    /// A column is in another unit.
+    #[error("column `{column}` is in {found}, expected {expected}")]
+    Unit {
+        /// The column.
+        column: String,
+        /// Its unit.
+        found: String,
+        /// The quantity's unit.
+        expected: &'static str,
+    },
+    /// Edges of bins must increase.
+    #[error("edges of bins must increase: {next_nm} nm follows {previous_nm} nm at edge {edge}")]
+    Edges {
+        /// The second of the two, counted from 1.
+        edge: usize,
+        /// The edge before.
+        previous_nm: f64,
+        /// The edge that does not increase.
+        next_nm: f64,
+    },
     /// The spectra to be joined have no wavelength in common.
     #[error("the spectra have no wavelengths in common")]
     Disjoint,
@@ -154,8 +174,15 @@ impl<Q: Quantity> Spectrum<Q> {
         Ok(Self { wavelength_nm, value, quantity: PhantomData })
     }
 
-    /// A spectrum from two columns of a table.
+    /// A spectrum from two columns of a table. A column that names a unit must name the quantity's (nm for wavelengths).
     pub fn from_table(table: &Table, wavelength: &str, value: &str) -> Result<Self, SpectrumError> {
+        for (name, expected) in [(wavelength, "nm"), (value, Q::UNIT)] {
+            let unit = table.column(name)?.unit.as_deref().unwrap_or(expected);
+            if unit != expected {
+                let (column, found) = (name.to_owned(), unit.to_owned());
+                return Err(SpectrumError::Unit { column, found, expected });
+            }
+        }
         Self::new(table.f64(wavelength)?.to_vec(), table.f64(value)?.to_vec())
     }
 
@@ -194,15 +221,9 @@ impl<Q: Quantity> Spectrum<Q> {
         lerp(x[i - 1], self.value[i - 1], x[i], self.value[i], nm)
     }
 
-    /// The same spectrum times a number (not negative).
-    #[must_use]
-    pub fn scaled(&self, factor: f64) -> Self {
-        debug_assert!(factor >= 0.0 && factor.is_finite());
-        Self {
-            wavelength_nm: self.wavelength_nm.clone(),
-            value: self.value.iter().map(|v| v * factor).collect(),
-            quantity: PhantomData,
-        }
+    /// The same spectrum times a number; fails where a value leaves what makes sense (not negative, finite).
+    pub fn scaled(&self, factor: f64) -> Result<Self, SpectrumError> {
+        Self::new(self.wavelength_nm.clone(), self.value.iter().map(|v| v * factor).collect())
     }
 
     /// The same numbers as another quantity: the caller knows what the scale means.
@@ -210,16 +231,15 @@ impl<Q: Quantity> Spectrum<Q> {
         Spectrum::new(self.wavelength_nm.clone(), self.value.clone())
     }
 
-    /// The product with another spectrum on the union of both grids within the range where both are tabulated, for
-    /// tables and plots. Linear between its points, the product is not: integrals are taken of the factors
-    /// ([`crate::quadrature::Product`]), never of this.
-    pub fn times<R: Quantity>(&self, other: &Spectrum<R>) -> Result<Self, SpectrumError> {
-        let (a, b) = (self.range_nm(), other.range_nm());
+    /// What an air leaves of it, on the union of both grids within the range where both are tabulated: for tables and plots. Linear between
+    /// its points, the product is not: integrals are taken of the factors ([`crate::quadrature::Product`]), never of this.
+    pub fn through(&self, air: &Spectrum<Transmission>) -> Result<Self, SpectrumError> {
+        let (a, b) = (self.range_nm(), air.range_nm());
         let (first, last) = (a.0.max(b.0), a.1.min(b.1));
         let mut grid: Vec<f64> = self
             .wavelength_nm
             .iter()
-            .chain(&other.wavelength_nm)
+            .chain(&air.wavelength_nm)
             .copied()
             .filter(|nm| (first..=last).contains(nm))
             .collect();
@@ -228,7 +248,7 @@ impl<Q: Quantity> Spectrum<Q> {
         if grid.len() < 2 {
             return Err(SpectrumError::Disjoint);
         }
-        let value = grid.iter().map(|&nm| self.at(nm) * other.at(nm)).collect();
+        let value = grid.iter().map(|&nm| self.at(nm) * air.at(nm)).collect();
         Self::new(grid, value)
     }
 }

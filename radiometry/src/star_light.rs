@@ -3,7 +3,8 @@
 //! The rule, in order, and never silent:
 //!
 //! 1. **by type**: the library spectrum (Pickles 1998, 106 types) nearest in temperature and luminosity class. Nearest means the smallest
-//!    Δ² = (Δ subclass)² + (2 Δ luminosity class)²; it must lie within 3 subclasses and 1 luminosity class. Where a catalogue gives no
+//!    Δ² = (Δ subclass)² + (2 Δ luminosity class)², of two equally near the hotter, then the more luminous; it must lie within 3 subclasses and
+//!    1 luminosity class. Where a catalogue gives no
 //!    luminosity class, a dwarf (V) is assumed down to F9 and a giant (III) beyond: so are most stars of the naked eye.
 //! 2. **by colour** (flagged as a fallback): no type, or none near: the library's dwarf or giant with the nearest B−V, within 0.1 mag.
 //! 3. **black body** (flagged as a fallback): T = 7300 K/((B−V)+0.73) (thesis eq. 4.19). It errs by +10 to +45 % in the red
@@ -11,10 +12,10 @@
 //!
 //! The shape is scaled so that its magnitude in Johnson V is the star's.
 
-use crate::light::planck_w_m2_sr_nm;
+use crate::light::{self, planck_w_m2_sr_nm};
 use crate::passband::{Passband, PhotometryError, ZeroPoint};
 use crate::spectral_type::SpectralType;
-use crate::spectrum::{Irradiance, Relative, Spectrum};
+use crate::spectrum::{Irradiance, Quantity, Relative, Spectrum};
 use crate::tables::STELLAR_LIBRARY;
 use std::sync::LazyLock;
 
@@ -80,7 +81,7 @@ impl std::fmt::Display for Origin {
                 if *subclasses != 0.0 || *luminosity_classes != 0.0 {
                     write!(
                         f,
-                        " (nearest: {subclasses:+} subclasses, {luminosity_classes:+} luminosity classes)"
+                        " (nearest: {subclasses:+.1} subclasses, {luminosity_classes:+.1} luminosity classes)"
                     )?;
                 }
                 if *luminosity_assumed { write!(f, ", luminosity class assumed") } else { Ok(()) }
@@ -128,12 +129,6 @@ pub enum StarLightError {
         /// The colour.
         b_minus_v_mag: f64,
     },
-    /// The magnitude is no number.
-    #[error("V = {v_mag} is no magnitude")]
-    Magnitude {
-        /// The value.
-        v_mag: f64,
-    },
     /// The photometry failed.
     #[error(transparent)]
     Photometry(#[from] PhotometryError),
@@ -155,7 +150,7 @@ static LIBRARY: LazyLock<Vec<Entry>> = LazyLock::new(|| {
         let mut entries = Vec::new();
         for column in table.columns.iter().skip(1) {
             let shape = Spectrum::<Relative>::from_table(table, "wavelength_nm", &column.name)?;
-            let b_minus_v_mag = colour(&shape.relabelled()?)?;
+            let b_minus_v_mag = colour(&shape)?;
             if let Some(kind) = library_type(&column.name) {
                 entries.push(Entry { name: &column.name, kind, shape, b_minus_v_mag });
             }
@@ -165,11 +160,22 @@ static LIBRARY: LazyLock<Vec<Entry>> = LazyLock::new(|| {
     read().expect("embedded, and read by a test")
 });
 
+/// A passband, and the mean of Vega over it.
+type Band = (Passband, f64);
+
+/// Johnson B and V: every star needs them.
+static BANDS: LazyLock<[Band; 2]> = LazyLock::new(|| {
+    ["B", "V"].map(|name| {
+        let band = Passband::named(name);
+        let vega = band.as_ref().map_or(Ok(0.0), |band| band.mean(light::vega()));
+        (band.expect("embedded, and read by a test"), vega.expect("embedded, and read by a test"))
+    })
+});
+
 /// B−V with Vega 0 in both: the system of the catalogues but for a few thousandths.
-fn colour(light: &Spectrum<Irradiance>) -> Result<f64, PhotometryError> {
-    let zero = ZeroPoint::Vega { vega_mag: 0.0 };
-    let [b, v] = ["B", "V"].map(|band| Passband::named(band)?.magnitude(light, zero));
-    Ok(b? - v?)
+fn colour<Q: Quantity>(shape: &Spectrum<Q>) -> Result<f64, PhotometryError> {
+    let [(b, vega_b), (v, vega_v)] = &*BANDS;
+    Ok(-2.5 * ((b.mean(shape)? / vega_b) / (v.mean(shape)? / vega_v)).log10())
 }
 
 /// The library's own names: two digits are a range of subclasses (`B57V` = B5–7, `F02IV` = F0–2).
@@ -220,11 +226,9 @@ fn scaled(
     shape: &Spectrum<Relative>,
     origin: Origin,
 ) -> Result<StarLight, StarLightError> {
-    if !star.v_mag.is_finite() {
-        return Err(StarLightError::Magnitude { v_mag: star.v_mag });
-    }
-    let irradiance = Passband::named("V")?.scaled_to(shape, star.v_mag, star.zero)?;
-    let own = colour(&irradiance)?;
+    let [_, (v, _)] = &*BANDS;
+    let irradiance = v.scaled_to(shape, star.v_mag, star.zero)?;
+    let own = colour(shape)?;
     let colour_excess_mag = star.b_minus_v_mag.filter(|bv| bv.is_finite()).map(|bv| bv - own);
     Ok(StarLight { irradiance, origin, colour_excess_mag })
 }
@@ -243,11 +247,18 @@ fn nearest_type(kind: SpectralType) -> Option<(&'static Entry, Origin)> {
             subclasses.abs() <= NEAR.0 && classes.abs() <= NEAR.1
         })
         .min_by(|a, b| {
-            let square = |entry| {
+            let rank = |entry: &Entry| {
                 let (subclasses, classes) = difference(entry);
-                subclasses * subclasses + 4.0 * classes * classes
+                let square = subclasses * subclasses + 4.0 * classes * classes;
+                // Differences of decimals that people write: equal is equal to a millionth.
+                [
+                    (square * 1e6).round(),
+                    entry.kind.temperature,
+                    entry.kind.luminosity.unwrap_or(5.0),
+                ]
             };
-            square(a).total_cmp(&square(b))
+            let (a, b) = (rank(a), rank(b));
+            a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])).then(a[2].total_cmp(&b[2]))
         })
         .map(|entry| {
             let (subclasses, luminosity_classes) = difference(entry);
@@ -280,7 +291,6 @@ fn nearest_colour(bv: f64) -> Option<(&'static Entry, Origin)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light;
     use crate::quadrature::Product;
 
     fn star(v_mag: f64, bv: Option<f64>, kind: Option<&str>) -> StarLight {
@@ -321,7 +331,8 @@ mod tests {
         let found = star(0.03, Some(0.0), Some("A0Va"));
         for nm in [420.0, 450.0, 500.0, 550.0, 600.0, 640.0, 700.0] {
             let edges = [nm - 10.0, nm + 10.0];
-            let ratio = found.irradiance.bin_means(&edges)[0] / light::vega().bin_means(&edges)[0];
+            let ratio = found.irradiance.bin_means(&edges).unwrap()[0]
+                / light::vega().bin_means(&edges).unwrap()[0];
             assert!((ratio - 1.0).abs() < 0.04, "{nm}: {ratio}");
         }
         assert!(found.colour_excess_mag.unwrap().abs() < 0.05);
@@ -354,7 +365,7 @@ mod tests {
                 ((1100.0, 1240.0), d),
             ] {
                 let photons = |s: &Spectrum<Irradiance>| {
-                    Product::of(s).times_wavelength().over(edges.0, edges.1).value
+                    Product::of(s).times_wavelength().over(edges.0, edges.1).unwrap().value
                 };
                 let ratio = photons(&body) / photons(&library);
                 // The colour that table used is not recorded; 0.02 mag of B-V moves a red band by 3 %.
@@ -364,6 +375,28 @@ mod tests {
                 );
             }
         }
+    }
+
+    /// The documented rule where two are equally near: the hotter, then the more luminous.
+    #[test]
+    fn of_two_equally_near_types_the_hotter_then_the_more_luminous() {
+        for (kind, expected) in [
+            ("F9V", "F8V"),
+            ("A1V", "A0V"),
+            ("M2.5V", "M2V"),
+            ("G2Ib-II", "G2I"),
+            ("K0IV-V", "K0IV"),
+            ("B2IV-V", "B2IV"),
+        ] {
+            let Origin::Library { library_type, .. } = star(5.0, None, Some(kind)).origin else {
+                panic!()
+            };
+            assert_eq!(library_type, expected, "{kind}");
+        }
+        assert_eq!(
+            star(5.0, None, Some("B0.2V")).origin.to_string(),
+            "library B0V (nearest: +0.2 subclasses, +0.0 luminosity classes)"
+        );
     }
 
     #[test]
@@ -410,6 +443,14 @@ mod tests {
             spectral_type: Some("A0V"),
             zero: ZeroPoint::default(),
         };
-        assert!(matches!(of(nan), Err(StarLightError::Magnitude { .. })));
+        assert!(matches!(
+            of(nan),
+            Err(StarLightError::Photometry(PhotometryError::Magnitude { .. }))
+        ));
+        let absurd = StarColours { v_mag: -800.0, ..nan };
+        assert_eq!(
+            of(absurd).unwrap_err().to_string(),
+            "a magnitude of -800 makes no sense, expected -100 to 100"
+        );
     }
 }

@@ -76,20 +76,26 @@ fn a_rate_is_photons_times_area_times_sensitivity() {
         * (600.0_f64.powi(2) - 500.0_f64.powi(2))
         / 2.0
         / hc_j_nm;
-    let found = station.rate_hz::<Transmission>(channel, &light, None);
+    let found = station.rate_hz(channel, &light, None);
     assert!((found.value / expected - 1.0).abs() < 1e-9, "{} {expected}", found.value);
     assert!(found.is_covered());
     assert!((station.rate_hz(channel, &light, Some(&grey)).value / expected - 0.5).abs() < 1e-9);
     assert!((channel.bandwidth_nm() - 36.0).abs() < 1e-9);
     // Light that nobody tabulated is said.
     let short = Spectrum::<Irradiance>::constant(1e-12, 300.0, 560.0).unwrap();
-    assert_eq!(station.rate_hz::<Transmission>(channel, &short, None).uncovered_nm, 40.0);
+    assert_eq!(station.rate_hz(channel, &short, None).uncovered_nm, 40.0);
+    // A grey loss changes the height and nothing else, photons or counts.
+    let grey = self::station(|toml| toml.replace("note = \"a box\"", "transmission = 0.5"));
+    let grey = Station::read(grey.path()).unwrap();
+    assert!((grey.channel("box").unwrap().bandwidth_nm() - 18.0).abs() < 1e-9);
+    assert!((grey.channel("box").unwrap().sensitivity_at(550.0) - 0.18).abs() < 1e-12);
     // Photons leave the efficiency out.
     let photons =
         self::station(|toml| toml.replace("quantity = \"counts\"", "quantity = \"photons\""));
     let station = Station::read(photons.path().join("station.toml")).unwrap();
     let channel = station.channel("box").unwrap();
     assert!((channel.bandwidth_nm() - 0.9 * 300.0).abs() < 1e-9);
+    assert_eq!(channel.range_nm(), Some((400.0, 700.0)));
     let laser = &station.lasers[0];
     assert!(
         (laser.pulse_energy_j / 0.14 - 1.0).abs() < 1e-12
@@ -166,6 +172,25 @@ fn wrong_files_are_refused_with_file_line_and_field() {
         ("[telescope]", "[telescop]", "station.toml"),
         ("height_m = 300", "height_m = nan", "site.height_m: found nan, expected"),
         ("profile = \"tropical\"", "profil = \"tropical\"", "profile"),
+        (
+            "profile = \"tropical\"",
+            "profile = \"tropicl\"",
+            "station.toml:15: air.profile: found \"tropicl\"",
+        ),
+        (
+            "profile = \"tropical\"",
+            "pressure_hpa = 1e9",
+            "station.toml:15: air.pressure_hpa: found",
+        ),
+        ("horizon_deg = 10", "horizon_deg = 120", "site.horizon_deg: found 120"),
+        (
+            "saturation_hz = 1e6",
+            "saturation_hz = 1e6\nfibre_offset_px = [0, 0]\nfibre_sigma_px = [1, 1]",
+            "a table [camera], in whose pixels",
+        ),
+        ("dark_rate_hz = 0", "dark_rate_hz = 1e6", "less than saturation_hz = 1000000"),
+        ("optics = [\"optics.csv\"]\n", "transmission = 0\n", "at which they are not 0"),
+        ("[[laser]]", "[[laser]]\nname = \"a b\"\n[[laser]]", "laser[0]"),
     ] {
         let folder = station(|toml| {
             assert!(toml.contains(from), "{from}");

@@ -10,7 +10,7 @@ mod samples;
 mod spectral;
 
 pub use flags::Flags;
-pub use provenance::Provenance;
+pub use provenance::{Input, Provenance};
 pub use samples::Samples;
 pub use spectral::SpectralLightCurve;
 
@@ -19,7 +19,7 @@ use serde_json::json;
 use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
-use sunglint_formats::{Column, ParseError, Table};
+use sunglint_formats::{Column, Meta, ParseError, Table};
 
 /// How far the rates of a light curve have come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,6 +86,8 @@ pub struct LightCurve {
     pub channels: Vec<ChannelCurve>,
     /// Where the curve came from.
     pub provenance: Provenance,
+    /// Metadata of its file that the schema does not know, kept as they are.
+    pub other: Meta,
 }
 
 impl LightCurve {
@@ -107,7 +109,7 @@ impl LightCurve {
     /// The curve as a table of the schema, ready to be written as ECSV. Errors as [`LightCurve::from_table`]: what could not be read back is
     /// not written.
     pub fn to_table(&self) -> Result<Table, ParseError> {
-        let mut table = Table::default();
+        let mut table = Table { meta: self.other.clone(), ..Table::default() };
         table.meta.insert("quantity".into(), json!(self.kind.to_string()));
         table.meta.insert("flag_bits".into(), Flags::bit_names());
         table.meta.insert("provenance".into(), self.provenance.to_json());
@@ -153,8 +155,8 @@ impl LightCurve {
                 let flags = reader.flags(&format!("{name}_flags"), &bits)?;
                 channels.push(ChannelCurve {
                     name: name.to_owned(),
-                    rate_hz: reader.numbers(&column.name)?,
-                    sigma_hz: reader.numbers(&format!("{name}_sigma_hz"))?,
+                    rate_hz: reader.numbers(&column.name, "Hz")?,
+                    sigma_hz: reader.numbers(&format!("{name}_sigma_hz"), "Hz")?,
                     flags,
                 });
             }
@@ -166,8 +168,12 @@ impl LightCurve {
             );
         }
         reader.refuse_unknown(&known)?;
-        let provenance = Provenance::from_json(table.meta.get("provenance"));
-        let curve = Self { kind, samples, channels, provenance };
+        let provenance = Provenance::from_json(path, table.meta.get("provenance"))?;
+        let mut other = table.meta.clone();
+        for known in ["quantity", "flag_bits", "provenance"] {
+            other.remove(known);
+        }
+        let curve = Self { kind, samples, channels, provenance, other };
         curve.check(path)?;
         Ok(curve)
     }
@@ -190,8 +196,15 @@ impl LightCurve {
         if let Some((field, length)) = lengths.into_iter().find(|(_, length)| *length != n) {
             return wrong(field, format!("{length} values"), &format!("{n}, as many as time_utc"));
         }
-        for channel in &self.channels {
+        for (number, channel) in self.channels.iter().enumerate() {
             let name = &channel.name;
+            if self.channels[..number].iter().any(|other| other.name == *name) {
+                return wrong(
+                    "channel".into(),
+                    format!("`{name}` twice"),
+                    "channels of different names",
+                );
+            }
             if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
                 return wrong(
                     "channel".into(),
@@ -240,10 +253,11 @@ mod tests {
             }],
             provenance: Provenance {
                 program: "sunglint 0.1.0".into(),
-                inputs: vec![("night.toml".into(), "ab".into())],
+                inputs: vec![Input { file: "night.toml".into(), sha256: "ab".into() }],
                 notes: vec!["zero point: Vega = 0.03".into()],
                 ..Provenance::default()
             },
+            other: Meta::default(),
         }
     }
 
@@ -278,6 +292,9 @@ mod tests {
             "light curve: exposure_s, row 3: found 0, expected a time above 0 s"
         );
         assert!(message(&|c| c.channels[0].sigma_hz[2] = -1.0).contains("sigma_hz, row 3"));
+        assert!(message(&|c| c.channels.push(c.channels[0].clone())).contains("`spcm` twice"));
+        let early = hifitime::Epoch::from_gregorian_tai_at_midnight(1965, 1, 1);
+        assert!(message(&|c| c.samples.time[1] = early).contains("time_utc, row 2"));
         assert!(
             message(&|c| c.samples.phase_deg = Some(vec![0.0, 181.0, 0.0]))
                 .contains("phase_deg, row 2")
@@ -323,6 +340,48 @@ mod tests {
             refuse(&|t| t.columns[4].values = Values::I64(vec![Some(0), Some(1 << 40), None]))
                 .contains("spcm_flags, row 2")
         );
+    }
+
+    #[test]
+    fn units_other_than_the_schemas_are_refused() {
+        for (column, unit, expected) in
+            [(1, "ms", "s"), (2, "kHz", "Hz"), (5, "km", "m"), (6, "rad", "deg")]
+        {
+            let mut table = curve().to_table().unwrap();
+            table.columns[column].unit = Some(unit.into());
+            let error = LightCurve::from_table("c.ecsv", &table).unwrap_err().to_string();
+            assert!(
+                error.contains(&format!("found the unit {unit}, expected {expected}")),
+                "{error}"
+            );
+        }
+        // Without a unit the name decides.
+        let mut table = curve().to_table().unwrap();
+        table.columns[1].unit = None;
+        assert!(LightCurve::from_table("c.ecsv", &table).is_ok());
+    }
+
+    #[test]
+    fn metadata_of_others_are_kept_and_wrong_provenance_is_refused() {
+        let mut table = curve().to_table().unwrap();
+        table.meta.insert("observer".into(), json!("α Ny"));
+        table.meta["provenance"]["seed"] = json!(7);
+        let back = LightCurve::from_table("c.ecsv", &table).unwrap();
+        assert_eq!(
+            (&back.other["observer"], &back.provenance.other["seed"]),
+            (&json!("α Ny"), &json!(7))
+        );
+        assert_eq!(back.to_table().unwrap().meta["observer"], "α Ny");
+        for wrong in [
+            json!({"program": 3}),
+            json!({"notes": "one"}),
+            json!({"inputs": [{"file": "x"}]}),
+            json!("me"),
+        ] {
+            table.meta.insert("provenance".into(), wrong);
+            let error = LightCurve::from_table("c.ecsv", &table).unwrap_err().to_string();
+            assert!(error.starts_with("c.ecsv: provenance: found"), "{error}");
+        }
     }
 
     /// A file may number its flags otherwise, as a later version would: names decide, not numbers.

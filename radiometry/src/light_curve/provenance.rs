@@ -1,9 +1,13 @@
 //! Where a light curve came from.
 
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+use std::path::Path;
+use sunglint_formats::ParseError;
 
 /// Where a light curve came from.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Provenance {
     /// The program and its version.
     pub program: String,
@@ -13,38 +17,41 @@ pub struct Provenance {
     pub station: String,
     /// The target: a name, a catalogue number.
     pub target: String,
-    /// Files that went in, with their SHA-256.
-    pub inputs: Vec<(String, String)>,
+    /// Files that went in.
+    pub inputs: Vec<Input>,
     /// Anything else that a reader must know: zero points, models, fallbacks.
     pub notes: Vec<String>,
+    /// What another version or program wrote besides, kept as it is.
+    #[serde(flatten)]
+    pub other: Map<String, Value>,
+}
+
+/// A file that went into a light curve.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Input {
+    /// The file as it was named.
+    pub file: String,
+    /// SHA-256 of its bytes, 64 hexadecimal digits.
+    pub sha256: String,
 }
 
 impl Provenance {
-    pub(crate) fn to_json(&self) -> Value {
-        let inputs: serde_json::Map<String, Value> =
-            self.inputs.iter().map(|(file, sha256)| (file.clone(), json!(sha256))).collect();
-        json!({
-            "program": self.program, "command": self.command, "station": self.station, "target": self.target,
-            "inputs_sha256": inputs, "notes": self.notes,
-        })
+    pub(super) fn to_json(&self) -> Value {
+        // Maps with text keys always serialise.
+        serde_json::to_value(self).unwrap_or(Value::Null)
     }
 
-    pub(crate) fn from_json(value: Option<&Value>) -> Self {
-        let text = |key: &str| {
-            value.and_then(|v| v.get(key)).and_then(Value::as_str).unwrap_or_default().to_owned()
-        };
-        let strings = |v: &Value| v.as_str().unwrap_or_default().to_owned();
-        let inputs = value.and_then(|v| v.get("inputs_sha256")).and_then(Value::as_object);
-        let notes = value.and_then(|v| v.get("notes")).and_then(Value::as_array);
-        Self {
-            program: text("program"),
-            command: text("command"),
-            station: text("station"),
-            target: text("target"),
-            inputs: inputs
-                .map(|m| m.iter().map(|(k, v)| (k.clone(), strings(v))).collect())
-                .unwrap_or_default(),
-            notes: notes.map(|n| n.iter().map(strings).collect()).unwrap_or_default(),
-        }
+    /// Of a file's metadata; a file without any has an unknown provenance, one that is wrong is refused.
+    pub(super) fn from_json(path: &Path, value: Option<&Value>) -> Result<Self, ParseError> {
+        let Some(value) = value else { return Ok(Self::default()) };
+        serde_json::from_value(value.clone()).map_err(|error| {
+            ParseError::new(
+                path,
+                error.to_string(),
+                "program, command, station, target, inputs [{file, sha256}], notes [text]",
+            )
+            .in_field("provenance")
+        })
     }
 }

@@ -3,10 +3,11 @@
 use super::Flags;
 use hifitime::Epoch;
 use std::path::Path;
-use sunglint_formats::time::{format_utc, parse_utc};
+use sunglint_formats::time::{UtcDay, format_utc, parse_utc};
 use sunglint_formats::{Column, ParseError, Table, Values, nearest_names};
 
-/// Times and geometry of the samples of a light curve; all of one length.
+/// Times and geometry of the samples of a light curve; all of one length. Times may be in any order, and repeat: whoever needs an
+/// order sorts.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Samples {
     /// Mid-exposure times.
@@ -54,10 +55,10 @@ impl Samples {
     pub(super) fn read(reader: &Reader) -> Result<Self, ParseError> {
         Ok(Self {
             time: reader.times("time_utc")?,
-            exposure_s: reader.numbers("exposure_s")?,
-            range_m: reader.optional("range_m")?,
-            phase_deg: reader.optional("phase_deg")?,
-            zenith_deg: reader.optional("zenith_deg")?,
+            exposure_s: reader.numbers("exposure_s", "s")?,
+            range_m: reader.optional("range_m", "m")?,
+            phase_deg: reader.optional("phase_deg", "deg")?,
+            zenith_deg: reader.optional("zenith_deg", "deg")?,
         })
     }
 
@@ -77,6 +78,13 @@ impl Samples {
                 field.into(),
                 format!("{length} values"),
                 &format!("{n}, as many as time_utc"),
+            );
+        }
+        if let Some(i) = self.time.iter().position(|t| UtcDay::containing(*t).is_none()) {
+            return wrong(
+                row("time_utc", i),
+                format_utc(self.time[i], 0),
+                "a time from 1972 to 2100",
             );
         }
         let bad =
@@ -131,8 +139,16 @@ impl Reader<'_> {
         })
     }
 
-    pub fn numbers(&self, name: &str) -> Result<Vec<f64>, ParseError> {
-        match self.column(name)? {
+    /// The numbers of a column, which must be in `unit` or name none.
+    pub fn numbers(&self, name: &str, unit: &str) -> Result<Vec<f64>, ParseError> {
+        let values = self.column(name)?;
+        let found = self.table.column(name).ok().and_then(|c| c.unit.as_deref()).unwrap_or(unit);
+        if found != unit {
+            let error =
+                ParseError::new(self.path, format!("the unit {found}"), unit).in_field(name);
+            return Err(error.with_hint("convert the column: its name says the unit"));
+        }
+        match values {
             Values::F64(values) => Ok(values.clone()),
             Values::I64(values) => {
                 Ok(values.iter().map(|v| v.map_or(f64::NAN, |v| v as f64)).collect())
@@ -141,9 +157,9 @@ impl Reader<'_> {
         }
     }
 
-    pub fn optional(&self, name: &str) -> Result<Option<Vec<f64>>, ParseError> {
+    pub fn optional(&self, name: &str, unit: &str) -> Result<Option<Vec<f64>>, ParseError> {
         match self.table.column(name) {
-            Ok(_) => self.numbers(name).map(Some),
+            Ok(_) => self.numbers(name, unit).map(Some),
             Err(_) => Ok(None),
         }
     }

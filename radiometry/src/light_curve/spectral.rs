@@ -93,7 +93,7 @@ impl SpectralLightCurve {
         };
         let (bins, samples) = (table("BINS")?, table("SAMPLES")?);
         let bins = Reader { path, table: &bins };
-        let (lower, upper) = (bins.numbers("lower_nm")?, bins.numbers("upper_nm")?);
+        let (lower, upper) = (bins.numbers("lower_nm", "nm")?, bins.numbers("upper_nm", "nm")?);
         if lower.iter().skip(1).zip(&upper).any(|(l, u)| l != u) {
             return Err(ParseError::new(
                 path,
@@ -103,21 +103,28 @@ impl SpectralLightCurve {
             .in_field("BINS"));
         }
         let edges_nm = lower.first().copied().into_iter().chain(upper).collect();
-        let text = |key: &str| image.header.text(key).unwrap_or_default().to_owned();
-        let json = |key: &str| serde_json::from_str::<Value>(&text(key)).ok();
+        let text = |key: &str| {
+            let value = image.header.text(key).ok_or_else(|| missing("a text").in_field(key))?;
+            Ok::<_, ParseError>(value.trim_end().to_owned())
+        };
+        let json = |key: &str| {
+            let text = text(key)?;
+            serde_json::from_str::<Value>(&text)
+                .map_err(|error| ParseError::new(path, error.to_string(), "JSON").in_field(key))
+        };
         let reader = Reader { path, table: &samples };
-        let numbering = Flags::numbering(path, json("FLAGBITS").as_ref())?;
+        let numbering = Flags::numbering(path, Some(&json("FLAGBITS")?))?;
         let mut known = Samples::COLUMNS.map(str::to_owned).to_vec();
         known.push("flags".into());
         reader.refuse_unknown(&known)?;
         let curve = Self {
-            quantity: text("QUANTITY"),
-            unit: text("BUNIT"),
+            quantity: text("QUANTITY")?,
+            unit: text("BUNIT")?,
             samples: Samples::read(&reader)?,
             edges_nm,
             values,
             flags: reader.flags("flags", &numbering)?,
-            provenance: Provenance::from_json(json("PROVENAN").as_ref()),
+            provenance: Provenance::from_json(path, Some(&json("PROVENAN")?))?,
         };
         curve.check(path)?;
         Ok(curve)

@@ -2,15 +2,17 @@
 
 use super::{
     AirDefaults, Camera, Channel, Counter, CounterQuantity, DeadTime, Detector, Fibre, Horizon,
-    Laser, Mount, Station, Telescope,
+    Laser, Mount, Plane, Station, Telescope,
 };
+use crate::air::{Air, AirError};
 use crate::sky::{Geodetic, Site};
 use crate::spectrum::{Response, Spectrum};
 use serde::Deserialize;
 use std::path::PathBuf;
 use sunglint_formats::curve::Curve;
+use sunglint_formats::frame::Bayer;
 use sunglint_formats::toml::{
-    Document, Finite, Fraction, LatitudeDeg, LongitudeDeg, NonNegative, Positive,
+    Document, Finite, Fraction, LatitudeDeg, LongitudeDeg, NonNegative, Positive, Within,
 };
 use sunglint_formats::{FileError, ParseError};
 
@@ -30,13 +32,16 @@ struct StationFile {
     laser: Vec<LaserFile>,
 }
 
+/// What stands in the way, degrees: a little below the horizontal on a mountain, never overhead.
+type Elevation = Within<-10, 89>;
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SiteFile {
     latitude_deg: LatitudeDeg,
     longitude_deg: LongitudeDeg,
     height_m: Finite,
-    horizon_deg: Option<LatitudeDeg>,
+    horizon_deg: Option<Elevation>,
     horizon_mask: Option<String>,
     note: Option<String>,
 }
@@ -70,7 +75,7 @@ struct ChannelFile {
     optics: Vec<String>,
     transmission: Option<Fraction>,
     efficiency: String,
-    camera_plane: Option<String>,
+    camera_plane: Option<Plane>,
     counter: Option<CounterFile>,
     typical_kappa: Option<Positive>,
     note: Option<String>,
@@ -165,8 +170,13 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
         note(format!("channel {}", channel.name), channel_file.note);
         channels.push(channel);
     }
-    let mut lasers = Vec::new();
-    for laser_file in file.laser {
+    let mut lasers: Vec<Laser> = Vec::new();
+    for (i, laser_file) in file.laser.into_iter().enumerate() {
+        let at = format!("laser[{i}].name");
+        check_name(document, &at, &laser_file.name, "_-")?;
+        if lasers.iter().any(|l| l.name == laser_file.name) {
+            return Err(document.error_at(&at, "a name that no other laser has").into());
+        }
         note(format!("laser {}", laser_file.name), laser_file.note.clone());
         lasers.push(laser(laser_file));
     }
@@ -177,7 +187,7 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
         water_mm: file.air.water_mm.map(NonNegative::get),
     };
     let (name, description) = (file.name, file.description);
-    Ok(Station {
+    let station = Station {
         name,
         description,
         site,
@@ -188,6 +198,24 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
         camera,
         lasers,
         notes,
+    };
+    check_air(document, &station)?;
+    Ok(station)
+}
+
+/// Refuses an air that could not be computed.
+fn check_air(document: &Document, station: &Station) -> Result<(), ParseError> {
+    let made = station.air_options().and_then(|options| Air::new(&options));
+    made.map(|_| ()).map_err(|error| {
+        let key = match &error {
+            AirError::UnknownProfile { .. } => "air.profile".to_owned(),
+            AirError::Option { option, .. } | AirError::EmptyColumn { option, .. } => {
+                format!("air.{option}")
+            }
+            AirError::Altitude { .. } => "site.height_m".to_owned(),
+            _ => "air".to_owned(),
+        };
+        document.error_at(&key, "an air that can be computed").with_hint(error.to_string())
     })
 }
 
@@ -219,18 +247,40 @@ fn horizon(document: &Document, file: &SiteFile, curve: Loader) -> Result<Horizo
         (None, None) => Horizon::Flat(0.0),
         (None, Some(name)) => {
             let (mask, path) = curve(name)?;
-            let wrong = |expected: &str, x: f64| {
-                let found = format!("{} {x}", mask.x_name);
-                ParseError::new(&path, found, expected).in_field(mask.x_name.clone())
-            };
             if mask.x_name != "azimuth_deg" || mask.y_name != "elevation_deg" {
                 let found = format!("{}, {}", mask.x_name, mask.y_name);
-                return Err(
-                    ParseError::new(&path, found, "columns azimuth_deg, elevation_deg").into()
-                );
+                let expected = "columns azimuth_deg, elevation_deg";
+                return Err(ParseError::new(&path, found, expected).into());
             }
-            if let Some(x) = mask.x.iter().find(|x| !(0.0..=360.0).contains(*x)) {
-                return Err(wrong("an azimuth from 0 to 360 degrees", *x).into());
+            let wrong = |_row: usize, field: &str, value: f64, expected: &str| {
+                let error = ParseError::new(&path, value.to_string(), expected);
+                error.in_field(field)
+            };
+            for (i, (azimuth, elevation)) in mask.x.iter().zip(&mask.y).enumerate() {
+                if !(0.0..=360.0).contains(azimuth) {
+                    return Err(wrong(
+                        i,
+                        "azimuth_deg",
+                        *azimuth,
+                        "an azimuth from 0 to 360 degrees",
+                    )
+                    .into());
+                }
+                if Elevation::new(*elevation).is_none() {
+                    return Err(wrong(
+                        i,
+                        "elevation_deg",
+                        *elevation,
+                        "an elevation from -10 to 89 degrees",
+                    )
+                    .into());
+                }
+            }
+            let last = mask.x.len() - 1;
+            if mask.x[last] - mask.x[0] == 360.0 && mask.y[last] != mask.y[0] {
+                let expected =
+                    format!("{}, as at azimuth 0, which is the same direction", mask.y[0]);
+                return Err(wrong(last, "elevation_deg", mask.y[last], &expected).into());
             }
             Horizon::Mask(mask.x.iter().copied().zip(mask.y.iter().copied()).collect())
         }
@@ -258,7 +308,11 @@ fn camera(
 ) -> Result<Camera, ParseError> {
     const ARCSEC_PER_RADIAN: f64 = 648_000.0 / std::f64::consts::PI;
     let pixel_scale_arcsec = match (&file.pixel_scale_arcsec, &file.pixel_size_um) {
-        (Some(scale), _) => scale.get(),
+        (Some(_), Some(_)) => {
+            let expected = "either pixel_scale_arcsec or pixel_size_um, not both";
+            return Err(document.error_at("camera.pixel_scale_arcsec", expected));
+        }
+        (Some(scale), None) => scale.get(),
         (None, Some(size)) => {
             (size.get() * 1e-6 / telescope.focal_length_m).atan() * ARCSEC_PER_RADIAN
         }
@@ -274,17 +328,18 @@ fn camera(
     if !(1..=32).contains(&file.adc_bits) {
         return Err(document.error_at("camera.adc_bits", "1 to 32 bits"));
     }
-    if let Some(pattern) = &file.bayer
-        && !["RGGB", "BGGR", "GRBG", "GBRG"].contains(&pattern.as_str())
-    {
-        return Err(document
-            .error_at("camera.bayer", "RGGB, BGGR, GRBG or GBRG (none for a monochrome camera)"));
-    }
+    let bayer = match file.bayer.as_deref() {
+        None => None,
+        Some(name) => Some(Bayer::from_name(name).ok_or_else(|| {
+            let expected = "RGGB, BGGR, GRBG or GBRG (none for a monochrome camera)";
+            document.error_at("camera.bayer", expected)
+        })?),
+    };
     Ok(Camera {
         name: file.name.clone(),
         size_px: [file.width_px, file.height_px],
         pixel_scale_arcsec,
-        bayer: file.bayer.clone(),
+        bayer,
         gain_e_per_adu: file.gain_e_per_adu.get(),
         read_noise_e: file.read_noise_e.get(),
         full_well_e: file.full_well_e.get(),
@@ -306,26 +361,24 @@ fn channel(
     for name in &file.optics {
         optics.push(fractions(curve(name)?)?);
     }
-    if let Some(transmission) = &file.transmission {
-        // A grey factor on the efficiency's own grid changes nothing else.
-        let (first, last) = efficiency.range_nm();
-        let grey = Spectrum::constant(transmission.get(), first, last);
-        optics.push(
-            grey.map_err(|e| document.error_at(&format!("{at}.transmission"), e.to_string()))?,
-        );
-    }
     let detector = match (&file.camera_plane, &file.counter) {
-        (Some(plane), None) => camera_plane(document, at, plane, camera)?,
-        (None, Some(file)) => Detector::Counter(counter(document, at, file, curve)?),
+        (Some(plane), None) => camera_plane(document, at, *plane, camera)?,
+        (None, Some(file)) => Detector::Counter(counter(document, at, file, camera, curve)?),
         _ => {
             let expected = "either camera_plane or a table [channel.counter]";
             return Err(document.error_at(at, expected).into());
         }
     };
     let typical_kappa = file.typical_kappa.map(Positive::get);
-    let channel = Channel { name: file.name.clone(), optics, efficiency, detector, typical_kappa };
-    if channel.range_nm().is_none() {
-        let expected = "optics and efficiency with wavelengths in common";
+    let transmission = file.transmission.map_or(1.0, Fraction::get);
+    let name = file.name.clone();
+    let channel = Channel { name, optics, transmission, efficiency, detector, typical_kappa };
+    if channel.counts_photons() && channel.optics.is_empty() {
+        let expected = "at least one curve: the efficiency is left out of photons, so that optics alone bound the channel";
+        return Err(document.error_at(&format!("{at}.optics"), expected).into());
+    }
+    if channel.range_nm().is_none() || !(channel.bandwidth_nm() > 0.0) {
+        let expected = "optics and efficiency with wavelengths in common, at which they are not 0";
         return Err(document.error_at(&format!("{at}.efficiency"), expected).into());
     }
     Ok(channel)
@@ -334,20 +387,17 @@ fn channel(
 fn camera_plane(
     document: &Document,
     at: &str,
-    plane: &str,
+    plane: Plane,
     camera: Option<&Camera>,
 ) -> Result<Detector, ParseError> {
     let wrong = |expected: &str| Err(document.error_at(&format!("{at}.camera_plane"), expected));
     let Some(camera) = camera else {
         return wrong("a table [camera] that this plane belongs to");
     };
-    match (plane, &camera.bayer) {
-        ("R", Some(_)) => Ok(Detector::CameraPlane('R')),
-        ("G", Some(_)) => Ok(Detector::CameraPlane('G')),
-        ("B", Some(_)) => Ok(Detector::CameraPlane('B')),
-        ("L", None) => Ok(Detector::CameraPlane('L')),
-        (_, Some(_)) => wrong("R, G or B: the camera has a Bayer pattern"),
-        (_, None) => wrong("L: the camera has no Bayer pattern"),
+    match (plane, camera.bayer.is_some()) {
+        (Plane::L, true) => wrong("R, G or B: the camera has a Bayer pattern"),
+        (Plane::R | Plane::G | Plane::B, false) => wrong("L: the camera has no Bayer pattern"),
+        _ => Ok(Detector::CameraPlane(plane)),
     }
 }
 
@@ -355,6 +405,7 @@ fn counter(
     document: &Document,
     at: &str,
     file: &CounterFile,
+    camera: Option<&Camera>,
     curve: Loader,
 ) -> Result<Counter, FileError> {
     let key = |name: &str| format!("{at}.counter.{name}");
@@ -398,7 +449,9 @@ fn counter(
     let limit_hz = match dead_time {
         DeadTime::NonParalysable { dead_time_s } => 1.0 / dead_time_s,
         DeadTime::Paralysable { dead_time_s } => 1.0 / (std::f64::consts::E * dead_time_s),
-        _ => f64::INFINITY,
+        // Its recovery only slows it further.
+        DeadTime::ExponentialRecovery { dead_time_s, .. } => 1.0 / dead_time_s,
+        DeadTime::None | DeadTime::Table { .. } => f64::INFINITY,
     };
     // A saturation at the limit itself is meant, whatever the last digit of its reciprocal.
     if file.saturation_hz.get() > limit_hz * (1.0 + 1e-9) {
@@ -406,7 +459,22 @@ fn counter(
         let expected = format!("at most {limit_hz:.6e} Hz, which a dead time of {ns} ns allows");
         return Err(document.error_at(&key("saturation_hz"), expected).into());
     }
+    if let DeadTime::Table { measured_hz, .. } = &dead_time {
+        let last = measured_hz.last().copied().unwrap_or(0.0);
+        if last < file.saturation_hz.get() {
+            let expected = format!("at most {last} Hz, where the linearity curve ends");
+            return Err(document.error_at(&key("saturation_hz"), expected).into());
+        }
+    }
+    if file.dark_rate_hz.get() >= file.saturation_hz.get() {
+        let expected = format!("less than saturation_hz = {}", file.saturation_hz.get());
+        return Err(document.error_at(&key("dark_rate_hz"), expected).into());
+    }
     let fibre = match (file.fibre_offset_px, file.fibre_sigma_px) {
+        (Some(_), Some(_)) if camera.is_none() => {
+            let expected = "a table [camera], in whose pixels the fibre's field is given";
+            return Err(document.error_at(&key("fibre_offset_px"), expected).into());
+        }
         (Some(offset), Some(sigma)) => {
             Some(Fibre { offset_px: offset.map(Finite::get), sigma_px: sigma.map(Positive::get) })
         }
@@ -442,22 +510,23 @@ fn laser(file: LaserFile) -> Laser {
 /// A curve of fractions against wavelength.
 fn fractions((curve, path): (Curve, PathBuf)) -> Result<Spectrum<Response>, ParseError> {
     if curve.x_name != "wavelength_nm" {
-        let error = ParseError::new(
-            &path,
-            format!("`{}`", curve.x_name),
-            "wavelengths in the first column",
-        );
-        return Err(error
-            .in_field(curve.x_name.clone())
-            .with_hint("name it wavelength_nm, wavelength_um or wavelength_angstrom"));
-    }
-    if let Some(i) = curve.y.iter().position(|y| !(0.0..=1.0).contains(y)) {
-        let found = format!("{} at {} nm", curve.y[i], curve.x[i]);
+        let found = format!("`{}`", curve.x_name);
         let error =
-            ParseError::new(&path, found, "a fraction from 0 to 1").in_field(curve.y_name.clone());
+            ParseError::new(&path, found, "wavelengths in the first column").in_field(curve.x_name);
+        return Err(error.with_hint("name it wavelength_nm, wavelength_um or wavelength_angstrom"));
+    }
+    let wrong = |_row: usize, field: &str, value: f64, expected: &str| {
+        let error = ParseError::new(&path, value.to_string(), expected);
+        error.in_field(field)
+    };
+    if let Some(i) = curve.y.iter().position(|y| !(0.0..=1.0).contains(y)) {
+        let error = wrong(i, &curve.y_name, curve.y[i], "a fraction from 0 to 1");
         return Err(
             error.with_hint(format!("a column in percent is named {}_percent", curve.y_name))
         );
+    }
+    if let Some(i) = curve.x.iter().position(|x| *x <= 0.0) {
+        return Err(wrong(i, &curve.x_name, curve.x[i], "a wavelength above 0 nm"));
     }
     Spectrum::new(curve.x, curve.y)
         .map_err(|e| ParseError::new(&path, e.to_string(), "a curve against wavelength"))
@@ -468,12 +537,24 @@ fn linearity((curve, path): (Curve, PathBuf)) -> Result<DeadTime, ParseError> {
         let found = format!("{}, {}", curve.x_name, curve.y_name);
         return Err(ParseError::new(&path, found, "columns measured_hz, true_hz"));
     }
-    let rising =
-        |v: &[f64]| v.windows(2).all(|w| w[0] < w[1]) && v.first().is_some_and(|v| *v >= 0.0);
-    if !rising(&curve.x) || !rising(&curve.y) {
-        let error =
-            ParseError::new(&path, "rates that do not increase, or below 0", "increasing rates");
-        return Err(error.in_field("true_hz"));
+    for (i, (measured, truth)) in curve.x.iter().zip(&curve.y).enumerate() {
+        let wrong = |value: f64, field: &str, expected: &str| {
+            let error = ParseError::new(&path, value.to_string(), expected);
+            Err(error.in_field(field))
+        };
+        if *measured < 0.0 {
+            return wrong(*measured, "measured_hz", "a rate not below 0 Hz");
+        }
+        if truth < measured {
+            return wrong(
+                *truth,
+                "true_hz",
+                "a rate not below measured_hz: a detector loses counts",
+            );
+        }
+        if i > 0 && *truth <= curve.y[i - 1] {
+            return wrong(*truth, "true_hz", "rates that increase");
+        }
     }
     Ok(DeadTime::Table { measured_hz: curve.x, true_hz: curve.y })
 }

@@ -2,12 +2,14 @@
 
 mod file;
 
+use crate::air::{AirError, AirOptions, Profile};
 use crate::quadrature::{Integral, Product};
 use crate::sky::Site;
-use crate::spectrum::{Irradiance, Quantity, Response, Spectrum};
+use crate::spectrum::{Irradiance, Response, Spectrum, Transmission};
 use std::path::{Path, PathBuf};
 use sunglint_formats::FileError;
 use sunglint_formats::curve;
+use sunglint_formats::frame::Bayer;
 use sunglint_formats::toml::Document;
 
 /// A station.
@@ -112,6 +114,8 @@ pub struct Channel {
     pub name: String,
     /// What is in the light's way: transmissions, 0 beyond their tables.
     pub optics: Vec<Spectrum<Response>>,
+    /// What else is in its way, the same at all wavelengths: a fraction above 0.
+    pub transmission: f64,
     /// Counts per photon, 0 beyond its table.
     pub efficiency: Spectrum<Response>,
     /// What counts.
@@ -125,8 +129,21 @@ pub struct Channel {
 pub enum Detector {
     /// A single-photon counter.
     Counter(Counter),
-    /// A plane of the camera's Bayer pattern: `R`, `G`, `B`, or `L` for a camera without one.
-    CameraPlane(char),
+    /// A plane of the camera.
+    CameraPlane(Plane),
+}
+
+/// A plane of a camera: the pixels of one colour of its Bayer pattern, or all of a camera without one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize)]
+pub enum Plane {
+    /// Red pixels, one in four.
+    R,
+    /// Green pixels, two in four.
+    G,
+    /// Blue pixels, one in four.
+    B,
+    /// All pixels of a monochrome camera.
+    L,
 }
 
 /// A single-photon counter.
@@ -207,8 +224,8 @@ pub struct Camera {
     pub size_px: [u32; 2],
     /// Angle that a pixel sees, arcsec.
     pub pixel_scale_arcsec: f64,
-    /// The colours of the first four pixels, row by row (`RGGB`); `None` for a monochrome camera.
-    pub bayer: Option<String>,
+    /// The colours of the first four pixels of the sensor; `None` for a monochrome camera.
+    pub bayer: Option<Bayer>,
     /// Electrons per count of the converter.
     pub gain_e_per_adu: f64,
     /// Read noise, electrons.
@@ -315,11 +332,11 @@ impl Station {
 
     /// Rate of a channel under a light, Hz: ν = (A/hc) ∫ E T_a T_m η λ dλ (thesis eq. 4.16), after the air where it is given. It is the true rate
     /// of the detector, without dark counts and before its dead time. A camera plane's stands for the whole aperture, as if every pixel had its colour.
-    pub fn rate_hz<Q: Quantity>(
+    pub fn rate_hz(
         &self,
         channel: &Channel,
         light: &Spectrum<Irradiance>,
-        air: Option<&Spectrum<Q>>,
+        air: Option<&Spectrum<Transmission>>,
     ) -> Integral {
         let product = Product::of(light);
         let product = match air {
@@ -328,13 +345,37 @@ impl Station {
         };
         channel.times_sensitivity(product).photon_rate().times(self.telescope.area_m2())
     }
+
+    /// The air above the station as its file describes it.
+    ///
+    /// # Errors
+    /// A profile that there is not; a station's file that was read has none such.
+    pub fn air_options(&self) -> Result<AirOptions, AirError> {
+        Ok(AirOptions {
+            altitude_m: self.site.geodetic().height_m,
+            pressure_hpa: self.air.pressure_hpa,
+            ozone_du: self.air.ozone_du,
+            water_mm: self.air.water_mm,
+            ..AirOptions::new(Profile::named(&self.air.profile)?)
+        })
+    }
+
+    /// Whether the station's horizon leaves the direction free: altitude as it is seen (refracted) and azimuth, degrees.
+    pub fn sees(&self, apparent_altitude_deg: f64, azimuth_deg: f64) -> bool {
+        apparent_altitude_deg >= self.horizon.elevation_deg(azimuth_deg)
+    }
 }
 
 impl Channel {
     /// A product of spectra times the channel's effective sensitivity P(λ) = T_m η; without η where the rates are photons.
     pub fn times_sensitivity<'a>(&'a self, product: Product<'a>) -> Product<'a> {
-        let product = self.optics.iter().fold(product, Product::times);
-        if self.counts_photons() { product } else { product.times(&self.efficiency) }
+        self.factors().fold(product, Product::times).times_number(self.transmission)
+    }
+
+    /// The curves whose product the effective sensitivity is.
+    fn factors(&self) -> impl Iterator<Item = &Spectrum<Response>> {
+        let efficiency = (!self.counts_photons()).then_some(&self.efficiency);
+        self.optics.iter().chain(efficiency)
     }
 
     /// Whether the channel's rates are photons rather than counts.
@@ -349,17 +390,12 @@ impl Channel {
 
     /// The effective sensitivity P(λ) = T_m η at a wavelength.
     pub fn sensitivity_at(&self, nm: f64) -> f64 {
-        let optics: f64 = self.optics.iter().map(|o| o.at(nm)).product();
-        if self.counts_photons() { optics } else { optics * self.efficiency.at(nm) }
+        self.transmission * self.factors().map(|curve| curve.at(nm)).product::<f64>()
     }
 
     /// The wavelengths at which the channel can count, nm; `None` where its curves have none in common.
     pub fn range_nm(&self) -> Option<(f64, f64)> {
-        let mut range = self.efficiency.range_nm();
-        for optic in &self.optics {
-            let (first, last) = optic.range_nm();
-            range = (range.0.max(first), range.1.min(last));
-        }
-        (range.0 < range.1).then_some(range)
+        let ranges = self.factors().map(Spectrum::range_nm);
+        ranges.reduce(|(a, b), (c, d)| (a.max(c), b.min(d))).filter(|(a, b)| a < b)
     }
 }
