@@ -2,6 +2,7 @@
 //!
 //! The rule, in order, and never silent:
 //!
+//! 0. **measured**: Vega, whose spectrum is CALSPEC's own ([`vega`]); every other star:
 //! 1. **by type**: the library spectrum (Pickles 1998, 106 types) nearest in temperature and luminosity class. Nearest means the smallest
 //!    Δ² = (Δ subclass)² + (2 Δ luminosity class)², of two equally near the hotter, then the more luminous; it must lie within 3 subclasses and
 //!    1 luminosity class. Where a catalogue gives no
@@ -36,14 +37,14 @@ pub struct StarColours<'a> {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Origin {
+    /// The star's own measured spectrum (Vega: CALSPEC).
+    Measured,
     /// The library spectrum nearest in type.
     Library {
         /// The library's type.
         library_type: &'static str,
-        /// How many subclasses the star is later (cooler) than it.
-        subclasses: f64,
-        /// How many luminosity classes the star is fainter than it.
-        luminosity_classes: f64,
+        /// The star's type, its luminosity class filled in where it was not given.
+        star_type: SpectralType,
         /// Whether the luminosity class was assumed.
         luminosity_assumed: bool,
     },
@@ -64,32 +65,27 @@ pub enum Origin {
 impl Origin {
     /// Whether the spectrum is a guess from the colour: never to decide a calibration.
     pub fn is_fallback(&self) -> bool {
-        !matches!(self, Origin::Library { .. })
+        matches!(self, Origin::LibraryByColour { .. } | Origin::BlackBody { .. })
     }
 }
 
 impl std::fmt::Display for Origin {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Origin::Library {
-                library_type,
-                subclasses,
-                luminosity_classes,
-                luminosity_assumed,
-            } => {
+            Origin::Measured => f.write_str("measured (CALSPEC)"),
+            Origin::Library { library_type, star_type, luminosity_assumed } => {
                 write!(f, "library {library_type}")?;
-                if *subclasses != 0.0 || *luminosity_classes != 0.0 {
-                    write!(
-                        f,
-                        " (nearest: {subclasses:+.1} subclasses, {luminosity_classes:+.1} luminosity classes)"
-                    )?;
+                if star_type.to_string() != *library_type {
+                    write!(f, " in place of {star_type}")?;
                 }
-                if *luminosity_assumed { write!(f, ", luminosity class assumed") } else { Ok(()) }
+                if *luminosity_assumed { write!(f, " (luminosity class assumed)") } else { Ok(()) }
             }
             Origin::LibraryByColour { library_type, redder_mag } => {
+                let word = if *redder_mag < 0.0 { "bluer" } else { "redder" };
                 write!(
                     f,
-                    "FALLBACK: library {library_type} by colour ({redder_mag:+.3} mag redder)"
+                    "FALLBACK: library {library_type} by colour, the star being {:.3} mag {word}",
+                    redder_mag.abs()
                 )
             }
             Origin::BlackBody { temperature_k } => {
@@ -123,8 +119,8 @@ pub enum StarLightError {
         /// The type, if there is one that the library does not have.
         spectral_type: Option<String>,
     },
-    /// B−V at or below −0.73 has no colour temperature.
-    #[error("B-V = {b_minus_v_mag} mag has no colour temperature: it must be above -0.73")]
+    /// A colour that no star has.
+    #[error("B-V = {b_minus_v_mag} mag is no star's colour, expected {BLUEST} to {REDDEST} mag")]
     Colour {
         /// The colour.
         b_minus_v_mag: f64,
@@ -133,6 +129,10 @@ pub enum StarLightError {
     #[error(transparent)]
     Photometry(#[from] PhotometryError),
 }
+
+/// The colours that stars have: the hottest, −0.33; carbon stars, reddened, up to 5.
+const BLUEST: f64 = -0.6;
+const REDDEST: f64 = 6.0;
 
 /// Largest distance to the library in subclasses, in luminosity classes, and in B−V.
 const NEAR: (f64, f64, f64) = (3.0, 1.0, 0.1);
@@ -190,7 +190,7 @@ fn library_type(name: &str) -> Option<SpectralType> {
 
 /// The light of a star, by the rule of this module. Errors: no type and no colour, a colour without a temperature.
 pub fn of(star: StarColours) -> Result<StarLight, StarLightError> {
-    let colour = star.b_minus_v_mag.filter(|bv| bv.is_finite());
+    let colour = sane_colour(star)?;
     let kind = star.spectral_type.and_then(SpectralType::parse);
     if let Some((entry, origin)) = kind.and_then(nearest_type) {
         return scaled(star, &entry.shape, origin);
@@ -205,15 +205,27 @@ pub fn of(star: StarColours) -> Result<StarLight, StarLightError> {
     }
 }
 
+/// The star's B−V; `NaN` is a missing one.
+fn sane_colour(star: StarColours) -> Result<Option<f64>, StarLightError> {
+    match star.b_minus_v_mag.filter(|bv| !bv.is_nan()) {
+        Some(bv) if !(BLUEST..=REDDEST).contains(&bv) => {
+            Err(StarLightError::Colour { b_minus_v_mag: bv })
+        }
+        colour => Ok(colour),
+    }
+}
+
+/// The light of Vega: its own measured spectrum, scaled to its magnitude.
+pub fn vega(star: StarColours) -> Result<StarLight, StarLightError> {
+    scaled(star, light::vega(), Origin::Measured)
+}
+
 /// The light of a star as a black body, where it is asked for.
 pub fn black_body(star: StarColours) -> Result<StarLight, StarLightError> {
-    let Some(bv) = star.b_minus_v_mag.filter(|bv| bv.is_finite()) else {
+    let Some(bv) = sane_colour(star)? else {
         let spectral_type = star.spectral_type.map(str::to_owned);
         return Err(StarLightError::NothingToGoBy { spectral_type });
     };
-    if bv <= -0.73 {
-        return Err(StarLightError::Colour { b_minus_v_mag: bv });
-    }
     let temperature_k = 7300.0 / (bv + 0.73);
     let grid: Vec<f64> = (300..=1300).map(f64::from).collect();
     let value = grid.iter().map(|&nm| planck_w_m2_sr_nm(temperature_k, nm)).collect();
@@ -221,9 +233,9 @@ pub fn black_body(star: StarColours) -> Result<StarLight, StarLightError> {
     scaled(star, &shape, Origin::BlackBody { temperature_k })
 }
 
-fn scaled(
+fn scaled<Q: Quantity>(
     star: StarColours,
-    shape: &Spectrum<Relative>,
+    shape: &Spectrum<Q>,
     origin: Origin,
 ) -> Result<StarLight, StarLightError> {
     let [_, (v, _)] = &*BANDS;
@@ -261,18 +273,13 @@ fn nearest_type(kind: SpectralType) -> Option<(&'static Entry, Origin)> {
             a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])).then(a[2].total_cmp(&b[2]))
         })
         .map(|entry| {
-            let (subclasses, luminosity_classes) = difference(entry);
-            let luminosity_assumed = assumed;
-            let library_type = entry.name;
-            (
-                entry,
-                Origin::Library {
-                    library_type,
-                    subclasses,
-                    luminosity_classes,
-                    luminosity_assumed,
-                },
-            )
+            let star_type = SpectralType { luminosity: Some(luminosity), ..kind };
+            let origin = Origin::Library {
+                library_type: entry.name,
+                star_type,
+                luminosity_assumed: assumed,
+            };
+            (entry, origin)
         })
 }
 
@@ -377,6 +384,20 @@ mod tests {
         }
     }
 
+    /// Truth: the embedded spectrum is Vega's at V = 0.03 by the default zero point, so nothing is scaled.
+    #[test]
+    fn vega_is_its_own_spectrum() {
+        let colours = StarColours {
+            v_mag: 0.03,
+            b_minus_v_mag: Some(-0.001),
+            spectral_type: Some("A0V"),
+            zero: ZeroPoint::default(),
+        };
+        let found = vega(colours).unwrap();
+        assert!((found.irradiance.at(555.5) / light::vega().at(555.5) - 1.0).abs() < 1e-12);
+        assert!(found.colour_excess_mag.unwrap().abs() < 0.002 && !found.origin.is_fallback());
+    }
+
     /// The documented rule where two are equally near: the hotter, then the more luminous.
     #[test]
     fn of_two_equally_near_types_the_hotter_then_the_more_luminous() {
@@ -395,7 +416,7 @@ mod tests {
         }
         assert_eq!(
             star(5.0, None, Some("B0.2V")).origin.to_string(),
-            "library B0V (nearest: +0.2 subclasses, +0.0 luminosity classes)"
+            "library B0V in place of B0.2V"
         );
     }
 
@@ -407,13 +428,18 @@ mod tests {
         let carbon = star(4.8, Some(2.9), Some("C"));
         assert!(matches!(carbon.origin, Origin::BlackBody { .. }));
         assert!(carbon.origin.to_string().starts_with("FALLBACK"));
+        assert!(
+            deneb.origin.to_string().contains("by colour, the star being 0.0"),
+            "{}",
+            deneb.origin
+        );
         let assumed = star(4.0, Some(1.0), Some("K0"));
         assert!(matches!(
             assumed.origin,
             Origin::Library { library_type: "K0III", luminosity_assumed: true, .. }
         ));
         let near = star(4.0, None, Some("G9IIIb"));
-        assert!(matches!(near.origin, Origin::Library { subclasses: 1.0, .. }), "{}", near.origin);
+        assert_eq!(near.origin.to_string(), "library G8III in place of G9III");
     }
 
     #[test]
@@ -437,6 +463,8 @@ mod tests {
             zero: ZeroPoint::default(),
         };
         assert!(matches!(of(hot), Err(StarLightError::Colour { .. })));
+        let endless = StarColours { b_minus_v_mag: Some(f64::INFINITY), ..hot };
+        assert!(matches!(of(endless), Err(StarLightError::Colour { .. })));
         let nan = StarColours {
             v_mag: f64::NAN,
             b_minus_v_mag: Some(f64::NAN),
