@@ -103,6 +103,58 @@ fn a_rate_is_photons_times_area_times_sensitivity() {
     );
 }
 
+/// Truth: Poisson photons one by one, each counted unless within the dead time of the last count (of the last photon, for the paralysable law).
+/// Tolerance: four standard deviations of 400,000 photons.
+#[test]
+fn counted_rates_are_those_of_single_photons() {
+    use rand::{RngExt as _, SeedableRng as _};
+    let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(1);
+    let (dead_time_s, photons) = (22e-9, 400_000);
+    for true_hz in [1e5, 1e7, 5e7] {
+        let (mut now, mut blind, mut blind_longer, mut simple, mut paralysed) =
+            (0.0_f64, 0.0, 0.0, 0.0, 0.0);
+        for _ in 0..photons {
+            now -= random.random_range(f64::MIN_POSITIVE..1.0).ln() / true_hz;
+            if now >= blind {
+                (simple, blind) = (simple + 1.0, now + dead_time_s);
+            }
+            if now >= blind_longer {
+                paralysed += 1.0;
+            }
+            blind_longer = now + dead_time_s;
+        }
+        for (law, counted) in [
+            (DeadTime::NonParalysable { dead_time_s }, simple),
+            (DeadTime::Paralysable { dead_time_s }, paralysed),
+        ] {
+            let found = law.counted_hz(true_hz).unwrap();
+            let relative = (found * now / counted - 1.0).abs();
+            assert!(
+                relative < 4.0 * (1.0 / f64::from(photons)).sqrt() + 4.0 / f64::sqrt(counted),
+                "{law:?}: {relative}"
+            );
+        }
+    }
+    let table =
+        DeadTime::Table { measured_hz: vec![0.0, 1e6, 1.5e6], true_hz: vec![0.0, 1e6, 2e6] };
+    assert_eq!(table.counted_hz(1.5e6), Some(1.25e6));
+    assert_eq!((table.counted_hz(2e6), table.counted_hz(2.1e6)), (Some(1.5e6), None));
+}
+
+#[test]
+fn a_curve_that_stops_high_is_noticed() {
+    assert!(ufo().warnings.is_empty(), "{:?}", ufo().warnings);
+    let folder = station(|toml| toml);
+    // The efficiency stops at 500 and 600 nm with 0.4, the optics go on.
+    let warnings = Station::read(folder.path()).unwrap().warnings;
+    assert_eq!(warnings.len(), 2);
+    assert!(
+        warnings[0].contains("channel box: a curve of its efficiency ends at 500 nm with 0.400"),
+        "{}",
+        warnings[0]
+    );
+}
+
 #[test]
 fn a_horizon_goes_around_north() {
     let mask = Horizon::Mask(vec![(90.0, 10.0), (270.0, 30.0)]);
@@ -162,7 +214,17 @@ fn wrong_files_are_refused_with_file_line_and_field() {
             "obstruction_diameter_m = 1.2",
             "telescope.obstruction_diameter_m: found 1.2, expected less than primary_diameter_m = 1",
         ),
-        ("efficiency = \"efficiency.csv\"", "efficiency = \"nowhere.csv\"", "cannot read"),
+        (
+            "efficiency = \"efficiency.csv\"",
+            "efficiency = \"nowhere.csv\"",
+            "station.toml:20: channel[0].efficiency: found \"nowhere.csv\", expected a curve that can be read",
+        ),
+        (
+            "profile = \"tropical\"",
+            "aerosol = \"smog\"",
+            "air.aerosol: found \"smog\", expected rural_23km",
+        ),
+        ("profile = \"tropical\"", "aerosol_exponent = 1", "also aerosol_optical_depth_550"),
         ("name = \"box\"", "name = \"a box\"", "channel[0].name: found"),
         (
             "[channel.counter]",
@@ -218,6 +280,13 @@ fn wrong_files_are_refused_with_file_line_and_field() {
             "optics and efficiency with wavelengths in common",
         ),
         ("", "efficiency.csv"),
+        ("wavelength_nm,efficiency\n0.5,0.4\n0.6,0.4\n", "name the column wavelength_um"),
+        ("wavelength_nm,efficiency\n5000,0.4\n6000,0.4\n", "name the column wavelength_angstrom"),
+        (
+            "wavelength_nm,attenuation_db\n500,0.4\n600,0.4\n",
+            "found `attenuation_db`, expected a column of fractions",
+        ),
+        ("wavelength_nm,efficiency\n500,0\n600,0\n", "at which they are not 0"),
     ] {
         let folder = station(|toml| toml);
         std::fs::write(folder.path().join("efficiency.csv"), curve).unwrap();

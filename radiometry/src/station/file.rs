@@ -4,7 +4,7 @@ use super::{
     AirDefaults, Camera, Channel, Counter, CounterQuantity, DeadTime, Detector, Fibre, Horizon,
     Laser, Mount, Plane, Station, Telescope,
 };
-use crate::air::{Air, AirError};
+use crate::air::{Aerosol, AerosolModel, Air, AirError};
 use crate::sky::{Geodetic, Site};
 use crate::spectrum::{Response, Spectrum};
 use serde::Deserialize;
@@ -64,6 +64,10 @@ struct AirFile {
     pressure_hpa: Option<Positive>,
     ozone_du: Option<NonNegative>,
     water_mm: Option<NonNegative>,
+    co2_ppm: Option<NonNegative>,
+    aerosol: Option<String>,
+    aerosol_optical_depth_550: Option<NonNegative>,
+    aerosol_exponent: Option<Finite>,
     note: Option<String>,
 }
 
@@ -141,6 +145,22 @@ struct LaserFile {
 /// Reads a curve that the file names, and says under which path it was found.
 type Loader<'a> = &'a mut dyn FnMut(&str) -> Result<(Curve, PathBuf), FileError>;
 
+/// Reads a curve, or says which key names what cannot be read.
+fn load(
+    document: &Document,
+    key: &str,
+    name: &str,
+    curve: Loader,
+) -> Result<(Curve, PathBuf), FileError> {
+    curve(name).map_err(|error| match error {
+        FileError::Io { path, source, .. } => {
+            let hint = format!("{}: {source}", path.display());
+            document.error_at(key, "a curve that can be read").with_hint(hint).into()
+        }
+        error => error,
+    })
+}
+
 /// The station of a document; `curve` reads the files that it names.
 pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, FileError> {
     let file: StationFile = document.parse()?;
@@ -153,7 +173,7 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
     note("site".into(), file.site.note);
     let telescope = telescope(document, &file.telescope)?;
     note("telescope".into(), file.telescope.note);
-    note("air".into(), file.air.note);
+    note("air".into(), file.air.note.clone());
     let camera = file.camera.as_ref().map(|c| camera(document, c, &telescope)).transpose()?;
     note("camera".into(), file.camera.and_then(|c| c.note));
     if file.channel.is_empty() {
@@ -181,12 +201,15 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
         lasers.push(laser(laser_file));
     }
     let air = AirDefaults {
-        profile: file.air.profile.unwrap_or_else(|| "midlatitude_winter".into()),
+        profile: file.air.profile.clone().unwrap_or_else(|| "midlatitude_winter".into()),
         pressure_hpa: file.air.pressure_hpa.map(Positive::get),
         ozone_du: file.air.ozone_du.map(NonNegative::get),
         water_mm: file.air.water_mm.map(NonNegative::get),
+        co2_ppm: file.air.co2_ppm.map(NonNegative::get),
+        aerosol: aerosol(document, &file.air)?,
     };
     let (name, description) = (file.name, file.description);
+    let warnings = channels.iter().flat_map(curves_that_end_high).collect();
     let station = Station {
         name,
         description,
@@ -198,9 +221,59 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
         camera,
         lasers,
         notes,
+        warnings,
     };
     check_air(document, &station)?;
     Ok(station)
+}
+
+fn aerosol(document: &Document, file: &AirFile) -> Result<Aerosol, ParseError> {
+    match (&file.aerosol, &file.aerosol_optical_depth_550) {
+        (Some(_), Some(_)) => Err(document
+            .error_at("air.aerosol", "either aerosol or aerosol_optical_depth_550, not both")),
+        (Some(name), None) => AerosolModel::from_name(name).map(Aerosol::Model).ok_or_else(|| {
+            let names = AerosolModel::ALL.map(AerosolModel::name).join(", ");
+            document.error_at("air.aerosol", names)
+        }),
+        (None, Some(depth)) => Ok(Aerosol::Angstrom {
+            optical_depth: depth.get(),
+            wavelength_nm: 550.0,
+            exponent: file.aerosol_exponent.as_ref().map_or(1.3, |e| e.get()),
+            scale_height_m: 1800.0,
+        }),
+        (None, None) if file.aerosol_exponent.is_some() => {
+            Err(document.error_at("air.aerosol_exponent", "also aerosol_optical_depth_550"))
+        }
+        (None, None) => Ok(Aerosol::None),
+    }
+}
+
+/// A curve that stops at a high value where the channel's others go on: beyond it the channel is taken as blind, which may not be meant.
+fn curves_that_end_high(channel: &Channel) -> Vec<String> {
+    const HIGH: f64 = 0.01;
+    let curves: Vec<&Spectrum<Response>> = channel.factors().collect();
+    let mut warnings = Vec::new();
+    for (i, curve) in curves.iter().enumerate() {
+        let peak = curve.value().iter().copied().fold(0.0, f64::max);
+        let (first, last) = curve.range_nm();
+        for (end_nm, beyond_nm) in [(first, first - 1.0), (last, last + 1.0)] {
+            let others = curves.iter().enumerate().filter(|(j, _)| *j != i);
+            let others: f64 = others.map(|(_, other)| other.at(beyond_nm)).product();
+            if curves.len() > 1 && curve.at(end_nm) > HIGH * peak && others > HIGH {
+                let name = if i + 1 == curves.len() && !channel.counts_photons() {
+                    "efficiency"
+                } else {
+                    "optics"
+                };
+                warnings.push(format!(
+                    "channel {}: a curve of its {name} ends at {end_nm} nm with {:.3}, where its other curves go on with {others:.3}: beyond, it is taken as 0",
+                    channel.name,
+                    curve.at(end_nm)
+                ));
+            }
+        }
+    }
+    warnings
 }
 
 /// Refuses an air that could not be computed.
@@ -246,7 +319,7 @@ fn horizon(document: &Document, file: &SiteFile, curve: Loader) -> Result<Horizo
         (Some(elevation), None) => Horizon::Flat(elevation.get()),
         (None, None) => Horizon::Flat(0.0),
         (None, Some(name)) => {
-            let (mask, path) = curve(name)?;
+            let (mask, path) = load(document, "site.horizon_mask", name, curve)?;
             if mask.x_name != "azimuth_deg" || mask.y_name != "elevation_deg" {
                 let found = format!("{}, {}", mask.x_name, mask.y_name);
                 let expected = "columns azimuth_deg, elevation_deg";
@@ -356,10 +429,11 @@ fn channel(
     curve: Loader,
 ) -> Result<Channel, FileError> {
     check_name(document, &format!("{at}.name"), &file.name, "_")?;
-    let efficiency = fractions(curve(&file.efficiency)?)?;
+    let efficiency =
+        fractions(load(document, &format!("{at}.efficiency"), &file.efficiency, curve)?)?;
     let mut optics = Vec::new();
-    for name in &file.optics {
-        optics.push(fractions(curve(name)?)?);
+    for (i, name) in file.optics.iter().enumerate() {
+        optics.push(fractions(load(document, &format!("{at}.optics[{i}]"), name, curve)?)?);
     }
     let detector = match (&file.camera_plane, &file.counter) {
         (Some(plane), None) => camera_plane(document, at, *plane, camera)?,
@@ -443,7 +517,12 @@ fn counter(
             let recovery_s = seconds(file.recovery_ns.map(Positive::get));
             DeadTime::ExponentialRecovery { dead_time_s, recovery_s }
         }
-        DeadTimeModel::Table => linearity(curve(file.linearity.as_deref().unwrap_or_default())?)?,
+        DeadTimeModel::Table => linearity(load(
+            document,
+            &key("linearity"),
+            file.linearity.as_deref().unwrap_or_default(),
+            curve,
+        )?)?,
     };
     // The most that the model can give: a saturation above it can never be reached.
     let limit_hz = match dead_time {
@@ -514,6 +593,25 @@ fn fractions((curve, path): (Curve, PathBuf)) -> Result<Spectrum<Response>, Pars
         let error =
             ParseError::new(&path, found, "wavelengths in the first column").in_field(curve.x_name);
         return Err(error.with_hint("name it wavelength_nm, wavelength_um or wavelength_angstrom"));
+    }
+    const NAMES: [&str; 8] =
+        ["efficiency", "transmission", "reflectance", "throughput", "response", "qe", "pde", "pdp"];
+    if !NAMES.contains(&curve.y_name.as_str()) {
+        let found = format!("`{}`", curve.y_name);
+        let expected =
+            format!("a column of fractions: {} (or one of these with _percent)", NAMES.join(", "));
+        return Err(ParseError::new(&path, found, expected).in_field(curve.y_name));
+    }
+    let longest = curve.x.last().copied().unwrap_or(0.0);
+    for (is_so, unit) in [(longest < 20.0, "um"), (curve.x[0] > 2000.0, "angstrom")] {
+        if is_so {
+            let found = format!("{} to {longest} nm", curve.x[0]);
+            let error =
+                ParseError::new(&path, found, "wavelengths in nm").in_field("wavelength_nm");
+            return Err(
+                error.with_hint(format!("if it is {unit}, name the column wavelength_{unit}"))
+            );
+        }
     }
     let wrong = |_row: usize, field: &str, value: f64, expected: &str| {
         let error = ParseError::new(&path, value.to_string(), expected);

@@ -2,10 +2,10 @@
 
 mod file;
 
-use crate::air::{AirError, AirOptions, Profile};
+use crate::air::{Aerosol, AirError, AirOptions, Profile};
 use crate::quadrature::{Integral, Product};
 use crate::sky::Site;
-use crate::spectrum::{Irradiance, Response, Spectrum, Transmission};
+use crate::spectrum::{Irradiance, Response, Spectrum, Transmission, lerp};
 use std::path::{Path, PathBuf};
 use sunglint_formats::FileError;
 use sunglint_formats::curve;
@@ -35,6 +35,8 @@ pub struct Station {
     pub lasers: Vec<Laser>,
     /// Notes of the file on values that contradict each other or are not measured, by the table that they stand in.
     pub notes: Vec<(String, String)>,
+    /// What the program noticed in the files that may not be meant: a curve that ends high.
+    pub warnings: Vec<String>,
 }
 
 /// The lowest elevation that can be seen.
@@ -105,6 +107,10 @@ pub struct AirDefaults {
     pub ozone_du: Option<f64>,
     /// Precipitable water above the site, mm.
     pub water_mm: Option<f64>,
+    /// CO₂, ppm by volume.
+    pub co2_ppm: Option<f64>,
+    /// Aerosol; none unless the file names one.
+    pub aerosol: Aerosol,
 }
 
 /// One spectral channel.
@@ -204,6 +210,36 @@ pub enum DeadTime {
         /// True rates, Hz.
         true_hz: Vec<f64>,
     },
+}
+
+impl DeadTime {
+    /// What the detector counts of a true rate, both Hz, by the law of its model; `None` for the exponential recovery, whose law has no closed form,
+    /// and past the end of a table. It is for planning: the inverse, with its uncertainty, is the calibration's.
+    pub fn counted_hz(&self, true_hz: f64) -> Option<f64> {
+        match self {
+            DeadTime::None => Some(true_hz),
+            DeadTime::NonParalysable { dead_time_s } => {
+                Some(true_hz / (1.0 + true_hz * dead_time_s))
+            }
+            DeadTime::Paralysable { dead_time_s } => Some(true_hz * (-true_hz * dead_time_s).exp()),
+            DeadTime::ExponentialRecovery { .. } => None,
+            DeadTime::Table { measured_hz, true_hz: truth } => {
+                let i = truth.partition_point(|t| *t <= true_hz);
+                if i == 0 {
+                    // Below its first point the table is taken as a line from the origin.
+                    return Some(if truth[0] > 0.0 {
+                        measured_hz[0] * true_hz / truth[0]
+                    } else {
+                        true_hz
+                    });
+                }
+                if i == truth.len() {
+                    return (truth[i - 1] == true_hz).then_some(measured_hz[i - 1]);
+                }
+                Some(lerp(truth[i - 1], measured_hz[i - 1], truth[i], measured_hz[i], true_hz))
+            }
+        }
+    }
 }
 
 /// A fibre's field on the camera's frame: a two-dimensional normal distribution.
@@ -356,6 +392,8 @@ impl Station {
             pressure_hpa: self.air.pressure_hpa,
             ozone_du: self.air.ozone_du,
             water_mm: self.air.water_mm,
+            co2_ppm: self.air.co2_ppm,
+            aerosol: self.air.aerosol,
             ..AirOptions::new(Profile::named(&self.air.profile)?)
         })
     }
