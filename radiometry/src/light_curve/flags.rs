@@ -28,6 +28,8 @@ bitflags::bitflags! {
         const NO_OFF_TARGET = 1 << 8;
         /// The target was in the Earth's penumbra or umbra.
         const ECLIPSED = 1 << 9;
+        /// The target was below the station's horizon, or behind what stands there.
+        const HIDDEN = 1 << 10;
     }
 }
 

@@ -1,0 +1,341 @@
+//! What `sunglint star` says: text, JSON, table and figure.
+
+use super::{ChannelRate, Sight, StarArgs, Track};
+use crate::output::Product;
+use crate::plot::{Axis, Figure, Panel, Series};
+use hifitime::Unit;
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use sunglint_formats::time::format_utc_shortest;
+use sunglint_formats::{Column, Table};
+use sunglint_radiometry::station::{Channel, Detector};
+
+/// A track, and how it was asked for.
+pub(super) struct Report<'a> {
+    pub args: &'a StarArgs,
+    pub track: &'a Track,
+}
+
+/// Rows of a light curve that the text shows at most.
+const SHOWN: usize = 24;
+
+impl Report<'_> {
+    fn first(&self) -> &Sight {
+        &self.track.sights[0]
+    }
+
+    fn air(&self) -> String {
+        let station = &self.track.station;
+        self.args.model.describe(&self.track.air, station.site.geodetic().height_m, Some(station))
+    }
+
+    fn title(&self) -> String {
+        let (star, station) = (&self.track.star, &self.track.station.name);
+        let from = format_utc_shortest(self.first().epoch);
+        match self.track.sights.last() {
+            Some(last) if self.track.sights.len() > 1 => {
+                format!("{star} from {station}, {from} to {}", format_utc_shortest(last.epoch))
+            }
+            _ => format!("{star} from {station} at {from}"),
+        }
+    }
+
+    /// The predicted light curve, with the figure that fits: rates through a night, or the spectrum of a moment.
+    pub fn product(&self) -> anyhow::Result<Product> {
+        let mut curve = self.track.light_curve("sunglint star");
+        curve.provenance.notes.push(format!("air: {}", self.air()));
+        curve.provenance.notes.push(format!("V counts from {}", self.args.zero_point));
+        let name = self.track.star.label().to_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "_");
+        let figure = if self.track.sights.len() > 1 { self.rates_figure() } else { self.spectrum_figure() };
+        Ok(Product { name, table: curve.to_table()?, figure: Some(figure), json: self.json() })
+    }
+
+    /// The star's spectrum at the first moment.
+    pub fn spectrum(&self) -> Product {
+        let light = &self.track.light.irradiance;
+        let transmission = self.track.transmission(self.first());
+        // The union of both grids, so that nothing of either is lost.
+        let after = transmission.as_ref().and_then(|t| light.through(t).ok());
+        let grid = after.as_ref().map_or(light.wavelength_nm(), |a| a.wavelength_nm()).to_vec();
+        let mut table = Table::default();
+        for (key, value) in [
+            ("title", self.title()),
+            ("spectrum", self.track.light.origin.to_string()),
+            ("zero_point", self.args.zero_point.to_string()),
+            ("air", self.air()),
+        ] {
+            table.meta.insert(key.into(), json!(value));
+        }
+        let unit = Some("W / (m2 nm)");
+        // Below the horizon nothing comes through: the columns stay, without numbers.
+        let t = grid.iter().map(|nm| transmission.as_ref().map_or(f64::NAN, |t| t.at(*nm))).collect();
+        let below = after.map_or(vec![f64::NAN; grid.len()], |a| a.value().to_vec());
+        let above = grid.iter().map(|nm| light.at(*nm)).collect();
+        table.columns = vec![
+            Column::f64("wavelength_nm", Some("nm"), grid),
+            Column::f64("irradiance_w_m2_nm", unit, above),
+            Column::f64("transmission", None, t),
+            Column::f64("ground_irradiance_w_m2_nm", unit, below),
+        ];
+        Product { name: "spectrum".into(), table, figure: Some(self.spectrum_figure()), json: self.json() }
+    }
+
+    fn spectrum_figure(&self) -> Figure {
+        let light = &self.track.light.irradiance;
+        let points = |x: &[f64], y: &[f64]| x.iter().copied().zip(y.iter().copied()).collect();
+        let x = || Axis::linear("vacuum wavelength (nm)").from_to(300.0, 1240.0);
+        let mut series = vec![Series::line("above the air", 0, points(light.wavelength_nm(), light.value()))];
+        if let Some(after) = self.track.transmission(self.first()).and_then(|t| light.through(&t).ok()) {
+            series.push(Series::line("at the ground", 1, points(after.wavelength_nm(), after.value())));
+        }
+        let grid: Vec<f64> = (300..=1240).map(f64::from).collect();
+        let channels = self.track.station.channels.iter().enumerate().map(|(i, channel)| {
+            let curve = grid.iter().map(|&nm| (nm, channel.sensitivity_at(nm))).collect();
+            Series::line(&channel.name, i, curve)
+        });
+        Figure {
+            title: self.title(),
+            panels: vec![
+                Panel { x: x(), y: Axis::linear("irradiance (W m⁻² nm⁻¹)"), series },
+                Panel { x: x(), y: Axis::linear("effective sensitivity of the channels"), series: channels.collect() },
+            ],
+        }
+    }
+
+    fn rates_figure(&self) -> Figure {
+        let start = self.first().epoch;
+        let hours = |s: &Sight| (s.epoch - start).to_unit(Unit::Hour);
+        let x = || Axis::linear(format!("hours after {}", format_utc_shortest(start)));
+        let rates = self.track.station.channels.iter().enumerate().map(|(i, channel)| {
+            let shown = |s: &Sight| if s.hidden { f64::NAN } else { s.rates[i].rate_hz.unwrap_or(f64::NAN) };
+            Series::line(&channel.name, i, self.track.sights.iter().map(|s| (hours(s), shown(s))).collect())
+        });
+        let altitude = self.track.sights.iter().map(|s| (hours(s), s.place.horizontal.altitude_deg())).collect();
+        let sun = self.track.sights.iter().map(|s| (hours(s), s.sun.horizontal.altitude_deg())).collect();
+        let moon = self.track.sights.iter().map(|s| (hours(s), s.moon.horizontal.altitude_deg())).collect();
+        Figure {
+            title: self.title(),
+            panels: vec![
+                Panel { x: x(), y: Axis::log("predicted rate at the detector (Hz)"), series: rates.collect() },
+                Panel {
+                    x: x(),
+                    y: Axis::linear("altitude (°)"),
+                    series: vec![
+                        Series::line(self.track.star.label(), 0, altitude),
+                        Series::line("Sun", 5, sun),
+                        Series::line("Moon", 6, moon),
+                    ],
+                },
+            ],
+        }
+    }
+
+    fn json(&self) -> Value {
+        let Track { star, light, station, air, exposure_s, sights } = self.track;
+        let (site, columns) = (station.site.geodetic(), air.columns());
+        let first = &self.first().rates;
+        let channels: Vec<Value> = station
+            .channels
+            .iter()
+            .zip(first)
+            .map(|(c, r)| {
+                json!({ "name": c.name, "bandwidth_nm": c.bandwidth_nm(), "above_air_hz": r.above_air_hz,
+                    "band_average_hz_nm": r.above_air_hz / c.bandwidth_nm(), "typical_kappa": c.typical_kappa })
+            })
+            .collect();
+        json!({
+            "star": { "name": star.name, "bayer": star.bayer, "hip": star.hip, "hd": star.hd, "v_mag": star.v_mag, "bv_mag": star.bv_mag,
+                "spectral_type": star.spectral_type, "notes": star.notes().iter().map(ToString::to_string).collect::<Vec<_>>() },
+            "station": { "name": station.name, "latitude_deg": site.latitude_deg, "longitude_deg": site.longitude_deg, "height_m": site.height_m },
+            "air": { "description": self.air(), "pressure_hpa": columns.pressure_hpa, "ozone_du": columns.ozone_du, "water_mm": columns.water_mm,
+                "aerosol_optical_depth_550_nm": columns.aerosol_550 },
+            "spectrum": { "origin": light.origin.to_string(), "fallback": light.origin.is_fallback(),
+                "colour_excess_mag": light.colour_excess_mag, "zero_point": self.args.zero_point.to_string() },
+            "exposure_s": exposure_s, "channels": channels,
+            "warnings": self.track.warnings(),
+            "samples": sights.iter().map(|s| self.sample(s)).collect::<Vec<_>>(),
+        })
+    }
+
+    fn sample(&self, s: &Sight) -> Value {
+        let h = s.place.horizontal;
+        let rates = self.track.station.channels.iter().zip(&s.rates).map(|(channel, r)| {
+            let value = json!({ "rate_hz": r.rate_hz, "transmitted": r.rate_hz.map(|hz| hz / r.above_air_hz), "arriving_hz": r.arriving_hz,
+                "counted_hz": r.counted_hz, "saturated": r.saturated, "signal_to_noise": r.signal_to_noise, "uncovered_nm": r.uncovered_nm });
+            (channel.name.clone(), value)
+        });
+        json!({
+            "time_utc": format_utc_shortest(s.epoch), "altitude_deg": h.altitude_deg(), "azimuth_deg": h.azimuth_deg(),
+            "zenith_true_deg": h.zenith_deg(), "zenith_apparent_deg": s.path.as_ref().map(|p| p.apparent_deg),
+            "airmass_rayleigh": s.airmass, "hour_angle_deg": s.place.hour_angle_deg,
+            "ra_of_date_deg": s.place.of_date.ra_deg, "dec_of_date_deg": s.place.of_date.dec_deg,
+            "hidden": s.hidden, "horizon_deg": self.track.station.horizon.elevation_deg(h.azimuth_deg()),
+            "earth_orientation": s.orientation.to_string(),
+            "sun": { "altitude_deg": s.sun.horizontal.altitude_deg(), "azimuth_deg": s.sun.horizontal.azimuth_deg(), "twilight": s.twilight.to_string() },
+            "moon": { "altitude_deg": s.moon.horizontal.altitude_deg(), "azimuth_deg": s.moon.horizontal.azimuth_deg(),
+                "illuminated_fraction": s.moon.place.illuminated_fraction(), "separation_deg": s.moon_separation_deg },
+            "rates": Value::Object(rates.collect()),
+        })
+    }
+
+    pub fn text(&self) -> String {
+        let mut text = self.heading();
+        if self.track.sights.len() > 1 {
+            self.say_night(&mut text);
+        } else {
+            self.say_moment(&mut text);
+        }
+        text
+    }
+
+    fn heading(&self) -> String {
+        let star = &self.track.star;
+        let or_unknown = |v: Option<f64>| v.map_or("unknown".to_owned(), |v| v.to_string());
+        let mut text = format!(
+            "{star}{}: V {}, B-V {}, {}\n",
+            star.hd.map_or(String::new(), |hd| format!(", HD {hd}")),
+            or_unknown(star.v_mag),
+            or_unknown(star.bv_mag),
+            star.spectral_type.as_deref().unwrap_or("type unknown")
+        );
+        for note in star.notes() {
+            let _ = writeln!(text, "  note: {note}");
+        }
+        let site = self.track.station.site.geodetic();
+        let _ = writeln!(
+            text,
+            "station: {} ({:.4}°, {:.4}°, {} m)\nair: {}\nspectrum: {}; {}; V counts from {}\n",
+            self.track.station.name,
+            site.latitude_deg,
+            site.longitude_deg,
+            site.height_m,
+            self.air(),
+            self.track.light.origin,
+            self.track.colour_check(),
+            self.args.zero_point
+        );
+        text
+    }
+
+    fn say_moment(&self, text: &mut String) {
+        let s = self.first();
+        let (h, of_date) = (s.place.horizontal, s.place.of_date);
+        let _ = writeln!(
+            text,
+            "{}\n  altitude {:.4}°  azimuth {:.4}°  zenith angle {:.4}° (true)  hour angle {:+.4}°\n  right ascension {:.5}°  declination {:+.5}° (of date)",
+            format_utc_shortest(s.epoch),
+            h.altitude_deg(),
+            h.azimuth_deg(),
+            h.zenith_deg(),
+            s.place.hour_angle_deg,
+            of_date.ra_deg,
+            of_date.dec_deg
+        );
+        let _ = writeln!(
+            text,
+            "  Sun at {:+.1}° ({}); Moon at {:+.1}°, {:.0} % lit, {:.0}° from the star",
+            s.sun.horizontal.altitude_deg(),
+            s.twilight,
+            s.moon.horizontal.altitude_deg(),
+            100.0 * s.moon.place.illuminated_fraction(),
+            s.moon_separation_deg
+        );
+        match (&s.path, s.airmass) {
+            (Some(path), Some(airmass)) => {
+                let _ = writeln!(text, "  apparent zenith angle {:.4}°  airmass {airmass:.4}", path.apparent_deg);
+                if s.hidden {
+                    let mask = self.track.station.horizon.elevation_deg(h.azimuth_deg());
+                    let _ = writeln!(text, "  BEHIND the station's horizon, which is at {mask:.1}° there: the rates are as if it were free");
+                }
+            }
+            _ => text.push_str("  BELOW the horizon: no light comes through\n"),
+        }
+        let _ = writeln!(
+            text,
+            "\n  channel   predicted rate  above the air  transmitted  extinction  band average   arriving        counted         S/N in {} s",
+            self.track.exposure_s
+        );
+        for (channel, rate) in self.track.station.channels.iter().zip(&s.rates) {
+            say_channel(text, channel, rate);
+        }
+        text.push_str(FOOTNOTE);
+    }
+
+    fn say_night(&self, text: &mut String) {
+        let sights = &self.track.sights;
+        let _ = write!(text, "  {:<24} altitude  azimuth airmass   Sun   ", "time (UTC)");
+        for channel in &self.track.station.channels {
+            let _ = write!(text, "{:>11}", channel.name);
+        }
+        text.push_str("  (predicted Hz)\n");
+        let step = sights.len().div_ceil(SHOWN);
+        for s in sights.iter().step_by(step) {
+            let h = s.place.horizontal;
+            let airmass = s.airmass.map_or("-".into(), |m| format!("{m:.3}"));
+            let _ = write!(
+                text,
+                "  {:<24} {:8.2} {:8.2} {airmass:>7} {:6.1} ",
+                format_utc_shortest(s.epoch),
+                h.altitude_deg(),
+                h.azimuth_deg(),
+                s.sun.horizontal.altitude_deg()
+            );
+            for rate in &s.rates {
+                match rate.rate_hz {
+                    Some(hz) if !s.hidden => {
+                        let _ = write!(text, "{hz:>10.3e}{}", if rate.saturated { '*' } else { ' ' });
+                    }
+                    _ => {
+                        let _ = write!(text, "{:>10} ", "hidden");
+                    }
+                }
+            }
+            text.push('\n');
+        }
+        let hidden = sights.iter().filter(|s| s.hidden).count();
+        let highest = sights.iter().max_by(|a, b| a.place.horizontal.altitude_deg().total_cmp(&b.place.horizontal.altitude_deg()));
+        if let Some(highest) = highest {
+            let _ = writeln!(
+                text,
+                "\n{} samples, every {step} shown; {hidden} below the station's horizon; highest at {}: {:.2}°. * past the counter's saturation.",
+                sights.len(),
+                format_utc_shortest(highest.epoch),
+                highest.place.horizontal.altitude_deg()
+            );
+        }
+        text.push_str("`-o FILE` writes the predicted light curve (.ecsv, .csv, .fits, .json) or draws it (.png, .svg).\n");
+    }
+}
+
+fn say_channel(text: &mut String, channel: &Channel, r: &ChannelRate) {
+    let or_dash = |v: Option<f64>, write: &dyn Fn(f64) -> String| v.map_or("-".to_owned(), write);
+    let unit = match channel.detector {
+        Detector::Counter(_) => "Hz",
+        Detector::CameraPlane(_) => "ADU/s",
+    };
+    let hz = |v: f64| format!("{v:.4e} Hz");
+    let transmitted = r.rate_hz.map(|v| v / r.above_air_hz);
+    let _ = write!(
+        text,
+        "  {:<8} {:>15} {:>14} {:>12} {:>11} {:>11} Hz/nm {:>16} {:>14} {:>12}",
+        channel.name,
+        or_dash(r.rate_hz, &hz),
+        hz(r.above_air_hz),
+        or_dash(transmitted, &|v| format!("{v:.4}")),
+        or_dash(transmitted, &|v| format!("{:.3} mag", -2.5 * v.log10())),
+        format!("{:.3e}", r.above_air_hz / channel.bandwidth_nm()),
+        or_dash(r.arriving_hz, &|v| format!("{v:.3e} {unit}")),
+        or_dash(r.counted_hz, &|v| format!("{v:.3e} Hz")),
+        or_dash(r.signal_to_noise, &|v| format!("{v:.0}")),
+    );
+    if r.saturated {
+        text.push_str("   PAST SATURATION: attenuate");
+    }
+    if r.uncovered_nm > 0.0 {
+        let _ = write!(text, "   (no spectrum or air for {:.0} nm of it)", r.uncovered_nm);
+    }
+    text.push('\n');
+}
+
+const FOOTNOTE: &str = "\npredicted: after the air, by the station's curves; arriving: over the channel's typical kappa (losses that only the star calibration knows);\n\
+    counted: that and the dark rate through the dead time. Whether a camera saturates depends on exposure and seeing and is not judged.\n";

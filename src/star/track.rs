@@ -1,0 +1,246 @@
+//! A star through time: its places, its air, its rates.
+
+use anyhow::Context as _;
+use hifitime::Epoch;
+use rayon::prelude::*;
+use sunglint_radiometry::air::{Air, AirError, Path, Zenith};
+use sunglint_radiometry::light_curve::{ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples};
+use sunglint_radiometry::sky::{
+    EarthOrientation, MoonSighting, Observer, OrientationOrigin, Star, StarPlace, SunSighting, Twilight, separation_deg,
+};
+use sunglint_radiometry::spectrum::{Spectrum, Transmission};
+use sunglint_radiometry::star_light::StarLight;
+use sunglint_radiometry::station::{Channel, Detector, Station};
+
+/// A star as a station sees it at one or more moments.
+#[derive(Debug, Clone)]
+pub struct Track {
+    /// The star.
+    pub star: Star,
+    /// Its light above the air.
+    pub light: StarLight,
+    /// The station.
+    pub station: Station,
+    /// The air above it.
+    pub air: Air,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// The moments, in the order in which they were asked for; at least one.
+    pub sights: Vec<Sight>,
+}
+
+/// A star at a moment.
+#[derive(Debug, Clone)]
+pub struct Sight {
+    /// The moment.
+    pub epoch: Epoch,
+    /// Where the star stands.
+    pub place: StarPlace,
+    /// The way of its light through the air; `None` below the horizon.
+    pub path: Option<Path>,
+    /// Relative air mass (Rayleigh) on that way.
+    pub airmass: Option<f64>,
+    /// Whether it is below the horizon or behind what stands there.
+    pub hidden: bool,
+    /// The rates of the station's channels, in their order.
+    pub rates: Vec<ChannelRate>,
+    /// The Sun.
+    pub sun: SunSighting,
+    /// How dark it makes the sky.
+    pub twilight: Twilight,
+    /// The Moon.
+    pub moon: MoonSighting,
+    /// Angle between Moon and star, degrees.
+    pub moon_separation_deg: f64,
+    /// Where the Earth's orientation was from.
+    pub orientation: OrientationOrigin,
+}
+
+/// What a channel counts of a star.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ChannelRate {
+    /// Predicted rate at the detector, after the air, Hz; `None` below the horizon.
+    pub rate_hz: Option<f64>,
+    /// Rate without the air, Hz.
+    pub above_air_hz: f64,
+    /// Width of the channel for which light or air was not tabulated, nm.
+    pub uncovered_nm: f64,
+    /// The predicted rate over the channel's typical κ: what arrives; Hz of a counter, counts of the converter per second of a camera. `None` without a κ.
+    pub arriving_hz: Option<f64>,
+    /// What a counter makes of that and its dark rate by its dead time, Hz; `None` where its law or its κ is not known.
+    pub counted_hz: Option<f64>,
+    /// Whether what is counted is at or past the counter's saturation, or past what its law can say.
+    pub saturated: bool,
+    /// Signal over noise of one exposure: photons, dark counts, counting statistics of the dead time left out.
+    pub signal_to_noise: Option<f64>,
+}
+
+impl Track {
+    /// A star at moments. The moments are computed side by side; their order and values do not depend on how many at once.
+    pub fn new(
+        star: Star,
+        light: StarLight,
+        station: Station,
+        air: Air,
+        orientation: &EarthOrientation,
+        times: Vec<Epoch>,
+        exposure_s: f64,
+    ) -> anyhow::Result<Self> {
+        let above_air: Vec<f64> =
+            station.channels.iter().map(|c| station.rate_hz(c, &light.irradiance, None).value).collect();
+        let scene = Scene { star: &star, light: &light, station: &station, air: &air, above_air: &above_air, exposure_s };
+        let sights = times
+            .into_par_iter()
+            .map(|epoch| scene.sight(epoch, orientation))
+            .collect::<anyhow::Result<Vec<Sight>>>()?;
+        Ok(Self { star, light, station, air, exposure_s, sights })
+    }
+
+    /// The transmission of the air on the way of the star's light at a moment; `None` below the horizon.
+    pub fn transmission(&self, sight: &Sight) -> Option<Spectrum<Transmission>> {
+        let zenith = Zenith::Apparent(sight.path.as_ref()?.apparent_deg);
+        self.air.spectrum(zenith, self.light.irradiance.range_nm()).ok()
+    }
+
+    /// What a person should hear of before believing the numbers.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = self.station.warnings.clone();
+        let outside = self.sights.iter().map(|s| s.orientation).find(|o| o.is_outside());
+        warnings.extend(outside.map(|o| format!("{o} (--earth-orientation FILE)")));
+        if self.light.origin.is_fallback() {
+            warnings.push(format!("the spectrum of {} is a fallback: {}", self.star, self.light.origin));
+        }
+        if let Some(excess) = self.light.colour_excess_mag
+            && excess.abs() > super::WORTH_A_WARNING_MAG
+        {
+            warnings.push(format!("{}: a reddened star (reddening is not modelled) or a wrong type", self.colour_check()));
+        }
+        warnings
+    }
+
+    /// How the spectrum's colour fits the catalogue's, in a sentence.
+    pub fn colour_check(&self) -> String {
+        match self.light.colour_excess_mag {
+            None => "the spectrum's colour could not be checked, B-V is not known".into(),
+            Some(excess) => {
+                let word = if excess < 0.0 { "bluer" } else { "redder" };
+                format!("by B-V the star is {:.3} mag {word} than its spectrum", excess.abs())
+            }
+        }
+    }
+
+    /// The track as a predicted light curve of the schema.
+    pub fn light_curve(&self, command: &str) -> LightCurve {
+        let channel = |(i, channel): (usize, &Channel)| {
+            let rates = || self.sights.iter().map(|s| &s.rates[i]);
+            let kappa = channel.typical_kappa.unwrap_or(1.0);
+            let flags = self.sights.iter().map(|sight| {
+                let rate = &sight.rates[i];
+                let mut flags = Flags::empty();
+                flags.set(Flags::HIDDEN, sight.hidden);
+                flags.set(Flags::SATURATED, rate.saturated);
+                flags.set(Flags::EXTRAPOLATED, rate.uncovered_nm > 0.0);
+                let stand_in = self.light.origin.is_fallback() || sight.orientation.is_outside();
+                flags.set(Flags::FALLBACK, stand_in);
+                flags
+            });
+            ChannelCurve {
+                name: channel.name.clone(),
+                rate_hz: rates().map(|r| r.rate_hz.unwrap_or(f64::NAN)).collect(),
+                // Photon noise of what arrives, ν/κ, in the scale of the prediction.
+                sigma_hz: rates().map(|r| r.rate_hz.map_or(f64::NAN, |hz| (kappa * hz / self.exposure_s).sqrt())).collect(),
+                flags: flags.collect(),
+            }
+        };
+        let time = self.sights.iter().map(|s| s.epoch).collect();
+        let zenith_deg = self.sights.iter().map(|s| s.place.horizontal.zenith_deg()).collect();
+        let provenance = Provenance {
+            program: concat!("sunglint ", env!("CARGO_PKG_VERSION")).into(),
+            command: command.into(),
+            station: self.station.name.clone(),
+            target: self.star.to_string(),
+            notes: vec![
+                format!("spectrum: {}; {}", self.light.origin, self.colour_check()),
+                "sigma: photon noise of one exposure at the typical kappa, no scintillation".into(),
+            ],
+            ..Provenance::default()
+        };
+        LightCurve {
+            kind: RateKind::Predicted,
+            samples: Samples { zenith_deg: Some(zenith_deg), ..Samples::new(time, self.exposure_s) },
+            channels: self.station.channels.iter().enumerate().map(channel).collect(),
+            provenance,
+            other: Default::default(),
+        }
+    }
+}
+
+/// What is the same at every moment.
+struct Scene<'a> {
+    star: &'a Star,
+    light: &'a StarLight,
+    station: &'a Station,
+    air: &'a Air,
+    above_air: &'a [f64],
+    exposure_s: f64,
+}
+
+impl Scene<'_> {
+    fn sight(&self, epoch: Epoch, orientation: &EarthOrientation) -> anyhow::Result<Sight> {
+        let observer = Observer::at(epoch, &self.station.site, orientation)?;
+        let place = observer.star(self.star);
+        let horizontal = place.horizontal;
+        let zenith = Zenith::True(horizontal.zenith_deg());
+        let path = match self.air.path(zenith) {
+            Ok(path) => Some(path),
+            Err(AirError::BelowHorizon { .. }) => None,
+            Err(error) => return Err(error).context("the way of the star's light through the air"),
+        };
+        let transmission = match &path {
+            Some(_) => Some(self.air.spectrum(zenith, self.light.irradiance.range_nm())?),
+            None => None,
+        };
+        let channels = self.station.channels.iter().zip(self.above_air);
+        let rates = channels.map(|(channel, above)| self.rate(channel, *above, transmission.as_ref())).collect();
+        let (sun, moon) = (observer.sun(), observer.moon());
+        let seen = |p: &Path| self.station.sees(90.0 - p.apparent_deg, horizontal.azimuth_deg());
+        Ok(Sight {
+            epoch,
+            place,
+            hidden: !path.as_ref().is_some_and(seen),
+            airmass: path.as_ref().map(|p| self.air.air_masses(p).rayleigh),
+            path,
+            rates,
+            sun,
+            twilight: observer.twilight(),
+            moon,
+            moon_separation_deg: separation_deg(moon.horizontal.east_north_up(), horizontal.east_north_up()),
+            orientation: observer.frame().orientation().origin,
+        })
+    }
+
+    fn rate(&self, channel: &Channel, above_air_hz: f64, air: Option<&Spectrum<Transmission>>) -> ChannelRate {
+        let light = &self.light.irradiance;
+        let below = air.map(|air| self.station.rate_hz(channel, light, Some(air)));
+        let uncovered_nm = below.unwrap_or_else(|| self.station.rate_hz(channel, light, None)).uncovered_nm;
+        let rate_hz = below.map(|b| b.value);
+        let arriving_hz = rate_hz.zip(channel.typical_kappa).map(|(hz, kappa)| hz / kappa);
+        let mut found = ChannelRate {
+            rate_hz,
+            above_air_hz,
+            uncovered_nm,
+            arriving_hz,
+            counted_hz: None,
+            saturated: false,
+            signal_to_noise: None,
+        };
+        if let (Some(arriving), Detector::Counter(counter)) = (arriving_hz, &channel.detector) {
+            let true_hz = arriving + counter.dark_rate_hz;
+            found.counted_hz = counter.dead_time.counted_hz(true_hz);
+            // Past the end of a table, or a law without closed form: what arrives decides.
+            found.saturated = found.counted_hz.unwrap_or(true_hz) >= counter.saturation_hz;
+            found.signal_to_noise = Some(arriving * self.exposure_s.sqrt() / true_hz.sqrt()).filter(|s| s.is_finite());
+        }
+        found
+    }
+}
