@@ -195,6 +195,7 @@ proptest! {
     fn every_instant_comes_back(nanoseconds in 2_272_060_810_000_000_000_i64..6_342_969_600_000_000_000) {
         let epoch = hifitime::Epoch::from_tai_duration(hifitime::Duration::from_total_nanoseconds(nanoseconds.into()));
         prop_assert_eq!(time::parse_utc(&time::format_utc(epoch, 9)), Ok(epoch));
+        prop_assert_eq!(time::parse_utc(&time::format_utc_shortest(epoch)), Ok(epoch));
     }
 
     #[test]
