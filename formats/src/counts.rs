@@ -1,14 +1,16 @@
 //! Finished bins of a photon counter, and the table that holds a night of them.
 
 use crate::error::{EncodeError, ParseError};
+use crate::flag_bits::{Numbering, bit_names};
 use crate::table::{Column, Meta, Table};
-use crate::time::{format_utc, parse_utc};
+use crate::time::{format_utc_shortest, parse_utc};
 use hifitime::Epoch;
 use serde_json::json;
 use std::path::Path;
 
 bitflags::bitflags! {
-    /// What is known to be wrong with a bin.
+    /// What is known to be wrong with a bin. In files the metadata `flag_bits` names the bits (see
+    /// [`flag_bits`](crate::flag_bits)).
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
     pub struct CountFlags: u32 {
         /// The counter's buffer overflowed: the counts are lower bounds.
@@ -60,8 +62,8 @@ const FLAG_BITS: &str = "flag_bits";
 const KIND: &str = "kind";
 
 impl CountSeries {
-    /// The series as a table, which loses nothing: `start_utc` (nanoseconds), `start_ps`, `length_ps`, `flags`, and for
-    /// each channel `<channel>_counts` and `<channel>_missed`. The names of the flag bits are in the metadata.
+    /// The series as a table, which loses nothing: `start_utc` (to the nanosecond), `start_ps`, `length_ps`, `flags`, and
+    /// for each channel `<channel>_counts` and `<channel>_missed`. The metadata `flag_bits` names the bits of the flags.
     ///
     /// # Errors
     /// A record with another number of channels; a count beyond 63 bits; a channel name twice.
@@ -69,7 +71,7 @@ impl CountSeries {
         let mut meta = self.meta.clone();
         meta.insert(KIND.into(), "counts".into());
         meta.insert(CHANNELS.into(), json!(self.channels));
-        meta.insert(FLAG_BITS.into(), flag_bits());
+        meta.insert(FLAG_BITS.into(), bit_names::<CountFlags>());
         for (i, channel) in self.channels.iter().enumerate() {
             if self.channels[..i].contains(channel) {
                 return Err(EncodeError::new(channel, "the channel twice", "each channel once"));
@@ -80,7 +82,7 @@ impl CountSeries {
             if found != self.channels.len() || found != record.counts.len().max(record.missed.len())
             {
                 return Err(EncodeError::new(
-                    format_utc(record.start, 9),
+                    format_utc_shortest(record.start),
                     format!("{} counts and {} missed", record.counts.len(), record.missed.len()),
                     format!("{} of each, one for each channel", self.channels.len()),
                 ));
@@ -88,7 +90,7 @@ impl CountSeries {
         }
         let integers =
             |value: &dyn Fn(&CountRecord) -> i64| self.records.iter().map(value).collect();
-        let starts = self.records.iter().map(|record| format_utc(record.start, 9)).collect();
+        let starts = self.records.iter().map(|record| format_utc_shortest(record.start)).collect();
         let mut columns = vec![
             Column::text("start_utc", starts).described("start of the bin, UTC"),
             Column::i64("start_ps", Some("ps"), integers(&|record| record.start_ps))
@@ -124,7 +126,7 @@ impl CountSeries {
     ///
     /// # Errors
     /// A [`ParseError`] with the column: one that is missing or of another kind, a missing or negative value, a time
-    /// that is not UTC, flag bits that are not known or have other names.
+    /// that is not UTC, flags that are not known, a bit that has no name.
     pub fn from_table(path: impl AsRef<Path>, table: &Table) -> Result<Self, ParseError> {
         let path = path.as_ref();
         let bad = |field: &str, found: String, expected: &str| {
@@ -140,10 +142,8 @@ impl CountSeries {
         let Some(Some(channels)): Option<Option<Vec<String>>> = names else {
             return Err(bad("meta.channels", "something else".into(), "a list of names"));
         };
-        if table.meta.get(FLAG_BITS) != Some(&flag_bits()) {
-            let found = table.meta.get(FLAG_BITS).map_or("no such key".into(), |v| v.to_string());
-            return Err(bad("meta.flag_bits", found, &flag_bits().to_string()));
-        }
+        let numbering = Numbering::<CountFlags>::read(path, table.meta.get(FLAG_BITS))
+            .map_err(|error| error.in_field("meta.flag_bits"))?;
         let columns = Columns { path, table };
         let starts = columns.texts("start_utc")?;
         let start_ps = columns.integers("start_ps", i64::MIN)?;
@@ -159,8 +159,7 @@ impl CountSeries {
             let at_row = |error: ParseError| error.with_hint(format!("in row {}", row + 1));
             let start = parse_utc(&starts[row])
                 .map_err(|error| at_row(error.in_file(path).in_field("start_utc")))?;
-            let bits = u32::try_from(flags[row]).ok().and_then(CountFlags::from_bits);
-            let flags = bits.ok_or_else(|| {
+            let flags = numbering.flags(flags[row]).ok_or_else(|| {
                 at_row(bad("flags", flags[row].to_string(), "bits that meta.flag_bits names"))
             })?;
             let of_row =
@@ -178,12 +177,6 @@ impl CountSeries {
         meta.retain(|key, _| ![KIND, CHANNELS, FLAG_BITS].contains(&key.as_str()));
         Ok(Self { channels, records, meta })
     }
-}
-
-/// `{"overflow": 1, "missed": 2, …}`.
-fn flag_bits() -> serde_json::Value {
-    let bits = CountFlags::all().iter_names();
-    bits.map(|(name, flag)| (name.to_lowercase(), json!(flag.bits()))).collect::<Meta>().into()
 }
 
 /// Typed access with errors that name the column.
@@ -270,6 +263,39 @@ mod tests {
         let text = ecsv::to_string(&empty.to_table().unwrap()).unwrap();
         let table = ecsv::read_str("counts.ecsv", &text).unwrap();
         assert_eq!(CountSeries::from_table("counts.ecsv", &table).unwrap(), empty);
+    }
+
+    #[test]
+    fn the_names_of_the_bits_decide() {
+        let mut table = series().to_table().unwrap();
+        assert_eq!(table.meta["flag_bits"]["overflow"], 0);
+        assert_eq!(table.meta["flag_bits"]["saturated"], 5);
+        let other = json!({"saturated": 0, "clock_free": 1, "partial": 2, "gap": 3, "missed": 4, "overflow": 5});
+        table.meta.insert("flag_bits".into(), other);
+        let read = CountSeries::from_table("c.ecsv", &table).unwrap();
+        let flags: Vec<_> = read.records.iter().map(|record| record.flags).collect();
+        // The third bin's number is 1 << 2.
+        assert_eq!(flags, [CountFlags::empty(), CountFlags::all(), CountFlags::PARTIAL]);
+        // A numbering by masks has a bit 32, and one that lacks a flag has a bit without name.
+        let masks = json!({"overflow": 1, "missed": 2, "gap": 4, "partial": 8, "clock_free": 16, "saturated": 32});
+        for (bits, message) in [
+            (
+                masks,
+                "c.ecsv: meta.flag_bits: found bit 32 of `saturated`, expected a bit from 0 to 31",
+            ),
+            (
+                json!({"gap": 2}),
+                "c.ecsv: flags: found 63, expected bits that meta.flag_bits names (in row 2)",
+            ),
+        ] {
+            table.meta.insert("flag_bits".into(), bits);
+            let error = CountSeries::from_table("c.ecsv", &table).unwrap_err();
+            assert_eq!(error.to_string(), message);
+        }
+        table.meta.remove("flag_bits");
+        assert!(CountSeries::from_table("c.ecsv", &table).is_err());
+        table.columns[3] = Column::i64("flags", None, vec![0; 3]);
+        assert!(CountSeries::from_table("c.ecsv", &table).is_ok());
     }
 
     #[track_caller]

@@ -8,7 +8,9 @@ use crate::error::{FileError, ParseError, excerpt, nearest_names};
 use std::path::Path;
 
 /// A curve: values over a grid that increases.
-#[derive(Debug, Clone, PartialEq)]
+///
+/// Two curves are equal if they hold the same; on which lines of their files it stood does not matter.
+#[derive(Debug, Clone)]
 pub struct Curve {
     /// The grid, strictly increasing, finite.
     pub x: Vec<f64>,
@@ -20,6 +22,28 @@ pub struct Curve {
     pub y_name: String,
     /// The comment lines, without `#`.
     pub notes: Vec<String>,
+    /// The line of each row.
+    lines: Vec<u64>,
+}
+
+impl PartialEq for Curve {
+    fn eq(&self, other: &Self) -> bool {
+        // Taken apart, so that a new field cannot be forgotten here.
+        let Self { x, y, x_name, y_name, notes, lines: _ } = self;
+        (x, y, x_name, y_name, notes)
+            == (&other.x, &other.y, &other.x_name, &other.y_name, &other.notes)
+    }
+}
+
+impl Curve {
+    /// The line of the file on which a row begins, counted from 1: for an error about a value that a curve may have
+    /// and its user not (`error.at_line(curve.line(i))`).
+    ///
+    /// # Panics
+    /// There was no such row in the file.
+    pub fn line(&self, row: usize) -> u64 {
+        self.lines[row]
+    }
 }
 
 /// Reads a curve from a file; see [`read_str`].
@@ -50,8 +74,9 @@ pub fn read_str(
         .trim(csv::Trim::All)
         .from_reader(text.as_bytes());
     let mut record = csv::StringRecord::new();
+    let mut line_counter = LineCounter { text, byte: 0, line: 1 };
     let mut next = |record: &mut csv::StringRecord| match rows.read_record(record) {
-        Ok(more) => Ok(more.then(|| line_of_record(text, record))),
+        Ok(more) => Ok(more.then(|| line_counter.line_of(record))),
         Err(error) => Err(ParseError::new(path, error.to_string(), "comma-separated values")),
     };
     let Some(line) = next(&mut record)? else {
@@ -66,7 +91,8 @@ pub fn read_str(
     let index = value_column(path, line, &names, column)?;
     let (x_name, x_factor) = converted(&names[0]);
     let (y_name, y_factor) = converted(&names[index]);
-    let mut curve = Curve { x: Vec::new(), y: Vec::new(), x_name, y_name, notes };
+    let mut curve =
+        Curve { x: Vec::new(), y: Vec::new(), x_name, y_name, notes, lines: Vec::new() };
     while let Some(line) = next(&mut record)? {
         if record.len() != names.len() {
             let found = format!("{} fields", record.len());
@@ -94,6 +120,7 @@ pub fn read_str(
         }
         curve.x.push(x);
         curve.y.push(y);
+        curve.lines.push(line);
     }
     if curve.x.len() < 2 {
         let found = format!("{} rows of values", curve.x.len());
@@ -102,18 +129,34 @@ pub fn read_str(
     Ok(curve)
 }
 
-/// The line on which a record begins. The position that csv gives is before the comments and blank lines above it.
-fn line_of_record(text: &str, record: &csv::StringRecord) -> u64 {
-    let Some(position) = record.position() else { return 1 };
-    let mut byte = position.byte() as usize;
-    for line in text.get(byte..).unwrap_or("").split_inclusive('\n') {
-        let content = line.trim();
-        if !content.is_empty() && !content.starts_with('#') {
-            break;
+/// Counts lines from record to record, so that a long file is counted once.
+struct LineCounter<'a> {
+    text: &'a str,
+    /// The beginning of a line, and its number.
+    byte: usize,
+    line: u64,
+}
+
+impl LineCounter<'_> {
+    /// The line on which a record begins. The position that csv gives is before the comments and blank lines above it.
+    /// Records must come in their order.
+    fn line_of(&mut self, record: &csv::StringRecord) -> u64 {
+        let mut start = record.position().map_or(0, |position| position.byte() as usize);
+        // It may also be amid the two characters that end the line before.
+        while let Some(b'\r' | b'\n') = self.text.as_bytes().get(start) {
+            start += 1;
         }
-        byte += line.len();
+        for line in self.text.get(self.byte..).unwrap_or("").split_inclusive('\n') {
+            let end = self.byte + line.len();
+            // Other blanks, and a `#` after some, are a record to csv.
+            if end > start && !line.starts_with(['\r', '\n', '#']) {
+                break;
+            }
+            self.byte = end;
+            self.line += 1;
+        }
+        self.line
     }
-    crate::read::line_of(text, byte)
 }
 
 fn check_names(path: &Path, line: u64, names: &[String]) -> Result<(), ParseError> {
@@ -220,6 +263,29 @@ mod tests {
         assert_eq!(read_str("f.csv", text, None).unwrap().x, [400.0, 550.05]);
     }
 
+    #[test]
+    fn each_row_knows_its_line() {
+        let text = "# a\n\nwavelength_nm,\"a\nname\",b\r\n# b\r\n1,2,3\n\r\n#\n2,3,\"two\nlines\"\n# c\n3,4,5";
+        let curve = read_str("f.csv", text, Some("a\nname")).unwrap();
+        assert_eq!((0..3).map(|row| curve.line(row)).collect::<Vec<_>>(), [6, 9, 12]);
+        // The same curve from other lines is the same curve.
+        let notes = "# a\n# b\n#\n# c\n";
+        let text = format!("{notes}wavelength_nm,\"a\nname\"\n1,2\n2,3\n3,4\n");
+        let same = read_str("f.csv", &text, None).unwrap();
+        assert_eq!((same.line(0), same.line(2)), (7, 9));
+        assert_eq!(same, curve);
+        assert_ne!(read_str("f.csv", &text.replace("3,4", "3,5"), None).unwrap(), curve);
+    }
+
+    #[test]
+    fn lines_of_a_long_file_are_counted_once() {
+        let mut text = String::from("wavelength_nm,y\n");
+        (0..200_000)
+            .for_each(|i| text.push_str(&format!("{i},0.123456789012345678901234567890\n")));
+        let curve = read_str("f.csv", &text, None).unwrap();
+        assert_eq!(curve.line(199_999), 200_001);
+    }
+
     #[track_caller]
     fn refused(text: &str, column: Option<&str>, message: &str) {
         assert_eq!(read_str("f.csv", text, column).unwrap_err().to_string(), message);
@@ -253,6 +319,11 @@ mod tests {
             &with("\n400.0,0.2\n"),
             None,
             "f.csv:6: wavelength_nm: found 400.0, repeated after the line before, expected a grid that increases",
+        );
+        refused(
+            &with("\r\n  \n410,0.2"),
+            None,
+            "f.csv:6: found 1 fields, expected 2 fields, one for each column",
         );
         refused(&with(""), None, "f.csv: found 1 rows of values, expected at least 2 rows");
         refused(

@@ -3,7 +3,7 @@
 use crate::atomic::Overwrite;
 use crate::error::{EncodeError, FileError, ParseError};
 use crate::fits::{CardValue, Fits, Header, Image, Kind, Pixels, Writer};
-use crate::time::{format_utc, parse_utc};
+use crate::time::{format_utc_shortest, parse_utc};
 use hifitime::Epoch;
 use ndarray::{Array2, Ix2};
 use std::path::Path;
@@ -163,7 +163,7 @@ impl Frame {
     /// finite.
     pub fn to_image(&self) -> Result<Image, EncodeError> {
         let mut header = Header::default();
-        let start = format_utc(self.start, 9);
+        let start = format_utc_shortest(self.start);
         header.set("DATE-OBS", start.trim_end_matches('Z'), "start of the exposure, UTC");
         header.set("TIMESYS", "UTC", "");
         header.set("EXPTIME", self.exposure_s, "s");

@@ -8,6 +8,7 @@
 //! - [`toml`]: what people write (stations, instruments, plans) into plain serde structs;
 //! - [`curve`]: what vendors publish (passbands, efficiencies) as CSV;
 //! - [`counts`] and [`frame`]: what instruments deliver, a bin of a photon counter and a frame of a camera;
+//! - [`flag_bits`]: flags as bits of a number, which files name;
 //! - [`table`]: columns with units and metadata, in memory;
 //! - [`ecsv`]: tables as text that a person can open and astropy reads;
 //! - [`fits`]: images, cubes and binary tables;
@@ -66,6 +67,7 @@ pub mod curve;
 pub mod ecsv;
 pub mod error;
 pub mod fits;
+pub mod flag_bits;
 pub mod frame;
 pub mod read;
 pub mod table;

@@ -2,6 +2,7 @@
 //! from it.
 
 use crate::error::{EncodeError, ParseError, nearest_names};
+use std::borrow::Cow;
 use std::collections::HashSet;
 use std::path::Path;
 
@@ -102,6 +103,20 @@ pub enum TableError {
         /// What was asked for.
         expected: &'static str,
     },
+    /// The column is in another unit.
+    #[error("column `{name}` is in {found}, expected {}", unit_in_words(expected))]
+    WrongUnit {
+        /// The column.
+        name: String,
+        /// Its unit.
+        found: String,
+        /// The unit that was asked for; empty for a pure number.
+        expected: String,
+    },
+}
+
+fn unit_in_words(unit: &str) -> &str {
+    if unit.is_empty() { "a pure number" } else { unit }
 }
 
 impl TableError {
@@ -124,6 +139,10 @@ impl TableError {
             }
             Self::WrongKind { name, found, expected } => {
                 ParseError::new(path, found, expected).in_field(name)
+            }
+            Self::WrongUnit { name, found, expected } => {
+                ParseError::new(path, format!("the unit {found}"), unit_in_words(&expected))
+                    .in_field(name)
             }
         }
     }
@@ -160,12 +179,24 @@ impl Table {
         })
     }
 
-    /// A column of floating-point numbers (`NaN` where missing).
-    pub fn f64(&self, name: &str) -> Result<&[f64], TableError> {
-        match &self.column(name)?.values {
-            Values::F64(v) => Ok(v),
-            other => Err(wrong_kind(name, other, "floating-point numbers")),
+    /// A column of numbers (`NaN` where missing). Whole numbers are widened: a writer that found no fraction in a
+    /// column may have made it one of those. Beyond 2^53 that rounds; [`Table::i64`] does not.
+    pub fn f64(&self, name: &str) -> Result<Cow<'_, [f64]>, TableError> {
+        numbers(self.column(name)?)
+    }
+
+    /// A column of numbers in that unit (empty for pure numbers), else as [`Table::f64`]. A column that does not say
+    /// its unit is taken to be in it; blanks do not matter (`W/(m2 nm)` is `W / (m2 nm)`), but nothing is converted,
+    /// and another spelling of the unit is another unit.
+    pub fn quantity(&self, name: &str, unit: &str) -> Result<Cow<'_, [f64]>, TableError> {
+        let column = self.column(name)?;
+        let found = column.unit.as_deref().map(plain_blanks).unwrap_or_default();
+        if !found.is_empty() && found != plain_blanks(unit) {
+            let found = column.unit.as_deref().unwrap_or_default().trim().to_owned();
+            let expected = unit.trim().to_owned();
+            return Err(TableError::WrongUnit { name: name.to_owned(), found, expected });
         }
+        numbers(column)
     }
 
     /// A column of whole numbers.
@@ -209,6 +240,29 @@ impl Table {
     }
 }
 
+fn numbers(column: &Column) -> Result<Cow<'_, [f64]>, TableError> {
+    match &column.values {
+        Values::F64(v) => Ok(Cow::Borrowed(v)),
+        Values::I64(v) => Ok(v.iter().map(|v| v.map_or(f64::NAN, |v| v as f64)).collect()),
+        other => Err(wrong_kind(&column.name, other, "numbers")),
+    }
+}
+
+/// A unit with single blanks, and none where they mean nothing. A blank between two units multiplies them, so it stays.
+fn plain_blanks(unit: &str) -> String {
+    let mut plain = String::new();
+    for part in unit.split_whitespace() {
+        let apart = !plain.is_empty()
+            && !plain.ends_with(['/', '*', '(', '^'])
+            && !part.starts_with(['/', '*', ')', '^']);
+        if apart {
+            plain.push(' ');
+        }
+        plain.push_str(part);
+    }
+    plain
+}
+
 fn wrong_kind(name: &str, found: &Values, expected: &'static str) -> TableError {
     TableError::WrongKind { name: name.to_owned(), found: found.kind(), expected }
 }
@@ -245,5 +299,73 @@ impl Column {
     pub fn text(name: impl Into<String>, values: Vec<String>) -> Self {
         let values = Values::Text(values.into_iter().map(Some).collect());
         Self { name: name.into(), unit: None, description: None, values }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(columns: Vec<Column>) -> Table {
+        Table { columns, ..Table::default() }
+    }
+
+    #[test]
+    fn whole_numbers_are_numbers() {
+        let mut missing = Column::i64("i", None, vec![1, -2, i64::MAX]);
+        missing.values = match missing.values {
+            Values::I64(values) => Values::I64(values.into_iter().chain([None]).collect()),
+            other => other,
+        };
+        let text = Column::text("s", vec!["1".into(); 4]);
+        let table = table(vec![missing, Column::f64("f", None, vec![0.5; 4]), text]);
+        let widened = table.f64("i").unwrap();
+        assert_eq!(widened[..3], [1.0, -2.0, 9_223_372_036_854_775_807.0]);
+        assert!(widened[3].is_nan());
+        // What needs no widening is not copied.
+        assert!(matches!(table.f64("f").unwrap(), Cow::Borrowed([0.5, ..])));
+        let error = table.f64("s").unwrap_err();
+        assert_eq!(error.to_string(), "column `s` holds text, not numbers");
+        assert_eq!(error.in_file("t.ecsv").to_string(), "t.ecsv: s: found text, expected numbers");
+        assert!(matches!(table.quantity("s", ""), Err(TableError::WrongKind { .. })));
+        assert!(matches!(table.quantity("x", "m"), Err(TableError::NoColumn { .. })));
+    }
+
+    #[test]
+    fn a_quantity_is_in_its_unit_or_in_none() {
+        let unit = |unit: Option<&str>| table(vec![Column::f64("range_m", unit, vec![1.0])]);
+        for (found, expected) in [
+            (None, "m"),
+            (Some(""), "m"),
+            (Some(" "), ""),
+            (Some("m"), "m"),
+            (Some(" m "), "m"),
+            (Some("W/(m2 nm)"), "W / (m2 nm)"),
+            (Some("W / ( m2  nm )"), "W/(m2 nm)"),
+            (Some("m ** 2 * s"), "m**2*s"),
+        ] {
+            assert_eq!(*unit(found).quantity("range_m", expected).unwrap(), [1.0], "{found:?}");
+        }
+        for (found, expected) in [
+            ("km", "m"),
+            ("M", "m"),
+            ("ms", "m s"),
+            ("m s", "ms"),
+            ("W / m2 nm", "W / (m2 nm)"),
+            ("%", ""),
+        ] {
+            let error = unit(Some(found)).quantity("range_m", expected).unwrap_err();
+            assert!(matches!(error, TableError::WrongUnit { .. }), "{error}");
+        }
+        let error = unit(Some("km")).quantity("range_m", "m").unwrap_err();
+        assert_eq!(error.to_string(), "column `range_m` is in km, expected m");
+        assert_eq!(
+            error.in_file("n.ecsv").to_string(),
+            "n.ecsv: range_m: found the unit km, expected m"
+        );
+        let error = unit(Some("%")).quantity("range_m", "").unwrap_err();
+        assert_eq!(error.to_string(), "column `range_m` is in %, expected a pure number");
+        let whole = table(vec![Column::i64("alt", Some("deg"), vec![45])]);
+        assert_eq!(*whole.quantity("alt", "deg").unwrap(), [45.0]);
     }
 }

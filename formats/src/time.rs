@@ -2,8 +2,8 @@
 //!
 //! hifitime 4.3 cannot be used for this by itself: it parses `2016-12-31T23:59:60.5` to the same instant as
 //! `…23:59:59.5` and never prints a second 60. Here a UTC text becomes a **TAI** epoch, which holds a leap second as
-//! any other, and all arithmetic is in whole nanoseconds. Print an epoch with [`format_utc`], not with its `Display`,
-//! which would show TAI.
+//! any other, and all arithmetic is in whole nanoseconds. Print an epoch with [`format_utc`] or [`format_utc_shortest`], not with
+//! its `Display`, which would show TAI.
 //!
 //! Between 1972 and 2100; after the last leap second known (2016-12-31) TAI − UTC stays 37 s.
 
@@ -160,6 +160,15 @@ pub fn format_utc(epoch: Epoch, digits: u8) -> String {
     }
     text.push('Z');
     text
+}
+
+/// An instant as UTC text to the nanosecond, without zeros at the end of the fraction: `2026-03-04T05:06:00Z`,
+/// `2026-03-04T05:06:00.1Z`. It loses nothing; see [`format_utc`].
+pub fn format_utc_shortest(epoch: Epoch) -> String {
+    let text = format_utc(epoch, 9);
+    // With nine decimals there is a point, so no zero of the seconds goes.
+    let digits = text.trim_end_matches('Z').trim_end_matches('0').trim_end_matches('.');
+    format!("{digits}Z")
 }
 
 /// Nanoseconds of TAI since 1900-01-01, exact. An epoch in hifitime's UTC cannot hold a leap second.
@@ -383,6 +392,23 @@ mod tests {
     }
 
     #[test]
+    fn the_shortest_text_ends_where_the_zeros_begin() {
+        for text in [
+            "2026-03-04T05:06:00Z",
+            "2026-03-04T00:00:00Z",
+            "2026-03-04T05:06:10.1Z",
+            "2026-03-04T05:06:10.01Z",
+            "2026-03-04T05:06:10.000000001Z",
+            "2016-12-31T23:59:60Z",
+            "2016-12-31T23:59:60.999999999Z",
+        ] {
+            assert_eq!(format_utc_shortest(parse_utc(text).unwrap()), text);
+        }
+        let midnight = parse_utc("2000-01-10").unwrap();
+        assert_eq!(format_utc_shortest(midnight), "2000-01-10T00:00:00Z");
+    }
+
+    #[test]
     fn an_epoch_in_utc_is_placed_to_the_nanosecond() {
         // Ten nanoseconds before a leap second ended the day: an f64 of seconds cannot tell.
         let epoch = Epoch::from_gregorian_utc(2015, 6, 30, 23, 59, 59, 999_999_990);
@@ -457,6 +483,7 @@ mod tests {
             [Epoch::from_tai_duration(Duration::MIN), Epoch::from_tai_duration(Duration::MAX)]
         {
             assert!(format_utc(epoch, 9).ends_with('Z'));
+            assert!(format_utc_shortest(epoch).ends_with('Z'));
         }
     }
 }

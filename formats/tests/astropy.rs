@@ -5,7 +5,7 @@ use ndarray::{Array, ArrayD, IxDyn};
 use std::fmt::Write as _;
 use std::path::Path;
 use sunglint_formats::atomic::Overwrite;
-use sunglint_formats::fits::{Fits, Header, Image, Kind, Pixels, Writer};
+use sunglint_formats::fits::{Fits, Header, Image, Kind, Pixels, Writer, ascii_json};
 use sunglint_formats::time::{format_utc, parse_utc, tai_nanoseconds};
 use sunglint_formats::{Bayer, Column, Frame, Meta, Table, Values, ecsv};
 use sunglint_testkit::{peer_python, run_python};
@@ -125,7 +125,9 @@ print(json.dumps({
 ";
     let Some(out) = python("ecsv_that_we_write", folder.path(), script) else { return };
     let read: serde_json::Value = serde_json::from_str(&out).unwrap();
-    for (theirs, ours) in read["bits"].as_array().unwrap().iter().zip(table.f64("flux").unwrap()) {
+    for (theirs, ours) in
+        read["bits"].as_array().unwrap().iter().zip(table.f64("flux").unwrap().iter())
+    {
         let theirs = f64::from_bits(theirs.as_u64().unwrap());
         assert!(theirs.to_bits() == ours.to_bits() || theirs.is_nan() && ours.is_nan());
     }
@@ -338,7 +340,7 @@ e = Table({'q': np.zeros(0)}); e.write(f'{folder}/empty.fits')
     assert_eq!(table.i64("uk").unwrap(), some([0, 1, 2, 3, i64::MAX]));
     let e: Vec<f64> = (0..5).map(|k| f64::from((f64::from(k) * 0.1) as f32)).collect();
     assert_eq!(table.f64("e").unwrap(), e);
-    assert_eq!(table.f64("d").unwrap(), [0.0, 0.1, 0.2, 0.1 * 3.0, 0.4]);
+    assert_eq!(*table.f64("d").unwrap(), [0.0, 0.1, 0.2, 0.1 * 3.0, 0.4]);
     let v: Vec<f64> = (0..5 * 188).map(|k| f64::from(k) * 0.5).collect();
     assert_eq!(table.f64_vectors("v").unwrap(), (188, v.as_slice()));
     let v3 = Values::I64((0..15).map(Some).collect());
@@ -348,7 +350,7 @@ e = Table({'q': np.zeros(0)}); e.write(f'{folder}/empty.fits')
     );
     let a: Vec<_> = table.text("a").unwrap().iter().flatten().collect();
     assert_eq!(a, ["x", "yy", "", "with  two", "z"]);
-    assert_eq!(table.f64("sc").unwrap(), [10.0, 10.5, 11.0, 11.5, 12.0]);
+    assert_eq!(*table.f64("sc").unwrap(), [10.0, 10.5, 11.0, 11.5, 12.0]);
     let texts = ["a", "bb", "c"].map(|t| Some(t.to_owned()));
     let aa = Values::Text(std::iter::repeat_n(texts, 5).flatten().collect());
     assert_eq!(
@@ -435,6 +437,57 @@ print('all the same')
 }
 
 #[test]
+fn texts_that_are_not_ascii() {
+    let folder = tempfile::tempdir().unwrap();
+    let meta = serde_json::json!({
+        "TITLE": "Glanz von α Cen, Jörg 🛰",
+        "LONG": "größer als 'eine' Karte ".repeat(8).trim_end(),
+        "LOOKS": "\\u00f6 without a meaning",
+        "PROVENAN": ascii_json(&serde_json::json!({"observer": "Jörg 🛰", "n": 1})),
+        "HISTORY": ["ö".repeat(12), "plain"],
+    });
+    let flux = Column::f64("f", Some("nm"), vec![0.5]).described("λ, vacuum");
+    let table = Table { meta: meta.as_object().unwrap().clone(), columns: vec![flux] };
+    let mut writer = Writer::new();
+    writer.table(&table, "MESSUNG Ä").unwrap();
+    writer.write_file(folder.path().join("t.fits"), Overwrite::Refuse).unwrap();
+    let fits = Fits::read(folder.path().join("t.fits")).unwrap();
+    let mut back = fits.table(fits.find("MESSUNG Ä").unwrap()).unwrap();
+    assert_eq!(back.meta.remove("EXTNAME"), Some("MESSUNG Ä".into()));
+    assert_eq!(back, table);
+    for (name, unit, text) in [("µ", "m", "x"), ("x", "µm", "x"), ("x", "m", "é")] {
+        let text = Column::text("s", vec![text.into()]);
+        let columns = vec![Column::f64(name, Some(unit), vec![0.0]), text];
+        let error = Writer::new().table(&Table { columns, ..Table::default() }, "").unwrap_err();
+        assert!(error.to_string().contains("printable ASCII"), "{error}");
+    }
+    let script = r#"
+with fits.open(f'{folder}/t.fits') as f:
+    f.verify('exception')
+    h = f[1].header
+    assert h['UESCAPED'] == 'TCOMM1,EXTNAME,TITLE,LONG,HISTORY', h['UESCAPED']
+    json_of = lambda text: json.loads('"' + text + '"')
+    assert h['TITLE'] == r'Glanz von \u03b1 Cen, J\u00f6rg \ud83d\udef0'
+    assert json_of(h['LONG']) == ('größer als \'eine\' Karte ' * 8).rstrip()
+    assert h['LOOKS'] == r'\u00f6 without a meaning'
+    assert json.loads(h['PROVENAN']) == {'observer': 'Jörg 🛰', 'n': 1}
+    assert list(h['HISTORY']) == [r'\u00f6' * 12, 'plain']
+    assert h['TCOMM1'] == r'\u03bb, vacuum' and h['EXTNAME'] == r'MESSUNG \u00c4'
+t = Table.read(f'{folder}/t.fits', hdu=1)
+assert t['f'].unit == u.nm and list(t['f']) == [0.5]
+# What astropy copies, UESCAPED with it, we still read.
+t.write(f'{folder}/again.fits')
+print('all the same')
+"#;
+    let Some(out) = python("texts_that_are_not_ascii", folder.path(), script) else { return };
+    assert_eq!(out, "all the same\n");
+    let again = Fits::read(folder.path().join("again.fits")).unwrap().table(1).unwrap();
+    assert_eq!(again.meta["TITLE"], table.meta["TITLE"]);
+    assert_eq!(again.meta["PROVENAN"], table.meta["PROVENAN"]);
+    assert_eq!(*again.f64("f").unwrap(), [0.5]);
+}
+
+#[test]
 fn tables_with_classes_of_astropy_stay_readable() {
     let folder = tempfile::tempdir().unwrap();
     let script = "
@@ -447,7 +500,7 @@ t.write(f'{folder}/q.ecsv')
     let test = "tables_with_classes_of_astropy_stay_readable";
     let Some(_) = python(test, folder.path(), script) else { return };
     let table = ecsv::read(folder.path().join("q.ecsv")).unwrap();
-    assert_eq!(table.f64("q").unwrap(), [1.0, 2.0]);
+    assert_eq!(*table.f64("q").unwrap(), [1.0, 2.0]);
     assert_eq!(table.column("q").unwrap().unit.as_deref(), Some("nm"));
     assert_eq!(table.text("t").unwrap()[0].as_deref(), Some("2016-12-31T23:59:60.500"));
     ecsv::write_file(folder.path().join("again.ecsv"), &table, Overwrite::Refuse).unwrap();

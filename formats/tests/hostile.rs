@@ -86,6 +86,8 @@ fn fits_image() -> Vec<u8> {
     header.set("XBINNING", 1_i64, "");
     header.set("LONGTEXT", "long ".repeat(30), "continued");
     header.set("ESO DET DIT", 2.5, "");
+    header.set("OBSERVER", "Jörg 🛰", "");
+    header.history(&"\\u00f6 é ".repeat(20));
     header.set("BLANK", -5_i64, "");
     let pixels = ndarray::Array::from_shape_fn((5, 7), |(y, x)| (y * 7 + x) as u16).into_dyn();
     let mut writer = Writer::new();
@@ -195,6 +197,7 @@ proptest! {
     fn every_instant_comes_back(nanoseconds in 2_272_060_810_000_000_000_i64..6_342_969_600_000_000_000) {
         let epoch = hifitime::Epoch::from_tai_duration(hifitime::Duration::from_total_nanoseconds(nanoseconds.into()));
         prop_assert_eq!(time::parse_utc(&time::format_utc(epoch, 9)), Ok(epoch));
+        prop_assert_eq!(time::parse_utc(&time::format_utc_shortest(epoch)), Ok(epoch));
     }
 
     #[test]

@@ -191,7 +191,7 @@ fn every_atmosphere_agrees_with_lowtran7() {
         };
         let air = Air::new(&options).unwrap();
         let pick = |values: &[f64]| rows.iter().map(|&r| values[r]).collect::<Vec<_>>();
-        let (nm, theirs) = (pick(nm), pick(total));
+        let (nm, theirs) = (pick(&nm), pick(&total));
         let sampling = Sampling::means(&nm, 0.5).unwrap();
         let z = Zenith::Apparent(zenith as f64);
         let ours = air.components(z, &sampling).unwrap();
@@ -207,7 +207,7 @@ fn every_atmosphere_agrees_with_lowtran7() {
             ("co2", &ours.carbon_dioxide),
             ("aerosol_transmission", &ours.aerosol),
         ] {
-            let theirs = pick(table.f64(column).unwrap());
+            let theirs = pick(&table.f64(column).unwrap());
             let (d, at) = largest(&nm, ours, &theirs, |_| true);
             write!(line, "  {column} {d:.4} at {at}").unwrap();
         }

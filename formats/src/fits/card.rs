@@ -1,6 +1,6 @@
 //! One card of a header: 80 characters with a keyword, a value and a comment.
 
-use super::CARD;
+use super::{CARD, escape};
 use crate::error::{EncodeError, excerpt};
 use std::fmt;
 
@@ -158,10 +158,10 @@ impl Card {
         Self { keyword: keyword.to_owned(), value, comment }
     }
 
-    /// Writes the card, in as many cards of 80 bytes as it needs.
-    pub(super) fn encode(&self, out: &mut Vec<u8>) -> Result<(), EncodeError> {
+    /// Writes the card, in as many cards of 80 bytes as it needs; its text with escapes if that is said.
+    pub(super) fn encode(&self, escaped: bool, out: &mut Vec<u8>) -> Result<(), EncodeError> {
         if let CardValue::Commentary(text) = &self.value {
-            return self.encode_commentary(text, out);
+            return self.encode_commentary(text, escaped, out);
         }
         let standard = is_standard_keyword(&self.keyword);
         let start = if standard {
@@ -176,6 +176,10 @@ impl Card {
         };
         let value = match &self.value {
             CardValue::Text(text) => {
+                let text = match escaped {
+                    true => &escape::escaped(text).collect(),
+                    false => text,
+                };
                 check_ascii(&self.keyword, text)?;
                 let quoted = format!("'{:<8}'", text.replace('\'', "''"));
                 if start.len() + quoted.len() > CARD {
@@ -195,21 +199,39 @@ impl Card {
         push_card(&self.keyword, format!("{start}{value}"), &self.comment, out)
     }
 
-    fn encode_commentary(&self, text: &str, out: &mut Vec<u8>) -> Result<(), EncodeError> {
-        check_ascii(&self.keyword, text)?;
+    fn encode_commentary(
+        &self,
+        text: &str,
+        escaped: bool,
+        out: &mut Vec<u8>,
+    ) -> Result<(), EncodeError> {
         if !self.keyword.is_empty() && !is_standard_keyword(&self.keyword) {
             let expected = "a keyword of at most 8 capitals, digits, - and _";
             return Err(EncodeError::new(&self.keyword, excerpt(&self.keyword), expected));
         }
-        let mut rest = text;
-        loop {
-            let (line, more) = rest.split_at(rest.len().min(CARD - 8));
-            push_card(&self.keyword, format!("{:<8}{line}", self.keyword), "", out)?;
-            if more.is_empty() {
-                return Ok(());
+        let mut push_line =
+            |line: &str| push_card(&self.keyword, format!("{:<8}{line}", self.keyword), "", out);
+        let mut line = String::new();
+        if escaped {
+            // The cards of a long text are read one by one, so each escape must be whole in one.
+            for piece in escape::escaped(text) {
+                if line.len() + piece.len() > CARD - 8 {
+                    push_line(&line)?;
+                    line.clear();
+                }
+                line.push_str(&piece);
             }
-            rest = more;
+        } else {
+            check_ascii(&self.keyword, text)?;
+            let mut rest = text;
+            while rest.len() > CARD - 8 {
+                let (start, more) = rest.split_at(CARD - 8);
+                push_line(start)?;
+                rest = more;
+            }
+            line.push_str(rest);
         }
+        push_line(&line)
     }
 
     /// The long-string convention: pieces that end with `&`, on CONTINUE cards.

@@ -1,7 +1,7 @@
 //! The cards of an HDU, in their order.
 
 use super::card::{Card, CardValue, is_standard_keyword};
-use super::{BLOCK, CARD};
+use super::{BLOCK, CARD, escape};
 use crate::error::EncodeError;
 
 /// The cards of an HDU, in their order, long texts joined.
@@ -91,6 +91,7 @@ impl Header {
         let mut header = Self::default();
         for (i, raw) in bytes.chunks_exact(CARD).enumerate() {
             if raw.starts_with(b"END") && raw[3..8].iter().all(|&b| b == b' ') {
+                escape::undo(&mut header);
                 let length = ((i + 1) * CARD).next_multiple_of(BLOCK);
                 return Some((header, length));
             }
@@ -131,11 +132,14 @@ impl Header {
         self.commentary("COMMENT", &format!("CONTINUE {text}"));
     }
 
-    /// The bytes of the header, END and padding included.
+    /// The bytes of the header, END and padding included; texts that are not ASCII escaped.
     pub(super) fn encode(&self) -> Result<Vec<u8>, EncodeError> {
         let mut out = Vec::with_capacity(BLOCK);
-        for card in &self.cards {
-            card.encode(&mut out)?;
+        // At the end: the cards of the layout must come first, in their order.
+        let marker = escape::card_for(self)?;
+        let escaped = escape::keywords(marker.as_ref());
+        for card in self.cards.iter().chain(&marker) {
+            card.encode(escaped.contains(card.keyword.as_str()), &mut out)?;
         }
         out.extend_from_slice(format!("{:<CARD$}", "END").as_bytes());
         out.resize(out.len().next_multiple_of(BLOCK), b' ');
@@ -143,11 +147,26 @@ impl Header {
     }
 }
 
-/// Whether a keyword describes the layout of the data (or sums them up), so that the writer sets it anew.
+/// Whether a keyword describes the layout of the data (or sums them up) or how texts are written, so that the writer sets it anew.
 pub(super) fn is_structural(keyword: &str) -> bool {
-    const WHOLE: [&str; 16] = [
-        "SIMPLE", "XTENSION", "BITPIX", "NAXIS", "EXTEND", "PCOUNT", "GCOUNT", "GROUPS", "TFIELDS",
-        "THEAP", "BSCALE", "BZERO", "BLANK", "CHECKSUM", "DATASUM", "END",
+    const WHOLE: [&str; 17] = [
+        "SIMPLE",
+        "XTENSION",
+        "BITPIX",
+        "NAXIS",
+        "EXTEND",
+        "PCOUNT",
+        "GCOUNT",
+        "GROUPS",
+        "TFIELDS",
+        "THEAP",
+        "BSCALE",
+        "BZERO",
+        "BLANK",
+        "CHECKSUM",
+        "DATASUM",
+        "END",
+        escape::KEYWORD,
     ];
     const NUMBERED: [&str; 10] =
         ["NAXIS", "TTYPE", "TFORM", "TUNIT", "TSCAL", "TZERO", "TNULL", "TDISP", "TDIM", "TCOMM"];

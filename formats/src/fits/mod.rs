@@ -28,6 +28,12 @@
 //! flat (TDIM counts for texts only), columns of no values are left out. Refused by name: bits (X),
 //! complex numbers (C, M), variable length (P, Q), tile-compressed images (`.fits.fz`), random groups.
 //!
+//! **Texts** in a header are printable ASCII by the standard. Others are written with `\uXXXX` for each UTF-16 unit that
+//! is not, and a card `UESCAPED` names the keywords of these texts; this reader undoes it (and hides that card), other
+//! programs show the escapes. A text that looks like an escape in a header without that card stays as it is. Keywords,
+//! names of columns, units and the texts *in* columns are not escaped but refused if they are not ASCII. JSON in a header
+//! is best written by [`ascii_json`], which every reader of JSON understands.
+//!
 //! **Hostile files**: nothing is allocated before the bytes that it should hold are seen to be there, so memory is
 //! bounded by the size of the file; what is wrong is a [`ParseError`](crate::ParseError) with the keyword.
 //!
@@ -38,6 +44,7 @@
 //! and wrap around in another. What would be left of it is smaller than the work around it.
 
 mod card;
+mod escape;
 mod file;
 mod header;
 mod image;
@@ -46,6 +53,7 @@ mod table_out;
 mod writer;
 
 pub use card::{Card, CardValue};
+pub use escape::ascii_json;
 pub use file::{Fits, Hdu, Kind, inflate};
 pub use header::Header;
 pub use image::{Image, Pixels};

@@ -23,10 +23,12 @@ impl Writer {
     }
 
     /// Adds an image. Its header is written after the cards that describe the layout; such cards in it are left out,
-    /// and a comment that is too long is cut.
+    /// a comment that is too long is cut, and `?` stands in it for what is not ASCII. Texts are escaped where they are not
+    /// ASCII: see [`fits`](super).
     ///
     /// # Errors
-    /// A card that FITS cannot hold: not ASCII, not finite, too long.
+    /// A card that FITS cannot hold: a keyword or a unit that is not ASCII, a number that is not finite, a text that is
+    /// too long beside its keyword.
     pub fn image(&mut self, image: &Image) -> Result<(), EncodeError> {
         let (bitpix, zero, data) = encode(&image.pixels);
         let mut header = Header::default();
@@ -58,7 +60,9 @@ impl Writer {
     /// cards.
     ///
     /// # Errors
-    /// What FITS cannot hold: text that is not ASCII, nested metadata, columns of different lengths.
+    /// What FITS cannot hold: a column's name, unit or text that is not ASCII, nested metadata, columns of different
+    /// lengths. Other texts (titles, descriptions of columns, notes) are escaped where they are not ASCII: see
+    /// [`fits`](super).
     pub fn table(&mut self, table: &Table, name: &str) -> Result<(), EncodeError> {
         if self.bytes.is_empty() {
             self.empty_primary()?;

@@ -98,7 +98,7 @@ impl Profile {
         let carbon_dioxide = optional("co2_ppmv")?;
         let levels = (0..table.rows())
             .map(|i| {
-                let air_cm3 = air.map_or_else(
+                let air_cm3 = air.as_ref().map_or_else(
                     || 1e-4 * pressure[i] / (BOLTZMANN_J_K * temperature[i]),
                     |column| column[i],
                 );
@@ -110,8 +110,10 @@ impl Profile {
                     air_cm3,
                     water_cm3: of(water[i]),
                     ozone_cm3: of(ozone[i]),
-                    oxygen_cm3: of(oxygen.map_or(209_500.0, |column| column[i])),
-                    carbon_dioxide_cm3: of(carbon_dioxide.map_or(420.0, |column| column[i])),
+                    oxygen_cm3: of(oxygen.as_ref().map_or(209_500.0, |column| column[i])),
+                    carbon_dioxide_cm3: of(carbon_dioxide
+                        .as_ref()
+                        .map_or(420.0, |column| column[i])),
                 }
             })
             .collect();

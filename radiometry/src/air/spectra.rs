@@ -4,6 +4,7 @@ use super::LOSCHMIDT_CM3;
 use super::aerosol::Aerosol;
 use super::model::{Amounts, amount};
 use crate::tables;
+use std::borrow::Cow;
 use std::sync::OnceLock;
 
 pub(crate) const FIRST_CM1: f64 = 8000.0;
@@ -116,7 +117,7 @@ pub(crate) fn gases() -> &'static [Term] {
 }
 
 /// A column of an embedded table.
-pub(crate) fn column(table: &'static tables::Embedded, name: &str) -> &'static [f64] {
+pub(crate) fn column(table: &'static tables::Embedded, name: &str) -> Cow<'static, [f64]> {
     // A test touches every column named here, so this cannot fail in a program that passed it.
     #[expect(clippy::unwrap_used, reason = "embedded table, read by a test")]
     table.table().f64(name).unwrap()
@@ -149,22 +150,22 @@ fn ozone() -> Vec<Term> {
     let per_atm_cm = 1e-20 * LOSCHMIDT_CM3;
     let chappuis_cm1 = column(&tables::OZONE_CHAPPUIS, "wavenumber_cm1");
     let chappuis = column(&tables::OZONE_CHAPPUIS, "coefficient_per_atm_cm");
-    let cold: Vec<f64> = c0.iter().zip(c1).map(|(a, b)| a * b).collect();
-    let colder: Vec<f64> = c0.iter().zip(c2).map(|(a, b)| a * b).collect();
-    let sum = native(|v| per_atm_cm * linear(cm1, c0, v) + linear(chappuis_cm1, chappuis, v));
+    let cold: Vec<f64> = c0.iter().zip(c1.iter()).map(|(a, b)| a * b).collect();
+    let colder: Vec<f64> = c0.iter().zip(c2.iter()).map(|(a, b)| a * b).collect();
+    let sum = native(|v| per_atm_cm * linear(&cm1, &c0, v) + linear(&chappuis_cm1, &chappuis, v));
     vec![
         Term::new(Species::Ozone, amount::OZONE, 1.0, sum),
         Term::new(
             Species::Ozone,
             amount::OZONE_T,
             1.0,
-            native(|v| per_atm_cm * linear(cm1, &cold, v)),
+            native(|v| per_atm_cm * linear(&cm1, &cold, v)),
         ),
         Term::new(
             Species::Ozone,
             amount::OZONE_T2,
             1.0,
-            native(|v| per_atm_cm * linear(cm1, &colder, v)),
+            native(|v| per_atm_cm * linear(&cm1, &colder, v)),
         ),
     ]
 }
@@ -209,9 +210,9 @@ fn water_continuum() -> Vec<Term> {
         Term::new(Species::WaterContinuum, amount, 1.0, native(|v| 1e-20 * v * value(v)))
     };
     vec![
-        term(amount::WATER_SELF, &|v| linear(cm1, warm, v)),
-        term(amount::WATER_SELF_COLD, &|v| linear(cm1, cold, v) - linear(cm1, warm, v)),
-        term(amount::WATER_FOREIGN, &|v| linear(cm1, foreign, v) + linear(cm1, wing, v)),
+        term(amount::WATER_SELF, &|v| linear(&cm1, &warm, v)),
+        term(amount::WATER_SELF_COLD, &|v| linear(&cm1, &cold, v) - linear(&cm1, &warm, v)),
+        term(amount::WATER_FOREIGN, &|v| linear(&cm1, &foreign, v) + linear(&cm1, &wing, v)),
     ]
 }
 
