@@ -21,11 +21,48 @@ const ACCEPTED: &[&str] = &[
     "Unicode-3.0",
 ];
 
+/// An SPDX expression (with the old `/` for OR): AND binds closer than OR, parentheses closest.
 fn accepted(expression: &str) -> bool {
-    // `A OR B AND C`, with the old spelling `A/B`; parentheses only group what is split anyway.
-    let expression = expression.replace('/', " OR ").replace(['(', ')'], "");
-    let alternatives: Vec<&str> = expression.split(" OR ").collect();
-    alternatives.iter().any(|all| all.split(" AND ").all(|one| ACCEPTED.contains(&one.trim())))
+    let spaced = expression.replace('/', " OR ").replace('(', " ( ").replace(')', " ) ");
+    let words: Vec<&str> = spaced.split_whitespace().collect();
+    let mut rest = words.as_slice();
+    any(&mut rest) == Some(true) && rest.is_empty()
+}
+
+fn any(words: &mut &[&str]) -> Option<bool> {
+    let mut good = all(words)?;
+    while let Some(("OR", after)) = words.split_first().map(|(w, after)| (*w, after)) {
+        *words = after;
+        good |= all(words)?;
+    }
+    Some(good)
+}
+
+fn all(words: &mut &[&str]) -> Option<bool> {
+    let mut good = one(words)?;
+    while let Some(("AND", after)) = words.split_first().map(|(w, after)| (*w, after)) {
+        *words = after;
+        good &= one(words)?;
+    }
+    Some(good)
+}
+
+fn one(words: &mut &[&str]) -> Option<bool> {
+    let (first, mut after) = words.split_first()?;
+    if *first == "(" {
+        let good = any(&mut after)?;
+        *words = after.strip_prefix(&[")"])?;
+        return Some(good);
+    }
+    let mut name = (*first).to_owned();
+    if let [with, exception, more @ ..] = after
+        && *with == "WITH"
+    {
+        name = format!("{name} WITH {exception}");
+        after = more;
+    }
+    *words = after;
+    Some(ACCEPTED.contains(&name.as_str()))
 }
 
 #[test]
@@ -58,5 +95,7 @@ fn expressions_are_read() {
     assert!(accepted("(MIT OR Apache-2.0) AND Unicode-3.0"));
     assert!(!accepted("GPL-3.0"));
     assert!(!accepted("MIT AND GPL-3.0"));
-    assert!(!accepted(""));
+    assert!(!accepted("GPL-3.0 AND (MIT OR Apache-2.0)"));
+    assert!(accepted("(GPL-3.0 AND MIT) OR Apache-2.0 WITH LLVM-exception"));
+    assert!(!accepted("") && !accepted("MIT OR") && !accepted("(MIT"));
 }

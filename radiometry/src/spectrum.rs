@@ -109,16 +109,6 @@ pub enum SpectrumError {
     /// The table lacks what the spectrum needs.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// A column is in another unit.
-    #[error("column `{column}` is in {found}, expected {expected}")]
-    Unit {
-        /// The column.
-        column: String,
-        /// Its unit.
-        found: String,
-        /// The quantity's unit.
-        expected: &'static str,
-    },
     /// Edges of bins must increase.
     #[error("edges of bins must increase: {next_nm} nm follows {previous_nm} nm at edge {edge}")]
     Edges {
@@ -176,14 +166,8 @@ impl<Q: Quantity> Spectrum<Q> {
 
     /// A spectrum from two columns of a table. A column that names a unit must name the quantity's (nm for wavelengths).
     pub fn from_table(table: &Table, wavelength: &str, value: &str) -> Result<Self, SpectrumError> {
-        for (name, expected) in [(wavelength, "nm"), (value, Q::UNIT)] {
-            let unit = table.column(name)?.unit.as_deref().unwrap_or(expected);
-            if unit != expected {
-                let (column, found) = (name.to_owned(), unit.to_owned());
-                return Err(SpectrumError::Unit { column, found, expected });
-            }
-        }
-        Self::new(table.f64(wavelength)?.to_vec(), table.f64(value)?.to_vec())
+        let (nm, value) = (table.quantity(wavelength, "nm")?, table.quantity(value, Q::UNIT)?);
+        Self::new(nm.into_owned(), value.into_owned())
     }
 
     /// The same value from `from_nm` to `to_nm`.

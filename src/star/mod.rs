@@ -39,7 +39,13 @@ pub struct StarArgs {
     #[arg(long, value_name = "TIME")]
     pub to: Option<String>,
     /// Seconds between the samples of a light curve
-    #[arg(long, value_name = "S", default_value_t = 60.0, requires = "to", allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 60.0,
+        requires = "to",
+        allow_negative_numbers = true
+    )]
     pub step_s: f64,
     /// Exposure time, s: for the photon noise
     #[arg(long, value_name = "S", default_value_t = 0.1, allow_negative_numbers = true)]
@@ -162,10 +168,18 @@ impl StarArgs {
         let length_s = (when(last)? - first).to_seconds();
         let count = (length_s / self.step_s + 1e-9).floor();
         if !(length_s > 0.0 && self.step_s > 0.0 && self.step_s.is_finite()) {
-            bail!("from --at {} to --to {last} by --step-s {} there is no light curve: --to must be later, and the step above 0 s", self.at, self.step_s);
+            bail!(
+                "from --at {} to --to {last} by --step-s {} there is no light curve: --to must be later, and the step above 0 s",
+                self.at,
+                self.step_s
+            );
         }
         if count > MOST_SAMPLES {
-            bail!("from --at {} to --to {last} by --step-s {} there are {count} samples, more than {MOST_SAMPLES}: take a longer step", self.at, self.step_s);
+            bail!(
+                "from --at {} to --to {last} by --step-s {} there are {count} samples, more than {MOST_SAMPLES}: take a longer step",
+                self.at,
+                self.step_s
+            );
         }
         // The count is bounded above.
         Ok((0..=count as u32).map(|i| first + f64::from(i) * self.step_s * Unit::Second).collect())
@@ -175,21 +189,34 @@ impl StarArgs {
         let own = &self.own;
         let mut star = match (&own.ra, &own.dec) {
             (Some(ra), Some(dec)) => {
-                let place = Equatorial { ra_deg: angle(ra, 15.0, "--ra")?, dec_deg: angle(dec, 1.0, "--dec")? };
+                let place = Equatorial {
+                    ra_deg: angle(ra, 15.0, "--ra")?,
+                    dec_deg: angle(dec, 1.0, "--dec")?,
+                };
                 let mut star = Star::at(&self.name, place)?;
                 star.epoch_year = own.epoch_year;
                 star
             }
             _ if matches!(self.name.to_lowercase().as_str(), "sun" | "moon") => {
-                bail!("`{}` is no star: where Sun and Moon stand is in the answer for every star", self.name)
+                bail!(
+                    "`{}` is no star: where Sun and Moon stand is in the answer for every star",
+                    self.name
+                )
             }
             _ => Catalogue::embedded()
                 .find(&self.name)
                 .map_err(|e| anyhow!("{e}: --ra RA --dec DEC --v MAG --type MK (or --bv MAG)"))?
                 .clone(),
         };
-        let numbers = [("--pm-ra", own.pm_ra), ("--pm-dec", own.pm_dec), ("--parallax", own.parallax), ("--epoch-year", Some(star.epoch_year))];
-        if let Some((name, value)) = numbers.into_iter().find(|(_, v)| v.is_some_and(|v| !v.is_finite() || v.abs() > 1e5)) {
+        let numbers = [
+            ("--pm-ra", own.pm_ra),
+            ("--pm-dec", own.pm_dec),
+            ("--parallax", own.parallax),
+            ("--epoch-year", Some(star.epoch_year)),
+        ];
+        if let Some((name, value)) =
+            numbers.into_iter().find(|(_, v)| v.is_some_and(|v| !v.is_finite() || v.abs() > 1e5))
+        {
             bail!("{name} is {}, expected a number within 100000", value.unwrap_or_default());
         }
         star.pm_ra_mas_yr = own.pm_ra.or(star.pm_ra_mas_yr);
@@ -212,7 +239,8 @@ impl StarArgs {
             zero: self.zero_point,
         };
         // Vega unless somebody says that it is another star.
-        let is_vega = star.hip == Some(VEGA_HIP) && self.own.bv.is_none() && self.own.spectral_type.is_none();
+        let is_vega =
+            star.hip == Some(VEGA_HIP) && self.own.bv.is_none() && self.own.spectral_type.is_none();
         Ok(match self.spectrum {
             SpectrumChoice::BlackBody => star_light::black_body(colours)?,
             SpectrumChoice::Auto if is_vega => star_light::vega(colours)?,
@@ -223,7 +251,11 @@ impl StarArgs {
 
 /// An angle in degrees: a decimal number, or three sexagesimal ones of which the first is in units of `unit_deg`.
 fn angle(text: &str, unit_deg: f64, option: &str) -> anyhow::Result<f64> {
-    let wrong = || anyhow!("{option} is `{text}`, expected degrees (279.23) or sexagesimal numbers (18:36:56.3, -69:01:39)");
+    let wrong = || {
+        anyhow!(
+            "{option} is `{text}`, expected degrees (279.23) or sexagesimal numbers (18:36:56.3, -69:01:39)"
+        )
+    };
     let trimmed = text.trim();
     if !trimmed.contains(':') {
         return trimmed.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(wrong);
@@ -232,8 +264,10 @@ fn angle(text: &str, unit_deg: f64, option: &str) -> anyhow::Result<f64> {
         Some(rest) => (-1.0, rest),
         None => (1.0, trimmed.trim_start_matches('+')),
     };
-    let parts: Vec<f64> = digits.split(':').map(|part| part.parse().ok()).collect::<Option<_>>().ok_or_else(wrong)?;
-    let good = parts.len() == 3 && parts.iter().all(|v| *v >= 0.0) && parts[1] < 60.0 && parts[2] < 60.0;
+    let parts: Vec<f64> =
+        digits.split(':').map(|part| part.parse().ok()).collect::<Option<_>>().ok_or_else(wrong)?;
+    let good =
+        parts.len() == 3 && parts.iter().all(|v| *v >= 0.0) && parts[1] < 60.0 && parts[2] < 60.0;
     if !good {
         return Err(wrong());
     }
@@ -252,7 +286,10 @@ mod tests {
         assert!((angle("-0:30:00", 1.0, "--dec").unwrap() + 0.5).abs() < 1e-12);
         assert_eq!(angle(" -69.5 ", 1.0, "--dec").unwrap(), -69.5);
         for wrong in ["", "x", "1:2", "1:60:0", "1:2:3:4", "NaN", "1:-2:3", "inf"] {
-            assert!(angle(wrong, 1.0, "--dec").unwrap_err().to_string().contains("--dec is"), "{wrong}");
+            assert!(
+                angle(wrong, 1.0, "--dec").unwrap_err().to_string().contains("--dec is"),
+                "{wrong}"
+            );
         }
     }
 }

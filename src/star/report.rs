@@ -45,8 +45,14 @@ impl Report<'_> {
         let mut curve = self.track.light_curve("sunglint star");
         curve.provenance.notes.push(format!("air: {}", self.air()));
         curve.provenance.notes.push(format!("V counts from {}", self.args.zero_point));
-        let name = self.track.star.label().to_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "_");
-        let figure = if self.track.sights.len() > 1 { self.rates_figure() } else { self.spectrum_figure() };
+        let name = self
+            .track
+            .star
+            .label()
+            .to_lowercase()
+            .replace(|c: char| !c.is_ascii_alphanumeric(), "_");
+        let figure =
+            if self.track.sights.len() > 1 { self.rates_figure() } else { self.spectrum_figure() };
         Ok(Product { name, table: curve.to_table()?, figure: Some(figure), json: self.json() })
     }
 
@@ -68,7 +74,8 @@ impl Report<'_> {
         }
         let unit = Some("W / (m2 nm)");
         // Below the horizon nothing comes through: the columns stay, without numbers.
-        let t = grid.iter().map(|nm| transmission.as_ref().map_or(f64::NAN, |t| t.at(*nm))).collect();
+        let t =
+            grid.iter().map(|nm| transmission.as_ref().map_or(f64::NAN, |t| t.at(*nm))).collect();
         let below = after.map_or(vec![f64::NAN; grid.len()], |a| a.value().to_vec());
         let above = grid.iter().map(|nm| light.at(*nm)).collect();
         table.columns = vec![
@@ -77,16 +84,28 @@ impl Report<'_> {
             Column::f64("transmission", None, t),
             Column::f64("ground_irradiance_w_m2_nm", unit, below),
         ];
-        Product { name: "spectrum".into(), table, figure: Some(self.spectrum_figure()), json: self.json() }
+        Product {
+            name: "spectrum".into(),
+            table,
+            figure: Some(self.spectrum_figure()),
+            json: self.json(),
+        }
     }
 
     fn spectrum_figure(&self) -> Figure {
         let light = &self.track.light.irradiance;
         let points = |x: &[f64], y: &[f64]| x.iter().copied().zip(y.iter().copied()).collect();
         let x = || Axis::linear("vacuum wavelength (nm)").from_to(300.0, 1240.0);
-        let mut series = vec![Series::line("above the air", 0, points(light.wavelength_nm(), light.value()))];
-        if let Some(after) = self.track.transmission(self.first()).and_then(|t| light.through(&t).ok()) {
-            series.push(Series::line("at the ground", 1, points(after.wavelength_nm(), after.value())));
+        let mut series =
+            vec![Series::line("above the air", 0, points(light.wavelength_nm(), light.value()))];
+        if let Some(after) =
+            self.track.transmission(self.first()).and_then(|t| light.through(&t).ok())
+        {
+            series.push(Series::line(
+                "at the ground",
+                1,
+                points(after.wavelength_nm(), after.value()),
+            ));
         }
         let grid: Vec<f64> = (300..=1240).map(f64::from).collect();
         let channels = self.track.station.channels.iter().enumerate().map(|(i, channel)| {
@@ -97,7 +116,11 @@ impl Report<'_> {
             title: self.title(),
             panels: vec![
                 Panel { x: x(), y: Axis::linear("irradiance (W m⁻² nm⁻¹)"), series },
-                Panel { x: x(), y: Axis::linear("effective sensitivity of the channels"), series: channels.collect() },
+                Panel {
+                    x: x(),
+                    y: Axis::linear("effective sensitivity of the channels"),
+                    series: channels.collect(),
+                },
             ],
         }
     }
@@ -107,16 +130,37 @@ impl Report<'_> {
         let hours = |s: &Sight| (s.epoch - start).to_unit(Unit::Hour);
         let x = || Axis::linear(format!("hours after {}", format_utc_shortest(start)));
         let rates = self.track.station.channels.iter().enumerate().map(|(i, channel)| {
-            let shown = |s: &Sight| if s.hidden { f64::NAN } else { s.rates[i].rate_hz.unwrap_or(f64::NAN) };
-            Series::line(&channel.name, i, self.track.sights.iter().map(|s| (hours(s), shown(s))).collect())
+            let shown = |s: &Sight| {
+                if s.hidden { f64::NAN } else { s.rates[i].rate_hz.unwrap_or(f64::NAN) }
+            };
+            Series::line(
+                &channel.name,
+                i,
+                self.track.sights.iter().map(|s| (hours(s), shown(s))).collect(),
+            )
         });
-        let altitude = self.track.sights.iter().map(|s| (hours(s), s.place.horizontal.altitude_deg())).collect();
-        let sun = self.track.sights.iter().map(|s| (hours(s), s.sun.horizontal.altitude_deg())).collect();
-        let moon = self.track.sights.iter().map(|s| (hours(s), s.moon.horizontal.altitude_deg())).collect();
+        let altitude = self
+            .track
+            .sights
+            .iter()
+            .map(|s| (hours(s), s.place.horizontal.altitude_deg()))
+            .collect();
+        let sun =
+            self.track.sights.iter().map(|s| (hours(s), s.sun.horizontal.altitude_deg())).collect();
+        let moon = self
+            .track
+            .sights
+            .iter()
+            .map(|s| (hours(s), s.moon.horizontal.altitude_deg()))
+            .collect();
         Figure {
             title: self.title(),
             panels: vec![
-                Panel { x: x(), y: Axis::log("predicted rate at the detector (Hz)"), series: rates.collect() },
+                Panel {
+                    x: x(),
+                    y: Axis::log("predicted rate at the detector (Hz)"),
+                    series: rates.collect(),
+                },
                 Panel {
                     x: x(),
                     y: Axis::linear("altitude (°)"),
@@ -242,10 +286,17 @@ impl Report<'_> {
         );
         match (&s.path, s.airmass) {
             (Some(path), Some(airmass)) => {
-                let _ = writeln!(text, "  apparent zenith angle {:.4}°  airmass {airmass:.4}", path.apparent_deg);
+                let _ = writeln!(
+                    text,
+                    "  apparent zenith angle {:.4}°  airmass {airmass:.4}",
+                    path.apparent_deg
+                );
                 if s.hidden {
                     let mask = self.track.station.horizon.elevation_deg(h.azimuth_deg());
-                    let _ = writeln!(text, "  BEHIND the station's horizon, which is at {mask:.1}° there: the rates are as if it were free");
+                    let _ = writeln!(
+                        text,
+                        "  BEHIND the station's horizon, which is at {mask:.1}° there: the rates are as if it were free"
+                    );
                 }
             }
             _ => text.push_str("  BELOW the horizon: no light comes through\n"),
@@ -283,7 +334,8 @@ impl Report<'_> {
             for rate in &s.rates {
                 match rate.rate_hz {
                     Some(hz) if !s.hidden => {
-                        let _ = write!(text, "{hz:>10.3e}{}", if rate.saturated { '*' } else { ' ' });
+                        let _ =
+                            write!(text, "{hz:>10.3e}{}", if rate.saturated { '*' } else { ' ' });
                     }
                     _ => {
                         let _ = write!(text, "{:>10} ", "hidden");
@@ -293,7 +345,9 @@ impl Report<'_> {
             text.push('\n');
         }
         let hidden = sights.iter().filter(|s| s.hidden).count();
-        let highest = sights.iter().max_by(|a, b| a.place.horizontal.altitude_deg().total_cmp(&b.place.horizontal.altitude_deg()));
+        let highest = sights.iter().max_by(|a, b| {
+            a.place.horizontal.altitude_deg().total_cmp(&b.place.horizontal.altitude_deg())
+        });
         if let Some(highest) = highest {
             let _ = writeln!(
                 text,

@@ -4,9 +4,12 @@ use anyhow::Context as _;
 use hifitime::Epoch;
 use rayon::prelude::*;
 use sunglint_radiometry::air::{Air, AirError, Path, Zenith};
-use sunglint_radiometry::light_curve::{ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples};
+use sunglint_radiometry::light_curve::{
+    ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
+};
 use sunglint_radiometry::sky::{
-    EarthOrientation, MoonSighting, Observer, OrientationOrigin, Star, StarPlace, SunSighting, Twilight, separation_deg,
+    EarthOrientation, MoonSighting, Observer, OrientationOrigin, Star, StarPlace, SunSighting,
+    Twilight, separation_deg,
 };
 use sunglint_radiometry::spectrum::{Spectrum, Transmission};
 use sunglint_radiometry::star_light::StarLight;
@@ -86,9 +89,19 @@ impl Track {
         times: Vec<Epoch>,
         exposure_s: f64,
     ) -> anyhow::Result<Self> {
-        let above_air: Vec<f64> =
-            station.channels.iter().map(|c| station.rate_hz(c, &light.irradiance, None).value).collect();
-        let scene = Scene { star: &star, light: &light, station: &station, air: &air, above_air: &above_air, exposure_s };
+        let above_air: Vec<f64> = station
+            .channels
+            .iter()
+            .map(|c| station.rate_hz(c, &light.irradiance, None).value)
+            .collect();
+        let scene = Scene {
+            star: &star,
+            light: &light,
+            station: &station,
+            air: &air,
+            above_air: &above_air,
+            exposure_s,
+        };
         let sights = times
             .into_par_iter()
             .map(|epoch| scene.sight(epoch, orientation))
@@ -108,12 +121,17 @@ impl Track {
         let outside = self.sights.iter().map(|s| s.orientation).find(|o| o.is_outside());
         warnings.extend(outside.map(|o| format!("{o} (--earth-orientation FILE)")));
         if self.light.origin.is_fallback() {
-            warnings.push(format!("the spectrum of {} is a fallback: {}", self.star, self.light.origin));
+            warnings.push(format!(
+                "the spectrum of {} is a fallback: {}",
+                self.star, self.light.origin
+            ));
         }
         if let Some(excess) = self.light.colour_excess_mag
             && excess.abs() > super::WORTH_A_WARNING_MAG
         {
-            warnings.push(format!("{}: a reddened star (reddening is not modelled) or a wrong type", self.colour_check()));
+            let reddened =
+                if excess > 0.0 { "a reddened star (reddening is not modelled) or " } else { "" };
+            warnings.push(format!("{}: {reddened}a wrong type", self.colour_check()));
         }
         warnings
     }
@@ -148,7 +166,9 @@ impl Track {
                 name: channel.name.clone(),
                 rate_hz: rates().map(|r| r.rate_hz.unwrap_or(f64::NAN)).collect(),
                 // Photon noise of what arrives, ν/κ, in the scale of the prediction.
-                sigma_hz: rates().map(|r| r.rate_hz.map_or(f64::NAN, |hz| (kappa * hz / self.exposure_s).sqrt())).collect(),
+                sigma_hz: rates()
+                    .map(|r| r.rate_hz.map_or(f64::NAN, |hz| (kappa * hz / self.exposure_s).sqrt()))
+                    .collect(),
                 flags: flags.collect(),
             }
         };
@@ -167,7 +187,10 @@ impl Track {
         };
         LightCurve {
             kind: RateKind::Predicted,
-            samples: Samples { zenith_deg: Some(zenith_deg), ..Samples::new(time, self.exposure_s) },
+            samples: Samples {
+                zenith_deg: Some(zenith_deg),
+                ..Samples::new(time, self.exposure_s)
+            },
             channels: self.station.channels.iter().enumerate().map(channel).collect(),
             provenance,
             other: Default::default(),
@@ -201,7 +224,9 @@ impl Scene<'_> {
             None => None,
         };
         let channels = self.station.channels.iter().zip(self.above_air);
-        let rates = channels.map(|(channel, above)| self.rate(channel, *above, transmission.as_ref())).collect();
+        let rates = channels
+            .map(|(channel, above)| self.rate(channel, *above, transmission.as_ref()))
+            .collect();
         let (sun, moon) = (observer.sun(), observer.moon());
         let seen = |p: &Path| self.station.sees(90.0 - p.apparent_deg, horizontal.azimuth_deg());
         Ok(Sight {
@@ -214,15 +239,24 @@ impl Scene<'_> {
             sun,
             twilight: observer.twilight(),
             moon,
-            moon_separation_deg: separation_deg(moon.horizontal.east_north_up(), horizontal.east_north_up()),
+            moon_separation_deg: separation_deg(
+                moon.horizontal.east_north_up(),
+                horizontal.east_north_up(),
+            ),
             orientation: observer.frame().orientation().origin,
         })
     }
 
-    fn rate(&self, channel: &Channel, above_air_hz: f64, air: Option<&Spectrum<Transmission>>) -> ChannelRate {
+    fn rate(
+        &self,
+        channel: &Channel,
+        above_air_hz: f64,
+        air: Option<&Spectrum<Transmission>>,
+    ) -> ChannelRate {
         let light = &self.light.irradiance;
         let below = air.map(|air| self.station.rate_hz(channel, light, Some(air)));
-        let uncovered_nm = below.unwrap_or_else(|| self.station.rate_hz(channel, light, None)).uncovered_nm;
+        let uncovered_nm =
+            below.unwrap_or_else(|| self.station.rate_hz(channel, light, None)).uncovered_nm;
         let rate_hz = below.map(|b| b.value);
         let arriving_hz = rate_hz.zip(channel.typical_kappa).map(|(hz, kappa)| hz / kappa);
         let mut found = ChannelRate {
@@ -239,7 +273,8 @@ impl Scene<'_> {
             found.counted_hz = counter.dead_time.counted_hz(true_hz);
             // Past the end of a table, or a law without closed form: what arrives decides.
             found.saturated = found.counted_hz.unwrap_or(true_hz) >= counter.saturation_hz;
-            found.signal_to_noise = Some(arriving * self.exposure_s.sqrt() / true_hz.sqrt()).filter(|s| s.is_finite());
+            found.signal_to_noise =
+                Some(arriving * self.exposure_s.sqrt() / true_hz.sqrt()).filter(|s| s.is_finite());
         }
         found
     }

@@ -500,11 +500,11 @@ fn integrate(shells: &Shells, layers: &[Layer], apparent_deg: f64) -> (Amounts, 
 /// n − 1 of moist air: the dispersion of Ciddor 1996 (Appl. Opt. 35, 1566) with densities of ideal gases (his
 /// compressibility moves n − 1 by less than 5e−4 of itself).
 fn refractivity(level: &Level, wavelength_nm: f64) -> f64 {
-    const BOLTZMANN_J_K: f64 = 1.380_649e-23;
     let s2 = (1e3 / wavelength_nm).powi(2);
     let dry = 1e-8 * (5_792_105.0 / (238.0185 - s2) + 167_917.0 / (57.362 - s2));
     let wet = 1e-8 * 1.022 * (295.235 + s2 * (2.6422 + s2 * (-0.032_380 + s2 * 0.004_028)));
-    let number_cm3 = |pa: f64, kelvin: f64| 1e-6 * pa / (BOLTZMANN_J_K * kelvin);
+    let number_cm3 =
+        |pa: f64, kelvin: f64| 1e-6 * pa / (crate::constants::BOLTZMANN_J_PER_K * kelvin);
     dry * (level.air_cm3 - level.water_cm3) / number_cm3(101_325.0, 288.15)
         + wet * level.water_cm3 / number_cm3(1333.0, 293.15)
 }

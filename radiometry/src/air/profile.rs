@@ -1,6 +1,7 @@
 //! The atmosphere against altitude.
 
 use super::AirError;
+use crate::constants::BOLTZMANN_J_PER_K;
 use crate::tables::{self, Embedded};
 use sunglint_formats::{Table, nearest_names};
 
@@ -85,21 +86,21 @@ impl Profile {
     /// A missing column; fewer than two levels; altitudes that do not ascend; a pressure, temperature or density that
     /// is not positive, a mixing ratio that is negative or not a number.
     pub fn from_table(name: &str, table: &Table) -> Result<Self, AirError> {
-        const BOLTZMANN_J_K: f64 = 1.380_649e-23;
-        let required = |column: &str| table.f64(column);
-        let altitude = required("altitude_km")?;
-        let (pressure, temperature) = (required("pressure_hpa")?, required("temperature_k")?);
-        let (water, ozone) = (required("h2o_ppmv")?, required("o3_ppmv")?);
-        let optional = |column: &str| match table.column(column) {
-            Ok(_) => table.f64(column).map(Some),
+        let required = |column: &str, unit: &str| table.quantity(column, unit);
+        let altitude = required("altitude_km", "km")?;
+        let (pressure, temperature) =
+            (required("pressure_hpa", "hPa")?, required("temperature_k", "K")?);
+        let (water, ozone) = (required("h2o_ppmv", "")?, required("o3_ppmv", "")?);
+        let optional = |column: &str, unit: &str| match table.column(column) {
+            Ok(_) => table.quantity(column, unit).map(Some),
             Err(_) => Ok(None),
         };
-        let (air, oxygen) = (optional("air_cm3")?, optional("o2_ppmv")?);
-        let carbon_dioxide = optional("co2_ppmv")?;
+        let (air, oxygen) = (optional("air_cm3", "1 / cm3")?, optional("o2_ppmv", "")?);
+        let carbon_dioxide = optional("co2_ppmv", "")?;
         let levels = (0..table.rows())
             .map(|i| {
                 let air_cm3 = air.as_ref().map_or_else(
-                    || 1e-4 * pressure[i] / (BOLTZMANN_J_K * temperature[i]),
+                    || 1e-4 * pressure[i] / (BOLTZMANN_J_PER_K * temperature[i]),
                     |column| column[i],
                 );
                 let of = |ppmv: f64| air_cm3 * ppmv * 1e-6;

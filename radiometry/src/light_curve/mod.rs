@@ -19,6 +19,7 @@ use serde_json::json;
 use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
+use sunglint_formats::flag_bits::{Numbering, bit_names};
 use sunglint_formats::{Column, Meta, ParseError, Table};
 
 /// How far the rates of a light curve have come.
@@ -111,7 +112,7 @@ impl LightCurve {
     pub fn to_table(&self) -> Result<Table, ParseError> {
         let mut table = Table { meta: self.other.clone(), ..Table::default() };
         table.meta.insert("quantity".into(), json!(self.kind.to_string()));
-        table.meta.insert("flag_bits".into(), Flags::bit_names());
+        table.meta.insert("flag_bits".into(), bit_names::<Flags>());
         table.meta.insert("provenance".into(), self.provenance.to_json());
         let (first, last) = self.samples.columns();
         table.columns.extend(first);
@@ -148,7 +149,7 @@ impl LightCurve {
         };
         let reader = Reader { path, table };
         let samples = Samples::read(&reader)?;
-        let bits = Flags::numbering(path, table.meta.get("flag_bits"))?;
+        let bits = Numbering::read(path, table.meta.get("flag_bits"))?;
         let mut channels = Vec::new();
         for column in &table.columns {
             if let Some(name) = column.name.strip_suffix("_rate_hz") {

@@ -3,7 +3,8 @@
 use super::Flags;
 use hifitime::Epoch;
 use std::path::Path;
-use sunglint_formats::time::{UtcDay, format_utc, parse_utc};
+use sunglint_formats::flag_bits::Numbering;
+use sunglint_formats::time::{UtcDay, format_utc, format_utc_shortest, parse_utc};
 use sunglint_formats::{Column, ParseError, Table, Values, nearest_names};
 
 /// Times and geometry of the samples of a light curve; all of one length. Times may be in any order, and repeat: whoever needs an
@@ -43,7 +44,8 @@ impl Samples {
 
     /// Time and exposure, which come first in a table, and the geometry, which comes last.
     pub(super) fn columns(&self) -> (Vec<Column>, Vec<Column>) {
-        let mut time = Column::text("time_utc", self.time.iter().map(|t| shortest(*t)).collect());
+        let mut time =
+            Column::text("time_utc", self.time.iter().map(|t| format_utc_shortest(*t)).collect());
         time.description = Some("mid-exposure, ISO 8601".into());
         let first = vec![time, Column::f64("exposure_s", Some("s"), self.exposure_s.clone())];
         let column = |(name, unit, values): (&str, &str, &Option<Vec<f64>>)| {
@@ -108,13 +110,6 @@ impl Samples {
     }
 }
 
-/// UTC to the nanosecond, without the zeros at its end.
-fn shortest(time: Epoch) -> String {
-    let text = format_utc(time, 9);
-    let digits = text.trim_end_matches('Z').trim_end_matches('0').trim_end_matches('.');
-    format!("{digits}Z")
-}
-
 /// A place in a table for an error message; rows count from 1.
 pub(super) fn row(column: &str, i: usize) -> String {
     format!("{column}, row {}", i + 1)
@@ -141,20 +136,9 @@ impl Reader<'_> {
 
     /// The numbers of a column, which must be in `unit` or name none.
     pub fn numbers(&self, name: &str, unit: &str) -> Result<Vec<f64>, ParseError> {
-        let values = self.column(name)?;
-        let found = self.table.column(name).ok().and_then(|c| c.unit.as_deref()).unwrap_or(unit);
-        if found != unit {
-            let error =
-                ParseError::new(self.path, format!("the unit {found}"), unit).in_field(name);
-            return Err(error.with_hint("convert the column: its name says the unit"));
-        }
-        match values {
-            Values::F64(values) => Ok(values.clone()),
-            Values::I64(values) => {
-                Ok(values.iter().map(|v| v.map_or(f64::NAN, |v| v as f64)).collect())
-            }
-            other => Err(ParseError::new(self.path, other.kind(), "numbers").in_field(name)),
-        }
+        self.column(name)?;
+        let numbers = self.table.quantity(name, unit).map_err(|error| error.in_file(self.path))?;
+        Ok(numbers.into_owned())
     }
 
     pub fn optional(&self, name: &str, unit: &str) -> Result<Option<Vec<f64>>, ParseError> {
@@ -185,12 +169,12 @@ impl Reader<'_> {
         values.iter().enumerate().map(time).collect()
     }
 
-    pub fn flags(&self, name: &str, bits: &[Flags]) -> Result<Vec<Flags>, ParseError> {
+    pub fn flags(&self, name: &str, bits: &Numbering<Flags>) -> Result<Vec<Flags>, ParseError> {
         let Values::I64(values) = self.column(name)? else {
             return Err(ParseError::new(self.path, "no whole numbers", "flag bits").in_field(name));
         };
         let read = |(i, value): (usize, &Option<i64>)| {
-            value.and_then(|v| Flags::renumbered(v, bits)).ok_or_else(|| {
+            value.and_then(|v| bits.flags(v)).ok_or_else(|| {
                 let found = value.map_or_else(|| "nothing".to_owned(), |v| v.to_string());
                 ParseError::new(self.path, found, "bits that flag_bits in the metadata names")
                     .in_field(row(name, i))

@@ -6,7 +6,8 @@ use ndarray::{Array2, Ix2};
 use serde_json::Value;
 use std::path::Path;
 use sunglint_formats::error::EncodeError;
-use sunglint_formats::fits::{Fits, Header, Image, Kind, Pixels, Writer};
+use sunglint_formats::fits::{Fits, Header, Image, Kind, Pixels, Writer, ascii_json};
+use sunglint_formats::flag_bits::{Numbering, bit_names};
 use sunglint_formats::{Column, ParseError, Table, Values};
 
 /// A light curve in wavelength bins.
@@ -49,10 +50,10 @@ impl SpectralLightCurve {
         header.set("QUANTITY", self.quantity.as_str(), "what the values are");
         header.set(
             "PROVENAN",
-            self.provenance.to_json().to_string().as_str(),
+            ascii_json(&self.provenance.to_json()).as_str(),
             "where they come from",
         );
-        header.set("FLAGBITS", Flags::bit_names().to_string().as_str(), "bits of SAMPLES.flags");
+        header.set("FLAGBITS", ascii_json(&bit_names::<Flags>()).as_str(), "bits of SAMPLES.flags");
         let mut writer = Writer::new();
         writer.image(&Image { header, pixels: Pixels::F64(self.values.clone().into_dyn()) })?;
         let edges = |from: usize| {
@@ -113,7 +114,7 @@ impl SpectralLightCurve {
                 .map_err(|error| ParseError::new(path, error.to_string(), "JSON").in_field(key))
         };
         let reader = Reader { path, table: &samples };
-        let numbering = Flags::numbering(path, Some(&json("FLAGBITS")?))?;
+        let numbering = Numbering::read(path, Some(&json("FLAGBITS")?))?;
         let mut known = Samples::COLUMNS.map(str::to_owned).to_vec();
         known.push("flags".into());
         reader.refuse_unknown(&known)?;
@@ -191,7 +192,7 @@ mod tests {
             edges_nm: vec![300.0, 305.0, 310.0, 400.0],
             values: array![[1.0, 2.0, 3.0], [4.0, f64::NAN, 6.5e-12]],
             flags: vec![Flags::empty(), Flags::EXTRAPOLATED],
-            provenance: Provenance { notes: vec!["a note that is long enough to need more than one card of a FITS header, of which each holds no more than 68 characters".into()], ..Provenance::default() },
+            provenance: Provenance { target: "α Lyr from Uhlandshöhe 🛰".into(), notes: vec!["a note that is long enough to need more than one card of a FITS header, of which each holds no more than 68 characters".into()], ..Provenance::default() },
         }
     }
 

@@ -187,8 +187,11 @@ impl EarthOrientation {
     /// # Errors
     /// As [`EarthOrientation::from_rows`], or a column that is not there.
     pub fn from_table(table: &Table) -> Result<Self, OrientationError> {
-        let (mjd, ut1) = (table.f64("mjd_utc")?, table.f64("ut1_minus_utc_s")?);
-        let (x, y) = (table.f64("x_pole_arcsec")?, table.f64("y_pole_arcsec")?);
+        let (mjd, ut1) = (table.quantity("mjd_utc", "d")?, table.quantity("ut1_minus_utc_s", "s")?);
+        let (x, y) = (
+            table.quantity("x_pole_arcsec", "arcsec")?,
+            table.quantity("y_pole_arcsec", "arcsec")?,
+        );
         let rows: Vec<OrientationRow> = (0..table.rows())
             .map(|i| OrientationRow {
                 mjd_utc: mjd[i],

@@ -1,18 +1,16 @@
 //! What stands in a `station.toml`, and how it becomes a [`Station`].
 
+use super::curves::{Elevation, Loader, curves_that_end_high, fractions, horizon, linearity, load};
 use super::{
-    AirDefaults, Camera, Channel, Counter, CounterQuantity, DeadTime, Detector, Fibre, Horizon,
-    Laser, Mount, Plane, Station, Telescope,
+    AirDefaults, Camera, Channel, Counter, CounterQuantity, DeadTime, Detector, Fibre, Laser,
+    Mount, Plane, Station, Telescope,
 };
 use crate::air::{Aerosol, AerosolModel, Air, AirError};
 use crate::sky::{Geodetic, Site};
-use crate::spectrum::{Response, Spectrum};
 use serde::Deserialize;
-use std::path::PathBuf;
-use sunglint_formats::curve::Curve;
 use sunglint_formats::frame::Bayer;
 use sunglint_formats::toml::{
-    Document, Finite, Fraction, LatitudeDeg, LongitudeDeg, NonNegative, Positive, Within,
+    Document, Finite, Fraction, LatitudeDeg, LongitudeDeg, NonNegative, Positive,
 };
 use sunglint_formats::{FileError, ParseError};
 
@@ -31,9 +29,6 @@ struct StationFile {
     #[serde(default)]
     laser: Vec<LaserFile>,
 }
-
-/// What stands in the way, degrees: a little below the horizontal on a mountain, never overhead.
-type Elevation = Within<-10, 89>;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -142,25 +137,6 @@ struct LaserFile {
     note: Option<String>,
 }
 
-/// Reads a curve that the file names, and says under which path it was found.
-type Loader<'a> = &'a mut dyn FnMut(&str) -> Result<(Curve, PathBuf), FileError>;
-
-/// Reads a curve, or says which key names what cannot be read.
-fn load(
-    document: &Document,
-    key: &str,
-    name: &str,
-    curve: Loader,
-) -> Result<(Curve, PathBuf), FileError> {
-    curve(name).map_err(|error| match error {
-        FileError::Io { path, source, .. } => {
-            let hint = format!("{}: {source}", path.display());
-            document.error_at(key, "a curve that can be read").with_hint(hint).into()
-        }
-        error => error,
-    })
-}
-
 /// The station of a document; `curve` reads the files that it names.
 pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, FileError> {
     let file: StationFile = document.parse()?;
@@ -169,7 +145,8 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
         |table: String, text: Option<String>| notes.extend(text.map(|text| (table, text)));
     check_name(document, "name", &file.name, "_-")?;
     let site = site(document, &file.site)?;
-    let horizon = horizon(document, &file.site, curve)?;
+    let horizon_deg = file.site.horizon_deg.map(Elevation::get);
+    let horizon = horizon(document, horizon_deg, file.site.horizon_mask.as_deref(), curve)?;
     note("site".into(), file.site.note);
     let telescope = telescope(document, &file.telescope)?;
     note("telescope".into(), file.telescope.note);
@@ -248,34 +225,6 @@ fn aerosol(document: &Document, file: &AirFile) -> Result<Aerosol, ParseError> {
     }
 }
 
-/// A curve that stops at a high value where the channel's others go on: beyond it the channel is taken as blind, which may not be meant.
-fn curves_that_end_high(channel: &Channel) -> Vec<String> {
-    const HIGH: f64 = 0.01;
-    let curves: Vec<&Spectrum<Response>> = channel.factors().collect();
-    let mut warnings = Vec::new();
-    for (i, curve) in curves.iter().enumerate() {
-        let peak = curve.value().iter().copied().fold(0.0, f64::max);
-        let (first, last) = curve.range_nm();
-        for (end_nm, beyond_nm) in [(first, first - 1.0), (last, last + 1.0)] {
-            let others = curves.iter().enumerate().filter(|(j, _)| *j != i);
-            let others: f64 = others.map(|(_, other)| other.at(beyond_nm)).product();
-            if curves.len() > 1 && curve.at(end_nm) > HIGH * peak && others > HIGH {
-                let name = if i + 1 == curves.len() && !channel.counts_photons() {
-                    "efficiency"
-                } else {
-                    "optics"
-                };
-                warnings.push(format!(
-                    "channel {}: a curve of its {name} ends at {end_nm} nm with {:.3}, where its other curves go on with {others:.3}: beyond, it is taken as 0",
-                    channel.name,
-                    curve.at(end_nm)
-                ));
-            }
-        }
-    }
-    warnings
-}
-
 /// Refuses an air that could not be computed.
 fn check_air(document: &Document, station: &Station) -> Result<(), ParseError> {
     let made = station.air_options().and_then(|options| Air::new(&options));
@@ -308,56 +257,6 @@ fn site(document: &Document, file: &SiteFile) -> Result<Site, ParseError> {
         height_m: file.height_m.get(),
     };
     Site::new(geodetic).map_err(|e| document.error_at("site.height_m", e.to_string()))
-}
-
-fn horizon(document: &Document, file: &SiteFile, curve: Loader) -> Result<Horizon, FileError> {
-    Ok(match (&file.horizon_deg, &file.horizon_mask) {
-        (Some(_), Some(_)) => {
-            let expected = "either horizon_deg or horizon_mask, not both";
-            return Err(document.error_at("site.horizon_mask", expected).into());
-        }
-        (Some(elevation), None) => Horizon::Flat(elevation.get()),
-        (None, None) => Horizon::Flat(0.0),
-        (None, Some(name)) => {
-            let (mask, path) = load(document, "site.horizon_mask", name, curve)?;
-            if mask.x_name != "azimuth_deg" || mask.y_name != "elevation_deg" {
-                let found = format!("{}, {}", mask.x_name, mask.y_name);
-                let expected = "columns azimuth_deg, elevation_deg";
-                return Err(ParseError::new(&path, found, expected).into());
-            }
-            let wrong = |_row: usize, field: &str, value: f64, expected: &str| {
-                let error = ParseError::new(&path, value.to_string(), expected);
-                error.in_field(field)
-            };
-            for (i, (azimuth, elevation)) in mask.x.iter().zip(&mask.y).enumerate() {
-                if !(0.0..=360.0).contains(azimuth) {
-                    return Err(wrong(
-                        i,
-                        "azimuth_deg",
-                        *azimuth,
-                        "an azimuth from 0 to 360 degrees",
-                    )
-                    .into());
-                }
-                if Elevation::new(*elevation).is_none() {
-                    return Err(wrong(
-                        i,
-                        "elevation_deg",
-                        *elevation,
-                        "an elevation from -10 to 89 degrees",
-                    )
-                    .into());
-                }
-            }
-            let last = mask.x.len() - 1;
-            if mask.x[last] - mask.x[0] == 360.0 && mask.y[last] != mask.y[0] {
-                let expected =
-                    format!("{}, as at azimuth 0, which is the same direction", mask.y[0]);
-                return Err(wrong(last, "elevation_deg", mask.y[last], &expected).into());
-            }
-            Horizon::Mask(mask.x.iter().copied().zip(mask.y.iter().copied()).collect())
-        }
-    })
 }
 
 fn telescope(document: &Document, file: &TelescopeFile) -> Result<Telescope, ParseError> {
@@ -584,75 +483,4 @@ fn laser(file: LaserFile) -> Laser {
         divergence_arcsec: file.divergence_arcsec.get(),
         beam_radius_m: file.beam_radius_m.get(),
     }
-}
-
-/// A curve of fractions against wavelength.
-fn fractions((curve, path): (Curve, PathBuf)) -> Result<Spectrum<Response>, ParseError> {
-    if curve.x_name != "wavelength_nm" {
-        let found = format!("`{}`", curve.x_name);
-        let error =
-            ParseError::new(&path, found, "wavelengths in the first column").in_field(curve.x_name);
-        return Err(error.with_hint("name it wavelength_nm, wavelength_um or wavelength_angstrom"));
-    }
-    const NAMES: [&str; 8] =
-        ["efficiency", "transmission", "reflectance", "throughput", "response", "qe", "pde", "pdp"];
-    if !NAMES.contains(&curve.y_name.as_str()) {
-        let found = format!("`{}`", curve.y_name);
-        let expected =
-            format!("a column of fractions: {} (or one of these with _percent)", NAMES.join(", "));
-        return Err(ParseError::new(&path, found, expected).in_field(curve.y_name));
-    }
-    let longest = curve.x.last().copied().unwrap_or(0.0);
-    for (is_so, unit) in [(longest < 20.0, "um"), (curve.x[0] > 2000.0, "angstrom")] {
-        if is_so {
-            let found = format!("{} to {longest} nm", curve.x[0]);
-            let error =
-                ParseError::new(&path, found, "wavelengths in nm").in_field("wavelength_nm");
-            return Err(
-                error.with_hint(format!("if it is {unit}, name the column wavelength_{unit}"))
-            );
-        }
-    }
-    let wrong = |_row: usize, field: &str, value: f64, expected: &str| {
-        let error = ParseError::new(&path, value.to_string(), expected);
-        error.in_field(field)
-    };
-    if let Some(i) = curve.y.iter().position(|y| !(0.0..=1.0).contains(y)) {
-        let error = wrong(i, &curve.y_name, curve.y[i], "a fraction from 0 to 1");
-        return Err(
-            error.with_hint(format!("a column in percent is named {}_percent", curve.y_name))
-        );
-    }
-    if let Some(i) = curve.x.iter().position(|x| *x <= 0.0) {
-        return Err(wrong(i, &curve.x_name, curve.x[i], "a wavelength above 0 nm"));
-    }
-    Spectrum::new(curve.x, curve.y)
-        .map_err(|e| ParseError::new(&path, e.to_string(), "a curve against wavelength"))
-}
-
-fn linearity((curve, path): (Curve, PathBuf)) -> Result<DeadTime, ParseError> {
-    if curve.x_name != "measured_hz" || curve.y_name != "true_hz" {
-        let found = format!("{}, {}", curve.x_name, curve.y_name);
-        return Err(ParseError::new(&path, found, "columns measured_hz, true_hz"));
-    }
-    for (i, (measured, truth)) in curve.x.iter().zip(&curve.y).enumerate() {
-        let wrong = |value: f64, field: &str, expected: &str| {
-            let error = ParseError::new(&path, value.to_string(), expected);
-            Err(error.in_field(field))
-        };
-        if *measured < 0.0 {
-            return wrong(*measured, "measured_hz", "a rate not below 0 Hz");
-        }
-        if truth < measured {
-            return wrong(
-                *truth,
-                "true_hz",
-                "a rate not below measured_hz: a detector loses counts",
-            );
-        }
-        if i > 0 && *truth <= curve.y[i - 1] {
-            return wrong(*truth, "true_hz", "rates that increase");
-        }
-    }
-    Ok(DeadTime::Table { measured_hz: curve.x, true_hz: curve.y })
 }

@@ -1,5 +1,6 @@
 //! A station: where it stands, its telescope, its channels, its camera and its lasers, as read from a `station.toml` and the curves beside it.
 
+mod curves;
 mod file;
 
 use crate::air::{Aerosol, AirError, AirOptions, Profile};
