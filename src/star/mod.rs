@@ -14,7 +14,7 @@ use hifitime::{Epoch, Unit};
 use std::path::PathBuf;
 use sunglint_formats::time::parse_utc;
 use sunglint_radiometry::passband::ZeroPoint;
-use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Star};
+use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Star, StarError};
 use sunglint_radiometry::star_light::{self, StarColours, StarLight};
 
 /// Where a star's spectrum comes from.
@@ -205,7 +205,12 @@ impl StarArgs {
             }
             _ => Catalogue::embedded()
                 .find(&self.name)
-                .map_err(|e| anyhow!("{e}: --ra RA --dec DEC --v MAG --type MK (or --bv MAG)"))?
+                .map_err(|error| match error {
+                    StarError::Unknown { .. } | StarError::NotInCatalogue { .. } => {
+                        anyhow!("{error}: --ra RA --dec DEC --v MAG --type MK (or --bv MAG)")
+                    }
+                    error => error.into(),
+                })?
                 .clone(),
         };
         let numbers = [

@@ -2,9 +2,10 @@
 
 use super::time::{TimeError, tai_minus_utc_s, tai_seconds, tai_seconds_of_mjd_utc};
 use crate::tables;
-use hifitime::Epoch;
+use hifitime::{Duration, Epoch};
 use std::fmt;
 use std::sync::OnceLock;
+use sunglint_formats::time::{UtcDay, format_utc};
 use sunglint_formats::{Table, TableError};
 
 /// Rows further apart than this are not bridged: UT1 would be a guess.
@@ -155,6 +156,15 @@ impl OrientationOrigin {
     }
 }
 
+/// A day as people write it, `2026-10-08`.
+fn date(mjd_utc: f64) -> String {
+    let text = UtcDay::of_mjd(mjd_utc.floor() as i64).map(|day| {
+        let start = Epoch::from_tai_duration(Duration::from_total_nanoseconds(day.start_tai_ns));
+        format_utc(start, 0)
+    });
+    text.map_or_else(|| format!("MJD {mjd_utc:.0}"), |text| text.chars().take(10).collect())
+}
+
 impl fmt::Display for OrientationOrigin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -162,9 +172,11 @@ impl fmt::Display for OrientationOrigin {
             Self::Constant => f.write_str("constant Earth orientation"),
             Self::Outside { mjd_utc, first_mjd_utc, last_mjd_utc } => write!(
                 f,
-                "no Earth orientation for MJD {mjd_utc:.3} (the table holds {first_mjd_utc:.0} to \
-                 {last_mjd_utc:.0}): UT1-UTC and the pole are taken as 0, which errs by up to 0.9 s of rotation \
-                 (14 arcsec on the sky, 450 m in low orbit); give newer IERS rows"
+                "no Earth orientation for {} (the table holds {} to {}): UT1-UTC and the pole are taken as 0; within a year or two of the table \
+                 that errs by up to 0.9 s of rotation (14 arcsec on the sky, 450 m in low orbit); give IERS rows that cover it",
+                date(*mjd_utc),
+                date(*first_mjd_utc),
+                date(*last_mjd_utc)
             ),
         }
     }

@@ -1,6 +1,6 @@
 //! How people write the designation of a star, and what SIMBAD's object types mean.
 
-use super::StarNote;
+use super::{StarNote, constellations};
 
 const GREEK: [(&str, char, &str); 24] = [
     ("alpha", 'α', "alp"),
@@ -28,6 +28,8 @@ const GREEK: [(&str, char, &str); 24] = [
     ("psi", 'ψ', "psi"),
     ("omega", 'ω', "ome"),
 ];
+/// Spellings of SIMBAD that differ from the table's.
+const SIMBAD: [(&str, &str); 3] = [("alf", "alp"), ("tet", "the"), ("ksi", "xi")];
 const RAISED: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
 
 /// A number in one of the great catalogues.
@@ -61,11 +63,14 @@ pub(super) fn as_the_table_spells(text: &str) -> String {
             None => c,
         })
         .collect();
-    let mut words: Vec<String> = plain.split_whitespace().map(str::to_owned).collect();
-    if let Some(first) = words.first_mut() {
-        *first = greek_letter(first);
+    let words: Vec<&str> = plain.split_whitespace().collect();
+    let Some((first, rest)) = words.split_first() else { return String::new() };
+    let rest = rest.join(" ");
+    match constellations::abbreviation(&rest) {
+        Some(constellation) => format!("{} {constellation}", greek_letter(first)),
+        None if rest.is_empty() => greek_letter(first),
+        None => format!("{} {rest}", greek_letter(first)),
     }
-    words.join(" ")
 }
 
 /// `alpha`, `α` and `Alp` to `alp`, a digit behind kept; anything else as it is.
@@ -75,6 +80,12 @@ fn greek_letter(word: &str) -> String {
     let lower = letter.to_lowercase();
     // The micro sign looks like a mu and is what keyboards have.
     let lower = if lower == "µ" { "μ".to_owned() } else { lower };
+    // SIMBAD fills two letters up with a point: `mu.`, `pi.`
+    let lower = lower.trim_end_matches('.').to_owned();
+    let lower = SIMBAD
+        .iter()
+        .find(|(theirs, _)| *theirs == lower)
+        .map_or(lower, |(_, ours)| (*ours).to_owned());
     let found = GREEK.iter().find(|(name, sign, short)| {
         lower == *name || lower == *short || lower.chars().eq(std::iter::once(*sign))
     });
@@ -114,6 +125,17 @@ mod tests {
         }
         for text in ["alp2 Cen", "α² Cen", "alpha2 Cen", "alp02 Cen"] {
             assert_eq!(as_the_table_spells(text), "alp2 Cen", "{text}");
+        }
+        for (text, spelled) in [
+            ("alf Lyr", "alp Lyr"),
+            ("Alpha Lyrae", "alp Lyr"),
+            ("tet Ori", "the Ori"),
+            ("ksi Boötis", "xi Boo"),
+            ("mu. Cep", "mu Cep"),
+            ("alpha2 Canum Venaticorum", "alp2 CVn"),
+            ("61 cygni", "61 Cyg"),
+        ] {
+            assert_eq!(as_the_table_spells(text), spelled, "{text}");
         }
         assert_eq!(as_the_table_spells("µ Cep"), "mu Cep", "the micro sign");
         assert_eq!(as_the_table_spells("A Cen"), "A Cen");

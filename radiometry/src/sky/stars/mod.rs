@@ -1,6 +1,7 @@
 //! The bright stars by name, and where a star stands.
 
 mod catalogue;
+mod constellations;
 mod designation;
 
 pub use catalogue::{Catalogue, StarError};
@@ -74,7 +75,7 @@ impl fmt::Display for StarNote {
             Self::SpectroscopicBinary => "spectroscopic binary",
             Self::UnknownType => "object type unknown",
             Self::NoProperMotion => {
-                "no proper motion known: place rounded to 0.3 arcsec and not moved since its epoch"
+                "no proper motion known: not moved since the epoch of its place (which the catalogue then rounds to 0.3 arcsec)"
             }
             Self::NoParallax => "no parallax known",
         })
