@@ -258,6 +258,9 @@ impl Figure {
         }
         root.draw_text(&self.title, &style(size), (16 * margin, 16 * margin)).map_err(failed)?;
         let (_, below) = root.split_vertically(TITLE_HEIGHT * scale);
+        // One width for all panels, so that what is above one another belongs together.
+        let widths = self.panels.iter().map(|panel| panel.legend_width(root, scale));
+        let legend_width = widths.collect::<Result<Vec<_>, _>>()?.into_iter().max().unwrap_or(0);
         for (panel, area) in self.panels.iter().zip(below.split_evenly((self.panels.len(), 1))) {
             let points = || {
                 panel
@@ -270,36 +273,52 @@ impl Figure {
             let x = panel.x.extent(points().map(|p| p.0)).ok_or_else(empty)?;
             let y = panel.y.extent(points().map(|p| p.1)).ok_or_else(empty)?;
             let x = Scale::horizontal(x, panel.x.log);
-            panel.draw(&area, scale, x, Scale::vertical(y, panel.y.log))?;
+            panel.draw(&area, scale, legend_width, x, Scale::vertical(y, panel.y.log))?;
         }
         Ok(())
     }
 }
 
 impl Panel {
+    /// The series that the names beside the panel are of, and how many of them have room.
+    fn named(&self) -> (Vec<&Series>, usize) {
+        let named: Vec<&Series> = self.series.iter().filter(|s| !s.label.is_empty()).collect();
+        let shown = if named.len() > LEGEND_NAMES { LEGEND_NAMES - 1 } else { named.len() };
+        (named, shown)
+    }
+
+    /// The width that the names need; 0 without names.
+    fn legend_width<DB: DrawingBackend>(
+        &self,
+        area: &DrawingArea<DB, Shift>,
+        scale: u32,
+    ) -> Result<u32, PlotError> {
+        let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
+        let (named, shown) = self.named();
+        let font = ("sans-serif", 13 * scale).into_font().color(&BLACK);
+        let mut width = 0;
+        for series in &named[..shown] {
+            let (name, _) = area.estimate_text_size(&series.label, &font).map_err(failed)?;
+            let wanted = name / scale + 26 + 6 + 10;
+            width = width.max(wanted.clamp(*LEGEND_WIDTH.start(), *LEGEND_WIDTH.end()));
+        }
+        Ok(width)
+    }
+
     /// Draws the names beside the panel and gives what is left of its area.
     fn legend<DB: DrawingBackend>(
         &self,
         area: &DrawingArea<DB, Shift>,
         scale: u32,
+        width: u32,
     ) -> Result<DrawingArea<DB, Shift>, PlotError> {
         let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
-        let named: Vec<&Series> = self.series.iter().filter(|s| !s.label.is_empty()).collect();
-        if named.is_empty() {
-            return Ok(area.clone());
-        }
+        let (named, shown) = self.named();
         let font = ("sans-serif", 13 * scale).into_font().color(&BLACK);
-        let shown = if named.len() > LEGEND_NAMES { LEGEND_NAMES - 1 } else { named.len() };
-        let mut widest = 0;
-        for series in &named[..shown] {
-            let (width, _) = area.estimate_text_size(&series.label, &font).map_err(failed)?;
-            widest = widest.max(width / scale);
-        }
         let length = 26 * scale as i32;
-        let width = (widest + 26 + 6 + 10).clamp(*LEGEND_WIDTH.start(), *LEGEND_WIDTH.end());
         let (area, legend) = area.split_horizontally(area.dim_in_pixel().0 - width * scale);
         let height = |i: usize| (22 + 20 * i as i32) * scale as i32;
-        let beside = |i: usize| (length + 6 * scale as i32, height(i) - 6 * scale as i32);
+        let beside = |i: usize| (length + 6 * scale as i32, height(i) - 5 * scale as i32);
         for (i, series) in named[..shown].iter().enumerate() {
             let ends = [(0.0, f64::from(height(i))), (f64::from(length), f64::from(height(i)))];
             for piece in dashes(&ends, DASHES[series.dash], f64::from(scale)) {
@@ -319,11 +338,12 @@ impl Panel {
         &self,
         area: &DrawingArea<DB, Shift>,
         scale: u32,
+        legend_width: u32,
         x: Scale,
         y: Scale,
     ) -> Result<(), PlotError> {
         let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
-        let area = self.legend(area, scale)?;
+        let area = self.legend(area, scale, legend_width)?;
         let mut chart = ChartBuilder::on(&area)
             .margin(10 * scale)
             .margin_right(24 * scale)
