@@ -1,17 +1,22 @@
 //! `sunglint air`: what the atmosphere leaves of a direct beam.
 
-use crate::output::{Console, OutputArgs, Product};
+mod grid;
+mod text;
+
+use crate::output::{Console, OutputArgs, Product, rounded};
 use crate::plot::{Axis, Figure, Panel, Series};
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::Args;
+use grid::Grid;
+use rayon::prelude::*;
 use serde_json::{Value, json};
-use std::fmt::Write as _;
 use std::str::FromStr;
 use sunglint_formats::{Column, Table};
 use sunglint_radiometry::air::{
     Aerosol, AerosolModel, Air, AirOptions, Components, Path, Profile, Sampling, Zenith,
 };
+use sunglint_radiometry::quadrature::Product as Integrand;
 use sunglint_radiometry::station::Station;
 
 /// What is known of the air; what is not given is the station's, or the profile's own.
@@ -22,20 +27,20 @@ pub struct AirModelArgs {
     #[arg(long, value_name = "NAME")]
     pub profile: Option<String>,
     /// Pressure at the station (not reduced to sea level), hPa
-    #[arg(long, value_name = "HPA")]
+    #[arg(long, value_name = "HPA", allow_negative_numbers = true)]
     pub pressure_hpa: Option<f64>,
     /// Ozone column above the station, Dobson units
-    #[arg(long, value_name = "DU")]
+    #[arg(long, value_name = "DU", allow_negative_numbers = true)]
     pub ozone_du: Option<f64>,
     /// Precipitable water above the station, mm
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub water_mm: Option<f64>,
     /// CO2, ppm by volume [default: 330, the profiles' own]
-    #[arg(long, value_name = "PPM")]
+    #[arg(long, value_name = "PPM", allow_negative_numbers = true)]
     pub co2_ppm: Option<f64>,
     /// Aerosol: none, rural_23km, rural_5km, maritime_23km, urban_5km, tropospheric_50km, rural_23km_summer, or TAU,ALPHA (Ångström: optical
     /// depth above the station at 550 nm, exponent)
-    #[arg(long, value_name = "MODEL", default_value = "none")]
+    #[arg(long, value_name = "MODEL", default_value = "none", allow_hyphen_values = true)]
     pub aerosol: AerosolArg,
     /// Straight paths: no refraction
     #[arg(long)]
@@ -95,13 +100,66 @@ impl AirModelArgs {
         asked.unwrap_or_else(|| "midlatitude_winter".into())
     }
 
+    /// Warns of what is possible but most likely in another unit or for another altitude.
+    pub fn warn_if_implausible(
+        &self,
+        altitude_m: f64,
+        station: Option<&Station>,
+        console: Console,
+    ) -> anyhow::Result<()> {
+        let defaults = station.map(|s| s.air.clone()).unwrap_or_default();
+        let profile = self.profile(station);
+        let usual_hpa = Profile::named(&profile)?.at(altitude_m)?.pressure_hpa;
+        if let Some(hpa) = self.pressure_hpa.or(defaults.pressure_hpa)
+            && (hpa / usual_hpa - 1.0).abs() > 0.1
+        {
+            console.warn(&format!(
+                "the pressure of {hpa} hPa is {:.0} % of {usual_hpa:.0} hPa, which {profile} has at {altitude_m} m: wanted is the station's own \
+                 pressure in hPa, not reduced to sea level, not inches or millimetres of mercury",
+                100.0 * hpa / usual_hpa
+            ));
+        }
+        if let Some(du) = self.ozone_du.or(defaults.ozone_du)
+            && du > 0.0
+            && du < 80.0
+        {
+            console.warn(&format!(
+                "an ozone column of {du} DU is hardly ever measured (300 is usual): is it in atm-cm? multiply by 1000"
+            ));
+        }
+        if let Aerosol::Angstrom { exponent, .. } = self.aerosol.0
+            && !(-0.5..=3.0).contains(&exponent)
+        {
+            console.warn(&format!(
+                "an Ångström exponent of {exponent} is outside -0.5 to 3, where air's lies: --aerosol wants TAU,ALPHA, the optical depth at 550 nm first"
+            ));
+        }
+        Ok(())
+    }
+
+    /// The aerosol as summaries hold it.
+    fn aerosol_json(&self, optical_depth_550: f64) -> Value {
+        let depth = rounded(optical_depth_550);
+        match self.aerosol.0 {
+            Aerosol::Angstrom { exponent, .. } => {
+                json!({ "model": "angstrom", "optical_depth_550_nm": depth, "exponent": exponent })
+            }
+            Aerosol::Model(model) => {
+                json!({ "model": model.name(), "optical_depth_550_nm": depth })
+            }
+            _ => json!({ "model": "none", "optical_depth_550_nm": depth }),
+        }
+    }
+
     /// The air in a line.
     pub fn describe(&self, air: &Air, altitude_m: f64, station: Option<&Station>) -> String {
         let c = air.columns();
         let aerosol = match self.aerosol.0 {
-            Aerosol::None => "no aerosol".to_owned(),
-            Aerosol::Model(model) => format!("aerosol {model}"),
-            _ => format!("aerosol {:.3} at 550 nm", c.aerosol_550),
+            Aerosol::Angstrom { exponent, .. } => {
+                format!("aerosol τ(550 nm) {:.3}, exponent {exponent}", c.aerosol_550)
+            }
+            Aerosol::Model(model) => format!("aerosol {model}, τ(550 nm) {:.3}", c.aerosol_550),
+            _ => "no aerosol".to_owned(),
         };
         format!(
             "{} at {altitude_m} m: {:.1} hPa, {:.1} K, ozone {:.1} DU, water {:.2} mm, CO2 {:.0} ppm, {aerosol}",
@@ -137,15 +195,15 @@ pub struct AirArgs {
     /// Altitude above sea level, m, instead of a station's
     #[arg(long, value_name = "M", allow_negative_numbers = true, conflicts_with = "station")]
     pub altitude_m: Option<f64>,
-    /// First wavelength, vacuum nm
-    #[arg(long, value_name = "NM", default_value_t = 300.0)]
-    pub from_nm: f64,
-    /// Last wavelength, vacuum nm
-    #[arg(long, value_name = "NM", default_value_t = 1240.0)]
-    pub to_nm: f64,
-    /// Step of the wavelengths, nm; values are means over a step
-    #[arg(long, value_name = "NM", default_value_t = 1.0)]
-    pub step_nm: f64,
+    /// First wavelength, vacuum nm [default: 300]
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    pub from_nm: Option<f64>,
+    /// Last wavelength, vacuum nm [default: 1240]
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    pub to_nm: Option<f64>,
+    /// Step of the wavelengths, nm; values are means over a step [default: 1]
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    pub step_nm: Option<f64>,
     /// Values at the wavelengths instead of means over a step
     #[arg(long)]
     pub points: bool,
@@ -163,12 +221,49 @@ pub struct AirArgs {
 /// One zenith angle of the result.
 struct Row {
     path: Path,
-    components: Components,
+    total: Vec<f64>,
+    /// Where they were asked for.
+    components: Option<Components>,
+    /// What the air leaves in each channel of a station.
+    channels: Vec<ChannelAir>,
+}
+
+/// What the air leaves in a channel of light flat in photons per nm: ∫T P dλ / ∫P dλ.
+#[derive(Clone)]
+struct ChannelAir {
+    name: String,
+    transmission: f64,
+    /// Width of the channel outside the tables of the air, nm: dark in the transmission.
+    uncovered_nm: f64,
+}
+
+impl Row {
+    /// The same at some of its wavelengths.
+    fn at(&self, picked: &[usize]) -> Self {
+        let pick = |values: &[f64]| picked.iter().map(|i| values[*i]).collect();
+        Self {
+            path: self.path.clone(),
+            total: pick(&self.total),
+            components: self.components.as_ref().map(|c| Components {
+                total: pick(&c.total),
+                rayleigh: pick(&c.rayleigh),
+                ozone: pick(&c.ozone),
+                water_lines: pick(&c.water_lines),
+                water_continuum: pick(&c.water_continuum),
+                oxygen: pick(&c.oxygen),
+                carbon_dioxide: pick(&c.carbon_dioxide),
+                aerosol: pick(&c.aerosol),
+            }),
+            channels: self.channels.clone(),
+        }
+    }
 }
 
 /// Computes and shows transmissions.
 pub fn run(args: &AirArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
+    let grid = args.grid()?;
+    args.check_angles()?;
     let station = match args.altitude_m {
         Some(_) => None,
         None => Some(args.station.get().context("which station's air? (or give --altitude-m)")?),
@@ -176,42 +271,71 @@ pub fn run(args: &AirArgs, console: Console) -> anyhow::Result<()> {
     let altitude_m =
         args.altitude_m.or(station.as_ref().map(|s| s.site.geodetic().height_m)).unwrap_or(0.0);
     let air = args.model.air(altitude_m, station.as_ref())?;
-    let wavelength_nm = args.wavelengths()?;
-    let sampling = if args.points {
-        Sampling::points(&wavelength_nm)?
-    } else {
-        Sampling::means(&wavelength_nm, args.step_nm / 2.0)?
-    };
-    let mut rows = Vec::new();
-    for &zenith in &args.zenith {
-        let zenith = if args.apparent { Zenith::Apparent(zenith) } else { Zenith::True(zenith) };
-        rows.push(Row { path: air.path(zenith)?, components: air.components(zenith, &sampling)? });
-    }
+    args.model.warn_if_implausible(altitude_m, station.as_ref(), console)?;
     let title = args.model.describe(&air, altitude_m, station.as_ref());
-    let product = args.product(&title, &air, &wavelength_nm, &rows, station.as_ref());
-    args.out.deliver(&product, console)?;
-    if !args.out.is_stdout() && (args.out.output.is_empty() || console.json) {
-        console.result(&args.text(&title, &air, &rows)?, &product.json)?;
+    if let Some(station) = &station {
+        console.detail(&format!("station: {} ({})", station.name, station.description.trim()));
+        for (field, note) in &station.notes {
+            console.detail(&format!("station: {field}: {note}"));
+        }
     }
-    Ok(())
+    console.detail(&format!("air: {title}"));
+    console.detail(&format!(
+        "grid: {} wavelengths, {}, {} zenith angles, {} threads",
+        grid.nm.len(),
+        grid.kind(),
+        args.zenith.len(),
+        rayon::current_num_threads()
+    ));
+    let rows = args.rows(&air, &grid.sampling()?, station.as_ref())?;
+    let mut product = args.product(&title, &grid, &rows);
+    if args.out.wants_json(console) {
+        product.json = args.json(&title, &air, &grid, &rows, station.as_ref());
+    }
+    let text = if console.json {
+        String::new()
+    } else {
+        args.text(&title, &air, &grid, &rows, station.as_ref())?
+    };
+    args.out.finish(&product, &text, console)
 }
 
 impl AirArgs {
-    fn wavelengths(&self) -> anyhow::Result<Vec<f64>> {
-        let (from, to, step) = (self.from_nm, self.to_nm, self.step_nm);
-        if !(from.is_finite() && to.is_finite() && step > 0.0 && from <= to) {
-            bail!(
-                "the wavelengths from {from} to {to} nm by {step} nm are none: --from-nm must not be above --to-nm, and --step-nm above 0"
-            );
+    /// Each angle has columns of its own, named with four digits.
+    fn check_angles(&self) -> anyhow::Result<()> {
+        for (i, angle) in self.zenith.iter().enumerate() {
+            if self.zenith[..i].iter().any(|other| round(*other) == round(*angle)) {
+                bail!("--zenith names {}° twice: each angle once, 0.0001° apart", round(*angle));
+            }
         }
-        let n = ((to - from) / step + 1e-9).floor();
-        if n > 1e6 {
-            bail!(
-                "the wavelengths from {from} to {to} nm by {step} nm are {n} many; more than 1e6 make no sense, the model resolves 20 cm-1: take a larger --step-nm"
-            );
-        }
-        // The count is bounded above.
-        Ok((0..=n as u32).map(|i| from + f64::from(i) * step).collect())
+        Ok(())
+    }
+
+    /// The air at each zenith angle, the angles side by side on the threads; in each the same operations whatever their number.
+    fn rows(
+        &self,
+        air: &Air,
+        sampling: &Sampling,
+        station: Option<&Station>,
+    ) -> anyhow::Result<Vec<Row>> {
+        let row = |&angle: &f64| -> anyhow::Result<Row> {
+            let zenith = if self.apparent { Zenith::Apparent(angle) } else { Zenith::True(angle) };
+            let path = air.path(zenith)?;
+            let components =
+                if self.components { Some(air.components(zenith, sampling)?) } else { None };
+            let total = match &components {
+                Some(components) => components.total.clone(),
+                None => air.transmission(zenith, sampling)?,
+            };
+            let channels = match station {
+                Some(station) => channels(air, zenith, station)?,
+                None => vec![],
+            };
+            Ok(Row { path, total, components, channels })
+        };
+        let rows: Vec<anyhow::Result<Row>> = self.zenith.par_iter().map(row).collect();
+        // The first angle that fails is the one that is said, on any number of threads.
+        rows.into_iter().collect()
     }
 
     fn label(&self, path: &Path) -> String {
@@ -220,96 +344,96 @@ impl AirArgs {
         format!("{}° {kind}", round(angle))
     }
 
-    fn product(
-        &self,
-        title: &str,
-        air: &Air,
-        wavelength_nm: &[f64],
-        rows: &[Row],
-        station: Option<&Station>,
-    ) -> Product {
+    fn product(&self, title: &str, grid: &Grid, rows: &[Row]) -> Product {
         let mut table = Table::default();
-        let kind = if self.points {
-            "value at the wavelength".to_owned()
-        } else {
-            format!("mean over {} nm", self.step_nm)
-        };
         for (key, value) in [
             ("title", title),
             ("zenith_kind", if self.apparent { "apparent" } else { "true" }),
-            ("value", &kind),
+            ("value", &grid.kind()),
         ] {
             table.meta.insert(key.into(), json!(value));
         }
         table.meta.insert("missing".into(), json!(MISSING));
-        table.columns.push(Column::f64("wavelength_nm", Some("nm"), wavelength_nm.to_vec()));
+        table.columns.push(Column::f64("wavelength_nm", Some("nm"), grid.nm.clone()));
         for (row, angle) in rows.iter().zip(&self.zenith) {
             let angle = format!("z{}", round(*angle));
             table.columns.push(Column::f64(
                 format!("transmission_{angle}"),
                 None,
-                row.components.total.clone(),
+                row.total.clone(),
             ));
-            if self.components {
-                for (name, values) in constituents(&row.components) {
-                    table.columns.push(Column::f64(
-                        format!("{name}_{angle}"),
-                        None,
-                        values.to_vec(),
-                    ));
-                }
+            for (name, values) in row.components.iter().flat_map(constituents) {
+                let name = format!("{name}_{angle}");
+                table.columns.push(Column::f64(name, None, values.to_vec()));
             }
         }
+        let figure = Some(self.figure(title, grid, rows));
+        Product { name: "air".into(), table, figure, json: Value::Null }
+    }
+
+    fn json(
+        &self,
+        title: &str,
+        air: &Air,
+        grid: &Grid,
+        rows: &[Row],
+        station: Option<&Station>,
+    ) -> Value {
         let json_rows: Vec<Value> = rows.iter().map(|row| self.json_row(air, row)).collect();
         let c = air.columns();
-        let json = json!({
+        json!({
             "station": station.map(|s| &s.name), "title": title,
-            "columns": { "pressure_hpa": c.pressure_hpa, "temperature_k": c.temperature_k, "ozone_du": c.ozone_du,
-                "water_mm": c.water_mm, "co2_ppm": c.co2_ppm, "aerosol_optical_depth_550_nm": c.aerosol_550 },
-            "value": kind, "missing": MISSING, "wavelength_nm": wavelength_nm, "zenith": json_rows,
-        });
-        Product {
-            name: "air".into(),
-            table,
-            figure: Some(self.figure(title, wavelength_nm, rows)),
-            json,
-        }
+            "columns": { "pressure_hpa": rounded(c.pressure_hpa), "temperature_k": rounded(c.temperature_k),
+                "ozone_du": rounded(c.ozone_du), "water_mm": rounded(c.water_mm), "co2_ppm": rounded(c.co2_ppm),
+                "aerosol_optical_depth_550_nm": rounded(c.aerosol_550) },
+            "aerosol": self.model.aerosol_json(c.aerosol_550),
+            "value": grid.kind(), "missing": MISSING, "wavelength_nm": grid.nm, "zenith": json_rows,
+        })
     }
 
     fn json_row(&self, air: &Air, row: &Row) -> Value {
         let masses = air.air_masses(&row.path);
+        let list = |values: &[f64]| -> Vec<f64> { values.iter().map(|v| rounded(*v)).collect() };
         let mut json = json!({
-            "true_deg": row.path.true_deg, "apparent_deg": row.path.apparent_deg,
-            "refraction_arcsec": row.path.refraction_arcsec(),
-            "airmass": { "rayleigh": masses.rayleigh, "ozone": masses.ozone, "water": masses.water },
-            "transmission": row.components.total,
+            "true_deg": rounded(row.path.true_deg), "apparent_deg": rounded(row.path.apparent_deg),
+            "refraction_arcsec": rounded(row.path.refraction_arcsec()),
+            "airmass": { "rayleigh": rounded(masses.rayleigh), "ozone": rounded(masses.ozone), "water": rounded(masses.water) },
+            "transmission": list(&row.total),
         });
-        if self.components {
-            let parts = constituents(&row.components)
-                .map(|(name, values)| (name.to_owned(), json!(values)));
+        if !row.channels.is_empty() {
+            let channel = |c: &ChannelAir| {
+                json!({ "channel": c.name, "transmission": rounded(c.transmission),
+                    "extinction_mag": rounded(magnitudes(c.transmission)), "uncovered_nm": rounded(c.uncovered_nm) })
+            };
+            json["channels_for_flat_photons"] = row.channels.iter().map(channel).collect();
+        }
+        if let Some(components) = &row.components {
+            let parts = constituents(components)
+                .map(|(name, values)| (name.to_owned(), json!(list(values))));
             json["components"] = Value::Object(parts.collect());
         }
         json
     }
 
-    fn figure(&self, title: &str, wavelength_nm: &[f64], rows: &[Row]) -> Figure {
-        let curve =
-            |values: &[f64]| wavelength_nm.iter().copied().zip(values.iter().copied()).collect();
+    fn figure(&self, title: &str, grid: &Grid, rows: &[Row]) -> Figure {
+        let curve = |values: &[f64]| grid.nm.iter().copied().zip(values.iter().copied()).collect();
         let x = || {
-            Axis::linear("vacuum wavelength (nm)")
-                .from_to(self.from_nm, self.to_nm.max(self.from_nm + self.step_nm))
+            let axis = Axis::linear("vacuum wavelength (nm)");
+            match (grid.nm.first(), grid.nm.last()) {
+                (Some(first), Some(last)) => axis.from_to(*first, *last),
+                _ => axis,
+            }
         };
         let y = |label: &str| Axis::linear(label).from_to(0.0, 1.0);
         let series = rows.iter().enumerate().map(|(i, row)| {
-            Series::line(
-                format!("zenith angle {}", self.label(&row.path)),
-                i,
-                curve(&row.components.total),
-            )
+            let name = format!("zenith angle {}", self.label(&row.path));
+            Series::line(name, i, curve(&row.total))
         });
         let mut panels = vec![Panel { x: x(), y: y("transmission"), series: series.collect() }];
-        if let (true, Some(last)) = (self.components, rows.last()) {
-            let series = constituents(&last.components).enumerate();
+        if let Some((last, components)) =
+            rows.last().and_then(|row| Some((row, row.components.as_ref()?)))
+        {
+            let series = constituents(components).enumerate();
             let series = series
                 .map(|(i, (name, values))| Series::line(name.replace('_', " "), i, curve(values)));
             let label = format!("constituents, {}", self.label(&last.path));
@@ -317,40 +441,27 @@ impl AirArgs {
         }
         Figure { title: format!("Air: {title}"), panels }
     }
+}
 
-    fn text(&self, title: &str, air: &Air, rows: &[Row]) -> anyhow::Result<String> {
-        const SHOWN_NM: [f64; 9] = [320.0, 400.0, 500.0, 550.0, 650.0, 762.0, 850.0, 940.0, 1064.0];
-        let mut text = format!(
-            "{title}\n\n  zenith angle      refraction  air mass            transmission (mean over 1 nm) at nm\n"
-        );
-        let _ = write!(text, "  true    apparent      arcsec  Rayleigh   water ");
-        for nm in SHOWN_NM {
-            let _ = write!(text, "{nm:>8}");
+/// What the air leaves in each channel of a station.
+fn channels(air: &Air, zenith: Zenith, station: &Station) -> anyhow::Result<Vec<ChannelAir>> {
+    // Drawn in to what the tables cover.
+    let transmission = air.spectrum(zenith, (0.0, f64::INFINITY))?;
+    let of = |channel: &sunglint_radiometry::station::Channel| {
+        let through = channel.times_sensitivity(Integrand::of(&transmission)).integral();
+        ChannelAir {
+            name: channel.name.clone(),
+            transmission: through.value / channel.bandwidth_nm(),
+            uncovered_nm: through.uncovered_nm,
         }
-        text.push('\n');
-        let sampling = Sampling::means(&SHOWN_NM, 0.5)?;
-        for row in rows {
-            let masses = air.air_masses(&row.path);
-            let _ = write!(
-                text,
-                "{:8.4}{:10.4}{:12.1}{:10.4}{:9.4} ",
-                row.path.true_deg,
-                row.path.apparent_deg,
-                row.path.refraction_arcsec(),
-                masses.rayleigh,
-                masses.water
-            );
-            for t in air.transmission(Zenith::Apparent(row.path.apparent_deg), &sampling)? {
-                let _ = write!(text, "{t:8.4}");
-            }
-            text.push('\n');
-        }
-        let _ = writeln!(
-            text,
-            "\n{MISSING}.\n`-o FILE` writes the spectra (.ecsv, .csv, .fits, .json) or draws them (.png, .svg)."
-        );
-        Ok(text)
-    }
+    };
+    Ok(station.channels.iter().map(of).collect())
+}
+
+/// A transmission in magnitudes.
+fn magnitudes(transmission: f64) -> f64 {
+    // No minus before the 0 of clear air.
+    -2.5 * transmission.log10() + 0.0
 }
 
 /// The parts of the total.

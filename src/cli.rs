@@ -2,13 +2,15 @@
 
 use crate::output::{Console, OutputArgs};
 use crate::{air, demo, star, tables};
+use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
 
 /// Light curves of satellites and space debris: observed, calibrated, simulated, compared.
 ///
 /// Times are UTC, ISO 8601 (2026-11-20T18:30:00), or `now`. Angles are degrees. Zenith angles are true unless --apparent.
-/// Results go to stdout, messages to stderr. Exit codes: 0 done, 1 failed, 2 usage.
+/// Results go to stdout, messages to stderr. Exit codes: 0 done; 1 failed (a value out of its range, an unknown name, a file that is
+/// there, a system that refuses); 2 usage (unknown options, options that exclude one another, an extension of no format).
 #[derive(Debug, Parser)]
 #[command(name = "sunglint", version, propagate_version = true, max_term_width = 110)]
 pub struct Cli {
@@ -24,13 +26,13 @@ pub struct Cli {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Options of every command")]
 pub struct Global {
-    /// Seed of everything random; the same seed gives the same result
+    /// Seed of everything random; the same seed gives the same result. Nothing is random yet: no command depends on it
     #[arg(long, global = true, default_value_t = 0, value_name = "N")]
     pub seed: u64,
     /// Threads to use at most [default: as many as there are cores]; results do not depend on it
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
-    /// Say more on stderr
+    /// Say on stderr what was used: station, air, grid, threads
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
     /// Say nothing on stderr but errors
@@ -71,21 +73,47 @@ pub enum Command {
 /// Runs a parsed command line.
 ///
 /// # Errors
-/// Whatever the command says; `main` prints it and exits with 1.
+/// Whatever the command says; `main` prints it and exits with 1, or with 2 where it is a [`crate::output::Usage`].
 pub fn run(cli: &Cli) -> anyhow::Result<()> {
     let console =
         Console { json: cli.global.json, quiet: cli.global.quiet, verbose: cli.global.verbose };
-    match &cli.command {
-        Command::Demo(args) => demo::run(args, console),
-        Command::Tables(args) => tables::run(args, console),
-        Command::Air(args) => air::run(args, console),
-        Command::Star(args) => star::run(args, console),
-        Command::Completions { shell } => {
-            let mut script = Vec::new();
-            clap_complete::generate(*shell, &mut Cli::command(), "sunglint", &mut script);
-            console.print(&String::from_utf8(script)?)
+    if let Some(out) = cli.command.output() {
+        out.check_with(console)?;
+    }
+    match cli.global.threads {
+        None => cli.command.run(console),
+        Some(threads) => {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build();
+            pool.with_context(|| format!("cannot start {threads} threads"))?
+                .install(|| cli.command.run(console))
         }
-        Command::Man { output, force } => write_manual(output, *force, console),
+    }
+}
+
+impl Command {
+    /// Where its result goes, for what has one.
+    fn output(&self) -> Option<&OutputArgs> {
+        match self {
+            Command::Tables(args) => Some(&args.out),
+            Command::Air(args) => Some(&args.out),
+            Command::Star(args) => Some(&args.out),
+            Command::Demo(_) | Command::Completions { .. } | Command::Man { .. } => None,
+        }
+    }
+
+    fn run(&self, console: Console) -> anyhow::Result<()> {
+        match self {
+            Command::Demo(args) => demo::run(args, console),
+            Command::Tables(args) => tables::run(args, console),
+            Command::Air(args) => air::run(args, console),
+            Command::Star(args) => star::run(args, console),
+            Command::Completions { shell } => {
+                let mut script = Vec::new();
+                clap_complete::generate(*shell, &mut Cli::command(), "sunglint", &mut script);
+                console.print(&String::from_utf8(script)?)
+            }
+            Command::Man { output, force } => write_manual(output, *force, console),
+        }
     }
 }
 

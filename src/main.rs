@@ -3,6 +3,7 @@
 use clap::Parser as _;
 use std::process::ExitCode;
 use sunglint::cli::{Cli, run};
+use sunglint::output::Usage;
 
 fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
@@ -20,7 +21,12 @@ fn main() -> ExitCode {
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("sunglint: {}", describe(&error));
-            ExitCode::FAILURE
+            // What the parser cannot see is usage all the same.
+            if error.downcast_ref::<Usage>().is_some() {
+                ExitCode::from(2)
+            } else {
+                ExitCode::FAILURE
+            }
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Where results go: files by their extension, folders, stdout; nothing is overwritten unless asked.
 
 use crate::plot::Figure;
-use anyhow::{Context as _, bail};
+use anyhow::Context as _;
 use clap::Args;
 use serde_json::Value;
+use std::collections::HashSet;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use sunglint_formats::atomic::{Overwrite, write_file};
@@ -12,14 +13,19 @@ use sunglint_formats::{FileError, Table, ecsv};
 /// Where results go.
 #[derive(Debug, Clone, Default, Args)]
 pub struct OutputArgs {
-    /// Write the result: the extension picks the format (.ecsv, .csv, .fits, .json, .png, .svg), `-` is ECSV on stdout, a folder gets table and
-    /// figure. May be given several times
+    /// Write the result: the extension picks the format (.ecsv, .csv, .fits, .json, .png, .svg), `-` is ECSV on stdout, a folder (its name
+    /// ends with `/`, or it is there) gets table and figure. May be given several times. The text is printed too, unless -q
     #[arg(short, long, value_name = "FILE")]
     pub output: Vec<PathBuf>,
     /// Overwrite files that are there
     #[arg(long)]
     pub force: bool,
 }
+
+/// A mistake in how the program was called: `main` exits with 2, not 1.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Usage(pub String);
 
 /// How to speak to the person.
 #[derive(Debug, Clone, Copy, Default)]
@@ -56,6 +62,13 @@ impl Console {
         }
     }
 
+    /// Says something on stderr to whoever asked for more (`-v`).
+    pub fn detail(&self, text: &str) {
+        if self.verbose > 0 {
+            eprintln!("{text}");
+        }
+    }
+
     /// Warns on stderr.
     pub fn warn(&self, text: &str) {
         if !self.quiet {
@@ -83,71 +96,135 @@ impl OutputArgs {
         self.output.iter().any(|p| p.as_os_str() == "-")
     }
 
-    /// Refuses before the work what could not be written after it: an unknown extension, a file that is there.
+    /// Whether the JSON document will be wanted: building it costs time and memory.
+    pub fn wants_json(&self, console: Console) -> bool {
+        console.json || self.output.iter().any(|p| matches!(Format::of(p), Ok(Format::Json)))
+    }
+
+    /// Refuses before the work what could not be written after it: an unknown extension, a file that is there or named twice, a folder
+    /// that is not there.
     pub fn check(&self) -> anyhow::Result<()> {
-        for path in self.output.iter().filter(|p| p.as_os_str() != "-" && !is_folder(p)) {
+        let files = self.output.iter().filter(|p| p.as_os_str() != "-" && !is_folder(p));
+        let files: Vec<&Path> = files.map(PathBuf::as_path).collect();
+        for path in &files {
             Format::of(path)?;
+        }
+        self.check_targets(files)
+    }
+
+    /// Refuses options that do not go together.
+    pub fn check_with(&self, console: Console) -> anyhow::Result<()> {
+        if self.is_stdout() && console.json {
+            return Err(Usage(
+                "`-o -` and `--json` both want stdout: leave one of them out, or give `-o` a file"
+                    .into(),
+            )
+            .into());
+        }
+        Ok(())
+    }
+
+    /// Whether all of these files can be written.
+    fn check_targets<'a>(&self, paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Result<()> {
+        let mut seen = HashSet::new();
+        for path in paths {
+            if is_device(path) {
+                continue;
+            }
+            let folder = folder_of(path);
+            // A folder that is still to be made has no other name.
+            let place = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
+            if !seen.insert(place.join(path.file_name().unwrap_or_default())) {
+                return Err(Usage(format!("{} would be written twice", path.display())).into());
+            }
             if !self.force && path.symlink_metadata().is_ok() {
                 return Err(there_already(path));
+            }
+            let made = self.output.iter().any(|target| is_folder(target) && target == folder);
+            if !folder.is_dir() && !made {
+                let problem = if folder.exists() { "is no folder" } else { "does not exist" };
+                let (folder, path) = (folder.display(), path.display());
+                anyhow::bail!("the folder {folder} {problem}: make it before writing {path}");
             }
         }
         Ok(())
     }
 
-    /// Writes a product everywhere it is wanted, and gives the files written.
+    /// The one end of every command: writes a product everywhere it is wanted; prints the JSON document where it was asked for, else the
+    /// text, which `-q` leaves out if there are files instead. With `-o -` the table is all there is on stdout.
+    pub fn finish(&self, product: &Product, text: &str, console: Console) -> anyhow::Result<()> {
+        self.check_with(console)?;
+        self.deliver(product, console)?;
+        if self.is_stdout() || (console.quiet && !console.json && !self.output.is_empty()) {
+            return Ok(());
+        }
+        console.result(text, &product.json)
+    }
+
+    /// Writes a product everywhere it is wanted, all or nothing but for what the system refuses, and gives the files written.
     pub fn deliver(&self, product: &Product, console: Console) -> anyhow::Result<Vec<PathBuf>> {
-        let mut written = Vec::new();
-        for path in &self.output {
-            if path.as_os_str() == "-" {
-                console.print(&ecsv::to_string(&product.table)?)?;
-            } else if is_folder(path) {
-                std::fs::create_dir_all(path)
-                    .with_context(|| format!("cannot create the folder {}", path.display()))?;
+        if self.is_stdout() {
+            let files = self.files_of(product)?;
+            self.check_targets(files.iter().map(|(path, _)| path.as_path()))?;
+            console.print(&ecsv::to_string(&product.table)?)?;
+            return self.write_files(&files, console);
+        }
+        self.write_files(&self.files_of(product)?, console)
+    }
+
+    /// The files that a product becomes, with their contents.
+    pub fn files_of(&self, product: &Product) -> anyhow::Result<Vec<(PathBuf, Vec<u8>)>> {
+        let mut paths = Vec::new();
+        for target in self.output.iter().filter(|p| p.as_os_str() != "-") {
+            if is_folder(target) {
                 let extensions: &[&str] =
                     if product.figure.is_some() { &["ecsv", "png", "svg"] } else { &["ecsv"] };
-                for extension in extensions {
-                    let file = path.join(format!("{}.{extension}", product.name));
-                    self.write_product(&file, product)?;
-                    written.push(file);
-                }
+                let file = |extension| target.join(format!("{}.{extension}", product.name));
+                paths.extend(extensions.iter().map(file));
             } else {
-                self.write_product(path, product)?;
-                written.push(path.clone());
+                paths.push(target.clone());
             }
         }
-        for path in &written {
+        // A quick answer before the figures are drawn.
+        self.check_targets(paths.iter().map(PathBuf::as_path))?;
+        paths
+            .into_iter()
+            .map(|path| {
+                let bytes = contents(&path, product)?;
+                Ok((path, bytes))
+            })
+            .collect()
+    }
+
+    /// Writes files after having seen that all of them can be: none if one is there, or named twice. Makes the folders of `-o`.
+    pub fn write_files(
+        &self,
+        files: &[(PathBuf, Vec<u8>)],
+        console: Console,
+    ) -> anyhow::Result<Vec<PathBuf>> {
+        self.check_targets(files.iter().map(|(path, _)| path.as_path()))?;
+        for folder in self.output.iter().filter(|p| is_folder(p)) {
+            std::fs::create_dir_all(folder)
+                .with_context(|| format!("cannot create the folder {}", folder.display()))?;
+        }
+        let mut written = Vec::new();
+        for (path, bytes) in files {
+            self.write_file(path, bytes)?;
             console.say(&format!("wrote {}", path.display()));
+            written.push(path.clone());
         }
         Ok(written)
     }
 
-    fn write_product(&self, path: &Path, product: &Product) -> anyhow::Result<()> {
-        let figure = || {
-            product.figure.as_ref().with_context(|| {
-                format!("{}: `{}` has no figure; write it as .ecsv", path.display(), product.name)
-            })
-        };
-        let bytes = match Format::of(path)? {
-            Format::Ecsv => ecsv::to_string(&product.table)?.into_bytes(),
-            Format::Csv => plain_csv(&product.table)?,
-            Format::Fits => {
-                let mut writer = sunglint_formats::fits::Writer::new();
-                writer.table(&product.table, &product.name.to_uppercase())?;
-                writer.into_bytes()
-            }
-            Format::Json => {
-                let mut text = serde_json::to_vec_pretty(&product.json)?;
-                text.push(b'\n');
-                text
-            }
-            Format::Png => figure()?.png()?,
-            Format::Svg => figure()?.svg()?.into_bytes(),
-        };
-        self.write_file(path, &bytes)
-    }
-
     /// Writes bytes whole or not at all, over nothing unless `--force`.
     pub fn write_file(&self, path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+        if is_device(path) {
+            // A device is written to; a file moved into its place would end it.
+            let device = std::fs::OpenOptions::new().write(true).open(path);
+            return device
+                .and_then(|mut device| device.write_all(bytes))
+                .with_context(|| format!("cannot write {}", path.display()));
+        }
         let overwrite = if self.force { Overwrite::Allow } else { Overwrite::Refuse };
         write_file(path, bytes, overwrite).map_err(|error| match error {
             FileError::Exists { path } => there_already(&path),
@@ -158,6 +235,31 @@ impl OutputArgs {
 
 fn there_already(path: &Path) -> anyhow::Error {
     anyhow::anyhow!("{} is there already: nothing is overwritten without --force", path.display())
+}
+
+/// What a file holds of a product.
+fn contents(path: &Path, product: &Product) -> anyhow::Result<Vec<u8>> {
+    let figure = || {
+        product.figure.as_ref().with_context(|| {
+            format!("{}: `{}` has no figure; write it as .ecsv", path.display(), product.name)
+        })
+    };
+    Ok(match Format::of(path)? {
+        Format::Ecsv => ecsv::to_string(&product.table)?.into_bytes(),
+        Format::Csv => plain_csv(&product.table)?,
+        Format::Fits => {
+            let mut writer = sunglint_formats::fits::Writer::new();
+            writer.table(&product.table, &product.name.to_uppercase())?;
+            writer.into_bytes()
+        }
+        Format::Json => {
+            let mut text = serde_json::to_vec_pretty(&product.json)?;
+            text.push(b'\n');
+            text
+        }
+        Format::Png => figure()?.png()?,
+        Format::Svg => figure()?.svg()?.into_bytes(),
+    })
 }
 
 enum Format {
@@ -171,19 +273,27 @@ enum Format {
 
 impl Format {
     fn of(path: &Path) -> anyhow::Result<Self> {
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-        Ok(match extension.to_ascii_lowercase().as_str() {
-            "ecsv" => Format::Ecsv,
-            "csv" => Format::Csv,
-            "fits" | "fit" => Format::Fits,
-            "json" => Format::Json,
-            "png" => Format::Png,
-            "svg" => Format::Svg,
-            _ => bail!(
-                "{}: found the extension `{extension}`, expected .ecsv, .csv, .fits, .json, .png or .svg (a folder ends with `/`)",
-                path.display()
-            ),
-        })
+        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+        let found = match extension.as_deref() {
+            Some("ecsv") => return Ok(Format::Ecsv),
+            Some("csv") => return Ok(Format::Csv),
+            Some("fits" | "fit") => return Ok(Format::Fits),
+            Some("json") => return Ok(Format::Json),
+            Some("png") => return Ok(Format::Png),
+            Some("svg") => return Ok(Format::Svg),
+            // As on stdout.
+            _ if is_device(path) => return Ok(Format::Ecsv),
+            Some(extension) => format!("found the extension `{extension}`"),
+            None => "found no extension".to_owned(),
+        };
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let hint = if name.starts_with('.') && extension.is_none() {
+            format!("; what begins with a dot is a name, not an extension: result{name}?")
+        } else {
+            " (a folder's name ends with `/`)".to_owned()
+        };
+        let expected = "expected .ecsv, .csv, .fits, .json, .png or .svg";
+        Err(Usage(format!("-o {}: {found}, {expected}{hint}", path.display())).into())
     }
 }
 
@@ -191,9 +301,60 @@ fn is_folder(path: &Path) -> bool {
     path.is_dir() || path.as_os_str().to_string_lossy().ends_with(['/', std::path::MAIN_SEPARATOR])
 }
 
+/// Whether it is there and neither file nor folder: `/dev/null`, a pipe.
+fn is_device(path: &Path) -> bool {
+    path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir())
+}
+
+/// The folder that a file is in.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// A number with nine significant digits, as summaries hold it: without the noise of the last bits (329.99999999999994).
+pub fn rounded(value: f64) -> f64 {
+    if value == 0.0 || !value.is_finite() {
+        return value;
+    }
+    // Powers of ten up to 22 are exact, so that the quotient is the float nearest to the decimal.
+    match 8 - value.abs().log10().floor() as i32 {
+        places @ 0..=22 => (value * 10_f64.powi(places)).round() / 10_f64.powi(places),
+        places @ -22..0 => (value / 10_f64.powi(-places)).round() * 10_f64.powi(-places),
+        // A text of this form is always a number.
+        _ => format!("{value:.8e}").parse().unwrap_or(value),
+    }
+}
+
 /// The columns alone, for programs that know no ECSV.
 fn plain_csv(table: &Table) -> anyhow::Result<Vec<u8>> {
     let text = ecsv::to_string(table)?;
     let body: Vec<&str> = text.lines().skip_while(|l| l.starts_with('#')).collect();
     Ok((body.join("\n") + "\n").into_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: the decimal text rounded to nine digits, read back.
+    #[test]
+    fn numbers_are_rounded_to_what_a_decimal_text_says() {
+        for (value, expected) in [
+            (329.999_999_999_999_94, 330.0),
+            (0.999_999_999_999_997_8, 1.0),
+            (0.1 + 0.2, 0.3),
+            (-1234.567_890_123, -1234.567_89),
+            (6.02e23, 6.02e23),
+            (1.234_567_891_4e-30, 1.234_567_89e-30),
+            (123_456_789_012.3, 123_456_789_000.0),
+            (0.0, 0.0),
+        ] {
+            assert_eq!(rounded(value), expected);
+        }
+        for i in 1..2000 {
+            let value = (f64::from(i) * 0.37).exp2() * 1e-9;
+            assert_eq!(rounded(value), format!("{value:.8e}").parse::<f64>().unwrap(), "{value}");
+        }
+        assert!(rounded(f64::NAN).is_nan());
+    }
 }

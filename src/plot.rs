@@ -1,9 +1,11 @@
 //! Figures: lines and points on one or several panels, as PNG or SVG.
 
+mod scale;
+
 use plotters::coord::Shift;
-use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::{FontStyle, register_font};
+use scale::{Scale, label};
 use std::io::Cursor;
 use std::sync::Once;
 
@@ -49,6 +51,8 @@ pub struct Series {
     pub style: Style,
     /// Its colour.
     pub colour: RGBColor,
+    /// Which dashes a line has, of [`DASHES`].
+    pub dash: usize,
 }
 
 /// How a series is drawn.
@@ -71,6 +75,33 @@ pub const COLOURS: [RGBColor; 8] = [
     RGBColor(90, 90, 90),
     RGBColor(160, 140, 20),
 ];
+
+/// Lengths of stroke and gap in turn, in pixels of the SVG; none is a whole line. Lines beyond the colours take the next dashes.
+pub const DASHES: [&[f64]; 4] = [&[], &[9.0, 5.0], &[2.0, 4.0], &[10.0, 4.0, 2.0, 4.0]];
+
+/// A colour in which people find a wavelength again: the spectrum's where it is seen, violet and wine red beside it, then
+/// browns and greys in the infrared. All are dark enough for white paper.
+pub fn colour_of_wavelength_nm(nm: f64) -> RGBColor {
+    const STOPS: [(f64, [f64; 3]); 11] = [
+        (340.0, [122.0, 60.0, 170.0]),
+        (400.0, [95.0, 40.0, 190.0]),
+        (450.0, [25.0, 80.0, 215.0]),
+        (490.0, [0.0, 135.0, 165.0]),
+        (530.0, [0.0, 145.0, 60.0]),
+        (580.0, [170.0, 130.0, 0.0]),
+        (620.0, [225.0, 45.0, 25.0]),
+        (700.0, [150.0, 10.0, 35.0]),
+        (800.0, [105.0, 20.0, 95.0]),
+        (950.0, [110.0, 90.0, 120.0]),
+        (1100.0, [60.0, 60.0, 65.0]),
+    ];
+    let upper = STOPS.partition_point(|(stop, _)| *stop <= nm).clamp(1, STOPS.len() - 1);
+    let ((from, a), (to, b)) = (STOPS[upper - 1], STOPS[upper]);
+    let f = ((nm - from) / (to - from)).clamp(0.0, 1.0);
+    // Between two bytes lies a byte.
+    let [r, g, b] = [0, 1, 2].map(|i| (a[i] + f * (b[i] - a[i])).round() as u8);
+    RGBColor(r, g, b)
+}
 
 /// Why a figure was not drawn.
 #[derive(Debug, thiserror::Error)]
@@ -110,38 +141,60 @@ impl Axis {
 
     /// The range to draw, with a margin where it comes from the data.
     fn extent(&self, values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
-        if let Some(range) = self.range {
-            return Some(range);
-        }
         let (lo, hi) =
             values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
         if lo > hi {
             return None;
         }
+        let (lo, hi) = self.range.unwrap_or((lo, hi));
+        // One value only: room on both sides of it. Closer together than this, floats cannot be told apart on an axis.
+        let narrow = hi - lo <= 1e-12 * lo.abs().max(hi.abs());
         Some(if self.log {
-            (lo / 1.2, hi * 1.2)
+            let room = if narrow { 2.0 } else { 1.2 };
+            if self.range.is_some() && !narrow { (lo, hi) } else { (lo / room, hi * room) }
+        } else if narrow {
+            let margin = if hi == 0.0 { 1.0 } else { 0.05 * hi.abs() };
+            (lo - margin, hi + margin)
+        } else if self.range.is_some() {
+            (lo, hi)
         } else {
-            let margin = if hi > lo { 0.04 * (hi - lo) } else { 0.5 * hi.abs().max(1.0) };
+            let margin = 0.04 * (hi - lo);
             (lo - margin, hi + margin)
         })
     }
 }
 
 impl Series {
-    /// A line.
-    pub fn line(label: impl Into<String>, colour: usize, points: Vec<(f64, f64)>) -> Self {
+    /// A line, the `index`-th of its panel: after eight colours the lines become dashed, after 32 they repeat.
+    pub fn line(label: impl Into<String>, index: usize, points: Vec<(f64, f64)>) -> Self {
         Self {
             label: label.into(),
             points,
             style: Style::Line,
-            colour: COLOURS[colour % COLOURS.len()],
+            colour: COLOURS[index % COLOURS.len()],
+            dash: index / COLOURS.len() % DASHES.len(),
         }
+    }
+
+    /// The same in a colour of its own and without dashes ([`colour_of_wavelength_nm`] for a band).
+    #[must_use]
+    pub fn with_colour(self, colour: RGBColor) -> Self {
+        self.with_colour_and_dash(colour, 0)
+    }
+
+    /// The same in a colour and with dashes of its own: for bands whose colours are alike.
+    #[must_use]
+    pub fn with_colour_and_dash(mut self, colour: RGBColor, dash: usize) -> Self {
+        (self.colour, self.dash) = (colour, dash % DASHES.len());
+        self
     }
 }
 
 const WIDTH: u32 = 1000;
-/// Width of the strip on the right that holds the names, so that they never lie on the data.
-const LEGEND_WIDTH: u32 = 150;
+/// Widths of the strip on the right that holds the names, so that they never lie on the data.
+const LEGEND_WIDTH: std::ops::RangeInclusive<u32> = 110..=320;
+/// Names that the strip has room for.
+const LEGEND_NAMES: usize = 18;
 const PANEL_HEIGHT: u32 = 400;
 const TITLE_HEIGHT: u32 = 46;
 
@@ -192,10 +245,22 @@ impl Figure {
     ) -> Result<(), PlotError> {
         let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
         root.fill(&WHITE).map_err(failed)?;
-        let title = ("sans-serif", 19 * scale).into_font().color(&BLACK);
         let margin = scale as i32;
-        root.draw_text(&self.title, &title, (16 * margin, 16 * margin)).map_err(failed)?;
+        let style = |size: u32| ("sans-serif", size * scale).into_font().color(&BLACK);
+        // A long title is written smaller rather than cut off.
+        let mut size = 19;
+        while size > 8 {
+            let (width, _) = root.estimate_text_size(&self.title, &style(size)).map_err(failed)?;
+            if width <= (WIDTH - 32) * scale {
+                break;
+            }
+            size -= 1;
+        }
+        root.draw_text(&self.title, &style(size), (16 * margin, 16 * margin)).map_err(failed)?;
         let (_, below) = root.split_vertically(TITLE_HEIGHT * scale);
+        // One width for all panels, so that what is above one another belongs together.
+        let widths = self.panels.iter().map(|panel| panel.legend_width(root, scale));
+        let legend_width = widths.collect::<Result<Vec<_>, _>>()?.into_iter().max().unwrap_or(0);
         for (panel, area) in self.panels.iter().zip(below.split_evenly((self.panels.len(), 1))) {
             let points = || {
                 panel
@@ -207,57 +272,84 @@ impl Figure {
             let empty = || PlotError::Empty(panel.y.label.clone());
             let x = panel.x.extent(points().map(|p| p.0)).ok_or_else(empty)?;
             let y = panel.y.extent(points().map(|p| p.1)).ok_or_else(empty)?;
-            match (panel.x.log, panel.y.log) {
-                (false, false) => panel.draw(&area, scale, x.0..x.1, y.0..y.1)?,
-                (false, true) => panel.draw(&area, scale, x.0..x.1, (y.0..y.1).log_scale())?,
-                (true, false) => panel.draw(&area, scale, (x.0..x.1).log_scale(), y.0..y.1)?,
-                (true, true) => {
-                    panel.draw(&area, scale, (x.0..x.1).log_scale(), (y.0..y.1).log_scale())?;
-                }
-            }
+            let x = Scale::horizontal(x, panel.x.log);
+            panel.draw(&area, scale, legend_width, x, Scale::vertical(y, panel.y.log))?;
         }
         Ok(())
     }
 }
 
 impl Panel {
-    fn draw<DB, X, Y>(
+    /// The series that the names beside the panel are of, and how many of them have room.
+    fn named(&self) -> (Vec<&Series>, usize) {
+        let named: Vec<&Series> = self.series.iter().filter(|s| !s.label.is_empty()).collect();
+        let shown = if named.len() > LEGEND_NAMES { LEGEND_NAMES - 1 } else { named.len() };
+        (named, shown)
+    }
+
+    /// The width that the names need; 0 without names.
+    fn legend_width<DB: DrawingBackend>(
         &self,
         area: &DrawingArea<DB, Shift>,
         scale: u32,
-        x: X,
-        y: Y,
-    ) -> Result<(), PlotError>
-    where
-        DB: DrawingBackend,
-        X: AsRangedCoord<Value = f64>,
-        Y: AsRangedCoord<Value = f64>,
-        X::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
-        Y::CoordDescType: ValueFormatter<f64> + Ranged<ValueType = f64>,
-    {
+    ) -> Result<u32, PlotError> {
         let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
-        let names: Vec<(&str, RGBColor)> = self
-            .series
-            .iter()
-            .filter(|s| !s.label.is_empty())
-            .map(|s| (s.label.as_str(), s.colour))
-            .collect();
-        let legend_width = if names.is_empty() { 0 } else { LEGEND_WIDTH * scale };
-        let (area, legend) = area.split_horizontally(area.dim_in_pixel().0 - legend_width);
-        for (i, (name, colour)) in names.iter().enumerate() {
-            let (y, length) = ((22 + 20 * i as i32) * scale as i32, 18 * scale as i32);
-            let line = PathElement::new([(0, y), (length, y)], colour.stroke_width(3 * scale));
-            legend.draw(&line).map_err(failed)?;
-            let font = ("sans-serif", 13 * scale).into_font().color(&BLACK);
-            let middle = y - 6 * scale as i32;
-            legend.draw_text(name, &font, (length + 6 * scale as i32, middle)).map_err(failed)?;
+        let (named, shown) = self.named();
+        let font = ("sans-serif", 13 * scale).into_font().color(&BLACK);
+        let mut width = 0;
+        for series in &named[..shown] {
+            let (name, _) = area.estimate_text_size(&series.label, &font).map_err(failed)?;
+            let wanted = name / scale + 26 + 6 + 10;
+            width = width.max(wanted.clamp(*LEGEND_WIDTH.start(), *LEGEND_WIDTH.end()));
         }
+        Ok(width)
+    }
+
+    /// Draws the names beside the panel and gives what is left of its area.
+    fn legend<DB: DrawingBackend>(
+        &self,
+        area: &DrawingArea<DB, Shift>,
+        scale: u32,
+        width: u32,
+    ) -> Result<DrawingArea<DB, Shift>, PlotError> {
+        let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
+        let (named, shown) = self.named();
+        let font = ("sans-serif", 13 * scale).into_font().color(&BLACK);
+        let length = 26 * scale as i32;
+        let (area, legend) = area.split_horizontally(area.dim_in_pixel().0 - width * scale);
+        let height = |i: usize| (22 + 20 * i as i32) * scale as i32;
+        let beside = |i: usize| (length + 6 * scale as i32, height(i) - 5 * scale as i32);
+        for (i, series) in named[..shown].iter().enumerate() {
+            let ends = [(0.0, f64::from(height(i))), (f64::from(length), f64::from(height(i)))];
+            for piece in dashes(&ends, DASHES[series.dash], f64::from(scale)) {
+                let line = PathElement::new(piece, series.colour.stroke_width(3 * scale));
+                legend.draw(&line).map_err(failed)?;
+            }
+            legend.draw_text(&series.label, &font, beside(i)).map_err(failed)?;
+        }
+        if shown < named.len() {
+            let more = format!("… and {} more", named.len() - shown);
+            legend.draw_text(&more, &font, beside(shown)).map_err(failed)?;
+        }
+        Ok(area)
+    }
+
+    fn draw<DB: DrawingBackend>(
+        &self,
+        area: &DrawingArea<DB, Shift>,
+        scale: u32,
+        legend_width: u32,
+        x: Scale,
+        y: Scale,
+    ) -> Result<(), PlotError> {
+        let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
+        let area = self.legend(area, scale, legend_width)?;
         let mut chart = ChartBuilder::on(&area)
             .margin(10 * scale)
             .margin_right(24 * scale)
             .x_label_area_size(44 * scale)
             .y_label_area_size(72 * scale)
-            .build_cartesian_2d(x, y)
+            .build_cartesian_2d(x.clone(), y.clone())
             .map_err(failed)?;
         let grey = RGBColor(222, 222, 222);
         chart
@@ -269,10 +361,17 @@ impl Panel {
             .bold_line_style(grey.stroke_width(scale))
             .light_line_style(TRANSPARENT)
             .axis_style(RGBColor(120, 120, 120).stroke_width(scale))
-            .x_label_formatter(&|v| tick(*v))
-            .y_label_formatter(&|v| tick(*v))
+            // The labels keep their distance from the axes, and so from those of the other axis.
+            .set_all_tick_mark_size(5 * scale)
+            .x_label_formatter(&|v| label(*v))
+            .y_label_formatter(&|v| label(*v))
             .draw()
             .map_err(failed)?;
+        let plot = chart.plotting_area().strip_coord_spec();
+        let (width, height) = plot.dim_in_pixel();
+        let pixel = |p: &(f64, f64)| {
+            (x.fraction(p.0) * f64::from(width), (1.0 - y.fraction(p.1)) * f64::from(height))
+        };
         for series in &self.series {
             let colour = series.colour;
             let good = |p: &(f64, f64)| self.x.good(p.0) && self.y.good(p.1);
@@ -280,6 +379,20 @@ impl Panel {
                 Style::Line => {
                     // A point that is no number breaks the line: a gap is shown, not bridged.
                     for piece in series.points.split(|p| !good(p)).filter(|p| !p.is_empty()) {
+                        if let [point] = piece {
+                            // Nothing to draw a line to: a dot that is seen.
+                            let dot = Circle::new(*point, 3 * scale, colour.filled());
+                            chart.draw_series([dot]).map_err(failed)?;
+                            continue;
+                        }
+                        if series.dash != 0 {
+                            let way: Vec<(f64, f64)> = piece.iter().map(pixel).collect();
+                            for dash in dashes(&way, DASHES[series.dash], f64::from(scale)) {
+                                let dash = PathElement::new(dash, colour.stroke_width(2 * scale));
+                                plot.draw(&dash).map_err(failed)?;
+                            }
+                            continue;
+                        }
                         if scale == 1 {
                             let line =
                                 LineSeries::new(piece.iter().copied(), colour.stroke_width(2));
@@ -305,18 +418,42 @@ impl Panel {
     }
 }
 
-/// A tick's number, as short as it can be.
-fn tick(value: f64) -> String {
-    if value == 0.0 {
-        return "0".into();
+/// Cuts a way in pixels into strokes of a pattern (`scale` times as long); all of it is one stroke where there is no pattern.
+fn dashes(way: &[(f64, f64)], pattern: &[f64], scale: f64) -> Vec<Vec<(i32, i32)>> {
+    // A cast of a float saturates, and a picture is smaller than that.
+    let round = |p: (f64, f64)| (p.0.round() as i32, p.1.round() as i32);
+    let (Some(&first), false) = (way.first(), pattern.is_empty()) else {
+        return vec![way.iter().copied().map(round).collect()];
+    };
+    let mut strokes = vec![vec![round(first)]];
+    let (mut turn, mut left) = (0, pattern[0] * scale);
+    for ends in way.windows(2) {
+        let (mut from, to) = (ends[0], ends[1]);
+        loop {
+            let length = (to.0 - from.0).hypot(to.1 - from.1);
+            let here = if length <= left {
+                to
+            } else {
+                let f = left / length;
+                (from.0 + f * (to.0 - from.0), from.1 + f * (to.1 - from.1))
+            };
+            if let (0, Some(stroke)) = (turn % 2, strokes.last_mut()) {
+                stroke.push(round(here));
+            }
+            if length <= left {
+                left -= length;
+                break;
+            }
+            turn = (turn + 1) % pattern.len();
+            left = pattern[turn] * scale;
+            if turn % 2 == 0 {
+                strokes.push(vec![round(here)]);
+            }
+            from = here;
+        }
     }
-    let size = value.abs();
-    if (1e-3..1e5).contains(&size) {
-        let text = format!("{value:.4}");
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
-    } else {
-        format!("{value:.0e}")
-    }
+    strokes.retain(|stroke| stroke.len() > 1);
+    strokes
 }
 
 /// Figures carry their own font: nothing of the system's is needed.
@@ -361,12 +498,61 @@ mod tests {
         assert!(error.to_string().contains("nothing to draw: the panel `y (1)`"));
     }
 
+    /// Truth: a way of 100 pixels in strokes of 9 and gaps of 5 has 8 strokes, of 65 pixels in all, whatever its points are.
     #[test]
-    fn ticks_are_short() {
-        for (value, text) in
-            [(0.0, "0"), (0.25, "0.25"), (400.0, "400"), (1e6, "1e6"), (2e-5, "2e-5")]
-        {
-            assert_eq!(tick(value), text);
+    fn dashes_are_as_long_as_they_should_be() {
+        for n in [1, 7, 1000] {
+            let way: Vec<(f64, f64)> =
+                (0..=n).map(|i| (0.0, 100.0 * f64::from(i) / f64::from(n))).collect();
+            let strokes = dashes(&way, DASHES[1], 1.0);
+            let drawn: i32 = strokes.iter().map(|s| s[s.len() - 1].1 - s[0].1).sum();
+            assert_eq!((strokes.len(), drawn), (8, 7 * 9 + 2), "{n}");
         }
+        assert_eq!(dashes(&[(0.0, 0.0), (1.0, 2.0)], DASHES[0], 4.0), [[(0, 0), (1, 2)]]);
+    }
+
+    #[test]
+    fn the_first_32_lines_differ() {
+        let looks: std::collections::HashSet<_> = (0..32)
+            .map(|i| Series::line("", i, vec![]))
+            .map(|s| (s.colour.0, s.colour.1, s.colour.2, s.dash))
+            .collect();
+        assert_eq!(looks.len(), 32);
+    }
+
+    #[test]
+    fn one_point_is_a_dot_in_the_middle_of_a_panel() {
+        let mut figure = figure(vec![(550.0, 0.7)], false);
+        for range in [None, Some((550.0, 550.0))] {
+            figure.panels[0].x.range = range;
+            let svg = figure.svg().unwrap();
+            assert_eq!(svg.matches("<circle").count(), 1, "{svg}");
+            // Both ends of the axis are 5 % away.
+            assert!(svg.contains("530") && svg.contains("570"), "{svg}");
+            figure.png().unwrap();
+        }
+    }
+
+    /// Truth: WCAG's contrast with white of at least 3, what it asks of graphics; and neighbouring bands 40 apart in RGB.
+    #[test]
+    fn colours_of_wavelengths_are_seen_and_told_apart() {
+        let linear = |c: u8| {
+            let c = f64::from(c) / 255.0;
+            if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+        };
+        for nm in 200..1400 {
+            let RGBColor(r, g, b) = colour_of_wavelength_nm(f64::from(nm));
+            let luminance = 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b);
+            assert!(1.05 / (luminance + 0.05) > 3.0, "{nm} nm");
+        }
+        let bands = [360.0, 450.0, 530.0, 620.0, 700.0, 800.0, 950.0, 1100.0];
+        for pair in bands.windows(2) {
+            let (a, b) = (colour_of_wavelength_nm(pair[0]), colour_of_wavelength_nm(pair[1]));
+            let apart = |a: u8, b: u8| (f64::from(a) - f64::from(b)).powi(2);
+            let distance = (apart(a.0, b.0) + apart(a.1, b.1) + apart(a.2, b.2)).sqrt();
+            assert!(distance > 40.0, "{pair:?}: {distance}");
+        }
+        let RGBColor(r, g, b) = colour_of_wavelength_nm(450.0);
+        assert!(b > r && b > g);
     }
 }

@@ -1,5 +1,7 @@
 //! `sunglint tables`: what the program carries with it, and where it is from.
 
+mod figure;
+
 use crate::output::{Console, OutputArgs, Product};
 use anyhow::bail;
 use clap::Args;
@@ -26,16 +28,12 @@ pub fn run(args: &TablesArgs, console: Console) -> anyhow::Result<()> {
         None => {
             let rows: Vec<Description> = tables::all().iter().map(|t| Description::of(t)).collect();
             let product = list(&rows);
-            args.out.deliver(&product, console)?;
-            if args.out.output.is_empty() {
-                console.result(&list_text(&rows), &product.json)?;
-            }
+            args.out.finish(&product, &list_text(&rows), console)
         }
         Some(name) => {
             let Some(embedded) = tables::get(name) else {
-                let names = tables::all().iter().map(|t| t.name);
-                let near = nearest_names(name, names.clone(), 3);
-                let names: Vec<&str> = names.collect();
+                let names: Vec<&str> = tables::all().iter().map(|t| t.name).collect();
+                let near = suggestions(name, &names);
                 bail!(
                     "there is no table `{name}`; {}",
                     if near.is_empty() {
@@ -50,16 +48,30 @@ pub fn run(args: &TablesArgs, console: Console) -> anyhow::Result<()> {
             let product = Product {
                 name: embedded.name.to_owned(),
                 table: embedded.table().clone(),
-                figure: None,
+                figure: figure::figure(embedded.name, embedded.table()),
                 json,
             };
-            args.out.deliver(&product, console)?;
-            if args.out.output.is_empty() {
-                console.result(&description.text(embedded.table()), &product.json)?;
-            }
+            args.out.finish(
+                &product,
+                &description.text(embedded.table(), product.figure.is_some()),
+                console,
+            )
         }
     }
-    Ok(())
+}
+
+/// Names that hold what was asked for before those that are merely alike.
+fn suggestions<'a>(wanted: &str, names: &[&'a str]) -> Vec<&'a str> {
+    let lower = wanted.to_lowercase();
+    let mut found: Vec<&str> =
+        names.iter().copied().filter(|n| lower.len() > 2 && n.contains(&lower)).collect();
+    found.truncate(6);
+    for near in nearest_names(wanted, names.iter().copied(), 3) {
+        if found.len() < 3 && !found.contains(&near) {
+            found.push(near);
+        }
+    }
+    found
 }
 
 /// What there is to say of a table.
@@ -105,7 +117,7 @@ impl Description {
             .map_or(String::new(), |(column, from, to)| format!("{column} {from} to {to}"))
     }
 
-    fn text(&self, table: &Table) -> String {
+    fn text(&self, table: &Table, curve: bool) -> String {
         let mut text = format!("{}: {}\n", self.name, self.title);
         let _ = writeln!(text, "  rows     {} ({})", self.rows, self.range_text());
         let _ = writeln!(text, "  source   {}", self.source);
@@ -120,8 +132,60 @@ impl Description {
             .map(|c| c.unit.as_ref().map_or(c.name.clone(), |unit| format!("{} [{unit}]", c.name)))
             .collect();
         let _ = writeln!(text, "  columns  {}", columns.join(", "));
-        let _ = writeln!(text, "write it with: sunglint tables {0} -o {0}.ecsv", self.name);
+        first_rows(&mut text, table);
+        let _ = write!(text, "write it with: sunglint tables {0} -o {0}.ecsv", self.name);
+        text.push_str(if curve { " (draw it with .png or .svg)\n" } else { "\n" });
         text
+    }
+}
+
+/// The first rows, as wide as a terminal has room.
+fn first_rows(text: &mut String, table: &Table) {
+    const ROWS: usize = 5;
+    const COLUMNS: usize = 8;
+    let shown = &table.columns[..table.columns.len().min(COLUMNS)];
+    let rows = table.rows().min(ROWS);
+    let cells: Vec<Vec<String>> = shown
+        .iter()
+        .map(|c| std::iter::once(c.name.clone()).chain((0..rows).map(|row| cell(c, row))).collect())
+        .collect();
+    text.push('\n');
+    for row in 0..=rows {
+        for column in &cells {
+            let width = column.iter().map(|c| c.chars().count()).max().unwrap_or(0);
+            let _ = write!(text, "  {:>width$}", column[row]);
+        }
+        text.push_str(match (row, table.columns.len() > COLUMNS) {
+            (_, false) => "\n",
+            (0, true) => "  … (more columns)\n",
+            (_, true) => "  …\n",
+        });
+    }
+    if table.rows() > rows {
+        let _ = writeln!(text, "  … and {} more rows", table.rows() - rows);
+    }
+    text.push('\n');
+}
+
+fn cell(column: &Column, row: usize) -> String {
+    fn or_nothing<T: ToString>(value: Option<&Option<T>>) -> String {
+        value.and_then(Option::as_ref).map_or_else(|| "-".to_owned(), T::to_string)
+    }
+    match &column.values {
+        Values::F64(values) => match values.get(row) {
+            Some(value) if value.is_finite() => {
+                if *value == 0.0 || (1e-4..1e7).contains(&value.abs()) {
+                    value.to_string()
+                } else {
+                    format!("{value:e}")
+                }
+            }
+            _ => "-".to_owned(),
+        },
+        Values::I64(values) => or_nothing(values.get(row)),
+        Values::Bool(values) => or_nothing(values.get(row)),
+        Values::Text(values) => or_nothing(values.get(row)),
+        _ => "…".to_owned(),
     }
 }
 

@@ -1,0 +1,130 @@
+//! Which wavelengths are asked for, checked before anything is allocated.
+
+use super::AirArgs;
+use anyhow::bail;
+use sunglint_radiometry::air::Sampling;
+
+/// Wavelengths as they were asked for.
+#[derive(Debug, Clone)]
+pub(super) struct Grid {
+    /// Vacuum wavelengths, nm.
+    pub(super) nm: Vec<f64>,
+    /// The width of a mean; `None` for values at the wavelengths.
+    pub(super) mean_nm: Option<f64>,
+}
+
+/// What the absorption tables cover, nm.
+const TABLES_NM: (f64, f64) = (1e7 / 34_000.0, 1250.0);
+/// So many values are held at once at most: 160 MB, three times that with a figure and a JSON document.
+const MOST_VALUES: f64 = 2e7;
+
+impl AirArgs {
+    /// The ends and the step, nm.
+    pub(super) fn range_nm(&self) -> (f64, f64, f64) {
+        (self.from_nm.unwrap_or(300.0), self.to_nm.unwrap_or(1240.0), self.step_nm.unwrap_or(1.0))
+    }
+
+    /// Whether the wavelengths are the person's own, not the usual ones.
+    pub(super) fn asks_for_wavelengths(&self) -> bool {
+        self.from_nm.is_some() || self.to_nm.is_some() || self.step_nm.is_some()
+    }
+
+    /// The wavelengths that were asked for; says which option is wrong, and within what it would be right.
+    pub(super) fn grid(&self) -> anyhow::Result<Grid> {
+        let (from, to, step) = self.range_nm();
+        for (option, value) in [("--from-nm", from), ("--to-nm", to), ("--step-nm", step)] {
+            if !value.is_finite() {
+                bail!("{option} {value} is no wavelength; expected a number of nm");
+            }
+        }
+        let (lowest, highest) = TABLES_NM;
+        let half = if self.points { 0.0 } else { step / 2.0 };
+        if step <= 0.0 || half > (highest - lowest) / 2.0 {
+            bail!("--step-nm {step}: expected more than 0 and at most {:.3} nm", highest - lowest);
+        }
+        let (first, last) = (lowest + half, highest - half);
+        let outside = |option: &str, value: f64| {
+            let means = if self.points {
+                String::new()
+            } else {
+                format!(
+                    " for means over {step} nm (the tables cover {lowest:.3} to {highest} nm, and a mean needs half a step on both sides; \
+                     --points gives values instead)"
+                )
+            };
+            let hint = if value > 0.0 && value < 5.0 { "; is it in micrometres?" } else { "" };
+            anyhow::anyhow!(
+                "{option} {value} nm is outside {first:.3} to {last:.3} nm, which can be had{means}{hint}"
+            )
+        };
+        // A bound is met where its three printed digits are.
+        let inside = |nm: f64| nm >= first - 5e-4 && nm <= last + 5e-4;
+        if !inside(from) {
+            return Err(outside("--from-nm", from));
+        }
+        if to < 5.0 {
+            return Err(outside("--to-nm", to));
+        }
+        if from > to {
+            bail!("--from-nm {from} is above --to-nm {to}: no wavelength lies between them");
+        }
+        let steps = ((to - from) / step + 1e-9).floor();
+        if !inside(from + steps * step) {
+            return Err(outside("--to-nm", to));
+        }
+        // Each value that is held: the total, and with --components seven parts.
+        let columns = if self.components { 8.0 } else { 1.0 };
+        let values = (steps + 1.0) * self.zenith.len() as f64 * columns;
+        if values > MOST_VALUES {
+            bail!(
+                "{:.0} wavelengths at {} zenith angles{} are {values:.3e} values, more than {MOST_VALUES:.0e}: take a larger --step-nm \
+                 (the model resolves no more than 20 cm-1, 0.5 nm at 500 nm) or fewer angles at once",
+                steps + 1.0,
+                self.zenith.len(),
+                if self.components { " with 7 constituents each" } else { "" },
+            );
+        }
+        // The count is bounded above; the rounding takes the noise of the multiplication away, as in 300.40000000000003.
+        let nm = |i: u32| ((from + f64::from(i) * step).clamp(first, last) * 1e9).round() / 1e9;
+        let nm = (0..=steps as u32).map(nm).map(|nm| nm.clamp(first, last)).collect();
+        Ok(Grid { nm, mean_nm: (!self.points).then_some(step) })
+    }
+}
+
+impl Grid {
+    /// What the air is asked.
+    pub(super) fn sampling(&self) -> anyhow::Result<Sampling> {
+        let Some(mean_nm) = self.mean_nm else { return Ok(Sampling::points(&self.nm)?) };
+        let (lowest, highest) = TABLES_NM;
+        let room = |nm: &f64| (nm - lowest).min(highest - nm);
+        let half = mean_nm / 2.0;
+        let least = self.nm.iter().map(room).fold(half, f64::min);
+        // Where a bin ends on the end of the tables, rounding must not carry it beyond.
+        let half = if least < half { least * (1.0 - 1e-12) } else { half };
+        Ok(Sampling::means(&self.nm, half)?)
+    }
+
+    /// What a value is, in words.
+    pub(super) fn kind(&self) -> String {
+        match self.mean_nm {
+            None => "value at the wavelength".into(),
+            Some(nm) => format!("mean over {nm} nm"),
+        }
+    }
+
+    /// At most `most` of the wavelengths, spread evenly from the first to the last.
+    pub(super) fn some(&self, most: usize) -> Vec<usize> {
+        let n = self.nm.len();
+        if n <= most {
+            return (0..n).collect();
+        }
+        (0..most).map(|i| (i * (n - 1) + (most - 1) / 2) / (most - 1)).collect()
+    }
+
+    /// Whether a wavelength between two is looked at.
+    pub(super) fn touches(&self, from: f64, to: f64) -> bool {
+        let (Some(first), Some(last)) = (self.nm.first(), self.nm.last()) else { return false };
+        let half = self.mean_nm.unwrap_or(0.0) / 2.0;
+        first - half <= to && last + half >= from
+    }
+}
