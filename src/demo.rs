@@ -5,7 +5,7 @@
 
 use crate::output::{Console, OutputArgs, Product};
 use crate::plot::{Axis, Figure, Panel, Series};
-use crate::star::Track;
+use crate::star::{Track, channel_line};
 use anyhow::Context as _;
 use clap::Args;
 use hifitime::{Epoch, Unit};
@@ -77,18 +77,11 @@ fn vega(track: &Track, curve: &LightCurve) -> anyhow::Result<Product> {
     let hours: Vec<f64> =
         curve.samples.time.iter().map(|t| (*t - start).to_unit(Unit::Hour)).collect();
     let line = |values: Vec<f64>| hours.iter().copied().zip(values).collect::<Vec<_>>();
-    let rates = curve
-        .channels
-        .iter()
-        .enumerate()
-        .map(|(i, c)| Series::line(&c.name, i, line(c.rate_hz.clone())));
-    let fading = curve.channels.iter().enumerate().map(|(i, c)| {
+    let channels = || track.station.channels.iter().zip(&curve.channels);
+    let rates = channels().map(|(channel, c)| channel_line(channel, line(c.rate_hz.clone())));
+    let fading = channels().enumerate().map(|(i, (channel, c))| {
         let above = track.sights[0].rates[i].above_air_hz;
-        Series::line(
-            &c.name,
-            i,
-            line(c.rate_hz.iter().map(|r| -2.5 * (r / above).log10()).collect()),
-        )
+        channel_line(channel, line(c.rate_hz.iter().map(|r| -2.5 * (r / above).log10()).collect()))
     });
     let x = || Axis::linear(format!("hours after {}", format_utc(start, 0)));
     let zenith =

@@ -81,6 +81,7 @@ fn a_rate_is_photons_times_area_times_sensitivity() {
     assert!(found.is_covered());
     assert!((station.rate_hz(channel, &light, Some(&grey)).value / expected - 0.5).abs() < 1e-9);
     assert!((channel.bandwidth_nm() - 36.0).abs() < 1e-9);
+    assert!((channel.mean_wavelength_nm() - 550.0).abs() < 1e-9);
     // Light that nobody tabulated is said.
     let short = Spectrum::<Irradiance>::constant(1e-12, 300.0, 560.0).unwrap();
     assert_eq!(station.rate_hz(channel, &short, None).uncovered_nm, 40.0);

@@ -3,6 +3,7 @@
 mod report;
 mod track;
 
+pub(crate) use report::channel_line;
 pub use track::{ChannelRate, Sight, Track};
 
 use crate::air::AirModelArgs;
@@ -118,7 +119,9 @@ const MOST_SAMPLES: f64 = 200_000.0;
 
 /// Shows a star.
 pub fn run(args: &StarArgs, console: Console) -> anyhow::Result<()> {
-    args.out.check()?;
+    let spectrum = OutputArgs { output: args.spectrum_out.clone(), force: args.out.force };
+    spectrum.check()?;
+    args.out.check_with(console)?;
     let station = args.station.get()?;
     let times = args.times()?;
     let star = args.star()?;
@@ -137,17 +140,17 @@ pub fn run(args: &StarArgs, console: Console) -> anyhow::Result<()> {
         console.warn(&warning);
     }
     let report = report::Report { args, track: &track };
-    let spectrum = OutputArgs { output: args.spectrum_out.clone(), force: args.out.force };
-    if !spectrum.output.is_empty() {
-        spectrum.check()?;
-        spectrum.deliver(&report.spectrum(), console)?;
+    if console.verbose > 0 {
+        for (part, note) in &track.station.notes {
+            console.say(&format!("{}, {part}: {note}", track.station.name));
+        }
+        console.say(&track.sights[0].orientation.to_string());
     }
     let product = report.product()?;
-    args.out.deliver(&product, console)?;
-    if !args.out.is_stdout() && (args.out.output.is_empty() || console.json) {
-        console.result(&report.text(), &product.json)?;
+    if !spectrum.output.is_empty() {
+        spectrum.deliver(&report.spectrum(), console)?;
     }
-    Ok(())
+    args.out.finish(&product, &report.text(), console)
 }
 
 /// A time of the command line: ISO 8601 or `now`.

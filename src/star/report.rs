@@ -2,7 +2,7 @@
 
 use super::{ChannelRate, Sight, StarArgs, Track};
 use crate::output::Product;
-use crate::plot::{Axis, Figure, Panel, Series};
+use crate::plot::{Axis, Figure, Panel, Series, colour_of_wavelength_nm};
 use hifitime::Unit;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -108,9 +108,9 @@ impl Report<'_> {
             ));
         }
         let grid: Vec<f64> = (300..=1240).map(f64::from).collect();
-        let channels = self.track.station.channels.iter().enumerate().map(|(i, channel)| {
+        let channels = self.track.station.channels.iter().map(|channel| {
             let curve = grid.iter().map(|&nm| (nm, channel.sensitivity_at(nm))).collect();
-            Series::line(&channel.name, i, curve)
+            channel_line(channel, curve)
         });
         Figure {
             title: self.title(),
@@ -359,6 +359,13 @@ impl Report<'_> {
         }
         text.push_str("`-o FILE` writes the predicted light curve (.ecsv, .csv, .fits, .json) or draws it (.png, .svg).\n");
     }
+}
+
+/// A line in the colour of the channel's band; the counters' are dashed, since a camera's band may be alike.
+pub(crate) fn channel_line(channel: &Channel, points: Vec<(f64, f64)>) -> Series {
+    let colour = colour_of_wavelength_nm(channel.mean_wavelength_nm());
+    let dash = usize::from(matches!(channel.detector, Detector::Counter(_)));
+    Series::line(&channel.name, 0, points).with_colour_and_dash(colour, dash)
 }
 
 fn say_channel(text: &mut String, channel: &Channel, r: &ChannelRate) {

@@ -427,6 +427,12 @@ impl Channel {
         self.times_sensitivity(Product::default()).integral().value
     }
 
+    /// Mean wavelength ∫P λ dλ / ∫P dλ, nm.
+    pub fn mean_wavelength_nm(&self) -> f64 {
+        let product = self.times_sensitivity(Product::default());
+        product.clone().times_wavelength().integral().value / product.integral().value
+    }
+
     /// The effective sensitivity P(λ) = T_m η at a wavelength.
     pub fn sensitivity_at(&self, nm: f64) -> f64 {
         self.transmission * self.factors().map(|curve| curve.at(nm)).product::<f64>()
