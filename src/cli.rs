@@ -53,7 +53,7 @@ pub enum Command {
     /// Transmission of the air above a station
     Air(air::AirArgs),
     /// Place, airmass and expected count rates of a star
-    Star(star::StarArgs),
+    Star(Box<star::StarArgs>),
     /// Print the completions of a shell
     Completions {
         /// The shell

@@ -350,7 +350,7 @@ fn channel(
         let expected = "at least one curve: the efficiency is left out of photons, so that optics alone bound the channel";
         return Err(document.error_at(&format!("{at}.optics"), expected).into());
     }
-    if channel.range_nm().is_none() || !(channel.bandwidth_nm() > 0.0) {
+    if channel.range_nm().is_none() || channel.bandwidth_nm() <= 0.0 {
         let expected = "optics and efficiency with wavelengths in common, at which they are not 0";
         return Err(document.error_at(&format!("{at}.efficiency"), expected).into());
     }
