@@ -242,7 +242,7 @@ impl Row {
     fn at(&self, picked: &[usize]) -> Self {
         let pick = |values: &[f64]| picked.iter().map(|i| values[*i]).collect();
         Self {
-            path: self.path.clone(),
+            path: self.path,
             total: pick(&self.total),
             components: self.components.as_ref().map(|c| Components {
                 total: pick(&c.total),
