@@ -195,10 +195,10 @@ pub struct AirArgs {
     /// Altitude above sea level, m, instead of a station's
     #[arg(long, value_name = "M", allow_negative_numbers = true, conflicts_with = "station")]
     pub altitude_m: Option<f64>,
-    /// First wavelength, vacuum nm [default: 300]
+    /// First wavelength, vacuum nm [default: 300, or where a wide first mean has room]
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     pub from_nm: Option<f64>,
-    /// Last wavelength, vacuum nm [default: 1240]
+    /// Last wavelength, vacuum nm [default: 1240, or where a wide last mean has room]
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     pub to_nm: Option<f64>,
     /// Step of the wavelengths, nm; values are means over a step [default: 1]
@@ -242,7 +242,7 @@ impl Row {
     fn at(&self, picked: &[usize]) -> Self {
         let pick = |values: &[f64]| picked.iter().map(|i| values[*i]).collect();
         Self {
-            path: self.path.clone(),
+            path: self.path,
             total: pick(&self.total),
             components: self.components.as_ref().map(|c| Components {
                 total: pick(&c.total),

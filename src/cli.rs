@@ -35,7 +35,7 @@ pub struct Global {
     /// Say on stderr what was used: station, air, grid, threads
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
-    /// Say nothing on stderr but errors
+    /// Say nothing on stderr but errors, and nothing on stdout where `-o` has files
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub quiet: bool,
     /// Print one JSON document on stdout instead of text

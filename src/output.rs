@@ -12,6 +12,7 @@ use sunglint_formats::{FileError, Table, ecsv};
 
 /// Where results go.
 #[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "The result")]
 pub struct OutputArgs {
     /// Write the result: the extension picks the format (.ecsv, .csv, .fits, .json, .png, .svg), `-` is ECSV on stdout, a folder (its name
     /// ends with `/`, or it is there) gets table and figure. May be given several times. The text is printed too, unless -q
@@ -343,7 +344,7 @@ mod tests {
             (329.999_999_999_999_94, 330.0),
             (0.999_999_999_999_997_8, 1.0),
             (0.1 + 0.2, 0.3),
-            (-1234.567_890_123, -1234.567_89),
+            (-12.345_678_901_23, -12.345_678_9),
             (6.02e23, 6.02e23),
             (1.234_567_891_4e-30, 1.234_567_89e-30),
             (123_456_789_012.3, 123_456_789_000.0),

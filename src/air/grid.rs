@@ -19,9 +19,15 @@ const TABLES_NM: (f64, f64) = (1e7 / 34_000.0, 1250.0);
 const MOST_VALUES: f64 = 2e7;
 
 impl AirArgs {
-    /// The ends and the step, nm.
-    pub(super) fn range_nm(&self) -> (f64, f64, f64) {
-        (self.from_nm.unwrap_or(300.0), self.to_nm.unwrap_or(1240.0), self.step_nm.unwrap_or(1.0))
+    /// The ends and the step, nm. Ends that were not given are drawn in to whole nm that wide means leave room for.
+    fn range_nm(&self) -> (f64, f64, f64) {
+        let step = self.step_nm.unwrap_or(1.0);
+        let half = if self.points { 0.0 } else { step / 2.0 };
+        let (first, last) = (TABLES_NM.0 + half, TABLES_NM.1 - half);
+        let whole = |nm: f64| if (first..=last).contains(&nm) { nm } else { (first + last) / 2.0 };
+        let from = self.from_nm.unwrap_or_else(|| whole(first.ceil().max(300.0)));
+        let to = self.to_nm.unwrap_or_else(|| whole(last.floor().min(1240.0)));
+        (from, to, step)
     }
 
     /// Whether the wavelengths are the person's own, not the usual ones.

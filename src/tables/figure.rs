@@ -61,7 +61,7 @@ pub(super) fn figure(name: &str, table: &Table) -> Option<Figure> {
     };
     let mut title = format!("{name}: {}", table.meta_text("title").unwrap_or_default());
     if left_out > 0 {
-        title += &format!(" ({left_out} more are not drawn)");
+        title += &format!(" (lines not drawn: {left_out})");
     }
     Some(Figure { title, panels })
 }

@@ -1,0 +1,123 @@
+//! Where results go: all or nothing, never twice, never over what is there; and what is on stdout meanwhile.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+mod common;
+
+use common::Folder;
+
+const AIR: [&str; 6] = ["air", "--station", "ufo", "--zenith", "0", "--step-nm=10"];
+
+fn air(more: &[&'static str]) -> Vec<&'static str> {
+    [&AIR[..], more].concat()
+}
+
+fn files(folder: &Folder) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.0.clone()];
+    while let Some(inside) = folders.pop() {
+        for entry in std::fs::read_dir(inside).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                found.push(path.strip_prefix(&folder.0).unwrap().display().to_string());
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn nothing_is_written_unless_all_can_be() {
+    let folder = Folder::new("output-all");
+    std::fs::create_dir(folder.path("there")).unwrap();
+    std::fs::write(folder.path("there/air.svg"), "mine").unwrap();
+    for (targets, code, expected) in [
+        (&["-o", "there"][..], 1, "there/air.svg is there already"),
+        (&["-o", "new.ecsv", "-o", "there/"], 1, "there/air.svg is there already"),
+        (&["-o", "new.ecsv", "-o", "nodir/a.csv"], 1, "the folder nodir does not exist"),
+        (&["-o", "new.ecsv", "-o", "there/air.svg/a.csv"], 1, "is no folder"),
+        (&["-o", "new.ecsv", "-o", "new.ecsv"], 2, "new.ecsv would be written twice"),
+        (&["-o", "new.ecsv", "-o", "./new.ecsv", "--force"], 2, "would be written twice"),
+        (&["-o", "fresh/", "-o", "fresh/air.png"], 2, "would be written twice"),
+        (&["-o", "new.ecsv", "-o", "new.xlsx"], 2, "found the extension `xlsx`"),
+        (&["-o", "new.ecsv", "-o", "new"], 2, "found no extension, expected .ecsv"),
+        (&["-o", "new.ecsv", "-o", ".csv"], 2, "result.csv?"),
+        (&["-o", "-", "--json"], 2, "both want stdout"),
+    ] {
+        let message = folder.refused(code, &air(targets));
+        assert!(message.contains(expected), "{targets:?}: {message}");
+        assert_eq!(files(&folder), ["there/air.svg"], "{targets:?}");
+    }
+    // A figure that cannot be drawn keeps the table beside it from being written.
+    let stars = ["tables", "bright_stars", "-o", "s.ecsv", "-o", "s.png"];
+    assert!(folder.refused(1, &stars).contains("`bright_stars` has no figure"));
+    assert_eq!(files(&folder), ["there/air.svg"]);
+    folder.done(&air(&["-o", "there", "--force"]));
+    assert_eq!(files(&folder), ["there/air.ecsv", "there/air.png", "there/air.svg"]);
+    folder.done(&air(&["-o", "fresh/", "-o", "beside.ecsv"]));
+    assert!(folder.path("fresh/air.png").is_file());
+}
+
+#[test]
+fn text_and_documents_are_printed_beside_files() {
+    let folder = Folder::new("output-beside");
+    let output = folder.run(&air(&["-o", "a.ecsv"]));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("transmission (mean over 10 nm"));
+    assert_eq!(String::from_utf8_lossy(&output.stderr), "wrote a.ecsv\n");
+    let output = folder.run(&air(&["-o", "b.ecsv", "-q"]));
+    assert!(output.stdout.is_empty() && output.stderr.is_empty() && folder.path("b.ecsv").exists());
+    assert_eq!(folder.json(&air(&["-o", "c.ecsv", "--json"]))["station"], "ufo");
+    assert_eq!(folder.json(&air(&["-o", "d.ecsv", "--json", "-q"]))["station"], "ufo");
+    // -q leaves the result where it is all there is.
+    assert!(folder.done(&air(&["-q"])).contains("transmission"));
+    // With `-o -` the table is all there is on stdout, also beside a file.
+    assert!(folder.done(&air(&["-o", "-", "-o", "e.json"])).starts_with("# %ECSV"));
+    let written = std::fs::read_to_string(folder.path("e.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&written).unwrap();
+    assert_eq!(json["zenith"][0]["transmission"].as_array().unwrap().len(), 95);
+    for name in ["sun", "vega"] {
+        let file = format!("{name}.ecsv");
+        assert_eq!(folder.json(&["tables", name, "-o", &file, "--json"])["name"], name);
+        assert!(folder.path(&file).is_file());
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_device_is_written_to_and_stays() {
+    use std::os::unix::fs::FileTypeExt as _;
+    let folder = Folder::new("output-device");
+    folder.done(&air(&["-o", "/dev/null"]));
+    folder.done(&air(&["-o", "/dev/null", "--force"]));
+    assert!(std::fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+}
+
+#[test]
+fn tables_are_shown_drawn_and_found() {
+    let folder = Folder::new("output-tables");
+    folder.done(&["tables", "refractive_indices", "-o", "n.svg"]);
+    let svg = std::fs::read_to_string(folder.path("n.svg")).unwrap();
+    assert!(svg.contains("kapton") && svg.contains("vacuum wavelength (nm)"));
+    folder.done(&["tables", "sun", "-o", "sun/"]);
+    assert_eq!(files(&folder), ["n.svg", "sun/sun.ecsv", "sun/sun.png", "sun/sun.svg"]);
+    // The first rows of the embedded file.
+    let text = folder.done(&["tables", "sun"]);
+    assert!(text.contains("280               0.082") && text.contains("more rows"), "{text}");
+    for (wanted, expected) in
+        [("stars", "bright_stars"), ("air", "air_tropical"), ("ozone", "ozone_chappuis")]
+    {
+        let message = folder.refused(1, &["tables", wanted]);
+        assert!(message.contains("did you mean") && message.contains(expected), "{message}");
+    }
+}
+
+#[test]
+fn the_help_says_what_exit_codes_mean() {
+    let folder = Folder::new("output-help");
+    let help = folder.done(&["--help"]);
+    assert!(help.contains("1 failed") && help.contains("2 usage"), "{help}");
+    assert!(help.contains("Nothing is random yet"), "{help}");
+}
