@@ -59,12 +59,12 @@ pub fn run(args: &DemoArgs, console: Console) -> anyhow::Result<()> {
     let readme = folder.join("README.txt");
     // The folder in the spelling that says so whether it is there or not.
     let out = OutputArgs { output: vec![folder.join("")], force: args.force };
-    let quiet = Console { quiet: true, ..console };
-    let mut written = out.deliver(&vega(&track, &curve)?, quiet)?;
-    written.extend(out.deliver(&transmissions(&track.air)?, quiet)?);
+    let mut contents = out.files_of(&vega(&track, &curve)?)?;
+    contents.extend(out.files_of(&transmissions(&track.air)?)?);
     let files: Vec<String> =
-        written.iter().chain([&readme]).map(|p| p.display().to_string()).collect();
-    out.write_file(&readme, explain(&track, &files).as_bytes())?;
+        contents.iter().map(|(p, _)| p).chain([&readme]).map(|p| p.display().to_string()).collect();
+    contents.push((readme, explain(&track, &files).into_bytes()));
+    out.write_files(&contents, Console { quiet: true, ..console })?;
     let json = json!({ "folder": folder.display().to_string(), "files": files });
     console.result(
         &format!("{}\nThe demonstration is in {}", summary(&track), folder.display()),

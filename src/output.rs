@@ -8,7 +8,8 @@ use std::collections::HashSet;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use sunglint_formats::atomic::{Overwrite, write_file};
-use sunglint_formats::{FileError, Table, ecsv};
+use sunglint_formats::fits::ascii_json;
+use sunglint_formats::{FileError, Meta, Table, ecsv};
 
 /// Where results go.
 #[derive(Debug, Clone, Default, Args)]
@@ -250,7 +251,11 @@ fn contents(path: &Path, product: &Product) -> anyhow::Result<Vec<u8>> {
         Format::Csv => plain_csv(&product.table)?,
         Format::Fits => {
             let mut writer = sunglint_formats::fits::Writer::new();
-            writer.table(&product.table, &product.name.to_uppercase())?;
+            let table = Table {
+                meta: flat_meta(&product.table.meta),
+                columns: product.table.columns.clone(),
+            };
+            writer.table(&table, &product.name.to_uppercase())?;
             writer.into_bytes()
         }
         Format::Json => {
@@ -324,6 +329,20 @@ pub fn rounded(value: f64) -> f64 {
         // A text of this form is always a number.
         _ => format!("{value:.8e}").parse().unwrap_or(value),
     }
+}
+
+/// Metadata as a FITS header holds them: what is nested becomes JSON under a keyword of eight letters (`flag_bits` is `FLAGBITS`, `provenance`
+/// is `PROVENAN`, as in spectral light curves).
+fn flat_meta(meta: &Meta) -> Meta {
+    let flat = |(key, value): (&String, &Value)| match value {
+        Value::Object(_) | Value::Array(_) => {
+            let letters = key.chars().filter(char::is_ascii_alphanumeric).take(8);
+            let keyword: String = letters.map(|c| c.to_ascii_uppercase()).collect();
+            (keyword, Value::String(ascii_json(value)))
+        }
+        plain => (key.clone(), plain.clone()),
+    };
+    meta.iter().map(flat).collect()
 }
 
 /// The columns alone, for programs that know no ECSV.

@@ -94,12 +94,16 @@ fn stars_are_found_and_others_refused() {
         (json["star"]["hip"].as_i64(), json["star"]["name"].as_str()),
         (Some(91262), Some("Vega"))
     );
-    // Truth: astropy 8.0.2, pressure 0, the same Earth orientation within 0.1": 41.6656 and 286.8 are in fixtures/sky to 1e-9; here only that the
-    // command hands them through.
-    let altitude = json["place"]["altitude_deg"].as_f64().unwrap();
-    let zenith = json["place"]["zenith_true_deg"].as_f64().unwrap();
-    assert!((altitude + zenith - 90.0).abs() < 1e-9 && (0.0..90.0).contains(&altitude));
-    assert_eq!(json["rates"].as_array().unwrap().len(), 6);
+    // Truth: astropy 8.0.2 (AltAz, pressure 0, IERS B of astropy-iers-data 0.2026.11.2, the catalogue's place and motion).
+    // Tolerance 0.01": the table of Earth orientation has a row every 5 days.
+    let sample = &json["samples"][0];
+    let number = |key: &str| sample[key].as_f64().unwrap();
+    let arcsec = 1.0 / 3600.0;
+    assert!((number("altitude_deg") - 48.013_042_215_050).abs() < 0.01 * arcsec);
+    assert!((number("azimuth_deg") - 278.818_706_889_865).abs() < 0.01 * arcsec);
+    assert!((number("zenith_true_deg") + number("altitude_deg") - 90.0).abs() < 1e-9);
+    assert_eq!(sample["rates"].as_object().unwrap().len(), 6);
+    assert_eq!(json["spectrum"]["origin"], "measured (CALSPEC)");
     assert_eq!(json["spectrum"]["fallback"], false);
 
     let message = folder.refused(1, &["star", "Denbe", "--station", "ufo"]);
@@ -149,13 +153,73 @@ fn stars_are_found_and_others_refused() {
         "2020-11-18T18:00:00",
         "--json",
     ]);
-    assert!(json["rates"][0]["rate_hz"].is_null() && json["airmass"].is_null());
+    let sample = &json["samples"][0];
+    assert!(sample["rates"]["spcm"]["rate_hz"].is_null() && sample["airmass_rayleigh"].is_null());
+    assert_eq!(sample["hidden"], true);
+    // What cannot be meant.
+    for (wrong, expected) in [
+        (&["--v=-800"][..], "a magnitude of -800 makes no sense"),
+        (&["--bv", "8", "--type", "C"], "B-V = 8 mag is no star's colour"),
+        (&["--to", "2020-11-18T17:00:00"], "--to must be later"),
+        (&["--to", "2020-11-19", "--step-s", "0.001"], "take a longer step"),
+        (&["--exposure-s", "0"], "expected a time above 0 s"),
+        (&["--ra", "1:99:0", "--dec", "0"], "--ra is `1:99:0`"),
+        (&["--ra", "10", "--dec", "-95"], "-95"),
+    ] {
+        let asked =
+            [&["star", "Vega", "--station", "ufo", "--at", "2020-11-18T18:00:00"][..], wrong]
+                .concat();
+        let message = folder.refused(1, &asked);
+        assert!(message.contains(expected), "{wrong:?}: {message}");
+    }
+    let message = folder.refused(1, &["star", "Moon", "--station", "ufo"]);
+    assert!(message.contains("is no star"), "{message}");
     // Beyond the table of Earth orientation there is a warning.
     let output = folder.run(&["star", "Vega", "--station", "ufo", "--at", "2035-01-01T18:00:00"]);
     assert!(
         String::from_utf8_lossy(&output.stderr).contains("warning: no Earth orientation"),
         "{output:?}"
     );
+}
+
+/// A night is a predicted light curve of the schema, whatever the number of threads; what is not seen is flagged, not left out.
+#[test]
+fn a_night_of_a_star_is_a_light_curve() {
+    use sunglint_radiometry::light_curve::{Flags, LightCurve};
+    let folder = Folder::new("night");
+    let night = [
+        "star",
+        "HIP 97649",
+        "--station",
+        "ufo",
+        "--at",
+        "2020-11-18T16:00:00",
+        "--to",
+        "2020-11-18T23:00:00",
+        "--step-s",
+        "600",
+    ];
+    folder.done(&[&night[..], &["-o", "one.ecsv", "--threads", "1"]].concat());
+    folder.done(
+        &[&night[..], &["-o", "four.ecsv", "--threads", "4", "-o", "four.png", "-o", "four.fits"]]
+            .concat(),
+    );
+    let read = |name: &str| std::fs::read_to_string(folder.path(name)).unwrap();
+    assert_eq!(read("one.ecsv"), read("four.ecsv"));
+    let file = folder.path("one.ecsv");
+    let curve =
+        LightCurve::from_table(&file, &sunglint_formats::ecsv::read(&file).unwrap()).unwrap();
+    assert_eq!(curve.len(), 43);
+    let spcm = curve.channel("spcm").unwrap();
+    let zenith = curve.samples.zenith_deg.as_ref().unwrap();
+    for i in 0..curve.len() {
+        // The horizon of the station is at 10° as seen; refraction there is 0.09°.
+        assert_eq!(spcm.flags[i].contains(Flags::HIDDEN), zenith[i] > 80.09, "{}", zenith[i]);
+        assert_eq!(spcm.rate_hz[i].is_nan(), zenith[i] > 90.6, "{}", zenith[i]);
+    }
+    assert!(spcm.flags[0].is_empty() && spcm.flags[42].contains(Flags::HIDDEN));
+    let text = folder.done(&night);
+    assert!(text.contains("43 samples") && text.contains("hidden"), "{text}");
 }
 
 #[test]
@@ -326,6 +390,10 @@ fn astropy_opens_the_files_and_numpy_counts_the_same() {
         "s.fits",
         "-o",
         "s.json",
+        "--spectrum-out",
+        "light.ecsv",
+        "--spectrum-out",
+        "light.fits",
     ]);
     folder.done(&["demo", "-o", "demo"]);
     let curves = Path::new(env!("CARGO_MANIFEST_DIR")).join("radiometry/stations/ufo");
@@ -335,8 +403,10 @@ import numpy as np
 from astropy.table import Table
 import astropy.units as u
 os.chdir(sys.argv[1])
-t = Table.read('s.ecsv', format='ascii.ecsv')
-f = Table.read('s.fits')
+t = Table.read('light.ecsv', format='ascii.ecsv')
+f = Table.read('light.fits')
+s = Table.read('s.fits')
+assert s['spcm_rate_hz'].unit == u.Hz and json.loads(s.meta['PROVENAN'])['station'] == 'ufo'
 assert t['irradiance_w_m2_nm'].unit == u.W / (u.m**2 * u.nm) == f['irradiance_w_m2_nm'].unit
 assert np.array_equal(t['transmission'], f['transmission'])
 d = Table.read('demo/vega_night.ecsv', format='ascii.ecsv')
@@ -352,7 +422,8 @@ e = np.interp(x, t['wavelength_nm'], t['irradiance_w_m2_nm'])
 air = np.interp(x, t['wavelength_nm'], t['transmission'])
 area = np.pi / 4 * (0.43**2 - 0.2086**2)
 hc = 6.62607015e-34 * 299792458.0 * 1e9
-rates = {r['channel']: r['rate_hz'] for r in json.load(open('s.json'))['rates']}
+rates = {name: r['rate_hz'] for name, r in json.load(open('s.json'))['samples'][0]['rates'].items()}
+assert abs(s['spcm_rate_hz'][0] / rates['spcm'] - 1) < 1e-12
 optics = {'r': 'camera', 'g': 'camera', 'b': 'camera', 'id400': 'id400', 'spcm': 'spcm', 'mppc': 'mppc'}
 for name, rate in rates.items():
     y = e * air * curve(f'optics_{optics[name]}.csv') * curve(f'efficiency_{name}.csv') * x

@@ -133,19 +133,19 @@ pub fn run(args: &StarArgs, console: Console) -> anyhow::Result<()> {
         }
     };
     let orientation = user_orientation.as_ref().unwrap_or_else(|| EarthOrientation::embedded());
-    let air = args.model.air(station.site.geodetic().height_m, Some(&station))?;
+    let height_m = station.site.geodetic().height_m;
+    let air = args.model.air(height_m, Some(&station))?;
+    args.model.warn_if_implausible(height_m, Some(&station), console)?;
     let light = args.light(&star)?;
     let track = Track::new(star, light, station, air, orientation, times, args.exposure_s)?;
     for warning in track.warnings() {
         console.warn(&warning);
     }
     let report = report::Report { args, track: &track };
-    if console.verbose > 0 {
-        for (part, note) in &track.station.notes {
-            console.say(&format!("{}, {part}: {note}", track.station.name));
-        }
-        console.say(&track.sights[0].orientation.to_string());
+    for (part, note) in &track.station.notes {
+        console.detail(&format!("{}, {part}: {note}", track.station.name));
     }
+    console.detail(&track.sights[0].orientation.to_string());
     let product = report.product()?;
     if !spectrum.output.is_empty() {
         spectrum.deliver(&report.spectrum(), console)?;

@@ -105,6 +105,9 @@ impl Track {
         let sights = times
             .into_par_iter()
             .map(|epoch| scene.sight(epoch, orientation))
+            .collect::<Vec<_>>()
+            // Only then the first error of all: which one it is must not depend on the threads.
+            .into_iter()
             .collect::<anyhow::Result<Vec<Sight>>>()?;
         Ok(Self { star, light, station, air, exposure_s, sights })
     }
