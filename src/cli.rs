@@ -51,7 +51,7 @@ pub enum Command {
     /// List the reference tables with their ranges, sources, licences and checksums, or show one
     Tables(tables::TablesArgs),
     /// Transmission of the air above a station
-    Air(air::AirArgs),
+    Air(Box<air::AirArgs>),
     /// Place, airmass and expected count rates of a star
     Star(Box<star::StarArgs>),
     /// Print the completions of a shell
