@@ -212,10 +212,10 @@ fn a_night_of_a_star_is_a_light_curve() {
     assert_eq!(curve.len(), 43);
     let spcm = curve.channel("spcm").unwrap();
     let zenith = curve.samples.zenith_deg.as_ref().unwrap();
-    for i in 0..curve.len() {
+    for (i, zenith) in zenith.iter().enumerate() {
         // The horizon of the station is at 10° as seen; refraction there is 0.09°.
-        assert_eq!(spcm.flags[i].contains(Flags::HIDDEN), zenith[i] > 80.09, "{}", zenith[i]);
-        assert_eq!(spcm.rate_hz[i].is_nan(), zenith[i] > 90.6, "{}", zenith[i]);
+        assert_eq!(spcm.flags[i].contains(Flags::HIDDEN), *zenith > 80.09, "{zenith}");
+        assert_eq!(spcm.rate_hz[i].is_nan(), *zenith > 90.6, "{zenith}");
     }
     assert!(spcm.flags[0].is_empty() && spcm.flags[42].contains(Flags::HIDDEN));
     let text = folder.done(&night);
