@@ -246,6 +246,21 @@ fn the_station_comes_from_the_option_the_environment_or_the_folder() {
     assert_eq!(with("ufo"), "ufo");
     assert_eq!(with("mine"), "mine");
     assert_eq!(with("mine/station.toml"), "mine");
+    // What a light curve was made with is in its provenance: the station's file and its ten curves.
+    folder.done(&[
+        "star",
+        "Vega",
+        "--station",
+        "mine",
+        "--at",
+        "2020-11-18T18:00:00",
+        "-o",
+        "v.ecsv",
+    ]);
+    let table = sunglint_formats::ecsv::read(folder.path("v.ecsv")).unwrap();
+    let inputs = table.meta["provenance"]["inputs"].as_array().unwrap().clone();
+    assert_eq!((inputs.len(), inputs[0]["file"].as_str()), (11, Some("mine/station.toml")));
+    assert!(inputs.iter().all(|i| i["sha256"].as_str().is_some_and(|h| h.len() == 64)));
     let output = Command::new(env!("CARGO_BIN_EXE_sunglint"))
         .args(asked)
         .current_dir(&folder.0)

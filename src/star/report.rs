@@ -43,6 +43,7 @@ impl Report<'_> {
     /// The predicted light curve, with the figure that fits: rates through a night, or the spectrum of a moment.
     pub fn product(&self) -> anyhow::Result<Product> {
         let mut curve = self.track.light_curve("sunglint star");
+        curve.provenance.inputs = crate::station::inputs(&self.track.station)?;
         curve.provenance.notes.push(format!("air: {}", self.air()));
         curve.provenance.notes.push(format!("V counts from {}", self.args.zero_point));
         let name = self

@@ -199,6 +199,7 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
         lasers,
         notes,
         warnings,
+        sources: Vec::new(),
     };
     check_air(document, &station)?;
     Ok(station)

@@ -38,6 +38,8 @@ pub struct Station {
     pub notes: Vec<(String, String)>,
     /// What the program noticed in the files that may not be meant: a curve that ends high.
     pub warnings: Vec<String>,
+    /// The files that it was read from; none of a built-in station, which the program's version names.
+    pub sources: Vec<PathBuf>,
 }
 
 /// The lowest elevation that can be seen.
@@ -355,11 +357,19 @@ impl Station {
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
         let path = path.as_ref();
         let path = if path.is_dir() { path.join("station.toml") } else { path.to_path_buf() };
-        let document = Document::read(path)?;
-        file::station(&document, &mut |name| {
+        let document = Document::read(&path)?;
+        let mut sources = vec![path];
+        let mut station = file::station(&document, &mut |name| {
             let path = document.resolve(name);
-            Ok((curve::read(&path, None)?, path))
-        })
+            let curve = curve::read(&path, None)?;
+            // Channels share curves.
+            if !sources.contains(&path) {
+                sources.push(path.clone());
+            }
+            Ok((curve, path))
+        })?;
+        station.sources = sources;
+        Ok(station)
     }
 
     /// The channel of that name.
