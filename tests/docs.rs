@@ -1,0 +1,103 @@
+//! The documentation is true: its commands run, and the JSON keys that it lists are those that the program prints.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+mod common;
+
+use common::Folder;
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::Command;
+
+fn read(page: &str) -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(page)).unwrap()
+}
+
+/// Every command of the README that begins with `sunglint` runs, in the order of the page, in a folder of its own.
+#[test]
+fn the_commands_of_the_readme_run() {
+    let folder = Folder::new("readme");
+    let readme = read("README.md");
+    let commands: Vec<&str> = readme.lines().filter(|l| l.starts_with("sunglint ")).collect();
+    assert!(commands.len() >= 8, "{commands:?}");
+    let program = Path::new(env!("CARGO_BIN_EXE_sunglint")).parent().unwrap();
+    let path = std::env::var("PATH").unwrap();
+    for command in commands {
+        // The completions go to the user's own folder.
+        let command = command.replace("~/", "home/");
+        let output = Command::new("sh")
+            .args([
+                "-e",
+                "-c",
+                &format!("mkdir -p home/.local/share/bash-completion/completions\n{command}"),
+            ])
+            .current_dir(&folder.0)
+            .env("PATH", format!("{}:{path}", program.display()))
+            .env_remove("SUNGLINT_STATION")
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{command}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+    assert!(folder.path("night.png").exists() && folder.path("man/sunglint-air.1").exists());
+}
+
+fn keys(value: &Value, found: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(map) => {
+            for (key, value) in map {
+                found.insert(key.clone());
+                keys(value, found);
+            }
+        }
+        Value::Array(list) => list.iter().for_each(|value| keys(value, found)),
+        _ => {}
+    }
+}
+
+#[test]
+fn every_json_key_is_documented_and_every_documented_one_is_printed() {
+    let folder = Folder::new("keys");
+    let mut printed = BTreeSet::new();
+    for command in [
+        &["tables"][..],
+        &[
+            "air",
+            "--station",
+            "ufo",
+            "-z",
+            "60",
+            "--components",
+            "--aerosol",
+            "0.1,1.3",
+            "--from-nm",
+            "500",
+            "--to-nm",
+            "600",
+            "--step-nm",
+            "50",
+        ],
+        &["star", "Vega", "--station", "ufo", "--at", "2020-11-18T18:00:00"],
+        &["demo"],
+    ] {
+        keys(&folder.json(&[command, &["--json"]].concat()), &mut printed);
+    }
+    // Rates are by the station's own channels.
+    for channel in ["r", "g", "b", "id400", "spcm", "mppc"] {
+        printed.remove(channel);
+    }
+    let page = read("docs/json.md");
+    let quoted: BTreeSet<String> = page.split('`').skip(1).step_by(2).map(str::to_owned).collect();
+    let undocumented: Vec<&String> = printed.difference(&quoted).collect();
+    assert!(undocumented.is_empty(), "not in docs/json.md: {undocumented:?}");
+    let is_key = |word: &&String| {
+        word.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+    };
+    let titles = ["tables", "air", "star", "demo", "null"];
+    let gone: Vec<&String> = quoted
+        .difference(&printed)
+        .filter(is_key)
+        .filter(|w| !titles.contains(&w.as_str()))
+        .collect();
+    assert!(gone.is_empty(), "in docs/json.md, but never printed: {gone:?}");
+}
