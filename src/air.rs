@@ -40,8 +40,8 @@ pub struct AirModelArgs {
     pub co2_ppm: Option<f64>,
     /// Aerosol: none, rural_23km, rural_5km, maritime_23km, urban_5km, tropospheric_50km, rural_23km_summer, or TAU,ALPHA (Ångström: optical
     /// depth above the station at 550 nm, exponent)
-    #[arg(long, value_name = "MODEL", default_value = "none", allow_hyphen_values = true)]
-    pub aerosol: AerosolArg,
+    #[arg(long, value_name = "MODEL", allow_hyphen_values = true)]
+    pub aerosol: Option<AerosolArg>,
     /// Straight paths: no refraction
     #[arg(long)]
     pub no_refraction: bool,
@@ -86,8 +86,8 @@ impl AirModelArgs {
             pressure_hpa: self.pressure_hpa.or(defaults.pressure_hpa),
             ozone_du: self.ozone_du.or(defaults.ozone_du),
             water_mm: self.water_mm.or(defaults.water_mm),
-            co2_ppm: self.co2_ppm,
-            aerosol: self.aerosol.0,
+            co2_ppm: self.co2_ppm.or(defaults.co2_ppm),
+            aerosol: self.aerosol(station),
             refraction: !self.no_refraction,
             ..AirOptions::new(Profile::named(&self.profile(station))?)
         };
@@ -100,20 +100,25 @@ impl AirModelArgs {
         asked.unwrap_or_else(|| "midlatitude_winter".into())
     }
 
-    /// Warns of what is possible but most likely in another unit or for another altitude.
-    pub fn warn_if_implausible(
+    /// The aerosol: what was asked for, else the station's, else none.
+    pub fn aerosol(&self, station: Option<&Station>) -> Aerosol {
+        self.aerosol.map(|a| a.0).or_else(|| station.map(|s| s.air.aerosol)).unwrap_or_default()
+    }
+
+    /// What is possible but most likely in another unit or for another altitude, as warnings.
+    pub fn implausible(
         &self,
         altitude_m: f64,
         station: Option<&Station>,
-        console: Console,
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<Vec<String>> {
         let defaults = station.map(|s| s.air.clone()).unwrap_or_default();
         let profile = self.profile(station);
         let usual_hpa = Profile::named(&profile)?.at(altitude_m)?.pressure_hpa;
+        let mut warnings = Vec::new();
         if let Some(hpa) = self.pressure_hpa.or(defaults.pressure_hpa)
             && (hpa / usual_hpa - 1.0).abs() > 0.1
         {
-            console.warn(&format!(
+            warnings.push(format!(
                 "the pressure of {hpa} hPa is {:.0} % of {usual_hpa:.0} hPa, which {profile} has at {altitude_m} m: wanted is the station's own \
                  pressure in hPa, not reduced to sea level, not inches or millimetres of mercury",
                 100.0 * hpa / usual_hpa
@@ -123,24 +128,24 @@ impl AirModelArgs {
             && du > 0.0
             && du < 80.0
         {
-            console.warn(&format!(
+            warnings.push(format!(
                 "an ozone column of {du} DU is hardly ever measured (300 is usual): is it in atm-cm? multiply by 1000"
             ));
         }
-        if let Aerosol::Angstrom { exponent, .. } = self.aerosol.0
+        if let Aerosol::Angstrom { exponent, .. } = self.aerosol(station)
             && !(-0.5..=3.0).contains(&exponent)
         {
-            console.warn(&format!(
+            warnings.push(format!(
                 "an Ångström exponent of {exponent} is outside -0.5 to 3, where air's lies: --aerosol wants TAU,ALPHA, the optical depth at 550 nm first"
             ));
         }
-        Ok(())
+        Ok(warnings)
     }
 
     /// The aerosol as summaries hold it.
-    fn aerosol_json(&self, optical_depth_550: f64) -> Value {
+    fn aerosol_json(&self, optical_depth_550: f64, station: Option<&Station>) -> Value {
         let depth = rounded(optical_depth_550);
-        match self.aerosol.0 {
+        match self.aerosol(station) {
             Aerosol::Angstrom { exponent, .. } => {
                 json!({ "model": "angstrom", "optical_depth_550_nm": depth, "exponent": exponent })
             }
@@ -154,7 +159,7 @@ impl AirModelArgs {
     /// The air in a line.
     pub fn describe(&self, air: &Air, altitude_m: f64, station: Option<&Station>) -> String {
         let c = air.columns();
-        let aerosol = match self.aerosol.0 {
+        let aerosol = match self.aerosol(station) {
             Aerosol::Angstrom { exponent, .. } => {
                 format!("aerosol τ(550 nm) {:.3}, exponent {exponent}", c.aerosol_550)
             }
@@ -271,7 +276,9 @@ pub fn run(args: &AirArgs, console: Console) -> anyhow::Result<()> {
     let altitude_m =
         args.altitude_m.or(station.as_ref().map(|s| s.site.geodetic().height_m)).unwrap_or(0.0);
     let air = args.model.air(altitude_m, station.as_ref())?;
-    args.model.warn_if_implausible(altitude_m, station.as_ref(), console)?;
+    for warning in args.model.implausible(altitude_m, station.as_ref())? {
+        console.warn(&warning);
+    }
     let title = args.model.describe(&air, altitude_m, station.as_ref());
     if let Some(station) = &station {
         console.detail(&format!("station: {} ({})", station.name, station.description.trim()));
@@ -386,7 +393,7 @@ impl AirArgs {
             "columns": { "pressure_hpa": rounded(c.pressure_hpa), "temperature_k": rounded(c.temperature_k),
                 "ozone_du": rounded(c.ozone_du), "water_mm": rounded(c.water_mm), "co2_ppm": rounded(c.co2_ppm),
                 "aerosol_optical_depth_550_nm": rounded(c.aerosol_550) },
-            "aerosol": self.model.aerosol_json(c.aerosol_550),
+            "aerosol": self.model.aerosol_json(c.aerosol_550, station),
             "value": grid.kind(), "missing": MISSING, "wavelength_nm": grid.nm, "zenith": json_rows,
         })
     }

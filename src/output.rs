@@ -155,9 +155,26 @@ impl OutputArgs {
     /// The one end of every command: writes a product everywhere it is wanted; prints the JSON document where it was asked for, else the
     /// text, which `-q` leaves out if there are files instead. With `-o -` the table is all there is on stdout.
     pub fn finish(&self, product: &Product, text: &str, console: Console) -> anyhow::Result<()> {
+        self.finish_with(product, Vec::new(), text, console)
+    }
+
+    /// As [`OutputArgs::finish`], with other files that are written together with the product's or not at all.
+    pub fn finish_with(
+        &self,
+        product: &Product,
+        others: Vec<(PathBuf, Vec<u8>)>,
+        text: &str,
+        console: Console,
+    ) -> anyhow::Result<()> {
         self.check_with(console)?;
-        self.deliver(product, console)?;
-        if self.is_stdout() || (console.quiet && !console.json && !self.output.is_empty()) {
+        let mut files = self.files_of(product)?;
+        files.extend(others);
+        self.check_targets(files.iter().map(|(path, _)| path.as_path()))?;
+        if self.is_stdout() {
+            console.print(&ecsv::to_string(&product.table)?)?;
+        }
+        self.write_files(&files, console)?;
+        if self.is_stdout() || (console.quiet && !console.json && !files.is_empty()) {
             return Ok(());
         }
         console.result(text, &product.json)

@@ -2,10 +2,8 @@
 
 use anyhow::{Context as _, bail};
 use clap::Args;
-use sha2::{Digest as _, Sha256};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use sunglint_formats::nearest_names;
-use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::station::Station;
 
 /// Which station.
@@ -41,19 +39,6 @@ impl StationArgs {
             )
         })
     }
-}
-
-/// The files of a station with their checksums, for the provenance of what is made with it.
-///
-/// # Errors
-/// A file that can no longer be read.
-pub fn inputs(station: &Station) -> anyhow::Result<Vec<Input>> {
-    let input = |path: &PathBuf| {
-        let bytes = sunglint_formats::read::bytes(path)?;
-        let sha256 = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
-        Ok(Input { file: path.display().to_string(), sha256 })
-    };
-    station.sources.iter().map(input).collect()
 }
 
 fn named(name: &str) -> anyhow::Result<Station> {

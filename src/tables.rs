@@ -244,6 +244,11 @@ fn list_text(rows: &[Description]) -> String {
     text
 }
 
+/// SHA-256 of bytes, 64 hexadecimal digits.
+pub fn sha256(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().fold(String::new(), |mut text, byte| {
         let _ = write!(text, "{byte:02x}");

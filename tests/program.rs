@@ -161,8 +161,10 @@ fn stars_are_found_and_others_refused() {
         (&["--v=-800"][..], "a magnitude of -800 makes no sense"),
         (&["--bv", "8", "--type", "C"], "B-V = 8 mag is no star's colour"),
         (&["--to", "2020-11-18T17:00:00"], "--to must be later"),
-        (&["--to", "2020-11-19", "--step-s", "0.001"], "take a longer step"),
-        (&["--exposure-s", "0"], "expected a time above 0 s"),
+        (&["--to", "2020-11-19", "--step-s", "0.01"], "take a longer step"),
+        (&["--exposure-s", "0"], "--exposure-s is 0e0, expected 1e-9 to 86400 s"),
+        (&["--to", "2020-11-19", "--step-s", "1e300"], "--step-s is 1e300"),
+        (&["--to", "2020-11-18T18:00:30"], "no step of 60 s"),
         (&["--ra", "1:99:0", "--dec", "0"], "--ra is `1:99:0`"),
         (&["--ra", "10", "--dec", "-95"], "-95"),
     ] {
@@ -172,6 +174,43 @@ fn stars_are_found_and_others_refused() {
         let message = folder.refused(1, &asked);
         assert!(message.contains(expected), "{wrong:?}: {message}");
     }
+    // Two results in one file are none: nothing is written.
+    for (first, second) in [("same.ecsv", "same.ecsv"), ("x.ecsv", "nowhere/y.ecsv")] {
+        let asked =
+            ["star", "Vega", "--station", "ufo", "-o", first, "--spectrum-out", second, "--force"];
+        let output = folder.run(&asked);
+        assert_ne!(output.status.code(), Some(0), "{asked:?}");
+        assert!(!folder.path(first).exists(), "{asked:?}");
+    }
+    folder.refused(2, &["star", "Vega", "--station", "ufo", "--spectrum-out", "-"]);
+    // Warnings are in the document too.
+    let json = folder.json(&[
+        "star",
+        "Vega",
+        "--station",
+        "ufo",
+        "--at",
+        "2020-11-18T18:00:00",
+        "--pressure-hpa",
+        "700",
+        "--json",
+    ]);
+    assert!(json["warnings"][0].as_str().unwrap().contains("700 hPa"));
+    // A star that never rises has a light curve all the same, and a figure of its altitude.
+    folder.done(&[
+        "star",
+        "Canopus",
+        "--station",
+        "ufo",
+        "--at",
+        "2020-11-18T18:00:00",
+        "--to",
+        "2020-11-18T19:00:00",
+        "-o",
+        "never.ecsv",
+        "-o",
+        "never.png",
+    ]);
     let message = folder.refused(1, &["star", "Moon", "--station", "ufo"]);
     assert!(message.contains("is no star"), "{message}");
     // Beyond the table of Earth orientation there is a warning.
@@ -220,6 +259,49 @@ fn a_night_of_a_star_is_a_light_curve() {
     assert!(spcm.flags[0].is_empty() && spcm.flags[42].contains(Flags::HIDDEN));
     let text = folder.done(&night);
     assert!(text.contains("43 samples") && text.contains("hidden"), "{text}");
+}
+
+/// Truth: by hand from the station's file. Counter: n = ν/κ + dark, σ = κ √(n(1+nτ)/t). Camera: electrons = ν/κ × gain, σ = κ/gain √(electrons/t). Tolerance: rounding.
+#[test]
+fn uncertainties_are_those_of_what_is_counted() {
+    let folder = Folder::new("noise");
+    let json = folder.json(&[
+        "star",
+        "Vega",
+        "--station",
+        "ufo",
+        "--at",
+        "2020-11-18T18:00:00",
+        "--exposure-s",
+        "0.4",
+        "--json",
+    ]);
+    let rates = &json["samples"][0]["rates"];
+    let of = |channel: &str, key: &str| rates[channel][key].as_f64().unwrap();
+    let n = of("spcm", "rate_hz") / 29.64 + 825.0;
+    let sigma = 29.64 * (n * (1.0 + n * 22e-9) / 0.4).sqrt();
+    assert!((of("spcm", "sigma_hz") / sigma - 1.0).abs() < 1e-12);
+    assert!((of("spcm", "signal_to_noise") - of("spcm", "rate_hz") / sigma).abs() < 1e-6);
+    assert!((of("spcm", "counted_hz") / (n / (1.0 + n * 22e-9)) - 1.0).abs() < 1e-12);
+    let electrons = of("g", "rate_hz") / 0.45 * 0.27;
+    let sigma = 0.45 / 0.27 * (electrons / 0.4).sqrt();
+    assert!((of("g", "sigma_hz") / sigma - 1.0).abs() < 1e-12);
+    assert!((of("g", "arriving_adu_s") - of("g", "rate_hz") / 0.45).abs() < 1.0);
+    assert!(rates["g"]["arriving_hz"].is_null() && rates["spcm"]["arriving_adu_s"].is_null());
+    // Far brighter than any counter can bear: said, whatever its law counts.
+    let json = folder.json(&[
+        "star",
+        "Vega",
+        "--v=-12",
+        "--station",
+        "ufo",
+        "--at",
+        "2020-11-18T18:00:00",
+        "--json",
+    ]);
+    for counter in ["id400", "spcm", "mppc"] {
+        assert_eq!(json["samples"][0]["rates"][counter]["saturated"], true, "{counter}");
+    }
 }
 
 #[test]

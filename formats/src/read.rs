@@ -1,18 +1,46 @@
 //! Reading a file whole, with errors that name it.
 
 use crate::error::{FileError, ParseError};
+use std::io::Read as _;
 use std::path::Path;
 
-/// The bytes of a file.
+/// Texts are tables, curves and configurations: none that makes sense is larger, bytes.
+const LARGEST_TEXT: u64 = 512 << 20;
+
+/// The bytes of a file. It must be a plain file: a pipe may never end, and a device has no size by which memory is bounded.
 pub fn bytes(path: impl AsRef<Path>) -> Result<Vec<u8>, FileError> {
-    let path = path.as_ref();
-    std::fs::read(path).map_err(|source| FileError::io("read", path, source))
+    bytes_up_to(path.as_ref(), u64::MAX)
 }
 
-/// The text of a file: UTF-8, a byte-order mark at its start taken off.
+/// The text of a file of at most 512 MiB: UTF-8, a byte-order mark at its start taken off.
 pub fn text(path: impl AsRef<Path>) -> Result<String, FileError> {
     let path = path.as_ref();
-    Ok(decode(path, bytes(path)?)?)
+    Ok(decode(path, bytes_up_to(path, LARGEST_TEXT)?)?)
+}
+
+fn bytes_up_to(path: &Path, most: u64) -> Result<Vec<u8>, FileError> {
+    let io = |source| FileError::io("read", path, source);
+    let refuse = |why: String| io(std::io::Error::new(std::io::ErrorKind::InvalidInput, why));
+    // Asked before it is opened: opening a pipe waits for whoever writes to it.
+    let about = std::fs::metadata(path).map_err(io)?;
+    if !about.is_file() {
+        let what = if about.is_dir() { "a folder" } else { "a pipe or a device" };
+        return Err(refuse(format!("it is {what}, not a file")));
+    }
+    if about.len() > most {
+        return Err(refuse(format!(
+            "it has {} bytes, and at most {most} make sense here",
+            about.len()
+        )));
+    }
+    // A file may grow while it is read, but not without end.
+    let file = std::fs::File::open(path).map_err(io)?;
+    let mut bytes = Vec::new();
+    file.take(about.len().saturating_add(1)).read_to_end(&mut bytes).map_err(io)?;
+    if bytes.len() as u64 > about.len() {
+        return Err(refuse("it grew while it was read: read it again when it is whole".into()));
+    }
+    Ok(bytes)
 }
 
 /// The text of `bytes`: UTF-8, a byte-order mark at its start taken off. `path` names it in errors.
@@ -38,6 +66,20 @@ pub(crate) fn line_of(text: &str, byte: usize) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_files_are_read() {
+        let error = text("/").unwrap_err().to_string();
+        assert!(error.contains("it is a folder, not a file"), "{error}");
+        if Path::new("/dev/zero").exists() {
+            let error = bytes("/dev/zero").unwrap_err().to_string();
+            assert!(error.contains("a pipe or a device, not a file"), "{error}");
+        }
+        assert!(
+            bytes("no such file").unwrap_err().to_string().starts_with("cannot read no such file")
+        );
+        assert!(!bytes(file!().trim_start_matches("formats/")).unwrap().is_empty());
+    }
 
     #[test]
     fn text_that_is_not_utf8_names_the_byte_and_the_line() {

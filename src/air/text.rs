@@ -50,7 +50,7 @@ impl AirArgs {
     ) -> anyhow::Result<String> {
         let shown = Shown::of(self, air, grid, rows)?;
         let mut text = format!("{title}\n");
-        if matches!(self.model.aerosol.0, Aerosol::None) {
+        if matches!(self.model.aerosol(station), Aerosol::None) {
             text.push_str("clean air (no aerosol): real extinction is larger (--aerosol)\n");
         }
         text.push_str(

@@ -4,16 +4,18 @@ mod report;
 mod track;
 
 pub(crate) use report::channel_line;
-pub use track::{ChannelRate, Sight, Track};
+pub use track::{ChannelRate, Sight, Track, View};
 
 use crate::air::AirModelArgs;
-use crate::output::{Console, OutputArgs};
+use crate::output::{Console, OutputArgs, Usage};
 use crate::station::StationArgs;
 use anyhow::{Context as _, anyhow, bail};
 use clap::{Args, ValueEnum};
 use hifitime::{Epoch, Unit};
+use report::Report;
 use std::path::PathBuf;
 use sunglint_formats::time::parse_utc;
+use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Star, StarError};
 use sunglint_radiometry::star_light::{self, StarColours, StarLight};
@@ -88,7 +90,13 @@ pub struct OwnStarArgs {
     #[arg(long, value_name = "DEC", requires = "ra", allow_hyphen_values = true)]
     pub dec: Option<String>,
     /// Julian year of that place
-    #[arg(long, value_name = "YEAR", default_value_t = 2000.0, requires = "ra")]
+    #[arg(
+        long,
+        value_name = "YEAR",
+        default_value_t = 2000.0,
+        requires = "ra",
+        allow_negative_numbers = true
+    )]
     pub epoch_year: f64,
     /// Proper motion in right ascension times cos(declination), mas a year
     #[arg(long, value_name = "MAS", allow_negative_numbers = true)]
@@ -116,41 +124,70 @@ const VEGA_HIP: i64 = 91262;
 const WORTH_A_WARNING_MAG: f64 = 0.1;
 /// More samples are a slip of the step.
 const MOST_SAMPLES: f64 = 200_000.0;
+const DAY_S: f64 = 86_400.0;
 
 /// Shows a star.
 pub fn run(args: &StarArgs, console: Console) -> anyhow::Result<()> {
-    let spectrum = OutputArgs { output: args.spectrum_out.clone(), force: args.out.force };
-    spectrum.check()?;
+    let spectrum_out = OutputArgs { output: args.spectrum_out.clone(), force: args.out.force };
+    if spectrum_out.is_stdout() {
+        return Err(
+            Usage("--spectrum-out wants a file: stdout is for the result itself".into()).into()
+        );
+    }
+    spectrum_out.check()?;
     args.out.check_with(console)?;
     let station = args.station.get()?;
     let times = args.times()?;
     let star = args.star()?;
+    let mut inputs = Vec::new();
     let user_orientation = match &args.earth_orientation {
         None => None,
         Some(path) => {
-            let table = sunglint_formats::ecsv::read(path)?;
+            let bytes = sunglint_formats::read::bytes(path)?;
+            inputs.push(Input {
+                file: path.display().to_string(),
+                sha256: crate::tables::sha256(&bytes),
+            });
+            let table = sunglint_formats::ecsv::read_str(
+                path,
+                &sunglint_formats::read::decode(path, bytes)?,
+            )?;
             Some(EarthOrientation::from_table(&table).with_context(|| path.display().to_string())?)
         }
     };
     let orientation = user_orientation.as_ref().unwrap_or_else(|| EarthOrientation::embedded());
     let height_m = station.site.geodetic().height_m;
     let air = args.model.air(height_m, Some(&station))?;
-    args.model.warn_if_implausible(height_m, Some(&station), console)?;
+    let air_text = args.model.describe(&air, height_m, Some(&station));
+    let mut warnings = args.model.implausible(height_m, Some(&station))?;
     let light = args.light(&star)?;
-    let track = Track::new(star, light, station, air, orientation, times, args.exposure_s)?;
-    for warning in track.warnings() {
-        console.warn(&warning);
+    let view = View {
+        star,
+        light,
+        station,
+        air,
+        air_text,
+        zero: args.zero_point,
+        exposure_s: args.exposure_s,
+    };
+    let mut track = Track::new(view, orientation, times)?;
+    track.inputs.extend(inputs);
+    warnings.extend(track.warnings());
+    for warning in &warnings {
+        console.warn(warning);
     }
-    let report = report::Report { args, track: &track };
     for (part, note) in &track.station.notes {
         console.detail(&format!("{}, {part}: {note}", track.station.name));
     }
     console.detail(&track.sights[0].orientation.to_string());
+    let report = Report { track: &track, warnings: &warnings, is_night: args.to.is_some() };
     let product = report.product()?;
-    if !spectrum.output.is_empty() {
-        spectrum.deliver(&report.spectrum(), console)?;
-    }
-    args.out.finish(&product, &report.text(), console)
+    // Both or none of them: what one refuses, the other has not written.
+    let spectrum = match args.spectrum_out.is_empty() {
+        true => Vec::new(),
+        false => spectrum_out.files_of(&report.spectrum())?,
+    };
+    args.out.finish_with(&product, spectrum, &report.text(), console)
 }
 
 /// A time of the command line: ISO 8601 or `now`.
@@ -163,16 +200,20 @@ pub fn when(text: &str) -> anyhow::Result<Epoch> {
 
 impl StarArgs {
     fn times(&self) -> anyhow::Result<Vec<Epoch>> {
-        if !(self.exposure_s > 0.0 && self.exposure_s.is_finite()) {
-            bail!("--exposure-s is {}, expected a time above 0 s", self.exposure_s);
+        for (option, value, least) in
+            [("--exposure-s", self.exposure_s, 1e-9), ("--step-s", self.step_s, 1e-3)]
+        {
+            if !(least..=DAY_S).contains(&value) {
+                bail!("{option} is {value:e}, expected {least:e} to {DAY_S} s");
+            }
         }
         let first = when(&self.at)?;
         let Some(last) = &self.to else { return Ok(vec![first]) };
         let length_s = (when(last)? - first).to_seconds();
         let count = (length_s / self.step_s + 1e-9).floor();
-        if !(length_s > 0.0 && self.step_s > 0.0 && self.step_s.is_finite()) {
+        if count < 1.0 {
             bail!(
-                "from --at {} to --to {last} by --step-s {} there is no light curve: --to must be later, and the step above 0 s",
+                "from --at {} to --to {last} there is no step of {} s: --to must be later",
                 self.at,
                 self.step_s
             );
@@ -190,6 +231,9 @@ impl StarArgs {
 
     fn star(&self) -> anyhow::Result<Star> {
         let own = &self.own;
+        if self.name.trim().is_empty() {
+            bail!("the star has no name: give one, or any name with --ra and --dec");
+        }
         let mut star = match (&own.ra, &own.dec) {
             (Some(ra), Some(dec)) => {
                 let place = Equatorial {

@@ -1,19 +1,20 @@
 //! What `sunglint star` says: text, JSON, table and figure.
 
-use super::{ChannelRate, Sight, StarArgs, Track};
+use super::{ChannelRate, Sight, Track};
 use crate::output::Product;
 use crate::plot::{Axis, Figure, Panel, Series, colour_of_wavelength_nm};
 use hifitime::Unit;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_formats::time::format_utc_shortest;
-use sunglint_formats::{Column, Table};
+use sunglint_formats::{Column, Table, Values};
 use sunglint_radiometry::station::{Channel, Detector};
 
-/// A track, and how it was asked for.
+/// A track, and how it is to be shown.
 pub(super) struct Report<'a> {
-    pub args: &'a StarArgs,
     pub track: &'a Track,
+    pub warnings: &'a [String],
+    pub is_night: bool,
 }
 
 /// Rows of a light curve that the text shows at most.
@@ -24,16 +25,11 @@ impl Report<'_> {
         &self.track.sights[0]
     }
 
-    fn air(&self) -> String {
-        let station = &self.track.station;
-        self.args.model.describe(&self.track.air, station.site.geodetic().height_m, Some(station))
-    }
-
     fn title(&self) -> String {
         let (star, station) = (&self.track.star, &self.track.station.name);
         let from = format_utc_shortest(self.first().epoch);
         match self.track.sights.last() {
-            Some(last) if self.track.sights.len() > 1 => {
+            Some(last) if self.is_night => {
                 format!("{star} from {station}, {from} to {}", format_utc_shortest(last.epoch))
             }
             _ => format!("{star} from {station} at {from}"),
@@ -42,18 +38,14 @@ impl Report<'_> {
 
     /// The predicted light curve, with the figure that fits: rates through a night, or the spectrum of a moment.
     pub fn product(&self) -> anyhow::Result<Product> {
-        let mut curve = self.track.light_curve("sunglint star");
-        curve.provenance.inputs = crate::station::inputs(&self.track.station)?;
-        curve.provenance.notes.push(format!("air: {}", self.air()));
-        curve.provenance.notes.push(format!("V counts from {}", self.args.zero_point));
+        let curve = self.track.light_curve("sunglint star");
         let name = self
             .track
             .star
             .label()
             .to_lowercase()
             .replace(|c: char| !c.is_ascii_alphanumeric(), "_");
-        let figure =
-            if self.track.sights.len() > 1 { self.rates_figure() } else { self.spectrum_figure() };
+        let figure = if self.is_night { self.rates_figure() } else { self.spectrum_figure() };
         Ok(Product { name, table: curve.to_table()?, figure: Some(figure), json: self.json() })
     }
 
@@ -68,8 +60,8 @@ impl Report<'_> {
         for (key, value) in [
             ("title", self.title()),
             ("spectrum", self.track.light.origin.to_string()),
-            ("zero_point", self.args.zero_point.to_string()),
-            ("air", self.air()),
+            ("zero_point", self.track.zero.to_string()),
+            ("air", self.track.air_text.clone()),
         ] {
             table.meta.insert(key.into(), json!(value));
         }
@@ -79,18 +71,23 @@ impl Report<'_> {
             grid.iter().map(|nm| transmission.as_ref().map_or(f64::NAN, |t| t.at(*nm))).collect();
         let below = after.map_or(vec![f64::NAN; grid.len()], |a| a.value().to_vec());
         let above = grid.iter().map(|nm| light.at(*nm)).collect();
+        table.meta.insert(
+            "provenance".into(),
+            self.track.light_curve("sunglint star").provenance.to_json(),
+        );
         table.columns = vec![
             Column::f64("wavelength_nm", Some("nm"), grid),
             Column::f64("irradiance_w_m2_nm", unit, above),
             Column::f64("transmission", None, t),
             Column::f64("ground_irradiance_w_m2_nm", unit, below),
         ];
-        Product {
-            name: "spectrum".into(),
-            table,
-            figure: Some(self.spectrum_figure()),
-            json: self.json(),
+        let mut json = Value::Object(table.meta.clone());
+        for column in &table.columns {
+            if let Values::F64(values) = &column.values {
+                json[&column.name] = json!(values);
+            }
         }
+        Product { name: "spectrum".into(), table, figure: Some(self.spectrum_figure()), json }
     }
 
     fn spectrum_figure(&self) -> Figure {
@@ -130,16 +127,17 @@ impl Report<'_> {
         let start = self.first().epoch;
         let hours = |s: &Sight| (s.epoch - start).to_unit(Unit::Hour);
         let x = || Axis::linear(format!("hours after {}", format_utc_shortest(start)));
+        let shown = |s: &Sight, i: usize| {
+            if s.hidden { f64::NAN } else { s.rates[i].rate_hz.unwrap_or(f64::NAN) }
+        };
         let rates = self.track.station.channels.iter().enumerate().map(|(i, channel)| {
-            let shown = |s: &Sight| {
-                if s.hidden { f64::NAN } else { s.rates[i].rate_hz.unwrap_or(f64::NAN) }
-            };
-            Series::line(
-                &channel.name,
-                i,
-                self.track.sights.iter().map(|s| (hours(s), shown(s))).collect(),
+            channel_line(
+                channel,
+                self.track.sights.iter().map(|s| (hours(s), shown(s, i))).collect(),
             )
         });
+        let rates: Vec<Series> = rates.collect();
+        let any = rates.iter().flat_map(|r| &r.points).any(|(_, hz)| *hz > 0.0);
         let altitude = self
             .track
             .sights
@@ -154,29 +152,24 @@ impl Report<'_> {
             .iter()
             .map(|s| (hours(s), s.moon.horizontal.altitude_deg()))
             .collect();
-        Figure {
-            title: self.title(),
-            panels: vec![
-                Panel {
-                    x: x(),
-                    y: Axis::log("predicted rate at the detector (Hz)"),
-                    series: rates.collect(),
-                },
-                Panel {
-                    x: x(),
-                    y: Axis::linear("altitude (°)"),
-                    series: vec![
-                        Series::line(self.track.star.label(), 0, altitude),
-                        Series::line("Sun", 5, sun),
-                        Series::line("Moon", 6, moon),
-                    ],
-                },
+        let altitudes = Panel {
+            x: x(),
+            y: Axis::linear("altitude (°)"),
+            series: vec![
+                Series::line(self.track.star.label(), 0, altitude),
+                Series::line("Sun", 5, sun),
+                Series::line("Moon", 6, moon),
             ],
-        }
+        };
+        let y = Axis::log("predicted rate at the detector (Hz)");
+        // A star that never rises has altitudes, but no rates.
+        let mut panels = if any { vec![Panel { x: x(), y, series: rates }] } else { Vec::new() };
+        panels.push(altitudes);
+        Figure { title: self.title(), panels }
     }
 
     fn json(&self) -> Value {
-        let Track { star, light, station, air, exposure_s, sights } = self.track;
+        let Track { star, light, station, air, exposure_s, sights, .. } = self.track;
         let (site, columns) = (station.site.geodetic(), air.columns());
         let first = &self.first().rates;
         let channels: Vec<Value> = station
@@ -192,12 +185,12 @@ impl Report<'_> {
             "star": { "name": star.name, "bayer": star.bayer, "hip": star.hip, "hd": star.hd, "v_mag": star.v_mag, "bv_mag": star.bv_mag,
                 "spectral_type": star.spectral_type, "notes": star.notes().iter().map(ToString::to_string).collect::<Vec<_>>() },
             "station": { "name": station.name, "latitude_deg": site.latitude_deg, "longitude_deg": site.longitude_deg, "height_m": site.height_m },
-            "air": { "description": self.air(), "pressure_hpa": columns.pressure_hpa, "ozone_du": columns.ozone_du, "water_mm": columns.water_mm,
+            "air": { "description": self.track.air_text.clone(), "pressure_hpa": columns.pressure_hpa, "ozone_du": columns.ozone_du, "water_mm": columns.water_mm,
                 "aerosol_optical_depth_550_nm": columns.aerosol_550 },
             "spectrum": { "origin": light.origin.to_string(), "fallback": light.origin.is_fallback(),
-                "colour_excess_mag": light.colour_excess_mag, "zero_point": self.args.zero_point.to_string() },
+                "colour_excess_mag": light.colour_excess_mag, "zero_point": self.track.zero.to_string() },
             "exposure_s": exposure_s, "channels": channels,
-            "warnings": self.track.warnings(),
+            "warnings": self.warnings,
             "samples": sights.iter().map(|s| self.sample(s)).collect::<Vec<_>>(),
         })
     }
@@ -205,8 +198,10 @@ impl Report<'_> {
     fn sample(&self, s: &Sight) -> Value {
         let h = s.place.horizontal;
         let rates = self.track.station.channels.iter().zip(&s.rates).map(|(channel, r)| {
-            let value = json!({ "rate_hz": r.rate_hz, "transmitted": r.rate_hz.map(|hz| hz / r.above_air_hz), "arriving_hz": r.arriving_hz,
-                "counted_hz": r.counted_hz, "saturated": r.saturated, "signal_to_noise": r.signal_to_noise, "uncovered_nm": r.uncovered_nm });
+            let is_counter = matches!(channel.detector, Detector::Counter(_));
+            let value = json!({ "rate_hz": r.rate_hz, "sigma_hz": r.sigma_hz, "transmitted": r.transmitted(),
+                "arriving_hz": r.arriving.filter(|_| is_counter), "arriving_adu_s": r.arriving.filter(|_| !is_counter),
+                "counted_hz": r.counted_hz, "saturated": r.saturated, "signal_to_noise": r.signal_to_noise(), "uncovered_nm": r.uncovered_nm });
             (channel.name.clone(), value)
         });
         json!({
@@ -225,7 +220,7 @@ impl Report<'_> {
 
     pub fn text(&self) -> String {
         let mut text = self.heading();
-        if self.track.sights.len() > 1 {
+        if self.is_night {
             self.say_night(&mut text);
         } else {
             self.say_moment(&mut text);
@@ -254,10 +249,10 @@ impl Report<'_> {
             site.latitude_deg,
             site.longitude_deg,
             site.height_m,
-            self.air(),
+            self.track.air_text.clone(),
             self.track.light.origin,
             self.track.colour_check(),
-            self.args.zero_point
+            self.track.zero
         );
         text
     }
@@ -349,10 +344,11 @@ impl Report<'_> {
         let highest = sights.iter().max_by(|a, b| {
             a.place.horizontal.altitude_deg().total_cmp(&b.place.horizontal.altitude_deg())
         });
+        let every = if step > 1 { format!(", every {step} shown") } else { String::new() };
         if let Some(highest) = highest {
             let _ = writeln!(
                 text,
-                "\n{} samples, every {step} shown; {hidden} below the station's horizon; highest at {}: {:.2}°. * past the counter's saturation.",
+                "\n{} samples{every}; {hidden} below the station's horizon; highest at {}: {:.2}°. * past the counter's saturation.",
                 sights.len(),
                 format_utc_shortest(highest.epoch),
                 highest.place.horizontal.altitude_deg()
@@ -376,7 +372,7 @@ fn say_channel(text: &mut String, channel: &Channel, r: &ChannelRate) {
         Detector::CameraPlane(_) => "ADU/s",
     };
     let hz = |v: f64| format!("{v:.4e} Hz");
-    let transmitted = r.rate_hz.map(|v| v / r.above_air_hz);
+    let transmitted = r.transmitted();
     let _ = write!(
         text,
         "  {:<8} {:>15} {:>14} {:>12} {:>11} {:>11} Hz/nm {:>16} {:>14} {:>12}",
@@ -386,9 +382,9 @@ fn say_channel(text: &mut String, channel: &Channel, r: &ChannelRate) {
         or_dash(transmitted, &|v| format!("{v:.4}")),
         or_dash(transmitted, &|v| format!("{:.3} mag", -2.5 * v.log10())),
         format!("{:.3e}", r.above_air_hz / channel.bandwidth_nm()),
-        or_dash(r.arriving_hz, &|v| format!("{v:.3e} {unit}")),
+        or_dash(r.arriving, &|v| format!("{v:.3e} {unit}")),
         or_dash(r.counted_hz, &|v| format!("{v:.3e} Hz")),
-        or_dash(r.signal_to_noise, &|v| format!("{v:.0}")),
+        or_dash(r.signal_to_noise(), &|v| format!("{v:.0}")),
     );
     if r.saturated {
         text.push_str("   PAST SATURATION: attenuate");
@@ -400,4 +396,5 @@ fn say_channel(text: &mut String, channel: &Channel, r: &ChannelRate) {
 }
 
 const FOOTNOTE: &str = "\npredicted: after the air, by the station's curves; arriving: over the channel's typical kappa (losses that only the star calibration knows);\n\
-    counted: that and the dark rate through the dead time. Whether a camera saturates depends on exposure and seeing and is not judged.\n";
+    counted: that and the dark rate through the dead time. S/N: photons, dark counts and dead time of counters, photons alone of a camera; no\n\
+    scintillation. Whether a camera saturates depends on exposure and seeing and is not judged.\n";

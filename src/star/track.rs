@@ -3,10 +3,12 @@
 use anyhow::Context as _;
 use hifitime::Epoch;
 use rayon::prelude::*;
+use std::path::PathBuf;
 use sunglint_radiometry::air::{Air, AirError, Path, Zenith};
 use sunglint_radiometry::light_curve::{
-    ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
+    ChannelCurve, Flags, Input, LightCurve, Provenance, RateKind, Samples,
 };
+use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{
     EarthOrientation, MoonSighting, Observer, OrientationOrigin, Star, StarPlace, SunSighting,
     Twilight, separation_deg,
@@ -26,10 +28,35 @@ pub struct Track {
     pub station: Station,
     /// The air above it.
     pub air: Air,
+    /// The air in words.
+    pub air_text: String,
+    /// What the star's V counts from.
+    pub zero: ZeroPoint,
+    /// The files that went in.
+    pub inputs: Vec<Input>,
     /// Exposure time, s.
     pub exposure_s: f64,
     /// The moments, in the order in which they were asked for; at least one.
     pub sights: Vec<Sight>,
+}
+
+/// What a track is made of.
+#[derive(Debug, Clone)]
+pub struct View {
+    /// The star.
+    pub star: Star,
+    /// Its light above the air.
+    pub light: StarLight,
+    /// The station.
+    pub station: Station,
+    /// The air above it.
+    pub air: Air,
+    /// The air in words.
+    pub air_text: String,
+    /// What the star's V counts from.
+    pub zero: ZeroPoint,
+    /// Exposure time, s.
+    pub exposure_s: f64,
 }
 
 /// A star at a moment.
@@ -68,27 +95,39 @@ pub struct ChannelRate {
     pub above_air_hz: f64,
     /// Width of the channel for which light or air was not tabulated, nm.
     pub uncovered_nm: f64,
-    /// The predicted rate over the channel's typical κ: what arrives; Hz of a counter, counts of the converter per second of a camera. `None` without a κ.
-    pub arriving_hz: Option<f64>,
+    /// What arrives of it: the predicted rate over the channel's typical κ. Hz of a counter, counts of the converter per second (ADU/s) of a camera.
+    /// `None` without a κ.
+    pub arriving: Option<f64>,
     /// What a counter makes of that and its dark rate by its dead time, Hz; `None` where its law or its κ is not known.
     pub counted_hz: Option<f64>,
-    /// Whether what is counted is at or past the counter's saturation, or past what its law can say.
+    /// Standard uncertainty of the predicted rate in one exposure, Hz: photons, dark counts and the statistics of the dead time of a counter; of a camera
+    /// the photons alone. No scintillation. `None` below the horizon and where the counter is saturated past its law.
+    pub sigma_hz: Option<f64>,
+    /// Whether the counter is saturated ([`sunglint_radiometry::station::Counter::is_saturated_by`]).
     pub saturated: bool,
-    /// Signal over noise of one exposure: photons, dark counts, counting statistics of the dead time left out.
-    pub signal_to_noise: Option<f64>,
+}
+
+impl ChannelRate {
+    /// Signal over noise of one exposure.
+    pub fn signal_to_noise(&self) -> Option<f64> {
+        let ratio = self.rate_hz? / self.sigma_hz?;
+        ratio.is_finite().then_some(ratio)
+    }
+
+    /// The share of the light that the air lets through.
+    pub fn transmitted(&self) -> Option<f64> {
+        self.rate_hz.map(|hz| hz / self.above_air_hz).filter(|t| t.is_finite())
+    }
 }
 
 impl Track {
     /// A star at moments. The moments are computed side by side; their order and values do not depend on how many at once.
     pub fn new(
-        star: Star,
-        light: StarLight,
-        station: Station,
-        air: Air,
+        view: View,
         orientation: &EarthOrientation,
         times: Vec<Epoch>,
-        exposure_s: f64,
     ) -> anyhow::Result<Self> {
+        let View { star, light, station, air, air_text, zero, exposure_s } = view;
         let above_air: Vec<f64> = station
             .channels
             .iter()
@@ -109,7 +148,12 @@ impl Track {
             // Only then the first error of all: which one it is must not depend on the threads.
             .into_iter()
             .collect::<anyhow::Result<Vec<Sight>>>()?;
-        Ok(Self { star, light, station, air, exposure_s, sights })
+        let input = |(path, sha256): &(PathBuf, String)| Input {
+            file: path.display().to_string(),
+            sha256: sha256.clone(),
+        };
+        let inputs = station.sources.iter().map(input).collect();
+        Ok(Self { star, light, station, air, air_text, zero, inputs, exposure_s, sights })
     }
 
     /// The transmission of the air on the way of the star's light at a moment; `None` below the horizon.
@@ -154,7 +198,6 @@ impl Track {
     pub fn light_curve(&self, command: &str) -> LightCurve {
         let channel = |(i, channel): (usize, &Channel)| {
             let rates = || self.sights.iter().map(|s| &s.rates[i]);
-            let kappa = channel.typical_kappa.unwrap_or(1.0);
             let flags = self.sights.iter().map(|sight| {
                 let rate = &sight.rates[i];
                 let mut flags = Flags::empty();
@@ -168,10 +211,7 @@ impl Track {
             ChannelCurve {
                 name: channel.name.clone(),
                 rate_hz: rates().map(|r| r.rate_hz.unwrap_or(f64::NAN)).collect(),
-                // Photon noise of what arrives, ν/κ, in the scale of the prediction.
-                sigma_hz: rates()
-                    .map(|r| r.rate_hz.map_or(f64::NAN, |hz| (kappa * hz / self.exposure_s).sqrt()))
-                    .collect(),
+                sigma_hz: rates().map(|r| r.sigma_hz.unwrap_or(f64::NAN)).collect(),
                 flags: flags.collect(),
             }
         };
@@ -184,8 +224,11 @@ impl Track {
             target: self.star.to_string(),
             notes: vec![
                 format!("spectrum: {}; {}", self.light.origin, self.colour_check()),
-                "sigma: photon noise of one exposure at the typical kappa, no scintillation".into(),
+                "sigma: one exposure at the typical kappa: photons, dark counts and dead time of counters, photons alone of camera planes; no scintillation".into(),
+                format!("air: {}", self.air_text),
+                format!("V counts from {}", self.zero),
             ],
+            inputs: self.inputs.clone(),
             ..Provenance::default()
         };
         LightCurve {
@@ -260,24 +303,38 @@ impl Scene<'_> {
         let below = air.map(|air| self.station.rate_hz(channel, light, Some(air)));
         let uncovered_nm =
             below.unwrap_or_else(|| self.station.rate_hz(channel, light, None)).uncovered_nm;
-        let rate_hz = below.map(|b| b.value);
-        let arriving_hz = rate_hz.zip(channel.typical_kappa).map(|(hz, kappa)| hz / kappa);
+        // Where nothing of the channel is tabulated the rate is not zero but unknown.
+        let rate_hz = below.filter(|b| b.is_covered() || b.value > 0.0).map(|b| b.value);
+        let kappa = channel.typical_kappa;
+        let arriving = rate_hz.zip(kappa).map(|(hz, kappa)| hz / kappa);
         let mut found = ChannelRate {
             rate_hz,
             above_air_hz,
             uncovered_nm,
-            arriving_hz,
+            arriving,
             counted_hz: None,
+            sigma_hz: None,
             saturated: false,
-            signal_to_noise: None,
         };
-        if let (Some(arriving), Detector::Counter(counter)) = (arriving_hz, &channel.detector) {
-            let true_hz = arriving + counter.dark_rate_hz;
-            found.counted_hz = counter.dead_time.counted_hz(true_hz);
-            // Past the end of a table, or a law without closed form: what arrives decides.
-            found.saturated = found.counted_hz.unwrap_or(true_hz) >= counter.saturation_hz;
-            found.signal_to_noise =
-                Some(arriving * self.exposure_s.sqrt() / true_hz.sqrt()).filter(|s| s.is_finite());
+        let scale = kappa.unwrap_or(1.0);
+        match &channel.detector {
+            Detector::Counter(counter) => {
+                let true_hz = arriving.or(rate_hz).map(|hz| hz + counter.dark_rate_hz);
+                let sigma = true_hz.and_then(|hz| counter.dead_time.sigma_hz(hz, self.exposure_s));
+                found.sigma_hz = sigma.map(|sigma| scale * sigma);
+                // Without a κ it is not known what arrives.
+                if let Some(true_hz) = arriving.map(|hz| hz + counter.dark_rate_hz) {
+                    found.counted_hz = counter.dead_time.counted_hz(true_hz);
+                    found.saturated = counter.is_saturated_by(true_hz);
+                }
+            }
+            Detector::CameraPlane(_) => {
+                // Photons are counted in electrons, κ in counts of the converter.
+                let gain = self.station.camera.as_ref().map_or(1.0, |c| c.gain_e_per_adu);
+                let electrons_hz = arriving.map(|adu| adu * gain).or(rate_hz);
+                let scale = if kappa.is_some() { scale / gain } else { 1.0 };
+                found.sigma_hz = electrons_hz.map(|hz| scale * (hz / self.exposure_s).sqrt());
+            }
         }
         found
     }

@@ -37,7 +37,8 @@ pub struct Input {
 }
 
 impl Provenance {
-    pub(super) fn to_json(&self) -> Value {
+    /// As files hold it.
+    pub fn to_json(&self) -> Value {
         // Maps with text keys always serialise.
         serde_json::to_value(self).unwrap_or(Value::Null)
     }

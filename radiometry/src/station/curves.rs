@@ -101,15 +101,10 @@ pub(super) fn fractions((curve, path): (Curve, PathBuf)) -> Result<Spectrum<Resp
         return Err(ParseError::new(&path, found, expected).in_field(curve.y_name));
     }
     let longest = curve.x.last().copied().unwrap_or(0.0);
-    for (is_so, unit) in [(longest < 20.0, "um"), (curve.x[0] > 2000.0, "angstrom")] {
-        if is_so {
-            let found = format!("{} to {longest} nm", curve.x[0]);
-            let error =
-                ParseError::new(&path, found, "wavelengths in nm").in_field("wavelength_nm");
-            return Err(
-                error.with_hint(format!("if it is {unit}, name the column wavelength_{unit}"))
-            );
-        }
+    if longest < 20.0 {
+        let found = format!("{} to {longest} nm", curve.x[0]);
+        let error = ParseError::new(&path, found, "wavelengths in nm").in_field("wavelength_nm");
+        return Err(error.with_hint("if they are in micrometres, name the column wavelength_um"));
     }
     let wrong = |row: usize, field: &str, value: f64, expected: &str| {
         let error = ParseError::new(&path, value.to_string(), expected);

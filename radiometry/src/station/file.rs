@@ -353,7 +353,18 @@ fn channel(
     }
     if channel.range_nm().is_none() || channel.bandwidth_nm() <= 0.0 {
         let expected = "optics and efficiency with wavelengths in common, at which they are not 0";
-        return Err(document.error_at(&format!("{at}.efficiency"), expected).into());
+        let ranges: Vec<String> = channel
+            .factors()
+            .map(|c| format!("{} to {} nm", c.range_nm().0, c.range_nm().1))
+            .collect();
+        let hint = format!(
+            "its curves run over {}; a column in angstrom is named wavelength_angstrom",
+            ranges.join(", ")
+        );
+        return Err(document
+            .error_at(&format!("{at}.efficiency"), expected)
+            .with_hint(hint)
+            .into());
     }
     Ok(channel)
 }

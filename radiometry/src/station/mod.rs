@@ -7,6 +7,7 @@ use crate::air::{Aerosol, AirError, AirOptions, Profile};
 use crate::quadrature::{Integral, Product};
 use crate::sky::Site;
 use crate::spectrum::{Irradiance, Response, Spectrum, Transmission, lerp};
+use sha2::{Digest as _, Sha256};
 use std::path::{Path, PathBuf};
 use sunglint_formats::FileError;
 use sunglint_formats::curve;
@@ -38,8 +39,8 @@ pub struct Station {
     pub notes: Vec<(String, String)>,
     /// What the program noticed in the files that may not be meant: a curve that ends high.
     pub warnings: Vec<String>,
-    /// The files that it was read from; none of a built-in station, which the program's version names.
-    pub sources: Vec<PathBuf>,
+    /// The files that it was read from, with the SHA-256 of the bytes that were read; none of a built-in station, which the program's version names.
+    pub sources: Vec<(PathBuf, String)>,
 }
 
 /// The lowest elevation that can be seen.
@@ -245,6 +246,48 @@ impl DeadTime {
     }
 }
 
+impl DeadTime {
+    /// Standard uncertainty of a true rate that was linearised from the counts of `exposure_s`, Hz: √(n(1+nτ)/t) of a renewal process without, and
+    /// √(n e^(nτ)(1−2nτe^(−nτ))/t)/(1−nτ) with prolonged dead time; √(n/t) where there is no such law. `None` where counts tell nothing of the rate.
+    pub fn sigma_hz(&self, true_hz: f64, exposure_s: f64) -> Option<f64> {
+        let variance = match self {
+            DeadTime::NonParalysable { dead_time_s } => {
+                true_hz * (1.0 + true_hz * dead_time_s) / exposure_s
+            }
+            DeadTime::Paralysable { dead_time_s } => {
+                let x = true_hz * dead_time_s;
+                if x >= 1.0 {
+                    return None;
+                }
+                true_hz * x.exp() * (1.0 - 2.0 * x * (-x).exp()) / ((1.0 - x).powi(2) * exposure_s)
+            }
+            DeadTime::None | DeadTime::ExponentialRecovery { .. } | DeadTime::Table { .. } => {
+                true_hz / exposure_s
+            }
+        };
+        Some(variance.sqrt())
+    }
+}
+
+impl Counter {
+    /// Whether a true rate (dark counts included) saturates the counter, Hz: what it counts of it reaches its stated saturation, or lies where its
+    /// law can no longer tell rates apart: past the peak of a paralysable one, past nine tenths of the most that a non-paralysable one can count (there
+    /// a hundredth more counts are a doubled rate), past the end of a table.
+    pub fn is_saturated_by(&self, true_hz: f64) -> bool {
+        let counted = self.dead_time.counted_hz(true_hz).unwrap_or(true_hz);
+        let beyond_its_law = match &self.dead_time {
+            DeadTime::NonParalysable { dead_time_s } => true_hz * dead_time_s >= 9.0,
+            DeadTime::Paralysable { dead_time_s } => true_hz * dead_time_s >= 1.0,
+            DeadTime::ExponentialRecovery { dead_time_s, .. } => true_hz * dead_time_s >= 9.0,
+            DeadTime::Table { true_hz: truth, .. } => {
+                truth.last().is_some_and(|last| true_hz > *last)
+            }
+            DeadTime::None => false,
+        };
+        beyond_its_law || counted >= self.saturation_hz
+    }
+}
+
 /// A fibre's field on the camera's frame: a two-dimensional normal distribution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fibre {
@@ -357,16 +400,23 @@ impl Station {
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
         let path = path.as_ref();
         let path = if path.is_dir() { path.join("station.toml") } else { path.to_path_buf() };
-        let document = Document::read(&path)?;
-        let mut sources = vec![path];
+        let mut sources: Vec<(PathBuf, String)> = Vec::new();
+        let mut read = |path: &Path| {
+            let bytes = sunglint_formats::read::bytes(path)?;
+            // Channels share curves.
+            if !sources.iter().any(|(known, _)| known == path) {
+                let hash = Sha256::digest(&bytes);
+                sources.push((
+                    path.to_path_buf(),
+                    hash.iter().map(|byte| format!("{byte:02x}")).collect(),
+                ));
+            }
+            Ok::<_, FileError>(sunglint_formats::read::decode(path, bytes)?)
+        };
+        let document = Document::new(&path, read(&path)?)?;
         let mut station = file::station(&document, &mut |name| {
             let path = document.resolve(name);
-            let curve = curve::read(&path, None)?;
-            // Channels share curves.
-            if !sources.contains(&path) {
-                sources.push(path.clone());
-            }
-            Ok((curve, path))
+            Ok((curve::read_str(&path, &read(&path)?, None)?, path))
         })?;
         station.sources = sources;
         Ok(station)

@@ -75,7 +75,7 @@ impl fmt::Display for StarNote {
             Self::SpectroscopicBinary => "spectroscopic binary",
             Self::UnknownType => "object type unknown",
             Self::NoProperMotion => {
-                "no proper motion known: not moved since the epoch of its place (which the catalogue then rounds to 0.3 arcsec)"
+                "no proper motion known: not moved since the epoch of its place"
             }
             Self::NoParallax => "no parallax known",
         })
