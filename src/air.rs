@@ -6,7 +6,7 @@ mod text;
 use crate::output::{Console, OutputArgs, Product, rounded};
 use crate::plot::{Axis, Figure, Panel, Series};
 use crate::station::StationArgs;
-use anyhow::{Context as _, bail};
+use anyhow::bail;
 use clap::Args;
 use grid::Grid;
 use rayon::prelude::*;
@@ -271,7 +271,7 @@ pub fn run(args: &AirArgs, console: Console) -> anyhow::Result<()> {
     args.check_angles()?;
     let station = match args.altitude_m {
         Some(_) => None,
-        None => Some(args.station.get().context("which station's air? (or give --altitude-m)")?),
+        None => Some(args.station.get_or("or give --altitude-m")?),
     };
     let altitude_m =
         args.altitude_m.or(station.as_ref().map(|s| s.site.geodetic().height_m)).unwrap_or(0.0);

@@ -32,11 +32,18 @@ impl StationArgs {
 
     /// The station; an error that lists the names where there is none.
     pub fn get(&self) -> anyhow::Result<Station> {
+        self.get_or("")
+    }
+
+    /// The same, with what else would do.
+    pub fn get_or(&self, else_give: &str) -> anyhow::Result<Station> {
         self.find()?.with_context(|| {
             format!(
-                "no station: give --station with a built-in name ({}), a station.toml or its folder, set SUNGLINT_STATION, or put a station.toml here",
+                "no station: give --station with a built-in name ({}), a station.toml or its folder, set SUNGLINT_STATION, or put a station.toml here {else_give}",
                 Station::built_in_names().join(", ")
             )
+            .trim_end()
+            .to_owned()
         })
     }
 }

@@ -363,6 +363,24 @@ fn the_station_comes_from_the_option_the_environment_or_the_folder() {
         message.contains("there is no station `uf`") && message.contains("did you mean ufo?"),
         "{message}"
     );
+    // The air of the station's file is the air that is used, unless another is asked for.
+    change(
+        "profile = \"midlatitude_winter\"",
+        "profile = \"us_standard\"\naerosol = \"rural_23km\"\nozone_du = 250",
+    );
+    let json = folder.json(&[&asked[..], &["--station", "mine"]].concat());
+    assert_eq!(
+        (json["aerosol"]["model"].as_str(), json["columns"]["ozone_du"].as_f64()),
+        (Some("rural_23km"), Some(250.0))
+    );
+    assert!(json["title"].as_str().unwrap().starts_with("us_standard"));
+    let json = folder.json(
+        &[&asked[..], &["--station", "mine", "--aerosol", "none", "--ozone-du", "300"]].concat(),
+    );
+    assert_eq!(
+        (json["aerosol"]["model"].as_str(), json["columns"]["ozone_du"].as_f64()),
+        (Some("none"), Some(300.0))
+    );
     change("dead_time_ns = 22", "dead_time_us = 0.022");
     let message = folder.refused(1, &["air", "--station", "mine"]);
     assert!(
