@@ -180,17 +180,6 @@ impl OutputArgs {
         console.result(text, &product.json)
     }
 
-    /// Writes a product everywhere it is wanted, all or nothing but for what the system refuses, and gives the files written.
-    pub fn deliver(&self, product: &Product, console: Console) -> anyhow::Result<Vec<PathBuf>> {
-        if self.is_stdout() {
-            let files = self.files_of(product)?;
-            self.check_targets(files.iter().map(|(path, _)| path.as_path()))?;
-            console.print(&ecsv::to_string(&product.table)?)?;
-            return self.write_files(&files, console);
-        }
-        self.write_files(&self.files_of(product)?, console)
-    }
-
     /// The files that a product becomes, with their contents.
     pub fn files_of(&self, product: &Product) -> anyhow::Result<Vec<(PathBuf, Vec<u8>)>> {
         let mut paths = Vec::new();

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::Folder;
+use common::{Folder, VEGA};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -82,16 +82,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     ] {
         keys(&folder.json(&[command, &["--json"]].concat()), &mut printed);
     }
-    folder.done(&[
-        "star",
-        "Vega",
-        "--station",
-        "ufo",
-        "--at",
-        "2020-11-18T18:00:00",
-        "--spectrum-out",
-        "s.json",
-    ]);
+    folder.done(&[&VEGA[..], &["--spectrum-out", "s.json"]].concat());
     keys(
         &serde_json::from_str(&std::fs::read_to_string(folder.path("s.json")).unwrap()).unwrap(),
         &mut printed,

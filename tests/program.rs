@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::Folder;
+use common::{Folder, VEGA};
 use std::path::Path;
 use std::process::Command;
 
@@ -139,8 +139,7 @@ fn stars_are_found_and_others_refused() {
         "2020-11-18T18:00:00",
     ]);
     assert!(
-        String::from_utf8_lossy(&output.stderr)
-            .contains("warning: the spectrum of mine is a fallback")
+        String::from_utf8_lossy(&output.stderr).contains("warning: the spectrum of mine: FALLBACK")
     );
     assert!(String::from_utf8_lossy(&output.stdout).contains("FALLBACK: library"));
     // Below the horizon no rate is invented.
@@ -184,17 +183,7 @@ fn stars_are_found_and_others_refused() {
     }
     folder.refused(2, &["star", "Vega", "--station", "ufo", "--spectrum-out", "-"]);
     // Warnings are in the document too.
-    let json = folder.json(&[
-        "star",
-        "Vega",
-        "--station",
-        "ufo",
-        "--at",
-        "2020-11-18T18:00:00",
-        "--pressure-hpa",
-        "700",
-        "--json",
-    ]);
+    let json = folder.json(&[&VEGA[..], &["--pressure-hpa", "700", "--json"]].concat());
     assert!(json["warnings"][0].as_str().unwrap().contains("700 hPa"));
     // A star that never rises has a light curve all the same, and a figure of its altitude.
     folder.done(&[
@@ -265,17 +254,7 @@ fn a_night_of_a_star_is_a_light_curve() {
 #[test]
 fn uncertainties_are_those_of_what_is_counted() {
     let folder = Folder::new("noise");
-    let json = folder.json(&[
-        "star",
-        "Vega",
-        "--station",
-        "ufo",
-        "--at",
-        "2020-11-18T18:00:00",
-        "--exposure-s",
-        "0.4",
-        "--json",
-    ]);
+    let json = folder.json(&[&VEGA[..], &["--exposure-s", "0.4", "--json"]].concat());
     let rates = &json["samples"][0]["rates"];
     let of = |channel: &str, key: &str| rates[channel][key].as_f64().unwrap();
     let n = of("spcm", "rate_hz") / 29.64 + 825.0;
@@ -363,6 +342,28 @@ fn the_station_comes_from_the_option_the_environment_or_the_folder() {
         message.contains("there is no station `uf`") && message.contains("did you mean ufo?"),
         "{message}"
     );
+    // Without a kappa nobody knows what arrives: no saturation is claimed, and the light curve can be written whatever the rate.
+    change("typical_kappa = 29.64\n", "");
+    change(
+        "dead_time_model = \"non_paralysable\"\ndead_time_ns = 22\nsaturation_hz = 37e6",
+        "dead_time_model = \"paralysable\"\ndead_time_ns = 22\nsaturation_hz = 15e6",
+    );
+    let asked_bright =
+        [&VEGA[..2], &["--station", "mine", "--at", "2020-11-18T18:00:00", "--v=-12"]].concat();
+    folder.done(&[&asked_bright[..], &["-o", "bright.ecsv"]].concat());
+    let json = folder.json(&[&asked_bright[..], &["--json"]].concat());
+    let spcm = &json["samples"][0]["rates"]["spcm"];
+    assert!(
+        spcm["arriving_hz"].is_null() && spcm["sigma_hz"].as_f64().is_some_and(|s| s > 0.0),
+        "{spcm}"
+    );
+    // With one, a paralysed counter is saturated and its uncertainty unknown, which a flag says.
+    change("name = \"spcm\"", "name = \"spcm\"\ntypical_kappa = 29.64");
+    folder.done(&[&asked_bright[..], &["-o", "blind.ecsv"]].concat());
+    let spcm =
+        folder.json(&[&asked_bright[..], &["--json"]].concat())["samples"][0]["rates"]["spcm"]
+            .clone();
+    assert!(spcm["saturated"] == true && spcm["sigma_hz"].is_null(), "{spcm}");
     // The air of the station's file is the air that is used, unless another is asked for.
     change(
         "profile = \"midlatitude_winter\"",

@@ -104,54 +104,18 @@ fn a_rate_is_photons_times_area_times_sensitivity() {
     );
 }
 
-/// Truth: Poisson photons one by one, each counted unless within the dead time of the last count (of the last photon, for the paralysable law).
-/// Tolerance: four standard deviations of 400,000 photons.
+/// Truth: Poisson photons one by one, each counted unless within the dead time of the last count (of the last photon, for the paralysable law), in
+/// 4,000 exposures, each linearised by its law. Tolerances: four standard deviations of the mean count; 5 % of the scatter (four standard
+/// deviations of a scatter of 4,000, 1.1 % each, and the law's own small terms).
 #[test]
-fn counted_rates_are_those_of_single_photons() {
-    use rand::{RngExt as _, SeedableRng as _};
-    let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(1);
-    let (dead_time_s, photons) = (22e-9, 400_000);
-    for true_hz in [1e5, 1e7, 5e7] {
-        let (mut now, mut blind, mut blind_longer, mut simple, mut paralysed) =
-            (0.0_f64, 0.0, 0.0, 0.0, 0.0);
-        for _ in 0..photons {
-            now -= random.random_range(f64::MIN_POSITIVE..1.0).ln() / true_hz;
-            if now >= blind {
-                (simple, blind) = (simple + 1.0, now + dead_time_s);
-            }
-            if now >= blind_longer {
-                paralysed += 1.0;
-            }
-            blind_longer = now + dead_time_s;
-        }
-        for (law, counted) in [
-            (DeadTime::NonParalysable { dead_time_s }, simple),
-            (DeadTime::Paralysable { dead_time_s }, paralysed),
-        ] {
-            let found = law.counted_hz(true_hz).unwrap();
-            let relative = (found * now / counted - 1.0).abs();
-            assert!(
-                relative < 4.0 * (1.0 / f64::from(photons)).sqrt() + 4.0 / f64::sqrt(counted),
-                "{law:?}: {relative}"
-            );
-        }
-    }
-    let table =
-        DeadTime::Table { measured_hz: vec![0.0, 1e6, 1.5e6], true_hz: vec![0.0, 1e6, 2e6] };
-    assert_eq!(table.counted_hz(1.5e6), Some(1.25e6));
-    assert_eq!((table.counted_hz(2e6), table.counted_hz(2.1e6)), (Some(1.5e6), None));
-}
-
-/// Truth: the scatter of 4,000 exposures of single photons, each linearised by its law. Tolerance 5 %: four standard deviations of a scatter of
-/// 4,000 (1.1 % each), and the law's own small terms.
-#[test]
-fn noise_is_that_of_single_photons() {
+fn counts_and_their_noise_are_those_of_single_photons() {
     use rand::{RngExt as _, SeedableRng as _};
     let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(2);
     let (dead_time_s, exposure_s, exposures) = (22e-9, 1e-4, 4000_u32);
     for true_hz in [1e6, 1e7, 2e7] {
         let (mut now, mut blind, mut blind_longer) = (0.0_f64, 0.0, 0.0);
         let (mut simple, mut paralysed) = (Vec::new(), Vec::new());
+        let (mut all, mut all_longer) = (0_u32, 0_u32);
         for _ in 0..exposures {
             let (mut counted, mut counted_longer) = (0_u32, 0_u32);
             while now < exposure_s {
@@ -164,6 +128,7 @@ fn noise_is_that_of_single_photons() {
             }
             (now, blind, blind_longer) =
                 (now - exposure_s, blind - exposure_s, blind_longer - exposure_s);
+            (all, all_longer) = (all + counted, all_longer + counted_longer);
             let m = f64::from(counted) / exposure_s;
             simple.push(m / (1.0 - m * dead_time_s));
             // m = n e^(−nτ) on its low branch, by Newton's method.
@@ -175,11 +140,17 @@ fn noise_is_that_of_single_photons() {
             }
             paralysed.push(n);
         }
-        for (law, rates) in [
-            (DeadTime::NonParalysable { dead_time_s }, simple),
-            (DeadTime::Paralysable { dead_time_s }, paralysed),
+        for (law, rates, counts) in [
+            (DeadTime::NonParalysable { dead_time_s }, simple, all),
+            (DeadTime::Paralysable { dead_time_s }, paralysed, all_longer),
         ] {
             let n = f64::from(exposures);
+            let counted_hz = f64::from(counts) / (n * exposure_s);
+            let relative = (law.counted_hz(true_hz).unwrap() / counted_hz - 1.0).abs();
+            assert!(
+                relative < 4.0 / f64::from(counts).sqrt(),
+                "{law:?} at {true_hz:e} Hz: {relative}"
+            );
             let mean = rates.iter().sum::<f64>() / n;
             let scatter =
                 (rates.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
@@ -187,6 +158,25 @@ fn noise_is_that_of_single_photons() {
             assert!((ratio - 1.0).abs() < 0.05, "{law:?} at {true_hz:e} Hz: {ratio}");
         }
     }
+}
+
+/// Truth: by hand. A table of two lines, slopes 1 and 2: σ = dn/dm √(m/t).
+#[test]
+fn a_linearity_table_counts_and_errs_by_its_lines() {
+    let table =
+        DeadTime::Table { measured_hz: vec![0.0, 1e6, 1.5e6], true_hz: vec![0.0, 1e6, 2e6] };
+    assert_eq!(table.counted_hz(1.5e6), Some(1.25e6));
+    assert_eq!((table.counted_hz(2e6), table.counted_hz(2.1e6)), (Some(1.5e6), None));
+    for (true_hz, slope, measured_hz) in
+        [(0.5e6, 1.0, 0.5e6), (1.5e6, 2.0, 1.25e6), (2e6, 2.0, 1.5e6)]
+    {
+        let expected = slope * f64::sqrt(measured_hz / 0.1);
+        assert!(
+            (table.sigma_hz(true_hz, 0.1).unwrap() / expected - 1.0).abs() < 1e-12,
+            "{true_hz:e}"
+        );
+    }
+    assert_eq!(table.sigma_hz(2.1e6, 0.1), None);
 }
 
 /// A counter that is blinded is saturated, though it counts little or never quite its limit.

@@ -136,6 +136,7 @@ pub fn run(args: &StarArgs, console: Console) -> anyhow::Result<()> {
     }
     spectrum_out.check()?;
     args.out.check_with(console)?;
+    args.out.check()?;
     let station = args.station.get()?;
     let times = args.times()?;
     let star = args.star()?;

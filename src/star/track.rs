@@ -101,7 +101,8 @@ pub struct ChannelRate {
     /// What a counter makes of that and its dark rate by its dead time, Hz; `None` where its law or its κ is not known.
     pub counted_hz: Option<f64>,
     /// Standard uncertainty of the predicted rate in one exposure, Hz: photons, dark counts and the statistics of the dead time of a counter; of a camera
-    /// the photons alone. No scintillation. `None` below the horizon and where the counter is saturated past its law.
+    /// the photons alone. No scintillation. Without a κ, photons and dark counts alone.
+    /// `None` below the horizon and where the counter is saturated past its law.
     pub sigma_hz: Option<f64>,
     /// Whether the counter is saturated ([`sunglint_radiometry::station::Counter::is_saturated_by`]).
     pub saturated: bool,
@@ -168,10 +169,7 @@ impl Track {
         let outside = self.sights.iter().map(|s| s.orientation).find(|o| o.is_outside());
         warnings.extend(outside.map(|o| format!("{o} (--earth-orientation FILE)")));
         if self.light.origin.is_fallback() {
-            warnings.push(format!(
-                "the spectrum of {} is a fallback: {}",
-                self.star, self.light.origin
-            ));
+            warnings.push(format!("the spectrum of {}: {}", self.star, self.light.origin));
         }
         if let Some(excess) = self.light.colour_excess_mag
             && excess.abs() > super::WORTH_A_WARNING_MAG
@@ -319,14 +317,22 @@ impl Scene<'_> {
         let scale = kappa.unwrap_or(1.0);
         match &channel.detector {
             Detector::Counter(counter) => {
-                let true_hz = arriving.or(rate_hz).map(|hz| hz + counter.dark_rate_hz);
-                let sigma = true_hz.and_then(|hz| counter.dead_time.sigma_hz(hz, self.exposure_s));
-                found.sigma_hz = sigma.map(|sigma| scale * sigma);
-                // Without a κ it is not known what arrives.
-                if let Some(true_hz) = arriving.map(|hz| hz + counter.dark_rate_hz) {
-                    found.counted_hz = counter.dead_time.counted_hz(true_hz);
-                    found.saturated = counter.is_saturated_by(true_hz);
-                }
+                found.sigma_hz = match (arriving, rate_hz) {
+                    (Some(arriving), _) => {
+                        let true_hz = arriving + counter.dark_rate_hz;
+                        found.counted_hz = counter.dead_time.counted_hz(true_hz);
+                        found.saturated = counter.is_saturated_by(true_hz);
+                        counter
+                            .dead_time
+                            .sigma_hz(true_hz, self.exposure_s)
+                            .map(|sigma| scale * sigma)
+                    }
+                    // Without a κ it is not known what arrives, nor what the dead time makes of it: photons and dark counts alone.
+                    (None, Some(hz)) => {
+                        Some(((hz + counter.dark_rate_hz) / self.exposure_s).sqrt())
+                    }
+                    (None, None) => None,
+                };
             }
             Detector::CameraPlane(_) => {
                 // Photons are counted in electrons, κ in counts of the converter.

@@ -7,6 +7,9 @@ use serde_json::Value;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
+/// A star that most tests ask for.
+pub const VEGA: [&str; 6] = ["star", "Vega", "--station", "ufo", "--at", "2020-11-18T18:00:00"];
+
 /// A folder of its own for each test, gone at its end.
 pub struct Folder(pub PathBuf);
 

@@ -244,14 +244,15 @@ impl DeadTime {
             }
         }
     }
-}
 
-impl DeadTime {
-    /// Standard uncertainty of a true rate that was linearised from the counts of `exposure_s`, Hz: √(n(1+nτ)/t) of a renewal process without, and
-    /// √(n e^(nτ)(1−2nτe^(−nτ))/t)/(1−nτ) with prolonged dead time; √(n/t) where there is no such law. `None` where counts tell nothing of the rate.
+    /// Standard uncertainty of a true rate n that was linearised from the counts of an exposure t, Hz: √(n(1+nτ)/t) of a renewal process without, and
+    /// √(n e^(nτ)(1−2nτe^(−nτ))/t)/(1−nτ) with prolonged dead time; |dn/dm| √(m/t) of a table; √(n/t) without a law. The exponential recovery is
+    /// taken as its plain dead time: a lower bound. `None` where counts tell nothing of the rate.
     pub fn sigma_hz(&self, true_hz: f64, exposure_s: f64) -> Option<f64> {
         let variance = match self {
-            DeadTime::NonParalysable { dead_time_s } => {
+            DeadTime::None => true_hz / exposure_s,
+            DeadTime::NonParalysable { dead_time_s }
+            | DeadTime::ExponentialRecovery { dead_time_s, .. } => {
                 true_hz * (1.0 + true_hz * dead_time_s) / exposure_s
             }
             DeadTime::Paralysable { dead_time_s } => {
@@ -261,18 +262,22 @@ impl DeadTime {
                 }
                 true_hz * x.exp() * (1.0 - 2.0 * x * (-x).exp()) / ((1.0 - x).powi(2) * exposure_s)
             }
-            DeadTime::None | DeadTime::ExponentialRecovery { .. } | DeadTime::Table { .. } => {
-                true_hz / exposure_s
+            DeadTime::Table { measured_hz, true_hz: truth } => {
+                let i = truth.partition_point(|t| *t <= true_hz).min(truth.len() - 1);
+                // Below its first point the table is a line from the origin.
+                let (n0, m0) = if i == 0 { (0.0, 0.0) } else { (truth[i - 1], measured_hz[i - 1]) };
+                let slope = (truth[i] - n0) / (measured_hz[i] - m0);
+                slope * slope * self.counted_hz(true_hz)? / exposure_s
             }
         };
-        Some(variance.sqrt())
+        Some(variance.sqrt()).filter(|sigma| sigma.is_finite())
     }
 }
 
 impl Counter {
     /// Whether a true rate (dark counts included) saturates the counter, Hz: what it counts of it reaches its stated saturation, or lies where its
     /// law can no longer tell rates apart: past the peak of a paralysable one, past nine tenths of the most that a non-paralysable one can count (there
-    /// a hundredth more counts are a doubled rate), past the end of a table.
+    /// an error of 1 % in the counts is one of 10 % in the rate), past the end of a table.
     pub fn is_saturated_by(&self, true_hz: f64) -> bool {
         let counted = self.dead_time.counted_hz(true_hz).unwrap_or(true_hz);
         let beyond_its_law = match &self.dead_time {
