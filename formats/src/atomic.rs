@@ -37,13 +37,10 @@ pub fn write_file(
     };
     let mut builder = tempfile::Builder::new();
     builder.prefix(".sunglint-").suffix(".part");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt as _;
-        // A temporary file is private by default; this one becomes the user's, so the umask decides.
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    let mut file = builder.tempfile_in(folder).map_err(io)?;
+    // Made as any new file, so that the umask decides who reads it, and with the system's own words where that fails: what `tempfile` makes by itself is
+    // private, and its errors name a file that the user never gave.
+    let make = |part: &Path| File::options().write(true).create_new(true).open(part);
+    let mut file = builder.make_in(folder, make).map_err(io)?;
     file.write_all(bytes).map_err(io)?;
     file.as_file().sync_all().map_err(io)?;
     match overwrite {
@@ -64,6 +61,15 @@ pub fn write_file(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn errors_name_the_users_file_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("not there").join("a.txt");
+        let message = write_file(&path, b"x", Overwrite::Allow).unwrap_err().to_string();
+        assert!(message.starts_with(&format!("cannot write {}: ", path.display())), "{message}");
+        assert!(!message.contains(".part"), "{message}");
+    }
 
     #[test]
     fn a_file_is_not_overwritten_unless_asked_and_no_part_is_left() {

@@ -121,13 +121,17 @@ fn keys_that_are_wrong() {
     refused(
         "aperture_mm = 400\n",
         "",
-        "hill.toml:5: telescope.aperture_mm: found no such key, expected a value for it",
+        "hill.toml:5: telescope.aperture_mm: found no such key, expected one: it is required",
     );
-    refused("name = \"hill\"", "", "hill.toml:1: name: found no such key, expected a value for it");
+    refused(
+        "name = \"hill\"",
+        "",
+        "hill.toml:1: name: found no such key, expected one: it is required",
+    );
     refused(
         "dead_time_ns = 0\n",
         "",
-        "hill.toml:16: channel[1].dead_time_ns: found no such key, expected a value for it",
+        "hill.toml:16: channel[1].dead_time_ns: found no such key, expected one: it is required",
     );
 }
 

@@ -4,9 +4,9 @@
 //!
 //! 0. **measured**: Vega, whose spectrum is CALSPEC's own ([`vega`]); every other star:
 //! 1. **by type**: the library spectrum (Pickles 1998, 106 types) nearest in temperature and luminosity class. Nearest means the smallest
-//!    Δ² = (Δ subclass)² + (2 Δ luminosity class)², of two equally near the hotter, then the more luminous; it must lie within 3 subclasses and
-//!    1 luminosity class. Where a catalogue gives no
-//!    luminosity class, a dwarf (V) is assumed down to F9 and a giant (III) beyond: so are most stars of the naked eye.
+//!    Δ² = (Δ subclass)² + (2 Δ luminosity class)², of two equally near the hotter, then the more luminous; it must lie within 3
+//!    subclasses and 1 luminosity class. Where a catalogue gives no luminosity class, a dwarf (V) is assumed down to F9 and a giant
+//!    (III) beyond: so are most stars of the naked eye.
 //! 2. **by colour** (flagged as a fallback): no type, or none near: the library's dwarf or giant with the nearest B−V, within 0.1 mag.
 //! 3. **black body** (flagged as a fallback): T = 7300 K/((B−V)+0.73) (thesis eq. 4.19). It errs by +10 to +45 % in the red
 //!    for most types, twice that for supergiants: it must never decide a calibration.
@@ -101,7 +101,7 @@ impl std::fmt::Display for Origin {
 /// A star's light above the air.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StarLight {
-    /// Spectral irradiance, W m⁻² nm⁻¹, 300–1300 nm.
+    /// Spectral irradiance, W m⁻² nm⁻¹, 300–1300 nm (Vega's own: 290–1260 nm).
     pub irradiance: Spectrum<Irradiance>,
     /// Where it came from.
     pub origin: Origin,

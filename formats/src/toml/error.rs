@@ -74,7 +74,7 @@ impl Error {
             }
             Kind::MissingKey(key) => {
                 steps.push(Step::Key(key.to_owned()));
-                ("no such key".to_owned(), "a value for it".to_owned(), None)
+                ("no such key".to_owned(), "one: it is required".to_owned(), None)
             }
             Kind::UnknownVariant { found, known } => {
                 let (expected, hint) = suggest(&found, known);
