@@ -2,6 +2,10 @@
 
 mod grid;
 mod text;
+mod words;
+
+use words::aerosol_json;
+pub use words::{describe, implausible};
 
 use crate::output::{Console, OutputArgs, Product, rounded};
 use crate::plot::{Axis, Figure, Panel, Series};
@@ -78,103 +82,28 @@ impl FromStr for AerosolArg {
 }
 
 impl AirModelArgs {
-    /// The air at an altitude; `station` gives what is not said.
+    /// The air at an altitude; `station` gives what is not said, and without one the thesis' profile.
     pub fn air(&self, altitude_m: f64, station: Option<&Station>) -> anyhow::Result<Air> {
-        let defaults = station.map(|s| s.air.clone()).unwrap_or_default();
+        let known = match station {
+            Some(station) => station.air_options()?,
+            None => AirOptions::new(Profile::midlatitude_winter()),
+        };
+        let profile = match &self.profile {
+            Some(name) => Profile::named(name)?,
+            None => known.profile,
+        };
         let options = AirOptions {
+            profile,
             altitude_m,
-            pressure_hpa: self.pressure_hpa.or(defaults.pressure_hpa),
-            ozone_du: self.ozone_du.or(defaults.ozone_du),
-            water_mm: self.water_mm.or(defaults.water_mm),
-            co2_ppm: self.co2_ppm.or(defaults.co2_ppm),
-            aerosol: self.aerosol(station),
+            pressure_hpa: self.pressure_hpa.or(known.pressure_hpa),
+            ozone_du: self.ozone_du.or(known.ozone_du),
+            water_mm: self.water_mm.or(known.water_mm),
+            co2_ppm: self.co2_ppm.or(known.co2_ppm),
+            aerosol: self.aerosol.map_or(known.aerosol, |asked| asked.0),
             refraction: !self.no_refraction,
-            ..AirOptions::new(Profile::named(&self.profile(station))?)
+            ..known
         };
         Ok(Air::new(&options)?)
-    }
-
-    /// The profile's name: what was asked for, else the station's, else the thesis' one.
-    fn profile(&self, station: Option<&Station>) -> String {
-        let asked = self.profile.clone().or_else(|| station.map(|s| s.air.profile.clone()));
-        asked.unwrap_or_else(|| "midlatitude_winter".into())
-    }
-
-    /// The aerosol: what was asked for, else the station's, else none.
-    pub fn aerosol(&self, station: Option<&Station>) -> Aerosol {
-        self.aerosol.map(|a| a.0).or_else(|| station.map(|s| s.air.aerosol)).unwrap_or_default()
-    }
-
-    /// What is possible but most likely in another unit or for another altitude, as warnings.
-    pub fn implausible(
-        &self,
-        altitude_m: f64,
-        station: Option<&Station>,
-    ) -> anyhow::Result<Vec<String>> {
-        let defaults = station.map(|s| s.air.clone()).unwrap_or_default();
-        let profile = self.profile(station);
-        let usual_hpa = Profile::named(&profile)?.at(altitude_m)?.pressure_hpa;
-        let mut warnings = Vec::new();
-        if let Some(hpa) = self.pressure_hpa.or(defaults.pressure_hpa)
-            && (hpa / usual_hpa - 1.0).abs() > 0.1
-        {
-            warnings.push(format!(
-                "the pressure of {hpa} hPa is {:.0} % of {usual_hpa:.0} hPa, which {profile} has at {altitude_m} m: wanted is the station's own \
-                 pressure in hPa, not reduced to sea level, not inches or millimetres of mercury",
-                100.0 * hpa / usual_hpa
-            ));
-        }
-        if let Some(du) = self.ozone_du.or(defaults.ozone_du)
-            && du > 0.0
-            && du < 80.0
-        {
-            warnings.push(format!(
-                "an ozone column of {du} DU is hardly ever measured (300 is usual): is it in atm-cm? multiply by 1000"
-            ));
-        }
-        if let Aerosol::Angstrom { exponent, .. } = self.aerosol(station)
-            && !(-0.5..=3.0).contains(&exponent)
-        {
-            warnings.push(format!(
-                "an Ångström exponent of {exponent} is outside -0.5 to 3, where air's lies: --aerosol wants TAU,ALPHA, the optical depth at 550 nm first"
-            ));
-        }
-        Ok(warnings)
-    }
-
-    /// The aerosol as summaries hold it.
-    fn aerosol_json(&self, optical_depth_550: f64, station: Option<&Station>) -> Value {
-        let depth = rounded(optical_depth_550);
-        match self.aerosol(station) {
-            Aerosol::Angstrom { exponent, .. } => {
-                json!({ "model": "angstrom", "optical_depth_550_nm": depth, "exponent": exponent })
-            }
-            Aerosol::Model(model) => {
-                json!({ "model": model.name(), "optical_depth_550_nm": depth })
-            }
-            _ => json!({ "model": "none", "optical_depth_550_nm": depth }),
-        }
-    }
-
-    /// The air in a line.
-    pub fn describe(&self, air: &Air, altitude_m: f64, station: Option<&Station>) -> String {
-        let c = air.columns();
-        let aerosol = match self.aerosol(station) {
-            Aerosol::Angstrom { exponent, .. } => {
-                format!("aerosol τ(550 nm) {:.3}, exponent {exponent}", c.aerosol_550)
-            }
-            Aerosol::Model(model) => format!("aerosol {model}, τ(550 nm) {:.3}", c.aerosol_550),
-            _ => "no aerosol".to_owned(),
-        };
-        format!(
-            "{} at {altitude_m} m: {:.1} hPa, {:.1} K, ozone {:.1} DU, water {:.2} mm, CO2 {:.0} ppm, {aerosol}",
-            self.profile(station),
-            c.pressure_hpa,
-            c.temperature_k,
-            c.ozone_du,
-            c.water_mm,
-            c.co2_ppm
-        )
     }
 }
 
@@ -264,6 +193,15 @@ impl Row {
     }
 }
 
+/// What was asked, and what came out.
+struct Answer<'a> {
+    title: &'a str,
+    air: &'a Air,
+    grid: &'a Grid,
+    rows: &'a [Row],
+    station: Option<&'a Station>,
+}
+
 /// Computes and shows transmissions.
 pub fn run(args: &AirArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
@@ -276,10 +214,10 @@ pub fn run(args: &AirArgs, console: Console) -> anyhow::Result<()> {
     let altitude_m =
         args.altitude_m.or(station.as_ref().map(|s| s.site.geodetic().height_m)).unwrap_or(0.0);
     let air = args.model.air(altitude_m, station.as_ref())?;
-    for warning in args.model.implausible(altitude_m, station.as_ref())? {
+    for warning in implausible(&air) {
         console.warn(&warning);
     }
-    let title = args.model.describe(&air, altitude_m, station.as_ref());
+    let title = describe(&air);
     if let Some(station) = &station {
         console.detail(&format!("station: {} ({})", station.name, station.description.trim()));
         for (field, note) in &station.notes {
@@ -295,15 +233,13 @@ pub fn run(args: &AirArgs, console: Console) -> anyhow::Result<()> {
         rayon::current_num_threads()
     ));
     let rows = args.rows(&air, &grid.sampling()?, station.as_ref())?;
-    let mut product = args.product(&title, &grid, &rows);
+    let answer =
+        Answer { title: &title, air: &air, grid: &grid, rows: &rows, station: station.as_ref() };
+    let mut product = args.product(&answer);
     if args.out.wants_json(console) {
-        product.json = args.json(&title, &air, &grid, &rows, station.as_ref());
+        product.json = args.json(&answer);
     }
-    let text = if console.json {
-        String::new()
-    } else {
-        args.text(&title, &air, &grid, &rows, station.as_ref())?
-    };
+    let text = if console.json { String::new() } else { args.text(&answer)? };
     args.out.finish(&product, &text, console)
 }
 
@@ -351,7 +287,8 @@ impl AirArgs {
         format!("{}° {kind}", round(angle))
     }
 
-    fn product(&self, title: &str, grid: &Grid, rows: &[Row]) -> Product {
+    fn product(&self, answer: &Answer) -> Product {
+        let Answer { title, grid, rows, .. } = *answer;
         let mut table = Table::default();
         for (key, value) in [
             ("title", title),
@@ -378,14 +315,8 @@ impl AirArgs {
         Product { name: "air".into(), table, figure, json: Value::Null }
     }
 
-    fn json(
-        &self,
-        title: &str,
-        air: &Air,
-        grid: &Grid,
-        rows: &[Row],
-        station: Option<&Station>,
-    ) -> Value {
+    fn json(&self, answer: &Answer) -> Value {
+        let Answer { title, air, grid, rows, station } = *answer;
         let json_rows: Vec<Value> = rows.iter().map(|row| self.json_row(air, row)).collect();
         let c = air.columns();
         json!({
@@ -393,7 +324,7 @@ impl AirArgs {
             "columns": { "pressure_hpa": rounded(c.pressure_hpa), "temperature_k": rounded(c.temperature_k),
                 "ozone_du": rounded(c.ozone_du), "water_mm": rounded(c.water_mm), "co2_ppm": rounded(c.co2_ppm),
                 "aerosol_optical_depth_550_nm": rounded(c.aerosol_550) },
-            "aerosol": self.model.aerosol_json(c.aerosol_550, station),
+            "aerosol": aerosol_json(air),
             "value": grid.kind(), "missing": MISSING, "wavelength_nm": grid.nm, "zenith": json_rows,
         })
     }

@@ -3,7 +3,6 @@
 //! Until the comparison of a measured with a simulated pass makes it the whole main job, it predicts what the six channels of the built-in station
 //! count of Vega as it sinks towards the horizon, and draws the air that makes the difference.
 
-use crate::air::AirModelArgs;
 use crate::output::{Console, OutputArgs, Product};
 use crate::plot::{Axis, Figure, Panel, Series};
 use crate::star::{Track, View, channel_line};
@@ -53,17 +52,8 @@ pub fn run(args: &DemoArgs, console: Console) -> anyhow::Result<()> {
     let start = parse_utc(FROM).context("the demonstration's time")?;
     let times: Vec<Epoch> =
         (0..MINUTES).map(|minute| start + f64::from(minute) * Unit::Minute).collect();
-    let height_m = station.site.geodetic().height_m;
-    let air_text = AirModelArgs::default().describe(&air, height_m, Some(&station));
-    let view = View {
-        star,
-        light,
-        station,
-        air,
-        air_text,
-        zero: ZeroPoint::default(),
-        exposure_s: EXPOSURE_S,
-    };
+    let view =
+        View { star, light, station, air, zero: ZeroPoint::default(), exposure_s: EXPOSURE_S };
     let track = Track::new(view, EarthOrientation::embedded(), times)?;
     let curve = track.light_curve("sunglint demo");
 

@@ -1,7 +1,7 @@
 //! What `sunglint air` says to a person.
 
 use super::grid::Grid;
-use super::{AirArgs, ChannelAir, Row, constituents, magnitudes};
+use super::{AirArgs, Answer, ChannelAir, Row, constituents, magnitudes};
 use std::fmt::Write as _;
 use sunglint_radiometry::air::{Aerosol, Air};
 use sunglint_radiometry::station::Station;
@@ -40,17 +40,11 @@ impl Shown {
 }
 
 impl AirArgs {
-    pub(super) fn text(
-        &self,
-        title: &str,
-        air: &Air,
-        grid: &Grid,
-        rows: &[Row],
-        station: Option<&Station>,
-    ) -> anyhow::Result<String> {
+    pub(super) fn text(&self, answer: &Answer) -> anyhow::Result<String> {
+        let Answer { title, air, grid, rows, station } = *answer;
         let shown = Shown::of(self, air, grid, rows)?;
         let mut text = format!("{title}\n");
-        if matches!(self.model.aerosol(station), Aerosol::None) {
+        if matches!(air.options().aerosol, Aerosol::None) {
             text.push_str("clean air (no aerosol): real extinction is larger (--aerosol)\n");
         }
         text.push_str(

@@ -6,7 +6,7 @@ mod track;
 pub(crate) use report::channel_line;
 pub use track::{ChannelRate, Sight, Track, View};
 
-use crate::air::AirModelArgs;
+use crate::air::{AirModelArgs, implausible};
 use crate::output::{Console, OutputArgs, Usage};
 use crate::station::StationArgs;
 use anyhow::{Context as _, anyhow, bail};
@@ -159,18 +159,10 @@ pub fn run(args: &StarArgs, console: Console) -> anyhow::Result<()> {
     let orientation = user_orientation.as_ref().unwrap_or_else(|| EarthOrientation::embedded());
     let height_m = station.site.geodetic().height_m;
     let air = args.model.air(height_m, Some(&station))?;
-    let air_text = args.model.describe(&air, height_m, Some(&station));
-    let mut warnings = args.model.implausible(height_m, Some(&station))?;
+    let mut warnings = implausible(&air);
     let light = args.light(&star)?;
-    let view = View {
-        star,
-        light,
-        station,
-        air,
-        air_text,
-        zero: args.zero_point,
-        exposure_s: args.exposure_s,
-    };
+    let view =
+        View { star, light, station, air, zero: args.zero_point, exposure_s: args.exposure_s };
     let mut track = Track::new(view, orientation, times)?;
     track.inputs.extend(inputs);
     warnings.extend(track.warnings());

@@ -1,6 +1,7 @@
 //! What `sunglint star` says: text, JSON, table and figure.
 
 use super::{ChannelRate, Sight, Track};
+use crate::air::describe;
 use crate::output::Product;
 use crate::plot::{Axis, Figure, Panel, Series, colour_of_wavelength_nm};
 use hifitime::Unit;
@@ -61,7 +62,7 @@ impl Report<'_> {
             ("title", self.title()),
             ("spectrum", self.track.light.origin.to_string()),
             ("zero_point", self.track.zero.to_string()),
-            ("air", self.track.air_text.clone()),
+            ("air", describe(&self.track.air)),
         ] {
             table.meta.insert(key.into(), json!(value));
         }
@@ -185,7 +186,7 @@ impl Report<'_> {
             "star": { "name": star.name, "bayer": star.bayer, "hip": star.hip, "hd": star.hd, "v_mag": star.v_mag, "bv_mag": star.bv_mag,
                 "spectral_type": star.spectral_type, "notes": star.notes().iter().map(ToString::to_string).collect::<Vec<_>>() },
             "station": { "name": station.name, "latitude_deg": site.latitude_deg, "longitude_deg": site.longitude_deg, "height_m": site.height_m },
-            "air": { "description": self.track.air_text.clone(), "pressure_hpa": columns.pressure_hpa, "ozone_du": columns.ozone_du, "water_mm": columns.water_mm,
+            "air": { "description": describe(&self.track.air), "pressure_hpa": columns.pressure_hpa, "ozone_du": columns.ozone_du, "water_mm": columns.water_mm,
                 "aerosol_optical_depth_550_nm": columns.aerosol_550 },
             "spectrum": { "origin": light.origin.to_string(), "fallback": light.origin.is_fallback(),
                 "colour_excess_mag": light.colour_excess_mag, "zero_point": self.track.zero.to_string() },
@@ -249,7 +250,7 @@ impl Report<'_> {
             site.latitude_deg,
             site.longitude_deg,
             site.height_m,
-            self.track.air_text.clone(),
+            describe(&self.track.air),
             self.track.light.origin,
             self.track.colour_check(),
             self.track.zero

@@ -1,5 +1,6 @@
 //! A star through time: its places, its air, its rates.
 
+use crate::air::describe;
 use anyhow::Context as _;
 use hifitime::Epoch;
 use rayon::prelude::*;
@@ -28,8 +29,6 @@ pub struct Track {
     pub station: Station,
     /// The air above it.
     pub air: Air,
-    /// The air in words.
-    pub air_text: String,
     /// What the star's V counts from.
     pub zero: ZeroPoint,
     /// The files that went in.
@@ -51,8 +50,6 @@ pub struct View {
     pub station: Station,
     /// The air above it.
     pub air: Air,
-    /// The air in words.
-    pub air_text: String,
     /// What the star's V counts from.
     pub zero: ZeroPoint,
     /// Exposure time, s.
@@ -128,7 +125,7 @@ impl Track {
         orientation: &EarthOrientation,
         times: Vec<Epoch>,
     ) -> anyhow::Result<Self> {
-        let View { star, light, station, air, air_text, zero, exposure_s } = view;
+        let View { star, light, station, air, zero, exposure_s } = view;
         let above_air: Vec<f64> = station
             .channels
             .iter()
@@ -154,7 +151,7 @@ impl Track {
             sha256: sha256.clone(),
         };
         let inputs = station.sources.iter().map(input).collect();
-        Ok(Self { star, light, station, air, air_text, zero, inputs, exposure_s, sights })
+        Ok(Self { star, light, station, air, zero, inputs, exposure_s, sights })
     }
 
     /// The transmission of the air on the way of the star's light at a moment; `None` below the horizon.
@@ -223,7 +220,7 @@ impl Track {
             notes: vec![
                 format!("spectrum: {}; {}", self.light.origin, self.colour_check()),
                 "sigma: one exposure at the typical kappa: photons, dark counts and dead time of counters, photons alone of camera planes; no scintillation".into(),
-                format!("air: {}", self.air_text),
+                format!("air: {}", describe(&self.air)),
                 format!("V counts from {}", self.zero),
             ],
             inputs: self.inputs.clone(),

@@ -210,6 +210,7 @@ struct Layer {
 /// The air above one station.
 #[derive(Debug, Clone)]
 pub struct Air {
+    options: AirOptions,
     shells: Shells,
     layers: Vec<Layer>,
     vertical: Amounts,
@@ -288,7 +289,13 @@ impl Air {
             co2_ppm,
             aerosol_550: low + high,
         };
-        Ok(Self { shells, layers, vertical, columns, terms })
+        let options = options.clone();
+        Ok(Self { options, shells, layers, vertical, columns, terms })
+    }
+
+    /// What it was made of.
+    pub fn options(&self) -> &AirOptions {
+        &self.options
     }
 
     /// What stands vertically above the station.
