@@ -1,11 +1,31 @@
 //! What a satellite pass should look like in every spectral channel. Stands on `sunglint-radiometry`.
 //!
-//! Nothing is here yet. What will stand here, in the order in which data flows through it:
+//! In the order in which data flows through it:
 //!
-//! - `orbit`: TLE, SGP4, TEME to ITRS to GCRS, light time, eclipse;
-//! - `attitude`: inertial, spinning, tumbling, orbit-following bodies and sun-tracking panels;
-//! - `mesh`: OBJ, PLY, STL, glTF and built-in bodies, their parts and faults;
-//! - `surface`: Lambert, microfacet, measured and parametric materials;
-//! - `light`: the engines, from the exact polygons of planar facets to inter-reflection, and the scene's own report;
-//! - `ranging`: lasers, photons per shot, range histograms;
-//! - `observatory`: photon events, frames, the virtual sample.
+//! - [`orbit`]: TLE and SGP4, or a table of positions; eclipse by the Earth;
+//! - [`geometry`]: where target, Sun and station stand at one moment, light time included;
+//! - [`attitude`]: inertial, spinning, tumbling, orbit-following and Sun-facing bodies;
+//! - [`mesh`]: triangles from OBJ, PLY, STL, glTF and built-in bodies, and what is wrong with them;
+//! - [`surface`]: how a material reflects, as a few spectra times a few weights;
+//! - [`target`]: a body made of parts, each a shape with a material in its place, and the hinges that move them;
+//! - [`light`]: the engine that turns a lit and seen body into one weight per material spectrum;
+//! - [`pass`]: all of it along a pass, to spectra, magnitudes and count rates;
+//! - [`passes`]: when a target can be seen at all.
+//!
+//! What will stand here when its time comes: `ranging` (lasers, photons per shot, range histograms) and `observatory` (photon events,
+//! frames, the virtual sample).
+//!
+//! # Frames and conventions
+//! Positions and directions in space are GCRS axes, metres. A body's attitude is the rotation from its own axes to the GCRS, written
+//! `body_to_gcrs = [w, x, y, z]` in files ([`glam::DQuat`] keeps x, y, z, w). A surface's own axes are x along its tangent, z along its
+//! outward normal. Directions on a surface point away from it: towards the Sun, towards the observer.
+
+pub mod attitude;
+pub mod geometry;
+pub mod light;
+pub mod mesh;
+pub mod orbit;
+pub mod pass;
+pub mod passes;
+pub mod surface;
+pub mod target;

@@ -1,0 +1,108 @@
+//! A body made of parts: each a shape with a material, in its place, perhaps on a hinge.
+
+use crate::mesh::Mesh;
+use crate::surface::Material;
+use glam::{DQuat, DVec3};
+
+/// What reflects: parts, their materials and hinges, in the body's own axes, metres.
+#[derive(Debug, Clone, Default)]
+pub struct Target {
+    /// Its name.
+    pub name: String,
+    /// Its parts.
+    pub parts: Vec<Part>,
+    /// The materials that the parts name.
+    pub materials: Vec<Material>,
+    /// The hinges that the parts name.
+    pub hinges: Vec<Hinge>,
+    /// What a person should hear of: faults of meshes, sizes that look like millimetres.
+    pub warnings: Vec<String>,
+    /// The files that went in, with their SHA-256.
+    pub sources: Vec<(std::path::PathBuf, String)>,
+}
+
+/// One part of a target.
+#[derive(Debug, Clone)]
+pub struct Part {
+    /// Its name, unique in the target.
+    pub name: String,
+    /// Its shape, in the part's own axes.
+    pub shape: Shape,
+    /// Index into [`Target::materials`].
+    pub material: usize,
+    /// Where it sits in the body (with every hinge at angle 0).
+    pub placement: Placement,
+    /// Index into [`Target::hinges`] where it moves.
+    pub hinge: Option<usize>,
+}
+
+/// A shape.
+#[derive(Debug, Clone)]
+pub enum Shape {
+    /// Flat triangles.
+    Mesh(Mesh),
+    /// A sphere about the part's origin.
+    Sphere {
+        /// Radius, m.
+        radius_m: f64,
+    },
+}
+
+/// Where a part sits: turned, then moved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// Rotation from the part's axes to the body's.
+    pub rotation: DQuat,
+    /// The part's origin in the body's axes, m.
+    pub offset_m: DVec3,
+}
+
+impl Default for Placement {
+    fn default() -> Self {
+        Self { rotation: DQuat::IDENTITY, offset_m: DVec3::ZERO }
+    }
+}
+
+impl Placement {
+    /// A point of the part in the body's axes.
+    pub fn point(&self, point_m: DVec3) -> DVec3 {
+        self.rotation * point_m + self.offset_m
+    }
+}
+
+/// An axis about which parts turn towards the Sun.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Hinge {
+    /// Its name.
+    pub name: String,
+    /// A point of the axis in the body's axes, m.
+    pub point_m: DVec3,
+    /// Unit vector along the axis, body axes.
+    pub axis: DVec3,
+    /// Unit vector perpendicular to the axis, body axes: the direction at angle 0 that is turned to the Sun.
+    pub face: DVec3,
+    /// The angles that it reaches, radians; `None` where it turns freely.
+    pub range_rad: Option<(f64, f64)>,
+}
+
+impl Hinge {
+    /// The angle (radians, −π to π, right-handed about the axis) that brings `face` nearest to the Sun within the hinge's range.
+    /// Where the Sun stands on the axis every angle is as good: 0, or the nearest of the range.
+    pub fn angle_rad(&self, sun_body: DVec3) -> f64 {
+        let across = self.axis.cross(self.face);
+        let (x, y) = (sun_body.dot(self.face), sun_body.dot(across));
+        let free = if x.hypot(y) < 1e-12 { 0.0 } else { y.atan2(x) };
+        let Some((least, most)) = self.range_rad else { return free };
+        // Of the range's two ends and the free angle (in any turn), the one that faces the Sun best.
+        let turns = [-1.0, 0.0, 1.0].map(|turn| free + turn * std::f64::consts::TAU);
+        if let Some(angle) = turns.into_iter().find(|a| (least..=most).contains(a)) {
+            return angle;
+        }
+        if (least - free).cos() > (most - free).cos() { least } else { most }
+    }
+
+    /// Where a point of the body (at angle 0) is at an angle.
+    pub fn point(&self, angle_rad: f64, point_m: DVec3) -> DVec3 {
+        self.point_m + DQuat::from_axis_angle(self.axis, angle_rad) * (point_m - self.point_m)
+    }
+}
