@@ -52,7 +52,7 @@ use sha2::{Digest as _, Sha256};
 use sunglint_formats::toml::{Document, Finite, NonNegative, Positive};
 use sunglint_formats::{FileError, ParseError, nearest_names};
 
-pub use super::materials::MaterialFile;
+pub use crate::surface::file::MaterialFile;
 
 /// A target as it stands in a file: parts, or the name of a file or of a built-in target.
 #[derive(Debug, Clone, Deserialize, Default)]

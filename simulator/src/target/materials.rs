@@ -2,47 +2,10 @@
 
 use super::file::{key, unknown};
 use crate::surface::Material;
+use crate::surface::file::{MaterialFile, material};
 use std::path::PathBuf;
 use sunglint_formats::toml::Document;
 use sunglint_formats::{FileError, ParseError};
-
-pub use interim::MaterialFile;
-
-/// What stands here until the materials' own reader is merged.
-mod interim {
-    use super::*;
-    use sunglint_formats::toml::Fraction;
-    use sunglint_radiometry::spectrum::Spectrum;
-
-    /// One `[[material]]`.
-    #[derive(Debug, Clone, serde::Deserialize)]
-    #[serde(deny_unknown_fields)]
-    #[allow(missing_docs, reason = "interim")]
-    pub struct MaterialFile {
-        pub name: String,
-        pub model: String,
-        pub reflectance: Fraction,
-    }
-
-    pub(super) fn material(
-        document: &Document,
-        at: &str,
-        file: &MaterialFile,
-    ) -> Result<(Material, Vec<(PathBuf, String)>), FileError> {
-        let flat = Spectrum::constant(file.reflectance.get(), 300.0, 1240.0)
-            .map_err(|e| document.error_at(at, e.to_string()))?;
-        Ok((Material::lambert(&file.name, flat), vec![]))
-    }
-
-    pub(super) fn names() -> &'static [&'static str] {
-        &["aluminium", "solar_cell", "mli", "white", "grey80", "unit", "mirror"]
-    }
-
-    pub(super) fn built_in(name: &str) -> Option<Material> {
-        let flat = Spectrum::constant(0.8, 300.0, 1240.0).ok()?;
-        names().contains(&name).then(|| Material::lambert(name, flat))
-    }
-}
 
 /// The materials of a file, and those that its parts have asked for.
 pub(super) struct Shelf<'d> {
@@ -66,7 +29,7 @@ impl<'d> Shelf<'d> {
                 let expected = "a name that no other material has";
                 return Err(document.error_at(&key(&at, "name"), expected).into());
             }
-            let (material, sources) = interim::material(document, &at, file)?;
+            let (material, sources) = material(document, &at, file)?;
             this.own.push(material);
             for source in sources {
                 if !this.sources.contains(&source) {
@@ -83,9 +46,9 @@ impl<'d> Shelf<'d> {
             return Ok(index);
         }
         let own = self.own.iter().find(|material| material.name == name).cloned();
-        let Some(material) = own.or_else(|| interim::built_in(name)) else {
+        let Some(material) = own.or_else(|| Material::built_in(name)) else {
             let own = self.own.iter().map(|material| material.name.as_str());
-            let known: Vec<&str> = own.chain(interim::names().iter().copied()).collect();
+            let known: Vec<&str> = own.chain(Material::built_in_names().iter().copied()).collect();
             return Err(unknown(
                 self.document,
                 key,
