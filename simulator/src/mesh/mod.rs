@@ -6,9 +6,13 @@
 //! - [`Mesh`]: what every engine gets.
 
 pub mod faults;
+mod gltf;
+mod gltf_data;
 mod obj;
+mod ply;
 pub mod read;
 pub mod shapes;
+mod stl;
 mod topology;
 mod triangulate;
 mod weld;
