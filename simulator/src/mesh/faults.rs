@@ -5,8 +5,9 @@ use super::{Bounds, Mesh, area_vector, cone_volume};
 use glam::DVec3;
 use std::fmt;
 
-/// Corners count as one within this fraction of the largest coordinate (and at most 10⁻⁴ of the size): what single precision (STL, most PLY and glTF) can tell apart.
-pub const WELD_FRACTION: f64 = 1e-7;
+/// Corners count as one within this fraction of the largest coordinate (and at most 10⁻⁴ of the size): single precision (STL, most PLY
+/// and glTF) rounds each coordinate by up to 6·10⁻⁸ of it, and two corners and the edge between them may all be off.
+pub const WELD_FRACTION: f64 = 5e-7;
 /// A triangle's longest edge over its height, above which it is called a needle.
 pub const NEEDLE_RATIO: f64 = 1e4;
 /// The same ratio above which it has no area.

@@ -1,6 +1,6 @@
 //! Triangles: read from files, built in, examined.
 //!
-//! - [`read`]: OBJ, PLY, STL, glTF, each group by its name;
+//! - [`read()`]: OBJ, PLY, STL, glTF, each group by its name;
 //! - [`shapes`]: box, plate, sphere, cylinder, cone, prism;
 //! - [`faults`]: what is wrong with a mesh, and which of its parts are closed;
 //! - [`Mesh`]: what every engine gets.
