@@ -287,3 +287,52 @@ fn a_soup_is_examined_too() {
     assert_eq!(report.components.len(), 40_000);
     assert!(matches!(report.faults[0], Fault::Open { found, .. } if found.count == 120_000));
 }
+
+proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig::with_cases(64))]
+
+    /// What a body is does not depend on where it stands, in which order its triangles come, or where each of them begins.
+    #[test]
+    fn an_examination_does_not_depend_on_place_and_order(
+        turn in proptest::array::uniform4(-1.0..1.0_f64),
+        offset in proptest::array::uniform3(-5.0..5.0_f64),
+        order in 0..1000_usize,
+        kind in 0..4_usize,
+    ) {
+        let turn = DQuat::from_array(turn);
+        proptest::prop_assume!(turn.length() > 0.1);
+        let body = match kind {
+            0 => cube(),
+            1 => frustum(1.0, 0.5, 2.0, 9, &Walls { top: false, ..Walls::default() }),
+            2 => Mesh::merged([&cube(), &icosphere(0.3, 2, Faceting::Inscribed)]),
+            _ => Mesh::merged([&cube(), &plate(DVec2::new(3.0, 3.0), true, false)]),
+        };
+        let truth = body.examine();
+        let mut moved = body.transformed(turn.normalize(), DVec3::from_array(offset));
+        let count = moved.triangles.len();
+        // A stride without a common factor with the count visits every triangle.
+        let stride = (1..).map(|k| k + order).find(|s| gcd(*s, count) == 1).unwrap();
+        moved.triangles = (0..count)
+            .map(|k| {
+                let mut t = moved.triangles[(k * stride) % count];
+                t.rotate_left(k % 3);
+                t
+            })
+            .collect();
+        let found = moved.examine();
+        proptest::prop_assert_eq!(found.components.len(), truth.components.len());
+        for k in 0..count {
+            let was = (k * stride) % count;
+            proptest::prop_assert_eq!(found.closed(k), truth.closed(was));
+        }
+        let volume = |report: &sunglint_simulator::mesh::Report| -> f64 {
+            report.components.iter().filter(|c| c.closed).map(|c| c.signed_volume_m3).sum()
+        };
+        proptest::prop_assert!((volume(&found) - volume(&truth)).abs() < 1e-12);
+        proptest::prop_assert_eq!(found.faults.len(), truth.faults.len());
+    }
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
