@@ -3,7 +3,7 @@
 use super::interpolation::Series;
 use super::{OrbitError, State, seconds_between};
 use glam::DVec3;
-use hifitime::{Epoch, Unit};
+use hifitime::{Duration, Epoch};
 use sunglint_formats::time::{format_utc, format_utc_shortest};
 
 /// WGS 84, m.
@@ -131,7 +131,7 @@ impl Ephemeris {
         };
         let (error_m, at_s) = ephemeris.series().largest_error();
         ephemeris.error_m = error_m;
-        ephemeris.error_at = first.epoch + at_s * Unit::Second;
+        ephemeris.error_at = first.epoch + Duration::from_total_nanoseconds((at_s * 1e9) as i128);
         Ok(ephemeris)
     }
 

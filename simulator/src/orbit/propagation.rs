@@ -18,8 +18,8 @@ const STALE_DAYS: f64 = 30.0;
 /// (AIAA 2006-6753): WGS 72, with the sidereal time and the choices that the elements were fitted with ("AFSPC-compatible").
 #[derive(Debug, Clone, PartialEq)]
 pub struct TleOrbit {
-    tle: Tle,
-    constants: sgp4::Constants,
+    tle: Box<Tle>,
+    constants: Box<sgp4::Constants>,
 }
 
 impl TleOrbit {
@@ -30,7 +30,7 @@ impl TleOrbit {
     /// has no orbit.
     pub fn new(tle: Tle) -> Result<Self, OrbitError> {
         match sgp4::Constants::from_elements_afspc_compatibility_mode(&tle.elements) {
-            Ok(constants) => Ok(Self { tle, constants }),
+            Ok(constants) => Ok(Self { tle: Box::new(tle), constants: Box::new(constants) }),
             Err(error) => {
                 Err(OrbitError::Elements { name: tle.label(), reason: error.to_string() })
             }

@@ -496,8 +496,8 @@ fn set(
         let text = &second.text[8..16];
         return Err(wrong(second, "inclination (columns 9-16)", text, "0 to 180 degrees"));
     }
-    // Written so that NaN is refused too.
-    if !(elements.mean_motion > 0.0) {
+    // The field holds digits, so that this is a number.
+    if elements.mean_motion <= 0.0 {
         let text = &second.text[52..63];
         return Err(wrong(
             second,
