@@ -6,7 +6,7 @@ use divan::{Bencher, black_box};
 use glam::DVec3;
 use hifitime::{Epoch, Unit};
 use sunglint_formats::time::parse_utc;
-use sunglint_radiometry::sky::{EarthOrientation, Geodetic, Observer, Site, SkyFrame};
+use sunglint_radiometry::sky::{EarthOrientation, Geodetic, Observer, Site, SkyFrame, SkyFrames};
 use sunglint_simulator::geometry::Geometry;
 use sunglint_simulator::orbit::eclipse::{Discs, EarthShape, contacts};
 use sunglint_simulator::orbit::{Ephemeris, EphemerisRow, Orbit, tle};
@@ -91,6 +91,22 @@ fn pass_of_6000_epochs(bencher: Bencher) {
             .map(|i| {
                 let epoch = epoch() + 0.1 * f64::from(i) * Unit::Second;
                 let observer = Observer::at(epoch, &site, EarthOrientation::embedded()).unwrap();
+                Geometry::at(&orbit, &observer).unwrap().range_m
+            })
+            .sum::<f64>()
+    });
+}
+
+#[divan::bench(sample_count = 10)]
+fn pass_of_6000_epochs_with_shared_frames(bencher: Bencher) {
+    let (orbit, site) = (orbit(LOW), site());
+    let earth = EarthOrientation::embedded();
+    bencher.bench_local(|| {
+        let frames = SkyFrames::over(epoch(), epoch() + 10.0 * Unit::Minute, earth).unwrap();
+        (0..6000)
+            .map(|i| {
+                let epoch = epoch() + 0.1 * f64::from(i) * Unit::Second;
+                let observer = Observer::new(frames.at(epoch).unwrap(), &site);
                 Geometry::at(&orbit, &observer).unwrap().range_m
             })
             .sum::<f64>()
