@@ -6,8 +6,9 @@ use hifitime::Unit;
 use sunglint_formats::time::parse_utc;
 use sunglint_radiometry::sky::{EarthOrientation, SkyFrame, SkyFrames};
 
-/// Truth: the frame calculated in full, itself held against astropy. Promised: 1e-10 rad and 1 m; at the middle of every hour of 60 days, where
-/// linear interpolation is worst, over a fortnight of nutation and more; and through the leap second of 2016.
+/// Truth: the frame calculated in full, itself held against astropy. Promised: 1e-10 rad and 1 m; at the middle of every hour
+/// of 60 days, where linear interpolation is worst, over a fortnight of nutation and more; and through the leap second of
+/// 2016.
 #[test]
 fn shared_frames_are_the_frames() {
     let (mut angle, mut metres, mut speed, mut origins) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);

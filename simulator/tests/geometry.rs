@@ -5,6 +5,7 @@
 use glam::DVec3;
 use hifitime::{Epoch, Unit};
 use sunglint_formats::time::parse_utc;
+use sunglint_radiometry::air::{Air, AirOptions, Profile};
 use sunglint_radiometry::sky::{EarthOrientation, Geodetic, Observer, Site, SkyError, SkyFrame};
 use sunglint_simulator::geometry::{Geometry, GeometryError};
 use sunglint_simulator::orbit::eclipse::EarthShape;
@@ -66,8 +67,9 @@ fn the_light_left_when_it_must() {
     }
 }
 
-/// Truth: by construction. What stands 500 km above the site in the turning ITRS has the site's coordinates, is at the zenith but for its
-/// light time (in which it moved by 0.9 m) and the site's aberration, and its phase angle is the Sun's zenith angle's complement to 180°.
+/// Truth: by construction. What stands 500 km above the site in the turning ITRS has the site's coordinates, is at the zenith
+/// but for its light time (in which it moved by 0.9 m) and the site's aberration, and its phase angle is the Sun's zenith
+/// angle's complement to 180°.
 #[test]
 fn what_stands_above_the_site() {
     let observer = observer();
@@ -86,6 +88,9 @@ fn what_stands_above_the_site() {
     assert!(geometry.zenith_deg() < 1e-4, "{}", geometry.zenith_deg());
     assert!((geometry.range_m - (500e3 - 399.0)).abs() < 1e-2);
     assert!(!geometry.behind_earth(&observer));
+    let air = Air::new(&AirOptions::new(Profile::midlatitude_winter())).unwrap();
+    let path = air.path(geometry.air_zenith()).unwrap();
+    assert!(path.apparent_deg <= geometry.zenith_deg());
     // The Sun is 26° below the horizon: the light comes from below, and the Earth is in its way.
     let sun = geometry.sun_altitude_deg(&observer);
     assert!((-30.0..-20.0).contains(&sun));
@@ -96,8 +101,8 @@ fn what_stands_above_the_site() {
     assert!((geometry.moon_separation_deg(&observer) - moon).abs() < 1e-3);
 }
 
-/// Truth: the triangle of target, Sun and station, whose third angle the law of cosines gives; in the GCRS the directions differ from those
-/// of the target's rest frame by its velocity over c.
+/// Truth: the triangle of target, Sun and station, whose third angle the law of cosines gives; in the GCRS the directions
+/// differ from those of the target's rest frame by its velocity over c.
 #[test]
 fn phase_and_rest_frame() {
     let observer = observer();

@@ -53,9 +53,9 @@ fn the_fraction_is_what_counting_finds() {
     println!("at most {worst:.1e}");
 }
 
-/// Truth: closed forms. An Earth that fills half the sky has a great circle for an edge, which halves what it meets at the centre; small
-/// discs are planar (the lens of two circles; beyond that (radius)²); two discs of one size at a distance of one radius hide
-/// 2/3 − √3/(2π) of each other; an annular eclipse leaves a ring.
+/// Truth: closed forms. An Earth that fills half the sky has a great circle for an edge, which halves what it meets at the
+/// centre; small discs are planar (the lens of two circles; beyond that (radius)²); two discs of one size at a distance of
+/// one radius hide 2/3 − √3/(2π) of each other; an annular eclipse leaves a ring.
 #[test]
 fn closed_forms() {
     assert!((fraction(SUN, FRAC_PI_2, FRAC_PI_2) - 0.5).abs() < 1e-12);
@@ -82,8 +82,8 @@ fn closed_forms() {
     assert_eq!(Discs::at(position, &sun, EarthShape::default()).shadow(), Shadow::Annular);
 }
 
-/// Truth: 10⁶ rays to even places of the Sun's cap against the ellipsoid, in space. The approximation (a Sun that is kept round where
-/// space is stretched) is said to err by 2e-3 at most; counting errs by 3e-4.
+/// Truth: 10⁶ rays to even places of the Sun's cap against the ellipsoid, in space. The approximation (a Sun that is kept
+/// round where space is stretched) is said to err by 2e-3 at most; counting errs by 3e-4.
 #[test]
 fn the_ellipsoid_hides_what_its_rays_meet() {
     let (equator, pole) = (6_378_137.0_f64, 6_356_752.314_245_f64);
@@ -166,7 +166,8 @@ fn the_edges_of_the_world() {
     assert!((0.002..0.012).contains(&gain), "{gain}");
 }
 
-/// A low polar orbit: the fraction leaves 1 and reaches 0 within 2 ms of the contacts that say so, and windows cut through the shadow.
+/// A low polar orbit: the fraction leaves 1 and reaches 0 within 2 ms of the contacts that say so, and windows cut through
+/// the shadow.
 #[test]
 fn contacts_stand_where_the_fraction_turns() {
     let line1 = "1 28057U 03049A   06177.78615833  .00000060  00000-0  35940-4 0  1836";
@@ -209,9 +210,10 @@ fn contacts_stand_where_the_fraction_turns() {
     );
 }
 
-/// A circular orbit whose plane leaves the anti-solar point by a little less than the penumbra's edge. Truth: on it the Sun's centre
-/// is nearest at β and follows cos c = cos β cos θ, so that the touch lasts 2 arccos(cos(a+b)/cos β)/ω: 12 s here, a fifth of a step of the
-/// search. The Sun's own motion in that time changes it by some per cent; a tenth is allowed. Just outside there is nothing.
+/// A circular orbit whose plane leaves the anti-solar point by a little less than the penumbra's edge. Truth: on it the Sun's
+/// centre is nearest at β and follows cos c = cos β cos θ, so that the touch lasts 2 arccos(cos(a+b)/cos β)/ω: 12 s here, a
+/// fifth of a step of the search. The Sun's own motion in that time changes it by some per cent; a tenth is allowed. Just
+/// outside there is nothing.
 #[test]
 fn a_grazing_eclipse_is_found() {
     let earth = &EarthOrientation::zero();
@@ -261,7 +263,8 @@ fn a_grazing_eclipse_is_found() {
 }
 
 proptest! {
-    /// The overlap is one area seen from two sides; it grows as the discs approach; the fraction is a fraction, at tangency and everywhere.
+    /// The overlap is one area seen from two sides; it grows as the discs approach; the fraction is a fraction, at tangency
+    /// and everywhere.
     #[test]
     fn the_overlap_has_two_sides(a in 1e-3_f64..1.0, b in 1e-3_f64..1.5, place in 0.0_f64..1.0, nudge in -1e-9_f64..1e-9) {
         let cap = |r: f64| 4.0 * PI * (0.5 * r).sin().powi(2);

@@ -65,8 +65,8 @@ fn errors(ephemeris: &Ephemeris, a: f64, e: f64, from_s: f64, to_s: f64) -> (f64
     (position, velocity)
 }
 
-/// Truth: the ellipse in closed form. The limits are what the type's page says of low orbits; the table's own estimate must not be
-/// below the error, nor above it by more than the factor that one order less costs.
+/// Truth: the ellipse in closed form. The limits are what the type's page says of low orbits; the table's own estimate must
+/// not be below the error, nor above it by more than the factor that one order less costs.
 #[test]
 fn interpolation_keeps_what_it_says() {
     for (a, e, step_s, velocities, middle_m, ends_m, m_s) in [
@@ -83,7 +83,8 @@ fn interpolation_keeps_what_it_says() {
         let (whole, _) = errors(&ephemeris, a, e, 0.0, end_s);
         let estimate = ephemeris.interpolation_error_m();
         println!(
-            "{a:e} m, {step_s} s, velocities {velocities}: {middle:.1e} m, {middle_m_s:.1e} m/s; with the ends {whole:.1e} m; estimated {estimate:.1e} m"
+            "{a:e} m, {step_s} s, velocities {velocities}: {middle:.1e} m, {middle_m_s:.1e} m/s; with the \
+             ends {whole:.1e} m; estimated {estimate:.1e} m"
         );
         assert!(middle < middle_m && whole < ends_m && middle_m_s < m_s);
         // Below a micrometre only rounding is left on both sides.

@@ -11,9 +11,11 @@ const STEP_S: f64 = 3600.0;
 
 /// [`SkyFrame`]s at many epochs of a stretch of time.
 ///
-/// Of a frame, precession, nutation and the Earth's orbit cost 50 µs and move slowly: they are calculated every hour, the rotation's matrix is
-/// interpolated linearly and the orbit by cubics through positions and velocities. What turns fast, the Earth rotation angle, UT1 and the
-/// pole, is calculated for every epoch. That errs by 1e-10 rad at most (0.02 mas: nutation's terms of some days curve by 2e-7 rad/day²), and by 1 cm in the Sun's place. Outside the stretch a frame is calculated in full.
+/// Of a frame, precession, nutation and the Earth's orbit cost 50 µs and move slowly: they are calculated every hour, the
+/// rotation's matrix is interpolated linearly and the orbit by cubics through positions and velocities. What turns fast, the
+/// Earth rotation angle, UT1 and the pole, is calculated for every epoch. That errs by 1e-10 rad at most (0.02 mas:
+/// nutation's terms of some days curve by 2e-7 rad/day²), and by 1 cm in the Sun's place. Outside the stretch a frame is
+/// calculated in full.
 #[derive(Debug, Clone)]
 pub struct SkyFrames<'a> {
     earth: &'a EarthOrientation,
