@@ -305,23 +305,23 @@ impl<'a> Evaluator<'a> {
         };
         // Right at all angles (Kahan), where the arc cosine is not.
         let phase = 2.0 * (sun - to).length().atan2((sun + to).length());
-        let full: f64 = {
-            let out = &mut out[range.clone()];
-            let before: f64 = out.iter().sum();
-            sphere::add_weights(material, phase, ball.radius * ball.radius * nearness, out);
-            out.iter().sum::<f64>() - before
-        };
+        let scale = ball.radius * ball.radius * nearness;
+        // Neither a tangent nor an angle out of range is left to refuse: the scene was checked, the angle is made here.
+        let error = material
+            .add_sphere_weights(phase.min(std::f64::consts::PI), scale, &mut out[range.clone()])
+            .unwrap_or(f64::INFINITY);
+        let full: f64 = out[range.clone()].iter().sum();
         let far = matches!(eye, Toward::Far(_));
         if far && self.is_free(number, sun, to) {
             self.work.done.spheres += 1;
-            return 0.0;
+            return full * error;
         }
         self.work.done.tessellated += 1;
         for i in ball.facets.clone() {
             self.facet(i, sun, eye, true, stride, out);
         }
         let lost = full - out[range].iter().sum::<f64>();
-        lost.abs() * sphere::FACETING
+        lost.abs() * sphere::FACETING + full * error
     }
 
     /// Whether nothing stands before, behind or beside a sphere in these directions so near that it could shade or hide it.
@@ -494,11 +494,8 @@ impl Work {
         depth: u32,
     ) -> bool {
         let here = clip::bounds(outline);
-        let near: Vec<u32> = shadows
-            .iter()
-            .copied()
-            .filter(|&k| clip::overlap(&here, &boxes[k as usize]))
-            .collect();
+        let near: Vec<u32> =
+            shadows.iter().copied().filter(|&k| clip::overlap(&here, &boxes[k as usize])).collect();
         // Halving helps only where shadows are smaller than the part.
         let (width, height) = (here[2] - here[0], here[3] - here[1]);
         let wide = |b: &[f64; 4]| b[2] - b[0] > 0.5 * width && b[3] - b[1] > 0.5 * height;
@@ -542,4 +539,3 @@ fn misses(away: DVec3, eye: DVec3, facet: f64, ball: f64) -> bool {
     // Lines from the facet to the eye stay within its own radius of the axis.
     away.length_squared() - along * along > (facet + ball) * (facet + ball)
 }
-

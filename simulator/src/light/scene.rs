@@ -99,7 +99,9 @@ pub enum SceneError {
         count: usize,
     },
     /// A sphere whose material has a tangent.
-    #[error("part `{part}` is a sphere of `{material}`, which reflects by its tangent: a sphere has none; make it a mesh")]
+    #[error(
+        "part `{part}` is a sphere of `{material}`, which reflects by its tangent: a sphere has none; make it a mesh"
+    )]
     Tangent {
         /// The part.
         part: String,
@@ -203,12 +205,8 @@ impl Scene {
 }
 
 fn check(target: &Target, part: &Part) -> Result<(), SceneError> {
-    let missing = |what, number, count| SceneError::Missing {
-        part: part.name.clone(),
-        what,
-        number,
-        count,
-    };
+    let missing =
+        |what, number, count| SceneError::Missing { part: part.name.clone(), what, number, count };
     let Some(material) = target.materials.get(part.material) else {
         return Err(missing("material", part.material, target.materials.len()));
     };
@@ -561,13 +559,13 @@ fn components_of_parts(
     (of, closed)
 }
 
-/// A facet's tangent: the part's x axis in the facet's plane, or its y axis where x stands on the facet.
+/// A facet's tangent: the part's in the facet's plane, or the next of its axes x, y, z where that stands on the facet.
 fn tangent(part: &Part, normal: DVec3) -> DVec3 {
     let in_plane = |axis: DVec3| {
         let axis = part.placement.rotation * axis;
         axis - axis.dot(normal) * normal
     };
-    let (x, y) = (in_plane(DVec3::X), in_plane(DVec3::Y));
-    let chosen = if x.length() > 1e-6 { x } else { y };
+    let axes = [part.tangent, DVec3::X, DVec3::Y, DVec3::Z].map(in_plane);
+    let chosen = axes.into_iter().find(|a| a.length() > 1e-6).unwrap_or(axes[0]);
     (chosen - chosen.dot(normal) * normal).normalize()
 }
