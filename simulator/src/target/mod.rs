@@ -1,8 +1,22 @@
 //! A body made of parts: each a shape with a material, in its place, perhaps on a hinge.
+//!
+//! A target comes from a `target.toml` ([`Target::read`]; its keys are described in [`file`]), from the tables of a larger file
+//! ([`file::target`]), or is built in ([`Target::built_in`]).
+
+mod built_in;
+pub mod file;
+mod materials;
+mod part;
+mod placed;
+
+pub use file::TargetFile;
 
 use crate::mesh::Mesh;
 use crate::surface::Material;
 use glam::{DQuat, DVec3};
+use std::path::Path;
+use sunglint_formats::FileError;
+use sunglint_formats::toml::Document;
 
 /// What reflects: parts, their materials and hinges, in the body's own axes, metres.
 #[derive(Debug, Clone, Default)]
@@ -21,6 +35,31 @@ pub struct Target {
     pub sources: Vec<(std::path::PathBuf, String)>,
 }
 
+impl Target {
+    /// Reads a `target.toml`, the meshes and the spectra that it names.
+    ///
+    /// # Errors
+    /// [`FileError`] with file, line and key.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        let path = path.as_ref();
+        let bytes = sunglint_formats::read::bytes(path)?;
+        let hash = file::sha256(&bytes);
+        let mut target = Self::parse(path, sunglint_formats::read::decode(path, bytes)?)?;
+        target.sources.insert(0, (path.to_path_buf(), hash));
+        Ok(target)
+    }
+
+    /// A target from the text of its file; `path` names it in errors, and meshes are found relative to it.
+    ///
+    /// # Errors
+    /// [`FileError`] with file, line and key.
+    pub fn parse(path: impl AsRef<Path>, text: impl Into<String>) -> Result<Self, FileError> {
+        let document = Document::new(path, text)?;
+        let file: TargetFile = document.parse()?;
+        file::target(&document, "", &file)
+    }
+}
+
 /// One part of a target.
 #[derive(Debug, Clone)]
 pub struct Part {
@@ -34,6 +73,9 @@ pub struct Part {
     pub placement: Placement,
     /// Index into [`Target::hinges`] where it moves.
     pub hinge: Option<usize>,
+    /// The direction, in the part's axes, that each facet takes its x axis from: projected on the facet. For materials that reflect
+    /// differently along and across. A facet that it stands on (within 1e-6) takes the next of the part's axes x, y, z instead.
+    pub tangent: DVec3,
 }
 
 /// A shape.
@@ -94,7 +136,7 @@ impl Hinge {
         let free = if x.hypot(y) < 1e-12 { 0.0 } else { y.atan2(x) };
         let Some((least, most)) = self.range_rad else { return free };
         // Of the range's two ends and the free angle (in any turn), the one that faces the Sun best.
-        let turns = [-1.0, 0.0, 1.0].map(|turn| free + turn * std::f64::consts::TAU);
+        let turns = [0.0, -1.0, 1.0].map(|turn| free + turn * std::f64::consts::TAU);
         if let Some(angle) = turns.into_iter().find(|a| (least..=most).contains(a)) {
             return angle;
         }

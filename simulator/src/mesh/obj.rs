@@ -1,0 +1,252 @@
+//! Wavefront OBJ: polygons, with groups, objects and materials by name.
+//!
+//! Source: the format's "Advanced Visualizer" manual, appendix B1. Read are `v`, `f`, `g`, `o`, `usemtl`; normals, texture coordinates,
+//! points, lines and display attributes are passed over; curves, free-form surfaces and whatever else is refused.
+
+use super::read::NamedMesh;
+use super::triangulate::{Odd, triangulate};
+use glam::DVec3;
+use std::collections::HashMap;
+use std::fmt::Write as _;
+use std::path::Path;
+use sunglint_formats::ParseError;
+
+/// Keywords that say nothing about the shape of polygons.
+const PASSED_OVER: &[&str] = &[
+    "vn",
+    "vt",
+    "l",
+    "p",
+    "s",
+    "mg",
+    "mtllib",
+    "usemap",
+    "maplib",
+    "bevel",
+    "c_interp",
+    "d_interp",
+    "lod",
+    "shadow_obj",
+    "trace_obj",
+];
+
+pub(super) fn parse(path: &Path, bytes: Vec<u8>) -> Result<Vec<NamedMesh>, ParseError> {
+    let text = sunglint_formats::read::decode(path, bytes)?;
+    let mut reader = Reader::new(path);
+    let mut lines = (1_u64..).zip(text.lines());
+    while let Some((number, line)) = lines.next() {
+        reader.line = number;
+        // A backslash at the end goes on in the next line.
+        if line.trim_end().ends_with('\\') {
+            let mut whole = String::new();
+            let mut piece = Some(line);
+            while let Some(part) = piece {
+                let part = part.trim_end();
+                whole.push_str(part.strip_suffix('\\').unwrap_or(part));
+                whole.push(' ');
+                piece = if part.ends_with('\\') { lines.next().map(|(_, l)| l) } else { None };
+            }
+            reader.read_line(&whole)?;
+        } else {
+            reader.read_line(line)?;
+        }
+    }
+    Ok(reader.pieces)
+}
+
+struct Reader<'p> {
+    path: &'p Path,
+    line: u64,
+    vertices: Vec<DVec3>,
+    object: Vec<String>,
+    groups: Vec<String>,
+    material: Vec<String>,
+    pieces: Vec<NamedMesh>,
+    /// The piece of a combination of names.
+    known: HashMap<Vec<String>, usize>,
+    current: Option<usize>,
+    /// For every piece, its own number of a vertex of the file.
+    own: Vec<HashMap<u32, u32>>,
+}
+
+impl<'p> Reader<'p> {
+    fn new(path: &'p Path) -> Self {
+        Self {
+            path,
+            line: 0,
+            vertices: Vec::new(),
+            object: Vec::new(),
+            groups: Vec::new(),
+            material: Vec::new(),
+            pieces: Vec::new(),
+            known: HashMap::new(),
+            current: None,
+            own: Vec::new(),
+        }
+    }
+
+    fn wrong(&self, field: &str, found: impl Into<String>, expected: &str) -> ParseError {
+        ParseError::new(self.path, found, expected).at_line(self.line).in_field(field)
+    }
+
+    fn read_line(&mut self, line: &str) -> Result<(), ParseError> {
+        let line = line.split('#').next().unwrap_or("").trim();
+        let Some(keyword) = line.split_whitespace().next() else { return Ok(()) };
+        let rest = line[keyword.len()..].trim();
+        match keyword {
+            "v" => self.vertex(rest)?,
+            "f" | "fo" => self.face(rest)?,
+            "g" => {
+                self.groups = rest.split_whitespace().map(str::to_owned).collect();
+                self.choose(true);
+            }
+            "o" => {
+                self.object = if rest.is_empty() { vec![] } else { vec![rest.to_owned()] };
+                self.choose(true);
+            }
+            "usemtl" => {
+                self.material = if rest.is_empty() { vec![] } else { vec![rest.to_owned()] };
+                self.choose(false);
+            }
+            known if PASSED_OVER.contains(&known) => {}
+            other => {
+                let expected =
+                    "v, vn, vt, f, g, o, usemtl (polygons; no curves or free-form surfaces)";
+                return Err(self.wrong("keyword", format!("`{}`", shorten(other)), expected));
+            }
+        }
+        Ok(())
+    }
+
+    /// The piece of the names that are in force; `open` makes one at once, so that a group without faces is known too.
+    fn choose(&mut self, open: bool) {
+        self.current = None;
+        if open && !(self.groups.is_empty() && self.object.is_empty()) {
+            self.piece();
+        }
+    }
+
+    fn piece(&mut self) -> usize {
+        if let Some(current) = self.current {
+            return current;
+        }
+        let names: Vec<String> =
+            self.groups.iter().chain(&self.object).chain(&self.material).cloned().collect();
+        let next = self.pieces.len();
+        let index = *self.known.entry(names).or_insert_with_key(|names| {
+            self.pieces.push(NamedMesh { names: names.clone(), ..NamedMesh::default() });
+            self.own.push(HashMap::new());
+            next
+        });
+        self.current = Some(index);
+        index
+    }
+
+    fn vertex(&mut self, rest: &str) -> Result<(), ParseError> {
+        let mut values = [0.0; 3];
+        let mut words = rest.split_whitespace();
+        for value in &mut values {
+            let word = words.next().unwrap_or("nothing");
+            let number = word.parse::<f64>().ok().filter(|x| x.is_finite());
+            *value = number.ok_or_else(|| {
+                self.wrong("v", format!("`{}`", shorten(word)), "three finite coordinates")
+            })?;
+        }
+        // After x, y, z: nothing, w (1 for polygons), or a colour.
+        let more: Vec<&str> = words.collect();
+        if let [w] = more[..]
+            && w.parse::<f64>().ok() != Some(1.0)
+        {
+            return Err(self.wrong("v", format!("the weight `{}`", shorten(w)), "no weight, or 1"));
+        }
+        self.vertices.push(DVec3::from_array(values));
+        Ok(())
+    }
+
+    fn face(&mut self, rest: &str) -> Result<(), ParseError> {
+        let mut corners: Vec<u32> = Vec::new();
+        for word in rest.split_whitespace() {
+            corners.push(self.index(word)?);
+        }
+        if corners.len() < 3 {
+            let found = format!("{} corners", corners.len());
+            return Err(self.wrong("f", found, "at least three corners"));
+        }
+        let points: Vec<DVec3> = corners.iter().map(|&i| self.vertices[i as usize]).collect();
+        let triangles =
+            triangulate(&points).map_err(|odd| polygon_error(self.path, odd).at_line(self.line))?;
+        let piece = self.piece();
+        let (own, mesh) = (&mut self.own[piece], &mut self.pieces[piece].mesh);
+        let numbers: Vec<u32> = corners
+            .iter()
+            .map(|&i| {
+                *own.entry(i).or_insert_with(|| {
+                    mesh.vertices.push(self.vertices[i as usize]);
+                    mesh.vertices.len() as u32 - 1
+                })
+            })
+            .collect();
+        mesh.triangles.extend(triangles.into_iter().map(|t| t.map(|i| numbers[i])));
+        Ok(())
+    }
+
+    /// The vertex of `7`, `7/1`, `7//3`, `7/1/3` or `-2` (the last but one so far).
+    fn index(&self, word: &str) -> Result<u32, ParseError> {
+        let count = self.vertices.len();
+        let first = word.split('/').next().unwrap_or("");
+        let index = match first.parse::<i64>() {
+            Ok(i) if i > 0 => usize::try_from(i - 1).ok(),
+            Ok(i) if i < 0 => count.checked_add_signed(i as isize),
+            _ => None,
+        };
+        index.filter(|&i| i < count).and_then(|i| u32::try_from(i).ok()).ok_or_else(|| {
+            let expected = format!("a vertex from 1 to {count} (or -{count} to -1), so far");
+            self.wrong("f", format!("`{}`", shorten(word)), &expected)
+        })
+    }
+}
+
+pub(super) fn polygon_error(path: &Path, odd: Odd) -> ParseError {
+    let most = super::triangulate::MOST_CORNERS;
+    match odd {
+        Odd::TooManyCorners(count) => {
+            let found = format!("a face of {count} corners");
+            ParseError::new(path, found, format!("at most {most} corners"))
+        }
+        Odd::CrossesItself => {
+            ParseError::new(path, "a face whose outline crosses itself", "a simple polygon")
+                .with_hint("let the modelling program export triangles")
+        }
+    }
+}
+
+/// A foreign word, short enough for a message.
+pub(super) fn shorten(word: &str) -> String {
+    let short: String = word.chars().take(40).flat_map(char::escape_debug).collect();
+    if word.chars().nth(40).is_some() { format!("{short}…") } else { short }
+}
+
+/// Meshes as one OBJ, each under its name (`g`) and its material (`usemtl`), coordinates in shortest digits that read back the same.
+pub fn write_obj<'a>(
+    comment: &str,
+    pieces: impl IntoIterator<Item = (&'a str, &'a str, &'a super::Mesh)>,
+) -> String {
+    let mut text = String::new();
+    for line in comment.lines() {
+        let _ = writeln!(text, "# {line}");
+    }
+    // A name ends at a space in this format.
+    let word = |name: &str| name.split_whitespace().collect::<Vec<_>>().join("_");
+    let mut first = 1;
+    for (name, material, mesh) in pieces {
+        let _ = writeln!(text, "g {}\nusemtl {}", word(name), word(material));
+        for v in &mesh.vertices {
+            let _ = writeln!(text, "v {} {} {}", v.x, v.y, v.z);
+        }
+        for [a, b, c] in &mesh.triangles {
+            let _ = writeln!(text, "f {} {} {}", first + a, first + b, first + c);
+        }
+        first += mesh.vertices.len() as u32;
+    }
+    text
+}

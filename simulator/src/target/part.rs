@@ -1,0 +1,325 @@
+//! The shape of a `[[part]]`.
+
+use super::Shape;
+use super::file::{PartFile, ShapeKind, key, not_there, sha256, unknown};
+use crate::mesh::shapes::{
+    Faceting, Side, Walls, corner_radius_m, cuboid, frustum, icosphere, plate,
+};
+use crate::mesh::{Mesh, NamedMesh, read};
+use glam::{DVec2, DVec3};
+use std::path::PathBuf;
+use sunglint_formats::toml::{Document, NonNegative, Positive};
+use sunglint_formats::{FileError, ParseError};
+
+/// Flat sides of a cylinder or a cone where the file does not say.
+const FACETS: u32 = 64;
+/// More flat sides than light can tell from round.
+const MOST_FACETS: u32 = 100_000;
+/// 20·4⁸ is 1.3 million triangles.
+const MOST_SUBDIVISIONS: u32 = 8;
+
+/// The meshes that parts have named, each read once.
+#[derive(Default)]
+pub(super) struct Files {
+    read: Vec<(PathBuf, Vec<NamedMesh>)>,
+    /// The parts taken from them, as they are used: file, group, mesh, whether its unit was given.
+    taken: Vec<Taken>,
+    /// What was read, with its SHA-256.
+    pub sources: Vec<(PathBuf, String)>,
+}
+
+struct Taken {
+    path: PathBuf,
+    group: Option<String>,
+    mesh: Mesh,
+    has_unit: bool,
+}
+
+impl Files {
+    fn pieces(&mut self, path: PathBuf) -> Result<&[NamedMesh], FileError> {
+        let known = self.read.iter().position(|(p, _)| *p == path);
+        let index = match known {
+            Some(index) => index,
+            None => {
+                let sources = &mut self.sources;
+                let pieces = read::read_with(&path, &mut |file| {
+                    let bytes = read::bytes(file)?;
+                    sources.push((file.to_path_buf(), sha256(&bytes)));
+                    Ok(bytes)
+                })?;
+                self.read.push((path, pieces));
+                self.read.len() - 1
+            }
+        };
+        Ok(&self.read[index].1)
+    }
+
+    /// What is wrong with the meshes: the parts of one file together, since its groups may close only with each other.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        for (path, _) in &self.read {
+            let mut parts: Vec<&Taken> = Vec::new();
+            for taken in self.taken.iter().filter(|taken| taken.path == *path) {
+                // The same piece may be used twice, in two places.
+                if !parts.iter().any(|known| known.group == taken.group) {
+                    parts.push(taken);
+                }
+            }
+            let has_unit = parts.iter().all(|taken| taken.has_unit);
+            let report = Mesh::merged(parts.iter().map(|taken| &taken.mesh)).examine();
+            let faults = report.faults.iter().filter(|f| !(has_unit && f.is_about_size()));
+            warnings.extend(faults.map(|fault| format!("{}: {fault}", path.display())));
+        }
+        warnings
+    }
+}
+
+/// Keys that belong to shapes, whether they are given, and the shapes that use them.
+fn check_keys(document: &Document, at: &str, file: &PartFile) -> Result<(), ParseError> {
+    use ShapeKind::{Box, Cone, Cylinder, Mesh, Plate, Prism, Sphere};
+    let given: [(&str, bool, &[ShapeKind]); 16] = [
+        ("size_m", file.size_m.is_some(), &[Box, Plate]),
+        ("radius_m", file.radius_m.is_some(), &[Sphere, Cylinder, Cone, Prism]),
+        ("top_radius_m", file.top_radius_m.is_some(), &[Cone]),
+        ("width_m", file.width_m.is_some(), &[Prism]),
+        ("height_m", file.height_m.is_some(), &[Cylinder, Cone, Prism]),
+        ("facets", file.facets.is_some(), &[Cylinder, Cone]),
+        ("sides", file.sides.is_some(), &[Prism]),
+        ("subdivisions", file.subdivisions.is_some(), &[Sphere]),
+        ("faceting", file.faceting.is_some(), &[Sphere, Cylinder, Cone]),
+        ("faces", file.faces.is_some(), &[Box, Plate, Cylinder, Cone, Prism]),
+        ("file", file.file.is_some(), &[Mesh]),
+        ("group", file.group.is_some(), &[Mesh]),
+        ("unit", file.unit.is_some(), &[Mesh]),
+        ("scale", file.scale.is_some(), &[Mesh]),
+        ("flip", file.flip.is_some(), &[Mesh]),
+        ("weld_mm", file.weld_mm.is_some(), &[Mesh]),
+    ];
+    let stray = given.iter().find(|(_, given, shapes)| *given && !shapes.contains(&file.shape));
+    let Some((name, _, shapes)) = stray else { return Ok(()) };
+    let shapes: Vec<String> = shapes.iter().map(|s| format!("{s:?}").to_lowercase()).collect();
+    let shape = format!("{:?}", file.shape).to_lowercase();
+    let expected =
+        format!("no {name}: a {shape} does not use it (it belongs to {})", shapes.join(", "));
+    Err(document.error_at(&key(at, name), expected))
+}
+
+pub(super) fn shape(
+    document: &Document,
+    at: &str,
+    file: &PartFile,
+    files: &mut Files,
+) -> Result<Shape, FileError> {
+    check_keys(document, at, file)?;
+    let this = Maker { document, at, file };
+    Ok(match file.shape {
+        ShapeKind::Box => {
+            let size = DVec3::from_array(this.size("three edges [x, y, z]")?);
+            Shape::Mesh(cuboid(size, &this.sides_of_box(&Side::ALL)?))
+        }
+        ShapeKind::Plate => {
+            let size = DVec2::from_array(this.size("two edges [x, y]")?);
+            let both = [Side { axis: 2, positive: true }, Side { axis: 2, positive: false }];
+            let faces = this.sides_of_box(&both)?;
+            Shape::Mesh(plate(size, faces.contains(&both[0]), faces.contains(&both[1])))
+        }
+        ShapeKind::Sphere => this.sphere()?,
+        ShapeKind::Cylinder | ShapeKind::Cone => this.round()?,
+        ShapeKind::Prism => this.prism()?,
+        ShapeKind::Mesh => Shape::Mesh(this.mesh(files)?),
+    })
+}
+
+struct Maker<'a> {
+    document: &'a Document,
+    at: &'a str,
+    file: &'a PartFile,
+}
+
+impl Maker<'_> {
+    fn wrong(&self, name: &str, expected: impl Into<String>) -> ParseError {
+        self.document.error_at(&key(self.at, name), expected)
+    }
+
+    fn needed(&self, name: &str, value: Option<Positive>) -> Result<f64, ParseError> {
+        value.map(Positive::get).ok_or_else(|| {
+            let shape = format!("{:?}", self.file.shape).to_lowercase();
+            self.wrong(name, format!("{name}: a {shape} needs it"))
+        })
+    }
+
+    fn size<const N: usize>(&self, expected: &str) -> Result<[f64; N], ParseError> {
+        let size: Vec<f64> = self.file.size_m.iter().flatten().map(|s| s.get()).collect();
+        size.try_into().map_err(|_| self.wrong("size_m", expected))
+    }
+
+    /// The faces that are asked for among `known`; all of them where the file does not say.
+    fn sides_of_box(&self, known: &[Side]) -> Result<Vec<Side>, ParseError> {
+        let Some(faces) = &self.file.faces else { return Ok(known.to_vec()) };
+        let names: Vec<&str> = known.iter().map(|side| side.name()).collect();
+        let mut wanted: Vec<Side> = Vec::new();
+        for (i, name) in faces.iter().enumerate() {
+            let side = Side::from_name(name).filter(|side| known.contains(side));
+            match side {
+                Some(side) if !wanted.contains(&side) => wanted.push(side),
+                Some(_) => return Err(self.wrong(&format!("faces[{i}]"), "each face once")),
+                None => return Err(self.unknown_face(i, name, &names)),
+            }
+        }
+        self.not_empty(faces)?;
+        Ok(known.iter().copied().filter(|side| wanted.contains(side)).collect())
+    }
+
+    fn unknown_face(&self, i: usize, name: &str, known: &[&str]) -> ParseError {
+        let key = key(self.at, &format!("faces[{i}]"));
+        unknown(self.document, &key, "a face", name, known)
+    }
+
+    fn not_empty(&self, faces: &[String]) -> Result<(), ParseError> {
+        if faces.is_empty() { Err(self.wrong("faces", "at least one face")) } else { Ok(()) }
+    }
+
+    fn walls(&self, count: usize) -> Result<Walls, ParseError> {
+        let Some(faces) = &self.file.faces else { return Ok(Walls::default()) };
+        self.not_empty(faces)?;
+        let mut walls = Walls { top: false, bottom: false, sides: Some(Vec::new()) };
+        for (i, name) in faces.iter().enumerate() {
+            let number = name.strip_prefix("side").and_then(|n| n.parse().ok());
+            match (name.as_str(), number, &mut walls.sides) {
+                ("+z", ..) => walls.top = true,
+                ("-z", ..) => walls.bottom = true,
+                ("side", ..) => walls.sides = None,
+                (_, Some(number), sides) if number < count => {
+                    if let Some(sides) = sides {
+                        sides.push(number);
+                    }
+                }
+                _ => {
+                    let last = format!("side{}", count - 1);
+                    return Err(self.unknown_face(i, name, &["side", "side0", &last, "+z", "-z"]));
+                }
+            }
+        }
+        Ok(walls)
+    }
+
+    fn sphere(&self) -> Result<Shape, ParseError> {
+        let radius_m = self.needed("radius_m", self.file.radius_m)?;
+        match (self.file.subdivisions, self.file.faceting) {
+            (None, None) => Ok(Shape::Sphere { radius_m }),
+            (None, Some(_)) => {
+                let expected = "also subdivisions: without them the sphere is round";
+                Err(self.wrong("faceting", expected))
+            }
+            (Some(n), _) if n > MOST_SUBDIVISIONS => {
+                let expected = format!("at most {MOST_SUBDIVISIONS} (20·4ⁿ triangles)");
+                Err(self.wrong("subdivisions", expected))
+            }
+            (Some(n), faceting) => {
+                Ok(Shape::Mesh(icosphere(radius_m, n, faceting.unwrap_or_default())))
+            }
+        }
+    }
+
+    fn count(&self, name: &str, value: Option<u32>, default: u32) -> Result<usize, ParseError> {
+        match value.unwrap_or(default) {
+            n if (3..=MOST_FACETS).contains(&n) => Ok(n as usize),
+            _ => Err(self.wrong(name, format!("from 3 to {MOST_FACETS}"))),
+        }
+    }
+
+    fn round(&self) -> Result<Shape, ParseError> {
+        let radius_m = self.needed("radius_m", self.file.radius_m)?;
+        let height_m = self.needed("height_m", self.file.height_m)?;
+        let facets = self.count("facets", self.file.facets, FACETS)?;
+        let top_m = match self.file.shape {
+            ShapeKind::Cone => self.file.top_radius_m.map_or(0.0, NonNegative::get),
+            _ => radius_m,
+        };
+        let walls = self.walls(facets)?;
+        let faceting = self.file.faceting.unwrap_or(Faceting::Inscribed);
+        let corner = |radius_m| corner_radius_m(radius_m, facets, faceting);
+        Ok(self.full(frustum(corner(radius_m), corner(top_m), height_m, facets, &walls))?)
+    }
+
+    fn prism(&self) -> Result<Shape, ParseError> {
+        let height_m = self.needed("height_m", self.file.height_m)?;
+        let sides = self.count("sides", self.file.sides, 6)?;
+        let radius_m = match (self.file.radius_m, self.file.width_m) {
+            (Some(radius), None) => radius.get(),
+            // Twice the distance of a side from the axis.
+            (None, Some(width)) => 0.5 * width.get() / (std::f64::consts::PI / sides as f64).cos(),
+            (Some(_), Some(_)) => {
+                return Err(self.wrong("width_m", "either radius_m or width_m, not both"));
+            }
+            (None, None) => return Err(self.wrong("radius_m", "radius_m or width_m")),
+        };
+        let walls = self.walls(sides)?;
+        Ok(self.full(frustum(radius_m, radius_m, height_m, sides, &walls))?)
+    }
+
+    /// A shape that has at least one triangle: the tip of a cone is no face.
+    fn full(&self, mesh: Mesh) -> Result<Shape, ParseError> {
+        if mesh.triangles.is_empty() {
+            return Err(self.wrong("faces", "a face that has an area"));
+        }
+        Ok(Shape::Mesh(mesh))
+    }
+
+    fn mesh(&self, files: &mut Files) -> Result<Mesh, FileError> {
+        let Some(name) = &self.file.file else {
+            return Err(self.wrong("file", "file: a mesh needs it").into());
+        };
+        let path = self.document.resolve(name);
+        let pieces = files.pieces(path.clone()).map_err(|error| {
+            let key = key(self.at, "file");
+            not_there(self.document, &key, "a mesh that can be read", error)
+        })?;
+        let wanted: Vec<&Mesh> = match &self.file.group {
+            None => pieces.iter().map(|piece| &piece.mesh).collect(),
+            Some(group) => {
+                let found: Vec<_> = pieces.iter().filter(|piece| piece.is(group)).collect();
+                if found.is_empty() {
+                    let mut names: Vec<&str> =
+                        pieces.iter().flat_map(|p| &p.names).map(String::as_str).collect();
+                    names.sort_unstable();
+                    names.dedup();
+                    let key = key(self.at, "group");
+                    let what = format!("a group of {}", path.display());
+                    return Err(unknown(self.document, &key, &what, group, &names).into());
+                }
+                found.into_iter().map(|piece| &piece.mesh).collect()
+            }
+        };
+        let mut mesh = Mesh::merged(wanted);
+        if mesh.triangles.is_empty() {
+            let expected = format!("a group of {} with at least one triangle", path.display());
+            return Err(self.wrong("group", expected).into());
+        }
+        let unit = self.file.unit.map_or(1.0, |unit| unit.metres());
+        let factor = unit * self.file.scale.map_or(1.0, Positive::get);
+        if factor != 1.0 {
+            mesh = mesh.scaled(factor);
+        }
+        if !mesh.vertices.iter().all(|v| v.is_finite()) {
+            return Err(self.wrong("scale", "a size that is finite").into());
+        }
+        if self.file.flip == Some(true) {
+            mesh = mesh.flipped();
+        }
+        if let Some(weld_mm) = self.file.weld_mm {
+            mesh = mesh.welded(1e-3 * weld_mm.get());
+            if mesh.triangles.is_empty() {
+                let expected = "less: no triangle is left, all corners became one";
+                return Err(self.wrong("weld_mm", expected).into());
+            }
+        }
+        files.taken.push(Taken {
+            path,
+            group: self.file.group.clone(),
+            mesh: mesh.clone(),
+            has_unit: self.file.unit.is_some() || self.file.scale.is_some(),
+        });
+        Ok(mesh)
+    }
+}
