@@ -1,6 +1,10 @@
 //! Figures: lines and points on one or several panels, as PNG or SVG.
 
+mod heat;
 mod scale;
+
+pub use heat::Heat;
+pub use plotters::style::RGBColor;
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -27,6 +31,21 @@ pub struct Panel {
     pub y: Axis,
     /// What is drawn, in order.
     pub series: Vec<Series>,
+    /// Stretches of the horizontal axis that are shaded, below everything else.
+    pub spans: Vec<Span>,
+    /// A field of values in colours, with its scale on the right.
+    pub heat: Option<Heat>,
+}
+
+/// A shaded stretch of the horizontal axis.
+#[derive(Debug, Clone)]
+pub struct Span {
+    /// What it means, in the legend once for all spans of that name.
+    pub label: String,
+    /// Its ends.
+    pub range: (f64, f64),
+    /// Its colour: pale, since lines run over it.
+    pub colour: RGBColor,
 }
 
 /// An axis.
@@ -38,6 +57,8 @@ pub struct Axis {
     pub range: Option<(f64, f64)>,
     /// Logarithmic; values not above 0 are then left out.
     pub log: bool,
+    /// From the largest value to the smallest: magnitudes.
+    pub inverted: bool,
 }
 
 /// A line or a row of points.
@@ -118,7 +139,7 @@ pub enum PlotError {
 impl Axis {
     /// A linear axis over the data.
     pub fn linear(label: impl Into<String>) -> Self {
-        Self { label: label.into(), range: None, log: false }
+        Self { label: label.into(), range: None, log: false, inverted: false }
     }
 
     /// A logarithmic axis over the data.
@@ -130,6 +151,13 @@ impl Axis {
     #[must_use]
     pub fn from_to(mut self, first: f64, last: f64) -> Self {
         self.range = Some((first, last));
+        self
+    }
+
+    /// The same axis the other way round.
+    #[must_use]
+    pub fn inverted(mut self) -> Self {
+        self.inverted = true;
         self
     }
 
@@ -164,7 +192,19 @@ impl Axis {
     }
 }
 
+impl Panel {
+    /// A panel of lines and points.
+    pub fn new(x: Axis, y: Axis, series: Vec<Series>) -> Self {
+        Self { x, y, series, spans: Vec::new(), heat: None }
+    }
+}
+
 impl Series {
+    /// Dots, in the `index`-th colour.
+    pub fn dots(label: impl Into<String>, index: usize, points: Vec<(f64, f64)>) -> Self {
+        Self { style: Style::Dots, ..Self::line(label, index, points) }
+    }
+
     /// A line, the `index`-th of its panel: after eight colours the lines become dashed, after 32 they repeat.
     pub fn line(label: impl Into<String>, index: usize, points: Vec<(f64, f64)>) -> Self {
         Self {
@@ -270,10 +310,17 @@ impl Figure {
                     .filter(|(x, y)| panel.x.good(*x) && panel.y.good(*y))
             };
             let empty = || PlotError::Empty(panel.y.label.clone());
-            let x = panel.x.extent(points().map(|p| p.0)).ok_or_else(empty)?;
-            let y = panel.y.extent(points().map(|p| p.1)).ok_or_else(empty)?;
-            let x = Scale::horizontal(x, panel.x.log);
-            panel.draw(&area, scale, legend_width, x, Scale::vertical(y, panel.y.log))?;
+            let (x, y) = match &panel.heat {
+                // A field fills its panel.
+                Some(heat) => heat.extent().ok_or_else(empty)?,
+                None => (
+                    panel.x.extent(points().map(|p| p.0)).ok_or_else(empty)?,
+                    panel.y.extent(points().map(|p| p.1)).ok_or_else(empty)?,
+                ),
+            };
+            let x = Scale::horizontal(x, panel.x.log).turned(panel.x.inverted);
+            let y = Scale::vertical(y, panel.y.log).turned(panel.y.inverted);
+            panel.draw(&area, scale, legend_width, x, y)?;
         }
         Ok(())
     }
@@ -296,13 +343,22 @@ impl Panel {
         let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
         let (named, shown) = self.named();
         let font = ("sans-serif", 13 * scale).into_font().color(&BLACK);
-        let mut width = 0;
-        for series in &named[..shown] {
-            let (name, _) = area.estimate_text_size(&series.label, &font).map_err(failed)?;
+        let mut width = if self.heat.is_some() { heat::BAR_STRIP } else { 0 };
+        let names = named[..shown].iter().map(|s| s.label.as_str()).chain(self.span_names());
+        for label in names {
+            let (name, _) = area.estimate_text_size(label, &font).map_err(failed)?;
             let wanted = name / scale + 26 + 6 + 10;
             width = width.max(wanted.clamp(*LEGEND_WIDTH.start(), *LEGEND_WIDTH.end()));
         }
         Ok(width)
+    }
+
+    /// The names of the shaded stretches, each once.
+    fn span_names(&self) -> impl Iterator<Item = &str> {
+        let named = self.spans.iter().enumerate().filter(|(i, span)| {
+            !span.label.is_empty() && self.spans[..*i].iter().all(|s| s.label != span.label)
+        });
+        named.map(|(_, span)| span.label.as_str())
     }
 
     /// Draws the names beside the panel and gives what is left of its area.
@@ -326,6 +382,19 @@ impl Panel {
                 legend.draw(&line).map_err(failed)?;
             }
             legend.draw_text(&series.label, &font, beside(i)).map_err(failed)?;
+        }
+        let mut next = shown + usize::from(shown < named.len());
+        for name in self.span_names() {
+            let Some(span) = self.spans.iter().find(|s| s.label == name) else { continue };
+            let corners =
+                [(0, height(next) - 6 * scale as i32), (length, height(next) + 6 * scale as i32)];
+            let field = Rectangle::new(corners, span.colour.filled());
+            legend.draw(&field).map_err(failed)?;
+            legend.draw_text(name, &font, beside(next)).map_err(failed)?;
+            next += 1;
+        }
+        if let Some(heat) = &self.heat {
+            heat.draw_bar(&legend, scale)?;
         }
         if shown < named.len() {
             let more = format!("… and {} more", named.len() - shown);
@@ -351,6 +420,23 @@ impl Panel {
             .y_label_area_size(72 * scale)
             .build_cartesian_2d(x.clone(), y.clone())
             .map_err(failed)?;
+        // Below the grid.
+        {
+            let plot = chart.plotting_area();
+            let (width, height) = plot.dim_in_pixel();
+            let pixels = plot.strip_coord_spec();
+            if let Some(heat) = &self.heat {
+                heat.draw(&pixels, &x, &y, scale)?;
+            }
+            for span in &self.spans {
+                let at = |v: f64| (x.fraction(v).clamp(0.0, 1.0) * f64::from(width)).round() as i32;
+                let (from, to) = (at(span.range.0), at(span.range.1));
+                let (from, to) = (from.min(to), from.max(to).max(from + 1));
+                // A picture is no higher than that.
+                let corners = [(from, 0), (to, height as i32)];
+                pixels.draw(&Rectangle::new(corners, span.colour.filled())).map_err(failed)?;
+            }
+        }
         let grey = RGBColor(222, 222, 222);
         chart
             .configure_mesh()
@@ -474,7 +560,7 @@ mod tests {
         let series = vec![Series::line("line", 0, points)];
         Figure {
             title: "Title".into(),
-            panels: vec![Panel { x: Axis::linear("x (nm)"), y, series }],
+            panels: vec![Panel::new(Axis::linear("x (nm)"), y, series)],
         }
     }
 
