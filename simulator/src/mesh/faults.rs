@@ -5,14 +5,17 @@ use super::{Bounds, Mesh, area_vector, cone_volume};
 use glam::DVec3;
 use std::fmt;
 
-/// Corners count as one within this fraction of the largest coordinate: what single precision (STL, most PLY and glTF) can tell apart.
-pub const WELD_FRACTION: f64 = 1e-7;
+/// Corners count as one within this fraction of the largest coordinate (and at most 10⁻⁴ of the size): single precision (STL, most PLY
+/// and glTF) rounds each coordinate by up to 6·10⁻⁸ of it, and two corners and the edge between them may all be off.
+pub const WELD_FRACTION: f64 = 5e-7;
 /// A triangle's longest edge over its height, above which it is called a needle.
 pub const NEEDLE_RATIO: f64 = 1e4;
 /// The same ratio above which it has no area.
 pub const FLAT_RATIO: f64 = 1e12;
 /// A body larger than this was probably drawn in millimetres, m. (The largest that was ever in orbit measures 109 m.)
 pub const LARGE_M: f64 = 200.0;
+/// Beyond this nothing is a body, and squares of lengths would no longer tell distances apart, m.
+pub const FARTHEST_M: f64 = 1e15;
 /// A body smaller than this was probably drawn in another unit, m.
 pub const SMALL_M: f64 = 1e-3;
 
@@ -49,8 +52,10 @@ pub enum Fault {
         /// The first.
         triangle: usize,
     },
-    /// Coordinates that are not finite. Nothing else is examined then.
-    #[error("{count} triangles have coordinates that are not finite (first: triangle {triangle})")]
+    /// Coordinates that are not finite, or larger than [`FARTHEST_M`]. Nothing else is examined then.
+    #[error(
+        "{count} triangles have coordinates that are not finite or beyond {FARTHEST_M:e} m (first: triangle {triangle})"
+    )]
     NotFinite {
         /// How many triangles.
         count: usize,
@@ -178,14 +183,15 @@ impl Report {
         let mut report = Self::default();
         let Some(bounds) = report.check_numbers(mesh) else { return report };
         let largest = bounds.least.abs().max(bounds.most.abs()).max_element();
-        report.tolerance_m = WELD_FRACTION * largest;
+        // A small body far from the origin must not become one corner.
+        let size_m = bounds.size_m().max_element();
+        report.tolerance_m = (WELD_FRACTION * largest).min(1e-4 * size_m);
         let topology = Topology::of(mesh, report.tolerance_m);
         report.component_of = topology.component_of.clone();
         report.components = components(mesh, &topology);
         report.check_triangles(mesh, &topology);
         report.check_edges(mesh, &topology);
         report.check_sides(mesh);
-        let size_m = bounds.size_m().max_element();
         if size_m > LARGE_M {
             report.faults.push(Fault::LooksLikeMillimetres { size_m });
         } else if size_m < SMALL_M {
@@ -217,8 +223,8 @@ impl Report {
             self.faults.push(Fault::BadIndex { count: 1 + bad.count(), triangle });
             return None;
         }
-        let mut bad =
-            (0..mesh.triangles.len()).filter(|&t| !mesh.corners(t).iter().all(|c| c.is_finite()));
+        let good = |corner: &DVec3| corner.abs().max_element() <= FARTHEST_M && !corner.is_nan();
+        let mut bad = (0..mesh.triangles.len()).filter(|&t| !mesh.corners(t).iter().all(good));
         if let Some(triangle) = bad.next() {
             self.faults.push(Fault::NotFinite { count: 1 + bad.count(), triangle });
             return None;
@@ -251,8 +257,8 @@ impl Report {
         if let (Some(found), Some((_, earlier))) = (found(&twice), topology.duplicates.first()) {
             self.faults.push(Fault::Duplicate { found, earlier: *earlier as usize });
         }
-        if !topology.near.is_empty() {
-            let (count, tolerance_m) = (topology.near.len(), self.tolerance_m);
+        if topology.near > 0 {
+            let (count, tolerance_m) = (topology.near, self.tolerance_m);
             self.faults.push(Fault::NearCorners { count, tolerance_m });
         }
     }

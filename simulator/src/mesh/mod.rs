@@ -1,14 +1,18 @@
 //! Triangles: read from files, built in, examined.
 //!
-//! - [`read`]: OBJ, PLY, STL, glTF, each group by its name;
+//! - [`read()`]: OBJ, PLY, STL, glTF, each group by its name;
 //! - [`shapes`]: box, plate, sphere, cylinder, cone, prism;
 //! - [`faults`]: what is wrong with a mesh, and which of its parts are closed;
 //! - [`Mesh`]: what every engine gets.
 
 pub mod faults;
+mod gltf;
+mod gltf_data;
 mod obj;
+mod ply;
 pub mod read;
 pub mod shapes;
+mod stl;
 mod topology;
 mod triangulate;
 mod weld;

@@ -3,7 +3,7 @@
 //! Coordinates come out as they stand in the file, in double precision; glTF and this toolkit say metres, the other formats say nothing.
 //! Files of a lying, cut or hostile header cost an error and no more memory than a small multiple of their own size.
 
-use super::{Mesh, obj};
+use super::{Mesh, gltf, obj, ply, stl};
 use std::path::Path;
 use sunglint_formats::{FileError, ParseError};
 
@@ -55,6 +55,9 @@ pub(crate) fn read_with(path: &Path, load: Load) -> Result<Vec<NamedMesh>, FileE
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_lowercase();
     let pieces = match extension.as_str() {
         "obj" => obj::parse(path, load(path)?)?,
+        "ply" => ply::parse(path, load(path)?)?,
+        "stl" => stl::parse(path, load(path)?)?,
+        "gltf" | "glb" => gltf::parse(path, load)?,
         _ => {
             let found = format!("the extension `{extension}`");
             return Err(ParseError::new(path, found, "a mesh: obj, ply, stl, gltf or glb").into());

@@ -42,8 +42,8 @@ pub(super) struct Topology {
     pub against: Vec<(u32, DVec3)>,
     /// Triangles on the same corners and the same side as an earlier one: the triangle, and the earlier.
     pub duplicates: Vec<(u32, u32)>,
-    /// Corners that are another one within the tolerance without being equal to it.
-    pub near: Vec<u32>,
+    /// How many corners are another one within the tolerance without being equal to it up to rounding.
+    pub near: usize,
 }
 
 impl Topology {
@@ -51,9 +51,10 @@ impl Topology {
     pub fn of(mesh: &Mesh, tolerance: f64) -> Self {
         let mut this = Self::default();
         let to = weld(&mesh.vertices, tolerance);
-        this.near = (0..to.len() as u32)
-            .filter(|&i| mesh.vertices[i as usize] != mesh.vertices[to[i as usize] as usize])
-            .collect();
+        // What rounding alone moves is the same corner.
+        let rounding = 1e-5 * tolerance;
+        let moved = |i: usize| mesh.vertices[i].distance(mesh.vertices[to[i] as usize]) > rounding;
+        this.near = (0..to.len()).filter(|&i| moved(i)).count();
         let welded: Vec<[u32; 3]> =
             mesh.triangles.iter().map(|t| t.map(|i| to[i as usize])).collect();
         let good = |[a, b, c]: [u32; 3]| a != b && b != c && c != a;

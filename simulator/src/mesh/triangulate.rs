@@ -43,13 +43,15 @@ fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     (b - a).perp_dot(c - a)
 }
 
-/// Turning left everywhere, and once around in all (a pentagram turns left everywhere too).
+/// Turning left at every corner, and once around in all (a pentagram turns left everywhere too).
 fn is_convex(flat: &[DVec2]) -> bool {
     let count = flat.len();
+    let rounding = rounding(flat);
     let mut total = 0.0;
     for k in 0..count {
         let (a, b, c) = (flat[k], flat[(k + 1) % count], flat[(k + 2) % count]);
-        if turn(a, b, c) < 0.0 {
+        // A corner within a straight edge would make a triangle without area.
+        if turn(a, b, c) <= rounding {
             return false;
         }
         total += (b - a).angle_to(c - b);
@@ -60,34 +62,62 @@ fn is_convex(flat: &[DVec2]) -> bool {
 fn cut_ears(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     let mut rest: Vec<usize> = (0..flat.len()).collect();
     let mut triangles = Vec::with_capacity(flat.len() - 2);
+    let rounding = rounding(flat);
+    // The next ear is mostly beside the last one.
+    let mut from = 0;
     while rest.len() > 3 {
         let count = rest.len();
-        let ear = (0..count).find(|&k| {
-            let [a, b, c] = [rest[(k + count - 1) % count], rest[k], rest[(k + 1) % count]];
-            is_ear(flat, &rest, [a, b, c])
-        })?;
-        triangles.push([rest[(ear + count - 1) % count], rest[ear], rest[(ear + 1) % count]]);
+        // Only a corner that does not turn left can lie in an ear.
+        let obstacles: Vec<DVec2> = (0..count)
+            .map(|k| around(&rest, k).map(|i| flat[i]))
+            .filter(|&[a, b, c]| turn(a, b, c) <= rounding)
+            .map(|corners| corners[1])
+            .collect();
+        let ear = (0..count)
+            .map(|k| (from + k) % count)
+            .find(|&k| is_ear(around(&rest, k).map(|i| flat[i]), &obstacles, rounding));
+        let Some(ear) = ear else {
+            // What is left may be a line, there and back.
+            let is_flat = is_flat(flat, &rest);
+            triangles.extend((1..count - 1).map(|k| [rest[0], rest[k], rest[k + 1]]));
+            return is_flat.then_some(triangles);
+        };
+        triangles.push(around(&rest, ear));
         rest.remove(ear);
+        from = ear.saturating_sub(1);
     }
-    if turn(flat[rest[0]], flat[rest[1]], flat[rest[2]]) < 0.0 {
-        return None;
-    }
-    triangles.push([rest[0], rest[1], rest[2]]);
-    Some(triangles)
+    let last = [rest[0], rest[1], rest[2]];
+    triangles.push(last);
+    let [a, b, c] = last.map(|i| flat[i]);
+    (turn(a, b, c) >= 0.0 || is_flat(flat, &rest)).then_some(triangles)
 }
 
-fn is_ear(flat: &[DVec2], rest: &[usize], [a, b, c]: [usize; 3]) -> bool {
-    let [pa, pb, pc] = [flat[a], flat[b], flat[c]];
-    if turn(pa, pb, pc) <= 0.0 {
+/// Whether a polygon has no area beyond rounding.
+fn is_flat(flat: &[DVec2], corners: &[usize]) -> bool {
+    let first = flat[corners[0]];
+    let fan = corners.windows(2).map(|pair| turn(first, flat[pair[0]], flat[pair[1]]));
+    fan.sum::<f64>().abs() <= rounding(flat)
+}
+
+/// Twice the area that rounding may give to a line.
+fn rounding(flat: &[DVec2]) -> f64 {
+    1e-13 * flat.iter().map(|p| p.distance_squared(flat[0])).fold(0.0, f64::max)
+}
+
+/// A corner between its neighbours.
+fn around(rest: &[usize], k: usize) -> [usize; 3] {
+    let count = rest.len();
+    [rest[(k + count - 1) % count], rest[k], rest[(k + 1) % count]]
+}
+
+fn is_ear([a, b, c]: [DVec2; 3], obstacles: &[DVec2], rounding: f64) -> bool {
+    if turn(a, b, c) <= rounding {
         return false;
     }
-    let inside =
-        |p: DVec2| turn(pa, pb, p) >= 0.0 && turn(pb, pc, p) >= 0.0 && turn(pc, pa, p) >= 0.0;
+    let left = |p: DVec2, q: DVec2, r: DVec2| turn(p, q, r) >= -rounding;
+    let inside = |p: DVec2| left(a, b, p) && left(b, c, p) && left(c, a, p);
     // A corner at the same place as one of the ear's is no obstacle: holes are often cut in by a bridge that is walked twice.
-    rest.iter().all(|&i| {
-        let p = flat[i];
-        [a, b, c].contains(&i) || p == pa || p == pb || p == pc || !inside(p)
-    })
+    obstacles.iter().all(|&p| [a, b, c].contains(&p) || !inside(p))
 }
 
 #[cfg(test)]
@@ -142,6 +172,33 @@ mod tests {
                 assert!(super::super::area_vector(t.map(|i| corners[i])).z >= 0.0, "{t:?}");
             }
             assert!((area(&corners, &triangles) - truth).abs() < 1e-14);
+        }
+    }
+
+    /// Truth: a tilted square of area 2, a corner more within each of its edges and two in one: no triangle may be empty.
+    #[test]
+    fn corners_within_straight_edges_make_no_empty_triangle() {
+        let ring = [
+            (0.0, 0.0),
+            (0.3, 0.0),
+            (0.7, 0.0),
+            (1.0, 0.0),
+            (1.0, 0.5),
+            (1.0, 1.0),
+            (0.1, 1.0),
+            (0.0, 1.0),
+            (0.0, 0.9),
+        ];
+        let (u, v) = (DVec3::new(0.6, 0.0, 0.8), DVec3::new(0.0, 2.0, 0.0));
+        let corners: Vec<DVec3> = ring.iter().map(|&(x, y)| x * u + y * v).collect();
+        for start in 0..corners.len() {
+            let mut corners = corners.clone();
+            corners.rotate_left(start);
+            let triangles = triangulate(&corners).unwrap();
+            let areas = triangles.iter().map(|t| super::super::area_vector(t.map(|i| corners[i])));
+            let areas: Vec<f64> = areas.map(|a| a.dot(u.cross(v).normalize())).collect();
+            assert!((areas.iter().sum::<f64>() - 2.0).abs() < 1e-14, "{start}");
+            assert!(areas.iter().all(|a| *a > 1e-3), "{start}: {areas:?}");
         }
     }
 

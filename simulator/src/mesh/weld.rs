@@ -3,7 +3,9 @@
 use glam::DVec3;
 use std::collections::HashMap;
 
-/// For every point the index of the first of those that are it: equal, or linked by steps of at most `tolerance`.
+/// For every point the index of the first of those that are it: equal, or linked by steps of at most `tolerance`. Steps up to 3/4 of it
+/// always count; those between only from points that stand for a crowd, so that a million points in one place cost no more than
+/// a million elsewhere.
 pub(super) fn weld(points: &[DVec3], tolerance: f64) -> Vec<u32> {
     let mut to: Vec<u32> = (0..points.len() as u32).collect();
     let mut exact: HashMap<[u64; 3], u32> = HashMap::with_capacity(points.len());
@@ -26,18 +28,23 @@ pub(super) fn weld(points: &[DVec3], tolerance: f64) -> Vec<u32> {
         let point = points[i];
         let index = |p: DVec3| (p / cell).floor().to_array().map(|x| x as i64);
         let (low, high) = (index(point - tolerance), index(point + tolerance));
+        let mut crowded = false;
         for x in low[0]..=high[0] {
             for y in low[1]..=high[1] {
                 for z in low[2]..=high[2] {
                     for &other in cells.get(&[x, y, z]).map_or(&[][..], Vec::as_slice) {
-                        if points[other as usize].distance_squared(point) <= tolerance * tolerance {
+                        let apart = points[other as usize].distance(point);
+                        if apart <= tolerance {
                             join(&mut to, other, i as u32);
                         }
+                        crowded |= apart <= 0.25 * tolerance;
                     }
                 }
             }
         }
-        cells.entry(index(point)).or_default().push(i as u32);
+        if !crowded {
+            cells.entry(index(point)).or_default().push(i as u32);
+        }
     }
     (0..to.len() as u32).map(|i| root(&mut to, i)).collect()
 }

@@ -1,6 +1,7 @@
 //! What stands in a `target.toml`, and how it becomes a [`Target`].
 //!
-//! ```toml
+//! ```
+//! let text = r#"
 //! name = "box_and_wing"
 //!
 //! [[part]]                      # one or more
@@ -13,8 +14,8 @@
 //! name = "wing"
 //! shape = "plate"               # in its own xy-plane, two faces back to back
 //! size_m = [2, 1.2]
-//! faces = ["+z"]
-//! material = "solar_cell"
+//! faces = ["+z"]                # all of them where it does not say
+//! material = "cells"
 //! euler_zyx_deg = [90, 0, 90]   # or quaternion = [w, x, y, z]: from the part's axes to the body's
 //! offset_m = [0, 1.6, 0]        # after the rotation
 //! hinge = "boom"
@@ -25,6 +26,23 @@
 //! axis = [0, 1, 0]
 //! face = [1, 0, 0]              # turned to the Sun; perpendicular to the axis
 //! range_deg = [-180, 180]       # left out where it turns freely
+//!
+//! [[material]]                  # see surface::file
+//! name = "cells"
+//! model = "lambert"
+//! reflectance = 0.1
+//! "#;
+//! use glam::DVec3;
+//! use sunglint_simulator::target::Target;
+//!
+//! let target = Target::parse("target.toml", text)?;
+//! assert_eq!((target.parts.len(), target.materials[1].name.as_str()), (2, "cells"));
+//! // The Sun below: the hinge turns the wing's face from +x by a quarter about +y.
+//! let angles = target.hinge_angles_rad(DVec3::NEG_Z);
+//! assert!((angles[0].to_degrees() - 90.0).abs() < 1e-12);
+//! let wing = target.part_mesh(1, &angles);
+//! assert!(wing.normal(0).is_some_and(|n| n.distance(DVec3::NEG_Z) < 1e-15));
+//! # Ok::<(), sunglint_formats::FileError>(())
 //! ```
 //!
 //! | shape | needs | may have |

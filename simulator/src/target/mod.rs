@@ -1,6 +1,6 @@
 //! A body made of parts: each a shape with a material, in its place, perhaps on a hinge.
 //!
-//! A target comes from a `target.toml` ([`Target::read`]; its keys are described in [`file`]), from the tables of a larger file
+//! A target comes from a `target.toml` ([`Target::read`]; its keys are described in [`mod@file`]), from the tables of a larger file
 //! ([`file::target`]), or is built in ([`Target::built_in`]).
 
 mod built_in;

@@ -2,6 +2,7 @@
 
 use super::Shape;
 use super::file::{PartFile, ShapeKind, key, not_there, sha256, unknown};
+use crate::mesh::faults::FARTHEST_M;
 use crate::mesh::shapes::{
     Faceting, Side, Walls, corner_radius_m, cuboid, frustum, icosphere, plate,
 };
@@ -239,7 +240,7 @@ impl Maker<'_> {
         let walls = self.walls(facets)?;
         let faceting = self.file.faceting.unwrap_or(Faceting::Inscribed);
         let corner = |radius_m| corner_radius_m(radius_m, facets, faceting);
-        Ok(self.full(frustum(corner(radius_m), corner(top_m), height_m, facets, &walls))?)
+        self.full(frustum(corner(radius_m), corner(top_m), height_m, facets, &walls))
     }
 
     fn prism(&self) -> Result<Shape, ParseError> {
@@ -255,7 +256,7 @@ impl Maker<'_> {
             (None, None) => return Err(self.wrong("radius_m", "radius_m or width_m")),
         };
         let walls = self.walls(sides)?;
-        Ok(self.full(frustum(radius_m, radius_m, height_m, sides, &walls))?)
+        self.full(frustum(radius_m, radius_m, height_m, sides, &walls))
     }
 
     /// A shape that has at least one triangle: the tip of a cone is no face.
@@ -301,14 +302,21 @@ impl Maker<'_> {
         if factor != 1.0 {
             mesh = mesh.scaled(factor);
         }
-        if !mesh.vertices.iter().all(|v| v.is_finite()) {
-            return Err(self.wrong("scale", "a size that is finite").into());
+        if !mesh.vertices.iter().all(|v| v.abs().max_element() <= FARTHEST_M) {
+            let expected = format!("a mesh with coordinates below {FARTHEST_M:e} m");
+            return Err(self.wrong("file", expected).into());
         }
         if self.file.flip == Some(true) {
             mesh = mesh.flipped();
         }
         if let Some(weld_mm) = self.file.weld_mm {
-            mesh = mesh.welded(1e-3 * weld_mm.get());
+            let tolerance_m = 1e-3 * weld_mm.get();
+            let size_m = mesh.bounds().map_or(0.0, |bounds| bounds.size_m().max_element());
+            if tolerance_m > 0.01 * size_m {
+                let expected = format!("at most {} mm, a hundredth of the mesh", 10.0 * size_m);
+                return Err(self.wrong("weld_mm", expected).into());
+            }
+            mesh = mesh.welded(tolerance_m);
             if mesh.triangles.is_empty() {
                 let expected = "less: no triangle is left, all corners became one";
                 return Err(self.wrong("weld_mm", expected).into());
