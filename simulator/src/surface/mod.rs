@@ -5,10 +5,24 @@
 //! body is summed once into one number per k, whatever the number of bins and channels. A Lambert material has one such term, a microfacet
 //! material with a measured reflectance one, with Schlick's Fresnel term two; with n + ik the reflectance at a handful of
 //! angles of incidence, between which the weights interpolate.
+//!
+//! - [`microfacet`]: Beckmann and GGX, their masking;
+//! - [`fresnel`], [`conductor`]: what each microfacet reflects;
+//! - [`file`]: materials as people write them, in TOML; [`built_in`]: those that the program knows.
+
+pub mod built_in;
+pub mod conductor;
+pub mod file;
+pub mod fresnel;
+pub mod microfacet;
+
+pub use conductor::ComplexIndex;
+pub use fresnel::Fresnel;
+pub use microfacet::{Distribution, Lobe, Masking};
 
 use glam::DVec3;
 use std::f64::consts::FRAC_1_PI;
-use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
+use sunglint_radiometry::spectrum::{Reflectance, Spectrum, SpectrumError};
 
 /// A material.
 #[derive(Debug, Clone)]
@@ -17,12 +31,75 @@ pub struct Material {
     pub name: String,
     /// The spectra ρ_k.
     spectra: Vec<Spectrum<Reflectance>>,
+    model: Model,
+}
+
+#[derive(Debug, Clone)]
+enum Model {
+    Lambert,
+    Mirror { fresnel: Fresnel },
+    Microfacet { lobe: Lobe, fresnel: Fresnel },
+}
+
+/// Why there is no such material.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MaterialError {
+    /// A roughness out of range.
+    #[error(
+        "the roughness is {alpha}, expected a number from 1e-5 to 2: what is smoother is a mirror"
+    )]
+    Roughness {
+        /// What was asked for.
+        alpha: f64,
+    },
+    /// More light than came.
+    #[error("the reflectance is {value} at {wavelength_nm} nm, expected a fraction from 0 to 1")]
+    Reflectance {
+        /// The wavelength.
+        wavelength_nm: f64,
+        /// The reflectance there.
+        value: f64,
+    },
+    /// A refractive index that no material has.
+    #[error("n at row {row} is {n}, expected a number above 0")]
+    Index {
+        /// Row, counted from 1.
+        row: usize,
+        /// The index there.
+        n: f64,
+    },
+    /// A reflectance with a kink in angle: total reflection.
+    #[error(
+        "the reflectance of {name} is not smooth enough in angle for {angles} angles: n < 1 with k near 0 reflects totally, which no metal does"
+    )]
+    NotSmooth {
+        /// Of what.
+        name: String,
+        /// The number of angles that did not do.
+        angles: usize,
+    },
+    /// Numbers that make no spectrum.
+    #[error(transparent)]
+    Spectrum(#[from] SpectrumError),
 }
 
 impl Material {
     /// A Lambert surface: f_r = ρ(λ)/π.
     pub fn lambert(name: impl Into<String>, reflectance: Spectrum<Reflectance>) -> Self {
-        Self { name: name.into(), spectra: vec![reflectance] }
+        Self { name: name.into(), spectra: vec![reflectance], model: Model::Lambert }
+    }
+
+    /// A perfect mirror, plane but for the shape that it is put on.
+    pub fn mirror(name: impl Into<String>, fresnel: Fresnel) -> Self {
+        let spectra = fresnel.spectra().to_vec();
+        Self { name: name.into(), spectra, model: Model::Mirror { fresnel } }
+    }
+
+    /// A rough surface of little mirrors: f_r = F D G/(4 cosθ_i cosθ_o).
+    pub fn microfacet(name: impl Into<String>, lobe: Lobe, fresnel: Fresnel) -> Self {
+        let spectra = fresnel.spectra().to_vec();
+        Self { name: name.into(), spectra, model: Model::Microfacet { lobe, fresnel } }
     }
 
     /// The spectra ρ_k: as many as there are weights.
@@ -31,16 +108,83 @@ impl Material {
     }
 
     /// Adds `scale` times the weights w_k \[sr⁻¹\] for light from `i` to `o` to `sum` (one per spectrum). Unit vectors in the surface's
-    /// own axes (z the normal, x the tangent), both away from the surface. Nothing is added where either is at or below the horizon.
+    /// own axes (z the normal, x the tangent), both away from the surface. Nothing is added where either is at or below the horizon,
+    /// and nothing of a mirror.
     pub fn add_weights(&self, i: DVec3, o: DVec3, scale: f64, sum: &mut [f64]) {
-        if i.z > 0.0 && o.z > 0.0 {
-            sum[0] += scale * FRAC_1_PI;
+        if !(i.z > 0.0 && o.z > 0.0) {
+            return;
         }
+        match &self.model {
+            Model::Lambert => sum[0] += scale * FRAC_1_PI,
+            Model::Microfacet { lobe, fresnel } => {
+                let reflection = scale * lobe.reflection(i, o);
+                if reflection != 0.0 {
+                    fresnel.add_weights(cos_difference(i, o), reflection, sum);
+                }
+            }
+            Model::Mirror { .. } => {}
+        }
+    }
+
+    /// f_r \[sr⁻¹\] at a wavelength (vacuum nm); beyond the tables the reflectances are held.
+    pub fn brdf(&self, wavelength_nm: f64, i: DVec3, o: DVec3) -> f64 {
+        let mut weights = vec![0.0; self.spectra.len()];
+        self.add_weights(i, o, 1.0, &mut weights);
+        self.times_spectra(wavelength_nm, &weights)
+    }
+
+    /// Σ_k ρ_k(λ) W_k.
+    pub fn times_spectra(&self, wavelength_nm: f64, weights: &[f64]) -> f64 {
+        self.spectra.iter().zip(weights).map(|(rho, w)| rho.at(wavelength_nm) * w).sum()
     }
 
     /// Whether it is a perfect mirror, whose f_r is no function: its weights are not defined, and only a sphere of it has a
     /// radiant intensity under a point-like Sun.
     pub fn is_mirror(&self) -> bool {
-        false
+        matches!(self.model, Model::Mirror { .. })
     }
+
+    /// Whether it reflects the same whatever its tangent.
+    pub fn is_isotropic(&self) -> bool {
+        match &self.model {
+            Model::Microfacet { lobe, .. } => lobe.is_isotropic(),
+            _ => true,
+        }
+    }
+
+    /// The material in a line, for summaries.
+    pub fn describe(&self) -> String {
+        let what = match &self.model {
+            Model::Lambert => format!("Lambert, reflectance {}", range_of(&self.spectra[0])),
+            Model::Mirror { fresnel } => format!("mirror, {}", fresnel.describe()),
+            Model::Microfacet { lobe, fresnel } => {
+                format!("{}, {}", lobe.describe(), fresnel.describe())
+            }
+        };
+        format!("{}: {what}", self.name)
+    }
+}
+
+/// The cosine of the angle of incidence on the microfacet that turns `i` into `o`, without cancellation where both graze.
+fn cos_difference(i: DVec3, o: DVec3) -> f64 {
+    0.5 * (i + o).length()
+}
+
+fn check_reflectance(reflectance: &Spectrum<Reflectance>) -> Result<(), MaterialError> {
+    match reflectance.value().iter().position(|v| *v > 1.0) {
+        Some(row) => Err(MaterialError::Reflectance {
+            wavelength_nm: reflectance.wavelength_nm()[row],
+            value: reflectance.value()[row],
+        }),
+        None => Ok(()),
+    }
+}
+
+/// `0.9`, or `0.05 to 0.85`.
+fn range_of(reflectance: &Spectrum<Reflectance>) -> String {
+    let (least, most) = reflectance
+        .value()
+        .iter()
+        .fold((f64::INFINITY, 0.0_f64), |(a, b), v| (a.min(*v), b.max(*v)));
+    if least == most { format!("{least}") } else { format!("{least} to {most}") }
 }

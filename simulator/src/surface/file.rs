@@ -1,0 +1,382 @@
+//! Materials as people write them.
+//!
+//! ```toml
+//! [[material]]
+//! name = "panel"
+//! model = "microfacet"               # lambert, microfacet, mirror, blend
+//! reflectance_file = "panel.csv"     # wavelength_nm,reflectance; or reflectance = 0.8, or
+//!                                    # reflectance_table = { wavelength_nm = [300, 1200], reflectance = [0.2, 0.4] }
+//! distribution = "ggx"               # beckmann, ggx
+//! alpha = 0.2                        # or alpha_x, alpha_y along and across the tangent
+//! masking = "separable"              # (default), height_correlated
+//! fresnel = "schlick"                # constant (default), schlick, conductor (with refractive_index = "gold" or "file.csv")
+//! ```
+
+use super::{ComplexIndex, Distribution, Fresnel, Lobe, Masking, Material, MaterialError};
+use serde::Deserialize;
+use sha2::{Digest as _, Sha256};
+use std::path::PathBuf;
+use sunglint_formats::toml::{Document, Finite, Fraction};
+use sunglint_formats::{FileError, ParseError, curve};
+use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
+
+/// What stands in a file about a material.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MaterialFile {
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    pub model: ModelName,
+    /// One reflectance for all wavelengths; of a blend, its coat's.
+    pub reflectance: Option<Fraction>,
+    /// A file with `wavelength_nm,reflectance`.
+    pub reflectance_file: Option<String>,
+    /// Wavelengths and reflectances.
+    pub reflectance_table: Option<ReflectanceTable>,
+    /// How its microfacets are tilted.
+    pub distribution: Option<Distribution>,
+    /// Their roughness.
+    pub alpha: Option<Finite>,
+    /// Their roughness along the tangent.
+    pub alpha_x: Option<Finite>,
+    /// Their roughness across the tangent.
+    pub alpha_y: Option<Finite>,
+    /// How they hide one another.
+    pub masking: Option<Masking>,
+    /// What each reflects.
+    pub fresnel: Option<FresnelName>,
+    /// A material of the table of refractive indices, or a file with `wavelength_nm,n,k`.
+    pub refractive_index: Option<String>,
+    /// What is below the coat of a blend: a Lambert surface.
+    pub base: Option<BaseFile>,
+    /// A remark.
+    pub note: Option<String>,
+}
+
+/// What a material is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ModelName {
+    /// The same in all directions.
+    Lambert,
+    /// A rough surface of little mirrors.
+    Microfacet,
+    /// A perfect mirror.
+    Mirror,
+    /// A coat of microfacets over a Lambert surface.
+    Blend,
+}
+
+impl ModelName {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Lambert => "lambert",
+            Self::Microfacet => "microfacet",
+            Self::Mirror => "mirror",
+            Self::Blend => "blend",
+        }
+    }
+}
+
+/// How reflectance depends on the angle of incidence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FresnelName {
+    /// Not at all.
+    #[default]
+    Constant,
+    /// By Schlick's approximation from that at normal incidence.
+    Schlick,
+    /// By Fresnel's equations from n + ik.
+    Conductor,
+}
+
+/// A reflectance by wavelength.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReflectanceTable {
+    /// Vacuum wavelengths in nm, increasing.
+    pub wavelength_nm: Vec<Finite>,
+    /// As many reflectances, from 0 to 1.
+    pub reflectance: Vec<Fraction>,
+}
+
+/// The Lambert surface below a coat.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BaseFile {
+    /// One reflectance for all wavelengths.
+    pub reflectance: Option<Fraction>,
+    /// A file with `wavelength_nm,reflectance`.
+    pub reflectance_file: Option<String>,
+    /// Wavelengths and reflectances.
+    pub reflectance_table: Option<ReflectanceTable>,
+}
+
+/// The wavelengths over which a single number is taken as known, nm.
+const RANGE_NM: (f64, f64) = (300.0, 1240.0);
+
+/// The material that `file` describes, and the files that went into it with their SHA-256. `at` is the dotted key of its table in the
+/// document (`material[2]`; empty where the document is one material), for errors; files are looked for beside the document.
+///
+/// # Errors
+/// A key that the model has no use for or that it lacks, a value that makes no sense, a file that cannot be read: with path, line and
+/// field.
+pub fn material(
+    document: &Document,
+    at: &str,
+    file: &MaterialFile,
+) -> Result<(Material, Vec<(PathBuf, String)>), FileError> {
+    let mut reader = Reader { document, at, sources: Vec::new() };
+    let material = reader.material(file)?;
+    Ok((material, reader.sources))
+}
+
+struct Reader<'a> {
+    document: &'a Document,
+    at: &'a str,
+    sources: Vec<(PathBuf, String)>,
+}
+
+/// Where a reflectance may stand.
+struct ReflectanceKeys<'a> {
+    /// What its keys begin with.
+    prefix: &'static str,
+    number: Option<Fraction>,
+    file: Option<&'a str>,
+    table: Option<&'a ReflectanceTable>,
+}
+
+impl Reader<'_> {
+    fn material(&mut self, file: &MaterialFile) -> Result<Material, FileError> {
+        self.check_keys(file)?;
+        Ok(match file.model {
+            ModelName::Lambert => Material::lambert(&file.name, self.reflectance(&coat(file))?),
+            ModelName::Mirror => Material::mirror(&file.name, self.fresnel(file)?),
+            ModelName::Microfacet => {
+                Material::microfacet(&file.name, self.lobe(file)?, self.fresnel(file)?)
+            }
+            ModelName::Blend => {
+                return Err(self.error("model", "lambert, microfacet or mirror").into());
+            }
+        })
+    }
+
+    fn key(&self, key: &str) -> String {
+        if self.at.is_empty() { key.to_owned() } else { format!("{}.{key}", self.at) }
+    }
+
+    fn error(&self, key: &str, expected: impl Into<String>) -> ParseError {
+        self.document.error_at(&self.key(key), expected)
+    }
+
+    /// Refuses what the model has no use for: whoever wrote it meant something.
+    fn check_keys(&self, file: &MaterialFile) -> Result<(), ParseError> {
+        if file.name.trim().is_empty() {
+            return Err(self.error("name", "a name"));
+        }
+        let rough = matches!(file.model, ModelName::Microfacet | ModelName::Blend);
+        let lambert = file.model == ModelName::Lambert;
+        let conductor = file.fresnel == Some(FresnelName::Conductor);
+        let given = [
+            ("distribution", file.distribution.is_some(), rough),
+            ("alpha", file.alpha.is_some(), rough),
+            ("alpha_x", file.alpha_x.is_some(), rough),
+            ("alpha_y", file.alpha_y.is_some(), rough),
+            ("masking", file.masking.is_some(), rough),
+            ("fresnel", file.fresnel.is_some(), !lambert),
+            ("refractive_index", file.refractive_index.is_some(), !lambert),
+            ("base", file.base.is_some(), file.model == ModelName::Blend),
+        ];
+        if let Some((key, ..)) = given.iter().find(|(_, given, of_use)| *given && !of_use) {
+            let expected = format!("no `{key}` with model = \"{}\"", file.model.name());
+            return Err(self.error(key, expected));
+        }
+        if file.refractive_index.is_some() && !conductor {
+            let expected = "fresnel = \"conductor\" where a refractive index is given";
+            return Err(self.error("refractive_index", expected));
+        }
+        let reflectances = [
+            ("reflectance", file.reflectance.is_some()),
+            ("reflectance_file", file.reflectance_file.is_some()),
+            ("reflectance_table", file.reflectance_table.is_some()),
+        ];
+        if let (true, Some((key, _))) = (conductor, reflectances.iter().find(|(_, given)| *given)) {
+            let expected =
+                format!("no `{key}` with fresnel = \"conductor\": it follows from n + ik");
+            return Err(self.error(key, expected));
+        }
+        Ok(())
+    }
+
+    fn lobe(&self, file: &MaterialFile) -> Result<Lobe, ParseError> {
+        let Some(distribution) = file.distribution else {
+            return Err(self.error("distribution", "\"beckmann\" or \"ggx\""));
+        };
+        let (alpha_x, alpha_y) = match (file.alpha, file.alpha_x, file.alpha_y) {
+            (Some(alpha), None, None) => (("alpha", alpha.get()), ("alpha", alpha.get())),
+            (None, Some(x), Some(y)) => (("alpha_x", x.get()), ("alpha_y", y.get())),
+            (Some(_), Some(_), _) | (Some(_), _, Some(_)) => {
+                return Err(self.error("alpha", "either alpha, or alpha_x and alpha_y"));
+            }
+            (None, Some(_), None) => return Err(self.error("alpha_y", "also alpha_y")),
+            (None, None, Some(_)) => return Err(self.error("alpha_x", "also alpha_x")),
+            (None, None, None) => {
+                return Err(self.error("alpha", "a roughness alpha, or alpha_x and alpha_y"));
+            }
+        };
+        for (key, alpha) in [alpha_x, alpha_y] {
+            if alpha == 0.0 {
+                let hint = "a surface without roughness is model = \"mirror\"";
+                return Err(self.error(key, "a roughness from 1e-5 to 2").with_hint(hint));
+            }
+            if Lobe::isotropic(distribution, alpha, Masking::Separable).is_err() {
+                return Err(self.error(key, "a roughness from 1e-5 to 2"));
+            }
+        }
+        let masking = file.masking.unwrap_or_default();
+        Lobe::anisotropic(distribution, alpha_x.1, alpha_y.1, masking)
+            .map_err(|e| self.error("alpha", "a roughness").with_hint(e.to_string()))
+    }
+
+    fn fresnel(&mut self, file: &MaterialFile) -> Result<Fresnel, FileError> {
+        let made = match file.fresnel.unwrap_or_default() {
+            FresnelName::Constant => Fresnel::constant(self.reflectance(&coat(file))?),
+            FresnelName::Schlick => Fresnel::schlick(self.reflectance(&coat(file))?),
+            FresnelName::Conductor => {
+                let Some(name) = &file.refractive_index else {
+                    let expected = "also refractive_index: a material's name or a file";
+                    return Err(self.error("refractive_index", expected).into());
+                };
+                let made = Fresnel::conductor(&self.index(name)?);
+                return made.map_err(|e| self.wrong("refractive_index", &e).into());
+            }
+        };
+        made.map_err(|e| self.wrong("reflectance", &e).into())
+    }
+
+    fn wrong(&self, key: &str, error: &MaterialError) -> ParseError {
+        self.error(key, "a material that can be").with_hint(error.to_string())
+    }
+
+    /// A refractive index from radiometry's table, or from a file: what has an ending is a file.
+    fn index(&mut self, name: &str) -> Result<ComplexIndex, FileError> {
+        if !name.contains(['.', '/', '\\']) {
+            return ComplexIndex::named(name).map_err(|error| {
+                let expected = "a material of the table of refractive indices, or a file";
+                self.error("refractive_index", expected).with_hint(error.to_string()).into()
+            });
+        }
+        let (path, text) = self.read("refractive_index", name)?;
+        let n = curve::read_str(&path, &text, Some("n"))?;
+        let k = curve::read_str(&path, &text, Some("k"))?;
+        self.check_wavelengths(&path, &n)?;
+        let row = (n.y.iter().position(|n| *n <= 0.0).map(|row| (row, "n", n.y[row])))
+            .or_else(|| k.y.iter().position(|k| *k < 0.0).map(|row| (row, "k", k.y[row])));
+        if let Some((row, column, value)) = row {
+            let expected =
+                if column == "n" { "a number above 0" } else { "a number of 0 or above" };
+            let error = ParseError::new(&path, value.to_string(), expected);
+            return Err(error.at_line(n.line(row)).in_field(column).into());
+        }
+        ComplexIndex::new(name, n.x, n.y, k.y)
+            .map_err(|e| ParseError::new(&path, e.to_string(), "a refractive index").into())
+    }
+
+    fn reflectance(&mut self, keys: &ReflectanceKeys) -> Result<Spectrum<Reflectance>, FileError> {
+        let key = |name: &str| format!("{}{name}", keys.prefix);
+        match (keys.number, keys.file, keys.table) {
+            (Some(value), None, None) => {
+                let flat = Spectrum::constant(value.get(), RANGE_NM.0, RANGE_NM.1);
+                flat.map_err(|e| self.wrong(&key("reflectance"), &e.into()).into())
+            }
+            (None, Some(name), None) => self.reflectance_file(&key("reflectance_file"), name),
+            (None, None, Some(table)) => {
+                let nm = table.wavelength_nm.iter().map(|v| v.get()).collect();
+                let value = table.reflectance.iter().map(|v| v.get()).collect();
+                Spectrum::new(nm, value)
+                    .map_err(|e| self.wrong(&key("reflectance_table"), &e.into()).into())
+            }
+            (None, None, None) => {
+                let expected = "a reflectance: a number, reflectance_file or reflectance_table";
+                Err(self.error(&key("reflectance"), expected).into())
+            }
+            _ => {
+                let given = if keys.number.is_some() { "reflectance" } else { "reflectance_file" };
+                let expected = "only one of reflectance, reflectance_file and reflectance_table";
+                Err(self.error(&key(given), expected).into())
+            }
+        }
+    }
+
+    fn reflectance_file(
+        &mut self,
+        key: &str,
+        name: &str,
+    ) -> Result<Spectrum<Reflectance>, FileError> {
+        let (path, text) = self.read(key, name)?;
+        let curve = curve::read_str(&path, &text, Some("reflectance"))?;
+        self.check_wavelengths(&path, &curve)?;
+        if let Some(row) = curve.y.iter().position(|y| !(0.0..=1.0).contains(y)) {
+            let error = ParseError::new(&path, curve.y[row].to_string(), "a fraction from 0 to 1");
+            let error = error.at_line(curve.line(row)).in_field("reflectance");
+            return Err(error.with_hint("a column in percent is named reflectance_percent").into());
+        }
+        Spectrum::new(curve.x, curve.y)
+            .map_err(|e| ParseError::new(&path, e.to_string(), "a reflectance").into())
+    }
+
+    fn check_wavelengths(
+        &self,
+        path: &std::path::Path,
+        curve: &curve::Curve,
+    ) -> Result<(), ParseError> {
+        let field = &curve.x_name;
+        if field != "wavelength_nm" {
+            let error = ParseError::new(path, format!("`{field}`"), "`wavelength_nm`");
+            return Err(error.in_field(field));
+        }
+        if curve.x[0] <= 0.0 {
+            let error = ParseError::new(path, curve.x[0].to_string(), "a wavelength above 0 nm");
+            return Err(error.at_line(curve.line(0)).in_field(field));
+        }
+        let longest = curve.x[curve.x.len() - 1];
+        if longest < 20.0 {
+            let found = format!("{} to {longest} nm", curve.x[0]);
+            let error = ParseError::new(path, found, "wavelengths in nm").in_field(field);
+            return Err(
+                error.with_hint("if they are in micrometres, name the column wavelength_um")
+            );
+        }
+        Ok(())
+    }
+
+    /// The text of a file that a key names.
+    fn read(&mut self, key: &str, name: &str) -> Result<(PathBuf, String), FileError> {
+        let path = self.document.resolve(name);
+        let bytes = sunglint_formats::read::bytes(&path).map_err(|error| match error {
+            FileError::Io { path, source, .. } => {
+                let hint = format!("{}: {source}", path.display());
+                self.error(key, "a file that can be read").with_hint(hint).into()
+            }
+            error => error,
+        })?;
+        if !self.sources.iter().any(|(known, _)| *known == path) {
+            let hash = Sha256::digest(&bytes);
+            let hash = hash.iter().map(|byte| format!("{byte:02x}")).collect();
+            self.sources.push((path.clone(), hash));
+        }
+        let text = sunglint_formats::read::decode(&path, bytes)?;
+        Ok((path, text))
+    }
+}
+
+fn coat(file: &MaterialFile) -> ReflectanceKeys<'_> {
+    ReflectanceKeys {
+        prefix: "",
+        number: file.reflectance,
+        file: file.reflectance_file.as_deref(),
+        table: file.reflectance_table.as_ref(),
+    }
+}

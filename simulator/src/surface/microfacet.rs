@@ -1,0 +1,204 @@
+//! Microfacets: how the little mirrors of a rough surface are tilted, and how they hide one another.
+//!
+//! The reflection is F·D(h)·G/(4 cosθ_i cosθ_o) with h the bisector (Torrance and Sparrow 1967; Cook and Torrance 1982; Walter et al. 2007).
+//! Beckmann and GGX, each with two roughnesses along the surface's x and y axes, and Smith's masking of just that distribution
+//! in closed form (Walter et al. 2007, eqs. 20–34; Heitz 2014, JCGT 3(2), eqs. 68, 72, 80–87).
+
+use super::MaterialError;
+use glam::DVec3;
+use std::f64::consts::PI;
+
+/// 1/√π.
+const FRAC_1_SQRT_PI: f64 = 0.564_189_583_547_756_3;
+
+/// The smallest roughness; what is smoother is a mirror.
+pub const LEAST_ALPHA: f64 = 1e-5;
+/// The largest roughness.
+pub const LARGEST_ALPHA: f64 = 2.0;
+
+/// How the slopes of microfacets are distributed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Distribution {
+    /// Gaussian: exp(−tan²θ/α²)/(π α² cos⁴θ).
+    Beckmann,
+    /// With long tails (Trowbridge and Reitz 1975): 1/(π α² cos⁴θ (1+tan²θ/α²)²).
+    Ggx,
+}
+
+/// How masking (towards the observer) and shadowing (towards the light) go together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Masking {
+    /// As if independent: G = G₁(i) G₁(o).
+    #[default]
+    Separable,
+    /// At heights in common: G = 1/(1 + Λ(i) + Λ(o)) (Heitz 2014, eq. 99).
+    HeightCorrelated,
+}
+
+/// The tilts of the microfacets and their masking.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lobe {
+    pub(super) distribution: Distribution,
+    pub(super) alpha_x: f64,
+    pub(super) alpha_y: f64,
+    pub(super) masking: Masking,
+}
+
+impl Lobe {
+    /// A lobe with the same roughness in every direction.
+    ///
+    /// # Errors
+    /// α is not from 1e-5 to 2.
+    pub fn isotropic(
+        distribution: Distribution,
+        alpha: f64,
+        masking: Masking,
+    ) -> Result<Self, MaterialError> {
+        Self::anisotropic(distribution, alpha, alpha, masking)
+    }
+
+    /// A lobe with one roughness along the surface's x axis and one along its y axis.
+    ///
+    /// # Errors
+    /// A roughness that is not from 1e-5 to 2.
+    pub fn anisotropic(
+        distribution: Distribution,
+        alpha_x: f64,
+        alpha_y: f64,
+        masking: Masking,
+    ) -> Result<Self, MaterialError> {
+        for alpha in [alpha_x, alpha_y] {
+            if !(LEAST_ALPHA..=LARGEST_ALPHA).contains(&alpha) {
+                return Err(MaterialError::Roughness { alpha });
+            }
+        }
+        Ok(Self { distribution, alpha_x, alpha_y, masking })
+    }
+
+    /// The distribution of tilts.
+    pub fn distribution(&self) -> Distribution {
+        self.distribution
+    }
+
+    /// The roughnesses along x and y.
+    pub fn alpha(&self) -> (f64, f64) {
+        (self.alpha_x, self.alpha_y)
+    }
+
+    /// The kind of masking.
+    pub fn masking(&self) -> Masking {
+        self.masking
+    }
+
+    /// Whether it is the same in every direction.
+    pub fn is_isotropic(&self) -> bool {
+        self.alpha_x == self.alpha_y
+    }
+
+    /// D·G/(4 cosθ_i cosθ_o) \[sr⁻¹\] of unit vectors above the horizon: the reflection of microfacets that are perfect mirrors.
+    pub fn reflection(&self, i: DVec3, o: DVec3) -> f64 {
+        let density = self.density(i + o);
+        if density == 0.0 { 0.0 } else { 0.25 * density * self.masking_over_cosines(i, o) }
+    }
+
+    /// D \[sr⁻¹\] of the tilt towards a direction, of any length, with z > 0.
+    ///
+    /// ∫ D(h) cosθ_h dω = 1.
+    pub fn density(&self, h: DVec3) -> f64 {
+        let (x, y) = (h.x / self.alpha_x, h.y / self.alpha_y);
+        let scale = 1.0 / (PI * self.alpha_x * self.alpha_y);
+        match self.distribution {
+            Distribution::Beckmann => {
+                let inverse = 1.0 / h.z;
+                let (x, y) = (x * inverse, y * inverse);
+                let exponent = x * x + y * y;
+                // e^-746 is 0; what follows must not meet ∞·0. (Written so that NaN from a vanishing h ends here, too.)
+                if !(exponent < 746.0) {
+                    return 0.0;
+                }
+                let (x, y) = (h.x * inverse, h.y * inverse);
+                let secant2 = 1.0 + x * x + y * y;
+                scale * secant2 * secant2 * (-exponent).exp()
+            }
+            Distribution::Ggx => {
+                // With lengths in place of tangents nothing overflows at the horizon.
+                let stretched = x * x + y * y + h.z * h.z;
+                if stretched > 0.0 {
+                    let ratio = h.length_squared() / stretched;
+                    scale * ratio * ratio
+                } else {
+                    0.0
+                }
+            }
+        }
+    }
+
+    /// G₁: the fraction of the microfacets that face `v` (unit, z > 0) which is seen from there.
+    pub fn masking_one(&self, v: DVec3) -> f64 {
+        v.z * self.masking_one_over_cosine(v)
+    }
+
+    /// G/(cosθ_i cosθ_o), without the quotients of vanishing numbers that each has at the horizon.
+    pub(super) fn masking_over_cosines(&self, i: DVec3, o: DVec3) -> f64 {
+        match self.masking {
+            Masking::Separable => self.masking_one_over_cosine(i) * self.masking_one_over_cosine(o),
+            Masking::HeightCorrelated => {
+                let (hidden_i, hidden_o) =
+                    (self.lambda_times_cosine(i), self.lambda_times_cosine(o));
+                1.0 / (i.z * o.z + (o.z * hidden_i + i.z * hidden_o))
+            }
+        }
+    }
+
+    pub(super) fn describe(&self) -> String {
+        let name = match self.distribution {
+            Distribution::Beckmann => "Beckmann",
+            Distribution::Ggx => "GGX",
+        };
+        let alpha = if self.is_isotropic() {
+            format!("α {}", self.alpha_x)
+        } else {
+            format!("α_x {} α_y {}", self.alpha_x, self.alpha_y)
+        };
+        let masking = match self.masking {
+            Masking::Separable => "separable",
+            Masking::HeightCorrelated => "height-correlated",
+        };
+        format!("{name} {alpha}, {masking} masking")
+    }
+
+    /// sinθ·α(φ): the root mean square slope along the direction's azimuth, times its sine.
+    fn slope_times_sine(&self, v: DVec3) -> f64 {
+        let (x, y) = (self.alpha_x * v.x, self.alpha_y * v.y);
+        (x * x + y * y).sqrt()
+    }
+
+    /// G₁/cosθ. With a = cosθ/s, s = α sinθ: Beckmann 2/(cosθ (1 + erf a) + s e^(−a²)/√π), GGX 2/(cosθ + √(cos²θ + s²)).
+    fn masking_one_over_cosine(&self, v: DVec3) -> f64 {
+        let s = self.slope_times_sine(v);
+        match self.distribution {
+            // From a = 6 on 1 − G₁ is below 1e-17.
+            Distribution::Beckmann if v.z >= 6.0 * s => 1.0 / v.z,
+            Distribution::Beckmann => {
+                let a = v.z / s;
+                2.0 / (v.z * (1.0 + libm::erf(a)) + s * FRAC_1_SQRT_PI * (-a * a).exp())
+            }
+            Distribution::Ggx => 2.0 / (v.z + (v.z * v.z + s * s).sqrt()),
+        }
+    }
+
+    /// Λ cosθ, with G₁ = 1/(1 + Λ).
+    fn lambda_times_cosine(&self, v: DVec3) -> f64 {
+        let s = self.slope_times_sine(v);
+        match self.distribution {
+            Distribution::Beckmann if v.z >= 6.0 * s => 0.0,
+            Distribution::Beckmann => {
+                let a = v.z / s;
+                0.5 * (s * FRAC_1_SQRT_PI * (-a * a).exp() - v.z * libm::erfc(a))
+            }
+            Distribution::Ggx => 0.5 * s * (s / (v.z + (v.z * v.z + s * s).sqrt())),
+        }
+    }
+}
