@@ -101,7 +101,8 @@ impl Product {
     fn extensions(&self) -> impl Iterator<Item = &'static str> {
         let table = (!self.table.columns.is_empty()).then_some(&["ecsv"][..]);
         let figure = self.figure.as_ref().map(|_| &["png", "svg"][..]);
-        let fits = self.fits.as_ref().map(|_| &["fits"][..]);
+        // Beside a table a FITS file holds something else, which has its own place among the others.
+        let fits = (table.is_none() && self.fits.is_some()).then_some(&["fits"][..]);
         [table, fits, figure].into_iter().flatten().flatten().copied()
     }
 }

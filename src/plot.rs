@@ -2,6 +2,7 @@
 
 mod heat;
 mod scale;
+pub mod sky;
 
 pub use heat::Heat;
 pub use plotters::style::RGBColor;
@@ -239,43 +240,65 @@ const PANEL_HEIGHT: u32 = 400;
 const TITLE_HEIGHT: u32 = 46;
 
 impl Figure {
-    fn size(&self, scale: u32) -> (u32, u32) {
-        let panels = u32::try_from(self.panels.len()).unwrap_or(1);
-        (WIDTH * scale, (TITLE_HEIGHT + PANEL_HEIGHT * panels) * scale)
-    }
-
     /// The figure as an SVG text.
     pub fn svg(&self) -> Result<String, PlotError> {
-        use_font();
-        let mut text = String::new();
-        {
-            let root = SVGBackend::with_string(&mut text, self.size(1)).into_drawing_area();
-            self.draw(&root, 1)?;
-            root.present().map_err(|e| PlotError::Draw(e.to_string()))?;
-        }
-        Ok(text)
+        svg(self)
     }
 
     /// The figure as the bytes of a PNG file, at twice the size of the SVG.
     pub fn png(&self) -> Result<Vec<u8>, PlotError> {
-        use_font();
-        // Drawn at twice the size again and shrunk: the library draws lines without smoothing.
-        let (width, height) = self.size(4);
-        let mut pixels = vec![255_u8; (width * height * 3) as usize];
-        {
-            let root = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
-            self.draw(&root, 4)?;
-            root.present().map_err(|e| PlotError::Draw(e.to_string()))?;
-        }
-        let image = image::RgbImage::from_raw(width, height, pixels).ok_or_else(|| {
-            PlotError::Draw("the picture has not the size it was asked for".into())
-        })?;
-        let image = image::imageops::thumbnail(&image, width / 2, height / 2);
-        let mut bytes = Cursor::new(Vec::new());
-        image
-            .write_to(&mut bytes, image::ImageFormat::Png)
-            .map_err(|e| PlotError::Draw(e.to_string()))?;
-        Ok(bytes.into_inner())
+        png(self)
+    }
+}
+
+/// What draws itself at any scale.
+trait Drawn {
+    /// Width and height in pixels.
+    fn size(&self, scale: u32) -> (u32, u32);
+
+    /// Draws on an area of that size.
+    fn draw<DB: DrawingBackend>(
+        &self,
+        root: &DrawingArea<DB, Shift>,
+        scale: u32,
+    ) -> Result<(), PlotError>;
+}
+
+fn svg(figure: &impl Drawn) -> Result<String, PlotError> {
+    use_font();
+    let mut text = String::new();
+    {
+        let root = SVGBackend::with_string(&mut text, figure.size(1)).into_drawing_area();
+        figure.draw(&root, 1)?;
+        root.present().map_err(|e| PlotError::Draw(e.to_string()))?;
+    }
+    Ok(text)
+}
+
+fn png(figure: &impl Drawn) -> Result<Vec<u8>, PlotError> {
+    use_font();
+    // Drawn at twice the size again and shrunk: the library draws lines without smoothing.
+    let (width, height) = figure.size(4);
+    let mut pixels = vec![255_u8; (width * height * 3) as usize];
+    {
+        let root = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
+        figure.draw(&root, 4)?;
+        root.present().map_err(|e| PlotError::Draw(e.to_string()))?;
+    }
+    let image = image::RgbImage::from_raw(width, height, pixels)
+        .ok_or_else(|| PlotError::Draw("the picture has not the size it was asked for".into()))?;
+    let image = image::imageops::thumbnail(&image, width / 2, height / 2);
+    let mut bytes = Cursor::new(Vec::new());
+    image
+        .write_to(&mut bytes, image::ImageFormat::Png)
+        .map_err(|e| PlotError::Draw(e.to_string()))?;
+    Ok(bytes.into_inner())
+}
+
+impl Drawn for Figure {
+    fn size(&self, scale: u32) -> (u32, u32) {
+        let panels = u32::try_from(self.panels.len()).unwrap_or(1);
+        (WIDTH * scale, (TITLE_HEIGHT + PANEL_HEIGHT * panels) * scale)
     }
 
     fn draw<DB: DrawingBackend>(
@@ -376,6 +399,15 @@ impl Panel {
         let height = |i: usize| (22 + 20 * i as i32) * scale as i32;
         let beside = |i: usize| (length + 6 * scale as i32, height(i) - 5 * scale as i32);
         for (i, series) in named[..shown].iter().enumerate() {
+            if series.style == Style::Dots {
+                for third in [1, 3, 5] {
+                    let at = (third * length / 6, height(i));
+                    let dot = Circle::new(at, 2 * scale, series.colour.filled());
+                    legend.draw(&dot).map_err(failed)?;
+                }
+                legend.draw_text(&series.label, &font, beside(i)).map_err(failed)?;
+                continue;
+            }
             let ends = [(0.0, f64::from(height(i))), (f64::from(length), f64::from(height(i)))];
             for piece in dashes(&ends, DASHES[series.dash], f64::from(scale)) {
                 let line = PathElement::new(piece, series.colour.stroke_width(3 * scale));
@@ -444,7 +476,12 @@ impl Panel {
             .y_desc(&self.y.label)
             .axis_desc_style(("sans-serif", 15 * scale))
             .label_style(("sans-serif", 13 * scale))
-            .bold_line_style(grey.stroke_width(scale))
+            // Lines across a field would be taken for something in it.
+            .bold_line_style(if self.heat.is_some() {
+                TRANSPARENT.into()
+            } else {
+                grey.stroke_width(scale)
+            })
             .light_line_style(TRANSPARENT)
             .axis_style(RGBColor(120, 120, 120).stroke_width(scale))
             // The labels keep their distance from the axes, and so from those of the other axis.

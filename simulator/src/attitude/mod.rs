@@ -15,9 +15,9 @@ mod table;
 mod tumble;
 
 use crate::orbit::State;
+use crate::orbit::seconds_between;
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
-use sunglint_formats::time::tai_nanoseconds;
 
 pub use pointing::{Direction, Pointing, orbit_to_gcrs};
 pub use spin::Spin;
@@ -178,9 +178,4 @@ fn unit(q: DQuat) -> Result<DQuat, f64> {
     let length = q.length();
     // Written so that NaN is refused too.
     if (length - 1.0).abs() <= 1e-6 { Ok(q.normalize()) } else { Err(length) }
-}
-
-/// From one moment to another, seconds, whatever their time scales.
-fn seconds_between(from: Epoch, to: Epoch) -> f64 {
-    (tai_nanoseconds(to) - tai_nanoseconds(from)) as f64 * 1e-9
 }

@@ -272,10 +272,22 @@ impl Periodic {
 
         let spread_rad_s = e / (momentum * ic);
         let quarter = modulus.quarter();
-        let (mean, cosines) = fourier(|turns| {
-            let (_, _, dn) = modulus.sn_cn_dn(2.0 * quarter * turns);
-            1.0 / (1.0 + amplitude.z * dn)
-        });
+        // The mean from (2T/L + ω_c)/(1 + ℓ_c), which is the same φ̇ without the difference of two large rates.
+        let two_t_l = (moments * omega).dot(omega) / momentum;
+        let rate = |dn: f64| {
+            let l_c = amplitude.z * dn;
+            (two_t_l + momentum * l_c / ic) / (1.0 + l_c)
+        };
+        let (mean_rad_s, cosines) = if complement >= 1.0 {
+            // A symmetric top: ℓ_c stands still.
+            (rate(1.0), Vec::new())
+        } else {
+            let dn = |turns: f64| modulus.sn_cn_dn(2.0 * quarter * turns).2;
+            let cosines = cosines(|turns| 1.0 / (1.0 + amplitude.z * dn(turns)));
+            let samples = 8 * (cosines.len() + 4);
+            let sum: f64 = (0..samples).map(|j| rate(dn(j as f64 / samples as f64))).sum();
+            (sum / samples as f64, cosines)
+        };
         let sines: Vec<f64> = (1..)
             .zip(&cosines)
             .map(|(n, cosine)| {
@@ -289,7 +301,7 @@ impl Periodic {
             argument,
             argument_per_s,
             amplitude,
-            mean_rad_s: momentum / ic + spread_rad_s * mean,
+            mean_rad_s,
             sines,
             sum_at_epoch: 0.0,
         };
@@ -320,9 +332,9 @@ fn turn(axis: DVec3, angle_rad: f64) -> DQuat {
     DQuat::from_axis_angle(axis, angle_rad)
 }
 
-/// Mean and cosine coefficients (from n = 1) of an even function of period 1, to rounding: by the trapezoidal rule, which converges as
+/// Cosine coefficients (from n = 1) of an even function of period 1, to rounding: by the trapezoidal rule, which converges as
 /// the coefficients do.
-fn fourier(function: impl Fn(f64) -> f64) -> (f64, Vec<f64>) {
+fn cosines(function: impl Fn(f64) -> f64) -> Vec<f64> {
     const MOST_SAMPLES: usize = 4096;
     let mut samples = 32;
     loop {
@@ -335,13 +347,13 @@ fn fourier(function: impl Fn(f64) -> f64) -> (f64, Vec<f64>) {
             2.0 / samples as f64 * sum
         };
         let mut coefficients: Vec<f64> = (1..samples / 2).map(coefficient).collect();
-        let small = |c: &f64| c.abs() < 1e-17;
+        let small = |c: &f64| c.abs() < 5e-17;
         // What lies beyond half of the coefficients is aliased into the rest.
         if coefficients[samples / 4..].iter().all(small) || samples >= MOST_SAMPLES {
             while coefficients.last().is_some_and(small) {
                 coefficients.pop();
             }
-            return (values.iter().sum::<f64>() / samples as f64, coefficients);
+            return coefficients;
         }
         samples *= 2;
     }

@@ -87,10 +87,8 @@ impl Set {
     pub fn apparent_deg(&self, zenith: Zenith) -> Result<f64, AirError> {
         match (&self.air, zenith) {
             (Some(table), zenith) => table.apparent_deg(zenith),
-            (None, Zenith::True(deg) | Zenith::Apparent(deg)) if deg <= 90.0 => Ok(deg),
-            (None, Zenith::True(zenith_deg) | Zenith::Apparent(zenith_deg)) => {
-                Err(AirError::BelowHorizon { kind: "true", zenith_deg, horizon_deg: 90.0 })
-            }
+            (None, Zenith::True(deg) | Zenith::Apparent(deg)) => straight(deg),
+            (None, Zenith::Near { true_deg, .. }) => straight(true_deg),
         }
     }
 
@@ -98,6 +96,14 @@ impl Set {
     pub fn uncovered(&self, i: usize, weights: &[f64]) -> f64 {
         let row = &self.uncovered_nm[i * self.k..(i + 1) * self.k];
         row.iter().zip(weights).filter(|(_, w)| **w > 0.0).fold(0.0, |most, (u, _)| u.max(most))
+    }
+}
+
+/// A line of sight without air.
+fn straight(zenith_deg: f64) -> Result<f64, AirError> {
+    match zenith_deg <= 90.0 {
+        true => Ok(zenith_deg),
+        false => Err(AirError::BelowHorizon { kind: "true", zenith_deg, horizon_deg: 90.0 }),
     }
 }
 

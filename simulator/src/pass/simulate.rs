@@ -257,7 +257,7 @@ impl Pass {
         })?;
         let (to_sun, to_observer) = geometry.rest_frame_directions();
         let gcrs_to_body = body_to_gcrs.conjugate();
-        let zenith = Zenith::True(geometry.zenith_deg());
+        let zenith = Zenith::Near { true_deg: geometry.zenith_deg(), range_m: geometry.range_m };
         let apparent_zenith_deg = match functionals.sums.apparent_deg(zenith) {
             Ok(deg) => Some(deg),
             Err(AirError::BelowHorizon { .. }) => None,
