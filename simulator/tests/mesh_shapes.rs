@@ -240,6 +240,31 @@ fn needles_and_triangles_without_area_are_told_apart() {
     assert_eq!((report.component_of(12), report.closed(12), report.closed(0)), (None, false, true));
 }
 
+/// Two sheets of one plane, one half over the other: by hand, which of their triangles share area. Facing each other, or beside each other,
+/// they are no fault; nor is a hair of 10⁻⁷ m that rounding may give two neighbours.
+#[test]
+fn faces_that_cover_each_other_in_one_plane_are_found() {
+    let turn = DQuat::from_xyzw(0.4, -0.2, 0.8, 0.3).normalize();
+    let beside = |x: f64, mesh: &Mesh| {
+        let moved = mesh.transformed(DQuat::IDENTITY, DVec3::new(x, 0.0, 0.0));
+        let both = Mesh::merged([&plate(DVec2::ONE, true, false), &moved]);
+        both.transformed(turn, DVec3::splat(0.7)).examine()
+    };
+    let covered = |report: &sunglint_simulator::mesh::Report| {
+        report.faults.iter().find_map(|fault| match fault {
+            Fault::Overlap { found, other } => Some((found.count, found.triangle, *other)),
+            _ => None,
+        })
+    };
+    let front = plate(DVec2::ONE, true, false);
+    // Of the four pairs all but one share area: the upper left of the first and the lower right of the second cannot meet.
+    assert_eq!(covered(&beside(0.5, &front)), Some((3, 2, 0)));
+    assert_eq!(covered(&beside(1.0, &front)), None);
+    assert_eq!(covered(&beside(1.0 - 1e-7, &front)), None);
+    assert_eq!(covered(&beside(0.5, &front.flipped())), None);
+    assert_eq!(covered(&beside(0.5, &front.transformed(DQuat::IDENTITY, 1e-4 * DVec3::Z))), None);
+}
+
 /// A wall in strips beside a wall in one piece: edges meet within their length, and nothing is open.
 #[test]
 fn t_junctions_close_a_body() {

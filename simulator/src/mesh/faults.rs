@@ -1,5 +1,6 @@
 //! What is wrong with a mesh: named and counted, never repaired unasked.
 
+use super::overlap::overlaps;
 use super::topology::Topology;
 use super::{Bounds, Mesh, area_vector, cone_volume};
 use glam::DVec3;
@@ -83,6 +84,15 @@ pub enum Fault {
         found: Found,
         /// The triangle that the first of them repeats.
         earlier: usize,
+    },
+    /// Triangles that cover a part of another in the same plane and on the same side. They would reflect twice. Looked for in meshes of up
+    /// to 20,000 triangles.
+    #[error("{} pairs of triangles cover each other in one plane ({found}, and triangle {other}): both would reflect", found.count)]
+    Overlap {
+        /// Which; the count is that of pairs.
+        found: Found,
+        /// The other triangle of the first pair.
+        other: usize,
     },
     /// Corners that are one within the tolerance, but not equal.
     #[error(
@@ -256,6 +266,15 @@ impl Report {
         self.faults.extend(found(&needles).map(|found| Fault::Needle { found, worst }));
         if let (Some(found), Some((_, earlier))) = (found(&twice), topology.duplicates.first()) {
             self.faults.push(Fault::Duplicate { found, earlier: *earlier as usize });
+        }
+        let covered: Vec<(usize, DVec3, usize)> = overlaps(mesh, self.tolerance_m)
+            .into_iter()
+            .filter(|(t, _)| !twice.iter().any(|known| known.0 == *t))
+            .map(|(t, other)| (t, middle(mesh.corners(t)), other))
+            .collect();
+        if let Some(&(triangle, place_m, other)) = covered.first() {
+            let found = Found { count: covered.len(), triangle, place_m };
+            self.faults.push(Fault::Overlap { found, other });
         }
         if topology.near > 0 {
             let (count, tolerance_m) = (topology.near, self.tolerance_m);

@@ -9,6 +9,7 @@ pub mod faults;
 mod gltf;
 mod gltf_data;
 mod obj;
+mod overlap;
 mod ply;
 pub mod read;
 pub mod shapes;
