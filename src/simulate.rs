@@ -122,7 +122,7 @@ fn is_picture(path: &std::path::Path) -> bool {
 
 /// What a person should hear of before believing the numbers.
 fn concerns(pass: &Pass, simulation: &Simulation) -> Vec<String> {
-    let mut concerns = Vec::new();
+    let mut concerns = simulation.scene.warnings.clone();
     let round = |shape: &Shape| matches!(shape, Shape::Sphere { .. });
     let turned =
         !pass.target.parts.iter().all(|p| round(&p.shape)) || !pass.target.hinges.is_empty();

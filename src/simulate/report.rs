@@ -301,7 +301,7 @@ impl Report<'_> {
             "cost": { "total_s": rounded(self.cost.total_s), "us_per_epoch": rounded(1e6 * self.cost.total_s / n as f64), "threads": self.cost.threads,
                 "stages": self.cost.stages.iter().map(|(s, t)| json!({ "stage": s.name(), "seconds": rounded(*t) })).collect::<Vec<_>>() },
             "error_bound": { "transmission": simulation.bounds.transmission, "transmission_nodes": simulation.bounds.transmission_nodes,
-                "rate_relative": simulation.bounds.rate_relative },
+                "rate_relative": simulation.bounds.rate_relative, "light_relative": simulation.bounds.light_relative },
             "not_modelled": not_modelled(),
             "beside": self.beside.map(Comparison::json),
             "warnings": self.warnings,

@@ -99,7 +99,11 @@ fn line(a: P2, b: P2, touching: f64) -> Option<[f64; 3]> {
     let (x, y) = (a[1] - b[1], b[0] - a[0]);
     let length = x.hypot(y);
     // Not a number, or no length: no line.
-    if length > touching { Some([x / length, y / length, -(x * a[0] + y * a[1]) / length]) } else { None }
+    if length > touching {
+        Some([x / length, y / length, -(x * a[0] + y * a[1]) / length])
+    } else {
+        None
+    }
 }
 
 fn distance(line: &[f64; 3], p: P2) -> f64 {
@@ -187,9 +191,8 @@ pub fn cut(polygon: &[P2], axis: usize, at: f64, above: bool, out: &mut Polygons
 pub fn hull(points: &mut [P2], out: &mut Vec<P2>) {
     points.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     let start = out.len();
-    let left = |a: P2, b: P2, c: P2| {
-        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0
-    };
+    let left =
+        |a: P2, b: P2, c: P2| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0;
     let mut chain = |points: &mut dyn Iterator<Item = P2>| {
         let base = out.len();
         for p in points {

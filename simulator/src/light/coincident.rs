@@ -46,7 +46,8 @@ pub fn resolve(polygons: &mut Vec<Polygon>, touching_m: f64) -> Option<(usize, u
         for &(_, over) in group {
             next.clear();
             for piece in pieces.iter() {
-                cut |= clip::subtract(piece, &flat(&polygons[over]), touching_m, &mut next, &mut room);
+                cut |=
+                    clip::subtract(piece, &flat(&polygons[over]), touching_m, &mut next, &mut room);
             }
             std::mem::swap(&mut pieces, &mut next);
         }
@@ -60,12 +61,14 @@ pub fn resolve(polygons: &mut Vec<Polygon>, touching_m: f64) -> Option<(usize, u
             let corners = piece.iter().map(|p| origin + p[0] * x + p[1] * y).collect();
             // Its plane is that of the whole.
             let part = Polygon::new(corners, under.part, under.component)?;
-            (part.area > touching_m * touching_m).then_some(Polygon { normal: under.normal, ..part })
+            (part.area > touching_m * touching_m)
+                .then_some(Polygon { normal: under.normal, ..part })
         });
         pieces_of.push((group[0].0, new.collect()));
     }
     let (part, over) = first?;
-    let mut kept: Vec<Vec<Polygon>> = std::mem::take(polygons).into_iter().map(|p| vec![p]).collect();
+    let mut kept: Vec<Vec<Polygon>> =
+        std::mem::take(polygons).into_iter().map(|p| vec![p]).collect();
     for (k, pieces) in pieces_of {
         kept[k] = pieces;
     }

@@ -494,11 +494,8 @@ impl Work {
         depth: u32,
     ) -> bool {
         let here = clip::bounds(outline);
-        let near: Vec<u32> = shadows
-            .iter()
-            .copied()
-            .filter(|&k| clip::overlap(&here, &boxes[k as usize]))
-            .collect();
+        let near: Vec<u32> =
+            shadows.iter().copied().filter(|&k| clip::overlap(&here, &boxes[k as usize])).collect();
         // Halving helps only where shadows are smaller than the part.
         let (width, height) = (here[2] - here[0], here[3] - here[1]);
         let wide = |b: &[f64; 4]| b[2] - b[0] > 0.5 * width && b[3] - b[1] > 0.5 * height;
@@ -542,4 +539,3 @@ fn misses(away: DVec3, eye: DVec3, facet: f64, ball: f64) -> bool {
     // Lines from the facet to the eye stay within its own radius of the axis.
     away.length_squared() - along * along > (facet + ball) * (facet + ball)
 }
-

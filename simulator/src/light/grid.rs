@@ -95,9 +95,8 @@ impl Grid {
             return None;
         }
         // A float becomes 0 below 0.
-        let cell = |x: f64, k: usize| {
-            (((x - self.low[k]) * self.per_cell) as usize).min(self.size[k] - 1)
-        };
+        let cell =
+            |x: f64, k: usize| (((x - self.low[k]) * self.per_cell) as usize).min(self.size[k] - 1);
         Some([cell(b[0], 0), cell(b[1], 1), cell(b[2], 0), cell(b[3], 1)])
     }
 

@@ -99,7 +99,9 @@ pub enum SceneError {
         count: usize,
     },
     /// A sphere whose material has a tangent.
-    #[error("part `{part}` is a sphere of `{material}`, which reflects by its tangent: a sphere has none; make it a mesh")]
+    #[error(
+        "part `{part}` is a sphere of `{material}`, which reflects by its tangent: a sphere has none; make it a mesh"
+    )]
     Tangent {
         /// The part.
         part: String,
@@ -203,12 +205,8 @@ impl Scene {
 }
 
 fn check(target: &Target, part: &Part) -> Result<(), SceneError> {
-    let missing = |what, number, count| SceneError::Missing {
-        part: part.name.clone(),
-        what,
-        number,
-        count,
-    };
+    let missing =
+        |what, number, count| SceneError::Missing { part: part.name.clone(), what, number, count };
     let Some(material) = target.materials.get(part.material) else {
         return Err(missing("material", part.material, target.materials.len()));
     };

@@ -133,9 +133,7 @@ fn is_star_and_locally_convex(facets: &[&Polygon], tolerance_m: f64) -> bool {
     }
     edges.iter().all(|(&(a, b), &k)| {
         let Some(&other) = edges.get(&(b, a)) else { return false };
-        let below = |p: &DVec3| {
-            (*p - facets[k].corners[0]).dot(facets[k].normal) <= tolerance_m
-        };
+        let below = |p: &DVec3| (*p - facets[k].corners[0]).dot(facets[k].normal) <= tolerance_m;
         facets[other].corners.iter().all(below)
     })
 }

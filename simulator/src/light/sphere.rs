@@ -13,16 +13,42 @@ pub const FACETING: f64 = 2e-3;
 pub fn triangles() -> Vec<[DVec3; 3]> {
     let t = 0.5 * (1.0 + 5.0_f64.sqrt());
     let mut points: Vec<DVec3> = [
-        [-1.0, t, 0.0], [1.0, t, 0.0], [-1.0, -t, 0.0], [1.0, -t, 0.0],
-        [0.0, -1.0, t], [0.0, 1.0, t], [0.0, -1.0, -t], [0.0, 1.0, -t],
-        [t, 0.0, -1.0], [t, 0.0, 1.0], [-t, 0.0, -1.0], [-t, 0.0, 1.0],
+        [-1.0, t, 0.0],
+        [1.0, t, 0.0],
+        [-1.0, -t, 0.0],
+        [1.0, -t, 0.0],
+        [0.0, -1.0, t],
+        [0.0, 1.0, t],
+        [0.0, -1.0, -t],
+        [0.0, 1.0, -t],
+        [t, 0.0, -1.0],
+        [t, 0.0, 1.0],
+        [-t, 0.0, -1.0],
+        [-t, 0.0, 1.0],
     ]
     .map(|p| DVec3::from(p).normalize())
     .to_vec();
     let mut faces: Vec<[usize; 3]> = vec![
-        [0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4],
-        [11, 10, 2], [10, 7, 6], [7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8],
-        [3, 8, 9], [4, 9, 5], [2, 4, 11], [6, 2, 10], [8, 6, 7], [9, 8, 1],
+        [0, 11, 5],
+        [0, 5, 1],
+        [0, 1, 7],
+        [0, 7, 10],
+        [0, 10, 11],
+        [1, 5, 9],
+        [5, 11, 4],
+        [11, 10, 2],
+        [10, 7, 6],
+        [7, 1, 8],
+        [3, 9, 4],
+        [3, 4, 2],
+        [3, 2, 6],
+        [3, 6, 8],
+        [3, 8, 9],
+        [4, 9, 5],
+        [2, 4, 11],
+        [6, 2, 10],
+        [8, 6, 7],
+        [9, 8, 1],
     ];
     for _ in 0..LEVEL {
         let mut middles = HashMap::new();
@@ -40,19 +66,13 @@ pub fn triangles() -> Vec<[DVec3; 3]> {
         faces = finer;
     }
     let corners: Vec<[DVec3; 3]> = faces.iter().map(|f| f.map(|k| points[k])).collect();
-    let area: f64 =
-        corners.iter().map(|[a, b, c]| 0.5 * (*b - *a).cross(*c - *a).length()).sum();
+    let area: f64 = corners.iter().map(|[a, b, c]| 0.5 * (*b - *a).cross(*c - *a).length()).sum();
     let scale = (4.0 * std::f64::consts::PI / area).sqrt();
     corners.into_iter().map(|t| t.map(|p| p * scale)).collect()
 }
 
 /// Interim: Lambert spheres, whose weight is the same in all directions.
-pub fn add_weights(
-    _material: &crate::surface::Material,
-    phase: f64,
-    scale: f64,
-    out: &mut [f64],
-) {
+pub fn add_weights(_material: &crate::surface::Material, phase: f64, scale: f64, out: &mut [f64]) {
     let pi = std::f64::consts::PI;
     out[0] += scale * 2.0 / (3.0 * pi) * (phase.sin() + (pi - phase) * phase.cos());
 }

@@ -2,6 +2,7 @@
 
 use crate::attitude::AttitudeError;
 use crate::geometry::GeometryError;
+use crate::light::{DirectionError, SceneError};
 use sunglint_radiometry::air::AirError;
 use sunglint_radiometry::passband::PhotometryError;
 use sunglint_radiometry::sky::SkyError;
@@ -31,20 +32,20 @@ pub enum PassError {
         source: AttitudeError,
     },
     /// The target is none that light can be computed of.
-    #[error("the target {target}: {reason}")]
+    #[error("the target {target}: {source}")]
     Target {
         /// Its name.
         target: String,
         /// Why.
-        reason: String,
+        source: SceneError,
     },
     /// The engine refused a direction.
-    #[error("{epoch_utc}: {reason}")]
+    #[error("{epoch_utc}: {source}")]
     Light {
         /// The epoch, UTC.
         epoch_utc: String,
         /// Why.
-        reason: String,
+        source: DirectionError,
     },
     /// The air has no answer.
     #[error(transparent)]

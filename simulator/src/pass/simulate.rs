@@ -1,10 +1,10 @@
 //! The way through a pass: places, light, counts.
 
-use super::engine::Engine;
 use super::functionals::Functionals;
 use super::{BANDS, Pass, PassError, SpectralQuantity};
 use crate::attitude::Moment;
 use crate::geometry::Geometry;
+use crate::light::{Scene, SceneReport, View};
 use crate::orbit::eclipse::EarthShape;
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
@@ -105,6 +105,8 @@ pub struct Bounds {
     pub transmission_nodes: usize,
     /// The largest share of a rate after the air, over visible samples with light, that this makes.
     pub rate_relative: f64,
+    /// The largest relative error of ΣW that the light engine estimates of itself.
+    pub light_relative: f64,
 }
 
 /// A simulated pass.
@@ -132,6 +134,8 @@ pub struct Simulation<'a> {
     pub hinges_deg: Array2<f64>,
     /// What is known of the errors.
     pub bounds: Bounds,
+    /// What the light engine made of the target.
+    pub scene: SceneReport,
 }
 
 /// What an epoch yields.
@@ -166,10 +170,11 @@ impl Pass {
         };
 
         begin(Stage::Tables);
-        let refused =
-            |reason: String| PassError::Target { target: self.target.name.clone(), reason };
-        let engine = Engine::new(&self.target).map_err(refused)?;
-        let spectra = engine.spectra();
+        let scene = Scene::new(&self.target).map_err(|source| {
+            let target = self.target.name.clone();
+            PassError::Target { target, source }
+        })?;
+        let spectra: Vec<_> = scene.spectra().collect();
         let k = spectra.len();
         let functionals = Functionals::new(self, &spectra)?;
 
@@ -187,22 +192,21 @@ impl Pass {
 
         begin(Stage::Light);
         counter.store(0, Ordering::Relaxed);
-        let rows: Vec<Result<Vec<f64>, PassError>> = places
-            .par_iter()
-            .map_init(
-                || engine.evaluator(),
-                |evaluator, place| {
-                    let mut row = vec![0.0; k];
-                    let lit = evaluator.direct(place.sun_body, place.observer_body, &mut row);
-                    tick(Stage::Light);
-                    lit.map(|()| row).map_err(|reason| PassError::Light {
-                        epoch_utc: format_utc_shortest(place.geometry.epoch),
-                        reason,
-                    })
-                },
-            )
-            .collect();
-        let weights = first_error(rows)?;
+        let lit = places.par_iter().map_init(
+            || scene.evaluator(),
+            |evaluator, place| {
+                let mut row = vec![0.0; k];
+                let view = View::Distant(place.observer_body);
+                let lit = evaluator.direct(place.sun_body, view, &mut row);
+                tick(Stage::Light);
+                lit.map(|lit| (row, lit.error)).map_err(|source| PassError::Light {
+                    epoch_utc: format_utc_shortest(place.geometry.epoch),
+                    source,
+                })
+            },
+        );
+        let (weights, light_errors): (Vec<_>, Vec<f64>) =
+            first_error(lit.collect())?.into_iter().unzip();
 
         begin(Stage::Counts);
         counter.store(0, Ordering::Relaxed);
@@ -218,7 +222,13 @@ impl Pass {
                 })
                 .collect(),
         )?;
-        let simulation = self.gathered(places, weights, counts, &functionals);
+        let bounds = Bounds {
+            transmission: functionals.sums.interpolation_error(),
+            transmission_nodes: functionals.sums.nodes(),
+            rate_relative: counts.iter().fold(0.0, |most, c| c.relative.max(most)),
+            light_relative: light_errors.iter().fold(0.0, |most, e| e.max(most)),
+        };
+        let simulation = self.gathered(places, weights, counts, bounds, scene.report().clone());
         begin(Stage::Done);
         Ok(simulation)
     }
@@ -339,7 +349,8 @@ impl Pass {
         places: Vec<Place>,
         weights: Vec<Vec<f64>>,
         counts: Vec<Counts>,
-        functionals: &Functionals,
+        bounds: Bounds,
+        scene: SceneReport,
     ) -> Simulation<'_> {
         let n = places.len();
         let k = weights.first().map_or(0, Vec::len);
@@ -359,11 +370,6 @@ impl Pass {
         let hinges_deg = Array2::from_shape_fn((n, hinges), |(i, h)| {
             self.target.hinges[h].angle_rad(places[i].sun_body).to_degrees()
         });
-        let bounds = Bounds {
-            transmission: functionals.sums.interpolation_error(),
-            transmission_nodes: functionals.sums.nodes(),
-            rate_relative: counts.iter().fold(0.0, |most, c| c.relative.max(most)),
-        };
         Simulation {
             pass: self,
             weights: Array2::from_shape_fn((n, k), |(i, j)| weights[i][j]),
@@ -378,6 +384,7 @@ impl Pass {
             hinges_deg,
             places,
             bounds,
+            scene,
         }
     }
 }
