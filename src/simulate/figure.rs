@@ -96,7 +96,12 @@ impl Drawing<'_> {
 
     fn x(&self, track: &Track) -> Axis {
         let unit = if is_long(track) { "minutes" } else { "seconds" };
-        Axis::linear(format!("{unit} after {}", format_utc(track.from, 1)))
+        let axis = Axis::linear(format!("{unit} after {}", format_utc(track.from, 1)));
+        let times = track.samples.clone().map(|i| self.at(track, self.simulation.pass.times[i]));
+        let (first, last) =
+            times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
+        // The same for all panels, so that what is above one another belongs together.
+        axis.from_to(first, last)
     }
 
     fn line(&self, track: &Track, value: &dyn Fn(usize, &Place) -> f64) -> Vec<(f64, f64)> {
