@@ -18,18 +18,18 @@ pub enum PassError {
         /// The epoch, UTC.
         epoch_utc: String,
         /// Why.
-        source: GeometryError,
+        source: Box<GeometryError>,
     },
     /// The sky has no frame at an epoch.
     #[error(transparent)]
-    Sky(#[from] SkyError),
+    Sky(Box<SkyError>),
     /// The body has no attitude at an epoch.
     #[error("{epoch_utc}: {source}")]
     Attitude {
         /// The epoch, UTC.
         epoch_utc: String,
         /// Why.
-        source: AttitudeError,
+        source: Box<AttitudeError>,
     },
     /// The target is none that light can be computed of.
     #[error("the target {target}: {source}")]
@@ -37,7 +37,7 @@ pub enum PassError {
         /// Its name.
         target: String,
         /// Why.
-        source: SceneError,
+        source: Box<SceneError>,
     },
     /// The engine refused a direction.
     #[error("{epoch_utc}: {source}")]
@@ -45,17 +45,17 @@ pub enum PassError {
         /// The epoch, UTC.
         epoch_utc: String,
         /// Why.
-        source: DirectionError,
+        source: Box<DirectionError>,
     },
     /// The air has no answer.
     #[error(transparent)]
-    Air(#[from] AirError),
+    Air(Box<AirError>),
     /// A spectrum is none.
     #[error(transparent)]
-    Spectrum(#[from] SpectrumError),
+    Spectrum(Box<SpectrumError>),
     /// A passband is none.
     #[error(transparent)]
-    Photometry(#[from] PhotometryError),
+    Photometry(Box<PhotometryError>),
     /// A list of times and one of exposures that do not belong together, or bins that are none.
     #[error("a pass needs {needs}, found {found}")]
     Input {
@@ -65,3 +65,16 @@ pub enum PassError {
         found: String,
     },
 }
+
+// Boxed, so that a result is no larger than what it holds when all is well.
+macro_rules! boxed {
+    ($($variant:ident: $error:ty),*) => {$(
+        impl From<$error> for PassError {
+            fn from(error: $error) -> Self {
+                Self::$variant(Box::new(error))
+            }
+        }
+    )*};
+}
+
+boxed!(Sky: SkyError, Air: AirError, Photometry: PhotometryError, Spectrum: SpectrumError);

@@ -22,20 +22,22 @@
 //!
 //! Paths are relative to the file.
 
-use super::{Pass, SpectralQuantity};
+use super::Pass;
+use super::keys::{
+    AirKeys, EclipseWord, FileKey, IlluminationKeys, PassKeys, SpectrumKeys, StationKeys,
+    TargetKeys, TimesKeys,
+};
 use crate::attitude::{self, Attitude, file::AttitudeFile};
 use crate::orbit::eclipse::{EARTH_EQUATORIAL_RADIUS_M, EarthShape};
 use crate::orbit::{Ephemeris, Orbit, OrbitError, TleOrbit, tle};
 use crate::surface::Material;
-use crate::target::file::{HingeFile, MaterialFile, PartFile};
 use crate::target::{self, Part, Placement, Shape, Target, TargetFile};
 use glam::{DQuat, DVec3};
 use hifitime::{Epoch, Unit};
-use serde::Deserialize;
 use sha2::{Digest as _, Sha256};
 use std::path::{Path, PathBuf};
-use sunglint_formats::time::{Utc, format_utc, parse_utc};
-use sunglint_formats::toml::{Document, Finite, Fraction, NonNegative, Positive};
+use sunglint_formats::time::{format_utc, parse_utc};
+use sunglint_formats::toml::{Document, Positive};
 use sunglint_formats::{FileError, ParseError, Table, Values, curve, ecsv, nearest_names};
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::light;
@@ -57,138 +59,6 @@ const BINS_NM: (f64, f64, f64) = (300.0, 1240.0, 5.0);
 const EXPOSURE_S: f64 = 0.1;
 /// Relative error of rates and magnitudes that tables may have, unless the file says otherwise.
 const TOLERANCE: f64 = 1e-6;
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PassKeys {
-    name: Option<String>,
-    tolerance: Option<Positive>,
-    target: TargetKeys,
-    orbit: Option<OrbitKeys>,
-    ephemeris: Option<FileKey>,
-    attitude: Option<AttitudeFile>,
-    station: Option<StationKeys>,
-    times: TimesKeys,
-    #[serde(default)]
-    spectrum: SpectrumKeys,
-    #[serde(default)]
-    air: AirKeys,
-    earth_orientation: Option<FileKey>,
-    #[serde(default)]
-    illumination: IlluminationKeys,
-    #[serde(default)]
-    magnitudes: MagnitudeKeys,
-    note: Option<String>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct TargetKeys {
-    name: Option<String>,
-    #[serde(default)]
-    description: String,
-    file: Option<String>,
-    built_in: Option<String>,
-    sphere: Option<SphereKeys>,
-    #[serde(default)]
-    part: Vec<PartFile>,
-    #[serde(default)]
-    hinge: Vec<HingeFile>,
-    #[serde(default)]
-    material: Vec<MaterialFile>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SphereKeys {
-    radius_m: Positive,
-    material: Option<String>,
-    reflectance: Option<Fraction>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct OrbitKeys {
-    tle: Option<String>,
-    lines: Option<Vec<String>>,
-    norad_id: Option<u32>,
-    name: Option<String>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FileKey {
-    file: String,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct StationKeys {
-    name: Option<String>,
-    file: Option<String>,
-    folder: Option<String>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct TimesKeys {
-    from: Option<Utc>,
-    to: Option<Utc>,
-    step_s: Option<Positive>,
-    exposure_s: Option<Positive>,
-    file: Option<String>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SpectrumKeys {
-    from_nm: Option<Positive>,
-    to_nm: Option<Positive>,
-    step_nm: Option<Positive>,
-    edges_nm: Option<Vec<Positive>>,
-    #[serde(default)]
-    quantity: SpectralQuantity,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct AirKeys {
-    none: Option<bool>,
-    refraction: Option<bool>,
-    profile: Option<String>,
-    pressure_hpa: Option<Positive>,
-    ozone_du: Option<NonNegative>,
-    water_mm: Option<NonNegative>,
-    co2_ppm: Option<NonNegative>,
-    aerosol: Option<String>,
-    aerosol_optical_depth_550: Option<NonNegative>,
-    aerosol_exponent: Option<Finite>,
-    note: Option<String>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct IlluminationKeys {
-    irradiance_file: Option<String>,
-    #[serde(default)]
-    eclipse: EclipseWord,
-    earth_radius_m: Option<Positive>,
-}
-
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum EclipseWord {
-    #[default]
-    Sphere,
-    Ellipsoid,
-    None,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct MagnitudeKeys {
-    zero_point: Option<String>,
-}
 
 /// What takes the place of what the file says.
 #[derive(Debug, Clone, Default)]
@@ -592,7 +462,7 @@ impl Reader<'_> {
         let step_s = step_s.ok_or_else(|| self.error("times.step_s", "seconds between samples"))?;
         let length_s = crate::orbit::seconds_between(from, to);
         let steps = (length_s / step_s + 1e-9).floor();
-        if !(steps >= 0.0) {
+        if steps.is_nan() || steps < 0.0 {
             let hint = format!("from {} to {}", format_utc(from, 0), format_utc(to, 0));
             return Err(self.error("times.to", "a time after from").with_hint(hint).into());
         }
@@ -668,7 +538,7 @@ impl Reader<'_> {
                 let (from, to) = (get(keys.from_nm, BINS_NM.0), get(keys.to_nm, BINS_NM.1));
                 let step = get(keys.step_nm, BINS_NM.2);
                 let bins = (to - from) / step;
-                if !(bins > 0.0) {
+                if bins.is_nan() || bins <= 0.0 {
                     return Err(self.error("spectrum.to_nm", "more than from_nm").with_hint(
                         format!("from {from} to {to} nm; the usual ends are 300 and 1240 nm"),
                     ));

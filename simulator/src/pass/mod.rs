@@ -23,6 +23,7 @@
 mod error;
 pub mod file;
 mod functionals;
+mod keys;
 mod result;
 mod simulate;
 pub mod table;

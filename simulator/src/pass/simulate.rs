@@ -5,7 +5,6 @@ use super::{BANDS, Pass, PassError, SpectralQuantity};
 use crate::attitude::Moment;
 use crate::geometry::Geometry;
 use crate::light::{Scene, SceneReport, View};
-use crate::orbit::eclipse::EarthShape;
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
 use ndarray::Array2;
@@ -172,7 +171,7 @@ impl Pass {
         begin(Stage::Tables);
         let scene = Scene::new(&self.target).map_err(|source| {
             let target = self.target.name.clone();
-            PassError::Target { target, source }
+            PassError::Target { target, source: Box::new(source) }
         })?;
         let spectra: Vec<_> = scene.spectra().collect();
         let k = spectra.len();
@@ -201,7 +200,7 @@ impl Pass {
                 tick(Stage::Light);
                 lit.map(|lit| (row, lit.error)).map_err(|source| PassError::Light {
                     epoch_utc: format_utc_shortest(place.geometry.epoch),
-                    source,
+                    source: Box::new(source),
                 })
             },
         );
@@ -253,9 +252,9 @@ impl Pass {
 
     fn place(&self, epoch: Epoch, functionals: &Functionals) -> Result<Place, PassError> {
         let observer = Observer::at(epoch, &self.station.site, self.orientation())?;
-        let shape = self.shadow.unwrap_or_else(EarthShape::default);
+        let shape = self.shadow.unwrap_or_default();
         let geometry = Geometry::over(&self.orbit, &observer, shape).map_err(|source| {
-            PassError::Geometry { epoch_utc: format_utc_shortest(epoch), source }
+            PassError::Geometry { epoch_utc: format_utc_shortest(epoch), source: Box::new(source) }
         })?;
         let moment = Moment {
             epoch: geometry.emitted,
@@ -263,7 +262,7 @@ impl Pass {
             to_sun: geometry.sun.direction_gcrs,
         };
         let body_to_gcrs = self.attitude.body_to_gcrs(&moment).map_err(|source| {
-            PassError::Attitude { epoch_utc: format_utc_shortest(epoch), source }
+            PassError::Attitude { epoch_utc: format_utc_shortest(epoch), source: Box::new(source) }
         })?;
         let (to_sun, to_observer) = geometry.rest_frame_directions();
         let gcrs_to_body = body_to_gcrs.conjugate();
