@@ -8,7 +8,7 @@ use super::{TagError, binned::Bins};
 pub const MOST_CELLS: u64 = 1 << 26;
 
 /// Records of one piece of work: what a piece keeps is at most some tens of bytes for each, whatever the bins.
-pub(super) const PIECE_RECORDS: u64 = 1 << 18;
+pub(super) const PIECE_RECORDS: u64 = 1 << 16;
 
 /// Which channels are counted, and in which bins: half-open, `[from + i·width, from + (i+1)·width)`, the last one cut at
 /// the end of the span.
@@ -17,6 +17,8 @@ pub struct Binning {
     pub(super) channels: Vec<i32>,
     pub(super) bins: Bins,
     slots: Slots,
+    /// An empty row of [`Piece::rows`].
+    row: Vec<u64>,
 }
 
 impl Binning {
@@ -54,6 +56,7 @@ impl Binning {
             channels: channels.to_vec(),
             bins: Bins { from_ps, to_ps, width, count: count as usize },
             slots: Slots::new(channels),
+            row: vec![0; channels.len() + 2],
         })
     }
 
@@ -154,7 +157,17 @@ impl<'a> Piece<'a> {
 
     /// Numbers in a row of `rows`.
     pub(super) fn stride(&self) -> usize {
-        self.binning.channels.len() + 2
+        self.binning.row.len()
+    }
+
+    /// Forgets all, to be used for another piece.
+    pub(super) fn clear(&mut self) {
+        self.rows.clear();
+        self.missed.clear();
+        self.errors.clear();
+        self.overflows.clear();
+        (self.first, self.last) = (None, None);
+        (self.start, self.length, self.row) = (0, 0, 0);
     }
 
     pub(super) fn add(&mut self, records: &[[u8; RECORD_BYTES]]) {
@@ -245,8 +258,8 @@ impl<'a> Piece<'a> {
         let Some((bin, start, length)) = found else { return false };
         (self.start, self.length) = (start, length);
         self.row = self.rows.len() + 1;
-        self.rows.push(bin);
-        self.rows.resize(self.rows.len() + self.stride() - 1, 0);
+        self.rows.extend_from_slice(&self.binning.row);
+        self.rows[self.row - 1] = bin;
         true
     }
 
@@ -273,8 +286,9 @@ impl Tags<'_> {
     /// Counts the tags in bins. They need not be in time. See [the module](super) for what is flagged.
     pub fn bin(&self, binning: &Binning) -> Binned {
         let mut sums = Sums::new(binning);
+        let mut piece = Piece::new(binning);
         for records in self.records().chunks(PIECE_RECORDS as usize) {
-            let mut piece = Piece::new(binning);
+            piece.clear();
             piece.add(records);
             sums.add(&piece);
         }

@@ -49,7 +49,7 @@ pub(super) struct Sums<'a> {
     missed: Vec<u64>,
     flags: Vec<CountFlags>,
     /// At each bin, how many overflows start there less how many ended with the bin before: one step for an overflow,
-    /// however many bins it covers.
+    /// however many bins it covers. Empty without overflows.
     steps: Vec<i64>,
     dropping: Dropping,
 }
@@ -62,7 +62,7 @@ impl<'a> Sums<'a> {
             counts: vec![0; cells],
             missed: vec![0; cells],
             flags: vec![CountFlags::empty(); binning.bins.count],
-            steps: vec![0; binning.bins.count + 1],
+            steps: Vec::new(),
             dropping: Dropping::NotSince(i64::MIN),
         }
     }
@@ -109,6 +109,7 @@ impl<'a> Sums<'a> {
     }
 
     fn overflow(&mut self, first: usize, last: usize) {
+        self.steps.resize(self.binning.bins.count + 1, 0);
         self.steps[first] += 1;
         self.steps[last + 1] -= 1;
     }

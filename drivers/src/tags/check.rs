@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 /// Of each kind of oddity, this many are listed with their places; all are counted.
 pub const MOST_LISTED: usize = 16;
 
-/// Channels that are kept apart; a real counter has some dozens, a damaged file may seem to have billions.
+/// Virtual channels that are kept apart; a real counter has some dozens, a damaged file may seem to have billions.
 const MOST_CHANNELS: usize = 1024;
 
 /// What to look for.
@@ -62,7 +62,7 @@ pub struct Report {
     pub records: u64,
     /// The channels that were met, by number.
     pub channels: BTreeMap<i32, ChannelReport>,
-    /// Tags on channels beyond the first 1,024: the file is damaged.
+    /// Tags on channels beyond the first 1,024 virtual ones: the file is damaged.
     pub other_tags: u64,
     /// Time of the first record, ps.
     pub first_ps: Option<i64>,
@@ -133,17 +133,20 @@ impl Report {
 }
 
 /// Looks at one record after the other.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Checker {
     options: CheckOptions,
     report: Report,
+    /// Channels from −128 to 127, real inputs, until they are booked in the report.
+    near: Box<[Option<ChannelReport>; 256]>,
     /// When the open overflow began, ps.
     open_ps: Option<i64>,
 }
 
 impl Checker {
     pub(super) fn new(options: &CheckOptions) -> Self {
-        Self { options: *options, ..Self::default() }
+        let near = Box::new([None; 256]);
+        Self { options: *options, report: Report::default(), near, open_ps: None }
     }
 
     pub(super) fn add(&mut self, records: &[[u8; RECORD_BYTES]]) {
@@ -178,7 +181,7 @@ impl Checker {
             }
             Some(TagKind::MissedEvents) => {
                 report.missed += u64::from(tag.missed);
-                if let Some(channel) = channel(report, tag.channel) {
+                if let Some(channel) = channel(&mut self.near, report, tag.channel) {
                     channel.missed += u64::from(tag.missed);
                 }
             }
@@ -209,7 +212,7 @@ impl Checker {
 
     fn time_tag(&mut self, number: u64, tag: Tag) {
         let report = &mut self.report;
-        let Some(channel) = channel(report, tag.channel) else {
+        let Some(channel) = channel(&mut self.near, report, tag.channel) else {
             report.other_tags += 1;
             return;
         };
@@ -233,6 +236,8 @@ impl Checker {
         if self.open_ps.is_some() {
             self.overflow(Overflow { begin_ps: self.open_ps, end_ps: None });
         }
+        let near = self.near.iter().zip(-128..).filter_map(|(one, at)| one.map(|one| (at, one)));
+        self.report.channels.extend(near);
         self.report
     }
 }
@@ -244,7 +249,14 @@ fn note<T>(count: &mut u64, listed: &mut Vec<T>, one: T) {
     }
 }
 
-fn channel(report: &mut Report, number: i32) -> Option<&mut ChannelReport> {
+fn channel<'a>(
+    near: &'a mut [Option<ChannelReport>; 256],
+    report: &'a mut Report,
+    number: i32,
+) -> Option<&'a mut ChannelReport> {
+    if let Some(near) = near.get_mut(number.wrapping_add(128) as u32 as usize) {
+        return Some(near.get_or_insert_default());
+    }
     if report.channels.len() >= MOST_CHANNELS && !report.channels.contains_key(&number) {
         return None;
     }

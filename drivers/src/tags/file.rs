@@ -6,7 +6,9 @@ use super::bytes_at::BytesAt;
 use super::check::Checker;
 use super::tag::{RECORD_BYTES, Tag, Tags, first_unsorted};
 use super::{Binned, Binning, CheckOptions, Report, TagError};
-use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
+use rayon::iter::{
+    IndexedParallelIterator as _, IntoParallelRefMutIterator as _, ParallelIterator as _,
+};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -128,12 +130,20 @@ impl TagFile {
     pub fn for_each<E: From<FileError>>(
         &self,
         range: Range<u64>,
+        take: impl FnMut(Tags<'_>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.for_each_in(&mut Vec::new(), range, take)
+    }
+
+    fn for_each_in<E: From<FileError>>(
+        &self,
+        buffer: &mut Vec<[u8; RECORD_BYTES]>,
+        range: Range<u64>,
         mut take: impl FnMut(Tags<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
-        let mut buffer = Vec::new();
         let mut start = range.start;
         while start < range.end {
-            let records = self.read_into(start..range.end, &mut buffer)?;
+            let records = self.read_into(start..range.end, buffer)?;
             start += records.len() as u64;
             take(Tags::of_records(records))?;
         }
@@ -234,25 +244,40 @@ impl TagFile {
     /// A [`FileError`] if the file shrank since it was opened, or cannot be read.
     pub fn bin(&self, binning: &Binning) -> Result<Binned, FileError> {
         let mut sums = Sums::new(binning);
-        let starts: Vec<u64> = (0..self.records).step_by(PIECE_RECORDS as usize).collect();
         // In batches, so that memory does not grow with the file.
-        for batch in starts.chunks(2 * rayon::current_num_threads()) {
-            let pieces: Vec<_> =
-                batch.par_iter().map(|&start| self.piece(binning, start)).collect();
-            for piece in pieces {
-                sums.add(&piece?);
+        let mut desks: Vec<_> = (0..4 * rayon::current_num_threads())
+            .map(|_| Desk { piece: Piece::new(binning), buffer: Vec::new() })
+            .collect();
+        let mut start = 0;
+        while start < self.records {
+            let left = (self.records - start).div_ceil(PIECE_RECORDS);
+            let used = left.min(desks.len() as u64) as usize;
+            let desks = &mut desks[..used];
+            desks
+                .par_iter_mut()
+                .enumerate()
+                .map(|(i, desk)| self.piece(desk, start + i as u64 * PIECE_RECORDS))
+                .collect::<Result<(), FileError>>()?;
+            for desk in desks {
+                sums.add(&desk.piece);
             }
+            start += used as u64 * PIECE_RECORDS;
         }
         Ok(sums.finish())
     }
 
-    fn piece<'b>(&self, binning: &'b Binning, start: u64) -> Result<Piece<'b>, FileError> {
-        let mut piece = Piece::new(binning);
+    fn piece(&self, desk: &mut Desk<'_>, start: u64) -> Result<(), FileError> {
+        desk.piece.clear();
         let end = self.records.min(start + PIECE_RECORDS);
-        self.for_each(start..end, |tags| {
-            piece.add(tags.records());
-            Ok::<_, FileError>(())
-        })?;
-        Ok(piece)
+        self.for_each_in(&mut desk.buffer, start..end, |tags| {
+            desk.piece.add(tags.records());
+            Ok(())
+        })
     }
+}
+
+/// The memory for one piece of a file, used again for others.
+struct Desk<'a> {
+    piece: Piece<'a>,
+    buffer: Vec<[u8; RECORD_BYTES]>,
 }

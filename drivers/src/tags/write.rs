@@ -180,3 +180,26 @@ impl Drop for TagWriter {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Truth: Linux's device that refuses each write as a full disk does.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_full_disk_is_an_error_that_stays() {
+        let path = Path::new("/dev/full");
+        let Ok(full) = OpenOptions::new().write(true).open(path) else {
+            sunglint_testkit::skip("a_full_disk_is_an_error_that_stays", "no /dev/full");
+            return;
+        };
+        let mut writer = TagWriter::of(full, path, 7);
+        writer.write(&[Tag::photon(1, 1)], Duration::ZERO).unwrap();
+        let message = writer.tick(Duration::from_secs(1)).unwrap_err().to_string();
+        assert!(message.contains("No space left"), "{message}");
+        let message = writer.write(&[], Duration::from_secs(1)).unwrap_err().to_string();
+        assert!(message.contains("writing failed before; 7 records are whole"), "{message}");
+        assert!(writer.finish().is_err());
+    }
+}
