@@ -17,8 +17,6 @@ pub struct Binning {
     pub(super) channels: Vec<i32>,
     pub(super) bins: Bins,
     slots: Slots,
-    /// An empty row of [`Piece::rows`].
-    row: Vec<u64>,
 }
 
 impl Binning {
@@ -56,7 +54,6 @@ impl Binning {
             channels: channels.to_vec(),
             bins: Bins { from_ps, to_ps, width, count: count as usize },
             slots: Slots::new(channels),
-            row: vec![0; channels.len() + 2],
         })
     }
 
@@ -122,7 +119,11 @@ pub(super) enum Dropping {
 pub(super) struct Piece<'a> {
     binning: &'a Binning,
     /// Rows of: the bin, the counts of its channels, the count of all others. A bin that is left and met again has two.
-    pub(super) rows: Vec<u64>,
+    /// Zeros from `used` on.
+    rows: Vec<u64>,
+    used: usize,
+    /// Numbers in a row.
+    stride: usize,
     /// Bin, place of the channel, missed events.
     pub(super) missed: Vec<(usize, usize, u16)>,
     /// Bins with an error.
@@ -144,6 +145,8 @@ impl<'a> Piece<'a> {
         Self {
             binning,
             rows: Vec::new(),
+            used: 0,
+            stride: binning.channels.len() + 2,
             missed: Vec::new(),
             errors: Vec::new(),
             overflows: Vec::new(),
@@ -155,14 +158,16 @@ impl<'a> Piece<'a> {
         }
     }
 
-    /// Numbers in a row of `rows`.
-    pub(super) fn stride(&self) -> usize {
-        self.binning.row.len()
+    /// Bins and their rows of counts; of each row, the last count is of the channels that were not asked for.
+    pub(super) fn rows(&self) -> impl Iterator<Item = (usize, &[u64])> {
+        let rows = self.rows[..self.used].chunks_exact(self.stride);
+        rows.map(|row| (row[0] as usize, &row[1..]))
     }
 
     /// Forgets all, to be used for another piece.
     pub(super) fn clear(&mut self) {
-        self.rows.clear();
+        self.rows[..self.used].fill(0);
+        self.used = 0;
         self.missed.clear();
         self.errors.clear();
         self.overflows.clear();
@@ -257,8 +262,11 @@ impl<'a> Piece<'a> {
         });
         let Some((bin, start, length)) = found else { return false };
         (self.start, self.length) = (start, length);
-        self.row = self.rows.len() + 1;
-        self.rows.extend_from_slice(&self.binning.row);
+        self.row = self.used + 1;
+        self.used += self.stride;
+        if self.used > self.rows.len() {
+            self.rows.resize(2 * self.used, 0);
+        }
         self.rows[self.row - 1] = bin;
         true
     }

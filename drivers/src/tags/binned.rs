@@ -70,10 +70,9 @@ impl<'a> Sums<'a> {
     /// Adds the piece that follows those before.
     pub(super) fn add(&mut self, piece: &Piece<'_>) {
         let channels = self.binning.channels.len();
-        for row in piece.rows.chunks_exact(piece.stride()) {
-            let bin = row[0] as usize;
+        for (bin, row) in piece.rows() {
             let counts = &mut self.counts[bin * channels..(bin + 1) * channels];
-            for (count, more) in counts.iter_mut().zip(&row[1..]) {
+            for (count, more) in counts.iter_mut().zip(row) {
                 *count += more;
             }
         }
@@ -119,6 +118,7 @@ impl<'a> Sums<'a> {
             self.overflow_between(since, i64::MAX);
         }
         let mut open = 0;
+        // Without overflows there are no steps, and nothing is touched.
         for (flags, step) in self.flags.iter_mut().zip(&self.steps) {
             open += step;
             flags.set(CountFlags::OVERFLOW, open > 0);

@@ -244,8 +244,9 @@ impl TagFile {
     /// A [`FileError`] if the file shrank since it was opened, or cannot be read.
     pub fn bin(&self, binning: &Binning) -> Result<Binned, FileError> {
         let mut sums = Sums::new(binning);
-        // In batches, so that memory does not grow with the file.
-        let mut desks: Vec<_> = (0..4 * rayon::current_num_threads())
+        // In batches, so that memory does not grow with the file. A thread alone adds up each piece while it is in its cache.
+        let threads = rayon::current_num_threads();
+        let mut desks: Vec<_> = (0..if threads == 1 { 1 } else { 4 * threads })
             .map(|_| Desk { piece: Piece::new(binning), buffer: Vec::new() })
             .collect();
         let mut start = 0;
