@@ -11,6 +11,7 @@ use divan::{Bencher, black_box};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::sync::LazyLock;
+use sunglint_drivers::ptu::PtuFile;
 use sunglint_drivers::tags::{Binning, CheckOptions, Tag, TagFile, TagWriter, Tags};
 use tempfile::NamedTempFile;
 
@@ -93,6 +94,33 @@ fn write_file(bencher: Bencher) {
             writer.write(&tags, std::time::Duration::ZERO).unwrap();
             writer.finish().unwrap()
         });
+}
+
+/// Tags out of a PTU file: 2²² records of a MultiHarp in T3 mode, a rollover in 16.
+#[divan::bench(sample_count = 5)]
+fn ptu_tags(bencher: Bencher) {
+    const RECORDS: u32 = 1 << 22;
+    let mut bytes = b"PQTTTR\0\x001.0.00\0\0".to_vec();
+    let mut entry = |name: &str, kind: u32, value: u64| {
+        let mut ident = name.as_bytes().to_vec();
+        ident.resize(32, 0);
+        bytes.extend(ident);
+        bytes.extend((-1_i32).to_le_bytes());
+        bytes.extend(kind.to_le_bytes());
+        bytes.extend(value.to_le_bytes());
+    };
+    entry("TTResultFormat_TTTRRecType", 0x1000_0008, 0x0001_0307);
+    entry("MeasDesc_GlobalResolution", 0x2000_0008, 1.2500317e-8_f64.to_bits());
+    entry("MeasDesc_Resolution", 0x2000_0008, 5e-12_f64.to_bits());
+    entry("Header_End", 0xffff_0008, 0);
+    for i in 0..RECORDS {
+        let record = if i % 16 == 15 { 0xfe00_0001 } else { (i % 4) << 25 | i << 6 & 0x1ff_ffff };
+        bytes.extend(record.to_le_bytes());
+    }
+    let file = PtuFile::from_bytes("synthetic.ptu", bytes).unwrap();
+    bencher
+        .counter(ItemsCount::new(RECORDS))
+        .bench_local(|| file.tags().map(|tag| tag.unwrap().time_ps).max());
 }
 
 /// Memory bandwidth: the same bytes copied.

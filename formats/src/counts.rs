@@ -25,7 +25,7 @@ bitflags::bitflags! {
         const CLOCK_FREE = 1 << 4;
         /// The rate was so high that the detector does not follow.
         const SATURATED = 1 << 5;
-        /// The counter reported an error: its clock may have jumped, and neither counts nor times can be trusted.
+        /// The counter reported an error: its clock may have jumped, so that times before and after it do not belong together.
         const ERROR = 1 << 6;
     }
 }

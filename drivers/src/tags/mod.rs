@@ -1,7 +1,7 @@
 //! Raw photon time tags: files of 16-byte records, in, out, checked and binned.
 //!
-//! The record is the `Tag` of Swabian's Time Tagger (vendor's C++ header; read independently in libtcspc,
-//! `swabian_tag.hpp`, MIT), little-endian, without any header, so that a file is a plain row of them:
+//! The record is the `Tag` of Swabian's Time Tagger (the vendor's C++ header `TimeTagger.h`; read independently in
+//! libtcspc, `swabian_tag.hpp`, MIT), little-endian, without any header, so that a file is a plain row of them:
 //!
 //! | bytes | field | meaning |
 //! |---|---|---|
@@ -13,18 +13,18 @@
 //!
 //! # What the flags of a bin mean
 //!
-//! A time tagger that gets more events than it can hand over drops some of them. It says so, and a bin keeps it as
-//! [`CountFlags`](sunglint_formats::CountFlags):
+//! A time tagger that gets more events than it can hand over stops timing them for a while, and only counts. It says so
+//! (the vendor's `TimeTagger.h`, at `struct Tag`), and a bin keeps it as [`CountFlags`](sunglint_formats::CountFlags):
 //!
-//! - `OVERFLOW`: the bin has a moment in common with an interval in which events were dropped. Light was there that was
-//!   not counted: **the counts are lower bounds**, and nobody knows by how much. Leave the bin out of a fit, or use it as
-//!   a limit. The cure lies before the counter: less light, fewer channels, a longer dead time, a filter on the clock
-//!   channel.
-//! - `MISSED`: the counter also said how many events of a channel it dropped; their number stands in `missed`. It is
-//!   booked in the bin in which the report came, which may be later than the loss: **the counts are lower bounds** here
-//!   too, and `counts + missed` is only a sound estimate over all bins of one overflow together.
-//! - `ERROR`: the counter reported an error, typically because its reference clock came or went. **Neither counts nor
-//!   times near it can be trusted**: the clock may have jumped.
+//! - `OVERFLOW`: the bin has a moment in common with such an interval. Light was there that was not timed: **the counts are
+//!   lower bounds**. Leave the bin out of a fit, or use it as a limit. The cure lies before the counter: less light, fewer
+//!   channels, a longer dead time, a filter on the clock channel.
+//! - `MISSED`: the counter reported how many events of a channel it did not time; their number stands in `missed`, in the
+//!   bin in which the report came. When they came nobody knows: **the counts are lower bounds**, and `counts + missed` is
+//!   a total only over all the bins that one overflow touches.
+//! - `ERROR`: the counter reported an error, typically because its reference clock came or went. **The times before and
+//!   after it do not belong to one clock**, and the counts of the bin itself mean nothing. Only the bin of the report is
+//!   flagged; a series that goes on after it needs a new time zero.
 //! - `PARTIAL`: the last bin, where the span asked for is no multiple of the width; its length is the true one.
 //!
 //! A bin without a flag is exact: each tag in it is counted once. It does not mean that the counter ran: a file does

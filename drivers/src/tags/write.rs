@@ -1,7 +1,7 @@
 //! Writing tags as they come, so that a crash loses at most a second of them.
 
 use super::tag::{RECORD_BYTES, Tag};
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -45,6 +45,7 @@ impl TagWriter {
             std::io::ErrorKind::AlreadyExists => FileError::Exists { path: path.to_path_buf() },
             _ => FileError::io("create", path, source),
         })?;
+        lock(&file, path)?;
         // The name itself is only safe once the folder is on the disk; some file systems cannot do that.
         #[cfg(unix)]
         {
@@ -60,13 +61,16 @@ impl TagWriter {
     /// at its end with it; the second value is how many bytes that were.
     ///
     /// # Errors
-    /// [`FileError::Io`] if it is not a plain file, or the system refuses.
+    /// [`FileError::Io`] if it is not a plain file, another writer is at it, or the system refuses.
     pub fn append(path: impl AsRef<Path>) -> Result<(Self, u64), FileError> {
         let path = path.as_ref();
         // Refuses what is not a plain file, before it is opened for writing.
-        let (_, recovered) = super::TagFile::recover(path)?;
+        super::TagFile::recover(path)?;
         let io = |source| FileError::io("write", path, source);
         let mut file = OpenOptions::new().read(true).write(true).open(path).map_err(io)?;
+        lock(&file, path)?;
+        // Only now does no other writer make it longer.
+        let (_, recovered) = super::TagFile::recover(path)?;
         let len = file.metadata().map_err(io)?.len();
         let whole = recovered.records * RECORD_BYTES as u64;
         if len > whole {
@@ -170,6 +174,18 @@ impl TagWriter {
     fn keep(&mut self, result: std::io::Result<()>) -> Result<(), FileError> {
         self.failed |= result.is_err();
         result.map_err(|source| FileError::io("write", &self.path, source))
+    }
+}
+
+/// Keeps other writers away, that would cut what this one has half written.
+fn lock(file: &File, path: &Path) -> Result<(), FileError> {
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => {
+            let why = std::io::Error::other("another program is writing to it");
+            Err(FileError::io("write", path, why))
+        }
+        // Some file systems know no locks.
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
     }
 }
 
