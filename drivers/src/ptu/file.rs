@@ -1,7 +1,7 @@
 //! A PTU file: its header, its records, its tags.
 
 use super::header::{Header, Value};
-use super::record::{Decoder, Record, RecordType};
+use super::record::{Decoder, MARKER_CHANNEL, Record, RecordType};
 use super::scale::Resolution;
 use crate::tags::Tag;
 use crate::tags::bytes_at::BytesAt;
@@ -284,12 +284,18 @@ impl Iterator for TagsOf<'_> {
                 let expected = "a time of at most 2^63 ps (107 days)";
                 return Some(Err(self.records.file.refuse_record(number, found, expected)));
             };
-            let mut tags = record.tags(time_ps);
-            let first = tags.next();
-            self.pending.extend(tags);
-            self.pending.reverse();
-            if let Some(tag) = first {
-                return Some(Ok(tag));
+            match record {
+                Record::Photon { input, .. } => {
+                    return Some(Ok(Tag::photon(input.into(), time_ps)));
+                }
+                Record::Sync { .. } => return Some(Ok(Tag::photon(0, time_ps))),
+                Record::Unknown { .. } => return Some(Ok(Tag::error(time_ps))),
+                Record::Markers { bits, .. } => {
+                    let set = (0..16).rev().filter(|bit| bits >> bit & 1 == 1);
+                    let tag = |bit: i32| Tag::photon(MARKER_CHANNEL + 1 + bit, time_ps);
+                    self.pending.extend(set.map(tag));
+                }
+                Record::Rollover { .. } => {}
             }
         }
     }

@@ -1,7 +1,5 @@
 //! The 32-bit records and their rolling clock.
 
-use crate::tags::Tag;
-
 /// Marker number n of the instrument (from 1) is the tag channel `MARKER_CHANNEL` + n.
 pub const MARKER_CHANNEL: i32 = 1000;
 
@@ -133,25 +131,6 @@ pub enum Record {
         /// Where the unrolled clock stands at least.
         count: u64,
     },
-}
-
-impl Record {
-    /// The channels of the tags that this record becomes.
-    pub(super) fn channels(&self) -> impl Iterator<Item = i32> + use<> {
-        let (bits, first) = match *self {
-            Self::Photon { input, .. } => (1, i32::from(input)),
-            Self::Sync { .. } => (1, 0),
-            Self::Markers { bits, .. } => (bits, MARKER_CHANNEL + 1),
-            Self::Rollover { .. } | Self::Unknown { .. } => (0, 0),
-        };
-        (0..16).filter(move |bit| bits >> bit & 1 == 1).map(move |bit| first + bit)
-    }
-
-    /// The tags of this record at a time.
-    pub(super) fn tags(&self, time_ps: i64) -> impl Iterator<Item = Tag> + use<> {
-        let error = matches!(self, Self::Unknown { .. }).then(|| Tag::error(time_ps));
-        self.channels().map(move |channel| Tag::photon(channel, time_ps)).chain(error)
-    }
 }
 
 /// The clock of the records rolled beyond 2⁶⁴: the file is damaged.

@@ -168,7 +168,7 @@ impl<'a> Tags<'a> {
         self.records.iter().map(Tag::from_bytes)
     }
 
-    /// The tags from `from_ps` to before `to_ps`, found by binary search.
+    /// The tags from `from_ps` to before `to_ps`, found by binary search once all are seen to be in time.
     ///
     /// # Errors
     /// [`TagError::Unsorted`] with the first tag that is earlier than the one before it, since then a search finds only
