@@ -1,7 +1,37 @@
 //! The light engine: one weight per material spectrum, from what is lit and seen of a body.
 //!
 //! I(λ) = E(λ) Σ_k ρ_k(λ) W_k with W_k = Σ_facets A(visible ∩ lit) cosθ_i cosθ_o w_k(ω_i, ω_o) \[m² sr⁻¹\]: physics of one scattering under
-//! a collimated Sun (thesis eq. 5.5 and its generalisation).
+//! a collimated Sun (thesis eq. 5.5 and its generalisation). For flat facets, a distant Sun and a distant observer no integral is left but
+//! the area of a polygon, and [`Scene`] computes that area exactly, in double precision, by subtraction of convex polygons.
+//!
+//! A target is prepared once ([`Scene::new`]) and evaluated for as many directions as wanted ([`Scene::evaluator`], one for each thread).
+//!
+//! # What hides what
+//! A point of a facet is lit if the open ray from it towards the Sun meets no surface. Closed bodies are met where a ray *leaves* them,
+//! whether it started outside or inside: so only surfaces that face the direction count, points buried in another body are dark, and a
+//! face in contact with another body is dark too, since the ray leaves that body somewhere. Open sheets hide with both sides and reflect
+//! with their front alone. A convex closed body hides by its outline, as one polygon, and never its own facets.
+//!
+//! Two rules make touching parts safe. A corner nearer to a facet's plane than [`Scene::TOUCHING`] times the scene's size lies *in* that
+//! plane. Coincident faces that look the same way would count twice: there the later part covers the earlier one, found when the scene
+//! is prepared, and said in [`SceneReport::warnings`] (not for faces that come to coincide by the turning of a hinge).
+
+mod clip;
+mod closed;
+mod coincident;
+mod evaluate;
+mod facets;
+mod geometry;
+mod grid;
+mod near;
+mod occlude;
+mod scene;
+mod solid;
+mod sphere;
+mod weld;
+
+pub use evaluate::{Direct, DirectionError, Evaluator};
+pub use scene::{Scene, SceneError, SceneReport};
 
 use glam::DVec3;
 

@@ -176,7 +176,7 @@ impl Conductor {
         // (Berrut and Trefethen 2004, SIAM Review 46, 501, eq. 5.4).
         let last = self.u.len() - 1;
         let term = |j: usize| {
-            let sign = if j % 2 == 0 { 1.0 } else { -1.0 };
+            let sign = if j.is_multiple_of(2) { 1.0 } else { -1.0 };
             let half = if j == 0 || j == last { 0.5 } else { 1.0 };
             sign * half / (u - self.u[j])
         };

@@ -114,8 +114,8 @@ impl Lobe {
                 let inverse = 1.0 / h.z;
                 let (x, y) = (x * inverse, y * inverse);
                 let exponent = x * x + y * y;
-                // e^-746 is 0; what follows must not meet ∞·0. (Written so that NaN from a vanishing h ends here, too.)
-                if !(exponent < 746.0) {
+                // e^-746 is 0; what follows must not meet ∞·0, and a vanishing h has no number here.
+                if exponent.is_nan() || exponent > 746.0 {
                     return 0.0;
                 }
                 let (x, y) = (h.x * inverse, h.y * inverse);
@@ -137,17 +137,21 @@ impl Lobe {
 
     /// G₁: the fraction of the microfacets that face `v` (unit, z > 0) which is seen from there.
     pub fn masking_one(&self, v: DVec3) -> f64 {
-        v.z * self.masking_one_over_cosine(v)
+        v.z * self.masking_one_over_height((v.z, self.slope_times_sine(v)))
     }
 
     /// G/(cosθ_i cosθ_o), without the quotients of vanishing numbers that each has at the horizon.
-    pub(super) fn masking_over_cosines(&self, i: DVec3, o: DVec3) -> f64 {
+    fn masking_over_cosines(&self, i: DVec3, o: DVec3) -> f64 {
+        self.masking_over_heights((i.z, self.slope_times_sine(i)), (o.z, self.slope_times_sine(o)))
+    }
+
+    /// G/(cosθ_i cosθ_o) of two directions, each as (cosθ, α sinθ).
+    pub(super) fn masking_over_heights(&self, i: (f64, f64), o: (f64, f64)) -> f64 {
         match self.masking {
-            Masking::Separable => self.masking_one_over_cosine(i) * self.masking_one_over_cosine(o),
+            Masking::Separable => self.masking_one_over_height(i) * self.masking_one_over_height(o),
             Masking::HeightCorrelated => {
-                let (hidden_i, hidden_o) =
-                    (self.lambda_times_cosine(i), self.lambda_times_cosine(o));
-                1.0 / (i.z * o.z + (o.z * hidden_i + i.z * hidden_o))
+                1.0 / (i.0 * o.0
+                    + (o.0 * self.lambda_times_height(i) + i.0 * self.lambda_times_height(o)))
             }
         }
     }
@@ -175,30 +179,28 @@ impl Lobe {
         (x * x + y * y).sqrt()
     }
 
-    /// G₁/cosθ. With a = cosθ/s, s = α sinθ: Beckmann 2/(cosθ (1 + erf a) + s e^(−a²)/√π), GGX 2/(cosθ + √(cos²θ + s²)).
-    fn masking_one_over_cosine(&self, v: DVec3) -> f64 {
-        let s = self.slope_times_sine(v);
+    /// G₁/cosθ of (cosθ, s = α sinθ). With a = cosθ/s: Beckmann 2/(cosθ (1 + erf a) + s e^(−a²)/√π), GGX 2/(cosθ + √(cos²θ + s²)).
+    fn masking_one_over_height(&self, (z, s): (f64, f64)) -> f64 {
         match self.distribution {
             // From a = 6 on 1 − G₁ is below 1e-17.
-            Distribution::Beckmann if v.z >= 6.0 * s => 1.0 / v.z,
+            Distribution::Beckmann if z >= 6.0 * s => 1.0 / z,
             Distribution::Beckmann => {
-                let a = v.z / s;
-                2.0 / (v.z * (1.0 + libm::erf(a)) + s * FRAC_1_SQRT_PI * (-a * a).exp())
+                let a = z / s;
+                2.0 / (z * (1.0 + libm::erf(a)) + s * FRAC_1_SQRT_PI * (-a * a).exp())
             }
-            Distribution::Ggx => 2.0 / (v.z + (v.z * v.z + s * s).sqrt()),
+            Distribution::Ggx => 2.0 / (z + (z * z + s * s).sqrt()),
         }
     }
 
-    /// Λ cosθ, with G₁ = 1/(1 + Λ).
-    fn lambda_times_cosine(&self, v: DVec3) -> f64 {
-        let s = self.slope_times_sine(v);
+    /// Λ cosθ of (cosθ, s = α sinθ), with G₁ = 1/(1 + Λ).
+    fn lambda_times_height(&self, (z, s): (f64, f64)) -> f64 {
         match self.distribution {
-            Distribution::Beckmann if v.z >= 6.0 * s => 0.0,
+            Distribution::Beckmann if z >= 6.0 * s => 0.0,
             Distribution::Beckmann => {
-                let a = v.z / s;
-                0.5 * (s * FRAC_1_SQRT_PI * (-a * a).exp() - v.z * libm::erfc(a))
+                let a = z / s;
+                0.5 * (s * FRAC_1_SQRT_PI * (-a * a).exp() - z * libm::erfc(a))
             }
-            Distribution::Ggx => 0.5 * s * (s / (v.z + (v.z * v.z + s * s).sqrt())),
+            Distribution::Ggx => 0.5 * s * (s / (z + (z * z + s * s).sqrt())),
         }
     }
 }

@@ -15,6 +15,8 @@ pub mod conductor;
 pub mod file;
 pub mod fresnel;
 pub mod microfacet;
+mod rule;
+mod sphere;
 
 pub use conductor::ComplexIndex;
 pub use fresnel::Fresnel;
@@ -78,6 +80,20 @@ pub enum MaterialError {
         name: String,
         /// The number of angles that did not do.
         angles: usize,
+    },
+    /// A phase angle out of range.
+    #[error("the phase angle is {phase_rad} rad, expected one from 0 to π")]
+    Phase {
+        /// What was asked for.
+        phase_rad: f64,
+    },
+    /// A material with a tangent where there is none.
+    #[error(
+        "{name} has different roughnesses along and across its tangent, and a sphere has no tangent: give it one alpha, or use a mesh"
+    )]
+    Tangent {
+        /// The material.
+        name: String,
     },
     /// Numbers that make no spectrum.
     #[error(transparent)]

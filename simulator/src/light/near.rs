@@ -1,0 +1,101 @@
+//! Facets seen from a point: angles and distances change over a facet, so its answer is an integral.
+
+use super::clip::P2;
+use crate::surface::Material;
+use glam::DVec3;
+
+/// Relative error of a piece's integral at which halving stops.
+const TOLERANCE: f64 = 1e-10;
+/// Halvings at most.
+const DEPTH: u32 = 10;
+
+/// What is integrated.
+pub struct Task<'a> {
+    /// The material.
+    pub material: &'a Material,
+    /// Towards the Sun, in the facet's axes.
+    pub sun: DVec3,
+    /// The observer, in the facet's axes, m from its origin.
+    pub at: DVec3,
+    /// The square of the observer's distance from the body's origin, m².
+    pub range_squared: f64,
+}
+
+/// Room for sums.
+#[derive(Debug, Default)]
+pub struct Quadrature {
+    sums: Vec<f64>,
+}
+
+/// Degree 5 on a triangle with seven points (Radon 1948): weight and the point's first two coordinates of area.
+const A: f64 = 0.101_286_507_323_456_33;
+const B: f64 = 0.470_142_064_105_115_1;
+const RULE: [(f64, f64, f64); 7] = [
+    (0.225, 1.0 / 3.0, 1.0 / 3.0),
+    (0.125_939_180_544_827_14, A, A),
+    (0.125_939_180_544_827_14, A, 1.0 - 2.0 * A),
+    (0.125_939_180_544_827_14, 1.0 - 2.0 * A, A),
+    (0.132_394_152_788_506_2, B, B),
+    (0.132_394_152_788_506_2, B, 1.0 - 2.0 * B),
+    (0.132_394_152_788_506_2, 1.0 - 2.0 * B, B),
+];
+
+impl Quadrature {
+    /// Adds `sign` times |view|² ∫ cosθ_i cosθ_o w_k/r² dA over a convex polygon to `out`; gives the error estimate of the sum.
+    pub fn add(&mut self, task: &Task, polygon: &[P2], sign: f64, out: &mut [f64]) -> f64 {
+        let mut error = 0.0;
+        for pair in polygon[1..].windows(2) {
+            let triangle = [polygon[0], pair[0], pair[1]];
+            self.sums.clear();
+            self.sums.resize(out.len(), 0.0);
+            rule(task, triangle, sign, &mut self.sums);
+            let coarse = std::mem::take(&mut self.sums);
+            error += refine(task, triangle, sign, &coarse, 0, out);
+            self.sums = coarse;
+        }
+        error
+    }
+}
+
+fn rule(task: &Task, [a, b, c]: [P2; 3], sign: f64, out: &mut [f64]) {
+    let area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]));
+    for (weight, p, q) in RULE {
+        let r = 1.0 - p - q;
+        let (x, y) = (p * a[0] + q * b[0] + r * c[0], p * a[1] + q * b[1] + r * c[1]);
+        let to = task.at - DVec3::new(x, y, 0.0);
+        let range_squared = to.length_squared();
+        let to = to / range_squared.sqrt();
+        let scale = sign * weight * area * task.range_squared / range_squared;
+        task.material.add_weights(task.sun, to, scale * task.sun.z * to.z, out);
+    }
+}
+
+fn refine(
+    task: &Task,
+    [a, b, c]: [P2; 3],
+    sign: f64,
+    coarse: &[f64],
+    depth: u32,
+    out: &mut [f64],
+) -> f64 {
+    let middle = |p: P2, q: P2| [0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1])];
+    let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+    let parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
+    let mut fine = vec![0.0; 5 * coarse.len()];
+    let (total, each) = fine.split_at_mut(coarse.len());
+    for (part, sums) in parts.iter().zip(each.chunks_mut(coarse.len())) {
+        rule(task, *part, sign, sums);
+        total.iter_mut().zip(sums).for_each(|(t, s)| *t += *s);
+    }
+    let error: f64 = total.iter().zip(coarse).map(|(f, c)| (f - c).abs()).sum();
+    let size: f64 = total.iter().map(|f| f.abs()).sum();
+    if error <= TOLERANCE * size || depth == DEPTH {
+        out.iter_mut().zip(total).for_each(|(o, t)| *o += *t);
+        return error;
+    }
+    parts
+        .iter()
+        .zip(each.chunks(coarse.len()))
+        .map(|(part, sums)| refine(task, *part, sign, sums, depth + 1, out))
+        .sum()
+}

@@ -1,0 +1,124 @@
+//! What a sphere reflects: ∫ f_r cosθ_i cosθ_o dA over all that is lit and seen, under a collimated Sun and a distant observer.
+//!
+//! Of microfacets the bisector h, and so the angle of incidence on the microfacets (half the phase angle γ), is the same all over the
+//! sphere: F stands before the integral, the two cosines cancel, and W = F/4 ∫ D(n·h) G dω_n. With the slopes x, y of the
+//! normal n against h in units of α, x in the plane of Sun and observer, D becomes a fixed bell and W = F/(4π) ∫∫ p(r) √(1+α²r²) G dx dy
+//! over the strip |x| < cot(γ/2)/α, where the normal is lit and seen. That holds for every α: the bell has no narrow peak, and the strip no
+//! edge that would have to be found.
+
+use super::{Distribution, Lobe, Material, MaterialError, Model, rule};
+use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
+
+/// The relative change from one order of the quadrature to the next at which it is taken as converged.
+const TOLERANCE: f64 = 1e-9;
+
+impl Material {
+    /// Adds `scale` times the weights W_k \[m² sr⁻¹\] of a sphere of 1 m radius at a phase angle (radians, 0 to π) to `sum` (one per
+    /// spectrum): I(λ) = E(λ) R² Σ_k ρ_k(λ) W_k. Gives the estimated relative error, 0 of closed forms: Lambert
+    /// 2/(3π) (sin γ + (π − γ) cos γ), mirror F(γ/2)/4.
+    ///
+    /// # Errors
+    /// A material with a tangent, which has no place on a sphere; a phase angle out of range.
+    pub fn add_sphere_weights(
+        &self,
+        phase_rad: f64,
+        scale: f64,
+        sum: &mut [f64],
+    ) -> Result<f64, MaterialError> {
+        if !(0.0..=PI).contains(&phase_rad) {
+            return Err(MaterialError::Phase { phase_rad });
+        }
+        if !self.is_isotropic() {
+            return Err(MaterialError::Tangent { name: self.name.clone() });
+        }
+        if phase_rad == PI {
+            return Ok(0.0);
+        }
+        let cos_half = (0.5 * (PI - phase_rad)).sin();
+        Ok(match &self.model {
+            Model::Lambert => {
+                sum[0] += scale * lambert(phase_rad);
+                0.0
+            }
+            Model::Mirror { fresnel } => {
+                fresnel.add_weights(cos_half, 0.25 * scale, sum);
+                0.0
+            }
+            Model::Microfacet { lobe, fresnel } => {
+                let (value, error) = microfacet(lobe, phase_rad);
+                fresnel.add_weights(cos_half, scale * value, sum);
+                error
+            }
+        })
+    }
+}
+
+/// A Lambert sphere of reflectance 1: 2/(3π) (sin γ + (π − γ) cos γ) (Russell 1916), by its series where both terms all but cancel.
+fn lambert(phase: f64) -> f64 {
+    let left = PI - phase;
+    let lit = if left < 0.1 {
+        // sin ε − ε cos ε.
+        let square = left * left;
+        left * square
+            * (1.0 / 3.0 - square * (1.0 / 30.0 - square * (1.0 / 840.0 - square / 45_360.0)))
+    } else {
+        left.sin() - left * left.cos()
+    };
+    2.0 / 3.0 * FRAC_1_PI * lit
+}
+
+/// W of an isotropic lobe with F = 1, and its estimated relative error.
+fn microfacet(lobe: &Lobe, phase: f64) -> (f64, f64) {
+    let (cos, sin) = ((0.5 * (PI - phase)).sin(), (0.5 * phase).sin());
+    let alpha = lobe.alpha_x;
+    // √(1+α²r²)·cosθ and √(1+α²r²)·α sinθ towards Sun and observer.
+    let masking = |x: f64, y: f64| {
+        let (x, y) = (alpha * x, alpha * y);
+        let i = (cos + sin * x, alpha * (sin - cos * x).hypot(y));
+        let o = ((cos - sin * x).max(0.0), alpha * (sin + cos * x).hypot(y));
+        i.0 * o.0 * lobe.masking_over_heights(i, o)
+    };
+    // Half the width of the strip.
+    let edge = if sin > 0.0 { cos / (sin * alpha) } else { f64::INFINITY };
+    let (value, error) = match lobe.distribution {
+        Distribution::Beckmann => {
+            // e^(−6.5²) is 5e-19.
+            let edges = |most: f64| [0.0, most / 3.0, most * 2.0 / 3.0, most];
+            let (across, along) = (edges(edge.min(6.5)), edges(6.5));
+            rule::converge(TOLERANCE, |order| {
+                let along = rule::points(&along, order);
+                let column = |x: f64| -> f64 {
+                    let value = |y: f64| {
+                        let r2 = x * x + y * y;
+                        (-r2).exp() * (1.0 + alpha * alpha * r2).sqrt() * masking(x, y)
+                    };
+                    along.iter().map(|&(y, w)| w * value(y)).sum()
+                };
+                [rule::points(&across, order).iter().map(|&(x, w)| w * column(x)).sum()]
+            })
+        }
+        Distribution::Ggx => {
+            // x = tan χ and y = tan ψ/cos χ bring the long tails to a finite range, on which what is left of the
+            // bell and the root is cos ψ √(cos²χ cos²ψ (1 − α²) + α²). Masking varies at slopes of 1/α, and within 1 of the strip's edge.
+            let end = edge.atan();
+            let scale = |length: f64| length.clamp(1e-6, 0.4);
+            let across = rule::towards(0.0, end, scale(alpha.min(1.0 / (1.0 + edge * edge))));
+            let along = rule::towards(0.0, FRAC_PI_2, scale(alpha));
+            rule::converge(TOLERANCE, |order| {
+                let along = rule::points(&along, order);
+                let column = |chi: f64| -> f64 {
+                    let value = |psi: f64| {
+                        let (cos_chi, cos_psi) = (chi.cos(), psi.cos());
+                        let (x, y) = (chi.tan(), psi.tan() / cos_chi);
+                        let narrow = (cos_chi * cos_psi).powi(2) * (1.0 - alpha * alpha);
+                        cos_psi * (narrow + alpha * alpha).sqrt() * masking(x, y)
+                    };
+                    along.iter().map(|&(psi, w)| w * value(psi)).sum()
+                };
+                [rule::points(&across, order).iter().map(|&(chi, w)| w * column(chi)).sum()]
+            })
+        }
+    };
+    // A quarter of the bell four times.
+    (FRAC_1_PI * value[0], error)
+}
