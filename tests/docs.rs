@@ -97,10 +97,11 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     std::fs::write(folder.path("m.csv"), "time_utc,magnitude\n2008-09-21T18:48:00Z,4.5\n").unwrap();
     keys(&folder.json(&["simulate", "pass.toml", "--json", "--beside", "m.csv"]), &mut printed);
     folder.done(&[&VEGA[..], &["--spectrum-out", "s.json"]].concat());
-    keys(
-        &serde_json::from_str(&std::fs::read_to_string(folder.path("s.json")).unwrap()).unwrap(),
-        &mut printed,
-    );
+    folder.done(&["bench", "--scene", "corner", "--seconds", "0.02", "-o", "b.json", "-q"]);
+    for file in ["s.json", "b.json"] {
+        let text = std::fs::read_to_string(folder.path(file)).unwrap();
+        keys(&serde_json::from_str(&text).unwrap(), &mut printed);
+    }
     // Rates are by the station's own channels.
     for channel in ["r", "g", "b", "id400", "spcm", "mppc"] {
         printed.remove(channel);
@@ -113,7 +114,22 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         word.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
     };
     // An embedded station has no files.
-    let titles = ["tables", "air", "star", "simulate", "demo", "null", "file"];
+    let titles = [
+        "tables",
+        "air",
+        "star",
+        "simulate",
+        "bench",
+        "demo",
+        "null",
+        "file",
+        // Values of keys.
+        "exact",
+        "icosphere",
+        "pipeline",
+        "stored",
+        "none",
+    ];
     let gone: Vec<&String> = quoted
         .difference(&printed)
         .filter(is_key)
