@@ -5,7 +5,7 @@
 
 The sums are those of the peer script's own `exact_direct` (polygon subtraction in plain Python), with the closed form of Smith's masking and
 with the rational fit that Mitsuba takes. It looks at all pairs of triangles; here its loop over what may hide a facet is given those alone whose
-shadow's bounding circle meets the facet's, found on a grid: what is left out hides nothing. The large faces of the satellite of 115,244
+shadow's bounding box meets the facet's, found on a grid: what is left out hides nothing. The large faces of the satellite of 115,244
 triangles are split, which changes no sum either. The convex sphere takes its `convex_lambert_truth`. The means of E rho over a bin are by Simpson's rule, exact for a product of two linear pieces.
 """
 import datetime, hashlib, importlib.util, inspect, math, os, sys
@@ -19,6 +19,7 @@ def load(path):
     return peer
 
 
+MASKINGS = ("exact", "rational")
 EDGE = 0.06  # m; the satellite's larger triangles are split: what a facet sends does not change, and few shadows fall on each part
 
 
@@ -41,41 +42,54 @@ class Near:
     """For each triangle and direction: the numbers of those whose shadows may meet it, in ascending order."""
 
     def __init__(self, tri, nrm, directions):
-        self.maps = {tuple(d): self._map(tri, nrm, d) for d in directions}
+        self.t, self.n = np.array([t for _, t in tri]), np.array(nrm)
+        self.maps = {tuple(d): self._map(d) for d in directions}
 
-    def _map(self, tri, nrm, d):
-        t = np.array([t for _, t in tri])
+    def _map(self, d):
         a = np.cross(d, [0.3, 0.5, 0.8]); a /= np.linalg.norm(a)
-        b = np.cross(d, a)
-        flat = np.stack([t @ a, t @ b], -1)
-        middle = flat.mean(1)
-        radius = np.linalg.norm(flat - middle[:, None], axis=2).max(1) * (1 + 1e-9) + 1e-9
-        cell = 2.1 * radius.max()
+        flat = np.stack([self.t @ a, self.t @ np.cross(d, a)], -1)
+        low, high = flat.min(1) - 1e-9, flat.max(1) + 1e-9
+        cell = (high - low).max()
         grid = {}
-        for j in np.nonzero(np.array(nrm) @ d > 0)[0]:
-            grid.setdefault(tuple(np.floor(middle[j] / cell).astype(int)), []).append(j)
-        return middle, radius, cell, grid
+        for j in np.nonzero(self.n @ d > 0)[0]:
+            grid.setdefault(tuple(np.floor(low[j] / cell).astype(int)), []).append(j)
+        return low, high, cell, grid
 
     def of(self, i, d):
-        middle, radius, cell, grid = self.maps[tuple(d)]
-        x, y = np.floor(middle[i] / cell).astype(int)
-        near = np.array([j for u in (-1, 0, 1) for v in (-1, 0, 1) for j in grid.get((x + u, y + v), ())], int)
-        gap = np.hypot(*(middle[near] - middle[i]).T)
-        return np.sort(near[gap < radius[near] + radius[i]])
+        low, high, cell, grid = self.maps[tuple(d)]
+        x, y = np.floor(low[i] / cell).astype(int)
+        # A box that meets this one begins at most one cell before it or, as this one is no larger than a cell, one after.
+        j = np.array([j for u in (-1, 0, 1) for v in (-1, 0, 1) for j in grid.get((x + u, y + v), ())], int)
+        j = j[((low[j] <= high[i]) & (low[i] <= high[j])).all(1)]
+        # What lies behind the facet's plane hides nothing of it.
+        return np.sort(j[((self.t[j] - self.t[i, 0]) @ self.n[i]).max(1) > 0])
 
 
 def sums(peer, scene):
-    """{material: G} by the peer's exact_direct, told which occluders to look at."""
+    """{masking: {material: G}} by the peer's exact_direct, told which occluders to look at and evaluating both maskings."""
     text = inspect.getsource(peer.exact_direct)
-    loop = "for j, (_, b) in enumerate(tri):"
-    start = "    G = {m: 0.0 for m, _ in tri}\n"
-    if loop not in text or start not in text:
-        sys.exit("exact_direct of the peer script is not the one that this script knows")
-    text = text.replace(loop, "for j, b in ((j, tri[j][1]) for j in near.of(i, d)):")
-    text = text.replace(start, start + "    near = Near(tri, nrm, (s, w))\n")
-    names = dict(vars(peer), Near=Near)
-    exec(text, names)
-    return names["exact_direct"](scene)
+
+    def change(old, new):
+        nonlocal text
+        if text.count(old) != 1:
+            sys.exit("exact_direct of the peer script is not the one that this script knows: no `%s`" % old.strip())
+        text = text.replace(old, new)
+
+    change("for j, (_, b) in enumerate(tri):", "for j, b in ((j, tri[j][1]) for j in near.of(i, d)):")
+    change("    G = {m: 0.0 for m, _ in tri}\n", "    G = {k: {m: 0.0 for m, _ in tri} for k in MASKINGS}\n    near = Near(tri, nrm, (s, w))\n")
+    lines = text.splitlines()
+    first = next(k for k, line in enumerate(lines) if "f = 1 / math.pi if" in line)
+    if "G[m] +=" not in lines[first + 1]:
+        sys.exit("exact_direct of the peer script is not the one that this script knows: no sum after the reflection")
+    space = " " * (len(lines[first]) - len(lines[first].lstrip()))
+    lines[first:first + 2] = [space + "for k in MASKINGS:", space + "    globals()['SMITH'] = k", "    " + lines[first],
+                              "    " + lines[first + 1].replace("G[m]", "G[k][m]")]
+    # Among the peer's own names, so that its beckmann sees the masking.
+    names, original = vars(peer), peer.exact_direct
+    names.update(Near=Near, MASKINGS=MASKINGS)
+    exec("\n".join(lines), names)
+    changed, peer.exact_direct = peer.exact_direct, original
+    return changed(scene)
 
 
 def bin_means(peer, material):
@@ -103,16 +117,10 @@ def main():
         scene = peer.SCENES[name]()
         if name == "dense_satellite":
             scene["shapes"] = [dict(shape, mesh=split(shape["mesh"])) for shape in scene["shapes"]]
-        both = {}
-        for masking in ("exact", "rational"):
-            peer.SMITH = masking
-            if name == "dense_sphere":
-                both[masking] = {"unit": peer.convex_lambert_truth(scene)}
-            else:
-                both[masking] = sums(peer, scene)
-            if not any(peer.MATERIALS[m]["model"] == "beckmann" for m in both[masking]):
-                both["rational"] = both[masking]
-                break
+        if name == "dense_sphere":
+            both = {masking: {"unit": peer.convex_lambert_truth(scene)} for masking in MASKINGS}
+        else:
+            both = sums(peer, scene)
         rows += [(name, m, g, both["rational"][m], peer.grey(m)) for m, g in both["exact"].items()]
         spectra[name] = sum(g * bin_means(peer, m) for m, g in both["exact"].items())
         print(name, both, flush=True)

@@ -110,7 +110,11 @@ impl Report<'_> {
                 .collect();
             series.extend(lines);
             let x = Axis::log(format!("time per epoch on one thread (s), {title}"));
-            Panel::new(x, Axis::log("relative error (0 at 1e-17)"), series)
+            Panel::new(
+                x,
+                Axis::log("relative error (0 at 1e-17)").from_to(0.1 * NO_ERROR, 1.0),
+                series,
+            )
         };
         let panels = [panel("1 bin", &|bins| bins == 1), panel("a spectrum", &|bins| bins > 1)];
         let panels: Vec<Panel> = panels.into_iter().filter(|p| !p.series.is_empty()).collect();
@@ -134,7 +138,8 @@ impl Report<'_> {
                 duration(r.timing.median_s),
                 duration(r.timing.fastest_s),
                 r.prepare_s.map_or("-".into(), duration),
-                r.error.map_or("-".into(), |e| format!("{e:.1e}")),
+                r.error
+                    .map_or("-".into(), |e| if e == 0.0 { "0".into() } else { format!("{e:.1e}") }),
                 r.error_source.to_owned(),
             ]
         };
@@ -153,7 +158,10 @@ impl Report<'_> {
         for row in self.rows {
             let _ = writeln!(text, "{}", line(&cells(row)));
         }
-        text.push_str("\nper epoch: median of the repeats. error: sum |E - truth| / sum truth over the bins, at the scene's own directions.\n");
+        text.push_str("\nper epoch: median of the repeats. error: sum |E - truth| / sum truth over the bins, at the scene's\n");
+        text.push_str(
+            "own directions; the time is that of directions turned a little from epoch to epoch.\n",
+        );
         for (source, meaning) in [
             ("closed form", "a formula"),
             ("stored", "exact sums of an independent program, stored with how they were made"),
