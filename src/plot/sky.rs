@@ -324,13 +324,6 @@ impl<DB: DrawingBackend> Pen<'_, DB> {
     }
 
     fn marks(&self, track: &Track, number: usize, times: bool) -> Result<(), PlotError> {
-        if let [.., before, last] = track.points.as_slice() {
-            self.arrow(
-                place(before.azimuth_deg, before.altitude_deg),
-                place(last.azimuth_deg, last.altitude_deg),
-                last.light.colour(),
-            )?;
-        }
         if times {
             for (azimuth, altitude, text) in &track.marks {
                 let at = place(*azimuth, *altitude);
@@ -340,6 +333,13 @@ impl<DB: DrawingBackend> Pen<'_, DB> {
                 let beside = (at.0 + right, at.1);
                 self.text(text, beside, 11, RGBColor(60, 60, 60), h, VPos::Center)?;
             }
+        }
+        if let [.., before, last] = track.points.as_slice() {
+            self.arrow(
+                place(before.azimuth_deg, before.altitude_deg),
+                place(last.azimuth_deg, last.altitude_deg),
+                last.light.colour(),
+            )?;
         }
         if let Some((azimuth, altitude)) = track.top {
             let at = place(azimuth, altitude);
