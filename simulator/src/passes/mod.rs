@@ -186,8 +186,7 @@ impl Search {
         orientation: &EarthOrientation,
     ) -> Result<Self, SearchError> {
         let seconds = crate::orbit::seconds_between(from, to);
-        // Written so that NaN is refused too.
-        if !(seconds > 0.0) {
+        if seconds <= 0.0 {
             return Err(SearchError::Window { seconds });
         }
         for (what, value_deg) in [
