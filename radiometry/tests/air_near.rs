@@ -17,7 +17,9 @@ fn near(true_deg: f64, range_m: f64) -> Zenith {
     Zenith::Near { true_deg, range_m }
 }
 
-/// Truth: geometry. What the air shifts a ray sideways, n₀r₀ sin z − r₀ sin z∞, is 16 m at 70° and 2 km at the horizon; seen over 1000 km that is 3″ at 70°, over 2000 km 3.5′ on the horizon (nearer there is only air), by which a satellite stands nearer to its apparent place than a star. It falls as the range grows.
+/// Truth: geometry. What the air shifts a ray sideways, n₀r₀ sin z − r₀ sin z∞, is 16 m at 70° and 2 km at the horizon; seen
+/// over 1000 km that is 3″ at 70°, over 2000 km 3.5′ on the horizon (nearer there is only air), by which a satellite stands
+/// nearer to its apparent place than a star. It falls as the range grows.
 #[test]
 fn a_satellite_is_lifted_less_than_a_star() {
     let air = air();

@@ -1,9 +1,10 @@
 //! Where target, Sun and station stand at one moment.
 
 use crate::orbit::eclipse::{EarthShape, visible_fraction};
-use crate::orbit::{Orbit, OrbitError, State};
+use crate::orbit::{Orbit, OrbitError, State, in_tai};
 use glam::DVec3;
 use hifitime::{Duration, Epoch};
+use sunglint_radiometry::air::Zenith;
 use sunglint_radiometry::constants::LIGHT_M_PER_S;
 use sunglint_radiometry::sky::{
     Geodetic, Horizontal, Observer, SiteError, SkyError, SkyFrame, SunPlace, separation_deg,
@@ -43,7 +44,8 @@ pub struct Geometry {
     pub horizontal: Horizontal,
     /// The Sun as the target sees it: apparent direction, distance.
     pub sun: SunPlace,
-    /// The part of the Sun's disc that the Earth leaves visible at the target, 0 (umbra) to 1 (sunlit), weighted by nothing but area.
+    /// The part of the Sun's disc that the Earth leaves visible at the target, 0 (umbra) to 1 (sunlit), weighted by nothing
+    /// but area.
     pub sunlit: f64,
     /// Angle Sun–target–station, radians, 0 to π.
     pub phase_rad: f64,
@@ -71,7 +73,7 @@ impl Geometry {
         earth: EarthShape,
     ) -> Result<Self, GeometryError> {
         let frame = observer.frame();
-        let epoch = frame.epoch();
+        let epoch = in_tai(frame.epoch());
         let mut emitted = epoch;
         let mut target = orbit.state(emitted, frame)?;
         for _ in 0..LIGHT_TIME_ROUNDS {
@@ -117,6 +119,12 @@ impl Geometry {
     /// True zenith angle of the target at the station, degrees.
     pub fn zenith_deg(&self) -> f64 {
         self.horizontal.zenith_deg()
+    }
+
+    /// The same with the range, for the way through the air
+    /// ([`Air::transmission`](sunglint_radiometry::air::Air::transmission) and its table).
+    pub fn air_zenith(&self) -> Zenith {
+        Zenith::Near { true_deg: self.zenith_deg(), range_m: self.range_m }
     }
 
     /// Light time, s.

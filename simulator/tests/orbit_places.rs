@@ -41,11 +41,12 @@ fn orbits() -> BTreeMap<u32, Orbit> {
     good.into_iter().map(|t| (t.norad_id, Orbit::from(t.orbit().unwrap()))).collect()
 }
 
-/// Promised: 1″ and 1 m. Held against astropy: 0.1 mas and 1 mm (apart are 4 µas and 0.08 mm), since both follow the same definition of TEME
-/// (Vallado et al. 2006) and the same models of the IAU; against skyfield, which shares no code of SOFA, 0.01″ and 0.2 m (apart are 2.7 mas
-/// and 0.05 m). The Earth orientation is the same on all sides. Geometric places against geometric places; apparent ones (light time,
-/// aberration of the site) against their textbook formulae on astropy's positions. Velocities to 1 mm/s: astropy keeps that GMST and the
-/// Earth rotation angle drift apart by precession, 8e-12 rad/s or 0.3 mm/s at a geostationary distance.
+/// Promised: 1″ and 1 m. Held against astropy: 0.1 mas and 1 mm (apart are 4 µas and 0.08 mm), since both follow the same
+/// definition of TEME (Vallado et al. 2006) and the same models of the IAU; against skyfield, which shares no code of SOFA,
+/// 0.01″ and 0.2 m (apart are 2.7 mas and 0.05 m). The Earth orientation is the same on all sides. Geometric places against
+/// geometric places; apparent ones (light time, aberration of the site) against their textbook formulae on astropy's
+/// positions. Velocities to 1 mm/s: astropy keeps that GMST and the Earth rotation angle drift apart by precession, 8e-12
+/// rad/s or 0.3 mm/s at a geostationary distance.
 #[test]
 fn satellites_stand_where_astropy_and_skyfield_see_them() {
     let table = read("places");
@@ -94,9 +95,9 @@ fn satellites_stand_where_astropy_and_skyfield_see_them() {
     }
 }
 
-/// Promised: 0.1 s. Truth: the cones that touch the Sun and a spherical Earth, a closed form in space instead of discs on the sky, on
-/// python-sgp4's orbit and astropy's Sun. Held: 10 ms; theirs takes the Sun from the Earth's centre where ours takes it from the target
-/// (0.02 s of light time, 1e-9 rad), and both find contacts to 1 ms or better.
+/// Promised: 0.1 s. Truth: the cones that touch the Sun and a spherical Earth, a closed form in space instead of discs on the
+/// sky, on python-sgp4's orbit and astropy's Sun. Held: 10 ms; theirs takes the Sun from the Earth's centre where ours takes
+/// it from the target (0.02 s of light time, 1e-9 rad), and both find contacts to 1 ms or better.
 #[test]
 fn contacts_with_the_shadow_are_those_of_its_cones() {
     let table = read("contacts");

@@ -73,9 +73,10 @@ fn distance(orbit: &TleOrbit, minutes: f64, truth: &[f64]) -> (f64, f64) {
 }
 
 /// Truth: Vallado, Crawford, Hujsak, Kelso 2006 (AIAA 2006-6753), the verification set and its output, printed to 1e-8 km and
-/// 1e-9 km/s: half of that rounding in each of three axes is 9e-9 km and 9e-10 km/s. Promised are 1e-6 km and held here is 1e-8 km, but for the
-/// one run of 1.8 million minutes (3.5 years), where the time itself is rounded to 2e-10 min of a fall at 10 km/s: 2e-7 km.
-/// That output was made in the published code's improved mode `i`; object 23599 is where mode `a`, which we use, differs.
+/// 1e-9 km/s: half of that rounding in each of three axes is 9e-9 km and 9e-10 km/s. Promised are 1e-6 km and held here is
+/// 1e-8 km, but for the one run of 1.8 million minutes (3.5 years), where the time itself is rounded to 2e-10 min of a fall
+/// at 10 km/s: 2e-7 km. That output was made in the published code's improved mode `i`; object 23599 is where mode `a`, which
+/// we use, differs.
 #[test]
 fn the_verification_set() {
     let (mut rows, mut worst_km, mut worst_km_s) = (0, 0.0_f64, 0.0_f64);
@@ -103,8 +104,9 @@ fn the_verification_set() {
     println!("{rows} states: at most {worst_km:.1e} km and {worst_km_s:.1e} km/s");
 }
 
-/// The set's expected failures, with the numbers that the published code prints (python-sgp4 2.27, tests.py: mean eccentricity
-/// −0.001329 and −0.001208, radius 0.996159, 0.996252 and 0.830534 Earth radii, perturbed eccentricity −122.217193), at the same minute.
+/// The set's expected failures, with the numbers that the published code prints (python-sgp4 2.27, tests.py: mean
+/// eccentricity −0.001329 and −0.001208, radius 0.996159, 0.996252 and 0.830534 Earth radii, perturbed eccentricity
+/// −122.217193), at the same minute.
 #[test]
 fn the_expected_failures() {
     let mut failures = Vec::new();
@@ -149,8 +151,8 @@ fn the_expected_failures() {
     }
 }
 
-/// Truth: the published code itself in its mode `a` (python-sgp4 2.27, Vallado's C++), 17 digits: every state of the set to 1e-8 km,
-/// 23599 included, and every failure with the same code at the same minute.
+/// Truth: the published code itself in its mode `a` (python-sgp4 2.27, Vallado's C++), 17 digits: every state of the set to
+/// 1e-8 km, 23599 included, and every failure with the same code at the same minute.
 #[test]
 fn the_published_code_in_the_same_mode() {
     let path = fixture("orbits/afspc.ecsv");
@@ -190,9 +192,9 @@ fn the_published_code_in_the_same_mode() {
     println!("{} states: at most {worst:.1e} km", table.rows());
 }
 
-/// 23599 (period 322 min, inclination 6.9°: Lyddane's choice) from 420 min on: the node has just passed 0°. Mode `a` counts it from
-/// 360° downwards, mode `i`, in which the set was printed, from 0° to negative angles; Lyddane's formula holds the node itself, not its sine, and gives another
-/// mean longitude: 0.9 km along the track. Before, the modes agree.
+/// 23599 (period 322 min, inclination 6.9°: Lyddane's choice) from 420 min on: the node has just passed 0°. Mode `a` counts
+/// it from 360° downwards, mode `i`, in which the set was printed, from 0° to negative angles; Lyddane's formula holds the
+/// node itself, not its sine, and gives another mean longitude: 0.9 km along the track. Before, the modes agree.
 #[test]
 fn object_23599_differs_where_its_node_passes_zero() {
     let runs = runs();
@@ -208,9 +210,9 @@ fn object_23599_differs_where_its_node_passes_zero() {
     }
 }
 
-/// 11801 and 88888 are elements of 1980 without an ephemeris type or a designator: the reader of the `sgp4` crate refuses 11801
-/// ("Parsing an integer field failed"), ours reads them. 33333, 33334 and 33335 were changed by hand without their checksums: ours refuses
-/// them, and says what the sums are.
+/// 11801 and 88888 are elements of 1980 without an ephemeris type or a designator: the reader of the `sgp4` crate refuses
+/// 11801 ("Parsing an integer field failed"), ours reads them. 33333, 33334 and 33335 were changed by hand without their
+/// checksums: ours refuses them, and says what the sums are.
 #[test]
 fn what_the_set_cannot_parse() {
     for run in runs() {

@@ -10,7 +10,7 @@ use sunglint_radiometry::sky::Observer;
 use sunglint_simulator::passes::Search;
 
 /// Tracks that are drawn at most: the brightest.
-const TRACKS: usize = 40;
+const TRACKS: usize = 22;
 /// Points of a track.
 const POINTS: u32 = 160;
 

@@ -318,8 +318,8 @@ impl Air {
         Path { apparent_deg, true_deg: apparent_deg + bending.to_degrees(), amounts }
     }
 
-    /// True zenith angle \[deg\] of a target at infinity that is seen on the horizon, at 90°. A near target is lost some minutes of arc earlier
-    /// ([`Zenith::Near`] knows).
+    /// True zenith angle \[deg\] of a target at infinity that is seen on the horizon, at 90°. A near target is lost some
+    /// minutes of arc earlier ([`Zenith::Near`] knows).
     pub fn horizon_deg(&self) -> f64 {
         self.shells.true_deg(90.0)
     }

@@ -5,8 +5,9 @@ use super::AirError;
 /// A zenith angle at the station, in degrees, named for what it is.
 ///
 /// `Apparent` is the direction in which a target is seen; `True` that in which a star, at infinity, would stand without air; `Near`
-/// that of the straight line to a target at a finite range. The air shifts the ray sideways before it lets it go, by 16 m at 70° and
-/// 2 km at the horizon: a satellite 1000 km away stands 3″, one on the horizon at 2000 km 3.5′ nearer to where it is seen than a star behind it.
+/// that of the straight line to a target at a finite range. The air shifts the ray sideways before it lets it go, by 16 m at
+/// 70° and 2 km at the horizon: a satellite 1000 km away stands 3″, one on the horizon at 2000 km 3.5′ nearer to where it is
+/// seen than a star behind it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Zenith {
     /// Without refraction \[deg\].
@@ -59,8 +60,8 @@ impl Outside {
         Ok(radius_km)
     }
 
-    /// The zenith angle \[deg\] of the straight line from the station to the point at which a ray meets the sphere of a radius, for
-    /// the ray's apparent and its final zenith angle.
+    /// The zenith angle \[deg\] of the straight line from the station to the point at which a ray meets the sphere of a
+    /// radius, for the ray's apparent and its final zenith angle.
     ///
     /// Outside the air the ray is a straight line that passes the Earth's centre at n₀ r₀ sin z (Bouguer), and meets the sphere
     /// at the geocentric angle z∞ − asin(n₀ r₀ sin z/r) from the station.
@@ -417,8 +418,8 @@ mod tests {
         }
     }
 
-    /// Truth: the ray equation d(n d)/ds = ∇n in the plane, by Runge–Kutta steps of 50 m through the same n(h) and on along a straight
-    /// line: no Bouguer, no shells, no impact parameter. Its own error is below 1e-9°, measured by halving the step.
+    /// Truth: the ray equation d(n d)/ds = ∇n in the plane, by Runge–Kutta steps of 50 m through the same n(h) and on along a
+    /// straight line: no Bouguer, no shells, no impact parameter. Its own error is below 1e-9°, measured by halving the step.
     #[test]
     fn a_near_target_is_seen_through_the_ray_that_meets_it() {
         let (radius, scale, n0) = (6371.0_f64, 8.0_f64, 2.8e-4_f64);

@@ -22,13 +22,13 @@ const MOST_INTERVALS: usize = 1024;
 ///
 /// # Error
 /// L is smooth in t: each species' path integral is, and a bin's −ln of a mean of exponentials of such. Between two nodes the
-/// interpolation errs by ω(t) L⁽⁶⁾/720 with a known ω, so where L⁽⁶⁾ changes little over six nodes the error is
-/// largest where ω is: in the middle of an interval, in the outermost ones within a quarter of it. The builder measures
-/// the error in T against the exact calculation at 0.25, 0.5 and 0.75 of *every* interval, for every sample, by apparent and
-/// by true zenith angle; it doubles the nodes until 1.5 times the largest is below the tolerance, and reports that. A near target's
-/// angle goes through the same tabulated bending and geometry without error, and errs as a true angle does.
-/// So the bound is sampled, not proven: the factor of 1.5 covers what lies between the samples (a property test draws stations
-/// and angles at random; 6000 stations were drawn once without a case beyond the bound).
+/// interpolation errs by ω(t) L⁽⁶⁾/720 with a known ω, so where L⁽⁶⁾ changes little over six nodes the error is largest where
+/// ω is: in the middle of an interval, in the outermost ones within a quarter of it. The builder measures the error in T
+/// against the exact calculation at 0.25, 0.5 and 0.75 of *every* interval, for every sample, by apparent and by true zenith
+/// angle; it doubles the nodes until 1.5 times the largest is below the tolerance, and reports that. A near target's angle
+/// goes through the same tabulated bending and geometry without error, and errs as a true angle does. So the bound is
+/// sampled, not proven: the factor of 1.5 covers what lies between the samples (a property test draws stations and angles at
+/// random; 6000 stations were drawn once without a case beyond the bound).
 #[derive(Debug, Clone)]
 pub struct AirTable {
     samples: usize,

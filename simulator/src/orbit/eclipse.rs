@@ -6,12 +6,12 @@
 //! leaves out is the air, which bends sunlight into the umbra and dims the last tens of kilometres above the limb: in low orbit
 //! entry and exit are blurred by some seconds.
 
-use super::{Orbit, OrbitError, seconds_between};
+use super::{Orbit, OrbitError, in_tai, seconds_between};
 use crate::geometry::GeometryError;
 use glam::DVec3;
 use hifitime::{Duration, Epoch};
 use std::f64::consts::{FRAC_PI_2, PI};
-use sunglint_radiometry::sky::{EarthOrientation, SkyFrame, SunPlace, separation_rad};
+use sunglint_radiometry::sky::{EarthOrientation, SkyFrames, SunPlace, separation_rad};
 
 /// The equatorial radius of WGS 84, m.
 pub const EARTH_EQUATORIAL_RADIUS_M: f64 = 6_378_137.0;
@@ -33,8 +33,7 @@ pub enum EarthShape {
     /// 200 m on the limb at most).
     ///
     /// Space is stretched along the axis until the Earth is a sphere. The Sun's disc, which this makes higher by up to 0.34 %, is
-    /// kept circular: the visible fraction errs by up to 1e-3 of itself beside the oblateness that it accounts for
-    /// (contacts up to 3 s in low orbit).
+    /// kept circular: the visible fraction errs by 1e-3 at most, where the oblateness moves contacts by up to some seconds.
     Ellipsoid,
 }
 
@@ -70,8 +69,9 @@ pub enum Shadow {
 
 impl Discs {
     /// The discs at a GCRS position, m, with the Sun as it is seen from there by someone at rest in the GCRS
-    /// ([`SkyFrame::sun_from`] with velocity zero), since the Earth's limb is taken at rest there too. (With the target's own
-    /// velocity both would be aberrated, by up to 5″, and no contact would change.)
+    /// ([`SkyFrame::sun_from`](sunglint_radiometry::sky::SkyFrame::sun_from) with velocity zero), since the Earth's limb is
+    /// taken at rest there too. (With the target's own velocity both would be aberrated, by up to 5″, and no contact would
+    /// change.)
     ///
     /// A target inside the sphere (of the equatorial radius, over a pole) sees what one on its surface sees.
     pub fn at(position_m: DVec3, sun: &SunPlace, earth: EarthShape) -> Self {
@@ -112,10 +112,10 @@ impl Discs {
 
     /// The visible part of the Sun's solid angle, 0 to 1.
     ///
-    /// Where the discs' edges cross, the hidden part is a lens: two sectors of small circles less the two spherical
-    /// triangles between the centres and the crossings, 2α(1−cos a) + 2β(1−cos b) − 2E. The angles come from the half-angle formulae and
-    /// the excess from L'Huilier's theorem, all of them without the cancellation that arc cosines have at tangency;
-    /// what is left is a rounding of 1e-13, and 1e-9 within 1e-9 rad of tangency.
+    /// Where the discs' edges cross, the hidden part is a lens: two sectors of small circles less the two spherical triangles
+    /// between the centres and the crossings, 2α(1−cos a) + 2β(1−cos b) − 2E. The angles come from the half-angle formulae
+    /// and the excess from L'Huilier's theorem, all of them without the cancellation that arc cosines have at tangency; what
+    /// is left is a rounding of 1e-13, and 1e-9 within 1e-9 rad of tangency.
     pub fn visible_fraction(&self) -> f64 {
         let Self { sun_rad: a, earth_rad: b, separation_rad: c } = *self;
         match self.shadow() {
@@ -179,7 +179,7 @@ pub struct Contact {
 /// 0.5 ms. An eclipse that lies between two steps is found by the minimum between them.
 ///
 /// # Errors
-/// As [`Orbit::state`] and [`SkyFrame::new`].
+/// As [`Orbit::state`] and [`SkyFrames::over`].
 pub fn contacts(
     orbit: &Orbit,
     from: Epoch,
@@ -187,8 +187,9 @@ pub fn contacts(
     orientation: &EarthOrientation,
     earth: EarthShape,
 ) -> Result<Vec<Contact>, GeometryError> {
+    let frames = SkyFrames::over(from, to, orientation)?;
     let clearance = |epoch: Epoch| -> Result<([f64; 2], f64), GeometryError> {
-        let frame = SkyFrame::new(epoch, orientation)?;
+        let frame = frames.at(epoch)?;
         let state = orbit.state(epoch, &frame)?;
         let sun = frame.sun_from(state.position_m, DVec3::ZERO)?;
         let Discs { sun_rad, earth_rad, separation_rad } = Discs::at(state.position_m, &sun, earth);
@@ -197,6 +198,7 @@ pub fn contacts(
         let penumbra = separation_rad - (earth_rad + sun_rad);
         Ok(([penumbra, separation_rad - (earth_rad - sun_rad).abs()], revolution_s))
     };
+    let from = in_tai(from);
     let length_s = seconds_between(from, to);
     let at =
         |seconds: f64| from + Duration::from_total_nanoseconds((seconds * 1e9).round() as i128);

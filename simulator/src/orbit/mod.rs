@@ -22,7 +22,7 @@ pub use propagation::TleOrbit;
 pub use tle::Tle;
 
 use glam::DVec3;
-use hifitime::Epoch;
+use hifitime::{Duration, Epoch};
 use sunglint_formats::time::tai_nanoseconds;
 use sunglint_radiometry::sky::SkyFrame;
 
@@ -89,6 +89,11 @@ impl From<Ephemeris> for Orbit {
     fn from(ephemeris: Ephemeris) -> Self {
         Self::Ephemeris(ephemeris)
     }
+}
+
+/// The same instant counted in TAI, so that adding seconds to it is right through leap seconds too.
+pub(crate) fn in_tai(epoch: Epoch) -> Epoch {
+    Epoch::from_tai_duration(Duration::from_total_nanoseconds(tai_nanoseconds(epoch)))
 }
 
 /// Elapsed seconds from `earlier` to `later`, leap seconds included: good to 1 ns over ten days, to 0.1 µs over 30 years.

@@ -13,6 +13,8 @@ const WGS72_RADIUS_KM: f64 = 6378.135;
 const OLD_DAYS: f64 = 3.0;
 /// Elements older than this are no longer an orbit, days.
 const STALE_DAYS: f64 = 30.0;
+/// Minutes from the epoch beyond which SGP4 is not asked: 1900 years. (Resonant orbits are integrated in steps of 720 min.)
+const FURTHEST_MIN: f64 = 1e9;
 
 /// SGP4 (SDP4 for periods of 225 min and more) for one set of elements, as Vallado et al. published it in 2006
 /// (AIAA 2006-6753): WGS 72, with the sidereal time and the choices that the elements were fitted with ("AFSPC-compatible").
@@ -57,8 +59,11 @@ impl TleOrbit {
     /// The same for minutes after the elements' epoch.
     ///
     /// # Errors
-    /// Why SGP4 has no place then.
+    /// Why SGP4 has no place then; [`DecayCause::NotFinite`] also for minutes that are no number, or more than 1e9.
     pub fn teme_after(&self, minutes: f64) -> Result<State, DecayCause> {
+        if !(-FURTHEST_MIN..=FURTHEST_MIN).contains(&minutes) {
+            return Err(DecayCause::NotFinite);
+        }
         let found = self
             .constants
             .propagate_afspc_compatibility_mode(MinutesSinceEpoch(minutes))
