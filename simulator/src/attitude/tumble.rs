@@ -347,7 +347,7 @@ fn cosines(function: impl Fn(f64) -> f64) -> Vec<f64> {
             2.0 / samples as f64 * sum
         };
         let mut coefficients: Vec<f64> = (1..samples / 2).map(coefficient).collect();
-        let small = |c: &f64| c.abs() < 5e-17;
+        let small = |c: &f64| c.abs() < 2e-16;
         // What lies beyond half of the coefficients is aliased into the rest.
         if coefficients[samples / 4..].iter().all(small) || samples >= MOST_SAMPLES {
             while coefficients.last().is_some_and(small) {
