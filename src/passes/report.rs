@@ -120,7 +120,7 @@ impl Report<'_> {
     fn list(&self, text: &mut String) {
         let _ = writeln!(
             text,
-            "{:>6} {:<18} {:<5} {:<8} {:<8} {:<8} {:<5} {:>4} {:>6} {:>5} {:>5} {:>7} {:>4} {:>5} notes",
+            "{:>6} {:<16} {:<5} {:<8} {:<8} {:<8} {:<5} {:>4} {:>6} {:>5} {:>5} {:>6} {:>4} {:>5} notes",
             "number",
             "target",
             "UTC",
@@ -147,11 +147,11 @@ impl Report<'_> {
             let azimuth = |e: &Event| compass(e.geometry.horizontal.azimuth_deg());
             let best = self.best(pass).map_or("-".into(), |(_, ratio)| short(ratio));
             let name = pass.target.split(" (").next().unwrap_or(&pass.target);
-            let name: String = name.chars().take(18).collect();
+            let name: String = name.chars().take(16).collect();
             let v = pass.expected.v_station.map_or("-".into(), |v| format!("{v:.1}"));
             let _ = writeln!(
                 text,
-                "{:>6} {name:<18} {} {} {} {} {:<5} {:>3.0}° {:>6.0} {:>4.0}° {v:>5} {best:>7} {:>3.0}° {:>4.0}°{}{notes}",
+                "{:>6} {name:<16} {} {} {} {} {:<5} {:>3.0}° {:>6.0} {:>4.0}° {v:>5} {best:>6} {:>3.0}° {:>4.0}°{}{notes}",
                 pass.norad_id,
                 &format_utc(pass.start.geometry.epoch, 0)[5..10],
                 clock(&pass.start),
