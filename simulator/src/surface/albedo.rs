@@ -13,13 +13,18 @@ use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
 const TOLERANCE: f64 = 1e-9;
 
 impl Material {
-    /// The directional–hemispherical reflectance at a wavelength (vacuum nm) for light from `i` (unit vector, surface's own axes):
-    /// ∫ f_r cosθ_o dω_o. 0 for light from below; errs by some 1e-8.
+    /// The directional–hemispherical reflectance ∫ f_r cosθ_o dω_o at a wavelength (vacuum nm) for light from `i` (unit vector, surface's own
+    /// axes). 0 for light from below; the quadrature stops when its orders agree to 1e-9.
     pub fn albedo(&self, wavelength_nm: f64, i: DVec3) -> f64 {
-        if i.z.is_nan() || i.z <= 0.0 {
-            return 0.0;
-        }
+        self.times_spectra(wavelength_nm, &self.albedo_weights(i))
+    }
+
+    /// [`Material::albedo`] as weights, one per spectrum.
+    pub fn albedo_weights(&self, i: DVec3) -> Vec<f64> {
         let mut sum = vec![0.0; self.spectra.len()];
+        if i.z.is_nan() || i.z <= 0.0 {
+            return sum;
+        }
         match &self.model {
             Model::Lambert => sum[0] = 1.0,
             Model::Mirror { fresnel } => fresnel.add_weights(i.z, 1.0, &mut sum),
@@ -30,7 +35,7 @@ impl Material {
                 base.add_albedo(i.z, &mut sum[coat.len()..]);
             }
         }
-        self.times_spectra(wavelength_nm, &sum)
+        sum
     }
 }
 
