@@ -68,8 +68,9 @@ fn blends() -> Vec<Material> {
 
 fn all() -> Vec<Material> {
     let mut made: Vec<Material> = Vec::new();
+    let fresnels = fresnels();
     for lobe in lobes() {
-        made.extend(fresnels().into_iter().map(|f| Material::microfacet("m", lobe, f)));
+        made.extend(fresnels.iter().map(|f| Material::microfacet("m", lobe, f.clone())));
     }
     made.extend(blends());
     made.extend(Material::built_in_names().iter().map(|n| Material::built_in(n).unwrap()));
