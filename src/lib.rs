@@ -4,6 +4,7 @@
 //! - [`tables`]: the reference tables;
 //! - [`air`]: the transmission of the air;
 //! - [`star`]: a star's place, airmass and expected rates;
+//! - [`passes`]: when satellites can be seen;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
 //! - [`output`]: where results go, in which format, and that nothing is overwritten;
@@ -13,6 +14,7 @@ pub mod air;
 pub mod cli;
 pub mod demo;
 pub mod output;
+pub mod passes;
 pub mod plot;
 pub mod star;
 pub mod station;

@@ -1,6 +1,7 @@
 //! Figures: lines and points on one or several panels, as PNG or SVG.
 
 mod scale;
+pub mod sky;
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -199,43 +200,65 @@ const PANEL_HEIGHT: u32 = 400;
 const TITLE_HEIGHT: u32 = 46;
 
 impl Figure {
-    fn size(&self, scale: u32) -> (u32, u32) {
-        let panels = u32::try_from(self.panels.len()).unwrap_or(1);
-        (WIDTH * scale, (TITLE_HEIGHT + PANEL_HEIGHT * panels) * scale)
-    }
-
     /// The figure as an SVG text.
     pub fn svg(&self) -> Result<String, PlotError> {
-        use_font();
-        let mut text = String::new();
-        {
-            let root = SVGBackend::with_string(&mut text, self.size(1)).into_drawing_area();
-            self.draw(&root, 1)?;
-            root.present().map_err(|e| PlotError::Draw(e.to_string()))?;
-        }
-        Ok(text)
+        svg(self)
     }
 
     /// The figure as the bytes of a PNG file, at twice the size of the SVG.
     pub fn png(&self) -> Result<Vec<u8>, PlotError> {
-        use_font();
-        // Drawn at twice the size again and shrunk: the library draws lines without smoothing.
-        let (width, height) = self.size(4);
-        let mut pixels = vec![255_u8; (width * height * 3) as usize];
-        {
-            let root = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
-            self.draw(&root, 4)?;
-            root.present().map_err(|e| PlotError::Draw(e.to_string()))?;
-        }
-        let image = image::RgbImage::from_raw(width, height, pixels).ok_or_else(|| {
-            PlotError::Draw("the picture has not the size it was asked for".into())
-        })?;
-        let image = image::imageops::thumbnail(&image, width / 2, height / 2);
-        let mut bytes = Cursor::new(Vec::new());
-        image
-            .write_to(&mut bytes, image::ImageFormat::Png)
-            .map_err(|e| PlotError::Draw(e.to_string()))?;
-        Ok(bytes.into_inner())
+        png(self)
+    }
+}
+
+/// What draws itself at any scale.
+trait Drawn {
+    /// Width and height in pixels.
+    fn size(&self, scale: u32) -> (u32, u32);
+
+    /// Draws on an area of that size.
+    fn draw<DB: DrawingBackend>(
+        &self,
+        root: &DrawingArea<DB, Shift>,
+        scale: u32,
+    ) -> Result<(), PlotError>;
+}
+
+fn svg(figure: &impl Drawn) -> Result<String, PlotError> {
+    use_font();
+    let mut text = String::new();
+    {
+        let root = SVGBackend::with_string(&mut text, figure.size(1)).into_drawing_area();
+        figure.draw(&root, 1)?;
+        root.present().map_err(|e| PlotError::Draw(e.to_string()))?;
+    }
+    Ok(text)
+}
+
+fn png(figure: &impl Drawn) -> Result<Vec<u8>, PlotError> {
+    use_font();
+    // Drawn at twice the size again and shrunk: the library draws lines without smoothing.
+    let (width, height) = figure.size(4);
+    let mut pixels = vec![255_u8; (width * height * 3) as usize];
+    {
+        let root = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
+        figure.draw(&root, 4)?;
+        root.present().map_err(|e| PlotError::Draw(e.to_string()))?;
+    }
+    let image = image::RgbImage::from_raw(width, height, pixels)
+        .ok_or_else(|| PlotError::Draw("the picture has not the size it was asked for".into()))?;
+    let image = image::imageops::thumbnail(&image, width / 2, height / 2);
+    let mut bytes = Cursor::new(Vec::new());
+    image
+        .write_to(&mut bytes, image::ImageFormat::Png)
+        .map_err(|e| PlotError::Draw(e.to_string()))?;
+    Ok(bytes.into_inner())
+}
+
+impl Drawn for Figure {
+    fn size(&self, scale: u32) -> (u32, u32) {
+        let panels = u32::try_from(self.panels.len()).unwrap_or(1);
+        (WIDTH * scale, (TITLE_HEIGHT + PANEL_HEIGHT * panels) * scale)
     }
 
     fn draw<DB: DrawingBackend>(

@@ -87,6 +87,15 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         &serde_json::from_str(&std::fs::read_to_string(folder.path("s.json")).unwrap()).unwrap(),
         &mut printed,
     );
+    // A set with a wrong checksum among others, and both laws of brightness.
+    let elements = read("fixtures/passes/satellites.tle");
+    let wrong = elements.replacen("15.50000000    13", "15.50000000    14", 1);
+    std::fs::write(folder.path("some.tle"), wrong).unwrap();
+    let passes = ["passes", "--tle", "some.tle", "--station", "ufo", "--json", "--name", "leo"];
+    let window = ["--from", "2024-08-12T18:00", "--to", "2024-08-13T04:00"];
+    for law in [&[][..], &["--standard-magnitude", "4"]] {
+        keys(&folder.json(&[&passes[..], &window, law].concat()), &mut printed);
+    }
     // Rates are by the station's own channels.
     for channel in ["r", "g", "b", "id400", "spcm", "mppc"] {
         printed.remove(channel);
@@ -99,7 +108,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         word.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
     };
     // An embedded station has no files.
-    let titles = ["tables", "air", "star", "demo", "null", "file"];
+    let titles = ["tables", "air", "star", "passes", "demo", "null", "file"];
     let gone: Vec<&String> = quoted
         .difference(&printed)
         .filter(is_key)

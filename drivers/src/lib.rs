@@ -8,3 +8,6 @@
 //! - one folder per vendor: Swabian (photon counter), INDI (camera, wheel, rotator), OpenCV (frame grabber, its own
 //!   cargo feature), Ophir and Thorlabs (power meter), Trinamic and Thorlabs (stage), ZWO (wheel);
 //! - `simulated`: each kind again, speaking the same protocols, fed by a source that the caller plugs in.
+
+pub mod ptu;
+pub mod tags;

@@ -25,6 +25,8 @@ bitflags::bitflags! {
         const CLOCK_FREE = 1 << 4;
         /// The rate was so high that the detector does not follow.
         const SATURATED = 1 << 5;
+        /// The counter reported an error: its clock may have jumped, so that times before and after it do not belong together.
+        const ERROR = 1 << 6;
     }
 }
 
@@ -270,14 +272,18 @@ mod tests {
         let mut table = series().to_table().unwrap();
         assert_eq!(table.meta["flag_bits"]["overflow"], 0);
         assert_eq!(table.meta["flag_bits"]["saturated"], 5);
-        let other = json!({"saturated": 0, "clock_free": 1, "partial": 2, "gap": 3, "missed": 4, "overflow": 5});
+        let other = json!({
+            "saturated": 0, "clock_free": 1, "partial": 2, "gap": 3, "missed": 4, "overflow": 5, "error": 6
+        });
         table.meta.insert("flag_bits".into(), other);
         let read = CountSeries::from_table("c.ecsv", &table).unwrap();
         let flags: Vec<_> = read.records.iter().map(|record| record.flags).collect();
         // The third bin's number is 1 << 2.
         assert_eq!(flags, [CountFlags::empty(), CountFlags::all(), CountFlags::PARTIAL]);
         // A numbering by masks has a bit 32, and one that lacks a flag has a bit without name.
-        let masks = json!({"overflow": 1, "missed": 2, "gap": 4, "partial": 8, "clock_free": 16, "saturated": 32});
+        let masks = json!({
+            "overflow": 1, "missed": 2, "gap": 4, "partial": 8, "clock_free": 16, "saturated": 32, "error": 64
+        });
         for (bits, message) in [
             (
                 masks,
@@ -285,7 +291,7 @@ mod tests {
             ),
             (
                 json!({"gap": 2}),
-                "c.ecsv: flags: found 63, expected bits that meta.flag_bits names (in row 2)",
+                "c.ecsv: flags: found 127, expected bits that meta.flag_bits names (in row 2)",
             ),
         ] {
             table.meta.insert("flag_bits".into(), bits);
@@ -315,9 +321,9 @@ mod tests {
             "c.ecsv: start_utc: found `2016-12-31T23:59:61Z`, expected a time of day from 00:00:00 to 23:59:59 (in row 1)",
         );
         refused(
-            ",63,",
-            ",64,",
-            "c.ecsv: flags: found 64, expected bits that meta.flag_bits names (in row 2)",
+            ",127,",
+            ",128,",
+            "c.ecsv: flags: found 128, expected bits that meta.flag_bits names (in row 2)",
         );
         refused(
             ",4,1,0,2,3",

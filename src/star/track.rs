@@ -16,7 +16,7 @@ use sunglint_radiometry::sky::{
 };
 use sunglint_radiometry::spectrum::{Spectrum, Transmission};
 use sunglint_radiometry::star_light::StarLight;
-use sunglint_radiometry::station::{Channel, Detector, Station};
+use sunglint_radiometry::station::{Channel, Predicted, Station};
 
 /// A star as a station sees it at one or more moments.
 #[derive(Debug, Clone)]
@@ -300,45 +300,17 @@ impl Scene<'_> {
             below.unwrap_or_else(|| self.station.rate_hz(channel, light, None)).uncovered_nm;
         // Where nothing of the channel is tabulated the rate is not zero but unknown.
         let rate_hz = below.filter(|b| b.is_covered() || b.value > 0.0).map(|b| b.value);
-        let kappa = channel.typical_kappa;
-        let arriving = rate_hz.zip(kappa).map(|(hz, kappa)| hz / kappa);
-        let mut found = ChannelRate {
+        let Predicted { arriving, counted_hz, sigma_hz, saturated } = rate_hz
+            .map(|hz| self.station.predict(channel, hz, self.exposure_s))
+            .unwrap_or_default();
+        ChannelRate {
             rate_hz,
             above_air_hz,
             uncovered_nm,
             arriving,
-            counted_hz: None,
-            sigma_hz: None,
-            saturated: false,
-        };
-        let scale = kappa.unwrap_or(1.0);
-        match &channel.detector {
-            Detector::Counter(counter) => {
-                found.sigma_hz = match (arriving, rate_hz) {
-                    (Some(arriving), _) => {
-                        let true_hz = arriving + counter.dark_rate_hz;
-                        found.counted_hz = counter.dead_time.counted_hz(true_hz);
-                        found.saturated = counter.is_saturated_by(true_hz);
-                        counter
-                            .dead_time
-                            .sigma_hz(true_hz, self.exposure_s)
-                            .map(|sigma| scale * sigma)
-                    }
-                    // Without a κ it is not known what arrives, nor what the dead time makes of it: photons and dark counts alone.
-                    (None, Some(hz)) => {
-                        Some(((hz + counter.dark_rate_hz) / self.exposure_s).sqrt())
-                    }
-                    (None, None) => None,
-                };
-            }
-            Detector::CameraPlane(_) => {
-                // Photons are counted in electrons, κ in counts of the converter.
-                let gain = self.station.camera.as_ref().map_or(1.0, |c| c.gain_e_per_adu);
-                let electrons_hz = arriving.map(|adu| adu * gain).or(rate_hz);
-                let scale = if kappa.is_some() { scale / gain } else { 1.0 };
-                found.sigma_hz = electrons_hz.map(|hz| scale * (hz / self.exposure_s).sqrt());
-            }
+            counted_hz,
+            sigma_hz,
+            saturated,
         }
-        found
     }
 }

@@ -100,6 +100,29 @@ pub enum AirError {
         /// The horizon in the same kind of angle \[deg\].
         horizon_deg: f64,
     },
+    /// A range that is no distance.
+    #[error(
+        "a range of {range_m} m makes no sense; expected the distance to the target, in metres"
+    )]
+    Range {
+        /// The range \[m\].
+        range_m: f64,
+    },
+    /// A target that is not outside the air.
+    #[error(
+        "the target at a true zenith angle of {true_deg:.4}° and a range of {range_m:.0} m is {height_m:.0} m above the station, inside \
+         the air, which ends {top_m:.0} m above it: only paths through the whole air are calculated; is the range in metres?"
+    )]
+    InsideAir {
+        /// The zenith angle of the straight line \[deg\].
+        true_deg: f64,
+        /// The range \[m\].
+        range_m: f64,
+        /// The target's height above the station's level \[m\].
+        height_m: f64,
+        /// The height of the highest level of the profile above the station \[m\].
+        top_m: f64,
+    },
     /// A wavelength is outside the tables.
     #[error(
         "{wavelength_nm} nm is outside {lowest_nm:.3} to {highest_nm} nm, which the absorption tables cover; cut the range"

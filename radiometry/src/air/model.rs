@@ -2,7 +2,7 @@
 
 use super::aerosol::Aerosol;
 use super::math::exp_minus_in_place;
-use super::path::{Path, Shells, Zenith};
+use super::path::{Outside, Path, Shells, Zenith};
 use super::profile::{Level, Profile};
 use super::spectra::{self, CARBON_DIOXIDE, OXYGEN, Species, Term, WATER_REGIONS};
 use super::{AirError, LOSCHMIDT_CM3, Sampling};
@@ -306,7 +306,7 @@ impl Air {
     /// The ray of a zenith angle: its other angle, its refraction, and what it meets.
     ///
     /// # Errors
-    /// A zenith angle that is negative or not a number, or below the horizon (apparent 90°).
+    /// A zenith angle that is negative or not a number, or below the horizon (apparent 90°); a near target inside the air.
     pub fn path(&self, zenith: Zenith) -> Result<Path, AirError> {
         let apparent_deg = self.shells.apparent_deg(zenith)?;
         Ok(self.path_at(apparent_deg))
@@ -318,9 +318,15 @@ impl Air {
         Path { apparent_deg, true_deg: apparent_deg + bending.to_degrees(), amounts }
     }
 
-    /// True zenith angle \[deg\] of a target at infinity that is seen on the horizon, at 90°.
+    /// True zenith angle \[deg\] of a target at infinity that is seen on the horizon, at 90°. A near target is lost some
+    /// minutes of arc earlier ([`Zenith::Near`] knows).
     pub fn horizon_deg(&self) -> f64 {
         self.shells.true_deg(90.0)
+    }
+
+    /// What near targets need of the shells.
+    pub(crate) fn outside(&self) -> Outside {
+        self.shells.outside()
     }
 
     /// Relative air masses along a path of this air.

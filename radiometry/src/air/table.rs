@@ -1,7 +1,7 @@
 //! Transmissions for thousands of zenith angles on one sampling.
 
 use super::math::{STENCIL, exp_minus, lagrange};
-use super::path::{checked, invert};
+use super::path::{Outside, checked, invert};
 use super::{Air, AirError, Sampling, Zenith};
 
 /// Scale of the variable in which the nodes are even: the Earth's radius over the thickness of a shell of 400 m. It moves
@@ -22,12 +22,13 @@ const MOST_INTERVALS: usize = 1024;
 ///
 /// # Error
 /// L is smooth in t: each species' path integral is, and a bin's −ln of a mean of exponentials of such. Between two nodes the
-/// interpolation errs by ω(t) L⁽⁶⁾/720 with a known ω, so where L⁽⁶⁾ changes little over six nodes the error is
-/// largest where ω is: in the middle of an interval, in the outermost ones within a quarter of it. The builder measures
-/// the error in T against the exact calculation at 0.25, 0.5 and 0.75 of *every* interval, for every sample, by apparent and
-/// by true zenith angle; it doubles the nodes until 1.5 times the largest is below the tolerance, and reports that.
-/// So the bound is sampled, not proven: the factor of 1.5 covers what lies between the samples (a property test draws stations
-/// and angles at random; 6000 stations were drawn once without a case beyond the bound).
+/// interpolation errs by ω(t) L⁽⁶⁾/720 with a known ω, so where L⁽⁶⁾ changes little over six nodes the error is largest where
+/// ω is: in the middle of an interval, in the outermost ones within a quarter of it. The builder measures the error in T
+/// against the exact calculation at 0.25, 0.5 and 0.75 of *every* interval, for every sample, by apparent and by true zenith
+/// angle; it doubles the nodes until 1.5 times the largest is below the tolerance, and reports that. A near target's angle
+/// goes through the same tabulated bending and geometry without error, and errs as a true angle does. So the bound is
+/// sampled, not proven: the factor of 1.5 covers what lies between the samples (a property test draws stations and angles at
+/// random; 6000 stations were drawn once without a case beyond the bound).
 #[derive(Debug, Clone)]
 pub struct AirTable {
     samples: usize,
@@ -39,6 +40,7 @@ pub struct AirTable {
     /// Refraction over sin z \[deg\] at the nodes: even in z, hence smooth in t also at the zenith, where the refraction itself
     /// goes as √t.
     bending_deg: Vec<f64>,
+    outside: Outside,
     error: f64,
 }
 
@@ -64,7 +66,7 @@ impl AirTable {
         let mut nodes: Vec<Node> =
             (0..=intervals).map(|i| builder.node(t_last, i as f64 / intervals as f64)).collect();
         loop {
-            let mut table = Self::from_nodes(sampling, t_last, &nodes);
+            let mut table = Self::from_nodes(sampling, t_last, &nodes, air.outside());
             let middles = builder.between(&table, 0.5);
             let worst = table.worst(&middles);
             let mut error = 1.5 * worst;
@@ -149,7 +151,7 @@ impl AirTable {
         Ok(all)
     }
 
-    fn from_nodes(sampling: &Sampling, t_last: f64, nodes: &[Node]) -> Self {
+    fn from_nodes(sampling: &Sampling, t_last: f64, nodes: &[Node], outside: Outside) -> Self {
         Self {
             samples: sampling.len(),
             wavelength_nm: sampling.wavelength_nm().to_vec(),
@@ -157,6 +159,7 @@ impl AirTable {
             intervals: nodes.len() - 1,
             depths: nodes.iter().flat_map(|n| n.depths.iter().copied()).collect(),
             bending_deg: nodes.iter().map(|n| n.bending_deg).collect(),
+            outside,
             error: f64::INFINITY,
         }
     }
@@ -168,10 +171,23 @@ impl AirTable {
             Zenith::True(z) => {
                 let horizon_deg = 90.0 + self.bending_deg[self.intervals];
                 let z = checked(z, "true", horizon_deg)?;
-                invert(z, z.min(90.0), |a| a + self.bending(t_of(a)) * a.to_radians().sin())
+                invert(z, z.min(90.0), |a| self.true_deg(a))
+            }
+            Zenith::Near { true_deg, range_m } => {
+                let radius_km = self.outside.radius_km(true_deg, range_m)?;
+                let near_of = |a| self.outside.near_deg(a, self.true_deg(a), radius_km);
+                if true_deg > 90.0 {
+                    checked(true_deg, "true", near_of(90.0))?;
+                }
+                invert(true_deg, true_deg.min(90.0), near_of)
             }
         };
         Ok(t_of(apparent_deg))
+    }
+
+    /// True zenith angle \[deg\] of a target at infinity, by the tabulated bending.
+    fn true_deg(&self, apparent_deg: f64) -> f64 {
+        apparent_deg + self.bending(t_of(apparent_deg)) * apparent_deg.to_radians().sin()
     }
 
     /// The six nodes that serve a place, and their weights.

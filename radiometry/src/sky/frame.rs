@@ -4,7 +4,7 @@
 use super::angles::Horizontal;
 use super::orientation::{EarthOrientation, Orientation};
 use super::site::Site;
-use super::time::{TimeError, TimeScales};
+use super::time::{JulianDate, TimeError, TimeScales};
 use crate::constants::{AU_M, LIGHT_M_PER_S};
 use glam::{DMat3, DVec3};
 use hifitime::Epoch;
@@ -54,6 +54,34 @@ pub(super) struct StateAu {
     pub velocity: DVec3,
 }
 
+/// What of a frame moves slowly and costs much: precession, nutation, and the Earth about the Sun.
+#[derive(Debug, Clone)]
+pub(super) struct Slow {
+    /// GCRS → celestial intermediate system, row by row.
+    pub celestial: [[f64; 3]; 3],
+    pub equation_of_origins_rad: f64,
+    pub earth_from_sun: StateAu,
+    pub earth_from_barycentre: StateAu,
+}
+
+impl Slow {
+    pub fn at(tt: JulianDate) -> Result<Self, SkyError> {
+        let (tt1, tt2) = (tt.midnight, tt.fraction);
+        let (from_sun, from_barycentre) = sofars::eph::epv00(tt1, tt2).ok_or_else(|| {
+            SkyError::OutsideEphemeris { julian_year: 2000.0 + (tt1 - 2_451_545.0 + tt2) / 365.25 }
+        })?;
+        let bias_precession_nutation = sofars::pnp::pnm06a(tt1, tt2);
+        let (x, y) = sofars::pnp::bpn2xy(&bias_precession_nutation);
+        let s = sofars::pnp::s06(tt1, tt2, x, y);
+        Ok(Self {
+            celestial: sofars::pnp::c2ixys(x, y, s),
+            equation_of_origins_rad: sofars::pnp::eors(&bias_precession_nutation, s),
+            earth_from_sun: state(&from_sun),
+            earth_from_barycentre: state(&from_barycentre),
+        })
+    }
+}
+
 /// The frames at one epoch: GCRS ↔ ITRS by the CIO method (IAU 2006/2000A, SOFA `c2t06a`), and where the Earth is.
 #[derive(Debug, Clone)]
 pub struct SkyFrame {
@@ -71,41 +99,43 @@ pub struct SkyFrame {
 
 impl SkyFrame {
     /// The frames at an epoch. Costs some 50 µs, nearly all of it nutation and the Earth's ephemeris:
-    /// build it once per epoch.
+    /// build it once per epoch, or with [`SkyFrames`](super::SkyFrames) for many epochs of a night.
     ///
     /// # Errors
     /// [`SkyError::Time`] before 1972, [`SkyError::OutsideEphemeris`] after 2099.
     pub fn new(epoch: Epoch, earth: &EarthOrientation) -> Result<Self, SkyError> {
         let orientation = earth.at(epoch)?;
         let times = TimeScales::at(epoch, orientation.ut1_minus_tai_s)?;
-        let (tt1, tt2) = (times.tt.midnight, times.tt.fraction);
-        let (from_sun, from_barycentre) = sofars::eph::epv00(tt1, tt2).ok_or_else(|| {
-            SkyError::OutsideEphemeris { julian_year: 2000.0 + (tt1 - 2_451_545.0 + tt2) / 365.25 }
-        })?;
+        let slow = Slow::at(times.tt)?;
+        Ok(Self::of(epoch, orientation, times, &slow))
+    }
 
-        let bias_precession_nutation = sofars::pnp::pnm06a(tt1, tt2);
-        let (x, y) = sofars::pnp::bpn2xy(&bias_precession_nutation);
-        let s = sofars::pnp::s06(tt1, tt2, x, y);
-        let celestial = sofars::pnp::c2ixys(x, y, s);
+    /// From what moves slowly, and the Earth's rotation.
+    pub(super) fn of(
+        epoch: Epoch,
+        orientation: Orientation,
+        times: TimeScales,
+        slow: &Slow,
+    ) -> Self {
         let rotation_rad = sofars::erst::era00(times.ut1.midnight, times.ut1.fraction);
         let polar_motion = sofars::pnp::pom00(
             orientation.x_pole_arcsec * DAS2R,
             orientation.y_pole_arcsec * DAS2R,
-            sofars::pnp::sp00(tt1, tt2),
+            sofars::pnp::sp00(times.tt.midnight, times.tt.fraction),
         );
-        let whole = sofars::pnp::c2tcio(&celestial, rotation_rad, &polar_motion);
-        Ok(Self {
+        let whole = sofars::pnp::c2tcio(&slow.celestial, rotation_rad, &polar_motion);
+        Self {
             epoch,
             times,
             orientation,
-            gcrs_to_cirs: matrix(&celestial),
+            gcrs_to_cirs: matrix(&slow.celestial),
             tirs_to_itrs: matrix(&polar_motion),
             gcrs_to_itrs: matrix(&whole),
             earth_rotation_angle_rad: rotation_rad,
-            equation_of_origins_rad: sofars::pnp::eors(&bias_precession_nutation, s),
-            earth_from_sun: state(&from_sun),
-            earth_from_barycentre: state(&from_barycentre),
-        })
+            equation_of_origins_rad: slow.equation_of_origins_rad,
+            earth_from_sun: slow.earth_from_sun,
+            earth_from_barycentre: slow.earth_from_barycentre,
+        }
     }
 
     /// The epoch.

@@ -7,6 +7,7 @@
 //! - [`site`]: places on the Earth, WGS 84 to ITRS;
 //! - [`angles`]: directions and the angles between them;
 //! - [`frame`]: GCRS ↔ ITRS at an epoch, and an observer at a site, built once for many directions;
+//! - [`frames`]: the same at many epochs of a night, cheaply;
 //! - [`bodies`]: the Sun and the Moon from the Earth's centre, a site, or a satellite;
 //! - [`stars`]: the bright stars by name, and a star's place.
 //!
@@ -33,6 +34,7 @@
 pub mod angles;
 pub mod bodies;
 pub mod frame;
+pub mod frames;
 pub mod orientation;
 pub mod site;
 pub mod stars;
@@ -41,6 +43,7 @@ pub mod time;
 pub use angles::{Equatorial, Horizontal, separation_deg, separation_rad};
 pub use bodies::{MoonPlace, MoonSighting, SunPlace, SunSighting, Twilight};
 pub use frame::{Observer, Sighting, SkyError, SkyFrame};
+pub use frames::SkyFrames;
 pub use orientation::{
     EarthOrientation, Orientation, OrientationError, OrientationOrigin, OrientationRow,
 };

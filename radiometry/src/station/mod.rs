@@ -2,6 +2,9 @@
 
 mod curves;
 mod file;
+mod predicted;
+
+pub use predicted::Predicted;
 
 use crate::air::{Aerosol, AirError, AirOptions, Profile};
 use crate::quadrature::{Integral, Product};

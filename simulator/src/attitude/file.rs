@@ -1,0 +1,430 @@
+//! An attitude as a table of a TOML file, usually `[attitude]` of a pass.
+//!
+//! ```toml
+//! [attitude]
+//! law = "inertial"                    # fixed among the stars
+//! body_to_gcrs = [1, 0, 0, 0]         # w, x, y, z; or euler_zyx_deg = [yaw, pitch, roll]
+//!
+//! [attitude]
+//! law = "spin"                        # about a fixed axis
+//! axis_body = [0, 0, 1]               # or axis_gcrs, or axis_ra_dec_deg = [ra, dec], each with body_to_gcrs;
+//! axis_ra_dec_deg = [120, 35]         # or both, in place of body_to_gcrs: the body's axis lies along the other
+//! phase_deg = 0                       # with both: turned so far about the axis at the epoch
+//! period_s = 5.2                      # inertial; negative turns left-handed; or rate_rpm, or rate_deg_s
+//! epoch_utc = 2026-03-01T20:00:00Z    # when it stands so
+//!
+//! [attitude]
+//! law = "tumble"                      # a rigid body without torque
+//! inertia_kg_m2 = [[2, 0, 0], [0, 3, 0], [0, 0, 4]]    # or principal_moments_kg_m2 = [2, 3, 4], perhaps with principal_to_body
+//! omega_body_deg_s = [0.1, 20, 0]     # against the stars; or omega_gcrs_deg_s
+//! body_to_gcrs = [1, 0, 0, 0]
+//! epoch_utc = 2026-03-01T20:00:00Z
+//!
+//! [attitude]
+//! law = "orbit"                       # z to nadir, y against the orbit's normal, x along the velocity
+//! body_to_orbit = [1, 0, 0, 0]        # or euler_zyx_deg; the default is none
+//!
+//! [attitude]
+//! law = "pointing"                    # one axis exactly, another as nearly as that allows
+//! first_axis_body = [0, 0, 1]
+//! first = "nadir"                     # sun, nadir, velocity, orbit_normal, north
+//! second_axis_body = [1, 0, 0]
+//! second = "sun"
+//!
+//! [attitude]
+//! law = "table"
+//! file = "attitude.ecsv"              # time_utc, q_w, q_x, q_y, q_z: body to GCRS
+//! interpolation = "slerp"             # or squad
+//! ```
+//!
+//! `law = "sun"` is `pointing` with `first = "sun"`; `yaw_steering` is `pointing` with `first = "nadir"` and `second = "sun"`,
+//! by default z to nadir and x on the Sun's side, so that panels that turn about y face the Sun.
+
+use super::{
+    Attitude, AttitudeError, AttitudeTable, Direction, Inertia, Interpolation, Pointing, Spin,
+    Tumble, euler_zyx, quaternion_wxyz,
+};
+use glam::{DMat3, DQuat, DVec3};
+use hifitime::Epoch;
+use serde::Deserialize;
+use std::path::PathBuf;
+use sunglint_formats::time::{Utc, parse_utc};
+use sunglint_formats::toml::{Document, Finite, Positive, Within};
+use sunglint_formats::{FileError, ParseError, Table};
+
+/// Reads a table that the file names, and says under which path it was found.
+pub type Loader<'a> = &'a mut dyn FnMut(&str) -> Result<(Table, PathBuf), FileError>;
+
+/// What stands in a file; see the module.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AttitudeFile {
+    law: Law,
+    body_to_gcrs: Option<[Finite; 4]>,
+    euler_zyx_deg: Option<[Finite; 3]>,
+    epoch_utc: Option<Utc>,
+    axis_body: Option<[Finite; 3]>,
+    axis_gcrs: Option<[Finite; 3]>,
+    axis_ra_dec_deg: Option<(Within<-180, 360>, Within<-90, 90>)>,
+    phase_deg: Option<Finite>,
+    period_s: Option<Finite>,
+    rate_deg_s: Option<Finite>,
+    rate_rpm: Option<Finite>,
+    inertia_kg_m2: Option<[[Finite; 3]; 3]>,
+    principal_moments_kg_m2: Option<[Positive; 3]>,
+    principal_to_body: Option<[Finite; 4]>,
+    omega_body_deg_s: Option<[Finite; 3]>,
+    omega_gcrs_deg_s: Option<[Finite; 3]>,
+    body_to_orbit: Option<[Finite; 4]>,
+    first_axis_body: Option<[Finite; 3]>,
+    first: Option<Direction>,
+    second_axis_body: Option<[Finite; 3]>,
+    second: Option<Direction>,
+    file: Option<String>,
+    interpolation: Option<Interpolation>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Law {
+    Inertial,
+    Spin,
+    Tumble,
+    Orbit,
+    Pointing,
+    Sun,
+    YawSteering,
+    Table,
+}
+
+impl Law {
+    fn name(self) -> &'static str {
+        match self {
+            Law::Inertial => "inertial",
+            Law::Spin => "spin",
+            Law::Tumble => "tumble",
+            Law::Orbit => "orbit",
+            Law::Pointing => "pointing",
+            Law::Sun => "sun",
+            Law::YawSteering => "yaw_steering",
+            Law::Table => "table",
+        }
+    }
+
+    fn keys(self) -> &'static [&'static str] {
+        match self {
+            Law::Inertial => &["body_to_gcrs", "euler_zyx_deg"],
+            Law::Spin => &[
+                "body_to_gcrs",
+                "euler_zyx_deg",
+                "axis_body",
+                "axis_gcrs",
+                "axis_ra_dec_deg",
+                "phase_deg",
+                "period_s",
+                "rate_deg_s",
+                "rate_rpm",
+                "epoch_utc",
+            ],
+            Law::Tumble => &[
+                "inertia_kg_m2",
+                "principal_moments_kg_m2",
+                "principal_to_body",
+                "omega_body_deg_s",
+                "omega_gcrs_deg_s",
+                "body_to_gcrs",
+                "euler_zyx_deg",
+                "epoch_utc",
+            ],
+            Law::Orbit => &["body_to_orbit", "euler_zyx_deg"],
+            Law::Pointing => &["first_axis_body", "first", "second_axis_body", "second"],
+            Law::Sun => &["first_axis_body", "second_axis_body", "second"],
+            Law::YawSteering => &["first_axis_body", "second_axis_body"],
+            Law::Table => &["file", "interpolation"],
+        }
+    }
+}
+
+/// The attitude that stands at the dotted key `at` (`attitude`) of a document; `table` reads the table that it names.
+///
+/// # Errors
+/// Keys that the law needs and are missing, or that it does not use; what is no attitude; a table that cannot be read: with
+/// line and field.
+pub fn attitude(
+    document: &Document,
+    at: &str,
+    file: &AttitudeFile,
+    table: Loader,
+) -> Result<Attitude, FileError> {
+    let place = Place { document, at };
+    place.check_keys(file)?;
+    Ok(match file.law {
+        Law::Inertial => Attitude::Inertial(place.body_to_gcrs(file)?),
+        Law::Spin => Attitude::Spin(place.spin(file)?),
+        Law::Tumble => Attitude::Tumble(place.tumble(file)?),
+        Law::Orbit => Attitude::Orbit(
+            place.rotation("body_to_orbit", &file.body_to_orbit, file)?.unwrap_or_default(),
+        ),
+        Law::Pointing | Law::Sun | Law::YawSteering => Attitude::Pointing(place.pointing(file)?),
+        Law::Table => Attitude::Table(place.table(file, table)?),
+    })
+}
+
+/// Where the file's table stands, for errors.
+struct Place<'a> {
+    document: &'a Document,
+    at: &'a str,
+}
+
+impl Place<'_> {
+    fn key(&self, key: &str) -> String {
+        format!("{}.{key}", self.at)
+    }
+
+    fn error(&self, key: &str, expected: impl Into<String>) -> ParseError {
+        self.document.error_at(&self.key(key), expected)
+    }
+
+    /// What a law refuses, at the key that is most likely wrong.
+    fn refused(&self, key: &str, error: &AttitudeError) -> ParseError {
+        self.error(key, "an attitude that can be").with_hint(error.to_string())
+    }
+
+    fn needs<T>(&self, key: &str, value: Option<T>) -> Result<T, ParseError> {
+        value.ok_or_else(|| self.error(key, format!("{key}, which is required")))
+    }
+
+    fn check_keys(&self, file: &AttitudeFile) -> Result<(), ParseError> {
+        let given = [
+            ("body_to_gcrs", file.body_to_gcrs.is_some()),
+            ("euler_zyx_deg", file.euler_zyx_deg.is_some()),
+            ("epoch_utc", file.epoch_utc.is_some()),
+            ("axis_body", file.axis_body.is_some()),
+            ("axis_gcrs", file.axis_gcrs.is_some()),
+            ("axis_ra_dec_deg", file.axis_ra_dec_deg.is_some()),
+            ("phase_deg", file.phase_deg.is_some()),
+            ("period_s", file.period_s.is_some()),
+            ("rate_deg_s", file.rate_deg_s.is_some()),
+            ("rate_rpm", file.rate_rpm.is_some()),
+            ("inertia_kg_m2", file.inertia_kg_m2.is_some()),
+            ("principal_moments_kg_m2", file.principal_moments_kg_m2.is_some()),
+            ("principal_to_body", file.principal_to_body.is_some()),
+            ("omega_body_deg_s", file.omega_body_deg_s.is_some()),
+            ("omega_gcrs_deg_s", file.omega_gcrs_deg_s.is_some()),
+            ("body_to_orbit", file.body_to_orbit.is_some()),
+            ("first_axis_body", file.first_axis_body.is_some()),
+            ("first", file.first.is_some()),
+            ("second_axis_body", file.second_axis_body.is_some()),
+            ("second", file.second.is_some()),
+            ("file", file.file.is_some()),
+            ("interpolation", file.interpolation.is_some()),
+        ];
+        let known = file.law.keys();
+        match given.iter().find(|(key, is_given)| *is_given && !known.contains(key)) {
+            None => Ok(()),
+            Some((key, _)) => {
+                let law = file.law.name();
+                let expected = format!("no {key}: the law {law} uses {}", known.join(", "));
+                Err(self.error(key, expected))
+            }
+        }
+    }
+
+    /// A rotation from its quaternion or from `euler_zyx_deg`.
+    fn rotation(
+        &self,
+        key: &str,
+        wxyz: &Option<[Finite; 4]>,
+        file: &AttitudeFile,
+    ) -> Result<Option<DQuat>, ParseError> {
+        match (wxyz, &file.euler_zyx_deg) {
+            (Some(_), Some(_)) => {
+                let expected = format!("either {key} or euler_zyx_deg, not both");
+                Err(self.error("euler_zyx_deg", expected))
+            }
+            (Some(wxyz), None) => self.quaternion(key, wxyz).map(Some),
+            (None, Some(angles)) => {
+                let [yaw, pitch, roll] = angles.map(|a| a.get().to_radians());
+                Ok(Some(euler_zyx(yaw, pitch, roll)))
+            }
+            (None, None) => Ok(None),
+        }
+    }
+
+    fn quaternion(&self, key: &str, wxyz: &[Finite; 4]) -> Result<DQuat, ParseError> {
+        quaternion_wxyz(wxyz.map(Finite::get)).map_err(|error| {
+            let hint = "the order is w, x, y, z";
+            self.error(key, "a quaternion of unit length").with_hint(format!("{error}; {hint}"))
+        })
+    }
+
+    fn body_to_gcrs(&self, file: &AttitudeFile) -> Result<DQuat, ParseError> {
+        let rotation = self.rotation("body_to_gcrs", &file.body_to_gcrs, file)?;
+        rotation.ok_or_else(|| {
+            self.error("body_to_gcrs", "body_to_gcrs or euler_zyx_deg, one of which is required")
+        })
+    }
+
+    fn epoch(&self, file: &AttitudeFile) -> Result<Epoch, ParseError> {
+        self.needs("epoch_utc", file.epoch_utc).map(|utc| utc.0)
+    }
+
+    fn spin(&self, file: &AttitudeFile) -> Result<Spin, ParseError> {
+        let turns_per_s = self.turns_per_s(file)?;
+        let epoch = self.epoch(file)?;
+        let axis_gcrs = match (&file.axis_gcrs, file.axis_ra_dec_deg) {
+            (Some(_), Some(_)) => {
+                let expected = "either axis_gcrs or axis_ra_dec_deg, not both";
+                return Err(self.error("axis_ra_dec_deg", expected));
+            }
+            (Some(axis), None) => Some(vector(axis)),
+            (None, Some((ra, dec))) => {
+                let place =
+                    sunglint_radiometry::sky::Equatorial { ra_deg: ra.get(), dec_deg: dec.get() };
+                Some(place.direction())
+            }
+            (None, None) => None,
+        };
+        let axis_body = file.axis_body.as_ref().map(vector);
+        if file.phase_deg.is_some() && !(axis_body.is_some() && axis_gcrs.is_some()) {
+            let expected = "phase_deg only with axis_body and an axis in the GCRS";
+            return Err(self.error("phase_deg", expected));
+        }
+        let refused = |key: &str| {
+            let key = key.to_owned();
+            move |error: AttitudeError| self.refused(&key, &error)
+        };
+        match (axis_body, axis_gcrs) {
+            (Some(body), Some(gcrs)) => {
+                if file.body_to_gcrs.is_some() || file.euler_zyx_deg.is_some() {
+                    let expected = "axis_body or an axis in the GCRS beside body_to_gcrs, not both axes (both stand in place of it)";
+                    return Err(self.error("axis_body", expected));
+                }
+                let phase_rad = file.phase_deg.map_or(0.0, |p| p.get().to_radians());
+                Spin::along(body, gcrs, turns_per_s, phase_rad, epoch).map_err(refused("axis_body"))
+            }
+            (Some(body), None) => {
+                Spin::about_body_axis(body, turns_per_s, self.body_to_gcrs(file)?, epoch)
+                    .map_err(refused("axis_body"))
+            }
+            (None, Some(gcrs)) => Spin::new(gcrs, turns_per_s, self.body_to_gcrs(file)?, epoch)
+                .map_err(refused("axis_gcrs")),
+            (None, None) => {
+                let expected = "axis_body, axis_gcrs or axis_ra_dec_deg: the axis of the spin";
+                Err(self.error("axis_body", expected))
+            }
+        }
+    }
+
+    fn turns_per_s(&self, file: &AttitudeFile) -> Result<f64, ParseError> {
+        match (file.period_s, file.rate_deg_s, file.rate_rpm) {
+            (Some(period), None, None) if period.get() != 0.0 => Ok(1.0 / period.get()),
+            (Some(_), None, None) => Err(self.error("period_s", "a period other than 0 s")),
+            (None, Some(rate), None) => Ok(rate.get() / 360.0),
+            (None, None, Some(rate)) => Ok(rate.get() / 60.0),
+            _ => Err(self.error("period_s", "exactly one of period_s, rate_deg_s and rate_rpm")),
+        }
+    }
+
+    fn tumble(&self, file: &AttitudeFile) -> Result<Tumble, ParseError> {
+        let (key, inertia) = match (&file.inertia_kg_m2, &file.principal_moments_kg_m2) {
+            (Some(rows), None) => {
+                if file.principal_to_body.is_some() {
+                    let expected = "principal_to_body only beside principal_moments_kg_m2";
+                    return Err(self.error("principal_to_body", expected));
+                }
+                let rows = rows.map(|row| vector(&row));
+                let tensor = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose();
+                ("inertia_kg_m2", Inertia::of_tensor(tensor))
+            }
+            (None, Some(moments)) => {
+                let axes = file.principal_to_body.as_ref();
+                let axes = axes.map(|q| self.quaternion("principal_to_body", q)).transpose()?;
+                let moments = DVec3::from_array(moments.map(Positive::get));
+                let inertia = Inertia::of_principal(moments, axes.unwrap_or_default());
+                ("principal_moments_kg_m2", inertia)
+            }
+            _ => {
+                let expected = "either inertia_kg_m2 or principal_moments_kg_m2";
+                return Err(self.error("inertia_kg_m2", expected));
+            }
+        };
+        let inertia = inertia.map_err(|error| {
+            self.error(key, "the inertia of a body").with_hint(error.to_string())
+        })?;
+        let body_to_gcrs = self.body_to_gcrs(file)?;
+        let radians = |v: &[Finite; 3]| vector(v) * 1_f64.to_radians();
+        let omega = match (&file.omega_body_deg_s, &file.omega_gcrs_deg_s) {
+            (Some(omega), None) => radians(omega),
+            (None, Some(omega)) => body_to_gcrs.inverse() * radians(omega),
+            _ => {
+                let expected = "either omega_body_deg_s or omega_gcrs_deg_s";
+                return Err(self.error("omega_body_deg_s", expected));
+            }
+        };
+        Tumble::new(&inertia, omega, body_to_gcrs, self.epoch(file)?)
+            .map_err(|error| self.refused("omega_body_deg_s", &error))
+    }
+
+    fn pointing(&self, file: &AttitudeFile) -> Result<Pointing, ParseError> {
+        let yaw_steering = file.law == Law::YawSteering;
+        let axis = |key: &str, given: &Option<[Finite; 3]>, default: DVec3| match given {
+            Some(axis) => Ok(vector(axis)),
+            None if yaw_steering => Ok(default),
+            None => Err(self.error(key, format!("{key}, which is required"))),
+        };
+        let first_axis = axis("first_axis_body", &file.first_axis_body, DVec3::Z)?;
+        let second_axis = axis("second_axis_body", &file.second_axis_body, DVec3::X)?;
+        let (first, second) = match file.law {
+            Law::YawSteering => (Direction::Nadir, Direction::Sun),
+            Law::Sun => (Direction::Sun, self.needs("second", file.second)?),
+            _ => (self.needs("first", file.first)?, self.needs("second", file.second)?),
+        };
+        Pointing::new(first_axis, first, second_axis, second).map_err(|error| {
+            let key = match error {
+                AttitudeError::SameDirection { .. } => "second",
+                _ => "second_axis_body",
+            };
+            self.refused(key, &error)
+        })
+    }
+
+    fn table(&self, file: &AttitudeFile, read: Loader) -> Result<AttitudeTable, FileError> {
+        let name = self.needs("file", file.file.as_ref())?;
+        let (table, path) = read(name).map_err(|error| match error {
+            FileError::Io { path, source, .. } => {
+                let hint = format!("{}: {source}", path.display());
+                self.error("file", "a table that can be read").with_hint(hint).into()
+            }
+            error => error,
+        })?;
+        let missing = |row: usize| {
+            ParseError::new(&path, "no value", "a time").in_field(format!("time_utc, row {row}"))
+        };
+        let texts = table.text("time_utc").map_err(|e| e.in_file(&path))?;
+        let mut epochs = Vec::with_capacity(texts.len());
+        for (i, text) in texts.iter().enumerate() {
+            let text = text.as_ref().ok_or_else(|| missing(i + 1))?;
+            let field = format!("time_utc, row {}", i + 1);
+            epochs.push(parse_utc(text).map_err(|e| e.in_file(&path).in_field(field))?);
+        }
+        let mut columns = Vec::new();
+        for name in ["q_w", "q_x", "q_y", "q_z"] {
+            columns.push(table.quantity(name, "").map_err(|e| e.in_file(&path))?);
+        }
+        let attitudes = (0..table.rows())
+            .map(|i| DQuat::from_xyzw(columns[1][i], columns[2][i], columns[3][i], columns[0][i]))
+            .collect();
+        AttitudeTable::new(epochs, attitudes, file.interpolation.unwrap_or_default()).map_err(
+            |error| {
+                let expected =
+                    "attitudes (q_w, q_x, q_y, q_z: unit quaternions) at increasing times";
+                ParseError::new(&path, error.to_string(), expected).into()
+            },
+        )
+    }
+}
+
+fn vector(numbers: &[Finite; 3]) -> DVec3 {
+    DVec3::from_array(numbers.map(Finite::get))
+}

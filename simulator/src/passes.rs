@@ -1,1 +1,0 @@
-//! When a target can be seen from a site.
