@@ -1,7 +1,7 @@
 //! The grammar of the command line. Subcommands appear here as they become real, none before.
 
 use crate::output::{Console, OutputArgs};
-use crate::{air, demo, passes, star, tables};
+use crate::{air, demo, passes, simulate, star, tables};
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
@@ -54,6 +54,8 @@ pub enum Command {
     Air(Box<air::AirArgs>),
     /// Place, airmass and expected count rates of a star
     Star(Box<star::StarArgs>),
+    /// Spectra, magnitudes and count rates of a satellite's pass, from a scene file
+    Simulate(Box<simulate::SimulateArgs>),
     /// Visible passes of satellites: when, where, how bright, what each channel counts
     Passes(Box<passes::PassesArgs>),
     /// Print the completions of a shell
@@ -99,6 +101,7 @@ impl Command {
             Command::Tables(args) => Some(&args.out),
             Command::Air(args) => Some(&args.out),
             Command::Star(args) => Some(&args.out),
+            Command::Simulate(args) => Some(&args.out),
             Command::Passes(args) => Some(&args.out),
             Command::Demo(_) | Command::Completions { .. } | Command::Man { .. } => None,
         }
@@ -110,6 +113,7 @@ impl Command {
             Command::Tables(args) => tables::run(args, console),
             Command::Air(args) => air::run(args, console),
             Command::Star(args) => star::run(args, console),
+            Command::Simulate(args) => simulate::run(args, console),
             Command::Passes(args) => passes::run(args, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();

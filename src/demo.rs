@@ -97,19 +97,17 @@ fn vega(track: &Track, curve: &LightCurve) -> anyhow::Result<Product> {
         zenith(track.sights.last())
     );
     let panels = vec![
-        Panel {
-            x: x(),
-            y: Axis::log("predicted rate at the detector (Hz)"),
-            series: rates.collect(),
-        },
-        Panel {
-            x: x(),
-            y: Axis::linear("extinction by clean air (mag)"),
-            series: fading.collect(),
-        },
+        Panel::new(x(), Axis::log("predicted rate at the detector (Hz)"), rates.collect()),
+        Panel::new(x(), Axis::linear("extinction by clean air (mag)"), fading.collect()),
     ];
     let figure = Some(Figure { title, panels });
-    Ok(Product { name: "vega_night".into(), table: curve.to_table()?, figure, json: json!({}) })
+    Ok(Product {
+        name: "vega_night".into(),
+        table: curve.to_table()?,
+        figure,
+        json: json!({}),
+        ..Product::default()
+    })
 }
 
 fn transmissions(air: &Air) -> anyhow::Result<Product> {
@@ -129,8 +127,8 @@ fn transmissions(air: &Air) -> anyhow::Result<Product> {
     let x = Axis::linear("vacuum wavelength (nm)").from_to(300.0, 1240.0);
     let y = Axis::linear("transmission of the air").from_to(0.0, 1.0);
     let title = "Air above Stuttgart, midlatitude winter, no aerosol".into();
-    let figure = Some(Figure { title, panels: vec![Panel { x, y, series }] });
-    Ok(Product { name: "air".into(), table, figure, json: json!({}) })
+    let figure = Some(Figure { title, panels: vec![Panel::new(x, y, series)] });
+    Ok(Product { name: "air".into(), table, figure, json: json!({}), ..Product::default() })
 }
 
 fn summary(track: &Track) -> String {

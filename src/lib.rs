@@ -4,6 +4,7 @@
 //! - [`tables`]: the reference tables;
 //! - [`air`]: the transmission of the air;
 //! - [`star`]: a star's place, airmass and expected rates;
+//! - [`simulate`]: what a pass should look like in every channel;
 //! - [`passes`]: when satellites can be seen;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
@@ -16,6 +17,7 @@ pub mod demo;
 pub mod output;
 pub mod passes;
 pub mod plot;
+pub mod simulate;
 pub mod star;
 pub mod station;
 pub mod tables;

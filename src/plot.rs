@@ -1,7 +1,11 @@
 //! Figures: lines and points on one or several panels, as PNG or SVG.
 
+mod heat;
 mod scale;
 pub mod sky;
+
+pub use heat::Heat;
+pub use plotters::style::RGBColor;
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -28,6 +32,21 @@ pub struct Panel {
     pub y: Axis,
     /// What is drawn, in order.
     pub series: Vec<Series>,
+    /// Stretches of the horizontal axis that are shaded, below everything else.
+    pub spans: Vec<Span>,
+    /// A field of values in colours, with its scale on the right.
+    pub heat: Option<Heat>,
+}
+
+/// A shaded stretch of the horizontal axis.
+#[derive(Debug, Clone)]
+pub struct Span {
+    /// What it means, in the legend once for all spans of that name.
+    pub label: String,
+    /// Its ends.
+    pub range: (f64, f64),
+    /// Its colour: pale, since lines run over it.
+    pub colour: RGBColor,
 }
 
 /// An axis.
@@ -39,6 +58,8 @@ pub struct Axis {
     pub range: Option<(f64, f64)>,
     /// Logarithmic; values not above 0 are then left out.
     pub log: bool,
+    /// From the largest value to the smallest: magnitudes.
+    pub inverted: bool,
 }
 
 /// A line or a row of points.
@@ -119,7 +140,7 @@ pub enum PlotError {
 impl Axis {
     /// A linear axis over the data.
     pub fn linear(label: impl Into<String>) -> Self {
-        Self { label: label.into(), range: None, log: false }
+        Self { label: label.into(), range: None, log: false, inverted: false }
     }
 
     /// A logarithmic axis over the data.
@@ -131,6 +152,13 @@ impl Axis {
     #[must_use]
     pub fn from_to(mut self, first: f64, last: f64) -> Self {
         self.range = Some((first, last));
+        self
+    }
+
+    /// The same axis the other way round.
+    #[must_use]
+    pub fn inverted(mut self) -> Self {
+        self.inverted = true;
         self
     }
 
@@ -165,7 +193,19 @@ impl Axis {
     }
 }
 
+impl Panel {
+    /// A panel of lines and points.
+    pub fn new(x: Axis, y: Axis, series: Vec<Series>) -> Self {
+        Self { x, y, series, spans: Vec::new(), heat: None }
+    }
+}
+
 impl Series {
+    /// Dots, in the `index`-th colour.
+    pub fn dots(label: impl Into<String>, index: usize, points: Vec<(f64, f64)>) -> Self {
+        Self { style: Style::Dots, ..Self::line(label, index, points) }
+    }
+
     /// A line, the `index`-th of its panel: after eight colours the lines become dashed, after 32 they repeat.
     pub fn line(label: impl Into<String>, index: usize, points: Vec<(f64, f64)>) -> Self {
         Self {
@@ -293,10 +333,17 @@ impl Drawn for Figure {
                     .filter(|(x, y)| panel.x.good(*x) && panel.y.good(*y))
             };
             let empty = || PlotError::Empty(panel.y.label.clone());
-            let x = panel.x.extent(points().map(|p| p.0)).ok_or_else(empty)?;
-            let y = panel.y.extent(points().map(|p| p.1)).ok_or_else(empty)?;
-            let x = Scale::horizontal(x, panel.x.log);
-            panel.draw(&area, scale, legend_width, x, Scale::vertical(y, panel.y.log))?;
+            let (x, y) = match &panel.heat {
+                // A field fills its panel.
+                Some(heat) => heat.extent().ok_or_else(empty)?,
+                None => (
+                    panel.x.extent(points().map(|p| p.0)).ok_or_else(empty)?,
+                    panel.y.extent(points().map(|p| p.1)).ok_or_else(empty)?,
+                ),
+            };
+            let x = Scale::horizontal(x, panel.x.log).turned(panel.x.inverted);
+            let y = Scale::vertical(y, panel.y.log).turned(panel.y.inverted);
+            panel.draw(&area, scale, legend_width, x, y)?;
         }
         Ok(())
     }
@@ -319,13 +366,22 @@ impl Panel {
         let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
         let (named, shown) = self.named();
         let font = ("sans-serif", 13 * scale).into_font().color(&BLACK);
-        let mut width = 0;
-        for series in &named[..shown] {
-            let (name, _) = area.estimate_text_size(&series.label, &font).map_err(failed)?;
+        let mut width = if self.heat.is_some() { heat::BAR_STRIP } else { 0 };
+        let names = named[..shown].iter().map(|s| s.label.as_str()).chain(self.span_names());
+        for label in names {
+            let (name, _) = area.estimate_text_size(label, &font).map_err(failed)?;
             let wanted = name / scale + 26 + 6 + 10;
             width = width.max(wanted.clamp(*LEGEND_WIDTH.start(), *LEGEND_WIDTH.end()));
         }
         Ok(width)
+    }
+
+    /// The names of the shaded stretches, each once.
+    fn span_names(&self) -> impl Iterator<Item = &str> {
+        let named = self.spans.iter().enumerate().filter(|(i, span)| {
+            !span.label.is_empty() && self.spans[..*i].iter().all(|s| s.label != span.label)
+        });
+        named.map(|(_, span)| span.label.as_str())
     }
 
     /// Draws the names beside the panel and gives what is left of its area.
@@ -343,12 +399,34 @@ impl Panel {
         let height = |i: usize| (22 + 20 * i as i32) * scale as i32;
         let beside = |i: usize| (length + 6 * scale as i32, height(i) - 5 * scale as i32);
         for (i, series) in named[..shown].iter().enumerate() {
+            if series.style == Style::Dots {
+                for third in [1, 3, 5] {
+                    let at = (third * length / 6, height(i));
+                    let dot = Circle::new(at, 2 * scale, series.colour.filled());
+                    legend.draw(&dot).map_err(failed)?;
+                }
+                legend.draw_text(&series.label, &font, beside(i)).map_err(failed)?;
+                continue;
+            }
             let ends = [(0.0, f64::from(height(i))), (f64::from(length), f64::from(height(i)))];
             for piece in dashes(&ends, DASHES[series.dash], f64::from(scale)) {
                 let line = PathElement::new(piece, series.colour.stroke_width(3 * scale));
                 legend.draw(&line).map_err(failed)?;
             }
             legend.draw_text(&series.label, &font, beside(i)).map_err(failed)?;
+        }
+        let mut next = shown + usize::from(shown < named.len());
+        for name in self.span_names() {
+            let Some(span) = self.spans.iter().find(|s| s.label == name) else { continue };
+            let corners =
+                [(0, height(next) - 6 * scale as i32), (length, height(next) + 6 * scale as i32)];
+            let field = Rectangle::new(corners, span.colour.filled());
+            legend.draw(&field).map_err(failed)?;
+            legend.draw_text(name, &font, beside(next)).map_err(failed)?;
+            next += 1;
+        }
+        if let Some(heat) = &self.heat {
+            heat.draw_bar(&legend, scale)?;
         }
         if shown < named.len() {
             let more = format!("… and {} more", named.len() - shown);
@@ -374,6 +452,23 @@ impl Panel {
             .y_label_area_size(72 * scale)
             .build_cartesian_2d(x.clone(), y.clone())
             .map_err(failed)?;
+        // Below the grid.
+        {
+            let plot = chart.plotting_area();
+            let (width, height) = plot.dim_in_pixel();
+            let pixels = plot.strip_coord_spec();
+            if let Some(heat) = &self.heat {
+                heat.draw(&pixels, &x, &y, scale)?;
+            }
+            for span in &self.spans {
+                let at = |v: f64| (x.fraction(v).clamp(0.0, 1.0) * f64::from(width)).round() as i32;
+                let (from, to) = (at(span.range.0), at(span.range.1));
+                let (from, to) = (from.min(to), from.max(to).max(from + 1));
+                // A picture is no higher than that.
+                let corners = [(from, 0), (to, height as i32)];
+                pixels.draw(&Rectangle::new(corners, span.colour.filled())).map_err(failed)?;
+            }
+        }
         let grey = RGBColor(222, 222, 222);
         chart
             .configure_mesh()
@@ -381,7 +476,12 @@ impl Panel {
             .y_desc(&self.y.label)
             .axis_desc_style(("sans-serif", 15 * scale))
             .label_style(("sans-serif", 13 * scale))
-            .bold_line_style(grey.stroke_width(scale))
+            // Lines across a field would be taken for something in it.
+            .bold_line_style(if self.heat.is_some() {
+                TRANSPARENT.into()
+            } else {
+                grey.stroke_width(scale)
+            })
             .light_line_style(TRANSPARENT)
             .axis_style(RGBColor(120, 120, 120).stroke_width(scale))
             // The labels keep their distance from the axes, and so from those of the other axis.
@@ -497,7 +597,7 @@ mod tests {
         let series = vec![Series::line("line", 0, points)];
         Figure {
             title: "Title".into(),
-            panels: vec![Panel { x: Axis::linear("x (nm)"), y, series }],
+            panels: vec![Panel::new(Axis::linear("x (nm)"), y, series)],
         }
     }
 

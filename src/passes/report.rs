@@ -65,8 +65,13 @@ impl Report<'_> {
             }
         }
         let json = if out.wants_json(console) { self.json() } else { Value::Null };
-        let product =
-            Product { name: "passes".into(), table: table::table(self), figure: None, json };
+        let product = Product {
+            name: "passes".into(),
+            table: table::table(self),
+            figure: None,
+            json,
+            ..Product::default()
+        };
         rest.finish_with(&product, others, &self.text(), console)
     }
 
