@@ -8,3 +8,7 @@
 //! - one folder per vendor: Swabian (photon counter), INDI (camera, wheel, rotator), OpenCV (frame grabber, its own
 //!   cargo feature), Ophir and Thorlabs (power meter), Trinamic and Thorlabs (stage), ZWO (wheel);
 //! - `simulated`: each kind again, speaking the same protocols, fed by a source that the caller plugs in.
+
+pub mod clock;
+pub mod recording;
+pub mod transport;
