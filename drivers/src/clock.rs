@@ -216,7 +216,10 @@ mod tests {
         let whole = Deadline::after(clock.clone(), Duration::from_secs(3));
         assert_eq!(whole.at_most(Duration::from_secs(1)).remaining(), Ok(Duration::from_secs(1)));
         clock.sleep(Duration::from_millis(2500));
-        assert_eq!(whole.at_most(Duration::from_secs(1)).remaining(), Ok(Duration::from_millis(500)));
+        assert_eq!(
+            whole.at_most(Duration::from_secs(1)).remaining(),
+            Ok(Duration::from_millis(500))
+        );
         let cancel = Cancel::new();
         let whole = whole.with_cancel(&cancel);
         cancel.cancel();

@@ -306,9 +306,5 @@ pub trait FilterWheel: Device {
     ///
     /// # Errors
     /// The slot in the beam (if it can still be asked), with the error.
-    fn select(
-        &mut self,
-        slot: u32,
-        deadline: &Deadline,
-    ) -> Result<u32, Interrupted<Option<u32>>>;
+    fn select(&mut self, slot: u32, deadline: &Deadline) -> Result<u32, Interrupted<Option<u32>>>;
 }

@@ -10,5 +10,8 @@
 //! - `simulated`: each kind again, speaking the same protocols, fed by a source that the caller plugs in.
 
 pub mod clock;
+pub mod device;
 pub mod recording;
+pub mod simulated;
 pub mod transport;
+pub mod trinamic;

@@ -97,7 +97,9 @@ pub enum DeviceError {
         reason: &'static str,
     },
     /// A stage ran into a limit switch.
-    #[error("{device}: the {side} limit switch stopped it at {at_deg:.4} deg on the way to {target_deg:.4} deg")]
+    #[error(
+        "{device}: the {side} limit switch stopped it at {at_deg:.4} deg on the way to {target_deg:.4} deg"
+    )]
     LimitHit {
         /// The device.
         device: &'static str,
@@ -109,7 +111,9 @@ pub enum DeviceError {
         target_deg: f64,
     },
     /// A stage stands still short of its target.
-    #[error("{device}: it stands still at {at_deg:.4} deg on the way to {target_deg:.4} deg: check for an obstacle, the motor's current and its supply")]
+    #[error(
+        "{device}: it stands still at {at_deg:.4} deg on the way to {target_deg:.4} deg: check for an obstacle, the motor's current and its supply"
+    )]
     Stalled {
         /// The device.
         device: &'static str,
@@ -117,6 +121,16 @@ pub enum DeviceError {
         at_deg: f64,
         /// Where it should have gone, deg.
         target_deg: f64,
+    },
+    /// Something failed, and after it the device could not be stopped.
+    #[error(
+        "{source}; and it could not be stopped: it may still be turning, watch it or cut its power"
+    )]
+    NotStopped {
+        /// The device.
+        device: &'static str,
+        /// What had failed.
+        source: Box<DeviceError>,
     },
 }
 

@@ -90,7 +90,8 @@ impl Event {
                 return Err(EncodeError::new("sent", "no bytes", "at least one byte"));
             }
             Self::Pause(time) => {
-                let whole = Duration::from_micros(u64::try_from(time.as_micros()).unwrap_or(u64::MAX));
+                let whole =
+                    Duration::from_micros(u64::try_from(time.as_micros()).unwrap_or(u64::MAX));
                 if whole != *time || *time > Duration::from_micros(LONGEST_PAUSE_US) {
                     let expected = "whole microseconds, at most a day";
                     return Err(EncodeError::new("pause", format!("{time:?}"), expected));

@@ -62,7 +62,9 @@ impl Replay {
     /// An event, its bytes as far as they are left.
     fn describe(&self, event: &Event) -> String {
         match event {
-            Event::Sent(data) => format!("`> {}`", hex_excerpt(data.get(self.done..).unwrap_or(&[]))),
+            Event::Sent(data) => {
+                format!("`> {}`", hex_excerpt(data.get(self.done..).unwrap_or(&[])))
+            }
             Event::Received(data) => {
                 format!("`< {}`", hex_excerpt(data.get(self.done..).unwrap_or(&[])))
             }

@@ -90,7 +90,10 @@ impl Child {
         let log = self.log();
         let last = log.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("");
         let words = if last.is_empty() { String::new() } else { format!(": {}", last.trim()) };
-        TransportError::Disconnected { what: format!("{} ({status}{words})", self.name), got_so_far }
+        TransportError::Disconnected {
+            what: format!("{} ({status}{words})", self.name),
+            got_so_far,
+        }
     }
 }
 

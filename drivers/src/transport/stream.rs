@@ -26,10 +26,9 @@ impl RealEnd {
     pub(crate) fn slice(&self, deadline: &Deadline) -> Result<Duration, TransportError> {
         let slice = deadline.slice()?;
         match self.0 {
-            Some(end) if Instant::now() >= end => Err(TransportError::Timeout {
-                after: deadline.elapsed(),
-                got_so_far: Vec::new(),
-            }),
+            Some(end) if Instant::now() >= end => {
+                Err(TransportError::Timeout { after: deadline.elapsed(), got_so_far: Vec::new() })
+            }
             _ => Ok(slice),
         }
     }

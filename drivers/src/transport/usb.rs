@@ -28,7 +28,9 @@ impl Usb {
         interface: u8,
     ) -> Result<Self, TransportError> {
         let name = match serial {
-            Some(serial) => format!("USB device {vendor:04x}:{product:04x} (serial number {serial})"),
+            Some(serial) => {
+                format!("USB device {vendor:04x}:{product:04x} (serial number {serial})")
+            }
             None => format!("USB device {vendor:04x}:{product:04x}"),
         };
         let fail = |error| explain(error, "open", &name, "");
@@ -79,8 +81,14 @@ impl Usb {
                 .handle
                 .read_control(*request_type, *request, *value, *index, &mut answer, time)?,
             Transfer::ControlOut { request_type, request, value, index, data } => {
-                let count =
-                    self.handle.write_control(*request_type, *request, *value, *index, data, time)?;
+                let count = self.handle.write_control(
+                    *request_type,
+                    *request,
+                    *value,
+                    *index,
+                    data,
+                    time,
+                )?;
                 return whole(count, data);
             }
             Transfer::BulkIn { endpoint, .. } => {
@@ -129,10 +137,9 @@ pub(crate) fn explain(
         },
         rusb::Error::NoDevice => TransportError::disconnected(what),
         rusb::Error::Pipe => TransportError::Stalled { transfer: transfer.to_owned() },
-        rusb::Error::NotSupported => TransportError::Unsupported {
-            what: what.to_owned(),
-            transfer: transfer.to_owned(),
-        },
+        rusb::Error::NotSupported => {
+            TransportError::Unsupported { what: what.to_owned(), transfer: transfer.to_owned() }
+        }
         other => TransportError::Io {
             action,
             what: what.to_owned(),
@@ -183,7 +190,8 @@ mod tests {
     /// Truth: the meanings that libusb documents for its error codes (LIBUSB_ERROR_ACCESS, NO_DEVICE, PIPE …).
     #[test]
     fn libusb_errors_become_advice() {
-        let of = |error| explain(error, "open", "USB device 1313:8078", "bulk-in endpoint=82 length=64");
+        let of =
+            |error| explain(error, "open", "USB device 1313:8078", "bulk-in endpoint=82 length=64");
         assert_eq!(
             of(rusb::Error::Access).to_string(),
             "USB device 1313:8078 cannot be opened: Access denied (insufficient permissions); install udev/70-sunglint.rules and plug the device in again"

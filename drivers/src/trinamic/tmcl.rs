@@ -372,7 +372,8 @@ mod tests {
     /// Truth: arithmetic. A flipped bit changes a sum modulo 256 by a power of two, so no single one goes unseen.
     #[test]
     fn every_flipped_bit_is_seen() {
-        let frame = Request { module: 1, command: Command::Move, kind: 0, motor: 0, value: -7 }.emit();
+        let frame =
+            Request { module: 1, command: Command::Move, kind: 0, motor: 0, value: -7 }.emit();
         for bit in 0..LENGTH * 8 {
             let mut bytes = *frame.bytes();
             bytes[bit / 8] ^= 1 << (bit % 8);
