@@ -13,13 +13,7 @@ use sunglint_formats::atomic::Overwrite;
 const HEAD: &str = "# device=d\n# source=s\n# synthetic=yes\n";
 
 fn header() -> Header {
-    Header {
-        device: "d".into(),
-        source: "s".into(),
-        host: None,
-        recorded: None,
-        synthetic: true,
-    }
+    Header { device: "d".into(), source: "s".into(), host: None, recorded: None, synthetic: true }
 }
 
 fn replay(events: &str) -> Replay {
@@ -36,9 +30,11 @@ fn data() -> impl Strategy<Value = Vec<u8>> {
 
 fn transfer() -> impl Strategy<Value = Transfer> {
     prop_oneof![
-        any::<(u8, u8, u16, u16, u16)>().prop_map(|(request_type, request, value, index, length)| {
-            Transfer::ControlIn { request_type, request, value, index, length }
-        }),
+        any::<(u8, u8, u16, u16, u16)>().prop_map(
+            |(request_type, request, value, index, length)| {
+                Transfer::ControlIn { request_type, request, value, index, length }
+            }
+        ),
         (any::<(u8, u8, u16, u16)>(), data()).prop_map(
             |((request_type, request, value, index), data)| {
                 Transfer::ControlOut { request_type, request, value, index, data }
@@ -124,7 +120,8 @@ fn a_million_broken_texts_do_no_harm() {
         "> [feature-set] 03 7e",
         "> [clear-halt endpoint=82]",
     ];
-    let alphabet: Vec<char> = "0123456789abcdefxyz[]=;#<>~!. \t\n\r-+éß\u{0}\u{2028}".chars().collect();
+    let alphabet: Vec<char> =
+        "0123456789abcdefxyz[]=;#<>~!. \t\n\r-+éß\u{0}\u{2028}".chars().collect();
     let (mut accepted, mut refused) = (0_u32, 0_u32);
     for _ in 0..1_000_000 {
         let mut text = String::new();
@@ -215,10 +212,7 @@ fn replay_is_strict_and_keeps_time() {
     assert_eq!((three, clock.now()), ([10, 11, 12], Duration::from_millis(250)));
     // The host need not think as long as it did.
     let error = line.send(&[4, 5], &deadline).unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "case.rec:9: the host sends `> 04 05`, the recording has `> 03`"
-    );
+    assert_eq!(error.to_string(), "case.rec:9: the host sends `> 04 05`, the recording has `> 03`");
     line.send(&[3], &deadline).unwrap();
     assert_eq!(
         line.send(&[9], &deadline).unwrap_err().to_string(),
@@ -288,8 +282,7 @@ fn what_is_recorded_replays() {
     let clock = Arc::new(VirtualClock::new());
     let within = || Deadline::after(clock.clone(), Duration::from_secs(1));
     let source = "> 24 49\n~ 30.5\n< 2a 20\n< 41 0a\n> 01\n! timeout\n> 02\n! disconnect\n";
-    let mut line =
-        Recorded::create(replay(source), &path, &header(), Overwrite::Refuse).unwrap();
+    let mut line = Recorded::create(replay(source), &path, &header(), Overwrite::Refuse).unwrap();
     line.send(b"$I", &within()).unwrap();
     assert!(std::fs::read_to_string(&path).unwrap().ends_with("> 24 49  ; $I\n"));
     assert_eq!(line.receive_until(b'\n', 10, &within()).unwrap(), b"* A\n");
@@ -335,8 +328,7 @@ fn transfers_are_recorded_and_replayed() {
         assert!(matches!(stalled, TransportError::Stalled { .. }), "{stalled}");
         device.transfer(&Transfer::ClearHalt { endpoint: 0x82 }, &deadline).unwrap();
     };
-    let mut device =
-        Recorded::create(replay(source), &path, &header(), Overwrite::Refuse).unwrap();
+    let mut device = Recorded::create(replay(source), &path, &header(), Overwrite::Refuse).unwrap();
     calls(&mut device);
     let write = Transfer::BulkOut { endpoint: 2, data: vec![0x2a] };
     assert!(device.transfer(&write, &deadline).unwrap_err().is_timeout());

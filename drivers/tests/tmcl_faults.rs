@@ -125,7 +125,8 @@ fn a_thousand_seeds_end_right_or_with_a_named_error() {
     let mut ends: std::collections::BTreeMap<(&str, String), u32> = Default::default();
     let mut sum = Injected::default();
     for seed in 0..1000 {
-        let (kind, faults) = [("mild", mild), ("bad", bad), ("breaking", breaking)][seed as usize % 3];
+        let (kind, faults) =
+            [("mild", mild), ("bad", bad), ("breaking", breaking)][seed as usize % 3];
         let (end, injected, _) = run(faults, seed);
         *ends.entry((kind, format!("{end:?}"))).or_default() += 1;
         sum.delays += injected.delays;
