@@ -306,7 +306,8 @@ fn what_is_recorded_replays() {
 fn transfers_are_recorded_and_replayed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("usb.rec");
-    let deadline = second();
+    let clock = Arc::new(VirtualClock::new());
+    let within = || Deadline::after(clock.clone(), Duration::from_secs(1));
     let source = "> [control-out type=21 request=09 value=0300 index=0000] 03 7e\n\
         > [feature-get report=01 length=17]\n~ 3\n< 01 7e\n\
         > [bulk-in endpoint=82 length=64]\n! stall\n\
@@ -320,37 +321,29 @@ fn transfers_are_recorded_and_replayed() {
             index: 0,
             data: vec![3, 0x7e],
         };
-        assert!(device.transfer(&out, &deadline).unwrap().is_empty());
+        assert!(device.transfer(&out, &within()).unwrap().is_empty());
         let get = Transfer::FeatureGet { report: 1, length: 17 };
-        assert_eq!(device.transfer(&get, &deadline).unwrap(), [1, 0x7e]);
+        assert_eq!(device.transfer(&get, &within()).unwrap(), [1, 0x7e]);
         let read = Transfer::BulkIn { endpoint: 0x82, length: 64 };
-        let stalled = device.transfer(&read, &deadline).unwrap_err();
+        let stalled = device.transfer(&read, &within()).unwrap_err();
         assert!(matches!(stalled, TransportError::Stalled { .. }), "{stalled}");
-        device.transfer(&Transfer::ClearHalt { endpoint: 0x82 }, &deadline).unwrap();
+        device.transfer(&Transfer::ClearHalt { endpoint: 0x82 }, &within()).unwrap();
     };
     let mut device = Recorded::create(replay(source), &path, &header(), Overwrite::Refuse).unwrap();
     calls(&mut device);
     let write = Transfer::BulkOut { endpoint: 2, data: vec![0x2a] };
-    assert!(device.transfer(&write, &deadline).unwrap_err().is_timeout());
+    assert!(device.transfer(&write, &within()).unwrap_err().is_timeout());
+    // The same again, and strictly: both sides are shown.
+    calls(&mut Replay::new(Recording::read(&path).unwrap()));
     let mut again = Replay::new(Recording::read(&path).unwrap());
-    let deadline = second();
-    let calls_again = |device: &mut dyn Transfers| {
-        let wrong = Transfer::FeatureSet { data: vec![9] };
-        let error = device.transfer(&wrong, &deadline).unwrap_err().to_string();
-        assert!(
-            error.ends_with(
-                "usb.rec:4: the host asks `> [feature-set] 09`, the recording has `> [control-out type=21 request=09 value=0300 index=0000] 03 7e`"
-            ),
-            "{error}"
-        );
-    };
-    calls_again(&mut again);
-    let deadline = second();
-    let _ = deadline;
-    let mut again = Replay::new(Recording::read(&path).unwrap());
-    let fresh = second();
-    let get = Transfer::FeatureGet { report: 1, length: 1 };
-    assert!(again.transfer(&get, &fresh).is_err());
+    let wrong = Transfer::FeatureSet { data: vec![9] };
+    let error = again.transfer(&wrong, &second()).unwrap_err().to_string();
+    assert!(
+        error.ends_with(
+            "usb.rec:4: the host asks `> [feature-set] 09`, the recording has `> [control-out type=21 request=09 value=0300 index=0000] 03 7e`"
+        ),
+        "{error}"
+    );
 }
 
 /// Truth: a full disk, which `/dev/full` is.
@@ -358,6 +351,6 @@ fn transfers_are_recorded_and_replayed() {
 #[test]
 fn a_full_disk_is_told() {
     let made = Recorded::create(replay("> 01\n"), "/dev/full", &header(), Overwrite::Allow);
-    let error = made.err().expect("nothing fits").to_string();
+    let error = made.expect_err("nothing fits").to_string();
     assert!(error.starts_with("cannot write /dev/full: "), "{error}");
 }

@@ -105,14 +105,14 @@ fn angles_count_from_the_reference() {
     assert_eq!(desk.stage.angle_deg(&desk.within(5)).unwrap(), 0.0);
     // A module that lost its power says 0 for everything: no angle is made of that.
     desk.stage.move_to(10.0, &desk.within(60)).unwrap();
-    let mut stage = desk.stage;
-    let mut line = stage.line().clone();
-    line.module.power_cycle();
-    let deadline = Deadline::after(desk.clock.clone(), Duration::from_secs(5));
-    // The same stage cannot be given another line, so the whole is opened anew: it knows no reference either.
-    stage = Stage::open(line, LinkSettings::default(), searching(), &deadline).unwrap();
-    let error = stage.angle_deg(&deadline).unwrap_err();
-    assert!(error.to_string().contains("home it"), "{error}");
+    desk.stage.line_mut().module.power_cycle();
+    for _ in 0..2 {
+        let error = desk.stage.angle_deg(&desk.within(5)).unwrap_err();
+        assert!(error.to_string().contains("home it"), "{error}");
+    }
+    let refused = desk.stage.move_to(20.0, &desk.within(5)).unwrap_err();
+    assert!(matches!(*refused.error, DeviceError::NotReady { .. }), "{refused}");
+    assert_eq!(desk.stage.home(&desk.within(60)).unwrap(), -90.0);
 }
 
 /// Truth: the switches, at ±5,000 microsteps (35.16°): the error names the side and where it stands, within the poll.
@@ -147,12 +147,8 @@ fn an_obstacle_is_a_stall() {
         StageSettings::default(),
     );
     desk.stage.trust_counter();
-    let mut line = desk.stage.into_line();
-    line.module.trouble.obstacle = Some(3_000);
-    let deadline = Deadline::after(desk.clock.clone(), Duration::from_secs(60));
-    desk.stage =
-        Stage::open(line, LinkSettings::default(), StageSettings::default(), &deadline).unwrap();
-    desk.stage.trust_counter();
+    desk.stage.line_mut().module.trouble.obstacle = Some(3_000);
+    let deadline = desk.within(60);
     let interrupted = desk.stage.move_to(90.0, &deadline).unwrap_err();
     assert_eq!(interrupted.done, Some(21.093_75));
     assert!(matches!(*interrupted.error, DeviceError::Stalled { .. }), "{interrupted}");

@@ -4,14 +4,14 @@ use super::stream::RealEnd;
 use super::transfer::MOST_TRANSFERRED;
 use super::{Transfer, Transfers, TransportError, whole_ms};
 use crate::clock::Deadline;
-use rusb::{DeviceHandle, GlobalContext};
+use rusb::{Context, DeviceHandle, UsbContext as _};
 use std::time::Duration;
 
 /// An open USB device with one claimed interface.
 #[derive(Debug)]
 pub struct Usb {
     name: String,
-    handle: DeviceHandle<GlobalContext>,
+    handle: DeviceHandle<Context>,
 }
 
 impl Usb {
@@ -35,7 +35,9 @@ impl Usb {
         };
         let fail = |error| explain(error, "open", &name, "");
         let mut refused = None;
-        for device in rusb::devices().map_err(fail)?.iter() {
+        // Not rusb's global context: that one panics on a machine without USB.
+        let context = Context::new().map_err(|error| explain(error, "use USB for", &name, ""))?;
+        for device in context.devices().map_err(fail)?.iter() {
             let Ok(about) = device.device_descriptor() else { continue };
             if (about.vendor_id(), about.product_id()) != (vendor, product) {
                 continue;
@@ -69,7 +71,7 @@ impl Usb {
     }
 
     /// The open device, for its descriptors.
-    pub fn handle(&self) -> &DeviceHandle<GlobalContext> {
+    pub fn handle(&self) -> &DeviceHandle<Context> {
         &self.handle
     }
 
@@ -186,6 +188,16 @@ impl Transfers for Usb {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Truth: 0000:0000 is no device (USB-IF assigns no vendor 0). Where there is no USB at all (a container), libusb cannot start.
+    #[test]
+    fn a_missing_device_is_an_error() {
+        let error = Usb::open(0, 0, None, 0).unwrap_err();
+        assert!(
+            matches!(error, TransportError::NotFound { .. } | TransportError::Io { .. }),
+            "{error}"
+        );
+    }
 
     /// Truth: the meanings that libusb documents for its error codes (LIBUSB_ERROR_ACCESS, NO_DEVICE, PIPE …).
     #[test]

@@ -72,6 +72,11 @@ impl<T: Bytes> Link<T> {
         &self.line
     }
 
+    /// The line; what is said on it directly, the link does not know.
+    pub fn line_mut(&mut self) -> &mut T {
+        &mut self.line
+    }
+
     /// The line.
     pub fn into_line(self) -> T {
         self.line

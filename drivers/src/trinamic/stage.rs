@@ -170,6 +170,11 @@ impl<T: Bytes> Stage<T> {
         self.link.line()
     }
 
+    /// The line to the module; what is said on it behind the stage's back, the stage does not know.
+    pub fn line_mut(&mut self) -> &mut T {
+        self.link.line_mut()
+    }
+
     /// The line to the module.
     pub fn into_line(self) -> T {
         self.link.into_line()
