@@ -346,6 +346,40 @@ fn transfers_are_recorded_and_replayed() {
     );
 }
 
+/// Truth: probabilities of 1 and 0. Requests fail as asked, in the host's own time, and the device within is untouched.
+#[test]
+fn faults_of_requests() {
+    use sunglint_drivers::recording::{Faults, Faulty};
+    let source = "> [bulk-in endpoint=82 length=8]\n< 00 00 00 00\n";
+    let read = Transfer::BulkIn { endpoint: 0x82, length: 8 };
+    let with = |faults| {
+        let deadline = second();
+        let mut device = Faulty::new(replay(source), faults, 1);
+        let answer = device.transfer(&read, &deadline);
+        (answer, device.injected(), deadline.elapsed())
+    };
+    assert_eq!(with(Faults::NONE).0.unwrap(), [0; 4]);
+    let (answer, injected, _) = with(Faults { flip: 1.0, ..Faults::NONE });
+    assert!(answer.unwrap().iter().all(|byte| byte.count_ones() == 1) && injected.flips == 4);
+    let (answer, _, took) = with(Faults { silence: 1.0, ..Faults::NONE });
+    assert!(answer.unwrap_err().is_timeout() && took == Duration::from_secs(1));
+    let (answer, ..) = with(Faults { short_read: 1.0, ..Faults::NONE });
+    assert!((1..4).contains(&answer.unwrap().len()));
+    let (answer, injected, _) = with(Faults { disconnect: 1.0, ..Faults::NONE });
+    assert!(matches!(answer, Err(TransportError::Disconnected { .. })) && injected.disconnected);
+}
+
+#[test]
+fn a_header_that_would_not_read_back_is_not_written() {
+    for device in ["", " x", "two\nlines"] {
+        let header = Header { device: device.into(), ..header() };
+        let error = Recording::new(header, []).to_text().unwrap_err();
+        assert_eq!(error.field, "device", "{device:?}");
+    }
+    let long = Event::Pause(Duration::from_nanos(1));
+    assert!(Recording::new(header(), [long]).to_text().is_err());
+}
+
 /// Truth: a full disk, which `/dev/full` is.
 #[cfg(target_os = "linux")]
 #[test]

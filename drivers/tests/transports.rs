@@ -136,3 +136,16 @@ fn a_child_process() {
     drop(deaf);
     assert!(begun.elapsed() < SLACK, "dropping it kills it");
 }
+
+/// Truth: the computer's clock. On a clock that nobody turns, a real line still ends its wait.
+#[test]
+fn a_clock_that_stands_does_not_hang_a_real_line() {
+    use sunglint_drivers::clock::{Deadline, VirtualClock};
+    let (mut host, _device) = tcp();
+    let clock = std::sync::Arc::new(VirtualClock::new());
+    let begun = Instant::now();
+    let deadline = Deadline::after(clock, Duration::from_millis(200));
+    assert!(host.receive(&mut [0], &deadline).unwrap_err().is_timeout());
+    let took = begun.elapsed();
+    assert!(took >= Duration::from_millis(200) && took < SLACK, "{took:?}");
+}

@@ -102,7 +102,7 @@ impl TransportError {
     pub fn from_io(action: &'static str, what: &str, source: io::Error) -> Self {
         use io::ErrorKind as Kind;
         // EIO is what Linux says on a terminal whose other end has gone, ENXIO and ENODEV on an unplugged adapter.
-        let gone = matches!(source.raw_os_error(), Some(5 | 6 | 19));
+        let gone = cfg!(unix) && matches!(source.raw_os_error(), Some(5 | 6 | 19));
         match source.kind() {
             Kind::BrokenPipe
             | Kind::ConnectionReset
