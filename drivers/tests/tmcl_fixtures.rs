@@ -89,7 +89,7 @@ fn session(line: impl Bytes, clock: &Arc<dyn Clock>) -> String {
 fn words(error: &DeviceError) -> String {
     match error {
         DeviceError::Transport { source: TransportError::Timeout { got_so_far, .. }, .. } => {
-            format!("silence after {} bytes", got_so_far.len())
+            format!("no answer but {} bytes", got_so_far.len())
         }
         DeviceError::Transport {
             source: TransportError::Disconnected { got_so_far, .. }, ..
@@ -152,12 +152,12 @@ fn cases() -> Vec<(&'static str, Trouble, Cable, &'static str)> {
             Cable::Good,
             "move, at Some(0.0): Trinamic stage refused the move of motor 0 to 1422: the value is beyond the module's maximum (code 9)",
         ),
-        ("silence", Trouble { dead: true, ..good() }, Cable::Good, "open: silence after 0 bytes"),
+        ("silence", Trouble { dead: true, ..good() }, Cable::Good, "open: no answer but 0 bytes"),
         (
             "wrong_checksum",
             Trouble { bad_checksums: true, ..good() },
             Cable::Good,
-            "open: silence after 0 bytes",
+            "open: no answer but 9 bytes",
         ),
         (
             "stall",

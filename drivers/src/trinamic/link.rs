@@ -178,11 +178,13 @@ impl<T: Bytes> Link<T> {
         self.line.discard(&step)?;
         self.line.send(request.emit().bytes(), &step)?;
         let mut heard = Vec::new();
-        let mut total = 0;
+        let mut all = Vec::new();
         let mut buffer = [0; LENGTH];
-        while total < MOST {
-            let count = self.line.receive(&mut buffer, &step)?;
-            total += count;
+        while all.len() < MOST {
+            // Somebody who speaks, but not so, is not silent: what came is in the error.
+            let received = self.line.receive(&mut buffer, &step);
+            let count = received.map_err(|error| error.with_got_so_far(&all))?;
+            all.extend_from_slice(&buffer[..count]);
             heard.extend_from_slice(&buffer[..count]);
             while let Some(candidate) = heard.get(..LENGTH) {
                 let Ok(frame) = Frame::new(candidate) else {
