@@ -1,10 +1,11 @@
 //! `sunglint demo`: what there is, on embedded input.
 //!
-//! Until the comparison of a measured with a simulated pass makes it the whole main job, it predicts what the six channels of the built-in station
-//! count of Vega as it sinks towards the horizon, and draws the air that makes the difference.
+//! Until the comparison of a measured with a simulated pass makes it the whole main job, it simulates what the six channels of the built-in station
+//! count of a satellite that crosses the evening sky, predicts the same of Vega as it sinks towards the horizon, and draws the air that makes the difference.
 
 use crate::output::{Console, OutputArgs, Product};
 use crate::plot::{Axis, Figure, Panel, Series};
+use crate::simulate;
 use crate::star::{Track, View, channel_line};
 use anyhow::Context as _;
 use clap::Args;
@@ -20,6 +21,7 @@ use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation};
 use sunglint_radiometry::star_light::{self, StarColours};
 use sunglint_radiometry::station::Station;
+use sunglint_simulator::pass::{Overrides, PassFile};
 
 /// Arguments of `sunglint demo`.
 #[derive(Debug, Args)]
@@ -36,6 +38,9 @@ pub struct DemoArgs {
 const FROM: &str = "2020-11-18T17:00:00";
 const MINUTES: u32 = 330;
 const EXPOSURE_S: f64 = 0.1;
+/// The scene of the pass; it goes into the folder too, to be changed and simulated again.
+const PASS: &str = include_str!("demo/pass.toml");
+const PASS_FILE: &str = "pass.toml";
 
 /// Makes the demonstration.
 pub fn run(args: &DemoArgs, console: Console) -> anyhow::Result<()> {
@@ -57,21 +62,31 @@ pub fn run(args: &DemoArgs, console: Console) -> anyhow::Result<()> {
     let track = Track::new(view, EarthOrientation::embedded(), times)?;
     let curve = track.light_curve("sunglint demo");
 
+    let pass = PassFile::parse(PASS_FILE, PASS)?.resolve(Overrides::default())?;
+    let pass = simulate::show(&pass, PASS_FILE, None, console)?;
+
     let readme = folder.join("README.txt");
     // The folder in the spelling that says so whether it is there or not.
     let out = OutputArgs { output: vec![folder.join("")], force: args.force };
-    let mut contents = out.files_of(&vega(&track, &curve)?)?;
+    let mut contents = out.files_of(&pass.product)?;
+    contents.push((folder.join(PASS_FILE), PASS.into()));
+    contents.extend(out.files_of(&vega(&track, &curve)?)?);
     contents.extend(out.files_of(&transmissions(&track.air)?)?);
     let files: Vec<String> =
         contents.iter().map(|(p, _)| p).chain([&readme]).map(|p| p.display().to_string()).collect();
-    contents.push((readme, explain(&track, &files).into_bytes()));
+    contents.push((readme, explain(&pass.text, &track, &files).into_bytes()));
     out.write_files(&contents, Console { quiet: true, ..console })?;
     let json = json!({ "folder": folder.display().to_string(), "files": files });
     if console.quiet && !console.json {
         return Ok(());
     }
     console.result(
-        &format!("{}\nThe demonstration is in {}", summary(&track), folder.display()),
+        &format!(
+            "{}\n{}\nThe demonstration is in {}",
+            pass.text,
+            summary(&track),
+            folder.display()
+        ),
         &json,
     )
 }
@@ -160,7 +175,7 @@ fn summary(track: &Track) -> String {
     text
 }
 
-fn explain(track: &Track, files: &[String]) -> String {
+fn explain(pass: &str, track: &Track, files: &[String]) -> String {
     let names: String = files.iter().fold(String::new(), |mut text, file| {
         let name = std::path::Path::new(file)
             .file_name()
@@ -171,7 +186,9 @@ fn explain(track: &Track, files: &[String]) -> String {
         text
     });
     format!(
-        "What `sunglint demo` made\n\n{}\nspectrum: {}\nThe station's curves are approximate shapes, not measurements.\n\nFiles:\n{names}\nThe .ecsv files open in any editor and with astropy.table.Table.read; vega_night.ecsv is a light curve of the\nprogram's schema (quantity `predicted`): rates and uncertainties in Hz per channel, with flags.\n",
+        "What `sunglint demo` made\n\n{pass}\n{}\nspectrum: {}\nThe station's curves are approximate shapes, not measurements, and the satellite, its orbit and its materials are made up.\n\nFiles:\n{names}\n\
+         box_wing_pass.ecsv and vega_night.ecsv are light curves of the program's schema (quantity `predicted`): rates and uncertainties in Hz\nper channel, with flags. They open in any editor and with astropy.table.Table.read. box_wing_pass_spectra.fits holds times x bins.\n\
+         Change {PASS_FILE} and run `sunglint simulate {PASS_FILE}`.\n",
         summary(track),
         track.light.origin
     )

@@ -4,7 +4,7 @@ mod beside;
 mod figure;
 mod report;
 
-use crate::output::{Console, OutputArgs, Usage};
+use crate::output::{Console, OutputArgs, Product, Usage};
 use crate::star::when;
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
@@ -87,14 +87,40 @@ pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
         .as_ref()
         .map(|path| Beside::read(path, &args.beside_column, args.beside_as))
         .transpose()?;
+    let shown = show(&pass, &args.pass.display().to_string(), measured, console)?;
+    if !shown.has_light && args.out.output.iter().any(|p| is_picture(p)) {
+        bail!(
+            "{}: there is no light to draw in any sample (see the warnings); write a table instead",
+            args.pass.display()
+        );
+    }
+    args.out.finish(&shown.product, &shown.text, console)
+}
+
+/// A pass, simulated and ready to be written.
+pub(crate) struct Shown {
+    /// Tables, figures and summary.
+    pub product: Product,
+    /// The summary as text.
+    pub text: String,
+    /// Whether any sample has light.
+    pub has_light: bool,
+}
+
+/// Simulates a pass and says on stderr what a person should hear of; `name` is that of its file.
+pub(crate) fn show(
+    pass: &Pass,
+    name: &str,
+    measured: Option<Beside>,
+    console: Console,
+) -> anyhow::Result<Shown> {
     let clock = Clock::new(pass.times.len(), console);
-    let simulation = pass
-        .simulate(&|progress| clock.tell(progress))
-        .with_context(|| format!("{}", args.pass.display()))?;
+    let simulation =
+        pass.simulate(&|progress| clock.tell(progress)).with_context(|| name.to_owned())?;
     let cost = clock.cost();
     let beside = measured.map(|curve| curve.compare(&simulation)).transpose()?;
     let mut warnings = pass.warnings.clone();
-    warnings.extend(concerns(&pass, &simulation));
+    warnings.extend(concerns(pass, &simulation));
     for warning in &warnings {
         console.warn(warning);
     }
@@ -105,15 +131,9 @@ pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
     for material in &pass.target.materials {
         console.detail(&format!("material {}", material.describe()));
     }
-    if !simulation.has_light() && args.out.output.iter().any(|p| is_picture(p)) {
-        bail!(
-            "{}: there is no light to draw in any sample (see the warnings); write a table instead",
-            args.pass.display()
-        );
-    }
     let report =
         Report { simulation: &simulation, cost, beside: beside.as_ref(), warnings: &warnings };
-    args.out.finish(&report.product()?, &report.text(), console)
+    Ok(Shown { product: report.product()?, text: report.text(), has_light: simulation.has_light() })
 }
 
 fn is_picture(path: &std::path::Path) -> bool {

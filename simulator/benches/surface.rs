@@ -67,3 +67,30 @@ fn conductor_made(bencher: Bencher) {
     let index = ComplexIndex::named("aluminium").unwrap();
     bencher.bench_local(|| Fresnel::conductor(&index).unwrap());
 }
+
+/// A paint's coat at all angles, made once.
+#[divan::bench]
+fn blend_made(bencher: Bencher) {
+    bencher.bench_local(paint);
+}
+
+#[divan::bench]
+fn blend(bencher: Bencher) {
+    run(bencher, &paint());
+}
+
+fn paint() -> Material {
+    let lobe = Lobe::isotropic(Distribution::Beckmann, 0.2, Masking::Separable).unwrap();
+    let reflectance = |value: f64| Spectrum::constant(value, 300.0, 1240.0).unwrap();
+    let coat = Fresnel::schlick(reflectance(0.04)).unwrap();
+    Material::blend("paint", reflectance(0.8), lobe, coat).unwrap()
+}
+
+/// A sphere of Beckmann microfacets at a phase angle of 70 degrees.
+#[divan::bench(args = [0.05, 0.4])]
+fn sphere(bencher: Bencher, alpha: f64) {
+    let fresnel = Fresnel::constant(Spectrum::constant(0.9, 300.0, 1240.0).unwrap()).unwrap();
+    let lobe = Lobe::isotropic(Distribution::Beckmann, alpha, Masking::Separable).unwrap();
+    let material = Material::microfacet("m", lobe, fresnel);
+    bencher.bench_local(|| material.add_sphere_weights(black_box(1.22), 1.0, &mut [0.0]).unwrap());
+}

@@ -10,7 +10,7 @@ use sunglint_radiometry::sky::Observer;
 use sunglint_simulator::passes::Search;
 
 /// Tracks that are drawn at most: the brightest.
-const TRACKS: usize = 40;
+const TRACKS: usize = 22;
 /// Points of a track.
 const POINTS: u32 = 160;
 
@@ -96,9 +96,11 @@ fn track(search: &Search, pass: &SeenPass, with_times: bool) -> Track {
         marks.extend(ends.filter_map(mark));
     }
     let top = pass.culmination.geometry.horizontal;
-    let v = pass.expected.v_station.map_or(String::new(), |v| format!(", V {v:.1}"));
+    let v = pass.expected.v_station.map_or(String::new(), |v| format!("V {v:.1}  "));
+    // The number in the catalogue stands in the list of the text; here a name is enough.
+    let name = pass.target.split(" (").next().unwrap_or(&pass.target);
     Track {
-        name: format!("{} {}{v}", &format_utc(pass.start.geometry.epoch, 0)[11..16], pass.target),
+        name: format!("{}  {v}{name}", &format_utc(pass.start.geometry.epoch, 0)[11..16]),
         points: (0..=POINTS).filter_map(point).collect(),
         marks,
         top: Some((top.azimuth_deg(), top.altitude_deg())),

@@ -125,13 +125,14 @@ impl Report<'_> {
     fn list(&self, text: &mut String) {
         let _ = writeln!(
             text,
-            "{:<22} {:<10} {:<8} {:<8} {:<8} {:<7} {:>4} {:>6} {:>5} {:>5} {:>7} {:>4} {:>5} notes",
+            "{:>6} {:<16} {:<5} {:<8} {:<8} {:<8} {:<5} {:>4} {:>6} {:>5} {:>5} {:>6} {:>4} {:>5} notes",
+            "number",
             "target",
-            "date UTC",
+            "UTC",
             "from",
             "highest",
             "to",
-            "azimuth",
+            "az",
             "alt",
             "km",
             "phase",
@@ -150,12 +151,14 @@ impl Report<'_> {
             let clock = |e: &Event| format_utc(e.geometry.epoch, 0)[11..19].to_owned();
             let azimuth = |e: &Event| compass(e.geometry.horizontal.azimuth_deg());
             let best = self.best(pass).map_or("-".into(), |(_, ratio)| short(ratio));
-            let name: String = pass.target.chars().take(22).collect();
+            let name = pass.target.split(" (").next().unwrap_or(&pass.target);
+            let name: String = name.chars().take(16).collect();
             let v = pass.expected.v_station.map_or("-".into(), |v| format!("{v:.1}"));
             let _ = writeln!(
                 text,
-                "{name:<22} {} {} {} {} {:<7} {:>3.0}° {:>6.0} {:>4.0}° {v:>5} {best:>7} {:>3.0}° {:>4.0}° {notes}",
-                &format_utc(pass.start.geometry.epoch, 0)[..10],
+                "{:>6} {name:<16} {} {} {} {} {:<5} {:>3.0}° {:>6.0} {:>4.0}° {v:>5} {best:>6} {:>3.0}° {:>4.0}°{}{notes}",
+                pass.norad_id,
+                &format_utc(pass.start.geometry.epoch, 0)[5..10],
                 clock(&pass.start),
                 clock(&pass.culmination),
                 clock(&pass.end),
@@ -165,13 +168,14 @@ impl Report<'_> {
                 g.phase_deg(),
                 b.sun_altitude_deg,
                 b.moon_separation_deg,
+                if notes.is_empty() { "" } else { " " },
             );
         }
         let objects: std::collections::HashSet<u32> =
             self.passes.iter().map(|p| p.norad_id).collect();
         let _ = writeln!(
             text,
-            "\n{} of {}; from and to: while it can be seen; alt: the highest then; km, phase, V at the station, S/N of the best channel\nin {} s, Sun's altitude, angle to the Moon: at the brightest moment; highest: its culmination, seen or not",
+            "\n{} of {}\nfrom, to: while it can be seen; highest: its culmination, seen or not; alt: the highest while seen;\nkm, phase, V at the station, S/N of the best channel in {} s, Sun's altitude, angle to the Moon:\nwhen it is brightest",
             count(self.passes.len(), "visible pass", "visible passes"),
             count(objects.len(), "object", "objects"),
             self.photometer.exposure_s
@@ -185,7 +189,7 @@ impl Report<'_> {
         let used: Vec<&str> =
             words.iter().zip(keyed).filter(|(_, used)| *used).map(|(w, _)| *w).collect();
         if !used.is_empty() {
-            let _ = writeln!(text, "notes: {}", used.join("; "));
+            let _ = writeln!(text, "{}", used.join("\n"));
         }
         if self.counts.filtered > 0 {
             let filtered = count(self.counts.filtered, "visible pass", "visible passes");

@@ -7,6 +7,9 @@ use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, Table, Values};
 use sunglint_radiometry::light_curve::Provenance;
 
+/// Which moment of a pass.
+type Moment = fn(&SeenPass) -> &Event;
+
 /// One row a pass.
 pub(super) fn table(report: &Report<'_>) -> Table {
     let passes = report.passes;
@@ -52,7 +55,7 @@ pub(super) fn table(report: &Report<'_>) -> Table {
         Column::i64("norad_id", None, passes.iter().map(|p| i64::from(p.norad_id)).collect()),
         text("rise_utc", &|p| p.pass.rises.then(|| format_utc(p.pass.span.from, 3))),
     ];
-    let moments: [(&str, fn(&SeenPass) -> &Event); 4] = [
+    let moments: [(&str, Moment); 4] = [
         ("start", |p| &p.start),
         ("culmination", |p| &p.culmination),
         ("brightest", |p| &p.brightest),

@@ -70,7 +70,7 @@ pub struct Place {
     pub colour: RGBColor,
 }
 
-const WIDTH: u32 = 1040;
+const WIDTH: u32 = 1120;
 const HEIGHT: u32 = 820;
 const CENTRE: (f64, f64) = (400.0, 440.0);
 const RADIUS: f64 = 330.0;
@@ -210,7 +210,7 @@ impl SkyPlot {
         for (i, track) in self.tracks[..shown].iter().enumerate() {
             let number = (i + 1).to_string();
             pen.text(&number, (x + 16.0, y), 12, VISIBLE, HPos::Right, VPos::Center)?;
-            let name = fitted(&track.name, 29);
+            let name = fitted(&track.name, 40);
             pen.text(&name, (x + 24.0, y), 12, BLACK, HPos::Left, VPos::Center)?;
             y += 18.0;
         }
@@ -222,7 +222,7 @@ impl SkyPlot {
         y += 14.0;
         for note in &self.notes {
             pen.text(
-                &fitted(note, 33),
+                &fitted(note, 44),
                 (x, y),
                 12,
                 RGBColor(90, 90, 90),
@@ -324,13 +324,6 @@ impl<DB: DrawingBackend> Pen<'_, DB> {
     }
 
     fn marks(&self, track: &Track, number: usize, times: bool) -> Result<(), PlotError> {
-        if let [.., before, last] = track.points.as_slice() {
-            self.arrow(
-                place(before.azimuth_deg, before.altitude_deg),
-                place(last.azimuth_deg, last.altitude_deg),
-                last.light.colour(),
-            )?;
-        }
         if times {
             for (azimuth, altitude, text) in &track.marks {
                 let at = place(*azimuth, *altitude);
@@ -340,6 +333,13 @@ impl<DB: DrawingBackend> Pen<'_, DB> {
                 let beside = (at.0 + right, at.1);
                 self.text(text, beside, 11, RGBColor(60, 60, 60), h, VPos::Center)?;
             }
+        }
+        if let [.., before, last] = track.points.as_slice() {
+            self.arrow(
+                place(before.azimuth_deg, before.altitude_deg),
+                place(last.azimuth_deg, last.altitude_deg),
+                last.light.colour(),
+            )?;
         }
         if let Some((azimuth, altitude)) = track.top {
             let at = place(azimuth, altitude);
@@ -371,24 +371,20 @@ impl<DB: DrawingBackend> Pen<'_, DB> {
 
     fn place(&self, body: &Place) -> Result<(), PlotError> {
         let up = body.altitude_deg > 0.0;
-        let at = place(body.azimuth_deg, if up { body.altitude_deg } else { -1.5 });
+        let at = place(body.azimuth_deg, if up { body.altitude_deg } else { 0.0 });
         self.dot(at, 6.0, body.colour, up)?;
-        let text = if up {
-            body.name.clone()
-        } else {
-            format!("{} {:.0}°", body.name, body.altitude_deg)
-        };
-        // Below the horizon it stands beside the rim, away from the middle.
-        let (h, right) =
-            if (at.0 < CENTRE.0) != up { (HPos::Right, -11.0) } else { (HPos::Left, 11.0) };
-        self.text(
-            &text,
-            (at.0 + right, at.1 + if up { 0.0 } else { 14.0 }),
-            12,
-            BLACK,
-            h,
-            VPos::Center,
-        )
+        if up {
+            let (h, right) =
+                if at.0 < CENTRE.0 { (HPos::Left, 11.0) } else { (HPos::Right, -11.0) };
+            let beside = (at.0 + right, at.1);
+            return self.text(&body.name, beside, 12, BLACK, h, VPos::Center);
+        }
+        // Below the horizon: beyond the names of the directions.
+        let text = format!("{}, {:.0}° high", body.name, body.altitude_deg);
+        let beyond = place(body.azimuth_deg, -11.0);
+        let h = if beyond.0 < CENTRE.0 { HPos::Right } else { HPos::Left };
+        let h = if (beyond.0 - CENTRE.0).abs() < 0.4 * RADIUS { HPos::Center } else { h };
+        self.text(&text, beyond, 12, BLACK, h, VPos::Center)
     }
 }
 

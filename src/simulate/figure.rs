@@ -197,8 +197,18 @@ impl Drawing<'_> {
                 format!("magnitude: {}", beside.compared_as.name())
             }
         };
-        let any = series.iter().flat_map(|s| &s.points).any(|p| p.1.is_finite());
-        any.then(|| self.panel(track, Axis::linear(title).inverted(), series))
+        let brightest = series.iter().flat_map(|s| &s.points).map(|p| p.1).fold(f64::NAN, f64::min);
+        if brightest.is_nan() {
+            return None;
+        }
+        // As of the rates: a lobe's tail may be hundreds of magnitudes fainter, which nobody measures.
+        let floor = brightest - 2.5 * FAINTEST.log10();
+        for point in series.iter_mut().flat_map(|s| &mut s.points) {
+            if point.1 > floor {
+                point.1 = f64::NAN;
+            }
+        }
+        Some(self.panel(track, Axis::linear(title).inverted(), series))
     }
 
     fn geometry(&self, track: &Track) -> Panel {

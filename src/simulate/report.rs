@@ -15,6 +15,8 @@ use sunglint_simulator::pass::{
 /// The place of V among the bands.
 const V: usize = 2;
 const COMMAND: &str = "sunglint simulate";
+/// Nothing fainter has been seen by any telescope.
+const DARK_MAG: f64 = 32.0;
 
 /// What a simulation cost.
 pub(super) struct Cost {
@@ -159,8 +161,11 @@ impl Report<'_> {
         let standard = simulation.standard_magnitudes(StandardMagnitude::IlluminatedFraction);
         let _ = writeln!(
             text,
-            "  V ({})                                        brightest  at (UTC)                  faintest",
-            simulation.pass.zero
+            "  {:<44} {:>10}  {:<24} {:>9}",
+            format!("V ({})", simulation.pass.zero),
+            "brightest",
+            "at (UTC)",
+            "faintest"
         );
         for (what, magnitudes) in [
             ("above the air", v),
@@ -170,9 +175,15 @@ impl Report<'_> {
         ] {
             match self.extremes(&magnitudes) {
                 Some(((i, bright), (_, faint))) => {
+                    // The tail of a lobe may be hundreds of magnitudes fainter than anything in the sky.
+                    let faint = if faint > DARK_MAG {
+                        format!("> {DARK_MAG}")
+                    } else {
+                        format!("{faint:.3}")
+                    };
                     let _ = writeln!(
                         text,
-                        "    {what:<42} {bright:>10.3}  {:<24} {faint:>9.3}",
+                        "    {what:<42} {bright:>10.3}  {:<24} {faint:>9}",
                         self.time(i)
                     );
                 }

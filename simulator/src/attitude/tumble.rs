@@ -211,7 +211,7 @@ impl Tumble {
 
     fn from_parts(epoch: Epoch, abc: DMat3, body_to_gcrs: DQuat, motion: Motion) -> Self {
         let body_to_abc = DQuat::from_mat3(&abc).normalize().inverse();
-        let start = motion.from_abc(0.0);
+        let start = motion.abc_to_l(0.0);
         let from_l = body_to_gcrs * (start * body_to_abc).inverse();
         Self { epoch, body_to_abc, from_l, motion }
     }
@@ -219,7 +219,7 @@ impl Tumble {
     /// The rotation from body axes to the GCRS.
     pub fn body_to_gcrs(&self, epoch: Epoch) -> DQuat {
         let after_s = seconds_between(self.epoch, epoch);
-        (self.from_l * self.motion.from_abc(after_s) * self.body_to_abc).normalize()
+        (self.from_l * self.motion.abc_to_l(after_s) * self.body_to_abc).normalize()
     }
 
     /// The angular velocity against the GCRS, in the body's axes, rad/s.
@@ -231,10 +231,10 @@ impl Tumble {
 
 impl Motion {
     /// The rotation from the axes a, b, c to the frame about L, so many seconds after the epoch.
-    fn from_abc(&self, after_s: f64) -> DQuat {
+    fn abc_to_l(&self, after_s: f64) -> DQuat {
         match self {
             Motion::Steady { rate_rad_s, towards_l } => turn(*towards_l, rate_rad_s * after_s),
-            Motion::Periodic(periodic) => periodic.from_abc(after_s),
+            Motion::Periodic(periodic) => periodic.abc_to_l(after_s),
         }
     }
 
@@ -319,7 +319,7 @@ impl Periodic {
         (turns, (self.amplitude * DVec3::new(cn, sn, dn)).normalize())
     }
 
-    fn from_abc(&self, after_s: f64) -> DQuat {
+    fn abc_to_l(&self, after_s: f64) -> DQuat {
         let (turns, l) = self.towards_l(after_s);
         let sum = sine_series(&self.sines, 2.0 * TAU * turns);
         let about_l = turn(DVec3::Z, self.mean_rad_s * after_s + (sum - self.sum_at_epoch));
@@ -347,7 +347,7 @@ fn cosines(function: impl Fn(f64) -> f64) -> Vec<f64> {
             2.0 / samples as f64 * sum
         };
         let mut coefficients: Vec<f64> = (1..samples / 2).map(coefficient).collect();
-        let small = |c: &f64| c.abs() < 5e-17;
+        let small = |c: &f64| c.abs() < 2e-16;
         // What lies beyond half of the coefficients is aliased into the rest.
         if coefficients[samples / 4..].iter().all(small) || samples >= MOST_SAMPLES {
             while coefficients.last().is_some_and(small) {

@@ -351,6 +351,9 @@ impl Work {
         eye: Toward,
         outline: &[P2],
     ) -> bool {
+        if scene.report().no_occlusion {
+            return false;
+        }
         self.shadows.clear();
         self.gather(scene, now, i, Toward::Far(sun), 0);
         // In opposition what is seen is what is lit.

@@ -186,8 +186,7 @@ impl Search {
         orientation: &EarthOrientation,
     ) -> Result<Self, SearchError> {
         let seconds = crate::orbit::seconds_between(from, to);
-        // Written so that NaN is refused too.
-        if !(seconds > 0.0) {
+        if seconds <= 0.0 {
             return Err(SearchError::Window { seconds });
         }
         for (what, value_deg) in [
@@ -434,8 +433,13 @@ impl Bounds {
                 let rate = MARGIN * n * (1.0 + e).sqrt() / (1.0 - e).powf(1.5);
                 let apogee_m = MARGIN * axis_m * (1.0 + e);
                 let site_m = search.sky.site_m;
-                let low = (search.lowest_deg.to_radians() - VERTICAL_RAD).max(-0.1);
-                let cap_rad = (site_m / apogee_m * low.cos()).min(1.0).acos() - low;
+                let low = search.lowest_deg.to_radians() - VERTICAL_RAD;
+                // Far below the horizon the Earth is no bound: then every moment is looked at.
+                let cap_rad = if low < -0.1 {
+                    TAU
+                } else {
+                    (site_m / apogee_m * low.cos()).min(1.0).acos() - low
+                };
                 let step_s = (TAU / rate / STEPS_A_TURN).clamp(1.0, 120.0);
                 let rate_rad_s = rate + EARTH_RATE_RAD_S;
                 Self { from_s: 0.0, to_s: seconds, rate_rad_s, cap_rad, step_s }

@@ -158,7 +158,24 @@ impl Reader<'_> {
                 Material::microfacet(&file.name, self.lobe(file)?, self.fresnel(file)?)
             }
             ModelName::Blend => {
-                return Err(self.error("model", "lambert, microfacet or mirror").into());
+                let Some(base) = &file.base else {
+                    let expected = "also base = { reflectance = … }: what is below the coat";
+                    return Err(self.error("base", expected).into());
+                };
+                let keys = ReflectanceKeys {
+                    prefix: "base.",
+                    number: base.reflectance,
+                    file: base.reflectance_file.as_deref(),
+                    table: base.reflectance_table.as_ref(),
+                };
+                let (below, lobe) = (self.reflectance(&keys)?, self.lobe(file)?);
+                if !lobe.is_isotropic() {
+                    let expected = "one alpha: the coat of a blend has no tangent";
+                    return Err(self.error("alpha_x", expected).into());
+                }
+                let fresnel = self.fresnel(file)?;
+                Material::blend(&file.name, below, lobe, fresnel)
+                    .map_err(|e| self.wrong("base", &e))?
             }
         })
     }

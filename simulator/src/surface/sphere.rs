@@ -49,6 +49,16 @@ impl Material {
                 fresnel.add_weights(cos_half, scale * value, sum);
                 error
             }
+            Model::Blend { lobe, fresnel, base } => {
+                let (coat, below) = sum.split_at_mut(fresnel.spectra().len());
+                let (value, error) = microfacet(lobe, phase_rad);
+                fresnel.add_weights(cos_half, scale * value, coat);
+                let (weights, base_error) = diffuse(phase_rad, |cos_i, cos_o, scale, sum| {
+                    base.add_weights(cos_i, cos_o, scale, sum);
+                });
+                below.iter_mut().zip(weights).for_each(|(sum, w)| *sum += scale * w);
+                error.max(base_error)
+            }
         })
     }
 }
@@ -121,4 +131,29 @@ fn microfacet(lobe: &Lobe, phase: f64) -> (f64, f64) {
     };
     // A quarter of the bell four times.
     (FRAC_1_PI * value[0], error)
+}
+
+/// ∫ w cosθ_i cosθ_o dA of weights that depend on the two cosines alone, and its estimated relative error.
+fn diffuse(phase: f64, add: impl Fn(f64, f64, f64, &mut [f64])) -> ([f64; 3], f64) {
+    // Longitude from the middle of what is lit and seen, in the plane of Sun and observer; latitude above it, and below the same.
+    let half = 0.5 * (PI - phase);
+    let edges = |most: f64| [rule::towards(0.0, -most, 0.02), rule::towards(0.0, most, 0.02)];
+    let longitudes = edges(half);
+    let latitudes = rule::towards(0.0, FRAC_PI_2, 0.05);
+    rule::converge(TOLERANCE, |order| {
+        let mut sum = [0.0; 3];
+        for side in &longitudes {
+            for (longitude, width) in rule::points(side, order) {
+                // cos(longitude ± γ/2), from the angle left to the terminator.
+                let (i, o) = ((half + longitude).sin(), (half - longitude).sin());
+                for (latitude, height) in rule::points(&latitudes, order) {
+                    let cos = latitude.cos();
+                    let (cos_i, cos_o) = ((cos * i).max(0.0), (cos * o).max(0.0));
+                    let area = 2.0 * width.abs() * height * cos;
+                    add(cos_i, cos_o, area * cos_i * cos_o, &mut sum);
+                }
+            }
+        }
+        sum
+    })
 }
