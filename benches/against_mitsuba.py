@@ -104,10 +104,10 @@ Single scattering under a collimated Sun. Time: sunglint, wall time of one epoch
 and after Mitsuba's; Mitsuba, CPU time of one render (60 x 60 pixels, `multijitter`), median of 5 after a warm-up. Making the scene and
 Mitsuba's first render (JIT, %s to %s) are in no time; on this machine its wall time was %.2f times its CPU time (median). Error:
 sum |E - truth| / sum truth over the bins; Mitsuba's, the root mean square over 5 seeds, against the exact sums with the rational
-fit of Smith's masking that it evaluates; ours, against those with the closed form. Ratio: Mitsuba's time over ours at the error of that row, which ours stays below (below 1
-Mitsuba is the faster one at that error). `grey` is one number and the fairest bound for any Mitsuba script; `per material` is one grey
-render for each material times spectra, as a careful user does it; the `thesis loop` traces wavelengths (3760 samples: the thesis's 80 for
-each bin and pixel).
+fit of Smith's masking that it evaluates; ours, against those with the closed form. Ratio: Mitsuba's time over ours at the error of that
+row, which ours stays below (below 1, Mitsuba is the faster one at that error). `grey` is one number and the fairest bound for any
+Mitsuba script; `per material` is one grey render for each material times spectra, as a careful user does it; the `thesis loop` traces
+wavelengths (3760 samples: the thesis's 80 for each bin and pixel).
 """ % (time_text(min(first)), time_text(max(first)), statistics.median(slower)))
     print("| scene | way | samples per pixel | time per epoch | error | ratio |\n| --- | --- | ---: | ---: | ---: | ---: |")
     last = None
