@@ -41,6 +41,9 @@ const EXPOSURE_S: f64 = 0.1;
 /// The scene of the pass; it goes into the folder too, to be changed and simulated again.
 const PASS: &str = include_str!("demo/pass.toml");
 const PASS_FILE: &str = "pass.toml";
+/// Made-up satellites along the line between day and night, to look for passes of.
+const SATELLITES: &str = include_str!("demo/satellites.tle");
+const SATELLITES_FILE: &str = "satellites.tle";
 
 /// Makes the demonstration.
 pub fn run(args: &DemoArgs, console: Console) -> anyhow::Result<()> {
@@ -70,6 +73,7 @@ pub fn run(args: &DemoArgs, console: Console) -> anyhow::Result<()> {
     let out = OutputArgs { output: vec![folder.join("")], force: args.force };
     let mut contents = out.files_of(&pass.product)?;
     contents.push((folder.join(PASS_FILE), PASS.into()));
+    contents.push((folder.join(SATELLITES_FILE), SATELLITES.into()));
     contents.extend(out.files_of(&vega(&track, &curve)?)?);
     contents.extend(out.files_of(&transmissions(&track.air)?)?);
     let files: Vec<String> =
