@@ -6,7 +6,7 @@
 //! - [`star`]: a star's place, airmass and expected rates;
 //! - [`simulate`]: what a pass should look like in every channel;
 //! - [`passes`]: when satellites can be seen;
-//! - [`bench`]: error against time of the light engines;
+//! - [`mod@bench`]: error against time of the light engines;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
 //! - [`output`]: where results go, in which format, and that nothing is overwritten;

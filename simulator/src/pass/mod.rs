@@ -2,7 +2,7 @@
 //!
 //! In the order in which data flows through it:
 //!
-//! - [`file`]: a `PASS.toml` and the files that it names → [`Pass`];
+//! - [`mod@file`]: a `PASS.toml` and the files that it names → [`Pass`];
 //! - [`Pass::simulate`]: for every epoch where Sun, target and station stand, and how the body is turned ([`Place`]); the weights W_k of the
 //!   material spectra ([`crate::light`]); and from these, by sums alone, spectra, rates and magnitudes;
 //! - [`Simulation`]: the curves and tables of the result.
