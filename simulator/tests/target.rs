@@ -509,3 +509,19 @@ fn an_exported_target_reads_back_the_same() {
         }
     }
 }
+
+/// Lengths whose squares are no numbers would make infinite areas.
+#[test]
+fn lengths_beyond_all_bodies_are_refused() {
+    for (shape, key) in [
+        ("shape = \"box\"\nsize_m = [1e200, 1, 1]", "size_m"),
+        ("shape = \"box\"\nsize_m = [1, 1, 1]\noffset_m = [1e300, 0, 0]", "offset_m"),
+        ("shape = \"sphere\"\nradius_m = 1e160", "radius_m"),
+        ("shape = \"prism\"\nheight_m = 1\nwidth_m = 1e160", "width_m"),
+        ("shape = \"cone\"\nheight_m = 1\nradius_m = 1\ntop_radius_m = 1e160", "top_radius_m"),
+    ] {
+        let text = format!("[[part]]\nname = \"a\"\n{shape}\nmaterial = \"white\"\n");
+        let error = Target::parse("t.toml", text).unwrap_err().to_string();
+        assert!(error.contains(key) && error.contains("at most 1e15 m"), "{error}");
+    }
+}

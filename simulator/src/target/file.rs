@@ -63,6 +63,7 @@
 use super::materials::Shelf;
 use super::part::{self, Files};
 use super::{Hinge, Part, Placement, Target};
+use crate::mesh::faults::FARTHEST_M;
 use crate::mesh::shapes::Faceting;
 use glam::{DQuat, DVec3};
 use serde::Deserialize;
@@ -335,6 +336,15 @@ fn vector(values: [Finite; 3]) -> DVec3 {
     DVec3::from_array(values.map(Finite::get))
 }
 
+/// A place whose squared distance from others is still a number.
+fn near(document: &Document, key: &str, place_m: DVec3) -> Result<DVec3, ParseError> {
+    if place_m.abs().max_element() <= FARTHEST_M {
+        Ok(place_m)
+    } else {
+        Err(document.error_at(key, format!("coordinates of at most {FARTHEST_M:e} m")))
+    }
+}
+
 /// A direction, made a unit vector.
 fn direction(document: &Document, key: &str, values: [Finite; 3]) -> Result<DVec3, ParseError> {
     vector(values)
@@ -364,7 +374,8 @@ fn hinge(document: &Document, at: &str, file: &HingeFile) -> Result<Hinge, Parse
             return Err(document.error_at(&key(at, "range_deg"), expected));
         }
     };
-    Ok(Hinge { name: file.name.clone(), point_m: vector(file.point_m), axis, face, range_rad })
+    let point_m = near(document, &key(at, "point_m"), vector(file.point_m))?;
+    Ok(Hinge { name: file.name.clone(), point_m, axis, face, range_rad })
 }
 
 fn hinge_of(
@@ -404,7 +415,8 @@ fn placement(document: &Document, at: &str, file: &PartFile) -> Result<Placement
         }
         (None, None) => DQuat::IDENTITY,
     };
-    Ok(Placement { rotation, offset_m: file.offset_m.map_or(DVec3::ZERO, vector) })
+    let offset_m = file.offset_m.map_or(DVec3::ZERO, vector);
+    Ok(Placement { rotation, offset_m: near(document, &key(at, "offset_m"), offset_m)? })
 }
 
 fn tangent(document: &Document, at: &str, file: &PartFile) -> Result<DVec3, ParseError> {
