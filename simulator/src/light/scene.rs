@@ -151,17 +151,26 @@ impl Scene {
     /// Triangles merge where their corners lie in one plane within this times the scene's size.
     pub const FLAT: f64 = 1e-13;
     /// Facets times occluders up to which every pair is looked at once and for all.
-    const MOST_PAIRS: usize = 4_000_000;
+    pub const MOST_PAIRS: usize = 4_000_000;
 
     /// Prepares a target.
     ///
     /// # Errors
     /// A flat perfect mirror, indices without their thing, corners that are no numbers.
     pub fn new(target: &Target) -> Result<Self, SceneError> {
+        Self::with_most_pairs(target, Self::MOST_PAIRS)
+    }
+
+    /// Prepares a target with another limit than [`Scene::MOST_PAIRS`]: with fewer the scene takes less memory and looks for what hides
+    /// what anew in each direction. The weights are the same but for the rounding of sums in another order.
+    ///
+    /// # Errors
+    /// As [`Scene::new`].
+    pub fn with_most_pairs(target: &Target, most_pairs: usize) -> Result<Self, SceneError> {
         for part in &target.parts {
             check(target, part)?;
         }
-        Ok(Builder::new(target).finish())
+        Ok(Builder::new(target).finish(most_pairs))
     }
 
     /// Room to evaluate in: one for each thread.
@@ -284,7 +293,7 @@ impl<'a> Builder<'a> {
         Self { target, size, components: 0, scene }
     }
 
-    fn finish(mut self) -> Scene {
+    fn finish(mut self, most_pairs: usize) -> Scene {
         for group in 0..=self.target.hinges.len() {
             self.group(group);
         }
@@ -295,7 +304,7 @@ impl<'a> Builder<'a> {
         if scene.spheres.len() + scene.report.facets > 1 && !scene.spheres.is_empty() {
             scene.report.sphere_faceting = sphere::FACETING;
         }
-        self.pair();
+        self.pair(most_pairs);
         let alone = self.components <= 1 && self.scene.facets.iter().all(|f| f.convex);
         let report = &mut self.scene.report;
         report.convex = alone && self.components == 1;
@@ -458,7 +467,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Looks at every pair of a facet and an occluder once, if they are not too many.
-    fn pair(&mut self) {
+    fn pair(&mut self, most_pairs: usize) {
         let scene = &mut self.scene;
         scene.report.solids =
             scene.occluders.iter().filter(|o| matches!(o.kind, Kind::Solid(_))).count();
@@ -469,7 +478,7 @@ impl<'a> Builder<'a> {
             scene.pairs = Some((vec![0..0; scene.facets.len()], Vec::new()));
             return;
         }
-        if scene.facets.len() * scene.occluders.len() > Scene::MOST_PAIRS && usual > 0 {
+        if scene.facets.len() * scene.occluders.len() > most_pairs && usual > 0 {
             return;
         }
         let (mut ranges, mut pairs) = (Vec::with_capacity(scene.facets.len()), Vec::new());
