@@ -33,8 +33,8 @@ fn turning_and_moving_change_nothing() {
 }
 
 /// Each triangle falls into several: about a point inside, by a point on an edge that the neighbour does not have (a T-junction), or with
-/// a sliver of 1e-6.
-fn split(mesh: &Mesh, rng: &mut Rng) -> Mesh {
+/// a sliver.
+fn split(mesh: &Mesh, sliver: f64, rng: &mut Rng) -> Mesh {
     let mut out = Mesh { vertices: mesh.vertices.clone(), triangles: Vec::new() };
     for (t, &[a, b, c]) in mesh.triangles.iter().enumerate() {
         let [pa, pb, pc] = mesh.corners(t);
@@ -50,7 +50,7 @@ fn split(mesh: &Mesh, rng: &mut Rng) -> Mesh {
                 out.triangles.extend([[a, new, c], [new, b, c]]);
             }
             2 => {
-                out.vertices.push(pa + 1e-6 * (pb - pa));
+                out.vertices.push(pa + sliver * (pb - pa));
                 out.triangles.extend([[a, new, c], [new, b, c]]);
             }
             _ => out.triangles.push([a, b, c]),
@@ -74,7 +74,8 @@ fn splitting_and_order_change_nothing() {
         let mut shuffled = one.clone();
         for part in &mut finer.parts {
             let Shape::Mesh(mesh) = &mut part.shape else { continue };
-            *mesh = split(&split(mesh, &mut rng), &mut rng);
+            // Slivers of slivers would be narrower than what counts as one place.
+            *mesh = split(&split(mesh, 0.3, &mut rng), 1e-6, &mut rng);
         }
         shuffled.parts.reverse();
         shuffled.parts.rotate_left((seed % 5) as usize);
