@@ -26,6 +26,8 @@ pub struct Scene {
     /// For each facet a range of `candidates`; `None` where an index is made for each direction instead.
     pub(super) pairs: Option<(Vec<Range<usize>>, Vec<u32>)>,
     pub(super) touching_m: f64,
+    /// Whether faces cover others in their plane.
+    pub(super) covers: bool,
     report: SceneReport,
 }
 
@@ -288,6 +290,7 @@ impl<'a> Builder<'a> {
             geometry: Geometry::default(),
             pairs: None,
             touching_m: size * Scene::TOUCHING,
+            covers: false,
             report,
         };
         Self { target, size, components: 0, scene }
@@ -373,6 +376,7 @@ impl<'a> Builder<'a> {
         }
         let covered = super::coincident::resolve(&mut polygons, touching);
         if let Some((part, other, area)) = covered {
+            self.scene.covers = true;
             let (part, other) = (&target.parts[part].name, &target.parts[other].name);
             self.scene.report.warnings.push(format!(
                 "coincident faces that look the same way, {area:.3e} m² in all (`{other}` on `{part}` and perhaps more): the later covers the earlier"

@@ -61,7 +61,7 @@ fn split(mesh: &Mesh, sliver: f64, rng: &mut Rng) -> Mesh {
 
 /// Truth: a surface does not know its triangles. Split in several ways W stays the same to 1e-12 of its most; the order of the parts and
 /// of the triangles likewise. Where faces of several bodies lie in one plane (every fourth scene), overlaps narrower than the touching
-/// tolerance are left alone, and the planes of slivers are known badly: there 1e-9 (3e-10 is met), which the claimed error does not hold.
+/// tolerance are left alone, and the planes of slivers are known badly: there 1e-9 (4e-10 is met). The claimed error covers both.
 #[test]
 fn splitting_and_order_change_nothing() {
     let (mut worst, mut claimed) = ([0.0_f64; 2], 0.0_f64);
@@ -91,7 +91,7 @@ fn splitting_and_order_change_nothing() {
             let on_grid = seed % KINDS == 3;
             worst[usize::from(on_grid)] = worst[usize::from(on_grid)].max(off);
             let limit = if on_grid { 10.0 * Scene::TOUCHING } else { 1e-12 };
-            let claim = (ea + eb) / most(&one) + if on_grid { limit } else { 2e-15 };
+            let claim = (ea + eb) / most(&one) + 2e-15;
             claimed = claimed.max(off / claim);
             assert!(off < limit, "{what} {seed}: {a} {b} {off:.1e}");
             assert!(off <= claim, "{what} {seed}: {off:.1e}, claimed {claim:.1e}");
@@ -130,7 +130,7 @@ fn index_and_pairs_and_parts() {
         for _ in 0..views {
             let (sun, to) = directions(&mut rng);
             for view in [View::Distant(to), View::At(4.0 * to)] {
-                if matches!(view, View::At(_)) && views > 2 && seed % 10 > 0 {
+                if matches!(view, View::At(_)) && views > 2 && !seed.is_multiple_of(10) {
                     continue;
                 }
                 let (a, b) = (evaluate(&pairs, sun, view).0, evaluate(&index, sun, view).0);
@@ -142,9 +142,9 @@ fn index_and_pairs_and_parts() {
                 let stride = pairs.weight_count();
                 let mut each = vec![0.0; stride * pairs.part_count()];
                 pairs.evaluator().direct_by_part(sun, view, &mut each).unwrap();
-                for k in 0..stride {
+                for (k, a) in a.iter().enumerate() {
                     let sum: f64 = each.iter().skip(k).step_by(stride).sum();
-                    assert!((sum - a[k]).abs() <= 1e-14 * most(one), "{seed}: {sum} {}", a[k]);
+                    assert!((sum - a).abs() <= 1e-14 * most(one), "{seed}: {sum} {a}");
                 }
             }
         }
