@@ -34,7 +34,7 @@ pub struct Direct {
     pub pieces: usize,
     /// Spheres in closed form.
     pub spheres: usize,
-    /// Spheres whose lost part was summed over flat facets.
+    /// Spheres whose remaining share was found with flat facets.
     pub tessellated: usize,
     /// An estimate of the relative error of ΣW from rounding, touching tolerances, quadrature and flat facets of spheres.
     pub error: f64,
@@ -299,7 +299,7 @@ impl<'a> Evaluator<'a> {
         let range = start + weights.start..start + weights.end;
         let material = &scene.materials[ball.material as usize];
         let to = eye.from(middle);
-        // From a point: the closed form at the middle's distance and angle, to which the facets add what nearness changes.
+        // From a point: the closed form at the middle's distance and angle, of which the facets say the share that is seen from there.
         let nearness = match eye {
             Toward::Far(_) => 1.0,
             Toward::Near(q) => q.length_squared() / (q - middle).length_squared(),

@@ -40,7 +40,7 @@ pub(super) struct Facet {
     pub part: u32,
     pub component: u32,
     pub group: u32,
-    /// The sphere that it stands for, if any: then only what is lost of it counts.
+    /// The sphere that it stands for, if any: then it says only what share of the sphere is left.
     pub sphere: Option<u32>,
     /// Whether its component is convex, and hides nothing of itself.
     pub convex: bool,
@@ -141,7 +141,8 @@ pub struct SceneReport {
     pub occluder_pairs: Option<usize>,
     /// Corners nearer to a plane than this lie in it, m.
     pub touching_m: f64,
-    /// Relative error of what is lost of a sphere where something shades or hides it; 0 without spheres.
+    /// Error of a sphere that something shades or hides, of the geometric mean of the whole and the smaller of its hidden and remaining
+    /// parts; 0 without spheres.
     pub sphere_faceting: f64,
     /// What a person should hear of.
     pub warnings: Vec<String>,
