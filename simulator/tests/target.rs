@@ -277,7 +277,7 @@ fn what_makes_no_sense_is_refused_with_line_and_key() {
         (
             "euler_zyx_deg = [0, 90, 0]",
             "quaternion = [1, 0, 0, 1]",
-            "expected a unit quaternion [w, x, y, z] (its length is 1.414",
+            "expected a unit quaternion [w, x, y, z] (the quaternion has the length 1.414",
         ),
         ("shape = \"plate\"", "shape = \"ball\"", "a.toml:17: part[0].shape"),
         (

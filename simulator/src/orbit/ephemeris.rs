@@ -1,13 +1,13 @@
 //! A table of positions in place of elements.
 
+use super::eclipse::EARTH_EQUATORIAL_RADIUS_M;
 use super::interpolation::Series;
 use super::{OrbitError, State, seconds_between};
 use glam::DVec3;
 use hifitime::{Duration, Epoch};
 use sunglint_formats::time::{format_utc, format_utc_shortest};
 
-/// WGS 84, m.
-const EQUATORIAL_RADIUS_M: f64 = 6_378_137.0;
+/// The polar radius of WGS 84, m.
 const POLAR_RADIUS_M: f64 = 6_356_752.3;
 /// Nothing that is seen by reflected sunlight from the ground as a satellite is further: three times the distance of L2.
 const FURTHEST_M: f64 = 5e9;
@@ -86,8 +86,8 @@ pub(super) fn fault(before: Option<&EphemerisRow>, row: &EphemerisRow) -> Option
         }
     }
     let km = format!("a place {:.3} km from the Earth's centre", p.length() / 1e3);
-    let level =
-        (p.x * p.x + p.y * p.y) / EQUATORIAL_RADIUS_M.powi(2) + (p.z / POLAR_RADIUS_M).powi(2);
+    let level = (p.x * p.x + p.y * p.y) / EARTH_EQUATORIAL_RADIUS_M.powi(2)
+        + (p.z / POLAR_RADIUS_M).powi(2);
     if level < 1.0 {
         return fault("x_km", km, "a place above the Earth's surface, GCRS kilometres");
     }

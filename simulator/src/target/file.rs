@@ -63,6 +63,7 @@
 use super::materials::Shelf;
 use super::part::{self, Files};
 use super::{Hinge, Part, Placement, Target};
+use crate::attitude::{euler_zyx, quaternion_wxyz};
 use crate::mesh::faults::FARTHEST_M;
 use crate::mesh::shapes::Faceting;
 use glam::{DQuat, DVec3};
@@ -399,19 +400,14 @@ fn placement(document: &Document, at: &str, file: &PartFile) -> Result<Placement
             return Err(document.error_at(&key(at, "quaternion"), expected));
         }
         (Some(q), None) => {
-            let [w, x, y, z] = q.map(Finite::get);
-            let rotation = DQuat::from_xyzw(x, y, z, w);
-            // Six digits are enough to see what is meant; less is a mistake.
-            if (rotation.length() - 1.0).abs() > 1e-5 {
-                let hint = format!("its length is {}", rotation.length());
-                let expected = "a unit quaternion [w, x, y, z]";
-                return Err(document.error_at(&key(at, "quaternion"), expected).with_hint(hint));
-            }
-            rotation.normalize()
+            let expected = "a unit quaternion [w, x, y, z]";
+            quaternion_wxyz(q.map(Finite::get)).map_err(|error| {
+                document.error_at(&key(at, "quaternion"), expected).with_hint(error.to_string())
+            })?
         }
         (None, Some(angles)) => {
             let [z, y, x] = angles.map(|a| a.get().to_radians());
-            DQuat::from_rotation_z(z) * DQuat::from_rotation_y(y) * DQuat::from_rotation_x(x)
+            euler_zyx(z, y, x)
         }
         (None, None) => DQuat::IDENTITY,
     };
