@@ -268,14 +268,14 @@ impl Followed {
             warnings: Vec::new(),
         };
         let failure = |why: String| Some(Failure { what: label.clone(), why });
+        let window = search.window();
         let orbit = match TleOrbit::new(tle.clone()) {
-            Ok(orbit) => Orbit::from(orbit),
+            Ok(orbit) => Orbit::from(orbit.near(window.from, window.to)),
             Err(error) => {
                 followed.failure = failure(error.to_string());
                 return followed;
             }
         };
-        let window = search.window();
         followed.warnings = orbit.warnings(window.from, window.to);
         let found = search.passes(&orbit);
         if let Some((_, error)) = found.ended {

@@ -5,6 +5,7 @@ use super::{BANDS, Pass, PassError, SpectralQuantity};
 use crate::attitude::Moment;
 use crate::geometry::Geometry;
 use crate::light::{Scene, SceneReport, View};
+use crate::orbit::Orbit;
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
 use ndarray::Array2;
@@ -12,7 +13,7 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_radiometry::air::{AirError, Zenith};
-use sunglint_radiometry::sky::{Observer, OrientationOrigin};
+use sunglint_radiometry::sky::{Observer, OrientationOrigin, SkyFrames};
 use sunglint_radiometry::station::Predicted;
 
 /// Epochs that are done between two reports of progress.
@@ -178,11 +179,14 @@ impl Pass {
         let functionals = Functionals::new(self, &spectra)?;
 
         begin(Stage::Places);
+        let (first, last) = self.ends();
+        let frames = self.frames(first, last)?;
+        let orbit = self.orbit.near(first, last);
         let places = first_error(
             self.times
                 .par_iter()
                 .map(|epoch| {
-                    let place = self.place(*epoch, &functionals);
+                    let place = self.place(*epoch, &orbit, &frames, &functionals);
                     tick(Stage::Places);
                     place
                 })
@@ -250,10 +254,31 @@ impl Pass {
         Ok(())
     }
 
-    fn place(&self, epoch: Epoch, functionals: &Functionals) -> Result<Place, PassError> {
-        let observer = Observer::at(epoch, &self.station.site, self.orientation())?;
+    /// The earliest and the latest of the times, which may stand in any order.
+    fn ends(&self) -> (Epoch, Epoch) {
+        let first = self.times[0];
+        self.times.iter().fold((first, first), |(a, b), t| (a.min(*t), b.max(*t)))
+    }
+
+    fn frames(&self, first: Epoch, mut last: Epoch) -> Result<SkyFrames<'_>, PassError> {
+        // Few times far apart are cheaper each on its own.
+        let hours = crate::orbit::seconds_between(first, last) / 3600.0;
+        if hours > self.times.len() as f64 {
+            last = first;
+        }
+        Ok(SkyFrames::over(first, last, self.orientation())?)
+    }
+
+    fn place(
+        &self,
+        epoch: Epoch,
+        orbit: &Orbit,
+        frames: &SkyFrames<'_>,
+        functionals: &Functionals,
+    ) -> Result<Place, PassError> {
+        let observer = Observer::new(frames.at(epoch)?, &self.station.site);
         let shape = self.shadow.unwrap_or_default();
-        let geometry = Geometry::over(&self.orbit, &observer, shape).map_err(|source| {
+        let geometry = Geometry::over(orbit, &observer, shape).map_err(|source| {
             PassError::Geometry { epoch_utc: format_utc_shortest(epoch), source: Box::new(source) }
         })?;
         let moment = Moment {
