@@ -4,7 +4,7 @@ use super::functionals::Functionals;
 use super::{BANDS, Pass, PassError, SpectralQuantity};
 use crate::attitude::Moment;
 use crate::geometry::Geometry;
-use crate::light::{Scene, SceneReport, View};
+use crate::light::SceneReport;
 use crate::orbit::Orbit;
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
@@ -139,12 +139,12 @@ pub struct Simulation<'a> {
 }
 
 /// What an epoch yields.
-struct Counts {
+pub(super) struct Counts {
     spectrum: Vec<f64>,
     uncovered: bool,
-    channels: Vec<(f64, f64, Predicted, f64)>,
-    magnitudes: [f64; BANDS.len()],
-    ground: [f64; BANDS.len()],
+    pub(super) channels: Vec<(f64, f64, Predicted, f64)>,
+    pub(super) magnitudes: [f64; BANDS.len()],
+    pub(super) ground: [f64; BANDS.len()],
     relative: f64,
 }
 
@@ -170,13 +170,8 @@ impl Pass {
         };
 
         begin(Stage::Tables);
-        let scene = Scene::new(&self.target).map_err(|source| {
-            let target = self.target.name.clone();
-            PassError::Target { target, source: Box::new(source) }
-        })?;
-        let spectra: Vec<_> = scene.spectra().collect();
-        let k = spectra.len();
-        let functionals = Functionals::new(self, &spectra)?;
+        let ready = self.ready()?;
+        let functionals = &ready.functionals;
 
         begin(Stage::Places);
         let (first, last) = self.ends();
@@ -186,7 +181,7 @@ impl Pass {
             self.times
                 .par_iter()
                 .map(|epoch| {
-                    let place = self.place(*epoch, &orbit, &frames, &functionals);
+                    let place = self.place(*epoch, &orbit, &frames, functionals);
                     tick(Stage::Places);
                     place
                 })
@@ -196,16 +191,11 @@ impl Pass {
         begin(Stage::Light);
         counter.store(0, Ordering::Relaxed);
         let lit = places.par_iter().map_init(
-            || scene.evaluator(),
-            |evaluator, place| {
-                let mut row = vec![0.0; k];
-                let view = View::Distant(place.observer_body);
-                let lit = evaluator.direct(place.sun_body, view, &mut row);
+            || ready.eye(),
+            |eye, place| {
+                let lit = eye.weigh(place).map(|(weights, error)| (weights.to_vec(), error));
                 tick(Stage::Light);
-                lit.map(|lit| (row, lit.error)).map_err(|source| PassError::Light {
-                    epoch_utc: format_utc_shortest(place.geometry.epoch),
-                    source: Box::new(source),
-                })
+                lit
             },
         );
         let (weights, light_errors): (Vec<_>, Vec<f64>) =
@@ -219,7 +209,7 @@ impl Pass {
                 .zip(&weights)
                 .enumerate()
                 .map(|(i, (place, weights))| {
-                    let counts = self.counts(place, self.exposure_s[i], weights, &functionals);
+                    let counts = self.counts(place, self.exposure_s[i], weights, functionals);
                     tick(Stage::Counts);
                     counts
                 })
@@ -231,7 +221,8 @@ impl Pass {
             rate_relative: counts.iter().fold(0.0, |most, c| c.relative.max(most)),
             light_relative: light_errors.iter().fold(0.0, |most, e| e.max(most)),
         };
-        let simulation = self.gathered(places, weights, counts, bounds, scene.report().clone());
+        let simulation =
+            self.gathered(places, weights, counts, bounds, ready.scene.report().clone());
         begin(Stage::Done);
         Ok(simulation)
     }
@@ -269,7 +260,7 @@ impl Pass {
         Ok(SkyFrames::over(first, last, self.orientation())?)
     }
 
-    fn place(
+    pub(super) fn place(
         &self,
         epoch: Epoch,
         orbit: &Orbit,
@@ -312,7 +303,7 @@ impl Pass {
         })
     }
 
-    fn counts(
+    pub(super) fn counts(
         &self,
         place: &Place,
         exposure_s: f64,
