@@ -129,6 +129,8 @@ fn bad_input_is_said_clearly_and_hides_nothing_else() {
         (1, vec!["--reflectance", "1.5"], "--reflectance is 1.5"),
         (1, vec!["--exposure-s", "-1"], "--exposure-s is -1"),
         (1, vec!["--min-elevation", "95"], "the lowest altitude is 95°"),
+        (1, vec!["--min-duration-s", "nan"], "--min-duration-s is NaN"),
+        (1, vec!["--brighter-than", "inf"], "--brighter-than is inf"),
         (2, vec!["-o", "sky.txt"], "found the extension `txt`"),
         (2, vec!["--standard-magnitude", "4", "--diameter-m", "2"], "cannot be used with"),
     ] {
@@ -159,7 +161,7 @@ fn a_sphere_as_a_model_is_as_bright_as_its_formula() {
     assert_eq!(model["brightness"]["attitude"], "orbit");
     let (models, spheres) = (model["passes"].as_array().unwrap(), sphere["passes"].as_array());
     let spheres = spheres.unwrap();
-    assert!(models.len() == spheres.len() && models.len() > 5);
+    assert!(models.len() == spheres.len() && models.len() >= 4);
     for (a, b) in models.iter().zip(spheres) {
         for moment in ["start", "culmination", "brightest", "end"] {
             let (a, b) = (&a[moment]["v_mag"], &b[moment]["v_mag"]);

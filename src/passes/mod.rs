@@ -165,6 +165,7 @@ pub struct Failure {
 pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
     let (from, to) = args.window()?;
+    args.filter.check()?;
     let brightness = args.brightness()?;
     if !(1e-9..=86_400.0).contains(&args.exposure_s) {
         bail!("--exposure-s is {:e}, expected 1e-9 to 86400 s", args.exposure_s);
@@ -410,6 +411,20 @@ impl PassesArgs {
 }
 
 impl FilterArgs {
+    /// Numbers; the altitudes of the search are its own concern.
+    fn check(&self) -> anyhow::Result<()> {
+        for (option, value) in [
+            ("--min-culmination", self.min_culmination),
+            ("--min-duration-s", self.min_duration_s),
+            ("--brighter-than", self.brighter_than.unwrap_or(0.0)),
+        ] {
+            if !value.is_finite() {
+                bail!("{option} is {value}, expected a number");
+            }
+        }
+        Ok(())
+    }
+
     fn apply(&self, mut passes: Vec<SeenPass>) -> Vec<SeenPass> {
         passes.retain(|p| {
             p.highest_visible_deg() >= self.min_culmination

@@ -155,6 +155,8 @@ pub struct Look {
     pub phase_rad: f64,
     /// Angle between the Sun's centre and the Earth's limb at the target, radians; negative in the shadow.
     pub lit_rad: f64,
+    /// The visible part of the Sun's disc.
+    pub sunlit: f64,
 }
 
 /// What the search for passes of any target needs: built once, used from many threads.
@@ -261,7 +263,8 @@ impl Search {
         Found { passes, ended: ended.map(|(t, error)| (self.epoch(t), error)) }
     }
 
-    /// The moment of a span at which the target is brightest, by a measure of (phase angle in radians, range in metres).
+    /// The moment of a span at which the target is brightest, by a measure of (phase angle in radians, range in metres) in full
+    /// sunlight, times the visible part of the Sun's disc.
     pub fn brightest(
         &self,
         orbit: &Orbit,
@@ -270,7 +273,7 @@ impl Search {
     ) -> Epoch {
         let at = |epoch: Epoch| {
             let look = self.look(orbit, epoch);
-            look.map_or(f64::NEG_INFINITY, |l| brightness(l.phase_rad, l.range_m))
+            look.map_or(f64::NEG_INFINITY, |l| l.sunlit * brightness(l.phase_rad, l.range_m))
         };
         self.highest(span, span.seconds() / 48.0, at)
     }
@@ -405,6 +408,7 @@ impl Search {
             range_m: line.length(),
             phase_rad: separation_rad(to_sun, -line),
             lit_rad: discs.separation_rad - discs.earth_rad,
+            sunlit: discs.visible_fraction(),
         })
     }
 
