@@ -76,16 +76,17 @@ fn stages(threads: usize) -> Vec<(Stage, f64)> {
 #[divan::bench(args = [1, 2], max_time = 5)]
 fn whole(bencher: Bencher, threads: usize) {
     let (pass, pool) = (pass(), pool(threads));
-    bencher.bench_local(|| pool.install(|| black_box(&pass).simulate(&|_| ()).unwrap().spectra[[0, 0]]));
+    bencher.bench_local(|| {
+        pool.install(|| black_box(&pass).simulate(&|_| ()).unwrap().spectra[[0, 0]])
+    });
 }
 
 /// The scene and the integrals over wavelength: once a pass.
 #[divan::bench(args = [1, 2], max_time = 5)]
 fn tables(bencher: Bencher, threads: usize) {
     let (pass, pool) = (pass(), pool(threads));
-    bencher.bench_local(|| {
-        pool.install(|| black_box(&pass).ready().unwrap().report().warnings.len())
-    });
+    bencher
+        .bench_local(|| pool.install(|| black_box(&pass).ready().unwrap().report().warnings.len()));
 }
 
 /// One moment by itself: place, light, counts.
