@@ -210,7 +210,7 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
                 file: path.display().to_string(),
                 sha256: sha256.clone(),
             }));
-            Light::Model(ready, words.clone())
+            Light::Model(Box::new(ready), words.clone())
         }
     };
     let frames = SkyFrames::over(from, to, orientation)?;

@@ -26,7 +26,7 @@ pub enum Light<'a> {
     /// By a law of phase angle and range.
     Law(Brightness),
     /// By the light engine.
-    Model(Ready<'a>, Words),
+    Model(Box<Ready<'a>>, Words),
 }
 
 /// A model in words.

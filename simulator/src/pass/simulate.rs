@@ -363,11 +363,17 @@ impl Pass {
         &self,
         places: Vec<Place>,
         weights: Vec<Vec<f64>>,
-        counts: Vec<Counts>,
+        mut counts: Vec<Counts>,
         bounds: Bounds,
         scene: SceneReport,
     ) -> Simulation<'_> {
         let n = places.len();
+        // The largest of all: each row is given back as soon as it stands among the others.
+        let mut spectra = Array2::zeros((n, self.bins()));
+        for (mut row, counts) in spectra.rows_mut().into_iter().zip(&mut counts) {
+            let spectrum = std::mem::take(&mut counts.spectrum);
+            row.iter_mut().zip(spectrum).for_each(|(to, from)| *to = from);
+        }
         let k = weights.first().map_or(0, Vec::len);
         let channel = |c: usize| ChannelSamples {
             name: self.station.channels[c].name.clone(),
@@ -389,7 +395,7 @@ impl Pass {
             pass: self,
             weights: Array2::from_shape_fn((n, k), |(i, j)| weights[i][j]),
             weight_materials,
-            spectra: Array2::from_shape_fn((n, self.bins()), |(i, j)| counts[i].spectrum[j]),
+            spectra,
             spectra_uncovered: counts.iter().map(|c| c.uncovered).collect(),
             channels,
             magnitudes: Array2::from_shape_fn((n, BANDS.len()), |(i, b)| counts[i].magnitudes[b]),
