@@ -149,6 +149,7 @@ fn concerns(pass: &Pass, simulation: &Simulation) -> Vec<String> {
     if turned && !pass.attitude_given && matches!(pass.attitude, Attitude::Inertial(_)) {
         concerns.push("no [attitude] is given: the body stands still among the stars, its axes along those of the GCRS".into());
     }
+    concerns.extend(of_times(pass));
     let places = &simulation.places;
     let orientation = places.iter().map(|p| p.orientation).find(|o| o.is_outside());
     concerns.extend(orientation.map(|o| format!("{o} ([earth_orientation] file = \"FILE\")")));
@@ -191,6 +192,31 @@ fn concerns(pass: &Pass, simulation: &Simulation) -> Vec<String> {
                 channel.name
             ));
         }
+    }
+    concerns
+}
+
+/// Times that are probably not meant so.
+fn of_times(pass: &Pass) -> Vec<String> {
+    let steps_s: Vec<f64> = pass.times.windows(2).map(|p| (p[1] - p[0]).to_seconds()).collect();
+    let mut concerns = Vec::new();
+    if let Some(i) = steps_s.iter().position(|s| *s <= 0.0) {
+        let what = if steps_s[i] == 0.0 { "is that of sample" } else { "is before that of sample" };
+        concerns.push(format!(
+            "the times do not increase: that of sample {} ({}) {what} {}; the result keeps their order",
+            i + 2,
+            sunglint_formats::time::format_utc(pass.times[i + 1], 3),
+            i + 1
+        ));
+    } else if let Some(i) =
+        steps_s.iter().zip(&pass.exposure_s).position(|(s, e)| *e > s * (1.0 + 1e-6))
+    {
+        concerns.push(format!(
+            "exposures are longer than the step between them ({} s and {:.6} s at sample {}): each sample is that of its mid-exposure, and they overlap",
+            pass.exposure_s[i],
+            steps_s[i],
+            i + 1
+        ));
     }
     concerns
 }

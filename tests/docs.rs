@@ -102,13 +102,13 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         let text = std::fs::read_to_string(folder.path(file)).unwrap();
         keys(&serde_json::from_str(&text).unwrap(), &mut printed);
     }
-    // A set with a wrong checksum among others, and both laws of brightness.
+    // A set with a wrong checksum among others, and all three kinds of brightness.
     let elements = read("fixtures/passes/satellites.tle");
     let wrong = elements.replacen("15.50000000    13", "15.50000000    14", 1);
     std::fs::write(folder.path("some.tle"), wrong).unwrap();
     let passes = ["passes", "--tle", "some.tle", "--station", "ufo", "--json", "--name", "leo"];
     let window = ["--from", "2024-08-12T18:00", "--to", "2024-08-13T04:00"];
-    for law in [&[][..], &["--standard-magnitude", "4"]] {
+    for law in [&[][..], &["--standard-magnitude", "4"], &["--model", "box_wing"]] {
         keys(&folder.json(&[&passes[..], &window, law].concat()), &mut printed);
     }
     // Rates are by the station's own channels.

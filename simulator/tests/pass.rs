@@ -513,3 +513,47 @@ fn elements_that_are_old_are_warned_of_or_fail() {
     let large = pass("sphere = { radius_m = 700.0, reflectance = 0.3 }", "", EVENING);
     assert!(large.warnings.iter().any(|w| w.contains("millimetres")), "{:?}", large.warnings);
 }
+
+/// What the air's table over the zenith angle may err by is said for rates, where it matters most: at the horizon, where blue light is weak.
+/// Truth: the mean transmission of each channel through the exact air at the epoch's zenith angle, by trapezoids (good to 1e-5), with tables of
+/// three tolerances: no sample errs by more than is said. What is said is a bound, 70 to 280 times what is found here: the table's error is one
+/// number for all zenith angles, the largest, and the bound sets it against the weakest rate. A bound ten times looser would be none.
+#[test]
+fn the_said_error_of_rates_holds_at_the_horizon() {
+    let mut station = Station::built_in("ufo").unwrap().unwrap();
+    station.horizon = sunglint_radiometry::station::Horizon::Flat(0.0);
+    let mut rests = Vec::new();
+    for tolerance in ["1e-2", "1e-3", "1e-4"] {
+        let text = format!(
+            "tolerance = {tolerance}\n{}",
+            toml(SPHERE, "", "from = 2008-09-21T18:43:30Z\nto = 2008-09-21T18:45:00Z\nstep_s = 2")
+        );
+        let overrides = Overrides { station: Some(station.clone()), ..Overrides::default() };
+        let pass = PassFile::parse("p.toml", &text).unwrap().resolve(overrides).unwrap();
+        let simulation = simulate(&pass);
+        let sun = light::sun_at_1_au();
+        let (mut worst, mut lowest) = (0.0_f64, 0.0_f64);
+        let low = |p: &Place| p.apparent_zenith_deg.is_some_and(|z| z > 86.0);
+        for (i, place) in simulation.places.iter().enumerate().filter(|(_, p)| low(p)) {
+            lowest = lowest.max(place.apparent_zenith_deg.unwrap());
+            let g = &place.geometry;
+            let zenith = Zenith::Near { true_deg: g.zenith_deg(), range_m: g.range_m };
+            let t = pass.air.as_ref().unwrap().spectrum(zenith, (294.2, 1249.9)).unwrap();
+            for (channel, found) in station.channels.iter().zip(&simulation.channels) {
+                let (a, b) = channel.range_nm().unwrap();
+                let (a, b) = (a.max(295.0), b.min(1249.0));
+                let photons = |nm: f64| sun.at(nm) * channel.sensitivity_at(nm) * nm;
+                let mean =
+                    trapezoids(a, b, |nm| photons(nm) * t.at(nm)) / trapezoids(a, b, photons);
+                let said = found.rate_hz[i] / found.above_air_hz[i];
+                worst = worst.max((said / mean - 1.0).abs());
+            }
+        }
+        assert!(lowest > 89.0, "{lowest}");
+        let bound = simulation.bounds.rate_relative;
+        assert!(worst < bound + 1e-5, "{tolerance}: {worst:e} of {bound:e}");
+        rests.push((worst, bound));
+    }
+    assert!(rests[0].0 > 2e-5, "the coarsest table is too good for this test: {rests:?}");
+    assert!(rests[0].1 < 1000.0 * rests[0].0, "the said error says too much: {rests:?}");
+}

@@ -1,7 +1,9 @@
 //! A field of values over two axes, in colours: the time–wavelength diagram.
 
 use super::PlotError;
+use super::raster::Rasters;
 use super::scale::{Scale, label};
+use image::{Rgba, RgbaImage};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
@@ -10,7 +12,7 @@ pub(super) const BAR_STRIP: u32 = 150;
 /// So many colours are told apart in a field; more only make files larger.
 const SHADES: usize = 96;
 /// Cells across in an SVG and in a bitmap; what is finer is averaged.
-const MOST_ACROSS: (usize, usize) = (320, 1600);
+const MOST_ACROSS: usize = 1600;
 
 /// Viridis in even steps from low to high (Smith and van der Walt 2015, CC0): even to the eye, and in grey, and for any colour vision.
 const VIRIDIS: [[u8; 3]; 11] = [
@@ -77,14 +79,21 @@ impl Heat {
     pub(super) fn draw<DB: DrawingBackend>(
         &self,
         area: &DrawingArea<DB, Shift>,
-        x: &Scale,
-        y: &Scale,
+        (x, y): (&Scale, &Scale),
         scale: u32,
+        rasters: &Rasters,
     ) -> Result<(), PlotError> {
         let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
         let Some(colours) = self.scale() else { return Ok(()) };
         let (width, height) = area.dim_in_pixel();
-        let most = if scale == 1 { MOST_ACROSS.0 } else { MOST_ACROSS.1 };
+        if scale == 1 {
+            // A drawing of lines holds the field as one picture, twice as fine as the pixels of its size.
+            let field = self.raster(&colours, (2 * width, 2 * height), (x, y));
+            let corners = [(0, 0), (width as i32, height as i32)];
+            let stand_in = Rectangle::new(corners, rasters.add(&field)?.filled());
+            return area.draw(&stand_in).map_err(failed);
+        }
+        let most = MOST_ACROSS;
         let columns = self.x_edges.len().saturating_sub(1);
         let step = columns.div_ceil(most).max(1);
         let rows = self.rows();
@@ -117,6 +126,55 @@ impl Heat {
             }
         }
         Ok(())
+    }
+
+    /// The field as a picture of that size, transparent where there is no number. Of the columns in one pixel it shows the mean.
+    fn raster(
+        &self,
+        colours: &Scale,
+        (width, height): (u32, u32),
+        (x, y): (&Scale, &Scale),
+    ) -> RgbaImage {
+        let rows = self.rows();
+        let edge = |scale: &Scale, edges: &[f64], size: u32| -> Vec<f64> {
+            edges.iter().map(|e| scale.fraction(*e) * f64::from(size)).collect()
+        };
+        let (across, up) = (edge(x, &self.x_edges, width), edge(y, &self.y_edges, height));
+        // The cells that a pixel lies in: those whose middles it holds, else the one that holds its middle.
+        let cells = |edges: &[f64], pixel: u32| -> std::ops::Range<usize> {
+            let (from, to) = (f64::from(pixel), f64::from(pixel) + 1.0);
+            let middle = |i: usize| 0.5 * (edges[i] + edges[i + 1]);
+            let first = edges.partition_point(|e| *e <= from).saturating_sub(1);
+            let last = edges.partition_point(|e| *e < to).min(edges.len() - 1);
+            let inside: Vec<usize> =
+                (first..last).filter(|i| (from..to).contains(&middle(*i))).collect();
+            match (inside.first(), inside.last()) {
+                (Some(first), Some(last)) => *first..last + 1,
+                _ => {
+                    let i = edges.partition_point(|e| *e <= from + 0.5).saturating_sub(1);
+                    let i = i.min(edges.len().saturating_sub(2));
+                    i..i + 1
+                }
+            }
+        };
+        let columns: Vec<_> = (0..width).map(|pixel| cells(&across, pixel)).collect();
+        let lines: Vec<_> = (0..height).map(|pixel| cells(&up, height - 1 - pixel)).collect();
+        RgbaImage::from_fn(width, height, |px, py| {
+            let (mut sum, mut good) = (0.0, 0.0);
+            for column in columns[px as usize].clone() {
+                for row in lines[py as usize].clone() {
+                    let value = self.values[column * rows + row];
+                    if value.is_finite() {
+                        (sum, good) = (sum + value, good + 1.0);
+                    }
+                }
+            }
+            if good == 0.0 {
+                return Rgba([0, 0, 0, 0]);
+            }
+            let RGBColor(r, g, b) = colour_of(shade_of(colours, sum / good));
+            Rgba([r, g, b, 255])
+        })
     }
 
     /// Draws the scale of colours into the strip beside a panel.
@@ -193,18 +251,32 @@ mod tests {
         Figure { title: "Field".into(), panels: vec![panel] }
     }
 
-    /// Truth: by hand, the largest value has the last shade, 0 the first, NaN none; two equal neighbours are one rectangle.
+    /// Truth: by hand, the largest value has the last shade, 0 the first, NaN none; the columns are as wide as their edges, the first row is
+    /// at the bottom, and two columns in one pixel have their mean.
     #[test]
     fn a_field_is_drawn_in_the_colours_of_its_scale() {
-        let svg = figure(vec![1.0, 1.0, 0.0, 0.5, f64::NAN, 1.0]).svg().unwrap();
-        let rectangles = |shade: usize| {
+        let one = figure(vec![1.0, 1.0, 0.0, 0.5, f64::NAN, 1.0]);
+        let heat = one.panels[0].heat.clone().unwrap();
+        let (x, y) = (Scale::horizontal((0.0, 4.0), false), Scale::vertical((300.0, 500.0), false));
+        let pixel = |image: &RgbaImage, px: u32, py: u32| image.get_pixel(px, py).0;
+        let colour = |shade: usize| {
             let RGBColor(r, g, b) = colour_of(shade);
-            svg.matches(&format!("fill=\"#{r:02X}{g:02X}{b:02X}\" stroke=\"none\"")).count()
+            [r, g, b, 255]
         };
-        // Each shade is once in the scale beside the field.
-        assert_eq!((rectangles(SHADES - 1), rectangles(0)), (1 + 2, 1 + 1), "{svg}");
-        assert_eq!(rectangles(SHADES / 2), 1 + 1);
-        assert_eq!(rectangles(10), 1);
+        let image = heat.raster(&heat.scale().unwrap(), (8, 4), (&x, &y));
+        assert_eq!(
+            (pixel(&image, 0, 0), pixel(&image, 1, 3)),
+            (colour(SHADES - 1), colour(SHADES - 1))
+        );
+        assert_eq!((pixel(&image, 2, 3), pixel(&image, 3, 0)), (colour(0), colour(SHADES / 2)));
+        for px in 4..8 {
+            assert_eq!((pixel(&image, px, 0), pixel(&image, px, 3)), (colour(SHADES - 1), [0; 4]));
+        }
+        let image = heat.raster(&heat.scale().unwrap(), (2, 2), (&x, &y));
+        assert_eq!(pixel(&image, 0, 1), colour(SHADES / 2));
+        let svg = one.svg().unwrap();
+        assert_eq!(svg.matches("<image ").count(), 1, "{svg}");
+        assert!(svg.contains("href=\"data:image/png;base64,iVBORw0KGgo"));
         assert!(svg.contains("W sr⁻¹ nm⁻¹"));
         figure(vec![1.0; 6]).png().unwrap();
     }

@@ -255,6 +255,7 @@ impl Drawing<'_> {
         };
         heat.has_light().then(|| Panel {
             heat: Some(heat),
+            spans: self.spans(track, "below the horizon", HIDDEN, &|p: &Place| p.hidden),
             ..Panel::new(self.x(track), Axis::linear("vacuum wavelength (nm)"), Vec::new())
         })
     }

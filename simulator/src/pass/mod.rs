@@ -5,7 +5,8 @@
 //! - [`mod@file`]: a `PASS.toml` and the files that it names → [`Pass`];
 //! - [`Pass::simulate`]: for every epoch where Sun, target and station stand, and how the body is turned ([`Place`]); the weights W_k of the
 //!   material spectra ([`crate::light`]); and from these, by sums alone, spectra, rates and magnitudes;
-//! - [`Simulation`]: the curves and tables of the result.
+//! - [`Simulation`]: the curves and tables of the result;
+//! - [`Pass::ready`]: the same for single moments, of any orbit.
 //!
 //! # What is summed
 //! With the Sun's irradiance E(λ) at 1 au, its distance d in au, the visible part s of its disc, the range r, the transmission T(λ; z) of
@@ -24,12 +25,14 @@ mod error;
 pub mod file;
 mod functionals;
 mod keys;
+mod ready;
 mod result;
 mod simulate;
 pub mod table;
 
 pub use error::PassError;
 pub use file::{Overrides, PassFile};
+pub use ready::{Eye, Ready, Sample};
 pub use result::{StandardMagnitude, not_modelled};
 pub use simulate::{Bounds, ChannelSamples, Place, Progress, Simulation, Stage};
 

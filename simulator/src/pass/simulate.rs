@@ -4,7 +4,8 @@ use super::functionals::Functionals;
 use super::{BANDS, Pass, PassError, SpectralQuantity};
 use crate::attitude::Moment;
 use crate::geometry::Geometry;
-use crate::light::{Scene, SceneReport, View};
+use crate::light::SceneReport;
+use crate::orbit::Orbit;
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
 use ndarray::Array2;
@@ -12,7 +13,7 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_radiometry::air::{AirError, Zenith};
-use sunglint_radiometry::sky::{Observer, OrientationOrigin};
+use sunglint_radiometry::sky::{Observer, OrientationOrigin, SkyFrames};
 use sunglint_radiometry::station::Predicted;
 
 /// Epochs that are done between two reports of progress.
@@ -138,12 +139,12 @@ pub struct Simulation<'a> {
 }
 
 /// What an epoch yields.
-struct Counts {
+pub(super) struct Counts {
     spectrum: Vec<f64>,
     uncovered: bool,
-    channels: Vec<(f64, f64, Predicted, f64)>,
-    magnitudes: [f64; BANDS.len()],
-    ground: [f64; BANDS.len()],
+    pub(super) channels: Vec<(f64, f64, Predicted, f64)>,
+    pub(super) magnitudes: [f64; BANDS.len()],
+    pub(super) ground: [f64; BANDS.len()],
     relative: f64,
 }
 
@@ -169,20 +170,18 @@ impl Pass {
         };
 
         begin(Stage::Tables);
-        let scene = Scene::new(&self.target).map_err(|source| {
-            let target = self.target.name.clone();
-            PassError::Target { target, source: Box::new(source) }
-        })?;
-        let spectra: Vec<_> = scene.spectra().collect();
-        let k = spectra.len();
-        let functionals = Functionals::new(self, &spectra)?;
+        let ready = self.ready()?;
+        let functionals = &ready.functionals;
 
         begin(Stage::Places);
+        let (first, last) = self.ends();
+        let frames = self.frames(first, last)?;
+        let orbit = self.orbit.near(first, last);
         let places = first_error(
             self.times
                 .par_iter()
                 .map(|epoch| {
-                    let place = self.place(*epoch, &functionals);
+                    let place = self.place(*epoch, &orbit, &frames, functionals);
                     tick(Stage::Places);
                     place
                 })
@@ -192,16 +191,11 @@ impl Pass {
         begin(Stage::Light);
         counter.store(0, Ordering::Relaxed);
         let lit = places.par_iter().map_init(
-            || scene.evaluator(),
-            |evaluator, place| {
-                let mut row = vec![0.0; k];
-                let view = View::Distant(place.observer_body);
-                let lit = evaluator.direct(place.sun_body, view, &mut row);
+            || ready.eye(),
+            |eye, place| {
+                let lit = eye.weigh(place).map(|(weights, error)| (weights.to_vec(), error));
                 tick(Stage::Light);
-                lit.map(|lit| (row, lit.error)).map_err(|source| PassError::Light {
-                    epoch_utc: format_utc_shortest(place.geometry.epoch),
-                    source: Box::new(source),
-                })
+                lit
             },
         );
         let (weights, light_errors): (Vec<_>, Vec<f64>) =
@@ -215,7 +209,7 @@ impl Pass {
                 .zip(&weights)
                 .enumerate()
                 .map(|(i, (place, weights))| {
-                    let counts = self.counts(place, self.exposure_s[i], weights, &functionals);
+                    let counts = self.counts(place, self.exposure_s[i], weights, functionals);
                     tick(Stage::Counts);
                     counts
                 })
@@ -227,7 +221,8 @@ impl Pass {
             rate_relative: counts.iter().fold(0.0, |most, c| c.relative.max(most)),
             light_relative: light_errors.iter().fold(0.0, |most, e| e.max(most)),
         };
-        let simulation = self.gathered(places, weights, counts, bounds, scene.report().clone());
+        let simulation =
+            self.gathered(places, weights, counts, bounds, ready.scene.report().clone());
         begin(Stage::Done);
         Ok(simulation)
     }
@@ -250,10 +245,31 @@ impl Pass {
         Ok(())
     }
 
-    fn place(&self, epoch: Epoch, functionals: &Functionals) -> Result<Place, PassError> {
-        let observer = Observer::at(epoch, &self.station.site, self.orientation())?;
+    /// The earliest and the latest of the times, which may stand in any order.
+    fn ends(&self) -> (Epoch, Epoch) {
+        let first = self.times[0];
+        self.times.iter().fold((first, first), |(a, b), t| (a.min(*t), b.max(*t)))
+    }
+
+    fn frames(&self, first: Epoch, mut last: Epoch) -> Result<SkyFrames<'_>, PassError> {
+        // Few times far apart are cheaper each on its own.
+        let hours = crate::orbit::seconds_between(first, last) / 3600.0;
+        if hours > self.times.len() as f64 {
+            last = first;
+        }
+        Ok(SkyFrames::over(first, last, self.orientation())?)
+    }
+
+    pub(super) fn place(
+        &self,
+        epoch: Epoch,
+        orbit: &Orbit,
+        frames: &SkyFrames<'_>,
+        functionals: &Functionals,
+    ) -> Result<Place, PassError> {
+        let observer = Observer::new(frames.at(epoch)?, &self.station.site);
         let shape = self.shadow.unwrap_or_default();
-        let geometry = Geometry::over(&self.orbit, &observer, shape).map_err(|source| {
+        let geometry = Geometry::over(orbit, &observer, shape).map_err(|source| {
             PassError::Geometry { epoch_utc: format_utc_shortest(epoch), source: Box::new(source) }
         })?;
         let moment = Moment {
@@ -287,7 +303,7 @@ impl Pass {
         })
     }
 
-    fn counts(
+    pub(super) fn counts(
         &self,
         place: &Place,
         exposure_s: f64,
@@ -347,11 +363,17 @@ impl Pass {
         &self,
         places: Vec<Place>,
         weights: Vec<Vec<f64>>,
-        counts: Vec<Counts>,
+        mut counts: Vec<Counts>,
         bounds: Bounds,
         scene: SceneReport,
     ) -> Simulation<'_> {
         let n = places.len();
+        // The largest of all: each row is given back as soon as it stands among the others.
+        let mut spectra = Array2::zeros((n, self.bins()));
+        for (mut row, counts) in spectra.rows_mut().into_iter().zip(&mut counts) {
+            let spectrum = std::mem::take(&mut counts.spectrum);
+            row.iter_mut().zip(spectrum).for_each(|(to, from)| *to = from);
+        }
         let k = weights.first().map_or(0, Vec::len);
         let channel = |c: usize| ChannelSamples {
             name: self.station.channels[c].name.clone(),
@@ -373,7 +395,7 @@ impl Pass {
             pass: self,
             weights: Array2::from_shape_fn((n, k), |(i, j)| weights[i][j]),
             weight_materials,
-            spectra: Array2::from_shape_fn((n, self.bins()), |(i, j)| counts[i].spectrum[j]),
+            spectra,
             spectra_uncovered: counts.iter().map(|c| c.uncovered).collect(),
             channels,
             magnitudes: Array2::from_shape_fn((n, BANDS.len()), |(i, b)| counts[i].magnitudes[b]),
