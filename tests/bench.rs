@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::Folder;
+use common::{Folder, SPHERE_PASS};
 use serde_json::Value;
 use std::process::Command;
 use sunglint_testkit::{peer_python, repository, run_python, shared, skip};
@@ -106,22 +106,7 @@ fn the_sphere_the_wings_and_a_folder_of_results() {
 #[test]
 fn a_scene_of_ones_own() {
     let folder = Folder::new("bench-pass");
-    let scene = r#"
-[target]
-sphere = { radius_m = 0.5, material = "white" }
-[orbit]
-lines = [
-  "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927",
-  "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537",
-]
-[station]
-name = "ufo"
-[times]
-from = 2008-09-21T18:45:00Z
-to = 2008-09-21T18:52:00Z
-step_s = 20
-"#;
-    std::fs::write(folder.path("own.toml"), scene).unwrap();
+    std::fs::write(folder.path("own.toml"), SPHERE_PASS).unwrap();
     let rows = rows(&folder.done(&["bench", "own.toml", "--seconds", "0.2", "--json"]));
     let engines: Vec<&Value> = rows.iter().map(|row| &row["engine"]).collect();
     assert_eq!(engines, ["pipeline", "exact"]);

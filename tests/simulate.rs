@@ -4,31 +4,15 @@
 
 mod common;
 
-use common::Folder;
+use common::{Folder, SPHERE_PASS};
 use std::fmt::Write as _;
 use sunglint_formats::{Table, Values, ecsv};
 use sunglint_radiometry::light_curve::{LightCurve, RateKind, SpectralLightCurve};
 use sunglint_testkit::{fixture, shared, skip};
 
-const PASS: &str = r#"
-[target]
-sphere = { radius_m = 0.5, material = "white" }
-[orbit]
-lines = [
-  "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927",
-  "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537",
-]
-[station]
-name = "ufo"
-[times]
-from = 2008-09-21T18:45:00Z
-to = 2008-09-21T18:52:00Z
-step_s = 20
-"#;
-
 fn folder(name: &str) -> Folder {
     let folder = Folder::new(name);
-    std::fs::write(folder.path("pass.toml"), PASS).unwrap();
+    std::fs::write(folder.path("pass.toml"), SPHERE_PASS).unwrap();
     folder
 }
 
@@ -106,8 +90,11 @@ fn options_take_the_place_of_the_file() {
     assert_eq!(json["station"]["name"], "mmt9");
     assert_eq!(json["channels"].as_array().unwrap().len(), 1);
     // Without a station anywhere.
-    std::fs::write(folder.path("none.toml"), PASS.replace("[station]\nname = \"ufo\"\n", ""))
-        .unwrap();
+    std::fs::write(
+        folder.path("none.toml"),
+        SPHERE_PASS.replace("[station]\nname = \"ufo\"\n", ""),
+    )
+    .unwrap();
     let message = folder.refused(1, &["simulate", "none.toml"]);
     assert!(message.contains("no station") && message.contains("none.toml"), "{message}");
     folder.done(&["simulate", "none.toml", "--station", "ufo"]);
@@ -139,39 +126,42 @@ fn what_goes_wrong_is_said() {
     };
     let message = folder.refused(1, &["simulate", "gone.toml"]);
     assert!(message.contains("gone.toml"), "{message}");
-    write("key.toml", PASS.replace("step_s", "step_ms"));
+    write("key.toml", SPHERE_PASS.replace("step_s", "step_ms"));
     let message = folder.refused(1, &["simulate", "key.toml"]);
     assert!(
         message.contains("key.toml:14: times.step_ms") && message.contains("`step_s`"),
         "{message}"
     );
-    write("material.toml", PASS.replace("white", "whit"));
+    write("material.toml", SPHERE_PASS.replace("white", "whit"));
     let message = folder.refused(1, &["simulate", "material.toml"]);
     assert!(message.contains("did you mean \"white\"?"), "{message}");
-    write("tle.toml", PASS.replace("2927", "2926"));
+    write("tle.toml", SPHERE_PASS.replace("2927", "2926"));
     let message = folder.refused(1, &["simulate", "tle.toml"]);
     assert!(message.contains("checksum"), "{message}");
     folder.refused(2, &["simulate", "pass.toml", "-o", "x.jpg"]);
     folder.refused(2, &["simulate", "pass.toml", "--step-s", "-1"]);
     folder.refused(2, &["simulate", "pass.toml", "--beside-column", "m"]);
-    write("late.toml", PASS.replace("2008-09-21", "2009-09-21"));
+    write("late.toml", SPHERE_PASS.replace("2008-09-21", "2009-09-21"));
     assert!(stderr(&["simulate", "late.toml"]).contains("days old"));
-    write("hidden.toml", PASS.replace("T18:45", "T19:25").replace("T18:52", "T19:32"));
+    write("hidden.toml", SPHERE_PASS.replace("T18:45", "T19:25").replace("T18:52", "T19:32"));
     let message = stderr(&["simulate", "hidden.toml"]);
     assert!(
         message.contains("never above the horizon") && message.contains("at its highest"),
         "{message}"
     );
-    write("dark.toml", PASS.replace("T18:45", "T20:22").replace("T18:52", "T20:26"));
+    write("dark.toml", SPHERE_PASS.replace("T18:45", "T20:22").replace("T18:52", "T20:26"));
     let message = stderr(&["simulate", "dark.toml"]);
     assert!(message.contains("shadow all the time"), "{message}");
     let message = folder.refused(1, &["simulate", "dark.toml", "-o", "dark.png"]);
     assert!(message.contains("no light to draw"), "{message}");
-    write("sunless.toml", PASS.replace("\"white\" }", "\"white\" }\nbuilt_in = \"box_wing\""));
+    write(
+        "sunless.toml",
+        SPHERE_PASS.replace("\"white\" }", "\"white\" }\nbuilt_in = \"box_wing\""),
+    );
     assert!(folder.refused(1, &["simulate", "sunless.toml"]).contains("target.built_in"));
     write(
         "body.toml",
-        PASS.replace(
+        SPHERE_PASS.replace(
             "sphere = { radius_m = 0.5, material = \"white\" }",
             "built_in = \"box_wing\"",
         ),

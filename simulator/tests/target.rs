@@ -525,3 +525,18 @@ fn lengths_beyond_all_bodies_are_refused() {
         assert!(error.contains(key) && error.contains("at most 1e15 m"), "{error}");
     }
 }
+
+/// Truth: by hand. The limit is 200 m; a part without a file has no unit to give.
+#[test]
+fn parts_written_in_millimetres_are_warned_of() {
+    let target = |size: &str| {
+        let text = format!(
+            "[[part]]\nname = \"bus\"\nshape = \"box\"\nsize_m = {size}\nmaterial = \"white\"\n\
+             [[part]]\nname = \"ball\"\nshape = \"sphere\"\nradius_m = 99.0\nmaterial = \"white\"\n"
+        );
+        Target::parse("t.toml", &text).unwrap()
+    };
+    assert_eq!(target("[1, 199, 1]").warnings, [""; 0]);
+    let warnings = target("[1000, 1200, 900]").warnings;
+    assert_eq!(warnings, ["the part bus measures 1200.0 m: are its sizes millimetres?"]);
+}

@@ -275,12 +275,7 @@ impl Reader<'_> {
             hinge: None,
             tangent: DVec3::X,
         };
-        let mut warnings = Vec::new();
-        if radius_m > 100.0 {
-            warnings.push(format!(
-                "the sphere has a radius of {radius_m} m: is it in millimetres? wanted are metres"
-            ));
-        }
+        let warnings = part.size_warning().into_iter().collect();
         Ok(Target {
             name: name.unwrap_or_else(|| format!("sphere of {radius_m} m")),
             parts: vec![part],

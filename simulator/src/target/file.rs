@@ -257,6 +257,9 @@ fn build(document: &Document, at: &str, file: &TargetFile) -> Result<Target, Fil
         target.parts.push(part);
     }
     target.warnings = files.warnings();
+    // Those of files are examined with their file.
+    let inline = target.parts.iter().zip(&file.part).filter(|(_, file)| file.file.is_none());
+    target.warnings.extend(inline.filter_map(|(part, _)| part.size_warning()).collect::<Vec<_>>());
     target.sources = files.sources;
     let (materials, idle, sources) = shelf.finish();
     target.materials = materials;
