@@ -312,7 +312,7 @@ impl AirArgs {
             }
         }
         let figure = Some(self.figure(title, grid, rows));
-        Product { name: "air".into(), table, figure, json: Value::Null }
+        Product { name: "air".into(), table, figure, json: Value::Null, ..Product::default() }
     }
 
     fn json(&self, answer: &Answer) -> Value {
@@ -367,7 +367,7 @@ impl AirArgs {
             let name = format!("zenith angle {}", self.label(&row.path));
             Series::line(name, i, curve(&row.total))
         });
-        let mut panels = vec![Panel { x: x(), y: y("transmission"), series: series.collect() }];
+        let mut panels = vec![Panel::new(x(), y("transmission"), series.collect())];
         if let Some((last, components)) =
             rows.last().and_then(|row| Some((row, row.components.as_ref()?)))
         {
@@ -375,7 +375,7 @@ impl AirArgs {
             let series = series
                 .map(|(i, (name, values))| Series::line(name.replace('_', " "), i, curve(values)));
             let label = format!("constituents, {}", self.label(&last.path));
-            panels.push(Panel { x: x(), y: y(&label), series: series.collect() });
+            panels.push(Panel::new(x(), y(&label), series.collect()));
         }
         Figure { title: format!("Air: {title}"), panels }
     }

@@ -1,7 +1,7 @@
 //! The grammar of the command line. Subcommands appear here as they become real, none before.
 
 use crate::output::{Console, OutputArgs};
-use crate::{air, demo, passes, star, tables};
+use crate::{air, bench, demo, passes, simulate, star, tables};
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
@@ -38,7 +38,7 @@ pub struct Global {
     /// Say nothing on stderr but errors, and nothing on stdout where `-o` has files
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub quiet: bool,
-    /// Print one JSON document on stdout instead of text
+    /// Print one JSON document on stdout instead of text (`bench`: a JSON line for each row)
     #[arg(long, global = true)]
     pub json: bool,
 }
@@ -54,8 +54,12 @@ pub enum Command {
     Air(Box<air::AirArgs>),
     /// Place, airmass and expected count rates of a star
     Star(Box<star::StarArgs>),
+    /// Spectra, magnitudes and count rates of a satellite's pass, from a scene file
+    Simulate(Box<simulate::SimulateArgs>),
     /// Visible passes of satellites: when, where, how bright, what each channel counts
     Passes(Box<passes::PassesArgs>),
+    /// Error against time of the light engines, on built-in scenes or one's own
+    Bench(Box<bench::BenchArgs>),
     /// Print the completions of a shell
     Completions {
         /// The shell
@@ -99,7 +103,9 @@ impl Command {
             Command::Tables(args) => Some(&args.out),
             Command::Air(args) => Some(&args.out),
             Command::Star(args) => Some(&args.out),
+            Command::Simulate(args) => Some(&args.out),
             Command::Passes(args) => Some(&args.out),
+            Command::Bench(args) => Some(&args.out),
             Command::Demo(_) | Command::Completions { .. } | Command::Man { .. } => None,
         }
     }
@@ -110,7 +116,9 @@ impl Command {
             Command::Tables(args) => tables::run(args, console),
             Command::Air(args) => air::run(args, console),
             Command::Star(args) => star::run(args, console),
+            Command::Simulate(args) => simulate::run(args, console),
             Command::Passes(args) => passes::run(args, console),
+            Command::Bench(args) => bench::run(args, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();
                 clap_complete::generate(*shell, &mut Cli::command(), "sunglint", &mut script);

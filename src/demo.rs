@@ -1,10 +1,11 @@
 //! `sunglint demo`: what there is, on embedded input.
 //!
-//! Until the comparison of a measured with a simulated pass makes it the whole main job, it predicts what the six channels of the built-in station
-//! count of Vega as it sinks towards the horizon, and draws the air that makes the difference.
+//! Until the comparison of a measured with a simulated pass makes it the whole main job, it simulates what the six channels of the built-in station
+//! count of a satellite that crosses the evening sky, predicts the same of Vega as it sinks towards the horizon, and draws the air that makes the difference.
 
 use crate::output::{Console, OutputArgs, Product};
 use crate::plot::{Axis, Figure, Panel, Series};
+use crate::simulate;
 use crate::star::{Track, View, channel_line};
 use anyhow::Context as _;
 use clap::Args;
@@ -20,6 +21,7 @@ use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation};
 use sunglint_radiometry::star_light::{self, StarColours};
 use sunglint_radiometry::station::Station;
+use sunglint_simulator::pass::{Overrides, PassFile};
 
 /// Arguments of `sunglint demo`.
 #[derive(Debug, Args)]
@@ -36,6 +38,12 @@ pub struct DemoArgs {
 const FROM: &str = "2020-11-18T17:00:00";
 const MINUTES: u32 = 330;
 const EXPOSURE_S: f64 = 0.1;
+/// The scene of the pass; it goes into the folder too, to be changed and simulated again.
+const PASS: &str = include_str!("demo/pass.toml");
+const PASS_FILE: &str = "pass.toml";
+/// Made-up satellites along the line between day and night, to look for passes of.
+const SATELLITES: &str = include_str!("demo/satellites.tle");
+const SATELLITES_FILE: &str = "satellites.tle";
 
 /// Makes the demonstration.
 pub fn run(args: &DemoArgs, console: Console) -> anyhow::Result<()> {
@@ -57,21 +65,32 @@ pub fn run(args: &DemoArgs, console: Console) -> anyhow::Result<()> {
     let track = Track::new(view, EarthOrientation::embedded(), times)?;
     let curve = track.light_curve("sunglint demo");
 
+    let pass = PassFile::parse(PASS_FILE, PASS)?.resolve(Overrides::default())?;
+    let pass = simulate::show(&pass, PASS_FILE, None, console)?;
+
     let readme = folder.join("README.txt");
     // The folder in the spelling that says so whether it is there or not.
     let out = OutputArgs { output: vec![folder.join("")], force: args.force };
-    let mut contents = out.files_of(&vega(&track, &curve)?)?;
+    let mut contents = out.files_of(&pass.product)?;
+    contents.push((folder.join(PASS_FILE), PASS.into()));
+    contents.push((folder.join(SATELLITES_FILE), SATELLITES.into()));
+    contents.extend(out.files_of(&vega(&track, &curve)?)?);
     contents.extend(out.files_of(&transmissions(&track.air)?)?);
     let files: Vec<String> =
         contents.iter().map(|(p, _)| p).chain([&readme]).map(|p| p.display().to_string()).collect();
-    contents.push((readme, explain(&track, &files).into_bytes()));
+    contents.push((readme, explain(&pass.text, &track, &files).into_bytes()));
     out.write_files(&contents, Console { quiet: true, ..console })?;
     let json = json!({ "folder": folder.display().to_string(), "files": files });
     if console.quiet && !console.json {
         return Ok(());
     }
     console.result(
-        &format!("{}\nThe demonstration is in {}", summary(&track), folder.display()),
+        &format!(
+            "{}\n{}\nThe demonstration is in {}",
+            pass.text,
+            summary(&track),
+            folder.display()
+        ),
         &json,
     )
 }
@@ -97,19 +116,17 @@ fn vega(track: &Track, curve: &LightCurve) -> anyhow::Result<Product> {
         zenith(track.sights.last())
     );
     let panels = vec![
-        Panel {
-            x: x(),
-            y: Axis::log("predicted rate at the detector (Hz)"),
-            series: rates.collect(),
-        },
-        Panel {
-            x: x(),
-            y: Axis::linear("extinction by clean air (mag)"),
-            series: fading.collect(),
-        },
+        Panel::new(x(), Axis::log("predicted rate at the detector (Hz)"), rates.collect()),
+        Panel::new(x(), Axis::linear("extinction by clean air (mag)"), fading.collect()),
     ];
     let figure = Some(Figure { title, panels });
-    Ok(Product { name: "vega_night".into(), table: curve.to_table()?, figure, json: json!({}) })
+    Ok(Product {
+        name: "vega_night".into(),
+        table: curve.to_table()?,
+        figure,
+        json: json!({}),
+        ..Product::default()
+    })
 }
 
 fn transmissions(air: &Air) -> anyhow::Result<Product> {
@@ -129,8 +146,8 @@ fn transmissions(air: &Air) -> anyhow::Result<Product> {
     let x = Axis::linear("vacuum wavelength (nm)").from_to(300.0, 1240.0);
     let y = Axis::linear("transmission of the air").from_to(0.0, 1.0);
     let title = "Air above Stuttgart, midlatitude winter, no aerosol".into();
-    let figure = Some(Figure { title, panels: vec![Panel { x, y, series }] });
-    Ok(Product { name: "air".into(), table, figure, json: json!({}) })
+    let figure = Some(Figure { title, panels: vec![Panel::new(x, y, series)] });
+    Ok(Product { name: "air".into(), table, figure, json: json!({}), ..Product::default() })
 }
 
 fn summary(track: &Track) -> String {
@@ -162,7 +179,7 @@ fn summary(track: &Track) -> String {
     text
 }
 
-fn explain(track: &Track, files: &[String]) -> String {
+fn explain(pass: &str, track: &Track, files: &[String]) -> String {
     let names: String = files.iter().fold(String::new(), |mut text, file| {
         let name = std::path::Path::new(file)
             .file_name()
@@ -173,7 +190,9 @@ fn explain(track: &Track, files: &[String]) -> String {
         text
     });
     format!(
-        "What `sunglint demo` made\n\n{}\nspectrum: {}\nThe station's curves are approximate shapes, not measurements.\n\nFiles:\n{names}\nThe .ecsv files open in any editor and with astropy.table.Table.read; vega_night.ecsv is a light curve of the\nprogram's schema (quantity `predicted`): rates and uncertainties in Hz per channel, with flags.\n",
+        "What `sunglint demo` made\n\n{pass}\n{}\nspectrum: {}\nThe station's curves are approximate shapes, not measurements, and the satellite, its orbit and its materials are made up.\n\nFiles:\n{names}\n\
+         box_wing_pass.ecsv and vega_night.ecsv are light curves of the program's schema (quantity `predicted`): rates and uncertainties in Hz\nper channel, with flags. They open in any editor and with astropy.table.Table.read. box_wing_pass_spectra.fits holds times x bins.\n\
+         Change {PASS_FILE} and run `sunglint simulate {PASS_FILE}`.\n",
         summary(track),
         track.light.origin
     )

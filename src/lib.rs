@@ -4,18 +4,22 @@
 //! - [`tables`]: the reference tables;
 //! - [`air`]: the transmission of the air;
 //! - [`star`]: a star's place, airmass and expected rates;
+//! - [`simulate`]: what a pass should look like in every channel;
 //! - [`passes`]: when satellites can be seen;
+//! - [`mod@bench`]: error against time of the light engines;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
 //! - [`output`]: where results go, in which format, and that nothing is overwritten;
 //! - [`plot`] draws figures.
 
 pub mod air;
+pub mod bench;
 pub mod cli;
 pub mod demo;
 pub mod output;
 pub mod passes;
 pub mod plot;
+pub mod simulate;
 pub mod star;
 pub mod station;
 pub mod tables;

@@ -80,16 +80,31 @@ impl Console {
 }
 
 /// What a command has to give: the same numbers as table, figure and JSON.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Product {
     /// The file name without extension when it goes into a folder.
     pub name: String,
-    /// The numbers.
+    /// The numbers; without columns where there is no table.
     pub table: Table,
     /// The picture.
     pub figure: Option<Figure>,
+    /// What a FITS file holds where that is not the table: the bytes.
+    pub fits: Option<Vec<u8>>,
     /// The summary with documented keys.
     pub json: Value,
+    /// What else there is: a folder gets it too, with the names of their own.
+    pub others: Vec<Product>,
+}
+
+impl Product {
+    /// The extensions under which it goes into a folder.
+    fn extensions(&self) -> impl Iterator<Item = &'static str> {
+        let table = (!self.table.columns.is_empty()).then_some(&["ecsv"][..]);
+        let figure = self.figure.as_ref().map(|_| &["png", "svg"][..]);
+        // Beside a table a FITS file holds something else, which has its own place among the others.
+        let fits = (table.is_none() && self.fits.is_some()).then_some(&["fits"][..]);
+        [table, fits, figure].into_iter().flatten().flatten().copied()
+    }
 }
 
 impl OutputArgs {
@@ -182,23 +197,23 @@ impl OutputArgs {
 
     /// The files that a product becomes, with their contents.
     pub fn files_of(&self, product: &Product) -> anyhow::Result<Vec<(PathBuf, Vec<u8>)>> {
-        let mut paths = Vec::new();
+        let mut wanted: Vec<(PathBuf, &Product)> = Vec::new();
         for target in self.output.iter().filter(|p| p.as_os_str() != "-") {
             if is_folder(target) {
-                let extensions: &[&str] =
-                    if product.figure.is_some() { &["ecsv", "png", "svg"] } else { &["ecsv"] };
-                let file = |extension| target.join(format!("{}.{extension}", product.name));
-                paths.extend(extensions.iter().map(file));
+                for part in std::iter::once(product).chain(&product.others) {
+                    let file = |extension| target.join(format!("{}.{extension}", part.name));
+                    wanted.extend(part.extensions().map(|extension| (file(extension), part)));
+                }
             } else {
-                paths.push(target.clone());
+                wanted.push((target.clone(), product));
             }
         }
         // A quick answer before the figures are drawn.
-        self.check_targets(paths.iter().map(PathBuf::as_path))?;
-        paths
+        self.check_targets(wanted.iter().map(|(path, _)| path.as_path()))?;
+        wanted
             .into_iter()
-            .map(|path| {
-                let bytes = contents(&path, product)?;
+            .map(|(path, part)| {
+                let bytes = contents(&path, part)?;
                 Ok((path, bytes))
             })
             .collect()
@@ -255,6 +270,7 @@ fn contents(path: &Path, product: &Product) -> anyhow::Result<Vec<u8>> {
     Ok(match Format::of(path)? {
         Format::Ecsv => ecsv::to_string(&product.table)?.into_bytes(),
         Format::Csv => plain_csv(&product.table)?,
+        Format::Fits if product.fits.is_some() => product.fits.clone().unwrap_or_default(),
         Format::Fits => {
             let mut writer = sunglint_formats::fits::Writer::new();
             let table = Table {

@@ -1,12 +1,19 @@
 //! Figures: lines and points on one or several panels, as PNG or SVG.
 
+mod heat;
+mod panel;
+mod raster;
 mod scale;
 pub mod sky;
+
+pub use heat::Heat;
+pub use plotters::style::RGBColor;
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::{FontStyle, register_font};
-use scale::{Scale, label};
+use raster::Rasters;
+use scale::Scale;
 use std::io::Cursor;
 use std::sync::Once;
 
@@ -28,6 +35,21 @@ pub struct Panel {
     pub y: Axis,
     /// What is drawn, in order.
     pub series: Vec<Series>,
+    /// Stretches of the horizontal axis that are shaded, below everything else.
+    pub spans: Vec<Span>,
+    /// A field of values in colours, with its scale on the right.
+    pub heat: Option<Heat>,
+}
+
+/// A shaded stretch of the horizontal axis.
+#[derive(Debug, Clone)]
+pub struct Span {
+    /// What it means, in the legend once for all spans of that name.
+    pub label: String,
+    /// Its ends.
+    pub range: (f64, f64),
+    /// Its colour: pale, since lines run over it.
+    pub colour: RGBColor,
 }
 
 /// An axis.
@@ -39,6 +61,8 @@ pub struct Axis {
     pub range: Option<(f64, f64)>,
     /// Logarithmic; values not above 0 are then left out.
     pub log: bool,
+    /// From the largest value to the smallest: magnitudes.
+    pub inverted: bool,
 }
 
 /// A line or a row of points.
@@ -119,7 +143,7 @@ pub enum PlotError {
 impl Axis {
     /// A linear axis over the data.
     pub fn linear(label: impl Into<String>) -> Self {
-        Self { label: label.into(), range: None, log: false }
+        Self { label: label.into(), range: None, log: false, inverted: false }
     }
 
     /// A logarithmic axis over the data.
@@ -131,6 +155,13 @@ impl Axis {
     #[must_use]
     pub fn from_to(mut self, first: f64, last: f64) -> Self {
         self.range = Some((first, last));
+        self
+    }
+
+    /// The same axis the other way round.
+    #[must_use]
+    pub fn inverted(mut self) -> Self {
+        self.inverted = true;
         self
     }
 
@@ -165,7 +196,19 @@ impl Axis {
     }
 }
 
+impl Panel {
+    /// A panel of lines and points.
+    pub fn new(x: Axis, y: Axis, series: Vec<Series>) -> Self {
+        Self { x, y, series, spans: Vec::new(), heat: None }
+    }
+}
+
 impl Series {
+    /// Dots, in the `index`-th colour.
+    pub fn dots(label: impl Into<String>, index: usize, points: Vec<(f64, f64)>) -> Self {
+        Self { style: Style::Dots, ..Self::line(label, index, points) }
+    }
+
     /// A line, the `index`-th of its panel: after eight colours the lines become dashed, after 32 they repeat.
     pub fn line(label: impl Into<String>, index: usize, points: Vec<(f64, f64)>) -> Self {
         Self {
@@ -221,18 +264,20 @@ trait Drawn {
         &self,
         root: &DrawingArea<DB, Shift>,
         scale: u32,
+        rasters: &Rasters,
     ) -> Result<(), PlotError>;
 }
 
 fn svg(figure: &impl Drawn) -> Result<String, PlotError> {
     use_font();
     let mut text = String::new();
+    let rasters = Rasters::default();
     {
         let root = SVGBackend::with_string(&mut text, figure.size(1)).into_drawing_area();
-        figure.draw(&root, 1)?;
+        figure.draw(&root, 1, &rasters)?;
         root.present().map_err(|e| PlotError::Draw(e.to_string()))?;
     }
-    Ok(text)
+    Ok(rasters.put_into(text))
 }
 
 fn png(figure: &impl Drawn) -> Result<Vec<u8>, PlotError> {
@@ -242,7 +287,7 @@ fn png(figure: &impl Drawn) -> Result<Vec<u8>, PlotError> {
     let mut pixels = vec![255_u8; (width * height * 3) as usize];
     {
         let root = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
-        figure.draw(&root, 4)?;
+        figure.draw(&root, 4, &Rasters::default())?;
         root.present().map_err(|e| PlotError::Draw(e.to_string()))?;
     }
     let image = image::RgbImage::from_raw(width, height, pixels)
@@ -265,6 +310,7 @@ impl Drawn for Figure {
         &self,
         root: &DrawingArea<DB, Shift>,
         scale: u32,
+        rasters: &Rasters,
     ) -> Result<(), PlotError> {
         let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
         root.fill(&WHITE).map_err(failed)?;
@@ -293,149 +339,17 @@ impl Drawn for Figure {
                     .filter(|(x, y)| panel.x.good(*x) && panel.y.good(*y))
             };
             let empty = || PlotError::Empty(panel.y.label.clone());
-            let x = panel.x.extent(points().map(|p| p.0)).ok_or_else(empty)?;
-            let y = panel.y.extent(points().map(|p| p.1)).ok_or_else(empty)?;
-            let x = Scale::horizontal(x, panel.x.log);
-            panel.draw(&area, scale, legend_width, x, Scale::vertical(y, panel.y.log))?;
-        }
-        Ok(())
-    }
-}
-
-impl Panel {
-    /// The series that the names beside the panel are of, and how many of them have room.
-    fn named(&self) -> (Vec<&Series>, usize) {
-        let named: Vec<&Series> = self.series.iter().filter(|s| !s.label.is_empty()).collect();
-        let shown = if named.len() > LEGEND_NAMES { LEGEND_NAMES - 1 } else { named.len() };
-        (named, shown)
-    }
-
-    /// The width that the names need; 0 without names.
-    fn legend_width<DB: DrawingBackend>(
-        &self,
-        area: &DrawingArea<DB, Shift>,
-        scale: u32,
-    ) -> Result<u32, PlotError> {
-        let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
-        let (named, shown) = self.named();
-        let font = ("sans-serif", 13 * scale).into_font().color(&BLACK);
-        let mut width = 0;
-        for series in &named[..shown] {
-            let (name, _) = area.estimate_text_size(&series.label, &font).map_err(failed)?;
-            let wanted = name / scale + 26 + 6 + 10;
-            width = width.max(wanted.clamp(*LEGEND_WIDTH.start(), *LEGEND_WIDTH.end()));
-        }
-        Ok(width)
-    }
-
-    /// Draws the names beside the panel and gives what is left of its area.
-    fn legend<DB: DrawingBackend>(
-        &self,
-        area: &DrawingArea<DB, Shift>,
-        scale: u32,
-        width: u32,
-    ) -> Result<DrawingArea<DB, Shift>, PlotError> {
-        let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
-        let (named, shown) = self.named();
-        let font = ("sans-serif", 13 * scale).into_font().color(&BLACK);
-        let length = 26 * scale as i32;
-        let (area, legend) = area.split_horizontally(area.dim_in_pixel().0 - width * scale);
-        let height = |i: usize| (22 + 20 * i as i32) * scale as i32;
-        let beside = |i: usize| (length + 6 * scale as i32, height(i) - 5 * scale as i32);
-        for (i, series) in named[..shown].iter().enumerate() {
-            let ends = [(0.0, f64::from(height(i))), (f64::from(length), f64::from(height(i)))];
-            for piece in dashes(&ends, DASHES[series.dash], f64::from(scale)) {
-                let line = PathElement::new(piece, series.colour.stroke_width(3 * scale));
-                legend.draw(&line).map_err(failed)?;
-            }
-            legend.draw_text(&series.label, &font, beside(i)).map_err(failed)?;
-        }
-        if shown < named.len() {
-            let more = format!("… and {} more", named.len() - shown);
-            legend.draw_text(&more, &font, beside(shown)).map_err(failed)?;
-        }
-        Ok(area)
-    }
-
-    fn draw<DB: DrawingBackend>(
-        &self,
-        area: &DrawingArea<DB, Shift>,
-        scale: u32,
-        legend_width: u32,
-        x: Scale,
-        y: Scale,
-    ) -> Result<(), PlotError> {
-        let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
-        let area = self.legend(area, scale, legend_width)?;
-        let mut chart = ChartBuilder::on(&area)
-            .margin(10 * scale)
-            .margin_right(24 * scale)
-            .x_label_area_size(44 * scale)
-            .y_label_area_size(72 * scale)
-            .build_cartesian_2d(x.clone(), y.clone())
-            .map_err(failed)?;
-        let grey = RGBColor(222, 222, 222);
-        chart
-            .configure_mesh()
-            .x_desc(&self.x.label)
-            .y_desc(&self.y.label)
-            .axis_desc_style(("sans-serif", 15 * scale))
-            .label_style(("sans-serif", 13 * scale))
-            .bold_line_style(grey.stroke_width(scale))
-            .light_line_style(TRANSPARENT)
-            .axis_style(RGBColor(120, 120, 120).stroke_width(scale))
-            // The labels keep their distance from the axes, and so from those of the other axis.
-            .set_all_tick_mark_size(5 * scale)
-            .x_label_formatter(&|v| label(*v))
-            .y_label_formatter(&|v| label(*v))
-            .draw()
-            .map_err(failed)?;
-        let plot = chart.plotting_area().strip_coord_spec();
-        let (width, height) = plot.dim_in_pixel();
-        let pixel = |p: &(f64, f64)| {
-            (x.fraction(p.0) * f64::from(width), (1.0 - y.fraction(p.1)) * f64::from(height))
-        };
-        for series in &self.series {
-            let colour = series.colour;
-            let good = |p: &(f64, f64)| self.x.good(p.0) && self.y.good(p.1);
-            match series.style {
-                Style::Line => {
-                    // A point that is no number breaks the line: a gap is shown, not bridged.
-                    for piece in series.points.split(|p| !good(p)).filter(|p| !p.is_empty()) {
-                        if let [point] = piece {
-                            // Nothing to draw a line to: a dot that is seen.
-                            let dot = Circle::new(*point, 3 * scale, colour.filled());
-                            chart.draw_series([dot]).map_err(failed)?;
-                            continue;
-                        }
-                        if series.dash != 0 {
-                            let way: Vec<(f64, f64)> = piece.iter().map(pixel).collect();
-                            for dash in dashes(&way, DASHES[series.dash], f64::from(scale)) {
-                                let dash = PathElement::new(dash, colour.stroke_width(2 * scale));
-                                plot.draw(&dash).map_err(failed)?;
-                            }
-                            continue;
-                        }
-                        if scale == 1 {
-                            let line =
-                                LineSeries::new(piece.iter().copied(), colour.stroke_width(2));
-                            chart.draw_series(line).map_err(failed)?;
-                            continue;
-                        }
-                        // In a bitmap the library's joins shoot out as spikes: single strokes with round ends instead.
-                        let stroke = colour.stroke_width(2 * scale);
-                        let strokes = piece.windows(2).map(|ends| PathElement::new(ends, stroke));
-                        chart.draw_series(strokes).map_err(failed)?;
-                        let joins = piece.iter().map(|p| Circle::new(*p, scale, colour.filled()));
-                        chart.draw_series(joins).map_err(failed)?;
-                    }
-                }
-                Style::Dots => {
-                    let dots = series.points.iter().copied().filter(good);
-                    let dots = dots.map(|p| Circle::new(p, 2 * scale, colour.filled()));
-                    chart.draw_series(dots).map_err(failed)?;
-                }
-            }
+            let (x, y) = match &panel.heat {
+                // A field fills its panel.
+                Some(heat) => heat.extent().ok_or_else(empty)?,
+                None => (
+                    panel.x.extent(points().map(|p| p.0)).ok_or_else(empty)?,
+                    panel.y.extent(points().map(|p| p.1)).ok_or_else(empty)?,
+                ),
+            };
+            let x = Scale::horizontal(x, panel.x.log).turned(panel.x.inverted);
+            let y = Scale::vertical(y, panel.y.log).turned(panel.y.inverted);
+            panel.draw(&area, scale, legend_width, (x, y), rasters)?;
         }
         Ok(())
     }
@@ -497,7 +411,7 @@ mod tests {
         let series = vec![Series::line("line", 0, points)];
         Figure {
             title: "Title".into(),
-            panels: vec![Panel { x: Axis::linear("x (nm)"), y, series }],
+            panels: vec![Panel::new(Axis::linear("x (nm)"), y, series)],
         }
     }
 

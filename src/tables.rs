@@ -50,6 +50,7 @@ pub fn run(args: &TablesArgs, console: Console) -> anyhow::Result<()> {
                 table: embedded.table().clone(),
                 figure: figure::figure(embedded.name, embedded.table()),
                 json,
+                ..Product::default()
             };
             args.out.finish(
                 &product,
@@ -220,7 +221,7 @@ fn list(rows: &[Description]) -> Product {
         ..Table::default()
     };
     let json = json!({ "tables": rows.iter().map(Description::json).collect::<Vec<_>>() });
-    Product { name: "tables".into(), table, figure: None, json }
+    Product { name: "tables".into(), table, figure: None, json, ..Product::default() }
 }
 
 fn list_text(rows: &[Description]) -> String {

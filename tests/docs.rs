@@ -42,6 +42,17 @@ fn the_commands_of_the_readme_run() {
     assert!(folder.path("night.png").exists() && folder.path("man/sunglint-air.1").exists());
 }
 
+/// A pass of the elements that many texts print over the built-in station.
+const SCENE: &str = r#"
+target.built_in = "lambert_sphere"
+orbit.lines = [
+  "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927",
+  "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537",
+]
+station.name = "ufo"
+times.from = 2008-09-21T18:48:00Z
+"#;
+
 fn keys(value: &Value, found: &mut BTreeSet<String>) {
     match value {
         Value::Object(map) => {
@@ -82,18 +93,22 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     ] {
         keys(&folder.json(&[command, &["--json"]].concat()), &mut printed);
     }
+    std::fs::write(folder.path("pass.toml"), SCENE).unwrap();
+    std::fs::write(folder.path("m.csv"), "time_utc,magnitude\n2008-09-21T18:48:00Z,4.5\n").unwrap();
+    keys(&folder.json(&["simulate", "pass.toml", "--json", "--beside", "m.csv"]), &mut printed);
     folder.done(&[&VEGA[..], &["--spectrum-out", "s.json"]].concat());
-    keys(
-        &serde_json::from_str(&std::fs::read_to_string(folder.path("s.json")).unwrap()).unwrap(),
-        &mut printed,
-    );
-    // A set with a wrong checksum among others, and both laws of brightness.
+    folder.done(&["bench", "--scene", "corner", "--seconds", "0.02", "-o", "b.json", "-q"]);
+    for file in ["s.json", "b.json"] {
+        let text = std::fs::read_to_string(folder.path(file)).unwrap();
+        keys(&serde_json::from_str(&text).unwrap(), &mut printed);
+    }
+    // A set with a wrong checksum among others, and all three kinds of brightness.
     let elements = read("fixtures/passes/satellites.tle");
     let wrong = elements.replacen("15.50000000    13", "15.50000000    14", 1);
     std::fs::write(folder.path("some.tle"), wrong).unwrap();
     let passes = ["passes", "--tle", "some.tle", "--station", "ufo", "--json", "--name", "leo"];
     let window = ["--from", "2024-08-12T18:00", "--to", "2024-08-13T04:00"];
-    for law in [&[][..], &["--standard-magnitude", "4"]] {
+    for law in [&[][..], &["--standard-magnitude", "4"], &["--model", "box_wing"]] {
         keys(&folder.json(&[&passes[..], &window, law].concat()), &mut printed);
     }
     // Rates are by the station's own channels.
@@ -108,7 +123,23 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         word.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
     };
     // An embedded station has no files.
-    let titles = ["tables", "air", "star", "passes", "demo", "null", "file"];
+    let titles = [
+        "tables",
+        "air",
+        "star",
+        "passes",
+        "simulate",
+        "bench",
+        "demo",
+        "null",
+        "file",
+        // Values of keys.
+        "exact",
+        "icosphere",
+        "pipeline",
+        "stored",
+        "none",
+    ];
     let gone: Vec<&String> = quoted
         .difference(&printed)
         .filter(is_key)

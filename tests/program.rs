@@ -14,6 +14,15 @@ fn the_demonstration_needs_no_input_and_overwrites_nothing() {
     let text = folder.done(&["demo"]);
     assert!(text.ends_with("The demonstration is in sunglint-demo\n"), "{text}");
     for file in [
+        "box_wing_pass.ecsv",
+        "box_wing_pass.png",
+        "box_wing_pass.svg",
+        "box_wing_pass_geometry.ecsv",
+        "box_wing_pass_spectra.fits",
+        "box_wing_pass_spectra.png",
+        "box_wing_pass_spectra.svg",
+        "pass.toml",
+        "satellites.tle",
         "vega_night.ecsv",
         "vega_night.png",
         "vega_night.svg",
@@ -29,10 +38,38 @@ fn the_demonstration_needs_no_input_and_overwrites_nothing() {
     }
     assert!(folder.done(&["demo"]).ends_with("The demonstration is in sunglint-demo-2\n"));
     let message = folder.refused(1, &["demo", "-o", "sunglint-demo"]);
-    assert!(message.contains("vega_night.ecsv") && message.contains("--force"), "{message}");
+    assert!(message.contains("box_wing_pass.ecsv") && message.contains("--force"), "{message}");
     folder.done(&["demo", "-o", "sunglint-demo", "--force"]);
     let json = folder.json(&["demo", "--json"]);
-    assert_eq!(json["files"].as_array().unwrap().len(), 7);
+    assert_eq!(json["files"].as_array().unwrap().len(), 16);
+}
+
+/// The scene that the demonstration leaves behind gives the same curve again, and its satellites have passes.
+#[test]
+fn the_demonstrations_scene_can_be_simulated_again() {
+    let folder = Folder::new("again");
+    folder.done(&["demo", "-o", "out"]);
+    folder.done(&["simulate", "out/pass.toml", "-o", "again.ecsv"]);
+    // Only the notes of how it was made may differ.
+    let rows = |file: &str| {
+        let text = std::fs::read_to_string(folder.path(file)).unwrap();
+        text.lines().filter(|l| !l.starts_with('#')).map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert!(rows("out/box_wing_pass.ecsv").len() > 1000);
+    assert_eq!(rows("out/box_wing_pass.ecsv"), rows("again.ecsv"));
+    let json = folder.json(&[
+        "passes",
+        "--tle",
+        "out/satellites.tle",
+        "--from",
+        "2020-11-18T15:00:00",
+        "--to",
+        "2020-11-18T20:00:00",
+        "--station",
+        "ufo",
+        "--json",
+    ]);
+    assert!(json["passes"].as_array().unwrap().len() > 5);
 }
 
 /// The predicted light curve of the demonstration is one of the schema, and can be read back.

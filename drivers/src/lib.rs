@@ -1,13 +1,54 @@
-//! Devices: transports (serial, USB, HID, TCP, child process), their recordings and their faults, and one
-//! folder per vendor behind one trait per device kind. Knows no physics; stands on `sunglint-formats`.
+//! Devices: transports, their recordings and their faults, and one folder per vendor behind one trait per device kind.
+//! Knows no physics; stands on `sunglint-formats`. Blocking calls with deadlines, on threads.
 //!
-//! Nothing is here yet. What will stand here, in the order in which bytes flow through it:
+//! In the order in which bytes flow through it:
 //!
-//! - `transport`: bytes or messages with a deadline and a clock; `Recorded`, `Replay` and `Faulty` around any of them;
-//! - `device`: photon counter, camera, power meter, rotation stage, filter wheel, one small trait each;
-//! - one folder per vendor: Swabian (photon counter), INDI (camera, wheel, rotator), OpenCV (frame grabber, its own
-//!   cargo feature), Ophir and Thorlabs (power meter), Trinamic and Thorlabs (stage), ZWO (wheel);
-//! - `simulated`: each kind again, speaking the same protocols, fed by a source that the caller plugs in.
+//! - [`clock`]: deadlines on a clock that tests can turn by hand, and the token that ends every wait;
+//! - [`transport`]: streams of bytes ([serial](transport::serial), [TCP](transport::tcp), [child process](transport::child)) and
+//!   requests one by one ([USB](transport::usb), [HID](transport::hid)), one error type for all;
+//! - [`recording`]: what was said, as text; [`Recorded`](recording::Recorded), [`Replay`](recording::Replay) and
+//!   [`Faulty`](recording::Faulty) around any transport;
+//! - [`device`]: photon counter, camera, power meter, rotation stage, filter wheel, one small trait each;
+//! - [`trinamic`]: a rotation stage on a TMCL motor controller;
+//! - [`simulated`]: devices that speak the same protocols: a TMCL module so far;
+//! - [`tags`], [`ptu`]: photon time tags on disk, binned into counts.
+//!
+//! Still to come: Swabian (photon counter), INDI (camera, wheel, rotator), OpenCV (frame grabber, its own cargo feature),
+//! Ophir and Thorlabs (power meter, stage), ZWO (wheel), and simulated versions of each kind.
+//!
+//! # How far it is tried
+//!
+//! No real instrument has been at the other end yet. Serial ports are tried on ptys, TCP on sockets, children on real
+//! processes. USB and HID compile and map their errors; no transfer has been made through them.
+//!
+//! # A stage, on a desk without one
+//!
+//! ```
+//! use std::{sync::Arc, time::Duration};
+//! use sunglint_drivers::clock::{Deadline, VirtualClock};
+//! use sunglint_drivers::device::RotationStage as _;
+//! use sunglint_drivers::simulated::tmcl::{Module, ModuleSettings, Simulated};
+//! use sunglint_drivers::trinamic::{LinkSettings, Search, Stage, StageSettings};
+//!
+//! let clock = Arc::new(VirtualClock::new());
+//! let within = |seconds| Deadline::after(clock.clone(), Duration::from_secs(seconds));
+//! // With a real module: `Serial::open("/dev/ttyACM0", 9600)?`, and deadlines on `Deadline::within`.
+//! let line = Simulated::new(Module::new(ModuleSettings::default()));
+//! let settings = StageSettings {
+//!     search: Some(Search { mode: 1, speed: 5_000, switch_speed: 500, tolerance_deg: 0.5 }),
+//!     ..StageSettings::default()
+//! };
+//! let mut stage = Stage::open(line, LinkSettings::default(), settings, &within(5))?;
+//! assert_eq!(stage.home(&within(60))?, 0.0);
+//! assert_eq!(stage.move_to(45.0, &within(60))?, 45.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
+pub mod clock;
+pub mod device;
 pub mod ptu;
+pub mod recording;
+pub mod simulated;
 pub mod tags;
+pub mod transport;
+pub mod trinamic;

@@ -426,9 +426,8 @@ mod tests {
         let knots: Vec<f64> = (0..120).map(|i| 310.0 + 5.7 * f64::from(i)).collect();
         let moments = product.hat_moments(&knots).unwrap();
         for seed in 1..20_u32 {
-            let value =
-                |i: u32| f64::from((i * 2_654_435_761_u32.wrapping_mul(seed) % 1000) % 997) / 997.0;
-            let air: Vec<f64> = (0..120).map(|i: u32| value(i.wrapping_mul(seed) % 251)).collect();
+            let scatter = |i: u32| (i + 1).wrapping_mul(2_654_435_761).wrapping_mul(seed) >> 16;
+            let air: Vec<f64> = (0..120).map(|i| f64::from(scatter(i)) / 65_536.0).collect();
             let dot: f64 = air.iter().zip(&moments).map(|(t, b)| t * b).sum();
             let air = Spectrum::<Transmission>::new(knots.clone(), air).unwrap();
             near(dot, product.clone().times(&air).integral().value, 1e-12);

@@ -47,7 +47,8 @@ pub struct Geometry {
     /// The part of the Sun's disc that the Earth leaves visible at the target, 0 (umbra) to 1 (sunlit), weighted by nothing
     /// but area.
     pub sunlit: f64,
-    /// Angle Sun–target–station, radians, 0 to π.
+    /// Angle Sun–target–station, radians, 0 to π: between `sun` and `to_observer`, which differ in their frame of rest by up to 5″
+    /// ([`Geometry::rest_frame_directions`]).
     pub phase_rad: f64,
 }
 

@@ -10,7 +10,8 @@
 //! - [`target`]: a body made of parts, each a shape with a material in its place, and the hinges that move them;
 //! - [`light`]: the engine that turns a lit and seen body into one weight per material spectrum;
 //! - [`pass`]: all of it along a pass, to spectra, magnitudes and count rates;
-//! - [`passes`]: when a target can be seen at all.
+//! - [`passes`]: when a target can be seen at all;
+//! - [`scenes`]: bodies and directions on which light engines are compared, with independent truths.
 //!
 //! What will stand here when its time comes: `ranging` (lasers, photons per shot, range histograms) and `observatory` (photon events,
 //! frames, the virtual sample).
@@ -27,5 +28,6 @@ pub mod mesh;
 pub mod orbit;
 pub mod pass;
 pub mod passes;
+pub mod scenes;
 pub mod surface;
 pub mod target;

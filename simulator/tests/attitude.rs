@@ -525,3 +525,21 @@ proptest! {
         prop_assert!((now - before).length() < 1e-10 * before.length());
     }
 }
+
+/// Truth: only the ratios of the moments matter, however large they are: the same motion to the last digits. Rates that would leave no
+/// phase, and whose squares are no numbers, are refused.
+#[test]
+fn extreme_numbers_make_no_attitude_that_is_no_number() {
+    let omega = DVec3::new(0.3, 0.2, 0.1);
+    let plain = tumble(tensor([2.0, 3.0, 4.0], some_attitude()), omega);
+    let heavy = tumble(tensor([2e200, 3e200, 4e200], some_attitude()), omega);
+    let epoch = after(60.0);
+    assert!(angle_rad(plain.body_to_gcrs(epoch), heavy.body_to_gcrs(epoch)) < 1e-11);
+    let inertia = Inertia::of_tensor(tensor([2.0, 3.0, 4.0], some_attitude())).unwrap();
+    for size in [1e8, 1e200] {
+        let refused = Tumble::new(&inertia, size * omega, some_attitude(), start());
+        assert!(matches!(refused, Err(AttitudeError::TooFast { .. })), "{size}");
+        let refused = Spin::new(DVec3::Z, size, some_attitude(), start());
+        assert!(matches!(refused, Err(AttitudeError::TooFast { .. })), "{size}");
+    }
+}

@@ -175,3 +175,19 @@ fn print_a_hundred_million_rays() {
 fn long_run_directions() -> (DVec3, DVec3) {
     (DVec3::new(0.6, 0.5, 0.4).normalize(), DVec3::new(0.9, -0.1, 0.5).normalize())
 }
+
+/// Truth: 10⁸ rays in all, run once on 2026-11-21 by `print_a_hundred_million_rays` (seeds 77 + body): body, ΣW and its standard error, m² sr⁻¹.
+/// Tolerance: 4 of those standard errors.
+#[test]
+fn a_hundred_million_rays() {
+    for (seed, w, sigma) in [(1, 0.083963733, 0.000027686), (2, 0.253453942, 0.000064669)] {
+        let (sun, to) = long_run_directions();
+        let target = bodies(seed);
+        let scene = Scene::new(&target).unwrap();
+        let mut out = vec![0.0; scene.weight_count()];
+        scene.evaluator().direct(sun, View::Distant(to), &mut out).unwrap();
+        let ours: f64 = out.iter().sum();
+        eprintln!("{seed}: {ours} against {w} ± {sigma}, {:.2} sigma", (ours - w) / sigma);
+        assert!((ours - w).abs() < 4.0 * sigma, "{seed}: {ours} against {w} ± {sigma}");
+    }
+}

@@ -349,3 +349,22 @@ fn mutated_files_never_panic() {
     // Both happen, else nothing was tested.
     assert!(good > 500 && bad > 500, "{good} read, {bad} refused");
 }
+
+/// A few groups before many materials: the names of the pieces would take the square of the file.
+#[test]
+fn names_of_pieces_stay_within_a_multiple_of_the_file() {
+    let groups: String = (0..2000).map(|i| format!(" g{i}")).collect();
+    let faces: String = (0..2000).map(|i| format!("usemtl m{i}\nf 1 2 3\n")).collect();
+    let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\ng{groups}\n{faces}");
+    assert!(refusal("many_names.obj", text).contains("a few groups, objects and materials"));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_device_is_no_mesh() {
+    let name = std::env::temp_dir().join(format!("sunglint-zero-{}.stl", std::process::id()));
+    std::os::unix::fs::symlink("/dev/null", &name).unwrap();
+    let error = read(&name).unwrap_err().to_string();
+    std::fs::remove_file(&name).unwrap();
+    assert!(error.contains("an ordinary file"), "{error}");
+}

@@ -361,3 +361,35 @@ proptest::proptest! {
 fn gcd(a: usize, b: usize) -> usize {
     if b == 0 { a } else { gcd(b, a % b) }
 }
+
+/// Truth: the count of what was put there, and a limit of time that an examination by the square (pieces, or pairs of copies) or
+/// the memory for it would exceed by a hundred.
+#[test]
+fn soups_copies_and_fans_are_examined_in_time() {
+    let start = std::time::Instant::now();
+    let mut soup = Mesh::default();
+    for i in 0..60_000_u32 {
+        let o = DVec3::new(f64::from(i % 250), f64::from(i / 250), 0.0) * 0.1;
+        soup.vertices.extend([o, o + 0.05 * DVec3::X, o + 0.05 * DVec3::Y]);
+        soup.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    assert_eq!(soup.examine().components.len(), 60_000);
+
+    let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+    let copies = Mesh { vertices, triangles: vec![[0, 1, 2]; 5000] };
+    let faults = copies.examine().faults;
+    let twice = |f: &Fault| matches!(f, Fault::Duplicate { found, .. } if found.count == 4999);
+    assert!(faults.iter().any(twice), "{faults:?}");
+    assert!(!faults.iter().any(|f| matches!(f, Fault::Overlap { .. })), "{faults:?}");
+
+    // Edges along one line, each within the next.
+    let mut fan = Mesh::default();
+    for i in 0..6000_u32 {
+        let x = 1.0 + 1e-4 * f64::from(i);
+        let tip = DVec3::new(0.0, x.cos(), x.sin());
+        fan.vertices.extend([DVec3::new(-x, 0.0, 0.0), DVec3::new(x, 0.0, 0.0), tip]);
+        fan.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    assert!(!fan.examine().all_closed());
+    assert!(start.elapsed().as_secs_f64() < 6.0, "{:?}", start.elapsed());
+}

@@ -249,3 +249,19 @@ fn what_a_file_may_not_say() {
     ));
     assert!(matches!(Ephemeris::new("s", &[]), Err(OrbitError::TooFewRows { rows: 0, .. })));
 }
+
+/// A row twice, 1 ns apart in a table of decades: its differences would be 0/0, and the places not numbers.
+#[test]
+fn rows_that_are_one_row_twice_are_refused() {
+    let mut text = "time_utc,x_km,y_km,z_km\n".to_owned();
+    for year in 2000..2009 {
+        text += &format!("{year}-01-01T00:00:00Z,{year},42000,0\n");
+    }
+    assert!(Ephemeris::parse("e.csv", &text).is_ok());
+    let twice = text.replace(
+        "2004-01-01T00:00:00Z,2004,42000,0\n",
+        "2004-01-01T00:00:00Z,2004,42000,0\n2004-01-01T00:00:00.000000001Z,2004,42000,0\n",
+    );
+    let error = Ephemeris::parse("e.csv", &twice).unwrap_err().to_string();
+    assert!(error.contains("1 ms or more") && error.contains(":7"), "{error}");
+}

@@ -243,3 +243,30 @@ fn what_the_set_cannot_parse() {
         }
     }
 }
+
+/// Truth: the same published states, from the second half of each run's rows on: an orbit that was made ready for that stretch has them as
+/// well, with the same tolerances; also for times before the stretch, which it was not made ready for, and on the other side of the elements.
+#[test]
+fn an_orbit_that_is_ready_for_a_stretch_is_the_same_orbit() {
+    let mut resonant = 0;
+    for run in runs() {
+        let orbit = run.orbit();
+        let number = orbit.tle().norad_id;
+        let at = |minutes: f64| orbit.tle().epoch + minutes * hifitime::Unit::Minute;
+        let (Some(middle), Some(last)) = (run.rows.get(run.rows.len() / 2), run.rows.last()) else {
+            continue;
+        };
+        if middle[0].abs() > 1e8 || number == 23599 || number == 33334 {
+            continue;
+        }
+        let near = orbit.near(at(middle[0]), at(last[0]));
+        resonant += usize::from(near != orbit);
+        for row in &run.rows {
+            let (km, km_s) = distance(&near, row[0], &row[1..]);
+            let far = row[0].abs() > 1e6;
+            assert!(km < if far { 3e-7 } else { 1e-8 }, "{number} at {} min: {km:e} km", row[0]);
+            assert!(km_s < 1e-9, "{number} at {} min: {km_s:e} km/s", row[0]);
+        }
+    }
+    assert!(resonant >= 5, "{resonant}");
+}

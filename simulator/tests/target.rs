@@ -277,7 +277,7 @@ fn what_makes_no_sense_is_refused_with_line_and_key() {
         (
             "euler_zyx_deg = [0, 90, 0]",
             "quaternion = [1, 0, 0, 1]",
-            "expected a unit quaternion [w, x, y, z] (its length is 1.414",
+            "expected a unit quaternion [w, x, y, z] (the quaternion has the length 1.414",
         ),
         ("shape = \"plate\"", "shape = \"ball\"", "a.toml:17: part[0].shape"),
         (
@@ -508,4 +508,35 @@ fn an_exported_target_reads_back_the_same() {
             assert_eq!(piece.mesh.faces().collect::<Vec<_>>(), ours, "{name}");
         }
     }
+}
+
+/// Lengths whose squares are no numbers would make infinite areas.
+#[test]
+fn lengths_beyond_all_bodies_are_refused() {
+    for (shape, key) in [
+        ("shape = \"box\"\nsize_m = [1e200, 1, 1]", "size_m"),
+        ("shape = \"box\"\nsize_m = [1, 1, 1]\noffset_m = [1e300, 0, 0]", "offset_m"),
+        ("shape = \"sphere\"\nradius_m = 1e160", "radius_m"),
+        ("shape = \"prism\"\nheight_m = 1\nwidth_m = 1e160", "width_m"),
+        ("shape = \"cone\"\nheight_m = 1\nradius_m = 1\ntop_radius_m = 1e160", "top_radius_m"),
+    ] {
+        let text = format!("[[part]]\nname = \"a\"\n{shape}\nmaterial = \"white\"\n");
+        let error = Target::parse("t.toml", text).unwrap_err().to_string();
+        assert!(error.contains(key) && error.contains("at most 1e15 m"), "{error}");
+    }
+}
+
+/// Truth: by hand. The limit is 200 m; a part without a file has no unit to give.
+#[test]
+fn parts_written_in_millimetres_are_warned_of() {
+    let target = |size: &str| {
+        let text = format!(
+            "[[part]]\nname = \"bus\"\nshape = \"box\"\nsize_m = {size}\nmaterial = \"white\"\n\
+             [[part]]\nname = \"ball\"\nshape = \"sphere\"\nradius_m = 99.0\nmaterial = \"white\"\n"
+        );
+        Target::parse("t.toml", &text).unwrap()
+    };
+    assert_eq!(target("[1, 199, 1]").warnings, [""; 0]);
+    let warnings = target("[1000, 1200, 900]").warnings;
+    assert_eq!(warnings, ["the part bus measures 1200.0 m: are its sizes millimetres?"]);
 }

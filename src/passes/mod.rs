@@ -1,6 +1,7 @@
 //! `sunglint passes`: when satellites can be seen from a station, how bright, and what its channels would count.
 
 mod figure;
+mod model;
 mod report;
 mod seen;
 mod table;
@@ -15,6 +16,7 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use hifitime::{Epoch, Unit};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use model::Light;
 use rayon::prelude::*;
 use report::Report;
 use seen::Photometer;
@@ -22,7 +24,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::passband::ZeroPoint;
-use sunglint_radiometry::sky::EarthOrientation;
+use sunglint_radiometry::sky::{EarthOrientation, SkyFrames};
 use sunglint_simulator::orbit::tle::{self, Tle};
 use sunglint_simulator::orbit::{Orbit, TleOrbit};
 use sunglint_simulator::passes::brightness::Brightness;
@@ -114,6 +116,16 @@ pub struct BrightnessArgs {
         allow_negative_numbers = true
     )]
     pub standard_magnitude: Option<f64>,
+    /// Instead of the sphere: a model, a built-in target or a target.toml, whose light is calculated as by `simulate`
+    #[arg(
+        long,
+        value_name = "TARGET",
+        conflicts_with_all = ["diameter_m", "reflectance", "standard_magnitude"]
+    )]
+    pub model: Option<String>,
+    /// How the model is turned: orbit (z to nadir, x along the velocity), yaw_steering, sun, inertial, or a file with `[attitude]` [default: orbit]
+    #[arg(long, value_name = "LAW|FILE", requires = "model")]
+    pub attitude: Option<String>,
 }
 
 /// Longer windows are a slip of the year.
@@ -153,6 +165,7 @@ pub struct Failure {
 pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
     let (from, to) = args.window()?;
+    args.filter.check()?;
     let brightness = args.brightness()?;
     if !(1e-9..=86_400.0).contains(&args.exposure_s) {
         bail!("--exposure-s is {:e}, expected 1e-9 to 86400 s", args.exposure_s);
@@ -185,14 +198,31 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
         sun_below_deg: args.filter.sun_below,
     };
     let search = Search::new(&station.site, &station.horizon, (from, to), conditions, orientation)?;
-    let photometer = Photometer::new(&station, &air, brightness, args.zero_point, args.exposure_s)?;
+    let any = tles.iter().find_map(|tle| TleOrbit::new(tle.clone()).ok()).map(Orbit::from);
+    let model = args.model(any, &station, &air, (from, orientation))?;
+    let light = match &model {
+        None => Light::Law(brightness),
+        Some((pass, words)) => {
+            let ready = pass.ready()?;
+            warnings.extend(pass.warnings.clone());
+            warnings.extend(ready.report().warnings.clone());
+            inputs.extend(pass.target.sources.iter().map(|(path, sha256)| Input {
+                file: path.display().to_string(),
+                sha256: sha256.clone(),
+            }));
+            Light::Model(Box::new(ready), words.clone())
+        }
+    };
+    let frames = SkyFrames::over(from, to, orientation)?;
+    let photometer =
+        Photometer::new(&station, &air, light, frames, args.zero_point, args.exposure_s)?;
     console.detail(&format!("{} objects, {} threads", tles.len(), rayon::current_num_threads()));
 
     let bar = progress(tles.len(), console);
     let followed: Vec<Followed> = tles
         .into_par_iter()
         .map(|tle| {
-            let followed = Followed::new(tle, &search, &photometer, orientation);
+            let followed = Followed::new(tle, &search, &photometer);
             bar.inc(1);
             followed
         })
@@ -254,12 +284,7 @@ struct Followed {
 }
 
 impl Followed {
-    fn new(
-        tle: Tle,
-        search: &Search,
-        photometer: &Photometer<'_>,
-        orientation: &EarthOrientation,
-    ) -> Self {
+    fn new(tle: Tle, search: &Search, photometer: &Photometer<'_>) -> Self {
         let label = tle.label();
         let mut followed = Self {
             passes: Vec::new(),
@@ -268,14 +293,14 @@ impl Followed {
             warnings: Vec::new(),
         };
         let failure = |why: String| Some(Failure { what: label.clone(), why });
+        let window = search.window();
         let orbit = match TleOrbit::new(tle.clone()) {
-            Ok(orbit) => Orbit::from(orbit),
+            Ok(orbit) => Orbit::from(orbit.near(window.from, window.to)),
             Err(error) => {
                 followed.failure = failure(error.to_string());
                 return followed;
             }
         };
-        let window = search.window();
         followed.warnings = orbit.warnings(window.from, window.to);
         let found = search.passes(&orbit);
         if let Some((_, error)) = found.ended {
@@ -296,7 +321,7 @@ impl Followed {
                 }
                 continue;
             }
-            match SeenPass::new(&orbit, &tle, pass, search, photometer, orientation) {
+            match SeenPass::new(&orbit, &tle, pass, search, photometer) {
                 Ok(seen) => followed.passes.push(seen),
                 Err(error) => followed.failure = failure(error.to_string()),
             }
@@ -328,7 +353,7 @@ impl PassesArgs {
     }
 
     fn brightness(&self) -> anyhow::Result<Brightness> {
-        let BrightnessArgs { diameter_m, reflectance, standard_magnitude } = self.brightness;
+        let BrightnessArgs { diameter_m, reflectance, standard_magnitude, .. } = self.brightness;
         if let Some(magnitude) = standard_magnitude {
             if !(-30.0..=40.0).contains(&magnitude) {
                 bail!("--standard-magnitude is {magnitude}, expected -30 to 40");
@@ -386,6 +411,20 @@ impl PassesArgs {
 }
 
 impl FilterArgs {
+    /// Numbers; the altitudes of the search are its own concern.
+    fn check(&self) -> anyhow::Result<()> {
+        for (option, value) in [
+            ("--min-culmination", self.min_culmination),
+            ("--min-duration-s", self.min_duration_s),
+            ("--brighter-than", self.brighter_than.unwrap_or(0.0)),
+        ] {
+            if !value.is_finite() {
+                bail!("{option} is {value}, expected a number");
+            }
+        }
+        Ok(())
+    }
+
     fn apply(&self, mut passes: Vec<SeenPass>) -> Vec<SeenPass> {
         passes.retain(|p| {
             p.highest_visible_deg() >= self.min_culmination

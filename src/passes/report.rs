@@ -1,5 +1,6 @@
 //! What `sunglint passes` says: text and JSON, and where the rest goes.
 
+use super::model::Light;
 use super::seen::{Event, KEYHOLE_DEG, Photometer, SeenPass};
 use super::{Counts, Failure, figure, table};
 use crate::air::describe;
@@ -65,8 +66,13 @@ impl Report<'_> {
             }
         }
         let json = if out.wants_json(console) { self.json() } else { Value::Null };
-        let product =
-            Product { name: "passes".into(), table: table::table(self), figure: None, json };
+        let product = Product {
+            name: "passes".into(),
+            table: table::table(self),
+            figure: None,
+            json,
+            ..Product::default()
+        };
         rest.finish_with(&product, others, &self.text(), console)
     }
 
@@ -81,7 +87,13 @@ impl Report<'_> {
     }
 
     pub fn law(&self) -> String {
-        match self.photometer.brightness {
+        let law = match &self.photometer.light {
+            Light::Law(law) => *law,
+            Light::Model(_, words) => {
+                return format!("model {}, attitude {}", words.target, words.attitude);
+            }
+        };
+        match law {
             Brightness::Sphere { diameter_m, reflectance } => {
                 format!("diffuse sphere of {diameter_m} m, reflectance {reflectance}")
             }
@@ -276,11 +288,14 @@ impl Report<'_> {
     fn json(&self) -> Value {
         let (window, site) = (self.search.window(), self.station.site.geodetic());
         let conditions = self.search.conditions();
-        let brightness = match self.photometer.brightness {
-            Brightness::Sphere { diameter_m, reflectance } => {
+        let brightness = match &self.photometer.light {
+            Light::Model(_, words) => {
+                json!({ "law": "model", "target": words.target, "attitude": words.attitude })
+            }
+            Light::Law(Brightness::Sphere { diameter_m, reflectance }) => {
                 json!({ "law": "diffuse sphere", "diameter_m": diameter_m, "reflectance": reflectance })
             }
-            Brightness::Standard { magnitude } => {
+            Light::Law(Brightness::Standard { magnitude }) => {
                 json!({ "law": "standard magnitude", "v_1000_km_half_lit": magnitude })
             }
             _ => Value::Null,

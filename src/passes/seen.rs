@@ -1,13 +1,17 @@
 //! A pass as the station sees it: its moments, how bright, what the channels count.
 
+use super::model::{Light, MODEL_STEP_S};
+use hifitime::Epoch;
 use rayon::prelude::*;
+use std::cell::RefCell;
 use sunglint_radiometry::air::{Air, Zenith};
 use sunglint_radiometry::light::sun_at_1_au;
 use sunglint_radiometry::passband::{Passband, ZeroPoint};
-use sunglint_radiometry::sky::{EarthOrientation, Observer, Twilight};
+use sunglint_radiometry::sky::{Observer, SkyFrames, Twilight};
 use sunglint_radiometry::station::{Mount, Predicted, Station};
-use sunglint_simulator::geometry::{Geometry, GeometryError};
+use sunglint_simulator::geometry::Geometry;
 use sunglint_simulator::orbit::{Orbit, Tle};
+use sunglint_simulator::pass::{Eye, PassError, Sample};
 use sunglint_simulator::passes::brightness::Brightness;
 use sunglint_simulator::passes::{Pass, Search, Span};
 
@@ -66,6 +70,8 @@ pub struct Expected {
     pub channels: Vec<Option<(f64, Predicted)>>,
 }
 
+/// The place of V among [`BANDS`](sunglint_simulator::pass::BANDS).
+const V: usize = 2;
 /// Above this altitude an alt-azimuth mount counts as blind, degrees.
 pub const KEYHOLE_DEG: f64 = 85.0;
 
@@ -76,22 +82,17 @@ impl SeenPass {
         pass: Pass,
         search: &Search,
         photometer: &Photometer<'_>,
-        orientation: &EarthOrientation,
-    ) -> Result<Self, GeometryError> {
-        let event = |epoch| photometer.event(orbit, epoch, orientation);
+    ) -> anyhow::Result<Self> {
+        let event = |epoch| photometer.event(orbit, epoch);
         let (first, last) = match pass.visible.as_slice() {
             [] => (pass.span, pass.span),
             [first, .., last] => (*first, *last),
             [only] => (*only, *only),
         };
         let start = event(first.from)?;
-        let sun_m = start.geometry.sun.distance_m;
-        let measure = |phase, range| {
-            photometer.brightness.of_sunlight(phase, range, sun_m, 1.0, photometer.sun_v)
-        };
         let mut brightest = start;
         for span in &pass.visible {
-            let found = event(search.brightest(orbit, *span, measure))?;
+            let found = event(photometer.brightest(search, orbit, *span, &start))?;
             if found.v_mag < brightest.v_mag {
                 brightest = found;
             }
@@ -110,7 +111,7 @@ impl SeenPass {
             culmination: event(pass.culmination)?,
             brightest,
             end: event(last.to)?,
-            expected: photometer.expected(&brightest),
+            expected: photometer.expected(orbit, &brightest)?,
             meridian_flip,
             keyhole,
             orbit: orbit.clone(),
@@ -138,7 +139,8 @@ impl SeenPass {
 pub struct Photometer<'a> {
     pub station: &'a Station,
     pub air: &'a Air,
-    pub brightness: Brightness,
+    pub light: Light<'a>,
+    frames: SkyFrames<'a>,
     pub zero: ZeroPoint,
     pub exposure_s: f64,
     /// Johnson V of the Sun at 1 au above the air.
@@ -165,7 +167,8 @@ impl<'a> Photometer<'a> {
     pub fn new(
         station: &'a Station,
         air: &'a Air,
-        brightness: Brightness,
+        light: Light<'a>,
+        frames: SkyFrames<'a>,
         zero: ZeroPoint,
         exposure_s: f64,
     ) -> anyhow::Result<Self> {
@@ -184,26 +187,53 @@ impl<'a> Photometer<'a> {
         };
         let nodes: Vec<anyhow::Result<Node>> = (0..NODES).into_par_iter().map(node).collect();
         let nodes = nodes.into_iter().collect::<anyhow::Result<Vec<Node>>>()?;
-        Ok(Self { station, air, brightness, zero, exposure_s, sun_v, nodes })
+        Ok(Self { station, air, light, frames, zero, exposure_s, sun_v, nodes })
     }
 
-    fn factor(&self, geometry: &Geometry) -> f64 {
+    /// Sunlight times this arrives above the air.
+    fn factor(&self, brightness: Brightness, geometry: &Geometry) -> f64 {
         let Geometry { phase_rad, range_m, sun, sunlit, .. } = geometry;
-        self.brightness.of_sunlight(*phase_rad, *range_m, sun.distance_m, *sunlit, self.sun_v)
+        brightness.of_sunlight(*phase_rad, *range_m, sun.distance_m, *sunlit, self.sun_v)
     }
 
-    fn event(
-        &self,
-        orbit: &Orbit,
-        epoch: hifitime::Epoch,
-        orientation: &EarthOrientation,
-    ) -> Result<Event, GeometryError> {
-        let observer = Observer::at(epoch, &self.station.site, orientation)?;
+    /// The moment of a span at which the target is brightest above the air.
+    fn brightest(&self, search: &Search, orbit: &Orbit, span: Span, start: &Event) -> Epoch {
+        match &self.light {
+            Light::Law(law) => {
+                let sun_m = start.geometry.sun.distance_m;
+                let measure = |phase, range| law.of_sunlight(phase, range, sun_m, 1.0, self.sun_v);
+                search.brightest(orbit, span, measure)
+            }
+            Light::Model(ready, _) => {
+                let eye = RefCell::new(ready.eye());
+                // Where there is no light there is no magnitude, and nothing is fainter.
+                search.highest(span, MODEL_STEP_S.min(span.seconds() / 16.0), |epoch| {
+                    let sample = self.sample(&mut eye.borrow_mut(), orbit, epoch);
+                    let v = sample.map_or(f64::NAN, |s| s.magnitudes[V]);
+                    if v.is_nan() { f64::NEG_INFINITY } else { -v }
+                })
+            }
+        }
+    }
+
+    fn sample(&self, eye: &mut Eye<'_>, orbit: &Orbit, epoch: Epoch) -> Result<Sample, PassError> {
+        eye.sample(orbit, epoch, &self.frames, self.exposure_s)
+    }
+
+    fn event(&self, orbit: &Orbit, epoch: Epoch) -> anyhow::Result<Event> {
+        let observer = Observer::new(self.frames.at(epoch)?, &self.station.site);
         let geometry = Geometry::at(orbit, &observer)?;
+        let v_mag = match &self.light {
+            Light::Law(law) => self.sun_v - 2.5 * self.factor(*law, &geometry).log10(),
+            Light::Model(ready, _) => {
+                let v = self.sample(&mut ready.eye(), orbit, epoch)?.magnitudes[V];
+                if v.is_nan() { f64::INFINITY } else { v }
+            }
+        };
         let moon = observer.moon();
         Ok(Event {
             geometry,
-            v_mag: self.sun_v - 2.5 * self.factor(&geometry).log10(),
+            v_mag,
             sun_altitude_deg: geometry.sun_altitude_deg(&observer),
             moon_altitude_deg: moon.horizontal.altitude_deg(),
             moon_separation_deg: moon.horizontal.separation_deg(geometry.horizontal),
@@ -212,9 +242,26 @@ impl<'a> Photometer<'a> {
         })
     }
 
-    fn expected(&self, event: &Event) -> Expected {
+    fn expected(&self, orbit: &Orbit, event: &Event) -> anyhow::Result<Expected> {
+        match &self.light {
+            Light::Law(law) => Ok(self.expected_by(*law, event)),
+            Light::Model(ready, _) => {
+                let sample = self.sample(&mut ready.eye(), orbit, event.geometry.epoch)?;
+                let v = sample.ground_magnitudes[V];
+                let good = |(hz, predicted): &(f64, Predicted)| {
+                    hz.is_finite().then_some((*hz, *predicted))
+                };
+                Ok(Expected {
+                    v_station: v.is_finite().then_some(v),
+                    channels: sample.channels.iter().map(good).collect(),
+                })
+            }
+        }
+    }
+
+    fn expected_by(&self, law: Brightness, event: &Event) -> Expected {
         let altitude_deg = event.geometry.horizontal.altitude_deg();
-        let factor = self.factor(&event.geometry);
+        let factor = self.factor(law, &event.geometry);
         let channels = &self.station.channels;
         if altitude_deg < 0.0 || factor <= 0.0 {
             return Expected { v_station: None, channels: vec![None; channels.len()] };

@@ -9,6 +9,7 @@ pub(super) struct Scale {
     lo: f64,
     hi: f64,
     log: bool,
+    inverted: bool,
     ticks: Vec<f64>,
 }
 
@@ -23,18 +24,35 @@ impl Scale {
         };
         let choices = [10, 8, 6, 5, 4, 3];
         let ticks = choices.iter().map(|most| ticks(lo, hi, log, *most)).find(fits);
-        Self { lo, hi, log, ticks: ticks.unwrap_or_else(|| vec![lo]) }
+        Self { lo, hi, log, inverted: false, ticks: ticks.unwrap_or_else(|| vec![lo]) }
     }
 
     /// An axis along the side.
     pub(super) fn vertical((lo, hi): (f64, f64), log: bool) -> Self {
-        Self { lo, hi, log, ticks: ticks(lo, hi, log, 10) }
+        Self { lo, hi, log, inverted: false, ticks: ticks(lo, hi, log, 10) }
+    }
+
+    /// The same axis, the other way round where that is asked for.
+    pub(super) fn turned(mut self, inverted: bool) -> Self {
+        self.inverted = inverted;
+        self
+    }
+
+    /// The values that are labelled.
+    pub(super) fn ticks(&self) -> &[f64] {
+        &self.ticks
+    }
+
+    /// First and last value.
+    pub(super) fn ends(&self) -> (f64, f64) {
+        (self.lo, self.hi)
     }
 
     /// Where a value lies: 0 at the first end, 1 at the last.
     pub(super) fn fraction(&self, value: f64) -> f64 {
         let place = |v: f64| if self.log { v.ln() } else { v };
-        (place(value) - place(self.lo)) / (place(self.hi) - place(self.lo))
+        let fraction = (place(value) - place(self.lo)) / (place(self.hi) - place(self.lo));
+        if self.inverted { 1.0 - fraction } else { fraction }
     }
 }
 

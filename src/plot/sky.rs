@@ -1,5 +1,6 @@
 //! The sky over a site as someone sees it who lies on their back: zenith in the middle, north up, east on the left.
 
+use super::raster::Rasters;
 use super::{Drawn, PlotError};
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -129,6 +130,7 @@ impl Drawn for SkyPlot {
         &self,
         root: &DrawingArea<DB, Shift>,
         scale: u32,
+        _: &Rasters,
     ) -> Result<(), PlotError> {
         let pen = Pen { root, scale };
         root.fill(&WHITE).map_err(failed::<DB>)?;

@@ -47,7 +47,13 @@ impl Report<'_> {
             .to_lowercase()
             .replace(|c: char| !c.is_ascii_alphanumeric(), "_");
         let figure = if self.is_night { self.rates_figure() } else { self.spectrum_figure() };
-        Ok(Product { name, table: curve.to_table()?, figure: Some(figure), json: self.json() })
+        Ok(Product {
+            name,
+            table: curve.to_table()?,
+            figure: Some(figure),
+            json: self.json(),
+            ..Product::default()
+        })
     }
 
     /// The star's spectrum at the first moment.
@@ -88,7 +94,13 @@ impl Report<'_> {
                 json[&column.name] = json!(values);
             }
         }
-        Product { name: "spectrum".into(), table, figure: Some(self.spectrum_figure()), json }
+        Product {
+            name: "spectrum".into(),
+            table,
+            figure: Some(self.spectrum_figure()),
+            json,
+            ..Product::default()
+        }
     }
 
     fn spectrum_figure(&self) -> Figure {
@@ -114,12 +126,12 @@ impl Report<'_> {
         Figure {
             title: self.title(),
             panels: vec![
-                Panel { x: x(), y: Axis::linear("irradiance (W m⁻² nm⁻¹)"), series },
-                Panel {
-                    x: x(),
-                    y: Axis::linear("effective sensitivity of the channels"),
-                    series: channels.collect(),
-                },
+                Panel::new(x(), Axis::linear("irradiance (W m⁻² nm⁻¹)"), series),
+                Panel::new(
+                    x(),
+                    Axis::linear("effective sensitivity of the channels"),
+                    channels.collect(),
+                ),
             ],
         }
     }
@@ -153,18 +165,18 @@ impl Report<'_> {
             .iter()
             .map(|s| (hours(s), s.moon.horizontal.altitude_deg()))
             .collect();
-        let altitudes = Panel {
-            x: x(),
-            y: Axis::linear("altitude (°)"),
-            series: vec![
+        let altitudes = Panel::new(
+            x(),
+            Axis::linear("altitude (°)"),
+            vec![
                 Series::line(self.track.star.label(), 0, altitude),
                 Series::line("Sun", 5, sun),
                 Series::line("Moon", 6, moon),
             ],
-        };
+        );
         let y = Axis::log("predicted rate at the detector (Hz)");
         // A star that never rises has altitudes, but no rates.
-        let mut panels = if any { vec![Panel { x: x(), y, series: rates }] } else { Vec::new() };
+        let mut panels = if any { vec![Panel::new(x(), y, rates)] } else { Vec::new() };
         panels.push(altitudes);
         Figure { title: self.title(), panels }
     }

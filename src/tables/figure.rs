@@ -85,7 +85,7 @@ fn panel(
     }
     // What runs over more than three decades is seen on a logarithmic axis only.
     let y = if lo > 0.0 && hi > 1e3 * lo { Axis::log(y_label) } else { Axis::linear(y_label) };
-    Panel { x: Axis::linear(x_label), y, series }
+    Panel::new(Axis::linear(x_label), y, series)
 }
 
 fn abscissa(column: &Column) -> Option<&'static str> {

@@ -10,6 +10,23 @@ use std::process::{Command, Output};
 /// A star that most tests ask for.
 pub const VEGA: [&str; 6] = ["star", "Vega", "--station", "ufo", "--at", "2020-11-18T18:00:00"];
 
+/// A scene: a diffuse sphere on the orbit that many texts print, over the built-in station.
+pub const SPHERE_PASS: &str = r#"
+[target]
+sphere = { radius_m = 0.5, material = "white" }
+[orbit]
+lines = [
+  "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927",
+  "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537",
+]
+[station]
+name = "ufo"
+[times]
+from = 2008-09-21T18:45:00Z
+to = 2008-09-21T18:52:00Z
+step_s = 20
+"#;
+
 /// A folder of its own for each test, gone at its end.
 pub struct Folder(pub PathBuf);
 

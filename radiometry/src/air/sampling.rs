@@ -2,6 +2,8 @@
 
 use super::AirError;
 use super::spectra::{FIRST_CM1, LAST_CM1, NATIVE, STEP_CM1};
+use crate::quadrature::{Integral, Product};
+use crate::spectrum::{Spectrum, Transmission};
 
 /// Wavelengths at which, or bins over which, transmissions are wanted.
 ///
@@ -90,6 +92,31 @@ impl Sampling {
         Self::from_rows(edges_nm.windows(2).map(|e| mean(e[0], e[1])))
     }
 
+    /// Means weighted with products of spectra: sample j is ∫ T p_j dλ / ∫ p_j dλ over the tables of the air, exact for
+    /// piecewise-linear factors, and the second answer is that ∫ p_j dλ, so that their product is ∫ T p_j dλ: the rate of a channel,
+    /// by a few multiplications for any zenith angle ([`super::AirTable`]). `uncovered_nm` counts what the products lack within
+    /// their own range ([`Product::integral`]), wavelengths beyond the air's tables included. A product that is zero
+    /// everywhere has the mean over the whole tables, times 0.
+    ///
+    /// # Errors
+    /// No product at all.
+    pub fn weighted(products: &[Product]) -> Result<(Self, Vec<Integral>), AirError> {
+        let air = Spectrum::<Transmission>::constant(1.0, range_nm().0, range_nm().1)?;
+        let knots: Vec<f64> = (0..NATIVE).rev().map(native_nm).collect();
+        let mut integrals = Vec::with_capacity(products.len());
+        let mut rows = Vec::with_capacity(products.len());
+        for product in products {
+            let uncovered_nm = product.clone().times(&air).integral().uncovered_nm;
+            // Ascending in wavenumber, as the native points are.
+            let mut moments = product.hat_moments(&knots)?;
+            moments.reverse();
+            let value: f64 = moments.iter().sum();
+            integrals.push(Integral { value, uncovered_nm });
+            rows.push(Ok(row_of_moments(&moments, value)));
+        }
+        Ok((Self::from_rows(rows.into_iter())?, integrals))
+    }
+
     /// The wavelengths, or the bins' centres \[nm\], in the order in which they were given.
     pub fn wavelength_nm(&self) -> &[f64] {
         &self.centre_nm
@@ -157,6 +184,20 @@ impl Sampling {
     }
 }
 
+/// Centre, first native point and weights of a mean from the moments of all native points and their sum.
+fn row_of_moments(moments: &[f64], sum: f64) -> (f64, usize, Vec<f64>) {
+    let lit = |m: &f64| *m > 0.0;
+    let (Some(first), Some(last), true) =
+        (moments.iter().position(lit), moments.iter().rposition(lit), sum > 0.0)
+    else {
+        let weight = 1.0 / NATIVE as f64;
+        return (0.5 * (range_nm().0 + range_nm().1), 0, vec![weight; NATIVE]);
+    };
+    let weights: Vec<f64> = moments[first..=last].iter().map(|m| m / sum).collect();
+    let centre = weights.iter().enumerate().map(|(i, w)| w * native_nm(first + i)).sum();
+    (centre, first, weights)
+}
+
 /// The weights of the mean over one bin: the exact integral of the piecewise-linear curve.
 fn mean(from_nm: f64, to_nm: f64) -> Result<(f64, usize, Vec<f64>), AirError> {
     check(from_nm)?;
@@ -199,6 +240,39 @@ mod tests {
                 assert!((value - (3.0 * nm - 7.0)).abs() < 1e-9, "{nm} nm: {value}");
             }
         }
+    }
+
+    /// Truth: the direct integral of the product with the air's own spectrum, over what it is without; a channel that reaches
+    /// beyond the tables says how far. Tolerance: rounding.
+    #[test]
+    fn weighted_means_are_the_integrals_with_the_air() {
+        use crate::air::{Air, AirOptions, Profile, Zenith};
+        use crate::spectrum::{Irradiance, Response};
+        let light = Spectrum::<Irradiance>::new(vec![250.0, 500.0, 2000.0], vec![1.0, 3.0, 0.5]);
+        let narrow = Spectrum::<Response>::new(vec![680.0, 687.0, 700.0], vec![0.0, 1.0, 0.2]);
+        let wide = Spectrum::<Response>::new(vec![280.0, 600.0, 1300.0], vec![0.5, 1.0, 0.5]);
+        let dark = Spectrum::<Response>::new(vec![400.0, 500.0], vec![0.0, 0.0]);
+        let (light, narrow, wide, dark) =
+            (light.unwrap(), narrow.unwrap(), wide.unwrap(), dark.unwrap());
+        let products = [&narrow, &wide, &dark]
+            .map(|r| Product::of(&light).times(r).times_wavelength().times_number(1e-3));
+        let (sampling, integrals) = Sampling::weighted(&products).unwrap();
+        let air = Air::new(&AirOptions::new(Profile::named("us_standard").unwrap())).unwrap();
+        for z in [0.0, 70.0, 89.0] {
+            let t = air.transmission(Zenith::Apparent(z), &sampling).unwrap();
+            let curve = air.spectrum(Zenith::Apparent(z), (200.0, 2000.0)).unwrap();
+            for (j, product) in products.iter().enumerate() {
+                let truth = product.clone().times(&curve).integral();
+                let found = t[j] * integrals[j].value;
+                assert!(
+                    (found - truth.value).abs() <= 1e-12 * truth.value,
+                    "{z}: {found} {truth:?}"
+                );
+                assert!((integrals[j].uncovered_nm - truth.uncovered_nm).abs() < 1e-9);
+            }
+        }
+        assert_eq!((integrals[0].uncovered_nm, integrals[2].value), (0.0, 0.0));
+        assert!((integrals[1].uncovered_nm - (14.117_647 + 50.0)).abs() < 1e-4);
     }
 
     #[test]

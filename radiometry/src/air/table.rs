@@ -166,7 +166,16 @@ impl AirTable {
 
     /// The table's variable for a zenith angle.
     fn t(&self, zenith: Zenith) -> Result<f64, AirError> {
-        let apparent_deg = match zenith {
+        self.apparent_deg(zenith).map(t_of)
+    }
+
+    /// The apparent zenith angle \[deg\] of a zenith angle, by the refraction that is tabulated with the depths: much faster
+    /// than [`Air::path`], and as near to it as the transmissions' error asks for.
+    ///
+    /// # Errors
+    /// As [`Air::path`].
+    pub fn apparent_deg(&self, zenith: Zenith) -> Result<f64, AirError> {
+        Ok(match zenith {
             Zenith::Apparent(z) => checked(z, "apparent", 90.0)?,
             Zenith::True(z) => {
                 let horizon_deg = 90.0 + self.bending_deg[self.intervals];
@@ -181,8 +190,7 @@ impl AirTable {
                 }
                 invert(true_deg, true_deg.min(90.0), near_of)
             }
-        };
-        Ok(t_of(apparent_deg))
+        })
     }
 
     /// True zenith angle \[deg\] of a target at infinity, by the tabulated bending.

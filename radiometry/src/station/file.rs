@@ -1,11 +1,12 @@
 //! What stands in a `station.toml`, and how it becomes a [`Station`].
 
+use super::air_file::{AirFile, air_error};
 use super::curves::{Elevation, Loader, curves_that_end_high, fractions, horizon, linearity, load};
 use super::{
     AirDefaults, Camera, Channel, Counter, CounterQuantity, DeadTime, Detector, Fibre, Laser,
     Mount, Plane, Station, Telescope,
 };
-use crate::air::{Aerosol, AerosolModel, Air, AirError};
+use crate::air::Air;
 use crate::sky::{Geodetic, Site};
 use serde::Deserialize;
 use sunglint_formats::frame::Bayer;
@@ -49,20 +50,6 @@ struct TelescopeFile {
     focal_length_m: Positive,
     #[serde(default)]
     mount: Mount,
-    note: Option<String>,
-}
-
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields)]
-struct AirFile {
-    profile: Option<String>,
-    pressure_hpa: Option<Positive>,
-    ozone_du: Option<NonNegative>,
-    water_mm: Option<NonNegative>,
-    co2_ppm: Option<NonNegative>,
-    aerosol: Option<String>,
-    aerosol_optical_depth_550: Option<NonNegative>,
-    aerosol_exponent: Option<Finite>,
     note: Option<String>,
 }
 
@@ -177,14 +164,8 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
         note(format!("laser {}", laser_file.name), laser_file.note.clone());
         lasers.push(laser(laser_file));
     }
-    let air = AirDefaults {
-        profile: file.air.profile.clone().unwrap_or_else(|| "midlatitude_winter".into()),
-        pressure_hpa: file.air.pressure_hpa.map(Positive::get),
-        ozone_du: file.air.ozone_du.map(NonNegative::get),
-        water_mm: file.air.water_mm.map(NonNegative::get),
-        co2_ppm: file.air.co2_ppm.map(NonNegative::get),
-        aerosol: aerosol(document, &file.air)?,
-    };
+    let profile = AirDefaults { profile: "midlatitude_winter".into(), ..AirDefaults::default() };
+    let air = file.air.over(document, "air", &profile)?;
     let (name, description) = (file.name, file.description);
     let warnings = channels.iter().flat_map(curves_that_end_high).collect();
     let station = Station {
@@ -201,45 +182,9 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
         warnings,
         sources: Vec::new(),
     };
-    check_air(document, &station)?;
+    let made = station.air.options(station.site.geodetic().height_m).and_then(|o| Air::new(&o));
+    made.map_err(|error| air_error(document, "air", "site.height_m", &error))?;
     Ok(station)
-}
-
-fn aerosol(document: &Document, file: &AirFile) -> Result<Aerosol, ParseError> {
-    match (&file.aerosol, &file.aerosol_optical_depth_550) {
-        (Some(_), Some(_)) => Err(document
-            .error_at("air.aerosol", "either aerosol or aerosol_optical_depth_550, not both")),
-        (Some(name), None) => AerosolModel::from_name(name).map(Aerosol::Model).ok_or_else(|| {
-            let names = AerosolModel::ALL.map(AerosolModel::name).join(", ");
-            document.error_at("air.aerosol", names)
-        }),
-        (None, Some(depth)) => Ok(Aerosol::Angstrom {
-            optical_depth: depth.get(),
-            wavelength_nm: 550.0,
-            exponent: file.aerosol_exponent.as_ref().map_or(1.3, |e| e.get()),
-            scale_height_m: 1800.0,
-        }),
-        (None, None) if file.aerosol_exponent.is_some() => {
-            Err(document.error_at("air.aerosol_exponent", "also aerosol_optical_depth_550"))
-        }
-        (None, None) => Ok(Aerosol::None),
-    }
-}
-
-/// Refuses an air that could not be computed.
-fn check_air(document: &Document, station: &Station) -> Result<(), ParseError> {
-    let made = station.air_options().and_then(|options| Air::new(&options));
-    made.map(|_| ()).map_err(|error| {
-        let key = match &error {
-            AirError::UnknownProfile { .. } => "air.profile".to_owned(),
-            AirError::Option { option, .. } | AirError::EmptyColumn { option, .. } => {
-                format!("air.{option}")
-            }
-            AirError::Altitude { .. } => "site.height_m".to_owned(),
-            _ => "air".to_owned(),
-        };
-        document.error_at(&key, "an air that can be computed").with_hint(error.to_string())
-    })
 }
 
 fn check_name(document: &Document, key: &str, name: &str, extra: &str) -> Result<(), ParseError> {

@@ -1,12 +1,14 @@
 //! A station: where it stands, its telescope, its channels, its camera and its lasers, as read from a `station.toml` and the curves beside it.
 
+mod air_file;
 mod curves;
 mod file;
 mod predicted;
 
+pub use air_file::{AirFile, air_error};
 pub use predicted::Predicted;
 
-use crate::air::{Aerosol, AirError, AirOptions, Profile};
+use crate::air::{Aerosol, AirError, AirOptions};
 use crate::quadrature::{Integral, Product};
 use crate::sky::Site;
 use crate::spectrum::{Irradiance, Response, Spectrum, Transmission, lerp};
@@ -456,15 +458,7 @@ impl Station {
     /// # Errors
     /// A profile that there is not; a station's file that was read has none such.
     pub fn air_options(&self) -> Result<AirOptions, AirError> {
-        Ok(AirOptions {
-            altitude_m: self.site.geodetic().height_m,
-            pressure_hpa: self.air.pressure_hpa,
-            ozone_du: self.air.ozone_du,
-            water_mm: self.air.water_mm,
-            co2_ppm: self.air.co2_ppm,
-            aerosol: self.air.aerosol,
-            ..AirOptions::new(Profile::named(&self.air.profile)?)
-        })
+        self.air.options(self.site.geodetic().height_m)
     }
 
     /// Whether the station's horizon leaves the direction free: altitude as it is seen (refracted) and azimuth, degrees.

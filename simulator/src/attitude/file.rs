@@ -47,13 +47,19 @@ use super::{
 use glam::{DMat3, DQuat, DVec3};
 use hifitime::Epoch;
 use serde::Deserialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use sunglint_formats::time::{Utc, parse_utc};
 use sunglint_formats::toml::{Document, Finite, Positive, Within};
 use sunglint_formats::{FileError, ParseError, Table};
 
 /// Reads a table that the file names, and says under which path it was found.
 pub type Loader<'a> = &'a mut dyn FnMut(&str) -> Result<(Table, PathBuf), FileError>;
+
+/// The `[attitude]` of a file in which other tables may stand too, a `PASS.toml` for one.
+#[derive(Deserialize)]
+struct AnyFile {
+    attitude: AttitudeFile,
+}
 
 /// What stands in a file; see the module.
 #[derive(Debug, Clone, Deserialize)]
@@ -95,6 +101,34 @@ enum Law {
     Sun,
     YawSteering,
     Table,
+}
+
+impl Attitude {
+    /// The attitude in the `[attitude]` of a file; its other tables are not looked at.
+    ///
+    /// # Errors
+    /// A file that cannot be read, one without `[attitude]`, and what that has wrong, with line and key.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        let document = Document::read(path)?;
+        let file: AnyFile = document.parse()?;
+        attitude(&document, "attitude", &file.attitude, &mut |name| {
+            let path = document.resolve(name);
+            Ok((sunglint_formats::ecsv::read(&path)?, path))
+        })
+    }
+
+    /// The attitude of a law that needs nothing but its name.
+    ///
+    /// # Errors
+    /// An unknown name; a law that needs more keys, with the first of them.
+    pub fn named(law: &str) -> Result<Self, FileError> {
+        let text = format!("[attitude]\nlaw = {:?}\n", law);
+        let document = Document::new("(law)", text)?;
+        let file: AnyFile = document.parse()?;
+        attitude(&document, "attitude", &file.attitude, &mut |name| {
+            Err(document.error_at("attitude.file", format!("no file {name}")).into())
+        })
+    }
 }
 
 impl Law {

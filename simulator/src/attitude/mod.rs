@@ -53,6 +53,9 @@ pub enum Attitude {
     Table(AttitudeTable),
 }
 
+/// The fastest spin, 1/s: a day later its phase still has four digits, and nothing larger than dust turns faster.
+const MOST_TURNS_PER_S: f64 = 1e6;
+
 /// What is wrong with an attitude.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -86,6 +89,16 @@ pub enum AttitudeError {
     NotFinite {
         /// What.
         what: &'static str,
+    },
+    /// A spin that no body survives, and of which no phase would be left.
+    #[error(
+        "{what} is {turns_per_s:e} turns a second; at most {MOST_TURNS_PER_S:e} have a phase that means something"
+    )]
+    TooFast {
+        /// What.
+        what: &'static str,
+        /// The rate, 1/s.
+        turns_per_s: f64,
     },
     /// A tensor that no body has.
     #[error("no body has this inertia: {why}")]

@@ -1,6 +1,6 @@
 //! A steady spin about an axis that is fixed among the stars.
 
-use super::{AttitudeError, seconds_between};
+use super::{AttitudeError, MOST_TURNS_PER_S, seconds_between};
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
 use std::f64::consts::TAU;
@@ -31,6 +31,9 @@ impl Spin {
             axis_gcrs.try_normalize().ok_or(AttitudeError::NotFinite { what: "the spin axis" })?;
         if !turns_per_s.is_finite() {
             return Err(AttitudeError::NotFinite { what: "the rate of the spin" });
+        }
+        if turns_per_s.abs() > MOST_TURNS_PER_S {
+            return Err(AttitudeError::TooFast { what: "the spin", turns_per_s });
         }
         Ok(Self { axis_gcrs, turns_per_s, epoch, at_epoch: body_to_gcrs })
     }

@@ -7,7 +7,7 @@
 //! geometrically are found once, so that any moment costs the same and nothing drifts.
 
 use super::elliptic::Modulus;
-use super::{AttitudeError, seconds_between};
+use super::{AttitudeError, MOST_TURNS_PER_S, seconds_between};
 use glam::{DMat3, DQuat, DVec3};
 use hifitime::Epoch;
 use std::f64::consts::{PI, TAU};
@@ -154,8 +154,14 @@ impl Tumble {
         if !omega_body_rad_s.is_finite() {
             return Err(AttitudeError::NotFinite { what: "the angular velocity" });
         }
+        let turns_per_s = omega_body_rad_s.length() / TAU;
+        // Written so that a length that overflows is refused too.
+        if turns_per_s > MOST_TURNS_PER_S {
+            return Err(AttitudeError::TooFast { what: "the angular velocity", turns_per_s });
+        }
         let omega = inertia.axes.transpose() * omega_body_rad_s;
-        let moments = inertia.moments;
+        // Only their ratios matter; so no product of three overflows.
+        let moments = inertia.moments / inertia.moments.z;
         let [x, y, z] = moments.to_array();
         let momentum = (moments * omega).length();
         let same = |p: f64, q: f64| (p - q).abs() <= SAME_MOMENT * z;

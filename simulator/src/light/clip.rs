@@ -189,6 +189,10 @@ pub fn cut(polygon: &[P2], axis: usize, at: f64, above: bool, out: &mut Polygons
 
 /// The convex hull, counter-clockwise, in place (Andrew 1979).
 pub fn hull(points: &mut [P2], out: &mut Vec<P2>) {
+    // Without this the chains would take back points of what stands in `out` before them.
+    if points.len() < 3 {
+        return;
+    }
     points.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     let start = out.len();
     let left =

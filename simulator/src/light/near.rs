@@ -6,6 +6,8 @@ use glam::DVec3;
 
 /// Relative error of a piece's integral at which halving stops.
 const TOLERANCE: f64 = 1e-10;
+/// Areas of pieces are differences of the facet's coordinates: rounding in units of the facet's area. Slivers would be halved in vain.
+const ROUNDING: f64 = 4e-15;
 /// Halvings at most.
 const DEPTH: u32 = 10;
 
@@ -19,6 +21,8 @@ pub struct Task<'a> {
     pub at: DVec3,
     /// The square of the observer's distance from the body's origin, m².
     pub range_squared: f64,
+    /// The area of the whole facet, m².
+    pub facet_area: f64,
 }
 
 /// Room for sums.
@@ -89,7 +93,9 @@ fn refine(
     }
     let error: f64 = total.iter().zip(coarse).map(|(f, c)| (f - c).abs()).sum();
     let size: f64 = total.iter().map(|f| f.abs()).sum();
-    if error <= TOLERANCE * size || depth == DEPTH {
+    let area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])).abs();
+    let limit = (TOLERANCE * area + ROUNDING * task.facet_area) * size;
+    if error * area <= limit || depth == DEPTH {
         out.iter_mut().zip(total).for_each(|(o, t)| *o += *t);
         return error;
     }

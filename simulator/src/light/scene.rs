@@ -26,6 +26,8 @@ pub struct Scene {
     /// For each facet a range of `candidates`; `None` where an index is made for each direction instead.
     pub(super) pairs: Option<(Vec<Range<usize>>, Vec<u32>)>,
     pub(super) touching_m: f64,
+    /// Whether faces cover others in their plane.
+    pub(super) covers: bool,
     report: SceneReport,
 }
 
@@ -38,7 +40,7 @@ pub(super) struct Facet {
     pub part: u32,
     pub component: u32,
     pub group: u32,
-    /// The sphere that it stands for, if any: then only what is lost of it counts.
+    /// The sphere that it stands for, if any: then it says only what share of the sphere is left.
     pub sphere: Option<u32>,
     /// Whether its component is convex, and hides nothing of itself.
     pub convex: bool,
@@ -139,7 +141,8 @@ pub struct SceneReport {
     pub occluder_pairs: Option<usize>,
     /// Corners nearer to a plane than this lie in it, m.
     pub touching_m: f64,
-    /// Relative error of what is lost of a sphere where something shades or hides it; 0 without spheres.
+    /// Error of a sphere that something shades or hides, of the geometric mean of the whole and the smaller of its hidden and remaining
+    /// parts; 0 without spheres.
     pub sphere_faceting: f64,
     /// What a person should hear of.
     pub warnings: Vec<String>,
@@ -151,17 +154,26 @@ impl Scene {
     /// Triangles merge where their corners lie in one plane within this times the scene's size.
     pub const FLAT: f64 = 1e-13;
     /// Facets times occluders up to which every pair is looked at once and for all.
-    const MOST_PAIRS: usize = 4_000_000;
+    pub const MOST_PAIRS: usize = 4_000_000;
 
     /// Prepares a target.
     ///
     /// # Errors
     /// A flat perfect mirror, indices without their thing, corners that are no numbers.
     pub fn new(target: &Target) -> Result<Self, SceneError> {
+        Self::with_most_pairs(target, Self::MOST_PAIRS)
+    }
+
+    /// Prepares a target with another limit than [`Scene::MOST_PAIRS`]: with fewer the scene takes less memory and looks for what hides
+    /// what anew in each direction. The weights are the same but for the rounding of sums in another order.
+    ///
+    /// # Errors
+    /// As [`Scene::new`].
+    pub fn with_most_pairs(target: &Target, most_pairs: usize) -> Result<Self, SceneError> {
         for part in &target.parts {
             check(target, part)?;
         }
-        Ok(Builder::new(target).finish())
+        Ok(Builder::new(target).finish(most_pairs))
     }
 
     /// Room to evaluate in: one for each thread.
@@ -279,12 +291,13 @@ impl<'a> Builder<'a> {
             geometry: Geometry::default(),
             pairs: None,
             touching_m: size * Scene::TOUCHING,
+            covers: false,
             report,
         };
         Self { target, size, components: 0, scene }
     }
 
-    fn finish(mut self) -> Scene {
+    fn finish(mut self, most_pairs: usize) -> Scene {
         for group in 0..=self.target.hinges.len() {
             self.group(group);
         }
@@ -295,7 +308,7 @@ impl<'a> Builder<'a> {
         if scene.spheres.len() + scene.report.facets > 1 && !scene.spheres.is_empty() {
             scene.report.sphere_faceting = sphere::FACETING;
         }
-        self.pair();
+        self.pair(most_pairs);
         let alone = self.components <= 1 && self.scene.facets.iter().all(|f| f.convex);
         let report = &mut self.scene.report;
         report.convex = alone && self.components == 1;
@@ -364,6 +377,7 @@ impl<'a> Builder<'a> {
         }
         let covered = super::coincident::resolve(&mut polygons, touching);
         if let Some((part, other, area)) = covered {
+            self.scene.covers = true;
             let (part, other) = (&target.parts[part].name, &target.parts[other].name);
             self.scene.report.warnings.push(format!(
                 "coincident faces that look the same way, {area:.3e} m² in all (`{other}` on `{part}` and perhaps more): the later covers the earlier"
@@ -458,7 +472,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Looks at every pair of a facet and an occluder once, if they are not too many.
-    fn pair(&mut self) {
+    fn pair(&mut self, most_pairs: usize) {
         let scene = &mut self.scene;
         scene.report.solids =
             scene.occluders.iter().filter(|o| matches!(o.kind, Kind::Solid(_))).count();
@@ -469,7 +483,7 @@ impl<'a> Builder<'a> {
             scene.pairs = Some((vec![0..0; scene.facets.len()], Vec::new()));
             return;
         }
-        if scene.facets.len() * scene.occluders.len() > Scene::MOST_PAIRS && usual > 0 {
+        if scene.facets.len() * scene.occluders.len() > most_pairs && usual > 0 {
             return;
         }
         let (mut ranges, mut pairs) = (Vec::with_capacity(scene.facets.len()), Vec::new());

@@ -267,13 +267,11 @@ impl Report {
         if let (Some(found), Some((_, earlier))) = (found(&twice), topology.duplicates.first()) {
             self.faults.push(Fault::Duplicate { found, earlier: *earlier as usize });
         }
-        let covered: Vec<(usize, DVec3, usize)> = overlaps(mesh, self.tolerance_m)
-            .into_iter()
-            .filter(|(t, _)| !twice.iter().any(|known| known.0 == *t))
-            .map(|(t, other)| (t, middle(mesh.corners(t)), other))
-            .collect();
-        if let Some(&(triangle, place_m, other)) = covered.first() {
-            let found = Found { count: covered.len(), triangle, place_m };
+        let known: Vec<usize> = twice.iter().map(|known| known.0).collect();
+        let (count, first) = overlaps(mesh, self.tolerance_m, &known);
+        if let Some((triangle, other)) = first {
+            let place_m = middle(mesh.corners(triangle));
+            let found = Found { count, triangle, place_m };
             self.faults.push(Fault::Overlap { found, other });
         }
         if topology.near > 0 {
@@ -298,20 +296,23 @@ impl Report {
     }
 
     fn check_sides(&mut self, mesh: &Mesh) {
-        let inward = |(index, piece): (usize, &Component)| {
-            let surrounded = self.components.iter().enumerate().any(|(other, around)| {
-                other != index
-                    && around.closed
-                    && around.signed_volume_m3 > -piece.signed_volume_m3
+        // Only what is closed and faces outwards can surround; a soup has as many pieces as triangles, and none of those.
+        let outward: Vec<&Component> =
+            self.components.iter().filter(|c| c.closed && c.signed_volume_m3 > 0.0).collect();
+        let surrounded = |piece: &Component| {
+            outward.iter().any(|around| {
+                around.signed_volume_m3 > -piece.signed_volume_m3
                     && around.bounds.holds(&piece.bounds)
-            });
+            })
+        };
+        let inward = |(_, piece): &(usize, &Component)| {
             // Sheets of no thickness have no volume, up to rounding.
             let thick = piece.signed_volume_m3
                 < -1e-12 * piece.area_m2 * piece.bounds.size_m().max_element();
-            piece.closed && thick && !surrounded
+            piece.closed && thick && !surrounded(piece)
         };
         let pieces: Vec<usize> =
-            self.components.iter().enumerate().filter(|p| inward(*p)).map(|p| p.0).collect();
+            self.components.iter().enumerate().filter(inward).map(|p| p.0).collect();
         let Some(&first) = pieces.first() else { return };
         let triangle = self.component_of.iter().position(|c| *c == Some(first as u32)).unwrap_or(0);
         let place_m = middle(mesh.corners(triangle));

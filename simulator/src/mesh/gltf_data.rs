@@ -3,7 +3,8 @@
 use super::gltf::{Root, wrong};
 use super::read::Load;
 use glam::DVec3;
-use std::path::Path;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 use sunglint_formats::{FileError, ParseError};
 
 const JSON: u32 = 0x4E4F_534A;
@@ -48,7 +49,10 @@ pub(super) fn split_glb<'b>(
 
 /// The bytes of each buffer.
 pub(super) struct Buffers {
+    /// Each file once, however many buffers name it.
     bytes: Vec<Vec<u8>>,
+    /// For each buffer, which of them.
+    of: Vec<usize>,
 }
 
 impl Buffers {
@@ -58,28 +62,53 @@ impl Buffers {
         chunk: Option<&[u8]>,
         load: Load,
     ) -> Result<Self, FileError> {
-        let mut all = Vec::new();
+        let mut all = Self { bytes: Vec::new(), of: Vec::new() };
+        let mut files: HashMap<PathBuf, usize> = HashMap::new();
         for (i, buffer) in root.buffers.iter().enumerate() {
             let at = format!("buffers[{i}]");
-            let bytes = match (&buffer.uri, chunk) {
-                (None, Some(chunk)) if i == 0 => chunk.to_vec(),
+            let new = all.bytes.len();
+            let index = match (&buffer.uri, chunk) {
+                (None, Some(chunk)) if i == 0 => {
+                    all.bytes.push(chunk.to_vec());
+                    new
+                }
                 (None, _) => return Err(wrong(path, at, "no uri", "a uri, or a GLB").into()),
                 (Some(uri), _) => match uri.strip_prefix("data:") {
-                    Some(data) => base64(data).ok_or_else(|| {
-                        wrong(path, format!("{at}.uri"), "data that is no base64", "base64")
-                    })?,
-                    None => load(&path.with_file_name(beside(path, &at, uri)?))?,
+                    Some(data) => {
+                        all.bytes.push(base64(data).ok_or_else(|| {
+                            wrong(path, format!("{at}.uri"), "data that is no base64", "base64")
+                        })?);
+                        new
+                    }
+                    None => {
+                        // Without the `.` that would make other names of the same file.
+                        let name = path.with_file_name(beside(path, &at, uri)?);
+                        let name: PathBuf = name.components().collect();
+                        match files.get(&name) {
+                            Some(&known) => known,
+                            None => {
+                                all.bytes.push(load(&name)?);
+                                files.insert(name, new);
+                                new
+                            }
+                        }
+                    }
                 },
             };
+            let bytes = &all.bytes[index];
             // A chunk may be padded to four bytes; nothing may be missing.
             if bytes.len() < buffer.byte_length {
                 let found = format!("{} bytes", bytes.len());
                 let expected = format!("byteLength = {}", buffer.byte_length);
                 return Err(wrong(path, at, found, expected).into());
             }
-            all.push(bytes);
+            all.of.push(index);
         }
-        Ok(Self { bytes: all })
+        Ok(all)
+    }
+
+    fn get(&self, buffer: usize) -> Option<&Vec<u8>> {
+        self.of.get(buffer).and_then(|&index| self.bytes.get(index))
     }
 }
 
@@ -164,8 +193,8 @@ fn elements<'b>(
     let Some(view) = about.buffer_view.and_then(|view| root.buffer_views.get(view)) else {
         return error("no such bufferView", &format!("one of {}", root.buffer_views.len()));
     };
-    let Some(buffer) = buffers.bytes.get(view.buffer) else {
-        return error("no such buffer", &format!("one of {}", buffers.bytes.len()));
+    let Some(buffer) = buffers.get(view.buffer) else {
+        return error("no such buffer", &format!("one of {}", buffers.of.len()));
     };
     let stride = view.byte_stride.unwrap_or(size);
     let reach = about.count.checked_sub(1).and_then(|last| {
@@ -223,4 +252,36 @@ pub(super) fn indices(
     let (_, items) = elements(path, root, buffers, accessor, "SCALAR", &kinds)?;
     let number = |b: &[u8]| b.iter().rev().fold(0_u32, |n, &byte| (n << 8) | u32::from(byte));
     Ok(items.map(number).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::read::read_with;
+    use super::*;
+
+    /// Two buffers of one file, one of them by another name, are the same bytes, read once: a triangle of corners from one, indices from
+    /// the other. A short document could otherwise ask for the same file ten thousand times.
+    #[test]
+    fn a_file_of_two_buffers_is_read_once() {
+        let text = r#"{"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+            "buffers": [{"uri": "b.bin", "byteLength": 39}, {"uri": "./b.bin", "byteLength": 39}],
+            "bufferViews": [{"buffer": 0, "byteLength": 36},
+                {"buffer": 1, "byteOffset": 36, "byteLength": 3}],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+                {"bufferView": 1, "componentType": 5121, "count": 3, "type": "SCALAR"}]}"#;
+        let corners = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let bytes: Vec<u8> =
+            corners.iter().flat_map(|x| x.to_le_bytes()).chain([0, 1, 2]).collect();
+        let mut asked = 0;
+        let pieces = read_with(Path::new("models/a.gltf"), &mut |path| {
+            if path.ends_with("models/a.gltf") {
+                return Ok(text.into());
+            }
+            asked += 1;
+            assert_eq!(path, Path::new("models/b.bin"));
+            Ok(bytes.clone())
+        });
+        assert_eq!((pieces.unwrap()[0].mesh.area_m2(), asked), (0.5, 1));
+    }
 }

@@ -30,9 +30,12 @@ const PASSED_OVER: &[&str] = &[
     "trace_obj",
 ];
 
+/// Names of pieces may take this many times the file's size: each piece has all the names in force when it began.
+const NAMES_PER_BYTE: usize = 64;
+
 pub(super) fn parse(path: &Path, bytes: Vec<u8>) -> Result<Vec<NamedMesh>, ParseError> {
     let text = sunglint_formats::read::decode(path, bytes)?;
-    let mut reader = Reader::new(path);
+    let mut reader = Reader::new(path, text.len());
     let mut lines = (1_u64..).zip(text.lines());
     while let Some((number, line)) = lines.next() {
         reader.line = number;
@@ -67,10 +70,12 @@ struct Reader<'p> {
     current: Option<usize>,
     /// For every piece, its own number of a vertex of the file.
     own: Vec<HashMap<u32, u32>>,
+    /// Bytes that names may still take, repeated for every piece.
+    names_left: usize,
 }
 
 impl<'p> Reader<'p> {
-    fn new(path: &'p Path) -> Self {
+    fn new(path: &'p Path, length: usize) -> Self {
         Self {
             path,
             line: 0,
@@ -82,6 +87,7 @@ impl<'p> Reader<'p> {
             known: HashMap::new(),
             current: None,
             own: Vec::new(),
+            names_left: NAMES_PER_BYTE * length + (1 << 20),
         }
     }
 
@@ -98,15 +104,15 @@ impl<'p> Reader<'p> {
             "f" | "fo" => self.face(rest)?,
             "g" => {
                 self.groups = rest.split_whitespace().map(str::to_owned).collect();
-                self.choose(true);
+                self.choose(true)?;
             }
             "o" => {
                 self.object = if rest.is_empty() { vec![] } else { vec![rest.to_owned()] };
-                self.choose(true);
+                self.choose(true)?;
             }
             "usemtl" => {
                 self.material = if rest.is_empty() { vec![] } else { vec![rest.to_owned()] };
-                self.choose(false);
+                self.choose(false)?;
             }
             known if PASSED_OVER.contains(&known) => {}
             other => {
@@ -119,19 +125,25 @@ impl<'p> Reader<'p> {
     }
 
     /// The piece of the names that are in force; `open` makes one at once, so that a group without faces is known too.
-    fn choose(&mut self, open: bool) {
+    fn choose(&mut self, open: bool) -> Result<(), ParseError> {
         self.current = None;
         if open && !(self.groups.is_empty() && self.object.is_empty()) {
-            self.piece();
+            self.piece()?;
         }
+        Ok(())
     }
 
-    fn piece(&mut self) -> usize {
+    fn piece(&mut self) -> Result<usize, ParseError> {
         if let Some(current) = self.current {
-            return current;
+            return Ok(current);
         }
-        let names: Vec<String> =
-            self.groups.iter().chain(&self.object).chain(&self.material).cloned().collect();
+        let names = || self.groups.iter().chain(&self.object).chain(&self.material);
+        let bytes: usize = names().map(|name| name.len() + size_of::<String>()).sum();
+        self.names_left = self.names_left.checked_sub(bytes).ok_or_else(|| {
+            let found = format!("{} names for one piece of many", names().count());
+            self.wrong("g", found, "a few groups, objects and materials for each face")
+        })?;
+        let names: Vec<String> = names().cloned().collect();
         let next = self.pieces.len();
         let index = *self.known.entry(names).or_insert_with_key(|names| {
             self.pieces.push(NamedMesh { names: names.clone(), ..NamedMesh::default() });
@@ -139,7 +151,7 @@ impl<'p> Reader<'p> {
             next
         });
         self.current = Some(index);
-        index
+        Ok(index)
     }
 
     fn vertex(&mut self, rest: &str) -> Result<(), ParseError> {
@@ -175,7 +187,7 @@ impl<'p> Reader<'p> {
         let points: Vec<DVec3> = corners.iter().map(|&i| self.vertices[i as usize]).collect();
         let triangles =
             triangulate(&points).map_err(|odd| polygon_error(self.path, odd).at_line(self.line))?;
-        let piece = self.piece();
+        let piece = self.piece()?;
         let (own, mesh) = (&mut self.own[piece], &mut self.pieces[piece].mesh);
         let numbers: Vec<u32> = corners
             .iter()

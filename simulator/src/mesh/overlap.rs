@@ -15,14 +15,20 @@ struct Face {
 }
 
 /// Pairs of triangles that face the same way within `tolerance` of one plane and share more than a millionth of the smaller one's area:
-/// the later triangle, and the earlier. Nothing for a mesh of more than [`MOST_TRIANGLES`].
-pub(super) fn overlaps(mesh: &Mesh, tolerance: f64) -> Vec<(usize, usize)> {
+/// how many, and of the first of them the later triangle and the earlier. The triangles of `known` (in order), which are there twice, are
+/// left out. Nothing for a mesh of more than [`MOST_TRIANGLES`].
+pub(super) fn overlaps(
+    mesh: &Mesh,
+    tolerance: f64,
+    known: &[usize],
+) -> (usize, Option<(usize, usize)>) {
     if mesh.triangles.len() > MOST_TRIANGLES {
-        return Vec::new();
+        return (0, None);
     }
     let mut faces: Vec<Face> = mesh
         .faces()
         .enumerate()
+        .filter(|(triangle, _)| known.binary_search(triangle).is_err())
         .filter_map(|(triangle, corners)| {
             let vector = area_vector(corners);
             let (area, bounds) = (vector.length(), Bounds::of(corners)?);
@@ -35,19 +41,21 @@ pub(super) fn overlaps(mesh: &Mesh, tolerance: f64) -> Vec<(usize, usize)> {
         let order = a.bounds.least[axis].total_cmp(&b.bounds.least[axis]);
         order.then(a.triangle.cmp(&b.triangle))
     });
-    let mut pairs = Vec::new();
+    // Counted, not kept: of triangles in one place there are half their number's square.
+    let (mut count, mut first) = (0, None::<(usize, usize)>);
     for (k, face) in faces.iter().enumerate() {
         let near = faces[k + 1..]
             .iter()
             .take_while(|other| other.bounds.least[axis] < face.bounds.most[axis])
             .filter(|other| overlap(face, other, tolerance));
-        pairs.extend(near.map(|other| {
+        for other in near {
             let (a, b) = (face.triangle, other.triangle);
-            (a.max(b), a.min(b))
-        }));
+            let pair = (a.max(b), a.min(b));
+            count += 1;
+            first = Some(first.map_or(pair, |first| first.min(pair)));
+        }
     }
-    pairs.sort_unstable();
-    pairs
+    (count, first)
 }
 
 fn overlap(a: &Face, b: &Face, tolerance: f64) -> bool {

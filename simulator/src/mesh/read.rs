@@ -37,7 +37,12 @@ pub fn read(path: impl AsRef<Path>) -> Result<Vec<NamedMesh>, FileError> {
 
 /// The bytes of a file of a size that makes sense.
 pub(crate) fn bytes(path: &Path) -> Result<Vec<u8>, FileError> {
-    if let Ok(about) = std::fs::metadata(path)
+    let about = std::fs::metadata(path);
+    // A device such as /dev/zero has no length, and no end.
+    if about.as_ref().is_ok_and(|about| !about.is_file() && !about.is_dir()) {
+        return Err(ParseError::new(path, "a device or a pipe", "an ordinary file").into());
+    }
+    if let Ok(about) = about
         && about.len() > LARGEST_FILE
     {
         let found = format!("{} bytes", about.len());

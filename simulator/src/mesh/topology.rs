@@ -7,6 +7,8 @@ use std::collections::{BTreeMap, HashMap};
 
 /// With more open edges than this, edges that end within another's length are not looked for: it is a soup, not a joint.
 const MOST_JOINTS: usize = 50_000;
+/// Nor where they cut each other into more pieces than this: edges that lie along one line cut each other into their number's square.
+const MOST_PIECES: usize = 2_000_000;
 
 /// An edge between welded corners `low` < `high`, as one triangle has it.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -153,19 +155,27 @@ fn close_joints(
     tolerance: f64,
 ) -> (Vec<u32>, Vec<bool>) {
     let on = Corners::of(vertices, rests);
-    let mut pieces: Vec<(u32, u32, i32, usize)> = Vec::with_capacity(rests.len());
-    for (index, rest) in rests.iter().enumerate() {
-        let mut chain = vec![rest.low];
-        if rests.len() <= MOST_JOINTS {
-            chain.extend(on.within(vertices, rest, tolerance));
+    let cut = |joints: bool| {
+        let mut pieces: Vec<(u32, u32, i32, usize)> = Vec::with_capacity(rests.len());
+        for (index, rest) in rests.iter().enumerate() {
+            let mut chain = vec![rest.low];
+            if joints {
+                chain.extend(on.within(vertices, rest, tolerance));
+            }
+            chain.push(rest.high);
+            if joints && pieces.len() + chain.len() > MOST_PIECES {
+                return None;
+            }
+            for pair in chain.windows(2) {
+                let (low, high) = (pair[0].min(pair[1]), pair[0].max(pair[1]));
+                let net = if pair[0] < pair[1] { rest.net } else { -rest.net };
+                pieces.push((low, high, net, index));
+            }
         }
-        chain.push(rest.high);
-        for pair in chain.windows(2) {
-            let (low, high) = (pair[0].min(pair[1]), pair[0].max(pair[1]));
-            let net = if pair[0] < pair[1] { rest.net } else { -rest.net };
-            pieces.push((low, high, net, index));
-        }
-    }
+        Some(pieces)
+    };
+    let joints = rests.len() <= MOST_JOINTS;
+    let mut pieces = cut(joints).or_else(|| cut(false)).unwrap_or_default();
     pieces.sort_unstable();
     let runs = || pieces.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1));
     for run in runs() {

@@ -1,16 +1,18 @@
 //! A table of positions in place of elements.
 
+use super::eclipse::EARTH_EQUATORIAL_RADIUS_M;
 use super::interpolation::Series;
 use super::{OrbitError, State, seconds_between};
 use glam::DVec3;
 use hifitime::{Duration, Epoch};
 use sunglint_formats::time::{format_utc, format_utc_shortest};
 
-/// WGS 84, m.
-const EQUATORIAL_RADIUS_M: f64 = 6_378_137.0;
+/// The polar radius of WGS 84, m.
 const POLAR_RADIUS_M: f64 = 6_356_752.3;
 /// Nothing that is seen by reflected sunlight from the ground as a satellite is further: three times the distance of L2.
 const FURTHEST_M: f64 = 5e9;
+/// Rows nearer than this are one row twice: divided differences between them would be those of rounding, or 0/0, s.
+const LEAST_STEP_S: f64 = 1e-3;
 /// An interpolation error from which on a person is warned, m: 2″ at 1000 km.
 const COARSE_M: f64 = 10.0;
 
@@ -55,9 +57,14 @@ pub(super) struct Fault {
 pub(super) fn fault(before: Option<&EphemerisRow>, row: &EphemerisRow) -> Option<Fault> {
     let fault = |field, value, expected| Some(Fault { field, value, expected });
     if let Some(before) = before {
-        if seconds_between(before.epoch, row.epoch) <= 0.0 {
+        let step_s = seconds_between(before.epoch, row.epoch);
+        if step_s <= 0.0 {
             let value = format_utc_shortest(row.epoch);
             return fault("time_utc", value, "a time after that of the row before");
+        }
+        if step_s < LEAST_STEP_S {
+            let value = format_utc_shortest(row.epoch);
+            return fault("time_utc", value, "a time 1 ms or more after that of the row before");
         }
         if before.velocity_m_s.is_some() != row.velocity_m_s.is_some() {
             return fault("vx_km_s", "nothing".to_owned(), "velocities in all rows, or in none");
@@ -79,8 +86,8 @@ pub(super) fn fault(before: Option<&EphemerisRow>, row: &EphemerisRow) -> Option
         }
     }
     let km = format!("a place {:.3} km from the Earth's centre", p.length() / 1e3);
-    let level =
-        (p.x * p.x + p.y * p.y) / EQUATORIAL_RADIUS_M.powi(2) + (p.z / POLAR_RADIUS_M).powi(2);
+    let level = (p.x * p.x + p.y * p.y) / EARTH_EQUATORIAL_RADIUS_M.powi(2)
+        + (p.z / POLAR_RADIUS_M).powi(2);
     if level < 1.0 {
         return fault("x_km", km, "a place above the Earth's surface, GCRS kilometres");
     }

@@ -61,6 +61,15 @@ impl Orbit {
         }
     }
 
+    /// The same orbit, faster where many states between two epochs are wanted: [`TleOrbit::near`].
+    #[must_use]
+    pub fn near(&self, from: Epoch, to: Epoch) -> Self {
+        match self {
+            Self::Tle(orbit) => Self::Tle(orbit.near(from, to)),
+            Self::Ephemeris(_) => self.clone(),
+        }
+    }
+
     /// What a person calls the target.
     pub fn name(&self) -> String {
         match self {

@@ -205,9 +205,16 @@ fn list(tles: &[&Tle]) -> String {
 fn unknown(tles: &[Tle], wanted: &str) -> ChoiceError {
     let names = tles.iter().filter_map(|t| t.name.as_deref());
     let nearest = nearest_names(wanted, names, 1);
-    let hint = match nearest.first() {
-        Some(nearest) => format!("did you mean `{nearest}`?"),
-        None => format!("they are {}", list(&tles.iter().collect::<Vec<_>>())),
+    let hint = match (nearest.first(), wanted.parse::<u32>()) {
+        (Some(nearest), _) => format!("did you mean `{nearest}`?"),
+        (None, Ok(number)) if tles.len() > LISTED => {
+            let mut near: Vec<&Tle> = tles.iter().collect();
+            near.sort_by_key(|t| (t.norad_id.abs_diff(number), t.norad_id));
+            near.dedup_by_key(|t| t.norad_id);
+            let labels: Vec<String> = near.iter().take(3).map(|t| t.label()).collect();
+            format!("the nearest numbers are those of {}", labels.join(", "))
+        }
+        _ => format!("they are {}", list(&tles.iter().collect::<Vec<_>>())),
     };
     ChoiceError::Unknown { wanted: wanted.to_owned(), count: tles.len(), hint }
 }

@@ -1,1 +1,120 @@
 //! A pass: from orbit, attitude and target to spectra, magnitudes and count rates.
+//!
+//! In the order in which data flows through it:
+//!
+//! - [`mod@file`]: a `PASS.toml` and the files that it names → [`Pass`];
+//! - [`Pass::simulate`]: for every epoch where Sun, target and station stand, and how the body is turned ([`Place`]); the weights W_k of the
+//!   material spectra ([`crate::light`]); and from these, by sums alone, spectra, rates and magnitudes;
+//! - [`Simulation`]: the curves and tables of the result;
+//! - [`Pass::ready`]: the same for single moments, of any orbit.
+//!
+//! # What is summed
+//! With the Sun's irradiance E(λ) at 1 au, its distance d in au, the visible part s of its disc, the range r, the transmission T(λ; z) of
+//! the air and the effective sensitivity P_c(λ) of a channel behind an area A,
+//!
+//! ```text
+//! I(λ)  = s/d² E(λ) Σ_k ρ_k(λ) W_k                            W sr⁻¹ nm⁻¹, means over bins
+//! ν_c   = s/(d² r²) Σ_k W_k K_ck(z),  K_ck = (A/hc) ∫ E ρ_k T P_c λ dλ     Hz
+//! m_b   = −2.5 lg( s/(d² r²) Σ_k W_k F_bk ),  F_bk = ∫ E ρ_k S_b dλ / (∫ S_b dλ · E_0)
+//! ```
+//!
+//! The integrals are taken on the union of all tables, once, exactly for piecewise-linear tables; over the zenith angle K_ck/K_ck(no
+//! air) is a mean transmission, tabulated with a measured error ([`sunglint_radiometry::air::AirTable`]).
+
+mod error;
+pub mod file;
+mod functionals;
+mod keys;
+mod ready;
+mod result;
+mod simulate;
+pub mod table;
+
+pub use error::PassError;
+pub use file::{Overrides, PassFile};
+pub use ready::{Eye, Ready, Sample};
+pub use result::{StandardMagnitude, not_modelled};
+pub use simulate::{Bounds, ChannelSamples, Place, Progress, Simulation, Stage};
+
+use crate::attitude::Attitude;
+use crate::orbit::Orbit;
+use crate::orbit::eclipse::EarthShape;
+use crate::target::Target;
+use hifitime::Epoch;
+use sunglint_radiometry::air::Air;
+use sunglint_radiometry::light_curve::Input;
+use sunglint_radiometry::passband::ZeroPoint;
+use sunglint_radiometry::sky::EarthOrientation;
+use sunglint_radiometry::spectrum::{Irradiance, Spectrum};
+use sunglint_radiometry::station::Station;
+
+/// The Johnson–Cousins bands in which magnitudes are given.
+pub const BANDS: [&str; 5] = ["U", "B", "V", "R", "I"];
+
+/// What the spectra of a simulation are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SpectralQuantity {
+    /// Spectral radiant intensity of the target towards the station, W sr⁻¹ nm⁻¹: no air, no distance.
+    #[default]
+    Intensity,
+    /// Spectral irradiance at the telescope, after the air, W m⁻² nm⁻¹.
+    Irradiance,
+}
+
+/// Everything that a pass is made of; nothing is read any more.
+#[derive(Debug, Clone)]
+pub struct Pass {
+    /// Its name.
+    pub name: String,
+    /// What reflects.
+    pub target: Target,
+    /// Where it is.
+    pub orbit: Orbit,
+    /// How it is turned.
+    pub attitude: Attitude,
+    /// Whether somebody said how it is turned.
+    pub attitude_given: bool,
+    /// Who looks.
+    pub station: Station,
+    /// Through what; `None` for no air at all.
+    pub air: Option<Air>,
+    /// When (mid-exposure, at the station); at least one moment, in any order.
+    pub times: Vec<Epoch>,
+    /// For how long, s; as many.
+    pub exposure_s: Vec<f64>,
+    /// Edges of the spectral bins, vacuum nm, increasing.
+    pub edges_nm: Vec<f64>,
+    /// What the spectra are.
+    pub spectral: SpectralQuantity,
+    /// The Sun's spectral irradiance at 1 au.
+    pub sun: Spectrum<Irradiance>,
+    /// Where that is from.
+    pub sun_name: String,
+    /// The Earth that casts the shadow; `None` for no eclipse at all.
+    pub shadow: Option<EarthShape>,
+    /// UT1 and the pole; the embedded table where `None`.
+    pub orientation: Option<EarthOrientation>,
+    /// What magnitudes count from.
+    pub zero: ZeroPoint,
+    /// What the tables over the zenith angle may err by: a tenth of it in transmission.
+    pub tolerance: f64,
+    /// Files that went in.
+    pub inputs: Vec<Input>,
+    /// What the file says besides.
+    pub notes: Vec<String>,
+    /// What a person should hear of before believing the result.
+    pub warnings: Vec<String>,
+}
+
+impl Pass {
+    /// Number of spectral bins.
+    pub fn bins(&self) -> usize {
+        self.edges_nm.len().saturating_sub(1)
+    }
+
+    /// The Earth's orientation that is used.
+    pub fn orientation(&self) -> &EarthOrientation {
+        self.orientation.as_ref().unwrap_or_else(|| EarthOrientation::embedded())
+    }
+}

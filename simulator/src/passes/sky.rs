@@ -4,7 +4,7 @@ use glam::DVec3;
 use hifitime::{Duration, Epoch};
 use rayon::prelude::*;
 use sunglint_radiometry::sky::frame::EARTH_ROTATION_RAD_S;
-use sunglint_radiometry::sky::{EarthOrientation, Site, SkyError, SkyFrame};
+use sunglint_radiometry::sky::{EarthOrientation, Site, SkyError, SkyFrame, SkyFrames};
 
 /// Seconds between frames: within half of it precession and nutation move by 3e-10 rad.
 const STEP_S: f64 = 60.0;
@@ -38,9 +38,11 @@ impl Sky {
         orientation: &EarthOrientation,
     ) -> Result<Self, SkyError> {
         let count = (seconds / STEP_S).ceil() as i64 + 1;
+        let after =
+            |i: i64| from + Duration::from_total_nanoseconds(i128::from(i) * 60_000_000_000);
+        let frames = SkyFrames::over(from, after(count), orientation)?;
         let node = |i: i64| {
-            let epoch = from + Duration::from_total_nanoseconds(i128::from(i) * 60_000_000_000);
-            let frame = SkyFrame::new(epoch, orientation)?;
+            let frame = frames.at(after(i))?;
             let sun = frame.sun();
             Ok(Node { frame, sun_m: sun.direction_gcrs * sun.distance_m })
         };

@@ -8,7 +8,7 @@
 //!
 //! - [`microfacet`]: Beckmann and GGX, their masking;
 //! - [`fresnel`], [`conductor`]: what each microfacet reflects;
-//! - [`file`]: materials as people write them, in TOML; [`built_in`]: those that the program knows.
+//! - [`mod@file`]: materials as people write them, in TOML; [`built_in`]: those that the program knows.
 
 mod albedo;
 mod blend;

@@ -63,6 +63,8 @@
 use super::materials::Shelf;
 use super::part::{self, Files};
 use super::{Hinge, Part, Placement, Target};
+use crate::attitude::{euler_zyx, quaternion_wxyz};
+use crate::mesh::faults::FARTHEST_M;
 use crate::mesh::shapes::Faceting;
 use glam::{DQuat, DVec3};
 use serde::Deserialize;
@@ -255,6 +257,9 @@ fn build(document: &Document, at: &str, file: &TargetFile) -> Result<Target, Fil
         target.parts.push(part);
     }
     target.warnings = files.warnings();
+    // Those of files are examined with their file.
+    let inline = target.parts.iter().zip(&file.part).filter(|(_, file)| file.file.is_none());
+    target.warnings.extend(inline.filter_map(|(part, _)| part.size_warning()).collect::<Vec<_>>());
     target.sources = files.sources;
     let (materials, idle, sources) = shelf.finish();
     target.materials = materials;
@@ -335,6 +340,15 @@ fn vector(values: [Finite; 3]) -> DVec3 {
     DVec3::from_array(values.map(Finite::get))
 }
 
+/// A place whose squared distance from others is still a number.
+fn near(document: &Document, key: &str, place_m: DVec3) -> Result<DVec3, ParseError> {
+    if place_m.abs().max_element() <= FARTHEST_M {
+        Ok(place_m)
+    } else {
+        Err(document.error_at(key, format!("coordinates of at most {FARTHEST_M:e} m")))
+    }
+}
+
 /// A direction, made a unit vector.
 fn direction(document: &Document, key: &str, values: [Finite; 3]) -> Result<DVec3, ParseError> {
     vector(values)
@@ -364,7 +378,8 @@ fn hinge(document: &Document, at: &str, file: &HingeFile) -> Result<Hinge, Parse
             return Err(document.error_at(&key(at, "range_deg"), expected));
         }
     };
-    Ok(Hinge { name: file.name.clone(), point_m: vector(file.point_m), axis, face, range_rad })
+    let point_m = near(document, &key(at, "point_m"), vector(file.point_m))?;
+    Ok(Hinge { name: file.name.clone(), point_m, axis, face, range_rad })
 }
 
 fn hinge_of(
@@ -388,23 +403,19 @@ fn placement(document: &Document, at: &str, file: &PartFile) -> Result<Placement
             return Err(document.error_at(&key(at, "quaternion"), expected));
         }
         (Some(q), None) => {
-            let [w, x, y, z] = q.map(Finite::get);
-            let rotation = DQuat::from_xyzw(x, y, z, w);
-            // Six digits are enough to see what is meant; less is a mistake.
-            if (rotation.length() - 1.0).abs() > 1e-5 {
-                let hint = format!("its length is {}", rotation.length());
-                let expected = "a unit quaternion [w, x, y, z]";
-                return Err(document.error_at(&key(at, "quaternion"), expected).with_hint(hint));
-            }
-            rotation.normalize()
+            let expected = "a unit quaternion [w, x, y, z]";
+            quaternion_wxyz(q.map(Finite::get)).map_err(|error| {
+                document.error_at(&key(at, "quaternion"), expected).with_hint(error.to_string())
+            })?
         }
         (None, Some(angles)) => {
             let [z, y, x] = angles.map(|a| a.get().to_radians());
-            DQuat::from_rotation_z(z) * DQuat::from_rotation_y(y) * DQuat::from_rotation_x(x)
+            euler_zyx(z, y, x)
         }
         (None, None) => DQuat::IDENTITY,
     };
-    Ok(Placement { rotation, offset_m: file.offset_m.map_or(DVec3::ZERO, vector) })
+    let offset_m = file.offset_m.map_or(DVec3::ZERO, vector);
+    Ok(Placement { rotation, offset_m: near(document, &key(at, "offset_m"), offset_m)? })
 }
 
 fn tangent(document: &Document, at: &str, file: &PartFile) -> Result<DVec3, ParseError> {

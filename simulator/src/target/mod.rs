@@ -12,6 +12,7 @@ mod placed;
 pub use file::TargetFile;
 
 use crate::mesh::Mesh;
+use crate::mesh::faults::LARGE_M;
 use crate::surface::Material;
 use glam::{DQuat, DVec3};
 use std::path::Path;
@@ -76,6 +77,19 @@ pub struct Part {
     /// The direction, in the part's axes, that each facet takes its x axis from: projected on the facet. For materials that reflect
     /// differently along and across. A facet that it stands on (within 1e-6) takes the next of the part's axes x, y, z instead.
     pub tangent: DVec3,
+}
+
+impl Part {
+    /// What to say of a part that is larger than anything in orbit: somebody may have written millimetres.
+    pub fn size_warning(&self) -> Option<String> {
+        let size_m = match &self.shape {
+            Shape::Mesh(mesh) => mesh.bounds()?.size_m().max_element(),
+            Shape::Sphere { radius_m } => 2.0 * radius_m,
+        };
+        (size_m > LARGE_M).then(|| {
+            format!("the part {} measures {size_m:.1} m: are its sizes millimetres?", self.name)
+        })
+    }
 }
 
 /// A shape.

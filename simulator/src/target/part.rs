@@ -143,14 +143,26 @@ impl Maker<'_> {
     }
 
     fn needed(&self, name: &str, value: Option<Positive>) -> Result<f64, ParseError> {
-        value.map(Positive::get).ok_or_else(|| {
+        let value = value.map(Positive::get).ok_or_else(|| {
             let shape = format!("{:?}", self.file.shape).to_lowercase();
             self.wrong(name, format!("{name}: a {shape} needs it"))
-        })
+        })?;
+        self.near(name, value)
+    }
+
+    /// A length whose square is still a number.
+    fn near(&self, name: &str, value_m: f64) -> Result<f64, ParseError> {
+        if value_m <= FARTHEST_M {
+            Ok(value_m)
+        } else {
+            Err(self.wrong(name, format!("at most {FARTHEST_M:e} m")))
+        }
     }
 
     fn size<const N: usize>(&self, expected: &str) -> Result<[f64; N], ParseError> {
-        let size: Vec<f64> = self.file.size_m.iter().flatten().map(|s| s.get()).collect();
+        let sizes = self.file.size_m.iter().flatten();
+        let size: Vec<f64> =
+            sizes.map(|s| self.near("size_m", s.get())).collect::<Result<_, _>>()?;
         size.try_into().map_err(|_| self.wrong("size_m", expected))
     }
 
@@ -234,7 +246,9 @@ impl Maker<'_> {
         let height_m = self.needed("height_m", self.file.height_m)?;
         let facets = self.count("facets", self.file.facets, FACETS)?;
         let top_m = match self.file.shape {
-            ShapeKind::Cone => self.file.top_radius_m.map_or(0.0, NonNegative::get),
+            ShapeKind::Cone => {
+                self.near("top_radius_m", self.file.top_radius_m.map_or(0.0, NonNegative::get))?
+            }
             _ => radius_m,
         };
         let walls = self.walls(facets)?;
@@ -247,9 +261,12 @@ impl Maker<'_> {
         let height_m = self.needed("height_m", self.file.height_m)?;
         let sides = self.count("sides", self.file.sides, 6)?;
         let radius_m = match (self.file.radius_m, self.file.width_m) {
-            (Some(radius), None) => radius.get(),
+            (Some(radius), None) => self.near("radius_m", radius.get())?,
             // Twice the distance of a side from the axis.
-            (None, Some(width)) => 0.5 * width.get() / (std::f64::consts::PI / sides as f64).cos(),
+            (None, Some(width)) => {
+                0.5 * self.near("width_m", width.get())?
+                    / (std::f64::consts::PI / sides as f64).cos()
+            }
             (Some(_), Some(_)) => {
                 return Err(self.wrong("width_m", "either radius_m or width_m, not both"));
             }

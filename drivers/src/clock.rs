@@ -1,0 +1,246 @@
+//! Time as drivers see it: a clock that a test can turn by hand, deadlines on it, and a token that ends every wait.
+//!
+//! A [`Deadline`] carries its clock and its [`Cancel`] token, so that one argument says how long a call may take, on
+//! whose clock, and who may end it early. On a [`VirtualClock`] a thousand timeouts pass in no time.
+
+use std::fmt;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+
+/// The longest sleep between two looks at the cancel token.
+pub(crate) const SLICE: Duration = Duration::from_millis(20);
+
+/// A monotonic clock.
+pub trait Clock: Send + Sync + fmt::Debug {
+    /// Time since the clock's own start; never goes back.
+    fn now(&self) -> Duration;
+    /// Returns once `time` has passed.
+    fn sleep(&self, time: Duration);
+}
+
+/// The computer's monotonic clock.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SystemClock;
+
+impl Clock for SystemClock {
+    fn now(&self) -> Duration {
+        static START: OnceLock<Instant> = OnceLock::new();
+        START.get_or_init(Instant::now).elapsed()
+    }
+
+    fn sleep(&self, time: Duration) {
+        std::thread::sleep(time);
+    }
+}
+
+/// A clock that only moves when somebody sleeps on it. Clones show the same time.
+#[derive(Debug, Clone, Default)]
+pub struct VirtualClock {
+    nanoseconds: Arc<AtomicU64>,
+}
+
+impl VirtualClock {
+    /// A clock at zero.
+    pub fn new() -> Self {
+        Self::default()
+    }
+}
+
+impl Clock for VirtualClock {
+    fn now(&self) -> Duration {
+        Duration::from_nanos(self.nanoseconds.load(Ordering::SeqCst))
+    }
+
+    fn sleep(&self, time: Duration) {
+        let step = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+        // 584 years; it stays there rather than starting again.
+        let _ = self
+            .nanoseconds
+            .fetch_update(Ordering::SeqCst, Ordering::SeqCst, |now| Some(now.saturating_add(step)));
+    }
+}
+
+/// A token that ends waits early: given to a call through its [`Deadline`], kept by whoever may want to stop it (a key,
+/// a signal, another thread). Clones are one token. Once set, it stays set.
+#[derive(Debug, Clone, Default)]
+pub struct Cancel(Arc<AtomicBool>);
+
+impl Cancel {
+    /// A token that is not set.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Ends every wait that knows this token.
+    pub fn cancel(&self) {
+        self.0.store(true, Ordering::SeqCst);
+    }
+
+    /// Whether somebody has asked to stop.
+    pub fn is_cancelled(&self) -> bool {
+        self.0.load(Ordering::SeqCst)
+    }
+}
+
+/// Why a wait ended before what it waited for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Expired {
+    /// The time is over.
+    #[error("no answer within {:.3} s", after.as_secs_f64())]
+    Timeout {
+        /// How long was waited.
+        after: Duration,
+    },
+    /// The [`Cancel`] token was set.
+    #[error("cancelled after {:.3} s", after.as_secs_f64())]
+    Cancelled {
+        /// How long was waited.
+        after: Duration,
+    },
+}
+
+/// Until when a call may take, on which clock, and with which [`Cancel`] token.
+#[derive(Debug, Clone)]
+pub struct Deadline {
+    clock: Arc<dyn Clock>,
+    cancel: Cancel,
+    start: Duration,
+    end: Duration,
+}
+
+impl Deadline {
+    /// `time` from now on the clock.
+    pub fn after(clock: Arc<dyn Clock>, time: Duration) -> Self {
+        let start = clock.now();
+        Self { clock, cancel: Cancel::new(), start, end: start.saturating_add(time) }
+    }
+
+    /// `time` from now on the computer's clock.
+    pub fn within(time: Duration) -> Self {
+        Self::after(Arc::new(SystemClock), time)
+    }
+
+    /// The same deadline, which `cancel` can end early.
+    #[must_use]
+    pub fn with_cancel(mut self, cancel: &Cancel) -> Self {
+        self.cancel = cancel.clone();
+        self
+    }
+
+    /// `time` from now, but never later than this deadline: for one step of a longer call.
+    #[must_use]
+    pub fn at_most(&self, time: Duration) -> Self {
+        let start = self.clock.now();
+        Self { start, end: self.end.min(start.saturating_add(time)), ..self.clone() }
+    }
+
+    /// `time` from now on the same clock, whatever happened to this deadline or its token: for what must still be done
+    /// after it, such as stopping a motor.
+    #[must_use]
+    pub fn grace(&self, time: Duration) -> Self {
+        Self::after(self.clock.clone(), time)
+    }
+
+    /// The clock's time.
+    pub fn now(&self) -> Duration {
+        self.clock.now()
+    }
+
+    /// How long ago this deadline was set.
+    pub fn elapsed(&self) -> Duration {
+        self.now().saturating_sub(self.start)
+    }
+
+    /// What is left, more than zero.
+    ///
+    /// # Errors
+    /// The time is over or the token was set.
+    pub fn remaining(&self) -> Result<Duration, Expired> {
+        let now = self.now();
+        let after = now.saturating_sub(self.start);
+        if self.cancel.is_cancelled() {
+            return Err(Expired::Cancelled { after });
+        }
+        match self.end.saturating_sub(now) {
+            Duration::ZERO => Err(Expired::Timeout { after }),
+            left => Ok(left),
+        }
+    }
+
+    /// What is left, at most the time that a blocking call may take before it has to look at the token again.
+    ///
+    /// # Errors
+    /// As [`remaining`](Self::remaining).
+    pub fn slice(&self) -> Result<Duration, Expired> {
+        Ok(self.remaining()?.min(SLICE))
+    }
+
+    /// Sleeps for `time`.
+    ///
+    /// # Errors
+    /// The deadline came first (and has now passed), or the token was set.
+    pub fn sleep(&self, time: Duration) -> Result<(), Expired> {
+        let wake = self.now().saturating_add(time);
+        loop {
+            let left = wake.saturating_sub(self.now());
+            if left.is_zero() {
+                return Ok(());
+            }
+            self.clock.sleep(left.min(self.slice()?));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: arithmetic. A day of sleeping on a virtual clock is exact and takes no time.
+    #[test]
+    fn a_virtual_clock_passes_thousands_of_timeouts() {
+        let clock = Arc::new(VirtualClock::new());
+        let begun = Instant::now();
+        for _ in 0..10_000 {
+            let deadline = Deadline::after(clock.clone(), Duration::from_secs(1));
+            let expired = deadline.sleep(Duration::from_secs(9)).unwrap_err();
+            assert_eq!(expired, Expired::Timeout { after: Duration::from_secs(1) });
+        }
+        assert_eq!(clock.now(), Duration::from_secs(10_000));
+        assert!(begun.elapsed() < Duration::from_secs(10), "a virtual second must not be real");
+    }
+
+    #[test]
+    fn a_step_ends_with_the_whole_and_grace_outlives_it() {
+        let clock = Arc::new(VirtualClock::new());
+        let whole = Deadline::after(clock.clone(), Duration::from_secs(3));
+        assert_eq!(whole.at_most(Duration::from_secs(1)).remaining(), Ok(Duration::from_secs(1)));
+        clock.sleep(Duration::from_millis(2500));
+        assert_eq!(
+            whole.at_most(Duration::from_secs(1)).remaining(),
+            Ok(Duration::from_millis(500))
+        );
+        let cancel = Cancel::new();
+        let whole = whole.with_cancel(&cancel);
+        cancel.cancel();
+        assert_eq!(
+            whole.at_most(Duration::from_secs(1)).remaining(),
+            Err(Expired::Cancelled { after: Duration::ZERO })
+        );
+        assert_eq!(whole.grace(Duration::from_secs(1)).remaining(), Ok(Duration::from_secs(1)));
+    }
+
+    /// Truth: the other thread cancels after 50 ms of a 60 s sleep; one slice is 20 ms, the rest is for a busy machine.
+    #[test]
+    fn another_thread_ends_a_real_sleep() {
+        let cancel = Cancel::new();
+        let deadline = Deadline::within(Duration::from_secs(60)).with_cancel(&cancel);
+        let other = std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_millis(50));
+            cancel.cancel();
+        });
+        assert!(matches!(deadline.sleep(Duration::from_secs(60)), Err(Expired::Cancelled { .. })));
+        assert!(deadline.elapsed() < Duration::from_secs(5));
+        other.join().unwrap();
+    }
+}

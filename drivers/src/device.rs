@@ -1,0 +1,310 @@
+//! What each kind of device can do, whoever made it.
+//!
+//! One small trait a kind: [`PhotonCounter`], [`Camera`], [`PowerMeter`], [`RotationStage`], [`FilterWheel`], each a
+//! [`Device`]. Every call blocks until it is done, and takes a [`Deadline`] that says how long it may; the deadline's token
+//! stops it early. Units are in the names. What was set is read back from the device, and what it then says is what the
+//! call returns. A long call that fails gives what it had done with the error ([`Interrupted`]).
+
+mod error;
+
+pub use error::{DeviceError, Interrupted, Side};
+
+use crate::clock::Deadline;
+use std::fmt;
+use std::ops::ControlFlow;
+use sunglint_formats::{CountRecord, Frame};
+
+/// Who a device says it is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Identity {
+    /// The maker.
+    pub vendor: String,
+    /// The model, as the device names itself.
+    pub model: String,
+    /// The serial number, where the device tells it.
+    pub serial: Option<String>,
+    /// The firmware's version, where the device tells it.
+    pub firmware: Option<String>,
+    /// The driver that speaks to it (`tmcl`).
+    pub driver: &'static str,
+}
+
+/// A value of a setting.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// A number, in the unit of the setting's name.
+    Number(f64),
+    /// A whole number.
+    Integer(i64),
+    /// A name out of the device's own list.
+    Text(String),
+    /// On or off.
+    Flag(bool),
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(number) => write!(f, "{number}"),
+            Self::Integer(number) => write!(f, "{number}"),
+            Self::Text(text) => f.write_str(text),
+            Self::Flag(flag) => f.write_str(if *flag { "on" } else { "off" }),
+        }
+    }
+}
+
+/// Where a setting's value comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// The device said so.
+    ReadBack,
+    /// The user said so; the device cannot be asked.
+    Configured,
+}
+
+/// A setting, for metadata and for people.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setting {
+    /// Its name with its unit (`wavelength_nm`).
+    pub name: &'static str,
+    /// Its value.
+    pub value: Value,
+    /// Who said so.
+    pub origin: Origin,
+}
+
+/// What every device can do.
+pub trait Device: Send {
+    /// Asks the device who it is.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn identity(&mut self, deadline: &Deadline) -> Result<Identity, DeviceError>;
+
+    /// All settings that a measurement's metadata should hold, read from the device where it can be asked.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn settings(&mut self, deadline: &Deadline) -> Result<Vec<Setting>, DeviceError>;
+}
+
+/// A counter of photons with one or more channels, numbered from 0 in the order in which they were opened.
+///
+/// Bins are finished bins only, each given once: no count is lost or doubled by when it is asked for.
+pub trait PhotonCounter: Device {
+    /// Names of the channels.
+    fn channels(&self) -> &[String];
+
+    /// Sets the level at which a pulse counts, V, and gives the level that the device then has.
+    ///
+    /// # Errors
+    /// No such channel or level, or see [`DeviceError`].
+    fn set_trigger_level_v(
+        &mut self,
+        channel: usize,
+        level_v: f64,
+        deadline: &Deadline,
+    ) -> Result<f64, DeviceError>;
+
+    /// Sets a channel's delay, ps, and gives the delay that the device then has.
+    ///
+    /// # Errors
+    /// As [`set_trigger_level_v`](Self::set_trigger_level_v).
+    fn set_input_delay_ps(
+        &mut self,
+        channel: usize,
+        delay_ps: i64,
+        deadline: &Deadline,
+    ) -> Result<i64, DeviceError>;
+
+    /// Sets the time after a pulse in which a channel does not count, ps, and gives the time that the device then has.
+    ///
+    /// # Errors
+    /// As [`set_trigger_level_v`](Self::set_trigger_level_v).
+    fn set_dead_time_ps(
+        &mut self,
+        channel: usize,
+        dead_time_ps: i64,
+        deadline: &Deadline,
+    ) -> Result<i64, DeviceError>;
+
+    /// Starts counting in bins of `bin_ps`, ps.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn start(&mut self, bin_ps: i64, deadline: &Deadline) -> Result<(), DeviceError>;
+
+    /// Waits for the next `bins` finished bins.
+    ///
+    /// # Errors
+    /// The bins that had come, with the error.
+    fn read(
+        &mut self,
+        bins: usize,
+        deadline: &Deadline,
+    ) -> Result<Vec<CountRecord>, Interrupted<Vec<CountRecord>>>;
+
+    /// Stops counting.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn stop(&mut self, deadline: &Deadline) -> Result<(), DeviceError>;
+}
+
+/// A part of a camera's sensor, in unbinned pixels from its first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    /// First column and row, px.
+    pub origin_px: [u32; 2],
+    /// Columns and rows, px, before binning.
+    pub size_px: [u32; 2],
+    /// Sensor columns and rows in one pixel of the frame.
+    pub binning: [u32; 2],
+}
+
+/// A camera.
+pub trait Camera: Device {
+    /// Columns and rows of the sensor, px.
+    fn sensor_px(&self) -> [u32; 2];
+
+    /// Sets the part of the sensor that is read, and gives the part that the device then has.
+    ///
+    /// # Errors
+    /// A window beyond the sensor, or see [`DeviceError`].
+    fn set_window(&mut self, window: Window, deadline: &Deadline) -> Result<Window, DeviceError>;
+
+    /// Sets the gain in the camera's own steps, and gives the gain that it then has.
+    ///
+    /// # Errors
+    /// A gain that it has not, or see [`DeviceError`].
+    fn set_gain(&mut self, gain: f64, deadline: &Deadline) -> Result<f64, DeviceError>;
+
+    /// Asks for a sensor temperature, °C, and gives the temperature that the sensor has now; it takes minutes to follow.
+    ///
+    /// # Errors
+    /// A camera without cooling, or see [`DeviceError`].
+    fn set_temperature_c(
+        &mut self,
+        temperature_c: f64,
+        deadline: &Deadline,
+    ) -> Result<f64, DeviceError>;
+
+    /// Takes one frame of `exposure_s`, s. If it is stopped early, the exposure is aborted in the camera too.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn expose(&mut self, exposure_s: f64, deadline: &Deadline) -> Result<Frame, DeviceError>;
+
+    /// Streams frames of `exposure_s`, s, to `take` until it breaks, and gives their number.
+    ///
+    /// # Errors
+    /// The number of frames that were taken, with the error.
+    fn stream(
+        &mut self,
+        exposure_s: f64,
+        take: &mut dyn FnMut(Frame) -> ControlFlow<()>,
+        deadline: &Deadline,
+    ) -> Result<u64, Interrupted<u64>>;
+}
+
+/// What a power meter shows.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Power {
+    /// A power, W. It may be negative, near zero.
+    Watts(f64),
+    /// More than the range holds.
+    Over {
+        /// The end of the range, W, where it is known.
+        range_w: Option<f64>,
+    },
+}
+
+/// An optical power meter.
+pub trait PowerMeter: Device {
+    /// Reads the power, W.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn power(&mut self, deadline: &Deadline) -> Result<Power, DeviceError>;
+
+    /// Sets the wavelength for which the reading is corrected, nm, and gives the wavelength that the device then has.
+    ///
+    /// # Errors
+    /// A wavelength beyond the head, or see [`DeviceError`].
+    fn set_wavelength_nm(
+        &mut self,
+        wavelength_nm: f64,
+        deadline: &Deadline,
+    ) -> Result<f64, DeviceError>;
+
+    /// Names of the ranges, as the device lists them, the automatic one included.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn ranges(&mut self, deadline: &Deadline) -> Result<Vec<String>, DeviceError>;
+
+    /// Chooses a range by its name, and gives the range that the device then has.
+    ///
+    /// # Errors
+    /// No such range, or see [`DeviceError`].
+    fn set_range(&mut self, range: &str, deadline: &Deadline) -> Result<String, DeviceError>;
+
+    /// Takes what it reads now, with the head covered, as zero.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn zero(&mut self, deadline: &Deadline) -> Result<(), DeviceError>;
+}
+
+/// A stage that turns. Angles are absolute, in degrees, and grow in the direction that the stage's configuration names.
+pub trait RotationStage: Device {
+    /// The angles between which it may stand, deg; `None` if it turns freely.
+    fn travel_deg(&self) -> Option<[f64; 2]>;
+
+    /// Where it stands, deg.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn angle_deg(&mut self, deadline: &Deadline) -> Result<f64, DeviceError>;
+
+    /// Finds the reference, from which angles count, and gives where it stands then, deg.
+    ///
+    /// # Errors
+    /// Where it stands (deg, if it can still be asked), with the error. The motor was stopped if it could be reached.
+    fn home(&mut self, deadline: &Deadline) -> Result<f64, Interrupted<Option<f64>>>;
+
+    /// Turns to `angle_deg` and gives the angle at which it stands: the nearest that the motor's steps allow.
+    ///
+    /// # Errors
+    /// Where it stands (deg, if it can still be asked), with the error. The motor was stopped if it could be reached.
+    fn move_to(
+        &mut self,
+        angle_deg: f64,
+        deadline: &Deadline,
+    ) -> Result<f64, Interrupted<Option<f64>>>;
+
+    /// Stops the motor at once.
+    ///
+    /// # Errors
+    /// See [`DeviceError`]; the motor may still be turning.
+    fn stop(&mut self, deadline: &Deadline) -> Result<(), DeviceError>;
+}
+
+/// A wheel of filters. Slots count from 1, as they are engraved.
+pub trait FilterWheel: Device {
+    /// How many slots it has.
+    fn slots(&self) -> u32;
+
+    /// The slot in the beam.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn slot(&mut self, deadline: &Deadline) -> Result<u32, DeviceError>;
+
+    /// Turns slot `slot` into the beam and gives the slot that is there then.
+    ///
+    /// # Errors
+    /// The slot in the beam (if it can still be asked), with the error.
+    fn select(&mut self, slot: u32, deadline: &Deadline) -> Result<u32, Interrupted<Option<u32>>>;
+}

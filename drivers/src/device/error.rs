@@ -1,0 +1,191 @@
+//! What can go wrong with a device, above its cable.
+
+use crate::clock::Expired;
+use crate::transport::TransportError;
+use std::fmt;
+
+/// Why a device did not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DeviceError {
+    /// The cable, the system, the deadline of an answer.
+    #[error("{device}: {source}")]
+    Transport {
+        /// The device.
+        device: &'static str,
+        /// What the transport said.
+        source: TransportError,
+    },
+    /// What the device did took longer than it may.
+    #[error("{device}: {action} took longer than {:.3} s", after.as_secs_f64())]
+    TooSlow {
+        /// The device.
+        device: &'static str,
+        /// What it was doing.
+        action: &'static str,
+        /// How long was waited.
+        after: std::time::Duration,
+    },
+    /// Somebody set the [`Cancel`](crate::clock::Cancel) token.
+    #[error("{device}: {action} was cancelled")]
+    Cancelled {
+        /// The device.
+        device: &'static str,
+        /// What it was doing.
+        action: &'static str,
+    },
+    /// The device answered in a way that its protocol does not know.
+    #[error("{device}: {reason}")]
+    Protocol {
+        /// The device.
+        device: &'static str,
+        /// What came, and what should have.
+        reason: String,
+    },
+    /// The device understood and said no.
+    #[error("{device} refused {request}: {reason} (code {code})")]
+    Refused {
+        /// The device.
+        device: &'static str,
+        /// What it was asked.
+        request: String,
+        /// The device's own code.
+        code: i64,
+        /// What the code means.
+        reason: &'static str,
+    },
+    /// A value that this device cannot take.
+    #[error("{name}: found {asked}, expected {least} to {most}")]
+    OutOfRange {
+        /// The value's name, with its unit.
+        name: &'static str,
+        /// What was asked.
+        asked: f64,
+        /// The least that it takes.
+        least: f64,
+        /// The most that it takes.
+        most: f64,
+    },
+    /// A name or number that this device does not have.
+    #[error("{name}: found {asked}, expected one of {known}")]
+    Unknown {
+        /// What is chosen.
+        name: &'static str,
+        /// What was asked.
+        asked: String,
+        /// What there is.
+        known: String,
+    },
+    /// The device took the setting and has another value all the same.
+    #[error("{device}: {name} was set to {asked}, the device says {got}")]
+    NotTaken {
+        /// The device.
+        device: &'static str,
+        /// The setting, with its unit.
+        name: &'static str,
+        /// What was asked.
+        asked: String,
+        /// What it says.
+        got: String,
+    },
+    /// The device has to be prepared first.
+    #[error("{device}: {reason}")]
+    NotReady {
+        /// The device.
+        device: &'static str,
+        /// What is missing, and what to do.
+        reason: &'static str,
+    },
+    /// A stage ran into a limit switch.
+    #[error(
+        "{device}: the {side} limit switch stopped it at {at_deg:.4} deg on the way to {target_deg:.4} deg"
+    )]
+    LimitHit {
+        /// The device.
+        device: &'static str,
+        /// Which switch.
+        side: Side,
+        /// Where it stands, deg.
+        at_deg: f64,
+        /// Where it should have gone, deg.
+        target_deg: f64,
+    },
+    /// A stage stands still short of its target.
+    #[error(
+        "{device}: it stands still at {at_deg:.4} deg on the way to {target_deg:.4} deg: check for an obstacle, the motor's current and its supply"
+    )]
+    Stalled {
+        /// The device.
+        device: &'static str,
+        /// Where it stands, deg.
+        at_deg: f64,
+        /// Where it should have gone, deg.
+        target_deg: f64,
+    },
+    /// Something failed, and after it the device could not be stopped.
+    #[error(
+        "{source}; and it could not be stopped: it may still be turning, watch it or cut its power"
+    )]
+    NotStopped {
+        /// The device.
+        device: &'static str,
+        /// What had failed.
+        source: Box<DeviceError>,
+    },
+}
+
+/// A limit switch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// The one towards which the motor's counter grows.
+    Right,
+    /// The other.
+    Left,
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Right => "right",
+            Self::Left => "left",
+        })
+    }
+}
+
+impl DeviceError {
+    /// A transport's error while `device` was spoken to; a cancelled wait is told as such.
+    pub fn transport(device: &'static str, source: TransportError) -> Self {
+        match source {
+            TransportError::Cancelled { .. } => {
+                Self::Cancelled { device, action: "what was asked" }
+            }
+            source => Self::Transport { device, source },
+        }
+    }
+
+    /// A deadline that passed while `device` was busy with `action`.
+    pub fn expired(device: &'static str, action: &'static str, expired: Expired) -> Self {
+        match expired {
+            Expired::Timeout { after } => Self::TooSlow { device, action, after },
+            Expired::Cancelled { .. } => Self::Cancelled { device, action },
+        }
+    }
+}
+
+/// What a long call had done when it failed, with the error.
+#[derive(Debug, thiserror::Error)]
+#[error("{error}")]
+pub struct Interrupted<T: fmt::Debug> {
+    /// What was done.
+    pub done: T,
+    /// Why not all.
+    #[source]
+    pub error: Box<DeviceError>,
+}
+
+impl<T: fmt::Debug> Interrupted<T> {
+    /// `done`, and the error.
+    pub fn new(done: T, error: DeviceError) -> Self {
+        Self { done, error: Box::new(error) }
+    }
+}

@@ -1,0 +1,140 @@
+//! The keys of a `PASS.toml`, as serde reads them.
+
+use super::SpectralQuantity;
+use crate::attitude::file::AttitudeFile;
+use crate::target::file::{HingeFile, MaterialFile, PartFile};
+use serde::Deserialize;
+use sunglint_formats::time::Utc;
+use sunglint_formats::toml::{Finite, Fraction, NonNegative, Positive};
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PassKeys {
+    pub name: Option<String>,
+    pub tolerance: Option<Positive>,
+    pub target: TargetKeys,
+    pub orbit: Option<OrbitKeys>,
+    pub ephemeris: Option<FileKey>,
+    pub attitude: Option<AttitudeFile>,
+    pub station: Option<StationKeys>,
+    pub times: TimesKeys,
+    #[serde(default)]
+    pub spectrum: SpectrumKeys,
+    #[serde(default)]
+    pub air: AirKeys,
+    pub earth_orientation: Option<FileKey>,
+    #[serde(default)]
+    pub illumination: IlluminationKeys,
+    #[serde(default)]
+    pub magnitudes: MagnitudeKeys,
+    pub note: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TargetKeys {
+    pub name: Option<String>,
+    #[serde(default)]
+    pub description: String,
+    pub file: Option<String>,
+    pub built_in: Option<String>,
+    pub sphere: Option<SphereKeys>,
+    #[serde(default)]
+    pub part: Vec<PartFile>,
+    #[serde(default)]
+    pub hinge: Vec<HingeFile>,
+    #[serde(default)]
+    pub material: Vec<MaterialFile>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SphereKeys {
+    pub radius_m: Positive,
+    pub material: Option<String>,
+    pub reflectance: Option<Fraction>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OrbitKeys {
+    pub tle: Option<String>,
+    pub lines: Option<Vec<String>>,
+    pub norad_id: Option<u32>,
+    pub name: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FileKey {
+    pub file: String,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StationKeys {
+    pub name: Option<String>,
+    pub file: Option<String>,
+    pub folder: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TimesKeys {
+    pub from: Option<Utc>,
+    pub to: Option<Utc>,
+    pub step_s: Option<Positive>,
+    pub exposure_s: Option<Positive>,
+    pub file: Option<String>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpectrumKeys {
+    pub from_nm: Option<Positive>,
+    pub to_nm: Option<Positive>,
+    pub step_nm: Option<Positive>,
+    pub edges_nm: Option<Vec<Positive>>,
+    #[serde(default)]
+    pub quantity: SpectralQuantity,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AirKeys {
+    pub none: Option<bool>,
+    pub refraction: Option<bool>,
+    pub profile: Option<String>,
+    pub pressure_hpa: Option<Positive>,
+    pub ozone_du: Option<NonNegative>,
+    pub water_mm: Option<NonNegative>,
+    pub co2_ppm: Option<NonNegative>,
+    pub aerosol: Option<String>,
+    pub aerosol_optical_depth_550: Option<NonNegative>,
+    pub aerosol_exponent: Option<Finite>,
+    pub note: Option<String>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct IlluminationKeys {
+    pub irradiance_file: Option<String>,
+    #[serde(default)]
+    pub eclipse: EclipseWord,
+    pub earth_radius_m: Option<Positive>,
+}
+
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EclipseWord {
+    #[default]
+    Sphere,
+    Ellipsoid,
+    None,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MagnitudeKeys {
+    pub zero_point: Option<String>,
+}

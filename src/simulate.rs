@@ -1,0 +1,272 @@
+//! `sunglint simulate`: what a pass should look like in every channel.
+
+mod beside;
+mod figure;
+mod report;
+
+use crate::output::{Console, OutputArgs, Product, Usage};
+use crate::star::when;
+use crate::station::StationArgs;
+use anyhow::{Context as _, bail};
+use beside::{Beside, ComparedAs};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use report::{Cost, Report};
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+use sunglint_simulator::attitude::Attitude;
+use sunglint_simulator::pass::{Overrides, Pass, PassFile, Progress, Simulation, Stage};
+use sunglint_simulator::target::Shape;
+
+/// What takes longer shows its progress.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Arguments of `sunglint simulate`.
+#[derive(Debug, Args)]
+pub struct SimulateArgs {
+    /// The scene: target, orbit, attitude, station, times (docs/pass.md)
+    pub pass: PathBuf,
+    /// First moment, in place of the file's: UTC, ISO 8601, or `now`
+    #[arg(long, value_name = "TIME")]
+    pub from: Option<String>,
+    /// Last moment, in place of the file's
+    #[arg(long, value_name = "TIME")]
+    pub to: Option<String>,
+    /// Seconds between samples, in place of the file's
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub step_s: Option<f64>,
+    /// A measured curve to draw beside the simulated one: ECSV or CSV with `time_utc` and a column of magnitudes. Nothing is fitted
+    #[arg(long, value_name = "FILE")]
+    pub beside: Option<PathBuf>,
+    /// Its column of magnitudes
+    #[arg(long, value_name = "NAME", default_value = "magnitude", requires = "beside")]
+    pub beside_column: String,
+    /// What these magnitudes are
+    #[arg(long, value_enum, default_value_t, requires = "beside")]
+    pub beside_as: ComparedAs,
+    /// Which station, in place of the file's.
+    #[command(flatten)]
+    pub station: StationArgs,
+    /// Where the result goes.
+    #[command(flatten)]
+    pub out: OutputArgs,
+}
+
+/// Simulates a pass.
+pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
+    args.out.check_with(console)?;
+    args.out.check()?;
+    if let Some(step_s) = args.step_s
+        && !(step_s.is_finite() && step_s > 0.0)
+    {
+        return Err(Usage(format!("--step-s is {step_s}, expected seconds above 0")).into());
+    }
+    let file = PassFile::read(&args.pass)?;
+    let station = if args.station.station.is_some() {
+        Some(args.station.get()?)
+    } else if file.names_station() {
+        None
+    } else {
+        let else_give = format!("(or name one in [station] of {})", args.pass.display());
+        Some(args.station.get_or(&else_give)?)
+    };
+    let time = |option: &str, text: &Option<String>| {
+        text.as_deref().map(when).transpose().with_context(|| option.to_owned())
+    };
+    let overrides = Overrides {
+        station,
+        from: time("--from", &args.from)?,
+        to: time("--to", &args.to)?,
+        step_s: args.step_s,
+    };
+    let pass = file.resolve(overrides)?;
+    // Before the work: a table that is none should not cost it.
+    let measured = args
+        .beside
+        .as_ref()
+        .map(|path| Beside::read(path, &args.beside_column, args.beside_as))
+        .transpose()?;
+    let shown = show(&pass, &args.pass.display().to_string(), measured, console)?;
+    if !shown.has_light && args.out.output.iter().any(|p| is_picture(p)) {
+        bail!(
+            "{}: there is no light to draw in any sample (see the warnings); write a table instead",
+            args.pass.display()
+        );
+    }
+    args.out.finish(&shown.product, &shown.text, console)
+}
+
+/// A pass, simulated and ready to be written.
+pub(crate) struct Shown {
+    /// Tables, figures and summary.
+    pub product: Product,
+    /// The summary as text.
+    pub text: String,
+    /// Whether any sample has light.
+    pub has_light: bool,
+}
+
+/// Simulates a pass and says on stderr what a person should hear of; `name` is that of its file.
+pub(crate) fn show(
+    pass: &Pass,
+    name: &str,
+    measured: Option<Beside>,
+    console: Console,
+) -> anyhow::Result<Shown> {
+    let clock = Clock::new(pass.times.len(), console);
+    let simulation =
+        pass.simulate(&|progress| clock.tell(progress)).with_context(|| name.to_owned())?;
+    let cost = clock.cost();
+    let beside = measured.map(|curve| curve.compare(&simulation)).transpose()?;
+    let mut warnings = pass.warnings.clone();
+    warnings.extend(concerns(pass, &simulation));
+    for warning in &warnings {
+        console.warn(warning);
+    }
+    for (part, note) in &pass.station.notes {
+        console.detail(&format!("{}, {part}: {note}", pass.station.name));
+    }
+    console.detail(&simulation.places[0].orientation.to_string());
+    for material in &pass.target.materials {
+        console.detail(&format!("material {}", material.describe()));
+    }
+    let report =
+        Report { simulation: &simulation, cost, beside: beside.as_ref(), warnings: &warnings };
+    Ok(Shown { product: report.product()?, text: report.text(), has_light: simulation.has_light() })
+}
+
+fn is_picture(path: &std::path::Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png") || e.eq_ignore_ascii_case("svg"))
+}
+
+/// What a person should hear of before believing the numbers.
+fn concerns(pass: &Pass, simulation: &Simulation) -> Vec<String> {
+    let mut concerns = simulation.scene.warnings.clone();
+    let round = |shape: &Shape| matches!(shape, Shape::Sphere { .. });
+    let turned =
+        !pass.target.parts.iter().all(|p| round(&p.shape)) || !pass.target.hinges.is_empty();
+    if turned && !pass.attitude_given && matches!(pass.attitude, Attitude::Inertial(_)) {
+        concerns.push("no [attitude] is given: the body stands still among the stars, its axes along those of the GCRS".into());
+    }
+    concerns.extend(of_times(pass));
+    let places = &simulation.places;
+    let orientation = places.iter().map(|p| p.orientation).find(|o| o.is_outside());
+    concerns.extend(orientation.map(|o| format!("{o} ([earth_orientation] file = \"FILE\")")));
+    if places.iter().all(|p| p.hidden) {
+        let height = |p: &&sunglint_simulator::pass::Place| p.geometry.horizontal.altitude_deg();
+        if let Some(best) = places.iter().max_by(|a, b| height(a).total_cmp(&height(b))) {
+            concerns.push(format!(
+                "{} is never above the horizon of {} in these times: at its highest, {}, it stands at {:+.2}° (the horizon there is at {:.1}°); take other times or another station",
+                pass.orbit.name(),
+                pass.station.name,
+                sunglint_formats::time::format_utc(best.geometry.epoch, 1),
+                height(&best),
+                pass.station.horizon.elevation_deg(best.geometry.horizontal.azimuth_deg()),
+            ));
+        }
+    }
+    if places.iter().all(|p| p.sunlit == 0.0) {
+        concerns.push(format!(
+            "{} is in the Earth's shadow all the time: the Sun stands behind the Earth, and every rate is 0 (flag eclipsed)",
+            pass.orbit.name()
+        ));
+    }
+    let day = places.iter().filter(|p| !p.hidden && p.sun_altitude_deg > -6.0).count();
+    if day > 0 {
+        concerns.push(format!(
+            "in {day} of the visible samples the Sun is above -6° at {}: the sky is bright, and its light is not in the rates",
+            pass.station.name
+        ));
+    }
+    for channel in &simulation.channels {
+        let saturated = channel.predicted.iter().filter(|p| p.saturated).count();
+        if saturated > 0 {
+            concerns
+                .push(format!("{}: {saturated} samples past saturation: attenuate", channel.name));
+        }
+        let uncovered = channel.uncovered_nm.iter().copied().fold(0.0, f64::max);
+        if uncovered > 0.0 {
+            concerns.push(format!(
+                "{}: for {uncovered:.0} nm of it sunlight, a material or the air is not tabulated (flag extrapolated)",
+                channel.name
+            ));
+        }
+    }
+    concerns
+}
+
+/// Times that are probably not meant so.
+fn of_times(pass: &Pass) -> Vec<String> {
+    let steps_s: Vec<f64> = pass.times.windows(2).map(|p| (p[1] - p[0]).to_seconds()).collect();
+    let mut concerns = Vec::new();
+    if let Some(i) = steps_s.iter().position(|s| *s <= 0.0) {
+        let what = if steps_s[i] == 0.0 { "is that of sample" } else { "is before that of sample" };
+        concerns.push(format!(
+            "the times do not increase: that of sample {} ({}) {what} {}; the result keeps their order",
+            i + 2,
+            sunglint_formats::time::format_utc(pass.times[i + 1], 3),
+            i + 1
+        ));
+    } else if let Some(i) =
+        steps_s.iter().zip(&pass.exposure_s).position(|(s, e)| *e > s * (1.0 + 1e-6))
+    {
+        concerns.push(format!(
+            "exposures are longer than the step between them ({} s and {:.6} s at sample {}): each sample is that of its mid-exposure, and they overlap",
+            pass.exposure_s[i],
+            steps_s[i],
+            i + 1
+        ));
+    }
+    concerns
+}
+
+/// Measures what each stage costs, and shows how far the simulation is where that takes long.
+struct Clock {
+    start: Instant,
+    stages: Mutex<Vec<(Stage, Instant)>>,
+    bar: Mutex<Option<ProgressBar>>,
+    epochs: usize,
+    quiet: bool,
+}
+
+impl Clock {
+    fn new(epochs: usize, console: Console) -> Self {
+        let (stages, bar) = (Mutex::default(), Mutex::default());
+        Self { start: Instant::now(), stages, bar, epochs, quiet: console.quiet }
+    }
+
+    fn tell(&self, progress: Progress) {
+        // A lock that a panicking thread left holds nothing that could be wrong.
+        let mut stages = self.stages.lock().unwrap_or_else(|e| e.into_inner());
+        if stages.last().is_none_or(|(stage, _)| *stage != progress.stage) {
+            stages.push((progress.stage, Instant::now()));
+        }
+        drop(stages);
+        if self.quiet || self.start.elapsed() < PATIENCE {
+            return;
+        }
+        let mut bar = self.bar.lock().unwrap_or_else(|e| e.into_inner());
+        // Hidden where stderr is no terminal.
+        let bar = bar.get_or_insert_with(|| {
+            let style = ProgressStyle::with_template("{msg:>8} {wide_bar} {pos}/{len} {eta}");
+            let bar = ProgressBar::new(progress.of as u64);
+            if let Ok(style) = style { bar.with_style(style) } else { bar }
+        });
+        bar.set_message(progress.stage.name());
+        bar.set_position(progress.done as u64);
+        if progress.stage == Stage::Done {
+            bar.finish_and_clear();
+        }
+    }
+
+    fn cost(&self) -> Cost {
+        let stages = self.stages.lock().unwrap_or_else(|e| e.into_inner());
+        let seconds = |pair: &[(Stage, Instant)]| {
+            (pair[0].0, pair[1].1.duration_since(pair[0].1).as_secs_f64())
+        };
+        let stages: Vec<(Stage, f64)> = stages.windows(2).map(seconds).collect();
+        let total_s = stages.iter().map(|(_, s)| s).sum();
+        Cost { stages, total_s, epochs: self.epochs, threads: rayon::current_num_threads() }
+    }
+}
