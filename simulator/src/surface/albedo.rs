@@ -133,21 +133,23 @@ impl<'a> Ellipse<'a> {
             let end = self.end(side);
             match self.lobe.distribution {
                 Distribution::Beckmann => {
-                    bell(0.0, end, true, order, &mut |y, height| {
+                    // The masking's error function is flat but not analytic towards the normal, on a scale of slopes.
+                    let longest = (0.36 * steep).min(3.3);
+                    bell(0.0, end, longest, true, order, &mut |y, height| {
                         let scale = share * height * (-y * y).exp();
                         let (from, to) = self.row(side * y);
-                        bell(from, to, false, order, &mut |x, width| {
+                        bell(from, to, longest, false, order, &mut |x, width| {
                             let scale = scale * width * (-x * x).exp();
                             self.facet(fresnel, (x, side * y), scale, sum);
                         });
                     });
                 }
                 Distribution::Ggx => {
-                    tails(0.0, end, (1.0, steep), true, order, &mut |y, height| {
+                    tails(0.0, end, (1.0, steep), [false, true], order, &mut |y, height| {
                         let core = 1.0 + y * y;
                         let (from, to) = self.row(side * y);
                         let scales = (core.sqrt(), steep.max(core.sqrt()));
-                        tails(from, to, scales, false, order, &mut |x, width| {
+                        tails(from, to, scales, [true, true], order, &mut |x, width| {
                             let bell = core + x * x;
                             let scale = share * (height / bell) * (width / bell);
                             self.facet(fresnel, (x, side * y), scale, sum);
@@ -178,10 +180,17 @@ impl<'a> Ellipse<'a> {
 }
 
 /// The points x and weights dx for a Gaussian bell times a smooth function. With `closing` that function ends like a root at `to`.
-fn bell(from: f64, to: f64, closing: bool, order: usize, add: &mut impl FnMut(f64, f64)) {
+fn bell(
+    from: f64,
+    to: f64,
+    longest: f64,
+    closing: bool,
+    order: usize,
+    add: &mut impl FnMut(f64, f64),
+) {
     let closing = closing && to < BECKMANN_END;
     let (from, to) = (from.max(-BECKMANN_END), to.min(BECKMANN_END));
-    panels(from, to, 3.3, closing, order, add);
+    panels(from, to, longest, [false, closing], order, add);
 }
 
 /// The points x and weights dx for a bell of width `core` with long tails times a function that varies at `far` or on the bell's width: x = core sinh τ, and
@@ -190,40 +199,56 @@ fn tails(
     from: f64,
     to: f64,
     (core, far): (f64, f64),
-    closing: bool,
+    closing: [bool; 2],
     order: usize,
     add: &mut impl FnMut(f64, f64),
 ) {
-    let split = to > far && from < far;
+    let split = to > 2.0 * far && from < far;
     let near = if split { far } else { to };
     let (first, last) = ((from / core).asinh(), (near / core).asinh());
-    panels(first, last, 2.5, closing && !split, order, &mut |t: f64, width| {
+    panels(first, last, 2.5, [closing[0], closing[1] && !split], order, &mut |t: f64, width| {
         add(core * t.sinh(), core * t.cosh() * width);
     });
     if split {
-        panels(1.0 / far, 1.0 / to, f64::INFINITY, closing, order, &mut |v, width: f64| {
-            add(1.0 / v, width.abs() / (v * v));
-        });
+        panels(
+            1.0 / far,
+            1.0 / to,
+            f64::INFINITY,
+            [false, closing[1]],
+            order,
+            &mut |v, width: f64| {
+                add(1.0 / v, width.abs() / (v * v));
+            },
+        );
     }
 }
 
-/// Points and weights over panels no longer than `longest`; with `closing` the last has its points closer together towards `to`.
+/// Points and weights over panels no longer than `longest`; the first or last has its points closer together towards `from` or `to` that is `closing`.
 fn panels(
     from: f64,
     to: f64,
     longest: f64,
-    closing: bool,
+    closing: [bool; 2],
     order: usize,
     add: &mut impl FnMut(f64, f64),
 ) {
-    let count = ((to - from) / longest).ceil().max(1.0);
+    let mut count = ((to - from).abs() / longest).ceil().max(1.0);
+    if closing == [true, true] {
+        count = count.max(2.0);
+    }
     let edge = |j: f64| from + (to - from) * j / count;
     let mut j = 0.0;
     while j < count {
         let (first, last) = (edge(j), edge(j + 1.0));
-        if closing && j + 1.0 >= count {
+        // The end from which a root or a steep fall is seen, and the other.
+        let ends = match closing {
+            [true, _] if j == 0.0 => Some((first, last)),
+            [_, true] if j + 1.0 >= count => Some((last, first)),
+            _ => None,
+        };
+        if let Some((near, other)) = ends {
             for (t, width) in rule::panel(0.0, 1.0, order) {
-                add(last - (last - first) * t * t, 2.0 * (last - first) * t * width);
+                add(near + (other - near) * t * t, 2.0 * (last - first) * t * width);
             }
         } else {
             rule::panel(first, last, order).for_each(|(x, width)| add(x, width));
@@ -239,7 +264,7 @@ mod dbg {
     #[test]
     fn dbg() {
         for dist in [Distribution::Beckmann, Distribution::Ggx] {
-            for alpha in [0.01, 0.15, 0.3, 1.0] {
+            for alpha in [1e-5, 1e-3, 0.01, 0.05, 0.15, 0.3, 0.6, 1.0, 2.0] {
                 for mu in [1e-9_f64, 1e-3, 0.3, 1.0 - 1e-14] {
                     let lobe = Lobe::isotropic(dist, alpha, Masking::Separable).unwrap();
                     let f =

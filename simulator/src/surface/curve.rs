@@ -15,6 +15,9 @@ const MOST_POINTS: usize = 1025;
 const FEWEST_NODES: usize = 65;
 const MOST_NODES: usize = 8193;
 
+/// Places with both functions there.
+type Points = Vec<(f64, [f64; 2])>;
+
 /// Two functions that are nowhere negative, from below.
 #[derive(Debug, Clone)]
 pub(super) struct Curve {
@@ -105,7 +108,7 @@ fn difference(a: [f64; 2], b: [f64; 2]) -> f64 {
 /// as many points, at the points between: more than that of the interpolant with all.
 fn chebyshev(
     at: impl Fn(f64) -> Result<[f64; 2], MaterialError>,
-) -> Result<(Vec<(f64, [f64; 2])>, f64), MaterialError> {
+) -> Result<(Points, f64), MaterialError> {
     let point = |j: usize, count: usize| (0.5 * PI * j as f64 / (count - 1) as f64).sin().powi(2);
     let value = |s: f64| Ok::<_, MaterialError>((s, at(s)?));
     let mut points = (0..FEWEST_POINTS)
