@@ -86,7 +86,7 @@ pub enum MaterialError {
         angles: usize,
     },
     /// An integral over all directions that did not converge.
-    #[error("the albedo at {theta_deg}° of incidence is known to {error:.1e} only, expected 1e-6")]
+    #[error("the albedo at {theta_deg}° of incidence is known to {error:.1e} only, expected 1e-5")]
     Albedo {
         /// The angle of incidence.
         theta_deg: f64,
