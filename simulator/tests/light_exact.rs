@@ -14,7 +14,7 @@ use sunglint_simulator::target::{Part, Placement, Shape, Target};
 use sunglint_testkit::fixture;
 
 fn white(name: &str) -> Material {
-    Material::lambert(name, Spectrum::constant(1.0, 300.0, 1240.0).unwrap())
+    Material::lambert(name, Spectrum::constant(1.0, 300.0, 1240.0).unwrap()).unwrap()
 }
 
 /// Lambert parts, each with a material of its own.

@@ -44,7 +44,7 @@ fn bodies(seed: u64) -> Target {
             offset_m: 0.8 * direction(&mut rng) * rng.random::<f64>(),
         };
         let spectrum = Spectrum::constant(1.0, 300.0, 1240.0).unwrap();
-        target.materials.push(Material::lambert(format!("m{k}"), spectrum));
+        target.materials.push(Material::lambert(format!("m{k}"), spectrum).unwrap());
         target.parts.push(Part {
             name: format!("p{k}"),
             shape: Shape::Mesh(mesh),

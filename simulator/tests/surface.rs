@@ -101,16 +101,16 @@ fn every_material_is_reciprocal_finite_and_dark_from_behind() {
     }
 }
 
-/// Truth: conservation of energy. Tolerance: 1e-6, what the interpolation between angles of n + ik may err; otherwise the quadrature's 1e-8.
+/// Truth: conservation of energy. Tolerance: rounding; a paint is darker by what its tables may err.
 #[test]
 fn no_material_reflects_more_than_came() {
     for material in all() {
         for theta in [0.0, 60.0, 85.0, 89.99] {
-            let weights = material.albedo_weights(direction(theta, 20.0));
+            let weights = material.albedo_weights(direction(theta, 20.0)).unwrap();
             for nm in [300.0, 633.0, 1240.0] {
                 let albedo = material.times_spectra(nm, &weights);
                 let what = material.describe();
-                assert!((0.0..=1.0 + 1e-6).contains(&albedo), "{what} {theta} {nm}: {albedo}");
+                assert!((0.0..=1.0 + 1e-12).contains(&albedo), "{what} {theta} {nm}: {albedo}");
             }
         }
         assert!(material.spectra().iter().flat_map(|s| s.value()).all(|v| (0.0..=1.0).contains(v)));
@@ -123,13 +123,14 @@ fn nothing_is_lost_where_nothing_can_be() {
     for distribution in DISTRIBUTIONS {
         let lobe = Lobe::isotropic(distribution, 1e-3, Masking::Separable).unwrap();
         let one = Fresnel::constant(flat(1.0)).unwrap();
-        let albedo = Material::microfacet("m", lobe, one).albedo(500.0, direction(30.0, 0.0));
+        let albedo =
+            Material::microfacet("m", lobe, one).albedo(500.0, direction(30.0, 0.0)).unwrap();
         assert!((albedo - 1.0).abs() < 3e-6, "{distribution:?}: {albedo}");
         for fresnel in [flat(0.04), slope()].map(|r| Fresnel::schlick(r).unwrap()) {
             let lobe = Lobe::isotropic(distribution, 0.3, Masking::Separable).unwrap();
             let paint = Material::blend("paint", flat(1.0), lobe, fresnel).unwrap();
             for theta in [0.0, 45.0, 80.0, 89.0] {
-                let albedo = paint.albedo(500.0, direction(theta, 0.0));
+                let albedo = paint.albedo(500.0, direction(theta, 0.0)).unwrap();
                 assert!((albedo - 1.0).abs() < 1e-5, "{distribution:?} {theta}: {albedo}");
             }
         }
@@ -287,7 +288,7 @@ fn files_become_materials() {
     assert_eq!(paint.name, "paint");
     assert!(sources.len() == 1 && sources[0].0.ends_with("white.csv") && sources[0].1.len() == 64);
     assert_eq!(paint.spectra().len(), 3);
-    assert!(paint.albedo(650.0, DVec3::Z) > 0.75);
+    assert!(paint.albedo(650.0, DVec3::Z).unwrap() > 0.75);
 }
 
 /// Truth: the materials of the peer's scenes (`MATERIALS`), digit for digit.

@@ -259,6 +259,7 @@ impl Reader<'_> {
                 let grey =
                     grey.map_err(|e| self.error("target.sphere.reflectance", e.to_string()))?;
                 Material::lambert(format!("grey {}", reflectance.get()), grey)
+                    .map_err(|e| self.error("target.sphere.reflectance", e.to_string()))?
             }
             _ => {
                 let expected = "either material (a built-in one) or reflectance (diffuse and grey)";

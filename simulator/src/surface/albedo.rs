@@ -1,121 +1,258 @@
 //! The fraction of light that a rough surface reflects in all directions.
 //!
-//! With the slopes (x, y) of a microfacet in units of α_x, α_y, its distribution is a fixed bell p, and
-//! E(i) = ∫∫ p F G (1 + B r) r dr dφ with B r the slope towards the light over its height. What leaves above the horizon fills
-//! in each direction φ the slopes up to r = (B + √(B² + A))/A with A = α_x²cos²φ + α_y²sin²φ: for every roughness and incidence a smooth limit,
-//! but for a step at B = 0 near grazing incidence, towards which the panels shrink.
+//! In slopes of microfacets those that reflect light from the zenith angle θ upwards fill a disc of radius 1/cosθ, tan θ from the
+//! origin. With the slopes (x, y) in units of α_x, α_y the distribution is a fixed bell p and the disc an ellipse; with x towards
+//! the light E = ∫∫ p F G/cosθ_i (cosθ_i + s x) dx dy, s = α sinθ. Row by row across the ellipse this stays smooth for every roughness and up to grazing
+//! incidence: there the near edge runs through the origin, and G falls to 0 on it within the width of the bell.
 
-use super::{Distribution, Fresnel, Lobe, Material, Model, cos_difference, rule};
+use super::{Distribution, Fresnel, Lobe, Material, MaterialError, Model, cos_difference, rule};
 use glam::DVec3;
-use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
+use std::f64::consts::FRAC_1_PI;
 
-/// The relative change from one order of the quadrature to the next at which it is taken as converged.
-const TOLERANCE: f64 = 1e-9;
+/// The change from one order of the quadrature to the next, relative to the largest weight, at which it is taken as converged.
+const TOLERANCE: f64 = 1e-5;
+/// e^(−6.5²) is 5e-19.
+const BECKMANN_END: f64 = 6.5;
 
 impl Material {
     /// The directional–hemispherical reflectance ∫ f_r cosθ_o dω_o at a wavelength (vacuum nm) for light from `i` (unit vector, surface's own
-    /// axes). 0 for light from below; the quadrature stops when its orders agree to 1e-9.
-    pub fn albedo(&self, wavelength_nm: f64, i: DVec3) -> f64 {
-        self.times_spectra(wavelength_nm, &self.albedo_weights(i))
+    /// axes), to 1e-5 (that at grazing incidence; elsewhere far better). 0 for light from below.
+    ///
+    /// # Errors
+    /// [`MaterialError::Albedo`] where the quadrature does not reach that.
+    pub fn albedo(&self, wavelength_nm: f64, i: DVec3) -> Result<f64, MaterialError> {
+        Ok(self.times_spectra(wavelength_nm, &self.albedo_weights(i)?))
     }
 
     /// [`Material::albedo`] as weights, one per spectrum.
-    pub fn albedo_weights(&self, i: DVec3) -> Vec<f64> {
+    ///
+    /// # Errors
+    /// [`MaterialError::Albedo`].
+    pub fn albedo_weights(&self, i: DVec3) -> Result<Vec<f64>, MaterialError> {
         let mut sum = vec![0.0; self.spectra.len()];
         if i.z.is_nan() || i.z <= 0.0 {
-            return sum;
+            return Ok(sum);
         }
         match &self.model {
             Model::Lambert => sum[0] = 1.0,
             Model::Mirror { fresnel } => fresnel.add_weights(i.z, 1.0, &mut sum),
-            Model::Microfacet { lobe, fresnel } => sum = weights(lobe, fresnel, i),
+            Model::Microfacet { lobe, fresnel } => sum = weights(lobe, fresnel, i)?,
             Model::Blend { lobe, fresnel, base } => {
-                let coat = weights(lobe, fresnel, i);
+                let coat = weights(lobe, fresnel, i)?;
                 sum[..coat.len()].copy_from_slice(&coat);
                 base.add_albedo(i.z, &mut sum[coat.len()..]);
             }
         }
-        sum
+        Ok(sum)
     }
 }
 
 /// The albedo of a lobe for light from `i`, above the horizon, one weight for each spectrum of the Fresnel term.
-pub(super) fn weights(lobe: &Lobe, fresnel: &Fresnel, i: DVec3) -> Vec<f64> {
-    let (alpha_x, alpha_y) = lobe.alpha();
-    // Slope towards the light, per unit of slope.
-    let tilt = |phi: f64| (i.x * alpha_x * phi.cos() + i.y * alpha_y * phi.sin()) / i.z;
-    // The direction of the largest B; the steps are a quarter turn away from it.
-    let top = (i.y * alpha_y).atan2(i.x * alpha_x);
-    let steepest = tilt(top).max(0.0);
-    let scale = (0.2 / (1.0 + steepest * 6.0_f64.max(1.0 / alpha_x.min(alpha_y)))).max(1e-6);
-    let mut edges = rule::towards(0.0, FRAC_PI_2, scale);
-    edges.extend(rule::towards(PI, FRAC_PI_2, scale).iter().rev().skip(1));
-    // Of an isotropic lobe the other half is the same.
-    let halves: &[f64] = if lobe.is_isotropic() { &[1.0] } else { &[1.0, -1.0] };
-    let share = 2.0 / halves.len() as f64;
-    let mut last: Option<Vec<f64>> = None;
-    for order in 0..rule::ORDERS.len() {
-        let mut sum = vec![0.0; fresnel.spectra().len()];
-        for &(delta, weight) in &rule::points(&edges, order) {
-            for half in halves {
-                let phi = top + half * delta;
-                let b = tilt(phi);
-                ray(lobe, fresnel, i, phi, b, share * weight * FRAC_1_PI, order, &mut sum);
-            }
-        }
-        let size = sum.iter().fold(1e-12_f64, |a, v| a.max(v.abs()));
-        let done = last.as_ref().is_some_and(|last| {
-            last.iter().zip(&sum).all(|(a, b)| (a - b).abs() <= TOLERANCE * size)
-        });
-        last = Some(sum);
-        if done {
-            break;
-        }
+pub(super) fn weights(lobe: &Lobe, fresnel: &Fresnel, i: DVec3) -> Result<Vec<f64>, MaterialError> {
+    let ellipse = Ellipse::new(lobe, i);
+    let count = fresnel.spectra().len();
+    let (sum, error) = rule::converge_all(TOLERANCE, 1, count, |order, sum| {
+        ellipse.add(fresnel, order, sum);
+    });
+    if error <= TOLERANCE {
+        Ok(sum)
+    } else {
+        Err(MaterialError::Albedo { theta_deg: i.z.acos().to_degrees(), error })
     }
-    last.unwrap_or_default()
 }
 
-/// Adds what microfacets reflect that are tilted towards azimuth `phi` (in slopes of α).
-#[expect(clippy::too_many_arguments, reason = "the inner loop of one integral")]
-fn ray(
-    lobe: &Lobe,
-    fresnel: &Fresnel,
+/// The slopes, in units of α and turned so that x points to the light, of the microfacets that reflect it upwards:
+/// a x² + 2 (d y − b) x + c y² < 1.
+struct Ellipse<'a> {
+    lobe: &'a Lobe,
     i: DVec3,
-    phi: f64,
+    /// α sinθ.
+    s: f64,
+    /// The direction of x in the surface's stretched axes.
+    cos: f64,
+    sin: f64,
+    a: f64,
     b: f64,
-    scale: f64,
-    order: usize,
-    sum: &mut [f64],
-) {
-    let (x, y) = (lobe.alpha_x * phi.cos(), lobe.alpha_y * phi.sin());
-    let a = x * x + y * y;
-    let root = (b * b + a).sqrt();
-    let limit = if b > 0.0 { (b + root) / a } else { 1.0 / (root - b) };
-    let mut add = |r: f64, weight: f64| {
-        let h = DVec3::new(x * r, y * r, 1.0).normalize();
-        let o = h * (2.0 * i.dot(h)) - i;
+    c: f64,
+    d: f64,
+}
+
+impl<'a> Ellipse<'a> {
+    fn new(lobe: &'a Lobe, i: DVec3) -> Self {
+        let (alpha_x, alpha_y) = lobe.alpha();
+        let (x, y) = (alpha_x * i.x, alpha_y * i.y);
+        let s = x.hypot(y);
+        let (cos, sin) = if s > 0.0 { (x / s, y / s) } else { (1.0, 0.0) };
+        let (x2, y2) = (alpha_x * alpha_x, alpha_y * alpha_y);
+        Self {
+            lobe,
+            i,
+            s,
+            cos,
+            sin,
+            a: x2 * cos * cos + y2 * sin * sin,
+            // Beyond, the near edge is at the origin and the far one at infinity to all digits.
+            b: (s / i.z).min(1e100),
+            c: x2 * sin * sin + y2 * cos * cos,
+            d: (y2 - x2) * cos * sin,
+        }
+    }
+
+    /// First and last x of the row y.
+    fn row(&self, y: f64) -> (f64, f64) {
+        let half = self.b - self.d * y;
+        let short = self.c * y * y - 1.0;
+        let root = (half * half - self.a * short).max(0.0).sqrt();
+        if half > 0.0 {
+            (short / (half + root), (half + root) / self.a)
+        } else {
+            ((half - root) / self.a, short / (half - root))
+        }
+    }
+
+    /// How far the ellipse goes towards y > 0, or with `side` −1 towards y < 0.
+    fn end(&self, side: f64) -> f64 {
+        let k = self.a * self.c - self.d * self.d;
+        let middle = -side * self.b * self.d;
+        let root = (middle * middle + k * (self.b * self.b + self.a)).sqrt();
+        if middle > 0.0 {
+            (middle + root) / k
+        } else {
+            (self.b * self.b + self.a) / (root - middle)
+        }
+    }
+
+    fn add(&self, fresnel: &Fresnel, order: usize, sum: &mut [f64]) {
+        let (alpha_x, alpha_y) = self.lobe.alpha();
+        // Slopes of 1.
+        let steep = 1.0 / alpha_x.min(alpha_y);
+        // Of an isotropic lobe both sides are the same.
+        let sides: &[f64] = if self.lobe.is_isotropic() { &[1.0] } else { &[1.0, -1.0] };
+        let share = FRAC_1_PI * 2.0 / sides.len() as f64;
+        for &side in sides {
+            let end = self.end(side);
+            match self.lobe.distribution {
+                Distribution::Beckmann => {
+                    // The masking's error function is flat but not analytic towards the normal, on a scale of slopes.
+                    let longest = (0.7 * steep).min(3.3);
+                    bell(0.0, end, longest, true, order, &mut |y, height| {
+                        let scale = share * height * (-y * y).exp();
+                        let (from, to) = self.row(side * y);
+                        bell(from, to, longest, false, order, &mut |x, width| {
+                            let scale = scale * width * (-x * x).exp();
+                            self.facet(fresnel, (x, side * y), scale, sum);
+                        });
+                    });
+                }
+                Distribution::Ggx => {
+                    tails(0.0, end, (1.0, steep), [false, true], order, &mut |y, height| {
+                        let core = 1.0 + y * y;
+                        let (from, to) = self.row(side * y);
+                        let scales = (core.sqrt(), steep.max(core.sqrt()));
+                        tails(from, to, scales, [true, true], order, &mut |x, width| {
+                            let bell = core + x * x;
+                            let scale = share * (height / bell) * (width / bell);
+                            self.facet(fresnel, (x, side * y), scale, sum);
+                        });
+                    });
+                }
+            }
+        }
+    }
+
+    /// What microfacets of one slope reflect.
+    fn facet(&self, fresnel: &Fresnel, (x, y): (f64, f64), scale: f64, sum: &mut [f64]) {
+        let lobe = self.lobe;
+        let slope_x = lobe.alpha_x * (self.cos * x - self.sin * y);
+        let slope_y = lobe.alpha_y * (self.sin * x + self.cos * y);
+        let h = DVec3::new(slope_x, slope_y, 1.0).normalize();
+        let o = h * (2.0 * self.i.dot(h)) - self.i;
         if o.z > 0.0 {
-            let height = |v: DVec3| (v.z, (lobe.alpha_x * v.x).hypot(lobe.alpha_y * v.y));
-            let seen = i.z * o.z * lobe.masking_over_heights(height(i), height(o));
+            let height = lobe.alpha_x * o.x;
+            let across = lobe.alpha_y * o.y;
+            let out = (o.z, (height * height + across * across).sqrt());
+            let seen = o.z * lobe.masking_over_heights((self.i.z, self.s), out);
             // Both directions have the same angle to h.
-            fresnel.add_weights(cos_difference(i, o), scale * weight * seen * (1.0 + b * r), sum);
+            let cos = cos_difference(self.i, o);
+            fresnel.add_weights(cos, scale * seen * (self.i.z + self.s * x), sum);
         }
-    };
-    match lobe.distribution {
-        Distribution::Beckmann => {
-            // e^(−6.5²) is 5e-19. Masking varies near the horizon, where the limit is not far.
-            let end = limit.min(6.5);
-            for (r, weight) in rule::points(&[0.0, 0.5 * end, end], order) {
-                add(r, weight * r * (-r * r).exp());
+    }
+}
+
+/// The points x and weights dx for a Gaussian bell times a smooth function. With `closing` that function ends like a root at `to`.
+fn bell(
+    from: f64,
+    to: f64,
+    longest: f64,
+    closing: bool,
+    order: usize,
+    add: &mut impl FnMut(f64, f64),
+) {
+    let closing = closing && to < BECKMANN_END;
+    let (from, to) = (from.max(-BECKMANN_END), to.min(BECKMANN_END));
+    panels(from, to, longest, [false, closing], order, add);
+}
+
+/// The points x and weights dx for a bell of width `core` with long tails times a function that varies at `far` or on the bell's width: x = core sinh τ, and
+/// beyond `far` x = 1/v.
+fn tails(
+    from: f64,
+    to: f64,
+    (core, far): (f64, f64),
+    closing: [bool; 2],
+    order: usize,
+    add: &mut impl FnMut(f64, f64),
+) {
+    let split = to > 2.0 * far && from < far;
+    let near = if split { far } else { to };
+    let (first, last) = ((from / core).asinh(), (near / core).asinh());
+    panels(first, last, 2.5, [closing[0], closing[1] && !split], order, &mut |t: f64, width| {
+        add(core * t.sinh(), core * t.cosh() * width);
+    });
+    if split {
+        panels(
+            1.0 / far,
+            1.0 / to,
+            f64::INFINITY,
+            [false, closing[1]],
+            order,
+            &mut |v, width: f64| {
+                add(1.0 / v, width.abs() / (v * v));
+            },
+        );
+    }
+}
+
+/// Points and weights over panels no longer than `longest`; the first or last has its points closer together towards `from` or `to` that is `closing`.
+fn panels(
+    from: f64,
+    to: f64,
+    longest: f64,
+    closing: [bool; 2],
+    order: usize,
+    add: &mut impl FnMut(f64, f64),
+) {
+    let mut count = ((to - from).abs() / longest).ceil().max(1.0);
+    if closing == [true, true] {
+        count = count.max(2.0);
+    }
+    let edge = |j: f64| from + (to - from) * j / count;
+    let mut j = 0.0;
+    while j < count {
+        let (first, last) = (edge(j), edge(j + 1.0));
+        // The end from which a root or a steep fall is seen, and the other.
+        let ends = match closing {
+            [true, _] if j == 0.0 => Some((first, last)),
+            [_, true] if j + 1.0 >= count => Some((last, first)),
+            _ => None,
+        };
+        if let Some((near, other)) = ends {
+            for (t, width) in rule::panel(0.0, 1.0, order) {
+                add(near + (other - near) * t * t, 2.0 * (last - first) * t * width);
             }
+        } else {
+            rule::panel(first, last, order).for_each(|(x, width)| add(x, width));
         }
-        Distribution::Ggx => {
-            // r = tan ψ: p r dr = sin ψ cos ψ dψ.
-            let end = limit.atan();
-            let scale = (1.0 / (1.0 + limit * limit)).min(lobe.alpha_x).clamp(1e-5, 0.4);
-            for (psi, weight) in rule::points(&rule::towards(0.0, end, scale), order) {
-                add(psi.tan(), weight * psi.sin() * psi.cos());
-            }
-        }
+        j += 1.0;
     }
 }

@@ -54,10 +54,10 @@ fn make(name: &str) -> Result<Material, Box<dyn std::error::Error>> {
         "solar_cell" => rough(0.15, include_str!("../../materials/solar_cell.ecsv"))?,
         "mli" => rough(0.3, include_str!("../../materials/mli.ecsv"))?,
         "white" => {
-            Material::lambert(name, embedded(name, include_str!("../../materials/white.ecsv"))?)
+            Material::lambert(name, embedded(name, include_str!("../../materials/white.ecsv"))?)?
         }
-        "grey80" => Material::lambert(name, flat(0.8)?),
-        "unit" => Material::lambert(name, flat(1.0)?),
+        "grey80" => Material::lambert(name, flat(0.8)?)?,
+        "unit" => Material::lambert(name, flat(1.0)?)?,
         "mirror" => Material::mirror(name, Fresnel::constant(flat(1.0)?)?),
         metal => {
             let index = ComplexIndex::named(metal.trim_end_matches("_nk"))?;

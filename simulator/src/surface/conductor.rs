@@ -19,6 +19,8 @@ pub const WAVELENGTH_TOLERANCE: f64 = 1e-5;
 
 const MOST_ANGLES: usize = 40;
 const ANGLES_TRIED: usize = 400;
+/// The most parts of an interval of wavelengths: far more than two rows of any table need.
+const MOST_PARTS: usize = 4096;
 
 /// The refractive index n + ik of a material by vacuum wavelength, linear between.
 #[derive(Debug, Clone, PartialEq)]
@@ -165,6 +167,31 @@ impl Conductor {
         self.u.iter().map(|&u| u * self.b / (1.0 + self.b - u)).collect()
     }
 
+    /// One number for each angle, so that the interpolation between them is at no angle below that of `spectra` at any wavelength.
+    pub(super) fn brightest(&self, spectra: &[Spectrum<Reflectance>]) -> Vec<f64> {
+        let mut most: Vec<f64> =
+            spectra.iter().map(|s| s.value().iter().copied().fold(0.0, f64::max)).collect();
+        let rows = spectra[0].value().len();
+        let mut weights = vec![0.0; most.len()];
+        let mut lacking = 0.0_f64;
+        for j in 0..=ANGLES_TRIED {
+            weights.fill(0.0);
+            self.add_weights((j as f64 / ANGLES_TRIED as f64).powi(2), 1.0, &mut weights);
+            for row in 0..rows {
+                let short: f64 = spectra
+                    .iter()
+                    .zip(&weights)
+                    .zip(&most)
+                    .map(|((s, w), most)| (s.value()[row] - most) * w)
+                    .sum();
+                lacking = lacking.max(short);
+            }
+        }
+        // The weights add up to 1. Between the angles tried the polynomial may lack a little more.
+        most.iter_mut().for_each(|v| *v += lacking * 1.01 + 1e-7);
+        most
+    }
+
     pub(super) fn add_weights(&self, cos: f64, scale: f64, sum: &mut [f64]) {
         let cos = cos.clamp(0.0, 1.0);
         let u = (1.0 + self.b) * cos / (cos + self.b);
@@ -173,7 +200,7 @@ impl Conductor {
             return;
         }
         // The barycentric form; of Chebyshev points (of the second kind) the weights are ±1, half at the ends
-        // (Berrut and Trefethen 2004, SIAM Review 46, 501, eq. 5.4).
+        // (Berrut and Trefethen 2004, SIAM Review 46, 501).
         let last = self.u.len() - 1;
         let term = |j: usize| {
             let sign = if j.is_multiple_of(2) { 1.0 } else { -1.0 };
@@ -233,7 +260,11 @@ impl Conductor {
         };
         let (mut nm, mut values) = (Vec::new(), Vec::new());
         for row in 0..index.wavelength_nm.len() - 1 {
-            let parts = parts(&at, row);
+            let parts = parts(&at, row).ok_or(MaterialError::Wavelengths {
+                from_nm: index.wavelength_nm[row],
+                to_nm: index.wavelength_nm[row + 1],
+                points: MOST_PARTS,
+            })?;
             let (from, to) = (index.wavelength_nm[row], index.wavelength_nm[row + 1]);
             for part in 0..parts {
                 let t = part as f64 / parts as f64;
@@ -253,11 +284,9 @@ impl Conductor {
 }
 
 /// Into how many parts an interval of wavelengths is divided so that all reflectances are linear in each.
-fn parts(at: &impl Fn(usize, f64) -> Vec<f64>, row: usize) -> usize {
-    let mut parts = 1;
-    // Far more than two rows of any table can need.
-    while parts < 4096 {
-        let good = (0..parts).all(|part| {
+fn parts(at: &impl Fn(usize, f64) -> Vec<f64>, row: usize) -> Option<usize> {
+    let good = |parts: usize| {
+        (0..parts).all(|part| {
             let (from, to) = (part as f64 / parts as f64, (part + 1) as f64 / parts as f64);
             let (first, last) = (at(row, from), at(row, to));
             [0.25, 0.5, 0.75].iter().all(|t| {
@@ -266,13 +295,12 @@ fn parts(at: &impl Fn(usize, f64) -> Vec<f64>, row: usize) -> usize {
                 line.zip(&truth)
                     .all(|(line, truth)| (line - truth).abs() <= 0.9 * WAVELENGTH_TOLERANCE)
             })
-        });
-        if good {
-            break;
-        }
-        parts *= 2;
-    }
-    parts
+        })
+    };
+    (0..)
+        .map(|power| 1 << power)
+        .take_while(|parts| *parts <= MOST_PARTS)
+        .find(|parts| good(*parts))
 }
 
 /// The Chebyshev points of the second kind between 0 and 1.

@@ -152,7 +152,8 @@ impl Reader<'_> {
     fn material(&mut self, file: &MaterialFile) -> Result<Material, FileError> {
         self.check_keys(file)?;
         Ok(match file.model {
-            ModelName::Lambert => Material::lambert(&file.name, self.reflectance(&coat(file))?),
+            ModelName::Lambert => Material::lambert(&file.name, self.reflectance(&coat(file))?)
+                .map_err(|e| self.wrong("reflectance", &e))?,
             ModelName::Mirror => Material::mirror(&file.name, self.fresnel(file)?),
             ModelName::Microfacet => {
                 Material::microfacet(&file.name, self.lobe(file)?, self.fresnel(file)?)

@@ -14,6 +14,7 @@ mod albedo;
 mod blend;
 pub mod built_in;
 pub mod conductor;
+mod curve;
 pub mod file;
 pub mod fresnel;
 pub mod microfacet;
@@ -84,6 +85,52 @@ pub enum MaterialError {
         /// The number of angles that did not do.
         angles: usize,
     },
+    /// An integral over all directions that did not converge.
+    #[error("the albedo at {theta_deg}° of incidence is known to {error:.1e} only, expected 1e-5")]
+    Albedo {
+        /// The angle of incidence.
+        theta_deg: f64,
+        /// The last change, relative.
+        error: f64,
+    },
+    /// A coat whose albedo is not smooth enough in angle.
+    #[error(
+        "the coat's albedo between {nodes} angles of incidence is known to {error:.1e} only, expected {expected:.0e}"
+    )]
+    Coat {
+        /// The number of angles.
+        nodes: usize,
+        /// The error between them.
+        error: f64,
+        /// What it should be.
+        expected: f64,
+    },
+    /// Two reflectances without a common range of wavelengths.
+    #[error(
+        "the coat is tabulated from {coat_from_nm} to {coat_to_nm} nm and the base from {base_from_nm} to {base_to_nm} nm: they need wavelengths in common"
+    )]
+    Disjoint {
+        /// Where the coat's table begins.
+        coat_from_nm: f64,
+        /// Where it ends.
+        coat_to_nm: f64,
+        /// Where the base's table begins.
+        base_from_nm: f64,
+        /// Where it ends.
+        base_to_nm: f64,
+    },
+    /// A spectrum with a step that no number of wavelengths resolves.
+    #[error(
+        "the reflectance between {from_nm} and {to_nm} nm is not smooth enough to be linear between {points} wavelengths"
+    )]
+    Wavelengths {
+        /// The wavelength before.
+        from_nm: f64,
+        /// The wavelength after.
+        to_nm: f64,
+        /// The number of wavelengths that did not do.
+        points: usize,
+    },
     /// A phase angle out of range.
     #[error("the phase angle is {phase_rad} rad, expected one from 0 to π")]
     Phase {
@@ -113,8 +160,15 @@ pub enum MaterialError {
 
 impl Material {
     /// A Lambert surface: f_r = ρ(λ)/π.
-    pub fn lambert(name: impl Into<String>, reflectance: Spectrum<Reflectance>) -> Self {
-        Self { name: name.into(), spectra: vec![reflectance], model: Model::Lambert }
+    ///
+    /// # Errors
+    /// A reflectance above 1.
+    pub fn lambert(
+        name: impl Into<String>,
+        reflectance: Spectrum<Reflectance>,
+    ) -> Result<Self, MaterialError> {
+        check_reflectance(&reflectance)?;
+        Ok(Self { name: name.into(), spectra: vec![reflectance], model: Model::Lambert })
     }
 
     /// A perfect mirror, plane but for the shape that it is put on.
@@ -130,11 +184,11 @@ impl Material {
     }
 
     /// A coat of microfacets over a Lambert surface, as paints have it: what the coat does not reflect reaches the base and leaves it again. The sum reflects
-    /// no more than came and is reciprocal: f = f_coat + ρ/π (1 − E(θ_i))(1 − E(θ_o))/(1 − E_avg), with E the coat's albedo. Making it takes
-    /// some 10 ms to 1 s (E over all angles).
+    /// no more than came and is reciprocal: f = f_coat + ρ/π (1 − E(θ_i))(1 − E(θ_o))/(1 − E_avg), with E the coat's albedo, from above to 1e-7. Making it takes
+    /// some 10 ms (E over all angles).
     ///
     /// # Errors
-    /// A base that reflects more than came; a coat with a tangent.
+    /// A base that reflects more than came; a coat with a tangent; tables without common wavelengths.
     pub fn blend(
         name: impl Into<String>,
         reflectance: Spectrum<Reflectance>,

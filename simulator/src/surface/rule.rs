@@ -19,6 +19,12 @@ pub(super) fn points(edges: &[f64], order: usize) -> Vec<(f64, f64)> {
     edges.windows(2).flat_map(panel).collect()
 }
 
+/// Points and weights of one panel.
+pub(super) fn panel(from: f64, to: f64, order: usize) -> impl Iterator<Item = (f64, f64)> {
+    let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
+    RULES[order].iter().map(move |(x, w)| (middle + half * x, half * w))
+}
+
 /// Edges from `from` to `to`, in panels that shrink by thirds towards `to` down to `scale` (a length above 0).
 pub(super) fn towards(from: f64, to: f64, scale: f64) -> Vec<f64> {
     let mut edges = vec![from];
@@ -36,13 +42,29 @@ pub(super) fn converge<const N: usize>(
     tolerance: f64,
     mut integral: impl FnMut(usize) -> [f64; N],
 ) -> ([f64; N], f64) {
-    let mut last = integral(0);
+    let (value, error) =
+        converge_all(tolerance, 0, N, |order, sum| sum.copy_from_slice(&integral(order)));
+    let mut found = [0.0; N];
+    found.copy_from_slice(&value);
+    (found, error)
+}
+
+/// [`converge`] of `count` components, from the order `first` on.
+pub(super) fn converge_all(
+    tolerance: f64,
+    first: usize,
+    count: usize,
+    mut integral: impl FnMut(usize, &mut [f64]),
+) -> (Vec<f64>, f64) {
+    let (mut last, mut next) = (vec![0.0; count], vec![0.0; count]);
+    integral(first, &mut last);
     let mut error = f64::INFINITY;
-    for order in 1..ORDERS.len() {
-        let next = integral(order);
+    for order in first + 1..ORDERS.len() {
+        next.fill(0.0);
+        integral(order, &mut next);
         let size = next.iter().fold(f64::MIN_POSITIVE, |a, b| a.max(b.abs()));
         error = next.iter().zip(&last).fold(0.0_f64, |a, (x, y)| a.max((x - y).abs())) / size;
-        last = next;
+        std::mem::swap(&mut last, &mut next);
         if error <= tolerance {
             break;
         }

@@ -37,7 +37,7 @@ pub fn directions(rng: &mut Rng) -> (DVec3, DVec3) {
 }
 
 pub fn white(name: &str) -> Material {
-    Material::lambert(name, Spectrum::constant(1.0, 300.0, 1240.0).unwrap())
+    Material::lambert(name, Spectrum::constant(1.0, 300.0, 1240.0).unwrap()).unwrap()
 }
 
 /// Adds a white Lambert part with a material of its own.
