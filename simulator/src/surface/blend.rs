@@ -87,9 +87,6 @@ impl Base {
         Ok((Self { pass, mean, scale, tinted }, spectra))
     }
 
-    pub(super) fn nodes(&self) -> usize {
-        self.pass.values.len()
-    }
     /// Adds `scale` times the base's weights \[sr⁻¹\].
     pub(super) fn add_weights(&self, cos_i: f64, cos_o: f64, scale: f64, sum: &mut [f64]) {
         let scale = scale * self.scale * FRAC_1_PI;
