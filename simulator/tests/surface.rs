@@ -135,7 +135,7 @@ fn every_roughness_makes_a_paint() {
     }
 }
 
-/// Truth: a smooth surface with F = 1 reflects all, and a paint with a white base too, whatever its coat. Tolerance: α² of lost light; the blend's 1e-7 and its averages.
+/// Truth: a smooth surface with F = 1 reflects all, and a paint with a white base too, whatever its coat. Tolerance: α² of lost light; twice what each of the tables of a paint may err (2e-5).
 #[test]
 fn nothing_is_lost_where_nothing_can_be() {
     for distribution in DISTRIBUTIONS {
@@ -149,7 +149,7 @@ fn nothing_is_lost_where_nothing_can_be() {
             let paint = Material::blend("paint", flat(1.0), lobe, fresnel).unwrap();
             for theta in [0.0, 45.0, 80.0, 89.0] {
                 let albedo = paint.albedo(500.0, direction(theta, 0.0)).unwrap();
-                assert!((albedo - 1.0).abs() < 1e-5, "{distribution:?} {theta}: {albedo}");
+                assert!((albedo - 1.0).abs() < 8e-5, "{distribution:?} {theta}: {albedo}");
             }
         }
     }
