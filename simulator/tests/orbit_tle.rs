@@ -373,3 +373,17 @@ proptest! {
         let _ = parse_lenient("random", &text);
     }
 }
+
+/// Truth: by hand. A number that no object has is not looked for within names.
+#[test]
+fn a_number_is_never_a_part_of_a_name() {
+    let text = format!("STARLINK-1500 OF 25\n{LINE_1}\n{LINE_2}\n");
+    let tles = parse("t.tle", &text).unwrap();
+    for which in ["5", "0", "1500", "25"] {
+        assert!(
+            matches!(choose(&tles, Some(which), None), Err(ChoiceError::Unknown { .. })),
+            "{which}"
+        );
+    }
+    assert_eq!(choose(&tles, Some("starlink"), None).unwrap().norad_id, tles[0].norad_id);
+}

@@ -258,8 +258,12 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
     for warning in &warnings {
         console.warn(warning);
     }
-    for failure in &failures {
-        console.detail(&format!("{}: {}", failure.what, failure.why));
+    // The text lists them, but where a file is written nobody may see it.
+    for failure in failures.iter().take(MOST_WARNED) {
+        console.warn(&format!("left out: {}: {}", failure.what, failure.why));
+    }
+    if let Some(more) = failures.len().checked_sub(MOST_WARNED).filter(|more| *more > 0) {
+        console.warn(&format!("… and {more} more objects left out (failures in --json)"));
     }
     let report = Report {
         search: &search,
@@ -274,6 +278,9 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
     };
     report.finish(&args.out, console)
 }
+
+/// More objects left out than this are counted, not named.
+const MOST_WARNED: usize = 5;
 
 /// One object after the search.
 struct Followed {

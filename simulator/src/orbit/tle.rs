@@ -137,7 +137,7 @@ pub enum ChoiceError {
     },
 }
 
-/// The set that a person means: by catalogue number (alpha-5 too), by name (case ignored), or by a part of a name that fits
+/// The set that a person means: by catalogue number (alpha-5 too), by name (case ignored), or by a part of a name that is no number and fits
 /// one object only; without `which`, the only one there is. Of several sets of one object it is the one whose epoch is
 /// nearest to `near`.
 ///
@@ -184,7 +184,8 @@ fn fitting<'a>(tles: &'a [Tle], wanted: &str) -> Vec<&'a Tle> {
     if found.is_empty() {
         found = by(&|t| t.name.is_some() && name_of(t) == lower);
     }
-    if found.is_empty() && !lower.is_empty() {
+    // A number is a catalogue number, not the middle of some other object's name.
+    if found.is_empty() && !lower.is_empty() && number.is_none() {
         found = by(&|t| name_of(t).contains(&lower));
     }
     found
