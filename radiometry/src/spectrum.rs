@@ -58,6 +58,8 @@ quantities! {
     Transmission "transmission" "" Missing 0.0, 1.0;
     /// Reflectance of a surface.
     Reflectance "reflectance" "" Held 0.0, f64::INFINITY;
+    /// A factor of any sign: products of reflectances, functions that others are interpolated between.
+    Factor "factor" "" Held f64::NEG_INFINITY, f64::INFINITY;
 }
 
 /// A quantity on a strictly increasing grid of vacuum wavelengths in nm, linear between.

@@ -19,6 +19,7 @@
 mod clip;
 mod closed;
 mod coincident;
+mod effect;
 mod evaluate;
 mod facets;
 mod geometry;
@@ -30,6 +31,7 @@ mod solid;
 mod sphere;
 mod weld;
 
+pub use effect::{Effect, Globe, Lighting, Need, Source, Term};
 pub use evaluate::{Direct, DirectionError, Evaluator};
 pub use scene::{Scene, SceneError, SceneReport};
 

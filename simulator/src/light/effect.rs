@@ -1,0 +1,115 @@
+//! What the parts of the engine have in common: light that is described once, terms that are summed, and what a scene needs.
+//!
+//! A simulation knows a list of [`Term`]s: each a spectrum, fixed for the whole pass, before a weight, found for each epoch. The radiant
+//! intensity is I(λ) = E(λ)/d² Σ_k τ_k(λ) W_k, with τ_k the term's spectrum; so rates, magnitudes and bins are sums over k, whatever
+//! the light went through. Singly scattered light has the materials' ρ_k as terms; what does not separate (many bounces, the tint of
+//! an eclipse) takes spectra of its own: products of ρ_k, or hat functions over a grid of wavelengths.
+//!
+//! Every part says with each weight how far it may be off, as an absolute error of the same unit: errors add up over terms just as
+//! weights do, so each channel and bin has its own.
+
+use super::View;
+use crate::surface::MaterialError;
+use glam::DVec3;
+use sunglint_radiometry::spectrum::{Factor, Spectrum};
+
+/// Where light comes from and where it goes, at one moment, in the body's axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lighting {
+    /// Unit vector to the middle of the Sun's disc.
+    pub sun_body: DVec3,
+    /// Angular radius of the Sun's disc, radians; 0 for a collimated Sun.
+    pub sun_radius_rad: f64,
+    /// The Earth as the body sees it; `None` where nothing of it is wanted: no shadow, no earthshine.
+    pub earth: Option<Globe>,
+    /// The Moon as the body sees it; `None` where it is not wanted.
+    pub moon: Option<Globe>,
+    /// The observer.
+    pub view: View,
+}
+
+/// A globe lit by the Sun, as the body sees it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Globe {
+    /// Unit vector to its middle, body axes.
+    pub toward: DVec3,
+    /// Distance of its middle, m.
+    pub distance_m: f64,
+    /// Its radius, m.
+    pub radius_m: f64,
+    /// Unit vector from its middle to the Sun, body axes.
+    pub sun: DVec3,
+}
+
+/// Which way light came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum Source {
+    /// From the Sun, scattered once.
+    Direct,
+    /// From the Sun, scattered more than once.
+    Bounce,
+    /// From the Sun by the Earth.
+    Earthshine,
+    /// From the Sun by the Moon.
+    Moonshine,
+}
+
+/// A spectrum that stands before a weight.
+#[derive(Debug, Clone)]
+pub struct Term {
+    /// Which way the light came.
+    pub source: Source,
+    /// The material that sent it to the observer (index in the target), where it is one.
+    pub material: Option<usize>,
+    /// What it has been multiplied by since it left the Sun, but for geometry.
+    pub spectrum: Spectrum<Factor>,
+}
+
+/// A part of the engine, ready for one scene: made once, it adds light for each epoch. One for each thread.
+pub trait Effect: Send {
+    /// Adds its weights W_k \[m² sr⁻¹\] and their errors (absolute, same unit, never negative) to two rows of as many numbers as it has terms.
+    ///
+    /// # Errors
+    /// Directions that are none.
+    fn add(
+        &mut self,
+        lighting: &Lighting,
+        weights: &mut [f64],
+        errors: &mut [f64],
+    ) -> Result<(), super::DirectionError>;
+}
+
+/// What one effect could add to a scene, found before it is simulated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Need {
+    /// The effect in a word or two (`shadows`, `solar disc`).
+    pub effect: &'static str,
+    /// Whether it is modelled.
+    pub needed: bool,
+    /// The most that it could change the result by, relative; `None` where nothing is known and it is therefore modelled.
+    pub bound: Option<f64>,
+    /// Why, in words, with the numbers that decide.
+    pub why: String,
+    /// What it costs per epoch, s, estimated; `None` where it is not modelled.
+    pub cost_s: Option<f64>,
+}
+
+impl Term {
+    /// The terms of the light that a material scatters once: its spectra.
+    ///
+    /// # Errors
+    /// A spectrum that is none.
+    pub fn of_material(
+        source: Source,
+        number: usize,
+        material: &crate::surface::Material,
+    ) -> Result<Vec<Self>, MaterialError> {
+        let term = |rho: &Spectrum<_>| {
+            let (wavelength_nm, value) = (rho.wavelength_nm().to_vec(), rho.value().to_vec());
+            let spectrum = Spectrum::new(wavelength_nm, value)?;
+            Ok(Self { source, material: Some(number), spectrum })
+        };
+        material.spectra().iter().map(term).collect()
+    }
+}
