@@ -111,8 +111,22 @@ impl<'a> Evaluator<'a> {
         view: View,
         out: &mut [f64],
     ) -> Result<Direct, DirectionError> {
+        self.direct_from(sun_body, sun_body, view, out)
+    }
+
+    /// As [`Evaluator::direct`] for collimated light from another direction than the Sun's, to which hinged parts turn.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn direct_from(
+        &mut self,
+        light_body: DVec3,
+        sun_body: DVec3,
+        view: View,
+        out: &mut [f64],
+    ) -> Result<Direct, DirectionError> {
         self.check(out, self.scene.weight_count())?;
-        self.sum(sun_body, view, 0, out)
+        self.sum(light_body, sun_body, view, 0, out)
     }
 
     /// As [`Evaluator::direct`], each part for itself: `out[part * weight_count + k]`.
@@ -127,7 +141,7 @@ impl<'a> Evaluator<'a> {
     ) -> Result<Direct, DirectionError> {
         let stride = self.scene.weight_count();
         self.check(out, self.scene.part_count() * stride)?;
-        self.sum(sun_body, view, stride, out)
+        self.sum(sun_body, sun_body, view, stride, out)
     }
 
     fn check(&self, out: &[f64], expected: usize) -> Result<(), DirectionError> {
@@ -138,6 +152,7 @@ impl<'a> Evaluator<'a> {
     fn sum(
         &mut self,
         sun: DVec3,
+        facing: DVec3,
         view: View,
         stride: usize,
         out: &mut [f64],
@@ -145,7 +160,8 @@ impl<'a> Evaluator<'a> {
         let unit = |what, value: DVec3| {
             value.try_normalize().ok_or(DirectionError::NoDirection { what, value })
         };
-        let sun = unit("the direction of the Sun", sun)?;
+        let facing = unit("the direction of the Sun", facing)?;
+        let sun = unit("the direction of the light", sun)?;
         let eye = match view {
             View::Distant(d) => Toward::Far(unit("the direction of the observer", d)?),
             View::At(q) => {
@@ -155,7 +171,7 @@ impl<'a> Evaluator<'a> {
         };
         out.fill(0.0);
         self.work.done = Direct::default();
-        self.turn(sun);
+        self.turn(facing);
         if self.scene.pairs.is_none() {
             self.index(sun, eye);
         }

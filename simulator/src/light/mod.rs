@@ -27,6 +27,7 @@ mod grid;
 mod near;
 mod occlude;
 mod scene;
+pub mod shine;
 mod solid;
 mod sphere;
 mod weld;

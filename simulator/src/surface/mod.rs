@@ -18,7 +18,7 @@ mod curve;
 pub mod file;
 pub mod fresnel;
 pub mod microfacet;
-mod rule;
+pub(crate) mod rule;
 mod sphere;
 
 pub use conductor::ComplexIndex;

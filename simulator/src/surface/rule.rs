@@ -73,7 +73,7 @@ pub(super) fn converge_all(
 }
 
 /// Newton's iteration on the Legendre polynomial (Abramowitz and Stegun 25.4.29).
-fn legendre(n: usize) -> Vec<(f64, f64)> {
+pub(crate) fn legendre(n: usize) -> Vec<(f64, f64)> {
     let polynomial = |x: f64| {
         let (mut before, mut p) = (1.0, x);
         for j in 2..=n {
