@@ -9,12 +9,12 @@
 //! - [`surface`]: how a material reflects, as a few spectra times a few weights;
 //! - [`target`]: a body made of parts, each a shape with a material in its place, and the hinges that move them;
 //! - [`light`]: the engine that turns a lit and seen body into one weight per material spectrum;
+//! - [`ranging`]: lasers, photons per shot and how they are spread over depth;
 //! - [`pass`]: all of it along a pass, to spectra, magnitudes and count rates;
 //! - [`passes`]: when a target can be seen at all;
 //! - [`scenes`]: bodies and directions on which light engines are compared, with independent truths.
 //!
-//! What will stand here when its time comes: `ranging` (lasers, photons per shot, range histograms) and `observatory` (photon events,
-//! frames, the virtual sample).
+//! What will stand here when its time comes: `observatory` (photon events, frames, the virtual sample).
 //!
 //! # Frames and conventions
 //! Positions and directions in space are GCRS axes, metres. A body's attitude is the rotation from its own axes to the GCRS, written
@@ -28,6 +28,7 @@ pub mod mesh;
 pub mod orbit;
 pub mod pass;
 pub mod passes;
+pub mod ranging;
 pub mod scenes;
 pub mod surface;
 pub mod target;

@@ -65,17 +65,17 @@ pub enum DirectionError {
 /// A scene with room to work in.
 #[derive(Debug)]
 pub struct Evaluator<'a> {
-    scene: &'a Scene,
-    now: Cow<'a, Geometry>,
+    pub(super) scene: &'a Scene,
+    pub(super) now: Cow<'a, Geometry>,
     angles: Vec<f64>,
     radii: Vec<f64>,
-    work: Work,
+    pub(super) work: Work,
     near: near::Quadrature,
 }
 
 /// Buffers.
 #[derive(Debug, Default)]
-struct Work {
+pub(super) struct Work {
     grids: [Grid; 2],
     chosen: Vec<u32>,
     shadows: Polygons,
@@ -157,24 +157,9 @@ impl<'a> Evaluator<'a> {
         stride: usize,
         out: &mut [f64],
     ) -> Result<Direct, DirectionError> {
-        let unit = |what, value: DVec3| {
-            value.try_normalize().ok_or(DirectionError::NoDirection { what, value })
-        };
-        let facing = unit("the direction of the Sun", facing)?;
-        let sun = unit("the direction of the light", sun)?;
-        let eye = match view {
-            View::Distant(d) => Toward::Far(unit("the direction of the observer", d)?),
-            View::At(q) => {
-                unit("the place of the observer", q)?;
-                Toward::Near(q)
-            }
-        };
         out.fill(0.0);
         self.work.done = Direct::default();
-        self.turn(facing);
-        if self.scene.pairs.is_none() {
-            self.index(sun, eye);
-        }
+        let (sun, eye) = self.stand(sun, facing, view)?;
         let mut error = 0.0;
         let usual = self.scene.spheres.first().map_or(self.scene.facets.len(), |s| s.facets.start);
         for i in 0..usual {
@@ -191,6 +176,23 @@ impl<'a> Evaluator<'a> {
         let mut done = self.work.done;
         done.error = if total > 0.0 { error / total + 1e-15 } else { 0.0 };
         Ok(done)
+    }
+
+    /// Checks directions, turns hinges and sorts occluders for what follows.
+    pub(super) fn stand(
+        &mut self,
+        light: DVec3,
+        facing: DVec3,
+        view: View,
+    ) -> Result<(DVec3, Toward), DirectionError> {
+        let facing = unit("the direction of the Sun", facing)?;
+        let light = unit("the direction of the light", light)?;
+        let eye = super::pieces::toward(view)?;
+        self.turn(facing);
+        if self.scene.pairs.is_none() {
+            self.index(light, eye);
+        }
+        Ok((light, eye))
     }
 
     /// Turns hinged parts to the Sun.
@@ -299,7 +301,7 @@ impl<'a> Evaluator<'a> {
     }
 
     /// Adds a sphere.
-    fn ball(
+    pub(super) fn ball(
         &mut self,
         number: usize,
         sun: DVec3,
@@ -403,9 +405,24 @@ impl<'a> Evaluator<'a> {
     }
 }
 
+/// A direction of length 1.
+pub(super) fn unit(what: &'static str, value: DVec3) -> Result<DVec3, DirectionError> {
+    value.try_normalize().ok_or(DirectionError::NoDirection { what, value })
+}
+
+/// Whether a facet with this cosine towards a direction shows it its front.
+pub(super) fn is_open(cos: f64) -> bool {
+    cos > GRAZING
+}
+
 impl Work {
+    /// What [`Work::visible`] left of a facet from which something was taken.
+    pub(super) fn kept(&self) -> &Polygons {
+        &self.kept
+    }
+
     /// Whether anything is taken away of facet `i`; what is left stands in `kept`.
-    fn visible(
+    pub(super) fn visible(
         &mut self,
         scene: &Scene,
         now: &Geometry,

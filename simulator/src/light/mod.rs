@@ -26,6 +26,7 @@ mod geometry;
 mod grid;
 mod near;
 mod occlude;
+mod pieces;
 mod scene;
 pub mod shine;
 mod solid;
@@ -34,6 +35,7 @@ mod weld;
 
 pub use effect::{Effect, Globe, Lighting, Need, Source, Term};
 pub use evaluate::{Direct, DirectionError, Evaluator};
+pub use pieces::{Glint, Piece};
 pub use scene::{Scene, SceneError, SceneReport};
 
 use glam::DVec3;

@@ -1,0 +1,24 @@
+//! Laser ranging: what of a pulse comes back from a body, and from how deep.
+//!
+//! A laser is a point source of one wavelength. On the way up its pulse spreads to a spot ([`Beam`]); a body in it sends light back as it does
+//! sunlight, with the Sun in the laser's direction ([`crate::light`]); and of that a telescope gathers its area ([`Receiver`]).
+//! With the fluence H \[J m⁻²\] at the body, the transmissions T of both ways and the range r, the photons that are detected of one shot are
+//!
+//! ```text
+//! n̄ = H T_up Σ_k ρ_k(λ) W_k T_down A η λ/(hc r²)
+//! ```
+//!
+//! in the mean, and at least one with the probability 1 − e^{−n̄}. Everything is *per shot*: the irradiance within a pulse
+//! ([`Beam::peak_spectral_irradiance`], eq. A.3 of the thesis) is 10⁶ times and more the mean one.
+//!
+//! - [`Shot::profile`]: how n̄ is spread over depth: facet by facet over the exact lit and seen polygons, each by the beam's profile across the body;
+//! - [`glint`]: a flat mirror, which returns the beam from the laser's image at twice the range.
+//!
+//! Retro-reflectors are not modelled: a body that carries them returns far more.
+
+mod beam;
+pub mod glint;
+mod profile;
+
+pub use beam::{Beam, BeamShape, Receiver, detection_probability};
+pub use profile::{DepthBins, DepthError, Profile, Shot};
