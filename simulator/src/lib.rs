@@ -9,6 +9,7 @@
 //! - [`surface`]: how a material reflects, as a few spectra times a few weights;
 //! - [`target`]: a body made of parts, each a shape with a material in its place, and the hinges that move them;
 //! - [`light`]: the engine that turns a lit and seen body into one weight per material spectrum;
+//! - [`picture`]: the body as it looks, and maps of its light over directions;
 //! - [`ranging`]: lasers, photons per shot and how they are spread over depth;
 //! - [`pass`]: all of it along a pass, to spectra, magnitudes and count rates;
 //! - [`passes`]: when a target can be seen at all;
@@ -28,6 +29,7 @@ pub mod mesh;
 pub mod orbit;
 pub mod pass;
 pub mod passes;
+pub mod picture;
 pub mod ranging;
 pub mod scenes;
 pub mod surface;

@@ -100,6 +100,14 @@ impl<'a> Evaluator<'a> {
         self.scene
     }
 
+    /// How far the body reaches from its origin, m, with its hinges as they stand.
+    pub fn radius_m(&self) -> f64 {
+        let corners = self.now.corners.iter().map(|c| c.length());
+        let facets =
+            self.scene.facets.iter().zip(&self.now.origin).map(|(f, o)| o.length() + f.radius);
+        corners.chain(facets).fold(0.0, f64::max)
+    }
+
     /// For each sphere its closed form over the sum of its facets, where nothing shades or hides it: what the facets of [`Evaluator::pieces`] lack.
     ///
     /// # Errors
