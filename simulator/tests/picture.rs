@@ -114,7 +114,7 @@ fn a_point_spread_function_keeps_the_light() {
     let sigma_px = fwhm_m / 0.05 / 2.354_820_045;
     let expected = sigma_px * sigma_px + 1.0 / 12.0;
     assert!((spread(&soft) - spread(&sharp) - expected).abs() < 1e-3 * expected);
-    assert_eq!(sharp.blurred(0.0), sharp);
+    assert!(sharp.blurred(0.0).bands == sharp.bands);
 }
 
 /// Truth: Russell's closed form: a Lambert sphere is the same from everywhere, 2/(3π)(sin γ + (π − γ) cos γ) R².
