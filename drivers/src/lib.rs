@@ -46,6 +46,7 @@
 
 pub mod clock;
 pub mod device;
+pub mod indi;
 pub mod ptu;
 pub mod recording;
 pub mod simulated;
