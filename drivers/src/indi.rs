@@ -29,7 +29,7 @@ pub mod xml;
 pub use camera::{Camera, CameraSettings, FrameType};
 pub use client::{Blobs, Client, Wanted};
 pub use rotator::{Rotator, RotatorSettings};
-pub use session::SessionSettings;
+pub use session::{Listed, SessionSettings, devices};
 pub use wheel::Wheel;
 
 use crate::clock::Deadline;
@@ -42,7 +42,7 @@ pub const PORT: u16 = 7624;
 /// Opens the camera of that name.
 ///
 /// # Errors
-/// See [`DeviceError`]; [`DeviceError::Unknown`] lists the server's devices if it has none of that name.
+/// See [`DeviceError`]; [`DeviceError::Unknown`] if the server has none of that name ([`devices`] lists them).
 pub fn open_camera<T: Bytes>(
     line: T,
     device: &str,

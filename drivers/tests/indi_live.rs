@@ -15,8 +15,8 @@ use sunglint_drivers::device::{
     Camera as _, Device as _, DeviceError, FilterWheel as _, RotationStage as _, Value, Window,
 };
 use sunglint_drivers::indi::{
-    CameraSettings, FrameType, RotatorSettings, SessionSettings, Wanted, open_camera, open_rotator,
-    open_wheel,
+    CameraSettings, FrameType, RotatorSettings, SessionSettings, Wanted, devices, open_camera,
+    open_rotator, open_wheel,
 };
 use sunglint_drivers::transport::TransportError;
 use sunglint_formats::Bayer;
@@ -285,7 +285,10 @@ fn a_rotator_and_a_wheel() {
         let error =
             open_camera(server.connect(), "Atik 414EX", CameraSettings::default(), &within(20.0));
         let error = error.unwrap_err().to_string();
-        assert!(error.contains("expected one of Filter Simulator, Rotator Simulator"), "{error}");
+        assert!(error.contains("INDI device: found Atik 414EX"), "{error}");
+        let listed = devices(server.connect(), SessionSettings::default(), &within(20.0)).unwrap();
+        let listed: Vec<_> = listed.iter().map(|d| (d.name.as_str(), d.is)).collect();
+        assert_eq!(listed, [(WHEEL, [false, true, false]), (ROTATOR, [false, false, true])]);
         let error =
             open_camera(server.connect(), ROTATOR, CameraSettings::default(), &within(20.0));
         let error = error.unwrap_err().to_string();

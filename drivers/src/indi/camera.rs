@@ -107,7 +107,7 @@ impl<T: Bytes> Camera<T> {
     /// Connects to the camera of that name and reads what it is.
     ///
     /// # Errors
-    /// See [`DeviceError`]; [`DeviceError::Unknown`] lists the server's devices if it has none of that name.
+    /// See [`DeviceError`]; [`DeviceError::Unknown`] if the server has none of that name ([`devices`](super::devices) lists them).
     pub fn open(
         line: T,
         device: &str,
@@ -405,6 +405,9 @@ impl<T: Bytes> Camera<T> {
             }
             Event::Blob(place, blob) if place.device == device && place.name == BLOB && begun => {
                 Some(Ok(blob))
+            }
+            Event::Damaged(place, what) if place.device == device && place.name == BLOB => {
+                Some(Err(DeviceError::Protocol { device: DEVICE, reason: what }))
             }
             Event::Deleted(place) if place.device == device && place.name == BLOB => {
                 let what = format!("`{device}` has taken back {BLOB}: was it disconnected?");

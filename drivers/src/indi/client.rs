@@ -546,7 +546,12 @@ impl Seen {
         self.events += 1;
         let text = match event {
             Event::Defined(_) => return,
-            Event::Changed(place, _) | Event::Blob(place, _) if place.device != device => return,
+            Event::Changed(place, _) | Event::Blob(place, _) | Event::Damaged(place, _)
+                if place.device != device =>
+            {
+                return;
+            }
+            Event::Damaged(place, what) => format!("{} {what}", place.name),
             Event::Changed(place, state) => format!("{} {state}", place.name),
             Event::Blob(place, blob) => {
                 format!("{} {} of {} bytes", place.name, blob.format, blob.bytes.len())

@@ -129,6 +129,18 @@ pub struct Vector {
 }
 
 impl Vector {
+    /// A vector at rest, for a server.
+    pub(crate) fn new(kind: Kind, writable: bool, members: Vec<Member>) -> Self {
+        Self { kind, state: State::Idle, writable, members, weight: 0 }
+    }
+
+    /// Gives a number another value, for a server.
+    pub(crate) fn set_number(&mut self, name: &str, number: f64) {
+        if let Some(member) = self.members.iter_mut().find(|member| member.name == name) {
+            member.value = Value::Number(number);
+        }
+    }
+
     /// A member.
     pub fn member(&self, name: &str) -> Option<&Member> {
         self.members.iter().find(|member| member.name == name)
@@ -173,6 +185,8 @@ pub enum Event {
     Changed(Place, State),
     /// A BLOB has come.
     Blob(Place, Blob),
+    /// A BLOB has come that is not what the server said that it is; how.
+    Damaged(Place, String),
     /// A vector is no more.
     Deleted(Place),
     /// The whole device is no more: its driver has ended.
@@ -324,18 +338,22 @@ impl Properties {
             Some((child, bytes))
         });
         let Some((child, bytes)) = blobs.next() else {
-            return Event::Ignored(format!("{place}: no BLOB in it"));
+            return Event::Damaged(place, "no BLOB in its message".into());
         };
         let number = |name| child.attribute(name).and_then(|text| text.trim().parse::<u64>().ok());
         let (size, length) = (number("size"), number("len"));
         let format = child.attribute("format").unwrap_or_default().trim().to_owned();
-        // `len` counts the bytes that are sent, `size` those that they unpack to; old servers only say `size`.
-        let plain = !format.ends_with(".z") && !format.ends_with(".fz");
-        let expected = length.or(size.filter(|_| plain));
+        // `len` counts the bytes that are sent, `size` those that they unpack to; old servers only say `size`. What 1.9.9
+        // says of a small `.fits.fz` is not true of it.
+        let expected = match format.rsplit('.').next() {
+            Some("fz") => None,
+            Some("z") => length,
+            _ => length.or(size),
+        };
         match expected {
             Some(expected) if expected != bytes.len() as u64 => {
                 let found = bytes.len();
-                Event::Ignored(format!("{place}: a BLOB of {found} bytes, said to be {expected}"))
+                Event::Damaged(place, format!("a BLOB of {found} bytes, said to be {expected}"))
             }
             _ => Event::Blob(place, Blob { format, size, bytes }),
         }

@@ -50,7 +50,7 @@ impl<T: Bytes> Rotator<T> {
     /// Connects to the rotator of that name.
     ///
     /// # Errors
-    /// See [`DeviceError`]; [`DeviceError::Unknown`] lists the server's devices if it has none of that name.
+    /// See [`DeviceError`]; [`DeviceError::Unknown`] if the server has none of that name ([`devices`](super::devices) lists them).
     pub fn open(
         line: T,
         device: &str,

@@ -64,7 +64,7 @@ impl<T: Bytes> Session<T> {
         let soon = deadline.at_most(self.settings.answer_within);
         match self.client.await_defined(&device, "CONNECTION", &soon) {
             Err(DeviceError::Awaited { .. }) if deadline.remaining().is_ok() => {
-                return Err(self.no_such_device(deadline));
+                return Err(self.no_such_device());
             }
             other => other?,
         }
@@ -91,25 +91,11 @@ impl<T: Bytes> Session<T> {
         self.client.settle(self.settings.quiet, deadline)
     }
 
-    /// Says what there is instead.
-    fn no_such_device(&mut self, deadline: &Deadline) -> DeviceError {
-        let quiet = self.settings.quiet;
-        let listed = self
-            .client
-            .get_properties(None, deadline)
-            .and_then(|()| self.client.settle(quiet, &deadline.at_most(10 * quiet)));
-        if let Err(error @ (DeviceError::Cancelled { .. } | DeviceError::Protocol { .. })) = listed
-        {
-            return error;
-        }
-        let mut devices: Vec<&str> =
-            self.client.properties().places().map(|place| place.device.as_str()).collect();
-        devices.dedup();
-        let known = match devices.as_slice() {
-            [] => "none: is a driver running?".to_owned(),
-            devices => devices.join(", "),
-        };
-        DeviceError::Unknown { name: "INDI device", asked: self.device.clone(), known }
+    /// A server says nothing about a device that it has not, and, once asked for one, nothing about the others.
+    fn no_such_device(&self) -> DeviceError {
+        let known = "the server's devices (it does not know this one, or its driver has not started): list them with indi::devices";
+        let asked = self.device.clone();
+        DeviceError::Unknown { name: "INDI device", asked, known: known.to_owned() }
     }
 
     fn check_interface(&self) -> Result<(), DeviceError> {
@@ -213,4 +199,40 @@ pub(super) fn check_range(
         return Ok(());
     }
     Err(DeviceError::OutOfRange { name, asked, least, most })
+}
+
+/// A device that a server has.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Listed {
+    /// Its name, by which it is opened.
+    pub name: String,
+    /// The program that drives it, where it says so.
+    pub driver: Option<String>,
+    /// Whether it says that it is a camera, a filter wheel, a rotator.
+    pub is: [bool; 3],
+}
+
+/// The devices of the server at the other end of `line`, by name. Nothing is connected or set.
+///
+/// # Errors
+/// See [`DeviceError`].
+pub fn devices<T: Bytes>(
+    line: T,
+    settings: SessionSettings,
+    deadline: &Deadline,
+) -> Result<Vec<Listed>, DeviceError> {
+    let mut client = Client::new(line, "INDI server", settings.limits);
+    client.get_properties(None, deadline)?;
+    client.settle(settings.quiet.max(Duration::from_secs(1)), deadline)?;
+    let mut names: Vec<String> =
+        client.properties().places().map(|place| place.device.clone()).collect();
+    names.dedup();
+    let listed = names.into_iter().map(|name| {
+        let info = client.property(&name, "DRIVER_INFO");
+        let text = |member| info.and_then(|info| info.text(member));
+        let bits = text("DRIVER_INTERFACE").and_then(|bits| bits.parse().ok()).unwrap_or(0_u32);
+        let is = [1, 4, 12].map(|bit| bits >> bit & 1 == 1);
+        Listed { driver: text("DRIVER_EXEC").map(str::to_owned), is, name }
+    });
+    Ok(listed.collect())
 }

@@ -107,6 +107,9 @@ impl<T: Bytes> Camera<T> {
                 Event::Blob(place, blob) if place.device == device && place.name == BLOB => {
                     Some(Ok(blob))
                 }
+                Event::Damaged(place, what) if place.device == device && place.name == BLOB => {
+                    Some(Err(DeviceError::Protocol { device: DEVICE, reason: what }))
+                }
                 _ => None,
             })?;
         let arrived = (self.settings.utc)();

@@ -28,7 +28,7 @@ impl<T: Bytes> Wheel<T> {
     /// Connects to the wheel of that name.
     ///
     /// # Errors
-    /// See [`DeviceError`]; [`DeviceError::Unknown`] lists the server's devices if it has none of that name.
+    /// See [`DeviceError`]; [`DeviceError::Unknown`] if the server has none of that name ([`devices`](super::devices) lists them).
     pub fn open(
         line: T,
         device: &str,
