@@ -259,6 +259,10 @@ impl Parser {
     /// The length of the tag (comment, instruction) that begins here, if it is whole.
     fn tag_length(&mut self) -> Result<Option<usize>, XmlError> {
         let comment = self.rest().starts_with(b"<!--");
+        if matches!(self.rest(), [b'<', b'!', other, ..] if *other != b'-') {
+            let found = format!("`{}`", excerpt(self.rest()));
+            return Err(self.syntax(found, "an element"));
+        }
         let mut i = self.scanned.max(self.next);
         while let Some(&byte) = self.buffer.get(i) {
             i += 1;
