@@ -14,6 +14,26 @@
 //!
 //! # Tried with
 //! The simulators of indi-bin 1.9.9 (Debian 12), live; [our simulated server](crate::simulated::indi). No real camera yet.
+//!
+//! # A frame, on a desk without a camera
+//!
+//! ```
+//! use std::{sync::Arc, time::Duration};
+//! use sunglint_drivers::clock::{Deadline, VirtualClock};
+//! use sunglint_drivers::device::{Camera as _, Window};
+//! use sunglint_drivers::indi::{CameraSettings, open_camera};
+//! use sunglint_drivers::simulated::indi::{Ramp, Server, ServerSettings, Simulated};
+//!
+//! let clock = Arc::new(VirtualClock::new());
+//! let within = |seconds| Deadline::after(clock.clone(), Duration::from_secs(seconds));
+//! // With a real server: `Tcp::connect("localhost:7624", &deadline)?`, and deadlines on `Deadline::within`.
+//! let line = Simulated::new(Server::new(ServerSettings::default(), Ramp));
+//! let mut camera = open_camera(line, "Simulated Camera", CameraSettings::default(), &within(10))?;
+//! camera.set_window(Window { origin_px: [10, 20], size_px: [64, 48], binning: [1, 1] }, &within(5))?;
+//! let frame = camera.expose(0.5, &within(5))?;
+//! assert_eq!((frame.pixels.dim(), frame.exposure_s), ((48, 64), 0.5));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod base64;
 mod camera;

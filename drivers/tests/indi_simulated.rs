@@ -16,7 +16,7 @@ use sunglint_drivers::indi::{
 use sunglint_drivers::simulated::indi::{
     CameraSpec, OneColour, Packing, Ramp, Scene, Server, ServerSettings, Simulated, Trouble, serve,
 };
-use sunglint_drivers::transport::TransportError;
+use sunglint_drivers::transport::{Bytes, TransportError};
 use sunglint_formats::time::parse_utc;
 use sunglint_formats::{Bayer, Frame};
 
@@ -224,6 +224,44 @@ fn a_cancelled_exposure_is_aborted_in_the_camera() {
     assert!(matches!(error, DeviceError::Cancelled { .. }), "{error}");
     let frame = camera.expose(0.5, &desk.within(5.0)).unwrap();
     assert_eq!(frame.pixels[[0, 0]], Ramp::adu(0, 0, 0.5));
+}
+
+/// Another client of the same server, in the middle of our exposure. Truth: what it was told to do; a frame of the same size
+/// at another origin must not be taken for ours.
+#[test]
+fn a_window_that_another_client_moves() {
+    struct Meddling {
+        line: Simulated,
+        armed: bool,
+    }
+    impl Bytes for Meddling {
+        fn send(&mut self, bytes: &[u8], deadline: &Deadline) -> Result<(), TransportError> {
+            self.line.send(bytes, deadline)?;
+            if self.armed && String::from_utf8_lossy(bytes).contains("CCD_EXPOSURE_VALUE") {
+                self.armed = false;
+                let moved = "<newNumberVector device=\"Simulated Camera\" name=\"CCD_FRAME\"><oneNumber name=\"X\">4</oneNumber></newNumberVector>";
+                self.line.send(moved.as_bytes(), deadline)?;
+            }
+            Ok(())
+        }
+        fn receive(&mut self, buffer: &mut [u8], d: &Deadline) -> Result<usize, TransportError> {
+            self.line.receive(buffer, d)
+        }
+        fn discard(&mut self, deadline: &Deadline) -> Result<Vec<u8>, TransportError> {
+            self.line.discard(deadline)
+        }
+    }
+    let desk = Desk::new();
+    let line = Simulated::new(Server::new(ServerSettings::default(), Ramp));
+    let line = Meddling { line, armed: true };
+    let mut camera =
+        open_camera(line, CAMERA, CameraSettings::default(), &desk.within(10.0)).unwrap();
+    camera.set_window(window(3, 5, 30, 20), &desk.within(5.0)).unwrap();
+    let error = camera.expose(0.5, &desk.within(5.0)).unwrap_err().to_string();
+    assert!(error.contains("another program has changed its window"), "{error}");
+    camera.set_window(window(3, 5, 30, 20), &desk.within(5.0)).unwrap();
+    let frame = camera.expose(0.5, &desk.within(5.0)).unwrap();
+    assert_eq!((frame.origin, frame.pixels[[0, 0]]), ([3, 5], Ramp::adu(3, 5, 0.5)));
 }
 
 /// A camera that only shows its temperature, and values out of range. Truth: the definitions of the server.

@@ -187,6 +187,7 @@ impl<T: Bytes> Camera<T> {
         let soon = deadline.at_most(self.settings.session.answer_within);
         let after = self.session.change(property, wanted, &soon)?;
         self.read_sensor()?;
+        self.window = self.read_window()?;
         if wanted.is_in(&after) {
             return Ok(());
         }
@@ -540,6 +541,15 @@ impl<T: Bytes> device::Camera for Camera<T> {
                 let abort = Wanted::Switches(&[("ABORT", true)]);
                 self.stop_after(error, "CCD_ABORT_EXPOSURE", abort, deadline)
             })?;
+        // A frame does not say its origin: it must not be given that of a window that is no more.
+        let window = self.read_window()?;
+        if window != self.window {
+            let reason = format!(
+                "another program has changed its window to {window:?}: set it again before the next frame"
+            );
+            self.window = window;
+            return Err(self.session.protocol(reason));
+        }
         from_blob(blob, self.settings.session.limits.blob_bytes, &taken)
             .map_err(|reason| self.session.protocol(reason))
     }

@@ -222,7 +222,10 @@ impl<T: Bytes> Client<T> {
         match &event {
             Event::Message { text, .. } => self.keep(text.clone()),
             Event::Ignored(what) => self.keep(format!("(ignored) {what}")),
-            Event::Lost(device) => self.lost.push(device.clone()),
+            // Of a server that makes devices up, the first few.
+            Event::Lost(device) if self.lost.len() < MOST_MESSAGES => {
+                self.lost.push(device.clone());
+            }
             Event::Defined(place) => self.lost.retain(|device| *device != place.device),
             Event::Ping(uid) => {
                 let uid = escaped(uid);
