@@ -10,16 +10,17 @@
 //!   [`Faulty`](recording::Faulty) around any transport;
 //! - [`device`]: photon counter, camera, power meter, rotation stage, filter wheel, one small trait each;
 //! - [`trinamic`]: a rotation stage on a TMCL motor controller;
-//! - [`simulated`]: devices that speak the same protocols: a TMCL module so far;
+//! - [`indi`]: cameras, rotators and filter wheels behind an INDI server;
+//! - [`simulated`]: devices that speak the same protocols: a TMCL module, an INDI server;
 //! - [`tags`], [`ptu`]: photon time tags on disk, binned into counts.
 //!
-//! Still to come: Swabian (photon counter), INDI (camera, wheel, rotator), OpenCV (frame grabber, its own cargo feature),
-//! Ophir and Thorlabs (power meter, stage), ZWO (wheel), and simulated versions of each kind.
+//! Still to come: Swabian (photon counter), OpenCV (frame grabber, its own cargo feature), Ophir and Thorlabs (power meter, stage),
+//! ZWO (wheel), and simulated versions of each kind.
 //!
 //! # How far it is tried
 //!
 //! No real instrument has been at the other end yet. Serial ports are tried on ptys, TCP on sockets, children on real
-//! processes. USB and HID compile and map their errors; no transfer has been made through them.
+//! processes; INDI with the simulators of indi-bin 1.9.9, live. USB and HID compile and map their errors; no transfer has been made through them.
 //!
 //! # A stage, on a desk without one
 //!
@@ -46,6 +47,7 @@
 
 pub mod clock;
 pub mod device;
+pub mod indi;
 pub mod ptu;
 pub mod recording;
 pub mod simulated;

@@ -96,6 +96,36 @@ pub enum DeviceError {
         /// What is missing, and what to do.
         reason: &'static str,
     },
+    /// The device understood and said no in its own words.
+    #[error("{device} refused {request}: {message}")]
+    Declined {
+        /// The device.
+        device: &'static str,
+        /// What it was asked.
+        request: String,
+        /// What it said.
+        message: String,
+    },
+    /// What was waited for did not come, though the line is there.
+    #[error("{device}: {awaited} did not come within {:.3} s; meanwhile: {seen}", after.as_secs_f64())]
+    Awaited {
+        /// The device.
+        device: &'static str,
+        /// What should have come.
+        awaited: String,
+        /// How long was waited.
+        after: std::time::Duration,
+        /// What came instead.
+        seen: String,
+    },
+    /// The device behind a server has gone, though the line is there.
+    #[error("{device}: {what}; connect again once it is back")]
+    Lost {
+        /// The device.
+        device: &'static str,
+        /// What has gone.
+        what: String,
+    },
     /// A stage ran into a limit switch.
     #[error(
         "{device}: the {side} limit switch stopped it at {at_deg:.4} deg on the way to {target_deg:.4} deg"

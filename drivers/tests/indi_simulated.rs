@@ -1,0 +1,371 @@
+//! The INDI client on our own simulated server (synthetic): what frames hold, to the pixel, and how a server fails.
+#![allow(clippy::unwrap_used, reason = "helper functions of tests")]
+
+mod common;
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::Duration;
+use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, VirtualClock};
+use sunglint_drivers::device::{
+    Camera as _, Device as _, DeviceError, FilterWheel as _, RotationStage as _, Window,
+};
+use sunglint_drivers::indi::{
+    Camera, CameraSettings, RotatorSettings, SessionSettings, open_camera, open_rotator, open_wheel,
+};
+use sunglint_drivers::simulated::indi::{
+    CameraSpec, OneColour, Packing, Ramp, Scene, Server, ServerSettings, Simulated, Trouble, serve,
+};
+use sunglint_drivers::transport::{Bytes, TransportError};
+use sunglint_formats::time::parse_utc;
+use sunglint_formats::{Bayer, Frame};
+
+const CAMERA: &str = "Simulated Camera";
+const ROTATOR: &str = "Simulated Rotator";
+const WHEEL: &str = "Simulated Wheel";
+
+struct Desk {
+    clock: Arc<VirtualClock>,
+}
+
+impl Desk {
+    fn new() -> Self {
+        Self { clock: Arc::new(VirtualClock::new()) }
+    }
+
+    fn within(&self, seconds: f64) -> Deadline {
+        Deadline::after(self.clock.clone(), Duration::from_secs_f64(seconds))
+    }
+
+    fn camera(
+        &self,
+        spec: CameraSpec,
+        scene: impl Scene + 'static,
+        trouble: Trouble,
+    ) -> Camera<Simulated> {
+        let settings = ServerSettings { camera: Some(spec), ..ServerSettings::default() };
+        let mut server = Server::new(settings, scene);
+        server.trouble = trouble;
+        open_camera(Simulated::new(server), CAMERA, CameraSettings::default(), &self.within(10.0))
+            .unwrap()
+    }
+}
+
+fn window(x: u32, y: u32, columns: u32, rows: u32) -> Window {
+    Window { origin_px: [x, y], size_px: [columns, rows], binning: [1, 1] }
+}
+
+/// The lit pixels of a frame are exactly those which its own pattern says have that colour.
+fn assert_only(frame: &Frame, colour: char, adu: u16) {
+    let pattern = frame.bayer.unwrap().name().as_bytes();
+    for ((row, column), &pixel) in frame.pixels.indexed_iter() {
+        let here = char::from(pattern[row % 2 * 2 + column % 2]);
+        assert_eq!(pixel, if here == colour { adu } else { 0 }, "{here} at {column}, {row}");
+    }
+}
+
+/// Truth: the mosaic of the scene, pixel by pixel on the sensor, which knows nothing of frames. All patterns, all phases.
+#[test]
+fn the_pattern_of_a_frame_is_that_of_its_pixels() {
+    let desk = Desk::new();
+    for pattern in [Bayer::Rggb, Bayer::Grbg, Bayer::Gbrg, Bayer::Bggr] {
+        for colour in ['R', 'G', 'B'] {
+            let spec = CameraSpec { bayer: Some(pattern), ..CameraSpec::default() };
+            let mut camera =
+                desk.camera(spec, OneColour { pattern, colour, adu: 5_000 }, Trouble::default());
+            assert_eq!(camera.bayer(), Some(pattern));
+            for (x, y) in [(0, 0), (51, 40), (50, 41), (51, 41)] {
+                camera.set_window(window(x, y, 20, 10), &desk.within(5.0)).unwrap();
+                let frame = camera.expose(0.1, &desk.within(5.0)).unwrap();
+                assert_eq!(frame.origin, [x, y]);
+                assert_only(&frame, colour, 5_000);
+                let mut streamed = Vec::new();
+                let mut take = |frame| {
+                    streamed.push(frame);
+                    if streamed.len() == 2 {
+                        ControlFlow::Break(())
+                    } else {
+                        ControlFlow::Continue(())
+                    }
+                };
+                assert_eq!(camera.stream(0.02, &mut take, &desk.within(5.0)).unwrap(), 2);
+                streamed.iter().for_each(|frame| assert_only(frame, colour, 5_000 >> 8));
+            }
+            let binned = Window { origin_px: [2, 4], size_px: [20, 10], binning: [2, 2] };
+            camera.set_window(binned, &desk.within(5.0)).unwrap();
+            assert_eq!(camera.expose(0.1, &desk.within(5.0)).unwrap().bayer, None);
+        }
+    }
+}
+
+/// Truth: the scene's own formula; the server's clock, which began 2026-01-01; what was set.
+#[test]
+fn a_frame_is_the_right_part_of_the_right_exposure() {
+    let desk = Desk::new();
+    let mut camera = desk.camera(CameraSpec::default(), Ramp, Trouble::default());
+    camera.set_gain(12.5, &desk.within(5.0)).unwrap();
+    assert_eq!(camera.set_temperature_c(-20.0, &desk.within(5.0)).unwrap(), 20.0);
+    for (exposure_s, part) in [
+        (0.25, window(0, 0, 160, 120)),
+        (1.5, window(51, 33, 7, 9)),
+        (0.001, Window { origin_px: [4, 2], size_px: [21, 9], binning: [4, 2] }),
+    ] {
+        camera.set_window(part, &desk.within(5.0)).unwrap();
+        let asked = desk.clock.now();
+        let frame = camera.expose(exposure_s, &desk.within(5.0)).unwrap();
+        let (rows, columns) =
+            (part.size_px[1] / part.binning[1], part.size_px[0] / part.binning[0]);
+        assert_eq!(frame.pixels.dim(), (rows as usize, columns as usize));
+        for ((row, column), &pixel) in frame.pixels.indexed_iter() {
+            let x = part.origin_px[0] + column as u32 * part.binning[0];
+            let y = part.origin_px[1] + row as u32 * part.binning[1];
+            assert_eq!(pixel, Ramp::adu(x, y, exposure_s), "at {column}, {row}");
+        }
+        let zero = parse_utc("2026-01-01T00:00:00").unwrap();
+        let start_s = (frame.start - zero).to_seconds();
+        // DATE-OBS is cut to the millisecond.
+        assert!((start_s - asked.as_secs_f64()).abs() <= 0.001, "{start_s}, {asked:?}");
+        assert_eq!(
+            (frame.exposure_s, frame.origin, frame.binning),
+            (exposure_s, part.origin_px, part.binning)
+        );
+        assert_eq!(frame.header.real("GAIN"), Some(12.5));
+        assert_eq!(frame.header.text("FILTER"), None);
+        assert!(frame.header.text("HOSTDATE").is_some() && frame.header.real("HOSTDIFF").is_some());
+    }
+    desk.clock.sleep(Duration::from_secs(3));
+    assert_eq!(camera.expose(0.1, &desk.within(5.0)).unwrap().temperature_c, Some(-20.0));
+    let settings = camera.settings(&desk.within(5.0)).unwrap();
+    assert!(settings.iter().any(|s| s.name == "temperature_c" && s.value.to_string() == "-20"));
+}
+
+/// Truth: the same frame, packed with zlib by the server.
+#[test]
+fn packed_frames() {
+    let desk = Desk::new();
+    let server = Server::new(ServerSettings::default(), Ramp);
+    let settings = CameraSettings { packed: true, ..CameraSettings::default() };
+    let mut camera =
+        open_camera(Simulated::new(server), CAMERA, settings, &desk.within(10.0)).unwrap();
+    let frame = camera.expose(0.1, &desk.within(5.0)).unwrap();
+    assert_eq!(frame.pixels[[119, 159]], Ramp::adu(159, 119, 0.1));
+    assert_eq!(frame.pixels.dim(), (120, 160));
+}
+
+/// Truth: what the server was told to do wrong; the deadlines. After each the camera takes a good frame, if need be after it
+/// was opened again.
+#[test]
+fn a_camera_whose_server_fails() {
+    let cases = [
+        (
+            Trouble {
+                alert: Some(("CCD_EXPOSURE".into(), "[ERROR] the shutter is stuck".into())),
+                ..Trouble::default()
+            },
+            "INDI camera refused an exposure of 1 s: [ERROR] the shutter is stuck",
+        ),
+        (
+            Trouble { no_blob: true, ..Trouble::default() },
+            "INDI camera: the frame of an exposure of 1 s did not come within 5.000 s; meanwhile: 2 things, at last CCD_EXPOSURE Busy, CCD_EXPOSURE Ok",
+        ),
+        (
+            Trouble { packing: Packing::TileCompressed, ..Trouble::default() },
+            "INDI camera: the frame came tile-compressed (.fits.fz), which is not read: turn the camera's compression off (CCD_COMPRESSION)",
+        ),
+        (
+            Trouble { packing: Packing::Cut, ..Trouble::default() },
+            "INDI camera: the camera's BLOB: NAXIS1: found 0 bytes of data, expected 1200 bytes, as the header says (the file is cut off, or its header is wrong)",
+        ),
+        (
+            Trouble { lose_device: true, ..Trouble::default() },
+            "INDI camera: the driver of `Simulated Camera` has ended (delProperty); connect again once it is back",
+        ),
+        (
+            Trouble { die: true, ..Trouble::default() },
+            "INDI camera: the simulated INDI server is gone: check cable and power, then connect again",
+        ),
+    ];
+    for (trouble, words) in cases {
+        let desk = Desk::new();
+        let mut camera = desk.camera(CameraSpec::default(), Ramp, trouble.clone());
+        camera.set_window(window(3, 5, 30, 20), &desk.within(5.0)).unwrap();
+        let begun = desk.clock.now();
+        let error = camera.expose(1.0, &desk.within(5.0)).unwrap_err();
+        // A sixth second for the abort.
+        assert!(desk.clock.now() - begun <= Duration::from_secs(6), "{error}");
+        assert_eq!(error.to_string(), words);
+        let mut line = camera.into_line();
+        line.server.trouble = Trouble::default();
+        line.server.hang_up();
+        if trouble.die {
+            line.server.restart();
+        }
+        let mut camera =
+            open_camera(line, CAMERA, CameraSettings::default(), &desk.within(10.0)).unwrap();
+        let frame = camera.expose(0.2, &desk.within(5.0)).unwrap();
+        let [x, y] = frame.origin;
+        assert_eq!(frame.pixels[[0, 0]], Ramp::adu(x, y, 0.2));
+    }
+}
+
+/// Truth: the token is set before the call; the server's camera stands still afterwards.
+#[test]
+fn a_cancelled_exposure_is_aborted_in_the_camera() {
+    let desk = Desk::new();
+    let mut camera = desk.camera(CameraSpec::default(), Ramp, Trouble::default());
+    let cancel = Cancel::new();
+    let deadline = desk.within(100.0).with_cancel(&cancel);
+    let other = {
+        let cancel = cancel.clone();
+        std::thread::spawn(move || cancel.cancel())
+    };
+    other.join().unwrap();
+    let error = camera.expose(30.0, &deadline).unwrap_err();
+    assert!(matches!(error, DeviceError::Cancelled { .. }), "{error}");
+    let frame = camera.expose(0.5, &desk.within(5.0)).unwrap();
+    assert_eq!(frame.pixels[[0, 0]], Ramp::adu(0, 0, 0.5));
+}
+
+/// Another client of the same server, in the middle of our exposure. Truth: what it was told to do; a frame of the same size
+/// at another origin must not be taken for ours.
+#[test]
+fn a_window_that_another_client_moves() {
+    struct Meddling {
+        line: Simulated,
+        armed: bool,
+    }
+    impl Bytes for Meddling {
+        fn send(&mut self, bytes: &[u8], deadline: &Deadline) -> Result<(), TransportError> {
+            self.line.send(bytes, deadline)?;
+            if self.armed && String::from_utf8_lossy(bytes).contains("CCD_EXPOSURE_VALUE") {
+                self.armed = false;
+                let moved = "<newNumberVector device=\"Simulated Camera\" name=\"CCD_FRAME\"><oneNumber name=\"X\">4</oneNumber></newNumberVector>";
+                self.line.send(moved.as_bytes(), deadline)?;
+            }
+            Ok(())
+        }
+        fn receive(&mut self, buffer: &mut [u8], d: &Deadline) -> Result<usize, TransportError> {
+            self.line.receive(buffer, d)
+        }
+        fn discard(&mut self, deadline: &Deadline) -> Result<Vec<u8>, TransportError> {
+            self.line.discard(deadline)
+        }
+    }
+    let desk = Desk::new();
+    let line = Simulated::new(Server::new(ServerSettings::default(), Ramp));
+    let line = Meddling { line, armed: true };
+    let mut camera =
+        open_camera(line, CAMERA, CameraSettings::default(), &desk.within(10.0)).unwrap();
+    camera.set_window(window(3, 5, 30, 20), &desk.within(5.0)).unwrap();
+    let error = camera.expose(0.5, &desk.within(5.0)).unwrap_err().to_string();
+    assert!(error.contains("another program has changed its window"), "{error}");
+    camera.set_window(window(3, 5, 30, 20), &desk.within(5.0)).unwrap();
+    let frame = camera.expose(0.5, &desk.within(5.0)).unwrap();
+    assert_eq!((frame.origin, frame.pixels[[0, 0]]), ([3, 5], Ramp::adu(3, 5, 0.5)));
+}
+
+/// A camera that only shows its temperature, and values out of range. Truth: the definitions of the server.
+#[test]
+fn what_a_camera_cannot_do_is_said_before_it_is_tried() {
+    let desk = Desk::new();
+    let spec = CameraSpec { cooled: false, ..CameraSpec::default() };
+    let mut camera = desk.camera(spec, Ramp, Trouble::default());
+    let d = desk.within(60.0);
+    assert!(matches!(camera.set_temperature_c(0.0, &d), Err(DeviceError::NotReady { .. })));
+    for bad in [0.0, -1.0, 3601.0, f64::NAN, f64::INFINITY] {
+        assert!(matches!(camera.expose(bad, &d), Err(DeviceError::OutOfRange { .. })), "{bad}");
+    }
+    for bad in [
+        window(0, 0, 161, 120),
+        window(160, 0, 1, 1),
+        window(0, 0, 0, 1),
+        window(u32::MAX, 0, u32::MAX, 1),
+        Window { binning: [5, 1], ..window(0, 0, 100, 100) },
+        Window { binning: [0, 1], ..window(0, 0, 100, 100) },
+    ] {
+        assert!(
+            matches!(camera.set_window(bad, &d), Err(DeviceError::OutOfRange { .. })),
+            "{bad:?}"
+        );
+    }
+    let odd = Window { binning: [2, 2], ..window(1, 0, 100, 100) };
+    assert!(matches!(camera.set_window(odd, &d), Err(DeviceError::Unknown { .. })));
+    let frame = camera.expose(0.1, &d).unwrap();
+    assert_eq!((frame.pixels.dim(), frame.temperature_c), ((120, 160), Some(20.0)));
+}
+
+/// Truth: the server's own rotator and wheel, by what it says of them; its speeds.
+#[test]
+fn rotator_and_wheel_and_how_they_fail() {
+    let desk = Desk::new();
+    let line = || Simulated::new(Server::new(ServerSettings::default(), Ramp));
+    let mut rotator =
+        open_rotator(line(), ROTATOR, RotatorSettings::default(), &desk.within(10.0)).unwrap();
+    assert_eq!(rotator.move_to(45.25, &desk.within(10.0)).unwrap(), 45.25);
+    assert_eq!(rotator.home(&desk.within(10.0)).unwrap(), 0.0);
+    assert_eq!(rotator.sync(359.0, &desk.within(10.0)).unwrap(), 359.0);
+    assert_eq!(rotator.angle_deg(&desk.within(10.0)).unwrap(), 359.0);
+    // 359° to 180° at 10°/s take 17.9 s.
+    let late = rotator.move_to(180.0, &desk.within(5.0)).unwrap_err();
+    let truth = rotator.line().server.vector(ROTATOR, "ABS_ROTATOR_ANGLE").unwrap().number("ANGLE");
+    assert!(matches!(*late.error, DeviceError::Awaited { .. }), "{late}");
+    assert_eq!(late.done, truth);
+    assert!(rotator.line().server.is_at_rest(), "it was stopped");
+
+    let mut wheel =
+        open_wheel(line(), WHEEL, SessionSettings::default(), &desk.within(10.0)).unwrap();
+    assert_eq!((wheel.slots(), wheel.names().len()), (5, 5));
+    assert_eq!(wheel.select(4, &desk.within(10.0)).unwrap(), 4);
+    assert_eq!(wheel.slot(&desk.within(10.0)).unwrap(), 4);
+
+    let mut server = Server::new(ServerSettings::default(), Ramp);
+    server.trouble.alert = Some(("FILTER_SLOT".into(), "[ERROR] jammed".into()));
+    let mut wheel =
+        open_wheel(Simulated::new(server), WHEEL, SessionSettings::default(), &desk.within(10.0))
+            .unwrap();
+    let jammed = wheel.select(2, &desk.within(10.0)).unwrap_err();
+    assert_eq!(
+        jammed.to_string(),
+        "INDI filter wheel refused FILTER_SLOT FILTER_SLOT_VALUE=2: [ERROR] jammed"
+    );
+    assert_eq!(jammed.done, Some(1));
+
+    let mut server = Server::new(ServerSettings::default(), Ramp);
+    server.trouble.stuck = true;
+    let mut wheel =
+        open_wheel(Simulated::new(server), WHEEL, SessionSettings::default(), &desk.within(10.0))
+            .unwrap();
+    let begun = desk.clock.now();
+    let stuck = wheel.select(2, &desk.within(10.0)).unwrap_err();
+    assert_eq!((desk.clock.now() - begun, stuck.done), (Duration::from_secs(10), None));
+}
+
+/// The same server through a real socket: the client connects, the server dies in an exposure, comes back, and the client goes
+/// on. Truth: the scene's formula.
+#[test]
+fn through_a_socket_that_breaks() {
+    let (host, mut device) = common::tcp();
+    let mut server = Server::new(ServerSettings::default(), Ramp);
+    server.trouble.die = true;
+    let other =
+        std::thread::spawn(move || serve(server, &mut device, &common::within(30.0)).unwrap());
+    let mut camera =
+        open_camera(host, CAMERA, CameraSettings::default(), &common::within(20.0)).unwrap();
+    camera.set_window(window(7, 9, 40, 30), &common::within(5.0)).unwrap();
+    let error = camera.expose(0.4, &common::within(20.0)).unwrap_err();
+    let gone =
+        matches!(error, DeviceError::Transport { source: TransportError::Disconnected { .. }, .. });
+    assert!(gone, "{error}");
+    let mut server = other.join().unwrap();
+    assert!(server.is_dead());
+    server.restart();
+    let (host, mut device) = common::tcp();
+    let other =
+        std::thread::spawn(move || serve(server, &mut device, &common::within(30.0)).unwrap());
+    camera.reconnect(host, &common::within(20.0)).unwrap();
+    let frame = camera.expose(0.05, &common::within(20.0)).unwrap();
+    assert_eq!((frame.origin, frame.pixels.dim()), ([7, 9], (30, 40)));
+    assert_eq!(frame.pixels[[29, 39]], Ramp::adu(46, 38, 0.05));
+    drop(camera);
+    other.join().unwrap();
+}
