@@ -10,11 +10,11 @@ use glam::DVec3;
 use std::borrow::Cow;
 
 /// Cosines below this are those of a direction in the facet's plane, to rounding: such a facet counts as unlit (or unseen).
-const GRAZING: f64 = 1e-15;
+pub(super) const GRAZING: f64 = 1e-15;
 
 /// What faces of several parts in one plane leave open, of the W of all area in white paint, square to the light. Calibrated: random scenes of
 /// such faces split into T-junctions and slivers of 1e-6 change by 0.4 of it (test `splitting_and_order_change_nothing`).
-const COVERING: f64 = 10.0 * Scene::TOUCHING;
+pub(super) const COVERING: f64 = 10.0 * Scene::TOUCHING;
 
 /// More occluders than this over one facet are shared out among parts of it.
 const MANY: usize = 12;
@@ -65,26 +65,31 @@ pub enum DirectionError {
 /// A scene with room to work in.
 #[derive(Debug)]
 pub struct Evaluator<'a> {
-    scene: &'a Scene,
-    now: Cow<'a, Geometry>,
+    pub(super) scene: &'a Scene,
+    pub(super) now: Cow<'a, Geometry>,
     angles: Vec<f64>,
-    radii: Vec<f64>,
-    work: Work,
-    near: near::Quadrature,
+    pub(super) radii: Vec<f64>,
+    pub(super) work: Work,
+    pub(super) near: near::Quadrature,
+    pub(super) disc: super::disc::Room,
 }
 
 /// Buffers.
 #[derive(Debug, Default)]
-struct Work {
-    grids: [Grid; 2],
+pub(super) struct Work {
+    pub(super) grids: [Grid; 2],
     chosen: Vec<u32>,
     shadows: Polygons,
     pieces: Polygons,
     next: Polygons,
-    kept: Polygons,
+    pub(super) kept: Polygons,
     room: Room,
     scratch: Scratch,
-    done: Direct,
+    /// How far the shadows of a Sun of some extent reach beyond those of its middle, m in a facet's plane.
+    pub(super) margin_m: f64,
+    /// Whether the last facet may have been in some shadow.
+    pub(super) shaded: bool,
+    pub(super) done: Direct,
 }
 
 impl<'a> Evaluator<'a> {
@@ -96,6 +101,7 @@ impl<'a> Evaluator<'a> {
             radii: scene.occluders.iter().map(|o| o.radius).collect(),
             work: Work::default(),
             near: near::Quadrature::default(),
+            disc: super::disc::Room::default(),
         }
     }
 
@@ -130,7 +136,7 @@ impl<'a> Evaluator<'a> {
         self.sum(sun_body, view, stride, out)
     }
 
-    fn check(&self, out: &[f64], expected: usize) -> Result<(), DirectionError> {
+    pub(super) fn check(&self, out: &[f64], expected: usize) -> Result<(), DirectionError> {
         let found = out.len();
         if found == expected { Ok(()) } else { Err(DirectionError::Room { found, expected }) }
     }
@@ -142,17 +148,8 @@ impl<'a> Evaluator<'a> {
         stride: usize,
         out: &mut [f64],
     ) -> Result<Direct, DirectionError> {
-        let unit = |what, value: DVec3| {
-            value.try_normalize().ok_or(DirectionError::NoDirection { what, value })
-        };
         let sun = unit("the direction of the Sun", sun)?;
-        let eye = match view {
-            View::Distant(d) => Toward::Far(unit("the direction of the observer", d)?),
-            View::At(q) => {
-                unit("the place of the observer", q)?;
-                Toward::Near(q)
-            }
-        };
+        let eye = toward(view)?;
         out.fill(0.0);
         self.work.done = Direct::default();
         self.turn(sun);
@@ -178,7 +175,7 @@ impl<'a> Evaluator<'a> {
     }
 
     /// Turns hinged parts to the Sun.
-    fn turn(&mut self, sun: DVec3) {
+    pub(super) fn turn(&mut self, sun: DVec3) {
         let scene = self.scene;
         for (h, hinge) in scene.hinges.iter().enumerate() {
             let angle = hinge.angle_rad(sun);
@@ -205,7 +202,7 @@ impl<'a> Evaluator<'a> {
     }
 
     /// Sorts the occluders by their shadows.
-    fn index(&mut self, sun: DVec3, eye: Toward) {
+    pub(super) fn index(&mut self, sun: DVec3, eye: Toward) {
         let (scene, now) = (self.scene, &self.now);
         let leaves = |k: usize, d: DVec3| {
             !matches!(scene.occluders[k].kind, Kind::Leaving) || now.facing[k].dot(d) > 0.0
@@ -219,7 +216,14 @@ impl<'a> Evaluator<'a> {
     }
 
     /// Adds one facet. Gives the error that it brings, m² sr⁻¹.
-    fn facet(&mut self, i: usize, sun: DVec3, eye: Toward, stride: usize, out: &mut [f64]) -> f64 {
+    pub(super) fn facet(
+        &mut self,
+        i: usize,
+        sun: DVec3,
+        eye: Toward,
+        stride: usize,
+        out: &mut [f64],
+    ) -> f64 {
         let normal = self.now.normal[i];
         let cos_i = normal.dot(sun);
         if cos_i <= GRAZING {
@@ -266,24 +270,28 @@ impl<'a> Evaluator<'a> {
             Toward::Near(q) => {
                 let rel = q - origin;
                 let at = DVec3::new(rel.dot(u), rel.dot(v), rel.dot(normal));
-                let task = near::Task {
-                    material,
-                    sun,
+                let mut weigh = |to: DVec3, scale: f64, out: &mut [f64]| {
+                    material.add_weights(sun, to, scale * sun.z, out);
+                };
+                let mut task = near::Task {
+                    weigh: &mut weigh,
+                    tolerance: near::TOLERANCE,
+                    longest_m: f64::INFINITY,
                     at,
                     range_squared: q.length_squared(),
                     facet_area: facet.area,
                 };
                 if cut {
-                    self.work.kept.iter().map(|p| self.near.add(&task, p, 1.0, out)).sum()
+                    self.work.kept.iter().map(|p| self.near.add(&mut task, p, 1.0, out)).sum()
                 } else {
-                    self.near.add(&task, outline, 1.0, out)
+                    self.near.add(&mut task, outline, 1.0, out)
                 }
             }
         }
     }
 
     /// Adds a sphere.
-    fn ball(
+    pub(super) fn ball(
         &mut self,
         number: usize,
         sun: DVec3,
@@ -372,7 +380,7 @@ impl<'a> Evaluator<'a> {
     }
 
     /// Whether nothing stands before, behind or beside a sphere in these directions so near that it could shade or hide it.
-    fn is_free(&self, number: usize, sun: DVec3, to: DVec3) -> bool {
+    pub(super) fn is_free(&self, number: usize, sun: DVec3, to: DVec3) -> bool {
         let ball = &self.scene.spheres[number];
         let middle = self.now.middle[ball.occluder];
         self.scene.occluders.iter().enumerate().all(|(k, other)| {
@@ -389,7 +397,7 @@ impl<'a> Evaluator<'a> {
 
 impl Work {
     /// Whether anything is taken away of facet `i`; what is left stands in `kept`.
-    fn visible(
+    pub(super) fn visible(
         &mut self,
         scene: &Scene,
         now: &Geometry,
@@ -403,6 +411,7 @@ impl Work {
         }
         self.shadows.clear();
         self.gather(scene, now, i, Toward::Far(sun), 0);
+        self.shaded = !self.shadows.is_empty();
         // In opposition what is seen is what is lit.
         if !matches!(eye, Toward::Far(d) if d == sun) {
             self.gather(scene, now, i, eye, 1);
@@ -444,7 +453,9 @@ impl Work {
         let direction = toward.from(origin);
         // Seen from a point, the shadow of a ball spreads with the distance.
         let plane = Plane::new(now, i, toward, scene.touching_m);
-        let bounds = clip::bounds(scene.outlines.get(i));
+        let [left, low, right, high] = clip::bounds(scene.outlines.get(i));
+        let m = self.margin_m;
+        let bounds = [left - m, low - m, right + m, high + m];
         for &k in candidates {
             let k = k as usize;
             let occluder = &scene.occluders[k];
@@ -452,7 +463,7 @@ impl Work {
                 continue;
             }
             let away = now.middle[k] - origin;
-            let reach = facet.radius + occluder.radius;
+            let reach = facet.radius + occluder.radius + self.margin_m;
             let across = match toward {
                 Toward::Far(d) => {
                     let along = away.dot(d);
@@ -576,6 +587,22 @@ impl Work {
         }
         cut
     }
+}
+
+/// A direction of length 1.
+pub(super) fn unit(what: &'static str, value: DVec3) -> Result<DVec3, DirectionError> {
+    value.try_normalize().ok_or(DirectionError::NoDirection { what, value })
+}
+
+/// Where a view's light goes.
+pub(super) fn toward(view: View) -> Result<Toward, DirectionError> {
+    Ok(match view {
+        View::Distant(d) => Toward::Far(unit("the direction of the observer", d)?),
+        View::At(q) => {
+            unit("the place of the observer", q)?;
+            Toward::Near(q)
+        }
+    })
 }
 
 /// Whether a ball at `away` cannot stand between a facet's ball at the origin and an eye at `eye`.

@@ -18,12 +18,14 @@ mod curve;
 pub mod file;
 pub mod fresnel;
 pub mod microfacet;
-mod rule;
+pub(crate) mod rule;
 mod sphere;
+mod width;
 
 pub use conductor::ComplexIndex;
 pub use fresnel::Fresnel;
 pub use microfacet::{Distribution, Lobe, Masking};
+pub(crate) use width::Width;
 
 use glam::DVec3;
 use std::f64::consts::FRAC_1_PI;
