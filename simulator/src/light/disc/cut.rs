@@ -89,14 +89,16 @@ impl Cut {
 
     /// What it leaves.
     pub fn left(&self) -> Left {
-        let e = self.e.length();
-        let kinks = [e, -e].map(|slope| roots(self.d, slope, self.c));
-        if kinks.into_iter().flatten().flatten().any(|r| r > 0.0 && r < 1.0) {
-            Left::Part
-        } else if self.c + 0.25 * self.d > 0.0 || (self.c == 0.0 && e == 0.0) {
-            Left::All
-        } else {
-            Left::Nothing
+        let mut kinks = Vec::new();
+        self.kinks(&mut kinks);
+        if kinks.into_iter().any(|r| r > 0.0 && r < 1.0) {
+            return Left::Part;
+        }
+        // All rings are alike.
+        match self.arc(0.5).1 {
+            half if half >= PI => Left::All,
+            half if half <= 0.0 => Left::Nothing,
+            _ => Left::Part,
         }
     }
 

@@ -234,17 +234,17 @@ impl Evaluator<'_> {
         if !self.work.shaded || spread[0].length() < 1e-6 {
             return (middle, if middle < size.0 { rounding } else { 0.0 });
         }
-        let (mut sum, mut low, mut high) = (middle / 3.0, middle, middle);
+        let (mut sum, mut low, mut high) = (0.5 * middle, middle, middle);
         let done = self.work.done;
         for step in [spread[0], -spread[0], spread[1], -spread[1]] {
-            let at = (place + 3.0_f64.sqrt() * step).clamp_length_max(1.0);
+            let at = (place + 2.0 * step).clamp_length_max(1.0);
             let towards = now.disc.direction(at);
             let area = if normal.dot(towards) > GRAZING {
                 self.area_towards(i, towards, now.eye)
             } else {
                 middle
             };
-            sum += area / 6.0;
+            sum += 0.125 * area;
             (low, high) = (low.min(area), high.max(area));
         }
         self.work.done = done;

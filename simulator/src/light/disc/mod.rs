@@ -19,7 +19,7 @@
 //! # Shadows
 //! The edges of shadows move over the disc. The lit and seen area is taken towards the place of the disc that the light of the facet comes from on the
 //! average (a mirror's image of the observer, the middle for paint) and, where shadows may fall on it, towards four places about that
-//! at √3 standard deviations; what these five disagree about is counted as error.
+//! at two standard deviations; what these five disagree about is counted as error.
 
 pub(super) mod average;
 pub(super) mod cut;
