@@ -64,7 +64,7 @@ pub(super) struct Ball {
 pub enum SceneError {
     /// A perfect mirror that is flat.
     #[error(
-        "part `{part}` is a flat mirror (`{material}`): under a Sun without extent it sends nothing or an infinite intensity; give it a roughness, or make it a sphere"
+        "part `{part}` is a flat mirror (`{material}`): under a Sun without extent it sends nothing or an infinite intensity; model the Sun's disc, give it a roughness, or make it a sphere"
     )]
     FlatMirror {
         /// The part.

@@ -47,7 +47,10 @@ fn fractions_are_what_counting_finds() {
 fn closed_forms_and_the_red_limb() {
     let half = Discs { sun_rad: SUN, earth_rad: 0.5 * PI, separation_rad: 0.5 * PI };
     let found = fractions(&half);
-    assert!((found[0] - 0.5).abs() < 1e-9 && found[1..].iter().all(|s| s.abs() < 1e-9), "{found:?}");
+    assert!(
+        (found[0] - 0.5).abs() < 1e-9 && found[1..].iter().all(|s| s.abs() < 1e-9),
+        "{found:?}"
+    );
     assert_eq!(fractions(&discs(1.1, 1.001))[..2], [1.0, 0.0]);
     assert_eq!(fractions(&discs(1.1, -1.001)), [0.0; 5]);
     let late = discs(1.1, -0.9);

@@ -73,8 +73,7 @@ pub fn lighting(sun: DVec3, to: DVec3) -> Lighting {
 
 /// W at a wavelength and its claimed error.
 pub fn at(scene: &Scene, lighting: &Lighting, nm: f64) -> (f64, f64) {
-    let (mut weights, mut errors) =
-        (vec![0.0; scene.term_count()], vec![0.0; scene.term_count()]);
+    let (mut weights, mut errors) = (vec![0.0; scene.term_count()], vec![0.0; scene.term_count()]);
     scene.evaluator().light(lighting, &mut weights, &mut errors).unwrap();
     let terms = scene.terms().unwrap();
     assert_eq!(terms.len(), weights.len());

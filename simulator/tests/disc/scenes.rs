@@ -39,7 +39,11 @@ fn penumbras() {
                     inner = inner.max(off);
                 }
                 share = share.max(off / (e[0] / scale + 1e-5));
-                assert!(off <= e[0] / scale + 1e-5, "{height} {edge}: {off:.1e} {:.1e}", e[0] / scale);
+                assert!(
+                    off <= e[0] / scale + 1e-5,
+                    "{height} {edge}: {off:.1e} {:.1e}",
+                    e[0] / scale
+                );
             }
         }
     }
@@ -68,7 +72,8 @@ fn terms_come_in_the_order_of_weights() {
             }
         }
     }
-    let (sun, to) = (DVec3::new(0.7, 0.6, 0.25).normalize(), DVec3::new(0.6, -0.1, 0.3).normalize());
+    let (sun, to) =
+        (DVec3::new(0.7, 0.6, 0.25).normalize(), DVec3::new(0.6, -0.1, 0.3).normalize());
     let mut out = vec![0.0; plain.weight_count()];
     plain.evaluator().direct(sun, View::Distant(to), &mut out).unwrap();
     let collimated = Lighting { sun_radius_rad: 0.0, ..lighting(sun, to) };
@@ -76,7 +81,8 @@ fn terms_come_in_the_order_of_weights() {
     plain.evaluator().light(&collimated, &mut w, &mut e).unwrap();
     assert_eq!(w, out);
     // Paints feel the disc by less than 1e-3, and what is stated covers no less than rounding.
-    let (total, plain): (f64, f64) = (at(&scene, &lighting(sun, to), 550.0).0, target_sum(&terms, &out));
+    let (total, plain): (f64, f64) =
+        (at(&scene, &lighting(sun, to), 550.0).0, target_sum(&terms, &out));
     assert!((total / plain - 1.0).abs() < 1e-3, "{total} {plain}");
 }
 
@@ -90,7 +96,9 @@ fn target_sum(terms: &[sunglint_simulator::light::Term], weights: &[f64]) -> f64
 fn a_point_far_away_is_a_direction() {
     let sun = tilted(0.5);
     let to = tilted(-0.5 + 0.3 * SUN);
-    for (material, limit) in [(white(), 2e-6), (rough(Distribution::Ggx, 0.003), 1e-4), (mirror(), 1e-4)] {
+    for (material, limit) in
+        [(white(), 2e-6), (rough(Distribution::Ggx, 0.003), 1e-4), (mirror(), 1e-4)]
+    {
         let target = facet(material);
         let near = Lighting { view: View::At(1e6 * to), ..lighting(sun, to) };
         let (a, b) = (weigh(&target, &near, 550.0).0, weigh(&target, &lighting(sun, to), 550.0).0);
@@ -102,11 +110,14 @@ fn a_point_far_away_is_a_direction() {
 /// edge-on, from behind, at 180° of phase, in the Sun's direction.
 #[test]
 fn tiny_things_and_odd_directions() {
-    for material in [mirror(), rough(Distribution::Ggx, 1e-3), rough(Distribution::Beckmann, 1e-5), white()] {
+    for material in
+        [mirror(), rough(Distribution::Ggx, 1e-3), rough(Distribution::Beckmann, 1e-5), white()]
+    {
         let large = facet(material.clone());
         let mut tiny = Target::default();
         add(&mut tiny, material, Shape::Mesh(plate(DVec2::splat(1e-9), true, false)), DVec3::ZERO);
-        let directions = [0.0, 0.3, -0.3, 1.57, std::f64::consts::FRAC_PI_2, 1.6, 3.0, -1.5707].map(tilted);
+        let directions =
+            [0.0, 0.3, -0.3, 1.57, std::f64::consts::FRAC_PI_2, 1.6, 3.0, -1.5707].map(tilted);
         for sun in directions {
             for to in directions.into_iter().chain([-sun, sun]) {
                 let light = lighting(sun, to);

@@ -35,7 +35,9 @@ fn a_mirror_sphere_is_the_same_from_everywhere() {
 fn a_lambert_sphere_near_opposition_to_the_sun() {
     let options = SunOptions { eclipse: true, ..SunOptions::default() };
     let scene = Scene::with_sun(&sphere(white()), options).unwrap();
-    for (phase_deg, limit) in [(0.0, 1e-5), (90.0, 1e-5), (170.0, 1e-4), (178.0, 1e-4), (179.5, 1e-4), (179.9, 2e-4)] {
+    for (phase_deg, limit) in
+        [(0.0, 1e-5), (90.0, 1e-5), (170.0, 1e-4), (178.0, 1e-4), (179.5, 1e-4), (179.9, 2e-4)]
+    {
         let to = tilted(f64::to_radians(phase_deg));
         let truth = average(DVec3::Z, 550.0, 400, |d| {
             let left = PI - 2.0 * (d - to).length().atan2((d + to).length());
@@ -44,7 +46,10 @@ fn a_lambert_sphere_near_opposition_to_the_sun() {
         });
         let (ours, error) = of(&scene, phase_deg);
         assert!((ours / truth - 1.0).abs() < limit, "{phase_deg}: {ours} {truth}");
-        assert!((ours - truth).abs() <= error + 2e-5 * truth, "{phase_deg}: {ours} {truth} {error}");
+        assert!(
+            (ours - truth).abs() <= error + 2e-5 * truth,
+            "{phase_deg}: {ours} {truth} {error}"
+        );
     }
 }
 
@@ -55,7 +60,8 @@ fn rough_spheres_make_a_smooth_curve() {
     for distribution in [Distribution::Beckmann, Distribution::Ggx] {
         for phase_deg in [0.0, 60.0, 120.0, 170.0, 178.0, 179.0] {
             let at = |alpha: f64| {
-                let scene = Scene::with_sun(&sphere(rough(distribution, alpha)), SunOptions::default());
+                let scene =
+                    Scene::with_sun(&sphere(rough(distribution, alpha)), SunOptions::default());
                 of(&scene.unwrap(), phase_deg).0
             };
             let finest = at(1e-5);
@@ -63,12 +69,16 @@ fn rough_spheres_make_a_smooth_curve() {
             let mut alpha = 1e-5;
             while alpha < 0.9 {
                 let [a, b, c] = [alpha, 1.002 * alpha, 1.004 * alpha].map(at);
-                assert!((a - 2.0 * b + c).abs() < 1e-4 * b, "{distribution:?} {phase_deg} {alpha}: {a} {b} {c}");
+                assert!(
+                    (a - 2.0 * b + c).abs() < 1e-4 * b,
+                    "{distribution:?} {phase_deg} {alpha}: {a} {b} {c}"
+                );
                 alpha *= 1.9;
             }
         }
         for alpha in [1e-5, 1e-3, 0.01, 0.1, 1.0] {
-            let scene = Scene::with_sun(&sphere(rough(distribution, alpha)), SunOptions::default()).unwrap();
+            let scene = Scene::with_sun(&sphere(rough(distribution, alpha)), SunOptions::default())
+                .unwrap();
             for phase_deg in (1..179).step_by(16).map(f64::from).chain([175.0, 178.5, 178.98]) {
                 let [a, b, c] = [0.0, 0.002, 0.004].map(|more| of(&scene, phase_deg + more).0);
                 assert!((a - 2.0 * b + c).abs() < 5e-5 * b, "{distribution:?} {alpha} {phase_deg}");
