@@ -3,7 +3,7 @@
 use super::clip::{self, P2, Polygons, Scratch};
 use super::geometry::{Geometry, Motion};
 use super::grid::Grid;
-use super::occlude::{Kind, Plane, Room, Toward};
+use super::occlude::{Kind, Plane, Room, Toward, toward, unit};
 use super::scene::{Ball, Scene};
 use super::{View, near, sphere};
 use glam::DVec3;
@@ -85,9 +85,8 @@ pub(super) struct Work {
     pub(super) kept: Polygons,
     room: Room,
     scratch: Scratch,
-    /// How far the shadows of a Sun of some extent reach beyond those of its middle, m in a facet's plane.
+    /// How far a disc's shadows reach beyond those of its middle, m.
     pub(super) margin_m: f64,
-    /// Whether the last facet may have been in some shadow.
     pub(super) shaded: bool,
     pub(super) done: Direct,
 }
@@ -453,9 +452,8 @@ impl Work {
         let direction = toward.from(origin);
         // Seen from a point, the shadow of a ball spreads with the distance.
         let plane = Plane::new(now, i, toward, scene.touching_m);
-        let [left, low, right, high] = clip::bounds(scene.outlines.get(i));
-        let m = self.margin_m;
-        let bounds = [left - m, low - m, right + m, high + m];
+        let (b, m) = (clip::bounds(scene.outlines.get(i)), self.margin_m);
+        let bounds = [b[0] - m, b[1] - m, b[2] + m, b[3] + m];
         for &k in candidates {
             let k = k as usize;
             let occluder = &scene.occluders[k];
@@ -587,22 +585,6 @@ impl Work {
         }
         cut
     }
-}
-
-/// A direction of length 1.
-pub(super) fn unit(what: &'static str, value: DVec3) -> Result<DVec3, DirectionError> {
-    value.try_normalize().ok_or(DirectionError::NoDirection { what, value })
-}
-
-/// Where a view's light goes.
-pub(super) fn toward(view: View) -> Result<Toward, DirectionError> {
-    Ok(match view {
-        View::Distant(d) => Toward::Far(unit("the direction of the observer", d)?),
-        View::At(q) => {
-            unit("the place of the observer", q)?;
-            Toward::Near(q)
-        }
-    })
 }
 
 /// Whether a ball at `away` cannot stand between a facet's ball at the origin and an eye at `eye`.

@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 /// Below this, sr⁻¹, an average is nothing: 3e-9 of white paint.
 pub const FLOOR: f64 = 1e-9;
 /// Distance from the middle of the four places that a first look takes, in radii.
-const LOOK: f64 = std::f64::consts::FRAC_1_SQRT_2;
+pub(super) const LOOK: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// Room to average in, and the last result.
 #[derive(Debug, Default)]
@@ -261,40 +261,5 @@ impl Bell {
         let most = (1.0 / (PI * x * y * cos)).max(1.0) * 1e6;
         let height = disc.middle.z + disc.sine;
         !self.tails && height > 0.0 && near > 5.0 && most * (-near * near).exp() < FLOOR * 1e-6
-    }
-}
-
-impl Averager {
-    /// Averages W_k of a sphere of radius 1 (m² sr⁻¹), its phase angle taken from each place of the disc; gives what a collimated Sun yields.
-    pub fn sphere(
-        &mut self,
-        material: &Material,
-        disc: &Disc,
-        to: DVec3,
-        earth: Option<Cut>,
-        tolerance: f64,
-    ) -> f64 {
-        let count = material.spectra().len();
-        self.sums.clear(count);
-        self.way = Way::Look;
-        let mut own = 0.0_f64;
-        let mut value = |place: DVec2, out: &mut [f64]| {
-            let sun = disc.direction(place);
-            // Right at all angles (Kahan), where the arc cosine is not.
-            let phase = (2.0 * (sun - to).length().atan2((sun + to).length())).min(PI);
-            let error = material.add_sphere_weights(phase, 1.0 / disc.cosine(place), out);
-            // The scene was checked for tangents, the angle is made here.
-            own = own.max(error.unwrap_or(f64::INFINITY));
-        };
-        let mut middle = vec![0.0; count];
-        value(DVec2::ZERO, &mut middle);
-        if earth.is_some() || !self.look(count, tolerance, &mut value) {
-            self.way = Way::Rings;
-            let cuts: Vec<Cut> = earth.into_iter().collect();
-            let limits = (tolerance, FLOOR * tolerance);
-            self.error = rings::average(&cuts, count, limits, &mut value, &mut self.sums);
-        }
-        self.error += own * self.sums.grey();
-        middle.iter().sum()
     }
 }

@@ -5,9 +5,9 @@ use super::average::Averager;
 use super::cut::{Cut, Disc, Left};
 use super::profile::PROFILES;
 use crate::light::effect::Lighting;
-use crate::light::evaluate::{COVERING, Direct, DirectionError, Evaluator, GRAZING, toward, unit};
+use crate::light::evaluate::{COVERING, Direct, DirectionError, Evaluator, GRAZING};
 use crate::light::near;
-use crate::light::occlude::Toward;
+use crate::light::occlude::{Toward, toward, unit};
 use glam::{DVec2, DVec3};
 use std::f64::consts::FRAC_1_PI;
 
@@ -331,11 +331,13 @@ impl Evaluator<'_> {
         // The share that is left, found towards the middle of the Sun, holds for all of it.
         let left: f64 = plain[range].iter().sum();
         let whole = scale * full;
-        let share = if whole > 0.0 { (left / whole).min(1.0) } else { 1.0 };
+        let free = self.is_free(number, now.disc.middle, to);
+        let share = if whole > 0.0 && !free { (left / whole).min(1.0) } else { 1.0 };
+        let averager = &mut self.disc.averager;
         let values = std::mem::take(&mut averager.sums.values);
         let all: f64 = scale * values.iter().map(|v| v.abs()).sum::<f64>();
         let open = scale * averager.error;
-        if !self.is_free(number, now.disc.middle, to) {
+        if !free {
             // A strip of a disc as deep as the penumbra is wide; of a shadow's edge across, only its bend counts.
             let depth = (now.disc.sine * self.disc.extent_m / ball.radius).min(1.0);
             let edge = share > 1e-9 && share < 1.0 - 1e-9;

@@ -7,7 +7,7 @@
 //!
 //! - [`profile`]: the law of limb darkening as a sum over fixed profiles p_j(μ) times functions L_j(λ);
 //! - `cut`: what a horizon or the Earth leaves of the disc; `rings` and `rays`: averages over that, of what varies slowly and of lobes;
-//! - `average`: which of them a material needs, and the average before each profile;
+//! - `average`: which of them a material needs, and the average before each profile; `sphere`: the same for spheres;
 //! - `light`: the same for all facets and spheres of a scene, with shadows;
 //! - [`eclipse`]: what the Earth leaves of each profile's light, for passes that take eclipses as one factor.
 //!
@@ -28,6 +28,7 @@ mod light;
 pub mod profile;
 pub(super) mod rays;
 pub(super) mod rings;
+pub(super) mod sphere;
 pub(super) mod sums;
 
 pub use light::Room;

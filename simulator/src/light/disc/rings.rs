@@ -13,12 +13,15 @@ const RINGS: [usize; 6] = [2, 3, 5, 8, 12, 18];
 /// The orders of the rule over the panels of a cut disc.
 const ORDERS: std::ops::Range<usize> = 0..5;
 
-/// Rings of the whole disc: radius and weights.
-static WHOLE: LazyLock<Vec<Vec<(f64, [f64; PROFILES])>>> =
+/// A ring: radius and weights.
+type Ring = (f64, [f64; PROFILES]);
+
+/// Rings of the whole disc.
+static WHOLE: LazyLock<Vec<Vec<Ring>>> =
     LazyLock::new(|| RINGS.iter().map(|&n| rings(n)).collect());
 
 /// Rings at Gauss's points of r², weighted so that polynomials in r² up to the degree n − 1 are exact for every profile.
-fn rings(n: usize) -> Vec<(f64, [f64; PROFILES])> {
+fn rings(n: usize) -> Vec<Ring> {
     let at: Vec<f64> = rule::legendre(n).iter().map(|(x, _)| 0.5 * (1.0 + x)).collect();
     let weights = |i: usize| {
         let mut sum = [0.0; PROFILES];
