@@ -3,18 +3,18 @@
 use super::clip::{self, P2, Polygons, Scratch};
 use super::geometry::{Geometry, Motion};
 use super::grid::Grid;
-use super::occlude::{Kind, Plane, Room, Toward};
+use super::occlude::{Kind, Plane, Room, Toward, toward, unit};
 use super::scene::{Ball, Scene};
 use super::{View, near, sphere};
 use glam::DVec3;
 use std::borrow::Cow;
 
 /// Cosines below this are those of a direction in the facet's plane, to rounding: such a facet counts as unlit (or unseen).
-const GRAZING: f64 = 1e-15;
+pub(super) const GRAZING: f64 = 1e-15;
 
 /// What faces of several parts in one plane leave open, of the W of all area in white paint, square to the light. Calibrated: random scenes of
 /// such faces split into T-junctions and slivers of 1e-6 change by 0.4 of it (test `splitting_and_order_change_nothing`).
-const COVERING: f64 = 10.0 * Scene::TOUCHING;
+pub(super) const COVERING: f64 = 10.0 * Scene::TOUCHING;
 
 /// More occluders than this over one facet are shared out among parts of it.
 const MANY: usize = 12;
@@ -68,23 +68,27 @@ pub struct Evaluator<'a> {
     pub(super) scene: &'a Scene,
     pub(super) now: Cow<'a, Geometry>,
     angles: Vec<f64>,
-    radii: Vec<f64>,
+    pub(super) radii: Vec<f64>,
     pub(super) work: Work,
-    near: near::Quadrature,
+    pub(super) near: near::Quadrature,
+    pub(super) disc: super::disc::Room,
 }
 
 /// Buffers.
 #[derive(Debug, Default)]
 pub(super) struct Work {
-    grids: [Grid; 2],
+    pub(super) grids: [Grid; 2],
     chosen: Vec<u32>,
     shadows: Polygons,
     pieces: Polygons,
     next: Polygons,
-    kept: Polygons,
+    pub(super) kept: Polygons,
     room: Room,
     scratch: Scratch,
-    done: Direct,
+    /// How far a disc's shadows reach beyond those of its middle, m.
+    pub(super) margin_m: f64,
+    pub(super) shaded: bool,
+    pub(super) done: Direct,
 }
 
 impl<'a> Evaluator<'a> {
@@ -96,6 +100,7 @@ impl<'a> Evaluator<'a> {
             radii: scene.occluders.iter().map(|o| o.radius).collect(),
             work: Work::default(),
             near: near::Quadrature::default(),
+            disc: super::disc::Room::default(),
         }
     }
 
@@ -144,7 +149,7 @@ impl<'a> Evaluator<'a> {
         self.sum(sun_body, sun_body, view, stride, out)
     }
 
-    fn check(&self, out: &[f64], expected: usize) -> Result<(), DirectionError> {
+    pub(super) fn check(&self, out: &[f64], expected: usize) -> Result<(), DirectionError> {
         let found = out.len();
         if found == expected { Ok(()) } else { Err(DirectionError::Room { found, expected }) }
     }
@@ -187,7 +192,7 @@ impl<'a> Evaluator<'a> {
     ) -> Result<(DVec3, Toward), DirectionError> {
         let facing = unit("the direction of the Sun", facing)?;
         let light = unit("the direction of the light", light)?;
-        let eye = super::pieces::toward(view)?;
+        let eye = toward(view)?;
         self.turn(facing);
         if self.scene.pairs.is_none() {
             self.index(light, eye);
@@ -196,7 +201,7 @@ impl<'a> Evaluator<'a> {
     }
 
     /// Turns hinged parts to the Sun.
-    fn turn(&mut self, sun: DVec3) {
+    pub(super) fn turn(&mut self, sun: DVec3) {
         let scene = self.scene;
         for (h, hinge) in scene.hinges.iter().enumerate() {
             let angle = hinge.angle_rad(sun);
@@ -223,7 +228,7 @@ impl<'a> Evaluator<'a> {
     }
 
     /// Sorts the occluders by their shadows.
-    fn index(&mut self, sun: DVec3, eye: Toward) {
+    pub(super) fn index(&mut self, sun: DVec3, eye: Toward) {
         let (scene, now) = (self.scene, &self.now);
         let leaves = |k: usize, d: DVec3| {
             !matches!(scene.occluders[k].kind, Kind::Leaving) || now.facing[k].dot(d) > 0.0
@@ -237,7 +242,14 @@ impl<'a> Evaluator<'a> {
     }
 
     /// Adds one facet. Gives the error that it brings, m² sr⁻¹.
-    fn facet(&mut self, i: usize, sun: DVec3, eye: Toward, stride: usize, out: &mut [f64]) -> f64 {
+    pub(super) fn facet(
+        &mut self,
+        i: usize,
+        sun: DVec3,
+        eye: Toward,
+        stride: usize,
+        out: &mut [f64],
+    ) -> f64 {
         let normal = self.now.normal[i];
         let cos_i = normal.dot(sun);
         if cos_i <= GRAZING {
@@ -284,17 +296,21 @@ impl<'a> Evaluator<'a> {
             Toward::Near(q) => {
                 let rel = q - origin;
                 let at = DVec3::new(rel.dot(u), rel.dot(v), rel.dot(normal));
-                let task = near::Task {
-                    material,
-                    sun,
+                let mut weigh = |to: DVec3, scale: f64, out: &mut [f64]| {
+                    material.add_weights(sun, to, scale * sun.z, out);
+                };
+                let mut task = near::Task {
+                    weigh: &mut weigh,
+                    tolerance: near::TOLERANCE,
+                    longest_m: f64::INFINITY,
                     at,
                     range_squared: q.length_squared(),
                     facet_area: facet.area,
                 };
                 if cut {
-                    self.work.kept.iter().map(|p| self.near.add(&task, p, 1.0, out)).sum()
+                    self.work.kept.iter().map(|p| self.near.add(&mut task, p, 1.0, out)).sum()
                 } else {
-                    self.near.add(&task, outline, 1.0, out)
+                    self.near.add(&mut task, outline, 1.0, out)
                 }
             }
         }
@@ -390,7 +406,7 @@ impl<'a> Evaluator<'a> {
     }
 
     /// Whether nothing stands before, behind or beside a sphere in these directions so near that it could shade or hide it.
-    fn is_free(&self, number: usize, sun: DVec3, to: DVec3) -> bool {
+    pub(super) fn is_free(&self, number: usize, sun: DVec3, to: DVec3) -> bool {
         let ball = &self.scene.spheres[number];
         let middle = self.now.middle[ball.occluder];
         self.scene.occluders.iter().enumerate().all(|(k, other)| {
@@ -403,11 +419,6 @@ impl<'a> Evaluator<'a> {
                 })
         })
     }
-}
-
-/// A direction of length 1.
-pub(super) fn unit(what: &'static str, value: DVec3) -> Result<DVec3, DirectionError> {
-    value.try_normalize().ok_or(DirectionError::NoDirection { what, value })
 }
 
 /// Whether a facet with this cosine towards a direction shows it its front.
@@ -436,6 +447,7 @@ impl Work {
         }
         self.shadows.clear();
         self.gather(scene, now, i, Toward::Far(sun), 0);
+        self.shaded = !self.shadows.is_empty();
         // In opposition what is seen is what is lit.
         if !matches!(eye, Toward::Far(d) if d == sun) {
             self.gather(scene, now, i, eye, 1);
@@ -477,7 +489,8 @@ impl Work {
         let direction = toward.from(origin);
         // Seen from a point, the shadow of a ball spreads with the distance.
         let plane = Plane::new(now, i, toward, scene.touching_m);
-        let bounds = clip::bounds(scene.outlines.get(i));
+        let (b, m) = (clip::bounds(scene.outlines.get(i)), self.margin_m);
+        let bounds = [b[0] - m, b[1] - m, b[2] + m, b[3] + m];
         for &k in candidates {
             let k = k as usize;
             let occluder = &scene.occluders[k];
@@ -485,7 +498,7 @@ impl Work {
                 continue;
             }
             let away = now.middle[k] - origin;
-            let reach = facet.radius + occluder.radius;
+            let reach = facet.radius + occluder.radius + self.margin_m;
             let across = match toward {
                 Toward::Far(d) => {
                     let along = away.dot(d);

@@ -19,6 +19,7 @@
 mod clip;
 mod closed;
 mod coincident;
+pub mod disc;
 mod effect;
 mod evaluate;
 mod facets;
@@ -33,6 +34,7 @@ mod solid;
 mod sphere;
 mod weld;
 
+pub use disc::SunOptions;
 pub use effect::{Effect, Globe, Lighting, Need, Source, Term};
 pub use evaluate::{Direct, DirectionError, Evaluator};
 pub use pieces::{Glint, Piece};

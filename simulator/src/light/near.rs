@@ -1,11 +1,10 @@
 //! Facets seen from a point: angles and distances change over a facet, so its answer is an integral.
 
 use super::clip::P2;
-use crate::surface::Material;
 use glam::DVec3;
 
-/// Relative error of a piece's integral at which halving stops.
-const TOLERANCE: f64 = 1e-10;
+/// Relative error of a piece's integral at which halving stops, of what is smooth.
+pub const TOLERANCE: f64 = 1e-10;
 /// Areas of pieces are differences of the facet's coordinates: rounding in units of the facet's area. Slivers would be halved in vain.
 const ROUNDING: f64 = 4e-15;
 /// Halvings at most.
@@ -13,10 +12,12 @@ const DEPTH: u32 = 10;
 
 /// What is integrated.
 pub struct Task<'a> {
-    /// The material.
-    pub material: &'a Material,
-    /// Towards the Sun, in the facet's axes.
-    pub sun: DVec3,
+    /// Adds w_k cosθ_i for a direction to the observer (the facet's axes), times a number, to a row of weights.
+    pub weigh: &'a mut dyn FnMut(DVec3, f64, &mut [f64]),
+    /// Relative error of a piece's integral at which halving stops.
+    pub tolerance: f64,
+    /// Pieces that are longer are halved in any case, m: what is narrow would be missed.
+    pub longest_m: f64,
     /// The observer, in the facet's axes, m from its origin.
     pub at: DVec3,
     /// The square of the observer's distance from the body's origin, m².
@@ -46,7 +47,7 @@ const RULE: [(f64, f64, f64); 7] = [
 
 impl Quadrature {
     /// Adds `sign` times |view|² ∫ cosθ_i cosθ_o w_k/r² dA over a convex polygon to `out`; gives the error estimate of the sum.
-    pub fn add(&mut self, task: &Task, polygon: &[P2], sign: f64, out: &mut [f64]) -> f64 {
+    pub fn add(&mut self, task: &mut Task<'_>, polygon: &[P2], sign: f64, out: &mut [f64]) -> f64 {
         let mut error = 0.0;
         for pair in polygon[1..].windows(2) {
             let triangle = [polygon[0], pair[0], pair[1]];
@@ -61,7 +62,7 @@ impl Quadrature {
     }
 }
 
-fn rule(task: &Task, [a, b, c]: [P2; 3], sign: f64, out: &mut [f64]) {
+fn rule(task: &mut Task<'_>, [a, b, c]: [P2; 3], sign: f64, out: &mut [f64]) {
     let area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]));
     for (weight, p, q) in RULE {
         let r = 1.0 - p - q;
@@ -70,12 +71,12 @@ fn rule(task: &Task, [a, b, c]: [P2; 3], sign: f64, out: &mut [f64]) {
         let range_squared = to.length_squared();
         let to = to / range_squared.sqrt();
         let scale = sign * weight * area * task.range_squared / range_squared;
-        task.material.add_weights(task.sun, to, scale * task.sun.z * to.z, out);
+        (task.weigh)(to, scale * to.z, out);
     }
 }
 
 fn refine(
-    task: &Task,
+    task: &mut Task<'_>,
     [a, b, c]: [P2; 3],
     sign: f64,
     coarse: &[f64],
@@ -94,8 +95,9 @@ fn refine(
     let error: f64 = total.iter().zip(coarse).map(|(f, c)| (f - c).abs()).sum();
     let size: f64 = total.iter().map(|f| f.abs()).sum();
     let area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])).abs();
-    let limit = (TOLERANCE * area + ROUNDING * task.facet_area) * size;
-    if error * area <= limit || depth == DEPTH {
+    let limit = (task.tolerance * area + ROUNDING * task.facet_area) * size;
+    let long = parts.iter().any(|[p, q, _]| (p[0] - q[0]).hypot(p[1] - q[1]) > task.longest_m);
+    if (error * area <= limit && !long) || depth == DEPTH {
         out.iter_mut().zip(total).for_each(|(o, t)| *o += *t);
         return error;
     }

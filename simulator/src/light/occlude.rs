@@ -1,6 +1,8 @@
 //! The shadow of an occluder on a facet's plane.
 
+use super::View;
 use super::clip::{P2, Polygons, hull};
+use super::evaluate::DirectionError;
 use super::geometry::Geometry;
 use glam::DVec3;
 use std::ops::Range;
@@ -50,6 +52,22 @@ impl Toward {
             Toward::Near(q) => (*q - p).normalize_or_zero(),
         }
     }
+}
+
+/// A direction of length 1.
+pub fn unit(what: &'static str, value: DVec3) -> Result<DVec3, DirectionError> {
+    value.try_normalize().ok_or(DirectionError::NoDirection { what, value })
+}
+
+/// Where a view's light goes.
+pub fn toward(view: View) -> Result<Toward, DirectionError> {
+    Ok(match view {
+        View::Distant(d) => Toward::Far(unit("the direction of the observer", d)?),
+        View::At(q) => {
+            unit("the place of the observer", q)?;
+            Toward::Near(q)
+        }
+    })
 }
 
 /// A facet's plane and how points above it are thrown onto it.

@@ -1,8 +1,8 @@
 //! What is lit and seen of a body, piece by piece: for whoever needs more of it than its weights.
 
+use super::View;
 use super::clip::{P2, Polygons};
 use super::evaluate::{DirectionError, Evaluator};
-use super::{View, occlude::Toward};
 use glam::DVec3;
 
 /// The lit and seen part of one facet: convex polygons in the facet's plane.
@@ -184,15 +184,4 @@ impl Evaluator<'_> {
         }
         Ok(glints)
     }
-}
-
-/// Where the observer is, as the engine has it.
-pub(super) fn toward(view: View) -> Result<Toward, DirectionError> {
-    Ok(match view {
-        View::Distant(d) => Toward::Far(super::evaluate::unit("the direction of the observer", d)?),
-        View::At(q) => {
-            super::evaluate::unit("the place of the observer", q)?;
-            Toward::Near(q)
-        }
-    })
 }

@@ -28,6 +28,8 @@ pub struct Scene {
     pub(super) touching_m: f64,
     /// Whether faces cover others in their plane.
     pub(super) covers: bool,
+    /// The Sun's disc, where it is modelled.
+    pub(super) sun: Option<super::disc::Sun>,
     report: SceneReport,
 }
 
@@ -62,7 +64,7 @@ pub(super) struct Ball {
 pub enum SceneError {
     /// A perfect mirror that is flat.
     #[error(
-        "part `{part}` is a flat mirror (`{material}`): under a Sun without extent it sends nothing or an infinite intensity; give it a roughness, or make it a sphere"
+        "part `{part}` is a flat mirror (`{material}`): under a Sun without extent it sends nothing or an infinite intensity; model the Sun's disc, give it a roughness, or make it a sphere"
     )]
     FlatMirror {
         /// The part.
@@ -170,10 +172,21 @@ impl Scene {
     /// # Errors
     /// As [`Scene::new`].
     pub fn with_most_pairs(target: &Target, most_pairs: usize) -> Result<Self, SceneError> {
+        Self::build(target, most_pairs, None)
+    }
+
+    /// Prepares a target for a Sun of some extent, or none.
+    pub(super) fn build(
+        target: &Target,
+        most_pairs: usize,
+        sun: Option<super::disc::Sun>,
+    ) -> Result<Self, SceneError> {
         for part in &target.parts {
-            check(target, part)?;
+            check(target, part, sun.is_some())?;
         }
-        Ok(Builder::new(target).finish(most_pairs))
+        let mut scene = Builder::new(target).finish(most_pairs);
+        scene.sun = sun;
+        Ok(scene)
     }
 
     /// Room to evaluate in: one for each thread.
@@ -216,7 +229,7 @@ impl Scene {
     }
 }
 
-fn check(target: &Target, part: &Part) -> Result<(), SceneError> {
+fn check(target: &Target, part: &Part, has_disc: bool) -> Result<(), SceneError> {
     let missing =
         |what, number, count| SceneError::Missing { part: part.name.clone(), what, number, count };
     let Some(material) = target.materials.get(part.material) else {
@@ -230,7 +243,7 @@ fn check(target: &Target, part: &Part) -> Result<(), SceneError> {
     let placed = part.placement.offset_m.is_finite() && part.placement.rotation.is_finite();
     let finite = match &part.shape {
         Shape::Mesh(mesh) => {
-            if material.is_mirror() {
+            if material.is_mirror() && !has_disc {
                 let (part, material) = (part.name.clone(), material.name.clone());
                 return Err(SceneError::FlatMirror { part, material });
             }
@@ -292,6 +305,7 @@ impl<'a> Builder<'a> {
             pairs: None,
             touching_m: size * Scene::TOUCHING,
             covers: false,
+            sun: None,
             report,
         };
         Self { target, size, components: 0, scene }

@@ -1,7 +1,8 @@
 //! How much of the Sun's disc the Earth leaves visible at a target, and when that changes.
 //!
 //! Sun and Earth are circular discs on the target's sky, with the angular radii asin(R/d) that spheres have, and what is
-//! visible is the part of the Sun's solid angle outside the Earth's disc, weighted by nothing else (no limb darkening). The
+//! visible is the part of the Sun's solid angle outside the Earth's disc, weighted by nothing else
+//! (limb-darkened: [`crate::light::disc::eclipse`]). The
 //! overlap is exact on the sphere, for discs of any size: the Earth fills nearly half the sky in low orbit. What it
 //! leaves out is the air, which bends sunlight into the umbra and dims the last tens of kilometres above the limb: in low orbit
 //! entry and exit are blurred by some seconds.

@@ -20,10 +20,12 @@ pub mod fresnel;
 pub mod microfacet;
 pub(crate) mod rule;
 mod sphere;
+mod width;
 
 pub use conductor::ComplexIndex;
 pub use fresnel::Fresnel;
 pub use microfacet::{Distribution, Lobe, Masking};
+pub(crate) use width::Width;
 
 use glam::DVec3;
 use std::f64::consts::FRAC_1_PI;

@@ -1,0 +1,30 @@
+//! How fast a material's reflection changes with direction: what an average over a source of some extent has to resolve.
+
+use super::{Fresnel, Lobe, Material, Model};
+
+/// What there is to resolve.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Width<'a> {
+    /// Nothing: f is the same in all directions.
+    Even,
+    /// A lobe, perhaps over something wider.
+    Lobe {
+        /// The lobe.
+        lobe: &'a Lobe,
+        /// Whether nothing lies below it.
+        alone: bool,
+    },
+    /// A single direction.
+    Mirror(&'a Fresnel),
+}
+
+impl Material {
+    pub(crate) fn width(&self) -> Width<'_> {
+        match &self.model {
+            Model::Lambert => Width::Even,
+            Model::Mirror { fresnel } => Width::Mirror(fresnel),
+            Model::Microfacet { lobe, .. } => Width::Lobe { lobe, alone: true },
+            Model::Blend { lobe, .. } => Width::Lobe { lobe, alone: false },
+        }
+    }
+}
