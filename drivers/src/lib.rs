@@ -46,9 +46,13 @@
 
 pub mod clock;
 pub mod device;
+pub mod ophir;
 pub mod ptu;
 pub mod recording;
+pub mod reply;
 pub mod simulated;
 pub mod tags;
+pub mod thorlabs;
 pub mod transport;
 pub mod trinamic;
+pub mod zwo;
