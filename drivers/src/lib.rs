@@ -7,19 +7,22 @@
 //! - [`transport`]: streams of bytes ([serial](transport::serial), [TCP](transport::tcp), [child process](transport::child)) and
 //!   requests one by one ([USB](transport::usb), [HID](transport::hid)), one error type for all;
 //! - [`recording`]: what was said, as text; [`Recorded`](recording::Recorded), [`Replay`](recording::Replay) and
-//!   [`Faulty`](recording::Faulty) around any transport;
+//!   [`Faulty`](recording::Faulty) around any transport; [the same as fake devices](recording::umockdev) under real libraries;
+//! - [`reply`]: answers as text, parsed strictly;
 //! - [`device`]: photon counter, camera, power meter, rotation stage, filter wheel, one small trait each;
 //! - [`trinamic`]: a rotation stage on a TMCL motor controller;
-//! - [`simulated`]: devices that speak the same protocols: a TMCL module so far;
+//! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB;
+//! - [`zwo`]: a filter wheel on HID;
+//! - [`simulated`]: devices that speak the same protocols: a TMCL module, both kinds of power meter, the wheel;
 //! - [`tags`], [`ptu`]: photon time tags on disk, binned into counts.
 //!
 //! Still to come: Swabian (photon counter), INDI (camera, wheel, rotator), OpenCV (frame grabber, its own cargo feature),
-//! Ophir and Thorlabs (power meter, stage), ZWO (wheel), and simulated versions of each kind.
+//! Thorlabs stages, and simulated versions of each kind.
 //!
 //! # How far it is tried
 //!
 //! No real instrument has been at the other end yet. Serial ports are tried on ptys, TCP on sockets, children on real
-//! processes. USB and HID compile and map their errors; no transfer has been made through them.
+//! processes. USB (libusb) and HID (hidraw) go through the real libraries to fake devices that umockdev makes of recordings.
 //!
 //! # A stage, on a desk without one
 //!

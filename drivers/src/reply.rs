@@ -67,7 +67,9 @@ pub fn power_w(text: &str) -> Result<f64, ReplyError> {
     let value = parts.and_then(|(value, power)| match value.split_once(['e', 'E']) {
         // Read as one number, so that 30.0mW is the double nearest to 0.03.
         None => number(&format!("{value}E{power}")).ok(),
-        Some((mantissa, own)) => number(&format!("{mantissa}E{}", integer(own).ok()?.checked_add(power)?)).ok(),
+        Some((mantissa, own)) => {
+            number(&format!("{mantissa}E{}", integer(own).ok()?.checked_add(power)?)).ok()
+        }
     });
     let value = value.filter(|value| *value > 0.0);
     value.ok_or_else(|| ReplyError::new(text, "a power such as `30.0mW`"))
@@ -89,13 +91,17 @@ mod tests {
         ] {
             assert_eq!(number(text), Ok(value));
         }
-        let refused =
-            ["", "-", ".5", "1e", "1E1234", "inf", "nan", "1.2.3", "1 2", "0x10", "1E400", "1e5 ", "٣"];
+        let refused = [
+            "", "-", ".5", "1e", "1E1234", "inf", "nan", "1.2.3", "1 2", "0x10", "1E400", "1e5 ",
+            "٣",
+        ];
         for text in refused {
             assert!(number(text).is_err(), "{text}");
         }
         assert_eq!(integer("-2"), Ok(-2));
-        assert!(integer("2147483648").is_err() && integer("1.0").is_err() && integer("--1").is_err());
+        assert!(
+            integer("2147483648").is_err() && integer("1.0").is_err() && integer("--1").is_err()
+        );
         for (text, value) in [
             ("30.0mW", 0.03),
             ("300uW", 3e-4),
@@ -106,7 +112,8 @@ mod tests {
         ] {
             assert_eq!(power_w(text), Ok(value));
         }
-        for text in ["30.0", "mW", "dBm", "-3mW", "0W", "3 mW", "3e99999999999mW", "1e2147483647kW"] {
+        for text in ["30.0", "mW", "dBm", "-3mW", "0W", "3 mW", "3e99999999999mW", "1e2147483647kW"]
+        {
             assert!(power_w(text).is_err(), "{text}");
         }
     }

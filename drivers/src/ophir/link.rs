@@ -166,6 +166,14 @@ impl<T: Bytes> Link<T> {
         }
     }
 
+    /// The meter's name at the end of a line, once it is known.
+    fn identity_behind(&self, line: &[u8]) -> Option<Instrument> {
+        let known = self.identity.as_ref()?;
+        let line = line.trim_ascii_end();
+        let before = line.strip_suffix(known.as_bytes())?.trim_ascii_end();
+        Instrument::parse(known).ok().filter(|_| before.ends_with(b"*"))
+    }
+
     /// Drops what is old: asks who the meter is and reads on until it says so, whatever comes before it.
     fn synchronise(&mut self, deadline: &Deadline) -> Result<Instrument, Trouble> {
         /// So many lines are no leftovers but another device.
@@ -187,6 +195,11 @@ impl<T: Bytes> Link<T> {
                 }
                 Err(error) => return Err(error.into()),
             };
+            // Behind the first half of a line whose second was lost.
+            if let Some(instrument) = self.identity_behind(&bytes) {
+                self.in_step = true;
+                return Ok(instrument);
+            }
             match Line::parse(&bytes) {
                 Ok(Line::Good(body)) => match Instrument::parse(&body) {
                     Ok(instrument) if self.identity.as_ref().is_none_or(|known| *known == body) => {

@@ -220,9 +220,8 @@ impl<T: Bytes> Meter<T> {
             }
             Wavelengths::Discrete(choice) => {
                 let name = choice.names.iter().find(|name| name_nm(name) == Some(nm));
-                let name = name.ok_or_else(|| {
-                    unknown("wavelength_nm", &nm.to_string(), &choice.names)
-                })?;
+                let name =
+                    name.ok_or_else(|| unknown("wavelength_nm", &nm.to_string(), &choice.names))?;
                 Ok((format!("$WW{name}"), nm))
             }
         }
@@ -292,7 +291,8 @@ impl<T: Bytes> Device for Meter<T> {
                 wavelengths.in_use_nm().map_or(text("none"), Value::Number)
             }
         };
-        let name_or_none = |choice: &Option<Choice>| text(choice.as_ref().map_or("none", Choice::name));
+        let name_or_none =
+            |choice: &Option<Choice>| text(choice.as_ref().map_or("none", Choice::name));
         let values = [
             ("head", Value::Text(format!("{} {}", head.kind, head.name))),
             ("head_serial", text(&head.serial)),
@@ -322,7 +322,8 @@ impl<T: Bytes> PowerMeter for Meter<T> {
                 // A meter shows a little more than its range, then OVER. Twice the largest is a spoilt line.
                 let most = self.ranges.largest_w().unwrap_or(f64::MAX);
                 if watts.abs() > 2.0 * most {
-                    let reason = format!("it reads {watts:e} W, its largest range ends at {most:e} W");
+                    let reason =
+                        format!("it reads {watts:e} W, its largest range ends at {most:e} W");
                     return Err(DeviceError::Protocol { device: DEVICE, reason });
                 }
                 Ok(Power::Watts(watts))
@@ -361,7 +362,11 @@ impl<T: Bytes> PowerMeter for Meter<T> {
         self.settle(deadline)?;
         self.ranges = self.link.ask_as("$AR", Ranges::parse, deadline)?;
         let got = self.ranges.name();
-        if got == range { Ok(range.to_owned()) } else { Err(not_taken(DEVICE, "range", range, got)) }
+        if got == range {
+            Ok(range.to_owned())
+        } else {
+            Err(not_taken(DEVICE, "range", range, got))
+        }
     }
 
     fn zero(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {

@@ -256,8 +256,12 @@ impl<T: Transfers> PowerMeter for Pm100<T> {
         }
         self.set(&format!("SENS:CORR:WAV {wavelength_nm}"), deadline)?;
         let got = self.tmc.ask_as("SENS:CORR:WAV?", number, deadline)?;
-        // Some models take whole nanometres only; what they have is what is given.
-        if (got - wavelength_nm).abs() <= 0.5 {
+        if got == wavelength_nm {
+            return Ok(got);
+        }
+        // Some models take whole nanometres only; what they have, and say twice, is what is given.
+        let again = self.tmc.ask_as("SENS:CORR:WAV?", number, deadline)?;
+        if got == again && (got - wavelength_nm).abs() <= 0.5 {
             return Ok(got);
         }
         Err(not_taken(DEVICE, "wavelength_nm", &wavelength_nm.to_string(), &got.to_string()))

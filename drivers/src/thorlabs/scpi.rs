@@ -42,7 +42,8 @@ impl Instrument {
     /// # Errors
     /// Anything else.
     pub fn parse(text: &str) -> Result<Self, ReplyError> {
-        let error = || ReplyError::new(text, "an instrument such as `Thorlabs,PM100D,P0000001,2.6.0`");
+        let error =
+            || ReplyError::new(text, "an instrument such as `Thorlabs,PM100D,P0000001,2.6.0`");
         let fields: [String; 4] = fields(text).try_into().map_err(|_| error())?;
         if !is_text(text) || fields.iter().any(String::is_empty) {
             return Err(error());
@@ -74,7 +75,8 @@ impl Sensor {
     /// # Errors
     /// Anything else.
     pub fn parse(text: &str) -> Result<Option<Self>, ReplyError> {
-        let error = || ReplyError::new(text, "a sensor such as `S120C,180101101,24-Jan-2018,1,18,289`");
+        let error =
+            || ReplyError::new(text, "a sensor such as `S120C,180101101,24-Jan-2018,1,18,289`");
         let fields: [String; 6] = fields(text).try_into().or_else(|fields: Vec<String>| {
             // Without a sensor some firmwares leave out the rest.
             let mut fields = fields;

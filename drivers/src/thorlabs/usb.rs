@@ -63,7 +63,11 @@ fn endpoints(device: &Device<Context>) -> Option<Endpoints> {
             one.map(|endpoint| endpoint.address())
         };
         let interface = found.interface_number();
-        Some(Endpoints { interface, bulk_in: bulk(Direction::In)?, bulk_out: bulk(Direction::Out)? })
+        Some(Endpoints {
+            interface,
+            bulk_in: bulk(Direction::In)?,
+            bulk_out: bulk(Direction::Out)?,
+        })
     })
 }
 
@@ -89,7 +93,8 @@ pub fn find() -> Result<Vec<Found>, DeviceError> {
 pub fn open(serial: Option<&str>) -> Result<(Usb, Endpoints), DeviceError> {
     let transport = |error| DeviceError::transport(DEVICE, error);
     let mut all = find()?.into_iter();
-    let found = all.find(|found| serial.is_none_or(|wanted| found.serial.as_deref() == Some(wanted)));
+    let found =
+        all.find(|found| serial.is_none_or(|wanted| found.serial.as_deref() == Some(wanted)));
     let Some(found) = found else {
         let what = serial.map_or_else(String::new, |serial| format!(" {serial}"));
         return Err(transport(TransportError::NotFound {

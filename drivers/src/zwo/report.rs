@@ -229,7 +229,11 @@ mod tests {
         let position = |hex| Position::parse(&bytes(hex)).unwrap();
         assert_eq!(position("01 7e 5a 01 01 00 03 03 03 07 00 00 00 00 30 00").arrived(), Some(3));
         assert!(Position::parse(&info).is_err() && Info::parse(&info[..15]).is_err());
-        assert!(Position::parse(&bytes("01 7e 5a 01 01 00 08 08 08 07 00 00 00 00 30 00")).is_err());
-        assert!(Position::parse(&bytes("01 7e 5a 01 01 00 00 00 00 00 00 00 00 00 30 00")).is_err());
+        assert!(
+            Position::parse(&bytes("01 7e 5a 01 01 00 08 08 08 07 00 00 00 00 30 00")).is_err()
+        );
+        assert!(
+            Position::parse(&bytes("01 7e 5a 01 01 00 00 00 00 00 00 00 00 00 30 00")).is_err()
+        );
     }
 }

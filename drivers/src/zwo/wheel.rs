@@ -83,29 +83,36 @@ impl<T: Transfers> Wheel<T> {
             .map_err(|error| DeviceError::transport(DEVICE, error))
     }
 
-    /// Asks, and once more if the answer is no answer to that.
+    /// Asks, and once more if there is no answer, or none to that.
     fn ask<V>(
         &mut self,
         request: Request,
         parse: impl Fn(&[u8]) -> Result<V, ReplyError>,
         deadline: &Deadline,
     ) -> Result<V, DeviceError> {
-        let mut again = true;
-        loop {
-            self.tell(request, deadline)?;
-            let step = deadline.at_most(self.settings.reply_within);
-            let get = Transfer::FeatureGet { report: FROM_WHEEL, length: ROOM };
-            let report = self.hid.transfer(&get, &step);
-            let report = report.map_err(|error| DeviceError::transport(DEVICE, error))?;
-            match parse(&report) {
-                Ok(value) => return Ok(value),
-                Err(_) if again => again = false,
-                Err(error) => {
-                    let reason = format!("the answer to {request:?}: {error}");
-                    return Err(DeviceError::Protocol { device: DEVICE, reason });
-                }
+        match self.ask_once(request, &parse, deadline) {
+            Err(error) if may_ask_again(&error) && deadline.remaining().is_ok() => {
+                self.ask_once(request, &parse, deadline)
             }
+            done => done,
         }
+    }
+
+    fn ask_once<V>(
+        &mut self,
+        request: Request,
+        parse: impl Fn(&[u8]) -> Result<V, ReplyError>,
+        deadline: &Deadline,
+    ) -> Result<V, DeviceError> {
+        self.tell(request, deadline)?;
+        let step = deadline.at_most(self.settings.reply_within);
+        let get = Transfer::FeatureGet { report: FROM_WHEEL, length: ROOM };
+        let report = self.hid.transfer(&get, &step);
+        let report = report.map_err(|error| DeviceError::transport(DEVICE, error))?;
+        parse(&report).map_err(|error| DeviceError::Protocol {
+            device: DEVICE,
+            reason: format!("the answer to {request:?}: {error}"),
+        })
     }
 
     /// Where it says it stands.
@@ -150,9 +157,8 @@ impl<T: Transfers> Wheel<T> {
                 Some(slot) if wanted.is_none_or(|wanted| wanted == slot) => return Ok(slot),
                 _ => {}
             }
-            deadline
-                .sleep(self.settings.poll)
-                .map_err(|expired| DeviceError::expired(DEVICE, "turning by a slot", expired))?;
+            let waited = deadline.sleep(self.settings.poll).and_then(|()| deadline.remaining());
+            waited.map_err(|expired| DeviceError::expired(DEVICE, "turning by a slot", expired))?;
             position = self.position(deadline)?;
         }
     }
@@ -173,6 +179,15 @@ impl<T: Transfers> Wheel<T> {
             at = self.step(at, deadline)?;
         }
         Ok(at)
+    }
+}
+
+/// Whether the wheel said nothing, or something else; it has then done nothing.
+fn may_ask_again(error: &DeviceError) -> bool {
+    match error {
+        DeviceError::Protocol { .. } => true,
+        DeviceError::Transport { source, .. } => source.is_timeout(),
+        _ => false,
     }
 }
 
