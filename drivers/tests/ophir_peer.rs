@@ -1,10 +1,12 @@
-//! Our simulated Ophir meter under a host that we did not write: pylablib 1.4.3, through a real pty.
+//! Our simulated Ophir meter through a real pty, under our driver and under a host that we did not write: pylablib 1.4.3.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
 mod common;
 
 use serialport::SerialPort as _;
 use sunglint_drivers::clock::Cancel;
+use sunglint_drivers::device::{Power, PowerMeter as _};
+use sunglint_drivers::ophir::{LinkSettings, Meter, MeterSettings};
 use sunglint_drivers::simulated::ophir::{Ophir, OphirSettings};
 use sunglint_drivers::simulated::{Steady, serve};
 use sunglint_drivers::transport::serial::Serial;
@@ -62,4 +64,25 @@ meter.close()
         Command $XY returned error: b'BAD COMMAND'\n";
     assert_eq!(printed, expected);
     assert_eq!((meter.wavelength_nm(), meter.range()), (Some(700), "AUTO"));
+}
+
+/// Our own driver through serialport and a pty. Truth: the light that was put in, and the meter's own state.
+#[test]
+fn our_driver_reads_and_sets_the_simulated_meter_on_a_pty() {
+    let mut pty = common::pty();
+    let cancel = Cancel::new();
+    let deadline = common::within(60.0).with_cancel(&cancel);
+    let meter = Ophir::new(OphirSettings::default(), Steady(2.5e-4));
+    let server = std::thread::spawn(move || serve(meter, &mut pty.device, &deadline).unwrap());
+    let within = common::within(20.0);
+    let (link, settings) = (LinkSettings::default(), MeterSettings::default());
+    let mut meter = Meter::open(pty.host, link, settings, &within).unwrap();
+    assert_eq!(meter.set_wavelength_nm(808.0, &within).unwrap(), 808.0);
+    assert_eq!(meter.set_range("300uW", &within).unwrap(), "300uW");
+    assert_eq!(meter.power(&within).unwrap(), Power::Watts(2.5e-4));
+    assert_eq!(meter.set_range("30.0uW", &within).unwrap(), "30.0uW");
+    assert_eq!(meter.power(&within).unwrap(), Power::Over { range_w: Some(3e-5) });
+    cancel.cancel();
+    let device = server.join().unwrap();
+    assert_eq!((device.wavelength_nm(), device.range()), (Some(808), "30.0uW"));
 }

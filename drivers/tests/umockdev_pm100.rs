@@ -79,7 +79,7 @@ fn captures_end_the_same_through_libusb() {
     let description = umockdev::write(folder.path(), "pm100.umockdev", device.description());
     let cases = pm100::cases();
     let shown: Vec<_> = cases.iter().filter(|case| case.is_for_umockdev()).collect();
-    assert_eq!(shown.len(), 12);
+    assert_eq!(shown.len(), 13);
     std::thread::scope(|scope| {
         for part in shown.chunks(3) {
             let (folder, device, description) = (folder.path(), &device, &description);

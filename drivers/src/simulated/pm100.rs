@@ -8,7 +8,7 @@ use super::power::{PowerSource, mean_w};
 use super::script::Script;
 use crate::clock::Deadline;
 use crate::thorlabs::usbtmc::{
-    CHECK_CLEAR_STATUS, HEADER, IN, INITIATE_CLEAR, OUT, STATUS_SUCCESS,
+    CHECK_CLEAR_STATUS, HEADER, IN, INITIATE_CLEAR, OUT, STATUS_PENDING, STATUS_SUCCESS,
 };
 use crate::transport::{Transfer, Transfers, TransportError};
 use std::collections::VecDeque;
@@ -32,6 +32,8 @@ pub struct Pm100Settings {
     pub shows_dbm: bool,
     /// Complaints that wait from the start.
     pub complaints: Vec<&'static str>,
+    /// How often it says that clearing its buffers is not done yet.
+    pub clearing: u32,
     /// How long a measurement takes.
     pub measurement: Duration,
     /// How long zeroing takes.
@@ -49,6 +51,7 @@ impl Default for Pm100Settings {
             dark_w: 0.0,
             shows_dbm: false,
             complaints: Vec::new(),
+            clearing: 0,
             measurement: Duration::from_millis(3),
             zeroing: Duration::from_secs(1),
         }
@@ -95,6 +98,8 @@ pub struct Pm100 {
     fault: Option<Kind>,
     request: Option<(u8, usize)>,
     halted: bool,
+    /// How often clearing is still to be asked for.
+    clearing: u32,
 }
 
 impl fmt::Debug for Pm100 {
@@ -126,6 +131,7 @@ impl Pm100 {
             fault: None,
             request: None,
             halted: false,
+            clearing: 0,
             settings,
         }
     }
@@ -316,6 +322,7 @@ impl Pm100 {
     }
 
     fn clear(&mut self) {
+        self.clearing = self.settings.clearing;
         self.answer.clear();
         self.request = None;
         self.fault = None;
@@ -341,6 +348,8 @@ impl Transfers for Pm100 {
                 self.halted = true;
                 Err(stalled())
             }
+            // What is left while it clears, in a short packet.
+            Transfer::BulkIn { .. } if self.clearing > 0 => Ok(vec![0; 4]),
             Transfer::BulkIn { length, .. } => self.message_in(*length, deadline),
             Transfer::ClearHalt { endpoint } => {
                 if endpoint & 0x80 != 0 {
@@ -353,7 +362,14 @@ impl Transfers for Pm100 {
                 Ok(vec![STATUS_SUCCESS])
             }
             Transfer::ControlIn { request_type: 0xa1, request: CHECK_CLEAR_STATUS, .. } => {
-                Ok(vec![STATUS_SUCCESS, 0])
+                match self.clearing.checked_sub(1) {
+                    None => Ok(vec![STATUS_SUCCESS, 0]),
+                    Some(left) => {
+                        self.clearing = left;
+                        // Bit 0: something is to be fetched first.
+                        Ok(vec![STATUS_PENDING, u8::from(left > 0)])
+                    }
+                }
             }
             _ => Err(stalled()),
         }

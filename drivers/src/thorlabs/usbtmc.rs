@@ -117,7 +117,8 @@ impl<'a> MessageIn<'a> {
 mod tests {
     use super::*;
 
-    /// Truth: the example of the standard's tables 2 and 3 (`*IDN?` with a new line, tag 1), byte for byte.
+    /// Truth: the layout of the standard's tables 1 to 4, byte for byte; `drivers/tests/pm100_peer.rs` holds it against
+    /// python-usbtmc.
     #[test]
     fn messages_are_those_of_the_standard() {
         assert_eq!(

@@ -100,6 +100,7 @@ pub fn cases() -> Vec<Case> {
             |settings| settings.sensor = "no sensor".into(),
         ),
         with("shows_dbm", GOOD, |settings| settings.shows_dbm = true),
+        with("slow_to_clear", GOOD, |settings| settings.clearing = 3),
         with("old_complaints", GOOD, |settings| {
             settings.complaints = vec!["-113,\"Undefined header\"", "-410,\"Query INTERRUPTED\""];
         }),
