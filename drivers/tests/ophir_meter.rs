@@ -164,6 +164,23 @@ fn a_late_answer_is_nobodys() {
     assert!(read >= 5, "{read}");
 }
 
+/// Truth: the command that brings the power mode where `$FP` is unknown (pymeasure's `Modes.POWER` is 2).
+#[test]
+fn a_meter_without_the_old_mode_command_is_opened() {
+    let clock = Arc::new(VirtualClock::new());
+    let deadline = within(&clock, 20);
+    let open = |faults| {
+        let mut device = Ophir::new(OphirSettings::default(), Steady(1e-6));
+        device.faults = Script::new(faults);
+        let (link, settings) = (LinkSettings::default(), MeterSettings::default());
+        Meter::open(InMemory::new(device), link, settings, &deadline)
+    };
+    let no = |on| Fault::new(on, 0, Kind::Say("?BAD COMMAND"));
+    assert_eq!(open(vec![no("$FP")]).unwrap().power(&deadline).unwrap(), Power::Watts(1e-6));
+    let error = open(vec![no("$FP"), no("$MM2")]).unwrap_err();
+    assert!(matches!(error, DeviceError::Rejected { .. }), "{error}");
+}
+
 /// Truth: the refusals' own words; the unit that a key on the meter changes.
 #[test]
 fn refusals_and_keys_on_the_meter_are_seen() {

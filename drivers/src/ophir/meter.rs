@@ -68,7 +68,7 @@ pub struct Meter<T> {
 }
 
 impl<T: Bytes> Meter<T> {
-    /// Asks the meter who it is and what its head can do, has it measure power (`$FP`), and, if it shows dBm, has it choose
+    /// Asks the meter who it is and what its head can do, has it measure power (`$FP` or `$MM2`), and, if it shows dBm, has it choose
     /// its range by itself, which brings back watts.
     ///
     /// # Errors
@@ -91,7 +91,11 @@ impl<T: Bytes> Meter<T> {
         if !head.measures_power() {
             return not_ready("the head measures no power: plug in one that does");
         }
-        link.ask("$FP", deadline)?;
+        match link.ask("$FP", deadline) {
+            // Newer meters have a number for each mode instead.
+            Err(DeviceError::Rejected { .. }) => link.ask("$MM2", deadline)?,
+            other => other?,
+        };
         let mut ranges = link.ask_as("$AR", Ranges::parse, deadline)?;
         if ranges.is_dbm() {
             link.ask("$WN-1", deadline)?;

@@ -277,7 +277,7 @@ impl Ophir {
             "VE" => Ok(self.settings.version.clone()),
             "HI" => Ok(self.settings.head.clone()),
             "HT" => Ok(self.settings.head.chars().take(2).collect()),
-            "FP" | "RE" => Ok(String::new()),
+            "FP" | "MM" | "RE" => Ok(String::new()),
             "SP" => Ok(self.power(now)),
             "SI" => Ok(if self.range == -2 { "dBm" } else { "W" }.into()),
             "AR" => Ok(self.ranges()),
