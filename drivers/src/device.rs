@@ -5,8 +5,11 @@
 //! stops it early. Units are in the names. What was set is read back from the device, and what it then says is what the
 //! call returns. A long call that fails gives what it had done with the error ([`Interrupted`]).
 
+mod confirmed;
 mod error;
 
+pub use confirmed::Confirmed;
+pub(crate) use error::not_taken;
 pub use error::{DeviceError, Interrupted, Side};
 
 use crate::clock::Deadline;

@@ -7,20 +7,23 @@
 //! - [`transport`]: streams of bytes ([serial](transport::serial), [TCP](transport::tcp), [child process](transport::child)) and
 //!   requests one by one ([USB](transport::usb), [HID](transport::hid)), one error type for all;
 //! - [`recording`]: what was said, as text; [`Recorded`](recording::Recorded), [`Replay`](recording::Replay) and
-//!   [`Faulty`](recording::Faulty) around any transport;
+//!   [`Faulty`](recording::Faulty) around any transport; [the same as fake devices](recording::umockdev) under real libraries;
+//! - [`reply`]: answers as text, parsed strictly;
 //! - [`device`]: photon counter, camera, power meter, rotation stage, filter wheel, one small trait each;
 //! - [`trinamic`]: a rotation stage on a TMCL motor controller;
 //! - [`indi`]: cameras, rotators and filter wheels behind an INDI server;
-//! - [`simulated`]: devices that speak the same protocols: a TMCL module, an INDI server;
+//! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB;
+//! - [`zwo`]: a filter wheel on HID;
+//! - [`simulated`]: devices that speak the same protocols: a TMCL module, an INDI server, both kinds of power meter, the wheel;
 //! - [`tags`], [`ptu`]: photon time tags on disk, binned into counts.
 //!
-//! Still to come: Swabian (photon counter), OpenCV (frame grabber, its own cargo feature), Ophir and Thorlabs (power meter, stage),
-//! ZWO (wheel), and simulated versions of each kind.
+//! Still to come: Swabian (photon counter), OpenCV (frame grabber, its own cargo feature), Thorlabs stages.
 //!
 //! # How far it is tried
 //!
 //! No real instrument has been at the other end yet. Serial ports are tried on ptys, TCP on sockets, children on real
-//! processes; INDI with the simulators of indi-bin 1.9.9, live. USB and HID compile and map their errors; no transfer has been made through them.
+//! processes; INDI with the simulators of indi-bin 1.9.9, live. USB (libusb) and HID (hidraw) go through the real libraries to fake
+//! devices that umockdev makes of recordings.
 //!
 //! # A stage, on a desk without one
 //!
@@ -48,9 +51,13 @@
 pub mod clock;
 pub mod device;
 pub mod indi;
+pub mod ophir;
 pub mod ptu;
 pub mod recording;
+pub mod reply;
 pub mod simulated;
 pub mod tags;
+pub mod thorlabs;
 pub mod transport;
 pub mod trinamic;
+pub mod zwo;

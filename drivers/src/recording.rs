@@ -33,6 +33,7 @@ mod parse;
 mod player;
 mod recorded;
 mod replay;
+pub mod umockdev;
 
 pub use event::{Event, Fault, Header};
 pub use faulty::{Faults, Faulty, Injected};

@@ -2,6 +2,18 @@
 //!
 //! They are ours, so that a driver that agrees with them is not yet a driver that agrees with the real thing; what they
 //! were checked against is said in each.
+//!
+//! What they measure comes from the caller ([`PowerSource`]: a power at a time), what goes wrong with them from a
+//! [`Script`](script::Script).
 
+pub mod efw;
 pub mod indi;
+pub mod line;
+pub mod ophir;
+pub mod pm100;
+pub mod power;
+pub mod script;
 pub mod tmcl;
+
+pub use line::{InMemory, Speaker, serve};
+pub use power::{PowerSource, Steady};

@@ -54,6 +54,16 @@ pub enum DeviceError {
         /// What the code means.
         reason: &'static str,
     },
+    /// The device understood and said no, in words of its own.
+    #[error("{device} refused {request}: it says `{said}`")]
+    Rejected {
+        /// The device.
+        device: &'static str,
+        /// What it was asked.
+        request: String,
+        /// What it said.
+        said: String,
+    },
     /// A value that this device cannot take.
     #[error("{name}: found {asked}, expected {least} to {most}")]
     OutOfRange {
@@ -162,6 +172,16 @@ pub enum DeviceError {
         /// What had failed.
         source: Box<DeviceError>,
     },
+}
+
+/// The error of a setting that reads back as another value.
+pub(crate) fn not_taken(
+    device: &'static str,
+    name: &'static str,
+    asked: &str,
+    got: &str,
+) -> DeviceError {
+    DeviceError::NotTaken { device, name, asked: asked.to_owned(), got: got.to_owned() }
 }
 
 /// A limit switch.

@@ -59,7 +59,10 @@ fn not_found(what: &str) -> TransportError {
 pub(crate) fn explain(error: HidError, action: &'static str, what: &str) -> TransportError {
     let source = match error {
         HidError::IoError { error } => error,
-        // The system's own code, where hidapi packs it into a text, is lost; the text is kept.
+        HidError::HidApiError { message } => match code_in(&message) {
+            Some(code) => io::Error::from_raw_os_error(code),
+            None => io::Error::other(message),
+        },
         other => io::Error::other(other),
     };
     match source.kind() {
@@ -71,6 +74,17 @@ pub(crate) fn explain(error: HidError, action: &'static str, what: &str) -> Tran
         io::ErrorKind::NotFound if action == "open" => not_found(what),
         _ => TransportError::from_io(action, what, source),
     }
+}
+
+/// The system's own code in a text of hidapi's: `…: Permission denied (os error 13)`, `ioctl (…): ENODEV: No such device`.
+fn code_in(message: &str) -> Option<i32> {
+    if let Some((_, code)) = message.split_once("(os error ") {
+        return code.strip_suffix(')')?.parse().ok();
+    }
+    // Linux's numbers: the texts are those of its own backend.
+    let names = [("ENOENT", 2), ("EIO", 5), ("ENXIO", 6), ("EACCES", 13), ("ENODEV", 19)];
+    let of = |(name, _): &&(&str, i32)| message.contains(&format!(": {name}: "));
+    names.iter().find(of).map(|(_, code)| *code)
 }
 
 impl Transfers for Hid {
@@ -147,6 +161,17 @@ mod tests {
         );
         assert!(matches!(of(19), TransportError::Disconnected { .. }));
         assert!(matches!(of(5), TransportError::Disconnected { .. }));
+        // The texts are those that hidapi 2.6.7 makes (linux_native.rs).
+        let of_text = |message: &str, action| {
+            let error = HidError::HidApiError { message: message.into() };
+            explain(error, action, "HID device 03c3:1f01")
+        };
+        let gone = of_text("ioctl (GFEATURE): ENODEV: No such device", "read from");
+        assert!(matches!(gone, TransportError::Disconnected { .. }), "{gone}");
+        let denied =
+            "failed to open device with path /dev/hidraw0: Permission denied (os error 13)";
+        let denied = of_text(denied, "open");
+        assert!(matches!(denied, TransportError::Refused { .. }), "{denied}");
         let text = HidError::HidApiError { message: "odd".into() };
         assert!(matches!(explain(text, "read from", "x"), TransportError::Io { .. }));
         let missing = Hid::open_path("/dev/no-such-hidraw").err().expect("it is not there");

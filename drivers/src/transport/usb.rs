@@ -56,9 +56,7 @@ impl Usb {
                 None => true,
             };
             if is_it {
-                // Not every system can; claiming says so if it matters.
-                let _ = handle.set_auto_detach_kernel_driver(true);
-                handle.claim_interface(interface).map_err(fail)?;
+                claim(&handle, interface).map_err(fail)?;
                 return Ok(Self { name, handle });
             }
         }
@@ -108,6 +106,19 @@ impl Usb {
         };
         answer.truncate(count);
         Ok(answer)
+    }
+}
+
+/// Claims an interface from whatever kernel driver holds it; on a system that cannot set drivers aside, one that is free.
+fn claim(handle: &DeviceHandle<Context>, interface: u8) -> Result<(), rusb::Error> {
+    let _ = handle.set_auto_detach_kernel_driver(true);
+    match handle.claim_interface(interface) {
+        Err(rusb::Error::Other | rusb::Error::NotSupported) => {
+            // A driver that holds it is told as such (busy).
+            let _ = handle.set_auto_detach_kernel_driver(false);
+            handle.claim_interface(interface)
+        }
+        claimed => claimed,
     }
 }
 

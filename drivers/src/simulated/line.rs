@@ -1,0 +1,111 @@
+//! A simulated device at the other end of a line: in memory, or on a real one.
+
+use crate::clock::Deadline;
+use crate::transport::{Bytes, TransportError};
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// A device that hears bytes and says some.
+pub trait Speaker: Send {
+    /// What it says at `now` to these bytes; each part with the time from which on it can be heard.
+    fn hear(&mut self, bytes: &[u8], now: Duration) -> Vec<(Duration, Vec<u8>)>;
+}
+
+/// A device at the other end of a line in memory: a transport for drivers. The line keeps its order: what is said late
+/// holds back what is said after it.
+#[derive(Debug, Clone)]
+pub struct InMemory<D> {
+    /// The device.
+    pub device: D,
+    said: VecDeque<(Duration, u8)>,
+}
+
+impl<D: Speaker> InMemory<D> {
+    /// A line to the device.
+    pub fn new(device: D) -> Self {
+        Self { device, said: VecDeque::new() }
+    }
+
+    fn hear(&mut self, bytes: &[u8], now: Duration) {
+        for (due, said) in self.device.hear(bytes, now) {
+            self.said.extend(said.into_iter().map(|byte| (due, byte)));
+        }
+    }
+
+    fn take(&mut self, most: usize, now: Duration) -> Vec<u8> {
+        let ready = self.said.iter().take(most).take_while(|(due, _)| *due <= now).count();
+        self.said.drain(..ready).map(|(_, byte)| byte).collect()
+    }
+}
+
+impl<D: Speaker> Bytes for InMemory<D> {
+    fn send(&mut self, bytes: &[u8], deadline: &Deadline) -> Result<(), TransportError> {
+        deadline.remaining()?;
+        self.hear(bytes, deadline.now());
+        Ok(())
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: &Deadline) -> Result<usize, TransportError> {
+        if buffer.is_empty() {
+            return Ok(0);
+        }
+        loop {
+            let ready = self.take(buffer.len(), deadline.now());
+            if !ready.is_empty() {
+                buffer[..ready.len()].copy_from_slice(&ready);
+                return Ok(ready.len());
+            }
+            let wait = match self.said.front() {
+                Some((due, _)) => due.saturating_sub(deadline.now()),
+                None => Duration::MAX,
+            };
+            deadline.sleep(wait)?;
+        }
+    }
+
+    fn discard(&mut self, deadline: &Deadline) -> Result<Vec<u8>, TransportError> {
+        Ok(self.take(usize::MAX, deadline.now()))
+    }
+}
+
+/// Serves the device on the device's end of a real line (a pty, a socket) until the deadline passes, the token is set, or
+/// the host hangs up, and gives the device back.
+///
+/// # Errors
+/// The line failed.
+pub fn serve<D: Speaker>(
+    device: D,
+    line: &mut impl Bytes,
+    deadline: &Deadline,
+) -> Result<D, TransportError> {
+    /// How long it listens at most before it says what is due.
+    const LISTEN: Duration = Duration::from_millis(20);
+    let mut end = InMemory::new(device);
+    let mut buffer = [0; 256];
+    loop {
+        let due = end.said.front().map_or(LISTEN, |(due, _)| due.saturating_sub(deadline.now()));
+        let step = deadline.at_most(due.clamp(Duration::from_millis(1), LISTEN));
+        let heard = match line.receive(&mut buffer, &step) {
+            Ok(count) => {
+                end.hear(&buffer[..count], deadline.now());
+                Ok(())
+            }
+            Err(error) if error.is_timeout() => Ok(()),
+            Err(error) => Err(error),
+        };
+        let said = heard.and_then(|()| {
+            deadline.remaining()?;
+            let said = end.take(usize::MAX, deadline.now());
+            if said.is_empty() { Ok(()) } else { line.send(&said, deadline) }
+        });
+        match said {
+            Ok(()) => {}
+            Err(
+                TransportError::Timeout { .. }
+                | TransportError::Cancelled { .. }
+                | TransportError::Disconnected { .. },
+            ) => return Ok(end.device),
+            Err(error) => return Err(error),
+        }
+    }
+}
