@@ -267,7 +267,7 @@ fn what_makes_no_sense_is_refused_with_line_and_key() {
         (
             "tangent = [0, 5, 0]",
             "radius_m = 1",
-            "part[0].radius_m: found 1, expected no radius_m: a plate does not use it (it belongs to sphere, cylinder, cone, prism)",
+            "part[0].radius_m: found 1, expected no radius_m: a plate does not use it (it belongs to sphere, cylinder, cone, prism, dish)",
         ),
         (
             "tangent = [0, 5, 0]",
@@ -331,7 +331,7 @@ fn shapes_of_parts_are_those_of_their_keys() {
     let shape = |keys: &str| Target::parse("a.toml", part(keys)).unwrap().parts.remove(0).shape;
     let mesh = |keys: &str| match shape(keys) {
         Shape::Mesh(mesh) => mesh,
-        Shape::Sphere { .. } => panic!("a sphere"),
+        other => panic!("{other:?}"),
     };
     assert!(matches!(shape("shape = \"sphere\"\nradius_m = 2"), Shape::Sphere { radius_m: 2.0 }));
     let sphere =
@@ -343,7 +343,10 @@ fn shapes_of_parts_are_those_of_their_keys() {
     let cone =
         mesh("shape = \"cone\"\nradius_m = 1\nheight_m = 3\nfacets = 4\nfaces = [\"side2\"]");
     assert_eq!(cone.triangles.len(), 1);
-    let cylinder = mesh("shape = \"cylinder\"\nradius_m = 1\nheight_m = 2");
+    let tube =
+        mesh("shape = \"cylinder\"\nradius_m = 1\nheight_m = 2\nfaces = [\"side\", \"+z\"]");
+    assert_eq!(tube.triangles.len(), 64 * 2 + 62);
+    let cylinder = mesh("shape = \"cylinder\"\nradius_m = 1\nheight_m = 2\nfacets = 64");
     assert_eq!(cylinder.triangles.len(), 64 * 2 + 2 * 62);
     for (keys, answer) in [
         (

@@ -62,7 +62,7 @@ pub fn resolve(polygons: &mut Vec<Polygon>, touching_m: f64) -> Option<(usize, u
             // Its plane is that of the whole.
             let part = Polygon::new(corners, under.part, under.component)?;
             (part.area > touching_m * touching_m)
-                .then_some(Polygon { normal: under.normal, ..part })
+                .then(|| Polygon { normal: under.normal, bend: under.bend.clone(), ..part })
         });
         pieces_of.push((group[0].0, new.collect()));
     }

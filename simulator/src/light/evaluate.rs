@@ -4,8 +4,9 @@ use super::clip::{self, P2, Polygons, Scratch};
 use super::geometry::{Geometry, Motion};
 use super::grid::Grid;
 use super::occlude::{Kind, Plane, Room, Toward};
-use super::scene::{Ball, Scene};
-use super::{View, near, sphere};
+use super::curved::{self, Curves, Light, bent, outline::Outline, sight::Sight};
+use super::scene::Scene;
+use super::{View, near};
 use glam::DVec3;
 use std::borrow::Cow;
 
@@ -34,9 +35,11 @@ pub struct Direct {
     pub pieces: usize,
     /// Spheres in closed form.
     pub spheres: usize,
-    /// Spheres whose remaining share was found with flat facets.
-    pub tessellated: usize,
-    /// An estimate of the relative error of ΣW from rounding, touching tolerances, quadrature and flat facets of spheres.
+    /// Cylinders, cones and dishes (from a point: spheres too) that nothing else shades or hides: integrals to 1e-9.
+    pub round: usize,
+    /// Curved parts that something shades or hides, divided into cells.
+    pub refined: usize,
+    /// An estimate of the relative error of ΣW from rounding, touching tolerances, quadrature and cells of curved parts.
     pub error: f64,
 }
 
@@ -71,6 +74,9 @@ pub struct Evaluator<'a> {
     radii: Vec<f64>,
     work: Work,
     near: near::Quadrature,
+    curves: Curves,
+    /// Of curved parts, towards the Sun and towards the observer.
+    outlines: [Vec<Outline>; 2],
 }
 
 /// Buffers.
@@ -96,7 +102,15 @@ impl<'a> Evaluator<'a> {
             radii: scene.occluders.iter().map(|o| o.radius).collect(),
             work: Work::default(),
             near: near::Quadrature::default(),
+            curves: Curves::default(),
+            outlines: [0, 1].map(|_| vec![Outline::default(); scene.rounds.len()]),
         }
+    }
+
+    /// Sets the error at which the division of curved parts stops that something shades or hides, of what each would send alone (from
+    /// 1e-9 to 1, in place of [`Scene::CURVED_TOLERANCE`]). The error that comes out is stated all the same.
+    pub fn set_curved_tolerance(&mut self, tolerance: f64) {
+        self.curves.tolerance = if tolerance > 1e-9 { tolerance.min(1.0) } else { 1e-9 };
     }
 
     /// Sets `out[k]` to W_k \[m² sr⁻¹\] for the Sun in direction `sun_body` and an observer at `view`, both in the body's axes. Hinged parts
@@ -156,19 +170,20 @@ impl<'a> Evaluator<'a> {
         out.fill(0.0);
         self.work.done = Direct::default();
         self.turn(sun);
+        self.outline(sun, eye);
         if self.scene.pairs.is_none() {
             self.index(sun, eye);
         }
         let mut error = 0.0;
-        let usual = self.scene.spheres.first().map_or(self.scene.facets.len(), |s| s.facets.start);
-        for i in 0..usual {
-            error += self.facet(i, sun, eye, stride, out);
+        for i in 0..self.scene.facets.len() {
+            error += match self.scene.facets[i].patch {
+                None => self.facet(i, sun, eye, stride, out),
+                Some(patch) => self.bent(i, patch as usize, sun, eye, stride, out),
+            };
         }
-        for ball in 0..self.scene.spheres.len() {
-            error += self.ball(ball, sun, eye, stride, out);
-        }
+        error += self.rounds(Light { sun, eye }, stride, out);
         if self.scene.covers {
-            let area: f64 = self.scene.facets[..usual].iter().map(|f| f.area).sum();
+            let area: f64 = self.scene.facets.iter().map(|f| f.area).sum();
             error += COVERING * area * std::f64::consts::FRAC_1_PI;
         }
         let total: f64 = out.iter().sum();
@@ -194,6 +209,7 @@ impl<'a> Evaluator<'a> {
                 now.bitangent[i] = motion.vector(base.bitangent[i]);
                 now.origin[i] = motion.point(base.origin[i]);
             }
+            curved::turn(scene, now, h + 1, &motion);
             for (k, o) in scene.occluders.iter().enumerate().filter(|o| o.1.group == h + 1) {
                 now.middle[k] = motion.point(base.middle[k]);
                 now.facing[k] = motion.vector(base.facing[k]);
@@ -202,6 +218,87 @@ impl<'a> Evaluator<'a> {
                 }
             }
         }
+    }
+
+    /// Finds the outlines of curved parts.
+    fn outline(&mut self, sun: DVec3, eye: Toward) {
+        if self.scene.report().no_occlusion {
+            return;
+        }
+        for (k, round) in self.scene.rounds.iter().enumerate() {
+            let Some(form) = &round.outline else { continue };
+            form.outline(&self.now.place[k], Toward::Far(sun), &mut self.outlines[0][k]);
+            form.outline(&self.now.place[k], eye, &mut self.outlines[1][k]);
+        }
+    }
+
+    /// Adds what is curved. Gives the error.
+    fn rounds(&mut self, light: Light, stride: usize, out: &mut [f64]) -> f64 {
+        let (scene, now) = (self.scene, &*self.now);
+        let sight = Sight { scene, now, outlines: &self.outlines };
+        let mut sum = 0.0;
+        for (k, round) in scene.rounds.iter().enumerate() {
+            let weights = scene.weights_of(round.material as usize);
+            let start = round.part as usize * stride;
+            let mut values = vec![0.0; weights.len()];
+            let mut errors = values.clone();
+            let done = &mut self.work.done;
+            self.curves.add(&sight, k, light, &mut values, &mut errors, done);
+            let out = &mut out[start + weights.start..start + weights.end];
+            out.iter_mut().zip(&values).for_each(|(o, v)| *o += v);
+            sum += errors.iter().sum::<f64>();
+        }
+        sum
+    }
+
+    /// Adds one bent triangle. Gives the error that it brings, m² sr⁻¹.
+    fn bent(
+        &mut self,
+        i: usize,
+        patch: usize,
+        sun: DVec3,
+        eye: Toward,
+        stride: usize,
+        out: &mut [f64],
+    ) -> f64 {
+        let scene = self.scene;
+        let facet = &scene.facets[i];
+        let (origin, normal) = (self.now.origin[i], self.now.normal[i]);
+        let (u, v) = (self.now.tangent[i], self.now.bitangent[i]);
+        let local = |d: DVec3| DVec3::new(u.dot(d), v.dot(d), normal.dot(d));
+        let (at, range_squared) = match eye {
+            Toward::Far(d) => (Toward::Far(local(d)), 1.0),
+            Toward::Near(q) => (Toward::Near(local(q - origin)), q.length_squared()),
+        };
+        let patch = &scene.patches[patch];
+        if !(patch.faces(Toward::Far(local(sun))) && patch.faces(at)) {
+            return 0.0;
+        }
+        self.work.done.facets += 1;
+        let weights = scene.weights_of(facet.material as usize);
+        let start = facet.part as usize * stride;
+        let material = &scene.materials[facet.material as usize];
+        let tolerance = 0.1 * self.curves.tolerance;
+        let task =
+            bent::Task { patch, material, sun: local(sun), eye: at, range_squared, tolerance };
+        let out = &mut out[start + weights.start..start + weights.end];
+        let outline = scene.outlines.get(i);
+        let flat = normal.dot(sun).min(normal.dot(eye.from(origin)));
+        if flat > GRAZING {
+            if self.work.visible(scene, &self.now, &self.outlines, i, sun, eye, outline) {
+                let rounding = 1e-15 * facet.area + 1e-4 * scene.touching_m * facet.radius;
+                let pieces = self.work.kept.iter();
+                return pieces.map(|p| task.add(p, out)).sum::<f64>() + rounding;
+            }
+            return task.add(outline, out);
+        }
+        // The flat triangle looks away, the bent one not all of it.
+        let mut whole = vec![0.0; out.len()];
+        let error = task.add(outline, &mut whole);
+        let sure = facet.convex && scene.report().no_occlusion;
+        let share = if sure { 1.0 } else { 0.5 };
+        out.iter_mut().zip(&whole).for_each(|(o, w)| *o += share * w);
+        error + (1.0 - share) * whole.iter().sum::<f64>()
     }
 
     /// Sorts the occluders by their shadows.
@@ -234,7 +331,7 @@ impl<'a> Evaluator<'a> {
         let facet = &scene.facets[i];
         self.work.done.facets += 1;
         let outline = scene.outlines.get(i);
-        let cut = self.work.visible(scene, &self.now, i, sun, eye, outline);
+        let cut = self.work.visible(scene, &self.now, &self.outlines, i, sun, eye, outline);
         let area = if cut { self.work.kept.area() } else { facet.area };
         if area == 0.0 {
             return 0.0;
@@ -281,110 +378,6 @@ impl<'a> Evaluator<'a> {
             }
         }
     }
-
-    /// Adds a sphere.
-    fn ball(
-        &mut self,
-        number: usize,
-        sun: DVec3,
-        eye: Toward,
-        stride: usize,
-        out: &mut [f64],
-    ) -> f64 {
-        let scene = self.scene;
-        let ball = &scene.spheres[number];
-        let middle = self.now.middle[ball.occluder];
-        let weights = scene.weights_of(ball.material as usize);
-        let start = ball.part as usize * stride;
-        let range = start + weights.start..start + weights.end;
-        let material = &scene.materials[ball.material as usize];
-        let to = eye.from(middle);
-        // From a point: the closed form at the middle's distance and angle, of which the facets say the share that is seen from there.
-        let nearness = match eye {
-            Toward::Far(_) => 1.0,
-            Toward::Near(q) => q.length_squared() / (q - middle).length_squared(),
-        };
-        // Right at all angles (Kahan), where the arc cosine is not.
-        let phase = 2.0 * (sun - to).length().atan2((sun + to).length());
-        let scale = ball.radius * ball.radius * nearness;
-        // Neither a tangent nor an angle out of range is left to refuse: the scene was checked, the angle is made here.
-        let error = material
-            .add_sphere_weights(phase.min(std::f64::consts::PI), scale, &mut out[range.clone()])
-            .unwrap_or(f64::INFINITY);
-        let full: f64 = out[range.clone()].iter().sum();
-        let far = matches!(eye, Toward::Far(_));
-        if far && self.is_free(number, sun, to) {
-            self.work.done.spheres += 1;
-            return full * error;
-        }
-        self.work.done.tessellated += 1;
-        if material.is_mirror() {
-            return self.glint(ball, sun, eye, to, &mut out[range]) + full * error;
-        }
-        // The facets say what share is left; the closed form says of how much.
-        let mut left = vec![0.0; out.len()];
-        let mut whole = vec![0.0; range.len()];
-        let mut rounding = 0.0;
-        for i in ball.facets.clone() {
-            rounding += self.facet(i, sun, eye, stride, &mut left);
-            let (normal, u, v) = (self.now.normal[i], self.now.tangent[i], self.now.bitangent[i]);
-            let local = |d: DVec3| DVec3::new(u.dot(d), v.dot(d), normal.dot(d));
-            let (i_local, o_local) = (local(sun), local(to));
-            if i_local.z > GRAZING && o_local.z > GRAZING {
-                let area = nearness * scene.facets[i].area * i_local.z * o_local.z;
-                material.add_weights(i_local, o_local, area, &mut whole);
-            }
-        }
-        let mut faceting = 0.0;
-        for ((closed, left), whole) in out[range.clone()].iter_mut().zip(&left[range]).zip(&whole) {
-            if *whole > 0.0 {
-                let kept = *closed * left / whole;
-                let resolved = (*closed / whole - 1.0).abs();
-                let between = if far { kept.min(*closed - kept).max(0.0) } else { kept };
-                faceting += sphere::FACETING * (between * whole).sqrt() + resolved * between;
-                *closed = kept;
-            } else {
-                // A crescent too thin for the facets: nothing is known of what hides it.
-                faceting += *closed;
-            }
-        }
-        rounding + faceting + full * error
-    }
-
-    /// A mirror sphere sends light from one point: the facet there says whether it is lit and seen. Gives the error.
-    fn glint(&mut self, ball: &Ball, sun: DVec3, eye: Toward, to: DVec3, out: &mut [f64]) -> f64 {
-        let halfway = (sun + to).normalize_or_zero();
-        let along = |i: &usize| self.now.normal[*i].dot(halfway);
-        let Some(i) = ball.facets.clone().max_by(|a, b| along(a).total_cmp(&along(b))) else {
-            return 0.0;
-        };
-        let scene = self.scene;
-        if !self.work.visible(scene, &self.now, i, sun, eye, scene.outlines.get(i)) {
-            return 0.0;
-        }
-        let share = self.work.kept.area() / scene.facets[i].area;
-        let full: f64 = out.iter().sum();
-        if share < 0.5 {
-            out.fill(0.0);
-        }
-        // The point lies somewhere on the facet.
-        if share > 1e-9 && share < 1.0 - 1e-9 { full } else { 0.0 }
-    }
-
-    /// Whether nothing stands before, behind or beside a sphere in these directions so near that it could shade or hide it.
-    fn is_free(&self, number: usize, sun: DVec3, to: DVec3) -> bool {
-        let ball = &self.scene.spheres[number];
-        let middle = self.now.middle[ball.occluder];
-        self.scene.occluders.iter().enumerate().all(|(k, other)| {
-            let reach = ball.radius + other.radius;
-            k == ball.occluder
-                || [sun, to].iter().all(|d| {
-                    let away = self.now.middle[k] - middle;
-                    let along = away.dot(*d);
-                    along < -reach || away.length_squared() - along * along >= reach * reach
-                })
-        })
-    }
 }
 
 impl Work {
@@ -393,6 +386,7 @@ impl Work {
         &mut self,
         scene: &Scene,
         now: &Geometry,
+        outlines: &[Vec<Outline>; 2],
         i: usize,
         sun: DVec3,
         eye: Toward,
@@ -402,10 +396,11 @@ impl Work {
             return false;
         }
         self.shadows.clear();
-        self.gather(scene, now, i, Toward::Far(sun), 0);
+        let sight = Sight { scene, now, outlines };
+        self.gather(&sight, i, Toward::Far(sun), 0);
         // In opposition what is seen is what is lit.
         if !matches!(eye, Toward::Far(d) if d == sun) {
-            self.gather(scene, now, i, eye, 1);
+            self.gather(&sight, i, eye, 1);
         }
         if self.shadows.is_empty() {
             return false;
@@ -421,7 +416,8 @@ impl Work {
     }
 
     /// Appends the shadows on a facet.
-    fn gather(&mut self, scene: &Scene, now: &Geometry, i: usize, toward: Toward, grid: usize) {
+    fn gather(&mut self, sight: &Sight, i: usize, toward: Toward, grid: usize) {
+        let (scene, now) = (sight.scene, sight.now);
         let facet = &scene.facets[i];
         let origin = now.origin[i];
         let near = matches!(toward, Toward::Near(_));
@@ -441,7 +437,6 @@ impl Work {
             return;
         }
         self.done.occluder_tests += candidates.len();
-        let direction = toward.from(origin);
         // Seen from a point, the shadow of a ball spreads with the distance.
         let plane = Plane::new(now, i, toward, scene.touching_m);
         let bounds = clip::bounds(scene.outlines.get(i));
@@ -452,42 +447,12 @@ impl Work {
                 continue;
             }
             let away = now.middle[k] - origin;
-            let reach = facet.radius + occluder.radius;
-            let across = match toward {
-                Toward::Far(d) => {
-                    let along = away.dot(d);
-                    along < -reach || away.length_squared() - along * along > reach * reach
-                }
-                Toward::Near(q) => misses(away, q - origin, facet.radius, occluder.radius),
-            };
+            let across =
+                curved::sight::misses(away, occluder.radius, facet.radius, toward, origin);
             if across || away.dot(now.normal[i]) + occluder.radius <= scene.touching_m {
                 continue;
             }
-            let corners = &now.corners[occluder.corners.clone()];
-            let added = match &occluder.kind {
-                Kind::Solid(edges) => {
-                    plane.shadow(corners, Some(edges), &mut self.room, &mut self.shadows)
-                }
-                Kind::Sphere => plane.sphere(
-                    now.middle[k],
-                    occluder.radius,
-                    toward,
-                    &mut self.room,
-                    &mut self.shadows,
-                ),
-                Kind::Leaving | Kind::Sheet => {
-                    let leaves = if near {
-                        now.facing[k].dot(toward.from(corners[0]))
-                    } else {
-                        now.facing[k].dot(direction)
-                    };
-                    let hides = match occluder.kind {
-                        Kind::Leaving => leaves > 0.0,
-                        _ => leaves != 0.0,
-                    };
-                    hides && plane.shadow(corners, None, &mut self.room, &mut self.shadows)
-                }
-            };
+            let added = sight.cast(k, &plane, toward, grid, &mut self.room, &mut self.shadows);
             if added {
                 let last = self.shadows.len() - 1;
                 if !clip::overlap(&bounds, &clip::bounds(self.shadows.get(last))) {
@@ -576,16 +541,4 @@ impl Work {
         }
         cut
     }
-}
-
-/// Whether a ball at `away` cannot stand between a facet's ball at the origin and an eye at `eye`.
-fn misses(away: DVec3, eye: DVec3, facet: f64, ball: f64) -> bool {
-    let range = eye.length();
-    let toward = eye / range;
-    let along = away.dot(toward);
-    if along < -(facet + ball) || along > range + facet + ball {
-        return true;
-    }
-    // Lines from the facet to the eye stay within its own radius of the axis.
-    away.length_squared() - along * along > (facet + ball) * (facet + ball)
 }

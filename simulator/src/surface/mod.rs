@@ -18,7 +18,7 @@ mod curve;
 pub mod file;
 pub mod fresnel;
 pub mod microfacet;
-mod rule;
+pub(crate) mod rule;
 mod sphere;
 
 pub use conductor::ComplexIndex;
@@ -254,6 +254,11 @@ impl Material {
     /// radiant intensity under a point-like Sun.
     pub fn is_mirror(&self) -> bool {
         matches!(self.model, Model::Mirror { .. })
+    }
+
+    /// Whether it reflects alike into all directions: no lobe that could be narrow.
+    pub fn is_lambert(&self) -> bool {
+        matches!(self.model, Model::Lambert)
     }
 
     /// Whether it reflects the same whatever its tangent.

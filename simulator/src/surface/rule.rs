@@ -4,14 +4,14 @@ use std::f64::consts::PI;
 use std::sync::LazyLock;
 
 /// The numbers of points of a panel that are tried one after the other.
-pub(super) const ORDERS: [usize; 7] = [6, 9, 13, 19, 28, 40, 56];
+pub(crate) const ORDERS: [usize; 7] = [6, 9, 13, 19, 28, 40, 56];
 
 /// Points between −1 and 1 and their weights, of each order.
 static RULES: LazyLock<Vec<Vec<(f64, f64)>>> =
     LazyLock::new(|| ORDERS.iter().map(|&n| legendre(n)).collect());
 
 /// Points and weights over all panels between consecutive `edges`, for the order `ORDERS[order]`.
-pub(super) fn points(edges: &[f64], order: usize) -> Vec<(f64, f64)> {
+pub(crate) fn points(edges: &[f64], order: usize) -> Vec<(f64, f64)> {
     let panel = |pair: &[f64]| {
         let (middle, half) = (0.5 * (pair[0] + pair[1]), 0.5 * (pair[1] - pair[0]));
         RULES[order].iter().map(move |(x, w)| (middle + half * x, half * w))
@@ -20,13 +20,13 @@ pub(super) fn points(edges: &[f64], order: usize) -> Vec<(f64, f64)> {
 }
 
 /// Points and weights of one panel.
-pub(super) fn panel(from: f64, to: f64, order: usize) -> impl Iterator<Item = (f64, f64)> {
+pub(crate) fn panel(from: f64, to: f64, order: usize) -> impl Iterator<Item = (f64, f64)> {
     let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
     RULES[order].iter().map(move |(x, w)| (middle + half * x, half * w))
 }
 
 /// Edges from `from` to `to`, in panels that shrink by thirds towards `to` down to `scale` (a length above 0).
-pub(super) fn towards(from: f64, to: f64, scale: f64) -> Vec<f64> {
+pub(crate) fn towards(from: f64, to: f64, scale: f64) -> Vec<f64> {
     let mut edges = vec![from];
     let mut left = (to - from) / 3.0;
     while left.abs() > scale {
@@ -38,7 +38,7 @@ pub(super) fn towards(from: f64, to: f64, scale: f64) -> Vec<f64> {
 }
 
 /// Raises the order until two agree within `tolerance` (relative, of the largest component), and gives the better with the difference.
-pub(super) fn converge<const N: usize>(
+pub(crate) fn converge<const N: usize>(
     tolerance: f64,
     mut integral: impl FnMut(usize) -> [f64; N],
 ) -> ([f64; N], f64) {
@@ -50,7 +50,7 @@ pub(super) fn converge<const N: usize>(
 }
 
 /// [`converge`] of `count` components, from the order `first` on.
-pub(super) fn converge_all(
+pub(crate) fn converge_all(
     tolerance: f64,
     first: usize,
     count: usize,

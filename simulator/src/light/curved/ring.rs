@@ -1,0 +1,203 @@
+//! Integrals over parts of a zone that nothing else shades: arcs of each circle of latitude by their exact ends, then over the circles.
+//!
+//! Along a cylinder or a cone all circles are alike to a distant observer, so that one integral over azimuth is left.
+
+use super::zone::{Half, Pole, Profile, Ring, Zone, crossings};
+use crate::surface::{Material, rule};
+use glam::DVec3;
+use std::f64::consts::TAU;
+
+/// Halvings of a panel at most: an end of an arc that appears within a panel leaves a root, which gains a factor 2.8 each time.
+const DEPTH: u32 = 24;
+/// What the material's lobe may be narrower than: panels shrink towards it, radians.
+const NARROW: [f64; 3] = [0.4, 0.08, 0.016];
+
+/// What is integrated, in the part's axes.
+#[derive(Debug)]
+pub struct Task<'a> {
+    /// The side of the zone.
+    pub zone: Zone,
+    /// The material.
+    pub material: &'a Material,
+    /// The part's tangent.
+    pub tangent: DVec3,
+    /// Towards the Sun.
+    pub sun: DVec3,
+    /// To the observer.
+    pub eye: Pole,
+    /// The square of the observer's distance from the body's origin, m²; not used for one far away.
+    pub range_squared: f64,
+    /// What it leaves of itself.
+    pub halves: Vec<Half>,
+    /// Relative error at which panels are no longer halved.
+    pub precision: f64,
+}
+
+/// A part of a zone: between two azimuths and two parameters.
+#[derive(Debug, Clone, Copy)]
+pub struct Cell {
+    /// Azimuths, radians.
+    pub azimuth: [f64; 2],
+    /// The profile's parameters.
+    pub t: [f64; 2],
+}
+
+impl<'a> Task<'a> {
+    /// `None` where the zone hides all of itself.
+    pub fn new(
+        zone: Zone,
+        material: &'a Material,
+        tangent: DVec3,
+        sun: DVec3,
+        eye: Pole,
+        range_squared: f64,
+    ) -> Option<Self> {
+        let mut halves: Vec<Half> = zone.halves(Pole::Far(sun))?.into_iter().flatten().collect();
+        halves.extend(zone.halves(eye)?.into_iter().flatten());
+        let precision = 1e-10;
+        Some(Self { zone, material, tangent, sun, eye, range_squared, halves, precision })
+    }
+
+    /// The whole zone.
+    pub fn whole(&self) -> Cell {
+        Cell { azimuth: [0.0, TAU], t: [self.zone.from, self.zone.to] }
+    }
+
+    /// Adds `scale` times the integrand per area of surface at an azimuth of a circle, without asking for what the zone hides.
+    pub fn point(&self, ring: &Ring, azimuth: f64, scale: f64, out: &mut [f64]) {
+        let (sin, cos) = azimuth.sin_cos();
+        let length = ring.dr.hypot(ring.dz);
+        let (across, up) = (ring.dz / length, -ring.dr / length);
+        let normal = self.zone.sign() * DVec3::new(across * cos, across * sin, up);
+        let cos_i = normal.dot(self.sun);
+        if cos_i <= 0.0 {
+            return;
+        }
+        let (to, nearness) = match self.eye {
+            Pole::Far(d) => (d, 1.0),
+            Pole::Near(q) => {
+                let away = q - DVec3::new(ring.r * cos, ring.r * sin, ring.z);
+                let square = away.length_squared();
+                (away / square.sqrt(), self.range_squared / square)
+            }
+        };
+        let cos_o = normal.dot(to);
+        if cos_o <= 0.0 {
+            return;
+        }
+        let scale = scale * cos_i * cos_o * nearness;
+        let x = tangent(self.tangent, normal);
+        let y = normal.cross(x);
+        let local = |d: DVec3, cos: f64| DVec3::new(d.dot(x), d.dot(y), cos);
+        self.material.add_weights(local(self.sun, cos_i), local(to, cos_o), scale, out);
+    }
+
+    /// Adds ∫ w cosθ_i cosθ_o dA over what the zone leaves of a cell of itself; gives the error estimate of the sum.
+    pub fn cell(&self, cell: &Cell, out: &mut [f64]) -> f64 {
+        let [from, to] = cell.t;
+        if let (Profile::Line { .. }, Pole::Far(_)) = (self.zone.profile, self.eye) {
+            // All circles are alike but for their radius, which is that of the middle in the mean.
+            let ring = self.zone.profile.at(0.5 * (from + to));
+            return self.ring(&ring, cell.azimuth, to - from, out);
+        }
+        let mut breaks = vec![from, to];
+        if !self.material.is_lambert() {
+            let steepest = self.specular_parameter();
+            breaks.extend([steepest, steepest - 0.1 * (to - from), steepest + 0.1 * (to - from)]);
+        }
+        self.adaptive(breaks, [from, to], out, &mut |t, weight, sum| {
+            self.ring(&self.zone.profile.at(t), cell.azimuth, weight, sum);
+        })
+    }
+
+    /// The parameter at which the normal, in its meridian, leans as the bisector of Sun and observer.
+    fn specular_parameter(&self) -> f64 {
+        let half = self.zone.sign() * self.bisector();
+        let across = half.x.hypot(half.y);
+        match self.zone.profile {
+            Profile::Line { .. } => self.zone.from,
+            Profile::Arc { .. } => across.atan2(-half.z),
+            Profile::Parabola { focus } if half.z < 0.0 => 2.0 * focus * across / -half.z,
+            Profile::Parabola { .. } => self.zone.from,
+        }
+    }
+
+    fn bisector(&self) -> DVec3 {
+        let middle = self.zone.profile.at(0.5 * (self.zone.from + self.zone.to)).z;
+        (self.sun + self.eye.from(DVec3::new(0.0, 0.0, middle))).normalize_or_zero()
+    }
+
+    /// Adds `scale` times the integral along a circle between two azimuths, per parameter.
+    fn ring(&self, ring: &Ring, azimuth: [f64; 2], scale: f64, out: &mut [f64]) -> f64 {
+        let [from, to] = azimuth;
+        let mut stops = vec![from, to];
+        for half in &self.halves {
+            crossings(half, ring, from, &mut stops);
+        }
+        if !self.material.is_lambert() {
+            let half = self.zone.sign() * self.bisector();
+            let middle = half.y.atan2(half.x);
+            let near = NARROW.iter().flat_map(|a| [-a, *a]).chain([0.0]);
+            stops.extend(near.map(|a| from + (middle + a - from).rem_euclid(TAU)));
+        }
+        let scale = scale * ring.r * ring.dr.hypot(ring.dz);
+        self.adaptive(stops, azimuth, out, &mut |azimuth, weight, sum| {
+            let (sin, cos) = azimuth.sin_cos();
+            let p = DVec3::new(ring.r * cos, ring.r * sin, ring.z);
+            // Between two stops all points are alike; those of the ends do not come here.
+            if self.halves.iter().all(|half| half.at(p) > 0.0) {
+                self.point(ring, azimuth, scale * weight, sum);
+            }
+        })
+    }
+
+    /// Gauss–Legendre over panels between stops, halved until two orders agree.
+    fn adaptive(
+        &self,
+        mut stops: Vec<f64>,
+        [from, to]: [f64; 2],
+        out: &mut [f64],
+        f: &mut dyn FnMut(f64, f64, &mut [f64]),
+    ) -> f64 {
+        stops.retain(|s| (from..=to).contains(s));
+        stops.sort_by(f64::total_cmp);
+        stops.dedup_by(|a, b| *a - *b <= 1e-13 * (to - from));
+        let count = out.len();
+        let mut sums = vec![0.0; 2 * count];
+        let mut open: Vec<(f64, f64, u32)> =
+            stops.windows(2).rev().map(|w| (w[0], w[1], 0)).collect();
+        let (mut size, mut error) = (0.0_f64, 0.0);
+        let orders = if self.precision < 1e-7 { [1, 2] } else { [0, 1] };
+        while let Some((a, b, depth)) = open.pop() {
+            sums.fill(0.0);
+            let (low, high) = sums.split_at_mut(count);
+            rule::panel(a, b, orders[1]).for_each(|(x, w)| f(x, w, high));
+            if high.iter().all(|h| *h == 0.0) && depth > 0 {
+                continue;
+            }
+            rule::panel(a, b, orders[0]).for_each(|(x, w)| f(x, w, low));
+            let here: f64 = high.iter().map(|h| h.abs()).sum();
+            let apart: f64 = low.iter().zip(high.iter()).map(|(l, h)| (l - h).abs()).sum();
+            let limit = self.precision * here.max(size * (b - a) / (to - from));
+            if apart <= limit || depth == DEPTH || apart <= 1e-3 * self.precision * size {
+                out.iter_mut().zip(high).for_each(|(o, h)| *o += *h);
+                size += here;
+                // The higher order is closer by far than the two are to each other.
+                error += 0.1 * apart;
+            } else {
+                let middle = 0.5 * (a + b);
+                open.push((middle, b, depth + 1));
+                open.push((a, middle, depth + 1));
+            }
+        }
+        error
+    }
+}
+
+/// A tangent in the plane across a normal: the part's, or the next of its axes where that stands on it.
+fn tangent(wanted: DVec3, normal: DVec3) -> DVec3 {
+    let in_plane = |axis: DVec3| axis - axis.dot(normal) * normal;
+    let axes = [wanted, DVec3::X, DVec3::Y].map(in_plane);
+    let chosen = axes.into_iter().find(|a| a.length_squared() > 1e-12).unwrap_or(axes[0]);
+    chosen.normalize_or_zero()
+}
