@@ -91,6 +91,8 @@ struct Work {
     room: Room,
     scratch: Scratch,
     done: Direct,
+    /// What the outlines of round bodies on the facet at hand leave open, m².
+    outlines_m2: f64,
 }
 
 impl<'a> Evaluator<'a> {
@@ -295,7 +297,8 @@ impl<'a> Evaluator<'a> {
         // The flat triangle looks away, the bent one not all of it.
         let mut whole = vec![0.0; out.len()];
         let error = task.add(outline, &mut whole);
-        let sure = facet.convex && scene.report().no_occlusion;
+        let sight = Sight { scene, now: &self.now, outlines: &self.outlines };
+        let sure = facet.convex && self.curves.is_free(&sight, i, Light { sun, eye });
         let share = if sure { 1.0 } else { 0.5 };
         out.iter_mut().zip(&whole).for_each(|(o, w)| *o += share * w);
         error + (1.0 - share) * whole.iter().sum::<f64>()
@@ -344,7 +347,7 @@ impl<'a> Evaluator<'a> {
         let sun = DVec3::new(u.dot(sun), v.dot(sun), cos_i);
         let rounding = if cut {
             let width = scene.touching_m.max(1e-15 * facet.radius);
-            1e-15 * facet.area + 1e-4 * width * facet.radius
+            1e-15 * facet.area + 1e-4 * width * facet.radius + self.work.outlines_m2
         } else {
             0.0
         };
@@ -396,6 +399,7 @@ impl Work {
             return false;
         }
         self.shadows.clear();
+        self.outlines_m2 = 0.0;
         let sight = Sight { scene, now, outlines };
         self.gather(&sight, i, Toward::Far(sun), 0);
         // In opposition what is seen is what is lit.
@@ -454,6 +458,7 @@ impl Work {
             }
             let added = sight.cast(k, &plane, toward, grid, &mut self.room, &mut self.shadows);
             if added {
+                self.outlines_m2 += curved::outline::error_m2(occluder, &plane, toward);
                 let last = self.shadows.len() - 1;
                 if !clip::overlap(&bounds, &clip::bounds(self.shadows.get(last))) {
                     self.shadows.pop();

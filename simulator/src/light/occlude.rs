@@ -103,6 +103,11 @@ impl Plane {
         (p - self.origin).dot(self.normal)
     }
 
+    /// The cosine of the angle at which light meets the plane, about its origin.
+    pub fn cos(&self, toward: Toward) -> f64 {
+        toward.from(self.origin).dot(self.normal)
+    }
+
     /// Coordinates in the plane, and height above it.
     fn local(&self, p: DVec3) -> [f64; 3] {
         let p = p - self.origin;

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 mod alone;
+mod bent;
 mod rays;
 mod shaded;
 

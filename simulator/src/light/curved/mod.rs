@@ -90,7 +90,7 @@ impl Curves {
         let material = &scene.materials[round.material as usize];
         let place = now.place[number];
         let middle = place.point(round.middle);
-        let Some(near) = self.refiner.around(sight, round, middle, light) else { return };
+        let Some(near) = self.refiner.before(sight, round.component, middle, round.radius, light) else { return };
         let free = near.iter().all(Vec::is_empty);
         let to = light.eye.from(middle);
         let far = matches!(light.eye, Toward::Far(_));
@@ -118,12 +118,23 @@ impl Curves {
             if free {
                 let whole = task.whole();
                 let error = task.cell(&whole, out);
-                spread(error, out, errors);
+                let sum: f64 = out.iter().sum();
+                // Rounding: of the sum, and of where arcs end.
+                let area = zone.area(zone.from, zone.to, std::f64::consts::TAU);
+                spread(error + 1e-11 * sum + 1e-15 * area, out, errors);
             } else {
-                task.precision = (1e-3 * self.tolerance).clamp(1e-10, 1e-6);
+                task.precision = (1e-2 * self.tolerance).clamp(1e-9, 1e-5);
                 self.refiner.add(sight, &task, &place, light, &near, self.tolerance, out, errors);
             }
         }
+    }
+
+    /// Whether nothing of another component stands before a facet.
+    pub fn is_free(&mut self, sight: &Sight, facet: usize, light: Light) -> bool {
+        let about = &sight.scene.facets[facet];
+        let (origin, radius) = (sight.now.origin[facet], about.radius);
+        let near = self.refiner.before(sight, about.component, origin, radius, light);
+        near.is_some_and(|near| near.iter().all(Vec::is_empty))
     }
 
     /// A whole sphere that nothing hides, or a mirror of which one point counts.

@@ -6,7 +6,7 @@
 
 use super::zone::{Half, Pole, Zone, crossings};
 use crate::light::geometry::Motion;
-use crate::light::occlude::Toward;
+use crate::light::occlude::{Kind, Occluder, Plane, Toward};
 use glam::DVec3;
 use std::f64::consts::TAU;
 
@@ -149,9 +149,9 @@ impl Form {
                 let found = turns_away(t);
                 self.zone.point(t, found.get(which).copied().unwrap_or_default())
             };
-            // Steps that shrink towards the lowest point, where the curve turns.
-            let share = |k: usize| (k as f64 / TURNS as f64).powi(2);
-            let t = |k: usize| high + (self.zone.to - high) * share(k);
+            // Even steps across the curve's axis.
+            let across = self.zone.to * self.zone.to - high * high;
+            let t = |k: usize| (high * high + across * (k as f64 / TURNS as f64).powi(2)).sqrt();
             curve.extend((1..=TURNS).rev().map(|k| at(t(k), 0)));
             curve.extend((1..=TURNS).map(|k| at(t(k), 1)));
         }
@@ -161,4 +161,16 @@ impl Form {
         out.ring.extend(curve.iter().map(|p| place.point(*p)));
         out.solid.clone_from(&out.ring);
     }
+}
+
+/// How far the area of an occluder's shadow on a plane may be off where its outline is round, m².
+pub fn error_m2(occluder: &Occluder, plane: &Plane, toward: Toward) -> f64 {
+    let share = match occluder.kind {
+        Kind::Sphere => 2e-6,
+        // The curve of a dish is a polygon within it.
+        Kind::Outline(_) => 3e-5,
+        _ => return 0.0,
+    };
+    let lean = plane.cos(toward).max(1e-3);
+    share * occluder.radius * occluder.radius / lean
 }

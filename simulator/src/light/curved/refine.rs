@@ -2,13 +2,14 @@
 //!
 //! What is lit and seen of a cell is found on a plane through it, with shadows thrown onto it as onto a facet; how much light that is of the
 //! whole cell's, from the true normals. A cell that a shadow's edge crosses is then off by the edge's length times the cell's bulge, so
-//! that all of them together gain a factor four when cells are halved, at twice their number. The cell that changed most when it came
-//! from its parent is divided next, until the sum of changes is below the tolerance.
+//! that all of them together gain a factor four when cells are halved, at twice their number. That length times the bulge, times the
+//! tangent of the light's angle, is the error of a cell, or what it changed by when it came from its parent if that is more; the worst
+//! cell is divided next, until the sum is below the tolerance.
 
 use super::ring::{Cell, Task};
 use super::sight::{Candidates, Fate, Sight};
 use super::zone::Half;
-use super::{Light, Round};
+use super::Light;
 use crate::light::clip::{self, P2, Polygons, Scratch};
 use crate::light::geometry::Motion;
 use crate::light::occlude::{Plane, Room, Toward};
@@ -65,12 +66,13 @@ impl Ord for Node {
 }
 
 impl Refiner {
-    /// What may stand before a part, towards the Sun and towards the observer; `None` where it is dark.
-    pub fn around(
+    /// What of other components may stand before a ball, towards the Sun and towards the observer; `None` where it is dark.
+    pub fn before(
         &mut self,
         sight: &Sight,
-        round: &Round,
+        component: u32,
         middle: DVec3,
+        radius: f64,
         light: Light,
     ) -> Option<[Candidates; 2]> {
         let mut near = [Vec::new(), Vec::new()];
@@ -79,11 +81,11 @@ impl Refiner {
         }
         let occluders = &sight.scene.occluders;
         let all: Candidates = (0..occluders.len() as u32)
-            .filter(|&k| occluders[k as usize].component != round.component)
+            .filter(|&k| occluders[k as usize].component != component)
             .collect();
         let towards = [Toward::Far(light.sun), light.eye];
         for ((side, toward), keep) in towards.into_iter().enumerate().zip(&mut near) {
-            let fate = sight.sift(middle, round.radius, toward, side, &all, &mut self.room, keep);
+            let fate = sight.sift(middle, radius, toward, side, &all, &mut self.room, keep);
             if fate == Fate::Dark {
                 return None;
             }
@@ -194,8 +196,8 @@ impl Refiner {
             return 0.0;
         };
         let error: Vec<f64> = match inherited {
-            Some(inherited) => found.coarse.iter().zip(inherited).map(|(c, i)| c + i).collect(),
-            None => found.between,
+            Some(inherited) => found.coarse.iter().zip(inherited).map(|(c, i)| c.max(*i)).collect(),
+            None => found.between.iter().zip(&found.coarse).map(|(b, c)| b.max(*c)).collect(),
         };
         let size = error.iter().sum();
         open.push(Node { cell: *cell, near, kept: found.kept, error, size });
@@ -248,7 +250,9 @@ impl Refiner {
                     found.between[k] = found.kept[k].min(whole[k] - found.kept[k]);
                     let rule = plane.stretch * all[k];
                     let unresolved = (rule / whole[k].max(f64::MIN_POSITIVE) - 1.0).abs().min(1.0);
-                    found.coarse[k] = unresolved * found.between[k];
+                    // The shadow's edge stands off by the plane's distance from the surface, in the direction of the light.
+                    let displaced = (plane.lean(towards, &closer) * whole[k]).min(whole[k]);
+                    found.coarse[k] = unresolved * found.between[k] + displaced;
                     // A plane on which one of both is nothing does not say what is left of thin crescents.
                     found.between[k] = found.between[k].max(0.25 * unresolved * whole[k]);
                 }
@@ -374,6 +378,10 @@ struct CellPlane {
     body_u: DVec3,
     body_v: DVec3,
     radius: f64,
+    /// How far the surface stands off at most, m.
+    bulge: f64,
+    /// The shorter way across, m.
+    width: f64,
     /// The cell's area over that of its outline.
     stretch: f64,
 }
@@ -410,8 +418,20 @@ impl CellPlane {
             body_u: place.vector(u),
             body_v: place.vector(v),
             radius,
+            bulge: 2.0 / 3.0 * bulge.abs(),
+            width: area / (2.0 * radius),
             stretch,
         }
+    }
+
+    /// How far a shadow's edge may stand off, of the cell's width.
+    fn lean(&self, towards: [Toward; 2], near: &[Candidates; 2]) -> f64 {
+        let lean = |(toward, near): (Toward, &Candidates)| {
+            let cos = toward.from(self.body_origin).dot(self.body_normal).clamp(LEAST_COS, 1.0);
+            if near.is_empty() { 0.0 } else { (1.0 - cos * cos).sqrt() / cos }
+        };
+        let most = towards.into_iter().zip(near).map(lean).fold(0.0, f64::max);
+        self.bulge * most / self.width
     }
 
     /// Where a half-space begins on the plane.

@@ -6,9 +6,30 @@ use super::zone::{Half, Pole, Profile, Ring, Zone, crossings};
 use crate::surface::{Material, rule};
 use glam::DVec3;
 use std::f64::consts::TAU;
+use std::sync::LazyLock;
 
 /// Halvings of a panel at most: an end of an arc that appears within a panel leaves a root, which gains a factor 2.8 each time.
 const DEPTH: u32 = 24;
+/// Panels at most of one integral over one variable.
+const MOST_PANELS: usize = 2000;
+/// Steps in which the parameters are looked for at which an arc appears.
+const STEPS: usize = 12;
+/// Gauss–Legendre rules for small cells (Abramowitz and Stegun, table 25.4).
+const GAUSS_3: [(f64, f64); 3] = [
+    (-0.774_596_669_241_483_4, 5.0 / 9.0),
+    (0.0, 8.0 / 9.0),
+    (0.774_596_669_241_483_4, 5.0 / 9.0),
+];
+const GAUSS_5: [(f64, f64); 5] = [
+    (-0.906_179_845_938_664, 0.236_926_885_056_189_08),
+    (-0.538_469_310_105_683_1, 0.478_628_670_499_366_47),
+    (0.0, 128.0 / 225.0),
+    (0.538_469_310_105_683_1, 0.478_628_670_499_366_47),
+    (0.906_179_845_938_664, 0.236_926_885_056_189_08),
+];
+/// Rules for whole zones.
+static FINE: LazyLock<[Vec<(f64, f64)>; 2]> =
+    LazyLock::new(|| [1, 2].map(|order| rule::panel(-1.0, 1.0, order).collect()));
 /// What the material's lobe may be narrower than: panels shrink towards it, radians.
 const NARROW: [f64; 3] = [0.4, 0.08, 0.016];
 
@@ -54,7 +75,7 @@ impl<'a> Task<'a> {
     ) -> Option<Self> {
         let mut halves: Vec<Half> = zone.halves(Pole::Far(sun))?.into_iter().flatten().collect();
         halves.extend(zone.halves(eye)?.into_iter().flatten());
-        let precision = 1e-10;
+        let precision = 1e-9;
         Some(Self { zone, material, tangent, sun, eye, range_squared, halves, precision })
     }
 
@@ -100,14 +121,54 @@ impl<'a> Task<'a> {
             let ring = self.zone.profile.at(0.5 * (from + to));
             return self.ring(&ring, cell.azimuth, to - from, out);
         }
-        let mut breaks = vec![from, to];
+        let mut breaks = self.breaks(from, to);
         if !self.material.is_lambert() {
             let steepest = self.specular_parameter();
             breaks.extend([steepest, steepest - 0.1 * (to - from), steepest + 0.1 * (to - from)]);
+            breaks.retain(|t| (from..=to).contains(t));
         }
-        self.adaptive(breaks, [from, to], out, &mut |t, weight, sum| {
-            self.ring(&self.zone.profile.at(t), cell.azimuth, weight, sum);
-        })
+        breaks.sort_by(f64::total_cmp);
+        breaks.dedup_by(|a, b| *a - *b <= 1e-12 * (to - from));
+        let mut error = 0.0;
+        for pair in breaks.windows(2) {
+            // An arc appears as a root of the parameter: t = u²(3 − 2u) makes it smooth at both ends.
+            let width = pair[1] - pair[0];
+            error += self.adaptive(vec![0.0, 1.0], [0.0, 1.0], self.precision, out, &mut |u, w, sum| {
+                let ring = self.zone.profile.at(pair[0] + width * u * u * (3.0 - 2.0 * u));
+                self.ring(&ring, cell.azimuth, w * width * 6.0 * u * (1.0 - u), sum);
+            });
+        }
+        error
+    }
+
+    /// Where arcs begin, end or come to meet, between two parameters.
+    fn breaks(&self, from: f64, to: f64) -> Vec<f64> {
+        let mut breaks = vec![from, to];
+        for (k, half) in self.halves.iter().enumerate() {
+            let spare = |t: f64| {
+                let ring = self.zone.profile.at(t);
+                let amplitude = ring.r * half.normal.x.hypot(half.normal.y);
+                amplitude - (half.normal.z * ring.z + half.offset).abs()
+            };
+            let at = |n: usize| from + (to - from) * n as f64 / STEPS as f64;
+            for n in 0..STEPS {
+                let (mut low, mut high) = (at(n), at(n + 1));
+                let first = spare(low) > 0.0;
+                if first == (spare(high) > 0.0) {
+                    continue;
+                }
+                for _ in 0..48 {
+                    let middle = 0.5 * (low + high);
+                    if (spare(middle) > 0.0) == first { low = middle } else { high = middle }
+                }
+                breaks.push(0.5 * (low + high));
+            }
+            for other in &self.halves[..k] {
+                breaks.extend(self.zone.meets(half, other));
+            }
+        }
+        breaks.retain(|t| (from..=to).contains(t));
+        breaks
     }
 
     /// The parameter at which the normal, in its meridian, leans as the bisector of Sun and observer.
@@ -141,7 +202,9 @@ impl<'a> Task<'a> {
             stops.extend(near.map(|a| from + (middle + a - from).rem_euclid(TAU)));
         }
         let scale = scale * ring.r * ring.dr.hypot(ring.dz);
-        self.adaptive(stops, azimuth, out, &mut |azimuth, weight, sum| {
+        // What is left of its error must not look like the shape of what is integrated over it.
+        let precision = (0.03 * self.precision).max(1e-12);
+        self.adaptive(stops, azimuth, precision, out, &mut |azimuth, weight, sum| {
             let (sin, cos) = azimuth.sin_cos();
             let p = DVec3::new(ring.r * cos, ring.r * sin, ring.z);
             // Between two stops all points are alike; those of the ends do not come here.
@@ -156,6 +219,7 @@ impl<'a> Task<'a> {
         &self,
         mut stops: Vec<f64>,
         [from, to]: [f64; 2],
+        precision: f64,
         out: &mut [f64],
         f: &mut dyn FnMut(f64, f64, &mut [f64]),
     ) -> f64 {
@@ -166,26 +230,29 @@ impl<'a> Task<'a> {
         let mut sums = vec![0.0; 2 * count];
         let mut open: Vec<(f64, f64, u32)> =
             stops.windows(2).rev().map(|w| (w[0], w[1], 0)).collect();
-        let (mut size, mut error) = (0.0_f64, 0.0);
-        let orders = if self.precision < 1e-7 { [1, 2] } else { [0, 1] };
+        let mut size: f64 = out.iter().map(|o| o.abs()).sum();
+        let (mut error, mut panels) = (0.0, 0);
+        let orders: [&[_]; 2] = if self.precision < 1e-8 { FINE.each_ref().map(|r| &r[..]) } else { [&GAUSS_3, &GAUSS_5] };
         while let Some((a, b, depth)) = open.pop() {
             sums.fill(0.0);
             let (low, high) = sums.split_at_mut(count);
-            rule::panel(a, b, orders[1]).for_each(|(x, w)| f(x, w, high));
+            let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
+            panels += 1;
+            orders[1].iter().for_each(|(x, w)| f(middle + half * x, half * w, high));
             if high.iter().all(|h| *h == 0.0) && depth > 0 {
                 continue;
             }
-            rule::panel(a, b, orders[0]).for_each(|(x, w)| f(x, w, low));
+            orders[0].iter().for_each(|(x, w)| f(middle + half * x, half * w, low));
             let here: f64 = high.iter().map(|h| h.abs()).sum();
             let apart: f64 = low.iter().zip(high.iter()).map(|(l, h)| (l - h).abs()).sum();
-            let limit = self.precision * here.max(size * (b - a) / (to - from));
-            if apart <= limit || depth == DEPTH || apart <= 1e-3 * self.precision * size {
+            let limit = precision * here.max(size * (b - a) / (to - from));
+            let enough = depth == DEPTH || panels >= MOST_PANELS;
+            if apart <= limit || apart <= 0.01 * precision * size || enough {
                 out.iter_mut().zip(high).for_each(|(o, h)| *o += *h);
                 size += here;
-                // The higher order is closer by far than the two are to each other.
-                error += 0.1 * apart;
+                // The higher order is closer by far than the two are to each other, where they agree at all.
+                error += if enough { apart } else { 0.1 * apart };
             } else {
-                let middle = 0.5 * (a + b);
                 open.push((middle, b, depth + 1));
                 open.push((a, middle, depth + 1));
             }

@@ -179,6 +179,34 @@ impl Zone {
         Some([Some(facing), Some(through)])
     }
 
+    /// The parameters at which the edges of two half-spaces meet on it: their line meets a quadric twice at most.
+    pub fn meets(&self, one: &Half, other: &Half) -> Vec<f64> {
+        let along = one.normal.cross(other.normal);
+        let square = along.length_squared();
+        if square <= 1e-24 * one.normal.length_squared() * other.normal.length_squared() {
+            return Vec::new();
+        }
+        // The line's point next to the origin.
+        let p = (one.offset * other.normal - other.offset * one.normal).cross(along) / square;
+        let [a, b, c] = self.profile.quadric();
+        let u = along / square.sqrt();
+        let second = u.x * u.x + u.y * u.y + a * u.z * u.z;
+        let first = p.x * u.x + p.y * u.y + a * p.z * u.z + 0.5 * b * u.z;
+        let value = p.x * p.x + p.y * p.y + a * p.z * p.z + b * p.z + c;
+        let at = |s: f64| {
+            let q = p + s * u;
+            self.profile.parameter(q.x.hypot(q.y), q.z)
+        };
+        let root = first * first - second * value;
+        if second == 0.0 {
+            return if first == 0.0 { Vec::new() } else { vec![at(-0.5 * value / first)] };
+        }
+        if root < 0.0 {
+            return Vec::new();
+        }
+        [root.sqrt(), -root.sqrt()].map(|r| at((r - first) / second)).to_vec()
+    }
+
     /// Its area, m², between two parameters and two azimuths `turn` apart: by Simpson's rule, for sizes and shares only.
     pub fn area(&self, from: f64, to: f64, turn: f64) -> f64 {
         let density = |t: f64| {
