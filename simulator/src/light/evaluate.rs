@@ -1,10 +1,10 @@
 //! What a scene sends to an observer.
 
 use super::clip::{self, P2, Polygons, Scratch};
+use super::curved::{self, Curves, Light, bent, outline::Outline, sight::Sight};
 use super::geometry::{Geometry, Motion};
 use super::grid::Grid;
 use super::occlude::{Kind, Plane, Room, Toward};
-use super::curved::{self, Curves, Light, bent, outline::Outline, sight::Sight};
 use super::scene::Scene;
 use super::{View, near};
 use glam::DVec3;
@@ -451,8 +451,7 @@ impl Work {
                 continue;
             }
             let away = now.middle[k] - origin;
-            let across =
-                curved::sight::misses(away, occluder.radius, facet.radius, toward, origin);
+            let across = curved::sight::misses(away, occluder.radius, facet.radius, toward, origin);
             if across || away.dot(now.normal[i]) + occluder.radius <= scene.touching_m {
                 continue;
             }

@@ -467,13 +467,7 @@ impl<'a> Builder<'a> {
         self.scene.occluders.push(Occluder { corners, radius, component, group, kind });
     }
 
-    fn facet(
-        &mut self,
-        polygon: &Polygon,
-        component: usize,
-        convex: bool,
-        group: usize,
-    ) {
+    fn facet(&mut self, polygon: &Polygon, component: usize, convex: bool, group: usize) {
         let part = &self.target.parts[polygon.part];
         let (origin, normal) = (polygon.middle(), polygon.normal);
         let tangent = tangent(part, normal);

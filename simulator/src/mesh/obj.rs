@@ -226,7 +226,8 @@ impl<'p> Reader<'p> {
     /// `7`, `7/1`, `7//3`, `7/1/3` or `-2` (the last but one so far).
     fn corner(&self, word: &str) -> Result<Corner, ParseError> {
         let mut fields = word.split('/');
-        let vertex = self.index(word, fields.next().unwrap_or(""), "vertex", self.vertices.len())?;
+        let vertex =
+            self.index(word, fields.next().unwrap_or(""), "vertex", self.vertices.len())?;
         let normal = match fields.nth(1) {
             Some(field) if !field.is_empty() => {
                 Some(self.index(word, field, "normal", self.normals.len())?)

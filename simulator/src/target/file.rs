@@ -66,10 +66,10 @@
 //! by c about its newest x (intrinsic z-y'-x''): R = Rz(a) Ry(b) Rx(c). Every part may have a `tangent` (its own axes, default x),
 //! from which anisotropic materials take their direction, and a `note`.
 
-use super::materials::Shelf;
-use super::part::{self, Files};
 #[cfg(doc)]
 use super::Curved;
+use super::materials::Shelf;
+use super::part::{self, Files};
 use super::{DishForm, Hinge, Part, Placement, Target};
 use crate::attitude::{euler_zyx, quaternion_wxyz};
 use crate::mesh::faults::FARTHEST_M;

@@ -1,7 +1,7 @@
 //! The shape of a `[[part]]`.
 
-use super::{Curved, DishForm, Shape};
 use super::file::{PartFile, ShapeKind, key, not_there, sha256, unknown};
+use super::{Curved, DishForm, Shape};
 use crate::mesh::faults::FARTHEST_M;
 use crate::mesh::shapes::{
     Faceting, Side, Walls, corner_radius_m, cuboid, frustum, icosphere, plate,
@@ -277,7 +277,8 @@ impl Maker<'_> {
         let mesh = frustum(corner(radius_m), corner(top_m), height_m, facets, &walls);
         // Sides are smooth across 2π/facets, ends meet them at the slope of the wall.
         let lean = ((radius_m - top_m) / height_m).atan().abs();
-        let crease = (0.5 * (std::f64::consts::FRAC_PI_2 - lean)).min(3.0 / f64::from(facets as u32) * std::f64::consts::TAU);
+        let crease = (0.5 * (std::f64::consts::FRAC_PI_2 - lean))
+            .min(3.0 / f64::from(facets as u32) * std::f64::consts::TAU);
         self.full(self.smooth(mesh, crease))
     }
 

@@ -78,9 +78,7 @@ impl Surface {
         };
         let (pp, pd, dd) = (p.truncate(), d.truncate(), d.truncate());
         match *self {
-            Surface::Sphere(r) => {
-                quadratic(1.0, p.dot(d), p.length_squared() - r * r, &|_| true)
-            }
+            Surface::Sphere(r) => quadratic(1.0, p.dot(d), p.length_squared() - r * r, &|_| true),
             Surface::Wall(a, b, h) => {
                 let (m, s) = (0.5 * (a + b), (b - a) / h);
                 let (r, rs) = (m + s * p.z, s * d.z);
@@ -179,7 +177,9 @@ pub fn rays(target: &Target, sun: DVec3, view: View, count: u64, seed: u64) -> V
         sums[*k].1 += value * value;
     }
     let n = count as f64;
-    sums.into_iter().map(|(s, s2)| (s / n, ((s2 / n - (s / n).powi(2)).max(0.0) / n).sqrt())).collect()
+    sums.into_iter()
+        .map(|(s, s2)| (s / n, ((s2 / n - (s / n).powi(2)).max(0.0) / n).sqrt()))
+        .collect()
 }
 
 /// Asserts that each part agrees with rays within 4.5 of their standard errors and what the evaluation claims to err by.

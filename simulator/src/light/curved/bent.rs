@@ -104,8 +104,7 @@ impl Patch {
 impl Task<'_> {
     /// Adds the integral over a convex polygon of the facet's plane; gives the error estimate of the sum.
     pub fn add(&self, polygon: &[P2], out: &mut [f64]) -> f64 {
-        let corners: Vec<[f64; 2]> =
-            polygon.iter().map(|p| self.patch.coordinates(*p)).collect();
+        let corners: Vec<[f64; 2]> = polygon.iter().map(|p| self.patch.coordinates(*p)).collect();
         let mut error = 0.0;
         for pair in corners[1..].windows(2) {
             let triangle = [corners[0], pair[0], pair[1]];

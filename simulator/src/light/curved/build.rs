@@ -4,8 +4,8 @@ use super::Round;
 use super::outline::{CORNERS, Form};
 use super::zone::{Profile, Zone};
 use crate::light::facets::Polygon;
-use crate::target::{Curved, DishForm, Part, Shape, Target, cap_radius_m};
 use crate::mesh::Mesh;
+use crate::target::{Curved, DishForm, Part, Shape, Target, cap_radius_m};
 use glam::{DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
 

@@ -90,7 +90,10 @@ impl Curves {
         let material = &scene.materials[round.material as usize];
         let place = now.place[number];
         let middle = place.point(round.middle);
-        let Some(near) = self.refiner.before(sight, round.component, middle, round.radius, light) else { return };
+        let Some(near) = self.refiner.before(sight, round.component, middle, round.radius, light)
+        else {
+            return;
+        };
         let free = near.iter().all(Vec::is_empty);
         let to = light.eye.from(middle);
         let far = matches!(light.eye, Toward::Far(_));
@@ -123,6 +126,7 @@ impl Curves {
                 let area = zone.area(zone.from, zone.to, std::f64::consts::TAU);
                 spread(error + 1e-11 * sum + 1e-15 * area, out, errors);
             } else {
+                task.floor = 0.1;
                 task.precision = (1e-2 * self.tolerance).clamp(1e-9, 1e-5);
                 self.refiner.add(sight, &task, &place, light, &near, self.tolerance, out, errors);
             }

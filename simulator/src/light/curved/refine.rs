@@ -6,10 +6,10 @@
 //! tangent of the light's angle, is the error of a cell, or what it changed by when it came from its parent if that is more; the worst
 //! cell is divided next, until the sum is below the tolerance.
 
+use super::Light;
 use super::ring::{Cell, Task};
 use super::sight::{Candidates, Fate, Sight};
 use super::zone::Half;
-use super::Light;
 use crate::light::clip::{self, P2, Polygons, Scratch};
 use crate::light::geometry::Motion;
 use crate::light::occlude::{Plane, Room, Toward};
@@ -296,8 +296,13 @@ impl Refiner {
                 return None;
             }
             let axes = [plane.body_u, plane.body_v];
-            let onto =
-                Plane::at(plane.body_origin, plane.body_normal, axes, toward, sight.scene.touching_m);
+            let onto = Plane::at(
+                plane.body_origin,
+                plane.body_normal,
+                axes,
+                toward,
+                sight.scene.touching_m,
+            );
             for &k in near {
                 sight.cast(k as usize, &onto, toward, side, &mut self.room, &mut self.shadows);
             }
@@ -351,7 +356,8 @@ fn ball(cell: &Cell, task: &Task) -> (DVec3, f64) {
     };
     let steps = [0.0, 0.5, 1.0];
     let points = steps.map(|i| steps.map(|j| at(i, j)));
-    let middle = 0.5 * (points[1][1] + 0.25 * (points[0][0] + points[2][2] + points[0][2] + points[2][0]));
+    let middle =
+        0.5 * (points[1][1] + 0.25 * (points[0][0] + points[2][2] + points[0][2] + points[2][0]));
     let radius = points.iter().flatten().map(|p| p.distance(middle)).fold(0.0, f64::max);
     (middle, 1.02 * radius)
 }
@@ -362,8 +368,16 @@ fn split(cell: &Cell, task: &Task) -> Vec<Cell> {
     let (low, high) = (task.zone.profile.at(s), task.zone.profile.at(t));
     let around = (b - a) * low.r.max(high.r);
     let along = (high.r - low.r).hypot(high.z - low.z);
-    let azimuths = if 2.0 * around > along { vec![[a, 0.5 * (a + b)], [0.5 * (a + b), b]] } else { vec![[a, b]] };
-    let ts = if 2.0 * along > around { vec![[s, 0.5 * (s + t)], [0.5 * (s + t), t]] } else { vec![[s, t]] };
+    let azimuths = if 2.0 * around > along {
+        vec![[a, 0.5 * (a + b)], [0.5 * (a + b), b]]
+    } else {
+        vec![[a, b]]
+    };
+    let ts = if 2.0 * along > around {
+        vec![[s, 0.5 * (s + t)], [0.5 * (s + t), t]]
+    } else {
+        vec![[s, t]]
+    };
     azimuths.iter().flat_map(|&azimuth| ts.iter().map(move |&t| Cell { azimuth, t })).collect()
 }
 
@@ -391,7 +405,8 @@ impl CellPlane {
         let ([a, b], [s, t]) = (cell.azimuth, cell.t);
         let zone = &task.zone;
         // Counter-clockwise from outside; circles of no radius give their corner twice, which does no harm.
-        let mut corners = [(s, a), (s, b), (t, b), (t, a)].map(|(t, az)| zone.point(t, az)).to_vec();
+        let mut corners =
+            [(s, a), (s, b), (t, b), (t, a)].map(|(t, az)| zone.point(t, az)).to_vec();
         if !zone.outward {
             corners.reverse();
         }

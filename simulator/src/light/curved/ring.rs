@@ -15,11 +15,8 @@ const MOST_PANELS: usize = 2000;
 /// Steps in which the parameters are looked for at which an arc appears.
 const STEPS: usize = 12;
 /// Gauss–Legendre rules for small cells (Abramowitz and Stegun, table 25.4).
-const GAUSS_3: [(f64, f64); 3] = [
-    (-0.774_596_669_241_483_4, 5.0 / 9.0),
-    (0.0, 8.0 / 9.0),
-    (0.774_596_669_241_483_4, 5.0 / 9.0),
-];
+const GAUSS_3: [(f64, f64); 3] =
+    [(-0.774_596_669_241_483_4, 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)];
 const GAUSS_5: [(f64, f64); 5] = [
     (-0.906_179_845_938_664, 0.236_926_885_056_189_08),
     (-0.538_469_310_105_683_1, 0.478_628_670_499_366_47),
@@ -52,6 +49,8 @@ pub struct Task<'a> {
     pub halves: Vec<Half>,
     /// Relative error at which panels are no longer halved.
     pub precision: f64,
+    /// What precision is measured by where the integral is less: this times the area, sr⁻¹.
+    pub floor: f64,
 }
 
 /// A part of a zone: between two azimuths and two parameters.
@@ -76,7 +75,8 @@ impl<'a> Task<'a> {
         let mut halves: Vec<Half> = zone.halves(Pole::Far(sun))?.into_iter().flatten().collect();
         halves.extend(zone.halves(eye)?.into_iter().flatten());
         let precision = 1e-9;
-        Some(Self { zone, material, tangent, sun, eye, range_squared, halves, precision })
+        let floor = 0.0;
+        Some(Self { zone, material, tangent, sun, eye, range_squared, halves, precision, floor })
     }
 
     /// The whole zone.
@@ -129,14 +129,21 @@ impl<'a> Task<'a> {
         }
         breaks.sort_by(f64::total_cmp);
         breaks.dedup_by(|a, b| *a - *b <= 1e-12 * (to - from));
+        let floor = self.floor * self.zone.area(from, to, cell.azimuth[1] - cell.azimuth[0]);
         let mut error = 0.0;
         for pair in breaks.windows(2) {
             // An arc appears as a root of the parameter: t = u²(3 − 2u) makes it smooth at both ends.
             let width = pair[1] - pair[0];
-            error += self.adaptive(vec![0.0, 1.0], [0.0, 1.0], self.precision, out, &mut |u, w, sum| {
-                let ring = self.zone.profile.at(pair[0] + width * u * u * (3.0 - 2.0 * u));
-                self.ring(&ring, cell.azimuth, w * width * 6.0 * u * (1.0 - u), sum);
-            });
+            error += self.adaptive(
+                vec![0.0, 1.0],
+                [0.0, 1.0],
+                [self.precision, floor],
+                out,
+                &mut |u, w, sum| {
+                    let ring = self.zone.profile.at(pair[0] + width * u * u * (3.0 - 2.0 * u));
+                    self.ring(&ring, cell.azimuth, w * width * 6.0 * u * (1.0 - u), sum);
+                },
+            );
         }
         error
     }
@@ -150,8 +157,9 @@ impl<'a> Task<'a> {
                 let amplitude = ring.r * half.normal.x.hypot(half.normal.y);
                 amplitude - (half.normal.z * ring.z + half.offset).abs()
             };
-            let at = |n: usize| from + (to - from) * n as f64 / STEPS as f64;
-            for n in 0..STEPS {
+            let steps = if self.floor > 0.0 { 2 } else { STEPS };
+            let at = |n: usize| from + (to - from) * n as f64 / steps as f64;
+            for n in 0..steps {
                 let (mut low, mut high) = (at(n), at(n + 1));
                 let first = spare(low) > 0.0;
                 if first == (spare(high) > 0.0) {
@@ -203,7 +211,8 @@ impl<'a> Task<'a> {
         }
         let scale = scale * ring.r * ring.dr.hypot(ring.dz);
         // What is left of its error must not look like the shape of what is integrated over it.
-        let precision = (0.03 * self.precision).max(1e-12);
+        let floor = self.floor * scale.abs() * (to - from);
+        let precision = [(0.03 * self.precision).max(1e-12), floor];
         self.adaptive(stops, azimuth, precision, out, &mut |azimuth, weight, sum| {
             let (sin, cos) = azimuth.sin_cos();
             let p = DVec3::new(ring.r * cos, ring.r * sin, ring.z);
@@ -219,7 +228,7 @@ impl<'a> Task<'a> {
         &self,
         mut stops: Vec<f64>,
         [from, to]: [f64; 2],
-        precision: f64,
+        [precision, floor]: [f64; 2],
         out: &mut [f64],
         f: &mut dyn FnMut(f64, f64, &mut [f64]),
     ) -> f64 {
@@ -230,9 +239,13 @@ impl<'a> Task<'a> {
         let mut sums = vec![0.0; 2 * count];
         let mut open: Vec<(f64, f64, u32)> =
             stops.windows(2).rev().map(|w| (w[0], w[1], 0)).collect();
-        let mut size: f64 = out.iter().map(|o| o.abs()).sum();
+        let mut size: f64 = out.iter().map(|o| o.abs()).sum::<f64>().max(floor);
         let (mut error, mut panels) = (0.0, 0);
-        let orders: [&[_]; 2] = if self.precision < 1e-8 { FINE.each_ref().map(|r| &r[..]) } else { [&GAUSS_3, &GAUSS_5] };
+        let orders: [&[_]; 2] = if self.precision < 1e-8 {
+            FINE.each_ref().map(|r| &r[..])
+        } else {
+            [&GAUSS_3, &GAUSS_5]
+        };
         while let Some((a, b, depth)) = open.pop() {
             sums.fill(0.0);
             let (low, high) = sums.split_at_mut(count);

@@ -71,7 +71,10 @@ impl Sight<'_> {
     }
 
     /// Of the occluders `from`, those that may stand between a ball and a direction go to `keep`.
-    #[expect(clippy::too_many_arguments, reason = "a ball, a direction, and where to put what is found")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "a ball, a direction, and where to put what is found"
+    )]
     pub fn sift(
         &self,
         middle: DVec3,

@@ -106,7 +106,12 @@ impl Profile {
             }
             Profile::Arc { radius, middle } => {
                 let (sin, cos) = t.sin_cos();
-                Ring { r: radius * sin, z: middle - radius * cos, dr: radius * cos, dz: radius * sin }
+                Ring {
+                    r: radius * sin,
+                    z: middle - radius * cos,
+                    dr: radius * cos,
+                    dz: radius * sin,
+                }
             }
             Profile::Parabola { focus } => {
                 Ring { r: t, z: t * t / (4.0 * focus), dr: 1.0, dz: t / (2.0 * focus) }
@@ -187,7 +192,7 @@ impl Zone {
             return Vec::new();
         }
         // The line's point next to the origin.
-        let p = (one.offset * other.normal - other.offset * one.normal).cross(along) / square;
+        let p = (other.offset * one.normal - one.offset * other.normal).cross(along) / square;
         let [a, b, c] = self.profile.quadric();
         let u = along / square.sqrt();
         let second = u.x * u.x + u.y * u.y + a * u.z * u.z;
