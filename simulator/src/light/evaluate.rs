@@ -287,7 +287,8 @@ impl<'a> Evaluator<'a> {
         let outline = scene.outlines.get(i);
         let flat = normal.dot(sun).min(normal.dot(eye.from(origin)));
         if flat > GRAZING {
-            if self.work.visible(scene, &self.now, &self.outlines, i, sun, eye, outline) {
+            let sight = Sight { scene, now: &self.now, outlines: &self.outlines };
+            if self.work.visible(&sight, i, sun, eye, outline) {
                 let rounding = 1e-15 * facet.area + 1e-4 * scene.touching_m * facet.radius;
                 let pieces = self.work.kept.iter();
                 return pieces.map(|p| task.add(p, out)).sum::<f64>() + rounding;
@@ -334,7 +335,8 @@ impl<'a> Evaluator<'a> {
         let facet = &scene.facets[i];
         self.work.done.facets += 1;
         let outline = scene.outlines.get(i);
-        let cut = self.work.visible(scene, &self.now, &self.outlines, i, sun, eye, outline);
+        let sight = Sight { scene, now: &self.now, outlines: &self.outlines };
+        let cut = self.work.visible(&sight, i, sun, eye, outline);
         let area = if cut { self.work.kept.area() } else { facet.area };
         if area == 0.0 {
             return 0.0;
@@ -387,24 +389,22 @@ impl Work {
     /// Whether anything is taken away of facet `i`; what is left stands in `kept`.
     fn visible(
         &mut self,
-        scene: &Scene,
-        now: &Geometry,
-        outlines: &[Vec<Outline>; 2],
+        sight: &Sight,
         i: usize,
         sun: DVec3,
         eye: Toward,
         outline: &[P2],
     ) -> bool {
+        let scene = sight.scene;
         if scene.report().no_occlusion {
             return false;
         }
         self.shadows.clear();
         self.outlines_m2 = 0.0;
-        let sight = Sight { scene, now, outlines };
-        self.gather(&sight, i, Toward::Far(sun), 0);
+        self.gather(sight, i, Toward::Far(sun), 0);
         // In opposition what is seen is what is lit.
         if !matches!(eye, Toward::Far(d) if d == sun) {
-            self.gather(&sight, i, eye, 1);
+            self.gather(sight, i, eye, 1);
         }
         if self.shadows.is_empty() {
             return false;

@@ -33,6 +33,7 @@ mod geometry;
 mod grid;
 mod near;
 mod occlude;
+mod parts;
 mod scene;
 mod solid;
 mod weld;

@@ -258,11 +258,9 @@ impl Refiner {
                 }
             }
             None => {
-                for k in 0..count {
-                    found.kept[k] = 0.5 * whole[k];
-                    found.between[k] = 0.5 * whole[k];
-                    found.coarse[k] = 0.5 * whole[k];
-                }
+                let half: Vec<f64> = whole.iter().map(|w| 0.5 * w).collect();
+                (found.between, found.coarse) = (half.clone(), half.clone());
+                found.kept = half;
             }
         }
         found.near = Some(closer);
