@@ -368,3 +368,45 @@ fn a_device_is_no_mesh() {
     std::fs::remove_file(&name).unwrap();
     assert!(error.contains("an ordinary file"), "{error}");
 }
+
+/// Truth: the files, by hand. A vertex with two normals becomes two; those without one have 0; a node that stretches leaves normals across
+/// their surface: x/4 along x, that of (1, 0, 1) turned to (1/4, 0, 1).
+#[test]
+fn normals_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let file = folder.path().join(name);
+        std::fs::write(&file, bytes).unwrap();
+        file
+    };
+    let obj =
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvn 0 0 2\nvn 1 0 1\nf 1//1 2//1 3//1\nf 2//2 4 3//1\n";
+    let pieces = read(write("a.obj", obj.as_bytes())).unwrap();
+    let mesh = &pieces[0].mesh;
+    assert_eq!((mesh.vertices.len(), mesh.normals.len()), (5, 5));
+    assert_eq!(mesh.normals[0], DVec3::Z);
+    assert_eq!(mesh.normals[3], DVec3::new(1.0, 0.0, 1.0).normalize());
+    assert_eq!(mesh.normals[4], DVec3::ZERO);
+    assert!(read(write("b.obj", obj.replace("2//2", "2//3").as_bytes())).is_err());
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        property float nx\nproperty float ny\nproperty float nz\nelement face 1\n\
+        property list uchar int vertex_indices\nend_header\n0 0 0 0 0 2\n1 0 0 0 0 1\n0 1 0 1 0 0\n3 0 1 2\n";
+    let pieces = read(write("a.ply", ply.as_bytes())).unwrap();
+    assert_eq!(pieces[0].mesh.normals, [DVec3::Z, DVec3::Z, DVec3::X]);
+    let numbers: [f32; 18] = [
+        0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, // positions
+        0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0,
+    ];
+    let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+    write("a.bin", &bytes);
+    let gltf = r#"{"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}],
+        "nodes":[{"mesh":0,"scale":[4,1,1]}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0,"NORMAL":1}}]}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},
+                     {"bufferView":1,"componentType":5126,"count":3,"type":"VEC3"}],
+        "bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":36}],
+        "buffers":[{"uri":"a.bin","byteLength":72}]}"#;
+    let mesh = &read(write("a.gltf", gltf.as_bytes())).unwrap()[0].mesh;
+    assert!(mesh.normals[1].distance(DVec3::new(0.25, 0.0, 1.0).normalize()) < 1e-7);
+    assert_eq!(mesh.normals[0], DVec3::Z);
+}

@@ -227,6 +227,7 @@ fn needles_and_triangles_without_area_are_told_apart() {
     let sliver = |height: f64| Mesh {
         vertices: vec![DVec3::ZERO, DVec3::X, DVec3::new(0.5, height, 0.0)],
         triangles: vec![[0, 1, 2]],
+        ..Mesh::default()
     };
     let needle = sliver(1e-6).examine();
     assert!(matches!(needle.faults[0], Fault::Needle { worst, .. } if (worst - 1e6).abs() < 1.0));
@@ -376,7 +377,7 @@ fn soups_copies_and_fans_are_examined_in_time() {
     assert_eq!(soup.examine().components.len(), 60_000);
 
     let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
-    let copies = Mesh { vertices, triangles: vec![[0, 1, 2]; 5000] };
+    let copies = Mesh { vertices, triangles: vec![[0, 1, 2]; 5000], ..Mesh::default() };
     let faults = copies.examine().faults;
     let twice = |f: &Fault| matches!(f, Fault::Duplicate { found, .. } if found.count == 4999);
     assert!(faults.iter().any(twice), "{faults:?}");

@@ -2,13 +2,13 @@
 
 use glam::DVec3;
 use std::f64::consts::PI;
-use sunglint_simulator::light::{Scene, View};
+use sunglint_simulator::light::{Faceted, Scene, View};
 use sunglint_simulator::picture::{Camera, Map, MapError, Picture, PictureError};
 use sunglint_simulator::target::Target;
 
-fn scene(name: &str) -> Scene {
+fn body(name: &str) -> Faceted {
     let target = Target::built_in(name).expect("a built-in target");
-    Scene::new(&target).expect("a scene")
+    Faceted::new(&target).expect("a scene")
 }
 
 fn camera(toward: DVec3, pixel_m: f64, size_px: [usize; 2]) -> Camera {
@@ -19,8 +19,9 @@ fn camera(toward: DVec3, pixel_m: f64, size_px: [usize; 2]) -> Camera {
 #[test]
 fn the_pixels_hold_what_the_engine_sums() {
     for name in ["box_wing", "corner", "hexagon", "box_with_panels"] {
-        let scene = scene(name);
-        let mut evaluator = scene.evaluator();
+        let body = body(name);
+        let scene = body.scene();
+        let (mut eye, mut evaluator) = (body.eye(), scene.evaluator());
         let sun = DVec3::new(0.7, 0.3, 0.6);
         let toward = DVec3::new(0.6, -0.5, 0.7);
         let bands: Vec<Vec<f64>> =
@@ -29,7 +30,7 @@ fn the_pixels_hold_what_the_engine_sums() {
         evaluator.direct(sun, View::Distant(toward), &mut weights).unwrap();
         for (pixel_m, size_px) in [(0.05, [160, 140]), (0.7, [12, 10]), (10.0, [1, 1])] {
             let camera = camera(toward, pixel_m, size_px);
-            let picture = Picture::render(&mut evaluator, &camera, sun, &bands).unwrap();
+            let picture = Picture::render(&mut eye, &camera, sun, &bands).unwrap();
             for (pixels, factors) in picture.bands.iter().zip(&bands) {
                 let expected: f64 = weights.iter().zip(factors).map(|(w, f)| w * f).sum();
                 let found: f64 = pixels.iter().sum();
@@ -46,10 +47,10 @@ fn the_pixels_hold_what_the_engine_sums() {
 fn a_box_stands_where_it_should() {
     let text = "name = \"b\"\n[[part]]\nname = \"b\"\nshape = \"box\"\nsize_m = [1, 2, 3]\nmaterial = \"white\"\noffset_m = [0, 0.5, 0]\n\
                 [[material]]\nname = \"white\"\nmodel = \"lambert\"\nreflectance = 1\n";
-    let scene = Scene::new(&Target::parse("b.toml", text).unwrap()).unwrap();
-    let mut evaluator = scene.evaluator();
+    let body = Faceted::new(&Target::parse("b.toml", text).unwrap()).unwrap();
+    let mut eye = body.eye();
     let camera = camera(DVec3::X, 0.4, [10, 10]);
-    let picture = Picture::render(&mut evaluator, &camera, DVec3::X, &[vec![1.0]]).unwrap();
+    let picture = Picture::render(&mut eye, &camera, DVec3::X, &[vec![1.0]]).unwrap();
     // y from −0.5 to 1.5 m: columns 3.75 to 8.75; z ±1.5 m: rows 1.25 to 8.75.
     for row in 0..10 {
         for column in 0..10 {
@@ -66,7 +67,7 @@ fn a_box_stands_where_it_should() {
         }
     }
     // The Sun behind: nothing lit, but all of it seen.
-    let dark = Picture::render(&mut evaluator, &camera, DVec3::NEG_X, &[vec![1.0]]).unwrap();
+    let dark = Picture::render(&mut eye, &camera, DVec3::NEG_X, &[vec![1.0]]).unwrap();
     assert!(dark.bands[0].iter().all(|p| *p == 0.0));
     assert_eq!(dark.materials, picture.materials);
 }
@@ -76,12 +77,12 @@ fn a_box_stands_where_it_should() {
 fn depth_follows_a_slanted_plate() {
     let text = "name = \"p\"\n[[part]]\nname = \"p\"\nshape = \"plate\"\nsize_m = [4, 4]\nfaces = [\"+z\"]\nmaterial = \"white\"\n\
                 [[material]]\nname = \"white\"\nmodel = \"lambert\"\nreflectance = 1\n";
-    let scene = Scene::new(&Target::parse("p.toml", text).unwrap()).unwrap();
-    let mut evaluator = scene.evaluator();
+    let body = Faceted::new(&Target::parse("p.toml", text).unwrap()).unwrap();
+    let mut eye = body.eye();
     let tilt = 30.0_f64.to_radians();
     let toward = DVec3::new(tilt.sin(), 0.0, tilt.cos());
     let camera = Camera { toward, up: DVec3::Y, pixel_m: 0.1, size_px: [30, 30] };
-    let picture = Picture::render(&mut evaluator, &camera, toward, &[]).unwrap();
+    let picture = Picture::render(&mut eye, &camera, toward, &[]).unwrap();
     for k in 0..900 {
         // Right is y × toward: the plate's x seen shortened; farther from the observer to the left, by tan 30° a metre.
         let right_m = 0.1 * ((k % 30) as f64 + 0.5 - 15.0);
@@ -97,11 +98,11 @@ fn depth_follows_a_slanted_plate() {
 /// Truth: a normal distribution: light is kept (within the picture), and its second moment grows by σ² and a pixel's own 1/12.
 #[test]
 fn a_point_spread_function_keeps_the_light() {
-    let scene = scene("lambert_sphere");
-    let mut evaluator = scene.evaluator();
+    let body = body("lambert_sphere");
+    let mut eye = body.eye();
     let camera = camera(DVec3::X, 0.05, [200, 200]);
     let sun = DVec3::new(0.5, 0.8, 0.2);
-    let sharp = Picture::render(&mut evaluator, &camera, sun, &[vec![1.0]]).unwrap();
+    let sharp = Picture::render(&mut eye, &camera, sun, &[vec![1.0]]).unwrap();
     let fwhm_m = 0.6;
     let soft = sharp.blurred(fwhm_m);
     let sum = |p: &Picture| p.bands[0].iter().sum::<f64>();
@@ -120,9 +121,9 @@ fn a_point_spread_function_keeps_the_light() {
 /// Truth: Russell's closed form: a Lambert sphere is the same from everywhere, 2/(3π)(sin γ + (π − γ) cos γ) R².
 #[test]
 fn the_map_of_a_sphere_is_even() {
-    let scene = scene("lambert_sphere");
+    let body = body("lambert_sphere");
     let phase = 60.0_f64.to_radians();
-    let map = Map::of(&scene, phase, 30.0, &[1.0]).unwrap();
+    let map = Map::of(body.scene(), phase, 30.0, &[1.0]).unwrap();
     assert_eq!(map.intensity.dim(), (6, 12));
     let expected = 2.0 / (3.0 * PI) * (phase.sin() + (PI - phase) * phase.cos());
     assert!(map.intensity.iter().all(|i| (i / expected - 1.0).abs() < 1e-9));
@@ -147,10 +148,11 @@ fn the_map_of_a_plate_shows_its_normal() {
 
 #[test]
 fn what_is_no_picture_or_map_is_refused() {
-    let scene = scene("box_wing");
-    let mut evaluator = scene.evaluator();
+    let body = body("box_wing");
+    let scene = body.scene();
+    let mut eye = body.eye();
     let good = camera(DVec3::X, 0.1, [10, 10]);
-    let mut of = |camera| Picture::render(&mut evaluator, &camera, DVec3::X, &[]).unwrap_err();
+    let mut of = |camera| Picture::render(&mut eye, &camera, DVec3::X, &[]).unwrap_err();
     for bad in [
         Camera { pixel_m: 0.0, ..good },
         Camera { pixel_m: f64::NAN, ..good },
@@ -167,7 +169,7 @@ fn what_is_no_picture_or_map_is_refused() {
     let factors = vec![1.0; scene.weight_count()];
     for (phase, step) in [(PI, 5.0), (-0.1, 5.0), (f64::NAN, 5.0)] {
         assert!(matches!(
-            Map::of(&scene, phase, step, &factors).unwrap_err(),
+            Map::of(scene, phase, step, &factors).unwrap_err(),
             MapError::Phase { .. }
         ));
     }

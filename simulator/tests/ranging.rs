@@ -4,7 +4,7 @@ use glam::DVec3;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::f64::consts::PI;
-use sunglint_simulator::light::{Scene, View};
+use sunglint_simulator::light::{Faceted, View};
 use sunglint_simulator::ranging::glint::{self, Mirror};
 use sunglint_simulator::ranging::{
     Beam, BeamShape, DepthBins, DepthError, Profile, Receiver, Shot, detection_probability,
@@ -44,8 +44,8 @@ fn shot<'a>(beam: &'a Beam, toward: DVec3, range_m: f64) -> Shot<'a> {
 }
 
 fn returned(target: &Target, shot: &Shot, reflectance: &[f64], bins: DepthBins) -> Profile {
-    let scene = Scene::new(target).expect("a scene");
-    shot.profile(&mut scene.evaluator(), reflectance, bins).expect("a profile")
+    let body = Faceted::new(target).expect("a scene");
+    shot.profile(&mut body.eye(), reflectance, bins).expect("a profile")
 }
 
 /// Counts of a fluence on the body that sends back `w` m² sr⁻¹, written out.
@@ -212,9 +212,10 @@ fn the_box_wing_histograms_agree_with_rays() {
     let toward = DVec3::new(0.5, 0.35, 0.79).normalize();
     let bins = DepthBins { from_m: -2.0, step_m: 0.1, count: 40 };
     let beam = graz();
-    let scene = Scene::new(&target).unwrap();
+    let body = Faceted::new(&target).unwrap();
+    let scene = body.scene();
     let rho: Vec<f64> = scene.spectra().map(|s| s.at(1064.0)).collect();
-    let found = shot(&beam, toward, 1e6).profile(&mut scene.evaluator(), &rho, bins).unwrap();
+    let found = shot(&beam, toward, 1e6).profile(&mut body.eye(), &rho, bins).unwrap();
     assert_eq!(found.outside, 0.0);
 
     let mut triangles = Vec::new();
@@ -264,12 +265,13 @@ fn the_box_wing_histograms_agree_with_rays() {
 /// Truth: the engine's own direct weights, exact by other tests: in the mean of a wide beam the bins hold all of it.
 #[test]
 fn the_bins_hold_what_the_engine_sums() {
-    let scene = Scene::new(&Target::built_in("box_wing").unwrap()).unwrap();
+    let body = Faceted::new(&Target::built_in("box_wing").unwrap()).unwrap();
+    let scene = body.scene();
     let mut evaluator = scene.evaluator();
     let beam = Beam { divergence_rad: 1e-2, ..graz() };
     let rho: Vec<f64> = scene.spectra().map(|s| s.at(532.0)).collect();
     let toward = DVec3::new(0.3, -0.8, 0.5).normalize();
-    let found = shot(&beam, toward, 1e6).profile(&mut evaluator, &rho, BINS).unwrap();
+    let found = shot(&beam, toward, 1e6).profile(&mut body.eye(), &rho, BINS).unwrap();
     let mut weights = vec![0.0; scene.weight_count()];
     evaluator.direct(toward, View::Distant(toward), &mut weights).unwrap();
     let w: f64 = weights.iter().zip(&rho).map(|(w, r)| w * r).sum();
@@ -308,11 +310,11 @@ fn a_detector_that_stops_at_the_first_photon_sees_the_near_side() {
 
 #[test]
 fn what_is_no_range_or_bin_is_refused() {
-    let scene = Scene::new(&Target::built_in("box_wing").unwrap()).unwrap();
+    let body = Faceted::new(&Target::built_in("box_wing").unwrap()).unwrap();
     let beam = graz();
-    let mut evaluator = scene.evaluator();
-    let rho = vec![0.5; scene.weight_count()];
-    let mut of = |shot: Shot, bins| shot.profile(&mut evaluator, &rho, bins).unwrap_err();
+    let mut eye = body.eye();
+    let rho = vec![0.5; body.scene().weight_count()];
+    let mut of = |shot: Shot, bins| shot.profile(&mut eye, &rho, bins).unwrap_err();
     for bins in [
         DepthBins { step_m: 0.0, ..BINS },
         DepthBins { from_m: f64::NAN, ..BINS },

@@ -187,6 +187,12 @@ pub fn cut(polygon: &[P2], axis: usize, at: f64, above: bool, out: &mut Polygons
     out.push_with(|points| half(polygon, &distances, if above { 1.0 } else { -1.0 }, points))
 }
 
+/// The part of a convex polygon on the positive side of a line x·l₀ + y·l₁ + l₂ = 0.
+pub fn keep(polygon: &[P2], line: [f64; 3], out: &mut Polygons) -> bool {
+    let distances: Vec<f64> = polygon.iter().map(|p| distance(&line, *p)).collect();
+    out.push_with(|points| half(polygon, &distances, 1.0, points))
+}
+
 /// The convex hull, counter-clockwise, in place (Andrew 1979).
 pub fn hull(points: &mut [P2], out: &mut Vec<P2>) {
     // Without this the chains would take back points of what stands in `out` before them.

@@ -61,8 +61,11 @@ pub fn resolve(polygons: &mut Vec<Polygon>, touching_m: f64) -> Option<(usize, u
             let corners = piece.iter().map(|p| origin + p[0] * x + p[1] * y).collect();
             // Its plane is that of the whole.
             let part = Polygon::new(corners, under.part, under.component)?;
-            (part.area > touching_m * touching_m)
-                .then_some(Polygon { normal: under.normal, ..part })
+            (part.area > touching_m * touching_m).then(|| Polygon {
+                normal: under.normal,
+                bend: under.bend.clone(),
+                ..part
+            })
         });
         pieces_of.push((group[0].0, new.collect()));
     }

@@ -1,11 +1,12 @@
 //! What a scene sends to an observer.
 
 use super::clip::{self, P2, Polygons, Scratch};
+use super::curved::{self, Curves, Light, outline::Outline, sight::Sight};
 use super::geometry::{Geometry, Motion};
 use super::grid::Grid;
 use super::occlude::{Kind, Plane, Room, Toward, toward, unit};
-use super::scene::{Ball, Scene};
-use super::{View, near, sphere};
+use super::scene::Scene;
+use super::{View, near};
 use glam::DVec3;
 use std::borrow::Cow;
 
@@ -34,9 +35,11 @@ pub struct Direct {
     pub pieces: usize,
     /// Spheres in closed form.
     pub spheres: usize,
-    /// Spheres whose remaining share was found with flat facets.
-    pub tessellated: usize,
-    /// An estimate of the relative error of ΣW from rounding, touching tolerances, quadrature and flat facets of spheres.
+    /// Cylinders, cones and dishes (from a point: spheres too) that nothing else shades or hides: integrals to 1e-9.
+    pub round: usize,
+    /// Curved parts that something shades or hides, divided into cells.
+    pub refined: usize,
+    /// An estimate of the relative error of ΣW from rounding, touching tolerances, quadrature and cells of curved parts.
     pub error: f64,
 }
 
@@ -72,6 +75,9 @@ pub struct Evaluator<'a> {
     pub(super) work: Work,
     pub(super) near: near::Quadrature,
     pub(super) disc: super::disc::Room,
+    pub(super) curves: Curves,
+    /// Of curved parts, towards the Sun and towards the observer.
+    pub(super) outlines: [Vec<Outline>; 2],
 }
 
 /// Buffers.
@@ -89,6 +95,8 @@ pub(super) struct Work {
     pub(super) margin_m: f64,
     pub(super) shaded: bool,
     pub(super) done: Direct,
+    /// What the outlines of round bodies on the facet at hand leave open, m².
+    pub(super) outlines_m2: f64,
 }
 
 impl<'a> Evaluator<'a> {
@@ -101,7 +109,15 @@ impl<'a> Evaluator<'a> {
             work: Work::default(),
             near: near::Quadrature::default(),
             disc: super::disc::Room::default(),
+            curves: Curves::default(),
+            outlines: [0, 1].map(|_| vec![Outline::default(); scene.rounds.len()]),
         }
+    }
+
+    /// Sets the error at which the division of curved parts stops that something shades or hides, of what each would send alone (from
+    /// 1e-9 to 1, in place of [`Scene::CURVED_TOLERANCE`]). The error that comes out is stated all the same.
+    pub fn set_curved_tolerance(&mut self, tolerance: f64) {
+        self.curves.tolerance = if tolerance > 1e-9 { tolerance.min(1.0) } else { 1e-9 };
     }
 
     /// Sets `out[k]` to W_k \[m² sr⁻¹\] for the Sun in direction `sun_body` and an observer at `view`, both in the body's axes. Hinged parts
@@ -154,7 +170,7 @@ impl<'a> Evaluator<'a> {
         if found == expected { Ok(()) } else { Err(DirectionError::Room { found, expected }) }
     }
 
-    fn sum(
+    pub(super) fn sum(
         &mut self,
         sun: DVec3,
         facing: DVec3,
@@ -166,15 +182,15 @@ impl<'a> Evaluator<'a> {
         self.work.done = Direct::default();
         let (sun, eye) = self.stand(sun, facing, view)?;
         let mut error = 0.0;
-        let usual = self.scene.spheres.first().map_or(self.scene.facets.len(), |s| s.facets.start);
-        for i in 0..usual {
-            error += self.facet(i, sun, eye, stride, out);
+        for i in 0..self.scene.facets.len() {
+            error += match self.scene.facets[i].patch {
+                None => self.facet(i, sun, eye, stride, out),
+                Some(patch) => self.bent(i, patch as usize, sun, eye, stride, out),
+            };
         }
-        for ball in 0..self.scene.spheres.len() {
-            error += self.ball(ball, sun, eye, stride, out);
-        }
+        error += self.rounds(Light { sun, eye }, stride, out);
         if self.scene.covers {
-            let area: f64 = self.scene.facets[..usual].iter().map(|f| f.area).sum();
+            let area: f64 = self.scene.facets.iter().map(|f| f.area).sum();
             error += COVERING * area * std::f64::consts::FRAC_1_PI;
         }
         let total: f64 = out.iter().sum();
@@ -194,6 +210,7 @@ impl<'a> Evaluator<'a> {
         let light = unit("the direction of the light", light)?;
         let eye = toward(view)?;
         self.turn(facing);
+        self.outline(light, eye);
         if self.scene.pairs.is_none() {
             self.index(light, eye);
         }
@@ -217,6 +234,7 @@ impl<'a> Evaluator<'a> {
                 now.bitangent[i] = motion.vector(base.bitangent[i]);
                 now.origin[i] = motion.point(base.origin[i]);
             }
+            curved::turn(scene, now, h + 1, &motion);
             for (k, o) in scene.occluders.iter().enumerate().filter(|o| o.1.group == h + 1) {
                 now.middle[k] = motion.point(base.middle[k]);
                 now.facing[k] = motion.vector(base.facing[k]);
@@ -264,7 +282,8 @@ impl<'a> Evaluator<'a> {
         let facet = &scene.facets[i];
         self.work.done.facets += 1;
         let outline = scene.outlines.get(i);
-        let cut = self.work.visible(scene, &self.now, i, sun, eye, outline);
+        let sight = Sight { scene, now: &self.now, outlines: &self.outlines };
+        let cut = self.work.visible(&sight, i, sun, eye, outline);
         let area = if cut { self.work.kept.area() } else { facet.area };
         if area == 0.0 {
             return 0.0;
@@ -277,7 +296,7 @@ impl<'a> Evaluator<'a> {
         let sun = DVec3::new(u.dot(sun), v.dot(sun), cos_i);
         let rounding = if cut {
             let width = scene.touching_m.max(1e-15 * facet.radius);
-            1e-15 * facet.area + 1e-4 * width * facet.radius
+            1e-15 * facet.area + 1e-4 * width * facet.radius + self.work.outlines_m2
         } else {
             0.0
         };
@@ -315,110 +334,6 @@ impl<'a> Evaluator<'a> {
             }
         }
     }
-
-    /// Adds a sphere.
-    pub(super) fn ball(
-        &mut self,
-        number: usize,
-        sun: DVec3,
-        eye: Toward,
-        stride: usize,
-        out: &mut [f64],
-    ) -> f64 {
-        let scene = self.scene;
-        let ball = &scene.spheres[number];
-        let middle = self.now.middle[ball.occluder];
-        let weights = scene.weights_of(ball.material as usize);
-        let start = ball.part as usize * stride;
-        let range = start + weights.start..start + weights.end;
-        let material = &scene.materials[ball.material as usize];
-        let to = eye.from(middle);
-        // From a point: the closed form at the middle's distance and angle, of which the facets say the share that is seen from there.
-        let nearness = match eye {
-            Toward::Far(_) => 1.0,
-            Toward::Near(q) => q.length_squared() / (q - middle).length_squared(),
-        };
-        // Right at all angles (Kahan), where the arc cosine is not.
-        let phase = 2.0 * (sun - to).length().atan2((sun + to).length());
-        let scale = ball.radius * ball.radius * nearness;
-        // Neither a tangent nor an angle out of range is left to refuse: the scene was checked, the angle is made here.
-        let error = material
-            .add_sphere_weights(phase.min(std::f64::consts::PI), scale, &mut out[range.clone()])
-            .unwrap_or(f64::INFINITY);
-        let full: f64 = out[range.clone()].iter().sum();
-        let far = matches!(eye, Toward::Far(_));
-        if far && self.is_free(number, sun, to) {
-            self.work.done.spheres += 1;
-            return full * error;
-        }
-        self.work.done.tessellated += 1;
-        if material.is_mirror() {
-            return self.glint(ball, sun, eye, to, &mut out[range]) + full * error;
-        }
-        // The facets say what share is left; the closed form says of how much.
-        let mut left = vec![0.0; out.len()];
-        let mut whole = vec![0.0; range.len()];
-        let mut rounding = 0.0;
-        for i in ball.facets.clone() {
-            rounding += self.facet(i, sun, eye, stride, &mut left);
-            let (normal, u, v) = (self.now.normal[i], self.now.tangent[i], self.now.bitangent[i]);
-            let local = |d: DVec3| DVec3::new(u.dot(d), v.dot(d), normal.dot(d));
-            let (i_local, o_local) = (local(sun), local(to));
-            if i_local.z > GRAZING && o_local.z > GRAZING {
-                let area = nearness * scene.facets[i].area * i_local.z * o_local.z;
-                material.add_weights(i_local, o_local, area, &mut whole);
-            }
-        }
-        let mut faceting = 0.0;
-        for ((closed, left), whole) in out[range.clone()].iter_mut().zip(&left[range]).zip(&whole) {
-            if *whole > 0.0 {
-                let kept = *closed * left / whole;
-                let resolved = (*closed / whole - 1.0).abs();
-                let between = if far { kept.min(*closed - kept).max(0.0) } else { kept };
-                faceting += sphere::FACETING * (between * whole).sqrt() + resolved * between;
-                *closed = kept;
-            } else {
-                // A crescent too thin for the facets: nothing is known of what hides it.
-                faceting += *closed;
-            }
-        }
-        rounding + faceting + full * error
-    }
-
-    /// A mirror sphere sends light from one point: the facet there says whether it is lit and seen. Gives the error.
-    fn glint(&mut self, ball: &Ball, sun: DVec3, eye: Toward, to: DVec3, out: &mut [f64]) -> f64 {
-        let halfway = (sun + to).normalize_or_zero();
-        let along = |i: &usize| self.now.normal[*i].dot(halfway);
-        let Some(i) = ball.facets.clone().max_by(|a, b| along(a).total_cmp(&along(b))) else {
-            return 0.0;
-        };
-        let scene = self.scene;
-        if !self.work.visible(scene, &self.now, i, sun, eye, scene.outlines.get(i)) {
-            return 0.0;
-        }
-        let share = self.work.kept.area() / scene.facets[i].area;
-        let full: f64 = out.iter().sum();
-        if share < 0.5 {
-            out.fill(0.0);
-        }
-        // The point lies somewhere on the facet.
-        if share > 1e-9 && share < 1.0 - 1e-9 { full } else { 0.0 }
-    }
-
-    /// Whether nothing stands before, behind or beside a sphere in these directions so near that it could shade or hide it.
-    pub(super) fn is_free(&self, number: usize, sun: DVec3, to: DVec3) -> bool {
-        let ball = &self.scene.spheres[number];
-        let middle = self.now.middle[ball.occluder];
-        self.scene.occluders.iter().enumerate().all(|(k, other)| {
-            let reach = ball.radius + other.radius;
-            k == ball.occluder
-                || [sun, to].iter().all(|d| {
-                    let away = self.now.middle[k] - middle;
-                    let along = away.dot(*d);
-                    along < -reach || away.length_squared() - along * along >= reach * reach
-                })
-        })
-    }
 }
 
 /// Whether a facet with this cosine towards a direction shows it its front.
@@ -435,22 +350,23 @@ impl Work {
     /// Whether anything is taken away of facet `i`; what is left stands in `kept`.
     pub(super) fn visible(
         &mut self,
-        scene: &Scene,
-        now: &Geometry,
+        sight: &Sight,
         i: usize,
         sun: DVec3,
         eye: Toward,
         outline: &[P2],
     ) -> bool {
+        let scene = sight.scene;
         if scene.report().no_occlusion {
             return false;
         }
         self.shadows.clear();
-        self.gather(scene, now, i, Toward::Far(sun), 0);
+        self.outlines_m2 = 0.0;
+        self.gather(sight, i, Toward::Far(sun), 0);
         self.shaded = !self.shadows.is_empty();
         // In opposition what is seen is what is lit.
         if !matches!(eye, Toward::Far(d) if d == sun) {
-            self.gather(scene, now, i, eye, 1);
+            self.gather(sight, i, eye, 1);
         }
         if self.shadows.is_empty() {
             return false;
@@ -466,7 +382,8 @@ impl Work {
     }
 
     /// Appends the shadows on a facet.
-    fn gather(&mut self, scene: &Scene, now: &Geometry, i: usize, toward: Toward, grid: usize) {
+    fn gather(&mut self, sight: &Sight, i: usize, toward: Toward, grid: usize) {
+        let (scene, now) = (sight.scene, sight.now);
         let facet = &scene.facets[i];
         let origin = now.origin[i];
         let near = matches!(toward, Toward::Near(_));
@@ -486,7 +403,6 @@ impl Work {
             return;
         }
         self.done.occluder_tests += candidates.len();
-        let direction = toward.from(origin);
         // Seen from a point, the shadow of a ball spreads with the distance.
         let plane = Plane::new(now, i, toward, scene.touching_m);
         let (b, m) = (clip::bounds(scene.outlines.get(i)), self.margin_m);
@@ -498,43 +414,19 @@ impl Work {
                 continue;
             }
             let away = now.middle[k] - origin;
-            let reach = facet.radius + occluder.radius + self.margin_m;
-            let across = match toward {
-                Toward::Far(d) => {
-                    let along = away.dot(d);
-                    along < -reach || away.length_squared() - along * along > reach * reach
-                }
-                Toward::Near(q) => misses(away, q - origin, facet.radius, occluder.radius),
-            };
+            let across = curved::sight::misses(
+                away,
+                occluder.radius + self.margin_m,
+                facet.radius,
+                toward,
+                origin,
+            );
             if across || away.dot(now.normal[i]) + occluder.radius <= scene.touching_m {
                 continue;
             }
-            let corners = &now.corners[occluder.corners.clone()];
-            let added = match &occluder.kind {
-                Kind::Solid(edges) => {
-                    plane.shadow(corners, Some(edges), &mut self.room, &mut self.shadows)
-                }
-                Kind::Sphere => plane.sphere(
-                    now.middle[k],
-                    occluder.radius,
-                    toward,
-                    &mut self.room,
-                    &mut self.shadows,
-                ),
-                Kind::Leaving | Kind::Sheet => {
-                    let leaves = if near {
-                        now.facing[k].dot(toward.from(corners[0]))
-                    } else {
-                        now.facing[k].dot(direction)
-                    };
-                    let hides = match occluder.kind {
-                        Kind::Leaving => leaves > 0.0,
-                        _ => leaves != 0.0,
-                    };
-                    hides && plane.shadow(corners, None, &mut self.room, &mut self.shadows)
-                }
-            };
+            let added = sight.cast(k, &plane, toward, grid, &mut self.room, &mut self.shadows);
             if added {
+                self.outlines_m2 += curved::outline::error_m2(occluder, &plane, toward);
                 let last = self.shadows.len() - 1;
                 if !clip::overlap(&bounds, &clip::bounds(self.shadows.get(last))) {
                     self.shadows.pop();
@@ -622,16 +514,4 @@ impl Work {
         }
         cut
     }
-}
-
-/// Whether a ball at `away` cannot stand between a facet's ball at the origin and an eye at `eye`.
-fn misses(away: DVec3, eye: DVec3, facet: f64, ball: f64) -> bool {
-    let range = eye.length();
-    let toward = eye / range;
-    let along = away.dot(toward);
-    if along < -(facet + ball) || along > range + facet + ball {
-        return true;
-    }
-    // Lines from the facet to the eye stay within its own radius of the axis.
-    away.length_squared() - along * along > (facet + ball) * (facet + ball)
 }

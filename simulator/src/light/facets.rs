@@ -17,6 +17,17 @@ pub struct Polygon {
     pub part: usize,
     /// The component that it belongs to.
     pub component: usize,
+    /// The corners and normals of the bent triangle that it is, or a part of.
+    pub bend: Option<Box<Bend>>,
+}
+
+/// A triangle with normals.
+#[derive(Debug, Clone, Copy)]
+pub struct Bend {
+    /// Corners in the body's axes, m.
+    pub corners: [DVec3; 3],
+    /// Unit normals there.
+    pub normals: [DVec3; 3],
 }
 
 impl Polygon {
@@ -24,7 +35,7 @@ impl Polygon {
     pub fn new(corners: Vec<DVec3>, part: usize, component: usize) -> Option<Self> {
         let twice = vector_area_twice(&corners);
         let normal = twice.try_normalize()?;
-        Some(Self { area: 0.5 * twice.length(), corners, normal, part, component })
+        Some(Self { area: 0.5 * twice.length(), corners, normal, part, component, bend: None })
     }
 
     /// The mean of the corners.
@@ -47,6 +58,8 @@ pub struct Triangle {
     pub part: usize,
     /// The component that it belongs to.
     pub component: usize,
+    /// Its unit normals, where it is bent.
+    pub normals: Option<[DVec3; 3]>,
 }
 
 /// Merges triangles over shared edges as long as the union is flat (to `flat_m`) and convex. Triangles without area are left out.
@@ -82,7 +95,11 @@ pub fn merge(places: &[DVec3], triangles: &[Triangle], flat_m: f64) -> Vec<Polyg
         .filter(|&t| normals[t].is_some() && merged.root(t as u32) == t as u32)
         .filter_map(|t| {
             let corners = straightened(places, &rings[t]);
-            Polygon::new(corners, triangles[t].part, triangles[t].component)
+            let polygon = Polygon::new(corners, triangles[t].part, triangles[t].component)?;
+            let bend = triangles[t]
+                .normals
+                .map(|normals| Box::new(Bend { corners: triangles[t].corners.map(at), normals }));
+            Some(Polygon { bend, ..polygon })
         })
         .collect()
 }
@@ -116,7 +133,10 @@ fn flat_edges(
             let flat = |corners: [u32; 3], n: DVec3| {
                 corners.iter().all(|&c| (places[c as usize] - origin).dot(n).abs() <= flat_m)
             };
-            let one = neighbour.part == triangle.part && neighbour.component == triangle.component;
+            let bent = triangle.normals.is_some() || neighbour.normals.is_some();
+            let one = !bent
+                && neighbour.part == triangle.part
+                && neighbour.component == triangle.component;
             if one
                 && n.dot(m) > 0.999_999
                 && flat(neighbour.corners, n)

@@ -19,6 +19,8 @@ pub struct Geometry {
     pub facing: Vec<DVec3>,
     /// Middle of each occluder's ball, m.
     pub middle: Vec<DVec3>,
+    /// Where each curved part's own axes are.
+    pub place: Vec<Motion>,
 }
 
 /// A rotation followed by a translation.

@@ -12,6 +12,12 @@
 //! face in contact with another body is dark too, since the ray leaves that body somewhere. Open sheets hide with both sides and reflect
 //! with their front alone. A convex closed body hides by its outline, as one polygon, and never its own facets.
 //!
+//! # What is curved
+//! Spheres, cylinders, cones and dishes stand for themselves (`curved`): normals and outlines are exact, and so is what a surface hides of
+//! itself. Where nothing else interferes they are closed forms or integrals to 1e-9; where something does they are divided into cells until
+//! [`Scene::CURVED_TOLERANCE`] holds ([`Evaluator::set_curved_tolerance`] changes it). Triangles with normals at their corners are bent
+//! surfaces over the same visible and lit polygons. Each says its error.
+//!
 //! Two rules make touching parts safe. A corner nearer to a facet's plane than [`Scene::TOUCHING`] times the scene's size lies *in* that
 //! plane. Coincident faces that look the same way would count twice: there the later part covers the earlier one, found when the scene
 //! is prepared, and said in [`SceneReport::warnings`] (not for faces that come to coincide by the turning of a hinge).
@@ -19,25 +25,29 @@
 mod clip;
 mod closed;
 mod coincident;
+mod curved;
 pub mod disc;
 mod effect;
 mod evaluate;
+mod faceted;
 mod facets;
 mod geometry;
 mod grid;
 mod near;
 mod occlude;
+mod parts;
 mod pieces;
+mod rounded;
 mod scene;
 pub mod shine;
 mod solid;
-mod sphere;
 mod weld;
 
 pub use disc::SunOptions;
 pub use effect::{Effect, Globe, Lighting, Need, Source, Term};
 pub use evaluate::{Direct, DirectionError, Evaluator};
-pub use pieces::{Glint, Piece};
+pub use faceted::{Faceted, FacetedEye, Glint};
+pub use pieces::Piece;
 pub use scene::{Scene, SceneError, SceneReport};
 
 use glam::DVec3;

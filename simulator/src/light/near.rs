@@ -35,7 +35,7 @@ pub struct Quadrature {
 /// Degree 5 on a triangle with seven points (Radon 1948): weight and the point's first two coordinates of area.
 const A: f64 = 0.101_286_507_323_456_33;
 const B: f64 = 0.470_142_064_105_115_1;
-const RULE: [(f64, f64, f64); 7] = [
+pub(super) const RULE: [(f64, f64, f64); 7] = [
     (0.225, 1.0 / 3.0, 1.0 / 3.0),
     (0.125_939_180_544_827_14, A, A),
     (0.125_939_180_544_827_14, A, 1.0 - 2.0 * A),

@@ -33,6 +33,8 @@ pub enum Kind {
     Sheet,
     /// A sphere.
     Sphere,
+    /// The curved part of this number, by its outline.
+    Outline(u32),
 }
 
 /// Where the light goes to.
@@ -89,8 +91,18 @@ enum Throw {
 impl Plane {
     /// Of facet `i`, for light that goes `toward`; heights below `touching` count as 0.
     pub fn new(now: &Geometry, i: usize, toward: Toward, touching: f64) -> Self {
-        let (origin, normal) = (now.origin[i], now.normal[i]);
         let axes = [now.tangent[i], now.bitangent[i]];
+        Self::at(now.origin[i], now.normal[i], axes, toward, touching)
+    }
+
+    /// Of any plane.
+    pub fn at(
+        origin: DVec3,
+        normal: DVec3,
+        axes: [DVec3; 2],
+        toward: Toward,
+        touching: f64,
+    ) -> Self {
         let throw = match toward {
             Toward::Far(d) => {
                 let cos = d.dot(normal);
@@ -102,6 +114,16 @@ impl Plane {
             }
         };
         Self { origin, normal, axes, throw, touching }
+    }
+
+    /// How high a point stands above the plane.
+    pub fn height(&self, p: DVec3) -> f64 {
+        (p - self.origin).dot(self.normal)
+    }
+
+    /// The cosine of the angle at which light meets the plane, about its origin.
+    pub fn cos(&self, toward: Toward) -> f64 {
+        toward.from(self.origin).dot(self.normal)
     }
 
     /// Coordinates in the plane, and height above it.

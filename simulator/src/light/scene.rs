@@ -1,11 +1,13 @@
 //! A target, prepared for evaluation.
 
 use super::clip::{self, P2};
+use super::curved::{self, Round, bent::Patch};
 use super::evaluate::Evaluator;
 use super::facets::{self, Polygon, Triangle};
-use super::geometry::Geometry;
+use super::geometry::{Geometry, Motion};
 use super::occlude::{Kind, Occluder};
-use super::{closed, solid, sphere, weld};
+use super::parts::{components_of_parts, size, tangent};
+use super::{solid, weld};
 use crate::surface::Material;
 use crate::target::{Hinge, Part, Shape, Target};
 use glam::DVec3;
@@ -20,7 +22,8 @@ pub struct Scene {
     weights: Vec<Range<usize>>,
     pub(super) facets: Vec<Facet>,
     pub(super) outlines: clip::Polygons,
-    pub(super) spheres: Vec<Ball>,
+    pub(super) rounds: Vec<Round>,
+    pub(super) patches: Vec<Patch>,
     pub(super) occluders: Vec<Occluder>,
     pub(super) geometry: Geometry,
     /// For each facet a range of `candidates`; `None` where an index is made for each direction instead.
@@ -42,20 +45,10 @@ pub(super) struct Facet {
     pub part: u32,
     pub component: u32,
     pub group: u32,
-    /// The sphere that it stands for, if any: then it says only what share of the sphere is left.
-    pub sphere: Option<u32>,
+    /// The bent triangle over it, if any.
+    pub patch: Option<u32>,
     /// Whether its component is convex, and hides nothing of itself.
     pub convex: bool,
-}
-
-/// A sphere; its middle is that of its occluder.
-#[derive(Debug, Clone)]
-pub(super) struct Ball {
-    pub radius: f64,
-    pub material: u32,
-    pub part: u32,
-    pub occluder: usize,
-    pub facets: Range<usize>,
 }
 
 /// Why a target cannot be prepared.
@@ -67,6 +60,16 @@ pub enum SceneError {
         "part `{part}` is a flat mirror (`{material}`): under a Sun without extent it sends nothing or an infinite intensity; model the Sun's disc, give it a roughness, or make it a sphere"
     )]
     FlatMirror {
+        /// The part.
+        part: String,
+        /// Its material.
+        material: String,
+    },
+    /// A perfect mirror that is curved one way only, or a bowl.
+    #[error(
+        "part `{part}` is a cylinder, a cone or a dish that is a mirror (`{material}`): under a Sun without extent it sends nothing or an infinite intensity; give it a roughness, or make it a sphere"
+    )]
+    CurvedMirror {
         /// The part.
         part: String,
         /// Its material.
@@ -120,6 +123,28 @@ pub enum SceneError {
         /// Its radius, m.
         radius_m: f64,
     },
+    /// A cylinder, a cone or a dish without a size.
+    #[error("part `{part}`: {what} is {value_m} m, expected {expected}")]
+    Size {
+        /// The part.
+        part: String,
+        /// Of what.
+        what: &'static str,
+        /// What was given, m.
+        value_m: f64,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// Normals that do not belong to the vertices.
+    #[error("part `{part}` has {found} normals for {expected} vertices")]
+    Normals {
+        /// The part.
+        part: String,
+        /// How many there are.
+        found: usize,
+        /// How many vertices.
+        expected: usize,
+    },
 }
 
 /// What a scene needs.
@@ -127,10 +152,14 @@ pub enum SceneError {
 pub struct SceneReport {
     /// Triangles that came in.
     pub triangles: usize,
-    /// Facets after merging triangles of one plane and part; those that stand for spheres not counted.
+    /// Facets after merging triangles of one plane and part.
     pub facets: usize,
+    /// Of them, triangles that are bent by their normals.
+    pub bent: usize,
     /// Spheres, in closed form wherever nothing interferes with them.
     pub spheres: usize,
+    /// Cylinders, cones and dishes.
+    pub curved: usize,
     /// Whether every surface is part of a closed body.
     pub closed: bool,
     /// Whether the whole target is one convex closed body.
@@ -143,9 +172,6 @@ pub struct SceneReport {
     pub occluder_pairs: Option<usize>,
     /// Corners nearer to a plane than this lie in it, m.
     pub touching_m: f64,
-    /// Error of a sphere that something shades or hides, of the geometric mean of the whole and the smaller of its hidden and remaining
-    /// parts; 0 without spheres.
-    pub sphere_faceting: f64,
     /// What a person should hear of.
     pub warnings: Vec<String>,
 }
@@ -155,6 +181,8 @@ impl Scene {
     pub const TOUCHING: f64 = 1e-10;
     /// Triangles merge where their corners lie in one plane within this times the scene's size.
     pub const FLAT: f64 = 1e-13;
+    /// A curved part that something shades or hides is divided until its error is below this times what it would send alone.
+    pub const CURVED_TOLERANCE: f64 = 1e-4;
     /// Facets times occluders up to which every pair is looked at once and for all.
     pub const MOST_PAIRS: usize = 4_000_000;
 
@@ -254,7 +282,22 @@ fn check(target: &Target, part: &Part, has_disc: bool) -> Result<(), SceneError>
                     return Err(SceneError::Corner { part, triangle, corner, count });
                 }
             }
-            mesh.vertices.iter().all(|v| v.is_finite())
+            let (found, expected) = (mesh.normals.len(), count);
+            if found != 0 && found != expected {
+                return Err(SceneError::Normals { part: part.name.clone(), found, expected });
+            }
+            mesh.vertices.iter().chain(&mesh.normals).all(|v| v.is_finite())
+        }
+        Shape::Curved(shape) => {
+            if material.is_mirror() {
+                let (part, material) = (part.name.clone(), material.name.clone());
+                return Err(SceneError::CurvedMirror { part, material });
+            }
+            if let Some((what, value_m, expected)) = curved::build::fault(shape) {
+                let part = part.name.clone();
+                return Err(SceneError::Size { part, what, value_m, expected });
+            }
+            true
         }
         Shape::Sphere { radius_m } => {
             if *radius_m <= 0.0 {
@@ -299,7 +342,8 @@ impl<'a> Builder<'a> {
             weights,
             facets: Vec::new(),
             outlines: clip::Polygons::default(),
-            spheres: Vec::new(),
+            rounds: Vec::new(),
+            patches: Vec::new(),
             occluders: Vec::new(),
             geometry: Geometry::default(),
             pairs: None,
@@ -315,17 +359,16 @@ impl<'a> Builder<'a> {
         for group in 0..=self.target.hinges.len() {
             self.group(group);
         }
-        self.spheres();
+        self.rounds();
         let scene = &mut self.scene;
-        scene.report.facets = scene.facets.iter().filter(|f| f.sphere.is_none()).count();
-        scene.report.spheres = scene.spheres.len();
-        if scene.spheres.len() + scene.report.facets > 1 && !scene.spheres.is_empty() {
-            scene.report.sphere_faceting = sphere::FACETING;
-        }
+        scene.report.facets = scene.facets.len();
+        scene.report.bent = scene.patches.len();
+        scene.report.spheres = scene.rounds.iter().filter(|r| r.sphere.is_some()).count();
+        scene.report.curved = scene.rounds.len() - scene.report.spheres;
         self.pair(most_pairs);
         let alone = self.components <= 1 && self.scene.facets.iter().all(|f| f.convex);
         let report = &mut self.scene.report;
-        report.convex = alone && self.components == 1;
+        report.convex = alone && self.components == 1 && report.closed;
         report.no_occlusion = report.occluder_pairs == Some(0) || alone;
         self.scene
     }
@@ -334,11 +377,20 @@ impl<'a> Builder<'a> {
         let target = self.target;
         let of_group = |p: &Part| p.hinge.map_or(0, |h| h + 1) == group;
         let (mut points, mut triangles): (Vec<DVec3>, Vec<([u32; 3], usize)>) = Default::default();
+        let mut normals: Vec<Option<[DVec3; 3]>> = Vec::new();
         for (number, part) in target.parts.iter().enumerate().filter(|(_, p)| of_group(p)) {
             let Shape::Mesh(mesh) = &part.shape else { continue };
             let first = points.len() as u32;
             points.extend(mesh.vertices.iter().map(|v| part.placement.point(*v)));
             triangles.extend(mesh.triangles.iter().map(|t| (t.map(|k| k + first), number)));
+            let (bends, wrong) = curved::build::bends(mesh, part.placement.rotation);
+            normals.extend(bends);
+            if wrong > 0 {
+                self.scene.report.warnings.push(format!(
+                    "part `{}`: {wrong} triangles have a normal that looks to their other side: they stay flat",
+                    part.name
+                ));
+            }
         }
         self.scene.report.triangles += triangles.len();
         if triangles.is_empty() {
@@ -351,8 +403,13 @@ impl<'a> Builder<'a> {
         let (of, closed) = components_of_parts(&places, &welded, touching);
         let triangles: Vec<Triangle> = welded
             .iter()
-            .zip(&of)
-            .map(|((corners, part), c)| Triangle { corners: *corners, part: *part, component: *c })
+            .zip(of.iter().zip(normals))
+            .map(|((corners, part), (c, normals))| Triangle {
+                corners: *corners,
+                part: *part,
+                component: *c,
+                normals,
+            })
             .collect();
         let mut polygons = facets::merge(&places, &triangles, self.size * Scene::FLAT);
         let mut by_component: Vec<Vec<&Polygon>> = vec![Vec::new(); closed.len()];
@@ -399,7 +456,7 @@ impl<'a> Builder<'a> {
         }
         for polygon in &polygons {
             let component = self.components + polygon.component;
-            self.facet(polygon, component, convex[polygon.component], group, None);
+            self.facet(polygon, component, convex[polygon.component], group);
         }
         self.components += closed.len();
     }
@@ -425,14 +482,7 @@ impl<'a> Builder<'a> {
         self.scene.occluders.push(Occluder { corners, radius, component, group, kind });
     }
 
-    fn facet(
-        &mut self,
-        polygon: &Polygon,
-        component: usize,
-        convex: bool,
-        group: usize,
-        sphere: Option<u32>,
-    ) {
+    fn facet(&mut self, polygon: &Polygon, component: usize, convex: bool, group: usize) {
         let part = &self.target.parts[polygon.part];
         let (origin, normal) = (polygon.middle(), polygon.normal);
         let tangent = tangent(part, normal);
@@ -442,6 +492,12 @@ impl<'a> Builder<'a> {
             .iter()
             .map(|c| [(*c - origin).dot(tangent), (*c - origin).dot(bitangent)])
             .collect();
+        let patch = polygon.bend.as_ref().map(|bend| {
+            let flat = |p: DVec3| [(p - origin).dot(tangent), (p - origin).dot(bitangent)];
+            let turned = |n: DVec3| DVec3::new(n.dot(tangent), n.dot(bitangent), n.dot(normal));
+            self.scene.patches.push(Patch::new(bend.corners.map(flat), bend.normals.map(turned)));
+            self.scene.patches.len() as u32 - 1
+        });
         let now = &mut self.scene.geometry;
         now.normal.push(normal);
         now.origin.push(origin);
@@ -455,33 +511,40 @@ impl<'a> Builder<'a> {
             part: polygon.part as u32,
             component: component as u32,
             group: group as u32,
-            sphere,
+            patch,
             convex,
         });
     }
 
-    fn spheres(&mut self) {
-        let unit = sphere::triangles();
-        for (number, part) in self.target.parts.iter().enumerate() {
-            let Shape::Sphere { radius_m } = part.shape else { continue };
-            let group = part.hinge.map_or(0, |h| h + 1);
-            let middle = part.placement.point(DVec3::ZERO);
+    /// Adds what is curved.
+    fn rounds(&mut self) {
+        for number in 0..self.target.parts.len() {
+            let touching = self.scene.touching_m;
+            let made = curved::build::make(self.target, number, self.components, touching);
+            let Some(made) = made else { continue };
             let component = self.components;
             self.components += 1;
-            let ball = self.scene.spheres.len() as u32;
-            let first = self.scene.facets.len();
-            for corners in &unit {
-                let corners = corners.map(|c| middle + radius_m * c).to_vec();
-                if let Some(polygon) = Polygon::new(corners, number, component) {
-                    self.facet(&polygon, component, true, group, Some(ball));
-                }
+            let (group, place) = (made.round.group, self.target.parts[number].placement);
+            for end in &made.ends {
+                self.facet(end, component, true, group);
             }
-            let facets = first..self.scene.facets.len();
-            let occluder = self.scene.occluders.len();
-            self.hide(&[middle], None, component, group, Kind::Sphere);
-            self.scene.occluders[occluder].radius = radius_m;
-            let (material, part) = (part.material as u32, number as u32);
-            self.scene.spheres.push(Ball { radius: radius_m, material, part, occluder, facets });
+            let motion = Motion { rotation: place.rotation, offset_m: place.offset_m };
+            let kind = match made.round.sphere {
+                Some(_) => Kind::Sphere,
+                None => Kind::Outline(self.scene.rounds.len() as u32),
+            };
+            if made.sheets.is_empty() {
+                let occluder = self.scene.occluders.len();
+                self.hide(&[motion.point(made.round.middle)], None, component, group, kind);
+                self.scene.occluders[occluder].radius = made.round.radius;
+            }
+            for sheet in &made.sheets {
+                let normal = Polygon::new(sheet.clone(), number, component).map(|p| p.normal);
+                self.hide(sheet, normal, component, group, Kind::Sheet);
+            }
+            self.scene.report.closed &= made.closed;
+            self.scene.geometry.place.push(motion);
+            self.scene.rounds.push(made.round);
         }
     }
 
@@ -490,14 +553,13 @@ impl<'a> Builder<'a> {
         let scene = &mut self.scene;
         scene.report.solids =
             scene.occluders.iter().filter(|o| matches!(o.kind, Kind::Solid(_))).count();
-        let usual = scene.facets.iter().filter(|f| f.sphere.is_none()).count();
         let alone = self.components <= 1 && scene.facets.iter().all(|f| f.convex);
         if alone {
             scene.report.occluder_pairs = Some(0);
             scene.pairs = Some((vec![0..0; scene.facets.len()], Vec::new()));
             return;
         }
-        if scene.facets.len() * scene.occluders.len() > most_pairs && usual > 0 {
+        if scene.facets.len() * scene.occluders.len() > most_pairs {
             return;
         }
         let (mut ranges, mut pairs) = (Vec::with_capacity(scene.facets.len()), Vec::new());
@@ -510,7 +572,7 @@ impl<'a> Builder<'a> {
                     continue;
                 }
                 let corners = &now.corners[occluder.corners.clone()];
-                let ball = matches!(occluder.kind, Kind::Sphere);
+                let ball = matches!(occluder.kind, Kind::Sphere | Kind::Outline(_));
                 let above = if ball {
                     height(now.middle[k]) + occluder.radius > scene.touching_m
                 } else {
@@ -525,75 +587,4 @@ impl<'a> Builder<'a> {
         scene.report.occluder_pairs = Some(pairs.len());
         scene.pairs = Some((ranges, pairs));
     }
-}
-
-/// Half the diagonal of the bounding box, at least 1e-300 m.
-fn size(target: &Target) -> f64 {
-    let (mut low, mut high) = (DVec3::MAX, DVec3::MIN);
-    let mut take = |p: DVec3, r: f64| {
-        low = low.min(p - r);
-        high = high.max(p + r);
-    };
-    for part in &target.parts {
-        match &part.shape {
-            Shape::Mesh(mesh) => {
-                mesh.vertices.iter().for_each(|v| take(part.placement.point(*v), 0.0));
-            }
-            Shape::Sphere { radius_m } => take(part.placement.point(DVec3::ZERO), *radius_m),
-        }
-    }
-    // Coordinates far from the origin carry the rounding of that distance.
-    let far = low.abs().max(high.abs()).max_element();
-    if far.is_finite() { (0.5 * (high - low).length()).max(far).max(1e-300) } else { 1.0 }
-}
-
-/// Components, those that are closed within one part before those that only several parts close together.
-fn components_of_parts(
-    places: &[DVec3],
-    triangles: &[([u32; 3], usize)],
-    tolerance_m: f64,
-) -> (Vec<usize>, Vec<bool>) {
-    let mut of = vec![usize::MAX; triangles.len()];
-    let mut closed = Vec::new();
-    let mut take = |members: &[usize], keep_open: bool, of: &mut Vec<usize>| {
-        let corners: Vec<[u32; 3]> = members.iter().map(|&t| triangles[t].0).collect();
-        let found = closed::components(places, &corners, tolerance_m);
-        let mut numbers = vec![usize::MAX; found.closed.len()];
-        for (&t, &c) in members.iter().zip(&found.of) {
-            let c = c as usize;
-            if !found.closed[c] && !keep_open {
-                continue;
-            }
-            if numbers[c] == usize::MAX {
-                numbers[c] = closed.len();
-                closed.push(found.closed[c]);
-            }
-            of[t] = numbers[c];
-        }
-    };
-    let mut first = 0;
-    // A part's triangles stand together.
-    while first < triangles.len() {
-        let part = triangles[first].1;
-        let end = first + triangles[first..].iter().take_while(|t| t.1 == part).count();
-        let members: Vec<usize> = (first..end).collect();
-        take(&members, false, &mut of);
-        first = end;
-    }
-    let rest: Vec<usize> = (0..triangles.len()).filter(|&t| of[t] == usize::MAX).collect();
-    if !rest.is_empty() {
-        take(&rest, true, &mut of);
-    }
-    (of, closed)
-}
-
-/// A facet's tangent: the part's in the facet's plane, or the next of its axes x, y, z where that stands on the facet.
-fn tangent(part: &Part, normal: DVec3) -> DVec3 {
-    let in_plane = |axis: DVec3| {
-        let axis = part.placement.rotation * axis;
-        axis - axis.dot(normal) * normal
-    };
-    let axes = [part.tangent, DVec3::X, DVec3::Y, DVec3::Z].map(in_plane);
-    let chosen = axes.into_iter().find(|a| a.length() > 1e-6).unwrap_or(axes[0]);
-    (chosen - chosen.dot(normal) * normal).normalize()
 }

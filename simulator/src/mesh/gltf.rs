@@ -1,8 +1,8 @@
 //! glTF 2.0, as JSON with buffers in it or beside it, and as GLB. Its unit is the metre; its axes are left as they stand in the file
 //! (+y is up by its rules).
 //!
-//! Source: Khronos Group, "glTF 2.0 Specification". Read are the nodes of the scene with their transformations and the triangles of
-//! their meshes. Skins, sparse accessors and compressed meshes are refused.
+//! Source: Khronos Group, "glTF 2.0 Specification". Read are the nodes of the scene with their transformations and the triangles and
+//! normals of their meshes. Skins, sparse accessors and compressed meshes are refused.
 
 use super::read::{Load, NamedMesh};
 use super::{Mesh, gltf_data};
@@ -82,6 +82,8 @@ struct Primitive {
 struct Attributes {
     #[serde(rename = "POSITION")]
     position: Option<usize>,
+    #[serde(rename = "NORMAL")]
+    normal: Option<usize>,
 }
 
 #[derive(Deserialize, Default)]
@@ -264,9 +266,20 @@ impl Reader<'_> {
             if piece.vertices.iter().any(|v| !v.is_finite()) {
                 return Err(wrong(self.path, at, "coordinates out of range", "finite ones"));
             }
+            // Normals are planes' and go by the cofactors, which need no inverse and mirror as triangles do.
+            let matrix = DMat3::from_mat4(to);
+            let cofactors = DMat3::from_cols(
+                matrix.y_axis.cross(matrix.z_axis),
+                matrix.z_axis.cross(matrix.x_axis),
+                matrix.x_axis.cross(matrix.y_axis),
+            );
+            let side = matrix.determinant().signum();
+            for normal in &mut piece.normals {
+                *normal = (side * (cofactors * *normal)).normalize_or_zero();
+            }
             // A mirroring transformation turns the triangles over.
             if DMat3::from_mat4(to).determinant() < 0.0 {
-                piece = piece.flipped();
+                piece = Mesh { normals: std::mem::take(&mut piece.normals), ..piece.flipped() };
             }
             self.triangles += piece.triangles.len().max(piece.vertices.len());
             if self.triangles > MOST_TRIANGLES {
@@ -286,6 +299,15 @@ impl Reader<'_> {
             return Err(wrong(self.path, at, "no attribute POSITION", "corners"));
         };
         let vertices = positions(self.path, self.root, &self.buffers, position)?;
+        let normals = match primitive.attributes.normal {
+            Some(accessor) => positions(self.path, self.root, &self.buffers, accessor)?,
+            None => Vec::new(),
+        };
+        if !normals.is_empty() && normals.len() != vertices.len() {
+            let found = format!("{} normals", normals.len());
+            return Err(wrong(self.path, at, found, format!("one for each of {}", vertices.len())));
+        }
+        let normals = normals.into_iter().map(DVec3::normalize_or_zero).collect();
         let order: Vec<u32> = match primitive.indices {
             Some(accessor) => indices(self.path, self.root, &self.buffers, accessor)?,
             None => (0..vertices.len() as u32).collect(),
@@ -309,6 +331,6 @@ impl Reader<'_> {
             6 => order.windows(2).skip(1).map(|pair| [order[0], pair[0], pair[1]]).collect(),
             _ => return Err(wrong(self.path, format!("{at}.mode"), mode.to_string(), "0 to 6")),
         };
-        Ok(Mesh { vertices, triangles })
+        Ok(Mesh { vertices, triangles, normals })
     }
 }

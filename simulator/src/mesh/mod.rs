@@ -2,6 +2,7 @@
 //!
 //! - [`read()`]: OBJ, PLY, STL, glTF, each group by its name;
 //! - [`shapes`]: box, plate, sphere, cylinder, cone, prism;
+//! - [`Mesh::smoothed`]: normals of the surface that the triangles stand for;
 //! - [`faults`]: what is wrong with a mesh, and which of its parts are closed;
 //! - [`Mesh`]: what every engine gets.
 
@@ -13,6 +14,7 @@ mod overlap;
 mod ply;
 pub mod read;
 pub mod shapes;
+mod smooth;
 mod stl;
 mod topology;
 mod triangulate;
@@ -31,6 +33,9 @@ pub struct Mesh {
     pub vertices: Vec<DVec3>,
     /// Three corners each, indices into `vertices`.
     pub triangles: Vec<[u32; 3]>,
+    /// Unit normals of the surface that the triangles stand for, one for each vertex (0 where it has none there); empty where the
+    /// triangles are meant to be flat.
+    pub normals: Vec<DVec3>,
 }
 
 /// The smallest box along the axes that holds a mesh.
@@ -124,7 +129,8 @@ impl Mesh {
     #[must_use]
     pub fn transformed(&self, rotation: DQuat, offset_m: DVec3) -> Self {
         let vertices = self.vertices.iter().map(|&v| rotation * v + offset_m).collect();
-        Self { vertices, triangles: self.triangles.clone() }
+        let normals = self.normals.iter().map(|&n| rotation * n).collect();
+        Self { vertices, triangles: self.triangles.clone(), normals }
     }
 
     /// The mesh made larger by a factor about the origin. A negative factor mirrors: the triangles are turned, so that outside stays
@@ -132,7 +138,7 @@ impl Mesh {
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         let vertices = self.vertices.iter().map(|&v| factor * v).collect();
-        let mesh = Self { vertices, triangles: self.triangles.clone() };
+        let mesh = Self { vertices, ..self.clone() };
         if factor < 0.0 { mesh.flipped() } else { mesh }
     }
 
@@ -140,7 +146,8 @@ impl Mesh {
     #[must_use]
     pub fn flipped(&self) -> Self {
         let triangles = self.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
-        Self { vertices: self.vertices.clone(), triangles }
+        let normals = self.normals.iter().map(|&n| -n).collect();
+        Self { vertices: self.vertices.clone(), triangles, normals }
     }
 
     /// Several meshes in one, in order; corners that coincide stay apart.
@@ -149,13 +156,21 @@ impl Mesh {
         for mesh in meshes {
             let first = all.vertices.len() as u32;
             all.vertices.extend(&mesh.vertices);
+            if !mesh.normals.is_empty() {
+                all.normals.resize(first as usize, DVec3::ZERO);
+                all.normals.extend(&mesh.normals);
+            }
             all.triangles.extend(mesh.triangles.iter().map(|t| t.map(|i| first + i)));
+        }
+        if !all.normals.is_empty() {
+            all.normals.resize(all.vertices.len(), DVec3::ZERO);
         }
         all
     }
 
     /// The mesh with corners closer than a tolerance made one (chains of close corners too; the first of them stays), and the
-    /// triangles that thereby lose a corner left out. On request only: it changes the shape.
+    /// triangles that thereby lose a corner left out, as are normals, which close corners may have had for good reason. On request only:
+    /// it changes the shape.
     #[must_use]
     pub fn welded(&self, tolerance_m: f64) -> Self {
         let to = weld::weld(&self.vertices, tolerance_m);
@@ -169,7 +184,7 @@ impl Mesh {
         }
         let triangles = self.triangles.iter().map(|t| t.map(|i| place[to[i as usize] as usize]));
         let triangles = triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
-        Self { vertices, triangles }
+        Self { vertices, triangles, normals: Vec::new() }
     }
 
     /// What is wrong with it, and which of its parts are closed.

@@ -1,6 +1,6 @@
 //! Wavefront OBJ: polygons, with groups, objects and materials by name.
 //!
-//! Source: the format's "Advanced Visualizer" manual, appendix B1. Read are `v`, `f`, `g`, `o`, `usemtl`; normals, texture coordinates,
+//! Source: the format's "Advanced Visualizer" manual, appendix B1. Read are `v`, `vn`, `f`, `g`, `o`, `usemtl`; texture coordinates,
 //! points, lines and display attributes are passed over; curves, free-form surfaces and whatever else is refused.
 
 use super::read::NamedMesh;
@@ -13,7 +13,6 @@ use sunglint_formats::ParseError;
 
 /// Keywords that say nothing about the shape of polygons.
 const PASSED_OVER: &[&str] = &[
-    "vn",
     "vt",
     "l",
     "p",
@@ -54,13 +53,20 @@ pub(super) fn parse(path: &Path, bytes: Vec<u8>) -> Result<Vec<NamedMesh>, Parse
             reader.read_line(line)?;
         }
     }
+    for piece in &mut reader.pieces {
+        piece.mesh.complete_normals();
+    }
     Ok(reader.pieces)
 }
+
+/// A vertex, and its normal where it has one there.
+type Corner = (u32, Option<u32>);
 
 struct Reader<'p> {
     path: &'p Path,
     line: u64,
     vertices: Vec<DVec3>,
+    normals: Vec<DVec3>,
     object: Vec<String>,
     groups: Vec<String>,
     material: Vec<String>,
@@ -68,8 +74,8 @@ struct Reader<'p> {
     /// The piece of a combination of names.
     known: HashMap<Vec<String>, usize>,
     current: Option<usize>,
-    /// For every piece, its own number of a vertex of the file.
-    own: Vec<HashMap<u32, u32>>,
+    /// For every piece, its own number of a vertex of the file with a normal.
+    own: Vec<HashMap<Corner, u32>>,
     /// Bytes that names may still take, repeated for every piece.
     names_left: usize,
 }
@@ -80,6 +86,7 @@ impl<'p> Reader<'p> {
             path,
             line: 0,
             vertices: Vec::new(),
+            normals: Vec::new(),
             object: Vec::new(),
             groups: Vec::new(),
             material: Vec::new(),
@@ -101,6 +108,7 @@ impl<'p> Reader<'p> {
         let rest = line[keyword.len()..].trim();
         match keyword {
             "v" => self.vertex(rest)?,
+            "vn" => self.normal(rest)?,
             "f" | "fo" => self.face(rest)?,
             "g" => {
                 self.groups = rest.split_whitespace().map(str::to_owned).collect();
@@ -154,46 +162,59 @@ impl<'p> Reader<'p> {
         Ok(index)
     }
 
-    fn vertex(&mut self, rest: &str) -> Result<(), ParseError> {
+    /// Three finite numbers and what follows them.
+    fn three<'w>(&self, key: &str, rest: &'w str) -> Result<(DVec3, Vec<&'w str>), ParseError> {
         let mut values = [0.0; 3];
         let mut words = rest.split_whitespace();
         for value in &mut values {
             let word = words.next().unwrap_or("nothing");
             let number = word.parse::<f64>().ok().filter(|x| x.is_finite());
             *value = number.ok_or_else(|| {
-                self.wrong("v", format!("`{}`", shorten(word)), "three finite coordinates")
+                self.wrong(key, format!("`{}`", shorten(word)), "three finite coordinates")
             })?;
         }
+        Ok((DVec3::from_array(values), words.collect()))
+    }
+
+    fn vertex(&mut self, rest: &str) -> Result<(), ParseError> {
+        let (point, more) = self.three("v", rest)?;
         // After x, y, z: nothing, w (1 for polygons), or a colour.
-        let more: Vec<&str> = words.collect();
         if let [w] = more[..]
             && w.parse::<f64>().ok() != Some(1.0)
         {
             return Err(self.wrong("v", format!("the weight `{}`", shorten(w)), "no weight, or 1"));
         }
-        self.vertices.push(DVec3::from_array(values));
+        self.vertices.push(point);
+        Ok(())
+    }
+
+    fn normal(&mut self, rest: &str) -> Result<(), ParseError> {
+        let (normal, _) = self.three("vn", rest)?;
+        self.normals.push(normal.normalize_or_zero());
         Ok(())
     }
 
     fn face(&mut self, rest: &str) -> Result<(), ParseError> {
-        let mut corners: Vec<u32> = Vec::new();
-        for word in rest.split_whitespace() {
-            corners.push(self.index(word)?);
-        }
+        let corners: Vec<Corner> =
+            rest.split_whitespace().map(|word| self.corner(word)).collect::<Result<_, _>>()?;
         if corners.len() < 3 {
             let found = format!("{} corners", corners.len());
             return Err(self.wrong("f", found, "at least three corners"));
         }
-        let points: Vec<DVec3> = corners.iter().map(|&i| self.vertices[i as usize]).collect();
+        let points: Vec<DVec3> = corners.iter().map(|c| self.vertices[c.0 as usize]).collect();
         let triangles =
             triangulate(&points).map_err(|odd| polygon_error(self.path, odd).at_line(self.line))?;
         let piece = self.piece()?;
         let (own, mesh) = (&mut self.own[piece], &mut self.pieces[piece].mesh);
         let numbers: Vec<u32> = corners
             .iter()
-            .map(|&i| {
-                *own.entry(i).or_insert_with(|| {
-                    mesh.vertices.push(self.vertices[i as usize]);
+            .map(|&corner| {
+                *own.entry(corner).or_insert_with(|| {
+                    if let Some(normal) = corner.1 {
+                        mesh.normals.resize(mesh.vertices.len(), DVec3::ZERO);
+                        mesh.normals.push(self.normals[normal as usize]);
+                    }
+                    mesh.vertices.push(self.vertices[corner.0 as usize]);
                     mesh.vertices.len() as u32 - 1
                 })
             })
@@ -202,17 +223,28 @@ impl<'p> Reader<'p> {
         Ok(())
     }
 
-    /// The vertex of `7`, `7/1`, `7//3`, `7/1/3` or `-2` (the last but one so far).
-    fn index(&self, word: &str) -> Result<u32, ParseError> {
-        let count = self.vertices.len();
-        let first = word.split('/').next().unwrap_or("");
-        let index = match first.parse::<i64>() {
+    /// `7`, `7/1`, `7//3`, `7/1/3` or `-2` (the last but one so far).
+    fn corner(&self, word: &str) -> Result<Corner, ParseError> {
+        let mut fields = word.split('/');
+        let vertex =
+            self.index(word, fields.next().unwrap_or(""), "vertex", self.vertices.len())?;
+        let normal = match fields.nth(1) {
+            Some(field) if !field.is_empty() => {
+                Some(self.index(word, field, "normal", self.normals.len())?)
+            }
+            _ => None,
+        };
+        Ok((vertex, normal))
+    }
+
+    fn index(&self, word: &str, field: &str, what: &str, count: usize) -> Result<u32, ParseError> {
+        let index = match field.parse::<i64>() {
             Ok(i) if i > 0 => usize::try_from(i - 1).ok(),
             Ok(i) if i < 0 => count.checked_add_signed(i as isize),
             _ => None,
         };
         index.filter(|&i| i < count).and_then(|i| u32::try_from(i).ok()).ok_or_else(|| {
-            let expected = format!("a vertex from 1 to {count} (or -{count} to -1), so far");
+            let expected = format!("a {what} from 1 to {count} (or -{count} to -1), so far");
             self.wrong("f", format!("`{}`", shorten(word)), &expected)
         })
     }
@@ -238,7 +270,7 @@ pub(super) fn shorten(word: &str) -> String {
     if word.chars().nth(40).is_some() { format!("{short}…") } else { short }
 }
 
-/// Meshes as one OBJ, each under its name (`g`) and its material (`usemtl`), coordinates in shortest digits that read back the same.
+/// Meshes as one OBJ, each under its name (`g`) and its material (`usemtl`), with normals where it has them; coordinates in shortest digits that read back the same.
 pub fn write_obj<'a>(
     comment: &str,
     pieces: impl IntoIterator<Item = (&'a str, &'a str, &'a super::Mesh)>,
@@ -249,16 +281,31 @@ pub fn write_obj<'a>(
     }
     // A name ends at a space in this format.
     let word = |name: &str| name.split_whitespace().collect::<Vec<_>>().join("_");
-    let mut first = 1;
+    let (mut first, mut first_normal) = (1, 1);
     for (name, material, mesh) in pieces {
         let _ = writeln!(text, "g {}\nusemtl {}", word(name), word(material));
         for v in &mesh.vertices {
             let _ = writeln!(text, "v {} {} {}", v.x, v.y, v.z);
         }
-        for [a, b, c] in &mesh.triangles {
-            let _ = writeln!(text, "f {} {} {}", first + a, first + b, first + c);
+        // Where a vertex has none, the others of the mesh are left out too: numbers stay those of the vertices.
+        let smooth = !mesh.normals.is_empty() && mesh.normals.iter().all(|n| *n != DVec3::ZERO);
+        if smooth {
+            for n in &mesh.normals {
+                let _ = writeln!(text, "vn {} {} {}", n.x, n.y, n.z);
+            }
+        }
+        for corners in &mesh.triangles {
+            let [a, b, c] = corners.map(|k| {
+                if smooth {
+                    format!("{}//{}", first + k, first_normal + k)
+                } else {
+                    (first + k).to_string()
+                }
+            });
+            let _ = writeln!(text, "f {a} {b} {c}");
         }
         first += mesh.vertices.len() as u32;
+        first_normal += if smooth { mesh.normals.len() as u32 } else { 0 };
     }
     text
 }

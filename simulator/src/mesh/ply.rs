@@ -1,4 +1,4 @@
-//! PLY, text and binary of both byte orders: a vertex element with x, y, z, a face element with a list of indices.
+//! PLY, text and binary of both byte orders: a vertex element with x, y, z (and perhaps nx, ny, nz), a face element with a list of indices.
 //!
 //! Source: G. Turk, "The PLY polygon file format" (1994). Other elements and properties are read over.
 
@@ -322,7 +322,7 @@ impl Reader<'_> {
             let expected = "the numbers that the header promises";
             wrong(body.line(), "no such number, or the end of the file".into(), expected)
         };
-        let mut point = DVec3::NAN;
+        let (mut point, mut normal) = (DVec3::NAN, None::<DVec3>);
         for property in &element.properties {
             let count = match property.list {
                 None => 1.0,
@@ -346,6 +346,9 @@ impl Reader<'_> {
                         "x" => point.x = value,
                         "y" => point.y = value,
                         "z" => point.z = value,
+                        "nx" => normal.get_or_insert_default().x = value,
+                        "ny" => normal.get_or_insert_default().y = value,
+                        "nz" => normal.get_or_insert_default().z = value,
                         _ => {}
                     }
                 }
@@ -356,6 +359,12 @@ impl Reader<'_> {
                 Err(wrong(line, point.to_string(), "finite coordinates"))
             }
             "vertex" => {
+                if let Some(normal) = normal {
+                    if !normal.is_finite() {
+                        return Err(wrong(line, normal.to_string(), "a finite normal"));
+                    }
+                    self.mesh.normals.push(normal.normalize_or_zero());
+                }
                 self.mesh.vertices.push(point);
                 Ok(())
             }

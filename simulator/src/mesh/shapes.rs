@@ -115,7 +115,7 @@ pub fn icosphere(radius_m: f64, subdivisions: u32, faceting: Faceting) -> Mesh {
             }
         }
     }
-    let mut mesh = Mesh { vertices, triangles };
+    let mut mesh = Mesh { vertices, triangles, ..Mesh::default() };
     for _ in 0..subdivisions {
         mesh = split_on_unit_sphere(&mesh);
     }
@@ -142,7 +142,7 @@ fn split_on_unit_sphere(mesh: &Mesh) -> Mesh {
         let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
         triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
     }
-    Mesh { vertices, triangles }
+    Mesh { vertices, triangles, ..Mesh::default() }
 }
 
 /// Which surfaces of a cylinder, cone or prism are wanted.

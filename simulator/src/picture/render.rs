@@ -1,7 +1,7 @@
 //! The body as the observer sees it.
 
 use super::cover::Cover;
-use crate::light::{DirectionError, Evaluator, Piece, View};
+use crate::light::{DirectionError, Faceted, FacetedEye, Piece, View};
 use glam::DVec3;
 
 /// The most pixels of a picture.
@@ -62,8 +62,8 @@ pub struct Picture {
 
 impl Camera {
     /// A camera that sees all of a body: `size_px` pixels along the longer side of its outline's box, 5 % of margin.
-    pub fn around(evaluator: &Evaluator<'_>, toward: DVec3, up: DVec3, size_px: usize) -> Self {
-        let radius = evaluator.radius_m();
+    pub fn around(body: &Faceted, toward: DVec3, up: DVec3, size_px: usize) -> Self {
+        let radius = body.radius_m();
         let pixel_m = 2.1 * radius / size_px.max(1) as f64;
         Self { toward, up, pixel_m, size_px: [size_px, size_px] }
     }
@@ -86,7 +86,7 @@ impl Picture {
     /// # Errors
     /// A camera or directions that are none.
     pub fn render(
-        evaluator: &mut Evaluator<'_>,
+        eye: &mut FacetedEye<'_>,
         camera: &Camera,
         sun_body: DVec3,
         bands: &[Vec<f64>],
@@ -102,19 +102,13 @@ impl Picture {
             [0.5 * width as f64 + p.dot(right) / pixel_m, 0.5 * height as f64 - p.dot(up) / pixel_m]
         };
         let view = View::Distant(camera.toward);
-        let scene = evaluator.scene();
+        let scene = eye.body().scene();
         let mut light = vec![Cover::new(width, height); bands.len()];
-        let mut weights = vec![0.0; scene.weight_count()];
-        let scales = evaluator.sphere_scales(sun_body, sun_body, camera.toward)?;
         let mut outline = Vec::new();
-        evaluator.pieces(sun_body, sun_body, view, &mut |piece| {
+        eye.pieces(sun_body, sun_body, view, &mut |piece, weights| {
             let range = scene.weights_of(piece.material);
-            let (i, o) = (piece.to_light, piece.to_observer);
-            weights[range.clone()].fill(0.0);
             // A square metre across the line of sight holds 1/cosθ_o of the surface.
-            let material = &scene.materials()[piece.material];
-            material.add_weights(i, o, i.z, &mut weights[range.clone()]);
-            let scale = piece.sphere.map_or(1.0, |ball| scales[ball]) * pixel_m * pixel_m;
+            let scale = pixel_m * pixel_m / piece.to_observer.z;
             each(piece, &place, &mut outline, |outline| {
                 for (cover, factors) in light.iter_mut().zip(bands) {
                     let pairs = weights[range.clone()].iter().zip(&factors[range.clone()]);
@@ -122,11 +116,21 @@ impl Picture {
                 }
             });
         })?;
+        for glint in eye.glints(sun_body, sun_body, camera.toward)? {
+            let range = scene.weights_of(glint.material);
+            let [x, y] = place(glint.point_m);
+            let square = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)];
+            let square = square.map(|(dx, dy)| [x + dx, y + dy]);
+            for (cover, factors) in light.iter_mut().zip(bands) {
+                let pairs = glint.weights.iter().zip(&factors[range.clone()]);
+                cover.add(&square, pairs.map(|(w, f)| w * f).sum());
+            }
+        }
         // What is seen, lit or not, is what is lit from where the observer is.
         let mut materials = vec![Cover::new(width, height); scene.materials().len()];
         let mut planes = [0, 1, 2].map(|_| Cover::new(width, height));
         let along = camera.toward.normalize_or_zero();
-        evaluator.pieces(camera.toward, sun_body, view, &mut |piece| {
+        eye.pieces(camera.toward, sun_body, view, &mut |piece, _| {
             // Depth over the picture is a plane: its values at the origin and one pixel to the right and down.
             let normal = piece.axes[2];
             let slope = |axis: DVec3| normal.dot(axis) / normal.dot(along) * pixel_m;

@@ -1,7 +1,7 @@
 //! How what a body returns is spread over depth.
 
 use super::{Beam, BeamShape, Receiver};
-use crate::light::{DirectionError, Evaluator, Piece, View};
+use crate::light::{DirectionError, FacetedEye, Piece, View};
 use glam::DVec3;
 use sunglint_radiometry::constants::LIGHT_M_PER_S;
 
@@ -89,7 +89,7 @@ impl Shot<'_> {
     /// Bins, a range or directions that are none.
     pub fn profile(
         &self,
-        evaluator: &mut Evaluator<'_>,
+        eye: &mut FacetedEye<'_>,
         reflectance: &[f64],
         bins: DepthBins,
     ) -> Result<Profile, DepthError> {
@@ -112,23 +112,14 @@ impl Shot<'_> {
             area: vec![0.0; count + 2],
             bins,
         };
-        let scene = evaluator.scene();
-        let mut weights = vec![0.0; scene.weight_count()];
-        let scales = evaluator.sphere_scales(toward, sun, toward)?;
-        evaluator.pieces(toward, sun, View::Distant(toward), &mut |piece| {
-            weights.fill(0.0);
+        let scene = eye.body().scene();
+        let view = View::Distant(toward);
+        eye.pieces(toward, sun, view, &mut |piece, weights| {
             let range = scene.weights_of(piece.material);
-            let (i, o) = (piece.to_light, piece.to_observer);
-            let material = &scene.materials()[piece.material];
-            material.add_weights(i, o, i.z * o.z, &mut weights[range.clone()]);
-            let mut sum: f64 =
-                weights[range.clone()].iter().zip(&reflectance[range]).map(|(w, r)| w * r).sum();
-            if let Some(ball) = piece.sphere {
-                sum *= scales[ball];
-            }
-            sums.add(piece, sum);
+            let pairs = weights[range.clone()].iter().zip(&reflectance[range]);
+            sums.add(piece, pairs.map(|(w, r)| w * r).sum());
         })?;
-        for glint in evaluator.glints(toward, sun)? {
+        for glint in eye.glints(toward, sun, toward)? {
             let range = scene.weights_of(glint.material);
             let sum: f64 = glint.weights.iter().zip(&reflectance[range]).map(|(w, r)| w * r).sum();
             sums.point(glint.point_m, sum);

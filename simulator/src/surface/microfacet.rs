@@ -92,6 +92,11 @@ impl Lobe {
         self.masking
     }
 
+    /// The smaller of its two roughnesses.
+    pub(crate) fn narrowest(&self) -> f64 {
+        self.alpha_x.min(self.alpha_y)
+    }
+
     /// Whether it is the same in every direction.
     pub fn is_isotropic(&self) -> bool {
         self.alpha_x == self.alpha_y

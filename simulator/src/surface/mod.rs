@@ -258,6 +258,11 @@ impl Material {
         matches!(self.model, Model::Mirror { .. })
     }
 
+    /// Whether it reflects alike into all directions: no lobe that could be narrow.
+    pub fn is_lambert(&self) -> bool {
+        matches!(self.model, Model::Lambert)
+    }
+
     /// Whether it reflects the same whatever its tangent.
     pub fn is_isotropic(&self) -> bool {
         match &self.model {

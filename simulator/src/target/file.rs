@@ -6,7 +6,7 @@
 //!
 //! [[part]]                      # one or more
 //! name = "body"
-//! shape = "box"                 # box, plate, sphere, cylinder, cone, prism, mesh
+//! shape = "box"                 # box, plate, sphere, cylinder, cone, dish, prism, mesh
 //! size_m = [1, 1, 2]
 //! material = "white"            # a [[material]] of this file, or a built-in one
 //!
@@ -49,20 +49,28 @@
 //! |---|---|---|
 //! | box | `size_m = [x, y, z]` | `faces` of `"+x"` … `"-z"` |
 //! | plate | `size_m = [x, y]` | `faces` of `"+z"`, `"-z"` |
-//! | sphere | `radius_m` | `subdivisions` (then it is a mesh of 20·4ⁿ triangles), `faceting` |
-//! | cylinder | `radius_m`, `height_m` | `facets` (64), `faceting`, `faces` of `"side"`, `"side0"` …, `"+z"`, `"-z"` |
+//! | sphere | `radius_m` | `subdivisions` (then it is a mesh of 20·4ⁿ triangles), `faceting`, `smooth` |
+//! | cylinder | `radius_m`, `height_m` | `facets`, `faceting`, `smooth`, `faces` of `"side"`, `"side0"` …, `"+z"`, `"-z"` |
 //! | cone | the same | also `top_radius_m` (0) |
+//! | dish | `radius_m`, `depth_m` | `form`: `"paraboloid"`, `"sphere"`; `faces` of `"inside"`, `"outside"` |
 //! | prism | `height_m`, and `radius_m` (to the corners) or `width_m` (between opposite sides) | `sides` (6), `faces` |
-//! | mesh | `file` | `group`, `unit`, `scale`, `flip`, `weld_mm` |
+//! | mesh | `file` | `group`, `unit`, `scale`, `flip`, `weld_mm`, `smooth`, `crease_deg` (30) |
+//!
+//! Spheres, cylinders, cones and dishes are round ([`Curved`]): their outline and their normals are exact. `facets` makes a cylinder or
+//! a cone of flat sides; so do faces that are left out (an open tube), 64 unless it says. A dish has its lowest point at the part's origin
+//! and opens towards +z. `smooth = true` takes triangles for what they stand for: a bent surface through their corners with the file's
+//! normals, or, without those or with `crease_deg`, with normals made from the triangles around each corner that lean by less.
 //!
 //! Cylinders, cones and prisms stand along z about their middle; side 0 faces +x, the others follow towards +y. `faceting` is `"inscribed"`
 //! (default) or `"same_area"` ([`Faceting`]). `euler_zyx_deg = [a, b, c]` turns the part by a about its z, then by b about its new y, then
 //! by c about its newest x (intrinsic z-y'-x''): R = Rz(a) Ry(b) Rx(c). Every part may have a `tangent` (its own axes, default x),
 //! from which anisotropic materials take their direction, and a `note`.
 
+#[cfg(doc)]
+use super::Curved;
 use super::materials::Shelf;
 use super::part::{self, Files};
-use super::{Hinge, Part, Placement, Target};
+use super::{DishForm, Hinge, Part, Placement, Target};
 use crate::attitude::{euler_zyx, quaternion_wxyz};
 use crate::mesh::faults::FARTHEST_M;
 use crate::mesh::shapes::Faceting;
@@ -104,6 +112,7 @@ pub enum ShapeKind {
     Sphere,
     Cylinder,
     Cone,
+    Dish,
     Prism,
     Mesh,
 }
@@ -155,6 +164,10 @@ pub struct PartFile {
     pub scale: Option<Positive>,
     pub flip: Option<bool>,
     pub weld_mm: Option<Positive>,
+    pub depth_m: Option<Positive>,
+    pub form: Option<DishForm>,
+    pub smooth: Option<bool>,
+    pub crease_deg: Option<Positive>,
     pub offset_m: Option<[Finite; 3]>,
     pub quaternion: Option<[Finite; 4]>,
     pub euler_zyx_deg: Option<[Finite; 3]>,

@@ -4,11 +4,14 @@
 //! ([`file::target`]), or is built in ([`Target::built_in`]).
 
 mod built_in;
+mod curved;
 pub mod file;
 mod materials;
 mod part;
 mod placed;
 
+pub(crate) use curved::cap_radius_m;
+pub use curved::{Curved, DishForm};
 pub use file::TargetFile;
 
 use crate::mesh::Mesh;
@@ -85,6 +88,7 @@ impl Part {
         let size_m = match &self.shape {
             Shape::Mesh(mesh) => mesh.bounds()?.size_m().max_element(),
             Shape::Sphere { radius_m } => 2.0 * radius_m,
+            Shape::Curved(curved) => curved.size_m().max_element(),
         };
         (size_m > LARGE_M).then(|| {
             format!("the part {} measures {size_m:.1} m: are its sizes millimetres?", self.name)
@@ -95,13 +99,15 @@ impl Part {
 /// A shape.
 #[derive(Debug, Clone)]
 pub enum Shape {
-    /// Flat triangles.
+    /// Triangles: flat, or bent by their normals.
     Mesh(Mesh),
     /// A sphere about the part's origin.
     Sphere {
         /// Radius, m.
         radius_m: f64,
     },
+    /// A cylinder, a cone or a dish.
+    Curved(Curved),
 }
 
 /// Where a part sits: turned, then moved.

@@ -1,7 +1,7 @@
 //! The shape of a `[[part]]`.
 
-use super::Shape;
 use super::file::{PartFile, ShapeKind, key, not_there, sha256, unknown};
+use super::{Curved, DishForm, Shape};
 use crate::mesh::faults::FARTHEST_M;
 use crate::mesh::shapes::{
     Faceting, Side, Walls, corner_radius_m, cuboid, frustum, icosphere, plate,
@@ -14,6 +14,8 @@ use sunglint_formats::{FileError, ParseError};
 
 /// Flat sides of a cylinder or a cone where the file does not say.
 const FACETS: u32 = 64;
+/// Edges sharper than this stay edges where a mesh is smoothed.
+const CREASE_DEG: f64 = 30.0;
 /// More flat sides than light can tell from round.
 const MOST_FACETS: u32 = 100_000;
 /// 20·4⁸ is 1.3 million triangles.
@@ -77,10 +79,10 @@ impl Files {
 
 /// Keys that belong to shapes, whether they are given, and the shapes that use them.
 fn check_keys(document: &Document, at: &str, file: &PartFile) -> Result<(), ParseError> {
-    use ShapeKind::{Box, Cone, Cylinder, Mesh, Plate, Prism, Sphere};
-    let given: [(&str, bool, &[ShapeKind]); 16] = [
+    use ShapeKind::{Box, Cone, Cylinder, Dish, Mesh, Plate, Prism, Sphere};
+    let given: [(&str, bool, &[ShapeKind]); 20] = [
         ("size_m", file.size_m.is_some(), &[Box, Plate]),
-        ("radius_m", file.radius_m.is_some(), &[Sphere, Cylinder, Cone, Prism]),
+        ("radius_m", file.radius_m.is_some(), &[Sphere, Cylinder, Cone, Prism, Dish]),
         ("top_radius_m", file.top_radius_m.is_some(), &[Cone]),
         ("width_m", file.width_m.is_some(), &[Prism]),
         ("height_m", file.height_m.is_some(), &[Cylinder, Cone, Prism]),
@@ -88,13 +90,17 @@ fn check_keys(document: &Document, at: &str, file: &PartFile) -> Result<(), Pars
         ("sides", file.sides.is_some(), &[Prism]),
         ("subdivisions", file.subdivisions.is_some(), &[Sphere]),
         ("faceting", file.faceting.is_some(), &[Sphere, Cylinder, Cone]),
-        ("faces", file.faces.is_some(), &[Box, Plate, Cylinder, Cone, Prism]),
+        ("faces", file.faces.is_some(), &[Box, Plate, Cylinder, Cone, Prism, Dish]),
         ("file", file.file.is_some(), &[Mesh]),
         ("group", file.group.is_some(), &[Mesh]),
         ("unit", file.unit.is_some(), &[Mesh]),
         ("scale", file.scale.is_some(), &[Mesh]),
         ("flip", file.flip.is_some(), &[Mesh]),
         ("weld_mm", file.weld_mm.is_some(), &[Mesh]),
+        ("depth_m", file.depth_m.is_some(), &[Dish]),
+        ("form", file.form.is_some(), &[Dish]),
+        ("smooth", file.smooth.is_some(), &[Cylinder, Cone, Sphere, Mesh]),
+        ("crease_deg", file.crease_deg.is_some(), &[Mesh]),
     ];
     let stray = given.iter().find(|(_, given, shapes)| *given && !shapes.contains(&file.shape));
     let Some((name, _, shapes)) = stray else { return Ok(()) };
@@ -127,6 +133,7 @@ pub(super) fn shape(
         ShapeKind::Sphere => this.sphere()?,
         ShapeKind::Cylinder | ShapeKind::Cone => this.round()?,
         ShapeKind::Prism => this.prism()?,
+        ShapeKind::Dish => Shape::Curved(this.dish()?),
         ShapeKind::Mesh => Shape::Mesh(this.mesh(files)?),
     })
 }
@@ -219,6 +226,10 @@ impl Maker<'_> {
     fn sphere(&self) -> Result<Shape, ParseError> {
         let radius_m = self.needed("radius_m", self.file.radius_m)?;
         match (self.file.subdivisions, self.file.faceting) {
+            (None, None) if self.file.smooth.is_some() => {
+                let expected = "also subdivisions: without them the sphere is round";
+                Err(self.wrong("smooth", expected))
+            }
             (None, None) => Ok(Shape::Sphere { radius_m }),
             (None, Some(_)) => {
                 let expected = "also subdivisions: without them the sphere is round";
@@ -229,7 +240,8 @@ impl Maker<'_> {
                 Err(self.wrong("subdivisions", expected))
             }
             (Some(n), faceting) => {
-                Ok(Shape::Mesh(icosphere(radius_m, n, faceting.unwrap_or_default())))
+                let mesh = icosphere(radius_m, n, faceting.unwrap_or_default());
+                Ok(Shape::Mesh(self.smooth(mesh, std::f64::consts::PI)))
             }
         }
     }
@@ -244,17 +256,64 @@ impl Maker<'_> {
     fn round(&self) -> Result<Shape, ParseError> {
         let radius_m = self.needed("radius_m", self.file.radius_m)?;
         let height_m = self.needed("height_m", self.file.height_m)?;
-        let facets = self.count("facets", self.file.facets, FACETS)?;
         let top_m = match self.file.shape {
             ShapeKind::Cone => {
                 self.near("top_radius_m", self.file.top_radius_m.map_or(0.0, NonNegative::get))?
             }
             _ => radius_m,
         };
+        let facets = self.count("facets", self.file.facets, FACETS)?;
+        if self.file.facets.is_none() && self.is_closed(top_m) {
+            if self.file.faceting.is_some() || self.file.smooth.is_some() {
+                let name = if self.file.smooth.is_some() { "smooth" } else { "faceting" };
+                return Err(self.wrong(name, "also facets: without them the shape is round"));
+            }
+            let (bottom_radius_m, top_radius_m) = (radius_m, top_m);
+            return Ok(Shape::Curved(Curved::Frustum { bottom_radius_m, top_radius_m, height_m }));
+        }
         let walls = self.walls(facets)?;
         let faceting = self.file.faceting.unwrap_or(Faceting::Inscribed);
         let corner = |radius_m| corner_radius_m(radius_m, facets, faceting);
-        self.full(frustum(corner(radius_m), corner(top_m), height_m, facets, &walls))
+        let mesh = frustum(corner(radius_m), corner(top_m), height_m, facets, &walls);
+        // Sides are smooth across 2π/facets, ends meet them at the slope of the wall.
+        let lean = ((radius_m - top_m) / height_m).atan().abs();
+        let crease = (0.5 * (std::f64::consts::FRAC_PI_2 - lean))
+            .min(3.0 / f64::from(facets as u32) * std::f64::consts::TAU);
+        self.full(self.smooth(mesh, crease))
+    }
+
+    /// Whether no face is left out.
+    fn is_closed(&self, top_m: f64) -> bool {
+        let Some(faces) = &self.file.faces else { return true };
+        let has = |name: &str| faces.iter().any(|face| face == name);
+        has("side") && has("-z") && (has("+z") || top_m == 0.0) && faces.len() <= 3
+    }
+
+    /// Bent triangles where that is asked for.
+    fn smooth(&self, mesh: Mesh, crease_rad: f64) -> Mesh {
+        if self.file.smooth == Some(true) { mesh.smoothed(crease_rad) } else { mesh }
+    }
+
+    fn dish(&self) -> Result<Curved, ParseError> {
+        let radius_m = self.needed("radius_m", self.file.radius_m)?;
+        let depth_m = self.needed("depth_m", self.file.depth_m)?;
+        let form = self.file.form.unwrap_or_default();
+        if form == DishForm::Sphere && depth_m > radius_m {
+            return Err(self.wrong("depth_m", "at most radius_m: half a sphere"));
+        }
+        let (mut inside, mut outside) = (true, true);
+        if let Some(faces) = &self.file.faces {
+            self.not_empty(faces)?;
+            (inside, outside) = (false, false);
+            for (i, name) in faces.iter().enumerate() {
+                match name.as_str() {
+                    "inside" => inside = true,
+                    "outside" => outside = true,
+                    _ => return Err(self.unknown_face(i, name, &["inside", "outside"])),
+                }
+            }
+        }
+        Ok(Curved::Dish { radius_m, depth_m, form, inside, outside })
     }
 
     fn prism(&self) -> Result<Shape, ParseError> {
@@ -339,6 +398,7 @@ impl Maker<'_> {
                 return Err(self.wrong("weld_mm", expected).into());
             }
         }
+        mesh = self.bent(mesh)?;
         files.taken.push(Taken {
             path,
             group: self.file.group.clone(),
@@ -346,5 +406,23 @@ impl Maker<'_> {
             has_unit: self.file.unit.is_some() || self.file.scale.is_some(),
         });
         Ok(mesh)
+    }
+
+    /// A mesh with the normals of its file, or with those that its triangles suggest; flat unless that is asked for.
+    fn bent(&self, mesh: Mesh) -> Result<Mesh, ParseError> {
+        let crease_deg = self.file.crease_deg.map(Positive::get);
+        if self.file.smooth != Some(true) {
+            if crease_deg.is_some() {
+                return Err(self.wrong("crease_deg", "also smooth = true"));
+            }
+            return Ok(mesh.flat());
+        }
+        if crease_deg.is_some_and(|angle| angle > 180.0) {
+            return Err(self.wrong("crease_deg", "at most 180"));
+        }
+        if crease_deg.is_none() && !mesh.normals.is_empty() {
+            return Ok(mesh);
+        }
+        Ok(mesh.smoothed(crease_deg.unwrap_or(CREASE_DEG).to_radians()))
     }
 }

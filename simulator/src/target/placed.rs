@@ -25,19 +25,22 @@ impl Target {
         (turn * place.rotation, hinge.point(angle, place.offset_m))
     }
 
-    /// The triangles of a part in the body's axes; a round sphere as an inscribed one of 20,480.
+    /// The triangles of a part in the body's axes; a round sphere as an inscribed one of 20,480, cylinders, cones and dishes with 256 corners
+    /// around and their normals.
     pub fn part_mesh(&self, part: usize, angles_rad: &[f64]) -> Mesh {
         let (rotation, offset) = self.part_to_body(part, angles_rad);
         match &self.parts[part].shape {
             Shape::Mesh(mesh) => mesh.transformed(rotation, offset),
             Shape::Sphere { radius_m } => {
-                icosphere(*radius_m, SPHERE_SUBDIVISIONS, Faceting::Inscribed)
-                    .transformed(rotation, offset)
+                let mut mesh = icosphere(*radius_m, SPHERE_SUBDIVISIONS, Faceting::Inscribed);
+                mesh.normals = mesh.vertices.iter().map(|v| v.normalize()).collect();
+                mesh.transformed(rotation, offset)
             }
+            Shape::Curved(curved) => curved.mesh().transformed(rotation, offset),
         }
     }
 
-    /// For every part, whether each of its triangles belongs to a closed piece (nothing for a round sphere). Parts that move
+    /// For every part, whether each of its triangles belongs to a closed piece (nothing for what is round). Parts that move
     /// together are looked at as one, since faces of different materials close only with each other.
     pub fn closed_triangles(&self) -> Vec<Vec<bool>> {
         let mut closed: Vec<Vec<bool>> = vec![Vec::new(); self.parts.len()];
@@ -68,8 +71,8 @@ impl Target {
         for (hinge, angle) in self.hinges.iter().zip(angles_rad) {
             comment += &format!("\nhinge {} at {} deg", hinge.name, angle.to_degrees());
         }
-        if self.parts.iter().any(|part| matches!(part.shape, Shape::Sphere { .. })) {
-            comment += "\nspheres are round in the target, and inscribed triangles here";
+        if self.parts.iter().any(|part| !matches!(part.shape, Shape::Mesh(_))) {
+            comment += "\nspheres, cylinders, cones and dishes are round in the target, and inscribed triangles with normals here";
         }
         let pieces = self.parts.iter().zip(&meshes).map(|(part, mesh)| {
             (part.name.as_str(), self.materials[part.material].name.as_str(), mesh)

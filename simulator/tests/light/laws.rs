@@ -35,7 +35,7 @@ fn turning_and_moving_change_nothing() {
 /// Each triangle falls into several: about a point inside, by a point on an edge that the neighbour does not have (a T-junction), or with
 /// a sliver.
 fn split(mesh: &Mesh, sliver: f64, rng: &mut Rng) -> Mesh {
-    let mut out = Mesh { vertices: mesh.vertices.clone(), triangles: Vec::new() };
+    let mut out = Mesh { vertices: mesh.vertices.clone(), ..Mesh::default() };
     for (t, &[a, b, c]) in mesh.triangles.iter().enumerate() {
         let [pa, pb, pc] = mesh.corners(t);
         let new = out.vertices.len() as u32;

@@ -4,6 +4,7 @@ use super::Sun;
 use super::average::Averager;
 use super::cut::{Cut, Disc, Left};
 use super::profile::PROFILES;
+use crate::light::curved::Light;
 use crate::light::effect::Lighting;
 use crate::light::evaluate::{COVERING, Direct, DirectionError, Evaluator, GRAZING};
 use crate::light::near;
@@ -18,9 +19,17 @@ const OPEN: f64 = 0.02;
 #[derive(Debug, Default)]
 pub struct Room {
     averager: Averager,
-    plain: Vec<f64>,
     /// As far as anything is from anything, m.
     extent_m: f64,
+}
+
+/// What is curved.
+#[derive(Debug, Clone, Copy)]
+enum Bent {
+    /// A triangle with normals.
+    Triangle(usize),
+    /// A curved part.
+    Round(usize),
 }
 
 /// Sun and observer at one moment.
@@ -82,20 +91,19 @@ impl Evaluator<'_> {
             self.index(sun, eye);
         }
         let count = self.scene.weight_count();
-        let usual = self.usual();
-        for i in 0..usual {
-            let error = self.facet(i, sun, eye, 0, &mut weights[..count]);
-            let material = self.scene.facets[i].material as usize;
-            errors[self.scene.weights_of(material).start] += error + self.covering(i);
+        for i in 0..self.scene.facets.len() {
+            let facet = &self.scene.facets[i];
+            let range = self.scene.weights_of(facet.material as usize);
+            let error = match facet.patch {
+                None => self.facet(i, sun, eye, 0, &mut weights[..count]),
+                Some(patch) => self.bent(i, patch as usize, sun, eye, 0, &mut weights[..count]),
+            };
+            errors[range.start] += error + self.covering(i);
         }
-        for ball in 0..self.scene.spheres.len() {
-            let range = self.scene.weights_of(self.scene.spheres[ball].material as usize);
-            let mut plain = std::mem::take(&mut self.disc.plain);
-            plain.clear();
-            plain.resize(count, 0.0);
-            errors[range.start] += self.ball(ball, sun, eye, 0, &mut plain);
-            weights[range.clone()].iter_mut().zip(&plain[range]).for_each(|(w, p)| *w += p);
-            self.disc.plain = plain;
+        for k in 0..self.scene.rounds.len() {
+            let range = self.scene.weights_of(self.scene.rounds[k].material as usize);
+            let (values, errors) = (&mut weights[range.clone()], &mut errors[range]);
+            self.round(k, Light { sun, eye }, values, errors);
         }
     }
 
@@ -109,18 +117,81 @@ impl Evaluator<'_> {
             self.index(now.disc.middle, now.eye);
             self.radii.iter_mut().for_each(|r| *r -= widened);
         }
-        for i in 0..self.usual() {
-            self.facet_under(now, i, weights, errors);
+        for i in 0..self.scene.facets.len() {
+            match self.scene.facets[i].patch {
+                None => self.facet_under(now, i, weights, errors),
+                Some(_) => self.curved_under(now, Bent::Triangle(i), weights, errors),
+            }
         }
         self.work.margin_m = 0.0;
-        for number in 0..self.scene.spheres.len() {
-            self.ball_under(now, number, weights, errors);
+        for number in 0..self.scene.rounds.len() {
+            match self.scene.rounds[number].sphere {
+                Some(radius) => self.ball_under(now, number, radius, weights, errors),
+                None => self.curved_under(now, Bent::Round(number), weights, errors),
+            }
         }
     }
 
-    /// How many facets stand for themselves.
-    fn usual(&self) -> usize {
-        self.scene.spheres.first().map_or(self.scene.facets.len(), |s| s.facets.start)
+    /// What is curved and no sphere: by the middle of the disc, or by four places with the disc's second moments where the material needs it. A
+    /// curved surface turns its lobe past the disc by itself, so that more is not asked of it; what four places differ from one is the scale of the
+    /// error. Of a partly hidden disc the share that is left counts.
+    fn curved_under(&mut self, now: &Now<'_>, what: Bent, weights: &mut [f64], errors: &mut [f64]) {
+        let scene = self.scene;
+        let number = match what {
+            Bent::Triangle(i) => scene.facets[i].material,
+            Bent::Round(k) => scene.rounds[k].material,
+        } as usize;
+        let count = scene.materials[number].spectra().len();
+        let share =
+            now.earth.map_or([1.0, 0.0, 0.0, 0.0, 0.0], |cut| super::rings::fractions(&[cut]));
+        let (mut values, mut open) = (vec![0.0; count], vec![0.0; count]);
+        self.curved_towards(now, what, now.disc.middle, &mut values, &mut open);
+        let relative = match scene.materials[number].width() {
+            crate::surface::Width::Even => 0.25 * now.disc.sine.powi(2),
+            crate::surface::Width::Lobe { lobe, .. } => (now.disc.sine / lobe.narrowest()).powi(2),
+            crate::surface::Width::Mirror(_) => 1.0,
+        };
+        if relative > now.sun.options.tolerance {
+            let reach = (2.0 * super::profile::second_moments()[0]).sqrt();
+            let mut mean = vec![0.0; count];
+            for place in [DVec2::X, DVec2::NEG_X, DVec2::Y, DVec2::NEG_Y] {
+                let towards = now.disc.direction(reach * place);
+                let mut one = vec![0.0; count];
+                self.curved_towards(now, what, towards, &mut one, &mut open);
+                mean.iter_mut().zip(&one).for_each(|(m, v)| *m += 0.25 * v);
+            }
+            for ((value, mean), open) in values.iter_mut().zip(&mean).zip(&mut open) {
+                *open = 0.2 * *open + (*value - mean).abs() * relative.min(1.0);
+                *value = *mean;
+            }
+        } else {
+            open.iter_mut().zip(&values).for_each(|(o, v)| *o += relative * v.abs());
+        }
+        let from = scene.weights_of(number).start;
+        open.iter().enumerate().for_each(|(k, o)| errors[from + k] += share[0] * o);
+        let rows: Vec<f64> = share.iter().flat_map(|s| values.iter().map(move |v| s * v)).collect();
+        self.take(now, number, &rows, 1.0, 0.0, 0.0, weights, errors);
+    }
+
+    fn curved_towards(
+        &mut self,
+        now: &Now<'_>,
+        what: Bent,
+        sun: DVec3,
+        values: &mut [f64],
+        open: &mut [f64],
+    ) {
+        match what {
+            Bent::Round(k) => self.round(k, Light { sun, eye: now.eye }, values, open),
+            Bent::Triangle(i) => {
+                let facet = &self.scene.facets[i];
+                let Some(patch) = facet.patch else { return };
+                let range = self.scene.weights_of(facet.material as usize);
+                let mut all = vec![0.0; self.scene.weight_count()];
+                open[0] += self.bent(i, patch as usize, sun, now.eye, 0, &mut all);
+                values.iter_mut().zip(&all[range]).for_each(|(v, a)| *v += a);
+            }
+        }
     }
 
     /// What faces of several parts in one plane leave open.
@@ -257,7 +328,7 @@ impl Evaluator<'_> {
 
     fn area_towards(&mut self, i: usize, sun: DVec3, eye: Toward) -> f64 {
         let outline = self.scene.outlines.get(i);
-        if self.work.visible(self.scene, &self.now, i, sun, eye, outline) {
+        if self.visible(i, sun, eye) {
             self.work.kept.area()
         } else {
             self.work.kept.clear();
@@ -306,32 +377,32 @@ impl Evaluator<'_> {
         &mut self,
         now: &Now<'_>,
         number: usize,
+        radius: f64,
         weights: &mut [f64],
         errors: &mut [f64],
     ) {
         let scene = self.scene;
-        let ball = &scene.spheres[number];
-        let count = scene.weight_count();
-        let mut plain = std::mem::take(&mut self.disc.plain);
-        plain.clear();
-        plain.resize(count, 0.0);
-        let mut error = self.ball(number, now.disc.middle, now.eye, 0, &mut plain);
-        let material = &scene.materials[ball.material as usize];
-        let middle = self.now.middle[ball.occluder];
+        let round = &scene.rounds[number];
+        let material = &scene.materials[round.material as usize];
+        let mut plain = vec![0.0; material.spectra().len()];
+        let mut own = plain.clone();
+        let light = Light { sun: now.disc.middle, eye: now.eye };
+        self.round(number, light, &mut plain, &mut own);
+        let mut error: f64 = own.iter().sum();
+        let middle = self.now.place[number].point(round.middle);
         let to = now.eye.from(middle);
         let nearness = match now.eye {
             Toward::Far(_) => 1.0,
             Toward::Near(q) => q.length_squared() / (q - middle).length_squared(),
         };
-        let scale = ball.radius * ball.radius * nearness;
-        let range = scene.weights_of(ball.material as usize);
+        let scale = radius * radius * nearness;
         let averager = &mut self.disc.averager;
         let tolerance = now.sun.options.tolerance;
         let full = averager.sphere(material, &now.disc, to, now.earth, tolerance);
         // The share that is left, found towards the middle of the Sun, holds for all of it.
-        let left: f64 = plain[range].iter().sum();
+        let left: f64 = plain.iter().sum();
         let whole = scale * full;
-        let free = self.is_free(number, now.disc.middle, to);
+        let free = matches!(now.eye, Toward::Far(_)) && self.round_is_free(number, light);
         let share = if whole > 0.0 && !free { (left / whole).min(1.0) } else { 1.0 };
         let averager = &mut self.disc.averager;
         let values = std::mem::take(&mut averager.sums.values);
@@ -339,16 +410,15 @@ impl Evaluator<'_> {
         let open = scale * averager.error;
         if !free {
             // A strip of a disc as deep as the penumbra is wide; of a shadow's edge across, only its bend counts.
-            let depth = (now.disc.sine * self.disc.extent_m / ball.radius).min(1.0);
+            let depth = (now.disc.sine * self.disc.extent_m / radius).min(1.0);
             let edge = share > 1e-9 && share < 1.0 - 1e-9;
             error += all * if edge { depth * depth } else { depth.powf(1.5) };
         }
-        let number = ball.material as usize;
+        let number = round.material as usize;
         self.take(now, number, &values, scale * share, error + open, 0.0, weights, errors);
         if share == 0.0 {
             errors[scene.weights_of(number).start] += error + open;
         }
         self.disc.averager.sums.values = values;
-        self.disc.plain = plain;
     }
 }
