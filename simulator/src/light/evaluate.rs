@@ -3,6 +3,7 @@
 use super::clip::{self, P2, Polygons, Scratch};
 use super::geometry::{Geometry, Motion};
 use super::grid::Grid;
+use super::large;
 use super::occlude::{Kind, Plane, Room, Toward};
 use super::scene::{Ball, Scene};
 use super::{View, near, sphere};
@@ -10,7 +11,7 @@ use glam::DVec3;
 use std::borrow::Cow;
 
 /// Cosines below this are those of a direction in the facet's plane, to rounding: such a facet counts as unlit (or unseen).
-const GRAZING: f64 = 1e-15;
+pub(super) const GRAZING: f64 = 1e-15;
 
 /// What faces of several parts in one plane leave open, of the W of all area in white paint, square to the light. Calibrated: random scenes of
 /// such faces split into T-junctions and slivers of 1e-6 change by 0.4 of it (test `splitting_and_order_change_nothing`).
@@ -36,7 +37,9 @@ pub struct Direct {
     pub spheres: usize,
     /// Spheres whose remaining share was found with flat facets.
     pub tessellated: usize,
-    /// An estimate of the relative error of ΣW from rounding, touching tolerances, quadrature and flat facets of spheres.
+    /// Points at which a big mesh was sampled; 0 where its sum is exact.
+    pub samples: usize,
+    /// An estimate of the relative error of ΣW from sampling, rounding, touching tolerances, quadrature and flat facets of spheres.
     pub error: f64,
 }
 
@@ -71,6 +74,8 @@ pub struct Evaluator<'a> {
     radii: Vec<f64>,
     work: Work,
     near: near::Quadrature,
+    large: large::Room,
+    errors: Vec<f64>,
 }
 
 /// Buffers.
@@ -96,7 +101,14 @@ impl<'a> Evaluator<'a> {
             radii: scene.occluders.iter().map(|o| o.radius).collect(),
             work: Work::default(),
             near: near::Quadrature::default(),
+            large: large::Room::default(),
+            errors: Vec::new(),
         }
+    }
+
+    /// How far each number of the last evaluation may be off, absolute, m² sr⁻¹: sampled ones each for itself, else the error of them all.
+    pub fn errors(&self) -> &[f64] {
+        &self.errors
     }
 
     /// Sets `out[k]` to W_k \[m² sr⁻¹\] for the Sun in direction `sun_body` and an observer at `view`, both in the body's axes. Hinged parts
@@ -156,6 +168,13 @@ impl<'a> Evaluator<'a> {
         out.fill(0.0);
         self.work.done = Direct::default();
         self.turn(sun);
+        self.errors.clear();
+        self.errors.resize(out.len(), 0.0);
+        if let Toward::Far(to) = eye
+            && let Some(done) = self.sampled(sun, to, stride, out)
+        {
+            return Ok(done);
+        }
         if self.scene.pairs.is_none() {
             self.index(sun, eye);
         }
@@ -174,7 +193,35 @@ impl<'a> Evaluator<'a> {
         let total: f64 = out.iter().sum();
         let mut done = self.work.done;
         done.error = if total > 0.0 { error / total + 1e-15 } else { 0.0 };
+        self.errors.fill(done.error * total);
         Ok(done)
+    }
+
+    /// A big mesh within its tolerance; `None` where the exact sum is wanted.
+    fn sampled(&mut self, sun: DVec3, to: DVec3, stride: usize, out: &mut [f64]) -> Option<Direct> {
+        let scene = self.scene;
+        let large = scene.large.as_ref()?;
+        let q = large::Question { scene, now: &self.now, angles: &self.angles, sun, to, stride };
+        let Some(found) = large.evaluate(&q, &mut self.large, out, &mut self.errors) else {
+            out.fill(0.0);
+            return None;
+        };
+        let covering = if scene.covers {
+            COVERING
+                * scene.facets.iter().map(|f| f.area).sum::<f64>()
+                * std::f64::consts::FRAC_1_PI
+        } else {
+            0.0
+        };
+        self.errors.iter_mut().for_each(|e| *e += covering);
+        let error = found.error + covering;
+        Some(Direct {
+            facets: found.facets,
+            shadowed: found.shadowed,
+            samples: found.points,
+            error: if found.total > 0.0 { error / found.total + 1e-15 } else { 0.0 },
+            ..Direct::default()
+        })
     }
 
     /// Turns hinged parts to the Sun.

@@ -16,6 +16,7 @@
 //! plane. Coincident faces that look the same way would count twice: there the later part covers the earlier one, found when the scene
 //! is prepared, and said in [`SceneReport::warnings`] (not for faces that come to coincide by the turning of a hinge).
 
+mod buried;
 mod clip;
 mod closed;
 mod coincident;
@@ -24,6 +25,7 @@ mod evaluate;
 mod facets;
 mod geometry;
 mod grid;
+mod large;
 mod near;
 mod occlude;
 mod scene;
@@ -33,6 +35,7 @@ mod weld;
 
 pub use effect::{Effect, Globe, Lighting, Need, Source, Term};
 pub use evaluate::{Direct, DirectionError, Evaluator};
+pub use large::Sampling;
 pub use scene::{Scene, SceneError, SceneReport};
 
 use glam::DVec3;

@@ -4,6 +4,7 @@ use super::clip::{self, P2};
 use super::evaluate::Evaluator;
 use super::facets::{self, Polygon, Triangle};
 use super::geometry::Geometry;
+use super::large::{self, Large, Sampling};
 use super::occlude::{Kind, Occluder};
 use super::{closed, solid, sphere, weld};
 use crate::surface::Material;
@@ -28,6 +29,8 @@ pub struct Scene {
     pub(super) touching_m: f64,
     /// Whether faces cover others in their plane.
     pub(super) covers: bool,
+    /// The same once more, where it is sampled.
+    pub(super) large: Option<Box<Large>>,
     report: SceneReport,
 }
 
@@ -110,6 +113,12 @@ pub enum SceneError {
         /// Its material.
         material: String,
     },
+    /// A tolerance that is none.
+    #[error("the tolerance is {tolerance}, expected a number from 0 to 1, a part of the whole")]
+    Tolerance {
+        /// What was given.
+        tolerance: f64,
+    },
     /// A sphere without a radius.
     #[error("part `{part}` is a sphere of radius {radius_m} m, expected more than 0")]
     Radius {
@@ -127,6 +136,8 @@ pub struct SceneReport {
     pub triangles: usize,
     /// Facets after merging triangles of one plane and part; those that stand for spheres not counted.
     pub facets: usize,
+    /// Facets left out because they lie inside a convex body that moves with them.
+    pub buried: usize,
     /// Spheres, in closed form wherever nothing interferes with them.
     pub spheres: usize,
     /// Whether every surface is part of a closed body.
@@ -144,6 +155,10 @@ pub struct SceneReport {
     /// Error of a sphere that something shades or hides, of the geometric mean of the whole and the smaller of its hidden and remaining
     /// parts; 0 without spheres.
     pub sphere_faceting: f64,
+    /// How a big mesh is sampled; `None` where all sums are exact.
+    pub sampling: Option<Sampling>,
+    /// Why the sums are exact although a tolerance was given.
+    pub why_exact: Option<String>,
     /// What a person should hear of.
     pub warnings: Vec<String>,
 }
@@ -174,6 +189,30 @@ impl Scene {
             check(target, part)?;
         }
         Ok(Builder::new(target).finish(most_pairs))
+    }
+
+    /// Prepares a target for sums that may be off by `tolerance` of ΣW: big meshes that hide parts of themselves are then sampled, for
+    /// distant observers ([`SceneReport::sampling`]); all else stays exact ([`SceneReport::why_exact`]), and with a tolerance of 0 all.
+    ///
+    /// # Errors
+    /// As [`Scene::new`], and a tolerance that is no number from 0 to 1.
+    pub fn with_tolerance(target: &Target, tolerance: f64) -> Result<Self, SceneError> {
+        if !(0.0..=1.0).contains(&tolerance) {
+            return Err(SceneError::Tolerance { tolerance });
+        }
+        let mut scene = Self::new(target)?;
+        if tolerance > 0.0 {
+            scene.report.why_exact = large::why_exact(&scene);
+            if scene.report.why_exact.is_none() {
+                scene.large = Large::new(&scene, tolerance).map(Box::new);
+                scene.report.sampling = scene.large.as_ref().map(|large| large.sampling);
+                if scene.large.is_none() {
+                    let why = "the tolerance takes more points than the exact sum is worth";
+                    scene.report.why_exact = Some(why.into());
+                }
+            }
+        }
+        Ok(scene)
     }
 
     /// Room to evaluate in: one for each thread.
@@ -292,6 +331,7 @@ impl<'a> Builder<'a> {
             pairs: None,
             touching_m: size * Scene::TOUCHING,
             covers: false,
+            large: None,
             report,
         };
         Self { target, size, components: 0, scene }
@@ -368,6 +408,9 @@ impl<'a> Builder<'a> {
                 hides[c] = Some(Kind::Leaving);
             }
         }
+        let before = polygons.len();
+        super::buried::remove(&mut polygons, &convex, touching);
+        self.scene.report.buried += before - polygons.len();
         for polygon in &polygons {
             if let Some(kind) = &hides[polygon.component] {
                 let component = self.components + polygon.component;
