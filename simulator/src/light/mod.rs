@@ -4,6 +4,9 @@
 //! a collimated Sun (thesis eq. 5.5 and its generalisation). For flat facets, a distant Sun and a distant observer no integral is left but
 //! the area of a polygon, and [`Scene`] computes that area exactly, in double precision, by subtraction of convex polygons.
 //!
+//! A big mesh may be wanted at a tolerance instead ([`Scene::with_tolerance`]): then the facets' sum stays exact, and what share of them is lit and
+//! seen is found at points, with an error for each weight ([`Evaluator::errors`]).
+//!
 //! A target is prepared once ([`Scene::new`]) and evaluated for as many directions as wanted ([`Scene::evaluator`], one for each thread).
 //!
 //! # What hides what
