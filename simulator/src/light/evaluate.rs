@@ -4,7 +4,7 @@ use super::clip::{self, P2, Polygons, Scratch};
 use super::geometry::{Geometry, Motion};
 use super::grid::Grid;
 use super::large;
-use super::occlude::{Kind, Plane, Room, Toward};
+use super::occlude::{Kind, Plane, Room, Toward, misses};
 use super::scene::{Ball, Scene};
 use super::{View, near, sphere};
 use glam::DVec3;
@@ -15,7 +15,7 @@ pub(super) const GRAZING: f64 = 1e-15;
 
 /// What faces of several parts in one plane leave open, of the W of all area in white paint, square to the light. Calibrated: random scenes of
 /// such faces split into T-junctions and slivers of 1e-6 change by 0.4 of it (test `splitting_and_order_change_nothing`).
-const COVERING: f64 = 10.0 * Scene::TOUCHING;
+pub(super) const COVERING: f64 = 10.0 * Scene::TOUCHING;
 
 /// More occluders than this over one facet are shared out among parts of it.
 const MANY: usize = 12;
@@ -68,14 +68,14 @@ pub enum DirectionError {
 /// A scene with room to work in.
 #[derive(Debug)]
 pub struct Evaluator<'a> {
-    scene: &'a Scene,
+    pub(super) scene: &'a Scene,
     now: Cow<'a, Geometry>,
-    angles: Vec<f64>,
+    pub(super) angles: Vec<f64>,
     radii: Vec<f64>,
     work: Work,
     near: near::Quadrature,
-    large: large::Room,
-    errors: Vec<f64>,
+    pub(super) large: large::Room,
+    pub(super) errors: Vec<f64>,
 }
 
 /// Buffers.
@@ -104,11 +104,6 @@ impl<'a> Evaluator<'a> {
             large: large::Room::default(),
             errors: Vec::new(),
         }
-    }
-
-    /// How far each number of the last evaluation may be off, absolute, m² sr⁻¹: sampled ones each for itself, else the error of them all.
-    pub fn errors(&self) -> &[f64] {
-        &self.errors
     }
 
     /// Sets `out[k]` to W_k \[m² sr⁻¹\] for the Sun in direction `sun_body` and an observer at `view`, both in the body's axes. Hinged parts
@@ -195,33 +190,6 @@ impl<'a> Evaluator<'a> {
         done.error = if total > 0.0 { error / total + 1e-15 } else { 0.0 };
         self.errors.fill(done.error * total);
         Ok(done)
-    }
-
-    /// A big mesh within its tolerance; `None` where the exact sum is wanted.
-    fn sampled(&mut self, sun: DVec3, to: DVec3, stride: usize, out: &mut [f64]) -> Option<Direct> {
-        let scene = self.scene;
-        let large = scene.large.as_ref()?;
-        let q = large::Question { scene, now: &self.now, angles: &self.angles, sun, to, stride };
-        let Some(found) = large.evaluate(&q, &mut self.large, out, &mut self.errors) else {
-            out.fill(0.0);
-            return None;
-        };
-        let covering = if scene.covers {
-            COVERING
-                * scene.facets.iter().map(|f| f.area).sum::<f64>()
-                * std::f64::consts::FRAC_1_PI
-        } else {
-            0.0
-        };
-        self.errors.iter_mut().for_each(|e| *e += covering);
-        let error = found.error + covering;
-        Some(Direct {
-            facets: found.facets,
-            shadowed: found.shadowed,
-            samples: found.points,
-            error: if found.total > 0.0 { error / found.total + 1e-15 } else { 0.0 },
-            ..Direct::default()
-        })
     }
 
     /// Turns hinged parts to the Sun.
@@ -623,16 +591,4 @@ impl Work {
         }
         cut
     }
-}
-
-/// Whether a ball at `away` cannot stand between a facet's ball at the origin and an eye at `eye`.
-fn misses(away: DVec3, eye: DVec3, facet: f64, ball: f64) -> bool {
-    let range = eye.length();
-    let toward = eye / range;
-    let along = away.dot(toward);
-    if along < -(facet + ball) || along > range + facet + ball {
-        return true;
-    }
-    // Lines from the facet to the eye stay within its own radius of the axis.
-    away.length_squared() - along * along > (facet + ball) * (facet + ball)
 }

@@ -4,7 +4,7 @@ use super::clip::{self, P2};
 use super::evaluate::Evaluator;
 use super::facets::{self, Polygon, Triangle};
 use super::geometry::Geometry;
-use super::large::{self, Large, Sampling};
+use super::large::{Large, Sampling};
 use super::occlude::{Kind, Occluder};
 use super::{closed, solid, sphere, weld};
 use crate::surface::Material;
@@ -31,7 +31,7 @@ pub struct Scene {
     pub(super) covers: bool,
     /// The same once more, where it is sampled.
     pub(super) large: Option<Box<Large>>,
-    report: SceneReport,
+    pub(super) report: SceneReport,
 }
 
 /// A facet; its place is in [`Geometry`].
@@ -189,30 +189,6 @@ impl Scene {
             check(target, part)?;
         }
         Ok(Builder::new(target).finish(most_pairs))
-    }
-
-    /// Prepares a target for sums that may be off by `tolerance` of ΣW: big meshes that hide parts of themselves are then sampled, for
-    /// distant observers ([`SceneReport::sampling`]); all else stays exact ([`SceneReport::why_exact`]), and with a tolerance of 0 all.
-    ///
-    /// # Errors
-    /// As [`Scene::new`], and a tolerance that is no number from 0 to 1.
-    pub fn with_tolerance(target: &Target, tolerance: f64) -> Result<Self, SceneError> {
-        if !(0.0..=1.0).contains(&tolerance) {
-            return Err(SceneError::Tolerance { tolerance });
-        }
-        let mut scene = Self::new(target)?;
-        if tolerance > 0.0 {
-            scene.report.why_exact = large::why_exact(&scene);
-            if scene.report.why_exact.is_none() {
-                scene.large = Large::new(&scene, tolerance).map(Box::new);
-                scene.report.sampling = scene.large.as_ref().map(|large| large.sampling);
-                if scene.large.is_none() {
-                    let why = "the tolerance takes more points than the exact sum is worth";
-                    scene.report.why_exact = Some(why.into());
-                }
-            }
-        }
-        Ok(scene)
     }
 
     /// Room to evaluate in: one for each thread.
@@ -464,7 +440,7 @@ impl<'a> Builder<'a> {
     ) {
         let part = &self.target.parts[polygon.part];
         let (origin, normal) = (polygon.middle(), polygon.normal);
-        let tangent = tangent(part, normal);
+        let tangent = facets::tangent(part, normal);
         let bitangent = normal.cross(tangent);
         let flat: Vec<P2> = polygon
             .corners
@@ -614,15 +590,4 @@ fn components_of_parts(
         take(&rest, true, &mut of);
     }
     (of, closed)
-}
-
-/// A facet's tangent: the part's in the facet's plane, or the next of its axes x, y, z where that stands on the facet.
-fn tangent(part: &Part, normal: DVec3) -> DVec3 {
-    let in_plane = |axis: DVec3| {
-        let axis = part.placement.rotation * axis;
-        axis - axis.dot(normal) * normal
-    };
-    let axes = [part.tangent, DVec3::X, DVec3::Y, DVec3::Z].map(in_plane);
-    let chosen = axes.into_iter().find(|a| a.length() > 1e-6).unwrap_or(axes[0]);
-    (chosen - chosen.dot(normal) * normal).normalize()
 }

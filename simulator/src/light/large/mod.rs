@@ -16,16 +16,17 @@
 //!
 //! Everything depends on the scene and the directions alone: the places in the cells are the same at every call.
 
+mod hooks;
 mod jitter;
 mod lit;
 mod prepare;
 mod raster;
 mod sums;
 
-pub use prepare::why_exact;
+use prepare::why_exact;
 
 use super::evaluate::GRAZING;
-use super::geometry::{Geometry, Motion};
+use super::geometry::Motion;
 use super::scene::Scene;
 use glam::DVec3;
 use std::ops::Range;
@@ -68,9 +69,13 @@ pub struct Large {
 /// A facet in that order.
 #[derive(Debug, Clone)]
 struct Ordered {
+    /// Unit normal and tangent, hinges at 0. What an evaluation needs stands here in its order, and not all over memory.
     normal: DVec3,
+    tangent: DVec3,
     area: f64,
-    facet: u32,
+    radius: f64,
+    part: u32,
+    material: u32,
     group: u32,
     /// The end of its triangles; they begin where those of the facet before end.
     end: u32,
@@ -96,7 +101,6 @@ pub struct Found {
 /// A facet that faces Sun and observer, with its points.
 #[derive(Debug, Clone, Copy)]
 struct Receiver {
-    facet: u32,
     /// Among the ordered facets.
     number: u32,
     cos_i: f64,
@@ -140,8 +144,6 @@ impl Frame {
 pub struct Question<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// Where its parts are.
-    pub now: &'a Geometry,
     /// Angles of its hinges, radians.
     pub angles: &'a [f64],
     /// Towards the Sun.
@@ -192,8 +194,7 @@ impl Large {
             let (cos_i, cos_o) = (ordered.normal.dot(sun), ordered.normal.dot(to));
             if cos_i > GRAZING && cos_o > GRAZING {
                 across += cos_o * ordered.area;
-                let (facet, number) = (ordered.facet, number as u32);
-                room.receivers.push(Receiver { facet, number, cos_i, cos_o, end: 0 });
+                room.receivers.push(Receiver { number: number as u32, cos_i, cos_o, end: 0 });
             }
         }
         room.points.clear();
@@ -222,7 +223,7 @@ impl Large {
             let towards: Vec<DVec3> = back.iter().map(|b| b.0).collect();
             self.light(q, [&frame, &sun], &towards, room);
         }
-        Some(sums::add(q, cell * cell, room, out, errors))
+        Some(self.add(q, &back, cell * cell, room, out, errors))
     }
 
     /// Sun and observer in the axes of each group before it was turned.

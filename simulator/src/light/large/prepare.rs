@@ -80,9 +80,18 @@ impl Large {
                 large.triangles.extend(fan);
                 let end = large.triangles.len() as u32;
                 let sheet = sheets[scene.facets[i].component as usize];
-                let (normal, area) = (now.normal[i], scene.facets[i].area);
-                let group = group as u32;
-                large.facets.push(Ordered { normal, area, facet: k, group, end, sheet });
+                let facet = &scene.facets[i];
+                large.facets.push(Ordered {
+                    normal: now.normal[i],
+                    tangent: now.tangent[i],
+                    area: facet.area,
+                    radius: facet.radius,
+                    part: facet.part,
+                    material: facet.material,
+                    group: facet.group,
+                    end,
+                    sheet,
+                });
             }
             let (numbers, places) = weld::weld(&points, scene.touching_m);
             let base = large.vertices.len() as u32;
@@ -104,7 +113,7 @@ impl Large {
         let mut wanted = Vec::with_capacity(TRIALS);
         for trial in 0..TRIALS {
             let (sun, to) = directions(trial);
-            let q = Question { scene, now: &scene.geometry, angles: &angles, sun, to, stride: 0 };
+            let q = Question { scene, angles: &angles, sun, to, stride: 0 };
             let found: Option<Found> =
                 self.with_points(&q, TRIAL_POINTS, &mut room, &mut out, &mut errors);
             let points = match found {

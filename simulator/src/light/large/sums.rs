@@ -1,6 +1,6 @@
 //! From points to weights and their errors.
 
-use super::{Found, Question, Room as All, SIGMAS};
+use super::{Found, Large, Question, Room as All, SIGMAS};
 use glam::DVec3;
 
 /// Points that a share is taken from.
@@ -37,87 +37,93 @@ impl Share {
     }
 }
 
-/// Adds all receivers to `out`, of points that stand for `area` across the line of sight (m²), and sets the errors.
-pub(super) fn add(
-    q: &Question,
-    area: f64,
-    room: &mut All,
-    out: &mut [f64],
-    errors: &mut [f64],
-) -> Found {
-    let All { receivers, points, sums, .. } = room;
-    sums.variance.clear();
-    sums.variance.resize(out.len(), 0.0);
-    sums.largest.clear();
-    sums.largest.resize(out.len(), 0.0);
-    let mut found = Found { facets: receivers.len(), points: points.len(), ..Found::default() };
-    let (mut variance, mut largest) = (0.0, 0.0_f64);
-    let (mut start, mut part) = (0, u32::MAX);
-    let (mut share, mut before) = (Share::default(), true);
-    for (number, receiver) in receivers.iter().enumerate() {
-        let own = &points[start..receiver.end as usize];
-        let facet = &q.scene.facets[receiver.facet as usize];
-        if facet.part != part {
-            part = facet.part;
-            let same = receivers[number..].iter();
-            let same = same.take_while(|r| q.scene.facets[r.facet as usize].part == part);
-            let end = same.last().map_or(start, |r| r.end as usize);
-            let all = &points[start..end];
-            let open = all.iter().filter(|p| p.open).count();
-            let value = if all.is_empty() { 1.0 } else { open as f64 / all.len() as f64 };
-            share = Share { value, ..Share::default() };
-            before = own.first().is_none_or(|p| p.open);
+impl Large {
+    /// Adds all receivers to `out`, with Sun and observer in the axes of each group, of points that stand for `area` across the line of sight (m²), and sets the errors.
+    pub(super) fn add(
+        &self,
+        q: &Question,
+        back: &[(DVec3, DVec3)],
+        area: f64,
+        room: &mut All,
+        out: &mut [f64],
+        errors: &mut [f64],
+    ) -> Found {
+        let All { receivers, points, sums, .. } = room;
+        sums.variance.clear();
+        sums.variance.resize(out.len(), 0.0);
+        sums.largest.clear();
+        sums.largest.resize(out.len(), 0.0);
+        let mut found = Found { facets: receivers.len(), points: points.len(), ..Found::default() };
+        let (mut variance, mut largest) = (0.0, 0.0_f64);
+        let (mut start, mut part) = (0, u32::MAX);
+        let (mut share, mut before) = (Share::default(), true);
+        for (number, receiver) in receivers.iter().enumerate() {
+            let own = &points[start..receiver.end as usize];
+            let facet = &self.facets[receiver.number as usize];
+            if facet.part != part {
+                part = facet.part;
+                let same = receivers[number..].iter();
+                let same = same.take_while(|r| self.facets[r.number as usize].part == part);
+                let end = same.last().map_or(start, |r| r.end as usize);
+                let all = &points[start..end];
+                let open = all.iter().filter(|p| p.open).count();
+                let value = if all.is_empty() { 1.0 } else { open as f64 / all.len() as f64 };
+                share = Share { value, ..Share::default() };
+                before = own.first().is_none_or(|p| p.open);
+            }
+            start = receiver.end as usize;
+            let open = own.iter().filter(|p| p.open).count();
+            let beta = if own.len() >= OWN { open as f64 / own.len() as f64 } else { share.value };
+            share.take(open, own.len());
+            // What the points missed of the facet, in points.
+            let missed = facet.area * receiver.cos_o / area - own.len() as f64;
+            let scale = open as f64 + beta * missed;
+            // Changes from point to point, and how far the share was from what was found.
+            let mut noise = 0.0;
+            for point in own {
+                noise += if point.open == before { 0.0 } else { 0.5 };
+                before = point.open;
+            }
+            noise += if own.len() >= OWN {
+                let edge = EDGE * std::f64::consts::TAU * facet.radius / area.sqrt();
+                edge.min(own.len() as f64) * beta * (1.0 - beta)
+            } else {
+                let (open, closed) = (open as f64, (own.len() - open) as f64);
+                0.25 * (open * (1.0 - beta).powi(2) + closed * beta * beta)
+            };
+            found.shadowed += usize::from(open < own.len());
+            // Hidden, as all about it.
+            if scale == 0.0 && noise == 0.0 {
+                continue;
+            }
+            let material = &q.scene.materials[facet.material as usize];
+            let weights = q.scene.weights_of(facet.material as usize);
+            let at = facet.part as usize * q.stride + weights.start;
+            let range = at..at + weights.len();
+            let (normal, tangent) = (facet.normal, facet.tangent);
+            let bitangent = normal.cross(tangent);
+            let local = |d: DVec3| DVec3::new(tangent.dot(d), bitangent.dot(d), normal.dot(d));
+            let (sun, to) = back[facet.group as usize];
+            sums.base.clear();
+            sums.base.resize(weights.len(), 0.0);
+            // One point's worth of light.
+            material.add_weights(local(sun), local(to), area * receiver.cos_i, &mut sums.base);
+            let mut whole = 0.0;
+            for (k, base) in range.zip(&sums.base) {
+                out[k] += scale * base;
+                sums.variance[k] += noise * base * base;
+                sums.largest[k] = sums.largest[k].max(*base);
+                whole += base;
+            }
+            found.total += scale * whole;
+            variance += noise * whole * whole;
+            largest = largest.max(whole);
         }
-        start = receiver.end as usize;
-        let open = own.iter().filter(|p| p.open).count();
-        let beta = if own.len() >= OWN { open as f64 / own.len() as f64 } else { share.value };
-        share.take(open, own.len());
-        // What the points missed of the facet, in points.
-        let missed = facet.area * receiver.cos_o / area - own.len() as f64;
-        let scale = open as f64 + beta * missed;
-        // Changes from point to point, and how far the share was from what was found.
-        let mut noise = 0.0;
-        for point in own {
-            noise += if point.open == before { 0.0 } else { 0.5 };
-            before = point.open;
+        for ((error, variance), largest) in errors.iter_mut().zip(&sums.variance).zip(&sums.largest)
+        {
+            *error = SIGMAS * variance.sqrt() + 2.0 * largest;
         }
-        noise += if own.len() >= OWN {
-            let edge = EDGE * std::f64::consts::TAU * facet.radius / area.sqrt();
-            edge.min(own.len() as f64) * beta * (1.0 - beta)
-        } else {
-            let (open, closed) = (open as f64, (own.len() - open) as f64);
-            0.25 * (open * (1.0 - beta).powi(2) + closed * beta * beta)
-        };
-        found.shadowed += usize::from(open < own.len());
-        // Hidden, as all about it.
-        if scale == 0.0 && noise == 0.0 {
-            continue;
-        }
-        let material = &q.scene.materials[facet.material as usize];
-        let weights = q.scene.weights_of(facet.material as usize);
-        let at = facet.part as usize * q.stride + weights.start;
-        let range = at..at + weights.len();
-        let i = receiver.facet as usize;
-        let (normal, u, v) = (q.now.normal[i], q.now.tangent[i], q.now.bitangent[i]);
-        let local = |d: DVec3| DVec3::new(u.dot(d), v.dot(d), normal.dot(d));
-        sums.base.clear();
-        sums.base.resize(weights.len(), 0.0);
-        // One point's worth of light.
-        material.add_weights(local(q.sun), local(q.to), area * receiver.cos_i, &mut sums.base);
-        let mut whole = 0.0;
-        for (k, base) in range.zip(&sums.base) {
-            out[k] += scale * base;
-            sums.variance[k] += noise * base * base;
-            sums.largest[k] = sums.largest[k].max(*base);
-            whole += base;
-        }
-        found.total += scale * whole;
-        variance += noise * whole * whole;
-        largest = largest.max(whole);
+        found.error = SIGMAS * variance.sqrt() + 2.0 * largest;
+        found
     }
-    for ((error, variance), largest) in errors.iter_mut().zip(&sums.variance).zip(&sums.largest) {
-        *error = SIGMAS * variance.sqrt() + 2.0 * largest;
-    }
-    found.error = SIGMAS * variance.sqrt() + 2.0 * largest;
-    found
 }
