@@ -92,10 +92,6 @@ impl Large {
                 0.25 * (open * (1.0 - beta).powi(2) + closed * beta * beta)
             };
             found.shadowed += usize::from(open < own.len());
-            // Hidden, as all about it.
-            if scale == 0.0 && noise == 0.0 {
-                continue;
-            }
             let material = &q.scene.materials[facet.material as usize];
             let weights = q.scene.weights_of(facet.material as usize);
             let at = facet.part as usize * q.stride + weights.start;
