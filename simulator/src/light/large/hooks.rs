@@ -8,7 +8,7 @@ use glam::DVec3;
 
 impl Scene {
     /// Prepares a target for sums that may be off by `tolerance` of ΣW: big meshes that hide parts of themselves are then sampled, for
-    /// distant observers ([`SceneReport::sampling`]); all else stays exact ([`SceneReport::why_exact`]), and with a tolerance of 0 all.
+    /// distant observers ([`sampling`](crate::light::SceneReport::sampling)); all else stays exact ([`why_exact`](crate::light::SceneReport::why_exact)), and with a tolerance of 0 all.
     ///
     /// # Errors
     /// As [`Scene::new`], and a tolerance that is no number from 0 to 1.
