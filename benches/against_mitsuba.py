@@ -72,22 +72,30 @@ def main():
         we()
         own = {}
         for bins in (1, 188):
-            rows = [r for run in ours for r in run if r["bins"] == bins and r["engine"] == "exact"]
-            own[bins] = (statistics.median(r["seconds_per_epoch"] for r in rows), rows[0]["relative_error"], rows[0]["error_source"])
-            seconds, error, source = own[bins]
-            label = "sunglint, %s" % ("grey" if bins == 1 else "188 bins")
-            text = "-" if error is None else "%.1e (%s)" % (error, source)
-            table.append((scene, label, "", time_text(seconds), text, ""))
+            names = []
+            for run in ours:
+                names += [r["engine"] for r in run if r["bins"] == bins and r["engine"] not in names]
+            own[bins] = []
+            for name in (n for n in names if n == "exact" or n.startswith("tolerance")):
+                rows = [r for run in ours for r in run if r["bins"] == bins and r["engine"] == name]
+                # One direction may be met by chance: a sampled sum counts with a third of the error that it states (three standard deviations).
+                error, stated = rows[0]["relative_error"], rows[0]["error_estimate"]
+                counts = error if name == "exact" or error is None else max(error, stated / 3)
+                seconds = statistics.median(r["seconds_per_epoch"] for r in rows)
+                own[bins].append((seconds, counts))
+                label = "sunglint, %s%s" % ("grey" if bins == 1 else "188 bins", "" if name == "exact" else ", " + name)
+                text = "-" if error is None else "%.1e (%s%s)" % (error, rows[0]["error_source"], "" if name == "exact" else "; stated %.1e" % stated)
+                table.append((scene, label, "", time_text(seconds), text, ""))
         for way, bins, rows in theirs:
-            seconds, error, _ = own[bins]
             for row in rows:
                 theirs_s, theirs_e = row["cpu_seconds"], row.get("rel_error")
+                enough = [s for s, e in own[bins] if theirs_e is not None and e is not None and e <= theirs_e]
                 if theirs_e is None:
                     ratio = "no truth"
-                elif error is None or error > theirs_e:
+                elif not enough:
                     ratio = "ours is not as exact"
                 else:
-                    ratio = two_digits(theirs_s / seconds)
+                    ratio = two_digits(theirs_s / min(enough))
                 table.append((scene, "Mitsuba, %s" % way, str(row["spp"]), time_text(theirs_s), "-" if theirs_e is None else "%.1e" % theirs_e, ratio))
                 first.append(row["first_seconds"]); slower.append(row["seconds"] / row["cpu_seconds"])
         load.append(os.getloadavg()[0])
@@ -104,8 +112,8 @@ Single scattering under a collimated Sun. Time: sunglint, wall time of one epoch
 and after Mitsuba's; Mitsuba, CPU time of one render (60 x 60 pixels, `multijitter`), median of 5 after a warm-up. Making the scene and
 Mitsuba's first render (JIT, %s to %s) are in no time; on this machine its wall time was %.2f times its CPU time (median). Error:
 sum |E - truth| / sum truth over the bins; Mitsuba's, the root mean square over 5 seeds, against the exact sums with the rational
-fit of Smith's masking that it evaluates; ours, against those with the closed form. Ratio: Mitsuba's time over ours at the error of that
-row, which ours stays below (below 1, Mitsuba is the faster one at that error). `grey` is one number and the fairest bound for any
+fit of Smith's masking that it evaluates; ours, against those with the closed form; a sum at a tolerance counts with a third of the error
+that it states, if that is more. Ratio: Mitsuba's time over that of our fastest row whose error is no larger (below 1, Mitsuba is the faster one at that error). `grey` is one number and the fairest bound for any
 Mitsuba script; `per material` is one grey render for each material times spectra, as a careful user does it; the `thesis loop` traces
 wavelengths (3760 samples: the thesis's 80 for each bin and pixel).
 """ % (time_text(min(first)), time_text(max(first)), statistics.median(slower)))

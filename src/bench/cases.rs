@@ -17,6 +17,11 @@ use sunglint_simulator::target::{Shape, Target};
 
 /// Subdivisions of the icosahedra that stand for the sphere: 20 × 4ⁿ triangles.
 const LADDER: [u32; 6] = [1, 2, 3, 4, 5, 6];
+/// Tolerances at which big meshes are measured too, with the engines' names.
+const TOLERANCES: [(f64, &str); 3] =
+    [(3e-2, "tolerance 3e-2"), (1e-2, "tolerance 1e-2"), (3e-3, "tolerance 3e-3")];
+/// The scene that is sampled.
+const SAMPLED: &str = "dense_satellite";
 /// Bins that each engine is measured with: grey, and a spectrum.
 const GRIDS: [usize; 2] = [1, scenes::BINS];
 /// Directions that are evaluated in turn.
@@ -31,13 +36,23 @@ type Done<'a> = &'a mut dyn FnMut(Row) -> anyhow::Result<()>;
 
 /// The rows of a built-in scene.
 pub(super) fn count(name: &str) -> usize {
-    GRIDS.len() * if name == "lambert_sphere" { 1 + LADDER.len() } else { 1 }
+    GRIDS.len()
+        * match name {
+            "lambert_sphere" => 1 + LADDER.len(),
+            SAMPLED => 1 + TOLERANCES.len(),
+            _ => 1,
+        }
 }
 
 /// Measures a built-in scene.
 pub(super) fn built_in(name: &str, budget: Duration, done: Done) -> anyhow::Result<()> {
     let scene = BenchScene::new(name)?;
-    engine("exact", &scene, &scene.target, budget, done)?;
+    engine("exact", &scene, &scene.target, 0.0, budget, done)?;
+    if name == SAMPLED {
+        for (tolerance, name) in TOLERANCES {
+            engine(name, &scene, &scene.target, tolerance, budget, done)?;
+        }
+    }
     if name == "lambert_sphere" {
         for subdivisions in LADDER {
             let mut target = scene.target.clone();
@@ -46,7 +61,7 @@ pub(super) fn built_in(name: &str, budget: Duration, done: Done) -> anyhow::Resu
                     part.shape = Shape::Mesh(icosphere(radius_m, subdivisions, Faceting::SameArea));
                 }
             }
-            engine("icosphere", &scene, &target, budget, done)?;
+            engine("icosphere", &scene, &target, 0.0, budget, done)?;
         }
     }
     Ok(())
@@ -57,11 +72,12 @@ fn engine(
     engine: &'static str,
     scene: &BenchScene,
     target: &Target,
+    tolerance: f64,
     budget: Duration,
     done: Done,
 ) -> anyhow::Result<()> {
     let start = Instant::now();
-    let prepared = Scene::new(target)?;
+    let prepared = Scene::with_tolerance(target, tolerance)?;
     let prepare_s = start.elapsed().as_secs_f64();
     let directions = directions(scene.sun_body, scene.view_body);
     for bins in GRIDS {

@@ -131,7 +131,7 @@ impl Report<'_> {
         );
         let cells = |r: &Row| {
             [
-                shortened(&r.scene, 22),
+                shortened(&r.scene, 16),
                 r.engine.to_owned(),
                 r.bins.to_string(),
                 r.facets.to_string(),
@@ -176,7 +176,7 @@ impl Report<'_> {
 }
 
 fn line(cells: &[String; 9]) -> String {
-    const WIDTHS: [usize; 9] = [22, 9, 5, 7, 9, 9, 9, 8, 11];
+    const WIDTHS: [usize; 9] = [16, 14, 5, 7, 9, 9, 9, 8, 11];
     let mut line = String::new();
     for (k, (cell, width)) in cells.iter().zip(WIDTHS).enumerate() {
         // Words to the left, numbers to the right.

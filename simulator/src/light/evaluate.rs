@@ -4,6 +4,7 @@ use super::clip::{self, P2, Polygons, Scratch};
 use super::curved::{self, Curves, Light, outline::Outline, sight::Sight};
 use super::geometry::{Geometry, Motion};
 use super::grid::Grid;
+use super::large;
 use super::occlude::{Kind, Plane, Room, Toward, toward, unit};
 use super::scene::Scene;
 use super::{View, near};
@@ -39,7 +40,9 @@ pub struct Direct {
     pub round: usize,
     /// Curved parts that something shades or hides, divided into cells.
     pub refined: usize,
-    /// An estimate of the relative error of ΣW from rounding, touching tolerances, quadrature and cells of curved parts.
+    /// Points at which a big mesh was sampled; 0 where its sum is exact.
+    pub samples: usize,
+    /// An estimate of the relative error of ΣW from sampling, rounding, touching tolerances, quadrature and cells of curved parts.
     pub error: f64,
 }
 
@@ -70,7 +73,7 @@ pub enum DirectionError {
 pub struct Evaluator<'a> {
     pub(super) scene: &'a Scene,
     pub(super) now: Cow<'a, Geometry>,
-    angles: Vec<f64>,
+    pub(super) angles: Vec<f64>,
     pub(super) radii: Vec<f64>,
     pub(super) work: Work,
     pub(super) near: near::Quadrature,
@@ -78,6 +81,8 @@ pub struct Evaluator<'a> {
     pub(super) curves: Curves,
     /// Of curved parts, towards the Sun and towards the observer.
     pub(super) outlines: [Vec<Outline>; 2],
+    pub(super) large: large::Room,
+    pub(super) errors: Vec<f64>,
 }
 
 /// Buffers.
@@ -111,6 +116,8 @@ impl<'a> Evaluator<'a> {
             disc: super::disc::Room::default(),
             curves: Curves::default(),
             outlines: [0, 1].map(|_| vec![Outline::default(); scene.rounds.len()]),
+            large: large::Room::default(),
+            errors: Vec::new(),
         }
     }
 
@@ -180,7 +187,15 @@ impl<'a> Evaluator<'a> {
     ) -> Result<Direct, DirectionError> {
         out.fill(0.0);
         self.work.done = Direct::default();
-        let (sun, eye) = self.stand(sun, facing, view)?;
+        let (sun, eye) = self.aim(sun, facing, view)?;
+        self.errors.clear();
+        self.errors.resize(out.len(), 0.0);
+        if let Toward::Far(to) = eye
+            && let Some(done) = self.sampled(sun, to, stride, out)
+        {
+            return Ok(done);
+        }
+        self.sort(sun, eye);
         let mut error = 0.0;
         for i in 0..self.scene.facets.len() {
             error += match self.scene.facets[i].patch {
@@ -196,6 +211,7 @@ impl<'a> Evaluator<'a> {
         let total: f64 = out.iter().sum();
         let mut done = self.work.done;
         done.error = if total > 0.0 { error / total + 1e-15 } else { 0.0 };
+        self.errors.fill(done.error * total);
         Ok(done)
     }
 
@@ -206,15 +222,31 @@ impl<'a> Evaluator<'a> {
         facing: DVec3,
         view: View,
     ) -> Result<(DVec3, Toward), DirectionError> {
+        let (light, eye) = self.aim(light, facing, view)?;
+        self.sort(light, eye);
+        Ok((light, eye))
+    }
+
+    /// Checks directions and turns hinges.
+    fn aim(
+        &mut self,
+        light: DVec3,
+        facing: DVec3,
+        view: View,
+    ) -> Result<(DVec3, Toward), DirectionError> {
         let facing = unit("the direction of the Sun", facing)?;
         let light = unit("the direction of the light", light)?;
         let eye = toward(view)?;
         self.turn(facing);
+        Ok((light, eye))
+    }
+
+    /// Finds the outlines of what is curved and sorts occluders, for two directions.
+    pub(super) fn sort(&mut self, light: DVec3, eye: Toward) {
         self.outline(light, eye);
         if self.scene.pairs.is_none() {
             self.index(light, eye);
         }
-        Ok((light, eye))
     }
 
     /// Turns hinged parts to the Sun.

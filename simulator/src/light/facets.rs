@@ -1,6 +1,7 @@
 //! Triangles of one plane and part become convex facets.
 
 use super::closed::Disjoint;
+use crate::target::Part;
 use glam::DVec3;
 use std::collections::HashMap;
 
@@ -199,4 +200,15 @@ fn straightened(places: &[DVec3], ring: &[u32]) -> Vec<DVec3> {
     };
     let corners: Vec<DVec3> = (0..n).filter(|&k| bends(k)).map(at).collect();
     if corners.len() < 3 { (0..n).map(at).collect() } else { corners }
+}
+
+/// A facet's tangent: the part's in the facet's plane, or the next of its axes x, y, z where that stands on the facet.
+pub fn tangent(part: &Part, normal: DVec3) -> DVec3 {
+    let in_plane = |axis: DVec3| {
+        let axis = part.placement.rotation * axis;
+        axis - axis.dot(normal) * normal
+    };
+    let axes = [part.tangent, DVec3::X, DVec3::Y, DVec3::Z].map(in_plane);
+    let chosen = axes.into_iter().find(|a| a.length() > 1e-6).unwrap_or(axes[0]);
+    (chosen - chosen.dot(normal) * normal).normalize()
 }

@@ -4,6 +4,9 @@
 //! a collimated Sun (thesis eq. 5.5 and its generalisation). For flat facets, a distant Sun and a distant observer no integral is left but
 //! the area of a polygon, and [`Scene`] computes that area exactly, in double precision, by subtraction of convex polygons.
 //!
+//! A big mesh may be wanted at a tolerance instead ([`Scene::with_tolerance`]): then the facets' sum stays exact, and what share of them is lit and
+//! seen is found at points, with an error for each weight ([`Evaluator::errors`]).
+//!
 //! A target is prepared once ([`Scene::new`]) and evaluated for as many directions as wanted ([`Scene::evaluator`], one for each thread).
 //!
 //! # What hides what
@@ -22,6 +25,7 @@
 //! plane. Coincident faces that look the same way would count twice: there the later part covers the earlier one, found when the scene
 //! is prepared, and said in [`SceneReport::warnings`] (not for faces that come to coincide by the turning of a hinge).
 
+mod buried;
 mod clip;
 mod closed;
 mod coincident;
@@ -33,6 +37,7 @@ mod faceted;
 mod facets;
 mod geometry;
 mod grid;
+mod large;
 mod near;
 mod occlude;
 mod parts;
@@ -47,8 +52,9 @@ pub use disc::SunOptions;
 pub use effect::{Effect, Globe, Lighting, Need, Source, Term};
 pub use evaluate::{Direct, DirectionError, Evaluator};
 pub use faceted::{Faceted, FacetedEye, Glint};
+pub use large::Sampling;
 pub use pieces::Piece;
-pub use scene::{Scene, SceneError, SceneReport};
+pub use scene::{Scene, SceneError, SceneOptions, SceneReport};
 
 use glam::DVec3;
 

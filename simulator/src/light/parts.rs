@@ -1,7 +1,7 @@
 //! What is asked of a target's parts while a scene is made.
 
 use super::closed;
-use crate::target::{Part, Shape, Target};
+use crate::target::{Shape, Target};
 use glam::DVec3;
 
 /// Half the diagonal of the bounding box, at least 1e-300 m.
@@ -66,15 +66,4 @@ pub fn components_of_parts(
         take(&rest, true, &mut of);
     }
     (of, closed)
-}
-
-/// A facet's tangent: the part's in the facet's plane, or the next of its axes x, y, z where that stands on the facet.
-pub fn tangent(part: &Part, normal: DVec3) -> DVec3 {
-    let in_plane = |axis: DVec3| {
-        let axis = part.placement.rotation * axis;
-        axis - axis.dot(normal) * normal
-    };
-    let axes = [part.tangent, DVec3::X, DVec3::Y, DVec3::Z].map(in_plane);
-    let chosen = axes.into_iter().find(|a| a.length() > 1e-6).unwrap_or(axes[0]);
-    (chosen - chosen.dot(normal) * normal).normalize()
 }

@@ -5,8 +5,9 @@ use super::curved::{self, Round, bent::Patch};
 use super::evaluate::Evaluator;
 use super::facets::{self, Polygon, Triangle};
 use super::geometry::{Geometry, Motion};
+use super::large::{Large, Sampling};
 use super::occlude::{Kind, Occluder};
-use super::parts::{components_of_parts, size, tangent};
+use super::parts::{components_of_parts, size};
 use super::{solid, weld};
 use crate::surface::Material;
 use crate::target::{Hinge, Part, Shape, Target};
@@ -33,7 +34,9 @@ pub struct Scene {
     pub(super) covers: bool,
     /// The Sun's disc, where it is modelled.
     pub(super) sun: Option<super::disc::Sun>,
-    report: SceneReport,
+    /// The same once more, where it is sampled.
+    pub(super) large: Option<Box<Large>>,
+    pub(super) report: SceneReport,
 }
 
 /// A facet; its place is in [`Geometry`].
@@ -49,6 +52,25 @@ pub(super) struct Facet {
     pub patch: Option<u32>,
     /// Whether its component is convex, and hides nothing of itself.
     pub convex: bool,
+}
+
+/// How a target is prepared.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SceneOptions {
+    /// Facets times occluders up to which every pair is looked at once and for all: with fewer the scene takes less memory and looks for what hides what
+    /// anew in each direction.
+    pub most_pairs: usize,
+    /// What sums may be off by, of ΣW: big meshes that hide parts of themselves are then sampled for distant observers
+    /// ([`SceneReport::sampling`]); all else stays exact ([`SceneReport::why_exact`]), and with 0 all.
+    pub tolerance: f64,
+    /// The Sun's disc; `None` for a collimated Sun.
+    pub sun: Option<super::SunOptions>,
+}
+
+impl Default for SceneOptions {
+    fn default() -> Self {
+        Self { most_pairs: Scene::MOST_PAIRS, tolerance: 0.0, sun: None }
+    }
 }
 
 /// Why a target cannot be prepared.
@@ -115,6 +137,12 @@ pub enum SceneError {
         /// Its material.
         material: String,
     },
+    /// A tolerance that is none.
+    #[error("the tolerance is {tolerance}, expected a number from 0 to 1, a part of the whole")]
+    Tolerance {
+        /// What was given.
+        tolerance: f64,
+    },
     /// A sphere without a radius.
     #[error("part `{part}` is a sphere of radius {radius_m} m, expected more than 0")]
     Radius {
@@ -156,6 +184,8 @@ pub struct SceneReport {
     pub facets: usize,
     /// Of them, triangles that are bent by their normals.
     pub bent: usize,
+    /// Facets left out because they lie inside a convex body that moves with them.
+    pub buried: usize,
     /// Spheres, in closed form wherever nothing interferes with them.
     pub spheres: usize,
     /// Cylinders, cones and dishes.
@@ -172,6 +202,10 @@ pub struct SceneReport {
     pub occluder_pairs: Option<usize>,
     /// Corners nearer to a plane than this lie in it, m.
     pub touching_m: f64,
+    /// How a big mesh is sampled; `None` where all sums are exact.
+    pub sampling: Option<Sampling>,
+    /// Why the sums are exact although a tolerance was given.
+    pub why_exact: Option<String>,
     /// What a person should hear of.
     pub warnings: Vec<String>,
 }
@@ -200,20 +234,26 @@ impl Scene {
     /// # Errors
     /// As [`Scene::new`].
     pub fn with_most_pairs(target: &Target, most_pairs: usize) -> Result<Self, SceneError> {
-        Self::build(target, most_pairs, None)
+        Self::with_options(target, SceneOptions { most_pairs, ..SceneOptions::default() })
     }
 
-    /// Prepares a target for a Sun of some extent, or none.
-    pub(super) fn build(
-        target: &Target,
-        most_pairs: usize,
-        sun: Option<super::disc::Sun>,
-    ) -> Result<Self, SceneError> {
+    /// Prepares a target as [`SceneOptions`] say.
+    ///
+    /// # Errors
+    /// As [`Scene::new`] (flat mirrors are welcome under the Sun's disc), and a tolerance that is no number from 0 to 1.
+    pub fn with_options(target: &Target, options: SceneOptions) -> Result<Self, SceneError> {
+        let SceneOptions { most_pairs, tolerance, sun } = options;
+        if !(0.0..=1.0).contains(&tolerance) {
+            return Err(SceneError::Tolerance { tolerance });
+        }
         for part in &target.parts {
             check(target, part, sun.is_some())?;
         }
         let mut scene = Builder::new(target).finish(most_pairs);
-        scene.sun = sun;
+        scene.sun = sun.map(|options| super::disc::Sun::new(target, options));
+        if tolerance > 0.0 {
+            scene.sample(tolerance);
+        }
         Ok(scene)
     }
 
@@ -350,6 +390,7 @@ impl<'a> Builder<'a> {
             touching_m: size * Scene::TOUCHING,
             covers: false,
             sun: None,
+            large: None,
             report,
         };
         Self { target, size, components: 0, scene }
@@ -439,6 +480,9 @@ impl<'a> Builder<'a> {
                 hides[c] = Some(Kind::Leaving);
             }
         }
+        let before = polygons.len();
+        super::buried::remove(&mut polygons, &convex, touching);
+        self.scene.report.buried += before - polygons.len();
         for polygon in &polygons {
             if let Some(kind) = &hides[polygon.component] {
                 let component = self.components + polygon.component;
@@ -485,7 +529,7 @@ impl<'a> Builder<'a> {
     fn facet(&mut self, polygon: &Polygon, component: usize, convex: bool, group: usize) {
         let part = &self.target.parts[polygon.part];
         let (origin, normal) = (polygon.middle(), polygon.normal);
-        let tangent = tangent(part, normal);
+        let tangent = facets::tangent(part, normal);
         let bitangent = normal.cross(tangent);
         let flat: Vec<P2> = polygon
             .corners

@@ -5,6 +5,8 @@
 mod clipper;
 mod hard;
 mod hinges;
+mod large;
+mod large_hard;
 mod laws;
 mod near;
 mod scenes;

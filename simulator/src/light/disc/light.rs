@@ -4,11 +4,13 @@ use super::Sun;
 use super::average::Averager;
 use super::cut::{Cut, Disc, Left};
 use super::profile::PROFILES;
+use crate::light::View;
 use crate::light::curved::Light;
 use crate::light::effect::Lighting;
 use crate::light::evaluate::{COVERING, Direct, DirectionError, Evaluator, GRAZING};
 use crate::light::near;
 use crate::light::occlude::{Toward, toward, unit};
+use crate::surface::Material;
 use glam::{DVec2, DVec3};
 use std::f64::consts::FRAC_1_PI;
 
@@ -75,8 +77,11 @@ impl Evaluator<'_> {
         };
         self.turn(middle);
         match sun {
+            Some(sun) if self.scene.large.is_some() && self.is_broad(sine) => {
+                self.sampled_under(&Now { disc, earth, eye, sun }, lighting.view, weights, errors)?;
+            }
             Some(sun) => self.under(&Now { disc, earth, eye, sun }, weights, errors),
-            None => self.collimated(middle, eye, weights, errors),
+            None => self.collimated(middle, eye, lighting.view, weights, errors)?,
         }
         let (total, error): (f64, f64) =
             (weights.iter().map(|w| w.abs()).sum(), errors.iter().sum());
@@ -86,10 +91,21 @@ impl Evaluator<'_> {
     }
 
     /// As [`Evaluator::direct`], with the errors of each weight.
-    fn collimated(&mut self, sun: DVec3, eye: Toward, weights: &mut [f64], errors: &mut [f64]) {
-        if self.scene.pairs.is_none() {
-            self.index(sun, eye);
+    fn collimated(
+        &mut self,
+        sun: DVec3,
+        eye: Toward,
+        view: View,
+        weights: &mut [f64],
+        errors: &mut [f64],
+    ) -> Result<(), DirectionError> {
+        if self.scene.large.is_some() {
+            let count = self.scene.weight_count();
+            self.sum(sun, sun, view, 0, &mut weights[..count])?;
+            errors[..count].copy_from_slice(&self.errors);
+            return Ok(());
         }
+        self.sort(sun, eye);
         let count = self.scene.weight_count();
         for i in 0..self.scene.facets.len() {
             let facet = &self.scene.facets[i];
@@ -105,6 +121,41 @@ impl Evaluator<'_> {
             let (values, errors) = (&mut weights[range.clone()], &mut errors[range]);
             self.round(k, Light { sun, eye }, values, errors);
         }
+        Ok(())
+    }
+
+    /// Whether all lobes are so wide against the disc that its middle stands for it in a sampled scene.
+    fn is_broad(&self, sine: f64) -> bool {
+        let Some(large) = &self.scene.large else { return false };
+        let open = |m: &Material| middle_alone(m, sine);
+        self.scene.materials.iter().all(|m| open(m) <= 0.1 * large.sampling.tolerance)
+    }
+
+    /// A sampled scene under the disc: from its middle; of a partly hidden disc the share that is left.
+    fn sampled_under(
+        &mut self,
+        now: &Now<'_>,
+        view: View,
+        weights: &mut [f64],
+        errors: &mut [f64],
+    ) -> Result<(), DirectionError> {
+        let scene = self.scene;
+        let mut plain = vec![0.0; scene.weight_count()];
+        self.sum(now.disc.middle, now.disc.middle, view, 0, &mut plain)?;
+        let share =
+            now.earth.map_or([1.0, 0.0, 0.0, 0.0, 0.0], |cut| super::rings::fractions(&[cut]));
+        for (number, material) in scene.materials.iter().enumerate() {
+            let range = scene.weights_of(number);
+            let open = middle_alone(material, now.disc.sine);
+            for k in range.clone() {
+                errors[k] += share[0] * (self.errors[k] + open * plain[k].abs());
+            }
+            let row = &plain[range];
+            let rows: Vec<f64> =
+                share.iter().flat_map(|s| row.iter().map(move |v| s * v)).collect();
+            self.take(now, number, &rows, 1.0, 0.0, 0.0, weights, errors);
+        }
+        Ok(())
     }
 
     fn under(&mut self, now: &Now<'_>, weights: &mut [f64], errors: &mut [f64]) {
@@ -112,11 +163,9 @@ impl Evaluator<'_> {
         let reach = places.map(|(m, r)| m.length() + r).fold(0.0, f64::max);
         self.disc.extent_m = 2.0 * reach;
         let widened = now.disc.sine * self.disc.extent_m;
-        if self.scene.pairs.is_none() {
-            self.radii.iter_mut().for_each(|r| *r += widened);
-            self.index(now.disc.middle, now.eye);
-            self.radii.iter_mut().for_each(|r| *r -= widened);
-        }
+        self.radii.iter_mut().for_each(|r| *r += widened);
+        self.sort(now.disc.middle, now.eye);
+        self.radii.iter_mut().for_each(|r| *r -= widened);
         for i in 0..self.scene.facets.len() {
             match self.scene.facets[i].patch {
                 None => self.facet_under(now, i, weights, errors),
@@ -146,11 +195,7 @@ impl Evaluator<'_> {
             now.earth.map_or([1.0, 0.0, 0.0, 0.0, 0.0], |cut| super::rings::fractions(&[cut]));
         let (mut values, mut open) = (vec![0.0; count], vec![0.0; count]);
         self.curved_towards(now, what, now.disc.middle, &mut values, &mut open);
-        let relative = match scene.materials[number].width() {
-            crate::surface::Width::Even => 0.25 * now.disc.sine.powi(2),
-            crate::surface::Width::Lobe { lobe, .. } => (now.disc.sine / lobe.narrowest()).powi(2),
-            crate::surface::Width::Mirror(_) => 1.0,
-        };
+        let relative = middle_alone(&scene.materials[number], now.disc.sine);
         if relative > now.sun.options.tolerance {
             let reach = (2.0 * super::profile::second_moments()[0]).sqrt();
             let mut mean = vec![0.0; count];
@@ -420,5 +465,15 @@ impl Evaluator<'_> {
             errors[scene.weights_of(number).start] += error + open;
         }
         self.disc.averager.sums.values = values;
+    }
+}
+
+/// By how much the middle of the disc alone may be wrong, relative: (δ/α)² of a lobe is several times what its middle differs by
+/// (physics of the disc: (δ²/8)∇²f/f), for its wings.
+fn middle_alone(material: &Material, sine: f64) -> f64 {
+    match material.width() {
+        crate::surface::Width::Even => 0.25 * sine * sine,
+        crate::surface::Width::Lobe { lobe, .. } => (sine / lobe.narrowest()).powi(2),
+        crate::surface::Width::Mirror(_) => 1.0,
     }
 }

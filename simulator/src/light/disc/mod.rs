@@ -34,7 +34,7 @@ pub(super) mod sums;
 pub use light::Room;
 
 use super::effect::{Source, Term};
-use super::scene::{Scene, SceneError};
+use super::scene::{Scene, SceneError, SceneOptions};
 use crate::surface::{Material, MaterialError, Width};
 use crate::target::Target;
 use profile::PROFILES;
@@ -72,7 +72,7 @@ pub struct Sun {
 }
 
 impl Sun {
-    fn new(target: &Target, options: SunOptions) -> Self {
+    pub(in crate::light) fn new(target: &Target, options: SunOptions) -> Self {
         let mut terms: usize = target.materials.iter().map(|m| m.spectra().len()).sum();
         let tinted = target.materials.iter().map(|material| {
             is_tinted(material, options).then(|| {
@@ -106,7 +106,8 @@ impl Scene {
     /// # Errors
     /// As [`Scene::new`], but for flat mirrors.
     pub fn with_sun(target: &Target, options: SunOptions) -> Result<Self, SceneError> {
-        Self::build(target, Self::MOST_PAIRS, Some(Sun::new(target, options)))
+        let sun = Some(options);
+        Self::with_options(target, SceneOptions { sun, ..SceneOptions::default() })
     }
 
     /// How many weights [`Evaluator::light`](super::Evaluator::light) gives: [`Scene::weight_count`], and what the disc's tint adds.
