@@ -71,6 +71,8 @@ pub struct Evaluator<'a> {
     radii: Vec<f64>,
     work: Work,
     near: near::Quadrature,
+    /// The errors of the last evaluation, by material, m² sr⁻¹.
+    errors: Vec<f64>,
 }
 
 /// Buffers.
@@ -96,6 +98,7 @@ impl<'a> Evaluator<'a> {
             radii: scene.occluders.iter().map(|o| o.radius).collect(),
             work: Work::default(),
             near: near::Quadrature::default(),
+            errors: vec![0.0; scene.materials.len()],
         }
     }
 
@@ -130,6 +133,12 @@ impl<'a> Evaluator<'a> {
         self.sum(sun_body, view, stride, out)
     }
 
+    /// How far the weights of the last evaluation may be off by rounding, touching tolerances, quadrature and flat facets of spheres: for each
+    /// material the sum over its weights, m² sr⁻¹.
+    pub fn errors(&self) -> &[f64] {
+        &self.errors
+    }
+
     fn check(&self, out: &[f64], expected: usize) -> Result<(), DirectionError> {
         let found = out.len();
         if found == expected { Ok(()) } else { Err(DirectionError::Room { found, expected }) }
@@ -159,17 +168,22 @@ impl<'a> Evaluator<'a> {
         if self.scene.pairs.is_none() {
             self.index(sun, eye);
         }
-        let mut error = 0.0;
+        self.errors.fill(0.0);
         let usual = self.scene.spheres.first().map_or(self.scene.facets.len(), |s| s.facets.start);
         for i in 0..usual {
-            error += self.facet(i, sun, eye, stride, out);
+            let error = self.facet(i, sun, eye, stride, out);
+            self.errors[self.scene.facets[i].material as usize] += error;
         }
         for ball in 0..self.scene.spheres.len() {
-            error += self.ball(ball, sun, eye, stride, out);
+            let error = self.ball(ball, sun, eye, stride, out);
+            self.errors[self.scene.spheres[ball].material as usize] += error;
         }
+        let mut error: f64 = self.errors.iter().sum();
         if self.scene.covers {
             let area: f64 = self.scene.facets[..usual].iter().map(|f| f.area).sum();
-            error += COVERING * area * std::f64::consts::FRAC_1_PI;
+            let covering = COVERING * area * std::f64::consts::FRAC_1_PI;
+            self.errors.iter_mut().for_each(|e| *e += covering);
+            error += covering;
         }
         let total: f64 = out.iter().sum();
         let mut done = self.work.done;

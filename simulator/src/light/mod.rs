@@ -20,6 +20,7 @@ mod clip;
 mod closed;
 mod coincident;
 mod effect;
+pub mod engine;
 mod evaluate;
 mod facets;
 mod geometry;
@@ -32,6 +33,7 @@ mod sphere;
 mod weld;
 
 pub use effect::{Effect, Globe, Lighting, Need, Source, Term};
+pub use engine::{Course, Engine, Options};
 pub use evaluate::{Direct, DirectionError, Evaluator};
 pub use scene::{Scene, SceneError, SceneReport};
 

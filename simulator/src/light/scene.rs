@@ -110,6 +110,9 @@ pub enum SceneError {
         /// Its material.
         material: String,
     },
+    /// A material whose reflectance cannot be summed.
+    #[error(transparent)]
+    Material(#[from] crate::surface::MaterialError),
     /// A sphere without a radius.
     #[error("part `{part}` is a sphere of radius {radius_m} m, expected more than 0")]
     Radius {
