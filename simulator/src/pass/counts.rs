@@ -108,8 +108,10 @@ impl Pass {
             Some(_) => magnitude(here.scale * sums.below(first + b, weights, &transmissions)),
             None => f64::NAN,
         };
-        let (ground, magnitudes) =
-            (std::array::from_fn(ground), std::array::from_fn(|b| magnitude(here.scale * above(b))));
+        let (ground, magnitudes) = (
+            std::array::from_fn(ground),
+            std::array::from_fn(|b| magnitude(here.scale * above(b))),
+        );
         let (spectrum, spectrum_errors) = match (&functionals.at_telescope, visible) {
             (None, _) => bins(functionals, light, sun),
             (Some(set), Some(zenith)) => {

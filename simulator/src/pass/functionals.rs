@@ -102,7 +102,9 @@ impl Set {
         let mut unknown = Vec::new();
         for with in with {
             products.extend(columns.spectra.iter().map(|tau| with(Product::of(sun).times(tau))));
-            let value = |tau: &'b Spectrum<Factor>| with(Product::of(sun).times(tau)).integral().value.abs();
+            let value = |tau: &'b Spectrum<Factor>| {
+                with(Product::of(sun).times(tau)).integral().value.abs()
+            };
             unknown.extend(columns.unlit().map(value));
         }
         let above: Vec<Integral> = products.iter().map(Product::integral).collect();

@@ -41,7 +41,7 @@ pub use error::PassError;
 pub use explain::Explanation;
 pub use file::{Overrides, PassFile};
 pub use ready::{Eye, Ready, Sample};
-pub use result::{StandardMagnitude, not_modelled};
+pub use result::{StandardMagnitude, StatedError};
 pub use simulate::{Bounds, ChannelSamples, Place, Progress, Simulation, Stage};
 
 use crate::attitude::Attitude;

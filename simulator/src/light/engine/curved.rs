@@ -7,7 +7,10 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     let report = question.scene.report();
     let needed = report.spheres > 0;
     let (bound, why) = if !needed {
-        (Some(0.0), format!("none: {} facets are taken to be flat, as they are given", report.facets))
+        (
+            Some(0.0),
+            format!("none: {} facets are taken to be flat, as they are given", report.facets),
+        )
     } else if report.sphere_faceting > 0.0 {
         let error = report.sphere_faceting;
         (

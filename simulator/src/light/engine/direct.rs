@@ -1,7 +1,9 @@
 //! Light that comes from the Sun and is scattered once.
 
 use super::{Answer, Part, Question};
-use crate::light::{DirectionError, Effect, Evaluator, Lighting, Need, Scene, SceneError, Source, Term};
+use crate::light::{
+    DirectionError, Effect, Evaluator, Lighting, Need, Scene, SceneError, Source, Term,
+};
 
 /// Seconds for a facet, for a pair of a facet and what may hide it, for a sphere: of a core of about 3 GHz.
 const COSTS_S: [f64; 3] = [5e-8, 2e-8, 1e-7];

@@ -39,9 +39,10 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     let diffuse = 0.25 * radius * radius;
     let (lobe, words) = match body.narrowest() {
         None => (diffuse, "all materials are diffuse".to_owned()),
-        Some((_, 0.0)) if !flat => {
-            (0.25 * radius, "a mirror, but curved: the disc's image is smaller than the sphere's".into())
-        }
+        Some((_, 0.0)) if !flat => (
+            0.25 * radius,
+            "a mirror, but curved: the disc's image is smaller than the sphere's".into(),
+        ),
         Some((_, 0.0)) => (1.0, "a flat mirror".to_owned()),
         Some((kind, alpha)) => (
             relative(kind, alpha, if kind == Distribution::Beckmann { WING } else { 0.0 }, radius),
@@ -51,7 +52,9 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     let bound = lobe.max(horizon);
     let needed = options.needs(switch, bound);
     let edge = if flat {
-        format!("; a facet on the Sun's horizon gets {horizon:.1e} of full sunlight where it is taken to get none")
+        format!(
+            "; a facet on the Sun's horizon gets {horizon:.1e} of full sunlight where it is taken to get none"
+        )
     } else {
         String::new()
     };

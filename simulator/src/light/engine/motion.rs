@@ -14,7 +14,10 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     };
     let why = match course.epochs {
         0 => format!("looked at epoch by epoch{turning}"),
-        n => format!("{n} epochs, {} of them with geometries of their own{turning}", course.geometries),
+        n => format!(
+            "{n} epochs, {} of them with geometries of their own{turning}",
+            course.geometries
+        ),
     };
     let need = Need {
         effect: "motion",

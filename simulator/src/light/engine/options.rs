@@ -68,7 +68,9 @@ impl Options {
 
 /// A tolerance that is none.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("the tolerance is {0}, expected a relative error from 1e-9 to 0.1 (10 %), such as 0.002 or 0.2 %")]
+#[error(
+    "the tolerance is {0}, expected a relative error from 1e-9 to 0.1 (10 %), such as 0.002 or 0.2 %"
+)]
 pub struct WrongTolerance(pub f64);
 
 /// A tolerance, if it is one.

@@ -47,7 +47,8 @@ impl Seen {
         self.off_lobe.clear();
         self.off_lobe.resize(count, (0.0, 0.0));
         self.sun_radius_rad = lighting.sun_radius_rad;
-        self.earth = lighting.earth.map_or(globes::EARTH_ALBEDO, |earth| globes::irradiance(&earth));
+        self.earth =
+            lighting.earth.map_or(globes::EARTH_ALBEDO, |earth| globes::irradiance(&earth));
         let (toward, earth_sine) = match lighting.earth {
             Some(globe) => (globe.toward, globe.radius_m / globe.distance_m),
             None => (to, 1.0),
@@ -74,7 +75,8 @@ impl Seen {
             if height.abs() < lighting.sun_radius_rad + patch.chord {
                 self.horizon_m2[m] += area;
             }
-            if let (Some((kind, alpha)), true) = (body.glosses[m].lobe, height + patch.chord > 0.0) {
+            if let (Some((kind, alpha)), true) = (body.glosses[m].lobe, height + patch.chord > 0.0)
+            {
                 self.lobe(m, kind, alpha, normal.dot(halfway) + patch.chord, area);
             }
         }
