@@ -291,3 +291,58 @@ impl Functionals {
         Ok(Self { sums, spectral, spectral_uncovered, at_telescope })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: the function itself at points between its points, zeros between them included: its parts add up to it and never go below 0.
+    #[test]
+    fn a_spectrum_that_changes_its_sign_is_the_difference_of_two_that_do_not() {
+        let nm = vec![400.0, 500.0, 600.0, 650.0, 700.0];
+        let value = vec![1.0, -3.0, -1.0, 0.0, 2.0];
+        let spectrum = Spectrum::<Factor>::new(nm, value).unwrap();
+        let [above, below] = [1.0, -1.0].map(|sign| one_sign(&spectrum, sign).unwrap());
+        for k in 0..=3000 {
+            let nm = 400.0 + 0.1 * f64::from(k);
+            let (a, b, truth) = (above.at(nm), below.at(nm), spectrum.at(nm));
+            assert!(a >= 0.0 && b >= 0.0 && a.min(b) < 1e-12, "{nm}: {a} {b}");
+            assert!((a - b - truth).abs() < 1e-12, "{nm}: {a} - {b} is not {truth}");
+        }
+    }
+
+    /// Truth: integrals are linear: a term a − b with the weight 2 and the error 0.1 has the light of a and b with the weights 2 and −2,
+    /// whatever the air, and at most the error of both. Tolerance: rounding, and what the tables over the zenith angle may err by (1e-7).
+    #[test]
+    fn a_term_that_changes_its_sign_goes_through_the_air() {
+        use crate::light::Source;
+        let file =
+            super::super::PassFile::read(sunglint_testkit::repository().join("src/demo/pass.toml"));
+        let pass = file.unwrap().resolve(super::super::Overrides::default()).unwrap();
+        let term = |value: [f64; 3]| {
+            let spectrum = Spectrum::new(vec![300.0, 600.0, 1240.0], value.to_vec()).unwrap();
+            Term { source: Source::Bounce, material: None, spectrum }
+        };
+        let one = Functionals::new(&pass, &[term([0.9, -0.3, 0.2])], 1).unwrap();
+        let two =
+            Functionals::new(&pass, &[term([0.9, 0.1, 0.5]), term([0.0, 0.4, 0.3])], 2).unwrap();
+        let (mut first, mut second) = (Vec::new(), Vec::new());
+        for zenith in [0.0, 60.0, 85.0] {
+            one.sums.transmissions(Zenith::Apparent(zenith), &mut first).unwrap();
+            two.sums.transmissions(Zenith::Apparent(zenith), &mut second).unwrap();
+            for i in 0..one.sums.len() {
+                let (a, b) = (one.sums.above(i, &[2.0]), two.sums.above(i, &[2.0, -2.0]));
+                let scale = two.sums.above(i, &[2.0, 2.0]);
+                assert!((a - b).abs() <= 1e-12 * scale, "{i}: {a} {b}");
+                let (a, b) =
+                    (one.sums.below(i, &[2.0], &first), two.sums.below(i, &[2.0, -2.0], &second));
+                assert!((a - b).abs() <= 4e-7 * scale, "{i} at {zenith}: {a} {b}");
+                let (a, b) = (
+                    one.sums.error_below(i, &[0.1], &first, 1.0),
+                    two.sums.error_below(i, &[0.1, 0.1], &second, 1.0),
+                );
+                assert!(a > 0.0 && a <= b + 1e-7 * scale, "{i} at {zenith}: {a} {b}");
+            }
+        }
+    }
+}

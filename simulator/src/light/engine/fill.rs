@@ -1,4 +1,4 @@
-//! How much of a facet's sky the rest of a body fills.
+//! How much of a body's light falls on the body itself.
 
 use crate::light::scene::Scene;
 use glam::{DQuat, DVec3};
@@ -8,22 +8,74 @@ use std::f64::consts::{FRAC_1_PI, TAU};
 const MOST: usize = 4_000_000;
 /// Angles of hinges that are looked at.
 const ANGLES: usize = 12;
+/// Directions of the Sun that are looked at.
+const DIRECTIONS: usize = 64;
 
-/// The largest fraction of a facet's hemisphere, weighted with the cosine, that the other surfaces can fill: 0 for a convex body. What hides
-/// what is not looked at, so that the true fraction is no larger; points are the corners of the facets, their middles and those of their
-/// edges, where it is largest.
-pub(super) fn largest(scene: &Scene) -> f64 {
-    if scene.report().no_occlusion {
-        return 0.0;
+/// How much of what the facets of a body send falls on other facets, as fractions of the hemisphere weighted with the cosine: means over facets.
+/// What hides what is not looked at, so that the true fractions are no larger.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Fill {
+    /// The largest of any facet.
+    pub facet: f64,
+    /// Of the whole body under the Sun from where that is most, weighted by what each facet gets.
+    pub body: f64,
+}
+
+impl Fill {
+    /// Everything.
+    const ALL: Self = Self { facet: 1.0, body: 1.0 };
+
+    /// Looks at a scene. Spheres are their flat facets.
+    pub(super) fn of(scene: &Scene) -> Self {
+        if scene.report().no_occlusion {
+            return Self::default();
+        }
+        let facets = scene.facets.len();
+        let angles = if scene.hinges.is_empty() { 1 } else { ANGLES };
+        let corners: usize = (0..facets).map(|i| scene.outlines.get(i).len()).sum();
+        if (3 * corners).saturating_mul(facets) * angles > MOST {
+            return Self::ALL;
+        }
+        (0..angles).fold(Self::default(), |most, angle| {
+            let now = Self::at(scene, TAU * angle as f64 / angles as f64);
+            Self { facet: most.facet.max(now.facet), body: most.body.max(now.body) }
+        })
     }
-    let facets = scene.facets.len();
-    let angles = if scene.hinges.is_empty() { 1 } else { ANGLES };
-    let corners: usize = (0..facets).map(|i| scene.outlines.get(i).len()).sum();
-    if (2 * corners + facets).saturating_mul(facets) * angles > MOST {
-        return 1.0;
+
+    fn at(scene: &Scene, angle_rad: f64) -> Self {
+        let placed: Vec<Placed> =
+            (0..scene.facets.len()).map(|i| place(scene, i, angle_rad)).collect();
+        let closed = scene.report().closed;
+        let fills: Vec<f64> = placed
+            .iter()
+            .map(|facet| {
+                let others = placed.iter().filter(|o| facet.may_see(o, scene.touching_m));
+                facet.filled_by(&others.collect::<Vec<_>>(), closed)
+            })
+            .collect();
+        let share = |sun: DVec3| {
+            let (mut all, mut filled) = (0.0, 0.0);
+            for ((facet, fill), placed) in scene.facets.iter().zip(&fills).zip(&placed) {
+                let lit = facet.area * placed.normal.dot(sun).max(0.0);
+                (all, filled) = (all + lit, filled + lit * fill);
+            }
+            if all > 0.0 { filled / all } else { 0.0 }
+        };
+        Self {
+            facet: fills.iter().copied().fold(0.0, f64::max),
+            body: directions().map(share).fold(0.0, f64::max),
+        }
     }
-    let at = |angle: usize| largest_at(scene, TAU * angle as f64 / angles as f64);
-    (0..angles).map(at).fold(0.0, f64::max)
+}
+
+/// Directions all over the sphere, along a golden spiral.
+fn directions() -> impl Iterator<Item = DVec3> {
+    (0..DIRECTIONS).map(|k| {
+        let z: f64 = 1.0 - (2.0 * k as f64 + 1.0) / DIRECTIONS as f64;
+        let (sin, cos) = (2.399_963_229_728_653 * k as f64).sin_cos();
+        let across = (1.0 - z * z).sqrt();
+        DVec3::new(across * cos, across * sin, z)
+    })
 }
 
 /// A facet in its place.
@@ -35,32 +87,33 @@ struct Placed {
     convex: bool,
 }
 
-fn largest_at(scene: &Scene, angle_rad: f64) -> f64 {
-    let placed: Vec<Placed> = (0..scene.facets.len()).map(|i| place(scene, i, angle_rad)).collect();
-    let mut most = 0.0_f64;
-    for facet in &placed {
-        let others: Vec<&Placed> = placed
-            .iter()
-            .filter(|o| !(facet.convex && o.component == facet.component))
-            .filter(|o| {
-                let above = |c: &DVec3| (*c - facet.middle).dot(facet.normal) > scene.touching_m;
-                o.corners.iter().any(above)
-            })
-            .collect();
-        if others.is_empty() {
-            continue;
-        }
-        let n = facet.corners.len();
-        let edges = (0..n).map(|k| 0.5 * (facet.corners[k] + facet.corners[(k + 1) % n]));
-        // A little inside, so that no corner of a neighbour is met.
-        let points = facet.corners.iter().copied().chain(edges);
-        let points = points.map(|p| p + 1e-6 * (facet.middle - p)).chain([facet.middle]);
-        for point in points {
-            let sum: f64 = others.iter().map(|o| fraction(point, facet.normal, &o.corners)).sum();
-            most = most.max(sum);
-        }
+impl Placed {
+    /// Whether another has a part above this one's plane.
+    fn may_see(&self, other: &Self, touching_m: f64) -> bool {
+        let above = |c: &DVec3| (*c - self.middle).dot(self.normal) > touching_m;
+        !(self.convex && other.component == self.component) && other.corners.iter().any(above)
     }
-    most.min(1.0)
+
+    /// The mean over the facet of the fraction that others fill. Of closed bodies the sides that face a point count, which hide the others;
+    /// so a point inside a body sees nothing of it.
+    fn filled_by(&self, others: &[&Self], closed: bool) -> f64 {
+        let n = self.corners.len();
+        let (mut sum, mut area) = (0.0, 0.0);
+        for k in 0..n {
+            let [a, b, c] = [self.middle, self.corners[k], self.corners[(k + 1) % n]];
+            let weight = (b - a).cross(c - a).length() / 3.0;
+            for point in [(a, b, c), (b, c, a), (c, a, b)] {
+                let point = (4.0 * point.0 + point.1 + point.2) / 6.0;
+                let seen = others
+                    .iter()
+                    .filter(|o| !closed || (point - o.middle).dot(o.normal) > 0.0)
+                    .map(|o| fraction(point, self.normal, &o.corners));
+                sum += weight * seen.sum::<f64>().min(1.0);
+                area += weight;
+            }
+        }
+        if area > 0.0 { sum / area } else { 0.0 }
+    }
 }
 
 fn place(scene: &Scene, i: usize, angle_rad: f64) -> Placed {
@@ -86,8 +139,8 @@ fn place(scene: &Scene, i: usize, angle_rad: f64) -> Placed {
     Placed { corners, middle, normal, component, convex }
 }
 
-/// The fraction of the hemisphere about `normal` at a point that a polygon fills, seen from either side (Lambert's formula), after what lies below the
-/// horizon is cut off.
+/// The fraction of the hemisphere about `normal` at a point that a polygon fills, seen from either side (Lambert's formula), after what lies
+/// below the horizon is cut off.
 fn fraction(point: DVec3, normal: DVec3, corners: &[DVec3]) -> f64 {
     let mut above: Vec<DVec3> = Vec::with_capacity(corners.len() + 1);
     for (k, corner) in corners.iter().enumerate() {
@@ -113,9 +166,10 @@ fn fraction(point: DVec3, normal: DVec3, corners: &[DVec3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::target::Target;
 
-    /// Truth: from a point on the edge of a wall without end, square to the ground, the wall fills half of the sky (1/2); of a disc of radius R at height h
-    /// overhead, R²/(R² + h²) (here a polygon of 720 corners). Tolerance: the size of the wall (1e-4), the polygon (1e-4).
+    /// Truth: from a point on the edge of a wall without end, square to the ground, the wall fills half of the sky; a disc of radius R at height h
+    /// overhead R²/(R² + h²) (here a polygon of 720 corners). Tolerance: the size of the wall and the polygon, 1e-4.
     #[test]
     fn walls_and_ceilings_fill_what_their_formulas_say() {
         let wall = [(-1e4, 0.0), (1e4, 0.0), (1e4, 1e4), (-1e4, 1e4)];
@@ -128,5 +182,37 @@ mod tests {
         let disc: Vec<DVec3> = (0..720).map(corner).collect();
         assert!((fraction(DVec3::ZERO, DVec3::Z, &disc) - 4.0 / 13.0).abs() < 1e-4);
         assert_eq!(fraction(DVec3::ZERO, -DVec3::Z, &disc), 0.0);
+    }
+
+    /// Truth: two unit squares that share an edge at a right angle exchange F = 0.20004 (Hottel 1931; Howell's catalogue C-14), so a face of
+    /// three that meet in a corner has 0.40009; a convex body has none. Tolerance: 2e-2 for twelve points a face beside a common edge.
+    #[test]
+    fn a_corner_fills_two_fifths_and_a_convex_body_nothing() {
+        let fill = |mesh: crate::mesh::Mesh| {
+            let mut target = Target::built_in("lambert_sphere").unwrap();
+            target.parts[0].shape = crate::target::Shape::Mesh(mesh);
+            Fill::of(&Scene::new(&target).unwrap())
+        };
+        let points = [
+            [0., 0., 0.],
+            [1., 0., 0.],
+            [1., 1., 0.],
+            [0., 1., 0.],
+            [0., 0., 1.],
+            [1., 0., 1.],
+            [0., 1., 1.],
+        ];
+        let quads = [[0, 1, 2, 3], [0, 4, 5, 1], [0, 3, 6, 4]];
+        let corner = crate::mesh::Mesh {
+            vertices: points.map(DVec3::from).to_vec(),
+            triangles: quads
+                .iter()
+                .flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]])
+                .collect(),
+        };
+        let found = fill(corner);
+        assert!((found.facet - 0.40009).abs() < 2e-2, "{found:?}");
+        use crate::mesh::shapes::{Side, cuboid};
+        assert_eq!(fill(cuboid(DVec3::new(1.0, 2.0, 3.0), &Side::ALL)), Fill::default());
     }
 }
