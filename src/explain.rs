@@ -214,7 +214,7 @@ fn document(pass: &Pass, explanation: &Explanation) -> Value {
             "convex": scene.convex, "hides_nothing": scene.no_occlusion, "solids": scene.solids, "occluder_pairs": scene.occluder_pairs },
         "course": { "epochs": course.epochs, "geometries": course.geometries, "least_range_m": finite(course.range_m),
             "least_radius_m": finite(course.radius_m.0), "largest_radius_m": finite(course.radius_m.1),
-            "sun_radius_deg": rounded(course.sun_radius_rad.to_degrees()), "earthshine": rounded(course.earthshine),
+            "sun_radius_deg": rounded(course.sun_radius_rad.to_degrees()), "largest_phase_deg": rounded(course.phase_rad.to_degrees()), "earthshine": rounded(course.earthshine),
             "penumbra": course.penumbra, "umbra": course.umbra },
         "warnings": pass.warnings.iter().chain(&scene.warnings).collect::<Vec<_>>(),
     })

@@ -49,6 +49,7 @@ impl Pass {
             range_m: f64::INFINITY,
             radius_m: (f64::INFINITY, 0.0),
             sun_radius_rad: 0.0,
+            phase_rad: 0.0,
             earthshine: 0.0,
             shadow: self.shadow.is_some(),
             ..Course::default()
@@ -60,6 +61,7 @@ impl Pass {
             course.range_m = course.range_m.min(place.geometry.range_m);
             course.radius_m = (course.radius_m.0.min(radius_m), course.radius_m.1.max(radius_m));
             course.sun_radius_rad = course.sun_radius_rad.max(lighting.sun_radius_rad);
+            course.phase_rad = course.phase_rad.max(place.geometry.phase_rad);
             let earthshine = lighting.earth.map_or(0.0, |e| crate::light::engine::earthshine(&e));
             course.earthshine = course.earthshine.max(earthshine);
             let shaded = self.shadow.is_some() && place.sunlit < 1.0;

@@ -16,7 +16,14 @@ use sunglint_simulator::target::{Shape, Target};
 
 /// A way on which neither the Earth nor the distance counts.
 fn far_away() -> Course {
-    Course { epochs: 1, geometries: 1, range_m: 1e12, earthshine: 0.0, ..Course::default() }
+    Course {
+        epochs: 1,
+        geometries: 1,
+        range_m: 1e12,
+        earthshine: 0.0,
+        phase_rad: 0.0,
+        ..Course::default()
+    }
 }
 
 fn engine(target: &Target, tolerance: f64, switches: Switches) -> Engine {
@@ -104,6 +111,21 @@ fn corner() -> Mesh {
         vertices: points.map(DVec3::from).to_vec(),
         triangles: quads.iter().flat_map(halves).collect(),
     }
+}
+
+/// Truth: of the direction midway between Sun and observer, the part across the plane of both moves by 1/(2 cos γ/2) of what the Sun moves (by hand: h =
+/// (i + o)/|i + o|): at a phase angle of 120° the error is four times that at 0°.
+#[test]
+fn light_from_behind_widens_the_disc() {
+    let target = painted("box_wing", beckmann(0.1));
+    let bound = |phase_rad: f64| {
+        let course = Course { phase_rad, ..far_away() };
+        let engine = Engine::new(&target, &Options::default(), &course).unwrap();
+        engine.needs().iter().find(|n| n.effect == "solar disc").unwrap().bound.unwrap()
+    };
+    // (δ²/8) 5.9/α² = 1.65e-3, of which the next order is said on top.
+    let (ahead, behind) = (bound(0.0), bound(2.0 * std::f64::consts::FRAC_PI_3));
+    assert!((behind / (4.0 * ahead) - 1.0).abs() < 0.01, "{behind} {ahead}");
 }
 
 /// Truth: three unit squares in a corner send 0.40009 of diffuse light to one another (Hottel), at most ρF/(1 − ρF) of the first light; by hand for ρ

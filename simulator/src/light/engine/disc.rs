@@ -2,7 +2,8 @@
 //!
 //! The answer of a facet is f cosθ_i, averaged over the disc. Where f varies slowly, the direction of the disc's middle errs by
 //! (δ²/8) ∇²f/f, with δ the disc's angular radius: of a Beckmann lobe (δ²/8)(t² − 1)/α², of a GGX lobe (δ²/8)(16t² − 8)/(4α² (1 + t²)²),
-//! with t = tanθ_h/α (θ_h turns by half of what the Sun moves). A facet on whose horizon the middle stands has a mean cosine of 2δ/3π =
+//! with t = tanθ_h/α (θ_h turns by half of what the Sun moves). Where the light comes from behind, at a phase angle γ, the direction midway moves by
+//! 1/(2 cos γ/2) across the plane of Sun and observer: δ counts as δ/cos(γ/2) there. A facet on whose horizon the middle stands has a mean cosine of 2δ/3π =
 //! 9.9e-4 where the middle has 0.
 
 use super::{Answer, Doubt, Options, Question, Seen};
@@ -45,7 +46,12 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
         ),
         Some((_, 0.0)) => (1.0, "a flat mirror".to_owned()),
         Some((kind, alpha)) => (
-            relative(kind, alpha, if kind == Distribution::Beckmann { WING } else { 0.0 }, radius),
+            relative(
+                kind,
+                alpha,
+                if kind == Distribution::Beckmann { WING } else { 0.0 },
+                radius / (0.5 * question.course.phase_rad).cos().max(1e-9),
+            ),
             format!("the narrowest lobe has α {alpha}"),
         ),
     };
@@ -82,7 +88,10 @@ impl Doubt for Middle {
         seen.add_shares(weights, errors, |m| match self.lobes[m] {
             None => diffuse,
             Some((_, 0.0)) if !self.flat => 0.25 * delta,
-            Some((kind, alpha)) => diffuse + relative(kind, alpha, seen.off_lobe[m].0, delta),
+            Some((kind, alpha)) => {
+                let delta = delta / seen.half_cos.max(1e-9);
+                diffuse + relative(kind, alpha, seen.off_lobe[m].0, delta)
+            }
         });
         for (error, area) in unknown.iter_mut().zip(&seen.horizon_m2) {
             *error += 2.0 * delta / (3.0 * PI) * FRAC_1_PI * area;

@@ -14,7 +14,9 @@ const OBLIQUE: f64 = 2.0;
 fn bound(question: &Question) -> f64 {
     let angle_rad = question.body.size_m / question.course.range_m;
     let slope = match question.body.narrowest() {
-        Some((_, alpha)) if alpha > 0.0 => OBLIQUE.max(WING / alpha),
+        Some((_, alpha)) if alpha > 0.0 => {
+            OBLIQUE.max(WING / alpha / (0.5 * question.course.phase_rad).cos().max(1e-9))
+        }
         _ => OBLIQUE,
     };
     (angle_rad * slope).min(1.0)
@@ -55,7 +57,11 @@ impl Doubt for Parallel {
     fn add(&self, seen: &Seen, weights: &[f64], errors: &mut [f64], _: &mut [f64]) {
         seen.add_shares(weights, errors, |m| {
             let alpha = self.alphas[m];
-            let slope = if alpha > 0.0 { seen.off_lobe[m].1 / alpha } else { 0.0 };
+            let slope = if alpha > 0.0 {
+                seen.off_lobe[m].1 / alpha / seen.half_cos.max(1e-9)
+            } else {
+                0.0
+            };
             self.angle_rad * slope.max(OBLIQUE)
         });
     }

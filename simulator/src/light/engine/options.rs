@@ -94,6 +94,8 @@ pub struct Course {
     pub radius_m: (f64, f64),
     /// The largest angular radius of the Sun, radians.
     pub sun_radius_rad: f64,
+    /// The largest phase angle, Sun–target–observer, radians.
+    pub phase_rad: f64,
     /// The largest irradiance by the Earth on a surface of the target, of that of the Sun; see [`super::Seen::earth`].
     pub earthshine: f64,
     /// Epochs in penumbra.
@@ -113,6 +115,8 @@ impl Default for Course {
             radius_m: (6.378_137e6 + 1.5e5, f64::INFINITY),
             // At perihelion: asin(R☉/0.9833 au).
             sun_radius_rad: 4.731e-3,
+            // Beyond it a target is seen before the Sun's own glare.
+            phase_rad: 170.0_f64.to_radians(),
             earthshine: super::globes::EARTH_ALBEDO,
             penumbra: 0,
             umbra: 0,

@@ -23,6 +23,8 @@ pub struct Seen {
     pub earth: f64,
     /// Angular radius of the Sun, radians.
     pub sun_radius_rad: f64,
+    /// cos(γ/2) of the phase angle γ: the direction midway between Sun and observer moves by up to 1/(2 cos γ/2) of what either moves.
+    pub half_cos: f64,
     lobes: Vec<f64>,
 }
 
@@ -53,6 +55,7 @@ impl Seen {
             Some(globe) => (globe.toward, globe.radius_m / globe.distance_m),
             None => (to, 1.0),
         };
+        self.half_cos = 0.5 * (sun + to).length();
         let halfway = (sun + to).normalize_or_zero();
         for patch in &body.patches {
             let normal = match patch.group {
