@@ -63,7 +63,7 @@ pub fn run(args: &ExplainArgs, console: Console) -> anyhow::Result<()> {
 pub(crate) fn percent(share: f64) -> String {
     let percent = 100.0 * share;
     match percent {
-        p if p == 0.0 => "0 %".into(),
+        0.0 => "0 %".into(),
         p if !p.is_finite() || p > 1e4 => "no limit".into(),
         p if p < 0.01 => format!("{p:.0e} %"),
         p if p < 1.0 => format!("{p:.2} %"),

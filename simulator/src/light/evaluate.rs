@@ -472,7 +472,7 @@ impl Work {
                     let along = away.dot(d);
                     along < -reach || away.length_squared() - along * along > reach * reach
                 }
-                Toward::Near(q) => misses(away, q - origin, facet.radius, occluder.radius),
+                Toward::Near(q) => near::misses(away, q - origin, facet.radius, occluder.radius),
             };
             if across || away.dot(now.normal[i]) + occluder.radius <= scene.touching_m {
                 continue;
@@ -590,16 +590,4 @@ impl Work {
         }
         cut
     }
-}
-
-/// Whether a ball at `away` cannot stand between a facet's ball at the origin and an eye at `eye`.
-fn misses(away: DVec3, eye: DVec3, facet: f64, ball: f64) -> bool {
-    let range = eye.length();
-    let toward = eye / range;
-    let along = away.dot(toward);
-    if along < -(facet + ball) || along > range + facet + ball {
-        return true;
-    }
-    // Lines from the facet to the eye stay within its own radius of the axis.
-    away.length_squared() - along * along > (facet + ball) * (facet + ball)
 }

@@ -15,7 +15,7 @@ const MOON: f64 = 2.5e-6;
 /// Radiance of the full Moon over the irradiance of the Sun, sr⁻¹: [`MOON`] over its solid angle of 6.4e-5 sr.
 const MOON_RADIANCE: f64 = 0.039;
 
-/// The largest irradiance on a surface by a lit Lambert globe of the albedo [`EARTH_ALBEDO`], of that of the Sun.
+/// The largest irradiance on a surface by a lit Lambert globe of the albedo 0.45, of that of the Sun.
 pub fn irradiance(globe: &Globe) -> f64 {
     let sine = (globe.radius_m / globe.distance_m).min(1.0);
     // Of the cap that is seen, the point nearest to where the Sun stands overhead.

@@ -1,11 +1,11 @@
 //! The engine: what a scene needs, and the light of all that it needs.
 //!
 //! Made once from a target, [`Options`] and a [`Course`] (what is known of the way that the target takes), it asks every effect of
-//! [`EFFECTS`] whether the scene needs it. An effect answers with a [`Need`], in words and numbers, and with one of two things: a [`Part`]
+//! `EFFECTS` whether the scene needs it. An effect answers with a [`Need`], in words and numbers, and with one of two things: a [`Part`]
 //! that adds its light to terms, or a [`Doubt`] that adds to the errors what is left out. So nothing is left out in silence: the errors
 //! of an epoch hold what each effect that is not modelled could have added at that epoch.
 //!
-//! To add an effect: a file with a function `assess`, and its name in [`EFFECTS`].
+//! To add an effect: a file with a function `assess`, and its name in `EFFECTS`.
 
 mod body;
 mod bounce;
@@ -69,8 +69,11 @@ pub trait Doubt: Send + Sync + std::fmt::Debug {
     fn add(&self, seen: &Seen, weights: &[f64], errors: &mut [f64], unknown: &mut [f64]);
 }
 
+/// How an effect answers.
+type Assess = fn(&Question) -> Result<Answer, SceneError>;
+
 /// All effects, in the order in which they are listed and added. Direct light is the first.
-const EFFECTS: [fn(&Question) -> Result<Answer, SceneError>; 10] = [
+const EFFECTS: [Assess; 10] = [
     direct::assess,
     hiding::assess,
     curved::assess,
