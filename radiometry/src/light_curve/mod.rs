@@ -370,7 +370,7 @@ mod tests {
     #[test]
     fn units_other_than_the_schemas_are_refused() {
         for (column, unit, expected) in
-            [(1, "ms", "s"), (2, "kHz", "Hz"), (5, "km", "m"), (6, "rad", "deg")]
+            [(1, "ms", "s"), (2, "kHz", "Hz"), (5, "kHz", "Hz"), (6, "km", "m"), (7, "rad", "deg")]
         {
             let mut table = curve().to_table().unwrap();
             table.columns[column].unit = Some(unit.into());
