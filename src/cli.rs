@@ -1,7 +1,7 @@
 //! The grammar of the command line. Subcommands appear here as they become real, none before.
 
 use crate::output::{Console, OutputArgs};
-use crate::{air, bench, demo, passes, simulate, star, tables};
+use crate::{air, bench, demo, explain, passes, simulate, star, tables};
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
@@ -56,6 +56,8 @@ pub enum Command {
     Star(Box<star::StarArgs>),
     /// Spectra, magnitudes and count rates of a satellite's pass, from a scene file
     Simulate(Box<simulate::SimulateArgs>),
+    /// What a scene needs: which effects are modelled, what each could add, what error is left
+    Explain(Box<explain::ExplainArgs>),
     /// Visible passes of satellites: when, where, how bright, what each channel counts
     Passes(Box<passes::PassesArgs>),
     /// Error against time of the light engines, on built-in scenes or one's own
@@ -104,6 +106,7 @@ impl Command {
             Command::Air(args) => Some(&args.out),
             Command::Star(args) => Some(&args.out),
             Command::Simulate(args) => Some(&args.out),
+            Command::Explain(args) => Some(&args.out),
             Command::Passes(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
             Command::Demo(_) | Command::Completions { .. } | Command::Man { .. } => None,
@@ -117,6 +120,7 @@ impl Command {
             Command::Air(args) => air::run(args, console),
             Command::Star(args) => star::run(args, console),
             Command::Simulate(args) => simulate::run(args, console),
+            Command::Explain(args) => explain::run(args, console),
             Command::Passes(args) => passes::run(args, console),
             Command::Bench(args) => bench::run(args, console),
             Command::Completions { shell } => {

@@ -4,6 +4,7 @@
 //! - [`tables`]: the reference tables;
 //! - [`air`]: the transmission of the air;
 //! - [`star`]: a star's place, airmass and expected rates;
+//! - [`explain`]: what a pass needs, and what error that leaves;
 //! - [`simulate`]: what a pass should look like in every channel;
 //! - [`passes`]: when satellites can be seen;
 //! - [`mod@bench`]: error against time of the light engines;
@@ -16,6 +17,7 @@ pub mod air;
 pub mod bench;
 pub mod cli;
 pub mod demo;
+pub mod explain;
 pub mod output;
 pub mod passes;
 pub mod plot;

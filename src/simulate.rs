@@ -4,6 +4,7 @@ mod beside;
 mod figure;
 mod report;
 
+use crate::explain;
 use crate::output::{Console, OutputArgs, Product, Usage};
 use crate::star::when;
 use crate::station::StationArgs;
@@ -12,7 +13,7 @@ use beside::{Beside, ComparedAs};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use report::{Cost, Report};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 use sunglint_simulator::attitude::Attitude;
@@ -36,6 +37,9 @@ pub struct SimulateArgs {
     /// Seconds between samples, in place of the file's
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub step_s: Option<f64>,
+    /// Model what may change the light by more than this: `0.2%` or `0.002`, in place of the file's [default: 0.1%]
+    #[arg(long, value_name = "SHARE", allow_negative_numbers = true, value_parser = explain::tolerance)]
+    pub tolerance: Option<f64>,
     /// A measured curve to draw beside the simulated one: ECSV or CSV with `time_utc` and a column of magnitudes. Nothing is fitted
     #[arg(long, value_name = "FILE")]
     pub beside: Option<PathBuf>,
@@ -62,25 +66,17 @@ pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
     {
         return Err(Usage(format!("--step-s is {step_s}, expected seconds above 0")).into());
     }
-    let file = PassFile::read(&args.pass)?;
-    let station = if args.station.station.is_some() {
-        Some(args.station.get()?)
-    } else if file.names_station() {
-        None
-    } else {
-        let else_give = format!("(or name one in [station] of {})", args.pass.display());
-        Some(args.station.get_or(&else_give)?)
-    };
     let time = |option: &str, text: &Option<String>| {
         text.as_deref().map(when).transpose().with_context(|| option.to_owned())
     };
     let overrides = Overrides {
-        station,
+        station: None,
         from: time("--from", &args.from)?,
         to: time("--to", &args.to)?,
         step_s: args.step_s,
+        tolerance: args.tolerance,
     };
-    let pass = file.resolve(overrides)?;
+    let pass = read(&args.pass, &args.station, overrides)?;
     // Before the work: a table that is none should not cost it.
     let measured = args
         .beside
@@ -95,6 +91,23 @@ pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
         );
     }
     args.out.finish(&shown.product, &shown.text, console)
+}
+
+/// Reads a scene file and what it names; the station is the one that is asked for, else the file's, else the usual one.
+pub(crate) fn read(
+    path: &Path,
+    station: &StationArgs,
+    overrides: Overrides,
+) -> anyhow::Result<Pass> {
+    let file = PassFile::read(path)?;
+    let station = if station.station.is_some() {
+        Some(station.get()?)
+    } else if file.names_station() {
+        None
+    } else {
+        Some(station.get_or(&format!("(or name one in [station] of {})", path.display()))?)
+    };
+    Ok(file.resolve(Overrides { station, ..overrides })?)
 }
 
 /// A pass, simulated and ready to be written.
@@ -143,6 +156,7 @@ fn is_picture(path: &std::path::Path) -> bool {
 /// What a person should hear of before believing the numbers.
 fn concerns(pass: &Pass, simulation: &Simulation) -> Vec<String> {
     let mut concerns = simulation.scene.warnings.clone();
+    concerns.extend(explain::concerns(&simulation.needs));
     let round = |shape: &Shape| matches!(shape, Shape::Sphere { .. });
     let turned =
         !pass.target.parts.iter().all(|p| round(&p.shape)) || !pass.target.hinges.is_empty();

@@ -96,6 +96,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     std::fs::write(folder.path("pass.toml"), SCENE).unwrap();
     std::fs::write(folder.path("m.csv"), "time_utc,magnitude\n2008-09-21T18:48:00Z,4.5\n").unwrap();
     keys(&folder.json(&["simulate", "pass.toml", "--json", "--beside", "m.csv"]), &mut printed);
+    keys(&folder.json(&["explain", "pass.toml", "--json"]), &mut printed);
     folder.done(&[&VEGA[..], &["--spectrum-out", "s.json"]].concat());
     folder.done(&["bench", "--scene", "corner", "--seconds", "0.02", "-o", "b.json", "-q"]);
     for file in ["s.json", "b.json"] {
@@ -129,6 +130,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "star",
         "passes",
         "simulate",
+        "explain",
         "bench",
         "demo",
         "null",

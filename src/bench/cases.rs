@@ -11,7 +11,7 @@ use sunglint_radiometry::quadrature::Product;
 use sunglint_radiometry::spectrum::{Reflectance, Spectrum, SpectrumError};
 use sunglint_simulator::light::{DirectionError, Evaluator, Scene, View};
 use sunglint_simulator::mesh::shapes::{Faceting, icosphere};
-use sunglint_simulator::pass::{Overrides, Pass, PassFile};
+use sunglint_simulator::pass::{Overrides, Pass};
 use sunglint_simulator::scenes::{self, BenchScene};
 use sunglint_simulator::target::{Shape, Target};
 
@@ -171,15 +171,7 @@ fn directions(sun: DVec3, view: DVec3) -> Vec<(DVec3, DVec3)> {
 
 /// Reads a scene file.
 pub(super) fn read_pass(path: &Path, station: &StationArgs) -> anyhow::Result<Pass> {
-    let file = PassFile::read(path)?;
-    let station = if station.station.is_some() {
-        Some(station.get()?)
-    } else if file.names_station() {
-        None
-    } else {
-        Some(station.get_or(&format!("(or name one in [station] of {})", path.display()))?)
-    };
-    Ok(file.resolve(Overrides { station, ..Overrides::default() })?)
+    crate::simulate::read(path, station, Overrides::default())
 }
 
 /// Measures a scene file: the whole way from orbit to counts, and the light engine with its spectra alone, over the epochs of the file.

@@ -10,6 +10,7 @@ use sunglint_radiometry::light::sun_at_1_au;
 use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::Station;
 use sunglint_simulator::attitude::Attitude;
+use sunglint_simulator::light::Options;
 use sunglint_simulator::orbit::Orbit;
 use sunglint_simulator::orbit::eclipse::EarthShape;
 use sunglint_simulator::pass::{Pass, Ready, SpectralQuantity};
@@ -18,8 +19,8 @@ use sunglint_simulator::target::Target;
 
 /// A model's brightness is looked at no more than so many seconds apart.
 pub(super) const MODEL_STEP_S: f64 = 10.0;
-/// What the air's tables may err by, relative.
-const TOLERANCE: f64 = 1e-5;
+/// What the air's tables may err by in transmission.
+const AIR_TOLERANCE: f64 = 1e-6;
 
 /// How bright the targets are taken to be.
 pub enum Light<'a> {
@@ -71,7 +72,9 @@ impl PassesArgs {
             shadow: Some(EarthShape::default()),
             orientation: Some(orientation.clone()),
             zero: self.zero_point,
-            tolerance: TOLERANCE,
+            tolerance: Options::TOLERANCE,
+            air_tolerance: AIR_TOLERANCE,
+            effects: Default::default(),
             inputs: Vec::new(),
             notes: Vec::new(),
             warnings,

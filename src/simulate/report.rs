@@ -3,14 +3,13 @@
 use super::beside::Comparison;
 use super::figure::{Drawing, tracks};
 use crate::air::describe;
+use crate::explain;
 use crate::output::{Product, rounded};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_formats::time::{format_utc, format_utc_shortest};
 use sunglint_simulator::orbit::Orbit;
-use sunglint_simulator::pass::{
-    ChannelSamples, Simulation, Stage, StandardMagnitude, not_modelled,
-};
+use sunglint_simulator::pass::{ChannelSamples, Simulation, Stage, StandardMagnitude, StatedError};
 
 /// The place of V among the bands.
 const V: usize = 2;
@@ -39,6 +38,11 @@ fn highest(channel: &ChannelSamples, hidden: impl Fn(usize) -> bool) -> Option<(
     let rates = channel.rate_hz.iter().copied().enumerate();
     let good = rates.filter(|(i, hz)| hz.is_finite() && *hz > 0.0 && !hidden(*i));
     good.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// A stated error with documented keys.
+fn stated(error: Option<StatedError>) -> Value {
+    json!({ "median_relative": error.map(|e| rounded(e.median)), "largest_relative": error.map(|e| rounded(e.largest)) })
 }
 
 impl Report<'_> {
@@ -139,6 +143,8 @@ impl Report<'_> {
             self.phases().1,
         );
         text.push('\n');
+        text.push_str(&explain::short(&simulation.needs, pass.tolerance));
+        text.push('\n');
         self.say_magnitudes(&mut text);
         self.say_channels(&mut text);
         if let Some(beside) = self.beside {
@@ -197,7 +203,7 @@ impl Report<'_> {
 
     fn say_channels(&self, text: &mut String) {
         let simulation = self.simulation;
-        text.push_str("  channel      highest rate  at (UTC)                   of which the air left    S/N  saturated\n");
+        text.push_str("  channel      highest rate  at (UTC)                   of which the air left    S/N  saturated  stated error\n");
         for channel in &simulation.channels {
             let _ = write!(text, "  {:<10} ", channel.name);
             let Some((i, hz)) = highest(channel, |i| simulation.places[i].hidden) else {
@@ -208,7 +214,7 @@ impl Report<'_> {
             let saturated = channel.predicted.iter().filter(|p| p.saturated).count();
             let _ = writeln!(
                 text,
-                "{hz:>12.4e} Hz  {:<26} {:>21.1} % {:>6} {:>10}",
+                "{hz:>12.4e} Hz  {:<26} {:>21.1} % {:>6} {:>10} {:>13}",
                 self.time(i),
                 100.0 * hz / channel.above_air_hz[i],
                 noise.map_or("-".into(), |r| format!("{r:.0}")),
@@ -217,6 +223,7 @@ impl Report<'_> {
                 } else {
                     "no".into()
                 },
+                explain::percent(channel.error_hz[i] / hz),
             );
         }
     }
@@ -243,11 +250,32 @@ impl Report<'_> {
                 bounds.transmission_nodes, bounds.transmission, bounds.rate_relative
             );
         }
-        text.push_str(
-            "wavelengths exactly, for tables that are linear between their points\nnot modelled:\n",
-        );
-        for what in not_modelled() {
+        text.push_str("wavelengths exactly, for tables that are linear between their points\n");
+        self.say_stated(text);
+        text.push_str("not modelled:\n");
+        for what in self.simulation.not_modelled() {
             let _ = writeln!(text, "  - {what}");
+        }
+    }
+
+    /// What the stated error is over the pass.
+    fn say_stated(&self, text: &mut String) {
+        let simulation = self.simulation;
+        let channels = simulation.channels.iter().filter_map(|c| simulation.stated_error(c));
+        let over = |a: StatedError, b: StatedError| StatedError {
+            median: a.median.max(b.median),
+            largest: a.largest.max(b.largest),
+        };
+        match channels.reduce(over) {
+            None => text.push_str("stated error: no sample has light\n"),
+            Some(stated) => {
+                let _ = writeln!(
+                    text,
+                    "stated error of rates (a bound; the worst channel): median {}, largest {} of a sample's own rate",
+                    explain::percent(stated.median),
+                    explain::percent(stated.largest)
+                );
+            }
         }
     }
 
@@ -266,7 +294,8 @@ impl Report<'_> {
                 json!({ "name": c.name, "highest_hz": best.map(|b| rounded(b.1)), "highest_utc": best.map(|b| self.time(b.0)),
                     "transmitted": best.map(|(i, hz)| rounded(hz / c.above_air_hz[i])), "signal_to_noise": noise.map(rounded),
                     "saturated_samples": c.predicted.iter().filter(|p| p.saturated).count(),
-                    "uncovered_nm": c.uncovered_nm.iter().copied().fold(0.0, f64::max) })
+                    "uncovered_nm": c.uncovered_nm.iter().copied().fold(0.0, f64::max),
+                    "stated_error": stated(simulation.stated_error(c)) })
             })
             .collect();
         let magnitude = |magnitudes: &[f64]| {
@@ -313,7 +342,10 @@ impl Report<'_> {
                 "stages": self.cost.stages.iter().map(|(s, t)| json!({ "stage": s.name(), "seconds": rounded(*t) })).collect::<Vec<_>>() },
             "error_bound": { "transmission": simulation.bounds.transmission, "transmission_nodes": simulation.bounds.transmission_nodes,
                 "rate_relative": simulation.bounds.rate_relative, "light_relative": simulation.bounds.light_relative },
-            "not_modelled": not_modelled(),
+            "tolerance": pass.tolerance,
+            "needs": explain::json(&simulation.needs),
+            "bins_stated_error": stated(simulation.stated_error_of_bins()),
+            "not_modelled": simulation.not_modelled(),
             "beside": self.beside.map(Comparison::json),
             "warnings": self.warnings,
         })

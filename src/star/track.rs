@@ -208,6 +208,7 @@ impl Track {
                 rate_hz: rates().map(|r| r.rate_hz.unwrap_or(f64::NAN)).collect(),
                 sigma_hz: rates().map(|r| r.sigma_hz.unwrap_or(f64::NAN)).collect(),
                 flags: flags.collect(),
+                model_error_hz: None,
             }
         };
         let time = self.sights.iter().map(|s| s.epoch).collect();

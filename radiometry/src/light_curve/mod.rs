@@ -2,7 +2,7 @@
 //!
 //! Hz at the detector, after the air, per channel, with uncertainty and flags. Only *calibrated* (κ·ν) and *predicted* (ν̂) curves are
 //! compared with one another. In a file (ECSV): `time_utc` (ISO 8601, mid-exposure), `exposure_s`, per channel `<ch>_rate_hz`,
-//! `<ch>_sigma_hz`, `<ch>_flags`; optional `range_m`, `phase_deg`, `zenith_deg`; in the metadata `quantity`, `flag_bits`, `provenance`.
+//! `<ch>_sigma_hz`, `<ch>_flags`, of a prediction perhaps `<ch>_model_error_hz`; optional `range_m`, `phase_deg`, `zenith_deg`; in the metadata `quantity`, `flag_bits`, `provenance`.
 
 mod flags;
 mod provenance;
@@ -74,6 +74,9 @@ pub struct ChannelCurve {
     pub sigma_hz: Vec<f64>,
     /// What there is to say of each sample.
     pub flags: Vec<Flags>,
+    /// Of a predicted rate: how far off it may be by what the simulation does not model, Hz; `NaN` only where a flag says why. `None` where nothing is
+    /// said of it.
+    pub model_error_hz: Option<Vec<f64>>,
 }
 
 /// A light curve.
@@ -123,6 +126,9 @@ impl LightCurve {
                 Column::f64(format!("{name}_sigma_hz"), Some("Hz"), channel.sigma_hz.clone());
             let flags = Flags::column(format!("{name}_flags"), &channel.flags);
             table.columns.extend([rate, sigma, flags]);
+            let error = channel.model_error_hz.clone();
+            let column = |e| Column::f64(format!("{name}_model_error_hz"), Some("Hz"), e);
+            table.columns.extend(error.map(column));
         }
         table.columns.extend(last);
         self.check(Path::new("light curve"))?;
@@ -154,18 +160,22 @@ impl LightCurve {
         for column in &table.columns {
             if let Some(name) = column.name.strip_suffix("_rate_hz") {
                 let flags = reader.flags(&format!("{name}_flags"), &bits)?;
+                let error = format!("{name}_model_error_hz");
+                let said = table.columns.iter().any(|c| c.name == error);
                 channels.push(ChannelCurve {
                     name: name.to_owned(),
                     rate_hz: reader.numbers(&column.name, "Hz")?,
                     sigma_hz: reader.numbers(&format!("{name}_sigma_hz"), "Hz")?,
                     flags,
+                    model_error_hz: said.then(|| reader.numbers(&error, "Hz")).transpose()?,
                 });
             }
         }
         let mut known = Samples::COLUMNS.map(str::to_owned).to_vec();
         for channel in &channels {
             known.extend(
-                ["rate_hz", "sigma_hz", "flags"].map(|suffix| format!("{}_{suffix}", channel.name)),
+                ["rate_hz", "sigma_hz", "flags", "model_error_hz"]
+                    .map(|suffix| format!("{}_{suffix}", channel.name)),
             );
         }
         reader.refuse_unknown(&known)?;
@@ -191,6 +201,7 @@ impl LightCurve {
                 ("rate_hz", c.rate_hz.len()),
                 ("sigma_hz", c.sigma_hz.len()),
                 ("flags", c.flags.len()),
+                ("model_error_hz", c.model_error_hz.as_ref().map_or(n, Vec::len)),
             ];
             lengths.map(|(suffix, length)| (format!("{}_{suffix}", c.name), length))
         });
@@ -224,6 +235,12 @@ impl LightCurve {
                     let expected = "a number not below 0 (nan only where a flag says why)";
                     return wrong(row(&format!("{name}_sigma_hz"), i), sigma.to_string(), expected);
                 }
+                let error = channel.model_error_hz.as_ref().map_or(0.0, |e| e[i]);
+                if !(error.is_finite() && error >= 0.0 || flagged && error.is_nan()) {
+                    let expected = "a number not below 0 (nan only where a flag says why)";
+                    let field = row(&format!("{name}_model_error_hz"), i);
+                    return wrong(field, error.to_string(), expected);
+                }
             }
         }
         Ok(())
@@ -251,6 +268,7 @@ mod tests {
                 rate_hz: vec![1e5, f64::NAN, 0.0],
                 sigma_hz: vec![300.0, f64::NAN, 3.25],
                 flags: vec![Flags::empty(), Flags::SATURATED | Flags::OFF_AXIS, Flags::empty()],
+                model_error_hz: Some(vec![20.0, f64::NAN, 0.0]),
             }],
             provenance: Provenance {
                 program: "sunglint 0.1.0".into(),
@@ -293,6 +311,12 @@ mod tests {
             "light curve: exposure_s, row 3: found 0, expected a time above 0 s"
         );
         assert!(message(&|c| c.channels[0].sigma_hz[2] = -1.0).contains("sigma_hz, row 3"));
+        let error = |e: &[f64]| {
+            let e = e.to_vec();
+            message(&move |c| c.channels[0].model_error_hz = Some(e.clone()))
+        };
+        assert!(error(&[0.0, 0.0, -1.0]).contains("spcm_model_error_hz, row 3"));
+        assert!(error(&[0.0]).contains("spcm_model_error_hz: found 1 values, expected 3"));
         assert!(message(&|c| c.channels.push(c.channels[0].clone())).contains("`spcm` twice"));
         let early = hifitime::Epoch::from_gregorian_tai_at_midnight(1965, 1, 1);
         assert!(message(&|c| c.samples.time[1] = early).contains("time_utc, row 2"));
@@ -346,7 +370,7 @@ mod tests {
     #[test]
     fn units_other_than_the_schemas_are_refused() {
         for (column, unit, expected) in
-            [(1, "ms", "s"), (2, "kHz", "Hz"), (5, "km", "m"), (6, "rad", "deg")]
+            [(1, "ms", "s"), (2, "kHz", "Hz"), (5, "kHz", "Hz"), (6, "km", "m"), (7, "rad", "deg")]
         {
             let mut table = curve().to_table().unwrap();
             table.columns[column].unit = Some(unit.into());

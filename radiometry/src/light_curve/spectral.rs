@@ -13,7 +13,8 @@ use sunglint_formats::{Column, ParseError, Table, Values};
 /// A light curve in wavelength bins.
 ///
 /// In FITS: an image (`NAXIS1` = bins, `NAXIS2` = times, `BUNIT`), a table `BINS` (`lower_nm`, `upper_nm`) and a table `SAMPLES` with the
-/// times, the flags and the geometry, in the columns of the channel light curve.
+/// times, the flags and the geometry, in the columns of the channel light curve. Where a simulation says how far its values may be off, an image
+/// `MODEL_ERROR` of 32-bit floats, of the same shape and unit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpectralLightCurve {
     /// What is given, in words (`spectral radiant intensity`).
@@ -26,6 +27,8 @@ pub struct SpectralLightCurve {
     pub edges_nm: Vec<f64>,
     /// The values, times × bins; `NaN` only where the time's flag says why.
     pub values: Array2<f64>,
+    /// How far off they may be by what a simulation does not model, same unit and shape; `None` where nothing is said of it.
+    pub model_errors: Option<Array2<f32>>,
     /// What there is to say of each time.
     pub flags: Vec<Flags>,
     /// Where the curve came from.
@@ -56,6 +59,12 @@ impl SpectralLightCurve {
         header.set("FLAGBITS", ascii_json(&bit_names::<Flags>()).as_str(), "bits of SAMPLES.flags");
         let mut writer = Writer::new();
         writer.image(&Image { header, pixels: Pixels::F64(self.values.clone().into_dyn()) })?;
+        if let Some(errors) = &self.model_errors {
+            let mut header = Header::default();
+            header.set("EXTNAME", "MODEL_ERROR", "");
+            header.set("BUNIT", self.unit.as_str(), "unit of the values");
+            writer.image(&Image { header, pixels: Pixels::F32(errors.clone().into_dyn()) })?;
+        }
         let edges = |from: usize| {
             self.edges_nm.iter().skip(from).take(self.values.ncols()).copied().collect()
         };
@@ -88,6 +97,15 @@ impl SpectralLightCurve {
             )
             .in_field("NAXIS")
         })?;
+        let model_errors = match fits.find("MODEL_ERROR") {
+            None => None,
+            Some(index) => {
+                let errors = fits.image(index)?.pixels.to_f64().into_dimensionality::<Ix2>();
+                let errors = errors.map_err(|_| missing("2 axes").in_field("MODEL_ERROR"))?;
+                // Written as 32-bit floats; wider ones lose what nobody needs of an error.
+                Some(errors.mapv(|e| e as f32))
+            }
+        };
         let table = |name: &str| {
             let index = fits.find(name).ok_or_else(|| missing(&format!("a table {name}")))?;
             fits.table(index)
@@ -124,6 +142,7 @@ impl SpectralLightCurve {
             samples: Samples::read(&reader)?,
             edges_nm,
             values,
+            model_errors,
             flags: reader.flags("flags", &numbering)?,
             provenance: Provenance::from_json(path, Some(&json("PROVENAN")?))?,
         };
@@ -151,6 +170,20 @@ impl SpectralLightCurve {
                 format!("{rows} x {columns}"),
                 format!("{times} times x {bins} bins"),
             );
+        }
+        if let Some(errors) = &self.model_errors {
+            if errors.dim() != self.values.dim() {
+                let found = format!("{} x {}", errors.nrows(), errors.ncols());
+                return wrong("MODEL_ERROR", found, format!("{times} times x {bins} bins"));
+            }
+            let good = |e: f32, flags: &Flags| {
+                e >= 0.0 && e.is_finite() || !flags.is_empty() && e.is_nan()
+            };
+            let mut all = errors.rows().into_iter().zip(&self.flags);
+            if !all.all(|(row, flags)| row.iter().all(|e| good(*e, flags))) {
+                let expected = "numbers not below 0 (nan only where a flag says why)".into();
+                return wrong("MODEL_ERROR", "another number".into(), expected);
+            }
         }
         if self.flags.len() != times {
             return wrong(
@@ -191,6 +224,7 @@ mod tests {
             samples: Samples { zenith_deg: Some(vec![40.0, 41.0]), ..Samples::new(time.to_vec(), 0.1) },
             edges_nm: vec![300.0, 305.0, 310.0, 400.0],
             values: array![[1.0, 2.0, 3.0], [4.0, f64::NAN, 6.5e-12]],
+            model_errors: Some(array![[0.1, 0.0, 3e-4], [1e-3, f32::NAN, 6.5e-15]]),
             flags: vec![Flags::empty(), Flags::EXTRAPOLATED],
             provenance: Provenance { target: "α Lyr from Uhlandshöhe 🛰".into(), notes: vec!["a note that is long enough to need more than one card of a FITS header, of which each holds no more than 68 characters".into()], ..Provenance::default() },
         }
@@ -233,6 +267,10 @@ mod tests {
                 c.edges_nm.pop();
             })
             .contains("found 2 x 3, expected 2 times x 2 bins")
+        );
+        assert!(refuse(&|c| c.model_errors = Some(array![[0.0]])).contains("found 1 x 1"));
+        assert!(
+            refuse(&|c| c.model_errors.as_mut().unwrap()[[0, 0]] = -1.0).contains("MODEL_ERROR")
         );
         assert!(refuse(&|c| c.values[[0, 0]] = f64::NAN).contains("NaN at time 1, bin 1"));
         assert!(

@@ -53,6 +53,8 @@ pub enum Source {
     Earthshine,
     /// From the Sun by the Moon.
     Moonshine,
+    /// Whatever way: a term that has errors alone, before the whole reflectance of its material.
+    Unknown,
 }
 
 /// A spectrum that stands before a weight.
@@ -62,7 +64,8 @@ pub struct Term {
     pub source: Source,
     /// The material that sent it to the observer (index in the target), where it is one.
     pub material: Option<usize>,
-    /// What it has been multiplied by since it left the Sun, but for geometry.
+    /// What it has been multiplied by since it left the Sun, but for geometry. Known where it is tabulated: where it is known to be 0, it
+    /// says so.
     pub spectrum: Spectrum<Factor>,
 }
 
@@ -85,14 +88,36 @@ pub trait Effect: Send {
 pub struct Need {
     /// The effect in a word or two (`shadows`, `solar disc`).
     pub effect: &'static str,
-    /// Whether it is modelled.
+    /// Whether it is asked for, or its bound exceeds the tolerance. What is needed and costs nothing that is known
+    /// (`cost_s` is `None`) is not modelled, and its bound enters the stated error.
     pub needed: bool,
-    /// The most that it could change the result by, relative; `None` where nothing is known and it is therefore modelled.
+    /// The most that it could change the result by, as a share of the light of the same surfaces in full sunlight; `None` where nothing is
+    /// known of it and it is therefore modelled.
     pub bound: Option<f64>,
     /// Why, in words, with the numbers that decide.
     pub why: String,
     /// What it costs per epoch, s, estimated; `None` where it is not modelled.
     pub cost_s: Option<f64>,
+}
+
+impl Need {
+    /// Whether it is in the result.
+    pub fn is_modelled(&self) -> bool {
+        self.needed && self.cost_s.is_some()
+    }
+}
+
+impl Source {
+    /// In a word or two.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Direct => "direct",
+            Self::Bounce => "inter-reflection",
+            Self::Earthshine => "earthshine",
+            Self::Moonshine => "moonshine",
+            Self::Unknown => "unknown",
+        }
+    }
 }
 
 impl Term {

@@ -198,15 +198,23 @@ impl<'a> Evaluator<'a> {
         self.sort(sun, eye);
         let mut error = 0.0;
         for i in 0..self.scene.facets.len() {
-            error += match self.scene.facets[i].patch {
+            let brought = match self.scene.facets[i].patch {
                 None => self.facet(i, sun, eye, stride, out),
                 Some(patch) => self.bent(i, patch as usize, sun, eye, stride, out),
             };
+            if brought > 0.0 {
+                let facet = &self.scene.facets[i];
+                let start = self.scene.weights_of(facet.material as usize).start;
+                self.errors[facet.part as usize * stride + start] += brought;
+                error += brought;
+            }
         }
         error += self.rounds(Light { sun, eye }, stride, out);
         if self.scene.covers {
             let area: f64 = self.scene.facets.iter().map(|f| f.area).sum();
-            error += COVERING * area * std::f64::consts::FRAC_1_PI;
+            let covering = COVERING * area * std::f64::consts::FRAC_1_PI;
+            self.errors.iter_mut().for_each(|e| *e += covering);
+            error += covering;
         }
         let total: f64 = out.iter().sum();
         let mut done = self.work.done;

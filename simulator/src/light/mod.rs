@@ -32,6 +32,7 @@ mod coincident;
 mod curved;
 pub mod disc;
 mod effect;
+pub mod engine;
 mod evaluate;
 mod faceted;
 mod facets;
@@ -50,6 +51,7 @@ mod weld;
 
 pub use disc::SunOptions;
 pub use effect::{Effect, Globe, Lighting, Need, Source, Term};
+pub use engine::{Course, Engine, Options};
 pub use evaluate::{Direct, DirectionError, Evaluator};
 pub use faceted::{Faceted, FacetedEye, Glint};
 pub use large::Sampling;

@@ -28,8 +28,9 @@ impl Evaluator<'_> {
             let mut values = vec![0.0; weights.len()];
             let mut errors = values.clone();
             self.round(k, light, &mut values, &mut errors);
-            let out = &mut out[start + weights.start..start + weights.end];
-            out.iter_mut().zip(&values).for_each(|(o, v)| *o += v);
+            let here = start + weights.start..start + weights.end;
+            out[here.clone()].iter_mut().zip(&values).for_each(|(o, v)| *o += v);
+            self.errors[here].iter_mut().zip(&errors).for_each(|(o, e)| *o += e);
             sum += errors.iter().sum::<f64>();
         }
         sum

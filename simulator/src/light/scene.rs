@@ -143,6 +143,9 @@ pub enum SceneError {
         /// What was given.
         tolerance: f64,
     },
+    /// A material whose reflectance cannot be summed.
+    #[error(transparent)]
+    Material(#[from] crate::surface::MaterialError),
     /// A sphere without a radius.
     #[error("part `{part}` is a sphere of radius {radius_m} m, expected more than 0")]
     Radius {

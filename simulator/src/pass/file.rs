@@ -30,6 +30,7 @@ use super::keys::{
     TargetKeys,
 };
 use crate::attitude::{self, Attitude, file::AttitudeFile};
+use crate::light::engine::{Options, check_tolerance};
 use crate::orbit::eclipse::{EARTH_EQUATORIAL_RADIUS_M, EarthShape};
 use crate::orbit::{Ephemeris, Orbit, OrbitError, TleOrbit, tle};
 use crate::surface::Material;
@@ -58,8 +59,10 @@ pub const MOST_VALUES: usize = 200_000_000;
 const BINS_NM: (f64, f64, f64) = (300.0, 1240.0, 5.0);
 /// Exposure unless the file says otherwise, s.
 const EXPOSURE_S: f64 = 0.1;
-/// Relative error of rates and magnitudes that tables may have, unless the file says otherwise.
-const TOLERANCE: f64 = 1e-6;
+/// The air's tables cost next to nothing: they get so much of the tolerance, and no less than [`LEAST_AIR_TOLERANCE`].
+const AIR_SHARE: f64 = 1e-4;
+/// No finer table of the air is made.
+const LEAST_AIR_TOLERANCE: f64 = 1e-10;
 
 /// What takes the place of what the file says.
 #[derive(Debug, Clone, Default)]
@@ -72,6 +75,8 @@ pub struct Overrides {
     pub to: Option<Epoch>,
     /// Seconds between moments.
     pub step_s: Option<f64>,
+    /// The tolerance, from 1e-9 to 0.1.
+    pub tolerance: Option<f64>,
 }
 
 /// A `PASS.toml` that was read, before its files are.
@@ -142,11 +147,14 @@ impl PassFile {
                 self.document.error_at("magnitudes.zero_point", expected)
             })?,
         };
-        let tolerance = keys.tolerance.map_or(TOLERANCE, Positive::get);
-        if !(1e-9..=1e-2).contains(&tolerance) {
-            let expected = "a relative error of rates, from 1e-9 to 1e-2";
-            return Err(self.document.error_at("tolerance", expected).into());
-        }
+        let tolerance = match (overrides.tolerance, keys.tolerance) {
+            (Some(tolerance), _) => tolerance,
+            (None, tolerance) => tolerance.map_or(Options::TOLERANCE, Positive::get),
+        };
+        let tolerance = check_tolerance(tolerance).map_err(|_| {
+            let expected = "a relative error, from 1e-9 to 0.1 (0.002 is 0.2 %)";
+            self.document.error_at("tolerance", expected)
+        })?;
         let mut warnings = target.warnings.clone();
         warnings.extend(orbit.warnings(times[0], times[times.len() - 1]));
         warnings.extend(attitude.warnings());
@@ -176,6 +184,8 @@ impl PassFile {
             orientation,
             zero,
             tolerance,
+            air_tolerance: (AIR_SHARE * tolerance).max(LEAST_AIR_TOLERANCE),
+            effects: keys.effects.into(),
             inputs,
             notes: keys.note.iter().cloned().collect(),
             warnings,

@@ -1,41 +1,129 @@
-//! The integrals over wavelength that a pass needs, taken once: all that is left for an epoch are sums over k.
+//! The integrals over wavelength that a pass needs, taken once: all that is left for an epoch are sums over the terms of its light.
 
 use super::{BANDS, Pass, PassError, SpectralQuantity};
+use crate::light::Term;
 use sunglint_radiometry::air::{AirError, AirTable, Sampling, Zenith};
 use sunglint_radiometry::constants::HC_J_NM;
 use sunglint_radiometry::passband::{Passband, Weighting};
 use sunglint_radiometry::quadrature::{Integral, Product};
-use sunglint_radiometry::spectrum::{Reflectance, Response, Spectrum};
+use sunglint_radiometry::spectrum::{Factor, Response, Spectrum, SpectrumError};
 
-/// A set of products p_ik of E ρ_k with something i, and their integrals with and without the air.
+/// The terms of the light, made ready for sums. A mean transmission wants a weight that is nowhere negative: a spectrum that changes its sign
+/// becomes two columns.
+pub(super) struct Columns<'a> {
+    terms: &'a [Term],
+    /// How many terms have light; those after them have errors alone.
+    lit: usize,
+    spectra: Vec<Spectrum<Factor>>,
+    /// The term of each column, and its sign.
+    of: Vec<(usize, f64)>,
+}
+
+impl<'a> Columns<'a> {
+    pub fn new(terms: &'a [Term], lit: usize) -> Result<Self, SpectrumError> {
+        let (mut spectra, mut of) = (Vec::new(), Vec::new());
+        for (number, term) in terms[..lit].iter().enumerate() {
+            let some = |sign: f64| term.spectrum.value().iter().any(|v| sign * v > 0.0);
+            match (some(1.0), some(-1.0)) {
+                (_, false) => {
+                    spectra.push(term.spectrum.clone());
+                    of.push((number, 1.0));
+                }
+                (positive, true) => {
+                    if positive {
+                        spectra.push(one_sign(&term.spectrum, 1.0)?);
+                        of.push((number, 1.0));
+                    }
+                    spectra.push(one_sign(&term.spectrum, -1.0)?);
+                    of.push((number, -1.0));
+                }
+            }
+        }
+        Ok(Self { terms, lit, spectra, of })
+    }
+
+    /// The spectra of terms that have errors alone.
+    fn unlit(&self) -> impl Iterator<Item = &Spectrum<Factor>> {
+        self.terms[self.lit..].iter().map(|t| &t.spectrum)
+    }
+}
+
+/// max(0, ±f), with its zeros as points: exact for what is linear between its points.
+fn one_sign(spectrum: &Spectrum<Factor>, sign: f64) -> Result<Spectrum<Factor>, SpectrumError> {
+    let (x, y) = (spectrum.wavelength_nm(), spectrum.value());
+    let (mut nm, mut value) = (Vec::with_capacity(x.len()), Vec::with_capacity(x.len()));
+    for k in 0..x.len() {
+        if k > 0 && y[k - 1] * y[k] < 0.0 {
+            let zero = x[k - 1] + (x[k] - x[k - 1]) * (y[k - 1] / (y[k - 1] - y[k]));
+            if zero > x[k - 1] && zero < x[k] {
+                nm.push(zero);
+                value.push(0.0);
+            }
+        }
+        nm.push(x[k]);
+        value.push((sign * y[k]).max(0.0));
+    }
+    Spectrum::new(nm, value)
+}
+
+/// What the light is multiplied by.
+type With<'b> = Box<dyn Fn(Product<'b>) -> Product<'b> + 'b>;
+
+/// A set of products p_ik of E τ_k with something i, and their integrals with and without the air.
 pub(super) struct Set {
-    /// Material spectra.
+    /// Columns that have light.
     k: usize,
+    /// The term of each column, and its sign.
+    of: Vec<(usize, f64)>,
+    /// Terms that have light.
+    lit: usize,
+    /// Terms that have errors alone.
+    unlit: usize,
     /// ∫ p_ik dλ over everything, `[i * k + j]`.
-    pub above: Vec<Integral>,
+    above: Vec<f64>,
+    /// The same of the terms that have errors alone, `[i * unlit + j]`.
+    unknown: Vec<f64>,
     /// ∫ p_ik dλ over the tables of the air.
     through: Vec<f64>,
     /// Mean transmissions; `None` where there is no air.
     air: Option<AirTable>,
-    /// Where the air's uncovered width is counted too.
-    pub uncovered_nm: Vec<f64>,
+    /// What is not covered, the air counted too.
+    uncovered_nm: Vec<f64>,
 }
 
 impl Set {
-    fn new(pass: &Pass, k: usize, products: &[Product]) -> Result<Self, PassError> {
+    fn new<'b>(
+        pass: &'b Pass,
+        columns: &'b Columns<'b>,
+        with: &[With<'b>],
+    ) -> Result<Self, PassError> {
+        let sun = &pass.sun;
+        let mut products = Vec::with_capacity(with.len() * columns.spectra.len());
+        let mut unknown = Vec::new();
+        for with in with {
+            products.extend(columns.spectra.iter().map(|tau| with(Product::of(sun).times(tau))));
+            let value = |tau: &'b Spectrum<Factor>| {
+                with(Product::of(sun).times(tau)).integral().value.abs()
+            };
+            unknown.extend(columns.unlit().map(value));
+        }
         let above: Vec<Integral> = products.iter().map(Product::integral).collect();
         let mut set = Self {
-            k,
+            k: columns.spectra.len(),
+            of: columns.of.clone(),
+            lit: columns.lit,
+            unlit: columns.terms.len() - columns.lit,
             through: above.iter().map(|i| i.value).collect(),
             uncovered_nm: above.iter().map(|i| i.uncovered_nm).collect(),
-            above,
+            above: above.iter().map(|i| i.value).collect(),
+            unknown,
             air: None,
         };
-        if let Some(air) = &pass.air {
-            let (sampling, integrals) = Sampling::weighted(products)?;
+        if let (Some(air), false) = (&pass.air, products.is_empty()) {
+            let (sampling, integrals) = Sampling::weighted(&products)?;
             set.through = integrals.iter().map(|i| i.value).collect();
             set.uncovered_nm = integrals.iter().map(|i| i.uncovered_nm).collect();
-            set.air = Some(AirTable::new(air, &sampling, 0.1 * pass.tolerance)?);
+            set.air = Some(AirTable::new(air, &sampling, pass.air_tolerance)?);
         }
         Ok(set)
     }
@@ -44,10 +132,14 @@ impl Set {
         self.above.len() / self.k.max(1)
     }
 
+    fn row<'a>(&self, table: &'a [f64], i: usize) -> &'a [f64] {
+        &table[i * self.k..(i + 1) * self.k]
+    }
+
     /// Σ_k W_k ∫ p_ik dλ, no air.
     pub fn above(&self, i: usize, weights: &[f64]) -> f64 {
-        let row = &self.above[i * self.k..(i + 1) * self.k];
-        row.iter().zip(weights).map(|(p, w)| w * p.value).sum()
+        let row = self.row(&self.above, i).iter().zip(&self.of);
+        row.map(|(p, (k, sign))| sign * weights[*k] * p).sum()
     }
 
     /// Fills `row` with the mean transmissions of all products; without air they are 1.
@@ -62,16 +154,40 @@ impl Set {
 
     /// Σ_k W_k ∫ p_ik T dλ, with the transmissions of a zenith angle.
     pub fn below(&self, i: usize, weights: &[f64], transmissions: &[f64]) -> f64 {
-        let range = i * self.k..(i + 1) * self.k;
-        let row = self.through[range.clone()].iter().zip(&transmissions[range]);
-        row.zip(weights).map(|((p, t), w)| w * p * t).sum()
+        let row = self.row(&self.through, i).iter().zip(self.row(transmissions, i)).zip(&self.of);
+        row.map(|((p, t), (k, sign))| sign * weights[*k] * p * t).sum()
     }
 
-    /// By how much that may err through the interpolation over the zenith angle.
-    pub fn error(&self, i: usize, weights: &[f64]) -> f64 {
-        let row = &self.through[i * self.k..(i + 1) * self.k];
-        let sum: f64 = row.iter().zip(weights).map(|(p, w)| w * p).sum();
+    /// By how much [`Set::below`] may err through the interpolation over the zenith angle.
+    pub fn air_error(&self, i: usize, weights: &[f64]) -> f64 {
+        let row = self.row(&self.through, i).iter().zip(&self.of);
+        let sum: f64 = row.map(|(p, (k, _))| (weights[*k] * p).abs()).sum();
         sum * self.interpolation_error()
+    }
+
+    /// By how much [`Set::above`] may err through the errors of the weights.
+    pub fn error_above(&self, i: usize, errors: &[f64]) -> f64 {
+        let row = self.row(&self.above, i).iter().zip(&self.of);
+        row.map(|(p, (k, _))| errors[*k] * p.abs()).sum::<f64>() + self.unknown(i, errors)
+    }
+
+    /// By how much [`Set::below`] may err through the errors of the weights. What is unknown goes through the air as the light does:
+    /// `transmitted` of it.
+    pub fn error_below(
+        &self,
+        i: usize,
+        errors: &[f64],
+        transmissions: &[f64],
+        transmitted: f64,
+    ) -> f64 {
+        let row = self.row(&self.through, i).iter().zip(self.row(transmissions, i)).zip(&self.of);
+        let known: f64 = row.map(|((p, t), (k, _))| errors[*k] * (p * t).abs()).sum();
+        known + transmitted * self.unknown(i, errors)
+    }
+
+    fn unknown(&self, i: usize, errors: &[f64]) -> f64 {
+        let row = &self.unknown[i * self.unlit..(i + 1) * self.unlit];
+        row.iter().zip(&errors[self.lit..]).map(|(p, e)| p * e).sum()
     }
 
     pub fn interpolation_error(&self) -> f64 {
@@ -92,10 +208,10 @@ impl Set {
         }
     }
 
-    /// Width (nm) of i that no table covers, for the materials that shine.
+    /// Width (nm) of i that no table covers, for the terms that shine.
     pub fn uncovered(&self, i: usize, weights: &[f64]) -> f64 {
-        let row = &self.uncovered_nm[i * self.k..(i + 1) * self.k];
-        row.iter().zip(weights).filter(|(_, w)| **w > 0.0).fold(0.0, |most, (u, _)| u.max(most))
+        let row = self.row(&self.uncovered_nm, i).iter().zip(&self.of);
+        row.filter(|(_, (k, _))| weights[*k] != 0.0).fold(0.0, |most, (u, _)| u.max(most))
     }
 }
 
@@ -111,46 +227,45 @@ fn straight(zenith_deg: f64) -> Result<f64, AirError> {
 pub(super) struct Functionals {
     /// Channels (Hz m² per weight, to be divided by r² and d²), then bands (fluxes over that of magnitude 0).
     pub sums: Set,
-    /// Bin means of E ρ_k, W m⁻² nm⁻¹, `[bin * k + j]`.
+    /// Bin means of E τ_k, W m⁻² nm⁻¹, of all terms: `[bin * terms + k]`.
     pub spectral: Vec<f64>,
-    /// Bins that a table does not cover, by material spectrum.
+    /// Bins that a table does not cover, by term.
     pub spectral_uncovered: Vec<bool>,
     /// The same through the air, where the spectra are at the telescope.
     pub at_telescope: Option<Set>,
 }
 
 impl Functionals {
-    pub fn new(pass: &Pass, spectra: &[&Spectrum<Reflectance>]) -> Result<Self, PassError> {
-        let (k, sun) = (spectra.len(), &pass.sun);
-        let light = || spectra.iter().map(|rho| Product::of(sun).times(rho));
+    pub fn new(pass: &Pass, terms: &[Term], lit: usize) -> Result<Self, PassError> {
+        let columns = Columns::new(terms, lit)?;
         let scale = pass.station.telescope.area_m2() / HC_J_NM;
         let bands = BANDS.map(Passband::named);
         let bands = bands.into_iter().collect::<Result<Vec<_>, _>>()?;
-        let mut products = Vec::with_capacity((pass.station.channels.len() + bands.len()) * k);
+        let mut with: Vec<With> = Vec::with_capacity(pass.station.channels.len() + bands.len());
         for channel in &pass.station.channels {
-            products.extend(light().map(|product| {
+            with.push(Box::new(move |product| {
                 channel.times_sensitivity(product).times_wavelength().times_number(scale)
             }));
         }
         for band in &bands {
-            let norm = Product::of(&band.response);
             let photons = band.weighting == Weighting::Photon;
-            let weighted = |p: Product<'_>| {
+            let weighted = move |p: Product<'_>| {
                 if photons { p.times_wavelength().integral() } else { p.integral() }
             };
-            let norm = weighted(norm).value * band.zero_irradiance(pass.zero)?;
-            products.extend(light().map(|product| {
+            let norm = weighted(Product::of(&band.response)).value;
+            let norm = norm * band.zero_irradiance(pass.zero)?;
+            with.push(Box::new(move |product| {
                 let product = product.times(&band.response).times_number(1.0 / norm);
                 if photons { product.times_wavelength() } else { product }
             }));
         }
-        let sums = Set::new(pass, k, &products)?;
+        let sums = Set::new(pass, &columns, &with)?;
 
-        let bins = pass.bins();
+        let (bins, k) = (pass.bins(), terms.len());
         let mut spectral = vec![0.0; bins * k];
         let mut spectral_uncovered = vec![false; k];
-        for (j, product) in light().enumerate() {
-            let integrals = product.bins(&pass.edges_nm)?;
+        for (j, term) in terms.iter().enumerate() {
+            let integrals = Product::of(&pass.sun).times(&term.spectrum).bins(&pass.edges_nm)?;
             for (bin, (integral, edge)) in
                 integrals.iter().zip(pass.edges_nm.windows(2)).enumerate()
             {
@@ -166,11 +281,68 @@ impl Functionals {
                     .windows(2)
                     .map(|e| Spectrum::constant(1.0 / (e[1] - e[0]), e[0], e[1]))
                     .collect::<Result<_, _>>()?;
-                let products: Vec<Product> =
-                    boxes.iter().flat_map(|b| light().map(move |p| p.times(b))).collect();
-                Some(Set::new(pass, k, &products)?)
+                let mut with: Vec<With> = Vec::with_capacity(boxes.len());
+                for mean in &boxes {
+                    with.push(Box::new(move |product| product.times(mean)));
+                }
+                Some(Set::new(pass, &columns, &with)?)
             }
         };
         Ok(Self { sums, spectral, spectral_uncovered, at_telescope })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: the function itself at points between its points, zeros between them included: its parts add up to it and never go below 0.
+    #[test]
+    fn a_spectrum_that_changes_its_sign_is_the_difference_of_two_that_do_not() {
+        let nm = vec![400.0, 500.0, 600.0, 650.0, 700.0];
+        let value = vec![1.0, -3.0, -1.0, 0.0, 2.0];
+        let spectrum = Spectrum::<Factor>::new(nm, value).unwrap();
+        let [above, below] = [1.0, -1.0].map(|sign| one_sign(&spectrum, sign).unwrap());
+        for k in 0..=3000 {
+            let nm = 400.0 + 0.1 * f64::from(k);
+            let (a, b, truth) = (above.at(nm), below.at(nm), spectrum.at(nm));
+            assert!(a >= 0.0 && b >= 0.0 && a.min(b) < 1e-12, "{nm}: {a} {b}");
+            assert!((a - b - truth).abs() < 1e-12, "{nm}: {a} - {b} is not {truth}");
+        }
+    }
+
+    /// Truth: integrals are linear: a term a − b with the weight 2 and the error 0.1 has the light of a and b with the weights 2 and −2,
+    /// whatever the air, and at most the error of both. Tolerance: rounding, and what the tables over the zenith angle may err by (1e-7).
+    #[test]
+    fn a_term_that_changes_its_sign_goes_through_the_air() {
+        use crate::light::Source;
+        let file =
+            super::super::PassFile::read(sunglint_testkit::repository().join("src/demo/pass.toml"));
+        let pass = file.unwrap().resolve(super::super::Overrides::default()).unwrap();
+        let term = |value: [f64; 3]| {
+            let spectrum = Spectrum::new(vec![300.0, 600.0, 1240.0], value.to_vec()).unwrap();
+            Term { source: Source::Bounce, material: None, spectrum }
+        };
+        let one = Functionals::new(&pass, &[term([0.9, -0.3, 0.2])], 1).unwrap();
+        let two =
+            Functionals::new(&pass, &[term([0.9, 0.1, 0.5]), term([0.0, 0.4, 0.3])], 2).unwrap();
+        let (mut first, mut second) = (Vec::new(), Vec::new());
+        for zenith in [0.0, 60.0, 85.0] {
+            one.sums.transmissions(Zenith::Apparent(zenith), &mut first).unwrap();
+            two.sums.transmissions(Zenith::Apparent(zenith), &mut second).unwrap();
+            for i in 0..one.sums.len() {
+                let (a, b) = (one.sums.above(i, &[2.0]), two.sums.above(i, &[2.0, -2.0]));
+                let scale = two.sums.above(i, &[2.0, 2.0]);
+                assert!((a - b).abs() <= 1e-12 * scale, "{i}: {a} {b}");
+                let (a, b) =
+                    (one.sums.below(i, &[2.0], &first), two.sums.below(i, &[2.0, -2.0], &second));
+                assert!((a - b).abs() <= 4e-7 * scale, "{i} at {zenith}: {a} {b}");
+                let (a, b) = (
+                    one.sums.error_below(i, &[0.1], &first, 1.0),
+                    two.sums.error_below(i, &[0.1, 0.1], &second, 1.0),
+                );
+                assert!(a > 0.0 && a <= b + 1e-7 * scale, "{i} at {zenith}: {a} {b}");
+            }
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::SpectralQuantity;
 use crate::attitude::file::AttitudeFile;
+use crate::light::engine::{Switch, Switches};
 use crate::target::file::{HingeFile, MaterialFile, PartFile};
 use serde::Deserialize;
 use sunglint_formats::time::Utc;
@@ -27,6 +28,8 @@ pub struct PassKeys {
     pub illumination: IlluminationKeys,
     #[serde(default)]
     pub magnitudes: MagnitudeKeys,
+    #[serde(default)]
+    pub effects: EffectKeys,
     pub note: Option<String>,
 }
 
@@ -137,4 +140,22 @@ pub enum EclipseWord {
 #[serde(deny_unknown_fields)]
 pub struct MagnitudeKeys {
     pub zero_point: Option<String>,
+}
+
+#[derive(Debug, Default, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EffectKeys {
+    pub solar_disc: Switch,
+    pub inter_reflection: Switch,
+    pub earthshine: Switch,
+    pub moonshine: Switch,
+    pub finite_distance: Switch,
+}
+
+impl From<EffectKeys> for Switches {
+    fn from(keys: EffectKeys) -> Self {
+        let EffectKeys { solar_disc, inter_reflection, earthshine, moonshine, finite_distance } =
+            keys;
+        Self { solar_disc, inter_reflection, earthshine, moonshine, finite_distance }
+    }
 }

@@ -18,25 +18,34 @@
 //! m_b   = −2.5 lg( s/(d² r²) Σ_k W_k F_bk ),  F_bk = ∫ E ρ_k S_b dλ / (∫ S_b dλ · E_0)
 //! ```
 //!
+//! The ρ_k W_k stand for all [`crate::light::Term`]s that the light engine has, whatever way the light took; and each W_k has an error w_k, absolute, which
+//! gives those of rates, bins and magnitudes by the same sums, Σ |K_ck| w_k, with what the air's table may err by: the *stated error*. What the engine
+//! does not model ([`Simulation::needs`]) is in these w_k. In the edge of the Earth's shadow the error of s is added.
+//!
 //! The integrals are taken on the union of all tables, once, exactly for piecewise-linear tables; over the zenith angle K_ck/K_ck(no
 //! air) is a mean transmission, tabulated with a measured error ([`sunglint_radiometry::air::AirTable`]).
 
+mod counts;
 mod error;
+mod explain;
 pub mod file;
 mod functionals;
 mod keys;
 mod ready;
 mod result;
+mod shadow;
 mod simulate;
 pub mod table;
 
 pub use error::PassError;
+pub use explain::Explanation;
 pub use file::{Overrides, PassFile};
 pub use ready::{Eye, Ready, Sample};
-pub use result::{StandardMagnitude, not_modelled};
+pub use result::{StandardMagnitude, StatedError};
 pub use simulate::{Bounds, ChannelSamples, Place, Progress, Simulation, Stage};
 
 use crate::attitude::Attitude;
+use crate::light::engine::Switches;
 use crate::orbit::Orbit;
 use crate::orbit::eclipse::EarthShape;
 use crate::target::Target;
@@ -97,8 +106,12 @@ pub struct Pass {
     pub orientation: Option<EarthOrientation>,
     /// What magnitudes count from.
     pub zero: ZeroPoint,
-    /// What the tables over the zenith angle may err by: a tenth of it in transmission.
+    /// An effect that may change the light by more than this, relative, is modelled ([`crate::light::engine`]).
     pub tolerance: f64,
+    /// What the air's tables over the zenith angle may err by in transmission (absolute).
+    pub air_tolerance: f64,
+    /// Which effects are switched on or off.
+    pub effects: Switches,
     /// Files that went in.
     pub inputs: Vec<Input>,
     /// What the file says besides.

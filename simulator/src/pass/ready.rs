@@ -1,9 +1,11 @@
 //! A pass whose integrals are taken, for single samples: of any orbit, at any moment.
 
+use super::counts::Light;
 use super::functionals::Functionals;
 use super::simulate::Place;
 use super::{BANDS, Pass, PassError};
-use crate::light::{Evaluator, Scene, SceneReport, View};
+use crate::light::engine::Worker;
+use crate::light::{Course, Engine, Options, SceneReport};
 use crate::orbit::Orbit;
 use hifitime::Epoch;
 use sunglint_formats::time::format_utc_shortest;
@@ -14,15 +16,16 @@ use sunglint_radiometry::station::Predicted;
 /// times than the pass's own, and for the moment that is brightest.
 pub struct Ready<'a> {
     pub(super) pass: &'a Pass,
-    pub(super) scene: Scene,
+    pub(super) engine: Engine,
     pub(super) functionals: Functionals,
 }
 
 /// Room to evaluate in: one for each thread.
 pub struct Eye<'a> {
     ready: &'a Ready<'a>,
-    evaluator: Evaluator<'a>,
+    worker: Worker<'a>,
     weights: Vec<f64>,
+    errors: Vec<f64>,
 }
 
 /// What one moment yields.
@@ -44,19 +47,30 @@ impl Pass {
     /// # Errors
     /// [`PassError::Target`], [`PassError::Air`], [`PassError::Spectrum`] and [`PassError::Photometry`].
     pub fn ready(&self) -> Result<Ready<'_>, PassError> {
-        let scene = Scene::new(&self.target).map_err(|source| {
+        self.ready_for(&Course { shadow: self.shadow.is_some(), ..Course::default() })
+    }
+
+    /// The same for what is known of the way.
+    pub(super) fn ready_for(&self, course: &Course) -> Result<Ready<'_>, PassError> {
+        let engine = self.engine(course)?;
+        let functionals = Functionals::new(self, engine.terms(), engine.lit_terms())?;
+        Ok(Ready { pass: self, engine, functionals })
+    }
+
+    /// The light engine for what is known of the way.
+    pub(super) fn engine(&self, course: &Course) -> Result<Engine, PassError> {
+        let options = Options { tolerance: self.tolerance, switches: self.effects };
+        Engine::new(&self.target, &options, course).map_err(|source| {
             let target = self.target.name.clone();
             PassError::Target { target, source: Box::new(source) }
-        })?;
-        let functionals = Functionals::new(self, &scene.spectra().collect::<Vec<_>>())?;
-        Ok(Ready { pass: self, scene, functionals })
+        })
     }
 }
 
 impl Ready<'_> {
     /// What the light engine made of the target.
     pub fn report(&self) -> &SceneReport {
-        self.scene.report()
+        self.engine.scene().report()
     }
 
     /// Frames of the pass's Earth over a stretch of time.
@@ -69,8 +83,15 @@ impl Ready<'_> {
 
     /// Room to evaluate in.
     pub fn eye(&self) -> Eye<'_> {
-        let weights = vec![0.0; self.scene.spectra().count()];
-        Eye { ready: self, evaluator: self.scene.evaluator(), weights }
+        let row = vec![0.0; self.engine.terms().len()];
+        Eye { ready: self, worker: self.engine.worker(), weights: row.clone(), errors: row }
+    }
+
+    /// ΣW's relative error by the light engine's own errors, those of what is not modelled left aside.
+    pub(super) fn relative(&self, weights: &[f64], errors: &[f64]) -> f64 {
+        let lit = self.engine.lit_terms();
+        let sum: f64 = weights[..lit].iter().map(|w| w.abs()).sum();
+        if sum > 0.0 { errors[..lit].iter().sum::<f64>() / sum } else { 0.0 }
     }
 }
 
@@ -87,25 +108,26 @@ impl Eye<'_> {
         exposure_s: f64,
     ) -> Result<Sample, PassError> {
         let Ready { pass, functionals, .. } = self.ready;
-        let place = pass.place(epoch, orbit, frames, functionals)?;
+        let mut place = pass.place(epoch, orbit, frames)?;
+        pass.refract(&mut place, functionals)?;
         self.weigh(&place)?;
-        let counts = pass.counts(&place, exposure_s, &self.weights, functionals)?;
+        let light = Light { weights: &self.weights, errors: &self.errors };
+        let counts = pass.counts(&place, exposure_s, light, functionals)?;
         Ok(Sample {
             place,
             magnitudes: counts.magnitudes,
             ground_magnitudes: counts.ground,
-            channels: counts.channels.iter().map(|c| (c.0, c.2)).collect(),
+            channels: counts.channels.iter().map(|c| (c.rate_hz, c.predicted)).collect(),
         })
     }
 
-    /// The weights W_k of a place, m² sr⁻¹, and the engine's estimate of their relative error.
-    pub(super) fn weigh(&mut self, place: &Place) -> Result<(&[f64], f64), PassError> {
-        let view = View::Distant(place.observer_body);
-        let lit = self.evaluator.direct(place.sun_body, view, &mut self.weights);
-        let lit = lit.map_err(|source| PassError::Light {
+    /// The weights W_k of a place and their errors, m² sr⁻¹.
+    pub(super) fn weigh(&mut self, place: &Place) -> Result<(&[f64], &[f64]), PassError> {
+        let lit = self.worker.light(&place.lighting(), &mut self.weights, &mut self.errors);
+        lit.map_err(|source| PassError::Light {
             epoch_utc: format_utc_shortest(place.geometry.epoch),
             source: Box::new(source),
         })?;
-        Ok((&self.weights, lit.error))
+        Ok((&self.weights, &self.errors))
     }
 }

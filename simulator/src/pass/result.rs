@@ -13,17 +13,30 @@ const STANDARD_RANGE_M: f64 = 1e6;
 /// The place of V in [`BANDS`].
 const V: usize = 2;
 
-/// What is not in a simulation, for whoever compares it with a measurement.
-pub fn not_modelled() -> [&'static str; 7] {
-    [
-        "the size of the Sun's disc (glints narrower than half a degree come out too sharp and too high)",
-        "light that is reflected twice",
-        "light from the Earth and the Moon",
-        "sunlight bent and reddened by the Earth's air at the edge of the shadow, limb darkening",
-        "scintillation, sky background",
-        "change within an exposure (values are those of its middle)",
-        "the part of a target's parallax within its own size",
-    ]
+/// What no simulation holds, for whoever compares it with a measurement. It is not in the stated error.
+const NEVER_MODELLED: [&str; 3] = [
+    "scintillation, sky background",
+    "change within an exposure (values are those of its middle)",
+    "wavelengths that a material's tables do not cover (flag extrapolated)",
+];
+
+/// What the stated error of a simulation is made of, in short.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StatedError {
+    /// The median over the samples with light, of the value.
+    pub median: f64,
+    /// The largest.
+    pub largest: f64,
+}
+
+impl StatedError {
+    /// Of values and their errors: of those above 0 that are visible.
+    fn of(pairs: impl Iterator<Item = (f64, f64)>) -> Option<Self> {
+        let good = pairs.filter(|(value, error)| *value > 0.0 && error.is_finite());
+        let mut shares: Vec<f64> = good.map(|(value, error)| error / value).collect();
+        shares.sort_by(f64::total_cmp);
+        Some(Self { median: *shares.get(shares.len() / 2)?, largest: *shares.last()? })
+    }
 }
 
 /// A magnitude brought to 1,000 km, by one law or another.
@@ -62,6 +75,37 @@ impl StandardMagnitude {
 }
 
 impl Simulation<'_> {
+    /// What is not in the simulation, for whoever compares it with a measurement: what this scene was not given, with the most that it could be, and
+    /// what no simulation holds.
+    pub fn not_modelled(&self) -> Vec<String> {
+        let missing = self.needs.iter().filter(|n| !n.is_modelled());
+        let say = |need: &crate::light::Need| match need.bound {
+            Some(bound) if bound > 0.0 => {
+                Some(format!("{} (up to {:.1e}, in the stated error)", need.effect, bound))
+            }
+            _ => None,
+        };
+        let never = NEVER_MODELLED.iter().map(|s| (*s).to_owned());
+        missing.filter_map(say).chain(never).collect()
+    }
+
+    /// The stated errors of a channel's rates, of themselves, over its visible samples with light; `None` without any.
+    pub fn stated_error(&self, channel: &super::ChannelSamples) -> Option<StatedError> {
+        let pairs = channel.rate_hz.iter().copied().zip(channel.error_hz.iter().copied());
+        let visible = pairs.zip(&self.places).filter(|(_, place)| !place.hidden);
+        StatedError::of(visible.map(|(pair, _)| pair))
+    }
+
+    /// The stated errors of all bins of the visible samples, of the sample's mean over the bins; `None` without light.
+    pub fn stated_error_of_bins(&self) -> Option<StatedError> {
+        let rows = self.spectra.rows().into_iter().zip(self.spectra_errors.rows());
+        let visible = rows.zip(&self.places).filter(|(_, place)| !place.hidden);
+        StatedError::of(visible.flat_map(|((values, errors), _)| {
+            let mean = values.mean().unwrap_or(0.0);
+            errors.iter().map(|e| (mean, f64::from(*e))).collect::<Vec<_>>()
+        }))
+    }
+
     /// The flags that a sample has in every channel.
     pub fn flags(&self, i: usize) -> Flags {
         let place = &self.places[i];
@@ -103,7 +147,8 @@ impl Simulation<'_> {
             }
         ));
         notes.push("sigma: one exposure at the typical kappa: photons, dark counts and dead time of counters, photons alone of camera planes; no scintillation".into());
-        notes.push(format!("not modelled: {}", not_modelled().join("; ")));
+        notes.push(format!("not modelled: {}", self.not_modelled().join("; ")));
+        notes.push("model_error: how far a value may be off by what is not modelled, and by the engine's and the tables' own errors; a bound, not a standard deviation".into());
         notes.push(format!("magnitudes count from {}", pass.zero));
         Provenance {
             program: concat!("sunglint ", env!("CARGO_PKG_VERSION")).into(),
@@ -132,6 +177,7 @@ impl Simulation<'_> {
                 rate_hz: channel.rate_hz.clone(),
                 sigma_hz: channel.predicted.iter().map(sigma).collect(),
                 flags: flags.collect(),
+                model_error_hz: Some(channel.error_hz.clone()),
             }
         });
         LightCurve {
@@ -156,6 +202,7 @@ impl Simulation<'_> {
             samples: self.samples(),
             edges_nm: self.pass.edges_nm.clone(),
             values: self.spectra.clone(),
+            model_errors: Some(self.spectra_errors.clone()),
             flags: flags.collect(),
             provenance: self.provenance(command),
         }
@@ -246,6 +293,12 @@ impl Simulation<'_> {
                 Some("mag"),
                 "after the air",
                 self.ground_magnitudes.column(b).to_vec(),
+            ));
+            table.columns.push(number(
+                &format!("{band}_model_error_mag"),
+                Some("mag"),
+                "by how much fainter it may be; inf where no light may be left",
+                self.magnitude_errors.column(b).to_vec(),
             ));
         }
         for (name, standard) in [

@@ -1,10 +1,11 @@
 //! The way through a pass: places, light, counts.
 
+use super::counts::{Counts, Light};
 use super::functionals::Functionals;
-use super::{BANDS, Pass, PassError, SpectralQuantity};
+use super::{BANDS, Pass, PassError, Ready, SpectralQuantity, shadow};
 use crate::attitude::Moment;
 use crate::geometry::Geometry;
-use crate::light::SceneReport;
+use crate::light::{Need, SceneReport, Term};
 use crate::orbit::Orbit;
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
@@ -65,6 +66,8 @@ pub struct Place {
     pub geometry: Geometry,
     /// The visible part of the Sun's disc; 1 where eclipses are switched off.
     pub sunlit: f64,
+    /// How far off that may be: the Earth's air and the Sun's limb darkening, at the edge of the shadow.
+    pub sunlit_error: f64,
     /// How the body is turned.
     pub body_to_gcrs: DQuat,
     /// Unit vector to the Sun, body axes.
@@ -88,6 +91,8 @@ pub struct ChannelSamples {
     pub name: String,
     /// Predicted rate at the detector, after the air, Hz; NaN below the horizon.
     pub rate_hz: Vec<f64>,
+    /// How far off that may be by the simulation's stated error, Hz; NaN where the rate is.
+    pub error_hz: Vec<f64>,
     /// Rate without the air, Hz.
     pub above_air_hz: Vec<f64>,
     /// What the detector makes of it.
@@ -116,18 +121,26 @@ pub struct Simulation<'a> {
     pub pass: &'a Pass,
     /// Where everything stood.
     pub places: Vec<Place>,
-    /// W_k, m² sr⁻¹: epochs × material spectra.
+    /// W_k, m² sr⁻¹: epochs × [`Simulation::terms`] that have light.
     pub weights: Array2<f64>,
-    /// The material of each spectrum.
+    /// Their errors, absolute, m² sr⁻¹: epochs × all terms.
+    pub errors: Array2<f64>,
+    /// The terms of the light: those that have weights, then those that have errors alone.
+    pub terms: Vec<Term>,
+    /// The material of each term that has light; the way the light came where it is of none.
     pub weight_materials: Vec<String>,
     /// Spectra, epochs × bins, in the unit of [`Pass::spectral`]; NaN below the horizon where they are after the air.
     pub spectra: Array2<f64>,
+    /// The stated errors of the spectra, same unit.
+    pub spectra_errors: Array2<f32>,
     /// Whether a spectrum has bins that a table does not cover.
     pub spectra_uncovered: Vec<bool>,
     /// The channels of the station.
     pub channels: Vec<ChannelSamples>,
     /// Magnitudes above the air in [`BANDS`], epochs × bands; NaN without light.
     pub magnitudes: Array2<f64>,
+    /// The stated errors of both, mag: by how much less light there may be (infinite where there may be none).
+    pub magnitude_errors: Array2<f64>,
     /// The same after the air; NaN below the horizon too.
     pub ground_magnitudes: Array2<f64>,
     /// Angles of the target's hinges, epochs × hinges, degrees.
@@ -136,16 +149,8 @@ pub struct Simulation<'a> {
     pub bounds: Bounds,
     /// What the light engine made of the target.
     pub scene: SceneReport,
-}
-
-/// What an epoch yields.
-pub(super) struct Counts {
-    spectrum: Vec<f64>,
-    uncovered: bool,
-    pub(super) channels: Vec<(f64, f64, Predicted, f64)>,
-    pub(super) magnitudes: [f64; BANDS.len()],
-    pub(super) ground: [f64; BANDS.len()],
-    relative: f64,
+    /// What the scene needs, effect by effect.
+    pub needs: Vec<Need>,
 }
 
 impl Pass {
@@ -169,47 +174,36 @@ impl Pass {
             }
         };
 
-        begin(Stage::Tables);
-        let ready = self.ready()?;
-        let functionals = &ready.functionals;
-
         begin(Stage::Places);
-        let (first, last) = self.ends();
-        let frames = self.frames(first, last)?;
-        let orbit = self.orbit.near(first, last);
-        let places = first_error(
-            self.times
-                .par_iter()
-                .map(|epoch| {
-                    let place = self.place(*epoch, &orbit, &frames, functionals);
-                    tick(Stage::Places);
-                    place
-                })
-                .collect(),
-        )?;
+        let mut places = self.places(&|| tick(Stage::Places))?;
+
+        begin(Stage::Tables);
+        let ready = self.ready_for(&self.course(&places))?;
+        let functionals = &ready.functionals;
+        places.par_iter_mut().try_for_each(|place| self.refract(place, functionals))?;
 
         begin(Stage::Light);
         counter.store(0, Ordering::Relaxed);
         let lit = places.par_iter().map_init(
             || ready.eye(),
             |eye, place| {
-                let lit = eye.weigh(place).map(|(weights, error)| (weights.to_vec(), error));
+                let lit = eye.weigh(place).map(|(w, e)| (w.to_vec(), e.to_vec()));
                 tick(Stage::Light);
                 lit
             },
         );
-        let (weights, light_errors): (Vec<_>, Vec<f64>) =
-            first_error(lit.collect())?.into_iter().unzip();
+        let lit: Vec<(Vec<f64>, Vec<f64>)> = first_error(lit.collect())?;
 
         begin(Stage::Counts);
         counter.store(0, Ordering::Relaxed);
         let counts = first_error(
             places
                 .par_iter()
-                .zip(&weights)
+                .zip(&lit)
                 .enumerate()
-                .map(|(i, (place, weights))| {
-                    let counts = self.counts(place, self.exposure_s[i], weights, functionals);
+                .map(|(i, (place, (weights, errors)))| {
+                    let light = Light { weights, errors };
+                    let counts = self.counts(place, self.exposure_s[i], light, functionals);
                     tick(Stage::Counts);
                     counts
                 })
@@ -219,15 +213,14 @@ impl Pass {
             transmission: functionals.sums.interpolation_error(),
             transmission_nodes: functionals.sums.nodes(),
             rate_relative: counts.iter().fold(0.0, |most, c| c.relative.max(most)),
-            light_relative: light_errors.iter().fold(0.0, |most, e| e.max(most)),
+            light_relative: lit.iter().fold(0.0, |most, (w, e)| most.max(ready.relative(w, e))),
         };
-        let simulation =
-            self.gathered(places, weights, counts, bounds, ready.scene.report().clone());
+        let simulation = self.gathered(places, &lit, counts, bounds, &ready);
         begin(Stage::Done);
         Ok(simulation)
     }
 
-    fn check(&self) -> Result<(), PassError> {
+    pub(super) fn check(&self) -> Result<(), PassError> {
         let wrong = |needs, found| Err(PassError::Input { needs, found });
         if self.times.is_empty() {
             return wrong("at least one time", "none".into());
@@ -260,12 +253,25 @@ impl Pass {
         Ok(SkyFrames::over(first, last, self.orientation())?)
     }
 
+    /// Where everything stands at all epochs, before any air.
+    pub(super) fn places(&self, tick: &(dyn Fn() + Sync)) -> Result<Vec<Place>, PassError> {
+        let (first, last) = self.ends();
+        let frames = self.frames(first, last)?;
+        let orbit = self.orbit.near(first, last);
+        let place = |epoch: &Epoch| {
+            let place = self.place(*epoch, &orbit, &frames);
+            tick();
+            place
+        };
+        first_error(self.times.par_iter().map(place).collect())
+    }
+
+    /// Where everything stands at an epoch; nothing is said of air and horizon yet.
     pub(super) fn place(
         &self,
         epoch: Epoch,
         orbit: &Orbit,
         frames: &SkyFrames<'_>,
-        functionals: &Functionals,
     ) -> Result<Place, PassError> {
         let observer = Observer::new(frames.at(epoch)?, &self.station.site);
         let shape = self.shadow.unwrap_or_default();
@@ -282,130 +288,95 @@ impl Pass {
         })?;
         let (to_sun, to_observer) = geometry.rest_frame_directions();
         let gcrs_to_body = body_to_gcrs.conjugate();
-        let zenith = Zenith::Near { true_deg: geometry.zenith_deg(), range_m: geometry.range_m };
-        let apparent_zenith_deg = match functionals.sums.apparent_deg(zenith) {
-            Ok(deg) => Some(deg),
-            Err(AirError::BelowHorizon { .. }) => None,
-            Err(error) => return Err(error.into()),
-        };
-        let azimuth_deg = geometry.horizontal.azimuth_deg();
-        let seen = apparent_zenith_deg.is_some_and(|z| self.station.sees(90.0 - z, azimuth_deg));
         Ok(Place {
             sunlit: if self.shadow.is_some() { geometry.sunlit } else { 1.0 },
+            sunlit_error: self.shadow.map_or(0.0, |_| shadow::error(&geometry)),
             body_to_gcrs,
             sun_body: (gcrs_to_body * to_sun).normalize(),
             observer_body: (gcrs_to_body * to_observer).normalize(),
             sun_altitude_deg: geometry.sun_altitude_deg(&observer),
-            apparent_zenith_deg,
-            hidden: !seen,
+            apparent_zenith_deg: None,
+            hidden: true,
             orientation: observer.frame().orientation().origin,
             geometry,
         })
     }
 
-    pub(super) fn counts(
+    /// Adds what the air makes of a place: the apparent zenith angle, and whether the station sees it.
+    pub(super) fn refract(
         &self,
-        place: &Place,
-        exposure_s: f64,
-        weights: &[f64],
+        place: &mut Place,
         functionals: &Functionals,
-    ) -> Result<Counts, PassError> {
-        let k = weights.len();
-        let sums = &functionals.sums;
-        let sun = place.sunlit / place.geometry.sun.distance_au().powi(2);
-        let here = sun / place.geometry.range_m.powi(2);
-        let visible = place.apparent_zenith_deg.map(Zenith::Apparent);
-        let mut transmissions = Vec::new();
-        if let Some(zenith) = visible {
-            sums.transmissions(zenith, &mut transmissions)?;
-        }
-        let below = |i: usize| match visible {
-            Some(_) => here * sums.below(i, weights, &transmissions),
-            None => f64::NAN,
+    ) -> Result<(), PassError> {
+        let geometry = &place.geometry;
+        let zenith = Zenith::Near { true_deg: geometry.zenith_deg(), range_m: geometry.range_m };
+        place.apparent_zenith_deg = match functionals.sums.apparent_deg(zenith) {
+            Ok(deg) => Some(deg),
+            Err(AirError::BelowHorizon { .. }) => None,
+            Err(error) => return Err(error.into()),
         };
-        let magnitude = |flux: f64| if flux > 0.0 { -2.5 * flux.log10() } else { f64::NAN };
-        let mut relative = 0.0_f64;
-        let channels = self.station.channels.iter().enumerate().map(|(c, channel)| {
-            let rate_hz = below(c);
-            if rate_hz > 0.0 && !place.hidden {
-                relative = relative.max(here * sums.error(c, weights) / rate_hz);
-            }
-            let predicted = match visible {
-                Some(_) => self.station.predict(channel, rate_hz, exposure_s),
-                None => Predicted::default(),
-            };
-            (rate_hz, here * sums.above(c, weights), predicted, sums.uncovered(c, weights))
-        });
-        let channels: Vec<_> = channels.collect();
-        let first = self.station.channels.len();
-        let magnitudes = std::array::from_fn(|b| magnitude(here * sums.above(first + b, weights)));
-        let ground = std::array::from_fn(|b| magnitude(below(first + b)));
-        let spectrum: Vec<f64> = match (&functionals.at_telescope, visible) {
-            (None, _) => (functionals.spectral.chunks_exact(k.max(1)))
-                .map(|row| sun * row.iter().zip(weights).map(|(m, w)| m * w).sum::<f64>())
-                .collect(),
-            (Some(set), Some(zenith)) => {
-                set.transmissions(zenith, &mut transmissions)?;
-                (0..set.len()).map(|bin| here * set.below(bin, weights, &transmissions)).collect()
-            }
-            (Some(set), None) => vec![f64::NAN; set.len()],
-        };
-        let uncovered = match &functionals.at_telescope {
-            None => {
-                (functionals.spectral_uncovered.iter().zip(weights)).any(|(u, w)| *u && *w > 0.0)
-            }
-            Some(set) => (0..set.len()).any(|bin| set.uncovered(bin, weights) > 0.0),
-        };
-        Ok(Counts { spectrum, uncovered, channels, magnitudes, ground, relative })
+        let azimuth_deg = geometry.horizontal.azimuth_deg();
+        let sees = |z: f64| self.station.sees(90.0 - z, azimuth_deg);
+        place.hidden = !place.apparent_zenith_deg.is_some_and(sees);
+        Ok(())
     }
 
     fn gathered(
         &self,
         places: Vec<Place>,
-        weights: Vec<Vec<f64>>,
+        lit: &[(Vec<f64>, Vec<f64>)],
         mut counts: Vec<Counts>,
         bounds: Bounds,
-        scene: SceneReport,
+        ready: &Ready<'_>,
     ) -> Simulation<'_> {
         let n = places.len();
         // The largest of all: each row is given back as soon as it stands among the others.
         let mut spectra = Array2::zeros((n, self.bins()));
-        for (mut row, counts) in spectra.rows_mut().into_iter().zip(&mut counts) {
+        let mut spectra_errors = Array2::zeros((n, self.bins()));
+        for (i, counts) in counts.iter_mut().enumerate() {
             let spectrum = std::mem::take(&mut counts.spectrum);
-            row.iter_mut().zip(spectrum).for_each(|(to, from)| *to = from);
+            spectra.row_mut(i).iter_mut().zip(spectrum).for_each(|(to, from)| *to = from);
+            let errors = std::mem::take(&mut counts.spectrum_errors);
+            spectra_errors.row_mut(i).iter_mut().zip(errors).for_each(|(to, from)| *to = from);
         }
-        let k = weights.first().map_or(0, Vec::len);
+        let (engine, terms) = (&ready.engine, ready.engine.terms());
+        let materials = |m: usize| self.target.materials[m].name.clone();
+        let name = |t: &Term| t.material.map_or_else(|| t.source.name().to_owned(), materials);
         let channel = |c: usize| ChannelSamples {
             name: self.station.channels[c].name.clone(),
-            rate_hz: counts.iter().map(|x| x.channels[c].0).collect(),
-            above_air_hz: counts.iter().map(|x| x.channels[c].1).collect(),
-            predicted: counts.iter().map(|x| x.channels[c].2).collect(),
-            uncovered_nm: counts.iter().map(|x| x.channels[c].3).collect(),
+            rate_hz: counts.iter().map(|x| x.channels[c].rate_hz).collect(),
+            error_hz: counts.iter().map(|x| x.channels[c].error_hz).collect(),
+            above_air_hz: counts.iter().map(|x| x.channels[c].above_air_hz).collect(),
+            predicted: counts.iter().map(|x| x.channels[c].predicted).collect(),
+            uncovered_nm: counts.iter().map(|x| x.channels[c].uncovered_nm).collect(),
         };
         let channels = (0..self.station.channels.len()).map(channel).collect();
-        let of_materials = self.target.materials.iter();
-        let weight_materials = of_materials
-            .flat_map(|m| std::iter::repeat_n(m.name.clone(), m.spectra().len()))
-            .collect();
         let hinges = self.target.hinges.len();
         let hinges_deg = Array2::from_shape_fn((n, hinges), |(i, h)| {
             self.target.hinges[h].angle_rad(places[i].sun_body).to_degrees()
         });
         Simulation {
             pass: self,
-            weights: Array2::from_shape_fn((n, k), |(i, j)| weights[i][j]),
-            weight_materials,
+            weights: Array2::from_shape_fn((n, engine.lit_terms()), |(i, k)| lit[i].0[k]),
+            errors: Array2::from_shape_fn((n, terms.len()), |(i, k)| lit[i].1[k]),
+            weight_materials: terms[..engine.lit_terms()].iter().map(name).collect(),
+            terms: terms.to_vec(),
             spectra,
+            spectra_errors,
             spectra_uncovered: counts.iter().map(|c| c.uncovered).collect(),
             channels,
             magnitudes: Array2::from_shape_fn((n, BANDS.len()), |(i, b)| counts[i].magnitudes[b]),
+            magnitude_errors: Array2::from_shape_fn((n, BANDS.len()), |(i, b)| {
+                counts[i].magnitude_errors[b]
+            }),
             ground_magnitudes: Array2::from_shape_fn((n, BANDS.len()), |(i, b)| {
                 counts[i].ground[b]
             }),
             hinges_deg,
             places,
             bounds,
-            scene,
+            scene: ready.report().clone(),
+            needs: engine.needs().to_vec(),
         }
     }
 }

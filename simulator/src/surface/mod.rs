@@ -271,6 +271,17 @@ impl Material {
         }
     }
 
+    /// The kind and the roughness of its narrowest lobe: the smaller of two roughnesses, 0 for a mirror; `None` where it only diffuses.
+    pub fn narrowest_lobe(&self) -> Option<(Distribution, f64)> {
+        match &self.model {
+            Model::Lambert => None,
+            Model::Mirror { .. } => Some((Distribution::Beckmann, 0.0)),
+            Model::Microfacet { lobe, .. } | Model::Blend { lobe, .. } => {
+                Some((lobe.distribution, lobe.alpha_x.min(lobe.alpha_y)))
+            }
+        }
+    }
+
     /// The material in a line, for summaries.
     pub fn describe(&self) -> String {
         let what = match &self.model {

@@ -1,0 +1,100 @@
+//! The size of the Sun's disc.
+//!
+//! The answer of a facet is f cosθ_i, averaged over the disc. Where f varies slowly, the direction of the disc's middle errs by
+//! (δ²/8) ∇²f/f, with δ the disc's angular radius: of a Beckmann lobe (δ²/8)(t² − 1)/α², of a GGX lobe (δ²/8)(16t² − 8)/(4α² (1 + t²)²),
+//! with t = tanθ_h/α (θ_h turns by half of what the Sun moves). Where the light comes from behind, at a phase angle γ, the direction midway moves by
+//! 1/(2 cos γ/2) across the plane of Sun and observer: δ counts as δ/cos(γ/2) there. A facet on whose horizon the middle stands has a mean cosine of 2δ/3π =
+//! 9.9e-4 where the middle has 0.
+
+use super::{Answer, Doubt, Options, Question, Seen};
+use crate::light::{Need, SceneError};
+use crate::surface::Distribution;
+use std::f64::consts::{FRAC_1_PI, PI};
+
+/// Where a Beckmann lobe has fallen to 1e-3 of its peak: t² there.
+const WING: f64 = 6.9;
+
+/// ∇²f/f of a lobe, as a factor of 1/α².
+fn curvature(kind: Distribution, t2: f64) -> f64 {
+    match kind {
+        Distribution::Beckmann => (t2 - 1.0).abs(),
+        Distribution::Ggx => (4.0 * t2 - 2.0).abs() / ((1.0 + t2) * (1.0 + t2)),
+    }
+}
+
+/// The relative error of a lobe by the middle's direction; more than itself it cannot err, and no more is said than 1.
+fn relative(kind: Distribution, alpha: f64, t2: f64, sun_radius_rad: f64) -> f64 {
+    // The second order holds for lobes that are wide; of one as narrow as the disc nothing is known.
+    let small = sun_radius_rad * sun_radius_rad / (8.0 * alpha * alpha);
+    let error = small * curvature(kind, t2).max(1.0);
+    if error < 0.3 { error * (1.0 + error) } else { 1.0 }
+}
+
+pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
+    let (body, options) = (question.body, question.options);
+    let radius = question.course.sun_radius_rad;
+    let switch = options.switches.solar_disc;
+    let flat = !body.patches.is_empty();
+    let horizon = if flat { 2.0 * radius / (3.0 * PI) } else { 0.0 };
+    // The cosine itself, over the disc.
+    let diffuse = 0.25 * radius * radius;
+    let (lobe, words) = match body.narrowest() {
+        None => (diffuse, "all materials are diffuse".to_owned()),
+        Some((_, 0.0)) if !flat => (
+            0.25 * radius,
+            "a mirror, but curved: the disc's image is smaller than the sphere's".into(),
+        ),
+        Some((_, 0.0)) => (1.0, "a flat mirror".to_owned()),
+        Some((kind, alpha)) => (
+            relative(
+                kind,
+                alpha,
+                if kind == Distribution::Beckmann { WING } else { 0.0 },
+                radius / (0.5 * question.course.phase_rad).cos().max(1e-9),
+            ),
+            format!("the narrowest lobe has α {alpha}"),
+        ),
+    };
+    let bound = lobe.max(horizon);
+    let needed = options.needs(switch, bound);
+    let edge = if flat {
+        format!(
+            "; a facet on the Sun's horizon gets {horizon:.1e} of full sunlight where it is taken to get none"
+        )
+    } else {
+        String::new()
+    };
+    let why = format!(
+        "{words}, the disc's radius is {:.4}°: its middle in place of it errs by {lobe:.1e}{edge}{}",
+        radius.to_degrees(),
+        Options::reason(switch)
+    );
+    let need = Need { effect: "solar disc", needed, bound: Some(bound), why, cost_s: None };
+    let lobes = body.glosses.iter().map(|g| g.lobe).collect();
+    Ok(Answer { need, part: None, doubt: Some(Box::new(Middle { lobes, flat })) })
+}
+
+/// The middle of the disc in place of it.
+#[derive(Debug)]
+struct Middle {
+    lobes: Vec<Option<(Distribution, f64)>>,
+    flat: bool,
+}
+
+impl Doubt for Middle {
+    fn add(&self, seen: &Seen, weights: &[f64], errors: &mut [f64], unknown: &mut [f64]) {
+        let delta = seen.sun_radius_rad;
+        let diffuse = 0.25 * delta * delta;
+        seen.add_shares(weights, errors, |m| match self.lobes[m] {
+            None => diffuse,
+            Some((_, 0.0)) if !self.flat => 0.25 * delta,
+            Some((kind, alpha)) => {
+                let delta = delta / seen.half_cos.max(1e-9);
+                diffuse + relative(kind, alpha, seen.off_lobe[m].0, delta)
+            }
+        });
+        for (error, area) in unknown.iter_mut().zip(&seen.horizon_m2) {
+            *error += 2.0 * delta / (3.0 * PI) * FRAC_1_PI * area;
+        }
+    }
+}

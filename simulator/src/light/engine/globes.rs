@@ -1,0 +1,80 @@
+//! Light from the Earth and the Moon.
+//!
+//! The Earth as a Lambert globe of albedo 0.30, known to ±50 % only: a surface that sees all of it gets at most 0.30·1.5 (R/d)² of the
+//! irradiance of the Sun, times the largest cosine that the Sun has over the cap that is seen. The full Moon is 14.0 mag fainter than the
+//! Sun (−12.74 against −26.74 in V, Allen's Astrophysical Quantities): 2.5e-6.
+
+use super::{Answer, Doubt, Options, Question, Seen};
+use crate::light::{Globe, Need, SceneError};
+use std::f64::consts::FRAC_1_PI;
+
+/// The largest share of sunlight that the ground may reflect as a whole: 0.30 and half of it more.
+pub(super) const EARTH_ALBEDO: f64 = 0.45;
+/// Irradiance of the full Moon over that of the Sun.
+const MOON: f64 = 2.5e-6;
+/// Radiance of the full Moon over the irradiance of the Sun, sr⁻¹: [`MOON`] over its solid angle of 6.4e-5 sr.
+const MOON_RADIANCE: f64 = 0.039;
+
+/// The largest irradiance on a surface by a lit Lambert globe of the albedo 0.45, of that of the Sun.
+pub fn irradiance(globe: &Globe) -> f64 {
+    let sine = (globe.radius_m / globe.distance_m).min(1.0);
+    // Of the cap that is seen, the point nearest to where the Sun stands overhead.
+    let half_rad = sine.acos();
+    let away_rad = (-globe.toward).angle_between(globe.sun) - half_rad;
+    EARTH_ALBEDO * sine * sine * away_rad.max(0.0).cos().max(0.0)
+}
+
+pub(super) fn assess_earthshine(question: &Question) -> Result<Answer, SceneError> {
+    let (options, course) = (question.options, question.course);
+    let switch = options.switches.earthshine;
+    let bound = course.earthshine;
+    let needed = options.needs(switch, bound);
+    let height_km = (course.radius_m.0 - crate::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M) * 1e-3;
+    let why = format!(
+        "from {height_km:.0} km height up, the Earth (albedo 0.30 ± 50 %) gives a surface up to {:.2} % of sunlight{}",
+        100.0 * bound,
+        Options::reason(switch)
+    );
+    let need = Need { effect: "earthshine", needed, bound: Some(bound), why, cost_s: None };
+    Ok(Answer { need, part: None, doubt: Some(Box::new(Earthshine)) })
+}
+
+pub(super) fn assess_moonshine(question: &Question) -> Result<Answer, SceneError> {
+    let switch = question.options.switches.moonshine;
+    let needed = question.options.needs(switch, MOON);
+    let why = format!("the full Moon gives {MOON:.1e} of sunlight{}", Options::reason(switch));
+    let need = Need { effect: "moonshine", needed, bound: Some(MOON), why, cost_s: None };
+    let gloss = |g: &super::body::Gloss| match g.lobe {
+        None => FRAC_1_PI,
+        Some((_, alpha)) => FRAC_1_PI.max(0.25 * FRAC_1_PI / (alpha * alpha)),
+    };
+    let peaks = question.body.glosses.iter().map(gloss).collect();
+    Ok(Answer { need, part: None, doubt: Some(Box::new(Moonshine { peaks })) })
+}
+
+/// Light from the Earth, left out.
+#[derive(Debug)]
+struct Earthshine;
+
+impl Doubt for Earthshine {
+    fn add(&self, seen: &Seen, _: &[f64], _: &mut [f64], unknown: &mut [f64]) {
+        for (error, area) in unknown.iter_mut().zip(&seen.earthlit_m2) {
+            *error += seen.earth * FRAC_1_PI * area;
+        }
+    }
+}
+
+/// Light from the Moon, left out.
+#[derive(Debug)]
+struct Moonshine {
+    /// The largest f_r of each material over its reflectance, sr⁻¹.
+    peaks: Vec<f64>,
+}
+
+impl Doubt for Moonshine {
+    fn add(&self, seen: &Seen, _: &[f64], _: &mut [f64], unknown: &mut [f64]) {
+        for ((error, area), peak) in unknown.iter_mut().zip(&seen.area_m2).zip(&self.peaks) {
+            *error += (MOON * peak).min(MOON_RADIANCE) * area;
+        }
+    }
+}

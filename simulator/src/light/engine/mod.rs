@@ -1,0 +1,213 @@
+//! The engine: what a scene needs, and the light of all that it needs.
+//!
+//! Made once from a target, [`Options`] and a [`Course`] (what is known of the way that the target takes), it asks every effect of
+//! `EFFECTS` whether the scene needs it. An effect answers with a [`Need`], in words and numbers, and with one of two things: a [`Part`]
+//! that adds its light to terms, or a [`Doubt`] that adds to the errors what is left out. So nothing is left out in silence: the errors
+//! of an epoch hold what each effect that is not modelled could have added at that epoch.
+//!
+//! To add an effect: a file with a function `assess`, and its name in `EFFECTS`.
+
+mod body;
+mod bounce;
+mod curved;
+mod direct;
+mod disc;
+mod distance;
+mod eclipse;
+mod fill;
+mod globes;
+mod hiding;
+mod motion;
+mod options;
+mod seen;
+
+pub use globes::irradiance as earthshine;
+pub use options::{Course, Options, Switch, Switches, WrongTolerance, check_tolerance};
+pub use seen::Seen;
+
+use super::{DirectionError, Effect, Lighting, Need, Scene, SceneError, Term, View};
+use crate::target::Target;
+use body::Body;
+use std::ops::Range;
+
+/// What an effect is asked with.
+#[derive(Debug)]
+pub struct Question<'a> {
+    /// The target, as it was given.
+    pub target: &'a Target,
+    /// The target, prepared for direct light.
+    pub scene: &'a Scene,
+    /// Facts of the target that decide.
+    pub body: &'a Body,
+    /// What is wanted.
+    pub options: &'a Options,
+    /// What is known of the way.
+    pub course: &'a Course,
+}
+
+/// What an effect answers.
+#[derive(Debug)]
+pub struct Answer {
+    /// Whether it is needed, and why.
+    pub need: Need,
+    /// What adds its light, with the terms that it adds to; none where it is not modelled or a part of another effect.
+    pub part: Option<(Vec<Term>, Box<dyn Part>)>,
+    /// What leaving it out (or modelling it in part) may err by; none where that is nothing.
+    pub doubt: Option<Box<dyn Doubt>>,
+}
+
+/// An effect that adds light, ready for one scene and shared by all threads.
+pub trait Part: Send + Sync + std::fmt::Debug {
+    /// What adds its light, with room to work in: one for each thread.
+    fn worker<'a>(&'a self, scene: &'a Scene) -> Box<dyn Effect + 'a>;
+}
+
+/// What an effect that is left out could have added at an epoch.
+pub trait Doubt: Send + Sync + std::fmt::Debug {
+    /// Adds to the errors of direct light (one number a term, m² sr⁻¹, beside its weights) and to those of what is unknown (one number a
+    /// material, m² sr⁻¹, before its whole reflectance).
+    fn add(&self, seen: &Seen, weights: &[f64], errors: &mut [f64], unknown: &mut [f64]);
+}
+
+/// How an effect answers.
+type Assess = fn(&Question) -> Result<Answer, SceneError>;
+
+/// All effects, in the order in which they are listed and added. Direct light is the first.
+const EFFECTS: [Assess; 10] = [
+    direct::assess,
+    hiding::assess,
+    curved::assess,
+    disc::assess,
+    bounce::assess,
+    globes::assess_earthshine,
+    globes::assess_moonshine,
+    eclipse::assess,
+    distance::assess,
+    motion::assess,
+];
+
+/// A target with everything that its light needs.
+#[derive(Debug)]
+pub struct Engine {
+    scene: Scene,
+    body: Body,
+    terms: Vec<Term>,
+    lit: usize,
+    needs: Vec<Need>,
+    parts: Vec<(Range<usize>, Box<dyn Part>)>,
+    doubts: Vec<Box<dyn Doubt>>,
+    /// Whether the observer stands at a point.
+    near: bool,
+}
+
+impl Engine {
+    /// Prepares a target, and finds what it needs.
+    ///
+    /// # Errors
+    /// As [`Scene::new`].
+    pub fn new(target: &Target, options: &Options, course: &Course) -> Result<Self, SceneError> {
+        let scene = Scene::new(target)?;
+        let body = Body::new(&scene)?;
+        let question = Question { target, scene: &scene, body: &body, options, course };
+        let mut needs = Vec::new();
+        let (mut terms, mut parts, mut doubts) = (Vec::new(), Vec::new(), Vec::new());
+        for assess in EFFECTS {
+            let answer = assess(&question)?;
+            needs.push(answer.need);
+            if let Some((own, part)) = answer.part {
+                let start = terms.len();
+                terms.extend(own);
+                parts.push((start..terms.len(), part));
+            }
+            doubts.extend(answer.doubt);
+        }
+        let near = distance::is_needed(&question);
+        let lit = terms.len();
+        terms.extend(body.unknown_terms()?);
+        Ok(Self { scene, body, terms, lit, needs, parts, doubts, near })
+    }
+
+    /// The prepared target.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// What stands before the weights: first [`Engine::lit_terms`] terms that have light, then for each material what is unknown of it:
+    /// an envelope of its reflectance, which has errors alone.
+    pub fn terms(&self) -> &[Term] {
+        &self.terms
+    }
+
+    /// How many terms have light.
+    pub fn lit_terms(&self) -> usize {
+        self.lit
+    }
+
+    /// What the scene needs, effect by effect.
+    pub fn needs(&self) -> &[Need] {
+        &self.needs
+    }
+
+    /// The sum of the bounds of all that is not modelled: a share of the light of the same surfaces in full sunlight.
+    pub fn left_out(&self) -> f64 {
+        left_out(&self.needs)
+    }
+
+    /// Room to work in: one for each thread.
+    pub fn worker(&self) -> Worker<'_> {
+        let effects = self.parts.iter().map(|(r, part)| (r.clone(), part.worker(&self.scene)));
+        let materials = self.terms[..self.lit].iter().map(|t| t.material).collect();
+        Worker { engine: self, effects: effects.collect(), seen: Seen::of(materials) }
+    }
+}
+
+/// The sum of the bounds of all effects that are not modelled; infinite where one of them is unknown.
+pub fn left_out(needs: &[Need]) -> f64 {
+    let missing = needs.iter().filter(|n| !n.is_modelled());
+    missing.map(|n| n.bound.unwrap_or(f64::INFINITY)).sum()
+}
+
+/// An engine with room to work in.
+pub struct Worker<'a> {
+    engine: &'a Engine,
+    effects: Vec<(Range<usize>, Box<dyn Effect + 'a>)>,
+    seen: Seen,
+}
+
+impl Worker<'_> {
+    /// Sets the weights of all terms \[m² sr⁻¹\] and their errors (absolute, same unit).
+    ///
+    /// # Errors
+    /// A direction that is none; rows of another length than [`Engine::terms`].
+    pub fn light(
+        &mut self,
+        lighting: &Lighting,
+        weights: &mut [f64],
+        errors: &mut [f64],
+    ) -> Result<(), DirectionError> {
+        let engine = self.engine;
+        for row in [weights.len(), errors.len()] {
+            let expected = engine.terms.len();
+            if row != expected {
+                return Err(DirectionError::Room { found: row, expected });
+            }
+        }
+        weights.fill(0.0);
+        errors.fill(0.0);
+        let mut lighting = *lighting;
+        if let (false, View::At(q)) = (engine.near, lighting.view) {
+            lighting.view = View::Distant(q);
+        }
+        for (range, effect) in &mut self.effects {
+            effect.add(&lighting, &mut weights[range.clone()], &mut errors[range.clone()])?;
+        }
+        if !engine.doubts.is_empty() {
+            self.seen.look(&engine.body, &lighting);
+            let (known, unknown) = errors.split_at_mut(engine.lit);
+            for doubt in &engine.doubts {
+                doubt.add(&self.seen, &weights[..engine.lit], known, unknown);
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,126 @@
+//! What is wanted of the engine, and what it is told of the way that the target takes.
+
+/// Whether an effect is modelled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Switch {
+    /// Where its bound exceeds the tolerance.
+    #[default]
+    Auto,
+    /// Always.
+    On,
+    /// Never: its bound enters the stated error.
+    Off,
+}
+
+/// The switches of the effects that have one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Switches {
+    /// The size of the Sun's disc.
+    pub solar_disc: Switch,
+    /// Light that is reflected more than once.
+    pub inter_reflection: Switch,
+    /// Light from the Earth.
+    pub earthshine: Switch,
+    /// Light from the Moon.
+    pub moonshine: Switch,
+    /// That the lines of sight to a body's parts are not parallel.
+    pub finite_distance: Switch,
+}
+
+/// What is wanted of the engine.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// An effect that may change the light by more than this, relative, is modelled.
+    pub tolerance: f64,
+    /// What is switched on or off.
+    pub switches: Switches,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { tolerance: Options::TOLERANCE, switches: Switches::default() }
+    }
+}
+
+impl Options {
+    /// The tolerance unless another is asked for: 0.1 %.
+    pub const TOLERANCE: f64 = 1e-3;
+
+    /// Whether an effect with this bound is to be modelled.
+    pub fn needs(&self, switch: Switch, bound: f64) -> bool {
+        match switch {
+            Switch::Auto => bound > self.tolerance,
+            Switch::On => true,
+            Switch::Off => false,
+        }
+    }
+
+    /// What decided, in words.
+    pub fn reason(switch: Switch) -> &'static str {
+        match switch {
+            Switch::Auto => "",
+            Switch::On => " (switched on)",
+            Switch::Off => " (switched off)",
+        }
+    }
+}
+
+/// A tolerance that is none.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "the tolerance is {0}, expected a relative error from 1e-9 to 0.1 (10 %), such as 0.002 or 0.2 %"
+)]
+pub struct WrongTolerance(pub f64);
+
+/// A tolerance, if it is one.
+///
+/// # Errors
+/// What is not a number from 1e-9 to 0.1.
+pub fn check_tolerance(tolerance: f64) -> Result<f64, WrongTolerance> {
+    if (1e-9..=0.1).contains(&tolerance) { Ok(tolerance) } else { Err(WrongTolerance(tolerance)) }
+}
+
+/// What is known of the way that a target takes. [`Course::default`] knows nothing, and takes the worst that an orbit has.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Course {
+    /// Epochs; 0 where they are not known.
+    pub epochs: usize,
+    /// Geometries that differ.
+    pub geometries: usize,
+    /// The least distance of the observer, m.
+    pub range_m: f64,
+    /// The least and the largest distance from the middle of the Earth, m.
+    pub radius_m: (f64, f64),
+    /// The largest angular radius of the Sun, radians.
+    pub sun_radius_rad: f64,
+    /// The largest phase angle, Sun–target–observer, radians.
+    pub phase_rad: f64,
+    /// The largest irradiance by the Earth on a surface of the target, of that of the Sun; see [`super::Seen::earth`].
+    pub earthshine: f64,
+    /// Epochs in penumbra.
+    pub penumbra: usize,
+    /// Epochs in umbra.
+    pub umbra: usize,
+    /// Whether the Earth's shadow counts at all.
+    pub shadow: bool,
+}
+
+impl Default for Course {
+    fn default() -> Self {
+        Self {
+            epochs: 0,
+            geometries: 0,
+            range_m: 1.5e5,
+            radius_m: (6.378_137e6 + 1.5e5, f64::INFINITY),
+            // At perihelion: asin(R☉/0.9833 au).
+            sun_radius_rad: 4.731e-3,
+            // Beyond it a target is seen before the Sun's own glare.
+            phase_rad: 170.0_f64.to_radians(),
+            earthshine: super::globes::EARTH_ALBEDO,
+            penumbra: 0,
+            umbra: 0,
+            shadow: true,
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! What a pass needs, found before it is simulated.
+
+use super::simulate::Place;
+use super::{Pass, PassError};
+use crate::light::engine::left_out;
+use crate::light::{Course, Globe, Lighting, Need, SceneReport, View};
+use crate::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
+use glam::DVec3;
+use std::collections::HashSet;
+
+/// What a pass needs.
+#[derive(Debug, Clone)]
+pub struct Explanation {
+    /// Effect by effect.
+    pub needs: Vec<Need>,
+    /// The sum of the bounds of what is not modelled, of the light of the same surfaces in full sunlight.
+    pub left_out: f64,
+    /// What is known of the way.
+    pub course: Course,
+    /// What the light engine made of the target.
+    pub scene: SceneReport,
+    /// Terms that the light is a sum of.
+    pub terms: usize,
+}
+
+impl Pass {
+    /// What the pass needs, effect by effect, without its light.
+    ///
+    /// # Errors
+    /// As [`Pass::simulate`], for places and target.
+    pub fn explain(&self) -> Result<Explanation, PassError> {
+        self.check()?;
+        let course = self.course(&self.places(&|| ())?);
+        let engine = self.engine(&course)?;
+        let needs = engine.needs().to_vec();
+        Ok(Explanation {
+            left_out: left_out(&needs),
+            needs,
+            course,
+            scene: engine.scene().report().clone(),
+            terms: engine.lit_terms(),
+        })
+    }
+
+    /// What is known of the way that the target takes.
+    pub(super) fn course(&self, places: &[Place]) -> Course {
+        let mut course = Course {
+            epochs: places.len(),
+            range_m: f64::INFINITY,
+            radius_m: (f64::INFINITY, 0.0),
+            sun_radius_rad: 0.0,
+            phase_rad: 0.0,
+            earthshine: 0.0,
+            shadow: self.shadow.is_some(),
+            ..Course::default()
+        };
+        let mut geometries = HashSet::new();
+        for place in places {
+            let lighting = place.lighting();
+            let radius_m = place.geometry.target.position_m.length();
+            course.range_m = course.range_m.min(place.geometry.range_m);
+            course.radius_m = (course.radius_m.0.min(radius_m), course.radius_m.1.max(radius_m));
+            course.sun_radius_rad = course.sun_radius_rad.max(lighting.sun_radius_rad);
+            course.phase_rad = course.phase_rad.max(place.geometry.phase_rad);
+            let earthshine = lighting.earth.map_or(0.0, |e| crate::light::engine::earthshine(&e));
+            course.earthshine = course.earthshine.max(earthshine);
+            let shaded = self.shadow.is_some() && place.sunlit < 1.0;
+            course.umbra += usize::from(shaded && place.sunlit == 0.0);
+            course.penumbra += usize::from(shaded && place.sunlit > 0.0);
+            // A microradian apart is another geometry.
+            let cell = |d: DVec3| (d * 1e6).round().to_array().map(|x| x as i64);
+            geometries.insert((cell(place.sun_body), cell(place.observer_body)));
+        }
+        course.geometries = geometries.len();
+        course
+    }
+}
+
+impl Place {
+    /// The light of the place, in the body's axes.
+    pub fn lighting(&self) -> Lighting {
+        let down = -(self.body_to_gcrs.conjugate() * self.geometry.target.position_m);
+        Lighting {
+            sun_body: self.sun_body,
+            sun_radius_rad: self.geometry.sun.angular_radius_rad(),
+            earth: Some(Globe {
+                toward: down.normalize_or_zero(),
+                distance_m: down.length(),
+                radius_m: EARTH_EQUATORIAL_RADIUS_M,
+                sun: self.sun_body,
+            }),
+            moon: None,
+            view: View::At(self.geometry.range_m * self.observer_body),
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! What the edge of the Earth's shadow may be off by.
+//!
+//! The visible part of the Sun's disc is found by area behind a sharp limb. The Earth's air dims and bends the light that passes within some
+//! tens of kilometres of the ground (a ray at 15 km is already spread to half its brightness as far as a low orbit lies behind the limb; refraction
+//! also brings light into the umbra); and a limb-darkened disc is brighter in its middle, which changes the visible part by up to 0.033 for
+//! the exponent 0.8 of blue light and 0.022 for the 0.5 of green.
+
+use crate::geometry::Geometry;
+use crate::orbit::eclipse::{Discs, EARTH_EQUATORIAL_RADIUS_M, EarthShape};
+
+/// Limbs between which the effective one may lie, m above and below the Earth's radius.
+const AIR_M: f64 = 25e3;
+/// The largest change of the visible part by limb darkening.
+const DARKENING: f64 = 0.035;
+
+/// How far off the visible part of the Sun's disc may be.
+pub(super) fn error(geometry: &Geometry) -> f64 {
+    let visible = |limb_m: f64| {
+        let earth = EarthShape::Sphere { radius_m: EARTH_EQUATORIAL_RADIUS_M + limb_m };
+        Discs::at(geometry.target.position_m, &geometry.sun, earth).visible_fraction()
+    };
+    let least = visible(AIR_M);
+    if least == 1.0 {
+        return 0.0;
+    }
+    let most = visible(-AIR_M);
+    if most == 0.0 {
+        return 0.0;
+    }
+    let here = geometry.sunlit;
+    (here - least).abs().max((most - here).abs()) + DARKENING
+}

@@ -1,0 +1,93 @@
+//! `sunglint explain` and `--tolerance`, run as a person runs them.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+mod common;
+
+use common::{Folder, SPHERE_PASS};
+
+fn folder(name: &str) -> Folder {
+    let folder = Folder::new(name);
+    std::fs::write(folder.path("pass.toml"), SPHERE_PASS).unwrap();
+    folder
+}
+
+#[test]
+fn every_effect_is_listed_with_its_reason() {
+    let folder = folder("explain");
+    let text = folder.done(&["explain", "pass.toml"]);
+    for part in [
+        "what it needs at a tolerance of 0.10 %",
+        "one convex closed body",
+        "no surface sees another",
+        "solar disc",
+        "earthshine",
+        "finite distance",
+        "22 epochs, 22 of them",
+        "left out in all",
+    ] {
+        assert!(text.contains(part), "`{part}` is not in {text}");
+    }
+    // The short form heads the summary of a simulation; both say the same.
+    let summary = folder.done(&["simulate", "pass.toml", "--tolerance", "0.2%"]);
+    assert!(summary.contains("what the scene needs, at a tolerance of 0.20 %"), "{summary}");
+    let [explained, simulated] =
+        ["explain", "simulate"].map(|command| folder.json(&[command, "pass.toml", "--json"]));
+    assert_eq!(explained["needs"], simulated["needs"]);
+    assert_eq!(explained["course"]["epochs"], 22);
+    assert_eq!(explained["scene"]["convex"], true);
+    folder.done(&["explain", "pass.toml", "-o", "needs.ecsv", "-q"]);
+    let table = std::fs::read_to_string(folder.path("needs.ecsv")).unwrap();
+    assert!(table.contains("inter-reflection"), "{table}");
+}
+
+/// `0.2 %` is 0.002; what is none is usage, exit code 2.
+#[test]
+fn a_tolerance_is_a_share_or_a_percentage() {
+    let folder = folder("explain-tolerance");
+    for (text, value) in [("0.2%", 0.002), ("0.2 %", 0.002), ("0.002", 0.002), ("1e-6", 1e-6)] {
+        let json = folder.json(&["explain", "pass.toml", "--json", "--tolerance", text]);
+        assert_eq!(json["tolerance"].as_f64().unwrap(), value, "{text}");
+    }
+    for command in ["explain", "simulate"] {
+        for wrong in ["0", "-1", "200%", "nan", "much", "1e-12"] {
+            let message = folder.refused(2, &[command, "pass.toml", "--tolerance", wrong]);
+            assert!(message.contains("--tolerance") && message.contains("0.2"), "{message}");
+        }
+    }
+    // The option takes the place of the file's key.
+    let text = format!("tolerance = 0.01\n{SPHERE_PASS}");
+    std::fs::write(folder.path("coarse.toml"), text).unwrap();
+    let read = |arguments: &[&str]| folder.json(arguments)["tolerance"].as_f64().unwrap();
+    assert_eq!(read(&["explain", "coarse.toml", "--json"]), 0.01);
+    assert_eq!(read(&["explain", "coarse.toml", "--json", "--tolerance", "1%"]), 0.01);
+    assert_eq!(read(&["explain", "coarse.toml", "--json", "--tolerance", "0.3%"]), 0.003);
+}
+
+/// Truth: the sum, and the numbers of the curve that is written.
+#[test]
+fn the_stated_error_is_in_every_output() {
+    let folder = folder("explain-stated");
+    let json = folder.json(&["simulate", "pass.toml", "--json", "-o", "out/"]);
+    let of = |need: &serde_json::Value| need["bound"].as_f64().unwrap_or(0.0);
+    let needs = json["needs"].as_array().unwrap();
+    let sum: f64 = needs.iter().filter(|n| n["modelled"] == false).map(of).sum();
+    let explained = folder.json(&["explain", "pass.toml", "--json"]);
+    assert!((explained["left_out"].as_f64().unwrap() / sum - 1.0).abs() < 1e-8, "{sum}");
+    let text = std::fs::read_to_string(folder.path("out/pass.ecsv")).unwrap();
+    let table = sunglint_formats::ecsv::read_str("c", &text).unwrap();
+    let (rate, error) = (table.f64("g_rate_hz").unwrap(), table.f64("g_model_error_hz").unwrap());
+    let mut shares: Vec<f64> =
+        rate.iter().zip(error.iter()).filter(|(r, _)| **r > 0.0).map(|(r, e)| e / r).collect();
+    shares.sort_by(f64::total_cmp);
+    let said = &json["channels"][1]["stated_error"];
+    let largest = said["largest_relative"].as_f64().unwrap();
+    assert!((largest / shares.last().unwrap() - 1.0).abs() < 1e-8, "{said} {shares:?}");
+    assert!(said["median_relative"].as_f64().unwrap() <= largest);
+    let geometry = std::fs::read_to_string(folder.path("out/pass_geometry.ecsv")).unwrap();
+    assert!(geometry.contains("v_model_error_mag"));
+    let fits = std::fs::read(folder.path("out/pass_spectra.fits")).unwrap();
+    let spectra =
+        sunglint_radiometry::light_curve::SpectralLightCurve::from_fits("s", fits).unwrap();
+    assert_eq!(spectra.model_errors.unwrap().dim(), spectra.values.dim());
+}
