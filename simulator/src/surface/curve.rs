@@ -50,7 +50,6 @@ impl Curve {
                 cubic = cubic.max(difference(found, truth));
             }
             if cubic <= CUBIC_TOLERANCE {
-                println!("{} {} {error:e} {cubic:e}", points.len(), nodes);
                 let margin = 2.0 * (error + cubic) + 1e-8;
                 curve.values.iter_mut().flatten().for_each(|v| *v -= margin);
                 return Ok(curve);
