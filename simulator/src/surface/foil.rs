@@ -63,8 +63,10 @@ impl Scatter for Foil {
         let scale = scale * FRAC_1_PI * self.tilts.masking_over_cosines(i, o);
         let h = i + o;
         let width = 0.5 * self.base.lobe_width_rad();
-        let (xs, ys) =
-            (panels(-h.x / h.z / alpha_x, width / alpha_x), panels(-h.y / h.z / alpha_y, width / alpha_y));
+        let (xs, ys) = (
+            panels(-h.x / h.z / alpha_x, width / alpha_x),
+            panels(-h.y / h.z / alpha_y, width / alpha_y),
+        );
         for &(y, height) in &ys {
             for &(x, across) in &xs {
                 // A facet of unit area in the plane has the area √(1+slopes²), and its normal that length: two of the three cancel.
@@ -88,7 +90,12 @@ impl Scatter for Foil {
     fn describe(&self) -> String {
         let (x, y) = self.tilts.alpha();
         let rms = |alpha: f64| alpha / std::f64::consts::SQRT_2;
-        format!("foil with slopes of {:.4} and {:.4} (rms), of {}", rms(x), rms(y), self.base.describe())
+        format!(
+            "foil with slopes of {:.4} and {:.4} (rms), of {}",
+            rms(x),
+            rms(y),
+            self.base.describe()
+        )
     }
 
     fn has_gaps(&self) -> bool {

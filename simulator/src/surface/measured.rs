@@ -10,8 +10,8 @@ pub use write::{WriteOptions, write};
 
 use super::sampling::{Mixture, Proposal};
 use super::scatter::Scatter as _;
-use super::tensor::warp::{Grid, Warp};
 use super::tensor::Tensor;
+use super::tensor::warp::{Grid, Warp};
 use super::{Material, MaterialError, uncovered};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
@@ -41,7 +41,8 @@ pub fn material(
     let path = path.as_ref();
     if file.get("rgb").is_some() && file.get("wavelengths").is_none() {
         let error = ParseError::new(path, "an RGB file", "a file with `wavelengths` and `spectra`");
-        let hint = "the database has each material as `_spec.bsdf` too: three colours are no spectrum";
+        let hint =
+            "the database has each material as `_spec.bsdf` too: three colours are no spectrum";
         return Err(error.in_field("rgb").with_hint(hint));
     }
     file.check_material(path)?;
@@ -89,7 +90,12 @@ struct Fields<'a> {
 }
 
 impl Fields<'_> {
-    fn bad(&self, field: &str, found: impl Into<String>, expected: impl Into<String>) -> ParseError {
+    fn bad(
+        &self,
+        field: &str,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> ParseError {
         ParseError::new(self.path, found, expected).in_field(field)
     }
 

@@ -71,9 +71,18 @@ fn uncovered() -> Result<Spectrum<Reflectance>, SpectrumError> {
 #[derive(Debug, Clone)]
 enum Model {
     Lambert,
-    Mirror { fresnel: Fresnel },
-    Microfacet { lobe: Lobe, fresnel: Fresnel },
-    Blend { lobe: Lobe, fresnel: Fresnel, base: Box<blend::Base> },
+    Mirror {
+        fresnel: Fresnel,
+    },
+    Microfacet {
+        lobe: Lobe,
+        fresnel: Fresnel,
+    },
+    Blend {
+        lobe: Lobe,
+        fresnel: Fresnel,
+        base: Box<blend::Base>,
+    },
     /// All others.
     Law(std::sync::Arc<dyn scatter::Scatter>),
 }

@@ -64,8 +64,7 @@ pub fn material(
     let alpha = (0.5 * table.width_rad).tan().clamp(1e-4, 1.0);
     let lobe = Lobe::isotropic(Distribution::Ggx, alpha, Masking::Separable)?;
     let ways = vec![(0.6, Proposal::Facets(lobe)), (0.4, Proposal::Cosine)];
-    let mut made =
-        Material::of_law(name, spectra, Arc::new(table), Mixture::new(ways), true)?;
+    let mut made = Material::of_law(name, spectra, Arc::new(table), Mixture::new(ways), true)?;
     made.notes.splice(0..0, notes);
     Ok(made)
 }

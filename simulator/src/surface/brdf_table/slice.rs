@@ -13,13 +13,13 @@ const NEIGHBOURS: usize = 8;
 /// Rows of the table with weights that sum to 1.
 #[derive(Debug, Clone, Copy)]
 pub struct Stencil {
-    parts: [(usize, f64); 72],
+    parts: [(usize, f64); 36],
     len: usize,
 }
 
 impl Stencil {
     pub fn new() -> Self {
-        Self { parts: [(0, 0.0); 72], len: 0 }
+        Self { parts: [(0, 0.0); 36], len: 0 }
     }
 
     pub fn push(&mut self, row: usize, weight: f64) {
@@ -44,10 +44,22 @@ pub struct Slice {
 #[derive(Debug)]
 enum Kind {
     /// Signed elevations, the mirrored direction's side positive.
-    Plane { angle: Vec<f64>, row: Vec<usize> },
+    Plane {
+        angle: Vec<f64>,
+        row: Vec<usize>,
+    },
     /// Elevations by azimuths, `row` for each pair.
-    Grid { theta: Vec<f64>, phi: Vec<f64>, row: Vec<usize>, mirrored: bool },
-    Scattered { o: Vec<DVec3>, row: Vec<usize>, spacing: f64 },
+    Grid {
+        theta: Vec<f64>,
+        phi: Vec<f64>,
+        row: Vec<usize>,
+        mirrored: bool,
+    },
+    Scattered {
+        o: Vec<DVec3>,
+        row: Vec<usize>,
+        spacing: f64,
+    },
 }
 
 impl Slice {

@@ -84,7 +84,8 @@ impl<'a> Writer<'a> {
         };
         let theta_i = (0..options.elevations).map(theta).collect();
         let quarter = |k: usize| -PI + FRAC_PI_2 * k as f64 / (options.azimuths - 1) as f64;
-        let phi_i = if isotropic { vec![0.0] } else { (0..options.azimuths).map(quarter).collect() };
+        let phi_i =
+            if isotropic { vec![0.0] } else { (0..options.azimuths).map(quarter).collect() };
         let columns = options.normals;
         let rows = options.normals;
         let (ndf, sigma) = density(material, options, isotropic, rows, columns);
@@ -93,8 +94,7 @@ impl<'a> Writer<'a> {
 
     fn file(&self) -> TensorFile {
         let (rows, columns, side) = (self.rows, self.columns, self.options.side);
-        let (nt, np, nl) =
-            (self.theta_i.len(), self.phi_i.len(), self.options.wavelength_nm.len());
+        let (nt, np, nl) = (self.theta_i.len(), self.phi_i.len(), self.options.wavelength_nm.len());
         let f32s = |values: &[f64]| values.iter().map(|v| *v as f32).collect::<Vec<f32>>();
         let (mut vndf, mut luminance) = (Vec::new(), Vec::new());
         let mut spectra = vec![0.0_f32; np * nt * nl * side * side];

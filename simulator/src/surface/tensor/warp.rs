@@ -125,7 +125,8 @@ impl Warp {
         let whole = |r: usize| self.along_row(blend, row + r, columns - 1);
         let y = solve(whole(0), whole(1), s[1] - self.up_to_row(blend, row));
         let mixed = |column: usize| {
-            (1.0 - y) * self.along_row(blend, row, column) + y * self.along_row(blend, row + 1, column)
+            (1.0 - y) * self.along_row(blend, row, column)
+                + y * self.along_row(blend, row + 1, column)
         };
         let wanted = s[0] * mixed(columns - 1);
         let column = search(columns, |column| mixed(column) <= wanted);
@@ -133,10 +134,7 @@ impl Warp {
         let left = (1.0 - y) * v(0, 0) + y * v(1, 0);
         let right = (1.0 - y) * v(0, 1) + y * v(1, 1);
         let x = solve(left, right, wanted - mixed(column));
-        let u = [
-            (column as f64 + x) / (columns - 1) as f64,
-            (row as f64 + y) / (rows - 1) as f64,
-        ];
+        let u = [(column as f64 + x) / (columns - 1) as f64, (row as f64 + y) / (rows - 1) as f64];
         (u, ((1.0 - x) * left + x * right) * self.cells())
     }
 
