@@ -3,6 +3,7 @@
 //! Each cell is integrated with 5 × 5 and with 3 × 3 points; their difference, which is far more than the error of the first where the
 //! integrand is smooth, decides which cell is cut in four next.
 
+use super::scatter::Effort;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -54,8 +55,7 @@ impl Ord for Done {
 pub(super) fn integrate(
     cells: &[Cell],
     count: usize,
-    tolerance: f64,
-    most: usize,
+    Effort { tolerance, most }: Effort,
     mut add: impl FnMut([f64; 2], f64, &mut [f64]),
 ) -> (Vec<f64>, f64) {
     let mut coarse = vec![0.0; count];

@@ -8,7 +8,7 @@
 //! the other.
 
 use super::sampling::{Mixture, Proposal};
-use super::scatter::Scatter;
+use super::scatter::{Effort, LargestAlbedo, Scatter};
 use super::{Distribution, Lobe, Masking, Material, MaterialError, Model, rule};
 use glam::DVec3;
 use std::f64::consts::FRAC_1_PI;
@@ -50,10 +50,17 @@ impl Material {
         let wide = Lobe::anisotropic(Distribution::Ggx, both(x), both(y), Masking::Separable)?;
         let ways = vec![(0.6, Proposal::Facets(wide)), (0.4, Proposal::Cosine)];
         let (spectra, notes) = (base.spectra.clone(), base.notes.clone());
+        // It reflects no more than its base.
+        let largest = LargestAlbedo::bound(base.albedo_bound());
         let law = Arc::new(Foil { tilts, base });
-        let mut made = Self::of_law(name.into(), spectra, law, Mixture::new(ways), false)?;
-        made.notes.extend(notes);
-        Ok(made)
+        Ok(Self {
+            name: name.into(),
+            spectra,
+            model: Model::Law(law),
+            proposals: Mixture::new(ways),
+            largest: Some(largest),
+            notes,
+        })
     }
 }
 
@@ -96,6 +103,10 @@ impl Scatter for Foil {
             rms(y),
             self.base.describe()
         )
+    }
+
+    fn effort(&self) -> Effort {
+        Effort { tolerance: 1e-3, most: 4_000 }
     }
 
     fn has_gaps(&self) -> bool {

@@ -37,7 +37,6 @@ pub use fresnel::Fresnel;
 pub use microfacet::{Distribution, Lobe, Masking};
 pub use parametric::{CookTorranceLobe, Gloss, MaxwellBeard};
 pub use sampling::Sampled;
-pub use scatter::LargestAlbedo;
 pub use shape::WardForm;
 
 use glam::DVec3;
@@ -55,7 +54,7 @@ pub struct Material {
     /// How directions are drawn.
     proposals: sampling::Mixture,
     /// The largest albedo, where it was looked for.
-    largest: Option<LargestAlbedo>,
+    largest: Option<scatter::LargestAlbedo>,
     notes: Vec<String>,
 }
 

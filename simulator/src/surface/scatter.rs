@@ -5,10 +5,17 @@ use super::{Material, MaterialError, Model, cubature};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// The relative error at which a numerical integral is taken as converged.
-const TOLERANCE: f64 = 1e-5;
-/// The most evaluations for an albedo, and for a sphere.
-const MOST: usize = 60_000;
+/// When a numerical integral is taken as converged, and when it ends without.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Effort {
+    /// The relative error.
+    pub tolerance: f64,
+    /// The most evaluations.
+    pub most: usize,
+}
+
+/// Of the look at energy.
+const LOOK: Effort = Effort { tolerance: 1e-3, most: 6_000 };
 /// The error above which an integral is no result.
 const REFUSED: f64 = 2e-2;
 /// The albedo above which a material is said to reflect more than came.
@@ -29,6 +36,10 @@ pub(super) trait Scatter: std::fmt::Debug + Send + Sync {
     fn describe(&self) -> String;
     /// The narrowest half-width of its lobes, radians of the outgoing direction.
     fn lobe_width_rad(&self) -> f64;
+    /// What its integrals are worth.
+    fn effort(&self) -> Effort {
+        Effort { tolerance: 1e-5, most: 60_000 }
+    }
     /// Whether there are geometries without data: the last spectrum is then [`super::uncovered`].
     fn has_gaps(&self) -> bool {
         false
@@ -41,7 +52,7 @@ pub(super) trait Scatter: std::fmt::Debug + Send + Sync {
 
 /// The largest albedo that was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LargestAlbedo {
+pub(super) struct LargestAlbedo {
     /// ∫ f_r cosθ_o dω_o.
     pub value: f64,
     /// How far it may be off (absolute).
@@ -50,6 +61,13 @@ pub struct LargestAlbedo {
     pub theta_deg: f64,
     /// The wavelength, nm.
     pub wavelength_nm: f64,
+}
+
+impl LargestAlbedo {
+    /// A bound that was not computed.
+    pub(super) fn bound(value: f64) -> Self {
+        Self { value, error: 0.0, theta_deg: 0.0, wavelength_nm: 0.0 }
+    }
 }
 
 impl Material {
@@ -72,7 +90,7 @@ impl Material {
 
     /// ∫ w_k cosθ_o dω_o, and how far it may be off (absolute, of the worst weight), through the material's own importance sampling: where f cosθ/density is smooth, few
     /// points do.
-    pub(super) fn numerical_albedo(&self, i: DVec3) -> Result<(Vec<f64>, f64), MaterialError> {
+    fn numerical_albedo(&self, i: DVec3, effort: Effort) -> (Vec<f64>, f64) {
         let edges = self.proposals.edges();
         // In φ there is a kink at 0 and π of what is symmetric about the plane of incidence.
         let cells: Vec<cubature::Cell> = edges
@@ -80,7 +98,7 @@ impl Material {
             .flat_map(|u| [[(u[0], u[1]), (0.0, 0.5)], [(u[0], u[1]), (0.5, 1.0)]])
             .collect();
         let (sum, error) =
-            cubature::integrate(&cells, self.spectra.len(), TOLERANCE, MOST, |u, scale, sum| {
+            cubature::integrate(&cells, self.spectra.len(), effort, |u, scale, sum| {
                 if let Some(o) = self.proposals.sample(i, u) {
                     let density = self.proposals.density(i, o);
                     if density > 0.0 {
@@ -88,6 +106,16 @@ impl Material {
                     }
                 }
             });
+        (sum, error)
+    }
+
+    /// [`Self::numerical_albedo`] with the effort that the law asks for.
+    pub(super) fn albedo_of_law(
+        &self,
+        law: &dyn Scatter,
+        i: DVec3,
+    ) -> Result<Vec<f64>, MaterialError> {
+        let (sum, error) = self.numerical_albedo(i, law.effort());
         let size = sum.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         if error > REFUSED * size {
             return Err(MaterialError::Albedo {
@@ -95,11 +123,17 @@ impl Material {
                 error: error / size,
             });
         }
-        Ok((sum, error))
+        Ok(sum)
     }
 
     /// ∫ w_k cosθ_i cosθ_o dA of a sphere of 1 m radius, and its relative error.
-    pub(super) fn numerical_sphere(&self, phase: f64, scale: f64, sum: &mut [f64]) -> f64 {
+    pub(super) fn numerical_sphere(
+        &self,
+        law: &dyn Scatter,
+        phase: f64,
+        scale: f64,
+        sum: &mut [f64],
+    ) -> f64 {
         let half = 0.5 * (PI - phase);
         // The directions in the plane of longitudes, the bisector at longitude 0.
         let (i, o) = (
@@ -107,7 +141,7 @@ impl Material {
             DVec3::new((0.5 * phase).cos(), -(0.5 * phase).sin(), 0.0),
         );
         // Normals turn by half of what a reflected direction turns by.
-        let width = (0.25 * self.lobe_width_rad()).clamp(1e-7, 10.0);
+        let width = (0.25 * law.lobe_width_rad()).clamp(1e-7, 10.0);
         let stretch = |t: f64, end: f64| {
             let span = (end / width).asinh();
             (width * (t * span).sinh(), width * span * (t * span).cosh())
@@ -118,8 +152,8 @@ impl Material {
             [(0.0, 1.0), (-1.0, 0.0)],
             [(0.0, 1.0), (0.0, 1.0)],
         ];
-        let count = self.spectra.len();
-        let (found, error) = cubature::integrate(&cells, count, TOLERANCE, MOST, |t, w, sum| {
+        let (count, effort) = (self.spectra.len(), law.effort());
+        let (found, error) = cubature::integrate(&cells, count, effort, |t, w, sum| {
             let (longitude, along) = stretch(t[0], half);
             let (latitude, across) = stretch(t[1], FRAC_PI_2);
             let (cos, sin) = (latitude.cos(), latitude.sin());
@@ -132,7 +166,7 @@ impl Material {
                 let local = |d: DVec3, z: f64| DVec3::new(d.dot(east), d.dot(north), z);
                 let area = w * along * across * cos;
                 let weight = area * height_i * height_o;
-                self.add_reflected(local(i, height_i), local(o, height_o), weight, sum);
+                law.add_weights(local(i, height_i), local(o, height_o), weight, sum);
             }
         });
         let size = found.iter().fold(f64::MIN_POSITIVE, |a, b| a.max(b.abs()));
@@ -179,7 +213,8 @@ impl Material {
             for azimuth in azimuths {
                 let (sin, cos) = theta_deg.to_radians().sin_cos();
                 let (y, x) = azimuth.to_radians().sin_cos();
-                let (weights, error) = self.numerical_albedo(DVec3::new(sin * x, sin * y, cos))?;
+                let (weights, error) =
+                    self.numerical_albedo(DVec3::new(sin * x, sin * y, cos), LOOK);
                 for &nm in &grid {
                     let albedo = self.times_spectra(nm, &weights);
                     if albedo > largest.value {

@@ -15,7 +15,7 @@ pub use read::read;
 
 use super::measured::hats;
 use super::sampling::{Mixture, Proposal};
-use super::scatter::Scatter;
+use super::scatter::{Effort, Scatter};
 use super::{Distribution, Lobe, Masking, Material, MaterialError, uncovered};
 use glam::DVec3;
 use slice::{Slice, Stencil, between};
@@ -294,6 +294,11 @@ impl Scatter for Table {
 
     fn lobe_width_rad(&self) -> f64 {
         self.width_rad
+    }
+
+    fn effort(&self) -> Effort {
+        // Pieces that are linear or bilinear have kinks everywhere.
+        Effort { tolerance: 1e-3, most: 12_000 }
     }
 
     fn has_gaps(&self) -> bool {

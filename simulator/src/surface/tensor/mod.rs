@@ -6,7 +6,7 @@
 
 pub mod warp;
 
-use super::scatter::Scatter;
+use super::scatter::{Effort, Scatter};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
@@ -161,6 +161,11 @@ impl Scatter for Arc<Tensor> {
 
     fn lobe_width_rad(&self) -> f64 {
         self.width_rad
+    }
+
+    fn effort(&self) -> Effort {
+        // Pieces that are linear or bilinear have kinks everywhere.
+        Effort { tolerance: 1e-3, most: 12_000 }
     }
 
     fn has_gaps(&self) -> bool {
