@@ -127,10 +127,11 @@ impl Proposal {
                 Some((x * (sin * turn.cos()) + y * (sin * turn.sin()) + mirrored * cos).normalize())
             }
             Self::Shift(knee) => {
-                // ∫x/(k²+x²) dx = ½ ln(1 + x²/k²), from 0 to 2.
-                let span = (4.0 / (knee * knee)).ln_1p();
+                // ∫x/(k²+x²) dx = ½ ln(1 + x²/k²), as far as the unit disc goes.
+                let (sin, cos) = turn.sin_cos();
+                let span = shift_span(i, cos, sin, *knee);
                 let r = knee * (u[0] * span).exp_m1().sqrt();
-                let (x, y) = (r * turn.cos() - i.x, r * turn.sin() - i.y);
+                let (x, y) = (r * cos - i.x, r * sin - i.y);
                 let z = 1.0 - x * x - y * y;
                 (z > 0.0).then(|| DVec3::new(x, y, z.sqrt()))
             }
@@ -157,13 +158,23 @@ impl Proposal {
                 (n + 1.0) / TAU * cos.powf(*n)
             }
             Self::Shift(knee) => {
-                let x2 = (i.x + o.x).powi(2) + (i.y + o.y).powi(2);
-                let span = (4.0 / (knee * knee)).ln_1p();
+                let (x, y) = (i.x + o.x, i.y + o.y);
+                let x2 = x * x + y * y;
+                let r = x2.sqrt();
+                let (cos, sin) = if r > 0.0 { (x / r, y / r) } else { (1.0, 0.0) };
+                let span = shift_span(i, cos, sin, *knee);
                 o.z / (PI * span * (knee * knee + x2))
             }
             Self::Tensor(tensor) => tensor.sampling_density(i, o),
         }
     }
+}
+
+/// ln(1 + x²/knee²) of the distance x from the mirrored direction to the horizon, in direction cosines.
+fn shift_span(i: DVec3, cos: f64, sin: f64, knee: f64) -> f64 {
+    let along = i.x * cos + i.y * sin;
+    let end = along + (along * along + i.z * i.z).sqrt();
+    (end * end / (knee * knee)).ln_1p()
 }
 
 /// `i` mirrored at a plane with the normal `h`.

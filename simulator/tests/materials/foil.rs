@@ -41,7 +41,7 @@ fn foil_of_a_mirror_is_a_microfacet_lobe() {
     }
 }
 
-/// Truth: Lambert facets seen and lit from above: ρ/π times the mean of 1/√(1+slope²) over Gaussian slopes, √π/α e^(1/α²) erfc(1/α). Tolerance: 1e-6.
+/// Truth: Lambert facets seen and lit from above: ρ/π times the mean of 1/√(1+slope²) over Gaussian slopes, √π/α e^(1/α²) erfc(1/α). Tolerance: 1e-5 (9 points a panel).
 #[test]
 fn foil_of_paint_seen_from_above() {
     for alpha in [0.05, 0.3, 0.8] {
@@ -51,7 +51,7 @@ fn foil_of_paint_seen_from_above() {
         let x = 1.0 / alpha;
         let truth = 0.8 / PI * PI.sqrt() * x * (x * x).exp() * libm::erfc(x);
         let value = foil.brdf(500.0, DVec3::Z, DVec3::Z);
-        assert!((value / truth - 1.0).abs() < 1e-6, "{alpha}: {value} {truth}");
+        assert!((value / truth - 1.0).abs() < 1e-5, "{alpha}: {value} {truth}");
     }
 }
 

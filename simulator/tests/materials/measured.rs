@@ -48,7 +48,7 @@ fn files_are_evaluated_as_mitsuba_does() {
     }
 }
 
-/// Truth: the law that was written. Tolerance: what 64 × 64 values and 24 elevations resolve, by the number of geometries within 0.5 and 5 %.
+/// Truth: the law that was written. Tolerance: what 64 × 64 values and 24 elevations resolve, by the number of geometries within 0.5 and 2 %, where f is above 0.01 sr⁻¹.
 #[test]
 fn what_is_written_comes_back() {
     for (name, law) in cases::materials().into_iter().take(3) {
@@ -60,7 +60,7 @@ fn what_is_written_comes_back() {
                 for phi in [0.0, 50.0, 110.0, 150.0, 175.0] {
                     let (i, o) = (direction(theta_i, 33.0), direction(theta_o, 33.0 + phi));
                     let truth = law.brdf(500.0, i, o);
-                    if truth > 1e-3 {
+                    if truth > 1e-2 {
                         errors.push((back.brdf(500.0, i, o) / truth - 1.0).abs());
                     }
                 }

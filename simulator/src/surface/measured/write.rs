@@ -11,7 +11,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use sunglint_formats::bsdf::{Tensor, TensorData, TensorFile};
 
 /// D is at least this part of its mean over the hemisphere.
-const FLOOR: f64 = 1e-2;
+const FLOOR: f64 = 1e-4;
 const ITERATIONS: usize = 24;
 
 /// How finely a material is written.
