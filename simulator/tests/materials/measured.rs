@@ -61,7 +61,8 @@ fn what_is_written_comes_back() {
                     let (i, o) = (direction(theta_i, 33.0), direction(theta_o, 33.0 + phi));
                     let truth = law.brdf(500.0, i, o);
                     if truth > 1e-2 {
-                        errors.push((back.brdf(500.0, i, o) / truth - 1.0).abs());
+                        let ratio = back.brdf(500.0, i, o) / truth;
+                        errors.push((ratio - 1.0).abs());
                     }
                 }
             }

@@ -12,6 +12,8 @@ use sunglint_formats::bsdf::{Tensor, TensorData, TensorFile};
 
 /// D is at least this part of its mean over the hemisphere.
 const FLOOR: f64 = 1e-4;
+/// The share of the grid of values that is spread over all tilts, so that a lobe's tails are resolved too.
+const WIDE: f64 = 0.25;
 const ITERATIONS: usize = 24;
 
 /// How finely a material is written.
@@ -141,14 +143,16 @@ impl<'a> Writer<'a> {
         spherical(u[0] * u[0] * FRAC_PI_2, phi)
     }
 
-    /// D (i·m)₊ over the square u.
+    /// D (i·m)₊ over the square u, with a share for tilts that D has few of: the warp decides only where the grid of values is fine.
     fn visible(&self, theta: f64, phi: f64, ndf: &Grid) -> Vec<f32> {
         let i = spherical(theta, phi);
+        // ∫ (z·m) dω_m is π.
+        let wide = WIDE * self.sigma[0] / PI;
         let value = |node: usize| {
             let u = self.place(node);
             let m = self.normal(phi, u);
             let sine = (m.x * m.x + m.y * m.y).sqrt();
-            (f64::from(ndf.values[node]) * i.dot(m).max(0.0) * sine * u[0]) as f32
+            ((f64::from(ndf.values[node]) + wide) * i.dot(m).max(0.0) * sine * u[0]) as f32
         };
         (0..self.rows * self.columns).map(value).collect()
     }
