@@ -184,7 +184,7 @@ impl Material {
     ) -> Result<Self, MaterialError> {
         let mut made =
             Self { name, spectra, model: Model::Law(law), proposals, largest: None, notes: vec![] };
-        let (largest, gain_from) = made.look_at_energy()?;
+        let (largest, gain_from) = made.look_at_energy();
         if let Some((theta_deg, wavelength_nm, albedo)) = gain_from {
             if !measured && theta_deg <= STRICT_DEG {
                 return Err(MaterialError::Gain { theta_deg, wavelength_nm, albedo });
@@ -199,7 +199,7 @@ impl Material {
     }
 
     /// The largest albedo, and the first angle at which it is above 1 with wavelength and albedo there.
-    fn look_at_energy(&self) -> Result<(LargestAlbedo, Option<(f64, f64, f64)>), MaterialError> {
+    fn look_at_energy(&self) -> (LargestAlbedo, Option<(f64, f64, f64)>) {
         let azimuths: &[f64] = if self.is_isotropic() { &[0.0] } else { &[0.0, 45.0, 90.0] };
         let mut grid: Vec<f64> =
             self.spectra.iter().flat_map(|s| s.wavelength_nm()).copied().collect();
@@ -227,7 +227,7 @@ impl Material {
                 }
             }
         }
-        Ok((largest, gain_from))
+        (largest, gain_from)
     }
 
     /// The most that it reflects of the light from any one direction at any wavelength: a bound of the laws that are built in, the largest value found (to 89°

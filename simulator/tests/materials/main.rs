@@ -12,10 +12,12 @@ mod tables;
 use glam::DVec3;
 use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
 
+/// One reflectance, 300 to 1240 nm.
 pub fn flat(value: f64) -> Spectrum<Reflectance> {
     Spectrum::constant(value, 300.0, 1240.0).unwrap()
 }
 
+/// A unit vector.
 pub fn direction(theta_deg: f64, phi_deg: f64) -> DVec3 {
     let (theta, phi) = (theta_deg.to_radians(), phi_deg.to_radians());
     DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())

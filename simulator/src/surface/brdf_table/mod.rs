@@ -244,7 +244,7 @@ impl Table {
 
     /// How well the table is met at its own rows.
     fn reproduction(&self) -> String {
-        let (mut square, mut most, mut count) = (0.0, 0.0_f64, 0.0);
+        let (mut square, mut most, mut count) = (0.0_f64, 0.0_f64, 0.0_f64);
         for (row, (i, o)) in self.directions.iter().enumerate() {
             let truth = self.value[row * self.wavelengths];
             let mut sum = vec![0.0; self.wavelengths];
@@ -256,7 +256,7 @@ impl Table {
                 count += 1.0;
             }
         }
-        let typical = if count > 0.0 { (square / count as f64).sqrt() } else { 0.0 };
+        let typical = if count > 0.0 { (square / count).sqrt() } else { 0.0 };
         format!(
             "made reciprocal, its values change by {:.1} % (rms), at most by a factor of {:.2}",
             100.0 * typical.exp_m1(),

@@ -114,7 +114,7 @@ impl Slice {
 }
 
 fn plane(rows: &[(usize, f64, f64)]) -> Option<Kind> {
-    let flat = |phi: f64| phi < SAME_RAD || phi > PI - SAME_RAD;
+    let flat = |phi: f64| !(SAME_RAD..=PI - SAME_RAD).contains(&phi);
     if rows.len() < 2 || !rows.iter().all(|(_, theta, phi)| flat(*phi) || *theta < SAME_RAD) {
         return None;
     }
