@@ -107,15 +107,3 @@ fn refine(
         .map(|(part, sums)| refine(task, *part, sign, sums, depth + 1, out))
         .sum()
 }
-
-/// Whether a ball at `away` cannot stand between a facet's ball at the origin and an eye at `eye`.
-pub fn misses(away: DVec3, eye: DVec3, facet: f64, ball: f64) -> bool {
-    let range = eye.length();
-    let toward = eye / range;
-    let along = away.dot(toward);
-    if along < -(facet + ball) || along > range + facet + ball {
-        return true;
-    }
-    // Lines from the facet to the eye stay within its own radius of the axis.
-    away.length_squared() - along * along > (facet + ball) * (facet + ball)
-}

@@ -42,6 +42,7 @@ impl Material {
                 sum[..coat.len()].copy_from_slice(&coat);
                 base.add_albedo(i.z, &mut sum[coat.len()..]);
             }
+            Model::Law(law) => sum = self.albedo_of_law(&**law, i)?,
         }
         Ok(sum)
     }

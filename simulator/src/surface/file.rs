@@ -3,7 +3,8 @@
 //! ```toml
 //! [[material]]
 //! name = "panel"
-//! model = "microfacet"               # lambert, microfacet, mirror, blend
+//! model = "microfacet"               # lambert, microfacet, mirror, blend; phong, ward, abg, maxwell_beard, cook_torrance,
+//!                                    # foil, measured, brdf_table: their keys are in docs/materials.md
 //! reflectance_file = "panel.csv"     # wavelength_nm,reflectance; or reflectance = 0.8, or
 //!                                    # reflectance_table = { wavelength_nm = [300, 1200], reflectance = [0.2, 0.4] }
 //! distribution = "ggx"               # beckmann, ggx
@@ -12,7 +13,11 @@
 //! fresnel = "schlick"                # constant (default), schlick, conductor (with refractive_index = "gold" or "file.csv")
 //! ```
 
-use super::{ComplexIndex, Distribution, Fresnel, Lobe, Masking, Material, MaterialError};
+mod laws;
+
+use super::{
+    ComplexIndex, Distribution, Fresnel, Lobe, Masking, Material, MaterialError, WardForm,
+};
 use serde::Deserialize;
 use sha2::{Digest as _, Sha256};
 use std::path::PathBuf;
@@ -50,13 +55,82 @@ pub struct MaterialFile {
     pub refractive_index: Option<String>,
     /// What is below the coat of a blend: a Lambert surface.
     pub base: Option<BaseFile>,
+    /// A `.bsdf` file, or a table of a BRDF.
+    pub file: Option<String>,
+    /// The wavelength of a table that has one column of values, vacuum nm.
+    pub wavelength_nm: Option<Finite>,
+    /// The value up to which a table holds no measurements, sr⁻¹.
+    pub floor_per_sr: Option<Finite>,
+    /// Phong's n.
+    pub exponent: Option<Finite>,
+    /// The denominator of Ward's model.
+    pub form: Option<WardForm>,
+    /// A of the ABg model, sr⁻¹.
+    pub a_per_sr: Option<Finite>,
+    /// B of the ABg model.
+    pub b: Option<Finite>,
+    /// g of the ABg model.
+    pub g: Option<Finite>,
+    /// B of the Maxwell–Beard model, sr⁻¹.
+    pub bias_per_sr: Option<Finite>,
+    /// σ of the Maxwell–Beard model.
+    pub sigma: Option<Finite>,
+    /// τ of the Maxwell–Beard model, degrees.
+    pub tau_deg: Option<Finite>,
+    /// Ω of the Maxwell–Beard model, degrees.
+    pub omega_deg: Option<Finite>,
+    /// Light from the volume, Maxwell–Beard: π ρ_V.
+    pub volume: Option<BaseFile>,
+    /// Light that a Lambert surface adds.
+    pub diffuse: Option<BaseFile>,
+    /// The lobes of the Cook–Torrance model.
+    pub lobe: Option<Vec<LobeFile>>,
+    /// The root mean square slope of a foil's wrinkles along each axis.
+    pub slope_rms: Option<Finite>,
+    /// The same along the tangent.
+    pub slope_rms_x: Option<Finite>,
+    /// The same across it.
+    pub slope_rms_y: Option<Finite>,
+    /// What a foil is made of.
+    pub of: Option<Box<Self>>,
     /// A remark.
     pub note: Option<String>,
 }
 
+/// A lobe of the Cook–Torrance model.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LobeFile {
+    /// What part of the microfacets it is.
+    pub share: Fraction,
+    /// How they are tilted.
+    pub distribution: Distribution,
+    /// Their roughness.
+    pub alpha: Option<Finite>,
+    /// Their roughness along the tangent.
+    pub alpha_x: Option<Finite>,
+    /// Their roughness across the tangent.
+    pub alpha_y: Option<Finite>,
+    /// How they hide one another.
+    pub masking: Option<LobeMasking>,
+}
+
+/// How the microfacets of a Cook–Torrance lobe hide one another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LobeMasking {
+    /// As V-shaped grooves (Cook and Torrance 1982).
+    #[default]
+    VCavity,
+    /// Smith's, as if independent.
+    Separable,
+    /// Smith's, at heights in common.
+    HeightCorrelated,
+}
+
 /// What a material is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "snake_case")]
 pub enum ModelName {
     /// The same in all directions.
     Lambert,
@@ -66,6 +140,22 @@ pub enum ModelName {
     Mirror,
     /// A coat of microfacets over a Lambert surface.
     Blend,
+    /// Phong's lobe, modified to be reciprocal and to conserve energy.
+    Phong,
+    /// Ward's lobe.
+    Ward,
+    /// A/(B + x^g).
+    Abg,
+    /// Maxwell and Beard's first surface, diffuse and volume.
+    MaxwellBeard,
+    /// Lobes of microfacets.
+    CookTorrance,
+    /// A wrinkled foil of another material.
+    Foil,
+    /// A `.bsdf` file.
+    Measured,
+    /// A table of directions and values.
+    BrdfTable,
 }
 
 impl ModelName {
@@ -75,6 +165,14 @@ impl ModelName {
             Self::Microfacet => "microfacet",
             Self::Mirror => "mirror",
             Self::Blend => "blend",
+            Self::Phong => "phong",
+            Self::Ward => "ward",
+            Self::Abg => "abg",
+            Self::MaxwellBeard => "maxwell_beard",
+            Self::CookTorrance => "cook_torrance",
+            Self::Foil => "foil",
+            Self::Measured => "measured",
+            Self::BrdfTable => "brdf_table",
         }
     }
 }
@@ -163,12 +261,7 @@ impl Reader<'_> {
                     let expected = "also base = { reflectance = … }: what is below the coat";
                     return Err(self.error("base", expected).into());
                 };
-                let keys = ReflectanceKeys {
-                    prefix: "base.",
-                    number: base.reflectance,
-                    file: base.reflectance_file.as_deref(),
-                    table: base.reflectance_table.as_ref(),
-                };
+                let keys = base.keys("base.");
                 let (below, lobe) = (self.reflectance(&keys)?, self.lobe(file)?);
                 if !lobe.is_isotropic() {
                     let expected = "one alpha: the coat of a blend has no tangent";
@@ -178,6 +271,7 @@ impl Reader<'_> {
                 Material::blend(&file.name, below, lobe, fresnel)
                     .map_err(|e| self.wrong("base", &e))?
             }
+            _ => return self.law(file),
         })
     }
 
@@ -194,22 +288,10 @@ impl Reader<'_> {
         if file.name.trim().is_empty() {
             return Err(self.error("name", "a name"));
         }
-        let rough = matches!(file.model, ModelName::Microfacet | ModelName::Blend);
-        let lambert = file.model == ModelName::Lambert;
+        self.check_use(file)?;
         let conductor = file.fresnel == Some(FresnelName::Conductor);
-        let given = [
-            ("distribution", file.distribution.is_some(), rough),
-            ("alpha", file.alpha.is_some(), rough),
-            ("alpha_x", file.alpha_x.is_some(), rough),
-            ("alpha_y", file.alpha_y.is_some(), rough),
-            ("masking", file.masking.is_some(), rough),
-            ("fresnel", file.fresnel.is_some(), !lambert),
-            ("refractive_index", file.refractive_index.is_some(), !lambert),
-            ("base", file.base.is_some(), file.model == ModelName::Blend),
-        ];
-        if let Some((key, ..)) = given.iter().find(|(_, given, of_use)| *given && !of_use) {
-            let expected = format!("no `{key}` with model = \"{}\"", file.model.name());
-            return Err(self.error(key, expected));
+        if file.model == ModelName::MaxwellBeard {
+            return Ok(());
         }
         if file.refractive_index.is_some() && !conductor {
             let expected = "fresnel = \"conductor\" where a refractive index is given";
@@ -372,6 +454,12 @@ impl Reader<'_> {
 
     /// The text of a file that a key names.
     fn read(&mut self, key: &str, name: &str) -> Result<(PathBuf, String), FileError> {
+        let (path, bytes) = self.bytes(key, name)?;
+        let text = sunglint_formats::read::decode(&path, bytes)?;
+        Ok((path, text))
+    }
+
+    fn bytes(&mut self, key: &str, name: &str) -> Result<(PathBuf, Vec<u8>), FileError> {
         let path = self.document.resolve(name);
         let bytes = sunglint_formats::read::bytes(&path).map_err(|error| match error {
             FileError::Io { path, source, .. } => {
@@ -385,8 +473,18 @@ impl Reader<'_> {
             let hash = hash.iter().map(|byte| format!("{byte:02x}")).collect();
             self.sources.push((path.clone(), hash));
         }
-        let text = sunglint_formats::read::decode(&path, bytes)?;
-        Ok((path, text))
+        Ok((path, bytes))
+    }
+}
+
+impl BaseFile {
+    fn keys(&self, prefix: &'static str) -> ReflectanceKeys<'_> {
+        ReflectanceKeys {
+            prefix,
+            number: self.reflectance,
+            file: self.reflectance_file.as_deref(),
+            table: self.reflectance_table.as_ref(),
+        }
     }
 }
 

@@ -67,6 +67,33 @@ impl Fresnel {
         }
     }
 
+    /// Whether it is the same at all angles.
+    pub(super) fn is_constant(&self) -> bool {
+        matches!(self.law, Law::Constant)
+    }
+
+    /// F(θ)/F(0) of each wavelength as a term whose spectra are at most 1, and the number that its weights are to be multiplied by.
+    pub(super) fn relative(&self) -> Result<(Self, f64), MaterialError> {
+        let mut at_normal = vec![0.0; self.spectra.len()];
+        self.add_weights(1.0, 1.0, &mut at_normal);
+        let mut divided = Vec::new();
+        for spectrum in &self.spectra {
+            let ratio = |nm: &f64| {
+                let normal: f64 =
+                    self.spectra.iter().zip(&at_normal).map(|(s, w)| s.at(*nm) * w).sum();
+                spectrum.at(*nm) / normal.max(1e-9)
+            };
+            divided.push(spectrum.wavelength_nm().iter().map(ratio).collect::<Vec<f64>>());
+        }
+        let scale = divided.iter().flatten().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let spectra = self.spectra.iter().zip(divided).map(|(spectrum, ratio)| {
+            let value = ratio.iter().map(|v| v / scale).collect();
+            Ok(Spectrum::new(spectrum.wavelength_nm().to_vec(), value)?)
+        });
+        let spectra = spectra.collect::<Result<_, MaterialError>>()?;
+        Ok((Self { spectra, law: self.law.clone() }, scale))
+    }
+
     /// The largest error of F over all angles and the tabulated wavelengths, against the law that it stands for.
     pub fn error(&self) -> f64 {
         match &self.law {

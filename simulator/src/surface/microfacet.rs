@@ -5,6 +5,7 @@
 //! in closed form (Walter et al. 2007, eqs. 20–34; Heitz 2014, JCGT 3(2), eqs. 68, 72, 80–87).
 
 use super::MaterialError;
+use super::sampling::Proposal;
 use glam::DVec3;
 use std::f64::consts::PI;
 
@@ -146,7 +147,7 @@ impl Lobe {
     }
 
     /// G/(cosθ_i cosθ_o), without the quotients of vanishing numbers that each has at the horizon.
-    fn masking_over_cosines(&self, i: DVec3, o: DVec3) -> f64 {
+    pub(super) fn masking_over_cosines(&self, i: DVec3, o: DVec3) -> f64 {
         self.masking_over_heights((i.z, self.slope_times_sine(i)), (o.z, self.slope_times_sine(o)))
     }
 
@@ -161,11 +162,34 @@ impl Lobe {
         }
     }
 
-    pub(super) fn describe(&self) -> String {
-        let name = match self.distribution {
+    /// The half-width at 1/e of what it reflects of a ray at normal incidence, radians: twice the tilt at which the density has fallen to 1/e.
+    pub fn width_rad(&self) -> f64 {
+        let slope = match self.distribution {
+            Distribution::Beckmann => 1.0,
+            Distribution::Ggx => (0.5_f64.exp() - 1.0).sqrt(),
+        };
+        2.0 * (slope * self.alpha_x.min(self.alpha_y)).atan()
+    }
+
+    /// How directions are drawn that follow it. Beckmann's are drawn among all tilts, seen or not: where light grazes, the cosine's share bounds the weights.
+    pub(super) fn proposals(&self) -> Vec<(f64, Proposal)> {
+        match self.distribution {
+            Distribution::Beckmann => {
+                vec![(0.9, Proposal::Facets(*self)), (0.1, Proposal::Cosine)]
+            }
+            Distribution::Ggx => vec![(1.0, Proposal::Facets(*self))],
+        }
+    }
+
+    pub(super) fn name(&self) -> &'static str {
+        match self.distribution {
             Distribution::Beckmann => "Beckmann",
             Distribution::Ggx => "GGX",
-        };
+        }
+    }
+
+    pub(super) fn describe(&self) -> String {
+        let name = self.name();
         let alpha = if self.is_isotropic() {
             format!("α {}", self.alpha_x)
         } else {

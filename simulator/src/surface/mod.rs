@@ -8,23 +8,37 @@
 //!
 //! - [`microfacet`]: Beckmann and GGX, their masking;
 //! - [`fresnel`], [`conductor`]: what each microfacet reflects;
+//! - Phong, Ward, ABg, Maxwell–Beard and Cook–Torrance with several lobes ([`Gloss`], [`MaxwellBeard`], [`CookTorranceLobe`]), foil ([`Material::foil`]);
+//! - [`measured`]: `.bsdf` files read and written; [`brdf_table`]: measured tables of directions;
 //! - [`mod@file`]: materials as people write them, in TOML; [`built_in`]: those that the program knows.
 
 mod albedo;
 mod blend;
+pub mod brdf_table;
 pub mod built_in;
 pub mod conductor;
+mod cubature;
 mod curve;
 pub mod file;
+mod foil;
 pub mod fresnel;
+pub mod measured;
 pub mod microfacet;
+mod parametric;
 pub(crate) mod rule;
+mod sampling;
+mod scatter;
+mod shape;
 mod sphere;
+mod tensor;
 mod width;
 
 pub use conductor::ComplexIndex;
 pub use fresnel::Fresnel;
 pub use microfacet::{Distribution, Lobe, Masking};
+pub use parametric::{CookTorranceLobe, Gloss, MaxwellBeard};
+pub use sampling::Sampled;
+pub use shape::WardForm;
 pub(crate) use width::Width;
 
 use glam::DVec3;
@@ -39,14 +53,39 @@ pub struct Material {
     /// The spectra ρ_k.
     spectra: Vec<Spectrum<Reflectance>>,
     model: Model,
+    /// How directions are drawn.
+    proposals: sampling::Mixture,
+    /// The largest albedo, where it was looked for.
+    largest: Option<scatter::LargestAlbedo>,
+    notes: Vec<String>,
+}
+
+/// A wavelength below all others, nm: a spectrum of nothing else covers nothing.
+const UNCOVERED_NM: f64 = 1e-3;
+
+/// The spectrum before a weight that only says that a geometry was not measured: it is 0, and at no wavelength covered. A positive weight so makes every integral
+/// over wavelength say that it has no data, as for wavelengths beyond a table.
+fn uncovered() -> Result<Spectrum<Reflectance>, SpectrumError> {
+    Spectrum::constant(0.0, 0.5 * UNCOVERED_NM, UNCOVERED_NM)
 }
 
 #[derive(Debug, Clone)]
 enum Model {
     Lambert,
-    Mirror { fresnel: Fresnel },
-    Microfacet { lobe: Lobe, fresnel: Fresnel },
-    Blend { lobe: Lobe, fresnel: Fresnel, base: Box<blend::Base> },
+    Mirror {
+        fresnel: Fresnel,
+    },
+    Microfacet {
+        lobe: Lobe,
+        fresnel: Fresnel,
+    },
+    Blend {
+        lobe: Lobe,
+        fresnel: Fresnel,
+        base: Box<blend::Base>,
+    },
+    /// All others.
+    Law(std::sync::Arc<dyn scatter::Scatter>),
 }
 
 /// Why there is no such material.
@@ -155,6 +194,38 @@ pub enum MaterialError {
         /// The material.
         name: String,
     },
+    /// A number out of range.
+    #[error("{name} is {value}, expected a number {expected}")]
+    Parameter {
+        /// Which.
+        name: &'static str,
+        /// What was asked for.
+        value: f64,
+        /// What it should be.
+        expected: String,
+    },
+    /// A material that makes light.
+    #[error(
+        "it reflects {albedo:.4} of the light at {theta_deg}° of incidence and {wavelength_nm} nm: lower its reflectances"
+    )]
+    Gain {
+        /// The angle of incidence.
+        theta_deg: f64,
+        /// The wavelength.
+        wavelength_nm: f64,
+        /// The albedo there.
+        albedo: f64,
+    },
+    /// Measured values that cannot be.
+    #[error("{found} in {what}, expected {expected}")]
+    Data {
+        /// Of what.
+        what: String,
+        /// What is there.
+        found: String,
+        /// What should be there.
+        expected: String,
+    },
     /// Numbers that make no spectrum.
     #[error(transparent)]
     Spectrum(#[from] SpectrumError),
@@ -170,19 +241,20 @@ impl Material {
         reflectance: Spectrum<Reflectance>,
     ) -> Result<Self, MaterialError> {
         check_reflectance(&reflectance)?;
-        Ok(Self { name: name.into(), spectra: vec![reflectance], model: Model::Lambert })
+        let ways = vec![(1.0, sampling::Proposal::Cosine)];
+        Ok(Self::plain(name.into(), vec![reflectance], Model::Lambert, ways))
     }
 
     /// A perfect mirror, plane but for the shape that it is put on.
     pub fn mirror(name: impl Into<String>, fresnel: Fresnel) -> Self {
         let spectra = fresnel.spectra().to_vec();
-        Self { name: name.into(), spectra, model: Model::Mirror { fresnel } }
+        Self::plain(name.into(), spectra, Model::Mirror { fresnel }, vec![])
     }
 
     /// A rough surface of little mirrors: f_r = F D G/(4 cosθ_i cosθ_o).
     pub fn microfacet(name: impl Into<String>, lobe: Lobe, fresnel: Fresnel) -> Self {
         let spectra = fresnel.spectra().to_vec();
-        Self { name: name.into(), spectra, model: Model::Microfacet { lobe, fresnel } }
+        Self::plain(name.into(), spectra, Model::Microfacet { lobe, fresnel }, lobe.proposals())
     }
 
     /// A coat of microfacets over a Lambert surface, as paints have it: what the coat does not reflect reaches the base and leaves it again. The sum reflects
@@ -205,7 +277,20 @@ impl Material {
         let (base, below) = blend::Base::new(&reflectance, &lobe, &fresnel)?;
         let mut spectra = fresnel.spectra().to_vec();
         spectra.extend(below);
-        Ok(Self { name, spectra, model: Model::Blend { lobe, fresnel, base: Box::new(base) } })
+        let mut ways = lobe.proposals();
+        ways.push((1.0, sampling::Proposal::Cosine));
+        let model = Model::Blend { lobe, fresnel, base: Box::new(base) };
+        Ok(Self::plain(name, spectra, model, ways))
+    }
+
+    fn plain(
+        name: String,
+        spectra: Vec<Spectrum<Reflectance>>,
+        model: Model,
+        ways: Vec<(f64, sampling::Proposal)>,
+    ) -> Self {
+        let proposals = sampling::Mixture::new(ways);
+        Self { name, spectra, model, proposals, largest: None, notes: Vec::new() }
     }
 
     /// The spectra ρ_k: as many as there are weights.
@@ -237,6 +322,15 @@ impl Material {
                 base.add_weights(i.z, o.z, scale, below);
             }
             Model::Mirror { .. } => {}
+            Model::Law(law) => {
+                law.add_weights(i, o, scale, sum);
+                if law.has_gaps()
+                    && !law.covers(i, o)
+                    && let Some(last) = sum.last_mut()
+                {
+                    *last += scale;
+                }
+            }
         }
     }
 
@@ -267,6 +361,7 @@ impl Material {
     pub fn is_isotropic(&self) -> bool {
         match &self.model {
             Model::Microfacet { lobe, .. } => lobe.is_isotropic(),
+            Model::Law(law) => law.is_isotropic(),
             _ => true,
         }
     }
@@ -279,6 +374,9 @@ impl Material {
             Model::Microfacet { lobe, .. } | Model::Blend { lobe, .. } => {
                 Some((lobe.distribution, lobe.alpha_x.min(lobe.alpha_y)))
             }
+            // Half-vectors turn by half of what directions do. What is as wide as that is no lobe.
+            Model::Law(law) => Some((Distribution::Beckmann, 0.5 * law.lobe_width_rad()))
+                .filter(|(_, alpha)| *alpha < 0.7),
         }
     }
 
@@ -293,6 +391,7 @@ impl Material {
             Model::Blend { lobe, fresnel, .. } => {
                 format!("{}, {}, over a Lambert base", lobe.describe(), fresnel.describe())
             }
+            Model::Law(law) => law.describe(),
         };
         format!("{}: {what}", self.name)
     }

@@ -59,6 +59,7 @@ impl Material {
                 below.iter_mut().zip(weights).for_each(|(sum, w)| *sum += scale * w);
                 error.max(base_error)
             }
+            Model::Law(law) => self.numerical_sphere(&**law, phase_rad, scale, sum),
         })
     }
 }

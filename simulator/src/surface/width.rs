@@ -14,6 +14,8 @@ pub(crate) enum Width<'a> {
         /// Whether nothing lies below it.
         alone: bool,
     },
+    /// Something of which only the narrowest half-width is known, radians of the outgoing direction.
+    Other(f64),
     /// A single direction.
     Mirror(&'a Fresnel),
 }
@@ -25,6 +27,7 @@ impl Material {
             Model::Mirror { fresnel } => Width::Mirror(fresnel),
             Model::Microfacet { lobe, .. } => Width::Lobe { lobe, alone: true },
             Model::Blend { lobe, .. } => Width::Lobe { lobe, alone: false },
+            Model::Law(law) => Width::Other(law.lobe_width_rad()),
         }
     }
 }

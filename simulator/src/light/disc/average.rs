@@ -80,6 +80,16 @@ impl Averager {
             material.add_weights(sun, to, sun.z / disc.cosine(place), out);
         };
         let limits = (tolerance, FLOOR * tolerance);
+        if let Width::Other(width) = material.width() {
+            let wide = width > disc.sine && cuts.is_empty();
+            if wide && self.look(count, tolerance, &mut value) {
+                self.way = Way::Look;
+            } else {
+                self.way = Way::Rings;
+                self.error = rings::average(&cuts, count, limits, &mut value, &mut self.sums);
+            }
+            return;
+        }
         let Width::Lobe { lobe, alone } = material.width() else {
             if cuts.is_empty() {
                 // cosθ_i is linear over the disc.

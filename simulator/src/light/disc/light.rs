@@ -474,6 +474,7 @@ fn middle_alone(material: &Material, sine: f64) -> f64 {
     match material.width() {
         crate::surface::Width::Even => 0.25 * sine * sine,
         crate::surface::Width::Lobe { lobe, .. } => (sine / lobe.narrowest()).powi(2),
+        crate::surface::Width::Other(width) => (2.0 * sine / width).powi(2),
         crate::surface::Width::Mirror(_) => 1.0,
     }
 }

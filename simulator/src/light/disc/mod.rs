@@ -94,9 +94,9 @@ fn is_tinted(material: &Material, options: SunOptions) -> bool {
         Width::Mirror(_) => true,
         // ⟨x²⟩ differs by 0.03 at most between wavelengths; a lobe's relative curvature in half-vectors is 2/α², ten times that in its wings.
         Width::Lobe { lobe, .. } => {
-            let (x, y) = lobe.alpha();
-            0.03 * 10.0 * (0.5 * USUAL_RADIUS_RAD / x.min(y)).powi(2) > options.tolerance
+            0.3 * (0.5 * USUAL_RADIUS_RAD / lobe.narrowest()).powi(2) > options.tolerance
         }
+        Width::Other(width) => 0.3 * (USUAL_RADIUS_RAD / width).powi(2) > options.tolerance,
     }
 }
 

@@ -209,6 +209,7 @@ mod tests {
                 .iter()
                 .flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]])
                 .collect(),
+            ..crate::mesh::Mesh::default()
         };
         let found = fill(corner);
         assert!((found.facet - 0.40009).abs() < 2e-2, "{found:?}");

@@ -1,0 +1,377 @@
+//! Tables of measured BRDF values: directions in degrees, values in sr⁻¹, as a goniometer gives them.
+//!
+//! Between the measured directions of incidence the values are taken at the same bisector: that of light and outgoing direction, which keeps a lobe where it
+//! is; and their logarithms are interpolated, so that nine decades do no harm (where a value is 0, the values). For each incidence the outgoing directions may
+//! lie in the plane of incidence, on a grid, or anywhere. What is measured both ways, from i to o and from o to i, is averaged (geometrically), so that the
+//! result is reciprocal; how far the two differ is in [`Material::notes`]. A table that knows but one azimuth of incidence is taken as isotropic.
+//!
+//! Geometries outside what was measured are extrapolated from the nearest, and said to be ([`Material::covers`]). For a table in the plane of incidence that is
+//! all of what is out of that plane: there, the value is that in the plane at the same tilt of the bisector.
+
+mod read;
+mod slice;
+
+pub use read::read;
+
+use super::measured::hats;
+use super::sampling::{Mixture, Proposal};
+use super::scatter::{Effort, Scatter};
+use super::{Distribution, Lobe, Masking, Material, MaterialError, uncovered};
+use glam::DVec3;
+use slice::{Slice, Stencil, between};
+use std::f64::consts::{FRAC_PI_2, TAU};
+use std::sync::Arc;
+
+/// Directions closer than this are the same, degrees.
+const SAME_DEG: f64 = 1e-4;
+
+/// One row of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// The light's angle from the normal, degrees; where it is negative, on the other side.
+    pub theta_i_deg: f64,
+    /// Its azimuth, degrees.
+    pub phi_i_deg: f64,
+    /// The outgoing direction's angle from the normal, degrees.
+    pub theta_o_deg: f64,
+    /// Its azimuth, degrees: that of the mirrored light is φ_i + 180°.
+    pub phi_o_deg: f64,
+    /// The BRDF, sr⁻¹, one value for each wavelength.
+    pub brdf_per_sr: Vec<f64>,
+}
+
+/// The material of a table. Values at or below `floor_per_sr` are no measurements (a detector's floor, a stand-in) and left out; so are directions at the horizon.
+///
+/// # Errors
+/// Values that are no number or negative, angles out of range, rows of different lengths, too few rows, azimuths of incidence that are not the same for all
+/// elevations.
+pub fn material(
+    name: impl Into<String>,
+    wavelength_nm: &[f64],
+    rows: &[Row],
+    floor_per_sr: Option<f64>,
+) -> Result<Material, MaterialError> {
+    let name = name.into();
+    let (table, mut notes) = Table::new(&name, wavelength_nm.len(), rows, floor_per_sr)?;
+    if !(wavelength_nm.windows(2).all(|w| w[0] < w[1]) && wavelength_nm.iter().all(|w| *w > 1.0)) {
+        let (what, found) = (name, format!("the wavelengths {wavelength_nm:?} nm"));
+        let expected = "wavelengths that increase".to_owned();
+        return Err(MaterialError::Data { what, found, expected });
+    }
+    notes.push(table.reproduction());
+    let mut spectra = hats(wavelength_nm)?;
+    spectra.push(uncovered()?);
+    let alpha = (0.5 * table.width_rad).tan().clamp(1e-4, 1.0);
+    let lobe = Lobe::isotropic(Distribution::Ggx, alpha, Masking::Separable)?;
+    let ways = vec![(0.6, Proposal::Facets(lobe)), (0.4, Proposal::Cosine)];
+    let mut made = Material::of_law(name, spectra, Arc::new(table), Mixture::new(ways), true)?;
+    made.notes.splice(0..0, notes);
+    Ok(made)
+}
+
+#[derive(Debug)]
+struct Table {
+    wavelengths: usize,
+    isotropic: bool,
+    /// Elevations of incidence, radians, and azimuths (one where isotropic).
+    theta: Vec<f64>,
+    phi: Vec<f64>,
+    /// By azimuth, then elevation.
+    slices: Vec<Slice>,
+    /// By row, then wavelength.
+    value: Vec<f64>,
+    log: Vec<f64>,
+    width_rad: f64,
+    /// The directions of each row.
+    directions: Vec<(DVec3, DVec3)>,
+}
+
+/// A row with angles that are none negative, radians.
+struct Placed {
+    theta_i: f64,
+    phi_i: f64,
+    theta_o: f64,
+    phi_o: f64,
+}
+
+impl Table {
+    fn new(
+        name: &str,
+        wavelengths: usize,
+        rows: &[Row],
+        floor: Option<f64>,
+    ) -> Result<(Self, Vec<String>), MaterialError> {
+        let data = |found: String, expected: &str| MaterialError::Data {
+            what: name.to_owned(),
+            found,
+            expected: expected.to_owned(),
+        };
+        let (mut placed, mut value) = (Vec::new(), Vec::new());
+        let (mut below, mut horizon) = (0, 0);
+        for (k, row) in rows.iter().enumerate() {
+            if row.brdf_per_sr.len() != wavelengths || wavelengths == 0 {
+                let found = format!("{} values in row {}", row.brdf_per_sr.len(), k + 1);
+                return Err(data(found, "one for each wavelength"));
+            }
+            let angles = [row.theta_i_deg, row.phi_i_deg, row.theta_o_deg, row.phi_o_deg];
+            let thetas = [row.theta_i_deg, row.theta_o_deg];
+            if angles.iter().any(|a| !a.is_finite()) || thetas.iter().any(|t| t.abs() > 90.0) {
+                let found = format!("the angles {angles:?}° in row {}", k + 1);
+                return Err(data(found, "angles from the normal up to 90°"));
+            }
+            if row.brdf_per_sr.iter().any(|v| floor.is_some_and(|f| *v <= f)) {
+                below += 1;
+                continue;
+            }
+            if let Some(v) = row.brdf_per_sr.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
+                let found = format!("{v} sr⁻¹ in row {}", k + 1);
+                return Err(data(found, "0 or above, or a floor_per_sr below which it is noise"));
+            }
+            if thetas.iter().any(|t| t.abs() >= 90.0 - SAME_DEG) {
+                horizon += 1;
+                continue;
+            }
+            placed.push(Placed::of(row));
+            value.extend_from_slice(&row.brdf_per_sr);
+        }
+        let mut notes = Vec::new();
+        if below + horizon > 0 {
+            notes.push(format!(
+                "{below} rows at or below the floor and {horizon} at the horizon are left out, of {}",
+                rows.len()
+            ));
+        }
+        let distinct = |values: Vec<f64>| {
+            let mut values = values;
+            values.sort_by(f64::total_cmp);
+            values.dedup_by(|a, b| (*a - *b).abs() < SAME_DEG.to_radians());
+            values
+        };
+        let theta = distinct(placed.iter().map(|p| p.theta_i).collect());
+        let tilted = placed.iter().filter(|p| p.theta_i > SAME_DEG.to_radians());
+        let mut phi = distinct(tilted.map(|p| p.phi_i).collect());
+        let isotropic = phi.len() <= 1;
+        if isotropic {
+            phi = vec![0.0];
+        }
+        let slices = slices(&placed, &theta, &phi, isotropic)
+            .ok_or_else(|| data("too few rows".to_owned(), "3 or more for each direction of incidence, and for each elevation of incidence the same azimuths"))?;
+        let directions = placed.iter().map(|p| p.directions(isotropic)).collect();
+        let log = value.iter().map(|v: &f64| v.ln()).collect();
+        let mut made = Self {
+            wavelengths,
+            isotropic,
+            theta,
+            phi,
+            slices,
+            value,
+            log,
+            width_rad: FRAC_PI_2,
+            directions,
+        };
+        made.width_rad = made.width();
+        Ok((made, notes))
+    }
+
+    /// The angle from the largest value of a direction of incidence to the nearest that is less than 1/e of it, the least of all.
+    fn width(&self) -> f64 {
+        let mut least = FRAC_PI_2;
+        let of = |k: usize| self.value[k * self.wavelengths];
+        for theta in &self.theta {
+            let same = |k: &usize| (self.directions[*k].0.z - theta.cos()).abs() < 1e-6;
+            let rows: Vec<usize> = (0..self.directions.len()).filter(same).collect();
+            let Some(peak) = rows.iter().copied().max_by(|a, b| of(*a).total_cmp(&of(*b))) else {
+                continue;
+            };
+            for k in rows {
+                if of(k) < of(peak) / std::f64::consts::E {
+                    least = least.min(self.directions[k].1.angle_between(self.directions[peak].1));
+                }
+            }
+        }
+        least
+    }
+
+    /// The rows around a geometry, and whether it lies between them.
+    fn stencil(&self, i: DVec3, o: DVec3, stencil: &mut Stencil) -> bool {
+        let (i, o) = if self.isotropic { turned(i, o) } else { (i, o) };
+        let h = (i + o).normalize();
+        let theta = super::tensor::elevation(i);
+        let (j, t, mut within) = match self.theta.len() {
+            1 => (0, 0.0, (theta - self.theta[0]).abs() < SAME_DEG.to_radians()),
+            _ => between(&self.theta, theta),
+        };
+        let (k, next, f) = self.azimuth(i);
+        let rows = self.theta.len();
+        for (k, around) in [(k, 1.0 - f), (next, f)] {
+            for (j, up) in [(j, 1.0 - t), ((j + 1).min(rows - 1), t)] {
+                if around * up > 1e-12 {
+                    within &= self.slices[k * rows + j].add(h, around * up, stencil);
+                }
+            }
+        }
+        within
+    }
+
+    /// The azimuth before that of `i`, the one after, and how far it is between.
+    fn azimuth(&self, i: DVec3) -> (usize, usize, f64) {
+        let last = self.phi.len() - 1;
+        if last == 0 {
+            return (0, 0, 0.0);
+        }
+        let phi = (i.y.atan2(i.x) - self.phi[0]).rem_euclid(TAU) + self.phi[0];
+        if phi > self.phi[last] {
+            let gap = TAU - (self.phi[last] - self.phi[0]);
+            return (last, 0, (phi - self.phi[last]) / gap);
+        }
+        let (k, f, _) = between(&self.phi, phi);
+        (k, k + 1, f)
+    }
+
+    fn both(&self, i: DVec3, o: DVec3) -> (Stencil, Stencil, [bool; 2]) {
+        let (mut there, mut back) = (Stencil::new(), Stencil::new());
+        let covered = [self.stencil(i, o, &mut there), self.stencil(o, i, &mut back)];
+        (there, back, covered)
+    }
+
+    fn at(&self, stencil: &Stencil, wavelength: usize) -> f64 {
+        let of = |list: &[f64]| -> f64 {
+            stencil.parts().iter().map(|(k, w)| w * list[k * self.wavelengths + wavelength]).sum()
+        };
+        let log = of(&self.log);
+        if log == f64::NEG_INFINITY { of(&self.value) } else { log.exp() }
+    }
+
+    /// How well the table is met at its own rows.
+    fn reproduction(&self) -> String {
+        let (mut square, mut most, mut count) = (0.0_f64, 0.0_f64, 0.0_f64);
+        for (row, (i, o)) in self.directions.iter().enumerate() {
+            let truth = self.value[row * self.wavelengths];
+            let mut sum = vec![0.0; self.wavelengths];
+            self.add_weights(*i, *o, 1.0, &mut sum);
+            if truth > 0.0 && sum[0] > 0.0 {
+                let ratio = (sum[0] / truth).ln().abs();
+                square += ratio * ratio;
+                most = most.max(ratio);
+                count += 1.0;
+            }
+        }
+        let typical = if count > 0.0 { (square / count).sqrt() } else { 0.0 };
+        format!(
+            "made reciprocal, its values change by {:.1} % (rms), at most by a factor of {:.2}",
+            100.0 * typical.exp_m1(),
+            most.exp()
+        )
+    }
+}
+
+impl Scatter for Table {
+    fn add_weights(&self, i: DVec3, o: DVec3, scale: f64, sum: &mut [f64]) {
+        let (there, back, covered) = self.both(i, o);
+        for (k, sum) in sum[..self.wavelengths].iter_mut().enumerate() {
+            *sum += scale
+                * match covered {
+                    [true, false] => self.at(&there, k),
+                    [false, true] => self.at(&back, k),
+                    _ => (self.at(&there, k) * self.at(&back, k)).sqrt(),
+                };
+        }
+    }
+
+    fn is_isotropic(&self) -> bool {
+        self.isotropic
+    }
+
+    fn describe(&self) -> String {
+        format!(
+            "table of {} geometries, {} directions of incidence, {} wavelength{}",
+            self.directions.len(),
+            self.slices.len(),
+            self.wavelengths,
+            if self.wavelengths == 1 { "" } else { "s" }
+        )
+    }
+
+    fn lobe_width_rad(&self) -> f64 {
+        self.width_rad
+    }
+
+    fn effort(&self) -> Effort {
+        // Pieces that are linear or bilinear have kinks everywhere.
+        Effort { tolerance: 1e-3, most: 12_000 }
+    }
+
+    fn has_gaps(&self) -> bool {
+        true
+    }
+
+    fn covers(&self, i: DVec3, o: DVec3) -> bool {
+        let (_, _, [there, back]) = self.both(i, o);
+        there || back
+    }
+}
+
+impl Placed {
+    fn of(row: &Row) -> Self {
+        let side = |theta: f64, phi: f64| {
+            let phi = if theta < 0.0 { phi + 180.0 } else { phi };
+            (theta.abs().to_radians(), phi.to_radians().rem_euclid(TAU))
+        };
+        let (theta_i, phi_i) = side(row.theta_i_deg, row.phi_i_deg);
+        let (theta_o, phi_o) = side(row.theta_o_deg, row.phi_o_deg);
+        Self { theta_i, phi_i, theta_o, phi_o }
+    }
+
+    /// Incident and outgoing azimuth within the table.
+    fn azimuths(&self, isotropic: bool) -> (f64, f64) {
+        if !isotropic {
+            return (self.phi_i, self.phi_o);
+        }
+        let turn = (self.phi_o - self.phi_i).rem_euclid(TAU);
+        (0.0, turn.min(TAU - turn))
+    }
+
+    fn directions(&self, isotropic: bool) -> (DVec3, DVec3) {
+        let (phi_i, phi_o) = self.azimuths(isotropic);
+        (spherical(self.theta_i, phi_i), spherical(self.theta_o, phi_o))
+    }
+}
+
+/// For each azimuth and elevation of incidence; `None` where one lacks rows.
+fn slices(placed: &[Placed], theta: &[f64], phi: &[f64], isotropic: bool) -> Option<Vec<Slice>> {
+    let same = |a: f64, b: f64| (a - b).abs() < 2.0 * SAME_DEG.to_radians();
+    let mut made = Vec::new();
+    for phi in phi {
+        for theta in theta {
+            let rows: Vec<(usize, f64, f64)> = placed
+                .iter()
+                .enumerate()
+                .filter(|(_, p)| {
+                    let upright = *theta < SAME_DEG.to_radians();
+                    same(p.theta_i, *theta) && (isotropic || upright || same(p.phi_i, *phi))
+                })
+                .map(|(k, p)| (k, p.theta_o, p.azimuths(isotropic).1))
+                .collect();
+            if rows.len() < 3 {
+                return None;
+            }
+            made.push(Slice::new(spherical(*theta, *phi), &rows, isotropic));
+        }
+    }
+    (!made.is_empty()).then_some(made)
+}
+
+/// Both turned so that `i` has the azimuth 0.
+fn turned(i: DVec3, o: DVec3) -> (DVec3, DVec3) {
+    let across = i.x.hypot(i.y);
+    if across < 1e-15 {
+        // No azimuth of its own: that of the other decides nothing.
+        return (i, o);
+    }
+    let (cos, sin) = (i.x / across, i.y / across);
+    (DVec3::new(across, 0.0, i.z), DVec3::new(o.x * cos + o.y * sin, o.y * cos - o.x * sin, o.z))
+}
+
+fn spherical(theta: f64, phi: f64) -> DVec3 {
+    DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+}

@@ -1,0 +1,227 @@
+//! The keys of the laws that other tools and laboratories use, of foils and of measured materials.
+
+use super::{BaseFile, LobeFile, LobeMasking, MaterialFile, ModelName, Reader, coat};
+use crate::surface::{
+    CookTorranceLobe, Gloss, Lobe, Masking, Material, MaterialError, MaxwellBeard, brdf_table,
+    measured,
+};
+use sunglint_formats::bsdf::TensorFile;
+use sunglint_formats::toml::Finite;
+use sunglint_formats::{FileError, ParseError};
+use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
+
+use ModelName::{
+    Abg, Blend, BrdfTable, CookTorrance, Foil, Lambert, MaxwellBeard as Beard, Measured,
+    Microfacet, Mirror, Phong, Ward,
+};
+
+/// Models whose own light is a reflectance times a function of direction.
+const REFLECTANCE: [ModelName; 8] =
+    [Lambert, Microfacet, Mirror, Blend, Phong, Ward, Abg, CookTorrance];
+const DIFFUSE: [ModelName; 5] = [Phong, Ward, Abg, Beard, CookTorrance];
+
+impl Reader<'_> {
+    /// Refuses keys that the model has no use for.
+    pub(super) fn check_use(&self, file: &MaterialFile) -> Result<(), ParseError> {
+        let given: [(&str, bool, &[ModelName]); 31] = [
+            ("reflectance", file.reflectance.is_some(), &REFLECTANCE),
+            ("reflectance_file", file.reflectance_file.is_some(), &REFLECTANCE),
+            ("reflectance_table", file.reflectance_table.is_some(), &REFLECTANCE),
+            ("distribution", file.distribution.is_some(), &[Microfacet, Blend]),
+            ("alpha", file.alpha.is_some(), &[Microfacet, Blend, Ward]),
+            ("alpha_x", file.alpha_x.is_some(), &[Microfacet, Blend, Ward]),
+            ("alpha_y", file.alpha_y.is_some(), &[Microfacet, Blend, Ward]),
+            ("masking", file.masking.is_some(), &[Microfacet, Blend, Foil]),
+            ("fresnel", file.fresnel.is_some(), &[Microfacet, Mirror, Blend, CookTorrance]),
+            (
+                "refractive_index",
+                file.refractive_index.is_some(),
+                &[Microfacet, Mirror, Blend, CookTorrance, Beard],
+            ),
+            ("base", file.base.is_some(), &[Blend]),
+            ("file", file.file.is_some(), &[Measured, BrdfTable]),
+            ("wavelength_nm", file.wavelength_nm.is_some(), &[BrdfTable]),
+            ("floor_per_sr", file.floor_per_sr.is_some(), &[BrdfTable]),
+            ("exponent", file.exponent.is_some(), &[Phong]),
+            ("form", file.form.is_some(), &[Ward]),
+            ("a_per_sr", file.a_per_sr.is_some(), &[Abg]),
+            ("b", file.b.is_some(), &[Abg]),
+            ("g", file.g.is_some(), &[Abg]),
+            ("bias_per_sr", file.bias_per_sr.is_some(), &[Beard]),
+            ("sigma", file.sigma.is_some(), &[Beard]),
+            ("tau_deg", file.tau_deg.is_some(), &[Beard]),
+            ("omega_deg", file.omega_deg.is_some(), &[Beard]),
+            ("volume", file.volume.is_some(), &[Beard]),
+            ("diffuse", file.diffuse.is_some(), &DIFFUSE),
+            ("lobe", file.lobe.is_some(), &[CookTorrance]),
+            ("slope_rms", file.slope_rms.is_some(), &[Foil]),
+            ("slope_rms_x", file.slope_rms_x.is_some(), &[Foil]),
+            ("slope_rms_y", file.slope_rms_y.is_some(), &[Foil]),
+            ("of", file.of.is_some(), &[Foil]),
+            ("note", file.note.is_some(), &[file.model]),
+        ];
+        let idle = given.iter().find(|(_, given, of)| *given && !of.contains(&file.model));
+        if let Some((key, ..)) = idle {
+            let expected = format!("no `{key}` with model = \"{}\"", file.model.name());
+            return Err(self.error(key, expected));
+        }
+        Ok(())
+    }
+
+    pub(super) fn law(&mut self, file: &MaterialFile) -> Result<Material, FileError> {
+        match file.model {
+            Phong => {
+                let exponent = self.number("exponent", file.exponent, "Phong's n")?;
+                self.glossy(file, Gloss::Phong { exponent }, "exponent")
+            }
+            Ward => {
+                let (alpha_x, alpha_y) =
+                    self.pair("alpha", [file.alpha, file.alpha_x, file.alpha_y])?;
+                let form = file.form.unwrap_or_default();
+                self.glossy(file, Gloss::Ward { alpha_x, alpha_y, form }, "alpha")
+            }
+            Abg => {
+                let a_per_sr = self.number("a_per_sr", file.a_per_sr, "A in sr⁻¹")?;
+                let b = self.number("b", file.b, "B")?;
+                let g = self.number("g", file.g, "the exponent g")?;
+                self.glossy(file, Gloss::Abg { a_per_sr, b, g }, "a_per_sr")
+            }
+            Beard => self.maxwell_beard(file),
+            CookTorrance => self.cook_torrance(file),
+            Foil => self.foil(file),
+            Measured => {
+                let (path, bytes) = self.bytes("file", self.named(file)?)?;
+                let tensors = TensorFile::from_bytes(&path, &bytes)?;
+                Ok(measured::material(&file.name, &path, &tensors)?)
+            }
+            _ => self.table(file),
+        }
+    }
+
+    fn number(&self, key: &str, value: Option<Finite>, what: &str) -> Result<f64, ParseError> {
+        value.map(Finite::get).ok_or_else(|| self.error(key, format!("also {key}: {what}")))
+    }
+
+    /// One number for both axes, or two.
+    fn pair(&self, key: &str, given: [Option<Finite>; 3]) -> Result<(f64, f64), ParseError> {
+        match given.map(|v| v.map(Finite::get)) {
+            [Some(both), None, None] => Ok((both, both)),
+            [None, Some(x), Some(y)] => Ok((x, y)),
+            _ => Err(self.error(key, format!("either {key}, or {key}_x and {key}_y"))),
+        }
+    }
+
+    fn part(
+        &mut self,
+        part: Option<&BaseFile>,
+        prefix: &'static str,
+    ) -> Result<Option<Spectrum<Reflectance>>, FileError> {
+        part.map(|part| self.reflectance(&part.keys(prefix))).transpose()
+    }
+
+    fn glossy(
+        &mut self,
+        file: &MaterialFile,
+        gloss: Gloss,
+        key: &str,
+    ) -> Result<Material, FileError> {
+        let reflectance = self.reflectance(&coat(file))?;
+        let diffuse = self.part(file.diffuse.as_ref(), "diffuse.")?;
+        let made = Material::glossy(&file.name, gloss, reflectance, diffuse);
+        made.map_err(|e| self.of_error(key, &e).into())
+    }
+
+    /// Says what is wrong where it was written: too much light at `reflectance`.
+    fn of_error(&self, key: &str, error: &MaterialError) -> ParseError {
+        match error {
+            MaterialError::Gain { .. } => self.wrong("model", error),
+            _ => self.wrong(key, error),
+        }
+    }
+
+    fn maxwell_beard(&mut self, file: &MaterialFile) -> Result<Material, FileError> {
+        let numbers = MaxwellBeard {
+            bias_per_sr: self.number("bias_per_sr", file.bias_per_sr, "B in sr⁻¹")?,
+            sigma: self.number("sigma", file.sigma, "the width of the tilts")?,
+            tau_deg: self.number("tau_deg", file.tau_deg, "τ in degrees")?,
+            omega_deg: self.number("omega_deg", file.omega_deg, "Ω in degrees")?,
+        };
+        let Some(name) = &file.refractive_index else {
+            let expected = "also refractive_index: a material's name or a file";
+            return Err(self.error("refractive_index", expected).into());
+        };
+        let index = self.index(name)?;
+        let diffuse = self.part(file.diffuse.as_ref(), "diffuse.")?;
+        let volume = self.part(file.volume.as_ref(), "volume.")?;
+        Material::maxwell_beard(&file.name, numbers, &index, diffuse, volume)
+            .map_err(|e| self.of_error("bias_per_sr", &e).into())
+    }
+
+    fn cook_torrance(&mut self, file: &MaterialFile) -> Result<Material, FileError> {
+        let lobes = file.lobe.as_deref().unwrap_or_default();
+        if lobes.is_empty() {
+            return Err(self.error("lobe", "also [[material.lobe]]: one or more lobes").into());
+        }
+        let lobes = lobes
+            .iter()
+            .enumerate()
+            .map(|(k, lobe)| self.cook_torrance_lobe(k, lobe))
+            .collect::<Result<Vec<_>, _>>()?;
+        let fresnel = self.fresnel(file)?;
+        let diffuse = self.part(file.diffuse.as_ref(), "diffuse.")?;
+        let made = Material::cook_torrance(&file.name, &lobes, &fresnel, diffuse);
+        made.map_err(|e| self.of_error("lobe", &e).into())
+    }
+
+    fn cook_torrance_lobe(
+        &self,
+        number: usize,
+        lobe: &LobeFile,
+    ) -> Result<CookTorranceLobe, ParseError> {
+        let key = format!("lobe[{number}].alpha");
+        let (x, y) = self.pair(&key, [lobe.alpha, lobe.alpha_x, lobe.alpha_y])?;
+        let kind = lobe.masking.unwrap_or_default();
+        let masking = match kind {
+            LobeMasking::HeightCorrelated => Masking::HeightCorrelated,
+            _ => Masking::Separable,
+        };
+        let made = Lobe::anisotropic(lobe.distribution, x, y, masking);
+        let made = made.map_err(|e| self.wrong(&key, &e))?;
+        let grooves = kind == LobeMasking::VCavity;
+        Ok(CookTorranceLobe { lobe: made, grooves, share: lobe.share.get() })
+    }
+
+    fn foil(&mut self, file: &MaterialFile) -> Result<Material, FileError> {
+        let Some(of) = &file.of else {
+            return Err(self.error("of", "also of = { … }: the material that is wrinkled").into());
+        };
+        let slopes = [file.slope_rms, file.slope_rms_x, file.slope_rms_y];
+        let (x, y) = self.pair("slope_rms", slopes)?;
+        let at = self.key("of");
+        let mut inner = Reader { document: self.document, at: &at, sources: Vec::new() };
+        if of.model == Foil {
+            return Err(inner.error("model", "a material that is no foil").into());
+        }
+        let base = inner.material(of)?;
+        for source in inner.sources {
+            if !self.sources.contains(&source) {
+                self.sources.push(source);
+            }
+        }
+        Material::foil(&file.name, base, x, y, file.masking.unwrap_or_default())
+            .map_err(|e| self.of_error("slope_rms", &e).into())
+    }
+
+    fn named<'a>(&self, file: &'a MaterialFile) -> Result<&'a str, ParseError> {
+        file.file.as_deref().ok_or_else(|| self.error("file", "also file: the measurements"))
+    }
+
+    fn table(&mut self, file: &MaterialFile) -> Result<Material, FileError> {
+        let (path, text) = self.read("file", self.named(file)?)?;
+        let nm = file.wavelength_nm.map(Finite::get);
+        let (wavelengths, rows) = brdf_table::read(&path, &text, nm)?;
+        let floor = file.floor_per_sr.map(Finite::get);
+        brdf_table::material(&file.name, &wavelengths, &rows, floor)
+            .map_err(|e| ParseError::new(&path, e.to_string(), "a table of measured values").into())
+    }
+}

@@ -1,0 +1,222 @@
+//! Materials that are sums of lobes, each before a Fresnel term and a spectrum.
+
+use super::sampling::{Mixture, Proposal};
+use super::scatter::Scatter;
+use super::shape::{Shape, WardForm};
+use super::{ComplexIndex, Fresnel, Lobe, Material, MaterialError, cos_difference};
+use glam::DVec3;
+use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
+use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
+
+/// A lobe of [`Material::cook_torrance`].
+#[derive(Debug, Clone)]
+pub struct CookTorranceLobe {
+    /// Tilts and, where `grooves` is false, Smith's masking.
+    pub lobe: Lobe,
+    /// Whether microfacets hide one another as V-shaped grooves do (Cook and Torrance 1982).
+    pub grooves: bool,
+    /// What part of the microfacets it is, 0 to 1.
+    pub share: f64,
+}
+
+/// The lobe of Phong's, Ward's and the ABg model, as numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Gloss {
+    /// (n+2)/(2π) cosⁿα.
+    Phong {
+        /// n, 0 or more.
+        exponent: f64,
+    },
+    /// Ward's model.
+    Ward {
+        /// Along the tangent.
+        alpha_x: f64,
+        /// Across the tangent.
+        alpha_y: f64,
+        /// Its denominator.
+        form: WardForm,
+    },
+    /// A/(B + x^g).
+    Abg {
+        /// A, sr⁻¹.
+        a_per_sr: f64,
+        /// B, above 0.
+        b: f64,
+        /// g, 0 or more.
+        g: f64,
+    },
+}
+
+/// The numbers of [`Material::maxwell_beard`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MaxwellBeard {
+    /// B of the first surface, sr⁻¹.
+    pub bias_per_sr: f64,
+    /// σ, the width of its tilts (tangent).
+    pub sigma: f64,
+    /// τ of shadowing and obscuration, degrees.
+    pub tau_deg: f64,
+    /// Ω of shadowing and obscuration, degrees.
+    pub omega_deg: f64,
+}
+
+#[derive(Debug)]
+struct Part {
+    shape: Shape,
+    fresnel: Fresnel,
+    /// Before its weights.
+    scale: f64,
+}
+
+#[derive(Debug)]
+struct Sum {
+    parts: Vec<Part>,
+}
+
+impl Material {
+    /// Lobes of microfacets over one Fresnel term, and Lambert light from below where there is any. The parts add up: nothing is taken from the one by the other.
+    ///
+    /// # Errors
+    /// Shares that exceed 1 together; a sum that reflects more than came up to 60° of incidence.
+    pub fn cook_torrance(
+        name: impl Into<String>,
+        lobes: &[CookTorranceLobe],
+        fresnel: &Fresnel,
+        diffuse: Option<Spectrum<Reflectance>>,
+    ) -> Result<Self, MaterialError> {
+        let all: f64 = lobes.iter().map(|lobe| lobe.share).sum();
+        let fits = lobes.iter().all(|lobe| (0.0..=1.0).contains(&lobe.share));
+        if !(fits && all <= 1.0 + 1e-12) || lobes.is_empty() {
+            return Err(parameter("the sum of the lobes' shares", all, "above 0 and at most 1"));
+        }
+        let part = |lobe: &CookTorranceLobe| Part {
+            shape: if lobe.grooves { Shape::Grooves(lobe.lobe) } else { Shape::Facets(lobe.lobe) },
+            fresnel: fresnel.clone(),
+            scale: lobe.share,
+        };
+        sum(name.into(), lobes.iter().map(part).collect(), diffuse)
+    }
+
+    /// Phong's, Ward's or the ABg lobe before a reflectance, and Lambert light where there is any.
+    ///
+    /// # Errors
+    /// Numbers out of range; a sum that reflects more than came up to 60° of incidence.
+    pub fn glossy(
+        name: impl Into<String>,
+        gloss: Gloss,
+        reflectance: Spectrum<Reflectance>,
+        diffuse: Option<Spectrum<Reflectance>>,
+    ) -> Result<Self, MaterialError> {
+        let shape = match gloss {
+            Gloss::Phong { exponent } => {
+                within("the exponent", exponent, 0.0, 1e8)?;
+                Shape::Phong { exponent }
+            }
+            Gloss::Ward { alpha_x, alpha_y, form } => {
+                within("alpha_x", alpha_x, 1e-5, 2.0)?;
+                within("alpha_y", alpha_y, 1e-5, 2.0)?;
+                Shape::Ward { alpha_x, alpha_y, form }
+            }
+            Gloss::Abg { a_per_sr, b, g } => {
+                within("A", a_per_sr, 0.0, 1e12)?;
+                within("B", b, 1e-15, 1e6)?;
+                within("g", g, 0.1, 10.0)?;
+                Shape::Abg { a_per_sr, b, g }
+            }
+        };
+        let fresnel = Fresnel::constant(reflectance)?;
+        sum(name.into(), vec![Part { shape, fresnel, scale: 1.0 }], diffuse)
+    }
+
+    /// The Maxwell–Beard model in the form of the Nonconventional Exploitation Factors database: first surface with R(β)/R(0) of `index`, Lambert light of
+    /// reflectance π ρ_D, and light from the volume with ρ_V = `volume`/π.
+    ///
+    /// # Errors
+    /// Numbers out of range; a sum that reflects more than came up to 60° of incidence.
+    pub fn maxwell_beard(
+        name: impl Into<String>,
+        numbers: MaxwellBeard,
+        index: &ComplexIndex,
+        diffuse: Option<Spectrum<Reflectance>>,
+        volume: Option<Spectrum<Reflectance>>,
+    ) -> Result<Self, MaterialError> {
+        let MaxwellBeard { bias_per_sr, sigma, tau_deg, omega_deg } = numbers;
+        within("the bias (sr⁻¹)", bias_per_sr, 0.0, 1e8)?;
+        within("sigma", sigma, 1e-5, 10.0)?;
+        within("tau (degrees)", tau_deg, 1e-3, 1e6)?;
+        within("omega (degrees)", omega_deg, 1e-3, 1e6)?;
+        let (fresnel, scale) = Fresnel::conductor(index)?.relative()?;
+        let (tau_rad, omega_rad) = (tau_deg.to_radians(), omega_deg.to_radians());
+        let shape = Shape::FirstSurface { bias_per_sr, sigma, tau_rad, omega_rad };
+        let mut parts = vec![Part { shape, fresnel, scale }];
+        if let Some(volume) = volume {
+            let fresnel = Fresnel::constant(volume)?;
+            parts.push(Part { shape: Shape::Volume, fresnel, scale: 1.0 });
+        }
+        sum(name.into(), parts, diffuse)
+    }
+}
+
+fn sum(
+    name: String,
+    mut parts: Vec<Part>,
+    diffuse: Option<Spectrum<Reflectance>>,
+) -> Result<Material, MaterialError> {
+    if let Some(diffuse) = diffuse {
+        let fresnel = Fresnel::constant(diffuse)?;
+        parts.push(Part { shape: Shape::Lambert, fresnel, scale: 1.0 });
+    }
+    let spectra = parts.iter().flat_map(|part| part.fresnel.spectra().to_vec()).collect();
+    let share = 1.0 / parts.len() as f64;
+    let ways: Vec<(f64, Proposal)> = parts
+        .iter()
+        .flat_map(|part| part.shape.proposals())
+        .map(|(of, way)| (of * share, way))
+        .collect();
+    Material::of_law(name, spectra, Arc::new(Sum { parts }), Mixture::new(ways), false)
+}
+
+impl Scatter for Sum {
+    fn add_weights(&self, i: DVec3, o: DVec3, scale: f64, sum: &mut [f64]) {
+        let mut rest = sum;
+        for part in &self.parts {
+            let (own, others) = rest.split_at_mut(part.fresnel.spectra().len());
+            rest = others;
+            let value = scale * part.scale * part.shape.value(i, o);
+            if value != 0.0 {
+                part.fresnel.add_weights(cos_difference(i, o), value, own);
+            }
+        }
+    }
+
+    fn is_isotropic(&self) -> bool {
+        self.parts.iter().all(|part| part.shape.is_isotropic())
+    }
+
+    fn describe(&self) -> String {
+        let part = |part: &Part| {
+            let share =
+                if part.scale < 1.0 { format!("{} of ", part.scale) } else { String::new() };
+            format!("{share}{}, {}", part.shape.describe(), part.fresnel.describe())
+        };
+        self.parts.iter().map(part).collect::<Vec<_>>().join("; ")
+    }
+
+    fn lobe_width_rad(&self) -> f64 {
+        self.parts.iter().fold(FRAC_PI_2, |least, part| least.min(part.shape.width_rad()))
+    }
+}
+
+fn within(name: &'static str, value: f64, least: f64, most: f64) -> Result<(), MaterialError> {
+    if (least..=most).contains(&value) {
+        Ok(())
+    } else {
+        Err(parameter(name, value, &format!("from {least:e} to {most:e}")))
+    }
+}
+
+pub(super) fn parameter(name: &'static str, value: f64, expected: &str) -> MaterialError {
+    MaterialError::Parameter { name, value, expected: expected.to_owned() }
+}
