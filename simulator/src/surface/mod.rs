@@ -47,6 +47,17 @@ enum Model {
     Blend { lobe: Lobe, fresnel: Fresnel, base: Box<blend::Base> },
 }
 
+/// What a sampler of directions wants to know of a material.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Scatter<'a> {
+    /// The same radiance in all directions.
+    Lambert,
+    /// One direction alone.
+    Mirror(&'a Fresnel),
+    /// About the mirrored direction; `over_base`: and everywhere.
+    Lobe { lobe: &'a Lobe, over_base: bool },
+}
+
 /// Why there is no such material.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -261,6 +272,16 @@ impl Material {
         match &self.model {
             Model::Microfacet { lobe, .. } => lobe.is_isotropic(),
             _ => true,
+        }
+    }
+
+    /// How directions are best sampled.
+    pub(crate) fn scatter(&self) -> Scatter<'_> {
+        match &self.model {
+            Model::Lambert => Scatter::Lambert,
+            Model::Mirror { fresnel } => Scatter::Mirror(fresnel),
+            Model::Microfacet { lobe, .. } => Scatter::Lobe { lobe, over_base: false },
+            Model::Blend { lobe, .. } => Scatter::Lobe { lobe, over_base: true },
         }
     }
 
