@@ -233,9 +233,8 @@ fn bounds(surface: &Surface) -> (DVec3, DVec3) {
         return (surface.origin - surface.radius, surface.origin + surface.radius);
     }
     let wide = SLACK * (surface.radius + surface.origin.abs().max_element()) * 10.0;
-    let (low, high) = surface
-        .corners()
-        .fold((DVec3::MAX, DVec3::MIN), |(l, h), p| (l.min(p), h.max(p)));
+    let (low, high) =
+        surface.corners().fold((DVec3::MAX, DVec3::MIN), |(l, h), p| (l.min(p), h.max(p)));
     (low - wide, high + wide)
 }
 

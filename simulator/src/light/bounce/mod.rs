@@ -20,7 +20,6 @@ mod optics;
 mod patches;
 mod paths;
 mod pilot;
-mod probe;
 mod still;
 mod surfaces;
 mod tracing;
@@ -132,10 +131,12 @@ impl<'a> Bounce<'a> {
         among.sort_unstable();
         among.dedup();
         let rough = Nodes::new(scene.materials(), &among, ROUGH)?;
-        let pilot = Pilot::new(scene, &surfaces, &bound.active, &rough, options)?;
+        let pilot = Pilot::new(scene, &surfaces, &bound.active, &rough, options);
         let measured = format!(
             "{:.2e} of the light in the mean of {} pairs of directions, up to {:.2e}",
-            pilot.mean, pilot.pairs.len(), pilot.largest
+            pilot.mean,
+            pilot.pairs.len(),
+            pilot.largest
         );
         if pilot.largest <= tolerance {
             return nothing(Some(pilot.largest), measured);
@@ -147,7 +148,8 @@ impl<'a> Bounce<'a> {
             .into_iter()
             .map(|spectrum| Term { source: Source::Bounce, material: None, spectrum })
             .collect();
-        let (way, how, cost_s) = match Still::new(scene, &surfaces, &bound, &nodes, &pilot, options) {
+        let (way, how, cost_s) = match Still::new(scene, &surfaces, &bound, &nodes, &pilot, options)
+        {
             Some(still) => {
                 let (how, cost_s) = (still.describe(), still.cost_s());
                 (Way::Still(Arc::new(still)), how, cost_s)

@@ -1,7 +1,7 @@
 //! Materials at the nodes, and directions drawn from them.
 
-use crate::surface::{Distribution, Lobe, Material};
 use crate::surface::Scatter;
+use crate::surface::{Distribution, Lobe, Material};
 use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, PI};
 
@@ -75,8 +75,7 @@ impl Optics {
     fn times(&self, material: usize, count: usize, light: &mut [f64]) {
         let rho = &self.rho[material];
         for (s, light) in light.iter_mut().enumerate() {
-            let f: f64 =
-                (0..count).map(|k| self.weights[k] * rho[k * self.nodes + s]).sum();
+            let f: f64 = (0..count).map(|k| self.weights[k] * rho[k * self.nodes + s]).sum();
             *light *= f;
         }
     }

@@ -76,7 +76,8 @@ impl Patches {
         let ring: Vec<P2> = corners.iter().map(|p| turned(axis, *p)).collect();
         let bounds = clip::bounds(&ring);
         let size = [bounds[2] - bounds[0], bounds[3] - bounds[1]];
-        let count = size.map(|s| if s <= size_m { 1 } else { 2 * (0.5 * s / size_m).ceil() as usize });
+        let count =
+            size.map(|s| if s <= size_m { 1 } else { 2 * (0.5 * s / size_m).ceil() as usize });
         let step = [size[0] / count[0] as f64, size[1] / count[1] as f64];
         let number = self.cells.len();
         let mut cells = Cells {
@@ -100,7 +101,8 @@ impl Patches {
                 let corners: Vec<P2> =
                     cell.iter().map(|p| turned([axis[0], -axis[1]], *p)).collect();
                 let n = corners.len() as f64;
-                let middle = corners.iter().fold([0.0, 0.0], |m, p| [m[0] + p[0] / n, m[1] + p[1] / n]);
+                let middle =
+                    corners.iter().fold([0.0, 0.0], |m, p| [m[0] + p[0] / n, m[1] + p[1] / n]);
                 let coarse = *coarse.entry((row / 2, column / 2)).or_insert_with(|| {
                     self.coarse_area.push(0.0);
                     self.coarse_area.len() - 1

@@ -12,13 +12,16 @@ use super::optics::Optics;
 use super::surfaces::{Place, Surfaces};
 use crate::light::occlude::Toward;
 use glam::DVec3;
+use std::f64::consts::FRAC_1_PI;
 
 /// Scrambles that do not know of each other.
 pub const SCRAMBLES: u32 = 8;
-/// Points of one scramble at most: what the points are made for.
-pub const MOST_POINTS: u32 = 1 << 16;
+/// Points of one scramble at most.
+pub const MOST_POINTS: u32 = 1 << 14;
 /// Paths of fewer scatterings are not ended by chance.
 const SAFE: u32 = 3;
+/// Paths that found something are few below this.
+const FEW: u32 = 12;
 /// The longest path; of what is white all over 0.99⁴⁰⁰ is left, and a path ends by chance long before.
 const LONGEST: u32 = 400;
 
@@ -53,22 +56,37 @@ pub struct Sums {
     direct: Vec<f64>,
     points: u32,
     starts: f64,
+    /// Paths that found anything.
+    found: u32,
+    /// What the active surfaces fill across both ends at most, m².
+    across: f64,
 }
 
 impl Sums {
     pub fn new(nodes: usize) -> Self {
         let empty = vec![0.0; nodes * SCRAMBLES as usize];
-        Self { nodes, bounced: empty.clone(), direct: empty, points: 0, starts: 0.0 }
-    }
-
-    /// Points of each scramble so far.
-    pub fn points(&self) -> u32 {
-        self.points
+        Self {
+            nodes,
+            bounced: empty.clone(),
+            direct: empty,
+            points: 0,
+            starts: 0.0,
+            found: 0,
+            across: 0.0,
+        }
     }
 
     /// Mean over the scrambles and its standard error, m² sr⁻¹.
     pub fn bounced(&self, node: usize) -> (f64, f64) {
         mean(&self.bounced, self.nodes, node, f64::from(self.points.max(1)))
+    }
+
+    /// What may be missing where few paths found anything, m² sr⁻¹: one more that sends all its light to the other end, white and diffuse; the less
+    /// the more have found something.
+    pub fn missing(&self) -> f64 {
+        let all = f64::from(SCRAMBLES) * f64::from(self.points.max(1));
+        let few = (f64::from(FEW) / f64::from(self.found.max(1))).min(1.0);
+        few * self.across * FRAC_1_PI / all
     }
 
     /// The singly scattered light of the active surfaces, m² sr⁻¹.
@@ -164,12 +182,15 @@ impl Paths<'_> {
                 let (bounced, direct) =
                     (&mut sums.bounced[row.clone()], &mut sums.direct[row.clone()]);
                 let mut direct = from_sun.then_some(direct);
-                self.one(start, end, (index, seed), share, &mut light, bounced, &mut direct);
+                let found =
+                    self.one(start, end, (index, seed), share, &mut light, bounced, &mut direct);
+                sums.found += u32::from(found);
             }
         }
         // Half of the paths begin at the Sun; each kind's sum is over its own.
         sums.starts = share;
         sums.points = until;
+        sums.across = sun.total();
     }
 
     /// One path.
@@ -183,7 +204,8 @@ impl Paths<'_> {
         [light, last]: &mut [Vec<f64>; 2],
         bounced: &mut [f64],
         direct: &mut Option<&mut [f64]>,
-    ) {
+    ) -> bool {
+        let mut found = false;
         let numbers = |set: u32| {
             sobol_burley::sample_4d(index, set % 16, mixed(seed, set / 16)).map(f64::from)
         };
@@ -191,7 +213,7 @@ impl Paths<'_> {
         let mut here = start.draw(self, [u[0], u[1], u[2]]);
         let (d, range, cos) = start.from(&here);
         if cos <= 0.0 || !start.sees(self, &here, d, range) {
-            return;
+            return found;
         }
         let mut came = here.local(d);
         light.fill(cos / start.density(cos));
@@ -206,7 +228,7 @@ impl Paths<'_> {
             let material = self.surfaces.list[here.surface].material;
             let drawn = self.optics.draw(material, came, [u[0], u[1], u[2]]);
             if drawn.to.z <= 0.0 {
-                return;
+                return found;
             }
             let before = light.iter().copied().fold(0.0, f64::max);
             match drawn.density {
@@ -214,7 +236,7 @@ impl Paths<'_> {
                     let scale = drawn.to.z / density;
                     self.optics.scatter(material, came, drawn.to, scale, light);
                 }
-                Some(_) => return,
+                Some(_) => return found,
                 None => self.optics.mirror(material, came.z, light),
             }
             // The step that led here could have been drawn from here, had the path come the other way. Mirrors are alike both ways.
@@ -224,32 +246,33 @@ impl Paths<'_> {
             mirrored_first |= order == 1 && drawn.density.is_none();
             let after = light.iter().copied().fold(0.0, f64::max);
             if after <= 0.0 {
-                return;
+                return found;
             }
             if order >= SAFE {
                 let stays = (after / before).min(1.0);
                 if u[3] >= stays {
-                    return;
+                    return found;
                 }
                 light.iter_mut().for_each(|l| *l /= stays);
             }
             let along = here.body(drawn.to);
             let ray = Ray { from: here.at, along, leaves: here.surface };
-            let Some(hit) = self.caster.first(&ray).filter(|h| h.front) else { return };
+            let Some(hit) = self.caster.first(&ray).filter(|h| h.front) else { return found };
             let surface = &self.surfaces.list[hit.surface];
             let there = surface.place(hit.surface, here.at + hit.distance * along);
             let arrives = there.local(-along);
             if arrives.z <= 0.0 {
-                return;
+                return found;
             }
             back *= drawn.to.z / (drawn.density.unwrap_or(1.0) * arrives.z);
             let mut weight = share.recip();
             if self.both_ends && !mirrored_first {
                 weight *= self.weight(end, &there, arrives, back);
             }
-            self.count(end, &there, arrives, light, last, weight, bounced);
+            found |= self.count(end, &there, arrives, light, last, weight, bounced);
             (here, came) = (there, arrives);
         }
+        found
     }
 
     /// The balance heuristic's weight of this way for a path that ends here.
@@ -277,17 +300,19 @@ impl Paths<'_> {
         last: &mut [f64],
         weight: f64,
         sum: &mut [f64],
-    ) {
+    ) -> bool {
         let (d, range, cos) = end.from(place);
         if cos <= 0.0 || weight <= 0.0 {
-            return;
+            return false;
         }
         let material = self.surfaces.list[place.surface].material;
         last.copy_from_slice(light);
         self.optics.scatter(material, came, place.local(d), weight * cos, last);
-        if last.iter().any(|l| *l > 0.0) && end.sees(self, place, d, range) {
+        let seen = last.iter().any(|l| *l > 0.0) && end.sees(self, place, d, range);
+        if seen {
             sum.iter_mut().zip(last.iter()).for_each(|(s, l)| *s += l);
         }
+        seen
     }
 }
 

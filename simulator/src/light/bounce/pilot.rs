@@ -1,13 +1,14 @@
 //! A first look: how much light is inter-reflected, for some pairs of directions.
 
+use super::BounceOptions;
 use super::cast::Caster;
 use super::nodes::Nodes;
 use super::optics::Optics;
 use super::paths::{Paths, Sums, mixed};
 use super::surfaces::Surfaces;
-use super::{BounceError, BounceOptions};
+use super::tracing::Direct;
+use crate::light::Scene;
 use crate::light::occlude::Toward;
-use crate::light::{Scene, View};
 use glam::DVec3;
 use std::f64::consts::TAU;
 
@@ -17,8 +18,6 @@ const PAIRS: u32 = 48;
 const POINTS: u32 = 64;
 /// Pairs with less direct light than this, of the most, do not count: nobody measures a share there.
 const FAINT: f64 = 0.05;
-/// Scenes of more surfaces take the direct light from the paths too.
-const MOST_EXACT: usize = 2000;
 /// Cosine of the largest phase angle.
 const LARGEST_PHASE_COS: f64 = -0.5;
 
@@ -53,16 +52,12 @@ impl Pilot {
         active: &[usize],
         nodes: &Nodes,
         options: &BounceOptions,
-    ) -> Result<Self, BounceError> {
+    ) -> Self {
         let mut surfaces = surfaces.clone();
         let mut caster = Caster::new(&surfaces.list, scene.touching_m);
         let mut optics = Optics::new(scene.materials(), &nodes.nm);
         let count = nodes.nm.len();
-        let exact = surfaces.list.len() <= MOST_EXACT;
-        let mut eye = scene.evaluator();
-        let rho: Vec<Vec<f64>> =
-            scene.spectra().map(|s| nodes.nm.iter().map(|nm| s.at(*nm)).collect()).collect();
-        let mut weights = vec![0.0; scene.weight_count()];
+        let mut exact = Direct::new(scene, &nodes.nm);
         let mut rows = Vec::new();
         for (sun, to) in directions(options.seed) {
             if surfaces.turn(scene, sun) {
@@ -78,18 +73,14 @@ impl Pilot {
                 seed: mixed(options.seed, 0xb0),
             };
             paths.trace(sun, Toward::Far(to), POINTS, &mut sums);
-            let mut direct: Vec<f64> = (0..count).map(|s| sums.direct(s)).collect();
-            if exact {
-                eye.direct(sun, View::Distant(to), &mut weights)?;
-                direct.fill(0.0);
-                for (w, rho) in weights.iter().zip(&rho) {
-                    direct.iter_mut().zip(rho).for_each(|(d, rho)| *d += w * rho);
-                }
-            }
+            let direct = match exact.at(sun, Toward::Far(to)) {
+                Some(direct) => direct.to_vec(),
+                None => (0..count).map(|s| sums.direct(s)).collect(),
+            };
             let bounced: Vec<(f64, f64)> = (0..count).map(|s| sums.bounced(s)).collect();
             rows.push((sun, to, direct, bounced));
         }
-        Ok(Self::of(&rows, count))
+        Self::of(&rows, count)
     }
 
     fn of(rows: &[(DVec3, DVec3, Vec<f64>, Vec<(f64, f64)>)], count: usize) -> Self {
@@ -99,7 +90,8 @@ impl Pilot {
         let mut pairs = Vec::new();
         for (sun, to, direct, bounced) in rows {
             let n = count as f64;
-            let (d, b) = (direct.iter().sum::<f64>() / n, bounced.iter().map(|b| b.0).sum::<f64>() / n);
+            let (d, b) =
+                (direct.iter().sum::<f64>() / n, bounced.iter().map(|b| b.0).sum::<f64>() / n);
             let sigma = bounced.iter().map(|b| b.1).sum::<f64>() / n;
             all += d + b;
             of_all += b;

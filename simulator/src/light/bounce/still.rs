@@ -23,12 +23,12 @@ const MOST_NUMBERS: usize = 16_000_000;
 /// White is taken as a little darker: of a cavity that loses nothing there is no end.
 const WHITEST: f64 = 1.0 - 1e-7;
 /// Rays of each patch and scramble to begin with.
-const LEAST_RAYS: u32 = 16;
+const LEAST_RAYS: u32 = 32;
 /// The first cells, of which there are about as many as this; then cells this much smaller.
 const FIRST_CELLS: f64 = 24.0;
 const FINER: f64 = 1.5;
-/// Standard errors that are claimed: Student's t of 7 degrees of freedom at 99 %.
-const CLAIMED: f64 = 3.5;
+/// Standard errors that are claimed: Student's t of 7 degrees of freedom at 96 %.
+const CLAIMED: f64 = 2.5;
 /// Of the difference that patches of twice the size make, what is left: they converge with the square of the size at best. Held by the tests.
 const DIFFERENCE: f64 = 1.0;
 /// Of the tolerance, the part that patches and rays may take each.
@@ -79,38 +79,28 @@ impl Still {
         let caster = Caster::new(&surfaces.list, scene.touching_m);
         let brightest = brightest(&optics, surfaces, active);
         let mut size = (area / FIRST_CELLS).sqrt();
-        let mut best = None;
+        let seed = mixed(options.seed, 0x5e);
+        let target = OF_TOLERANCE * options.tolerance;
         loop {
             let patches = Patches::new(&surfaces.list, active, size);
-            let count = patches.list.len();
-            if best.is_some()
-                && (count > MOST_PATCHES || count * count * nodes.nm.len() > MOST_NUMBERS)
-            {
-                break;
-            }
             let mut draft = Draft::new(scene, surfaces, patches, &optics, brightest);
-            let target = OF_TOLERANCE * options.tolerance;
             let mut rays = LEAST_RAYS;
-            let (coarseness, mut noise);
-            loop {
-                draft.shoot(&caster, rays, mixed(options.seed, 0x5e));
-                noise = draft.noise(pilot);
-                // Rays are enough where they are no worse than what patches will leave.
-                if noise <= target || rays >= MOST_RAYS {
-                    coarseness = draft.coarseness(pilot);
-                    break;
-                }
+            draft.shoot(&caster, rays, seed);
+            let enough = draft.coarseness(pilot) <= target;
+            // Many rays are worth their time for the last size alone.
+            let last = enough || {
+                let next = Patches::new(&surfaces.list, active, size / FINER).list.len();
+                next > MOST_PATCHES || next * next * nodes.nm.len() > MOST_NUMBERS
+            };
+            while last && draft.noise(pilot) > target && rays < MOST_RAYS {
                 rays *= 2;
+                draft.shoot(&caster, rays, seed);
             }
-            let enough = coarseness <= target;
-            best = Some(draft);
-            if enough {
-                break;
+            if last {
+                return Some(draft.finish(&optics, nodes));
             }
             size /= FINER;
         }
-        let draft = best?;
-        Some(draft.finish(&optics, nodes))
     }
 
     /// In words.
@@ -133,6 +123,24 @@ fn brightest(optics: &Optics, surfaces: &Surfaces, active: &[usize]) -> usize {
         active.iter().map(|k| surfaces.list[*k].area * rho(k)).sum()
     };
     (0..optics.nodes).max_by(|a, b| sum(*a).total_cmp(&sum(*b))).unwrap_or(0)
+}
+
+/// Root of the mean square.
+#[derive(Debug, Default)]
+struct Rms {
+    sum: f64,
+    count: f64,
+}
+
+impl Rms {
+    fn add(&mut self, value: f64) {
+        self.sum += value * value;
+        self.count += 1.0;
+    }
+
+    fn get(&self) -> f64 {
+        (self.sum / self.count.max(1.0)).sqrt()
+    }
 }
 
 /// Patches on trial.
@@ -183,30 +191,32 @@ impl<'a> Draft<'a> {
         self.areas = self.exchange.open_areas(&self.patches);
     }
 
-    /// The largest claimed error of the form factors over the pairs that count, of the pair's light.
+    /// The claimed error of the form factors of the pairs' light: root of the mean square over those that count.
     fn noise(&self, pilot: &Pilot) -> f64 {
         let mut views = Views::new(self.scene, &self.patches);
-        let mut most = 0.0_f64;
+        let mut rms = Rms::default();
         for pair in pilot.pairs.iter().filter(|p| p.counts) {
             views.set(&self.surfaces, &self.patches, &self.areas, pair.sun, Toward::Far(pair.to));
             let noise = noise(&views, &self.mean, &self.scrambles);
-            most = most.max(noise * pair.bounced / (pair.direct + pair.bounced));
+            rms.add(noise * pair.bounced / (pair.direct + pair.bounced));
         }
-        most
+        rms.get()
     }
 
     /// The same of what patches of twice the size change.
     fn coarseness(&self, pilot: &Pilot) -> f64 {
         let s = self.exchange.matrix(&self.patches);
-        let Some([fine, coarse]) = both(&s, &self.patches, &self.areas, &self.rho) else { return f64::INFINITY };
+        let Some([fine, coarse]) = both(&s, &self.patches, &self.areas, &self.rho) else {
+            return f64::INFINITY;
+        };
         let mut views = Views::new(self.scene, &self.patches);
-        let mut most = 0.0_f64;
+        let mut rms = Rms::default();
         for pair in pilot.pairs.iter().filter(|p| p.counts) {
             views.set(&self.surfaces, &self.patches, &self.areas, pair.sun, Toward::Far(pair.to));
             let (light, error) = views.light(&fine, &coarse);
-            most = most.max(error / (pair.direct + light));
+            rms.add(error / (pair.direct + light));
         }
-        most
+        rms.get()
     }
 
     fn finish(self, optics: &Optics, nodes: &Nodes) -> Still {
@@ -235,7 +245,12 @@ impl<'a> Draft<'a> {
 }
 
 /// Of the patches and of the larger ones.
-fn reflectances(patches: &Patches, surfaces: &Surfaces, optics: &Optics, node: usize) -> [Vec<f64>; 2] {
+fn reflectances(
+    patches: &Patches,
+    surfaces: &Surfaces,
+    optics: &Optics,
+    node: usize,
+) -> [Vec<f64>; 2] {
     let mut coarse = vec![0.0; patches.coarse_area.len()];
     let fine = patches
         .list
@@ -251,7 +266,12 @@ fn reflectances(patches: &Patches, surfaces: &Surfaces, optics: &Optics, node: u
 }
 
 /// Q of the patches and of the larger ones.
-fn both(s: &Matrix, patches: &Patches, areas: &[Vec<f64>; 2], rho: &[Vec<f64>; 2]) -> Option<[Matrix; 2]> {
+fn both(
+    s: &Matrix,
+    patches: &Patches,
+    areas: &[Vec<f64>; 2],
+    rho: &[Vec<f64>; 2],
+) -> Option<[Matrix; 2]> {
     let fine = transport::solve(s, &areas[0], &rho[0])?;
     let gathered = transport::gathered(s, patches);
     let coarse = transport::solve(&gathered, &areas[1], &rho[1])?;
@@ -292,7 +312,14 @@ impl<'a> Views<'a> {
         }
     }
 
-    fn set(&mut self, surfaces: &Surfaces, patches: &Patches, areas: &[Vec<f64>; 2], sun: DVec3, eye: Toward) {
+    fn set(
+        &mut self,
+        surfaces: &Surfaces,
+        patches: &Patches,
+        areas: &[Vec<f64>; 2],
+        sun: DVec3,
+        eye: Toward,
+    ) {
         for (end, toward) in [Toward::Far(sun), eye].into_iter().enumerate() {
             let (fine, coarse) = (&mut self.fine[end], &mut self.coarse[end]);
             fine.fill(0.0);

@@ -13,8 +13,8 @@ use std::f64::consts::{FRAC_1_PI, PI};
 
 /// Scrambles that do not know of each other.
 pub const SCRAMBLES: usize = 8;
-/// Rays of each patch and scramble at most: what the points are made for.
-pub const MOST_RAYS: u32 = 1 << 16;
+/// Rays of each patch and scramble at most.
+pub const MOST_RAYS: u32 = 1 << 12;
 /// A patch counts as open by this share of it at least.
 const LEAST_OPEN: f64 = 1e-3;
 /// Rounds of scaling to the row sums.
@@ -42,7 +42,14 @@ impl Exchange {
     pub fn new(patches: &Patches) -> Self {
         let (count, coarse) = (patches.list.len(), patches.coarse_area.len());
         let scrambles = vec![vec![0.0; coarse * coarse]; SCRAMBLES];
-        Self { count, coarse, rays: 0, hits: vec![0; count * count], buried: vec![0; count], scrambles }
+        Self {
+            count,
+            coarse,
+            rays: 0,
+            hits: vec![0; count * count],
+            buried: vec![0; count],
+            scrambles,
+        }
     }
 
     /// Sends rays until each patch has sent `until` of each scramble.
@@ -170,12 +177,10 @@ pub fn gathered(fine: &Matrix, patches: &Patches) -> Matrix {
 pub fn solve(s: &Matrix, area: &[f64], rho: &[f64]) -> Option<Matrix> {
     let n = area.len();
     let root: Vec<f64> = area.iter().zip(rho).map(|(a, r)| (r / a).sqrt()).collect();
-    let outer: Vec<f64> =
-        area.iter().zip(rho).map(|(a, r)| (a * r * FRAC_1_PI).sqrt()).collect();
+    let outer: Vec<f64> = area.iter().zip(rho).map(|(a, r)| (a * r * FRAC_1_PI).sqrt()).collect();
     let c = |p: usize, q: usize| root[p] * s[p * n + q] * root[q];
-    let mut factor: Matrix = (0..n * n)
-        .map(|k| f64::from(u8::from(k / n == k % n)) - c(k / n, k % n))
-        .collect();
+    let mut factor: Matrix =
+        (0..n * n).map(|k| f64::from(u8::from(k / n == k % n)) - c(k / n, k % n)).collect();
     if !cholesky(&mut factor, n) {
         return None;
     }
