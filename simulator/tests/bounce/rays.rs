@@ -42,6 +42,7 @@ impl Rays {
     /// The first triangle along a ray and how far it is (Möller and Trumbore 1997).
     fn first(&self, from: DVec3, along: DVec3) -> Option<(f64, &Triangle)> {
         let mut found: Option<(f64, &Triangle)> = None;
+        // Of faces in one place that look the same way the later counts.
         for triangle in &self.0 {
             let [e, f] = triangle.edges;
             let p = along.cross(f);
@@ -50,8 +51,10 @@ impl Rays {
             let u = s.dot(p) / determinant;
             let q = s.cross(e);
             let (v, t) = (along.dot(q) / determinant, f.dot(q) / determinant);
+            let same = found.is_some_and(|(_, f)| f.normal.dot(triangle.normal) > 0.999);
+            let tie = if same { 1e-9 } else { 0.0 };
             let inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 1e-9;
-            if inside && found.is_none_or(|(nearest, _)| t < nearest) {
+            if inside && found.is_none_or(|(nearest, _)| t < nearest + tie) {
                 found = Some((t, triangle));
             }
         }

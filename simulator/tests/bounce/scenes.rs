@@ -40,7 +40,7 @@ pub fn alone(mesh: Mesh, rho: f64) -> Target {
 /// The inner sides of a box without a lid, 1 × 1 × `depth` m: five sheets that look inward.
 pub fn open_box(depth: f64) -> Mesh {
     use sunglint_simulator::mesh::shapes::{Side, cuboid};
-    let sides: Vec<Side> = Side::ALL.into_iter().filter(|s| *s != Side::PlusZ).collect();
+    let sides: Vec<Side> = Side::ALL.into_iter().filter(|s| !(s.axis == 2 && s.positive)).collect();
     let mut mesh = cuboid(DVec3::new(1.0, 1.0, depth), &sides);
     mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     mesh

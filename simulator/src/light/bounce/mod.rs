@@ -139,7 +139,8 @@ impl<'a> Bounce<'a> {
             pilot.largest
         );
         if pilot.largest <= tolerance {
-            return nothing(Some(pilot.largest), measured);
+            let bound = bound.share().map_or(pilot.largest, |share| share.min(pilot.largest));
+            return nothing(Some(bound), measured);
         }
         let between = (BETWEEN_NODES * tolerance / pilot.largest).clamp(1e-4, ROUGH);
         let nodes = Nodes::new(scene.materials(), &among, between)?;

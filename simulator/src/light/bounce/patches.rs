@@ -258,7 +258,12 @@ mod tests {
                         let truth = patches.list[p].area;
                         assert!((out[p] - truth).abs() < 1e-12 * surface.area, "{name} {size}");
                         let q = patches.list[p].even(0.3, 0.8);
-                        assert_eq!(cells.at(q), Some(p), "{name} {size}");
+                        assert_eq!(
+                            cells.at(q),
+                            Some(p),
+                            "{name} {size} {:?} {q:?}",
+                            patches.list[p]
+                        );
                     }
                     if name == "corner" {
                         out.fill(0.0);

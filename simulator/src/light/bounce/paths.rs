@@ -21,7 +21,7 @@ pub const MOST_POINTS: u32 = 1 << 14;
 /// Paths of fewer scatterings are not ended by chance.
 const SAFE: u32 = 3;
 /// Paths that found something are few below this.
-const FEW: u32 = 12;
+const FEW: f64 = 12.0;
 /// The longest path; of what is white all over 0.99⁴⁰⁰ is left, and a path ends by chance long before.
 const LONGEST: u32 = 400;
 
@@ -84,9 +84,16 @@ impl Sums {
     /// What may be missing where few paths found anything, m² sr⁻¹: one more that sends all its light to the other end, white and diffuse; the less
     /// the more have found something.
     pub fn missing(&self) -> f64 {
-        let all = f64::from(SCRAMBLES) * f64::from(self.points.max(1));
-        let few = (f64::from(FEW) / f64::from(self.found.max(1))).min(1.0);
-        few * self.across * FRAC_1_PI / all
+        Self::missing_of(std::slice::from_ref(self))
+    }
+
+    /// The same of several sums together, on the average.
+    pub fn missing_of(sums: &[Self]) -> f64 {
+        let points: f64 = sums.iter().map(|s| f64::from(s.points)).sum();
+        let found: f64 = sums.iter().map(|s| f64::from(s.found)).sum();
+        let across = sums.iter().map(|s| s.across).sum::<f64>() / sums.len().max(1) as f64;
+        let few = (FEW / found.max(1.0)).min(1.0);
+        few * across * FRAC_1_PI / (f64::from(SCRAMBLES) * points.max(1.0))
     }
 
     /// The singly scattered light of the active surfaces, m² sr⁻¹.

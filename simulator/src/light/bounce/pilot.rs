@@ -58,7 +58,7 @@ impl Pilot {
         let mut optics = Optics::new(scene.materials(), &nodes.nm);
         let count = nodes.nm.len();
         let mut exact = Direct::new(scene, &nodes.nm);
-        let mut rows = Vec::new();
+        let (mut rows, mut all) = (Vec::new(), Vec::new());
         for (sun, to) in directions(options.seed) {
             if surfaces.turn(scene, sun) {
                 caster = Caster::new(&surfaces.list, scene.touching_m);
@@ -79,11 +79,12 @@ impl Pilot {
             };
             let bounced: Vec<(f64, f64)> = (0..count).map(|s| sums.bounced(s)).collect();
             rows.push((sun, to, direct, bounced));
+            all.push(sums);
         }
-        Self::of(&rows, count)
+        Self::of(&rows, count, Sums::missing_of(&all))
     }
 
-    fn of(rows: &[(DVec3, DVec3, Vec<f64>, Vec<(f64, f64)>)], count: usize) -> Self {
+    fn of(rows: &[(DVec3, DVec3, Vec<f64>, Vec<(f64, f64)>)], count: usize, missing: f64) -> Self {
         let most: Vec<f64> =
             (0..count).map(|s| rows.iter().map(|r| r.2[s]).fold(0.0, f64::max)).collect();
         let (mut all, mut of_all, mut largest) = (0.0, 0.0, 0.0_f64);
@@ -99,7 +100,7 @@ impl Pilot {
             for s in 0..count {
                 if direct[s] > FAINT * most[s] {
                     counts = true;
-                    let found = bounced[s].0 + 2.0 * bounced[s].1;
+                    let found = bounced[s].0 + 2.0 * bounced[s].1 + missing;
                     largest = largest.max(found / (direct[s] + found));
                 }
             }

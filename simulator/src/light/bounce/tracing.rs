@@ -14,8 +14,8 @@ use std::sync::Arc;
 
 /// Paths of each scramble at least.
 const LEAST: u32 = 64;
-/// Standard errors that are claimed: Student's t of 7 degrees of freedom at 96 %.
-const CLAIMED: f64 = 2.5;
+/// Standard errors that are claimed: Student's t of 7 degrees of freedom at 99 %, since paths end where the error happens to look small.
+const CLAIMED: f64 = 3.5;
 /// Of the tolerance, the part that the claimed error of the paths may take.
 const OF_TOLERANCE: f64 = 0.7;
 /// Scenes of more facets leave the direct light to the paths.
