@@ -162,6 +162,18 @@ impl Caster {
         blocked
     }
 
+    /// Whether a ray leaves more closed bodies than it enters: it began inside of one.
+    pub fn is_inside(&self, ray: &Ray, closed: impl Fn(usize) -> bool) -> bool {
+        let mut left = 0_i64;
+        self.walk(ray, |hit| {
+            if closed(hit.surface) {
+                left += if hit.front { -1 } else { 1 };
+            }
+            f64::INFINITY
+        });
+        left > 0
+    }
+
     /// Looks at all that may be met; `see` says up to which distance more is wanted.
     fn walk(&self, ray: &Ray, mut see: impl FnMut(Hit) -> f64) {
         if self.nodes.is_empty() {

@@ -257,7 +257,7 @@ mod tests {
                     for p in cells.patches() {
                         let truth = patches.list[p].area;
                         assert!((out[p] - truth).abs() < 1e-12 * surface.area, "{name} {size}");
-                        let q = patches.list[p].even(0.3, 0.8);
+                        let q = patches.list[p].even(0.37, 0.8);
                         assert_eq!(
                             cells.at(q),
                             Some(p),

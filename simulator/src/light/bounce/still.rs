@@ -6,7 +6,7 @@ use super::cast::Caster;
 use super::nodes::Nodes;
 use super::optics::Optics;
 use super::patches::{Patches, Room};
-use super::paths::mixed;
+use super::paths::{Paths, Sums, mixed};
 use super::pilot::Pilot;
 use super::surfaces::Surfaces;
 use super::transport::{self, Exchange, MOST_RAYS, Matrix, SCRAMBLES};
@@ -31,6 +31,8 @@ const FINER: f64 = 1.5;
 const CLAIMED: f64 = 2.5;
 /// Of the difference that patches of twice the size make, what is left: they converge with the square of the size at best. Held by the tests.
 const DIFFERENCE: f64 = 1.0;
+/// Paths of each pair and scramble against which patches are held.
+const AGREEING: u32 = 128;
 /// Of the tolerance, the part that patches and rays may take each.
 const OF_TOLERANCE: f64 = 0.5;
 
@@ -97,6 +99,10 @@ impl Still {
                 draft.shoot(&caster, rays, seed);
             }
             if last {
+                // Where bodies reach into each other, patches may be wrong by more than their size tells: then paths do it.
+                if !draft.agrees(pilot, &caster, active, scene, nodes.nm[brightest], options.seed) {
+                    return None;
+                }
                 return Some(draft.finish(&optics, nodes));
             }
             size /= FINER;
@@ -217,6 +223,45 @@ impl<'a> Draft<'a> {
             rms.add(error / (pair.direct + light));
         }
         rms.get()
+    }
+
+    /// Whether light paths find as much light over all pairs, within the errors of both.
+    fn agrees(
+        &self,
+        pilot: &Pilot,
+        caster: &Caster,
+        active: &[usize],
+        scene: &Scene,
+        nm: f64,
+        seed: u32,
+    ) -> bool {
+        let s = self.exchange.matrix(&self.patches);
+        let Some([fine, coarse]) = both(&s, &self.patches, &self.areas, &self.rho) else {
+            return false;
+        };
+        let mut optics = Optics::new(scene.materials(), &[nm]);
+        let mut views = Views::new(self.scene, &self.patches);
+        let (mut apart, mut claimed, mut square) = (0.0, 0.0, 0.0);
+        for pair in &pilot.pairs {
+            let to = Toward::Far(pair.to);
+            views.set(&self.surfaces, &self.patches, &self.areas, pair.sun, to);
+            let (light, error) = views.light(&fine, &coarse);
+            let mut sums = Sums::new(1);
+            let mut paths = Paths {
+                surfaces: &self.surfaces,
+                caster,
+                optics: &mut optics,
+                active,
+                both_ends: false,
+                seed: mixed(seed, 0xa9),
+            };
+            paths.trace(pair.sun, to, AGREEING, &mut sums);
+            let (found, sigma) = sums.bounced(0);
+            apart += light - found;
+            claimed += error + noise(&views, &self.mean, &self.scrambles) * light;
+            square += sigma * sigma;
+        }
+        f64::abs(apart) <= claimed + 3.0 * square.sqrt()
     }
 
     fn finish(self, optics: &Optics, nodes: &Nodes) -> Still {

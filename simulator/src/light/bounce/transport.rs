@@ -76,12 +76,11 @@ impl Exchange {
                         + (across * sin) * surface.bitangent
                         + (1.0 - u[2]).sqrt() * surface.normal;
                     let ray = Ray { from: at, along, leaves: number };
-                    let Some(hit) = caster.first(&ray) else { continue };
-                    if !hit.front {
-                        // The inside of a closed body is met from inside alone.
-                        self.buried[p] += u32::from(!surfaces.list[hit.surface].sheet);
+                    if caster.is_inside(&ray, |k| !surfaces.list[k].sheet) {
+                        self.buried[p] += 1;
                         continue;
                     }
+                    let Some(hit) = caster.first(&ray).filter(|h| h.front) else { continue };
                     let cells = of_surface[hit.surface];
                     if cells == usize::MAX {
                         continue;
