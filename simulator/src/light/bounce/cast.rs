@@ -281,7 +281,7 @@ mod tests {
                 let leaves = k as usize % surfaces.list.len();
                 let place = surfaces.list[leaves].even(leaves, [s[0], s[1]]);
                 let z = 2.0 * s[2] - 1.0;
-                let (sin, cos) = (6.283 * t[0]).sin_cos();
+                let (sin, cos) = (std::f64::consts::TAU * t[0]).sin_cos();
                 let across = (1.0 - z * z).sqrt();
                 let along = DVec3::new(across * cos, across * sin, z);
                 let ray = Ray { from: place.at, along, leaves };

@@ -166,8 +166,8 @@ mod tests {
             }
             let mut optics = Optics::new(&materials, &[500.0]);
             for (number, material) in materials.iter().enumerate() {
-                for cos in [0.95, 0.5, 0.1] {
-                    let i = DVec3::new((1.0 - cos * cos as f64).sqrt(), 0.0, cos);
+                for cos in [0.95_f64, 0.5, 0.1] {
+                    let i = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
                     let truth = material.albedo(500.0, i).unwrap();
                     let mut sum = 0.0;
                     for k in 0..1 << 16 {

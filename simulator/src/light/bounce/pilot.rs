@@ -45,6 +45,9 @@ pub struct Pair {
     pub counts: bool,
 }
 
+/// Sun, observer, direct light at each node, bounced light and its standard error.
+type Row = (DVec3, DVec3, Vec<f64>, Vec<(f64, f64)>);
+
 impl Pilot {
     pub fn new(
         scene: &Scene,
@@ -84,7 +87,7 @@ impl Pilot {
         Self::of(&rows, count, Sums::missing_of(&all))
     }
 
-    fn of(rows: &[(DVec3, DVec3, Vec<f64>, Vec<(f64, f64)>)], count: usize, missing: f64) -> Self {
+    fn of(rows: &[Row], count: usize, missing: f64) -> Self {
         let most: Vec<f64> =
             (0..count).map(|s| rows.iter().map(|r| r.2[s]).fold(0.0, f64::max)).collect();
         let (mut all, mut of_all, mut largest) = (0.0, 0.0, 0.0_f64);
