@@ -137,7 +137,7 @@ fn bodies(seed: u64) -> Target {
         };
         let turn = DQuat::from_axis_angle(direction(&mut rng), 6.0 * rng.random::<f64>());
         // Every third scene stands on a grid: faces touch.
-        let grid = seed % 3 == 0;
+        let grid = seed.is_multiple_of(3);
         let rotation = if grid { DQuat::IDENTITY } else { turn };
         let mut offset_m = 0.9 * direction(&mut rng);
         if grid {

@@ -47,11 +47,6 @@ pub fn open_box(depth: f64) -> Mesh {
 }
 
 /// Weights and errors of the terms.
-pub fn terms(scene: &Scene, sun: DVec3, view: View, tolerance: f64) -> (Vec<f64>, Vec<f64>) {
-    let bounce = Bounce::new(scene, &BounceOptions { tolerance, seed: 1 }).unwrap();
-    light(&bounce, sun, view)
-}
-
 pub fn light(bounce: &Bounce, sun: DVec3, view: View) -> (Vec<f64>, Vec<f64>) {
     let n = bounce.terms().len();
     let (mut weights, mut errors) = (vec![0.0; n], vec![0.0; n]);
