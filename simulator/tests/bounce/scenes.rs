@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use sunglint_radiometry::spectrum::Spectrum;
-use sunglint_simulator::light::bounce::{Bounce, BounceOptions};
+use sunglint_simulator::light::bounce::Bounce;
 use sunglint_simulator::light::{Effect as _, Lighting, Scene, View};
 use sunglint_simulator::mesh::Mesh;
 use sunglint_simulator::surface::{Distribution, Fresnel, Lobe, Masking, Material};

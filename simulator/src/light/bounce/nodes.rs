@@ -101,7 +101,9 @@ fn products(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
         for b in &rows[i..(i + reach).min(rows.len())] {
             let two: Vec<f64> = a.iter().zip(b).map(|(a, b)| a * b).collect();
             for c in [a, b] {
-                out.push(two.iter().zip(c).map(|(t, c)| t * c).collect());
+                for power in [1, 2] {
+                    out.push(two.iter().zip(c).map(|(t, c)| t * c.powi(power)).collect());
+                }
                 // A quarter of the hemisphere filled, and two thirds: all orders.
                 for filled in [0.25, 0.65] {
                     out.push(two.iter().zip(c).map(|(t, c)| t / (1.0 - filled * c)).collect());
