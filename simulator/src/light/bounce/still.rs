@@ -33,8 +33,6 @@ const CLAIMED: f64 = 2.5;
 const DIFFERENCE: f64 = 1.0;
 /// Paths of each pair and scramble against which patches are held.
 const AGREEING: u32 = 128;
-/// Of the claimed errors of all pairs, how much their sum may differ: errors of patches do not all go one way.
-const AGREED: f64 = 0.3;
 /// Of the tolerance, the part that patches and rays may take each.
 const OF_TOLERANCE: f64 = 0.5;
 
@@ -263,7 +261,7 @@ impl<'a> Draft<'a> {
             claimed += error + noise(&views, &self.mean, &self.scrambles) * light;
             square += sigma * sigma;
         }
-        f64::abs(apart) <= AGREED * claimed + 3.0 * square.sqrt()
+        f64::abs(apart) <= claimed + 3.0 * square.sqrt()
     }
 
     fn finish(self, optics: &Optics, nodes: &Nodes) -> Still {
