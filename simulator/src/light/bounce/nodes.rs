@@ -81,7 +81,7 @@ fn grid(tables: &[&[f64]], (first, last): (f64, f64)) -> Vec<f64> {
     knots.retain(|nm| (first..=last).contains(nm));
     knots.sort_by(f64::total_cmp);
     knots.dedup();
-    let between = (MOST_TESTED / knots.len()).clamp(1, 16);
+    let between = (MOST_TESTED / knots.len()).clamp(1, 64);
     let mut grid = Vec::new();
     for pair in knots.windows(2) {
         grid.extend(
@@ -146,7 +146,7 @@ mod tests {
         Material::lambert("m", spectrum).unwrap()
     }
 
-    /// Truth: a product that the nodes were not made for, ρ₁³ρ₂/(1 − 0.5 ρ₁ρ₂), at 1,000 wavelengths. Tolerance: ten times the nodes' own: higher orders bend more.
+    /// Truth: a product that the nodes were not made for, ρ₁³ρ₂/(1 − 0.5 ρ₁ρ₂), at 1,000 wavelengths. Tolerance: six times the nodes' own: higher orders bend more.
     #[test]
     fn products_between_nodes() {
         let a = material(&[300.0, 400.0, 450.0, 900.0, 1240.0], &[0.1, 0.7, 0.8, 0.6, 0.9]);
@@ -165,7 +165,7 @@ mod tests {
                 let nm = 300.0 + 0.94 * f64::from(nm);
                 let found: f64 = hats.iter().zip(&values).map(|(h, v)| h.at(nm) * v).sum();
                 let error = (found - truth(nm)).abs() / (truth(nm) + FLOOR * most);
-                assert!(error < 10.0 * tolerance, "{nm} nm: {error} with {} nodes", values.len());
+                assert!(error < 6.0 * tolerance, "{nm} nm: {error} with {} nodes", values.len());
             }
         }
         let grey = material(&[300.0, 1240.0], &[0.8, 0.8]);
