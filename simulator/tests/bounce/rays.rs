@@ -150,7 +150,7 @@ fn bodies(seed: u64) -> Target {
 }
 
 /// Truth: the path tracer above. In random scenes the light is as it says to 4 of its standard errors and what is claimed; a tolerance of 1 %.
-/// The figure is the largest difference in units of both.
+/// The figure is the largest difference in units of both, and of 1e-5 m² sr⁻¹ where rays find nothing at all.
 #[test]
 fn campaign_bounce_rays() {
     let mut campaign = Campaign::start("bounce_rays", 60);
@@ -171,7 +171,7 @@ fn campaign_bounce_rays() {
             // Left out: the largest share that was met.
             (0.0, bounce.need().bound.unwrap() * once.max(0.05))
         };
-        let off = (found - truth).abs() / (error + 4.0 * sigma).max(1e-12);
+        let off = (found - truth).abs() / (error + 4.0 * sigma + 1e-5);
         eprintln!("{seed}: {found:.5} of {truth:.5} ± {sigma:.1e}, claimed {error:.1e}");
         worst = worst.max(off);
         covered += u32::from(off <= 1.0);
