@@ -257,6 +257,32 @@ impl<'a> Evaluator<'a> {
         }
     }
 
+    /// To be called before [`Evaluator::open`] for another direction.
+    pub(super) fn prepare(&mut self, toward: Toward) {
+        if let Toward::Far(d) = toward {
+            self.outline(d, toward);
+        }
+        if self.scene.pairs.is_none()
+            && let Toward::Far(d) = toward
+        {
+            self.index(d, toward);
+        }
+    }
+
+    /// What of a facet is open to one direction alone, in its own axes; `None` where nothing is taken away. Hinges stay as they are.
+    pub(super) fn open(&mut self, facet: usize, toward: Toward) -> Option<&Polygons> {
+        let (scene, work) = (self.scene, &mut self.work);
+        if scene.report().no_occlusion {
+            return None;
+        }
+        let sight = Sight { scene, now: &self.now, outlines: &self.outlines };
+        work.shadows.clear();
+        work.gather(&sight, facet, toward, 0);
+        let touching = 1e-14 * scene.facets[facet].radius;
+        let cut = !work.shadows.is_empty() && work.clip(scene.outlines.get(facet), touching);
+        cut.then_some(&self.work.kept)
+    }
+
     /// Turns hinged parts to the Sun.
     pub(super) fn turn(&mut self, sun: DVec3) {
         let scene = self.scene;

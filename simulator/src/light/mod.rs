@@ -25,6 +25,7 @@
 //! plane. Coincident faces that look the same way would count twice: there the later part covers the earlier one, found when the scene
 //! is prepared, and said in [`SceneReport::warnings`] (not for faces that come to coincide by the turning of a hinge).
 
+pub mod bounce;
 mod buried;
 mod clip;
 mod closed;

@@ -110,6 +110,7 @@ fn corner() -> Mesh {
     Mesh {
         vertices: points.map(DVec3::from).to_vec(),
         triangles: quads.iter().flat_map(halves).collect(),
+        ..Mesh::default()
     }
 }
 

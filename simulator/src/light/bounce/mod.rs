@@ -1,0 +1,254 @@
+//! Inter-reflection: light that is scattered twice or more, all orders.
+//!
+//! [`Bounce::new`] looks at a scene: which surfaces can exchange light at all, the most that this can add ([`Need::bound`]), and, where
+//! that exceeds the tolerance, what it does add for some directions. Where that is too much to be left out, it chooses a way:
+//!
+//! - **Patches**, where the surfaces that exchange light are flat, Lambert and do not move against each other. Everything that depends on the
+//!   body alone is done once: form factors by rays, all orders for each node of wavelengths. An epoch takes the exact lit and
+//!   seen shares of the patches and one product.
+//! - **Paths** otherwise (lobes, spheres, hinges): light paths for each epoch, as many as the tolerance asks for.
+//!
+//! Both use one geometry for all wavelengths; terms are hat functions between a few nodes. What hides what is as in single scattering: sheets
+//! reflect with their front and hide with both sides, insides of closed bodies are dark. The Sun is a point here.
+//!
+//! Not found: light that a perfect mirror gets from the Sun and another perfect mirror sends to the observer, whatever is between.
+
+mod bound;
+mod cast;
+mod nodes;
+mod optics;
+mod patches;
+mod paths;
+mod pilot;
+mod still;
+mod surfaces;
+mod tracing;
+mod transport;
+
+use super::{DirectionError, Effect, Lighting, Need, Scene, Source, Term, View};
+use crate::light::occlude::Toward;
+use bound::Bound;
+use glam::DVec3;
+use nodes::Nodes;
+use pilot::Pilot;
+use std::sync::Arc;
+use still::{Still, StillLight};
+use sunglint_radiometry::spectrum::SpectrumError;
+use surfaces::Surfaces;
+use tracing::{Plan, Tracing};
+
+/// Nodes of a first look, relative error between them.
+const ROUGH: f64 = 0.1;
+/// Of the tolerance, the part that the wavelengths between nodes may take.
+const BETWEEN_NODES: f64 = 0.3;
+
+/// What inter-reflected light is wanted for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BounceOptions {
+    /// The relative error of the whole signal that inter-reflection may bring: above 0, below 1.
+    pub tolerance: f64,
+    /// What all random points come from.
+    pub seed: u32,
+}
+
+impl Default for BounceOptions {
+    fn default() -> Self {
+        Self { tolerance: 1e-3, seed: 0 }
+    }
+}
+
+/// Why nothing was prepared.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BounceError {
+    /// A tolerance that cannot be met or means nothing.
+    #[error("the tolerance of inter-reflection is {0}, expected a number above 0 and below 1")]
+    Tolerance(f64),
+    /// Materials without common wavelengths.
+    #[error(
+        "materials that exchange light have no wavelengths in common: one begins at {from_nm} nm, another ends at {to_nm} nm; extend their tables"
+    )]
+    Disjoint {
+        /// Where the last begins.
+        from_nm: f64,
+        /// Where the first ends.
+        to_nm: f64,
+    },
+    /// Numbers that make no spectrum.
+    #[error(transparent)]
+    Spectrum(#[from] SpectrumError),
+    /// Directions of the first look: none of them can be wrong but for the scene.
+    #[error(transparent)]
+    Direction(#[from] DirectionError),
+}
+
+/// A scene, ready for its inter-reflected light.
+#[derive(Debug, Clone)]
+pub struct Bounce<'a> {
+    scene: &'a Scene,
+    need: Need,
+    nodes: Option<Nodes>,
+    terms: Vec<Term>,
+    way: Way,
+}
+
+#[derive(Debug, Clone)]
+enum Way {
+    /// Nothing is added.
+    Nothing,
+    Still(Arc<Still>),
+    Paths(Arc<Plan>),
+}
+
+impl<'a> Bounce<'a> {
+    /// Looks at a scene and prepares what it needs.
+    ///
+    /// # Errors
+    /// A tolerance that is none; materials without common wavelengths.
+    pub fn new(scene: &'a Scene, options: &BounceOptions) -> Result<Self, BounceError> {
+        let tolerance = options.tolerance;
+        if !(tolerance > 0.0 && tolerance < 1.0) {
+            return Err(BounceError::Tolerance(tolerance));
+        }
+        let surfaces = Surfaces::new(scene);
+        let bound = Bound::new(scene, &surfaces.list);
+        let nothing = |bound: Option<f64>, why: String| {
+            let need = Need { effect: EFFECT, needed: false, bound, why, cost_s: None };
+            Ok(Self { scene, need, nodes: None, terms: Vec::new(), way: Way::Nothing })
+        };
+        if bound.active.is_empty() {
+            return nothing(Some(0.0), "no surface stands before the front of another".into());
+        }
+        let (filled, reflectance) = (100.0 * bound.filled, bound.reflectance);
+        if let Some(share) = bound.share().filter(|s| *s <= tolerance) {
+            let why = format!(
+                "surfaces of reflectance {reflectance:.2} fill at most {filled:.3} % of another's hemisphere"
+            );
+            return nothing(Some(share), why);
+        }
+        let mut among: Vec<usize> =
+            bound.active.iter().map(|k| surfaces.list[*k].material).collect();
+        among.sort_unstable();
+        among.dedup();
+        let rough = Nodes::new(scene.materials(), &among, ROUGH)?;
+        let pilot = Pilot::new(scene, &surfaces, &bound.active, &rough, options);
+        let measured = format!(
+            "{:.2e} of the light in the mean of {} pairs of directions, up to {:.2e}",
+            pilot.mean,
+            pilot.pairs.len(),
+            pilot.largest
+        );
+        if pilot.largest <= tolerance {
+            let bound = bound.share().map_or(pilot.largest, |share| share.min(pilot.largest));
+            return nothing(Some(bound), measured);
+        }
+        let between = (BETWEEN_NODES * tolerance / pilot.largest).clamp(1e-4, ROUGH);
+        let nodes = Nodes::new(scene.materials(), &among, between)?;
+        let terms = nodes
+            .spectra()?
+            .into_iter()
+            .map(|spectrum| Term { source: Source::Bounce, material: None, spectrum })
+            .collect();
+        let (way, how, cost_s) = match Still::new(scene, &surfaces, &bound, &nodes, &pilot, options)
+        {
+            Some(still) => {
+                let (how, cost_s) = (still.describe(), still.cost_s());
+                (Way::Still(Arc::new(still)), how, cost_s)
+            }
+            None => {
+                let plan = Plan::new(scene, surfaces, bound.active.clone(), &nodes, options);
+                let (how, cost_s) = (plan.describe(), plan.cost_s(&pilot));
+                (Way::Paths(Arc::new(plan)), how, cost_s)
+            }
+        };
+        let need = Need {
+            effect: EFFECT,
+            needed: true,
+            bound: bound.share(),
+            why: format!("{measured}; {how}, {} wavelengths", nodes.nm.len()),
+            cost_s: Some(cost_s),
+        };
+        Ok(Self { scene, need, nodes: Some(nodes), terms, way })
+    }
+
+    /// What it needs, and why. The bound is on the light over all directions, relative to what is scattered once; where it was left out after a measurement, the
+    /// largest share of the signal that was met.
+    pub fn need(&self) -> &Need {
+        &self.need
+    }
+
+    /// The terms: none where nothing is needed.
+    pub fn terms(&self) -> &[Term] {
+        &self.terms
+    }
+
+    /// The nodes' wavelengths, vacuum nm; none where nothing is needed.
+    pub fn nodes_nm(&self) -> &[f64] {
+        self.nodes.as_ref().map_or(&[], |n| &n.nm)
+    }
+
+    /// Room to evaluate in: one for each thread.
+    pub fn light(&self) -> BounceLight<'a> {
+        let way = match &self.way {
+            Way::Nothing => Room::Nothing,
+            Way::Still(still) => Room::Still(Box::new(StillLight::new(self.scene, still.clone()))),
+            Way::Paths(plan) => Room::Paths(Box::new(Tracing::new(self.scene, plan.clone()))),
+        };
+        BounceLight { way, terms: self.terms.len() }
+    }
+}
+
+/// What the need is called.
+const EFFECT: &str = "inter-reflection";
+
+/// Inter-reflected light of a scene, for one thread.
+#[derive(Debug)]
+pub struct BounceLight<'a> {
+    way: Room<'a>,
+    terms: usize,
+}
+
+#[derive(Debug)]
+enum Room<'a> {
+    Nothing,
+    Still(Box<StillLight<'a>>),
+    Paths(Box<Tracing<'a>>),
+}
+
+impl Effect for BounceLight<'_> {
+    fn add(
+        &mut self,
+        lighting: &Lighting,
+        weights: &mut [f64],
+        errors: &mut [f64],
+    ) -> Result<(), DirectionError> {
+        for found in [weights.len(), errors.len()] {
+            if found != self.terms {
+                return Err(DirectionError::Room { found, expected: self.terms });
+            }
+        }
+        let (sun, eye) = directions(lighting.sun_body, lighting.view)?;
+        match &mut self.way {
+            Room::Nothing => {}
+            Room::Still(light) => light.add(sun, eye, weights, errors),
+            Room::Paths(light) => light.add(sun, eye, weights, errors),
+        }
+        Ok(())
+    }
+}
+
+/// Unit vectors of what was given.
+fn directions(sun: DVec3, view: View) -> Result<(DVec3, Toward), DirectionError> {
+    let unit = |what, value: DVec3| {
+        value.try_normalize().ok_or(DirectionError::NoDirection { what, value })
+    };
+    let sun = unit("the direction of the Sun", sun)?;
+    let eye = match view {
+        View::Distant(d) => Toward::Far(unit("the direction of the observer", d)?),
+        View::At(q) => {
+            unit("the place of the observer", q)?;
+            Toward::Near(q)
+        }
+    };
+    Ok((sun, eye))
+}

@@ -1,0 +1,162 @@
+//! Paths for each epoch: as many as the tolerance asks for.
+
+use super::BounceOptions;
+use super::cast::Caster;
+use super::nodes::Nodes;
+use super::optics::Optics;
+use super::paths::{MOST_POINTS, Paths, SCRAMBLES, Sums, mixed};
+use super::pilot::Pilot;
+use super::surfaces::Surfaces;
+use crate::light::occlude::Toward;
+use crate::light::{Evaluator, Scene, View};
+use glam::DVec3;
+use std::sync::Arc;
+
+/// Paths of each scramble at least.
+const LEAST: u32 = 64;
+/// Standard errors that are claimed: Student's t of 7 degrees of freedom at 99 %, since paths end where the error happens to look small.
+const CLAIMED: f64 = 3.5;
+/// Of the tolerance, the part that the claimed error of the paths may take.
+const OF_TOLERANCE: f64 = 0.7;
+/// Scenes of more facets leave the direct light to the paths.
+const MOST_EXACT: usize = 2000;
+/// Cost of a path, s, estimated for the report.
+const PATH_S: f64 = 1e-6;
+
+/// What does not change from epoch to epoch.
+#[derive(Debug)]
+pub struct Plan {
+    surfaces: Surfaces,
+    active: Vec<usize>,
+    nodes: Nodes,
+    tolerance: f64,
+    both_ends: bool,
+    seed: u32,
+}
+
+impl Plan {
+    pub fn new(
+        scene: &Scene,
+        surfaces: Surfaces,
+        active: Vec<usize>,
+        nodes: &Nodes,
+        options: &BounceOptions,
+    ) -> Self {
+        let optics = Optics::new(scene.materials(), &nodes.nm);
+        let both_ends = active.iter().any(|k| optics.lambert(surfaces.list[*k].material).is_none());
+        let (tolerance, seed) = (options.tolerance, mixed(options.seed, 0x7a));
+        Self { surfaces, active, nodes: nodes.clone(), tolerance, both_ends, seed }
+    }
+
+    /// In words.
+    pub fn describe(&self) -> String {
+        "light paths for each epoch".into()
+    }
+
+    /// By how many paths the first look would have wanted in the mean of its pairs.
+    pub fn cost_s(&self, pilot: &Pilot) -> f64 {
+        let (mut paths, mut pairs) = (0.0, 0.0_f64);
+        for pair in pilot.pairs.iter().filter(|p| p.counts) {
+            let wanted = OF_TOLERANCE * self.tolerance * (pair.direct + pair.bounced);
+            let more = (CLAIMED * pair.sigma / wanted).powi(2) * 64.0;
+            paths += f64::from(SCRAMBLES) * more.clamp(f64::from(LEAST), f64::from(MOST_POINTS));
+            pairs += 1.0;
+        }
+        PATH_S * paths / pairs.max(1.0)
+    }
+}
+
+/// Paths of one thread.
+#[derive(Debug)]
+pub struct Tracing<'a> {
+    scene: &'a Scene,
+    plan: Arc<Plan>,
+    surfaces: Surfaces,
+    caster: Caster,
+    optics: Optics,
+    direct: Direct<'a>,
+}
+
+impl<'a> Tracing<'a> {
+    pub fn new(scene: &'a Scene, plan: Arc<Plan>) -> Self {
+        let surfaces = plan.surfaces.clone();
+        let caster = Caster::new(&surfaces.list, scene.touching_m);
+        let optics = Optics::new(scene.materials(), &plan.nodes.nm);
+        let direct = Direct::new(scene, &plan.nodes.nm);
+        Self { scene, plan, surfaces, caster, optics, direct }
+    }
+
+    /// Adds weights and errors. Paths are traced until the claimed error is below its part of the tolerance, of all light.
+    pub fn add(&mut self, sun: DVec3, eye: Toward, weights: &mut [f64], errors: &mut [f64]) {
+        if self.surfaces.turn(self.scene, sun) {
+            self.caster = Caster::new(&self.surfaces.list, self.scene.touching_m);
+        }
+        let plan = &*self.plan;
+        let nodes = plan.nodes.nm.len();
+        let mut sums = Sums::new(nodes);
+        let mut paths = Paths {
+            surfaces: &self.surfaces,
+            caster: &self.caster,
+            optics: &mut self.optics,
+            active: &plan.active,
+            both_ends: plan.both_ends,
+            seed: plan.seed,
+        };
+        let known = self.direct.at(sun, eye);
+        let mut until = LEAST;
+        loop {
+            paths.trace(sun, eye, until, &mut sums);
+            let enough = (0..nodes).all(|s| {
+                let (mean, sigma) = sums.bounced(s);
+                let direct = known.map_or_else(|| sums.direct(s), |known| known[s]);
+                let light = direct + mean;
+                CLAIMED * sigma + sums.missing() <= OF_TOLERANCE * plan.tolerance * light
+            });
+            if enough || until >= MOST_POINTS {
+                break;
+            }
+            until *= 2;
+        }
+        for s in 0..nodes {
+            let (mean, sigma) = sums.bounced(s);
+            weights[s] += mean;
+            errors[s] += CLAIMED * sigma + sums.missing() + plan.nodes.error * mean;
+        }
+    }
+}
+
+/// The singly scattered light at the nodes.
+#[derive(Debug)]
+pub struct Direct<'a> {
+    /// `None` where the exact sum would cost more than the paths, which know what their own surfaces send.
+    evaluator: Option<Evaluator<'a>>,
+    rho: Vec<Vec<f64>>,
+    weights: Vec<f64>,
+    light: Vec<f64>,
+}
+
+impl<'a> Direct<'a> {
+    pub fn new(scene: &'a Scene, nm: &[f64]) -> Self {
+        let few = scene.facets.len() <= MOST_EXACT;
+        Self {
+            evaluator: few.then(|| scene.evaluator()),
+            rho: scene.spectra().map(|s| nm.iter().map(|nm| s.at(*nm)).collect()).collect(),
+            weights: vec![0.0; scene.weight_count()],
+            light: vec![0.0; nm.len()],
+        }
+    }
+
+    /// For one pair of directions, m² sr⁻¹; `None` where it is not known.
+    pub fn at(&mut self, sun: DVec3, eye: Toward) -> Option<&[f64]> {
+        let view = match eye {
+            Toward::Far(d) => View::Distant(d),
+            Toward::Near(q) => View::At(q),
+        };
+        self.evaluator.as_mut()?.direct(sun, view, &mut self.weights).ok()?;
+        self.light.fill(0.0);
+        for (w, rho) in self.weights.iter().zip(&self.rho) {
+            self.light.iter_mut().zip(rho).for_each(|(d, rho)| *d += w * rho);
+        }
+        Some(&self.light)
+    }
+}

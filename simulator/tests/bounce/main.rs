@@ -1,0 +1,9 @@
+//! Inter-reflected light: against another renderer, rays of the test's own, closed forms, and the laws that it must keep.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+mod forms;
+mod laws;
+mod rays;
+mod scenes;
+mod stored;
