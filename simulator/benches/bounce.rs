@@ -26,6 +26,9 @@ fn epoch_188_bins(bencher: Bencher, name: &str) {
         sun_radius_rad: 0.0,
         earth: None,
         moon: None,
+        shadow: None,
+        sunlit: 1.0,
+        sunlit_error: 0.0,
         view: View::Distant(bench.view_body),
     };
     let at = |k: i32| 302.5 + 5.0 * f64::from(k);

@@ -55,6 +55,9 @@ fn lighting() -> Lighting {
         sun_radius_rad: SUN,
         earth: None,
         moon: None,
+        shadow: None,
+        sunlit: 1.0,
+        sunlit_error: 0.0,
         view: View::Distant(tilted(-0.7 + 0.5 * SUN)),
     }
 }

@@ -145,6 +145,9 @@ fn a_plate_reflects_earth_and_moon() {
         sun_radius_rad: 0.0,
         earth: Some(globe),
         moon: None,
+        shadow: None,
+        sunlit: 1.0,
+        sunlit_error: 0.0,
         view: View::Distant(observer),
     };
     let (mut weights, mut errors) = (vec![0.0], vec![0.0]);
@@ -203,8 +206,16 @@ fn hinges_turn_to_the_sun_not_to_the_earth() {
     let scene = Scene::new(&target).unwrap();
     let globe = earth(550e3, 90.0);
     let view = View::Distant(DVec3::new(0.8, 0.0, -0.6));
-    let lighting =
-        Lighting { sun_body: DVec3::Z, sun_radius_rad: 0.0, earth: Some(globe), moon: None, view };
+    let lighting = Lighting {
+        sun_body: DVec3::Z,
+        sun_radius_rad: 0.0,
+        earth: Some(globe),
+        moon: None,
+        shadow: None,
+        sunlit: 1.0,
+        sunlit_error: 0.0,
+        view,
+    };
     let (mut weights, mut errors) = (vec![0.0], vec![0.0]);
     Earthshine::new(scene.evaluator(), 1e-3).add(&lighting, &mut weights, &mut errors).unwrap();
     assert_eq!(weights[0], 0.0);

@@ -20,7 +20,13 @@ pub struct Lighting {
     pub sun_body: DVec3,
     /// Angular radius of the Sun's disc, radians; 0 for a collimated Sun.
     pub sun_radius_rad: f64,
-    /// The Earth as the body sees it; `None` where nothing of it is wanted: no shadow, no earthshine.
+    /// What stands before a part of the Sun's disc: the Earth as its shadow has it; `None` in full light and in full shadow.
+    pub shadow: Option<Globe>,
+    /// The visible part of the Sun's light (of a grey, limb-darkened disc): 1 in full light.
+    pub sunlit: f64,
+    /// How far off that may be.
+    pub sunlit_error: f64,
+    /// The Earth as the body sees it, for its light; `None` where it is not wanted.
     pub earth: Option<Globe>,
     /// The Moon as the body sees it; `None` where it is not wanted.
     pub moon: Option<Globe>,

@@ -35,22 +35,6 @@ pub(super) struct Counts {
     pub relative: f64,
 }
 
-/// How bright the Sun is at an epoch.
-#[derive(Clone, Copy)]
-struct Sunlight {
-    /// What light is multiplied by.
-    scale: f64,
-    /// By how much that may be off.
-    error: f64,
-}
-
-impl Sunlight {
-    /// The error of a sum of so much light, of which the weights make so much.
-    fn error_of(self, light: f64, of_weights: f64) -> f64 {
-        self.scale * of_weights + self.error * (light.abs() + of_weights)
-    }
-}
-
 impl Pass {
     pub(super) fn counts(
         &self,
@@ -63,8 +47,7 @@ impl Pass {
         let sums = &functionals.sums;
         let per_au = place.geometry.sun.distance_au().powi(-2);
         let per_range = place.geometry.range_m.powi(-2);
-        let sun = Sunlight { scale: place.sunlit * per_au, error: place.sunlit_error * per_au };
-        let here = Sunlight { scale: sun.scale * per_range, error: sun.error * per_range };
+        let here = per_au * per_range;
         let visible = place.apparent_zenith_deg.map(Zenith::Apparent);
         let mut transmissions = Vec::new();
         if let Some(zenith) = visible {
@@ -76,12 +59,12 @@ impl Pass {
             let Some(_) = visible else {
                 let (rate_hz, error_hz, predicted) = (f64::NAN, f64::NAN, Predicted::default());
                 let uncovered_nm = sums.uncovered(c, weights);
-                let above_air_hz = here.scale * above;
+                let above_air_hz = here * above;
                 return ChannelCounts { rate_hz, error_hz, above_air_hz, predicted, uncovered_nm };
             };
             let below = sums.below(c, weights, &transmissions);
             let of_air = sums.air_error(c, weights);
-            let (rate_hz, air_hz) = (here.scale * below, here.scale * of_air);
+            let (rate_hz, air_hz) = (here * below, here * of_air);
             if rate_hz > 0.0 && !place.hidden {
                 relative = relative.max(air_hz / rate_hz);
             }
@@ -89,8 +72,8 @@ impl Pass {
             let of_weights = sums.error_below(c, errors, &transmissions, share) + of_air;
             ChannelCounts {
                 rate_hz,
-                error_hz: here.error_of(below, of_weights),
-                above_air_hz: here.scale * above,
+                error_hz: here * of_weights,
+                above_air_hz: here * above,
                 predicted: self.station.predict(channel, rate_hz, exposure_s),
                 uncovered_nm: sums.uncovered(c, weights),
             }
@@ -101,19 +84,16 @@ impl Pass {
         let above = |b: usize| sums.above(first + b, weights);
         let magnitude_errors = std::array::from_fn(|b| {
             let flux = above(b);
-            let error = here.error_of(flux, sums.error_above(first + b, errors));
-            magnitude_error(here.scale * flux, error)
+            magnitude_error(flux, sums.error_above(first + b, errors))
         });
         let ground = |b: usize| match visible {
-            Some(_) => magnitude(here.scale * sums.below(first + b, weights, &transmissions)),
+            Some(_) => magnitude(here * sums.below(first + b, weights, &transmissions)),
             None => f64::NAN,
         };
-        let (ground, magnitudes) = (
-            std::array::from_fn(ground),
-            std::array::from_fn(|b| magnitude(here.scale * above(b))),
-        );
+        let (ground, magnitudes) =
+            (std::array::from_fn(ground), std::array::from_fn(|b| magnitude(here * above(b))));
         let (spectrum, spectrum_errors) = match (&functionals.at_telescope, visible) {
-            (None, _) => bins(functionals, light, sun),
+            (None, _) => bins(functionals, light, per_au),
             (Some(set), Some(zenith)) => {
                 set.transmissions(zenith, &mut transmissions)?;
                 (0..set.len())
@@ -122,7 +102,7 @@ impl Pass {
                         let share = share(below, set.above(bin, weights));
                         let of_weights = set.error_below(bin, errors, &transmissions, share);
                         let of_weights = of_weights + set.air_error(bin, weights);
-                        (here.scale * below, here.error_of(below, of_weights) as f32)
+                        (here * below, (here * of_weights) as f32)
                     })
                     .unzip()
             }
@@ -148,14 +128,14 @@ impl Pass {
 }
 
 /// Spectral intensities of all bins, and their errors.
-fn bins(functionals: &Functionals, light: Light<'_>, sun: Sunlight) -> (Vec<f64>, Vec<f32>) {
+fn bins(functionals: &Functionals, light: Light<'_>, per_au: f64) -> (Vec<f64>, Vec<f32>) {
     let bin = |row: &[f64]| {
         let (mut sum, mut error) = (0.0, 0.0);
         for ((mean, weight), weight_error) in row.iter().zip(light.weights).zip(light.errors) {
             sum += mean * weight;
             error += mean.abs() * weight_error;
         }
-        (sun.scale * sum, sun.error_of(sum, error) as f32)
+        (per_au * sum, (per_au * error) as f32)
     };
     functionals.spectral.chunks_exact(light.weights.len().max(1)).map(bin).unzip()
 }

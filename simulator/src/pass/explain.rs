@@ -2,6 +2,7 @@
 
 use super::simulate::Place;
 use super::{Pass, PassError};
+use crate::light::disc::eclipse as fractions;
 use crate::light::engine::left_out;
 use crate::light::{Course, Globe, Lighting, Need, SceneReport, View};
 use crate::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
@@ -79,7 +80,8 @@ impl Pass {
 impl Place {
     /// The light of the place, in the body's axes.
     pub fn lighting(&self) -> Lighting {
-        let down = -(self.body_to_gcrs.conjugate() * self.geometry.target.position_m);
+        let gcrs_to_body = self.body_to_gcrs.conjugate();
+        let down = -(gcrs_to_body * self.geometry.target.position_m);
         Lighting {
             sun_body: self.sun_body,
             sun_radius_rad: self.geometry.sun.angular_radius_rad(),
@@ -89,7 +91,16 @@ impl Place {
                 radius_m: EARTH_EQUATORIAL_RADIUS_M,
                 sun: self.sun_body,
             }),
-            moon: None,
+            moon: self.moon.map(|moon| Globe {
+                toward: gcrs_to_body * moon.toward,
+                sun: gcrs_to_body * moon.sun,
+                ..moon
+            }),
+            shadow: self.discs.map(|discs| {
+                fractions::globe(&discs, self.sun_body, down.normalize_or_zero(), down.length())
+            }),
+            sunlit: self.sunlit,
+            sunlit_error: self.sunlit_error,
             view: View::At(self.geometry.range_m * self.observer_body),
         }
     }

@@ -1,17 +1,14 @@
 //! What the edge of the Earth's shadow may be off by.
 //!
-//! The visible part of the Sun's disc is found by area behind a sharp limb. The Earth's air dims and bends the light that passes within some
-//! tens of kilometres of the ground (a ray at 15 km is already spread to half its brightness as far as a low orbit lies behind the limb; refraction
-//! also brings light into the umbra); and a limb-darkened disc is brighter in its middle, which changes the visible part by up to 0.033 for
-//! the exponent 0.8 of blue light and 0.022 for the 0.5 of green.
+//! The visible part of the Sun's limb-darkened disc is found behind a sharp limb. The Earth's air dims and bends the light that passes within some
+//! tens of kilometres of the ground (a ray at 15 km is already spread to half its brightness as far as a low orbit lies behind the limb;
+//! refraction also brings light into the umbra): the limb may effectively stand anywhere between.
 
 use crate::geometry::Geometry;
 use crate::orbit::eclipse::{Discs, EARTH_EQUATORIAL_RADIUS_M, EarthShape};
 
 /// Limbs between which the effective one may lie, m above and below the Earth's radius.
 const AIR_M: f64 = 25e3;
-/// The largest change of the visible part by limb darkening.
-const DARKENING: f64 = 0.035;
 
 /// How far off the visible part of the Sun's disc may be.
 pub(super) fn error(geometry: &Geometry) -> f64 {
@@ -28,5 +25,5 @@ pub(super) fn error(geometry: &Geometry) -> f64 {
         return 0.0;
     }
     let here = geometry.sunlit;
-    (here - least).abs().max((most - here).abs()) + DARKENING
+    (here - least).abs().max((most - here).abs())
 }

@@ -5,8 +5,11 @@ use super::functionals::Functionals;
 use super::{BANDS, Pass, PassError, Ready, SpectralQuantity, shadow};
 use crate::attitude::Moment;
 use crate::geometry::Geometry;
-use crate::light::{Need, SceneReport, Term};
+use crate::light::disc::eclipse as fractions;
+use crate::light::engine::Switch;
+use crate::light::{Globe, Need, SceneReport, Term};
 use crate::orbit::Orbit;
+use crate::orbit::eclipse::Discs;
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
 use ndarray::Array2;
@@ -14,7 +17,7 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_radiometry::air::{AirError, Zenith};
-use sunglint_radiometry::sky::{Observer, OrientationOrigin, SkyFrames};
+use sunglint_radiometry::sky::{LUNAR_RADIUS_M, Observer, OrientationOrigin, SkyFrames};
 use sunglint_radiometry::station::Predicted;
 
 /// Epochs that are done between two reports of progress.
@@ -64,9 +67,13 @@ pub struct Progress {
 pub struct Place {
     /// Target, Sun and station.
     pub geometry: Geometry,
-    /// The visible part of the Sun's disc; 1 where eclipses are switched off.
+    /// The visible part of the Sun's light, of its limb-darkened disc; 1 where eclipses are switched off.
     pub sunlit: f64,
-    /// How far off that may be: the Earth's air and the Sun's limb darkening, at the edge of the shadow.
+    /// The discs of Sun and Earth where the one hides a part of the other.
+    pub discs: Option<Discs>,
+    /// The Moon as the body sees it, GCRS axes; `None` where its light is not wanted.
+    pub moon: Option<Globe>,
+    /// How far off the visible part may be: the Earth's air at the edge of the shadow.
     pub sunlit_error: f64,
     /// How the body is turned.
     pub body_to_gcrs: DQuat,
@@ -220,6 +227,28 @@ impl Pass {
         Ok(simulation)
     }
 
+    /// The Moon, where its light could matter.
+    fn moon(&self, geometry: &Geometry, observer: &Observer) -> Result<Option<Globe>, PassError> {
+        let wanted = match self.effects.moonshine {
+            Switch::On => true,
+            Switch::Off => false,
+            Switch::Auto => self.tolerance < 1e-5,
+        };
+        if !wanted {
+            return Ok(None);
+        }
+        let state = &geometry.target;
+        let moon = observer.frame().moon_from(state.position_m, state.velocity_m_s)?;
+        let place = moon.distance_m * moon.direction_gcrs;
+        let sun = geometry.sun.distance_m * geometry.sun.direction_gcrs;
+        Ok(Some(Globe {
+            toward: moon.direction_gcrs,
+            distance_m: moon.distance_m,
+            radius_m: LUNAR_RADIUS_M,
+            sun: (sun - place).normalize_or_zero(),
+        }))
+    }
+
     pub(super) fn check(&self) -> Result<(), PassError> {
         let wrong = |needs, found| Err(PassError::Input { needs, found });
         if self.times.is_empty() {
@@ -288,8 +317,17 @@ impl Pass {
         })?;
         let (to_sun, to_observer) = geometry.rest_frame_directions();
         let gcrs_to_body = body_to_gcrs.conjugate();
+        let partly = self.shadow.is_some() && geometry.sunlit > 0.0 && geometry.sunlit < 1.0;
+        let discs = partly.then(|| Discs::at(geometry.target.position_m, &geometry.sun, shape));
+        let sunlit = match (&discs, self.shadow) {
+            (Some(discs), _) => fractions::fractions(discs)[0],
+            (None, Some(_)) => geometry.sunlit,
+            (None, None) => 1.0,
+        };
         Ok(Place {
-            sunlit: if self.shadow.is_some() { geometry.sunlit } else { 1.0 },
+            sunlit,
+            discs,
+            moon: self.moon(&geometry, &observer)?,
             sunlit_error: self.shadow.map_or(0.0, |_| shadow::error(&geometry)),
             body_to_gcrs,
             sun_body: (gcrs_to_body * to_sun).normalize(),

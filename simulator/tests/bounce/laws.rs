@@ -169,6 +169,9 @@ fn hard_cases_stay_finite() {
         sun_radius_rad: 0.0,
         earth: None,
         moon: None,
+        shadow: None,
+        sunlit: 1.0,
+        sunlit_error: 0.0,
         view: View::Distant(DVec3::X),
     };
     let n = bounce.terms().len();
@@ -193,8 +196,16 @@ fn seeds() {
         let mut ask = |sun_body: DVec3| {
             let (mut w, mut e) = (vec![0.0; n], vec![0.0; n]);
             let view = View::Distant(to);
-            let lighting =
-                Lighting { sun_body, sun_radius_rad: 0.0, earth: None, moon: None, view };
+            let lighting = Lighting {
+                sun_body,
+                sun_radius_rad: 0.0,
+                earth: None,
+                moon: None,
+                shadow: None,
+                sunlit: 1.0,
+                sunlit_error: 0.0,
+                view,
+            };
             light.add(&lighting, &mut w, &mut e).unwrap();
             (w[0], e[0])
         };

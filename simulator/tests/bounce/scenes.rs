@@ -50,7 +50,16 @@ pub fn open_box(depth: f64) -> Mesh {
 pub fn light(bounce: &Bounce, sun: DVec3, view: View) -> (Vec<f64>, Vec<f64>) {
     let n = bounce.terms().len();
     let (mut weights, mut errors) = (vec![0.0; n], vec![0.0; n]);
-    let lighting = Lighting { sun_body: sun, sun_radius_rad: 0.0, earth: None, moon: None, view };
+    let lighting = Lighting {
+        sun_body: sun,
+        sun_radius_rad: 0.0,
+        earth: None,
+        moon: None,
+        shadow: None,
+        sunlit: 1.0,
+        sunlit_error: 0.0,
+        view,
+    };
     bounce.light().add(&lighting, &mut weights, &mut errors).unwrap();
     (weights, errors)
 }

@@ -75,7 +75,7 @@ fn the_shadow_within_the_light_engine() {
         let discs = discs(1.1, depth);
         let earth = globe(&discs, DVec3::Z, DVec3::new(0.9, 0.1, 0.3).normalize(), 7e6);
         for nm in [400.0, 550.0, 1000.0] {
-            let dark = Lighting { earth: Some(earth), ..lighting(DVec3::Z, tilted(0.3)) };
+            let dark = Lighting { shadow: Some(earth), ..lighting(DVec3::Z, tilted(0.3)) };
             let (ours, error) = at(&paint, &dark, nm);
             let truth = seen(&discs, nm) * 0.3_f64.cos() / PI;
             assert!((ours - truth).abs() < 1e-6, "{depth} {nm}: {ours} {truth}");
@@ -86,7 +86,7 @@ fn the_shadow_within_the_light_engine() {
             let to = tilted(-x * SUN);
             let toward = (DVec3::Z.cross(earth.toward)).cross(DVec3::Z).normalize();
             let to = DVec3::new(to.x * toward.x - to.x * 0.0, to.x * toward.y, to.z);
-            let dark = Lighting { earth: Some(earth), ..lighting(DVec3::Z, to.normalize()) };
+            let dark = Lighting { shadow: Some(earth), ..lighting(DVec3::Z, to.normalize()) };
             let (ours, _) = at(&polished, &dark, 550.0);
             // Its edge stands at +depth towards the Earth.
             assert_eq!(ours > 0.0, x < depth, "{depth} {x}: {ours}");

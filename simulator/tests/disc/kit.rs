@@ -67,6 +67,9 @@ pub fn lighting(sun: DVec3, to: DVec3) -> Lighting {
         sun_radius_rad: SUN,
         earth: None,
         moon: None,
+        shadow: None,
+        sunlit: 1.0,
+        sunlit_error: 0.0,
         view: View::Distant(to),
     }
 }

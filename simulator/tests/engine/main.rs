@@ -172,7 +172,16 @@ fn tolerance_and_switches_decide_and_bounds_add_up() {
 fn lighting(sun_body: DVec3, to: DVec3, sun_radius_rad: f64) -> Lighting {
     let earth = Globe { toward: -to, distance_m: 1e15, radius_m: 6.4e6, sun: sun_body };
     let view = View::Distant(to);
-    Lighting { sun_body, sun_radius_rad, earth: Some(earth), moon: None, view }
+    Lighting {
+        sun_body,
+        sun_radius_rad,
+        earth: Some(earth),
+        moon: None,
+        shadow: None,
+        sunlit: 1.0,
+        sunlit_error: 0.0,
+        view,
+    }
 }
 
 /// A random scene's light by the engine and by paths: the light, the stated error, the paths' light and their standard error.

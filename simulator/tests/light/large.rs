@@ -165,7 +165,7 @@ fn what_is_sampled_and_what_is_not() {
     let mut balls = pierced.clone();
     add(&mut balls, Shape::Sphere { radius_m: 0.2 }, Placement::default());
     for (target, why) in [
-        (balls, "spheres"),
+        (balls, "curved parts"),
         (Target::built_in("box_wing").unwrap(), "fewer than"),
         (
             target([(Shape::Mesh(icosphere(1.0, 4, Faceting::SameArea)), DVec3::ZERO)]),

@@ -100,6 +100,25 @@ enum Way {
     Paths(Arc<Plan>),
 }
 
+/// What was prepared for a scene.
+#[derive(Debug, Clone)]
+pub(in crate::light) struct Prepared {
+    way: Way,
+    terms: usize,
+}
+
+impl Prepared {
+    /// Room to evaluate in, of the scene that it was prepared for.
+    pub fn light<'a>(&self, scene: &'a Scene) -> BounceLight<'a> {
+        let way = match &self.way {
+            Way::Nothing => Room::Nothing,
+            Way::Still(still) => Room::Still(Box::new(StillLight::new(scene, still.clone()))),
+            Way::Paths(plan) => Room::Paths(Box::new(Tracing::new(scene, plan.clone()))),
+        };
+        BounceLight { way, terms: self.terms }
+    }
+}
+
 impl<'a> Bounce<'a> {
     /// Looks at a scene and prepares what it needs.
     ///
@@ -189,12 +208,12 @@ impl<'a> Bounce<'a> {
 
     /// Room to evaluate in: one for each thread.
     pub fn light(&self) -> BounceLight<'a> {
-        let way = match &self.way {
-            Way::Nothing => Room::Nothing,
-            Way::Still(still) => Room::Still(Box::new(StillLight::new(self.scene, still.clone()))),
-            Way::Paths(plan) => Room::Paths(Box::new(Tracing::new(self.scene, plan.clone()))),
-        };
-        BounceLight { way, terms: self.terms.len() }
+        self.prepared().light(self.scene)
+    }
+
+    /// What was prepared, for whoever keeps the scene elsewhere.
+    pub(in crate::light) fn prepared(&self) -> Prepared {
+        Prepared { way: self.way.clone(), terms: self.terms.len() }
     }
 }
 

@@ -6,7 +6,7 @@
 //!
 //! A pass has two ways. For all that does not resolve the disc it multiplies: I(λ) = E(λ) Σ_k ρ_k(λ) W_k (s_0 + Σ_j L_j(λ) s_j), that is
 //! the weight W_k s_j before the term ρ_k L_j. Where facets resolve the disc (glints), which part of it is hidden matters to them:
-//! then it hands the Earth to [`Evaluator::light`](crate::light::Evaluator::light) as [`globe`] makes it, and does not multiply.
+//! then it hands the shadow to [`Evaluator::light`](crate::light::Evaluator::light) as [`globe`] makes it, and does not multiply.
 
 use super::cut::{Cut, Disc, Left};
 use super::profile::PROFILES;

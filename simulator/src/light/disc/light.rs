@@ -45,7 +45,7 @@ struct Now<'a> {
 impl Evaluator<'_> {
     /// Sets `weights` to W_k \[m² sr⁻¹\] before each of [`Scene::terms`](crate::light::Scene::terms), and `errors` to how far each may be
     /// off (absolute). The Sun's disc is averaged over where the scene was made with one and `sun_radius_rad` is not 0; a flat mirror sends
-    /// nothing without. Where the lighting has an Earth its shadow is in the weights: of a collimated Sun all or nothing. Hinged parts turn to the
+    /// nothing without. Where the lighting has a shadow it is in the weights: of a collimated Sun all or nothing. Hinged parts turn to the
     /// middle of the Sun. E(λ) is the irradiance of the whole Sun on a plane across the direction to its middle.
     ///
     /// # Errors
@@ -67,7 +67,7 @@ impl Evaluator<'_> {
         let sun = self.scene.sun.as_ref().filter(|_| sine > 0.0);
         // The disc's axes: any, the same for all facets.
         let disc = Disc::new(middle, middle.any_orthonormal_vector(), sine.max(1e-12));
-        let cut = lighting.earth.map(|earth| {
+        let cut = lighting.shadow.map(|earth| {
             Cut::globe(&disc, earth.toward, (earth.radius_m / earth.distance_m).asin())
         });
         let earth = match cut.map(|c| (c, c.left())) {

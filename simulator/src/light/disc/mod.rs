@@ -110,6 +110,11 @@ impl Scene {
         Self::with_options(target, SceneOptions { sun, ..SceneOptions::default() })
     }
 
+    /// The same scene under the disc.
+    pub(in crate::light) fn under_sun(&mut self, target: &Target, options: SunOptions) {
+        self.sun = Some(Sun::new(target, options));
+    }
+
     /// How many weights [`Evaluator::light`](super::Evaluator::light) gives: [`Scene::weight_count`], and what the disc's tint adds.
     pub fn term_count(&self) -> usize {
         self.sun.as_ref().map_or(self.weight_count(), |sun| sun.terms)

@@ -7,21 +7,30 @@
 //! it on the average over directions.
 
 use super::fill::Fill;
-use super::{Answer, Doubt, Options, Question, Seen};
-use crate::light::{Need, SceneError};
+use super::{Answer, Doubt, Options, Part, Question, Seen};
+use crate::light::bounce::{Bounce, BounceOptions, Prepared};
+use crate::light::{Effect, Need, Scene, SceneError, Source};
+use crate::mesh::shapes::{Faceting, icosphere};
+use crate::target::{Shape, Target};
 use std::f64::consts::FRAC_1_PI;
+
+/// Divisions of a sphere that stands among other curved parts.
+const SUBDIVISIONS: u32 = 2;
 
 pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     let (body, options) = (question.body, question.options);
     let switch = options.switches.inter_reflection;
     let most = body.most_reflectance();
     let fill = Fill::of(question.scene);
-    let lobes = body.narrowest().is_some();
     let bound = most * fill.body / (1.0 - (most * fill.facet).min(0.999));
-    let needed = bound > 0.0 && options.needs(switch, bound);
+    let wanted = bound > 0.0 && options.needs(switch, bound);
+    if wanted && let Some(answer) = modelled(question)? {
+        return Ok(answer);
+    }
     let why = if fill.facet == 0.0 {
         "no surface sees another".to_owned()
     } else {
+        let lobes = body.narrowest().is_some();
         let lobe = if lobes { " (of lobes on the average over directions)" } else { "" };
         format!(
             "up to {:.1} % of what the body sends may fall on itself{lobe}, of one facet up to {:.1} %; it reflects up to {:.1} %{}",
@@ -31,9 +40,75 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
             Options::reason(switch)
         )
     };
-    let need = Need { effect: "inter-reflection", needed, bound: Some(bound), why, cost_s: None };
-    let doubt = (bound > 0.0).then(|| Box::new(Left { share: bound }) as Box<dyn Doubt>);
-    Ok(Answer { need, part: None, doubt })
+    let need = Need { effect: EFFECT, needed: wanted, bound: Some(bound), why, cost_s: None };
+    Ok(Answer { need, part: None, doubt: left(bound) })
+}
+
+const EFFECT: &str = "inter-reflection";
+
+fn left(share: f64) -> Option<Box<dyn Doubt>> {
+    (share > 0.0).then(|| Box::new(Left { share }) as Box<dyn Doubt>)
+}
+
+/// What looking closer says; `None` where the materials have no wavelengths in common.
+fn modelled(question: &Question) -> Result<Option<Answer>, SceneError> {
+    let options =
+        BounceOptions { tolerance: question.options.tolerance, ..BounceOptions::default() };
+    let own = stand_in(question.target).map(|target| Scene::new(&target)).transpose()?;
+    let Ok(bounce) = Bounce::new(own.as_ref().unwrap_or(question.scene), &options) else {
+        return Ok(None);
+    };
+    let mut need = bounce.need().clone();
+    if own.is_some() {
+        need.why.push_str("; curved parts stand as facets in this");
+    }
+    need.why.push_str(Options::reason(question.options.switches.inter_reflection));
+    if !need.needed {
+        let doubt = left(need.bound.unwrap_or(1.0));
+        return Ok(Some(Answer { need, part: None, doubt }));
+    }
+    let terms = bounce.terms().to_vec();
+    let part = Bounces { prepared: bounce.prepared(), own };
+    Ok(Some(Answer { need, part: Some((terms, Box::new(part))), doubt: None }))
+}
+
+/// The target with what is curved and no sphere alone in flat facets; `None` where there is nothing of that kind.
+fn stand_in(target: &Target) -> Option<Target> {
+    let bent = |shape: &Shape| match shape {
+        Shape::Mesh(mesh) => !mesh.normals.is_empty(),
+        Shape::Curved(_) => true,
+        Shape::Sphere { .. } => false,
+    };
+    if !target.parts.iter().any(|p| bent(&p.shape)) {
+        return None;
+    }
+    let mut twin = target.clone();
+    for part in &mut twin.parts {
+        part.shape = Shape::Mesh(match &part.shape {
+            Shape::Mesh(mesh) => mesh.clone().flat(),
+            Shape::Curved(shape) => shape.mesh().flat(),
+            Shape::Sphere { radius_m } => icosphere(*radius_m, SUBDIVISIONS, Faceting::SameArea),
+        });
+    }
+    Some(twin)
+}
+
+/// All bounces.
+#[derive(Debug)]
+struct Bounces {
+    prepared: Prepared,
+    /// The scene that they were prepared for, where it is not the engine's.
+    own: Option<Scene>,
+}
+
+impl Part for Bounces {
+    fn source(&self) -> Source {
+        Source::Bounce
+    }
+
+    fn worker<'a>(&'a self, scene: &'a Scene) -> Box<dyn Effect + 'a> {
+        Box::new(self.prepared.light(self.own.as_ref().unwrap_or(scene)))
+    }
 }
 
 /// All bounces, left out.

@@ -1,9 +1,7 @@
 //! Light that comes from the Sun and is scattered once.
 
 use super::{Answer, Part, Question};
-use crate::light::{
-    DirectionError, Effect, Evaluator, Lighting, Need, Scene, SceneError, Source, Term,
-};
+use crate::light::{DirectionError, Effect, Evaluator, Lighting, Need, Scene, SceneError, Source};
 
 /// Seconds for a facet, for a pair of a facet and what may hide it, for a sphere: of a core of about 3 GHz.
 const COSTS_S: [f64; 3] = [5e-8, 2e-8, 1e-7];
@@ -11,13 +9,14 @@ const COSTS_S: [f64; 3] = [5e-8, 2e-8, 1e-7];
 pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     let scene = question.scene;
     let report = scene.report();
-    let mut terms = Vec::with_capacity(scene.weight_count());
-    for (number, material) in scene.materials().iter().enumerate() {
-        terms.extend(Term::of_material(Source::Direct, number, material)?);
-    }
+    let terms = scene.terms()?;
     let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    let areas = match &report.sampling {
+        Some(sampling) => format!("areas found at {} points or more", sampling.points),
+        None => "areas exact".to_owned(),
+    };
     let why = format!(
-        "{} and {}, {} before weights; areas exact",
+        "{} and {}, {} before weights; {areas}",
         count(report.facets, "flat facet"),
         count(report.spheres, "sphere"),
         count(terms.len(), "spectrum").replace("spectrums", "spectra"),
@@ -25,7 +24,18 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     let cost_s = COSTS_S[0] * report.facets as f64 + COSTS_S[2] * report.spheres as f64;
     let need =
         Need { effect: "direct light", needed: true, bound: None, why, cost_s: Some(cost_s) };
-    Ok(Answer { need, part: Some((terms, Box::new(Direct))), doubt: None })
+    Ok(Answer {
+        need,
+        part: Some((terms, Box::new(Direct { disc: super::disc::is_modelled(question) }))),
+        doubt: None,
+    })
+}
+
+/// What one direction of light costs, shadows and all.
+pub(super) fn cost_s(question: &Question) -> f64 {
+    let report = question.scene.report();
+    let facets = COSTS_S[0] * report.facets as f64 + COSTS_S[2] * report.spheres as f64;
+    facets + cost_of_pairs_s(question)
 }
 
 /// What looking at pairs costs.
@@ -35,43 +45,48 @@ pub(super) fn cost_of_pairs_s(question: &Question) -> f64 {
     COSTS_S[1] * report.occluder_pairs.unwrap_or(10 * report.facets) as f64
 }
 
-/// The exact light of flat facets and spheres.
+/// What is scattered once, of the Sun's disc where the scene has one.
 #[derive(Debug)]
-struct Direct;
+struct Direct {
+    /// Whether the disc is wanted in full light too, not only in partial eclipses.
+    disc: bool,
+}
 
 impl Part for Direct {
+    fn source(&self) -> Source {
+        Source::Direct
+    }
+
     fn worker<'a>(&'a self, scene: &'a Scene) -> Box<dyn Effect + 'a> {
-        let found = vec![0.0; scene.weight_count()];
-        Box::new(Exact { scene, evaluator: scene.evaluator(), found })
+        let row = vec![0.0; scene.term_count()];
+        let (weights, errors) = (row.clone(), row);
+        Box::new(Once { disc: self.disc, evaluator: scene.evaluator(), weights, errors })
     }
 }
 
-struct Exact<'a> {
-    scene: &'a Scene,
+struct Once<'a> {
+    disc: bool,
     evaluator: Evaluator<'a>,
-    found: Vec<f64>,
+    weights: Vec<f64>,
+    errors: Vec<f64>,
 }
 
-impl Effect for Exact<'_> {
+impl Effect for Once<'_> {
     fn add(
         &mut self,
         lighting: &Lighting,
         weights: &mut [f64],
         errors: &mut [f64],
     ) -> Result<(), DirectionError> {
-        self.evaluator.direct(lighting.sun_body, lighting.view, &mut self.found)?;
-        for (weight, found) in weights.iter_mut().zip(&self.found) {
-            *weight += found;
+        let mut lighting = *lighting;
+        if !self.disc && lighting.shadow.is_none() {
+            lighting.sun_radius_rad = 0.0;
         }
-        for (material, error) in self.evaluator.errors().iter().enumerate() {
-            let range = self.scene.weights_of(material);
-            let (found, errors) = (&self.found[range.clone()], &mut errors[range]);
-            let sum: f64 = found.iter().sum();
-            for (error_k, found) in errors.iter_mut().zip(found) {
-                // What is off is an area, and off for all weights of a facet alike. Of a sum of nothing any weight may be off.
-                let share = if sum > 0.0 { found / sum } else { 1.0 };
-                *error_k += error * share + 1e-15 * found;
-            }
+        self.evaluator.light(&lighting, &mut self.weights, &mut self.errors)?;
+        let found = self.weights.iter().zip(&self.errors);
+        for ((weight, error), (w, e)) in weights.iter_mut().zip(errors).zip(found) {
+            *weight += w;
+            *error += e + 1e-15 * w.abs();
         }
         Ok(())
     }

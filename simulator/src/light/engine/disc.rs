@@ -30,7 +30,29 @@ fn relative(kind: Distribution, alpha: f64, t2: f64, sun_radius_rad: f64) -> f64
     if error < 0.3 { error * (1.0 + error) } else { 1.0 }
 }
 
+/// Seconds for a facet under the disc.
+const COST_S: f64 = 5e-7;
+
+/// Whether the disc is modelled.
+pub(super) fn is_modelled(question: &Question) -> bool {
+    look(question).0
+}
+
 pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
+    let (needed, bound, why) = look(question);
+    let switch = question.options.switches.solar_disc;
+    let why = format!("{why}{}", Options::reason(switch));
+    let (body, report) = (question.body, question.scene.report());
+    let cost_s = needed.then_some(COST_S * (report.facets + report.spheres) as f64);
+    let need = Need { effect: "solar disc", needed, bound: Some(bound), why, cost_s };
+    let flat = !body.patches.is_empty();
+    let lobes = body.glosses.iter().map(|g| g.lobe).collect();
+    let doubt = (!needed).then(|| Box::new(Middle { lobes, flat }) as Box<dyn Doubt>);
+    Ok(Answer { need, part: None, doubt })
+}
+
+/// Whether it is needed, its bound, and why.
+fn look(question: &Question) -> (bool, f64, String) {
     let (body, options) = (question.body, question.options);
     let radius = question.course.sun_radius_rad;
     let switch = options.switches.solar_disc;
@@ -65,13 +87,10 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
         String::new()
     };
     let why = format!(
-        "{words}, the disc's radius is {:.4}°: its middle in place of it errs by {lobe:.1e}{edge}{}",
+        "{words}, the disc's radius is {:.4}°: its middle in place of it errs by {lobe:.1e}{edge}",
         radius.to_degrees(),
-        Options::reason(switch)
     );
-    let need = Need { effect: "solar disc", needed, bound: Some(bound), why, cost_s: None };
-    let lobes = body.glosses.iter().map(|g| g.lobe).collect();
-    Ok(Answer { need, part: None, doubt: Some(Box::new(Middle { lobes, flat })) })
+    (needed, bound, why)
 }
 
 /// The middle of the disc in place of it.

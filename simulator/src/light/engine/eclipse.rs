@@ -12,7 +12,7 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
         (None, "looked at epoch by epoch".to_owned())
     } else if needed {
         let why = format!(
-            "{} epochs in penumbra, {} in umbra: the Sun's disc by area; what limb darkening and the Earth's air change there is in the errors of these epochs",
+            "{} epochs in penumbra, {} in umbra: of the Sun's limb-darkened disc what is left; what the Earth's air changes there is in the errors of these epochs",
             course.penumbra, course.umbra
         );
         (None, why)

@@ -4,12 +4,16 @@
 //! irradiance of the Sun, times the largest cosine that the Sun has over the cap that is seen. The full Moon is 14.0 mag fainter than the
 //! Sun (−12.74 against −26.74 in V, Allen's Astrophysical Quantities): 2.5e-6.
 
-use super::{Answer, Doubt, Options, Question, Seen};
-use crate::light::{Globe, Need, SceneError};
+use super::{Answer, Doubt, Options, Part, Question, Seen};
+use crate::light::{Effect, Globe, Need, Scene, SceneError, Source, shine};
+use crate::surface::MaterialError;
 use std::f64::consts::FRAC_1_PI;
+use sunglint_radiometry::spectrum::Spectrum;
 
 /// The largest share of sunlight that the ground may reflect as a whole: 0.30 and half of it more.
 pub(super) const EARTH_ALBEDO: f64 = 0.45;
+/// Directions from which the Earth's light usually comes.
+const DIRECTIONS: f64 = 50.0;
 /// Irradiance of the full Moon over that of the Sun.
 const MOON: f64 = 2.5e-6;
 /// Radiance of the full Moon over the irradiance of the Sun, sr⁻¹: [`MOON`] over its solid angle of 6.4e-5 sr.
@@ -31,19 +35,34 @@ pub(super) fn assess_earthshine(question: &Question) -> Result<Answer, SceneErro
     let needed = options.needs(switch, bound);
     let height_km = (course.radius_m.0 - crate::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M) * 1e-3;
     let why = format!(
-        "from {height_km:.0} km height up, the Earth (albedo 0.30 ± 50 %) gives a surface up to {:.2} % of sunlight{}",
+        "from {height_km:.0} km height up, the Earth (a Lambert globe of albedo 0.30; the ± 50 % of that are not in the stated error) gives a surface up to {:.2} % of sunlight{}",
         100.0 * bound,
         Options::reason(switch)
     );
-    let need = Need { effect: "earthshine", needed, bound: Some(bound), why, cost_s: None };
-    Ok(Answer { need, part: None, doubt: Some(Box::new(Earthshine)) })
+    let cost_s = needed.then(|| DIRECTIONS * super::direct::cost_s(question));
+    let need = Need { effect: "earthshine", needed, bound: Some(bound), why, cost_s };
+    if !needed {
+        return Ok(Answer { need, part: None, doubt: Some(Box::new(Earthshine)) });
+    }
+    let earth = shine::mean_earth().map_err(MaterialError::from)?;
+    let terms = shine::terms(Source::Earthshine, question.scene.materials(), &earth)?;
+    // What is asked of the whole, of the share that this is.
+    let tolerance = (0.3 * options.tolerance / bound.max(1e-9)).clamp(1e-4, 0.1);
+    Ok(Answer { need, part: Some((terms, Box::new(Lit { tolerance }))), doubt: None })
 }
 
 pub(super) fn assess_moonshine(question: &Question) -> Result<Answer, SceneError> {
     let switch = question.options.switches.moonshine;
     let needed = question.options.needs(switch, MOON);
     let why = format!("the full Moon gives {MOON:.1e} of sunlight{}", Options::reason(switch));
-    let need = Need { effect: "moonshine", needed, bound: Some(MOON), why, cost_s: None };
+    let cost_s = needed.then(|| super::direct::cost_s(question));
+    let need = Need { effect: "moonshine", needed, bound: Some(MOON), why, cost_s };
+    if needed {
+        // Grey: a spectrum of 1 before the materials' own.
+        let grey = Spectrum::constant(1.0, 300.0, 1240.0).map_err(MaterialError::from)?;
+        let terms = shine::terms(Source::Moonshine, question.scene.materials(), &grey)?;
+        return Ok(Answer { need, part: Some((terms, Box::new(Moon))), doubt: None });
+    }
     let gloss = |g: &super::body::Gloss| match g.lobe {
         None => FRAC_1_PI,
         Some((_, alpha)) => FRAC_1_PI.max(0.25 * FRAC_1_PI / (alpha * alpha)),
@@ -52,11 +71,45 @@ pub(super) fn assess_moonshine(question: &Question) -> Result<Answer, SceneError
     Ok(Answer { need, part: None, doubt: Some(Box::new(Moonshine { peaks })) })
 }
 
+/// Light from the Earth.
+#[derive(Debug)]
+struct Lit {
+    tolerance: f64,
+}
+
+impl Part for Lit {
+    fn source(&self) -> Source {
+        Source::Earthshine
+    }
+
+    fn worker<'a>(&'a self, scene: &'a Scene) -> Box<dyn Effect + 'a> {
+        Box::new(shine::Earthshine::new(scene.evaluator(), self.tolerance))
+    }
+}
+
+/// Light from the Moon.
+#[derive(Debug)]
+struct Moon;
+
+impl Part for Moon {
+    fn source(&self) -> Source {
+        Source::Moonshine
+    }
+
+    fn worker<'a>(&'a self, scene: &'a Scene) -> Box<dyn Effect + 'a> {
+        Box::new(shine::Moonshine::new(scene.evaluator()))
+    }
+}
+
 /// Light from the Earth, left out.
 #[derive(Debug)]
 struct Earthshine;
 
 impl Doubt for Earthshine {
+    fn of_sun(&self) -> bool {
+        false
+    }
+
     fn add(&self, seen: &Seen, _: &[f64], _: &mut [f64], unknown: &mut [f64]) {
         for (error, area) in unknown.iter_mut().zip(&seen.earthlit_m2) {
             *error += seen.earth * FRAC_1_PI * area;
@@ -72,6 +125,10 @@ struct Moonshine {
 }
 
 impl Doubt for Moonshine {
+    fn of_sun(&self) -> bool {
+        false
+    }
+
     fn add(&self, seen: &Seen, _: &[f64], _: &mut [f64], unknown: &mut [f64]) {
         for ((error, area), peak) in unknown.iter_mut().zip(&seen.area_m2).zip(&self.peaks) {
             *error += (MOON * peak).min(MOON_RADIANCE) * area;

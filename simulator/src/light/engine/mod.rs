@@ -25,7 +25,10 @@ pub use globes::irradiance as earthshine;
 pub use options::{Course, Options, Switch, Switches, WrongTolerance, check_tolerance};
 pub use seen::Seen;
 
-use super::{DirectionError, Effect, Lighting, Need, Scene, SceneError, Term, View};
+use super::{
+    DirectionError, Effect, Lighting, Need, Scene, SceneError, SceneOptions, Source, SunOptions,
+    Term, View,
+};
 use crate::target::Target;
 use body::Body;
 use std::ops::Range;
@@ -58,12 +61,20 @@ pub struct Answer {
 
 /// An effect that adds light, ready for one scene and shared by all threads.
 pub trait Part: Send + Sync + std::fmt::Debug {
+    /// Which way its light came.
+    fn source(&self) -> Source;
+
     /// What adds its light, with room to work in: one for each thread.
     fn worker<'a>(&'a self, scene: &'a Scene) -> Box<dyn Effect + 'a>;
 }
 
 /// What an effect that is left out could have added at an epoch.
 pub trait Doubt: Send + Sync + std::fmt::Debug {
+    /// Whether it is about the Sun's own light, and so less in the Earth's shadow.
+    fn of_sun(&self) -> bool {
+        true
+    }
+
     /// Adds to the errors of direct light (one number a term, m² sr⁻¹, beside its weights) and to those of what is unknown (one number a
     /// material, m² sr⁻¹, before its whole reflectance).
     fn add(&self, seen: &Seen, weights: &[f64], errors: &mut [f64], unknown: &mut [f64]);
@@ -106,7 +117,7 @@ impl Engine {
     /// # Errors
     /// As [`Scene::new`].
     pub fn new(target: &Target, options: &Options, course: &Course) -> Result<Self, SceneError> {
-        let scene = Scene::new(target)?;
+        let scene = prepared(target, options, course)?;
         let body = Body::new(&scene)?;
         let question = Question { target, scene: &scene, body: &body, options, course };
         let mut needs = Vec::new();
@@ -155,10 +166,40 @@ impl Engine {
 
     /// Room to work in: one for each thread.
     pub fn worker(&self) -> Worker<'_> {
-        let effects = self.parts.iter().map(|(r, part)| (r.clone(), part.worker(&self.scene)));
+        let effect = |(range, part): &'_ (Range<usize>, Box<dyn Part>)| Adding {
+            range: range.clone(),
+            source: part.source(),
+        };
+        let adding = self.parts.iter().map(effect).collect();
+        let effects = self.parts.iter().map(|(_, part)| part.worker(&self.scene));
         let materials = self.terms[..self.lit].iter().map(|t| t.material).collect();
-        Worker { engine: self, effects: effects.collect(), seen: Seen::of(materials) }
+        Worker { engine: self, adding, effects: effects.collect(), seen: Seen::of(materials) }
     }
+}
+
+/// The scene, sampled where it is big, under the Sun's disc where that is needed or partly hidden.
+fn prepared(target: &Target, options: &Options, course: &Course) -> Result<Scene, SceneError> {
+    // A part of the tolerance is for all others.
+    let sun = SunOptions {
+        tolerance: (0.01 * options.tolerance).clamp(1e-7, 1e-4),
+        eclipse: course.shadow && course.penumbra > 0,
+    };
+    let wanted = SceneOptions { tolerance: options.tolerance, ..SceneOptions::default() };
+    let mut scene = match Scene::with_options(target, wanted) {
+        // Only the disc makes a number of it.
+        Err(SceneError::FlatMirror { .. } | SceneError::CurvedMirror { .. })
+            if options.switches.solar_disc != Switch::Off =>
+        {
+            return Scene::with_options(target, SceneOptions { sun: Some(sun), ..wanted });
+        }
+        other => other?,
+    };
+    let body = Body::new(&scene)?;
+    let question = Question { target, scene: &scene, body: &body, options, course };
+    if sun.eclipse || disc::is_modelled(&question) {
+        scene.under_sun(target, sun);
+    }
+    Ok(scene)
 }
 
 /// The sum of the bounds of all effects that are not modelled; infinite where one of them is unknown.
@@ -170,8 +211,16 @@ pub fn left_out(needs: &[Need]) -> f64 {
 /// An engine with room to work in.
 pub struct Worker<'a> {
     engine: &'a Engine,
-    effects: Vec<(Range<usize>, Box<dyn Effect + 'a>)>,
+    adding: Vec<Adding>,
+    effects: Vec<Box<dyn Effect + 'a>>,
     seen: Seen,
+}
+
+/// Where an effect adds, and whose light.
+#[derive(Debug)]
+struct Adding {
+    range: Range<usize>,
+    source: Source,
 }
 
 impl Worker<'_> {
@@ -198,16 +247,47 @@ impl Worker<'_> {
         if let (false, View::At(q)) = (engine.near, lighting.view) {
             lighting.view = View::Distant(q);
         }
-        for (range, effect) in &mut self.effects {
-            effect.add(&lighting, &mut weights[range.clone()], &mut errors[range.clone()])?;
+        let full = Lighting { shadow: None, ..lighting };
+        for (adding, effect) in self.adding.iter().zip(&mut self.effects) {
+            let (weights, errors) =
+                (&mut weights[adding.range.clone()], &mut errors[adding.range.clone()]);
+            let resolves = adding.source == Source::Direct && engine.scene.sun.is_some();
+            if lighting.shadow.is_some() && resolves {
+                effect.add(&lighting, weights, errors)?;
+                let air = lighting.sunlit_error / lighting.sunlit.max(1e-3);
+                errors.iter_mut().zip(&*weights).for_each(|(e, w)| *e += air * w.abs());
+                continue;
+            }
+            effect.add(&full, weights, errors)?;
+            if matches!(adding.source, Source::Direct | Source::Bounce) {
+                in_shadow(&lighting, weights, errors);
+            }
         }
         if !engine.doubts.is_empty() {
             self.seen.look(&engine.body, &lighting);
             let (known, unknown) = errors.split_at_mut(engine.lit);
-            for doubt in &engine.doubts {
-                doubt.add(&self.seen, &weights[..engine.lit], known, unknown);
+            for about_sun in [true, false] {
+                for doubt in engine.doubts.iter().filter(|d| d.of_sun() == about_sun) {
+                    doubt.add(&self.seen, &weights[..engine.lit], known, unknown);
+                }
+                if about_sun {
+                    // What is unknown of light that is not there is nothing.
+                    let most = (lighting.sunlit + lighting.sunlit_error).min(1.0);
+                    unknown.iter_mut().for_each(|e| *e *= most);
+                }
             }
         }
         Ok(())
+    }
+}
+
+/// What the Earth's shadow leaves of the Sun's light, with what is not known of that.
+fn in_shadow(lighting: &Lighting, weights: &mut [f64], errors: &mut [f64]) {
+    if lighting.sunlit == 1.0 && lighting.sunlit_error == 0.0 {
+        return;
+    }
+    for (weight, error) in weights.iter_mut().zip(errors) {
+        *error = lighting.sunlit * *error + lighting.sunlit_error * (weight.abs() + *error);
+        *weight *= lighting.sunlit;
     }
 }
