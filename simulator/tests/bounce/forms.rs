@@ -27,7 +27,11 @@ fn plates_at_a_right_angle() {
         add(&mut target, Shape::Mesh(mesh), grey("dark", 0.01), Placement::default());
     }
     let scene = Scene::new(&target).unwrap();
-    let bounce = Bounce::new(&scene, &BounceOptions { tolerance: 1e-5, seed: 2 }).unwrap();
+    let bounce = Bounce::new(
+        &scene,
+        &BounceOptions { tolerance: 1e-5, seed: 2, ..BounceOptions::default() },
+    )
+    .unwrap();
     let (sun, to) = (DVec3::new(0.0, 0.6, 0.8), DVec3::new(0.8, 0.6, -1e-9));
     let (found, error) = grey_light(&bounce, sun, View::Distant(to));
     let truth = 1e-4 / PI * 0.200_044 * 0.8 * 0.8;
@@ -68,7 +72,11 @@ fn an_integrating_sphere() {
         let (mesh, open) = cavity(subdivisions, 0.75);
         let target = alone(mesh, rho);
         let scene = Scene::new(&target).unwrap();
-        let bounce = Bounce::new(&scene, &BounceOptions { tolerance: 5e-3, seed: 2 }).unwrap();
+        let bounce = Bounce::new(
+            &scene,
+            &BounceOptions { tolerance: 5e-3, seed: 2, ..BounceOptions::default() },
+        )
+        .unwrap();
         let sun = DVec3::new(0.1, 0.05, 1.0).normalize();
         let to = DVec3::new(-0.25, 0.1, 1.0).normalize();
         // What enters the hole is what it fills across the direction.
@@ -105,7 +113,11 @@ fn a_mirror_sphere_beside_a_plate() {
     let scene = Scene::new(&target).unwrap();
     // Neither end's shadow of the sphere falls on the plate.
     let (sun, to) = (DVec3::new(0.96, 0.0, 0.28), DVec3::new(0.0, 0.96, 0.28));
-    let bounce = Bounce::new(&scene, &BounceOptions { tolerance: 1e-4, seed: 2 }).unwrap();
+    let bounce = Bounce::new(
+        &scene,
+        &BounceOptions { tolerance: 1e-4, seed: 2, ..BounceOptions::default() },
+    )
+    .unwrap();
     let (found, error) = grey_light(&bounce, sun, View::Distant(to));
     // A square seen from above its middle at its half side: a sixth of the sphere.
     let solid_angle = 4.0 * PI / 6.0;

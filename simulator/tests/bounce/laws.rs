@@ -9,7 +9,7 @@ use sunglint_simulator::mesh::shapes::{Side, cuboid};
 use sunglint_simulator::target::{Placement, Shape, Target};
 
 fn options(tolerance: f64) -> BounceOptions {
-    BounceOptions { tolerance, seed: 1 }
+    BounceOptions { tolerance, seed: 1, ..BounceOptions::default() }
 }
 
 /// Truth: energy. All that enters a white box without a lid leaves it: ∫ I dω = E A cosθ, by 4,000 directions in a spiral, to 1 % (patches and directions).
@@ -190,7 +190,11 @@ fn seeds() {
     let scene = Scene::new(&target).unwrap();
     let (sun, to) = (DVec3::new(0.7, 0.3, 0.6).normalize(), DVec3::new(0.4, -0.4, 0.9).normalize());
     let of = |seed: u32, before: bool| {
-        let bounce = Bounce::new(&scene, &BounceOptions { tolerance: 1e-2, seed }).unwrap();
+        let bounce = Bounce::new(
+            &scene,
+            &BounceOptions { tolerance: 1e-2, seed, ..BounceOptions::default() },
+        )
+        .unwrap();
         let mut light = bounce.light();
         let n = bounce.terms().len();
         let mut ask = |sun_body: DVec3| {

@@ -161,7 +161,11 @@ fn campaign_bounce_rays() {
         let sun = direction(&mut rng);
         let to = (sun + 0.9 * direction(&mut rng)).normalize();
         let scene = Scene::new(&target).unwrap();
-        let bounce = Bounce::new(&scene, &BounceOptions { tolerance: 1e-2, seed: 5 }).unwrap();
+        let bounce = Bounce::new(
+            &scene,
+            &BounceOptions { tolerance: 1e-2, seed: 5, ..BounceOptions::default() },
+        )
+        .unwrap();
         let (truth, sigma) = Rays::new(&target).bounced(sun, to, 150_000, &mut rng);
         let view = View::Distant(to);
         let once = direct(&scene, sun, view);

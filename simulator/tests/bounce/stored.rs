@@ -98,7 +98,9 @@ fn another_renderer() {
         let diffuse = !["satin", "shiny", "box_wing"].iter().any(|n| row.scene.contains(n))
             || row.scene == "box_wing_diffuse";
         let tolerance = if diffuse { 2e-3 } else { 1e-2 };
-        let bounce = Bounce::new(scene, &BounceOptions { tolerance, seed: 1 }).unwrap();
+        let bounce =
+            Bounce::new(scene, &BounceOptions { tolerance, seed: 1, ..BounceOptions::default() })
+                .unwrap();
         let (found, error) = grey_light(&bounce, row.sun, View::Distant(row.to));
         let all = row.direct + row.bounced;
         let fit = if diffuse { 0.0 } else { 3.5e-3 };
@@ -132,7 +134,11 @@ fn a_corner_with_coloured_walls() {
         .collect();
     target.parts.iter_mut().enumerate().for_each(|(k, part)| part.material = k);
     let scene = Scene::new(&target).unwrap();
-    let bounce = Bounce::new(&scene, &BounceOptions { tolerance: 2e-3, seed: 3 }).unwrap();
+    let bounce = Bounce::new(
+        &scene,
+        &BounceOptions { tolerance: 2e-3, seed: 3, ..BounceOptions::default() },
+    )
+    .unwrap();
     assert!((5..40).contains(&bounce.terms().len()), "{}", bounce.terms().len());
     let mut seen = 0;
     for row in rows() {

@@ -49,11 +49,13 @@ pub struct BounceOptions {
     pub tolerance: f64,
     /// What all random points come from.
     pub seed: u32,
+    /// Light paths of an epoch at most, where there are paths: what is then left of the tolerance is in the errors.
+    pub most_paths: u32,
 }
 
 impl Default for BounceOptions {
     fn default() -> Self {
-        Self { tolerance: 1e-3, seed: 0 }
+        Self { tolerance: 1e-3, seed: 0, most_paths: 1 << 17 }
     }
 }
 

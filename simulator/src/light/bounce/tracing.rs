@@ -32,6 +32,7 @@ pub struct Plan {
     tolerance: f64,
     both_ends: bool,
     seed: u32,
+    most_points: u32,
 }
 
 impl Plan {
@@ -45,7 +46,8 @@ impl Plan {
         let optics = Optics::new(scene.materials(), &nodes.nm);
         let both_ends = active.iter().any(|k| optics.lambert(surfaces.list[*k].material).is_none());
         let (tolerance, seed) = (options.tolerance, mixed(options.seed, 0x7a));
-        Self { surfaces, active, nodes: nodes.clone(), tolerance, both_ends, seed }
+        let most_points = (options.most_paths / SCRAMBLES).clamp(LEAST, MOST_POINTS);
+        Self { surfaces, active, nodes: nodes.clone(), tolerance, both_ends, seed, most_points }
     }
 
     /// In words.
@@ -59,7 +61,8 @@ impl Plan {
         for pair in pilot.pairs.iter().filter(|p| p.counts) {
             let wanted = OF_TOLERANCE * self.tolerance * (pair.direct + pair.bounced);
             let more = (CLAIMED * pair.sigma / wanted).powi(2) * 64.0;
-            paths += f64::from(SCRAMBLES) * more.clamp(f64::from(LEAST), f64::from(MOST_POINTS));
+            paths +=
+                f64::from(SCRAMBLES) * more.clamp(f64::from(LEAST), f64::from(self.most_points));
             pairs += 1.0;
         }
         PATH_S * paths / pairs.max(1.0)
@@ -112,7 +115,7 @@ impl<'a> Tracing<'a> {
                 let light = direct + mean;
                 CLAIMED * sigma + sums.missing() <= OF_TOLERANCE * plan.tolerance * light
             });
-            if enough || until >= MOST_POINTS {
+            if enough || until >= plan.most_points {
                 break;
             }
             until *= 2;

@@ -45,6 +45,8 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
 }
 
 const EFFECT: &str = "inter-reflection";
+/// Light paths of an epoch: about 10 ms. What they leave open is in the stated error.
+const MOST_PATHS: u32 = 4096;
 
 fn left(share: f64) -> Option<Box<dyn Doubt>> {
     (share > 0.0).then(|| Box::new(Left { share }) as Box<dyn Doubt>)
@@ -52,8 +54,11 @@ fn left(share: f64) -> Option<Box<dyn Doubt>> {
 
 /// What looking closer says; `None` where the materials have no wavelengths in common.
 fn modelled(question: &Question) -> Result<Option<Answer>, SceneError> {
-    let options =
-        BounceOptions { tolerance: question.options.tolerance, ..BounceOptions::default() };
+    let options = BounceOptions {
+        tolerance: question.options.tolerance,
+        most_paths: MOST_PATHS,
+        ..BounceOptions::default()
+    };
     let own = stand_in(question.target).map(|target| Scene::new(&target)).transpose()?;
     let Ok(bounce) = Bounce::new(own.as_ref().unwrap_or(question.scene), &options) else {
         return Ok(None);
