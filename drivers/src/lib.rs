@@ -56,6 +56,7 @@ pub mod ptu;
 pub mod recording;
 pub mod reply;
 pub mod simulated;
+pub mod swabian;
 pub mod tags;
 pub mod thorlabs;
 pub mod transport;

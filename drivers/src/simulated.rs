@@ -13,6 +13,7 @@ pub mod ophir;
 pub mod pm100;
 pub mod power;
 pub mod script;
+pub mod swabian;
 pub mod tmcl;
 
 pub use line::{InMemory, Speaker, serve};
