@@ -63,6 +63,7 @@ def vendor_code(text):
     """The code of a message of the vendor's library (2.22.6)."""
     for part, code in (
         ("No Time Tagger attached", "no_device"),
+        ("is not a valid Time Tagger serial number", "no_device"),
         ("No license file found", "no_licence"),
         ("Could not connect to Time Tagger server", "no_server"),
         ("could not open file", "bad_file"),

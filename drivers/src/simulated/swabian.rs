@@ -102,6 +102,8 @@ pub struct Simulated {
     doing: Doing,
     heard: Vec<u8>,
     frames: u32,
+    /// An overflow has begun and not ended.
+    dropping: bool,
     said: VecDeque<(Duration, Vec<u8>)>,
     dead: bool,
 }
@@ -137,6 +139,7 @@ impl Simulated {
             doing: Doing::Nothing,
             heard: Vec::new(),
             frames: 0,
+            dropping: false,
             said: VecDeque::new(),
             dead: false,
         }
@@ -328,8 +331,9 @@ impl Simulated {
 
     fn bin(&mut self, start_ps: i64, end_ps: i64, read: Duration) -> Bin {
         let light = self.light.bin(&self.channels, start_ps, end_ps);
-        let flags = if light.overflow { BIN_OVERFLOW } else { 0 }
+        let flags = if light.overflow || self.dropping { BIN_OVERFLOW } else { 0 }
             | if light.error { BIN_ERROR } else { 0 };
+        self.dropping = light.dropping.unwrap_or(self.dropping);
         let read_ns = self.spec.epoch_ns.saturating_add(ps(read) / 1000);
         let (counts, missed) = (light.counts, light.missed);
         Bin { start_ps, width_ps: end_ps - start_ps, read_ns, flags, counts, missed }

@@ -11,8 +11,10 @@ pub struct LightBin {
     pub counts: Vec<u64>,
     /// Missed events of each channel.
     pub missed: Vec<u64>,
-    /// An overflow touches the bin.
+    /// An overflow begins or ends in the bin.
     pub overflow: bool,
+    /// Whether events are being dropped at the bin's end; `None` if nothing was said about it in the bin.
+    pub dropping: Option<bool>,
     /// The counter reports an error.
     pub error: bool,
 }
@@ -36,7 +38,10 @@ pub trait Light: Send {
             match (tag.kind(), channel) {
                 (Some(TagKind::TimeTag), Some(i)) => bin.counts[i] += 1,
                 (Some(TagKind::MissedEvents), Some(i)) => bin.missed[i] += u64::from(tag.missed),
-                (Some(TagKind::OverflowBegin | TagKind::OverflowEnd), _) => bin.overflow = true,
+                (Some(kind @ (TagKind::OverflowBegin | TagKind::OverflowEnd)), _) => {
+                    bin.overflow = true;
+                    bin.dropping = Some(kind == TagKind::OverflowBegin);
+                }
                 (Some(TagKind::Error), _) => bin.error = true,
                 _ => {}
             }
