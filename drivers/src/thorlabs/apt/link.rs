@@ -7,8 +7,10 @@ use crate::device::DeviceError;
 use crate::transport::{Bytes, TransportError};
 use std::time::Duration;
 
-/// A controller that is told at least this often that the host is there goes on speaking.
+/// A controller that is told this often that the host is there goes on speaking: after this time, or so many questions. It
+/// falls silent after 50 messages without, so that some may get lost.
 const ALIVE_EVERY: Duration = Duration::from_secs(1);
+const ALIVE_AFTER: u32 = 10;
 /// Garbage beyond this, bytes, is another device.
 const MOST_GARBAGE: usize = 4096;
 
@@ -41,6 +43,7 @@ pub struct Link<T> {
     heard: Vec<u8>,
     in_step: bool,
     alive_at: Option<Duration>,
+    since_alive: u32,
     /// Whether the end of a reference search was told since somebody asked.
     homed: bool,
 }
@@ -56,7 +59,15 @@ pub(super) struct Info {
 impl<T: Bytes> Link<T> {
     /// A link over `line`; nothing is said yet.
     pub fn new(line: T, settings: LinkSettings) -> Self {
-        Self { line, settings, heard: Vec::new(), in_step: false, alive_at: None, homed: false }
+        Self {
+            line,
+            settings,
+            heard: Vec::new(),
+            in_step: false,
+            alive_at: None,
+            since_alive: 0,
+            homed: false,
+        }
     }
 
     /// The line.
@@ -93,10 +104,14 @@ impl<T: Bytes> Link<T> {
 
     fn send(&mut self, message: &Message, deadline: &Deadline) -> Result<(), TransportError> {
         let now = deadline.now();
-        if self.alive_at.is_none_or(|at| now.saturating_sub(at) >= ALIVE_EVERY) {
+        self.since_alive += 1;
+        if self.since_alive > ALIVE_AFTER
+            || self.alive_at.is_none_or(|at| now.saturating_sub(at) >= ALIVE_EVERY)
+        {
             let alive = Message::short(Id::Alive, 0, 0, self.settings.address, HOST);
             self.line.send(&alive.emit(), deadline)?;
             self.alive_at = Some(now);
+            self.since_alive = 0;
         }
         self.line.send(&message.emit(), deadline)
     }

@@ -44,18 +44,23 @@ impl<T: Bytes> Stage<T> {
         const MATTERS: u32 = StateBits::MOVING | StateBits::HOMING | StateBits::HOMED;
         let tolerance = self.settings.model.tolerance();
         let mut last = self.state(deadline)?;
-        for _ in 0..3 {
+        let (mut moving, mut standing) = (0, 0);
+        while standing < 4 {
             let next = self.state(deadline)?;
             let same = next.counter.abs_diff(last.counter) <= tolerance
                 && next.bits.0 & MATTERS == last.bits.0 & MATTERS;
             if same {
                 return Ok(next);
             }
+            (moving, standing) = match next.bits.is_moving() {
+                true => (moving + 1, 0),
+                false => (0, standing + 1),
+            };
+            // It turns, and the last reading is as good as any.
+            if moving >= 3 {
+                return Ok(next);
+            }
             last = next;
-        }
-        if last.bits.is_moving() {
-            // Four readings that all differ: it turns, and the last is as good as any.
-            return Ok(last);
         }
         Err(protocol("its counter reads differently each time though it stands".into()))
     }
