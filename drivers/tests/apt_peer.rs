@@ -204,7 +204,10 @@ fn the_driver_moves_a_device_on_that_codec() {
     let mut stage =
         Stage::open(line, LinkSettings::default(), settings, &common::within(20.0)).unwrap();
     let identity = stage.identity(&common::within(5.0)).unwrap();
-    assert_eq!((identity.serial.unwrap().as_str(), identity.firmware.unwrap().as_str()), ("55000001", "2.1.9"));
+    assert_eq!(
+        (identity.serial.unwrap().as_str(), identity.firmware.unwrap().as_str()),
+        ("55000001", "2.1.9")
+    );
     assert_eq!(stage.home(&common::within(20.0)).unwrap(), 0.0);
     // 3° are 409,600 microsteps; 1e-9 is for the order of two divisions, here and below.
     assert!((stage.move_to(3.0, &common::within(20.0)).unwrap() - 3.0).abs() < 1e-9);

@@ -51,7 +51,8 @@ fn it_homes_and_turns_to_absolute_angles() {
         assert!((at - angle).abs() < 0.5 * 3.0 / 409_600.0 + 1e-12);
     }
     // A microstep is 7e-6°; 1e-9 is for the order of two divisions, here and below.
-    let near = |found: f64, truth: f64| assert!((found - truth).abs() < 1e-9, "{found}, not {truth}");
+    let near =
+        |found: f64, truth: f64| assert!((found - truth).abs() < 1e-9, "{found}, not {truth}");
     assert_eq!(angle, 360.0);
     near(stage.angle_deg(&d).unwrap(), 360.0);
     // Ten turns back, more than 50 messages: the keep-alive keeps it speaking.
@@ -104,8 +105,7 @@ fn models_have_their_scales() {
 fn what_goes_wrong_is_named_and_it_stands_then() {
     let clock = clock();
     let limited = AptSettings { limits: Some([-2_100_000, 1_000_000]), ..AptSettings::default() };
-    let settings =
-        StageSettings { travel_deg: Some([-5.0, 90.0]), ..StageSettings::default() };
+    let settings = StageSettings { travel_deg: Some([-5.0, 90.0]), ..StageSettings::default() };
     let mut stage = open(&clock, limited, settings);
     stage.home(&after(&clock, 60)).unwrap();
     let error = stage.move_to(90.1, &after(&clock, 60)).unwrap_err();

@@ -127,7 +127,10 @@ fn the_bridge_fails_by_name_and_ends_with_its_host() {
     let error = open(stand_in(&python), Source::Network { address }).unwrap_err().to_string();
     assert!(error.contains("startServer"), "{error}");
     let error = open(stand_in(&python), usb("crash")).unwrap_err().to_string();
-    assert!(error.contains("is gone") && error.contains("instance of 'TimeTaggerError'"), "{error}");
+    assert!(
+        error.contains("is gone") && error.contains("instance of 'TimeTaggerError'"),
+        "{error}"
+    );
     let line = spawn_with(&python, &["--module", "no_such_package"]).unwrap();
     let error = open(line, usb("")).unwrap_err().to_string();
     assert!(
@@ -149,7 +152,10 @@ fn the_bridge_fails_by_name_and_ends_with_its_host() {
     // So does the end of its input, as when its host crashes; damaged requests are told as such.
     std::fs::remove_file(&freed).unwrap();
     let output = Command::new("sh")
-        .args(["-c", "printf 'what?\\n' | \"$0\" -B -c \"$1\" --module standin_tagger --path \"$2\""])
+        .args([
+            "-c",
+            "printf 'what?\\n' | \"$0\" -B -c \"$1\" --module standin_tagger --path \"$2\"",
+        ])
         .args([python.to_str().unwrap(), BRIDGE, &self::folder()])
         .output()
         .unwrap();
@@ -166,7 +172,10 @@ fn makers_python(test: &str) -> Option<PathBuf> {
     if tried.is_ok_and(|output| output.status.success()) {
         return Some(python);
     }
-    skip(test, "no Python with Swabian-TimeTagger (its licence is not stated, CI does not install it)");
+    skip(
+        test,
+        "no Python with Swabian-TimeTagger (its licence is not stated, CI does not install it)",
+    );
     None
 }
 

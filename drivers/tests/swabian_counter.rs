@@ -63,7 +63,8 @@ fn bins_come_once_however_they_are_asked_for() {
     }
     // The first bin began as soon as the simulated clock had served the requests; its UTC is 2 ms late.
     let utc = sunglint_formats::time::parse_utc("2026-01-01T00:00:00").unwrap();
-    let late = (records[0].start - utc).total_nanoseconds() - i128::from(records[0].start_ps) / 1000;
+    let late =
+        (records[0].start - utc).total_nanoseconds() - i128::from(records[0].start_ps) / 1000;
     assert_eq!(late, 2_000_000);
     tagger.stop(&after(&clock, 1000)).unwrap();
     let error = tagger.read(1, &after(&clock, 1000)).unwrap_err();
@@ -234,7 +235,12 @@ fn raw_tags_reach_the_file_as_they_are() {
     let from_ps = 4_000_000_000;
     let mut light = Poisson::new(&rates, 7);
     for i in 0..25 {
-        light.tags(&[1, 2, -3], from_ps + i * 20_000_000_000, from_ps + (i + 1) * 20_000_000_000, &mut again);
+        light.tags(
+            &[1, 2, -3],
+            from_ps + i * 20_000_000_000,
+            from_ps + (i + 1) * 20_000_000_000,
+            &mut again,
+        );
     }
     assert!(read.len() > 10_000 && again.len() >= read.len(), "{} {}", read.len(), again.len());
     assert_eq!(read, again[..read.len()]);

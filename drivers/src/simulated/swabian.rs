@@ -199,7 +199,9 @@ impl Simulated {
         match operation {
             "hello" => {
                 let version = self.trouble.version.unwrap_or(PROTOCOL);
-                Ok(json!({"protocol": version, "module": "simulated", "version": "0.0.0", "statistics": "off"}))
+                Ok(
+                    json!({"protocol": version, "module": "simulated", "version": "0.0.0", "statistics": "off"}),
+                )
             }
             "open" => self.open(request),
             "set" => self.set(request),
@@ -238,14 +240,17 @@ impl Simulated {
         }
         let asked = request["channels"].as_array().cloned().unwrap_or_default();
         let asked: Option<Vec<i64>> = asked.iter().map(Value::as_i64).collect();
-        let known = |c: &i64| *c != 0 && c.unsigned_abs() <= u64::from(self.spec.inputs.unsigned_abs());
+        let known =
+            |c: &i64| *c != 0 && c.unsigned_abs() <= u64::from(self.spec.inputs.unsigned_abs());
         let channels = asked.filter(|channels| channels.iter().all(known));
         let channels = channels.ok_or_else(|| refusal("no_channel", "it has no such channel"))?;
         self.channels = channels.iter().filter_map(|c| i32::try_from(*c).ok()).collect();
         let dead_time_ps = self.spec.dead_time_ps[0];
         let input = Input { level_v: 0.5, delay_ps: 0, dead_time_ps, test_signal: false };
         self.inputs = self.channels.iter().map(|channel| (*channel, input)).collect();
-        Ok(json!({"serial": self.spec.serial, "model": "Time Tagger Ultra (simulated)", "firmware": "0"}))
+        Ok(
+            json!({"serial": self.spec.serial, "model": "Time Tagger Ultra (simulated)", "firmware": "0"}),
+        )
     }
 
     fn set(&mut self, request: &Value) -> Result<Value, Value> {

@@ -22,7 +22,9 @@ fn advice(code: &str) -> Option<&'static str> {
             "start its server on the computer that has it (startServer), and check the address, the port (41101 unless \
              another was given) and the firewall"
         }
-        "bad_file" => "is it a whole .ttbin file? Of a sequence, give the one without number, with the others beside it",
+        "bad_file" => {
+            "is it a whole .ttbin file? Of a sequence, give the one without number, with the others beside it"
+        }
         "wrong_version" => "bridge and program have to be of one version: do not mix them",
         _ => return None,
     })

@@ -174,14 +174,15 @@ fn converted<T: Bytes>(
         });
     };
     let (mut bridge, _) = Bridge::open(line, deadline)?;
-    let answer = bridge.ask("convert", json!({"file": path}), deadline, &mut |frame| match frame {
-        Frame::Tags(records) => {
-            write(writer, &records, deadline.now())?;
-            summary.add(&records);
-            Ok(())
-        }
-        _ => Err(bridge::protocol("a bin came, expected tags".into())),
-    })?;
+    let answer =
+        bridge.ask("convert", json!({"file": path}), deadline, &mut |frame| match frame {
+            Frame::Tags(records) => {
+                write(writer, &records, deadline.now())?;
+                summary.add(&records);
+                Ok(())
+            }
+            _ => Err(bridge::protocol("a bin came, expected tags".into())),
+        })?;
     let of = |key: &str| answer.get(key).and_then(Value::as_u64);
     let (sent, came) = ((of("records"), of("photons")), (summary.records, summary.photons));
     if sent != (Some(came.0), Some(came.1)) {

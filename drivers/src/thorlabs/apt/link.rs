@@ -98,7 +98,11 @@ impl<T: Bytes> Link<T> {
     }
 
     /// Sends what has no answer.
-    pub(super) fn tell(&mut self, message: &Message, deadline: &Deadline) -> Result<(), DeviceError> {
+    pub(super) fn tell(
+        &mut self,
+        message: &Message,
+        deadline: &Deadline,
+    ) -> Result<(), DeviceError> {
         self.send(message, &deadline.at_most(self.settings.reply_within)).map_err(of_transport)
     }
 
@@ -185,8 +189,7 @@ impl<T: Bytes> Link<T> {
     fn hear(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
         let mut buffer = [0; 256];
         let received = self.line.receive(&mut buffer, deadline);
-        let count = received
-            .map_err(|error| of_transport(error.with_got_so_far(&self.heard)))?;
+        let count = received.map_err(|error| of_transport(error.with_got_so_far(&self.heard)))?;
         self.heard.extend_from_slice(&buffer[..count]);
         Ok(())
     }
@@ -227,7 +230,9 @@ impl<T: Bytes> Link<T> {
                     self.heard.drain(..1);
                 }
                 Err(error) => {
-                    let what = format!("{MOST_GARBAGE} bytes without an answer ({error}): is this an APT device?");
+                    let what = format!(
+                        "{MOST_GARBAGE} bytes without an answer ({error}): is this an APT device?"
+                    );
                     return Err(protocol(what));
                 }
             }

@@ -197,7 +197,8 @@ impl<T: Bytes> Stage<T> {
         let grace = deadline.grace(self.settings.stop_within);
         match self.halt(&grace) {
             Ok(state) => {
-                let at_deg = self.require_reference(state).is_ok().then(|| self.angle(state.counter));
+                let at_deg =
+                    self.require_reference(state).is_ok().then(|| self.angle(state.counter));
                 Interrupted::new(at_deg, error)
             }
             Err(_) => Interrupted::new(

@@ -35,7 +35,7 @@ impl Model {
     pub fn counts_per_deg(self) -> f64 {
         match self {
             Self::K10cr1 => 409_600.0 / 3.0,
-            Self::Prm1z8 => 1_919.641_857_862_339_1,
+            Self::Prm1z8 => 1_919.641_857_862_339,
             Self::Hdr50 => 409_600.0 * 66.0 / 360.0,
             Self::Other { counts_per_deg, .. } => counts_per_deg,
         }
