@@ -12,17 +12,20 @@
 //! - [`device`]: photon counter, camera, power meter, rotation stage, filter wheel, one small trait each;
 //! - [`trinamic`]: a rotation stage on a TMCL motor controller;
 //! - [`indi`]: cameras, rotators and filter wheels behind an INDI server;
-//! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB;
+//! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB; [rotation stages](thorlabs::apt) on the APT protocol;
 //! - [`zwo`]: a filter wheel on HID;
-//! - [`simulated`]: devices that speak the same protocols: a TMCL module, an INDI server, both kinds of power meter, the wheel;
+//! - [`swabian`]: photon counters (Time Taggers), through a bridge in the user's Python;
+//! - [`simulated`]: devices that speak the same protocols: a TMCL module, an APT stage, an INDI server, both kinds of power
+//!   meter, the wheel, a Time Tagger behind its bridge;
 //! - [`tags`], [`ptu`]: photon time tags on disk, binned into counts.
 //!
-//! Still to come: Swabian (photon counter), OpenCV (frame grabber, its own cargo feature), Thorlabs stages.
+//! Still to come: OpenCV (frame grabber, its own cargo feature).
 //!
 //! # How far it is tried
 //!
 //! No real instrument has been at the other end yet. Serial ports are tried on ptys, TCP on sockets, children on real
-//! processes; INDI with the simulators of indi-bin 1.9.9, live. USB (libusb) and HID (hidraw) go through the real libraries to fake
+//! processes; INDI with the simulators of indi-bin 1.9.9, live; the Time Tagger's bridge with the maker's package 2.22.6 as far
+//! as that goes without hardware. USB (libusb) and HID (hidraw) go through the real libraries to fake
 //! devices that umockdev makes of recordings.
 //!
 //! # A stage, on a desk without one
@@ -56,6 +59,7 @@ pub mod ptu;
 pub mod recording;
 pub mod reply;
 pub mod simulated;
+pub mod swabian;
 pub mod tags;
 pub mod thorlabs;
 pub mod transport;

@@ -6,6 +6,7 @@
 //! What they measure comes from the caller ([`PowerSource`]: a power at a time), what goes wrong with them from a
 //! [`Script`](script::Script).
 
+pub mod apt;
 pub mod efw;
 pub mod indi;
 pub mod line;
@@ -13,6 +14,7 @@ pub mod ophir;
 pub mod pm100;
 pub mod power;
 pub mod script;
+pub mod swabian;
 pub mod tmcl;
 
 pub use line::{InMemory, Speaker, serve};

@@ -1,4 +1,4 @@
-//! Thorlabs power meters of the PM100 family: SCPI in USBTMC messages.
+//! Thorlabs: [rotation stages](apt) on the APT protocol; power meters of the PM100 family: SCPI in USBTMC messages.
 //!
 //! - [`usbtmc`]: the messages, made and checked;
 //! - [`Tmc`]: question and answer over them, with recovery (clearing the meter's buffers) after anything that went wrong;
@@ -15,6 +15,7 @@
 //! Nothing real yet: [our simulated meter](crate::simulated::pm100), which python-usbtmc 0.8 drives in our tests, and
 //! recordings of it through the real libusb under umockdev.
 
+pub mod apt;
 mod pm100;
 pub mod scpi;
 mod session;

@@ -194,6 +194,11 @@ impl<'a> Piece<'a> {
     // so no time outside of it has such a distance.
     #[inline(always)]
     fn add_block(&mut self, block: &[[u8; RECORD_BYTES]; 8]) -> bool {
+        // Where bins are short, one look at the last tag is enough to know.
+        let last = (u128::from_le_bytes(block[7]) >> 64) as u64;
+        if last.wrapping_sub(self.start as u64) >= self.length {
+            return false;
+        }
         let mut heads = [0_u64; 8];
         let mut kinds = 0;
         let mut inside = true;

@@ -1,0 +1,286 @@
+//! A rotation stage on an APT controller: its settings, its angles, and its traits. How it moves is in `motion`.
+
+use super::DEVICE;
+use super::link::{Link, LinkSettings, protocol};
+use super::message::Id;
+use crate::clock::Deadline;
+use crate::device::{
+    Device, DeviceError, Identity, Interrupted, Origin, RotationStage, Setting, Value,
+};
+use crate::transport::Bytes;
+use std::time::Duration;
+
+/// What turns, and how its controller counts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Model {
+    /// K10CR1: a stepper with its controller, 409,600 microsteps for 3°.
+    K10cr1,
+    /// PRM1Z8 (PRM1/MZ8) on a KDC101 or TDC001: a servo of 1919.6418578623391 counts a degree.
+    Prm1z8,
+    /// HDR50 on a BSC201: a stepper, 409,600 microsteps a turn behind a gear of 66.
+    Hdr50,
+    /// Another stage.
+    Other {
+        /// Counts of a degree.
+        counts_per_deg: f64,
+        /// Whether its controller is one for DC servo motors.
+        servo: bool,
+        /// How far from its target a stage that stands may be, counts: a servo hunts, a stepper does not.
+        tolerance: u32,
+    },
+}
+
+impl Model {
+    /// Counts of a degree.
+    pub fn counts_per_deg(self) -> f64 {
+        match self {
+            Self::K10cr1 => 409_600.0 / 3.0,
+            Self::Prm1z8 => 1_919.641_857_862_339,
+            Self::Hdr50 => 409_600.0 * 66.0 / 360.0,
+            Self::Other { counts_per_deg, .. } => counts_per_deg,
+        }
+    }
+
+    /// Whether its controller is one for DC servo motors.
+    pub fn is_servo(self) -> bool {
+        match self {
+            Self::K10cr1 | Self::Hdr50 => false,
+            Self::Prm1z8 => true,
+            Self::Other { servo, .. } => servo,
+        }
+    }
+
+    /// How far from its target it may stand, counts.
+    pub fn tolerance(self) -> u32 {
+        match self {
+            Self::K10cr1 | Self::Hdr50 => 0,
+            // 0.005°; its bidirectional repeatability is given as 0.1°.
+            Self::Prm1z8 => 10,
+            Self::Other { tolerance, .. } => tolerance,
+        }
+    }
+}
+
+/// What the driver has to know about a stage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StageSettings {
+    /// What turns.
+    pub model: Model,
+    /// Whether angles grow while the counter falls.
+    pub inverted: bool,
+    /// The angle at which the counter is 0, deg.
+    pub zero_deg: f64,
+    /// Angles between which it may stand, deg; `None` if it turns freely.
+    pub travel_deg: Option<[f64; 2]>,
+    /// How often a moving stage is asked where it is.
+    pub poll: Duration,
+    /// How long it may stand still on its way, or before a search begins.
+    pub stall_after: Duration,
+    /// How long stopping may take after a failed move: a call ends at most this long after its deadline.
+    pub stop_within: Duration,
+}
+
+impl Default for StageSettings {
+    /// A K10CR1 that turns freely.
+    fn default() -> Self {
+        Self {
+            model: Model::K10cr1,
+            inverted: false,
+            zero_deg: 0.0,
+            travel_deg: None,
+            poll: Duration::from_millis(100),
+            stall_after: Duration::from_secs(1),
+            stop_within: Duration::from_secs(3),
+        }
+    }
+}
+
+/// A rotation stage. Angles are rounded once, from the angle to the counter, and never added up.
+#[derive(Debug)]
+pub struct Stage<T> {
+    pub(super) link: Link<T>,
+    pub(super) settings: StageSettings,
+    /// Take the counter as it is, homed or not.
+    pub(super) trusted: bool,
+}
+
+impl<T: Bytes> Stage<T> {
+    /// Asks the controller who it is, quietens what it would say by itself, and switches the channel on. Nothing moves.
+    ///
+    /// # Errors
+    /// Settings without sense ([`DeviceError::OutOfRange`]); another model than the settings' one; a controller that does not
+    /// answer, or see [`DeviceError`].
+    pub fn open(
+        line: T,
+        link: LinkSettings,
+        settings: StageSettings,
+        deadline: &Deadline,
+    ) -> Result<Self, DeviceError> {
+        let scale = settings.model.counts_per_deg();
+        if !(scale.is_finite() && scale > 0.0) {
+            let (least, most) = (f64::MIN_POSITIVE, f64::MAX);
+            let name = "counts_per_deg";
+            return Err(DeviceError::OutOfRange { name, asked: scale, least, most });
+        }
+        let mut link = Link::new(line, link);
+        let info = link.info(deadline)?;
+        // A wrong scale is a wrong angle; only this model is its own controller.
+        if (info.model == "K10CR1") != (settings.model == Model::K10cr1)
+            && !matches!(settings.model, Model::Other { .. })
+        {
+            return Err(DeviceError::Unknown {
+                name: "model",
+                asked: format!("{:?}", settings.model),
+                known: format!("the stage that is there, on a {}", info.model),
+            });
+        }
+        let quiet = [link.short(Id::NoFlashProgramming, 0), link.short(Id::StopUpdates, 0)];
+        for message in &quiet {
+            link.tell(message, deadline)?;
+        }
+        let mut stage = Self { link, settings, trusted: false };
+        stage.enable(deadline)?;
+        Ok(stage)
+    }
+
+    fn enable(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
+        for _ in 0..2 {
+            let answer = self.link.ask(Id::RequestEnabled, Id::Enabled, deadline)?;
+            if answer.emit().get(3) == Some(&1) {
+                return Ok(());
+            }
+            let on = self.link.short(Id::SetEnabled, 1);
+            self.link.tell(&on, deadline)?;
+        }
+        let answer = self.link.ask(Id::RequestEnabled, Id::Enabled, deadline)?;
+        match answer.emit().get(3) {
+            Some(1) => Ok(()),
+            got => {
+                let (asked, got) = ("1".to_owned(), format!("{got:?}"));
+                Err(DeviceError::NotTaken { device: DEVICE, name: "channel_enabled", asked, got })
+            }
+        }
+    }
+
+    /// Takes the counter as it is: for a stage that cannot be homed.
+    pub fn trust_counter(&mut self) {
+        self.trusted = true;
+    }
+
+    /// The line to the controller.
+    pub fn line(&self) -> &T {
+        self.link.line()
+    }
+
+    /// The line to the controller; what is said on it behind the stage's back, the stage does not know.
+    pub fn line_mut(&mut self) -> &mut T {
+        self.link.line_mut()
+    }
+
+    /// The line to the controller.
+    pub fn into_line(self) -> T {
+        self.link.into_line()
+    }
+
+    fn sign(&self) -> f64 {
+        if self.settings.inverted { -1.0 } else { 1.0 }
+    }
+
+    /// The counter's value for an angle.
+    pub(super) fn counter(&self, angle_deg: f64) -> Result<i32, DeviceError> {
+        let scale = self.settings.model.counts_per_deg();
+        let zero = self.settings.zero_deg;
+        let reach = f64::from(i32::MAX) / scale;
+        let [least, most] = self.settings.travel_deg.unwrap_or([zero - reach, zero + reach]);
+        let counts = ((angle_deg - zero) * scale * self.sign()).round();
+        let fits = (f64::from(-i32::MAX)..=f64::from(i32::MAX)).contains(&counts);
+        if fits && angle_deg >= least && angle_deg <= most {
+            // A whole number within 32 bits.
+            Ok(counts as i32)
+        } else {
+            Err(DeviceError::OutOfRange { name: "angle_deg", asked: angle_deg, least, most })
+        }
+    }
+
+    /// The angle of a counter's value, deg.
+    pub(super) fn angle(&self, counter: i32) -> f64 {
+        let turned = f64::from(counter) * self.sign() / self.settings.model.counts_per_deg();
+        // `+ 0.0`: no negative zero.
+        turned + self.settings.zero_deg + 0.0
+    }
+}
+
+impl<T: Bytes> Device for Stage<T> {
+    fn identity(&mut self, deadline: &Deadline) -> Result<Identity, DeviceError> {
+        let info = self.link.info(deadline)?;
+        Ok(Identity {
+            vendor: "Thorlabs".into(),
+            model: info.model,
+            serial: Some(info.serial.to_string()),
+            firmware: Some(info.firmware),
+            driver: "apt",
+        })
+    }
+
+    fn settings(&mut self, deadline: &Deadline) -> Result<Vec<Setting>, DeviceError> {
+        let mut settings = Vec::new();
+        let mut configured =
+            |name, value| settings.push(Setting { name, value, origin: Origin::Configured });
+        configured("counts_per_deg", Value::Number(self.settings.model.counts_per_deg()));
+        configured("inverted", Value::Flag(self.settings.inverted));
+        configured("zero_deg", Value::Number(self.settings.zero_deg));
+        if let Some([least, most]) = self.settings.travel_deg {
+            configured("travel_from_deg", Value::Number(least));
+            configured("travel_to_deg", Value::Number(most));
+        }
+        let speeds = self.twice(Id::RequestSpeeds, Id::Speeds, deadline)?;
+        let homing = self.twice(Id::RequestHoming, Id::Homing, deadline)?;
+        for (name, message, at) in [
+            ("acceleration_units", &speeds, 6),
+            ("max_speed_units", &speeds, 10),
+            ("homing_speed_units", &homing, 6),
+            ("homing_offset_counts", &homing, 10),
+        ] {
+            let number = message.long_at(at).ok_or_else(|| protocol(format!("no {name}")))?;
+            let value = Value::Integer(number.into());
+            settings.push(Setting { name, value, origin: Origin::ReadBack });
+        }
+        Ok(settings)
+    }
+}
+
+impl<T: Bytes> RotationStage for Stage<T> {
+    fn travel_deg(&self) -> Option<[f64; 2]> {
+        self.settings.travel_deg
+    }
+
+    fn angle_deg(&mut self, deadline: &Deadline) -> Result<f64, DeviceError> {
+        let state = self.steady(deadline)?;
+        self.require_reference(state)?;
+        Ok(self.angle(state.counter))
+    }
+
+    fn home(&mut self, deadline: &Deadline) -> Result<f64, Interrupted<Option<f64>>> {
+        match self.search(deadline) {
+            Ok(counter) => Ok(self.angle(counter)),
+            Err(error) => Err(self.stopped_by(error, deadline)),
+        }
+    }
+
+    fn move_to(
+        &mut self,
+        angle_deg: f64,
+        deadline: &Deadline,
+    ) -> Result<f64, Interrupted<Option<f64>>> {
+        // Nothing moves before this, and nothing has to be stopped.
+        let target = self.target(angle_deg, deadline).map_err(|e| Interrupted::new(None, e))?;
+        match self.go(target, deadline) {
+            Ok(counter) => Ok(self.angle(counter)),
+            Err(error) => Err(self.stopped_by(error, deadline)),
+        }
+    }
+
+    fn stop(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
+        self.halt(deadline).map(|_| ())
+    }
+}
