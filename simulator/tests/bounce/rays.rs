@@ -181,3 +181,45 @@ fn campaign_bounce_rays() {
     campaign.largest("difference_of_claimed", worst);
     campaign.finish();
 }
+
+#[test]
+fn dbg_seeds() {
+    let list = std::env::var("DBG").unwrap_or_default();
+    for seed in list.split(',').filter_map(|s| s.parse::<u64>().ok()) {
+        let target = bodies(seed);
+        let mut rng = Rng::seed_from_u64(1000 + seed);
+        let sun = direction(&mut rng);
+        let to = (sun + 0.9 * direction(&mut rng)).normalize();
+        let scene = Scene::new(&target).unwrap();
+        eprintln!("{:?}", scene.report());
+        for p in &target.parts {
+            eprintln!(
+                "{:?} {:?}",
+                p.placement,
+                scene.materials()[p.material].spectra()[0].at(550.0)
+            );
+        }
+        let n: u32 = std::env::var("N").unwrap().parse().unwrap();
+        let (truth, sigma) = Rays::new(&target).bounced(sun, to, n, &mut rng);
+        let view = View::Distant(to);
+        for tolerance in [1e-2, 2e-3] {
+            let bounce = Bounce::new(&scene, &BounceOptions { tolerance, seed: 5 }).unwrap();
+            let (found, error) = grey_light(&bounce, sun, view);
+            eprintln!(
+                "{seed}: {found:.6} of {truth:.6} ± {sigma:.1e}, claimed {error:.1e} {}",
+                bounce.need().why
+            );
+        }
+        // With a ball far away paths are taken.
+        let mut other = target.clone();
+        let ball = Placement { offset_m: DVec3::new(-50.0, 0.0, 0.0), ..Placement::default() };
+        add(&mut other, Shape::Sphere { radius_m: 0.01 }, grey("ball", 0.1), ball);
+        let scene = Scene::new(&other).unwrap();
+        let bounce = Bounce::new(&scene, &BounceOptions { tolerance: 2e-3, seed: 5 }).unwrap();
+        let (found, error) = grey_light(&bounce, sun, view);
+        eprintln!(
+            "{seed}: paths {found:.6} of {truth:.6} ± {sigma:.1e}, claimed {error:.1e} {}",
+            bounce.need().why
+        );
+    }
+}

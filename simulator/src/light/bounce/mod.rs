@@ -20,6 +20,7 @@ mod optics;
 mod patches;
 mod paths;
 mod pilot;
+mod split;
 mod still;
 mod surfaces;
 mod tracing;

@@ -8,11 +8,13 @@ use super::optics::Optics;
 use super::patches::{Patches, Room};
 use super::paths::{Paths, Sums, mixed};
 use super::pilot::Pilot;
+use super::split;
 use super::surfaces::Surfaces;
 use super::transport::{self, Exchange, MOST_RAYS, Matrix, SCRAMBLES};
 use crate::light::occlude::Toward;
 use crate::light::{Evaluator, Scene};
 use glam::DVec3;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// More surfaces than this are left to paths.
@@ -80,18 +82,22 @@ impl Still {
         let area: f64 = active.iter().map(|k| surfaces.list[*k].area).sum();
         let caster = Caster::new(&surfaces.list, scene.touching_m);
         let brightest = brightest(&optics, surfaces, active);
+        let pieces = split::pieces(&surfaces.list, active, scene.touching_m)?;
         let mut size = (area / FIRST_CELLS).sqrt();
         let seed = mixed(options.seed, 0x5e);
         let target = OF_TOLERANCE * options.tolerance;
         loop {
-            let patches = Patches::new(&surfaces.list, active, size);
+            let patches = Patches::new(&pieces, size);
+            if patches.list.len() > MOST_PATCHES {
+                return None;
+            }
             let mut draft = Draft::new(scene, surfaces, patches, &optics, brightest);
             let mut rays = LEAST_RAYS;
             draft.shoot(&caster, rays, seed);
             let enough = draft.coarseness(pilot) <= target;
             // Many rays are worth their time for the last size alone.
             let last = enough || {
-                let next = Patches::new(&surfaces.list, active, size / FINER).list.len();
+                let next = Patches::new(&pieces, size / FINER).list.len();
                 next > MOST_PATCHES || next * next * nodes.nm.len() > MOST_NUMBERS
             };
             while last && draft.noise(pilot) > target && rays < MOST_RAYS {
@@ -155,7 +161,8 @@ struct Draft<'a> {
     surfaces: Surfaces,
     patches: Patches,
     exchange: Exchange,
-    of_surface: Vec<usize>,
+    /// The cells of each surface.
+    of_surface: Vec<Range<usize>>,
     /// Reflectances of the patches and the larger ones at the brightest node.
     rho: [Vec<f64>; 2],
     areas: [Vec<f64>; 2],
@@ -171,9 +178,11 @@ impl<'a> Draft<'a> {
         optics: &Optics,
         node: usize,
     ) -> Self {
-        let mut of_surface = vec![usize::MAX; surfaces.list.len()];
-        for (k, cells) in patches.cells.iter().enumerate() {
-            of_surface[cells.surface] = k;
+        let mut of_surface = vec![0..0; surfaces.list.len()];
+        let mut first = 0;
+        for list in patches.of_surfaces() {
+            of_surface[list[0].surface] = first..first + list.len();
+            first += list.len();
         }
         let rho = reflectances(&patches, surfaces, optics, node);
         let exchange = Exchange::new(&patches);
@@ -370,8 +379,9 @@ impl<'a> Views<'a> {
             fine.fill(0.0);
             coarse.fill(0.0);
             self.evaluator.prepare(toward);
-            for cells in &patches.cells {
-                let surface = &surfaces.list[cells.surface];
+            for list in patches.of_surfaces() {
+                let surface = &surfaces.list[list[0].surface];
+                let own = || list.iter().flat_map(|cells| cells.patches());
                 // In front of the plane, from wherever it is looked at.
                 let height = match toward {
                     Toward::Far(d) => d.dot(surface.normal),
@@ -381,12 +391,16 @@ impl<'a> Views<'a> {
                     continue;
                 }
                 match self.evaluator.open(surface.number, toward) {
-                    None => cells.patches().for_each(|p| fine[p] = patches.list[p].area),
-                    Some(pieces) => {
-                        pieces.iter().for_each(|piece| cells.share(piece, &mut self.room, fine));
+                    None => own().for_each(|p| fine[p] = patches.list[p].area),
+                    Some(open) => {
+                        for (polygon, cells) in
+                            open.iter().flat_map(|o| list.iter().map(move |c| (o, c)))
+                        {
+                            cells.share(polygon, list.len() == 1, &mut self.room, fine);
+                        }
                     }
                 }
-                for p in cells.patches() {
+                for p in own() {
                     if fine[p] == 0.0 {
                         continue;
                     }
