@@ -3,6 +3,7 @@
 use super::BounceOptions;
 use super::bound::Bound;
 use super::cast::Caster;
+use super::claim::{Claim, Trial};
 use super::nodes::Nodes;
 use super::optics::Optics;
 use super::patches::{Patches, Room};
@@ -34,7 +35,7 @@ const CLAIMED: f64 = 2.5;
 /// Of the difference that patches of twice the size make, what is left: they converge with the square of the size at best. Held by the tests.
 const DIFFERENCE: f64 = 1.0;
 /// Paths of each pair and scramble against which patches are held.
-const AGREEING: u32 = 128;
+const AGREEING: u32 = 512;
 /// Of the tolerance, the part that patches and rays may take each.
 const OF_TOLERANCE: f64 = 0.5;
 
@@ -53,6 +54,7 @@ pub struct Still {
     scrambles: Vec<Matrix>,
     mean: Matrix,
     rays: u32,
+    claim: Claim,
 }
 
 impl Still {
@@ -105,11 +107,10 @@ impl Still {
                 draft.shoot(&caster, rays, seed);
             }
             if last {
-                // Where bodies reach into each other, patches may be wrong by more than their size tells: then paths do it.
-                if !draft.agrees(pilot, &caster, active, scene, nodes.nm[brightest], options.seed) {
-                    return None;
-                }
-                return Some(draft.finish(&optics, nodes));
+                // Where patches are wrong by more than their size tells, paths do it.
+                let nm = nodes.nm[brightest];
+                let claim = draft.held(pilot, &caster, active, scene, nm, options.seed)?;
+                return Some(draft.finish(&optics, nodes, claim));
             }
             size /= FINER;
         }
@@ -118,7 +119,9 @@ impl Still {
     /// In words.
     pub fn describe(&self) -> String {
         let rays = self.rays as usize * SCRAMBLES;
-        format!("{} patches, form factors by {rays} rays each", self.patches.list.len())
+        let (patches, left) =
+            (self.patches.list.len(), 100.0 * self.claim.scale * self.claim.typical);
+        format!("{patches} patches that leave {left:.1} % of it, form factors by {rays} rays each")
     }
 
     /// About a nanosecond for two numbers of a matrix, a tenth of a microsecond for a patch.
@@ -234,8 +237,8 @@ impl<'a> Draft<'a> {
         rms.get()
     }
 
-    /// Whether light paths find as much light over all pairs, within the errors of both.
-    fn agrees(
+    /// What patches may claim, held against light paths over all pairs; `None` where these find other light by more than the patches' size explains.
+    fn held(
         &self,
         pilot: &Pilot,
         caster: &Caster,
@@ -243,18 +246,16 @@ impl<'a> Draft<'a> {
         scene: &Scene,
         nm: f64,
         seed: u32,
-    ) -> bool {
+    ) -> Option<Claim> {
         let s = self.exchange.matrix(&self.patches);
-        let Some([fine, coarse]) = both(&s, &self.patches, &self.areas, &self.rho) else {
-            return false;
-        };
+        let [fine, coarse] = both(&s, &self.patches, &self.areas, &self.rho)?;
         let mut optics = Optics::new(scene.materials(), &[nm]);
         let mut views = Views::new(self.scene, &self.patches);
-        let (mut apart, mut claimed, mut square) = (0.0, 0.0, 0.0);
+        let mut trials = Vec::with_capacity(pilot.pairs.len());
         for pair in &pilot.pairs {
             let to = Toward::Far(pair.to);
             views.set(&self.surfaces, &self.patches, &self.areas, pair.sun, to);
-            let (light, error) = views.light(&fine, &coarse);
+            let (light, left) = views.light(&fine, &coarse);
             let mut sums = Sums::new(1);
             let mut paths = Paths {
                 surfaces: &self.surfaces,
@@ -266,14 +267,13 @@ impl<'a> Draft<'a> {
             };
             paths.trace(pair.sun, to, AGREEING, &mut sums);
             let (found, sigma) = sums.bounced(0);
-            apart += light - found;
-            claimed += error + noise(&views, &self.mean, &self.scrambles) * light;
-            square += sigma * sigma;
+            let noise = noise(&views, &self.mean, &self.scrambles) * light;
+            trials.push(Trial { light, left, noise, found, sigma });
         }
-        f64::abs(apart) <= claimed + 3.0 * square.sqrt()
+        Claim::of(&trials)
     }
 
-    fn finish(self, optics: &Optics, nodes: &Nodes) -> Still {
+    fn finish(self, optics: &Optics, nodes: &Nodes, claim: Claim) -> Still {
         let s = self.exchange.matrix(&self.patches);
         let (mut fine, mut coarse) = (Vec::new(), Vec::new());
         for node in 0..nodes.nm.len() {
@@ -287,6 +287,7 @@ impl<'a> Draft<'a> {
         Still {
             nodes: nodes.clone(),
             rays: self.exchange.rays,
+            claim,
             surfaces: self.surfaces,
             patches: self.patches,
             areas: self.areas,
@@ -451,6 +452,7 @@ impl<'a> StillLight<'a> {
         for (s, (fine, coarse)) in still.fine.iter().zip(&still.coarse).enumerate() {
             let (light, left) = self.views.light(fine, coarse);
             weights[s] += light;
+            let left = still.claim.of_size(light, left);
             errors[s] += left + (noise + still.nodes.error + 1e-7) * light;
         }
     }
