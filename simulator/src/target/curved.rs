@@ -72,15 +72,20 @@ impl Curved {
 
     /// Fine triangles with its normals, corners on the surface: for other programs and for people to look at.
     pub fn mesh(&self) -> Mesh {
+        self.faceted(AROUND, RINGS)
+    }
+
+    /// The same with so many corners around, and rings of a dish.
+    pub(crate) fn faceted(&self, around: u32, rings: u32) -> Mesh {
         match *self {
             Self::Frustum { bottom_radius_m: low, top_radius_m: high, height_m } => {
                 let mut mesh = Mesh::default();
                 let lean = (low - high) / height_m;
                 let half = 0.5 * height_m;
-                strip(&mut mesh, (low, -half), (high, half), [lean, lean], true);
+                strip(&mut mesh, (low, -half), (high, half), [lean, lean], true, around);
                 for (radius, z, up) in [(high, half, true), (low, -half, false)] {
                     if radius > 0.0 {
-                        end(&mut mesh, radius, z, up);
+                        end(&mut mesh, radius, z, up, around);
                     }
                 }
                 mesh
@@ -103,11 +108,11 @@ impl Curved {
                     }
                 };
                 for (wanted, out) in [(inside, false), (outside, true)] {
-                    for k in 0..if wanted { RINGS } else { 0 } {
-                        let [a, b] = [k, k + 1].map(|k| radius_m * f64::from(k) / f64::from(RINGS));
+                    for k in 0..if wanted { rings } else { 0 } {
+                        let [a, b] = [k, k + 1].map(|k| radius_m * f64::from(k) / f64::from(rings));
                         // Outward is down: z falls by 1 where the radius gains the slope.
                         let lean = [a, b].map(|r| -1.0 / slope(r).max(1e-12));
-                        strip(&mut mesh, (a, height(a)), (b, height(b)), lean, out);
+                        strip(&mut mesh, (a, height(a)), (b, height(b)), lean, out, around);
                     }
                 }
                 mesh
@@ -122,18 +127,25 @@ pub(crate) fn cap_radius_m(radius_m: f64, depth_m: f64) -> f64 {
 }
 
 /// The surface between two circles (radius, height), with what its outward normals rise by per length outward.
-fn strip(mesh: &mut Mesh, low: (f64, f64), high: (f64, f64), lean: [f64; 2], out: bool) {
+fn strip(
+    mesh: &mut Mesh,
+    low: (f64, f64),
+    high: (f64, f64),
+    lean: [f64; 2],
+    out: bool,
+    around: u32,
+) {
     let first = mesh.vertices.len() as u32;
     let sign = if out { 1.0 } else { -1.0 };
-    for k in 0..AROUND {
-        let (sin, cos) = (TAU * f64::from(k) / f64::from(AROUND)).sin_cos();
+    for k in 0..around {
+        let (sin, cos) = (TAU * f64::from(k) / f64::from(around)).sin_cos();
         for ((radius, z), lean) in [low, high].into_iter().zip(lean) {
             mesh.vertices.push(DVec3::new(radius * cos, radius * sin, z));
             mesh.normals.push(sign * DVec3::new(cos, sin, lean).normalize());
         }
     }
-    for k in 0..AROUND {
-        let [a, b] = [k, (k + 1) % AROUND].map(|k| first + 2 * k);
+    for k in 0..around {
+        let [a, b] = [k, (k + 1) % around].map(|k| first + 2 * k);
         let mut push = |t: [u32; 3]| mesh.triangles.push(if out { t } else { [t[0], t[2], t[1]] });
         if low.0 > 0.0 {
             push([a, b, b + 1]);
@@ -145,15 +157,15 @@ fn strip(mesh: &mut Mesh, low: (f64, f64), high: (f64, f64), lean: [f64; 2], out
 }
 
 /// A flat end.
-fn end(mesh: &mut Mesh, radius: f64, z: f64, up: bool) {
+fn end(mesh: &mut Mesh, radius: f64, z: f64, up: bool, around: u32) {
     let first = mesh.vertices.len() as u32;
     let normal = if up { DVec3::Z } else { DVec3::NEG_Z };
-    for k in 0..AROUND {
-        let (sin, cos) = (TAU * f64::from(k) / f64::from(AROUND)).sin_cos();
+    for k in 0..around {
+        let (sin, cos) = (TAU * f64::from(k) / f64::from(around)).sin_cos();
         mesh.vertices.push(DVec3::new(radius * cos, radius * sin, z));
         mesh.normals.push(normal);
     }
-    for k in 1..AROUND - 1 {
+    for k in 1..around - 1 {
         let (a, b) = (first + k, first + k + 1);
         mesh.triangles.push(if up { [first, a, b] } else { [first, b, a] });
     }

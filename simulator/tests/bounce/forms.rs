@@ -63,8 +63,8 @@ fn cavity(subdivisions: u32, lid: f64) -> (Mesh, f64) {
 
 /// Truth: the integrating sphere. Of the flux Φ that enters, ρΦ/(4πR²)/(1 − ρ(1 − f)) falls on every part of the wall after the first
 /// scattering, f the share of the opening; so an observer gets W = ρ/π times that times what is seen of the wall (found from the direct light, whose Sun
-/// stands where the observer does). Facets of the sphere see each other a little differently: 2 %, and the claimed error. 80 facets go by
-/// patches, 1,280 by paths.
+/// stands where the observer does). Facets of the sphere see each other a little differently: 2 %, and the claimed error. Both go by
+/// paths: their facets would be too many patches.
 #[test]
 fn an_integrating_sphere() {
     let rho = 0.9;

@@ -6,4 +6,5 @@ mod forms;
 mod laws;
 mod rays;
 mod scenes;
+mod shapes;
 mod stored;

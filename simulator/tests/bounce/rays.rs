@@ -13,27 +13,40 @@ use sunglint_testkit::Campaign;
 
 type Rng = Xoshiro256PlusPlus;
 
+/// f_r of a normal and two directions, sr⁻¹.
+pub type Law = fn(DVec3, DVec3, DVec3) -> f64;
+
 struct Triangle {
     corner: DVec3,
     edges: [DVec3; 2],
     normal: DVec3,
+    /// Of light that falls on it, the part with which a path goes on; the reflectance of a Lambert surface.
     rho: f64,
+    /// Where it is not Lambert.
+    law: Option<Law>,
 }
 
-/// The triangles of a target of grey Lambert meshes without hinges.
+/// The triangles of a target of grey meshes without hinges.
 pub struct Rays(Vec<Triangle>);
 
 impl Rays {
     pub fn new(target: &Target) -> Self {
+        Self::with_laws(target, &[])
+    }
+
+    /// The materials of some parts by their laws.
+    pub fn with_laws(target: &Target, laws: &[(usize, Law)]) -> Self {
         let mut all = Vec::new();
         for (k, part) in target.parts.iter().enumerate() {
-            let rho = target.materials[part.material].spectra()[0].at(550.0);
+            let law = laws.iter().find(|l| l.0 == k).map(|l| l.1);
+            let grey = || target.materials[part.material].spectra()[0].at(550.0);
+            let rho = if law.is_some() { 0.8 } else { grey() };
             let mesh = target.part_mesh(k, &[]);
             for t in 0..mesh.triangles.len() {
                 let [a, b, c] = mesh.corners(t);
                 let edges = [b - a, c - a];
                 let normal = edges[0].cross(edges[1]).normalize();
-                all.push(Triangle { corner: a, edges, normal, rho });
+                all.push(Triangle { corner: a, edges, normal, rho, law });
             }
         }
         Self(all)
@@ -73,45 +86,65 @@ impl Rays {
         4.0 * half * half * seen as f64 / (n * n) as f64
     }
 
-    /// W of light scattered twice or more with its standard error, from rays that come with the sunlight.
+    /// W of light scattered twice or more with its standard error, from rays that come with the sunlight: two from each cell of a square about the target.
     pub fn bounced(&self, sun: DVec3, to: DVec3, count: u32, rng: &mut Rng) -> (f64, f64) {
-        let half = 2.5;
         let (x, y) = sun.any_orthonormal_pair();
-        let area = 4.0 * half * half;
+        let range = |axis: DVec3| {
+            let corners = self
+                .0
+                .iter()
+                .flat_map(|t| [t.corner, t.corner + t.edges[0], t.corner + t.edges[1]]);
+            corners
+                .map(|p| p.dot(axis))
+                .fold((f64::MAX, f64::MIN), |(a, b), h| (a.min(h), b.max(h)))
+        };
+        let ((x0, x1), (y0, y1)) = (range(x), range(y));
+        let start = (range(sun).1 + 1.0) * sun;
+        let cells = (0.5 * f64::from(count)).sqrt().ceil();
+        let cell = (x1 - x0) * (y1 - y0) / (cells * cells);
         let (mut sum, mut square) = (0.0, 0.0);
-        for _ in 0..count {
-            let (u, v) = (
-                half * (2.0 * rng.random::<f64>() - 1.0),
-                half * (2.0 * rng.random::<f64>() - 1.0),
-            );
-            let mut from = u * x + v * y + 10.0 * half * sun;
-            let mut along = -sun;
-            let (light, mut got) = (area, 0.0);
-            for order in 1.. {
-                let Some((t, triangle)) = self.first(from, along) else { break };
-                if triangle.normal.dot(along) >= 0.0 {
-                    break;
-                }
-                from += t * along;
-                let cos = triangle.normal.dot(to);
-                if order > 1 && cos > 0.0 && self.first(from, to).is_none() {
-                    got += light * triangle.rho / PI * cos;
-                }
-                // Kept with probability ρ, so that the light stays what it is.
-                if rng.random::<f64>() >= triangle.rho {
-                    break;
-                }
-                let (a, b) = (rng.random::<f64>(), TAU * rng.random::<f64>());
-                let (p, q) = triangle.normal.any_orthonormal_pair();
-                along = a.sqrt() * (b.cos() * p + b.sin() * q) + (1.0 - a).sqrt() * triangle.normal;
-                along = along.normalize();
-            }
-            sum += got;
-            square += got * got;
+        for k in 0..(cells * cells) as u32 {
+            let (row, column) = (f64::from(k / cells as u32), f64::from(k % cells as u32));
+            let mut one = || {
+                let u = x0 + (x1 - x0) * (column + rng.random::<f64>()) / cells;
+                let v = y0 + (y1 - y0) * (row + rng.random::<f64>()) / cells;
+                cell * self.path(start + u * x + v * y, -sun, to, rng)
+            };
+            let (a, b) = (one(), one());
+            sum += 0.5 * (a + b);
+            square += 0.25 * (a - b) * (a - b);
         }
-        let n = f64::from(count);
-        let mean = sum / n;
-        (mean, ((square / n - mean * mean).max(0.0) / n).sqrt())
+        (sum, square.sqrt())
+    }
+
+    /// What one ray brings to the observer after the first scattering.
+    fn path(&self, mut from: DVec3, mut along: DVec3, to: DVec3, rng: &mut Rng) -> f64 {
+        let (mut light, mut got) = (1.0, 0.0);
+        for order in 1.. {
+            let Some((t, triangle)) = self.first(from, along) else { break };
+            let normal = triangle.normal;
+            if normal.dot(along) >= 0.0 {
+                break;
+            }
+            let reflects =
+                |o: DVec3| triangle.law.map_or(triangle.rho / PI, |f| f(normal, -along, o));
+            from += t * along;
+            let cos = normal.dot(to);
+            if order > 1 && cos > 0.0 && self.first(from, to).is_none() {
+                got += light * reflects(to) * cos;
+            }
+            // Kept with probability ρ: the light of Lambert surfaces stays what it is.
+            if rng.random::<f64>() >= triangle.rho {
+                break;
+            }
+            let (a, b) = (rng.random::<f64>(), TAU * rng.random::<f64>());
+            let (p, q) = normal.any_orthonormal_pair();
+            let next = a.sqrt() * (b.cos() * p + b.sin() * q) + (1.0 - a).sqrt() * normal;
+            let next = next.normalize();
+            light *= PI * reflects(next) / triangle.rho;
+            along = next;
+        }
+        got
     }
 }
 
@@ -149,39 +182,89 @@ fn bodies(seed: u64) -> Target {
     target
 }
 
-/// Truth: the path tracer above. In random scenes the light is as it says to 4 of its standard errors and what is claimed; a tolerance of 1 %.
-/// The figure is the largest difference in units of both, and of 1e-5 m² sr⁻¹ where rays find nothing at all.
+/// What was found and what is true.
+struct Trial {
+    found: f64,
+    claimed: f64,
+    truth: f64,
+    sigma: f64,
+}
+
+impl Trial {
+    /// Whether the claim holds; two standard errors of the truth and 1e-5 m² sr⁻¹ are nobody's.
+    fn is_covered(&self) -> bool {
+        (self.found - self.truth).abs() <= self.claimed + 2.0 * self.sigma + 1e-5
+    }
+}
+
+/// The chance of so many misses and more where one in twenty is allowed.
+fn chance(misses: usize, count: usize) -> f64 {
+    let (mut term, mut below) = (0.95_f64.powi(count as i32), 0.0);
+    for k in 0..misses {
+        below += term;
+        term *= (count - k) as f64 / (k + 1) as f64 * 0.05 / 0.95;
+    }
+    1.0 - below
+}
+
+/// All light together, relative, and its standard error.
+fn pooled(trials: &[Trial]) -> (f64, f64) {
+    let all: f64 = trials.iter().map(|t| t.truth).sum();
+    let off: f64 = trials.iter().map(|t| t.found - t.truth).sum();
+    let square: f64 = trials.iter().map(|t| t.sigma * t.sigma).sum();
+    (off / all, square.sqrt() / all)
+}
+
+/// All light together is right to this.
+const BIAS: f64 = 0.015;
+
+/// Truth: the path tracer above, whose light of all scenes together is known to 1 % (a tenth of them) or better. In random scenes of bodies and sheets
+/// apart, in each other and face to face the claimed error covers in 95 % of them (misses are as likely as 1 %), and the light of all of them is
+/// right to 1.5 % and three standard errors; the same light 5 % lower would not be.
 #[test]
 fn campaign_bounce_rays() {
-    let mut campaign = Campaign::start("bounce_rays", 60);
-    let (mut worst, mut covered, mut count) = (0.0_f64, 0, 0);
+    let mut campaign = Campaign::start("bounce_rays", 100);
+    let mut trials = Vec::new();
     for seed in campaign.seeds() {
         let target = bodies(seed);
         let mut rng = Rng::seed_from_u64(1000 + seed);
         let sun = direction(&mut rng);
         let to = (sun + 0.9 * direction(&mut rng)).normalize();
         let scene = Scene::new(&target).unwrap();
-        let bounce = Bounce::new(
-            &scene,
-            &BounceOptions { tolerance: 1e-2, seed: 5, ..BounceOptions::default() },
-        )
-        .unwrap();
-        let (truth, sigma) = Rays::new(&target).bounced(sun, to, 150_000, &mut rng);
+        let options = BounceOptions { tolerance: 3e-3, seed: 5, ..BounceOptions::default() };
+        let bounce = Bounce::new(&scene, &options).unwrap();
+        let (truth, sigma) = Rays::new(&target).bounced(sun, to, 600_000, &mut rng);
         let view = View::Distant(to);
         let once = direct(&scene, sun, view);
-        let (found, error) = if bounce.need().needed {
+        let (found, claimed) = if bounce.need().needed {
             grey_light(&bounce, sun, view)
         } else {
             // Left out: the largest share that was met.
             (0.0, bounce.need().bound.unwrap() * once.max(0.05))
         };
-        let off = (found - truth).abs() / (error + 4.0 * sigma + 1e-5);
-        eprintln!("{seed}: {found:.5} of {truth:.5} ± {sigma:.1e}, claimed {error:.1e}");
-        worst = worst.max(off);
-        covered += u32::from(off <= 1.0);
-        count += 1;
+        let trial = Trial { found, claimed, truth, sigma };
+        let mark = if trial.is_covered() { "" } else { " MISSED" };
+        let why = &bounce.need().why;
+        eprintln!(
+            "{seed}: {found:.5} of {truth:.5} ± {sigma:.1e}, claimed {claimed:.1e}{mark}; {why}"
+        );
+        trials.push(trial);
     }
-    assert!(f64::from(covered) >= 0.95 * f64::from(count), "{covered} of {count}");
-    campaign.largest("difference_of_claimed", worst);
+    let misses = trials.iter().filter(|t| !t.is_covered()).count();
+    let (bias, sigma) = pooled(&trials);
+    eprintln!("{misses} of {} missed, all light {bias:.4} ± {sigma:.4} off", trials.len());
+    assert!(chance(misses, trials.len()) > 0.01, "{misses} of {}", trials.len());
+    let allowed = BIAS + 3.0 * sigma;
+    assert!(bias.abs() <= allowed, "{bias} ± {sigma}");
+    // So that this means something.
+    trials.iter_mut().for_each(|t| t.found *= 0.95);
+    assert!(pooled(&trials).0.abs() > allowed, "{} ± {sigma}", pooled(&trials).0);
+    campaign.largest("misses", misses as f64);
     campaign.finish();
+}
+
+/// Truth: P(X ≥ 2) of 10 at 0.05 is 1 − 0.95¹⁰ − 10·0.05·0.95⁹ = 0.08614.
+#[test]
+fn chances_of_misses() {
+    assert!((chance(2, 10) - 0.086_14).abs() < 1e-5 && chance(0, 60) == 1.0);
 }

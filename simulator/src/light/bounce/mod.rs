@@ -11,19 +11,26 @@
 //! Both use one geometry for all wavelengths; terms are hat functions between a few nodes. What hides what is as in single scattering: sheets
 //! reflect with their front and hide with both sides, insides of closed bodies are dark. The Sun is a point here.
 //!
+//! Cylinders, cones, dishes and bent triangles are not met as such: [`stand_in`] gives a target of facets for them and what these may change.
+//!
 //! Not found: light that a perfect mirror gets from the Sun and another perfect mirror sends to the observer, whatever is between.
 
 mod bound;
 mod cast;
+mod claim;
 mod nodes;
 mod optics;
 mod patches;
 mod paths;
 mod pilot;
+mod split;
 mod still;
 mod surfaces;
 mod tracing;
 mod transport;
+mod twin;
+
+pub use twin::{StandIn, stand_in};
 
 use super::{DirectionError, Effect, Lighting, Need, Scene, Source, Term, View};
 use crate::light::occlude::Toward;
@@ -92,6 +99,7 @@ pub struct Bounce<'a> {
     nodes: Option<Nodes>,
     terms: Vec<Term>,
     way: Way,
+    shape_error: f64,
 }
 
 #[derive(Debug, Clone)]
@@ -107,6 +115,7 @@ enum Way {
 pub(in crate::light) struct Prepared {
     way: Way,
     terms: usize,
+    shape_error: f64,
 }
 
 impl Prepared {
@@ -117,7 +126,7 @@ impl Prepared {
             Way::Still(still) => Room::Still(Box::new(StillLight::new(scene, still.clone()))),
             Way::Paths(plan) => Room::Paths(Box::new(Tracing::new(scene, plan.clone()))),
         };
-        BounceLight { way, terms: self.terms }
+        BounceLight { way, terms: self.terms, shape_error: self.shape_error }
     }
 }
 
@@ -135,7 +144,14 @@ impl<'a> Bounce<'a> {
         let bound = Bound::new(scene, &surfaces.list);
         let nothing = |bound: Option<f64>, why: String| {
             let need = Need { effect: EFFECT, needed: false, bound, why, cost_s: None };
-            Ok(Self { scene, need, nodes: None, terms: Vec::new(), way: Way::Nothing })
+            Ok(Self {
+                scene,
+                need,
+                nodes: None,
+                terms: Vec::new(),
+                way: Way::Nothing,
+                shape_error: 0.0,
+            })
         };
         if bound.active.is_empty() {
             return nothing(Some(0.0), "no surface stands before the front of another".into());
@@ -189,7 +205,18 @@ impl<'a> Bounce<'a> {
             why: format!("{measured}; {how}, {} wavelengths", nodes.nm.len()),
             cost_s: Some(cost_s),
         };
-        Ok(Self { scene, need, nodes: Some(nodes), terms, way })
+        Ok(Self { scene, need, nodes: Some(nodes), terms, way, shape_error: 0.0 })
+    }
+
+    /// Adds a relative error to all that is claimed: that of the facets of a [`StandIn`].
+    #[must_use]
+    pub fn with_shape_error(mut self, relative: f64) -> Self {
+        self.shape_error = relative;
+        if relative > 0.0 {
+            let percent = 100.0 * relative;
+            self.need.why += &format!("; facets for curved parts may change {percent:.1} % of it");
+        }
+        self
     }
 
     /// What it needs, and why. The bound is on the light over all directions, relative to what is scattered once; where it was left out after a measurement, the
@@ -215,7 +242,7 @@ impl<'a> Bounce<'a> {
 
     /// What was prepared, for whoever keeps the scene elsewhere.
     pub(in crate::light) fn prepared(&self) -> Prepared {
-        Prepared { way: self.way.clone(), terms: self.terms.len() }
+        Prepared { way: self.way.clone(), terms: self.terms.len(), shape_error: self.shape_error }
     }
 }
 
@@ -227,6 +254,7 @@ const EFFECT: &str = "inter-reflection";
 pub struct BounceLight<'a> {
     way: Room<'a>,
     terms: usize,
+    shape_error: f64,
 }
 
 #[derive(Debug)]
@@ -249,11 +277,15 @@ impl Effect for BounceLight<'_> {
             }
         }
         let (sun, eye) = directions(lighting.sun_body, lighting.view)?;
+        // What was there before is not this light's.
+        let shapes = self.shape_error;
+        errors.iter_mut().zip(&*weights).for_each(|(e, w)| *e -= shapes * w);
         match &mut self.way {
             Room::Nothing => {}
             Room::Still(light) => light.add(sun, eye, weights, errors),
             Room::Paths(light) => light.add(sun, eye, weights, errors),
         }
+        errors.iter_mut().zip(&*weights).for_each(|(e, w)| *e += shapes * w);
         Ok(())
     }
 }

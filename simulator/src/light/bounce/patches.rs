@@ -1,16 +1,23 @@
 //! Surfaces in cells, and how much of each cell a set of polygons fills.
 
-use super::surfaces::{Outline, Surface, in_polygon};
+use super::split::{Piece, beyond, line};
+use super::surfaces::in_polygon;
 use crate::light::clip::{self, P2};
+use std::ops::Range;
 
 /// Cells smaller than this, of their surface, are left out: slivers at a slanted edge.
 const SLIVER: f64 = 1e-9;
 
-/// A surface in cells along its longest edge.
+/// Pieces of a surface narrower than this, of the size of the cells, are not divided.
+const NARROW: f64 = 0.35;
+
+/// A surface, or a piece of it, in cells along its longest edge.
 #[derive(Debug, Clone)]
 pub struct Cells {
     /// Number of the surface.
     pub surface: usize,
+    /// The edges of the piece in the surface's axes, positive inside.
+    edges: Vec<[f64; 3]>,
     /// First axis of the cells, in the surface's axes.
     axis: P2,
     low: P2,
@@ -52,15 +59,28 @@ impl Patch {
 }
 
 impl Patches {
-    /// Polygons in cells of at most `size_m`, an even number along each side that takes more than one.
-    pub fn new(surfaces: &[Surface], chosen: &[usize], size_m: f64) -> Self {
+    /// Pieces (those of one surface one after the other) in cells of at most `size_m`, an even number along each side that takes more than one.
+    pub fn new(pieces: &[Piece], size_m: f64) -> Self {
         let mut patches = Self::default();
-        for &surface in chosen {
-            if let Outline::Polygon(corners) = &surfaces[surface].shape {
-                patches.add(surface, corners, size_m);
-            }
+        for piece in pieces {
+            patches.add(piece.surface, &piece.corners, size_m);
         }
         patches
+    }
+
+    /// The patch at a point of a surface (its axes), whose cells are these.
+    pub fn at(&self, cells: Range<usize>, p: P2) -> Option<usize> {
+        let cells = &self.cells[cells];
+        let cells = match cells {
+            [alone] => alone,
+            _ => cells.iter().max_by(|a, b| a.depth(p).total_cmp(&b.depth(p)))?,
+        };
+        cells.at(p)
+    }
+
+    /// The lists of cells of each surface that has any.
+    pub fn of_surfaces(&self) -> impl Iterator<Item = &[Cells]> {
+        self.cells.chunk_by(|a, b| a.surface == b.surface)
     }
 
     fn add(&mut self, surface: usize, corners: &[P2], size_m: f64) {
@@ -76,12 +96,15 @@ impl Patches {
         let ring: Vec<P2> = corners.iter().map(|p| turned(axis, *p)).collect();
         let bounds = clip::bounds(&ring);
         let size = [bounds[2] - bounds[0], bounds[3] - bounds[1]];
-        let count =
-            size.map(|s| if s <= size_m { 1 } else { 2 * (0.5 * s / size_m).ceil() as usize });
+        let count = size
+            .map(|s| if s <= NARROW * size_m { 1 } else { 2 * (0.5 * s / size_m).ceil() as usize });
         let step = [size[0] / count[0] as f64, size[1] / count[1] as f64];
         let number = self.cells.len();
         let mut cells = Cells {
             surface,
+            edges: (0..corners.len())
+                .map(|k| line(corners[k], corners[(k + 1) % corners.len()]))
+                .collect(),
             axis,
             low: [bounds[0], bounds[1]],
             step,
@@ -131,7 +154,13 @@ pub struct Room {
 }
 
 impl Cells {
-    /// The patch at a point of the surface (its axes), if there is one.
+    /// How far within the piece a point of the surface (its axes) lies, m; below 0 outside.
+    pub fn depth(&self, p: P2) -> f64 {
+        let depth = |e: &[f64; 3]| e[0] * p[0] + e[1] * p[1] + e[2];
+        self.edges.iter().map(depth).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The patch at a point of the piece (the surface's axes), if there is one.
     pub fn at(&self, p: P2) -> Option<usize> {
         let p = turned(self.axis, p);
         let cell = |k: usize| {
@@ -171,11 +200,22 @@ impl Cells {
         }
     }
 
-    /// Adds to each patch the area (m²) of a convex polygon (surface's axes) within it.
-    pub fn share(&self, polygon: &[P2], room: &mut Room, out: &mut [f64]) {
+    /// Adds to each patch the area (m²) of a convex polygon (of the surface, in its axes) within it; `whole` where the piece is the whole surface.
+    pub fn share(&self, polygon: &[P2], whole: bool, room: &mut Room, out: &mut [f64]) {
         let mut ring = std::mem::take(&mut room.ring);
         ring.clear();
-        ring.extend(polygon.iter().map(|p| turned(self.axis, *p)));
+        ring.extend_from_slice(polygon);
+        if !whole {
+            for edge in &self.edges {
+                beyond(&ring, *edge, &mut room.spare);
+                std::mem::swap(&mut ring, &mut room.spare);
+            }
+        }
+        if ring.len() < 3 {
+            room.ring = ring;
+            return;
+        }
+        ring.iter_mut().for_each(|p| *p = turned(self.axis, *p));
         let bounds = clip::bounds(&ring);
         let range = |axis: usize| {
             let cell = |x: f64| {
@@ -230,7 +270,8 @@ fn half(ring: &[P2], axis: usize, at: f64, sign: f64, out: &mut Vec<P2>) {
 mod tests {
     use super::*;
     use crate::light::Scene;
-    use crate::light::bounce::surfaces::Surfaces;
+    use crate::light::bounce::split;
+    use crate::light::bounce::surfaces::{Outline, Surfaces};
     use crate::target::Target;
 
     /// Truth: areas add up. The cells of a surface cover it, and what they take of a smaller polygon is that polygon: 1e-12 of the surface.
@@ -242,19 +283,25 @@ mod tests {
             let surfaces = Surfaces::new(&scene);
             let all: Vec<usize> = (0..surfaces.list.len()).collect();
             for size in [10.0, 0.3, 0.07] {
-                let patches = Patches::new(&surfaces.list, &all, size);
+                let pieces = split::pieces(&surfaces.list, &all, scene.touching_m).unwrap();
+                let patches = Patches::new(&pieces, size);
                 let mut room = Room::default();
-                for cells in &patches.cells {
-                    let surface = &surfaces.list[cells.surface];
-                    let area: f64 = cells.patches().map(|p| patches.list[p].area).sum();
+                for list in patches.of_surfaces() {
+                    let surface = &surfaces.list[list[0].surface];
+                    let own = || list.iter().flat_map(|cells| cells.patches());
+                    let area: f64 = own().map(|p| patches.list[p].area).sum();
                     assert!((area / surface.area - 1.0).abs() < 1e-8, "{name} {size}");
                     let Outline::Polygon(corners) = &surface.shape else { continue };
                     let small: Vec<P2> =
                         corners.iter().map(|p| [0.4 * p[0] + 0.1, 0.5 * p[1] - 0.05]).collect();
                     let mut out = vec![0.0; patches.list.len()];
-                    // The polygon may reach over the edge of another shape: the same in both.
-                    cells.share(corners, &mut room, &mut out);
-                    for p in cells.patches() {
+                    let whole = list.len() == 1;
+                    let mut share = |polygon: &[P2], out: &mut [f64]| {
+                        list.iter().for_each(|cells| cells.share(polygon, whole, &mut room, out));
+                    };
+                    share(corners, &mut out);
+                    for p in own() {
+                        let cells = &patches.cells[patches.list[p].cells];
                         let truth = patches.list[p].area;
                         assert!((out[p] - truth).abs() < 1e-12 * surface.area, "{name} {size}");
                         let q = patches.list[p].even(0.37, 0.8);
@@ -267,9 +314,12 @@ mod tests {
                     }
                     if name == "corner" {
                         out.fill(0.0);
-                        cells.share(&small, &mut room, &mut out);
+                        share(&small, &mut out);
                         let sum: f64 = out.iter().sum();
-                        let inside = small.iter().all(|p| cells.at(*p).is_some());
+                        let inside = small.iter().all(|p| {
+                            list.iter()
+                                .any(|cells| cells.depth(*p) >= 0.0 && cells.at(*p).is_some())
+                        });
                         let error = (sum - clip::area(&small)).abs();
                         assert!(!inside || error < 1e-12 * surface.area, "{error}");
                     }

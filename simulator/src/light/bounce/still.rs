@@ -3,16 +3,19 @@
 use super::BounceOptions;
 use super::bound::Bound;
 use super::cast::Caster;
+use super::claim::{Claim, Trial};
 use super::nodes::Nodes;
 use super::optics::Optics;
 use super::patches::{Patches, Room};
 use super::paths::{Paths, Sums, mixed};
 use super::pilot::Pilot;
+use super::split;
 use super::surfaces::Surfaces;
 use super::transport::{self, Exchange, MOST_RAYS, Matrix, SCRAMBLES};
 use crate::light::occlude::Toward;
 use crate::light::{Evaluator, Scene};
 use glam::DVec3;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// More surfaces than this are left to paths.
@@ -32,7 +35,7 @@ const CLAIMED: f64 = 2.5;
 /// Of the difference that patches of twice the size make, what is left: they converge with the square of the size at best. Held by the tests.
 const DIFFERENCE: f64 = 1.0;
 /// Paths of each pair and scramble against which patches are held.
-const AGREEING: u32 = 128;
+const AGREEING: u32 = 512;
 /// Of the tolerance, the part that patches and rays may take each.
 const OF_TOLERANCE: f64 = 0.5;
 
@@ -51,6 +54,7 @@ pub struct Still {
     scrambles: Vec<Matrix>,
     mean: Matrix,
     rays: u32,
+    claim: Claim,
 }
 
 impl Still {
@@ -80,18 +84,22 @@ impl Still {
         let area: f64 = active.iter().map(|k| surfaces.list[*k].area).sum();
         let caster = Caster::new(&surfaces.list, scene.touching_m);
         let brightest = brightest(&optics, surfaces, active);
+        let pieces = split::pieces(&surfaces.list, active, scene.touching_m)?;
         let mut size = (area / FIRST_CELLS).sqrt();
         let seed = mixed(options.seed, 0x5e);
         let target = OF_TOLERANCE * options.tolerance;
         loop {
-            let patches = Patches::new(&surfaces.list, active, size);
+            let patches = Patches::new(&pieces, size);
+            if patches.list.len() > MOST_PATCHES {
+                return None;
+            }
             let mut draft = Draft::new(scene, surfaces, patches, &optics, brightest);
             let mut rays = LEAST_RAYS;
             draft.shoot(&caster, rays, seed);
             let enough = draft.coarseness(pilot) <= target;
             // Many rays are worth their time for the last size alone.
             let last = enough || {
-                let next = Patches::new(&surfaces.list, active, size / FINER).list.len();
+                let next = Patches::new(&pieces, size / FINER).list.len();
                 next > MOST_PATCHES || next * next * nodes.nm.len() > MOST_NUMBERS
             };
             while last && draft.noise(pilot) > target && rays < MOST_RAYS {
@@ -99,11 +107,10 @@ impl Still {
                 draft.shoot(&caster, rays, seed);
             }
             if last {
-                // Where bodies reach into each other, patches may be wrong by more than their size tells: then paths do it.
-                if !draft.agrees(pilot, &caster, active, scene, nodes.nm[brightest], options.seed) {
-                    return None;
-                }
-                return Some(draft.finish(&optics, nodes));
+                // Where patches are wrong by more than their size tells, paths do it.
+                let nm = nodes.nm[brightest];
+                let claim = draft.held(pilot, &caster, active, scene, nm, options.seed)?;
+                return Some(draft.finish(&optics, nodes, claim));
             }
             size /= FINER;
         }
@@ -112,7 +119,9 @@ impl Still {
     /// In words.
     pub fn describe(&self) -> String {
         let rays = self.rays as usize * SCRAMBLES;
-        format!("{} patches, form factors by {rays} rays each", self.patches.list.len())
+        let (patches, left) =
+            (self.patches.list.len(), 100.0 * self.claim.scale * self.claim.typical);
+        format!("{patches} patches that leave {left:.1} % of it, form factors by {rays} rays each")
     }
 
     /// About a nanosecond for two numbers of a matrix, a tenth of a microsecond for a patch.
@@ -155,7 +164,8 @@ struct Draft<'a> {
     surfaces: Surfaces,
     patches: Patches,
     exchange: Exchange,
-    of_surface: Vec<usize>,
+    /// The cells of each surface.
+    of_surface: Vec<Range<usize>>,
     /// Reflectances of the patches and the larger ones at the brightest node.
     rho: [Vec<f64>; 2],
     areas: [Vec<f64>; 2],
@@ -171,9 +181,11 @@ impl<'a> Draft<'a> {
         optics: &Optics,
         node: usize,
     ) -> Self {
-        let mut of_surface = vec![usize::MAX; surfaces.list.len()];
-        for (k, cells) in patches.cells.iter().enumerate() {
-            of_surface[cells.surface] = k;
+        let mut of_surface = vec![0..0; surfaces.list.len()];
+        let mut first = 0;
+        for list in patches.of_surfaces() {
+            of_surface[list[0].surface] = first..first + list.len();
+            first += list.len();
         }
         let rho = reflectances(&patches, surfaces, optics, node);
         let exchange = Exchange::new(&patches);
@@ -225,8 +237,8 @@ impl<'a> Draft<'a> {
         rms.get()
     }
 
-    /// Whether light paths find as much light over all pairs, within the errors of both.
-    fn agrees(
+    /// What patches may claim, held against light paths over all pairs; `None` where these find other light by more than the patches' size explains.
+    fn held(
         &self,
         pilot: &Pilot,
         caster: &Caster,
@@ -234,18 +246,16 @@ impl<'a> Draft<'a> {
         scene: &Scene,
         nm: f64,
         seed: u32,
-    ) -> bool {
+    ) -> Option<Claim> {
         let s = self.exchange.matrix(&self.patches);
-        let Some([fine, coarse]) = both(&s, &self.patches, &self.areas, &self.rho) else {
-            return false;
-        };
+        let [fine, coarse] = both(&s, &self.patches, &self.areas, &self.rho)?;
         let mut optics = Optics::new(scene.materials(), &[nm]);
         let mut views = Views::new(self.scene, &self.patches);
-        let (mut apart, mut claimed, mut square) = (0.0, 0.0, 0.0);
+        let mut trials = Vec::with_capacity(pilot.pairs.len());
         for pair in &pilot.pairs {
             let to = Toward::Far(pair.to);
             views.set(&self.surfaces, &self.patches, &self.areas, pair.sun, to);
-            let (light, error) = views.light(&fine, &coarse);
+            let (light, left) = views.light(&fine, &coarse);
             let mut sums = Sums::new(1);
             let mut paths = Paths {
                 surfaces: &self.surfaces,
@@ -257,14 +267,13 @@ impl<'a> Draft<'a> {
             };
             paths.trace(pair.sun, to, AGREEING, &mut sums);
             let (found, sigma) = sums.bounced(0);
-            apart += light - found;
-            claimed += error + noise(&views, &self.mean, &self.scrambles) * light;
-            square += sigma * sigma;
+            let noise = noise(&views, &self.mean, &self.scrambles) * light;
+            trials.push(Trial { light, left, noise, found, sigma });
         }
-        f64::abs(apart) <= claimed + 3.0 * square.sqrt()
+        Claim::of(&trials)
     }
 
-    fn finish(self, optics: &Optics, nodes: &Nodes) -> Still {
+    fn finish(self, optics: &Optics, nodes: &Nodes, claim: Claim) -> Still {
         let s = self.exchange.matrix(&self.patches);
         let (mut fine, mut coarse) = (Vec::new(), Vec::new());
         for node in 0..nodes.nm.len() {
@@ -278,6 +287,7 @@ impl<'a> Draft<'a> {
         Still {
             nodes: nodes.clone(),
             rays: self.exchange.rays,
+            claim,
             surfaces: self.surfaces,
             patches: self.patches,
             areas: self.areas,
@@ -370,8 +380,9 @@ impl<'a> Views<'a> {
             fine.fill(0.0);
             coarse.fill(0.0);
             self.evaluator.prepare(toward);
-            for cells in &patches.cells {
-                let surface = &surfaces.list[cells.surface];
+            for list in patches.of_surfaces() {
+                let surface = &surfaces.list[list[0].surface];
+                let own = || list.iter().flat_map(|cells| cells.patches());
                 // In front of the plane, from wherever it is looked at.
                 let height = match toward {
                     Toward::Far(d) => d.dot(surface.normal),
@@ -381,12 +392,16 @@ impl<'a> Views<'a> {
                     continue;
                 }
                 match self.evaluator.open(surface.number, toward) {
-                    None => cells.patches().for_each(|p| fine[p] = patches.list[p].area),
-                    Some(pieces) => {
-                        pieces.iter().for_each(|piece| cells.share(piece, &mut self.room, fine));
+                    None => own().for_each(|p| fine[p] = patches.list[p].area),
+                    Some(open) => {
+                        for (polygon, cells) in
+                            open.iter().flat_map(|o| list.iter().map(move |c| (o, c)))
+                        {
+                            cells.share(polygon, list.len() == 1, &mut self.room, fine);
+                        }
                     }
                 }
-                for p in cells.patches() {
+                for p in own() {
                     if fine[p] == 0.0 {
                         continue;
                     }
@@ -437,6 +452,7 @@ impl<'a> StillLight<'a> {
         for (s, (fine, coarse)) in still.fine.iter().zip(&still.coarse).enumerate() {
             let (light, left) = self.views.light(fine, coarse);
             weights[s] += light;
+            let left = still.claim.of_size(light, left);
             errors[s] += left + (noise + still.nodes.error + 1e-7) * light;
         }
     }

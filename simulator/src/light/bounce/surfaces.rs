@@ -194,7 +194,7 @@ impl Surfaces {
             });
         }
         for (number, round) in scene.rounds.iter().enumerate() {
-            // Other curved parts stand here as facets (see `Bounce::stand_in`).
+            // Other curved parts stand here as facets (see [`super::stand_in`]).
             let Some(radius) = round.sphere else { continue };
             base.push(Surface {
                 number,

@@ -10,6 +10,7 @@ use super::patches::Patches;
 use super::paths::mixed;
 use super::surfaces::Surfaces;
 use std::f64::consts::{FRAC_1_PI, PI};
+use std::ops::Range;
 
 /// Scrambles that do not know of each other.
 pub const SCRAMBLES: usize = 8;
@@ -58,7 +59,7 @@ impl Exchange {
         surfaces: &Surfaces,
         caster: &Caster,
         patches: &Patches,
-        of_surface: &[usize],
+        of_surface: &[Range<usize>],
         until: u32,
         seed: u32,
     ) {
@@ -81,14 +82,14 @@ impl Exchange {
                         continue;
                     }
                     let Some(hit) = caster.first(&ray).filter(|h| h.front) else { continue };
-                    let cells = of_surface[hit.surface];
-                    if cells == usize::MAX {
+                    let cells = of_surface[hit.surface].clone();
+                    if cells.is_empty() {
                         continue;
                     }
                     let other = &surfaces.list[hit.surface];
                     let there = at + hit.distance * along - other.origin;
                     let there = [there.dot(other.tangent), there.dot(other.bitangent)];
-                    let Some(q) = patches.cells[cells].at(there) else { continue };
+                    let Some(q) = patches.at(cells, there) else { continue };
                     self.hits[p * self.count + q] += 1;
                     let (a, b) = (patch.coarse, patches.list[q].coarse);
                     self.scrambles[scramble][a * self.coarse + b] += patch.area;

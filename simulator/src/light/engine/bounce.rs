@@ -8,14 +8,9 @@
 
 use super::fill::Fill;
 use super::{Answer, Doubt, Options, Part, Question, Seen};
-use crate::light::bounce::{Bounce, BounceOptions, Prepared};
+use crate::light::bounce::{Bounce, BounceOptions, Prepared, stand_in};
 use crate::light::{Effect, Need, Scene, SceneError, Source};
-use crate::mesh::shapes::{Faceting, icosphere};
-use crate::target::{Shape, Target};
 use std::f64::consts::FRAC_1_PI;
-
-/// Divisions of a sphere that stands among other curved parts.
-const SUBDIVISIONS: u32 = 2;
 
 pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     let (body, options) = (question.body, question.options);
@@ -59,10 +54,14 @@ fn modelled(question: &Question) -> Result<Option<Answer>, SceneError> {
         most_paths: MOST_PATHS,
         ..BounceOptions::default()
     };
-    let own = stand_in(question.target).map(|target| Scene::new(&target)).transpose()?;
-    let Ok(bounce) = Bounce::new(own.as_ref().unwrap_or(question.scene), &options) else {
+    let twin = stand_in(question.target);
+    let own = twin.as_ref().map(|twin| Scene::new(&twin.target)).transpose()?;
+    let Ok(mut bounce) = Bounce::new(own.as_ref().unwrap_or(question.scene), &options) else {
         return Ok(None);
     };
+    if let Some(twin) = &twin {
+        bounce = bounce.with_shape_error(twin.error);
+    }
     let mut need = bounce.need().clone();
     if own.is_some() {
         need.why.push_str("; curved parts stand as facets in this");
@@ -75,27 +74,6 @@ fn modelled(question: &Question) -> Result<Option<Answer>, SceneError> {
     let terms = bounce.terms().to_vec();
     let part = Bounces { prepared: bounce.prepared(), own };
     Ok(Some(Answer { need, part: Some((terms, Box::new(part))), doubt: None }))
-}
-
-/// The target with what is curved and no sphere alone in flat facets; `None` where there is nothing of that kind.
-fn stand_in(target: &Target) -> Option<Target> {
-    let bent = |shape: &Shape| match shape {
-        Shape::Mesh(mesh) => !mesh.normals.is_empty(),
-        Shape::Curved(_) => true,
-        Shape::Sphere { .. } => false,
-    };
-    if !target.parts.iter().any(|p| bent(&p.shape)) {
-        return None;
-    }
-    let mut twin = target.clone();
-    for part in &mut twin.parts {
-        part.shape = Shape::Mesh(match &part.shape {
-            Shape::Mesh(mesh) => mesh.clone().flat(),
-            Shape::Curved(shape) => shape.mesh().flat(),
-            Shape::Sphere { radius_m } => icosphere(*radius_m, SUBDIVISIONS, Faceting::SameArea),
-        });
-    }
-    Some(twin)
 }
 
 /// All bounces.
