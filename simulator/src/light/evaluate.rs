@@ -6,7 +6,7 @@ use super::geometry::{Geometry, Motion};
 use super::grid::Grid;
 use super::large;
 use super::occlude::{Kind, Plane, Room, Toward, toward, unit};
-use super::scene::Scene;
+use super::scene::{Facet, Scene};
 use super::{View, near};
 use glam::DVec3;
 use std::borrow::Cow;
@@ -365,12 +365,7 @@ impl<'a> Evaluator<'a> {
         let material = &scene.materials[facet.material as usize];
         let (u, v) = (self.now.tangent[i], self.now.bitangent[i]);
         let sun = DVec3::new(u.dot(sun), v.dot(sun), cos_i);
-        let rounding = if cut {
-            let width = scene.touching_m.max(1e-15 * facet.radius);
-            1e-15 * facet.area + 1e-4 * width * facet.radius + self.work.outlines_m2
-        } else {
-            0.0
-        };
+        let rounding = if cut { self.cut_rounding_m2(facet) } else { 0.0 };
         match eye {
             Toward::Far(d) => {
                 let to = DVec3::new(u.dot(d), v.dot(d), cos_o);
@@ -404,6 +399,14 @@ impl<'a> Evaluator<'a> {
                 }
             }
         }
+    }
+}
+
+impl Evaluator<'_> {
+    /// What the area of the facet that was cut last may be off by, m².
+    pub(super) fn cut_rounding_m2(&self, facet: &Facet) -> f64 {
+        let width = self.scene.touching_m.max(1e-15 * facet.radius);
+        1e-15 * facet.area + 1e-4 * width * facet.radius + self.work.outlines_m2
     }
 }
 

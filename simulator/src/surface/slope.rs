@@ -1,8 +1,8 @@
 //! How a material's weights change with the two directions and with roughness.
 //!
 //! Lambert and microfacets: the same formulas as the weights, in dual numbers. All other laws: central differences of the sixth order over
-//! steps of a fiftieth of the law's narrowest lobe, with the difference to the fourth order as error. A table has kinks at its nodes, and there
-//! the difference of its two sides shows in that error.
+//! steps of a fiftieth of the law's narrowest lobe, with the difference to the fourth order as error. A table has kinks at its nodes, and
+//! there the difference of its two sides shows in that error.
 
 use super::real::{Dual, Real as _};
 use super::{Lobe, Material, Model};
@@ -26,6 +26,19 @@ pub(crate) struct Slope {
 
 /// The derivatives of all weights of a material, one for each spectrum.
 pub(crate) type Slopes = Vec<Slope>;
+
+/// A sphere's weight and its derivative by the phase angle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PhaseSlope {
+    /// The weight, m² sr⁻¹ of a sphere of 1 m.
+    pub value: f64,
+    /// How far it may be off.
+    pub value_error: f64,
+    /// The derivative, m² sr⁻¹ rad⁻¹.
+    pub rate: f64,
+    /// How far it may be off.
+    pub rate_error: f64,
+}
 
 /// Coefficients of central differences at 1, 2, 3 steps, of the sixth and of the fourth order.
 const SIXTH: [f64; 3] = [0.75, -0.15, 1.0 / 60.0];
@@ -54,7 +67,8 @@ pub(crate) fn central(
 }
 
 impl Material {
-    /// Weights and derivatives for light from `i` to `o`, unit vectors above the horizon in the surface's axes, as in [`Material::add_weights`].
+    /// Weights and derivatives for light from `i` to `o`, unit vectors above the horizon in the surface's axes, as in
+    /// [`Material::add_weights`].
     pub(crate) fn slopes(&self, i: DVec3, o: DVec3) -> Slopes {
         match &self.model {
             Model::Lambert => vec![Slope { value: FRAC_1_PI, ..Slope::default() }],
@@ -128,9 +142,9 @@ impl Material {
         slopes
     }
 
-    /// The weights \[m² sr⁻¹\] of a sphere of 1 m radius, their derivatives by the phase angle (radians) and the errors of these: Lambert
+    /// The weights \[m² sr⁻¹\] of a sphere of 1 m radius and their derivatives by the phase angle (radians): Lambert
     /// −2/(3π) (π − γ) sin γ, all others by differences.
-    pub(crate) fn sphere_slopes(&self, phase_rad: f64) -> Vec<(f64, f64, f64)> {
+    pub(crate) fn sphere_slopes(&self, phase_rad: f64) -> Vec<PhaseSlope> {
         let count = self.spectra.len();
         let mut values = vec![0.0; count];
         // Neither an angle out of range nor a tangent: as in the sum, the scene was checked.
@@ -140,7 +154,8 @@ impl Material {
         let relative = put(phase_rad, 1.0, &mut values);
         if self.is_lambert() {
             let rate = -2.0 / 3.0 * FRAC_1_PI * (PI - phase_rad) * phase_rad.sin();
-            return vec![(values[0], rate, 0.0)];
+            let value = values[0];
+            return vec![PhaseSlope { value, value_error: 0.0, rate, rate_error: 0.0 }];
         }
         let room = phase_rad.min(PI - phase_rad);
         let step = (0.3 * room).clamp(1e-7, 5e-3);
@@ -148,7 +163,11 @@ impl Material {
             put(phase_rad + x, scale, row);
         });
         let with = values.iter().zip(found);
-        with.map(|(v, (rate, error))| (*v, rate, error + relative * v / step)).collect()
+        with.map(|(&value, (rate, error))| {
+            let value_error = relative * value;
+            PhaseSlope { value, value_error, rate, rate_error: error + value_error / step }
+        })
+        .collect()
     }
 }
 

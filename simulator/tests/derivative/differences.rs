@@ -84,8 +84,8 @@ fn check(name: &str, target: &Target, count: u64) {
     assert!(kinks * 20 < compared, "{name}: {kinks} kinks of {compared}");
 }
 
-/// Truth: Richardson's extrapolation of differences of the exact sum, at three steps. 1e-6 of W + |dW| for each weight; where no step converges to
-/// 3e-7 there is a kink within 0.25 mrad, and that is less than one in 20.
+/// Truth: Richardson's extrapolation of differences of the exact sum, at three steps. 1e-6 of W + |dW| for each weight; where no step
+/// converges to 3e-7 there is a kink within 0.25 mrad, and that is less than one in 20.
 #[test]
 fn built_in_bodies() {
     for name in ["box_wing", "box_wing_diffuse", "corner", "hexagon"] {
@@ -108,6 +108,22 @@ fn boxes_in_each_other() {
         let (compared, kinks, worst) = compare(&target, 100 * seed..100 * seed + 8);
         assert!(kinks * 8 < compared, "{seed}: {kinks} kinks of {compared}, worst {worst:.1e}");
     }
+}
+
+/// Truth: as above; so many small boxes over a floor that its outline is halved to share their shadows out.
+#[test]
+fn many_shadows() {
+    let mut target = Target::default();
+    add(&mut target, boxed(DVec3::new(4.0, 4.0, 0.1)), at(DVec3::ZERO), white());
+    let mut rng = rng(5);
+    for k in 0..30 {
+        let place = DVec3::new(f64::from(k % 6) - 2.5, f64::from(k / 6) - 2.0, 0.4);
+        let size = 0.3 * direction(&mut rng).abs() + 0.1;
+        add(&mut target, boxed(size), at(0.6 * place + 0.1 * direction(&mut rng)), white());
+    }
+    let (compared, kinks, worst) = compare(&target, 0..20);
+    eprintln!("many shadows: {compared} derivatives, worst {worst:.1e}, {kinks} at kinks");
+    assert!(kinks * 3 < compared, "{kinks} kinks of {compared}");
 }
 
 /// Five boxes in each other, every second one without a side.

@@ -37,8 +37,8 @@ fn tilted_plate() {
     }
 }
 
-/// Truth: the shadow of a straight edge at height H over a plate of 1 m², the Sun at angle a from the plate's normal: what is lit begins at x = X − H tan a, so
-/// W = (½ − X + H tan a) cos a cosθ_o/π, and dW/da by hand; the same with Sun and observer exchanged. Rounding.
+/// Truth: the shadow of a straight edge at height H over a plate of 1 m², the Sun at angle a from the plate's normal: what is lit begins
+/// at x = X − H tan a, so W = (½ − X + H tan a) cos a cosθ_o/π, and dW/da by hand; the same with Sun and observer exchanged. Rounding.
 #[test]
 fn plate_half_shaded_by_an_edge() {
     for (height, edge, a) in
@@ -111,8 +111,8 @@ fn rough_plate_square() {
     }
 }
 
-/// Truth: of a small plate at range r straight above it, W/|view|² = A/(π r²) to (size/r)²; so W does not change with the range, and with a shift aside
-/// only in second order. Differences, 1e-6 of W per unit, and the error says so.
+/// Truth: of a small plate at range r straight above it, W/|view|² = A/(π r²) to (size/r)²; so W does not change with the range, and with
+/// a shift aside only in second order. Differences, 1e-6 of W per unit, and the error says so.
 #[test]
 fn observer_at_a_point() {
     let mut target = Target::default();

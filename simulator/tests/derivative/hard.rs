@@ -45,8 +45,8 @@ fn one_sided_at_the_horizon() {
     }
 }
 
-/// Truth: two sheets side by side throw the shadow of one: the seam between them, where two edges coincide, counts for nothing; and one behind another
-/// with the same edge in the Sun counts once. The closed form of a plate half shaded by an edge. 1e-12.
+/// Truth: two sheets side by side throw the shadow of one: the seam between them, where two edges coincide, counts for nothing; and one
+/// behind another with the same edge in the Sun counts once. The closed form of a plate half shaded by an edge. 1e-12.
 #[test]
 fn coincident_edges_count_once() {
     let (height, edge) = (1.0, 0.1);

@@ -45,8 +45,8 @@ fn fourth(f: &mut dyn FnMut(f64) -> Vec<f64>, h: f64) -> Vec<f64> {
     (0..v[0].len()).map(one).collect()
 }
 
-/// Truth: differences of the sum by the Sun's and the observer's direction (fourth order, 2e-4 rad: 1e-9), for every kind of law. 1e-6 of the largest derivative, or the
-/// error that is stated where the law itself is differentiated numerically.
+/// Truth: differences of the sum by the Sun's and the observer's direction (fourth order, 2e-4 rad: 1e-9), for every kind of law. 1e-6 of
+/// the largest derivative, or the error that is stated where the law itself is differentiated numerically.
 #[test]
 fn laws_by_direction() {
     let ward = Gloss::Ward { alpha_x: 0.2, alpha_y: 0.3, form: WardForm::Bounded };
@@ -92,8 +92,8 @@ fn laws_by_direction() {
     }
 }
 
-/// Truth: differences of the sum between scenes of other roughnesses (fourth order, steps of 1e-3 α: 1e-9). A plate with two roughnesses, a sphere
-/// with one. 1e-7 of the derivative and the error that is stated.
+/// Truth: differences of the sum between scenes of other roughnesses (fourth order, steps of 1e-3 α: 1e-9). A plate with two roughnesses,
+/// a sphere with one. 1e-7 of the derivative and the error that is stated.
 #[test]
 fn roughness() {
     let sun = DVec3::new(0.2, 0.4, 1.0).normalize();

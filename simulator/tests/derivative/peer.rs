@@ -11,8 +11,9 @@ struct Truth {
     rates: [[f64; 3]; 3],
 }
 
-/// The sums of Mitsuba's bench scenes as a plain polygon subtraction in Python makes them (facet by facet, Smith's masking in closed form; numpy
-/// 2.4.6), differentiated by central differences of 1, ½ and ¼ mrad, extrapolated twice; they agree to 1e-9 with those of 4 mrad.
+/// The sums of Mitsuba's bench scenes as a plain polygon subtraction in Python makes them (facet by facet, Smith's masking in closed
+/// form; numpy 2.4.6), differentiated by central differences of 1, ½ and ¼ mrad, extrapolated twice; they agree to 1e-9 with those of 4
+/// mrad.
 const TRUTHS: [Truth; 3] = [
     Truth {
         scene: "box_wing_diffuse",
@@ -44,8 +45,8 @@ fn intensity(scene: &Scene, weights: &[f64]) -> f64 {
     scene.spectra().zip(weights).map(|(s, w)| grey(s).unwrap() * w).sum()
 }
 
-/// Truth: [`TRUTHS`]; among them 0.3734 for the white box-wing about z, where Mitsuba 3.9.1's `prb` gives 0.4649. 1e-8: what the other's differences are worth
-/// (its masking's `erfc` differs by less).
+/// Truth: [`TRUTHS`]; among them 0.3734 for the white box-wing about z, where Mitsuba 3.9.1's `prb` gives 0.4649. 1e-8: what the other's
+/// differences are worth (its masking's `erfc` differs by less).
 #[test]
 fn as_another_program_by_differences() {
     for truth in TRUTHS {
@@ -69,13 +70,14 @@ fn as_another_program_by_differences() {
     assert!((TRUTHS[0].rates[0][2] - 0.3734).abs() < 5e-5);
 }
 
-/// Truth: the same program's sum by the roughness of solar cells, aluminium and foil; 1e-8 as there, twice that where its differences are coarser.
+/// Truth: the same program's sum by the roughness of solar cells, aluminium and foil; 1e-8 as there, twice that where its differences are
+/// coarser.
 #[test]
 fn roughness_as_another_program() {
     let bench = BenchScene::new("box_wing").unwrap();
     let scene = Scene::new(&bench.target).unwrap();
     for (name, truth) in
-        [("solar", 5.268_507_362), ("aluminium", 0.173_516_172_73), ("mli", 0.524_628_725_25)]
+        [("solar_cell", 5.268_507_362), ("aluminium", 0.173_516_172_73), ("mli", 0.524_628_725_25)]
     {
         let material = scene.materials().iter().position(|m| m.name == name).unwrap();
         let parameter = Parameter::Roughness { material, of: Roughness::Alpha };

@@ -22,8 +22,9 @@ pub(super) struct Room {
     next: Vec<(f64, f64)>,
 }
 
-/// Calls `take` with the shadow's number, the edge's number (from corner to the next) and where on it, from 0 to 1, for each part that is exposed. Where edges of two
-/// shadows coincide and run the same way the first shadow's counts; where they run opposite ways, nothing is open between, and none does.
+/// Calls `take` with the shadow's number, the edge's number (from corner to the next) and where on it, from 0 to 1, for each part that is
+/// exposed. Where edges of two shadows coincide and run the same way the first shadow's counts; where they run opposite ways, nothing is
+/// open between, and none does.
 pub(super) fn exposed(
     outline: &[P2],
     shadows: &Polygons,

@@ -44,8 +44,10 @@ impl Evaluator<'_> {
         let slopes = scene.materials[facet.material as usize].slopes(to_sun, to_eye);
         let weights = scene.weights_of(facet.material as usize);
         let cosines = to_sun.z * to_eye.z;
+        let unsure = if cut { self.cut_rounding_m2(facet) } else { 0.0 };
         for (value, slope) in values[weights.clone()].iter_mut().zip(&slopes) {
             *value += area * cosines * slope.value;
+            room.value_error += cosines * slope.value * unsure;
         }
         let hinge = (facet.group as usize).checked_sub(1);
         let count = values.len();

@@ -1,26 +1,29 @@
 //! How the direct light changes with attitude, with the directions of Sun and observer, and with roughness.
 //!
-//! W of a flat facet is A cosθ_i cosθ_o w(ω_i, ω_o), A the area of what is lit and seen of it. The last three factors are differentiated by their
-//! formulas, in dual numbers. A changes because shadows move over the facet, and does so at the rate at which their edges sweep over
-//! what is open: dA = −Σ ∫ v·n ds over the parts of the shadows' edges that lie within the facet and in no other shadow (Reynolds' transport theorem; v the
-//! velocity of the edge, n its normal out of the shadow). An edge's velocity is linear along it, since its ends are points of the body thrown onto the
-//! plane: the integral is its value at the middle. So the derivative is exact as the sum is, shadows and silhouettes included, and one sweep over
-//! the facets serves any number of parameters. Path tracers that differentiate only what is inside of the edges miss this term altogether.
+//! W of a flat facet is A cosθ_i cosθ_o w(ω_i, ω_o), A the area of what is lit and seen of it. The last three factors are differentiated
+//! by their formulas, in dual numbers. A changes because shadows move over the facet, and does so at the rate at which their edges sweep
+//! over what is open: dA = −Σ ∫ v·n ds over the parts of the shadows' edges that lie within the facet and in no other shadow (Reynolds'
+//! transport theorem; v the velocity of the edge, n its normal out of the shadow). An edge's velocity is linear along it, since its ends
+//! are points of the body thrown onto the plane: the integral is its value at the middle. So the derivative is exact as the sum is,
+//! shadows and silhouettes included, and one sweep over the facets serves any number of parameters. Path tracers that differentiate only
+//! what is inside of the edges miss this term altogether.
 //!
 //! # What is differentiated how
-//! - Flat facets of Lambert and microfacet materials, seen from afar: exactly. Hinged parts follow the Sun as they do in the sum, and what they shade and what
-//!   shades them with them; at a stop of its range a hinge stands.
-//! - Other materials: the factor w by central differences of the sixth order in the two directions, with an error ([`Evaluator::derivative_errors`]).
-//! - Spheres with nothing before them, seen from afar: by the phase angle; closed form (Lambert) or differences of that smooth function, with an error.
-//! - All else (other curved parts, spheres that shade or are shaded, bent triangles, observers at a point): central differences of the whole sum,
-//!   with an error; [`Derivation::method`] says so. Where a kink lies within three steps that error is large, and says it.
+//! - Flat facets of Lambert and microfacet materials, seen from afar: exactly. Hinged parts follow the Sun as they do in the sum, and
+//!   what they shade and what shades them with them; at a stop of its range a hinge stands.
+//! - Other materials: the factor w by central differences of the sixth order in the two directions, with an error
+//!   ([`Evaluator::derivative_errors`]).
+//! - Spheres with nothing before them, seen from afar: by the phase angle; closed form (Lambert) or differences of that smooth function,
+//!   with an error.
+//! - All else (other curved parts, spheres that shade or are shaded, bent triangles, observers at a point): central differences of the
+//!   whole sum, with an error; [`Derivation::method`] says so. Where a kink lies within three steps that error is large, and says it.
 //!
 //! Scenes prepared with a tolerance are summed exactly here: the values are those of tolerance 0.
 //!
 //! # Where there is no derivative
 //! Where a facet turns edge-on, where edges of shadows coincide (the Sun behind the observer; an edge along the light), at a hinge's stop and
-//! where the Sun stands on a hinge's axis, W has a kink, and the derivatives on its two sides differ. What comes out there is finite: that of one
-//! of the sides, or between them.
+//! where the Sun stands on a hinge's axis, W has a kink, and the derivatives on its two sides differ. What comes out there is finite:
+//! that of one of the sides, or between them.
 //!
 //! # Example
 //! The box-wing satellite, turned about its three axes:
@@ -52,7 +55,7 @@ mod rate;
 mod sphere;
 
 use super::curved::Light;
-use super::evaluate::{Direct, DirectionError, Evaluator};
+use super::evaluate::{COVERING, Direct, DirectionError, Evaluator};
 use super::occlude::{Kind, Toward};
 use super::scene::Scene;
 use super::{View, curved::Round};
@@ -62,7 +65,8 @@ use rate::Rate;
 /// Something that W is differentiated by. Vectors are in the body's axes, of any length: the derivative is by the number before them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Parameter {
-    /// The body turns about this axis through its origin, by the axis' length in radians; Sun and observer stay where they are in the world.
+    /// The body turns about this axis through its origin, right-handed, by the axis' length in radians; Sun and observer stay where they
+    /// are in the world.
     Attitude(DVec3),
     /// The Sun moves this way, rad; only what lies across its direction counts. Hinged parts follow.
     Sun(DVec3),
@@ -171,6 +175,8 @@ pub enum DerivativeError {
 pub(super) struct Room {
     rates: Vec<Rate>,
     errors: Vec<f64>,
+    /// How far the weights' sum may be off, m² sr⁻¹.
+    value_error: f64,
     flux: flux::Flux,
     edges: usize,
 }
@@ -209,7 +215,8 @@ impl Evaluator<'_> {
         Ok(Derivation { method: Method::Differences, direct, edges: 0 })
     }
 
-    /// For each parameter of the last call how far Σ_k |∂W_k/∂p| may be off \[m² sr⁻¹ per unit of the parameter\]: of differences, and rounding.
+    /// For each parameter of the last call how far Σ_k |∂W_k/∂p| may be off \[m² sr⁻¹ per unit of the parameter\]: of differences, and
+    /// rounding.
     pub fn derivative_errors(&self) -> &[f64] {
         &self.rates.errors
     }
@@ -241,6 +248,10 @@ impl Evaluator<'_> {
             })
         };
         let known = all().is_ok();
+        let total: f64 = values.iter().sum();
+        if total > 0.0 {
+            self.work.done.error = room.value_error / total + 1e-15;
+        }
         self.rates = room;
         known.then_some(self.work.done)
     }
@@ -264,5 +275,11 @@ impl Room {
         self.errors.clear();
         self.errors.resize(parameters.len(), 0.0);
         self.edges = 0;
+        self.value_error = if scene.covers {
+            let area: f64 = scene.facets.iter().map(|f| f.area).sum();
+            COVERING * area * std::f64::consts::FRAC_1_PI
+        } else {
+            0.0
+        };
     }
 }

@@ -33,7 +33,8 @@ impl Evaluator<'_> {
         let weights = scene.weights_of(round.material as usize);
         let area = radius * radius;
         for (value, slope) in values[weights.clone()].iter_mut().zip(&slopes) {
-            *value += area * slope.0;
+            *value += area * slope.value;
+            room.value_error += area * slope.value_error;
         }
         let sine = sun.cross(eye).length();
         let count = values.len();
@@ -42,9 +43,9 @@ impl Evaluator<'_> {
             // cos γ = s·e. At γ = 0 and π the phase angle has a kink, its derivative no direction.
             let turn =
                 if sine > 1e-12 { -(rate.sun.dot(eye) + sun.dot(rate.eye)) / sine } else { 0.0 };
-            for (derivative, (_, by_phase, error)) in row.iter_mut().zip(&slopes) {
-                *derivative += area * by_phase * turn;
-                room.errors[p] += area * (error * turn.abs() + 4e-16 * by_phase.abs());
+            for (derivative, slope) in row.iter_mut().zip(&slopes) {
+                *derivative += area * slope.rate * turn;
+                room.errors[p] += area * (slope.rate_error * turn.abs() + 4e-16 * slope.rate.abs());
             }
             if let Some((of, _)) = rate.roughness
                 && of == round.material as usize
