@@ -6,7 +6,7 @@
 
 use divan::{Bencher, black_box};
 use glam::DVec3;
-use sunglint_simulator::light::{Scene, View};
+use sunglint_simulator::light::{Parameter, Scene, View};
 use sunglint_simulator::mesh::shapes::{Faceting, icosphere};
 use sunglint_simulator::target::{Shape, Target};
 
@@ -28,6 +28,35 @@ fn epoch(bencher: Bencher, name: &str) {
     bencher.bench_local(|| {
         eye.direct(black_box(sun), View::Distant(black_box(to)), &mut out).unwrap();
         out[0]
+    });
+}
+
+/// The same with its derivatives by three turns of the body.
+#[divan::bench(args = ["box_wing", "box_wing_diffuse", "corner", "hexagon", "lambert_sphere"])]
+fn epoch_and_attitude(bencher: Bencher, name: &str) {
+    derive(bencher, name, &[DVec3::X, DVec3::Y, DVec3::Z].map(Parameter::Attitude));
+}
+
+/// The same with nine: turns, the Sun's and the observer's direction.
+#[divan::bench(args = ["box_wing", "box_wing_diffuse", "corner"])]
+fn epoch_and_nine(bencher: Bencher, name: &str) {
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+    let all =
+        [axes.map(Parameter::Attitude), axes.map(Parameter::Sun), axes.map(Parameter::Observer)];
+    derive(bencher, name, all.as_flattened());
+}
+
+fn derive(bencher: Bencher, name: &str, parameters: &[Parameter]) {
+    let target = Target::built_in(name).unwrap();
+    let scene = Scene::new(&target).unwrap();
+    let (sun, to) = directions();
+    let mut eye = scene.evaluator();
+    let (mut w, mut dw) =
+        (vec![0.0; scene.weight_count()], vec![0.0; parameters.len() * scene.weight_count()]);
+    bencher.bench_local(|| {
+        let view = View::Distant(black_box(to));
+        eye.direct_derivatives(black_box(sun), view, parameters, &mut w, &mut dw).unwrap();
+        dw[0]
     });
 }
 

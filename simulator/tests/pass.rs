@@ -13,6 +13,7 @@ use sunglint_radiometry::passband::{Passband, Weighting};
 use sunglint_radiometry::sky::{EarthOrientation, Observer};
 use sunglint_radiometry::spectrum::Spectrum;
 use sunglint_radiometry::station::Station;
+use sunglint_simulator::light::engine::{Switch, Switches};
 use sunglint_simulator::orbit::{Ephemeris, EphemerisRow};
 use sunglint_simulator::pass::{Overrides, Pass, PassFile, Place, Simulation, StandardMagnitude};
 
@@ -34,7 +35,20 @@ fn toml(target: &str, rest: &str, times: &str) -> String {
 
 fn pass(target: &str, rest: &str, times: &str) -> Pass {
     let file = PassFile::parse("p.toml", &toml(target, rest, times)).unwrap();
-    file.resolve(Overrides::default()).unwrap()
+    sunlight_alone(file.resolve(Overrides::default()).unwrap())
+}
+
+/// The formulas here are those of a collimated Sun, scattered once.
+fn sunlight_alone(mut pass: Pass) -> Pass {
+    let off = Switch::Off;
+    pass.effects = Switches {
+        solar_disc: off,
+        inter_reflection: off,
+        earthshine: off,
+        moonshine: off,
+        finite_distance: off,
+    };
+    pass
 }
 
 const SPHERE: &str = "sphere = { radius_m = 0.7, reflectance = 0.31 }";

@@ -6,7 +6,7 @@ use super::geometry::{Geometry, Motion};
 use super::grid::Grid;
 use super::large;
 use super::occlude::{Kind, Plane, Room, Toward, toward, unit};
-use super::scene::Scene;
+use super::scene::{Facet, Scene};
 use super::{View, near};
 use glam::DVec3;
 use std::borrow::Cow;
@@ -83,6 +83,7 @@ pub struct Evaluator<'a> {
     pub(super) outlines: [Vec<Outline>; 2],
     pub(super) large: large::Room,
     pub(super) errors: Vec<f64>,
+    pub(super) rates: super::derivative::Room,
 }
 
 /// Buffers.
@@ -90,7 +91,9 @@ pub struct Evaluator<'a> {
 pub(super) struct Work {
     pub(super) grids: [Grid; 2],
     chosen: Vec<u32>,
-    shadows: Polygons,
+    pub(super) shadows: Polygons,
+    /// Of each shadow the occluder, and whose it is: 0 the Sun's, 1 the observer's.
+    pub(super) casters: Vec<(u32, u8)>,
     pieces: Polygons,
     next: Polygons,
     pub(super) kept: Polygons,
@@ -118,6 +121,7 @@ impl<'a> Evaluator<'a> {
             outlines: [0, 1].map(|_| vec![Outline::default(); scene.rounds.len()]),
             large: large::Room::default(),
             errors: Vec::new(),
+            rates: super::derivative::Room::default(),
         }
     }
 
@@ -236,7 +240,7 @@ impl<'a> Evaluator<'a> {
     }
 
     /// Checks directions and turns hinges.
-    fn aim(
+    pub(super) fn aim(
         &mut self,
         light: DVec3,
         facing: DVec3,
@@ -277,6 +281,7 @@ impl<'a> Evaluator<'a> {
         }
         let sight = Sight { scene, now: &self.now, outlines: &self.outlines };
         work.shadows.clear();
+        work.casters.clear();
         work.gather(&sight, facet, toward, 0);
         let touching = 1e-14 * scene.facets[facet].radius;
         let cut = !work.shadows.is_empty() && work.clip(scene.outlines.get(facet), touching);
@@ -360,12 +365,7 @@ impl<'a> Evaluator<'a> {
         let material = &scene.materials[facet.material as usize];
         let (u, v) = (self.now.tangent[i], self.now.bitangent[i]);
         let sun = DVec3::new(u.dot(sun), v.dot(sun), cos_i);
-        let rounding = if cut {
-            let width = scene.touching_m.max(1e-15 * facet.radius);
-            1e-15 * facet.area + 1e-4 * width * facet.radius + self.work.outlines_m2
-        } else {
-            0.0
-        };
+        let rounding = if cut { self.cut_rounding_m2(facet) } else { 0.0 };
         match eye {
             Toward::Far(d) => {
                 let to = DVec3::new(u.dot(d), v.dot(d), cos_o);
@@ -402,6 +402,14 @@ impl<'a> Evaluator<'a> {
     }
 }
 
+impl Evaluator<'_> {
+    /// What the area of the facet that was cut last may be off by, m².
+    pub(super) fn cut_rounding_m2(&self, facet: &Facet) -> f64 {
+        let width = self.scene.touching_m.max(1e-15 * facet.radius);
+        1e-15 * facet.area + 1e-4 * width * facet.radius + self.work.outlines_m2
+    }
+}
+
 /// Whether a facet with this cosine towards a direction shows it its front.
 pub(super) fn is_open(cos: f64) -> bool {
     cos > GRAZING
@@ -427,6 +435,7 @@ impl Work {
             return false;
         }
         self.shadows.clear();
+        self.casters.clear();
         self.outlines_m2 = 0.0;
         self.gather(sight, i, Toward::Far(sun), 0);
         self.shaded = !self.shadows.is_empty();
@@ -494,7 +503,9 @@ impl Work {
             if added {
                 self.outlines_m2 += curved::outline::error_m2(occluder, &plane, toward);
                 let last = self.shadows.len() - 1;
-                if !clip::overlap(&bounds, &clip::bounds(self.shadows.get(last))) {
+                if clip::overlap(&bounds, &clip::bounds(self.shadows.get(last))) {
+                    self.casters.push((k as u32, grid as u8));
+                } else {
                     self.shadows.pop();
                 }
             }

@@ -31,6 +31,7 @@ mod clip;
 mod closed;
 mod coincident;
 mod curved;
+pub mod derivative;
 pub mod disc;
 mod effect;
 pub mod engine;
@@ -50,6 +51,7 @@ pub mod shine;
 mod solid;
 mod weld;
 
+pub use derivative::{Derivation, DerivativeError, Method, Parameter, Roughness};
 pub use disc::SunOptions;
 pub use effect::{Effect, Globe, Lighting, Need, Source, Term};
 pub use engine::{Course, Engine, Options};

@@ -127,14 +127,15 @@ impl Plane {
     }
 
     /// Coordinates in the plane, and height above it.
-    fn local(&self, p: DVec3) -> [f64; 3] {
+    pub fn local(&self, p: DVec3) -> [f64; 3] {
         let p = p - self.origin;
         let height = p.dot(self.normal);
         let height = if height.abs() <= self.touching { 0.0 } else { height };
         [p.dot(self.axes[0]), p.dot(self.axes[1]), height]
     }
 
-    fn thrown(&self, p: [f64; 3]) -> P2 {
+    /// Where a point, in these coordinates, is thrown to.
+    pub fn thrown(&self, p: [f64; 3]) -> P2 {
         match self.throw {
             Throw::Far(k) => [p[0] - p[2] * k[0], p[1] - p[2] * k[1]],
             Throw::Near(q, height) => {

@@ -219,6 +219,26 @@ impl Conductor {
         }
     }
 
+    /// Weights and their derivatives by the cosine: the products of the interpolating polynomial, which have no quotient that vanishes.
+    pub(super) fn slopes(&self, cos: f64) -> Vec<(f64, f64)> {
+        let cos = cos.clamp(0.0, 1.0);
+        let u = (1.0 + self.b) * cos / (cos + self.b);
+        let rate = (1.0 + self.b) * self.b / (cos + self.b).powi(2);
+        let last = self.u.len() - 1;
+        let product = |j: usize| {
+            let sign = if j.is_multiple_of(2) { 1.0 } else { -1.0 };
+            let half = if j == 0 || j == last { 0.5 } else { 1.0 };
+            let others = self.u.iter().enumerate().filter(|(m, _)| *m != j);
+            others.fold((sign * half, 0.0), |(value, slope), (_, node)| {
+                (value * (u - node), slope * (u - node) + value)
+            })
+        };
+        let mut all: Vec<(f64, f64)> = (0..=last).map(product).collect();
+        let total: f64 = all.iter().map(|p| p.0).sum();
+        all.iter_mut().for_each(|p| *p = (p.0 / total, p.1 * rate / total));
+        all
+    }
+
     /// Measures the error; says whether it is small enough.
     fn measure(&mut self, wavelengths: &[(f64, f64)], cos: &[f64], truth: &[Vec<f64>]) -> bool {
         let nodes = self.cosines();

@@ -67,6 +67,19 @@ impl Fresnel {
         }
     }
 
+    /// F_k(cosθ) and their derivatives by cosθ.
+    pub(super) fn slopes(&self, cos: f64) -> Vec<(f64, f64)> {
+        match &self.law {
+            Law::Constant => vec![(1.0, 0.0)],
+            Law::Schlick => {
+                let left = 1.0 - cos.clamp(0.0, 1.0);
+                let (rise, rate) = (left.powi(5), -5.0 * left.powi(4));
+                vec![(1.0 - rise, -rate), (rise, rate)]
+            }
+            Law::Conductor(conductor) => conductor.slopes(cos),
+        }
+    }
+
     /// Whether it is the same at all angles.
     pub(super) fn is_constant(&self) -> bool {
         matches!(self.law, Law::Constant)

@@ -5,6 +5,7 @@
 //! in closed form (Walter et al. 2007, eqs. 20–34; Heitz 2014, JCGT 3(2), eqs. 68, 72, 80–87).
 
 use super::MaterialError;
+use super::real::Real;
 use super::sampling::Proposal;
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -105,37 +106,51 @@ impl Lobe {
 
     /// D·G/(4 cosθ_i cosθ_o) \[sr⁻¹\] of unit vectors above the horizon: the reflection of microfacets that are perfect mirrors.
     pub fn reflection(&self, i: DVec3, o: DVec3) -> f64 {
-        let density = self.density(i + o);
-        if density == 0.0 { 0.0 } else { 0.25 * density * self.masking_over_cosines(i, o) }
+        self.reflection_of([self.alpha_x, self.alpha_y], i.to_array(), o.to_array())
+    }
+
+    /// [`Lobe::reflection`] of other roughnesses, in numbers that may carry their derivatives.
+    pub(super) fn reflection_of<T: Real>(&self, alpha: [T; 2], i: [T; 3], o: [T; 3]) -> T {
+        let density = self.density_of(alpha, [i[0] + o[0], i[1] + o[1], i[2] + o[2]]);
+        if density.value() == 0.0 {
+            return T::constant(0.0);
+        }
+        let height = |v: [T; 3]| (v[2], slope_times_sine(alpha, v));
+        T::constant(0.25) * density * self.masking_over_heights(height(i), height(o))
     }
 
     /// D \[sr⁻¹\] of the tilt towards a direction, of any length, with z > 0.
     ///
     /// ∫ D(h) cosθ_h dω = 1.
     pub fn density(&self, h: DVec3) -> f64 {
-        let (x, y) = (h.x / self.alpha_x, h.y / self.alpha_y);
-        let scale = 1.0 / (PI * self.alpha_x * self.alpha_y);
+        self.density_of([self.alpha_x, self.alpha_y], h.to_array())
+    }
+
+    fn density_of<T: Real>(&self, alpha: [T; 2], h: [T; 3]) -> T {
+        let one = T::constant(1.0);
+        let (x, y) = (h[0] / alpha[0], h[1] / alpha[1]);
+        let scale = one / (T::constant(PI) * alpha[0] * alpha[1]);
         match self.distribution {
             Distribution::Beckmann => {
-                let inverse = 1.0 / h.z;
+                let inverse = one / h[2];
                 let (x, y) = (x * inverse, y * inverse);
                 let exponent = x * x + y * y;
                 // e^-746 is 0; what follows must not meet ∞·0, and a vanishing h has no number here.
-                if exponent.is_nan() || exponent > 746.0 {
-                    return 0.0;
+                if exponent.value().is_nan() || exponent.value() > 746.0 {
+                    return T::constant(0.0);
                 }
-                let (x, y) = (h.x * inverse, h.y * inverse);
-                let secant2 = 1.0 + x * x + y * y;
+                let (x, y) = (h[0] * inverse, h[1] * inverse);
+                let secant2 = one + x * x + y * y;
                 scale * secant2 * secant2 * (-exponent).exp()
             }
             Distribution::Ggx => {
                 // With lengths in place of tangents nothing overflows at the horizon.
-                let stretched = x * x + y * y + h.z * h.z;
-                if stretched > 0.0 {
-                    let ratio = h.length_squared() / stretched;
+                let stretched = x * x + y * y + h[2] * h[2];
+                if stretched.value() > 0.0 {
+                    let ratio = (h[0] * h[0] + h[1] * h[1] + h[2] * h[2]) / stretched;
                     scale * ratio * ratio
                 } else {
-                    0.0
+                    T::constant(0.0)
                 }
             }
         }
@@ -152,12 +167,13 @@ impl Lobe {
     }
 
     /// G/(cosθ_i cosθ_o) of two directions, each as (cosθ, α sinθ).
-    pub(super) fn masking_over_heights(&self, i: (f64, f64), o: (f64, f64)) -> f64 {
+    pub(super) fn masking_over_heights<T: Real>(&self, i: (T, T), o: (T, T)) -> T {
         match self.masking {
             Masking::Separable => self.masking_one_over_height(i) * self.masking_one_over_height(o),
             Masking::HeightCorrelated => {
-                1.0 / (i.0 * o.0
-                    + (o.0 * self.lambda_times_height(i) + i.0 * self.lambda_times_height(o)))
+                T::constant(1.0)
+                    / (i.0 * o.0
+                        + (o.0 * self.lambda_times_height(i) + i.0 * self.lambda_times_height(o)))
             }
         }
     }
@@ -202,34 +218,41 @@ impl Lobe {
         format!("{name} {alpha}, {masking} masking")
     }
 
-    /// sinθ·α(φ): the root mean square slope along the direction's azimuth, times its sine.
     fn slope_times_sine(&self, v: DVec3) -> f64 {
-        let (x, y) = (self.alpha_x * v.x, self.alpha_y * v.y);
-        (x * x + y * y).sqrt()
+        slope_times_sine([self.alpha_x, self.alpha_y], v.to_array())
     }
 
     /// G₁/cosθ of (cosθ, s = α sinθ). With a = cosθ/s: Beckmann 2/(cosθ (1 + erf a) + s e^(−a²)/√π), GGX 2/(cosθ + √(cos²θ + s²)).
-    fn masking_one_over_height(&self, (z, s): (f64, f64)) -> f64 {
+    fn masking_one_over_height<T: Real>(&self, (z, s): (T, T)) -> T {
+        let two = T::constant(2.0);
         match self.distribution {
             // From a = 6 on 1 − G₁ is below 1e-17.
-            Distribution::Beckmann if z >= 6.0 * s => 1.0 / z,
+            Distribution::Beckmann if z.value() >= 6.0 * s.value() => T::constant(1.0) / z,
             Distribution::Beckmann => {
                 let a = z / s;
-                2.0 / (z * (1.0 + libm::erf(a)) + s * FRAC_1_SQRT_PI * (-a * a).exp())
+                two / (z * (T::constant(1.0) + a.erf())
+                    + s * T::constant(FRAC_1_SQRT_PI) * (-(a * a)).exp())
             }
-            Distribution::Ggx => 2.0 / (z + (z * z + s * s).sqrt()),
+            Distribution::Ggx => two / (z + (z * z + s * s).sqrt()),
         }
     }
 
     /// Λ cosθ of (cosθ, s = α sinθ), with G₁ = 1/(1 + Λ).
-    fn lambda_times_height(&self, (z, s): (f64, f64)) -> f64 {
+    fn lambda_times_height<T: Real>(&self, (z, s): (T, T)) -> T {
+        let half = T::constant(0.5);
         match self.distribution {
-            Distribution::Beckmann if z >= 6.0 * s => 0.0,
+            Distribution::Beckmann if z.value() >= 6.0 * s.value() => T::constant(0.0),
             Distribution::Beckmann => {
                 let a = z / s;
-                0.5 * (s * FRAC_1_SQRT_PI * (-a * a).exp() - z * libm::erfc(a))
+                half * (s * T::constant(FRAC_1_SQRT_PI) * (-(a * a)).exp() - z * a.erfc())
             }
-            Distribution::Ggx => 0.5 * s * (s / (z + (z * z + s * s).sqrt())),
+            Distribution::Ggx => half * s * (s / (z + (z * z + s * s).sqrt())),
         }
     }
+}
+
+/// sinθ·α(φ): the root mean square slope along the direction's azimuth, times its sine.
+fn slope_times_sine<T: Real>(alpha: [T; 2], v: [T; 3]) -> T {
+    let (x, y) = (alpha[0] * v[0], alpha[1] * v[1]);
+    (x * x + y * y).sqrt()
 }

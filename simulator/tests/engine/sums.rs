@@ -42,7 +42,7 @@ fn trapezoids(from_nm: f64, to_nm: f64, f: impl Fn(f64) -> f64) -> f64 {
     step * (0.5 * (f(from_nm) + f(to_nm)) + inner)
 }
 
-/// Truth: ν = s/(d² r²) Σ_k W_k (A/hc) ∫ E τ_k P λ dλ by trapezoids of 0.02 nm, its error by the same sums with the errors in place of the weights;
+/// Truth: ν = 1/(d² r²) Σ_k W_k (A/hc) ∫ E τ_k P λ dλ by trapezoids of 0.02 nm, its error by the same sums with the errors in place of the weights;
 /// bins and V alike. Tolerance: 1e-4 for trapezoids over the kinks of tables; 1e-6 more for errors of bins, which are stored in 32 bits.
 #[test]
 fn errors_are_sums_over_terms() {
@@ -79,11 +79,10 @@ fn errors_are_sums_over_terms() {
             (light, errors.iter().zip(row).map(|(e, p)| e * p.abs()).sum())
         };
         let per_au = place.geometry.sun.distance_au().powi(-2);
-        let sunlight = place.sunlit * per_au;
+        // The weights hold what the Earth's shadow leaves.
+        let sunlight = per_au;
         let (here, range) = (sunlight / place.geometry.range_m.powi(2), place.geometry.range_m);
-        // At the edge of the shadow the Sun's own part is unsure, of all light and of what is stated of it.
-        let unsure = place.sunlit_error * per_au;
-        let all = |(light, error): (f64, f64)| sunlight * error + unsure * (light + error);
+        let all = |(_, error): (f64, f64)| sunlight * error;
         let (rate, error) = sums(&rates);
         let found = &simulation.channels[1];
         near(found.rate_hz[i], here * rate, "rate");
