@@ -16,6 +16,8 @@ const SIZE_PX: usize = 512;
 const MOST_PX: usize = 10_000;
 /// The picture reaches so many widths of the point spread function beyond the body.
 const WINGS: f64 = 2.0;
+/// The picture's half width over the body's reach.
+const MARGIN: f64 = 1.12;
 /// Full width at half maximum of the Airy disc, in λ/D.
 const AIRY: f64 = 1.029;
 
@@ -114,7 +116,7 @@ impl<'a> Shot<'a> {
         let wings_m = aim.range_m.map_or(0.0, |r| 2.0 * WINGS * widest * arcsec() * r);
         let mut camera =
             Camera::around(&body, aim.observer_body, up, args.size_px.unwrap_or(SIZE_PX));
-        let field_m = camera.pixel_m * camera.size_px[0] as f64 + wings_m;
+        let field_m = field_m(aim)?.min(camera.pixel_m * camera.size_px[0] as f64) + wings_m;
         let given = match (args.station_optics, optics.pixel_arcsec, aim.range_m) {
             (true, Some(pixel), Some(range_m)) => Some(pixel * arcsec() * range_m),
             _ => args.pixel_m,
@@ -208,6 +210,19 @@ impl<'a> Shot<'a> {
         }
         concerns
     }
+}
+
+/// The width of the picture that the body needs about its origin, with a margin, m.
+fn field_m(aim: &Aim) -> anyhow::Result<f64> {
+    let (right, up) = aim.axes()?;
+    let angles = aim.target.hinge_angles_rad(aim.sun_body);
+    let mut most = 0.0_f64;
+    for part in 0..aim.target.parts.len() {
+        let mesh = aim.target.part_mesh(part, &angles);
+        let reach = mesh.vertices.iter().map(|v| v.dot(right).abs().max(v.dot(up).abs()));
+        most = reach.fold(most, f64::max);
+    }
+    Ok(2.0 * MARGIN * most)
 }
 
 /// An arcsecond in radians.

@@ -65,7 +65,9 @@ pub fn run(args: &PictureArgs, console: Console) -> anyhow::Result<()> {
             text.push_str(&format!("{:>12.5}", at(deg)));
         }
         text.push('\n');
-        let points = phases.iter().copied().zip(ratio.iter().copied()).collect();
+        // A mirror has no limit at 180°.
+        let shown = phases.iter().copied().zip(ratio.iter().copied());
+        let points = shown.filter(|(deg, _)| *deg < 180.0 || column != "mirror").collect();
         let line = Series::line(name.clone(), i, points);
         series.push(if i < 2 {
             line.with_colour_and_dash(crate::plot::RGBColor(40, 40, 40), i)

@@ -9,6 +9,10 @@ use std::ops::Range;
 
 /// Behind pictures of light.
 const SKY: [f64; 3] = [10.0, 10.0, 14.0];
+/// Where the body is and no light comes from it.
+const UNLIT: [f64; 3] = [70.0, 70.0, 78.0];
+/// The arrow to the Sun.
+const SUN: RGBColor = RGBColor(240, 140, 0);
 /// Behind the others.
 const PAPER: [f64; 3] = [246.0, 246.0, 244.0];
 /// Where the brightest pixel is so many times brighter than the lit body in the middle, colours are logarithmic.
@@ -57,6 +61,7 @@ fn tile(shot: &Shot<'_>, title: String, is_dark: bool, image: RgbaImage, key: Ke
             name: (*name).to_owned(),
             across: (toward.dot(right), toward.dot(up)),
             is_near: toward.dot(shot.aim.observer_body) > 0.0,
+            colour: (*name == "Sun").then_some(SUN),
         };
         shot.aim.compass.iter().map(arrow).collect()
     });
@@ -133,11 +138,15 @@ fn intensity(shot: &Shot<'_>, band: usize) -> Tile {
         let share = if blurred { 1.0 } else { seen(shot, pixel) };
         // At an outline the value is that of the covered part, and the cover shows how much that is.
         let value = if share > 1e-3 { values[pixel] / share } else { values[pixel] };
-        (bytes(viridis(fraction(value))), share)
+        let dark = value <= 1e-9 * most && !blurred;
+        (if dark { UNLIT } else { bytes(viridis(fraction(value))) }, share)
     });
     let nm = shot.bands_nm[band];
     let total = format!("all: {:.3e}", shot.totals[band]);
-    let label = vec![shot.unit_words().to_owned(), total];
+    let mut label = vec![shot.unit_words().to_owned(), total];
+    if !blurred {
+        label.push("grey: no sunlight".into());
+    }
     let title = format!("Intensity at {nm} nm{}", if log { ", logarithmic" } else { "" });
     tile(shot, title, true, image, Key::Bar { label, range, log })
 }

@@ -64,6 +64,8 @@ pub struct Arrow {
     pub across: (f64, f64),
     /// Whether it points towards whoever looks.
     pub is_near: bool,
+    /// Its colour, where it has one of its own.
+    pub colour: Option<RGBColor>,
 }
 
 const PICTURE: u32 = 400;
@@ -214,8 +216,7 @@ impl Tile {
                 }
                 let [r, g, b, a] = colour.0;
                 if a > 0 && bottom > top {
-                    // The library draws both ends.
-                    let last = (edge(end, columns, width) - 1, bottom - 1);
+                    let last = (edge(end, columns, width), bottom);
                     let corners = [(edge(x, columns, width), top), last];
                     let run = Rectangle::new(corners, RGBColor(r, g, b).filled());
                     area.draw(&run).map_err(failed::<DB>)?;
@@ -285,32 +286,33 @@ impl<DB: DrawingBackend> Pen<'_, DB> {
     /// Directions from one point.
     fn compass(&self, arrows: &[Arrow], from: (f64, f64)) -> Result<(), PlotError> {
         for arrow in arrows {
+            let pen = Pen { colour: arrow.colour.unwrap_or(self.colour), ..*self };
             let (dx, dy) = (arrow.across.0, -arrow.across.1);
             let length = dx.hypot(dy);
             if length < 0.15 {
                 // Along the line of sight: a dot towards whoever looks, a ring away from them.
                 let radius = (4 * self.scale) as i32;
                 let style = if arrow.is_near {
-                    self.colour.filled()
+                    pen.colour.filled()
                 } else {
-                    self.colour.stroke_width(self.scale)
+                    pen.colour.stroke_width(self.scale)
                 };
                 let dot = Circle::new(self.pixel(from), radius, style);
                 self.area.draw(&dot).map_err(failed::<DB>)?;
                 let beside = (from.0 + 8.0, from.1 + 12.0);
-                self.text(&arrow.name, beside, HPos::Left, VPos::Center)?;
+                pen.text(&arrow.name, beside, HPos::Left, VPos::Center)?;
                 continue;
             }
             let tip = (from.0 + ARROW * dx, from.1 + ARROW * dy);
-            self.line(from, tip)?;
+            pen.line(from, tip)?;
             let (ux, uy) = (dx / length, dy / length);
             let corner = |along: f64, aside: f64| {
                 self.pixel((tip.0 + along * ux - aside * uy, tip.1 + along * uy + aside * ux))
             };
             let head = vec![corner(4.0, 0.0), corner(-5.0, 4.0), corner(-5.0, -4.0)];
-            self.area.draw(&Polygon::new(head, self.colour.filled())).map_err(failed::<DB>)?;
+            self.area.draw(&Polygon::new(head, pen.colour.filled())).map_err(failed::<DB>)?;
             let beyond = (tip.0 + 13.0 * ux, tip.1 + 12.0 * uy);
-            self.text(&arrow.name, beyond, HPos::Center, VPos::Center)?;
+            pen.text(&arrow.name, beyond, HPos::Center, VPos::Center)?;
         }
         Ok(())
     }
@@ -342,7 +344,12 @@ mod tests {
             image,
             is_dark: true,
             key: Key::Bar { label: vec!["m".into()], range: (0.0, 2.0), log: false },
-            arrows: vec![Arrow { name: "Sun".into(), across: (1.0, 0.0), is_near: true }],
+            arrows: vec![Arrow {
+                name: "Sun".into(),
+                across: (1.0, 0.0),
+                is_near: true,
+                colour: None,
+            }],
             scale_bar: Some((0.25, "1 m".into())),
         };
         let gallery = Gallery { title: "Title".into(), subtitle: vec![], tiles: vec![tile] };

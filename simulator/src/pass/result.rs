@@ -134,7 +134,7 @@ impl Simulation<'_> {
         }
     }
 
-    fn provenance(&self, command: &str) -> Provenance {
+    pub fn provenance(&self, command: &str) -> Provenance {
         let pass = self.pass;
         let mut notes = pass.notes.clone();
         notes.push(format!(
