@@ -134,6 +134,7 @@ impl Simulation<'_> {
         }
     }
 
+    /// Where it comes from, for tables that are made of it.
     pub fn provenance(&self, command: &str) -> Provenance {
         let pass = self.pass;
         let mut notes = pass.notes.clone();

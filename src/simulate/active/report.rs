@@ -1,7 +1,7 @@
 //! What `sunglint simulate --active` says: text, JSON, tables.
 
 use super::figure;
-use super::returns::{ALTITUDES_KM, Returns};
+use super::returns::{ALTITUDES_KM, Returns, SATURATED};
 use crate::output::{Product, rounded};
 use ndarray::Array2;
 use serde_json::{Value, json};
@@ -90,6 +90,12 @@ impl Report<'_> {
             "    range      mean return {:+.4} m, first photon {:+.4} m against the body's origin at that time",
             r.mean_m[best], r.first_m[best]
         );
+        let _ = writeln!(
+            text,
+            "    saturated  in {} of {} samples: more than {SATURATED:.1} photons per shot, 95 % of shots detected; whoever stops at the first photon sees the near side there",
+            r.saturated(),
+            r.photons.len()
+        );
         if let (Some(sun), Some(earth)) = (finite_range(&r.sun_ratio), finite_range(&r.earth_ratio))
         {
             let _ = writeln!(
@@ -141,6 +147,7 @@ impl Report<'_> {
                     "sun_ratio": at(&r.sun_ratio),
                     "earth_ratio": at(&r.earth_ratio),
                 },
+                "saturated_samples": r.saturated(),
                 "by_altitude": by,
             })
         };

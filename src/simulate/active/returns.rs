@@ -14,6 +14,8 @@ use sunglint_simulator::ranging::{
 
 /// Bins of range over the body.
 const BINS: usize = 200;
+/// With so many photons per shot in the mean 95 % of the shots yield at least one: −ln 0.05.
+pub const SATURATED: f64 = 2.995_732_273_553_991;
 /// Points along each side of a panel of the Earth's cap.
 const CAP_ORDER: usize = 8;
 /// Altitudes of the table of sunlight over laser light, km (thesis fig. 3.5).
@@ -23,7 +25,6 @@ pub const ALTITUDES_KM: [f64; 9] =
 /// The returns of one laser along a pass; everything is NaN while the target is hidden.
 pub struct Returns<'a> {
     pub laser: &'a Laser,
-    pub beam: Beam,
     /// Number of the channel that catches them, in the station and the simulation.
     pub channel: usize,
     /// Counts per photon at the telescope, at the laser's wavelength.
@@ -146,7 +147,6 @@ impl<'a> Returns<'a> {
         let sun = if (first_nm..=last_nm).contains(&nm) { pass.sun.at(nm) } else { f64::NAN };
         let mut returns = Self {
             laser,
-            beam,
             channel,
             efficiency,
             bins,
@@ -203,6 +203,11 @@ impl<'a> Returns<'a> {
     /// The middle of a bin, m.
     pub fn middle_m(&self, bin: usize) -> f64 {
         self.bins.from_m + (bin as f64 + 0.5) * self.bins.step_m
+    }
+
+    /// Samples in which at least 95 % of the shots are detected: their first photons are mostly from the near side.
+    pub fn saturated(&self) -> usize {
+        self.photons.iter().filter(|n| **n > SATURATED).count()
     }
 
     /// The sample with the most photons per shot.
