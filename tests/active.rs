@@ -37,7 +37,7 @@ pulse_length_ns = 7
 repetition_rate_hz = 200
 divergence_arcsec = 5
 beam_radius_m = 0.06
-receiver = "spcm"
+receiver = "id400"
 "#;
 
 /// A curve of the built-in station at a wavelength, between its rows.
@@ -76,7 +76,8 @@ fn photons_of_a_sphere() {
     let table = ecsv::read_str("a.ecsv", &text).unwrap();
     let column = |name: &str| table.f64(name).unwrap().into_owned();
     let (photons, range_m) = (column("debris_photons_per_shot"), column("range_m"));
-    let efficiency = curve_at("optics_spcm.csv", 1064.0) * curve_at("efficiency_spcm.csv", 1064.0);
+    let efficiency =
+        curve_at("optics_id400.csv", 1064.0) * curve_at("efficiency_id400.csv", 1064.0);
     let area = PI / 4.0 * (0.43_f64.powi(2) - 0.2086_f64.powi(2));
     let mut visible = 0;
     for (i, found) in photons.iter().enumerate() {
@@ -94,7 +95,7 @@ fn photons_of_a_sphere() {
         );
         assert!((column("debris_rate_hz")[i] / (200.0 * n) - 1.0).abs() < 1e-6);
         assert!((column("debris_spot_radius_m")[i] / w - 1.0).abs() < 1e-9);
-        // All of it comes from the front half of the sphere: W-weighted, 3/8 R in front of ... (1 − 1/4) R: ∫ z·3z² dz.
+        // Of a Lambert sphere seen from where it is lit: R ∫ u · 3u² du = 3/4 R in front of its middle.
         assert!((column("debris_mean_offset_m")[i] + 0.375).abs() < 3e-3);
     }
     assert!(visible > 5, "{visible}");
@@ -108,8 +109,8 @@ fn photons_of_a_sphere() {
 }
 
 /// Truth: thesis fig. 3.5 as corrected, sunlight over laser light within a pulse: 1.6e-5 at 1,000 km and 2.0e-2 at 36,000 km, of 0.66 W m⁻² nm⁻¹ and air of 0.97. The table of
-/// sunlight here has 0.65 and the standard air without aerosol 0.987: 6 %. Earthshine over sunlight at 550 km below a Sun in the zenith is 0.252 (500 km is 0.256 by the
-/// same closed form, ρ(R/d)² corrected for the terminator's curve: 3 %).
+/// sunlight here has 0.65 and the standard air without aerosol 0.987: 6 %. Earthshine on a nadir facet at 550 km over the subsolar point is 0.252 of sunlight (the
+/// thesis' D.1 with the Sun's angle at each point of the cap, by an independent integration): 2 %.
 #[test]
 fn sunlight_over_laser_light() {
     let folder = Folder::new("active-ratio");
@@ -123,10 +124,10 @@ fn sunlight_over_laser_light() {
     };
     assert!((at(1000.0, "sun_ratio") / 1.6e-5 - 1.0).abs() < 0.06, "{laser}");
     assert!((at(36_000.0, "sun_ratio") / 2.0e-2 - 1.0).abs() < 0.06, "{laser}");
-    let earth = at(500.0, "earth_ratio") / at(500.0, "sun_ratio");
-    assert!((earth / 0.256 - 1.0).abs() < 0.03, "{earth}");
+    let earth = at(550.0, "earth_ratio") / at(550.0, "sun_ratio");
+    assert!((earth / 0.252 - 1.0).abs() < 0.02, "{earth}");
     // The light curve is there beside it.
-    assert!(json["channels"].as_array().is_some() || json["samples"].is_number(), "{json}");
+    assert!(json["channels"].as_array().is_some(), "{json}");
 }
 
 /// Truth: by hand: on the axis a Gaussian beam of the same 1/e² radius has twice a top hat's fluence; a sphere of 0.5 m in a spot of 9 m and more sees 1 % less at most.
@@ -162,13 +163,16 @@ fn what_cannot_be_is_said() {
     assert!(message.contains("--active"), "{message}");
     write(format!("{PASS}{LASER}"));
     refused("did you mean debris?", &["--laser", "debri"]);
-    write(format!("{PASS}{}", LASER.replace("spcm", "spc")));
+    write(format!("{PASS}{}", LASER.replace("id400", "id40")));
     refused("laser[0].receiver", &[]);
-    write(format!("{PASS}{}", LASER.replace("spcm", "b")));
+    write(format!("{PASS}{}", LASER.replace("id400", "b")));
     refused("counts nothing at 1064 nm", &[]);
     write(format!("{PASS}{LASER}{LASER}"));
     refused("a name that no other laser has", &[]);
-    write(format!("{PASS}{}", LASER.replace("1064", "99999").replace("receiver = \"spcm\"\n", "")));
+    write(format!(
+        "{PASS}{}",
+        LASER.replace("1064", "99999").replace("receiver = \"id400\"\n", "")
+    ));
     refused("no counter of ufo counts at 99999 nm", &[]);
     write(format!("{PASS}{}beam = \"flat\"\n", LASER));
     refused("top_hat", &[]);

@@ -20,7 +20,7 @@ pub const SATURATED: f64 = 2.995_732_273_553_991;
 const CAP_ORDER: usize = 8;
 /// Altitudes of the table of sunlight over laser light, km (thesis fig. 3.5).
 pub const ALTITUDES_KM: [f64; 9] =
-    [300.0, 500.0, 1000.0, 2000.0, 5000.0, 10_000.0, 20_000.0, 36_000.0, 40_000.0];
+    [300.0, 550.0, 1000.0, 2000.0, 5000.0, 10_000.0, 20_000.0, 36_000.0, 40_000.0];
 
 /// The returns of one laser along a pass; everything is NaN while the target is hidden.
 pub struct Returns<'a> {
