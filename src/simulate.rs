@@ -51,7 +51,7 @@ pub struct SimulateArgs {
     /// What these magnitudes are
     #[arg(long, value_enum, default_value_t, requires = "beside")]
     pub beside_as: ComparedAs,
-    /// Add the returns of the station's lasers ([[laser]] in station.toml or PASS.toml, docs/active.md)
+    /// Add the returns of the station's lasers (`[[laser]]` in station.toml or PASS.toml, docs/active.md)
     #[arg(long)]
     pub active: bool,
     /// Of this laser alone; may be given several times
