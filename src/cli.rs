@@ -1,7 +1,7 @@
 //! The grammar of the command line. Subcommands appear here as they become real, none before.
 
 use crate::output::{Console, OutputArgs};
-use crate::{air, bench, demo, explain, passes, simulate, star, tables};
+use crate::{air, bench, demo, explain, passes, picture, simulate, star, tables};
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
@@ -58,6 +58,8 @@ pub enum Command {
     Simulate(Box<simulate::SimulateArgs>),
     /// What a scene needs: which effects are modelled, what each could add, what error is left
     Explain(Box<explain::ExplainArgs>),
+    /// A body as it looks at a moment, its reflection map, a sphere against phase angle
+    Picture(Box<picture::PictureArgs>),
     /// Visible passes of satellites: when, where, how bright, what each channel counts
     Passes(Box<passes::PassesArgs>),
     /// Error against time of the light engines, on built-in scenes or one's own
@@ -107,6 +109,7 @@ impl Command {
             Command::Star(args) => Some(&args.out),
             Command::Simulate(args) => Some(&args.out),
             Command::Explain(args) => Some(&args.out),
+            Command::Picture(args) => Some(&args.out),
             Command::Passes(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
             Command::Demo(_) | Command::Completions { .. } | Command::Man { .. } => None,
@@ -121,6 +124,7 @@ impl Command {
             Command::Star(args) => star::run(args, console),
             Command::Simulate(args) => simulate::run(args, console),
             Command::Explain(args) => explain::run(args, console),
+            Command::Picture(args) => picture::run(args, console),
             Command::Passes(args) => passes::run(args, console),
             Command::Bench(args) => bench::run(args, console),
             Command::Completions { shell } => {

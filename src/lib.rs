@@ -7,6 +7,7 @@
 //! - [`explain`]: what a pass needs, and what error that leaves;
 //! - [`simulate`]: what a pass should look like in every channel;
 //! - [`passes`]: when satellites can be seen;
+//! - [`picture`]: what a body looks like, and what it sends into all directions;
 //! - [`mod@bench`]: error against time of the light engines;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
@@ -20,6 +21,7 @@ pub mod demo;
 pub mod explain;
 pub mod output;
 pub mod passes;
+pub mod picture;
 pub mod plot;
 pub mod simulate;
 pub mod star;

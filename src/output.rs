@@ -1,6 +1,7 @@
 //! Where results go: files by their extension, folders, stdout; nothing is overwritten unless asked.
 
 use crate::plot::Figure;
+use crate::plot::gallery::Gallery;
 use anyhow::Context as _;
 use clap::Args;
 use serde_json::Value;
@@ -88,6 +89,8 @@ pub struct Product {
     pub table: Table,
     /// The picture.
     pub figure: Option<Figure>,
+    /// Pictures in its place.
+    pub gallery: Option<Gallery>,
     /// What a FITS file holds where that is not the table: the bytes.
     pub fits: Option<Vec<u8>>,
     /// The summary with documented keys.
@@ -100,7 +103,8 @@ impl Product {
     /// The extensions under which it goes into a folder.
     fn extensions(&self) -> impl Iterator<Item = &'static str> {
         let table = (!self.table.columns.is_empty()).then_some(&["ecsv"][..]);
-        let figure = self.figure.as_ref().map(|_| &["png", "svg"][..]);
+        let drawn = self.figure.is_some() || self.gallery.is_some();
+        let figure = drawn.then_some(&["png", "svg"][..]);
         // Beside a table a FITS file holds something else, which has its own place among the others.
         let fits = (table.is_none() && self.fits.is_some()).then_some(&["fits"][..]);
         [table, fits, figure].into_iter().flatten().flatten().copied()
@@ -285,8 +289,14 @@ fn contents(path: &Path, product: &Product) -> anyhow::Result<Vec<u8>> {
             text.push(b'\n');
             text
         }
-        Format::Png => figure()?.png()?,
-        Format::Svg => figure()?.svg()?.into_bytes(),
+        Format::Png => match &product.gallery {
+            Some(gallery) => gallery.png()?,
+            None => figure()?.png()?,
+        },
+        Format::Svg => match &product.gallery {
+            Some(gallery) => gallery.svg()?.into_bytes(),
+            None => figure()?.svg()?.into_bytes(),
+        },
     })
 }
 

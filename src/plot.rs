@@ -1,12 +1,13 @@
 //! Figures: lines and points on one or several panels, as PNG or SVG.
 
+pub mod gallery;
 mod heat;
 mod panel;
 mod raster;
 mod scale;
 pub mod sky;
 
-pub use heat::Heat;
+pub use heat::{Heat, viridis};
 pub use plotters::style::RGBColor;
 
 use plotters::coord::Shift;

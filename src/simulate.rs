@@ -1,5 +1,6 @@
 //! `sunglint simulate`: what a pass should look like in every channel.
 
+mod active;
 mod beside;
 mod figure;
 mod report;
@@ -16,6 +17,7 @@ use report::{Cost, Report};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
+use sunglint_radiometry::station::Laser;
 use sunglint_simulator::attitude::Attitude;
 use sunglint_simulator::pass::{Overrides, Pass, PassFile, Progress, Simulation, Stage};
 use sunglint_simulator::target::Shape;
@@ -49,6 +51,12 @@ pub struct SimulateArgs {
     /// What these magnitudes are
     #[arg(long, value_enum, default_value_t, requires = "beside")]
     pub beside_as: ComparedAs,
+    /// Add the returns of the station's lasers (`[[laser]]` in station.toml or PASS.toml, docs/active.md)
+    #[arg(long)]
+    pub active: bool,
+    /// Of this laser alone; may be given several times
+    #[arg(long, value_name = "NAME", requires = "active")]
+    pub laser: Vec<String>,
     /// Which station, in place of the file's.
     #[command(flatten)]
     pub station: StationArgs,
@@ -83,7 +91,8 @@ pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
         .as_ref()
         .map(|path| Beside::read(path, &args.beside_column, args.beside_as))
         .transpose()?;
-    let shown = show(&pass, &args.pass.display().to_string(), measured, console)?;
+    let lasers = if args.active { active::lasers(&pass, &args.laser)? } else { Vec::new() };
+    let shown = show_with(&pass, &args.pass.display().to_string(), measured, &lasers, console)?;
     if !shown.has_light && args.out.output.iter().any(|p| is_picture(p)) {
         bail!(
             "{}: there is no light to draw in any sample (see the warnings); write a table instead",
@@ -127,6 +136,17 @@ pub(crate) fn show(
     measured: Option<Beside>,
     console: Console,
 ) -> anyhow::Result<Shown> {
+    show_with(pass, name, measured, &[], console)
+}
+
+/// The same with the returns of some lasers.
+fn show_with(
+    pass: &Pass,
+    name: &str,
+    measured: Option<Beside>,
+    lasers: &[&Laser],
+    console: Console,
+) -> anyhow::Result<Shown> {
     let clock = Clock::new(pass.times.len(), console);
     let simulation =
         pass.simulate(&|progress| clock.tell(progress)).with_context(|| name.to_owned())?;
@@ -146,7 +166,12 @@ pub(crate) fn show(
     }
     let report =
         Report { simulation: &simulation, cost, beside: beside.as_ref(), warnings: &warnings };
-    Ok(Shown { product: report.product()?, text: report.text(), has_light: simulation.has_light() })
+    let (product, text) = (report.product()?, report.text());
+    let mut shown = Shown { product, text, has_light: simulation.has_light() };
+    if !lasers.is_empty() {
+        active::add(&mut shown, &simulation, lasers, console)?;
+    }
+    Ok(shown)
 }
 
 fn is_picture(path: &std::path::Path) -> bool {

@@ -97,6 +97,17 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     std::fs::write(folder.path("m.csv"), "time_utc,magnitude\n2008-09-21T18:48:00Z,4.5\n").unwrap();
     keys(&folder.json(&["simulate", "pass.toml", "--json", "--beside", "m.csv"]), &mut printed);
     keys(&folder.json(&["explain", "pass.toml", "--json"]), &mut printed);
+    for picture in [
+        &["pass.toml", "--size-px", "32"][..],
+        &["--model", "lambert_sphere", "--map", "--step-deg", "30"],
+        &["--sphere"],
+    ] {
+        keys(&folder.json(&[&["picture", "--json"], picture].concat()), &mut printed);
+    }
+    let active = read("docs/active.md");
+    let laser = active.split("```").nth(1).unwrap().strip_prefix("toml").unwrap();
+    std::fs::write(folder.path("active.toml"), format!("{SCENE}{laser}")).unwrap();
+    keys(&folder.json(&["simulate", "active.toml", "--active", "--json"]), &mut printed);
     folder.done(&[&VEGA[..], &["--spectrum-out", "s.json"]].concat());
     folder.done(&["bench", "--scene", "corner", "--seconds", "0.02", "-o", "b.json", "-q"]);
     for file in ["s.json", "b.json"] {
@@ -129,6 +140,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "air",
         "star",
         "passes",
+        "picture",
         "simulate",
         "explain",
         "bench",

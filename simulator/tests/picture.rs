@@ -173,5 +173,5 @@ fn what_is_no_picture_or_map_is_refused() {
             MapError::Phase { .. }
         ));
     }
-    assert!(matches!(Map::of(&scene, 0.0, 0.01, &factors).unwrap_err(), MapError::Step { .. }));
+    assert!(matches!(Map::of(scene, 0.0, 0.01, &factors).unwrap_err(), MapError::Step { .. }));
 }

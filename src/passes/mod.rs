@@ -6,6 +6,7 @@ mod report;
 mod seen;
 mod table;
 
+pub(crate) use model::target;
 pub use seen::{Event, Expected, SeenPass};
 
 use crate::air::{AirModelArgs, implausible};

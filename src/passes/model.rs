@@ -84,7 +84,7 @@ impl PassesArgs {
 }
 
 /// A built-in target, or one of a file.
-fn target(model: &str) -> anyhow::Result<Target> {
+pub(crate) fn target(model: &str) -> anyhow::Result<Target> {
     if let Some(target) = Target::built_in(model) {
         return Ok(target);
     }

@@ -183,36 +183,48 @@ impl Heat {
         area: &DrawingArea<DB, Shift>,
         scale: u32,
     ) -> Result<(), PlotError> {
-        let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
-        let Some(colours) = self.scale() else { return Ok(()) };
-        let (_, height) = area.dim_in_pixel();
-        let s = scale as i32;
-        let font = ("sans-serif", 13 * scale).into_font().color(&BLACK);
-        for (i, line) in self.label.iter().enumerate() {
-            area.draw_text(line, &font, (0, (10 + 17 * i as i32) * s)).map_err(failed)?;
+        match self.scale() {
+            Some(colours) => draw_scale(&self.label, &colours, area, scale, 60),
+            None => Ok(()),
         }
-        let top = (20 + 17 * self.label.len() as i32) * s;
-        let bottom = height as i32 - 60 * s;
-        let (left, right) = (0, 18 * s);
-        let at = |fraction: f64| bottom - (fraction * f64::from(bottom - top)).round() as i32;
-        for shade in 0..SHADES {
-            let (from, to) = (shade as f64 / SHADES as f64, (shade + 1) as f64 / SHADES as f64);
-            let corners = [(left, at(to)), (right, at(from))];
-            area.draw(&Rectangle::new(corners, colour_of(shade).filled())).map_err(failed)?;
-        }
-        for tick in colours.ticks() {
-            let fraction = colours.fraction(*tick);
-            if !(-1e-6..=1.0 + 1e-6).contains(&fraction) {
-                continue;
-            }
-            let y = at(fraction);
-            let stroke = RGBColor(90, 90, 90).stroke_width(scale);
-            area.draw(&PathElement::new([(right, y), (right + 4 * s, y)], stroke))
-                .map_err(failed)?;
-            area.draw_text(&label(*tick), &font, (right + 8 * s, y - 6 * s)).map_err(failed)?;
-        }
-        Ok(())
     }
+}
+
+/// Draws a scale of colours with its quantity above it, down to so many pixels above the area's end.
+pub(super) fn draw_scale<DB: DrawingBackend>(
+    title: &[String],
+    colours: &Scale,
+    area: &DrawingArea<DB, Shift>,
+    scale: u32,
+    below: i32,
+) -> Result<(), PlotError> {
+    let failed = |e: DrawingAreaErrorKind<DB::ErrorType>| PlotError::Draw(e.to_string());
+    let (_, height) = area.dim_in_pixel();
+    let s = scale as i32;
+    let font = ("sans-serif", 13 * scale).into_font().color(&BLACK);
+    for (i, line) in title.iter().enumerate() {
+        area.draw_text(line, &font, (0, (10 + 17 * i as i32) * s)).map_err(failed)?;
+    }
+    let top = (20 + 17 * title.len() as i32) * s;
+    let bottom = height as i32 - below * s;
+    let (left, right) = (0, 18 * s);
+    let at = |fraction: f64| bottom - (fraction * f64::from(bottom - top)).round() as i32;
+    for shade in 0..SHADES {
+        let (from, to) = (shade as f64 / SHADES as f64, (shade + 1) as f64 / SHADES as f64);
+        let corners = [(left, at(to)), (right, at(from))];
+        area.draw(&Rectangle::new(corners, colour_of(shade).filled())).map_err(failed)?;
+    }
+    for tick in colours.ticks() {
+        let fraction = colours.fraction(*tick);
+        if !(-1e-6..=1.0 + 1e-6).contains(&fraction) {
+            continue;
+        }
+        let y = at(fraction);
+        let stroke = RGBColor(90, 90, 90).stroke_width(scale);
+        area.draw(&PathElement::new([(right, y), (right + 4 * s, y)], stroke)).map_err(failed)?;
+        area.draw_text(&label(*tick), &font, (right + 8 * s, y - 6 * s)).map_err(failed)?;
+    }
+    Ok(())
 }
 
 fn shade_of(colours: &Scale, value: f64) -> usize {
@@ -220,6 +232,11 @@ fn shade_of(colours: &Scale, value: f64) -> usize {
     let fraction = colours.fraction(value.clamp(lo, hi));
     // A fraction from 0 to 1.
     ((fraction * SHADES as f64) as usize).min(SHADES - 1)
+}
+
+/// The colour at a fraction of the scale, from 0 to 1; what is beyond has the end's.
+pub fn viridis(fraction: f64) -> RGBColor {
+    colour_of(((fraction.clamp(0.0, 1.0) * SHADES as f64) as usize).min(SHADES - 1))
 }
 
 fn colour_of(shade: usize) -> RGBColor {

@@ -77,6 +77,7 @@ impl Report<'_> {
             fits: spectra.fits.clone(),
             json: self.json(),
             others: vec![geometry, spectra],
+            ..Product::default()
         })
     }
 

@@ -3,7 +3,7 @@
 use super::air_file::{AirFile, air_error};
 use super::curves::{Elevation, Loader, curves_that_end_high, fractions, horizon, linearity, load};
 use super::{
-    AirDefaults, Camera, Channel, Counter, CounterQuantity, DeadTime, Detector, Fibre, Laser,
+    AirDefaults, Camera, Channel, Counter, CounterQuantity, DeadTime, Detector, Fibre, LaserFile,
     Mount, Plane, Station, Telescope,
 };
 use crate::air::Air;
@@ -110,20 +110,6 @@ struct CameraFile {
     note: Option<String>,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct LaserFile {
-    name: String,
-    wavelength_nm: Positive,
-    linewidth_nm: Positive,
-    pulse_energy_mj: Positive,
-    pulse_length_ns: Positive,
-    repetition_rate_hz: Positive,
-    divergence_arcsec: Positive,
-    beam_radius_m: Positive,
-    note: Option<String>,
-}
-
 /// The station of a document; `curve` reads the files that it names.
 pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, FileError> {
     let file: StationFile = document.parse()?;
@@ -154,16 +140,11 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
         note(format!("channel {}", channel.name), channel_file.note);
         channels.push(channel);
     }
-    let mut lasers: Vec<Laser> = Vec::new();
-    for (i, laser_file) in file.laser.into_iter().enumerate() {
-        let at = format!("laser[{i}].name");
-        check_name(document, &at, &laser_file.name, "_-")?;
-        if lasers.iter().any(|l| l.name == laser_file.name) {
-            return Err(document.error_at(&at, "a name that no other laser has").into());
-        }
-        note(format!("laser {}", laser_file.name), laser_file.note.clone());
-        lasers.push(laser(laser_file));
+    for laser in &file.laser {
+        note(format!("laser {}", laser.name), laser.note.clone());
     }
+    let known = |name: &str| channels.iter().any(|c| c.name == name);
+    let lasers = super::laser_file::lasers(document, &file.laser, &[], &known)?;
     let profile = AirDefaults { profile: "midlatitude_winter".into(), ..AirDefaults::default() };
     let air = file.air.over(document, "air", &profile)?;
     let (name, description) = (file.name, file.description);
@@ -187,7 +168,12 @@ pub(super) fn station(document: &Document, curve: Loader) -> Result<Station, Fil
     Ok(station)
 }
 
-fn check_name(document: &Document, key: &str, name: &str, extra: &str) -> Result<(), ParseError> {
+pub(super) fn check_name(
+    document: &Document,
+    key: &str,
+    name: &str,
+    extra: &str,
+) -> Result<(), ParseError> {
     let good = |c: char| c.is_ascii_alphanumeric() || extra.contains(c);
     if !name.is_empty() && name.chars().all(good) {
         return Ok(());
@@ -427,17 +413,4 @@ fn counter(
         area_mm2: file.area_mm2.map(Positive::get),
         fibre,
     })
-}
-
-fn laser(file: LaserFile) -> Laser {
-    Laser {
-        name: file.name,
-        wavelength_nm: file.wavelength_nm.get(),
-        linewidth_nm: file.linewidth_nm.get(),
-        pulse_energy_j: file.pulse_energy_mj.get() * 1e-3,
-        pulse_length_s: file.pulse_length_ns.get() * 1e-9,
-        repetition_rate_hz: file.repetition_rate_hz.get(),
-        divergence_arcsec: file.divergence_arcsec.get(),
-        beam_radius_m: file.beam_radius_m.get(),
-    }
 }

@@ -3,9 +3,11 @@
 mod air_file;
 mod curves;
 mod file;
+mod laser_file;
 mod predicted;
 
 pub use air_file::{AirFile, air_error};
+pub use laser_file::{LaserFile, lasers};
 pub use predicted::Predicted;
 
 use crate::air::{Aerosol, AirError, AirOptions};
@@ -356,6 +358,21 @@ pub struct Laser {
     pub divergence_arcsec: f64,
     /// Beam radius at the telescope, m.
     pub beam_radius_m: f64,
+    /// How the energy is spread across the beam.
+    pub beam: BeamShape,
+    /// The channel that catches what comes back; the one that is most sensitive at the wavelength where none is named.
+    pub receiver: Option<String>,
+}
+
+/// How a beam's energy is spread across it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BeamShape {
+    /// The same within its radius, nothing beyond.
+    #[default]
+    TopHat,
+    /// A normal distribution; the radius is where it has fallen to 1/e² of its middle.
+    Gaussian,
 }
 
 /// A station that the program carries with it: its file, and the curves that the file names.

@@ -47,7 +47,7 @@ use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::spectrum::{Irradiance, Spectrum};
-use sunglint_radiometry::station::{AirFile, Station, air_error};
+use sunglint_radiometry::station::{AirFile, Station, air_error, lasers};
 
 /// More epochs in one pass are a slip of the step.
 pub const MOST_SAMPLES: usize = 1_000_000;
@@ -128,7 +128,10 @@ impl PassFile {
         let (times, exposure_s) = reader.times(&keys.times, &overrides)?;
         let orbit = reader.orbit(keys, times[0])?;
         let attitude = reader.attitude(keys.attitude.as_ref())?;
-        let station = reader.station(keys.station.as_ref(), overrides.station)?;
+        let mut station = reader.station(keys.station.as_ref(), overrides.station)?;
+        let known = |name: &str| station.channel(name).is_some();
+        let own = lasers(&self.document, &keys.laser, &station.lasers, &known)?;
+        station.lasers.extend(own);
         let air = reader.air(&keys.air, &station)?;
         let edges_nm = reader.edges(&keys.spectrum, times.len())?;
         let orientation = match &keys.earth_orientation {

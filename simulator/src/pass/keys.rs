@@ -7,6 +7,7 @@ use crate::target::file::{HingeFile, MaterialFile, PartFile};
 use serde::Deserialize;
 use sunglint_formats::time::Utc;
 use sunglint_formats::toml::{Finite, Fraction, NonNegative, Positive};
+use sunglint_radiometry::station::LaserFile;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -30,6 +31,8 @@ pub struct PassKeys {
     pub magnitudes: MagnitudeKeys,
     #[serde(default)]
     pub effects: EffectKeys,
+    #[serde(default)]
+    pub laser: Vec<LaserFile>,
     pub note: Option<String>,
 }
 

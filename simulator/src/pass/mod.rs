@@ -31,6 +31,7 @@ mod explain;
 pub mod file;
 mod functionals;
 mod keys;
+mod moments;
 mod ready;
 mod result;
 mod shadow;

@@ -134,7 +134,8 @@ impl Simulation<'_> {
         }
     }
 
-    fn provenance(&self, command: &str) -> Provenance {
+    /// Where it comes from, for tables that are made of it.
+    pub fn provenance(&self, command: &str) -> Provenance {
         let pass = self.pass;
         let mut notes = pass.notes.clone();
         notes.push(format!(

@@ -1,17 +1,7 @@
 //! The beam on its way up, and who catches what comes down.
 
 use sunglint_radiometry::constants::HC_J_NM;
-use sunglint_radiometry::station::Laser;
-
-/// How a beam's energy is spread across it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum BeamShape {
-    /// The same within its radius, nothing beyond.
-    #[default]
-    TopHat,
-    /// A normal distribution; the radius is where it has fallen to 1/e² of its middle.
-    Gaussian,
-}
+use sunglint_radiometry::station::{BeamShape, Laser};
 
 /// A pulsed beam that leaves a point of the ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,7 +26,7 @@ pub struct Beam {
 
 impl Beam {
     /// The beam of a station's laser.
-    pub fn of(laser: &Laser, shape: BeamShape) -> Self {
+    pub fn of(laser: &Laser) -> Self {
         Self {
             wavelength_nm: laser.wavelength_nm,
             linewidth_nm: laser.linewidth_nm,
@@ -45,7 +35,7 @@ impl Beam {
             repetition_rate_hz: laser.repetition_rate_hz,
             divergence_rad: (laser.divergence_arcsec / 3600.0).to_radians(),
             radius_m: laser.beam_radius_m,
-            shape,
+            shape: laser.beam,
         }
     }
 

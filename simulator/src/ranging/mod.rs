@@ -20,5 +20,6 @@ mod beam;
 pub mod glint;
 mod profile;
 
-pub use beam::{Beam, BeamShape, Receiver, detection_probability};
+pub use beam::{Beam, Receiver, detection_probability};
 pub use profile::{DepthBins, DepthError, Profile, Shot};
+pub use sunglint_radiometry::station::BeamShape;

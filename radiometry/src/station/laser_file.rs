@@ -1,0 +1,66 @@
+//! The `[[laser]]` tables of a station, and of a scene that brings its own.
+
+use super::{BeamShape, Laser};
+use serde::Deserialize;
+use sunglint_formats::ParseError;
+use sunglint_formats::toml::{Document, Positive};
+
+/// A `[[laser]]` table as serde reads it.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LaserFile {
+    pub(super) name: String,
+    wavelength_nm: Positive,
+    linewidth_nm: Positive,
+    pulse_energy_mj: Positive,
+    pulse_length_ns: Positive,
+    repetition_rate_hz: Positive,
+    divergence_arcsec: Positive,
+    beam_radius_m: Positive,
+    #[serde(default)]
+    beam: BeamShape,
+    receiver: Option<String>,
+    pub(super) note: Option<String>,
+}
+
+/// The lasers of a document's `laser` tables, beside others that are there already; `is_channel` knows the station's channels.
+///
+/// # Errors
+/// A name that is none or taken; a receiver that is no channel; a divergence of a degree and more.
+pub fn lasers(
+    document: &Document,
+    files: &[LaserFile],
+    others: &[Laser],
+    is_channel: &dyn Fn(&str) -> bool,
+) -> Result<Vec<Laser>, ParseError> {
+    let mut lasers: Vec<Laser> = Vec::new();
+    for (i, file) in files.iter().enumerate() {
+        let key = |name: &str| format!("laser[{i}].{name}");
+        super::file::check_name(document, &key("name"), &file.name, "_-")?;
+        if lasers.iter().chain(others).any(|l| l.name == file.name) {
+            return Err(document.error_at(&key("name"), "a name that no other laser has"));
+        }
+        if let Some(receiver) = &file.receiver
+            && !is_channel(receiver)
+        {
+            return Err(document.error_at(&key("receiver"), "a channel of the station"));
+        }
+        if file.divergence_arcsec.get() > 3600.0 {
+            let expected = "the full angle of a beam, below 3600 arcsec";
+            return Err(document.error_at(&key("divergence_arcsec"), expected));
+        }
+        lasers.push(Laser {
+            name: file.name.clone(),
+            wavelength_nm: file.wavelength_nm.get(),
+            linewidth_nm: file.linewidth_nm.get(),
+            pulse_energy_j: file.pulse_energy_mj.get() * 1e-3,
+            pulse_length_s: file.pulse_length_ns.get() * 1e-9,
+            repetition_rate_hz: file.repetition_rate_hz.get(),
+            divergence_arcsec: file.divergence_arcsec.get(),
+            beam_radius_m: file.beam_radius_m.get(),
+            beam: file.beam,
+            receiver: file.receiver.clone(),
+        });
+    }
+    Ok(lasers)
+}

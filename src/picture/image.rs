@@ -1,0 +1,287 @@
+//! The picture itself: pixels, optics, wavelengths.
+
+use super::aim::Aim;
+use super::report::Report;
+use super::{PictureArgs, What};
+use crate::output::{Console, Usage};
+use anyhow::{Context as _, bail};
+use sunglint_simulator::light::{Faceted, Scene};
+use sunglint_simulator::picture::{Camera, Picture};
+
+/// Red, green and blue of a picture as an eye might see it, nm.
+pub const RGB_NM: [f64; 3] = [640.0, 550.0, 450.0];
+/// Pixels unless somebody says.
+const SIZE_PX: usize = 512;
+/// More on a side is a slip.
+const MOST_PX: usize = 10_000;
+/// The picture reaches so many widths of the point spread function beyond the body.
+const WINGS: f64 = 2.0;
+/// The picture's half width over the body's reach.
+const MARGIN: f64 = 1.12;
+/// Full width at half maximum of the Airy disc, in λ/D.
+const AIRY: f64 = 1.029;
+
+/// How the picture is blurred, for each of its wavelengths.
+#[derive(Debug, Clone, Default)]
+pub struct Optics {
+    /// Angle that a pixel sees, arcsec; where there is a range.
+    pub pixel_arcsec: Option<f64>,
+    /// Full width at half maximum for each band, arcsec; empty where nothing is blurred.
+    pub fwhm_arcsec: Vec<f64>,
+    /// In words.
+    pub words: Option<String>,
+}
+
+/// A picture, ready to be shown.
+pub struct Shot<'a> {
+    /// What it is of.
+    pub aim: &'a Aim,
+    /// The camera.
+    pub camera: Camera,
+    /// Wavelengths of the intensities: those that were asked for, then red, green and blue where they are wanted.
+    pub bands_nm: Vec<f64>,
+    /// How many of them were asked for.
+    pub asked: usize,
+    /// The Sun's irradiance in each, W m⁻² nm⁻¹, which the intensities hold; 1 with `--per-irradiance`.
+    pub irradiance: Vec<f64>,
+    /// The picture, blurred.
+    pub picture: Picture,
+    /// The intensity of each band before the blur, all pixels.
+    pub totals: Vec<f64>,
+    /// What blurs it.
+    pub optics: Optics,
+    /// What to show.
+    pub what: Vec<What>,
+    /// Whether intensities are over the irradiance.
+    pub per_irradiance: bool,
+}
+
+/// Makes the picture.
+pub fn run(args: &PictureArgs, aim: &Aim, console: Console) -> anyhow::Result<()> {
+    let shot = Shot::take(args, aim)?;
+    for warning in shot.concerns() {
+        console.warn(&warning);
+    }
+    let report = Report { shot: &shot };
+    args.out.finish(&report.product()?, &report.text(), console)
+}
+
+/// What each weight of a scene counts at a wavelength: ρ_k(λ).
+///
+/// # Errors
+/// A wavelength beyond a material's table.
+pub fn reflectances(scene: &Scene, nm: f64) -> anyhow::Result<Vec<f64>> {
+    let mut all = Vec::with_capacity(scene.weight_count());
+    for material in scene.materials() {
+        for spectrum in material.spectra() {
+            let (first, last) = spectrum.range_nm();
+            if !(first..=last).contains(&nm) {
+                bail!(
+                    "{nm} nm: the material {} is tabulated from {first} to {last} nm",
+                    material.name
+                );
+            }
+            all.push(spectrum.at(nm));
+        }
+    }
+    Ok(all)
+}
+
+/// Sunlight at a wavelength, W m⁻² nm⁻¹.
+pub fn irradiance(aim: &Aim, nm: f64) -> anyhow::Result<f64> {
+    let (first, last) = aim.sun.range_nm();
+    if !(first..=last).contains(&nm) {
+        bail!("{nm} nm: sunlight is tabulated from {first} to {last} nm");
+    }
+    Ok(aim.sunlight * aim.sun.at(nm))
+}
+
+impl<'a> Shot<'a> {
+    fn take(args: &PictureArgs, aim: &'a Aim) -> anyhow::Result<Self> {
+        let mut what = args.what.clone();
+        if what.is_empty() {
+            what = vec![What::Intensity, What::Material, What::Depth, What::Rgb];
+        }
+        what.dedup();
+        let mut bands_nm = args.wavelength_nm.clone();
+        let asked = bands_nm.len();
+        if what.contains(&What::Rgb) {
+            bands_nm.extend(RGB_NM);
+        }
+        let body =
+            Faceted::new(&aim.target).with_context(|| format!("the target {}", aim.target.name))?;
+        let (_, up) = aim.axes()?;
+        let optics = Optics::of(args, aim, &bands_nm)?;
+        let widest = optics.fwhm_arcsec.iter().copied().fold(0.0, f64::max);
+        let wings_m = aim.range_m.map_or(0.0, |r| 2.0 * WINGS * widest * arcsec() * r);
+        let mut camera =
+            Camera::around(&body, aim.observer_body, up, args.size_px.unwrap_or(SIZE_PX));
+        let field_m = field_m(aim)?.min(camera.pixel_m * camera.size_px[0] as f64) + wings_m;
+        let given = match (args.station_optics, optics.pixel_arcsec, aim.range_m) {
+            (true, Some(pixel), Some(range_m)) => Some(pixel * arcsec() * range_m),
+            _ => args.pixel_m,
+        };
+        if let Some(pixel_m) = given {
+            if !(pixel_m.is_finite() && pixel_m > 0.0) {
+                return Err(
+                    Usage(format!("--pixel-m is {pixel_m}, expected metres above 0")).into()
+                );
+            }
+            let needed = (field_m / pixel_m).ceil().max(1.0);
+            if args.size_px.is_none() && needed > MOST_PX as f64 {
+                bail!("the body needs {needed} pixels of {pixel_m} m, expected at most {MOST_PX}");
+            }
+            // An odd number, so that the body's origin lies in the middle of a pixel.
+            let needed = needed as usize | 1;
+            let size = args.size_px.unwrap_or(needed);
+            (camera.pixel_m, camera.size_px) = (pixel_m, [size, size]);
+        } else {
+            camera.pixel_m = field_m / camera.size_px[0] as f64;
+        }
+        if !(1..=MOST_PX).contains(&camera.size_px[0]) {
+            let size = camera.size_px[0];
+            return Err(Usage(format!("--size-px is {size}, expected 1 to {MOST_PX}")).into());
+        }
+        let scene = body.scene();
+        let mut factors = Vec::new();
+        let mut irradiances = Vec::new();
+        for nm in &bands_nm {
+            let sun = if args.per_irradiance { 1.0 } else { irradiance(aim, *nm)? };
+            let rho = reflectances(scene, *nm)?;
+            factors.push(rho.iter().map(|r| sun * r).collect::<Vec<f64>>());
+            irradiances.push(sun);
+        }
+        let sharp = Picture::render(&mut body.eye(), &camera, aim.sun_body, &factors)
+            .with_context(|| format!("the picture of {}", aim.target.name))?;
+        let totals = sharp.bands.iter().map(|b| b.iter().sum()).collect();
+        let picture = match aim.range_m {
+            Some(range_m) if !optics.fwhm_arcsec.is_empty() => {
+                blurred(&sharp, &optics.fwhm_arcsec, range_m)
+            }
+            _ => sharp,
+        };
+        Ok(Self {
+            aim,
+            camera,
+            bands_nm,
+            asked,
+            irradiance: irradiances,
+            picture,
+            totals,
+            optics,
+            what,
+            per_irradiance: args.per_irradiance,
+        })
+    }
+
+    /// The unit of a pixel's intensity as FITS and astropy spell it.
+    pub fn unit(&self) -> &'static str {
+        if self.per_irradiance { "m2 / sr" } else { "W / (sr nm)" }
+    }
+
+    /// The same for people.
+    pub fn unit_words(&self) -> &'static str {
+        if self.per_irradiance { "m² sr⁻¹ per pixel" } else { "W sr⁻¹ nm⁻¹ per pixel" }
+    }
+
+    /// The share of a band's light that the blur has carried out of the picture.
+    pub fn lost(&self, band: usize) -> f64 {
+        let total = self.totals[band];
+        let left: f64 = self.picture.bands[band].iter().sum();
+        if total > 0.0 { (1.0 - left / total).max(0.0) } else { 0.0 }
+    }
+
+    fn concerns(&self) -> Vec<String> {
+        let mut concerns = Vec::new();
+        let reach = 0.5 * self.camera.pixel_m * self.camera.size_px[0] as f64;
+        if self.totals.first().is_some_and(|t| *t == 0.0) {
+            concerns.push(format!(
+                "no light at {} nm comes from {}",
+                self.bands_nm[0], self.aim.target.name
+            ));
+        }
+        let lost = self.lost(0);
+        if lost > 0.01 {
+            concerns.push(format!(
+                "{:.1} % of the light falls outside the picture ({:.3} m from its middle to its edge): give --size-px",
+                100.0 * lost,
+                reach
+            ));
+        }
+        concerns
+    }
+}
+
+/// The width of the picture that the body needs about its origin, with a margin, m.
+fn field_m(aim: &Aim) -> anyhow::Result<f64> {
+    let (right, up) = aim.axes()?;
+    let angles = aim.target.hinge_angles_rad(aim.sun_body);
+    let mut most = 0.0_f64;
+    for part in 0..aim.target.parts.len() {
+        let mesh = aim.target.part_mesh(part, &angles);
+        let reach = mesh.vertices.iter().map(|v| v.dot(right).abs().max(v.dot(up).abs()));
+        most = reach.fold(most, f64::max);
+    }
+    Ok(2.0 * MARGIN * most)
+}
+
+/// An arcsecond in radians.
+pub fn arcsec() -> f64 {
+    (1.0 / 3600.0_f64).to_radians()
+}
+
+fn blurred(sharp: &Picture, fwhm_arcsec: &[f64], range_m: f64) -> Picture {
+    let band = |(band, fwhm): (&Vec<f64>, &f64)| {
+        let alone =
+            Picture { bands: vec![band.clone()], materials: vec![], depth_m: vec![], ..*sharp };
+        alone.blurred(fwhm * arcsec() * range_m).bands.swap_remove(0)
+    };
+    let bands = sharp.bands.iter().zip(fwhm_arcsec).map(band).collect();
+    Picture { bands, ..sharp.clone() }
+}
+
+impl Optics {
+    fn of(args: &PictureArgs, aim: &Aim, bands_nm: &[f64]) -> anyhow::Result<Self> {
+        let need_range = |option: &str| {
+            let text =
+                format!("{option} needs a distance: a pass has one, --model takes --range-km");
+            aim.range_m.ok_or(Usage(text))
+        };
+        let width = |option: &str, arcsec: f64| {
+            let good = (0.0..=3600.0).contains(&arcsec);
+            good.then_some(arcsec)
+                .ok_or_else(|| Usage(format!("{option} is {arcsec}, expected 0 to 3600 arcsec")))
+        };
+        if let Some(fwhm) = args.psf_arcsec {
+            need_range("--psf-arcsec")?;
+            let fwhm = width("--psf-arcsec", fwhm)?;
+            return Ok(Self {
+                fwhm_arcsec: vec![fwhm; bands_nm.len()],
+                words: Some(format!("blurred to {fwhm}″ (FWHM)")),
+                ..Self::default()
+            });
+        }
+        if !args.station_optics {
+            return Ok(Self::default());
+        }
+        need_range("--station-optics")?;
+        let seeing = width("--seeing-arcsec", args.seeing_arcsec)?;
+        let station = aim.station.as_ref().context("--station-optics needs --station")?;
+        let camera = station.camera.as_ref().with_context(|| {
+            format!(
+                "the station {} has no [camera]: --station-optics takes its pixels",
+                station.name
+            )
+        })?;
+        let diameter_m = station.telescope.primary_diameter_m;
+        let fwhm_arcsec: Vec<f64> = bands_nm
+            .iter()
+            .map(|nm| seeing.hypot(AIRY * nm * 1e-9 / diameter_m / arcsec()))
+            .collect();
+        let words = format!(
+            "{}: {:.3}″ a pixel; seeing {seeing}″ and diffraction make {:.2}″ (FWHM)",
+            camera.name, camera.pixel_scale_arcsec, fwhm_arcsec[0]
+        );
+        Ok(Self { pixel_arcsec: Some(camera.pixel_scale_arcsec), fwhm_arcsec, words: Some(words) })
+    }
+}

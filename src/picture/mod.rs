@@ -1,0 +1,174 @@
+//! `sunglint picture`: a body as it looks, what it sends into all directions, a sphere against phase angle.
+
+mod aim;
+mod fits;
+mod image;
+mod map;
+mod report;
+mod sphere;
+mod tiles;
+
+use crate::output::{Console, OutputArgs, Usage};
+use crate::station::StationArgs;
+use aim::Aim;
+use clap::{Args, ValueEnum};
+use glam::DVec3;
+pub(crate) use image::reflectances;
+use std::path::PathBuf;
+
+/// What a picture shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum What {
+    /// Radiant intensity of each pixel, one picture a wavelength
+    Intensity,
+    /// Which material is where
+    Material,
+    /// Distance from the observer against that of the body's origin
+    Depth,
+    /// As an eye might see it: 640, 550 and 450 nm over sunlight's own colour
+    Rgb,
+}
+
+/// What is up in a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Up {
+    /// The celestial pole
+    North,
+    /// The station's zenith
+    Zenith,
+    /// The body's z axis
+    BodyZ,
+}
+
+/// Arguments of `sunglint picture`.
+#[derive(Debug, Args)]
+#[allow(clippy::struct_excessive_bools, reason = "they are switches of a command line")]
+pub struct PictureArgs {
+    /// The scene: target, orbit, attitude, station, times (docs/pass.md)
+    pub pass: Option<PathBuf>,
+    /// A target alone, without orbit and station: a built-in name or a target.toml
+    #[arg(long, value_name = "NAME|FILE")]
+    pub model: Option<String>,
+    /// When, within the pass: UTC, ISO 8601 [default: where the target stands highest]
+    #[arg(long, value_name = "TIME")]
+    pub at: Option<String>,
+    /// With --model: phase angle, degrees, the Sun to the observer's right [default: 40]. With --map: that of the map [default: 0]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub phase: Option<f64>,
+    /// With --model: direction to the Sun, body axes
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = direction)]
+    pub sun: Option<DVec3>,
+    /// With --model: direction to the observer, body axes [default: 0.75,-0.5,0.45]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = direction)]
+    pub observer: Option<DVec3>,
+    /// With --model: distance of the observer, for angles on the sky
+    #[arg(long, value_name = "KM", allow_negative_numbers = true)]
+    pub range_km: Option<f64>,
+    /// What to show, separated by commas [default: all four]
+    #[arg(long, value_enum, value_delimiter = ',')]
+    pub what: Vec<What>,
+    /// Wavelengths of the intensity, vacuum nm, separated by commas
+    #[arg(
+        long,
+        value_name = "NM",
+        value_delimiter = ',',
+        default_value = "550",
+        allow_negative_numbers = true
+    )]
+    pub wavelength_nm: Vec<f64>,
+    /// Intensity over the Sun's irradiance: m² sr⁻¹ in place of W sr⁻¹ nm⁻¹
+    #[arg(long)]
+    pub per_irradiance: bool,
+    /// Pixels across and down [default: 512, or what the body needs at the given pixel]
+    #[arg(long, value_name = "N")]
+    pub size_px: Option<usize>,
+    /// Width of a pixel at the body, m [default: so that the body fits]
+    #[arg(
+        long,
+        value_name = "M",
+        allow_negative_numbers = true,
+        conflicts_with = "station_optics"
+    )]
+    pub pixel_m: Option<f64>,
+    /// Pixels of the station's camera at the target's range, seeing and diffraction
+    #[arg(long)]
+    pub station_optics: bool,
+    /// Full width at half maximum of the seeing with --station-optics, arcsec
+    #[arg(long, value_name = "ARCSEC", default_value_t = 2.0, allow_negative_numbers = true)]
+    pub seeing_arcsec: f64,
+    /// Blur the intensity by a normal distribution of this full width at half maximum
+    #[arg(
+        long,
+        value_name = "ARCSEC",
+        allow_negative_numbers = true,
+        conflicts_with = "station_optics"
+    )]
+    pub psf_arcsec: Option<f64>,
+    /// What is up [default: north, of a model body-z]
+    #[arg(long, value_enum)]
+    pub up: Option<Up>,
+    /// The reflection map: intensity over all directions of the phase vector (the bisector of Sun and observer), body axes
+    #[arg(long, conflicts_with_all = ["what", "pixel_m", "size_px", "station_optics", "psf_arcsec", "up"])]
+    pub map: bool,
+    /// Step of the map, degrees
+    #[arg(long, value_name = "DEG", default_value_t = 1.0, allow_negative_numbers = true)]
+    pub step_deg: f64,
+    /// What a sphere reflects against phase angle: rough mirrors beside Lambert's law and a mirror
+    #[arg(long, conflicts_with_all = ["pass", "model", "map", "at"])]
+    pub sphere: bool,
+    /// Beckmann roughnesses α of the spheres
+    #[arg(long, value_name = "ALPHA", value_delimiter = ',', default_values_t = [0.05, 0.1, 0.2, 0.5, 1.0], allow_negative_numbers = true)]
+    pub alpha: Vec<f64>,
+    /// Which station, in place of the file's.
+    #[command(flatten)]
+    pub station: StationArgs,
+    /// Where the result goes.
+    #[command(flatten)]
+    pub out: OutputArgs,
+}
+
+/// A direction as people write it: `1,0,-0.5`.
+fn direction(text: &str) -> Result<DVec3, String> {
+    let parts: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse().map_err(|_| format!("`{part}` is no number")))
+        .collect::<Result<_, _>>()?;
+    let [x, y, z] = parts[..] else {
+        return Err(format!("expected three numbers, X,Y,Z; found {}", parts.len()));
+    };
+    let direction = DVec3::new(x, y, z);
+    let good = direction.is_finite() && direction.length() > 1e-9;
+    good.then_some(direction)
+        .ok_or_else(|| "expected a direction: three finite numbers, not all 0".into())
+}
+
+/// Makes a picture.
+pub fn run(args: &PictureArgs, console: Console) -> anyhow::Result<()> {
+    args.out.check_with(console)?;
+    args.out.check()?;
+    if args.sphere {
+        return sphere::run(args, console);
+    }
+    if let Some(deg) = args.phase
+        && !(0.0..=180.0).contains(&deg)
+    {
+        return Err(Usage(format!("--phase is {deg}°, expected 0 to 180")).into());
+    }
+    let tabular = |p: &PathBuf| {
+        p.as_os_str() == "-"
+            || p.extension()
+                .is_some_and(|e| e.eq_ignore_ascii_case("ecsv") || e.eq_ignore_ascii_case("csv"))
+    };
+    if let Some(path) = args.out.output.iter().find(|p| tabular(p)) {
+        let text = format!(
+            "-o {}: a picture is no table: .fits has its numbers, .png and .svg show it, .json has the summary",
+            path.display()
+        );
+        return Err(Usage(text).into());
+    }
+    let aim = Aim::new(args, console)?;
+    for warning in &aim.warnings {
+        console.warn(warning);
+    }
+    if args.map { map::run(args, &aim, console) } else { image::run(args, &aim, console) }
+}

@@ -1,0 +1,134 @@
+//! What `sunglint picture` says: text, JSON, figure, FITS.
+
+use super::image::{Shot, arcsec};
+use super::tiles::{depths, gallery, length};
+use super::{What, fits};
+use crate::output::{Product, rounded};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use sunglint_formats::time::format_utc_shortest;
+
+/// A picture in words and files.
+pub struct Report<'a> {
+    /// The picture.
+    pub shot: &'a Shot<'a>,
+}
+
+impl Report<'_> {
+    pub fn product(&self) -> anyhow::Result<Product> {
+        Ok(Product {
+            name: "picture".into(),
+            gallery: Some(gallery(self.shot)),
+            fits: Some(fits::bytes(self.shot)?),
+            json: self.json(),
+            ..Product::default()
+        })
+    }
+
+    fn bands(&self) -> std::ops::Range<usize> {
+        let wants = self.shot.what.contains(&What::Intensity);
+        0..if wants { self.shot.asked } else { 0 }
+    }
+
+    fn most(&self, band: usize) -> f64 {
+        self.shot.picture.bands[band].iter().copied().fold(0.0, f64::max)
+    }
+
+    fn seen_m2(&self, material: usize) -> f64 {
+        let share: f64 = self.shot.picture.materials[material].iter().sum();
+        share * self.shot.camera.pixel_m * self.shot.camera.pixel_m
+    }
+
+    pub fn text(&self) -> String {
+        let (shot, aim) = (self.shot, self.shot.aim);
+        let mut text = format!("{}\n", aim.title);
+        let [w, h] = shot.camera.size_px;
+        let _ = write!(text, "  picture    {w} × {h} pixels of {}", length(shot.camera.pixel_m));
+        if let Some(range_m) = aim.range_m {
+            let _ = write!(text, " ({:.4}″)", shot.camera.pixel_m / range_m / arcsec());
+        }
+        let _ = writeln!(text, ", {}, orthographic", aim.up_name);
+        if let Some(words) = &shot.optics.words {
+            let _ = writeln!(text, "  optics     {words}");
+        }
+        let _ = writeln!(
+            text,
+            "  light      sunlight scattered once, from the middle of the Sun's disc; no air in between"
+        );
+        for band in self.bands() {
+            let _ = writeln!(
+                text,
+                "  {:>6} nm  {:.6e} {} in all; brightest pixel {:.3e}{}",
+                shot.bands_nm[band],
+                shot.totals[band],
+                shot.unit(),
+                self.most(band),
+                if shot.lost(band) > 5e-5 {
+                    format!("; {:.2} % of it outside the picture", 100.0 * shot.lost(band))
+                } else {
+                    String::new()
+                }
+            );
+        }
+        if shot.what.contains(&What::Rgb) {
+            text.push_str("  eye        640, 550 and 450 nm over the Sun's irradiance as red, green and blue, by the sRGB curve; the brightest 0.5 % of lit pixels are saturated\n");
+        }
+        text.push_str("  seen       ");
+        let seen: Vec<String> = (0..aim.target.materials.len())
+            .map(|k| (k, self.seen_m2(k)))
+            .filter(|(_, m2)| *m2 > 0.0)
+            .map(|(k, m2)| format!("{} {m2:.4} m²", aim.target.materials[k].name))
+            .collect();
+        let _ =
+            writeln!(text, "{}", if seen.is_empty() { "nothing".into() } else { seen.join(", ") });
+        if let Some(depths) = depths(shot) {
+            let _ = writeln!(
+                text,
+                "  depth      {:.3} to {:.3} m behind the plane through the body's origin",
+                depths.start, depths.end
+            );
+        }
+        text
+    }
+
+    fn json(&self) -> Value {
+        let (shot, aim) = (self.shot, self.shot.aim);
+        let bands: Vec<Value> = self
+            .bands()
+            .map(|band| {
+                json!({
+                    "wavelength_nm": shot.bands_nm[band],
+                    "total": rounded(shot.totals[band]),
+                    "brightest_pixel": rounded(self.most(band)),
+                    "outside": rounded(shot.lost(band)),
+                    "fwhm_arcsec": shot.optics.fwhm_arcsec.get(band).map(|f| rounded(*f)),
+                })
+            })
+            .collect();
+        let materials: Vec<Value> = aim
+            .target
+            .materials
+            .iter()
+            .enumerate()
+            .map(|(k, m)| json!({ "name": m.name, "seen_m2": rounded(self.seen_m2(k)) }))
+            .collect();
+        let depths = depths(shot);
+        json!({
+            "title": aim.title,
+            "target": aim.target.name,
+            "time_utc": aim.time.map(format_utc_shortest),
+            "range_m": aim.range_m.map(rounded),
+            "phase_deg": rounded(aim.phase_deg()),
+            "sun_body": aim.sun_body.to_array().map(rounded),
+            "observer_body": aim.observer_body.to_array().map(rounded),
+            "up": aim.up_name,
+            "size_px": shot.camera.size_px,
+            "pixel_m": rounded(shot.camera.pixel_m),
+            "unit": shot.unit(),
+            "bands": bands,
+            "materials": materials,
+            "depth_m": { "from": depths.clone().map(|d| rounded(d.start)), "to": depths.map(|d| rounded(d.end)) },
+            "warnings": aim.warnings,
+        })
+    }
+}

@@ -1,0 +1,322 @@
+//! What `sunglint simulate --active` says: text, JSON, tables.
+
+use super::figure;
+use super::returns::{ALTITUDES_KM, Returns, SATURATED};
+use crate::output::{Product, rounded};
+use ndarray::Array2;
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use sunglint_formats::fits::{Header, Image, Pixels, Writer};
+use sunglint_formats::time::{format_utc, format_utc_shortest};
+use sunglint_formats::{Column, Table};
+use sunglint_radiometry::constants::LIGHT_M_PER_S;
+use sunglint_radiometry::station::BeamShape;
+use sunglint_simulator::pass::Simulation;
+
+/// The lasers' returns along a pass.
+pub struct Report<'a> {
+    pub simulation: &'a Simulation<'a>,
+    pub returns: &'a [Returns<'a>],
+}
+
+/// The beam's model in words.
+fn shape(beam: BeamShape) -> &'static str {
+    match beam {
+        BeamShape::TopHat => "top hat: the same within the radius, nothing beyond",
+        BeamShape::Gaussian => "Gaussian, the radius at 1/e² of its middle",
+    }
+}
+
+fn finite_range(values: &[f64]) -> Option<(f64, f64)> {
+    let good = values.iter().copied().filter(|v| v.is_finite());
+    let ends = good.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    (ends.0 <= ends.1).then_some(ends)
+}
+
+impl Report<'_> {
+    fn channel(&self, returns: &Returns<'_>) -> &str {
+        &self.simulation.channels[returns.channel].name
+    }
+
+    pub fn text(&self) -> String {
+        let mut text = String::from(
+            "\nlaser returns, per shot and in the mean (light scattered once; retro-reflectors are not modelled)\n",
+        );
+        for r in self.returns {
+            self.say(&mut text, r);
+        }
+        text
+    }
+
+    fn say(&self, text: &mut String, r: &Returns<'_>) {
+        let l = r.laser;
+        let _ = writeln!(
+            text,
+            "  {}: {} nm, {} mJ, {:.3} ns, {} Hz, line {} nm, divergence {}″",
+            l.name,
+            l.wavelength_nm,
+            rounded(l.pulse_energy_j * 1e3),
+            l.pulse_length_s * 1e9,
+            l.repetition_rate_hz,
+            l.linewidth_nm,
+            l.divergence_arcsec
+        );
+        let channel = self.channel(r);
+        let _ = writeln!(text, "    beam       {}; aimed at the body's origin", shape(l.beam));
+        let _ = writeln!(
+            text,
+            "    receiver   {channel}: {:.3e} counts per photon at the telescope",
+            r.efficiency
+        );
+        if let (Some(spot), Some(air)) = (finite_range(&r.spot_m), finite_range(&r.transmission)) {
+            let _ = writeln!(
+                text,
+                "    spot       radius {:.2} to {:.2} m; air, one way {:.3} to {:.3}",
+                spot.0, spot.1, air.0, air.1
+            );
+        }
+        let Some(best) = r.best() else {
+            text.push_str("    nothing comes back\n");
+            return;
+        };
+        let time = format_utc(self.simulation.pass.times[best], 1);
+        let _ = writeln!(
+            text,
+            "    most       {:.3e} photons per shot at {time}: detection {:.4} of shots, {:.4e} Hz in the mean; sunlight {:.4e} Hz",
+            r.photons[best], r.probability[best], r.rate_hz[best], r.passive_hz[best]
+        );
+        let _ = writeln!(
+            text,
+            "    range      mean return {:+.4} m, first photon {:+.4} m against the body's origin at that time",
+            r.mean_m[best], r.first_m[best]
+        );
+        let _ = writeln!(
+            text,
+            "    saturated  in {} of {} samples: more than {SATURATED:.1} photons per shot, 95 % of shots detected; whoever stops at the first photon sees the near side there",
+            r.saturated(),
+            r.photons.len()
+        );
+        if let (Some(sun), Some(earth)) = (finite_range(&r.sun_ratio), finite_range(&r.earth_ratio))
+        {
+            let _ = writeln!(
+                text,
+                "    over laser light within a pulse and its line, at the target: sunlight {:.2e} to {:.2e}, earthshine {:.2e} to {:.2e}",
+                sun.0, sun.1, earth.0, earth.1
+            );
+        }
+        let _ = writeln!(
+            text,
+            "    the same by altitude, in the zenith, Earth below a Sun in the zenith:"
+        );
+        let _ = writeln!(text, "      {:>10} {:>10} {:>10}", "km", "Sun", "Earth");
+        for (km, (sun, earth)) in ALTITUDES_KM.iter().zip(&r.by_altitude) {
+            let _ = writeln!(text, "      {km:>10} {sun:>10.2e} {earth:>10.2e}");
+        }
+    }
+
+    pub fn json(&self) -> Value {
+        let one = |r: &Returns<'_>| {
+            let l = r.laser;
+            let best = r.best();
+            let at = |values: &[f64]| best.map(|i| rounded(values[i]));
+            let by: Vec<Value> = ALTITUDES_KM
+                .iter()
+                .zip(&r.by_altitude)
+                .map(|(km, (sun, earth))| {
+                    json!({ "altitude_km": km, "sun_ratio": rounded(*sun), "earth_ratio": rounded(*earth) })
+                })
+                .collect();
+            json!({
+                "laser": l.name,
+                "wavelength_nm": l.wavelength_nm,
+                "beam": match l.beam { BeamShape::TopHat => "top_hat", BeamShape::Gaussian => "gaussian" },
+                "receiver": self.channel(r),
+                "counts_per_photon": rounded(r.efficiency),
+                "repetition_rate_hz": l.repetition_rate_hz,
+                "best": {
+                    "time_utc": best.map(|i| format_utc_shortest(self.simulation.pass.times[i])),
+                    "range_m": best.map(|i| rounded(self.simulation.places[i].geometry.range_m)),
+                    "photons_per_shot": at(&r.photons),
+                    "detection_probability": at(&r.probability),
+                    "rate_hz": at(&r.rate_hz),
+                    "passive_rate_hz": at(&r.passive_hz),
+                    "transmission": at(&r.transmission),
+                    "spot_radius_m": at(&r.spot_m),
+                    "mean_offset_m": at(&r.mean_m),
+                    "first_photon_offset_m": at(&r.first_m),
+                    "sun_ratio": at(&r.sun_ratio),
+                    "earth_ratio": at(&r.earth_ratio),
+                },
+                "saturated_samples": r.saturated(),
+                "by_altitude": by,
+            })
+        };
+        json!({ "orders_of_scattering": 1, "lasers": self.returns.iter().map(one).collect::<Vec<_>>() })
+    }
+
+    pub fn product(&self, name: &str) -> anyhow::Result<Product> {
+        let title = format!(
+            "{} as {} from {}: laser returns",
+            self.simulation.pass.orbit.name(),
+            self.simulation.pass.target.name,
+            self.simulation.pass.station.name
+        );
+        let fits = self.fits()?;
+        let histogram = Product {
+            name: format!("{name}_ranging"),
+            fits: Some(fits.clone()),
+            figure: figure::ranging(self.simulation, self.returns, &title),
+            ..Product::default()
+        };
+        let depth = Product {
+            name: format!("{name}_depth"),
+            table: self.depth_table(&title),
+            ..Product::default()
+        };
+        Ok(Product {
+            name: format!("{name}_active"),
+            table: self.table(&title),
+            figure: figure::curves(self.simulation, self.returns, &title),
+            fits: Some(fits),
+            others: vec![histogram, depth],
+            ..Product::default()
+        })
+    }
+
+    fn head(&self, title: &str) -> Table {
+        let mut table = Table::default();
+        table.meta.insert("title".into(), json!(title));
+        let provenance = self.simulation.provenance("sunglint simulate --active").to_json();
+        table.meta.insert("provenance".into(), provenance);
+        let beam = |r: &Returns<'_>| {
+            format!("{}: beam {}; receiver {}", r.laser.name, shape(r.laser.beam), self.channel(r))
+                .replace('²', "^2")
+        };
+        let mut notes: Vec<String> = self.returns.iter().map(beam).collect();
+        notes.push("light scattered once; retro-reflectors are not modelled".into());
+        table.meta.insert("comments".into(), json!(notes));
+        table
+    }
+
+    /// One row a sample.
+    fn table(&self, title: &str) -> Table {
+        let mut table = self.head(title);
+        let places = &self.simulation.places;
+        let times = self.simulation.pass.times.iter().map(|t| format_utc_shortest(*t)).collect();
+        let number = |name: String, unit, what: &str, values: &[f64]| {
+            Column::f64(name, unit, values.to_vec()).described(what)
+        };
+        let ranges: Vec<f64> = places.iter().map(|p| p.geometry.range_m).collect();
+        let zenith: Vec<f64> = places.iter().map(|p| p.geometry.zenith_deg()).collect();
+        table.columns = vec![
+            Column::text("time_utc", times),
+            number("range_m".into(), Some("m"), "from the station", &ranges),
+            number("zenith_deg".into(), Some("deg"), "true", &zenith),
+        ];
+        for r in self.returns {
+            let name = |what: &str| format!("{}_{what}", r.laser.name.replace('-', "_"));
+            let sums: Vec<f64> = r.rate_hz.iter().zip(&r.passive_hz).map(|(a, b)| a + b).collect();
+            table.columns.extend([
+                number(
+                    name("photons_per_shot"),
+                    None,
+                    "mean, detected; nan while hidden",
+                    &r.photons,
+                ),
+                number(
+                    name("detection_probability"),
+                    None,
+                    "of at least one photon of a shot",
+                    &r.probability,
+                ),
+                number(name("rate_hz"), Some("Hz"), "mean over pulses and pauses", &r.rate_hz),
+                number(
+                    name("passive_rate_hz"),
+                    Some("Hz"),
+                    "of the receiver from sunlight, without dark counts",
+                    &r.passive_hz,
+                ),
+                number(name("total_rate_hz"), Some("Hz"), "both", &sums),
+                number(name("transmission"), None, "of the air, one way", &r.transmission),
+                number(name("spot_radius_m"), Some("m"), "at the target", &r.spot_m),
+                number(
+                    name("mean_offset_m"),
+                    Some("m"),
+                    "mean distance of returned photons beyond the body's origin",
+                    &r.mean_m,
+                ),
+                number(
+                    name("first_photon_offset_m"),
+                    Some("m"),
+                    "the same of the first photon of a shot",
+                    &r.first_m,
+                ),
+                number(
+                    name("sun_ratio"),
+                    None,
+                    "sunlight over laser light at the target, within pulse and line",
+                    &r.sun_ratio,
+                ),
+                number(
+                    name("earth_ratio"),
+                    None,
+                    "earthshine on a facet that faces the Earth over the same",
+                    &r.earth_ratio,
+                ),
+            ]);
+        }
+        table
+    }
+
+    /// One row a bin: sums over all samples.
+    fn depth_table(&self, title: &str) -> Table {
+        let mut table = self.head(&format!("{title}, summed over the samples"));
+        let Some(first) = self.returns.first() else { return table };
+        let middles: Vec<f64> = (0..first.bins.count).map(|k| first.middle_m(k)).collect();
+        let delays: Vec<f64> = middles.iter().map(|m| 2e9 * m / LIGHT_M_PER_S).collect();
+        table.columns = vec![
+            Column::f64("offset_m", Some("m"), middles)
+                .described("range beyond the body's origin, middle of the bin"),
+            Column::f64("delay_ns", Some("ns"), delays).described("there and back"),
+        ];
+        for (k, r) in self.returns.iter().enumerate() {
+            let name = |what: &str| format!("{}_{what}", r.laser.name.replace('-', "_"));
+            let [photons, first_photons, area] = r.summed();
+            if k == 0 {
+                let area = Column::f64("true_depth_m2", Some("m2"), area);
+                table.columns.push(area.described("area that is seen, across the line of sight"));
+            }
+            table.columns.extend([
+                Column::f64(name("photons"), None, photons).described("one shot a sample"),
+                Column::f64(name("first_photons"), None, first_photons)
+                    .described("the first of each shot"),
+            ]);
+        }
+        table
+    }
+
+    /// The range histograms: an image a laser, time along the first axis.
+    fn fits(&self) -> anyhow::Result<Vec<u8>> {
+        let mut writer = Writer::new();
+        for r in self.returns {
+            let mut header = Header::default();
+            header.set("EXTNAME", format!("RANGE_{}", r.laser.name.to_uppercase()), "");
+            header.set("BUNIT", "ph", "detected photons per shot in a bin");
+            header.set("WAVELEN", r.laser.wavelength_nm, "nm, vacuum");
+            header.set("CTYPE1", "SAMPLE", "times: see the table TIMES");
+            header.set("CTYPE2", "OFFSET", "range beyond the body's origin");
+            header.set("CUNIT2", "m", "");
+            header.set("CRPIX2", 1.0, "");
+            header.set("CRVAL2", r.middle_m(0), "");
+            header.set("CDELT2", r.bins.step_m, "");
+            let values = Array2::from_shape_fn((r.bins.count, r.profiles.len()), |(bin, i)| {
+                r.profiles[i].as_ref().map_or(f64::NAN, |p| p.photons[bin])
+            });
+            writer.image(&Image { header, pixels: Pixels::F64(values.into_dyn()) })?;
+        }
+        let times = self.simulation.pass.times.iter().map(|t| format_utc_shortest(*t)).collect();
+        let table = Table { columns: vec![Column::text("time_utc", times)], ..Table::default() };
+        writer.table(&table, "TIMES")?;
+        Ok(writer.into_bytes())
+    }
+}

@@ -1,0 +1,263 @@
+//! The returns of one laser along a pass.
+
+use crate::picture::reflectances;
+use anyhow::{Context as _, bail};
+use rayon::prelude::*;
+use sunglint_radiometry::air::{Sampling, Zenith};
+use sunglint_radiometry::light::sun_at_1_au;
+use sunglint_radiometry::station::{Channel, Detector, Laser};
+use sunglint_simulator::light::{Faceted, shine};
+use sunglint_simulator::pass::{Pass, Place, Simulation};
+use sunglint_simulator::ranging::{
+    Beam, DepthBins, Profile, Receiver, Shot, detection_probability,
+};
+
+/// Bins of range over the body.
+const BINS: usize = 200;
+/// With so many photons per shot in the mean 95 % of the shots yield at least one: −ln 0.05.
+pub const SATURATED: f64 = 2.995_732_273_553_991;
+/// Points along each side of a panel of the Earth's cap.
+const CAP_ORDER: usize = 8;
+/// Altitudes of the table of sunlight over laser light, km (thesis fig. 3.5).
+pub const ALTITUDES_KM: [f64; 9] =
+    [300.0, 550.0, 1000.0, 2000.0, 5000.0, 10_000.0, 20_000.0, 36_000.0, 40_000.0];
+
+/// The returns of one laser along a pass; everything is NaN while the target is hidden.
+pub struct Returns<'a> {
+    pub laser: &'a Laser,
+    /// Number of the channel that catches them, in the station and the simulation.
+    pub channel: usize,
+    /// Counts per photon at the telescope, at the laser's wavelength.
+    pub efficiency: f64,
+    pub bins: DepthBins,
+    /// Mean number of detected photons per shot.
+    pub photons: Vec<f64>,
+    /// Of at least one.
+    pub probability: Vec<f64>,
+    /// Mean rate over pulses and pauses, Hz.
+    pub rate_hz: Vec<f64>,
+    /// The channel's rate from sunlight, Hz.
+    pub passive_hz: Vec<f64>,
+    /// Transmission of the air, one way.
+    pub transmission: Vec<f64>,
+    /// Radius of the spot at the target, m.
+    pub spot_m: Vec<f64>,
+    /// Sunlight over laser light at the target, within the line and a pulse.
+    pub sun_ratio: Vec<f64>,
+    /// Earthshine onto a facet that faces the Earth, over the same.
+    pub earth_ratio: Vec<f64>,
+    /// Mean distance of the returned photons, and of the first of each shot, against the body's origin, m.
+    pub mean_m: Vec<f64>,
+    pub first_m: Vec<f64>,
+    /// For each sample the photons per shot in each bin; nothing while it is hidden.
+    pub profiles: Vec<Option<Profile>>,
+    /// Sunlight over laser light by [`ALTITUDES_KM`], target in the zenith: Sun, and Earth below a Sun in the zenith.
+    pub by_altitude: Vec<(f64, f64)>,
+}
+
+/// The channel that catches a laser's light: the one that it names, else the counter that is most sensitive to it.
+fn channel(pass: &Pass, laser: &Laser) -> anyhow::Result<usize> {
+    let station = &pass.station;
+    let at = |c: &Channel| c.sensitivity_at(laser.wavelength_nm);
+    if let Some(name) = &laser.receiver {
+        let found = station.channels.iter().position(|c| c.name == *name);
+        let found = found.with_context(|| format!("there is no channel {name}"))?;
+        if at(&station.channels[found]) <= 0.0 {
+            bail!(
+                "laser {}: the channel {name} counts nothing at {} nm (laser.receiver)",
+                laser.name,
+                laser.wavelength_nm
+            );
+        }
+        return Ok(found);
+    }
+    let counters = station.channels.iter().enumerate();
+    let counters = counters.filter(|(_, c)| matches!(c.detector, Detector::Counter(_)));
+    let best = counters.max_by(|a, b| at(a.1).total_cmp(&at(b.1)));
+    match best {
+        Some((number, c)) if at(c) > 0.0 => Ok(number),
+        _ => bail!(
+            "laser {}: no counter of {} counts at {} nm; name a channel with laser.receiver, or give one that does",
+            laser.name,
+            station.name,
+            laser.wavelength_nm
+        ),
+    }
+}
+
+/// One-way transmission at the laser's wavelength; 1 without air, NaN below the horizon.
+fn transmission(pass: &Pass, zenith: Zenith, sampling: &Sampling) -> f64 {
+    match &pass.air {
+        None => 1.0,
+        Some(air) => air.transmission(zenith, sampling).map_or(f64::NAN, |t| t[0]),
+    }
+}
+
+/// Earthshine on a facet that faces the Earth's middle, of the Sun's irradiance.
+fn earthshine(globe: &sunglint_simulator::light::Globe) -> f64 {
+    let nodes = shine::cap(globe, CAP_ORDER);
+    let sum: f64 = nodes.iter().map(|(d, e)| e * d.dot(globe.toward).max(0.0)).sum();
+    shine::EARTH_ALBEDO * sum
+}
+
+impl<'a> Returns<'a> {
+    pub fn of(simulation: &Simulation<'a>, laser: &'a Laser) -> anyhow::Result<Self> {
+        let pass = simulation.pass;
+        let channel = channel(pass, laser)?;
+        let beam = Beam::of(laser);
+        let nm = laser.wavelength_nm;
+        let efficiency = pass.station.channels[channel].sensitivity_at(nm);
+        let receiver = Receiver { area_m2: pass.station.telescope.area_m2(), efficiency };
+        let body = Faceted::new(&pass.target)
+            .with_context(|| format!("the target {}", pass.target.name))?;
+        let rho =
+            reflectances(body.scene(), nm).with_context(|| format!("laser {}", laser.name))?;
+        let half_m = 1.02 * body.radius_m().max(1e-6);
+        let bins = DepthBins { from_m: -half_m, step_m: 2.0 * half_m / BINS as f64, count: BINS };
+        let sampling = Sampling::points(&[nm])
+            .with_context(|| format!("laser {}: the air at {nm} nm", laser.name))?;
+        let one = |place: &Place| -> anyhow::Result<Option<(Profile, f64)>> {
+            if place.hidden {
+                return Ok(None);
+            }
+            let geometry = &place.geometry;
+            let zenith =
+                Zenith::Near { true_deg: geometry.zenith_deg(), range_m: geometry.range_m };
+            let air = transmission(pass, zenith, &sampling);
+            let shot = Shot {
+                beam: &beam,
+                receiver: &receiver,
+                toward: place.observer_body,
+                range_m: geometry.range_m,
+                off_axis_m: glam::DVec3::ZERO,
+                sun_body: place.sun_body,
+            };
+            let profile = shot.profile(&mut body.eye(), &rho, bins)?;
+            Ok(Some((profile.through(air, air), air)))
+        };
+        let found: Vec<Option<(Profile, f64)>> = simulation
+            .places
+            .par_iter()
+            .map(one)
+            .collect::<Vec<_>>()
+            .into_iter()
+            .collect::<Result<_, _>>()?;
+        let n = found.len();
+        let (first_nm, last_nm) = pass.sun.range_nm();
+        let sun = if (first_nm..=last_nm).contains(&nm) { pass.sun.at(nm) } else { f64::NAN };
+        let mut returns = Self {
+            laser,
+            channel,
+            efficiency,
+            bins,
+            photons: vec![f64::NAN; n],
+            probability: vec![f64::NAN; n],
+            rate_hz: vec![f64::NAN; n],
+            passive_hz: simulation.channels[channel].rate_hz.clone(),
+            transmission: vec![f64::NAN; n],
+            spot_m: vec![f64::NAN; n],
+            sun_ratio: vec![f64::NAN; n],
+            earth_ratio: vec![f64::NAN; n],
+            mean_m: vec![f64::NAN; n],
+            first_m: vec![f64::NAN; n],
+            profiles: Vec::with_capacity(n),
+            by_altitude: by_altitude(pass, &beam, &sampling),
+        };
+        for (i, (found, place)) in found.into_iter().zip(&simulation.places).enumerate() {
+            let Some((profile, air)) = found else {
+                returns.profiles.push(None);
+                continue;
+            };
+            let range_m = place.geometry.range_m;
+            let laser_light = air * beam.peak_spectral_irradiance(range_m);
+            let au = place.geometry.sun.distance_au();
+            returns.photons[i] = profile.total;
+            returns.probability[i] = detection_probability(profile.total);
+            returns.rate_hz[i] = profile.total * beam.repetition_rate_hz;
+            returns.transmission[i] = air;
+            returns.spot_m[i] = beam.spot_radius_m(range_m);
+            returns.sun_ratio[i] = place.sunlit * sun / (au * au) / laser_light;
+            let earth = place.lighting().earth.map_or(0.0, |globe| earthshine(&globe));
+            returns.earth_ratio[i] = earth * sun / (au * au) / laser_light;
+            returns.mean_m[i] = profile.mean_depth_m();
+            returns.first_m[i] = mean(&profile.first_photon(), bins);
+            returns.profiles.push(Some(profile));
+        }
+        Ok(returns)
+    }
+
+    /// Sums of all samples' photons per shot, of their first photons and of the true depth of what is seen, m², in each bin.
+    pub fn summed(&self) -> [Vec<f64>; 3] {
+        let mut sums = [0; 3].map(|_| vec![0.0; self.bins.count]);
+        for profile in self.profiles.iter().flatten() {
+            let add = |sum: &mut Vec<f64>, with: &[f64]| {
+                sum.iter_mut().zip(with).for_each(|(s, w)| *s += w);
+            };
+            add(&mut sums[0], &profile.photons);
+            add(&mut sums[1], &profile.first_photon());
+            add(&mut sums[2], &profile.area_m2);
+        }
+        sums
+    }
+
+    /// The middle of a bin, m.
+    pub fn middle_m(&self, bin: usize) -> f64 {
+        self.bins.from_m + (bin as f64 + 0.5) * self.bins.step_m
+    }
+
+    /// Samples in which at least 95 % of the shots are detected: their first photons are mostly from the near side.
+    pub fn saturated(&self) -> usize {
+        self.photons.iter().filter(|n| **n > SATURATED).count()
+    }
+
+    /// The sample with the most photons per shot.
+    pub fn best(&self) -> Option<usize> {
+        let good = (0..self.photons.len()).filter(|i| self.photons[*i] > 0.0);
+        good.max_by(|a, b| self.photons[*a].total_cmp(&self.photons[*b]))
+    }
+
+    pub fn concerns(&self) -> Vec<String> {
+        let mut concerns = Vec::new();
+        let name = &self.laser.name;
+        if self.best().is_none() {
+            concerns.push(format!("laser {name}: nothing comes back in any sample"));
+        }
+        let small = self.profiles.iter().zip(&self.spot_m);
+        let small = small.filter(|(p, spot)| p.is_some() && **spot < -self.bins.from_m).count();
+        if small > 0 {
+            concerns.push(format!(
+                "laser {name}: in {small} samples the spot is smaller than the body: the beam is aimed at the body's origin"
+            ));
+        }
+        concerns
+    }
+}
+
+/// The mean of bins' middles by weights, m; NaN where all are 0.
+fn mean(weights: &[f64], bins: DepthBins) -> f64 {
+    let middle = |k: usize| bins.from_m + (k as f64 + 0.5) * bins.step_m;
+    let sum: f64 = weights.iter().enumerate().map(|(k, w)| w * middle(k)).sum();
+    sum / weights.iter().sum::<f64>()
+}
+
+/// Sunlight over laser light in the zenith, by altitude: of the Sun at 1 au, and of the Earth below a Sun in the zenith.
+fn by_altitude(pass: &Pass, beam: &Beam, sampling: &Sampling) -> Vec<(f64, f64)> {
+    let air = transmission(pass, Zenith::True(0.0), sampling);
+    let sun = sun_at_1_au();
+    let (first, last) = sun.range_nm();
+    let known = (first..=last).contains(&beam.wavelength_nm);
+    let sun = if known { sun.at(beam.wavelength_nm) } else { f64::NAN };
+    let radius_m = sunglint_simulator::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
+    let ratio = |km: &f64| {
+        let range_m = km * 1e3;
+        let laser = air * beam.peak_spectral_irradiance(range_m);
+        let globe = sunglint_simulator::light::Globe {
+            toward: glam::DVec3::NEG_Z,
+            distance_m: radius_m + range_m,
+            radius_m,
+            sun: glam::DVec3::Z,
+        };
+        (sun / laser, earthshine(&globe) * sun / laser)
+    };
+    ALTITUDES_KM.iter().map(ratio).collect()
+}

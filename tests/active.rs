@@ -1,0 +1,201 @@
+//! `sunglint simulate --active`, the whole program.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+mod common;
+
+use common::Folder;
+use std::f64::consts::PI;
+use sunglint_formats::ecsv;
+use sunglint_formats::fits::Fits;
+
+/// The space debris laser of the thesis, table A.1, above no air.
+const PASS: &str = r#"
+[target]
+sphere = { radius_m = 0.5, reflectance = 0.4 }
+[orbit]
+lines = [
+  "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927",
+  "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537",
+]
+[station]
+name = "ufo"
+[times]
+from = 2008-09-21T18:45:00Z
+to = 2008-09-21T18:52:00Z
+step_s = 20
+[air]
+none = true
+"#;
+const LASER: &str = r#"
+[[laser]]
+name = "debris"
+wavelength_nm = 1064
+linewidth_nm = 1
+pulse_energy_mj = 140
+pulse_length_ns = 7
+repetition_rate_hz = 200
+divergence_arcsec = 5
+beam_radius_m = 0.06
+receiver = "id400"
+"#;
+
+/// A curve of the built-in station at a wavelength, between its rows.
+fn curve_at(file: &str, nm: f64) -> f64 {
+    let path = format!("{}/radiometry/stations/ufo/{file}", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(path).unwrap();
+    let rows: Vec<(f64, f64)> = text
+        .lines()
+        .filter_map(|l| l.split_once(','))
+        .filter_map(|(x, y)| Some((x.parse().ok()?, y.parse().ok()?)))
+        .collect();
+    let after = rows.iter().position(|r| r.0 > nm).unwrap();
+    let (a, b) = (rows[after - 1], rows[after]);
+    a.1 + (nm - a.0) / (b.0 - a.0) * (b.1 - a.1)
+}
+
+/// Truth: closed form, written out: a diffuse sphere at phase angle 0 has W = 2ρR²/3, so n̄ = Q/(πw²) · W · Aηλ/(hc r²) with w = r tan(β/2) + R₀, A of 43 cm less
+/// 20.86 cm, η of the station's curves by hand; detection 1 − e^(−n̄); the mean rate n̄ · 200 Hz (1e-6: the table's digits). The image of bins holds all of it.
+#[test]
+fn photons_of_a_sphere() {
+    let folder = Folder::new("active-sphere");
+    std::fs::write(folder.path("pass.toml"), format!("{PASS}{LASER}")).unwrap();
+    folder.done(&[
+        "simulate",
+        "pass.toml",
+        "--active",
+        "-o",
+        "a.ecsv",
+        "-o",
+        "a.fits",
+        "-o",
+        "a.png",
+        "-q",
+    ]);
+    let text = std::fs::read_to_string(folder.path("a.ecsv")).unwrap();
+    let table = ecsv::read_str("a.ecsv", &text).unwrap();
+    let column = |name: &str| table.f64(name).unwrap().into_owned();
+    let (photons, range_m) = (column("debris_photons_per_shot"), column("range_m"));
+    let efficiency =
+        curve_at("optics_id400.csv", 1064.0) * curve_at("efficiency_id400.csv", 1064.0);
+    let area = PI / 4.0 * (0.43_f64.powi(2) - 0.2086_f64.powi(2));
+    let mut visible = 0;
+    for (i, found) in photons.iter().enumerate() {
+        if found.is_nan() {
+            continue;
+        }
+        visible += 1;
+        let r = range_m[i];
+        let w = r * (2.5_f64 / 3600.0).to_radians().tan() + 0.06;
+        let returned = 0.140 / (PI * w * w) * (2.0 / 3.0 * 0.4 * 0.25) / (r * r);
+        let n = returned * area * efficiency * 1064e-9 / (6.626_070_15e-34 * 299_792_458.0);
+        assert!((found / n - 1.0).abs() < 1e-6, "{found} {n}");
+        assert!(
+            (column("debris_detection_probability")[i] / (1.0 - (-n).exp()) - 1.0).abs() < 1e-6
+        );
+        assert!((column("debris_rate_hz")[i] / (200.0 * n) - 1.0).abs() < 1e-6);
+        assert!((column("debris_spot_radius_m")[i] / w - 1.0).abs() < 1e-9);
+        // Of a Lambert sphere seen from where it is lit: R ∫ u · 3u² du = 3/4 R in front of its middle.
+        assert!((column("debris_mean_offset_m")[i] + 0.375).abs() < 3e-3);
+    }
+    assert!(visible > 5, "{visible}");
+    let fits = Fits::read(folder.path("a.fits")).unwrap();
+    let image = fits.image(0).unwrap().pixels.to_f64();
+    assert_eq!(image.shape(), [200, photons.len()]);
+    for (i, n) in photons.iter().enumerate().filter(|(_, n)| n.is_finite()) {
+        let sum: f64 = (0..200).map(|bin| image[[bin, i]]).sum();
+        assert!((sum / n - 1.0).abs() < 1e-9);
+    }
+}
+
+/// Truth: thesis fig. 3.5 as corrected, sunlight over laser light within a pulse: 1.6e-5 at 1,000 km and 2.0e-2 at 36,000 km, of 0.66 W m⁻² nm⁻¹ and air of 0.97. The table of
+/// sunlight here has 0.65 and the standard air without aerosol 0.987: 6 %. Earthshine on a nadir facet at 550 km over the subsolar point is 0.252 of sunlight (the
+/// thesis' D.1 with the Sun's angle at each point of the cap, by an independent integration): 2 %.
+#[test]
+fn sunlight_over_laser_light() {
+    let folder = Folder::new("active-ratio");
+    let pass = format!("{}{LASER}", PASS.replace("[air]\nnone = true\n", ""));
+    std::fs::write(folder.path("pass.toml"), pass).unwrap();
+    let json = folder.json(&["simulate", "pass.toml", "--active", "--json"]);
+    let laser = &json["active"]["lasers"][0];
+    let at = |km: f64, key: &str| {
+        let rows = laser["by_altitude"].as_array().unwrap();
+        rows.iter().find(|r| r["altitude_km"] == km).unwrap()[key].as_f64().unwrap()
+    };
+    assert!((at(1000.0, "sun_ratio") / 1.6e-5 - 1.0).abs() < 0.06, "{laser}");
+    assert!((at(36_000.0, "sun_ratio") / 2.0e-2 - 1.0).abs() < 0.06, "{laser}");
+    let earth = at(550.0, "earth_ratio") / at(550.0, "sun_ratio");
+    assert!((earth / 0.252 - 1.0).abs() < 0.02, "{earth}");
+    // The light curve is there beside it.
+    assert!(json["channels"].as_array().is_some(), "{json}");
+}
+
+/// Truth: by hand: on the axis a Gaussian beam of the same 1/e² radius has twice a top hat's fluence; a sphere of 0.5 m in a spot of 9 m and more sees 1 % less at most.
+#[test]
+fn several_lasers_and_a_gaussian_beam() {
+    let folder = Folder::new("active-several");
+    let second = LASER
+        .replace("debris", "other")
+        .replace("beam_radius_m", "beam = \"gaussian\"\nbeam_radius_m");
+    std::fs::write(folder.path("pass.toml"), format!("{PASS}{LASER}{second}")).unwrap();
+    let json = folder.json(&["simulate", "pass.toml", "--active", "--json"]);
+    let photons =
+        |k: usize| json["active"]["lasers"][k]["best"]["photons_per_shot"].as_f64().unwrap();
+    let ratio = photons(1) / photons(0);
+    assert!(ratio < 2.0 && ratio > 1.98, "{ratio}");
+    let one = folder.json(&["simulate", "pass.toml", "--active", "--laser", "other", "--json"]);
+    assert_eq!(one["active"]["lasers"].as_array().unwrap().len(), 1);
+    assert_eq!(one["active"]["lasers"][0]["laser"], "other");
+}
+
+#[test]
+fn what_cannot_be_is_said() {
+    let folder = Folder::new("active-errors");
+    let write = |text: String| std::fs::write(folder.path("pass.toml"), text).unwrap();
+    let refused = |says: &str, more: &[&str]| {
+        let command = [&["simulate", "pass.toml", "--active"], more].concat();
+        let message = folder.refused(1, &command);
+        assert!(message.contains(says), "{says}: {message}");
+    };
+    write(PASS.into());
+    refused("the station ufo has no laser: give [[laser]]", &[]);
+    let message = folder.refused(2, &["simulate", "pass.toml", "--laser", "debris"]);
+    assert!(message.contains("--active"), "{message}");
+    write(format!("{PASS}{LASER}"));
+    refused("did you mean debris?", &["--laser", "debri"]);
+    write(format!("{PASS}{}", LASER.replace("id400", "id40")));
+    refused("laser[0].receiver", &[]);
+    write(format!("{PASS}{}", LASER.replace("id400", "b")));
+    refused("counts nothing at 1064 nm", &[]);
+    write(format!("{PASS}{LASER}{LASER}"));
+    refused("a name that no other laser has", &[]);
+    write(format!(
+        "{PASS}{}",
+        LASER.replace("1064", "99999").replace("receiver = \"id400\"\n", "")
+    ));
+    refused("no counter of ufo counts at 99999 nm", &[]);
+    write(format!("{PASS}{}beam = \"flat\"\n", LASER));
+    refused("top_hat", &[]);
+    write(format!("{PASS}{}", LASER.replace("divergence_arcsec = 5", "divergence_arcsec = 5000")));
+    refused("below 3600 arcsec", &[]);
+}
+
+/// The commands of docs/active.md run with the tables that it shows.
+#[test]
+fn the_commands_of_the_page_run() {
+    let folder = Folder::new("active-page");
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/active.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    folder.done(&["demo", "-o", "sunglint-demo"]);
+    let laser = page.split("```").nth(1).unwrap().strip_prefix("toml").unwrap();
+    let scene = folder.path("sunglint-demo/pass.toml");
+    let text = std::fs::read_to_string(&scene).unwrap() + laser;
+    // As fast as a test should be.
+    std::fs::write(&scene, text.replace("step_s = 0.5", "step_s = 5.0")).unwrap();
+    for command in page.lines().filter_map(|l| l.strip_prefix("sunglint ")) {
+        folder.done(&command.split(' ').collect::<Vec<_>>());
+    }
+    for name in ["box_wing_pass_active.ecsv", "box_wing_pass_ranging.fits", "box_wing_pass.ecsv"] {
+        assert!(folder.path("returns").join(name).exists(), "{name}");
+    }
+}
