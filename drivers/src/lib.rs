@@ -15,6 +15,7 @@
 //! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB;
 //! - [`zwo`]: a filter wheel on HID;
 //! - [`simulated`]: devices that speak the same protocols: a TMCL module, an INDI server, both kinds of power meter, the wheel;
+//! - [`catalogue`]: every driver by name and address, over any transport; what is plugged in; the udev rules;
 //! - [`tags`], [`ptu`]: photon time tags on disk, binned into counts.
 //!
 //! Still to come: Swabian (photon counter), OpenCV (frame grabber, its own cargo feature), Thorlabs stages.
@@ -48,6 +49,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod catalogue;
 pub mod clock;
 pub mod device;
 pub mod indi;
