@@ -1,7 +1,7 @@
 //! The grammar of the command line. Subcommands appear here as they become real, none before.
 
 use crate::output::{Console, OutputArgs};
-use crate::{air, bench, demo, passes, simulate, star, tables};
+use crate::{air, bench, demo, devices, passes, simulate, star, tables};
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
@@ -60,6 +60,9 @@ pub enum Command {
     Passes(Box<passes::PassesArgs>),
     /// Error against time of the light engines, on built-in scenes or one's own
     Bench(Box<bench::BenchArgs>),
+    /// The instruments: what is plugged in, a self-test, readings, settings, moves, recordings
+    #[command(subcommand)]
+    Devices(Box<devices::DevicesCommand>),
     /// Print the completions of a shell
     Completions {
         /// The shell
@@ -106,6 +109,7 @@ impl Command {
             Command::Simulate(args) => Some(&args.out),
             Command::Passes(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
+            Command::Devices(command) => command.output(),
             Command::Demo(_) | Command::Completions { .. } | Command::Man { .. } => None,
         }
     }
@@ -119,6 +123,7 @@ impl Command {
             Command::Simulate(args) => simulate::run(args, console),
             Command::Passes(args) => passes::run(args, console),
             Command::Bench(args) => bench::run(args, console),
+            Command::Devices(command) => devices::run(command, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();
                 clap_complete::generate(*shell, &mut Cli::command(), "sunglint", &mut script);

@@ -6,6 +6,7 @@
 //! - [`star`]: a star's place, airmass and expected rates;
 //! - [`simulate`]: what a pass should look like in every channel;
 //! - [`passes`]: when satellites can be seen;
+//! - [`devices`]: the instruments;
 //! - [`mod@bench`]: error against time of the light engines;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
@@ -16,6 +17,7 @@ pub mod air;
 pub mod bench;
 pub mod cli;
 pub mod demo;
+pub mod devices;
 pub mod output;
 pub mod passes;
 pub mod plot;

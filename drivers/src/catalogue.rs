@@ -34,6 +34,7 @@ mod zwo;
 
 pub use address::{Address, AddressError};
 pub use any::AnyDevice;
+pub use indi::{Listed, listed};
 pub use line::{Line, Rest, Wire};
 pub use options::{OptionKind, OptionSpec};
 pub use plugged::{Access, Plugged, plugged};

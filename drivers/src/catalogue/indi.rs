@@ -119,7 +119,7 @@ fn parts(place: &str) -> Result<(String, &str), AddressError> {
 }
 
 /// The host with INDI's own port where none is named; an IPv6 address stands in brackets.
-pub(super) fn with_port(host: &str) -> Option<String> {
+fn with_port(host: &str) -> Option<String> {
     let port = match host.rsplit_once(':') {
         Some((_, port)) if !host.ends_with(']') => port,
         _ => return Some(format!("{host}:{PORT}")),
@@ -131,6 +131,36 @@ fn connect(address: &mut Address, deadline: &Deadline) -> Result<Line, DeviceErr
     let (host, _) = parts(address.place.as_deref().unwrap_or("")).map_err(not_found)?;
     let line = Tcp::connect(&host, deadline);
     line.map(Line::bytes).map_err(|error| DeviceError::transport(SERVER, error))
+}
+
+/// A device of a server, and the addresses by which drivers of ours open it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Listed {
+    /// Its name.
+    pub name: String,
+    /// The program that drives it there, where it says so.
+    pub driver: Option<String>,
+    /// Addresses; none if it is no camera, rotator or filter wheel.
+    pub addresses: Vec<String>,
+}
+
+/// The devices of the server at `HOST[:PORT]`.
+///
+/// # Errors
+/// Nobody listens there, or see [`DeviceError`].
+pub fn listed(host: &str, deadline: &Deadline) -> Result<Vec<Listed>, DeviceError> {
+    let wrong = || AddressError::new("INDI server", host, "HOST[:PORT]");
+    let server = with_port(host).filter(|_| !host.is_empty()).ok_or_else(|| not_found(wrong()))?;
+    let line = Tcp::connect(&server, deadline);
+    let line = line.map_err(|error| DeviceError::transport(SERVER, error))?;
+    let devices = crate::indi::devices(line, SessionSettings::default(), deadline)?;
+    let of = |device: crate::indi::Listed| {
+        let kinds = [&CAMERA, &WHEEL, &ROTATOR].into_iter().zip(device.is);
+        let kinds = kinds.filter(|(_, is)| *is);
+        let addresses = kinds.map(|(kind, _)| format!("{}:{server}/{}", kind.name, device.name));
+        Listed { addresses: addresses.collect(), driver: device.driver, name: device.name }
+    };
+    Ok(devices.into_iter().map(of).collect())
 }
 
 fn not_found(error: AddressError) -> DeviceError {

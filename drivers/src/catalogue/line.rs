@@ -78,7 +78,8 @@ impl Line {
 
     /// A recording as a line, and what is left of it when the device is done.
     pub fn replay(recording: Recording, wire: Wire) -> (Self, Rest) {
-        let replay = Arc::new(Mutex::new(Replay::new(recording)));
+        let kept = Kept { replay: Replay::new(recording), mismatch: None };
+        let replay = Arc::new(Mutex::new(kept));
         let rest = Rest(Arc::clone(&replay));
         let line = match wire {
             Wire::Bytes => Self::bytes(Shared(replay)),
@@ -111,20 +112,45 @@ fn wrong(device: &'static str, expected: &str) -> DeviceError {
     DeviceError::Protocol { device, reason: format!("this driver needs a line of {expected}") }
 }
 
-fn locked(replay: &Mutex<Replay>) -> MutexGuard<'_, Replay> {
+/// A replay that its driver and [`Rest`] hold.
+#[derive(Debug)]
+struct Kept {
+    replay: Replay,
+    /// The first thing that the host did and the recording does not hold: a driver may go on after it.
+    mismatch: Option<ReplayError>,
+}
+
+/// The driver's end of it.
+struct Shared(Arc<Mutex<Kept>>);
+
+fn locked(kept: &Mutex<Kept>) -> MutexGuard<'_, Kept> {
     // A panic of another holder leaves a replay that is as good as before.
-    replay.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    kept.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+impl Shared {
+    fn with<V>(
+        &self,
+        act: impl FnOnce(&mut Replay) -> Result<V, TransportError>,
+    ) -> Result<V, TransportError> {
+        let mut kept = locked(&self.0);
+        let done = act(&mut kept.replay);
+        if let Err(TransportError::Replay(error)) = &done {
+            kept.mismatch.get_or_insert_with(|| (**error).clone());
+        }
+        done
+    }
 }
 
 /// What the host has not said or read of a recording.
 #[derive(Debug)]
-pub struct Rest(Arc<Mutex<Replay>>);
+pub struct Rest(Arc<Mutex<Kept>>);
 
 impl Rest {
-    /// Whether the host has said and read everything. The replay is over then.
+    /// Whether the host has said and read everything, and nothing else. The replay is over then.
     ///
     /// # Errors
-    /// The first line that is left over.
+    /// The first thing that the host did otherwise, or the first line that is left over.
     pub fn finish(self) -> Result<(), ReplayError> {
         let header = Header {
             device: String::new(),
@@ -134,24 +160,25 @@ impl Rest {
             synthetic: true,
         };
         let nothing = Replay::new(Recording::new(header, []));
-        std::mem::replace(&mut *locked(&self.0), nothing).finish()
+        let mut kept = locked(&self.0);
+        match kept.mismatch.take() {
+            Some(mismatch) => Err(mismatch),
+            None => std::mem::replace(&mut kept.replay, nothing).finish(),
+        }
     }
 }
 
-/// A replay that its driver and [`Rest`] hold.
-struct Shared(Arc<Mutex<Replay>>);
-
 impl Bytes for Shared {
     fn send(&mut self, bytes: &[u8], deadline: &Deadline) -> Result<(), TransportError> {
-        locked(&self.0).send(bytes, deadline)
+        self.with(|replay| replay.send(bytes, deadline))
     }
 
     fn receive(&mut self, buffer: &mut [u8], deadline: &Deadline) -> Result<usize, TransportError> {
-        locked(&self.0).receive(buffer, deadline)
+        self.with(|replay| replay.receive(buffer, deadline))
     }
 
     fn discard(&mut self, deadline: &Deadline) -> Result<Vec<u8>, TransportError> {
-        locked(&self.0).discard(deadline)
+        self.with(|replay| replay.discard(deadline))
     }
 }
 
@@ -161,7 +188,7 @@ impl Transfers for Shared {
         transfer: &Transfer,
         deadline: &Deadline,
     ) -> Result<Vec<u8>, TransportError> {
-        locked(&self.0).transfer(transfer, deadline)
+        self.with(|replay| replay.transfer(transfer, deadline))
     }
 }
 
