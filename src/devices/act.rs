@@ -176,7 +176,9 @@ pub(super) fn move_to(args: &MoveArgs, desk: &Desk, console: Console) -> anyhow:
                 moves.push((name, place, took_s));
             }
             Err((place, failed)) => {
-                at = place;
+                // Some errors do not say it; whoever pressed Ctrl-C wants to know all the same.
+                at = if let Place::Unknown = place { stands(&mut device, &session) } else { place };
+                let place = at;
                 let _ = writeln!(text, "  {name:<8} -> not reached; it stands at {}", place.text());
                 let message = format!("{failed}; it stands at {}", place.text());
                 error = Some(failed.context(message));
@@ -202,6 +204,17 @@ pub(super) fn move_to(args: &MoveArgs, desk: &Desk, console: Console) -> anyhow:
         Column::f64("took_s", Some("s"), number(|(.., took_s)| *took_s)),
     ];
     Ok(outcome("moves", columns, json, text, error))
+}
+
+/// Where it stands, if it can still be asked.
+fn stands(device: &mut AnyDevice, session: &Session) -> Place {
+    let grace = session.grace();
+    match device {
+        AnyDevice::RotationStage(stage) => stage.angle_deg(&grace).map(Place::Angle),
+        AnyDevice::FilterWheel(wheel) => wheel.slot(&grace).map(Place::Slot),
+        _ => return Place::Unknown,
+    }
+    .unwrap_or(Place::Unknown)
 }
 
 /// Goes there; on failure, where it stands.

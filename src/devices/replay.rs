@@ -31,7 +31,7 @@ pub struct RecordArgs {
 pub struct ReplayArgs {
     /// The recording
     pub file: PathBuf,
-    /// The driver that speaks, for a recording that does not name the command it was made by
+    /// The driver that speaks, DRIVER[:WHERE], for a recording that does not name the command it was made by
     #[arg(long, value_name = "DRIVER")]
     pub driver: Option<String>,
     /// What to do with --driver, without the address [default: check]
@@ -91,9 +91,14 @@ fn recorded_words(recording: &Recording) -> Option<Vec<String>> {
 /// What to replay: the recording's own command, or what was asked for.
 fn command(args: &ReplayArgs, recording: &Recording) -> anyhow::Result<(Talk, Vec<String>)> {
     if let Some(driver) = &args.driver {
-        let place = Driver::named(driver)?.place;
         // The line is the recording; an address has to be whole all the same.
-        let address = if place.optional { driver } else { place.example };
+        let address = match driver.split_once(':') {
+            Some(_) => driver,
+            None => match Driver::named(driver)?.place {
+                place if place.optional => driver,
+                place => place.example,
+            },
+        };
         let words =
             if args.command.is_empty() { vec!["check".into()] } else { args.command.clone() };
         return Ok((parse(address, &words, &[])?, [vec![driver.clone()], words].concat()));

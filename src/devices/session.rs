@@ -173,6 +173,11 @@ impl Session {
         self.within(CONNECT)
     }
 
+    /// A few seconds, whatever was cancelled: for what a person has to know after it.
+    pub fn grace(&self) -> Deadline {
+        Deadline::after(self.clock.clone(), Duration::from_secs(3))
+    }
+
     /// Waits until `time` after `start` on the clock.
     pub fn wait_until(&self, start: Duration, time: Duration) -> anyhow::Result<()> {
         let due = start.saturating_add(time).saturating_sub(self.clock.now());
@@ -232,7 +237,7 @@ pub fn advised(error: DeviceError) -> anyhow::Error {
     } else if text.contains("no answer within") {
         "check its power, the cable, the port, and the speed or address that the driver was told (--with)"
     } else if matches!(error, DeviceError::Protocol { .. }) {
-        "is it another device, or another speed? `--record FILE` writes down what was said"
+        "is it another device, or another speed? `--record FILE` writes down what is said"
     } else {
         return error.into();
     };

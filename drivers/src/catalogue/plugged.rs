@@ -58,7 +58,8 @@ pub fn plugged() -> (Vec<Plugged>, Vec<String>) {
         Ok(found) => all.extend(found),
         Err(reason) => trouble.push(format!("{what} cannot be listed: {reason}")),
     };
-    add(usb().map_err(|error| error.to_string()), "USB devices");
+    let usb = usb().map_err(|error| format!("{error} (has this machine USB?)"));
+    add(usb, "USB devices");
     add(hid().map_err(|error| error.to_string()), "HID devices");
     add(serial().map_err(|error| error.to_string()), "serial ports");
     (all, trouble)
