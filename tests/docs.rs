@@ -152,6 +152,10 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "null",
         "file",
         "devices",
+        "check",
+        "read",
+        "set",
+        "move",
         // Where something is plugged in, a server answers, a photon counter counts.
         "bus",
         "path",

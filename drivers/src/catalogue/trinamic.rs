@@ -19,7 +19,11 @@ const fn option(
 }
 
 /// The options of a stage; a simulated one knows its switches.
-const fn stage(search_mode: &'static str, trust: &'static str) -> [OptionSpec; 14] {
+const fn stage(
+    search_mode: &'static str,
+    search_speed: &'static str,
+    trust: &'static str,
+) -> [OptionSpec; 14] {
     [
         option("baud", Integer(1200, 1_000_000), "9600", "speed of the serial line"),
         option("module", Integer(0, 255), "1", "the module's address"),
@@ -44,7 +48,7 @@ const fn stage(search_mode: &'static str, trust: &'static str) -> [OptionSpec; 1
         option(
             "search_speed",
             Integer(1, 10_000_000),
-            "5000",
+            search_speed,
             "speed of the search, the module's own unit",
         ),
         option(
@@ -77,7 +81,7 @@ pub(super) static TMCL: Driver = Driver {
     tried: "our simulated module; frames and codes against pytrinamic 0.2.26; no real module yet",
     simulated: false,
     place: Place { form: "PORT", example: "tmcl:/dev/ttyACM0", optional: true },
-    options: &stage("", "no"),
+    options: &stage("", "5000", "no"),
     // From Trinamic's own numbers (2a3c) and, for the older 16d0:06cc, MCS's list of numbers lent to others.
     ids: &[
         UsbId { bus: Bus::Serial, vendor: 0x2a3c, product: None, name: "Trinamic module" },
@@ -102,7 +106,7 @@ pub(super) static SIM_TMCL: Driver = Driver {
     tried: "frames and codes against pytrinamic 0.2.26",
     simulated: true,
     place: Place { form: "", example: "sim-tmcl", optional: true },
-    options: &stage("1", "yes"),
+    options: &stage("1", "50000", "yes"),
     ids: &[],
     wire: Wire::Bytes,
     connect: |_, _| Ok(Line::bytes(Simulated::new(Module::new(ModuleSettings::default())))),
