@@ -1,7 +1,7 @@
 //! The grammar of the command line. Subcommands appear here as they become real, none before.
 
 use crate::output::{Console, OutputArgs};
-use crate::{air, bench, demo, explain, passes, picture, simulate, star, tables};
+use crate::{air, bench, demo, devices, explain, passes, picture, simulate, star, tables};
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
@@ -64,6 +64,9 @@ pub enum Command {
     Passes(Box<passes::PassesArgs>),
     /// Error against time of the light engines, on built-in scenes or one's own
     Bench(Box<bench::BenchArgs>),
+    /// The instruments: what is plugged in, a self-test, readings, settings, moves, recordings
+    #[command(subcommand)]
+    Devices(Box<devices::DevicesCommand>),
     /// Print the completions of a shell
     Completions {
         /// The shell
@@ -112,6 +115,7 @@ impl Command {
             Command::Picture(args) => Some(&args.out),
             Command::Passes(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
+            Command::Devices(command) => command.output(),
             Command::Demo(_) | Command::Completions { .. } | Command::Man { .. } => None,
         }
     }
@@ -127,6 +131,7 @@ impl Command {
             Command::Picture(args) => picture::run(args, console),
             Command::Passes(args) => passes::run(args, console),
             Command::Bench(args) => bench::run(args, console),
+            Command::Devices(command) => devices::run(command, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();
                 clap_complete::generate(*shell, &mut Cli::command(), "sunglint", &mut script);

@@ -8,6 +8,7 @@
 //! - [`simulate`]: what a pass should look like in every channel;
 //! - [`passes`]: when satellites can be seen;
 //! - [`picture`]: what a body looks like, and what it sends into all directions;
+//! - [`devices`]: the instruments;
 //! - [`mod@bench`]: error against time of the light engines;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
@@ -18,6 +19,7 @@ pub mod air;
 pub mod bench;
 pub mod cli;
 pub mod demo;
+pub mod devices;
 pub mod explain;
 pub mod output;
 pub mod passes;

@@ -123,6 +123,24 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     for law in [&[][..], &["--standard-magnitude", "4"], &["--model", "box_wing"]] {
         keys(&folder.json(&[&passes[..], &window, law].concat()), &mut printed);
     }
+    // Instruments: the simulated ones; a server that is not there.
+    folder.done(&["devices", "record", "sim-wheel", "-o", "w.rec", "-q", "--", "check"]);
+    for command in [
+        &["list", "--drivers"][..],
+        &["check", "sim-tmcl"],
+        &["read", "sim-pm100"],
+        &["read", "sim-camera"],
+        &["read", "sim-tmcl"],
+        &["read", "sim-wheel"],
+        &["set", "sim-pm100", "range=AUTO"],
+        &["move", "sim-wheel", "2"],
+        &["replay", "w.rec"],
+        &["udev"],
+    ] {
+        keys(&folder.json(&[&["devices"], command, &["--json"]].concat()), &mut printed);
+    }
+    let listed = folder.run(&["devices", "list", "--indi", "127.0.0.1:1", "--json"]);
+    keys(&serde_json::from_slice(&listed.stdout).unwrap(), &mut printed);
     // Rates are by the station's own channels.
     for channel in ["r", "g", "b", "id400", "spcm", "mppc"] {
         printed.remove(channel);
@@ -147,7 +165,27 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "demo",
         "null",
         "file",
+        "devices",
+        "check",
+        "read",
+        "set",
+        "move",
+        // Where something is plugged in, a server answers, a photon counter counts.
+        "bus",
+        "path",
+        "usb_id",
+        "access",
+        "addresses",
+        "missed",
         // Values of keys.
+        "ok",
+        "note",
+        "failed",
+        "read_back",
+        "configured",
+        "granted",
+        "denied",
+        "unknown",
         "exact",
         "icosphere",
         "pipeline",

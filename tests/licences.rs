@@ -88,6 +88,66 @@ fn every_dependency_may_be_shipped() {
     assert!(refused.is_empty(), "not accepted: {refused:?}");
 }
 
+/// Libraries in C whose source a package carries and builds in: the package, the library's licence in it, a phrase of that text.
+///
+/// libusb is LGPL-2.1-or-later and linked statically. That licence (section 6) asks that whoever has the program can link it
+/// anew with a libusb of their own: the program's whole source and its build are open, so they can (README, "Licence").
+/// hidapi's library may be taken under BSD-3-Clause; on Linux the package speaks to the kernel by itself and builds none of it.
+const BUNDLED: &[(&str, &str, &str)] = &[
+    ("hidapi", "etc/hidapi/LICENSE-bsd.txt", "Redistribution and use in source and binary forms"),
+    ("libusb1-sys", "libusb/COPYING", "GNU LESSER GENERAL PUBLIC LICENSE"),
+];
+
+/// Truth: the licence's text in the package that carries it; and no other package of ours carries a library (`links` in its
+/// manifest; rayon-core's and the like link nothing).
+#[test]
+fn libraries_in_c_are_known_and_told() {
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(&cargo);
+        let output =
+            command.args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let tree = run(&[
+        "tree",
+        "--locked",
+        "--offline",
+        "-p",
+        "sunglint",
+        "--edges",
+        "normal",
+        "--prefix",
+        "none",
+        "--format",
+        "{p}",
+    ]);
+    let ours = |name: &str| tree.lines().any(|line| line.starts_with(&format!("{name} v")));
+    let metadata = run(&["metadata", "--locked", "--offline", "--format-version", "1"]);
+    let metadata: serde_json::Value = serde_json::from_str(&metadata).unwrap();
+    let mut linking = Vec::new();
+    for package in metadata["packages"].as_array().unwrap() {
+        let name = package["name"].as_str().unwrap();
+        // What says `links` only so that it is there once.
+        if package["links"].is_null() || name == "rayon-core" || !ours(name) {
+            continue;
+        }
+        linking.push(name.to_owned());
+        if let Some((_, text, phrase)) = BUNDLED.iter().find(|(known, ..)| *known == name) {
+            let manifest = std::path::Path::new(package["manifest_path"].as_str().unwrap());
+            let text = std::fs::read_to_string(manifest.parent().unwrap().join(text)).unwrap();
+            assert!(text.contains(phrase), "{name}");
+        }
+    }
+    let known: Vec<&str> = BUNDLED.iter().map(|(name, ..)| *name).collect();
+    assert_eq!(linking, known);
+    let readme =
+        std::fs::read_to_string(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md"))
+            .unwrap();
+    assert!(readme.contains("libusb") && readme.contains("LGPL-2.1-or-later"));
+}
+
 #[test]
 fn expressions_are_read() {
     assert!(accepted("MIT OR GPL-3.0"));

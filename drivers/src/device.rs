@@ -89,6 +89,30 @@ pub trait Device: Send {
     /// # Errors
     /// See [`DeviceError`].
     fn settings(&mut self, deadline: &Deadline) -> Result<Vec<Setting>, DeviceError>;
+
+    /// Names of the settings that this device takes beyond those of its kind, each with what it takes, in words.
+    fn own_settings(&self) -> &'static [(&'static str, &'static str)] {
+        &[]
+    }
+
+    /// Sets one of [`own_settings`](Self::own_settings) and gives the value that the device then has.
+    ///
+    /// # Errors
+    /// [`DeviceError::Unknown`] for a name or value that it does not have, or see [`DeviceError`].
+    fn set_own(
+        &mut self,
+        name: &str,
+        value: &str,
+        deadline: &Deadline,
+    ) -> Result<Value, DeviceError> {
+        let _ = (value, deadline);
+        let known: Vec<&str> = self.own_settings().iter().map(|(name, _)| *name).collect();
+        Err(DeviceError::Unknown {
+            name: "setting",
+            asked: name.to_owned(),
+            known: if known.is_empty() { "none".to_owned() } else { known.join(", ") },
+        })
+    }
 }
 
 /// A counter of photons with one or more channels, numbered from 0 in the order in which they were opened.

@@ -17,6 +17,7 @@
 //! - [`swabian`]: photon counters (Time Taggers), through a bridge in the user's Python;
 //! - [`simulated`]: devices that speak the same protocols: a TMCL module, an APT stage, an INDI server, both kinds of power
 //!   meter, the wheel, a Time Tagger behind its bridge;
+//! - [`catalogue`]: every driver by name and address, over any transport; what is plugged in; the udev rules;
 //! - [`tags`], [`ptu`]: photon time tags on disk, binned into counts.
 //!
 //! Still to come: OpenCV (frame grabber, its own cargo feature).
@@ -51,6 +52,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod catalogue;
 pub mod clock;
 pub mod device;
 pub mod indi;

@@ -47,6 +47,19 @@ impl<M: PowerMeter> Device for Confirmed<M> {
     fn settings(&mut self, deadline: &Deadline) -> Result<Vec<Setting>, DeviceError> {
         self.meter.settings(deadline)
     }
+
+    fn own_settings(&self) -> &'static [(&'static str, &'static str)] {
+        self.meter.own_settings()
+    }
+
+    fn set_own(
+        &mut self,
+        name: &str,
+        value: &str,
+        deadline: &Deadline,
+    ) -> Result<super::Value, DeviceError> {
+        self.meter.set_own(name, value, deadline)
+    }
 }
 
 impl<M: PowerMeter> PowerMeter for Confirmed<M> {

@@ -457,6 +457,24 @@ impl<T: Bytes> Device for Camera<T> {
         }
         Ok(settings)
     }
+
+    fn own_settings(&self) -> &'static [(&'static str, &'static str)] {
+        &[("frame_type", "light, bias, dark or flat")]
+    }
+
+    fn set_own(&mut self, name: &str, value: &str, d: &Deadline) -> Result<Value, DeviceError> {
+        let unknown = |name, asked: &str, known: String| {
+            Err(DeviceError::Unknown { name, asked: asked.to_owned(), known })
+        };
+        let word = |kind: &FrameType| kind.switch().trim_start_matches("FRAME_").to_lowercase();
+        if name != "frame_type" {
+            return unknown("setting", name, "frame_type".to_owned());
+        }
+        match FrameType::ALL.into_iter().find(|kind| word(kind) == value) {
+            Some(kind) => self.set_frame_type(kind, d).map(|()| Value::Text(value.to_owned())),
+            None => unknown("frame_type", value, FrameType::ALL.map(|kind| word(&kind)).join(", ")),
+        }
+    }
 }
 
 impl<T: Bytes> device::Camera for Camera<T> {

@@ -309,6 +309,27 @@ impl<T: Bytes> Device for Meter<T> {
         ];
         Ok(values.map(|(name, value)| Setting { name, value, origin: Origin::ReadBack }).into())
     }
+
+    fn own_settings(&self) -> &'static [(&'static str, &'static str)] {
+        &[
+            ("filter", "in or out: whether the head's filter is on"),
+            ("averaging", "a time that the meter lists"),
+        ]
+    }
+
+    fn set_own(&mut self, name: &str, value: &str, d: &Deadline) -> Result<Value, DeviceError> {
+        match (name, value.to_lowercase().as_str()) {
+            ("filter", "in") => self.set_filter(Filter::In, d).map(|()| Value::Text("IN".into())),
+            ("filter", "out") => {
+                self.set_filter(Filter::Out, d).map(|()| Value::Text("OUT".into()))
+            }
+            ("filter", _) => Err(unknown("filter", value, &["in".into(), "out".into()])),
+            ("averaging", _) => {
+                self.set_averaging(value, d).map(|()| Value::Text(value.to_owned()))
+            }
+            _ => Err(unknown("setting", name, &["filter".into(), "averaging".into()])),
+        }
+    }
 }
 
 impl<T: Bytes> PowerMeter for Meter<T> {

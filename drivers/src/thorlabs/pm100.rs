@@ -226,6 +226,24 @@ impl<T: Transfers> Device for Pm100<T> {
         let read = |(name, value)| Setting { name, value, origin: Origin::ReadBack };
         Ok(values.into_iter().map(read).collect())
     }
+
+    fn own_settings(&self) -> &'static [(&'static str, &'static str)] {
+        &[("averaging", "how many readings of 0.3 ms or 3 ms make one")]
+    }
+
+    fn set_own(&mut self, name: &str, value: &str, d: &Deadline) -> Result<Value, DeviceError> {
+        let unknown = |name, asked: &str, known: &str| {
+            let (asked, known) = (asked.to_owned(), known.to_owned());
+            Err(DeviceError::Unknown { name, asked, known })
+        };
+        match (name, value.parse()) {
+            ("averaging", Ok(count)) => {
+                self.set_averaging(count, d).map(|count| Value::Integer(count.into()))
+            }
+            ("averaging", Err(_)) => unknown("averaging", value, "the whole numbers"),
+            _ => unknown("setting", name, "averaging"),
+        }
+    }
 }
 
 impl<T: Transfers> PowerMeter for Pm100<T> {

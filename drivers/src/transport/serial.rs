@@ -62,6 +62,14 @@ pub(crate) fn explain_open(path: &str, error: serialport::Error) -> TransportErr
             reason,
             hint: "close the other program that has it open".to_owned(),
         },
+        // ENOTTY, of which serialport keeps nix's words only.
+        _ if is_no_port(&reason) => {
+            TransportError::Refused {
+                what: path.to_owned(),
+                reason,
+                hint: "it is no serial port; name one, such as /dev/ttyUSB0".to_owned(),
+            }
+        }
         Kind::InvalidInput => TransportError::Refused {
             what: path.to_owned(),
             reason,
@@ -69,6 +77,10 @@ pub(crate) fn explain_open(path: &str, error: serialport::Error) -> TransportErr
         },
         _ => TransportError::Io { action: "open", what: path.to_owned(), source: error.into() },
     }
+}
+
+fn is_no_port(reason: &str) -> bool {
+    ["Not a typewriter", "Inappropriate ioctl"].iter().any(|words| reason.contains(words))
 }
 
 fn not_found(path: &str) -> TransportError {

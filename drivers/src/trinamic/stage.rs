@@ -287,6 +287,24 @@ impl<T: Bytes> Device for Stage<T> {
         }
         Ok(settings)
     }
+
+    fn own_settings(&self) -> &'static [(&'static str, &'static str)] {
+        &[("max_speed_units", "the speed of moves, in the module's own unit")]
+    }
+
+    fn set_own(&mut self, name: &str, value: &str, d: &Deadline) -> Result<Value, DeviceError> {
+        let unknown = |name, asked: &str, known: &str| {
+            let (asked, known) = (asked.to_owned(), known.to_owned());
+            Err(DeviceError::Unknown { name, asked, known })
+        };
+        match (name, value.parse()) {
+            ("max_speed_units", Ok(speed)) => {
+                self.set_max_speed(speed, d).map(|speed| Value::Integer(speed.into()))
+            }
+            ("max_speed_units", Err(_)) => unknown("max_speed_units", value, "the whole numbers"),
+            _ => unknown("setting", name, "max_speed_units"),
+        }
+    }
 }
 
 impl<T: Bytes> RotationStage for Stage<T> {
