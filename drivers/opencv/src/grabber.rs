@@ -20,7 +20,7 @@ use sunglint_formats::fits::Header;
 use sunglint_formats::{Bayer, Frame};
 
 /// What is grabbed.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum Source {
     /// A device, now.
@@ -443,8 +443,7 @@ impl Camera for Grabber {
             let (asked, known) = (format!("{:?}", window.binning), "[1, 1]".into());
             return Err(DeviceError::Unknown { name: "binning", asked, known });
         }
-        for axis in 0..2 {
-            let [origin_name, size_name] = NAMES[axis];
+        for (axis, [origin_name, size_name]) in NAMES.into_iter().enumerate() {
             let (origin, size) = (window.origin_px[axis], window.size_px[axis]);
             let side = self.sensor_px[axis];
             check(origin_name, origin, 0, side - 1)?;

@@ -83,7 +83,7 @@ pub enum ExposureControl {
 }
 
 /// A live device and how it is set up.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Live {
     /// Which device.
     pub place: Place,

@@ -223,20 +223,26 @@ fn a_recording_that_was_not_ended_is_read_all_the_same() {
     assert!(frames.iter().zip(&given).all(|(a, b)| a.pixels == b.pixels && a.start == b.start));
     // The table is what any reader of ECSV takes it for.
     let table = sunglint_formats::ecsv::read(sidecar::path_of(&pattern)).unwrap();
-    assert_eq!(sidecar::Sidecar::from_table(&table).unwrap().table(), table);
+    let again = sidecar::Sidecar::from_table(&table).unwrap().table();
+    // As text, where a missing number equals a missing number.
+    let text = |table| sunglint_formats::ecsv::to_string(table).unwrap();
+    assert_eq!(text(&again), text(&table));
 }
 
 proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig { failure_persistence: None, ..Default::default() })]
+
     /// Names of files are never a panic, and a pattern finds the names that it makes.
     #[test]
-    fn any_name_is_a_pattern_or_an_error(name in "[a-z%0-9d_.]{0,12}|n%0?[0-9]?d.png", number in 0..2_000_000_u64) {
+    fn any_name_is_a_pattern_or_an_error(name in "[a-z%0-9d_.]{0,12}|n%0?[0-9]?d[.]png", number in 0..2_000_000_u64) {
         if let Ok(pattern) = Pattern::new(Path::new(&name)) {
             let folder = tempfile::tempdir().unwrap();
             let pattern_there = Pattern::new(&folder.path().join(&name)).unwrap();
             let path = pattern_there.path(number);
             std::fs::write(&path, b"").unwrap();
             proptest::prop_assert_eq!(pattern_there.numbers().unwrap(), vec![number]);
-            proptest::prop_assert_eq!(pattern.path(number).file_name(), path.file_name());
+            let same = pattern.path(number).file_name() == path.file_name();
+            proptest::prop_assert!(same);
         }
     }
 }
