@@ -1,5 +1,6 @@
 //! Mosaics: OpenCV's names of the patterns are those of FITS shifted by a pixel.
 #![cfg(feature = "opencv")]
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 mod common;
 

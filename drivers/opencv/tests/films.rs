@@ -1,5 +1,6 @@
 //! Films through OpenCV's FFmpeg: what comes back is what was given, or an error says that it is not.
 #![cfg(feature = "opencv")]
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 mod common;
 

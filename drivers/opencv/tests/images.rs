@@ -1,5 +1,6 @@
 //! Sequences of images: 16 bits stay 16 bits, and what is missing or damaged is said.
 #![cfg(feature = "opencv")]
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 mod common;
 
