@@ -17,7 +17,7 @@
 //! - [`simulated`]: devices that speak the same protocols: a TMCL module, an INDI server, both kinds of power meter, the wheel;
 //! - [`tags`], [`ptu`]: photon time tags on disk, binned into counts.
 //!
-//! Still to come: Swabian (photon counter), Thorlabs stages.
+//! Still to come: Swabian (photon counter), OpenCV (frame grabber, its own cargo feature), Thorlabs stages.
 //!
 //! # How far it is tried
 //!
