@@ -71,6 +71,8 @@ fn every_dependency_may_be_shipped() {
     let output = Command::new(cargo)
         .args(["tree", "--locked", "--offline", "--workspace", "--edges", "normal,build"])
         .args(["--prefix", "none", "--format", "{p}\t{l}"])
+        // What `./test` builds with beyond the defaults.
+        .args(std::env::var("SUNGLINT_FEATURES").map(|features| format!("--features={features}")))
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .unwrap();

@@ -3,10 +3,11 @@
 //! A [`Deadline`] carries its clock and its [`Cancel`] token, so that one argument says how long a call may take, on
 //! whose clock, and who may end it early. On a [`VirtualClock`] a thousand timeouts pass in no time.
 
+use hifitime::{Epoch, TimeScale};
 use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// The longest sleep between two looks at the cancel token.
 pub(crate) const SLICE: Duration = Duration::from_millis(20);
@@ -17,6 +18,14 @@ pub trait Clock: Send + Sync + fmt::Debug {
     fn now(&self) -> Duration;
     /// Returns once `time` has passed.
     fn sleep(&self, time: Duration);
+}
+
+/// UTC of the computer's clock.
+pub fn utc_now() -> Epoch {
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let nanoseconds = i128::try_from(since_1970.as_nanos()).unwrap_or(i128::MAX);
+    let epoch = Epoch::from_unix_duration(hifitime::Duration::from_total_nanoseconds(nanoseconds));
+    epoch.to_time_scale(TimeScale::TAI)
 }
 
 /// The computer's monotonic clock.

@@ -4,14 +4,14 @@ use super::client::{Blobs, Wanted, declined};
 use super::image::{Taken, from_blob};
 use super::property::{Blob, Event, State};
 use super::session::{Kind, Session, SessionSettings, check_range};
-use crate::clock::Deadline;
+use crate::clock::{Deadline, utc_now};
 use crate::device::{
     self, Device, DeviceError, Identity, Interrupted, Origin, Setting, Value, Window,
 };
 use crate::transport::Bytes;
-use hifitime::{Epoch, TimeScale};
+use hifitime::Epoch;
 use std::ops::ControlFlow;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 use sunglint_formats::{Bayer, Frame};
 
 pub(super) const DEVICE: &str = "INDI camera";
@@ -44,14 +44,6 @@ impl Default for CameraSettings {
             utc: utc_now,
         }
     }
-}
-
-/// UTC of the computer's clock.
-fn utc_now() -> Epoch {
-    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    let nanoseconds = i128::try_from(since_1970.as_nanos()).unwrap_or(i128::MAX);
-    let epoch = Epoch::from_unix_duration(hifitime::Duration::from_total_nanoseconds(nanoseconds));
-    epoch.to_time_scale(TimeScale::TAI)
 }
 
 /// What a frame is taken for; the driver closes a shutter, if there is one, and says it in the header.

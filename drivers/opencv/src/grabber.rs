@@ -1,0 +1,511 @@
+//! Any source of pictures as a camera.
+
+use crate::capture::{About, Capture, Open};
+use crate::error::{DEVICE, wrong};
+use crate::live::{self, Live};
+use crate::picture::{Picture, Plane};
+use crate::recording::Recording;
+use crate::sequence::Sequence;
+use crate::sidecar::{self, Row, Sidecar};
+use crate::worker::Worker;
+use hifitime::{Duration, Epoch};
+use ndarray::{Array2, s};
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use sunglint_drivers::clock::Deadline;
+use sunglint_drivers::device::{
+    Camera, Device, DeviceError, Identity, Interrupted, Origin, Setting, Value, Window,
+};
+use sunglint_formats::fits::Header;
+use sunglint_formats::{Bayer, Frame};
+
+/// What is grabbed.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub enum Source {
+    /// A device, now.
+    Live(Live),
+    /// A recorded file, whose table lies beside it.
+    Recording(PathBuf),
+    /// A recorded file without a table, whose times and exposures the user says.
+    RecordingAt(PathBuf, Said),
+    /// Numbered images (`night_%05d.png`), whose table lies beside them.
+    Sequence(PathBuf),
+    /// Numbered images without a table, whose times and exposures the user says.
+    SequenceAt(PathBuf, Said),
+}
+
+/// What the user says about the frames of a recording that has no table.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Said {
+    /// When the exposure of the first frame began.
+    pub first_start: Epoch,
+    /// From the start of a frame to the start of the next, s. `None`: as the file's positions have it, which images have not,
+    /// and which film files count from their nominal rate, not from a clock.
+    pub interval_s: Option<f64>,
+    /// Length of an exposure, s.
+    pub exposure_s: f64,
+}
+
+/// How the time of a frame is known.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum FrameTimes {
+    /// When it had come, by the host's clock, less the exposure: of live sources.
+    Host,
+    /// From the table beside the recording.
+    Table(Sidecar),
+    /// The user said so.
+    Said(Said),
+}
+
+/// What is done with pixels that are not those that the sensor delivered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Lossy {
+    /// They are refused.
+    #[default]
+    Refuse,
+    /// They are taken, and each frame says so (the card `LOSSY`).
+    Flag,
+}
+
+/// How pictures become frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct GrabberSettings {
+    /// Which plane of a colour picture is taken.
+    pub plane: Plane,
+    /// The pattern at the first pixel of a whole picture, where the source does not say it.
+    pub bayer: Option<Bayer>,
+    /// What is done with lossy sources.
+    pub lossy: Lossy,
+    /// How many pictures are thrown away before a single exposure, as they may have begun before it was asked for. A live
+    /// source has its own number.
+    pub held: u32,
+}
+
+/// A source of pictures as a [`Camera`].
+///
+/// Frames begin and are as long as [`FrameTimes`] says; a comment on `DATE-OBS` says how that is known. Nothing is scaled: pixels
+/// are those of the source.
+pub struct Grabber {
+    worker: Worker,
+    about: About,
+    times: FrameTimes,
+    settings: GrabberSettings,
+    window: Window,
+    sensor_px: [u32; 2],
+    /// What a live source last said, s.
+    exposure_s: Option<f64>,
+    /// How many pictures have become frames, or would have.
+    taken: u64,
+}
+
+impl std::fmt::Debug for Grabber {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Grabber").field("about", &self.about).field("times", &self.times).finish()
+    }
+}
+
+impl Grabber {
+    /// Opens a source.
+    ///
+    /// # Errors
+    /// A device that is not there or does not do what it is asked; a file that is none; a recording without its table; a lossy
+    /// one unless [`Lossy::Flag`] takes it. See [`DeviceError`].
+    pub fn open(
+        source: Source,
+        mut settings: GrabberSettings,
+        deadline: &Deadline,
+    ) -> Result<Self, DeviceError> {
+        let table = |path: &PathBuf| match Sidecar::read(path)? {
+            Some(sidecar) => Ok(FrameTimes::Table(sidecar)),
+            None => Err(wrong(format!(
+                "{} is not there: without it nobody knows when the frames of {} began; say it (first start, interval, exposure)",
+                sidecar::path_of(path).display(),
+                path.display()
+            ))),
+        };
+        let (times, open): (_, Open) = match source {
+            Source::Live(live) => {
+                settings.held = live.held;
+                (FrameTimes::Host, Box::new(|| Ok(Box::new(live::Device::open(live)?))))
+            }
+            // The file first: that it is not there is the better answer.
+            Source::Recording(path) => match path.exists() {
+                true => (table(&path)?, recording(path)),
+                false => (FrameTimes::Host, recording(path)),
+            },
+            Source::RecordingAt(path, said) => (FrameTimes::Said(said), recording(path)),
+            Source::Sequence(path) => (table(&path)?, sequence(path)),
+            Source::SequenceAt(path, said) => (FrameTimes::Said(said), sequence(path)),
+        };
+        Self::over(open, times, settings, deadline)
+    }
+
+    /// Opens a source of the caller's own.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn over(
+        open: Open,
+        times: FrameTimes,
+        settings: GrabberSettings,
+        deadline: &Deadline,
+    ) -> Result<Self, DeviceError> {
+        let (worker, about) = Worker::start(open, deadline)?;
+        if let (Some(lossy), Lossy::Refuse) = (&about.lossy, settings.lossy) {
+            return Err(wrong(format!(
+                "{}: {lossy}; take it all the same with Lossy::Flag",
+                about.name
+            )));
+        }
+        let sensor_px = match &times {
+            FrameTimes::Table(table) => table.size_px,
+            _ => about.size_px,
+        };
+        if sensor_px.contains(&0) || (0..2).any(|axis| sensor_px[axis] > about.size_px[axis]) {
+            return Err(wrong(format!(
+                "{} has pictures of {:?} px, expected {sensor_px:?}",
+                about.name, about.size_px
+            )));
+        }
+        let window = Window { origin_px: [0, 0], size_px: sensor_px, binning: [1, 1] };
+        let exposure_s = None;
+        Ok(Self { worker, about, times, settings, window, sensor_px, exposure_s, taken: 0 })
+    }
+
+    /// What the source says about itself.
+    pub fn about(&self) -> &About {
+        &self.about
+    }
+
+    /// The next frame, whatever its exposure; `None` at the end of a recording.
+    ///
+    /// # Errors
+    /// A recording that ends before its last frame, or is damaged; see [`DeviceError`].
+    pub fn next_frame(&mut self, deadline: &Deadline) -> Result<Option<Frame>, DeviceError> {
+        match self.worker.next(deadline)? {
+            Some(picture) => {
+                self.taken = picture.index + 1;
+                self.frame(picture).map(Some)
+            }
+            None => {
+                let promised = match &self.times {
+                    FrameTimes::Table(table) => Some(table.rows.len() as u64),
+                    _ => self.about.pictures,
+                };
+                match promised.filter(|&promised| promised > self.taken) {
+                    None => Ok(None),
+                    Some(promised) => Err(wrong(format!(
+                        "{} ends after {} of {promised} frames: it is cut off or damaged",
+                        self.about.name, self.taken
+                    ))),
+                }
+            }
+        }
+    }
+
+    /// How long the next frame of a recording was exposed, s; `None` for a live source and at the end.
+    pub fn next_exposure_s(&self) -> Option<f64> {
+        match &self.times {
+            FrameTimes::Host => None,
+            FrameTimes::Table(table) => {
+                table.rows.get(self.taken as usize).map(|row| row.exposure_s)
+            }
+            FrameTimes::Said(said) => Some(said.exposure_s),
+        }
+    }
+
+    fn frame(&self, picture: Picture) -> Result<Frame, DeviceError> {
+        let index = picture.index;
+        let here = |what: String| wrong(format!("{}, frame {index}: {what}", self.about.name));
+        let Picture { planes, bits, position_ms, arrived, .. } = picture;
+        let pixels = self.settings.plane.of(planes).map_err(here)?;
+        let pixels = self.unpadded(pixels).map_err(here)?;
+        let saturation = Some(if bits == 8 { 255.0 } else { 65535.0 });
+        let mut frame = match &self.times {
+            FrameTimes::Table(table) => {
+                let row = table.rows.get(index as usize).ok_or_else(|| {
+                    here(format!("it has no row in the table, which has {}", table.rows.len()))
+                })?;
+                checked(pixels, table, row).map_err(here)?
+            }
+            FrameTimes::Said(said) => {
+                let mut frame =
+                    self.plain(pixels, said.start(index, position_ms)?, said.exposure_s);
+                frame.header.comment("DATE-OBS: the first frame's and EXPTIME as the user said");
+                frame
+            }
+            FrameTimes::Host => {
+                let arrived = arrived.ok_or_else(|| here("it has no time".into()))?;
+                let exposure_s = self
+                    .exposure_s
+                    .ok_or_else(|| here("its exposure is not known: set one first".into()))?;
+                let start = arrived - Duration::from_seconds(exposure_s);
+                let mut frame = self.plain(pixels, start, exposure_s);
+                frame.header.comment("DATE-OBS: when the frame arrived at the host, less EXPTIME");
+                if let Some(ms) = position_ms {
+                    frame.header.set("GRABMSEC", ms, "ms, the driver's own clock");
+                }
+                frame
+            }
+        };
+        frame.saturation_adu = frame.saturation_adu.or(saturation);
+        if let Some(lossy) = &self.about.lossy {
+            frame.header.set("LOSSY", true, "pixels are not the sensor's own");
+            frame.header.comment(&format!("LOSSY: {lossy}"));
+        }
+        self.cut(&mut frame);
+        Ok(frame)
+    }
+
+    /// A frame of which nothing else is known.
+    fn plain(&self, pixels: Array2<u16>, start: Epoch, exposure_s: f64) -> Frame {
+        Frame {
+            pixels,
+            origin: [0, 0],
+            binning: [1, 1],
+            bayer: self.about.bayer.or(self.settings.bayer),
+            start,
+            exposure_s,
+            gain_e_per_adu: None,
+            temperature_c: None,
+            saturation_adu: None,
+            header: Header::default(),
+        }
+    }
+
+    /// Without the row and column that make a film's sides even.
+    fn unpadded(&self, pixels: Array2<u16>) -> Result<Array2<u16>, String> {
+        let (rows, columns) = pixels.dim();
+        if [columns, rows] != self.about.size_px.map(|side| side as usize) {
+            let expected = self.about.size_px;
+            return Err(format!(
+                "{columns} × {rows} pixels, expected {} × {} as before",
+                expected[0], expected[1]
+            ));
+        }
+        let [columns, rows] = self.sensor_px.map(|side| side as usize);
+        Ok(if pixels.dim() == (rows, columns) {
+            pixels
+        } else {
+            pixels.slice(s![..rows, ..columns]).to_owned()
+        })
+    }
+
+    fn cut(&self, frame: &mut Frame) {
+        let Window { origin_px: [x, y], size_px: [width, height], .. } = self.window;
+        if self.window.size_px == self.sensor_px {
+            return;
+        }
+        let part = s![y as usize..(y + height) as usize, x as usize..(x + width) as usize];
+        frame.pixels = frame.pixels.slice(part).to_owned();
+        frame.bayer = frame.bayer.map(|bayer| bayer.shifted(x, y));
+        frame.origin[0] += x * frame.binning[0];
+        frame.origin[1] += y * frame.binning[1];
+    }
+
+    /// Makes the next frames as long as asked, or says that they are not.
+    fn prepare(&mut self, exposure_s: f64, deadline: &Deadline) -> Result<(), DeviceError> {
+        const NAME: &str = "exposure, s";
+        if !(exposure_s.is_finite() && exposure_s > 0.0) {
+            let (asked, least, most) = (exposure_s, 0.0, f64::MAX);
+            return Err(DeviceError::OutOfRange { name: NAME, asked, least, most });
+        }
+        match (&self.times, self.next_exposure_s()) {
+            (FrameTimes::Host, _) => {
+                let set = move |capture: &mut dyn Capture| capture.set_exposure_s(exposure_s);
+                self.exposure_s =
+                    Some(self.worker.call("setting the exposure", deadline, set)??);
+                Ok(())
+            }
+            (_, Some(recorded)) => same_exposure(exposure_s, recorded),
+            (_, None) => Ok(()),
+        }
+    }
+
+    fn next_of(
+        &mut self,
+        exposure_s: f64,
+        deadline: &Deadline,
+    ) -> Result<Option<Frame>, DeviceError> {
+        let frame = self.next_frame(deadline)?;
+        if let (Some(frame), false) = (&frame, self.times == FrameTimes::Host) {
+            same_exposure(exposure_s, frame.exposure_s)?;
+        }
+        Ok(frame)
+    }
+}
+
+fn recording(path: PathBuf) -> Open {
+    Box::new(move || Ok(Box::new(Recording::open(&path)?)))
+}
+
+fn sequence(path: PathBuf) -> Open {
+    Box::new(move || Ok(Box::new(Sequence::open(&path)?)))
+}
+
+fn same_exposure(asked_s: f64, recorded_s: f64) -> Result<(), DeviceError> {
+    if (asked_s - recorded_s).abs() <= 1e-6 * recorded_s {
+        return Ok(());
+    }
+    let (asked, got) = (asked_s.to_string(), format!("{recorded_s} (as recorded)"));
+    Err(DeviceError::NotTaken { device: DEVICE, name: "exposure, s", asked, got })
+}
+
+impl Said {
+    fn start(&self, index: u64, position_ms: Option<f64>) -> Result<Epoch, DeviceError> {
+        let since_s = match (self.interval_s, position_ms) {
+            (Some(interval_s), _) => index as f64 * interval_s,
+            (None, Some(ms)) => 1e-3 * ms,
+            (None, None) => {
+                let reason =
+                    "these pictures have no positions in time: give the interval between them";
+                return Err(DeviceError::NotReady { device: DEVICE, reason });
+            }
+        };
+        Ok(self.first_start + Duration::from_seconds(since_s))
+    }
+}
+
+/// The frame of a row, if the pixels are those that were written.
+fn checked(pixels: Array2<u16>, table: &Sidecar, row: &Row) -> Result<Frame, String> {
+    let found = sidecar::crc32(&pixels);
+    if found != row.crc32 {
+        return Err(format!(
+            "its pixels are not those that were recorded (check sum {found:08x}, expected {:08x}): it is damaged, or was converted",
+            row.crc32
+        ));
+    }
+    Ok(Frame {
+        pixels,
+        origin: table.origin,
+        binning: table.binning,
+        bayer: table.bayer,
+        start: row.start,
+        exposure_s: row.exposure_s,
+        gain_e_per_adu: row.gain_e_per_adu,
+        temperature_c: row.temperature_c,
+        saturation_adu: row.saturation_adu,
+        header: row.header.clone(),
+    })
+}
+
+impl Device for Grabber {
+    fn identity(&mut self, _: &Deadline) -> Result<Identity, DeviceError> {
+        Ok(Identity {
+            vendor: format!("OpenCV ({})", self.about.backend),
+            model: self.about.name.clone(),
+            serial: None,
+            firmware: opencv::core::get_version_string().ok(),
+            driver: "opencv",
+        })
+    }
+
+    fn settings(&mut self, deadline: &Deadline) -> Result<Vec<Setting>, DeviceError> {
+        let mut settings = Vec::new();
+        let mut add = |name, value, origin| settings.push(Setting { name, value, origin });
+        let Window { origin_px, size_px, .. } = self.window;
+        // Cut out here, not by the source.
+        for (name, pixels) in [
+            ("origin_x_px", origin_px[0]),
+            ("origin_y_px", origin_px[1]),
+            ("columns_px", size_px[0]),
+            ("rows_px", size_px[1]),
+        ] {
+            add(name, Value::Integer(pixels.into()), Origin::Configured);
+        }
+        if let Some(codec) = &self.about.codec {
+            add("codec", Value::Text(codec.clone()), Origin::ReadBack);
+        }
+        let ask = |capture: &mut dyn Capture| capture.exposure_and_gain();
+        let [exposure_s, gain] = self.worker.call("asking for exposure and gain", deadline, ask)?;
+        if let Some(exposure_s) = exposure_s {
+            add("exposure_s", Value::Number(exposure_s), Origin::ReadBack);
+        }
+        if let Some(gain) = gain {
+            add("gain", Value::Number(gain), Origin::ReadBack);
+        }
+        Ok(settings)
+    }
+}
+
+impl Camera for Grabber {
+    fn sensor_px(&self) -> [u32; 2] {
+        self.sensor_px
+    }
+
+    /// The part is cut out of each picture here; OpenCV knows no windows and no binning.
+    fn set_window(&mut self, window: Window, _: &Deadline) -> Result<Window, DeviceError> {
+        const NAMES: [[&str; 2]; 2] =
+            [["first column, px", "columns, px"], ["first row, px", "rows, px"]];
+        if window.binning != [1, 1] {
+            let (asked, known) = (format!("{:?}", window.binning), "[1, 1]".into());
+            return Err(DeviceError::Unknown { name: "binning", asked, known });
+        }
+        for (axis, [origin_name, size_name]) in NAMES.into_iter().enumerate() {
+            let (origin, size) = (window.origin_px[axis], window.size_px[axis]);
+            let side = self.sensor_px[axis];
+            check(origin_name, origin, 0, side - 1)?;
+            check(size_name, size, 1, side - origin)?;
+        }
+        self.window = window;
+        Ok(window)
+    }
+
+    fn set_gain(&mut self, gain: f64, deadline: &Deadline) -> Result<f64, DeviceError> {
+        let set = move |capture: &mut dyn Capture| capture.set_gain(gain);
+        self.worker.call("setting the gain", deadline, set)?
+    }
+
+    fn set_temperature_c(&mut self, _: f64, _: &Deadline) -> Result<f64, DeviceError> {
+        let reason = "OpenCV knows no cooling";
+        Err(DeviceError::NotReady { device: DEVICE, reason })
+    }
+
+    /// The next frame. Of a live source, one that began after this was asked for.
+    fn expose(&mut self, exposure_s: f64, deadline: &Deadline) -> Result<Frame, DeviceError> {
+        self.prepare(exposure_s, deadline)?;
+        if self.times == FrameTimes::Host {
+            // Those that the driver holds, and the one that is being exposed.
+            for _ in 0..=self.settings.held {
+                self.worker.next(deadline)?;
+            }
+        }
+        self.next_of(exposure_s, deadline)?.ok_or(DeviceError::NotReady {
+            device: DEVICE,
+            reason: "the recording is at its end: open it again",
+        })
+    }
+
+    /// Frames until `take` breaks, or to the end of a recording.
+    fn stream(
+        &mut self,
+        exposure_s: f64,
+        take: &mut dyn FnMut(Frame) -> ControlFlow<()>,
+        deadline: &Deadline,
+    ) -> Result<u64, Interrupted<u64>> {
+        self.prepare(exposure_s, deadline).map_err(|error| Interrupted::new(0, error))?;
+        let mut count = 0;
+        loop {
+            match self.next_of(exposure_s, deadline) {
+                Ok(None) => return Ok(count),
+                Ok(Some(frame)) => {
+                    count += 1;
+                    if take(frame).is_break() {
+                        return Ok(count);
+                    }
+                }
+                Err(error) => return Err(Interrupted::new(count, error)),
+            }
+        }
+    }
+}
+
+fn check(name: &'static str, asked: u32, least: u32, most: u32) -> Result<(), DeviceError> {
+    if (least..=most).contains(&asked) {
+        return Ok(());
+    }
+    let [asked, least, most] = [asked, least, most].map(f64::from);
+    Err(DeviceError::OutOfRange { name, asked, least, most })
+}
