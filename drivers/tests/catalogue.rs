@@ -23,10 +23,18 @@ fn ask(name: &str, faults: Faults, seed: u64) -> (Result<usize, DeviceError>, Du
         device.device().identity(&within(10))?;
         let settings = device.device().settings(&within(10))?;
         match &mut device {
-            AnyDevice::PowerMeter(meter) => drop(meter.power(&within(10))?),
-            AnyDevice::RotationStage(stage) => drop(stage.angle_deg(&within(10))?),
-            AnyDevice::FilterWheel(wheel) => drop(wheel.slot(&within(10))?),
-            AnyDevice::Camera(camera) => drop(camera.expose(0.1, &within(10))?),
+            AnyDevice::PowerMeter(meter) => {
+                meter.power(&within(10))?;
+            }
+            AnyDevice::RotationStage(stage) => {
+                stage.angle_deg(&within(10))?;
+            }
+            AnyDevice::FilterWheel(wheel) => {
+                wheel.slot(&within(10))?;
+            }
+            AnyDevice::Camera(camera) => {
+                camera.expose(0.1, &within(10))?;
+            }
             _ => {}
         }
         Ok(settings.len())

@@ -14,7 +14,7 @@ use sunglint_formats::{Column, Table};
 /// Arguments of `sunglint devices list`.
 #[derive(Debug, Args)]
 pub struct ListArgs {
-    /// Also what this INDI server has, HOST[:PORT]; may be given several times
+    /// Also what this INDI server has, `HOST[:PORT]`; may be given several times
     #[arg(long, value_name = "HOST")]
     pub indi: Vec<String>,
     /// Also USB and HID devices that no driver recognises

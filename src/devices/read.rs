@@ -342,15 +342,16 @@ fn frames(
         Reading::Frame(frame) => of(frame),
         _ => f64::NAN,
     };
-    let values: [(&str, Option<&str>, fn(&Frame) -> f64); 4] = [
-        ("exposure_s", Some("s"), |frame| frame.exposure_s),
-        ("mean_adu", Some("adu"), |frame| stats(frame).0),
-        ("most_adu", Some("adu"), |frame| f64::from(stats(frame).1)),
-        ("temperature_c", Some("deg_C"), |frame| frame.temperature_c.unwrap_or(f64::NAN)),
+    type Of = fn(&Frame) -> f64;
+    let values: [(&str, &str, Of); 4] = [
+        ("exposure_s", "s", |frame| frame.exposure_s),
+        ("mean_adu", "adu", |frame| stats(frame).0),
+        ("most_adu", "adu", |frame| f64::from(stats(frame).1)),
+        ("temperature_c", "deg_C", |frame| frame.temperature_c.unwrap_or(f64::NAN)),
     ];
     for (name, unit, value) in values {
         let numbers = readings.iter().map(|reading| of(reading, value)).collect();
-        columns.push(Column::f64(name, unit, numbers));
+        columns.push(Column::f64(name, Some(unit), numbers));
     }
     for (i, reading) in readings.iter().enumerate() {
         let Reading::Frame(frame) = reading else { continue };

@@ -13,7 +13,7 @@ use sunglint_drivers::recording::Recording;
 /// Arguments of `sunglint devices record`.
 #[derive(Debug, Args)]
 pub struct RecordArgs {
-    /// The device: DRIVER[:WHERE]
+    /// The device: `DRIVER[:WHERE]`
     pub address: String,
     /// The recording
     #[arg(short, long, value_name = "FILE.rec")]
@@ -31,7 +31,7 @@ pub struct RecordArgs {
 pub struct ReplayArgs {
     /// The recording
     pub file: PathBuf,
-    /// The driver that speaks, DRIVER[:WHERE], for a recording that does not name the command it was made by
+    /// The driver that speaks, `DRIVER[:WHERE]`, for a recording that does not name the command it was made by
     #[arg(long, value_name = "DRIVER")]
     pub driver: Option<String>,
     /// What to do with --driver, without the address [default: check]

@@ -25,7 +25,7 @@ const READY: Duration = Duration::from_secs(60);
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "The device")]
 pub struct TalkArgs {
-    /// The device: DRIVER[:WHERE], such as tmcl:/dev/ttyACM0 or sim-tmcl; `devices list` and `devices list --drivers` name them
+    /// The device: `DRIVER[:WHERE]`, such as tmcl:/dev/ttyACM0 or sim-tmcl; `devices list` and `devices list --drivers` name them
     pub address: String,
     /// What the driver has to be told, such as gear=10; `devices list --drivers` names all
     #[arg(long = "with", value_name = "NAME=VALUE")]
