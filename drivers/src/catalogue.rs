@@ -23,11 +23,13 @@
 
 mod address;
 mod any;
+mod apt;
 mod indi;
 mod line;
 mod meters;
 mod options;
 mod plugged;
+mod swabian;
 mod trinamic;
 pub mod udev;
 mod zwo;
@@ -44,15 +46,19 @@ use crate::device::DeviceError;
 use std::fmt;
 
 /// Every driver, real ones first.
-pub static DRIVERS: [&Driver; 14] = [
+pub static DRIVERS: [&Driver; 18] = [
+    &swabian::TIME_TAGGER,
     &trinamic::TMCL,
+    &apt::APT,
     &indi::CAMERA,
     &indi::ROTATOR,
     &indi::WHEEL,
     &meters::OPHIR,
     &meters::PM100,
     &zwo::EFW,
+    &swabian::SIM_TIME_TAGGER,
     &trinamic::SIM_TMCL,
+    &apt::SIM_APT,
     &indi::SIM_CAMERA,
     &indi::SIM_ROTATOR,
     &indi::SIM_WHEEL,

@@ -10,22 +10,9 @@ pub const FILE: &str = "70-sunglint.rules";
 /// The folder in which a system's own rules stand.
 pub const FOLDER: &str = "/etc/udev/rules.d";
 
-/// Devices of drivers that are under way.
-pub const TO_COME: [UsbId; 2] = [
-    UsbId {
-        bus: Bus::Usb,
-        vendor: 0x151f,
-        product: None,
-        name: "Swabian Time Tagger (Opal Kelly)",
-    },
-    UsbId { bus: Bus::Serial, vendor: 0x0403, product: Some(0xfaf0), name: "Thorlabs APT stage" },
-];
-
 /// Every number that the rules name.
 pub fn ids() -> impl Iterator<Item = UsbId> {
-    let known = DRIVERS.into_iter().flat_map(|driver| driver.ids);
-    let to_come = TO_COME.iter().filter(|id| DRIVERS.iter().all(|driver| !driver.ids.contains(id)));
-    known.chain(to_come).copied()
+    DRIVERS.into_iter().flat_map(|driver| driver.ids).copied()
 }
 
 /// The text of the file.
