@@ -4,11 +4,8 @@
 //! times. So odd sides get a row or column of zeros, the times go into a table beside the recording, a row as each frame is written,
 //! and at the end the whole recording is read back and held against the check sums of what was given.
 
-use crate::capture::Open;
-use crate::grabber::{FrameTimes, Grabber, GrabberSettings};
-use crate::picture::Plane;
-use crate::recording::Recording;
-use crate::sequence::{Pattern, Sequence};
+use crate::grabber::{Grabber, GrabberSettings, Source};
+use crate::sequence::Pattern;
 use crate::sidecar::{self, Row, Sidecar};
 use ndarray::{Array2, s};
 use opencv::core::{Mat, Size, Vector};
@@ -322,20 +319,11 @@ impl Recorder {
     }
 
     fn read_back(&self, deadline: &Deadline) -> Result<Grabber, DeviceError> {
-        let path = self.path.clone();
-        let open: Open = match self.kind {
-            Kind::Film => Box::new(move || Ok(Box::new(Recording::open(&path)?))),
-            Kind::Images(_) => Box::new(move || Ok(Box::new(Sequence::open(&path)?))),
+        let source = match self.kind {
+            Kind::Film => Source::Recording(self.path.clone()),
+            Kind::Images(_) => Source::Sequence(self.path.clone()),
         };
-        let table = Sidecar::read(&self.path)?.unwrap_or_else(|| Sidecar {
-            size_px: [0, 0],
-            origin: [0, 0],
-            binning: [1, 1],
-            bayer: None,
-            rows: Vec::new(),
-        });
-        let settings = GrabberSettings { plane: Plane::Same, ..GrabberSettings::default() };
-        Grabber::over(open, FrameTimes::Table(table), settings, deadline)
+        Grabber::open(source, GrabberSettings::default(), deadline)
     }
 }
 
