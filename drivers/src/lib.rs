@@ -20,7 +20,7 @@
 //! - [`catalogue`]: every driver by name and address, over any transport; what is plugged in; the udev rules;
 //! - [`tags`], [`ptu`]: photon time tags on disk, binned into counts.
 //!
-//! Still to come: OpenCV (frame grabber, its own cargo feature).
+//! Frame grabbers and films through OpenCV are in a crate of their own, `sunglint-drivers-opencv`, behind a cargo feature.
 //!
 //! # How far it is tried
 //!
