@@ -176,6 +176,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "usb_id",
         "access",
         "addresses",
+        "missed",
         // Values of keys.
         "ok",
         "note",

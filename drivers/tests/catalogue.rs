@@ -65,7 +65,9 @@ fn every_simulated_device_ends_in_time_on_a_bad_line() {
             failed += u32::from(end.is_err());
             assert!(took < Duration::from_secs(100), "{} seed {seed}: {took:?}", driver.name);
         }
-        assert!((1..40).contains(&failed), "{}: {failed} of 40 failed", driver.name);
+        // A Time Tagger says too little here for a fault to hit it; a thousand seeds of it are in `swabian_faults`.
+        let least = u32::from(driver.name != "sim-timetagger");
+        assert!((least..40).contains(&failed), "{}: {failed} of 40 failed", driver.name);
     }
 }
 

@@ -218,11 +218,10 @@ fn a_box_has_the_weight_of_its_faces() {
             }
         }
         lit += usize::from(expected > 0.0);
-        assert!(
-            (simulation.weights[[i, 0]] - expected).abs() < 1e-12,
-            "{i}: {}",
-            simulation.weights[[i, 0]]
-        );
+        // Of a disc that is partly hidden the light comes from another place by up to its radius: 5e-3 in a cosine.
+        let tolerance = if place.discs.is_some() { 1e-2 * expected } else { 1e-12 };
+        let found = simulation.weights[[i, 0]];
+        assert!((found - expected * place.sunlit).abs() <= tolerance, "{i}: {found}");
     }
     assert!(lit > 10);
 }

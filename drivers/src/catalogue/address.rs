@@ -169,7 +169,7 @@ mod tests {
         );
         assert!(wrong("tmcl", &["gear"]).contains("expected NAME=VALUE"));
         assert!(wrong("tmcl", &["gear=1", "gear=2"]).contains("once"));
-        assert!(wrong("zzz", &[]).contains("one of tmcl, indi-camera"));
+        assert!(wrong("zzz", &[]).contains("one of timetagger, tmcl, apt, indi-camera"));
     }
 
     #[test]
