@@ -76,7 +76,7 @@ mod tests {
         assert!(Claim::of(&trials(|_| 0.95, 0.01, 0.02)).is_none());
         let scale = Claim::of(&trials(|_| 0.95, 0.06, 0.02)).unwrap().scale;
         assert!((scale - 2.0 * (17.0_f64 / 36.0).sqrt()).abs() < 0.01, "{scale}");
-        let sign = |k: usize| if k % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
         let scale = Claim::of(&trials(|k| 1.0 + 0.04 * sign(k), 0.0201, 0.0)).unwrap().scale;
         assert!((scale - 4.0).abs() < 0.05, "{scale}");
         assert!(Claim::of(&trials(|k| 1.0 + 0.08 * sign(k), 0.02, 0.0)).is_none());
