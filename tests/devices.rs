@@ -121,6 +121,33 @@ fn readings_settings_and_moves_are_those_of_the_device() {
     assert!(message.contains("give `-o` a folder"), "{message}");
 }
 
+/// Truth: the light that was asked for: 20 kHz on each input are 2,000 photons in 0.1 s with a scatter of 45, so that 20 bins of two inputs lie within 5 σ
+/// of their mean each, and their sum within 5 σ of 80,000. Bins follow one another by 0.1 s. A stage of 409,600 microsteps for 3° stands at 12.5° exactly.
+#[test]
+fn a_counter_counts_and_an_apt_stage_turns() {
+    let folder = Folder::new("devices-count");
+    let light = ["--with", "rate_hz=20000", "--with", "channels=2"];
+    let read = [&["devices", "read", "sim-timetagger", "-n", "20"][..], &light].concat();
+    let (counted, _) = document(&folder, 0, &read);
+    let readings = counted["readings"].as_array().unwrap();
+    assert_eq!(readings.len(), 20);
+    let mut sum = 0.0;
+    for reading in readings {
+        assert_eq!(reading["exposure_s"], 0.1);
+        for channel in ["c1", "c2"] {
+            let count = reading["counts"][channel].as_f64().unwrap();
+            assert!((count - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt(), "{reading}");
+            sum += count;
+        }
+        assert_eq!(reading["counts"].as_object().unwrap().len(), 2);
+    }
+    assert!((sum - 80_000.0).abs() < 5.0 * 80_000.0_f64.sqrt(), "{sum}");
+    let (moved, _) = document(&folder, 0, &["devices", "move", "sim-apt", "12.5", "-3"]);
+    let at = |i: usize| moved["moves"][i]["angle_deg"].as_f64().unwrap();
+    let step = 3.0 / 409_600.0;
+    assert!((at(0) - 12.5).abs() <= 0.5 * step && (at(1) + 3.0).abs() <= 0.5 * step);
+}
+
 /// What was done before a failure is shown and kept, with exit code 1.
 #[test]
 fn failures_keep_what_was_done() {

@@ -146,8 +146,8 @@ fn bad_input_is_said_clearly_and_hides_nothing_else() {
 }
 
 /// Truth: the closed form of a diffuse sphere, which `--diameter-m` has and the light engine of `--model` has not, for every moment, rate and
-/// magnitude of a night; to 0.01 mag and 1 %: rates of the closed form are interpolated over the height to 0.1 %, and the model alone has the Earth's light (up
-/// to 0.4 % here) and moments in penumbra or at phase angles above 70° are left out.
+/// magnitude of a night; to 0.002 mag and 0.3 %, since rates of the closed form are interpolated over the height to 0.1 %; brighter the model may be by 0.01 mag and
+/// 1 %, for it alone has the Earth's light (0.4 % here). Moments in penumbra or at phase angles above 70° are left out.
 #[test]
 fn a_sphere_as_a_model_is_as_bright_as_its_formula() {
     let folder = Folder::new("passes-sphere");
@@ -174,16 +174,18 @@ fn a_sphere_as_a_model_is_as_bright_as_its_formula() {
             compared += 1;
             let (a, b) = (&a[moment]["v_mag"], &b[moment]["v_mag"]);
             match (a.as_f64(), b.as_f64()) {
-                (Some(a), Some(b)) => assert!((a - b).abs() < 0.01, "{moment}: {a} {b}"),
+                (Some(a), Some(b)) => {
+                    assert!((-0.01..0.002).contains(&(a - b)), "{moment}: {a} {b}");
+                }
                 (a, b) => assert_eq!(a, b),
             }
         }
         let v = |p: &serde_json::Value| p["v_station_mag"].as_f64().unwrap();
-        assert!((v(a) - v(b)).abs() < 0.012, "{} {}", v(a), v(b));
+        assert!((-0.012..0.004).contains(&(v(a) - v(b))), "{} {}", v(a), v(b));
         for (name, channel) in a["rates"].as_object().unwrap() {
             let rate = |c: &serde_json::Value| c["rate_hz"].as_f64().unwrap();
             let (a, b) = (rate(channel), rate(&b["rates"][name]));
-            assert!((a / b - 1.0).abs() < 1e-2, "{name}: {a} {b}");
+            assert!((-3e-3..1e-2).contains(&(a / b - 1.0)), "{name}: {a} {b}");
         }
     }
     assert!(compared >= 4, "{compared}");
@@ -214,13 +216,18 @@ fn a_model_has_the_rates_that_simulate_gives_it() {
     .unwrap();
     let one = folder.json(&["simulate", "one.toml", "--json", "-q"]);
     let v = one["v_above_air"]["brightest_mag"].as_f64().unwrap();
-    assert!((v - brightest["v_mag"].as_f64().unwrap()).abs() < 3e-3, "{v} {brightest}");
+    // What each knows of the way decides what it models, and light paths scatter: they agree within what `simulate` states.
+    let mut most = 0.0_f64;
     for channel in one["channels"].as_array().unwrap() {
         let rate = pass["rates"][channel["name"].as_str().unwrap()]["rate_hz"].as_f64().unwrap();
         let simulated = channel["highest_hz"].as_f64().unwrap();
-        // Each within the tolerance of 0.1 %, for what each knows of the way.
-        assert!((rate / simulated - 1.0).abs() < 3e-3, "{rate} {channel}");
+        let stated = channel["stated_error"]["largest_relative"].as_f64().unwrap();
+        assert!((rate / simulated - 1.0).abs() < stated, "{rate} {channel}");
+        most = most.max(stated);
     }
+    assert!(most < 0.05, "{most}");
+    let apart = (v - brightest["v_mag"].as_f64().unwrap()).abs();
+    assert!(apart < 1.1 * most, "{v} {brightest}");
     let visible = &pass["visible"][0];
     let (from, to) = (text(&visible["from_utc"]), text(&visible["to_utc"]));
     let times = format!("from = {from}\nto = {to}\nstep_s = 1");

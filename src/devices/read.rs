@@ -88,7 +88,9 @@ impl Reading {
                     let _ = write!(text, "  {channel} {counts}");
                 }
                 if !record.flags.is_empty() {
-                    let _ = write!(text, "  ({:?})", record.flags);
+                    let names: Vec<String> =
+                        record.flags.iter_names().map(|(name, _)| name.to_lowercase()).collect();
+                    let _ = write!(text, "  ({})", names.join(", "));
                 }
                 text
             }

@@ -46,8 +46,8 @@ pub(super) fn assess_earthshine(question: &Question) -> Result<Answer, SceneErro
     }
     let earth = shine::mean_earth().map_err(MaterialError::from)?;
     let terms = shine::terms(Source::Earthshine, question.scene.materials(), &earth)?;
-    // What is asked of the whole, of the share that this is.
-    let tolerance = (0.3 * options.tolerance / bound.max(1e-9)).clamp(1e-4, 0.1);
+    // What is asked of the whole, of the largest share that this can be: the same for whatever is known of the way.
+    let tolerance = (0.1 * options.tolerance / EARTH_ALBEDO).clamp(1e-5, 0.1);
     Ok(Answer { need, part: Some((terms, Box::new(Lit { tolerance }))), doubt: None })
 }
 

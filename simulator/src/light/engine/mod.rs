@@ -80,6 +80,9 @@ pub trait Doubt: Send + Sync + std::fmt::Debug {
     fn add(&self, seen: &Seen, weights: &[f64], errors: &mut [f64], unknown: &mut [f64]);
 }
 
+/// The part of the Sun's light below which a crescent is a factor.
+const LEAST_CRESCENT: f64 = 1e-3;
+
 /// How an effect answers.
 type Assess = fn(&Question) -> Result<Answer, SceneError>;
 
@@ -251,10 +254,13 @@ impl Worker<'_> {
         for (adding, effect) in self.adding.iter().zip(&mut self.effects) {
             let (weights, errors) =
                 (&mut weights[adding.range.clone()], &mut errors[adding.range.clone()]);
-            let resolves = adding.source == Source::Direct && engine.scene.sun.is_some();
+            // Of a crescent that is next to nothing the place on the disc does not matter, and what is unsure of it is not a share of it.
+            let resolves = adding.source == Source::Direct
+                && engine.scene.sun.is_some()
+                && lighting.sunlit > LEAST_CRESCENT;
             if lighting.shadow.is_some() && resolves {
                 effect.add(&lighting, weights, errors)?;
-                let air = lighting.sunlit_error / lighting.sunlit.max(1e-3);
+                let air = lighting.sunlit_error / lighting.sunlit;
                 errors.iter_mut().zip(&*weights).for_each(|(e, w)| *e += air * w.abs());
                 continue;
             }
