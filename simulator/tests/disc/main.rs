@@ -6,5 +6,6 @@ mod eclipse;
 mod facets;
 mod kit;
 mod law;
+mod merged;
 mod scenes;
 mod spheres;
