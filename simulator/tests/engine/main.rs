@@ -9,7 +9,7 @@ use glam::DVec3;
 use scenes::{Tracer, scene};
 use sunglint_radiometry::spectrum::Spectrum;
 use sunglint_simulator::light::engine::{Switch, Switches};
-use sunglint_simulator::light::{Course, Engine, Globe, Lighting, Need, Options, View};
+use sunglint_simulator::light::{Course, Engine, Globe, Lighting, Need, Options, Source, View};
 use sunglint_simulator::mesh::Mesh;
 use sunglint_simulator::surface::{Distribution, Fresnel, Lobe, Masking, Material};
 use sunglint_simulator::target::{Shape, Target};
@@ -227,4 +227,37 @@ fn campaign_stated_error() {
     assert!(2 * lit > n);
     campaign.largest("largest_standard_errors_beyond", worst);
     campaign.finish();
+}
+
+/// Truth: what stands in the way of the Sun does not stand in the way of the Earth. In the umbra the Sun's own terms are 0 and the Earth's as in full light; behind half
+/// of the disc the Sun's terms are half (paint square to it, grey), and what is unsure of the half is in the errors.
+#[test]
+fn a_shadow_takes_the_suns_light_alone() {
+    let target = painted("box_wing", Material::lambert("white", grey(0.8)).unwrap());
+    let switches =
+        Switches { inter_reflection: Switch::Off, earthshine: Switch::On, ..Switches::default() };
+    let engine = engine(&target, 1e-3, switches);
+    let (sun, to) = (DVec3::new(0.8, 0.0, 0.6), DVec3::new(0.6, 0.2, -0.7).normalize());
+    let earth = Globe { toward: DVec3::NEG_Z, distance_m: 6.9e6, radius_m: 6.378e6, sun };
+    let lit = Lighting { earth: Some(earth), ..lighting(sun, to, 4.65e-3) };
+    let of = |sunlit: f64, sunlit_error: f64| {
+        let (mut weights, mut errors) =
+            (vec![0.0; engine.terms().len()], vec![0.0; engine.terms().len()]);
+        let lighting = Lighting { sunlit, sunlit_error, ..lit };
+        engine.worker().light(&lighting, &mut weights, &mut errors).unwrap();
+        let sum = |row: &[f64], source: Source| -> f64 {
+            let terms = engine.terms().iter().zip(row);
+            terms.filter(|(t, _)| t.source == source).map(|(_, w)| w.abs()).sum()
+        };
+        let own = |source| (sum(&weights, source), sum(&errors, source));
+        (own(Source::Direct), own(Source::Earthshine))
+    };
+    let ((full, exact), (earthlit, _)) = of(1.0, 0.0);
+    assert!(full > 0.1 && earthlit > 1e-3 && exact < 1e-3 * full, "{full} {earthlit} {exact}");
+    let ((dark, none), (still, _)) = of(0.0, 0.0);
+    assert_eq!((dark, none, still), (0.0, 0.0, earthlit));
+    let ((half, unsure), _) = of(0.5, 0.1);
+    assert!((half / full - 0.5).abs() < 1e-12 && (unsure / full - 0.1).abs() < 1e-3);
+    let ((dark, glow), _) = of(0.0, 0.02);
+    assert!(dark == 0.0 && (glow / full - 0.02).abs() < 1e-3, "{glow} {full}");
 }
