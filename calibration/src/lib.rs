@@ -1,11 +1,18 @@
 //! From what was recorded to what it means: linear rates, calibrated light curves, materials, fits.
-//! Stands on `sunglint-simulator`.
+//! Stands on `sunglint-simulator`. No file, no device, no clock: what comes in and goes out is in memory.
 //!
-//! Nothing is here yet. What will stand here, in the order in which data flows through it:
+//! In the order in which data flows through it:
+//!
+//! - [`track`]: where the target stood on the camera's frame, and when.
+//!
+//! What will stand here besides:
 //!
 //! - `detector`: dead time and other non-linearity, inverted with its uncertainty;
 //! - `photometry`: masks, detection, centroids, apertures, backgrounds;
+//! - `counts`: off-target stretches, linear rates, the fibre's gate and coupling;
 //! - `alignment`: the fibre's field on the camera image;
 //! - `stars`: the night's coefficient per channel from stars;
 //! - `brdf`: from retro-reflection to a measured material, and parametric fits;
 //! - `pass`: the fit of a measured pass by a simulated one.
+
+pub mod track;

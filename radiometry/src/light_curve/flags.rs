@@ -26,5 +26,23 @@ bitflags::bitflags! {
         const ECLIPSED = 1 << 9;
         /// The target was below the station's horizon, or behind what stands there.
         const HIDDEN = 1 << 10;
+        /// The channel has no exposure at this time: the row is another instrument's.
+        const NOT_SAMPLED = 1 << 11;
+        /// The target was not found in the frame, or not in both frames around the sample.
+        const UNDETECTED = 1 << 12;
+        /// The telescope looked beside the target: background, no target.
+        const OFF_TARGET = 1 << 13;
+        /// The point spread is narrower than 3 pixels of the plane that was measured: the rate depends on where in a pixel it fell.
+        const UNDERSAMPLED = 1 << 14;
+        /// The target moved in the exposure: measured in an aperture along its trail.
+        const TRAILED = 1 << 15;
+        /// Another source (a star, a streak, a cosmic ray) in the aperture.
+        const CROWDED = 1 << 16;
+        /// The aperture or its annulus leaves the frame.
+        const EDGE = 1 << 17;
+        /// The rate is where the model of the detector's dead time is no longer to be trusted, yet not saturated.
+        const NONLINEAR = 1 << 18;
+        /// The time comes from the computer's clock alone.
+        const CLOCK_FREE = 1 << 19;
     }
 }
