@@ -65,6 +65,7 @@ pub struct Counts {
     rows: u64,
     torn_bytes: u64,
     ended: bool,
+    failed: Option<FileError>,
 }
 
 impl Counts {
@@ -85,6 +86,7 @@ impl Counts {
             rows: 0,
             torn_bytes: 0,
             ended: false,
+            failed: None,
         };
         // The comment lines, and one more: the names of the columns.
         let mut header = String::new();
@@ -138,27 +140,39 @@ impl Counts {
         CountSeries::from_table(&self.path, &table)
     }
 
-    /// Reads on.
+    /// Reads on. What is wrong with a row is told once the rows before it were given.
     fn fill(&mut self) -> Result<(), FileError> {
-        let mut text = self.header.clone();
-        let mut rows = 0;
-        while rows < ROWS {
+        let mut lines = Vec::new();
+        while lines.len() < ROWS {
             let Some(line) = self.line()? else { break };
-            text.push_str(&line);
-            rows += 1;
+            lines.push(line);
         }
-        self.ended = rows < ROWS;
-        // Lines count from the top of the file.
-        let before = self.rows;
-        let series = self.parse(&text).map_err(|mut error| {
-            error.line = error.line.map(|line| line + before);
-            if error.line.is_none() && before > 0 {
-                error = error.with_hint(format!("after row {before}"));
+        self.ended = lines.len() < ROWS;
+        match self.parse(&format!("{}{}", self.header, lines.concat())) {
+            Ok(series) => {
+                self.rows += lines.len() as u64;
+                self.ready.extend(series.records);
+                Ok(())
             }
-            error
-        })?;
-        self.rows += rows as u64;
-        self.ready.extend(series.records);
+            Err(_) => self.fill_singly(&lines),
+        }
+    }
+
+    /// The same row by row, up to the one that is wrong.
+    fn fill_singly(&mut self, lines: &[String]) -> Result<(), FileError> {
+        for line in lines {
+            match self.parse(&format!("{}{line}", self.header)) {
+                Ok(series) => self.ready.extend(series.records),
+                Err(error) => {
+                    self.ended = true;
+                    // Lines count from the top of the file.
+                    let error = error.at_line(self.header_lines + self.rows + 1);
+                    self.failed = Some(error.into());
+                    return Ok(());
+                }
+            }
+            self.rows += 1;
+        }
         Ok(())
     }
 }
@@ -174,6 +188,6 @@ impl Iterator for Counts {
             self.ended = true;
             return Some(Err(error));
         }
-        self.ready.pop_front().map(Ok)
+        self.ready.pop_front().map(Ok).or_else(|| self.failed.take().map(Err))
     }
 }
