@@ -1,0 +1,184 @@
+//! A closer look at a place of a frame: its window, the background of each plane there, and the light above it.
+
+use super::background::{Background, Clipping, clipped_median};
+use super::overlap::Aperture;
+use super::window::{Plane, Reading, Window};
+
+/// What a look needs besides the frame.
+#[derive(Clone, Copy)]
+pub(crate) struct Setting {
+    pub annulus_px: [f64; 2],
+    pub clipping: Clipping,
+    pub gain_e_per_adu: f64,
+}
+
+/// Buffers of a look, and what it found.
+#[derive(Debug, Default)]
+pub(crate) struct Look {
+    pub window: Window,
+    /// Planes and their backgrounds, `None` where the annulus has too few pixels.
+    pub planes: Vec<(Plane, Option<Background>)>,
+    annulus: Vec<f32>,
+    light: Vec<f32>,
+    masked: Vec<[f64; 2]>,
+}
+
+impl Look {
+    /// Takes the pixels around an aperture, out to the annulus, and the background of each plane.
+    pub fn at(&mut self, reading: &Reading<'_>, aperture: &Aperture, setting: &Setting) {
+        let half = aperture.half_box_px(setting.annulus_px[1]);
+        self.window.take(reading, aperture.centre_px, half);
+        self.planes.clear();
+        for plane in Plane::of(reading.frame.bayer) {
+            gather(&mut self.annulus, &self.window, plane, aperture, setting.annulus_px);
+            self.planes.push((plane, clipped_median(&mut self.annulus, &setting.clipping)));
+        }
+    }
+
+    /// The light above the background; `None` where a plane has no background. Saturated pixels count as just saturated.
+    pub fn light(&mut self, reading: &Reading<'_>, setting: &Setting) -> Option<Light<'_>> {
+        let mut levels = Levels::default();
+        for (plane, background) in &self.planes {
+            let background = (*background)?;
+            for row in 0..2 {
+                for column in 0..2 {
+                    if plane.columns(row, column).is_some_and(|(first, _)| first == column) {
+                        levels.level[row][column] = background.level_adu as f32;
+                        levels.sigma[row][column] = background.pixel_sigma_adu;
+                    }
+                }
+            }
+        }
+        self.light.clear();
+        self.masked.clear();
+        let saturation = reading.saturation_adu as f32;
+        for (row, line) in self.window.rows() {
+            for (i, &value) in line.iter().enumerate() {
+                let column = self.window.origin[0] + i;
+                if value.is_nan() {
+                    self.masked.push([column as f64, row as f64]);
+                }
+                let value = if value == f32::INFINITY { saturation } else { value };
+                self.light.push(value - levels.level[row % 2][column % 2]);
+            }
+        }
+        Some(Light {
+            window: &self.window,
+            values: &self.light,
+            masked: &self.masked,
+            levels,
+            mosaic: self.planes.len() > 1,
+            adu_per_e: setting.gain_e_per_adu.recip(),
+        })
+    }
+}
+
+/// This plane's usable pixels whose middles lie in the annulus.
+fn gather(
+    out: &mut Vec<f32>,
+    window: &Window,
+    plane: Plane,
+    aperture: &Aperture,
+    annulus_px: [f64; 2],
+) {
+    out.clear();
+    let [inner2, outer2] = annulus_px.map(|r| r * r);
+    let disc = aperture.trail_px == [0.0; 2];
+    let [cx, cy] = aperture.centre_px;
+    for (row, line) in window.rows() {
+        let Some((first, step)) = plane.columns(row, window.origin[0]) else { continue };
+        let y = row as f64;
+        if disc {
+            // Only what lies between the two circles in this row.
+            let dy2 = (y - cy).powi(2);
+            if dy2 > outer2 {
+                continue;
+            }
+            let reach = (outer2 - dy2).sqrt();
+            let spans = match inner2 - dy2 {
+                hole2 if hole2 > 0.0 => {
+                    [(cx - reach, cx - hole2.sqrt()), (cx + hole2.sqrt(), cx + reach)]
+                }
+                // The second is empty.
+                _ => [(cx - reach, cx + reach), (0.0, -1.0)],
+            };
+            for (from, to) in spans {
+                push_between(out, line, window.origin[0], first, step, from, to);
+            }
+            continue;
+        }
+        let mut column = first;
+        while let Some(&value) = line.get(column - window.origin[0]) {
+            let distance = aperture.distance_px(column as f64, y);
+            if (annulus_px[0]..=annulus_px[1]).contains(&distance) && value.is_finite() {
+                out.push(value);
+            }
+            column += step;
+        }
+    }
+}
+
+/// The finite values of the columns `from`…`to` of a row.
+fn push_between(
+    out: &mut Vec<f32>,
+    line: &[f32],
+    origin: usize,
+    first: usize,
+    step: usize,
+    from: f64,
+    to: f64,
+) {
+    let low = from.ceil().max(first as f64) as usize;
+    let start = low - origin + (low - first) % step;
+    let end = (to.floor() + 1.0 - origin as f64).max(0.0) as usize;
+    for &value in line[start.min(line.len())..end.clamp(start.min(line.len()), line.len())]
+        .iter()
+        .step_by(step)
+    {
+        if value.is_finite() {
+            out.push(value);
+        }
+    }
+}
+
+/// Background and scatter by the parity of row and column.
+#[derive(Debug, Clone, Copy, Default)]
+struct Levels {
+    level: [[f32; 2]; 2],
+    sigma: [[f64; 2]; 2],
+}
+
+/// The light of a window above the background of each plane; NaN where a pixel is masked.
+pub(crate) struct Light<'a> {
+    pub window: &'a Window,
+    pub values: &'a [f32],
+    masked: &'a [[f64; 2]],
+    levels: Levels,
+    pub mosaic: bool,
+    pub adu_per_e: f64,
+}
+
+impl Light<'_> {
+    /// Scatter of a pixel without the source, ADU.
+    pub fn pixel_sigma(&self, column: usize, row: usize) -> f64 {
+        self.levels.sigma[row % 2][column % 2]
+    }
+
+    /// What is left of a pixel when the mirror images of the masked ones through `centre` are taken out.
+    pub fn share(&self, x: f64, y: f64, centre: [f64; 2]) -> f64 {
+        let covered = self.masked.iter().map(|[mx, my]| {
+            let (dx, dy) = (2.0 * centre[0] - mx - x, 2.0 * centre[1] - my - y);
+            (1.0 - dx.abs()).max(0.0) * (1.0 - dy.abs()).max(0.0)
+        });
+        if self.masked.is_empty() { 1.0 } else { (1.0 - covered.sum::<f64>()).max(0.0) }
+    }
+
+    /// Rows with their number in the frame.
+    pub fn rows(&self) -> impl Iterator<Item = (usize, &[f32])> {
+        let origin = self.window.origin[1];
+        self.values
+            .chunks_exact(self.window.size[0].max(1))
+            .enumerate()
+            .map(move |(i, row)| (origin + i, row))
+    }
+}
