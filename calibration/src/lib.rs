@@ -15,5 +15,6 @@
 //! - `brdf`: from retro-reflection to a measured material, and parametric fits;
 //! - `pass`: the fit of a measured pass by a simulated one.
 
+pub mod detector;
 pub mod photometry;
 pub mod track;
