@@ -184,9 +184,7 @@ pub(crate) fn balanced(light: &Light<'_>, start: &Aperture, fwhm_px: f64) -> Opt
         }
         let step = first.map(|f| f / sum);
         covariance_px2 = noise.map(|n| n / (sum * sum));
-        for axis in 0..2 {
-            aperture.centre_px[axis] += step[axis];
-        }
+        aperture.centre_px = [aperture.centre_px[0] + step[0], aperture.centre_px[1] + step[1]];
         let moved = [0, 1].map(|axis| aperture.centre_px[axis] - start.centre_px[axis]);
         if moved[0].hypot(moved[1]) > start.radius_px + 0.5 * start.trail_length_px() {
             return None;

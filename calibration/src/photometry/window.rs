@@ -59,13 +59,6 @@ impl Window {
         }
     }
 
-    /// The value at a column and row of the frame; `None` outside the window.
-    pub fn get(&self, column: usize, row: usize) -> Option<f32> {
-        let x = column.checked_sub(self.origin[0]).filter(|&x| x < self.size[0])?;
-        let y = row.checked_sub(self.origin[1]).filter(|&y| y < self.size[1])?;
-        Some(self.values[y * self.size[0] + x])
-    }
-
     /// The window's rows with their number in the frame.
     pub fn rows(&self) -> impl Iterator<Item = (usize, &[f32])> {
         let origin = self.origin[1];
