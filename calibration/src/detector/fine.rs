@@ -9,7 +9,8 @@ use super::{DetectorError, LEAST_DEAD_TIMES, Limit, Linear, Linearity};
 /// How finely tags are binned.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FineBins {
-    /// Length of a fine bin in dead times (with recovery); at least 20.
+    /// Length of a fine bin in dead times (with recovery); at least 20. A paralysable detector takes bins 16 times as long: near its
+    /// maximum the noise of few counts leaves the law.
     pub dead_times: f64,
     /// The relative error from light that changes within fine bins beyond which [`FineLinear::too_fast`] is set.
     pub tolerance: f64,
@@ -72,7 +73,8 @@ impl Linearity {
         }
         let exposure_s = length_ps as f64 * 1e-12;
         let whole = self.linearise(tags_ps.len() as u64, exposure_s)?;
-        let wanted_s = fine.dead_times.max(LEAST_DEAD_TIMES) * self.memory_s();
+        let wanted_s =
+            fine.dead_times.max(LEAST_DEAD_TIMES) * self.law.stiffness() * self.memory_s();
         // An even number, so that pairs make bins of twice the length.
         let bins = if wanted_s > 0.0 { 2 * (0.5 * exposure_s / wanted_s) as u64 } else { 0 };
         if bins == 0 || tags_ps.is_empty() {
