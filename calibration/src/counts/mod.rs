@@ -27,15 +27,15 @@
 
 mod curves;
 mod gate;
-mod glint;
 mod off_target;
 mod reduction;
 mod spans;
 
 pub use curves::{ChannelSummary, Curves, Summary};
 pub use gate::{Coupling, Gate, coupling};
-pub use glint::Glints;
-pub use off_target::{Background, BackgroundSource, Between, OffOptions, OffPiece, OffTarget};
+pub use off_target::{
+    Background, BackgroundSource, Between, OffOptions, OffPiece, OffRate, OffTarget,
+};
 pub use reduction::{ChannelSample, Options, Reduction, Sample};
 pub use spans::{Away, Seen, Span, Spans, View, away};
 

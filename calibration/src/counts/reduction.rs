@@ -2,11 +2,10 @@
 
 use super::curves::Summary;
 use super::gate::{Gate, over_bin, q};
-use super::glint::{Counted, Glints};
 use super::off_target::{BackgroundSource, OffTarget};
 use super::spans::{Seen, Spans, View};
 use super::{Bin, CountChannel};
-use crate::detector::{DetectorError, FineBins, Linear};
+use crate::detector::{Counted, DetectorError, FineBins, Glints, Linear};
 use crate::track::{Place, Track};
 use hifitime::{Duration, Epoch};
 use std::collections::VecDeque;
@@ -205,7 +204,9 @@ impl<'a, E, I: Iterator<Item = Result<Bin, E>>> Reduction<'a, I> {
                 let beside = beside.map(|other| counted_beside(bin, other?, channel.column));
                 let own = (measured_hz, exposure_s);
                 let law = &channel.linearity;
-                (linear, self.options.glints.may_be(law, linear.rate_hz, own, &beside))
+                let off_hz = self.options.glints.unresolved_hz(law, own, &beside);
+                let most_hz = self.options.glints.tolerance * linear.rate_hz.abs();
+                (linear, off_hz > most_hz)
             }),
         };
         match linear {

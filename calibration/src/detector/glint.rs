@@ -4,7 +4,7 @@
 //! sure, as n is convex. Neighbours tell l and h of light that passes through the bin. What stands above both of them may have lasted
 //! any part of the bin; [`Glints::shortest`] is the part that is thought of.
 
-use crate::detector::Linearity;
+use super::Linearity;
 
 /// When bins are flagged for light that may have changed within them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,17 +24,17 @@ impl Default for Glints {
 }
 
 /// A counted rate and its exposure.
-pub(super) type Counted = (f64, f64);
+pub(crate) type Counted = (f64, f64);
 
 impl Glints {
-    /// Whether the light within a bin of a rate (`linear_hz`) may have changed beyond the tolerance, from the bins beside it. Without one nothing can be seen.
-    pub(super) fn may_be(
+    /// How far the rate behind a bin's counts may be off for light that changed within it, Hz, seen from the bins beside it. Nothing is seen
+    /// without one; infinite where the light may have been beyond the law.
+    pub(crate) fn unresolved_hz(
         &self,
         law: &Linearity,
-        linear_hz: f64,
         (m, exposure_s): Counted,
         beside: &[Option<Counted>; 2],
-    ) -> bool {
+    ) -> f64 {
         let noise2 = |(m, exposure_s): Counted| m.max(1.0 / exposure_s) / exposure_s;
         let own2 = noise2((m, exposure_s));
         let (mut low, mut high) = (m, m);
@@ -48,7 +48,7 @@ impl Glints {
             n += 1.0;
         }
         if n == 0.0 {
-            return false;
+            return 0.0;
         }
         let base = sum / n;
         let excess = m - base - self.sigmas * (own2 + sum2 / (n * n)).sqrt();
@@ -56,6 +56,6 @@ impl Glints {
             low = low.min(base);
             high = high.max(base + (m - base) / self.shortest);
         }
-        law.unresolved_hz(m, low, high) > self.tolerance * linear_hz.abs()
+        law.unresolved_hz(m, low, high)
     }
 }
