@@ -121,8 +121,10 @@ impl Track {
         }
         // The wander w at which the median of d²/(noise + w·bridge) is that of χ² with one degree: it falls as w grows.
         let median = |wander: f64| {
-            let mut ratios: Vec<f64> =
-                found.iter().map(|(d2, noise, bridge)| d2 / (noise + wander * bridge)).collect();
+            let mut ratios: Vec<f64> = found
+                .iter()
+                .map(|(d2, noise, bridge)| d2 / (noise + wander * bridge).max(1e-300))
+                .collect();
             ratios.sort_by(f64::total_cmp);
             ratios[ratios.len() / 2]
         };

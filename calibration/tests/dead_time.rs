@@ -20,7 +20,7 @@ struct Case {
 
 const LOADS: &[f64] = &[0.01, 0.1, 0.5, 1.0, 3.0];
 
-/// 50 pixels, dead for 50 τ: the load of each is that of one detector with τ. The table is the count of equal pixels, m = n/(1+nτ), at 33 rates
+/// 4 pixels, dead for 4 τ: the load of each is that of one detector with τ. The table is the count of equal pixels, m = n/(1+nτ), at 33 rates
 /// a factor of 1.24 apart, which is what tests the interpolation.
 fn cases() -> Vec<Case> {
     let true_hz: Vec<f64> =
@@ -49,7 +49,7 @@ fn cases() -> Vec<Case> {
         },
         Case {
             name: "table",
-            detector: Detector::Pixels(50, 50.0 * TAU_S),
+            detector: Detector::Pixels(4, 4.0 * TAU_S),
             law: DeadTime::Table { measured_hz, true_hz },
             loads: LOADS,
         },
@@ -113,7 +113,7 @@ fn campaign_dead_time() {
 }
 
 /// Truth: the light that the photons were drawn from, constant: fine bins of 64 dead times must neither bias it (1e-3, beside 3.5 times the
-/// noise of the 2e6 photons of each) nor state another uncertainty than the whole bin (4 %, from the
+/// noise of the 5e5 photons of each) nor state another uncertainty than the whole bin (4 %, from the
 /// noise of the few counts of a fine bin in it).
 #[test]
 fn constant_light_is_right_in_fine_bins() {
@@ -123,7 +123,7 @@ fn constant_light_is_right_in_fine_bins() {
             let rate_hz = load / TAU_S;
             let length_ps = 64_000_000 * 64;
             let bin_s = length_ps as f64 * 1e-12;
-            let bins = ((2e6 / (rate_hz * bin_s)).ceil() as usize).max(20);
+            let bins = ((5e5 / (rate_hz * bin_s)).ceil() as usize).max(20);
             let mut events = Events::new(case.detector, 7);
             let (mut fine_sum, mut whole_sum, mut variance, mut whole_variance) =
                 (0.0, 0.0, 0.0, 0.0);
@@ -139,7 +139,15 @@ fn constant_light_is_right_in_fine_bins() {
                 let fine =
                     law.linearise_tags(&tags, start_ps, length_ps, &FineBins::default()).unwrap();
                 let whole = law.linearise(tags.len() as u64, bin_s).unwrap();
-                assert!(fine.bins == 64 || matches!(case.name, "none" | "table"), "{}", fine.bins);
+                let bins = match case.name {
+                    "none" => 1,
+                    "non-paralysable" => 64,
+                    "paralysable" => 4,
+                    "table" => fine.bins.clamp(4, 6),
+                    // With its recovery.
+                    _ => 50,
+                };
+                assert_eq!(fine.bins, bins, "{}", case.name);
                 assert!(!fine.too_fast, "{} at {load}: {fine:?}", case.name);
                 fine_sum += fine.linear.rate_hz;
                 whole_sum += whole.rate_hz;

@@ -4,20 +4,21 @@
 //! fifth of the bin). Light that does not change loses nothing by it: the variance of the mean over fine bins is that of the whole bin, and
 //! the bias of few counts, τ/δ of the rate in fine bins of length δ, is taken off to first order in each.
 
-use super::{DetectorError, LEAST_DEAD_TIMES, Limit, Linear, Linearity};
+use super::{Counted, DetectorError, Glints, LEAST_DEAD_TIMES, Limit, Linear, Linearity};
 
 /// How finely tags are binned.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FineBins {
-    /// Length of a fine bin in dead times (with recovery); at least 20.
+    /// Length of a fine bin in dead times (with recovery); at least 20. A paralysable detector takes bins 16 times as long, as near
+    /// its maximum the noise of few counts leaves the law; so does a table, which does not tell how long its pixels are dead.
     pub dead_times: f64,
-    /// The relative error from light that changes within fine bins beyond which [`FineLinear::too_fast`] is set.
-    pub tolerance: f64,
+    /// When light is said to have changed within fine bins ([`FineLinear::too_fast`]).
+    pub glints: Glints,
 }
 
 impl Default for FineBins {
     fn default() -> Self {
-        Self { dead_times: 64.0, tolerance: 0.01 }
+        Self { dead_times: 64.0, glints: Glints::default() }
     }
 }
 
@@ -72,7 +73,8 @@ impl Linearity {
         }
         let exposure_s = length_ps as f64 * 1e-12;
         let whole = self.linearise(tags_ps.len() as u64, exposure_s)?;
-        let wanted_s = fine.dead_times.max(LEAST_DEAD_TIMES) * self.memory_s();
+        let wanted_s =
+            fine.dead_times.max(LEAST_DEAD_TIMES) * self.law.stiffness() * self.memory_s();
         // An even number, so that pairs make bins of twice the length.
         let bins = if wanted_s > 0.0 { 2 * (0.5 * exposure_s / wanted_s) as u64 } else { 0 };
         if bins == 0 || tags_ps.is_empty() {
@@ -92,8 +94,9 @@ impl Linearity {
             u64::try_from(bin).unwrap_or(0)
         };
         let groups = tags_ps.chunk_by(|a, b| bin_of(*a) == bin_of(*b));
-        for group in groups {
-            sum.add(self, group.len(), length_s)?;
+        let filled: Vec<(u64, usize)> = groups.map(|tags| (bin_of(tags[0]), tags.len())).collect();
+        for (_, counts) in &filled {
+            sum.add(self, *counts, length_s)?;
         }
         let pairs = tags_ps.chunk_by(|a, b| bin_of(*a) / 2 == bin_of(*b) / 2);
         for pair in pairs {
@@ -111,9 +114,32 @@ impl Linearity {
             trusted: !sum.untrusted,
             ..whole
         };
-        // A glint within a single fine bin gains all that it can gain at once, one that is resolved a third of it again.
-        let too_fast = refined_hz.abs() / 3.0 > fine.tolerance * rate_hz.abs();
+        let unresolved_hz = fine.glints.over(self, &filled, length_s) * part;
+        let most_hz = fine.glints.tolerance * rate_hz.abs();
+        let too_fast = refined_hz.abs() / 3.0 > most_hz || unresolved_hz > most_hz;
         Ok(FineLinear { linear, bins, length_s, refined_hz, too_fast })
+    }
+}
+
+impl Glints {
+    /// The sum over fine bins of what light that stands out of the bins beside may hide, Hz. `filled` are the bins with counts, by number; those that only
+    /// follow a rise or a fall are resolved as [`FineLinear::refined_hz`] tells.
+    fn over(&self, law: &Linearity, filled: &[(u64, usize)], length_s: f64) -> f64 {
+        let counted = |counts: usize| -> Counted { (counts as f64 / length_s, length_s) };
+        let mut sum_hz = 0.0;
+        for (i, (bin, counts)) in filled.iter().enumerate() {
+            let of = |other: Option<&(u64, usize)>, wanted: Option<u64>| {
+                let found = other.filter(|(number, _)| Some(*number) == wanted);
+                found.map_or(0, |(_, counts)| *counts)
+            };
+            let before = of(i.checked_sub(1).and_then(|i| filled.get(i)), bin.checked_sub(1));
+            let after = of(filled.get(i + 1), bin.checked_add(1));
+            if before.max(after) < *counts {
+                let beside = [Some(counted(before)), Some(counted(after))];
+                sum_hz += self.unresolved_hz(law, counted(*counts), &beside);
+            }
+        }
+        sum_hz
     }
 }
 

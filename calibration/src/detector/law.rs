@@ -96,6 +96,12 @@ impl Law {
         }
     }
 
+    /// How many times more counts the law needs than that without prolonged dead time, for as little noise against its own curvature;
+    /// a table's pixels are dead for longer than the loss of all of them tells.
+    pub fn stiffness(&self) -> f64 {
+        if matches!(self, Law::Paralysable { .. } | Law::Table(_)) { 16.0 } else { 1.0 }
+    }
+
     /// The law at a measured rate, or the limit that it has reached.
     pub fn invert(&self, measured_hz: f64) -> Result<At, (f64, Limit)> {
         let limit_hz = self.most_hz();

@@ -21,12 +21,15 @@
 //! cannot tell that), and [`Linear::trusted`] is false above.
 
 mod fine;
+mod glint;
 mod intervals;
 mod law;
 mod recovery;
 mod table;
 
 pub use fine::{FineBins, FineLinear};
+pub(crate) use glint::Counted;
+pub use glint::Glints;
 pub use intervals::{Afterpulses, DeadTimeEstimate, IntervalError, IntervalHistogram};
 
 use law::Law;
