@@ -5,6 +5,7 @@
 //! - [`air`]: the transmission of the air;
 //! - [`star`]: a star's place, airmass and expected rates;
 //! - [`explain`]: what a pass needs, and what error that leaves;
+//! - [`reduce`]: from a session to linear light curves;
 //! - [`simulate`]: what a pass should look like in every channel;
 //! - [`passes`]: when satellites can be seen;
 //! - [`picture`]: what a body looks like, and what it sends into all directions;
@@ -25,6 +26,7 @@ pub mod output;
 pub mod passes;
 pub mod picture;
 pub mod plot;
+pub mod reduce;
 pub mod simulate;
 pub mod star;
 pub mod station;

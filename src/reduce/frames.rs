@@ -1,0 +1,316 @@
+//! The frames of a night: the sensor's faults from its dark frames, the target's place and rates from the others.
+
+use super::sky::Body;
+use super::{Stay, Stop};
+use anyhow::Context as _;
+use hifitime::{Epoch, Unit};
+use sunglint_calibration::photometry::{
+    BadPixels, Colour, Expected, FrameCalibration, FrameMeasurement, FrameReducer, MasterFrame,
+    PhotometryOptions, Tally,
+};
+use sunglint_calibration::track::Track;
+use sunglint_formats::Frame;
+use sunglint_formats::session::{FrameFile, Session, TargetKind};
+use sunglint_radiometry::light_curve::{
+    ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
+};
+use sunglint_radiometry::station::{Channel, Detector, Plane, Station};
+
+/// More dark frames add nothing to the mask, and are left out.
+const MOST_DARKS: usize = 64;
+/// Fewer make neither mask nor dark.
+const LEAST_DARKS: usize = 3;
+/// A pixel this many standard deviations of the dark frames' distribution off it is bad (thesis 4.1.1).
+const BAD_SIGMAS: f64 = 3.0;
+
+/// What the frames of a camera gave.
+#[derive(Debug)]
+pub struct CameraNight {
+    /// The camera's name in the session.
+    pub camera: String,
+    /// Of each stay, where the target stood.
+    pub tracks: Vec<Track>,
+    /// Of each stay, the rates of the camera's channels; `None` without frames.
+    pub curves: Vec<Option<LightCurve>>,
+    /// Of each stay, what was measured last, with its frame: for figures.
+    pub shown: Vec<Vec<Shown>>,
+    /// What each rule removed.
+    pub tally: Tally,
+    /// Frames within no stay at a target: sky, dark, on the way.
+    pub outside: u64,
+    /// Dark frames that the mask was made of.
+    pub darks: usize,
+    /// Pixels that are left out.
+    pub bad_pixels: usize,
+    /// Frames that could not be read or measured, and why.
+    pub failed: Vec<(FrameFile, String)>,
+}
+
+/// A frame to be drawn.
+#[derive(Debug, Clone)]
+pub struct Shown {
+    /// The frame.
+    pub frame: Frame,
+    /// What was measured on it.
+    pub measured: FrameMeasurement,
+}
+
+/// What the sensor's calibration is made of, where the session has no dark frames, or not the right ones.
+#[derive(Debug, Clone, Default)]
+pub struct SensorFiles {
+    /// Dark frames.
+    pub darks: Vec<Frame>,
+    /// Flats.
+    pub flats: Vec<Frame>,
+}
+
+/// Frames per stay that are kept for figures.
+const SHOWN: usize = 4;
+
+/// The start of a frame's exposure by its file's name (`20201118T170503.123456Z_00000042.fits`); `None` for another name.
+fn start_of(file: &FrameFile) -> Option<Epoch> {
+    let name = file.path.file_name()?.to_str()?;
+    let (utc, _) = name.rsplit_once('_')?;
+    let (date, time) = (utc.get(..8)?, utc.get(9..)?);
+    let text = format!(
+        "{}-{}-{}T{}:{}:{}",
+        date.get(..4)?,
+        date.get(4..6)?,
+        date.get(6..)?,
+        time.get(..2)?,
+        time.get(2..4)?,
+        time.get(4..)?
+    );
+    sunglint_formats::time::parse_utc(&text).ok()
+}
+
+/// The stay that a time lies in.
+fn stay_at(stays: &[Stay], time: Epoch) -> Option<usize> {
+    stays.iter().position(|stay| stay.from <= time && time < stay.to)
+}
+
+/// Reads a camera's frames one after the other.
+///
+/// # Errors
+/// A camera that the station has not; options out of their range. A frame that cannot be read or measured is named in the result.
+pub fn camera_night(
+    session: &Session,
+    camera: &str,
+    station: &Station,
+    stays: &[Stay],
+    options: &PhotometryOptions,
+    sensor: &SensorFiles,
+    stop: &mut dyn Stop,
+) -> anyhow::Result<CameraNight> {
+    let files = session.frames(camera)?.files;
+    let starts: Vec<Option<Epoch>> = files.iter().map(start_of).collect();
+    let stay_of: Vec<Option<usize>> =
+        starts.iter().map(|start| start.and_then(|start| stay_at(stays, start))).collect();
+    let mut failed = Vec::new();
+    let calibration = calibration(&files, &stay_of, stays, sensor, &mut failed)?;
+    let darks = calibration.1;
+    let calibration = calibration.0;
+    let bad_pixels = calibration.bad.as_ref().map_or(0, bad_count);
+    let zeniths = zeniths(&starts, &stay_of, stays, station)?;
+    let mut reducer = FrameReducer::new(options.clone(), calibration)?;
+    let mut night = CameraNight {
+        camera: camera.to_owned(),
+        tracks: vec![Track::default(); stays.len()],
+        curves: vec![None; stays.len()],
+        shown: vec![Vec::new(); stays.len()],
+        tally: Tally::default(),
+        outside: 0,
+        darks,
+        bad_pixels,
+        failed: Vec::new(),
+    };
+    let mut rows: Vec<Vec<FrameMeasurement>> = vec![Vec::new(); stays.len()];
+    let mut of_stay = vec![0_usize; stays.len()];
+    for stay in stay_of.iter().flatten() {
+        of_stay[*stay] += 1;
+    }
+    let mut seen = vec![0_usize; stays.len()];
+    for (i, file) in files.iter().enumerate() {
+        stop.step(1)?;
+        let Some(stay) = stay_of[i].filter(|stay| stays[*stay].target.on) else {
+            night.outside += 1;
+            continue;
+        };
+        let expected = Expected { airmass: zeniths[i].and_then(airmass), ..Expected::default() };
+        let measured = file
+            .read()
+            .map_err(|error| error.to_string())
+            .and_then(|frame| match reducer.measure(&frame, &expected) {
+                Ok(measured) => Ok((frame, measured)),
+                Err(error) => Err(error.to_string()),
+            });
+        match measured {
+            Ok((frame, measured)) => {
+                night.tracks[stay].points.push(measured.track);
+                // Spread over the stay, so that a figure shows its course.
+                if seen[stay] * SHOWN / of_stay[stay].max(1) >= night.shown[stay].len() {
+                    night.shown[stay].push(Shown { frame, measured: measured.clone() });
+                }
+                rows[stay].push(measured);
+            }
+            Err(error) => failed.push((file.clone(), error)),
+        }
+        seen[stay] += 1;
+    }
+    for (stay, mut rows) in rows.into_iter().enumerate() {
+        rows.sort_by_key(|row| row.time);
+        night.tracks[stay].points.sort_by_key(|point| point.time);
+        night.curves[stay] = (!rows.is_empty()).then(|| curve(&rows, station));
+    }
+    night.tally = reducer.tally();
+    night.failed = failed;
+    Ok(night)
+}
+
+/// Airmass of a plane-parallel air, as the law of scintillation is written for; `None` where that has no meaning.
+fn airmass(zenith_deg: f64) -> Option<f64> {
+    (zenith_deg < 85.0).then(|| 1.0 / zenith_deg.to_radians().cos())
+}
+
+fn bad_count(bad: &BadPixels) -> usize {
+    use sunglint_calibration::photometry::PixelFault;
+    bad.faults.iter().filter(|fault| **fault != PixelFault::Good).count()
+}
+
+/// Mask, dark and flat: of the files that were given, else of the session's dark frames; and how many dark frames that were.
+fn calibration(
+    files: &[FrameFile],
+    stay_of: &[Option<usize>],
+    stays: &[Stay],
+    sensor: &SensorFiles,
+    failed: &mut Vec<(FrameFile, String)>,
+) -> anyhow::Result<(FrameCalibration, usize)> {
+    let mut darks = sensor.darks.clone();
+    if darks.is_empty() {
+        let is_dark = |stay: &Option<usize>| {
+            stay.is_some_and(|stay| stays[stay].target.target_kind == TargetKind::Dark)
+        };
+        let found = files.iter().zip(stay_of).filter(|(_, stay)| is_dark(stay));
+        for (file, _) in found.take(MOST_DARKS) {
+            match file.read() {
+                Ok(frame) => darks.push(frame),
+                Err(error) => failed.push((file.clone(), error.to_string())),
+            }
+        }
+    }
+    if darks.len() < LEAST_DARKS {
+        return Ok((FrameCalibration::default(), 0));
+    }
+    let mut bad = BadPixels::from_darks(&darks, BAD_SIGMAS).context("the dark frames")?;
+    let dark = MasterFrame::mean(&darks).context("the dark frames")?;
+    let mut calibration = FrameCalibration::default();
+    if !sensor.flats.is_empty() {
+        let flat = MasterFrame::flat(&sensor.flats, &dark).context("the flats")?;
+        bad.add_blind(&flat, 0.5).context("the flats")?;
+        calibration.flat = Some(flat);
+    }
+    calibration.bad = Some(bad);
+    calibration.dark = Some(dark);
+    Ok((calibration, darks.len()))
+}
+
+/// The true zenith angle of each frame's target, deg, where it has a place.
+fn zeniths(
+    starts: &[Option<Epoch>],
+    stay_of: &[Option<usize>],
+    stays: &[Stay],
+    station: &Station,
+) -> anyhow::Result<Vec<Option<f64>>> {
+    let mut zeniths = vec![None; starts.len()];
+    for (number, stay) in stays.iter().enumerate().filter(|(_, stay)| stay.target.on) {
+        let Some(body) = Body::of(&stay.target)? else { continue };
+        let (places, times): (Vec<usize>, Vec<Epoch>) = (0..starts.len())
+            .filter(|i| stay_of[*i] == Some(number))
+            .filter_map(|i| Some((i, starts[i]?)))
+            .unzip();
+        let mut samples = Samples::new(times, 1.0);
+        body.locate(&mut samples, &station.site)?;
+        for (i, zenith) in places.into_iter().zip(samples.zenith_deg.unwrap_or_default()) {
+            zeniths[i] = Some(zenith);
+        }
+    }
+    Ok(zeniths)
+}
+
+/// The plane of a frame that a channel counts.
+fn is_of(channel: &Channel, colour: Colour) -> bool {
+    let Detector::CameraPlane(plane) = channel.detector else { return false };
+    matches!(
+        (plane, colour),
+        (Plane::R, Colour::Red)
+            | (Plane::G, Colour::Green)
+            | (Plane::B, Colour::Blue)
+            | (Plane::L, Colour::Mono)
+    )
+}
+
+/// The rates of a stay as a light curve of the station's channels.
+fn curve(rows: &[FrameMeasurement], station: &Station) -> LightCurve {
+    let channels = station.channels.iter().filter_map(|channel| {
+        let mut curve = ChannelCurve {
+            name: channel.name.clone(),
+            rate_hz: Vec::with_capacity(rows.len()),
+            sigma_hz: Vec::with_capacity(rows.len()),
+            flags: Vec::with_capacity(rows.len()),
+            model_error_hz: None,
+        };
+        let mut found = false;
+        for row in rows {
+            let plane = row.planes.iter().find(|plane| is_of(channel, plane.colour));
+            found |= plane.is_some();
+            let (rate, sigma, flags) = match plane {
+                Some(plane) => (plane.rate_adu_per_s, plane.sigma.total(), plane.flags),
+                None => (f64::NAN, f64::NAN, Flags::NOT_SAMPLED),
+            };
+            // A rate without an uncertainty is none: both or neither.
+            let whole = rate.is_finite() && sigma.is_finite();
+            curve.rate_hz.push(if whole { rate } else { f64::NAN });
+            curve.sigma_hz.push(if whole { sigma } else { f64::NAN });
+            curve.flags.push(if whole || !flags.is_empty() { flags } else { Flags::GAP });
+        }
+        found.then_some(curve)
+    });
+    LightCurve {
+        kind: RateKind::Linear,
+        samples: Samples {
+            time: rows.iter().map(|row| row.time).collect(),
+            exposure_s: rows.iter().map(|row| row.exposure_s).collect(),
+            ..Samples::default()
+        },
+        channels: channels.collect(),
+        provenance: Provenance::default(),
+        other: sunglint_formats::Meta::default(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sunglint_formats::time::parse_utc;
+
+    /// Truth: the name that sessions document.
+    #[test]
+    fn a_frames_name_has_its_start() {
+        let named = |name: &str| {
+            start_of(&FrameFile { sequence: 42, path: format!("frames/c/17/{name}").into() })
+        };
+        assert_eq!(
+            named("20201118T170503.123456Z_00000042.fits"),
+            parse_utc("2020-11-18T17:05:03.123456Z").ok()
+        );
+        assert_eq!(
+            named("20161231T235960.500000Z_00000001.fits"),
+            parse_utc("2016-12-31T23:59:60.5Z").ok()
+        );
+        for other in ["x.fits", "2020_1.fits", "20201318T170503Z_1.fits", "é0201118T170503Z_1.fits"] {
+            assert_eq!(named(other), None, "{other}");
+        }
+        let half = parse_utc("2020-11-18T17:05:03Z").unwrap() + 0.5 * Unit::Second;
+        assert_eq!(named("20201118T170503.500000Z_00000002.fits"), Some(half));
+    }
+}
