@@ -3,7 +3,7 @@
 use super::sky::Body;
 use super::{Stay, Stop};
 use anyhow::Context as _;
-use hifitime::{Epoch, Unit};
+use hifitime::Epoch;
 use sunglint_calibration::photometry::{
     BadPixels, Colour, Expected, FrameCalibration, FrameMeasurement, FrameReducer, MasterFrame,
     PhotometryOptions, Tally,
@@ -173,8 +173,7 @@ fn airmass(zenith_deg: f64) -> Option<f64> {
 }
 
 fn bad_count(bad: &BadPixels) -> usize {
-    use sunglint_calibration::photometry::PixelFault;
-    bad.faults.iter().filter(|fault| **fault != PixelFault::Good).count()
+    bad.faults.iter().filter(|fault| !fault.is_empty()).count()
 }
 
 /// Mask, dark and flat: of the files that were given, else of the session's dark frames; and how many dark frames that were.
@@ -291,6 +290,7 @@ fn curve(rows: &[FrameMeasurement], station: &Station) -> LightCurve {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hifitime::Unit;
     use sunglint_formats::time::parse_utc;
 
     /// Truth: the name that sessions document.

@@ -1,7 +1,9 @@
 //! `sunglint reduce`: a session's frames and counts, visit by visit, as linear light curves.
 
+pub mod counts;
 pub mod frames;
 pub mod join;
+pub mod night;
 pub mod sky;
 
 use hifitime::Epoch;
