@@ -1,7 +1,7 @@
 //! The grammar of the command line. Subcommands appear here as they become real, none before.
 
 use crate::output::{Console, OutputArgs};
-use crate::{air, bench, demo, devices, explain, passes, picture, simulate, star, tables};
+use crate::{air, bench, demo, devices, explain, passes, picture, reduce, simulate, star, tables};
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
@@ -62,6 +62,8 @@ pub enum Command {
     Picture(Box<picture::PictureArgs>),
     /// Visible passes of satellites: when, where, how bright, what each channel counts
     Passes(Box<passes::PassesArgs>),
+    /// A recorded session as linear light curves, visit by visit
+    Reduce(Box<reduce::ReduceArgs>),
     /// Error against time of the light engines, on built-in scenes or one's own
     Bench(Box<bench::BenchArgs>),
     /// The instruments: what is plugged in, a self-test, readings, settings, moves, recordings
@@ -114,6 +116,7 @@ impl Command {
             Command::Explain(args) => Some(&args.out),
             Command::Picture(args) => Some(&args.out),
             Command::Passes(args) => Some(&args.out),
+            Command::Reduce(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
             Command::Devices(command) => command.output(),
             Command::Demo(_) | Command::Completions { .. } | Command::Man { .. } => None,
@@ -130,6 +133,7 @@ impl Command {
             Command::Explain(args) => explain::run(args, console),
             Command::Picture(args) => picture::run(args, console),
             Command::Passes(args) => passes::run(args, console),
+            Command::Reduce(args) => reduce::run(args, console),
             Command::Bench(args) => bench::run(args, console),
             Command::Devices(command) => devices::run(command, console),
             Command::Completions { shell } => {

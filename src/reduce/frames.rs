@@ -137,12 +137,12 @@ pub fn camera_night(
             continue;
         };
         let expected = Expected { airmass: zeniths[i].and_then(airmass), ..Expected::default() };
-        let measured = file
-            .read()
-            .map_err(|error| error.to_string())
-            .and_then(|frame| match reducer.measure(&frame, &expected) {
-                Ok(measured) => Ok((frame, measured)),
-                Err(error) => Err(error.to_string()),
+        let measured =
+            file.read().map_err(|error| error.to_string()).and_then(|frame| {
+                match reducer.measure(&frame, &expected) {
+                    Ok(measured) => Ok((frame, measured)),
+                    Err(error) => Err(error.to_string()),
+                }
             });
         match measured {
             Ok((frame, measured)) => {
@@ -307,7 +307,8 @@ mod tests {
             named("20161231T235960.500000Z_00000001.fits"),
             parse_utc("2016-12-31T23:59:60.5Z").ok()
         );
-        for other in ["x.fits", "2020_1.fits", "20201318T170503Z_1.fits", "é0201118T170503Z_1.fits"] {
+        for other in ["x.fits", "2020_1.fits", "20201318T170503Z_1.fits", "é0201118T170503Z_1.fits"]
+        {
             assert_eq!(named(other), None, "{other}");
         }
         let half = parse_utc("2020-11-18T17:05:03Z").unwrap() + 0.5 * Unit::Second;

@@ -194,7 +194,9 @@ fn seen_off(tracks: &[Track], station: &Station, options: &ReduceOptions) -> Vec
         .channels
         .iter()
         .filter_map(|channel| match &channel.detector {
-            Detector::Counter(counter) => options.fibres.get(&channel.name).copied().or(counter.fibre),
+            Detector::Counter(counter) => {
+                options.fibres.get(&channel.name).copied().or(counter.fibre)
+            }
             Detector::CameraPlane(_) => None,
         })
         .collect();
@@ -286,10 +288,12 @@ fn provenance(target: &Target, session: &Session, station: &Station) -> Provenan
             sha256: file.sha256.clone(),
         })
         .collect();
-    inputs.extend(station.sources.iter().map(|(path, sha256)| Input {
-        file: path.display().to_string(),
-        sha256: sha256.clone(),
-    }));
+    inputs.extend(
+        station.sources.iter().map(|(path, sha256)| Input {
+            file: path.display().to_string(),
+            sha256: sha256.clone(),
+        }),
+    );
     Provenance {
         program: format!("sunglint {}", env!("CARGO_PKG_VERSION")),
         command: format!("reduce {}", session.root().display()),
