@@ -18,7 +18,7 @@ pub struct FineBins {
 
 impl Default for FineBins {
     fn default() -> Self {
-        Self { dead_times: 64.0, glints: Glints::default() }
+        Self { dead_times: 100.0, glints: Glints::default() }
     }
 }
 
@@ -36,6 +36,9 @@ pub struct FineLinear {
     /// Whether the light still changed within the fine bins by more than can be linearised to the tolerance.
     pub too_fast: bool,
 }
+
+/// By how many σ counts of a fine bin stand out of those beside it to be a glint: of constant light one bin in 30,000.
+const STANDS_OUT: f64 = 4.0;
 
 /// Sums over fine bins.
 #[derive(Default)]
@@ -114,7 +117,7 @@ impl Linearity {
             trusted: !sum.untrusted,
             ..whole
         };
-        let unresolved_hz = fine.glints.over(self, &filled, length_s) * part;
+        let unresolved_hz = fine.glints.over(self, &filled, length_s, bins) * part;
         let most_hz = fine.glints.tolerance * rate_hz.abs();
         let too_fast = refined_hz.abs() / 3.0 > most_hz || unresolved_hz > most_hz;
         Ok(FineLinear { linear, bins, length_s, refined_hz, too_fast })
@@ -124,19 +127,27 @@ impl Linearity {
 impl Glints {
     /// The sum over fine bins of what light that stands out of the bins beside may hide, Hz. `filled` are the bins with counts, by number; those that only
     /// follow a rise or a fall are resolved as [`FineLinear::refined_hz`] tells.
-    fn over(&self, law: &Linearity, filled: &[(u64, usize)], length_s: f64) -> f64 {
+    fn over(&self, law: &Linearity, filled: &[(u64, usize)], length_s: f64, bins: u64) -> f64 {
         let counted = |counts: usize| -> Counted { (counts as f64 / length_s, length_s) };
         let mut sum_hz = 0.0;
         for (i, (bin, counts)) in filled.iter().enumerate() {
+            // A bin that is not among the filled ones has none; beyond the ends there is no bin.
             let of = |other: Option<&(u64, usize)>, wanted: Option<u64>| {
-                let found = other.filter(|(number, _)| Some(*number) == wanted);
-                found.map_or(0, |(_, counts)| *counts)
+                let wanted = wanted.filter(|number| *number < bins)?;
+                Some(other.filter(|(number, _)| *number == wanted).map_or(0, |(_, counts)| *counts))
             };
             let before = of(i.checked_sub(1).and_then(|i| filled.get(i)), bin.checked_sub(1));
-            let after = of(filled.get(i + 1), bin.checked_add(1));
-            if before.max(after) < *counts {
-                let beside = [Some(counted(before)), Some(counted(after))];
-                sum_hz += self.unresolved_hz(law, counted(*counts), &beside);
+            let beside = [before, of(filled.get(i + 1), bin.checked_add(1))];
+            let near = || beside.iter().flatten();
+            let mean = near().sum::<usize>() as f64 / near().count().max(1) as f64;
+            // Square roots of counts scatter alike: many fine bins ask for more than the 3 σ of whole ones.
+            let root = |counts: f64| 2.0 * (counts + 0.375).sqrt();
+            let noise = (1.0 + 1.0 / near().count().max(1) as f64).sqrt();
+            let rise = root(*counts as f64) - root(mean);
+            if near().all(|other| other < counts) && rise > STANDS_OUT * noise {
+                let here = Glints { sigmas: 0.0, ..*self };
+                let beside = beside.map(|other| other.map(counted));
+                sum_hz += here.unresolved_hz(law, counted(*counts), &beside);
             }
         }
         sum_hz

@@ -85,10 +85,10 @@ impl Recovery {
         let most = MOST / self.recovery_s;
         // The recovery only slows the detector further.
         let mut low = m / alive;
-        if alive <= 0.0 || low >= most || self.interval(most).mean_s * m > 1.0 {
+        if alive <= 0.0 || low >= most {
             return None;
         }
-        let mut high = most;
+        let mut high = f64::INFINITY;
         let mut n = low;
         for _ in 0..200 {
             let at = self.interval(n);
@@ -101,7 +101,11 @@ impl Recovery {
             }
             let step = -excess / (-n * at.first_s2 / at.mean_s);
             let next = n * step.exp();
-            let next = if (low..=high).contains(&next) { next } else { (low * high).sqrt() };
+            let inside = (low..=high).contains(&next);
+            let next = if inside || high.is_infinite() { next } else { (low * high).sqrt() };
+            if next >= most || next.is_nan() {
+                return None;
+            }
             let done = (next / n - 1.0).abs() < 1e-14;
             n = next;
             if done {
