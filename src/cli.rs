@@ -1,7 +1,9 @@
 //! The grammar of the command line. Subcommands appear here as they become real, none before.
 
 use crate::output::{Console, OutputArgs};
-use crate::{air, bench, demo, devices, explain, passes, picture, reduce, simulate, star, tables};
+use crate::{
+    air, align, bench, demo, devices, explain, passes, picture, reduce, simulate, star, tables,
+};
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
@@ -64,6 +66,8 @@ pub enum Command {
     Passes(Box<passes::PassesArgs>),
     /// A recorded session as linear light curves, visit by visit
     Reduce(Box<reduce::ReduceArgs>),
+    /// The fields of the fibres on the camera image, from a session's stars
+    Align(Box<align::AlignArgs>),
     /// Error against time of the light engines, on built-in scenes or one's own
     Bench(Box<bench::BenchArgs>),
     /// The instruments: what is plugged in, a self-test, readings, settings, moves, recordings
@@ -117,6 +121,7 @@ impl Command {
             Command::Picture(args) => Some(&args.out),
             Command::Passes(args) => Some(&args.out),
             Command::Reduce(args) => Some(&args.out),
+            Command::Align(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
             Command::Devices(command) => command.output(),
             Command::Demo(_) | Command::Completions { .. } | Command::Man { .. } => None,
@@ -134,6 +139,7 @@ impl Command {
             Command::Picture(args) => picture::run(args, console),
             Command::Passes(args) => passes::run(args, console),
             Command::Reduce(args) => reduce::run(args, console),
+            Command::Align(args) => align::run(args, console),
             Command::Bench(args) => bench::run(args, console),
             Command::Devices(command) => devices::run(command, console),
             Command::Completions { shell } => {

@@ -6,6 +6,7 @@
 //! - [`star`]: a star's place, airmass and expected rates;
 //! - [`explain`]: what a pass needs, and what error that leaves;
 //! - [`reduce`]: from a session to linear light curves;
+//! - [`align`]: the fibres' fields on the camera image, from stars;
 //! - [`simulate`]: what a pass should look like in every channel;
 //! - [`passes`]: when satellites can be seen;
 //! - [`picture`]: what a body looks like, and what it sends into all directions;
@@ -17,6 +18,7 @@
 //! - [`plot`] draws figures.
 
 pub mod air;
+pub mod align;
 pub mod bench;
 pub mod cli;
 pub mod demo;

@@ -3,8 +3,8 @@
 use super::{Stay, Stop};
 use anyhow::{Context as _, bail};
 use sunglint_calibration::counts::{
-    Bin, CountChannel, Curves, Gate, OffOptions, OffTarget, Options, Reduction, Span, Spans,
-    Summary, View,
+    Bin, CountChannel, Curves, Gate, OffOptions, OffTarget, Options, Reduction, Sample, Span,
+    Spans, Summary, View,
 };
 use sunglint_calibration::track::Track;
 use sunglint_formats::session::{Counts, Session, TargetKind};
@@ -76,7 +76,7 @@ pub fn spans(stays: &[Stay], seen_off: &[Span]) -> Spans {
     Spans::new(logged.chain(seen_off.iter().copied()))
 }
 
-/// Reads a counter's bins, twice. Holds the curves of the stays, and a piece of bins.
+/// Reads a counter's bins, twice. Holds the curves of the stays, and a piece of bins. `each` sees every sample as it comes.
 ///
 /// # Errors
 /// A table that cannot be read, a station whose law no detector can have, a stop.
@@ -90,6 +90,7 @@ pub fn counter_night(
     tracks: &[Track],
     options: &CountOptions,
     stop: &mut dyn Stop,
+    each: &mut dyn FnMut(&[CountChannel], &Sample),
 ) -> anyhow::Result<CounterNight> {
     let open = || session.counts(counter);
     let (channels, unknown) = channels(&open()?, station, fibres)?;
@@ -109,6 +110,7 @@ pub fn counter_night(
         Reduction::new(watched.by_ref(), &channels, spans, tracks, &off, options.bins);
     for sample in reduction.by_ref() {
         let sample = sample?;
+        each(&channels, &sample);
         if let Some(curve) = curves.get_mut(sample.visit) {
             curve.get_or_insert_with(|| Curves::new(&channels)).push(&sample);
         }

@@ -138,7 +138,7 @@ impl CountArgs {
 }
 
 impl FrameArgs {
-    fn options(&self, station: &Station) -> anyhow::Result<PhotometryOptions> {
+    pub(crate) fn options(&self, station: &Station) -> anyhow::Result<PhotometryOptions> {
         let Some(camera) = &station.camera else {
             bail!(
                 "station {} has no [camera]: its size and noise are needed to measure frames",
@@ -164,7 +164,7 @@ impl FrameArgs {
     }
 }
 
-fn read_frames(paths: &[PathBuf]) -> anyhow::Result<Vec<Frame>> {
+pub(crate) fn read_frames(paths: &[PathBuf]) -> anyhow::Result<Vec<Frame>> {
     paths.iter().map(|path| Ok(Frame::read(path)?)).collect()
 }
 
@@ -200,7 +200,13 @@ impl ReduceArgs {
         Ok(ReduceOptions {
             photometry: self.frames.options(station)?,
             counts,
-            fibres: counts::Fibres::new(),
+            fibres: self
+                .counts
+                .fibre
+                .as_deref()
+                .map(crate::align::read_fibres)
+                .transpose()?
+                .unwrap_or_default(),
             sensor: frames::SensorFiles {
                 darks: read_frames(&self.frames.dark)?,
                 flats: read_frames(&self.frames.flat)?,
@@ -249,16 +255,16 @@ impl ReduceArgs {
 }
 
 /// A bar for what takes longer than a second.
-struct Progress {
+pub(crate) struct Progress {
     start: Instant,
-    bar: ProgressBar,
+    pub(crate) bar: ProgressBar,
     quiet: bool,
     shown: bool,
     done: u64,
 }
 
 impl Progress {
-    fn new(console: Console) -> Self {
+    pub(crate) fn new(console: Console) -> Self {
         Self {
             start: Instant::now(),
             bar: ProgressBar::hidden(),

@@ -8,7 +8,7 @@ use super::{Stay, Stop};
 use anyhow::{Context as _, bail};
 use hifitime::Unit;
 use serde_json::json;
-use sunglint_calibration::counts::{Away, Span, away};
+use sunglint_calibration::counts::{Away, CountChannel, Sample, Span, away};
 use sunglint_calibration::photometry::PhotometryOptions;
 use sunglint_calibration::track::Track;
 use sunglint_formats::session::{Session, Target, TargetKind, Visit};
@@ -89,6 +89,20 @@ pub fn reduce(
     options: &ReduceOptions,
     stop: &mut dyn Stop,
 ) -> anyhow::Result<Reduced> {
+    reduce_with(session, station, options, stop, &mut |_, _, _| {})
+}
+
+/// As [`reduce`]; `each` sees every sample of every counter as it comes, with its stay.
+///
+/// # Errors
+/// As [`reduce`].
+pub fn reduce_with(
+    session: &Session,
+    station: &Station,
+    options: &ReduceOptions,
+    stop: &mut dyn Stop,
+    each: &mut dyn FnMut(&[CountChannel], &Stay, &Sample),
+) -> anyhow::Result<Reduced> {
     let root = session.root().display();
     let stays = chosen(stays(session)?, options.target.as_deref())
         .with_context(|| format!("session {root}"))?;
@@ -131,6 +145,11 @@ pub fn reduce(
             &tracks,
             &options.counts,
             stop,
+            &mut |channels, sample| {
+                if let Some(stay) = stays.get(sample.visit) {
+                    each(channels, stay, sample);
+                }
+            },
         )
         .with_context(|| format!("counter {counter} of session {root}"))?;
         if !night.unknown.is_empty() {
