@@ -127,7 +127,7 @@ impl Writing {
                 for trouble in self.writer.tick(now, self.status.utc()) {
                     self.status.disk_trouble(&trouble);
                 }
-                self.status.set_missing(self.writer.missing());
+                self.status.set_lost(self.writer.lost(), self.writer.is_failing());
             }
         }
     }

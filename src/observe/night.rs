@@ -122,7 +122,7 @@ impl Night {
         for trouble in &ended.troubles {
             status.disk_trouble(trouble);
         }
-        status.set_missing(ended.lost);
+        status.set_lost(ended.lost, !ended.troubles.is_empty());
         let last = status.snapshot();
         show(last.clone());
         if crashed > 0 {
@@ -211,7 +211,8 @@ impl Watch<'_> {
             }
             // A slot that had ended before the night began is none of it.
             if slot.to.is_none_or(|to| to > self.night.manifest.start_utc) {
-                self.disk.event(slot.from, What::Target(slot.target.clone()));
+                let from = slot.from.max(self.night.manifest.start_utc);
+                self.disk.event(from, What::Target(slot.target.clone()));
             }
             self.told += 1;
         }

@@ -80,7 +80,7 @@ struct Shared {
     latest: Option<Epoch>,
     disk_error: Option<String>,
     messages: Vec<String>,
-    missing: u64,
+    lost: u64,
     unwritable: u64,
 }
 
@@ -178,11 +178,11 @@ impl Status {
         shared.messages.push(format!("{about}: cannot be written: {error}"));
     }
 
-    /// Rows and frames that are not on the disk.
-    pub fn set_missing(&self, missing: u64) {
+    /// Rows and frames that are lost, and whether the disk still refuses something.
+    pub fn set_lost(&self, lost: u64, failing: bool) {
         let mut shared = self.shared();
-        shared.missing = missing;
-        if missing == 0 {
+        shared.lost = lost;
+        if !failing && lost == 0 {
             shared.disk_error = None;
         }
     }
@@ -202,7 +202,7 @@ impl Status {
             target: None,
             free_bytes: None,
             disk_error: shared.disk_error.clone(),
-            missing: shared.missing + shared.unwritable,
+            missing: shared.lost + shared.unwritable,
             messages: std::mem::take(&mut shared.messages),
         }
     }
@@ -294,6 +294,9 @@ impl Snapshot {
         }
         if let Some(free) = self.free_bytes {
             let _ = write!(text, "  | {:.1} GB free", free as f64 * 1e-9);
+        }
+        if let Some(error) = &self.disk_error {
+            let _ = write!(text, "  | {error}");
         }
         if self.missing > 0 {
             let _ = write!(text, "  | {} NOT WRITTEN", self.missing);

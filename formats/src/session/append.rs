@@ -106,7 +106,12 @@ impl Appender {
         &self.safe
     }
 
-    /// Lines that did not find room, and those that still wait.
+    /// Lines that did not find room.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// Those, and the ones that are not safe yet.
     pub fn missing(&self) -> u64 {
         self.lost + self.tail_rows
     }

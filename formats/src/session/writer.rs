@@ -170,7 +170,18 @@ impl SessionWriter {
         &self.root
     }
 
-    /// Rows and frames that could not be written so far, or still wait for room.
+    /// Rows and frames that are lost.
+    pub fn lost(&self) -> u64 {
+        let rows = self.counters.values().map(|counter| counter.table.lost());
+        self.lost_frames + rows.sum::<u64>()
+    }
+
+    /// Whether the disk refuses some file just now.
+    pub fn is_failing(&self) -> bool {
+        !self.failing.is_empty()
+    }
+
+    /// Rows and frames that are lost, or rows that are not safe yet.
     pub fn missing(&self) -> u64 {
         let rows = self.counters.values().map(|counter| counter.table.missing());
         self.lost_frames + rows.sum::<u64>()
