@@ -80,7 +80,7 @@ fn killed(folder: &Path, recorded: &Session, name: &str, after: Duration) -> [us
     program.wait().unwrap();
     let said = listener.join().unwrap();
     let old_enough =
-        |(then, _): &&(Instant, _)| then.elapsed() - now.elapsed() > Duration::from_secs(1);
+        |(then, _): &&(Instant, _)| now.saturating_duration_since(*then) > Duration::from_secs(1);
     let safe = said.iter().rfind(old_enough).map_or([0, 0], |(_, taken)| *taken);
     let session = Session::open(&root).unwrap();
     let report = session.check().unwrap();

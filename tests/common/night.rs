@@ -11,7 +11,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use sunglint::observe::{CameraPlan, CounterPlan, DeviceClock, Night, Opener, Plan};
-use sunglint_drivers::clock::{Clock, Deadline, SystemClock, VirtualClock};
+use sunglint_drivers::clock::{Deadline, SystemClock, VirtualClock};
 use sunglint_drivers::device::{
     Camera, Device, DeviceError, Identity, Interrupted, PhotonCounter, Setting, Window,
 };
@@ -226,12 +226,12 @@ pub struct Fakes {
     /// On the computer's clock.
     pub real_time: bool,
     pub frame_px: usize,
-    clocks: Mutex<HashMap<String, Arc<VirtualClock>>>,
-    state: Arc<Mutex<State>>,
+    pub clocks: Mutex<HashMap<String, Arc<VirtualClock>>>,
+    pub state: Arc<Mutex<State>>,
 }
 
 #[derive(Debug, Default)]
-struct State {
+pub struct State {
     failed: bool,
     refused: u32,
 }

@@ -106,6 +106,11 @@ impl Appender {
         &self.safe
     }
 
+    /// Bytes that are not safe yet.
+    pub fn waiting_bytes(&self) -> usize {
+        self.tail.len()
+    }
+
     /// Lines that did not find room.
     pub fn lost(&self) -> u64 {
         self.lost
