@@ -106,7 +106,17 @@ impl Appender {
         &self.safe
     }
 
-    /// Lines that did not find room, and those that still wait.
+    /// Bytes that are not safe yet.
+    pub fn waiting_bytes(&self) -> usize {
+        self.tail.len()
+    }
+
+    /// Lines that did not find room.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// Those, and the ones that are not safe yet.
     pub fn missing(&self) -> u64 {
         self.lost + self.tail_rows
     }

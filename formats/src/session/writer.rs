@@ -24,6 +24,8 @@ pub const SYNC_EVERY: Duration = Duration::from_millis(500);
 
 /// Bytes of frames that wait for a sync at most: beyond, it comes early.
 const MOST_WAITING: u64 = 64 << 20;
+/// The same of a counter's rows.
+const MOST_ROWS: usize = 256 << 10;
 
 /// What could not be written.
 #[derive(Debug)]
@@ -55,6 +57,8 @@ pub struct SessionWriter {
     failing: BTreeMap<String, u64>,
     lost_frames: u64,
     marked_events: u64,
+    /// What went wrong in a sync that came early, for the next tick to tell.
+    early: Vec<Trouble>,
 }
 
 #[derive(Debug)]
@@ -108,12 +112,6 @@ impl SessionWriter {
         }
         let events = Appender::create(storage.as_ref(), root, EVENTS, &[])
             .map_err(io(&root.join(EVENTS)))?;
-        // Last: a folder with a manifest has all that it names.
-        whole(storage.as_ref(), root, MANIFEST, text.as_bytes()).map_err(io(root))?;
-        storage.sync_folder(root).map_err(io(root))?;
-        if let Some(above) = root.parent().filter(|above| !above.as_os_str().is_empty()) {
-            storage.sync_folder(above).map_err(io(above))?;
-        }
         let mut writer = Self {
             storage,
             root: root.to_path_buf(),
@@ -126,12 +124,19 @@ impl SessionWriter {
             failing: BTreeMap::new(),
             lost_frames: 0,
             marked_events: 0,
+            early: Vec::new(),
         };
         for device in &manifest.devices {
             match device.kind {
                 DeviceKind::Counter => writer.add_counter(&device.name, &device.channels)?,
                 DeviceKind::Camera => writer.add_camera(&device.name).map_err(io(root))?,
             }
+        }
+        // Last: a folder with a manifest has all that it names.
+        let disk = writer.storage.clone();
+        whole(disk.as_ref(), root, MANIFEST, text.as_bytes()).map_err(io(root))?;
+        if let Some(above) = root.parent().filter(|above| !above.as_os_str().is_empty()) {
+            disk.sync_folder(above).map_err(io(above))?;
         }
         let what = What::Start { program: manifest.program.clone() };
         writer.event(manifest.start_utc, what);
@@ -170,7 +175,18 @@ impl SessionWriter {
         &self.root
     }
 
-    /// Rows and frames that could not be written so far, or still wait for room.
+    /// Rows and frames that are lost.
+    pub fn lost(&self) -> u64 {
+        let rows = self.counters.values().map(|counter| counter.table.lost());
+        self.lost_frames + rows.sum::<u64>()
+    }
+
+    /// Whether the disk refuses some file just now.
+    pub fn is_failing(&self) -> bool {
+        !self.failing.is_empty()
+    }
+
+    /// Rows and frames that are lost, or rows that are not safe yet.
     pub fn missing(&self) -> u64 {
         let rows = self.counters.values().map(|counter| counter.table.missing());
         self.lost_frames + rows.sum::<u64>()
@@ -186,6 +202,12 @@ impl SessionWriter {
         };
         let row = counts::row(record, &known.channels)?;
         known.table.push(row.as_bytes());
+        // Faster than any tick: rows are kept in memory until they are safe. Where the disk refuses, they wait.
+        if known.table.waiting_bytes() > MOST_ROWS && !self.failing.contains_key(&known.table.name)
+        {
+            let troubles = self.sync(record.start);
+            self.early.extend(troubles);
+        }
         Ok(())
     }
 
@@ -263,9 +285,11 @@ impl SessionWriter {
     /// last done [`SYNC_EVERY`] ago. `now` is any clock of the caller that does not run backwards.
     pub fn tick(&mut self, now: Duration, utc: Epoch) -> Vec<Trouble> {
         let synced_at = *self.synced_at.get_or_insert(now);
+        let mut given = std::mem::take(&mut self.early);
         if now.saturating_sub(synced_at) >= SYNC_EVERY || self.waiting_bytes > MOST_WAITING {
             self.synced_at = Some(now);
-            return self.sync(utc);
+            given.extend(self.sync(utc));
+            return given;
         }
         let mut troubles = Vec::new();
         let tables = self.counters.values_mut().map(|counter| &mut counter.table);
@@ -274,7 +298,8 @@ impl SessionWriter {
                 troubles.push((file.name.clone(), error));
             }
         }
-        troubles.into_iter().map(|(file, error)| self.failed(utc, file, error, 0)).collect()
+        given.extend(troubles.into_iter().map(|(file, error)| self.failed(utc, file, error, 0)));
+        given
     }
 
     /// Writes all through to the disk, and notes how far each file is safe.
@@ -350,7 +375,8 @@ impl SessionWriter {
 
     /// Ends the session: notes why, and writes all through. What is lost is then in [`Ended::lost`].
     pub fn finish(mut self, utc: Epoch, reason: &str) -> Ended {
-        let mut troubles = self.sync(utc);
+        let mut troubles = std::mem::take(&mut self.early);
+        troubles.extend(self.sync(utc));
         let lost = self.missing();
         self.event(utc, What::End { reason: reason.into(), lost });
         troubles.extend(self.sync(utc));
