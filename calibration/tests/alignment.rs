@@ -1,4 +1,5 @@
 //! The fibre's field, against rasters that were drawn from a known one, and against scipy.
+#![allow(clippy::unwrap_used)]
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_xoshiro::Xoshiro256PlusPlus;

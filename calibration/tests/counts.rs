@@ -1,4 +1,5 @@
 //! Bins to linear rates: off-target stretches, gate, coupling, and what is flagged.
+#![allow(clippy::unwrap_used)]
 
 use hifitime::{Duration, Epoch};
 use std::convert::Infallible;
@@ -132,7 +133,7 @@ fn rates_are_linearised_before_they_are_subtracted() {
     {
         let spans = [span(0.0, 4.0, view), span(4.0, 8.0, View::Target(0))];
         let (samples, _) =
-            reduce(&bins, &[law.clone()], &spans, &[], NO_GATE, OffOptions::default());
+            reduce(&bins, std::slice::from_ref(&law), &spans, &[], NO_GATE, OffOptions::default());
         let sample = &samples[2].channels[0];
         assert!((sample.rate_hz - 8e6 / 9.0).abs() < 2.0, "{sample:?}");
         assert!((sample.lost_fraction - 0.5).abs() < 1e-9);
@@ -383,4 +384,41 @@ fn a_wander_is_found() {
     let found = walk(0.5_f64.sqrt(), 20);
     assert!((found / 0.5 - 1.0).abs() < 0.4, "{found}");
     assert!(walk(0.0, 10_000) < 0.025);
+}
+
+/// Truth: the bins that were made: ten hours of 0.1 s, made and used one by one, half of each minute on a target. Each of the bins comes out once, in
+/// order, or is said to lie outside.
+#[test]
+fn a_night_loses_and_doubles_nothing() {
+    let night = || {
+        (0..360_000_i64).map(|i| {
+            let mut bin = bin(0, 100 + (i % 7) as u64);
+            bin.record.start = at(0.1 * i as f64);
+            bin.record.start_ps = i * 100_000_000_000;
+            bin.record.length_ps = 100_000_000_000;
+            Ok::<_, Infallible>(bin)
+        })
+    };
+    let minute = |i: i32| {
+        let from = 60.0 * f64::from(i);
+        let sky = if i % 5 == 0 { View::Sky } else { View::Dark };
+        [span(from, from + 30.0, View::Target(i as usize)), span(from + 30.0, from + 60.0, sky)]
+    };
+    let spans = Spans::new((0..600).flat_map(minute));
+    let channels = [channel(&DeadTime::None, None)];
+    let Ok(off) = OffTarget::measure(night(), &channels, &spans, &OffOptions::default());
+    assert_eq!(off.pieces().len(), 600);
+    let options = Options { gate: NO_GATE, ..Options::default() };
+    let mut run = Reduction::new(night(), &channels, &spans, &[], &off, options);
+    let (mut samples, mut last) = (0, at(-1.0));
+    for sample in run.by_ref() {
+        let Ok(sample) = sample;
+        assert!(sample.time > last && sample.channels[0].rate_hz.abs() < 70.0);
+        (last, samples) = (sample.time, samples + 1);
+    }
+    let summary = run.summary();
+    assert_eq!((summary.bins, samples + summary.outside), (360_000, 360_000));
+    assert_eq!(samples, summary.channels[0].samples);
+    // A bin that begins on a span's edge by rounding may lie on either side of it.
+    assert!(samples.abs_diff(180_000) <= 600, "{samples}");
 }

@@ -1,4 +1,5 @@
 //! Dead time inverted, against detectors simulated photon by photon.
+#![allow(clippy::unwrap_used)]
 
 mod events;
 

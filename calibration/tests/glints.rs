@@ -1,4 +1,5 @@
 //! Light that changes within a bin: right from raw tags, flagged without them.
+#![allow(clippy::unwrap_used)]
 
 mod events;
 

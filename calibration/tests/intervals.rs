@@ -1,4 +1,5 @@
 //! Dead time, recovery and afterpulses found in the intervals between counts of detectors simulated photon by photon.
+#![allow(clippy::unwrap_used)]
 
 mod events;
 

@@ -146,16 +146,14 @@ impl OffTarget {
     /// The background of a channel, by its number, at a time. Between two pieces the uncertainty holds how far the sky may have left the line: the sag
     /// w(1−w)|Δ| of a parabola that turns at one of them (|Δ|/√12 for [`Between::Constant`]).
     pub fn at(&self, time: Epoch, channel: usize) -> Background {
-        let near = |piece: &&OffPiece, view: View| {
-            let apart_s = (piece.time - time).to_seconds().abs();
-            piece.view == view && apart_s <= self.options.near_s
-        };
+        let near =
+            |piece: &&OffPiece| (piece.time - time).to_seconds().abs() <= self.options.near_s;
         let rate = |piece: &OffPiece| Some((piece.time, piece.rates.get(channel).copied()??));
         let next = self.pieces.partition_point(|piece| piece.time <= time);
         let nearest = |view: View| {
-            let found = |piece: &OffPiece| near(&piece, view).then(|| rate(piece)).flatten();
-            let before = self.pieces[..next].iter().rev().find_map(found);
-            (before, self.pieces[next..].iter().find_map(found))
+            let found = |piece: &OffPiece| (piece.view == view).then(|| rate(piece)).flatten();
+            let before = self.pieces[..next].iter().rev().take_while(near).find_map(found);
+            (before, self.pieces[next..].iter().take_while(near).find_map(found))
         };
         let single = |(_, rate): (Epoch, OffRate), source| Background {
             rate_hz: rate.rate_hz,
@@ -201,8 +199,15 @@ struct Open {
     span: usize,
     from: Epoch,
     to: Epoch,
-    /// Of each channel: (rate, counts, exposure) of its bins, and how many were excluded.
-    bins: Vec<(Vec<(Linear, u64, f64)>, usize)>,
+    channels: Vec<OpenChannel>,
+}
+
+/// Its bins of one channel.
+#[derive(Clone, Default)]
+struct OpenChannel {
+    /// Rate, counts, exposure.
+    bins: Vec<(Linear, u64, f64)>,
+    excluded: usize,
 }
 
 /// Flags of bins whose counts are not the light's.
@@ -213,42 +218,36 @@ const SPOILT: CountFlags = CountFlags::OVERFLOW
 
 impl Open {
     fn new(view: View, span: usize, from: Epoch, channels: usize) -> Self {
-        Self { view, span, from, to: from, bins: vec![(Vec::new(), 0); channels] }
+        Self { view, span, from, to: from, channels: vec![OpenChannel::default(); channels] }
     }
 
     fn add(&mut self, bin: &Bin, channels: &[CountChannel]) {
         self.to = bin.end();
-        for (channel, (bins, excluded)) in channels.iter().zip(&mut self.bins) {
+        for (channel, open) in channels.iter().zip(&mut self.channels) {
             let counts = bin.record.counts.get(channel.column).copied();
             let missed = bin.record.missed.get(channel.column).is_some_and(|missed| *missed > 0);
             let exposure_s = bin.exposure_s();
             let linear = counts.and_then(|n| channel.linearity.linearise(n, exposure_s).ok());
             match (linear, counts) {
                 (Some(linear), Some(counts)) if !missed && !bin.record.flags.intersects(SPOILT) => {
-                    bins.push((linear, counts, exposure_s));
+                    open.bins.push((linear, counts, exposure_s));
                 }
-                _ => *excluded += 1,
+                _ => open.excluded += 1,
             }
         }
     }
 
     fn close(self, channels: &[CountChannel], options: &OffOptions) -> OffPiece {
         let time = self.from + Duration::from_seconds(0.5 * (self.to - self.from).to_seconds());
-        let rates = channels
-            .iter()
-            .zip(self.bins)
-            .map(|(channel, (bins, excluded))| off_rate(channel, bins, excluded, options));
+        let rates = channels.iter().zip(self.channels);
+        let rates = rates.map(|(channel, open)| off_rate(channel, open, options));
         OffPiece { time, view: self.view, rates: rates.collect() }
     }
 }
 
 /// The rate of all bins together, without outliers.
-fn off_rate(
-    channel: &CountChannel,
-    mut bins: Vec<(Linear, u64, f64)>,
-    excluded: usize,
-    options: &OffOptions,
-) -> Option<OffRate> {
+fn off_rate(channel: &CountChannel, open: OpenChannel, options: &OffOptions) -> Option<OffRate> {
+    let OpenChannel { mut bins, excluded } = open;
     let median = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
         values.get(values.len() / 2).copied()

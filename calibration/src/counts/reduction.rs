@@ -115,6 +115,12 @@ impl<'a, E, I: Iterator<Item = Result<Bin, E>>> Reduction<'a, I> {
             self.summary.without_length += 1;
             return;
         }
+        let hole_s = self.before.as_ref().and_then(|before| hole_s(before, bin));
+        match hole_s {
+            Some(hole_s) if hole_s > 0.0 => self.gap(bin, hole_s),
+            Some(hole_s) if hole_s < 0.0 => self.summary.overlapping += 1,
+            _ => {}
+        }
         let visit = match self.spans.seen(bin.record.start, bin.end()) {
             Seen::Whole(View::Target(visit), _) | Seen::Partly(visit) => Some(visit),
             _ => self.spans.visit_at(bin.middle()),
@@ -123,22 +129,14 @@ impl<'a, E, I: Iterator<Item = Result<Bin, E>>> Reduction<'a, I> {
             self.summary.outside += 1;
             return;
         };
-        let hole_s = self.before.as_ref().and_then(|before| hole_s(before, bin));
-        match hole_s {
-            Some(hole_s) if hole_s > 0.0 => self.gap(bin, hole_s, visit),
-            Some(hole_s) if hole_s < 0.0 => self.summary.overlapping += 1,
-            _ => {}
-        }
         let sample = self.sample(bin, after, visit, hole_s);
         self.push(sample);
     }
 
-    /// A sample in place of the bins that are missing before this one, if their middle lies in the visit.
-    fn gap(&mut self, bin: &Bin, hole_s: f64, visit: usize) {
+    /// A sample in place of the bins that are missing before this one, of the visit that their middle lies in.
+    fn gap(&mut self, bin: &Bin, hole_s: f64) {
         let time = bin.record.start - Duration::from_seconds(0.5 * hole_s);
-        if self.spans.visit_at(time) != Some(visit) {
-            return;
-        }
+        let Some(visit) = self.spans.visit_at(time) else { return };
         let channels = vec![ChannelSample::nothing(Flags::GAP); self.channels.len()];
         self.push(Sample { time, exposure_s: hole_s, visit, place: None, channels });
     }

@@ -92,18 +92,13 @@ impl Linearity {
         }
         let length_s = exposure_s / bins as f64;
         let (mut sum, mut coarse) = (Sum::default(), Sum::default());
-        let bin_of = |tag_ps: i64| {
-            let bin = i128::from(tag_ps - start_ps) * i128::from(bins) / i128::from(length_ps);
-            u64::try_from(bin).unwrap_or(0)
-        };
-        let groups = tags_ps.chunk_by(|a, b| bin_of(*a) == bin_of(*b));
-        let filled: Vec<(u64, usize)> = groups.map(|tags| (bin_of(tags[0]), tags.len())).collect();
+        let filled = fill(tags_ps, start_ps, length_ps, bins);
         for (_, counts) in &filled {
             sum.add(self, *counts, length_s)?;
         }
-        let pairs = tags_ps.chunk_by(|a, b| bin_of(*a) / 2 == bin_of(*b) / 2);
-        for pair in pairs {
-            coarse.add(self, pair.len(), 2.0 * length_s)?;
+        for pair in filled.chunk_by(|(a, _), (b, _)| a / 2 == b / 2) {
+            let counts = pair.iter().map(|(_, counts)| counts).sum();
+            coarse.add(self, counts, 2.0 * length_s)?;
         }
         let part = 1.0 / bins as f64;
         let rate_hz = sum.rate_hz * part;
@@ -122,6 +117,26 @@ impl Linearity {
         let too_fast = refined_hz.abs() / 3.0 > most_hz || unresolved_hz > most_hz;
         Ok(FineLinear { linear, bins, length_s, refined_hz, too_fast })
     }
+}
+
+/// The bins that hold tags, by number, and how many each holds. Bin b begins at the first whole ps from b/bins of the length on.
+fn fill(tags_ps: &[i64], start_ps: i64, length_ps: i64, bins: u64) -> Vec<(u64, usize)> {
+    let (length, bins) = (i128::from(length_ps), i128::from(bins));
+    let end_of =
+        |bin: i128| i128::from(start_ps) + ((bin + 1) * length + bins - 1).div_euclid(bins);
+    let mut filled: Vec<(u64, usize)> = Vec::new();
+    let mut end_ps = i128::from(i64::MIN);
+    for &tag_ps in tags_ps {
+        match filled.last_mut() {
+            Some((_, counts)) if i128::from(tag_ps) < end_ps => *counts += 1,
+            _ => {
+                let bin = (i128::from(tag_ps) - i128::from(start_ps)) * bins / length;
+                end_ps = end_of(bin);
+                filled.push((u64::try_from(bin).unwrap_or(0), 1));
+            }
+        }
+    }
+    filled
 }
 
 impl Glints {
@@ -179,5 +194,23 @@ impl Sum {
         self.whole_hz += linear.rate_hz + linear.bias_hz;
         self.untrusted |= !linear.trusted;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fill;
+
+    /// Truth: floor((t − start)·bins/length) for every time of a span that the bins do not divide.
+    #[test]
+    fn every_time_has_its_bin() {
+        for (length, bins) in [(10, 3), (97, 10), (100, 10), (7, 6)] {
+            let times: Vec<i64> = (-5..length - 5).collect();
+            let mut expected = vec![0; bins as usize];
+            times.iter().for_each(|t| expected[((t + 5) * bins / length) as usize] += 1);
+            let found = fill(&times, -5, length, bins as u64);
+            let found: Vec<usize> = found.into_iter().map(|(_, counts)| counts).collect();
+            assert_eq!(found, expected, "{length} {bins}");
+        }
     }
 }
