@@ -10,6 +10,7 @@
 //! - [`picture`]: what a body looks like, and what it sends into all directions;
 //! - [`devices`]: the instruments;
 //! - [`mod@bench`]: error against time of the light engines;
+//! - [`virtual_observatory`]: a night that is made up, behind the devices;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
 //! - [`output`]: where results go, in which format, and that nothing is overwritten;
@@ -29,3 +30,4 @@ pub mod simulate;
 pub mod star;
 pub mod station;
 pub mod tables;
+pub mod virtual_observatory;

@@ -2,6 +2,7 @@
 
 mod events;
 mod frames;
+mod night;
 
 /// Mean and variance of numbers.
 fn moments(values: &[f64]) -> (f64, f64) {
