@@ -122,7 +122,8 @@ fn a_night_comes_through_the_protocols() {
     let desk = Desk::new();
     let night = observatory.night();
     let spec = CameraSpec { sensor_px: [1391, 1039], ..CameraSpec::default() };
-    let settings = ServerSettings { camera: Some(spec), ..ServerSettings::default() };
+    let settings =
+        ServerSettings { camera: Some(spec), epoch: start(), ..ServerSettings::default() };
     let server = Server::new(settings, ThroughScene::new(&observatory));
     let mut camera = open_camera(
         Simulated::new(server),
@@ -135,9 +136,10 @@ fn a_night_comes_through_the_protocols() {
     camera.set_window(window, &desk.within(5)).unwrap();
     let frame = camera.expose(1.0, &desk.within(30)).unwrap();
     assert_eq!(frame.pixels.dim(), (200, 200));
-    // The server's own time is not that of the night: the sky then, above the bias of 300 ADU with a noise of 15.
-    let mean = frame.pixels.iter().map(|adu| f64::from(*adu)).sum::<f64>() / 40_000.0;
-    assert!(mean > 299.0 && mean < 2000.0, "{mean}");
+    // A bright star in the middle, and the bias of 300 ADU with a noise of 15 in the corner.
+    assert_eq!(frame.pixels.slice(ndarray::s![90..120, 85..115]).iter().max(), Some(&65_535));
+    let corner = frame.pixels.slice(ndarray::s![..20, ..20]).mapv(f64::from).mean().unwrap();
+    assert!(corner > 299.0 && corner < 1000.0, "{corner}");
 
     let mut light = ThroughLight::new(&observatory, 0);
     let mut tags: Vec<Tag> = Vec::new();
