@@ -1,4 +1,5 @@
 //! The virtual observatory against closed forms.
+#![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
 mod events;
 mod frames;
