@@ -6,7 +6,7 @@ use crate::plot::{RGBColor, viridis};
 use crate::reduce::counts::{CountOptions, Fibres, gate};
 use crate::reduce::frames::SensorFiles;
 use crate::reduce::night::{ReduceOptions, reduce_with};
-use crate::reduce::{FrameArgs, Progress, read_frames};
+use crate::reduce::{FrameArgs, Progress, read_frames, station};
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::Args;
@@ -103,7 +103,7 @@ pub fn run(args: &AlignArgs, console: Console) -> anyhow::Result<()> {
         bail!("--cell-px is {}, expected a length above 0", args.cell_px);
     }
     let first = Session::open(&args.sessions[0])?;
-    let station = args.station.get_or(&first.manifest().station)?;
+    let station = station(&args.station, &first)?;
     let (points, stars, mut warnings) = args.points(&station, console)?;
     let mut fields = Vec::new();
     let options = FitOptions { rotation: args.rotation, background: true, robust: true };
@@ -151,7 +151,7 @@ impl AlignArgs {
         let mut counts = CountOptions::default();
         counts.bins.gate = gate(None, false);
         let options = ReduceOptions {
-            photometry: self.frames.options(station)?,
+            photometry: self.frames.options(station),
             counts,
             fibres: Fibres::new(),
             sensor: SensorFiles {

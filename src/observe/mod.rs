@@ -183,7 +183,7 @@ pub fn replayed(session: &Path, fast: bool, output: Option<&Path>) -> anyhow::Re
     Ok(Night {
         root,
         storage: Arc::new(Disk),
-        station: station_of(&session, &old.station)?,
+        station: station_of(&session)?,
         schedule: Schedule::of_session(&session)?,
         end: Some(playback.end()),
         ended,
@@ -196,7 +196,11 @@ pub fn replayed(session: &Path, fast: bool, output: Option<&Path>) -> anyhow::Re
 }
 
 /// The station that a session holds, or the built-in one that it names.
-fn station_of(session: &Session, name: &str) -> anyhow::Result<Station> {
+///
+/// # Errors
+/// A station that cannot be read; neither of both.
+pub fn station_of(session: &Session) -> anyhow::Result<Station> {
+    let name = &session.manifest().station;
     let file = session.file("station/station.toml");
     if file.is_file() {
         return Ok(Station::read(file)?);
@@ -206,7 +210,7 @@ fn station_of(session: &Session, name: &str) -> anyhow::Result<Station> {
     match built_in.and_then(Station::built_in) {
         Some(station) => Ok(station?),
         None => bail!(
-            "{} holds no station, and there is no built-in one `{name}`",
+            "{} holds no station, and there is no built-in one `{name}`: give --station",
             session.root().display()
         ),
     }

@@ -83,7 +83,7 @@ pub fn rings(visited: &Visited, annulus_px: [f64; 2]) -> Option<Gallery> {
 
 /// A frame in grey between two quantiles, with its rings; and the values at both ends.
 fn picture(shown: &super::frames::Shown, annulus_px: [f64; 2]) -> (RgbaImage, (f64, f64)) {
-    let pixels = &shown.frame.pixels;
+    let pixels = &shown.pixels;
     let (rows, columns) = pixels.dim();
     let mut sorted: Vec<u16> = pixels.iter().copied().collect();
     sorted.sort_unstable();
@@ -104,9 +104,10 @@ fn picture(shown: &super::frames::Shown, annulus_px: [f64; 2]) -> (RgbaImage, (f
     });
     if let Some(aperture) = &shown.measured.aperture {
         let [inner, outer] = annulus_px;
+        let centre_px = [0, 1].map(|i| aperture.centre_px[i] - shown.origin_px[i] as f64);
         for (radius, colour) in [(aperture.radius_px, APERTURE), (inner, ANNULUS), (outer, ANNULUS)]
         {
-            ring(&mut image, aperture.centre_px, aperture.trail_px, radius, scale, colour);
+            ring(&mut image, centre_px, aperture.trail_px, radius, scale, colour);
         }
     }
     (image, (low, high))

@@ -3,10 +3,11 @@
 use super::sky::Body;
 use super::{Stay, Stop};
 use anyhow::Context as _;
-use hifitime::Epoch;
+use hifitime::{Epoch, Unit};
+use ndarray::Array2;
 use sunglint_calibration::photometry::{
     BadPixels, Colour, Expected, FrameCalibration, FrameMeasurement, FrameReducer, MasterFrame,
-    PhotometryOptions, Tally,
+    PhotometryOptions, SigmaParts, Tally,
 };
 use sunglint_calibration::track::Track;
 use sunglint_formats::Frame;
@@ -38,6 +39,8 @@ pub struct CameraNight {
     pub tally: Tally,
     /// Frames within no stay at a target: sky, dark, on the way.
     pub outside: u64,
+    /// Frames whose exposure goes on after the stay: they have no rate.
+    pub partly: u64,
     /// Dark frames that the mask was made of.
     pub darks: usize,
     /// Pixels that are left out.
@@ -46,13 +49,35 @@ pub struct CameraNight {
     pub failed: Vec<(FrameFile, String)>,
 }
 
-/// A frame to be drawn.
+/// A frame to be drawn, or its part about the target.
 #[derive(Debug, Clone)]
 pub struct Shown {
-    /// The frame.
-    pub frame: Frame,
+    /// The pixels.
+    pub pixels: Array2<u16>,
+    /// The first of them, column and row of the frame.
+    pub origin_px: [usize; 2],
     /// What was measured on it.
     pub measured: FrameMeasurement,
+}
+
+/// Sides of what is shown, px.
+const SHOWN_PX: usize = 200;
+
+impl Shown {
+    /// The part about the target; without one about the frame's middle.
+    fn of(frame: &Frame, measured: &FrameMeasurement) -> Self {
+        let (rows, columns) = frame.pixels.dim();
+        let size = [columns, rows];
+        let origin_px = [0, 1].map(|i| {
+            let middle = measured.place_px.map_or(0.5 * size[i] as f64, |place| place[i]);
+            let first = (middle - 0.5 * SHOWN_PX as f64).round().max(0.0) as usize;
+            first.min(size[i].saturating_sub(SHOWN_PX))
+        });
+        let [x, y] = origin_px;
+        let [to_x, to_y] = [0, 1].map(|i| (origin_px[i] + SHOWN_PX).min(size[i]));
+        let pixels = frame.pixels.slice(ndarray::s![y..to_y, x..to_x]).to_owned();
+        Self { pixels, origin_px, measured: measured.clone() }
+    }
 }
 
 /// What the sensor's calibration is made of, where the session has no dark frames, or not the right ones.
@@ -120,6 +145,7 @@ pub fn camera_night(
         shown: vec![Vec::new(); stays.len()],
         tally: Tally::default(),
         outside: 0,
+        partly: 0,
         darks,
         bad_pixels,
         failed: Vec::new(),
@@ -145,11 +171,18 @@ pub fn camera_night(
                 }
             });
         match measured {
-            Ok((frame, measured)) => {
-                night.tracks[stay].points.push(measured.track);
+            Ok((frame, mut measured)) => {
+                let end = frame.start + frame.exposure_s * Unit::Second;
+                if end > stays[stay].to {
+                    night.partly += 1;
+                    off_target(&mut measured);
+                } else {
+                    night.tracks[stay].points.push(measured.track);
+                }
                 // Spread over the stay, so that a figure shows its course.
-                if seen[stay] * SHOWN / of_stay[stay].max(1) >= night.shown[stay].len() {
-                    night.shown[stay].push(Shown { frame, measured: measured.clone() });
+                let due = night.shown[stay].len() < SHOWN;
+                if due && seen[stay] * SHOWN / of_stay[stay].max(1) >= night.shown[stay].len() {
+                    night.shown[stay].push(Shown::of(&frame, &measured));
                 }
                 rows[stay].push(measured);
             }
@@ -165,6 +198,15 @@ pub fn camera_night(
     night.tally = reducer.tally();
     night.failed = failed;
     Ok(night)
+}
+
+/// What is not the target's alone is no rate of it.
+fn off_target(measured: &mut FrameMeasurement) {
+    for plane in &mut measured.planes {
+        plane.rate_adu_per_s = f64::NAN;
+        plane.sigma = SigmaParts::UNKNOWN;
+        plane.flags |= Flags::OFF_TARGET;
+    }
 }
 
 /// Airmass of a plane-parallel air, as the law of scintillation is written for; `None` where that has no meaning.

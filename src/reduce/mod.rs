@@ -10,22 +10,30 @@ pub mod sky;
 
 use crate::output::{Console, OutputArgs, Product, Usage};
 use crate::station::StationArgs;
-use anyhow::{Context as _, bail};
+use anyhow::Context as _;
 use clap::Args;
 use hifitime::Epoch;
 use indicatif::{ProgressBar, ProgressStyle};
-use night::{ReduceOptions, Reduced, reduce};
-use std::path::PathBuf;
+use night::{ReduceOptions, Visited, reduce};
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use sunglint_calibration::photometry::{Choice, PhotometryOptions, Scintillation, Trail};
 use sunglint_formats::Frame;
 use sunglint_formats::session::{Session, Target};
+use sunglint_radiometry::light_curve::LightCurve;
 use sunglint_radiometry::station::Station;
 
 /// What takes longer shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Young's coefficient of the scintillation: the middle of the sites of Osborn et al. 2015.
 const SCINTILLATION: f64 = 1.5;
+const APERTURE_PX: f64 = 8.0;
+const ANNULUS_PX: [f64; 2] = [12.0, 20.0];
+const FWHM_PX: f64 = 4.0;
+const DETECT_SIGMAS: f64 = 6.0;
+const OFF_SIGMAS: f64 = 5.0;
+/// The name of the summary's files.
+const SUMMARY: &str = "summary";
 
 /// A stay of the telescope, as the session's log has it, with an end.
 #[derive(Debug, Clone, PartialEq)]
@@ -79,19 +87,19 @@ pub struct ReduceArgs {
 #[command(next_help_heading = "Frames")]
 pub struct FrameArgs {
     /// Radius of the aperture, px
-    #[arg(long, value_name = "PX", default_value_t = 8.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "PX", default_value_t = APERTURE_PX, allow_negative_numbers = true)]
     pub aperture_px: f64,
     /// Inner and outer radius of the annulus for the background, px
-    #[arg(long, value_name = "PX", num_args = 2, default_values_t = [12.0, 20.0], allow_negative_numbers = true)]
+    #[arg(long, value_name = "PX", num_args = 2, default_values_t = ANNULUS_PX, allow_negative_numbers = true)]
     pub annulus_px: Vec<f64>,
     /// Width of a point at half its maximum, px
-    #[arg(long, value_name = "PX", default_value_t = 4.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "PX", default_value_t = FWHM_PX, allow_negative_numbers = true)]
     pub fwhm_px: f64,
     /// A target is at most so far from the frame's middle, px [default: anywhere]
     #[arg(long, value_name = "PX", allow_negative_numbers = true)]
     pub max_offset_px: Option<f64>,
     /// A target stands out of the background by so many standard deviations
-    #[arg(long, value_name = "K", default_value_t = 6.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "K", default_value_t = DETECT_SIGMAS, allow_negative_numbers = true)]
     pub detect_sigma: f64,
     /// Of several sources take the brightest, not the one nearest to the middle
     #[arg(long)]
@@ -121,8 +129,89 @@ pub struct CountArgs {
     #[arg(long, value_name = "FILE")]
     pub fibre: Option<PathBuf>,
     /// A target seen this many standard deviations of the fibre's field beside it counts as sky; 0: by the log alone
-    #[arg(long, value_name = "K", default_value_t = 5.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "K", default_value_t = OFF_SIGMAS, allow_negative_numbers = true)]
     pub off_sigma: f64,
+}
+
+impl Default for FrameArgs {
+    fn default() -> Self {
+        Self {
+            aperture_px: APERTURE_PX,
+            annulus_px: ANNULUS_PX.to_vec(),
+            fwhm_px: FWHM_PX,
+            max_offset_px: None,
+            detect_sigma: DETECT_SIGMAS,
+            brightest: false,
+            trailed: false,
+            dark: Vec::new(),
+            flat: Vec::new(),
+        }
+    }
+}
+
+impl Default for CountArgs {
+    fn default() -> Self {
+        Self { gate: "1".into(), no_coupling: false, fibre: None, off_sigma: OFF_SIGMAS }
+    }
+}
+
+impl ReduceOptions {
+    /// What `sunglint reduce` does when it is told nothing.
+    ///
+    /// # Errors
+    /// None that a station could have.
+    pub fn default_for(station: &Station) -> anyhow::Result<Self> {
+        options(&FrameArgs::default(), &CountArgs::default(), None, station)
+    }
+}
+
+/// A recorded session as `sunglint reduce` would write it without options: the linear curve of each visit, and warnings.
+///
+/// # Errors
+/// As [`night::reduce`].
+pub fn light_curves(
+    folder: &Path,
+    stop: &mut dyn Stop,
+) -> anyhow::Result<(Vec<LightCurve>, Vec<String>)> {
+    let session = Session::open(folder)?;
+    let station = crate::observe::station_of(&session)?;
+    let options = ReduceOptions::default_for(&station)?;
+    let mut night = reduce(&session, &station, &options, stop)?;
+    let mut curves = Vec::new();
+    while let Some(visited) = night.take(&session, &station)? {
+        curves.push(visited.linear);
+    }
+    Ok((curves, night.warnings))
+}
+
+/// The options that arguments ask for.
+///
+/// # Errors
+/// Numbers out of their range, files that cannot be read.
+pub fn options(
+    frames: &FrameArgs,
+    counts: &CountArgs,
+    target: Option<&str>,
+    station: &Station,
+) -> anyhow::Result<ReduceOptions> {
+    let mut of_counts = counts::CountOptions::default();
+    of_counts.bins.gate = counts::gate(counts.most_q()?, !counts.no_coupling);
+    Ok(ReduceOptions {
+        photometry: frames.options(station),
+        counts: of_counts,
+        fibres: counts
+            .fibre
+            .as_deref()
+            .map(crate::align::read_fibres)
+            .transpose()?
+            .unwrap_or_default(),
+        sensor: frames::SensorFiles {
+            darks: read_frames(&frames.dark)?,
+            flats: read_frames(&frames.flat)?,
+        },
+        off_sigmas: (counts.off_sigma > 0.0).then_some(counts.off_sigma),
+        target: target.map(str::to_owned),
+    })
 }
 
 impl CountArgs {
@@ -138,13 +227,9 @@ impl CountArgs {
 }
 
 impl FrameArgs {
-    pub(crate) fn options(&self, station: &Station) -> anyhow::Result<PhotometryOptions> {
-        let Some(camera) = &station.camera else {
-            bail!(
-                "station {} has no [camera]: its size and noise are needed to measure frames",
-                station.name
-            );
-        };
+    /// `None` for a station without a camera.
+    pub(crate) fn options(&self, station: &Station) -> Option<PhotometryOptions> {
+        let camera = station.camera.as_ref()?;
         let mut options = PhotometryOptions::new(camera.size_px, camera.read_noise_e);
         options.gain_e_per_adu = Some(camera.gain_e_per_adu);
         options.saturation_adu = Some(camera.saturation_adu());
@@ -160,12 +245,20 @@ impl FrameArgs {
             altitude_m: station.site.geodetic().height_m,
             coefficient: SCINTILLATION,
         });
-        Ok(options)
+        Some(options)
     }
 }
 
 pub(crate) fn read_frames(paths: &[PathBuf]) -> anyhow::Result<Vec<Frame>> {
     paths.iter().map(|path| Ok(Frame::read(path)?)).collect()
+}
+
+/// The station that was asked for, else the one that the session was recorded with.
+pub(crate) fn station(args: &StationArgs, session: &Session) -> anyhow::Result<Station> {
+    match &args.station {
+        Some(_) => args.get(),
+        None => crate::observe::station_of(session),
+    }
 }
 
 /// Reduces a session.
@@ -179,78 +272,72 @@ pub fn run(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
         return Err(Usage("--raw writes files: give -o FOLDER/".into()).into());
     }
     let session = Session::open(&args.session)?;
-    let station = args.station.get_or(&session.manifest().station)?;
-    let options = args.options(&station)?;
+    let station = station(&args.station, &session)?;
+    let options = options(&args.frames, &args.counts, args.target.as_deref(), &station)?;
     let mut progress = Progress::new(console);
-    let night = reduce(&session, &station, &options, &mut progress)?;
+    let folders = args.out.folders();
+    folders.check_names(&args.names(&night::stays(&session)?))?;
+    let mut night = reduce(&session, &station, &options, &mut progress)?;
     progress.bar.finish_and_clear();
+    let mut visits = Vec::new();
+    // One visit after the other, so that a night of any length fits into memory.
+    while let Some(visited) = night.take(&session, &station)? {
+        for product in args.products(&visited, &station)? {
+            folders.write_files(&folders.files_of(&product)?, console)?;
+        }
+        visits.push(report::VisitLine::of(&visited));
+    }
     for warning in station.warnings.iter().chain(&night.warnings) {
         console.warn(warning);
     }
     let name = args.session.display().to_string();
-    let product = args.product(&night, &station, &name)?;
-    args.out.finish(&product, &report::text(&night, &name, &station.name), console)
+    let product = Product {
+        name: SUMMARY.into(),
+        table: report::table(&visits),
+        json: report::json(&night, &visits, &name, &station.name),
+        ..Product::default()
+    };
+    args.out.finish(&product, &report::text(&night, &visits, &name, &station.name), console)
 }
 
 impl ReduceArgs {
-    fn options(&self, station: &Station) -> anyhow::Result<ReduceOptions> {
-        let off_sigmas = (self.counts.off_sigma > 0.0).then_some(self.counts.off_sigma);
-        let mut counts = counts::CountOptions::default();
-        counts.bins.gate = counts::gate(self.counts.most_q()?, !self.counts.no_coupling);
-        Ok(ReduceOptions {
-            photometry: self.frames.options(station)?,
-            counts,
-            fibres: self
-                .counts
-                .fibre
-                .as_deref()
-                .map(crate::align::read_fibres)
-                .transpose()?
-                .unwrap_or_default(),
-            sensor: frames::SensorFiles {
-                darks: read_frames(&self.frames.dark)?,
-                flats: read_frames(&self.frames.flat)?,
-            },
-            off_sigmas,
-            target: self.target.clone(),
-        })
+    /// The names of the files that visits may become.
+    fn names(&self, stays: &[Stay]) -> Vec<String> {
+        let on = stays.iter().filter(|stay| stay.target.on);
+        let of = |stay: &Stay| {
+            let name = report::file_name(stay);
+            ["ecsv", "png", "svg"]
+                .iter()
+                .flat_map(|extension| {
+                    [format!("{name}.{extension}"), format!("{name}_frames.{extension}")]
+                })
+                .chain(self.raw.then(|| format!("{name}_raw.ecsv")))
+                .collect::<Vec<_>>()
+        };
+        on.flat_map(of).chain([format!("{SUMMARY}.ecsv")]).collect()
     }
 
-    /// The summary, and beside it the curves and frames of each visit.
-    fn product(
-        &self,
-        night: &Reduced,
-        station: &Station,
-        session: &str,
-    ) -> anyhow::Result<Product> {
+    /// The curves and frames of a visit.
+    fn products(&self, visited: &Visited, station: &Station) -> anyhow::Result<Vec<Product>> {
         let annulus_px = [self.frames.annulus_px[0], self.frames.annulus_px[1]];
-        let mut others = Vec::new();
-        for visited in &night.visits {
-            let name = report::file_name(visited);
-            let figure = figure::curves(visited, station);
-            others.push(Product {
-                name: name.clone(),
-                table: visited.linear.to_table()?,
-                figure: (!figure.panels.is_empty()).then_some(figure),
-                ..Product::default()
-            });
-            if let Some(raw) = visited.raw.as_ref().filter(|_| self.raw) {
-                let name = format!("{name}_raw");
-                others.push(Product { name, table: raw.to_table()?, ..Product::default() });
-            }
-            others.extend(figure::rings(visited, annulus_px).map(|gallery| Product {
-                name: format!("{name}_frames"),
-                gallery: Some(gallery),
-                ..Product::default()
-            }));
-        }
-        Ok(Product {
-            name: "summary".into(),
-            table: report::table(night),
-            json: report::json(night, session, &station.name),
-            others,
+        let name = report::file_name(&visited.stay);
+        let figure = figure::curves(visited, station);
+        let mut products = vec![Product {
+            name: name.clone(),
+            table: visited.linear.to_table()?,
+            figure: (!figure.panels.is_empty()).then_some(figure),
             ..Product::default()
-        })
+        }];
+        if let Some(raw) = visited.raw.as_ref().filter(|_| self.raw) {
+            let name = format!("{name}_raw");
+            products.push(Product { name, table: raw.to_table()?, ..Product::default() });
+        }
+        products.extend(figure::rings(visited, annulus_px).map(|gallery| Product {
+            name: format!("{name}_frames"),
+            gallery: Some(gallery),
+            ..Product::default()
+        }));
+        Ok(products)
     }
 }
 

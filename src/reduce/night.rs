@@ -1,6 +1,6 @@
 //! A whole session: its stays at targets, each as one linear light curve of all channels.
 
-use super::counts::{CountOptions, CounterNight, Fibres, counter_night, of_kind, spans};
+use super::counts::{CountOptions, CounterNight, Fibres, counter_night, gate, of_kind, spans};
 use super::frames::{CameraNight, SensorFiles, Shown, camera_night};
 use super::join::join;
 use super::sky::Body;
@@ -18,8 +18,8 @@ use sunglint_radiometry::station::{Detector, Station};
 /// How a session is reduced.
 #[derive(Debug, Clone)]
 pub struct ReduceOptions {
-    /// How targets are found and measured on frames.
-    pub photometry: PhotometryOptions,
+    /// How targets are found and measured on frames; `None` for a station without a camera.
+    pub photometry: Option<PhotometryOptions>,
     /// How counts become rates.
     pub counts: CountOptions,
     /// Fields of the fibres in place of the station's.
@@ -47,11 +47,15 @@ pub struct Visited {
     pub shown: Vec<(String, Shown)>,
 }
 
-/// A session, reduced.
+/// A session, reduced: [`Reduced::take`] gives its visits one after the other.
 #[derive(Debug)]
 pub struct Reduced {
-    /// The stays that gave a curve.
-    pub visits: Vec<Visited>,
+    /// All stays, at targets and beside them.
+    pub stays: Vec<Stay>,
+    /// Of each stay, where the target stood.
+    tracks: Vec<Track>,
+    /// The stay to be taken next.
+    next: usize,
     /// What the cameras' rules removed.
     pub cameras: Vec<CameraNight>,
     /// What the counters' rules did.
@@ -116,12 +120,18 @@ pub fn reduce_with(
     }
     let mut cameras = Vec::new();
     for camera in session.cameras() {
+        let photometry = options.photometry.as_ref().with_context(|| {
+            format!(
+                "station {} has no [camera]: its size and noise are needed to measure the frames of session {root}",
+                station.name
+            )
+        })?;
         let night = camera_night(
             session,
             camera,
             station,
             &stays,
-            &options.photometry,
+            photometry,
             &options.sensor,
             stop,
         )
@@ -134,6 +144,13 @@ pub fn reduce_with(
     let tracks = tracks(&cameras, stays.len());
     let seen_off = seen_off(&tracks, station, options);
     let spans = spans(&stays, &seen_off);
+    let mut counts = options.counts;
+    if cameras.is_empty() && (counts.bins.gate.most_q.is_some() || counts.bins.gate.divide) {
+        counts.bins.gate = gate(None, false);
+        warnings.push(format!(
+            "session {root} has no camera: where its targets stood in the fibres is not known, rates are neither gated nor divided by a coupling"
+        ));
+    }
     let mut counters = Vec::new();
     for counter in session.counters() {
         let night = counter_night(
@@ -143,7 +160,7 @@ pub fn reduce_with(
             &options.fibres,
             &spans,
             &tracks,
-            &options.counts,
+            &counts,
             stop,
             &mut |channels, sample| {
                 if let Some(stay) = stays.get(sample.visit) {
@@ -167,17 +184,10 @@ pub fn reduce_with(
         }
         counters.push(night);
     }
-    let mut night = Reduced { visits: Vec::new(), cameras, counters, warnings };
-    for (number, stay) in stays.iter().enumerate().filter(|(_, stay)| stay.target.on) {
-        match night.visited(number, stay, &tracks[number], session, station)? {
-            Some(visited) => night.visits.push(visited),
-            None => night.warnings.push(format!(
-                "{} (visit {}): neither frames nor bins were recorded",
-                stay.target.name, stay.number
-            )),
-        }
+    if cameras.is_empty() && counters.is_empty() {
+        bail!("session {root} has neither a camera nor a counter");
     }
-    Ok(night)
+    Ok(Reduced { stays, tracks, next: 0, cameras, counters, warnings })
 }
 
 /// The stays of one target, with all that is off it; all stays without a name.
@@ -238,12 +248,40 @@ fn seen_off(tracks: &[Track], station: &Station, options: &ReduceOptions) -> Vec
 }
 
 impl Reduced {
+    /// The next stay at a target that gave a curve, which leaves memory with it; `None` behind the last. A stay without frames and bins becomes a warning.
+    ///
+    /// # Errors
+    /// A target whose place cannot be computed, two instruments with a channel of one name.
+    pub fn take(
+        &mut self,
+        session: &Session,
+        station: &Station,
+    ) -> anyhow::Result<Option<Visited>> {
+        while self.next < self.stays.len() {
+            let number = self.next;
+            self.next += 1;
+            let stay = self.stays[number].clone();
+            if !stay.target.on {
+                continue;
+            }
+            let track = std::mem::take(&mut self.tracks[number]);
+            match self.visited(number, &stay, track, session, station)? {
+                Some(visited) => return Ok(Some(visited)),
+                None => self.warnings.push(format!(
+                    "{} (visit {}): neither frames nor bins were recorded",
+                    stay.target.name, stay.number
+                )),
+            }
+        }
+        Ok(None)
+    }
+
     /// Joins what the instruments gave of a stay.
     fn visited(
         &mut self,
         number: usize,
         stay: &Stay,
-        track: &Track,
+        track: Track,
         session: &Session,
         station: &Station,
     ) -> anyhow::Result<Option<Visited>> {
@@ -277,7 +315,7 @@ impl Reduced {
         };
         let linear = complete(&linear)?;
         let raw = if raw.is_empty() { None } else { Some(complete(&raw)?) };
-        Ok(Some(Visited { stay: stay.clone(), linear, raw, track: track.clone(), shown }))
+        Ok(Some(Visited { stay: stay.clone(), linear, raw, track, shown }))
     }
 }
 

@@ -1,8 +1,10 @@
 //! What a reduction says: per visit and channel how many samples there are and what each rule removed.
 
 use super::frames::CameraNight;
+use super::Stay;
 use super::night::{Reduced, Visited};
 use crate::output::rounded;
+use hifitime::Epoch;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -57,25 +59,48 @@ impl ChannelLine {
     }
 }
 
-/// The channels of a visit.
-pub fn lines(visited: &Visited) -> Vec<ChannelLine> {
-    visited.linear.channels.iter().map(ChannelLine::of).collect()
+/// A visit in numbers.
+pub struct VisitLine {
+    /// The stay.
+    pub stay: Stay,
+    /// Its first and last sample.
+    pub time: Option<[Epoch; 2]>,
+    /// Lowest and highest true zenith angle, deg, where the target's place is known.
+    pub zenith_deg: Option<[f64; 2]>,
+    /// Its channels.
+    pub channels: Vec<ChannelLine>,
+}
+
+impl VisitLine {
+    /// Of a visit.
+    pub fn of(visited: &Visited) -> Self {
+        let samples = &visited.linear.samples;
+        let zenith_deg = samples.zenith_deg.as_ref().map(|zeniths| {
+            let low = zeniths.iter().copied().fold(f64::INFINITY, f64::min);
+            [low, zeniths.iter().copied().fold(f64::NEG_INFINITY, f64::max)]
+        });
+        Self {
+            stay: visited.stay.clone(),
+            time: samples.time.first().zip(samples.time.last()).map(|(a, b)| [*a, *b]),
+            zenith_deg,
+            channels: visited.linear.channels.iter().map(ChannelLine::of).collect(),
+        }
+    }
 }
 
 /// The name of a visit's files: letters, digits, `_` and `-` of its target, and its number.
-pub fn file_name(visited: &Visited) -> String {
-    let name: String = visited
-        .stay
+pub fn file_name(stay: &Stay) -> String {
+    let name: String = stay
         .target
         .name
         .chars()
         .map(|c| if c.is_alphanumeric() || c == '-' { c } else { '_' })
         .collect();
-    format!("{name}_{}", visited.stay.number)
+    format!("{name}_{}", stay.number)
 }
 
 /// The reduction as text.
-pub fn text(night: &Reduced, session: &str, station: &str) -> String {
+pub fn text(night: &Reduced, visits: &[VisitLine], session: &str, station: &str) -> String {
     let mut text = format!("session {session}, reduced with station {station}\n");
     for camera in &night.cameras {
         let _ = write!(text, "\n{}", camera_text(camera));
@@ -93,18 +118,21 @@ pub fn text(night: &Reduced, session: &str, station: &str) -> String {
             counter.off.pieces().len()
         );
     }
-    for visited in &night.visits {
+    for visit in visits {
+        let time = visit.time.map_or_else(String::new, |[from, to]| {
+            format!(", {} to {}", format_utc(from, 1), format_utc(to, 1))
+        });
+        let zenith = match visit.zenith_deg {
+            Some([low, high]) => format!("zenith angle {low:.1}° to {high:.1}°"),
+            None => "no place known: no zenith angle".into(),
+        };
         let _ = writeln!(
             text,
-            "\n{} (visit {}), {} to {}{}",
-            visited.stay.target.name,
-            visited.stay.number,
-            visited.linear.samples.time.first().map_or_else(String::new, |t| format_utc(*t, 1)),
-            visited.linear.samples.time.last().map_or_else(String::new, |t| format_utc(*t, 1)),
-            zenith_text(visited)
+            "\n{} (visit {}){time}; {zenith}",
+            visit.stay.target.name, visit.stay.number
         );
         let _ = writeln!(text, "  channel     samples  with a rate    clean       median  flags");
-        for line in lines(visited) {
+        for line in &visit.channels {
             let flags: Vec<String> =
                 line.flags.iter().map(|(flag, count)| format!("{flag} {count}")).collect();
             let median = line.median_hz.map_or_else(|| "-".into(), |hz| format!("{hz:.4e}"));
@@ -126,15 +154,6 @@ pub fn text(night: &Reduced, session: &str, station: &str) -> String {
     text
 }
 
-fn zenith_text(visited: &Visited) -> String {
-    let Some(zeniths) = &visited.linear.samples.zenith_deg else {
-        return "; no place known: no zenith angle".into();
-    };
-    let low = zeniths.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = zeniths.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    format!("; zenith angle {low:.1}° to {high:.1}°")
-}
-
 fn camera_text(camera: &CameraNight) -> String {
     let tally = &camera.tally;
     let sensor = match camera.darks {
@@ -151,10 +170,11 @@ fn camera_text(camera: &CameraNight) -> String {
     ];
     let rules: Vec<String> = rules.iter().map(|(rule, count)| format!("{rule} {count}")).collect();
     format!(
-        "camera {}: {} frames on targets, {} of no target; {sensor}\n  {} without a target, {} ambiguous, {} with another source in the aperture; sources left out: {}\n  planes without a rate: saturated {}, off the edge {}, masked {}, no background {}\n",
+        "camera {}: {} frames on targets, {} of no target, {} beyond their visit; {sensor}\n  {} without a target, {} ambiguous, {} with another source in the aperture; sources left out: {}\n  planes without a rate: saturated {}, off the edge {}, masked {}, no background {}\n",
         camera.camera,
         tally.frames,
         camera.outside,
+        camera.partly,
         tally.undetected,
         tally.ambiguous,
         tally.crowded,
@@ -167,18 +187,17 @@ fn camera_text(camera: &CameraNight) -> String {
 }
 
 /// The reduction as a table: a row for each visit and channel.
-pub fn table(night: &Reduced) -> Table {
+pub fn table(visits: &[VisitLine]) -> Table {
     let names: Vec<&'static str> = Flags::all().iter_names().map(|(name, _)| name).collect();
-    let rows: Vec<(&Visited, ChannelLine)> = night
-        .visits
+    let rows: Vec<(&VisitLine, &ChannelLine)> = visits
         .iter()
-        .flat_map(|visited| lines(visited).into_iter().map(move |line| (visited, line)))
+        .flat_map(|visit| visit.channels.iter().map(move |line| (visit, line)))
         .collect();
     let whole = |value: &dyn Fn(&ChannelLine) -> u64| {
         rows.iter().map(|(_, line)| i64::try_from(value(line)).unwrap_or(i64::MAX)).collect()
     };
-    let text = |value: &dyn Fn(&Visited) -> String| {
-        rows.iter().map(|(visited, _)| value(visited)).collect()
+    let text = |value: &dyn Fn(&VisitLine) -> String| {
+        rows.iter().map(|(visit, _)| value(visit)).collect()
     };
     let mut columns = vec![
         Column::text("target", text(&|v| v.stay.target.name.clone())),
@@ -203,9 +222,9 @@ pub fn table(night: &Reduced) -> Table {
 }
 
 /// The reduction as a JSON document.
-pub fn json(night: &Reduced, session: &str, station: &str) -> Value {
-    let visits = night.visits.iter().map(|visited| {
-        let channels = lines(visited).into_iter().map(|line| {
+pub fn json(night: &Reduced, visits: &[VisitLine], session: &str, station: &str) -> Value {
+    let visits = visits.iter().map(|visit| {
+        let channels = visit.channels.iter().map(|line| {
             json!({
                 "name": line.name,
                 "samples": line.samples,
@@ -216,11 +235,11 @@ pub fn json(night: &Reduced, session: &str, station: &str) -> Value {
             })
         });
         json!({
-            "target": visited.stay.target.name,
-            "visit": visited.stay.number,
-            "file": format!("{}.ecsv", file_name(visited)),
-            "from_utc": format_utc_shortest(visited.stay.from),
-            "to_utc": format_utc_shortest(visited.stay.to),
+            "target": visit.stay.target.name,
+            "visit": visit.stay.number,
+            "file": format!("{}.ecsv", file_name(&visit.stay)),
+            "from_utc": format_utc_shortest(visit.stay.from),
+            "to_utc": format_utc_shortest(visit.stay.to),
             "channels": channels.collect::<Vec<_>>(),
         })
     });
@@ -230,6 +249,7 @@ pub fn json(night: &Reduced, session: &str, station: &str) -> Value {
             "name": camera.camera,
             "frames": tally.frames,
             "outside": camera.outside,
+            "partly": camera.partly,
             "undetected": tally.undetected,
             "ambiguous": tally.ambiguous,
             "crowded": tally.crowded,
