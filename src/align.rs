@@ -4,9 +4,8 @@ use crate::output::{Console, OutputArgs, Product, rounded};
 use crate::plot::gallery::{Gallery, Key, Tile};
 use crate::plot::{RGBColor, viridis};
 use crate::reduce::counts::{CountOptions, Fibres, gate};
-use crate::reduce::frames::SensorFiles;
 use crate::reduce::night::{ReduceOptions, reduce_with};
-use crate::reduce::{FrameArgs, Progress, read_frames, station};
+use crate::reduce::{FrameArgs, Progress, station};
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::Args;
@@ -151,13 +150,9 @@ impl AlignArgs {
         let mut counts = CountOptions::default();
         counts.bins.gate = gate(None, false);
         let options = ReduceOptions {
-            photometry: self.frames.options(station),
+            frames: self.frames.options(station)?,
             counts,
             fibres: Fibres::new(),
-            sensor: SensorFiles {
-                darks: read_frames(&self.frames.dark)?,
-                flats: read_frames(&self.frames.flat)?,
-            },
             // A star beside the fibre is what shows the field's rim.
             off_sigmas: None,
             target: None,

@@ -2,8 +2,8 @@
 
 use crate::output::{Console, OutputArgs};
 use crate::{
-    air, align, bench, demo, devices, explain, observe, passes, picture, reduce, session, simulate, star,
-    tables,
+    air, align, bench, demo, devices, explain, observe, passes, picture, reduce, session, simulate,
+    star, tables,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};

@@ -36,7 +36,8 @@ fn peak_bytes() -> Option<u64> {
 fn an_hour_is_reduced_whole_and_in_little_memory() {
     let folder = Folder::new("long-reduce");
     // Twelve stars of 240 s with 40 s of sky and 10 s of way each, and two minutes of dark at each end: 3720 s.
-    let options = "seed = 2\n[plan]\nstars = 12\nvisit_s = 240\nsky_s = 40\nslew_s = 10\ndark_s = 120\n";
+    let options =
+        "seed = 2\n[plan]\nstars = 12\nvisit_s = 240\nsky_s = 40\nslew_s = 10\ndark_s = 120\n";
     let begun = Instant::now();
     let (summary, truth) = observe(&folder.0, &plan_of(&[]), options);
     eprintln!("observed in {:.1} s", begun.elapsed().as_secs_f64());

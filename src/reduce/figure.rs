@@ -2,7 +2,8 @@
 
 use super::night::Visited;
 use crate::plot::gallery::{Gallery, Key, Tile};
-use crate::plot::{Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm};
+
+use crate::plot::{Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm, viridis};
 use image::{Rgba, RgbaImage};
 use sunglint_formats::time::format_utc;
 use sunglint_radiometry::light_curve::ChannelCurve;
@@ -13,9 +14,9 @@ const MOST_POINTS: usize = 20_000;
 /// Side of a picture, pixels: what a tile shows.
 const SIDE: u32 = 400;
 /// Colours between these quantiles of the pixels.
-const QUANTILES: [f64; 2] = [0.02, 0.998];
-const APERTURE: Rgba<u8> = Rgba([80, 230, 120, 255]);
-const ANNULUS: Rgba<u8> = Rgba([90, 180, 255, 255]);
+const QUANTILES: [f64; 2] = [0.02, 0.9998];
+const APERTURE: Rgba<u8> = Rgba([255, 255, 255, 255]);
+const ANNULUS: Rgba<u8> = Rgba([255, 110, 70, 255]);
 
 /// A panel of rates against time for each channel of a visit.
 pub fn curves(visited: &Visited, station: &Station) -> Figure {
@@ -50,22 +51,24 @@ pub fn curves(visited: &Visited, station: &Station) -> Figure {
 }
 
 /// Frames of a visit with aperture and annulus; `None` without frames.
-pub fn rings(visited: &Visited, annulus_px: [f64; 2]) -> Option<Gallery> {
+pub fn rings(visited: &Visited) -> Option<Gallery> {
     let tiles: Vec<Tile> = visited
         .shown
         .iter()
         .map(|(camera, shown)| {
-            let (image, range) = picture(shown, annulus_px);
+            let (image, range) = picture(shown);
             let measured = &shown.measured;
             let place = match measured.place_px {
-                Some([column, row]) => format!("target at column {column:.1}, row {row:.1}"),
-                None => "no target found".to_owned(),
+                Some([column, row]) => {
+                    vec![format!("column {column:.1}"), format!("row {row:.1}")]
+                }
+                None => vec!["no target found".to_owned()],
             };
             Tile {
                 title: format!("{camera} {}", format_utc(measured.time, 1)),
                 image,
                 is_dark: true,
-                key: Key::Bar { label: vec!["ADU".into(), place], range, log: false },
+                key: Key::Bar { label: [place, vec!["ADU".into()]].concat(), range, log: true },
                 arrows: Vec::new(),
                 scale_bar: None,
             }
@@ -73,16 +76,13 @@ pub fn rings(visited: &Visited, annulus_px: [f64; 2]) -> Option<Gallery> {
         .collect();
     (!tiles.is_empty()).then(|| Gallery {
         title: format!("{}, visit {}", visited.stay.target.name, visited.stay.number),
-        subtitle: vec![format!(
-            "aperture (green), annulus of the background {} to {} px (blue)",
-            annulus_px[0], annulus_px[1]
-        )],
+        subtitle: vec!["aperture (white), annulus of the background (red)".into()],
         tiles,
     })
 }
 
-/// A frame in grey between two quantiles, with its rings; and the values at both ends.
-fn picture(shown: &super::frames::Shown, annulus_px: [f64; 2]) -> (RgbaImage, (f64, f64)) {
+/// A frame between two quantiles, in a logarithmic scale, with its rings; and the values at both ends.
+fn picture(shown: &super::frames::Shown) -> (RgbaImage, (f64, f64)) {
     let pixels = &shown.pixels;
     let (rows, columns) = pixels.dim();
     let mut sorted: Vec<u16> = pixels.iter().copied().collect();
@@ -91,7 +91,8 @@ fn picture(shown: &super::frames::Shown, annulus_px: [f64; 2]) -> (RgbaImage, (f
         let i = (q * sorted.len().saturating_sub(1) as f64) as usize;
         f64::from(sorted.get(i).copied().unwrap_or(0))
     };
-    let (low, high) = (at(QUANTILES[0]), at(QUANTILES[1]).max(at(QUANTILES[0]) + 1.0));
+    let low = at(QUANTILES[0]).max(1.0);
+    let high = at(QUANTILES[1]).max(low + 1.0);
     let longest = rows.max(columns).max(1);
     let scale = f64::from(SIDE) / longest as f64;
     let [width, height] = [columns, rows].map(|n| ((n as f64 * scale).round() as u32).max(1));
@@ -99,11 +100,11 @@ fn picture(shown: &super::frames::Shown, annulus_px: [f64; 2]) -> (RgbaImage, (f
         let [column, row] = [(x, columns), (y, rows)]
             .map(|(at, n)| ((f64::from(at) + 0.5) / scale).min(n as f64 - 0.5) as usize);
         let value = pixels.get((row, column)).map_or(0.0, |adu| f64::from(*adu));
-        let grey = (255.0 * ((value - low) / (high - low)).clamp(0.0, 1.0).sqrt()) as u8;
-        Rgba([grey, grey, grey, 255])
+        let RGBColor(r, g, b) = viridis((value.max(low) / low).ln() / (high / low).ln());
+        Rgba([r, g, b, 255])
     });
     if let Some(aperture) = &shown.measured.aperture {
-        let [inner, outer] = annulus_px;
+        let [inner, outer] = shown.annulus_px;
         let centre_px = [0, 1].map(|i| aperture.centre_px[i] - shown.origin_px[i] as f64);
         for (radius, colour) in [(aperture.radius_px, APERTURE), (inner, ANNULUS), (outer, ANNULUS)]
         {

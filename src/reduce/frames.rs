@@ -1,7 +1,7 @@
 //! The frames of a night: the sensor's faults from its dark frames, the target's place and rates from the others.
 
 use super::sky::Body;
-use super::{Stay, Stop};
+use super::{Stay, Stop, seeing};
 use anyhow::Context as _;
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
@@ -41,6 +41,10 @@ pub struct CameraNight {
     pub outside: u64,
     /// Frames whose exposure goes on after the stay: they have no rate.
     pub partly: u64,
+    /// Of each stay, how wide points were taken to be, px: as told, or as its own frames show them.
+    pub fwhm_px: Vec<f64>,
+    /// Radius of the aperture, inner and outer radius of the annulus, px.
+    pub aperture_px: [f64; 3],
     /// Dark frames that the mask was made of.
     pub darks: usize,
     /// Pixels that are left out.
@@ -58,6 +62,8 @@ pub struct Shown {
     pub origin_px: [usize; 2],
     /// What was measured on it.
     pub measured: FrameMeasurement,
+    /// Inner and outer radius of the annulus, px.
+    pub annulus_px: [f64; 2],
 }
 
 /// Sides of what is shown, px.
@@ -65,7 +71,7 @@ const SHOWN_PX: usize = 200;
 
 impl Shown {
     /// The part about the target; without one about the frame's middle.
-    fn of(frame: &Frame, measured: &FrameMeasurement) -> Self {
+    fn of(frame: &Frame, measured: &FrameMeasurement, annulus_px: [f64; 2]) -> Self {
         let (rows, columns) = frame.pixels.dim();
         let size = [columns, rows];
         let origin_px = [0, 1].map(|i| {
@@ -76,7 +82,7 @@ impl Shown {
         let [x, y] = origin_px;
         let [to_x, to_y] = [0, 1].map(|i| (origin_px[i] + SHOWN_PX).min(size[i]));
         let pixels = frame.pixels.slice(ndarray::s![y..to_y, x..to_x]).to_owned();
-        Self { pixels, origin_px, measured: measured.clone() }
+        Self { pixels, origin_px, measured: measured.clone(), annulus_px }
     }
 }
 
@@ -87,6 +93,23 @@ pub struct SensorFiles {
     pub darks: Vec<Frame>,
     /// Flats.
     pub flats: Vec<Frame>,
+}
+
+/// Radius of an aperture that is taken from the frames, in full widths at half maximum of a point: of a Moffat profile with β = 3 it leaves out 2 %.
+pub const APERTURE_FWHM: f64 = 2.5;
+
+/// How a camera's frames are measured.
+#[derive(Debug, Clone)]
+pub struct FrameOptions {
+    /// How targets are found and measured.
+    pub photometry: PhotometryOptions,
+    /// Whether how wide points are is taken from each stay's own frames, not from the options.
+    pub fwhm_from_frames: bool,
+    /// Whether the aperture is the widest points', [`APERTURE_FWHM`] times as wide, where that is more than the options'. One for all frames: what lies outside is
+    /// then nearly the same part for all targets.
+    pub aperture_from_frames: bool,
+    /// Dark frames and flats in place of the session's.
+    pub sensor: SensorFiles,
 }
 
 /// Frames per stay that are kept for figures.
@@ -123,8 +146,7 @@ pub fn camera_night(
     camera: &str,
     station: &Station,
     stays: &[Stay],
-    options: &PhotometryOptions,
-    sensor: &SensorFiles,
+    how: &FrameOptions,
     stop: &mut dyn Stop,
 ) -> anyhow::Result<CameraNight> {
     let files = session.frames(camera)?.files;
@@ -132,11 +154,19 @@ pub fn camera_night(
     let stay_of: Vec<Option<usize>> =
         starts.iter().map(|start| start.and_then(|start| stay_at(stays, start))).collect();
     let mut failed = Vec::new();
-    let calibration = calibration(&files, &stay_of, stays, sensor, &mut failed)?;
+    let mut options = how.photometry.clone();
+    let calibration = calibration(&files, &stay_of, stays, &how.sensor, &mut failed)?;
     let darks = calibration.1;
     let calibration = calibration.0;
     let bad_pixels = calibration.bad.as_ref().map_or(0, bad_count);
     let zeniths = zeniths(&starts, &stay_of, stays, station)?;
+    let mut fwhm_px = vec![options.fwhm_px; stays.len()];
+    if how.fwhm_from_frames {
+        fwhm_px = widths(&files, &stay_of, stays, &options, &calibration)?;
+    }
+    if how.aperture_from_frames {
+        widen(&mut options, fwhm_px.iter().copied().fold(0.0, f64::max));
+    }
     let mut reducer = FrameReducer::new(options.clone(), calibration)?;
     let mut night = CameraNight {
         camera: camera.to_owned(),
@@ -146,6 +176,8 @@ pub fn camera_night(
         tally: Tally::default(),
         outside: 0,
         partly: 0,
+        fwhm_px,
+        aperture_px: [options.aperture_radius_px, options.annulus_px[0], options.annulus_px[1]],
         darks,
         bad_pixels,
         failed: Vec::new(),
@@ -156,12 +188,17 @@ pub fn camera_night(
         of_stay[*stay] += 1;
     }
     let mut seen = vec![0_usize; stays.len()];
+    let mut before = None;
     for (i, file) in files.iter().enumerate() {
         stop.step(1)?;
         let Some(stay) = stay_of[i].filter(|stay| stays[*stay].target.on) else {
             night.outside += 1;
             continue;
         };
+        if before != Some(stay) {
+            reducer.set_fwhm_px(night.fwhm_px[stay])?;
+            before = Some(stay);
+        }
         let expected = Expected { airmass: zeniths[i].and_then(airmass), ..Expected::default() };
         let measured =
             file.read().map_err(|error| error.to_string()).and_then(|frame| {
@@ -182,7 +219,7 @@ pub fn camera_night(
                 // Spread over the stay, so that a figure shows its course.
                 let due = night.shown[stay].len() < SHOWN;
                 if due && seen[stay] * SHOWN / of_stay[stay].max(1) >= night.shown[stay].len() {
-                    night.shown[stay].push(Shown::of(&frame, &measured));
+                    night.shown[stay].push(Shown::of(&frame, &measured, options.annulus_px));
                 }
                 rows[stay].push(measured);
             }
@@ -198,6 +235,35 @@ pub fn camera_night(
     night.tally = reducer.tally();
     night.failed = failed;
     Ok(night)
+}
+
+/// How wide points are at each stay, px; a stay that does not tell has the median of the others, or what the options say.
+fn widths(
+    files: &[FrameFile],
+    stay_of: &[Option<usize>],
+    stays: &[Stay],
+    options: &PhotometryOptions,
+    calibration: &FrameCalibration,
+) -> anyhow::Result<Vec<f64>> {
+    let mut widths = vec![None; stays.len()];
+    for (number, width) in widths.iter_mut().enumerate().filter(|(i, _)| stays[*i].target.on) {
+        let of_it = files.iter().zip(stay_of).filter(|(_, stay)| **stay == Some(number));
+        let of_it: Vec<&FrameFile> = of_it.map(|(file, _)| file).collect();
+        *width = seeing::fwhm_px(&of_it, options, calibration)?;
+    }
+    let mut known: Vec<f64> = widths.iter().copied().flatten().collect();
+    known.sort_by(f64::total_cmp);
+    let median = known.get(known.len() / 2).copied().unwrap_or(options.fwhm_px);
+    Ok(widths.into_iter().map(|width| width.unwrap_or(median)).collect())
+}
+
+/// An aperture for points of this width, and an annulus in proportion; never smaller than they are.
+fn widen(options: &mut PhotometryOptions, fwhm_px: f64) {
+    let wider = APERTURE_FWHM * fwhm_px / options.aperture_radius_px;
+    if wider > 1.0 {
+        options.aperture_radius_px *= wider;
+        options.annulus_px = options.annulus_px.map(|radius| radius * wider);
+    }
 }
 
 /// What is not the target's alone is no rate of it.

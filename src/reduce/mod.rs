@@ -6,6 +6,7 @@ pub mod frames;
 pub mod join;
 pub mod night;
 mod report;
+mod seeing;
 pub mod sky;
 
 use crate::output::{Console, OutputArgs, Product, Usage};
@@ -28,7 +29,9 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Young's coefficient of the scintillation: the middle of the sites of Osborn et al. 2015.
 const SCINTILLATION: f64 = 1.5;
 const APERTURE_PX: f64 = 8.0;
-const ANNULUS_PX: [f64; 2] = [12.0, 20.0];
+/// Of the aperture's radius.
+const ANNULUS: [f64; 2] = [1.5, 2.5];
+/// Where no frame tells.
 const FWHM_PX: f64 = 4.0;
 const DETECT_SIGMAS: f64 = 6.0;
 const OFF_SIGMAS: f64 = 5.0;
@@ -86,15 +89,15 @@ pub struct ReduceArgs {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Frames")]
 pub struct FrameArgs {
-    /// Radius of the aperture, px
-    #[arg(long, value_name = "PX", default_value_t = APERTURE_PX, allow_negative_numbers = true)]
-    pub aperture_px: f64,
-    /// Inner and outer radius of the annulus for the background, px
-    #[arg(long, value_name = "PX", num_args = 2, default_values_t = ANNULUS_PX, allow_negative_numbers = true)]
-    pub annulus_px: Vec<f64>,
-    /// Width of a point at half its maximum, px
-    #[arg(long, value_name = "PX", default_value_t = FWHM_PX, allow_negative_numbers = true)]
-    pub fwhm_px: f64,
+    /// Radius of the aperture, px [default: 8, or 2.5 times the width of the session's widest points at half their maximum]
+    #[arg(long, value_name = "PX", allow_negative_numbers = true)]
+    pub aperture_px: Option<f64>,
+    /// Inner and outer radius of the annulus for the background, px [default: 1.5 and 2.5 times the aperture's]
+    #[arg(long, value_name = "PX", num_args = 2, allow_negative_numbers = true)]
+    pub annulus_px: Option<Vec<f64>>,
+    /// Width of a point at half its maximum, px [default: as each visit's own frames show it]
+    #[arg(long, value_name = "PX", allow_negative_numbers = true)]
+    pub fwhm_px: Option<f64>,
     /// A target is at most so far from the frame's middle, px [default: anywhere]
     #[arg(long, value_name = "PX", allow_negative_numbers = true)]
     pub max_offset_px: Option<f64>,
@@ -136,9 +139,9 @@ pub struct CountArgs {
 impl Default for FrameArgs {
     fn default() -> Self {
         Self {
-            aperture_px: APERTURE_PX,
-            annulus_px: ANNULUS_PX.to_vec(),
-            fwhm_px: FWHM_PX,
+            aperture_px: None,
+            annulus_px: None,
+            fwhm_px: None,
             max_offset_px: None,
             detect_sigma: DETECT_SIGMAS,
             brightest: false,
@@ -197,7 +200,7 @@ pub fn options(
     let mut of_counts = counts::CountOptions::default();
     of_counts.bins.gate = counts::gate(counts.most_q()?, !counts.no_coupling);
     Ok(ReduceOptions {
-        photometry: frames.options(station),
+        frames: frames.options(station)?,
         counts: of_counts,
         fibres: counts
             .fibre
@@ -205,10 +208,6 @@ pub fn options(
             .map(crate::align::read_fibres)
             .transpose()?
             .unwrap_or_default(),
-        sensor: frames::SensorFiles {
-            darks: read_frames(&frames.dark)?,
-            flats: read_frames(&frames.flat)?,
-        },
         off_sigmas: (counts.off_sigma > 0.0).then_some(counts.off_sigma),
         target: target.map(str::to_owned),
     })
@@ -228,14 +227,36 @@ impl CountArgs {
 
 impl FrameArgs {
     /// `None` for a station without a camera.
-    pub(crate) fn options(&self, station: &Station) -> Option<PhotometryOptions> {
+    pub(crate) fn options(
+        &self,
+        station: &Station,
+    ) -> anyhow::Result<Option<frames::FrameOptions>> {
+        let sensor = frames::SensorFiles {
+            darks: read_frames(&self.dark)?,
+            flats: read_frames(&self.flat)?,
+        };
+        let fwhm_from_frames = self.fwhm_px.is_none();
+        let aperture_from_frames = self.aperture_px.is_none() && self.annulus_px.is_none();
+        let options = |photometry| frames::FrameOptions {
+            photometry,
+            fwhm_from_frames,
+            aperture_from_frames,
+            sensor,
+        };
+        Ok(self.photometry(station).map(options))
+    }
+
+    fn photometry(&self, station: &Station) -> Option<PhotometryOptions> {
         let camera = station.camera.as_ref()?;
         let mut options = PhotometryOptions::new(camera.size_px, camera.read_noise_e);
         options.gain_e_per_adu = Some(camera.gain_e_per_adu);
         options.saturation_adu = Some(camera.saturation_adu());
-        options.aperture_radius_px = self.aperture_px;
-        options.annulus_px = [self.annulus_px[0], self.annulus_px[1]];
-        options.fwhm_px = self.fwhm_px;
+        options.aperture_radius_px = self.aperture_px.unwrap_or(APERTURE_PX);
+        options.annulus_px = match self.annulus_px.as_deref() {
+            Some([inner, outer, ..]) => [*inner, *outer],
+            _ => ANNULUS.map(|part| part * options.aperture_radius_px),
+        };
+        options.fwhm_px = self.fwhm_px.unwrap_or(FWHM_PX);
         options.trail = if self.trailed { Trail::Estimated } else { Trail::Point };
         options.detection.threshold_sigma = self.detect_sigma;
         options.detection.max_offset_px = self.max_offset_px.unwrap_or(f64::INFINITY);
@@ -249,7 +270,7 @@ impl FrameArgs {
     }
 }
 
-pub(crate) fn read_frames(paths: &[PathBuf]) -> anyhow::Result<Vec<Frame>> {
+fn read_frames(paths: &[PathBuf]) -> anyhow::Result<Vec<Frame>> {
     paths.iter().map(|path| Ok(Frame::read(path)?)).collect()
 }
 
@@ -319,7 +340,6 @@ impl ReduceArgs {
 
     /// The curves and frames of a visit.
     fn products(&self, visited: &Visited, station: &Station) -> anyhow::Result<Vec<Product>> {
-        let annulus_px = [self.frames.annulus_px[0], self.frames.annulus_px[1]];
         let name = report::file_name(&visited.stay);
         let figure = figure::curves(visited, station);
         let mut products = vec![Product {
@@ -332,7 +352,7 @@ impl ReduceArgs {
             let name = format!("{name}_raw");
             products.push(Product { name, table: raw.to_table()?, ..Product::default() });
         }
-        products.extend(figure::rings(visited, annulus_px).map(|gallery| Product {
+        products.extend(figure::rings(visited).map(|gallery| Product {
             name: format!("{name}_frames"),
             gallery: Some(gallery),
             ..Product::default()

@@ -1,7 +1,7 @@
 //! A whole session: its stays at targets, each as one linear light curve of all channels.
 
 use super::counts::{CountOptions, CounterNight, Fibres, counter_night, gate, of_kind, spans};
-use super::frames::{CameraNight, SensorFiles, Shown, camera_night};
+use super::frames::{CameraNight, FrameOptions, Shown, camera_night};
 use super::join::join;
 use super::sky::Body;
 use super::{Stay, Stop};
@@ -9,7 +9,6 @@ use anyhow::{Context as _, bail};
 use hifitime::Unit;
 use serde_json::json;
 use sunglint_calibration::counts::{Away, CountChannel, Sample, Span, away};
-use sunglint_calibration::photometry::PhotometryOptions;
 use sunglint_calibration::track::Track;
 use sunglint_formats::session::{Session, Target, TargetKind, Visit};
 use sunglint_radiometry::light_curve::{Input, LightCurve, Provenance, RateKind};
@@ -19,13 +18,11 @@ use sunglint_radiometry::station::{Detector, Station};
 #[derive(Debug, Clone)]
 pub struct ReduceOptions {
     /// How targets are found and measured on frames; `None` for a station without a camera.
-    pub photometry: Option<PhotometryOptions>,
+    pub frames: Option<FrameOptions>,
     /// How counts become rates.
     pub counts: CountOptions,
     /// Fields of the fibres in place of the station's.
     pub fibres: Fibres,
-    /// Dark frames and flats in place of the session's.
-    pub sensor: SensorFiles,
     /// Standard deviations of the widest fibre's field beyond which a target that is seen beside it counts as sky; `None` takes the log alone.
     pub off_sigmas: Option<f64>,
     /// Only this target.
@@ -120,22 +117,14 @@ pub fn reduce_with(
     }
     let mut cameras = Vec::new();
     for camera in session.cameras() {
-        let photometry = options.photometry.as_ref().with_context(|| {
+        let frames = options.frames.as_ref().with_context(|| {
             format!(
                 "station {} has no [camera]: its size and noise are needed to measure the frames of session {root}",
                 station.name
             )
         })?;
-        let night = camera_night(
-            session,
-            camera,
-            station,
-            &stays,
-            photometry,
-            &options.sensor,
-            stop,
-        )
-        .with_context(|| format!("camera {camera} of session {root}"))?;
+        let night = camera_night(session, camera, station, &stays, frames, stop)
+            .with_context(|| format!("camera {camera} of session {root}"))?;
         for (file, error) in &night.failed {
             warnings.push(format!("{} is left out: {error}", file.path.display()));
         }

@@ -1,7 +1,7 @@
 //! What a reduction says: per visit and channel how many samples there are and what each rule removed.
 
-use super::frames::CameraNight;
 use super::Stay;
+use super::frames::CameraNight;
 use super::night::{Reduced, Visited};
 use crate::output::rounded;
 use hifitime::Epoch;
@@ -169,8 +169,13 @@ fn camera_text(camera: &CameraNight) -> String {
         ("too far off", tally.rejected_offset),
     ];
     let rules: Vec<String> = rules.iter().map(|(rule, count)| format!("{rule} {count}")).collect();
+    let [low, high] = fwhm_range(camera);
+    let widths = format!(
+        "points of {low:.1} to {high:.1} px at half their maximum, aperture {:.1} px, annulus {:.1} to {:.1} px\n  ",
+        camera.aperture_px[0], camera.aperture_px[1], camera.aperture_px[2]
+    );
     format!(
-        "camera {}: {} frames on targets, {} of no target, {} beyond their visit; {sensor}\n  {} without a target, {} ambiguous, {} with another source in the aperture; sources left out: {}\n  planes without a rate: saturated {}, off the edge {}, masked {}, no background {}\n",
+        "camera {}: {} frames on targets, {} of no target, {} beyond their visit; {sensor}\n  {widths}{} without a target, {} ambiguous, {} with another source in the aperture; sources left out: {}\n  planes without a rate: saturated {}, off the edge {}, masked {}, no background {}\n",
         camera.camera,
         tally.frames,
         camera.outside,
@@ -186,6 +191,12 @@ fn camera_text(camera: &CameraNight) -> String {
     )
 }
 
+/// The narrowest and the widest points of a camera's visits, px.
+fn fwhm_range(camera: &CameraNight) -> [f64; 2] {
+    let low = camera.fwhm_px.iter().copied().fold(f64::INFINITY, f64::min);
+    [low, camera.fwhm_px.iter().copied().fold(0.0, f64::max)]
+}
+
 /// The reduction as a table: a row for each visit and channel.
 pub fn table(visits: &[VisitLine]) -> Table {
     let names: Vec<&'static str> = Flags::all().iter_names().map(|(name, _)| name).collect();
@@ -196,9 +207,8 @@ pub fn table(visits: &[VisitLine]) -> Table {
     let whole = |value: &dyn Fn(&ChannelLine) -> u64| {
         rows.iter().map(|(_, line)| i64::try_from(value(line)).unwrap_or(i64::MAX)).collect()
     };
-    let text = |value: &dyn Fn(&VisitLine) -> String| {
-        rows.iter().map(|(visit, _)| value(visit)).collect()
-    };
+    let text =
+        |value: &dyn Fn(&VisitLine) -> String| rows.iter().map(|(visit, _)| value(visit)).collect();
     let mut columns = vec![
         Column::text("target", text(&|v| v.stay.target.name.clone())),
         Column::i64("visit", None, rows.iter().map(|(v, _)| i64::from(v.stay.number)).collect()),
@@ -250,6 +260,8 @@ pub fn json(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
             "frames": tally.frames,
             "outside": camera.outside,
             "partly": camera.partly,
+            "fwhm_px": fwhm_range(camera).map(rounded),
+            "aperture_px": camera.aperture_px.map(rounded),
             "undetected": tally.undetected,
             "ambiguous": tally.ambiguous,
             "crowded": tally.crowded,
