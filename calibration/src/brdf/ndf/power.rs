@@ -62,21 +62,24 @@ pub fn solve(over: &impl Hemisphere, f: &[f64]) -> Result<Solution, NdfError> {
             break;
         }
     }
-    let eigenvalue_gap = gap(over, &factor, &density, f0);
+    over.area(&density, &mut sigma);
+    let eigenvalue_gap = gap(over, &factor, (&density, &sigma), f0);
     let convergence = Convergence { residual, iterations, eigenvalue_gap };
     // Rounding may stop it before the tolerance does.
     if !(residual <= 1e3 * TOLERANCE * f0) {
         return Err(NdfError::NotConverged { residual, iterations, eigenvalue_gap });
     }
-    over.area(&density, &mut sigma);
     Ok(Solution { f0, density, sigma, convergence })
 }
 
-/// 1 − |λ₂|/λ₁: the kernel on what is orthogonal to the left eigenvector, w v/c of a kernel diag(c) A diag(w) with A symmetric.
-fn gap(over: &impl Hemisphere, factor: &[f64], density: &[f64], f0: f64) -> f64 {
-    let nodes = density.iter().zip(over.weights()).zip(factor);
-    let left: Vec<f64> =
-        nodes.map(|((d, w), c)| if *c > 0.0 { d * w / c } else { 0.0 }).collect();
+/// 1 − |λ₂|/λ₁: the kernel diag(c) A diag(w), with A symmetric, on what is orthogonal to its left eigenvector w v/c = w σ/F₀.
+fn gap(
+    over: &impl Hemisphere,
+    factor: &[f64],
+    (density, sigma): (&[f64], &[f64]),
+    f0: f64,
+) -> f64 {
+    let left: Vec<f64> = sigma.iter().zip(over.weights()).map(|(s, w)| s * w).collect();
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let whole = dot(&left, density);
     let orthogonal = |x: &mut [f64]| {
@@ -91,7 +94,8 @@ fn gap(over: &impl Hemisphere, factor: &[f64], density: &[f64], f0: f64) -> f64 
     for _ in 0..40 {
         orthogonal(&mut x);
         let size = dot(&x, &x).sqrt();
-        if !(size > 0.0) {
+        // What is left of a lobe so narrow that the kernel has but one eigenvalue is rounding.
+        if !(size > 1e-14 * f0) {
             return 1.0;
         }
         x.iter_mut().for_each(|x| *x /= size);

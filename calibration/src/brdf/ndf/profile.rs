@@ -1,7 +1,7 @@
 //! One plane of incidence, from readings to ln f on the nodes.
 
 use super::scan::Scan;
-use super::shape::{EVERY_ALPHA, Reading, fit};
+use super::shape::{EVERY_ALPHA, Reading, ShapeFit, fit, ln_shape};
 use super::spline::{EvenSpline, Knots, knots_of};
 use super::tail::tails;
 use super::zero::{self, Zero, ZeroOrigin};
@@ -16,9 +16,49 @@ const GAP_STEPS: f64 = 3.0;
 #[derive(Debug, Clone)]
 pub(super) struct Traced {
     pub profile: Profile,
+    reference: Reference,
     /// ln f on the nodes: as found, then with other continuations and across gaps otherwise.
     pub ln_f: Vec<Vec<f64>>,
     pub flags: Vec<NdfFlags>,
+}
+
+/// A lobe that ln f is counted from before it is interpolated: what it leaves is smoother. None where no lobe is near, or only one that is narrower than a step.
+#[derive(Debug, Clone, Copy)]
+struct Reference(Option<(Distribution, f64)>);
+
+/// A lobe that leaves more than this of ln f is no reference.
+const NEAR: f64 = 0.2;
+
+impl Reference {
+    fn of(beckmann: ShapeFit, ggx: ShapeFit, step_deg: f64) -> Self {
+        let both = [(Distribution::Beckmann, beckmann), (Distribution::Ggx, ggx)];
+        let best = both.into_iter().min_by(|a, b| a.1.misfit.total_cmp(&b.1.misfit));
+        let is_near =
+            |f: &ShapeFit| f.misfit < NEAR && f.alpha.to_degrees() > step_deg && f.alpha < 1.0;
+        Self(best.filter(|(_, f)| is_near(f)).map(|(d, f)| (d, f.alpha)))
+    }
+
+    fn at(self, theta: f64) -> f64 {
+        self.0.map_or(0.0, |(distribution, alpha)| ln_shape(distribution, alpha, theta))
+    }
+}
+
+/// ln f between readings.
+struct Curve<'a> {
+    spline: EvenSpline<'a>,
+    reference: Reference,
+}
+
+impl<'a> Curve<'a> {
+    fn through(knots: &'a Knots, reference: Reference, readings: &[Reading]) -> Option<Self> {
+        let left: Vec<Reading> =
+            readings.iter().map(|(x, y, w)| (*x, y - reference.at(*x), *w)).collect();
+        Some(Self { spline: knots.through(&left)?, reference })
+    }
+
+    fn at(&self, theta: f64) -> f64 {
+        self.spline.at(theta) + self.reference.at(theta)
+    }
 }
 
 impl Traced {
@@ -44,21 +84,23 @@ impl Traced {
         }
         let too_few = || NdfError::TooFew { found: scan.f.len(), least: 8 };
         let readings = off_normal(scan, zero.angle_deg);
+        let shape = |d: Distribution| fit(d, &near_normal(&readings), EVERY_ALPHA);
+        let (beckmann, ggx) = (shape(Distribution::Beckmann), shape(Distribution::Ggx));
+        let reference = Reference::of(beckmann, ggx, scan.step_deg());
         let knots = Knots::new(knots_of(&places(&readings))).ok_or_else(too_few)?;
-        let spline = knots.through(&readings).ok_or_else(too_few)?;
+        let spline = Curve::through(&knots, reference, &readings).ok_or_else(too_few)?;
         let gaps = gaps(&readings, &spline, scan.step_deg(), notes)?;
         let end = knots.end();
         let tails = tails(&readings, end, spline.at(end), options.tail);
         let best = tails.first().ok_or_else(too_few)?;
-        let shape = |d: Distribution| fit(d, &near_normal(&readings), EVERY_ALPHA);
         let profile = Profile {
             azimuth_deg,
             zero,
             measured_to_deg: end.to_degrees(),
             step_deg: scan.step_deg(),
             tail: best.kind,
-            beckmann: shape(Distribution::Beckmann),
-            ggx: shape(Distribution::Ggx),
+            beckmann,
+            ggx,
         };
         let along = |theta: f64, tail: &super::tail::Tail| {
             if theta > end { tail.at(theta) } else { spline.at(theta) }
@@ -85,7 +127,7 @@ impl Traced {
             }
         };
         let flags = theta.iter().map(flag).collect();
-        Ok(Self { profile, ln_f, flags })
+        Ok(Self { profile, reference, ln_f, flags })
     }
 
     /// ln f on the nodes and the two roughnesses of the same scan with other readings: the kind of continuation is kept, the symmetry point is fitted again.
@@ -98,7 +140,7 @@ impl Traced {
         }
         let readings = off_normal(scan, profile.zero.angle_deg);
         let knots = Knots::new(knots_of(&places(&readings)))?;
-        let spline = knots.through(&readings)?;
+        let spline = Curve::through(&knots, self.reference, &readings)?;
         let end = knots.end();
         let tails = tails(&readings, end, spline.at(end), Some(profile.tail));
         let best = tails.first()?;
@@ -111,7 +153,7 @@ impl Traced {
         profile.beckmann = fit(Distribution::Beckmann, &near, close(beckmann));
         profile.ggx = fit(Distribution::Ggx, &near, close(ggx));
         let ln_f = vec![theta.iter().map(along).collect()];
-        Some(Self { profile, ln_f, flags: Vec::new() })
+        Some(Self { profile, reference: self.reference, ln_f, flags: Vec::new() })
     }
 }
 
@@ -136,7 +178,7 @@ fn near_normal(readings: &[Reading]) -> Vec<Reading> {
 /// Where neighbouring readings off the normal are far apart, radians.
 fn gaps(
     readings: &[Reading],
-    spline: &EvenSpline<'_>,
+    spline: &Curve<'_>,
     step_deg: f64,
     notes: &mut Vec<Note>,
 ) -> Result<Vec<Range<f64>>, NdfError> {

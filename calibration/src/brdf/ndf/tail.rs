@@ -21,9 +21,12 @@ pub enum TailKind {
 /// All kinds.
 const KINDS: [TailKind; 4] =
     [TailKind::Ggx, TailKind::Beckmann, TailKind::Exponential, TailKind::Linear];
-/// The part of the measured angles that a tail is fitted to.
+/// The kinds that are tried beside the best one: whatever follows the last readings.
+const OTHERS: [TailKind; 3] = [TailKind::Ggx, TailKind::Beckmann, TailKind::Exponential];
+/// The part of the measured angles that the best is chosen by.
 const WINDOW: f64 = 0.6;
-/// A continuation that follows the readings to this (root mean square of ln f), or three times as well as the best, counts.
+/// The part of them that the others have to follow, and how well (root mean square of ln f, or three times what the best leaves).
+const LAST: f64 = 0.85;
 const PLAUSIBLE: f64 = 0.05;
 
 /// A continuation.
@@ -97,26 +100,33 @@ fn line(readings: impl Iterator<Item = Reading> + Clone) -> ([f64; 2], f64) {
     (parameters, (left / w).sqrt())
 }
 
-/// The best continuation first, then the others that the readings do not exclude. `only` leaves the choice to the caller.
+/// The best continuation first, then others that the last readings do not exclude. `only` leaves the choice to the caller.
 pub(super) fn tails(
     readings: &[Reading],
     end: f64,
     ln_f_end: f64,
     only: Option<TailKind>,
 ) -> Vec<Tail> {
-    let mut near: Vec<Reading> =
-        readings.iter().copied().filter(|r| r.0.abs() >= WINDOW * end).collect();
-    if near.len() < 6 {
-        near = readings[readings.len().saturating_sub(6)..].to_vec();
-    }
-    let make = |kind: TailKind| Tail::fitted(kind, &near, end, ln_f_end);
-    if let Some(kind) = only {
-        return vec![make(kind)];
-    }
-    let mut all: Vec<Tail> = KINDS.into_iter().map(make).collect();
-    all.retain(|tail| tail.misfit.is_finite() && tail.step.is_finite());
-    all.sort_by(|a, b| a.misfit.total_cmp(&b.misfit));
-    let Some(best) = all.first().map(|tail| tail.misfit) else { return all };
-    all.retain(|tail| tail.misfit <= PLAUSIBLE.max(3.0 * best));
-    all
+    let beyond = |part: f64| {
+        let near: Vec<Reading> =
+            readings.iter().copied().filter(|r| r.0.abs() >= part * end).collect();
+        if near.len() >= 6 { near } else { readings[readings.len().saturating_sub(6)..].to_vec() }
+    };
+    let wide = beyond(WINDOW);
+    let make = |kind: TailKind| Tail::fitted(kind, &wide, end, ln_f_end);
+    let is_good = |tail: &Tail| tail.misfit.is_finite() && tail.step.is_finite();
+    let best = match only {
+        Some(kind) => Some(make(kind)),
+        None => {
+            let all = KINDS.into_iter().map(make).filter(is_good);
+            all.min_by(|a, b| a.misfit.total_cmp(&b.misfit))
+        }
+    };
+    let Some(best) = best else { return Vec::new() };
+    let last = beyond(LAST);
+    let other = |kind: TailKind| Tail::fitted(kind, &last, end, ln_f_end);
+    let others = OTHERS.into_iter().filter(|kind| *kind != best.kind).map(other);
+    let least = PLAUSIBLE.max(3.0 * best.misfit);
+    let others = others.filter(|tail| is_good(tail) && tail.misfit <= least);
+    std::iter::once(best).chain(others).collect()
 }
