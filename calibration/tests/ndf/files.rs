@@ -14,19 +14,32 @@ fn an_ndf_comes_back() {
     let text = ecsv::to_string(&to_table(&ndf)).unwrap();
     let back = from_table("ndf.ecsv", &ecsv::read_str("ndf.ecsv", &text).unwrap()).unwrap();
     ndf.notes.clear();
-    let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12 * b.abs());
+    let close =
+        |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12 * b.abs());
     assert!(close(&back.theta_rad, &ndf.theta_rad) && back.density == ndf.density);
     assert_eq!(
         (back.f0, back.f0_sigma, back.f0_bound, back.flags, back.profiles, back.convergence),
-        (ndf.f0, ndf.f0_sigma, ndf.f0_bound, ndf.flags, ndf.profiles, ndf.convergence)
+        (
+            ndf.f0,
+            ndf.f0_sigma,
+            ndf.f0_bound,
+            ndf.flags.clone(),
+            ndf.profiles.clone(),
+            ndf.convergence
+        )
     );
-    let words = |text: &str| {
-        from_table("n.ecsv", &ecsv::read_str("n.ecsv", text).unwrap()).unwrap_err().to_string()
-    };
-    let wrong = words(&text.replace("kind: ndf", "kind: light_curve"));
+    let mut other = to_table(&ndf);
+    other.meta.insert("kind".into(), "light_curve".into());
+    let wrong = from_table("n.ecsv", &other).unwrap_err().to_string();
     assert!(wrong.contains("kind: found `light_curve`, expected `ndf`"), "{wrong}");
-    let wrong = words(&text.replace("d_per_sr", "e_per_sr"));
+    let mut other = to_table(&ndf);
+    other.columns[1].name = "e_per_sr".into();
+    let wrong = from_table("n.ecsv", &other).unwrap_err().to_string();
     assert!(wrong.contains("d_per_sr: found no such column"), "{wrong}");
+    let mut other = to_table(&ndf);
+    other.columns[0] = sunglint_formats::Column::f64("theta_deg", None, vec![1.0; 128]);
+    let wrong = from_table("n.ecsv", &other).unwrap_err().to_string();
+    assert!(wrong.contains("elevations that increase"), "{wrong}");
 }
 
 const RUN: &str = "# %ECSV 1.0

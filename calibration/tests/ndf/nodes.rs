@@ -77,7 +77,10 @@ fn what_is_no_brdf_is_refused() {
         (vec![-1.0; 16], "-1 sr⁻¹ at node 0"),
     ] {
         let error = solve(&over, &f).unwrap_err();
-        assert!(matches!(error, NdfError::Values(_)) && error.to_string().contains(words), "{error}");
+        assert!(
+            matches!(error, NdfError::Values(_)) && error.to_string().contains(words),
+            "{error}"
+        );
     }
     // Light from one direction alone is a lobe all the same.
     let mut single = vec![0.0; 16];

@@ -36,12 +36,11 @@ impl Truth {
 
     /// G₁ = 1/(1 + Λ).
     pub fn masking(&self, theta: f64, phi: f64) -> f64 {
-        let along = ((phi.cos() * self.alpha[0]).powi(2) + (phi.sin() * self.alpha[1]).powi(2)).sqrt();
+        let along =
+            ((phi.cos() * self.alpha[0]).powi(2) + (phi.sin() * self.alpha[1]).powi(2)).sqrt();
         let a = 1.0 / (along * theta.tan());
         let lambda = match self.shape {
-            Shape::Beckmann => {
-                0.5 * (-libm::erfc(a) + (-a * a).exp() / (a * PI.sqrt()))
-            }
+            Shape::Beckmann => 0.5 * (-libm::erfc(a) + (-a * a).exp() / (a * PI.sqrt())),
             Shape::Ggx => 0.5 * ((1.0 + 1.0 / (a * a)).sqrt() - 1.0),
         };
         1.0 / (1.0 + lambda)
@@ -54,8 +53,10 @@ impl Truth {
 
     /// Readings from −10° to 65°, the normal at `zero_deg`.
     pub fn run(&self, step_deg: f64, zero_deg: f64) -> RetroTable {
-        let angles: Vec<f64> =
-            (0..).map(|k| -10.0 + step_deg * f64::from(k)).take_while(|a| *a <= 65.0 + 1e-9).collect();
+        let angles: Vec<f64> = (0..)
+            .map(|k| -10.0 + step_deg * f64::from(k))
+            .take_while(|a| *a <= 65.0 + 1e-9)
+            .collect();
         run(&angles, |angle| self.f((angle - zero_deg).to_radians(), 0.0))
     }
 }

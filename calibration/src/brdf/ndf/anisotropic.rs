@@ -26,8 +26,7 @@ pub(super) fn extract(run: &RetroTable, options: &NdfOptions) -> Result<Ndf, Ndf
         let traced = Traced::new(&scan, azimuth_deg, &elevations.theta_rad, options, &mut notes)?;
         scans.push((scan, traced));
     }
-    let azimuth: Vec<f64> =
-        scans.iter().map(|(_, t)| t.profile.azimuth_deg.to_radians()).collect();
+    let azimuth: Vec<f64> = scans.iter().map(|(_, t)| t.profile.azimuth_deg.to_radians()).collect();
     let around = Around::new(&azimuth, &mut notes)?;
     let alphas = scans.iter().map(|(_, t)| t.profile.ggx.alpha);
     let (least, most) = alphas.fold((f64::INFINITY, 0.0_f64), |(a, b), x| (a.min(x), b.max(x)));
@@ -111,9 +110,7 @@ impl Around {
         if last <= FRAC_PI_2 + tiny {
             notes.push(Note::Mirrored);
             let beyond = azimuth.iter().copied().zip(0..).map(|(a, k)| (PI - a, k));
-            knots.extend(
-                beyond.filter(|(a, _)| *a > FRAC_PI_2 + tiny && *a < PI - tiny),
-            );
+            knots.extend(beyond.filter(|(a, _)| *a > FRAC_PI_2 + tiny && *a < PI - tiny));
             knots.sort_by(|a, b| a.0.total_cmp(&b.0));
         }
         let n = knots.len();

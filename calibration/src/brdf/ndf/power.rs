@@ -73,12 +73,7 @@ pub fn solve(over: &impl Hemisphere, f: &[f64]) -> Result<Solution, NdfError> {
 }
 
 /// 1 − |λ₂|/λ₁: the kernel diag(c) A diag(w), with A symmetric, on what is orthogonal to its left eigenvector w v/c = w σ/F₀.
-fn gap(
-    over: &impl Hemisphere,
-    factor: &[f64],
-    (density, sigma): (&[f64], &[f64]),
-    f0: f64,
-) -> f64 {
+fn gap(over: &impl Hemisphere, factor: &[f64], (density, sigma): (&[f64], &[f64]), f0: f64) -> f64 {
     let left: Vec<f64> = sigma.iter().zip(over.weights()).map(|(s, w)| s * w).collect();
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let whole = dot(&left, density);

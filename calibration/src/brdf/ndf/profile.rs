@@ -3,7 +3,7 @@
 use super::scan::Scan;
 use super::shape::{EVERY_ALPHA, Reading, ShapeFit, fit, ln_shape};
 use super::spline::{EvenSpline, Knots, knots_of};
-use super::tail::tails;
+use super::tail::{self, Tail};
 use super::zero::{self, Zero, ZeroOrigin};
 use super::{NdfError, NdfFlags, NdfOptions, Note, Profile};
 use std::ops::Range;
@@ -91,8 +91,9 @@ impl Traced {
         let spline = Curve::through(&knots, reference, &readings).ok_or_else(too_few)?;
         let gaps = gaps(&readings, &spline, scan.step_deg(), notes)?;
         let end = knots.end();
-        let tails = tails(&readings, end, spline.at(end), options.tail);
-        let best = tails.first().ok_or_else(too_few)?;
+        let joint = (end, spline.at(end));
+        let best = tail::chosen(&readings, joint, options.tail).ok_or_else(too_few)?;
+        let others = tail::others(&readings, joint, &best);
         let profile = Profile {
             azimuth_deg,
             zero,
@@ -102,18 +103,19 @@ impl Traced {
             beckmann,
             ggx,
         };
-        let along = |theta: f64, tail: &super::tail::Tail| {
+        let along = |theta: f64, tail: &Tail| {
             if theta > end { tail.at(theta) } else { spline.at(theta) }
         };
+        let tails = std::iter::once(&best).chain(&others);
         let mut ln_f: Vec<Vec<f64>> =
-            tails.iter().map(|tail| theta.iter().map(|t| along(*t, tail)).collect()).collect();
+            tails.map(|tail| theta.iter().map(|t| along(*t, tail)).collect()).collect();
         if !gaps.is_empty() {
             let straight = |t: f64| match gaps.iter().find(|g| g.contains(&t)) {
                 Some(g) => {
                     let share = (t - g.start) / (g.end - g.start);
                     (1.0 - share) * spline.at(g.start) + share * spline.at(g.end)
                 }
-                None => along(t, best),
+                None => along(t, &best),
             };
             ln_f.push(theta.iter().map(|t| straight(*t)).collect());
         }
@@ -142,13 +144,11 @@ impl Traced {
         let knots = Knots::new(knots_of(&places(&readings)))?;
         let spline = Curve::through(&knots, self.reference, &readings)?;
         let end = knots.end();
-        let tails = tails(&readings, end, spline.at(end), Some(profile.tail));
-        let best = tails.first()?;
+        let best = tail::chosen(&readings, (end, spline.at(end)), Some(profile.tail))?;
         let along = |t: &f64| if *t > end { best.at(*t) } else { spline.at(*t) };
         let near = near_normal(&readings);
-        let close = |alpha: f64| {
-            ((0.5 * alpha).max(EVERY_ALPHA.0), (1.7 * alpha).min(EVERY_ALPHA.1))
-        };
+        let close =
+            |alpha: f64| ((0.5 * alpha).max(EVERY_ALPHA.0), (1.7 * alpha).min(EVERY_ALPHA.1));
         let (beckmann, ggx) = (profile.beckmann.alpha, profile.ggx.alpha);
         profile.beckmann = fit(Distribution::Beckmann, &near, close(beckmann));
         profile.ggx = fit(Distribution::Ggx, &near, close(ggx));

@@ -34,10 +34,10 @@ pub fn to_table(ndf: &Ndf) -> Table {
                 .described("standard deviation by the readings"),
         );
     }
-    columns.push(
-        Column::f64("bound_d_per_sr", sr, ndf.density_bound.clone())
-            .described("largest change with other continuations beyond the last angle and in gaps"),
-    );
+    columns
+        .push(Column::f64("bound_d_per_sr", sr, ndf.density_bound.clone()).described(
+            "largest change with other continuations beyond the last angle and in gaps",
+        ));
     columns.push(
         Column::f64("sigma_projected", None, ndf.projected_area.clone())
             .described("projected area of microfacets towards that direction"),

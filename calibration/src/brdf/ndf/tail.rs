@@ -69,6 +69,10 @@ impl Tail {
         tail
     }
 
+    fn is_good(&self) -> bool {
+        self.misfit.is_finite() && self.step.is_finite()
+    }
+
     /// ln f at an angle, radians.
     pub fn at(&self, theta: f64) -> f64 {
         let [p, q] = self.parameters;
@@ -100,33 +104,30 @@ fn line(readings: impl Iterator<Item = Reading> + Clone) -> ([f64; 2], f64) {
     (parameters, (left / w).sqrt())
 }
 
-/// The best continuation first, then others that the last readings do not exclude. `only` leaves the choice to the caller.
-pub(super) fn tails(
+/// The continuation that follows the readings best, or the one of that kind.
+pub(super) fn chosen(
     readings: &[Reading],
-    end: f64,
-    ln_f_end: f64,
+    (end, ln_f_end): (f64, f64),
     only: Option<TailKind>,
-) -> Vec<Tail> {
-    let beyond = |part: f64| {
-        let near: Vec<Reading> =
-            readings.iter().copied().filter(|r| r.0.abs() >= part * end).collect();
-        if near.len() >= 6 { near } else { readings[readings.len().saturating_sub(6)..].to_vec() }
-    };
-    let wide = beyond(WINDOW);
-    let make = |kind: TailKind| Tail::fitted(kind, &wide, end, ln_f_end);
-    let is_good = |tail: &Tail| tail.misfit.is_finite() && tail.step.is_finite();
-    let best = match only {
-        Some(kind) => Some(make(kind)),
-        None => {
-            let all = KINDS.into_iter().map(make).filter(is_good);
-            all.min_by(|a, b| a.misfit.total_cmp(&b.misfit))
-        }
-    };
-    let Some(best) = best else { return Vec::new() };
-    let last = beyond(LAST);
-    let other = |kind: TailKind| Tail::fitted(kind, &last, end, ln_f_end);
-    let others = OTHERS.into_iter().filter(|kind| *kind != best.kind).map(other);
-    let least = PLAUSIBLE.max(3.0 * best.misfit);
-    let others = others.filter(|tail| is_good(tail) && tail.misfit <= least);
-    std::iter::once(best).chain(others).collect()
+) -> Option<Tail> {
+    let near = beyond(readings, WINDOW * end);
+    let make = |kind: TailKind| Tail::fitted(kind, &near, end, ln_f_end);
+    let kinds = KINDS.into_iter().filter(|kind| only.is_none_or(|only| only == *kind));
+    let all = kinds.map(make).filter(Tail::is_good);
+    all.min_by(|a, b| a.misfit.total_cmp(&b.misfit))
+}
+
+/// Others that the last readings do not exclude.
+pub(super) fn others(readings: &[Reading], (end, ln_f_end): (f64, f64), best: &Tail) -> Vec<Tail> {
+    let last = beyond(readings, LAST * end);
+    let make = |kind: TailKind| Tail::fitted(kind, &last, end, ln_f_end);
+    let all = OTHERS.into_iter().filter(|kind| *kind != best.kind).map(make);
+    let most = PLAUSIBLE.max(3.0 * best.misfit);
+    all.filter(|tail| tail.is_good() && tail.misfit <= most).collect()
+}
+
+/// The readings beyond an angle, at least the last six.
+fn beyond(readings: &[Reading], from: f64) -> Vec<Reading> {
+    let near: Vec<Reading> = readings.iter().copied().filter(|r| r.0.abs() >= from).collect();
+    if near.len() >= 6 { near } else { readings[readings.len().saturating_sub(6)..].to_vec() }
 }

@@ -56,8 +56,7 @@ impl Judge<'_> {
         let reach = part.iter().fold(0.0_f64, |a, k| a.max(offset(*k).abs()));
         // Coarser than the readings: what is the same on both sides does not need to be followed to the last digit.
         let knots = ((reach / (1.5 * self.step)).floor() as usize).max(2);
-        let knots =
-            Knots::new((0..=knots).map(|k| reach * k as f64 / knots as f64).collect())?;
+        let knots = Knots::new((0..=knots).map(|k| reach * k as f64 / knots as f64).collect())?;
         let readings: Vec<(f64, f64, f64)> =
             part.iter().map(|k| (offset(*k), self.scan.f[*k].ln(), self.weights[*k])).collect();
         let spline = knots.through(&readings)?;
