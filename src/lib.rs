@@ -8,6 +8,7 @@
 //! - [`simulate`]: what a pass should look like in every channel;
 //! - [`passes`]: when satellites can be seen;
 //! - [`picture`]: what a body looks like, and what it sends into all directions;
+//! - [`brdf`]: a sample's reflectance, from a goniometer;
 //! - [`devices`]: the instruments;
 //! - [`mod@bench`]: error against time of the light engines;
 //! - [`station`]: which station a command is about;
@@ -17,6 +18,7 @@
 
 pub mod air;
 pub mod bench;
+pub mod brdf;
 pub mod cli;
 pub mod demo;
 pub mod devices;

@@ -114,7 +114,9 @@ fn a_rig_in_its_plane() {
     let mut seen = Vec::new();
     for step in &made.steps {
         let [i, o] = step.marks_deg.unwrap();
-        assert!(i.fract() == 0.0 && o.fract() == 0.0 && (0.0..=55.0).contains(&i) && o.abs() <= 89.0);
+        assert!(
+            i.fract() == 0.0 && o.fract() == 0.0 && (0.0..=55.0).contains(&i) && o.abs() <= 89.0
+        );
         assert!((i + o).abs() >= 30.0, "{i} {o}");
         assert!(!seen.contains(&[i, o]));
         seen.push([i, o]);

@@ -3,10 +3,11 @@
 //! `kind: retro_reflection` in the metadata; columns `angle_deg` (the stage's angle), `f_per_sr`, and where they are known `sigma_f_per_sr`, `azimuth_deg`
 //! (of a sample that differs by azimuth) and `flags`. Other columns (uncertainties by component) are left alone.
 
+use bitflags::Flags as _;
 use serde_json::Value;
 use std::path::Path;
 use sunglint_formats::flag_bits::Numbering;
-use sunglint_formats::{ParseError, Table, TableError};
+use sunglint_formats::{ParseError, Table, TableError, Values};
 
 bitflags::bitflags! {
     /// What is known to be wrong with a reading. In files the metadata `flag_bits` names the bits.
@@ -76,18 +77,14 @@ impl RetroTable {
         let azimuth = azimuth.transpose().map_err(bad)?;
         let sigma = has("sigma_f_per_sr").then(|| per_steradian(table, "sigma_f_per_sr"));
         let sigma = sigma.transpose().map_err(bad)?;
-        let flags = has("flags").then(|| table.i64("flags")).transpose().map_err(bad)?;
-        let numbering = Numbering::<RetroFlags>::read(path, table.meta.get("flag_bits"))?;
+        let flags = flags_of(path, table)?;
         let mut readings = Vec::with_capacity(angle.len());
         for row in 0..angle.len() {
             let wrong = |field: &str, found: String, expected: &str| {
                 let found = format!("{found} in row {}", row + 1);
                 ParseError::new(path, found, expected).in_field(field)
             };
-            let value = flags.and_then(|flags| flags[row]).unwrap_or(0);
-            let flags = numbering.flags(value).ok_or_else(|| {
-                wrong("flags", value.to_string(), "flags that the metadata `flag_bits` name")
-            })?;
+            let flags = flags[row];
             let reading = Reading {
                 angle_deg: angle[row],
                 azimuth_deg: azimuth.as_ref().map_or(0.0, |a| a[row]),
@@ -132,6 +129,49 @@ impl RetroTable {
             scale_sigma: number("scale_sigma")?.unwrap_or(0.0),
             has_azimuths: azimuth.is_some(),
         })
+    }
+}
+
+/// The flags of all rows: numbers whose bits the metadata name, or the names themselves (in a file without metadata).
+fn flags_of(path: &Path, table: &Table) -> Result<Vec<RetroFlags>, ParseError> {
+    let wrong = |row: usize, found: String, expected: &str| {
+        ParseError::new(path, format!("{found} in row {}", row + 1), expected).in_field("flags")
+    };
+    let Ok(column) = table.column("flags") else {
+        return Ok(vec![RetroFlags::empty(); table.rows()]);
+    };
+    let numbering = Numbering::<RetroFlags>::read(path, table.meta.get("flag_bits"))?;
+    let number = |row: usize, value: i64| {
+        numbering.flags(value).ok_or_else(|| {
+            wrong(row, value.to_string(), "flags that the metadata `flag_bits` name")
+        })
+    };
+    let name = |row: usize, text: &str| {
+        let known = RetroFlags::FLAGS.iter().find(|f| f.name().eq_ignore_ascii_case(text));
+        known.map(|f| *f.value()).ok_or_else(|| {
+            let names: Vec<String> =
+                RetroFlags::FLAGS.iter().map(|f| f.name().to_lowercase()).collect();
+            wrong(row, format!("`{text}`"), &format!("names of flags: {}", names.join(", ")))
+        })
+    };
+    match &column.values {
+        Values::Text(texts) => {
+            let row = |(row, text): (usize, &Option<String>)| {
+                let words = text.as_deref().unwrap_or("").split([' ', ';', '|']);
+                words
+                    .filter(|w| !w.is_empty())
+                    .try_fold(RetroFlags::empty(), |all, word| Ok(all | name(row, word)?))
+            };
+            texts.iter().enumerate().map(row).collect()
+        }
+        Values::I64(values) => {
+            values.iter().enumerate().map(|(row, v)| number(row, v.unwrap_or(0))).collect()
+        }
+        _ => {
+            let values = table.f64("flags").map_err(|e| e.in_file(path))?;
+            let whole = |v: &f64| if v.is_nan() { 0 } else { *v as i64 };
+            values.iter().enumerate().map(|(row, v)| number(row, whole(v))).collect()
+        }
     }
 }
 

@@ -83,3 +83,23 @@ fn a_run_from_its_file() {
         assert!(error.contains(words), "{error}");
     }
 }
+
+/// Truth: by hand. Without metadata flags go by their names.
+#[test]
+fn a_run_as_plain_columns() {
+    let text = "angle_deg,f_per_sr,flags\n0,1.5,\n1,,over_range\n2,0.7,edge outliers\n";
+    let read = |text: &str| {
+        let table = sunglint_simulator::pass::table::any("run.csv".as_ref(), text).unwrap();
+        RetroTable::from_table("run.csv", &table).map_err(|e| e.to_string())
+    };
+    let run = read(text).unwrap();
+    let flags: Vec<RetroFlags> = run.readings.iter().map(|r| r.flags).collect();
+    let both = RetroFlags::EDGE | RetroFlags::OUTLIERS;
+    assert_eq!(flags, [RetroFlags::empty(), RetroFlags::OVER_RANGE, both]);
+    assert_eq!((run.readings[0].f_per_sr, run.readings[0].sigma_f_per_sr), (1.5, 0.0));
+    let error = read(&text.replace("edge", "egde")).unwrap_err();
+    assert!(
+        error.contains("flags: found `egde` in row 3, expected names of flags: over_range"),
+        "{error}"
+    );
+}
