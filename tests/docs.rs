@@ -141,6 +141,19 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     }
     let listed = folder.run(&["devices", "list", "--indi", "127.0.0.1:1", "--json"]);
     keys(&serde_json::from_slice(&listed.stdout).unwrap(), &mut printed);
+    // A sample on a goniometer: a lobe that falls by 2 % a degree squared.
+    let mut retro = String::from("angle_deg,f_per_sr,sigma_f_per_sr\n");
+    for k in -10_i32..60 {
+        let f = (-0.002 * f64::from(k * k)).exp();
+        retro += &format!("{k},{f},{}\n", 0.01 * f);
+    }
+    std::fs::write(folder.path("retro.csv"), retro).unwrap();
+    let ndf = ["brdf", "ndf", "retro.csv", "--resamplings", "3", "--json", "-o", "ndf.ecsv"];
+    keys(&folder.json(&ndf), &mut printed);
+    keys(
+        &folder.json(&["brdf", "plan", "ndf.ecsv", "--rig", "--side", "9", "--json"]),
+        &mut printed,
+    );
     // Rates are by the station's own channels.
     for channel in ["r", "g", "b", "id400", "spcm", "mppc"] {
         printed.remove(channel);
@@ -165,6 +178,9 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "demo",
         "null",
         "file",
+        "brdf",
+        "ndf",
+        "plan",
         "devices",
         "check",
         "read",

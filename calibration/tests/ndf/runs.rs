@@ -105,29 +105,34 @@ fn the_bound_covers_another_tail() {
     assert!((0.005..0.1).contains(&best.f0_bound), "{}", best.f0_bound);
 }
 
-/// Truth: the anisotropic closed form. Planes of incidence by 15° over half the circle. Tolerance 5e-3: ln f of Beckmann goes as cos 2φ tan²θ/α², of which a
-/// spline with 12 knots leaves 2e-3 at the edge of the lobe.
+/// Truth: the anisotropic closed form. Planes of incidence by 15° over half the circle or a quarter of it, or unevenly. Tolerance 1e-3, unevenly 2 %: ln f goes
+/// as cos 2φ tan²θ/α², which trigonometric polynomials follow; a cubic spline leaves h⁴/24 of its amplitude of 28 at the end of the long axis.
 #[test]
 fn planes_of_incidence() {
-    let truth = Truth { shape: Shape::Beckmann, alpha: [0.1, 0.3], f0: 0.8 };
-    for last in [180.0, 90.5] {
-        let mut whole = run(&[], |_| 0.0);
-        let mut azimuth: f64 = 0.0;
-        while azimuth < last {
-            let angles: Vec<f64> = (0..151).map(|k| -10.0 + 0.5 * f64::from(k)).collect();
-            let plane = run(&angles, |a| truth.f(a.to_radians(), azimuth.to_radians()));
-            let turned = plane.readings.into_iter().map(|mut r| {
-                r.azimuth_deg = azimuth;
-                r
-            });
-            whole.readings.extend(turned.filter(|r| r.f_per_sr > 1e-12));
-            azimuth += 15.0;
+    let even = |last: f64| -> Vec<f64> {
+        (0..12).map(|k| 15.0 * f64::from(k)).filter(|a| *a <= last).collect()
+    };
+    let uneven = vec![0.0, 14.0, 30.0, 45.0, 61.0, 75.0, 90.0, 105.0, 121.0, 135.0, 150.0, 166.0];
+    for shape in [Shape::Beckmann, Shape::Ggx] {
+        let truth = Truth { shape, alpha: [0.1, 0.3], f0: 0.8 };
+        for (azimuths, tolerance) in [(even(180.0), 1e-3), (even(90.0), 1e-3), (uneven.clone(), 2e-2)] {
+            let mut whole = run(&[], |_| 0.0);
+            for azimuth in &azimuths {
+                let angles: Vec<f64> = (0..151).map(|k| -10.0 + 0.5 * f64::from(k)).collect();
+                let plane = run(&angles, |a| truth.f(a.to_radians(), azimuth.to_radians()));
+                let turned = plane.readings.into_iter().map(|mut r| {
+                    r.azimuth_deg = *azimuth;
+                    r
+                });
+                whole.readings.extend(turned);
+            }
+            let found = extract(&whole, &options()).unwrap();
+            assert!(!found.is_isotropic() && found.phi_rad.len() == 32);
+            let worst = density_error(&truth, &found.theta_rad, &found.phi_rad, &found.density);
+            let off = (found.f0 / 0.8 - 1.0).abs();
+            eprintln!("{shape:?}, {} planes: D {worst:.1e}, F0 {off:.1e}", azimuths.len());
+            assert!(worst < tolerance && off < tolerance, "{worst:e} {off:e}");
+            assert_eq!(found.notes.contains(&Note::Mirrored), azimuths.len() == 7);
         }
-        let found = extract(&whole, &options()).unwrap();
-        assert!(!found.is_isotropic() && found.phi_rad.len() == 32);
-        let worst = density_error(&truth, &found.theta_rad, &found.phi_rad, &found.density);
-        eprintln!("to {last}: D {worst:.1e}, F0 {:.1e}", found.f0 / 0.8 - 1.0);
-        assert!(worst < 5e-3 && (found.f0 / 0.8 - 1.0).abs() < 2e-3, "{worst:e} {}", found.f0);
-        assert_eq!(found.notes.contains(&Note::Mirrored), last < 100.0);
     }
 }

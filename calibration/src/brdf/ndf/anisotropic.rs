@@ -1,4 +1,4 @@
-//! Samples that differ by azimuth: each plane of incidence by itself, then ln f around the normal by periodic cubic splines.
+//! Samples that differ by azimuth: each plane of incidence by itself, then ln f around the normal.
 //!
 //! Each plane has its own symmetry point, as a tilted mount gives it. D is taken to be the same half a turn further: with both signs of the stage's angle a plane
 //! holds both halves.
@@ -8,7 +8,7 @@ use super::profile::Traced;
 use super::scan::Scan;
 use super::{Ndf, NdfError, NdfFlags, NdfOptions, Note, exp, solve, uncertainty};
 use crate::brdf::table::{Reading, RetroTable};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Azimuths closer than this are one plane, degrees.
@@ -94,12 +94,12 @@ fn planes(readings: &[Reading]) -> Vec<(f64, Vec<Reading>)> {
     planes
 }
 
-/// A periodic cubic spline over half a turn.
+/// Interpolation around half a turn: by trigonometric polynomials where the azimuths are evenly apart, else by a periodic cubic spline.
 struct Around {
     /// Azimuths, increasing over half a turn, and which plane each is of.
     knots: Vec<(f64, usize)>,
-    /// Second derivatives per value.
-    bend: DMatrix<f64>,
+    /// Second derivatives of the spline per value; none where the azimuths are even.
+    bend: Option<DMatrix<f64>>,
 }
 
 impl Around {
@@ -115,7 +115,8 @@ impl Around {
         }
         let n = knots.len();
         let next = |k: usize| if k + 1 < n { knots[k + 1].0 } else { knots[0].0 + PI };
-        let widest = (0..n).map(|k| next(k) - knots[k].0).fold(0.0_f64, f64::max);
+        let h: Vec<f64> = (0..n).map(|k| next(k) - knots[k].0).collect();
+        let widest = h.iter().fold(0.0_f64, |a, b| a.max(*b));
         if n < LEAST_PLANES || widest > PI / 3.0 {
             return Err(NdfError::Azimuths(format!(
                 "{} planes of incidence, the widest step between them {:.1}°: an anisotropic sample needs {LEAST_PLANES} or more over half the circle \
@@ -124,39 +125,29 @@ impl Around {
                 widest.to_degrees()
             )));
         }
-        let h: Vec<f64> = (0..n).map(|k| next(k) - knots[k].0).collect();
-        let (mut left, mut right) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
-        for k in 0..n {
-            let (before, after) = ((k + n - 1) % n, (k + 1) % n);
-            left[(k, before)] += h[before] / 6.0;
-            left[(k, k)] += (h[before] + h[k]) / 3.0;
-            left[(k, after)] += h[k] / 6.0;
-            right[(k, before)] += 1.0 / h[before];
-            right[(k, k)] -= 1.0 / h[before] + 1.0 / h[k];
-            right[(k, after)] += 1.0 / h[k];
-        }
-        let bend = left.lu().solve(&right).ok_or_else(|| {
-            NdfError::Azimuths("the azimuths cannot be interpolated: two of them are alike".into())
-        })?;
+        let is_even = h.iter().all(|h| (h - PI / n as f64).abs() < 2.0 * tiny);
+        let bend = if is_even { None } else { Some(bend(&h)?) };
         Ok(Self { knots, bend })
     }
 
     /// Rows of values by plane onto azimuths: azimuth by azimuth.
     fn onto(&self, rows: &[&[f64]], phi: &[f64]) -> Vec<f64> {
-        let (n, columns) = (self.knots.len(), rows[0].len());
+        let columns = rows[0].len();
         let mut out = vec![0.0; phi.len() * columns];
-        for column in 0..columns {
-            let y = DVector::from_iterator(n, self.knots.iter().map(|(_, k)| rows[*k][column]));
-            let second = &self.bend * &y;
-            for (row, phi) in phi.iter().enumerate() {
-                out[row * columns + column] = self.at(*phi, &y, &second);
+        for (phi, out) in phi.iter().zip(out.chunks_exact_mut(columns)) {
+            for ((_, plane), weight) in self.knots.iter().zip(self.weights(*phi)) {
+                out.iter_mut().zip(rows[*plane]).for_each(|(out, value)| *out += weight * value);
             }
         }
         out
     }
 
-    fn at(&self, phi: f64, y: &DVector<f64>, second: &DVector<f64>) -> f64 {
+    /// What the value at each azimuth adds at `phi`.
+    fn weights(&self, phi: f64) -> Vec<f64> {
         let n = self.knots.len();
+        let Some(bend) = &self.bend else {
+            return self.knots.iter().map(|(a, _)| cardinal(phi - a, n)).collect();
+        };
         let phi = self.knots[0].0 + (phi - self.knots[0].0).rem_euclid(PI);
         let k = self.knots.partition_point(|(a, _)| *a <= phi).clamp(1, n) - 1;
         let next = (k + 1) % n;
@@ -164,8 +155,39 @@ impl Around {
         let h = end - self.knots[k].0;
         let b = (phi - self.knots[k].0) / h;
         let a = 1.0 - b;
-        a * y[k]
-            + b * y[next]
-            + ((a * a * a - a) * second[k] + (b * b * b - b) * second[next]) * h * h / 6.0
+        let cubic = |x: f64| (x * x * x - x) * h * h / 6.0;
+        let mut weights: Vec<f64> =
+            (0..n).map(|j| cubic(a) * bend[(k, j)] + cubic(b) * bend[(next, j)]).collect();
+        weights[k] += a;
+        weights[next] += b;
+        weights
     }
+}
+
+/// The trigonometric polynomial of period π that is 1 at one of `n` even places and 0 at the others.
+fn cardinal(x: f64, n: usize) -> f64 {
+    let (sin, cos) = x.sin_cos();
+    if sin.abs() < 1e-9 {
+        return 1.0;
+    }
+    let wave = (n as f64 * x).sin() / (n as f64 * sin);
+    if n % 2 == 0 { wave * cos } else { wave }
+}
+
+/// Second derivatives of a periodic cubic spline per value, for intervals `h`.
+fn bend(h: &[f64]) -> Result<DMatrix<f64>, NdfError> {
+    let n = h.len();
+    let (mut left, mut right) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
+    for k in 0..n {
+        let (before, after) = ((k + n - 1) % n, (k + 1) % n);
+        left[(k, before)] += h[before] / 6.0;
+        left[(k, k)] += (h[before] + h[k]) / 3.0;
+        left[(k, after)] += h[k] / 6.0;
+        right[(k, before)] += 1.0 / h[before];
+        right[(k, k)] -= 1.0 / h[before] + 1.0 / h[k];
+        right[(k, after)] += 1.0 / h[k];
+    }
+    left.lu().solve(&right).ok_or_else(|| {
+        NdfError::Azimuths("the azimuths cannot be interpolated: two of them are alike".into())
+    })
 }
