@@ -2,7 +2,7 @@
 
 use super::table;
 use crate::output::{Console, OutputArgs, Product, rounded};
-use crate::plot::{Axis, Figure, Panel, Series};
+use crate::plot::{Axis, COLOURS, Figure, Panel, Series};
 use anyhow::Context as _;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
@@ -242,10 +242,14 @@ fn figure(ndf: &Ndf, run: &RetroTable) -> Figure {
         area.push(Series::line(name("σ", *row), k, along(&ndf.projected_area, *row)));
     }
     if let (true, Some(profile)) = (ndf.is_isotropic(), ndf.profiles.first()) {
-        let kinds = [Distribution::Beckmann, Distribution::Ggx];
-        for (k, (kind, fit)) in kinds.into_iter().zip([profile.beckmann, profile.ggx]).enumerate() {
-            let label = format!("{kind:?}, α {:.4}", fit.alpha);
-            density.push(Series::line(label, k + 1, fitted(kind, &fit, &degrees)));
+        let kinds = [(Distribution::Beckmann, "Beckmann"), (Distribution::Ggx, "GGX")];
+        for (k, ((kind, name), fit)) in
+            kinds.into_iter().zip([profile.beckmann, profile.ggx]).enumerate()
+        {
+            let label = format!("{name}, α {:.4}", fit.alpha);
+            let line = Series::line(label, k + 1, fitted(kind, &fit, &degrees));
+            // A good fit would hide what it fits.
+            density.push(line.with_colour_and_dash(COLOURS[k + 1], 1));
         }
         let beyond = ndf.flags.iter().position(|f| f.contains(NdfFlags::EXTRAPOLATED));
         if let Some(k) = beyond {

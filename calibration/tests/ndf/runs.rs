@@ -115,7 +115,9 @@ fn planes_of_incidence() {
     let uneven = vec![0.0, 14.0, 30.0, 45.0, 61.0, 75.0, 90.0, 105.0, 121.0, 135.0, 150.0, 166.0];
     for shape in [Shape::Beckmann, Shape::Ggx] {
         let truth = Truth { shape, alpha: [0.1, 0.3], f0: 0.8 };
-        for (azimuths, tolerance) in [(even(180.0), 1e-3), (even(90.0), 1e-3), (uneven.clone(), 2e-2)] {
+        for (azimuths, tolerance) in
+            [(even(180.0), 1e-3), (even(90.0), 1e-3), (uneven.clone(), 2e-2)]
+        {
             let mut whole = run(&[], |_| 0.0);
             for azimuth in &azimuths {
                 let angles: Vec<f64> = (0..151).map(|k| -10.0 + 0.5 * f64::from(k)).collect();
