@@ -92,7 +92,7 @@ impl RetroTable {
                 sigma_f_per_sr: sigma.as_ref().map_or(0.0, |s| s[row]),
                 flags,
             };
-            if !(reading.angle_deg.abs() < 90.0) {
+            if reading.angle_deg.is_nan() || reading.angle_deg.abs() >= 90.0 {
                 let found = reading.angle_deg.to_string();
                 return Err(wrong("angle_deg", found, "an angle between −90 and 90"));
             }

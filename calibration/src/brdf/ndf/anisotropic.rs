@@ -171,7 +171,7 @@ fn cardinal(x: f64, n: usize) -> f64 {
         return 1.0;
     }
     let wave = (n as f64 * x).sin() / (n as f64 * sin);
-    if n % 2 == 0 { wave * cos } else { wave }
+    if n.is_multiple_of(2) { wave * cos } else { wave }
 }
 
 /// Second derivatives of a periodic cubic spline per value, for intervals `h`.

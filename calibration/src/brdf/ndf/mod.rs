@@ -325,7 +325,7 @@ impl Ndf {
     }
 }
 
-/// The range of a rig's cone in which it makes sense.
+/// Refuses options out of their ranges.
 fn check(options: &NdfOptions) -> Result<(), NdfError> {
     let wrong = |name, found, expected| Err(NdfError::Option { name, found, expected });
     if let Some(n) = options.elevations.filter(|n| !(8..=1024).contains(n)) {
@@ -341,7 +341,9 @@ fn check(options: &NdfOptions) -> Result<(), NdfError> {
         return wrong("most_offset_deg", options.most_offset_deg, "an angle from 0 to 45°");
     }
     match options.zero_deg {
-        Some(zero) if !(zero.abs() <= 45.0) => wrong("zero_deg", zero, "an angle from −45 to 45°"),
+        Some(zero) if zero.is_nan() || zero.abs() > 45.0 => {
+            wrong("zero_deg", zero, "an angle from −45 to 45°")
+        }
         _ => Ok(()),
     }
 }

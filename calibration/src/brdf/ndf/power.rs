@@ -66,7 +66,7 @@ pub fn solve(over: &impl Hemisphere, f: &[f64]) -> Result<Solution, NdfError> {
     let eigenvalue_gap = gap(over, &factor, (&density, &sigma), f0);
     let convergence = Convergence { residual, iterations, eigenvalue_gap };
     // Rounding may stop it before the tolerance does.
-    if !(residual <= 1e3 * TOLERANCE * f0) {
+    if residual.is_nan() || residual > 1e3 * TOLERANCE * f0 {
         return Err(NdfError::NotConverged { residual, iterations, eigenvalue_gap });
     }
     Ok(Solution { f0, density, sigma, convergence })
@@ -90,7 +90,7 @@ fn gap(over: &impl Hemisphere, factor: &[f64], (density, sigma): (&[f64], &[f64]
         orthogonal(&mut x);
         let size = dot(&x, &x).sqrt();
         // What is left of a lobe so narrow that the kernel has but one eigenvalue is rounding.
-        if !(size > 1e-14 * f0) {
+        if size.is_nan() || size <= 1e-14 * f0 {
             return 1.0;
         }
         x.iter_mut().for_each(|x| *x /= size);

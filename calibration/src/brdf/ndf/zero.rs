@@ -114,7 +114,7 @@ pub(super) fn find(scan: &Scan, most_deg: f64) -> Zero {
     let weight = judge.weights.iter().sum::<f64>() / judge.weights.len() as f64;
     // A sample that is the same at all angles has no symmetry point; neither has one that noise hides.
     let is_flat = (worst / weight).sqrt() < 1e-9 || worst < 2.0 * least;
-    if is_flat || !(sigma_deg < 0.25 * judge.reach(angle_deg)) {
+    if is_flat || sigma_deg.is_nan() || sigma_deg >= 0.25 * judge.reach(angle_deg) {
         return assumed;
     }
     Zero { angle_deg, sigma_deg, origin: ZeroOrigin::Fitted }

@@ -32,7 +32,7 @@ impl Default for Rig {
 impl Rig {
     pub(super) fn check(&self, side: usize) -> Result<(), PlanError> {
         let wrong = |name, found, expected| Err(PlanError::Option { name, found, expected });
-        if side % 2 == 0 {
+        if side.is_multiple_of(2) {
             let expected = "an odd number: the middle row is the plane of incidence";
             return wrong("side", side as f64, expected);
         }
