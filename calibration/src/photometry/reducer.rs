@@ -179,7 +179,7 @@ impl FrameReducer {
             }
         }
         let planes = self.planes(frame, &setting, aperture, centroid);
-        let fwhm_px = centroid.map(|c| c.fwhm_px[0]).filter(|f| f.is_finite());
+        let fwhm_px = centroid.map(|c| c.point_fwhm_px()).filter(|f| f.is_finite());
         let mut measured = FrameMeasurement {
             place_px: Some(aperture.centre_px),
             aperture: Some(aperture),
@@ -204,7 +204,7 @@ impl FrameReducer {
         let size = [frame.pixels.ncols(), frame.pixels.nrows()];
         let summing = Summing {
             aperture,
-            fwhm_px: centroid.map_or(self.options.fwhm_px, |c| c.fwhm_px[0].min(1e3)),
+            fwhm_px: centroid.map_or(self.options.fwhm_px, |c| c.point_fwhm_px().min(1e3)),
             exposure_s: frame.exposure_s,
             gain_e_per_adu: setting.gain_e_per_adu,
             max_masked_light: self.options.max_masked_light,
@@ -247,6 +247,7 @@ impl FrameReducer {
     }
 
     fn count(&mut self, detection: &Detection) {
+        self.tally.cosmic_ray_pixels += detection.cosmic_ray_px.len() as u64;
         self.tally.ambiguous += u64::from(detection.passed() > 1);
         for candidate in &detection.candidates {
             let counter = match candidate.rejection {
@@ -256,6 +257,7 @@ impl FrameReducer {
                 Some(Rejection::Aspect) => &mut self.tally.rejected_aspect,
                 Some(Rejection::Sharp) => &mut self.tally.rejected_sharp,
                 Some(Rejection::Wide) => &mut self.tally.rejected_wide,
+                Some(Rejection::Streak) => &mut self.tally.rejected_streak,
                 Some(Rejection::Offset) => &mut self.tally.rejected_offset,
             };
             *counter += 1;
