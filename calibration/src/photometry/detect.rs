@@ -24,6 +24,8 @@ pub enum Rejection {
     Sharp,
     /// Wider than a point: a streak, a cloud; or no trail as it is known.
     Wide,
+    /// At the frame's edge, less than one and a half widths from it: there a streak's end looks like a point.
+    Edge,
     /// A knot of a faint streak: there is light on a line through it.
     Streak,
 }
@@ -138,12 +140,22 @@ impl Detector {
         let (found, labels) = regions(&smoothed, image.size, threshold, 0.5 * threshold);
         let narrow = significance(&above, size, NARROW * sigma_px);
         let labels = Labels { of_pixel: labels, size: image.size, origin: image.origin };
+        let cosmic_ray_px: Vec<[f64; 2]> =
+            sharp.iter().map(|i| labels.place([i % size[0], i / size[0]])).collect();
         let mut candidates: Vec<Candidate> = Vec::with_capacity(found.len());
         for region in &found {
             let sharpness = sharpness(region, &narrow, image.size, sought.fwhm_px);
-            let mut candidate = self.judge(reading, region, sharpness, &labels, sought, setting);
+            let mut candidate = self.judge(
+                reading,
+                (region, sharpness),
+                (&labels, &cosmic_ray_px),
+                sought,
+                setting,
+            );
+            // A bright streak stays in one piece, and a bright star has light all around.
+            let faint = candidate.peak_sigma < 2.5 * threshold;
             let point = matches!(sought.trail, Trail::Point) && candidate.rejection.is_none();
-            if point && on_streak(region.summit, &smoothed, size, sought.fwhm_px) {
+            if point && faint && on_streak(region.summit, &smoothed, size, sought.fwhm_px) {
                 candidate.rejection = Some(Rejection::Streak);
             }
             candidates.push(candidate);
@@ -158,9 +170,8 @@ impl Detector {
     fn judge(
         &mut self,
         reading: &Reading<'_>,
-        region: &Region,
-        sharpness: f64,
-        labels: &Labels,
+        (region, sharpness): (&Region, f64),
+        (labels, cosmic_ray_px): (&Labels, &[[f64; 2]]),
         sought: &Sought<'_>,
         setting: &Setting,
     ) -> Candidate {
@@ -185,6 +196,8 @@ impl Detector {
         };
         let by_box = if distance(at, sought.place_px) > options.max_offset_px {
             Some(Rejection::Offset)
+        } else if near_edge(at, reading, 1.5 * sought.fwhm_px) {
+            Some(Rejection::Edge)
         } else if !(options.area_px[0]..=options.area_px[1]).contains(&region.area) {
             Some(Rejection::Area)
         } else if !drawn_out && candidate.fill < options.min_fill {
@@ -199,7 +212,7 @@ impl Detector {
         candidate.rejection = by_box.or_else(|| {
             let aperture = Aperture::disc(at, sought.aperture_radius_px);
             self.look.at(reading, &aperture, setting);
-            let light = self.look.light(reading, setting);
+            let light = self.look.light(reading, setting, cosmic_ray_px);
             candidate.centroid =
                 light.and_then(|light| windowed(&light, at, sought.fwhm_px / FWHM_PER_SIGMA));
             by_width(&candidate, drawn_out, sought)
@@ -228,12 +241,20 @@ fn sharpness(region: &Region, narrow: &[f64], [width, height]: [usize; 2], fwhm_
     highest / region.peak
 }
 
+/// Whether a place is within a distance of the frame's edge.
+fn near_edge(place: [f64; 2], reading: &Reading<'_>, distance_px: f64) -> bool {
+    let size = [reading.frame.pixels.ncols(), reading.frame.pixels.nrows()].map(|n| n as f64);
+    (0..2)
+        .any(|axis| place[axis] + 0.5 < distance_px || size[axis] - 0.5 - place[axis] < distance_px)
+}
+
 /// Whether there is light along a line through a summit: samples of the smoothed frame a width apart, from two widths on to ten at most, on
 /// one side or both. Each counts no more than 3 σ, so that another star on the line does not make it a streak.
 fn on_streak(summit: [usize; 2], smoothed: &[f64], size: [usize; 2], fwhm_px: f64) -> bool {
     const DIRECTIONS: usize = 30;
     const SAMPLES: usize = 10;
     const SIGMA: f64 = 5.0;
+    const CONTINUOUS: f64 = 1.6;
     let sample = |angle: f64, along: f64| {
         let x = (summit[0] as f64 + along * angle.cos()).round();
         let y = (summit[1] as f64 + along * angle.sin()).round();
@@ -243,12 +264,18 @@ fn on_streak(summit: [usize; 2], smoothed: &[f64], size: [usize; 2], fwhm_px: f6
     (0..DIRECTIONS).any(|direction| {
         let angle = std::f64::consts::PI * direction as f64 / DIRECTIONS as f64;
         let mut sums = [0.0; 2];
-        (0..SAMPLES).any(|i| {
-            let along = (i as f64 + 2.0) * fwhm_px;
+        // A streak that merely crosses the line begins further out.
+        let mut alive = [1.0; 2];
+        (1..=SAMPLES).any(|n| {
+            let along = (n as f64 + 1.0) * fwhm_px;
             sums = [sums[0] + sample(angle, along), sums[1] + sample(angle, -along)];
-            let n = i as f64 + 1.0;
-            let one_side = n >= 4.0 && sums[0].max(sums[1]) > SIGMA * n.sqrt();
-            one_side || (n >= 2.0 && sums[0] + sums[1] > SIGMA * (2.0 * n).sqrt())
+            if n >= 3 {
+                let alone = |i: usize| if sums[i] > CONTINUOUS * n as f64 { alive[i] } else { 0.0 };
+                alive = [alone(0), alone(1)];
+            }
+            let sides: f64 = alive.iter().sum();
+            let sum = alive[0] * sums[0] + alive[1] * sums[1];
+            sides * n as f64 >= 4.0 && sum > SIGMA * (sides * n as f64).sqrt()
         })
     })
 }

@@ -54,9 +54,9 @@ impl Image {
 
 /// Takes what is sharper than a point could be out of an image above its background: cosmic rays, hot pixels. Gives their pixels.
 ///
-/// A pixel is sharp that is 5 σ above four times what a point of `sigma_px` would have left of it in the sixth highest of its neighbours (all
-/// but two of them are brighter than that beside a point, all but two darker beside a track one pixel wide); so are its neighbours that
-/// are 2.5 σ above it. They get the median of the others around them.
+/// A pixel is sharp that is 5 σ above what the fifth highest of its eight neighbours allows: beside a point at least half of them have 35 % of what a
+/// point of `sigma_px` leaves on a diagonal, beside a track one pixel wide five are dark. So are those of its neighbours that are 2.5 σ
+/// above it. They get the median of the others around them.
 pub(crate) fn take_out_sharp(image: &mut [f64], size: [usize; 2], sigma_px: f64) -> Vec<usize> {
     let least = 0.35 * (-1.0 / (sigma_px * sigma_px)).exp();
     let mut sharp = vec![false; image.len()];
@@ -69,8 +69,8 @@ pub(crate) fn take_out_sharp(image: &mut [f64], size: [usize; 2], sigma_px: f64)
             n += 1;
         }
         near[..n].sort_by(f64::total_cmp);
-        // The third lowest of eight.
-        image[pixel] - near[..n].get(2.min(n.saturating_sub(1))).map_or(0.0, |v| v.max(0.0)) / least
+        // The fourth lowest of eight.
+        image[pixel] - near[..n].get(3.min(n.saturating_sub(1))).map_or(0.0, |v| v.max(0.0)) / least
     };
     for (pixel, &value) in image.iter().enumerate() {
         if value > 5.0 && excess(image, &sharp, pixel) > 5.0 {

@@ -35,8 +35,14 @@ impl Look {
         }
     }
 
-    /// The light above the background; `None` where a plane has no background. Saturated pixels count as just saturated.
-    pub fn light(&mut self, reading: &Reading<'_>, setting: &Setting) -> Option<Light<'_>> {
+    /// The light above the background; `None` where a plane has no background. Saturated pixels count as just saturated, those within a pixel of
+    /// a place of `without` as masked.
+    pub fn light(
+        &mut self,
+        reading: &Reading<'_>,
+        setting: &Setting,
+        without: &[[f64; 2]],
+    ) -> Option<Light<'_>> {
         let mut levels = Levels::default();
         for (plane, background) in &self.planes {
             let background = (*background)?;
@@ -55,6 +61,11 @@ impl Look {
         for (row, line) in self.window.rows() {
             for (i, &value) in line.iter().enumerate() {
                 let column = self.window.origin[0] + i;
+                // Squares of a mosaic have their places between pixels.
+                let hit = |p: &[f64; 2]| {
+                    (p[0] - column as f64).abs() < 0.9 && (p[1] - row as f64).abs() < 0.9
+                };
+                let value = if without.iter().any(hit) { f32::NAN } else { value };
                 if value.is_nan() {
                     self.masked.push([column as f64, row as f64]);
                 }

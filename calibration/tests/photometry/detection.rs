@@ -51,9 +51,6 @@ fn campaign_detection() {
         let empty = exposure.read();
         let detection = reducer.detect(&empty, &Expected::default()).unwrap();
         false_targets += u32::from(detection.passed() > 0);
-        for c in detection.candidates.iter().filter(|c| c.rejection.is_none()) {
-            eprintln!("FALSE {seed} {c:?}");
-        }
         let (u, v): (f64, f64) = (exposure.rng.random(), exposure.rng.random());
         let place = [40.0 + 120.0 * u, 40.0 + 120.0 * v];
         sky_with_others(&mut exposure, seed.is_multiple_of(10));
@@ -66,14 +63,6 @@ fn campaign_detection() {
         let found = detection.target.map(|t| detection.candidates[t].place_px);
         let hit = found.is_some_and(|f| (f[0] - place[0]).hypot(f[1] - place[1]) < 1.5);
         missed += u32::from(!hit);
-        if !hit {
-            let c = detection.candidates.iter().min_by(|a, b| {
-                (a.place_px[0] - place[0])
-                    .hypot(a.place_px[1] - place[1])
-                    .total_cmp(&(b.place_px[0] - place[0]).hypot(b.place_px[1] - place[1]))
-            });
-            eprintln!("MISS {seed} {place:?} {found:?} {c:?}");
-        }
         others += u32::from(found.is_some() && !hit);
         frames += 1;
     }
