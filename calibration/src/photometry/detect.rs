@@ -138,7 +138,7 @@ impl Detector {
         let smoothed = significance(&above, size, sigma_px);
         let threshold = sought.options.threshold_sigma;
         let (found, labels) = regions(&smoothed, image.size, threshold, 0.5 * threshold);
-        let narrow = significance(&above, size, NARROW * sigma_px);
+        let narrow = significance(&above, size, (NARROW * sigma_px).max(0.5));
         let labels = Labels { of_pixel: labels, size: image.size, origin: image.origin };
         let cosmic_ray_px: Vec<[f64; 2]> =
             sharp.iter().map(|i| labels.place([i % size[0], i / size[0]])).collect();
@@ -153,7 +153,7 @@ impl Detector {
                 setting,
             );
             // A bright streak stays in one piece, and a bright star has light all around.
-            let faint = candidate.peak_sigma < 2.5 * threshold;
+            let faint = candidate.peak_sigma < FAINT * threshold;
             let point = matches!(sought.trail, Trail::Point) && candidate.rejection.is_none();
             if point && faint && on_streak(region.summit, &smoothed, size, sought.fwhm_px) {
                 candidate.rejection = Some(Rejection::Streak);
@@ -204,7 +204,8 @@ impl Detector {
             Some(Rejection::Fill)
         } else if !drawn_out && candidate.aspect > options.max_aspect {
             Some(Rejection::Aspect)
-        } else if sharpness > options.max_sharpness {
+        } else if region.peak < FAINT * options.threshold_sigma && sharpness > options.max_sharpness
+        {
             Some(Rejection::Sharp)
         } else {
             None
@@ -223,6 +224,9 @@ impl Detector {
         candidate
     }
 }
+
+/// Sources below so many thresholds are tested for a faint cosmic ray's or a faint streak's signs; brighter ones show their shape.
+const FAINT: f64 = 2.5;
 
 /// Width of the second, narrow filter over that of a point.
 const NARROW: f64 = 0.3;

@@ -65,7 +65,7 @@ pub struct DetectionOptions {
     pub min_fill: f64,
     /// Largest ratio of the bounding box's sides.
     pub max_aspect: f64,
-    /// Largest signal to noise of a source as something a third as wide as a point, over that as a point: above it is a cosmic ray. A point has
+    /// Of sources below 2.5 thresholds: largest signal to noise of a source as something a third as wide as a point, over that as a point: above it is a cosmic ray. A point has
     /// 0.55, one hot pixel 3.3.
     pub max_sharpness: f64,
     /// Narrowest axis of a source over that of a point: below it is a cosmic ray or a hot pixel.

@@ -67,7 +67,7 @@ fn campaign_aperture_bias() {
     let scale = campaign.seeds().end;
     let mut report = Vec::new();
     for (signal_to_noise, draws_a_seed) in [(5.0, 1000), (20.0, 100), (100.0, 20), (500.0, 4)] {
-        let out = draw(signal_to_noise, draws_a_seed * scale, 7);
+        let out = draw(signal_to_noise, draws_a_seed * scale, signal_to_noise as u64);
         report.push((signal_to_noise, out.bias, out.standard_error));
         assert!(out.bias.abs() <= 1e-3 + 3.0 * out.standard_error, "{report:?}");
         let share = out.covered as f64 / out.draws as f64;
