@@ -64,7 +64,7 @@ fn a_mixture_of_lobes() {
     assert!(worst < 3e-3 && (found.f0 / 0.8 - 1.0).abs() < 3e-3, "{worst:e} {}", found.f0);
 }
 
-/// Truth: F₀ = 2.0821 ρ of a Lambert sample. It has no symmetry point: the stage's is taken, and said to be.
+/// Truth: F₀ = 2.0821 ρ of a Lambert sample (by another discretisation: `nodes.rs`). It has no symmetry point: the stage's is taken, and said to be.
 #[test]
 fn a_lambert_sample() {
     let angles: Vec<f64> = (0..151).map(|k| -10.0 + 0.5 * f64::from(k)).collect();
