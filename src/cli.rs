@@ -1,7 +1,9 @@
 //! The grammar of the command line. Subcommands appear here as they become real, none before.
 
 use crate::output::{Console, OutputArgs};
-use crate::{air, bench, demo, devices, explain, passes, picture, simulate, star, tables};
+use crate::{
+    air, bench, demo, devices, explain, observe, passes, picture, session, simulate, star, tables,
+};
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
@@ -67,6 +69,11 @@ pub enum Command {
     /// The instruments: what is plugged in, a self-test, readings, settings, moves, recordings
     #[command(subcommand)]
     Devices(Box<devices::DevicesCommand>),
+    /// Observe a night: frames and photon counts into a session's folder, from a plan or from a recorded night
+    Observe(Box<observe::ObserveArgs>),
+    /// Recorded nights: whether all of one is there
+    #[command(subcommand)]
+    Session(session::SessionCommand),
     /// Print the completions of a shell
     Completions {
         /// The shell
@@ -116,7 +123,11 @@ impl Command {
             Command::Passes(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
             Command::Devices(command) => command.output(),
-            Command::Demo(_) | Command::Completions { .. } | Command::Man { .. } => None,
+            Command::Demo(_)
+            | Command::Observe(_)
+            | Command::Session(_)
+            | Command::Completions { .. }
+            | Command::Man { .. } => None,
         }
     }
 
@@ -132,6 +143,8 @@ impl Command {
             Command::Passes(args) => passes::run(args, console),
             Command::Bench(args) => bench::run(args, console),
             Command::Devices(command) => devices::run(command, console),
+            Command::Observe(args) => observe::run(args, console),
+            Command::Session(command) => session::run(command, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();
                 clap_complete::generate(*shell, &mut Cli::command(), "sunglint", &mut script);

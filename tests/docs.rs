@@ -141,8 +141,21 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     }
     let listed = folder.run(&["devices", "list", "--indi", "127.0.0.1:1", "--json"]);
     keys(&serde_json::from_slice(&listed.stdout).unwrap(), &mut printed);
-    // Rates are by the station's own channels.
-    for channel in ["r", "g", "b", "id400", "spcm", "mppc"] {
+    // A short night with simulated devices, and what is left of it when a line is cut.
+    let night = "station = \"ufo\"\nfor_s = 3\n[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.1\n\
+                 [[counter]]\nname = \"tagger\"\ndevice = \"sim-timetagger\"\nchannels = { g = 1 }\nbin_s = 0.1\n";
+    std::fs::write(folder.path("night.toml"), night).unwrap();
+    let lines = folder.done(&["observe", "night.toml", "-o", "s", "--json", "--every", "0.2"]);
+    for line in lines.lines() {
+        keys(&serde_json::from_str(line).unwrap(), &mut printed);
+    }
+    let counts = folder.path("s/counts/tagger.ecsv");
+    let whole = std::fs::read_to_string(&counts).unwrap();
+    std::fs::write(counts, whole + "2020-").unwrap();
+    let checked = folder.run(&["session", "check", "s", "--json"]);
+    keys(&serde_json::from_slice(&checked.stdout).unwrap(), &mut printed);
+    // Rates are by the station's own channels, devices by their names.
+    for channel in ["r", "g", "b", "id400", "spcm", "mppc", "cam", "tagger"] {
         printed.remove(channel);
     }
     let page = read("docs/json.md");
@@ -177,7 +190,16 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "access",
         "addresses",
         "missed",
+        "observe",
         // Values of keys.
+        "status",
+        "end",
+        "opening",
+        "running",
+        "lost",
+        "done",
+        "stopped",
+        "missing",
         "ok",
         "note",
         "failed",
