@@ -12,6 +12,7 @@
 //! - [`observe`]: a night from its plan to its session's folder;
 //! - [`session`]: what of a recorded night is there;
 //! - [`mod@bench`]: error against time of the light engines;
+//! - [`virtual_observatory`]: a night that is made up, behind the devices;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
 //! - [`output`]: where results go, in which format, and that nothing is overwritten;
@@ -33,3 +34,4 @@ pub mod simulate;
 pub mod star;
 pub mod station;
 pub mod tables;
+pub mod virtual_observatory;
