@@ -3,7 +3,8 @@
 //!
 //! In the order in which data flows through it:
 //!
-//! - [`track`]: where the target stood on the camera's frame, and when.
+//! - [`track`]: where the target stood on the camera's frame, and when;
+//! - [`stars`]: the night's coefficient per channel from stars.
 //!
 //! What will stand here besides:
 //!
@@ -11,8 +12,8 @@
 //! - `photometry`: masks, detection, centroids, apertures, backgrounds;
 //! - `counts`: off-target stretches, linear rates, the fibre's gate and coupling;
 //! - `alignment`: the fibre's field on the camera image;
-//! - `stars`: the night's coefficient per channel from stars;
 //! - `brdf`: from retro-reflection to a measured material, and parametric fits;
 //! - `pass`: the fit of a measured pass by a simulated one.
 
+pub mod stars;
 pub mod track;
