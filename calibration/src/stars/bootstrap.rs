@@ -1,5 +1,6 @@
 //! Intervals by resampling stars: what was measured of one star hangs together, stars do not.
 
+use super::Options;
 use super::gls::{Normal, Solution, solve};
 use nalgebra::DMatrix;
 use rand::{RngExt as _, SeedableRng as _};
@@ -20,31 +21,30 @@ pub enum Method {
     Student,
 }
 
-/// Intervals of the first `channels` parameters (one every `stride`), as offsets below and above each.
+/// Intervals of the first parameters of a fit, those of ln κ, as offsets below and above each.
 pub(super) fn intervals(
     stars: &[Normal],
     solution: &Solution,
-    wanted: &[usize],
-    confidence: f64,
-    resamples: u32,
-    seed: u64,
+    channels: usize,
+    options: &Options,
 ) -> (Vec<(f64, f64)>, Method) {
+    let confidence = options.confidence;
     if stars.len() < FEWEST {
         let freedom = stars.len().saturating_sub(1).clamp(1, T_975.len());
-        // Of another confidence the 95 % value scaled as the normal distribution's: it says so in the documentation.
+        // Of another confidence the 95 % value scaled as the normal distribution's.
         let t = T_975[freedom - 1] * normal_quantile(0.5 + 0.5 * confidence) / 1.959_964;
-        let half = |i: &usize| t * solution.covariance[(*i, *i)].sqrt();
-        return (wanted.iter().map(|i| (half(i), half(i))).collect(), Method::Student);
+        let half = |i: usize| t * solution.covariance[(i, i)].sqrt();
+        return ((0..channels).map(|i| (half(i), half(i))).collect(), Method::Student);
     }
-    let spread = sandwich(stars, solution);
-    let mut draws: Vec<Vec<f64>> = vec![Vec::new(); wanted.len()];
-    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
-    for _ in 0..resamples {
-        let resample: Vec<Normal> =
-            (0..stars.len()).map(|_| stars[rng.random_range(0..stars.len())].clone()).collect();
-        let Some(found) = solve(&resample) else { continue };
+    let spread = sandwich(&stars.iter().collect::<Vec<_>>(), solution);
+    let mut draws: Vec<Vec<f64>> = vec![Vec::new(); channels];
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(options.seed);
+    for _ in 0..options.resamples {
+        let resample: Vec<&Normal> =
+            (0..stars.len()).map(|_| &stars[rng.random_range(0..stars.len())]).collect();
+        let Some(found) = solve(resample.iter().copied()) else { continue };
         let own = sandwich(&resample, &found);
-        for (draws, &i) in draws.iter_mut().zip(wanted) {
+        for (i, draws) in draws.iter_mut().enumerate() {
             let t = (found.parameters[i] - solution.parameters[i]) / own[i];
             if t.is_finite() {
                 draws.push(t);
@@ -52,16 +52,16 @@ pub(super) fn intervals(
         }
     }
     let tail = 0.5 * (1.0 - confidence);
-    let interval = |(draws, &i): (&mut Vec<f64>, &usize)| {
+    let interval = |(i, draws): (usize, &mut Vec<f64>)| {
         draws.sort_by(f64::total_cmp);
         // The upper tail of the resamples says how far below the truth may lie.
         (quantile(draws, 1.0 - tail) * spread[i], -quantile(draws, tail) * spread[i])
     };
-    (draws.iter_mut().zip(wanted).map(interval).collect(), Method::Bootstrap)
+    (draws.iter_mut().enumerate().map(interval).collect(), Method::Bootstrap)
 }
 
 /// Standard deviations of the parameters from how the stars disagree, whatever their stated variances.
-fn sandwich(stars: &[Normal], solution: &Solution) -> Vec<f64> {
+fn sandwich(stars: &[&Normal], solution: &Solution) -> Vec<f64> {
     let n = solution.parameters.len();
     let known = solution.parameters.map(|p| if p.is_finite() { p } else { 0.0 });
     let mut middle = DMatrix::<f64>::zeros(n, n);

@@ -150,9 +150,8 @@ pub(super) fn ratios(samples: &[&Sample], scatter: &Scatter, reference: usize) -
                     Some([a.ln_predicted - b.ln_predicted, brightness, excess, variance])
                 })
                 .collect();
-            let slope = |column: usize| {
-                line(pairs.iter().map(|p| (p[column], p[2], p[3])).collect())
-            };
+            let slope =
+                |column: usize| line(pairs.iter().map(|p| (p[column], p[2], p[3])).collect());
             let exponent = slope(0).map(|s| Slope { value: 1.0 + s.value, ..s });
             RatioCheck {
                 channel,

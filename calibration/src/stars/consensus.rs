@@ -10,8 +10,10 @@ use nalgebra::DVector;
 const POLISHED: usize = 64;
 /// Rounds of polishing.
 const ROUNDS: usize = 30;
-/// Of a normal distribution: one in a thousand lies beyond; for the χ² of what channels do not have in common.
-const ONE_IN_A_THOUSAND: f64 = 3.0902;
+/// Slopes per airmass that candidates have where a slope is looked for: clear, hazy, thick. Each is polished to the slopes of its own channels.
+const SLOPES: [f64; 5] = [0.0, 0.1, 0.2, 0.35, 0.55];
+/// Of a normal distribution: one in ten thousand lies beyond; for the χ² of what channels do not have in common.
+const ONE_IN_TEN_THOUSAND: f64 = 3.7190;
 
 /// A group of visits that agree.
 #[derive(Debug, Clone)]
@@ -34,15 +36,30 @@ impl Group {
     pub fn stars(&self, samples: &[Sample]) -> usize {
         stars(self.members(samples))
     }
+
+    /// −2 ln L, by which groups about different models are compared: a scatter that has grown until it took in the dimmed stars has its price. A visit that
+    /// does not agree is one whose offset may be anything within a factor e or so.
+    pub fn deviance(&self, samples: &[Sample]) -> f64 {
+        let terms = samples.iter().zip(&self.splits).zip(&self.agrees);
+        let term = |((sample, split), agrees): ((&Sample, &Split), &bool)| {
+            let common = if *agrees { self.scatter.common + sample.scintillation } else { 1.0 };
+            let variance = common + split.own_variance;
+            let chi2 = split.chi2.min(chi2_limit(split.channels.saturating_sub(1)));
+            let own = sample.points.iter().zip(&self.scatter.own);
+            let ln_own: f64 = own.filter_map(|(p, own)| Some(((*p)?.counts + own).ln())).sum();
+            split.offset.powi(2) / variance + chi2 + ln_own + (variance / split.own_variance).ln()
+        };
+        terms.filter(|((_, split), _)| split.channels > 0).map(term).sum()
+    }
 }
 
-/// The χ² that one in a thousand exceeds (Wilson and Hilferty 1931: within 1 % from one degree of freedom on).
+/// The χ² that one in ten thousand exceeds (Wilson and Hilferty 1931: within 1 % from one degree of freedom on).
 fn chi2_limit(freedom: usize) -> f64 {
     if freedom == 0 {
         return 0.0;
     }
     let k = 2.0 / (9.0 * freedom as f64);
-    freedom as f64 * (1.0 - k + ONE_IN_A_THOUSAND * k.sqrt()).powi(3)
+    freedom as f64 * (1.0 - k + ONE_IN_TEN_THOUSAND * k.sqrt()).powi(3)
 }
 
 /// How far a visit is from the others, and whether that is too far. The loss is the χ² of those that agree, and the limit of those that do not.
@@ -139,17 +156,13 @@ pub(super) fn consensus(
 ) -> Result<Group, StarsError> {
     let all = stars(samples);
     let least = scatter::floor(options.floor, model.channels);
-    let groups = candidates(samples, &least, options);
+    let groups = candidates(samples, model, &least, options);
     // Half of the stars may be bad; a group of a few among many is chance.
     let needed = options.fewest_stars.max(all.div_ceil(3));
     let none = |agreeing| StarsError::NoConsensus { agreeing, stars: all, needed };
     let best = groups.first().ok_or(none(0))?;
-    let (mut group, _) = polish(best.clone(), samples, &Model::plain(model.channels), &least, options, true)
+    let (group, _) = polish(best.clone(), samples, model, &least, options, true)
         .ok_or(none(best.stars(samples)))?;
-    if model.airmass.is_some() {
-        let sloped = polish(group.clone(), samples, model, &least, options, true);
-        group = sloped.map_or(group, |(group, _)| group);
-    }
     let found = group.stars(samples);
     if found < needed {
         return Err(none(found));
@@ -164,24 +177,27 @@ pub(super) fn consensus(
 }
 
 /// Groups about each visit's own offsets, polished, best first.
-fn candidates(samples: &[Sample], least: &Scatter, options: &Options) -> Vec<Group> {
-    let channels = least.own.len();
+fn candidates(samples: &[Sample], model: &Model, least: &Scatter, options: &Options) -> Vec<Group> {
     // The candidate has noise too.
-    let wide = Scatter {
-        common: 2.0 * least.common,
-        own: least.own.iter().map(|v| 2.0 * v).collect(),
+    let wide =
+        Scatter { common: 2.0 * least.common, own: least.own.iter().map(|v| 2.0 * v).collect() };
+    let about = |candidate: &Sample, slope: f64| {
+        let offset = |s: &Sample, c: usize| {
+            let own = candidate.points[c].map_or(f64::NAN, |p| p.y);
+            own + slope * (s.airmass - candidate.airmass)
+        };
+        judge_all(samples, &wide, options.clip_sigma, offset)
     };
-    let about = |candidate: &Sample| {
-        let offset = |c: usize| candidate.points[c].map_or(f64::NAN, |p| p.y);
-        judge_all(samples, &wide, options.clip_sigma, |_, c| offset(c))
-    };
-    let mut groups: Vec<Group> = samples.iter().map(about).collect();
+    let slopes = if model.airmass.is_some() { &SLOPES[..] } else { &SLOPES[..1] };
+    let mut groups: Vec<Group> =
+        samples.iter().flat_map(|s| slopes.iter().map(move |slope| about(s, *slope))).collect();
     groups.sort_by(|a, b| a.loss.total_cmp(&b.loss));
+    // Good candidates agree on who agrees.
+    groups.dedup_by(|a, b| a.agrees == b.agrees);
     groups.truncate(POLISHED);
-    let model = Model::plain(channels);
     let polished = |group: Group| {
         let group = Group { scatter: least.clone(), ..group };
-        Some(polish(group, samples, &model, least, options, false)?.0)
+        Some(polish(group, samples, model, least, options, false)?.0)
     };
     let mut groups: Vec<Group> = groups.into_iter().filter_map(polished).collect();
     groups.sort_by(|a, b| a.loss.total_cmp(&b.loss));
@@ -195,10 +211,16 @@ fn unique(
     least: &Scatter,
     options: &Options,
 ) -> Result<(), StarsError> {
-    let others: Vec<Sample> =
-        samples.iter().zip(&group.agrees).filter(|(_, good)| !**good).map(|(s, _)| s.clone()).collect();
+    let others: Vec<Sample> = samples
+        .iter()
+        .zip(&group.agrees)
+        .filter(|(_, good)| !**good)
+        .map(|(s, _)| s.clone())
+        .collect();
     let first = group.stars(samples);
-    let Some(second) = candidates(&others, least, options).into_iter().next() else {
+    let Some(second) =
+        candidates(&others, &Model::plain(least.own.len()), least, options).into_iter().next()
+    else {
         return Ok(());
     };
     let second_stars = second.stars(&others);

@@ -110,9 +110,10 @@ impl NightFile {
                 per_colour: k.per_colour.as_ref().ok().copied(),
             })
         };
-        let without = channels.iter().zip(&found.channels).filter_map(|(name, channel)| {
-            Some([name.clone(), channel.as_ref().err()?.clone()])
-        });
+        let without = channels
+            .iter()
+            .zip(&found.channels)
+            .filter_map(|(name, channel)| Some([name.clone(), channel.as_ref().err()?.clone()]));
         Self {
             night: night.to_owned(),
             channels: known.iter().filter_map(row).collect(),
@@ -170,7 +171,8 @@ impl Nights {
             // Counts of stars and visits are small.
             Column::i64(name, None, rows.iter().map(|(_, c)| value(c) as i64).collect())
         };
-        let slope = |slope: Option<Slope>| slope.map_or((f64::NAN, f64::NAN), |s| (s.value, s.sigma));
+        let slope =
+            |slope: Option<Slope>| slope.map_or((f64::NAN, f64::NAN), |s| (s.value, s.sigma));
         let text = |name: &str, value: &dyn Fn(&(&NightFile, &ChannelRow)) -> String| {
             Column::text(name, rows.iter().map(value).collect())
         };
@@ -200,7 +202,8 @@ impl Nights {
         let listed = table.meta.get("nights").and_then(Value::as_array);
         let listed = listed.ok_or_else(|| read.wrong("nights", "no list", "a list of nights"))?;
         let rows = read.rows()?;
-        let nights = listed.iter().map(|value| read.night(value, &rows)).collect::<Result<_, _>>()?;
+        let nights =
+            listed.iter().map(|value| read.night(value, &rows)).collect::<Result<_, _>>()?;
         let files = table.meta.get("station_files").cloned().unwrap_or(json!([]));
         let text = |key: &str| table.meta_text(key).unwrap_or_default().to_owned();
         let provenance = table.meta.get("provenance").cloned().unwrap_or(json!({}));
@@ -212,8 +215,9 @@ impl Nights {
             air: text("air"),
             zero_point: text("zero_point"),
             confidence: table.meta.get("confidence").and_then(Value::as_f64).unwrap_or(f64::NAN),
-            provenance: serde_json::from_value(provenance)
-                .map_err(|e| read.wrong("provenance", &e.to_string(), "program, command, inputs"))?,
+            provenance: serde_json::from_value(provenance).map_err(|e| {
+                read.wrong("provenance", &e.to_string(), "program, command, inputs")
+            })?,
         })
     }
 }
@@ -251,7 +255,9 @@ impl Reading<'_> {
         let column = self.table.column(name).map_err(|error| error.in_file(self.path))?;
         // A channel's or night's name of digits alone comes back as a number.
         Ok(match &column.values {
-            Values::I64(v) => v.iter().map(|v| v.map_or(String::new(), |v| v.to_string())).collect(),
+            Values::I64(v) => {
+                v.iter().map(|v| v.map_or(String::new(), |v| v.to_string())).collect()
+            }
             _ => {
                 let text = self.table.text(name).map_err(|error| error.in_file(self.path))?;
                 text.iter().map(|t| t.clone().unwrap_or_default()).collect()
@@ -305,13 +311,22 @@ impl Reading<'_> {
     }
 
     fn night(&self, value: &Value, rows: &[(String, ChannelRow)]) -> Result<NightFile, ParseError> {
-        let night = value["night"].as_str().ok_or_else(|| self.wrong("nights", "a night without a name", "a date"))?;
+        let night = value["night"]
+            .as_str()
+            .ok_or_else(|| self.wrong("nights", "a night without a name", "a date"))?;
         let channels: Vec<ChannelRow> =
             rows.iter().filter(|(of, _)| of == night).map(|(_, row)| row.clone()).collect();
         let covariance = &value["covariance_ln_kappa"];
-        let names: Vec<&str> = covariance["channels"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+        let names: Vec<&str> = covariance["channels"]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .filter_map(Value::as_str)
+            .collect();
         let square = |value: &Value| {
-            let row = |row: &Value| row.as_array()?.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>();
+            let row = |row: &Value| {
+                row.as_array()?.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>()
+            };
             value.as_array()?.iter().map(row).collect::<Option<Vec<_>>>()
         };
         let values = square(&covariance["values"]).unwrap_or_default();
@@ -319,11 +334,17 @@ impl Reading<'_> {
             && values.len() == names.len()
             && values.iter().all(|row| row.len() == names.len());
         if !fits {
-            let expected = "the channels of the table in their order, and as many rows and columns of numbers";
-            return Err(self.wrong("covariance_ln_kappa", &format!("another one for {night}"), expected));
+            let expected =
+                "the channels of the table in their order, and as many rows and columns of numbers";
+            return Err(self.wrong(
+                "covariance_ln_kappa",
+                &format!("another one for {night}"),
+                expected,
+            ));
         }
-        let facts = serde_json::from_value(value.clone())
-            .map_err(|e| self.wrong("nights", &e.to_string(), "what a calibration says of a night"))?;
+        let facts = serde_json::from_value(value.clone()).map_err(|e| {
+            self.wrong("nights", &e.to_string(), "what a calibration says of a night")
+        })?;
         Ok(NightFile { night: night.to_owned(), channels, covariance: values, facts })
     }
 }

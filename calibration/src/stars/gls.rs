@@ -117,10 +117,10 @@ pub(super) struct Solution {
 }
 
 /// Sums the stars' equations and solves them. A channel that nobody measured keeps `NaN`; `None` where what is left has no solution.
-pub(super) fn solve(stars: &[Normal]) -> Option<Solution> {
-    let first = stars.first()?;
-    let n = first.b.len();
-    let (mut a, mut b) = (DMatrix::zeros(n, n), DVector::zeros(n));
+pub(super) fn solve<'a>(stars: impl IntoIterator<Item = &'a Normal>) -> Option<Solution> {
+    let mut stars = stars.into_iter();
+    let first = stars.next()?;
+    let (mut a, mut b) = (first.a.clone(), first.b.clone());
     for star in stars {
         a += &star.a;
         b += &star.b;

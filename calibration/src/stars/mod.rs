@@ -84,7 +84,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             floor: 0.02,
-            clip_sigma: 3.5,
+            clip_sigma: 4.0,
             fewest_stars: 3,
             most_scatter: 0.15,
             confidence: 0.95,
@@ -130,7 +130,9 @@ pub enum StarsError {
         left_out: usize,
     },
     /// No group of stars agrees.
-    #[error("only {agreeing} of {stars} stars agree, {needed} are needed: clouds, wrong stars, or the wrong station")]
+    #[error(
+        "only {agreeing} of {stars} stars agree, {needed} are needed: clouds, wrong stars, or the wrong station"
+    )]
     NoConsensus {
         /// The largest group, stars.
         agreeing: usize,
@@ -140,7 +142,9 @@ pub enum StarsError {
         needed: usize,
     },
     /// Two groups agree within themselves.
-    #[error("two groups of stars disagree: {first} stars, and {second} that are {dimmer:.2} times as bright against their prediction; half the night was clouded, or half the stars are others than they are called: split the night or leave visits out")]
+    #[error(
+        "two groups of stars disagree: {first} stars, and {second} that are {dimmer:.2} times as bright against their prediction; half the night was clouded, or half the stars are others than they are called: split the night or leave visits out"
+    )]
     Ambiguous {
         /// Stars of the first group.
         first: usize,
@@ -150,7 +154,9 @@ pub enum StarsError {
         dimmer: f64,
     },
     /// Those that agree do so only roughly.
-    #[error("the stars scatter by {percent:.0} % about their common offset, more than the {most_percent:.0} % that a calibration stands: clouds, or the wrong stars")]
+    #[error(
+        "the stars scatter by {percent:.0} % about their common offset, more than the {most_percent:.0} % that a calibration stands: clouds, or the wrong stars"
+    )]
     TooMuchScatter {
         /// Relative scatter, %.
         percent: f64,

@@ -1,9 +1,9 @@
 //! A night's calibration.
 
 use super::bootstrap::{Method, intervals};
-use super::checks::{Slopes, coverage, ratios, slopes};
+use super::checks::{AIRMASS_RANGE, Slopes, coverage, ratios, slopes};
 use super::consensus::{Group, consensus};
-use super::gls::{Model, Scatter, Solution, fit};
+use super::gls::{Model, Normal, Scatter, Solution, fit};
 use super::sample::{Sample, check, samples, stars};
 use super::{Options, RatioCheck, Slope, StarsError, Visit, scatter};
 
@@ -120,7 +120,7 @@ struct Fitted {
     model: Model,
     scatter: Scatter,
     solution: Solution,
-    intervals: (Vec<(f64, f64)>, Method),
+    normals: Vec<Normal>,
     slopes: Slopes,
     sloped: bool,
 }
@@ -136,35 +136,20 @@ impl Fitted {
         if found < options.fewest_stars {
             return Err(too_few(found, visits - samples.len(), options));
         }
-        let plain = Model::plain(channels);
-        let mut group = consensus(&samples, &plain, options)?;
-        let mut found = slopes(&members(&samples, &group), &group.scatter);
-        let limit = SLOPE_CHI2[channels.clamp(1, SLOPE_CHI2.len()) - 1];
-        let sloped = found.airmass_chi2 > limit;
-        if sloped && let Some([_, mean, _]) = coverage(members(&samples, &group).iter().map(|s| s.airmass)) {
-            let model = Model { airmass: Some(mean), ..plain.clone() };
-            group = consensus(&samples, &model, options)?;
-            found = slopes(&members(&samples, &group), &group.scatter);
-        }
+        let (group, sloped) = group(&samples, channels, options)?;
+        let found = slopes(&members(&samples, &group), &group.scatter);
         let agreeing = members(&samples, &group);
-        let model = Model { aerosol: options.fit_aerosol, ..plain };
+        let model = Model { aerosol: options.fit_aerosol, ..Model::plain(channels) };
         if options.fit_aerosol {
             can_fit_aerosol(&agreeing)?;
         }
-        let unsolvable = || too_few(stars(agreeing.iter().copied()), visits - agreeing.len(), options);
-        let (solution, scatter) = settle(&agreeing, &model, &group, options).ok_or_else(unsolvable)?;
+        let unsolvable =
+            || too_few(stars(agreeing.iter().copied()), visits - agreeing.len(), options);
+        let (solution, scatter) =
+            settle(&agreeing, &model, &group, options).ok_or_else(unsolvable)?;
         let (normals, solution) =
             fit(agreeing.iter().copied(), &scatter, &model).unwrap_or((Vec::new(), solution));
-        let wanted: Vec<usize> = (0..channels).collect();
-        let intervals = intervals(
-            &normals,
-            &solution,
-            &wanted,
-            options.confidence,
-            options.resamples,
-            options.seed,
-        );
-        Ok(Self { model, scatter, solution, intervals, slopes: found, sloped, group, samples })
+        Ok(Self { model, scatter, solution, normals, slopes: found, sloped, group, samples })
     }
 
     fn ln_kappa(&self) -> Vec<f64> {
@@ -175,8 +160,13 @@ impl Fitted {
         let agreeing = members(&self.samples, &self.group);
         let aerosol = self.aerosol()?;
         let ln_kappa = self.ln_kappa();
-        let channels: Vec<_> =
-            (0..self.model.channels).map(|c| self.channel(c, &agreeing, options)).collect();
+        let (intervals, method) =
+            intervals(&self.normals, &self.solution, self.model.channels, options);
+        let channels: Vec<_> = intervals
+            .iter()
+            .enumerate()
+            .map(|(c, interval)| self.channel(c, *interval, &agreeing, options))
+            .collect();
         let covariance = (0..self.model.channels)
             .map(|i| (0..self.model.channels).map(|j| self.solution.covariance[(i, j)]).collect())
             .collect();
@@ -187,7 +177,7 @@ impl Fitted {
                 sigma(*a).total_cmp(&sigma(*b))
             })
             .unwrap_or(0);
-        let method = match self.intervals.1 {
+        let method = match method {
             Method::Bootstrap => "bootstrap",
             Method::Student => "student",
         };
@@ -212,8 +202,7 @@ impl Fitted {
             return Ok(None);
         }
         let i = self.model.parameters() - 1;
-        let (depth, sigma) =
-            (self.solution.parameters[i], self.solution.covariance[(i, i)].sqrt());
+        let (depth, sigma) = (self.solution.parameters[i], self.solution.covariance[(i, i)].sqrt());
         // `NaN` is refused too.
         if !(sigma <= AEROSOL_WORST_SIGMA) {
             let why = format!(
@@ -227,6 +216,7 @@ impl Fitted {
     fn channel(
         &self,
         c: usize,
+        (below, above): (f64, f64),
         agreeing: &[&Sample],
         options: &Options,
     ) -> Result<ChannelKappa, String> {
@@ -240,13 +230,14 @@ impl Fitted {
         let ln_kappa = self.solution.parameters[c];
         let square: f64 = used
             .iter()
-            .filter_map(|s| Some((s.points[c]?.y - self.model.value(&self.solution.parameters, s, c)).powi(2)))
+            .filter_map(|s| {
+                Some((s.points[c]?.y - self.model.value(&self.solution.parameters, s, c)).powi(2))
+            })
             .sum();
         let slope = |slopes: &Result<Vec<Option<Slope>>, String>| match slopes {
             Ok(slopes) => slopes[c].ok_or_else(|| "not measured".to_owned()),
             Err(why) => Err(why.clone()),
         };
-        let (below, above) = self.intervals.0[c];
         Ok(ChannelKappa {
             kappa: ln_kappa.exp(),
             relative_sigma: self.solution.covariance[(c, c)].sqrt(),
@@ -289,6 +280,33 @@ impl Fitted {
         };
         visits.iter().enumerate().map(judgement).collect()
     }
+}
+
+/// The visits that agree: on one κ, or where that explains more than chance could, on one κ and a slope against airmass; and which of the two.
+fn group(
+    samples: &[Sample],
+    channels: usize,
+    options: &Options,
+) -> Result<(Group, bool), StarsError> {
+    let plain = consensus(samples, &Model::plain(channels), options);
+    let Some([low, mean, high]) = coverage(samples.iter().map(|s| s.airmass)) else {
+        return Ok((plain?, false));
+    };
+    if high - low < AIRMASS_RANGE {
+        return Ok((plain?, false));
+    }
+    // About a slope the scatter is that of the stars, not that of their airmasses: only there a slope can be told from none.
+    let model = Model { airmass: Some(mean), ..Model::plain(channels) };
+    let Ok(other) = consensus(samples, &model, options) else { return Ok((plain?, false)) };
+    let limit = SLOPE_CHI2[channels.clamp(1, SLOPE_CHI2.len()) - 1];
+    let about = slopes(&members(samples, &other), &other.scatter);
+    let price = channels as f64 * (samples.len() as f64).ln();
+    let better = match &plain {
+        Ok(plain) => other.deviance(samples) + price < plain.deviance(samples),
+        // Two groups are not made one by a slope: clouds come and go with the airmass too.
+        Err(error) => !matches!(error, StarsError::Ambiguous { .. }),
+    };
+    if about.airmass_chi2 > limit && better { Ok((other, true)) } else { Ok((plain?, false)) }
 }
 
 fn members<'a>(samples: &'a [Sample], group: &Group) -> Vec<&'a Sample> {

@@ -60,7 +60,8 @@ pub(super) fn estimate(
     for _ in 0..4 {
         if channels >= 3 {
             for c in 0..channels {
-                scatter.own[c] = own(c, samples, residuals, &scatter, per_channel).max(least.own[c]);
+                scatter.own[c] =
+                    own(c, samples, residuals, &scatter, per_channel).max(least.own[c]);
             }
         } else if channels == 2 {
             let pair = pair(samples, residuals, per_channel).max(least.own[0]);

@@ -1,0 +1,7 @@
+//! The calibration by stars, on virtual nights whose truth is known.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+mod campaign;
+mod hard;
+mod sky;
