@@ -1,7 +1,9 @@
 //! The grammar of the command line. Subcommands appear here as they become real, none before.
 
 use crate::output::{Console, OutputArgs};
-use crate::{air, bench, demo, devices, explain, passes, picture, simulate, star, tables};
+use crate::{
+    air, apply, bench, calibrate, demo, devices, explain, passes, picture, simulate, star, tables,
+};
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
@@ -67,6 +69,10 @@ pub enum Command {
     /// The instruments: what is plugged in, a self-test, readings, settings, moves, recordings
     #[command(subcommand)]
     Devices(Box<devices::DevicesCommand>),
+    /// The coefficient of every channel and night from visits to stars
+    Calibrate(Box<calibrate::CalibrateArgs>),
+    /// Calibrated rates, magnitudes and irradiances of a light curve
+    Apply(Box<apply::ApplyArgs>),
     /// Print the completions of a shell
     Completions {
         /// The shell
@@ -116,6 +122,8 @@ impl Command {
             Command::Passes(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
             Command::Devices(command) => command.output(),
+            Command::Calibrate(args) => Some(&args.out),
+            Command::Apply(args) => Some(&args.out),
             Command::Demo(_) | Command::Completions { .. } | Command::Man { .. } => None,
         }
     }
@@ -132,6 +140,8 @@ impl Command {
             Command::Passes(args) => passes::run(args, console),
             Command::Bench(args) => bench::run(args, console),
             Command::Devices(command) => devices::run(command, console),
+            Command::Calibrate(args) => calibrate::run(args, console),
+            Command::Apply(args) => apply::run(args, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();
                 clap_complete::generate(*shell, &mut Cli::command(), "sunglint", &mut script);

@@ -9,6 +9,8 @@
 //! - [`passes`]: when satellites can be seen;
 //! - [`picture`]: what a body looks like, and what it sends into all directions;
 //! - [`devices`]: the instruments;
+//! - [`mod@calibrate`]: the coefficient of every channel and night from stars;
+//! - [`apply`]: a light curve times that coefficient, magnitudes, irradiances;
 //! - [`mod@bench`]: error against time of the light engines;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
@@ -16,7 +18,9 @@
 //! - [`plot`] draws figures.
 
 pub mod air;
+pub mod apply;
 pub mod bench;
+pub mod calibrate;
 pub mod cli;
 pub mod demo;
 pub mod devices;

@@ -170,6 +170,3 @@ pub enum StarsError {
         why: String,
     },
 }
-
-#[cfg(test)]
-mod tests;

@@ -203,8 +203,7 @@ impl Fitted {
         }
         let i = self.model.parameters() - 1;
         let (depth, sigma) = (self.solution.parameters[i], self.solution.covariance[(i, i)].sqrt());
-        // `NaN` is refused too.
-        if !(sigma <= AEROSOL_WORST_SIGMA) {
+        if sigma.is_nan() || sigma > AEROSOL_WORST_SIGMA {
             let why = format!(
                 "it would be {depth:.2} ± {sigma:.2}, and must be known to {AEROSOL_WORST_SIGMA}: more stars, or a wider range of airmass"
             );

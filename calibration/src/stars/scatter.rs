@@ -113,7 +113,7 @@ fn excess(terms: &[(f64, f64)], parameters: usize) -> f64 {
         return 0.0;
     }
     let misfit = |t: f64| terms.iter().map(|(r, v)| r * r / (v + t)).sum::<f64>() - freedom;
-    if !(misfit(0.0) > 0.0) {
+    if misfit(0.0).is_nan() || misfit(0.0) <= 0.0 {
         return 0.0;
     }
     let largest = terms.iter().map(|(r, _)| r * r).sum::<f64>() / freedom;

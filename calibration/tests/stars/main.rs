@@ -3,5 +3,6 @@
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 mod campaign;
+mod files;
 mod hard;
 mod sky;
