@@ -4,16 +4,17 @@
 //! In the order in which data flows through it:
 //!
 //! - [`track`]: where the target stood on the camera's frame, and when;
+//! - [`photometry`]: from frames to rates of the target's planes, and its place: masks, detection, centroids, apertures, backgrounds;
 //! - [`stars`]: the night's coefficient per channel from stars.
 //!
 //! What will stand here besides:
 //!
 //! - `detector`: dead time and other non-linearity, inverted with its uncertainty;
-//! - `photometry`: masks, detection, centroids, apertures, backgrounds;
 //! - `counts`: off-target stretches, linear rates, the fibre's gate and coupling;
 //! - `alignment`: the fibre's field on the camera image;
 //! - `brdf`: from retro-reflection to a measured material, and parametric fits;
 //! - `pass`: the fit of a measured pass by a simulated one.
 
+pub mod photometry;
 pub mod stars;
 pub mod track;
