@@ -56,7 +56,8 @@ impl Group {
 /// The χ² that one in ten thousand exceeds (Wilson and Hilferty 1931: within 1 % from one degree of freedom on).
 fn chi2_limit(freedom: usize) -> f64 {
     if freedom == 0 {
-        return 0.0;
+        // One channel alone has nothing that it does not share: rounding is all that there is.
+        return 1e-9;
     }
     let k = 2.0 / (9.0 * freedom as f64);
     freedom as f64 * (1.0 - k + ONE_IN_TEN_THOUSAND * k.sqrt()).powi(3)

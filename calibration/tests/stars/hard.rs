@@ -59,6 +59,19 @@ fn all_at_one_airmass() {
     assert!((airmass(45.0) - 1.413).abs() < 1e-3);
 }
 
+/// Truth: κ of the virtual night, of one channel alone: nothing tells common from own scatter, and the dimmed stars are found all the same.
+#[test]
+fn one_channel_alone() {
+    let mut night = night(10, USUAL);
+    for visit in &mut night.visits {
+        visit.channels.iter_mut().enumerate().filter(|(c, _)| *c != 1).for_each(|(_, m)| *m = None);
+    }
+    let found = calibrate(&night.visits, &Options::default()).unwrap();
+    let k = found.channels[1].as_ref().unwrap();
+    assert!((k.kappa / CHANNELS[1].kappa).ln().abs() < 4.0 * k.relative_sigma);
+    assert!(found.visits.iter().zip(&night.clean).all(|(v, clean)| *clean || !v.agrees));
+}
+
 /// Half of the stars behind one and the same cloud: nothing in the data says which half is right.
 #[test]
 fn two_groups_are_refused() {
