@@ -2,7 +2,8 @@
 
 use crate::output::{Console, OutputArgs};
 use crate::{
-    air, bench, demo, devices, explain, observe, passes, picture, session, simulate, star, tables,
+    air, apply, bench, calibrate, demo, devices, explain, observe, passes, picture, session,
+    simulate, star, tables,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -74,6 +75,10 @@ pub enum Command {
     /// Recorded nights: whether all of one is there
     #[command(subcommand)]
     Session(session::SessionCommand),
+    /// The coefficient of every channel and night from visits to stars
+    Calibrate(Box<calibrate::CalibrateArgs>),
+    /// Calibrated rates, magnitudes and irradiances of a light curve
+    Apply(Box<apply::ApplyArgs>),
     /// Print the completions of a shell
     Completions {
         /// The shell
@@ -123,6 +128,8 @@ impl Command {
             Command::Passes(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
             Command::Devices(command) => command.output(),
+            Command::Calibrate(args) => Some(&args.out),
+            Command::Apply(args) => Some(&args.out),
             Command::Demo(_)
             | Command::Observe(_)
             | Command::Session(_)
@@ -145,6 +152,8 @@ impl Command {
             Command::Devices(command) => devices::run(command, console),
             Command::Observe(args) => observe::run(args, console),
             Command::Session(command) => session::run(command, console),
+            Command::Calibrate(args) => calibrate::run(args, console),
+            Command::Apply(args) => apply::run(args, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();
                 clap_complete::generate(*shell, &mut Cli::command(), "sunglint", &mut script);

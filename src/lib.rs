@@ -11,6 +11,8 @@
 //! - [`devices`]: the instruments;
 //! - [`observe`]: a night from its plan to its session's folder;
 //! - [`session`]: what of a recorded night is there;
+//! - [`mod@calibrate`]: the coefficient of every channel and night from stars;
+//! - [`apply`]: a light curve times that coefficient, magnitudes, irradiances;
 //! - [`mod@bench`]: error against time of the light engines;
 //! - [`virtual_observatory`]: a night that is made up, behind the devices;
 //! - [`station`]: which station a command is about;
@@ -19,7 +21,9 @@
 //! - [`plot`] draws figures.
 
 pub mod air;
+pub mod apply;
 pub mod bench;
+pub mod calibrate;
 pub mod cli;
 pub mod demo;
 pub mod devices;
