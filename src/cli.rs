@@ -1,7 +1,10 @@
 //! The grammar of the command line. Subcommands appear here as they become real, none before.
 
 use crate::output::{Console, OutputArgs};
-use crate::{air, bench, brdf, demo, devices, explain, passes, picture, simulate, star, tables};
+use crate::{
+    air, apply, bench, brdf, calibrate, demo, devices, explain, observe, passes, picture, session,
+    simulate, star, tables,
+};
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
@@ -70,6 +73,15 @@ pub enum Command {
     /// The instruments: what is plugged in, a self-test, readings, settings, moves, recordings
     #[command(subcommand)]
     Devices(Box<devices::DevicesCommand>),
+    /// Observe a night: frames and photon counts into a session's folder, from a plan or from a recorded night
+    Observe(Box<observe::ObserveArgs>),
+    /// Recorded nights: whether all of one is there
+    #[command(subcommand)]
+    Session(session::SessionCommand),
+    /// The coefficient of every channel and night from visits to stars
+    Calibrate(Box<calibrate::CalibrateArgs>),
+    /// Calibrated rates, magnitudes and irradiances of a light curve
+    Apply(Box<apply::ApplyArgs>),
     /// Print the completions of a shell
     Completions {
         /// The shell
@@ -120,7 +132,13 @@ impl Command {
             Command::Bench(args) => Some(&args.out),
             Command::Brdf(command) => Some(command.output()),
             Command::Devices(command) => command.output(),
-            Command::Demo(_) | Command::Completions { .. } | Command::Man { .. } => None,
+            Command::Calibrate(args) => Some(&args.out),
+            Command::Apply(args) => Some(&args.out),
+            Command::Demo(_)
+            | Command::Observe(_)
+            | Command::Session(_)
+            | Command::Completions { .. }
+            | Command::Man { .. } => None,
         }
     }
 
@@ -137,6 +155,10 @@ impl Command {
             Command::Bench(args) => bench::run(args, console),
             Command::Brdf(command) => brdf::run(command, console, seed),
             Command::Devices(command) => devices::run(command, console),
+            Command::Observe(args) => observe::run(args, console),
+            Command::Session(command) => session::run(command, console),
+            Command::Calibrate(args) => calibrate::run(args, console),
+            Command::Apply(args) => apply::run(args, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();
                 clap_complete::generate(*shell, &mut Cli::command(), "sunglint", &mut script);
