@@ -132,8 +132,8 @@ fn a_turned_field_and_a_background_are_found() {
     assert!((fibre.sigma_px[1].powi(2) - (u * sin * sin + v * cos * cos)).abs() < 1e-9);
 }
 
-/// Truth: a second maximum of a tenth, 25 px beside the centre, is where the map's strongest residual lies, with its height (4 σ of the cell and
-/// the part that the fit takes, a third).
+/// Truth: a second maximum of 0.15 and σ = 4 px, 30 px beside the centre, is where the map's strongest residual lies (a cell of 5 px), at 0.08 to 0.16: a cell
+/// averages over it, and the fit takes a part.
 #[test]
 fn a_ghost_shows_in_the_map() {
     let mut points = Draw::new(4).points(4000, 0.0, 0.0);

@@ -21,7 +21,7 @@ fn near([value, sigma]: [f64; 2], truth: f64, sigmas: f64) {
     assert!((value - truth).abs() <= sigmas * sigma, "{value} ± {sigma}, truth {truth}");
 }
 
-/// Truth: the dead time and the light that the photons were drawn from. 4 σ each; the dead time to a fiftieth of a bin of 20 ns besides.
+/// Truth: the dead time and the light that the photons were drawn from. 4 σ each; the dead time to a tenth of a bin of 20 ns besides.
 #[test]
 fn a_plain_dead_time_is_found() {
     let found = histogram(Detector::NonParalysable(1e-6), 2e5, 200_000, 1).estimate().unwrap();

@@ -1,5 +1,7 @@
 //! A session's folder: what is promised of it after a power failure, on a full disk, on a bad one; what the check finds.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use ndarray::Array2;
 use proptest::prelude::*;
 use std::path::Path;

@@ -15,6 +15,14 @@ pub struct Centroid {
     pub fwhm_px: [f64; 2],
 }
 
+impl Centroid {
+    /// Its width as a point: the mean of both axes (geometric); of a trail, the width across it.
+    pub fn point_fwhm_px(&self) -> f64 {
+        let [narrow, wide] = self.fwhm_px;
+        if wide.is_finite() { (narrow * wide).sqrt() } else { narrow }
+    }
+}
+
 /// √(8 ln 2): full width at half maximum over standard deviation of a normal profile.
 pub(crate) const FWHM_PER_SIGMA: f64 = 2.354_820_045_030_949;
 
@@ -33,7 +41,7 @@ struct Sums {
 /// Newton steps. Its covariance is J⁻¹ S J⁻ᵀ, S that of the sum and J its derivative.
 ///
 /// In a mosaic the kernel is averaged over the four 2 × 2 squares that a pixel belongs to. Each square holds all colours, so that the
-/// grid of one colour does not draw the centroid, and no colour is interpolated. The mirror image of a masked pixel is left out with it.
+/// grid of one colour does not draw the centroid, and no colour is interpolated. A masked pixel has the light of its mirror image.
 /// `None` where there is no light, or the balance lies more than two window widths away.
 pub(crate) fn windowed(
     light: &Light<'_>,
@@ -114,44 +122,54 @@ const REACH: f64 = 4.0;
 fn add_up(light: &Light<'_>, place: [f64; 2], window_sigma_px: f64) -> Sums {
     let (s2, reach) = (window_sigma_px * window_sigma_px, REACH * window_sigma_px);
     let mut sums = Sums::default();
+    let origin = light.window.origin;
     let range = |axis: usize| {
-        let origin = light.window.origin[axis] as f64;
-        let from = (place[axis] - reach - origin).ceil().max(0.0) as usize;
-        let to = (place[axis] + reach - origin).floor().max(-1.0) + 1.0;
+        let from = (place[axis] - reach - origin[axis] as f64).ceil().max(0.0) as usize;
+        let to = (place[axis] + reach - origin[axis] as f64).floor().max(-1.0) + 1.0;
         from..(to as usize).min(light.window.size[axis])
     };
     let (columns, rows) = (range(0), range(1));
     let across: Vec<[f64; 3]> = columns
         .clone()
-        .map(|i| kernel((light.window.origin[0] + i) as f64 - place[0], s2, light.mosaic))
+        .map(|i| kernel((origin[0] + i) as f64 - place[0], s2, light.mosaic))
         .collect();
     for row in rows {
-        let y = (light.window.origin[1] + row) as f64;
-        let down = kernel(y - place[1], s2, light.mosaic);
+        let down = kernel((origin[1] + row) as f64 - place[1], s2, light.mosaic);
         for (column, x_kernel) in columns.clone().zip(&across) {
-            let at = row * light.window.size[0] + column;
-            let value = f64::from(light.values[at]);
-            if value.is_nan() {
-                continue;
+            let value = f64::from(light.values[row * light.window.size[0] + column]);
+            if !value.is_nan() {
+                let sigma = light.pixel_sigma(origin[0] + column, origin[1] + row);
+                sums.add(value, sigma * sigma + value.max(0.0) * light.adu_per_e, x_kernel, &down);
             }
-            let x = (light.window.origin[0] + column) as f64;
-            let share = light.share(x, y, place);
-            let sigma =
-                light.pixel_sigma(light.window.origin[0] + column, light.window.origin[1] + row);
-            let variance = sigma * sigma + value.max(0.0) * light.adu_per_e;
-            let (gx, gy) = (share * x_kernel[1] * down[0], share * x_kernel[0] * down[1]);
-            sums.light += value * share * x_kernel[0] * down[0];
-            sums.first[0] += value * gx;
-            sums.first[1] += value * gy;
-            sums.second[0] += value * share * x_kernel[2] * down[0];
-            sums.second[1] += value * share * x_kernel[0] * down[2];
-            sums.second[2] += value * share * x_kernel[1] * down[1];
-            sums.noise[0] += variance * gx * gx;
-            sums.noise[1] += variance * gy * gy;
-            sums.noise[2] += variance * gx * gy;
+        }
+    }
+    for [x, y] in light.masked() {
+        if (x - place[0]).abs() <= reach
+            && (y - place[1]).abs() <= reach
+            && let Some(value) = light.mirrored([x, y], place)
+        {
+            let [x_kernel, down] =
+                [x - place[0], y - place[1]].map(|d| kernel(d, s2, light.mosaic));
+            let sigma = light.pixel_sigma(x as usize, y as usize);
+            sums.add(value, sigma * sigma + value.max(0.0) * light.adu_per_e, &x_kernel, &down);
         }
     }
     sums
+}
+
+impl Sums {
+    fn add(&mut self, value: f64, variance: f64, across: &[f64; 3], down: &[f64; 3]) {
+        let (gx, gy) = (across[1] * down[0], across[0] * down[1]);
+        self.light += value * across[0] * down[0];
+        self.first[0] += value * gx;
+        self.first[1] += value * gy;
+        self.second[0] += value * across[2] * down[0];
+        self.second[1] += value * across[0] * down[2];
+        self.second[2] += value * across[1] * down[1];
+        self.noise[0] += variance * gx * gx;
+        self.noise[1] += variance * gy * gy;
+        self.noise[2] += variance * gx * gy;
+    }
 }
 
 /// The centre of the light within a pill, from its middle on; for a target that is drawn out.

@@ -1,7 +1,7 @@
 //! The sources of a frame, and which of them may be the target.
 
-use super::background::{Clipping, clipped_median};
 use super::centroid::{Centroid, FWHM_PER_SIGMA, windowed};
+use super::image::{Image, TILE, significance, take_out_sharp};
 use super::look::{Look, Setting};
 use super::options::{Choice, DetectionOptions, Trail};
 use super::overlap::Aperture;
@@ -24,6 +24,10 @@ pub enum Rejection {
     Sharp,
     /// Wider than a point: a streak, a cloud; or no trail as it is known.
     Wide,
+    /// At the frame's edge, less than one and a half widths from it: there a streak's end looks like a point.
+    Edge,
+    /// A knot of a faint streak: there is light on a line through it.
+    Streak,
 }
 
 /// A source above the threshold.
@@ -39,6 +43,8 @@ pub struct Candidate {
     pub fill: f64,
     /// The longer side of the bounding box over the shorter.
     pub aspect: f64,
+    /// Its signal to noise as something a third as wide as a point, over that as a point: 0.55 for a point, more than 1 for what is sharp.
+    pub sharpness: f64,
     /// Place and widths, of those that pass the filters before.
     pub centroid: Option<Centroid>,
     /// The trail that its second moments show, px.
@@ -54,6 +60,8 @@ pub struct Detection {
     pub candidates: Vec<Candidate>,
     /// Index of the target.
     pub target: Option<usize>,
+    /// Pixels (column and row) that were left out of the search, for they are sharper than a point: cosmic rays and hot pixels.
+    pub cosmic_ray_px: Vec<[f64; 2]>,
     labels: Labels,
 }
 
@@ -72,10 +80,14 @@ impl Detection {
         self.candidates.iter().filter(|c| c.rejection.is_none()).count()
     }
 
-    /// Whether a source other than the target has a pixel above the threshold in this aperture.
+    /// Whether a source other than the target, or a cosmic ray, has a pixel in this aperture.
     pub fn crowded(&self, aperture: &Aperture) -> bool {
         let Some(target) = self.target else { return false };
         let own = target as u32 + 1;
+        let inside = |p: [f64; 2]| aperture.distance_px(p[0], p[1]) < aperture.radius_px;
+        if self.cosmic_ray_px.iter().any(|&p| inside(p)) {
+            return true;
+        }
         self.labels.of_pixel.iter().enumerate().any(|(i, &label)| {
             label != 0 && label != own && {
                 let place = self.labels.place([i % self.labels.size[0], i / self.labels.size[0]]);
@@ -119,23 +131,47 @@ impl Detector {
         let around = sought.options.max_offset_px + TILE as f64 + 4.0 * sought.fwhm_px;
         self.window.take(reading, sought.place_px, [around; 2]);
         let Some(image) = Image::of(&self.window, reading) else { return Detection::default() };
-        let smoothed = image.significance(sought.fwhm_px / FWHM_PER_SIGMA);
-        let (found, labels) = regions(&smoothed, image.size, sought.options.threshold_sigma);
+        let sigma_px = sought.fwhm_px / FWHM_PER_SIGMA;
+        let size = image.size;
+        let mut above = image.above_background();
+        let sharp = take_out_sharp(&mut above, size, sigma_px);
+        let smoothed = significance(&above, size, sigma_px);
+        let threshold = sought.options.threshold_sigma;
+        let (found, labels) = regions(&smoothed, image.size, threshold, 0.5 * threshold);
+        let narrow = significance(&above, size, (NARROW * sigma_px).max(0.5));
         let labels = Labels { of_pixel: labels, size: image.size, origin: image.origin };
-        let candidates: Vec<Candidate> = found
-            .iter()
-            .map(|region| self.judge(reading, region, &labels, sought, setting))
-            .collect();
+        let cosmic_ray_px: Vec<[f64; 2]> =
+            sharp.iter().map(|i| labels.place([i % size[0], i / size[0]])).collect();
+        let mut candidates: Vec<Candidate> = Vec::with_capacity(found.len());
+        for region in &found {
+            let sharpness = sharpness(region, &narrow, image.size, sought.fwhm_px);
+            let mut candidate = self.judge(
+                reading,
+                (region, sharpness),
+                (&labels, &cosmic_ray_px),
+                sought,
+                setting,
+            );
+            // A bright streak stays in one piece, and a bright star has light all around.
+            let faint = candidate.peak_sigma < FAINT * threshold;
+            let point = matches!(sought.trail, Trail::Point) && candidate.rejection.is_none();
+            if point && faint && on_streak(region.summit, &smoothed, size, sought.fwhm_px) {
+                candidate.rejection = Some(Rejection::Streak);
+            }
+            candidates.push(candidate);
+        }
         let target = choose(&candidates, sought);
-        Detection { candidates, target, labels }
+        let cosmic_ray_px =
+            sharp.iter().map(|i| labels.place([i % size[0], i / size[0]])).collect();
+        Detection { candidates, target, cosmic_ray_px, labels }
     }
 
     /// A region as a candidate, with the first filter that it fails.
     fn judge(
         &mut self,
         reading: &Reading<'_>,
-        region: &Region,
-        labels: &Labels,
+        (region, sharpness): (&Region, f64),
+        (labels, cosmic_ray_px): (&Labels, &[[f64; 2]]),
         sought: &Sought<'_>,
         setting: &Setting,
     ) -> Candidate {
@@ -153,25 +189,31 @@ impl Detector {
             area_px: region.area,
             fill: region.fill(),
             aspect: region.aspect(),
+            sharpness,
             centroid: None,
             trail_px,
             rejection: None,
         };
         let by_box = if distance(at, sought.place_px) > options.max_offset_px {
             Some(Rejection::Offset)
+        } else if near_edge(at, reading, 1.5 * sought.fwhm_px) {
+            Some(Rejection::Edge)
         } else if !(options.area_px[0]..=options.area_px[1]).contains(&region.area) {
             Some(Rejection::Area)
         } else if !drawn_out && candidate.fill < options.min_fill {
             Some(Rejection::Fill)
         } else if !drawn_out && candidate.aspect > options.max_aspect {
             Some(Rejection::Aspect)
+        } else if region.peak < FAINT * options.threshold_sigma && sharpness > options.max_sharpness
+        {
+            Some(Rejection::Sharp)
         } else {
             None
         };
         candidate.rejection = by_box.or_else(|| {
             let aperture = Aperture::disc(at, sought.aperture_radius_px);
             self.look.at(reading, &aperture, setting);
-            let light = self.look.light(reading, setting);
+            let light = self.look.light(reading, setting, cosmic_ray_px);
             candidate.centroid =
                 light.and_then(|light| windowed(&light, at, sought.fwhm_px / FWHM_PER_SIGMA));
             by_width(&candidate, drawn_out, sought)
@@ -181,6 +223,65 @@ impl Detector {
         }
         candidate
     }
+}
+
+/// Sources below so many thresholds are tested for a faint cosmic ray's or a faint streak's signs; brighter ones show their shape.
+const FAINT: f64 = 2.5;
+
+/// Width of the second, narrow filter over that of a point.
+const NARROW: f64 = 0.3;
+
+/// The highest value of the narrowly smoothed frame near a region's summit, over the summit.
+fn sharpness(region: &Region, narrow: &[f64], [width, height]: [usize; 2], fwhm_px: f64) -> f64 {
+    let reach = (0.5 * fwhm_px).round() as usize;
+    let [x, y] = region.summit;
+    let mut highest = f64::NEG_INFINITY;
+    for row in y.saturating_sub(reach)..(y + reach + 1).min(height) {
+        let line = &narrow[row * width..][..width];
+        for value in &line[x.saturating_sub(reach)..(x + reach + 1).min(width)] {
+            highest = highest.max(*value);
+        }
+    }
+    highest / region.peak
+}
+
+/// Whether a place is within a distance of the frame's edge.
+fn near_edge(place: [f64; 2], reading: &Reading<'_>, distance_px: f64) -> bool {
+    let size = [reading.frame.pixels.ncols(), reading.frame.pixels.nrows()].map(|n| n as f64);
+    (0..2)
+        .any(|axis| place[axis] + 0.5 < distance_px || size[axis] - 0.5 - place[axis] < distance_px)
+}
+
+/// Whether there is light along a line through a summit: samples of the smoothed frame a width apart, from two widths on to ten at most, on
+/// one side or both. Each counts no more than 3 σ, so that another star on the line does not make it a streak.
+fn on_streak(summit: [usize; 2], smoothed: &[f64], size: [usize; 2], fwhm_px: f64) -> bool {
+    const DIRECTIONS: usize = 30;
+    const SAMPLES: usize = 10;
+    const SIGMA: f64 = 5.0;
+    const CONTINUOUS: f64 = 1.6;
+    let sample = |angle: f64, along: f64| {
+        let x = (summit[0] as f64 + along * angle.cos()).round();
+        let y = (summit[1] as f64 + along * angle.sin()).round();
+        let inside = x >= 0.0 && y >= 0.0 && x < size[0] as f64 && y < size[1] as f64;
+        if inside { smoothed[y as usize * size[0] + x as usize].clamp(-3.0, 3.0) } else { 0.0 }
+    };
+    (0..DIRECTIONS).any(|direction| {
+        let angle = std::f64::consts::PI * direction as f64 / DIRECTIONS as f64;
+        let mut sums = [0.0; 2];
+        // A streak that merely crosses the line begins further out.
+        let mut alive = [1.0; 2];
+        (1..=SAMPLES).any(|n| {
+            let along = (n as f64 + 1.0) * fwhm_px;
+            sums = [sums[0] + sample(angle, along), sums[1] + sample(angle, -along)];
+            if n >= 3 {
+                let alone = |i: usize| if sums[i] > CONTINUOUS * n as f64 { alive[i] } else { 0.0 };
+                alive = [alone(0), alone(1)];
+            }
+            let sides: f64 = alive.iter().sum();
+            let sum = alive[0] * sums[0] + alive[1] * sums[1];
+            sides * n as f64 >= 4.0 && sum > SIGMA * (sides * n as f64).sqrt()
+        })
+    })
 }
 
 /// The filters that need a closer look.
@@ -233,174 +334,4 @@ fn trail_of(region: &Region) -> [f64; 2] {
     let length = (24.0 * half).sqrt();
     let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
     [length * angle.cos(), length * angle.sin()]
-}
-
-/// Pixels across a tile of the local background.
-const TILE: usize = 32;
-
-/// A window as one image: the values of a monochrome frame, or the means of the 2 × 2 squares of a mosaic (each of which holds all colours).
-struct Image {
-    values: Vec<f32>,
-    size: [usize; 2],
-    /// Where its first pixel is in the frame.
-    origin: [f64; 2],
-}
-
-impl Image {
-    /// `None` of an empty window.
-    fn of(window: &Window, reading: &Reading<'_>) -> Option<Self> {
-        let full = reading.saturation_adu as f32;
-        let [width, height] = window.size;
-        let value = |v: f32| if v == f32::INFINITY { full } else { v };
-        let origin = window.origin.map(|o| o as f64);
-        if reading.frame.bayer.is_none() {
-            let values: Vec<f32> = window.values.iter().map(|&v| value(v)).collect();
-            return (!values.is_empty()).then_some(Self { values, size: window.size, origin });
-        }
-        let size = [width.checked_sub(1)?, height.checked_sub(1)?];
-        let mut values = Vec::with_capacity(size[0] * size[1]);
-        for y in 0..size[1] {
-            let (upper, lower) =
-                (&window.values[y * width..][..width], &window.values[(y + 1) * width..][..width]);
-            for x in 0..size[0] {
-                let square = [upper[x], upper[x + 1], lower[x], lower[x + 1]];
-                values.push(square.into_iter().map(value).sum::<f32>() / 4.0);
-            }
-        }
-        (!values.is_empty()).then_some(Self { values, size, origin: origin.map(|o| o + 0.5) })
-    }
-
-    /// The image above its local background, smoothed with a normal profile, in standard deviations of that. Masked pixels count nothing.
-    fn significance(&self, sigma_px: f64) -> Vec<f64> {
-        let tiles = Tiles::of(self);
-        let [width, height] = self.size;
-        let mut image: Vec<f64> = Vec::with_capacity(self.values.len());
-        for y in 0..height {
-            for x in 0..width {
-                let value = f64::from(self.values[y * width + x]);
-                let (level, sigma) = tiles.at(x, y);
-                image.push(if value.is_nan() { 0.0 } else { (value - level) / sigma });
-            }
-        }
-        let smoothed = smooth(&image, self.size, sigma_px);
-        // Squares of a mosaic share pixels, so the noise of the smoothed frame is measured, not derived.
-        let mut sorted: Vec<f32> = smoothed.iter().map(|&v| v as f32).collect();
-        let scatter = clipped_median(&mut sorted, &CLIPPING)
-            .map_or(1.0, |b| b.pixel_sigma_adu)
-            .max(f64::MIN_POSITIVE);
-        let middle = clipped_median(&mut sorted, &CLIPPING).map_or(0.0, |b| b.level_adu);
-        smoothed.iter().map(|v| (v - middle) / scatter).collect()
-    }
-}
-
-/// Clipping for levels of tiles and of the smoothed frame.
-const CLIPPING: Clipping =
-    Clipping { sigma: 3.0, rounds: 8, gain_and_read_noise: None, step_adu: 0.0 };
-
-/// Levels and scatters of the tiles of an image, each the median of its neighbourhood.
-struct Tiles {
-    count: [usize; 2],
-    size: [f64; 2],
-    level: Vec<f64>,
-    sigma: Vec<f64>,
-}
-
-impl Tiles {
-    fn of(image: &Image) -> Self {
-        let count = image.size.map(|n| (n / TILE).max(1));
-        let size = [0, 1].map(|axis| image.size[axis] as f64 / count[axis] as f64);
-        let (mut level, mut sigma) = (Vec::new(), Vec::new());
-        let mut values = Vec::new();
-        let edge = |axis: usize, i: usize| (i as f64 * size[axis]).round() as usize;
-        for row in 0..count[1] {
-            for column in 0..count[0] {
-                values.clear();
-                for y in edge(1, row)..edge(1, row + 1).min(image.size[1]) {
-                    let from = y * image.size[0];
-                    let line = &image.values
-                        [from + edge(0, column)..from + edge(0, column + 1).min(image.size[0])];
-                    values.extend(line.iter().copied().filter(|v| v.is_finite()));
-                }
-                let found = clipped_median(&mut values, &CLIPPING);
-                level.push(found.map_or(f64::NAN, |b| b.level_adu));
-                sigma.push(found.map_or(f64::NAN, |b| b.pixel_sigma_adu));
-            }
-        }
-        // Whole counts scatter by 1/√12 at least.
-        let least = 12f64.sqrt().recip();
-        Self {
-            count,
-            size,
-            level: around(&level, count, 0.0),
-            sigma: around(&sigma, count, least).iter().map(|s| s.max(least)).collect(),
-        }
-    }
-
-    /// Level between the tiles' middles, and the scatter of the tile.
-    fn at(&self, x: usize, y: usize) -> (f64, f64) {
-        let [columns, rows] = self.count;
-        let axis = |at: usize, axis: usize| {
-            let place = ((at as f64 + 0.5) / self.size[axis] - 0.5)
-                .clamp(0.0, (self.count[axis] - 1) as f64);
-            (place as usize, (place as usize + 1).min(self.count[axis] - 1), place.fract())
-        };
-        let (x0, x1, u) = axis(x, 0);
-        let (y0, y1, v) = axis(y, 1);
-        let level = |column: usize, row: usize| self.level[row * columns + column];
-        let upper = level(x0, y0) * (1.0 - u) + level(x1, y0) * u;
-        let lower = level(x0, y1) * (1.0 - u) + level(x1, y1) * u;
-        let nearest =
-            |at: usize, axis: usize, n: usize| ((at as f64 / self.size[axis]) as usize).min(n - 1);
-        let sigma = self.sigma[nearest(y, 1, rows) * columns + nearest(x, 0, columns)];
-        (upper * (1.0 - v) + lower * v, sigma)
-    }
-}
-
-/// The median of each tile and its neighbours; `otherwise` where there is none.
-fn around(values: &[f64], [columns, rows]: [usize; 2], otherwise: f64) -> Vec<f64> {
-    let mut out = Vec::with_capacity(values.len());
-    for row in 0..rows {
-        for column in 0..columns {
-            let mut near: Vec<f64> = (row.saturating_sub(1)..(row + 2).min(rows))
-                .flat_map(|r| {
-                    (column.saturating_sub(1)..(column + 2).min(columns))
-                        .map(move |c| r * columns + c)
-                })
-                .map(|i| values[i])
-                .filter(|v| v.is_finite())
-                .collect();
-            near.sort_by(f64::total_cmp);
-            let n = near.len();
-            out.push(if n == 0 { otherwise } else { 0.5 * (near[(n - 1) / 2] + near[n / 2]) });
-        }
-    }
-    out
-}
-
-/// Convolution with a normal profile of sum of squares 1 in both directions; what is beyond the edge counts nothing.
-fn smooth(image: &[f64], [width, height]: [usize; 2], sigma_px: f64) -> Vec<f64> {
-    let reach = (4.0 * sigma_px).ceil() as usize;
-    let profile: Vec<f64> =
-        (0..=reach).map(|i| (-0.5 * (i as f64 / sigma_px).powi(2)).exp()).collect();
-    let norm = (2.0 * profile.iter().skip(1).map(|p| p * p).sum::<f64>() + 1.0).sqrt();
-    let profile: Vec<f64> = profile.iter().map(|p| p / norm).collect();
-    let mut rows = vec![0.0; image.len()];
-    for (line, out) in image.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
-        for (x, out) in out.iter_mut().enumerate() {
-            let from = x.saturating_sub(reach);
-            let part = &line[from..(x + reach + 1).min(width)];
-            *out = part.iter().enumerate().map(|(i, v)| v * profile[(from + i).abs_diff(x)]).sum();
-        }
-    }
-    let mut out = vec![0.0; image.len()];
-    for y in 0..height {
-        for other in y.saturating_sub(reach)..(y + reach + 1).min(height) {
-            let weight = profile[other.abs_diff(y)];
-            let (to, from) = (&mut out[y * width..][..width], &rows[other * width..][..width]);
-            for (to, from) in to.iter_mut().zip(from) {
-                *to += weight * from;
-            }
-        }
-    }
-    out
 }

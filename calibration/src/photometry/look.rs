@@ -35,8 +35,14 @@ impl Look {
         }
     }
 
-    /// The light above the background; `None` where a plane has no background. Saturated pixels count as just saturated.
-    pub fn light(&mut self, reading: &Reading<'_>, setting: &Setting) -> Option<Light<'_>> {
+    /// The light above the background; `None` where a plane has no background. Saturated pixels count as just saturated, those within a pixel of
+    /// a place of `without` as masked.
+    pub fn light(
+        &mut self,
+        reading: &Reading<'_>,
+        setting: &Setting,
+        without: &[[f64; 2]],
+    ) -> Option<Light<'_>> {
         let mut levels = Levels::default();
         for (plane, background) in &self.planes {
             let background = (*background)?;
@@ -55,6 +61,11 @@ impl Look {
         for (row, line) in self.window.rows() {
             for (i, &value) in line.iter().enumerate() {
                 let column = self.window.origin[0] + i;
+                // Squares of a mosaic have their places between pixels.
+                let hit = |p: &[f64; 2]| {
+                    (p[0] - column as f64).abs() < 0.9 && (p[1] - row as f64).abs() < 0.9
+                };
+                let value = if without.iter().any(hit) { f32::NAN } else { value };
                 if value.is_nan() {
                     self.masked.push([column as f64, row as f64]);
                 }
@@ -164,13 +175,53 @@ impl Light<'_> {
         self.levels.sigma[row % 2][column % 2]
     }
 
-    /// What is left of a pixel when the mirror images of the masked ones through `centre` are taken out.
-    pub fn share(&self, x: f64, y: f64, centre: [f64; 2]) -> f64 {
-        let covered = self.masked.iter().map(|[mx, my]| {
-            let (dx, dy) = (2.0 * centre[0] - mx - x, 2.0 * centre[1] - my - y);
-            (1.0 - dx.abs()).max(0.0) * (1.0 - dy.abs()).max(0.0)
-        });
-        if self.masked.is_empty() { 1.0 } else { (1.0 - covered.sum::<f64>()).max(0.0) }
+    /// The masked pixels of the window: column and row.
+    pub fn masked(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+        self.masked.iter().copied()
+    }
+
+    /// The light that a masked pixel's mirror image through `centre` has, between the pixels of its own colour: by Catmull-Rom splines, or
+    /// straight lines where the mask is among their sixteen pixels; `None` where it is among the four next ones, too. For centroids alone: a
+    /// sum is not filled up with it.
+    pub fn mirrored(&self, pixel: [f64; 2], centre: [f64; 2]) -> Option<f64> {
+        let splines = |t: f64| {
+            [
+                0.5 * t * (-1.0 + t * (2.0 - t)),
+                0.5 * (2.0 + t * t * (3.0 * t - 5.0)),
+                0.5 * t * (1.0 + t * (4.0 - 3.0 * t)),
+                0.5 * t * t * (t - 1.0),
+            ]
+        };
+        self.between(pixel, centre, splines)
+            .or_else(|| self.between(pixel, centre, |t| [0.0, 1.0 - t, t, 0.0]))
+    }
+
+    /// A sum over the pixels around the mirror image, those of weight 0 left out.
+    fn between(
+        &self,
+        pixel: [f64; 2],
+        centre: [f64; 2],
+        weights: fn(f64) -> [f64; 4],
+    ) -> Option<f64> {
+        let step = if self.mosaic { 2.0 } else { 1.0 };
+        let taps = |axis: usize| {
+            let along = 2.0 * (centre[axis] - pixel[axis]) / step;
+            let first = pixel[axis] + (along.floor() - 1.0) * step;
+            (first - self.window.origin[axis] as f64, weights(along - along.floor()))
+        };
+        let ((left, across), (top, down)) = (taps(0), taps(1));
+        let mut sum = 0.0;
+        for (j, v) in down.iter().enumerate() {
+            for (i, u) in across.iter().enumerate().filter(|(_, u)| **u * v != 0.0) {
+                let place = [left + i as f64 * step, top + j as f64 * step];
+                let inside =
+                    (0..2).all(|a| place[a] >= 0.0 && place[a] < self.window.size[a] as f64);
+                let at = place[1] as usize * self.window.size[0] + place[0] as usize;
+                let value = *self.values.get(at).filter(|value| inside && !value.is_nan())?;
+                sum += u * v * f64::from(value);
+            }
+        }
+        Some(sum)
     }
 
     /// Rows with their number in the frame.

@@ -118,6 +118,12 @@ pub struct Tally {
     pub rejected_sharp: u64,
     /// Sources wider than a point: streaks, clouds.
     pub rejected_wide: u64,
+    /// Sources at the frame's edge.
+    pub rejected_edge: u64,
+    /// Knots of faint streaks.
+    pub rejected_streak: u64,
+    /// Pixels of cosmic rays and hot pixels that were left out of the search.
+    pub cosmic_ray_pixels: u64,
     /// Sources too far from where the target was expected.
     pub rejected_offset: u64,
     /// Planes without a rate, for a saturated pixel.

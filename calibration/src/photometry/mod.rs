@@ -16,6 +16,7 @@ mod background;
 mod calibrate;
 mod centroid;
 mod detect;
+mod image;
 mod look;
 mod measurement;
 mod options;

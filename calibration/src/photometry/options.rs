@@ -13,7 +13,8 @@ pub struct PhotometryOptions {
     pub clip_sigma: f64,
     /// Rounds of clipping at most.
     pub clip_rounds: usize,
-    /// Expected full width at half maximum of a point, px: of the window of centroids and of the filter of the detection.
+    /// Expected full width at half maximum of a point, px: of the window of centroids and of the filter of the detection. What is half as wide
+    /// counts as a cosmic ray.
     pub fwhm_px: f64,
     /// Pixels across and down of the whole sensor, unbinned: its middle is the origin of tracks.
     pub sensor_px: [u32; 2],
@@ -58,12 +59,15 @@ pub enum Choice {
 pub struct DetectionOptions {
     /// Standard deviations above the local background of the frame after smoothing with a point's profile.
     pub threshold_sigma: f64,
-    /// Fewest and most pixels of the smoothed frame above the threshold, or above 30 % of the source's peak where that is higher.
+    /// Fewest and most pixels of the smoothed frame above half the threshold, or above 30 % of the source's peak where that is higher.
     pub area_px: [usize; 2],
     /// Least fraction of its bounding box that a source fills. A disc fills π/4, a diagonal streak little.
     pub min_fill: f64,
     /// Largest ratio of the bounding box's sides.
     pub max_aspect: f64,
+    /// Of sources below 2.5 thresholds: largest signal to noise of a source as something a third as wide as a point, over that as a point: above it is a cosmic ray. A point has
+    /// 0.55, one hot pixel 3.3.
+    pub max_sharpness: f64,
     /// Narrowest axis of a source over that of a point: below it is a cosmic ray or a hot pixel.
     pub min_width: f64,
     /// Widest axis of a source over that of a point: above it is a streak.
@@ -81,7 +85,8 @@ impl Default for DetectionOptions {
             area_px: [4, 2000],
             min_fill: 0.4,
             max_aspect: 2.5,
-            min_width: 0.55,
+            max_sharpness: 0.85,
+            min_width: 0.4,
             max_width: 2.0,
             max_offset_px: f64::INFINITY,
             choice: Choice::Nearest,
@@ -162,6 +167,7 @@ impl PhotometryOptions {
         above("threshold_sigma", detection.threshold_sigma, 0.0, positive)?;
         within("min_fill", detection.min_fill, 0.0, 1.0, "0 to 1")?;
         within("max_aspect", detection.max_aspect, 1.0, f64::INFINITY, "1 or more")?;
+        above("max_sharpness", detection.max_sharpness, 0.0, positive)?;
         within("min_width", detection.min_width, 0.0, detection.max_width, "0 to max_width")?;
         within("max_offset_px", detection.max_offset_px, 0.0, f64::INFINITY, "0 or more")
     }

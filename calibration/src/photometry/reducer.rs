@@ -100,7 +100,8 @@ impl FrameReducer {
             trail_px,
         };
         let fwhm = target.centroid.map_or(self.options.fwhm_px, |c| c.fwhm_px[0]);
-        let mut measured = self.at(frame, aperture, Some(fwhm), expected)?;
+        let mut measured =
+            self.at(frame, aperture, Some((fwhm, &detection.cosmic_ray_px)), expected)?;
         measured.candidates = detection.passed();
         if measured.aperture.is_some_and(|aperture| detection.crowded(&aperture)) {
             self.tally.crowded += 1;
@@ -160,18 +161,18 @@ impl FrameReducer {
         if long { trail } else { [0.0; 2] }
     }
 
-    /// Centroid (where `search_fwhm` says the target was searched for) and planes of an aperture.
+    /// Centroid (where the target was searched for: with its width and the cosmic rays) and planes of an aperture.
     fn at(
         &mut self,
         frame: &Frame,
         mut aperture: Aperture,
-        search_fwhm: Option<f64>,
+        searched: Option<(f64, &[[f64; 2]])>,
         expected: &Expected,
     ) -> Result<FrameMeasurement, PhotometryError> {
         let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
         self.look.at(&reading, &aperture, &setting);
         let mut centroid = None;
-        if let Some(fwhm_px) = search_fwhm {
+        if let Some((fwhm_px, without)) = searched {
             let window_fwhm_px = self.options.fwhm_px;
             centroid = centroid_of(
                 &mut self.look,
@@ -179,6 +180,7 @@ impl FrameReducer {
                 &setting,
                 &aperture,
                 [window_fwhm_px, fwhm_px],
+                without,
             );
             if let Some(found) = centroid {
                 let moved = (found.place_px[0] - aperture.centre_px[0])
@@ -190,7 +192,7 @@ impl FrameReducer {
             }
         }
         let planes = self.planes(frame, &setting, aperture, centroid);
-        let fwhm_px = centroid.map(|c| c.fwhm_px[0]).filter(|f| f.is_finite());
+        let fwhm_px = centroid.map(|c| c.point_fwhm_px()).filter(|f| f.is_finite());
         let mut measured = FrameMeasurement {
             place_px: Some(aperture.centre_px),
             aperture: Some(aperture),
@@ -215,7 +217,7 @@ impl FrameReducer {
         let size = [frame.pixels.ncols(), frame.pixels.nrows()];
         let summing = Summing {
             aperture,
-            fwhm_px: centroid.map_or(self.options.fwhm_px, |c| c.fwhm_px[0].min(1e3)),
+            fwhm_px: centroid.map_or(self.options.fwhm_px, |c| c.point_fwhm_px().min(1e3)),
             exposure_s: frame.exposure_s,
             gain_e_per_adu: setting.gain_e_per_adu,
             max_masked_light: self.options.max_masked_light,
@@ -258,6 +260,7 @@ impl FrameReducer {
     }
 
     fn count(&mut self, detection: &Detection) {
+        self.tally.cosmic_ray_pixels += detection.cosmic_ray_px.len() as u64;
         self.tally.ambiguous += u64::from(detection.passed() > 1);
         for candidate in &detection.candidates {
             let counter = match candidate.rejection {
@@ -267,6 +270,8 @@ impl FrameReducer {
                 Some(Rejection::Aspect) => &mut self.tally.rejected_aspect,
                 Some(Rejection::Sharp) => &mut self.tally.rejected_sharp,
                 Some(Rejection::Wide) => &mut self.tally.rejected_wide,
+                Some(Rejection::Streak) => &mut self.tally.rejected_streak,
+                Some(Rejection::Edge) => &mut self.tally.rejected_edge,
                 Some(Rejection::Offset) => &mut self.tally.rejected_offset,
             };
             *counter += 1;
@@ -281,8 +286,9 @@ fn centroid_of(
     setting: &Setting,
     aperture: &Aperture,
     [window_fwhm_px, fwhm_px]: [f64; 2],
+    without: &[[f64; 2]],
 ) -> Option<Centroid> {
-    let light = look.light(reading, setting)?;
+    let light = look.light(reading, setting, without)?;
     if aperture.trail_px == [0.0; 2] {
         return windowed(&light, aperture.centre_px, window_fwhm_px / FWHM_PER_SIGMA);
     }

@@ -54,9 +54,14 @@ struct Parting<'a> {
     flood: u32,
 }
 
-/// The regions of an image (row by row) above `threshold`, brightest summits first within what hangs together, and the map of their
-/// labels: 0 below the threshold.
-pub(crate) fn regions(image: &[f64], size: [usize; 2], threshold: f64) -> (Vec<Region>, Vec<u32>) {
+/// The regions of an image (row by row) with a summit above `threshold`, out to the level `foot`, brightest summits first within what hangs
+/// together, and the map of their labels: 0 outside. (A low foot keeps a faint streak in one piece.)
+pub(crate) fn regions(
+    image: &[f64],
+    size: [usize; 2],
+    threshold: f64,
+    foot: f64,
+) -> (Vec<Region>, Vec<u32>) {
     let mut parting = Parting {
         image,
         size,
@@ -70,11 +75,11 @@ pub(crate) fn regions(image: &[f64], size: [usize; 2], threshold: f64) -> (Vec<R
         if seen[start] || image[start].is_nan() || image[start] <= threshold {
             continue;
         }
-        let (whole, _) = parting.pour(start, threshold, None);
+        let (whole, _) = parting.pour(start, foot, None);
         for &pixel in &whole {
             seen[pixel] = true;
         }
-        parting.part(&whole, threshold, &mut found);
+        parting.part(&whole, [threshold, foot], &mut found);
     }
     (found, parting.labels)
 }
@@ -101,9 +106,12 @@ impl Parting<'_> {
     }
 
     /// The sources of one connected region: its highest summit, and each lesser one that a level parts from those before.
-    fn part(&mut self, whole: &[usize], threshold: f64, found: &mut Vec<Region>) {
-        let mut summits: Vec<usize> =
-            whole.iter().copied().filter(|&pixel| self.is_summit(pixel)).collect();
+    fn part(&mut self, whole: &[usize], [threshold, foot]: [f64; 2], found: &mut Vec<Region>) {
+        let mut summits: Vec<usize> = whole
+            .iter()
+            .copied()
+            .filter(|&pixel| self.image[pixel] > threshold && self.is_summit(pixel))
+            .collect();
         summits.sort_by(|&a, &b| self.image[b].total_cmp(&self.image[a]).then(a.cmp(&b)));
         let first_label = found.len() as u32 + 1;
         for summit in summits {
@@ -112,7 +120,7 @@ impl Parting<'_> {
             }
             let peak = self.image[summit];
             for fraction in LEVELS {
-                let level = (fraction * peak).max(threshold);
+                let level = (fraction * peak).max(foot);
                 let (pixels, taken) = self.pour(summit, level, Some(first_label));
                 if taken {
                     continue;
@@ -125,10 +133,25 @@ impl Parting<'_> {
                 break;
             }
         }
-        // What is left around them belongs to the brightest.
+        self.share_out(whole, first_label);
+    }
+
+    /// What is left of a connected region around its sources belongs to the nearest of them.
+    fn share_out(&mut self, whole: &[usize], first_label: u32) {
+        self.flood += 1;
         for &pixel in whole {
-            if self.labels[pixel] == 0 {
-                self.labels[pixel] = first_label;
+            self.touched[pixel] = self.flood;
+        }
+        let mut reached: Vec<usize> =
+            whole.iter().copied().filter(|&pixel| self.labels[pixel] >= first_label).collect();
+        let mut next = 0;
+        while let Some(&pixel) = reached.get(next) {
+            next += 1;
+            for neighbour in neighbours(pixel, self.size) {
+                if self.labels[neighbour] == 0 && self.touched[neighbour] == self.flood {
+                    self.labels[neighbour] = self.labels[pixel];
+                    reached.push(neighbour);
+                }
             }
         }
     }
@@ -182,7 +205,7 @@ impl Parting<'_> {
 }
 
 /// The up to eight pixels around one.
-fn neighbours(pixel: usize, [width, height]: [usize; 2]) -> impl Iterator<Item = usize> {
+pub(crate) fn neighbours(pixel: usize, [width, height]: [usize; 2]) -> impl Iterator<Item = usize> {
     let (x, y) = (pixel % width, pixel / width);
     let columns = x.saturating_sub(1)..(x + 2).min(width);
     (y.saturating_sub(1)..(y + 2).min(height))
@@ -208,12 +231,12 @@ mod tests {
                 hill(x, y, 100.0, 12.0, 10.0) + hill(x, y, 30.0, 22.0, 10.0) + ridge
             })
             .collect();
-        let (found, labels) = regions(&image, size, 0.5);
+        let (found, labels) = regions(&image, size, 1.0, 0.5);
         let summits: Vec<[usize; 2]> = found.iter().map(|r| r.summit).collect();
         assert_eq!(summits[..2], [[12, 10], [22, 10]]);
         assert_eq!(found.len(), 3);
         assert_eq!((found[2].extent(), found[2].fill()), ([40, 3], 1.0));
         assert_ne!(labels[10 * 40 + 12], labels[10 * 40 + 22]);
-        assert_eq!(regions(&[f64::NAN, 1.0, 1.0], [3, 1], 5.0).0, []);
+        assert_eq!(regions(&[f64::NAN, 1.0, 1.0], [3, 1], 5.0, 2.0).0, []);
     }
 }

@@ -47,11 +47,11 @@ fn offsets(sky: &Sky, electrons: f64, draws: usize) -> ([f64; 2], [f64; 2], f64,
 fn the_stated_covariance_of_places_covers() {
     for electrons in [2000.0, 20_000.0] {
         let sky = Sky::new(46);
-        let (mean, standard, share, width) = offsets(&sky, electrons, 3000);
+        let (mean, standard, share, width) = offsets(&sky, electrons, 1000);
         for a in 0..2 {
             assert!(mean[a].abs() < 4.0 * standard[a] + 1e-3, "{mean:?} ± {standard:?}");
         }
-        assert!((share - 0.683).abs() < 4.0 * (0.2165f64 / 3000.0).sqrt() + 0.015, "{share}");
+        assert!((share - 0.683).abs() < 4.0 * (0.2165f64 / 1000.0).sqrt() + 0.015, "{share}");
         assert!((width / sky.fwhm_px - 1.0).abs() < 0.03, "{width}");
     }
 }
@@ -60,10 +60,10 @@ fn the_stated_covariance_of_places_covers() {
 #[test]
 fn a_mosaic_does_not_draw_the_place() {
     let sky = Sky { bayer: Some(Bayer::Grbg), through: [0.6, 1.0, 0.3], ..Sky::new(46) };
-    let (mean, standard, share, width) = offsets(&sky, 30_000.0, 3000);
+    let (mean, standard, share, width) = offsets(&sky, 30_000.0, 1000);
     for a in 0..2 {
         assert!(mean[a].abs() < 4.0 * standard[a] + 2e-3, "{mean:?} ± {standard:?}");
     }
-    assert!((share - 0.683).abs() < 4.0 * (0.2165f64 / 3000.0).sqrt() + 0.02, "{share}");
+    assert!((share - 0.683).abs() < 4.0 * (0.2165f64 / 1000.0).sqrt() + 0.02, "{share}");
     assert!((width / sky.fwhm_px - 1.0).abs() < 0.03, "{width}");
 }

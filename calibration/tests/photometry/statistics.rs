@@ -60,14 +60,14 @@ fn draw(signal_to_noise: f64, draws: u64, seed: u64) -> Outcome {
 
 /// Truth: sources drawn photon by photon on a Poisson sky, read out with noise and whole counts. The promise: a bias of at most 0.1 % at signal
 /// to noise 5 to 500, and stated errors that cover 68.3 % (binomial, 4 standard deviations). What the draws leave open is allowed for, 3 standard
-/// errors: the whole campaign leaves 0.03 %.
+/// errors: the whole campaign leaves 0.04 %.
 #[test]
 fn campaign_aperture_bias() {
-    let campaign = Campaign::start("aperture_bias", 300);
+    let campaign = Campaign::start("aperture_bias", 100);
     let scale = campaign.seeds().end;
     let mut report = Vec::new();
-    for (signal_to_noise, draws_a_seed) in [(5.0, 1000), (20.0, 100), (100.0, 10), (500.0, 4)] {
-        let out = draw(signal_to_noise, draws_a_seed * scale, 7);
+    for (signal_to_noise, draws_a_seed) in [(5.0, 1000), (20.0, 100), (100.0, 20), (500.0, 4)] {
+        let out = draw(signal_to_noise, draws_a_seed * scale, signal_to_noise as u64);
         report.push((signal_to_noise, out.bias, out.standard_error));
         assert!(out.bias.abs() <= 1e-3 + 3.0 * out.standard_error, "{report:?}");
         let share = out.covered as f64 / out.draws as f64;

@@ -6,7 +6,7 @@
 //!   night.toml, station/ …      the configuration as used; session.toml has their SHA-256
 //!   events.jsonl                one JSON object a line: targets, devices, sync marks …  [`Event`]
 //!   counts/COUNTER.ecsv         a counter's bins, row by row                            [`Counts`]
-//!   tags/COUNTER.tags           its raw tags, if asked for
+//!   tags/COUNTER.tags           its raw tags, where somebody puts them there
 //!   frames/CAMERA/HH/START_NUMBER.fits   a camera's frames, HH the hour (UTC)           [`Frames`]
 //! ```
 //!

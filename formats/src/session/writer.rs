@@ -18,9 +18,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How old unsynced data are, on the caller's clock, when [`SessionWriter::tick`] writes them through: half a second, so that
-/// with calls ten times a second and a disk that answers all but the last second is safe.
-pub const SYNC_EVERY: Duration = Duration::from_millis(500);
+/// How old unsynced data are, on the caller's clock, when [`SessionWriter::tick`] writes them through: a quarter of a second, so that
+/// with calls ten times a second and a disk that takes half a second at most all but the last second is safe.
+pub const SYNC_EVERY: Duration = Duration::from_millis(250);
 
 /// Bytes of frames that wait for a sync at most: beyond, it comes early.
 const MOST_WAITING: u64 = 64 << 20;

@@ -17,7 +17,7 @@ const STEADY_S: f64 = 0.005;
 /// Most such times in a bin or an exposure.
 const MOST_STEPS: f64 = 400.0;
 /// Places of a target in a frame along which its light is drawn out.
-const MOST_PLACES: usize = 8;
+const MOST_PLACES: f64 = 8.0;
 
 /// What is true at a moment, the same for all instruments.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -178,7 +178,8 @@ impl Watch {
         let middle_s = start_s + 0.5 * exposure.exposure_s;
         let visit = self.night.visit_at(middle_s);
         let spread = self.spread(visit, middle_s);
-        let (target, offset_px, dark) = self.target(&sensor, visit, exposure, start_s);
+        let (target, offset_px, dark) =
+            self.target(&sensor, visit, exposure, start_s, spread.fwhm_px());
         let electrons = target.electrons;
         let mut sources = vec![target];
         let mut random = stream(seed, Purpose::Passing, number ^ 1 << 63);
@@ -233,6 +234,7 @@ impl Watch {
         visit: Option<usize>,
         exposure: &Exposure,
         start_s: f64,
+        fwhm_px: f64,
     ) -> (Source, Option<[f64; 2]>, bool) {
         let steps = (exposure.exposure_s / STEADY_S).ceil().clamp(1.0, MOST_STEPS) as u32;
         let step_s = exposure.exposure_s / f64::from(steps);
@@ -253,16 +255,16 @@ impl Watch {
         }
         let mean = mean_place(&places);
         let middle = sensor.middle_px();
-        let chunk = places.len().div_ceil(MOST_PLACES);
+        let reach =
+            places.iter().map(|[x, y]| (x - mean[0]).hypot(y - mean[1])).fold(0.0, f64::max);
+        // A place for each eighth of a point's width.
+        let parts = (16.0 * reach / fwhm_px).ceil().clamp(1.0, MOST_PLACES) as usize;
+        let chunk = places.len().div_ceil(parts);
         let on_sensor = |places: &[[f64; 2]]| {
             let [x, y] = mean_place(places);
             [middle[0] + x, middle[1] + y]
         };
-        let still = places.iter().all(|[x, y]| (x - mean[0]).hypot(y - mean[1]) < 0.02);
-        let path_px = match still {
-            true => vec![on_sensor(&places)],
-            false => places.chunks(chunk).map(on_sensor).collect(),
-        };
+        let path_px = places.chunks(chunk).map(on_sensor).collect();
         (Source { electrons, path_px }, Some(mean), dark)
     }
 }

@@ -146,10 +146,11 @@ fn moffat(x: f64, y: f64, fwhm_px: f64, beta: f64) -> f64 {
         sum
     };
     let widths = (x * x + y * y).sqrt() / fwhm_px.max(1.0);
+    // Fewer points where a pixel is small against the profile, and far out.
     let mean = match widths {
-        near if near < 1.5 => mean(&GAUSS_5),
-        near if near < 3.0 => mean(&GAUSS_3),
-        near if near < 6.0 => mean(&GAUSS_2),
+        near if near < 1.5 && alpha < 2.0 => mean(&GAUSS_5),
+        near if near < 1.5 || (near < 3.0 && alpha < 2.0) => mean(&GAUSS_3),
+        near if near < 4.0 || (near < 6.0 && alpha < 2.0) => mean(&GAUSS_2),
         _ => density(x, y),
     };
     peak * mean
