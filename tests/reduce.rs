@@ -87,8 +87,8 @@ fn place_errors(night: &Arc<Night>, visits: &[Visited]) -> Vec<[f64; 2]> {
         for point in &visited.track.points {
             let Some(place) = point.place else { continue };
             let truth = watch.moment(night.seconds(point.time)).offset_px;
-            for axis in 0..2 {
-                sum.0[axis] += place.offset_px[axis] - truth[axis];
+            for ((sum, place), truth) in sum.0.iter_mut().zip(place.offset_px).zip(truth) {
+                *sum += place - truth;
             }
             sum.1 += 1.0;
         }
