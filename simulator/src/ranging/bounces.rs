@@ -7,6 +7,7 @@
 
 use super::profile::{DepthError, Profile, Shot};
 use crate::light::bounce::{BounceOptions, Echo, Echoes, stand_in};
+use crate::light::engine::{Options, Switch};
 use crate::light::{Need, Scene, SceneError};
 use crate::target::Target;
 
@@ -56,13 +57,15 @@ pub struct Bounces {
 }
 
 impl Bounces {
-    /// Looks at a target at a wavelength (vacuum nm): where its surfaces cannot scatter more of their light to each other than the tolerance, nothing will be traced.
+    /// Looks at a target at a wavelength (vacuum nm). Unless switched on or off, paths are traced where its surfaces may scatter more of their light to each other
+    /// than the tolerance.
     ///
     /// # Errors
     /// A tolerance that is none; tables that do not reach the wavelength; as [`Scene::new`].
     pub fn new(
         target: &Target,
         wavelength_nm: f64,
+        switch: Switch,
         options: &BounceOptions,
     ) -> Result<Self, BouncesError> {
         let tolerance = options.tolerance;
@@ -80,12 +83,19 @@ impl Bounces {
             }
         }
         let bound = Echoes::new(&scene, wavelength_nm, options).bound();
-        let needed = bound.is_none_or(|b| b > tolerance);
-        let why = match bound {
-            Some(0.0) => "no surface stands before the front of another".to_owned(),
-            Some(_) if !needed => "surfaces fill little of each other's hemispheres".to_owned(),
-            _ => "light paths for each shot".to_owned(),
+        let needed = bound != Some(0.0)
+            && match switch {
+                Switch::Auto => bound.is_none_or(|b| b > tolerance),
+                Switch::On => true,
+                Switch::Off => false,
+            };
+        let what = match bound {
+            Some(0.0) => "no surface stands before the front of another",
+            _ if needed => "light paths for each shot",
+            Some(_) => "what surfaces fill of each other's hemispheres",
+            None => "surfaces that see each other, no bound is known",
         };
+        let why = format!("{what}{}", Options::reason(switch));
         let cost_s = needed.then(|| PATH_S * f64::from(options.most_paths));
         let need = Need { effect: EFFECT, needed, bound, why, cost_s };
         Ok(Self { scene, wavelength_nm, options: *options, need, shape_error })

@@ -4,15 +4,17 @@
 
 mod scenes;
 mod sums;
+mod tracer;
 
 use glam::DVec3;
-use scenes::{Tracer, scene};
+use scenes::scene;
 use sunglint_radiometry::spectrum::Spectrum;
 use sunglint_simulator::light::engine::{Switch, Switches};
 use sunglint_simulator::light::{Course, Engine, Globe, Lighting, Need, Options, Source, View};
 use sunglint_simulator::mesh::Mesh;
 use sunglint_simulator::surface::{Distribution, Fresnel, Lobe, Masking, Material};
 use sunglint_simulator::target::{Shape, Target};
+use tracer::Tracer;
 
 /// A way on which neither the Earth nor the distance counts.
 fn far_away() -> Course {
@@ -186,10 +188,19 @@ fn lighting(sun_body: DVec3, to: DVec3, sun_radius_rad: f64) -> Lighting {
 /// A random scene's light by the engine and by paths: the light, the stated error, the paths' light and their standard error.
 fn compared(seed: u64, paths: usize) -> [f64; 4] {
     let random = scene(seed);
-    let engine = engine(&random.target, 1e-3, Switches::default());
+    let (View::Distant(to) | View::At(to)) = random.view;
+    let course = Course {
+        phase_rad: random.sun.angle_between(to),
+        range_m: if let View::At(q) = random.view { q.length() } else { 1e12 },
+        earthshine: random.earth.map_or(0.0, |_| Course::default().earthshine),
+        ..far_away()
+    };
+    let engine = Engine::new(&random.target, &Options::default(), &course).unwrap();
     let mut weights = vec![0.0; engine.terms().len()];
     let mut errors = weights.clone();
-    let lighting = lighting(random.sun, random.to, random.sun_radius_rad);
+    let none = lighting(random.sun, to, random.sun_radius_rad);
+    let earth = random.earth.or(none.earth);
+    let lighting = Lighting { view: random.view, earth, ..none };
     engine.worker().light(&lighting, &mut weights, &mut errors).unwrap();
     let at = |row: &[f64]| -> f64 {
         let tau = engine.terms().iter().map(|t| t.spectrum.at(550.0));
@@ -199,31 +210,48 @@ fn compared(seed: u64, paths: usize) -> [f64; 4] {
     [at(&weights), at(&errors), truth, sigma]
 }
 
-/// The error that a result states covers the true error, for random bodies, attitudes and paints.
+/// How likely it is that of n trials of 5 % each so many or more come true.
+fn chance(n: u64, missed: u64) -> f64 {
+    let mut term = 0.95_f64.powi(n as i32);
+    let mut below = 0.0;
+    for k in 0..missed {
+        below += term;
+        term *= (n - k) as f64 / (k + 1) as f64 * 0.05 / 0.95;
+    }
+    1.0 - below
+}
+
+/// The error that a result states covers the true error, for random bodies, attitudes, paints, lights and observers: boxes, spheres, hinged panels, Lambert, Beckmann and GGX, the
+/// Sun's disc, the Earth, near observers, all orders of scattering ([`scenes::scene`]).
 ///
-/// Truth: a path tracer written in `scenes.rs`, with its own intersections and its own BRDFs: the Sun's disc, eight bounces. What is stated must cover the
-/// difference in 95 % of the scenes, within two standard errors of the paths.
+/// Truth: the path tracer of `tracer.rs`, with its own intersections and its own BRDFs: the Sun's limb-darkened disc, the Earth's cap, nine bounces. What is stated must cover the
+/// difference in 95 % of the scenes, within two standard errors of the paths: as many misses as there are must not be less likely than 1 % if each scene misses with 5 %.
 #[test]
 fn campaign_stated_error() {
     let mut campaign = sunglint_testkit::Campaign::start("stated_error", 200);
     let (mut missed, mut lit, mut worst) = (0, 0, 0.0_f64);
-    let mut shares = Vec::new();
     for seed in campaign.seeds() {
         let [light, stated, truth, sigma] = compared(seed, 40_000);
         let off = (light - truth).abs();
         lit += usize::from(truth > 0.0);
         if off > stated + 2.0 * sigma {
             missed += 1;
-            eprintln!("seed {seed}: {light} against {truth} ± {sigma}, stated {stated}");
+            let beyond = (off - stated) / sigma;
+            eprintln!(
+                "seed {seed}: {light:.5e} against {truth:.5e} ± {:.1e}, stated {:.1e}: off {:.1e}, {beyond:.1} standard errors beyond",
+                sigma / truth,
+                stated / truth,
+                off / truth
+            );
         }
-        shares.push(stated / truth.max(1e-12));
         worst = worst.max((off - stated) / sigma.max(1e-12));
     }
     let n = campaign.seeds().count();
     eprintln!(
         "{missed} of {n} missed, {lit} lit, worst {worst:.2} standard errors beyond what is stated"
     );
-    assert!(20 * missed <= n, "{missed} of {n}");
+    let p = chance(n as u64, missed);
+    assert!(p > 0.01, "{missed} of {n} missed, p = {p:.1e}");
     assert!(2 * lit > n);
     campaign.largest("largest_standard_errors_beyond", worst);
     campaign.finish();

@@ -7,6 +7,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
 use sunglint_simulator::light::bounce::{Bounce, BounceOptions};
+use sunglint_simulator::light::engine::Switch;
 use sunglint_simulator::light::{Effect as _, Faceted, Lighting, Scene, View};
 use sunglint_simulator::ranging::{
     Beam, BeamShape, Bounces, BouncesError, DepthBins, Profile, Shot, Stand,
@@ -113,7 +114,7 @@ fn found(target: &Target, shot: &Shot, rho: &[f64]) -> Profile {
     let body = Faceted::new(target).unwrap();
     let mut profile = shot.profile(&mut body.eye(), rho, BINS).unwrap();
     let alone = profile.clone();
-    let bounces = Bounces::new(target, 1064.0, &OPTIONS).unwrap();
+    let bounces = Bounces::new(target, 1064.0, Switch::Auto, &OPTIONS).unwrap();
     assert!(bounces.need().needed, "{:?}", bounces.need());
     shot.add_bounces(&mut bounces.eye(), &mut profile).unwrap();
     let bounced = profile.bounced.as_ref().unwrap();
@@ -225,12 +226,16 @@ fn the_photons_of_all_orders_are_what_form_factors_give() {
 #[test]
 fn convex_bodies_need_no_paths() {
     for name in ["lambert_sphere", "mirror_sphere"] {
-        let bounces = Bounces::new(&Target::built_in(name).unwrap(), 532.0, &OPTIONS).unwrap();
+        let bounces =
+            Bounces::new(&Target::built_in(name).unwrap(), 532.0, Switch::Auto, &OPTIONS).unwrap();
         assert_eq!((bounces.need().needed, bounces.need().bound), (false, Some(0.0)), "{name}");
     }
     let target = Target::built_in("box_wing").unwrap();
-    let error = Bounces::new(&target, 2100.0, &OPTIONS).unwrap_err();
+    let error = Bounces::new(&target, 2100.0, Switch::Auto, &OPTIONS).unwrap_err();
     assert!(matches!(error, BouncesError::Wavelength { .. }) && error.to_string().contains("2100"));
-    let error = Bounces::new(&target, 532.0, &BounceOptions { tolerance: 0.0, ..OPTIONS });
+    let error =
+        Bounces::new(&target, 532.0, Switch::Auto, &BounceOptions { tolerance: 0.0, ..OPTIONS });
+    let off = Bounces::new(&target, 532.0, Switch::Off, &OPTIONS).unwrap();
+    assert!(!off.need().needed && off.need().why.contains("switched off"), "{:?}", off.need());
     assert!(matches!(error.unwrap_err(), BouncesError::Tolerance(_)));
 }
