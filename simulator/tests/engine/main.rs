@@ -187,7 +187,10 @@ fn lighting(sun_body: DVec3, to: DVec3, sun_radius_rad: f64) -> Lighting {
 
 /// A random scene's light by the engine and by paths: the light, the stated error, the paths' light and their standard error.
 fn compared(seed: u64, paths: usize) -> [f64; 4] {
-    let random = scene(seed);
+    found(&scene(seed), paths, 7000 + seed)
+}
+
+fn found(random: &scenes::RandomScene, paths: usize, seed: u64) -> [f64; 4] {
     let (View::Distant(to) | View::At(to)) = random.view;
     let course = Course {
         phase_rad: random.sun.angle_between(to),
@@ -206,8 +209,42 @@ fn compared(seed: u64, paths: usize) -> [f64; 4] {
         let tau = engine.terms().iter().map(|t| t.spectrum.at(550.0));
         tau.zip(row).map(|(tau, w)| tau * w).sum()
     };
-    let (truth, sigma) = Tracer::new(&random).intensity(paths, 7000 + seed);
+    let (truth, sigma) = Tracer::new(random).intensity(paths, seed);
     [at(&weights), at(&errors), truth, sigma]
+}
+
+/// Truth: the path tracer. A white sphere in front of a white plate and as large as it: facets alone see nothing of each other, but sphere and plate do. What is stated covers the
+/// difference (three standard errors of the paths), and the light of more than one scattering is a good part of all.
+#[test]
+fn a_sphere_and_a_plate_send_light_to_each_other() {
+    let text = r#"
+[[part]]
+name = "sphere"
+shape = "sphere"
+radius_m = 0.4
+offset_m = [0, 0, 0.5]
+material = "white"
+[[part]]
+name = "plate"
+shape = "box"
+size_m = [1, 1, 0.02]
+material = "white"
+[[material]]
+name = "white"
+model = "lambert"
+reflectance = 0.9
+"#;
+    let target = Target::parse("sphere.toml", text).unwrap();
+    let need = need(&target, 1e-3, "inter-reflection");
+    assert!(need.is_modelled(), "{need:?}");
+    let sun = DVec3::new(0.5, 0.2, 0.8).normalize();
+    let view = View::Distant(DVec3::new(0.8, -0.1, 0.5).normalize());
+    let paints = vec![scenes::Paint { reflectance: 0.9, lobe: None }; 2];
+    let random =
+        scenes::RandomScene { target, paints, sun, view, earth: None, sun_radius_rad: 4.65e-3 };
+    let [light, stated, truth, sigma] = found(&random, 60_000, 5);
+    assert!((light - truth).abs() <= stated + 3.0 * sigma, "{light} {truth} {stated} {sigma}");
+    assert!(stated + 3.0 * sigma < 0.03 * truth, "{stated} {sigma} {truth}");
 }
 
 /// How likely it is that of n trials of 5 % each so many or more come true.
@@ -222,7 +259,7 @@ fn chance(n: u64, missed: u64) -> f64 {
 }
 
 /// The error that a result states covers the true error, for random bodies, attitudes, paints, lights and observers: boxes, spheres, hinged panels, Lambert, Beckmann and GGX, the
-/// Sun's disc, the Earth, near observers, all orders of scattering ([`scenes::scene`]).
+/// Sun's disc, the Earth below convex bodies, near observers, all orders of scattering ([`scenes::scene`]).
 ///
 /// Truth: the path tracer of `tracer.rs`, with its own intersections and its own BRDFs: the Sun's limb-darkened disc, the Earth's cap, nine bounces. What is stated must cover the
 /// difference in 95 % of the scenes, within two standard errors of the paths: as many misses as there are must not be less likely than 1 % if each scene misses with 5 %.
