@@ -126,8 +126,8 @@ fn a_laser_at_another_site() {
         ecsv::read_str(name, &std::fs::read_to_string(folder.path(name)).unwrap()).unwrap()
     };
     let beside = run("beside.ecsv", "");
-    let own = run("own.ecsv", &site(48.782388888888889));
-    let apart = run("apart.ecsv", &site(48.782388888888889 + 1.35));
+    let own = run("own.ecsv", &site(48.78238888888889));
+    let apart = run("apart.ecsv", &site(48.78238888888889 + 1.35));
     let column =
         |table: &sunglint_formats::Table, name: &str| table.f64(name).unwrap().into_owned();
     assert!(beside.f64("debris_apart_deg").is_err());

@@ -91,12 +91,14 @@ fn measure(name: &str, scene: &BenchScene, target: &Target, options: &Options, s
         })
         .collect();
     let count = engine.terms().len();
+    let lit = engine.lit_terms();
     let (mut weights, mut errors) = (vec![0.0; count], vec![0.0; count]);
     let mut worker = engine.worker();
     let mut epoch = |sun: DVec3, to: DVec3| {
         worker.light(&lighting(sun, to), &mut weights, &mut errors).unwrap();
         let sum = |row: &[f64]| row.iter().zip(&grey).map(|(w, g)| w * g).sum::<f64>();
-        (sum(&weights), sum(&errors))
+        // Behind the terms that have light stands what is switched off.
+        (sum(&weights), sum(&errors[..lit]))
     };
     let (value, stated) = epoch(scene.sun_body, scene.view_body);
     let turned = |k: usize, v: DVec3, s: f64| {

@@ -37,6 +37,9 @@ impl Echo {
     }
 }
 
+/// What takes the echoes of a round: see [`Echoes::trace`].
+type Take<'a> = dyn FnMut(&[Echo], u32, f64) -> Option<u32> + 'a;
+
 /// The paths of a scene at one wavelength, for one thread.
 #[derive(Debug, Clone)]
 pub(crate) struct Echoes<'a> {
@@ -77,11 +80,7 @@ impl<'a> Echoes<'a> {
     /// Traces paths between a distant light and a distant observer (unit vectors, body axes), hinged parts turned to `sun`, in rounds: `take` gets the echoes
     /// of a round, how many points each scramble has had by then, and what may be missing where few paths found anything (m² sr⁻¹), and says of
     /// how many there are to be until the next.
-    pub(crate) fn trace(
-        &mut self,
-        [light, to, sun]: [DVec3; 3],
-        take: &mut dyn FnMut(&[Echo], u32, f64) -> Option<u32>,
-    ) {
+    pub(crate) fn trace(&mut self, [light, to, sun]: [DVec3; 3], take: &mut Take<'_>) {
         if self.surfaces.turn(self.scene, sun) {
             self.caster = Caster::new(&self.surfaces.list, self.scene.touching_m);
         }
