@@ -1,7 +1,10 @@
 //! The grammar of the command line. Subcommands appear here as they become real, none before.
 
 use crate::output::{Console, OutputArgs};
-use crate::{air, bench, demo, devices, explain, passes, picture, simulate, star, tables};
+use crate::{
+    air, apply, bench, brdf, calibrate, demo, devices, explain, observe, passes, picture, session,
+    simulate, star, tables,
+};
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
@@ -26,7 +29,7 @@ pub struct Cli {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Options of every command")]
 pub struct Global {
-    /// Seed of everything random; the same seed gives the same result. Nothing is random yet: no command depends on it
+    /// Seed of everything random; the same seed gives the same result. Only `brdf ndf` depends on it: it draws readings anew
     #[arg(long, global = true, default_value_t = 0, value_name = "N")]
     pub seed: u64,
     /// Threads to use at most [default: as many as there are cores]; results do not depend on it
@@ -64,9 +67,21 @@ pub enum Command {
     Passes(Box<passes::PassesArgs>),
     /// Error against time of the light engines, on built-in scenes or one's own
     Bench(Box<bench::BenchArgs>),
+    /// A sample's reflectance, from a goniometer: the tilts of its microfacets, where to measure it
+    #[command(subcommand)]
+    Brdf(Box<brdf::BrdfCommand>),
     /// The instruments: what is plugged in, a self-test, readings, settings, moves, recordings
     #[command(subcommand)]
     Devices(Box<devices::DevicesCommand>),
+    /// Observe a night: frames and photon counts into a session's folder, from a plan or from a recorded night
+    Observe(Box<observe::ObserveArgs>),
+    /// Recorded nights: whether all of one is there
+    #[command(subcommand)]
+    Session(session::SessionCommand),
+    /// The coefficient of every channel and night from visits to stars
+    Calibrate(Box<calibrate::CalibrateArgs>),
+    /// Calibrated rates, magnitudes and irradiances of a light curve
+    Apply(Box<apply::ApplyArgs>),
     /// Print the completions of a shell
     Completions {
         /// The shell
@@ -94,11 +109,11 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
         out.check_with(console)?;
     }
     match cli.global.threads {
-        None => cli.command.run(console),
+        None => cli.command.run(console, cli.global.seed),
         Some(threads) => {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build();
             pool.with_context(|| format!("cannot start {threads} threads"))?
-                .install(|| cli.command.run(console))
+                .install(|| cli.command.run(console, cli.global.seed))
         }
     }
 }
@@ -115,12 +130,19 @@ impl Command {
             Command::Picture(args) => Some(&args.out),
             Command::Passes(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
+            Command::Brdf(command) => Some(command.output()),
             Command::Devices(command) => command.output(),
-            Command::Demo(_) | Command::Completions { .. } | Command::Man { .. } => None,
+            Command::Calibrate(args) => Some(&args.out),
+            Command::Apply(args) => Some(&args.out),
+            Command::Demo(_)
+            | Command::Observe(_)
+            | Command::Session(_)
+            | Command::Completions { .. }
+            | Command::Man { .. } => None,
         }
     }
 
-    fn run(&self, console: Console) -> anyhow::Result<()> {
+    fn run(&self, console: Console, seed: u64) -> anyhow::Result<()> {
         match self {
             Command::Demo(args) => demo::run(args, console),
             Command::Tables(args) => tables::run(args, console),
@@ -131,7 +153,12 @@ impl Command {
             Command::Picture(args) => picture::run(args, console),
             Command::Passes(args) => passes::run(args, console),
             Command::Bench(args) => bench::run(args, console),
+            Command::Brdf(command) => brdf::run(command, console, seed),
             Command::Devices(command) => devices::run(command, console),
+            Command::Observe(args) => observe::run(args, console),
+            Command::Session(command) => session::run(command, console),
+            Command::Calibrate(args) => calibrate::run(args, console),
+            Command::Apply(args) => apply::run(args, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();
                 clap_complete::generate(*shell, &mut Cli::command(), "sunglint", &mut script);

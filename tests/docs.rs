@@ -141,8 +141,41 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     }
     let listed = folder.run(&["devices", "list", "--indi", "127.0.0.1:1", "--json"]);
     keys(&serde_json::from_slice(&listed.stdout).unwrap(), &mut printed);
-    // Rates are by the station's own channels.
-    for channel in ["r", "g", "b", "id400", "spcm", "mppc"] {
+    // A sample on a goniometer: a lobe that falls by 2 % a degree squared.
+    let mut retro = String::from("angle_deg,f_per_sr,sigma_f_per_sr\n");
+    for k in -10_i32..60 {
+        let f = (-0.002 * f64::from(k * k)).exp();
+        retro += &format!("{k},{f},{}\n", 0.01 * f);
+    }
+    std::fs::write(folder.path("retro.csv"), retro).unwrap();
+    let ndf = ["brdf", "ndf", "retro.csv", "--resamplings", "3", "--json", "-o", "ndf.ecsv"];
+    keys(&folder.json(&ndf), &mut printed);
+    keys(
+        &folder.json(&["brdf", "plan", "ndf.ecsv", "--rig", "--side", "9", "--json"]),
+        &mut printed,
+    );
+    // Stars, and what they calibrate.
+    common::star_night::night(&folder, "2020-11-18", 1.0);
+    common::star_night::night(&folder, "2020-11-19", 1.0);
+    let calibrate = ["calibrate", "2020-11-18", "2020-11-19", "--station", "ufo"];
+    keys(&folder.json(&[&calibrate[..], &["--json", "-o", "k.ecsv"]].concat()), &mut printed);
+    let apply = ["apply", "k.ecsv", "2020-11-18/00_vega.ecsv", "--station", "ufo", "--json"];
+    keys(&folder.json(&[&apply[..], &["--magnitudes", "V"]].concat()), &mut printed);
+    // A short night with simulated devices, and what is left of it when a line is cut.
+    let night = "station = \"ufo\"\nfor_s = 3\n[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.1\n\
+                 [[counter]]\nname = \"tagger\"\ndevice = \"sim-timetagger\"\nchannels = { g = 1 }\nbin_s = 0.1\n";
+    std::fs::write(folder.path("night.toml"), night).unwrap();
+    let lines = folder.done(&["observe", "night.toml", "-o", "s", "--json", "--every", "0.2"]);
+    for line in lines.lines() {
+        keys(&serde_json::from_str(line).unwrap(), &mut printed);
+    }
+    let counts = folder.path("s/counts/tagger.ecsv");
+    let whole = std::fs::read_to_string(&counts).unwrap();
+    std::fs::write(counts, whole + "2020-").unwrap();
+    let checked = folder.run(&["session", "check", "s", "--json"]);
+    keys(&serde_json::from_slice(&checked.stdout).unwrap(), &mut printed);
+    // Rates are by the station's own channels, devices by their names.
+    for channel in ["r", "g", "b", "id400", "spcm", "mppc", "cam", "tagger"] {
         printed.remove(channel);
     }
     let page = read("docs/json.md");
@@ -165,7 +198,15 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "demo",
         "null",
         "file",
+        "brdf",
+        "ndf",
+        "plan",
         "devices",
+        "calibrate",
+        "apply",
+        // Values of keys.
+        "bootstrap",
+        "student",
         "check",
         "read",
         "set",
@@ -177,7 +218,16 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "access",
         "addresses",
         "missed",
+        "observe",
         // Values of keys.
+        "status",
+        "end",
+        "opening",
+        "running",
+        "lost",
+        "done",
+        "stopped",
+        "missing",
         "ok",
         "note",
         "failed",

@@ -12,7 +12,8 @@
 //! - [`table`]: columns with units and metadata, in memory;
 //! - [`ecsv`]: tables as text that a person can open and astropy reads;
 //! - [`fits`]: images, cubes and binary tables;
-//! - [`bsdf`]: the tensor file of measured materials.
+//! - [`bsdf`]: the tensor file of measured materials;
+//! - [`session`]: a recorded night, a folder that grows and that a crash does not spoil.
 //!
 //! Readers refuse what they do not understand. They never panic on bytes from outside, and use no more memory than a
 //! small multiple of the bytes that are there.
@@ -70,6 +71,7 @@ pub mod fits;
 pub mod flag_bits;
 pub mod frame;
 pub mod read;
+pub mod session;
 pub mod table;
 pub mod time;
 pub mod toml;

@@ -13,9 +13,8 @@
 //! - [`ranging`]: lasers, photons per shot and how they are spread over depth;
 //! - [`pass`]: all of it along a pass, to spectra, magnitudes and count rates;
 //! - [`passes`]: when a target can be seen at all;
-//! - [`scenes`]: bodies and directions on which light engines are compared, with independent truths.
-//!
-//! What will stand here when its time comes: `observatory` (photon events, frames, the virtual sample).
+//! - [`scenes`]: bodies and directions on which light engines are compared, with independent truths;
+//! - [`observatory`]: a night with known truth: photon events, frames, stars, weather.
 //!
 //! # Frames and conventions
 //! Positions and directions in space are GCRS axes, metres. A body's attitude is the rotation from its own axes to the GCRS, written
@@ -26,6 +25,7 @@ pub mod attitude;
 pub mod geometry;
 pub mod light;
 pub mod mesh;
+pub mod observatory;
 pub mod orbit;
 pub mod pass;
 pub mod passes;

@@ -119,7 +119,7 @@ pub struct OwnStarArgs {
 }
 
 /// The Hipparcos number of Vega, whose spectrum is embedded.
-const VEGA_HIP: i64 = 91262;
+pub(crate) const VEGA_HIP: i64 = 91262;
 /// A catalogue's B−V that differs by more from its spectrum's is worth a warning, mag.
 const WORTH_A_WARNING_MAG: f64 = 0.1;
 /// More samples are a slip of the step.

@@ -3,6 +3,8 @@
 #![allow(dead_code, reason = "each test binary uses its part")]
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
+pub mod star_night;
+
 use serde_json::Value;
 use std::path::PathBuf;
 use std::process::{Command, Output};

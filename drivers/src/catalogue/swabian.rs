@@ -6,6 +6,7 @@ use crate::clock::Deadline;
 use crate::device::DeviceError;
 use crate::simulated::swabian::{Poisson, Simulated, TaggerSpec};
 use crate::swabian::{Channel, Source, TaggerSettings, TimeTagger, spawn};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// In messages.
 const DEVICE: &str = "Time Tagger";
@@ -72,13 +73,22 @@ pub(super) static SIM_TIME_TAGGER: Driver = Driver {
     ],
     ids: &[],
     wire: Wire::Bytes,
-    connect: |address, _| {
+    connect: |address, deadline| {
         let rate_hz = address.number("rate_hz").unwrap_or(0.0);
         let rates: Vec<(i32, f64)> = (1..=18).map(|channel| (channel, rate_hz)).collect();
-        Ok(Line::bytes(Simulated::new(TaggerSpec::default(), Poisson::new(&rates, 1))))
+        // Its time is that of the computer, as the other simulated devices' is.
+        let spec = TaggerSpec { epoch_ns: unix_ns_at_zero(deadline), ..TaggerSpec::default() };
+        Ok(Line::bytes(Simulated::new(spec, Poisson::new(&rates, 1))))
     },
     open,
 };
+
+/// The computer's UTC where the deadline's clock shows zero, as Unix time, ns.
+fn unix_ns_at_zero(deadline: &Deadline) -> i64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let zero = now.saturating_sub(deadline.now());
+    i64::try_from(zero.as_nanos()).unwrap_or(0)
+}
 
 fn open(line: Line, address: &Address, deadline: &Deadline) -> Result<AnyDevice, DeviceError> {
     let count: i32 = address.integer("channels").unwrap_or(3);

@@ -5,6 +5,7 @@ mod curves;
 mod file;
 mod laser_file;
 mod predicted;
+mod recovery;
 
 pub use air_file::{AirFile, air_error};
 pub use laser_file::{LaserFile, lasers};
@@ -224,8 +225,7 @@ pub enum DeadTime {
 }
 
 impl DeadTime {
-    /// What the detector counts of a true rate, both Hz, by the law of its model; `None` for the exponential recovery, whose law has no closed form,
-    /// and past the end of a table. It is for planning: the inverse, with its uncertainty, is the calibration's.
+    /// What the detector counts of a true rate, both Hz, by the law of its model; `None` past the end of a table. It is for planning: the inverse, with its uncertainty, is the calibration's.
     pub fn counted_hz(&self, true_hz: f64) -> Option<f64> {
         match self {
             DeadTime::None => Some(true_hz),
@@ -233,7 +233,10 @@ impl DeadTime {
                 Some(true_hz / (1.0 + true_hz * dead_time_s))
             }
             DeadTime::Paralysable { dead_time_s } => Some(true_hz * (-true_hz * dead_time_s).exp()),
-            DeadTime::ExponentialRecovery { .. } => None,
+            DeadTime::ExponentialRecovery { dead_time_s, recovery_s } => {
+                let counts = |n| recovery::interval(n, *dead_time_s, *recovery_s).0.recip();
+                Some(if true_hz > 0.0 { counts(true_hz) } else { 0.0 })
+            }
             DeadTime::Table { measured_hz, true_hz: truth } => {
                 let i = truth.partition_point(|t| *t <= true_hz);
                 if i == 0 {
@@ -253,14 +256,22 @@ impl DeadTime {
     }
 
     /// Standard uncertainty of a true rate n that was linearised from the counts of an exposure t, Hz: √(n(1+nτ)/t) of a renewal process without, and
-    /// √(n e^(nτ)(1−2nτe^(−nτ))/t)/(1−nτ) with prolonged dead time; |dn/dm| √(m/t) of a table; √(n/t) without a law. The exponential recovery is
-    /// taken as its plain dead time: a lower bound. `None` where counts tell nothing of the rate.
+    /// √(n e^(nτ)(1−2nτe^(−nτ))/t)/(1−nτ) with prolonged dead time; the same of the exponential recovery's own intervals; |dn/dm| √(m/t)
+    /// of a table; √(n/t) without a law. `None` where counts tell nothing of the rate.
     pub fn sigma_hz(&self, true_hz: f64, exposure_s: f64) -> Option<f64> {
         let variance = match self {
             DeadTime::None => true_hz / exposure_s,
-            DeadTime::NonParalysable { dead_time_s }
-            | DeadTime::ExponentialRecovery { dead_time_s, .. } => {
+            DeadTime::NonParalysable { dead_time_s } => {
                 true_hz * (1.0 + true_hz * dead_time_s) / exposure_s
+            }
+            DeadTime::ExponentialRecovery { .. } if true_hz <= 0.0 => 0.0,
+            DeadTime::ExponentialRecovery { dead_time_s, recovery_s } => {
+                let interval = |n| recovery::interval(n, *dead_time_s, *recovery_s);
+                let (mean, variance) = interval(true_hz);
+                let step = 1e-4 * true_hz;
+                let (up, down) = (interval(true_hz + step).0, interval(true_hz - step).0);
+                let slope = (up.recip() - down.recip()) / (2.0 * step);
+                variance / mean.powi(3) / (slope * slope * exposure_s)
             }
             DeadTime::Paralysable { dead_time_s } => {
                 let x = true_hz * dead_time_s;

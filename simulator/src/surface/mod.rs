@@ -42,6 +42,7 @@ pub use parametric::{CookTorranceLobe, Gloss, MaxwellBeard};
 pub use sampling::Sampled;
 pub use shape::WardForm;
 pub(crate) use slope::central;
+pub use tensor::warp::{Blend, Grid, Warp};
 pub(crate) use width::Width;
 
 use glam::DVec3;

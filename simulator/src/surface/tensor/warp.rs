@@ -18,8 +18,11 @@ pub struct Warp {
 /// Values on nodes from 0 to 1 inclusive in both coordinates.
 #[derive(Debug, Clone)]
 pub struct Grid {
+    /// Nodes along y, of one slice.
     pub rows: usize,
+    /// Nodes along x.
     pub columns: usize,
+    /// Slice by slice, row by row.
     pub values: Vec<f32>,
 }
 
@@ -33,6 +36,7 @@ pub struct Place {
 }
 
 impl Grid {
+    /// Between which nodes a point is; held at the ends.
     pub fn place(&self, u: [f64; 2]) -> Place {
         let along = |u: f64, nodes: usize| {
             let x = u.clamp(0.0, 1.0) * (nodes - 1) as f64;
@@ -43,7 +47,7 @@ impl Grid {
         Place { row, column, x, y }
     }
 
-    /// Of one slice.
+    /// The value at a point of one slice, bilinear.
     pub fn at(&self, u: [f64; 2]) -> f64 {
         let Place { row, column, x, y } = self.place(u);
         let v = |r: usize, c: usize| f64::from(self.values[(row + r) * self.columns + column + c]);

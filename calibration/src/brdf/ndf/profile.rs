@@ -1,0 +1,207 @@
+//! One plane of incidence, from readings to ln f on the nodes.
+
+use super::scan::Scan;
+use super::shape::{EVERY_ALPHA, Reading, ShapeFit, fit, ln_shape};
+use super::spline::{EvenSpline, Knots, knots_of};
+use super::tail::{self, Tail};
+use super::zero::{self, Zero, ZeroOrigin};
+use super::{NdfError, NdfFlags, NdfOptions, Note, Profile};
+use std::ops::Range;
+use sunglint_simulator::surface::Distribution;
+
+/// A gap is this many times as wide as readings are apart elsewhere.
+const GAP_STEPS: f64 = 3.0;
+
+/// A plane of incidence on the nodes.
+#[derive(Debug, Clone)]
+pub(super) struct Traced {
+    pub profile: Profile,
+    reference: Reference,
+    /// ln f on the nodes: as found, then with other continuations and across gaps otherwise.
+    pub ln_f: Vec<Vec<f64>>,
+    pub flags: Vec<NdfFlags>,
+}
+
+/// A lobe that ln f is counted from before it is interpolated: what it leaves is smoother. None where no lobe is near, or only one that is narrower than a step.
+#[derive(Debug, Clone, Copy)]
+struct Reference(Option<(Distribution, f64)>);
+
+/// A lobe that leaves more than this of ln f is no reference.
+const NEAR: f64 = 0.2;
+
+impl Reference {
+    fn of(beckmann: ShapeFit, ggx: ShapeFit, step_deg: f64) -> Self {
+        let both = [(Distribution::Beckmann, beckmann), (Distribution::Ggx, ggx)];
+        let best = both.into_iter().min_by(|a, b| a.1.misfit.total_cmp(&b.1.misfit));
+        let is_near =
+            |f: &ShapeFit| f.misfit < NEAR && f.alpha.to_degrees() > step_deg && f.alpha < 1.0;
+        Self(best.filter(|(_, f)| is_near(f)).map(|(d, f)| (d, f.alpha)))
+    }
+
+    fn at(self, theta: f64) -> f64 {
+        self.0.map_or(0.0, |(distribution, alpha)| ln_shape(distribution, alpha, theta))
+    }
+}
+
+/// ln f between readings.
+struct Curve<'a> {
+    spline: EvenSpline<'a>,
+    reference: Reference,
+}
+
+impl<'a> Curve<'a> {
+    fn through(knots: &'a Knots, reference: Reference, readings: &[Reading]) -> Option<Self> {
+        let left: Vec<Reading> =
+            readings.iter().map(|(x, y, w)| (*x, y - reference.at(*x), *w)).collect();
+        Some(Self { spline: knots.through(&left)?, reference })
+    }
+
+    fn at(&self, theta: f64) -> f64 {
+        self.spline.at(theta) + self.reference.at(theta)
+    }
+}
+
+impl Traced {
+    /// From a scan to nodes at `theta` (radians).
+    ///
+    /// # Errors
+    /// Angles that are missing amid the peak.
+    pub fn new(
+        scan: &Scan,
+        azimuth_deg: f64,
+        theta: &[f64],
+        options: &NdfOptions,
+        notes: &mut Vec<Note>,
+    ) -> Result<Self, NdfError> {
+        let smoothed = options.median.map(|width| scan.smoothed(width));
+        let scan = smoothed.as_ref().unwrap_or(scan);
+        let zero = match options.zero_deg {
+            Some(angle_deg) => Zero { angle_deg, sigma_deg: 0.0, origin: ZeroOrigin::Given },
+            None => zero::find(scan, options.most_offset_deg),
+        };
+        if zero.origin == ZeroOrigin::Assumed {
+            notes.push(Note::ZeroAssumed);
+        }
+        let too_few = || NdfError::TooFew { found: scan.f.len(), least: 8 };
+        let readings = off_normal(scan, zero.angle_deg);
+        let shape = |d: Distribution| fit(d, &near_normal(&readings), EVERY_ALPHA);
+        let (beckmann, ggx) = (shape(Distribution::Beckmann), shape(Distribution::Ggx));
+        let reference = Reference::of(beckmann, ggx, scan.step_deg());
+        let knots = Knots::new(knots_of(&places(&readings))).ok_or_else(too_few)?;
+        let spline = Curve::through(&knots, reference, &readings).ok_or_else(too_few)?;
+        let gaps = gaps(&readings, &spline, scan.step_deg(), notes)?;
+        let end = knots.end();
+        let joint = (end, spline.at(end));
+        let best = tail::chosen(&readings, joint, options.tail).ok_or_else(too_few)?;
+        let others = tail::others(&readings, joint, &best);
+        let profile = Profile {
+            azimuth_deg,
+            zero,
+            measured_to_deg: end.to_degrees(),
+            step_deg: scan.step_deg(),
+            tail: best.kind,
+            beckmann,
+            ggx,
+        };
+        let along = |theta: f64, tail: &Tail| {
+            if theta > end { tail.at(theta) } else { spline.at(theta) }
+        };
+        let tails = std::iter::once(&best).chain(&others);
+        let mut ln_f: Vec<Vec<f64>> =
+            tails.map(|tail| theta.iter().map(|t| along(*t, tail)).collect()).collect();
+        if !gaps.is_empty() {
+            let straight = |t: f64| match gaps.iter().find(|g| g.contains(&t)) {
+                Some(g) => {
+                    let share = (t - g.start) / (g.end - g.start);
+                    (1.0 - share) * spline.at(g.start) + share * spline.at(g.end)
+                }
+                None => along(t, &best),
+            };
+            ln_f.push(theta.iter().map(|t| straight(*t)).collect());
+        }
+        let flag = |t: &f64| {
+            if *t > end {
+                NdfFlags::EXTRAPOLATED
+            } else if gaps.iter().any(|g| g.contains(t)) {
+                NdfFlags::GAP
+            } else {
+                NdfFlags::empty()
+            }
+        };
+        let flags = theta.iter().map(flag).collect();
+        Ok(Self { profile, reference, ln_f, flags })
+    }
+
+    /// ln f on the nodes and the two roughnesses of the same scan with other readings: the kind of continuation is kept, the symmetry point is fitted again.
+    pub fn again(&self, scan: &Scan, theta: &[f64], options: &NdfOptions) -> Option<Self> {
+        let mut profile = self.profile.clone();
+        let smoothed = options.median.map(|width| scan.smoothed(width));
+        let scan = smoothed.as_ref().unwrap_or(scan);
+        if profile.zero.origin == ZeroOrigin::Fitted {
+            profile.zero.angle_deg = zero::refined(scan, profile.zero.angle_deg)?;
+        }
+        let readings = off_normal(scan, profile.zero.angle_deg);
+        let knots = Knots::new(knots_of(&places(&readings)))?;
+        let spline = Curve::through(&knots, self.reference, &readings)?;
+        let end = knots.end();
+        let best = tail::chosen(&readings, (end, spline.at(end)), Some(profile.tail))?;
+        let along = |t: &f64| if *t > end { best.at(*t) } else { spline.at(*t) };
+        let near = near_normal(&readings);
+        let close =
+            |alpha: f64| ((0.5 * alpha).max(EVERY_ALPHA.0), (1.7 * alpha).min(EVERY_ALPHA.1));
+        let (beckmann, ggx) = (profile.beckmann.alpha, profile.ggx.alpha);
+        profile.beckmann = fit(Distribution::Beckmann, &near, close(beckmann));
+        profile.ggx = fit(Distribution::Ggx, &near, close(ggx));
+        let ln_f = vec![theta.iter().map(along).collect()];
+        Some(Self { profile, reference: self.reference, ln_f, flags: Vec::new() })
+    }
+}
+
+/// Angle off the normal (radians), ln f, weight, in the order of the angles.
+fn off_normal(scan: &Scan, zero_deg: f64) -> Vec<Reading> {
+    let nodes = scan.angle_deg.iter().zip(&scan.f).zip(scan.weights());
+    nodes.map(|((angle, f), weight)| ((angle - zero_deg).to_radians(), f.ln(), weight)).collect()
+}
+
+fn places(readings: &[Reading]) -> Vec<f64> {
+    readings.iter().map(|r| r.0).collect()
+}
+
+/// What a parametric lobe is fitted to: where f is above a thousandth of its largest, which the normal's neighbourhood decides.
+fn near_normal(readings: &[Reading]) -> Vec<Reading> {
+    let top = readings.iter().fold(f64::NEG_INFINITY, |a, r| a.max(r.1));
+    let near = readings.iter().filter(|r| r.1 >= top - 1000_f64.ln()).copied();
+    // Equal weights: a real lobe differs from both by more than noise.
+    near.map(|(x, y, _)| (x, y, 1.0)).collect()
+}
+
+/// Where neighbouring readings off the normal are far apart, radians.
+fn gaps(
+    readings: &[Reading],
+    spline: &Curve<'_>,
+    step_deg: f64,
+    notes: &mut Vec<Note>,
+) -> Result<Vec<Range<f64>>, NdfError> {
+    let mut off: Vec<f64> = readings.iter().map(|r| r.0.abs()).collect();
+    off.push(0.0);
+    off.sort_by(f64::total_cmp);
+    let least = GAP_STEPS * step_deg.to_radians();
+    let wide = off.windows(2).filter(|pair| pair[1] - pair[0] > least);
+    let gaps: Vec<Range<f64>> = wide.map(|pair| pair[0]..pair[1]).collect();
+    if gaps.is_empty() {
+        return Ok(gaps);
+    }
+    let peak = readings.iter().fold(f64::NEG_INFINITY, |a, r| a.max(r.1)).max(spline.at(off[1]));
+    let half = off.iter().find(|x| spline.at(**x) < peak - 2_f64.ln());
+    let half_width = half.copied().unwrap_or(f64::INFINITY);
+    for gap in &gaps {
+        let (from_deg, to_deg) = (gap.start.to_degrees(), gap.end.to_degrees());
+        // A lobe that never falls to half has no peak to miss.
+        if gap.start == 0.0 || (gap.start < half_width && half_width.is_finite()) {
+            let half_width_deg = half_width.to_degrees();
+            return Err(NdfError::GapInPeak { from_deg, to_deg, half_width_deg });
+        }
+        notes.push(Note::Gap { from_deg, to_deg });
+    }
+    Ok(gaps)
+}

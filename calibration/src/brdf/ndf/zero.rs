@@ -1,0 +1,121 @@
+//! The stage's angle at which the beam falls along the sample's normal, from the readings on both sides of it.
+
+use super::scan::Scan;
+use super::shape::golden;
+use super::spline::Knots;
+use serde::{Deserialize, Serialize};
+
+/// Readings that each side needs.
+const LEAST_A_SIDE: usize = 4;
+
+/// Where the symmetry point came from.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ZeroOrigin {
+    /// From the readings on both sides.
+    Fitted,
+    /// As it was given.
+    Given,
+    /// The stage's own zero: one side alone was measured, or what is the same everywhere has no symmetry point.
+    Assumed,
+}
+
+/// The symmetry point.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Zero {
+    /// The stage's angle at normal incidence, degrees: the mount's offset.
+    pub angle_deg: f64,
+    /// Its standard deviation, degrees; 0 where it was not fitted.
+    pub sigma_deg: f64,
+    /// Where it came from.
+    pub origin: ZeroOrigin,
+}
+
+struct Judge<'a> {
+    scan: &'a Scan,
+    weights: Vec<f64>,
+    step: f64,
+}
+
+impl Judge<'_> {
+    /// Readings within `reach` of `zero`.
+    fn within(&self, zero: f64, reach: f64) -> Vec<usize> {
+        let near = |k: &usize| (self.scan.angle_deg[*k] - zero).abs() <= reach;
+        (0..self.scan.angle_deg.len()).filter(near).collect()
+    }
+
+    /// How far both sides reach.
+    fn reach(&self, zero: f64) -> f64 {
+        let angles = &self.scan.angle_deg;
+        (zero - angles[0]).min(angles[angles.len() - 1] - zero)
+    }
+
+    /// What is left of these readings by an even function, and how many readings more than freedoms there are.
+    fn left(&self, zero: f64, part: &[usize]) -> Option<(f64, f64)> {
+        let offset = |k: usize| self.scan.angle_deg[k] - zero;
+        let reach = part.iter().fold(0.0_f64, |a, k| a.max(offset(*k).abs()));
+        // Coarser than the readings: what is the same on both sides does not need to be followed to the last digit.
+        let knots = ((reach / (1.5 * self.step)).floor() as usize).max(2);
+        let knots = Knots::new((0..=knots).map(|k| reach * k as f64 / knots as f64).collect())?;
+        let readings: Vec<(f64, f64, f64)> =
+            part.iter().map(|k| (offset(*k), self.scan.f[*k].ln(), self.weights[*k])).collect();
+        let spline = knots.through(&readings)?;
+        let square = |(x, y, w): &(f64, f64, f64)| w * (y - spline.at(*x)).powi(2);
+        let free = part.len() as f64 - (reach / (1.5 * self.step)).floor().max(2.0) - 1.0;
+        Some((readings.iter().map(square).sum(), free))
+    }
+
+    fn both_sides(&self, zero: f64, part: &[usize]) -> bool {
+        let right = part.iter().filter(|k| self.scan.angle_deg[**k] >= zero).count();
+        right >= LEAST_A_SIDE && part.len() - right >= LEAST_A_SIDE
+    }
+}
+
+/// The symmetry point of other readings at the same angles, near one that was found; `None` where they do not decide it.
+pub(super) fn refined(scan: &Scan, near_deg: f64) -> Option<f64> {
+    let step = scan.step_deg();
+    let judge = Judge { scan, weights: scan.weights(), step };
+    let part = judge.within(near_deg, judge.reach(near_deg) - 0.5 * step);
+    let square = |zero: f64| judge.left(zero, &part).map_or(f64::INFINITY, |(square, _)| square);
+    let found = golden(near_deg - 2.0 * step, near_deg + 2.0 * step, square);
+    found.is_finite().then_some(found)
+}
+
+/// The symmetry point within ± `most_deg` of the stage's zero; not fitted where the readings do not decide it.
+pub(super) fn find(scan: &Scan, most_deg: f64) -> Zero {
+    let assumed = Zero { angle_deg: 0.0, sigma_deg: 0.0, origin: ZeroOrigin::Assumed };
+    let step = scan.step_deg();
+    let judge = Judge { scan, weights: scan.weights(), step };
+    let count = (most_deg / (0.5 * step)).floor() as i64;
+    let trial = |k: i64| 0.5 * step * k as f64;
+    let mean = |zero: f64| {
+        let part = judge.within(zero, judge.reach(zero) + 1e-9);
+        let (square, free) = judge.both_sides(zero, &part).then(|| judge.left(zero, &part))??;
+        (free >= 3.0).then(|| square / free)
+    };
+    let tried: Vec<(f64, f64)> =
+        (-count..=count).filter_map(|k| Some((trial(k), mean(trial(k))?))).collect();
+    let Some((best, least)) = tried.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)) else {
+        return assumed;
+    };
+    // From here on the same readings for all zeros.
+    let part = judge.within(best, judge.reach(best) - 0.5 * step);
+    if !judge.both_sides(best, &part) {
+        return assumed;
+    }
+    let square = |zero: f64| judge.left(zero, &part).map_or(f64::INFINITY, |(square, _)| square);
+    let angle_deg = golden(best - 0.75 * step, best + 0.75 * step, square);
+    let Some((lowest, free)) = judge.left(angle_deg, &part) else { return assumed };
+    let variance = lowest / free.max(1.0);
+    // The bend of the sum of squares over as wide a stretch as the readings are apart.
+    let bend = (square(angle_deg - step) + square(angle_deg + step) - 2.0 * lowest) / (step * step);
+    let sigma_deg = if bend > 0.0 { (2.0 * variance / bend).sqrt() } else { f64::INFINITY };
+    let worst = tried.iter().fold(0.0_f64, |a, (_, m)| a.max(*m));
+    let weight = judge.weights.iter().sum::<f64>() / judge.weights.len() as f64;
+    // A sample that is the same at all angles has no symmetry point; neither has one that noise hides.
+    let is_flat = (worst / weight).sqrt() < 1e-9 || worst < 2.0 * least;
+    if is_flat || sigma_deg.is_nan() || sigma_deg >= 0.25 * judge.reach(angle_deg) {
+        return assumed;
+    }
+    Zero { angle_deg, sigma_deg, origin: ZeroOrigin::Fitted }
+}

@@ -1,0 +1,287 @@
+//! In which directions a sample is measured: few where nothing changes, many within the lobe (Dupuy and Jakob, ACM TOG 37, 274, 2018).
+//!
+//! Incident elevations are drawn by the projected area σ over u = √(2θ/π), outgoing directions by the density of visible normals D (i·m)₊: each cell (u₁, u₂) of
+//! the file's grid of values goes through that warp to a normal m, and the sample is seen from where m mirrors the light to. A rig that turns in one plane, to
+//! marks, not closer to its lamp than a phase angle, gets the cells that it can reach.
+
+mod density;
+mod order;
+mod rig;
+mod table;
+
+pub use density::Densities;
+pub use rig::Rig;
+pub use table::to_table;
+
+use super::ndf::Ndf;
+use glam::DVec3;
+use std::f64::consts::{FRAC_PI_2, PI};
+use sunglint_simulator::surface::Blend;
+
+/// How a plan is made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlanOptions {
+    /// Incident elevations.
+    pub theta_i: usize,
+    /// Incident azimuths of an anisotropic sample, over half the circle (`quarter`: over a quarter), both ends in it.
+    pub phi_i: usize,
+    /// Whether an anisotropic sample is symmetric about its axes, so that a quarter of the circle says all.
+    pub quarter: bool,
+    /// Side of the grid of outgoing directions.
+    pub side: usize,
+    /// Nodes of the densities in elevation and azimuth.
+    pub normals: usize,
+    /// The share of the grid that is spread over all normals, so that a lobe's tails are resolved too; 0 as in the paper.
+    pub wide: f64,
+    /// The largest incident elevation, degrees.
+    pub most_theta_i_deg: f64,
+    /// A rig that cannot reach all directions.
+    pub rig: Option<Rig>,
+}
+
+impl Default for PlanOptions {
+    fn default() -> Self {
+        Self {
+            theta_i: 8,
+            phi_i: 9,
+            quarter: false,
+            side: 32,
+            normals: 128,
+            wide: 0.25,
+            most_theta_i_deg: 89.9,
+            rig: None,
+        }
+    }
+}
+
+impl PlanOptions {
+    /// For a rig: in its plane, with a grid that has the plane among its rows.
+    pub fn of_rig(rig: Rig) -> Self {
+        Self { side: 33, most_theta_i_deg: rig.most_theta_i_deg, rig: Some(rig), ..Self::default() }
+    }
+}
+
+/// Why there is no plan.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// An option out of its range.
+    #[error("{name}: found {found}, expected {expected}")]
+    Option {
+        /// The option.
+        name: &'static str,
+        /// Its value.
+        found: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// A density of nothing.
+    #[error("no microfacet is seen from {theta_i_deg:.2}°: D is 0 there")]
+    Dark {
+        /// The incident elevation.
+        theta_i_deg: f64,
+    },
+    /// The rig reaches no direction.
+    #[error(
+        "the rig reaches none of {cells} directions: look at the least phase angle and the largest elevations"
+    )]
+    Unreachable {
+        /// Directions in the plan.
+        cells: usize,
+    },
+}
+
+/// A cell of the file's grid of values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cell {
+    /// Which incident azimuth and elevation, row and column of the grid: the indices of the tensor.
+    pub index: [usize; 4],
+    /// The grid's coordinates, 0…1: along the columns, along the rows.
+    pub u: [f64; 2],
+    /// Towards the detector, unit, in the sample's axes (light from the azimuth φ_i).
+    pub outgoing: DVec3,
+    /// Which measurement gives it; none where the direction is below the horizon or out of the rig's reach.
+    pub step: Option<usize>,
+}
+
+/// A measurement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// Which incident azimuth and elevation.
+    pub incident: [usize; 2],
+    /// Towards the detector, unit.
+    pub outgoing: DVec3,
+    /// What a rig in one plane is set to: angles of incidence and of the detector, degrees; the detector's is negative on the lamp's side.
+    pub marks_deg: Option<[f64; 2]>,
+}
+
+/// A plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Incident elevations, radians.
+    pub theta_i_rad: Vec<f64>,
+    /// Incident azimuths, radians: 0 of an isotropic sample, from −π of another.
+    pub phi_i_rad: Vec<f64>,
+    /// The options that it was made with.
+    pub options: PlanOptions,
+    /// All cells, by azimuth, elevation, row and column.
+    pub cells: Vec<Cell>,
+    /// The measurements, in the order in which they are taken.
+    pub steps: Vec<Step>,
+    /// How far the detector goes in that order, degrees, the way to each incident direction left out.
+    pub travel_deg: f64,
+    /// How far it would go in the order of the cells.
+    pub unordered_travel_deg: f64,
+}
+
+/// Makes a plan for a sample.
+///
+/// # Errors
+/// Options out of their ranges, a density that is 0 everywhere, a rig that reaches nothing.
+pub fn plan(ndf: &Ndf, options: &PlanOptions) -> Result<Plan, PlanError> {
+    check(options)?;
+    let densities = Densities::of(ndf, options.normals);
+    let theta_i_rad = incident(&densities, options);
+    let phi_i_rad = azimuths(ndf, options);
+    let mut cells = Vec::new();
+    let mut steps = Vec::new();
+    let (mut travel_deg, mut unordered_travel_deg) = (0.0, 0.0);
+    let mut stands = DVec3::Z;
+    for (p, phi) in phi_i_rad.iter().enumerate() {
+        for (t, theta) in theta_i_rad.iter().enumerate() {
+            let first = cells.len();
+            outgoing(&densities, [p, t], [*phi, *theta], options, &mut cells)?;
+            let here = &mut cells[first..];
+            let found = match &options.rig {
+                Some(rig) => rig.steps(here, [p, t], [*phi, *theta]),
+                None => everywhere(here, [p, t]),
+            };
+            let directions: Vec<DVec3> = found.iter().map(|s| s.outgoing).collect();
+            unordered_travel_deg += order::travel_deg(&directions);
+            let order = match &options.rig {
+                Some(rig) => rig.order(&found, stands),
+                None => order::shortest(&directions, stands),
+            };
+            let mut place = vec![0; order.len()];
+            for (new, old) in order.iter().enumerate() {
+                place[*old] = new;
+            }
+            for cell in here.iter_mut() {
+                cell.step = cell.step.map(|old| steps.len() + place[old]);
+            }
+            let ordered: Vec<DVec3> = order.iter().map(|k| directions[*k]).collect();
+            travel_deg += order::travel_deg(&ordered);
+            stands = ordered.last().copied().unwrap_or(stands);
+            steps.extend(order.iter().map(|k| found[*k]));
+        }
+    }
+    if steps.is_empty() {
+        return Err(PlanError::Unreachable { cells: cells.len() });
+    }
+    let options = options.clone();
+    Ok(Plan { theta_i_rad, phi_i_rad, options, cells, steps, travel_deg, unordered_travel_deg })
+}
+
+fn check(options: &PlanOptions) -> Result<(), PlanError> {
+    let wrong = |name, found, expected| Err(PlanError::Option { name, found, expected });
+    if !(2..=256).contains(&options.theta_i) {
+        return wrong("theta_i", options.theta_i as f64, "2 to 256 elevations");
+    }
+    if !(3..=256).contains(&options.phi_i) {
+        return wrong("phi_i", options.phi_i as f64, "3 to 256 azimuths");
+    }
+    if !(4..=256).contains(&options.side) {
+        return wrong("side", options.side as f64, "4 to 256 nodes");
+    }
+    if !(16..=1024).contains(&options.normals) {
+        return wrong("normals", options.normals as f64, "16 to 1024 nodes");
+    }
+    if !(0.0..1.0).contains(&options.wide) {
+        return wrong("wide", options.wide, "a share from 0 to below 1");
+    }
+    let most = options.most_theta_i_deg;
+    if !(most > 0.0 && most < 90.0) {
+        return wrong("most_theta_i_deg", most, "an angle above 0 and below 90°");
+    }
+    match &options.rig {
+        Some(rig) => rig.check(options.side),
+        None => Ok(()),
+    }
+}
+
+/// Elevations at equal parts of ∫ σ du, from 0 to the largest: σ is the chance that light from there meets the surface.
+fn incident(densities: &Densities, options: &PlanOptions) -> Vec<f64> {
+    const PIECES: usize = 2048;
+    let most = options.most_theta_i_deg.to_radians();
+    let end = (most / FRAC_PI_2).sqrt();
+    let at = |k: usize| end * k as f64 / PIECES as f64;
+    let mut sums = vec![0.0];
+    for k in 0..PIECES {
+        let mean = 0.5 * (densities.mean_area(at(k)) + densities.mean_area(at(k + 1)));
+        sums.push(sums[k] + mean);
+    }
+    let last = options.theta_i - 1;
+    let theta = |j: usize| {
+        let wanted = sums[PIECES] * j as f64 / last as f64;
+        let k = sums.partition_point(|s| *s <= wanted).clamp(1, PIECES) - 1;
+        let share = (wanted - sums[k]) / (sums[k + 1] - sums[k]).max(f64::MIN_POSITIVE);
+        let u = at(k) + share.clamp(0.0, 1.0) * (at(k + 1) - at(k));
+        if j == last { most } else { u * u * FRAC_PI_2 }
+    };
+    (0..options.theta_i).map(theta).collect()
+}
+
+fn azimuths(ndf: &Ndf, options: &PlanOptions) -> Vec<f64> {
+    if ndf.is_isotropic() {
+        return vec![0.0];
+    }
+    let whole = if options.quarter { FRAC_PI_2 } else { PI };
+    let at = |k: usize| -PI + whole * k as f64 / (options.phi_i - 1) as f64;
+    (0..options.phi_i).map(at).collect()
+}
+
+/// The cells of one incident direction.
+fn outgoing(
+    densities: &Densities,
+    [p, t]: [usize; 2],
+    [phi, theta]: [f64; 2],
+    options: &PlanOptions,
+    cells: &mut Vec<Cell>,
+) -> Result<(), PlanError> {
+    let warp = densities
+        .visible(theta, phi, options.wide)
+        .ok_or(PlanError::Dark { theta_i_deg: theta.to_degrees() })?;
+    let blend: Blend = [(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)];
+    let i = density::direction(theta, phi);
+    let last = (options.side - 1) as f64;
+    for row in 0..options.side {
+        for column in 0..options.side {
+            let u = [column as f64 / last, row as f64 / last];
+            let (place, _) = warp.sample(u, &blend);
+            let m = densities.normal(phi, place);
+            let outgoing = (2.0 * i.dot(m) * m - i).normalize();
+            cells.push(Cell { index: [p, t, row, column], u, outgoing, step: None });
+        }
+    }
+    Ok(())
+}
+
+/// Directions closer than this are one, radians.
+const SAME: f64 = 1e-5;
+
+/// One measurement for each direction above the horizon; cells get its number among them.
+fn everywhere(cells: &mut [Cell], incident: [usize; 2]) -> Vec<Step> {
+    let mut steps: Vec<Step> = Vec::new();
+    for cell in cells {
+        if cell.outgoing.z <= 1e-6 {
+            continue;
+        }
+        let same = |s: &Step| (s.outgoing - cell.outgoing).length() < SAME;
+        let at = steps.iter().position(same).unwrap_or_else(|| {
+            steps.push(Step { incident, outgoing: cell.outgoing, marks_deg: None });
+            steps.len() - 1
+        });
+        cell.step = Some(at);
+    }
+    steps
+}

@@ -1,0 +1,109 @@
+//! Bins of a photon counter, turned into the linear rate of a target alone.
+//!
+//! Two runs over the bins of a night, each in flat memory:
+//!
+//! 1. [`OffTarget::measure`] finds what the channels show beside the targets: sky and dark counts together, piece by piece.
+//! 2. [`Reduction`] turns each bin of a visit into a [`Sample`]: ν = lin(m_on) − lin(m_off), the off-target rate in time between the
+//!    pieces on either side, kept where the target stood in the fibre's field and divided by the coupling there.
+//!
+//! [`Curves`] collects samples into a raw and a linear light curve, [`Summary`] counts what each rule did. Nothing is left out without a flag:
+//!
+//! | flag | when | rate |
+//! |---|---|---|
+//! | `SATURATED` | the counter says so, or its law ([`crate::detector`]) | NaN |
+//! | `NONLINEAR` | beyond where the law is trusted | kept |
+//! | `FAST_GLINT` | light may have changed within the bin by more than can be linearised | kept |
+//! | `OVERFLOW` | events overflowed or were missed: a lower bound | kept |
+//! | `GAP` | no bin here, or the counter reported an error in it | NaN |
+//! | `GAP` | the counter says that bins are missing before, and its clock does not show how many | kept |
+//! | `OFF_TARGET` | not on the target for the whole of the bin | NaN |
+//! | `UNDETECTED` | the frames on either side do not both show the target | NaN |
+//! | `OFF_AXIS` | outside the gate | NaN |
+//! | `NO_OFF_TARGET` | no off-target piece near: the dark rate stands in | kept |
+//! | `CLOCK_FREE` | the time is the computer's | kept |
+//!
+//! σ holds counting on and off the target, and the coupling's uncertainty from the target's place. The background's and the place's parts are common to
+//! neighbouring samples.
+
+mod curves;
+mod gate;
+mod off_target;
+mod reduction;
+mod spans;
+
+pub use curves::{ChannelSummary, Curves, Summary};
+pub use gate::{Coupling, Gate, coupling};
+pub use off_target::{
+    Background, BackgroundSource, Between, OffOptions, OffPiece, OffRate, OffTarget,
+};
+pub use reduction::{ChannelSample, Options, Reduction, Sample};
+pub use spans::{Away, Seen, Span, Spans, View, away};
+
+use crate::detector::{DetectorError, Linearity};
+use sunglint_formats::CountRecord;
+use sunglint_radiometry::station::{Counter, Fibre};
+
+/// A channel of a counter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CountChannel {
+    /// Its name in the station, and in light curves.
+    pub name: String,
+    /// Which of the counter's channels it is, from 0.
+    pub column: usize,
+    /// Its law.
+    pub linearity: Linearity,
+    /// Its dark rate, Hz, where nothing was measured.
+    pub dark_rate_hz: f64,
+    /// Where its fibre looks; `None` for a detector that needs no gate.
+    pub fibre: Option<Fibre>,
+}
+
+impl CountChannel {
+    /// A channel of a station's counter.
+    ///
+    /// # Errors
+    /// A law that no detector can have.
+    pub fn of(name: &str, column: usize, counter: &Counter) -> Result<Self, DetectorError> {
+        Ok(Self {
+            name: name.to_owned(),
+            column,
+            linearity: Linearity::of(counter)?,
+            dark_rate_hz: counter.dark_rate_hz,
+            fibre: counter.fibre,
+        })
+    }
+}
+
+/// A bin, with the time tags in it where they were kept.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bin {
+    /// The counter's record.
+    pub record: CountRecord,
+    /// Of each channel the tags in the bin, ps on the clock of [`CountRecord::start_ps`], in order; `None`, or no entry, without tags.
+    pub tags_ps: Vec<Option<Vec<i64>>>,
+}
+
+impl From<CountRecord> for Bin {
+    fn from(record: CountRecord) -> Self {
+        Self { record, tags_ps: Vec::new() }
+    }
+}
+
+impl Bin {
+    fn exposure_s(&self) -> f64 {
+        self.record.length_ps as f64 * 1e-12
+    }
+
+    fn middle(&self) -> hifitime::Epoch {
+        self.record.start + hifitime::Duration::from_seconds(0.5 * self.exposure_s())
+    }
+
+    fn end(&self) -> hifitime::Epoch {
+        self.record.start + hifitime::Duration::from_seconds(self.exposure_s())
+    }
+
+    /// End on the counter's clock, ps.
+    fn end_ps(&self) -> i64 {
+        self.record.start_ps.saturating_add(self.record.length_ps)
+    }
+}

@@ -1,0 +1,337 @@
+//! The sources of a frame, and which of them may be the target.
+
+use super::centroid::{Centroid, FWHM_PER_SIGMA, windowed};
+use super::image::{Image, TILE, significance, take_out_sharp};
+use super::look::{Look, Setting};
+use super::options::{Choice, DetectionOptions, Trail};
+use super::overlap::Aperture;
+use super::regions::{Region, regions};
+use super::window::{Reading, Window};
+
+/// Why a source is not the target: the first of the filters that it fails.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Rejection {
+    /// Further from the expected place than allowed.
+    Offset,
+    /// Too few or too many pixels.
+    Area,
+    /// It does not fill its bounding box.
+    Fill,
+    /// Its bounding box is long.
+    Aspect,
+    /// Narrower than a point: a cosmic ray or a hot pixel.
+    Sharp,
+    /// Wider than a point: a streak, a cloud; or no trail as it is known.
+    Wide,
+    /// At the frame's edge, less than one and a half widths from it: there a streak's end looks like a point.
+    Edge,
+    /// A knot of a faint streak: there is light on a line through it.
+    Streak,
+}
+
+/// A source above the threshold.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidate {
+    /// Column and row of its summit in the smoothed frame, px, or of its centroid where there is one.
+    pub place_px: [f64; 2],
+    /// Height of its summit in standard deviations of the smoothed frame: its signal to noise as a point.
+    pub peak_sigma: f64,
+    /// Pixels above its level.
+    pub area_px: usize,
+    /// Fraction of its bounding box that it fills.
+    pub fill: f64,
+    /// The longer side of the bounding box over the shorter.
+    pub aspect: f64,
+    /// Its signal to noise as something a third as wide as a point, over that as a point: 0.55 for a point, more than 1 for what is sharp.
+    pub sharpness: f64,
+    /// Place and widths, of those that pass the filters before.
+    pub centroid: Option<Centroid>,
+    /// The trail that its second moments show, px.
+    pub trail_px: [f64; 2],
+    /// Why it is not the target.
+    pub rejection: Option<Rejection>,
+}
+
+/// What a detection found.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Detection {
+    /// All sources, those that passed and those that did not.
+    pub candidates: Vec<Candidate>,
+    /// Index of the target.
+    pub target: Option<usize>,
+    /// Pixels (column and row) that were left out of the search, for they are sharper than a point: cosmic rays and hot pixels.
+    pub cosmic_ray_px: Vec<[f64; 2]>,
+    labels: Labels,
+}
+
+/// Which source each pixel of the smoothed frame belongs to.
+#[derive(Debug, Clone, PartialEq, Default)]
+struct Labels {
+    of_pixel: Vec<u32>,
+    size: [usize; 2],
+    /// Where its first pixel is in the frame.
+    origin: [f64; 2],
+}
+
+impl Detection {
+    /// Sources that passed all filters.
+    pub fn passed(&self) -> usize {
+        self.candidates.iter().filter(|c| c.rejection.is_none()).count()
+    }
+
+    /// Whether a source other than the target, or a cosmic ray, has a pixel in this aperture.
+    pub fn crowded(&self, aperture: &Aperture) -> bool {
+        let Some(target) = self.target else { return false };
+        let own = target as u32 + 1;
+        let inside = |p: [f64; 2]| aperture.distance_px(p[0], p[1]) < aperture.radius_px;
+        if self.cosmic_ray_px.iter().any(|&p| inside(p)) {
+            return true;
+        }
+        self.labels.of_pixel.iter().enumerate().any(|(i, &label)| {
+            label != 0 && label != own && {
+                let place = self.labels.place([i % self.labels.size[0], i / self.labels.size[0]]);
+                aperture.distance_px(place[0], place[1]) < aperture.radius_px
+            }
+        })
+    }
+}
+
+impl Labels {
+    fn place(&self, [x, y]: [usize; 2]) -> [f64; 2] {
+        [self.origin[0] + x as f64, self.origin[1] + y as f64]
+    }
+}
+
+/// Finds sources: smooths with a point's profile, cuts at a threshold above the local background, and filters what hangs together.
+#[derive(Debug, Default)]
+pub struct Detector {
+    window: Window,
+    look: Look,
+}
+
+/// What a detection needs to know of the target.
+#[derive(Clone, Copy)]
+pub(crate) struct Sought<'a> {
+    pub options: &'a DetectionOptions,
+    pub fwhm_px: f64,
+    pub trail: Trail,
+    pub place_px: [f64; 2],
+    pub aperture_radius_px: f64,
+}
+
+impl Detector {
+    /// The sources around where the target is expected; of the whole frame where the allowed offset is infinite.
+    pub(crate) fn find(
+        &mut self,
+        reading: &Reading<'_>,
+        sought: &Sought<'_>,
+        setting: &Setting,
+    ) -> Detection {
+        let around = sought.options.max_offset_px + TILE as f64 + 4.0 * sought.fwhm_px;
+        self.window.take(reading, sought.place_px, [around; 2]);
+        let Some(image) = Image::of(&self.window, reading) else { return Detection::default() };
+        let sigma_px = sought.fwhm_px / FWHM_PER_SIGMA;
+        let size = image.size;
+        let mut above = image.above_background();
+        let sharp = take_out_sharp(&mut above, size, sigma_px);
+        let smoothed = significance(&above, size, sigma_px);
+        let threshold = sought.options.threshold_sigma;
+        let (found, labels) = regions(&smoothed, image.size, threshold, 0.5 * threshold);
+        let narrow = significance(&above, size, (NARROW * sigma_px).max(0.5));
+        let labels = Labels { of_pixel: labels, size: image.size, origin: image.origin };
+        let cosmic_ray_px: Vec<[f64; 2]> =
+            sharp.iter().map(|i| labels.place([i % size[0], i / size[0]])).collect();
+        let mut candidates: Vec<Candidate> = Vec::with_capacity(found.len());
+        for region in &found {
+            let sharpness = sharpness(region, &narrow, image.size, sought.fwhm_px);
+            let mut candidate = self.judge(
+                reading,
+                (region, sharpness),
+                (&labels, &cosmic_ray_px),
+                sought,
+                setting,
+            );
+            // A bright streak stays in one piece, and a bright star has light all around.
+            let faint = candidate.peak_sigma < FAINT * threshold;
+            let point = matches!(sought.trail, Trail::Point) && candidate.rejection.is_none();
+            if point && faint && on_streak(region.summit, &smoothed, size, sought.fwhm_px) {
+                candidate.rejection = Some(Rejection::Streak);
+            }
+            candidates.push(candidate);
+        }
+        let target = choose(&candidates, sought);
+        let cosmic_ray_px =
+            sharp.iter().map(|i| labels.place([i % size[0], i / size[0]])).collect();
+        Detection { candidates, target, cosmic_ray_px, labels }
+    }
+
+    /// A region as a candidate, with the first filter that it fails.
+    fn judge(
+        &mut self,
+        reading: &Reading<'_>,
+        (region, sharpness): (&Region, f64),
+        (labels, cosmic_ray_px): (&Labels, &[[f64; 2]]),
+        sought: &Sought<'_>,
+        setting: &Setting,
+    ) -> Candidate {
+        let options = sought.options;
+        let trail_px = trail_of(region);
+        let drawn_out = !matches!(sought.trail, Trail::Point)
+            && trail_px[0].hypot(trail_px[1]) > 0.5 * sought.fwhm_px;
+        let at = match drawn_out {
+            true => [labels.origin[0] + region.middle[0], labels.origin[1] + region.middle[1]],
+            false => labels.place(region.summit),
+        };
+        let mut candidate = Candidate {
+            place_px: at,
+            peak_sigma: region.peak,
+            area_px: region.area,
+            fill: region.fill(),
+            aspect: region.aspect(),
+            sharpness,
+            centroid: None,
+            trail_px,
+            rejection: None,
+        };
+        let by_box = if distance(at, sought.place_px) > options.max_offset_px {
+            Some(Rejection::Offset)
+        } else if near_edge(at, reading, 1.5 * sought.fwhm_px) {
+            Some(Rejection::Edge)
+        } else if !(options.area_px[0]..=options.area_px[1]).contains(&region.area) {
+            Some(Rejection::Area)
+        } else if !drawn_out && candidate.fill < options.min_fill {
+            Some(Rejection::Fill)
+        } else if !drawn_out && candidate.aspect > options.max_aspect {
+            Some(Rejection::Aspect)
+        } else if region.peak < FAINT * options.threshold_sigma && sharpness > options.max_sharpness
+        {
+            Some(Rejection::Sharp)
+        } else {
+            None
+        };
+        candidate.rejection = by_box.or_else(|| {
+            let aperture = Aperture::disc(at, sought.aperture_radius_px);
+            self.look.at(reading, &aperture, setting);
+            let light = self.look.light(reading, setting, cosmic_ray_px);
+            candidate.centroid =
+                light.and_then(|light| windowed(&light, at, sought.fwhm_px / FWHM_PER_SIGMA));
+            by_width(&candidate, drawn_out, sought)
+        });
+        if let Some(centroid) = candidate.centroid.filter(|_| !drawn_out) {
+            candidate.place_px = centroid.place_px;
+        }
+        candidate
+    }
+}
+
+/// Sources below so many thresholds are tested for a faint cosmic ray's or a faint streak's signs; brighter ones show their shape.
+const FAINT: f64 = 2.5;
+
+/// Width of the second, narrow filter over that of a point.
+const NARROW: f64 = 0.3;
+
+/// The highest value of the narrowly smoothed frame near a region's summit, over the summit.
+fn sharpness(region: &Region, narrow: &[f64], [width, height]: [usize; 2], fwhm_px: f64) -> f64 {
+    let reach = (0.5 * fwhm_px).round() as usize;
+    let [x, y] = region.summit;
+    let mut highest = f64::NEG_INFINITY;
+    for row in y.saturating_sub(reach)..(y + reach + 1).min(height) {
+        let line = &narrow[row * width..][..width];
+        for value in &line[x.saturating_sub(reach)..(x + reach + 1).min(width)] {
+            highest = highest.max(*value);
+        }
+    }
+    highest / region.peak
+}
+
+/// Whether a place is within a distance of the frame's edge.
+fn near_edge(place: [f64; 2], reading: &Reading<'_>, distance_px: f64) -> bool {
+    let size = [reading.frame.pixels.ncols(), reading.frame.pixels.nrows()].map(|n| n as f64);
+    (0..2)
+        .any(|axis| place[axis] + 0.5 < distance_px || size[axis] - 0.5 - place[axis] < distance_px)
+}
+
+/// Whether there is light along a line through a summit: samples of the smoothed frame a width apart, from two widths on to ten at most, on
+/// one side or both. Each counts no more than 3 σ, so that another star on the line does not make it a streak.
+fn on_streak(summit: [usize; 2], smoothed: &[f64], size: [usize; 2], fwhm_px: f64) -> bool {
+    const DIRECTIONS: usize = 30;
+    const SAMPLES: usize = 10;
+    const SIGMA: f64 = 5.0;
+    const CONTINUOUS: f64 = 1.6;
+    let sample = |angle: f64, along: f64| {
+        let x = (summit[0] as f64 + along * angle.cos()).round();
+        let y = (summit[1] as f64 + along * angle.sin()).round();
+        let inside = x >= 0.0 && y >= 0.0 && x < size[0] as f64 && y < size[1] as f64;
+        if inside { smoothed[y as usize * size[0] + x as usize].clamp(-3.0, 3.0) } else { 0.0 }
+    };
+    (0..DIRECTIONS).any(|direction| {
+        let angle = std::f64::consts::PI * direction as f64 / DIRECTIONS as f64;
+        let mut sums = [0.0; 2];
+        // A streak that merely crosses the line begins further out.
+        let mut alive = [1.0; 2];
+        (1..=SAMPLES).any(|n| {
+            let along = (n as f64 + 1.0) * fwhm_px;
+            sums = [sums[0] + sample(angle, along), sums[1] + sample(angle, -along)];
+            if n >= 3 {
+                let alone = |i: usize| if sums[i] > CONTINUOUS * n as f64 { alive[i] } else { 0.0 };
+                alive = [alone(0), alone(1)];
+            }
+            let sides: f64 = alive.iter().sum();
+            let sum = alive[0] * sums[0] + alive[1] * sums[1];
+            sides * n as f64 >= 4.0 && sum > SIGMA * (sides * n as f64).sqrt()
+        })
+    })
+}
+
+/// The filters that need a closer look.
+fn by_width(candidate: &Candidate, drawn_out: bool, sought: &Sought<'_>) -> Option<Rejection> {
+    let options = sought.options;
+    // A trail's centroid under a small window may run along it.
+    let Some(centroid) = candidate.centroid else {
+        return if drawn_out { wrong_trail(candidate, sought) } else { Some(Rejection::Wide) };
+    };
+    let [narrow, wide] = centroid.fwhm_px.map(|f| f / sought.fwhm_px);
+    if narrow < options.min_width {
+        return Some(Rejection::Sharp);
+    }
+    if drawn_out {
+        return wrong_trail(candidate, sought);
+    }
+    (wide > options.max_width).then_some(Rejection::Wide)
+}
+
+/// A known trail must be met to half its length and three widths, and to a third of a right angle.
+fn wrong_trail(candidate: &Candidate, sought: &Sought<'_>) -> Option<Rejection> {
+    let Trail::Known(known) = sought.trail else { return None };
+    let seen = candidate.trail_px;
+    let (length, seen_length) = (known[0].hypot(known[1]), seen[0].hypot(seen[1]));
+    let cosine = (known[0] * seen[0] + known[1] * seen[1]).abs() / (length * seen_length);
+    let fits = (seen_length - length).abs() <= 0.5 * length + 3.0 * sought.fwhm_px;
+    let aligned = length < 2.0 * sought.fwhm_px || cosine > 0.866;
+    (!(fits && aligned)).then_some(Rejection::Wide)
+}
+
+fn choose(candidates: &[Candidate], sought: &Sought<'_>) -> Option<usize> {
+    let passed = candidates.iter().enumerate().filter(|(_, c)| c.rejection.is_none());
+    let chosen = match sought.options.choice {
+        Choice::Nearest => passed.min_by(|(_, a), (_, b)| {
+            distance(a.place_px, sought.place_px).total_cmp(&distance(b.place_px, sought.place_px))
+        }),
+        Choice::Brightest => passed.max_by(|(_, a), (_, b)| a.peak_sigma.total_cmp(&b.peak_sigma)),
+    };
+    chosen.map(|(index, _)| index)
+}
+
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+/// The trail whose second moments a region has: those of a line of length L are L²/12 along it.
+fn trail_of(region: &Region) -> [f64; 2] {
+    let [xx, yy, xy] = region.moments;
+    let half = (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
+    let length = (24.0 * half).sqrt();
+    let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
+    [length * angle.cos(), length * angle.sin()]
+}

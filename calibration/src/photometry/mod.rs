@@ -1,0 +1,103 @@
+//! From a frame to the rates of a target and its place: masks, detection, centroids, apertures, backgrounds, errors.
+//!
+//! In the order in which data flows:
+//!
+//! - [`MasterFrame`], [`BadPixels`], [`FrameCalibration`]: what dark frames and a flat say about the sensor;
+//! - [`Detector`]: the sources of a frame, and which of them is the target (area, fill, aspect, sharpness, offset);
+//! - [`Centroid`]: where it is to a fraction of a pixel, with the covariance of that, and how wide;
+//! - [`Aperture`], [`Background`]: sums with exact areas, less the clipped median of an annulus, for each plane of a colour mosaic;
+//! - [`FrameReducer`]: all of it for frame after frame: a [`FrameMeasurement`] each, and a [`Tally`] of what each rule removed.
+//!
+//! Places on a frame are `[column, row]` in pixels of the frame, the middle of its first pixel at (0, 0) (as in photutils and SEP).
+//! Colours are measured on the pixels that sampled them; nothing is interpolated between colours.
+
+mod aperture;
+mod background;
+mod calibrate;
+mod centroid;
+mod detect;
+mod image;
+mod look;
+mod measurement;
+mod options;
+mod overlap;
+mod reducer;
+mod regions;
+mod scintillation;
+mod window;
+
+pub use background::Background;
+pub use calibrate::{BadPixels, FrameCalibration, MasterFrame, PixelFault};
+pub use centroid::Centroid;
+pub use detect::{Candidate, Detection, Detector, Rejection};
+pub use measurement::{Colour, FrameMeasurement, PlaneMeasurement, SigmaParts, Tally};
+pub use options::{Choice, DetectionOptions, PhotometryOptions, Trail};
+pub use overlap::Aperture;
+pub use reducer::{Expected, FrameReducer};
+pub use scintillation::Scintillation;
+
+/// Why a frame cannot be measured, or options cannot be used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PhotometryError {
+    /// An option is out of its range.
+    #[error("photometry: {name} is {value}, expected {expected}")]
+    Option {
+        /// Its name, with the unit.
+        name: &'static str,
+        /// What it is.
+        value: f64,
+        /// What it must be.
+        expected: &'static str,
+    },
+    /// Neither the frame nor the options say how many electrons an ADU is.
+    #[error(
+        "the frame has no gain (EGAIN): give the camera's gain_e_per_adu; without it the noise of the target is not known"
+    )]
+    NoGain,
+    /// An exposure of no length has no rate.
+    #[error("the frame's exposure is {exposure_s} s, expected more than 0")]
+    Exposure {
+        /// What the frame says, s.
+        exposure_s: f64,
+    },
+    /// Fewer frames than a mask or a mean needs.
+    #[error("{found} frames, expected at least {needed} of them")]
+    TooFew {
+        /// Frames that were given.
+        found: usize,
+        /// Frames that are needed.
+        needed: usize,
+    },
+    /// A dark, a flat or a mask is of another part of the sensor, or binned otherwise.
+    #[error(
+        "the {what} covers sensor columns {covered_columns:?} and rows {covered_rows:?} with binning {covered_binning:?}, the frame needs \
+         columns {columns:?} and rows {rows:?} with binning {binning:?}: take calibration frames of the frame's own region and binning"
+    )]
+    OtherRegion {
+        /// What does not fit: `dark`, `flat` or `mask`.
+        what: &'static str,
+        /// Unbinned columns that it covers: first, and one past the last.
+        covered_columns: [u32; 2],
+        /// Unbinned rows that it covers.
+        covered_rows: [u32; 2],
+        /// Its binning.
+        covered_binning: [u32; 2],
+        /// Unbinned columns of the frame.
+        columns: [u32; 2],
+        /// Unbinned rows of the frame.
+        rows: [u32; 2],
+        /// The frame's binning.
+        binning: [u32; 2],
+    },
+    /// A dark of another exposure cannot be subtracted.
+    #[error(
+        "the dark was exposed {dark_s} s, the frame {frame_s} s: take darks of the same exposure, or subtract a bias"
+    )]
+    DarkExposure {
+        /// Exposure of the dark, s.
+        dark_s: f64,
+        /// Exposure of the frame, s.
+        frame_s: f64,
+    },
+}

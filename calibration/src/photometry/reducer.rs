@@ -1,0 +1,346 @@
+//! Frame after frame: find the target, measure it, count what each rule removed.
+
+use super::PhotometryError;
+use super::aperture::{self, Summing};
+use super::background::Clipping;
+use super::calibrate::FrameCalibration;
+use super::centroid::{Centroid, FWHM_PER_SIGMA, balanced, windowed};
+use super::detect::{Detection, Detector, Rejection, Sought};
+use super::look::{Look, Setting};
+use super::measurement::{FrameMeasurement, PlaneMeasurement, Tally};
+use super::options::{PhotometryOptions, Trail};
+use super::overlap::Aperture;
+use super::window::{Plane, Reading};
+use crate::track::{Place, TrackPoint};
+use hifitime::{Duration, Unit};
+use sunglint_formats::frame::Frame;
+use sunglint_radiometry::light_curve::Flags;
+
+/// What is known of a frame's target beforehand.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Expected {
+    /// Column and row of the frame where it should be; `None` is the frame's middle.
+    pub place_px: Option<[f64; 2]>,
+    /// Columns and rows that it moves by in the exposure, where the options know no trail.
+    pub trail_px: Option<[f64; 2]>,
+    /// Airmass, for the scintillation.
+    pub airmass: Option<f64>,
+}
+
+/// Measures frames. Holds the calibration of the sensor, buffers, and the tally of what was removed.
+#[derive(Debug)]
+pub struct FrameReducer {
+    options: PhotometryOptions,
+    calibration: FrameCalibration,
+    detector: Detector,
+    look: Look,
+    tally: Tally,
+}
+
+impl FrameReducer {
+    /// # Errors
+    /// [`PhotometryError::Option`] for an option out of its range.
+    pub fn new(
+        options: PhotometryOptions,
+        calibration: FrameCalibration,
+    ) -> Result<Self, PhotometryError> {
+        options.check()?;
+        Ok(Self {
+            options,
+            calibration,
+            detector: Detector::default(),
+            look: Look::default(),
+            tally: Tally::default(),
+        })
+    }
+
+    /// What was removed so far.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    /// Finds the target in a frame and measures it.
+    ///
+    /// A frame without a target is measured, too: no place, and planes without a rate, flagged [`Flags::UNDETECTED`].
+    ///
+    /// # Errors
+    /// A frame without gain or exposure, or one that the calibration does not cover.
+    pub fn measure(
+        &mut self,
+        frame: &Frame,
+        expected: &Expected,
+    ) -> Result<FrameMeasurement, PhotometryError> {
+        let detection = self.detect(frame, expected)?;
+        self.tally.frames += 1;
+        self.count(&detection);
+        let Some(target) = detection.target.map(|t| detection.candidates[t]) else {
+            self.tally.undetected += 1;
+            let planes =
+                Plane::of(frame.bayer).map(|p| aperture::empty(p.colour, Flags::UNDETECTED));
+            return Ok(FrameMeasurement {
+                planes: planes.collect(),
+                ..without_target(frame, self.twinkling(frame, expected))
+            });
+        };
+        let trail_px = self.trail(expected, target.trail_px);
+        let aperture = Aperture {
+            centre_px: target.place_px,
+            radius_px: self.options.aperture_radius_px,
+            trail_px,
+        };
+        let fwhm = target.centroid.map_or(self.options.fwhm_px, |c| c.fwhm_px[0]);
+        let mut measured =
+            self.at(frame, aperture, Some((fwhm, &detection.cosmic_ray_px)), expected)?;
+        measured.candidates = detection.passed();
+        if measured.aperture.is_some_and(|aperture| detection.crowded(&aperture)) {
+            self.tally.crowded += 1;
+            for plane in &mut measured.planes {
+                plane.flags |= Flags::CROWDED;
+            }
+        }
+        Ok(measured)
+    }
+
+    /// Measures around a known place, without a search and without a centroid: `place_px` is where the aperture lies.
+    ///
+    /// # Errors
+    /// As [`FrameReducer::measure`].
+    pub fn measure_at(
+        &mut self,
+        frame: &Frame,
+        place_px: [f64; 2],
+        expected: &Expected,
+    ) -> Result<FrameMeasurement, PhotometryError> {
+        self.tally.frames += 1;
+        let trail_px = self.trail(expected, [0.0; 2]);
+        let radius_px = self.options.aperture_radius_px;
+        self.at(frame, Aperture { centre_px: place_px, radius_px, trail_px }, None, expected)
+    }
+
+    /// The sources of a frame around where the target is expected, without a measurement; the tally stays as it is.
+    ///
+    /// # Errors
+    /// As [`FrameReducer::measure`].
+    pub fn detect(
+        &mut self,
+        frame: &Frame,
+        expected: &Expected,
+    ) -> Result<Detection, PhotometryError> {
+        let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
+        let middle =
+            || [frame.pixels.ncols(), frame.pixels.nrows()].map(|n| 0.5 * (n as f64 - 1.0));
+        let sought = Sought {
+            options: &self.options.detection,
+            fwhm_px: self.options.fwhm_px,
+            trail: expected.trail_px.map_or(self.options.trail, Trail::Known),
+            place_px: expected.place_px.unwrap_or_else(middle),
+            aperture_radius_px: self.options.aperture_radius_px,
+        };
+        Ok(self.detector.find(&reading, &sought, &setting))
+    }
+
+    /// The trail of the aperture: none where it is shorter than half a point's width.
+    fn trail(&self, expected: &Expected, seen: [f64; 2]) -> [f64; 2] {
+        let trail = match expected.trail_px.map_or(self.options.trail, Trail::Known) {
+            Trail::Point => [0.0; 2],
+            Trail::Known(trail) => trail,
+            Trail::Estimated => seen,
+        };
+        let long = trail[0].hypot(trail[1]) > 0.5 * self.options.fwhm_px;
+        if long { trail } else { [0.0; 2] }
+    }
+
+    /// Centroid (where the target was searched for: with its width and the cosmic rays) and planes of an aperture.
+    fn at(
+        &mut self,
+        frame: &Frame,
+        mut aperture: Aperture,
+        searched: Option<(f64, &[[f64; 2]])>,
+        expected: &Expected,
+    ) -> Result<FrameMeasurement, PhotometryError> {
+        let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
+        self.look.at(&reading, &aperture, &setting);
+        let mut centroid = None;
+        if let Some((fwhm_px, without)) = searched {
+            let window_fwhm_px = self.options.fwhm_px;
+            centroid = centroid_of(
+                &mut self.look,
+                &reading,
+                &setting,
+                &aperture,
+                [window_fwhm_px, fwhm_px],
+                without,
+            );
+            if let Some(found) = centroid {
+                let moved = (found.place_px[0] - aperture.centre_px[0])
+                    .hypot(found.place_px[1] - aperture.centre_px[1]);
+                aperture.centre_px = found.place_px;
+                if moved > 0.5 {
+                    self.look.at(&reading, &aperture, &setting);
+                }
+            }
+        }
+        let planes = self.planes(frame, &setting, aperture, centroid);
+        let fwhm_px = centroid.map(|c| c.point_fwhm_px()).filter(|f| f.is_finite());
+        let mut measured = FrameMeasurement {
+            place_px: Some(aperture.centre_px),
+            aperture: Some(aperture),
+            fwhm_px,
+            candidates: 1,
+            planes,
+            ..without_target(frame, self.twinkling(frame, expected))
+        };
+        measured.track.place = centroid.map(|c| self.on_sensor(frame, &c));
+        Ok(measured)
+    }
+
+    /// The planes' rates, with their flags, counted.
+    fn planes(
+        &mut self,
+        frame: &Frame,
+        setting: &Setting,
+        aperture: Aperture,
+        centroid: Option<Centroid>,
+    ) -> Vec<PlaneMeasurement> {
+        const FULLY_SAMPLED_FWHM_PX: f64 = 3.0;
+        let size = [frame.pixels.ncols(), frame.pixels.nrows()];
+        let summing = Summing {
+            aperture,
+            fwhm_px: centroid.map_or(self.options.fwhm_px, |c| c.point_fwhm_px().min(1e3)),
+            exposure_s: frame.exposure_s,
+            gain_e_per_adu: setting.gain_e_per_adu,
+            max_masked_light: self.options.max_masked_light,
+            cut: leaves(&aperture, aperture.radius_px, size),
+        };
+        let mut flags = Flags::empty();
+        flags.set(Flags::TRAILED, aperture.trail_px != [0.0; 2]);
+        flags.set(Flags::EDGE, leaves(&aperture, setting.annulus_px[1], size));
+        flags.set(Flags::UNDERSAMPLED, summing.fwhm_px < FULLY_SAMPLED_FWHM_PX);
+        self.tally.undersampled += u64::from(flags.contains(Flags::UNDERSAMPLED));
+        let mut planes = Vec::with_capacity(self.look.planes.len());
+        for (plane, background) in &self.look.planes {
+            let mut measured =
+                aperture::measure(&self.look.window, *plane, background.as_ref(), &summing);
+            measured.flags |= flags;
+            count_plane(&mut self.tally, &measured, background.is_some(), summing.cut);
+            planes.push(measured);
+        }
+        planes
+    }
+
+    /// A centroid as a place on the sensor.
+    fn on_sensor(&self, frame: &Frame, centroid: &Centroid) -> Place {
+        let binning = frame.binning.map(f64::from);
+        let offset_px = [0, 1].map(|axis| {
+            // Pixels' middles are half a pixel from their edges.
+            let place =
+                f64::from(frame.origin[axis]) + (centroid.place_px[axis] + 0.5) * binning[axis];
+            place - 0.5 * f64::from(self.options.sensor_px[axis])
+        });
+        let [xx, yy, xy] = centroid.covariance_px2;
+        let covariance_px2 =
+            [xx * binning[0].powi(2), yy * binning[1].powi(2), xy * binning[0] * binning[1]];
+        Place { offset_px, covariance_px2 }
+    }
+
+    fn twinkling(&self, frame: &Frame, expected: &Expected) -> Option<f64> {
+        let scintillation = self.options.scintillation.as_ref()?;
+        Some(scintillation.relative_sigma(frame.exposure_s, expected.airmass?))
+    }
+
+    fn count(&mut self, detection: &Detection) {
+        self.tally.cosmic_ray_pixels += detection.cosmic_ray_px.len() as u64;
+        self.tally.ambiguous += u64::from(detection.passed() > 1);
+        for candidate in &detection.candidates {
+            let counter = match candidate.rejection {
+                None => continue,
+                Some(Rejection::Area) => &mut self.tally.rejected_area,
+                Some(Rejection::Fill) => &mut self.tally.rejected_fill,
+                Some(Rejection::Aspect) => &mut self.tally.rejected_aspect,
+                Some(Rejection::Sharp) => &mut self.tally.rejected_sharp,
+                Some(Rejection::Wide) => &mut self.tally.rejected_wide,
+                Some(Rejection::Streak) => &mut self.tally.rejected_streak,
+                Some(Rejection::Edge) => &mut self.tally.rejected_edge,
+                Some(Rejection::Offset) => &mut self.tally.rejected_offset,
+            };
+            *counter += 1;
+        }
+    }
+}
+
+/// The centroid of what lies in an aperture that was looked at: under a window of the first width, or of a trail of the second.
+fn centroid_of(
+    look: &mut Look,
+    reading: &Reading<'_>,
+    setting: &Setting,
+    aperture: &Aperture,
+    [window_fwhm_px, fwhm_px]: [f64; 2],
+    without: &[[f64; 2]],
+) -> Option<Centroid> {
+    let light = look.light(reading, setting, without)?;
+    if aperture.trail_px == [0.0; 2] {
+        return windowed(&light, aperture.centre_px, window_fwhm_px / FWHM_PER_SIGMA);
+    }
+    balanced(&light, aperture, fwhm_px)
+}
+
+/// The frame over its calibration, and what a look at it needs.
+fn prepare<'a>(
+    frame: &'a Frame,
+    options: &PhotometryOptions,
+    calibration: &'a FrameCalibration,
+) -> Result<(Reading<'a>, Setting), PhotometryError> {
+    let exposure_s = frame.exposure_s;
+    if exposure_s.is_nan() || exposure_s <= 0.0 {
+        return Err(PhotometryError::Exposure { exposure_s });
+    }
+    let gain = options.gain_e_per_adu.or(frame.gain_e_per_adu).filter(|&g| g > 0.0);
+    let gain_e_per_adu = gain.ok_or(PhotometryError::NoGain)?;
+    let saturation_adu =
+        options.saturation_adu.or(frame.saturation_adu).unwrap_or_else(|| f64::from(u16::MAX));
+    let clipping = Clipping {
+        sigma: options.clip_sigma,
+        rounds: options.clip_rounds,
+        gain_and_read_noise: Some((gain_e_per_adu, options.read_noise_e)),
+        step_adu: if calibration.keeps_counts() { 1.0 } else { 0.0 },
+    };
+    let reading = Reading { frame, laid: calibration.over(frame)?, saturation_adu };
+    Ok((reading, Setting { annulus_px: options.annulus_px, clipping, gain_e_per_adu }))
+}
+
+fn without_target(frame: &Frame, scintillation: Option<f64>) -> FrameMeasurement {
+    let exposure: Duration = frame.exposure_s * Unit::Second;
+    let time = frame.start + exposure * 0.5;
+    FrameMeasurement {
+        time,
+        exposure_s: frame.exposure_s,
+        track: TrackPoint { time, exposure_s: frame.exposure_s, place: None },
+        place_px: None,
+        aperture: None,
+        fwhm_px: None,
+        candidates: 0,
+        scintillation,
+        planes: Vec::new(),
+    }
+}
+
+/// Whether an aperture with this radius goes beyond the frame's edge.
+fn leaves(aperture: &Aperture, radius_px: f64, size: [usize; 2]) -> bool {
+    let half = aperture.half_box_px(radius_px);
+    (0..2).any(|axis| {
+        let (low, high) =
+            (aperture.centre_px[axis] - half[axis], aperture.centre_px[axis] + half[axis]);
+        // A place that is not a number leaves every frame.
+        !(low >= -0.5 && high <= size[axis] as f64 - 0.5)
+    })
+}
+
+fn count_plane(tally: &mut Tally, plane: &PlaneMeasurement, background: bool, cut: bool) {
+    let measured = !plane.rate_adu_per_s.is_nan();
+    tally.saturated += u64::from(plane.saturated_pixels > 0);
+    tally.edge += u64::from(cut);
+    tally.no_background += u64::from(!background);
+    tally.with_masked_pixels += u64::from(measured && plane.masked_fraction > 0.0);
+    let masked = !measured && background && !cut && plane.saturated_pixels == 0;
+    tally.masked += u64::from(masked);
+}

@@ -1,0 +1,109 @@
+//! Intervals by resampling stars: what was measured of one star hangs together, stars do not.
+
+use super::Options;
+use super::gls::{Normal, Solution, solve};
+use nalgebra::DMatrix;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+/// With fewer stars a resample often holds one star several times and little else: Student's t stands in.
+pub(super) const FEWEST: usize = 8;
+
+/// Student's t of 97.5 % by degrees of freedom, 1 to 6 (any table).
+const T_975: [f64; 6] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447];
+
+/// How an interval was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// Studentised bootstrap over stars.
+    Bootstrap,
+    /// Student's t about the fit: too few stars for a bootstrap.
+    Student,
+}
+
+/// Intervals of the first parameters of a fit, those of ln κ, as offsets below and above each.
+pub(super) fn intervals(
+    stars: &[Normal],
+    solution: &Solution,
+    channels: usize,
+    options: &Options,
+) -> (Vec<(f64, f64)>, Method) {
+    let confidence = options.confidence;
+    if stars.len() < FEWEST {
+        let freedom = stars.len().saturating_sub(1).clamp(1, T_975.len());
+        // Of another confidence the 95 % value scaled as the normal distribution's.
+        let t = T_975[freedom - 1] * normal_quantile(0.5 + 0.5 * confidence) / 1.959_964;
+        let half = |i: usize| t * solution.covariance[(i, i)].sqrt();
+        return ((0..channels).map(|i| (half(i), half(i))).collect(), Method::Student);
+    }
+    let spread = sandwich(&stars.iter().collect::<Vec<_>>(), solution);
+    let mut draws: Vec<Vec<f64>> = vec![Vec::new(); channels];
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(options.seed);
+    for _ in 0..options.resamples {
+        let resample: Vec<&Normal> =
+            (0..stars.len()).map(|_| &stars[rng.random_range(0..stars.len())]).collect();
+        let Some(found) = solve(resample.iter().copied()) else { continue };
+        let own = sandwich(&resample, &found);
+        for (i, draws) in draws.iter_mut().enumerate() {
+            let t = (found.parameters[i] - solution.parameters[i]) / own[i];
+            if t.is_finite() {
+                draws.push(t);
+            }
+        }
+    }
+    let tail = 0.5 * (1.0 - confidence);
+    let interval = |(i, draws): (usize, &mut Vec<f64>)| {
+        draws.sort_by(f64::total_cmp);
+        // The upper tail of the resamples says how far below the truth may lie.
+        (quantile(draws, 1.0 - tail) * spread[i], -quantile(draws, tail) * spread[i])
+    };
+    (draws.iter_mut().enumerate().map(interval).collect(), Method::Bootstrap)
+}
+
+/// Standard deviations of the parameters from how the stars disagree, whatever their stated variances.
+fn sandwich(stars: &[&Normal], solution: &Solution) -> Vec<f64> {
+    let n = solution.parameters.len();
+    let known = solution.parameters.map(|p| if p.is_finite() { p } else { 0.0 });
+    let mut middle = DMatrix::<f64>::zeros(n, n);
+    for star in stars {
+        let score = &star.b - &star.a * &known;
+        middle.ger(1.0, &score, &score, 1.0);
+    }
+    let count = stars.len() as f64;
+    let covariance = &solution.covariance * middle * &solution.covariance * (count / (count - 1.0));
+    (0..n).map(|i| covariance[(i, i)].sqrt()).collect()
+}
+
+/// A quantile of sorted numbers, linear between them.
+fn quantile(sorted: &[f64], p: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
+    let at = p * last as f64;
+    let below = (at.floor() as usize).min(last);
+    let above = (below + 1).min(last);
+    sorted[below] + (at - below as f64) * (sorted[above] - sorted[below])
+}
+
+/// Quantile of the normal distribution, by bisection of the complementary error function.
+fn normal_quantile(p: f64) -> f64 {
+    let (mut low, mut high) = (-10.0, 10.0);
+    for _ in 0..80 {
+        let middle: f64 = 0.5 * (low + high);
+        let below = 0.5 * libm::erfc(-middle / std::f64::consts::SQRT_2);
+        if below < p { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: quantiles of the normal distribution, as any table has them: 1.959964 at 97.5 %, 1.644854 at 95 %. Tolerance: their digits.
+    #[test]
+    fn quantiles_of_the_normal_distribution() {
+        assert!((normal_quantile(0.975) - 1.959_964).abs() < 1e-6);
+        assert!((normal_quantile(0.95) - 1.644_854).abs() < 1e-6);
+        assert_eq!(quantile(&[1.0, 2.0, 4.0], 0.75), 3.0);
+        assert!(quantile(&[], 0.5).is_nan());
+    }
+}

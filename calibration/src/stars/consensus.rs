@@ -1,0 +1,242 @@
+//! Which visits agree: every visit's own offsets are a candidate for κ of all channels at once.
+
+use super::gls::{Model, Scatter, Solution, normal, solve};
+use super::sample::{Sample, stars};
+use super::scatter::{self, Split, split};
+use super::{Options, StarsError};
+use nalgebra::DVector;
+
+/// Candidates that are polished at most; of more visits those with the smallest loss.
+const POLISHED: usize = 64;
+/// Rounds of polishing.
+const ROUNDS: usize = 30;
+/// Slopes per airmass that candidates have where a slope is looked for: clear, hazy, thick. Each is polished to the slopes of its own channels.
+const SLOPES: [f64; 5] = [0.0, 0.1, 0.2, 0.35, 0.55];
+/// Of a normal distribution: one in ten thousand lies beyond; for the χ² of what channels do not have in common.
+const ONE_IN_TEN_THOUSAND: f64 = 3.7190;
+
+/// A group of visits that agree.
+#[derive(Debug, Clone)]
+pub(super) struct Group {
+    /// Of each sample, whether it agrees.
+    pub agrees: Vec<bool>,
+    /// Of each sample: its residuals against the group, split.
+    pub splits: Vec<Split>,
+    /// Residuals, by sample and channel.
+    pub residuals: Vec<Vec<Option<f64>>>,
+    pub scatter: Scatter,
+    loss: f64,
+}
+
+impl Group {
+    fn members<'a>(&self, samples: &'a [Sample]) -> Vec<&'a Sample> {
+        samples.iter().zip(&self.agrees).filter(|(_, good)| **good).map(|(s, _)| s).collect()
+    }
+
+    pub fn stars(&self, samples: &[Sample]) -> usize {
+        stars(self.members(samples))
+    }
+
+    /// −2 ln L, by which groups about different models are compared: a scatter that has grown until it took in the dimmed stars has its price. A visit that
+    /// does not agree is one whose offset may be anything within a factor e or so.
+    pub fn deviance(&self, samples: &[Sample]) -> f64 {
+        let terms = samples.iter().zip(&self.splits).zip(&self.agrees);
+        let term = |((sample, split), agrees): ((&Sample, &Split), &bool)| {
+            let common = if *agrees { self.scatter.common + sample.scintillation } else { 1.0 };
+            let variance = common + split.own_variance;
+            let chi2 = split.chi2.min(chi2_limit(split.channels.saturating_sub(1)));
+            let own = sample.points.iter().zip(&self.scatter.own);
+            let ln_own: f64 = own.filter_map(|(p, own)| Some(((*p)?.counts + own).ln())).sum();
+            split.offset.powi(2) / variance + chi2 + ln_own + (variance / split.own_variance).ln()
+        };
+        terms.filter(|((_, split), _)| split.channels > 0).map(term).sum()
+    }
+}
+
+/// The χ² that one in ten thousand exceeds (Wilson and Hilferty 1931: within 1 % from one degree of freedom on).
+fn chi2_limit(freedom: usize) -> f64 {
+    if freedom == 0 {
+        // One channel alone has nothing that it does not share: rounding is all that there is.
+        return 1e-9;
+    }
+    let k = 2.0 / (9.0 * freedom as f64);
+    freedom as f64 * (1.0 - k + ONE_IN_TEN_THOUSAND * k.sqrt()).powi(3)
+}
+
+/// How far a visit is from the others, and whether that is too far. The loss is the χ² of those that agree, and the limit of those that do not.
+fn judge(split: &Split, sample: &Sample, scatter: &Scatter, clip: f64) -> (bool, f64) {
+    let limit = chi2_limit(split.channels.saturating_sub(1));
+    let z2 = split.offset.powi(2) / (scatter.common + sample.scintillation + split.own_variance);
+    let agrees = split.channels > 0 && z2 <= clip * clip && split.chi2 <= limit;
+    (agrees, if agrees { z2 + split.chi2 } else { clip * clip + limit })
+}
+
+/// Judges all samples against offsets of the channels.
+fn judge_all(
+    samples: &[Sample],
+    scatter: &Scatter,
+    clip: f64,
+    expected: impl Fn(&Sample, usize) -> f64,
+) -> Group {
+    let mut group = Group {
+        agrees: Vec::new(),
+        splits: Vec::new(),
+        residuals: Vec::new(),
+        scatter: scatter.clone(),
+        loss: 0.0,
+    };
+    for sample in samples {
+        let residual = |(c, p): (usize, &Option<super::sample::Point>)| {
+            p.map(|p| p.y - expected(sample, c)).filter(|r| r.is_finite())
+        };
+        let residuals: Vec<Option<f64>> = sample.points.iter().enumerate().map(residual).collect();
+        let split = split(&residuals, sample, &scatter.own);
+        let (agrees, loss) = judge(&split, sample, scatter, clip);
+        group.agrees.push(agrees);
+        group.loss += loss;
+        group.splits.push(split);
+        group.residuals.push(residuals);
+    }
+    group
+}
+
+/// Fits visits that agree, each visit for itself: which star it is of does not matter to whether it agrees.
+fn refit(group: &Group, samples: &[Sample], model: &Model) -> Option<Solution> {
+    let members = group.members(samples);
+    let stars: Option<Vec<_>> =
+        members.iter().map(|s| normal(&[*s], &group.scatter, model)).collect();
+    solve(&stars?)
+}
+
+/// Fits and judges in turn until the group does not change; with `adapt` the scatter is estimated anew each time.
+fn polish(
+    mut group: Group,
+    samples: &[Sample],
+    model: &Model,
+    least: &Scatter,
+    options: &Options,
+    adapt: bool,
+) -> Option<(Group, DVector<f64>)> {
+    let mut found = None;
+    for _ in 0..ROUNDS {
+        if stars(group.members(samples)) < options.fewest_stars {
+            break;
+        }
+        let parameters = refit(&group, samples, model)?.parameters;
+        let expected = |s: &Sample, c: usize| model.value(&parameters, s, c);
+        let mut next = judge_all(samples, &group.scatter, options.clip_sigma, expected);
+        if adapt {
+            // The scatter of those that agreed, about what they agreed on.
+            let of = |i: &usize| group.agrees[*i];
+            let members: Vec<usize> = (0..samples.len()).filter(of).collect();
+            let picked: Vec<&Sample> = members.iter().map(|i| &samples[*i]).collect();
+            let residuals: Vec<_> = members.iter().map(|i| next.residuals[*i].clone()).collect();
+            let scatter = scatter::estimate(&picked, &residuals, least, model.per_channel());
+            next = judge_all(samples, &scatter, options.clip_sigma, expected);
+        }
+        let settled = next.agrees == group.agrees && close(&next.scatter, &group.scatter);
+        group = next;
+        found = Some((group.clone(), parameters));
+        if settled {
+            break;
+        }
+    }
+    found.filter(|(group, _)| group.stars(samples) >= options.fewest_stars)
+}
+
+fn close(a: &Scatter, b: &Scatter) -> bool {
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-3 * a.max(b);
+    near(a.common, b.common) && a.own.iter().zip(&b.own).all(|(a, b)| near(*a, *b))
+}
+
+/// The largest group that agrees, where there is one and only one; `model` says what about.
+pub(super) fn consensus(
+    samples: &[Sample],
+    model: &Model,
+    options: &Options,
+) -> Result<Group, StarsError> {
+    let all = stars(samples);
+    let least = scatter::floor(options.floor, model.channels);
+    let groups = candidates(samples, model, &least, options);
+    // Half of the stars may be bad; a group of a few among many is chance.
+    let needed = options.fewest_stars.max(all.div_ceil(3));
+    let none = |agreeing| StarsError::NoConsensus { agreeing, stars: all, needed };
+    let best = groups.first().ok_or(none(0))?;
+    let (group, _) = polish(best.clone(), samples, model, &least, options, true)
+        .ok_or(none(best.stars(samples)))?;
+    let found = group.stars(samples);
+    if found < needed {
+        return Err(none(found));
+    }
+    let scatter = group.scatter.common.sqrt();
+    if scatter > options.most_scatter {
+        let most_percent = 100.0 * options.most_scatter;
+        return Err(StarsError::TooMuchScatter { percent: 100.0 * scatter, most_percent });
+    }
+    unique(&group, samples, &least, options)?;
+    Ok(group)
+}
+
+/// Groups about each visit's own offsets, polished, best first.
+fn candidates(samples: &[Sample], model: &Model, least: &Scatter, options: &Options) -> Vec<Group> {
+    // The candidate has noise too.
+    let wide =
+        Scatter { common: 2.0 * least.common, own: least.own.iter().map(|v| 2.0 * v).collect() };
+    let about = |candidate: &Sample, slope: f64| {
+        let offset = |s: &Sample, c: usize| {
+            let own = candidate.points[c].map_or(f64::NAN, |p| p.y);
+            own + slope * (s.airmass - candidate.airmass)
+        };
+        judge_all(samples, &wide, options.clip_sigma, offset)
+    };
+    let slopes = if model.airmass.is_some() { &SLOPES[..] } else { &SLOPES[..1] };
+    let mut groups: Vec<Group> =
+        samples.iter().flat_map(|s| slopes.iter().map(move |slope| about(s, *slope))).collect();
+    groups.sort_by(|a, b| a.loss.total_cmp(&b.loss));
+    // Good candidates agree on who agrees.
+    groups.dedup_by(|a, b| a.agrees == b.agrees);
+    groups.truncate(POLISHED);
+    let polished = |group: Group| {
+        let group = Group { scatter: least.clone(), ..group };
+        Some(polish(group, samples, model, least, options, false)?.0)
+    };
+    let mut groups: Vec<Group> = groups.into_iter().filter_map(polished).collect();
+    groups.sort_by(|a, b| a.loss.total_cmp(&b.loss));
+    groups
+}
+
+/// Refuses a night whose other visits agree among themselves nearly as well.
+fn unique(
+    group: &Group,
+    samples: &[Sample],
+    least: &Scatter,
+    options: &Options,
+) -> Result<(), StarsError> {
+    let others: Vec<Sample> = samples
+        .iter()
+        .zip(&group.agrees)
+        .filter(|(_, good)| !**good)
+        .map(|(s, _)| s.clone())
+        .collect();
+    let first = group.stars(samples);
+    let Some(second) =
+        candidates(&others, &Model::plain(least.own.len()), least, options).into_iter().next()
+    else {
+        return Ok(());
+    };
+    let second_stars = second.stars(&others);
+    // Chance brings a few of 80 % of scatter together, rarely two thirds of as many as agree.
+    if second_stars < options.fewest_stars.max((2 * first).div_ceil(3)) {
+        return Ok(());
+    }
+    let offsets: Vec<f64> = samples
+        .iter()
+        .zip(&group.splits)
+        .filter(|(s, _)| {
+            others.iter().zip(&second.agrees).any(|(o, good)| *good && o.visit == s.visit)
+        })
+        .map(|(_, split)| split.offset)
+        .collect();
+    let mean = offsets.iter().sum::<f64>() / offsets.len().max(1) as f64;
+    Err(StarsError::Ambiguous { first, second: second_stars, dimmer: (-mean).exp() })
+}

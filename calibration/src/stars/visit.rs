@@ -1,0 +1,77 @@
+//! The mean rates of a visit to a star, from its linear light curve.
+
+use super::scintillation::Aperture;
+use sunglint_radiometry::light_curve::{ChannelCurve, Flags, LightCurve};
+
+/// Flags that a sample may carry and still be measured: what they say is in its uncertainty or does not change its rate.
+pub const TOLERATED: Flags = Flags::NO_OFF_TARGET
+    .union(Flags::UNDERSAMPLED)
+    .union(Flags::TRAILED)
+    .union(Flags::CLOCK_FREE)
+    .union(Flags::FALLBACK)
+    .union(Flags::EXTRAPOLATED);
+
+/// The mean of a channel over a visit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mean {
+    /// Mean rate over the exposed time, in the curve's unit.
+    pub rate_hz: f64,
+    /// Its standard uncertainty without scintillation.
+    pub sigma_hz: f64,
+    /// Samples that went in.
+    pub used: usize,
+    /// Samples that were left out for their flags, those without an exposure of the channel not counted.
+    pub flagged: usize,
+    /// Exposed time, s.
+    pub exposed_s: f64,
+    /// Scatter of the samples over what their uncertainties and the scintillation let expect; `NaN` of fewer than five.
+    pub scatter_ratio: f64,
+    /// Mean airmass, weighted by exposed time.
+    pub airmass: f64,
+}
+
+/// The mean of a channel; `None` where no sample is valid. `airmass` has one entry a sample. The weights are the exposed times: weights by the samples' own
+/// uncertainties would favour those that came out faint.
+pub fn mean(
+    curve: &LightCurve,
+    channel: &ChannelCurve,
+    airmass: &[f64],
+    aperture: &Aperture,
+) -> Option<Mean> {
+    let good = |i: &usize| {
+        channel.flags[*i].difference(TOLERATED).is_empty()
+            && channel.rate_hz[*i].is_finite()
+            && channel.sigma_hz[*i].is_finite()
+    };
+    let picked: Vec<usize> = (0..curve.len()).filter(good).collect();
+    let absent = channel.flags.iter().filter(|f| f.contains(Flags::NOT_SAMPLED)).count();
+    let exposure = |i: usize| curve.samples.exposure_s[i];
+    let exposed_s: f64 = picked.iter().map(|i| exposure(*i)).sum();
+    if picked.is_empty() {
+        return None;
+    }
+    let share = |i: usize| exposure(i) / exposed_s;
+    let rate_hz: f64 = picked.iter().map(|i| share(*i) * channel.rate_hz[*i]).sum();
+    let stated: f64 = picked.iter().map(|i| (share(*i) * channel.sigma_hz[*i]).powi(2)).sum();
+    let airmass_mean: f64 = picked.iter().map(|i| share(*i) * airmass[*i]).sum();
+    let scatter_ratio = if picked.len() < 5 {
+        f64::NAN
+    } else {
+        let square = |i: &usize| {
+            let twinkle = rate_hz.powi(2) * aperture.variance(exposure(*i), airmass[*i]);
+            (channel.rate_hz[*i] - rate_hz).powi(2) / (channel.sigma_hz[*i].powi(2) + twinkle)
+        };
+        (picked.iter().map(square).sum::<f64>() / (picked.len() - 1) as f64).sqrt()
+    };
+    // Samples that scatter more than they should make a mean that is known less well; fewer than chance would have it, not better.
+    let more = if scatter_ratio > 1.0 { scatter_ratio } else { 1.0 };
+    Some(Mean {
+        rate_hz,
+        sigma_hz: stated.sqrt() * more,
+        used: picked.len(),
+        flagged: curve.len() - picked.len() - absent,
+        exposed_s,
+        scatter_ratio,
+        airmass: airmass_mean,
+    })
+}

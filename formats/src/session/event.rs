@@ -1,0 +1,244 @@
+//! What happened during a session: one JSON object a line.
+
+use crate::error::ParseError;
+use crate::time::{format_utc_shortest, parse_utc};
+use hifitime::Epoch;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+use std::path::Path;
+
+/// Something that happened.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Event {
+    /// When.
+    pub utc: Epoch,
+    /// What.
+    pub what: What,
+}
+
+/// What happened. In the file the key `kind` names it (`target`, `device_lost` …), beside the keys of its fields.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum What {
+    /// The session began.
+    Start {
+        /// The program and its version.
+        program: String,
+    },
+    /// The telescope goes to a target, and stays until the next such event.
+    Target(Target),
+    /// A device was opened and says who it is.
+    Device {
+        /// Its name in this session.
+        device: String,
+        /// Who it says it is: `vendor`, `model`, `serial`, `firmware`, `driver`.
+        identity: Map<String, Value>,
+        /// Its settings, read back where it can be asked: names with their units.
+        settings: Map<String, Value>,
+    },
+    /// A device failed.
+    DeviceLost {
+        /// Its name in this session.
+        device: String,
+        /// What it said.
+        error: String,
+        /// When it is tried again, s from then.
+        again_in_s: f64,
+    },
+    /// A device works again.
+    DeviceBack {
+        /// Its name in this session.
+        device: String,
+        /// For how long it was away, s.
+        after_s: f64,
+    },
+    /// How far the computer's clock is from UTC, as far as that is known.
+    Clock(ClockState),
+    /// The computer's clock stepped against its own monotonic clock.
+    ClockStep {
+        /// By how much, s: above zero where UTC jumped ahead.
+        step_s: f64,
+    },
+    /// What is safely on the disk from then on.
+    Sync {
+        /// The files that have more than at the mark before.
+        files: Vec<Mark>,
+    },
+    /// Something could not be done, or not be written.
+    Error {
+        /// The file or device that it is about.
+        about: String,
+        /// What went wrong.
+        error: String,
+    },
+    /// What had failed works again.
+    Recovered {
+        /// The file or device that it is about.
+        about: String,
+        /// Rows or frames that were lost meanwhile.
+        lost: u64,
+    },
+    /// The session ended as it should.
+    End {
+        /// `done` or `stopped`.
+        reason: String,
+        /// Rows or frames that could not be written.
+        lost: u64,
+    },
+    /// What a later version of the program wrote.
+    #[serde(skip)]
+    Other {
+        /// Its kind.
+        kind: String,
+        /// Its fields.
+        fields: Map<String, Value>,
+    },
+}
+
+/// How far a file is safely on the disk.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Mark {
+    /// The file within the session's folder, with `/`.
+    pub file: String,
+    /// Its bytes up to there.
+    pub bytes: u64,
+    /// Its rows up to there, without the header; for a frame its sequence number.
+    pub rows: u64,
+    /// CRC-32 (as zip has it) of these bytes.
+    pub crc32: u32,
+}
+
+/// What a target is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TargetKind {
+    /// A star.
+    Star,
+    /// A satellite or a piece of debris.
+    Satellite,
+    /// Empty sky beside the target.
+    Sky,
+    /// No light: a cap or a shutter is closed.
+    Dark,
+    /// Nothing that was planned: the telescope may be on its way.
+    None,
+}
+
+/// A target, as the plan names it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Target {
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    pub target_kind: TargetKind,
+    /// Whether there is a target in the beam: not for the sky, the dark and nothing.
+    pub on: bool,
+    /// Right ascension (ICRS), deg, of a star.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ra_deg: Option<f64>,
+    /// Declination (ICRS), deg, of a star.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dec_deg: Option<f64>,
+    /// The two lines of a satellite's elements.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tle: Option<[String; 2]>,
+}
+
+impl Target {
+    /// A target that is neither a star nor a satellite.
+    pub fn off(kind: TargetKind) -> Self {
+        let name = match kind {
+            TargetKind::Sky => "sky",
+            TargetKind::Dark => "dark",
+            _ => "none",
+        };
+        let (ra_deg, dec_deg, tle) = (None, None, None);
+        Self { name: name.into(), target_kind: kind, on: false, ra_deg, dec_deg, tle }
+    }
+}
+
+/// How far the computer's clock is from UTC, and who says so.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ClockState {
+    /// Who says so (`adjtimex`, `none`), in a word.
+    pub method: String,
+    /// Whether the clock follows UTC, as far as is known.
+    pub synchronised: Option<bool>,
+    /// The clock minus UTC, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset_s: Option<f64>,
+    /// The largest error that whoever says so grants, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error_s: Option<f64>,
+}
+
+const UTC: &str = "utc";
+const KIND: &str = "kind";
+
+impl Event {
+    /// The event as one line, its end included.
+    pub fn to_line(&self) -> String {
+        let mut line = Map::new();
+        line.insert(UTC.into(), format_utc_shortest(self.utc).into());
+        match &self.what {
+            What::Other { kind, fields } => {
+                line.insert(KIND.into(), kind.clone().into());
+                line.extend(fields.clone());
+            }
+            // Maps, numbers and texts: nothing that JSON lacks. A number that is not finite becomes null.
+            what => {
+                if let Ok(Value::Object(fields)) = serde_json::to_value(what) {
+                    line.extend(fields);
+                }
+            }
+        }
+        let mut line = Value::Object(line).to_string();
+        line.push('\n');
+        line
+    }
+
+    /// The event in a line; `path` names the file in errors. Kinds that are not known become [`What::Other`].
+    ///
+    /// # Errors
+    /// A [`ParseError`] with the field: no JSON object, no time, fields that a known kind has not.
+    pub fn from_line(path: impl AsRef<Path>, line: &str) -> Result<Self, ParseError> {
+        let path = path.as_ref();
+        let bad = |found: String, expected: &str| ParseError::new(path, found, expected);
+        let parsed: Value = serde_json::from_str(line).map_err(|e| {
+            bad(crate::error::excerpt(line), "a JSON object").with_hint(e.to_string())
+        })?;
+        let Value::Object(mut fields) = parsed else {
+            return Err(bad(crate::error::excerpt(line), "a JSON object"));
+        };
+        let missing = |key: &str| bad("no such text".into(), "a text").in_field(key);
+        let utc = fields.shift_remove(UTC).ok_or_else(|| missing(UTC))?;
+        let utc = utc.as_str().ok_or_else(|| missing(UTC))?;
+        let utc = parse_utc(utc).map_err(|error| error.in_file(path).in_field(UTC))?;
+        let kind = fields.get(KIND).and_then(Value::as_str).ok_or_else(|| missing(KIND))?;
+        let what = if KINDS.contains(&kind) {
+            let kind = kind.to_owned();
+            serde_json::from_value(Value::Object(fields))
+                .map_err(|e| bad(e.to_string(), "the fields of its kind").in_field(kind))?
+        } else {
+            let kind = kind.to_owned();
+            fields.shift_remove(KIND);
+            What::Other { kind, fields }
+        };
+        Ok(Self { utc, what })
+    }
+}
+
+const KINDS: [&str; 11] = [
+    "start",
+    "target",
+    "device",
+    "device_lost",
+    "device_back",
+    "clock",
+    "clock_step",
+    "sync",
+    "error",
+    "recovered",
+    "end",
+];

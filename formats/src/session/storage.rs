@@ -1,0 +1,112 @@
+//! The few things that a session asks of a disk, so that a test can stand in for one.
+
+use std::fmt;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write as _};
+use std::path::Path;
+
+/// A disk, as a session's writer needs it.
+///
+/// [`Disk`] is the system's; [`Fragile`](super::Fragile) one that runs full, fails and loses what was not synced.
+pub trait Storage: Send + Sync + fmt::Debug {
+    /// A new, empty file that grows at its end.
+    ///
+    /// # Errors
+    /// It is there already, or the system refuses.
+    fn create(&self, path: &Path) -> io::Result<Box<dyn Growing>>;
+
+    /// A new folder; nothing where it is there already.
+    ///
+    /// # Errors
+    /// The system refuses.
+    fn create_folder(&self, path: &Path) -> io::Result<()>;
+
+    /// Gives a file another name in the same folder.
+    ///
+    /// # Errors
+    /// The system refuses.
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()>;
+
+    /// Takes a file away.
+    ///
+    /// # Errors
+    /// The system refuses.
+    fn remove(&self, path: &Path) -> io::Result<()>;
+
+    /// Writes the names in a folder through to the disk.
+    ///
+    /// # Errors
+    /// The system refuses.
+    fn sync_folder(&self, path: &Path) -> io::Result<()>;
+}
+
+/// A file that grows at its end.
+pub trait Growing: Send + fmt::Debug {
+    /// Hands bytes to the system.
+    ///
+    /// # Errors
+    /// The system refuses: some of the bytes may be in the file then.
+    fn append(&mut self, bytes: &[u8]) -> io::Result<()>;
+
+    /// Cuts the file to so many bytes; the next ones follow there.
+    ///
+    /// # Errors
+    /// The system refuses.
+    fn cut(&mut self, length: u64) -> io::Result<()>;
+
+    /// Writes the bytes through to the disk.
+    ///
+    /// # Errors
+    /// The system refuses. Nobody knows then which of the bytes since the last success are on the disk, and a second call
+    /// that succeeds says nothing about them: they have to be written again.
+    fn sync(&mut self) -> io::Result<()>;
+}
+
+/// The system's own files.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Disk;
+
+#[derive(Debug)]
+struct Plain(File);
+
+impl Storage for Disk {
+    fn create(&self, path: &Path) -> io::Result<Box<dyn Growing>> {
+        // Opened to append: after a cut the next bytes follow at the new end.
+        let file = OpenOptions::new().append(true).create_new(true).open(path)?;
+        Ok(Box::new(Plain(file)))
+    }
+
+    fn create_folder(&self, path: &Path) -> io::Result<()> {
+        match std::fs::create_dir(path) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists && path.is_dir() => Ok(()),
+            made => made,
+        }
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        std::fs::rename(from, to)
+    }
+
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        std::fs::remove_file(path)
+    }
+
+    fn sync_folder(&self, path: &Path) -> io::Result<()> {
+        // Only here can a folder be opened as a file.
+        if cfg!(unix) { File::open(path)?.sync_all() } else { Ok(()) }
+    }
+}
+
+impl Growing for Plain {
+    fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.write_all(bytes)
+    }
+
+    fn cut(&mut self, length: u64) -> io::Result<()> {
+        self.0.set_len(length)
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        self.0.sync_data()
+    }
+}

@@ -1,0 +1,421 @@
+//! A session as it grows.
+
+use super::append::Appender;
+use super::event::{Event, Mark, What};
+use super::frames::{FRAME_NUMBER, PART, place};
+use super::manifest::{DeviceKind, Manifest};
+use super::storage::{Growing, Storage};
+use super::{COUNTS, EVENTS, FRAMES, MANIFEST, counts};
+use crate::counts::CountRecord;
+use crate::error::{EncodeError, FileError};
+use crate::fits;
+use crate::frame::Frame;
+use crate::table::Meta;
+use hifitime::Epoch;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How old unsynced data are, on the caller's clock, when [`SessionWriter::tick`] writes them through: a quarter of a second, so that
+/// with calls ten times a second and a disk that takes half a second at most all but the last second is safe.
+pub const SYNC_EVERY: Duration = Duration::from_millis(250);
+
+/// Bytes of frames that wait for a sync at most: beyond, it comes early.
+const MOST_WAITING: u64 = 64 << 20;
+/// The same of a counter's rows.
+const MOST_ROWS: usize = 256 << 10;
+
+/// What could not be written.
+#[derive(Debug)]
+pub struct Trouble {
+    /// The file, within the session's folder.
+    pub file: String,
+    /// What the system said.
+    pub error: io::Error,
+    /// Whether the same file failed just before, too.
+    pub again: bool,
+}
+
+/// Writes a session's folder.
+///
+/// The system's refusals (a full disk, a bad one) end nothing: what was written before stays whole, later rows wait for
+/// room, frames that find none are lost and counted, and each call gives what went wrong ([`Trouble`]); the event log has it
+/// too, as far as there is room.
+#[derive(Debug)]
+pub struct SessionWriter {
+    storage: Arc<dyn Storage>,
+    root: PathBuf,
+    events: Appender,
+    counters: BTreeMap<String, Counter>,
+    cameras: BTreeMap<String, Camera>,
+    waiting: Vec<Waiting>,
+    waiting_bytes: u64,
+    synced_at: Option<Duration>,
+    /// Files that cannot be written just now, with the frames lost since.
+    failing: BTreeMap<String, u64>,
+    lost_frames: u64,
+    marked_events: u64,
+    /// What went wrong in a sync that came early, for the next tick to tell.
+    early: Vec<Trouble>,
+}
+
+#[derive(Debug)]
+struct Counter {
+    channels: Vec<String>,
+    table: Appender,
+}
+
+#[derive(Debug, Default)]
+struct Camera {
+    hours: BTreeSet<String>,
+}
+
+/// A frame that is whole but not synced, and has not got its name.
+#[derive(Debug)]
+struct Waiting {
+    camera: String,
+    file: Box<dyn Growing>,
+    part: PathBuf,
+    path: PathBuf,
+    mark: Mark,
+}
+
+impl SessionWriter {
+    /// Makes the folder `root`, which must not be there, with the manifest and the files of the configuration (their paths
+    /// within the folder, and bytes).
+    ///
+    /// # Errors
+    /// [`FileError::Exists`]; the system's.
+    pub fn create(
+        storage: Arc<dyn Storage>,
+        root: impl AsRef<Path>,
+        manifest: &Manifest,
+        files: &[(String, Vec<u8>)],
+    ) -> Result<Self, FileError> {
+        let root = root.as_ref();
+        if root.symlink_metadata().is_ok() {
+            return Err(FileError::Exists { path: root.to_path_buf() });
+        }
+        let text = manifest.to_text().map_err(|error| FileError::encode(root, error))?;
+        let io = |path: &Path| {
+            let path = path.to_path_buf();
+            move |error| FileError::io("write", path, error)
+        };
+        storage.create_folder(root).map_err(io(root))?;
+        for (name, bytes) in files.iter().map(|(n, b)| (n.as_str(), b.as_slice())) {
+            whole(storage.as_ref(), root, name, bytes).map_err(io(&root.join(name)))?;
+        }
+        for folder in [COUNTS, FRAMES] {
+            storage.create_folder(&root.join(folder)).map_err(io(&root.join(folder)))?;
+        }
+        let events = Appender::create(storage.as_ref(), root, EVENTS, &[])
+            .map_err(io(&root.join(EVENTS)))?;
+        let mut writer = Self {
+            storage,
+            root: root.to_path_buf(),
+            events,
+            counters: BTreeMap::new(),
+            cameras: BTreeMap::new(),
+            waiting: Vec::new(),
+            waiting_bytes: 0,
+            synced_at: None,
+            failing: BTreeMap::new(),
+            lost_frames: 0,
+            marked_events: 0,
+            early: Vec::new(),
+        };
+        for device in &manifest.devices {
+            match device.kind {
+                DeviceKind::Counter => writer.add_counter(&device.name, &device.channels)?,
+                DeviceKind::Camera => writer.add_camera(&device.name).map_err(io(root))?,
+            }
+        }
+        // Last: a folder with a manifest has all that it names.
+        let disk = writer.storage.clone();
+        whole(disk.as_ref(), root, MANIFEST, text.as_bytes()).map_err(io(root))?;
+        if let Some(above) = root.parent().filter(|above| !above.as_os_str().is_empty()) {
+            disk.sync_folder(above).map_err(io(above))?;
+        }
+        let what = What::Start { program: manifest.program.clone() };
+        writer.event(manifest.start_utc, what);
+        writer.event(manifest.start_utc, What::Clock(manifest.clock.clone()));
+        match writer.sync(manifest.start_utc).into_iter().next() {
+            None => Ok(writer),
+            Some(trouble) => Err(FileError::io("write", root.join(trouble.file), trouble.error)),
+        }
+    }
+
+    fn add_counter(&mut self, name: &str, channels: &[String]) -> Result<(), FileError> {
+        let file = format!("{COUNTS}/{name}.ecsv");
+        let path = self.root.join(&file);
+        let mut meta = Meta::default();
+        meta.insert("device".into(), name.into());
+        let header =
+            counts::header(channels, &meta).map_err(|error| FileError::encode(&path, error))?;
+        let made = Appender::create(self.storage.as_ref(), &self.root, &file, header.as_bytes());
+        let table = made.map_err(|error| FileError::io("write", &path, error))?;
+        let synced = self.storage.sync_folder(&self.root.join(COUNTS));
+        synced.map_err(|error| FileError::io("write", &path, error))?;
+        self.counters.insert(name.to_owned(), Counter { channels: channels.to_vec(), table });
+        Ok(())
+    }
+
+    fn add_camera(&mut self, name: &str) -> io::Result<()> {
+        let frames = self.root.join(FRAMES);
+        self.storage.create_folder(&frames.join(name))?;
+        self.storage.sync_folder(&frames)?;
+        self.cameras.insert(name.to_owned(), Camera::default());
+        Ok(())
+    }
+
+    /// The session's folder.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Rows and frames that are lost.
+    pub fn lost(&self) -> u64 {
+        let rows = self.counters.values().map(|counter| counter.table.lost());
+        self.lost_frames + rows.sum::<u64>()
+    }
+
+    /// Whether the disk refuses some file just now.
+    pub fn is_failing(&self) -> bool {
+        !self.failing.is_empty()
+    }
+
+    /// Rows and frames that are lost, or rows that are not safe yet.
+    pub fn missing(&self) -> u64 {
+        let rows = self.counters.values().map(|counter| counter.table.missing());
+        self.lost_frames + rows.sum::<u64>()
+    }
+
+    /// Writes a bin of a counter.
+    ///
+    /// # Errors
+    /// A counter that the manifest has not, or with another number of channels; a count beyond 63 bits.
+    pub fn count(&mut self, counter: &str, record: &CountRecord) -> Result<(), EncodeError> {
+        let Some(known) = self.counters.get_mut(counter) else {
+            return Err(EncodeError::new("counter", counter, "a counter of the manifest"));
+        };
+        let row = counts::row(record, &known.channels)?;
+        known.table.push(row.as_bytes());
+        // Faster than any tick: rows are kept in memory until they are safe. Where the disk refuses, they wait.
+        if known.table.waiting_bytes() > MOST_ROWS && !self.failing.contains_key(&known.table.name)
+        {
+            let troubles = self.sync(record.start);
+            self.early.extend(troubles);
+        }
+        Ok(())
+    }
+
+    /// Writes a frame; it has its name from the next sync on. The sequence number goes into its header ([`FRAME_NUMBER`]).
+    ///
+    /// # Errors
+    /// A camera that the manifest has not; a header that FITS cannot hold.
+    pub fn frame(
+        &mut self,
+        camera: &str,
+        sequence: u64,
+        frame: &Frame,
+    ) -> Result<Option<Trouble>, EncodeError> {
+        if !self.cameras.contains_key(camera) {
+            return Err(EncodeError::new("camera", camera, "a camera of the manifest"));
+        }
+        let mut image = frame.to_image()?;
+        let number = i64::try_from(sequence).unwrap_or(i64::MAX);
+        image.header.set(FRAME_NUMBER, number, "counts this camera's frames");
+        let mut fits = fits::Writer::new();
+        fits.image(&image)?;
+        let (hour, name) = place(frame.start, sequence);
+        let file = format!("{FRAMES}/{camera}/{hour}/{name}");
+        let bytes = fits.into_bytes();
+        let written = self.write_frame(camera, &hour, &file, sequence, &bytes);
+        let about = format!("{FRAMES}/{camera}");
+        Ok(match written {
+            Ok(()) => None,
+            Err(error) => {
+                self.lost_frames += 1;
+                Some(self.failed(frame.start, about, error, 1))
+            }
+        })
+    }
+
+    fn write_frame(
+        &mut self,
+        camera: &str,
+        hour: &str,
+        file: &str,
+        sequence: u64,
+        bytes: &[u8],
+    ) -> io::Result<()> {
+        let folder = self.root.join(FRAMES).join(camera);
+        if let Some(known) = self.cameras.get_mut(camera)
+            && !known.hours.contains(hour)
+        {
+            self.storage.create_folder(&folder.join(hour))?;
+            self.storage.sync_folder(&folder)?;
+            known.hours.insert(hour.to_owned());
+        }
+        let path = self.root.join(file);
+        let part = self.root.join(format!("{file}{PART}"));
+        let mut growing = self.storage.create(&part)?;
+        if let Err(error) = growing.append(bytes) {
+            let _ = self.storage.remove(&part);
+            return Err(error);
+        }
+        let mut hasher = flate2::Crc::new();
+        hasher.update(bytes);
+        let length = bytes.len() as u64;
+        let mark =
+            Mark { file: file.to_owned(), bytes: length, rows: sequence, crc32: hasher.sum() };
+        self.waiting_bytes += length;
+        self.waiting.push(Waiting { camera: camera.into(), file: growing, part, path, mark });
+        Ok(())
+    }
+
+    /// Notes an event; [`tick`](Self::tick) writes it.
+    pub fn event(&mut self, utc: Epoch, what: What) {
+        self.events.push(Event { utc, what }.to_line().as_bytes());
+    }
+
+    /// To be called ten times a second: hands to the system what has come, and writes it through to the disk where that was
+    /// last done [`SYNC_EVERY`] ago. `now` is any clock of the caller that does not run backwards.
+    pub fn tick(&mut self, now: Duration, utc: Epoch) -> Vec<Trouble> {
+        let synced_at = *self.synced_at.get_or_insert(now);
+        let mut given = std::mem::take(&mut self.early);
+        if now.saturating_sub(synced_at) >= SYNC_EVERY || self.waiting_bytes > MOST_WAITING {
+            self.synced_at = Some(now);
+            given.extend(self.sync(utc));
+            return given;
+        }
+        let mut troubles = Vec::new();
+        let tables = self.counters.values_mut().map(|counter| &mut counter.table);
+        for file in tables.chain([&mut self.events]) {
+            if let Err(error) = file.flush() {
+                troubles.push((file.name.clone(), error));
+            }
+        }
+        given.extend(troubles.into_iter().map(|(file, error)| self.failed(utc, file, error, 0)));
+        given
+    }
+
+    /// Writes all through to the disk, and notes how far each file is safe.
+    pub fn sync(&mut self, utc: Epoch) -> Vec<Trouble> {
+        let (mut marks, mut troubles) = (Vec::new(), Vec::new());
+        for counter in self.counters.values_mut() {
+            match counter.table.sync() {
+                Ok(mark) => marks.extend(mark),
+                Err(error) => troubles.push((counter.table.name.clone(), error, 0)),
+            }
+        }
+        self.sync_frames(&mut marks, &mut troubles);
+        let recovered: Vec<String> = self
+            .failing
+            .keys()
+            .filter(|file| marks.iter().any(|mark| mark.file.starts_with(file.as_str())))
+            .cloned()
+            .collect();
+        for about in recovered {
+            let lost = self.failing.remove(&about).unwrap_or(0);
+            self.event(utc, What::Recovered { about, lost });
+        }
+        let mut given: Vec<Trouble> =
+            troubles.into_iter().map(|(f, error, lost)| self.failed(utc, f, error, lost)).collect();
+        // The log's own mark is the one of the line before: it says how far the log was safe then.
+        let events = self.events.mark();
+        if events.bytes > self.marked_events && !marks.is_empty() {
+            self.marked_events = events.bytes;
+            marks.push(events.clone());
+        }
+        if !marks.is_empty() {
+            self.event(utc, What::Sync { files: marks });
+        }
+        match self.events.sync() {
+            Ok(_) => {
+                self.failing.remove(EVENTS);
+            }
+            Err(error) => given.push(self.failed(utc, EVENTS.into(), error, 0)),
+        }
+        given
+    }
+
+    /// Syncs the frames that wait, gives them their names, and syncs those.
+    fn sync_frames(&mut self, marks: &mut Vec<Mark>, troubles: &mut Vec<(String, io::Error, u64)>) {
+        let mut folders = BTreeMap::<PathBuf, Vec<Mark>>::new();
+        self.waiting_bytes = 0;
+        for mut frame in std::mem::take(&mut self.waiting) {
+            let named =
+                frame.file.sync().and_then(|()| self.storage.rename(&frame.part, &frame.path));
+            match named {
+                Ok(()) => {
+                    let folder = frame.path.parent().unwrap_or(&self.root).to_path_buf();
+                    folders.entry(folder).or_default().push(frame.mark);
+                }
+                Err(error) => {
+                    let _ = self.storage.remove(&frame.part);
+                    self.lost_frames += 1;
+                    troubles.push((format!("{FRAMES}/{}", frame.camera), error, 1));
+                }
+            }
+        }
+        for (folder, frames) in folders {
+            match self.storage.sync_folder(&folder) {
+                Ok(()) => marks.extend(frames),
+                // They are there, as far as anybody can see; nothing promises that they stay.
+                Err(error) => {
+                    let name = folder.strip_prefix(&self.root).unwrap_or(&folder);
+                    troubles.push((name.to_string_lossy().into_owned(), error, 0));
+                }
+            }
+        }
+    }
+
+    /// Ends the session: notes why, and writes all through. What is lost is then in [`Ended::lost`].
+    pub fn finish(mut self, utc: Epoch, reason: &str) -> Ended {
+        let mut troubles = std::mem::take(&mut self.early);
+        troubles.extend(self.sync(utc));
+        let lost = self.missing();
+        self.event(utc, What::End { reason: reason.into(), lost });
+        troubles.extend(self.sync(utc));
+        Ended { lost: self.missing() + self.events.missing(), troubles }
+    }
+
+    /// Remembers that a file cannot be written; the log hears of it once.
+    fn failed(&mut self, utc: Epoch, about: String, error: io::Error, lost: u64) -> Trouble {
+        let again = self.failing.contains_key(&about);
+        *self.failing.entry(about.clone()).or_insert(0) += lost;
+        if !again && about != EVENTS {
+            let text = error.to_string();
+            self.event(utc, What::Error { about: about.clone(), error: text });
+        }
+        Trouble { file: about, error, again }
+    }
+}
+
+/// How a session ended.
+#[derive(Debug)]
+pub struct Ended {
+    /// Rows, frames and events that are not on the disk.
+    pub lost: u64,
+    /// What went wrong at the end.
+    pub troubles: Vec<Trouble>,
+}
+
+/// Writes a file whole and through to the disk, in folders that are made as needed.
+fn whole(storage: &dyn Storage, root: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
+    let mut folder = root.to_path_buf();
+    let (folders, _) = name.rsplit_once('/').unwrap_or(("", name));
+    for step in folders.split('/').filter(|step| !step.is_empty()) {
+        let above = folder.clone();
+        folder.push(step);
+        storage.create_folder(&folder)?;
+        storage.sync_folder(&above)?;
+    }
+    let mut file = storage.create(&root.join(name))?;
+    file.append(bytes)?;
+    file.sync()?;
+    storage.sync_folder(&folder)
+}

@@ -1,0 +1,479 @@
+//! A session's folder: what is promised of it after a power failure, on a full disk, on a bad one; what the check finds.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+use ndarray::Array2;
+use proptest::prelude::*;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+use sunglint_formats::session::{
+    ClockState, Device, DeviceKind, Disk, FORMAT, FileSum, Fragile, Manifest, Report, Session,
+    SessionWriter, Storage, Target, TargetKind, What,
+};
+use sunglint_formats::time::parse_utc;
+use sunglint_formats::{CountFlags, CountRecord, CountSeries, Frame, Meta, ecsv};
+use sunglint_testkit::{peer_python, run_python};
+
+const BIN_PS: i64 = 100_000_000_000;
+
+fn start() -> hifitime::Epoch {
+    parse_utc("2016-12-31T23:59:59Z").unwrap()
+}
+
+fn later(s: f64) -> hifitime::Epoch {
+    start() + hifitime::Duration::from_seconds(s)
+}
+
+fn device(name: &str, kind: DeviceKind) -> Device {
+    let channels = if kind == DeviceKind::Counter { vec!["g".into(), "r".into()] } else { vec![] };
+    Device {
+        name: name.into(),
+        kind,
+        address: "sim".into(),
+        options: vec![],
+        channels,
+        exposure_s: 0.1,
+        interval_s: None,
+        filter: None,
+    }
+}
+
+fn manifest() -> Manifest {
+    Manifest {
+        format: FORMAT.into(),
+        program: "a test".into(),
+        station: "ufo".into(),
+        start_utc: start(),
+        clock: ClockState {
+            method: "none".into(),
+            synchronised: None,
+            offset_s: None,
+            error_s: None,
+        },
+        devices: vec![device("tagger", DeviceKind::Counter), device("cam", DeviceKind::Camera)],
+        files: vec![FileSum::of("night.toml", b"station = \"ufo\"\n")],
+    }
+}
+
+fn writer(storage: &Arc<dyn Storage>, root: &Path) -> SessionWriter {
+    let files = [("night.toml".to_owned(), b"station = \"ufo\"\n".to_vec())];
+    SessionWriter::create(storage.clone(), root, &manifest(), &files).unwrap()
+}
+
+/// The bin of that number.
+fn bin(i: u64) -> CountRecord {
+    CountRecord {
+        start: later(i as f64 * 0.1),
+        start_ps: i as i64 * BIN_PS,
+        length_ps: BIN_PS,
+        counts: vec![i, 2 * i],
+        missed: vec![0, i % 3],
+        flags: if i.is_multiple_of(7) { CountFlags::OVERFLOW } else { CountFlags::empty() },
+    }
+}
+
+fn frame(i: u64) -> Frame {
+    Frame {
+        pixels: Array2::from_shape_fn((8, 6), |(y, x)| (i * 48 + y as u64 * 6 + x as u64) as u16),
+        origin: [2, 4],
+        binning: [1, 1],
+        bayer: None,
+        start: later(i as f64),
+        exposure_s: 0.5,
+        gain_e_per_adu: Some(0.3),
+        temperature_c: Some(-10.0),
+        saturation_adu: Some(65535.0),
+        header: sunglint_formats::fits::Header::default(),
+    }
+}
+
+fn rows(session: &Session) -> Vec<CountRecord> {
+    session.counts("tagger").unwrap().collect::<Result<_, _>>().unwrap()
+}
+
+fn frames(session: &Session) -> Vec<(u64, Frame)> {
+    let files = session.frames("cam").unwrap().files;
+    files.iter().map(|file| (file.sequence, file.read().unwrap())).collect()
+}
+
+fn missing(report: &Report) -> Vec<String> {
+    report
+        .findings
+        .iter()
+        .filter(|f| f.severity == sunglint_formats::session::Severity::Missing)
+        .map(|f| format!("{}: {}", f.file, f.text))
+        .collect()
+}
+
+/// What a test has given to a writer.
+struct Night {
+    writer: SessionWriter,
+    now: Duration,
+    bins: u64,
+    frames: u64,
+}
+
+impl Night {
+    fn new(storage: &Arc<dyn Storage>, root: &Path) -> Self {
+        Self { writer: writer(storage, root), now: Duration::ZERO, bins: 0, frames: 0 }
+    }
+
+    /// A tenth of a second: a bin, each half second a frame.
+    fn step(&mut self) {
+        let utc = later(self.now.as_secs_f64());
+        self.writer.count("tagger", &bin(self.bins)).unwrap();
+        self.bins += 1;
+        if self.bins.is_multiple_of(5) {
+            self.frames += 1;
+            let _ = self.writer.frame("cam", self.frames, &frame(self.frames)).unwrap();
+        }
+        self.now += Duration::from_millis(100);
+        self.writer.tick(self.now, utc);
+    }
+}
+
+/// Random numbers from 0 to 1 without a library: a linear congruence (Knuth's MMIX).
+fn draws(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    move || {
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+/// Truth: the test's own list of what it gave to the writer more than half a second (5 steps) before the power failed; the rule
+/// of POSIX that what was not synced may be lost in any part. Exact.
+#[test]
+fn a_power_failure_takes_less_than_the_last_second() {
+    for seed in 0..150 {
+        let mut draw = draws(seed);
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().join("night");
+        let disk = Fragile::new();
+        let storage: Arc<dyn Storage> = Arc::new(disk.clone());
+        let mut night = Night::new(&storage, &root);
+        let steps = (draw() * 60.0) as u64;
+        for i in 0..steps {
+            // A third of the nights meet a disk that fails now and then.
+            if seed % 3 == 0 && i % 13 == 5 {
+                disk.fail_syncs(1);
+            }
+            night.step();
+        }
+        disk.fail_syncs(0);
+        drop(night);
+        disk.power_loss(&mut draw).unwrap();
+        let session = Session::open(&root).unwrap();
+        let report = session.check().unwrap();
+        for text in missing(&report) {
+            let expected = ["did not end", "was cut off", "found"];
+            assert!(expected.iter().any(|known| text.contains(known)), "seed {seed}: {text}");
+            assert!(!text.contains("CRC") && !text.contains("were safe"), "seed {seed}: {text}");
+        }
+        // A failed sync is made good by the next, half a second on.
+        let age = if seed % 3 == 0 { 10 } else { 5 };
+        let safe = steps.saturating_sub(age + 1);
+        let read: Vec<CountRecord> =
+            session.counts("tagger").unwrap().map_while(Result::ok).collect();
+        // Behind the last mark zeros may stand, which spoil the thousand rows that are parsed with them.
+        let report = &report.counters[0];
+        assert!(report.marked_rows >= safe, "seed {seed}: {} of {safe}", report.marked_rows);
+        assert!(report.rows >= report.marked_rows, "seed {seed}: {report:?}");
+        for (i, record) in read.iter().enumerate() {
+            assert_eq!(*record, bin(i as u64), "seed {seed}");
+        }
+        let frames = frames(&session);
+        assert!(frames.len() as u64 >= safe / 5, "seed {seed}: {} of {}", frames.len(), safe / 5);
+        for (i, (sequence, found)) in frames.iter().enumerate() {
+            assert_eq!(*sequence, i as u64 + 1, "seed {seed}");
+            assert_eq!(found.pixels, frame(*sequence).pixels);
+        }
+    }
+}
+
+/// Truth: the bins and frames that were given; a disk of so many bytes. What was written before it was full stays, the bins that
+/// came meanwhile follow once there is room, the frames are lost and counted. Exact.
+#[test]
+fn a_full_disk_loses_nothing_that_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("night");
+    let disk = Fragile::new();
+    let storage: Arc<dyn Storage> = Arc::new(disk.clone());
+    let mut night = Night::new(&storage, &root);
+    (0..20).for_each(|_| night.step());
+    disk.set_room(Some(1000));
+    (0..40).for_each(|_| night.step());
+    let session = Session::open(&root).unwrap();
+    let while_full = rows(&session);
+    assert!(while_full.len() >= 20, "{}", while_full.len());
+    assert!(night.writer.missing() > 0);
+    disk.set_room(None);
+    (0..20).for_each(|_| night.step());
+    let (bins, taken) = (night.bins, night.frames);
+    let ended = night.writer.finish(later(8.0), "done");
+    let read = rows(&session);
+    assert_eq!(read, (0..bins).map(bin).collect::<Vec<_>>());
+    let frames = frames(&session);
+    let lost = taken - frames.len() as u64;
+    assert_eq!(ended.lost, lost);
+    assert!((6..=10).contains(&lost), "{lost}");
+    assert!(frames.iter().all(|(number, found)| found.pixels == frame(*number).pixels));
+    let report = session.check().unwrap();
+    assert!(report.ended && report.cameras[0].missing_frames == lost, "{report:?}");
+    let found = missing(&report);
+    assert!(found.iter().any(|text| text.contains("frames are missing")), "{found:?}");
+    let said = session.events().unwrap().map(Result::unwrap).filter(
+        |event| matches!(&event.what, What::Error { error, .. } if error.contains("No space left")),
+    );
+    assert!(said.count() >= 1, "the log says that the disk was full");
+}
+
+/// Truth: a tmpfs of 1 MiB, which the kernel refuses to fill beyond; needs root. What was written stays readable, and the error says
+/// what is the matter.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_small_tmpfs_runs_full() {
+    let test = "a_small_tmpfs_runs_full";
+    let folder = tempfile::tempdir().unwrap();
+    let mount = |arguments: &[&str]| {
+        std::process::Command::new(arguments[0])
+            .args(&arguments[1..])
+            .arg(folder.path())
+            .output()
+            .is_ok_and(|output| output.status.success())
+    };
+    if !mount(&["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs"]) {
+        sunglint_testkit::skip(test, "a tmpfs can only be mounted by root");
+        return;
+    }
+    let result = std::panic::catch_unwind(|| {
+        let root = folder.path().join("night");
+        let storage: Arc<dyn Storage> = Arc::new(Disk);
+        let mut writer = writer(&storage, &root);
+        let big = Frame { pixels: Array2::from_elem((200, 200), 7), ..frame(1) };
+        let (mut now, mut troubles) = (Duration::ZERO, Vec::new());
+        for i in 0..100 {
+            writer.count("tagger", &bin(i)).unwrap();
+            let frame = Frame { start: later(i as f64), ..big.clone() };
+            troubles.extend(writer.frame("cam", i + 1, &frame).unwrap());
+            now += Duration::from_millis(100);
+            troubles.extend(writer.tick(now, later(i as f64)));
+        }
+        let ended = writer.finish(later(100.0), "done");
+        assert!(troubles.iter().any(|t| t.error.to_string().contains("No space left")));
+        let session = Session::open(&root).unwrap();
+        let (rows, frames) = (rows(&session), frames(&session));
+        assert!(
+            (8..=12).contains(&frames.len()),
+            "1 MiB holds 12 frames of 86400 bytes: {}",
+            frames.len()
+        );
+        assert!(frames.iter().all(|(_, frame)| frame.pixels == big.pixels));
+        assert_eq!(rows, (0..rows.len() as u64).map(bin).collect::<Vec<_>>());
+        assert!(ended.lost >= 100 - frames.len() as u64);
+        assert!(!session.check().unwrap().is_whole());
+    });
+    assert!(mount(&["umount"]), "the test's tmpfs could not be taken away");
+    if let Err(panic) = result {
+        std::panic::resume_unwind(panic);
+    }
+}
+
+fn whole_night(root: &Path) {
+    let storage: Arc<dyn Storage> = Arc::new(Fragile::new());
+    let mut night = Night::new(&storage, root);
+    night.writer.event(later(0.0), What::Target(Target::off(TargetKind::Sky)));
+    (0..50).for_each(|_| night.step());
+    assert_eq!(night.writer.finish(later(5.0), "done").lost, 0);
+}
+
+/// Truth: damage that the test does to a whole session: each kind is found, and nothing else.
+#[test]
+fn the_check_names_what_is_missing() {
+    type Damage = fn(&Path);
+    fn change(path: &Path, change: impl FnOnce(&mut Vec<u8>)) {
+        let mut bytes = std::fs::read(path).unwrap();
+        change(&mut bytes);
+        std::fs::write(path, bytes).unwrap();
+    }
+    fn a_frame(root: &Path, number: usize) -> std::path::PathBuf {
+        Session::open(root).unwrap().frames("cam").unwrap().files[number - 1].path.clone()
+    }
+    let damages: [(&str, Damage); 8] = [
+        ("", |_| {}),
+        ("counts/tagger.ecsv: its last row was cut off: 10 bytes", |root| {
+            change(&root.join("counts/tagger.ecsv"), |bytes| bytes.extend(b"2016-12-31"));
+        }),
+        ("bytes, of", |root| {
+            change(&root.join("counts/tagger.ecsv"), |bytes| bytes.truncate(bytes.len() - 100));
+        }),
+        ("are not what was written (CRC-32 of the mark at", |root| {
+            change(&root.join("counts/tagger.ecsv"), |bytes| {
+                let last = bytes.len() - 2;
+                bytes[last] ^= 1;
+            });
+        }),
+        ("frames/cam: frame 3 is missing", |root| {
+            std::fs::remove_file(a_frame(root, 3)).unwrap();
+        }),
+        ("are not what was written", |root| {
+            change(&a_frame(root, 4), |bytes| bytes[2900] ^= 1);
+        }),
+        ("night.toml: its SHA-256 is not the one in session.toml", |root| {
+            change(&root.join("night.toml"), |bytes| bytes[0] = b'S');
+        }),
+        ("events.jsonl: the session did not end in good order", |root| {
+            change(&root.join("events.jsonl"), |bytes| {
+                let end = bytes.windows(12).position(|w| w == b"\"kind\":\"end\"").unwrap();
+                let line = bytes[..end].iter().rposition(|&b| b == b'\n').unwrap();
+                bytes.truncate(line + 1);
+            });
+        }),
+    ];
+    for (expected, damage) in damages {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().join("night");
+        whole_night(&root);
+        damage(&root);
+        let report = Session::open(&root).unwrap().check().unwrap();
+        let found = missing(&report);
+        assert_eq!(report.is_whole(), expected.is_empty(), "{expected}: {found:?}");
+        assert!(expected.is_empty() || found.iter().any(|f| f.contains(expected)), "{found:?}");
+    }
+}
+
+/// Truth: a bin left out and one written twice, in the counter's own time; with its own flag a gap is none of the disk's.
+#[test]
+fn gaps_and_doubled_bins_are_told_apart() {
+    for (bins, flag, expected) in [
+        (vec![0, 1, 3], CountFlags::empty(), "0.100000 s lacks before the bin at"),
+        (vec![0, 1, 1, 2], CountFlags::empty(), "0.100000 s is there twice from the bin at"),
+        (vec![0, 1, 3], CountFlags::GAP, ""),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().join("night");
+        let storage: Arc<dyn Storage> = Arc::new(Fragile::new());
+        let mut writer = writer(&storage, &root);
+        for &i in &bins {
+            let flags = if i == 3 { flag } else { CountFlags::empty() };
+            writer.count("tagger", &CountRecord { flags, ..bin(i) }).unwrap();
+        }
+        writer.finish(later(1.0), "done");
+        let report = Session::open(&root).unwrap().check().unwrap();
+        let found = missing(&report);
+        assert_eq!(found.is_empty(), expected.is_empty(), "{found:?}");
+        assert!(expected.is_empty() || found[0].contains(expected), "{found:?}");
+    }
+}
+
+/// Truth: 100,000 bins of about 40 bytes without a tick between them: none is lost.
+#[test]
+fn rows_that_come_faster_than_ticks_are_all_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("night");
+    let storage: Arc<dyn Storage> = Arc::new(Fragile::new());
+    let mut writer = writer(&storage, &root);
+    for i in 0..100_000 {
+        writer.count("tagger", &bin(i)).unwrap();
+    }
+    assert_eq!(writer.finish(later(1e4), "done").lost, 0);
+    let session = Session::open(&root).unwrap();
+    let rows = session.counts("tagger").unwrap().map(Result::unwrap);
+    assert!(rows.zip(0..).all(|(found, i)| found == bin(i)));
+    assert_eq!(session.check().unwrap().counters[0].rows, 100_000);
+    assert!(session.check().unwrap().is_whole());
+}
+
+/// Truth: the table that `CountSeries` writes whole, which astropy reads (tests/astropy.rs). Byte for byte.
+#[test]
+fn rows_are_those_of_the_whole_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("night");
+    whole_night(&root);
+    let text = std::fs::read_to_string(root.join("counts/tagger.ecsv")).unwrap();
+    let mut meta = Meta::default();
+    meta.insert("device".into(), "tagger".into());
+    let series = CountSeries {
+        channels: vec!["g".into(), "r".into()],
+        records: (0..50).map(bin).collect(),
+        meta,
+    };
+    assert_eq!(text, ecsv::to_string(&series.to_table().unwrap()).unwrap());
+}
+
+/// Truth: astropy's readers: the counts' column, the frames' pixels and headers, json's reader for the events. Exact.
+#[test]
+fn astropy_opens_all_of_it() {
+    let Some(python) = peer_python("astropy_opens_all_of_it", &["astropy"]) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("night");
+    whole_night(&root);
+    let script = "
+import sys, json, glob, warnings, tomllib, zlib, os
+import numpy as np
+from astropy.io import fits
+from astropy.table import Table
+warnings.simplefilter('error')
+root = sys.argv[1]
+t = Table.read(f'{root}/counts/tagger.ecsv', format='ascii.ecsv')
+assert len(t) == 50 and t.meta['kind'] == 'counts' and str(t['g_counts'].unit) == 'ct'
+assert (np.asarray(t['r_counts']) == 2 * np.arange(50)).all()
+paths = sorted(glob.glob(f'{root}/frames/cam/*/*.fits'), key=lambda p: p[-13:])
+assert len(paths) == 10, paths
+for i, path in enumerate(paths):
+    with fits.open(path) as hdus:
+        hdus.verify('exception')
+        assert hdus[0].header['FRAMENO'] == i + 1 and hdus[0].header['EXPTIME'] == 0.5
+        expected = ((i + 1) * 48 + np.arange(48)).astype('u2').reshape(8, 6)
+        assert (hdus[0].data == expected).all()
+manifest = tomllib.load(open(f'{root}/session.toml', 'rb'))
+assert [d['name'] for d in manifest['device']] == ['tagger', 'cam']
+marks = {}
+for line in open(f'{root}/events.jsonl'):
+    event = json.loads(line)
+    if event['kind'] == 'sync':
+        for mark in event['files']:
+            data = open(f'{root}/' + mark['file'], 'rb').read()[:mark['bytes']]
+            assert len(data) == mark['bytes'] and zlib.crc32(data) == mark['crc32'], mark
+            marks[mark['file']] = mark
+assert marks['counts/tagger.ecsv']['rows'] == 50
+print('read')
+";
+    assert_eq!(run_python(&python, script, &[root.to_str().unwrap()]), "read\n");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..Default::default() })]
+
+    /// Truth: a table cut anywhere has the rows before the cut; bytes put anywhere end in an error or other rows, never a panic.
+    #[test]
+    fn a_cut_table_has_the_rows_before_the_cut(cut in 0_usize..3000, at in 0_usize..3000, byte in any::<u8>()) {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().join("night");
+        whole_night(&root);
+        let session = Session::open(&root).unwrap();
+        let path = root.join("counts/tagger.ecsv");
+        let text = std::fs::read(&path).unwrap();
+        let cut = cut.min(text.len());
+        std::fs::write(&path, &text[..cut]).unwrap();
+        if let Ok(counts) = session.counts("tagger") {
+            let read: Vec<_> = counts.collect::<Result<Vec<_>, _>>().unwrap();
+            prop_assert_eq!(&read, &(0..read.len() as u64).map(bin).collect::<Vec<_>>());
+            let lines = text[..cut].iter().filter(|&&b| b == b'\n').count();
+            let header = text.iter().filter(|&&b| b == b'\n').count() - 50;
+            prop_assert_eq!(read.len(), lines - header);
+        } else {
+            // Cut within the header.
+            prop_assert!(!text[..cut].windows(10).any(|part| part == b"start_utc,") || cut < 1000);
+        }
+        let mut changed = text;
+        let place = at.min(changed.len() - 1);
+        changed[place] = byte;
+        std::fs::write(&path, &changed).unwrap();
+        let _ = session.check().unwrap();
+        std::fs::write(root.join("events.jsonl"), &changed).unwrap();
+        let _ = session.check().unwrap();
+    }
+}

@@ -1,0 +1,115 @@
+//! What the channels of a station are like on a night.
+
+use super::{ChannelTruth, Instrument, NightError};
+use crate::observatory::events::{DeadTime, Detector};
+use crate::observatory::frame::{PixelFaults, Sensor};
+use crate::observatory::options::Options;
+use crate::observatory::random::{Purpose, seed_of};
+use sunglint_radiometry::air::{Aerosol, Air, AirError};
+use sunglint_radiometry::passband::ZeroPoint;
+use sunglint_radiometry::spectrum::{Irradiance, Spectrum};
+use sunglint_radiometry::star_light::{self, StarColours};
+use sunglint_radiometry::station::{self, Plane, Station};
+
+pub(super) fn true_air(options: &Options, station: &Station) -> Result<Air, AirError> {
+    let mut air = station.air_options()?;
+    if options.air.aerosol_depth > 0.0 {
+        air.aerosol = Aerosol::Angstrom {
+            optical_depth: options.air.aerosol_depth,
+            wavelength_nm: 550.0,
+            exponent: options.air.aerosol_exponent,
+            scale_height_m: 1800.0,
+        };
+    }
+    Air::new(&air)
+}
+
+pub(super) fn sensor(options: &Options, camera: &station::Camera) -> Sensor {
+    let faults = &options.camera;
+    Sensor {
+        bias_adu: faults.bias_adu,
+        faults: PixelFaults {
+            response_scatter: faults.response_scatter,
+            hot_fraction: faults.hot_fraction,
+            hot_e_per_s: faults.hot_e_per_s,
+            cold_fraction: faults.cold_fraction,
+            dead_fraction: faults.dead_fraction,
+        },
+        seed: seed_of(options.seed, Purpose::Part, 1000),
+        ..Sensor::of_station(camera)
+    }
+}
+
+/// The light of a square arcsecond of the sky: the Sun's colour.
+fn sky_light(options: &Options) -> Result<Spectrum<Irradiance>, NightError> {
+    let colours = StarColours {
+        v_mag: options.sky.v_mag_per_arcsec2,
+        b_minus_v_mag: None,
+        spectral_type: Some("G2V"),
+        zero: ZeroPoint::default(),
+    };
+    let light = star_light::of(colours);
+    light
+        .map(|light| light.irradiance)
+        .map_err(|source| NightError::Light { star: "the sky".into(), source })
+}
+
+pub(super) fn channel_truth(
+    options: &Options,
+    station: &Station,
+    channel: &station::Channel,
+    number: u64,
+) -> Result<ChannelTruth, NightError> {
+    let kappa = options.kappa.get(&channel.name).copied().or(channel.typical_kappa).unwrap_or(1.0);
+    let per_arcsec2 = station.rate_hz(channel, &sky_light(options)?, None).value / kappa;
+    let scale = station.camera.as_ref().map_or(1.0, |camera| camera.pixel_scale_arcsec);
+    let instrument = match &channel.detector {
+        station::Detector::Counter(counter) => {
+            // The integral of a fibre's field, in square arcseconds; without a fibre a circle of 10″.
+            let field = counter.fibre.map_or(78.5, |fibre| {
+                std::f64::consts::TAU * fibre.sigma_px[0] * fibre.sigma_px[1] * scale * scale
+            });
+            Instrument::Counter {
+                detector: detector(options, channel, counter)?,
+                fibre: counter.fibre,
+                sky_hz: per_arcsec2 * field,
+                seed: seed_of(options.seed, Purpose::Part, number),
+            }
+        }
+        station::Detector::CameraPlane(plane) => {
+            let gain = station.camera.as_ref().map_or(1.0, |camera| camera.gain_e_per_adu);
+            let colours: &[usize] = match plane {
+                Plane::R => &[0],
+                Plane::G => &[1],
+                Plane::B => &[2],
+                Plane::L => &[0, 1, 2],
+            };
+            Instrument::Plane { colours, sky_e_per_s: per_arcsec2 * gain * scale * scale }
+        }
+    };
+    Ok(ChannelTruth { name: channel.name.clone(), kappa, instrument })
+}
+
+fn detector(
+    options: &Options,
+    channel: &station::Channel,
+    counter: &station::Counter,
+) -> Result<Detector, NightError> {
+    let own = options.counter.get(&channel.name);
+    let dead_time = match (own.and_then(|own| own.dead_time()), &counter.dead_time) {
+        (Some(dead_time), _) => dead_time,
+        (None, station::DeadTime::None) => DeadTime::None,
+        (None, &station::DeadTime::NonParalysable { dead_time_s }) => {
+            DeadTime::NonParalysable { dead_time_s }
+        }
+        (None, &station::DeadTime::Paralysable { dead_time_s }) => {
+            DeadTime::Paralysable { dead_time_s }
+        }
+        (None, &station::DeadTime::ExponentialRecovery { dead_time_s, recovery_s }) => {
+            DeadTime::ExponentialRecovery { dead_time_s, recovery_s }
+        }
+        (None, _) => return Err(NightError::Table { channel: channel.name.clone() }),
+    };
+    let dark_rate_hz = own.and_then(|own| own.dark_rate_hz).unwrap_or(counter.dark_rate_hz);
+    Ok(Detector { dead_time, dark_rate_hz, afterpulsing: own.and_then(|own| own.afterpulsing()) })
+}

@@ -1,0 +1,197 @@
+//! A night: what every channel would get, moment by moment, before any chance.
+
+mod channels;
+mod error;
+mod visits;
+
+pub use error::NightError;
+
+use super::events::Detector;
+use super::frame::Sensor;
+use super::options::Options;
+use super::plan::{Target, Visit};
+use channels::{channel_truth, sensor, true_air};
+use hifitime::Epoch;
+use sunglint_radiometry::sky::EarthOrientation;
+use sunglint_radiometry::station::{Fibre, Station};
+use visits::Maker;
+
+/// The height over which scintillation falls to 1/e², m (Young 1967).
+const SCINTILLATION_HEIGHT_M: f64 = 8000.0;
+
+/// What a channel really is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChannelTruth {
+    /// Its name.
+    pub name: String,
+    /// predicted = κ × arriving.
+    pub kappa: f64,
+    /// What counts.
+    pub instrument: Instrument,
+}
+
+/// What counts the light of a channel.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Instrument {
+    /// A counter.
+    Counter {
+        /// Its detector.
+        detector: Detector,
+        /// Its fibre's field; all of the light without it.
+        fibre: Option<Fibre>,
+        /// What arrives of the sky, Hz.
+        sky_hz: f64,
+        /// Its own chance.
+        seed: u64,
+    },
+    /// A plane of the camera.
+    Plane {
+        /// Its colours in a picture: 0 red, 1 green, 2 blue.
+        colours: &'static [usize],
+        /// What arrives of the sky on one of its pixels, e/s.
+        sky_e_per_s: f64,
+    },
+}
+
+/// A visit with its light.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VisitTruth {
+    /// When, and of what.
+    pub visit: Visit,
+    /// True light over catalogued light of each channel; 1 of what is no star.
+    pub factor: Vec<f64>,
+    /// Where the target is meant to stand on the sensor, px from its middle.
+    pub aim_px: [f64; 2],
+    /// Times, s from the night's begin.
+    pub time_s: Vec<f64>,
+    /// What arrives at each time for each channel at the fibre's middle and through a clear sky: Hz of a counter, ADU/s of a plane, for the whole
+    /// aperture as if every pixel had its colour.
+    pub arriving_hz: Vec<Vec<f64>>,
+    /// Airmass at each time.
+    pub airmass: Vec<f64>,
+    /// True zenith angle at each time, degrees; none of what is no star.
+    pub zenith_deg: Vec<f64>,
+}
+
+impl VisitTruth {
+    /// Between which times a moment lies, and how far along.
+    fn between(&self, time_s: f64) -> Option<(usize, f64)> {
+        let after = self.time_s.partition_point(|t| *t <= time_s);
+        let last = self.time_s.len().checked_sub(1)?;
+        if after == 0 || (after > last && time_s > self.time_s[last]) {
+            return None;
+        }
+        let i = (after - 1).min(last.saturating_sub(1));
+        let next = (i + 1).min(last);
+        let span = self.time_s[next] - self.time_s[i];
+        Some((i, if span > 0.0 { (time_s - self.time_s[i]) / span } else { 0.0 }))
+    }
+
+    /// What arrives in a channel at a moment, before clouds, twinkling and coupling.
+    pub fn arriving_hz(&self, channel: usize, time_s: f64) -> f64 {
+        self.between(time_s).map_or(0.0, |(i, part)| {
+            let next = (i + 1).min(self.time_s.len() - 1);
+            mixed(self.arriving_hz[i][channel], self.arriving_hz[next][channel], part)
+        })
+    }
+
+    /// The airmass at a moment; 1 where there is no target.
+    pub fn airmass(&self, time_s: f64) -> f64 {
+        self.between(time_s).map_or(1.0, |(i, part)| {
+            let next = (i + 1).min(self.time_s.len() - 1);
+            mixed(self.airmass[i], self.airmass[next], part)
+        })
+    }
+}
+
+fn mixed(one: f64, other: f64, part: f64) -> f64 {
+    one + (other - one) * part
+}
+
+/// A night whose truth is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Night {
+    /// When it begins.
+    pub start: Epoch,
+    /// What it is like.
+    pub options: Options,
+    /// The station's channels, in its order.
+    pub channels: Vec<ChannelTruth>,
+    /// The visits, in the order of time.
+    pub visits: Vec<VisitTruth>,
+    /// The camera's sensor.
+    pub sensor: Option<Sensor>,
+    /// Angle that a pixel sees, arcsec; 1 without a camera.
+    pub pixel_scale_arcsec: f64,
+    /// Variance of the twinkling of a star in the zenith in an instant: what Young's law for 1 s asks for at the correlation time.
+    pub scintillation: f64,
+}
+
+impl Night {
+    /// A night over a station.
+    ///
+    /// # Errors
+    /// Options that no night can have or that name another station's channels; a counter whose dead time is a table; a star
+    /// without light or below the horizon; visits that overlap; a curve of the wrong shape.
+    pub fn new(
+        options: Options,
+        station: &Station,
+        start: Epoch,
+        visits: Vec<Visit>,
+        orientation: &EarthOrientation,
+    ) -> Result<Self, NightError> {
+        options.check()?;
+        let known =
+            || station.channels.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
+        for (key, channel) in (options.kappa.keys().map(|name| ("kappa", name)))
+            .chain(options.counter.keys().map(|name| ("counter", name)))
+        {
+            if station.channel(channel).is_none() {
+                let (channel, station) = (channel.clone(), station.name.clone());
+                return Err(NightError::Channel { key, channel, station, known: known() });
+            }
+        }
+        let channels = (0_u64..).zip(&station.channels);
+        let channels = channels.map(|(i, channel)| channel_truth(&options, station, channel, i));
+        let channels: Vec<ChannelTruth> = channels.collect::<Result<_, _>>()?;
+        let sensor = station.camera.as_ref().map(|camera| sensor(&options, camera));
+        let maker = Maker {
+            options: &options,
+            station,
+            start,
+            orientation,
+            channels: &channels,
+            air: true_air(&options, station)?,
+        };
+        let visits = maker.visits(visits)?;
+        let young = 1e-5
+            * options.scintillation.strength.powi(2)
+            * station.telescope.primary_diameter_m.powf(-4.0 / 3.0)
+            * (-2.0 * station.site.geodetic().height_m / SCINTILLATION_HEIGHT_M).exp();
+        // Averaged over t, long against the correlation time T, a variance s² becomes 2 s² T/t.
+        let scintillation = young / (2.0 * options.scintillation.time_s);
+        let pixel_scale_arcsec = station.camera.as_ref().map_or(1.0, |c| c.pixel_scale_arcsec);
+        Ok(Self { start, options, channels, visits, sensor, pixel_scale_arcsec, scintillation })
+    }
+
+    /// How long after the night's begin, s.
+    pub fn seconds(&self, epoch: Epoch) -> f64 {
+        (epoch - self.start).to_seconds()
+    }
+
+    /// When the last visit ends, s from the night's begin.
+    pub fn length_s(&self) -> f64 {
+        self.visits.last().map_or(0.0, |visit| visit.visit.to_s)
+    }
+
+    /// The visit at a moment, by its number.
+    pub fn visit_at(&self, time_s: f64) -> Option<usize> {
+        let i = self.visits.partition_point(|visit| visit.visit.from_s <= time_s).checked_sub(1)?;
+        (time_s < self.visits[i].visit.to_s).then_some(i)
+    }
+
+    /// Whether the shutter is closed at a moment.
+    pub fn is_dark(&self, time_s: f64) -> bool {
+        self.visit_at(time_s).is_some_and(|i| self.visits[i].visit.target == Target::Dark)
+    }
+}

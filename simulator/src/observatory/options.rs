@@ -1,0 +1,464 @@
+//! What a virtual night is like: the keys of a `virtual.toml`, all with defaults.
+//!
+//! ```toml
+//! seed = 1                            # all chance comes from here
+//!
+//! [plan]                              # without [[visit]]: stars one after the other, sky beside each, dark at both ends
+//! stars = 25
+//! visit_s = 240                       # on a star
+//! sky_s = 40                          # beside it
+//! slew_s = 20                         # on the way to it
+//! dark_s = 120                        # shutter closed, at the begin and at the end
+//! v_mag = [0.0, 4.5]
+//! altitude_deg = [25, 80]
+//!
+//! [stars]
+//! scatter = 0.03                      # how far their true light is off the catalogue's, standard deviation of ln, all channels alike
+//! channel_scatter = 0.0               # the same, each channel for itself
+//! dimmed = 5                          # so many of them are fainter,
+//! dimmed_to = [0.2, 0.7]              # by factors in this range
+//!
+//! [air]
+//! aerosol_depth = 0.0                 # at 550 nm, which the reduction is not told of
+//! aerosol_exponent = 1.3
+//!
+//! [sky]
+//! v_mag_per_arcsec2 = 20.5
+//! gradient_per_px = [0.0002, -0.0001]
+//!
+//! [seeing]
+//! fwhm_arcsec = 2.5                   # at the zenith; grows with airmass^0.6
+//! moffat_beta = 3.0                   # without it a normal distribution
+//! scatter = 0.1                       # standard deviation of its logarithm
+//! time_s = 60
+//!
+//! [scintillation]
+//! strength = 1.5                      # C_Y of Young's law as revised by Osborn et al. 2015; 0 for none
+//! time_s = 0.03                       # correlation time
+//!
+//! [pointing]
+//! jitter_px = 2.0                     # in each axis
+//! jitter_time_s = 20
+//! aim_px = [-2.0, 8.0]                # from the middle of the sensor; without it the middle of the fibres
+//! aim_scatter_px = 2.0                # of each visit
+//!
+//! [clouds]
+//! depth = 0.0                         # mean and scatter of their optical depth; below 0 the sky is clear
+//! scatter = 0.0
+//! time_s = 600
+//!
+//! [camera]
+//! bias_adu = 300
+//! response_scatter = 0.005
+//! hot_fraction = 0.002
+//! hot_e_per_s = 300
+//! cold_fraction = 0.0005
+//! dead_fraction = 0.0002
+//! temperature_c = -10
+//!
+//! [passing]
+//! streaks_per_h = 2.0                 # over the whole frame
+//! streak_e_per_px = 300
+//! cosmic_rays_per_mpx_s = 0.01
+//! cosmic_ray_e_per_px = 1500
+//!
+//! [kappa]                             # true coefficients; without them the station's typical ones
+//! spcm = 29.64
+//!
+//! [counter.mppc]                      # in place of the station's
+//! dead_time_model = "multi_pixel"     # none, non_paralysable, paralysable, exponential_recovery
+//! pixels = 1000
+//! dead_time_ns = 100
+//! afterpulse_probability = 0.01
+//! afterpulse_time_ns = 50
+//!
+//! [[visit]]                           # in place of [plan]
+//! kind = "star"                       # star, satellite, sky, dark
+//! name = "Vega"
+//! from_s = 60                         # from the night's begin
+//! to_s = 300
+//! ```
+
+use super::events::{Afterpulsing, DeadTime};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+macro_rules! section {
+    ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident: $kind:ty = $value:expr),+ $(,)? }) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, PartialEq, Deserialize)]
+        #[serde(default, deny_unknown_fields)]
+        pub struct $name { $($(#[$field_doc])* pub $field: $kind),+ }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($field: $value),+ }
+            }
+        }
+    };
+}
+
+section!(
+    /// All of it; see the module.
+    Options {
+        /// Where all chance comes from.
+        seed: u64 = 1,
+        /// Which stars, for how long.
+        plan: PlanOptions = PlanOptions::default(),
+        /// How stars differ from their catalogue.
+        stars: StarOptions = StarOptions::default(),
+        /// What is in the air that the station's file does not say.
+        air: AirOptions = AirOptions::default(),
+        /// The sky's own light.
+        sky: SkyOptions = SkyOptions::default(),
+        /// How points are spread.
+        seeing: SeeingOptions = SeeingOptions::default(),
+        /// How stars twinkle.
+        scintillation: ScintillationOptions = ScintillationOptions::default(),
+        /// How the telescope trembles.
+        pointing: PointingOptions = PointingOptions::default(),
+        /// What dims everything.
+        clouds: CloudOptions = CloudOptions::default(),
+        /// The camera's faults.
+        camera: CameraOptions = CameraOptions::default(),
+        /// What comes by.
+        passing: PassingOptions = PassingOptions::default(),
+        /// True coefficients by channel: predicted = κ × arriving. The station's typical ones for those that are missing, else 1.
+        kappa: BTreeMap<String, f64> = BTreeMap::new(),
+        /// Counters by channel, in place of the station's.
+        counter: BTreeMap<String, CounterOptions> = BTreeMap::new(),
+        /// Visits in place of the plan.
+        visit: Vec<VisitOptions> = Vec::new(),
+    }
+);
+
+section!(
+    /// Stars one after the other, each with the sky beside it.
+    PlanOptions {
+        /// How many stars.
+        stars: usize = 25,
+        /// On a star, s.
+        visit_s: f64 = 240.0,
+        /// Beside it, s.
+        sky_s: f64 = 40.0,
+        /// On the way to it, s.
+        slew_s: f64 = 20.0,
+        /// In the dark at the begin and at the end, s.
+        dark_s: f64 = 120.0,
+        /// Range of Johnson V, mag.
+        v_mag: [f64; 2] = [0.0, 4.5],
+        /// Range of altitudes, degrees.
+        altitude_deg: [f64; 2] = [25.0, 80.0],
+    }
+);
+
+section!(
+    /// How stars differ from their catalogue.
+    StarOptions {
+        /// Standard deviation of ln(true/catalogue), the same for all channels of a star.
+        scatter: f64 = 0.03,
+        /// The same for each channel of a star on its own.
+        channel_scatter: f64 = 0.0,
+        /// How many stars are dimmed.
+        dimmed: usize = 5,
+        /// The range of the factors by which they are.
+        dimmed_to: [f64; 2] = [0.2, 0.7],
+    }
+);
+
+section!(
+    /// What is in the air that the station's file does not say.
+    AirOptions {
+        /// Vertical optical depth of the aerosol at 550 nm.
+        aerosol_depth: f64 = 0.0,
+        /// Its Ångström exponent.
+        aerosol_exponent: f64 = 1.3,
+    }
+);
+
+section!(
+    /// The sky's own light, of the Sun's colour.
+    SkyOptions {
+        /// Johnson V of a square arcsecond, mag.
+        v_mag_per_arcsec2: f64 = 20.5,
+        /// How much brighter it is a pixel further right and down, as a fraction.
+        gradient_per_px: [f64; 2] = [2e-4, -1e-4],
+    }
+);
+
+section!(
+    /// How points are spread.
+    SeeingOptions {
+        /// Full width at half maximum at the zenith, arcsec; it grows with airmass^0.6.
+        fwhm_arcsec: f64 = 2.5,
+        /// β of a Moffat profile; a normal distribution without it.
+        moffat_beta: Option<f64> = Some(3.0),
+        /// Standard deviation of the logarithm of the width.
+        scatter: f64 = 0.1,
+        /// Correlation time, s.
+        time_s: f64 = 60.0,
+    }
+);
+
+section!(
+    /// How stars twinkle: σ²(1 s) = 1e−5 C² D^(−4/3) X³ e^(−2h/8000 m) (Young 1967; Osborn et al. 2015), log-normal.
+    ScintillationOptions {
+        /// C, m^(2/3) s^(1/2); 0 for none.
+        strength: f64 = 1.5,
+        /// Correlation time, s.
+        time_s: f64 = 0.03,
+    }
+);
+
+section!(
+    /// How the telescope trembles.
+    PointingOptions {
+        /// Standard deviation in each axis, px.
+        jitter_px: f64 = 2.0,
+        /// Correlation time, s.
+        jitter_time_s: f64 = 20.0,
+        /// Where targets are meant to stand, px from the middle of the sensor; without it the middle of the fibres.
+        aim_px: Option<[f64; 2]> = None,
+        /// Standard deviation of the aim of a visit in each axis, px.
+        aim_scatter_px: f64 = 2.0,
+    }
+);
+
+section!(
+    /// Clouds: transmission e^(−τ), τ = depth + scatter × a wandering number, at least 0.
+    CloudOptions {
+        /// Mean optical depth.
+        depth: f64 = 0.0,
+        /// Its standard deviation.
+        scatter: f64 = 0.0,
+        /// Correlation time, s.
+        time_s: f64 = 600.0,
+    }
+);
+
+section!(
+    /// The camera's faults.
+    CameraOptions {
+        /// What the converter says without a signal, ADU.
+        bias_adu: f64 = 300.0,
+        /// Relative standard deviation of the pixels' response.
+        response_scatter: f64 = 0.005,
+        /// The part of the pixels that are hot.
+        hot_fraction: f64 = 0.002,
+        /// Mean dark current of a hot pixel, e/s.
+        hot_e_per_s: f64 = 300.0,
+        /// The part of the pixels that answer half.
+        cold_fraction: f64 = 5e-4,
+        /// The part of the pixels that answer nothing.
+        dead_fraction: f64 = 2e-4,
+        /// Temperature of the sensor, °C.
+        temperature_c: f64 = -10.0,
+    }
+);
+
+section!(
+    /// What comes by.
+    PassingOptions {
+        /// Streaks over the whole frame in an hour.
+        streaks_per_h: f64 = 2.0,
+        /// Median electrons on a pixel's length of a streak.
+        streak_e_per_px: f64 = 300.0,
+        /// Cosmic rays per second on a million pixels.
+        cosmic_rays_per_mpx_s: f64 = 0.01,
+        /// Median electrons on a pixel's length of a track.
+        cosmic_ray_e_per_px: f64 = 1500.0,
+    }
+);
+
+section!(
+    /// A counter in place of the station's; what is not given is the station's.
+    CounterOptions {
+        /// How it is deaf.
+        dead_time_model: Option<DeadTimeModel> = None,
+        /// τ, ns.
+        dead_time_ns: f64 = 0.0,
+        /// τ_r of the exponential recovery, ns.
+        recovery_ns: f64 = 0.0,
+        /// Pixels of a counter of many.
+        pixels: u32 = 1,
+        /// Dark events, Hz.
+        dark_rate_hz: Option<f64> = None,
+        /// Probability of an afterpulse.
+        afterpulse_probability: f64 = 0.0,
+        /// Mean time after the count at which it comes, ns.
+        afterpulse_time_ns: f64 = 50.0,
+    }
+);
+
+/// The name of a dead time's kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[allow(missing_docs)]
+pub enum DeadTimeModel {
+    None,
+    NonParalysable,
+    Paralysable,
+    ExponentialRecovery,
+    MultiPixel,
+}
+
+/// What is looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum VisitKind {
+    /// A star of the catalogue.
+    Star,
+    /// A target with a rate curve of its own.
+    Satellite,
+    /// The sky without a target.
+    Sky,
+    /// Nothing: the shutter is closed.
+    Dark,
+}
+
+/// A visit as a file has it.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VisitOptions {
+    /// What is looked at.
+    pub kind: VisitKind,
+    /// Its name: a star's as the catalogue finds it.
+    #[serde(default)]
+    pub name: String,
+    /// From when on, s from the night's begin.
+    pub from_s: f64,
+    /// Until when, s from the night's begin.
+    pub to_s: f64,
+    /// A predicted light curve of a satellite, ECSV.
+    pub curve: Option<String>,
+}
+
+impl CounterOptions {
+    /// The dead time that it names.
+    pub fn dead_time(&self) -> Option<DeadTime> {
+        let dead_time_s = self.dead_time_ns * 1e-9;
+        Some(match self.dead_time_model? {
+            DeadTimeModel::None => DeadTime::None,
+            DeadTimeModel::NonParalysable => DeadTime::NonParalysable { dead_time_s },
+            DeadTimeModel::Paralysable => DeadTime::Paralysable { dead_time_s },
+            DeadTimeModel::ExponentialRecovery => {
+                DeadTime::ExponentialRecovery { dead_time_s, recovery_s: self.recovery_ns * 1e-9 }
+            }
+            DeadTimeModel::MultiPixel => DeadTime::MultiPixel { pixels: self.pixels, dead_time_s },
+        })
+    }
+
+    /// The afterpulses that it names.
+    pub fn afterpulsing(&self) -> Option<Afterpulsing> {
+        let Self { afterpulse_probability: probability, afterpulse_time_ns, .. } = *self;
+        (probability > 0.0)
+            .then_some(Afterpulsing { probability, time_constant_s: afterpulse_time_ns * 1e-9 })
+    }
+}
+
+/// A value that a night cannot have.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{key} = {value}, expected {expected}")]
+pub struct OptionError {
+    /// The dotted key.
+    pub key: String,
+    /// What it has.
+    pub value: f64,
+    /// What it may have.
+    pub expected: &'static str,
+}
+
+impl Options {
+    /// Refuses what no night can be.
+    ///
+    /// # Errors
+    /// The first key with a value that is not finite or out of its range.
+    pub fn check(&self) -> Result<(), OptionError> {
+        const POSITIVE: (f64, f64, &str) = (f64::MIN_POSITIVE, 1e9, "a number above 0, up to 1e9");
+        const SIZE: (f64, f64, &str) = (0.0, 1e9, "a number from 0 to 1e9");
+        const PART: (f64, f64, &str) = (0.0, 1.0, "a fraction from 0 to 1");
+        const ANY: (f64, f64, &str) = (-1e9, 1e9, "a number");
+        let Self { plan, stars, air, sky, seeing, scintillation, pointing, clouds, .. } = self;
+        let (camera, passing) = (&self.camera, &self.passing);
+        let aim = pointing.aim_px.unwrap_or([0.0; 2]);
+        let checks = [
+            ("plan.visit_s", plan.visit_s, POSITIVE),
+            ("plan.sky_s", plan.sky_s, SIZE),
+            ("plan.slew_s", plan.slew_s, SIZE),
+            ("plan.dark_s", plan.dark_s, SIZE),
+            ("plan.v_mag", plan.v_mag[0], ANY),
+            ("plan.v_mag", plan.v_mag[1], ANY),
+            ("plan.altitude_deg", plan.altitude_deg[0], ANY),
+            ("plan.altitude_deg", plan.altitude_deg[1], ANY),
+            ("stars.scatter", stars.scatter, PART),
+            ("stars.channel_scatter", stars.channel_scatter, PART),
+            ("stars.dimmed_to", stars.dimmed_to[0], PART),
+            (
+                "stars.dimmed_to",
+                stars.dimmed_to[1],
+                (stars.dimmed_to[0], 1.0, "at least the first, at most 1"),
+            ),
+            ("air.aerosol_depth", air.aerosol_depth, SIZE),
+            ("air.aerosol_exponent", air.aerosol_exponent, ANY),
+            ("sky.v_mag_per_arcsec2", sky.v_mag_per_arcsec2, (0.0, 60.0, "0 to 60 mag")),
+            ("sky.gradient_per_px", sky.gradient_per_px[0], ANY),
+            ("sky.gradient_per_px", sky.gradient_per_px[1], ANY),
+            ("seeing.fwhm_arcsec", seeing.fwhm_arcsec, POSITIVE),
+            ("seeing.moffat_beta", seeing.moffat_beta.unwrap_or(2.0), (1.1, 100.0, "1.1 to 100")),
+            ("seeing.scatter", seeing.scatter, PART),
+            ("seeing.time_s", seeing.time_s, POSITIVE),
+            ("scintillation.strength", scintillation.strength, SIZE),
+            ("scintillation.time_s", scintillation.time_s, POSITIVE),
+            ("pointing.jitter_px", pointing.jitter_px, SIZE),
+            ("pointing.jitter_time_s", pointing.jitter_time_s, POSITIVE),
+            ("pointing.aim_px", aim[0], ANY),
+            ("pointing.aim_px", aim[1], ANY),
+            ("pointing.aim_scatter_px", pointing.aim_scatter_px, SIZE),
+            ("clouds.depth", clouds.depth, ANY),
+            ("clouds.scatter", clouds.scatter, SIZE),
+            ("clouds.time_s", clouds.time_s, POSITIVE),
+            ("camera.bias_adu", camera.bias_adu, SIZE),
+            ("camera.response_scatter", camera.response_scatter, PART),
+            ("camera.hot_fraction", camera.hot_fraction, PART),
+            ("camera.hot_e_per_s", camera.hot_e_per_s, SIZE),
+            ("camera.cold_fraction", camera.cold_fraction, PART),
+            ("camera.dead_fraction", camera.dead_fraction, PART),
+            ("camera.temperature_c", camera.temperature_c, (-273.15, 100.0, "-273.15 to 100 °C")),
+            ("passing.streaks_per_h", passing.streaks_per_h, SIZE),
+            ("passing.streak_e_per_px", passing.streak_e_per_px, SIZE),
+            ("passing.cosmic_rays_per_mpx_s", passing.cosmic_rays_per_mpx_s, SIZE),
+            ("passing.cosmic_ray_e_per_px", passing.cosmic_ray_e_per_px, SIZE),
+        ];
+        let refuse = |key: &str, value: f64, (low, high, expected): (f64, f64, &'static str)| {
+            if (low..=high).contains(&value) {
+                return Ok(());
+            }
+            Err(OptionError { key: key.to_owned(), value, expected })
+        };
+        for (key, value, range) in checks {
+            refuse(key, value, range)?;
+        }
+        for (channel, kappa) in &self.kappa {
+            refuse(&format!("kappa.{channel}"), *kappa, POSITIVE)?;
+        }
+        for (channel, counter) in &self.counter {
+            let key = |name: &str| format!("counter.{channel}.{name}");
+            refuse(&key("dead_time_ns"), counter.dead_time_ns, SIZE)?;
+            let recovers = counter.dead_time_model == Some(DeadTimeModel::ExponentialRecovery);
+            let recovery = if recovers { POSITIVE } else { SIZE };
+            refuse(&key("recovery_ns"), counter.recovery_ns, recovery)?;
+            let pixels = (1.0, 1e7, "1 to 10 million");
+            refuse(&key("pixels"), f64::from(counter.pixels), pixels)?;
+            refuse(&key("dark_rate_hz"), counter.dark_rate_hz.unwrap_or(0.0), SIZE)?;
+            let probability = (0.0, 0.9, "a fraction from 0 to 0.9");
+            refuse(&key("afterpulse_probability"), counter.afterpulse_probability, probability)?;
+            refuse(&key("afterpulse_time_ns"), counter.afterpulse_time_ns, POSITIVE)?;
+        }
+        for (i, visit) in self.visit.iter().enumerate() {
+            refuse(&format!("visit[{i}].from_s"), visit.from_s, ANY)?;
+            let after = (visit.from_s, 1e9, "a time after from_s");
+            refuse(&format!("visit[{i}].to_s"), visit.to_s, after)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,318 @@
+//! What `sunglint calibrate` says: text, JSON, tables.
+
+use super::visits::Prepared;
+use super::{figure, label};
+use crate::output::{Product, rounded};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use sunglint_calibration::stars::{Night, NightFile, Nights, Slope, Visit, variation};
+use sunglint_formats::time::format_utc_shortest;
+use sunglint_formats::{Column, Table, Values};
+use sunglint_radiometry::station::Station;
+
+/// A night that is calibrated.
+pub(super) struct NightResult {
+    pub file: NightFile,
+    pub found: Night,
+    pub input: Vec<Visit>,
+    pub visits: Vec<Prepared>,
+}
+
+/// A slope is worth a warning from here on, in standard uncertainties.
+const WORTH_A_WARNING: f64 = 3.0;
+
+impl NightResult {
+    pub fn kappa(&self, channel: usize) -> Option<f64> {
+        self.found.channels[channel].as_ref().ok().map(|k| k.kappa)
+    }
+
+    /// What a person should hear of before using κ.
+    pub fn warnings(&self) -> Vec<String> {
+        let night = &self.file.night;
+        let mut warnings = Vec::new();
+        let slopes = self.file.channels.iter().filter_map(|c| Some((&c.channel, c.per_airmass?)));
+        let steep: Vec<String> = slopes
+            .filter(|(_, s)| s.significance() > WORTH_A_WARNING)
+            .map(|(name, s)| format!("{name} {}", percent(s)))
+            .collect();
+        if !steep.is_empty() {
+            let [_, mean, _] = self.found.airmass;
+            warnings.push(format!(
+                "{night}: kappa changes with airmass ({} per airmass): extinction that the air model lacks, an aerosol most likely. It is that of airmass {mean:.2}; --fit-aerosol, or --aerosol TAU,ALPHA",
+                steep.join(", ")
+            ));
+        }
+        for [channel, why] in &self.file.facts.without_kappa {
+            warnings.push(format!("{night}: no kappa of {channel}: {why}"));
+        }
+        warnings
+    }
+}
+
+/// All nights.
+pub(super) struct Report<'a> {
+    pub file: Nights,
+    pub nights: Vec<NightResult>,
+    pub station: &'a Station,
+    pub warnings: Vec<String>,
+}
+
+fn percent(slope: Slope) -> String {
+    format!("{:+.1} ± {:.1} %", 100.0 * slope.value, 100.0 * slope.sigma)
+}
+
+fn slope_json(slope: Option<Slope>) -> Value {
+    slope.map_or(Value::Null, |s| json!({"value": rounded(s.value), "sigma": rounded(s.sigma)}))
+}
+
+impl Report<'_> {
+    pub fn product(&self) -> Product {
+        let mut others = Vec::new();
+        for night in &self.nights {
+            others.push(Product {
+                name: format!("stars_{}", night.file.night),
+                table: self.visits(night),
+                figure: (self.nights.len() > 1).then(|| figure::figure(night, self.station)),
+                ..Product::default()
+            });
+        }
+        Product {
+            name: "calibration".into(),
+            table: self.file.to_table(),
+            figure: self.nights.last().map(|night| figure::figure(night, self.station)),
+            json: self.json(),
+            others,
+            ..Product::default()
+        }
+    }
+
+    /// A row a visit.
+    fn visits(&self, night: &NightResult) -> Table {
+        let numbers = |name: &str, value: &dyn Fn(usize) -> f64| {
+            Column::f64(name, None, (0..night.visits.len()).map(value).collect())
+        };
+        let texts = |name: &str, value: &dyn Fn(&Prepared) -> String| {
+            Column::text(name, night.visits.iter().map(value).collect())
+        };
+        let truth = |name: &str, value: &dyn Fn(usize) -> bool| Column {
+            name: name.into(),
+            unit: None,
+            description: None,
+            values: Values::Bool((0..night.visits.len()).map(|i| Some(value(i))).collect()),
+        };
+        let mut columns = vec![
+            texts("time_utc", &|v| format_utc_shortest(v.middle)),
+            texts("star", &|v| v.star.clone()),
+            texts("spectrum", &|v| v.light.origin.to_string()),
+            truth("agrees", &|i| night.found.visits[i].agrees),
+            truth("decides", &|i| night.found.visits[i].decides),
+            numbers("airmass", &|i| night.visits[i].airmass),
+            numbers("b_minus_v_mag", &|i| night.visits[i].b_minus_v_mag.unwrap_or(f64::NAN)),
+            numbers("offset", &|i| night.found.visits[i].offset),
+            numbers("offset_sigma", &|i| night.found.visits[i].sigma),
+        ];
+        for (c, channel) in self.station.channels.iter().enumerate() {
+            let of = |i: usize| night.input[i].channels[c];
+            let name = |suffix: &str| format!("{}_{suffix}", channel.name);
+            columns.push(numbers(&name("predicted_hz"), &|i| {
+                of(i).map_or(f64::NAN, |m| m.predicted_hz)
+            }));
+            columns
+                .push(numbers(&name("measured"), &|i| of(i).map_or(f64::NAN, |m| m.measured_hz)));
+            columns.push(numbers(&name("measured_sigma"), &|i| {
+                of(i).map_or(f64::NAN, |m| m.sigma_hz)
+            }));
+            columns.push(numbers(&name("residual"), &|i| {
+                night.found.visits[i].residuals[c].unwrap_or(f64::NAN)
+            }));
+        }
+        Table { columns, ..Table::default() }
+    }
+
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        let _ = writeln!(
+            text,
+            "Star calibration of {}: predicted = kappa x measured",
+            self.station.name
+        );
+        let _ = writeln!(text, "air: {}", self.file.air);
+        for night in &self.nights {
+            self.night_text(night, &mut text);
+        }
+        if self.nights.len() > 1 {
+            let _ = writeln!(text, "\nOver {} nights:", self.nights.len());
+            for (name, found) in self.variations() {
+                let _ = writeln!(
+                    text,
+                    "  {name:<10} mean {:>10.4}   coefficient of variation {:>6.2} % ({} nights)",
+                    found.mean,
+                    100.0 * found.coefficient,
+                    found.nights
+                );
+            }
+        }
+        text
+    }
+
+    fn night_text(&self, night: &NightResult, text: &mut String) {
+        let facts = &night.file.facts;
+        let [low, mean, high] = night.found.airmass;
+        let _ = writeln!(
+            text,
+            "\nNight of {}: {} of {} stars agree, airmass {low:.2} to {high:.2} (mean {mean:.2}){}, common scatter {:.1} %",
+            night.file.night,
+            facts.agreeing_stars,
+            facts.stars,
+            facts
+                .b_minus_v_mag
+                .map_or(String::new(), |[a, _, b]| format!(", B-V {a:.2} to {b:.2}")),
+            100.0 * night.found.common_scatter
+        );
+        let _ = writeln!(
+            text,
+            "  {:<10} {:>10} {:>7} {:>22} {:>6} {:>6}  {:<16} {:<16}",
+            "channel",
+            "kappa",
+            "±%",
+            format!("{:.0} % interval", 100.0 * self.file.confidence),
+            "stars",
+            "rms %",
+            "per airmass",
+            "per mag of B-V"
+        );
+        for c in &night.file.channels {
+            let or_none = |s: Option<Slope>| s.map_or("-".to_owned(), percent);
+            let interval = format!("{:.4} to {:.4}", c.interval.0, c.interval.1);
+            let _ = writeln!(
+                text,
+                "  {:<10} {:>10.4} {:>7.2} {interval:>22} {:>6} {:>6.2}  {:<16} {:<16}",
+                c.channel,
+                c.kappa,
+                100.0 * c.relative_sigma,
+                c.stars,
+                100.0 * c.rms,
+                or_none(c.per_airmass),
+                or_none(c.per_colour)
+            );
+        }
+        if let Some(Err(why)) = night.found.channels.iter().flatten().map(|c| &c.per_airmass).next()
+        {
+            let _ = writeln!(text, "  no slope against airmass: {why}");
+        }
+        if let Some([depth, sigma]) = facts.aerosol_depth {
+            let _ = writeln!(text, "  aerosol, fitted: τ(550 nm) = {depth:.3} ± {sigma:.3}");
+        }
+        for check in &night.found.ratios {
+            let name = |c: usize| &self.station.channels[c].name;
+            let exponent =
+                check.exponent.map_or("-".into(), |s| format!("{:.3} ± {:.3}", s.value, s.sigma));
+            let bright = check.by_brightness.map_or("-".to_owned(), percent);
+            let _ = writeln!(
+                text,
+                "  ratio {}/{}: exponent {exponent} (1 is right), {bright} per factor e in brightness (0 is linear)",
+                name(check.channel),
+                name(check.reference)
+            );
+        }
+        for (judged, visit) in night.found.visits.iter().zip(&night.visits) {
+            if judged.agrees {
+                continue;
+            }
+            let why = match (judged.offset.is_nan(), judged.decides) {
+                (true, _) => "nothing measured".to_owned(),
+                (_, false) => {
+                    format!("may not decide ({}); {}", visit.light.origin, dimmer(judged.offset))
+                }
+                _ => format!(
+                    "{}, {:.0} sigma",
+                    dimmer(judged.offset),
+                    judged.offset.abs() / judged.sigma
+                ),
+            };
+            let _ = writeln!(text, "  out: {}: {why}", label(visit));
+        }
+    }
+
+    fn variations(&self) -> Vec<(&str, sunglint_calibration::stars::Variation)> {
+        let of = |c: usize| {
+            let kappas: Vec<f64> = self.nights.iter().filter_map(|n| n.kappa(c)).collect();
+            Some((self.station.channels[c].name.as_str(), variation(&kappas)?))
+        };
+        (0..self.station.channels.len()).filter_map(of).collect()
+    }
+
+    fn json(&self) -> Value {
+        let nights: Vec<Value> = self.nights.iter().map(|n| self.night_json(n)).collect();
+        let variation = |(name, v): (&str, sunglint_calibration::stars::Variation)| json!({"channel": name, "nights": v.nights, "mean": rounded(v.mean), "coefficient_of_variation": rounded(v.coefficient)});
+        json!({
+            "station": self.file.station,
+            "air": self.file.air,
+            "zero_point": self.file.zero_point,
+            "confidence": self.file.confidence,
+            "nights": nights,
+            "variation": self.variations().into_iter().map(variation).collect::<Vec<_>>(),
+            "warnings": self.warnings,
+        })
+    }
+
+    fn night_json(&self, night: &NightResult) -> Value {
+        let channels: Vec<Value> = night
+            .file
+            .channels
+            .iter()
+            .map(|c| {
+                json!({
+                    "channel": c.channel, "kappa": rounded(c.kappa), "relative_sigma": rounded(c.relative_sigma),
+                    "interval": [rounded(c.interval.0), rounded(c.interval.1)], "stars": c.stars, "visits": c.visits,
+                    "rms": rounded(c.rms), "per_airmass": slope_json(c.per_airmass), "per_colour": slope_json(c.per_colour),
+                })
+            })
+            .collect();
+        let name = |c: usize| &self.station.channels[c].name;
+        let ratios: Vec<Value> = night
+            .found
+            .ratios
+            .iter()
+            .map(|r| {
+                json!({
+                    "channel": name(r.channel), "reference": name(r.reference), "visits": r.visits,
+                    "exponent": slope_json(r.exponent), "by_brightness": slope_json(r.by_brightness),
+                })
+            })
+            .collect();
+        let number = |v: f64| if v.is_finite() { json!(rounded(v)) } else { Value::Null };
+        let visits: Vec<Value> = night
+            .found
+            .visits
+            .iter()
+            .zip(&night.visits)
+            .map(|(judged, v)| {
+                json!({
+                    "time_utc": format_utc_shortest(v.middle), "star": v.star, "spectrum": v.light.origin.to_string(),
+                    "agrees": judged.agrees, "decides": judged.decides, "airmass": rounded(v.airmass),
+                    "offset": number(judged.offset), "offset_sigma": number(judged.sigma),
+                })
+            })
+            .collect();
+        let facts = &night.file.facts;
+        json!({
+            "night": night.file.night, "stars": facts.stars, "agreeing_stars": facts.agreeing_stars,
+            "airmass_range": night.found.airmass.map(rounded), "b_minus_v_range_mag": night.found.b_minus_v_mag.map(|r| r.map(rounded)),
+            "common_scatter": rounded(night.found.common_scatter), "judged_about_a_slope": night.found.sloped,
+            "interval_by": night.found.method, "aerosol_depth": facts.aerosol_depth,
+            "channels": channels, "without_kappa": facts.without_kappa, "covariance_ln_kappa": night.file.covariance,
+            "ratios": ratios, "visits": visits,
+        })
+    }
+}
+
+/// An offset in words.
+fn dimmer(offset: f64) -> String {
+    let share = 1.0 - (-offset).exp();
+    if share > 0.0 {
+        format!("{:.0} % too faint", 100.0 * share)
+    } else {
+        format!("{:.0} % too bright", -100.0 * share)
+    }
+}

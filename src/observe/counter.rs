@@ -1,0 +1,125 @@
+//! A counter's thread: finished bins, each once.
+
+use super::camera::seconds;
+use super::device::{Post, READY, SOON};
+use super::plan::CounterPlan;
+use std::time::Duration;
+use sunglint_drivers::device::{DeviceError, PhotonCounter};
+use sunglint_formats::{CountFlags, CountRecord};
+
+/// How much longer than its length a bin may take.
+const BIN: Duration = Duration::from_secs(10);
+/// Bins are asked for in stretches of about that long, s.
+const STRETCH_S: f64 = 0.1;
+
+/// A counter at work.
+#[derive(Debug)]
+pub struct CounterWork {
+    plan: CounterPlan,
+    names: Vec<String>,
+    /// Whether there were bins before the counter was lost: its next one begins after a gap.
+    gap_before: bool,
+    taken: bool,
+}
+
+impl CounterWork {
+    /// A counter as planned.
+    pub fn new(plan: CounterPlan) -> Self {
+        let names = plan.channel_names();
+        Self { plan, names, gap_before: false, taken: false }
+    }
+
+    /// Opens the counter and counts until the night is over.
+    pub fn run(&mut self, post: &mut Post) -> Result<(), DeviceError> {
+        let mut counter = post.opener.counter(&self.plan, &post.within(READY))?;
+        let columns = self.columns(counter.as_ref())?;
+        self.prepare(counter.as_mut(), &columns, post)?;
+        post.opened(counter.as_mut())?;
+        let bin_s = self.plan.bin_s.get();
+        counter.start((bin_s * 1e12).round() as i64, &post.within(SOON))?;
+        let bins = ((STRETCH_S / bin_s) as usize).clamp(1, 10_000);
+        let most = BIN.saturating_add(seconds(bins as f64 * bin_s));
+        self.gap_before = self.taken;
+        let mut first = true;
+        while !post.is_over() {
+            let (records, error) = match counter.read(bins, &post.within(most)) {
+                Ok(records) => (records, None),
+                Err(interrupted) => (interrupted.done, Some(*interrupted.error)),
+            };
+            if !records.is_empty() {
+                if std::mem::take(&mut first) || post.lost_at.is_some() {
+                    post.works();
+                }
+                self.hand_over(records, &columns, post);
+            }
+            match error {
+                // What Ctrl-C ends is no failure.
+                Some(_) if post.is_over() => break,
+                Some(error) => return Err(error),
+                None => {}
+            }
+        }
+        // A counter that cannot be stopped is left counting: what it gave is good all the same.
+        let _ = counter.stop(&post.even_so(SOON));
+        Ok(())
+    }
+
+    /// For each channel of the plan the counter's own.
+    fn columns(&self, counter: &dyn PhotonCounter) -> Result<Vec<usize>, DeviceError> {
+        let known = counter.channels();
+        let place = |name: &String| {
+            let input = self.plan.channels.get(name).copied().unwrap_or(0);
+            let by_input = format!("c{input}");
+            let find = |wanted: &str| known.iter().position(|known| known == wanted);
+            find(name).or_else(|| find(&by_input)).ok_or_else(|| DeviceError::Unknown {
+                name: "channel",
+                asked: format!("{name} (input {input})"),
+                known: known.join(", "),
+            })
+        };
+        self.names.iter().map(place).collect()
+    }
+
+    fn prepare(
+        &self,
+        counter: &mut dyn PhotonCounter,
+        columns: &[usize],
+        post: &Post,
+    ) -> Result<(), DeviceError> {
+        for (name, &column) in self.names.iter().zip(columns) {
+            if let Some(level) = self.plan.trigger_level_v.get(name) {
+                counter.set_trigger_level_v(column, level.get(), &post.within(SOON))?;
+            }
+            if let Some(delay) = self.plan.input_delay_ps.get(name) {
+                counter.set_input_delay_ps(column, *delay, &post.within(SOON))?;
+            }
+            if let Some(dead_time) = self.plan.dead_time_ps.get(name) {
+                counter.set_dead_time_ps(column, *dead_time, &post.within(SOON))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn hand_over(&mut self, records: Vec<CountRecord>, columns: &[usize], post: &Post) {
+        let of =
+            |values: &[u64]| columns.iter().map(|&i| values.get(i).copied().unwrap_or(0)).collect();
+        let mut records: Vec<CountRecord> = records
+            .into_iter()
+            .map(|record| CountRecord {
+                counts: of(&record.counts),
+                missed: of(&record.missed),
+                ..record
+            })
+            .collect();
+        if let Some(first) = records.first_mut().filter(|_| std::mem::take(&mut self.gap_before)) {
+            first.flags |= CountFlags::GAP;
+        }
+        self.taken = true;
+        post.status.counts(&post.name, &self.names, &records);
+        if let Some(last) = records.last() {
+            let length = hifitime::Duration::from_seconds(last.length_ps as f64 * 1e-12);
+            post.reached(last.start + length);
+        }
+        post.disk.counts(&post.name, records);
+    }
+}

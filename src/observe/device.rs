@@ -1,0 +1,134 @@
+//! One device on its own thread: opened, watched, and opened again after a failure.
+
+use super::disk::Disk;
+use super::opener::{DeviceClock, Opener};
+use super::schedule::Schedule;
+use super::status::{State, Status};
+use hifitime::Epoch;
+use serde_json::{Map, Value as Json, json};
+use std::sync::Arc;
+use std::time::Duration;
+use sunglint_drivers::clock::{Cancel, Deadline};
+use sunglint_drivers::device::{Device, DeviceError, Value};
+use sunglint_formats::session::What;
+
+/// How long opening a device may take, and an answer.
+pub(super) const READY: Duration = Duration::from_secs(30);
+pub(super) const SOON: Duration = Duration::from_secs(10);
+/// The waits before a device is tried again: the first, and the longest.
+const AGAIN: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(60)];
+
+/// What a device's thread knows.
+#[derive(Debug, Clone)]
+pub struct Post {
+    /// The device's name.
+    pub name: String,
+    /// Its clock.
+    pub clock: DeviceClock,
+    /// Where it comes from.
+    pub opener: Arc<dyn Opener>,
+    /// Set by Ctrl-C.
+    pub cancel: Cancel,
+    /// Where its data go.
+    pub disk: Disk,
+    /// Where the telescope looks.
+    pub schedule: Arc<Schedule>,
+    /// When the night ends; `None`: when it is stopped.
+    pub end: Option<Epoch>,
+    /// Where it says how it goes.
+    pub status: Arc<Status>,
+    /// When it was lost, on its own clock.
+    pub lost_at: Option<Duration>,
+    /// How long it is waited before the next try.
+    pub again_in: Duration,
+}
+
+impl Post {
+    /// Whether the night is over, by the device's own time.
+    pub fn is_over(&self) -> bool {
+        self.cancel.is_cancelled() || self.end.is_some_and(|end| self.clock.utc() >= end)
+    }
+
+    /// A deadline on the device's clock, which Ctrl-C ends.
+    pub fn within(&self, time: Duration) -> Deadline {
+        Deadline::after(self.clock.clock.clone(), time).with_cancel(&self.cancel)
+    }
+
+    /// The same, for what is done in good order after Ctrl-C.
+    pub fn even_so(&self, time: Duration) -> Deadline {
+        Deadline::after(self.clock.clock.clone(), time)
+    }
+
+    /// The device's time goes on; who looks may know.
+    pub fn reached(&self, utc: Epoch) {
+        if !self.clock.is_live() {
+            self.status.reached(utc);
+        }
+    }
+
+    /// The device was opened: says who it is.
+    pub fn opened(&mut self, device: &mut dyn Device) -> Result<(), DeviceError> {
+        let identity = device.identity(&self.within(SOON))?;
+        let settings = device.settings(&self.within(SOON))?;
+        let identity = json!({
+            "vendor": identity.vendor,
+            "model": identity.model,
+            "serial": identity.serial,
+            "firmware": identity.firmware,
+            "driver": identity.driver,
+        });
+        let settings: Map<String, Json> =
+            settings.into_iter().map(|s| (s.name.to_owned(), json_of(s.value))).collect();
+        let Json::Object(identity) = identity else { return Ok(()) };
+        let utc = self.clock.utc();
+        let device = self.name.clone();
+        self.disk.event(utc, What::Device { device, identity, settings });
+        Ok(())
+    }
+
+    /// The device delivers: a failure before is over.
+    pub fn works(&mut self) {
+        self.again_in = AGAIN[0];
+        if let Some(lost_at) = self.lost_at.take() {
+            let after_s = (self.clock.clock.now().saturating_sub(lost_at)).as_secs_f64();
+            let device = self.name.clone();
+            self.disk.event(self.clock.utc(), What::DeviceBack { device, after_s });
+        }
+        self.status.set_state(&self.name, State::Running);
+    }
+
+    /// Runs `work` until the night is over: again after each failure, with a wait that doubles up to a minute.
+    pub fn supervise(mut self, mut work: impl FnMut(&mut Self) -> Result<(), DeviceError>) {
+        self.again_in = AGAIN[0];
+        while !self.is_over() {
+            self.status.set_state(&self.name, State::Opening);
+            let Err(error) = work(&mut self) else { break };
+            if self.is_over() {
+                break;
+            }
+            let now = self.clock.clock.now();
+            self.lost_at.get_or_insert(now);
+            let error = error.to_string();
+            self.status.set_state(&self.name, State::Lost { error: error.clone() });
+            let again_in_s = self.again_in.as_secs_f64();
+            let device = self.name.clone();
+            self.disk.event(self.clock.utc(), What::DeviceLost { device, error, again_in_s });
+            let wait =
+                self.end.map_or(self.again_in, |end| self.again_in.min(self.clock.until(end)));
+            // Cut short by Ctrl-C alone.
+            let _ = self.within(Duration::MAX).sleep(wait);
+            self.again_in = (self.again_in * 2).min(AGAIN[1]);
+            self.reached(self.clock.utc());
+        }
+        self.status.set_state(&self.name, State::Ended);
+    }
+}
+
+fn json_of(value: Value) -> Json {
+    match value {
+        Value::Number(number) => json!(number),
+        Value::Integer(number) => json!(number),
+        Value::Text(text) => json!(text),
+        Value::Flag(flag) => json!(flag),
+    }
+}

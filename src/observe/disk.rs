@@ -1,0 +1,172 @@
+//! The one thread that writes: devices hand over what they have and go on.
+
+use super::status::Status;
+use hifitime::Epoch;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use sunglint_formats::session::{Ended, SessionWriter, What};
+use sunglint_formats::{CountRecord, Frame};
+
+/// Messages that wait at most; each holds at most the bins of a moment.
+const MESSAGES: usize = 1024;
+/// Pixels that wait at most, bytes.
+const PIXELS: u64 = 64 << 20;
+/// How often the writer looks at its clock.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// What is to be written.
+enum Message {
+    Counts(String, Vec<CountRecord>),
+    Frame(String, u64, Box<Frame>),
+    Event(Epoch, What),
+}
+
+/// Takes what is to be written, from any thread. Where the disk is slower than the devices, it holds them up once a thousand
+/// messages or 64 MiB of pixels wait, so that memory stays flat.
+#[derive(Debug, Clone)]
+pub struct Disk {
+    sender: SyncSender<Message>,
+    pixels: Arc<Pixels>,
+}
+
+impl std::fmt::Debug for Message {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Counts(name, records) => write!(f, "{} bins of {name}", records.len()),
+            Self::Frame(name, number, _) => write!(f, "frame {number} of {name}"),
+            Self::Event(utc, what) => write!(f, "{utc} {what:?}"),
+        }
+    }
+}
+
+/// Bytes of pixels on their way.
+#[derive(Debug, Default)]
+struct Pixels {
+    waiting: Mutex<u64>,
+    fewer: Condvar,
+}
+
+impl Pixels {
+    fn add(&self, bytes: u64) {
+        let waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        // One frame always passes, however large it is.
+        let full = |waiting: &mut u64| *waiting > 0 && *waiting + bytes > PIXELS;
+        let waiting = self.fewer.wait_while(waiting, full);
+        *waiting.unwrap_or_else(PoisonError::into_inner) += bytes;
+    }
+
+    fn take(&self, bytes: u64) {
+        *self.waiting.lock().unwrap_or_else(PoisonError::into_inner) -= bytes;
+        self.fewer.notify_all();
+    }
+}
+
+fn bytes_of(frame: &Frame) -> u64 {
+    2 * frame.pixels.len() as u64
+}
+
+/// The writer's thread, and what hands over to it.
+pub fn start(
+    writer: SessionWriter,
+    status: Arc<Status>,
+) -> std::io::Result<(Disk, std::thread::JoinHandle<Writing>)> {
+    let (sender, receiver) = sync_channel(MESSAGES);
+    let pixels = Arc::new(Pixels::default());
+    let disk = Disk { sender, pixels: pixels.clone() };
+    let writing = Writing { writer, status, pixels };
+    let thread = std::thread::Builder::new().name("disk".into());
+    let handle = thread.spawn(move || writing.run(&receiver))?;
+    Ok((disk, handle))
+}
+
+impl Disk {
+    /// Hands over bins.
+    pub fn counts(&self, counter: &str, records: Vec<CountRecord>) {
+        self.send(Message::Counts(counter.to_owned(), records));
+    }
+
+    /// Hands over a frame.
+    pub fn frame(&self, camera: &str, number: u64, frame: Frame) {
+        self.pixels.add(bytes_of(&frame));
+        self.send(Message::Frame(camera.to_owned(), number, Box::new(frame)));
+    }
+
+    /// Hands over an event.
+    pub fn event(&self, utc: Epoch, what: What) {
+        self.send(Message::Event(utc, what));
+    }
+
+    fn send(&self, message: Message) {
+        // The writer ends after all who send; where it has ended before, by a panic, its thread's result says so.
+        let _ = self.sender.send(message);
+    }
+}
+
+/// The writer at work.
+#[derive(Debug)]
+pub struct Writing {
+    writer: SessionWriter,
+    status: Arc<Status>,
+    pixels: Arc<Pixels>,
+}
+
+impl Writing {
+    fn run(mut self, receiver: &Receiver<Message>) -> Self {
+        let start = Instant::now();
+        let mut looked = Duration::ZERO;
+        loop {
+            match receiver.recv_timeout(LOOK) {
+                Ok(message) => self.write(message),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return self,
+            }
+            let now = start.elapsed();
+            if now.saturating_sub(looked) >= LOOK {
+                looked = now;
+                for trouble in self.writer.tick(now, self.status.utc()) {
+                    self.status.disk_trouble(&trouble);
+                }
+                self.status.set_lost(self.writer.lost(), self.writer.is_failing());
+            }
+        }
+    }
+
+    fn write(&mut self, message: Message) {
+        let failed = match message {
+            Message::Counts(counter, records) => {
+                // One that cannot be written takes no other with it.
+                let errors = records.iter().filter_map(|r| self.writer.count(&counter, r).err());
+                errors.fold(None, |first, error| first.or(Some(error))).map(|e| (counter, e))
+            }
+            Message::Frame(camera, number, frame) => {
+                let written = self.writer.frame(&camera, number, &frame);
+                self.pixels.take(bytes_of(&frame));
+                match written {
+                    Ok(trouble) => {
+                        if let Some(trouble) = trouble {
+                            self.status.disk_trouble(&trouble);
+                        }
+                        None
+                    }
+                    Err(error) => Some((camera, error)),
+                }
+            }
+            Message::Event(utc, what) => {
+                self.writer.event(utc, what);
+                None
+            }
+        };
+        // What a device delivers and the format cannot hold.
+        if let Some((about, error)) = failed {
+            let error = error.to_string();
+            self.status.unwritable(&about, &error);
+            self.writer.event(self.status.utc(), What::Error { about, error });
+        }
+    }
+
+    /// Ends the session.
+    pub fn finish(self, utc: Epoch, reason: &str) -> Ended {
+        self.writer.finish(utc, reason)
+    }
+}

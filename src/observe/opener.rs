@@ -1,0 +1,137 @@
+//! Where devices come from: the catalogue, or anything else that stands in for them.
+
+use super::plan::{CameraPlan, CounterPlan};
+use hifitime::Epoch;
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+use sunglint_drivers::catalogue::{Address, AnyDevice};
+use sunglint_drivers::clock::{Clock, Deadline, SystemClock, utc_now};
+use sunglint_drivers::device::{Camera, DeviceError, PhotonCounter};
+
+/// Makes the devices of a night. A device that fails is asked for again, so that each call opens it anew.
+///
+/// The [`Catalogue`] opens real devices and the simulated ones behind their protocols; [`Playback`](super::Playback) plays a session.
+pub trait Opener: Send + Sync + fmt::Debug {
+    /// The clock of a device's own thread. No two devices may sleep on one virtual clock: each would add to the other's time.
+    fn clock(&self, device: &str) -> DeviceClock;
+
+    /// Opens a camera.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn camera(
+        &self,
+        plan: &CameraPlan,
+        deadline: &Deadline,
+    ) -> Result<Box<dyn Camera>, DeviceError>;
+
+    /// Opens a counter. Its channels are called as in the plan, or `c1`, `c2` … by their inputs.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn counter(
+        &self,
+        plan: &CounterPlan,
+        deadline: &Deadline,
+    ) -> Result<Box<dyn PhotonCounter>, DeviceError>;
+
+    /// Whether frames carry the numbers that they had ([`FRAME_NUMBER`](sunglint_formats::session::FRAME_NUMBER)).
+    fn keeps_numbers(&self) -> bool {
+        false
+    }
+}
+
+/// A monotonic clock, and UTC as it goes with it.
+#[derive(Debug, Clone)]
+pub struct DeviceClock {
+    /// What waits are on.
+    pub clock: Arc<dyn Clock>,
+    /// UTC where the clock shows zero; `None` for the computer's own UTC.
+    pub zero_utc: Option<Epoch>,
+}
+
+impl DeviceClock {
+    /// The computer's.
+    pub fn live() -> Self {
+        Self { clock: Arc::new(SystemClock), zero_utc: None }
+    }
+
+    /// UTC now.
+    pub fn utc(&self) -> Epoch {
+        match self.zero_utc {
+            None => utc_now(),
+            Some(zero) => {
+                let passed = i128::try_from(self.clock.now().as_nanos()).unwrap_or(i128::MAX);
+                zero + hifitime::Duration::from_total_nanoseconds(passed)
+            }
+        }
+    }
+
+    /// Whether it is the computer's own.
+    pub fn is_live(&self) -> bool {
+        self.zero_utc.is_none()
+    }
+
+    /// How long it is until then; zero where that is past.
+    pub fn until(&self, then: Epoch) -> Duration {
+        let left = (then - self.utc()).total_nanoseconds();
+        Duration::from_nanos(u64::try_from(left.max(0)).unwrap_or(u64::MAX))
+    }
+}
+
+/// The catalogue of drivers.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Catalogue;
+
+impl Catalogue {
+    fn open(
+        address: &str,
+        options: &[String],
+        deadline: &Deadline,
+    ) -> Result<AnyDevice, DeviceError> {
+        let mut address = Address::parse(address, options).map_err(|error| {
+            DeviceError::Unknown { name: "device", asked: error.found, known: error.expected }
+        })?;
+        let line = address.connect(deadline)?;
+        address.open(line, deadline)
+    }
+}
+
+fn another_kind(address: &str, wanted: &str) -> DeviceError {
+    let (asked, known) = (address.to_owned(), format!("a {wanted}"));
+    DeviceError::Unknown { name: "device", asked, known }
+}
+
+impl Opener for Catalogue {
+    fn clock(&self, _: &str) -> DeviceClock {
+        DeviceClock::live()
+    }
+
+    fn camera(
+        &self,
+        plan: &CameraPlan,
+        deadline: &Deadline,
+    ) -> Result<Box<dyn Camera>, DeviceError> {
+        match Self::open(&plan.device, &plan.with, deadline)? {
+            AnyDevice::Camera(camera) => Ok(camera),
+            _ => Err(another_kind(&plan.device, "camera")),
+        }
+    }
+
+    fn counter(
+        &self,
+        plan: &CounterPlan,
+        deadline: &Deadline,
+    ) -> Result<Box<dyn PhotonCounter>, DeviceError> {
+        let mut options = plan.with.clone();
+        let most = plan.channels.values().max();
+        if let Some(most) = most.filter(|_| !options.iter().any(|o| o.starts_with("channels="))) {
+            options.push(format!("channels={most}"));
+        }
+        match Self::open(&plan.device, &options, deadline)? {
+            AnyDevice::PhotonCounter(counter) => Ok(counter),
+            _ => Err(another_kind(&plan.device, "photon counter")),
+        }
+    }
+}

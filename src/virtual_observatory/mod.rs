@@ -1,0 +1,122 @@
+//! The virtual observatory behind the devices: a night that is made up as it is asked for, and known.
+//!
+//! [`VirtualObservatory`] is the night; it hands out a camera ([`VirtualCamera`]) and a counter ([`VirtualCounter`]) that are devices
+//! like any other, and writes its truth beside. Both take the time from the clock of the deadlines that they are given, whose zero
+//! is the night's begin: each lives on a clock of its own, and neither waits for the other. They stand beside the simulated devices of the drivers, not
+//! behind their protocols: a night of ten hours is 18,000 frames and 360,000 bins, which would be packed into Base64 and JSON, sent through
+//! memory and unpacked for nothing that a night tests. [`ThroughScene`] and [`ThroughLight`] put the same night behind these protocols
+//! where they are what is tested.
+
+mod camera;
+mod counter;
+mod through;
+
+pub use camera::VirtualCamera;
+pub use counter::VirtualCounter;
+pub use through::{ThroughLight, ThroughScene};
+
+use anyhow::Context as _;
+use hifitime::Epoch;
+use std::path::Path;
+use std::sync::Arc;
+use sunglint_formats::ecsv;
+use sunglint_formats::toml::Document;
+use sunglint_radiometry::light_curve::LightCurve;
+use sunglint_radiometry::sky::EarthOrientation;
+use sunglint_radiometry::station::Station;
+use sunglint_simulator::observatory::night::{Night, NightError};
+use sunglint_simulator::observatory::options::Options;
+use sunglint_simulator::observatory::plan::{Visit, visits};
+use sunglint_simulator::observatory::watch::Watch;
+
+/// A night and the instruments in it.
+#[derive(Debug, Clone)]
+pub struct VirtualObservatory {
+    night: Arc<Night>,
+    gain_e_per_adu: Option<f64>,
+}
+
+impl VirtualObservatory {
+    /// The night of a `virtual.toml` over a station: its visits, or else its plan. Light curves of satellites are found relative to the file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a key that no night can have (with its line), and what [`Night::new`] refuses.
+    pub fn read(
+        path: impl AsRef<Path>,
+        station: &Station,
+        start: Epoch,
+        orientation: &EarthOrientation,
+    ) -> anyhow::Result<Self> {
+        let document = Document::read(path)?;
+        let options = options(&document)?;
+        let mut curve = |file: &str| light_curve(&document.resolve(file));
+        let visits = visits(&options, station, start, orientation, &mut curve)?;
+        Self::new(options, station, start, visits, orientation)
+    }
+
+    /// A night with these visits, for instance those of an observer's own schedule.
+    ///
+    /// # Errors
+    /// As [`Night::new`].
+    pub fn new(
+        options: Options,
+        station: &Station,
+        start: Epoch,
+        visits: Vec<Visit>,
+        orientation: &EarthOrientation,
+    ) -> anyhow::Result<Self> {
+        let night = Night::new(options, station, start, visits, orientation)
+            .context("the virtual night")?;
+        let gain_e_per_adu = station.camera.as_ref().map(|camera| camera.gain_e_per_adu);
+        Ok(Self { night: Arc::new(night), gain_e_per_adu })
+    }
+
+    /// The night.
+    pub fn night(&self) -> &Arc<Night> {
+        &self.night
+    }
+
+    /// Its camera; `None` if the station has none.
+    pub fn camera(&self) -> Option<VirtualCamera> {
+        let sensor = self.night.sensor?;
+        Some(VirtualCamera::new(Watch::new(self.night.clone()), sensor, self.gain_e_per_adu))
+    }
+
+    /// A counter of these channels, in this order.
+    ///
+    /// # Errors
+    /// [`sunglint_drivers::device::DeviceError::Unknown`] for a channel that the station does not count.
+    pub fn counter(
+        &self,
+        channels: &[String],
+    ) -> Result<VirtualCounter, sunglint_drivers::device::DeviceError> {
+        VirtualCounter::new(Watch::new(self.night.clone()), channels)
+    }
+
+    /// The names of all channels that are counted.
+    pub fn counter_channels(&self) -> Vec<String> {
+        let counters = Watch::new(self.night.clone()).counters();
+        counters.into_iter().map(|i| self.night.channels[i].name.clone()).collect()
+    }
+
+    /// The truth, JSON.
+    pub fn truth(&self) -> anyhow::Result<String> {
+        Ok(serde_json::to_string_pretty(&self.night.truth())? + "\n")
+    }
+}
+
+/// The options of a file, checked.
+///
+/// # Errors
+/// A key that is not known or has a value that no night can have, with its line.
+pub fn options(document: &Document) -> anyhow::Result<Options> {
+    let options: Options = document.parse()?;
+    options.check().map_err(|error| document.error_at(&error.key, error.expected))?;
+    Ok(options)
+}
+
+fn light_curve(path: &Path) -> Result<LightCurve, NightError> {
+    let refused = |message: String| NightError::Curve { message };
+    let table = ecsv::read(path).map_err(|error| refused(error.to_string()))?;
+    LightCurve::from_table(path, &table).map_err(|error| refused(error.to_string()))
+}
