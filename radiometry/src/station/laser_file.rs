@@ -1,9 +1,10 @@
 //! The `[[laser]]` tables of a station, and of a scene that brings its own.
 
 use super::{BeamShape, Laser};
+use crate::sky::{Geodetic, Site};
 use serde::Deserialize;
 use sunglint_formats::ParseError;
-use sunglint_formats::toml::{Document, Positive};
+use sunglint_formats::toml::{Document, Finite, LatitudeDeg, LongitudeDeg, Positive};
 
 /// A `[[laser]]` table as serde reads it.
 #[derive(Debug, Clone, Deserialize)]
@@ -20,13 +21,34 @@ pub struct LaserFile {
     #[serde(default)]
     beam: BeamShape,
     receiver: Option<String>,
+    site: Option<LaserSite>,
     pub(super) note: Option<String>,
+}
+
+/// Where a laser stands that is not beside the telescope.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LaserSite {
+    latitude_deg: LatitudeDeg,
+    longitude_deg: LongitudeDeg,
+    height_m: Finite,
+}
+
+impl LaserSite {
+    fn site(&self, document: &Document, key: &str) -> Result<Site, ParseError> {
+        let geodetic = Geodetic {
+            latitude_deg: self.latitude_deg.get(),
+            longitude_deg: self.longitude_deg.get(),
+            height_m: self.height_m.get(),
+        };
+        Site::new(geodetic).map_err(|e| document.error_at(key, e.to_string()))
+    }
 }
 
 /// The lasers of a document's `laser` tables, beside others that are there already; `is_channel` knows the station's channels.
 ///
 /// # Errors
-/// A name that is none or taken; a receiver that is no channel; a divergence of a degree and more.
+/// A name that is none or taken; a receiver that is no channel; a divergence of a degree and more; a site that is none.
 pub fn lasers(
     document: &Document,
     files: &[LaserFile],
@@ -49,6 +71,7 @@ pub fn lasers(
             let expected = "the full angle of a beam, below 3600 arcsec";
             return Err(document.error_at(&key("divergence_arcsec"), expected));
         }
+        let site = |site: &LaserSite| site.site(document, &key("site.height_m"));
         lasers.push(Laser {
             name: file.name.clone(),
             wavelength_nm: file.wavelength_nm.get(),
@@ -60,6 +83,7 @@ pub fn lasers(
             beam_radius_m: file.beam_radius_m.get(),
             beam: file.beam,
             receiver: file.receiver.clone(),
+            site: file.site.as_ref().map(site).transpose()?,
         });
     }
     Ok(lasers)

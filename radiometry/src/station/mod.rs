@@ -373,6 +373,8 @@ pub struct Laser {
     pub beam: BeamShape,
     /// The channel that catches what comes back; the one that is most sensitive at the wavelength where none is named.
     pub receiver: Option<String>,
+    /// Where it stands; beside the telescope where none is given.
+    pub site: Option<Site>,
 }
 
 /// How a beam's energy is spread across it.

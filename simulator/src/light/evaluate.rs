@@ -131,6 +131,13 @@ impl<'a> Evaluator<'a> {
         self.curves.tolerance = if tolerance > 1e-9 { tolerance.min(1.0) } else { 1e-9 };
     }
 
+    /// Sets the relative error at which the quadrature over flat facets stops that are seen from a point, of each facet (from 1e-10, which is taken unless set,
+    /// to 1e-2). The error that comes out is stated all the same.
+    pub fn set_near_tolerance(&mut self, tolerance: f64) {
+        let least = near::TOLERANCE;
+        self.near.tolerance = if tolerance > least { tolerance.min(1e-2) } else { least };
+    }
+
     /// Sets `out[k]` to W_k \[m² sr⁻¹\] for the Sun in direction `sun_body` and an observer at `view`, both in the body's axes. Hinged parts
     /// turn to the Sun. For an observer at a point W_k is such that the irradiance there (on planes across each ray) is
     /// E Σ_k ρ_k W_k/|view|².
@@ -386,7 +393,7 @@ impl<'a> Evaluator<'a> {
                 };
                 let mut task = near::Task {
                     weigh: &mut weigh,
-                    tolerance: near::TOLERANCE,
+                    tolerance: self.near.tolerance,
                     longest_m: f64::INFINITY,
                     at,
                     range_squared: q.length_squared(),

@@ -26,6 +26,7 @@
 //! is prepared, and said in [`SceneReport::warnings`] (not for faces that come to coincide by the turning of a hinge).
 
 pub mod bounce;
+mod builder;
 mod buried;
 mod clip;
 mod closed;

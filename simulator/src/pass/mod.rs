@@ -26,6 +26,7 @@
 //! air) is a mean transmission, tabulated with a measured error ([`sunglint_radiometry::air::AirTable`]).
 
 mod counts;
+mod elsewhere;
 mod error;
 mod explain;
 pub mod file;
@@ -38,6 +39,7 @@ mod shadow;
 mod simulate;
 pub mod table;
 
+pub use elsewhere::Elsewhere;
 pub use error::PassError;
 pub use explain::Explanation;
 pub use file::{Overrides, PassFile};

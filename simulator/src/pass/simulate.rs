@@ -273,7 +273,7 @@ impl Pass {
         self.times.iter().fold((first, first), |(a, b), t| (a.min(*t), b.max(*t)))
     }
 
-    fn frames(&self, first: Epoch, mut last: Epoch) -> Result<SkyFrames<'_>, PassError> {
+    pub(super) fn frames(&self, first: Epoch, mut last: Epoch) -> Result<SkyFrames<'_>, PassError> {
         // Few times far apart are cheaper each on its own.
         let hours = crate::orbit::seconds_between(first, last) / 3600.0;
         if hours > self.times.len() as f64 {
@@ -420,7 +420,7 @@ impl Pass {
 }
 
 /// All of them, or the first error: which one that is must not depend on the threads.
-fn first_error<T>(results: Vec<Result<T, PassError>>) -> Result<Vec<T>, PassError> {
+pub(super) fn first_error<T>(results: Vec<Result<T, PassError>>) -> Result<Vec<T>, PassError> {
     results.into_iter().collect()
 }
 

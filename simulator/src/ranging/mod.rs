@@ -11,15 +11,20 @@
 //! in the mean, and at least one with the probability 1 − e^{−n̄}. Everything is *per shot*: the irradiance within a pulse
 //! ([`Beam::peak_spectral_irradiance`], eq. A.3 of the thesis) is 10⁶ times and more the mean one.
 //!
+//! Laser and telescope may stand apart ([`Stand`]): then T_up, H and the directions are those of each, and r that of the telescope.
+//!
 //! - [`Shot::profile`]: how n̄ is spread over depth: facet by facet over the exact lit and seen polygons, each by the beam's profile across the body;
+//! - [`Bounces`]: what the body's surfaces scatter to each other comes later, by light paths with their lengths;
 //! - [`glint`]: a flat mirror, which returns the beam from the laser's image at twice the range.
 //!
 //! Retro-reflectors are not modelled: a body that carries them returns far more.
 
 mod beam;
+mod bounces;
 pub mod glint;
 mod profile;
 
 pub use beam::{Beam, Receiver, detection_probability};
-pub use profile::{DepthBins, DepthError, Profile, Shot};
+pub use bounces::{Bounced, Bounces, BouncesError, BouncesEye};
+pub use profile::{DepthBins, DepthError, Profile, Shot, Stand};
 pub use sunglint_radiometry::station::BeamShape;

@@ -1,5 +1,6 @@
 //! How what a body returns is spread over depth.
 
+use super::bounces::Bounced;
 use super::{Beam, BeamShape, Receiver};
 use crate::light::{DirectionError, FacetedEye, Piece, View};
 use glam::DVec3;
@@ -21,6 +22,14 @@ pub struct DepthBins {
     pub step_m: f64,
     /// How many there are.
     pub count: usize,
+}
+
+impl DepthBins {
+    /// The row of a depth: 0 in front of the first bin, then the bins, then all behind.
+    pub(super) fn row(&self, depth_m: f64) -> usize {
+        let bin = ((depth_m - self.from_m) / self.step_m).floor();
+        (bin.clamp(-1.0, self.count as f64) + 1.0) as usize
+    }
 }
 
 /// Why there is no profile.
@@ -63,19 +72,30 @@ pub struct Profile {
     pub total: f64,
     /// Of them, those that come from beyond the first or the last bin.
     pub outside: f64,
+    /// Of all these, those that were scattered more than once; `None` where they are not asked for ([`Shot::add_bounces`]).
+    pub bounced: Option<Bounced>,
 }
 
-/// A shot at a body.
+/// Where a laser or a telescope stands, from the body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stand {
+    /// Unit vector from the body towards it, body axes.
+    pub toward: DVec3,
+    /// Its distance from the body's origin, m.
+    pub range_m: f64,
+}
+
+/// A shot at a body. The depth of what comes back is half of its whole way, from the laser to the telescope, against that by the body's origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shot<'a> {
     /// The beam.
     pub beam: &'a Beam,
-    /// Who catches the light, beside the laser.
+    /// Who catches the light.
     pub receiver: &'a Receiver,
-    /// Unit vector from the body towards both, body axes.
-    pub toward: DVec3,
-    /// Their distance from the body's origin, m.
-    pub range_m: f64,
+    /// Where the laser is.
+    pub laser: Stand,
+    /// Where the telescope is: beside the laser, or elsewhere.
+    pub telescope: Stand,
     /// Where the beam's axis passes the origin, body axes, m.
     pub off_axis_m: DVec3,
     /// Unit vector to the Sun, to which hinged parts turn, body axes.
@@ -98,28 +118,24 @@ impl Shot<'_> {
         if !(from_m.is_finite() && wide && (1..=1_000_000).contains(&count)) {
             return Err(DepthError::Bins { from_m, step_m, count });
         }
-        let range_m = self.range_m;
-        if !(range_m.is_finite() && range_m > 0.0) {
-            return Err(DepthError::Range { range_m });
-        }
-        let shot = Shot { toward: self.toward.normalize_or_zero(), ..*self };
-        let (toward, sun) = (shot.toward, self.sun_body);
+        let shot = self.checked()?;
+        let (laser, telescope, sun) = (shot.laser.toward, shot.telescope.toward, self.sun_body);
         let mut sums = Sums {
             shot,
-            counts: self.receiver.counts(1.0, self.beam.wavelength_nm) / (range_m * range_m),
-            radius_m: self.beam.spot_radius_m(range_m),
+            counts: shot.counts(),
+            radius_m: self.beam.spot_radius_m(shot.laser.range_m),
             photons: vec![0.0; count + 2],
             area: vec![0.0; count + 2],
             bins,
         };
         let scene = eye.body().scene();
-        let view = View::Distant(toward);
-        eye.pieces(toward, sun, view, &mut |piece, weights| {
+        let view = View::Distant(telescope);
+        eye.pieces(laser, sun, view, &mut |piece, weights| {
             let range = scene.weights_of(piece.material);
             let pairs = weights[range.clone()].iter().zip(&reflectance[range]);
             sums.add(piece, pairs.map(|(w, r)| w * r).sum());
         })?;
-        for glint in eye.glints(toward, sun, toward)? {
+        for glint in eye.glints(laser, sun, telescope)? {
             let range = scene.weights_of(glint.material);
             let sum: f64 = glint.weights.iter().zip(&reflectance[range]).map(|(w, r)| w * r).sum();
             sums.point(glint.point_m, sum);
@@ -132,19 +148,44 @@ impl Shot<'_> {
             area_m2: sums.area[1..=count].to_vec(),
             total,
             outside,
+            bounced: None,
         })
     }
-}
 
-impl Shot<'_> {
-    /// The distance of a point from the beam's axis, m.
-    fn off_axis(&self, point_m: DVec3) -> f64 {
-        let across = point_m - self.off_axis_m;
-        (across - across.dot(self.toward) * self.toward).length()
+    /// The same with unit vectors.
+    pub(super) fn checked(&self) -> Result<Self, DepthError> {
+        let stand = |what, Stand { toward, range_m }: Stand| {
+            if !(range_m.is_finite() && range_m > 0.0) {
+                return Err(DepthError::Range { range_m });
+            }
+            let none = DirectionError::NoDirection { what, value: toward };
+            Ok(Stand { toward: toward.try_normalize().ok_or(none)?, range_m })
+        };
+        let laser = stand("the direction of the laser", self.laser)?;
+        let telescope = stand("the direction of the telescope", self.telescope)?;
+        Ok(Self { laser, telescope, ..*self })
     }
 
-    fn fluence(&self, point_m: DVec3) -> f64 {
-        self.beam.fluence_j_m2(self.range_m, self.off_axis(point_m))
+    /// Detected photons of a fluence of 1 J m⁻² on what sends 1 m² sr⁻¹.
+    pub(super) fn counts(&self) -> f64 {
+        let range_m = self.telescope.range_m;
+        self.receiver.counts(1.0, self.beam.wavelength_nm) / (range_m * range_m)
+    }
+
+    /// The distance of a point from the beam's axis, m.
+    fn off_axis(&self, point_m: DVec3) -> f64 {
+        let (across, axis) = (point_m - self.off_axis_m, self.laser.toward);
+        (across - across.dot(axis) * axis).length()
+    }
+
+    /// The fluence at a point, J m⁻².
+    pub(super) fn fluence(&self, point_m: DVec3) -> f64 {
+        self.beam.fluence_j_m2(self.laser.range_m, self.off_axis(point_m))
+    }
+
+    /// The depth of light that meets the body at one point and leaves it at another, without the way between them, m.
+    pub(super) fn depth_m(&self, first_m: DVec3, last_m: DVec3) -> f64 {
+        -0.5 * (first_m.dot(self.laser.toward) + last_m.dot(self.telescope.toward))
     }
 }
 
@@ -155,6 +196,7 @@ impl Profile {
         self.photons.iter_mut().for_each(|p| *p *= up * down);
         self.total *= up * down;
         self.outside *= up * down;
+        self.bounced = self.bounced.map(|b| b.times(up * down));
         self
     }
 
@@ -228,7 +270,7 @@ impl Sums<'_> {
     /// Adds a point that sends `intensity` \[m² sr⁻¹\].
     fn point(&mut self, point_m: DVec3, intensity: f64) {
         let fluence = self.shot.fluence(point_m);
-        let depth = -point_m.dot(self.shot.toward);
+        let depth = self.shot.depth_m(point_m, point_m);
         self.spread([depth; 3], fluence * intensity * self.counts, 0.0);
     }
 
@@ -253,23 +295,22 @@ impl Sums<'_> {
         let area = 0.5 * (b - a).cross(c - a).length();
         let fluence = self.shot.fluence(middle);
         let photons = fluence * per_area * area * self.counts;
-        let depths = [a, b, c].map(|p| -p.dot(self.shot.toward));
+        let depths = [a, b, c].map(|p| self.shot.depth_m(p, p));
         self.spread(depths, photons, area * cos);
     }
 
     /// Spreads amounts over the bins as the area of a triangle with these depths lies.
     fn spread(&mut self, mut depths: [f64; 3], photons: f64, area: f64) {
         depths.sort_by(f64::total_cmp);
-        let DepthBins { from_m, step_m, count } = self.bins;
-        let bin = |d: f64| ((d - from_m) / step_m).floor().clamp(-1.0, count as f64) as isize;
-        let (first, last) = (bin(depths[0]), bin(depths[2]));
+        let DepthBins { from_m, step_m, .. } = self.bins;
+        let (first, last) = (self.bins.row(depths[0]), self.bins.row(depths[2]));
         let mut below = 0.0;
-        for k in first..=last {
-            let end = from_m + (k + 1) as f64 * step_m;
-            let up_to = if k == last { 1.0 } else { share_below(depths, end) };
+        for row in first..=last {
+            let end = from_m + row as f64 * step_m;
+            let up_to = if row == last { 1.0 } else { share_below(depths, end) };
             let share = (up_to - below).max(0.0);
-            self.photons[(k + 1) as usize] += photons * share;
-            self.area[(k + 1) as usize] += area * share;
+            self.photons[row] += photons * share;
+            self.area[row] += area * share;
             below = up_to;
         }
     }

@@ -4,15 +4,17 @@
 
 mod scenes;
 mod sums;
+mod tracer;
 
 use glam::DVec3;
-use scenes::{Tracer, scene};
+use scenes::scene;
 use sunglint_radiometry::spectrum::Spectrum;
 use sunglint_simulator::light::engine::{Switch, Switches};
 use sunglint_simulator::light::{Course, Engine, Globe, Lighting, Need, Options, Source, View};
 use sunglint_simulator::mesh::Mesh;
 use sunglint_simulator::surface::{Distribution, Fresnel, Lobe, Masking, Material};
 use sunglint_simulator::target::{Shape, Target};
+use tracer::Tracer;
 
 /// A way on which neither the Earth nor the distance counts.
 fn far_away() -> Course {
@@ -185,45 +187,108 @@ fn lighting(sun_body: DVec3, to: DVec3, sun_radius_rad: f64) -> Lighting {
 
 /// A random scene's light by the engine and by paths: the light, the stated error, the paths' light and their standard error.
 fn compared(seed: u64, paths: usize) -> [f64; 4] {
-    let random = scene(seed);
-    let engine = engine(&random.target, 1e-3, Switches::default());
+    found(&scene(seed), paths, 7000 + seed)
+}
+
+fn found(random: &scenes::RandomScene, paths: usize, seed: u64) -> [f64; 4] {
+    let (View::Distant(to) | View::At(to)) = random.view;
+    let course = Course {
+        phase_rad: random.sun.angle_between(to),
+        range_m: if let View::At(q) = random.view { q.length() } else { 1e12 },
+        earthshine: random.earth.map_or(0.0, |_| Course::default().earthshine),
+        ..far_away()
+    };
+    let engine = Engine::new(&random.target, &Options::default(), &course).unwrap();
     let mut weights = vec![0.0; engine.terms().len()];
     let mut errors = weights.clone();
-    let lighting = lighting(random.sun, random.to, random.sun_radius_rad);
+    let none = lighting(random.sun, to, random.sun_radius_rad);
+    let earth = random.earth.or(none.earth);
+    let lighting = Lighting { view: random.view, earth, ..none };
     engine.worker().light(&lighting, &mut weights, &mut errors).unwrap();
     let at = |row: &[f64]| -> f64 {
         let tau = engine.terms().iter().map(|t| t.spectrum.at(550.0));
         tau.zip(row).map(|(tau, w)| tau * w).sum()
     };
-    let (truth, sigma) = Tracer::new(&random).intensity(paths, 7000 + seed);
+    let (truth, sigma) = Tracer::new(random).intensity(paths, seed);
     [at(&weights), at(&errors), truth, sigma]
 }
 
-/// The error that a result states covers the true error, for random bodies, attitudes and paints.
+/// Truth: the path tracer. A white sphere in front of a white plate and as large as it: facets alone see nothing of each other, but sphere and plate do. What is stated covers the
+/// difference (three standard errors of the paths), and the light of more than one scattering is a good part of all.
+#[test]
+fn a_sphere_and_a_plate_send_light_to_each_other() {
+    let text = r#"
+[[part]]
+name = "sphere"
+shape = "sphere"
+radius_m = 0.4
+offset_m = [0, 0, 0.5]
+material = "white"
+[[part]]
+name = "plate"
+shape = "box"
+size_m = [1, 1, 0.02]
+material = "white"
+[[material]]
+name = "white"
+model = "lambert"
+reflectance = 0.9
+"#;
+    let target = Target::parse("sphere.toml", text).unwrap();
+    let need = need(&target, 1e-3, "inter-reflection");
+    assert!(need.is_modelled(), "{need:?}");
+    let sun = DVec3::new(0.5, 0.2, 0.8).normalize();
+    let view = View::Distant(DVec3::new(0.8, -0.1, 0.5).normalize());
+    let paints = vec![scenes::Paint { reflectance: 0.9, lobe: None }; 2];
+    let random =
+        scenes::RandomScene { target, paints, sun, view, earth: None, sun_radius_rad: 4.65e-3 };
+    let [light, stated, truth, sigma] = found(&random, 60_000, 5);
+    assert!((light - truth).abs() <= stated + 3.0 * sigma, "{light} {truth} {stated} {sigma}");
+    assert!(stated + 3.0 * sigma < 0.03 * truth, "{stated} {sigma} {truth}");
+}
+
+/// How likely it is that of n trials of 5 % each so many or more come true.
+fn chance(n: u64, missed: u64) -> f64 {
+    let mut term = 0.95_f64.powi(n as i32);
+    let mut below = 0.0;
+    for k in 0..missed {
+        below += term;
+        term *= (n - k) as f64 / (k + 1) as f64 * 0.05 / 0.95;
+    }
+    1.0 - below
+}
+
+/// The error that a result states covers the true error, for random bodies, attitudes, paints, lights and observers: boxes, spheres, hinged panels, Lambert, Beckmann and GGX, the
+/// Sun's disc, the Earth below convex bodies, near observers, all orders of scattering ([`scenes::scene`]).
 ///
-/// Truth: a path tracer written in `scenes.rs`, with its own intersections and its own BRDFs: the Sun's disc, eight bounces. What is stated must cover the
-/// difference in 95 % of the scenes, within two standard errors of the paths.
+/// Truth: the path tracer of `tracer.rs`, with its own intersections and its own BRDFs: the Sun's limb-darkened disc, the Earth's cap, nine bounces. What is stated must cover the
+/// difference in 95 % of the scenes, within two standard errors of the paths: as many misses as there are must not be less likely than 1 % if each scene misses with 5 %.
 #[test]
 fn campaign_stated_error() {
     let mut campaign = sunglint_testkit::Campaign::start("stated_error", 200);
     let (mut missed, mut lit, mut worst) = (0, 0, 0.0_f64);
-    let mut shares = Vec::new();
     for seed in campaign.seeds() {
         let [light, stated, truth, sigma] = compared(seed, 40_000);
         let off = (light - truth).abs();
         lit += usize::from(truth > 0.0);
         if off > stated + 2.0 * sigma {
             missed += 1;
-            eprintln!("seed {seed}: {light} against {truth} ± {sigma}, stated {stated}");
+            let beyond = (off - stated) / sigma;
+            eprintln!(
+                "seed {seed}: {light:.5e} against {truth:.5e} ± {:.1e}, stated {:.1e}: off {:.1e}, {beyond:.1} standard errors beyond",
+                sigma / truth,
+                stated / truth,
+                off / truth
+            );
         }
-        shares.push(stated / truth.max(1e-12));
         worst = worst.max((off - stated) / sigma.max(1e-12));
     }
     let n = campaign.seeds().count();
     eprintln!(
         "{missed} of {n} missed, {lit} lit, worst {worst:.2} standard errors beyond what is stated"
     );
-    assert!(20 * missed <= n, "{missed} of {n}");
+    let p = chance(n as u64, missed);
+    assert!(p > 0.01, "{missed} of {n} missed, p = {p:.1e}");
     assert!(2 * lit > n);
     campaign.largest("largest_standard_errors_beyond", worst);
     campaign.finish();

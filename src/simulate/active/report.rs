@@ -27,6 +27,23 @@ fn shape(beam: BeamShape) -> &'static str {
     }
 }
 
+/// What was done about light that the body scatters more than once.
+fn bounces(r: &Returns<'_>) -> String {
+    let why = &r.need.why;
+    if r.need.needed {
+        let percent = 100.0 * r.most_bounced();
+        format!("{why}: up to {percent:.2} % of the photons, by half of their whole way")
+    } else {
+        match r.need.bound {
+            Some(bound) if bound > 0.0 => {
+                format!("left out, at most {:.2} %: {why}", 100.0 * bound)
+            }
+            Some(_) => format!("none: {why}"),
+            None => format!("left out: {why}"),
+        }
+    }
+}
+
 fn finite_range(values: &[f64]) -> Option<(f64, f64)> {
     let good = values.iter().copied().filter(|v| v.is_finite());
     let ends = good.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -40,7 +57,7 @@ impl Report<'_> {
 
     pub fn text(&self) -> String {
         let mut text = String::from(
-            "\nlaser returns, per shot and in the mean (light scattered once; retro-reflectors are not modelled)\n",
+            "\nlaser returns, per shot and in the mean (retro-reflectors are not modelled)\n",
         );
         for r in self.returns {
             self.say(&mut text, r);
@@ -75,6 +92,14 @@ impl Report<'_> {
                 spot.0, spot.1, air.0, air.1
             );
         }
+        if let Some(apart) = r.apart_deg.as_deref().and_then(finite_range) {
+            let _ = writeln!(
+                text,
+                "    apart      laser and telescope stand {:.2}° to {:.2}° apart as the target sees them",
+                apart.0, apart.1
+            );
+        }
+        let _ = writeln!(text, "    bounces    {}", bounces(r));
         let Some(best) = r.best() else {
             text.push_str("    nothing comes back\n");
             return;
@@ -133,10 +158,18 @@ impl Report<'_> {
                 "receiver": self.channel(r),
                 "counts_per_photon": rounded(r.efficiency),
                 "repetition_rate_hz": l.repetition_rate_hz,
+                "apart": l.site.is_some(),
+                "bounces": {
+                    "traced": r.need.needed,
+                    "bound": r.need.bound.map(rounded),
+                    "largest_share": rounded(r.most_bounced()),
+                },
                 "best": {
                     "time_utc": best.map(|i| format_utc_shortest(self.simulation.pass.times[i])),
                     "range_m": best.map(|i| rounded(self.simulation.places[i].geometry.range_m)),
                     "photons_per_shot": at(&r.photons),
+                    "bounced_photons_per_shot": at(&r.bounced),
+                    "bounced_error": at(&r.bounced_error),
                     "detection_probability": at(&r.probability),
                     "rate_hz": at(&r.rate_hz),
                     "passive_rate_hz": at(&r.passive_hz),
@@ -151,7 +184,7 @@ impl Report<'_> {
                 "by_altitude": by,
             })
         };
-        json!({ "orders_of_scattering": 1, "lasers": self.returns.iter().map(one).collect::<Vec<_>>() })
+        json!({ "lasers": self.returns.iter().map(one).collect::<Vec<_>>() })
     }
 
     pub fn product(&self, name: &str) -> anyhow::Result<Product> {
@@ -193,7 +226,10 @@ impl Report<'_> {
                 .replace('²', "^2")
         };
         let mut notes: Vec<String> = self.returns.iter().map(beam).collect();
-        notes.push("light scattered once; retro-reflectors are not modelled".into());
+        notes.extend(
+            self.returns.iter().map(|r| format!("{}: bounces: {}", r.laser.name, bounces(r))),
+        );
+        notes.push("retro-reflectors are not modelled".into());
         table.meta.insert("comments".into(), json!(notes));
         table
     }
@@ -224,6 +260,18 @@ impl Report<'_> {
                     &r.photons,
                 ),
                 number(
+                    name("bounced_photons"),
+                    None,
+                    "of them, scattered more than once",
+                    &r.bounced,
+                ),
+                number(
+                    name("bounced_error"),
+                    None,
+                    "what these may be off by, as claimed",
+                    &r.bounced_error,
+                ),
+                number(
                     name("detection_probability"),
                     None,
                     "of at least one photon of a shot",
@@ -237,7 +285,12 @@ impl Report<'_> {
                     &r.passive_hz,
                 ),
                 number(name("total_rate_hz"), Some("Hz"), "both", &sums),
-                number(name("transmission"), None, "of the air, one way", &r.transmission),
+                number(
+                    name("transmission"),
+                    None,
+                    "of the air, one way, to the telescope",
+                    &r.transmission,
+                ),
                 number(name("spot_radius_m"), Some("m"), "at the target", &r.spot_m),
                 number(
                     name("mean_offset_m"),
@@ -264,6 +317,12 @@ impl Report<'_> {
                     &r.earth_ratio,
                 ),
             ]);
+            if let Some(apart) = &r.apart_deg {
+                table.columns.extend([
+                    number(name("apart_deg"), Some("deg"), "laser, target, telescope", apart),
+                    number(name("up_transmission"), None, "of the air, from the laser", &r.up),
+                ]);
+            }
         }
         table
     }

@@ -3,19 +3,24 @@
 use crate::picture::reflectances;
 use anyhow::{Context as _, bail};
 use rayon::prelude::*;
+use std::f64::consts::SQRT_2;
 use sunglint_radiometry::air::{Sampling, Zenith};
 use sunglint_radiometry::light::sun_at_1_au;
 use sunglint_radiometry::station::{Channel, Detector, Laser};
-use sunglint_simulator::light::{Faceted, shine};
-use sunglint_simulator::pass::{Pass, Place, Simulation};
+use sunglint_simulator::light::bounce::BounceOptions;
+use sunglint_simulator::light::{Faceted, FacetedEye, Need, shine};
+use sunglint_simulator::pass::{Elsewhere, Pass, Place, Simulation};
 use sunglint_simulator::ranging::{
-    Beam, DepthBins, Profile, Receiver, Shot, detection_probability,
+    Beam, Bounces, BouncesError, BouncesEye, DepthBins, Profile, Receiver, Shot, Stand,
+    detection_probability,
 };
 
 /// Bins of range over the body.
 const BINS: usize = 200;
 /// With so many photons per shot in the mean 95 % of the shots yield at least one: −ln 0.05.
 pub const SATURATED: f64 = 2.995_732_273_553_991;
+/// Light paths of a shot at most: about 10 ms. What they leave open is in the stated error.
+const BOUNCES: BounceOptions = BounceOptions { tolerance: 1e-3, seed: 0, most_paths: 4096 };
 /// Points along each side of a panel of the Earth's cap.
 const CAP_ORDER: usize = 8;
 /// Altitudes of the table of sunlight over laser light, km (thesis fig. 3.5).
@@ -29,6 +34,8 @@ pub struct Returns<'a> {
     pub channel: usize,
     /// Counts per photon at the telescope, at the laser's wavelength.
     pub efficiency: f64,
+    /// Whether photons are traced that the body scatters more than once.
+    pub need: Need,
     pub bins: DepthBins,
     /// Mean number of detected photons per shot.
     pub photons: Vec<f64>,
@@ -38,8 +45,14 @@ pub struct Returns<'a> {
     pub rate_hz: Vec<f64>,
     /// The channel's rate from sunlight, Hz.
     pub passive_hz: Vec<f64>,
-    /// Transmission of the air, one way.
+    /// Transmission of the air, one way, to the telescope.
     pub transmission: Vec<f64>,
+    /// The angle between laser, target and telescope, degrees, and the transmission on the way up; of a laser that has a site of its own.
+    pub apart_deg: Option<Vec<f64>>,
+    pub up: Vec<f64>,
+    /// Of the photons per shot those that were scattered more than once, and the claimed error of that; 0 where they are not traced.
+    pub bounced: Vec<f64>,
+    pub bounced_error: Vec<f64>,
     /// Radius of the spot at the target, m.
     pub spot_m: Vec<f64>,
     /// Sunlight over laser light at the target, within the line and a pulse.
@@ -100,90 +113,178 @@ fn earthshine(globe: &sunglint_simulator::light::Globe) -> f64 {
     shine::EARTH_ALBEDO * sum
 }
 
+/// What is the same for all shots of a laser.
+struct Aim<'a> {
+    pass: &'a Pass,
+    beam: Beam,
+    receiver: Receiver,
+    rho: Vec<f64>,
+    bins: DepthBins,
+    sampling: Sampling,
+}
+
+/// One shot's return.
+struct Return {
+    profile: Profile,
+    /// Transmissions of the air up and down.
+    air: [f64; 2],
+    laser_range_m: f64,
+}
+
+impl Aim<'_> {
+    /// The return at a place; `None` while station or laser do not see the target.
+    fn shot(
+        &self,
+        eyes: &mut (FacetedEye<'_>, BouncesEye<'_>),
+        place: &Place,
+        elsewhere: Option<&Elsewhere>,
+    ) -> anyhow::Result<Option<Return>> {
+        if place.hidden || elsewhere.is_some_and(|e| e.zenith_deg > 90.0) {
+            return Ok(None);
+        }
+        let geometry = &place.geometry;
+        let air = |zenith_deg, range_m| {
+            transmission(self.pass, Zenith::Near { true_deg: zenith_deg, range_m }, &self.sampling)
+        };
+        let telescope = Stand { toward: place.observer_body, range_m: geometry.range_m };
+        let down = air(geometry.zenith_deg(), geometry.range_m);
+        let (laser, up) = elsewhere.map_or((telescope, down), |e| {
+            (Stand { toward: e.toward_body, range_m: e.range_m }, air(e.zenith_deg, e.range_m))
+        });
+        let shot = Shot {
+            beam: &self.beam,
+            receiver: &self.receiver,
+            laser,
+            telescope,
+            off_axis_m: glam::DVec3::ZERO,
+            sun_body: place.sun_body,
+        };
+        let mut profile = shot.profile(&mut eyes.0, &self.rho, self.bins)?;
+        shot.add_bounces(&mut eyes.1, &mut profile)?;
+        let profile = profile.through(up, down);
+        Ok(Some(Return { profile, air: [up, down], laser_range_m: laser.range_m }))
+    }
+}
+
+/// What the body's surfaces do with the laser's light among each other, to the tolerance of the pass.
+fn bounces(pass: &Pass, nm: f64) -> Result<Bounces, BouncesError> {
+    let options = BounceOptions { tolerance: pass.tolerance, ..BOUNCES };
+    Bounces::new(&pass.target, nm, pass.effects.inter_reflection, &options)
+}
+
 impl<'a> Returns<'a> {
     pub fn of(simulation: &Simulation<'a>, laser: &'a Laser) -> anyhow::Result<Self> {
         let pass = simulation.pass;
         let channel = channel(pass, laser)?;
-        let beam = Beam::of(laser);
         let nm = laser.wavelength_nm;
         let efficiency = pass.station.channels[channel].sensitivity_at(nm);
-        let receiver = Receiver { area_m2: pass.station.telescope.area_m2(), efficiency };
         let body = Faceted::new(&pass.target)
             .with_context(|| format!("the target {}", pass.target.name))?;
-        let rho =
-            reflectances(body.scene(), nm).with_context(|| format!("laser {}", laser.name))?;
+        let context = || format!("laser {}", laser.name);
+        let rho = reflectances(body.scene(), nm).with_context(context)?;
+        let bounces = bounces(pass, nm).with_context(context)?;
         let half_m = 1.02 * body.radius_m().max(1e-6);
-        let bins = DepthBins { from_m: -half_m, step_m: 2.0 * half_m / BINS as f64, count: BINS };
-        let sampling = Sampling::points(&[nm])
-            .with_context(|| format!("laser {}: the air at {nm} nm", laser.name))?;
-        let one = |place: &Place| -> anyhow::Result<Option<(Profile, f64)>> {
-            if place.hidden {
-                return Ok(None);
-            }
-            let geometry = &place.geometry;
-            let zenith =
-                Zenith::Near { true_deg: geometry.zenith_deg(), range_m: geometry.range_m };
-            let air = transmission(pass, zenith, &sampling);
-            let shot = Shot {
-                beam: &beam,
-                receiver: &receiver,
-                toward: place.observer_body,
-                range_m: geometry.range_m,
-                off_axis_m: glam::DVec3::ZERO,
-                sun_body: place.sun_body,
-            };
-            let profile = shot.profile(&mut body.eye(), &rho, bins)?;
-            Ok(Some((profile.through(air, air), air)))
+        // Light from one side of a ball to the other is late by up to √2 of its radius.
+        let far_m = if bounces.need().needed { SQRT_2 * half_m } else { half_m };
+        let aim = Aim {
+            pass,
+            beam: Beam::of(laser),
+            receiver: Receiver { area_m2: pass.station.telescope.area_m2(), efficiency },
+            rho,
+            bins: DepthBins {
+                from_m: -half_m,
+                step_m: (half_m + far_m) / BINS as f64,
+                count: BINS,
+            },
+            sampling: Sampling::points(&[nm])
+                .with_context(|| format!("laser {}: the air at {nm} nm", laser.name))?,
         };
-        let found: Vec<Option<(Profile, f64)>> = simulation
-            .places
-            .par_iter()
-            .map(one)
+        let places = &simulation.places;
+        let elsewhere = laser
+            .site
+            .map(|site| pass.elsewhere(&site, places))
+            .transpose()
+            .with_context(context)?;
+        let found: Vec<Option<Return>> = (0..places.len())
+            .into_par_iter()
+            .map_init(
+                || (body.eye(), bounces.eye()),
+                |eyes, i| aim.shot(eyes, &places[i], elsewhere.as_ref().map(|e| &e[i])),
+            )
             .collect::<Vec<_>>()
             .into_iter()
             .collect::<Result<_, _>>()?;
-        let n = found.len();
-        let (first_nm, last_nm) = pass.sun.range_nm();
-        let sun = if (first_nm..=last_nm).contains(&nm) { pass.sun.at(nm) } else { f64::NAN };
-        let mut returns = Self {
-            laser,
-            channel,
-            efficiency,
-            bins,
-            photons: vec![f64::NAN; n],
-            probability: vec![f64::NAN; n],
-            rate_hz: vec![f64::NAN; n],
-            passive_hz: simulation.channels[channel].rate_hz.clone(),
-            transmission: vec![f64::NAN; n],
-            spot_m: vec![f64::NAN; n],
-            sun_ratio: vec![f64::NAN; n],
-            earth_ratio: vec![f64::NAN; n],
-            mean_m: vec![f64::NAN; n],
-            first_m: vec![f64::NAN; n],
-            profiles: Vec::with_capacity(n),
-            by_altitude: by_altitude(pass, &beam, &sampling),
-        };
-        for (i, (found, place)) in found.into_iter().zip(&simulation.places).enumerate() {
-            let Some((profile, air)) = found else {
-                returns.profiles.push(None);
-                continue;
-            };
-            let range_m = place.geometry.range_m;
-            let laser_light = air * beam.peak_spectral_irradiance(range_m);
-            let au = place.geometry.sun.distance_au();
-            returns.photons[i] = profile.total;
-            returns.probability[i] = detection_probability(profile.total);
-            returns.rate_hz[i] = profile.total * beam.repetition_rate_hz;
-            returns.transmission[i] = air;
-            returns.spot_m[i] = beam.spot_radius_m(range_m);
-            returns.sun_ratio[i] = place.sunlit * sun / (au * au) / laser_light;
-            let earth = place.lighting().earth.map_or(0.0, |globe| earthshine(&globe));
-            returns.earth_ratio[i] = earth * sun / (au * au) / laser_light;
-            returns.mean_m[i] = profile.mean_depth_m();
-            returns.first_m[i] = mean(&profile.first_photon(), bins);
-            returns.profiles.push(Some(profile));
+        let mut returns = Self::empty(simulation, laser, channel, &aim, bounces.need().clone());
+        returns.apart_deg = elsewhere.map(|all| all.iter().map(|e| e.apart_deg).collect());
+        for (i, found) in found.into_iter().enumerate() {
+            match found {
+                Some(one) => returns.set(i, one, &aim, &places[i]),
+                None => returns.profiles.push(None),
+            }
         }
         Ok(returns)
+    }
+
+    fn empty(
+        simulation: &Simulation<'a>,
+        laser: &'a Laser,
+        channel: usize,
+        aim: &Aim<'_>,
+        need: Need,
+    ) -> Self {
+        let unknown = vec![f64::NAN; simulation.places.len()];
+        Self {
+            laser,
+            channel,
+            efficiency: aim.receiver.efficiency,
+            need,
+            bins: aim.bins,
+            photons: unknown.clone(),
+            probability: unknown.clone(),
+            rate_hz: unknown.clone(),
+            passive_hz: simulation.channels[channel].rate_hz.clone(),
+            transmission: unknown.clone(),
+            apart_deg: None,
+            up: unknown.clone(),
+            bounced: unknown.clone(),
+            bounced_error: unknown.clone(),
+            spot_m: unknown.clone(),
+            sun_ratio: unknown.clone(),
+            earth_ratio: unknown.clone(),
+            mean_m: unknown.clone(),
+            first_m: unknown,
+            profiles: Vec::with_capacity(simulation.places.len()),
+            by_altitude: by_altitude(aim.pass, &aim.beam, &aim.sampling),
+        }
+    }
+
+    fn set(&mut self, i: usize, found: Return, aim: &Aim<'_>, place: &Place) {
+        let Return { profile, air: [up, down], laser_range_m } = found;
+        let (pass, nm) = (aim.pass, self.laser.wavelength_nm);
+        let (first_nm, last_nm) = pass.sun.range_nm();
+        let sun = if (first_nm..=last_nm).contains(&nm) { pass.sun.at(nm) } else { f64::NAN };
+        let laser_light = up * aim.beam.peak_spectral_irradiance(laser_range_m);
+        let au = place.geometry.sun.distance_au();
+        self.photons[i] = profile.total;
+        self.probability[i] = detection_probability(profile.total);
+        self.rate_hz[i] = profile.total * aim.beam.repetition_rate_hz;
+        self.transmission[i] = down;
+        self.up[i] = up;
+        self.bounced[i] = profile.bounced.as_ref().map_or(0.0, |b| b.total);
+        self.bounced_error[i] = profile.bounced.as_ref().map_or(0.0, |b| b.error);
+        self.spot_m[i] = aim.beam.spot_radius_m(laser_range_m);
+        self.sun_ratio[i] = place.sunlit * sun / (au * au) / laser_light;
+        let earth = place.lighting().earth.map_or(0.0, |globe| earthshine(&globe));
+        self.earth_ratio[i] = earth * sun / (au * au) / laser_light;
+        self.mean_m[i] = profile.mean_depth_m();
+        self.first_m[i] = mean(&profile.first_photon(), aim.bins);
+        self.profiles.push(Some(profile));
+    }
+
+    /// The largest share of photons that were scattered more than once.
+    pub fn most_bounced(&self) -> f64 {
+        let shares = self.bounced.iter().zip(&self.photons).map(|(b, n)| b / n);
+        shares.filter(|s| s.is_finite()).fold(0.0, f64::max)
     }
 
     /// Sums of all samples' photons per shot, of their first photons and of the true depth of what is seen, m², in each bin.

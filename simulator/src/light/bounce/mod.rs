@@ -18,6 +18,7 @@
 mod bound;
 mod cast;
 mod claim;
+mod echo;
 mod nodes;
 mod optics;
 mod patches;
@@ -30,6 +31,7 @@ mod tracing;
 mod transport;
 mod twin;
 
+pub(crate) use echo::{Echo, Echoes};
 pub use twin::{StandIn, stand_in};
 
 use super::{DirectionError, Effect, Lighting, Need, Scene, Source, Term, View};

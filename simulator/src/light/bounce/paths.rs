@@ -8,6 +8,7 @@
 //! know of each other give the error.
 
 use super::cast::{Caster, Ray};
+use super::echo::Echo;
 use super::optics::Optics;
 use super::surfaces::{Place, Surfaces};
 use crate::light::occlude::Toward;
@@ -60,6 +61,8 @@ pub struct Sums {
     found: u32,
     /// What the active surfaces fill across both ends at most, m².
     across: f64,
+    /// Each path's own light, where it is wanted.
+    pub echoes: Option<Vec<Echo>>,
 }
 
 impl Sums {
@@ -73,6 +76,7 @@ impl Sums {
             starts: 0.0,
             found: 0,
             across: 0.0,
+            echoes: None,
         }
     }
 
@@ -177,6 +181,7 @@ impl Paths<'_> {
         for scramble in 0..SCRAMBLES {
             let row = scramble as usize * nodes..(scramble as usize + 1) * nodes;
             let seed = mixed(self.seed, scramble);
+            let before = sums.echoes.as_ref().map_or(0, Vec::len);
             for index in first..until {
                 // The points' bits are stratified over both halves.
                 let from_sun = !self.both_ends || index % 2 == 0;
@@ -189,10 +194,21 @@ impl Paths<'_> {
                 let (bounced, direct) =
                     (&mut sums.bounced[row.clone()], &mut sums.direct[row.clone()]);
                 let mut direct = from_sun.then_some(direct);
-                let found =
-                    self.one(start, end, (index, seed), share, &mut light, bounced, &mut direct);
+                let echoes = &mut sums.echoes;
+                let found = self.one(
+                    start,
+                    end,
+                    (index, seed),
+                    share,
+                    &mut light,
+                    bounced,
+                    &mut direct,
+                    echoes,
+                );
                 sums.found += u32::from(found);
             }
+            let own = sums.echoes.iter_mut().flat_map(|e| &mut e[before..]);
+            own.for_each(|e| e.scramble = scramble as usize);
         }
         // Half of the paths begin at the Sun; each kind's sum is over its own.
         sums.starts = share;
@@ -211,6 +227,7 @@ impl Paths<'_> {
         [light, last]: &mut [Vec<f64>; 2],
         bounced: &mut [f64],
         direct: &mut Option<&mut [f64]>,
+        echoes: &mut Option<Vec<Echo>>,
     ) -> bool {
         let mut found = false;
         let numbers = |set: u32| {
@@ -230,6 +247,7 @@ impl Paths<'_> {
         // How likely the way back is beside this way.
         let mut back = 1.0 / start.density(cos);
         let mut mirrored_first = false;
+        let (first, mut between_m) = (here.at, 0.0);
         for order in 1..LONGEST {
             let u = numbers(order);
             let material = self.surfaces.list[here.surface].material;
@@ -276,7 +294,13 @@ impl Paths<'_> {
             if self.both_ends && !mirrored_first {
                 weight *= self.weight(end, &there, arrives, back);
             }
-            found |= self.count(end, &there, arrives, light, last, weight, bounced);
+            between_m += hit.distance;
+            let seen = self.count(end, &there, arrives, light, last, weight, bounced);
+            if let (true, Some(echoes)) = (seen, &mut *echoes) {
+                let from_sun = direct.is_some();
+                echoes.push(Echo::new(from_sun, [first, there.at], between_m, last[0]));
+            }
+            found |= seen;
             (here, came) = (there, arrives);
         }
         found

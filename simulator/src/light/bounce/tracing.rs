@@ -20,6 +20,8 @@ const CLAIMED: f64 = 3.5;
 const OF_TOLERANCE: f64 = 0.7;
 /// Scenes of more facets leave the direct light to the paths.
 const MOST_EXACT: usize = 2000;
+/// What the direct light may be off by beside which bounced light is weighed.
+const ROUGH_DIRECT: f64 = 1e-2;
 /// Cost of a path, s, estimated for the report.
 const PATH_S: f64 = 1e-6;
 
@@ -141,8 +143,15 @@ pub struct Direct<'a> {
 impl<'a> Direct<'a> {
     pub fn new(scene: &'a Scene, nm: &[f64]) -> Self {
         let few = scene.facets.len() <= MOST_EXACT;
+        let evaluator = || {
+            let mut evaluator = scene.evaluator();
+            // It decides how many paths there are, no more.
+            evaluator.set_curved_tolerance(ROUGH_DIRECT);
+            evaluator.set_near_tolerance(ROUGH_DIRECT);
+            evaluator
+        };
         Self {
-            evaluator: few.then(|| scene.evaluator()),
+            evaluator: few.then(evaluator),
             rho: scene.spectra().map(|s| nm.iter().map(|nm| s.at(*nm)).collect()).collect(),
             weights: vec![0.0; scene.weight_count()],
             light: vec![0.0; nm.len()],

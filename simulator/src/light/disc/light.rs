@@ -392,7 +392,13 @@ impl Evaluator<'_> {
         let at = DVec3::new(rel.dot(u), rel.dot(v), rel.dot(normal));
         let tolerance = now.sun.options.tolerance;
         let averager = &mut self.disc.averager;
-        let narrow = !matches!(material.width(), crate::surface::Width::Even);
+        // What is averaged is as wide as the disc or the lobe, whichever is wider.
+        let width = match material.width() {
+            crate::surface::Width::Even => f64::INFINITY,
+            crate::surface::Width::Lobe { lobe, .. } => 0.5 * lobe.narrowest(),
+            crate::surface::Width::Other(width) => 0.25 * width,
+            crate::surface::Width::Mirror(_) => 0.0,
+        };
         let mut open = 0.0_f64;
         let mut weigh = |to: DVec3, scale: f64, out: &mut [f64]| {
             averager.facet(material, disc, to, now.earth, tolerance);
@@ -402,7 +408,7 @@ impl Evaluator<'_> {
         let mut task = near::Task {
             weigh: &mut weigh,
             tolerance: tolerance.max(near::TOLERANCE),
-            longest_m: if narrow { 0.5 * disc.sine * rel.length() } else { f64::INFINITY },
+            longest_m: 0.5 * disc.sine.max(width) * rel.length(),
             at,
             range_squared: eye.length_squared(),
             facet_area: facet.area,

@@ -6,6 +6,9 @@ use crate::light::{DirectionError, Effect, Evaluator, Lighting, Need, Scene, Sce
 /// Seconds for a facet, for a pair of a facet and what may hide it, for a sphere: of a core of about 3 GHz.
 const COSTS_S: [f64; 3] = [5e-8, 2e-8, 1e-7];
 
+/// Of the tolerance, the part that the quadrature over facets may take that are seen from a point.
+const OF_TOLERANCE: f64 = 1e-3;
+
 pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     let scene = question.scene;
     let report = scene.report();
@@ -26,7 +29,13 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
         Need { effect: "direct light", needed: true, bound: None, why, cost_s: Some(cost_s) };
     Ok(Answer {
         need,
-        part: Some((terms, Box::new(Direct { disc: super::disc::is_modelled(question) }))),
+        part: Some((
+            terms,
+            Box::new(Direct {
+                disc: super::disc::is_modelled(question),
+                near_tolerance: OF_TOLERANCE * question.options.tolerance,
+            }),
+        )),
         doubt: None,
     })
 }
@@ -50,6 +59,8 @@ pub(super) fn cost_of_pairs_s(question: &Question) -> f64 {
 struct Direct {
     /// Whether the disc is wanted in full light too, not only in partial eclipses.
     disc: bool,
+    /// Of facets that are seen from a point.
+    near_tolerance: f64,
 }
 
 impl Part for Direct {
@@ -60,7 +71,9 @@ impl Part for Direct {
     fn worker<'a>(&'a self, scene: &'a Scene) -> Box<dyn Effect + 'a> {
         let row = vec![0.0; scene.term_count()];
         let (weights, errors) = (row.clone(), row);
-        Box::new(Once { disc: self.disc, evaluator: scene.evaluator(), weights, errors })
+        let mut evaluator = scene.evaluator();
+        evaluator.set_near_tolerance(self.near_tolerance);
+        Box::new(Once { disc: self.disc, evaluator, weights, errors })
     }
 }
 

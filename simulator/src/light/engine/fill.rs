@@ -25,10 +25,13 @@ impl Fill {
     /// Everything.
     const ALL: Self = Self { facet: 1.0, body: 1.0 };
 
-    /// Looks at a scene. Spheres are their flat facets.
+    /// Looks at a scene. What is round beside other things may fill all that they see: whoever needs more has to look closer.
     pub(super) fn of(scene: &Scene) -> Self {
         if scene.report().no_occlusion {
             return Self::default();
+        }
+        if !scene.rounds.is_empty() {
+            return Self::ALL;
         }
         let facets = scene.facets.len();
         let angles = if scene.hinges.is_empty() { 1 } else { ANGLES };

@@ -12,6 +12,8 @@ use sunglint_radiometry::spectrum::Spectrum;
 
 /// The largest share of sunlight that the ground may reflect as a whole: 0.30 and half of it more.
 pub(super) const EARTH_ALBEDO: f64 = 0.45;
+/// The error at which the division of curved parts stops that something shades or hides, of the light of one direction.
+const CURVED: f64 = 2e-3;
 /// Directions from which the Earth's light usually comes.
 const DIRECTIONS: f64 = 50.0;
 /// Irradiance of the full Moon over that of the Sun.
@@ -83,7 +85,11 @@ impl Part for Lit {
     }
 
     fn worker<'a>(&'a self, scene: &'a Scene) -> Box<dyn Effect + 'a> {
-        Box::new(shine::Earthshine::new(scene.evaluator(), self.tolerance))
+        let mut evaluator = scene.evaluator();
+        // Each of many directions brings a small part of what is itself a part of all light.
+        evaluator.set_curved_tolerance(CURVED);
+        evaluator.set_near_tolerance(1e-2 * self.tolerance);
+        Box::new(shine::Earthshine::new(evaluator, self.tolerance))
     }
 }
 

@@ -1,5 +1,9 @@
 //! Laser returns against closed forms and rays.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+mod bounces;
+
 use glam::DVec3;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -7,7 +11,7 @@ use std::f64::consts::PI;
 use sunglint_simulator::light::{Faceted, View};
 use sunglint_simulator::ranging::glint::{self, Mirror};
 use sunglint_simulator::ranging::{
-    Beam, BeamShape, DepthBins, DepthError, Profile, Receiver, Shot, detection_probability,
+    Beam, BeamShape, DepthBins, DepthError, Profile, Receiver, Shot, Stand, detection_probability,
 };
 use sunglint_simulator::target::{Shape, Target};
 
@@ -39,8 +43,9 @@ fn target(parts: &str) -> Target {
 }
 
 fn shot<'a>(beam: &'a Beam, toward: DVec3, range_m: f64) -> Shot<'a> {
-    let off_axis_m = DVec3::ZERO;
-    Shot { beam, receiver: &RECEIVER, toward, range_m, off_axis_m, sun_body: DVec3::X }
+    let (stand, off_axis_m) = (Stand { toward, range_m }, DVec3::ZERO);
+    let (laser, telescope) = (stand, stand);
+    Shot { beam, receiver: &RECEIVER, laser, telescope, off_axis_m, sun_body: DVec3::X }
 }
 
 fn returned(target: &Target, shot: &Shot, reflectance: &[f64], bins: DepthBins) -> Profile {
@@ -86,6 +91,29 @@ fn a_diffuse_plate() {
         assert!((found.area_m2[k] - 0.48 * 0.8 * share).abs() < 1e-12, "bin {k}");
     }
     assert!(found.mean_depth_m().abs() < 1e-12);
+}
+
+/// Truth: closed form, of a laser 60° to one side of a telescope above a diffuse plate: fluence at the laser's range, A cosθ_i cosθ_o ρ/π, the telescope's range
+/// to the square; half of the way is linear over the plate, ±0.15 m sin 60° for x = ±0.3 m (the telescope's part is 0). Rounding.
+#[test]
+fn a_laser_away_from_the_telescope() {
+    let plate =
+        target("[[part]]\nname = \"p\"\nshape = \"plate\"\nsize_m = [0.6, 0.8]\nfaces = [\"+z\"]");
+    let beam = graz();
+    let toward = DVec3::new(0.75_f64.sqrt(), 0.0, 0.5);
+    let aimed = Shot { laser: Stand { toward, range_m: 7e5 }, ..shot(&beam, DVec3::Z, 1e6) };
+    let found = returned(&plate, &aimed, &[0.4], BINS);
+    let w = 7e5 * (2.5_f64 / 3600.0).to_radians().tan() + 0.06;
+    let expected = counts(0.140 / (PI * w * w), 0.4 / PI * 0.48 * 0.5, 1e6);
+    assert!((found.total / expected - 1.0).abs() < 1e-12, "{} {expected}", found.total);
+    let reach = 0.15 * 0.75_f64.sqrt();
+    for (k, photons) in found.photons.iter().enumerate() {
+        let (low, high) = (-5.0 + 0.05 * k as f64, -5.0 + 0.05 * (k + 1) as f64);
+        let share = (high.min(reach) - low.max(-reach)).max(0.0) / (2.0 * reach);
+        assert!((photons - expected * share).abs() < 1e-12 * expected, "bin {k}");
+        // The area is that across the telescope's line of sight.
+        assert!((found.area_m2[k] - 0.48 * share).abs() < 1e-12, "bin {k}");
+    }
 }
 
 /// Truth: closed forms of spheres at phase angle 0: W = 2/3 ρR² of Lambert's, ρR²/4 of a mirror (total: 1e-9); depth below the front z has cosθ = 1 − z/R
@@ -280,6 +308,11 @@ fn the_bins_hold_what_the_engine_sums() {
     assert!((found.photons.iter().sum::<f64>() / expected - 1.0).abs() < 1e-12);
 }
 
+fn recorded(bins: DepthBins, photons: Vec<f64>) -> Profile {
+    let (total, area_m2) = (photons.iter().sum(), vec![0.0; photons.len()]);
+    Profile { bins, photons, area_m2, total, outside: 0.0, bounced: None }
+}
+
 /// Truth: Poisson statistics in closed form: P = 1 − e^{−n̄}; of two equal bins of n the first photon falls into the near one with 1 − e^{−n}, into the far one with
 /// e^{−n}(1 − e^{−n}).
 #[test]
@@ -288,7 +321,7 @@ fn a_detector_that_stops_at_the_first_photon_sees_the_near_side() {
     assert_eq!(detection_probability(0.0), 0.0);
     let bins = DepthBins { from_m: 0.0, step_m: 1.0, count: 2 };
     let photons = vec![1.5, 1.5];
-    let profile = Profile { bins, photons, area_m2: vec![0.0; 2], total: 3.0, outside: 0.0 };
+    let profile = recorded(bins, photons);
     let first = profile.first_photon();
     let near = 1.0 - (-1.5_f64).exp();
     assert!((first[0] - near).abs() < 1e-15 && (first[1] - (1.0 - near) * near).abs() < 1e-15);
@@ -299,7 +332,7 @@ fn a_detector_that_stops_at_the_first_photon_sees_the_near_side() {
     let bins = DepthBins { from_m: -10.0, step_m: 0.1, count: 200 };
     let mut photons = vec![0.0; 200];
     photons[80] = 2.0;
-    let profile = Profile { bins, photons, area_m2: vec![0.0; 200], total: 2.0, outside: 0.0 };
+    let profile = recorded(bins, photons);
     let blurred = profile.blurred(0.5);
     assert!((blurred.iter().sum::<f64>() - 2.0).abs() < 1e-12);
     let variance: f64 =
