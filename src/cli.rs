@@ -29,7 +29,7 @@ pub struct Cli {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Options of every command")]
 pub struct Global {
-    /// Seed of everything random; the same seed gives the same result. Nothing is random yet: no command depends on it
+    /// Seed of everything random; the same seed gives the same result (`calibrate`: the bootstrap of its intervals)
     #[arg(long, global = true, default_value_t = 0, value_name = "N")]
     pub seed: u64,
     /// Threads to use at most [default: as many as there are cores]; results do not depend on it
@@ -106,11 +106,11 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
         out.check_with(console)?;
     }
     match cli.global.threads {
-        None => cli.command.run(console),
+        None => cli.command.run(cli.global.seed, console),
         Some(threads) => {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build();
             pool.with_context(|| format!("cannot start {threads} threads"))?
-                .install(|| cli.command.run(console))
+                .install(|| cli.command.run(cli.global.seed, console))
         }
     }
 }
@@ -138,7 +138,7 @@ impl Command {
         }
     }
 
-    fn run(&self, console: Console) -> anyhow::Result<()> {
+    fn run(&self, seed: u64, console: Console) -> anyhow::Result<()> {
         match self {
             Command::Demo(args) => demo::run(args, console),
             Command::Tables(args) => tables::run(args, console),
@@ -152,7 +152,7 @@ impl Command {
             Command::Devices(command) => devices::run(command, console),
             Command::Observe(args) => observe::run(args, console),
             Command::Session(command) => session::run(command, console),
-            Command::Calibrate(args) => calibrate::run(args, console),
+            Command::Calibrate(args) => calibrate::run(args, seed, console),
             Command::Apply(args) => apply::run(args, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();
