@@ -13,7 +13,7 @@ fn pale(colour: RGBColor) -> RGBColor {
 /// The grey of lines that are no data.
 const GUIDE: RGBColor = RGBColor(170, 170, 170);
 /// Colours nearer to each other, in bytes, are taken for one.
-const ALIKE: f64 = 90.0;
+const ALIKE: f64 = 60.0;
 
 /// A colour for each channel: its wavelength's, or where another channel has nearly that already, the first of the palette that none has.
 pub(crate) fn colours(station: &Station) -> Vec<RGBColor> {
