@@ -29,7 +29,7 @@ pub struct Cli {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Options of every command")]
 pub struct Global {
-    /// Seed of everything random; the same seed gives the same result. Only `brdf ndf` depends on it: it draws readings anew
+    /// Seed of everything random; the same seed gives the same result. It counts for `brdf ndf` (readings drawn anew) and `calibrate` (the bootstrap of its intervals)
     #[arg(long, global = true, default_value_t = 0, value_name = "N")]
     pub seed: u64,
     /// Threads to use at most [default: as many as there are cores]; results do not depend on it
@@ -165,7 +165,7 @@ impl Command {
             Command::Devices(command) => devices::run(command, console),
             Command::Observe(args) => observe::run(args, console),
             Command::Session(command) => session::run(command, console),
-            Command::Calibrate(args) => calibrate::run(args, console),
+            Command::Calibrate(args) => calibrate::run(args, seed, console),
             Command::Apply(args) => apply::run(args, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();
