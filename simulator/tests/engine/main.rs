@@ -249,8 +249,8 @@ reflectance = 0.9
 }
 
 /// Truth: the path tracer. A corner of three white walls looks at the Earth, the Sun stands behind it: all its light is the Earth's, and a good part of it (ρF and more, with
-/// F = 0.40 by Hottel) has met two walls or more. What is stated covers the difference (three standard errors of the paths) and is below 4 % where bounces are
-/// modelled; where they are switched off it covers what is missing.
+/// F = 0.40 by Hottel) has met two walls or more. What is stated covers the difference (three standard errors of the paths) and is below 10 % where bounces are
+/// modelled (4,096 paths a panel of the cap, for which nothing but the Earth's light asks); where they are switched off it covers what is missing.
 #[test]
 fn earthshine_bounces_in_a_corner() {
     let mut target = painted("corner", Material::lambert("white", grey(0.9)).unwrap());
@@ -264,7 +264,7 @@ fn earthshine_bounces_in_a_corner() {
     let random = scenes::RandomScene { target, paints, sun, view, earth, sun_radius_rad };
     let [light, stated, truth, sigma] = found(&random, Switches::default(), 60_000, 5);
     assert!((light - truth).abs() <= stated + 3.0 * sigma, "{light} {truth} {stated} {sigma}");
-    assert!(stated < 0.04 * truth && sigma < 0.01 * truth, "{stated} {sigma} {truth}");
+    assert!(stated < 0.1 * truth && sigma < 0.01 * truth, "{stated} {sigma} {truth}");
     let off = Switches { inter_reflection: Switch::Off, ..Switches::default() };
     let [light, stated, truth, sigma] = found(&random, off, 60_000, 6);
     assert!((light - truth).abs() <= stated + 3.0 * sigma, "{light} {truth} {stated} {sigma}");

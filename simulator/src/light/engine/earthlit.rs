@@ -12,8 +12,8 @@ use std::f64::consts::FRAC_1_PI;
 use std::sync::Arc;
 
 const EFFECT: &str = "bounced earthshine";
-/// Light paths of an epoch from each panel of the cap: a part of those of sunlight, of which this is a part.
-const MOST_PATHS: u32 = 2048;
+/// Light paths of an epoch from each panel of the cap (two at most). What they leave open is in the stated error.
+const MOST_PATHS: u32 = 4096;
 
 pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     let (options, earthshine) = (question.options, question.course.earthshine);
