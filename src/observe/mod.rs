@@ -1,8 +1,8 @@
 //! `sunglint observe`: a night from its plan to its session's folder.
 //!
-//! Each device has a thread of its own ([`device`], [`camera`], [`counter`]), on a clock of its own, and waits for no other:
-//! not for a target to be found, not for the display. What they have goes to the one thread that writes ([`disk`]); where the telescope
-//! looks is a function of time ([`schedule`]). Where devices come from is an [`Opener`]'s: the [`Catalogue`] of drivers, a session that is
+//! Each device has a thread of its own (`device`, `camera`, `counter`), on a clock of its own, and waits for no other:
+//! not for a target to be found, not for the display. What they have goes to the one thread that writes (`disk`); where the telescope
+//! looks is a function of time (`schedule`). Where devices come from is an [`Opener`]'s: the [`Catalogue`] of drivers, a session that is
 //! played back ([`Playback`]), or a virtual observatory ([`VirtualNight`]).
 
 mod camera;
