@@ -17,11 +17,11 @@ fn refused(visits: &[Visit]) -> StarsError {
     calibrate(visits, &Options::default()).unwrap_err()
 }
 
-/// Truth: the κ of the virtual nights, half of whose stars are dimmed by 30 to 80 %, each by its own. Twenty nights; each is right within four standard
+/// Truth: the κ of the virtual nights, half of whose stars are dimmed by 30 to 80 %, each by its own. Ten nights; each is right within four standard
 /// uncertainties, and no dimmed star is kept.
 #[test]
 fn half_of_the_stars_bad() {
-    for seed in 0..20 {
+    for seed in 0..10 {
         let night = night(2000 + seed, Conditions { stars: 24, dimmed: 12, ..USUAL });
         let found = calibrate(&night.visits, &Options::default()).unwrap();
         right(&found);
@@ -199,7 +199,7 @@ fn what_cannot_be_is_refused_with_its_place() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(ProptestConfig::with_cases(6))]
 
     /// Truth: κ scales as the measured rates do, and does not depend on the order of the visits, to rounding; nor do the intervals depend on the thread.
     #[test]
