@@ -142,7 +142,9 @@ impl Effect for EarthlitLight<'_> {
         }
         let plan = &*self.plan;
         let direct: Option<Vec<f64>> = self.direct.at(sun, eye).map(<[f64]>::to_vec);
-        let sunlight = |s: usize| direct.as_ref().map_or(0.0, |d| lighting.sunlit * d[s]);
+        // Weights are those of an Earth that reflects all.
+        let beside = lighting.sunlit / shine::EARTH_ALBEDO;
+        let sunlight = |s: usize| direct.as_ref().map_or(0.0, |d| beside * d[s]);
         let mut tally = Tally::new(nodes);
         let mut until = LEAST.min(plan.most());
         loop {

@@ -17,7 +17,7 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     let switch = options.switches.inter_reflection;
     let most = body.most_reflectance();
     let fill = Fill::of(question.scene);
-    let bound = most * fill.body / (1.0 - (most * fill.facet).min(0.999));
+    let bound = of(most, &fill);
     let wanted = bound > 0.0 && options.needs(switch, bound);
     if wanted && let Some(answer) = modelled(question)? {
         return Ok(answer);
@@ -43,6 +43,15 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
 pub(super) const EFFECT: &str = "inter-reflection";
 /// Light paths of an epoch: about 10 ms. What they leave open is in the stated error.
 const MOST_PATHS: u32 = 4096;
+
+/// What all bounces have at most of the light of the body as a whole.
+pub(super) fn share(question: &Question) -> f64 {
+    of(question.body.most_reflectance(), &Fill::of(question.scene))
+}
+
+fn of(most: f64, fill: &Fill) -> f64 {
+    most * fill.body / (1.0 - (most * fill.facet).min(0.999))
+}
 
 fn left(share: f64) -> Option<Box<dyn Doubt>> {
     (share > 0.0).then(|| Box::new(Left { share }) as Box<dyn Doubt>)

@@ -1,9 +1,9 @@
 //! Light from the Earth that is reflected more than once.
 //!
 //! What inter-reflection adds at most to sunlight ([`super::bounce`]) it adds at most to earthshine: that share of the largest irradiance by the
-//! Earth bounds it. Where that is more than the tolerance, it is found by light paths from the cap.
+//! Earth bounds it. Where that is more than the tolerance, and bounces and earthshine are modelled, it is found by light paths from the cap.
 
-use super::bounce::EFFECT as OF_SUNLIGHT;
+use super::bounce::{self, EFFECT as OF_SUNLIGHT};
 use super::{Answer, Doubt, Options, Part, Question, Seen, Switch};
 use crate::light::bounce::{BounceOptions, Earthlit, EarthlitLight, stand_in};
 use crate::light::{Effect, Need, Scene, SceneError, Source, shine};
@@ -17,15 +17,19 @@ const MOST_PATHS: u32 = 4096;
 
 pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     let (options, earthshine) = (question.options, question.course.earthshine);
-    let of_sunlight = question.answered.iter().find(|need| need.effect == OF_SUNLIGHT);
+    let answered = |effect: &str| question.answered.iter().find(|need| need.effect == effect);
+    let of_sunlight = answered(OF_SUNLIGHT);
+    let modelled = of_sunlight.is_some_and(Need::is_modelled);
+    // Where bounces are modelled, their bound is over any surface; that over the body is mostly less.
+    let over_body = if modelled { bounce::share(question) } else { f64::INFINITY };
     // Of what can bounce more often than can be said, as much as all that falls on the body.
-    let share = of_sunlight.and_then(|need| need.bound).unwrap_or(1.0);
+    let share = of_sunlight.and_then(|need| need.bound).unwrap_or(1.0).min(over_body);
     let bound = share * earthshine;
     let off = [options.switches.inter_reflection, options.switches.earthshine]
         .into_iter()
         .find(|switch| *switch == Switch::Off);
-    let modelled = of_sunlight.is_some_and(Need::is_modelled);
-    let needed = off.is_none() && modelled && options.needs(Switch::Auto, bound);
+    let whole = modelled && answered("earthshine").is_some_and(Need::is_modelled);
+    let needed = off.is_none() && whole && options.needs(Switch::Auto, bound);
     let mut why = if share == 0.0 {
         "no surface sees another".to_owned()
     } else {
