@@ -129,11 +129,7 @@ fn a_stream_gives_finished_bins_alone() {
     let (none, over) = (CountFlags::empty(), CountFlags::OVERFLOW);
     assert_eq!(
         told,
-        [
-            (5, vec![1, 0], CountFlags::ERROR),
-            (15, vec![0, 0], none),
-            (25, vec![0, 1], over),
-        ]
+        [(5, vec![1, 0], CountFlags::ERROR), (15, vec![0, 0], none), (25, vec![0, 1], over),]
     );
     assert_eq!((stream.late(), stream.next_ps()), (1, 35));
     // It ended when a bin began: that one has the moment in common.
