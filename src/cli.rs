@@ -2,8 +2,8 @@
 
 use crate::output::{Console, OutputArgs};
 use crate::{
-    air, apply, bench, brdf, calibrate, demo, devices, explain, observe, passes, picture, session,
-    simulate, star, tables,
+    air, align, apply, bench, brdf, calibrate, demo, devices, explain, observe, passes, picture,
+    reduce, session, simulate, star, tables,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -29,7 +29,7 @@ pub struct Cli {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Options of every command")]
 pub struct Global {
-    /// Seed of everything random; the same seed gives the same result. Only `brdf ndf` depends on it: it draws readings anew
+    /// Seed of everything random; the same seed gives the same result. It counts for `brdf ndf` (readings drawn anew) and `calibrate` (the bootstrap of its intervals)
     #[arg(long, global = true, default_value_t = 0, value_name = "N")]
     pub seed: u64,
     /// Threads to use at most [default: as many as there are cores]; results do not depend on it
@@ -65,6 +65,10 @@ pub enum Command {
     Picture(Box<picture::PictureArgs>),
     /// Visible passes of satellites: when, where, how bright, what each channel counts
     Passes(Box<passes::PassesArgs>),
+    /// A recorded session as linear light curves, visit by visit
+    Reduce(Box<reduce::ReduceArgs>),
+    /// The fields of the fibres on the camera image, from a session's stars
+    Align(Box<align::AlignArgs>),
     /// Error against time of the light engines, on built-in scenes or one's own
     Bench(Box<bench::BenchArgs>),
     /// A sample's reflectance, from a goniometer: the tilts of its microfacets, where to measure it
@@ -129,6 +133,8 @@ impl Command {
             Command::Explain(args) => Some(&args.out),
             Command::Picture(args) => Some(&args.out),
             Command::Passes(args) => Some(&args.out),
+            Command::Reduce(args) => Some(&args.out),
+            Command::Align(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
             Command::Brdf(command) => Some(command.output()),
             Command::Devices(command) => command.output(),
@@ -152,12 +158,14 @@ impl Command {
             Command::Explain(args) => explain::run(args, console),
             Command::Picture(args) => picture::run(args, console),
             Command::Passes(args) => passes::run(args, console),
+            Command::Reduce(args) => reduce::run(args, console),
+            Command::Align(args) => align::run(args, console),
             Command::Bench(args) => bench::run(args, console),
             Command::Brdf(command) => brdf::run(command, console, seed),
             Command::Devices(command) => devices::run(command, console),
             Command::Observe(args) => observe::run(args, console),
             Command::Session(command) => session::run(command, console),
-            Command::Calibrate(args) => calibrate::run(args, console),
+            Command::Calibrate(args) => calibrate::run(args, seed, console),
             Command::Apply(args) => apply::run(args, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();

@@ -5,6 +5,8 @@
 //! - [`air`]: the transmission of the air;
 //! - [`star`]: a star's place, airmass and expected rates;
 //! - [`explain`]: what a pass needs, and what error that leaves;
+//! - [`reduce`]: from a session to linear light curves;
+//! - [`align`]: the fibres' fields on the camera image, from stars;
 //! - [`simulate`]: what a pass should look like in every channel;
 //! - [`passes`]: when satellites can be seen;
 //! - [`picture`]: what a body looks like, and what it sends into all directions;
@@ -22,6 +24,7 @@
 //! - [`plot`] draws figures.
 
 pub mod air;
+pub mod align;
 pub mod apply;
 pub mod bench;
 pub mod brdf;
@@ -35,6 +38,7 @@ pub mod output;
 pub mod passes;
 pub mod picture;
 pub mod plot;
+pub mod reduce;
 pub mod session;
 pub mod simulate;
 pub mod star;

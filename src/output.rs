@@ -122,6 +122,20 @@ impl OutputArgs {
         console.json || self.output.iter().any(|p| matches!(Format::of(p), Ok(Format::Json)))
     }
 
+    /// The folders among the targets: what is written piece by piece goes there alone.
+    pub fn folders(&self) -> Self {
+        let output = self.output.iter().filter(|path| is_folder(path)).cloned().collect();
+        Self { output, force: self.force }
+    }
+
+    /// Whether files of these names can be written into each folder.
+    pub fn check_names(&self, names: &[String]) -> anyhow::Result<()> {
+        let folders = self.output.iter().filter(|path| is_folder(path));
+        let files: Vec<PathBuf> =
+            folders.flat_map(|folder| names.iter().map(move |name| folder.join(name))).collect();
+        self.check_targets(files.iter().map(PathBuf::as_path))
+    }
+
     /// Refuses before the work what could not be written after it: an unknown extension, a file that is there or named twice, a folder
     /// that is not there.
     pub fn check(&self) -> anyhow::Result<()> {

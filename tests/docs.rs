@@ -174,6 +174,21 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     std::fs::write(counts, whole + "2020-").unwrap();
     let checked = folder.run(&["session", "check", "s", "--json"]);
     keys(&serde_json::from_slice(&checked.stdout).unwrap(), &mut printed);
+    // A virtual night of a star, reduced and aligned.
+    let night = "station = \"ufo\"\nfrom = \"2020-11-18T18:00:00Z\"\nvirtual = \"virtual.toml\"\n[[camera]]\nname = \"cam\"\ndevice = \"virtual\"\n\
+                 exposure_s = 0.2\nwindow_px = [595, 419, 200, 200]\n[[counter]]\nname = \"tagger\"\ndevice = \"virtual\"\n\
+                 channels = { spcm = 1 }\nbin_s = 0.1\n";
+    let options = "[plan]\nstars = 1\nvisit_s = 20\nsky_s = 2\nslew_s = 1\ndark_s = 2\nv_mag = [2.5, 4]\n[pointing]\njitter_px = 6\njitter_time_s = 3\n";
+    std::fs::write(folder.path("made_up.toml"), night).unwrap();
+    std::fs::write(folder.path("virtual.toml"), options).unwrap();
+    folder.done(&["observe", "made_up.toml", "-o", "v", "-q"]);
+    keys(&folder.json(&["reduce", "v", "--json"]), &mut printed);
+    keys(&folder.json(&["align", "v", "--json"]), &mut printed);
+    // Flags are by their names.
+    for (flag, _) in sunglint_radiometry::light_curve::Flags::all().iter_names() {
+        printed.remove(&flag.to_lowercase());
+    }
+    printed.insert("undetected".into());
     // Rates are by the station's own channels, devices by their names.
     for channel in ["r", "g", "b", "id400", "spcm", "mppc", "cam", "tagger"] {
         printed.remove(channel);
@@ -219,6 +234,8 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "addresses",
         "missed",
         "observe",
+        "reduce",
+        "align",
         // Values of keys.
         "status",
         "end",

@@ -119,5 +119,5 @@ fn the_help_says_what_exit_codes_mean() {
     let folder = Folder::new("output-help");
     let help = folder.done(&["--help"]);
     assert!(help.contains("1 failed") && help.contains("2 usage"), "{help}");
-    assert!(help.contains("Only `brdf ndf` depends on it"), "{help}");
+    assert!(help.contains("It counts for `brdf ndf`"), "{help}");
 }

@@ -2,10 +2,10 @@
 
 mod photometry;
 
-use crate::air::AirModelArgs;
-use crate::calibrate::night_of;
+use crate::air::{AirModelArgs, describe};
+use crate::calibrate::{USUAL_EXPONENT, colours, night_of};
 use crate::output::{Console, OutputArgs, Product, rounded};
-use crate::plot::{Axis, Figure, Panel, Series, colour_of_wavelength_nm};
+use crate::plot::{Axis, Figure, Panel, Series};
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
@@ -13,8 +13,10 @@ use photometry::Photometry;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
+use sunglint_calibration::stars::visit::TOLERATED;
 use sunglint_calibration::stars::{NightFile, Nights};
-use sunglint_radiometry::light_curve::{Input, LightCurve, RateKind};
+use sunglint_radiometry::air::{Aerosol, Air, AirOptions};
+use sunglint_radiometry::light_curve::{ChannelCurve, Flags, Input, LightCurve, RateKind};
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::station::Station;
 
@@ -112,10 +114,10 @@ pub fn run(args: &ApplyArgs, console: Console) -> anyhow::Result<()> {
     if station.sources.iter().any(|(_, hash)| !stated(hash)) {
         warnings.push("the station's files are not those of the calibration".into());
     }
-    let night = args.night(&nights, &linear, &station)?;
+    let night = args.night(&nights, &linear, &station, &mut warnings)?;
     let curve =
         calibrated(&linear, night, &nights, [calibration_input, curve_input], &mut warnings)?;
-    let photometry = args.photometry(&curve, &station)?;
+    let photometry = args.photometry(&curve, &station, (&nights, night), &mut warnings)?;
     for warning in &warnings {
         console.warn(warning);
     }
@@ -127,6 +129,11 @@ pub fn run(args: &ApplyArgs, console: Console) -> anyhow::Result<()> {
         None => Vec::new(),
     };
     args.out.finish_with(&product, files, &answer.text(), console)
+}
+
+/// Whether nothing that a sample's flags say changes its rate.
+fn is_valid(flags: Flags) -> bool {
+    flags.difference(TOLERATED).is_empty()
 }
 
 /// A table, and the file that it was.
@@ -143,10 +150,16 @@ impl ApplyArgs {
         nights: &'a Nights,
         curve: &LightCurve,
         station: &Station,
+        warnings: &mut Vec<String>,
     ) -> anyhow::Result<&'a NightFile> {
         let first = curve.samples.time.first().context("the light curve has no sample")?;
         let own = night_of(*first, station.site.geodetic().longitude_deg);
         let wanted = self.night.as_ref().unwrap_or(&own);
+        if *wanted != own {
+            warnings.push(format!(
+                "the curve is of the night of {own}, kappa of that of {wanted}: kappa changes from night to night, by more than its uncertainty"
+            ));
+        }
         let known =
             || nights.nights.iter().map(|n| n.night.as_str()).collect::<Vec<_>>().join(", ");
         nights.nights.iter().find(|n| n.night == *wanted).with_context(|| {
@@ -158,11 +171,31 @@ impl ApplyArgs {
         &self,
         curve: &LightCurve,
         station: &Station,
+        (nights, night): (&Nights, &NightFile),
+        warnings: &mut Vec<String>,
     ) -> anyhow::Result<Option<Photometry>> {
         if self.magnitudes.is_none() && self.spectrum.is_none() {
             return Ok(None);
         }
-        let air = self.model.air(station.site.geodetic().height_m, Some(station))?;
+        let height_m = station.site.geodetic().height_m;
+        let mut air = self.model.air(height_m, Some(station))?;
+        if describe(&air) != nights.air {
+            warnings.push(format!(
+                "kappa was found with the air `{}`, magnitudes and irradiances are now with `{}`",
+                nights.air,
+                describe(&air)
+            ));
+        }
+        // What was fitted with κ belongs to it.
+        if let (None, Some([depth, _])) = (self.model.aerosol, night.facts.aerosol_depth) {
+            let aerosol = Aerosol::Angstrom {
+                optical_depth: depth,
+                wavelength_nm: 550.0,
+                exponent: night.facts.aerosol_exponent.unwrap_or(USUAL_EXPONENT),
+                scale_height_m: 1800.0,
+            };
+            air = Air::new(&AirOptions { aerosol, ..air.options().clone() })?;
+        }
         let spectrum = self.spectrum.as_deref().unwrap_or("sun");
         let band = self.magnitudes.as_deref().unwrap_or("V");
         let found = Photometry::new(
@@ -197,7 +230,12 @@ fn calibrated(
         known
     });
     if curve.channels.is_empty() {
-        bail!("the calibration has none of the curve's channels");
+        let names = |all: &mut dyn Iterator<Item = &str>| all.collect::<Vec<_>>().join(", ");
+        bail!(
+            "the calibration has none of the curve's channels: there are {}, here {}",
+            names(&mut night.channels.iter().map(|c| c.channel.as_str())),
+            names(&mut linear.channels.iter().map(|c| c.name.as_str()))
+        );
     }
     for channel in &mut curve.channels {
         let Some(row) = night.channel(&channel.name) else { continue };
@@ -253,42 +291,50 @@ impl Answer<'_> {
         let first = self.curve.samples.time[0];
         let seconds: Vec<f64> =
             self.curve.samples.time.iter().map(|t| (*t - first).to_seconds()).collect();
+        let colours = colours(self.station);
         let mut series = Vec::new();
         for (i, channel) in self.curve.channels.iter().enumerate() {
-            let points = seconds.iter().copied().zip(channel.rate_hz.iter().copied()).collect();
-            let nm =
-                self.station.channel(&channel.name).map_or(f64::NAN, |c| c.mean_wavelength_nm());
-            let dots = Series::dots(channel.name.clone(), i, points);
-            series.push(if nm.is_finite() {
-                dots.with_colour(colour_of_wavelength_nm(nm))
-            } else {
-                dots
+            let all = seconds.iter().copied().zip(channel.rate_hz.iter().copied());
+            let valid = all.zip(&channel.flags).filter(|(_, flags)| is_valid(**flags));
+            let dots = Series::dots(channel.name.clone(), i, valid.map(|(p, _)| p).collect());
+            let place = self.station.channels.iter().position(|c| c.name == channel.name);
+            series.push(match place {
+                Some(place) => dots.with_colour(colours[place]),
+                None => dots,
             });
         }
         let since = sunglint_formats::time::format_utc_shortest(first);
         let x = Axis::linear(format!("s since {since}"));
         let panel = Panel::new(x, Axis::log("calibrated rate (Hz)"), series);
-        let target = &self.curve.provenance.target;
         Figure {
-            title: format!("{target}, calibrated, night of {}", self.night.night),
+            title: format!("{}, calibrated, night of {}", self.target(), self.night.night),
             panels: vec![panel],
         }
     }
 
-    /// Each channel's mean over the valid samples.
+    /// The target's name: of the provenance, else of the metadata `target`.
+    fn target(&self) -> &str {
+        let own = self.curve.provenance.target.as_str();
+        let named = || self.curve.other.get("target")?.get("name")?.as_str();
+        if own.is_empty() { named().unwrap_or("a target without a name") } else { own }
+    }
+
+    /// Each channel's mean over the valid samples, and their number.
     fn means(&self) -> Vec<(&str, usize, f64)> {
-        let mean = |values: &[f64]| {
-            let known: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+        let mean = |c: &ChannelCurve| {
+            let all = c.rate_hz.iter().zip(&c.flags);
+            let known: Vec<f64> =
+                all.filter(|(v, f)| v.is_finite() && is_valid(**f)).map(|(v, _)| *v).collect();
             (known.len(), known.iter().sum::<f64>() / known.len() as f64)
         };
         let channels = self.curve.channels.iter();
-        channels.map(|c| (c.name.as_str(), mean(&c.rate_hz))).map(|(n, (k, m))| (n, k, m)).collect()
+        channels.map(|c| (c.name.as_str(), mean(c))).map(|(n, (k, m))| (n, k, m)).collect()
     }
 
     fn text(&self) -> String {
         let mut text = format!(
             "{}: {} samples, kappa of the night of {}\n",
-            self.curve.provenance.target,
+            self.target(),
             self.curve.len(),
             self.night.night
         );
@@ -297,7 +343,7 @@ impl Answer<'_> {
             let (kappa, sigma) = row.map_or((f64::NAN, f64::NAN), |r| (r.kappa, r.relative_sigma));
             let _ = writeln!(
                 text,
-                "  {name:<10} kappa {kappa:>10.4} ± {:.2} %   {samples} samples, mean {mean:.4e} Hz",
+                "  {name:<10} kappa {kappa:>10.4} ± {:.2} %   {samples} valid samples, mean {mean:.4e} Hz",
                 100.0 * sigma
             );
         }
@@ -317,7 +363,7 @@ impl Answer<'_> {
             })
         };
         json!({
-            "target": self.curve.provenance.target,
+            "target": self.target(),
             "night": self.night.night,
             "channels": self.means().into_iter().map(channel).collect::<Vec<_>>(),
             "photometry": self.photometry.as_ref().map(Photometry::json),

@@ -1,16 +1,17 @@
 //! From calibrated rates to irradiances and magnitudes, by a spectrum that is stated: a rate says how much of it there is, not what it looks like.
 
-use super::PhaseLaw;
+use super::{PhaseLaw, is_valid};
 use crate::output::{Product, rounded};
 use anyhow::{Context as _, bail};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::Path;
+use sunglint_formats::flag_bits::bit_names;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
 use sunglint_radiometry::air::{Air, Zenith};
 use sunglint_radiometry::light::sun_at_1_au;
-use sunglint_radiometry::light_curve::LightCurve;
+use sunglint_radiometry::light_curve::{Flags, LightCurve};
 use sunglint_radiometry::passband::{Passband, ZeroPoint};
 use sunglint_radiometry::spectrum::{Irradiance, Spectrum};
 use sunglint_radiometry::star_light::{self, StarColours};
@@ -18,6 +19,8 @@ use sunglint_radiometry::station::Station;
 
 /// Airmasses at which the rate of the stated spectrum is computed; between them its logarithm is a line.
 const NODES: usize = 33;
+/// Why there is no standard magnitude.
+const NO_STANDARD: &str = "the curve has no range_m or no phase_deg";
 
 /// What one channel makes of it.
 struct ChannelPhotometry {
@@ -28,6 +31,16 @@ struct ChannelPhotometry {
     sigma_mag: Vec<f64>,
     magnitude: Vec<f64>,
     standard: Option<Vec<f64>>,
+    /// The samples' own: what they say of the rate they say of the magnitude.
+    flags: Vec<Flags>,
+}
+
+impl ChannelPhotometry {
+    /// Smallest and largest of the valid samples.
+    fn range(&self, values: &[f64]) -> Option<(f64, f64)> {
+        let valid = values.iter().zip(&self.flags).filter(|(_, f)| is_valid(**f));
+        ends(&valid.map(|(v, _)| *v).collect::<Vec<_>>())
+    }
 }
 
 /// Irradiances and magnitudes by a stated spectrum.
@@ -115,6 +128,7 @@ impl Photometry {
                     irradiance,
                     magnitude,
                     standard,
+                    flags: channel.flags.clone(),
                 })
             })
             .collect::<anyhow::Result<Vec<_>>>()?;
@@ -139,7 +153,14 @@ impl Photometry {
             ("zero_point", self.zero.to_string()),
             (
                 "standard_magnitude",
-                format!("at 1000 km and a phase angle of 90 deg, phase law: {}", self.law.name()),
+                if self.channels.iter().any(|c| c.standard.is_some()) {
+                    format!(
+                        "at 1000 km and a phase angle of 90 deg, phase law: {}",
+                        self.law.name()
+                    )
+                } else {
+                    format!("none: {NO_STANDARD}")
+                },
             ),
             (
                 "note",
@@ -149,6 +170,7 @@ impl Photometry {
         facts
             .into_iter()
             .for_each(|(key, value)| drop(table.meta.insert(key.into(), json!(value))));
+        table.meta.insert("flag_bits".into(), bit_names::<Flags>());
         for c in &self.channels {
             let mut push = |suffix: &str, unit: &str, values: &[f64]| {
                 table.columns.push(Column::f64(
@@ -163,33 +185,47 @@ impl Photometry {
             if let Some(standard) = &c.standard {
                 push("standard_mag", "mag", standard);
             }
+            let bits = c.flags.iter().map(|f| i64::from(f.bits())).collect();
+            table.columns.push(Column::i64(format!("{}_flags", c.name), None, bits));
         }
         Product { name: "photometry".into(), table, json: self.json(), ..Product::default() }
     }
 
     pub fn text(&self) -> String {
         let mut text = format!(
-            "{} above the air, {}, by the spectrum {}; standard magnitudes at 1,000 km and 90°, phase law: {}\n",
-            self.band,
-            self.zero,
-            self.spectrum,
-            self.law.name()
+            "{} above the air, {}, by the spectrum {}\n",
+            self.band, self.zero, self.spectrum,
         );
+        let known = self.channels.iter().any(|c| c.standard.is_some());
+        text.push_str(&if known {
+            format!("standard magnitudes at 1,000 km and 90°, phase law: {}\n", self.law.name())
+        } else {
+            format!("no standard magnitudes: {NO_STANDARD}\n")
+        });
         for c in &self.channels {
-            let Some((least, most)) = ends(&c.magnitude) else { continue };
-            let standard = c.standard.as_deref().and_then(ends);
-            let standard = standard.map_or(
-                "no standard magnitude: the curve lacks range_m or phase_deg".into(),
-                |(a, b)| format!("standard {a:.3} to {b:.3}"),
+            let range = |values: &Vec<f64>| c.range(values);
+            let (Some((least, most)), Some((dim, bright))) =
+                (range(&c.magnitude), range(&c.irradiance))
+            else {
+                let _ = writeln!(text, "  {:<10} no valid sample with light", c.name);
+                continue;
+            };
+            let standard = c.standard.as_ref().and_then(range);
+            let standard =
+                standard.map_or(String::new(), |(a, b)| format!("; standard {a:.3} to {b:.3} mag"));
+            let _ = writeln!(
+                text,
+                "  {:<10} {least:.3} to {most:.3} mag; {dim:.4e} to {bright:.4e} W/m2/nm{standard}",
+                c.name
             );
-            let _ = writeln!(text, "  {:<10} {least:.3} to {most:.3} mag; {standard}", c.name);
         }
         text
     }
 
     pub fn json(&self) -> Value {
-        let range = |values: &[f64]| ends(values).map(|(a, b)| json!([rounded(a), rounded(b)]));
         let channel = |c: &ChannelPhotometry| {
+            let range =
+                |values: &[f64]| c.range(values).map(|(a, b)| json!([rounded(a), rounded(b)]));
             json!({
                 "channel": c.name, "magnitude_range": range(&c.magnitude), "irradiance_range_w_m2_nm": range(&c.irradiance),
                 "standard_magnitude_range": c.standard.as_deref().and_then(range),

@@ -4,6 +4,7 @@ mod figure;
 mod report;
 mod visits;
 
+pub(crate) use figure::colours;
 pub(crate) use visits::night_of;
 pub use visits::{StarVisit, visits_of};
 
@@ -13,6 +14,8 @@ use crate::station::StationArgs;
 use anyhow::bail;
 use clap::Args;
 use report::{NightResult, Report};
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::path::PathBuf;
 use sunglint_calibration::stars::scintillation::{Aperture, USUAL_COEFFICIENT};
 use sunglint_calibration::stars::{Aerosol as FittedAerosol, Night, NightFile, Nights, Options};
@@ -60,8 +63,8 @@ pub struct CalibrateArgs {
     pub out: OutputArgs,
 }
 
-/// Calibrates.
-pub fn run(args: &CalibrateArgs, console: Console) -> anyhow::Result<()> {
+/// Calibrates; `seed` is the bootstrap's.
+pub fn run(args: &CalibrateArgs, seed: u64, console: Console) -> anyhow::Result<()> {
     args.out.check_with(console)?;
     args.out.check()?;
     if !(0.0..=10.0).contains(&args.scintillation) {
@@ -76,6 +79,7 @@ pub fn run(args: &CalibrateArgs, console: Console) -> anyhow::Result<()> {
         read.extend(visits);
         warnings.extend(left_out);
     }
+    once_each(&mut read, &mut warnings);
     if read.is_empty() {
         bail!(
             "no visit to a star in {}: wanted are linear light curves whose `target` is a star",
@@ -95,7 +99,7 @@ pub fn run(args: &CalibrateArgs, console: Console) -> anyhow::Result<()> {
         }
     }
     visits.sort_by(|a, b| a.night.cmp(&b.night).then(a.middle.total_cmp_utc(&b.middle)));
-    let work = Work { args, station: &station, air: &air };
+    let work = Work { args, seed, station: &station, air: &air };
     let mut nights = Vec::new();
     let mut failures = Vec::new();
     for group in visits.chunk_by(|a, b| a.night == b.night) {
@@ -122,6 +126,21 @@ pub fn run(args: &CalibrateArgs, console: Console) -> anyhow::Result<()> {
     args.out.finish(&report.product(), &report.text(), console)
 }
 
+/// Drops files that came twice, by themselves and in their folder perhaps: a visit counts once.
+fn once_each(read: &mut Vec<StarVisit>, warnings: &mut Vec<String>) {
+    let mut seen: HashMap<String, String> = HashMap::new();
+    read.retain(|visit| match seen.entry(visit.sha256.clone()) {
+        Entry::Occupied(first) => {
+            warnings.push(format!("{} is left out: the same as {}", visit.file, first.get()));
+            false
+        }
+        Entry::Vacant(place) => {
+            place.insert(visit.file.clone());
+            true
+        }
+    });
+}
+
 fn shown(paths: &[PathBuf]) -> String {
     paths.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
 }
@@ -132,10 +151,13 @@ type Fit = (Night, Vec<Visit>, Option<(f64, f64)>);
 /// What is the same for all nights.
 struct Work<'a> {
     args: &'a CalibrateArgs,
+    seed: u64,
     station: &'a Station,
     air: &'a Air,
 }
 
+/// Ångström's exponent where nothing is said.
+pub(crate) const USUAL_EXPONENT: f64 = 1.3;
 /// A step of the aerosol's depth by which its effect is found.
 const DEPTH_STEP: f64 = 0.02;
 /// Rounds of the aerosol's fit: the effect of a depth on a wide channel bends a little.
@@ -148,6 +170,7 @@ impl Work<'_> {
             clip_sigma: self.args.clip_sigma,
             confidence: self.args.confidence,
             fit_aerosol: self.args.fit_aerosol,
+            seed: self.seed,
             ..Options::default()
         }
     }
@@ -166,6 +189,7 @@ impl Work<'_> {
         let mut file = NightFile::new(&visits[0].night, &names, &found);
         if let Some((depth, sigma)) = depth {
             file.facts.aerosol_depth = Some([depth, sigma]);
+            file.facts.aerosol_exponent = Some(self.exponent());
         }
         Ok(NightResult { file, found, input, visits: visits.to_vec() })
     }
@@ -197,6 +221,14 @@ impl Work<'_> {
         last.ok_or_else(|| anyhow::anyhow!("the aerosol's depth was not fitted"))
     }
 
+    /// The exponent of Ångström's law that a fitted aerosol has.
+    fn exponent(&self) -> f64 {
+        match self.air.options().aerosol {
+            Aerosol::Angstrom { exponent, .. } => exponent,
+            _ => USUAL_EXPONENT,
+        }
+    }
+
     /// The air with an aerosol of that depth at 550 nm.
     fn air_with(&self, depth: f64) -> anyhow::Result<Air> {
         let options = self.air.options();
@@ -215,7 +247,7 @@ impl Work<'_> {
             _ => Aerosol::Angstrom {
                 optical_depth: depth,
                 wavelength_nm: 550.0,
-                exponent: 1.3,
+                exponent: USUAL_EXPONENT,
                 scale_height_m: 1800.0,
             },
         };
@@ -242,8 +274,8 @@ impl Work<'_> {
                 target: "stars".into(),
                 inputs: read.iter().map(input).collect(),
                 notes: vec![format!(
-                    "floor {}, outliers beyond {} sigma, scintillation by Young's law with C = {}",
-                    self.args.floor, self.args.clip_sigma, self.args.scintillation
+                    "floor {}, outliers beyond {} sigma, scintillation by Young's law with C = {}, seed {}",
+                    self.args.floor, self.args.clip_sigma, self.args.scintillation, self.seed
                 )],
                 ..Provenance::default()
             },

@@ -79,7 +79,10 @@ impl Report<'_> {
         Product {
             name: "calibration".into(),
             table: self.file.to_table(),
-            figure: self.nights.last().map(|night| figure::figure(night, self.station)),
+            figure: Some(match &self.nights[..] {
+                [night] => figure::figure(night, self.station),
+                nights => figure::nights(nights, self.station),
+            }),
             json: self.json(),
             others,
             ..Product::default()
@@ -310,7 +313,9 @@ impl Report<'_> {
 /// An offset in words.
 fn dimmer(offset: f64) -> String {
     let share = 1.0 - (-offset).exp();
-    if share > 0.0 {
+    if share.abs() < 0.005 {
+        "as bright as predicted".to_owned()
+    } else if share > 0.0 {
         format!("{:.0} % too faint", 100.0 * share)
     } else {
         format!("{:.0} % too bright", -100.0 * share)

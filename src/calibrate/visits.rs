@@ -29,10 +29,11 @@ pub struct StarVisit {
     pub target: Value,
 }
 
-/// The visits of a path: of a linear light curve, or of all that lie in a folder; and what was left out there.
+/// The visits of a path: of a linear light curve, of all that lie in a folder, or of a session as it was recorded, which is
+/// reduced; and what was left out there.
 ///
 /// # Errors
-/// A path that cannot be read, a file that is no linear light curve of a star, a folder of a session that is not yet reduced.
+/// A path that cannot be read, a file that is no linear light curve of a star, a session that cannot be reduced.
 pub fn visits_of(path: &Path) -> anyhow::Result<(Vec<StarVisit>, Vec<String>)> {
     if !path.is_dir() {
         return match read(path)? {
@@ -41,10 +42,7 @@ pub fn visits_of(path: &Path) -> anyhow::Result<(Vec<StarVisit>, Vec<String>)> {
         };
     }
     if path.join("session.toml").is_file() {
-        bail!(
-            "{} is a session as it was recorded: `sunglint reduce` makes light curves of it",
-            path.display()
-        );
+        return reduced(path);
     }
     let entries =
         std::fs::read_dir(path).map_err(|e| sunglint_formats::FileError::io("read", path, e))?;
@@ -63,6 +61,26 @@ pub fn visits_of(path: &Path) -> anyhow::Result<(Vec<StarVisit>, Vec<String>)> {
         }
     }
     Ok((visits, left_out))
+}
+
+/// The visits of a session as it was recorded: what `sunglint reduce` makes of it when it is told nothing.
+fn reduced(folder: &Path) -> anyhow::Result<(Vec<StarVisit>, Vec<String>)> {
+    struct GoOn;
+    impl crate::reduce::Stop for GoOn {
+        fn step(&mut self, _: u64) -> anyhow::Result<()> {
+            Ok(())
+        }
+    }
+    let manifest = sunglint_formats::read::bytes(folder.join("session.toml"))?;
+    let sha256 = crate::tables::sha256(&manifest);
+    let (curves, warnings) = crate::reduce::light_curves(folder, &mut GoOn)?;
+    let visit = |curve: LightCurve| {
+        let target = curve.other.get("target").cloned().unwrap_or(Value::Null);
+        let file = format!("{} ({})", folder.display(), curve.provenance.target);
+        StarVisit { file, sha256: sha256.clone(), curve, target }
+    };
+    let visits = curves.into_iter().map(visit).filter(|visit| visit.target["kind"] == "star");
+    Ok((visits.collect(), warnings))
 }
 
 const NOT_A_STAR: &str = "its target is no star";

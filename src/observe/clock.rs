@@ -19,6 +19,16 @@ pub fn measured() -> ClockState {
     })
 }
 
+/// The clock of a virtual night: it is UTC.
+pub fn exact() -> ClockState {
+    ClockState {
+        method: "virtual".into(),
+        synchronised: Some(true),
+        offset_s: Some(0.0),
+        error_s: Some(0.0),
+    }
+}
+
 /// `chronyc -c tracking`: a line of comma-separated values, the fifth the system clock's error, then root delay and dispersion.
 fn chrony() -> Option<ClockState> {
     let output = Command::new("chronyc")
@@ -63,6 +73,9 @@ fn timesyncd() -> Option<ClockState> {
 /// In a sentence.
 pub fn text(state: &ClockState) -> String {
     let who = &state.method;
+    if *state == exact() {
+        return "a virtual night: its clock is UTC".into();
+    }
     match (state.synchronised, state.offset_s, state.error_s) {
         (None, ..) => "nobody here knows how far the computer's clock is from UTC (neither chrony nor systemd-timesyncd)".into(),
         (Some(false), ..) => format!("{who} says that the computer's clock does not follow UTC"),

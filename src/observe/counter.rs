@@ -142,7 +142,8 @@ impl CounterWork {
         self.taken = true;
         post.status.counts(&post.name, &self.names, &records);
         if let Some(last) = records.last() {
-            let length = hifitime::Duration::from_seconds(last.length_ps as f64 * 1e-12);
+            let length =
+                hifitime::Duration::from_total_nanoseconds(i128::from(last.length_ps) / 1000);
             post.reached(last.start + length);
         }
         post.disk.counts(&post.name, records);

@@ -1,9 +1,9 @@
 //! `sunglint observe`: a night from its plan to its session's folder.
 //!
-//! Each device has a thread of its own ([`device`], [`camera`], [`counter`]), on a clock of its own, and waits for no other:
-//! not for a target to be found, not for the display. What they have goes to the one thread that writes ([`disk`]); where the telescope
-//! looks is a function of time ([`schedule`]). Where devices come from is an [`Opener`]'s: the [`Catalogue`] of drivers, or a session that is
-//! played back ([`Playback`]).
+//! Each device has a thread of its own (`device`, `camera`, `counter`), on a clock of its own, and waits for no other:
+//! not for a target to be found, not for the display. What they have goes to the one thread that writes (`disk`); where the telescope
+//! looks is a function of time (`schedule`). Where devices come from is an [`Opener`]'s: the [`Catalogue`] of drivers, a session that is
+//! played back ([`Playback`]), or a virtual observatory ([`VirtualNight`]).
 
 mod camera;
 mod clock;
@@ -18,6 +18,7 @@ mod pointing;
 mod schedule;
 mod status;
 mod tags;
+mod virtual_night;
 
 pub use night::{Night, Summary};
 pub use opener::{Catalogue, DeviceClock, Opener};
@@ -25,6 +26,7 @@ pub use plan::{CameraPlan, CounterPlan, Plan};
 pub use playback::Playback;
 pub use schedule::{Schedule, Slot};
 pub use status::{DeviceStatus, LastFrame, Snapshot, State};
+pub use virtual_night::VirtualNight;
 
 use crate::output::{Console, Usage};
 use anyhow::{Context as _, bail};
@@ -98,18 +100,19 @@ fn program() -> String {
     format!("sunglint {}", env!("CARGO_PKG_VERSION"))
 }
 
-/// A night with the devices of the catalogue.
-fn planned(plan: Plan, output: Option<&Path>) -> Night {
+/// A night with the devices of the catalogue, or of a virtual observatory.
+pub fn planned(plan: Plan, output: Option<&Path>) -> Night {
     let root = match output {
         Some(root) => root.to_path_buf(),
         None => free_name(&plan.output, &plan.name, plan.from),
     };
+    let made_up = plan.virtual_night.is_some();
     let manifest = Manifest {
         format: FORMAT.into(),
         program: program(),
         station: plan.station.name.clone(),
-        start_utc: DeviceClock::live().utc(),
-        clock: clock::measured(),
+        start_utc: if made_up { plan.from } else { DeviceClock::live().utc() },
+        clock: if made_up { clock::exact() } else { clock::measured() },
         devices: plan.devices(),
         files: plan.sums(),
     };
@@ -121,7 +124,10 @@ fn planned(plan: Plan, output: Option<&Path>) -> Night {
         station: plan.station,
         cameras: plan.cameras,
         counters: plan.counters,
-        opener: Arc::new(Catalogue),
+        opener: match plan.virtual_night {
+            Some(night) => Arc::new(night),
+            None => Arc::new(Catalogue),
+        },
         schedule: plan.schedule,
         end: plan.to,
         ended: None,
@@ -185,7 +191,7 @@ pub fn replayed(session: &Path, fast: bool, output: Option<&Path>) -> anyhow::Re
     Ok(Night {
         root,
         storage: Arc::new(Disk),
-        station: station_of(&session, &old.station)?,
+        station: station_of(&session)?,
         schedule: Schedule::of_session(&session)?,
         end: Some(playback.end()),
         ended,
@@ -198,7 +204,11 @@ pub fn replayed(session: &Path, fast: bool, output: Option<&Path>) -> anyhow::Re
 }
 
 /// The station that a session holds, or the built-in one that it names.
-fn station_of(session: &Session, name: &str) -> anyhow::Result<Station> {
+///
+/// # Errors
+/// A station that cannot be read; neither of both.
+pub fn station_of(session: &Session) -> anyhow::Result<Station> {
+    let name = &session.manifest().station;
     let file = session.file("station/station.toml");
     if file.is_file() {
         return Ok(Station::read(file)?);
@@ -208,7 +218,7 @@ fn station_of(session: &Session, name: &str) -> anyhow::Result<Station> {
     match built_in.and_then(Station::built_in) {
         Some(station) => Ok(station?),
         None => bail!(
-            "{} holds no station, and there is no built-in one `{name}`",
+            "{} holds no station, and there is no built-in one `{name}`: give --station",
             session.root().display()
         ),
     }

@@ -1,6 +1,7 @@
 //! NIGHT.toml: station, devices, where to look and when.
 
 use super::schedule::{Schedule, Slot};
+use super::virtual_night::{ADDRESS, VirtualNight};
 use anyhow::Context as _;
 use hifitime::Epoch;
 use serde::Deserialize;
@@ -31,6 +32,8 @@ struct Written {
     to: Option<String>,
     #[serde(default)]
     for_s: Option<Positive>,
+    #[serde(default, rename = "virtual")]
+    virtual_night: Option<PathBuf>,
     #[serde(default, rename = "camera")]
     cameras: Vec<CameraPlan>,
     #[serde(default, rename = "counter")]
@@ -205,6 +208,8 @@ pub struct Plan {
     pub counters: Vec<CounterPlan>,
     /// Where the telescope looks, and when.
     pub schedule: Schedule,
+    /// What stands in for the devices.
+    pub virtual_night: Option<VirtualNight>,
     /// The files of the configuration: names within the session's folder, and bytes.
     pub files: Vec<(String, Vec<u8>)>,
 }
@@ -262,6 +267,13 @@ impl Plan {
             let to = end(document, &key, begins, time(&key("to"), &visit.to)?, visit.for_s)?;
             slots.push(Slot { target, from: begins, to });
         }
+        let virtual_night = match &written.virtual_night {
+            None => None,
+            Some(path) => {
+                let path = document.resolve(path);
+                Some(VirtualNight::read(&path, &station, from, &mut slots, &mut files)?)
+            }
+        };
         let top = |name: &str| name.to_owned();
         let to = end(document, &top, from, time("to", &written.to)?, written.for_s)?;
         let to = to.or_else(|| slots.last().and_then(|last| last.to));
@@ -275,6 +287,7 @@ impl Plan {
             cameras: written.cameras,
             counters: written.counters,
             schedule: Schedule::new(slots),
+            virtual_night,
             files,
         })
     }
@@ -367,6 +380,13 @@ fn check_devices(document: &Document, written: &Written) -> Result<(), ParseErro
         *i += 1;
         if !is_name(name) || !names.insert(name) {
             return Err(document.error_at(&format!("{key}.name"), NAMES));
+        }
+        if written.virtual_night.is_some() {
+            if address != ADDRESS {
+                let expected = format!("{ADDRESS}, as the night is");
+                return Err(document.error_at(&format!("{key}.device"), expected));
+            }
+            continue;
         }
         let parsed = Address::parse(address, options).map_err(|error| {
             let field = if error.field.starts_with("option") { "with" } else { "device" };

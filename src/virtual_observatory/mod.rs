@@ -115,7 +115,11 @@ pub fn options(document: &Document) -> anyhow::Result<Options> {
     Ok(options)
 }
 
-fn light_curve(path: &Path) -> Result<LightCurve, NightError> {
+/// A predicted light curve of a satellite.
+///
+/// # Errors
+/// A file that cannot be read, or is none.
+pub fn light_curve(path: &Path) -> Result<LightCurve, NightError> {
     let refused = |message: String| NightError::Curve { message };
     let table = ecsv::read(path).map_err(|error| refused(error.to_string()))?;
     LightCurve::from_table(path, &table).map_err(|error| refused(error.to_string()))

@@ -26,11 +26,19 @@ fn chance(i: usize) -> f64 {
 
 /// A linear light curve of a visit, as `reduce` writes it, written out by hand here.
 pub fn curve(folder: &Folder, date: &str, i: usize, scale: f64) {
+    hazy_curve(folder, date, i, scale, 0.0);
+}
+
+/// The same behind a grey haze of that depth at the zenith, by Kasten and Young's airmass (1989).
+pub fn hazy_curve(folder: &Folder, date: &str, i: usize, scale: f64, depth: f64) {
     let (star, hour) = VISITS[i];
     let at = format!("{date}T{hour}:00");
     let found = folder.json(&["star", star, "--station", "ufo", "--at", &at, "--json"]);
     let sample = &found["samples"][0];
     let zenith = sample["zenith_true_deg"].as_f64().unwrap();
+    let airmass =
+        1.0 / (zenith.to_radians().cos() + 0.505_72 * (96.079_95 - zenith).powf(-1.636_4));
+    let scale = scale * (-depth * airmass).exp();
     let mut text = String::from("# %ECSV 1.0\n# ---\n# datatype:\n");
     for (name, kind) in [("time_utc", "string"), ("exposure_s", "float64")] {
         let _ = writeln!(text, "# - {{name: {name}, datatype: {kind}}}");

@@ -91,15 +91,21 @@ impl From<CountRecord> for Bin {
 
 impl Bin {
     fn exposure_s(&self) -> f64 {
-        self.record.length_ps as f64 * 1e-12
+        // A division rounds 0.1 s to 0.1; a product does not.
+        self.record.length_ps as f64 / 1e12
     }
 
     fn middle(&self) -> hifitime::Epoch {
-        self.record.start + hifitime::Duration::from_seconds(0.5 * self.exposure_s())
+        self.after_ps(self.record.length_ps / 2)
     }
 
     fn end(&self) -> hifitime::Epoch {
-        self.record.start + hifitime::Duration::from_seconds(self.exposure_s())
+        self.after_ps(self.record.length_ps)
+    }
+
+    /// So long after its start, to the nanosecond.
+    fn after_ps(&self, ps: i64) -> hifitime::Epoch {
+        self.record.start + hifitime::Duration::from_total_nanoseconds(i128::from(ps) / 1000)
     }
 
     /// End on the counter's clock, ps.

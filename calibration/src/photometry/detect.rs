@@ -134,7 +134,7 @@ impl Detector {
         let sigma_px = sought.fwhm_px / FWHM_PER_SIGMA;
         let size = image.size;
         let mut above = image.above_background();
-        let sharp = take_out_sharp(&mut above, size, sigma_px);
+        let sharp = take_out_sharp(&mut above, &image.masked(), size, sigma_px);
         let smoothed = significance(&above, size, sigma_px);
         let threshold = sought.options.threshold_sigma;
         let (found, labels) = regions(&smoothed, image.size, threshold, 0.5 * threshold);

@@ -52,14 +52,27 @@ impl Image {
     }
 }
 
+impl Image {
+    /// Which pixels are masked.
+    pub fn masked(&self) -> Vec<bool> {
+        self.values.iter().map(|value| value.is_nan()).collect()
+    }
+}
+
 /// Takes what is sharper than a point could be out of an image above its background: cosmic rays, hot pixels. Gives their pixels.
 ///
 /// A pixel is sharp that is 5 σ above what the fifth highest of its eight neighbours allows: beside a point at least half of them have 35 % of what a
 /// point of `sigma_px` leaves on a diagonal, beside a track one pixel wide five are dark. So are those of its neighbours that are 2.5 σ
-/// above it. They get the median of the others around them.
-pub(crate) fn take_out_sharp(image: &mut [f64], size: [usize; 2], sigma_px: f64) -> Vec<usize> {
+/// above it. They get the median of the others around them. Masked pixels are neither: nothing is known of them.
+pub(crate) fn take_out_sharp(
+    image: &mut [f64],
+    masked: &[bool],
+    size: [usize; 2],
+    sigma_px: f64,
+) -> Vec<usize> {
     let least = 0.35 * (-1.0 / (sigma_px * sigma_px)).exp();
-    let mut sharp = vec![false; image.len()];
+    // What is masked says nothing of its neighbours: it is not dark.
+    let mut sharp = masked.to_vec();
     let mut pixels = Vec::new();
     let excess = |image: &[f64], sharp: &[bool], pixel: usize| {
         let mut near = [0.0; 8];
@@ -69,8 +82,8 @@ pub(crate) fn take_out_sharp(image: &mut [f64], size: [usize; 2], sigma_px: f64)
             n += 1;
         }
         near[..n].sort_by(f64::total_cmp);
-        // The fourth lowest of eight.
-        image[pixel] - near[..n].get(3.min(n.saturating_sub(1))).map_or(0.0, |v| v.max(0.0)) / least
+        // The fourth lowest of eight; of fewer in proportion.
+        image[pixel] - near[..n].get(n.saturating_sub(1) / 2).map_or(0.0, |v| v.max(0.0)) / least
     };
     for (pixel, &value) in image.iter().enumerate() {
         if value > 5.0 && excess(image, &sharp, pixel) > 5.0 {

@@ -54,6 +54,17 @@ impl FrameReducer {
         })
     }
 
+    /// Expects points of another width from now on.
+    ///
+    /// # Errors
+    /// [`PhotometryError::Option`] for a width out of its range.
+    pub fn set_fwhm_px(&mut self, fwhm_px: f64) -> Result<(), PhotometryError> {
+        let options = PhotometryOptions { fwhm_px, ..self.options.clone() };
+        options.check()?;
+        self.options = options;
+        Ok(())
+    }
+
     /// What was removed so far.
     pub fn tally(&self) -> Tally {
         self.tally

@@ -70,7 +70,9 @@ fn sandwich(stars: &[&Normal], solution: &Solution) -> Vec<f64> {
         middle.ger(1.0, &score, &score, 1.0);
     }
     let count = stars.len() as f64;
-    let covariance = &solution.covariance * middle * &solution.covariance * (count / (count - 1.0));
+    // A channel that nobody measured has no covariance, and must not take that of the others along.
+    let bread = solution.covariance.map(|v| if v.is_finite() { v } else { 0.0 });
+    let covariance = &bread * middle * &bread * (count / (count - 1.0));
     (0..n).map(|i| covariance[(i, i)].sqrt()).collect()
 }
 

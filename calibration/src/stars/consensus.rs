@@ -12,6 +12,8 @@ const POLISHED: usize = 64;
 const ROUNDS: usize = 30;
 /// Slopes per airmass that candidates have where a slope is looked for: clear, hazy, thick. Each is polished to the slopes of its own channels.
 const SLOPES: [f64; 5] = [0.0, 0.1, 0.2, 0.35, 0.55];
+/// What of an aerosol's depth is missing, in the candidates where one is fitted; each is polished to its own.
+const DEPTHS: [f64; 5] = [0.0, 0.06, 0.15, 0.3, 0.5];
 /// Of a normal distribution: one in ten thousand lies beyond; for the χ² of what channels do not have in common.
 const ONE_IN_TEN_THOUSAND: f64 = 3.7190;
 
@@ -183,13 +185,24 @@ fn candidates(samples: &[Sample], model: &Model, least: &Scatter, options: &Opti
     let wide =
         Scatter { common: 2.0 * least.common, own: least.own.iter().map(|v| 2.0 * v).collect() };
     let about = |candidate: &Sample, slope: f64| {
+        let way = |s: &Sample, c: usize| {
+            if model.aerosol {
+                s.points[c].and_then(|p| p.per_depth).unwrap_or(0.0)
+            } else {
+                s.airmass
+            }
+        };
         let offset = |s: &Sample, c: usize| {
             let own = candidate.points[c].map_or(f64::NAN, |p| p.y);
-            own + slope * (s.airmass - candidate.airmass)
+            own + slope * (way(s, c) - way(candidate, c))
         };
         judge_all(samples, &wide, options.clip_sigma, offset)
     };
-    let slopes = if model.airmass.is_some() { &SLOPES[..] } else { &SLOPES[..1] };
+    let slopes = match (model.aerosol, model.airmass) {
+        (true, _) => &DEPTHS[..],
+        (false, Some(_)) => &SLOPES[..],
+        (false, None) => &SLOPES[..1],
+    };
     let mut groups: Vec<Group> =
         samples.iter().flat_map(|s| slopes.iter().map(move |slope| about(s, *slope))).collect();
     groups.sort_by(|a, b| a.loss.total_cmp(&b.loss));

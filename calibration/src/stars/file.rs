@@ -64,6 +64,8 @@ pub struct Facts {
     pub interval_by: String,
     /// Optical depth of an aerosol that was fitted with κ, at 550 nm, and its standard uncertainty.
     pub aerosol_depth: Option<[f64; 2]>,
+    /// The exponent of Ångström's law that it was fitted with: magnitudes above the air need both.
+    pub aerosol_exponent: Option<f64>,
     /// Channels without a κ, and why.
     pub without_kappa: Vec<[String; 2]>,
 }
@@ -130,6 +132,7 @@ impl NightFile {
                 judged_about_a_slope: found.sloped,
                 interval_by: found.method.to_owned(),
                 aerosol_depth: found.aerosol.map(|a| [a.depth, a.sigma]),
+                aerosol_exponent: None,
                 without_kappa: without.collect(),
             },
         }

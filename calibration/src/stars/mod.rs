@@ -143,7 +143,7 @@ pub enum StarsError {
     },
     /// Two groups agree within themselves.
     #[error(
-        "two groups of stars disagree: {first} stars, and {second} that are {dimmer:.2} times as bright against their prediction; half the night was clouded, or half the stars are others than they are called: split the night or leave visits out"
+        "two groups of stars disagree: {first} stars, and {second} that are {dimmer:.2} times as bright against their prediction; half the night was clouded, the air lacks an aerosol, or half the stars are others than they are called: fit the aerosol, split the night or leave visits out"
     )]
     Ambiguous {
         /// Stars of the first group.

@@ -287,6 +287,12 @@ fn group(
     channels: usize,
     options: &Options,
 ) -> Result<(Group, bool), StarsError> {
+    if options.fit_aerosol {
+        // Haze parts high stars from low ones: who asks for its depth wants them judged with it.
+        can_fit_aerosol(&samples.iter().collect::<Vec<_>>())?;
+        let model = Model { aerosol: true, ..Model::plain(channels) };
+        return Ok((consensus(samples, &model, options)?, false));
+    }
     let plain = consensus(samples, &Model::plain(channels), options);
     let Some([low, mean, high]) = coverage(samples.iter().map(|s| s.airmass)) else {
         return Ok((plain?, false));

@@ -69,6 +69,8 @@ fn one_channel_alone() {
     let found = calibrate(&night.visits, &Options::default()).unwrap();
     let k = found.channels[1].as_ref().unwrap();
     assert!((k.kappa / CHANNELS[1].kappa).ln().abs() < 4.0 * k.relative_sigma);
+    assert!(k.interval.0 < k.kappa && k.kappa < k.interval.1, "{:?}", k.interval);
+    assert_eq!(found.method, "bootstrap");
     assert!(found.visits.iter().zip(&night.clean).all(|(v, clean)| *clean || !v.agrees));
 }
 

@@ -12,7 +12,7 @@ use super::{DirectionError, Effect, Evaluator, Globe, Lighting, Source, Term, Vi
 use crate::surface::rule;
 use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2};
-use sunglint_radiometry::spectrum::{Factor, Reflectance, Spectrum, SpectrumError};
+use sunglint_radiometry::spectrum::{Factor, Quantity, Reflectance, Spectrum, SpectrumError};
 
 /// The mean (Bond) albedo of the Earth (Stephens et al. 2015, Reviews of Geophysics 53: 0.29 to 0.30).
 pub const EARTH_ALBEDO: f64 = 0.30;
@@ -28,6 +28,18 @@ pub const MOON_UNCERTAINTY: f64 = 0.2;
 /// Directions (unit vectors, body axes) from which a globe's lit cap shines, and from each the irradiance across it, of the Sun's, for a
 /// reflectance of 1. `order` points along each side of a panel. Empty where the body sees nothing lit, or is not outside the globe.
 pub fn cap(globe: &Globe, order: usize) -> Vec<(DVec3, f64)> {
+    let (polar, around) = (rule::legendre(order), rule::legendre(2 * order));
+    over_panels(globe, &polar, &around)
+}
+
+/// One point of each panel of the lit cap, at two coordinates from −1 to 1, with the irradiance of the whole panel if it were as bright all over, of the
+/// Sun's: the mean over even coordinates is the sum of [`cap`].
+pub(super) fn cap_at(globe: &Globe, [polar, around]: [f64; 2]) -> Vec<(DVec3, f64)> {
+    over_panels(globe, &[(polar, 2.0)], &[(around, 2.0)])
+}
+
+/// The panels of a globe's lit cap by two rules from −1 to 1: along the angle from the ground's vertical, and around.
+fn over_panels(globe: &Globe, polar: &[(f64, f64)], around: &[(f64, f64)]) -> Vec<(DVec3, f64)> {
     let up = -globe.toward;
     let (r, d) = (globe.radius_m, globe.distance_m);
     if !(d > r && r > 0.0) {
@@ -49,11 +61,10 @@ pub fn cap(globe: &Globe, order: usize) -> Vec<(DVec3, f64)> {
     let across = globe.sun - up.dot(globe.sun) * up;
     let x = across.try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
     let y = up.cross(x);
-    let (polar, around) = (rule::legendre(order), rule::legendre(2 * order));
-    let mut nodes = Vec::with_capacity(2 * order * order * (edges.len() - 1));
+    let mut nodes = Vec::with_capacity(polar.len() * around.len() * (edges.len() - 1));
     for panel in edges.windows(2) {
         let (middle, half) = (0.5 * (panel[0] + panel[1]), 0.5 * (panel[1] - panel[0]));
-        for &(t, weight) in &polar {
+        for &(t, weight) in polar {
             // In the angle ε at the ground everything is smooth, at the limb too: sin η = (r/d) sin ε at the body, ψ = ε − η between.
             let (sin_ground, cos_ground) = (middle + half * t).sin_cos();
             let sin_body = r / d * sin_ground;
@@ -64,7 +75,7 @@ pub fn cap(globe: &Globe, order: usize) -> Vec<(DVec3, f64)> {
             // Lit where cos ψ cos z + sin ψ sin z cos φ > 0.
             let edge = -(cos * sun_zenith.cos()) / (sin * sun_zenith.sin()).max(f64::MIN_POSITIVE);
             let lit = edge.clamp(-1.0, 1.0).acos();
-            for &(s, share) in &around {
+            for &(s, share) in around {
                 let (y_part, x_part) = (lit * s).sin_cos();
                 let aside = x_part * x + y_part * y;
                 let cos_sun = (cos * up + sin * aside).dot(globe.sun);
@@ -133,17 +144,17 @@ pub fn terms(
 const PRODUCT_TOLERANCE: f64 = 1e-6;
 
 /// Between two wavelengths the product of two lines is a parabola: n chords stay within Δa Δb/(4n²) of it.
-fn product(
-    a: &Spectrum<Reflectance>,
-    b: &Spectrum<Reflectance>,
+pub(super) fn product<A: Quantity, B: Quantity>(
+    a: &Spectrum<A>,
+    b: &Spectrum<B>,
 ) -> Result<Spectrum<Factor>, SpectrumError> {
     let mut knots: Vec<f64> = a.wavelength_nm().iter().chain(b.wavelength_nm()).copied().collect();
     knots.sort_by(f64::total_cmp);
     knots.dedup();
     let mut grid = vec![knots[0]];
     for pair in knots.windows(2) {
-        let step = |s: &Spectrum<Reflectance>| s.at(pair[1]) - s.at(pair[0]);
-        let bend = (step(a) * step(b)).abs() / (4.0 * PRODUCT_TOLERANCE);
+        let rise = |at: &dyn Fn(f64) -> f64| at(pair[1]) - at(pair[0]);
+        let bend = (rise(&|nm| a.at(nm)) * rise(&|nm| b.at(nm))).abs() / (4.0 * PRODUCT_TOLERANCE);
         let chords = bend.sqrt().ceil().clamp(1.0, 500.0) as u32;
         let at = |k: u32| pair[0] + (pair[1] - pair[0]) * f64::from(k) / f64::from(chords);
         grid.extend((1..chords).map(at));

@@ -37,7 +37,7 @@ pub fn direction(rng: &mut Rng) -> DVec3 {
 }
 
 /// One to five boxes, turned, perhaps reaching into each other, every third scene with concave bodies; a sphere among them in every fourth, a panel on a
-/// hinge in every fifth; the Earth below convex bodies, the observer 3 to 300 m away in every sixth. Two paints of five are diffuse, the others shine.
+/// hinge in every fifth; the Earth below convex bodies and every second other, the observer 3 to 300 m away in every sixth. Two paints of five are diffuse, the others shine.
 pub fn scene(seed: u64) -> RandomScene {
     let mut rng = Rng::seed_from_u64(seed);
     let (mut target, mut paints) = (Target::default(), Vec::new());
@@ -75,9 +75,8 @@ pub fn scene(seed: u64) -> RandomScene {
     } else {
         View::Distant(to)
     };
-    // Of the Earth's light what the body scatters once is modelled: so it shines on convex bodies here.
     let convex = target.parts.len() == 1 && !seed.is_multiple_of(3);
-    let earth = convex.then(|| below(sun, &mut rng));
+    let earth = (convex || seed.is_multiple_of(2)).then(|| below(sun, &mut rng));
     RandomScene { target, paints, sun, view, earth, sun_radius_rad: 4.65e-3 }
 }
 

@@ -18,6 +18,7 @@
 mod bound;
 mod cast;
 mod claim;
+mod earthlit;
 mod echo;
 mod nodes;
 mod optics;
@@ -31,6 +32,7 @@ mod tracing;
 mod transport;
 mod twin;
 
+pub(in crate::light) use earthlit::{Earthlit, EarthlitLight};
 pub(crate) use echo::{Echo, Echoes};
 pub use twin::{StandIn, stand_in};
 

@@ -39,7 +39,8 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     Ok(Answer { need, part: None, doubt: left(bound) })
 }
 
-const EFFECT: &str = "inter-reflection";
+/// What the need is called.
+pub(super) const EFFECT: &str = "inter-reflection";
 /// Light paths of an epoch: about 10 ms. What they leave open is in the stated error.
 const MOST_PATHS: u32 = 4096;
 

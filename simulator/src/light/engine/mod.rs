@@ -13,6 +13,7 @@ mod curved;
 mod direct;
 mod disc;
 mod distance;
+mod earthlit;
 mod eclipse;
 mod fill;
 mod globes;
@@ -46,6 +47,8 @@ pub struct Question<'a> {
     pub options: &'a Options,
     /// What is known of the way.
     pub course: &'a Course,
+    /// What the effects before have answered.
+    pub answered: &'a [Need],
 }
 
 /// What an effect answers.
@@ -87,13 +90,14 @@ const LEAST_CRESCENT: f64 = 1e-3;
 type Assess = fn(&Question) -> Result<Answer, SceneError>;
 
 /// All effects, in the order in which they are listed and added. Direct light is the first.
-const EFFECTS: [Assess; 10] = [
+const EFFECTS: [Assess; 11] = [
     direct::assess,
     hiding::assess,
     curved::assess,
     disc::assess,
     bounce::assess,
     globes::assess_earthshine,
+    earthlit::assess,
     globes::assess_moonshine,
     eclipse::assess,
     distance::assess,
@@ -122,11 +126,12 @@ impl Engine {
     pub fn new(target: &Target, options: &Options, course: &Course) -> Result<Self, SceneError> {
         let scene = prepared(target, options, course)?;
         let body = Body::new(&scene)?;
-        let question = Question { target, scene: &scene, body: &body, options, course };
+        let question =
+            Question { target, scene: &scene, body: &body, options, course, answered: &[] };
         let mut needs = Vec::new();
         let (mut terms, mut parts, mut doubts) = (Vec::new(), Vec::new(), Vec::new());
         for assess in EFFECTS {
-            let answer = assess(&question)?;
+            let answer = assess(&Question { answered: &needs, ..question })?;
             needs.push(answer.need);
             if let Some((own, part)) = answer.part {
                 let start = terms.len();
@@ -198,7 +203,7 @@ fn prepared(target: &Target, options: &Options, course: &Course) -> Result<Scene
         other => other?,
     };
     let body = Body::new(&scene)?;
-    let question = Question { target, scene: &scene, body: &body, options, course };
+    let question = Question { target, scene: &scene, body: &body, options, course, answered: &[] };
     if sun.eclipse || disc::is_modelled(&question) {
         scene.under_sun(target, sun);
     }

@@ -1,0 +1,231 @@
+//! Light from the Earth that is scattered twice or more.
+//!
+//! The Earth is wide, so each few light paths have a point of its lit cap of their own: a scrambled Sobol point, drawn over the same panels as the
+//! rule for earthshine that is scattered once ([`shine::cap_at`]). Eight batches that do not know of each other give the error, of cap and
+//! paths together. There are as many paths as the tolerance of all light asks for, in full sunlight the light of the Sun among it.
+
+use super::bound::Bound;
+use super::cast::Caster;
+use super::nodes::Nodes;
+use super::optics::Optics;
+use super::paths::{Paths, SCRAMBLES, Sums, mixed};
+use super::surfaces::Surfaces;
+use super::tracing::Direct;
+use super::{BounceError, BounceOptions, directions};
+use crate::light::{DirectionError, Effect, Lighting, Scene, Source, Term, shine};
+use std::sync::Arc;
+use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
+
+/// Batches that do not know of each other.
+const BATCHES: usize = 8;
+/// Points of each scramble for each direction: one path from either end.
+const POINTS: u32 = 2;
+/// Points of the cap of each batch at least.
+const LEAST: u32 = 4;
+/// Standard errors that are claimed: Student's t of 7 degrees of freedom at 99 %, since paths end where the error happens to look small.
+const CLAIMED: f64 = 3.5;
+/// Of the tolerance, the part that the claimed error of the paths may take.
+const OF_TOLERANCE: f64 = 0.5;
+/// What wavelengths between nodes may change of it: it is a part of a part of all light.
+const BETWEEN_NODES: f64 = 0.01;
+/// Cost of a path, s, estimated for the report.
+const PATH_S: f64 = 1e-6;
+
+/// What does not change from epoch to epoch.
+#[derive(Debug)]
+pub(in crate::light) struct Earthlit {
+    surfaces: Surfaces,
+    active: Vec<usize>,
+    nodes: Nodes,
+    both_ends: bool,
+    options: BounceOptions,
+    shape_error: f64,
+}
+
+impl Earthlit {
+    /// Of a scene; `shape_error` is that of the facets of a [`super::StandIn`], relative. `None` where no surface sees another.
+    ///
+    /// # Errors
+    /// Materials without common wavelengths.
+    pub fn new(
+        scene: &Scene,
+        options: &BounceOptions,
+        shape_error: f64,
+    ) -> Result<Option<Self>, BounceError> {
+        let surfaces = Surfaces::new(scene);
+        let active = Bound::new(scene, &surfaces.list).active;
+        if active.is_empty() {
+            return Ok(None);
+        }
+        let mut among: Vec<usize> = active.iter().map(|k| surfaces.list[*k].material).collect();
+        among.sort_unstable();
+        among.dedup();
+        let nodes = Nodes::new(scene.materials(), &among, BETWEEN_NODES)?;
+        let optics = Optics::new(scene.materials(), &nodes.nm);
+        let both_ends = active.iter().any(|k| optics.lambert(surfaces.list[*k].material).is_none());
+        let options = *options;
+        Ok(Some(Self { surfaces, active, nodes, both_ends, options, shape_error }))
+    }
+
+    /// Its terms, for an Earth of some reflectance.
+    ///
+    /// # Errors
+    /// Spectra that have no product.
+    pub fn terms(&self, earth: &Spectrum<Reflectance>) -> Result<Vec<Term>, BounceError> {
+        let term = |hat| {
+            let spectrum = shine::product(earth, &hat)?;
+            Ok(Term { source: Source::Earthshine, material: None, spectrum })
+        };
+        self.nodes.spectra()?.into_iter().map(term).collect()
+    }
+
+    /// In words.
+    pub fn describe(&self) -> String {
+        format!("up to {} light paths an epoch, {} wavelengths", self.paths(), self.nodes.nm.len())
+    }
+
+    /// Seconds an epoch at most, estimated.
+    pub fn cost_s(&self) -> f64 {
+        PATH_S * f64::from(self.paths())
+    }
+
+    /// Points of the cap of each batch at most.
+    fn most(&self) -> u32 {
+        (self.options.most_paths / (BATCHES as u32 * SCRAMBLES * POINTS)).max(LEAST)
+    }
+
+    fn paths(&self) -> u32 {
+        // A cap has two panels at most.
+        2 * self.most() * BATCHES as u32 * SCRAMBLES * POINTS
+    }
+}
+
+/// Bounced earthshine of a scene, for one thread.
+#[derive(Debug)]
+pub(in crate::light) struct EarthlitLight<'a> {
+    scene: &'a Scene,
+    plan: Arc<Earthlit>,
+    surfaces: Surfaces,
+    caster: Caster,
+    optics: Optics,
+    direct: Direct<'a>,
+}
+
+impl<'a> EarthlitLight<'a> {
+    /// Of the scene that the plan was made for.
+    pub fn new(scene: &'a Scene, plan: Arc<Earthlit>) -> Self {
+        let surfaces = plan.surfaces.clone();
+        let caster = Caster::new(&surfaces.list, scene.touching_m);
+        let optics = Optics::new(scene.materials(), &plan.nodes.nm);
+        let direct = Direct::new(scene, &plan.nodes.nm);
+        Self { scene, plan, surfaces, caster, optics, direct }
+    }
+}
+
+impl Effect for EarthlitLight<'_> {
+    fn add(
+        &mut self,
+        lighting: &Lighting,
+        weights: &mut [f64],
+        errors: &mut [f64],
+    ) -> Result<(), DirectionError> {
+        let nodes = self.plan.nodes.nm.len();
+        for found in [weights.len(), errors.len()] {
+            if found != nodes {
+                return Err(DirectionError::Room { found, expected: nodes });
+            }
+        }
+        let Some(earth) = &lighting.earth else { return Ok(()) };
+        let (sun, eye) = directions(lighting.sun_body, lighting.view)?;
+        if self.surfaces.turn(self.scene, sun) {
+            self.caster = Caster::new(&self.surfaces.list, self.scene.touching_m);
+        }
+        let plan = &*self.plan;
+        let direct: Option<Vec<f64>> = self.direct.at(sun, eye).map(<[f64]>::to_vec);
+        let sunlight = |s: usize| direct.as_ref().map_or(0.0, |d| lighting.sunlit * d[s]);
+        let mut tally = Tally::new(nodes);
+        let mut until = LEAST.min(plan.most());
+        loop {
+            for batch in 0..BATCHES {
+                for index in tally.points..until {
+                    let seed = mixed(mixed(plan.options.seed, 0xea), batch as u32);
+                    let u = sobol_burley::sample_4d(index, 0, seed).map(f64::from);
+                    let nodes = shine::cap_at(earth, [2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0]);
+                    for (panel, (toward, irradiance)) in nodes.into_iter().enumerate() {
+                        let mut sums = Sums::new(plan.nodes.nm.len());
+                        let mut paths = Paths {
+                            surfaces: &self.surfaces,
+                            caster: &self.caster,
+                            optics: &mut self.optics,
+                            active: &plan.active,
+                            both_ends: plan.both_ends,
+                            seed: mixed(seed, 2 * index + panel as u32 + 1),
+                        };
+                        paths.trace(toward, eye, POINTS, &mut sums);
+                        tally.add(batch, irradiance, sums);
+                    }
+                }
+            }
+            tally.points = until;
+            let missing = tally.missing();
+            let enough = (0..nodes).all(|s| {
+                let (mean, sigma) = tally.mean(s);
+                let wanted = OF_TOLERANCE * plan.options.tolerance * (sunlight(s) + mean);
+                CLAIMED * sigma + missing <= wanted
+            });
+            if enough || until >= plan.most() {
+                break;
+            }
+            until = (2 * until).min(plan.most());
+        }
+        for s in 0..nodes {
+            let (mean, sigma) = tally.mean(s);
+            weights[s] += mean;
+            errors[s] +=
+                CLAIMED * sigma + tally.missing() + (plan.nodes.error + plan.shape_error) * mean;
+        }
+        Ok(())
+    }
+}
+
+/// What was found so far.
+#[derive(Debug)]
+struct Tally {
+    nodes: usize,
+    /// Points of the cap of each batch.
+    points: u32,
+    /// For each batch and node.
+    light: Vec<f64>,
+    irradiance: f64,
+    sums: Vec<Sums>,
+}
+
+impl Tally {
+    fn new(nodes: usize) -> Self {
+        let light = vec![0.0; BATCHES * nodes];
+        Self { nodes, points: 0, light, irradiance: 0.0, sums: Vec::new() }
+    }
+
+    fn add(&mut self, batch: usize, irradiance: f64, sums: Sums) {
+        for s in 0..self.nodes {
+            self.light[batch * self.nodes + s] += irradiance * sums.bounced(s).0;
+        }
+        self.irradiance += irradiance;
+        self.sums.push(sums);
+    }
+
+    /// Mean over the batches and its standard error, m² sr⁻¹.
+    fn mean(&self, node: usize) -> (f64, f64) {
+        let (n, each) = (BATCHES as f64, f64::from(self.points.max(1)));
+        let values = || self.light.iter().skip(node).step_by(self.nodes).map(|l| l / each);
+        let mean = values().sum::<f64>() / n;
+        let square: f64 = values().map(|v| (v - mean) * (v - mean)).sum();
+        (mean, (square / (n * (n - 1.0))).sqrt())
+    }
+
+    /// What may be missing where few paths found anything, m² sr⁻¹.
+    fn missing(&self) -> f64 {
+        let irradiance = self.irradiance / (BATCHES as f64 * f64::from(self.points.max(1)));
+        irradiance * Sums::missing_of(&self.sums)
+    }
+}

@@ -1,0 +1,100 @@
+//! Light from the Earth that is reflected more than once.
+//!
+//! What inter-reflection adds at most to sunlight ([`super::bounce`]) it adds at most to earthshine: that share of the largest irradiance by the
+//! Earth bounds it. Where that is more than the tolerance, it is found by light paths from the cap.
+
+use super::bounce::EFFECT as OF_SUNLIGHT;
+use super::{Answer, Doubt, Options, Part, Question, Seen, Switch};
+use crate::light::bounce::{BounceOptions, Earthlit, EarthlitLight, stand_in};
+use crate::light::{Effect, Need, Scene, SceneError, Source, shine};
+use crate::surface::MaterialError;
+use std::f64::consts::FRAC_1_PI;
+use std::sync::Arc;
+
+const EFFECT: &str = "bounced earthshine";
+/// Light paths of an epoch from each panel of the cap (two at most). What they leave open is in the stated error.
+const MOST_PATHS: u32 = 4096;
+
+pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
+    let (options, earthshine) = (question.options, question.course.earthshine);
+    let of_sunlight = question.answered.iter().find(|need| need.effect == OF_SUNLIGHT);
+    // Of what can bounce more often than can be said, as much as all that falls on the body.
+    let share = of_sunlight.and_then(|need| need.bound).unwrap_or(1.0);
+    let bound = share * earthshine;
+    let off = [options.switches.inter_reflection, options.switches.earthshine]
+        .into_iter()
+        .find(|switch| *switch == Switch::Off);
+    let modelled = of_sunlight.is_some_and(Need::is_modelled);
+    let needed = off.is_none() && modelled && options.needs(Switch::Auto, bound);
+    let mut why = if share == 0.0 {
+        "no surface sees another".to_owned()
+    } else {
+        format!(
+            "of earthshine of up to {:.2} % of sunlight up to {:.1} % may bounce, as of sunlight{}",
+            100.0 * earthshine,
+            100.0 * share,
+            off.map_or("", Options::reason)
+        )
+    };
+    if needed && let Some((terms, part)) = paths(question)? {
+        why = format!("{why}; {}", part.plan.describe());
+        let cost_s = Some(part.plan.cost_s());
+        let need = Need { effect: EFFECT, needed, bound: Some(bound), why, cost_s };
+        return Ok(Answer { need, part: Some((terms, Box::new(part))), doubt: None });
+    }
+    let need = Need { effect: EFFECT, needed, bound: Some(bound), why, cost_s: None };
+    let doubt = (share > 0.0).then(|| Box::new(Left { share }) as Box<dyn Doubt>);
+    Ok(Answer { need, part: None, doubt })
+}
+
+/// Its terms and what adds to them; `None` where the materials have no wavelengths in common.
+fn paths(question: &Question) -> Result<Option<(Vec<crate::light::Term>, Bounced)>, SceneError> {
+    let tolerance = question.options.tolerance;
+    let options = BounceOptions { tolerance, most_paths: MOST_PATHS, ..BounceOptions::default() };
+    let twin = stand_in(question.target);
+    let own = twin.as_ref().map(|twin| Scene::new(&twin.target)).transpose()?;
+    let shape_error = twin.map_or(0.0, |twin| twin.error);
+    let scene = own.as_ref().unwrap_or(question.scene);
+    let Ok(Some(plan)) = Earthlit::new(scene, &options, shape_error) else { return Ok(None) };
+    let earth = shine::mean_earth().map_err(MaterialError::from)?;
+    let Ok(terms) = plan.terms(&earth) else { return Ok(None) };
+    Ok(Some((terms, Bounced { plan: Arc::new(plan), own })))
+}
+
+/// Light from the Earth, scattered twice or more.
+#[derive(Debug)]
+struct Bounced {
+    plan: Arc<Earthlit>,
+    /// The scene that it was planned for, where it is not the engine's.
+    own: Option<Scene>,
+}
+
+impl Part for Bounced {
+    fn source(&self) -> Source {
+        Source::Earthshine
+    }
+
+    fn worker<'a>(&'a self, scene: &'a Scene) -> Box<dyn Effect + 'a> {
+        let scene = self.own.as_ref().unwrap_or(scene);
+        Box::new(EarthlitLight::new(scene, self.plan.clone()))
+    }
+}
+
+/// The same, left out.
+#[derive(Debug)]
+struct Left {
+    share: f64,
+}
+
+impl Doubt for Left {
+    fn of_sun(&self) -> bool {
+        false
+    }
+
+    fn add(&self, seen: &Seen, _: &[f64], _: &mut [f64], unknown: &mut [f64]) {
+        // What the Earth does not light is lit by what it does.
+        for (error, area) in unknown.iter_mut().zip(&seen.area_m2) {
+            *error += self.share * seen.earth * FRAC_1_PI * area;
+        }
+    }
+}

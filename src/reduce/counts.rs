@@ -1,0 +1,166 @@
+//! The counts of a night: two runs over a counter's bins, off the targets and on them.
+
+use super::{Stay, Stop};
+use anyhow::{Context as _, bail};
+use sunglint_calibration::counts::{
+    Bin, CountChannel, Curves, Gate, OffOptions, OffTarget, Options, Reduction, Sample, Span,
+    Spans, Summary, View,
+};
+use sunglint_calibration::track::Track;
+use sunglint_formats::session::{Counts, Session, TargetKind};
+use sunglint_formats::{CountRecord, FileError};
+use sunglint_radiometry::light_curve::{LightCurve, Provenance, RateKind};
+use sunglint_radiometry::station::{Detector, Fibre, Station};
+
+/// What a counter gave.
+#[derive(Debug)]
+pub struct CounterNight {
+    /// The counter's name in the session.
+    pub counter: String,
+    /// Of each stay, the raw and the linear curve of its channels; `None` without bins.
+    pub curves: Vec<Option<[LightCurve; 2]>>,
+    /// What each rule did.
+    pub summary: Summary,
+    /// What the channels showed off the targets.
+    pub off: OffTarget,
+    /// Channels of the counter that the station has not: they are not reduced.
+    pub unknown: Vec<String>,
+    /// Bytes of a last line without its end, which were left out.
+    pub torn_bytes: u64,
+}
+
+/// How counts are reduced.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CountOptions {
+    /// The fibre's gate and coupling, tags, glints.
+    pub bins: Options,
+    /// Off-target rates.
+    pub off: OffOptions,
+}
+
+/// A fibre's field in place of the station's, by channel.
+pub type Fibres = std::collections::BTreeMap<String, Fibre>;
+
+/// The channels of a counter that the station knows, and the names of the others.
+fn channels(
+    counts: &Counts,
+    station: &Station,
+    fibres: &Fibres,
+) -> anyhow::Result<(Vec<CountChannel>, Vec<String>)> {
+    let (mut known, mut unknown) = (Vec::new(), Vec::new());
+    for (column, name) in counts.channels().iter().enumerate() {
+        match station.channel(name).map(|channel| &channel.detector) {
+            Some(Detector::Counter(counter)) => {
+                let mut channel = CountChannel::of(name, column, counter)
+                    .with_context(|| format!("channel {name} of station {}", station.name))?;
+                channel.fibre = fibres.get(name).copied().or(channel.fibre);
+                known.push(channel);
+            }
+            _ => unknown.push(name.clone()),
+        }
+    }
+    Ok((known, unknown))
+}
+
+/// Targets, sky and dark as the log has them, and the sky that the frames show within stays at a target.
+pub fn spans(stays: &[Stay], seen_off: &[Span]) -> Spans {
+    let logged = stays.iter().enumerate().filter_map(|(number, stay)| {
+        let view = match stay.target.target_kind {
+            TargetKind::Star | TargetKind::Satellite if stay.target.on => View::Target(number),
+            TargetKind::Dark => View::Dark,
+            TargetKind::None => return None,
+            _ => View::Sky,
+        };
+        Some(Span { from: stay.from, to: stay.to, view })
+    });
+    Spans::new(logged.chain(seen_off.iter().copied()))
+}
+
+/// Reads a counter's bins, twice. Holds the curves of the stays, and a piece of bins. `each` sees every sample as it comes.
+///
+/// # Errors
+/// A table that cannot be read, a station whose law no detector can have, a stop.
+#[expect(clippy::too_many_arguments, reason = "a night has as many sides")]
+pub fn counter_night(
+    session: &Session,
+    counter: &str,
+    station: &Station,
+    fibres: &Fibres,
+    spans: &Spans,
+    tracks: &[Track],
+    options: &CountOptions,
+    stop: &mut dyn Stop,
+    each: &mut dyn FnMut(&[CountChannel], &Sample),
+) -> anyhow::Result<CounterNight> {
+    let open = || session.counts(counter);
+    let (channels, unknown) = channels(&open()?, station, fibres)?;
+    if channels.is_empty() {
+        bail!(
+            "counter {counter} has the channels {}, and station {} has a counter of none of these names: name them as the station does",
+            unknown.join(", "),
+            station.name
+        );
+    }
+    let mut watched = Watched { bins: open()?, stop, stopped: None };
+    let off = OffTarget::measure(watched.by_ref(), &channels, spans, &options.off)?;
+    watched.ended()?;
+    let mut watched = Watched { bins: open()?, stop, stopped: None };
+    let mut curves: Vec<Option<Curves>> = vec![None; tracks.len()];
+    let mut reduction =
+        Reduction::new(watched.by_ref(), &channels, spans, tracks, &off, options.bins);
+    for sample in reduction.by_ref() {
+        let sample = sample?;
+        each(&channels, &sample);
+        if let Some(curve) = curves.get_mut(sample.visit) {
+            curve.get_or_insert_with(|| Curves::new(&channels)).push(&sample);
+        }
+    }
+    let summary = reduction.summary().clone();
+    let torn_bytes = watched.bins.torn_bytes();
+    watched.ended()?;
+    let finish = |curves: Curves| curves.finish(Provenance::default());
+    Ok(CounterNight {
+        counter: counter.to_owned(),
+        curves: curves.into_iter().map(|curves| curves.map(finish)).collect(),
+        summary,
+        off,
+        unknown,
+        torn_bytes,
+    })
+}
+
+/// Bins that are counted as they pass.
+struct Watched<'a> {
+    bins: Counts,
+    stop: &'a mut dyn Stop,
+    stopped: Option<anyhow::Error>,
+}
+
+impl Watched<'_> {
+    fn ended(self) -> anyhow::Result<()> {
+        self.stopped.map_or(Ok(()), Err)
+    }
+}
+
+impl Iterator for Watched<'_> {
+    type Item = Result<Bin, FileError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if let Err(error) = self.stop.step(1) {
+            self.stopped = Some(error);
+            return None;
+        }
+        Some(self.bins.next()?.map(|record: CountRecord| Bin::from(record)))
+    }
+}
+
+/// Raw and linear parts of curves that [`Curves::finish`] gave.
+pub fn of_kind(curves: [LightCurve; 2], kind: RateKind) -> LightCurve {
+    let [raw, linear] = curves;
+    if kind == RateKind::Raw { raw } else { linear }
+}
+
+/// The gate of options that a person gave: the ellipse's q, and whether to divide by the coupling.
+pub fn gate(most_q: Option<f64>, divide: bool) -> Gate {
+    Gate { most_q, divide, ..Gate::default() }
+}

@@ -1,0 +1,425 @@
+//! The frames of a night: the sensor's faults from its dark frames, the target's place and rates from the others.
+
+use super::sky::Body;
+use super::{Stay, Stop, seeing};
+use anyhow::Context as _;
+use hifitime::{Epoch, Unit};
+use ndarray::Array2;
+use sunglint_calibration::photometry::{
+    BadPixels, Colour, Expected, FrameCalibration, FrameMeasurement, FrameReducer, MasterFrame,
+    PhotometryOptions, SigmaParts, Tally,
+};
+use sunglint_calibration::track::Track;
+use sunglint_formats::Frame;
+use sunglint_formats::session::{FrameFile, Session, TargetKind};
+use sunglint_radiometry::light_curve::{
+    ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
+};
+use sunglint_radiometry::station::{Channel, Detector, Plane, Station};
+
+/// More dark frames add nothing to the mask, and are left out.
+const MOST_DARKS: usize = 64;
+/// Fewer make neither mask nor dark.
+const LEAST_DARKS: usize = 3;
+/// A pixel this many standard deviations of the dark frames' distribution off it is bad (thesis 4.1.1).
+const BAD_SIGMAS: f64 = 3.0;
+
+/// What the frames of a camera gave.
+#[derive(Debug)]
+pub struct CameraNight {
+    /// The camera's name in the session.
+    pub camera: String,
+    /// Of each stay, where the target stood.
+    pub tracks: Vec<Track>,
+    /// Of each stay, the rates of the camera's channels; `None` without frames.
+    pub curves: Vec<Option<LightCurve>>,
+    /// Of each stay, what was measured last, with its frame: for figures.
+    pub shown: Vec<Vec<Shown>>,
+    /// What each rule removed.
+    pub tally: Tally,
+    /// Frames within no stay at a target: sky, dark, on the way.
+    pub outside: u64,
+    /// Frames whose exposure goes on after the stay: they have no rate.
+    pub partly: u64,
+    /// Of each stay, how wide points were taken to be, px: as told, or as its own frames show them.
+    pub fwhm_px: Vec<f64>,
+    /// Radius of the aperture, inner and outer radius of the annulus, px.
+    pub aperture_px: [f64; 3],
+    /// Dark frames that the mask was made of.
+    pub darks: usize,
+    /// Pixels that are left out.
+    pub bad_pixels: usize,
+    /// Frames that could not be read or measured, and why.
+    pub failed: Vec<(FrameFile, String)>,
+}
+
+/// A frame to be drawn, or its part about the target.
+#[derive(Debug, Clone)]
+pub struct Shown {
+    /// The pixels.
+    pub pixels: Array2<u16>,
+    /// The first of them, column and row of the frame.
+    pub origin_px: [usize; 2],
+    /// What was measured on it.
+    pub measured: FrameMeasurement,
+    /// Inner and outer radius of the annulus, px.
+    pub annulus_px: [f64; 2],
+}
+
+/// Sides of what is shown, px.
+const SHOWN_PX: usize = 200;
+
+impl Shown {
+    /// The part about the target; without one about the frame's middle.
+    fn of(frame: &Frame, measured: &FrameMeasurement, annulus_px: [f64; 2]) -> Self {
+        let (rows, columns) = frame.pixels.dim();
+        let size = [columns, rows];
+        let origin_px = [0, 1].map(|i| {
+            let middle = measured.place_px.map_or(0.5 * size[i] as f64, |place| place[i]);
+            let first = (middle - 0.5 * SHOWN_PX as f64).round().max(0.0) as usize;
+            first.min(size[i].saturating_sub(SHOWN_PX))
+        });
+        let [x, y] = origin_px;
+        let [to_x, to_y] = [0, 1].map(|i| (origin_px[i] + SHOWN_PX).min(size[i]));
+        let pixels = frame.pixels.slice(ndarray::s![y..to_y, x..to_x]).to_owned();
+        Self { pixels, origin_px, measured: measured.clone(), annulus_px }
+    }
+}
+
+/// What the sensor's calibration is made of, where the session has no dark frames, or not the right ones.
+#[derive(Debug, Clone, Default)]
+pub struct SensorFiles {
+    /// Dark frames.
+    pub darks: Vec<Frame>,
+    /// Flats.
+    pub flats: Vec<Frame>,
+}
+
+/// Radius of an aperture that is taken from the frames, in full widths at half maximum of a point: of a Moffat profile with β = 3 it leaves out 2 %.
+pub const APERTURE_FWHM: f64 = 2.5;
+
+/// How a camera's frames are measured.
+#[derive(Debug, Clone)]
+pub struct FrameOptions {
+    /// How targets are found and measured.
+    pub photometry: PhotometryOptions,
+    /// Whether how wide points are is taken from each stay's own frames, not from the options.
+    pub fwhm_from_frames: bool,
+    /// Whether the aperture is the widest points', [`APERTURE_FWHM`] times as wide, where that is more than the options'. One for all frames: what lies outside is
+    /// then nearly the same part for all targets.
+    pub aperture_from_frames: bool,
+    /// Dark frames and flats in place of the session's.
+    pub sensor: SensorFiles,
+}
+
+/// Frames per stay that are kept for figures.
+const SHOWN: usize = 4;
+
+/// The start of a frame's exposure by its file's name (`20201118T170503.123456Z_00000042.fits`); `None` for another name.
+fn start_of(file: &FrameFile) -> Option<Epoch> {
+    let name = file.path.file_name()?.to_str()?;
+    let (utc, _) = name.rsplit_once('_')?;
+    let (date, time) = (utc.get(..8)?, utc.get(9..)?);
+    let text = format!(
+        "{}-{}-{}T{}:{}:{}",
+        date.get(..4)?,
+        date.get(4..6)?,
+        date.get(6..)?,
+        time.get(..2)?,
+        time.get(2..4)?,
+        time.get(4..)?
+    );
+    sunglint_formats::time::parse_utc(&text).ok()
+}
+
+/// The stay that a time lies in.
+fn stay_at(stays: &[Stay], time: Epoch) -> Option<usize> {
+    stays.iter().position(|stay| stay.from <= time && time < stay.to)
+}
+
+/// Reads a camera's frames one after the other.
+///
+/// # Errors
+/// A camera that the station has not; options out of their range. A frame that cannot be read or measured is named in the result.
+pub fn camera_night(
+    session: &Session,
+    camera: &str,
+    station: &Station,
+    stays: &[Stay],
+    how: &FrameOptions,
+    stop: &mut dyn Stop,
+) -> anyhow::Result<CameraNight> {
+    let files = session.frames(camera)?.files;
+    let starts: Vec<Option<Epoch>> = files.iter().map(start_of).collect();
+    let stay_of: Vec<Option<usize>> =
+        starts.iter().map(|start| start.and_then(|start| stay_at(stays, start))).collect();
+    let mut failed = Vec::new();
+    let mut options = how.photometry.clone();
+    let calibration = calibration(&files, &stay_of, stays, &how.sensor, &mut failed)?;
+    let darks = calibration.1;
+    let calibration = calibration.0;
+    let bad_pixels = calibration.bad.as_ref().map_or(0, bad_count);
+    let zeniths = zeniths(&starts, &stay_of, stays, station)?;
+    let mut fwhm_px = vec![options.fwhm_px; stays.len()];
+    if how.fwhm_from_frames {
+        fwhm_px = widths(&files, &stay_of, stays, &options, &calibration)?;
+    }
+    if how.aperture_from_frames {
+        widen(&mut options, fwhm_px.iter().copied().fold(0.0, f64::max));
+    }
+    let mut reducer = FrameReducer::new(options.clone(), calibration)?;
+    let mut night = CameraNight {
+        camera: camera.to_owned(),
+        tracks: vec![Track::default(); stays.len()],
+        curves: vec![None; stays.len()],
+        shown: vec![Vec::new(); stays.len()],
+        tally: Tally::default(),
+        outside: 0,
+        partly: 0,
+        fwhm_px,
+        aperture_px: [options.aperture_radius_px, options.annulus_px[0], options.annulus_px[1]],
+        darks,
+        bad_pixels,
+        failed: Vec::new(),
+    };
+    let mut rows: Vec<Vec<FrameMeasurement>> = vec![Vec::new(); stays.len()];
+    let mut of_stay = vec![0_usize; stays.len()];
+    for stay in stay_of.iter().flatten() {
+        of_stay[*stay] += 1;
+    }
+    let mut seen = vec![0_usize; stays.len()];
+    let mut before = None;
+    for (i, file) in files.iter().enumerate() {
+        stop.step(1)?;
+        let Some(stay) = stay_of[i].filter(|stay| stays[*stay].target.on) else {
+            night.outside += 1;
+            continue;
+        };
+        if before != Some(stay) {
+            reducer.set_fwhm_px(night.fwhm_px[stay])?;
+            before = Some(stay);
+        }
+        let expected = Expected { airmass: zeniths[i].and_then(airmass), ..Expected::default() };
+        let measured =
+            file.read().map_err(|error| error.to_string()).and_then(|frame| {
+                match reducer.measure(&frame, &expected) {
+                    Ok(measured) => Ok((frame, measured)),
+                    Err(error) => Err(error.to_string()),
+                }
+            });
+        match measured {
+            Ok((frame, mut measured)) => {
+                let end = frame.start + frame.exposure_s * Unit::Second;
+                if end > stays[stay].to {
+                    night.partly += 1;
+                    off_target(&mut measured);
+                } else {
+                    night.tracks[stay].points.push(measured.track);
+                }
+                // Spread over the stay, so that a figure shows its course.
+                let due = night.shown[stay].len() < SHOWN;
+                if due && seen[stay] * SHOWN / of_stay[stay].max(1) >= night.shown[stay].len() {
+                    night.shown[stay].push(Shown::of(&frame, &measured, options.annulus_px));
+                }
+                rows[stay].push(measured);
+            }
+            Err(error) => failed.push((file.clone(), error)),
+        }
+        seen[stay] += 1;
+    }
+    for (stay, mut rows) in rows.into_iter().enumerate() {
+        rows.sort_by_key(|row| row.time);
+        night.tracks[stay].points.sort_by_key(|point| point.time);
+        night.curves[stay] = (!rows.is_empty()).then(|| curve(&rows, station));
+    }
+    night.tally = reducer.tally();
+    night.failed = failed;
+    Ok(night)
+}
+
+/// How wide points are at each stay, px; a stay that does not tell has the median of the others, or what the options say.
+fn widths(
+    files: &[FrameFile],
+    stay_of: &[Option<usize>],
+    stays: &[Stay],
+    options: &PhotometryOptions,
+    calibration: &FrameCalibration,
+) -> anyhow::Result<Vec<f64>> {
+    let mut widths = vec![None; stays.len()];
+    for (number, width) in widths.iter_mut().enumerate().filter(|(i, _)| stays[*i].target.on) {
+        let of_it = files.iter().zip(stay_of).filter(|(_, stay)| **stay == Some(number));
+        let of_it: Vec<&FrameFile> = of_it.map(|(file, _)| file).collect();
+        *width = seeing::fwhm_px(&of_it, options, calibration)?;
+    }
+    let mut known: Vec<f64> = widths.iter().copied().flatten().collect();
+    known.sort_by(f64::total_cmp);
+    let median = known.get(known.len() / 2).copied().unwrap_or(options.fwhm_px);
+    Ok(widths.into_iter().map(|width| width.unwrap_or(median)).collect())
+}
+
+/// An aperture for points of this width, and an annulus in proportion; never smaller than they are.
+fn widen(options: &mut PhotometryOptions, fwhm_px: f64) {
+    let wider = APERTURE_FWHM * fwhm_px / options.aperture_radius_px;
+    if wider > 1.0 {
+        options.aperture_radius_px *= wider;
+        options.annulus_px = options.annulus_px.map(|radius| radius * wider);
+    }
+}
+
+/// What is not the target's alone is no rate of it.
+fn off_target(measured: &mut FrameMeasurement) {
+    for plane in &mut measured.planes {
+        plane.rate_adu_per_s = f64::NAN;
+        plane.sigma = SigmaParts::UNKNOWN;
+        plane.flags |= Flags::OFF_TARGET;
+    }
+}
+
+/// Airmass of a plane-parallel air, as the law of scintillation is written for; `None` where that has no meaning.
+fn airmass(zenith_deg: f64) -> Option<f64> {
+    (zenith_deg < 85.0).then(|| 1.0 / zenith_deg.to_radians().cos())
+}
+
+fn bad_count(bad: &BadPixels) -> usize {
+    bad.faults.iter().filter(|fault| !fault.is_empty()).count()
+}
+
+/// Mask, dark and flat: of the files that were given, else of the session's dark frames; and how many dark frames that were.
+fn calibration(
+    files: &[FrameFile],
+    stay_of: &[Option<usize>],
+    stays: &[Stay],
+    sensor: &SensorFiles,
+    failed: &mut Vec<(FrameFile, String)>,
+) -> anyhow::Result<(FrameCalibration, usize)> {
+    let mut darks = sensor.darks.clone();
+    if darks.is_empty() {
+        let is_dark = |stay: &Option<usize>| {
+            stay.is_some_and(|stay| stays[stay].target.target_kind == TargetKind::Dark)
+        };
+        let found = files.iter().zip(stay_of).filter(|(_, stay)| is_dark(stay));
+        for (file, _) in found.take(MOST_DARKS) {
+            match file.read() {
+                Ok(frame) => darks.push(frame),
+                Err(error) => failed.push((file.clone(), error.to_string())),
+            }
+        }
+    }
+    if darks.len() < LEAST_DARKS {
+        return Ok((FrameCalibration::default(), 0));
+    }
+    let mut bad = BadPixels::from_darks(&darks, BAD_SIGMAS).context("the dark frames")?;
+    let dark = MasterFrame::mean(&darks).context("the dark frames")?;
+    let mut calibration = FrameCalibration::default();
+    if !sensor.flats.is_empty() {
+        let flat = MasterFrame::flat(&sensor.flats, &dark).context("the flats")?;
+        bad.add_blind(&flat, 0.5).context("the flats")?;
+        calibration.flat = Some(flat);
+    }
+    calibration.bad = Some(bad);
+    calibration.dark = Some(dark);
+    Ok((calibration, darks.len()))
+}
+
+/// The true zenith angle of each frame's target, deg, where it has a place.
+fn zeniths(
+    starts: &[Option<Epoch>],
+    stay_of: &[Option<usize>],
+    stays: &[Stay],
+    station: &Station,
+) -> anyhow::Result<Vec<Option<f64>>> {
+    let mut zeniths = vec![None; starts.len()];
+    for (number, stay) in stays.iter().enumerate().filter(|(_, stay)| stay.target.on) {
+        let Some(body) = Body::of(&stay.target)? else { continue };
+        let (places, times): (Vec<usize>, Vec<Epoch>) = (0..starts.len())
+            .filter(|i| stay_of[*i] == Some(number))
+            .filter_map(|i| Some((i, starts[i]?)))
+            .unzip();
+        let mut samples = Samples::new(times, 1.0);
+        body.locate(&mut samples, &station.site)?;
+        for (i, zenith) in places.into_iter().zip(samples.zenith_deg.unwrap_or_default()) {
+            zeniths[i] = Some(zenith);
+        }
+    }
+    Ok(zeniths)
+}
+
+/// The plane of a frame that a channel counts.
+fn is_of(channel: &Channel, colour: Colour) -> bool {
+    let Detector::CameraPlane(plane) = channel.detector else { return false };
+    matches!(
+        (plane, colour),
+        (Plane::R, Colour::Red)
+            | (Plane::G, Colour::Green)
+            | (Plane::B, Colour::Blue)
+            | (Plane::L, Colour::Mono)
+    )
+}
+
+/// The rates of a stay as a light curve of the station's channels.
+fn curve(rows: &[FrameMeasurement], station: &Station) -> LightCurve {
+    let channels = station.channels.iter().filter_map(|channel| {
+        let mut curve = ChannelCurve {
+            name: channel.name.clone(),
+            rate_hz: Vec::with_capacity(rows.len()),
+            sigma_hz: Vec::with_capacity(rows.len()),
+            flags: Vec::with_capacity(rows.len()),
+            model_error_hz: None,
+        };
+        let mut found = false;
+        for row in rows {
+            let plane = row.planes.iter().find(|plane| is_of(channel, plane.colour));
+            found |= plane.is_some();
+            let (rate, sigma, flags) = match plane {
+                Some(plane) => (plane.rate_adu_per_s, plane.sigma.total(), plane.flags),
+                None => (f64::NAN, f64::NAN, Flags::NOT_SAMPLED),
+            };
+            // A rate without an uncertainty is none: both or neither.
+            let whole = rate.is_finite() && sigma.is_finite();
+            curve.rate_hz.push(if whole { rate } else { f64::NAN });
+            curve.sigma_hz.push(if whole { sigma } else { f64::NAN });
+            curve.flags.push(if whole || !flags.is_empty() { flags } else { Flags::GAP });
+        }
+        found.then_some(curve)
+    });
+    LightCurve {
+        kind: RateKind::Linear,
+        samples: Samples {
+            time: rows.iter().map(|row| row.time).collect(),
+            exposure_s: rows.iter().map(|row| row.exposure_s).collect(),
+            ..Samples::default()
+        },
+        channels: channels.collect(),
+        provenance: Provenance::default(),
+        other: sunglint_formats::Meta::default(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hifitime::Unit;
+    use sunglint_formats::time::parse_utc;
+
+    /// Truth: the name that sessions document.
+    #[test]
+    fn a_frames_name_has_its_start() {
+        let named = |name: &str| {
+            start_of(&FrameFile { sequence: 42, path: format!("frames/c/17/{name}").into() })
+        };
+        assert_eq!(
+            named("20201118T170503.123456Z_00000042.fits"),
+            parse_utc("2020-11-18T17:05:03.123456Z").ok()
+        );
+        assert_eq!(
+            named("20161231T235960.500000Z_00000001.fits"),
+            parse_utc("2016-12-31T23:59:60.5Z").ok()
+        );
+        for other in ["x.fits", "2020_1.fits", "20201318T170503Z_1.fits", "é0201118T170503Z_1.fits"]
+        {
+            assert_eq!(named(other), None, "{other}");
+        }
+        let half = parse_utc("2020-11-18T17:05:03Z").unwrap() + 0.5 * Unit::Second;
+        assert_eq!(named("20201118T170503.500000Z_00000002.fits"), Some(half));
+    }
+}

@@ -1,0 +1,355 @@
+//! A whole session: its stays at targets, each as one linear light curve of all channels.
+
+use super::counts::{CountOptions, CounterNight, Fibres, counter_night, gate, of_kind, spans};
+use super::frames::{CameraNight, FrameOptions, Shown, camera_night};
+use super::join::join;
+use super::sky::Body;
+use super::{Stay, Stop};
+use anyhow::{Context as _, bail};
+use hifitime::Unit;
+use serde_json::json;
+use sunglint_calibration::counts::{Away, CountChannel, Sample, Span, away};
+use sunglint_calibration::track::Track;
+use sunglint_formats::session::{Session, Target, TargetKind, Visit};
+use sunglint_radiometry::light_curve::{Input, LightCurve, Provenance, RateKind};
+use sunglint_radiometry::station::{Detector, Station};
+
+/// How a session is reduced.
+#[derive(Debug, Clone)]
+pub struct ReduceOptions {
+    /// How targets are found and measured on frames; `None` for a station without a camera.
+    pub frames: Option<FrameOptions>,
+    /// How counts become rates.
+    pub counts: CountOptions,
+    /// Fields of the fibres in place of the station's.
+    pub fibres: Fibres,
+    /// Standard deviations of the widest fibre's field beyond which a target that is seen beside it counts as sky; `None` takes the log alone.
+    pub off_sigmas: Option<f64>,
+    /// Only this target.
+    pub target: Option<String>,
+}
+
+/// A stay at a target, reduced.
+#[derive(Debug)]
+pub struct Visited {
+    /// The stay.
+    pub stay: Stay,
+    /// The linear curve of all channels.
+    pub linear: LightCurve,
+    /// The counters' rates as they were counted.
+    pub raw: Option<LightCurve>,
+    /// Where the target stood.
+    pub track: Track,
+    /// Frames for figures, each with its camera's name.
+    pub shown: Vec<(String, Shown)>,
+}
+
+/// A session, reduced: [`Reduced::take`] gives its visits one after the other.
+#[derive(Debug)]
+pub struct Reduced {
+    /// All stays, at targets and beside them.
+    pub stays: Vec<Stay>,
+    /// Of each stay, where the target stood.
+    tracks: Vec<Track>,
+    /// The stay to be taken next.
+    next: usize,
+    /// What the cameras' rules removed.
+    pub cameras: Vec<CameraNight>,
+    /// What the counters' rules did.
+    pub counters: Vec<CounterNight>,
+    /// What a person should hear of.
+    pub warnings: Vec<String>,
+}
+
+/// A stay that the log does not end lasts at most so long, hours: longer than any night.
+const LONGEST_H: f64 = 24.0;
+/// Stretches beside the fibre shorter than this are the target's own wandering, s.
+const LEAST_AWAY_S: f64 = 5.0;
+
+/// The stays of a session, each with an end.
+///
+/// # Errors
+/// A log that cannot be read.
+pub fn stays(session: &Session) -> anyhow::Result<Vec<Stay>> {
+    let stay = |Visit { target, number, from, to }: Visit| Stay {
+        target,
+        number,
+        from,
+        to: to.unwrap_or(from + LONGEST_H * Unit::Hour),
+    };
+    Ok(session.visits()?.into_iter().map(stay).collect())
+}
+
+/// Reduces a session.
+///
+/// # Errors
+/// A session without targets or instruments, a station that is not its own, a file that cannot be read, a stop.
+pub fn reduce(
+    session: &Session,
+    station: &Station,
+    options: &ReduceOptions,
+    stop: &mut dyn Stop,
+) -> anyhow::Result<Reduced> {
+    reduce_with(session, station, options, stop, &mut |_, _, _| {})
+}
+
+/// As [`reduce`]; `each` sees every sample of every counter as it comes, with its stay.
+///
+/// # Errors
+/// As [`reduce`].
+pub fn reduce_with(
+    session: &Session,
+    station: &Station,
+    options: &ReduceOptions,
+    stop: &mut dyn Stop,
+    each: &mut dyn FnMut(&[CountChannel], &Stay, &Sample),
+) -> anyhow::Result<Reduced> {
+    let root = session.root().display();
+    let stays = chosen(stays(session)?, options.target.as_deref())
+        .with_context(|| format!("session {root}"))?;
+    let mut warnings = Vec::new();
+    if session.manifest().station != station.name {
+        warnings.push(format!(
+            "session {root} was recorded at station {}, and is reduced with station {}",
+            session.manifest().station,
+            station.name
+        ));
+    }
+    let mut cameras = Vec::new();
+    for camera in session.cameras() {
+        let frames = options.frames.as_ref().with_context(|| {
+            format!(
+                "station {} has no [camera]: its size and noise are needed to measure the frames of session {root}",
+                station.name
+            )
+        })?;
+        let night = camera_night(session, camera, station, &stays, frames, stop)
+            .with_context(|| format!("camera {camera} of session {root}"))?;
+        for (file, error) in &night.failed {
+            warnings.push(format!("{} is left out: {error}", file.path.display()));
+        }
+        cameras.push(night);
+    }
+    let tracks = tracks(&cameras, stays.len());
+    let seen_off = seen_off(&tracks, station, options);
+    let spans = spans(&stays, &seen_off);
+    let mut counts = options.counts;
+    if cameras.is_empty() && (counts.bins.gate.most_q.is_some() || counts.bins.gate.divide) {
+        counts.bins.gate = gate(None, false);
+        warnings.push(format!(
+            "session {root} has no camera: where its targets stood in the fibres is not known, rates are neither gated nor divided by a coupling"
+        ));
+    }
+    let mut counters = Vec::new();
+    for counter in session.counters() {
+        let night = counter_night(
+            session,
+            counter,
+            station,
+            &options.fibres,
+            &spans,
+            &tracks,
+            &counts,
+            stop,
+            &mut |channels, sample| {
+                if let Some(stay) = stays.get(sample.visit) {
+                    each(channels, stay, sample);
+                }
+            },
+        )
+        .with_context(|| format!("counter {counter} of session {root}"))?;
+        if !night.unknown.is_empty() {
+            warnings.push(format!(
+                "counter {counter}: station {} has no counter {}: not reduced",
+                station.name,
+                night.unknown.join(", ")
+            ));
+        }
+        if night.torn_bytes > 0 {
+            warnings.push(format!(
+                "counter {counter}: {} bytes of a last line without its end are left out",
+                night.torn_bytes
+            ));
+        }
+        counters.push(night);
+    }
+    if cameras.is_empty() && counters.is_empty() {
+        bail!("session {root} has neither a camera nor a counter");
+    }
+    Ok(Reduced { stays, tracks, next: 0, cameras, counters, warnings })
+}
+
+/// The stays of one target, with all that is off it; all stays without a name.
+fn chosen(stays: Vec<Stay>, target: Option<&str>) -> anyhow::Result<Vec<Stay>> {
+    let names: Vec<&str> =
+        stays.iter().filter(|stay| stay.target.on).map(|stay| stay.target.name.as_str()).collect();
+    if names.is_empty() {
+        bail!("its log has no target");
+    }
+    let Some(wanted) = target else { return Ok(stays) };
+    if !names.contains(&wanted) {
+        let mut known: Vec<&str> = names.clone();
+        known.dedup();
+        bail!("there is no target {wanted}; there are {}", known.join(", "));
+    }
+    Ok(stays.into_iter().filter(|stay| !stay.target.on || stay.target.name == wanted).collect())
+}
+
+/// Of each stay the track of the camera that saw the target in most of its frames.
+fn tracks(cameras: &[CameraNight], stays: usize) -> Vec<Track> {
+    let detected = |track: &&Track| track.points.iter().filter(|p| p.place.is_some()).count();
+    (0..stays)
+        .map(|stay| {
+            let tracks = cameras.iter().map(|camera| &camera.tracks[stay]);
+            tracks.max_by_key(detected).cloned().unwrap_or_default()
+        })
+        .collect()
+}
+
+/// Stretches in which the frames show the target beside all fibres.
+fn seen_off(tracks: &[Track], station: &Station, options: &ReduceOptions) -> Vec<Span> {
+    let fibres: Vec<_> = station
+        .channels
+        .iter()
+        .filter_map(|channel| match &channel.detector {
+            Detector::Counter(counter) => {
+                options.fibres.get(&channel.name).copied().or(counter.fibre)
+            }
+            Detector::CameraPlane(_) => None,
+        })
+        .collect();
+    let (Some(sigmas), Some(widest)) = (
+        options.off_sigmas,
+        fibres.iter().max_by(|a, b| {
+            let width = |f: &sunglint_radiometry::station::Fibre| f.sigma_px[0].max(f.sigma_px[1]);
+            width(a).total_cmp(&width(b))
+        }),
+    ) else {
+        return Vec::new();
+    };
+    let away_from = Away {
+        distance_px: sigmas * widest.sigma_px[0].max(widest.sigma_px[1]),
+        from_px: widest.offset_px,
+        undetected: false,
+        least_s: LEAST_AWAY_S,
+    };
+    tracks.iter().flat_map(|track| away(track, &away_from)).collect()
+}
+
+impl Reduced {
+    /// The next stay at a target that gave a curve, which leaves memory with it; `None` behind the last. A stay without frames and bins becomes a warning.
+    ///
+    /// # Errors
+    /// A target whose place cannot be computed, two instruments with a channel of one name.
+    pub fn take(
+        &mut self,
+        session: &Session,
+        station: &Station,
+    ) -> anyhow::Result<Option<Visited>> {
+        while self.next < self.stays.len() {
+            let number = self.next;
+            self.next += 1;
+            let stay = self.stays[number].clone();
+            if !stay.target.on {
+                continue;
+            }
+            let track = std::mem::take(&mut self.tracks[number]);
+            match self.visited(number, &stay, track, session, station)? {
+                Some(visited) => return Ok(Some(visited)),
+                None => self.warnings.push(format!(
+                    "{} (visit {}): neither frames nor bins were recorded",
+                    stay.target.name, stay.number
+                )),
+            }
+        }
+        Ok(None)
+    }
+
+    /// Joins what the instruments gave of a stay.
+    fn visited(
+        &mut self,
+        number: usize,
+        stay: &Stay,
+        track: Track,
+        session: &Session,
+        station: &Station,
+    ) -> anyhow::Result<Option<Visited>> {
+        let (mut linear, mut raw, mut shown) = (Vec::new(), Vec::new(), Vec::new());
+        for counter in &mut self.counters {
+            if let Some(curves) = counter.curves[number].take() {
+                raw.push(of_kind(curves.clone(), RateKind::Raw));
+                linear.push(of_kind(curves, RateKind::Linear));
+            }
+        }
+        for camera in &mut self.cameras {
+            linear.extend(camera.curves[number].take());
+            let frames = std::mem::take(&mut camera.shown[number]);
+            shown.extend(frames.into_iter().map(|frame| (camera.camera.clone(), frame)));
+        }
+        linear.retain(|curve| !curve.channels.is_empty());
+        if linear.is_empty() {
+            return Ok(None);
+        }
+        let body = Body::of(&stay.target)?;
+        let complete = |curves: &[LightCurve]| {
+            let mut curve = join(curves).map_err(|name| {
+                anyhow::anyhow!("channel {name} comes from two instruments: one name, one channel")
+            })?;
+            if let Some(body) = &body {
+                body.locate(&mut curve.samples, &station.site)?;
+            }
+            curve.provenance = provenance(&stay.target, session, station);
+            curve.other.insert("target".into(), target_json(stay));
+            Ok::<_, anyhow::Error>(curve)
+        };
+        let linear = complete(&linear)?;
+        let raw = if raw.is_empty() { None } else { Some(complete(&raw)?) };
+        Ok(Some(Visited { stay: stay.clone(), linear, raw, track, shown }))
+    }
+}
+
+/// What light curves say of their target.
+fn target_json(stay: &Stay) -> serde_json::Value {
+    let Target { name, target_kind, ra_deg, dec_deg, tle, .. } = &stay.target;
+    let kind = if *target_kind == TargetKind::Star { "star" } else { "satellite" };
+    let mut target = json!({"name": name, "kind": kind, "visit": stay.number});
+    for (key, value) in [("ra_deg", ra_deg), ("dec_deg", dec_deg)] {
+        if let Some(value) = value {
+            target[key] = json!(value);
+        }
+    }
+    if let Some(tle) = tle {
+        target["tle"] = json!(tle);
+    }
+    target
+}
+
+fn provenance(target: &Target, session: &Session, station: &Station) -> Provenance {
+    let mut inputs: Vec<Input> = session
+        .manifest()
+        .files
+        .iter()
+        .map(|file| Input {
+            file: session.file(&file.path).display().to_string(),
+            sha256: file.sha256.clone(),
+        })
+        .collect();
+    inputs.extend(
+        station.sources.iter().map(|(path, sha256)| Input {
+            file: path.display().to_string(),
+            sha256: sha256.clone(),
+        }),
+    );
+    Provenance {
+        program: format!("sunglint {}", env!("CARGO_PKG_VERSION")),
+        command: format!("reduce {}", session.root().display()),
+        station: station.name.clone(),
+        target: target.name.clone(),
+        inputs,
+        notes: vec![
+            "sigma: photons, detector, background, place in the fibre; without scintillation, which is common to the channels".into(),
+            "camera channels in ADU/s, standing for all pixels of the aperture (a mosaic's red and blue times 4, green times 2)".into(),
+        ],
+        ..Provenance::default()
+    }
+}

@@ -1,0 +1,291 @@
+//! What a reduction says: per visit and channel how many samples there are and what each rule removed.
+
+use super::Stay;
+use super::frames::CameraNight;
+use super::night::{Reduced, Visited};
+use crate::output::rounded;
+use hifitime::Epoch;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use sunglint_formats::time::{format_utc, format_utc_shortest};
+use sunglint_formats::{Column, Table};
+use sunglint_radiometry::light_curve::{ChannelCurve, Flags};
+
+/// A channel of a visit in numbers.
+pub struct ChannelLine {
+    /// Its name.
+    pub name: String,
+    /// Exposures of its own.
+    pub samples: u64,
+    /// Those with a rate.
+    pub with_rate: u64,
+    /// Those without a flag.
+    pub clean: u64,
+    /// The median rate, Hz (ADU/s of a camera).
+    pub median_hz: Option<f64>,
+    /// How many samples carry each flag.
+    pub flags: BTreeMap<String, u64>,
+}
+
+impl ChannelLine {
+    fn of(channel: &ChannelCurve) -> Self {
+        let mut line = Self {
+            name: channel.name.clone(),
+            samples: 0,
+            with_rate: 0,
+            clean: 0,
+            median_hz: None,
+            flags: BTreeMap::new(),
+        };
+        let mut rates = Vec::new();
+        for (rate, flags) in channel.rate_hz.iter().zip(&channel.flags) {
+            if flags.contains(Flags::NOT_SAMPLED) {
+                continue;
+            }
+            line.samples += 1;
+            line.clean += u64::from(flags.is_empty());
+            if rate.is_finite() {
+                line.with_rate += 1;
+                rates.push(*rate);
+            }
+            for (name, _) in flags.iter_names() {
+                *line.flags.entry(name.to_lowercase()).or_default() += 1;
+            }
+        }
+        rates.sort_by(f64::total_cmp);
+        line.median_hz = rates.get(rates.len() / 2).copied();
+        line
+    }
+}
+
+/// A visit in numbers.
+pub struct VisitLine {
+    /// The stay.
+    pub stay: Stay,
+    /// Its first and last sample.
+    pub time: Option<[Epoch; 2]>,
+    /// Lowest and highest true zenith angle, deg, where the target's place is known.
+    pub zenith_deg: Option<[f64; 2]>,
+    /// Its channels.
+    pub channels: Vec<ChannelLine>,
+}
+
+impl VisitLine {
+    /// Of a visit.
+    pub fn of(visited: &Visited) -> Self {
+        let samples = &visited.linear.samples;
+        let zenith_deg = samples.zenith_deg.as_ref().map(|zeniths| {
+            let low = zeniths.iter().copied().fold(f64::INFINITY, f64::min);
+            [low, zeniths.iter().copied().fold(f64::NEG_INFINITY, f64::max)]
+        });
+        Self {
+            stay: visited.stay.clone(),
+            time: samples.time.first().zip(samples.time.last()).map(|(a, b)| [*a, *b]),
+            zenith_deg,
+            channels: visited.linear.channels.iter().map(ChannelLine::of).collect(),
+        }
+    }
+}
+
+/// The name of a visit's files: letters, digits, `_` and `-` of its target, and its number.
+pub fn file_name(stay: &Stay) -> String {
+    let name: String = stay
+        .target
+        .name
+        .chars()
+        .map(|c| if c.is_alphanumeric() || c == '-' { c } else { '_' })
+        .collect();
+    format!("{name}_{}", stay.number)
+}
+
+/// The reduction as text.
+pub fn text(night: &Reduced, visits: &[VisitLine], session: &str, station: &str) -> String {
+    let mut text = format!("session {session}, reduced with station {station}\n");
+    for camera in &night.cameras {
+        let _ = write!(text, "\n{}", camera_text(camera));
+    }
+    for counter in &night.counters {
+        let summary = &counter.summary;
+        let _ = write!(
+            text,
+            "\ncounter {}: {} bins, {} of no visit, {} without length, {} overlapping; {} pieces off the targets\n",
+            counter.counter,
+            summary.bins,
+            summary.outside,
+            summary.without_length,
+            summary.overlapping,
+            counter.off.pieces().len()
+        );
+    }
+    for visit in visits {
+        let time = visit.time.map_or_else(String::new, |[from, to]| {
+            format!(", {} to {}", format_utc(from, 1), format_utc(to, 1))
+        });
+        let zenith = match visit.zenith_deg {
+            Some([low, high]) => format!("zenith angle {low:.1}° to {high:.1}°"),
+            None => "no place known: no zenith angle".into(),
+        };
+        let _ = writeln!(
+            text,
+            "\n{} (visit {}){time}; {zenith}",
+            visit.stay.target.name, visit.stay.number
+        );
+        let _ = writeln!(text, "  channel     samples  with a rate    clean       median  flags");
+        for line in &visit.channels {
+            let flags: Vec<String> =
+                line.flags.iter().map(|(flag, count)| format!("{flag} {count}")).collect();
+            let median = line.median_hz.map_or_else(|| "-".into(), |hz| format!("{hz:.4e}"));
+            let _ = writeln!(
+                text,
+                "  {:<10} {:>8} {:>12} {:>8} {:>12}  {}",
+                line.name,
+                line.samples,
+                line.with_rate,
+                line.clean,
+                median,
+                flags.join(", ")
+            );
+        }
+    }
+    text.push_str(
+        "\nsamples without a rate stay in the curve as nan, each with the flag that says why\n",
+    );
+    text
+}
+
+fn camera_text(camera: &CameraNight) -> String {
+    let tally = &camera.tally;
+    let sensor = match camera.darks {
+        0 => "no dark frames: no mask, no dark subtracted".to_owned(),
+        darks => format!("{} bad pixels by {darks} dark frames", camera.bad_pixels),
+    };
+    let rules = [
+        ("too small or large", tally.rejected_area),
+        ("ragged", tally.rejected_fill),
+        ("long", tally.rejected_aspect),
+        ("sharp", tally.rejected_sharp),
+        ("wide", tally.rejected_wide),
+        ("too far off", tally.rejected_offset),
+    ];
+    let rules: Vec<String> = rules.iter().map(|(rule, count)| format!("{rule} {count}")).collect();
+    let [low, high] = fwhm_range(camera);
+    let widths = format!(
+        "points of {low:.1} to {high:.1} px at half their maximum, aperture {:.1} px, annulus {:.1} to {:.1} px\n  ",
+        camera.aperture_px[0], camera.aperture_px[1], camera.aperture_px[2]
+    );
+    format!(
+        "camera {}: {} frames on targets, {} of no target, {} beyond their visit; {sensor}\n  {widths}{} without a target, {} ambiguous, {} with another source in the aperture; sources left out: {}\n  planes without a rate: saturated {}, off the edge {}, masked {}, no background {}\n",
+        camera.camera,
+        tally.frames,
+        camera.outside,
+        camera.partly,
+        tally.undetected,
+        tally.ambiguous,
+        tally.crowded,
+        rules.join(", "),
+        tally.saturated,
+        tally.edge,
+        tally.masked,
+        tally.no_background
+    )
+}
+
+/// The narrowest and the widest points of a camera's visits, px.
+fn fwhm_range(camera: &CameraNight) -> [f64; 2] {
+    let low = camera.fwhm_px.iter().copied().fold(f64::INFINITY, f64::min);
+    [low, camera.fwhm_px.iter().copied().fold(0.0, f64::max)]
+}
+
+/// The reduction as a table: a row for each visit and channel.
+pub fn table(visits: &[VisitLine]) -> Table {
+    let names: Vec<&'static str> = Flags::all().iter_names().map(|(name, _)| name).collect();
+    let rows: Vec<(&VisitLine, &ChannelLine)> = visits
+        .iter()
+        .flat_map(|visit| visit.channels.iter().map(move |line| (visit, line)))
+        .collect();
+    let whole = |value: &dyn Fn(&ChannelLine) -> u64| {
+        rows.iter().map(|(_, line)| i64::try_from(value(line)).unwrap_or(i64::MAX)).collect()
+    };
+    let text =
+        |value: &dyn Fn(&VisitLine) -> String| rows.iter().map(|(visit, _)| value(visit)).collect();
+    let mut columns = vec![
+        Column::text("target", text(&|v| v.stay.target.name.clone())),
+        Column::i64("visit", None, rows.iter().map(|(v, _)| i64::from(v.stay.number)).collect()),
+        Column::text("from_utc", text(&|v| format_utc_shortest(v.stay.from))),
+        Column::text("channel", rows.iter().map(|(_, line)| line.name.clone()).collect()),
+        Column::i64("samples", None, whole(&|line| line.samples)),
+        Column::i64("with_rate", None, whole(&|line| line.with_rate)),
+        Column::i64("clean", None, whole(&|line| line.clean)),
+        Column::f64(
+            "median_rate_hz",
+            Some("Hz"),
+            rows.iter().map(|(_, line)| line.median_hz.unwrap_or(f64::NAN)).collect(),
+        ),
+    ];
+    for name in names {
+        let name = name.to_lowercase();
+        let count = |line: &ChannelLine| line.flags.get(&name).copied().unwrap_or(0);
+        columns.push(Column::i64(name.clone(), None, whole(&count)));
+    }
+    Table { columns, ..Table::default() }
+}
+
+/// The reduction as a JSON document.
+pub fn json(night: &Reduced, visits: &[VisitLine], session: &str, station: &str) -> Value {
+    let visits = visits.iter().map(|visit| {
+        let channels = visit.channels.iter().map(|line| {
+            json!({
+                "name": line.name,
+                "samples": line.samples,
+                "with_rate": line.with_rate,
+                "clean": line.clean,
+                "median_rate_hz": line.median_hz.map(rounded),
+                "flags": line.flags,
+            })
+        });
+        json!({
+            "target": visit.stay.target.name,
+            "visit": visit.stay.number,
+            "file": format!("{}.ecsv", file_name(&visit.stay)),
+            "from_utc": format_utc_shortest(visit.stay.from),
+            "to_utc": format_utc_shortest(visit.stay.to),
+            "channels": channels.collect::<Vec<_>>(),
+        })
+    });
+    let cameras = night.cameras.iter().map(|camera| {
+        let tally = &camera.tally;
+        json!({
+            "name": camera.camera,
+            "frames": tally.frames,
+            "outside": camera.outside,
+            "partly": camera.partly,
+            "fwhm_px": fwhm_range(camera).map(rounded),
+            "aperture_px": camera.aperture_px.map(rounded),
+            "undetected": tally.undetected,
+            "ambiguous": tally.ambiguous,
+            "crowded": tally.crowded,
+            "failed": camera.failed.len(),
+            "dark_frames": camera.darks,
+            "bad_pixels": camera.bad_pixels,
+        })
+    });
+    let counters = night.counters.iter().map(|counter| {
+        json!({
+            "name": counter.counter,
+            "bins": counter.summary.bins,
+            "outside": counter.summary.outside,
+            "overlapping": counter.summary.overlapping,
+            "off_target_pieces": counter.off.pieces().len(),
+            "torn_bytes": counter.torn_bytes,
+        })
+    });
+    json!({
+        "session": session,
+        "station": station,
+        "visits": visits.collect::<Vec<_>>(),
+        "cameras": cameras.collect::<Vec<_>>(),
+        "counters": counters.collect::<Vec<_>>(),
+        "warnings": night.warnings,
+    })
+}
