@@ -56,6 +56,10 @@ fn text(session: &Session, report: &Report) -> String {
             let _ = write!(text, " from {} to {}", format_utc(from, 3), format_utc(to, 3));
         }
         let _ = writeln!(text, ", {} of them below the last mark", counter.marked_rows);
+        if let Some(tags) = counter.tags {
+            let (name, marked) = (&counter.name, counter.marked_tags);
+            let _ = writeln!(text, "  {name}: {tags} raw tags, {marked} below the last mark");
+        }
     }
     for camera in &report.cameras {
         let _ = writeln!(
@@ -84,6 +88,8 @@ fn json(session: &Session, report: &Report) -> Value {
                 "name": counter.name,
                 "rows": counter.rows,
                 "marked_rows": counter.marked_rows,
+                "tags": counter.tags,
+                "marked_tags": counter.marked_tags,
                 "flagged_gaps": counter.flagged_gaps,
                 "unflagged_gaps": counter.unflagged_gaps,
                 "from_utc": counter.from_to.map(|[from, _]| utc(from)),

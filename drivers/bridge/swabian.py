@@ -13,7 +13,8 @@ all little-endian:
     J  JSON: {"id":1,"ok":{...}} or {"id":1,"error":{"code":"no_device","text":"..."}}; id null: a request that was not
        understood
     C  a finished bin: i64 start ps, i64 width ps, i64 when it was read (unix ns), u32 flags (1 overflow, 2 error, 4 lost
-       reports), u32 n channels, n x u64 counts, n x u64 missed events
+       reports), u32 n channels, n x u64 counts, n x u64 missed events. Without channels, in a stream that was asked for
+       `stretches`: all tags from its start to its end were sent (the first, 1 ps long, says where the stream's time stands)
     T  time tags: n x 16 bytes (u8 type, u8 0, u16 missed, i32 channel, i64 time ps)
 
 Standard error is a log. What the vendor's library prints goes there too.
@@ -193,10 +194,10 @@ class Counting:
 
 
 class Streaming:
-    """Raw tags."""
+    """Raw tags; with `stretches`, after each look how far they are all there."""
 
-    def __init__(self, bridge, channels):
-        self.bridge, self.last = bridge, 0
+    def __init__(self, bridge, channels, stretches):
+        self.bridge, self.stretches, self.until = bridge, stretches, None
         self.stream = bridge.vendor.tt.TimeTagStream(bridge.tagger, STREAM_EVENTS, channels)
 
     def stop(self):
@@ -204,6 +205,7 @@ class Streaming:
 
     def poll(self):
         buffer = self.stream.getData()
+        read_ns = time.time_ns()
         records, _ = self.bridge.vendor.records(buffer)
         if len(records) >= STREAM_EVENTS:
             # Tags between this buffer and the next were not kept: that is an overflow, and it is data.
@@ -213,6 +215,15 @@ class Streaming:
             gap["f4"] = records["f4"][-1], max(int(buffer.tGetData), int(records["f4"][-1]))
             records = self.bridge.vendor.np.concatenate([records, gap])
         self.bridge.tags(records)
+        if self.stretches:
+            self.stretch(int(buffer.tGetData), read_ns)
+
+    def stretch(self, until, read_ns):
+        # The first, 1 ps long, says where the stream's time stands.
+        since = until - 1 if self.until is None else self.until
+        if until != since:
+            self.bridge.out.frame(b"C", struct.pack("<qqqII", since, until - since, read_ns, 0, 0))
+            self.until = until
 
 
 class Bridge:
@@ -370,8 +381,9 @@ class Bridge:
 
     def op_stream(self, request):
         self.idle()
-        self.activity = Streaming(self, self.opened)
-        return {"channels": self.opened}
+        stretches = bool(request.get("stretches"))
+        self.activity = Streaming(self, self.opened, stretches)
+        return {"channels": self.opened, "stretches": stretches} if stretches else {"channels": self.opened}
 
     def op_stop(self, request):
         if self.activity:

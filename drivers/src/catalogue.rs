@@ -187,6 +187,12 @@ impl Driver {
             .ok_or_else(|| AddressError::no_driver(name))
     }
 
+    /// Whether its device hands over time tags
+    /// ([`PhotonCounter::streams_tags`](crate::device::PhotonCounter::streams_tags)), as far as is known without opening it.
+    pub fn streams_tags(&self) -> bool {
+        matches!(self.name, "timetagger" | "sim-timetagger")
+    }
+
     /// The form of its addresses (`tmcl[:PORT]`).
     pub fn form(&self) -> String {
         match (self.place.form, self.place.optional) {

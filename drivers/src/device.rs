@@ -7,10 +7,13 @@
 
 mod confirmed;
 mod error;
+mod sink;
 
 pub use confirmed::Confirmed;
 pub(crate) use error::not_taken;
 pub use error::{DeviceError, Interrupted, Side};
+
+pub use sink::TagSink;
 
 use crate::clock::Deadline;
 use std::fmt;
@@ -160,6 +163,27 @@ pub trait PhotonCounter: Device {
     /// # Errors
     /// See [`DeviceError`].
     fn start(&mut self, bin_ps: i64, deadline: &Deadline) -> Result<(), DeviceError>;
+
+    /// Whether it can count with [`start_with_tags`](Self::start_with_tags).
+    fn streams_tags(&self) -> bool {
+        false
+    }
+
+    /// Starts counting in bins of `bin_ps`, ps, that are made of a stream of time tags, and hands all records of the stream to `sink`
+    /// as they come, during every call: bins and tags are of the same photons.
+    ///
+    /// # Errors
+    /// It streams no tags, or see [`DeviceError`].
+    fn start_with_tags(
+        &mut self,
+        bin_ps: i64,
+        sink: TagSink,
+        deadline: &Deadline,
+    ) -> Result<(), DeviceError> {
+        let _ = (bin_ps, sink, deadline);
+        let reason = "it counts in bins and hands over no time tags: observe without `raw_tags`";
+        Err(DeviceError::NotReady { device: "photon counter", reason })
+    }
 
     /// Waits for the next `bins` finished bins.
     ///

@@ -27,6 +27,7 @@ mod advice;
 mod bridge;
 pub mod frame;
 mod raw;
+mod streamed;
 mod tagger;
 mod utc;
 

@@ -11,7 +11,7 @@ use common::within;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
-use sunglint_drivers::device::{Device as _, PhotonCounter as _};
+use sunglint_drivers::device::{Device as _, PhotonCounter as _, TagSink};
 use sunglint_drivers::swabian::{
     BRIDGE, Source, TaggerSettings, TimeTagger, convert, spawn, spawn_with,
 };
@@ -110,6 +110,21 @@ fn tags_and_files_pass_the_bridge() {
     let error = run("damaged").unwrap_err();
     assert!(error.contains("after 0 events: Incorrect Header"), "{error}");
     assert!(run("empty").unwrap_err().contains("holds no events; is it a whole .ttbin"));
+}
+
+/// Truth: the stand-in's tags, one a millisecond and channel: each bin of 10 ms that is made of them has ten of each, none is lost between.
+#[test]
+fn bins_of_a_stream_pass_the_bridge() {
+    let Some(python) = peer_python("bins_of_a_stream_pass_the_bridge", &["numpy"]) else { return };
+    let mut tagger = TimeTagger::open(stand_in(&python), settings(), &within(60.0)).unwrap();
+    let sink = TagSink::new(|records| assert!(!records.is_empty()));
+    tagger.start_with_tags(BIN_PS / 10, sink, &within(5.0)).unwrap();
+    let records = tagger.read(30, &within(20.0)).unwrap();
+    for (i, record) in records.iter().enumerate() {
+        assert_eq!(record.start_ps, records[0].start_ps + i as i64 * BIN_PS / 10);
+        assert_eq!((&record.counts[..], record.flags), (&[10; 3][..], CountFlags::CLOCK_FREE));
+    }
+    tagger.stop(&within(5.0)).unwrap();
 }
 
 /// Truth: the named errors; the stand-in says that it was freed when the host hangs up.

@@ -33,6 +33,8 @@ fn device(name: &str, kind: DeviceKind) -> Device {
         address: "sim".into(),
         options: vec![],
         channels,
+        inputs: vec![],
+        raw_tags: false,
         exposure_s: 0.1,
         interval_s: None,
         filter: None,

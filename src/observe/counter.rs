@@ -2,9 +2,12 @@
 
 use super::camera::seconds;
 use super::device::{Post, READY, SOON};
+use super::disk::Disk;
 use super::plan::CounterPlan;
+use super::tags::{Loss, planned};
 use std::time::Duration;
-use sunglint_drivers::device::{DeviceError, PhotonCounter};
+use sunglint_drivers::device::{DeviceError, PhotonCounter, TagSink};
+use sunglint_drivers::tags::Tag;
 use sunglint_formats::{CountFlags, CountRecord};
 
 /// How much longer than its length a bin may take.
@@ -36,7 +39,13 @@ impl CounterWork {
         self.prepare(counter.as_mut(), &columns, post)?;
         post.opened(counter.as_mut())?;
         let bin_s = self.plan.bin_s.get();
-        counter.start((bin_s * 1e12).round() as i64, &post.within(SOON))?;
+        let (bin_ps, soon) = ((bin_s * 1e12).round() as i64, post.within(SOON));
+        if self.plan.raw_tags {
+            let sink = self.sink(post);
+            counter.start_with_tags(bin_ps, sink, &soon)?;
+        } else {
+            counter.start(bin_ps, &soon)?;
+        }
         let bins = ((STRETCH_S / bin_s) as usize).clamp(1, 10_000);
         let most = BIN.saturating_add(seconds(bins as f64 * bin_s));
         self.gap_before = self.taken;
@@ -62,6 +71,22 @@ impl CounterWork {
         // A counter that cannot be stopped is left counting: what it gave is good all the same.
         let _ = counter.stop(&post.even_so(SOON));
         Ok(())
+    }
+
+    /// Where its tags go. After a loss of the counter its clock may be another: an error record says so.
+    fn sink(&self, post: &Post) -> TagSink {
+        let inputs = self.plan.inputs();
+        let mut way = TagWay { counter: post.name.clone(), disk: post.disk.clone(), loss: None };
+        let mut anew = self.taken;
+        TagSink::new(move |records| {
+            let mut records = planned(records, &inputs);
+            if let Some(first) = records.first().filter(|_| std::mem::take(&mut anew)) {
+                records.insert(0, Tag::error(Tag::from_bytes(first).time_ps).to_bytes());
+            }
+            if !records.is_empty() {
+                way.loss = way.disk.tags(&way.counter, way.loss.take(), records);
+            }
+        })
     }
 
     /// For each channel of the plan the counter's own.
@@ -122,5 +147,21 @@ impl CounterWork {
             post.reached(last.start + length);
         }
         post.disk.counts(&post.name, records);
+    }
+}
+
+/// The way of a counter's tags to the disk.
+struct TagWay {
+    counter: String,
+    disk: Disk,
+    /// What was lost last and is not told yet.
+    loss: Option<Loss>,
+}
+
+impl Drop for TagWay {
+    fn drop(&mut self) {
+        if let Some(loss) = self.loss.take() {
+            self.disk.tags_lost(&self.counter, loss);
+        }
     }
 }

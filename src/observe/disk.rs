@@ -1,12 +1,15 @@
 //! The one thread that writes: devices hand over what they have and go on.
 
 use super::status::Status;
+use super::tags::{Loss, TagRoom};
 use hifitime::Epoch;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::collections::HashMap;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
+use sunglint_drivers::tags::RECORD_BYTES;
 use sunglint_formats::session::{Ended, SessionWriter, What};
-use sunglint_formats::{CountRecord, Frame};
+use sunglint_formats::{CountRecord, EncodeError, Frame};
 
 /// Messages that wait at most; each holds at most the bins of a moment.
 const MESSAGES: usize = 1024;
@@ -20,6 +23,7 @@ enum Message {
     Counts(String, Vec<CountRecord>),
     Frame(String, u64, Box<Frame>),
     Event(Epoch, What),
+    Tags(String, Option<Loss>, Vec<[u8; RECORD_BYTES]>),
 }
 
 /// Takes what is to be written, from any thread. Where the disk is slower than the devices, it holds them up once a thousand
@@ -28,6 +32,7 @@ enum Message {
 pub struct Disk {
     sender: SyncSender<Message>,
     pixels: Arc<Pixels>,
+    tag_room: Arc<TagRoom>,
 }
 
 impl std::fmt::Debug for Message {
@@ -35,6 +40,9 @@ impl std::fmt::Debug for Message {
         match self {
             Self::Counts(name, records) => write!(f, "{} bins of {name}", records.len()),
             Self::Frame(name, number, _) => write!(f, "frame {number} of {name}"),
+            Self::Tags(name, loss, tags) => {
+                write!(f, "{} tags of {name} after {loss:?}", tags.len())
+            }
             Self::Event(utc, what) => write!(f, "{utc} {what:?}"),
         }
     }
@@ -73,8 +81,9 @@ pub fn start(
 ) -> std::io::Result<(Disk, std::thread::JoinHandle<Writing>)> {
     let (sender, receiver) = sync_channel(MESSAGES);
     let pixels = Arc::new(Pixels::default());
-    let disk = Disk { sender, pixels: pixels.clone() };
-    let writing = Writing { writer, status, pixels };
+    let tag_room = Arc::new(TagRoom::default());
+    let disk = Disk { sender, pixels: pixels.clone(), tag_room: tag_room.clone() };
+    let writing = Writing { writer, status, pixels, tag_room, tags_lost: HashMap::new() };
     let thread = std::thread::Builder::new().name("disk".into());
     let handle = thread.spawn(move || writing.run(&receiver))?;
     Ok((disk, handle))
@@ -90,6 +99,32 @@ impl Disk {
     pub fn frame(&self, camera: &str, number: u64, frame: Frame) {
         self.pixels.add(bytes_of(&frame));
         self.send(Message::Frame(camera.to_owned(), number, Box::new(frame)));
+    }
+
+    /// Hands over tags, without ever waiting: where there is no room they are lost. `loss` is what was lost before and is not told yet;
+    /// the result is what is lost now.
+    pub fn tags(
+        &self,
+        counter: &str,
+        loss: Option<Loss>,
+        records: Vec<[u8; RECORD_BYTES]>,
+    ) -> Option<Loss> {
+        let bytes = records.as_flattened().len() as u64;
+        if !self.tag_room.take(bytes, loss.is_some()) {
+            return Loss::and(loss, Loss::of(&records));
+        }
+        match self.sender.try_send(Message::Tags(counter.to_owned(), loss, records)) {
+            Err(TrySendError::Full(Message::Tags(_, loss, records))) => {
+                self.tag_room.give(bytes);
+                Loss::and(loss, Loss::of(&records))
+            }
+            _ => None,
+        }
+    }
+
+    /// Tells of tags that were lost and that none follow.
+    pub fn tags_lost(&self, counter: &str, loss: Loss) {
+        self.send(Message::Tags(counter.to_owned(), Some(loss), vec![]));
     }
 
     /// Hands over an event.
@@ -109,6 +144,9 @@ pub struct Writing {
     writer: SessionWriter,
     status: Arc<Status>,
     pixels: Arc<Pixels>,
+    tag_room: Arc<TagRoom>,
+    /// Tags that found no room on the disk, and that the file does not tell of yet.
+    tags_lost: HashMap<String, Loss>,
 }
 
 impl Writing {
@@ -152,6 +190,10 @@ impl Writing {
                     Err(error) => Some((camera, error)),
                 }
             }
+            Message::Tags(counter, loss, records) => {
+                self.tag_room.give(records.as_flattened().len() as u64);
+                self.write_tags(&counter, loss, &records).err().map(|error| (counter, error))
+            }
             Message::Event(utc, what) => {
                 self.writer.event(utc, what);
                 None
@@ -163,6 +205,30 @@ impl Writing {
             self.status.unwritable(&about, &error);
             self.writer.event(self.status.utc(), What::Error { about, error });
         }
+    }
+
+    fn write_tags(
+        &mut self,
+        counter: &str,
+        loss: Option<Loss>,
+        records: &[[u8; RECORD_BYTES]],
+    ) -> Result<(), EncodeError> {
+        let utc = self.status.utc();
+        if let Some(loss) = loss {
+            self.writer.lose_tags(utc, counter, loss.records)?;
+            let text = format!("{counter}: {} tags lost: the disk is too slow", loss.records);
+            self.status.say(text);
+        }
+        let before = Loss::and(self.tags_lost.remove(counter), loss);
+        let marks = before.map(Loss::marks);
+        let mut bytes = marks.as_ref().map_or(&[][..], |marks| marks.as_flattened()).to_vec();
+        bytes.extend_from_slice(records.as_flattened());
+        if !self.writer.tags(utc, counter, &bytes)?
+            && let Some(lost) = Loss::and(before, Loss::of(records))
+        {
+            self.tags_lost.insert(counter.to_owned(), lost);
+        }
+        Ok(())
     }
 
     /// Ends the session.

@@ -17,6 +17,7 @@ mod playback;
 mod pointing;
 mod schedule;
 mod status;
+mod tags;
 mod virtual_night;
 
 pub use night::{Night, Summary};
@@ -164,7 +165,14 @@ pub fn replayed(session: &Path, fast: bool, output: Option<&Path>) -> anyhow::Re
             DeviceKind::Camera => cameras.push(CameraPlan::plain(name, address, exposure_s)),
             DeviceKind::Counter => {
                 let mut plan = CounterPlan::plain(name, address, exposure_s);
-                plan.channels = device.channels.iter().cloned().zip(1..).collect();
+                let inputs = device.inputs.iter().filter_map(|i| u32::try_from(*i).ok());
+                plan.channels = match inputs.collect::<Vec<_>>() {
+                    inputs if inputs.len() == device.channels.len() => {
+                        device.channels.iter().cloned().zip(inputs).collect()
+                    }
+                    _ => device.channels.iter().cloned().zip(1..).collect(),
+                };
+                plan.raw_tags = device.raw_tags;
                 counters.push(plan);
             }
         }
@@ -328,7 +336,7 @@ fn finish(summary: &Summary, console: Console) -> anyhow::Result<()> {
     if summary.not_written > 0 {
         let why = summary.disk_error.clone().unwrap_or_else(|| "see its event log".into());
         bail!(
-            "{} rows or frames could not be written: {why}; what was written before is whole",
+            "{} rows, tags or frames could not be written: {why}; what was written before is whole",
             summary.not_written
         );
     }

@@ -10,7 +10,7 @@ use super::plan::{CameraPlan, CounterPlan};
 use super::pointing::Pointing;
 use super::schedule::Schedule;
 use super::status::{Snapshot, Status};
-use anyhow::{Context as _, anyhow};
+use anyhow::{Context as _, anyhow, bail};
 use hifitime::Epoch;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -78,8 +78,18 @@ impl Night {
     /// Runs until the night's end, or until `cancel` is set. `show` is called every twentieth of a second.
     ///
     /// # Errors
-    /// The folder is there or cannot be made; the system starts no thread. All else is in the summary.
+    /// A counter that hands over no tags is asked for them; the folder is there or cannot be made; the system starts no thread. All else is in the summary.
     pub fn run(self, cancel: &Cancel, show: &mut dyn FnMut(Snapshot)) -> anyhow::Result<Summary> {
+        if let Some(plan) =
+            self.counters.iter().find(|p| p.raw_tags && !self.opener.streams_tags(p))
+        {
+            bail!(
+                "counter {}: {} hands over no time tags, only bins: leave out its `raw_tags`, or take a counter that does \
+                 (timetagger, sim-timetagger)",
+                plan.name,
+                plan.device
+            );
+        }
         let start = self.manifest.start_utc;
         let live = self.names().all(|name| self.opener.clock(name).is_live());
         let status = Arc::new(Status::new(start, live));

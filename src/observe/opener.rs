@@ -36,6 +36,12 @@ pub trait Opener: Send + Sync + fmt::Debug {
         deadline: &Deadline,
     ) -> Result<Box<dyn PhotonCounter>, DeviceError>;
 
+    /// Whether a counter can hand over its time tags; asked before the night begins.
+    fn streams_tags(&self, plan: &CounterPlan) -> bool {
+        let _ = plan;
+        false
+    }
+
     /// Whether frames carry the numbers that they had ([`FRAME_NUMBER`](sunglint_formats::session::FRAME_NUMBER)).
     fn keeps_numbers(&self) -> bool {
         false
@@ -133,5 +139,9 @@ impl Opener for Catalogue {
             AnyDevice::PhotonCounter(counter) => Ok(counter),
             _ => Err(another_kind(&plan.device, "photon counter")),
         }
+    }
+
+    fn streams_tags(&self, plan: &CounterPlan) -> bool {
+        Address::parse(&plan.device, &plan.with).is_ok_and(|a| a.driver.streams_tags())
     }
 }

@@ -90,6 +90,9 @@ pub struct CounterPlan {
     pub channels: BTreeMap<String, u32>,
     /// Length of a bin, s.
     pub bin_s: Positive,
+    /// Whether its raw tags are recorded; bins are then made of them.
+    #[serde(default)]
+    pub raw_tags: bool,
     /// Level at which a pulse counts, V, by channel.
     #[serde(default)]
     pub trigger_level_v: BTreeMap<String, Finite>,
@@ -128,6 +131,7 @@ impl CounterPlan {
             with: vec![],
             channels: BTreeMap::new(),
             bin_s,
+            raw_tags: false,
             trigger_level_v: BTreeMap::new(),
             input_delay_ps: BTreeMap::new(),
             dead_time_ps: BTreeMap::new(),
@@ -136,9 +140,19 @@ impl CounterPlan {
 
     /// Names of the channels, by their inputs.
     pub fn channel_names(&self) -> Vec<String> {
-        let mut names: Vec<(&u32, &String)> = self.channels.iter().map(|(n, i)| (i, n)).collect();
+        self.by_input().into_iter().map(|(_, name)| name.clone()).collect()
+    }
+
+    /// The channels' inputs, in the order of [`channel_names`](Self::channel_names).
+    pub fn inputs(&self) -> Vec<i32> {
+        let input = |(input, _): (u32, _)| i32::try_from(input).unwrap_or(i32::MAX);
+        self.by_input().into_iter().map(input).collect()
+    }
+
+    fn by_input(&self) -> Vec<(u32, &String)> {
+        let mut names: Vec<_> = self.channels.iter().map(|(name, i)| (*i, name)).collect();
         names.sort();
-        names.into_iter().map(|(_, name)| name.clone()).collect()
+        names
     }
 }
 
@@ -286,6 +300,8 @@ impl Plan {
             address: camera.device.clone(),
             options: camera.with.clone(),
             channels: vec![],
+            inputs: vec![],
+            raw_tags: false,
             exposure_s: camera.exposure_s.get(),
             interval_s: camera.interval_s.map(Positive::get),
             filter: camera.filter.clone(),
@@ -296,6 +312,8 @@ impl Plan {
             address: counter.device.clone(),
             options: counter.with.clone(),
             channels: counter.channel_names(),
+            inputs: counter.inputs(),
+            raw_tags: counter.raw_tags,
             exposure_s: counter.bin_s.get(),
             interval_s: None,
             filter: None,

@@ -11,9 +11,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use sunglint_drivers::clock::{Clock, Deadline, Expired};
 use sunglint_drivers::device::{
-    Camera, Device, DeviceError, Identity, Interrupted, Origin, PhotonCounter, Setting, Value,
-    Window,
+    Camera, Device, DeviceError, Identity, Interrupted, Origin, PhotonCounter, Setting, TagSink,
+    Value, Window,
 };
+use sunglint_drivers::tags::{Tag, TagFile};
 use sunglint_formats::session::{Counts, Frames, Session, What};
 use sunglint_formats::{CountRecord, FileError, Frame};
 
@@ -42,7 +43,41 @@ struct Reel {
 #[derive(Debug)]
 enum Film {
     Frames(Frames, usize),
-    Counts(Box<Counts>),
+    Counts(Box<Counts>, Option<TagReel>),
+}
+
+/// Raw tags, played up to the end of each bin.
+#[derive(Debug)]
+struct TagReel {
+    file: TagFile,
+    next: u64,
+}
+
+impl TagReel {
+    /// Hands over the records up to the first that is at `until_ps` or later.
+    fn play(&mut self, until_ps: i64, sink: &mut TagSink) -> Result<(), FileError> {
+        /// Records that are read at once.
+        const PIECE: u64 = 1 << 12;
+        while self.next < self.file.len() {
+            let range = self.next..self.file.len().min(self.next + PIECE);
+            let mut records = Vec::new();
+            let mut more = true;
+            self.file.for_each(range.clone(), |tags| {
+                let due = |record: &&[u8; 16]| Tag::from_bytes(record).time_ps < until_ps;
+                records.extend(tags.records().iter().take_while(due));
+                Ok::<_, FileError>(())
+            })?;
+            if (records.len() as u64) < range.end - range.start {
+                more = false;
+            }
+            self.next += records.len() as u64;
+            sink.take(records);
+            if !more {
+                break;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// At speed, or as fast as it can; at the end of a recording it jumps behind the end of every night.
@@ -91,7 +126,9 @@ impl Playback {
             films.push((name.to_owned(), Film::Frames(session.frames(name)?, 0)));
         }
         for name in session.counters() {
-            films.push((name.to_owned(), Film::Counts(Box::new(session.counts(name)?))));
+            let tags = session.tags(name)?.map(TagFile::recover).transpose()?;
+            let tags = tags.map(|(file, _)| TagReel { file, next: 0 });
+            films.push((name.to_owned(), Film::Counts(Box::new(session.counts(name)?), tags)));
         }
         let mut reels = HashMap::new();
         for (name, film) in films {
@@ -128,8 +165,9 @@ impl Playback {
                 driver: DEVICE,
             },
             settings: reel.settings.clone(),
+            sink: None,
             channels: match &*lock(&reel.film) {
-                Film::Counts(counts) => counts.channels().to_vec(),
+                Film::Counts(counts, _) => counts.channels().to_vec(),
                 Film::Frames(..) => vec![],
             },
         })
@@ -156,6 +194,11 @@ impl Opener for Playback {
         Ok(Box::new(self.player(&plan.name)?))
     }
 
+    fn streams_tags(&self, plan: &CounterPlan) -> bool {
+        let film = self.reels.get(&plan.name).map(|reel| lock(&reel.film));
+        film.is_some_and(|film| matches!(*film, Film::Counts(_, Some(_))))
+    }
+
     fn keeps_numbers(&self) -> bool {
         true
     }
@@ -174,6 +217,7 @@ struct Player {
     identity: Identity,
     settings: Map<String, Json>,
     channels: Vec<String>,
+    sink: Option<TagSink>,
 }
 
 fn unreadable(error: FileError) -> DeviceError {
@@ -215,9 +259,19 @@ impl Player {
         file.read().map(Some).map_err(unreadable)
     }
 
+    /// Hands over the tags before `until_ps`; all that are left with the end of time.
+    fn play_tags(&mut self, until_ps: i64) -> Result<(), DeviceError> {
+        match (&mut *lock(&self.film), &mut self.sink) {
+            (Film::Counts(_, Some(tags)), Some(sink)) => {
+                tags.play(until_ps, sink).map_err(unreadable)
+            }
+            _ => Ok(()),
+        }
+    }
+
     fn next_bin(&self) -> Result<Option<CountRecord>, DeviceError> {
         match &mut *lock(&self.film) {
-            Film::Counts(counts) => counts.next().transpose().map_err(unreadable),
+            Film::Counts(counts, _) => counts.next().transpose().map_err(unreadable),
             Film::Frames(..) => Ok(None),
         }
     }
@@ -319,6 +373,15 @@ impl PhotonCounter for Player {
         Ok(())
     }
 
+    fn streams_tags(&self) -> bool {
+        matches!(*lock(&self.film), Film::Counts(_, Some(_)))
+    }
+
+    fn start_with_tags(&mut self, _: i64, sink: TagSink, _: &Deadline) -> Result<(), DeviceError> {
+        self.sink = Some(sink);
+        Ok(())
+    }
+
     fn read(
         &mut self,
         bins: usize,
@@ -326,11 +389,17 @@ impl PhotonCounter for Player {
     ) -> Result<Vec<CountRecord>, Interrupted<Vec<CountRecord>>> {
         let mut done = Vec::new();
         while done.len() < bins {
-            let next = self.next_bin().and_then(|bin| bin.ok_or_else(|| self.over()));
-            let next = next.and_then(|bin| {
-                self.wait_until(after(bin.start, bin.length_ps as f64 * 1e-12), deadline)?;
-                Ok(bin)
-            });
+            let next = match self.next_bin() {
+                // Behind the last bin there may be tags of one that was not over.
+                Ok(None) => self.play_tags(i64::MAX).and_then(|()| Err(self.over())),
+                Ok(Some(bin)) => {
+                    let end = after(bin.start, bin.length_ps as f64 * 1e-12);
+                    self.wait_until(end, deadline)
+                        .and_then(|()| self.play_tags(bin.start_ps.saturating_add(bin.length_ps)))
+                        .map(|()| bin)
+                }
+                Err(error) => Err(error),
+            };
             match next {
                 Ok(bin) => done.push(bin),
                 Err(error) => return Err(Interrupted::new(done, error)),

@@ -119,6 +119,8 @@ fn manifest(bin_s: f64, exposure_s: f64) -> Manifest {
         address: "sim".into(),
         options: vec![],
         channels: channels.iter().map(|&channel| channel.to_owned()).collect(),
+        inputs: vec![1, 3][..channels.len()].to_vec(),
+        raw_tags: false,
         exposure_s,
         interval_s: None,
         filter: None,

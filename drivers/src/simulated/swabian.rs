@@ -80,7 +80,7 @@ pub struct Trouble {
 enum Doing {
     Nothing,
     Counting { width_ps: i64, next_ps: i64, number: u64 },
-    Streaming { from_ps: i64 },
+    Streaming { from_ps: i64, stretches: bool },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -220,8 +220,16 @@ impl Simulated {
                 Ok(json!({"binwidth_ps": width_ps, "channels": self.channels}))
             }
             "stream" => {
-                self.doing = Doing::Streaming { from_ps: ps(now) };
-                Ok(json!({"channels": self.channels}))
+                let (from_ps, stretches) = (ps(now), request["stretches"] == true);
+                self.doing = Doing::Streaming { from_ps, stretches };
+                if stretches {
+                    // Where the stream's time stands; it comes before the answer.
+                    self.say_stretch(from_ps - 1, from_ps, now);
+                }
+                Ok(match stretches {
+                    true => json!({"channels": self.channels, "stretches": true}),
+                    false => json!({"channels": self.channels}),
+                })
             }
             "stop" | "close" => {
                 self.doing = Doing::Nothing;
@@ -295,13 +303,21 @@ impl Simulated {
         }
     }
 
+    /// All tags of the stretch were said.
+    fn say_stretch(&mut self, start_ps: i64, end_ps: i64, now: Duration) {
+        let due = now + self.spec.latency;
+        let read_ns = self.spec.epoch_ns.saturating_add(ps(due) / 1000);
+        let (width_ps, counts, missed) = (end_ps - start_ps, vec![], vec![]);
+        self.say(&Frame::Bin(Bin { start_ps, width_ps, read_ns, flags: 0, counts, missed }), due);
+    }
+
     /// When something happens next by itself.
     fn next_step(&self) -> Option<Duration> {
         match self.doing {
             _ if self.trouble.silent => None,
             Doing::Nothing => None,
             Doing::Counting { width_ps, next_ps, .. } => Some(at(next_ps.saturating_add(width_ps))),
-            Doing::Streaming { from_ps } => Some(at(from_ps) + STREAM_EVERY),
+            Doing::Streaming { from_ps, .. } => Some(at(from_ps) + STREAM_EVERY),
         }
     }
 
@@ -323,12 +339,15 @@ impl Simulated {
                         self.say(&Frame::Bin(bin.clone()), step + self.spec.latency);
                     }
                 }
-                Doing::Streaming { from_ps } => {
+                Doing::Streaming { from_ps, stretches } => {
                     let to_ps = ps(step);
-                    self.doing = Doing::Streaming { from_ps: to_ps };
+                    self.doing = Doing::Streaming { from_ps: to_ps, stretches };
                     let mut tags = Vec::new();
                     self.light.tags(&self.channels, from_ps, to_ps, &mut tags);
                     self.say_tags(&tags, step + self.spec.latency);
+                    if stretches {
+                        self.say_stretch(from_ps, to_ps, step);
+                    }
                 }
             }
         }

@@ -3,10 +3,11 @@
 use super::DEVICE;
 use super::bridge::{Bridge, protocol, text_of};
 use super::frame::{BIN_ERROR, BIN_LOST, BIN_OVERFLOW, Bin, Frame};
+use super::streamed::Streamed;
 use super::utc::Placement;
 use crate::clock::Deadline;
 use crate::device::{
-    Device, DeviceError, Identity, Interrupted, Origin, PhotonCounter, Setting, Value,
+    Device, DeviceError, Identity, Interrupted, Origin, PhotonCounter, Setting, TagSink, Value,
 };
 use crate::transport::Bytes;
 use serde_json::{Map, Value as Json, json};
@@ -78,6 +79,8 @@ pub(super) enum Activity {
         next_ps: Option<i64>,
     },
     Tags,
+    /// Streaming tags, of which bins are made.
+    TagBins,
 }
 
 /// A Time Tagger behind the bridge.
@@ -90,6 +93,7 @@ pub struct TimeTagger<T> {
     pub(super) activity: Activity,
     waiting: VecDeque<Bin>,
     placement: Placement,
+    streamed: Option<Streamed>,
 }
 
 impl<T: Bytes> TimeTagger<T> {
@@ -145,6 +149,7 @@ impl<T: Bytes> TimeTagger<T> {
             activity: Activity::Idle,
             waiting: VecDeque::new(),
             placement: Placement::default(),
+            streamed: None,
         })
     }
 
@@ -196,7 +201,11 @@ impl<T: Bytes> TimeTagger<T> {
         let step = deadline.at_most(self.settings.reply_within);
         let (counting, waiting) =
             (matches!(self.activity, Activity::Counting { .. }), &mut self.waiting);
+        let streamed = &mut self.streamed;
         self.bridge.ask(operation, arguments, &step, &mut |frame| {
+            if let Some(streamed) = streamed {
+                return streamed.take(frame);
+            }
             match frame {
                 Frame::Bin(bin) if counting && waiting.len() < MOST_WAITING => {
                     waiting.push_back(bin);
@@ -265,8 +274,26 @@ impl<T: Bytes> TimeTagger<T> {
         Ok(answer)
     }
 
+    /// The next finished bin of a stream.
+    fn streamed_bin(&mut self, deadline: &Deadline) -> Result<CountRecord, DeviceError> {
+        loop {
+            let Some(streamed) = &mut self.streamed else {
+                let reason = "it does not count: start it first";
+                return Err(DeviceError::NotReady { device: DEVICE, reason });
+            };
+            if let Some(bin) = streamed.next() {
+                return Ok(bin);
+            }
+            let frame = self.bridge.measured(deadline)?;
+            streamed.take(frame)?;
+        }
+    }
+
     /// The next finished bin.
     fn bin(&mut self, deadline: &Deadline) -> Result<CountRecord, DeviceError> {
+        if self.activity == Activity::TagBins {
+            return self.streamed_bin(deadline);
+        }
         let Activity::Counting { bin_ps, next_ps } = self.activity else {
             let reason = "it does not count: start it first";
             return Err(DeviceError::NotReady { device: DEVICE, reason });
@@ -395,23 +422,45 @@ impl<T: Bytes> PhotonCounter for TimeTagger<T> {
     }
 
     fn start(&mut self, bin_ps: i64, deadline: &Deadline) -> Result<(), DeviceError> {
-        /// Shorter bins than a millisecond are made of tags.
-        const SHORTEST_PS: i64 = 1_000_000_000;
-        const LONGEST_PS: i64 = 86_400_000_000_000_000;
-        if !(SHORTEST_PS..=LONGEST_PS).contains(&bin_ps) {
-            return Err(DeviceError::OutOfRange {
-                name: "bin_ps",
-                asked: bin_ps as f64,
-                least: SHORTEST_PS as f64,
-                most: LONGEST_PS as f64,
-            });
-        }
+        check_bin(bin_ps)?;
         let request = json!({"binwidth_ps": bin_ps, "missed": self.settings.missed});
         let activity = Activity::Counting { bin_ps, next_ps: None };
         let answer = self.begin("counter", request, activity, deadline)?;
         match answer.get("binwidth_ps").and_then(Json::as_i64) {
             Some(found) if found == bin_ps => Ok(()),
             found => Err(protocol(format!("bins of {found:?} ps, expected {bin_ps} ps"))),
+        }
+    }
+
+    fn streams_tags(&self) -> bool {
+        true
+    }
+
+    fn start_with_tags(
+        &mut self,
+        bin_ps: i64,
+        sink: TagSink,
+        deadline: &Deadline,
+    ) -> Result<(), DeviceError> {
+        check_bin(bin_ps)?;
+        let channels = self.settings.channels.iter().map(|channel| channel.number).collect();
+        if self.activity == Activity::Idle {
+            // Before the request: the stream may begin before its answer.
+            self.streamed = Some(Streamed::new(channels, bin_ps, sink));
+        }
+        let request = json!({"stretches": true});
+        let answer = match self.begin("stream", request, Activity::TagBins, deadline) {
+            Ok(answer) => answer,
+            Err(error) => {
+                if self.activity == Activity::Idle {
+                    self.streamed = None;
+                }
+                return Err(error);
+            }
+        };
+        match answer.get("stretches").and_then(Json::as_bool) {
+            Some(true) => Ok(()),
+            found => Err(protocol(format!("stretches are {found:?}, expected true"))),
         }
     }
 
@@ -431,9 +480,24 @@ impl<T: Bytes> PhotonCounter for TimeTagger<T> {
     }
 
     fn stop(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
+        // The last tags come before the answer.
         self.ask("stop", json!({}), deadline)?;
         self.activity = Activity::Idle;
+        self.streamed = None;
         self.waiting.clear();
         Ok(())
     }
+}
+
+/// Whether bins may be that long.
+fn check_bin(bin_ps: i64) -> Result<(), DeviceError> {
+    /// Shorter bins than a millisecond are made of tags, afterwards.
+    const SHORTEST_PS: i64 = 1_000_000_000;
+    const LONGEST_PS: i64 = 86_400_000_000_000_000;
+    if (SHORTEST_PS..=LONGEST_PS).contains(&bin_ps) {
+        return Ok(());
+    }
+    let (name, asked) = ("bin_ps", bin_ps as f64);
+    let (least, most) = (SHORTEST_PS as f64, LONGEST_PS as f64);
+    Err(DeviceError::OutOfRange { name, asked, least, most })
 }

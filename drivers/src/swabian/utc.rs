@@ -18,14 +18,19 @@ pub(super) struct Placement {
 impl Placement {
     /// The start of the bin.
     pub(super) fn start(&mut self, bin: &Bin) -> Epoch {
-        let end_ps = i128::from(bin.start_ps) + i128::from(bin.width_ps);
-        let delay = i128::from(bin.read_ns) - end_ps.div_euclid(1000);
+        self.start_within(bin.start_ps, bin)
+    }
+
+    /// The start of a bin that became known by this stretch of a stream.
+    pub(super) fn start_within(&mut self, start_ps: i64, read: &Bin) -> Epoch {
+        let end_ps = i128::from(read.start_ps) + i128::from(read.width_ps);
+        let delay = i128::from(read.read_ns) - end_ps.div_euclid(1000);
         if self.delays_ns.len() == BINS {
             self.delays_ns.pop_front();
         }
         self.delays_ns.push_back(delay);
         let least = self.delays_ns.iter().copied().min().unwrap_or(delay);
-        let unix_ns = i128::from(bin.start_ps).div_euclid(1000) + least;
+        let unix_ns = i128::from(start_ps).div_euclid(1000) + least;
         Epoch::from_unix_duration(hifitime::Duration::from_total_nanoseconds(unix_ns))
     }
 

@@ -65,7 +65,7 @@ impl Binning {
 
 /// From a channel to its place in a row of counts; what is not counted goes to the place after the last.
 #[derive(Debug, Clone)]
-struct Slots {
+pub(super) struct Slots {
     /// For channels from −128 to 127: real inputs.
     near: Box<[u32; 256]>,
     /// Virtual channels, in order.
@@ -74,7 +74,7 @@ struct Slots {
 }
 
 impl Slots {
-    fn new(channels: &[i32]) -> Self {
+    pub(super) fn new(channels: &[i32]) -> Self {
         let rest = channels.len() as u32;
         let mut slots = Self { near: Box::new([rest; 256]), far: Vec::new(), rest };
         for (&channel, slot) in channels.iter().zip(0..) {
@@ -88,7 +88,7 @@ impl Slots {
     }
 
     #[inline(always)]
-    fn of(&self, channel: i32) -> usize {
+    pub(super) fn of(&self, channel: i32) -> usize {
         let slot = match self.near.get(channel.wrapping_add(128) as u32 as usize) {
             Some(&slot) => slot,
             None => self.of_far(channel),

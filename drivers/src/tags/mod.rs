@@ -73,6 +73,7 @@ pub(crate) mod bytes_at;
 mod check;
 mod error;
 mod file;
+mod stream;
 mod tag;
 mod write;
 
@@ -81,5 +82,6 @@ pub use binned::Binned;
 pub use check::{ChannelReport, CheckOptions, Gap, MOST_LISTED, Overflow, Report};
 pub use error::TagError;
 pub use file::{Recovered, TagFile};
+pub use stream::{BinStream, FinishedBin};
 pub use tag::{RECORD_BYTES, Tag, TagKind, Tags};
 pub use write::{SYNC_EVERY, TagWriter};

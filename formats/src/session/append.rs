@@ -6,7 +6,7 @@ use std::io;
 use std::path::Path;
 
 /// Bytes that wait in memory while the disk takes none; what comes then is lost, and counted.
-const MOST_WAITING: usize = 1 << 20;
+pub(super) const MOST_LINES: usize = 1 << 20;
 
 /// Lines on their way to the disk.
 ///
@@ -27,7 +27,9 @@ pub(super) struct Appender {
     handed: usize,
     /// The file may have more bytes than the system said it took.
     torn: bool,
-    /// Lines that found no room.
+    /// Bytes that wait at most.
+    most: usize,
+    /// Rows that found no room.
     lost: u64,
 }
 
@@ -38,6 +40,7 @@ impl Appender {
         root: &Path,
         name: &str,
         header: &[u8],
+        most: usize,
     ) -> io::Result<Self> {
         let file = storage.create(&root.join(name))?;
         let mut appender = Self {
@@ -49,6 +52,7 @@ impl Appender {
             tail_rows: 0,
             handed: 0,
             torn: false,
+            most,
             lost: 0,
         };
         appender.flush()?;
@@ -57,13 +61,23 @@ impl Appender {
 
     /// Takes a whole line, with its end. Whether there was room for it; the system gets it when it takes any.
     pub fn push(&mut self, line: &[u8]) -> bool {
-        if self.tail.len() + line.len() > MOST_WAITING {
-            self.lost += 1;
+        self.push_rows(line, 1)
+    }
+
+    /// Takes so many whole rows. Whether there was room for them.
+    pub fn push_rows(&mut self, bytes: &[u8], rows: u64) -> bool {
+        if self.tail.len() + bytes.len() > self.most {
+            self.lost += rows;
             return false;
         }
-        self.tail.extend_from_slice(line);
-        self.tail_rows += 1;
+        self.tail.extend_from_slice(bytes);
+        self.tail_rows += rows;
         true
+    }
+
+    /// Rows that were lost before they came here.
+    pub fn lose(&mut self, rows: u64) {
+        self.lost += rows;
     }
 
     /// Hands to the system what it has not got.
@@ -111,7 +125,7 @@ impl Appender {
         self.tail.len()
     }
 
-    /// Lines that did not find room.
+    /// Rows that did not find room.
     pub fn lost(&self) -> u64 {
         self.lost
     }

@@ -5,7 +5,7 @@ use super::event::{Event, Mark, What};
 use super::frames::Frames;
 use super::manifest::FileSum;
 use super::reader::{Events, Session};
-use super::{COUNTS, EVENTS, FRAMES};
+use super::{COUNTS, EVENTS, FRAMES, TAGS};
 use crate::counts::CountFlags;
 use crate::error::FileError;
 use crate::time::format_utc;
@@ -48,6 +48,10 @@ pub struct CounterReport {
     pub flagged_gaps: u64,
     /// Gaps and overlaps in its own time that carry no flag.
     pub unflagged_gaps: u64,
+    /// Whole raw tags, where they were asked for.
+    pub tags: Option<u64>,
+    /// Tags of the last mark: those that were promised.
+    pub marked_tags: u64,
     /// Start of the first and of the last bin.
     pub from_to: Option<[Epoch; 2]>,
 }
@@ -122,7 +126,8 @@ impl Session {
             self.check_camera(name, &marks, &mut report)?;
         }
         for (file, marks) in &marks {
-            let known = file == EVENTS || file.starts_with(COUNTS) || file.starts_with(FRAMES);
+            let known =
+                file == EVENTS || [COUNTS, FRAMES, TAGS].iter().any(|f| file.starts_with(f));
             if !known {
                 self.check_marks(file, marks, &mut report)?;
             }
@@ -165,7 +170,7 @@ impl Session {
                 What::End { lost, .. } => {
                     report.ended = true;
                     if lost > 0 {
-                        let text = format!("{lost} rows or frames could not be written");
+                        let text = format!("{lost} rows, tags or frames could not be written");
                         report.missing(EVENTS, text);
                     }
                 }
@@ -250,7 +255,36 @@ impl Session {
         } else if own.is_empty() {
             report.missing(&file, "it is not there");
         }
+        self.check_tags(name, marks, &mut counter, report)?;
         report.counters.push(counter);
+        Ok(())
+    }
+
+    /// Holds a counter's raw tags against their marks, where there are any or should be.
+    fn check_tags(
+        &self,
+        name: &str,
+        marks: &Marks,
+        counter: &mut CounterReport,
+        report: &mut Report,
+    ) -> Result<(), FileError> {
+        let file = format!("{TAGS}/{name}.tags");
+        let asked = self.manifest().devices.iter().any(|d| d.name == name && d.raw_tags);
+        let own = marks.get(&file).map_or(&[][..], Vec::as_slice);
+        let path = self.file(&file);
+        if asked || !own.is_empty() {
+            self.check_marks(&file, own, report)?;
+        }
+        counter.marked_tags = own.last().map_or(0, |(_, mark)| mark.rows);
+        if let Ok(about) = path.metadata() {
+            counter.tags = Some(about.len() / 16);
+            match about.len() % 16 {
+                0 => {}
+                torn => {
+                    report.missing(&file, format!("its last record was cut off: {torn} bytes"));
+                }
+            }
+        }
         Ok(())
     }
 

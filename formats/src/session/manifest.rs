@@ -61,6 +61,12 @@ pub struct Device {
     /// The channels of a counter.
     #[serde(default)]
     pub channels: Vec<String>,
+    /// The hardware input that each channel is on, as its raw tags name it: one for each, or none where that is not known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub inputs: Vec<i32>,
+    /// Whether a counter's raw tags are recorded.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub raw_tags: bool,
     /// Exposure of a camera's frames, or length of a counter's bins, s.
     pub exposure_s: f64,
     /// Time from the start of one frame to that of the next, s.
@@ -116,6 +122,10 @@ impl Manifest {
             {
                 let key = format!("device[{i}].name");
                 return Err(document.error_at(&key, NAMES).into());
+            }
+            if !device.inputs.is_empty() && device.inputs.len() != device.channels.len() {
+                let expected = format!("one for each of the {} channels", device.channels.len());
+                return Err(document.error_at(&format!("device[{i}].inputs"), expected).into());
             }
         }
         Ok(manifest)

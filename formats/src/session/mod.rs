@@ -6,7 +6,7 @@
 //!   night.toml, station/ …      the configuration as used; session.toml has their SHA-256
 //!   events.jsonl                one JSON object a line: targets, devices, sync marks …  [`Event`]
 //!   counts/COUNTER.ecsv         a counter's bins, row by row                            [`Counts`]
-//!   tags/COUNTER.tags           its raw tags, where somebody puts them there
+//!   tags/COUNTER.tags           its raw tags, if asked: rows of 16 bytes
 //!   frames/CAMERA/HH/START_NUMBER.fits   a camera's frames, HH the hour (UTC)           [`Frames`]
 //! ```
 //!
@@ -36,6 +36,8 @@
 //!     address: "sim-timetagger".into(),
 //!     options: vec![],
 //!     channels: vec!["g".into()],
+//!     inputs: vec![1],
+//!     raw_tags: false,
 //!     exposure_s: 0.1,
 //!     interval_s: None,
 //!     filter: None,

@@ -1,11 +1,11 @@
 //! A session as it grows.
 
-use super::append::Appender;
+use super::append::{Appender, MOST_LINES};
 use super::event::{Event, Mark, What};
 use super::frames::{FRAME_NUMBER, PART, place};
 use super::manifest::{DeviceKind, Manifest};
 use super::storage::{Growing, Storage};
-use super::{COUNTS, EVENTS, FRAMES, MANIFEST, counts};
+use super::{COUNTS, EVENTS, FRAMES, MANIFEST, TAGS, counts};
 use crate::counts::CountRecord;
 use crate::error::{EncodeError, FileError};
 use crate::fits;
@@ -26,6 +26,12 @@ pub const SYNC_EVERY: Duration = Duration::from_millis(250);
 const MOST_WAITING: u64 = 64 << 20;
 /// The same of a counter's rows.
 const MOST_ROWS: usize = 256 << 10;
+/// The same of its tags.
+const MOST_TAGS: usize = 8 << 20;
+/// Bytes of tags that wait while the disk takes none.
+const MOST_TAGS_WAITING: usize = 32 << 20;
+/// Bytes of a tag.
+const TAG: usize = 16;
 
 /// What could not be written.
 #[derive(Debug)]
@@ -65,6 +71,17 @@ pub struct SessionWriter {
 struct Counter {
     channels: Vec<String>,
     table: Appender,
+    tags: Option<Appender>,
+}
+
+impl Counter {
+    fn files(&self) -> impl Iterator<Item = &Appender> {
+        [&self.table].into_iter().chain(&self.tags)
+    }
+
+    fn files_mut(&mut self) -> impl Iterator<Item = &mut Appender> {
+        [&mut self.table].into_iter().chain(&mut self.tags)
+    }
 }
 
 #[derive(Debug, Default)]
@@ -107,10 +124,11 @@ impl SessionWriter {
         for (name, bytes) in files.iter().map(|(n, b)| (n.as_str(), b.as_slice())) {
             whole(storage.as_ref(), root, name, bytes).map_err(io(&root.join(name)))?;
         }
-        for folder in [COUNTS, FRAMES] {
+        let tags = manifest.devices.iter().any(|device| device.raw_tags);
+        for folder in [COUNTS, FRAMES].into_iter().chain(tags.then_some(TAGS)) {
             storage.create_folder(&root.join(folder)).map_err(io(&root.join(folder)))?;
         }
-        let events = Appender::create(storage.as_ref(), root, EVENTS, &[])
+        let events = Appender::create(storage.as_ref(), root, EVENTS, &[], MOST_LINES)
             .map_err(io(&root.join(EVENTS)))?;
         let mut writer = Self {
             storage,
@@ -128,7 +146,10 @@ impl SessionWriter {
         };
         for device in &manifest.devices {
             match device.kind {
-                DeviceKind::Counter => writer.add_counter(&device.name, &device.channels)?,
+                DeviceKind::Counter => {
+                    let tags = device.raw_tags.then(|| writer.add_tags(&device.name));
+                    writer.add_counter(&device.name, &device.channels, tags.transpose()?)?;
+                }
                 DeviceKind::Camera => writer.add_camera(&device.name).map_err(io(root))?,
             }
         }
@@ -147,18 +168,33 @@ impl SessionWriter {
         }
     }
 
-    fn add_counter(&mut self, name: &str, channels: &[String]) -> Result<(), FileError> {
+    fn add_tags(&self, name: &str) -> Result<Appender, FileError> {
+        let file = format!("{TAGS}/{name}.tags");
+        let storage = self.storage.as_ref();
+        let made = Appender::create(storage, &self.root, &file, &[], MOST_TAGS_WAITING);
+        let made = made.and_then(|tags| storage.sync_folder(&self.root.join(TAGS)).map(|()| tags));
+        made.map_err(|error| FileError::io("write", self.root.join(&file), error))
+    }
+
+    fn add_counter(
+        &mut self,
+        name: &str,
+        channels: &[String],
+        tags: Option<Appender>,
+    ) -> Result<(), FileError> {
         let file = format!("{COUNTS}/{name}.ecsv");
         let path = self.root.join(&file);
         let mut meta = Meta::default();
         meta.insert("device".into(), name.into());
         let header =
             counts::header(channels, &meta).map_err(|error| FileError::encode(&path, error))?;
-        let made = Appender::create(self.storage.as_ref(), &self.root, &file, header.as_bytes());
+        let storage = self.storage.as_ref();
+        let made = Appender::create(storage, &self.root, &file, header.as_bytes(), MOST_LINES);
         let table = made.map_err(|error| FileError::io("write", &path, error))?;
         let synced = self.storage.sync_folder(&self.root.join(COUNTS));
         synced.map_err(|error| FileError::io("write", &path, error))?;
-        self.counters.insert(name.to_owned(), Counter { channels: channels.to_vec(), table });
+        let counter = Counter { channels: channels.to_vec(), table, tags };
+        self.counters.insert(name.to_owned(), counter);
         Ok(())
     }
 
@@ -175,9 +211,9 @@ impl SessionWriter {
         &self.root
     }
 
-    /// Rows and frames that are lost.
+    /// Rows, tags and frames that are lost.
     pub fn lost(&self) -> u64 {
-        let rows = self.counters.values().map(|counter| counter.table.lost());
+        let rows = self.counters.values().flat_map(Counter::files).map(Appender::lost);
         self.lost_frames + rows.sum::<u64>()
     }
 
@@ -186,9 +222,9 @@ impl SessionWriter {
         !self.failing.is_empty()
     }
 
-    /// Rows and frames that are lost, or rows that are not safe yet.
+    /// Rows, tags and frames that are lost, or rows and tags that are not safe yet.
     pub fn missing(&self) -> u64 {
-        let rows = self.counters.values().map(|counter| counter.table.missing());
+        let rows = self.counters.values().flat_map(Counter::files).map(Appender::missing);
         self.lost_frames + rows.sum::<u64>()
     }
 
@@ -209,6 +245,45 @@ impl SessionWriter {
             self.early.extend(troubles);
         }
         Ok(())
+    }
+
+    /// Writes raw tags of a counter: whole records of 16 bytes. Whether there was room for them; if not they are lost, all of them, and
+    /// counted.
+    ///
+    /// # Errors
+    /// A counter that the manifest has not, or whose tags are not recorded; bytes that are no whole records.
+    pub fn tags(&mut self, utc: Epoch, counter: &str, records: &[u8]) -> Result<bool, EncodeError> {
+        let tags = self.tags_of(counter)?;
+        if !records.len().is_multiple_of(TAG) {
+            let found = format!("{} bytes of tags", records.len());
+            return Err(EncodeError::new(counter, found, "whole records of 16 bytes"));
+        }
+        let room = tags.push_rows(records, (records.len() / TAG) as u64);
+        let (waiting, name) = (tags.waiting_bytes(), tags.name.clone());
+        if waiting > MOST_TAGS && !self.failing.contains_key(&name) {
+            let troubles = self.sync(utc);
+            self.early.extend(troubles);
+        }
+        Ok(room)
+    }
+
+    /// Counts tags that were lost before they came here, and notes it.
+    ///
+    /// # Errors
+    /// As [`tags`](Self::tags).
+    pub fn lose_tags(&mut self, utc: Epoch, counter: &str, lost: u64) -> Result<(), EncodeError> {
+        let tags = self.tags_of(counter)?;
+        tags.lose(lost);
+        let about = tags.name.clone();
+        let error = format!("{lost} tags lost: the disk is too slow for them");
+        self.event(utc, What::Error { about, error });
+        Ok(())
+    }
+
+    fn tags_of(&mut self, counter: &str) -> Result<&mut Appender, EncodeError> {
+        let tags = self.counters.get_mut(counter).and_then(|counter| counter.tags.as_mut());
+        let expected = "a counter of the manifest with `raw_tags`";
+        tags.ok_or_else(|| EncodeError::new("counter", counter, expected))
     }
 
     /// Writes a frame; it has its name from the next sync on. The sequence number goes into its header ([`FRAME_NUMBER`]).
@@ -292,7 +367,7 @@ impl SessionWriter {
             return given;
         }
         let mut troubles = Vec::new();
-        let tables = self.counters.values_mut().map(|counter| &mut counter.table);
+        let tables = self.counters.values_mut().flat_map(Counter::files_mut);
         for file in tables.chain([&mut self.events]) {
             if let Err(error) = file.flush() {
                 troubles.push((file.name.clone(), error));
@@ -305,10 +380,10 @@ impl SessionWriter {
     /// Writes all through to the disk, and notes how far each file is safe.
     pub fn sync(&mut self, utc: Epoch) -> Vec<Trouble> {
         let (mut marks, mut troubles) = (Vec::new(), Vec::new());
-        for counter in self.counters.values_mut() {
-            match counter.table.sync() {
+        for file in self.counters.values_mut().flat_map(Counter::files_mut) {
+            match file.sync() {
                 Ok(mark) => marks.extend(mark),
-                Err(error) => troubles.push((counter.table.name.clone(), error, 0)),
+                Err(error) => troubles.push((file.name.clone(), error, 0)),
             }
         }
         self.sync_frames(&mut marks, &mut troubles);
@@ -398,7 +473,7 @@ impl SessionWriter {
 /// How a session ended.
 #[derive(Debug)]
 pub struct Ended {
-    /// Rows, frames and events that are not on the disk.
+    /// Rows, tags, frames and events that are not on the disk.
     pub lost: u64,
     /// What went wrong at the end.
     pub troubles: Vec<Trouble>,
