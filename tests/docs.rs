@@ -184,18 +184,19 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     folder.done(&["observe", "made_up.toml", "-o", "v", "-q"]);
     keys(&folder.json(&["reduce", "v", "--json"]), &mut printed);
     keys(&folder.json(&["align", "v", "--json"]), &mut printed);
-    // Flags are by their names.
-    for (flag, _) in sunglint_radiometry::light_curve::Flags::all().iter_names() {
-        printed.remove(&flag.to_lowercase());
-    }
-    printed.insert("undetected".into());
     // Rates are by the station's own channels, devices by their names.
     for channel in ["r", "g", "b", "id400", "spcm", "mppc", "cam", "tagger"] {
         printed.remove(channel);
     }
     let page = read("docs/json.md");
     let quoted: BTreeSet<String> = page.split('`').skip(1).step_by(2).map(str::to_owned).collect();
-    let undocumented: Vec<&String> = printed.difference(&quoted).collect();
+    // Flags are by their names, some of which are keys elsewhere.
+    let flags: BTreeSet<String> = sunglint_radiometry::light_curve::Flags::all()
+        .iter_names()
+        .map(|(flag, _)| flag.to_lowercase())
+        .collect();
+    let undocumented: Vec<&String> =
+        printed.difference(&quoted).filter(|key| !flags.contains(*key)).collect();
     assert!(undocumented.is_empty(), "not in docs/json.md: {undocumented:?}");
     let is_key = |word: &&String| {
         word.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')

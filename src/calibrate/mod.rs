@@ -126,10 +126,12 @@ pub fn run(args: &CalibrateArgs, seed: u64, console: Console) -> anyhow::Result<
     args.out.finish(&report.product(), &report.text(), console)
 }
 
-/// Drops files that came twice, by themselves and in their folder perhaps: a visit counts once.
+/// Drops files that came twice, by themselves and in their folder perhaps: a visit counts once. Visits of a session share its check sum, and are told apart
+/// by their targets.
 fn once_each(read: &mut Vec<StarVisit>, warnings: &mut Vec<String>) {
-    let mut seen: HashMap<String, String> = HashMap::new();
-    read.retain(|visit| match seen.entry(visit.sha256.clone()) {
+    let mut seen: HashMap<(String, String), String> = HashMap::new();
+    let key = |visit: &StarVisit| (visit.sha256.clone(), visit.target.to_string());
+    read.retain(|visit| match seen.entry(key(visit)) {
         Entry::Occupied(first) => {
             warnings.push(format!("{} is left out: the same as {}", visit.file, first.get()));
             false
