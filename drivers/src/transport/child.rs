@@ -25,6 +25,8 @@ pub struct Child {
     /// What came and was not asked for yet.
     left_over: Vec<u8>,
     log: Arc<Mutex<Vec<u8>>>,
+    /// Reads the error output until it is closed.
+    listener: thread::JoinHandle<()>,
 }
 
 impl Child {
@@ -61,8 +63,8 @@ impl Child {
         thread::spawn(move || {
             pump_out(stdout, |piece| incoming.send(piece.to_vec()).is_ok());
         });
-        thread::spawn(move || pump_out(stderr, |piece| keep_end(&kept, piece)));
-        Ok(Self { name, process, to_child, from_child, left_over: Vec::new(), log })
+        let listener = thread::spawn(move || pump_out(stderr, |piece| keep_end(&kept, piece)));
+        Ok(Self { name, process, to_child, from_child, left_over: Vec::new(), log, listener })
     }
 
     /// The end of what the process wrote to its error output.
@@ -86,6 +88,10 @@ impl Child {
                 break;
             }
             thread::sleep(Duration::from_millis(5));
+        }
+        // Its last words may still be on their way; a child of its own may hold the pipe for good.
+        while !self.listener.is_finished() && Instant::now() < patience {
+            thread::sleep(Duration::from_millis(1));
         }
         let log = self.log();
         let last = log.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("");
