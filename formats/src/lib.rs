@@ -7,6 +7,7 @@
 //! - [`time`]: UTC as text, leap seconds included;
 //! - [`toml`]: what people write (stations, instruments, plans) into plain serde structs;
 //! - [`curve`]: what vendors publish (passbands, efficiencies) as CSV;
+//! - [`jcamp`]: spectra as spectrometers export them;
 //! - [`counts`] and [`frame`]: what instruments deliver, a bin of a photon counter and a frame of a camera;
 //! - [`flag_bits`]: flags as bits of a number, which files name;
 //! - [`table`]: columns with units and metadata, in memory;
@@ -70,6 +71,7 @@ pub mod error;
 pub mod fits;
 pub mod flag_bits;
 pub mod frame;
+pub mod jcamp;
 pub mod read;
 pub mod session;
 pub mod table;

@@ -73,6 +73,24 @@ fn what_is_not_sure_is_refused_with_what_to_write() {
     }
 }
 
+/// Truth: the catalogue's own places. κ Cyg and δ Cyg were both called Fawaris; 0.05° is more than δ Cyg moved since 1000 and less than the 7° between them.
+#[test]
+fn a_place_says_which_star_of_a_name() {
+    let catalogue = Catalogue::embedded();
+    assert!(matches!(catalogue.find("Fawaris"), Err(StarError::Ambiguous { .. })));
+    for bayer in ["del Cyg", "kap Cyg"] {
+        let star = catalogue.find(bayer).unwrap();
+        let place = Equatorial { ra_deg: star.icrs.ra_deg, dec_deg: star.icrs.dec_deg - 0.05 };
+        assert_eq!(catalogue.find_at("fawaris", place).unwrap(), star);
+    }
+    let elsewhere = Equatorial { ra_deg: 180.0, dec_deg: 0.0 };
+    let error = catalogue.find_at("Vega", elsewhere).unwrap_err();
+    let StarError::Elsewhere { off_deg, .. } = error else { panic!("{error}") };
+    // Vega stands at 279.23°, +38.78°: cos of the angle is cos(38.78°) cos(99.23°).
+    assert!((off_deg - 97.186).abs() < 0.002, "{off_deg}");
+    assert!(error.to_string().contains("mend the name or the place"), "{error}");
+}
+
 #[test]
 fn a_calibrator_hears_what_is_known_against_a_star() {
     let notes = |asked: &str| Catalogue::embedded().find(asked).unwrap().notes();

@@ -2,6 +2,7 @@
 
 use super::designation::{Number, as_the_table_spells, catalogue_number};
 use super::{Equatorial, Star};
+use crate::sky::separation_deg;
 use crate::tables;
 use std::sync::OnceLock;
 use sunglint_formats::{Table, TableError, nearest_names};
@@ -48,6 +49,22 @@ pub enum StarError {
         /// What each would be called without doubt, brightest first.
         candidates: Vec<String>,
     },
+    /// No star of that name stands at the place that was given with it.
+    #[error(
+        "the place given for `{asked}`, right ascension {:.4}°, declination {:.4}°, is {off_deg:.2}° from the catalogue's {:.4}°, {:.4}°: mend the name or the \
+         place, or give a star of that place another name",
+        place.ra_deg, place.dec_deg, catalogue.ra_deg, catalogue.dec_deg
+    )]
+    Elsewhere {
+        /// What was asked for.
+        asked: String,
+        /// Where.
+        place: Equatorial,
+        /// Where the nearest star of that name stands.
+        catalogue: Equatorial,
+        /// The angle between them.
+        off_deg: f64,
+    },
     /// A place that is not on the sky.
     #[error(
         "{name}: right ascension {ra_deg}°, declination {dec_deg}° is no place on the sky (expected −180° to \
@@ -62,6 +79,9 @@ pub enum StarError {
         dec_deg: f64,
     },
 }
+
+/// How far a star's given place may be from the catalogue's: more than precession over a century, proper motion and rounding, less than from any other of its name.
+const NEAR_DEG: f64 = 2.0;
 
 const HOW_TO_NAME: &str = "Names are read as `Vega`, `alp Lyr`, `alpha Lyr`, `α Lyr`, `HIP 91262` or `HD 172167`; \
                            a star that is not in the catalogue can be given by its place (ICRS, J2000)";
@@ -147,12 +167,39 @@ impl Catalogue {
     /// does not hold, [`StarError::Ambiguous`] for a name that several stars carry (`Alnair` is α Gru and ζ Cen in old lists),
     /// [`StarError::BareNumber`] for a number alone.
     pub fn find(&self, asked: &str) -> Result<&Star, StarError> {
+        match self.called(asked)?[..] {
+            [star] => Ok(star),
+            ref several => Err(ambiguous(asked.trim(), several)),
+        }
+    }
+
+    /// The star of that name that stands where it should: where several carry the name, the place decides, to 2 degrees. What is
+    /// recorded of a star with its place is found again, whatever it was called.
+    ///
+    /// # Errors
+    /// As [`Self::find`]; [`StarError::Elsewhere`] where no star of that name stands there.
+    pub fn find_at(&self, asked: &str, place: Equatorial) -> Result<&Star, StarError> {
+        let called = self.called(asked)?;
+        let off_deg = |star: &Star| separation_deg(star.icrs.direction(), place.direction());
+        let asked = asked.trim().to_owned();
+        match called.into_iter().min_by(|a, b| off_deg(a).total_cmp(&off_deg(b))) {
+            Some(star) if off_deg(star) <= NEAR_DEG => Ok(star),
+            Some(star) => {
+                let (catalogue, off_deg) = (star.icrs, off_deg(star));
+                Err(StarError::Elsewhere { asked, place, catalogue, off_deg })
+            }
+            None => Err(StarError::Unknown { asked, nearest: Vec::new() }),
+        }
+    }
+
+    /// All stars that a name may mean, at least one.
+    fn called(&self, asked: &str) -> Result<Vec<&Star>, StarError> {
         let asked = asked.trim();
         if !asked.is_empty() && asked.bytes().all(|b| b.is_ascii_digit()) {
             return Err(StarError::BareNumber { asked: asked.to_owned() });
         }
         if let Some(number) = catalogue_number(asked) {
-            return self.by_number(number);
+            return self.by_number(number).map(|star| vec![star]);
         }
         let plain = asked.split_whitespace().collect::<Vec<_>>().join(" ");
         let lower = plain.to_lowercase();
@@ -168,10 +215,8 @@ impl Catalogue {
         ];
         for matches in rounds {
             let found: Vec<&Star> = self.stars.iter().filter(|s| matches(s)).collect();
-            match found[..] {
-                [] => {}
-                [star] => return Ok(star),
-                _ => return Err(ambiguous(asked, &found)),
+            if !found.is_empty() {
+                return Ok(found);
             }
         }
         Err(StarError::Unknown { asked: asked.to_owned(), nearest: self.nearest(asked, &spelled) })
