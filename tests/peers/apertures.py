@@ -3,6 +3,7 @@
     apertures.py make FOLDER       writes frames.fits and apertures.json
     apertures.py measure FOLDER    reads frames.fits and the apertures of apertures.json, prints the JSON anew
     apertures.py time FRAME        times photutils and SEP on the first image: an aperture of 8 px, an annulus of 12 to 20 px
+    apertures.py search FRAME      times the search of both for all sources of the first image: background, filter of 4 px, threshold of 6 sigma
 """
 
 import json
@@ -87,6 +88,31 @@ def time(path):
         print(f"{name}: {best * 1e6:.1f} us, sum {call():.1f} ADU")
 
 
+def search(path):
+    import photutils
+    import sep
+    from photutils.background import Background2D, MedianBackground
+    from photutils.detection import DAOStarFinder
+
+    with fits.open(path) as file:
+        frame = next(h.data for h in file if h.data is not None).astype(np.float32)
+    y, x = np.mgrid[-7:8, -7:8]
+    profile = np.exp(-0.5 * (x**2 + y**2) / (4.0 / 2.3548200450309493) ** 2).astype(np.float32)
+
+    def by_sep():
+        back = sep.Background(frame, bw=32, bh=32)
+        return sep.extract(frame - back, 6.0, err=back.rms(), filter_kernel=profile, filter_type="matched")
+
+    def by_photutils():
+        back = Background2D(frame, 32, bkg_estimator=MedianBackground())
+        return DAOStarFinder(threshold=6.0 * np.median(back.background_rms), fwhm=4.0)(frame - back.background)
+
+    for name, call, runs in [(f"sep {sep.__version__}, background and extract", by_sep, 10), (f"photutils {photutils.__version__}, Background2D and DAOStarFinder", by_photutils, 1)]:
+        found = call()
+        best = min(timeit.repeat(call, number=1, repeat=runs))
+        print(f"{name}: {best * 1e3:.1f} ms, {0 if found is None else len(found)} sources of {frame.shape[1]} x {frame.shape[0]}")
+
+
 if __name__ == "__main__":
     verb, path = sys.argv[1:]
     if verb == "make":
@@ -94,5 +120,7 @@ if __name__ == "__main__":
     elif verb == "measure":
         with fits.open(path + "/frames.fits") as file, open(path + "/apertures.json") as cases:
             print(measured([h.data for h in file[1:]], json.load(cases)["cases"]))
+    elif verb == "search":
+        search(path)
     else:
         time(path)

@@ -73,7 +73,9 @@ pub(crate) fn clipped_median(values: &mut [f32], clipping: &Clipping) -> Option<
 }
 
 /// Mean minus clipped median of a pixel with this variance, ADU, to first order in its skewness (Cornish & Fisher 1938): the median of a
-/// distribution with third moment μ₃ is μ₃/6σ² below the mean, and of one that is clipped at ±zσ further by (z²−1) exp(−z²/2) of that.
+/// distribution with third moment μ₃ is δ = μ₃/6σ² below the mean. Clipping at ±zσ about the mean takes more from the longer tail and lowers it by
+/// (z²−1)Eδ further, E = exp(−z²/2); and the limits lie about the median s below the mean, not about the mean, which lowers it by E s, round after
+/// round: s = δ + (z²−1)Eδ + E s.
 fn lean_adu(variance_adu2: f64, gain_e_per_adu: f64, read_noise_e: f64, clip_sigma: f64) -> f64 {
     let variance_e2 = variance_adu2 * gain_e_per_adu * gain_e_per_adu;
     if variance_e2 <= 0.0 {
@@ -82,8 +84,9 @@ fn lean_adu(variance_adu2: f64, gain_e_per_adu: f64, read_noise_e: f64, clip_sig
     // The Poisson part of the variance is its third moment, too.
     let poisson = (variance_e2 - read_noise_e * read_noise_e).max(0.0);
     let z2 = clip_sigma * clip_sigma;
-    let clipping = if z2 > 1.0 { (z2 - 1.0) * (-0.5 * z2).exp() } else { 0.0 };
-    poisson / (6.0 * variance_e2) * (1.0 + clipping) / gain_e_per_adu
+    let edge = (-0.5 * z2).exp();
+    let clipping = (1.0 + (z2 - 1.0).max(0.0) * edge) / (1.0 - edge);
+    poisson / (6.0 * variance_e2) * clipping / gain_e_per_adu
 }
 
 /// The quantile of sorted values. With a step, equal values are spread evenly over it (the quantile of grouped data).

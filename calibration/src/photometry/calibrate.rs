@@ -1,7 +1,7 @@
 //! What dark frames and a flat say about the sensor: pixels that are wrong, and what every frame has in common.
 
 use super::PhotometryError;
-use ndarray::{Array2, Zip};
+use ndarray::{Array2, ArrayView1, Zip, s};
 use sunglint_formats::frame::Frame;
 
 bitflags::bitflags! {
@@ -229,19 +229,32 @@ impl Laid<'_> {
         self.bad.is_none() && self.level.is_none() && self.flat.is_none()
     }
 
-    /// The value of a pixel that read `value`; NaN where it is masked.
-    pub(crate) fn value(&self, column: usize, row: usize, value: f32) -> f32 {
-        if self.bad.is_some_and(|(faults, [c, r])| !faults[[row + r, column + c]].is_empty()) {
-            return f32::NAN;
+    /// Calibrates the values of a row's pixels from `column` on: NaN where one is masked; what is saturated (infinite) stays so.
+    pub(crate) fn over_row(&self, column: usize, row: usize, values: &mut [f32]) {
+        fn part<'a, T>(
+            (array, [c, r]): &(&'a Array2<T>, [usize; 2]),
+            [column, row]: [usize; 2],
+            length: usize,
+        ) -> ArrayView1<'a, T> {
+            array.row(row + r).slice_move(s![column + c..column + c + length])
         }
-        let value =
-            self.level.map_or(value, |(level, [c, r])| value - level[[row + r, column + c]]);
-        match self.flat {
-            None => value,
-            Some((flat, [c, r])) => match flat[[row + r, column + c]] {
-                response if response > 0.0 => value / response,
-                _ => f32::NAN,
-            },
+        let (at, length) = ([column, row], values.len());
+        if let Some(level) = &self.level {
+            for (value, level) in values.iter_mut().zip(part(level, at, length)) {
+                *value -= level;
+            }
+        }
+        if let Some(flat) = &self.flat {
+            for (value, &response) in values.iter_mut().zip(part(flat, at, length)) {
+                *value = if response > 0.0 { *value / response } else { f32::NAN };
+            }
+        }
+        if let Some(bad) = &self.bad {
+            for (value, fault) in values.iter_mut().zip(part(bad, at, length)) {
+                if !fault.is_empty() {
+                    *value = f32::NAN;
+                }
+            }
         }
     }
 }

@@ -1,11 +1,12 @@
 //! The sources of a frame, and which of them may be the target.
 
 use super::centroid::{Centroid, FWHM_PER_SIGMA, windowed};
-use super::image::{Image, TILE, significance, take_out_sharp};
+use super::image::{Image, Narrow};
 use super::look::{Look, Setting};
 use super::options::{Choice, DetectionOptions, Trail};
 use super::overlap::Aperture;
-use super::regions::{Region, regions};
+use super::regions::{Region, Regions};
+use super::tiles::TILE;
 use super::window::{Reading, Window};
 
 /// Why a source is not the target: the first of the filters that it fails.
@@ -43,7 +44,8 @@ pub struct Candidate {
     pub fill: f64,
     /// The longer side of the bounding box over the shorter.
     pub aspect: f64,
-    /// Its signal to noise as something a third as wide as a point, over that as a point: 0.55 for a point, more than 1 for what is sharp.
+    /// Its signal to noise as something a third as wide as a point, over that as a point: 0.55 for a point, more than 1 for what is sharp; NaN
+    /// where it is so bright that its centroid tells its width.
     pub sharpness: f64,
     /// Place and widths, of those that pass the filters before.
     pub centroid: Option<Centroid>,
@@ -56,22 +58,16 @@ pub struct Candidate {
 /// What a detection found.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Detection {
-    /// All sources, those that passed and those that did not.
+    /// All sources of the part of the frame that was searched, those that passed and those that did not.
     pub candidates: Vec<Candidate>,
     /// Index of the target.
     pub target: Option<usize>,
     /// Pixels (column and row) that were left out of the search, for they are sharper than a point: cosmic rays and hot pixels.
     pub cosmic_ray_px: Vec<[f64; 2]>,
-    labels: Labels,
-}
-
-/// Which source each pixel of the smoothed frame belongs to.
-#[derive(Debug, Clone, PartialEq, Default)]
-struct Labels {
-    of_pixel: Vec<u32>,
-    size: [usize; 2],
-    /// Where its first pixel is in the frame.
-    origin: [f64; 2],
+    /// Pixels of sources, column and row, each with the number of its source.
+    taken_px: Vec<([f64; 2], u32)>,
+    /// The numbers of the candidates.
+    numbers: Vec<u32>,
 }
 
 impl Detection {
@@ -82,24 +78,22 @@ impl Detection {
 
     /// Whether a source other than the target, or a cosmic ray, has a pixel in this aperture.
     pub fn crowded(&self, aperture: &Aperture) -> bool {
-        let Some(target) = self.target else { return false };
-        let own = target as u32 + 1;
-        let inside = |p: [f64; 2]| aperture.distance_px(p[0], p[1]) < aperture.radius_px;
-        if self.cosmic_ray_px.iter().any(|&p| inside(p)) {
-            return true;
-        }
-        self.labels.of_pixel.iter().enumerate().any(|(i, &label)| {
-            label != 0 && label != own && {
-                let place = self.labels.place([i % self.labels.size[0], i / self.labels.size[0]]);
-                aperture.distance_px(place[0], place[1]) < aperture.radius_px
-            }
-        })
+        self.target.is_some_and(|target| self.others_in(aperture, Some(target)))
     }
-}
 
-impl Labels {
-    fn place(&self, [x, y]: [usize; 2]) -> [f64; 2] {
-        [self.origin[0] + x as f64, self.origin[1] + y as f64]
+    /// Whether a source other than this candidate, or a cosmic ray, has a pixel in this aperture.
+    pub(crate) fn others_in(&self, aperture: &Aperture, own: Option<usize>) -> bool {
+        let own = own.and_then(|own| self.numbers.get(own)).copied();
+        let inside = |p: [f64; 2]| aperture.distance_px(p[0], p[1]) < aperture.radius_px;
+        self.cosmic_ray_px.iter().any(|&p| inside(p))
+            || self.taken_px.iter().any(|&(p, source)| Some(source) != own && inside(p))
+    }
+
+    /// The candidate nearest to a place, within a distance.
+    pub(crate) fn nearest(&self, place_px: [f64; 2], within_px: f64) -> Option<usize> {
+        let off = |i: &usize| distance(self.candidates[*i].place_px, place_px);
+        let near = (0..self.candidates.len()).filter(|i| off(i) <= within_px);
+        near.min_by(|a, b| off(a).total_cmp(&off(b)))
     }
 }
 
@@ -107,6 +101,8 @@ impl Labels {
 #[derive(Debug, Default)]
 pub struct Detector {
     window: Window,
+    image: Image,
+    regions: Regions,
     look: Look,
 }
 
@@ -118,71 +114,125 @@ pub(crate) struct Sought<'a> {
     pub trail: Trail,
     pub place_px: [f64; 2],
     pub aperture_radius_px: f64,
+    /// How far from its place the nearest source probably is, px: the search looks there first.
+    pub probably_px: f64,
+}
+
+impl Sought<'_> {
+    /// Pixels around what is searched, so that its background, its streaks and its aperture are seen whole.
+    fn margin_px(&self) -> f64 {
+        let trail = match self.trail {
+            Trail::Known(trail) => trail[0].hypot(trail[1]),
+            _ => 0.0,
+        };
+        let streak = (STREAK_WIDTHS + 1.0) * self.fwhm_px;
+        (TILE as f64 + 4.0 * self.fwhm_px).max(streak).max(self.aperture_radius_px + trail)
+    }
+
+    /// How far from the place the search looks first. A source there that passes is the nearest of the whole frame, too; only where the brightest is
+    /// the target must all of it be searched. One of a few steps, so that what is found hangs little on what was probable.
+    fn first_px(&self) -> f64 {
+        let most = self.options.max_offset_px;
+        if self.options.choice == Choice::Brightest {
+            return most;
+        }
+        let mut first = (8.0 * self.fwhm_px).max(TILE as f64);
+        while first < self.probably_px && first < most {
+            first *= 1.25;
+        }
+        first.min(most)
+    }
 }
 
 impl Detector {
-    /// The sources around where the target is expected; of the whole frame where the allowed offset is infinite.
+    /// The sources around where the target is expected: as far as the nearest that passes the filters needs, else of the whole frame or as far as the
+    /// allowed offset.
     pub(crate) fn find(
         &mut self,
         reading: &Reading<'_>,
         sought: &Sought<'_>,
         setting: &Setting,
     ) -> Detection {
-        let around = sought.options.max_offset_px + TILE as f64 + 4.0 * sought.fwhm_px;
-        self.window.take(reading, sought.place_px, [around; 2]);
-        let Some(image) = Image::of(&self.window, reading) else { return Detection::default() };
-        let sigma_px = sought.fwhm_px / FWHM_PER_SIGMA;
-        let size = image.size;
-        let mut above = image.above_background();
-        let sharp = take_out_sharp(&mut above, &image.masked(), size, sigma_px);
-        let smoothed = significance(&above, size, sigma_px);
-        let threshold = sought.options.threshold_sigma;
-        let (found, labels) = regions(&smoothed, image.size, threshold, 0.5 * threshold);
-        let narrow = significance(&above, size, (NARROW * sigma_px).max(0.5));
-        let labels = Labels { of_pixel: labels, size: image.size, origin: image.origin };
-        let cosmic_ray_px: Vec<[f64; 2]> =
-            sharp.iter().map(|i| labels.place([i % size[0], i / size[0]])).collect();
-        let mut candidates: Vec<Candidate> = Vec::with_capacity(found.len());
-        for region in &found {
-            let sharpness = sharpness(region, &narrow, image.size, sought.fwhm_px);
-            let mut candidate = self.judge(
-                reading,
-                (region, sharpness),
-                (&labels, &cosmic_ray_px),
-                sought,
-                setting,
-            );
-            // A bright streak stays in one piece, and a bright star has light all around.
-            let faint = candidate.peak_sigma < FAINT * threshold;
-            let point = matches!(sought.trail, Trail::Point) && candidate.rejection.is_none();
-            if point && faint && on_streak(region.summit, &smoothed, size, sought.fwhm_px) {
-                candidate.rejection = Some(Rejection::Streak);
+        let size = [reading.frame.pixels.ncols(), reading.frame.pixels.nrows()];
+        let all = (0..2).all(|axis| {
+            let reach = sought.first_px() + sought.margin_px();
+            sought.place_px[axis] - reach <= 0.0
+                && sought.place_px[axis] + reach >= size[axis] as f64
+        });
+        let most = sought.options.max_offset_px;
+        if !all && sought.first_px() < most {
+            let near = self.search(reading, sought, setting, sought.first_px());
+            if near.target.is_some() {
+                return near;
             }
-            candidates.push(candidate);
         }
-        let target = choose(&candidates, sought);
-        let cosmic_ray_px =
-            sharp.iter().map(|i| labels.place([i % size[0], i / size[0]])).collect();
-        Detection { candidates, target, cosmic_ray_px, labels }
+        self.search(reading, sought, setting, most)
     }
 
-    /// A region as a candidate, with the first filter that it fails.
+    /// The sources within a distance of where the target is expected.
+    pub(crate) fn search(
+        &mut self,
+        reading: &Reading<'_>,
+        sought: &Sought<'_>,
+        setting: &Setting,
+        within_px: f64,
+    ) -> Detection {
+        self.window.take(reading, sought.place_px, [within_px + sought.margin_px(); 2]);
+        if !self.image.take(&self.window, reading) {
+            return Detection::default();
+        }
+        let sigma_px = sought.fwhm_px / FWHM_PER_SIGMA;
+        let (size, origin) = (self.image.size, self.image.origin);
+        let place = |i: usize| [origin[0] + (i % size[0]) as f64, origin[1] + (i / size[0]) as f64];
+        let sharp = self.image.take_out_sharp(sigma_px);
+        let narrow = self.image.narrow((NARROW * sigma_px).max(0.5));
+        let threshold = sought.options.threshold_sigma;
+        let smoothed = self.image.significance(sigma_px);
+        let (found, taken) = self.regions.find(smoothed, size, threshold, 0.5 * threshold);
+        let mut detection = Detection {
+            cosmic_ray_px: sharp.into_iter().map(place).collect(),
+            taken_px: taken.into_iter().map(|(pixel, source)| (place(pixel), source)).collect(),
+            ..Detection::default()
+        };
+        for region in &found {
+            if let Some(candidate) =
+                self.judge(reading, (region, &narrow), &detection, sought, setting, within_px)
+            {
+                detection.numbers.push(region.label);
+                detection.candidates.push(candidate);
+            }
+        }
+        detection.target = choose(&detection.candidates, sought);
+        detection
+    }
+
+    /// A region as a candidate, with the first filter that it fails; `None` where it is allowed, and further away than is searched.
     fn judge(
         &mut self,
         reading: &Reading<'_>,
-        (region, sharpness): (&Region, f64),
-        (labels, cosmic_ray_px): (&Labels, &[[f64; 2]]),
+        (region, narrow): (&Region, &Narrow),
+        detection: &Detection,
         sought: &Sought<'_>,
         setting: &Setting,
-    ) -> Candidate {
+        within_px: f64,
+    ) -> Option<Candidate> {
         let options = sought.options;
         let trail_px = trail_of(region);
         let drawn_out = !matches!(sought.trail, Trail::Point)
             && trail_px[0].hypot(trail_px[1]) > 0.5 * sought.fwhm_px;
+        let origin = self.image.origin;
         let at = match drawn_out {
-            true => [labels.origin[0] + region.middle[0], labels.origin[1] + region.middle[1]],
-            false => labels.place(region.summit),
+            true => [origin[0] + region.middle[0], origin[1] + region.middle[1]],
+            false => [origin[0] + region.summit[0] as f64, origin[1] + region.summit[1] as f64],
         };
+        let offset_px = distance(at, sought.place_px);
+        if offset_px > within_px && offset_px <= options.max_offset_px {
+            return None;
+        }
+        // Only faint ones are judged by it.
+        let faint = region.peak < FAINT * options.threshold_sigma;
+        let sharpness =
+            if faint { self.sharpness(region, narrow, sought.fwhm_px) } else { f64::NAN };
         let mut candidate = Candidate {
             place_px: at,
             peak_sigma: region.peak,
@@ -194,7 +244,7 @@ impl Detector {
             trail_px,
             rejection: None,
         };
-        let by_box = if distance(at, sought.place_px) > options.max_offset_px {
+        let by_box = if offset_px > options.max_offset_px {
             Some(Rejection::Offset)
         } else if near_edge(at, reading, 1.5 * sought.fwhm_px) {
             Some(Rejection::Edge)
@@ -204,8 +254,7 @@ impl Detector {
             Some(Rejection::Fill)
         } else if !drawn_out && candidate.aspect > options.max_aspect {
             Some(Rejection::Aspect)
-        } else if region.peak < FAINT * options.threshold_sigma && sharpness > options.max_sharpness
-        {
+        } else if faint && sharpness > options.max_sharpness {
             Some(Rejection::Sharp)
         } else {
             None
@@ -213,7 +262,7 @@ impl Detector {
         candidate.rejection = by_box.or_else(|| {
             let aperture = Aperture::disc(at, sought.aperture_radius_px);
             self.look.at(reading, &aperture, setting);
-            let light = self.look.light(reading, setting, cosmic_ray_px);
+            let light = self.look.light(reading, setting, &detection.cosmic_ray_px);
             candidate.centroid =
                 light.and_then(|light| windowed(&light, at, sought.fwhm_px / FWHM_PER_SIGMA));
             by_width(&candidate, drawn_out, sought)
@@ -221,29 +270,31 @@ impl Detector {
         if let Some(centroid) = candidate.centroid.filter(|_| !drawn_out) {
             candidate.place_px = centroid.place_px;
         }
-        candidate
+        // A bright streak stays in one piece, and a bright star has light all around.
+        if faint && matches!(sought.trail, Trail::Point) && candidate.rejection.is_none() {
+            let (smoothed, size) = (self.image.smoothed(), self.image.size);
+            if on_streak(region.summit, smoothed, size, sought.fwhm_px) {
+                candidate.rejection = Some(Rejection::Streak);
+            }
+        }
+        Some(candidate)
+    }
+
+    /// The highest value of the narrowly smoothed frame near a region's summit, over the summit.
+    fn sharpness(&mut self, region: &Region, narrow: &Narrow, fwhm_px: f64) -> f64 {
+        let reach = (0.5 * fwhm_px).round() as usize;
+        self.image.highest(narrow, region.summit, reach) / region.peak
     }
 }
 
 /// Sources below so many thresholds are tested for a faint cosmic ray's or a faint streak's signs; brighter ones show their shape.
 const FAINT: f64 = 2.5;
 
+/// So many widths to either side a streak is looked for.
+const STREAK_WIDTHS: f64 = 10.0;
+
 /// Width of the second, narrow filter over that of a point.
 const NARROW: f64 = 0.3;
-
-/// The highest value of the narrowly smoothed frame near a region's summit, over the summit.
-fn sharpness(region: &Region, narrow: &[f64], [width, height]: [usize; 2], fwhm_px: f64) -> f64 {
-    let reach = (0.5 * fwhm_px).round() as usize;
-    let [x, y] = region.summit;
-    let mut highest = f64::NEG_INFINITY;
-    for row in y.saturating_sub(reach)..(y + reach + 1).min(height) {
-        let line = &narrow[row * width..][..width];
-        for value in &line[x.saturating_sub(reach)..(x + reach + 1).min(width)] {
-            highest = highest.max(*value);
-        }
-    }
-    highest / region.peak
-}
 
 /// Whether a place is within a distance of the frame's edge.
 fn near_edge(place: [f64; 2], reading: &Reading<'_>, distance_px: f64) -> bool {
@@ -254,16 +305,20 @@ fn near_edge(place: [f64; 2], reading: &Reading<'_>, distance_px: f64) -> bool {
 
 /// Whether there is light along a line through a summit: samples of the smoothed frame a width apart, from two widths on to ten at most, on
 /// one side or both. Each counts no more than 3 σ, so that another star on the line does not make it a streak.
-fn on_streak(summit: [usize; 2], smoothed: &[f64], size: [usize; 2], fwhm_px: f64) -> bool {
+fn on_streak(summit: [usize; 2], smoothed: &[f32], size: [usize; 2], fwhm_px: f64) -> bool {
     const DIRECTIONS: usize = 30;
-    const SAMPLES: usize = 10;
+    const SAMPLES: usize = STREAK_WIDTHS as usize;
     const SIGMA: f64 = 5.0;
     const CONTINUOUS: f64 = 1.6;
     let sample = |angle: f64, along: f64| {
         let x = (summit[0] as f64 + along * angle.cos()).round();
         let y = (summit[1] as f64 + along * angle.sin()).round();
         let inside = x >= 0.0 && y >= 0.0 && x < size[0] as f64 && y < size[1] as f64;
-        if inside { smoothed[y as usize * size[0] + x as usize].clamp(-3.0, 3.0) } else { 0.0 }
+        if inside {
+            f64::from(smoothed[y as usize * size[0] + x as usize]).clamp(-3.0, 3.0)
+        } else {
+            0.0
+        }
     };
     (0..DIRECTIONS).any(|direction| {
         let angle = std::f64::consts::PI * direction as f64 / DIRECTIONS as f64;

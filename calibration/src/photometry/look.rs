@@ -58,6 +58,12 @@ impl Look {
         self.light.clear();
         self.masked.clear();
         let saturation = reading.saturation_adu as f32;
+        let (first, sides) =
+            (self.window.origin.map(|o| o as f64), self.window.size.map(|n| n as f64));
+        let near = |p: &&[f64; 2]| {
+            (0..2).all(|axis| (-1.0..=sides[axis]).contains(&(p[axis] - first[axis])))
+        };
+        let without: Vec<[f64; 2]> = without.iter().filter(near).copied().collect();
         for (row, line) in self.window.rows() {
             for (i, &value) in line.iter().enumerate() {
                 let column = self.window.origin[0] + i;

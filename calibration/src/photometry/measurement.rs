@@ -33,7 +33,7 @@ pub struct FrameMeasurement {
     pub aperture: Option<Aperture>,
     /// Full width at half maximum of the target, pixels of the frame, without the pixel's own width; across the trail where there is one.
     pub fwhm_px: Option<f64>,
-    /// Sources that passed all filters within the allowed offset; more than one is ambiguous.
+    /// Sources that passed all filters in the part of the frame that was searched; more than one is ambiguous.
     pub candidates: usize,
     /// Relative standard deviation of the twinkling, common to all planes and to other instruments at the same time; in no `sigma`.
     pub scintillation: Option<f64>,
@@ -106,7 +106,8 @@ pub struct Tally {
     pub frames: u64,
     /// Frames without a target.
     pub undetected: u64,
-    /// Frames with more than one source that could be the target.
+    /// Frames with more than one source that could be the target, in the part that was searched: all about as near as the nearest, or, where the
+    /// brightest is wanted, all.
     pub ambiguous: u64,
     /// Sources with too few or too many pixels.
     pub rejected_area: u64,

@@ -17,6 +17,7 @@ mod calibrate;
 mod centroid;
 mod detect;
 mod image;
+mod levels;
 mod look;
 mod measurement;
 mod options;
@@ -24,6 +25,8 @@ mod overlap;
 mod reducer;
 mod regions;
 mod scintillation;
+mod smooth;
+mod tiles;
 mod window;
 
 pub use background::Background;

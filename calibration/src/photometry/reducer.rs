@@ -35,6 +35,8 @@ pub struct FrameReducer {
     detector: Detector,
     look: Look,
     tally: Tally,
+    /// How far from its expected place the last target was, px.
+    last_offset_px: f64,
 }
 
 impl FrameReducer {
@@ -51,10 +53,11 @@ impl FrameReducer {
             detector: Detector::default(),
             look: Look::default(),
             tally: Tally::default(),
+            last_offset_px: 0.0,
         })
     }
 
-    /// Expects points of another width from now on.
+    /// Expects points of another width from now on, and another target.
     ///
     /// # Errors
     /// [`PhotometryError::Option`] for a width out of its range.
@@ -62,6 +65,7 @@ impl FrameReducer {
         let options = PhotometryOptions { fwhm_px, ..self.options.clone() };
         options.check()?;
         self.options = options;
+        self.last_offset_px = 0.0;
         Ok(())
     }
 
@@ -103,16 +107,13 @@ impl FrameReducer {
         let mut measured =
             self.at(frame, aperture, Some((fwhm, &detection.cosmic_ray_px)), expected)?;
         measured.candidates = detection.passed();
-        if measured.aperture.is_some_and(|aperture| detection.crowded(&aperture)) {
-            self.tally.crowded += 1;
-            for plane in &mut measured.planes {
-                plane.flags |= Flags::CROWDED;
-            }
-        }
+        let crowded = measured.aperture.is_some_and(|aperture| detection.crowded(&aperture));
+        self.flag_crowded(&mut measured, crowded);
         Ok(measured)
     }
 
-    /// Measures around a known place, without a search and without a centroid: `place_px` is where the aperture lies.
+    /// Measures around a known place, without a search and without a centroid: `place_px` is where the aperture lies. What else may lie in it is not
+    /// looked for: [`measure_among`](Self::measure_among) does.
     ///
     /// # Errors
     /// As [`FrameReducer::measure`].
@@ -128,6 +129,40 @@ impl FrameReducer {
         self.at(frame, Aperture { centre_px: place_px, radius_px, trail_px }, None, expected)
     }
 
+    /// As [`measure_at`](Self::measure_at), and searches around the place: where a source whose middle is more than a point's width away from it, or a cosmic
+    /// ray, has light in the aperture, the planes are flagged [`Flags::CROWDED`].
+    ///
+    /// # Errors
+    /// As [`FrameReducer::measure`].
+    pub fn measure_among(
+        &mut self,
+        frame: &Frame,
+        place_px: [f64; 2],
+        expected: &Expected,
+    ) -> Result<FrameMeasurement, PhotometryError> {
+        let mut measured = self.measure_at(frame, place_px, expected)?;
+        let Some(aperture) = measured.aperture.filter(|_| place_px.iter().all(|p| p.is_finite()))
+        else {
+            return Ok(measured);
+        };
+        let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
+        let around = Expected { place_px: Some(place_px), ..*expected };
+        let sought = sought(frame, &self.options, &around, self.last_offset_px);
+        let within_px = aperture.radius_px + aperture.trail_length_px() + self.options.fwhm_px;
+        let detection = self.detector.search(&reading, &sought, &setting, within_px);
+        let own =
+            detection.nearest(place_px, self.options.fwhm_px + 0.5 * aperture.trail_length_px());
+        self.flag_crowded(&mut measured, detection.others_in(&aperture, own));
+        Ok(measured)
+    }
+
+    fn flag_crowded(&mut self, measured: &mut FrameMeasurement, crowded: bool) {
+        self.tally.crowded += u64::from(crowded);
+        for plane in &mut measured.planes {
+            plane.flags.set(Flags::CROWDED, crowded);
+        }
+    }
+
     /// The sources of a frame around where the target is expected, without a measurement; the tally stays as it is.
     ///
     /// # Errors
@@ -138,16 +173,13 @@ impl FrameReducer {
         expected: &Expected,
     ) -> Result<Detection, PhotometryError> {
         let (reading, setting) = prepare(frame, &self.options, &self.calibration)?;
-        let middle =
-            || [frame.pixels.ncols(), frame.pixels.nrows()].map(|n| 0.5 * (n as f64 - 1.0));
-        let sought = Sought {
-            options: &self.options.detection,
-            fwhm_px: self.options.fwhm_px,
-            trail: expected.trail_px.map_or(self.options.trail, Trail::Known),
-            place_px: expected.place_px.unwrap_or_else(middle),
-            aperture_radius_px: self.options.aperture_radius_px,
-        };
-        Ok(self.detector.find(&reading, &sought, &setting))
+        let sought = sought(frame, &self.options, expected, self.last_offset_px);
+        let detection = self.detector.find(&reading, &sought, &setting);
+        if let Some(target) = detection.target.and_then(|t| detection.candidates.get(t)) {
+            let [dx, dy] = [0, 1].map(|i| target.place_px[i] - sought.place_px[i]);
+            self.last_offset_px = dx.hypot(dy);
+        }
+        Ok(detection)
     }
 
     /// The trail of the aperture: none where it is shorter than half a point's width.
@@ -317,6 +349,24 @@ fn prepare<'a>(
     };
     let reading = Reading { frame, laid: calibration.over(frame)?, saturation_adu };
     Ok((reading, Setting { annulus_px: options.annulus_px, clipping, gain_e_per_adu }))
+}
+
+/// What a search needs to know.
+fn sought<'a>(
+    frame: &Frame,
+    options: &'a PhotometryOptions,
+    expected: &Expected,
+    last_offset_px: f64,
+) -> Sought<'a> {
+    let middle = || [frame.pixels.ncols(), frame.pixels.nrows()].map(|n| 0.5 * (n as f64 - 1.0));
+    Sought {
+        options: &options.detection,
+        fwhm_px: options.fwhm_px,
+        trail: expected.trail_px.map_or(options.trail, Trail::Known),
+        place_px: expected.place_px.unwrap_or_else(middle),
+        aperture_radius_px: options.aperture_radius_px,
+        probably_px: last_offset_px + 4.0 * options.fwhm_px,
+    }
 }
 
 fn without_target(frame: &Frame, scintillation: Option<f64>) -> FrameMeasurement {

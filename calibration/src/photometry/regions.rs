@@ -1,5 +1,7 @@
 //! Connected regions of a smoothed frame: what stands above the threshold, parted where it has more than one summit.
 
+use super::image::above;
+
 /// A region of pixels of an image, in image coordinates.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Region {
@@ -44,60 +46,71 @@ impl Region {
 /// another.
 const LEVELS: [f64; 3] = [0.3, 0.6, 0.8];
 
-/// An image and the regions found in it so far.
-struct Parting<'a> {
-    image: &'a [f64],
-    size: [usize; 2],
+/// Finds regions; holds maps as large as the image, which are empty between searches, so that a search costs what it finds.
+#[derive(Debug, Default)]
+pub(crate) struct Regions {
+    /// Which region a pixel belongs to, from 1.
     labels: Vec<u32>,
     /// Which flood last touched a pixel.
     touched: Vec<u32>,
     flood: u32,
 }
 
-/// The regions of an image (row by row) with a summit above `threshold`, out to the level `foot`, brightest summits first within what hangs
-/// together, and the map of their labels: 0 outside. (A low foot keeps a faint streak in one piece.)
-pub(crate) fn regions(
-    image: &[f64],
+/// An image and the regions found in it so far.
+struct Parting<'a> {
+    image: &'a [f32],
     size: [usize; 2],
-    threshold: f64,
-    foot: f64,
-) -> (Vec<Region>, Vec<u32>) {
-    let mut parting = Parting {
-        image,
-        size,
-        labels: vec![0; image.len()],
-        touched: vec![0; image.len()],
-        flood: 0,
-    };
-    let mut found = Vec::new();
-    let mut seen = vec![false; image.len()];
-    for start in 0..image.len() {
-        if seen[start] || image[start].is_nan() || image[start] <= threshold {
-            continue;
+    maps: &'a mut Regions,
+}
+
+impl Regions {
+    /// The regions of an image (row by row) with a summit above `threshold`, out to the level `foot`, brightest summits first within what hangs
+    /// together, and their pixels with the regions' labels. (A low foot keeps a faint streak in one piece.)
+    pub fn find(
+        &mut self,
+        image: &[f32],
+        size: [usize; 2],
+        threshold: f64,
+        foot: f64,
+    ) -> (Vec<Region>, Vec<(usize, u32)>) {
+        if self.labels.len() < image.len() {
+            (self.labels, self.touched) = (vec![0; image.len()], vec![0; image.len()]);
         }
-        let (whole, _) = parting.pour(start, foot, None);
-        for &pixel in &whole {
-            seen[pixel] = true;
+        self.flood = 0;
+        let mut parting = Parting { image, size, maps: self };
+        let (mut found, mut labels) = (Vec::new(), Vec::new());
+        for start in above(image, threshold as f32) {
+            // What hangs together shares out all its pixels.
+            if parting.maps.labels[start] != 0 {
+                continue;
+            }
+            let (whole, _) = parting.pour(start, foot, None);
+            parting.part(&whole, [threshold, foot], &mut found);
+            labels.extend(whole.iter().map(|&pixel| (pixel, parting.maps.labels[pixel])));
         }
-        parting.part(&whole, [threshold, foot], &mut found);
+        for &(pixel, _) in &labels {
+            (self.labels[pixel], self.touched[pixel]) = (0, 0);
+        }
+        (found, labels)
     }
-    (found, parting.labels)
 }
 
 impl Parting<'_> {
     /// The pixels around `start` above `level`, and whether they touch a region other than `own`.
     fn pour(&mut self, start: usize, level: f64, own: Option<u32>) -> (Vec<usize>, bool) {
-        self.flood += 1;
+        self.maps.flood += 1;
         let mut pixels = vec![start];
-        self.touched[start] = self.flood;
+        self.maps.touched[start] = self.maps.flood;
         let mut taken = false;
         let mut next = 0;
         while let Some(&pixel) = pixels.get(next) {
             next += 1;
-            taken |= own.is_some() && self.labels[pixel] != 0;
+            taken |= own.is_some() && self.maps.labels[pixel] != 0;
             for neighbour in neighbours(pixel, self.size) {
-                if self.touched[neighbour] != self.flood && self.image[neighbour] > level {
-                    self.touched[neighbour] = self.flood;
+                if self.maps.touched[neighbour] != self.maps.flood
+                    && f64::from(self.image[neighbour]) > level
+                {
+                    self.maps.touched[neighbour] = self.maps.flood;
                     pixels.push(neighbour);
                 }
             }
@@ -110,15 +123,15 @@ impl Parting<'_> {
         let mut summits: Vec<usize> = whole
             .iter()
             .copied()
-            .filter(|&pixel| self.image[pixel] > threshold && self.is_summit(pixel))
+            .filter(|&pixel| f64::from(self.image[pixel]) > threshold && self.is_summit(pixel))
             .collect();
         summits.sort_by(|&a, &b| self.image[b].total_cmp(&self.image[a]).then(a.cmp(&b)));
         let first_label = found.len() as u32 + 1;
         for summit in summits {
-            if self.labels[summit] != 0 {
+            if self.maps.labels[summit] != 0 {
                 continue;
             }
-            let peak = self.image[summit];
+            let peak = f64::from(self.image[summit]);
             for fraction in LEVELS {
                 let level = (fraction * peak).max(foot);
                 let (pixels, taken) = self.pour(summit, level, Some(first_label));
@@ -127,7 +140,7 @@ impl Parting<'_> {
                 }
                 let label = found.len() as u32 + 1;
                 for &pixel in &pixels {
-                    self.labels[pixel] = label;
+                    self.maps.labels[pixel] = label;
                 }
                 found.push(self.describe(&pixels, summit, label));
                 break;
@@ -138,18 +151,20 @@ impl Parting<'_> {
 
     /// What is left of a connected region around its sources belongs to the nearest of them.
     fn share_out(&mut self, whole: &[usize], first_label: u32) {
-        self.flood += 1;
+        self.maps.flood += 1;
         for &pixel in whole {
-            self.touched[pixel] = self.flood;
+            self.maps.touched[pixel] = self.maps.flood;
         }
         let mut reached: Vec<usize> =
-            whole.iter().copied().filter(|&pixel| self.labels[pixel] >= first_label).collect();
+            whole.iter().copied().filter(|&pixel| self.maps.labels[pixel] >= first_label).collect();
         let mut next = 0;
         while let Some(&pixel) = reached.get(next) {
             next += 1;
             for neighbour in neighbours(pixel, self.size) {
-                if self.labels[neighbour] == 0 && self.touched[neighbour] == self.flood {
-                    self.labels[neighbour] = self.labels[pixel];
+                if self.maps.labels[neighbour] == 0
+                    && self.maps.touched[neighbour] == self.maps.flood
+                {
+                    self.maps.labels[neighbour] = self.maps.labels[pixel];
                     reached.push(neighbour);
                 }
             }
@@ -172,7 +187,7 @@ impl Parting<'_> {
         let width = self.size[0];
         let place = |pixel: usize| [pixel % width, pixel / width];
         let mut region = Region {
-            peak: self.image[summit],
+            peak: f64::from(self.image[summit]),
             summit: place(summit),
             area: pixels.len(),
             columns: [usize::MAX, 0],
@@ -186,7 +201,7 @@ impl Parting<'_> {
             let [x, y] = place(pixel);
             region.columns = [region.columns[0].min(x), region.columns[1].max(x)];
             region.rows = [region.rows[0].min(y), region.rows[1].max(y)];
-            let value = self.image[pixel];
+            let value = f64::from(self.image[pixel]);
             sum += value;
             region.middle =
                 [region.middle[0] + value * x as f64, region.middle[1] + value * y as f64];
@@ -195,7 +210,7 @@ impl Parting<'_> {
         for &pixel in pixels {
             let [x, y] = place(pixel);
             let d = [x as f64 - region.middle[0], y as f64 - region.middle[1]];
-            let weight = self.image[pixel] / sum;
+            let weight = f64::from(self.image[pixel]) / sum;
             region.moments[0] += weight * d[0] * d[0];
             region.moments[1] += weight * d[1] * d[1];
             region.moments[2] += weight * d[0] * d[1];
@@ -224,19 +239,23 @@ mod tests {
         let hill = |x: f64, y: f64, h: f64, x0: f64, y0: f64| {
             h * (-0.5 * ((x - x0).powi(2) + (y - y0).powi(2)) / 4.0).exp()
         };
-        let image: Vec<f64> = (0..size[0] * size[1])
+        let image: Vec<f32> = (0..size[0] * size[1])
             .map(|i| {
                 let (x, y) = ((i % size[0]) as f64, (i / size[0]) as f64);
                 let ridge = if (22..25).contains(&(i / size[0])) { 20.0 } else { 0.0 };
-                hill(x, y, 100.0, 12.0, 10.0) + hill(x, y, 30.0, 22.0, 10.0) + ridge
+                (hill(x, y, 100.0, 12.0, 10.0) + hill(x, y, 30.0, 22.0, 10.0) + ridge) as f32
             })
             .collect();
-        let (found, labels) = regions(&image, size, 1.0, 0.5);
+        let mut regions = Regions::default();
+        let (found, labels) = regions.find(&image, size, 1.0, 0.5);
         let summits: Vec<[usize; 2]> = found.iter().map(|r| r.summit).collect();
         assert_eq!(summits[..2], [[12, 10], [22, 10]]);
         assert_eq!(found.len(), 3);
         assert_eq!((found[2].extent(), found[2].fill()), ([40, 3], 1.0));
-        assert_ne!(labels[10 * 40 + 12], labels[10 * 40 + 22]);
-        assert_eq!(regions(&[f64::NAN, 1.0, 1.0], [3, 1], 5.0, 2.0).0, []);
+        let label = |at| labels.iter().find(|(pixel, _)| *pixel == at).map(|(_, label)| *label);
+        assert_eq!([label(10 * 40 + 12), label(10 * 40 + 22), label(0)], [Some(1), Some(2), None]);
+        // Nothing is left over for the next image.
+        assert_eq!(regions.find(&image, size, 1.0, 0.5), (found, labels));
+        assert_eq!(regions.find(&[f32::NAN, 1.0, 1.0], [3, 1], 5.0, 2.0), (vec![], vec![]));
     }
 }

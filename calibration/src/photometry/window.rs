@@ -40,22 +40,17 @@ impl Window {
         self.values.clear();
         // Counts are whole: the first saturated one.
         let saturated = reading.saturation_adu.ceil().clamp(0.0, 65_536.0) as u32;
-        let as_read = reading.laid.is_empty();
         for row in self.origin[1]..end[1] {
             let line = pixels.row(row);
             let line = line.slice(ndarray::s![self.origin[0]..end[0]]);
-            if as_read {
-                self.values.extend(line.iter().map(|&p| match u32::from(p) >= saturated {
-                    true => f32::INFINITY,
-                    false => f32::from(p),
-                }));
-                continue;
+            let first = self.values.len();
+            let read =
+                |&p: &u16| if u32::from(p) >= saturated { f32::INFINITY } else { f32::from(p) };
+            match line.as_slice() {
+                Some(line) => self.values.extend(line.iter().map(read)),
+                None => self.values.extend(line.iter().map(read)),
             }
-            for (i, &p) in line.iter().enumerate() {
-                let value = reading.laid.value(self.origin[0] + i, row, f32::from(p));
-                let full = u32::from(p) >= saturated && !value.is_nan();
-                self.values.push(if full { f32::INFINITY } else { value });
-            }
+            reading.laid.over_row(self.origin[0], row, &mut self.values[first..]);
         }
     }
 

@@ -101,6 +101,17 @@ fn of_two_stars_the_right_one() {
             let flagged =
                 measured.planes[0].flags.contains(sunglint_radiometry::light_curve::Flags::CROWDED);
             assert_eq!(flagged, crowded, "{apart} {brightest}");
+            // At a known place, too, where there is a star and where there is none.
+            for (place, crowded) in
+                [([x, 50.0], crowded), ([50.0, 75.0], false), ([50.0, 56.0], true)]
+            {
+                let measured = reducer.measure_among(&frame, place, &expected).unwrap();
+                let flagged = measured.planes[0]
+                    .flags
+                    .contains(sunglint_radiometry::light_curve::Flags::CROWDED);
+                assert_eq!(flagged, crowded, "{apart} {place:?}");
+                assert_eq!(measured.place_px, Some(place));
+            }
         }
     }
 }
