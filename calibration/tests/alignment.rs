@@ -82,6 +82,57 @@ fn intervals_of_the_field_cover_the_truth() {
     }
 }
 
+/// Truth: the field that the points were drawn from, 80 draws of three stars that wander over it for 600 points each, with an error that lasts 15 points (first
+/// order autoregressive) three times the stated one. Tolerance: binomial, 3.5 σ, and half a σ of coverage more below, since the long-run variance of so few
+/// independent stretches is itself known to a fifth only. Taken as independent, a third of the intervals would cover: that is asserted too, so that the test can fail.
+#[test]
+fn points_that_err_together_are_not_counted_each() {
+    let (mut covered, mut alone, draws) = ([0.0_f64; 4], [0.0_f64; 4], 80);
+    for seed in 0..draws {
+        let mut draw = Draw::new(1000 + seed);
+        let mut points = Vec::new();
+        for (star, amplitude) in AMPLITUDES.into_iter().enumerate() {
+            let (sigma_hz, keep) = (0.02 * amplitude, f64::exp(-1.0 / 15.0));
+            let mut lasting = draw.normal();
+            let turn = std::f64::consts::TAU * draw.uniform();
+            for i in 0..600 {
+                let t = f64::from(i) / 600.0 * std::f64::consts::TAU;
+                let offset = [30.0 * (3.0 * t + turn).sin(), 30.0 * (5.0 * t).cos()];
+                let [u, v] = [0, 1].map(|k| offset[k] / TRUTH[2 + k]);
+                let rate = amplitude * (-0.5 * (u * u + v * v)).exp();
+                lasting = keep * lasting + (1.0 - keep * keep).sqrt() * draw.normal();
+                points.push(FieldPoint {
+                    offset_px: [TRUTH[0] + offset[0], TRUTH[1] + offset[1]],
+                    covariance_px2: [0.0; 3],
+                    rate_hz: rate + sigma_hz * (draw.normal() + 3.0 * lasting),
+                    sigma_hz,
+                    star,
+                });
+            }
+        }
+        let fit = fit_field(&points, &FitOptions::default()).unwrap();
+        assert!((15..150).contains(&fit.correlated_points), "{}", fit.correlated_points);
+        // The same points in no order: what they have together is not seen.
+        let mut shuffled = points.clone();
+        for i in (1..shuffled.len()).rev() {
+            shuffled.swap(i, (draw.uniform() * (i + 1) as f64) as usize);
+        }
+        let unordered = fit_field(&shuffled, &FitOptions::default()).unwrap();
+        for (fit, covered) in [(&fit, &mut covered), (&unordered, &mut alone)] {
+            let (found, sigma) = ([fit.offset_px, fit.sigma_px].concat(), fit.uncertainties());
+            for i in 0..4 {
+                covered[i] += f64::from((found[i] - TRUTH[i]).abs() <= sigma[i]) / draws as f64;
+            }
+        }
+    }
+    println!("covered {covered:?}, as if independent {alone:?}");
+    let sigma = (0.683 * 0.317 / draws as f64).sqrt();
+    for i in 0..4 {
+        assert!(covered[i] - 0.683 > -4.0 * sigma && covered[i] - 0.683 < 3.5 * sigma);
+        assert!(alone[i] < 0.683 - 4.0 * sigma, "{alone:?}");
+    }
+}
+
 /// Truth: the field that the points were drawn from, to 5 of the stated σ, with an eighth of the points spoilt upwards (another star in the fibre); least
 /// squares miss it by more than ten.
 #[test]

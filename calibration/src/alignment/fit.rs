@@ -4,6 +4,7 @@
 //! covariance, so that σ_x and σ_y come out as the fibre's and not as those of fibre and centroids together.
 
 use super::FieldPoint;
+use super::correlated::{long_run, reach, sequences};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeSet;
 use sunglint_radiometry::station::Fibre;
@@ -54,7 +55,8 @@ pub struct FieldFit {
     pub sigma_px: [f64; 2],
     /// How far its first axis is turned from the frame's columns towards its rows, degrees, −45 to 45; 0 where no rotation was fitted.
     pub angle_deg: f64,
-    /// Covariance of x₀, y₀, σ_x, σ_y (px) and the angle (deg), scaled by the points' scatter; zeros for an angle that was not fitted.
+    /// Covariance of x₀, y₀, σ_x, σ_y (px) and the angle (deg): by the points' own scatter, and where they err together as much wider; zeros for an angle
+    /// that was not fitted.
     pub covariance: [[f64; 5]; 5],
     /// Rate of each star at the centre and its standard uncertainty, Hz; stars in increasing number.
     pub amplitudes_hz: Vec<(usize, [f64; 2])>,
@@ -62,6 +64,8 @@ pub struct FieldFit {
     pub background_hz: [f64; 2],
     /// Scatter of the points about the fit over their stated uncertainty: above 1 where scintillation, ghosts or places are worse than stated.
     pub scatter: f64,
+    /// Over how many points of a star, in their order, residuals are alike; 0 where each errs for itself.
+    pub correlated_points: usize,
     /// Points less numbers fitted.
     pub degrees_of_freedom: usize,
     /// How much each point counted, 0 to 1.
@@ -161,6 +165,8 @@ pub fn fit_field(points: &[FieldPoint], options: &FitOptions) -> Result<FieldFit
     let Some((_, mut at)) = best else { return Err(FitError::Undetermined("no start")) };
     let freedom = points.len() - n;
     let mut scale2 = problem.residuals(&at).norm_squared() / freedom as f64;
+    let (mut psi, mut slope): (Vec<f64>, f64) =
+        (problem.residuals(&at).iter().copied().collect(), 1.0);
     if options.robust {
         for _ in 0..50 {
             let residuals = problem.residuals(&at);
@@ -178,10 +184,21 @@ pub fn fit_field(points: &[FieldPoint], options: &FitOptions) -> Result<FieldFit
         // The variance of an M-estimate: Σψ²/(n−p) over the square of the mean of ψ'.
         let u: Vec<f64> = residuals.iter().map(|r| r / spread).collect();
         let psi2: f64 = u.iter().map(|u| (u * biweight(*u)).powi(2)).sum();
-        let slope: f64 = u.iter().map(|u| biweight_slope(*u)).sum::<f64>() / u.len() as f64;
+        slope = u.iter().map(|u| biweight_slope(*u)).sum::<f64>() / u.len() as f64;
+        psi = u.iter().map(|u| spread * u * biweight(*u)).collect();
         scale2 = spread * spread * psi2 / freedom as f64 / (slope * slope);
     }
-    problem.result(&at, &names, scale2, freedom)
+    problem.result(&at, &names, &Scores { scale2, psi, slope })
+}
+
+/// What the covariance is made of.
+struct Scores {
+    /// The variance of an estimate from points that err each for itself, over that of unit variance.
+    scale2: f64,
+    /// ψ(r) of each point.
+    psi: Vec<f64>,
+    /// The mean of ψ'.
+    slope: f64,
 }
 
 /// 1.4826 times the median of |r|, with the degrees of freedom that the fit took.
@@ -270,28 +287,12 @@ impl Problem<'_> {
     /// JᵀWJ and JᵀWr of the model over σ; unit weights for `plain`.
     fn normal(&self, at: &DVector<f64>, plain: bool) -> (DMatrix<f64>, DVector<f64>) {
         let n = self.parameters();
-        let first = n - self.stars;
-        let shape = self.shape_of(at);
         let residuals = self.residuals(at);
         let (mut matrix, mut vector) = (DMatrix::zeros(n, n), DVector::zeros(n));
         let mut row = Vec::with_capacity(n);
-        for (i, (point, star)) in self.points.iter().zip(&self.star).enumerate() {
+        for i in 0..self.points.len() {
             let weight = if plain { 1.0 } else { self.weights[i] };
-            let amplitude = at[first + star];
-            row.clear();
-            for k in 0..self.shape {
-                // Central differences: a hundred-thousandth of the width, or of the logarithms.
-                let step = 1e-5 * if k < 2 { shape[k + 2].exp() } else { 1.0 };
-                let (mut up, mut down) = (shape, shape);
-                up[k] += step;
-                down[k] -= step;
-                let slope = (profile(&up, point) - profile(&down, point)) / (2.0 * step);
-                row.push((k, amplitude * slope / point.sigma_hz));
-            }
-            if self.background {
-                row.push((self.shape, 1.0 / point.sigma_hz));
-            }
-            row.push((first + star, profile(&shape, point) / point.sigma_hz));
+            self.slopes(at, i, &mut row);
             for (a, left) in &row {
                 vector[*a] += weight * left * residuals[i];
                 for (b, right) in &row {
@@ -300,6 +301,26 @@ impl Problem<'_> {
             }
         }
         (matrix, vector)
+    }
+
+    /// The slopes of a point's model over its σ, by each number that it depends on.
+    fn slopes(&self, at: &DVector<f64>, i: usize, row: &mut Vec<(usize, f64)>) {
+        let shape = self.shape_of(at);
+        let (point, number) = (&self.points[i], self.parameters() - self.stars + self.star[i]);
+        row.clear();
+        for k in 0..self.shape {
+            // Central differences: a hundred-thousandth of the width, or of the logarithms.
+            let step = 1e-5 * if k < 2 { shape[k + 2].exp() } else { 1.0 };
+            let (mut up, mut down) = (shape, shape);
+            up[k] += step;
+            down[k] -= step;
+            let slope = (profile(&up, point) - profile(&down, point)) / (2.0 * step);
+            row.push((k, at[number] * slope / point.sigma_hz));
+        }
+        if self.background {
+            row.push((self.shape, 1.0 / point.sigma_hz));
+        }
+        row.push((number, profile(&shape, point) / point.sigma_hz));
     }
 
     /// Levenberg and Marquardt's steps down to a minimum.
@@ -337,8 +358,7 @@ impl Problem<'_> {
         &self,
         at: &DVector<f64>,
         names: &[usize],
-        scale2: f64,
-        freedom: usize,
+        scores: &Scores,
     ) -> Result<FieldFit, FitError> {
         let (matrix, _) = self.normal(at, true);
         // Scaled to a unit diagonal, so that what is nearly singular shows as such.
@@ -356,7 +376,20 @@ impl Problem<'_> {
             return Err(open);
         }
         let inverse = scaled.try_inverse().ok_or(open)?;
-        let covariance = |i: usize, j: usize| scale2 * inverse[(i, j)] / (size[i] * size[j]);
+        let freedom = self.points.len() - n;
+        let sequences = sequences(&self.star, self.stars);
+        let together = reach(&scores.psi, &sequences);
+        let middle = if together == 0 {
+            inverse * scores.scale2
+        } else {
+            let mut rows = vec![Vec::new(); self.points.len()];
+            rows.iter_mut().enumerate().for_each(|(i, row)| self.slopes(at, i, row));
+            let b = long_run(&rows, &scores.psi, &sequences, together, n);
+            let scaled = DMatrix::from_fn(n, n, |i, j| b[(i, j)] / (size[i] * size[j]));
+            let few = self.points.len() as f64 / freedom as f64;
+            &inverse * scaled * &inverse * (few / (scores.slope * scores.slope))
+        };
+        let covariance = |i: usize, j: usize| middle[(i, j)] / (size[i] * size[j]);
         let mut shape = self.shape_of(at);
         let turns = (shape[4] / std::f64::consts::FRAC_PI_2).round();
         shape[4] -= turns * std::f64::consts::FRAC_PI_2;
@@ -385,7 +418,8 @@ impl Problem<'_> {
                 .map(|(k, name)| (*name, measured(first + k)))
                 .collect(),
             background_hz: if self.background { measured(self.shape) } else { [0.0; 2] },
-            scatter: scale2.sqrt(),
+            scatter: scores.scale2.sqrt(),
+            correlated_points: together,
             degrees_of_freedom: freedom,
             weights: self.weights.clone(),
         })

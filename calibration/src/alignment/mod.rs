@@ -4,6 +4,7 @@
 //! frames saw them. [`fit_field`] fits a two-dimensional normal distribution, one amplitude per star; [`FieldMap`] is what was
 //! measured, cell by cell, with what the fit leaves of it: ghosts and a rim that no normal distribution has.
 
+mod correlated;
 mod fit;
 mod map;
 
@@ -12,7 +13,7 @@ pub use map::{Cell, FieldMap};
 
 use crate::counts::Sample;
 
-/// A rate of a star at a place.
+/// A rate of a star at a place. Points of a star stand in the order of time: what errs together is found by it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FieldPoint {
     /// The star's place from the frame's centre, px, as in [`crate::track::Place`].
