@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::Folder;
+use common::{Folder, page_toml};
 use std::fmt::Write as _;
 use sunglint_formats::ecsv;
 
@@ -101,4 +101,186 @@ fn what_is_refused_says_why() {
     assert!(said.contains("the sample is isotropic"), "{said}");
     let said = folder.refused(1, &["brdf", "plan", "n.ecsv", "--rig", "--side", "32"]);
     assert!(said.contains("side: found 32, expected an odd number"), "{said}");
+}
+
+/// f of a panel: GGX of 0.15 (Walter et al. 2007, separable masking) and Lambert light.
+fn panel(nm: f64, [theta_i, theta_o, phi]: [f64; 3]) -> f64 {
+    let unit = |theta: f64, phi: f64| {
+        let ((y, x), (sin, cos)) = (phi.to_radians().sin_cos(), theta.to_radians().sin_cos());
+        [sin * x, sin * y, cos]
+    };
+    let (i, o) = (unit(theta_i, 0.0), unit(theta_o, phi));
+    let h = [i[0] + o[0], i[1] + o[1], i[2] + o[2]];
+    let cos2 = h[2] * h[2] / h.iter().map(|v| v * v).sum::<f64>();
+    let a2 = 0.15_f64 * 0.15;
+    let d = a2 / (std::f64::consts::PI * (cos2 * (a2 - 1.0) + 1.0).powi(2));
+    let g = |z: f64| 2.0 / (1.0 + (1.0 + a2 * (1.0 / (z * z) - 1.0)).sqrt());
+    0.5 * d * g(i[2]) * g(o[2]) / (4.0 * i[2] * o[2]) + (0.1 + nm / 5000.0) / std::f64::consts::PI
+}
+
+const DIRECTIONS: usize = 120;
+
+fn angles(k: usize) -> [f64; 3] {
+    let phis = [180.0, 180.0, 150.0, 90.0, 0.0];
+    [[0.0, 20.0, 40.0, 60.0][k % 4], 3.0 + 3.0 * ((k / 4) % 26) as f64, phis[(k / 7) % 5]]
+}
+
+/// The files of a measurement: a lamp, a mirror of 0.95, two detectors of which the second has a tenth more gain with the sample than with the mirror.
+fn spectra(folder: &Folder) -> String {
+    let lamp = |nm: f64| 100.0 + 0.1 * nm;
+    let si = |light: &dyn Fn(f64) -> f64| {
+        let row = |k: i32| {
+            let nm = 400.0 + 2.0 * f64::from(k);
+            format!("{nm},{}\n", 2.0 * light(nm) + 1.0)
+        };
+        format!("wavelength_nm,counts\n{}", (0..200).map(row).collect::<String>())
+    };
+    let ingaas = |light: &dyn Fn(f64) -> f64| {
+        let (first, last, n) = (15_000.0, 10_000.0, 501);
+        let mut text = format!(
+            "##TITLE=x\n##JCAMP-DX=4.24\n##XUNITS=1/CM\n##YUNITS=ARBITRARY\n##FIRSTX={first}\n##LASTX={last}\n##NPOINTS={n}\n##XYDATA=(X++(Y..Y))\n"
+        );
+        for k in 0..n {
+            let x = first - 10.0 * f64::from(k);
+            let _ = writeln!(text, "{x} {}", light(1e7 / x));
+        }
+        text + "##END=\n"
+    };
+    let write = |name: &str, text: String| std::fs::write(folder.path(name), text).unwrap();
+    write("si_reference.csv", si(&|nm| 0.95 * lamp(nm)));
+    write("si_dark.csv", si(&|_| 0.0));
+    write("ingaas_reference.dx", ingaas(&|nm| 0.95 * lamp(nm)));
+    let mut more = String::new();
+    for k in 0..DIRECTIONS {
+        let at = angles(k);
+        let signal = |nm: f64| 0.002 * at[1].to_radians().cos() * panel(nm, at) * lamp(nm);
+        let name = if k == 0 { "a".to_owned() } else { format!("d{k}") };
+        write(&format!("{name}_si.csv"), si(&signal));
+        write(&format!("{name}_ingaas.dx"), ingaas(&|nm| 1.1 * signal(nm)));
+        if k > 0 {
+            let _ = writeln!(
+                more,
+                "[[direction]]\ntheta_i_deg = {}\nphi_i_deg = 0\ntheta_o_deg = {}\nphi_o_deg = {}\n\
+                 files = {{ si = \"{name}_si.csv\", ingaas = \"{name}_ingaas.dx\" }}\ndark = {{ si = \"si_dark.csv\" }}",
+                at[0], at[1], at[2]
+            );
+        }
+    }
+    more
+}
+
+/// Every command of the page runs, in its order, on files as the page describes them; `--force`, since it plans twice. Truth: the closed form that the spectra were made
+/// from. Tolerance: values 1e-3 (linear between wavelengths); the law's parameters 2 %; the assembled material within 3 % of it where it was measured.
+#[test]
+fn the_page_of_the_lab_from_spectra_to_a_material() {
+    let folder = Folder::new("lab");
+    let page =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/lab.md")).unwrap();
+    // The rig's sample has the roughness of the one whose spectra these are.
+    let rig = page_toml("lab.md", "[mount]").replace("alpha = 0.1\n", "alpha = 0.15\n");
+    assert!(rig.contains("0.15"));
+    std::fs::write(folder.path("rig.toml"), rig).unwrap();
+    std::fs::write(folder.path("run.toml"), page_toml("lab.md", "[scan]")).unwrap();
+    let toml = page_toml("lab.md", "[[direction]]");
+    // The page's one direction is the first.
+    let toml = toml
+        .replace("theta_i_deg = 30\n", "theta_i_deg = 0\n")
+        .replace("theta_o_deg = 10\n", "theta_o_deg = 3\n");
+    std::fs::write(folder.path("ingest.toml"), toml + &spectra(&folder)).unwrap();
+    let commands: Vec<&str> = page.lines().filter_map(|l| l.strip_prefix("sunglint ")).collect();
+    assert!(commands.len() >= 8, "{commands:?}");
+    for command in commands {
+        let words = command.split('#').next().unwrap().split_whitespace();
+        let mut words: Vec<&str> = words.collect();
+        if words.contains(&"-o") {
+            words.push("--force");
+        }
+        if words.contains(&"ndf") {
+            words.extend(["--resamplings", "5"]);
+        }
+        folder.done(&words);
+    }
+    for file in [
+        "lab/samples.ecsv",
+        "lab/fit.png",
+        "lab/show.svg",
+        "panel.bsdf",
+        "panel.toml",
+        "panel.coverage.ecsv",
+        "lab/material.toml",
+        "lab/residuals.ecsv",
+    ] {
+        assert!(folder.path(file).exists(), "{file}");
+    }
+    let samples = ecsv::read(folder.path("lab/samples.ecsv")).unwrap();
+    let f = samples.f64("brdf_600nm_per_sr").unwrap();
+    for (k, f) in f.iter().enumerate() {
+        assert!((f / panel(600.0, angles(k)) - 1.0).abs() < 1e-3, "{k}: {f}");
+    }
+    assert_eq!(samples.meta["polarisation"], "unpolarised");
+    let ingest = folder.json(&["brdf", "ingest", "ingest.toml", "--json"]);
+    let scale = ingest["seams"][3]["scale"].as_f64().unwrap();
+    assert!((scale * 1.1 - 1.0).abs() < 2e-3, "{scale}");
+    assert!(
+        ingest["warnings"][0].as_str().unwrap().contains("ingaas was scaled by 0.909"),
+        "{}",
+        ingest["warnings"][0]
+    );
+
+    let fit = folder.json(&["brdf", "fit", "lab/samples.ecsv", "--wavelength-nm", "600", "--json"]);
+    assert_eq!(fit["laws"][0]["law"], "ggx+lambert");
+    for (p, truth) in fit["laws"][0]["parameters"].as_array().unwrap().iter().zip([0.5, 0.15, 0.22])
+    {
+        assert!((p["value"].as_f64().unwrap() / truth - 1.0).abs() < 0.02, "{p}");
+    }
+    folder.refused(1, &["brdf", "fit", "lab/samples.ecsv"]);
+    // The law as a material, and the assembled one, beside one another.
+    let both = folder.json(&[
+        "brdf",
+        "compare",
+        "panel.bsdf",
+        "lab/material.toml",
+        "--wavelength-nm",
+        "550",
+        "--json",
+    ]);
+    for row in both["ratios"].as_array().unwrap() {
+        assert!((row["median_ratio"].as_f64().unwrap() - 1.0).abs() < 0.03, "{row}");
+    }
+    let show =
+        folder.json(&["brdf", "show", "lab/samples.ecsv", "--wavelength-nm", "600", "--json"]);
+    assert!(show["albedo"][0]["albedo"].as_f64().unwrap() > 0.5, "{show}");
+}
+
+#[test]
+fn what_no_law_or_material_can_be_made_of_says_why() {
+    let folder = Folder::new("lab-refused");
+    let table = "theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,brdf_per_sr\n30,0,10,180,0.1\n30,0,20,180,0.2\n";
+    std::fs::write(folder.path("t.csv"), table).unwrap();
+    let said = folder.refused(1, &["brdf", "fit", "t.csv"]);
+    assert!(said.contains("--wavelength-nm 532"), "{said}");
+    let said = folder.refused(1, &["brdf", "fit", "t.csv", "--wavelength-nm", "532"]);
+    assert!(said.contains("2 values of 2 can be used"), "{said}");
+    std::fs::write(folder.path("x.0"), [0x0a, 0x0a, 0xfe, 0xfe, 0, 0]).unwrap();
+    std::fs::write(
+        folder.path("gap.csv"),
+        "wavelength_nm,counts\n400,1\n401,1\n402,1\n403,1\n440,1\n441,1\n442,1\n",
+    )
+    .unwrap();
+    let toml = |file: &str| {
+        format!(
+            "solid_angle_sr = 1e-3\nwavelength_nm = {{ from = 400, to = 410, step = 1 }}\n[reference]\nkind = \"mirror\"\nreflectance = 1\n\
+             [[detector]]\nname = \"a\"\nrange_nm = [400, 410]\nreference = {file:?}\n[[direction]]\ntheta_i_deg = 0\nphi_i_deg = 0\ntheta_o_deg = 1\nphi_o_deg = 0\nfiles = {{ a = {file:?} }}\n"
+        )
+    };
+    for (file, expected) in [
+        ("x.0", "a file of Bruker OPUS"),
+        ("gap.csv", "gap.csv:6: found 440 after 403: a gap of 37 usual steps"),
+    ] {
+        std::fs::write(folder.path("i.toml"), toml(file)).unwrap();
+        let said = folder.refused(1, &["brdf", "ingest", "i.toml"]);
+        assert!(said.contains(expected), "{said}");
+    }
+    let said = folder.refused(2, &["brdf", "assemble", "t.csv", "n.ecsv", "-o", "x.txt"]);
+    assert!(said.contains("expected a file .bsdf"), "{said}");
 }

@@ -7,11 +7,13 @@
 
 mod confirmed;
 mod error;
+mod scale;
 mod sink;
 
 pub use confirmed::Confirmed;
 pub(crate) use error::not_taken;
 pub use error::{DeviceError, Interrupted, Side};
+pub(crate) use scale::Scale;
 
 pub use sink::TagSink;
 
@@ -246,7 +248,7 @@ pub trait Camera: Device {
     /// See [`DeviceError`].
     fn expose(&mut self, exposure_s: f64, deadline: &Deadline) -> Result<Frame, DeviceError>;
 
-    /// Streams frames of `exposure_s`, s, to `take` until it breaks, and gives their number.
+    /// Streams frames of `exposure_s`, s, to `take` until it breaks, and gives their number: one exposure after the other, where the camera can do no better.
     ///
     /// # Errors
     /// The number of frames that were taken, with the error.
@@ -255,7 +257,17 @@ pub trait Camera: Device {
         exposure_s: f64,
         take: &mut dyn FnMut(Frame) -> ControlFlow<()>,
         deadline: &Deadline,
-    ) -> Result<u64, Interrupted<u64>>;
+    ) -> Result<u64, Interrupted<u64>> {
+        let mut taken = 0;
+        loop {
+            let frame =
+                self.expose(exposure_s, deadline).map_err(|e| Interrupted::new(taken, e))?;
+            taken += 1;
+            if take(frame).is_break() {
+                return Ok(taken);
+            }
+        }
+    }
 }
 
 /// What a power meter shows.

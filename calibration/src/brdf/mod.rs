@@ -2,10 +2,20 @@
 //!
 //! In the order of the work in the lab, each step a table that the next one reads:
 //!
-//! - [`table`]: retro-reflection against angle, as the first run leaves it;
+//! - [`retro`]: from a power meter's readings to retro-reflection against angle;
+//! - [`table`]: that, as a file holds it;
 //! - [`ndf`]: the density of microfacet normals (NDF), by power iteration, with its uncertainties;
-//! - [`plan`]: the directions in which the sample is then measured.
+//! - [`plan`]: the directions in which the sample is then measured;
+//! - [`ingest`]: from a spectrometer's spectra, direction by direction, to values;
+//! - [`samples`]: those values;
+//! - [`assemble`]: values and densities as a measured material;
+//! - [`fit`]: laws with few parameters through measured values.
 
+pub mod assemble;
+pub mod fit;
+pub mod ingest;
 pub mod ndf;
 pub mod plan;
+pub mod retro;
+pub mod samples;
 pub mod table;

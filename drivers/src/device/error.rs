@@ -239,3 +239,18 @@ impl<T: fmt::Debug> Interrupted<T> {
         Self { done, error: Box::new(error) }
     }
 }
+
+impl Interrupted<Option<f64>> {
+    /// A move that failed with `error`, and how stopping after it went: where the stage stands, if that is known. A motor that could not be reached may still
+    /// be turning, and that is said.
+    pub(crate) fn stopped(
+        device: &'static str,
+        error: DeviceError,
+        stopped: Result<Option<f64>, DeviceError>,
+    ) -> Self {
+        match stopped {
+            Ok(at_deg) => Self::new(at_deg, error),
+            Err(_) => Self::new(None, DeviceError::NotStopped { device, source: Box::new(error) }),
+        }
+    }
+}

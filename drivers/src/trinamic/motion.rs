@@ -55,7 +55,7 @@ impl<T: Bytes> Stage<T> {
     }
 
     pub(super) fn stalled(&self, counter: i32, target: i32) -> DeviceError {
-        let (at_deg, target_deg) = (self.angle(counter), self.angle(target));
+        let (at_deg, target_deg) = (self.scale().angle(counter), self.scale().angle(target));
         DeviceError::Stalled { device: DEVICE, at_deg, target_deg }
     }
 
@@ -65,7 +65,7 @@ impl<T: Bytes> Stage<T> {
         angle_deg: f64,
         deadline: &Deadline,
     ) -> Result<Vec<i32>, DeviceError> {
-        let target = self.counter(angle_deg)?;
+        let target = self.scale().counter(angle_deg)?;
         self.require_reference(deadline)?;
         let start_deg = match self.settings.approach {
             Approach::Direct => return Ok(vec![target]),
@@ -73,7 +73,7 @@ impl<T: Bytes> Stage<T> {
             Approach::FromAbove { by_deg } => angle_deg + by_deg,
         };
         // The start of the approach obeys the limits too: a target nearer to them cannot be approached.
-        let start = self.counter(start_deg)?;
+        let start = self.scale().counter(start_deg)?;
         let at = self.steady_counter(deadline)?;
         let upward = i64::from(target) - i64::from(start);
         let way = i64::from(target) - i64::from(at);
@@ -108,7 +108,7 @@ impl<T: Bytes> Stage<T> {
                 moved = now;
             } else if at != target && self.get(Axis::ActualSpeed, deadline)? == 0 {
                 if let Some(side) = self.pressed(at < target, deadline)? {
-                    let (at_deg, target_deg) = (self.angle(at), self.angle(target));
+                    let (at_deg, target_deg) = (self.scale().angle(at), self.scale().angle(target));
                     return Err(DeviceError::LimitHit { device: DEVICE, side, at_deg, target_deg });
                 }
                 if now.saturating_sub(moved) >= self.settings.stall_after {
@@ -191,22 +191,15 @@ impl<T: Bytes> Stage<T> {
         self.steady_counter(deadline)
     }
 
-    /// Stops after `error` and says where it stands; a motor that cannot be reached may still be turning, and that is said.
+    /// Stops after `error` and says where it stands.
     pub(super) fn stopped_by(
         &mut self,
         error: DeviceError,
         deadline: &Deadline,
     ) -> Interrupted<Option<f64>> {
         let grace = deadline.grace(self.settings.stop_within);
-        match self.halt(&grace) {
-            Ok(counter) => {
-                let at_deg = self.referenced.then(|| self.angle(counter));
-                Interrupted::new(at_deg, error)
-            }
-            Err(_) => Interrupted::new(
-                None,
-                DeviceError::NotStopped { device: DEVICE, source: Box::new(error) },
-            ),
-        }
+        let stopped = self.halt(&grace);
+        let stopped = stopped.map(|counter| self.referenced.then(|| self.scale().angle(counter)));
+        Interrupted::stopped(DEVICE, error, stopped)
     }
 }

@@ -5,7 +5,7 @@ use super::link::{Link, LinkSettings};
 use super::tmcl::{Axis, Command};
 use crate::clock::Deadline;
 use crate::device::{
-    Device, DeviceError, Identity, Interrupted, Origin, RotationStage, Setting, Value,
+    Device, DeviceError, Identity, Interrupted, Origin, RotationStage, Scale, Setting, Value,
 };
 use crate::transport::Bytes;
 use std::time::Duration;
@@ -209,31 +209,9 @@ impl<T: Bytes> Stage<T> {
         self.set(Axis::MaxSpeed, "max_speed", speed, deadline).map(|()| speed)
     }
 
-    /// The counter's value for an angle.
-    pub(super) fn counter(&self, angle_deg: f64) -> Result<i32, DeviceError> {
-        let sign = if self.settings.inverted { -1.0 } else { 1.0 };
-        let [least, most] = match self.settings.travel_deg {
-            Some(travel) => travel,
-            None => {
-                let reach = f64::from(i32::MAX) / self.microsteps_per_deg;
-                [self.settings.zero_deg - reach, self.settings.zero_deg + reach]
-            }
-        };
-        let steps = ((angle_deg - self.settings.zero_deg) * self.microsteps_per_deg * sign).round();
-        let fits = (f64::from(-i32::MAX)..=f64::from(i32::MAX)).contains(&steps);
-        if fits && angle_deg >= least && angle_deg <= most {
-            // A whole number within 32 bits.
-            Ok(steps as i32)
-        } else {
-            Err(DeviceError::OutOfRange { name: "angle_deg", asked: angle_deg, least, most })
-        }
-    }
-
-    /// The angle of a counter's value, deg.
-    pub(super) fn angle(&self, counter: i32) -> f64 {
-        let sign = if self.settings.inverted { -1.0 } else { 1.0 };
-        // `+ 0.0`: no negative zero.
-        f64::from(counter) * sign / self.microsteps_per_deg + self.settings.zero_deg + 0.0
+    pub(super) fn scale(&self) -> Scale {
+        let StageSettings { inverted, zero_deg, travel_deg, .. } = self.settings;
+        Scale { counts_per_deg: self.microsteps_per_deg, inverted, zero_deg, travel_deg }
     }
 }
 
@@ -260,12 +238,9 @@ impl<T: Bytes> Device for Stage<T> {
         configured("motor", Value::Integer(self.settings.motor.into()));
         configured("full_steps_per_turn", Value::Integer(self.settings.full_steps_per_turn.into()));
         configured("gear", Value::Number(self.settings.gear));
-        configured("inverted", Value::Flag(self.settings.inverted));
-        configured("zero_deg", Value::Number(self.settings.zero_deg));
-        if let Some([least, most]) = self.settings.travel_deg {
-            configured("travel_from_deg", Value::Number(least));
-            configured("travel_to_deg", Value::Number(most));
-        }
+        settings.extend(self.scale().settings());
+        let mut configured =
+            |name, value| settings.push(Setting { name, value, origin: Origin::Configured });
         let (side, by_deg) = match self.settings.approach {
             Approach::Direct => ("direct", 0.0),
             Approach::FromBelow { by_deg } => ("from below", by_deg),
@@ -315,12 +290,12 @@ impl<T: Bytes> RotationStage for Stage<T> {
     fn angle_deg(&mut self, deadline: &Deadline) -> Result<f64, DeviceError> {
         self.require_reference(deadline)?;
         let counter = self.steady_counter(deadline)?;
-        Ok(self.angle(counter))
+        Ok(self.scale().angle(counter))
     }
 
     fn home(&mut self, deadline: &Deadline) -> Result<f64, Interrupted<Option<f64>>> {
         match self.search(deadline) {
-            Ok(counter) => Ok(self.angle(counter)),
+            Ok(counter) => Ok(self.scale().angle(counter)),
             Err(error) => Err(self.stopped_by(error, deadline)),
         }
     }
@@ -339,7 +314,7 @@ impl<T: Bytes> RotationStage for Stage<T> {
         }
         self.taken_up = true;
         match self.steady_counter(deadline) {
-            Ok(counter) if Some(&counter) == plan.last() => Ok(self.angle(counter)),
+            Ok(counter) if Some(&counter) == plan.last() => Ok(self.scale().angle(counter)),
             Ok(counter) => {
                 let error = self.stalled(counter, plan.last().copied().unwrap_or(counter));
                 Err(self.stopped_by(error, deadline))

@@ -80,23 +80,9 @@
 //! ```
 
 use super::events::{Afterpulsing, DeadTime};
+use crate::options::{ANY, OptionError, PART, POSITIVE, SIZE, section, within};
 use serde::Deserialize;
 use std::collections::BTreeMap;
-
-macro_rules! section {
-    ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident: $kind:ty = $value:expr),+ $(,)? }) => {
-        $(#[$doc])*
-        #[derive(Debug, Clone, PartialEq, Deserialize)]
-        #[serde(default, deny_unknown_fields)]
-        pub struct $name { $($(#[$field_doc])* pub $field: $kind),+ }
-
-        impl Default for $name {
-            fn default() -> Self {
-                Self { $($field: $value),+ }
-            }
-        }
-    };
-}
 
 section!(
     /// All of it; see the module.
@@ -356,28 +342,12 @@ impl CounterOptions {
     }
 }
 
-/// A value that a night cannot have.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{key} = {value}, expected {expected}")]
-pub struct OptionError {
-    /// The dotted key.
-    pub key: String,
-    /// What it has.
-    pub value: f64,
-    /// What it may have.
-    pub expected: &'static str,
-}
-
 impl Options {
     /// Refuses what no night can be.
     ///
     /// # Errors
     /// The first key with a value that is not finite or out of its range.
     pub fn check(&self) -> Result<(), OptionError> {
-        const POSITIVE: (f64, f64, &str) = (f64::MIN_POSITIVE, 1e9, "a number above 0, up to 1e9");
-        const SIZE: (f64, f64, &str) = (0.0, 1e9, "a number from 0 to 1e9");
-        const PART: (f64, f64, &str) = (0.0, 1.0, "a fraction from 0 to 1");
-        const ANY: (f64, f64, &str) = (-1e9, 1e9, "a number");
         let Self { plan, stars, air, sky, seeing, scintillation, pointing, clouds, .. } = self;
         let (camera, passing) = (&self.camera, &self.passing);
         let aim = pointing.aim_px.unwrap_or([0.0; 2]);
@@ -429,35 +399,29 @@ impl Options {
             ("passing.cosmic_rays_per_mpx_s", passing.cosmic_rays_per_mpx_s, SIZE),
             ("passing.cosmic_ray_e_per_px", passing.cosmic_ray_e_per_px, SIZE),
         ];
-        let refuse = |key: &str, value: f64, (low, high, expected): (f64, f64, &'static str)| {
-            if (low..=high).contains(&value) {
-                return Ok(());
-            }
-            Err(OptionError { key: key.to_owned(), value, expected })
-        };
         for (key, value, range) in checks {
-            refuse(key, value, range)?;
+            within(key, value, range)?;
         }
         for (channel, kappa) in &self.kappa {
-            refuse(&format!("kappa.{channel}"), *kappa, POSITIVE)?;
+            within(&format!("kappa.{channel}"), *kappa, POSITIVE)?;
         }
         for (channel, counter) in &self.counter {
             let key = |name: &str| format!("counter.{channel}.{name}");
-            refuse(&key("dead_time_ns"), counter.dead_time_ns, SIZE)?;
+            within(&key("dead_time_ns"), counter.dead_time_ns, SIZE)?;
             let recovers = counter.dead_time_model == Some(DeadTimeModel::ExponentialRecovery);
             let recovery = if recovers { POSITIVE } else { SIZE };
-            refuse(&key("recovery_ns"), counter.recovery_ns, recovery)?;
+            within(&key("recovery_ns"), counter.recovery_ns, recovery)?;
             let pixels = (1.0, 1e7, "1 to 10 million");
-            refuse(&key("pixels"), f64::from(counter.pixels), pixels)?;
-            refuse(&key("dark_rate_hz"), counter.dark_rate_hz.unwrap_or(0.0), SIZE)?;
+            within(&key("pixels"), f64::from(counter.pixels), pixels)?;
+            within(&key("dark_rate_hz"), counter.dark_rate_hz.unwrap_or(0.0), SIZE)?;
             let probability = (0.0, 0.9, "a fraction from 0 to 0.9");
-            refuse(&key("afterpulse_probability"), counter.afterpulse_probability, probability)?;
-            refuse(&key("afterpulse_time_ns"), counter.afterpulse_time_ns, POSITIVE)?;
+            within(&key("afterpulse_probability"), counter.afterpulse_probability, probability)?;
+            within(&key("afterpulse_time_ns"), counter.afterpulse_time_ns, POSITIVE)?;
         }
         for (i, visit) in self.visit.iter().enumerate() {
-            refuse(&format!("visit[{i}].from_s"), visit.from_s, ANY)?;
+            within(&format!("visit[{i}].from_s"), visit.from_s, ANY)?;
             let after = (visit.from_s, 1e9, "a time after from_s");
-            refuse(&format!("visit[{i}].to_s"), visit.to_s, after)?;
+            within(&format!("visit[{i}].to_s"), visit.to_s, after)?;
         }
         Ok(())
     }

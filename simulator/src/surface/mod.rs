@@ -40,7 +40,7 @@ pub use fresnel::Fresnel;
 pub use microfacet::{Distribution, Lobe, Masking};
 pub use parametric::{CookTorranceLobe, Gloss, MaxwellBeard};
 pub use sampling::Sampled;
-pub use shape::WardForm;
+pub use shape::{Shape, WardForm};
 pub(crate) use slope::central;
 pub use tensor::warp::{Blend, Grid, Warp};
 pub(crate) use width::Width;

@@ -31,16 +31,51 @@ pub enum WardForm {
     Duer,
 }
 
-/// A function of two directions.
+/// A function of two directions, with numbers that nobody has checked: the materials do.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Shape {
+#[non_exhaustive]
+pub enum Shape {
+    /// 1/π.
     Lambert,
+    /// Microfacets with Smith's masking.
     Facets(Lobe),
+    /// Microfacets that hide one another as V-shaped grooves do.
     Grooves(Lobe),
-    Phong { exponent: f64 },
-    Ward { alpha_x: f64, alpha_y: f64, form: WardForm },
-    Abg { a_per_sr: f64, b: f64, g: f64 },
-    FirstSurface { bias_per_sr: f64, sigma: f64, tau_rad: f64, omega_rad: f64 },
+    /// Phong's lobe, modified.
+    Phong {
+        /// n.
+        exponent: f64,
+    },
+    /// Ward's lobe.
+    Ward {
+        /// Along the tangent.
+        alpha_x: f64,
+        /// Across it.
+        alpha_y: f64,
+        /// Its denominator.
+        form: WardForm,
+    },
+    /// The ABg model.
+    Abg {
+        /// A, sr⁻¹.
+        a_per_sr: f64,
+        /// B.
+        b: f64,
+        /// The exponent g.
+        g: f64,
+    },
+    /// The first surface of the Maxwell–Beard model, without its Fresnel term.
+    FirstSurface {
+        /// B, sr⁻¹.
+        bias_per_sr: f64,
+        /// σ.
+        sigma: f64,
+        /// τ, radians.
+        tau_rad: f64,
+        /// Ω, radians.
+        omega_rad: f64,
+    },
+    /// The volume of the Maxwell–Beard model, of ρ_V = 1/π.
     Volume,
 }
 
@@ -84,7 +119,7 @@ impl Shape {
         }
     }
 
-    pub fn is_isotropic(&self) -> bool {
+    pub(super) fn is_isotropic(&self) -> bool {
         match self {
             Self::Facets(lobe) | Self::Grooves(lobe) => lobe.is_isotropic(),
             Self::Ward { alpha_x, alpha_y, .. } => alpha_x == alpha_y,
@@ -93,7 +128,7 @@ impl Shape {
     }
 
     /// The half-width in the outgoing direction at 1/e, radians.
-    pub fn width_rad(&self) -> f64 {
+    pub(super) fn width_rad(&self) -> f64 {
         match self {
             Self::Lambert | Self::Volume => FRAC_PI_2,
             Self::Facets(lobe) | Self::Grooves(lobe) => lobe.width_rad(),
@@ -110,7 +145,7 @@ impl Shape {
     }
 
     /// Ways to draw directions that follow it, with their shares.
-    pub fn proposals(&self) -> Vec<(f64, Proposal)> {
+    pub(super) fn proposals(&self) -> Vec<(f64, Proposal)> {
         let facets = |distribution, x: f64, y: f64| {
             let within = |a: f64| a.clamp(super::microfacet::LEAST_ALPHA, 2.0);
             Proposal::Facets(Lobe {
@@ -141,7 +176,7 @@ impl Shape {
         }
     }
 
-    pub fn describe(&self) -> String {
+    pub(super) fn describe(&self) -> String {
         let pair = |x: f64, y: f64| {
             if x == y { format!("α {x}") } else { format!("α_x {x} α_y {y}") }
         };

@@ -29,7 +29,7 @@ impl Elevations {
 }
 
 /// Nodes and weights on −1…1, by Newton's iteration on the Legendre polynomial (Abramowitz and Stegun 25.4.29).
-fn legendre(n: usize) -> Vec<(f64, f64)> {
+pub(in crate::brdf) fn legendre(n: usize) -> Vec<(f64, f64)> {
     let polynomial = |x: f64| {
         let (mut before, mut p) = (1.0, x);
         for j in 2..=n {

@@ -80,7 +80,7 @@ impl<T: Bytes> Stage<T> {
         angle_deg: f64,
         deadline: &Deadline,
     ) -> Result<i32, DeviceError> {
-        let target = self.counter(angle_deg)?;
+        let target = self.scale().counter(angle_deg)?;
         let state = self.steady(deadline)?;
         self.require_reference(state)?;
         Ok(target)
@@ -127,7 +127,7 @@ impl<T: Bytes> Stage<T> {
 
     /// Why it stands short of its target.
     fn stuck(&self, state: State, target: i32) -> DeviceError {
-        let (at_deg, target_deg) = (self.angle(state.counter), self.angle(target));
+        let (at_deg, target_deg) = (self.scale().angle(state.counter), self.scale().angle(target));
         let forward = state.counter < target;
         let (bit, side) = match forward {
             true => (StateBits::FORWARD_LIMIT, Side::Right),
@@ -188,23 +188,16 @@ impl<T: Bytes> Stage<T> {
         }
     }
 
-    /// Stops after `error` and says where it stands; a motor that cannot be reached may still be turning, and that is said.
+    /// Stops after `error` and says where it stands.
     pub(super) fn stopped_by(
         &mut self,
         error: DeviceError,
         deadline: &Deadline,
     ) -> Interrupted<Option<f64>> {
         let grace = deadline.grace(self.settings.stop_within);
-        match self.halt(&grace) {
-            Ok(state) => {
-                let at_deg =
-                    self.require_reference(state).is_ok().then(|| self.angle(state.counter));
-                Interrupted::new(at_deg, error)
-            }
-            Err(_) => Interrupted::new(
-                None,
-                DeviceError::NotStopped { device: DEVICE, source: Box::new(error) },
-            ),
-        }
+        let stopped = self.halt(&grace).map(|state| {
+            self.require_reference(state).is_ok().then(|| self.scale().angle(state.counter))
+        });
+        Interrupted::stopped(DEVICE, error, stopped)
     }
 }

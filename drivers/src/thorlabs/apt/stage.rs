@@ -5,7 +5,7 @@ use super::link::{Link, LinkSettings, protocol};
 use super::message::Id;
 use crate::clock::Deadline;
 use crate::device::{
-    Device, DeviceError, Identity, Interrupted, Origin, RotationStage, Setting, Value,
+    Device, DeviceError, Identity, Interrupted, Origin, RotationStage, Scale, Setting, Value,
 };
 use crate::transport::Bytes;
 use std::time::Duration;
@@ -182,31 +182,9 @@ impl<T: Bytes> Stage<T> {
         self.link.into_line()
     }
 
-    fn sign(&self) -> f64 {
-        if self.settings.inverted { -1.0 } else { 1.0 }
-    }
-
-    /// The counter's value for an angle.
-    pub(super) fn counter(&self, angle_deg: f64) -> Result<i32, DeviceError> {
-        let scale = self.settings.model.counts_per_deg();
-        let zero = self.settings.zero_deg;
-        let reach = f64::from(i32::MAX) / scale;
-        let [least, most] = self.settings.travel_deg.unwrap_or([zero - reach, zero + reach]);
-        let counts = ((angle_deg - zero) * scale * self.sign()).round();
-        let fits = (f64::from(-i32::MAX)..=f64::from(i32::MAX)).contains(&counts);
-        if fits && angle_deg >= least && angle_deg <= most {
-            // A whole number within 32 bits.
-            Ok(counts as i32)
-        } else {
-            Err(DeviceError::OutOfRange { name: "angle_deg", asked: angle_deg, least, most })
-        }
-    }
-
-    /// The angle of a counter's value, deg.
-    pub(super) fn angle(&self, counter: i32) -> f64 {
-        let turned = f64::from(counter) * self.sign() / self.settings.model.counts_per_deg();
-        // `+ 0.0`: no negative zero.
-        turned + self.settings.zero_deg + 0.0
+    pub(super) fn scale(&self) -> Scale {
+        let StageSettings { model, inverted, zero_deg, travel_deg, .. } = self.settings;
+        Scale { counts_per_deg: model.counts_per_deg(), inverted, zero_deg, travel_deg }
     }
 }
 
@@ -223,16 +201,10 @@ impl<T: Bytes> Device for Stage<T> {
     }
 
     fn settings(&mut self, deadline: &Deadline) -> Result<Vec<Setting>, DeviceError> {
-        let mut settings = Vec::new();
-        let mut configured =
-            |name, value| settings.push(Setting { name, value, origin: Origin::Configured });
-        configured("counts_per_deg", Value::Number(self.settings.model.counts_per_deg()));
-        configured("inverted", Value::Flag(self.settings.inverted));
-        configured("zero_deg", Value::Number(self.settings.zero_deg));
-        if let Some([least, most]) = self.settings.travel_deg {
-            configured("travel_from_deg", Value::Number(least));
-            configured("travel_to_deg", Value::Number(most));
-        }
+        let scale = self.scale();
+        let value = Value::Number(scale.counts_per_deg);
+        let counts = Setting { name: "counts_per_deg", value, origin: Origin::Configured };
+        let mut settings = [vec![counts], scale.settings()].concat();
         let speeds = self.twice(Id::RequestSpeeds, Id::Speeds, deadline)?;
         let homing = self.twice(Id::RequestHoming, Id::Homing, deadline)?;
         for (name, message, at) in [
@@ -257,12 +229,12 @@ impl<T: Bytes> RotationStage for Stage<T> {
     fn angle_deg(&mut self, deadline: &Deadline) -> Result<f64, DeviceError> {
         let state = self.steady(deadline)?;
         self.require_reference(state)?;
-        Ok(self.angle(state.counter))
+        Ok(self.scale().angle(state.counter))
     }
 
     fn home(&mut self, deadline: &Deadline) -> Result<f64, Interrupted<Option<f64>>> {
         match self.search(deadline) {
-            Ok(counter) => Ok(self.angle(counter)),
+            Ok(counter) => Ok(self.scale().angle(counter)),
             Err(error) => Err(self.stopped_by(error, deadline)),
         }
     }
@@ -275,7 +247,7 @@ impl<T: Bytes> RotationStage for Stage<T> {
         // Nothing moves before this, and nothing has to be stopped.
         let target = self.target(angle_deg, deadline).map_err(|e| Interrupted::new(None, e))?;
         match self.go(target, deadline) {
-            Ok(counter) => Ok(self.angle(counter)),
+            Ok(counter) => Ok(self.scale().angle(counter)),
             Err(error) => Err(self.stopped_by(error, deadline)),
         }
     }

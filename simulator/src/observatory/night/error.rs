@@ -1,6 +1,6 @@
 //! Why there is no such night.
 
-use crate::observatory::options::OptionError;
+use crate::options::OptionError;
 use hifitime::Epoch;
 use sunglint_radiometry::air::AirError;
 use sunglint_radiometry::sky::{SkyError, StarError};

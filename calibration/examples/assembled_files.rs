@@ -1,0 +1,17 @@
+//! Writes the assembled materials that `benches/assembled_truths.py` asks Mitsuba about.
+//!
+//! `cargo run -p sunglint-calibration --example assembled_files -- FOLDER`
+#![allow(clippy::unwrap_used, reason = "an example that cannot write should stop")]
+#![allow(dead_code, reason = "the tests use the rest")]
+
+#[path = "../tests/material/cases.rs"]
+mod cases;
+
+fn main() {
+    let folder = std::path::PathBuf::from(std::env::args().nth(1).unwrap());
+    std::fs::create_dir_all(&folder).unwrap();
+    for (name, law) in cases::MATERIALS {
+        let made = cases::whole(law);
+        std::fs::write(folder.join(format!("{name}.bsdf")), made.file.to_bytes().unwrap()).unwrap();
+    }
+}

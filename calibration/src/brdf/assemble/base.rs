@@ -1,0 +1,340 @@
+//! What the NDF says of a sample, and how samples differ from it.
+//!
+//! f₀(λ) = F(λ) D(h)/(4 (σ(i) cosθ_o + σ(o) cosθ_i − cosθ_i cosθ_o)) + ρ(λ)/π is reciprocal, whatever D, and at most twice too dark or bright by its masking. What was measured is f₀ q; ln q is smooth, so that it is interpolated between
+//! directions that are far apart, in coordinates that do not change when light and detector are swapped: of an isotropic sample the angles of bisector and difference and
+//! |cosθ_i − cosθ_o|, of another the projections of bisector and difference on the surface.
+
+use super::near::{Point, Tree};
+use crate::brdf::ndf::Ndf;
+use crate::brdf::samples::{Samples, turned};
+use glam::DVec3;
+use nalgebra::{DMatrix, DVector};
+use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
+
+/// Neighbours of a direction.
+const NEIGHBOURS: usize = 24;
+/// A direction this much further from the nearest sample than samples are from one another was not measured.
+const BEYOND: f64 = 1.5;
+/// Over this distance in the coordinates (each some 0 to 1) the law takes over from the measurement.
+const FADE: f64 = 0.25;
+
+/// D and σ at any direction.
+#[derive(Debug, Clone)]
+pub(super) struct Microfacets<'a> {
+    ndf: &'a Ndf,
+    ln_density: Vec<f64>,
+    /// √θ of the nodes.
+    place: Vec<f64>,
+}
+
+impl<'a> Microfacets<'a> {
+    pub fn new(ndf: &'a Ndf) -> Self {
+        let ln_density = ndf.density.iter().map(|d| d.max(1e-290).ln()).collect();
+        let place = ndf.theta_rad.iter().map(|t| t.sqrt()).collect();
+        Self { ndf, ln_density, place }
+    }
+
+    pub fn is_isotropic(&self) -> bool {
+        self.ndf.is_isotropic()
+    }
+
+    /// D of a unit vector.
+    pub fn density(&self, m: DVec3) -> f64 {
+        self.at(&self.ln_density, m).exp()
+    }
+
+    /// σ towards a unit vector.
+    pub fn area(&self, v: DVec3) -> f64 {
+        self.at(&self.ndf.projected_area, v).max(1e-9)
+    }
+
+    /// A cubic through four nodes in √θ; held beyond the first and last. Around, the same half a turn further.
+    fn at(&self, values: &[f64], v: DVec3) -> f64 {
+        let n = self.place.len();
+        let theta = 2.0 * (0.5 * (v - DVec3::Z).length()).min(1.0).asin();
+        let x = theta.sqrt().clamp(self.place[0], self.place[n - 1]);
+        let j = self.place.partition_point(|p| *p <= x).clamp(1, n - 1) - 1;
+        let first = j.saturating_sub(1).min(n - 4);
+        let node = |k: usize| self.place[first + k];
+        let mut weight = [1.0; 4];
+        for (k, w) in weight.iter_mut().enumerate() {
+            for l in (0..4).filter(|l| *l != k) {
+                *w *= (x - node(l)) / (node(k) - node(l));
+            }
+        }
+        let along =
+            |row: usize| (0..4).map(|k| weight[k] * values[row * n + first + k]).sum::<f64>();
+        let np = self.ndf.phi_rad.len();
+        if np == 1 {
+            return along(0);
+        }
+        let turn = v.y.atan2(v.x).rem_euclid(PI) / PI * np as f64;
+        let (k, t) = ((turn as usize) % np, turn.fract());
+        let of = |d: usize| along((k + d) % np);
+        // Catmull and Rom's cubic through four rows.
+        let (a, b, c, d) = (of(np - 1), of(0), of(1), of(2));
+        b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)))
+    }
+
+    /// D(h) G/(4 cosθ_i cosθ_o), sr⁻¹, with G at heights in common (Heitz 2014, eq. 99): Λ = σ/cosθ − 1.
+    pub fn lobe(&self, i: DVec3, o: DVec3) -> f64 {
+        let masked = self.area(i) * o.z + self.area(o) * i.z - i.z * o.z;
+        // σ is no less than cosθ but for what its table rounds.
+        let masked = masked.max(0.5 * i.z * o.z).max(1e-12);
+        self.density((i + o).normalize()) / (4.0 * masked)
+    }
+}
+
+/// F and ρ of one wavelength.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Base {
+    /// F.
+    pub specular: f64,
+    /// ρ.
+    pub diffuse: f64,
+    /// The root mean square of ln q.
+    pub rms: f64,
+}
+
+/// Samples as what they are beside the base.
+pub(super) struct Field<'a> {
+    microfacets: &'a Microfacets<'a>,
+    tree: Tree,
+    points: Vec<Point>,
+    /// ln q by sample and wavelength.
+    ln_q: Vec<f64>,
+    wavelengths: usize,
+    pub base: Vec<Base>,
+    /// How far samples are from their nearest, but for the most lonely tenth.
+    pub spacing: f64,
+}
+
+/// How a direction's value comes from samples.
+pub(super) struct Stencil {
+    /// Samples with weights for ln q.
+    parts: Vec<(usize, f64)>,
+    /// Whether samples are near enough to say that it was measured.
+    pub measured: bool,
+}
+
+impl<'a> Field<'a> {
+    /// `anisotropic`: the sample has a tangent. Values without a logarithm are left out; the number of them is given too.
+    pub fn new(microfacets: &'a Microfacets<'a>, samples: &Samples) -> (Self, usize) {
+        let wavelengths = samples.wavelength_nm.len();
+        let isotropic = microfacets.is_isotropic();
+        let (mut directions, mut value, mut left_out) = (Vec::new(), Vec::new(), 0);
+        for row in &samples.rows {
+            let (i, o) = row.directions();
+            let (i, o) = if isotropic { turned(i, o) } else { (i, o) };
+            let good = |v: &f64| v.is_finite() && *v > 0.0;
+            if i.z > 1e-4 && o.z > 1e-4 && row.brdf_per_sr.iter().all(good) {
+                directions.push((i, o));
+                value.extend(row.brdf_per_sr.iter().map(|v| v.ln()));
+            } else {
+                left_out += 1;
+            }
+        }
+        let lobe: Vec<f64> = directions.iter().map(|(i, o)| microfacets.lobe(*i, *o)).collect();
+        let mut ln_q = vec![0.0; value.len()];
+        let mut base = Vec::with_capacity(wavelengths);
+        for k in 0..wavelengths {
+            let ln: Vec<f64> = value.iter().skip(k).step_by(wavelengths).copied().collect();
+            let one = of_wavelength(&lobe, &ln);
+            for (row, (lobe, ln)) in lobe.iter().zip(&ln).enumerate() {
+                ln_q[row * wavelengths + k] = ln - one.at(*lobe).ln();
+            }
+            base.push(one);
+        }
+        let points: Vec<Point> =
+            directions.iter().map(|(i, o)| coordinates(isotropic, *i, *o)).collect();
+        let mut all: Vec<(Point, usize)> = points.iter().copied().zip(0..).collect();
+        if !isotropic {
+            // Swapped, and half a turn further.
+            for (k, p) in points.iter().enumerate() {
+                all.push(([p[0], p[1], -p[2], -p[3]], k));
+                all.push(([-p[0], -p[1], -p[2], -p[3]], k));
+                all.push(([-p[0], -p[1], p[2], p[3]], k));
+            }
+        }
+        let tree = Tree::new(all);
+        let step = (points.len() / 500).max(1);
+        let nearest = |p: &Point| {
+            let found = tree.nearest(p, 12);
+            found.iter().map(|f| f.0.sqrt()).find(|d| *d > 1e-6).unwrap_or(0.0)
+        };
+        let mut gaps: Vec<f64> = points.iter().step_by(step).map(nearest).collect();
+        gaps.sort_by(f64::total_cmp);
+        let spacing = gaps.get(gaps.len() * 9 / 10).copied().unwrap_or(0.0).max(1e-3);
+        (Self { microfacets, tree, points, ln_q, wavelengths, base, spacing }, left_out)
+    }
+
+    /// The number of samples that are used.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Around a pair of directions.
+    pub fn stencil(&self, i: DVec3, o: DVec3) -> Stencil {
+        let isotropic = self.microfacets.is_isotropic();
+        let (i, o) = if isotropic { turned(i, o) } else { (i, o) };
+        let at = coordinates(isotropic, i, o);
+        let near = self.tree.nearest(&at, NEIGHBOURS);
+        let Some(first) = near.first() else {
+            return Stencil { parts: Vec::new(), measured: false };
+        };
+        let distance = first.0.sqrt();
+        let measured = distance <= BEYOND * self.spacing || self.surrounded(&at, &near);
+        if distance < 1e-7 {
+            return Stencil { parts: vec![(first.1, 1.0)], measured };
+        }
+        let radius2 = near[near.len() - 1].0 * 1.0001;
+        // Weights that grow towards a sample, which is so met.
+        let weight = |d2: f64| (1.0 - d2 / radius2).max(0.0).powi(2) / (d2 / radius2 + 1e-6);
+        let weights: Vec<f64> = near.iter().map(|(d2, _)| weight(*d2)).collect();
+        let parts = if measured { self.plane(&at, &near, &weights) } else { None };
+        let mut parts = parts.unwrap_or_else(|| {
+            let all: f64 = weights.iter().sum();
+            near.iter().zip(&weights).map(|((_, k), w)| (*k, w / all)).collect()
+        });
+        // Far from all samples the law remains.
+        let beyond = (distance - BEYOND * self.spacing).max(0.0) / FADE;
+        let keep = if measured { 1.0 } else { 1.0 / (1.0 + beyond * beyond) };
+        for part in &mut parts {
+            part.1 *= keep;
+        }
+        Stencil { parts, measured }
+    }
+
+    /// The image of a sample that is the neighbour: of an anisotropic sample swapped, or half a turn further.
+    fn image(&self, k: usize, at: &Point) -> Point {
+        let p = self.points[k];
+        if self.microfacets.is_isotropic() {
+            return p;
+        }
+        let apart = |q: &Point| (0..4).map(|k| (q[k] - at[k]).powi(2)).sum::<f64>();
+        let all = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
+        let images = all.map(|(a, b)| [a * p[0], a * p[1], b * p[2], b * p[3]]);
+        images.into_iter().min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or(p)
+    }
+
+    /// Whether samples lie around a direction, not all on one side: between two directions of incidence that is so, beyond the last one not.
+    fn surrounded(&self, at: &Point, near: &[(f64, usize)]) -> bool {
+        let reach = near[near.len() - 1].0.sqrt();
+        let mut mean = [0.0; 4];
+        for (_, k) in near {
+            let p = self.image(*k, at);
+            for (m, (p, a)) in mean.iter_mut().zip(p.iter().zip(at)) {
+                *m += (p - a) / near.len() as f64;
+            }
+        }
+        let aside = mean.iter().map(|m| m * m).sum::<f64>().sqrt();
+        near[0].0.sqrt() <= 4.0 * self.spacing && aside < 0.5 * reach
+    }
+
+    /// Weights that meet every plane through the neighbours; none where they do not span the space.
+    fn plane(
+        &self,
+        at: &Point,
+        near: &[(f64, usize)],
+        weights: &[f64],
+    ) -> Option<Vec<(usize, f64)>> {
+        let size = (near[near.len() - 1].0).sqrt().max(1e-12);
+        let isotropic = self.microfacets.is_isotropic();
+        let terms = if isotropic { 4 } else { 5 };
+        let mut basis = DMatrix::<f64>::zeros(near.len(), terms);
+        for (row, (_, k)) in near.iter().enumerate() {
+            let p = self.image(*k, at);
+            basis[(row, 0)] = 1.0;
+            for t in 1..terms {
+                basis[(row, t)] = (p[t - 1] - at[t - 1]) / size;
+            }
+        }
+        let mut normal = DMatrix::<f64>::zeros(terms, terms);
+        let all: f64 = weights.iter().sum();
+        for row in 0..near.len() {
+            for a in 0..terms {
+                for b in 0..terms {
+                    normal[(a, b)] += weights[row] * basis[(row, a)] * basis[(row, b)];
+                }
+            }
+        }
+        // Slopes that the neighbours hardly decide are held near 0.
+        for t in 1..terms {
+            normal[(t, t)] += 1e-4 * all;
+        }
+        let mut unit = DVector::<f64>::zeros(terms);
+        unit[0] = 1.0;
+        let solved = normal.cholesky()?.solve(&unit);
+        let parts: Vec<(usize, f64)> = near
+            .iter()
+            .enumerate()
+            .map(|(row, (_, k))| (*k, weights[row] * (basis.row(row) * &solved)[0]))
+            .collect();
+        // Weights that overshoot are an extrapolation.
+        let spread: f64 = parts.iter().map(|p| p.1.abs()).sum();
+        (spread < 3.0).then_some(parts)
+    }
+
+    /// f \[sr⁻¹\] by wavelength.
+    pub fn values(&self, stencil: &Stencil, i: DVec3, o: DVec3, into: &mut [f64]) {
+        let lobe = self.microfacets.lobe(i, o);
+        for (k, value) in into.iter_mut().enumerate() {
+            let sum: f64 = stencil
+                .parts
+                .iter()
+                .map(|(row, w)| w * self.ln_q[row * self.wavelengths + k])
+                .sum();
+            *value = self.base[k].at(lobe) * sum.exp();
+        }
+    }
+}
+
+impl Base {
+    fn at(&self, lobe: f64) -> f64 {
+        (self.specular * lobe + self.diffuse * FRAC_1_PI).max(1e-290)
+    }
+}
+
+/// The best F and ρ by least squares of ln f.
+fn of_wavelength(lobe: &[f64], ln: &[f64]) -> Base {
+    // What is darker than this decides nothing: tails in which a lobe's logarithm is far off without a trace of light.
+    let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let weight = |ln: &f64| if *ln > most - 12.0 { 1.0 } else { 0.0 };
+    let n = ln.iter().map(weight).sum::<f64>().max(1.0);
+    // For a share r of Lambert light the strength follows.
+    let judge = |ln_ratio: f64| {
+        let ratio = ln_ratio.exp();
+        let (mut sum, mut square) = (0.0, 0.0);
+        for (lobe, ln) in lobe.iter().zip(ln) {
+            let left = ln - (lobe + ratio * FRAC_1_PI).max(1e-290).ln();
+            sum += weight(ln) * left;
+            square += weight(ln) * left * left;
+        }
+        let mean = sum / n;
+        ((square / n - mean * mean).max(0.0), mean)
+    };
+    let at = |k: usize| -30.0 + 0.5 * k as f64;
+    let best = (0..90).min_by(|a, b| judge(at(*a)).0.total_cmp(&judge(at(*b)).0)).unwrap_or(0);
+    let (mut from, mut to) = (at(best) - 0.5, at(best) + 0.5);
+    for _ in 0..40 {
+        let (a, b) = (from + 0.382 * (to - from), from + 0.618 * (to - from));
+        if judge(a).0 < judge(b).0 { to = b } else { from = a }
+    }
+    let x = 0.5 * (from + to);
+    let (square, mean) = judge(x);
+    Base { specular: mean.exp(), diffuse: (mean + x).exp(), rms: square.sqrt() }
+}
+
+/// What does not change when light and detector are swapped.
+fn coordinates(isotropic: bool, i: DVec3, o: DVec3) -> Point {
+    let h = (i + o).normalize();
+    let tilt = 2.0 * (0.5 * (h - DVec3::Z).length()).min(1.0).asin();
+    let u = (tilt / FRAC_PI_2).sqrt();
+    if isotropic {
+        let difference = 2.0 * (0.25 * (i - o).length()).min(1.0).asin();
+        return [u, difference.clamp(0.0, PI) / FRAC_PI_2, 0.5 * (i.z - o.z).abs(), 0.0];
+    }
+    let across = h.x.hypot(h.y).max(1e-12);
+    let d = 0.5 * (i - o);
+    [u * h.x / across, u * h.y / across, d.x, d.y]
+}

@@ -1,0 +1,431 @@
+//! Samples and the NDF as a measured material: the tensors of a `.bsdf` file (Dupuy and Jakob, ACM TOG 37, 274, 2018).
+//!
+//! The file has its own grid, finer than the plan's: each cell's value is what the NDF says times how the samples around differ from that, so that the lobe stays where it is
+//! between them. Cells far from all samples are extrapolated: there the law of the NDF remains, which is reciprocal. They are flagged, and where a direction of incidence
+//! would reflect more than came it is they that are lowered.
+
+mod base;
+mod near;
+
+pub use base::Base;
+
+use super::ndf::Ndf;
+use super::samples::Samples;
+use base::{Field, Microfacets};
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use sunglint_formats::bsdf::{Tensor, TensorData, TensorFile};
+use sunglint_simulator::surface::{Blend, Grid, Warp};
+
+/// The density in the file is at least this, sr⁻¹.
+const FLOOR: f64 = 2e-5;
+/// Directions at or below the horizon have the value of this elevation's cosine, so that what is above it is not pulled down.
+const HORIZON: f64 = 2e-3;
+
+/// How finely a material is written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AssembleOptions {
+    /// Incident elevations, from 0 to 89.9°.
+    pub theta_i: usize,
+    /// Incident azimuths over half the circle, of an anisotropic sample.
+    pub phi_i: usize,
+    /// Side of the grid of values.
+    pub side: usize,
+    /// Nodes of the densities in elevation; half as many in azimuth.
+    pub normals: usize,
+    /// The share of the grid that is spread over all normals.
+    pub wide: f64,
+}
+
+impl Default for AssembleOptions {
+    fn default() -> Self {
+        Self { theta_i: 32, phi_i: 17, side: 64, normals: 256, wide: 0.25 }
+    }
+}
+
+/// Why nothing was assembled.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AssembleError {
+    /// An option out of its range.
+    #[error("{name}: found {found}, expected {expected}")]
+    Option {
+        /// The option.
+        name: &'static str,
+        /// Its value.
+        found: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// Too few samples.
+    #[error(
+        "{used} of {rows} directions have values above 0 at every wavelength and lie above the horizon: a material needs {needed} or more"
+    )]
+    TooFew {
+        /// Those that can be used.
+        used: usize,
+        /// All.
+        rows: usize,
+        /// The least.
+        needed: usize,
+    },
+    /// A density of nothing.
+    #[error("no microfacet is seen from {theta_i_deg:.2}°: D is 0 there")]
+    Dark {
+        /// The incident elevation.
+        theta_i_deg: f64,
+    },
+    /// An anisotropic table with an isotropic NDF.
+    #[error(
+        "the samples have several azimuths of incidence and the NDF none: measure retro-reflection by azimuth, or turn the samples to one"
+    )]
+    Azimuths,
+}
+
+/// What is known of a direction of incidence.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Coverage {
+    /// Of the light, degrees.
+    pub theta_i_deg: f64,
+    /// Of the light, degrees.
+    pub phi_i_deg: f64,
+    /// Cells above the horizon.
+    pub cells: usize,
+    /// The share of them that is extrapolated.
+    pub extrapolated_cells: f64,
+    /// The directional–hemispherical reflectance, mean over the wavelengths.
+    pub albedo: f64,
+    /// The share of it that is extrapolated.
+    pub extrapolated_albedo: f64,
+    /// The largest over the wavelengths.
+    pub largest_albedo: f64,
+    /// By how much extrapolated cells were lowered at most, for energy's sake: 1 where they were not.
+    pub lowered: f64,
+}
+
+/// A material.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Assembled {
+    /// The file.
+    pub file: TensorFile,
+    /// By azimuth and elevation of incidence.
+    pub coverage: Vec<Coverage>,
+    /// What the NDF says by wavelength.
+    pub base: Vec<Base>,
+    /// Samples that were used.
+    pub used: usize,
+    /// Samples that were not.
+    pub left_out: usize,
+    /// What is to be known.
+    pub warnings: Vec<String>,
+}
+
+/// The grids of a file.
+struct Grids {
+    ndf: Grid,
+    sigma: Grid,
+    /// The tilt at which D has fallen to 1/e, radians; at most 0.5.
+    width: f64,
+}
+
+/// One direction of incidence.
+struct Slice {
+    vndf: Vec<f32>,
+    /// By row, column and wavelength.
+    values: Vec<f64>,
+    extrapolated: Vec<u8>,
+    coverage: Coverage,
+}
+
+/// Puts samples and NDF together.
+///
+/// # Errors
+/// Options out of range, too few samples, an NDF that is 0 everywhere, azimuths that the NDF has not.
+pub fn assemble(
+    samples: &Samples,
+    ndf: &Ndf,
+    options: &AssembleOptions,
+) -> Result<Assembled, AssembleError> {
+    check(options)?;
+    if ndf.is_isotropic() && samples.has_azimuths() {
+        return Err(AssembleError::Azimuths);
+    }
+    let microfacets = Microfacets::new(ndf);
+    let (field, left_out) = Field::new(&microfacets, samples);
+    let needed = 8;
+    if field.len() < needed {
+        return Err(AssembleError::TooFew { used: field.len(), rows: samples.rows.len(), needed });
+    }
+    let (theta_i, phi_i) = incidences(ndf.is_isotropic(), options);
+    let grids = Grids::new(&microfacets, options);
+    let nl = samples.wavelength_nm.len();
+    let places: Vec<(f64, f64)> =
+        phi_i.iter().flat_map(|phi| theta_i.iter().map(move |theta| (*theta, *phi))).collect();
+    let slices = places
+        .par_iter()
+        .map(|(theta, phi)| slice(&microfacets, &field, &grids, (*theta, *phi), nl, options))
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut warnings = Vec::new();
+    if left_out > 0 {
+        warnings.push(format!("{left_out} of {} directions were left out: at the horizon, or with a value that is not above 0", samples.rows.len()));
+    }
+    for slice in &slices {
+        let c = &slice.coverage;
+        if c.largest_albedo > 1.0 + 1e-3 {
+            warnings.push(format!(
+                "the measured cells at {:.1}° of incidence reflect {:.3} of the light: they are left as they were measured",
+                c.theta_i_deg, c.largest_albedo
+            ));
+        }
+    }
+    let file = file(samples, &grids, (&theta_i, &phi_i), &slices, options);
+    let coverage = slices.iter().map(|s| s.coverage).collect();
+    Ok(Assembled {
+        file,
+        coverage,
+        base: field.base.clone(),
+        used: field.len(),
+        left_out,
+        warnings,
+    })
+}
+
+fn check(options: &AssembleOptions) -> Result<(), AssembleError> {
+    let wrong = |name, found, expected| Err(AssembleError::Option { name, found, expected });
+    if !(4..=512).contains(&options.theta_i) {
+        return wrong("theta_i", options.theta_i as f64, "4 to 512 elevations");
+    }
+    if !(3..=256).contains(&options.phi_i) {
+        return wrong("phi_i", options.phi_i as f64, "3 to 256 azimuths");
+    }
+    if !(8..=512).contains(&options.side) {
+        return wrong("side", options.side as f64, "8 to 512 nodes");
+    }
+    if !(16..=2048).contains(&options.normals) {
+        return wrong("normals", options.normals as f64, "16 to 2048 nodes");
+    }
+    if !(options.wide >= 0.0 && options.wide < 1.0) {
+        return wrong("wide", options.wide, "a share from 0 to below 1");
+    }
+    Ok(())
+}
+
+/// Elevations twice as dense at the horizon as at the normal, azimuths over half the circle; as the file holds them.
+fn incidences(isotropic: bool, options: &AssembleOptions) -> (Vec<f64>, Vec<f64>) {
+    let single = |v: f64| f64::from(v as f32);
+    let last = (options.theta_i - 1) as f64;
+    let most = 89.9_f64.to_radians();
+    let theta = |j: usize| {
+        let t = j as f64 / last;
+        single(most * t * (1.5 - 0.5 * t))
+    };
+    let phi = |k: usize| single(-PI + PI * k as f64 / (options.phi_i - 1) as f64);
+    let phi_i = if isotropic { vec![0.0] } else { (0..options.phi_i).map(phi).collect() };
+    ((0..options.theta_i).map(theta).collect(), phi_i)
+}
+
+fn spherical(theta: f64, phi: f64) -> DVec3 {
+    DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+}
+
+impl Grids {
+    fn new(microfacets: &Microfacets<'_>, options: &AssembleOptions) -> Self {
+        let (rows, columns) = (options.normals / 2, options.normals);
+        let spread = |of: &(dyn Fn(DVec3) -> f64 + Sync)| {
+            let at = |row: usize, column: usize| {
+                let u = column as f64 / (columns - 1) as f64;
+                let phi = TAU * row as f64 / (rows - 1) as f64 - PI;
+                of(spherical(u * u * FRAC_PI_2, phi)) as f32
+            };
+            let values = if microfacets.is_isotropic() {
+                (0..columns).map(|c| at(0, c)).collect::<Vec<f32>>().repeat(rows)
+            } else {
+                (0..rows)
+                    .flat_map(|r| (0..columns).map(move |c| (r, c)))
+                    .map(|(r, c)| at(r, c))
+                    .collect()
+            };
+            Grid { rows, columns, values }
+        };
+        let peak = microfacets.density(DVec3::Z);
+        let falls = |k: &i32| {
+            let theta = 1e-4 * 1.1_f64.powi(*k);
+            microfacets.density(spherical(theta, 0.0)) < peak / std::f64::consts::E
+        };
+        let width = (0..90).find(falls).map_or(0.5, |k| 1e-4 * 1.1_f64.powi(k)).min(0.5);
+        Self {
+            width,
+            ndf: spread(&|m| microfacets.density(m) + FLOOR),
+            sigma: spread(&|v| microfacets.area(v)),
+        }
+    }
+
+    fn place(&self, v: DVec3, phi_i: f64) -> [f64; 2] {
+        let theta = 2.0 * (0.5 * (v - DVec3::Z).length()).min(1.0).asin();
+        let turn = (v.y.atan2(v.x) - phi_i + PI) / TAU;
+        [(theta / FRAC_PI_2).sqrt(), turn - turn.floor()]
+    }
+}
+
+fn slice(
+    microfacets: &Microfacets<'_>,
+    field: &Field<'_>,
+    grids: &Grids,
+    (theta, phi): (f64, f64),
+    nl: usize,
+    options: &AssembleOptions,
+) -> Result<Slice, AssembleError> {
+    let i = spherical(theta, phi);
+    // Azimuths of an isotropic sample's normals are counted from the light's.
+    let from = if microfacets.is_isotropic() { phi } else { 0.0 };
+    let (rows, columns) = (grids.ndf.rows, grids.ndf.columns);
+    let normal = |u: [f64; 2]| spherical(u[0] * u[0] * FRAC_PI_2, TAU * u[1] - PI + from);
+    let (narrow, wide) = (1.0 - options.wide, options.wide / PI);
+    let visible = |node: usize| {
+        let u = [
+            (node % columns) as f64 / (columns - 1) as f64,
+            (node / columns) as f64 / (rows - 1) as f64,
+        ];
+        let m = normal(u);
+        let density = narrow * f64::from(grids.ndf.values[node]) + wide;
+        // Little of the grid for what is mirrored below the horizon, so that its edge is the horizon.
+        let o = 2.0 * i.dot(m) * m - i;
+        let density = density * ((o.z + 0.015) / 0.02).clamp(0.0, 1.0);
+        (density * i.dot(m).max(0.0) * (m.x.hypot(m.y) + grids.width) * u[0]) as f32
+    };
+    // Not the visible normals' solid angle, which is 0 at the normal: what lies around the mirrored direction would be in one cell. Any density serves as a warp.
+    let vndf: Vec<f32> = (0..rows * columns).map(visible).collect();
+    let warp = Warp::new(Grid { rows, columns, values: vndf.clone() })
+        .ok_or(AssembleError::Dark { theta_i_deg: theta.to_degrees() })?;
+    let area = grids.sigma.at(grids.place(i, from));
+    let side = options.side;
+    let last = (side - 1) as f64;
+    let mut values = vec![0.0; side * side * nl];
+    let mut extrapolated = vec![0_u8; side * side];
+    // What a cell adds to the albedo for each value in it; 0 below the horizon.
+    let mut share = vec![0.0; side * side];
+    for node in 0..side * side {
+        let s = [(node % side) as f64 / last, (node / side) as f64 / last];
+        let blend: Blend = [(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)];
+        let (u, density) = warp.sample(s, &blend);
+        let m = normal(u);
+        let mut o = (2.0 * i.dot(m) * m - i).normalize();
+        let above = o.z > 0.0 && i.dot(m) > 0.0;
+        if o.z < HORIZON {
+            let across = DVec3::new(o.x, o.y, 0.0).normalize_or(DVec3::X);
+            o = across * (1.0 - HORIZON * HORIZON).sqrt() + DVec3::Z * HORIZON;
+        }
+        let h = (i + o).normalize();
+        let stencil = field.stencil(i, o);
+        let into = &mut values[node * nl..(node + 1) * nl];
+        field.values(&stencil, i, o, into);
+        let scale = o.z * 4.0 * area / grids.ndf.at(grids.place(h, from));
+        into.iter_mut().for_each(|v| *v *= scale);
+        extrapolated[node] = u8::from(!stencil.measured);
+        if above {
+            // dω_o = 4 (i·m) dω_m, dω_m = 2π² u sinθ du, du = ds/density; half of it at the grid's edges.
+            let edge = |s: f64| if s > 0.0 && s < 1.0 { 1.0 } else { 0.5 };
+            let ds = edge(s[0]) * edge(s[1]) / (last * last);
+            let du = if density > 0.0 { ds / density } else { 0.0 };
+            let solid = 4.0 * i.dot(m) * 2.0 * PI * PI * u[0] * m.x.hypot(m.y) * du;
+            share[node] = solid * grids.ndf.at(u) / (4.0 * area);
+        }
+    }
+    let coverage = energy((theta, phi), nl, &mut values, &extrapolated, &share);
+    Ok(Slice { vndf, values, extrapolated, coverage })
+}
+
+/// Lowers what is extrapolated where more light would leave than came, and says what there is.
+fn energy(
+    (theta, phi): (f64, f64),
+    nl: usize,
+    values: &mut [f64],
+    extrapolated: &[u8],
+    share: &[f64],
+) -> Coverage {
+    let (mut mean, mut mean_beyond, mut largest, mut lowered) = (0.0, 0.0, 0.0_f64, 1.0_f64);
+    for k in 0..nl {
+        let (mut known, mut beyond) = (0.0, 0.0);
+        for (node, share) in share.iter().enumerate() {
+            let part = share * values[node * nl + k];
+            if extrapolated[node] == 1 { beyond += part } else { known += part }
+        }
+        if known + beyond > 1.0 && beyond > 0.0 {
+            let factor = ((1.0 - known) / beyond).max(0.0);
+            for (node, flag) in extrapolated.iter().enumerate() {
+                if *flag == 1 {
+                    values[node * nl + k] *= factor;
+                }
+            }
+            beyond *= factor;
+            lowered = lowered.min(factor);
+        }
+        mean += (known + beyond) / nl as f64;
+        mean_beyond += beyond / nl as f64;
+        largest = largest.max(known + beyond);
+    }
+    let cells = share.iter().filter(|s| **s > 0.0).count();
+    let flagged = share.iter().zip(extrapolated).filter(|(s, e)| **s > 0.0 && **e == 1).count();
+    Coverage {
+        theta_i_deg: theta.to_degrees(),
+        phi_i_deg: phi.to_degrees(),
+        cells,
+        extrapolated_cells: flagged as f64 / cells.max(1) as f64,
+        albedo: mean,
+        extrapolated_albedo: if mean > 0.0 { mean_beyond / mean } else { 0.0 },
+        largest_albedo: largest,
+        lowered,
+    }
+}
+
+fn file(
+    samples: &Samples,
+    grids: &Grids,
+    (theta_i, phi_i): (&[f64], &[f64]),
+    slices: &[Slice],
+    options: &AssembleOptions,
+) -> TensorFile {
+    let (np, nt, nl, side) =
+        (phi_i.len(), theta_i.len(), samples.wavelength_nm.len(), options.side);
+    let single = |values: &[f64]| values.iter().map(|v| *v as f32).collect::<Vec<f32>>();
+    let mut spectra = Vec::with_capacity(np * nt * nl * side * side);
+    let (mut luminance, mut vndf, mut extrapolated) = (Vec::new(), Vec::new(), Vec::new());
+    for slice in slices {
+        for k in 0..nl {
+            spectra.extend(slice.values.iter().skip(k).step_by(nl).map(|v| *v as f32));
+        }
+        luminance.extend(
+            slice.values.chunks(nl).map(|v| (v.iter().sum::<f64>() / nl as f64 + 1e-9) as f32),
+        );
+        vndf.extend_from_slice(&slice.vndf);
+        extrapolated.extend_from_slice(&slice.extrapolated);
+    }
+    let name = samples.meta.get("sample").and_then(|v| v.as_str()).unwrap_or("a sample");
+    let text = format!(
+        "{name}: {} directions, {nl} wavelengths, assembled by sunglint",
+        samples.rows.len()
+    );
+    let (rows, columns) = (grids.ndf.rows, grids.ndf.columns);
+    let bytes = |name: &str, shape: Vec<usize>, values: Vec<u8>| Tensor {
+        name: name.to_owned(),
+        shape,
+        data: TensorData::U8(values),
+    };
+    let tensors = vec![
+        Tensor::u8("description", text.into_bytes()),
+        Tensor::f32("theta_i", &[nt], single(theta_i)),
+        Tensor::f32("phi_i", &[np], single(phi_i)),
+        Tensor::f32("wavelengths", &[nl], single(&samples.wavelength_nm)),
+        Tensor::f32("ndf", &[rows, columns], grids.ndf.values.clone()),
+        Tensor::f32("sigma", &[rows, columns], grids.sigma.values.clone()),
+        Tensor::f32("vndf", &[np, nt, rows, columns], vndf),
+        Tensor::f32("luminance", &[np, nt, side, side], luminance),
+        Tensor::f32("spectra", &[np, nt, nl, side, side], spectra),
+        bytes("jacobian", vec![1], vec![1]),
+        // Readers of such files leave alone what they do not know.
+        bytes("extrapolated", vec![np, nt, side, side], extrapolated),
+    ];
+    TensorFile { tensors }
+}

@@ -1,0 +1,8 @@
+//! From measured values to a material.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+mod assemble;
+mod cases;
+mod fit;
+mod ingest;

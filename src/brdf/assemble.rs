@@ -1,0 +1,181 @@
+//! `sunglint brdf assemble`: measured values and densities as a material.
+
+use super::{ndf, samples};
+use crate::output::{Console, OutputArgs, Product, Usage, rounded};
+use anyhow::Context as _;
+use clap::Args;
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use sunglint_calibration::brdf::assemble::{AssembleOptions, Assembled, assemble};
+use sunglint_formats::{Column, Table};
+use sunglint_simulator::surface::measured;
+
+/// Arguments of `sunglint brdf assemble`.
+#[derive(Debug, Args)]
+pub struct AssembleArgs {
+    /// Measured values, as `sunglint brdf ingest` writes them
+    #[arg(value_name = "SAMPLES")]
+    pub samples: PathBuf,
+    /// The sample's NDF, as `sunglint brdf ndf` writes it
+    #[arg(value_name = "NDF")]
+    pub ndf: PathBuf,
+    /// Where the material goes: a file `.bsdf`, beside which its TOML is written
+    #[arg(short, long, value_name = "FILE.bsdf")]
+    pub output: PathBuf,
+    /// The wavelength of a table that does not say it
+    #[arg(long, value_name = "NM")]
+    pub wavelength_nm: Option<f64>,
+    /// The material's name [default: that of the file]
+    #[arg(long, value_name = "NAME")]
+    pub name: Option<String>,
+    /// Incident elevations of the file
+    #[arg(long, value_name = "N", default_value_t = 32)]
+    pub theta_i: usize,
+    /// Incident azimuths of the file, of an anisotropic sample
+    #[arg(long, value_name = "N", default_value_t = 17)]
+    pub phi_i: usize,
+    /// Side of the file's grid of values
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    pub side: usize,
+    /// Nodes of the file's densities in elevation
+    #[arg(long, value_name = "N", default_value_t = 256)]
+    pub normals: usize,
+    /// Overwrite files that are there
+    #[arg(long)]
+    pub force: bool,
+}
+
+pub(super) fn run(args: &AssembleArgs, console: Console) -> anyhow::Result<()> {
+    if args.output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("bsdf")) {
+        let text = format!("-o {}: expected a file .bsdf", args.output.display());
+        return Err(Usage(text).into());
+    }
+    let out = OutputArgs { output: Vec::new(), force: args.force };
+    let (coverage_file, toml_file) =
+        (args.output.with_extension("coverage.ecsv"), args.output.with_extension("toml"));
+    for path in [&args.output, &coverage_file, &toml_file] {
+        anyhow::ensure!(
+            args.force || path.symlink_metadata().is_err(),
+            "{} is there already: nothing is overwritten without --force",
+            path.display()
+        );
+    }
+    let (measured, inputs) = samples(&args.samples, args.wavelength_nm)?;
+    let (density, _, others) = ndf::read(&args.ndf)?;
+    let inputs: Vec<Value> =
+        [inputs, others].iter().filter_map(Value::as_array).flatten().cloned().collect();
+    let options = AssembleOptions {
+        theta_i: args.theta_i,
+        phi_i: args.phi_i,
+        side: args.side,
+        normals: args.normals,
+        ..AssembleOptions::default()
+    };
+    let bar = super::progress(1, "assembling", console);
+    bar.enable_steady_tick(std::time::Duration::from_millis(200));
+    let made = assemble(&measured, &density, &options);
+    bar.finish_and_clear();
+    let made = made.with_context(|| args.samples.display().to_string())?;
+    for warning in &made.warnings {
+        console.warn(warning);
+    }
+    let stem = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let name = args.name.clone().unwrap_or(stem);
+    // What was written has to be a material.
+    let material = measured::material(&name, &args.output, &made.file)?;
+    for note in material.notes() {
+        console.warn(note);
+    }
+    let file = args.output.file_name().unwrap_or_default().to_string_lossy();
+    let toml = format!("[[material]]\nname = {name:?}\nmodel = \"measured\"\nfile = {file:?}\n");
+    let files = vec![
+        (args.output.clone(), made.file.to_bytes()?),
+        (toml_file, toml.into_bytes()),
+        (coverage_file, sunglint_formats::ecsv::to_string(&table(&made, &inputs))?.into_bytes()),
+    ];
+    out.write_files(&files, console)?;
+    let product =
+        Product { json: summary(&made, &measured.wavelength_nm, &inputs), ..Product::default() };
+    if console.quiet && !console.json {
+        return Ok(());
+    }
+    console.result(&text(&made), &product.json)
+}
+
+fn table(made: &Assembled, inputs: &[Value]) -> Table {
+    let c = &made.coverage;
+    let number = |name: &str, unit: Option<&str>, of: &dyn Fn(usize) -> f64| {
+        Column::f64(name, unit, (0..c.len()).map(of).collect())
+    };
+    let columns = vec![
+        number("theta_i_deg", Some("deg"), &|k| c[k].theta_i_deg),
+        number("phi_i_deg", Some("deg"), &|k| c[k].phi_i_deg),
+        Column::i64("cells", None, c.iter().map(|c| c.cells as i64).collect()),
+        number("extrapolated_cells", None, &|k| c[k].extrapolated_cells),
+        number("albedo", None, &|k| c[k].albedo),
+        number("extrapolated_albedo", None, &|k| c[k].extrapolated_albedo),
+        number("largest_albedo", None, &|k| c[k].largest_albedo),
+        number("lowered", None, &|k| c[k].lowered),
+    ];
+    let meta = [("kind", json!("brdf_coverage")), ("inputs", json!(inputs))];
+    Table { meta: meta.into_iter().map(|(k, v)| (k.to_owned(), v)).collect(), columns }
+}
+
+fn summary(made: &Assembled, nm: &[f64], inputs: &[Value]) -> Value {
+    let coverage: Vec<Value> = made
+        .coverage
+        .iter()
+        .map(|c| {
+            json!({
+                "theta_i_deg": rounded(c.theta_i_deg), "phi_i_deg": rounded(c.phi_i_deg), "cells": c.cells,
+                "extrapolated_cells": rounded(c.extrapolated_cells), "albedo": rounded(c.albedo),
+                "extrapolated_albedo": rounded(c.extrapolated_albedo), "largest_albedo": rounded(c.largest_albedo),
+                "lowered": rounded(c.lowered),
+            })
+        })
+        .collect();
+    let base: Vec<Value> = nm
+        .iter()
+        .zip(&made.base)
+        .map(|(nm, b)| json!({ "wavelength_nm": nm, "specular": rounded(b.specular), "diffuse": rounded(b.diffuse), "rms_ln": rounded(b.rms) }))
+        .collect();
+    json!({
+        "used": made.used, "unused": made.left_out, "coverage": coverage, "base": base,
+        "warnings": made.warnings, "inputs": inputs,
+    })
+}
+
+fn text(made: &Assembled) -> String {
+    let mut text = format!("{} directions\n", made.used);
+    let worst = made.base.iter().map(|b| b.rms).fold(0.0, f64::max);
+    let _ = writeln!(
+        text,
+        "what the NDF and a Lambert term say of them is off by a factor of {:.3} (rms)",
+        worst.exp()
+    );
+    let _ = writeln!(text, "incidence   cells  extrapolated: of cells, of the albedo   albedo");
+    let step = (made.coverage.len() / 12).max(1);
+    for c in made.coverage.iter().step_by(step) {
+        let azimuth = if c.phi_i_deg == 0.0 {
+            String::new()
+        } else {
+            format!(", azimuth {:.1}°", c.phi_i_deg)
+        };
+        let lowered = if c.lowered < 1.0 {
+            format!(", extrapolated ones lowered to {:.3} for energy", c.lowered)
+        } else {
+            String::new()
+        };
+        let _ = writeln!(
+            text,
+            "{:8.2}° {:7}  {:21.1} % {:14.1} %  {:7.4}{azimuth}{lowered}",
+            c.theta_i_deg,
+            c.cells,
+            100.0 * c.extrapolated_cells,
+            100.0 * c.extrapolated_albedo,
+            c.albedo
+        );
+    }
+    text
+}
