@@ -1,0 +1,280 @@
+//! Whether a curve that repeats after P does so only after nP: lines between the harmonics of P, judged by what lies beside them.
+//!
+//! Harmonics of P, each with an amplitude that may grow or fall along the curve, are fitted and subtracted. If nP is the period, lines are left at fractions
+//! j/(nP); if not, the curve's own noise is, of whatever colour: the spectrum a few resolutions beside each line says how much. A line's power over the mean of 2B
+//! such places exceeds r by chance (1 + r/2B)^−2B (F of 2 and 4B degrees of freedom); the lines are put together by Fisher's sum and by their smallest.
+//!
+//! Where the turns are many the samples are tapered (Hann), so that what the harmonics leave does not leak into the lines. A line where a harmonic above half of the
+//! sampling would be folded to is not asked.
+
+use super::lomb_scargle::centred_times;
+use super::spectrum::median_step;
+use super::stats::fisher;
+use super::sums::turns;
+use crate::series::Series;
+use nalgebra::{Cholesky, DMatrix, DVector};
+use std::f64::consts::TAU;
+
+/// The most harmonics that are subtracted.
+pub(super) const MOST: usize = 16;
+/// The most places on either side of a line.
+const BESIDE: usize = 4;
+/// A line is told apart from its neighbours beyond that many resolutions 1/span: the subtracted harmonics take some of what lies nearer.
+const APART: f64 = 1.5;
+/// The same of tapered samples, whose lines are twice as wide.
+const APART_TAPERED: f64 = 3.0;
+/// From that many resolutions between lines on, samples are tapered.
+const TAPERED: f64 = 6.0;
+/// Folded harmonics are looked for up to that multiple of the sampling.
+const FOLDED: i32 = 3;
+/// A line of this share of the strongest harmonic is more than a folded one.
+const STRONG: f64 = 0.25;
+/// Harmonics beyond this are too weak to be seen folded: a glint of a hundredth of a turn has fallen by then.
+const HIGHEST_ORDER: f64 = 64.0;
+
+/// Harmonics of `frequency_hz` below `highest_hz`, as many as the samples bear with amplitudes that drift.
+pub(super) fn harmonics(series: &Series, frequency_hz: f64, highest_hz: f64) -> usize {
+    let below = (highest_hz / frequency_hz * (1.0 + 1e-9)).floor() as usize;
+    below.min(MOST).min(series.len() / 16).max(1)
+}
+
+/// What harmonics with drifting amplitudes leave of a series; `None` where they cannot be told apart.
+pub(super) fn residual(
+    series: &Series,
+    frequency_hz: f64,
+    harmonics: usize,
+    drift: usize,
+) -> Option<Vec<f64>> {
+    let time = centred_times(series);
+    let half = (0.5 * series.span_s()).max(f64::MIN_POSITIVE);
+    let columns = (2 * harmonics + 1) * (drift + 1);
+    if series.len() <= columns {
+        return None;
+    }
+    let mean = series.mean();
+    let mut design = DMatrix::zeros(columns, series.len());
+    let mut values = DVector::zeros(series.len());
+    for (i, t) in time.iter().enumerate() {
+        let root = series.weight[i].sqrt();
+        let (sin, cos) = (TAU * turns(frequency_hz, *t)).sin_cos();
+        let (mut c, mut s) = (1.0, 0.0);
+        let mut column = design.column_mut(i);
+        let mut at = 0;
+        let mut put = |value: f64| {
+            let mut power = root * value;
+            for _ in 0..=drift {
+                column[at] = power;
+                power *= t / half;
+                at += 1;
+            }
+        };
+        put(1.0);
+        for _ in 0..harmonics {
+            (c, s) = (c * cos - s * sin, c * sin + s * cos);
+            put(c);
+            put(s);
+        }
+        values[i] = root * (series.value[i] - mean);
+    }
+    let mut normal = &design * design.transpose();
+    // A breath of ridge: columns that the sampling cannot tell apart share what they explain.
+    let ridge = 1e-12 * normal.diagonal().max();
+    for k in 0..columns {
+        normal[(k, k)] += ridge;
+    }
+    let solution = Cholesky::new(normal)?.solve(&(&design * &values));
+    let left = values - design.transpose() * solution;
+    Some(left.iter().zip(&series.weight).map(|(r, w)| r / w.sqrt()).collect())
+}
+
+/// Samples ready for sums at single frequencies.
+struct Weighed {
+    time: Vec<f64>,
+    /// Weight, taper and value less the mean.
+    whole: Vec<f64>,
+    /// Weight, taper and what the harmonics leave.
+    left: Vec<f64>,
+    resolution_hz: f64,
+    /// Samples per second where the sampling is regular.
+    sampling_hz: Option<f64>,
+}
+
+impl Weighed {
+    fn new(series: &Series, left: &[f64], is_tapered: bool) -> Self {
+        let time = centred_times(series);
+        let span = series.span_s();
+        let mean = series.mean();
+        let taper = |t: f64| if is_tapered { 0.5 + 0.5 * (TAU * t / span).cos() } else { 1.0 };
+        let by = |value: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            (0..time.len()).map(|i| series.weight[i] * taper(time[i]) * value(i)).collect()
+        };
+        let whole = by(&|i| series.value[i] - mean);
+        let left = by(&|i| left[i]);
+        let step = median_step(series);
+        let sampling_hz = step.map(|s| 1.0 / s).filter(|f| {
+            let ones = by(&|_| 1.0);
+            let all: f64 = ones.iter().sum();
+            power(&time, &ones, *f) > 0.25 * all * all
+        });
+        Self { time, whole, left, resolution_hz: 1.0 / span, sampling_hz }
+    }
+
+    /// Whether a harmonic of `base_hz` above half of the sampling is folded onto a line.
+    fn is_folded(&self, line_hz: f64, base_hz: f64) -> bool {
+        let Some(sampling) = self.sampling_hz else { return false };
+        let near = 2.0 * self.resolution_hz / base_hz;
+        (-FOLDED..=FOLDED).filter(|m| *m != 0).any(|m| {
+            let order = (line_hz + f64::from(m) * sampling) / base_hz;
+            (order - order.round()).abs() < near && order.abs() < HIGHEST_ORDER
+        })
+    }
+}
+
+/// |Σ c e^{2πift}|² at a frequency.
+fn power(time: &[f64], weighted: &[f64], frequency_hz: f64) -> f64 {
+    let (mut a, mut b) = (0.0, 0.0);
+    for (t, r) in time.iter().zip(weighted) {
+        let (sin, cos) = (TAU * turns(frequency_hz, *t)).sin_cos();
+        a += r * cos;
+        b += r * sin;
+    }
+    a * a + b * b
+}
+
+/// A line and what lies beside it.
+#[derive(Clone, Copy)]
+struct Line {
+    /// The chance that it is noise.
+    chance: f64,
+    power: f64,
+    beside: f64,
+}
+
+/// What lines say of a longer period.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Longer {
+    /// The chance that what the longer period explains, and the shorter does not, is noise.
+    pub chance: f64,
+    /// By how much of their light successive turns may differ all the same, at about 95 %.
+    pub unlike: f64,
+}
+
+/// A question put to all series at once.
+pub(super) struct Lines<'a> {
+    pub series: &'a [&'a Series],
+    /// Nothing above it is looked at, Hz.
+    pub highest_hz: f64,
+    /// The share of the channels that are independent of one another, 0 to 1.
+    pub independent: f64,
+}
+
+impl Lines<'_> {
+    /// Whether lines are there which `times` as long a period would have, and this one has not. `order` harmonics of this one stand out: a difference between turns is
+    /// looked for up to there. `None` where the turns are too few to tell lines from harmonics.
+    pub fn longer(&self, frequency_hz: f64, times: usize, order: usize) -> Option<Longer> {
+        let n = times as f64;
+        let mut by_series = Vec::new();
+        // Above what lies beside, its noise, and the light itself; by series in units of what lies beside.
+        let (mut excess, mut noise, mut light) = (0.0, 0.0, 0.0);
+        for series in self.series {
+            let spacing = frequency_hz * series.span_s() / n;
+            let is_tapered = spacing >= TAPERED;
+            let apart = if is_tapered { APART_TAPERED } else { APART };
+            let beside = ((spacing - apart).floor().max(0.0) as usize).min(BESIDE);
+            if beside == 0 {
+                continue;
+            }
+            let harmonics = harmonics(series, frequency_hz, self.highest_hz);
+            let left = residual(series, frequency_hz, harmonics, 1)?;
+            let samples = Weighed::new(series, &left, is_tapered);
+            // Tapered, a neighbour one resolution away belongs to the line.
+            let first = if is_tapered { 2 } else { 1 };
+            let places: Vec<f64> = (first..first + beside).map(|b| b as f64).collect();
+            let strongest = (1..=harmonics)
+                .map(|k| power(&samples.time, &samples.whole, k as f64 * frequency_hz))
+                .fold(0.0, f64::max);
+            let lines: Vec<(usize, Line)> = (1..=times * harmonics)
+                .filter(|j| j % times != 0)
+                .map(|j| (j, j as f64 / n * frequency_hz))
+                .map(|(j, line)| (j, line, self.line(&samples, &samples.left, line, &places)))
+                .filter(|(_, at, line)| {
+                    line.power > STRONG * strongest || !samples.is_folded(*at, frequency_hz)
+                })
+                .map(|(j, _, line)| (j, line))
+                .collect();
+            let near: Vec<&Line> = lines
+                .iter()
+                .filter(|(j, l)| *j <= times * order && l.beside > 0.0)
+                .map(|(_, l)| l)
+                .collect();
+            let unit = near.iter().map(|l| l.beside).sum::<f64>() / near.len().max(1) as f64;
+            if unit > 0.0 {
+                excess += near.iter().map(|l| (l.power - l.beside) / unit).sum::<f64>();
+                noise += near.iter().map(|l| (l.beside / unit).powi(2)).sum::<f64>();
+                let of_light = (1..=order)
+                    .map(|k| power(&samples.time, &samples.whole, k as f64 * frequency_hz));
+                light += (of_light.sum::<f64>() / unit - order as f64).max(0.0);
+            }
+            by_series.push(lines.into_iter().map(|(_, line)| line.chance).collect::<Vec<_>>());
+        }
+        let chance = self.joined(&by_series)?;
+        let noise = (noise / self.independent).sqrt();
+        // A difference u between like halves makes lines of u/2 of the light's amplitude.
+        let unlike = if light > 0.0 {
+            2.0 * ((excess.max(0.0) + 2.0 * noise) / light).sqrt()
+        } else {
+            f64::INFINITY
+        };
+        Some(Longer { chance, unlike })
+    }
+
+    /// The chance that the harmonics of a frequency themselves are no more than what lies beside them: red noise has peaks too. `None` as above.
+    pub fn chance_of_noise(&self, frequency_hz: f64) -> Option<f64> {
+        let mut by_series = Vec::new();
+        for series in self.series {
+            let spacing = frequency_hz * series.span_s();
+            if spacing < 2.5 {
+                continue;
+            }
+            // From two resolutions on: the drift of an amplitude takes what lies nearer.
+            let last = ((0.5 * spacing).floor() as usize).clamp(2, 6);
+            let harmonics = harmonics(series, frequency_hz, self.highest_hz).min(8);
+            let left = residual(series, frequency_hz, harmonics, 1)?;
+            let samples = Weighed::new(series, &left, false);
+            let places: Vec<f64> = (2..=last).map(|b| b as f64).collect();
+            let line = |k: usize| {
+                self.line(&samples, &samples.whole, k as f64 * frequency_hz, &places).chance
+            };
+            by_series.push((1..=harmonics).map(line).collect());
+        }
+        self.joined(&by_series)
+    }
+
+    /// A line of one series, 1 where nothing lies beside it.
+    fn line(&self, samples: &Weighed, on: &[f64], line_hz: f64, places: &[f64]) -> Line {
+        let resolution = samples.resolution_hz;
+        let near = places.iter().flat_map(|b| [line_hz - b * resolution, line_hz + b * resolution]);
+        let near: Vec<f64> =
+            near.filter(|f| *f > 0.5 * resolution && *f <= self.highest_hz).collect();
+        if near.is_empty() || line_hz > self.highest_hz {
+            return Line { chance: 1.0, power: 0.0, beside: 0.0 };
+        }
+        let n = near.len() as f64;
+        let beside = near.iter().map(|f| power(&samples.time, &samples.left, *f)).sum::<f64>() / n;
+        let power = power(&samples.time, on, line_hz);
+        let chance = if beside > 0.0 { (1.0 + power / beside / n).powf(-n) } else { 1.0 };
+        Line { chance, power, beside }
+    }
+
+    /// All lines of all series as one chance.
+    fn joined(&self, by_series: &[Vec<f64>]) -> Option<f64> {
+        let most = by_series.iter().map(Vec::len).max().filter(|n| *n > 0)?;
+        let lines: Vec<f64> = (0..most)
+            .map(|k| fisher(by_series.iter().filter_map(|p| p.get(k)).copied(), self.independent))
+            .collect();
+        let least = lines.iter().copied().fold(1.0, f64::min);
+        let all = fisher(lines.iter().copied(), 1.0);
+        // Two tests: twice the smaller of their chances.
+        Some((2.0 * all.min(least * most as f64)).min(1.0))
+    }
+}

@@ -1,0 +1,246 @@
+//! Lomb-Scargle periodograms: the share of the weighted variance that K harmonics and a mean explain (Lomb 1976, Scargle 1982; with the mean as a
+//! parameter Zechmeister and Kürster 2009, A&A 496, 577; with harmonics Palmer 2009, ApJ 695, 496).
+
+use super::sums::{Sums, sums};
+use super::{Grid, PeriodError};
+use crate::series::Series;
+
+/// The most harmonics of a model.
+pub(super) const MOST_HARMONICS: usize = 32;
+/// Frequencies at a time: memory stays small.
+const BLOCK: usize = 1 << 16;
+/// A pivot below this share of its diagonal is rounding: what it stands for follows from the others, and is left out.
+const LEAST_PIVOT: f64 = 1e-10;
+
+/// The share of the weighted variance of `series` that a mean and `harmonics` harmonics explain, at every frequency of `grid`: 0 to 1.
+/// It equals 1 − χ²/χ²₀ of the least-squares fit, whatever the sampling; at a frequency of 0, 0.
+///
+/// # Errors
+/// A grid or a number of harmonics that cannot be; too few samples; constant values.
+pub fn lomb_scargle(
+    series: &Series,
+    grid: &Grid,
+    harmonics: usize,
+) -> Result<Vec<f64>, PeriodError> {
+    grid.check()?;
+    let centred = Centred::new(series, harmonics)?;
+    let mut power = Vec::with_capacity(grid.n);
+    for first in (0..grid.n).step_by(BLOCK) {
+        let n = BLOCK.min(grid.n - first);
+        let block = Grid { first_hz: grid.frequency_hz(first), step_hz: grid.step_hz, n };
+        centred.block(&block, harmonics, &mut power);
+    }
+    Ok(power)
+}
+
+/// The spectral window |Σ w e^{2πift}|²/(Σw)² of the sampling: 1 at frequency 0; peaks elsewhere make aliases.
+///
+/// # Errors
+/// A grid that cannot be; no sample.
+pub fn window(series: &Series, grid: &Grid) -> Result<Vec<f64>, PeriodError> {
+    grid.check()?;
+    if series.is_empty() {
+        return Err(PeriodError::Samples { name: series.name.clone(), samples: 0, harmonics: 0 });
+    }
+    let time = centred_times(series);
+    let total: f64 = series.weight.iter().sum();
+    let mut power = Vec::with_capacity(grid.n);
+    for first in (0..grid.n).step_by(BLOCK) {
+        let n = BLOCK.min(grid.n - first);
+        let block = Grid { first_hz: grid.frequency_hz(first), step_hz: grid.step_hz, n };
+        let found = sums(&time, &[&series.weight], &block);
+        let square = |(c, s): (&f64, &f64)| (c * c + s * s) / (total * total);
+        power.extend(found[0].cos.iter().zip(&found[0].sin).map(square));
+    }
+    Ok(power)
+}
+
+/// Times from the middle of the span, where phases are smallest.
+pub(super) fn centred_times(series: &Series) -> Vec<f64> {
+    let first = series.time_s.first().copied().unwrap_or(0.0);
+    let middle = first + 0.5 * series.span_s();
+    series.time_s.iter().map(|t| t - middle).collect()
+}
+
+/// A series from its middle and its mean.
+pub(super) struct Centred<'a> {
+    pub time: Vec<f64>,
+    pub weight: &'a [f64],
+    /// Weight times value less the mean.
+    pub weighted: Vec<f64>,
+    /// Σ w.
+    pub total: f64,
+    /// Σ w (y − ȳ)².
+    pub variation: f64,
+}
+
+impl<'a> Centred<'a> {
+    pub fn new(series: &'a Series, harmonics: usize) -> Result<Self, PeriodError> {
+        if !(1..=MOST_HARMONICS).contains(&harmonics) {
+            return Err(PeriodError::Harmonics(harmonics));
+        }
+        let (name, samples) = (series.name.clone(), series.len());
+        if samples <= 2 * harmonics + 1 {
+            return Err(PeriodError::Samples { name, samples, harmonics });
+        }
+        let mean = series.mean();
+        let about: Vec<f64> = series.value.iter().map(|v| v - mean).collect();
+        let largest = about.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
+        // The mean of equal values may differ from them by a rounding.
+        if largest <= 1e-14 * mean.abs() || largest == 0.0 {
+            return Err(PeriodError::Constant { name, samples, value: series.value[0] });
+        }
+        let weighted: Vec<f64> = about.iter().zip(&series.weight).map(|(v, w)| v * w).collect();
+        let variation = weighted.iter().zip(&about).map(|(a, b)| a * b).sum();
+        let total = series.weight.iter().sum();
+        Ok(Self { time: centred_times(series), weight: &series.weight, weighted, total, variation })
+    }
+
+    fn block(&self, grid: &Grid, harmonics: usize, power: &mut Vec<f64>) {
+        let times = |k: usize| {
+            let k = k as f64;
+            Grid { first_hz: k * grid.first_hz, step_hz: k * grid.step_hz, n: grid.n }
+        };
+        // By harmonic: of the weights up to twice the harmonics, of the weighted values up to them.
+        let mut of_weights: Vec<Sums> = Vec::with_capacity(2 * harmonics);
+        let mut of_values: Vec<Sums> = Vec::with_capacity(harmonics);
+        for k in 1..=2 * harmonics {
+            if k <= harmonics {
+                let mut both = sums(&self.time, &[self.weight, &self.weighted], &times(k));
+                of_values.extend(both.pop());
+                of_weights.extend(both.pop());
+            } else {
+                of_weights.extend(sums(&self.time, &[self.weight], &times(k)));
+            }
+        }
+        if harmonics == 1 {
+            let (w, w2, y) = (&of_weights[0], &of_weights[1], &of_values[0]);
+            power.extend((0..grid.n).map(|i| {
+                self.one([w.cos[i], w.sin[i]], [w2.cos[i], w2.sin[i]], [y.cos[i], y.sin[i]])
+            }));
+            return;
+        }
+        let mut normal = Normal::new(harmonics);
+        for i in 0..grid.n {
+            for (k, s) in of_weights.iter().enumerate() {
+                normal.weights[k + 1] = [s.cos[i], s.sin[i]];
+            }
+            for (k, s) in of_values.iter().enumerate() {
+                normal.values[k] = [s.cos[i], s.sin[i]];
+            }
+            power.push(self.share(normal.reduction(self.total)));
+        }
+    }
+
+    /// Of one harmonic: the two equations that are left without the mean, in closed form.
+    fn one(&self, [c, s]: [f64; 2], [c2, s2]: [f64; 2], [yc, ys]: [f64; 2]) -> f64 {
+        let cc = 0.5 * (self.total + c2) - c * c / self.total;
+        let ss = 0.5 * (self.total - c2) - s * s / self.total;
+        let cs = 0.5 * s2 - c * s / self.total;
+        // The larger pivot first.
+        let (a, b, ya, yb) = if cc >= ss { (cc, ss, yc, ys) } else { (ss, cc, ys, yc) };
+        if a <= LEAST_PIVOT * self.total {
+            return 0.0;
+        }
+        let mut gain = ya * ya / a;
+        let rest = b - cs * cs / a;
+        if rest > LEAST_PIVOT * self.total {
+            gain += (yb - cs * ya / a).powi(2) / rest;
+        }
+        self.share(gain)
+    }
+
+    pub fn share(&self, gain: f64) -> f64 {
+        // Beyond these ends lies rounding alone.
+        (gain / self.variation).clamp(0.0, 1.0)
+    }
+}
+
+/// The normal equations of a mean and harmonics at one frequency.
+pub(super) struct Normal {
+    harmonics: usize,
+    /// Σ w cos kωt, Σ w sin kωt for k from 0 to twice the harmonics.
+    pub weights: Vec<[f64; 2]>,
+    /// Σ w y cos kωt, Σ w y sin kωt for k from 1.
+    pub values: Vec<[f64; 2]>,
+    matrix: Vec<f64>,
+    /// After [`Normal::reduction`]: the factor's solution, for [`Normal::coefficients`].
+    solution: Vec<f64>,
+}
+
+impl Normal {
+    pub fn new(harmonics: usize) -> Self {
+        let p = 2 * harmonics;
+        Self {
+            harmonics,
+            weights: vec![[0.0; 2]; p + 1],
+            values: vec![[0.0; 2]; harmonics],
+            matrix: vec![0.0; p * p],
+            solution: vec![0.0; p],
+        }
+    }
+
+    /// By how much the fit lowers χ². The mean is eliminated, then Cholesky.
+    pub fn reduction(&mut self, total: f64) -> f64 {
+        let p = 2 * self.harmonics;
+        let w = |k: usize| self.weights[k];
+        for i in 1..=self.harmonics {
+            for j in 1..=i {
+                let ([cp, sp], [mut cm, sm]) = (w(i + j), w(i - j));
+                if i == j {
+                    cm = total;
+                }
+                let ([ci, si], [cj, sj]) = (w(i), w(j));
+                let at = |a: usize, b: usize| (2 * (i - 1) + a) * p + 2 * (j - 1) + b;
+                self.matrix[at(0, 0)] = 0.5 * (cm + cp) - ci * cj / total;
+                self.matrix[at(1, 1)] = 0.5 * (cm - cp) - si * sj / total;
+                // sin i cos j and cos i sin j.
+                self.matrix[at(1, 0)] = 0.5 * (sp + sm) - si * cj / total;
+                self.matrix[at(0, 1)] = 0.5 * (sp - sm) - ci * sj / total;
+            }
+        }
+        let mut gain = 0.0;
+        for i in 0..p {
+            let (above, row) = self.matrix.split_at_mut(i * p);
+            let row = &mut row[..p];
+            for j in 0..i {
+                let other = &above[j * p..(j + 1) * p];
+                let dot: f64 = row[..j].iter().zip(other).map(|(a, b)| a * b).sum();
+                row[j] = if other[j] > 0.0 { (row[j] - dot) / other[j] } else { 0.0 };
+            }
+            let square: f64 = row[..i].iter().map(|a| a * a).sum();
+            let pivot = row[i] - square;
+            if pivot <= LEAST_PIVOT * total {
+                row[i] = 0.0;
+                self.solution[i] = 0.0;
+                continue;
+            }
+            row[i] = pivot.sqrt();
+            let known: f64 = row[..i].iter().zip(&self.solution).map(|(a, b)| a * b).sum();
+            self.solution[i] = (self.values[i / 2][i % 2] - known) / row[i];
+            gain += self.solution[i] * self.solution[i];
+        }
+        gain
+    }
+
+    /// The coefficients [cos, sin] of the harmonics, after [`Normal::reduction`], and the mean beside them.
+    pub fn coefficients(&self, total: f64) -> (f64, Vec<[f64; 2]>) {
+        let p = 2 * self.harmonics;
+        let mut x = self.solution.clone();
+        for i in (0..p).rev() {
+            let diagonal = self.matrix[i * p + i];
+            if diagonal == 0.0 {
+                x[i] = 0.0;
+                continue;
+            }
+            for j in i + 1..p {
+                x[i] -= self.matrix[j * p + i] * x[j];
+            }
+            x[i] /= diagonal;
+        }
+        let pairs: Vec<[f64; 2]> = x.chunks_exact(2).map(|c| [c[0], c[1]]).collect();
+        let shared: f64 =
+            pairs.iter().zip(&self.weights[1..]).map(|(c, w)| c[0] * w[0] + c[1] * w[1]).sum();
+        (-shared / total, pairs)
+    }
+}

@@ -1,0 +1,159 @@
+//! What is asked, and what is answered.
+
+use crate::period::PeriodError;
+
+/// What to search.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Options {
+    /// The shortest period, s [default: twice the median step of the samples, or twice the exposure where that is longer].
+    pub shortest_s: Option<f64>,
+    /// The longest period, s [default: half of the span].
+    pub longest_s: Option<f64>,
+}
+
+/// A period with its standard uncertainty.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// The period, s.
+    pub period_s: f64,
+    /// Its standard uncertainty, s, from the curvature of the joint χ² with the noise that the fit leaves.
+    pub sigma_s: f64,
+}
+
+/// Why a period is in a family.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Membership {
+    /// The smallest period that fits.
+    Best,
+    /// That many times the best: what tells them apart is neither there nor ruled out.
+    Multiple(usize),
+    /// That part of the best: it may be enough.
+    Part(usize),
+    /// Another peak of the periodogram, nearly as high.
+    Alias,
+}
+
+/// A period that the data leave possible.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Member {
+    /// The period.
+    pub estimate: Estimate,
+    /// Why it is one.
+    pub membership: Membership,
+    /// Turns in the longest series.
+    pub turns: f64,
+}
+
+/// Why there are not enough data.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Reason {
+    /// Too few samples everywhere.
+    #[error("the longest channel has {samples} samples that count, at least {least} are needed")]
+    Samples {
+        /// Samples of the longest channel.
+        samples: usize,
+        /// How many are needed.
+        least: usize,
+    },
+    /// No light that changes.
+    #[error("the light is constant in every channel")]
+    Constant,
+    /// No period between sampling and span.
+    #[error(
+        "samples every {step_s:.4} s (exposures up to {exposure_s:.4} s) over {span_s:.4} s leave no period to look for: the shortest that they show is {shortest_s:.4} s, the longest {longest_s:.4} s"
+    )]
+    Range {
+        /// Median step, s.
+        step_s: f64,
+        /// Longest exposure, s.
+        exposure_s: f64,
+        /// Span, s.
+        span_s: f64,
+        /// Shortest period, s.
+        shortest_s: f64,
+        /// Longest period, s.
+        longest_s: f64,
+    },
+    /// Nothing above the noise.
+    #[error(
+        "no period stands out of the noise: the best, {period_s:.6} s, would do as well by chance with a probability of up to {chance:.2}"
+    )]
+    Noise {
+        /// The best period, s.
+        period_s: f64,
+        /// The chance.
+        chance: f64,
+    },
+    /// Nothing that repeats often enough.
+    #[error(
+        "the best period, {period_s:.6} s, fits only {turns:.2} times into the data: at least {least} turns are needed to see it repeat, {wanted_s:.0} s of data"
+    )]
+    Turns {
+        /// The best period, s.
+        period_s: f64,
+        /// Turns in the data.
+        turns: f64,
+        /// Turns that are needed.
+        least: f64,
+        /// The span that this needs, s.
+        wanted_s: f64,
+    },
+}
+
+/// What the data say.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Outcome {
+    /// One period.
+    One(Estimate),
+    /// Several, the best first.
+    Family(Vec<Member>),
+    /// None.
+    NotEnough(Reason),
+}
+
+/// One question about a multiple or a part of the best period.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Question {
+    /// The longer of the two periods, s.
+    pub longer_s: f64,
+    /// The shorter, s.
+    pub shorter_s: f64,
+    /// The chance that the longer one explains more by noise alone, from lines; `None` where turns are too few to tell.
+    pub chance: Option<f64>,
+    /// By how much of their light successive turns of the shorter one may differ all the same, at about 95 %.
+    pub unlike: Option<f64>,
+    /// The same chance from phase dispersion.
+    pub dispersion_chance: Option<f64>,
+}
+
+/// The verdict and what it rests on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verdict {
+    /// What the data say.
+    pub outcome: Outcome,
+    /// The best period, even where it is no answer.
+    pub best: Option<Estimate>,
+    /// Harmonics of the model at the best period.
+    pub harmonics: usize,
+    /// Upper bound of the chance that noise gives the best period (white noise, its correlation counted).
+    pub false_alarm: Option<f64>,
+    /// Chance that its harmonics are no more than what lies beside them in the spectrum.
+    pub beside: Option<f64>,
+    /// Questions about multiples and parts.
+    pub questions: Vec<Question>,
+    /// The highest peaks of the search: harmonics of the model, period in s, twice the logarithm of the likelihood gained.
+    pub peaks: Vec<(usize, f64, f64)>,
+    /// The shortest and longest period that were looked for, s.
+    pub searched_s: Option<(f64, f64)>,
+    /// Peaks of the sampling's own spectrum: frequency in Hz, height.
+    pub window_peaks: Vec<(f64, f64)>,
+    /// Channels that say something of their own: fewer than there are where the noise is shared.
+    pub independent_channels: f64,
+    /// The share of the samples that are independent of their neighbours.
+    pub independent_samples: f64,
+    /// Channels that were left out, and why.
+    pub left_out: Vec<(String, PeriodError)>,
+}

@@ -1,0 +1,177 @@
+//! The samples of one channel that count: finite, unflagged, sorted, in seconds from one moment.
+
+use hifitime::Epoch;
+use sunglint_calibration::stars::visit::TOLERATED;
+use sunglint_radiometry::light_curve::{ChannelCurve, LightCurve};
+
+/// What no series can be made of.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SeriesError {
+    /// Columns of different lengths.
+    #[error(
+        "{name}: {times} times, {values} values and {sigmas} uncertainties, expected as many of each"
+    )]
+    Lengths {
+        /// The series' name.
+        name: String,
+        /// Number of times.
+        times: usize,
+        /// Number of values.
+        values: usize,
+        /// Number of uncertainties.
+        sigmas: usize,
+    },
+}
+
+/// Samples of one channel, in order of time. What is in it can be computed with: every number is finite.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series {
+    /// Whose samples they are, for messages and legends.
+    pub name: String,
+    /// Seconds from a moment that all series of one question share; not falling.
+    pub time_s: Vec<f64>,
+    /// The values, Hz or whatever they were given in.
+    pub value: Vec<f64>,
+    /// Their weights: 1/σ² in units of the values, scaled to a mean of 1; all 1 where an uncertainty was missing or 0.
+    pub weight: Vec<f64>,
+    /// The longest exposure, s; 0 where it is not known.
+    pub exposure_s: f64,
+    /// Whether the weights come from uncertainties.
+    pub is_weighted: bool,
+    /// What was left out, and found odd.
+    pub left_out: LeftOut,
+}
+
+/// How many samples were left out of a series, and why.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LeftOut {
+    /// A flag says that the rate is not what came from the target.
+    pub flagged: usize,
+    /// Time or value is no number.
+    pub not_finite: usize,
+    /// Taken at the same moment as another one: not left out, only counted.
+    pub same_time: usize,
+}
+
+/// The part of the light's variation that no model explains.
+const FLOOR: f64 = 0.1;
+
+/// The standard deviation of what is a number, 0 of nothing.
+fn deviation(values: &[f64]) -> f64 {
+    let good = || values.iter().filter(|v| v.is_finite());
+    let n = good().count().max(1) as f64;
+    let mean = good().sum::<f64>() / n;
+    (good().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
+
+impl Series {
+    /// A series of bare numbers, in any order. `sigma` may be `None`: equal weights. A sample whose time or value is no number is left out and counted;
+    /// one whose uncertainty is no number above 0 makes all weights equal, since nothing says how to weigh it against the others.
+    ///
+    /// # Errors
+    /// Columns of different lengths.
+    pub fn new(
+        name: impl Into<String>,
+        time_s: &[f64],
+        value: &[f64],
+        sigma: Option<&[f64]>,
+    ) -> Result<Self, SeriesError> {
+        let name = name.into();
+        let sigmas = sigma.map_or(time_s.len(), <[f64]>::len);
+        if time_s.len() != value.len() || sigmas != time_s.len() {
+            let (times, values) = (time_s.len(), value.len());
+            return Err(SeriesError::Lengths { name, times, values, sigmas });
+        }
+        let mut order: Vec<usize> =
+            (0..time_s.len()).filter(|i| time_s[*i].is_finite() && value[*i].is_finite()).collect();
+        let not_finite = time_s.len() - order.len();
+        order.sort_by(|a, b| time_s[*a].total_cmp(&time_s[*b]));
+        let pick = |from: &[f64]| order.iter().map(|i| from[*i]).collect::<Vec<f64>>();
+        let time = pick(time_s);
+        let good = |s: &f64| s.is_finite() && *s > 0.0;
+        let sigma = sigma.map(pick).filter(|s| s.iter().all(good));
+        let is_weighted = sigma.is_some();
+        let weight = match sigma {
+            Some(sigma) => {
+                // Against the smallest, so that no square leaves the range of floats.
+                let least = sigma.iter().copied().fold(f64::INFINITY, f64::min);
+                let raw: Vec<f64> = sigma.iter().map(|s| (least / s).powi(2)).collect();
+                let mean = raw.iter().sum::<f64>() / raw.len().max(1) as f64;
+                raw.iter().map(|w| w / mean).collect()
+            }
+            None => vec![1.0; time.len()],
+        };
+        let same_time = time.windows(2).filter(|pair| pair[0] == pair[1]).count();
+        Ok(Self {
+            value: pick(value),
+            time_s: time,
+            weight,
+            exposure_s: 0.0,
+            is_weighted,
+            left_out: LeftOut { flagged: 0, not_finite, same_time },
+            name,
+        })
+    }
+
+    /// A channel of a light curve, in seconds from `zero`. Samples with a flag that changes the rate are left out and counted. To the uncertainties a tenth of the light's
+    /// standard deviation is added in squares before they become weights.
+    ///
+    /// # Errors
+    /// A channel that is not as long as its curve.
+    pub fn of_channel(
+        name: impl Into<String>,
+        curve: &LightCurve,
+        channel: &ChannelCurve,
+        zero: Epoch,
+    ) -> Result<Self, SeriesError> {
+        let lengths = [channel.rate_hz.len(), channel.sigma_hz.len(), channel.flags.len()];
+        if lengths.iter().any(|n| *n != curve.len()) {
+            let [values, sigmas, _] = lengths;
+            return Err(SeriesError::Lengths {
+                name: name.into(),
+                times: curve.len(),
+                values,
+                sigmas,
+            });
+        }
+        let kept: Vec<usize> = (0..curve.len())
+            .filter(|i| channel.flags[*i].difference(TOLERATED).is_empty())
+            .collect();
+        let time: Vec<f64> =
+            kept.iter().map(|i| (curve.samples.time[*i] - zero).to_seconds()).collect();
+        let pick = |from: &[f64]| kept.iter().map(|i| from[*i]).collect::<Vec<f64>>();
+        let rate = pick(&channel.rate_hz);
+        // No model of harmonics is better than that part of the light's own variation: weights by photon noise alone would all but leave out the glints.
+        let floor = FLOOR * deviation(&rate);
+        let sigma: Vec<f64> = pick(&channel.sigma_hz).iter().map(|s| s.hypot(floor)).collect();
+        let mut series = Self::new(name, &time, &rate, Some(&sigma))?;
+        series.left_out.flagged = curve.len() - kept.len();
+        series.exposure_s = kept.iter().map(|i| curve.samples.exposure_s[*i]).fold(0.0, f64::max);
+        Ok(series)
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.time_s.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.time_s.is_empty()
+    }
+
+    /// From the first to the last sample, s.
+    pub fn span_s(&self) -> f64 {
+        match (self.time_s.first(), self.time_s.last()) {
+            (Some(first), Some(last)) => last - first,
+            _ => 0.0,
+        }
+    }
+
+    /// The weighted mean; `NaN` of nothing.
+    pub fn mean(&self) -> f64 {
+        let sum: f64 = self.value.iter().zip(&self.weight).map(|(v, w)| v * w).sum();
+        sum / self.weight.iter().sum::<f64>()
+    }
+}

@@ -1,0 +1,54 @@
+//! `sunglint analyse`: what a light curve says about a body.
+
+mod curves;
+mod fold;
+mod map;
+mod numbers;
+mod period;
+mod unmix;
+
+pub use fold::FoldArgs;
+pub use map::MapArgs;
+pub use period::PeriodArgs;
+pub use unmix::UnmixArgs;
+
+use crate::output::{Console, OutputArgs};
+use clap::Subcommand;
+
+/// What can be asked of a light curve.
+#[derive(Debug, Subcommand)]
+pub enum AnalyseCommand {
+    /// The period of a curve, from all channels together: one, a family of which the data cannot choose, or not enough data
+    Period(Box<PeriodArgs>),
+    /// Samples by their phase in a period: the mean of every stretch of phase, and its uncertainty
+    Fold(Box<FoldArgs>),
+    /// How much of the light comes from which material, sample by sample
+    Unmix(Box<UnmixArgs>),
+    /// Samples on the body's frame: reflection, materials, ranges; a curve from a map
+    Map(Box<MapArgs>),
+}
+
+impl AnalyseCommand {
+    /// Where its result goes.
+    pub fn output(&self) -> &OutputArgs {
+        match self {
+            Self::Period(args) => &args.out,
+            Self::Fold(args) => &args.out,
+            Self::Unmix(args) => &args.out,
+            Self::Map(args) => &args.out,
+        }
+    }
+}
+
+/// Does what is asked.
+///
+/// # Errors
+/// A curve that is not what it should be, and what the step refuses, with the reason.
+pub fn run(command: &AnalyseCommand, console: Console) -> anyhow::Result<()> {
+    match command {
+        AnalyseCommand::Period(args) => period::run(args, console),
+        AnalyseCommand::Fold(args) => fold::run(args, console),
+        AnalyseCommand::Unmix(args) => unmix::run(args, console),
+        AnalyseCommand::Map(args) => map::run(args, console),
+    }
+}
