@@ -1,27 +1,22 @@
-//! `sunglint demo`: what there is, on embedded input.
+//! `sunglint demo`: the main job from end to end, on embedded input.
 //!
-//! Until the comparison of a measured with a simulated pass makes it the whole main job, it simulates what the six channels of the built-in station
-//! count of a satellite that crosses the evening sky, predicts the same of Vega as it sinks towards the horizon, and draws the air that makes the difference.
+//! Two satellites that are made up cross the sky of a virtual night, which is observed live through the virtual devices, reduced, calibrated by its stars and
+//! compared with the simulation; each pass gets a page. What runs is what a person would run: the commands stand in the folder's README.txt.
 
-use crate::output::{Console, OutputArgs, Product};
-use crate::plot::{Axis, Figure, Panel, Series};
-use crate::simulate;
-use crate::star::{Track, View, channel_line};
-use anyhow::Context as _;
-use clap::Args;
-use hifitime::{Epoch, Unit};
+use crate::cli;
+use crate::compare::{self, CompareArgs};
+use crate::observe::{Plan, planned};
+use crate::output::{Console, OutputArgs};
+use crate::reduce;
+use anyhow::{Context as _, bail};
+use clap::{Args, Parser as _};
+use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use std::fmt::Write as _;
-use std::path::PathBuf;
-use sunglint_formats::time::{format_utc, parse_utc};
-use sunglint_formats::{Column, Table};
-use sunglint_radiometry::air::{Air, Sampling, Zenith};
-use sunglint_radiometry::light_curve::LightCurve;
-use sunglint_radiometry::passband::ZeroPoint;
-use sunglint_radiometry::sky::{Catalogue, EarthOrientation};
-use sunglint_radiometry::star_light::{self, StarColours};
-use sunglint_radiometry::station::Station;
-use sunglint_simulator::pass::{Overrides, PassFile};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use sunglint_drivers::clock::Cancel;
+use sunglint_formats::ecsv;
 
 /// Arguments of `sunglint demo`.
 #[derive(Debug, Args)]
@@ -29,173 +24,264 @@ pub struct DemoArgs {
     /// The folder to make [default: sunglint-demo, or the next that is free]
     #[arg(short, long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
-    /// Overwrite what is in the folder
+    /// Make the folder anew if it is there: what the demonstration made in it before is deleted
     #[arg(long)]
     pub force: bool,
+    /// Show the first page in the browser (by `xdg-open`)
+    #[arg(long)]
+    pub open: bool,
 }
 
-/// One of the thesis' nights, from dusk until Vega is low.
-const FROM: &str = "2020-11-18T17:00:00";
-const MINUTES: u32 = 330;
-const EXPOSURE_S: f64 = 0.1;
-/// The scene of the pass; it goes into the folder too, to be changed and simulated again.
-const PASS: &str = include_str!("demo/pass.toml");
-const PASS_FILE: &str = "pass.toml";
-/// Made-up satellites along the line between day and night, to look for passes of.
-const SATELLITES: &str = include_str!("demo/satellites.tle");
-const SATELLITES_FILE: &str = "satellites.tle";
+/// The files that a person may change and use again.
+const FILES: [(&str, &str); 5] = [
+    ("pass.toml", include_str!("demo/pass.toml")),
+    ("sphere.toml", include_str!("demo/sphere.toml")),
+    ("night.toml", include_str!("demo/night.toml")),
+    ("virtual.toml", include_str!("demo/virtual.toml")),
+    ("satellites.tle", include_str!("demo/satellites.tle")),
+];
+/// What is made besides.
+const README: &str = "README.txt";
+const SIMULATED: &str = "simulated";
+const SESSION: &str = "session";
+const REDUCED: &str = "reduced";
+const KAPPA: &str = "kappa.ecsv";
+const COMPARED: &str = "compared";
+/// The passes: name of the visit, of the scene's file, of the pass in it.
+const PASSES: [[&str; 3]; 2] =
+    [["sphere", "sphere.toml", "sphere_pass"], ["box_wing", "pass.toml", "box_wing_pass"]];
 
-/// Makes the demonstration.
-pub fn run(args: &DemoArgs, console: Console) -> anyhow::Result<()> {
+/// Makes the demonstration; `seed` is the night's.
+pub fn run(args: &DemoArgs, seed: u64, console: Console) -> anyhow::Result<()> {
     let folder = args.output.clone().unwrap_or_else(free_folder);
-    let station = Station::built_in("ufo").context("the built-in station `ufo` is not there")??;
-    let air = Air::new(&station.air_options()?)?;
-    let star = Catalogue::embedded().find("Vega")?.clone();
-    let light = star_light::vega(StarColours {
-        v_mag: star.v_mag.context("the star has no magnitude")?,
-        b_minus_v_mag: star.bv_mag,
-        spectral_type: star.spectral_type.as_deref(),
-        zero: ZeroPoint::default(),
-    })?;
-    let start = parse_utc(FROM).context("the demonstration's time")?;
-    let times: Vec<Epoch> =
-        (0..MINUTES).map(|minute| start + f64::from(minute) * Unit::Minute).collect();
-    let view =
-        View { star, light, station, air, zero: ZeroPoint::default(), exposure_s: EXPOSURE_S };
-    let track = Track::new(view, EarthOrientation::embedded(), times)?;
-    let curve = track.light_curve("sunglint demo");
-
-    let pass = PassFile::parse(PASS_FILE, PASS)?.resolve(Overrides::default())?;
-    let pass = simulate::show(&pass, PASS_FILE, None, console)?;
-
-    let readme = folder.join("README.txt");
-    // The folder in the spelling that says so whether it is there or not.
-    let out = OutputArgs { output: vec![folder.join("")], force: args.force };
-    let mut contents = out.files_of(&pass.product)?;
-    contents.push((folder.join(PASS_FILE), PASS.into()));
-    contents.push((folder.join(SATELLITES_FILE), SATELLITES.into()));
-    contents.extend(out.files_of(&vega(&track, &curve)?)?);
-    contents.extend(out.files_of(&transmissions(&track.air)?)?);
-    let files: Vec<String> =
-        contents.iter().map(|(p, _)| p).chain([&readme]).map(|p| p.display().to_string()).collect();
-    contents.push((readme, explain(&pass.text, &track, &files).into_bytes()));
-    out.write_files(&contents, Console { quiet: true, ..console })?;
-    let json = json!({ "folder": folder.display().to_string(), "files": files });
-    if console.quiet && !console.json {
-        return Ok(());
+    clear(&folder, args.force)?;
+    let mut work = Work::new(&folder, console);
+    work.files(seed)?;
+    // Before all else, so that a folder whose making was cut short is known for what it is.
+    work.write(README, &format!("{MARK}, not finished\n"))?;
+    for [visit, scene, pass] in PASSES {
+        work.step(&format!("simulating the light of {visit}"));
+        let curve = format!("{SIMULATED}/{pass}.ecsv");
+        work.command(&["simulate", scene, "-o", &curve])?;
     }
-    console.result(
-        &format!(
-            "{}\n{}\nThe demonstration is in {}",
-            pass.text,
-            summary(&track),
-            folder.display()
-        ),
-        &json,
-    )
-}
-
-fn vega(track: &Track, curve: &LightCurve) -> anyhow::Result<Product> {
-    let start = curve.samples.time.first().copied().context("there is no sample")?;
-    let hours: Vec<f64> =
-        curve.samples.time.iter().map(|t| (*t - start).to_unit(Unit::Hour)).collect();
-    let line = |values: Vec<f64>| hours.iter().copied().zip(values).collect::<Vec<_>>();
-    let channels = || track.station.channels.iter().zip(&curve.channels);
-    let rates = channels().map(|(channel, c)| channel_line(channel, line(c.rate_hz.clone())));
-    let fading = channels().enumerate().map(|(i, (channel, c))| {
-        let above = track.sights[0].rates[i].above_air_hz;
-        channel_line(channel, line(c.rate_hz.iter().map(|r| -2.5 * (r / above).log10()).collect()))
+    work.step("observing the virtual night");
+    work.observe()?;
+    work.step("reducing frames and counts");
+    work.reduce()?;
+    work.step("calibrating by stars");
+    work.command(&["calibrate", REDUCED, "--station", "ufo", "-o", KAPPA, "-o", "kappa.png"])?;
+    let (mut texts, mut pages) = (Vec::new(), Vec::new());
+    for [visit, scene, pass] in PASSES {
+        work.step(&format!("comparing {visit}"));
+        let linear = format!("{REDUCED}/{visit}_1.ecsv");
+        let calibrated = format!("{visit}.ecsv");
+        work.command(&["apply", KAPPA, &linear, "--station", "ufo", "-o", &calibrated])?;
+        texts.push(work.compare(&calibrated, scene)?);
+        pages.push(work.path(&format!("{COMPARED}/{pass}_compared.html")));
+    }
+    work.bar.finish_and_clear();
+    let seconds = work.start.elapsed().as_secs_f64();
+    let text = texts.join("\n");
+    work.write(README, &readme(&text, &work.said))?;
+    let shown: Vec<String> = pages.iter().map(|p| p.display().to_string()).collect();
+    let files = files(&folder)?;
+    let document = json!({
+        "folder": folder.display().to_string(), "files": files, "pages": shown, "commands": work.said,
+        "seconds": crate::output::rounded(seconds),
     });
-    let x = || Axis::linear(format!("hours after {}", format_utc(start, 0)));
-    let zenith =
-        |sight: Option<&crate::star::Sight>| sight.map_or(0.0, |s| s.place.horizontal.zenith_deg());
-    let title = format!(
-        "{}: predicted rates in six channels while its zenith angle goes from {:.0}° to {:.0}°",
-        track.star,
-        zenith(track.sights.first()),
-        zenith(track.sights.last())
-    );
-    let panels = vec![
-        Panel::new(x(), Axis::log("predicted rate at the detector (Hz)"), rates.collect()),
-        Panel::new(x(), Axis::linear("extinction by clean air (mag)"), fading.collect()),
-    ];
-    let figure = Some(Figure { title, panels });
-    Ok(Product {
-        name: "vega_night".into(),
-        table: curve.to_table()?,
-        figure,
-        json: json!({}),
-        ..Product::default()
-    })
-}
-
-fn transmissions(air: &Air) -> anyhow::Result<Product> {
-    let nm: Vec<f64> = (300..=1240).map(f64::from).collect();
-    let sampling = Sampling::means(&nm, 0.5)?;
-    let mut table = Table {
-        columns: vec![Column::f64("wavelength_nm", Some("nm"), nm.clone())],
-        ..Table::default()
-    };
-    let mut series = Vec::new();
-    for (i, zenith) in [0.0, 60.0, 80.0].into_iter().enumerate() {
-        let t = air.transmission(Zenith::True(zenith), &sampling)?;
-        let points = nm.iter().copied().zip(t.iter().copied()).collect();
-        series.push(Series::line(format!("zenith angle {zenith}°"), i, points));
-        table.columns.push(Column::f64(format!("transmission_z{zenith}"), None, t));
+    if !console.quiet || console.json {
+        console.result(
+            &format!(
+                "{text}\nmade in {seconds:.0} s; the pages of both passes:\n  {}\nThe demonstration is in {}",
+                shown.join("\n  "),
+                folder.display()
+            ),
+            &document,
+        )?;
     }
-    let x = Axis::linear("vacuum wavelength (nm)").from_to(300.0, 1240.0);
-    let y = Axis::linear("transmission of the air").from_to(0.0, 1.0);
-    let title = "Air above Stuttgart, midlatitude winter, no aerosol".into();
-    let figure = Some(Figure { title, panels: vec![Panel::new(x, y, series)] });
-    Ok(Product { name: "air".into(), table, figure, json: json!({}), ..Product::default() })
+    if args.open {
+        open(&pages[1])?;
+    }
+    Ok(())
 }
 
-fn summary(track: &Track) -> String {
-    let (Some(first), Some(last)) = (track.sights.first(), track.sights.last()) else {
-        return String::new();
-    };
-    let zenith = |sight: &crate::star::Sight| sight.place.horizontal.zenith_deg();
-    let mut text = format!(
-        "{} from {}, zenith angle {:.1}° to {:.1}°, {} samples\n\n  channel   highest rate       lowest rate    fades by\n",
-        track.star,
-        track.station.name,
-        zenith(first),
-        zenith(last),
-        track.sights.len()
-    );
-    for (i, channel) in track.station.channels.iter().enumerate() {
-        let (Some(high), Some(low)) = (first.rates[i].rate_hz, last.rates[i].rate_hz) else {
+/// How the text begins that says a folder is a demonstration's.
+const MARK: &str = "What `sunglint demo` made";
+
+/// Sees to it that nothing of another is overwritten: a folder that is there is refused, or with `--force` loses what a demonstration made in it. A
+/// folder that no demonstration made, which may hold a real session, loses nothing.
+fn clear(folder: &Path, force: bool) -> anyhow::Result<()> {
+    let own = FILES.map(|(name, _)| name).into_iter().chain([
+        README,
+        SIMULATED,
+        SESSION,
+        REDUCED,
+        KAPPA,
+        "kappa.png",
+        COMPARED,
+        "sphere.ecsv",
+        "box_wing.ecsv",
+    ]);
+    let said = std::fs::read_to_string(folder.join(README)).unwrap_or_default();
+    let own_folder = said.starts_with(MARK);
+    for path in own.map(|name| folder.join(name)) {
+        if path.symlink_metadata().is_err() {
             continue;
-        };
-        let fades = 2.5 * (high / low).log10();
-        let _ =
-            write!(text, "  {:<8} {high:>12.4e} Hz {low:>14.4e} Hz {fades:>7.3} mag", channel.name);
-        let saturated = track.sights.iter().filter(|s| s.rates[i].saturated).count();
-        if saturated > 0 {
-            let _ = write!(text, "   {saturated} samples past the counter's saturation: attenuate");
         }
-        text.push('\n');
+        if !force {
+            bail!("{} is there already: nothing is overwritten without --force", path.display());
+        }
+        if !own_folder {
+            bail!(
+                "{} is there already, and {} was not made by a demonstration: give another folder",
+                path.display(),
+                folder.display()
+            );
+        }
+        let gone = if path.is_dir() {
+            std::fs::remove_dir_all(&path)
+        } else {
+            std::fs::remove_file(&path)
+        };
+        gone.with_context(|| format!("cannot make {} anew", path.display()))?;
     }
-    text
+    Ok(())
 }
 
-fn explain(pass: &str, track: &Track, files: &[String]) -> String {
-    let names: String = files.iter().fold(String::new(), |mut text, file| {
-        let name = std::path::Path::new(file)
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
-        let _ = writeln!(text, "  {name}");
-        text
-    });
+/// The demonstration while it is made.
+struct Work<'a> {
+    folder: &'a Path,
+    start: Instant,
+    bar: ProgressBar,
+    /// The commands that were run, as a person would.
+    said: Vec<String>,
+}
+
+impl<'a> Work<'a> {
+    fn new(folder: &'a Path, console: Console) -> Self {
+        let bar = if console.quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
+        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} ({elapsed})") {
+            bar.set_style(style);
+        }
+        // Hidden where stderr is no terminal.
+        bar.enable_steady_tick(Duration::from_millis(120));
+        Self { folder, start: Instant::now(), bar, said: Vec::new() }
+    }
+
+    fn step(&self, what: &str) {
+        self.bar.set_message(what.to_owned());
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    fn write(&self, name: &str, text: &str) -> anyhow::Result<()> {
+        let out = OutputArgs { output: Vec::new(), force: true };
+        out.write_file(&self.path(name), text.as_bytes())
+    }
+
+    fn files(&mut self, seed: u64) -> anyhow::Result<()> {
+        for name in [SIMULATED, REDUCED, COMPARED] {
+            let path = self.path(name);
+            std::fs::create_dir_all(&path)
+                .with_context(|| format!("cannot create the folder {}", path.display()))?;
+        }
+        for (name, text) in FILES {
+            // The seed of the command line is added to the file's own.
+            let own = format!("seed = {}\n", seed.wrapping_add(1));
+            self.write(name, &text.replace("seed = 1\n", &own))?;
+        }
+        Ok(())
+    }
+
+    /// Runs a command of the program on files of the folder, without a word.
+    fn command(&mut self, words: &[&str]) -> anyhow::Result<()> {
+        self.said.push(format!("sunglint {}", words.join(" ")));
+        // What names a file or folder of the demonstration does so from here.
+        let own = |word: &str| {
+            let is = word.contains('.') || [REDUCED, SESSION].contains(&word);
+            if is { self.path(word).into_os_string() } else { word.into() }
+        };
+        let all =
+            ["sunglint", "-q"].map(Into::into).into_iter().chain(words.iter().map(|w| own(w)));
+        let parsed = cli::Cli::try_parse_from(all).context("a command of the demonstration")?;
+        cli::run(&parsed).with_context(|| format!("sunglint {}", words.join(" ")))
+    }
+
+    fn observe(&mut self) -> anyhow::Result<()> {
+        self.said.push(format!("sunglint observe night.toml -o {SESSION}"));
+        let plan = Plan::read(&self.path("night.toml"))?;
+        let summary = planned(plan, Some(&self.path(SESSION))).run(&Cancel::new(), &mut |_| {})?;
+        if summary.not_written > 0 || summary.stopped {
+            bail!("{} bins or frames of the virtual night were not written", summary.not_written);
+        }
+        Ok(())
+    }
+
+    fn reduce(&mut self) -> anyhow::Result<()> {
+        struct GoOn;
+        impl reduce::Stop for GoOn {
+            fn step(&mut self, _: u64) -> anyhow::Result<()> {
+                Ok(())
+            }
+        }
+        self.said.push(format!("sunglint reduce {SESSION} -o {REDUCED}/"));
+        let (curves, _) = reduce::light_curves_by_name(&self.path(SESSION), &mut GoOn)?;
+        for (name, curve) in curves {
+            self.write(&format!("{REDUCED}/{name}.ecsv"), &ecsv::to_string(&curve.to_table()?)?)?;
+        }
+        Ok(())
+    }
+
+    fn compare(&mut self, measured: &str, scene: &str) -> anyhow::Result<String> {
+        self.said.push(format!("sunglint compare {measured} {scene} -o {COMPARED}/"));
+        let quiet = Console { quiet: true, ..Console::default() };
+        let args = CompareArgs::of(self.path(measured), self.path(scene));
+        let (product, text) = compare::compare(&args, quiet)?;
+        let out = OutputArgs { output: vec![self.path(COMPARED).join("")], force: false };
+        out.write_files(&out.files_of(&product)?, quiet)?;
+        Ok(text)
+    }
+}
+
+fn readme(text: &str, commands: &[String]) -> String {
+    let mut lines = String::new();
+    for command in commands {
+        let _ = writeln!(lines, "  {command}");
+    }
     format!(
-        "What `sunglint demo` made\n\n{pass}\n{}\nspectrum: {}\nThe station's curves are approximate shapes, not measurements, and the satellite, its orbit and its materials are made up.\n\nFiles:\n{names}\n\
-         box_wing_pass.ecsv and vega_night.ecsv are light curves of the program's schema (quantity `predicted`): rates and uncertainties in Hz\nper channel, with flags. They open in any editor and with astropy.table.Table.read. box_wing_pass_spectra.fits holds times x bins.\n\
-         Change {PASS_FILE} and run `sunglint simulate {PASS_FILE}`.\n",
-        summary(track),
-        track.light.origin
+        "{MARK}\n\n{text}\nIt is a virtual night: made of photons and pixels whose truth is known (session/virtual/truth.json), observed through virtual devices, then \
+         treated as a real one. The satellites,\ntheir orbits and materials are made up, and the station's curves are approximate shapes, not measurements.\n\n\
+         What was run, in this folder (without the figures of `reduce`):\n\n{lines}\n\
+         compared/*.html are the pages: open them in a browser, mail them. Tables (.ecsv) open in any editor and with astropy.table.Table.read.\n\
+         Change pass.toml, sphere.toml or virtual.toml and run a command again.\n"
     )
+}
+
+/// All files of a folder, by their names from here.
+fn files(folder: &Path) -> anyhow::Result<Vec<String>> {
+    let mut found = Vec::new();
+    let entries = std::fs::read_dir(folder)
+        .with_context(|| format!("cannot read the folder {}", folder.display()))?;
+    for entry in entries {
+        found.push(entry?.path().display().to_string());
+    }
+    found.sort();
+    Ok(found)
+}
+
+fn open(page: &Path) -> anyhow::Result<()> {
+    let status = std::process::Command::new("xdg-open").arg(page).status();
+    match status {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => {
+            bail!("xdg-open {} ended with {status}: open it in a browser", page.display())
+        }
+        Err(error) => {
+            bail!("cannot start xdg-open ({error}): open {} in a browser", page.display())
+        }
+    }
 }
 
 /// `sunglint-demo`, `sunglint-demo-2` … : the first that is not there.

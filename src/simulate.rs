@@ -1,8 +1,7 @@
 //! `sunglint simulate`: what a pass should look like in every channel.
 
 mod active;
-mod beside;
-mod figure;
+pub(crate) mod figure;
 mod report;
 
 use crate::explain;
@@ -10,10 +9,10 @@ use crate::output::{Console, OutputArgs, Product, Usage};
 use crate::star::when;
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
-use beside::{Beside, ComparedAs};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use report::{Cost, Report};
+pub(crate) use report::Cost;
+use report::Report;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -42,15 +41,6 @@ pub struct SimulateArgs {
     /// Model what may change the light by more than this: `0.2%` or `0.002`, in place of the file's [default: 0.1%]
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true, value_parser = explain::tolerance)]
     pub tolerance: Option<f64>,
-    /// A measured curve to draw beside the simulated one: ECSV or CSV with `time_utc` and a column of magnitudes. Nothing is fitted
-    #[arg(long, value_name = "FILE")]
-    pub beside: Option<PathBuf>,
-    /// Its column of magnitudes
-    #[arg(long, value_name = "NAME", default_value = "magnitude", requires = "beside")]
-    pub beside_column: String,
-    /// What these magnitudes are
-    #[arg(long, value_enum, default_value_t, requires = "beside")]
-    pub beside_as: ComparedAs,
     /// Add the returns of the station's lasers (`[[laser]]` in station.toml or PASS.toml, docs/active.md)
     #[arg(long)]
     pub active: bool,
@@ -85,14 +75,8 @@ pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
         tolerance: args.tolerance,
     };
     let pass = read(&args.pass, &args.station, overrides)?;
-    // Before the work: a table that is none should not cost it.
-    let measured = args
-        .beside
-        .as_ref()
-        .map(|path| Beside::read(path, &args.beside_column, args.beside_as))
-        .transpose()?;
     let lasers = if args.active { active::lasers(&pass, &args.laser)? } else { Vec::new() };
-    let shown = show_with(&pass, &args.pass.display().to_string(), measured, &lasers, console)?;
+    let shown = show(&pass, &args.pass.display().to_string(), &lasers, console)?;
     if !shown.has_light && args.out.output.iter().any(|p| is_picture(p)) {
         bail!(
             "{}: there is no light to draw in any sample (see the warnings); write a table instead",
@@ -120,7 +104,7 @@ pub(crate) fn read(
 }
 
 /// A pass, simulated and ready to be written.
-pub(crate) struct Shown {
+struct Shown {
     /// Tables, figures and summary.
     pub product: Product,
     /// The summary as text.
@@ -129,31 +113,15 @@ pub(crate) struct Shown {
     pub has_light: bool,
 }
 
-/// Simulates a pass and says on stderr what a person should hear of; `name` is that of its file.
-pub(crate) fn show(
-    pass: &Pass,
-    name: &str,
-    measured: Option<Beside>,
-    console: Console,
-) -> anyhow::Result<Shown> {
-    show_with(pass, name, measured, &[], console)
-}
-
-/// The same with the returns of some lasers.
-fn show_with(
-    pass: &Pass,
-    name: &str,
-    measured: Option<Beside>,
-    lasers: &[&Laser],
-    console: Console,
-) -> anyhow::Result<Shown> {
+/// Simulates a pass, with the returns of some lasers, and says on stderr what a person should hear of; `name` is that of its file.
+fn show(pass: &Pass, name: &str, lasers: &[&Laser], console: Console) -> anyhow::Result<Shown> {
     let clock = Clock::new(pass.times.len(), console);
     let simulation =
         pass.simulate(&|progress| clock.tell(progress)).with_context(|| name.to_owned())?;
     let cost = clock.cost();
-    let beside = measured.map(|curve| curve.compare(&simulation)).transpose()?;
     let mut warnings = pass.warnings.clone();
     warnings.extend(concerns(pass, &simulation));
+    warnings.extend(of_times(pass));
     for warning in &warnings {
         console.warn(warning);
     }
@@ -164,8 +132,7 @@ fn show_with(
     for material in &pass.target.materials {
         console.detail(&format!("material {}", material.describe()));
     }
-    let report =
-        Report { simulation: &simulation, cost, beside: beside.as_ref(), warnings: &warnings };
+    let report = Report { simulation: &simulation, cost, warnings: &warnings };
     let (product, text) = (report.product()?, report.text());
     let mut shown = Shown { product, text, has_light: simulation.has_light() };
     if !lasers.is_empty() {
@@ -179,7 +146,7 @@ fn is_picture(path: &std::path::Path) -> bool {
 }
 
 /// What a person should hear of before believing the numbers.
-fn concerns(pass: &Pass, simulation: &Simulation) -> Vec<String> {
+pub(crate) fn concerns(pass: &Pass, simulation: &Simulation) -> Vec<String> {
     let mut concerns = simulation.scene.warnings.clone();
     concerns.extend(explain::concerns(&simulation.needs));
     let round = |shape: &Shape| matches!(shape, Shape::Sphere { .. });
@@ -188,7 +155,6 @@ fn concerns(pass: &Pass, simulation: &Simulation) -> Vec<String> {
     if turned && !pass.attitude_given && matches!(pass.attitude, Attitude::Inertial(_)) {
         concerns.push("no [attitude] is given: the body stands still among the stars, its axes along those of the GCRS".into());
     }
-    concerns.extend(of_times(pass));
     let places = &simulation.places;
     let orientation = places.iter().map(|p| p.orientation).find(|o| o.is_outside());
     concerns.extend(orientation.map(|o| format!("{o} ([earth_orientation] file = \"FILE\")")));
@@ -261,7 +227,7 @@ fn of_times(pass: &Pass) -> Vec<String> {
 }
 
 /// Measures what each stage costs, and shows how far the simulation is where that takes long.
-struct Clock {
+pub(crate) struct Clock {
     start: Instant,
     stages: Mutex<Vec<(Stage, Instant)>>,
     bar: Mutex<Option<ProgressBar>>,
@@ -270,12 +236,12 @@ struct Clock {
 }
 
 impl Clock {
-    fn new(epochs: usize, console: Console) -> Self {
+    pub(crate) fn new(epochs: usize, console: Console) -> Self {
         let (stages, bar) = (Mutex::default(), Mutex::default());
         Self { start: Instant::now(), stages, bar, epochs, quiet: console.quiet }
     }
 
-    fn tell(&self, progress: Progress) {
+    pub(crate) fn tell(&self, progress: Progress) {
         // A lock that a panicking thread left holds nothing that could be wrong.
         let mut stages = self.stages.lock().unwrap_or_else(|e| e.into_inner());
         if stages.last().is_none_or(|(stage, _)| *stage != progress.stage) {
@@ -299,7 +265,7 @@ impl Clock {
         }
     }
 
-    fn cost(&self) -> Cost {
+    pub(crate) fn cost(&self) -> Cost {
         let stages = self.stages.lock().unwrap_or_else(|e| e.into_inner());
         let seconds = |pair: &[(Stage, Instant)]| {
             (pair[0].0, pair[1].1.duration_since(pair[0].1).as_secs_f64())

@@ -1,6 +1,5 @@
 //! The figures of a simulated pass: rates, magnitudes and geometry against time, and the time–wavelength diagram.
 
-use super::beside::Comparison;
 use crate::plot::{Axis, Figure, Heat, Panel, RGBColor, Series, Span};
 use crate::star::channel_line;
 use hifitime::Epoch;
@@ -63,7 +62,6 @@ pub fn tracks(times: &[Epoch]) -> Vec<Track> {
 /// Draws what a simulation has to show.
 pub(super) struct Drawing<'a> {
     pub simulation: &'a Simulation<'a>,
-    pub beside: Option<&'a Comparison>,
     pub title: String,
 }
 
@@ -169,34 +167,11 @@ impl Drawing<'_> {
 
     fn magnitudes(&self, track: &Track) -> Option<Panel> {
         let mut series = Vec::new();
-        let title = match self.beside {
-            None => {
-                for (b, (name, index)) in
-                    [("B", 0), ("V", 2), ("R", 1), ("I", 7)].iter().enumerate()
-                {
-                    let magnitudes = self.simulation.magnitudes.column(b + 1);
-                    let value =
-                        |i: usize, p: &Place| if p.hidden { f64::NAN } else { magnitudes[i] };
-                    series.push(Series::line(*name, *index, self.line(track, &value)));
-                }
-                "magnitude above the air".to_owned()
-            }
-            Some(beside) => {
-                let last = self.at(track, track.to);
-                let margin = 0.01 * last.max(1.0);
-                let points = beside
-                    .points
-                    .iter()
-                    .map(|p| (self.at(track, p.0), p.1))
-                    .filter(|p| (-margin..=last + margin).contains(&p.0))
-                    .collect();
-                series.push(Series::dots(beside.label(), 6, points));
-                let simulated = beside.compared_as.of(self.simulation);
-                let value = |i: usize, p: &Place| if p.hidden { f64::NAN } else { simulated[i] };
-                series.push(Series::line("simulated", 1, self.line(track, &value)));
-                format!("magnitude: {}", beside.compared_as.name())
-            }
-        };
+        for (b, (name, index)) in [("B", 0), ("V", 2), ("R", 1), ("I", 7)].iter().enumerate() {
+            let magnitudes = self.simulation.magnitudes.column(b + 1);
+            let value = |i: usize, p: &Place| if p.hidden { f64::NAN } else { magnitudes[i] };
+            series.push(Series::line(*name, *index, self.line(track, &value)));
+        }
         let brightest = series.iter().flat_map(|s| &s.points).map(|p| p.1).fold(f64::NAN, f64::min);
         if brightest.is_nan() {
             return None;
@@ -208,7 +183,7 @@ impl Drawing<'_> {
                 point.1 = f64::NAN;
             }
         }
-        Some(self.panel(track, Axis::linear(title).inverted(), series))
+        Some(self.panel(track, Axis::linear("magnitude above the air").inverted(), series))
     }
 
     fn geometry(&self, track: &Track) -> Panel {

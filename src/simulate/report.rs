@@ -1,6 +1,5 @@
 //! What `sunglint simulate` says: text, JSON, tables and figures.
 
-use super::beside::Comparison;
 use super::figure::{Drawing, tracks};
 use crate::air::describe;
 use crate::explain;
@@ -18,7 +17,7 @@ const COMMAND: &str = "sunglint simulate";
 const DARK_MAG: f64 = 32.0;
 
 /// What a simulation cost.
-pub(super) struct Cost {
+pub(crate) struct Cost {
     pub stages: Vec<(Stage, f64)>,
     pub total_s: f64,
     pub epochs: usize,
@@ -29,7 +28,6 @@ pub(super) struct Cost {
 pub(super) struct Report<'a> {
     pub simulation: &'a Simulation<'a>,
     pub cost: Cost,
-    pub beside: Option<&'a Comparison>,
     pub warnings: &'a [String],
 }
 
@@ -54,7 +52,7 @@ impl Report<'_> {
     /// The light curve, with the geometry and the spectra beside it.
     pub fn product(&self) -> anyhow::Result<Product> {
         let simulation = self.simulation;
-        let drawing = Drawing { simulation, beside: self.beside, title: self.title() };
+        let drawing = Drawing { simulation, title: self.title() };
         let name = |what: &str| {
             let good = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
             format!("{}{what}", simulation.pass.name.replace(|c| !good(c), "_"))
@@ -148,9 +146,6 @@ impl Report<'_> {
         text.push('\n');
         self.say_magnitudes(&mut text);
         self.say_channels(&mut text);
-        if let Some(beside) = self.beside {
-            text.push_str(&beside.text());
-        }
         self.say_cost(&mut text);
         text
     }
@@ -347,7 +342,6 @@ impl Report<'_> {
             "needs": explain::json(&simulation.needs),
             "bins_stated_error": stated(simulation.stated_error_of_bins()),
             "not_modelled": simulation.not_modelled(),
-            "beside": self.beside.map(Comparison::json),
             "warnings": self.warnings,
         })
     }

@@ -1,0 +1,395 @@
+//! A channel, measured and simulated: which samples count, and what they say.
+
+use super::TOLERATED;
+use super::blocks::{Blocks, jackknife};
+use std::fmt;
+use sunglint_radiometry::light_curve::Flags;
+
+/// The part of a normal distribution within one standard deviation.
+const CENTRAL: f64 = 0.682_689_492_137_085_9;
+
+/// A channel as it comes: one entry a sample, all in one unit.
+#[derive(Debug, Clone, Copy)]
+pub struct Given<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Exposures, s: the weights of samples.
+    pub exposure_s: &'a [f64],
+    /// What was measured.
+    pub measured: &'a [f64],
+    /// Its standard uncertainty; NaN or 0 where none is known.
+    pub sigma: &'a [f64],
+    /// What there is to say of it.
+    pub flags: &'a [Flags],
+    /// What the simulation says; NaN where it says nothing.
+    pub simulated: &'a [f64],
+    /// How far off that may be by its own stated error: a bound.
+    pub model_error: &'a [f64],
+    /// What there is to say of the simulated one.
+    pub simulated_flags: &'a [Flags],
+    /// Whether the sample lies within the times that are compared.
+    pub within: &'a [bool],
+    /// The relative variance of the sample by twinkling, where that is known.
+    pub twinkling: Option<&'a [f64]>,
+    /// The relative uncertainty that all samples have in common: κ's.
+    pub common_sigma: Option<f64>,
+}
+
+/// Why a sample was left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reason {
+    /// A flag of the measurement.
+    Flag(Flags),
+    /// Outside the times of the scene.
+    Outside,
+    /// Below the horizon in the simulation, or behind what stands there.
+    Hidden,
+    /// The simulation has no value.
+    NotSimulated,
+    /// The measurement has no number, and no flag that says why.
+    NoNumber,
+}
+
+impl Reason {
+    /// As tables name it: a flag by its own name.
+    pub fn name(self) -> String {
+        match self {
+            Reason::Flag(flag) => {
+                flag.iter_names().map(|(name, _)| name.to_lowercase()).collect::<Vec<_>>().join("+")
+            }
+            Reason::Outside => "outside_the_pass".into(),
+            Reason::Hidden => "hidden_in_the_simulation".into(),
+            Reason::NotSimulated => "not_simulated".into(),
+            Reason::NoNumber => "no_number".into(),
+        }
+    }
+}
+
+/// Samples that were left out, by reason; one with several flags counts under each.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LeftOut {
+    /// Their number, each counted once.
+    pub samples: usize,
+    /// By reason, in the order of the flags' bits, then the others.
+    pub reasons: Vec<(Reason, usize)>,
+}
+
+impl LeftOut {
+    fn add(&mut self, reasons: &[Reason]) {
+        self.samples += 1;
+        for reason in reasons {
+            match self.reasons.iter_mut().find(|(r, _)| r == reason) {
+                Some((_, n)) => *n += 1,
+                None => self.reasons.push((*reason, 1)),
+            }
+        }
+    }
+}
+
+impl fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.reasons.is_empty() {
+            return write!(f, "{} left out", self.samples);
+        }
+        let reasons: Vec<String> =
+            self.reasons.iter().map(|(reason, n)| format!("{n} {}", reason.name())).collect();
+        write!(f, "{} left out ({})", self.samples, reasons.join(", "))
+    }
+}
+
+/// Reduced χ² of a channel, over its samples with a σ, about the scaled simulation (samples − 1 degrees of freedom).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chi2 {
+    /// Samples that went in.
+    pub samples: usize,
+    /// By the data's σ alone.
+    pub data: f64,
+    /// By that and what twinkling makes; `None` where that is not known.
+    pub with_twinkling: Option<f64>,
+    /// By the data's σ, of what is left of a difference past the simulation's stated error: the least that this error allows.
+    pub past_stated: f64,
+    /// By the data's σ alone, at a scale of 1.
+    pub unscaled: f64,
+}
+
+/// What the samples of a channel say that count.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Numbers {
+    /// How many they are.
+    pub samples: usize,
+    /// Σ t m / Σ t s.
+    pub scale: f64,
+    /// Its standard uncertainty by the samples' σ; `None` where one of them has none.
+    pub scale_sigma: Option<f64>,
+    /// Its standard uncertainty as blocks of time differ; `None` of too few samples.
+    pub scale_sigma_blocks: Option<f64>,
+    /// Blocks behind that, as many as equally bright ones would say as much: (Σ w)²/Σ w² of their light w, rounded down.
+    pub blocks: usize,
+    /// The relative uncertainty that all samples have in common.
+    pub common_sigma: Option<f64>,
+    /// The median of m/s, each sample with the weight of its simulated light.
+    pub median: f64,
+    /// Half of what the central 68 % of m/(scale·s) spans, with the same weights.
+    pub scatter: f64,
+    /// Root of the mean square of m − scale·s over that of scale·s.
+    pub rms: f64,
+    /// The same of the data's σ: what `rms` would be were the model right and twinkling away; `None` without any σ.
+    pub noise: Option<f64>,
+    /// The same of twinkling.
+    pub twinkling: Option<f64>,
+    /// The simulation's stated error: the median and the largest, relative to the sample.
+    pub stated: (f64, f64),
+    /// Measured less simulated in magnitudes: mean, root mean square, standard deviation about the mean; `None` where a sample that counts is not above 0.
+    pub magnitudes: Option<[f64; 3]>,
+    /// χ²; `None` without σ.
+    pub chi2: Option<Chi2>,
+}
+
+/// A channel, compared.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channel {
+    /// Its name.
+    pub name: String,
+    /// Samples with an exposure of this channel.
+    pub samples: usize,
+    /// Whether each sample counts.
+    pub used: Vec<bool>,
+    /// The others.
+    pub left_out: LeftOut,
+    /// What those that count say; `None` where none does, or no light is simulated.
+    pub numbers: Option<Numbers>,
+}
+
+impl Channel {
+    /// Compares. All entries of `given` have one length, that of `blocks`.
+    pub fn new(given: &Given<'_>, blocks: &Blocks) -> Self {
+        let n = given.measured.len();
+        let mut channel = Self {
+            name: given.name.to_owned(),
+            samples: 0,
+            used: vec![false; n],
+            left_out: LeftOut::default(),
+            numbers: None,
+        };
+        for i in 0..n {
+            if given.flags[i].contains(Flags::NOT_SAMPLED) {
+                continue;
+            }
+            channel.samples += 1;
+            let reasons = given.against(i);
+            if reasons.is_empty() {
+                channel.used[i] = true;
+            } else {
+                channel.left_out.add(&reasons);
+            }
+        }
+        let order = |reason: &Reason| match reason {
+            Reason::Flag(flag) => u64::from(flag.bits()),
+            other => (1 << 40) + u64::from(*other == Reason::Hidden),
+        };
+        channel.left_out.reasons.sort_by_key(|(reason, _)| order(reason));
+        channel.numbers = Numbers::of(given, &channel.used, blocks);
+        channel
+    }
+}
+
+impl Given<'_> {
+    /// What speaks against a sample.
+    fn against(&self, i: usize) -> Vec<Reason> {
+        let mut reasons: Vec<Reason> =
+            (self.flags[i] - TOLERATED).iter().map(Reason::Flag).collect();
+        if !self.within[i] {
+            reasons.push(Reason::Outside);
+        } else if self.simulated_flags[i].contains(Flags::HIDDEN) {
+            reasons.push(Reason::Hidden);
+        } else if !self.simulated[i].is_finite() {
+            reasons.push(Reason::NotSimulated);
+        }
+        if reasons.is_empty() && !self.measured[i].is_finite() {
+            reasons.push(Reason::NoNumber);
+        }
+        reasons
+    }
+
+    /// Σ t m and Σ t s of some samples.
+    pub(super) fn sums(&self, samples: impl Iterator<Item = usize>) -> (f64, f64) {
+        samples.fold((0.0, 0.0), |(m, s), i| {
+            let t = self.exposure_s[i];
+            (m + t * self.measured[i], s + t * self.simulated[i])
+        })
+    }
+
+    /// √(Σ t² σ²) of some samples; `None` where one has no σ.
+    pub(super) fn sigma_of_sum(&self, samples: impl Iterator<Item = usize>) -> Option<f64> {
+        let mut sum = 0.0;
+        for i in samples {
+            if !self.sigma[i].is_finite() {
+                return None;
+            }
+            sum += (self.exposure_s[i] * self.sigma[i]).powi(2);
+        }
+        Some(sum.sqrt())
+    }
+}
+
+impl Numbers {
+    fn of(given: &Given<'_>, used: &[bool], blocks: &Blocks) -> Option<Self> {
+        let picked: Vec<usize> = (0..used.len()).filter(|i| used[*i]).collect();
+        let (light, model) = given.sums(picked.iter().copied());
+        if picked.is_empty() || model.is_nan() || model <= 0.0 {
+            return None;
+        }
+        let scale = light / model;
+        let jackknifed = jackknife(blocks, &picked, &|left| {
+            let (light, model) = given.sums(left);
+            light / model
+        });
+        let ratios: Vec<(f64, f64)> = picked
+            .iter()
+            .filter(|i| given.simulated[**i] > 0.0)
+            .map(|i| {
+                let s = given.simulated[*i];
+                (given.measured[*i] / s, given.exposure_s[*i] * s)
+            })
+            .collect();
+        let at = |p: f64| quantile(&ratios, p);
+        let root = |f: &dyn Fn(usize) -> f64| {
+            let t = |i: &usize| given.exposure_s[*i];
+            let square: f64 = picked.iter().map(|i| t(i) * f(*i).powi(2)).sum();
+            let of: f64 = picked.iter().map(|i| t(i) * (scale * given.simulated[*i]).powi(2)).sum();
+            (square / of).sqrt()
+        };
+        let has_sigma = picked.iter().all(|i| given.sigma[*i].is_finite());
+        Some(Self {
+            samples: picked.len(),
+            scale,
+            scale_sigma: given.sigma_of_sum(picked.iter().copied()).map(|s| s / model),
+            scale_sigma_blocks: jackknifed,
+            blocks: effective(given, &picked, blocks),
+            common_sigma: given.common_sigma,
+            median: at(0.5),
+            scatter: 0.5 * (at(0.5 + 0.5 * CENTRAL) - at(0.5 - 0.5 * CENTRAL)) / scale.abs(),
+            rms: root(&|i| given.measured[i] - scale * given.simulated[i]),
+            noise: has_sigma.then(|| root(&|i| given.sigma[i])),
+            twinkling: given.twinkling.map(|v| root(&|i| v[i].sqrt() * scale * given.simulated[i])),
+            stated: stated(given, &picked),
+            magnitudes: magnitudes(given, &picked),
+            chi2: chi2(given, &picked, scale),
+        })
+    }
+
+    /// The larger of both uncertainties of the scale; `None` where neither is known.
+    pub fn scale_uncertainty(&self) -> Option<f64> {
+        match (self.scale_sigma, self.scale_sigma_blocks) {
+            (Some(a), Some(b)) => Some(a.max(b)),
+            (a, b) => a.or(b),
+        }
+    }
+
+    /// The scale's standard uncertainty with what all samples have in common; `None` where no uncertainty of its own is known.
+    pub fn scale_total(&self) -> Option<f64> {
+        let common = self.common_sigma.unwrap_or(0.0) * self.scale;
+        self.scale_uncertainty().map(|own| own.hypot(common))
+    }
+
+    /// The scale's 95 % interval: by Student's distribution about the blocks where they say more than the samples' σ, and with what all samples have in
+    /// common. `None` where no uncertainty is known.
+    pub fn scale_interval(&self) -> Option<(f64, f64)> {
+        let own = 1.959_963_984_540_054 * self.scale_sigma.unwrap_or(0.0);
+        let blocks = self.scale_sigma_blocks.map_or(0.0, |s| student_half(s, self.blocks));
+        let half = own.max(blocks);
+        self.scale_uncertainty()?;
+        let common = 1.959_963_984_540_054 * self.common_sigma.unwrap_or(0.0) * self.scale;
+        let half = half.hypot(common);
+        Some((self.scale - half, self.scale + half))
+    }
+}
+
+/// How many equally bright blocks would say as much as those that have samples.
+fn effective(given: &Given<'_>, picked: &[usize], blocks: &Blocks) -> usize {
+    let mut light = vec![0.0; blocks.count()];
+    for i in picked {
+        light[blocks.of(*i)] += given.exposure_s[*i] * given.simulated[*i].max(0.0);
+    }
+    let (sum, squares) = light.iter().fold((0.0, 0.0), |(a, b), w| (a + w, b + w * w));
+    // From 1 to the number of blocks.
+    if squares > 0.0 { (sum * sum / squares) as usize } else { 0 }
+}
+
+fn student_half(sigma: f64, blocks: usize) -> f64 {
+    super::student_95(blocks.saturating_sub(1)) * sigma
+}
+
+/// The stated error of samples with light, relative: median and largest.
+fn stated(given: &Given<'_>, picked: &[usize]) -> (f64, f64) {
+    let mut shares: Vec<f64> = picked
+        .iter()
+        .filter(|i| given.simulated[**i] > 0.0 && given.model_error[**i].is_finite())
+        .map(|i| given.model_error[*i] / given.simulated[*i])
+        .collect();
+    shares.sort_by(f64::total_cmp);
+    let median = shares.get(shares.len() / 2).copied().unwrap_or(f64::NAN);
+    (median, shares.last().copied().unwrap_or(f64::NAN))
+}
+
+fn magnitudes(given: &Given<'_>, picked: &[usize]) -> Option<[f64; 3]> {
+    let difference = |i: &usize| {
+        let ratio = given.measured[*i] / given.simulated[*i];
+        (given.measured[*i] > 0.0 && ratio.is_finite() && ratio > 0.0).then(|| -2.5 * ratio.log10())
+    };
+    let all = picked.iter().map(difference).collect::<Option<Vec<f64>>>()?;
+    let n = all.len() as f64;
+    let mean = all.iter().sum::<f64>() / n;
+    let square = all.iter().map(|d| d * d).sum::<f64>() / n;
+    let about = all.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / n;
+    Some([mean, square.sqrt(), about.sqrt()])
+}
+
+fn chi2(given: &Given<'_>, picked: &[usize], scale: f64) -> Option<Chi2> {
+    let good: Vec<usize> = picked
+        .iter()
+        .copied()
+        .filter(|i| given.sigma[*i].is_finite() && given.sigma[*i] > 0.0)
+        .collect();
+    let n = good.len();
+    if n < 2 {
+        return None;
+    }
+    let sum = |f: &dyn Fn(usize) -> f64| good.iter().map(|i| f(*i)).sum::<f64>();
+    let residual = |i: usize, a: f64| given.measured[i] - a * given.simulated[i];
+    let variance = |i: usize| given.sigma[i].powi(2);
+    let free = (n - 1) as f64;
+    let with_twinkling = given.twinkling.map(|v| {
+        let more = |i: usize| v[i] * (scale * given.simulated[i]).powi(2);
+        sum(&|i| residual(i, scale).powi(2) / (variance(i) + more(i))) / free
+    });
+    let past = |i: usize| (residual(i, scale).abs() - scale.abs() * given.model_error[i]).max(0.0);
+    Some(Chi2 {
+        samples: n,
+        data: sum(&|i| residual(i, scale).powi(2) / variance(i)) / free,
+        with_twinkling,
+        past_stated: sum(&|i| past(i).powi(2) / variance(i)) / free,
+        unscaled: sum(&|i| residual(i, 1.0).powi(2) / variance(i)) / n as f64,
+    })
+}
+
+/// The value below which a part of the weight lies: values at the middles of their own weights, straight lines between them. NaN of none.
+pub(super) fn quantile(weighted: &[(f64, f64)], part: f64) -> f64 {
+    let mut sorted: Vec<(f64, f64)> = weighted.iter().copied().filter(|(_, w)| *w > 0.0).collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = sorted.iter().map(|(_, w)| w).sum();
+    let wanted = part * total;
+    let (mut below, mut before) = (0.0, None::<(f64, f64)>);
+    for (value, weight) in sorted {
+        let middle = below + 0.5 * weight;
+        if middle >= wanted {
+            return match before {
+                None => value,
+                Some((at, v)) => v + (value - v) * (wanted - at) / (middle - at),
+            };
+        }
+        before = Some((middle, value));
+        below += weight;
+    }
+    before.map_or(f64::NAN, |(_, v)| v)
+}

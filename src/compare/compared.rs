@@ -1,0 +1,353 @@
+//! Measured and simulated on the same epochs.
+
+use super::{Measured, MeasuredChannel, Quantity};
+use crate::simulate::{self, Cost};
+use anyhow::{Context as _, bail};
+use hifitime::Epoch;
+use rayon::prelude::*;
+use std::ops::Range;
+use sunglint_calibration::comparison::{
+    self, Axis, Bin, Blocks, Channel, Given, Ratio, something_left,
+};
+use sunglint_calibration::stars::scintillation::{Aperture, USUAL_COEFFICIENT};
+use sunglint_formats::time::tai_nanoseconds;
+use sunglint_radiometry::air::Zenith;
+use sunglint_radiometry::light_curve::Flags;
+use sunglint_simulator::pass::file::MOST_SAMPLES;
+use sunglint_simulator::pass::{ExposureMeans, Pass, Simulation};
+
+/// Stretches of a track in which ratios of channels are taken.
+const STRETCHES: usize = 60;
+/// Rows of a stretch at least.
+const STRETCH_ROWS: usize = 8;
+/// Bins of an angle or an airmass.
+const BINS: usize = 12;
+
+/// What it took.
+pub(super) struct Effort {
+    /// The simulation of the middles of the exposures.
+    pub middles: Cost,
+    /// The means over the exposures.
+    pub means: Cost,
+}
+
+/// A channel with all that is known of each sample, in the rows of the measured file.
+pub(super) struct Pairs {
+    /// What was measured.
+    pub measured: MeasuredChannel,
+    /// What was simulated: means over the exposures; NaN outside the scene's times.
+    pub simulated: Vec<f64>,
+    /// Its stated error.
+    pub model_error: Vec<f64>,
+    /// Which samples count, and what they say.
+    pub channel: Channel,
+    /// Residuals in bins, along each axis.
+    pub bins: Vec<(Axis, Vec<Bin>)>,
+}
+
+/// Where the target stood at each row of the measured file; NaN outside the scene's times.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Course {
+    /// Distance, m.
+    pub range_m: Vec<f64>,
+    /// Phase angle, degrees.
+    pub phase_deg: Vec<f64>,
+    /// True zenith angle, degrees.
+    pub zenith_deg: Vec<f64>,
+    /// Airmass of the pass's air; all NaN where there is none.
+    pub airmass: Vec<f64>,
+}
+
+/// A measured pass beside the simulated one.
+pub(super) struct Compared<'a> {
+    /// What was measured.
+    pub measured: Measured,
+    /// What was simulated.
+    pub simulation: &'a Simulation<'a>,
+    /// Its means over the exposures, a row a simulated one.
+    pub means: &'a ExposureMeans,
+    /// The rows of the measured file that were simulated.
+    pub rows: Vec<usize>,
+    /// Exposures of all rows, s.
+    pub exposure_s: Vec<f64>,
+    /// Channel by channel.
+    pub pairs: Vec<Pairs>,
+    /// Channels over the one that is known best.
+    pub ratios: Vec<Ratio>,
+    /// Where the target stood.
+    pub course: Course,
+    /// What it took.
+    pub effort: Effort,
+    /// What a person should hear of.
+    pub warnings: Vec<String>,
+}
+
+/// A scene at the measured times that lie within its own (a step's room at both ends), and the rows of those.
+pub(super) fn at_measured_times(
+    scene: Pass,
+    measured: &Measured,
+) -> anyhow::Result<(Pass, Vec<usize>)> {
+    let mut own = scene.times.clone();
+    own.sort_by_key(|t| tai_nanoseconds(*t));
+    let seconds: Vec<f64> = own.iter().map(|t| tai_nanoseconds(*t) as f64 * 1e-9).collect();
+    let room_s = simulate::figure::usual_step_s(&seconds);
+    let (Some(first), Some(last)) = (own.first(), own.last()) else {
+        bail!("a scene without times")
+    };
+    let within = comparison::overlap(&measured.times, (*first, *last), room_s)
+        .with_context(|| format!("{}, [times] of {}", measured.path.display(), scene.name))?;
+    let rows: Vec<usize> = (0..within.len()).filter(|i| within[*i]).collect();
+    if rows.len() > MOST_SAMPLES {
+        bail!(
+            "{}: {} samples in the scene's times, at most {MOST_SAMPLES} are compared: give shorter [times]",
+            measured.path.display(),
+            rows.len()
+        );
+    }
+    let usual = scene.exposure_s.first().copied().unwrap_or(0.1);
+    let exposure = |i: usize| measured.exposure_s.as_ref().map_or(usual, |e| e[i]);
+    let times: Vec<Epoch> = rows.iter().map(|i| measured.times[*i]).collect();
+    let exposure_s = rows.iter().map(|i| exposure(*i)).collect();
+    let edges_nm = scene.edges_nm.iter().copied();
+    // Rates and magnitudes need no bins.
+    let edges_nm = edges_nm.clone().take(1).chain(edges_nm.last()).collect();
+    Ok((Pass { times, exposure_s, edges_nm, ..scene }, rows))
+}
+
+impl<'a> Compared<'a> {
+    /// Sets them beside one another. `rows` are those of the measured file that the simulation has, in order.
+    pub fn new(
+        measured: Measured,
+        simulation: &'a Simulation<'a>,
+        means: &'a ExposureMeans,
+        rows: Vec<usize>,
+        effort: Effort,
+    ) -> anyhow::Result<Self> {
+        let n = measured.times.len();
+        let usual = simulation.pass.exposure_s[0];
+        let exposure_s = measured.exposure_s.clone().unwrap_or_else(|| vec![usual; n]);
+        let course = course(simulation, &rows, n);
+        let mut within = vec![false; n];
+        let mut hidden = vec![Flags::empty(); n];
+        for (k, i) in rows.iter().enumerate() {
+            within[*i] = true;
+            hidden[*i] = simulation.flags(k);
+        }
+        let variance = twinkling(simulation, &course, &exposure_s);
+        let errors = measured.quantity.errors(simulation, &measured.channels);
+        let middle = measured.quantity.of(simulation, &measured.channels);
+        let blocks = Blocks::new(n);
+        let all = |values: &dyn Fn(usize) -> f64| {
+            let mut full = vec![f64::NAN; n];
+            rows.iter().enumerate().for_each(|(k, i)| full[*i] = values(k));
+            full
+        };
+        let columns: Vec<(Vec<f64>, Vec<f64>)> = (0..measured.channels.len())
+            .map(|c| {
+                let simulated = all(&|k| means.values[[k, c]]);
+                let error = all(&|k| {
+                    let (mean, middle) = (means.values[[k, c]], middle[[k, c]]);
+                    let share = if mean > 0.0 && middle > 0.0 { mean / middle } else { 1.0 };
+                    errors[[k, c]] * share + means.unsettled[[k, c]]
+                });
+                (simulated, error)
+            })
+            .collect();
+        let given: Vec<Given<'_>> = measured
+            .channels
+            .iter()
+            .zip(&columns)
+            .map(|(channel, (simulated, model_error))| Given {
+                name: &channel.name,
+                exposure_s: &exposure_s,
+                measured: &channel.value,
+                sigma: &channel.sigma,
+                flags: &channel.flags,
+                simulated,
+                model_error,
+                simulated_flags: &hidden,
+                within: &within,
+                twinkling: variance.as_deref(),
+                common_sigma: measured
+                    .kappa
+                    .as_ref()
+                    .and_then(|k| Some(k.row(&channel.name)?.relative_sigma)),
+            })
+            .collect();
+        let channels: Vec<Channel> = given.iter().map(|g| Channel::new(g, &blocks)).collect();
+        something_left(&channels).with_context(|| measured.path.display().to_string())?;
+        let ratios = ratios(&measured, &given, &channels, &blocks);
+        let axes = [(Axis::Phase, &course.phase_deg), (Axis::Airmass, &course.airmass)];
+        let bins: Vec<Vec<(Axis, Vec<Bin>)>> = given
+            .iter()
+            .zip(&channels)
+            .map(|(g, c)| {
+                let of = |(axis, values): (Axis, &Vec<f64>)| {
+                    let edges = comparison::edges(values, BINS);
+                    (axis, comparison::bins(g, c, values, &edges))
+                };
+                axes.map(of).to_vec()
+            })
+            .collect();
+        let warnings = warnings(&measured, simulation, means, &channels, rows.len());
+        let pairs = (measured.channels.iter().cloned())
+            .zip(columns)
+            .zip(channels)
+            .zip(bins)
+            .map(|(((measured, (simulated, model_error)), channel), bins)| Pairs {
+                measured,
+                simulated,
+                model_error,
+                channel,
+                bins,
+            })
+            .collect();
+        Ok(Self {
+            measured,
+            simulation,
+            means,
+            rows,
+            exposure_s,
+            pairs,
+            ratios,
+            course,
+            effort,
+            warnings,
+        })
+    }
+
+    /// What it is, in a line.
+    pub fn title(&self) -> String {
+        let pass = self.simulation.pass;
+        let name = if self.measured.target.is_empty() {
+            pass.orbit.name().to_owned()
+        } else {
+            self.measured.target.clone()
+        };
+        format!("{name}: measured from {} and simulated as {}", pass.station.name, pass.target.name)
+    }
+
+    /// Stretches of rows without a long gap.
+    pub fn tracks(&self) -> Vec<Range<usize>> {
+        let tracks = simulate::figure::tracks(&self.measured.times);
+        tracks.into_iter().map(|t| t.samples).collect()
+    }
+
+    /// Samples that count, over all channels, and all that there are.
+    pub fn numbers(&self) -> (usize, usize) {
+        let used = self.pairs.iter().map(|p| p.channel.samples - p.channel.left_out.samples).sum();
+        (used, self.pairs.iter().map(|p| p.channel.samples).sum())
+    }
+
+    /// Whether the values are rates, not magnitudes.
+    pub fn is_rate(&self) -> bool {
+        self.measured.quantity == Quantity::Rate
+    }
+}
+
+fn course(simulation: &Simulation<'_>, rows: &[usize], n: usize) -> Course {
+    let full = |values: Vec<f64>| {
+        let mut all = vec![f64::NAN; n];
+        rows.iter().zip(values).for_each(|(i, v)| all[*i] = v);
+        all
+    };
+    let places = &simulation.places;
+    let airmass = |zenith_deg: Option<f64>| {
+        let (Some(air), Some(z)) = (&simulation.pass.air, zenith_deg) else { return f64::NAN };
+        air.path(Zenith::Apparent(z)).map_or(f64::NAN, |path| air.air_masses(&path).rayleigh)
+    };
+    Course {
+        range_m: full(places.iter().map(|p| p.geometry.range_m).collect()),
+        phase_deg: full(places.iter().map(|p| p.geometry.phase_deg()).collect()),
+        zenith_deg: full(places.iter().map(|p| p.geometry.zenith_deg()).collect()),
+        airmass: full(places.par_iter().map(|p| airmass(p.apparent_zenith_deg)).collect()),
+    }
+}
+
+/// The relative variance of each sample by twinkling, by Young's law; `None` without an airmass.
+fn twinkling(simulation: &Simulation<'_>, course: &Course, exposure_s: &[f64]) -> Option<Vec<f64>> {
+    simulation.pass.air.as_ref()?;
+    let station = &simulation.pass.station;
+    let aperture = Aperture {
+        diameter_m: station.telescope.primary_diameter_m,
+        height_m: station.site.geodetic().height_m,
+        coefficient: USUAL_COEFFICIENT,
+    };
+    let at = |(x, t): (&f64, &f64)| aperture.variance(*t, *x);
+    Some(course.airmass.iter().zip(exposure_s).map(at).collect())
+}
+
+/// The channels over the one whose scale is known best.
+fn ratios(
+    measured: &Measured,
+    given: &[Given<'_>],
+    channels: &[Channel],
+    blocks: &Blocks,
+) -> Vec<Ratio> {
+    let known = |c: &usize| {
+        let numbers = channels[*c].numbers.as_ref()?;
+        Some(numbers.scale_sigma? / numbers.scale)
+    };
+    let best = (0..channels.len())
+        .filter_map(|c| Some((c, known(&c)?)))
+        .filter(|(_, sigma)| *sigma > 0.0)
+        .min_by(|a, b| a.1.total_cmp(&b.1));
+    let Some((best, _)) = best else { return Vec::new() };
+    let mut stretches: Vec<Range<usize>> = Vec::new();
+    for track in simulate::figure::tracks(&measured.times) {
+        let rows = track.samples;
+        let count = (rows.len() / STRETCH_ROWS).clamp(1, STRETCHES);
+        let edge = |k: usize| rows.start + k * rows.len() / count;
+        stretches.extend((0..count).map(|k| edge(k)..edge(k + 1)));
+    }
+    let others = (0..channels.len()).filter(|c| *c != best);
+    others
+        .filter_map(|c| {
+            let kappa = measured.kappa.as_ref();
+            let common = kappa.and_then(|k| k.ratio_sigma(given[c].name, given[best].name));
+            let pair = |c: usize| (&given[c], &channels[c]);
+            Ratio::new(pair(c), pair(best), blocks, &stretches, common)
+        })
+        .collect()
+}
+
+fn warnings(
+    measured: &Measured,
+    simulation: &Simulation<'_>,
+    means: &ExposureMeans,
+    channels: &[Channel],
+    simulated: usize,
+) -> Vec<String> {
+    let pass = simulation.pass;
+    let mut warnings = pass.warnings.clone();
+    warnings.extend(simulate::concerns(pass, simulation));
+    if !measured.station.is_empty() && measured.station != pass.station.name {
+        warnings.push(format!(
+            "measured from the station {}, simulated from {}",
+            measured.station, pass.station.name
+        ));
+    }
+    let outside = measured.times.len() - simulated;
+    if outside > 0 {
+        warnings.push(format!(
+            "{outside} of {} rows lie outside the times of the scene: they are not compared",
+            measured.times.len()
+        ));
+    }
+    for channel in channels.iter().filter(|c| c.numbers.is_none() && c.samples > 0) {
+        warnings.push(format!("{}: nothing to compare, {}", channel.name, channel.left_out));
+    }
+    if means.coarse > 0 {
+        warnings.push(format!(
+            "in {} samples the light changes too fast within the exposure for its mean to be sure: the difference of the last two refinements is in the stated error",
+            means.coarse
+        ));
+    }
+    if measured.quantity == Quantity::Rate && measured.kappa.is_none() {
+        warnings.push(format!(
+            "{} does not say what calibrated it: the uncertainty that all its samples have in common is not known",
+            measured.path.display()
+        ));
+    }
+    warnings
+}

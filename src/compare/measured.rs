@@ -1,0 +1,316 @@
+//! What was measured: a calibrated light curve, or a table of magnitudes.
+
+use crate::compare::Kappa;
+use anyhow::{Context as _, bail};
+use clap::ValueEnum;
+use hifitime::Epoch;
+use ndarray::Array2;
+use std::path::{Path, PathBuf};
+use sunglint_formats::time::parse_utc;
+use sunglint_formats::{ParseError, Table, Values, nearest_names};
+use sunglint_radiometry::light_curve::{Flags, Input, LightCurve, RateKind};
+use sunglint_radiometry::station::Station;
+use sunglint_simulator::pass::{ChannelSamples, Simulation, StandardMagnitude, table};
+
+/// The place of V among the bands.
+const V: usize = 2;
+
+/// What measured magnitudes are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub enum ComparedAs {
+    /// Apparent, above the air: what a catalogue's stars give
+    #[default]
+    Apparent,
+    /// Apparent at the ground, the air's extinction in it
+    Ground,
+    /// Brought to 1000 km, at its own phase angle
+    #[value(name = "1000km")]
+    Range,
+    /// Brought to 1000 km and by the illuminated fraction to a phase angle of 90°
+    Standard,
+}
+
+impl ComparedAs {
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Apparent => "V above the air",
+            Self::Ground => "V after the air",
+            Self::Range => "V above the air at 1,000 km",
+            Self::Standard => "V above the air at 1,000 km, by the illuminated fraction to 90°",
+        }
+    }
+
+    /// The simulated magnitudes of that kind.
+    fn of(self, simulation: &Simulation<'_>) -> Vec<f64> {
+        match self {
+            Self::Apparent => simulation.magnitudes.column(V).to_vec(),
+            Self::Ground => simulation.ground_magnitudes.column(V).to_vec(),
+            Self::Range => simulation.standard_magnitudes(StandardMagnitude::Range),
+            Self::Standard => {
+                simulation.standard_magnitudes(StandardMagnitude::IlluminatedFraction)
+            }
+        }
+    }
+}
+
+/// How a table of magnitudes is to be read.
+#[derive(Debug, Clone)]
+pub struct Columns {
+    /// The column of magnitudes.
+    pub magnitude: String,
+    /// That of their standard uncertainties.
+    pub sigma: Option<String>,
+    /// What they are.
+    pub compared_as: ComparedAs,
+}
+
+/// What the values of a curve are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Rates at the detector, Hz.
+    Rate,
+    /// Fluxes over that of magnitude 0, of magnitudes of this kind.
+    Flux(ComparedAs),
+}
+
+/// A channel as it was measured; the entries of its samples.
+#[derive(Debug, Clone)]
+pub struct MeasuredChannel {
+    /// Its name.
+    pub name: String,
+    /// The values; NaN where there is none.
+    pub value: Vec<f64>,
+    /// Their standard uncertainties; NaN where none is known.
+    pub sigma: Vec<f64>,
+    /// What there is to say of each.
+    pub flags: Vec<Flags>,
+}
+
+/// What was measured.
+#[derive(Debug, Clone)]
+pub struct Measured {
+    /// The file.
+    pub path: PathBuf,
+    /// The same with its check sum.
+    pub input: Input,
+    /// What its values are.
+    pub quantity: Quantity,
+    /// When: in order.
+    pub times: Vec<Epoch>,
+    /// For how long, s; `None` where the file does not say.
+    pub exposure_s: Option<Vec<f64>>,
+    /// The channels; one of magnitudes.
+    pub channels: Vec<MeasuredChannel>,
+    /// What calibrated it, as the file says.
+    pub kappa: Option<Kappa>,
+    /// The target's name as the file has it; may be empty.
+    pub target: String,
+    /// The station's.
+    pub station: String,
+    /// What went into it.
+    pub inputs: Vec<Input>,
+    /// What it says of itself.
+    pub notes: Vec<String>,
+}
+
+impl Measured {
+    /// Reads a measurement: a light curve of the schema (ECSV with `quantity`), or a table (ECSV, CSV) with times and magnitudes.
+    ///
+    /// # Errors
+    /// A file that is neither, rates that are not calibrated, times out of order.
+    pub fn read(path: &Path, columns: &Columns) -> anyhow::Result<Self> {
+        let bytes = sunglint_formats::read::bytes(path)?;
+        let input =
+            Input { file: path.display().to_string(), sha256: crate::tables::sha256(&bytes) };
+        let table = table::any(path, &sunglint_formats::read::decode(path, bytes)?)?;
+        let measured = if table.meta_text("quantity").is_some() {
+            Self::rates(path, input, &table)?
+        } else {
+            Self::magnitudes(path, input, &table, columns)?
+        };
+        sunglint_calibration::comparison::in_order(&measured.times)
+            .with_context(|| path.display().to_string())?;
+        Ok(measured)
+    }
+
+    fn rates(path: &Path, input: Input, table: &Table) -> anyhow::Result<Self> {
+        let curve = LightCurve::from_table(path, table)?;
+        if curve.kind != RateKind::Calibrated {
+            let hint = match curve.kind {
+                RateKind::Raw | RateKind::Linear => {
+                    "a rate is compared when the night's coefficient is in it: `sunglint calibrate` finds it from stars, `sunglint apply` multiplies"
+                }
+                _ => "a simulation is no measurement",
+            };
+            bail!("{}: its rates are {}, expected calibrated ({hint})", path.display(), curve.kind);
+        }
+        let kappa = curve.other.get("kappa").and_then(Kappa::of);
+        let named = || curve.other.get("target")?.get("name")?.as_str().map(str::to_owned);
+        let own = Some(curve.provenance.target.clone()).filter(|t| !t.is_empty());
+        Ok(Self {
+            path: path.to_path_buf(),
+            input,
+            quantity: Quantity::Rate,
+            kappa,
+            target: own.or_else(named).unwrap_or_default(),
+            station: curve.provenance.station.clone(),
+            inputs: curve.provenance.inputs.clone(),
+            notes: curve.provenance.notes.clone(),
+            times: curve.samples.time,
+            exposure_s: Some(curve.samples.exposure_s),
+            channels: curve
+                .channels
+                .into_iter()
+                .map(|c| MeasuredChannel {
+                    name: c.name,
+                    value: c.rate_hz,
+                    sigma: c.sigma_hz,
+                    flags: c.flags,
+                })
+                .collect(),
+        })
+    }
+
+    fn magnitudes(
+        path: &Path,
+        input: Input,
+        table: &Table,
+        columns: &Columns,
+    ) -> anyhow::Result<Self> {
+        let names = || table.columns.iter().map(|c| c.name.as_str());
+        let missing = |name: &str, what: &str, option: &str| {
+            let found = format!("the columns {}", names().collect::<Vec<_>>().join(", "));
+            let error = ParseError::new(path, found, format!("a column `{name}` of {what}"));
+            let near = nearest_names(name, names(), 1).first().map(|n| format!("is it `{n}`?"));
+            error.in_field(name).with_hint(near.unwrap_or_else(|| option.into()))
+        };
+        let Ok(Values::Text(texts)) = table.column("time_utc").map(|c| &c.values) else {
+            let hint = "a light curve of `sunglint apply` has them";
+            return Err(missing("time_utc", "times, ISO 8601", hint).into());
+        };
+        let read = |(i, text): (usize, &Option<String>)| {
+            parse_utc(text.as_deref().unwrap_or(""))
+                .map_err(|error| error.in_file(path).in_field(format!("time_utc, row {}", i + 1)))
+        };
+        let times = texts.iter().enumerate().map(read).collect::<Result<Vec<_>, _>>()?;
+        let column = |name: &str, option: &str| {
+            let numbers = table.f64(name);
+            numbers.map(|v| v.into_owned()).map_err(|_| missing(name, "magnitudes", option))
+        };
+        let magnitude = column(&columns.magnitude, "--column NAME")?;
+        if !magnitude.iter().any(|m| m.is_finite()) {
+            bail!("{}: the column {} has no number", path.display(), columns.magnitude);
+        }
+        let sigma_mag = match &columns.sigma {
+            Some(name) => column(name, "--sigma-column NAME")?,
+            None => vec![f64::NAN; times.len()],
+        };
+        let value: Vec<f64> = magnitude.iter().map(|m| flux(*m)).collect();
+        let to_relative = std::f64::consts::LN_10 / 2.5;
+        let sigma = sigma_mag.iter().zip(&value).map(|(s, f)| to_relative * s * f).collect();
+        let exposure_s = table.quantity("exposure_s", "s").ok().map(|v| v.into_owned());
+        if let Some(i) = exposure_s.iter().flatten().position(|s| !(s.is_finite() && *s > 0.0)) {
+            bail!("{}: exposure_s, row {}: expected a time above 0 s", path.display(), i + 1);
+        }
+        let flags = vec![Flags::empty(); times.len()];
+        let name = columns.magnitude.clone();
+        Ok(Self {
+            path: path.to_path_buf(),
+            input,
+            quantity: Quantity::Flux(columns.compared_as),
+            times,
+            exposure_s,
+            channels: vec![MeasuredChannel { name, value, sigma, flags }],
+            kappa: None,
+            target: String::new(),
+            station: String::new(),
+            inputs: Vec::new(),
+            notes: Vec::new(),
+        })
+    }
+
+    /// Keeps the channels of some names; all where none is given.
+    ///
+    /// # Errors
+    /// A name that the curve has not, a channel that the station lacks.
+    pub fn keep(&mut self, names: &[String], station: &Station) -> anyhow::Result<()> {
+        let own: Vec<String> = self.channels.iter().map(|c| c.name.clone()).collect();
+        if let Some(unknown) = names.iter().find(|name| !own.contains(name)) {
+            bail!("{} has no channel `{unknown}`: it has {}", self.path.display(), own.join(", "));
+        }
+        self.channels.retain(|c| names.is_empty() || names.contains(&c.name));
+        if self.quantity != Quantity::Rate {
+            return Ok(());
+        }
+        if let Some(lacking) = self.channels.iter().find(|c| station.channel(&c.name).is_none()) {
+            let has: Vec<&str> = station.channels.iter().map(|c| c.name.as_str()).collect();
+            bail!(
+                "{}: its channel `{}` is none of the station {} ({}): give the station that measured it, or --channel for those to compare",
+                self.path.display(),
+                lacking.name,
+                station.name,
+                has.join(", ")
+            );
+        }
+        Ok(())
+    }
+}
+
+fn flux(magnitude: f64) -> f64 {
+    10_f64.powf(-0.4 * magnitude)
+}
+
+/// The magnitude of a flux over that of magnitude 0; NaN of what is not above 0.
+pub fn magnitude(flux: f64) -> f64 {
+    if flux > 0.0 { -2.5 * flux.log10() } else { f64::NAN }
+}
+
+/// Of each measured channel what the simulation has, samples × channels; NaN where it has no such channel.
+fn by_channel(
+    simulation: &Simulation<'_>,
+    channels: &[MeasuredChannel],
+    of: impl Fn(&ChannelSamples) -> &[f64],
+) -> Array2<f64> {
+    let mut values = Array2::from_elem((simulation.places.len(), channels.len()), f64::NAN);
+    for (channel, mut column) in channels.iter().zip(values.columns_mut()) {
+        let own = simulation.channels.iter().find(|c| c.name == channel.name);
+        column.iter_mut().zip(own.map_or(&[][..], &of)).for_each(|(v, hz)| *v = *hz);
+    }
+    values
+}
+
+impl Quantity {
+    /// What a simulation has of it, samples × channels.
+    pub fn of(self, simulation: &Simulation<'_>, channels: &[MeasuredChannel]) -> Array2<f64> {
+        let n = simulation.places.len();
+        match self {
+            Quantity::Rate => by_channel(simulation, channels, |c| &c.rate_hz),
+            Quantity::Flux(kind) => {
+                let fluxes: Vec<f64> = kind.of(simulation).into_iter().map(flux).collect();
+                Array2::from_shape_fn((n, 1), |(i, _)| fluxes[i])
+            }
+        }
+    }
+
+    /// The stated errors of that.
+    pub fn errors(self, simulation: &Simulation<'_>, channels: &[MeasuredChannel]) -> Array2<f64> {
+        let n = simulation.places.len();
+        match self {
+            Quantity::Rate => by_channel(simulation, channels, |c| &c.error_hz),
+            Quantity::Flux(_) => {
+                let fluxes = self.of(simulation, channels);
+                let fainter = simulation.magnitude_errors.column(V);
+                Array2::from_shape_fn((n, 1), |(i, _)| fluxes[[i, 0]] * (1.0 - flux(fainter[i])))
+            }
+        }
+    }
+
+    /// Its unit in texts; empty of magnitudes' fluxes.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Quantity::Rate => "Hz",
+            Quantity::Flux(_) => "mag",
+        }
+    }
+}
