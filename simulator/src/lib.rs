@@ -14,7 +14,9 @@
 //! - [`pass`]: all of it along a pass, to spectra, magnitudes and count rates;
 //! - [`passes`]: when a target can be seen at all;
 //! - [`scenes`]: bodies and directions on which light engines are compared, with independent truths;
-//! - [`observatory`]: a night with known truth: photon events, frames, stars, weather.
+//! - [`observatory`]: a night with known truth: photon events, frames, stars, weather;
+//! - [`rig`]: a sample with known reflectance on a stage, in a laser's beam, under a power meter;
+//! - [`options`]: what the tables of options of both have in common.
 //!
 //! # Frames and conventions
 //! Positions and directions in space are GCRS axes, metres. A body's attitude is the rotation from its own axes to the GCRS, written
@@ -26,11 +28,13 @@ pub mod geometry;
 pub mod light;
 pub mod mesh;
 pub mod observatory;
+pub mod options;
 pub mod orbit;
 pub mod pass;
 pub mod passes;
 pub mod picture;
 pub mod ranging;
+pub mod rig;
 pub mod scenes;
 pub mod surface;
 pub mod target;

@@ -117,6 +117,23 @@ impl PassFile {
         self.keys.station.is_some()
     }
 
+    /// The target alone.
+    ///
+    /// # Errors
+    /// As [`PassFile::resolve`].
+    pub fn target(&self) -> Result<Target, FileError> {
+        Reader { document: &self.document, sources: Vec::new() }.target(&self.keys.target)
+    }
+
+    /// The attitude alone.
+    ///
+    /// # Errors
+    /// As [`PassFile::resolve`].
+    pub fn attitude(&self) -> Result<Attitude, FileError> {
+        let mut reader = Reader { document: &self.document, sources: Vec::new() };
+        reader.attitude(self.keys.attitude.as_ref())
+    }
+
     /// Reads everything that the file names and makes the pass.
     ///
     /// # Errors

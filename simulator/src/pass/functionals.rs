@@ -158,6 +158,24 @@ impl Set {
         row.map(|((p, t), (k, sign))| sign * weights[*k] * p * t).sum()
     }
 
+    /// Adds to each term's number what it has in [`Set::below`].
+    pub fn add_terms_below(
+        &self,
+        i: usize,
+        weights: &[f64],
+        transmissions: &[f64],
+        terms: &mut [f64],
+    ) {
+        let row = self.row(&self.through, i).iter().zip(self.row(transmissions, i)).zip(&self.of);
+        row.for_each(|((p, t), (k, sign))| terms[*k] += sign * weights[*k] * p * t);
+    }
+
+    /// Adds to each term's number what it has in [`Set::above`].
+    pub fn add_terms_above(&self, i: usize, weights: &[f64], terms: &mut [f64]) {
+        let row = self.row(&self.above, i).iter().zip(&self.of);
+        row.for_each(|(p, (k, sign))| terms[*k] += sign * weights[*k] * p);
+    }
+
     /// By how much [`Set::below`] may err through the interpolation over the zenith angle.
     pub fn air_error(&self, i: usize, weights: &[f64]) -> f64 {
         let row = self.row(&self.through, i).iter().zip(&self.of);

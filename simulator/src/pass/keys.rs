@@ -5,6 +5,7 @@ use crate::attitude::file::AttitudeFile;
 use crate::light::engine::{Switch, Switches};
 use crate::target::file::{HingeFile, MaterialFile, PartFile};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use sunglint_formats::time::Utc;
 use sunglint_formats::toml::{Finite, Fraction, NonNegative, Positive};
 use sunglint_radiometry::station::LaserFile;
@@ -33,6 +34,9 @@ pub struct PassKeys {
     pub effects: EffectKeys,
     #[serde(default)]
     pub laser: Vec<LaserFile>,
+    /// What `sunglint fit` reads; nothing here.
+    #[serde(rename = "fit", default)]
+    pub _fit: Option<IgnoredAny>,
     pub note: Option<String>,
 }
 

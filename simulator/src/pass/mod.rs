@@ -6,7 +6,9 @@
 //! - [`Pass::simulate`]: for every epoch where Sun, target and station stand, and how the body is turned ([`Place`]); the weights W_k of the
 //!   material spectra ([`crate::light`]); and from these, by sums alone, spectra, rates and magnitudes;
 //! - [`Simulation`]: the curves and tables of the result;
-//! - [`Pass::ready`]: the same for single moments, of any orbit.
+//! - [`Simulation::exposure_means`]: means over exposures in place of their middles, where the light changes while one is taken;
+//! - [`Pass::ready`]: the same for single moments, of any orbit;
+//! - [`Study`]: the same again and again with another attitude or body: for fits.
 //!
 //! # What is summed
 //! With the Sun's irradiance E(λ) at 1 au, its distance d in au, the visible part s of its disc, the range r, the transmission T(λ; z) of
@@ -29,6 +31,7 @@ mod counts;
 mod elsewhere;
 mod error;
 mod explain;
+pub mod exposure;
 pub mod file;
 mod functionals;
 mod keys;
@@ -37,15 +40,18 @@ mod ready;
 mod result;
 mod shadow;
 mod simulate;
+mod study;
 pub mod table;
 
 pub use elsewhere::Elsewhere;
 pub use error::PassError;
 pub use explain::Explanation;
+pub use exposure::ExposureMeans;
 pub use file::{Overrides, PassFile};
 pub use ready::{Eye, Ready, Sample};
-pub use result::{StandardMagnitude, StatedError};
+pub use result::{StandardMagnitude, StatedError, WITHIN_AN_EXPOSURE};
 pub use simulate::{Bounds, ChannelSamples, Place, Progress, Simulation, Stage};
+pub use study::{Study, TermRates};
 
 use crate::attitude::Attitude;
 use crate::light::engine::Switches;

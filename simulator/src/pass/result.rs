@@ -13,10 +13,13 @@ const STANDARD_RANGE_M: f64 = 1e6;
 /// The place of V in [`BANDS`].
 const V: usize = 2;
 
+/// What no simulation holds by itself; [`Simulation::exposure_means`] does.
+pub const WITHIN_AN_EXPOSURE: &str = "change within an exposure (values are those of its middle)";
+
 /// What no simulation holds, for whoever compares it with a measurement. It is not in the stated error.
 const NEVER_MODELLED: [&str; 3] = [
     "scintillation, sky background",
-    "change within an exposure (values are those of its middle)",
+    WITHIN_AN_EXPOSURE,
     "wavelengths that a material's tables do not cover (flag extrapolated)",
 ];
 

@@ -307,16 +307,7 @@ impl Pass {
         let geometry = Geometry::over(orbit, &observer, shape).map_err(|source| {
             PassError::Geometry { epoch_utc: format_utc_shortest(epoch), source: Box::new(source) }
         })?;
-        let moment = Moment {
-            epoch: geometry.emitted,
-            target: geometry.target,
-            to_sun: geometry.sun.direction_gcrs,
-        };
-        let body_to_gcrs = self.attitude.body_to_gcrs(&moment).map_err(|source| {
-            PassError::Attitude { epoch_utc: format_utc_shortest(epoch), source: Box::new(source) }
-        })?;
-        let (to_sun, to_observer) = geometry.rest_frame_directions();
-        let gcrs_to_body = body_to_gcrs.conjugate();
+        let (body_to_gcrs, sun_body, observer_body) = self.turn(&geometry)?;
         let partly = self.shadow.is_some() && geometry.sunlit > 0.0 && geometry.sunlit < 1.0;
         let discs = partly.then(|| Discs::at(geometry.target.position_m, &geometry.sun, shape));
         let sunlit = match (&discs, self.shadow) {
@@ -330,14 +321,37 @@ impl Pass {
             moon: self.moon(&geometry, &observer)?,
             sunlit_error: self.shadow.map_or(0.0, |_| shadow::error(&geometry)),
             body_to_gcrs,
-            sun_body: (gcrs_to_body * to_sun).normalize(),
-            observer_body: (gcrs_to_body * to_observer).normalize(),
+            sun_body,
+            observer_body,
             sun_altitude_deg: geometry.sun_altitude_deg(&observer),
             apparent_zenith_deg: None,
             hidden: true,
             orientation: observer.frame().orientation().origin,
             geometry,
         })
+    }
+
+    /// How the body is turned at a geometry, and where it then sees Sun and station.
+    fn turn(&self, geometry: &Geometry) -> Result<(DQuat, DVec3, DVec3), PassError> {
+        let moment = Moment {
+            epoch: geometry.emitted,
+            target: geometry.target,
+            to_sun: geometry.sun.direction_gcrs,
+        };
+        let body_to_gcrs = self.attitude.body_to_gcrs(&moment).map_err(|source| {
+            let epoch_utc = format_utc_shortest(geometry.epoch);
+            PassError::Attitude { epoch_utc, source: Box::new(source) }
+        })?;
+        let (to_sun, to_observer) = geometry.rest_frame_directions();
+        let gcrs_to_body = body_to_gcrs.conjugate();
+        let [sun, observer] = [to_sun, to_observer].map(|d| (gcrs_to_body * d).normalize());
+        Ok((body_to_gcrs, sun, observer))
+    }
+
+    /// A place with the body turned as the pass's attitude has it now.
+    pub(super) fn turned(&self, place: &Place) -> Result<Place, PassError> {
+        let (body_to_gcrs, sun_body, observer_body) = self.turn(&place.geometry)?;
+        Ok(Place { body_to_gcrs, sun_body, observer_body, ..*place })
     }
 
     /// Adds what the air makes of a place: the apparent zenith angle, and whether the station sees it.

@@ -5,12 +5,10 @@
 //! paths together. There are as many paths as the tolerance of all light asks for, in full sunlight the light of the Sun among it.
 
 use super::bound::Bound;
-use super::cast::Caster;
 use super::nodes::Nodes;
-use super::optics::Optics;
-use super::paths::{Paths, SCRAMBLES, Sums, mixed};
+use super::paths::{SCRAMBLES, Sums, mixed};
 use super::surfaces::Surfaces;
-use super::tracing::Direct;
+use super::thread::Thread;
 use super::{BounceError, BounceOptions, directions};
 use crate::light::{DirectionError, Effect, Lighting, Scene, Source, Term, shine};
 use std::sync::Arc;
@@ -37,7 +35,6 @@ pub(in crate::light) struct Earthlit {
     surfaces: Surfaces,
     active: Vec<usize>,
     nodes: Nodes,
-    both_ends: bool,
     options: BounceOptions,
     shape_error: f64,
 }
@@ -61,10 +58,7 @@ impl Earthlit {
         among.sort_unstable();
         among.dedup();
         let nodes = Nodes::new(scene.materials(), &among, BETWEEN_NODES)?;
-        let optics = Optics::new(scene.materials(), &nodes.nm);
-        let both_ends = active.iter().any(|k| optics.lambert(surfaces.list[*k].material).is_none());
-        let options = *options;
-        Ok(Some(Self { surfaces, active, nodes, both_ends, options, shape_error }))
+        Ok(Some(Self { surfaces, active, nodes, options: *options, shape_error }))
     }
 
     /// Its terms, for an Earth of some reflectance.
@@ -103,22 +97,15 @@ impl Earthlit {
 /// Bounced earthshine of a scene, for one thread.
 #[derive(Debug)]
 pub(in crate::light) struct EarthlitLight<'a> {
-    scene: &'a Scene,
     plan: Arc<Earthlit>,
-    surfaces: Surfaces,
-    caster: Caster,
-    optics: Optics,
-    direct: Direct<'a>,
+    thread: Thread<'a>,
 }
 
 impl<'a> EarthlitLight<'a> {
     /// Of the scene that the plan was made for.
     pub fn new(scene: &'a Scene, plan: Arc<Earthlit>) -> Self {
-        let surfaces = plan.surfaces.clone();
-        let caster = Caster::new(&surfaces.list, scene.touching_m);
-        let optics = Optics::new(scene.materials(), &plan.nodes.nm);
-        let direct = Direct::new(scene, &plan.nodes.nm);
-        Self { scene, plan, surfaces, caster, optics, direct }
+        let thread = Thread::new(scene, &plan.surfaces, &plan.active, &plan.nodes.nm);
+        Self { plan, thread }
     }
 }
 
@@ -137,11 +124,9 @@ impl Effect for EarthlitLight<'_> {
         }
         let Some(earth) = &lighting.earth else { return Ok(()) };
         let (sun, eye) = directions(lighting.sun_body, lighting.view)?;
-        if self.surfaces.turn(self.scene, sun) {
-            self.caster = Caster::new(&self.surfaces.list, self.scene.touching_m);
-        }
+        self.thread.turn(sun);
         let plan = &*self.plan;
-        let direct: Option<Vec<f64>> = self.direct.at(sun, eye).map(<[f64]>::to_vec);
+        let direct = self.thread.direct(sun, eye);
         // Weights are those of an Earth that reflects all.
         let beside = lighting.sunlit / shine::EARTH_ALBEDO;
         let sunlight = |s: usize| direct.as_ref().map_or(0.0, |d| beside * d[s]);
@@ -155,14 +140,8 @@ impl Effect for EarthlitLight<'_> {
                     let nodes = shine::cap_at(earth, [2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0]);
                     for (panel, (toward, irradiance)) in nodes.into_iter().enumerate() {
                         let mut sums = Sums::new(plan.nodes.nm.len());
-                        let mut paths = Paths {
-                            surfaces: &self.surfaces,
-                            caster: &self.caster,
-                            optics: &mut self.optics,
-                            active: &plan.active,
-                            both_ends: plan.both_ends,
-                            seed: mixed(seed, 2 * index + panel as u32 + 1),
-                        };
+                        let seed = mixed(seed, 2 * index + panel as u32 + 1);
+                        let mut paths = self.thread.paths(&plan.active, seed);
                         paths.trace(toward, eye, POINTS, &mut sums);
                         tally.add(batch, irradiance, sums);
                     }

@@ -28,6 +28,7 @@ mod pilot;
 mod split;
 mod still;
 mod surfaces;
+mod thread;
 mod tracing;
 mod transport;
 mod twin;
@@ -197,7 +198,7 @@ impl<'a> Bounce<'a> {
                 (Way::Still(Arc::new(still)), how, cost_s)
             }
             None => {
-                let plan = Plan::new(scene, surfaces, bound.active.clone(), &nodes, options);
+                let plan = Plan::new(surfaces, bound.active.clone(), &nodes, options);
                 let (how, cost_s) = (plan.describe(), plan.cost_s(&pilot));
                 (Way::Paths(Arc::new(plan)), how, cost_s)
             }

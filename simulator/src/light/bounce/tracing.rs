@@ -1,12 +1,11 @@
 //! Paths for each epoch: as many as the tolerance asks for.
 
 use super::BounceOptions;
-use super::cast::Caster;
 use super::nodes::Nodes;
-use super::optics::Optics;
-use super::paths::{MOST_POINTS, Paths, SCRAMBLES, Sums, mixed};
+use super::paths::{MOST_POINTS, SCRAMBLES, Sums, mixed};
 use super::pilot::Pilot;
 use super::surfaces::Surfaces;
+use super::thread::Thread;
 use crate::light::occlude::Toward;
 use crate::light::{Evaluator, Scene, View};
 use glam::DVec3;
@@ -32,24 +31,20 @@ pub struct Plan {
     active: Vec<usize>,
     nodes: Nodes,
     tolerance: f64,
-    both_ends: bool,
     seed: u32,
     most_points: u32,
 }
 
 impl Plan {
     pub fn new(
-        scene: &Scene,
         surfaces: Surfaces,
         active: Vec<usize>,
         nodes: &Nodes,
         options: &BounceOptions,
     ) -> Self {
-        let optics = Optics::new(scene.materials(), &nodes.nm);
-        let both_ends = active.iter().any(|k| optics.lambert(surfaces.list[*k].material).is_none());
         let (tolerance, seed) = (options.tolerance, mixed(options.seed, 0x7a));
         let most_points = (options.most_paths / SCRAMBLES).clamp(LEAST, MOST_POINTS);
-        Self { surfaces, active, nodes: nodes.clone(), tolerance, both_ends, seed, most_points }
+        Self { surfaces, active, nodes: nodes.clone(), tolerance, seed, most_points }
     }
 
     /// In words.
@@ -74,46 +69,30 @@ impl Plan {
 /// Paths of one thread.
 #[derive(Debug)]
 pub struct Tracing<'a> {
-    scene: &'a Scene,
     plan: Arc<Plan>,
-    surfaces: Surfaces,
-    caster: Caster,
-    optics: Optics,
-    direct: Direct<'a>,
+    thread: Thread<'a>,
 }
 
 impl<'a> Tracing<'a> {
     pub fn new(scene: &'a Scene, plan: Arc<Plan>) -> Self {
-        let surfaces = plan.surfaces.clone();
-        let caster = Caster::new(&surfaces.list, scene.touching_m);
-        let optics = Optics::new(scene.materials(), &plan.nodes.nm);
-        let direct = Direct::new(scene, &plan.nodes.nm);
-        Self { scene, plan, surfaces, caster, optics, direct }
+        let thread = Thread::new(scene, &plan.surfaces, &plan.active, &plan.nodes.nm);
+        Self { plan, thread }
     }
 
     /// Adds weights and errors. Paths are traced until the claimed error is below its part of the tolerance, of all light.
     pub fn add(&mut self, sun: DVec3, eye: Toward, weights: &mut [f64], errors: &mut [f64]) {
-        if self.surfaces.turn(self.scene, sun) {
-            self.caster = Caster::new(&self.surfaces.list, self.scene.touching_m);
-        }
+        self.thread.turn(sun);
         let plan = &*self.plan;
         let nodes = plan.nodes.nm.len();
         let mut sums = Sums::new(nodes);
-        let mut paths = Paths {
-            surfaces: &self.surfaces,
-            caster: &self.caster,
-            optics: &mut self.optics,
-            active: &plan.active,
-            both_ends: plan.both_ends,
-            seed: plan.seed,
-        };
-        let known = self.direct.at(sun, eye);
+        let known = self.thread.direct(sun, eye);
+        let mut paths = self.thread.paths(&plan.active, plan.seed);
         let mut until = LEAST;
         loop {
             paths.trace(sun, eye, until, &mut sums);
             let enough = (0..nodes).all(|s| {
                 let (mean, sigma) = sums.bounced(s);
-                let direct = known.map_or_else(|| sums.direct(s), |known| known[s]);
+                let direct = known.as_ref().map_or_else(|| sums.direct(s), |known| known[s]);
                 let light = direct + mean;
                 CLAIMED * sigma + sums.missing() <= OF_TOLERANCE * plan.tolerance * light
             });

@@ -1,0 +1,446 @@
+//! From the minimum to what it means: covariances, intervals, what is not determined.
+
+use super::bounded::{inverse, solve_bounded};
+use super::problem::{Problem, State};
+use super::{Estimate, FitError, IntervalMethod, ParameterKind, Side, Warning};
+use nalgebra::{DMatrix, DVector};
+use std::collections::BTreeMap;
+
+/// Two-sided 95 % of a normal distribution.
+const Z95: f64 = 1.959_963_984_540_054;
+/// Its square: Δχ² of a 95 % interval of one parameter.
+const CHI95: f64 = 3.841_458_820_694_124;
+/// What is nearer to a bound than so many standard uncertainties gets a profile interval.
+const NEAR: f64 = 2.0;
+/// Correlations above this are named.
+const CORRELATED: f64 = 0.98;
+
+/// What is known of the minimum.
+pub(super) struct Known {
+    pub estimates: Vec<Estimate>,
+    /// Parameters × parameters, the calibration's part in it; NaN rows where a bound holds.
+    pub covariance: DMatrix<f64>,
+    pub warnings: Vec<Warning>,
+}
+
+/// `scale` multiplies the covariance of the samples' noise. The whitener must be one without weights.
+pub(super) fn estimate(
+    problem: &mut Problem,
+    values: &[f64],
+    state: &State,
+    scale: f64,
+) -> Result<Known, FitError> {
+    let (n_free, n_linear) = (problem.free.len(), problem.linear.len());
+    let n = n_free + n_linear;
+    let jacobian = jacobian(problem, values, state)?;
+    let normal = jacobian.tr_mul(&jacobian);
+
+    // Values, bounds and the size of one unit, in the fit's own numbers.
+    let (mut at, mut low, mut high) = (vec![0.0; n], vec![0.0; n], vec![f64::INFINITY; n]);
+    for (i, f) in problem.free.iter().enumerate() {
+        at[i] = values[i];
+        (low[i], high[i]) =
+            if f.wraps { (f64::NEG_INFINITY, f64::INFINITY) } else { (f.low, f.high) };
+    }
+    at[n_free..].copy_from_slice(state.x.as_slice());
+    let unit = |i: usize| if i < n_free { 1.0 } else { problem.linear[i - n_free].unit };
+    let name = |i: usize| match i < n_free {
+        true => problem.free[i].name.clone(),
+        false => problem.linear[i - n_free].name.clone(),
+    };
+    let held: Vec<Option<Side>> = (0..n)
+        .map(|i| {
+            let room = if high[i].is_finite() { 1e-6 * (high[i] - low[i]) } else { 0.0 };
+            if at[i] <= low[i] + room {
+                Some(Side::Low)
+            } else if at[i] >= high[i] - room {
+                Some(Side::High)
+            } else {
+                None
+            }
+        })
+        .collect();
+
+    let mut warnings = Vec::new();
+    let mut free: Vec<usize> = (0..n).filter(|i| held[*i].is_none()).collect();
+    let root = |i: usize| normal[(i, i)].sqrt();
+    let mut undetermined = vec![false; n];
+    // What is searched for and has, here, no effect of its own is held as it stands, and gone through below; with whom it goes is kept.
+    let mut loose: Vec<(usize, Vec<usize>)> = Vec::new();
+    let inverse = loop {
+        let scaled = DMatrix::from_fn(free.len(), free.len(), |a, b| {
+            let (i, j) = (free[a], free[b]);
+            let size = root(i) * root(j);
+            if size > 0.0 { normal[(i, j)] / size } else { 0.0 }
+        });
+        let (inverse, open) = inverse(&scaled);
+        let parts: Vec<Vec<usize>> = open
+            .iter()
+            .map(|v| (0..free.len()).filter(|a| v[*a].abs() > 0.1).map(|a| free[a]).collect())
+            .collect();
+        let searched = parts.iter().find_map(|all| {
+            let own = all.iter().copied().filter(|i| *i < n_free);
+            own.min_by(|a, b| root(*a).total_cmp(&root(*b))).map(|k| (k, all.clone()))
+        });
+        let Some((k, all)) = searched else {
+            for all in parts {
+                all.iter().for_each(|i| undetermined[*i] = true);
+                let names = all.iter().map(|i| name(*i)).collect();
+                warnings.push(Warning::Undetermined { names });
+            }
+            break inverse;
+        };
+        free.retain(|i| *i != k);
+        loose.push((k, all));
+    };
+    let is_loose = |k: usize| loose.iter().any(|(l, _)| *l == k);
+    let mut covariance = DMatrix::from_element(n, n, f64::NAN);
+    for (a, i) in free.iter().enumerate() {
+        for (b, j) in free.iter().enumerate() {
+            let open = undetermined[*i] || undetermined[*j];
+            covariance[(*i, *j)] =
+                if open { f64::NAN } else { scale * inverse[(a, b)] / (root(*i) * root(*j)) };
+        }
+    }
+    let of_calibration = calibration(problem, state, &jacobian, &free, &covariance, scale);
+    let total = &covariance + &of_calibration;
+
+    // At the minimum nothing pulls on what is free; what a loss other than the square leaves there is no pull.
+    let mut gradient = jacobian.tr_mul(&state.residual);
+    free.iter().for_each(|i| gradient[*i] = 0.0);
+    // Where χ² is no parabola over the interval of a parameter that is searched for, it is gone through; what is solved for follows.
+    let mut gone: Vec<Option<[f64; 2]>> = vec![None; n];
+    let (mut reach_low, mut reach_high) =
+        (vec![f64::INFINITY; n_linear], vec![f64::NEG_INFINITY; n_linear]);
+    for k in 0..n_free {
+        // At a bound, and where nothing changes at first, there is no covariance: steps of a part of the range do.
+        let variance = covariance[(k, k)];
+        let span = problem.free[k].high - problem.free[k].low;
+        let sigma = if variance > 0.0 { variance.sqrt() } else { 0.02 * span };
+        let course: Vec<f64> = (0..n_free)
+            .map(|j| match covariance[(j, k)] / variance {
+                slope if slope.is_finite() => slope,
+                _ => f64::from(u8::from(j == k)),
+            })
+            .collect();
+        let most = scale * CHI95;
+        let Some((ends, path)) = walk(problem, values, state.chi2, k, sigma, &course, most)? else {
+            continue;
+        };
+        // Open to both sides: whatever it is, the data look the same.
+        if let Some((_, all)) = loose.iter().find(|(l, _)| *l == k)
+            && ends[1] - ends[0] > (1.0 - 1e-9) * span
+        {
+            undetermined[k] = true;
+            let names = all.iter().map(|i| name(*i)).collect();
+            warnings.push(Warning::Undetermined { names });
+        }
+        gone[k] = Some(ends);
+        for (rise, there) in path.iter().filter(|(rise, _)| *rise < most) {
+            let part = there.design.tr_mul(&there.design);
+            let (inverse, _) = inverse_of(&part);
+            for p in 0..n_linear {
+                let half = ((most - rise) * inverse[(p, p)]).max(0.0).sqrt();
+                reach_low[p] = reach_low[p].min(there.x[p] - half);
+                reach_high[p] = reach_high[p].max(there.x[p] + half);
+            }
+        }
+    }
+    let mut estimates = Vec::with_capacity(n);
+    for i in 0..n {
+        let size = unit(i);
+        // f64::max would turn what is unknown into 0.
+        let own = match covariance[(i, i)] {
+            v if v.is_nan() => f64::NAN,
+            v => v.max(0.0).sqrt(),
+        };
+        let calibrated = of_calibration[(i, i)].max(0.0).sqrt();
+        let mut sigma = own.hypot(calibrated);
+        let near =
+            held[i].is_some() || at[i] - low[i] < NEAR * sigma || high[i] - at[i] < NEAR * sigma;
+        let walked = match i.checked_sub(n_free) {
+            None => gone[i],
+            Some(p) if reach_low[p] < reach_high[p] && held[i].is_none() => {
+                Some([reach_low[p].min(at[i] - Z95 * own), reach_high[p].max(at[i] + Z95 * own)])
+            }
+            Some(_) => None,
+        };
+        // Given what is held, a standard uncertainty is too small; of what is gone through the interval has it.
+        if let (Some([a, b]), None) = (walked, held[i])
+            && !loose.is_empty()
+            && !undetermined[i]
+            && (i >= n_free || is_loose(i))
+        {
+            let half = 0.5 * (b - a) / Z95;
+            sigma = if sigma.is_finite() { sigma.max(half) } else { half.hypot(calibrated) };
+        }
+        let (interval, method) = if undetermined[i] {
+            ([low[i] * size, high[i] * size], IntervalMethod::None)
+        } else if let Some(ends) = walked {
+            let low = (at[i] - (at[i] - ends[0]).hypot(Z95 * calibrated)).max(low[i]);
+            let high = (at[i] + (ends[1] - at[i]).hypot(Z95 * calibrated)).min(high[i]);
+            ([low * size, high * size], IntervalMethod::Profile)
+        } else if near {
+            let ends = profile(&normal, &gradient, &at, &low, &high, i, scale * CHI95);
+            let widened = [Side::Low, Side::High].map(|side| match side {
+                Side::Low => (at[i] - (at[i] - ends[0]).hypot(Z95 * calibrated)).max(low[i]),
+                Side::High => (at[i] + (ends[1] - at[i]).hypot(Z95 * calibrated)).min(high[i]),
+            });
+            (widened.map(|v| v * size), IntervalMethod::Profile)
+        } else {
+            let ends = [at[i] - Z95 * sigma, at[i] + Z95 * sigma];
+            (ends.map(|v| v * size), IntervalMethod::Covariance)
+        };
+        if let Some(side) = held[i] {
+            warnings.push(Warning::AtBound { name: name(i), value: at[i] * size, side });
+        }
+        if i >= n_free
+            && let Some(most) = problem.linear[i - n_free].most
+            && at[i] * size > most
+        {
+            let sigma = sigma * size;
+            warnings.push(Warning::TooLarge { name: name(i), value: at[i] * size, sigma, most });
+        }
+        estimates.push(Estimate {
+            name: name(i),
+            kind: if i < n_free { ParameterKind::Nonlinear } else { ParameterKind::Linear },
+            value: at[i] * size,
+            sigma: finite(sigma * size),
+            sigma_calibration: finite(calibrated * size),
+            interval_95: interval.map(finite),
+            interval_method: method,
+            at_bound: held[i],
+        });
+    }
+    for i in 0..n {
+        for j in 0..i {
+            let r = total[(i, j)] / (total[(i, i)] * total[(j, j)]).sqrt();
+            if r.abs() > CORRELATED {
+                let names = [name(j), name(i)];
+                warnings.push(Warning::Correlated { names, correlation: r });
+            }
+        }
+    }
+    let covariance = DMatrix::from_fn(n, n, |i, j| total[(i, j)] * unit(i) * unit(j));
+    Ok(Known { estimates, covariance, warnings })
+}
+
+/// The pseudo-inverse, of a matrix whose columns may differ in scale.
+fn inverse_of(matrix: &DMatrix<f64>) -> (DMatrix<f64>, Vec<DVector<f64>>) {
+    let n = matrix.nrows();
+    let root = DVector::from_fn(n, |i, _| match matrix[(i, i)] {
+        d if d > 0.0 => d.sqrt().recip(),
+        _ => 0.0,
+    });
+    let scaled = DMatrix::from_fn(n, n, |i, j| matrix[(i, j)] * root[i] * root[j]);
+    let (found, open) = inverse(&scaled);
+    (DMatrix::from_fn(n, n, |i, j| found[(i, j)] * root[i] * root[j]), open)
+}
+
+/// The ends of the interval of a parameter that is searched for, and the states on the way with their Δχ².
+type Walk = ([f64; 2], Vec<(f64, State)>);
+
+/// Goes along a parameter, the others following (first as the covariance has it, `course` per unit, then to their own minimum), to where Δχ² is `most`.
+/// `None` where χ² is a parabola within a quarter, so that the covariance says the same.
+fn walk(
+    problem: &mut Problem,
+    values: &[f64],
+    base: f64,
+    k: usize,
+    sigma: f64,
+    course: &[f64],
+    most: f64,
+) -> Result<Option<Walk>, FitError> {
+    let bounds: Vec<(f64, f64, bool)> =
+        problem.free.iter().map(|f| (f.low, f.high, f.wraps)).collect();
+    let there = |t: f64| -> Vec<f64> {
+        let moved = values.iter().zip(course).map(|(v, c)| v + c * t);
+        let within = moved.zip(&bounds).map(
+            |(v, (low, high, wraps))| {
+                if *wraps { v } else { v.clamp(*low, *high) }
+            },
+        );
+        within.collect()
+    };
+    let inside = |t: f64| {
+        let (low, high, wraps) = bounds[k];
+        wraps || (low..=high).contains(&(values[k] + t))
+    };
+    let reach = Z95 * sigma;
+    let expected = most;
+    let mut parabola = true;
+    for t in [-reach, reach] {
+        let rise = problem.evaluate(&there(t))?.chi2 - base;
+        parabola &= inside(t) && (0.75 * expected..1.3 * expected).contains(&rise);
+    }
+    if parabola {
+        return Ok(None);
+    }
+    let mut path = Vec::new();
+    let mut rise = |problem: &mut Problem, t: f64| -> Result<f64, FitError> {
+        let mut at = there(t);
+        if at.len() > 1 {
+            let unit: Vec<f64> = at
+                .iter()
+                .zip(&bounds)
+                .map(|(v, (low, high, _))| (v - low) / (high - low))
+                .collect();
+            let found = super::search::polish(problem, &unit, 12, false, Some(k))?;
+            at = super::search::values(problem, &found.at);
+        }
+        let state = problem.evaluate(&at)?;
+        let rise = state.chi2 - base;
+        path.push((rise, state));
+        Ok(rise)
+    };
+    let mut ends = [values[k]; 2];
+    for (end, sign) in ends.iter_mut().zip([-1.0, 1.0]) {
+        let bound = if sign < 0.0 { bounds[k].0 } else { bounds[k].1 };
+        let furthest =
+            if bounds[k].2 { 0.5 * (bounds[k].1 - bounds[k].0) } else { (bound - values[k]).abs() };
+        let (mut near, mut far) = (0.0, reach.min(furthest));
+        let mut open = false;
+        while rise(problem, sign * far)? < most {
+            if far >= furthest {
+                open = true;
+                break;
+            }
+            (near, far) = (far, (1.6 * far).min(furthest));
+        }
+        if open {
+            *end = values[k] + sign * furthest;
+            continue;
+        }
+        for _ in 0..7 {
+            let middle = 0.5 * (near + far);
+            if rise(problem, sign * middle)? < most { near = middle } else { far = middle }
+        }
+        *end = values[k] + sign * far;
+    }
+    Ok(Some((ends, path)))
+}
+
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+/// How whitened rates change with all parameters: central differences with the linear ones held, then their columns.
+fn jacobian(
+    problem: &mut Problem,
+    values: &[f64],
+    state: &State,
+) -> Result<DMatrix<f64>, FitError> {
+    let (n_free, n_linear) = (problem.free.len(), problem.linear.len());
+    let mut jacobian = DMatrix::zeros(problem.whitener.rows, n_free + n_linear);
+    for k in 0..n_free {
+        let (low, high, wraps, step) = {
+            let f = &problem.free[k];
+            (f.low, f.high, f.wraps, f.step)
+        };
+        let end = |v: f64| if wraps { v } else { v.clamp(low, high) };
+        let ends = [end(values[k] - step), end(values[k] + step)];
+        let mut sides = Vec::with_capacity(2);
+        for end in ends {
+            let mut there = values.to_vec();
+            there[k] = end;
+            let columns = problem.columns(&there)?;
+            let rates = problem.rates(&columns, state.x.as_slice());
+            sides.push(problem.whitened(&rates));
+        }
+        let slope = (&sides[1] - &sides[0]) / (ends[1] - ends[0]);
+        jacobian.set_column(k, &slope);
+    }
+    for p in 0..n_linear {
+        jacobian.set_column(n_free + p, &state.design.column(p));
+    }
+    Ok(jacobian)
+}
+
+/// What the calibration's errors make of the parameters: an error ε of ln κ changes the data by ε times the rate, and the parameters by the
+/// same least squares as any other change of the data.
+fn calibration(
+    problem: &Problem,
+    state: &State,
+    jacobian: &DMatrix<f64>,
+    free: &[usize],
+    covariance: &DMatrix<f64>,
+    scale: f64,
+) -> DMatrix<f64> {
+    let n = jacobian.ncols();
+    let mut sum = DMatrix::<f64>::zeros(n, n);
+    let mut nights: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (p, data) in problem.data.iter().enumerate() {
+        if let Some(calibration) = &data.calibration {
+            nights.entry(calibration.key.as_str()).or_default().push(p);
+        }
+    }
+    for curves in nights.values() {
+        let Some(of) = problem.data[curves[0]].calibration.as_ref() else { continue };
+        let channels = of.covariance.nrows();
+        let mut shifts = DMatrix::<f64>::zeros(n, channels);
+        for c in 0..channels {
+            let mut change: Vec<_> =
+                state.rates.iter().map(|r| ndarray::Array2::zeros(r.raw_dim())).collect();
+            for p in curves {
+                change[*p].column_mut(c).assign(&state.rates[*p].column(c));
+            }
+            let pull = jacobian.tr_mul(&problem.whitened(&change));
+            for i in free {
+                let terms = free.iter().map(|j| covariance[(*i, *j)] / scale * pull[*j]);
+                shifts[(*i, c)] = terms.filter(|v| v.is_finite()).sum::<f64>();
+            }
+        }
+        let own = DMatrix::from_fn(channels, channels, |a, b| of.covariance[[a, b]]);
+        sum += &shifts * own * shifts.transpose();
+    }
+    sum
+}
+
+/// The ends of the interval in which Δχ² stays below `most`, all others following within their bounds; the model taken as linear there.
+fn profile(
+    normal: &DMatrix<f64>,
+    gradient: &DVector<f64>,
+    at: &[f64],
+    low: &[f64],
+    high: &[f64],
+    which: usize,
+    most: f64,
+) -> [f64; 2] {
+    let n = at.len();
+    let others: Vec<usize> = (0..n).filter(|i| *i != which).collect();
+    let part = DMatrix::from_fn(others.len(), others.len(), |a, b| normal[(others[a], others[b])]);
+    let room = |ends: &[f64]| -> Vec<f64> { others.iter().map(|i| ends[*i] - at[*i]).collect() };
+    let (least, largest) = (room(low), room(high));
+    let rise = |t: f64| {
+        let right = DVector::from_fn(others.len(), |a, _| {
+            gradient[others[a]] - normal[(others[a], which)] * t
+        });
+        let (y, _) = solve_bounded(&part, &right, &least, &largest);
+        let across = DVector::from_fn(others.len(), |a, _| normal[(others[a], which)]).dot(&y);
+        let own = normal[(which, which)] * t * t - 2.0 * gradient[which] * t;
+        let rest = (&part * &y).dot(&y) + 2.0 * t * across;
+        let pulled: f64 = others.iter().zip(y.iter()).map(|(i, y)| 2.0 * gradient[*i] * y).sum();
+        own + rest - pulled
+    };
+    let base = rise(0.0);
+    let unit = 1.0 / normal[(which, which)].sqrt();
+    let end = |sign: f64, bound: f64| {
+        if !unit.is_finite() {
+            return bound;
+        }
+        let (mut inside, mut outside) = (0.0, sign * unit * most.sqrt());
+        while rise(outside) - base < most {
+            if (at[which] + outside - bound) * sign >= 0.0 || outside.abs() > 1e12 * unit {
+                return bound;
+            }
+            (inside, outside) = (outside, 2.0 * outside);
+        }
+        for _ in 0..60 {
+            let middle = 0.5 * (inside + outside);
+            if rise(middle) - base < most { inside = middle } else { outside = middle }
+        }
+        let found = at[which] + 0.5 * (inside + outside);
+        if (found - bound) * sign > 0.0 { bound } else { found }
+    };
+    [end(-1.0, low[which]), end(1.0, high[which])]
+}

@@ -1,0 +1,317 @@
+//! The fit of measured passes by simulated ones.
+//!
+//! Rates are linear in reflectances: of each material (a component) the simulation gives the rates per channel, and how strong each is, is solved
+//! as bounded least squares in closed form, whatever else is being searched for (variable projection). Roughness, attitude, size, time and
+//! extinction are not linear: they are searched for over a box, from many starts, and polished.
+//!
+//! In the order in which data flows through it:
+//!
+//! - [`Data`]: a measured curve: rates, their own noise, the scintillation that couples the channels of an epoch, the calibration's covariance;
+//! - [`Model`]: what is compared with it: [`Columns`] for values of the parameters that are not linear ([`StudyModel`]: simulated passes);
+//! - [`fit`]: [`Fit`]: parameters with intervals, correlations, other minima, warnings, the model's curve;
+//! - [`summaries`]: residuals by channel, phase angle, airmass;
+//! - [`spectrum`]: a reflectance spectrum through band albedos.
+//!
+//! # Noise
+//! The covariance of an epoch is D + v vᵀ: D each channel's own variance, v = s times the model's rates, s² the relative variance that all
+//! channels share. After a first solution by the measured rates it follows the model's. Errors of calibration, the same in all samples, do not
+//! enter the weights; they are carried into the covariance of the parameters.
+//!
+//! # Intervals
+//! 95 % by the covariance, which is that of the stated noise times max(1, reduced χ²): noise that is stated too small widens them, noise that is
+//! stated too large does not narrow them. With a robust loss the factor is that of an M-estimate, Σψ²/(n−p) over the square of the mean of ψ'
+//! (Huber 1981). Within two standard uncertainties of a bound the interval is where the profile of χ² stays below 3.84 (times that factor).
+
+mod bounded;
+mod data;
+mod estimate;
+mod problem;
+mod residuals;
+mod run;
+mod search;
+pub mod spectrum;
+mod study;
+mod whiten;
+
+pub use data::{CalibrationError, Data};
+pub use problem::{Columns, Free, Linear, Model, ModelError};
+pub use residuals::{Summary, summaries};
+pub use run::{Loss, Options, Progress, fit};
+pub use study::{
+    Component, Extinction, Law, Shaping, StudyModel, Unit, airmasses, band_mean, band_weights,
+};
+
+use ndarray::Array2;
+use serde::Serialize;
+use std::fmt;
+
+/// Why there is no fit.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FitError {
+    /// Input that makes no sense.
+    #[error("{what}: {found}")]
+    Input {
+        /// Of what.
+        what: String,
+        /// What was found, and expected.
+        found: String,
+    },
+    /// No sample counts.
+    #[error("{curves}: no sample is left to be fitted")]
+    NothingLeft {
+        /// The curves.
+        curves: String,
+    },
+    /// Too few samples.
+    #[error(
+        "{samples} samples count, expected more than the {parameters} parameters that are fitted"
+    )]
+    TooFew {
+        /// Samples that count.
+        samples: usize,
+        /// Parameters.
+        parameters: usize,
+    },
+    /// The model has no rates.
+    #[error("no model at {at}: {source}")]
+    Model {
+        /// The parameters' values.
+        at: String,
+        /// Why.
+        source: ModelError,
+    },
+    /// The search cannot be made.
+    #[error("the search: {why}")]
+    Search {
+        /// Why.
+        why: String,
+    },
+}
+
+/// Whether rates are proportional to a parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ParameterKind {
+    /// Searched for.
+    Nonlinear,
+    /// Solved for.
+    Linear,
+}
+
+/// A side of an interval.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    /// The least value.
+    Low,
+    /// The largest value.
+    High,
+}
+
+/// How an interval was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum IntervalMethod {
+    /// 1.96 standard uncertainties to both sides.
+    Covariance,
+    /// Where the profile of χ² stays below 3.84.
+    Profile,
+    /// There is none: the data do not determine the parameter.
+    None,
+}
+
+/// A parameter's value and what is known of it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Estimate {
+    /// Its name, with its unit where it has one.
+    pub name: String,
+    /// Whether it was searched or solved for.
+    pub kind: ParameterKind,
+    /// Its value.
+    pub value: f64,
+    /// Its standard uncertainty, the calibration's part in it; `None` where the data do not determine it.
+    pub sigma: Option<f64>,
+    /// The part that the calibration's errors have in it.
+    pub sigma_calibration: Option<f64>,
+    /// The ends of its 95 % interval; `None` where it is open.
+    pub interval_95: [Option<f64>; 2],
+    /// How that was found.
+    pub interval_method: IntervalMethod,
+    /// The bound at which it stands.
+    pub at_bound: Option<Side>,
+}
+
+impl Estimate {
+    /// Whether a value lies in the 95 % interval.
+    pub fn covers(&self, value: f64) -> bool {
+        let [low, high] = self.interval_95;
+        low.is_none_or(|l| l <= value) && high.is_none_or(|h| value <= h)
+    }
+}
+
+/// What a person should hear of before believing a fit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case", tag = "what")]
+#[non_exhaustive]
+pub enum Warning {
+    /// Some combination of these parameters changes nothing.
+    Undetermined {
+        /// The parameters that take part.
+        names: Vec<String>,
+    },
+    /// Two parameters that the data hardly tell apart.
+    Correlated {
+        /// Which.
+        names: [String; 2],
+        /// Their correlation.
+        correlation: f64,
+    },
+    /// A parameter stands at a bound.
+    AtBound {
+        /// Which.
+        name: String,
+        /// Its value.
+        value: f64,
+        /// Which bound.
+        side: Side,
+    },
+    /// A parameter is larger than it can be by physics.
+    TooLarge {
+        /// Which.
+        name: String,
+        /// Its value.
+        value: f64,
+        /// Its standard uncertainty.
+        sigma: f64,
+        /// The largest that makes sense.
+        most: f64,
+    },
+    /// Another minimum that the data do not exclude.
+    OtherMinimum {
+        /// Its χ² above that of the best one, over the scale of the errors.
+        delta_chi2: f64,
+        /// The parameters there.
+        at: Vec<(String, f64)>,
+    },
+    /// The residuals are larger than the stated noise.
+    PoorFit {
+        /// χ² over the degrees of freedom.
+        reduced_chi2: f64,
+    },
+    /// The search ended before it was at a minimum.
+    NotConverged {
+        /// What did not settle.
+        why: String,
+    },
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Undetermined { names } if names.len() == 1 => {
+                write!(f, "{} changes nothing that was measured: it is not determined", names[0])
+            }
+            Self::Undetermined { names } => write!(
+                f,
+                "{} never appear apart: a combination of them is not determined; fix one, or add passes that show them differently",
+                names.join(", ")
+            ),
+            Self::Correlated { names: [a, b], correlation } => write!(
+                f,
+                "{a} and {b} are hardly told apart: their correlation is {correlation:+.3}"
+            ),
+            Self::AtBound { name, value, side } => {
+                let side = if *side == Side::Low { "lower" } else { "upper" };
+                write!(f, "{name} stands at its {side} bound, {value:.6}")
+            }
+            Self::TooLarge { name, value, sigma, most } => write!(
+                f,
+                "{name} is {value:.4} ± {sigma:.4}, above {most}: the body is larger, shinier or calibrated otherwise than the file says"
+            ),
+            Self::OtherMinimum { delta_chi2, at } => {
+                let at: Vec<String> = at.iter().map(|(n, v)| format!("{n} = {v:.6}")).collect();
+                write!(
+                    f,
+                    "another minimum lies {delta_chi2:.1} above the best in chi-square: {}",
+                    at.join(", ")
+                )
+            }
+            Self::PoorFit { reduced_chi2 } => write!(
+                f,
+                "the residuals are {:.2} times as large as the stated noise (reduced chi-square {reduced_chi2:.2}): intervals are widened by that, and hold only if what is missing in the model is random",
+                reduced_chi2.sqrt()
+            ),
+            Self::NotConverged { why } => write!(f, "the fit did not converge: {why}"),
+        }
+    }
+}
+
+/// A minimum of the sum of squares.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Minimum {
+    /// Values of the parameters that are not linear, in their order.
+    pub values: Vec<f64>,
+    /// χ² there.
+    pub chi2: f64,
+    /// χ² above that of the best, over the scale of the errors.
+    pub delta_chi2: f64,
+}
+
+/// A fitted curve beside the measured one: arrays of epochs × channels, NaN where nothing was measured that counts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FittedCurve {
+    /// The model's rates, everywhere.
+    pub model: Array2<f64>,
+    /// Measured less model, over the noise of a single sample, scintillation in it.
+    pub pull: Array2<f64>,
+    /// How much a sample counted by the loss, 0 to 1.
+    pub weight: Array2<f64>,
+}
+
+/// What a fit found.
+#[derive(Debug, Clone, Serialize)]
+pub struct Fit {
+    /// The parameters: those that were searched for, then those that were solved for.
+    pub parameters: Vec<Estimate>,
+    /// Their covariance; NaN (null in JSON) for what stands at a bound or is not determined.
+    pub covariance: Vec<Vec<f64>>,
+    /// Samples that count.
+    pub samples: usize,
+    /// χ² with the stated noise, all samples alike.
+    pub chi2: f64,
+    /// Samples less parameters.
+    pub degrees_of_freedom: usize,
+    /// χ² over the degrees of freedom.
+    pub reduced_chi2: f64,
+    /// What the covariance of the stated noise was multiplied by.
+    pub scaled_by: f64,
+    /// The loss.
+    pub loss: Loss,
+    /// Whether the minimum was reached.
+    pub converged: bool,
+    /// The minima that were found, the best first.
+    pub minima: Vec<Minimum>,
+    /// How often the model was computed.
+    pub evaluations: usize,
+    /// What a person should hear of.
+    #[serde(skip)]
+    pub warnings: Vec<Warning>,
+    /// The curves.
+    #[serde(skip)]
+    pub curves: Vec<FittedCurve>,
+}
+
+impl Fit {
+    /// The parameter of that name.
+    pub fn parameter(&self, name: &str) -> Option<&Estimate> {
+        self.parameters.iter().find(|p| p.name == name)
+    }
+
+    /// The correlation of two parameters by their numbers; `None` where one of them has no uncertainty.
+    pub fn correlation(&self, i: usize, j: usize) -> Option<f64> {
+        let c = &self.covariance;
+        let r = c.get(i)?.get(j)? / (c[i][i] * c.get(j)?[j]).sqrt();
+        r.is_finite().then_some(r)
+    }
+}

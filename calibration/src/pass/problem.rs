@@ -1,0 +1,288 @@
+//! The fit's sum of squares: what is linear is solved in closed form wherever the rest stands (variable projection: Golub and Pereyra 1973).
+
+use super::bounded::solve_bounded;
+use super::whiten::{PerSample, Whitener};
+use super::{Data, FitError};
+use nalgebra::{DMatrix, DVector};
+use ndarray::{Array2, Array3};
+
+/// What a model says of one curve: rate = `fixed` + Σ_k coefficient_k `columns`_k. A component without a linear parameter has the coefficient 1.
+#[derive(Debug, Clone)]
+pub struct Columns {
+    /// Rates that nothing linear changes, epochs × channels, in the unit of the data.
+    pub fixed: Array2<f64>,
+    /// Rates of each component, epochs × channels × components.
+    pub columns: Array3<f64>,
+}
+
+/// Why a model has no rates, in words.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{0}")]
+pub struct ModelError(pub String);
+
+/// What is fitted: curves for values of the parameters that are not linear.
+pub trait Model {
+    /// One [`Columns`] for each measured curve, at its epochs.
+    ///
+    /// # Errors
+    /// Values for which there is no model.
+    fn columns(&mut self, values: &[f64]) -> Result<Vec<Columns>, ModelError>;
+}
+
+/// A parameter that is not linear.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Free {
+    /// Its name, with its unit.
+    pub name: String,
+    /// Where the search starts.
+    pub start: f64,
+    /// Its least value.
+    pub low: f64,
+    /// Its largest value.
+    pub high: f64,
+    /// The step of differences.
+    pub step: f64,
+    /// Whether `low` and `high` are the same state, as of an angle over a full turn.
+    pub wraps: bool,
+}
+
+impl Free {
+    /// A parameter between bounds, with steps of a 10,000th of their distance.
+    pub fn new(name: impl Into<String>, start: f64, low: f64, high: f64) -> Self {
+        let step = 1e-4 * (high - low);
+        Self { name: name.into(), start, low, high, step, wraps: false }
+    }
+}
+
+/// A parameter that rates are proportional to: the coefficient of a component, not below 0.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Linear {
+    /// Its name.
+    pub name: String,
+    /// Which component.
+    pub component: usize,
+    /// In which channels.
+    pub channels: Vec<usize>,
+    /// In which curves; all where `None`.
+    pub curves: Option<Vec<usize>>,
+    /// The parameter's value for a coefficient of 1: the band albedo that the model was computed with.
+    pub unit: f64,
+    /// A value above which a person should be warned; nothing is clamped there.
+    pub most: Option<f64>,
+}
+
+/// Everything that a sum of squares needs.
+pub(super) struct Problem<'a> {
+    pub data: &'a [Data],
+    pub free: &'a [Free],
+    pub linear: &'a [Linear],
+    model: &'a mut dyn Model,
+    pub whitener: Whitener,
+    /// The linear parameter of each curve's channel and component.
+    owner: Vec<Array2<Option<usize>>>,
+    pub evaluations: usize,
+    /// Whether coefficients stay below [`PLAUSIBLE`] times what makes sense: while places are looked for, so that no wrong attitude is made good by
+    /// a surface that reflects a thousandfold.
+    pub plausible: bool,
+}
+
+/// By how much the largest that makes sense may be exceeded in the search.
+const PLAUSIBLE: f64 = 1.5;
+
+/// The sum of squares at one place.
+#[derive(Clone)]
+pub(super) struct State {
+    /// Coefficients of the linear parameters.
+    pub x: DVector<f64>,
+    /// Which of them are held at 0.
+    pub bound: Vec<bool>,
+    pub residual: DVector<f64>,
+    pub chi2: f64,
+    /// Whitened columns.
+    pub design: DMatrix<f64>,
+    /// The model's rates.
+    pub rates: PerSample,
+}
+
+impl<'a> Problem<'a> {
+    pub fn new(
+        data: &'a [Data],
+        model: &'a mut dyn Model,
+        free: &'a [Free],
+        linear: &'a [Linear],
+    ) -> Result<Self, FitError> {
+        let wrong = |what: String, found: String| Err(FitError::Input { what, found });
+        let Some(first) = data.first() else {
+            return wrong("the measured curves".into(), "none".into());
+        };
+        for curve in data {
+            curve.check()?;
+            if curve.channels() != first.channels() {
+                let found = format!("{}, expected {}", curve.channels(), first.channels());
+                return wrong(format!("channels of {}", curve.name), found);
+            }
+        }
+        for f in free {
+            let ordered = f.low < f.high && (f.low..=f.high).contains(&f.start);
+            if !(ordered && f.high - f.low < f64::INFINITY && f.step > 0.0) {
+                let found = format!("{} within {} to {}, step {}", f.start, f.low, f.high, f.step);
+                return wrong(f.name.clone(), found);
+            }
+        }
+        let counted: usize = data.iter().map(Data::count).sum();
+        if counted == 0 {
+            let names: Vec<&str> = data.iter().map(|d| d.name.as_str()).collect();
+            return Err(FitError::NothingLeft { curves: names.join(", ") });
+        }
+        let parameters = free.len() + linear.len();
+        if counted <= parameters {
+            return Err(FitError::TooFew { samples: counted, parameters });
+        }
+        let components = linear.iter().map(|l| l.component + 1).max().unwrap_or(0);
+        let mut owner = vec![Array2::from_elem((first.channels(), components), None); data.len()];
+        for (p, l) in linear.iter().enumerate() {
+            for (curve, owned) in owner.iter_mut().enumerate() {
+                if l.curves.as_ref().is_some_and(|c| !c.contains(&curve)) {
+                    continue;
+                }
+                for c in &l.channels {
+                    let place = owned.get_mut((*c, l.component));
+                    let Some(place) = place else {
+                        return wrong(l.name.clone(), format!("channel {c}"));
+                    };
+                    if let Some(other) = place.replace(p) {
+                        let other = &linear[other].name;
+                        return wrong(l.name.clone(), format!("{other} scales the same light"));
+                    }
+                }
+            }
+        }
+        let whitener = Whitener::new(data, None, None);
+        Ok(Self { data, free, linear, model, whitener, owner, evaluations: 0, plausible: false })
+    }
+
+    /// The model's columns, seen to fit the data.
+    pub fn columns(&mut self, values: &[f64]) -> Result<Vec<Columns>, FitError> {
+        self.evaluations += 1;
+        let columns = self
+            .model
+            .columns(values)
+            .map_err(|source| FitError::Model { at: self.describe(values), source })?;
+        let wrong = |what: String, found: String| Err(FitError::Input { what, found });
+        if columns.len() != self.data.len() {
+            let found = format!("{}, expected {}", columns.len(), self.data.len());
+            return wrong("curves of the model".into(), found);
+        }
+        for ((curve, model), owner) in self.data.iter().zip(&columns).zip(&self.owner) {
+            let (n, channels, components) = model.columns.dim();
+            let shape = (n, channels);
+            if shape != curve.rate.dim() || model.fixed.dim() != shape || components < owner.ncols()
+            {
+                let found = format!("{:?}, expected {:?}", model.columns.dim(), curve.rate.dim());
+                return wrong(format!("the model of {}", curve.name), found);
+            }
+        }
+        Ok(columns)
+    }
+
+    /// The values by name, for messages.
+    pub fn describe(&self, values: &[f64]) -> String {
+        let all = self.free.iter().zip(values).map(|(f, v)| format!("{} = {v}", f.name));
+        all.collect::<Vec<_>>().join(", ")
+    }
+
+    /// The sum of squares at values of what is not linear.
+    pub fn evaluate(&mut self, values: &[f64]) -> Result<State, FitError> {
+        let columns = self.columns(values)?;
+        let count = self.linear.len();
+        let mut design = DMatrix::zeros(self.whitener.rows, count);
+        let mut right = DVector::zeros(self.whitener.rows);
+        let mut buffer = Vec::new();
+        for epoch in &self.whitener.epochs {
+            let (model, owner) = (&columns[epoch.pass], &self.owner[epoch.pass]);
+            let components = model.columns.dim().2;
+            let m = epoch.channels.len();
+            buffer.clear();
+            buffer.resize((count + 1) * m, 0.0);
+            for (j, c) in epoch.channels.iter().enumerate() {
+                let mut fixed = model.fixed[[epoch.epoch, *c]];
+                for k in 0..components {
+                    let value = model.columns[[epoch.epoch, *c, k]];
+                    match owner.get((*c, k)).copied().flatten() {
+                        Some(p) => buffer[p * m + j] += value,
+                        None => fixed += value,
+                    }
+                }
+                let left = self.data[epoch.pass].rate[[epoch.epoch, *c]] - fixed;
+                buffer[count * m + j] = left;
+            }
+            if let Some(bad) = buffer.iter().find(|v| !v.is_finite()) {
+                return Err(FitError::Input {
+                    what: format!(
+                        "the model of {} at sample {}",
+                        self.data[epoch.pass].name,
+                        epoch.epoch + 1
+                    ),
+                    found: format!("{bad}, expected finite rates where a sample counts"),
+                });
+            }
+            for p in 0..=count {
+                let part = &mut buffer[p * m..(p + 1) * m];
+                if part.iter().all(|v| *v == 0.0) {
+                    continue;
+                }
+                epoch.apply(part);
+                for (j, v) in part.iter().enumerate() {
+                    if p < count {
+                        design[(epoch.row + j, p)] = *v;
+                    } else {
+                        right[epoch.row + j] = *v;
+                    }
+                }
+            }
+        }
+        let (x, bound) = if count == 0 {
+            (DVector::zeros(0), Vec::new())
+        } else {
+            let (matrix, g) = (design.tr_mul(&design), design.tr_mul(&right));
+            let most = |l: &Linear| match l.most {
+                Some(most) if self.plausible => PLAUSIBLE * most / l.unit,
+                _ => f64::INFINITY,
+            };
+            let high: Vec<f64> = self.linear.iter().map(most).collect();
+            solve_bounded(&matrix, &g, &vec![0.0; count], &high)
+        };
+        let residual = right - &design * &x;
+        let chi2 = residual.norm_squared();
+        let rates = self.rates(&columns, x.as_slice());
+        Ok(State { x, bound, residual, chi2, design, rates })
+    }
+
+    /// The model's rates with coefficients of the linear parameters.
+    pub fn rates(&self, columns: &[Columns], x: &[f64]) -> PerSample {
+        let of = |(model, owner): (&Columns, &Array2<Option<usize>>)| {
+            let (n, channels, components) = model.columns.dim();
+            Array2::from_shape_fn((n, channels), |(i, c)| {
+                let all = (0..components).map(|k| {
+                    let own = owner.get((c, k)).copied().flatten();
+                    own.map_or(1.0, |p| x[p]) * model.columns[[i, c, k]]
+                });
+                model.fixed[[i, c]] + all.sum::<f64>()
+            })
+        };
+        columns.iter().zip(&self.owner).map(of).collect()
+    }
+
+    /// Numbers of all samples that count, whitened.
+    pub fn whitened(&self, values: &PerSample) -> DVector<f64> {
+        let mut white = DVector::zeros(self.whitener.rows);
+        let mut buffer = Vec::new();
+        for epoch in &self.whitener.epochs {
+            buffer.clear();
+            buffer.extend(epoch.channels.iter().map(|c| values[epoch.pass][[epoch.epoch, *c]]));
+            epoch.apply(&mut buffer);
+            buffer.iter().enumerate().for_each(|(j, v)| white[epoch.row + j] = *v);
+        }
+        white
+    }
+}

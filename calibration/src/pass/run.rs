@@ -1,0 +1,469 @@
+//! The way through a fit.
+
+use super::estimate::estimate;
+use super::problem::{Problem, State};
+use super::search::{self, Found};
+use super::whiten::{PerSample, Whitener};
+use super::{Data, Fit, FitError, FittedCurve, Free, Linear, Minimum, Model, Warning};
+use ndarray::Array2;
+use serde::{Deserialize, Serialize};
+
+/// Rounds of weights that follow the model, at most.
+const ROUNDS: usize = 15;
+/// Weights have settled where the model's rates change by less than this part of the noise.
+const SETTLED: f64 = 0.01;
+/// Minima nearer than this, in units of the box, are one.
+const SAME: f64 = 1e-3;
+/// Minima of a χ² that is more above the best are not worth a word (over the scale of the errors).
+const WORTH: f64 = 25.0;
+/// Iterations of a simplex for each parameter.
+const SIMPLEX: u64 = 30;
+/// The first size of a simplex, in units of the box.
+const SIMPLEX_SIZE: f64 = 0.05;
+/// How many of the simplices' ends are polished.
+const POLISHED: usize = 3;
+/// Sizes of simplices about the best minimum, and how often all of them are tried at most.
+const SHAKEN: [f64; 3] = [0.02, 0.006, 0.002];
+const SHAKES: usize = 6;
+/// Iterations of the first descent from a start, which is for telling starts apart.
+const FIRST: usize = 15;
+/// Iterations of the polish.
+const POLISH: usize = 60;
+/// Residuals above this reduced χ² are said to be large.
+const POOR: f64 = 1.5;
+
+/// How residuals count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Loss {
+    /// By their squares: the best where noise is normal.
+    Squares,
+    /// Huber's: beyond 1.345 standard deviations linearly; 95 % as efficient where noise is normal.
+    #[default]
+    Huber,
+    /// Student's t with four degrees of freedom: outliers count next to nothing.
+    Student,
+    /// Tukey's biweight: beyond 4.685 standard deviations not at all; and epochs that are off as a whole, all channels together, by more than four
+    /// standard deviations are left out: clouds. Begun at what Huber's loss finds.
+    Tukey,
+}
+
+const HUBER: f64 = 1.345;
+const STUDENT: f64 = 4.0;
+const TUKEY: f64 = 4.685;
+/// Standard deviations of the factor common to an epoch's channels beyond which [`Loss::Tukey`] leaves the epoch out.
+const CLOUD: f64 = 4.0;
+
+impl Loss {
+    /// ψ(u)/u, at most 1 for [`Loss::Huber`].
+    fn weight(self, u: f64) -> f64 {
+        match self {
+            Self::Squares => 1.0,
+            Self::Huber if u.abs() <= HUBER => 1.0,
+            Self::Huber => HUBER / u.abs(),
+            Self::Student => (STUDENT + 1.0) / (STUDENT + u * u),
+            Self::Tukey => (1.0 - (u / TUKEY).powi(2)).max(0.0).powi(2),
+        }
+    }
+
+    /// ψ'(u).
+    fn slope(self, u: f64) -> f64 {
+        match self {
+            Self::Squares => 1.0,
+            Self::Huber => f64::from(u8::from(u.abs() <= HUBER)),
+            Self::Student => (STUDENT + 1.0) * (STUDENT - u * u) / (STUDENT + u * u).powi(2),
+            Self::Tukey => {
+                let t = (u / TUKEY).powi(2);
+                if t < 1.0 { (1.0 - t) * (1.0 - 5.0 * t) } else { 0.0 }
+            }
+        }
+    }
+}
+
+/// How a fit is made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// How residuals count.
+    pub loss: Loss,
+    /// Places that are looked at before the search; 0 searches from the start alone.
+    pub places: usize,
+    /// From how many of the best of them a search starts, the given start besides.
+    pub starts: usize,
+    /// The seed of the places.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { loss: Loss::default(), places: 128, starts: 8, seed: 0 }
+    }
+}
+
+/// How far a fit is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    /// What is being done.
+    pub stage: &'static str,
+    /// How often the model was computed.
+    pub evaluations: usize,
+    /// The least sum of squares so far.
+    pub chi2: f64,
+}
+
+/// Fits. Results depend on `options.seed`, not on the number of threads. A search that ends before it is at a minimum is no error:
+/// [`Fit::converged`] is false, and what was reached is there.
+///
+/// # Errors
+/// Input that makes no sense; no or too few samples; a start at which there is no model.
+pub fn fit(
+    data: &[Data],
+    model: &mut dyn Model,
+    free: &[Free],
+    linear: &[Linear],
+    options: &Options,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Fit, FitError> {
+    let mut problem = Problem::new(data, model, free, linear)?;
+    let start = search::start(&problem);
+    let first = problem.evaluate(&search::values(&problem, &start))?;
+    let mut least = first.chi2;
+    let mut tell = |stage, problem: &Problem, chi2: f64| {
+        least = least.min(chi2);
+        progress(Progress { stage, evaluations: problem.evaluations, chi2: least });
+    };
+    tell("start", &problem, first.chi2);
+
+    let mut minima: Vec<Found> = Vec::new();
+    if free.is_empty() {
+        minima.push(Found { at: Vec::new(), chi2: first.chi2, converged: true });
+    } else {
+        problem.plausible = true;
+        let mut near = Vec::new();
+        for place in starts(&mut problem, &start, options, &mut tell) {
+            // Where there is no model on the way a simplex finds one.
+            let found = match search::polish(&mut problem, &place, FIRST, false, None) {
+                Ok(found) => found,
+                Err(_) => {
+                    let rounds = SIMPLEX * free.len() as u64;
+                    search::simplex(&mut problem, &place, SIMPLEX_SIZE, rounds)?
+                }
+            };
+            tell("search", &problem, found.chi2);
+            near.push(found);
+        }
+        near.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+        for (k, near) in near.iter().take(POLISHED).enumerate() {
+            let mut found = search::polish(&mut problem, &near.at, POLISH, false, None)?;
+            tell("search", &problem, found.chi2);
+            if k == 0 && free.len() > 1 {
+                found = shaken(&mut problem, found, &mut tell)?;
+            }
+            minima.push(found);
+        }
+        minima.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+        let mut distinct: Vec<Found> = Vec::new();
+        for found in minima {
+            if distinct.iter().all(|d| search::apart(&problem, &d.at, &found.at) > SAME) {
+                distinct.push(found);
+            }
+        }
+        minima = distinct;
+    }
+
+    problem.plausible = false;
+    // The noise by the model's rates, and what the loss makes of outliers, until both stand still.
+    let mut best = minima[0].clone();
+    if options.loss == Loss::Tukey {
+        settle(&mut problem, &mut best, Loss::Huber, &mut tell)?;
+    }
+    let (mut state, mut settled) = settle(&mut problem, &mut best, options.loss, &mut tell)?;
+    // By that noise another minimum may be the better one.
+    let scale = (state.chi2 / freedom(&problem) as f64).max(1.0);
+    let mut others = Vec::new();
+    for found in minima.iter().skip(1).filter(|m| m.chi2 - minima[0].chi2 < 4.0 * WORTH * scale) {
+        let found = search::polish(&mut problem, &found.at, POLISH, false, None)?;
+        tell("other minima", &problem, found.chi2);
+        if search::apart(&problem, &found.at, &best.at) > SAME {
+            others.push(found);
+        }
+    }
+    if let Some(k) = (0..others.len()).find(|k| others[*k].chi2 < state.chi2 - 1e-3) {
+        others.push(std::mem::replace(&mut best, others[k].clone()));
+        others.swap_remove(k);
+        (state, settled) = settle(&mut problem, &mut best, options.loss, &mut tell)?;
+    }
+    finish(problem, best, state, settled, others, options.loss)
+}
+
+/// Simplices of several sizes about a minimum: where a body's edges and glints make the sum of squares rough, the next dent may be deeper.
+fn shaken(
+    problem: &mut Problem,
+    mut best: Found,
+    tell: &mut dyn FnMut(&'static str, &Problem, f64),
+) -> Result<Found, FitError> {
+    let rounds = SIMPLEX * problem.free.len() as u64 / 2;
+    for _ in 0..SHAKES {
+        let before = best.chi2;
+        for size in SHAKEN {
+            let near = search::simplex(problem, &best.at, size, rounds)?;
+            if near.chi2 < best.chi2 - 0.1 {
+                let found = search::polish(problem, &near.at, POLISH, false, None)?;
+                tell("search", problem, found.chi2);
+                if found.chi2 < best.chi2 {
+                    best = found;
+                }
+            }
+        }
+        if best.chi2 > before - 1.0 {
+            break;
+        }
+    }
+    Ok(best)
+}
+
+/// Where searches start: the given place, and the best of some over the box.
+fn starts(
+    problem: &mut Problem,
+    start: &[f64],
+    options: &Options,
+    tell: &mut dyn FnMut(&'static str, &Problem, f64),
+) -> Vec<Vec<f64>> {
+    let mut places: Vec<(f64, Vec<f64>)> = Vec::new();
+    for place in search::places(problem, options.places, options.seed) {
+        let chi2 = search::cost(problem, &place);
+        tell("places", problem, chi2);
+        places.push((chi2, place));
+    }
+    places.retain(|(chi2, _)| chi2.is_finite());
+    places.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let drawn = places.into_iter().take(options.starts).map(|(_, place)| place);
+    std::iter::once(start.to_vec()).chain(drawn).collect()
+}
+
+fn freedom(problem: &Problem) -> usize {
+    let parameters = problem.free.len() + problem.linear.len();
+    problem.whitener.rows.saturating_sub(parameters).max(1)
+}
+
+/// Goes on from a minimum until noise and weights, which follow the model, stand still. Leaves the problem with them.
+fn settle(
+    problem: &mut Problem,
+    best: &mut Found,
+    loss: Loss,
+    tell: &mut dyn FnMut(&'static str, &Problem, f64),
+) -> Result<(State, bool), FitError> {
+    let mut state = problem.evaluate(&search::values(problem, &best.at))?;
+    for round in 0..ROUNDS {
+        let weights = weights(problem.data, &state.rates, loss);
+        let whitener = Whitener::new(problem.data, Some(&state.rates), weights.as_ref());
+        if whitener.rows <= problem.free.len() + problem.linear.len() {
+            // All but everything is an outlier: the noise before stays.
+            return Ok((state, false));
+        }
+        problem.whitener = whitener;
+        if !problem.free.is_empty() {
+            let converged = best.converged;
+            *best = search::polish(problem, &best.at, POLISH, true, None)?;
+            // What was at a minimum and cannot go lower is still there.
+            best.converged |= converged && round > 0;
+        }
+        let next = problem.evaluate(&search::values(problem, &best.at))?;
+        let moved = largest_change(problem.data, &state.rates, &next.rates);
+        state = next;
+        best.chi2 = state.chi2;
+        tell("noise", problem, state.chi2);
+        if moved < SETTLED {
+            return Ok((state, true));
+        }
+    }
+    Ok((state, false))
+}
+
+/// The largest change of a rate over its noise.
+fn largest_change(data: &[Data], before: &PerSample, after: &PerSample) -> f64 {
+    let mut largest = 0.0_f64;
+    for (p, curve) in data.iter().enumerate() {
+        for ((i, c), used) in curve.used.indexed_iter() {
+            if *used {
+                let change = (after[p][[i, c]] - before[p][[i, c]]).abs();
+                largest = largest.max(change / noise(curve, i, c, after[p][[i, c]]));
+            }
+        }
+    }
+    largest
+}
+
+/// The standard deviation of a single sample, scintillation in it.
+fn noise(curve: &Data, epoch: usize, channel: usize, model: f64) -> f64 {
+    let own = curve.variance(epoch, channel, Some(model));
+    (own + curve.common_variance[epoch] * model * model).sqrt()
+}
+
+/// Residuals over the noise of single samples; NaN where none counts.
+fn pulls(data: &[Data], rates: &PerSample) -> PerSample {
+    let one = |(curve, rates): (&Data, &Array2<f64>)| {
+        Array2::from_shape_fn(rates.raw_dim(), |(i, c)| match curve.used[[i, c]] {
+            true => (curve.rate[[i, c]] - rates[[i, c]]) / noise(curve, i, c, rates[[i, c]]),
+            false => f64::NAN,
+        })
+    };
+    data.iter().zip(rates).map(one).collect()
+}
+
+/// 1.4826 times the median of what is there, and no less than 1: where the noise is stated too small, all samples are no outliers.
+fn spread(pulls: &PerSample) -> f64 {
+    let mut sizes: Vec<f64> =
+        pulls.iter().flatten().filter(|p| p.is_finite()).map(|p| p.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    sizes.get(sizes.len() / 2).map_or(1.0, |median| (1.4826 * median).max(1.0))
+}
+
+/// Weights by the loss; none for squares. 0 for what does not count.
+fn weights(data: &[Data], rates: &PerSample, loss: Loss) -> Option<PerSample> {
+    if loss == Loss::Squares {
+        return None;
+    }
+    let pulls = pulls(data, rates);
+    let width = spread(&pulls);
+    let weight = |p: &f64| if p.is_finite() { loss.weight(p / width) } else { 0.0 };
+    let mut weights: PerSample = pulls.iter().map(|pulls| pulls.map(weight)).collect();
+    if loss == Loss::Tukey {
+        let common = common_pulls(data, rates);
+        let width = spread(&common);
+        for (weights, common) in weights.iter_mut().zip(&common) {
+            for (i, pull) in common.iter().enumerate() {
+                if pull.abs() > CLOUD * width {
+                    weights.row_mut(i).fill(0.0);
+                }
+            }
+        }
+    }
+    Some(weights)
+}
+
+/// The relative factor that an epoch's channels have in common, over its standard deviation: a column for each curve, NaN without a sample.
+fn common_pulls(data: &[Data], rates: &PerSample) -> PerSample {
+    let one = |(curve, rates): (&Data, &Array2<f64>)| {
+        Array2::from_shape_fn((curve.epochs(), 1), |(i, _)| {
+            let (mut weight, mut sum) = (0.0, 0.0);
+            for c in (0..curve.channels()).filter(|c| curve.used[[i, *c]]) {
+                let model = rates[[i, c]];
+                let own = curve.variance(i, c, Some(model));
+                weight += model * model / own;
+                sum += model * (curve.rate[[i, c]] - model) / own;
+            }
+            sum / weight / (curve.common_variance[i] + weight.recip()).sqrt()
+        })
+    };
+    data.iter().zip(rates).map(one).collect()
+}
+
+/// Σψ²/(n−p) over the square of the mean of ψ', of residuals over the noise of single samples.
+fn m_factor(pulls: &PerSample, loss: Loss, freedom: usize) -> f64 {
+    let spread = spread(pulls);
+    let all: Vec<f64> =
+        pulls.iter().flatten().filter(|p| p.is_finite()).map(|p| p / spread).collect();
+    let psi2: f64 = all.iter().map(|u| (u * loss.weight(*u)).powi(2)).sum();
+    let slope: f64 = all.iter().map(|u| loss.slope(*u)).sum::<f64>() / all.len() as f64;
+    spread * spread * psi2 / freedom as f64 / (slope * slope)
+}
+
+fn finish(
+    mut problem: Problem,
+    best: Found,
+    state: State,
+    settled: bool,
+    others: Vec<Found>,
+    loss: Loss,
+) -> Result<Fit, FitError> {
+    let data = problem.data;
+    let values = search::values(&problem, &best.at);
+    let weights = weights(data, &state.rates, loss);
+    // All samples alike from here on, but for those that the loss left out.
+    let kept: Option<PerSample> = weights
+        .as_ref()
+        .map(|all| all.iter().map(|w| w.map(|w| f64::from(u8::from(*w > 0.0)))).collect());
+    problem.whitener = Whitener::new(data, Some(&state.rates), kept.as_ref());
+    let alike = problem.evaluate(&values)?;
+    let residual = {
+        let left: PerSample = data.iter().zip(&state.rates).map(|(d, m)| &d.rate - m).collect();
+        problem.whitened(&left)
+    };
+    let chi2 = residual.norm_squared();
+    let degrees_of_freedom = freedom(&problem);
+    let reduced_chi2 = chi2 / degrees_of_freedom as f64;
+    let pulls = pulls(data, &state.rates);
+    let counted: PerSample = match &kept {
+        Some(kept) => (pulls.iter().zip(kept))
+            .map(|(p, k)| {
+                Array2::from_shape_fn(p.raw_dim(), |at| match k[at] {
+                    0.0 => f64::NAN,
+                    _ => p[at],
+                })
+            })
+            .collect(),
+        None => pulls.clone(),
+    };
+    let factor = match loss {
+        Loss::Squares => reduced_chi2,
+        _ => m_factor(&counted, loss, degrees_of_freedom),
+    };
+    let scaled_by = factor.max(1.0);
+    let solution = State { x: state.x, bound: state.bound, residual, rates: state.rates, ..alike };
+    let known = estimate(&mut problem, &values, &solution, scaled_by)?;
+
+    let mut warnings = Vec::new();
+    if !settled {
+        let why = format!("noise and weights still followed the model after {ROUNDS} rounds");
+        warnings.push(Warning::NotConverged { why });
+    } else if !best.converged {
+        let why = format!("no minimum was reached in {POLISH} iterations of the last polish");
+        warnings.push(Warning::NotConverged { why });
+    }
+    if reduced_chi2 > POOR {
+        warnings.push(Warning::PoorFit { reduced_chi2 });
+    }
+    let mut minima = vec![Minimum { values: values.clone(), chi2: best.chi2, delta_chi2: 0.0 }];
+    let mut rest: Vec<Minimum> = others
+        .iter()
+        .map(|m| Minimum {
+            values: search::values(&problem, &m.at),
+            chi2: m.chi2,
+            delta_chi2: (m.chi2 - best.chi2) / scaled_by,
+        })
+        .filter(|m| m.delta_chi2 < WORTH)
+        .collect();
+    rest.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+    for other in &rest {
+        let names = problem.free.iter().map(|f| f.name.clone());
+        let at = names.zip(other.values.iter().copied()).collect();
+        warnings.push(Warning::OtherMinimum { delta_chi2: other.delta_chi2, at });
+    }
+    minima.extend(rest);
+    warnings.extend(known.warnings);
+    let n = known.covariance.nrows();
+    let covariance = (0..n).map(|i| (0..n).map(|j| known.covariance[(i, j)]).collect()).collect();
+    let one = |p: usize| FittedCurve {
+        model: solution.rates[p].clone(),
+        weight: Array2::from_shape_fn(pulls[p].raw_dim(), |at| match data[p].used[at] {
+            true => weights.as_ref().map_or(1.0, |w| w[p][at]),
+            false => 0.0,
+        }),
+        pull: pulls[p].clone(),
+    };
+    Ok(Fit {
+        parameters: known.estimates,
+        covariance,
+        samples: problem.whitener.rows,
+        chi2,
+        degrees_of_freedom,
+        reduced_chi2,
+        scaled_by,
+        loss,
+        converged: settled && best.converged,
+        minima,
+        evaluations: problem.evaluations,
+        warnings,
+        curves: (0..data.len()).map(one).collect(),
+    })
+}

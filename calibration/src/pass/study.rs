@@ -1,0 +1,297 @@
+//! Simulated passes as a [`Model`].
+
+use super::{Columns, Model, ModelError};
+use ndarray::{Array2, Array3};
+use sunglint_radiometry::quadrature::Product;
+use sunglint_radiometry::spectrum::{Factor, Spectrum, SpectrumError};
+use sunglint_simulator::attitude::Attitude;
+use sunglint_simulator::light::{Source, Term};
+use sunglint_simulator::pass::{Study, TermRates};
+use sunglint_simulator::target::Target;
+
+/// What makes a thing from the parameters' values: called where one of those that it uses has changed.
+type Make<T> = Box<dyn Fn(&[f64]) -> Result<T, String> + Send + Sync>;
+
+/// How a part of a pass follows the parameters.
+pub struct Law<T> {
+    /// The parameters, by number, that it depends on.
+    pub uses: Vec<usize>,
+    /// The part for values of all parameters.
+    pub make: Make<T>,
+}
+
+/// Light that is taken away beyond the model's air: 10^(−0.4 k X), k in magnitudes per airmass.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Extinction {
+    /// The parameter, by number.
+    pub parameter: usize,
+    /// In which channels of the data; all where `None`.
+    pub channels: Option<Vec<usize>>,
+}
+
+/// In what unit a pass is compared.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Unit {
+    /// Rates of channels at the detector: for each channel of the data that of the station, `None` where it has none.
+    Channels(Vec<Option<usize>>),
+    /// Flux above the air in a band ([`sunglint_simulator::pass::BANDS`]), over that of magnitude 0: one channel.
+    Band(usize),
+}
+
+/// How one pass follows the parameters.
+#[derive(Default)]
+pub struct Shaping {
+    /// Its attitude.
+    pub attitude: Option<Law<Attitude>>,
+    /// Its target.
+    pub target: Option<Law<Target>>,
+    /// The parameter (s) that the model's times are later by than the data's.
+    pub time_offset: Option<usize>,
+    /// The parameter that all lengths of the body are multiplied by, as seen from afar: light goes with its square.
+    pub size: Option<usize>,
+    /// The parameter that all rates are multiplied by.
+    pub gain: Option<usize>,
+    /// Extinction.
+    pub extinction: Vec<Extinction>,
+}
+
+/// A pass, and the values of its laws' parameters the last time that they were followed.
+struct Pass {
+    study: Study,
+    unit: Unit,
+    shaping: Shaping,
+    attitude_at: Option<Vec<f64>>,
+    target_at: Option<Vec<f64>>,
+    rates: Option<TermRates>,
+    /// For the air at each epoch.
+    airmass: Vec<f64>,
+    /// Rates that are held: light that is not computed anew for each set of values.
+    held: Option<Array2<f64>>,
+}
+
+/// Simulated passes whose materials are components. Light that no single material made (inter-reflection) is `fixed`.
+pub struct StudyModel {
+    passes: Vec<Pass>,
+    components: Vec<Component>,
+}
+
+/// Light that has a coefficient of its own.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Component {
+    /// The material.
+    pub material: String,
+    /// Which of its spectra, in the order of its model (coat before base); all where `None`.
+    pub spectrum: Option<usize>,
+}
+
+impl StudyModel {
+    /// From passes and what is to have a coefficient.
+    pub fn new(passes: Vec<(Study, Unit, Shaping)>, components: Vec<Component>) -> Self {
+        let pass = |(study, unit, shaping): (Study, Unit, Shaping)| {
+            let airmass = airmasses(&study);
+            Pass {
+                attitude_at: None,
+                target_at: None,
+                rates: None,
+                held: None,
+                airmass,
+                study,
+                unit,
+                shaping,
+            }
+        };
+        Self { passes: passes.into_iter().map(pass).collect(), components }
+    }
+
+    /// The pass of a number as it stands now.
+    pub fn study(&self, number: usize) -> Option<&Study> {
+        self.passes.get(number).map(|p| &p.study)
+    }
+
+    /// Adds rates (epochs × channels of the data) to those of a pass that nothing changes any more: inter-reflection, computed once.
+    ///
+    /// # Errors
+    /// A pass that is not there, or rates of another shape.
+    pub fn hold(&mut self, number: usize, rates: Array2<f64>) -> Result<(), ModelError> {
+        let wrong = || ModelError(format!("held rates of curve {number} do not fit its samples"));
+        let pass = self.passes.get_mut(number).ok_or_else(wrong)?;
+        let channels = match &pass.unit {
+            Unit::Channels(channels) => channels.len(),
+            Unit::Band(_) => 1,
+        };
+        if rates.dim() != (pass.study.places().len(), channels) {
+            return Err(wrong());
+        }
+        pass.held = Some(rates);
+        Ok(())
+    }
+
+    /// What has a coefficient.
+    pub fn components(&self) -> &[Component] {
+        &self.components
+    }
+}
+
+impl Model for StudyModel {
+    fn columns(&mut self, values: &[f64]) -> Result<Vec<Columns>, ModelError> {
+        let components = &self.components;
+        self.passes.iter_mut().map(|pass| pass.columns(values, components)).collect()
+    }
+}
+
+impl Pass {
+    fn columns(&mut self, values: &[f64], components: &[Component]) -> Result<Columns, ModelError> {
+        self.follow(values)?;
+        let rates = match self.rates.take() {
+            Some(rates) => rates,
+            None => self.study.term_rates().map_err(|e| ModelError(e.to_string()))?,
+        };
+        let columns = self.summed(&rates, values, components);
+        self.rates = Some(rates);
+        Ok(columns)
+    }
+
+    /// Brings the study to the parameters' values.
+    fn follow(&mut self, values: &[f64]) -> Result<(), ModelError> {
+        let wrong = |why: String| ModelError(why);
+        if let Some(k) = self.shaping.time_offset {
+            let before = self.study.places().first().map(|p| p.geometry.epoch);
+            let moved = self.study.set_time_offset_s(values[k]);
+            moved.map_err(|e| wrong(e.to_string()))?;
+            if self.study.places().first().map(|p| p.geometry.epoch) != before {
+                self.airmass = airmasses(&self.study);
+                self.rates = None;
+            }
+        }
+        let of = |uses: &[usize]| uses.iter().map(|k| values[*k]).collect::<Vec<f64>>();
+        if let Some(law) = &self.shaping.attitude {
+            let at = Some(of(&law.uses));
+            if at != self.attitude_at {
+                let attitude = (law.make)(values).map_err(wrong)?;
+                self.study.set_attitude(attitude).map_err(|e| wrong(e.to_string()))?;
+                self.attitude_at = at;
+                self.rates = None;
+            }
+        }
+        if let Some(law) = &self.shaping.target {
+            let at = Some(of(&law.uses));
+            if at != self.target_at {
+                let target = (law.make)(values).map_err(wrong)?;
+                self.study.set_target(target).map_err(|e| wrong(e.to_string()))?;
+                self.target_at = at;
+                self.rates = None;
+            }
+        }
+        Ok(())
+    }
+
+    fn summed(&self, rates: &TermRates, values: &[f64], components: &[Component]) -> Columns {
+        let materials = &self.study.pass().target.materials;
+        let owners = owners(&rates.terms, &|m| materials[m].name.as_str(), components);
+        let n = self.study.places().len();
+        let channels = match &self.unit {
+            Unit::Channels(channels) => channels.len(),
+            Unit::Band(_) => 1,
+        };
+        let grey = self.shaping.gain.map_or(1.0, |k| values[k])
+            * self.shaping.size.map_or(1.0, |k| values[k].powi(2));
+        let mut columns = Columns {
+            fixed: self.held.clone().unwrap_or_else(|| Array2::zeros((n, channels))),
+            columns: Array3::zeros((n, channels, components.len())),
+        };
+        for c in 0..channels {
+            let extinction: f64 = (self.shaping.extinction.iter())
+                .filter(|e| e.channels.as_ref().is_none_or(|all| all.contains(&c)))
+                .map(|e| values[e.parameter])
+                .sum();
+            for i in 0..n {
+                let row = match &self.unit {
+                    Unit::Channels(of) => match of[c] {
+                        Some(channel) => rates.rates_hz.slice(ndarray::s![i, channel, ..]),
+                        None => continue,
+                    },
+                    Unit::Band(band) => rates.fluxes.slice(ndarray::s![i, *band, ..]),
+                };
+                let factor = match extinction {
+                    0.0 => grey,
+                    k => grey * 10_f64.powf(-0.4 * k * self.airmass[i]),
+                };
+                for (k, rate) in row.iter().enumerate() {
+                    match owners[k] {
+                        Some(component) => columns.columns[[i, c, component]] += factor * rate,
+                        None => columns.fixed[[i, c]] += factor * rate,
+                    }
+                }
+            }
+        }
+        columns
+    }
+}
+
+/// The component of each term.
+fn owners<'a>(
+    terms: &[Term],
+    name: &dyn Fn(usize) -> &'a str,
+    components: &[Component],
+) -> Vec<Option<usize>> {
+    let of = |(k, term): (usize, &Term)| {
+        let material = term.material.filter(|_| term.source != Source::Bounce)?;
+        // The terms of a material come in the order of its spectra.
+        let same = |t: &&Term| t.material == term.material && t.source == term.source;
+        let own = terms[..k].iter().filter(same).count();
+        components.iter().position(|c| {
+            c.material == name(material) && c.spectrum.is_none_or(|wanted| wanted == own)
+        })
+    };
+    terms.iter().enumerate().map(of).collect()
+}
+
+/// Relative air masses by Kasten and Young 1989, of apparent zenith angles; NaN below the horizon.
+pub fn airmasses(study: &Study) -> Vec<f64> {
+    let of =
+        |deg: f64| 1.0 / (deg.to_radians().cos() + 0.505_72 * (96.079_95 - deg).powf(-1.636_4));
+    study.places().iter().map(|p| p.apparent_zenith_deg.map_or(f64::NAN, of)).collect()
+}
+
+/// What a channel makes of a reflectance that is linear between knots (vacuum nm): ∫ h E T P λ dλ / ∫ E T P λ dλ = Σ_a h_a w_a, exactly, with
+/// weights w_a that add up to 1. `transmission` is the air's; outside the knots the reflectance is taken as 0, so that they should span the channel.
+///
+/// # Errors
+/// Knots that do not increase.
+pub fn band_weights(
+    study: &Study,
+    channel: usize,
+    transmission: Option<&Spectrum<sunglint_radiometry::spectrum::Transmission>>,
+    knots_nm: &[f64],
+) -> Result<Vec<f64>, SpectrumError> {
+    let pass = study.pass();
+    let mut product = Product::of(&pass.sun);
+    if let Some(air) = transmission {
+        product = product.times(air);
+    }
+    let product = pass.station.channels[channel].times_sensitivity(product).times_wavelength();
+    let mut moments = product.hat_moments(knots_nm)?;
+    let sum: f64 = moments.iter().sum();
+    if sum > 0.0 {
+        moments.iter_mut().for_each(|m| *m /= sum);
+    }
+    Ok(moments)
+}
+
+/// The band albedo of a spectrum: its mean with the weights of a channel.
+///
+/// # Errors
+/// As [`band_weights`].
+pub fn band_mean(
+    study: &Study,
+    channel: usize,
+    transmission: Option<&Spectrum<sunglint_radiometry::spectrum::Transmission>>,
+    spectrum: &Spectrum<Factor>,
+) -> Result<f64, SpectrumError> {
+    let (first, last) = (200.0_f64, 2500.0);
+    let mut knots = vec![first];
+    knots.extend(spectrum.wavelength_nm().iter().copied().filter(|nm| first < *nm && *nm < last));
+    knots.push(last);
+    let weights = band_weights(study, channel, transmission, &knots)?;
+    Ok(knots.iter().zip(&weights).map(|(nm, w)| spectrum.at(*nm) * w).sum())
+}

@@ -1,0 +1,51 @@
+//! What a thread needs to follow paths through a scene.
+
+use super::cast::Caster;
+use super::optics::Optics;
+use super::paths::Paths;
+use super::surfaces::Surfaces;
+use super::tracing::Direct;
+use crate::light::Scene;
+use crate::light::occlude::Toward;
+use glam::DVec3;
+
+/// Surfaces as they stand, an index of them, what they reflect, and the light that is scattered once.
+#[derive(Debug)]
+pub(super) struct Thread<'a> {
+    scene: &'a Scene,
+    surfaces: Surfaces,
+    caster: Caster,
+    optics: Optics,
+    direct: Direct<'a>,
+    /// Whether some surface that sees another is not Lambertian: its paths are followed from both ends.
+    both_ends: bool,
+}
+
+impl<'a> Thread<'a> {
+    /// Of a scene, for wavelengths; `active` are the surfaces that see another.
+    pub fn new(scene: &'a Scene, surfaces: &Surfaces, active: &[usize], nm: &[f64]) -> Self {
+        let surfaces = surfaces.clone();
+        let caster = Caster::new(&surfaces.list, scene.touching_m);
+        let optics = Optics::new(scene.materials(), nm);
+        let both_ends = active.iter().any(|k| optics.lambert(surfaces.list[*k].material).is_none());
+        Self { scene, surfaces, caster, optics, direct: Direct::new(scene, nm), both_ends }
+    }
+
+    /// Turns what follows the Sun.
+    pub fn turn(&mut self, sun: DVec3) {
+        if self.surfaces.turn(self.scene, sun) {
+            self.caster = Caster::new(&self.surfaces.list, self.scene.touching_m);
+        }
+    }
+
+    /// The light that is scattered once, at each wavelength, m² sr⁻¹; `None` where it is not known.
+    pub fn direct(&mut self, sun: DVec3, eye: Toward) -> Option<Vec<f64>> {
+        self.direct.at(sun, eye).map(<[f64]>::to_vec)
+    }
+
+    /// Paths that begin on the active surfaces.
+    pub fn paths<'t>(&'t mut self, active: &'t [usize], seed: u32) -> Paths<'t> {
+        let Self { surfaces, caster, optics, both_ends, .. } = self;
+        Paths { surfaces, caster, optics, active, both_ends: *both_ends, seed }
+    }
+}

@@ -1,0 +1,201 @@
+//! A pass that is simulated again and again with another attitude, another body or shifted times: what stays is kept.
+
+use super::functionals::Functionals;
+use super::simulate::first_error;
+use super::{BANDS, Pass, PassError, Place};
+use crate::attitude::Attitude;
+use crate::light::{Engine, Term};
+use crate::target::Target;
+use ndarray::Array3;
+use rayon::prelude::*;
+use sunglint_formats::time::format_utc_shortest;
+use sunglint_radiometry::air::Zenith;
+
+/// A pass with everything that does not change from one simulation to the next: places as long as the times stay, the engine as long as the
+/// body stays, integrals over wavelength as long as the reflectances do. For fits.
+pub struct Study {
+    pass: Pass,
+    /// The times without an offset.
+    times: Vec<hifitime::Epoch>,
+    offset_s: f64,
+    places: Vec<Place>,
+    engine: Engine,
+    functionals: Functionals,
+    /// Mean transmissions of each epoch; `None` below the horizon.
+    transmissions: Vec<Option<Vec<f64>>>,
+}
+
+/// The light of each term in each channel and band: what rates are sums of.
+#[derive(Debug, Clone)]
+pub struct TermRates {
+    /// The terms that have light.
+    pub terms: Vec<Term>,
+    /// Hz at the detectors, after the air: epochs × channels of the station × terms. NaN below the horizon.
+    pub rates_hz: Array3<f64>,
+    /// Above the air, over the flux of magnitude 0: epochs × [`BANDS`] × terms.
+    pub fluxes: Array3<f64>,
+}
+
+impl Study {
+    /// Makes a pass ready.
+    ///
+    /// # Errors
+    /// As [`Pass::simulate`].
+    pub fn new(mut pass: Pass) -> Result<Self, PassError> {
+        // Nobody asks for spectra here.
+        if let (Some(first), Some(last)) = (pass.edges_nm.first(), pass.edges_nm.last()) {
+            pass.edges_nm = vec![*first, *last];
+        }
+        pass.check()?;
+        let places = pass.places(&|| ())?;
+        let engine = pass.engine(&pass.course(&places))?;
+        let functionals = Functionals::new(&pass, engine.terms(), engine.lit_terms())?;
+        let times = pass.times.clone();
+        let transmissions = Vec::new();
+        let mut study =
+            Self { pass, times, offset_s: 0.0, places, engine, functionals, transmissions };
+        study.look_through_air()?;
+        Ok(study)
+    }
+
+    /// The pass as it stands now.
+    pub fn pass(&self) -> &Pass {
+        &self.pass
+    }
+
+    /// Where everything stands now.
+    pub fn places(&self) -> &[Place] {
+        &self.places
+    }
+
+    /// Turns the body by another law; Sun, target and station stay where they are.
+    ///
+    /// # Errors
+    /// [`PassError::Attitude`] at the first epoch without an attitude; the study then keeps its former law.
+    pub fn set_attitude(&mut self, attitude: Attitude) -> Result<(), PassError> {
+        let former = std::mem::replace(&mut self.pass.attitude, attitude);
+        let turned = self.places.par_iter().map(|place| self.pass.turned(place)).collect();
+        match first_error(turned) {
+            Ok(places) => {
+                self.places = places;
+                Ok(())
+            }
+            Err(error) => {
+                self.pass.attitude = former;
+                Err(error)
+            }
+        }
+    }
+
+    /// Puts another body in place. Integrals over wavelength are taken anew only where reflectances differ.
+    ///
+    /// # Errors
+    /// [`PassError::Target`], and as [`Pass::simulate`] for its spectra; the study then keeps its former body.
+    pub fn set_target(&mut self, target: Target) -> Result<(), PassError> {
+        let former = std::mem::replace(&mut self.pass.target, target);
+        let mut replace = || -> Result<(), PassError> {
+            let engine = self.pass.engine(&self.pass.course(&self.places))?;
+            if !same_spectra(&self.engine, &engine) {
+                self.functionals =
+                    Functionals::new(&self.pass, engine.terms(), engine.lit_terms())?;
+                self.engine = engine;
+                return self.look_through_air();
+            }
+            self.engine = engine;
+            Ok(())
+        };
+        let replaced = replace();
+        if replaced.is_err() {
+            self.pass.target = former;
+        }
+        replaced
+    }
+
+    /// Simulates all times later by an offset, s (negative: earlier), against those that the study was made with.
+    ///
+    /// # Errors
+    /// As [`Pass::simulate`], for places.
+    pub fn set_time_offset_s(&mut self, offset_s: f64) -> Result<(), PassError> {
+        if offset_s == self.offset_s {
+            return Ok(());
+        }
+        let offset = hifitime::Duration::from_seconds(offset_s);
+        self.pass.times = self.times.iter().map(|t| *t + offset).collect();
+        self.offset_s = offset_s;
+        self.places = self.pass.places(&|| ())?;
+        self.look_through_air()
+    }
+
+    /// What the light of each term makes in each channel and band: linear in the term's reflectance.
+    ///
+    /// # Errors
+    /// [`PassError::Light`].
+    pub fn term_rates(&self) -> Result<TermRates, PassError> {
+        let lit = self.engine.lit_terms();
+        let channels = self.pass.station.channels.len();
+        let quantities = channels + BANDS.len();
+        let rows = self.places.par_iter().zip(&self.transmissions).map_init(
+            || {
+                let row = vec![0.0; self.engine.terms().len()];
+                (self.engine.worker(), row.clone(), row)
+            },
+            |(worker, weights, errors), (place, transmissions)| {
+                worker.light(&place.lighting(), weights, errors).map_err(|source| {
+                    PassError::Light {
+                        epoch_utc: format_utc_shortest(place.geometry.epoch),
+                        source: Box::new(source),
+                    }
+                })?;
+                let here =
+                    place.geometry.sun.distance_au().powi(-2) * place.geometry.range_m.powi(-2);
+                let scaled: Vec<f64> = weights.iter().map(|w| here * w).collect();
+                let mut row = vec![0.0; quantities * lit];
+                let sums = &self.functionals.sums;
+                for (i, terms) in row.chunks_exact_mut(lit.max(1)).enumerate() {
+                    match transmissions {
+                        Some(through) if i < channels => {
+                            sums.add_terms_below(i, &scaled, through, terms)
+                        }
+                        None if i < channels => terms.fill(f64::NAN),
+                        _ => sums.add_terms_above(i, &scaled, terms),
+                    }
+                }
+                Ok(row)
+            },
+        );
+        let rows = first_error(rows.collect())?;
+        let n = rows.len();
+        let at = |i: usize, q: usize, k: usize| rows[i][q * lit + k];
+        Ok(TermRates {
+            terms: self.engine.terms()[..lit].to_vec(),
+            rates_hz: Array3::from_shape_fn((n, channels, lit), |(i, c, k)| at(i, c, k)),
+            fluxes: Array3::from_shape_fn((n, BANDS.len(), lit), |(i, b, k)| {
+                at(i, channels + b, k)
+            }),
+        })
+    }
+
+    /// Apparent zenith angles and transmissions of all places.
+    fn look_through_air(&mut self) -> Result<(), PassError> {
+        let (pass, functionals) = (&self.pass, &self.functionals);
+        self.places.par_iter_mut().try_for_each(|place| pass.refract(place, functionals))?;
+        let through = self.places.par_iter().map(|place| {
+            let Some(deg) = place.apparent_zenith_deg else { return Ok(None) };
+            let mut row = Vec::new();
+            functionals.sums.transmissions(Zenith::Apparent(deg), &mut row)?;
+            Ok(Some(row))
+        });
+        self.transmissions = first_error(through.collect())?;
+        Ok(())
+    }
+}
+
+/// Whether two engines have light of the same spectra in the same order. Terms that have errors alone do not matter here.
+fn same_spectra(a: &Engine, b: &Engine) -> bool {
+    let lit = a.lit_terms();
+    lit == b.lit_terms()
+        && a.terms().len() == b.terms().len()
+        && a.terms()[..lit].iter().zip(b.terms()).all(|(a, b)| {
+            a.material == b.material && a.source == b.source && a.spectrum == b.spectrum
+        })
+}

@@ -1,0 +1,238 @@
+//! What a fit found, put back into scenes: spectra through albedos, light between the parts, the scene as text.
+
+use super::answer::{Bounces, Spectrum};
+use super::inputs::{Job, pass_of, place};
+use super::parameters::{self, Parameters};
+use super::progress::Shown;
+use super::scene::Scene;
+use super::{FitArgs, V};
+use ndarray::Array2;
+use sunglint_calibration::pass::spectrum::{Band, upsample};
+use sunglint_calibration::pass::{Fit, StudyModel, band_weights};
+use sunglint_simulator::light::Source;
+use sunglint_simulator::light::engine::Switch;
+use sunglint_simulator::pass::Study;
+
+/// Knots of reflectance spectra: first, last, step, nm.
+const KNOTS_NM: (u32, u32, u32) = (300, 1240, 5);
+
+/// Rounds of fitting and computing the light between the parts at most.
+const MOST_ROUNDS: usize = 12;
+/// A round that moves no parameter by more of its standard uncertainty is the last.
+const SETTLED_SIGMAS: f64 = 0.1;
+
+/// What light between the parts is computed of.
+pub(super) struct Bouncing<'a> {
+    pub jobs: &'a [Job],
+    /// Of which curves.
+    pub of: &'a [bool],
+    pub args: &'a FitArgs,
+    pub parameters: &'a Parameters,
+    pub channels: &'a [String],
+}
+
+impl Bouncing<'_> {
+    /// Light between the parts costs a thousand times as much as that of the parts themselves, and hangs on what is looked for. It is computed for what
+    /// was found, held, and the rest fitted again by `refit`, until nothing moves any more: a fixed point. From the second round on the mean of the last two is
+    /// held: brighter parts make more of it, which makes them fainter in the next round, so that rounds would swing about the answer.
+    pub fn settle(
+        &self,
+        model: &mut StudyModel,
+        fit: Fit,
+        shown: &mut Shown,
+        refit: &mut dyn FnMut(&mut StudyModel, &Fit, &mut Shown) -> anyhow::Result<Fit>,
+    ) -> anyhow::Result<(Fit, Option<Bounces>)> {
+        let mut fit = fit;
+        let mut found: Option<Bounces> = None;
+        let mut before: Vec<Option<Array2<f64>>> = vec![None; self.jobs.len()];
+        for round in 1..=MOST_ROUNDS {
+            let mut share = 0.0_f64;
+            for k in (0..self.jobs.len()).filter(|k| self.of[*k]) {
+                shown.say(&format!("light between the parts, round {round}"));
+                let Some((mut held, most)) = self.computed(k, model, &fit)? else { continue };
+                share = share.max(most);
+                if let Some(before) = &before[k] {
+                    held = 0.5 * (held + before);
+                }
+                before[k] = Some(held.clone());
+                model.hold(k, held)?;
+            }
+            if share == 0.0 {
+                return Ok((fit, None));
+            }
+            let next = refit(model, &fit, shown)?;
+            let moves = next.parameters.iter().zip(&fit.parameters).filter_map(|(new, old)| {
+                new.sigma.filter(|s| *s > 0.0).map(|s| (new.value - old.value).abs() / s)
+            });
+            let moved_sigmas = moves.fold(0.0, f64::max);
+            fit = next;
+            let settled = moved_sigmas <= SETTLED_SIGMAS;
+            found = Some(Bounces { share, rounds: round, moved_sigmas, settled });
+            if settled {
+                break;
+            }
+        }
+        Ok((fit, found))
+    }
+
+    /// The light that came by way of another part at a curve's samples, as the fit has the body, and the largest share of it.
+    fn computed(
+        &self,
+        k: usize,
+        model: &StudyModel,
+        fit: &Fit,
+    ) -> anyhow::Result<Option<(Array2<f64>, f64)>> {
+        let (job, parameters, channels) = (&self.jobs[k], self.parameters, self.channels);
+        let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
+        let mut idle = Vec::new();
+        let mut scene = job.scene.clone();
+        for (key, value) in parameters.keys(k, &values) {
+            scene.set(key, value);
+        }
+        let Some(study) = model.study(k) else { return Ok(None) };
+        let magnitudes = job.measured.magnitudes;
+        for spectrum in spectra_of(parameters, fit, channels, study, magnitudes, &mut idle)? {
+            let found = &spectrum.found;
+            scene.set_reflectance(&spectrum.material, &found.wavelength_nm, &found.reflectance);
+        }
+        let job = Job { measured: job.measured.clone(), scene };
+        let mut pass = pass_of(&job, self.args, &mut idle)?;
+        pass.effects.inter_reflection = Switch::Auto;
+        let rates = Study::new(pass)?.term_rates()?;
+        let station = &study.pass().station;
+        let places: Vec<Option<usize>> = channels.iter().map(|c| place(station, c)).collect();
+        let n = job.measured.times.len();
+        let (mut held, mut most) = (Array2::<f64>::zeros((n, channels.len())), 0.0_f64);
+        for i in 0..n {
+            for (c, own) in places.iter().enumerate() {
+                let row = match (magnitudes, own) {
+                    (true, _) => rates.fluxes.slice(ndarray::s![i, V, ..]),
+                    (false, Some(own)) => rates.rates_hz.slice(ndarray::s![i, *own, ..]),
+                    (false, None) => continue,
+                };
+                // Light of no one material has been on several: the Sun's and the Earth's.
+                let bounced = rates.terms.iter().zip(row);
+                let bounced =
+                    bounced.filter(|(t, _)| t.source == Source::Bounce || t.material.is_none());
+                held[[i, c]] = bounced.map(|(_, v)| v).sum();
+                let all: f64 = row.iter().sum();
+                if all > 0.0 {
+                    most = most.max((held[[i, c]] / all).abs());
+                }
+            }
+        }
+        // Below the horizon nothing is compared.
+        held.mapv_inplace(|v: f64| if v.is_finite() { v } else { 0.0 });
+        Ok(Some((held, most)))
+    }
+}
+
+/// Reflectance spectra through the albedos, by the air of a curve.
+pub(super) fn spectra_of(
+    parameters: &Parameters,
+    fit: &Fit,
+    channels: &[String],
+    study: &Study,
+    magnitudes: bool,
+    warnings: &mut Vec<String>,
+) -> anyhow::Result<Vec<Spectrum>> {
+    let (first, last, step) = KNOTS_NM;
+    let knots: Vec<f64> = (first..=last).step_by(step as usize).map(f64::from).collect();
+    let air = parameters::transmission(study)?;
+    let solved = &fit.parameters[parameters.free.len()..];
+    let mut materials: Vec<&str> = Vec::new();
+    for (material, _) in &parameters.scales {
+        if !materials.contains(&material.as_str()) {
+            materials.push(material);
+        }
+    }
+    let mut found = Vec::new();
+    for material in materials {
+        let Some(own) = study.pass().target.materials.iter().find(|m| m.name == material) else {
+            continue;
+        };
+        let [before] = own.spectra() else {
+            warnings.push(format!(
+                "{material} is more than one reflectance: what was found scales its light, and is in no spectrum"
+            ));
+            continue;
+        };
+        let mut bands = Vec::new();
+        let mut grey = None;
+        for (k, (of, channel)) in parameters.scales.iter().enumerate() {
+            if of != material || parameters.linear[k].curves.as_ref().is_some_and(|c| c != &[0]) {
+                continue;
+            }
+            let p = &solved[k];
+            match channel {
+                None => grey = Some(p.value),
+                Some(_) if magnitudes => grey = Some(p.value / parameters.linear[k].unit),
+                Some(c) => {
+                    let Some(station) = place(&study.pass().station, &channels[*c]) else {
+                        continue;
+                    };
+                    let Some(sigma) = p.sigma.or(p.at_bound.map(|_| 0.0)) else { continue };
+                    bands.push(Band {
+                        name: channels[*c].clone(),
+                        weights: band_weights(study, station, air.as_ref(), &knots)?,
+                        albedo: p.value,
+                        sigma,
+                    });
+                }
+            }
+        }
+        if let Some(factor) = grey {
+            let reflectance: Vec<f64> = knots.iter().map(|nm| factor * before.at(*nm)).collect();
+            if reflectance.iter().any(|r| *r > 1.0) {
+                warnings.push(format!(
+                    "{material} would reflect more than came ({factor:.3} times the file's reflectance): the scene with what was found keeps the file's"
+                ));
+                continue;
+            }
+            found.push(Spectrum::scaled(material, &knots, &reflectance));
+        } else if !bands.is_empty() {
+            match upsample(&knots, &bands) {
+                Ok(spectrum) => found.push(Spectrum { material: material.into(), found: spectrum, upsampled: true }),
+                Err(error) => warnings.push(format!(
+                    "{material}: no spectrum: {error}; the scene with what was found keeps the file's"
+                )),
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// The scene with what was found, as text.
+pub(super) fn fitted_scene(
+    scene: &Scene,
+    parameters: &Parameters,
+    fit: &Fit,
+    spectra: &[Spectrum],
+    warnings: &mut Vec<String>,
+) -> anyhow::Result<Option<String>> {
+    let mut scene = scene.clone();
+    let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
+    for (key, value) in parameters.keys(0, &values) {
+        scene.set(key, value);
+    }
+    for spectrum in spectra {
+        let found = &spectrum.found;
+        if !scene.set_reflectance(&spectrum.material, &found.wavelength_nm, &found.reflectance) {
+            warnings.push(format!(
+                "the scene with what was found keeps the reflectance of {}: its model has none that could be set",
+                spectrum.material
+            ));
+        }
+    }
+    let beyond = parameters.beyond_the_scene();
+    if !beyond.is_empty() {
+        warnings.push(format!(
+            "the scene with what was found does not hold {}: no key of a scene says that",
+            beyond.join(", ")
+        ));
+    }
+    scene.remark("Fitted by sunglint fit.");
+    // It must be one that can be read.
+    scene.target().map_err(|e| anyhow::anyhow!("the scene with what was found is none: {e}"))?;
+    Ok(Some(scene.text()?))
+}

@@ -1,0 +1,302 @@
+//! `sunglint fit`: what a simulation must be like for it to look as what was measured.
+//!
+//! `measured` reads curves, `inputs` joins them with their scenes, `scene` holds a scene in which numbers can be set, `parameters` finds what is free, the mathematics is
+//! [`sunglint_calibration::pass`], `found` puts it back into the scene, `report` says what it is, [`answer`] holds it for whoever shows it otherwise.
+
+pub mod answer;
+mod found;
+mod inputs;
+pub mod measured;
+mod parameters;
+mod progress;
+mod report;
+mod scene;
+
+use crate::compare::ComparedAs;
+use crate::output::{Console, OutputArgs, Usage};
+use crate::station::StationArgs;
+use answer::{Answer, AnsweredCurve};
+use anyhow::{Context as _, bail};
+use clap::{Args, ValueEnum};
+use found::{Bouncing, fitted_scene, spectra_of};
+use inputs::{Job, channels, jobs, pass_of, place, prepared, wanted};
+use parameters::{Parameters, Side, Wanted};
+use progress::Shown;
+use serde::Deserialize;
+use std::path::PathBuf;
+use std::time::Instant;
+use sunglint_calibration::pass::{self, Free, Loss, Options, Unit};
+use sunglint_calibration::stars::scintillation::USUAL_COEFFICIENT;
+use sunglint_formats::time::format_utc;
+use sunglint_formats::toml::NonNegative;
+use sunglint_simulator::light::engine::Switch;
+use sunglint_simulator::pass::{BANDS, Study};
+use sunglint_simulator::target::Shape;
+
+/// The band of published magnitudes.
+const V: usize = 2;
+
+/// Arguments of `sunglint fit`.
+#[derive(Debug, Args)]
+pub struct FitArgs {
+    /// Calibrated light curves (or tables of magnitudes) and the scene that they are of: `MEASURED… PASS.toml`; with several scenes each stands after
+    /// its own curves
+    #[arg(required = true, num_args = 2.., value_name = "FILE")]
+    pub inputs: Vec<PathBuf>,
+    /// What is free: `NAME` or `NAME=LO..HI`, beside what `[fit]` of the scene says. `albedo`, `albedo.MATERIAL[.CHANNEL]`, `scale.MATERIAL`,
+    /// `time_offset_s`, `size`, `gain`, `extinction[.CHANNEL]`, and every number of the scene's attitude, parts, hinges and materials
+    #[arg(long, value_name = "NAME")]
+    pub free: Vec<Wanted>,
+    /// Of these each curve has its own
+    #[arg(long, value_name = "NAME")]
+    pub per_pass: Vec<String>,
+    /// Only these channels
+    #[arg(long, value_name = "NAME")]
+    pub channel: Vec<String>,
+    /// How residuals count [default: huber]
+    #[arg(long, value_enum)]
+    pub loss: Option<LossName>,
+    /// Young's coefficient of the scintillation, which the channels share; 0 for none [default: 1.5]
+    #[arg(long, value_name = "C")]
+    pub scintillation: Option<f64>,
+    /// Places over the box of what is searched for that are looked at first [default: 128]
+    #[arg(long, value_name = "N")]
+    pub places: Option<u32>,
+    /// From how many of them a search starts, the scene's own values besides [default: 8]
+    #[arg(long, value_name = "N")]
+    pub starts: Option<u32>,
+    /// The column of magnitudes, where a table of them is given [default: magnitude]
+    #[arg(long, value_name = "NAME")]
+    pub magnitude_column: Option<String>,
+    /// What these magnitudes are
+    #[arg(long, value_enum, default_value_t)]
+    pub magnitudes_as: ComparedAs,
+    /// Their noise, mag [default: a column sigma_mag, else from the differences between neighbours]
+    #[arg(long, value_name = "MAG")]
+    pub sigma_mag: Option<f64>,
+    /// Write the scene with what was found (`simulate` runs it); a folder of `-o` gets it too
+    #[arg(long, value_name = "FILE.toml")]
+    pub scene_out: Option<PathBuf>,
+    /// Which station, in place of the file's.
+    #[command(flatten)]
+    pub station: StationArgs,
+    /// Where the result goes.
+    #[command(flatten)]
+    pub out: OutputArgs,
+}
+
+/// How residuals count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LossName {
+    /// By their squares
+    Squares,
+    /// Beyond 1.345 standard deviations linearly (Huber)
+    Huber,
+    /// As of Student's t with four degrees of freedom
+    Student,
+    /// Beyond 4.685 standard deviations not at all, and clouds left out (Tukey)
+    Tukey,
+}
+
+impl From<LossName> for Loss {
+    fn from(name: LossName) -> Self {
+        match name {
+            LossName::Squares => Loss::Squares,
+            LossName::Huber => Loss::Huber,
+            LossName::Student => Loss::Student,
+            LossName::Tukey => Loss::Tukey,
+        }
+    }
+}
+
+/// `[fit]` of a scene file.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct FitKeys {
+    free: Vec<String>,
+    per_pass: Vec<String>,
+    channels: Vec<String>,
+    loss: Option<LossName>,
+    scintillation: Option<NonNegative>,
+    places: Option<u32>,
+    starts: Option<u32>,
+}
+
+/// Fits.
+pub fn run(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<()> {
+    args.out.check_with(console)?;
+    args.out.check()?;
+    let answer = solve(args, seed, console)?;
+    let product = report::product(&answer)?;
+    let mut files = Vec::new();
+    if let Some(scene) = &answer.scene {
+        let folders = args.out.folders();
+        let name = format!("{}.fitted.toml", answer.name);
+        let into = folders.output.iter().map(|f| f.join(&name)).chain(args.scene_out.clone());
+        files.extend(into.map(|path| (path, scene.clone().into_bytes())));
+    }
+    args.out.finish_with(&product, files, &report::text(&answer), console)?;
+    if !answer.fit.converged {
+        bail!(
+            "the fit did not converge: what it reached is in the output, and its intervals mean nothing; start nearer (--free NAME=LO..HI), or search more (--places, --starts)"
+        );
+    }
+    Ok(())
+}
+
+/// Does all of `sunglint fit` but write: for other commands that show a fit.
+pub fn solve(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<Answer> {
+    let start = Instant::now();
+    if let Some(c) = args.scintillation
+        && !(0.0..=10.0).contains(&c)
+    {
+        return Err(Usage(format!("--scintillation is {c}, expected 0 to 10")).into());
+    }
+    let (jobs, keys) = jobs(args)?;
+    let wanted = wanted(args, &keys)?;
+    let mut per_pass = keys.per_pass.clone();
+    per_pass.extend(args.per_pass.iter().cloned());
+    let only = if args.channel.is_empty() { &keys.channels } else { &args.channel };
+    let mut warnings = Vec::new();
+
+    let (mut studies, mut bouncing) = (Vec::new(), Vec::new());
+    for job in &jobs {
+        warnings.extend(job.measured.warnings.iter().cloned());
+        let mut pass = pass_of(job, args, &mut warnings)?;
+        // Light between parts costs too much for a search; of a lone sphere there is none.
+        let lone = matches!(&pass.target.parts[..], [p] if matches!(p.shape, Shape::Sphere { .. }));
+        let auto = pass.effects.inter_reflection == Switch::Auto;
+        bouncing.push(auto && !lone);
+        if auto {
+            pass.effects.inter_reflection = Switch::Off;
+        }
+        let (first, last) = job.measured.ends();
+        let study = Study::new(pass).with_context(|| {
+            format!(
+                "{}: its samples are from {} to {}",
+                job.measured.path.display(),
+                format_utc(first, 1),
+                format_utc(last, 1)
+            )
+        })?;
+        studies.push(study);
+    }
+    let channels = channels(&jobs, &studies, only)?;
+    let coefficient = args
+        .scintillation
+        .or(keys.scintillation.map(NonNegative::get))
+        .unwrap_or(USUAL_COEFFICIENT);
+    let mut data = Vec::new();
+    let mut left_out = Vec::new();
+    for (job, study) in jobs.iter().zip(&studies) {
+        let (own, lost) = prepared(&job.measured, study, &channels, coefficient)?;
+        left_out.push(lost);
+        data.push(own);
+    }
+
+    let unit = |job: &Job, study: &Study| match job.measured.magnitudes {
+        true => Unit::Band(V),
+        false => Unit::Channels(channels.iter().map(|c| place(&study.pass().station, c)).collect()),
+    };
+    let sides: Vec<Side> = jobs
+        .iter()
+        .zip(&studies)
+        .zip(&data)
+        .map(|((job, study), data)| Side {
+            scene: &job.scene,
+            study,
+            unit: unit(job, study),
+            has: data.used.columns().into_iter().map(|c| c.iter().any(|u| *u)).collect(),
+        })
+        .collect();
+    let parameters = Parameters::new(&wanted, &per_pass, &channels, &sides)?;
+    drop(sides);
+    let with = jobs
+        .iter()
+        .zip(studies)
+        .map(|(job, study)| (job.scene.clone(), unit(job, &study), study))
+        .map(|(scene, unit, study)| (scene, study, unit))
+        .collect();
+    let mut model = parameters.model(with);
+
+    let options = Options {
+        loss: args.loss.or(keys.loss).map_or(Loss::default(), Loss::from),
+        places: args.places.or(keys.places).unwrap_or(128) as usize,
+        starts: args.starts.or(keys.starts).unwrap_or(8) as usize,
+        seed,
+    };
+    let mut shown = Shown::new(console);
+    let mut fit =
+        pass::fit(&data, &mut model, &parameters.free, &parameters.linear, &options, &mut |p| {
+            shown.tell(p)
+        })?;
+    let bouncing =
+        Bouncing { jobs: &jobs, of: &bouncing, args, parameters: &parameters, channels: &channels };
+    let mut bounces = None;
+    if bouncing.of.iter().any(|b| *b) {
+        let near = Options { places: 0, starts: 0, ..options.clone() };
+        let (free, linear) = (&parameters.free, &parameters.linear);
+        (fit, bounces) =
+            bouncing.settle(&mut model, fit, &mut shown, &mut |model, fit, shown| {
+                let again: Vec<Free> = (free.iter().zip(&fit.parameters))
+                    .map(|(f, p)| Free { start: p.value.clamp(f.low, f.high), ..f.clone() })
+                    .collect();
+                let mut next =
+                    pass::fit(&data, model, &again, linear, &near, &mut |p| shown.tell(p))?;
+                next.evaluations += fit.evaluations;
+                // Other minima are those of the search.
+                next.minima.extend(fit.minima.iter().skip(1).cloned());
+                Ok(next)
+            })?;
+    }
+    if let Some(bounces) = bounces.as_ref().filter(|b| !b.settled) {
+        warnings.push(format!(
+            "light between the parts, up to {:.1} % of a sample's, had not settled after {} rounds: the last moved a parameter by {:.1} of its standard uncertainty",
+            100.0 * bounces.share, bounces.rounds, bounces.moved_sigmas
+        ));
+    }
+    shown.end();
+    warnings.extend(fit.warnings.iter().map(ToString::to_string));
+    let spectra = match model.study(0) {
+        Some(study) => {
+            let magnitudes = jobs[0].measured.magnitudes;
+            spectra_of(&parameters, &fit, &channels, study, magnitudes, &mut warnings)?
+        }
+        None => Vec::new(),
+    };
+    let scene = fitted_scene(&jobs[0].scene, &parameters, &fit, &spectra, &mut warnings)?;
+    for warning in &warnings {
+        console.warn(warning);
+    }
+    let curves = jobs
+        .iter()
+        .enumerate()
+        .filter_map(|(k, job)| {
+            Some(AnsweredCurve::new(
+                &job.measured,
+                model.study(k)?,
+                &data[k],
+                &fit.curves[k],
+                left_out[k].clone(),
+            ))
+        })
+        .collect();
+    Ok(Answer {
+        name: jobs[0].scene.path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        scene_file: jobs[0].scene.path.clone(),
+        station: model.study(0).map(|s| s.pass().station.name.clone()).unwrap_or_default(),
+        groups: answer::groups(&data, &fit, &model, &channels),
+        channels,
+        curves,
+        fit,
+        spectra,
+        scene,
+        scintillation: coefficient,
+        bounces,
+        seconds: start.elapsed().as_secs_f64(),
+        warnings,
+    })
+}
+
+const _: () = assert!(V < BANDS.len());

@@ -1,0 +1,418 @@
+//! What is free, by name: numbers of the scene, reflectances of materials, offsets, extinction.
+
+use super::scene::Scene;
+use crate::output::Usage;
+use anyhow::bail;
+use std::str::FromStr;
+use sunglint_calibration::pass::{
+    Component, Extinction, Free, Law, Linear, Shaping, StudyModel, Unit, band_mean,
+};
+use sunglint_radiometry::air::Zenith;
+use sunglint_radiometry::spectrum::{Spectrum, Transmission};
+use sunglint_simulator::pass::Study;
+
+/// The step of differences, as a part of a parameter's range.
+const STEP: f64 = 1e-5;
+/// The largest range over which a number of the scene is searched where nobody says otherwise, as factors of its start.
+const FACTORS: (f64, f64) = (0.5, 2.0);
+
+/// A parameter as a person asks for it: `NAME`, or `NAME=LO..HI`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wanted {
+    /// Its name.
+    pub name: String,
+    /// Its range.
+    pub range: Option<(f64, f64)>,
+}
+
+impl FromStr for Wanted {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let Some((name, range)) = text.split_once('=') else {
+            return Ok(Self { name: text.trim().to_owned(), range: None });
+        };
+        let ends = range.split_once("..").and_then(|(a, b)| {
+            Some((a.trim().parse::<f64>().ok()?, b.trim().parse::<f64>().ok()?))
+        });
+        match ends {
+            Some((low, high)) if low < high && low.is_finite() && high.is_finite() => {
+                Ok(Self { name: name.trim().to_owned(), range: Some((low, high)) })
+            }
+            _ => Err(format!("`{text}`: expected NAME or NAME=LO..HI with LO below HI")),
+        }
+    }
+}
+
+/// One curve with its scene, as parameters see it.
+pub struct Side<'a> {
+    /// Its scene.
+    pub scene: &'a Scene,
+    /// Its study.
+    pub study: &'a Study,
+    /// The station's channel of each channel of the fit.
+    pub unit: Unit,
+    /// Whether a channel of the fit has a sample here.
+    pub has: Vec<bool>,
+}
+
+/// A parameter that sets something of a curve.
+#[derive(Debug, Clone, PartialEq)]
+enum Role {
+    Key(String),
+    TimeOffset,
+    Size,
+    Gain,
+    Extinction(Option<usize>),
+}
+
+/// All parameters of a fit.
+#[derive(Default)]
+pub struct Parameters {
+    /// Those that are searched for.
+    pub free: Vec<Free>,
+    /// Those that are solved for.
+    pub linear: Vec<Linear>,
+    /// What these scale.
+    pub components: Vec<Component>,
+    /// What each that is searched for sets, and in which curves (all where `None`).
+    roles: Vec<(Role, Option<usize>)>,
+    /// Of each that is solved for: material, and channel (`None`: all alike).
+    pub scales: Vec<(String, Option<usize>)>,
+}
+
+/// Names that are no numbers of the scene.
+fn special(channels: &[String], sides: &[Side]) -> Vec<String> {
+    let mut names: Vec<String> =
+        ["albedo", "time_offset_s", "size", "gain", "extinction"].map(str::to_owned).to_vec();
+    for material in materials(sides) {
+        names.push(format!("albedo.{material}"));
+        names.extend(channels.iter().map(|c| format!("albedo.{material}.{c}")));
+        names.push(format!("scale.{material}"));
+    }
+    names.extend(channels.iter().map(|c| format!("extinction.{c}")));
+    names
+}
+
+/// The materials that reflect, of all scenes.
+fn materials(sides: &[Side]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for side in sides {
+        for material in &side.study.pass().target.materials {
+            if !names.contains(&material.name) {
+                names.push(material.name.clone());
+            }
+        }
+    }
+    names
+}
+
+impl Parameters {
+    /// Finds what is meant by names.
+    pub fn new(
+        wanted: &[Wanted],
+        per_pass: &[String],
+        channels: &[String],
+        sides: &[Side],
+    ) -> anyhow::Result<Self> {
+        let mut all = Self::default();
+        if wanted.is_empty() {
+            return Err(Usage(
+                "nothing is free: say what with --free NAME[=LO..HI], or in [fit] of the scene: free = [\"albedo\"]".into(),
+            )
+            .into());
+        }
+        for name in per_pass {
+            if !wanted.iter().any(|w| w.name == *name) {
+                bail!("`{name}` is to differ from pass to pass, but is not free");
+            }
+        }
+        for want in wanted {
+            let each = per_pass.contains(&want.name);
+            let curves: Vec<Option<usize>> =
+                if each { (0..sides.len()).map(Some).collect() } else { vec![None] };
+            for curve in curves {
+                all.add(want, curve, channels, sides)?;
+            }
+        }
+        Ok(all)
+    }
+
+    fn add(
+        &mut self,
+        want: &Wanted,
+        curve: Option<usize>,
+        channels: &[String],
+        sides: &[Side],
+    ) -> anyhow::Result<()> {
+        let name = want.name.as_str();
+        let unknown = || sides[0].scene.unknown(name, &special(channels, sides));
+        let channel = |c: &str| channels.iter().position(|own| own == c);
+        let known = materials(sides);
+        // Of names with dots in them the longest material's.
+        let material = |rest: &str| -> Option<(String, Option<String>)> {
+            let fits = |m: &&String| rest == m.as_str() || rest.starts_with(&format!("{m}."));
+            let found = known.iter().filter(fits).max_by_key(|m| m.len())?;
+            let left = rest.strip_prefix(found.as_str())?.strip_prefix('.');
+            Some((found.clone(), left.map(str::to_owned)))
+        };
+        if name == "albedo" {
+            for m in &known {
+                self.albedos(m, None, curve, channels, sides, want)?;
+            }
+            return Ok(());
+        }
+        if let Some(rest) = name.strip_prefix("albedo.") {
+            let (material, left) = material(rest).ok_or_else(unknown)?;
+            let of = left.map(|c| channel(&c).ok_or_else(unknown)).transpose()?;
+            return self.albedos(&material, of, curve, channels, sides, want);
+        }
+        if let Some(rest) = name.strip_prefix("scale.") {
+            let (material, None) = material(rest).ok_or_else(unknown)? else {
+                return Err(unknown());
+            };
+            if want.range.is_some() {
+                bail!("{name}: what is solved for has no range but that it is not below 0");
+            }
+            let component = self.component(&material);
+            self.linear.push(Linear {
+                name: per_curve(name, curve),
+                component,
+                channels: (0..channels.len()).collect(),
+                curves: curve.map(|c| vec![c]),
+                unit: 1.0,
+                most: None,
+            });
+            self.scales.push((material, None));
+            return Ok(());
+        }
+        let of_channel = |prefix: &str| name.strip_prefix(prefix).and_then(channel);
+        let (role, start, range) = match name {
+            "time_offset_s" => (Role::TimeOffset, 0.0, (-5.0, 5.0)),
+            "size" => (Role::Size, 1.0, FACTORS),
+            "gain" => (Role::Gain, 1.0, (0.3, 3.0)),
+            "extinction" => (Role::Extinction(None), 0.0, (-0.5, 2.0)),
+            _ => match of_channel("extinction.") {
+                Some(c) => (Role::Extinction(Some(c)), 0.0, (-0.5, 2.0)),
+                None => {
+                    let has = |s: &&Side| s.scene.get(name).is_some();
+                    let side = sides.iter().find(has).ok_or_else(unknown)?;
+                    let start = side.scene.get(name).ok_or_else(unknown)?;
+                    let range = match (want.range, usual_range(name, start)) {
+                        (Some(range), _) | (None, Some(range)) => range,
+                        (None, None) => bail!(
+                            "{name}: it starts at {start}, which says nothing of where to search: --free {name}=LO..HI"
+                        ),
+                    };
+                    (Role::Key(name.to_owned()), start, range)
+                }
+            },
+        };
+        let (low, high) = want.range.unwrap_or(range);
+        if !(low..=high).contains(&start) {
+            bail!("{name}: it starts at {start}, outside of {low} to {high}");
+        }
+        let turn = is_angle(name) && (high - low - 360.0).abs() < 1e-9;
+        self.free.push(Free {
+            name: per_curve(name, curve),
+            start,
+            low,
+            high,
+            step: STEP * (high - low),
+            wraps: turn,
+        });
+        self.roles.push((role, curve));
+        Ok(())
+    }
+
+    fn component(&mut self, material: &str) -> usize {
+        let own = Component { material: material.to_owned(), spectrum: None };
+        match self.components.iter().position(|c| *c == own) {
+            Some(k) => k,
+            None => {
+                self.components.push(own);
+                self.components.len() - 1
+            }
+        }
+    }
+
+    /// Albedos of a material: one for each channel that was measured, or for one.
+    fn albedos(
+        &mut self,
+        material: &str,
+        only: Option<usize>,
+        curve: Option<usize>,
+        channels: &[String],
+        sides: &[Side],
+        want: &Wanted,
+    ) -> anyhow::Result<()> {
+        if want.range.is_some() {
+            bail!("{}: what is solved for has no range but that it is not below 0", want.name);
+        }
+        let component = self.component(material);
+        for (c, channel) in channels.iter().enumerate() {
+            let measured =
+                sides.iter().enumerate().any(|(k, s)| curve.is_none_or(|own| own == k) && s.has[c]);
+            if only.is_some_and(|own| own != c) || !measured {
+                continue;
+            }
+            let unit = match curve {
+                Some(k) => unit_albedo(&sides[k], material, c)?,
+                None => match sides.iter().find(|s| s.has[c]) {
+                    Some(side) => unit_albedo(side, material, c)?,
+                    None => None,
+                },
+            };
+            let word = if unit.is_some() { "albedo" } else { "scale" };
+            let name = format!("{word}.{material}.{channel}");
+            self.linear.push(Linear {
+                name: per_curve(&name, curve),
+                component,
+                channels: vec![c],
+                curves: curve.map(|c| vec![c]),
+                unit: unit.unwrap_or(1.0),
+                most: unit.map(|_| 1.0),
+            });
+            self.scales.push((material.to_owned(), Some(c)));
+        }
+        Ok(())
+    }
+
+    /// The model: the sides' studies with what the parameters make of them.
+    pub fn model(&self, sides: Vec<(Scene, Study, Unit)>) -> StudyModel {
+        let one = |(k, (scene, study, unit)): (usize, (Scene, Study, Unit))| {
+            let own = |p: usize| self.roles[p].1.is_none_or(|c| c == k);
+            let mut shaping = Shaping::default();
+            let (mut of_attitude, mut of_target) = (Vec::new(), Vec::new());
+            for (p, (role, _)) in self.roles.iter().enumerate().filter(|(p, _)| own(*p)) {
+                match role {
+                    Role::Key(key) if scene.get(key).is_some() => {
+                        let list = if key.starts_with("attitude.") {
+                            &mut of_attitude
+                        } else {
+                            &mut of_target
+                        };
+                        list.push((p, key.clone()));
+                    }
+                    Role::Key(_) => {}
+                    Role::TimeOffset => shaping.time_offset = Some(p),
+                    Role::Size => shaping.size = Some(p),
+                    Role::Gain => shaping.gain = Some(p),
+                    Role::Extinction(c) => shaping
+                        .extinction
+                        .push(Extinction { parameter: p, channels: c.map(|c| vec![c]) }),
+                }
+            }
+            if !of_attitude.is_empty() {
+                shaping.attitude = Some(law(scene.without_target(), of_attitude, Scene::attitude));
+            }
+            if !of_target.is_empty() {
+                shaping.target = Some(law(scene, of_target, Scene::target));
+            }
+            (study, unit, shaping)
+        };
+        StudyModel::new(sides.into_iter().enumerate().map(one).collect(), self.components.clone())
+    }
+
+    /// The numbers of the scene of a curve that values stand for.
+    pub fn keys<'a>(
+        &'a self,
+        curve: usize,
+        values: &'a [f64],
+    ) -> impl Iterator<Item = (&'a str, f64)> {
+        let roles = self.roles.iter().zip(values);
+        roles.filter(move |((_, c), _)| c.is_none_or(|c| c == curve)).filter_map(
+            |((role, _), v)| match role {
+                Role::Key(key) => Some((key.as_str(), *v)),
+                _ => None,
+            },
+        )
+    }
+
+    /// Parameters that no scene file can hold.
+    pub fn beyond_the_scene(&self) -> Vec<String> {
+        let of = self.free.iter().zip(&self.roles);
+        of.filter(|(_, (role, _))| !matches!(role, Role::Key(_)))
+            .map(|(f, _)| f.name.clone())
+            .collect()
+    }
+}
+
+fn per_curve(name: &str, curve: Option<usize>) -> String {
+    curve.map_or_else(|| name.to_owned(), |k| format!("{name}@{}", k + 1))
+}
+
+fn law<T: 'static>(
+    scene: Scene,
+    keys: Vec<(usize, String)>,
+    make: fn(&Scene) -> Result<T, String>,
+) -> Law<T> {
+    Law {
+        uses: keys.iter().map(|(p, _)| *p).collect(),
+        make: Box::new(move |values: &[f64]| {
+            let mut scene = scene.clone();
+            for (p, key) in &keys {
+                scene.set(key, values[*p]);
+            }
+            make(&scene)
+        }),
+    }
+}
+
+fn is_angle(name: &str) -> bool {
+    let last = name.rsplit('.').find(|s| s.parse::<usize>().is_err()).unwrap_or(name);
+    last.ends_with("_deg") || last.ends_with("axis_ra_dec_deg")
+}
+
+/// Where a number of the scene is searched for unless somebody says otherwise.
+fn usual_range(name: &str, start: f64) -> Option<(f64, f64)> {
+    let last = name.rsplit('.').find(|s| s.parse::<usize>().is_err()).unwrap_or(name);
+    let factors = |a: f64, b: f64| {
+        (start != 0.0).then(|| ((start * a).min(start * b), (start * a).max(start * b)))
+    };
+    match last {
+        "alpha" | "alpha_x" | "alpha_y" | "slope_rms" | "slope_rms_x" | "slope_rms_y" => {
+            Some((0.01_f64.min(start), 1.0_f64.max(start)))
+        }
+        "reflectance" | "share" => Some((0.0, 1.0)),
+        "phase_deg" | "axis_ra_deg" | "omega_deg" => Some((start - 180.0, start + 180.0)),
+        "axis_dec_deg" => Some((-90.0, 90.0)),
+        "yaw_deg" | "pitch_deg" | "roll_deg" | "euler_zyx_deg" => {
+            Some((start - 30.0, start + 30.0))
+        }
+        "period_s" | "rate_rpm" | "rate_deg_s" => factors(0.9, 1.1),
+        "offset_m" => Some((start - 1.0, start + 1.0)),
+        _ if start > 0.0 => factors(FACTORS.0, FACTORS.1),
+        _ => None,
+    }
+}
+
+/// The band albedo of a material that has one spectrum, through the air at the pass's middle zenith angle; `None` for one with several.
+fn unit_albedo(side: &Side, material: &str, channel: usize) -> anyhow::Result<Option<f64>> {
+    let pass = side.study.pass();
+    let Some(own) = pass.target.materials.iter().find(|m| m.name == material) else {
+        return Ok(None);
+    };
+    let [spectrum] = own.spectra() else { return Ok(None) };
+    let Unit::Channels(of) = &side.unit else {
+        // Magnitudes in V: of what is grey the albedo is its reflectance, of others the scale is all that is known.
+        let (least, most) = (spectrum.value().iter().copied())
+            .fold((f64::INFINITY, 0.0_f64), |(a, b), v| (a.min(v), b.max(v)));
+        return Ok((least == most).then_some(least));
+    };
+    let Some(station) = of[channel] else { return Ok(None) };
+    let air = transmission(side.study)?;
+    let spectrum = spectrum.relabelled()?;
+    Ok(Some(band_mean(side.study, station, air.as_ref(), &spectrum)?).filter(|a| *a > 0.0))
+}
+
+/// The air at the middle of a pass's zenith angles.
+pub fn transmission(study: &Study) -> anyhow::Result<Option<Spectrum<Transmission>>> {
+    let mut zeniths: Vec<f64> =
+        study.places().iter().filter_map(|p| p.apparent_zenith_deg).collect();
+    zeniths.sort_by(f64::total_cmp);
+    let (Some(air), Some(middle)) = (&study.pass().air, zeniths.get(zeniths.len() / 2)) else {
+        return Ok(None);
+    };
+    Ok(Some(air.spectrum(Zenith::Apparent(*middle), (300.0, 1240.0))?))
+}
