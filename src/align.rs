@@ -255,6 +255,13 @@ fn text(fields: &[Field], station: &Station) -> String {
         );
     }
     text.push_str("\nscatter: of the rates about the fit over their stated uncertainty; scintillation and what is no normal distribution make it more than 1\n");
+    for field in fields.iter().filter(|field| field.fit.correlated_points > 0) {
+        let _ = writeln!(
+            text,
+            "{}: {} rates in a row err together (places between frames, twinkling); the uncertainties allow for it",
+            field.channel, field.fit.correlated_points
+        );
+    }
     for field in fields {
         if let Some(cell) = field.map.strongest_residual() {
             let _ = writeln!(
@@ -300,6 +307,7 @@ fn product(fields: &[Field], station: &Station, warnings: &[String]) -> Product 
             "angle_deg": rounded(field.fit.angle_deg),
             "angle_uncertainty_deg": rounded(angle),
             "scatter": rounded(field.fit.scatter),
+            "correlated_points": field.fit.correlated_points,
         })
     });
     Product {

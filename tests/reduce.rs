@@ -290,7 +290,8 @@ print('read')
 }
 
 /// Truth: the night's own κ. Six stars of 20 s each, as bright as the catalogue says: from the folder of the session to κ in one step. A mean of six stars of
-/// 20 s twinkles by 0.2 %; a percent is five of that.
+/// 20 s twinkles by 0.2 %; a percent is five of that. Outside the camera's aperture, which is 2.5 times as wide as the widest point and up to 3.4 times as others,
+/// lie 0.6 to 1.8 % of a Moffat profile (β = 3): (1 + r²/α²)⁻², α = 0.98 widths; so much larger is its κ.
 #[test]
 fn a_session_calibrates_to_the_true_kappa() {
     let folder = Folder::new("reduce-kappa");
@@ -299,12 +300,13 @@ fn a_session_calibrates_to_the_true_kappa() {
     let (_, truth) = observe(&folder.0, &plan_of(&[]), options);
     let found = folder.json(&["calibrate", "session", "--station", "ufo", "--json"]);
     let channels = found["nights"][0]["channels"].as_array().unwrap();
-    for name in ["id400", "spcm", "mppc"] {
+    for name in ["id400", "spcm", "mppc", "r", "g", "b"] {
         let channel = channels.iter().find(|channel| channel["channel"] == name).unwrap();
         let kappa = truth.channels.iter().find(|c| c.name == name).unwrap().kappa;
         let ratio = channel["kappa"].as_f64().unwrap() / kappa;
         eprintln!("{name}: {ratio:.4} of the true kappa");
-        assert!((0.99..1.01).contains(&ratio), "{name}: {ratio}");
+        let outside = if ["r", "g", "b"].contains(&name) { 0.018 } else { 0.0 };
+        assert!((0.99..1.01 + outside).contains(&ratio), "{name}: {ratio}");
     }
 }
 

@@ -229,14 +229,20 @@ pub(crate) fn night_of(epoch: Epoch, longitude_deg: f64) -> String {
 fn star_of(target: &Value) -> anyhow::Result<Star> {
     let name = target["name"].as_str().unwrap_or_default();
     let number = |key: &str| target[key].as_f64();
-    let mut star = match Catalogue::embedded().find(name) {
-        Ok(star) => star.clone(),
-        Err(error) => match (number("ra_deg"), number("dec_deg"), number("v_mag")) {
-            (Some(ra_deg), Some(dec_deg), Some(_)) => {
-                Star::at(name, Equatorial { ra_deg, dec_deg })?
-            }
-            _ => return Err(error).context("and the file's target has no ra_deg, dec_deg, v_mag"),
-        },
+    let place = number("ra_deg").zip(number("dec_deg"));
+    let place = place.map(|(ra_deg, dec_deg)| Equatorial { ra_deg, dec_deg });
+    let known = match place {
+        Some(place) => Catalogue::embedded().find_at(name, place),
+        None => Catalogue::embedded().find(name),
+    };
+    let mut star = match (known, place, number("v_mag")) {
+        (Ok(star), ..) => star.clone(),
+        (Err(_), Some(place), Some(_)) => Star::at(name, place)?,
+        (Err(error), ..) => {
+            bail!(
+                "{error}. A star that the catalogue lacks needs ra_deg, dec_deg and v_mag in the file's target"
+            )
+        }
     };
     star.v_mag = number("v_mag").or(star.v_mag);
     star.bv_mag = number("b_minus_v_mag").or(star.bv_mag);

@@ -5,7 +5,6 @@ use super::plan::{CameraPlan, CounterPlan};
 use hifitime::Epoch;
 use serde_json::{Map, Value as Json};
 use std::collections::HashMap;
-use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -329,26 +328,6 @@ impl Camera for Player {
         let Some(frame) = self.next_frame()? else { return Err(self.over()) };
         self.wait_until(after(frame.start, frame.exposure_s), deadline)?;
         Ok(frame)
-    }
-
-    fn stream(
-        &mut self,
-        exposure_s: f64,
-        take: &mut dyn FnMut(Frame) -> ControlFlow<()>,
-        deadline: &Deadline,
-    ) -> Result<u64, Interrupted<u64>> {
-        let mut taken = 0;
-        loop {
-            match self.expose(exposure_s, deadline) {
-                Err(error) => return Err(Interrupted::new(taken, error)),
-                Ok(frame) => {
-                    taken += 1;
-                    if take(frame).is_break() {
-                        return Ok(taken);
-                    }
-                }
-            }
-        }
     }
 }
 

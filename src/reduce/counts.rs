@@ -1,5 +1,6 @@
 //! The counts of a night: two runs over a counter's bins, off the targets and on them.
 
+use super::tags::{Run, TagSummary, Tags};
 use super::{Stay, Stop};
 use anyhow::{Context as _, bail};
 use sunglint_calibration::counts::{
@@ -7,8 +8,8 @@ use sunglint_calibration::counts::{
     Spans, Summary, View,
 };
 use sunglint_calibration::track::Track;
+use sunglint_formats::FileError;
 use sunglint_formats::session::{Counts, Session, TargetKind};
-use sunglint_formats::{CountRecord, FileError};
 use sunglint_radiometry::light_curve::{LightCurve, Provenance, RateKind};
 use sunglint_radiometry::station::{Detector, Fibre, Station};
 
@@ -27,6 +28,10 @@ pub struct CounterNight {
     pub unknown: Vec<String>,
     /// Bytes of a last line without its end, which were left out.
     pub torn_bytes: u64,
+    /// What became of its raw tags; `None` where none were used.
+    pub tags: Option<TagSummary>,
+    /// What a person should hear of them.
+    pub warnings: Vec<String>,
 }
 
 /// How counts are reduced.
@@ -101,10 +106,17 @@ pub fn counter_night(
             station.name
         );
     }
-    let mut watched = Watched { bins: open()?, stop, stopped: None };
+    let mut warnings = Vec::new();
+    let mut tags = Tags::open(session, counter, open()?.channels(), &mut warnings)?;
+    let run = tags.as_ref().map(Tags::run);
+    let mut watched = Watched { bins: open()?, tags: run, stop, stopped: None };
     let off = OffTarget::measure(watched.by_ref(), &channels, spans, &options.off)?;
-    watched.ended()?;
-    let mut watched = Watched { bins: open()?, stop, stopped: None };
+    let found = watched.ended()?.map(|(_, found)| found);
+    if let (Some(tags), Some(found)) = (&mut tags, found) {
+        tags.judge(found);
+    }
+    let run = tags.as_ref().map(Tags::run);
+    let mut watched = Watched { bins: open()?, tags: run, stop, stopped: None };
     let mut curves: Vec<Option<Curves>> = vec![None; tracks.len()];
     let mut reduction =
         Reduction::new(watched.by_ref(), &channels, spans, tracks, &off, options.bins);
@@ -117,7 +129,10 @@ pub fn counter_night(
     }
     let summary = reduction.summary().clone();
     let torn_bytes = watched.bins.torn_bytes();
-    watched.ended()?;
+    let of_tags = watched.ended()?.map(|(of_tags, _)| of_tags);
+    if let (Some(tags), Some(of_tags)) = (&tags, &of_tags) {
+        warnings.extend(tags.warnings(counter, of_tags));
+    }
     let finish = |curves: Curves| curves.finish(Provenance::default());
     Ok(CounterNight {
         counter: counter.to_owned(),
@@ -126,19 +141,23 @@ pub fn counter_night(
         off,
         unknown,
         torn_bytes,
+        tags: of_tags,
+        warnings,
     })
 }
 
-/// Bins that are counted as they pass.
+/// Bins that are counted as they pass, with their tags.
 struct Watched<'a> {
     bins: Counts,
+    tags: Option<Run<'a>>,
     stop: &'a mut dyn Stop,
     stopped: Option<anyhow::Error>,
 }
 
 impl Watched<'_> {
-    fn ended(self) -> anyhow::Result<()> {
-        self.stopped.map_or(Ok(()), Err)
+    /// What became of the tags.
+    fn ended(self) -> anyhow::Result<Option<(TagSummary, Vec<[u64; 2]>)>> {
+        self.stopped.map_or_else(|| Ok(self.tags.map(Run::finish)), Err)
     }
 }
 
@@ -150,7 +169,14 @@ impl Iterator for Watched<'_> {
             self.stopped = Some(error);
             return None;
         }
-        Some(self.bins.next()?.map(|record: CountRecord| Bin::from(record)))
+        let record = match self.bins.next()? {
+            Ok(record) => record,
+            Err(error) => return Some(Err(error)),
+        };
+        Some(match &mut self.tags {
+            Some(tags) => tags.bin(record),
+            None => Ok(Bin::from(record)),
+        })
     }
 }
 

@@ -8,6 +8,7 @@ pub mod night;
 mod report;
 mod seeing;
 pub mod sky;
+pub mod tags;
 
 use crate::output::{Console, OutputArgs, Product, Usage};
 use crate::station::StationArgs;
@@ -26,6 +27,8 @@ use sunglint_radiometry::station::Station;
 
 /// What takes longer shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// Without a terminal, progress is a line on stderr so often.
+const LINES: Duration = Duration::from_secs(10);
 /// Young's coefficient of the scintillation: the middle of the sites of Osborn et al. 2015.
 const SCINTILLATION: f64 = 1.5;
 const APERTURE_PX: f64 = 8.0;
@@ -176,13 +179,28 @@ pub fn light_curves(
     folder: &Path,
     stop: &mut dyn Stop,
 ) -> anyhow::Result<(Vec<LightCurve>, Vec<String>)> {
+    let (curves, warnings) = light_curves_by_name(folder, stop)?;
+    Ok((curves.into_iter().map(|(_, curve)| curve).collect(), warnings))
+}
+
+/// A light curve with the name of its files.
+pub type NamedCurve = (String, LightCurve);
+
+/// The same, each with the name of its files.
+///
+/// # Errors
+/// As [`night::reduce`].
+pub fn light_curves_by_name(
+    folder: &Path,
+    stop: &mut dyn Stop,
+) -> anyhow::Result<(Vec<NamedCurve>, Vec<String>)> {
     let session = Session::open(folder)?;
     let station = crate::observe::station_of(&session)?;
     let options = ReduceOptions::default_for(&station)?;
     let mut night = reduce(&session, &station, &options, stop)?;
     let mut curves = Vec::new();
     while let Some(visited) = night.take(&session, &station)? {
-        curves.push(visited.linear);
+        curves.push((report::file_name(&visited.stay), visited.linear));
     }
     Ok((curves, night.warnings))
 }
@@ -361,9 +379,11 @@ impl ReduceArgs {
     }
 }
 
-/// A bar for what takes longer than a second.
+/// A bar for what takes longer than a second; without a terminal, lines.
 pub(crate) struct Progress {
     start: Instant,
+    /// When the last line was written, after the start.
+    said: Duration,
     pub(crate) bar: ProgressBar,
     quiet: bool,
     shown: bool,
@@ -374,6 +394,7 @@ impl Progress {
     pub(crate) fn new(console: Console) -> Self {
         Self {
             start: Instant::now(),
+            said: Duration::ZERO,
             bar: ProgressBar::hidden(),
             quiet: console.quiet,
             shown: false,
@@ -385,7 +406,11 @@ impl Progress {
 impl Stop for Progress {
     fn step(&mut self, count: u64) -> anyhow::Result<()> {
         self.done += count;
-        if !self.shown && !self.quiet && self.start.elapsed() > PATIENCE {
+        if self.quiet {
+            return Ok(());
+        }
+        let elapsed = self.start.elapsed();
+        if !self.shown && elapsed > PATIENCE {
             // Hidden where stderr is no terminal.
             self.bar = ProgressBar::new_spinner();
             if let Ok(style) =
@@ -394,6 +419,10 @@ impl Stop for Progress {
                 self.bar.set_style(style);
             }
             self.shown = true;
+        }
+        if self.bar.is_hidden() && elapsed >= self.said + LINES {
+            self.said = elapsed;
+            eprintln!("{} frames and bins in {:.0} s", self.done, elapsed.as_secs_f64());
         }
         if self.shown && self.done.is_multiple_of(256) {
             self.bar.set_position(self.done);

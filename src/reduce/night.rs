@@ -171,6 +171,7 @@ pub fn reduce_with(
                 night.torn_bytes
             ));
         }
+        warnings.extend(night.warnings.iter().cloned());
         counters.push(night);
     }
     if cameras.is_empty() && counters.is_empty() {

@@ -3,6 +3,7 @@
 use super::Stay;
 use super::frames::CameraNight;
 use super::night::{Reduced, Visited};
+use super::tags::TagSummary;
 use crate::output::rounded;
 use hifitime::Epoch;
 use serde_json::{Value, json};
@@ -117,6 +118,9 @@ pub fn text(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
             summary.overlapping,
             counter.off.pieces().len()
         );
+        if let Some(tags) = &counter.tags {
+            let _ = writeln!(text, "  {}", tags.text());
+        }
     }
     for visit in visits {
         let time = visit.time.map_or_else(String::new, |[from, to]| {
@@ -278,6 +282,7 @@ pub fn json(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
             "overlapping": counter.summary.overlapping,
             "off_target_pieces": counter.off.pieces().len(),
             "torn_bytes": counter.torn_bytes,
+            "tags": counter.tags.as_ref().map(TagSummary::json),
         })
     });
     json!({

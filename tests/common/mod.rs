@@ -29,6 +29,40 @@ to = 2008-09-21T18:52:00Z
 step_s = 20
 "#;
 
+/// The TOML of a page of `docs/` that holds `key`.
+pub fn page_toml(page: &str, key: &str) -> String {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs").join(page);
+    let text = std::fs::read_to_string(path).unwrap();
+    let blocks = text.split("```toml\n").skip(1).map(|block| block.split("```").next().unwrap());
+    let found = blocks.into_iter().find(|block| block.contains(key));
+    found.unwrap_or_else(|| panic!("{page} has no TOML with {key}")).to_owned()
+}
+
+/// A light curve of 300 s in the channel `spcm`: two unlike lobes a turn of 20 s, a ripple in place of noise.
+pub fn turning_curve() -> String {
+    let mut text = String::from(
+        "# %ECSV 1.0\n# ---\n# datatype:\n# - {name: time_utc, datatype: string}\n# - {name: exposure_s, unit: s, datatype: float64}\n\
+         # - {name: spcm_rate_hz, unit: Hz, datatype: float64}\n# - {name: spcm_sigma_hz, unit: Hz, datatype: float64}\n# - {name: spcm_flags, datatype: int64}\n\
+         # - {name: zenith_deg, unit: deg, datatype: float64}\n# meta: {quantity: linear, flag_bits: {}}\n# schema: astropy-2.0\n\
+         time_utc exposure_s spcm_rate_hz spcm_sigma_hz spcm_flags zenith_deg\n",
+    );
+    for i in 0..600 {
+        let t = 0.25 + 0.5 * f64::from(i);
+        let lobe = |at: f64, width: f64| {
+            (width * ((std::f64::consts::TAU * (t / 20.0 - at)).cos() - 1.0)).exp()
+        };
+        // The fraction of a product with an irrational number: even over 0 to 1, never the same.
+        let ripple = (f64::from(i * i) * 0.618_033_988_75).fract() - 0.5;
+        let rate = 1e4 * (1.0 + lobe(0.1, 8.0) + 0.5 * lobe(0.6, 15.0) + 0.05 * ripple);
+        text += &format!(
+            "2008-09-21T18:{:02}:{:06.3} 0.1 {rate:.3} 150 0 40\n",
+            46 + (t / 60.0) as u32,
+            t % 60.0
+        );
+    }
+    text
+}
+
 /// A folder of its own for each test, gone at its end.
 pub struct Folder(pub PathBuf);
 

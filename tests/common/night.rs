@@ -6,7 +6,6 @@
 use hifitime::Epoch;
 use ndarray::Array2;
 use std::collections::HashMap;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -367,14 +366,6 @@ impl Camera for Fake {
         self.clock.clock.sleep(Duration::from_secs_f64(exposure_s));
         self.next += 1;
         Ok(frame(start, exposure_s, self.frame_px, self.next))
-    }
-    fn stream(
-        &mut self,
-        _: f64,
-        _: &mut dyn FnMut(Frame) -> ControlFlow<()>,
-        _: &Deadline,
-    ) -> Result<u64, Interrupted<u64>> {
-        Ok(0)
     }
 }
 
