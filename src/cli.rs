@@ -2,8 +2,8 @@
 
 use crate::output::{Console, OutputArgs};
 use crate::{
-    air, align, apply, bench, brdf, calibrate, demo, devices, explain, observe, passes, picture,
-    reduce, session, simulate, star, tables,
+    air, align, analyse, apply, bench, brdf, calibrate, compare, demo, devices, efficiency,
+    explain, fit, observe, passes, picture, reduce, session, simulate, star, tables,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -29,7 +29,7 @@ pub struct Cli {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Options of every command")]
 pub struct Global {
-    /// Seed of everything random; the same seed gives the same result. It counts for `brdf ndf` (readings drawn anew) and `calibrate` (the bootstrap of its intervals)
+    /// Seed of everything random; the same seed gives the same result. It counts for `brdf ndf` (readings drawn anew), `calibrate` (the bootstrap of its intervals), `fit` (where its search begins) and `demo` (its night)
     #[arg(long, global = true, default_value_t = 0, value_name = "N")]
     pub seed: u64,
     /// Threads to use at most [default: as many as there are cores]; results do not depend on it
@@ -49,7 +49,7 @@ pub struct Global {
 /// What a person does.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Show what there is on embedded input: figures, tables, a light curve
+    /// The main job on embedded input: a virtual night observed, reduced, calibrated, and two passes compared with their simulation
     Demo(demo::DemoArgs),
     /// List the reference tables with their ranges, sources, licences and checksums, or show one
     Tables(tables::TablesArgs),
@@ -59,6 +59,8 @@ pub enum Command {
     Star(Box<star::StarArgs>),
     /// Spectra, magnitudes and count rates of a satellite's pass, from a scene file
     Simulate(Box<simulate::SimulateArgs>),
+    /// A measured pass beside the simulated one: curves, residuals, ratios, what both claim of their errors
+    Compare(Box<compare::CompareArgs>),
     /// What a scene needs: which effects are modelled, what each could add, what error is left
     Explain(Box<explain::ExplainArgs>),
     /// A body as it looks at a moment, its reflection map, a sphere against phase angle
@@ -71,9 +73,11 @@ pub enum Command {
     Align(Box<align::AlignArgs>),
     /// Error against time of the light engines, on built-in scenes or one's own
     Bench(Box<bench::BenchArgs>),
-    /// A sample's reflectance, from a goniometer: the tilts of its microfacets, where to measure it
+    /// A sample's reflectance, from a goniometer: its microfacets, where to measure it, laws and materials
     #[command(subcommand)]
     Brdf(Box<brdf::BrdfCommand>),
+    /// A detector's efficiency, from a monochromator's light on a photodiode and on the detector
+    Efficiency(Box<efficiency::EfficiencyArgs>),
     /// The instruments: what is plugged in, a self-test, readings, settings, moves, recordings
     #[command(subcommand)]
     Devices(Box<devices::DevicesCommand>),
@@ -86,6 +90,11 @@ pub enum Command {
     Calibrate(Box<calibrate::CalibrateArgs>),
     /// Calibrated rates, magnitudes and irradiances of a light curve
     Apply(Box<apply::ApplyArgs>),
+    /// What a simulation must be like for it to look as what was measured: albedos, roughness, attitude, with intervals
+    Fit(Box<fit::FitArgs>),
+    /// What a light curve says about a body: its period, its folded curve, its materials, its map
+    #[command(subcommand, visible_alias = "analyze")]
+    Analyse(analyse::AnalyseCommand),
     /// Print the completions of a shell
     Completions {
         /// The shell
@@ -130,16 +139,20 @@ impl Command {
             Command::Air(args) => Some(&args.out),
             Command::Star(args) => Some(&args.out),
             Command::Simulate(args) => Some(&args.out),
+            Command::Compare(args) => Some(&args.out),
             Command::Explain(args) => Some(&args.out),
             Command::Picture(args) => Some(&args.out),
             Command::Passes(args) => Some(&args.out),
             Command::Reduce(args) => Some(&args.out),
             Command::Align(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
-            Command::Brdf(command) => Some(command.output()),
+            Command::Brdf(command) => command.output(),
+            Command::Efficiency(args) => Some(&args.out),
             Command::Devices(command) => command.output(),
             Command::Calibrate(args) => Some(&args.out),
             Command::Apply(args) => Some(&args.out),
+            Command::Fit(args) => Some(&args.out),
+            Command::Analyse(command) => Some(command.output()),
             Command::Demo(_)
             | Command::Observe(_)
             | Command::Session(_)
@@ -150,11 +163,12 @@ impl Command {
 
     fn run(&self, console: Console, seed: u64) -> anyhow::Result<()> {
         match self {
-            Command::Demo(args) => demo::run(args, console),
+            Command::Demo(args) => demo::run(args, seed, console),
             Command::Tables(args) => tables::run(args, console),
             Command::Air(args) => air::run(args, console),
             Command::Star(args) => star::run(args, console),
             Command::Simulate(args) => simulate::run(args, console),
+            Command::Compare(args) => compare::run(args, console),
             Command::Explain(args) => explain::run(args, console),
             Command::Picture(args) => picture::run(args, console),
             Command::Passes(args) => passes::run(args, console),
@@ -162,11 +176,14 @@ impl Command {
             Command::Align(args) => align::run(args, console),
             Command::Bench(args) => bench::run(args, console),
             Command::Brdf(command) => brdf::run(command, console, seed),
+            Command::Efficiency(args) => efficiency::run(args, console),
             Command::Devices(command) => devices::run(command, console),
             Command::Observe(args) => observe::run(args, console),
             Command::Session(command) => session::run(command, console),
             Command::Calibrate(args) => calibrate::run(args, seed, console),
             Command::Apply(args) => apply::run(args, console),
+            Command::Fit(args) => fit::run(args, seed, console),
+            Command::Analyse(command) => analyse::run(command, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();
                 clap_complete::generate(*shell, &mut Cli::command(), "sunglint", &mut script);

@@ -73,7 +73,7 @@ pub(crate) fn percent(share: f64) -> String {
 }
 
 /// What became of an effect, in a word or two.
-fn state(need: &Need) -> &'static str {
+pub(crate) fn state(need: &Need) -> &'static str {
     match (need.needed, need.cost_s.is_some()) {
         (true, true) => "modelled",
         (true, false) => "NOT MODELLED",

@@ -1,6 +1,6 @@
 //! The workflows of `sunglint`, one module per thing a person does, and what they share.
 //!
-//! - [`demo`]: what there is, on embedded input;
+//! - [`demo`]: the main job from end to end, on embedded input;
 //! - [`tables`]: the reference tables;
 //! - [`air`]: the transmission of the air;
 //! - [`star`]: a star's place, airmass and expected rates;
@@ -8,16 +8,22 @@
 //! - [`reduce`]: from a session to linear light curves;
 //! - [`align`]: the fibres' fields on the camera image, from stars;
 //! - [`simulate`]: what a pass should look like in every channel;
+//! - [`compare`]: a measured pass beside the simulated one;
+//! - [`report`]: a page of it that can be mailed;
 //! - [`passes`]: when satellites can be seen;
 //! - [`picture`]: what a body looks like, and what it sends into all directions;
 //! - [`brdf`]: a sample's reflectance, from a goniometer;
+//! - [`mod@efficiency`]: a detector's efficiency, in the lab;
 //! - [`devices`]: the instruments;
 //! - [`observe`]: a night from its plan to its session's folder;
 //! - [`session`]: what of a recorded night is there;
 //! - [`mod@calibrate`]: the coefficient of every channel and night from stars;
 //! - [`apply`]: a light curve times that coefficient, magnitudes, irradiances;
+//! - [`fit`]: measured passes fitted by simulated ones;
+//! - [`analyse`]: what a light curve says about a body;
 //! - [`mod@bench`]: error against time of the light engines;
 //! - [`virtual_observatory`]: a night that is made up, behind the devices;
+//! - [`virtual_rig`]: a sample on a stage under a power meter, made up likewise;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
 //! - [`output`]: where results go, in which format, and that nothing is overwritten;
@@ -25,23 +31,29 @@
 
 pub mod air;
 pub mod align;
+pub mod analyse;
 pub mod apply;
 pub mod bench;
 pub mod brdf;
 pub mod calibrate;
 pub mod cli;
+pub mod compare;
 pub mod demo;
 pub mod devices;
+pub mod efficiency;
 pub mod explain;
+pub mod fit;
 pub mod observe;
 pub mod output;
 pub mod passes;
 pub mod picture;
 pub mod plot;
 pub mod reduce;
+pub mod report;
 pub mod session;
 pub mod simulate;
 pub mod star;
 pub mod station;
 pub mod tables;
 pub mod virtual_observatory;
+pub mod virtual_rig;

@@ -16,7 +16,7 @@ use sunglint_formats::{FileError, Meta, Table, ecsv};
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "The result")]
 pub struct OutputArgs {
-    /// Write the result: the extension picks the format (.ecsv, .csv, .fits, .json, .png, .svg), `-` is ECSV on stdout, a folder (its name
+    /// Write the result: the extension picks the format (.ecsv, .csv, .fits, .json, .png, .svg; of `compare` .html), `-` is ECSV on stdout, a folder (its name
     /// ends with `/`, or it is there) gets table and figure. May be given several times. The text is printed too, unless -q
     #[arg(short, long, value_name = "FILE")]
     pub output: Vec<PathBuf>,
@@ -93,6 +93,8 @@ pub struct Product {
     pub gallery: Option<Gallery>,
     /// What a FITS file holds where that is not the table: the bytes.
     pub fits: Option<Vec<u8>>,
+    /// The page to read in a browser.
+    pub html: Option<String>,
     /// The summary with documented keys.
     pub json: Value,
     /// What else there is: a folder gets it too, with the names of their own.
@@ -107,7 +109,8 @@ impl Product {
         let figure = drawn.then_some(&["png", "svg"][..]);
         // Beside a table a FITS file holds something else, which has its own place among the others.
         let fits = (table.is_none() && self.fits.is_some()).then_some(&["fits"][..]);
-        [table, fits, figure].into_iter().flatten().flatten().copied()
+        let html = self.html.is_some().then_some(&["html"][..]);
+        [table, fits, figure, html].into_iter().flatten().flatten().copied()
     }
 }
 
@@ -303,6 +306,12 @@ fn contents(path: &Path, product: &Product) -> anyhow::Result<Vec<u8>> {
             text.push(b'\n');
             text
         }
+        Format::Html => {
+            let page = product.html.clone().with_context(|| {
+                format!("{}: `{}` has no page; write it as .ecsv", path.display(), product.name)
+            })?;
+            page.into_bytes()
+        }
         Format::Png => match &product.gallery {
             Some(gallery) => gallery.png()?,
             None => figure()?.png()?,
@@ -319,6 +328,7 @@ enum Format {
     Csv,
     Fits,
     Json,
+    Html,
     Png,
     Svg,
 }
@@ -331,6 +341,7 @@ impl Format {
             Some("csv") => return Ok(Format::Csv),
             Some("fits" | "fit") => return Ok(Format::Fits),
             Some("json") => return Ok(Format::Json),
+            Some("html" | "htm") => return Ok(Format::Html),
             Some("png") => return Ok(Format::Png),
             Some("svg") => return Ok(Format::Svg),
             // As on stdout.
@@ -344,7 +355,7 @@ impl Format {
         } else {
             " (a folder's name ends with `/`)".to_owned()
         };
-        let expected = "expected .ecsv, .csv, .fits, .json, .png or .svg";
+        let expected = "expected .ecsv, .csv, .fits, .json, .html, .png or .svg";
         Err(Usage(format!("-o {}: {found}, {expected}{hint}", path.display())).into())
     }
 }

@@ -14,7 +14,9 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::{FontStyle, register_font};
 use raster::Rasters;
+pub(crate) use raster::base64;
 use scale::Scale;
+pub(crate) use scale::{label, ticks};
 use std::io::Cursor;
 use std::sync::Once;
 
@@ -88,6 +90,8 @@ pub enum Style {
     Line,
     /// A dot a point.
     Dots,
+    /// All below the line through the points, down to the panel's lower edge: piles are drawn from the top one down.
+    Area,
 }
 
 /// Colours that people with any colour vision tell apart (Okabe and Ito 2008), in the order of use.

@@ -265,7 +265,9 @@ fn the_commands_of_the_page_run() {
     let folder = Folder::new("active-page");
     let page = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/active.md");
     let page = std::fs::read_to_string(page).unwrap();
-    folder.done(&["demo", "-o", "sunglint-demo"]);
+    std::fs::create_dir(folder.path("sunglint-demo")).unwrap();
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/src/demo/pass.toml");
+    std::fs::copy(scene, folder.path("sunglint-demo/pass.toml")).unwrap();
     let laser = page.split("```").nth(1).unwrap().strip_prefix("toml").unwrap();
     let scene = folder.path("sunglint-demo/pass.toml");
     let text = std::fs::read_to_string(&scene).unwrap() + laser;

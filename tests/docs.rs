@@ -3,12 +3,18 @@
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 mod common;
+#[path = "common/night.rs"]
+mod night;
+#[path = "common/tagged.rs"]
+mod tagged;
 
-use common::{Folder, VEGA};
+use common::{Folder, VEGA, page_toml};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
+use sunglint_calibration::brdf::table::RetroFlags;
+use sunglint_calibration::efficiency::EfficiencyFlags;
 
 fn read(page: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(page)).unwrap()
@@ -25,7 +31,9 @@ fn the_commands_of_the_readme_run() {
     let path = std::env::var("PATH").unwrap();
     for command in commands {
         // The completions go to the user's own folder.
+        let demo = command.starts_with("sunglint demo");
         let command = command.replace("~/", "home/");
+        let command = if demo { command.replacen("demo", "demo --json", 1) } else { command };
         let output = Command::new("sh")
             .args([
                 "-e",
@@ -38,8 +46,23 @@ fn the_commands_of_the_readme_run() {
             .output()
             .unwrap();
         assert!(output.status.success(), "{command}: {}", String::from_utf8_lossy(&output.stderr));
+        if demo {
+            let mut found = BTreeSet::new();
+            keys(&serde_json::from_slice(&output.stdout).unwrap(), &mut found);
+            let page = read("docs/json.md");
+            assert!(found.len() >= 5 && found.iter().all(|k| page.contains(&format!("`{k}`"))));
+        }
     }
     assert!(folder.path("night.png").exists() && folder.path("man/sunglint-air.1").exists());
+    // Those of the page of comparisons, on what the demonstration left.
+    let page = read("docs/compare.md");
+    let commands: Vec<&str> = page.lines().filter_map(|l| l.strip_prefix("sunglint ")).collect();
+    assert!(commands.len() >= 4, "{commands:?}");
+    for command in commands.into_iter().filter(|c| !c.starts_with("demo")) {
+        let words: Vec<&str> = command.split(' ').collect();
+        folder.done(&[&words[..], &["--force"]].concat());
+    }
+    assert!(folder.path("sphere.html").exists() && folder.path("counters").is_dir());
 }
 
 /// A pass of the elements that many texts print over the built-in station.
@@ -89,13 +112,24 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
             "50",
         ],
         &["star", "Vega", "--station", "ufo", "--at", "2020-11-18T18:00:00"],
-        &["demo"],
     ] {
         keys(&folder.json(&[command, &["--json"]].concat()), &mut printed);
     }
     std::fs::write(folder.path("pass.toml"), SCENE).unwrap();
-    std::fs::write(folder.path("m.csv"), "time_utc,magnitude\n2008-09-21T18:48:00Z,4.5\n").unwrap();
-    keys(&folder.json(&["simulate", "pass.toml", "--json", "--beside", "m.csv"]), &mut printed);
+    keys(&folder.json(&["simulate", "pass.toml", "--json"]), &mut printed);
+    // A comparison, with one sample left out for each of some reasons.
+    let stretch =
+        "times.from = 2008-09-21T18:45:00Z\ntimes.to = 2008-09-21T18:51:00Z\ntimes.step_s = 10\n";
+    let scene = SCENE.replace("times.from = 2008-09-21T18:48:00Z\n", stretch);
+    std::fs::write(folder.path("stretch.toml"), scene).unwrap();
+    let mut rows = String::from("time_utc,magnitude,sigma\n2008-09-21T18:40:00Z,4.5,0.1\n");
+    rows += "2008-09-21T18:45:00Z,4.5,0.1\n2008-09-21T18:47:50Z,,0.1\n";
+    for second in 10..59 {
+        rows += &format!("2008-09-21T18:48:{second}Z,4.{second},0.1\n");
+    }
+    std::fs::write(folder.path("many.csv"), rows).unwrap();
+    let compare = ["compare", "many.csv", "stretch.toml", "--sigma-column", "sigma", "--json"];
+    keys(&folder.json(&compare), &mut printed);
     keys(&folder.json(&["explain", "pass.toml", "--json"]), &mut printed);
     for picture in [
         &["pass.toml", "--size-px", "32"][..],
@@ -154,6 +188,60 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         &folder.json(&["brdf", "plan", "ndf.ecsv", "--rig", "--side", "9", "--json"]),
         &mut printed,
     );
+    // A run on the virtual rig and a detector's efficiency, by the files of their page.
+    let block = |key: &str| page_toml("lab.md", key);
+    let coarse = block("[scan]").replace("step_deg = 0.5", "step_deg = 3");
+    for (file, text) in [
+        ("run.toml", coarse.as_str()),
+        ("rig.toml", &block("[mount]")),
+        ("efficiency.toml", &block("[sensor]")),
+        ("responsivity.csv", "wavelength_nm,responsivity_a_per_w\n400,0.4\n1100,0.4\n"),
+        ("splitter_t.csv", "wavelength_nm,transmission\n400,0.7\n1100,0.7\n"),
+        ("splitter_r.csv", "wavelength_nm,reflectance\n400,0.3\n1100,0.3\n"),
+        (
+            "visible.csv",
+            "wavelength_nm,photodiode_v,counts,exposure_s\n500,0.01,100000,10\n600,0.01,90000,10\n",
+        ),
+    ] {
+        std::fs::write(folder.path(file), text).unwrap();
+    }
+    keys(&folder.json(&["brdf", "retro", "run.toml", "--json", "-o", "run/"]), &mut printed);
+    keys(&folder.json(&["efficiency", "efficiency.toml", "--json"]), &mut printed);
+    // Values of a lobe, a law and a material of them; spectra of a detector that joins another.
+    let mut values =
+        String::from("theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,brdf_550nm_per_sr\n");
+    for k in 0..60_i32 {
+        let f = (-0.002 * f64::from((k - 20) * (k - 20))).exp() + 0.1;
+        values += &format!("20,0,{k},180,{f}\n");
+    }
+    std::fs::write(folder.path("values.csv"), values).unwrap();
+    keys(&folder.json(&["brdf", "fit", "values.csv", "--law", "ggx", "--json"]), &mut printed);
+    let assemble = ["brdf", "assemble", "values.csv", "ndf.ecsv", "-o", "made.bsdf", "--side", "8"];
+    let small = ["--theta-i", "4", "--normals", "32", "--json"];
+    keys(&folder.json(&[&assemble[..], &small].concat()), &mut printed);
+    keys(
+        &folder.json(&["brdf", "show", "made.bsdf", "--wavelength-nm", "550", "--json"]),
+        &mut printed,
+    );
+    let compare = ["brdf", "compare", "made.bsdf", "made.toml", "--wavelength-nm", "550", "--json"];
+    keys(&folder.json(&compare), &mut printed);
+    let spectrum: String = (400..500).map(|nm| format!("{nm},{}\n", nm - 300)).collect();
+    std::fs::write(folder.path("spectrum.csv"), format!("wavelength_nm,y\n{spectrum}")).unwrap();
+    let mut ingest = String::from(
+        "solid_angle_sr = 1e-3\nwavelength_nm = { from = 410, to = 490, step = 10 }\n[reference]\nkind = \"mirror\"\nreflectance = 1\n",
+    );
+    for name in ["a", "b"] {
+        ingest += &format!(
+            "[[detector]]\nname = \"{name}\"\nrange_nm = [400, 500]\nreference = \"spectrum.csv\"\n"
+        );
+    }
+    for (i, o) in [(10, 30), (30, 10)] {
+        ingest += &format!(
+            "[[direction]]\ntheta_i_deg = {i}\nphi_i_deg = 0\ntheta_o_deg = {o}\nphi_o_deg = 180\nfiles = {{ a = \"spectrum.csv\", b = \"spectrum.csv\" }}\n"
+        );
+    }
+    std::fs::write(folder.path("ingest.toml"), ingest).unwrap();
+    keys(&folder.json(&["brdf", "ingest", "ingest.toml", "--json"]), &mut printed);
     // Stars, and what they calibrate.
     common::star_night::night(&folder, "2020-11-18", 1.0);
     common::star_night::night(&folder, "2020-11-19", 1.0);
@@ -161,6 +249,24 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     keys(&folder.json(&[&calibrate[..], &["--json", "-o", "k.ecsv"]].concat()), &mut printed);
     let apply = ["apply", "k.ecsv", "2020-11-18/00_vega.ecsv", "--station", "ufo", "--json"];
     keys(&folder.json(&[&apply[..], &["--magnitudes", "V"]].concat()), &mut printed);
+    // A simulated curve taken apart, and put on the body's frame.
+    let scene = format!(
+        "{SCENE}attitude.law = \"spin\"\nattitude.axis_body = [0, 0, 1]\nattitude.axis_gcrs = [0, 0, 1]\nattitude.period_s = 20\nattitude.epoch_utc = 2008-09-21T18:45:00Z\n"
+    );
+    std::fs::write(folder.path("turning.toml"), scene).unwrap();
+    folder.done(&["simulate", "turning.toml", "-o", "turning.ecsv", "-q"]);
+    let unmix = ["analyse", "unmix", "turning.ecsv", "--endmembers", "white,mli", "--json"];
+    keys(&folder.json(&[&unmix[..], &["--pass", "turning.toml"]].concat()), &mut printed);
+    let map = ["analyse", "map", "turning.toml", "--along", "--step-deg", "30", "--json"];
+    keys(&folder.json(&map), &mut printed);
+    // A light curve of two lobes a turn of 20 s, read.
+    std::fs::write(folder.path("curve.ecsv"), common::turning_curve()).unwrap();
+    let removed = ["curve.ecsv", "--station", "ufo", "--json"];
+    std::fs::write(folder.path("sphere_pass.toml"), common::SPHERE_PASS).unwrap();
+    let period = ["analyse", "period", "--pass", "sphere_pass.toml"];
+    keys(&folder.json(&[&period[..], &removed].concat()), &mut printed);
+    let fold = ["analyse", "fold", "--period", "20", "--period-sigma", "0.01"];
+    keys(&folder.json(&[&fold[..], &removed].concat()), &mut printed);
     // A short night with simulated devices, and what is left of it when a line is cut.
     let night = "station = \"ufo\"\nfor_s = 3\n[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.1\n\
                  [[counter]]\nname = \"tagger\"\ndevice = \"sim-timetagger\"\nchannels = { g = 1 }\nbin_s = 0.1\n";
@@ -184,6 +290,15 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     folder.done(&["observe", "made_up.toml", "-o", "v", "-q"]);
     keys(&folder.json(&["reduce", "v", "--json"]), &mut printed);
     keys(&folder.json(&["align", "v", "--json"]), &mut printed);
+    // A counter with raw tags.
+    tagged::Tagged::new(1).session(&folder.path("tagged"));
+    keys(&folder.json(&["reduce", "tagged", "--json"]), &mut printed);
+    // A prediction, fitted.
+    let page = read("docs/fit.md");
+    let scene = page.split("```toml\n").nth(1).unwrap().split("```").next().unwrap().to_owned();
+    std::fs::write(folder.path("sphere.toml"), scene).unwrap();
+    folder.done(&["simulate", "sphere.toml", "-o", "sphere.ecsv", "-q"]);
+    keys(&folder.json(&["fit", "sphere.ecsv", "sphere.toml", "--json"]), &mut printed);
     // Rates are by the station's own channels, devices by their names.
     for channel in ["r", "g", "b", "id400", "spcm", "mppc", "cam", "tagger"] {
         printed.remove(channel);
@@ -194,6 +309,8 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     let flags: BTreeSet<String> = sunglint_radiometry::light_curve::Flags::all()
         .iter_names()
         .map(|(flag, _)| flag.to_lowercase())
+        .chain(RetroFlags::all().iter_names().map(|(flag, _)| flag.to_lowercase()))
+        .chain(EfficiencyFlags::all().iter_names().map(|(flag, _)| flag.to_lowercase()))
         .collect();
     let undocumented: Vec<&String> =
         printed.difference(&quoted).filter(|key| !flags.contains(*key)).collect();
@@ -212,15 +329,39 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "explain",
         "bench",
         "demo",
+        "compare",
+        // Printed by `demo`: see the commands of the README.
+        "files",
+        "pages",
+        "commands",
+        // Values of keys.
+        "calibrated",
+        "not_simulated",
         "null",
         "file",
         "brdf",
         "ndf",
         "plan",
+        "ingest",
+        "fit",
+        "assemble",
+        "show",
+        "compare",
         "devices",
         "calibrate",
         "apply",
+        "fit",
+        // Of magnitudes alone, and where samples are left out.
+        "white_noise_mag",
+        "mean_mag",
+        "why",
+        "analyse",
+        "period",
+        "fold",
         // Values of keys.
+        "one",
+        "family",
+        "not_enough",
         "bootstrap",
         "student",
         "check",
@@ -237,7 +378,14 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "observe",
         "reduce",
         "align",
+        "analyse",
+        "unmix",
+        "map",
         // Values of keys.
+        "factor",
+        "weight",
+        "share",
+        "range",
         "status",
         "end",
         "opening",

@@ -5,10 +5,9 @@
 mod common;
 
 use common::{Folder, SPHERE_PASS};
-use std::fmt::Write as _;
-use sunglint_formats::{Table, Values, ecsv};
+use sunglint_formats::ecsv;
 use sunglint_radiometry::light_curve::{LightCurve, RateKind, SpectralLightCurve};
-use sunglint_testkit::{fixture, shared, skip};
+use sunglint_testkit::fixture;
 
 fn folder(name: &str) -> Folder {
     let folder = Folder::new(name);
@@ -140,7 +139,6 @@ fn what_goes_wrong_is_said() {
     assert!(message.contains("checksum"), "{message}");
     folder.refused(2, &["simulate", "pass.toml", "-o", "x.jpg"]);
     folder.refused(2, &["simulate", "pass.toml", "--step-s", "-1"]);
-    folder.refused(2, &["simulate", "pass.toml", "--beside-column", "m"]);
     write("late.toml", SPHERE_PASS.replace("2008-09-21", "2009-09-21"));
     assert!(stderr(&["simulate", "late.toml"]).contains("days old"));
     write("hidden.toml", SPHERE_PASS.replace("T18:45", "T19:25").replace("T18:52", "T19:32"));
@@ -167,112 +165,4 @@ fn what_goes_wrong_is_said() {
         ),
     );
     assert!(stderr(&["simulate", "body.toml"]).contains("no [attitude] is given"));
-}
-
-/// A measured curve beside: residuals by hand for a curve that is the simulated one plus half a magnitude.
-#[test]
-fn residuals_are_measured_less_simulated() {
-    let folder = folder("simulate-beside");
-    folder.done(&["simulate", "pass.toml", "-o", "out/", "-q"]);
-    let text = std::fs::read_to_string(folder.path("out/pass_geometry.ecsv")).unwrap();
-    let geometry = ecsv::read_str("g", &text).unwrap();
-    let (times, v) = (geometry.text("time_utc").unwrap(), geometry.f64("v_mag").unwrap());
-    let mut csv = "# made up\ntime_utc,v,note\n".to_owned();
-    for (time, v) in times.iter().zip(v.iter()) {
-        writeln!(csv, "{},{},x", time.as_deref().unwrap(), v + 0.5).unwrap();
-    }
-    std::fs::write(folder.path("m.csv"), csv).unwrap();
-    let json = folder.json(&[
-        "simulate",
-        "pass.toml",
-        "--json",
-        "--beside",
-        "m.csv",
-        "--beside-column",
-        "v",
-        "-o",
-        "f.svg",
-    ]);
-    let found = &json["beside"]["residuals"][0];
-    assert!((found["mean_mag"].as_f64().unwrap() - 0.5).abs() < 1e-12, "{found}");
-    assert!(found["scatter_mag"].as_f64().unwrap() < 1e-12);
-    assert!(std::fs::read_to_string(folder.path("f.svg")).unwrap().contains("measured"));
-    let message = folder.refused(1, &["simulate", "pass.toml", "--beside", "m.csv"]);
-    assert!(message.contains("magnitude") && message.contains("time_utc, v, note"), "{message}");
-}
-
-/// One row of the geometry table of the two tracks.
-struct Row {
-    utc: String,
-    range_km: f64,
-    phase_deg: f64,
-}
-
-/// Two tracks of ONEWEB-0165 with a made-up box and panels in nadir attitude beside what MMT-9 measured. Truth: the geometry table beside the
-/// measurements, which was propagated from elements by another program: range within 0.5 km and phase within 0.3°, as its own header says. The
-/// residuals are printed, and nothing is claimed of them.
-#[test]
-fn oneweb_0165_beside_its_measurements() {
-    let files = (shared("real/oneweb_0165_geometry.csv"), shared("real/oneweb_0165_mmt9.txt"));
-    let (Some(geometry), Some(measured)) = files else {
-        return skip("oneweb_0165_beside_its_measurements", "no shared/real beside the checkout");
-    };
-    let geometry = std::fs::read_to_string(geometry).unwrap();
-    let measured = std::fs::read_to_string(measured).unwrap();
-    let lines = |text: &str| -> Vec<Vec<String>> {
-        let rows = text.lines().filter(|l| !l.starts_with('#') && !l.starts_with("utc"));
-        rows.map(|l| l.split([',', ' ']).map(str::to_owned).collect()).collect()
-    };
-    let (places, magnitudes) = (lines(&geometry), lines(&measured));
-    assert_eq!(places.len(), magnitudes.len());
-    let folder = Folder::new("simulate-oneweb");
-    for (number, day) in [(1, "2024-02-28"), (2, "2024-04-30")] {
-        let samples: Vec<usize> =
-            (0..places.len()).filter(|i| places[*i][0].starts_with(day)).collect();
-        // Every hundredth position and the last: they are rounded to 0.1 m. Light leaves the target before the first of them, so that the
-        // samples begin with the second.
-        let mut ephemeris = "time_utc,x_km,y_km,z_km\n".to_owned();
-        for (k, i) in samples.iter().enumerate() {
-            if k % 100 == 0 || k + 1 == samples.len() {
-                let p = &places[*i];
-                writeln!(ephemeris, "{},{},{},{}", p[0], p[1], p[2], p[3]).unwrap();
-            }
-        }
-        let mut curve = "time_utc,standard_magnitude,magnitude\n".to_owned();
-        let mut rows = Vec::new();
-        for i in &samples[1..] {
-            let m = &magnitudes[*i];
-            writeln!(curve, "{}T{},{},{}", m[0], m[1], m[2], m[3]).unwrap();
-            let number = |column: usize| places[*i][column].parse::<f64>().unwrap();
-            rows.push(Row {
-                utc: places[*i][0].clone(),
-                range_km: number(9),
-                phase_deg: number(10),
-            });
-        }
-        std::fs::write(folder.path("positions.csv"), ephemeris).unwrap();
-        std::fs::write(folder.path("magnitudes.csv"), curve).unwrap();
-        let pass = format!(
-            "name = \"track{number}\"\n[target]\nbuilt_in = \"box_with_panels\"\n[ephemeris]\nfile = \"positions.csv\"\n[attitude]\nlaw = \"orbit\"\n\
-             [station]\nfolder = \"{}\"\n[times]\nfile = \"magnitudes.csv\"\nexposure_s = 0.1\n",
-            fixture("passes/mmt9").display()
-        );
-        std::fs::write(folder.path("pass.toml"), pass).unwrap();
-        let text =
-            folder.done(&["simulate", "pass.toml", "--beside", "magnitudes.csv", "-o", "out/"]);
-        println!("{text}");
-        assert!(text.contains("measured less simulated"), "{text}");
-        let out = |name: &str| folder.path("out").join(format!("track{number}{name}"));
-        let table: Table =
-            ecsv::read_str("g", &std::fs::read_to_string(out("_geometry.ecsv")).unwrap()).unwrap();
-        let (range, phase) = (table.f64("range_m").unwrap(), table.f64("phase_deg").unwrap());
-        assert_eq!(range.len(), rows.len());
-        for (i, row) in rows.iter().enumerate() {
-            assert!((range[i] * 1e-3 - row.range_km).abs() < 0.5, "{}: {}", row.utc, range[i]);
-            assert!((phase[i] - row.phase_deg).abs() < 0.3, "{}: {}", row.utc, phase[i]);
-        }
-        let Values::F64(v) = &table.column("v_mag").unwrap().values else { panic!("numbers") };
-        assert!(v.iter().all(|m| m.is_finite()), "a lit satellite has a magnitude");
-        assert!(out(".png").exists() && out("_spectra.png").exists());
-    }
 }

@@ -8,18 +8,19 @@
 //! - [`detector`]: dead time and other non-linearity, inverted with its uncertainty, and found in raw tags;
 //! - [`counts`]: off-target stretches, linear rates, the fibre's gate and coupling;
 //! - [`alignment`]: the fibre's field on the camera image;
+//! - [`comparison`]: a measured curve beside a simulated one: scales, scatter, χ², ratios;
 //! - [`stars`]: the night's coefficient per channel from stars;
-//! - [`brdf`]: from retro-reflection to the tilts of a sample's microfacets, and where to measure it.
-//!
-//! What will stand here besides:
-//!
-//! - `brdf`: samples put together into a measured material, and parametric fits;
-//! - `pass`: the fit of a measured pass by a simulated one.
+//! - [`efficiency`]: a detector's counts per photon, against a photodiode;
+//! - [`brdf`]: from retro-reflection and spectra to a measured material, and laws through measured values;
+//! - [`pass`]: the fit of measured passes by simulated ones.
 
 pub mod alignment;
 pub mod brdf;
+pub mod comparison;
 pub mod counts;
 pub mod detector;
+pub mod efficiency;
+pub mod pass;
 pub mod photometry;
 pub mod stars;
 pub mod track;

@@ -191,6 +191,18 @@ impl Panel {
                         chart.draw_series(joins).map_err(failed)?;
                     }
                 }
+                Style::Area => {
+                    for piece in series.points.split(|p| !good(p)).filter(|p| p.len() > 1) {
+                        let whole = |(a, b): (f64, f64)| (a.round() as i32, b.round() as i32);
+                        let mut outline: Vec<(i32, i32)> =
+                            piece.iter().map(|p| whole(pixel(p))).collect();
+                        // A picture is no higher than that.
+                        let foot = height as i32;
+                        let ends = (outline[0].0, outline[outline.len() - 1].0);
+                        outline.extend([(ends.1, foot), (ends.0, foot)]);
+                        plot.draw(&Polygon::new(outline, colour.filled())).map_err(failed)?;
+                    }
+                }
                 Style::Dots => {
                     let dots = series.points.iter().copied().filter(good);
                     let dots = dots.map(|p| Circle::new(p, 2 * scale, colour.filled()));

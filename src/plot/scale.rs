@@ -81,7 +81,7 @@ impl ValueFormatter<f64> for Scale {
 }
 
 /// Round numbers from `lo` to `hi`, at most about `most`, each the float nearest to a short decimal.
-fn ticks(lo: f64, hi: f64, log: bool, most: usize) -> Vec<f64> {
+pub(crate) fn ticks(lo: f64, hi: f64, log: bool, most: usize) -> Vec<f64> {
     if log {
         let inside = |v: &f64| (lo..=hi).contains(v);
         // Powers of ten run over less than 700, from the smallest float to the largest.
@@ -126,7 +126,7 @@ fn decimal(mantissa: i64, exponent: i32) -> f64 {
 }
 
 /// The shortest text that gives the value back.
-pub(super) fn label(value: f64) -> String {
+pub(crate) fn label(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 {
         "0".into()

@@ -1,11 +1,10 @@
 //! A camera that takes the pictures of a virtual night.
 
 use hifitime::Epoch;
-use std::ops::ControlFlow;
 use std::time::Duration;
 use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::device::{
-    Camera, Device, DeviceError, Identity, Interrupted, Origin, Setting, Value, Window,
+    Camera, Device, DeviceError, Identity, Origin, Setting, Value, Window,
 };
 use sunglint_formats::{Bayer, Frame, fits::Header};
 use sunglint_simulator::observatory::frame::{Exposure, Sensor};
@@ -161,24 +160,5 @@ impl Camera for VirtualCamera {
             .sleep(Duration::from_secs_f64(exposure_s))
             .map_err(|expired| DeviceError::expired(DEVICE, "exposing", expired))?;
         self.frame(exposure_s, start)
-    }
-
-    fn stream(
-        &mut self,
-        exposure_s: f64,
-        take: &mut dyn FnMut(Frame) -> ControlFlow<()>,
-        deadline: &Deadline,
-    ) -> Result<u64, Interrupted<u64>> {
-        let mut frames = 0;
-        loop {
-            let frame = match self.expose(exposure_s, deadline) {
-                Ok(frame) => frame,
-                Err(error) => return Err(Interrupted::new(frames, error)),
-            };
-            frames += 1;
-            if take(frame).is_break() {
-                return Ok(frames);
-            }
-        }
     }
 }
