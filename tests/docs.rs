@@ -299,6 +299,11 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     std::fs::write(folder.path("sphere.toml"), scene).unwrap();
     folder.done(&["simulate", "sphere.toml", "-o", "sphere.ecsv", "-q"]);
     keys(&folder.json(&["fit", "sphere.ecsv", "sphere.toml", "--json"]), &mut printed);
+    // One whose parts light each other.
+    std::fs::write(folder.path("corner.toml"), include_str!("common/corner.toml")).unwrap();
+    folder.done(&["simulate", "corner.toml", "-o", "corner.ecsv", "-q"]);
+    let fit = ["fit", "corner.ecsv", "corner.toml", "--free", "albedo", "--json"];
+    keys(&folder.json(&fit), &mut printed);
     // Rates are by the station's own channels, devices by their names.
     for channel in ["r", "g", "b", "id400", "spcm", "mppc", "cam", "tagger"] {
         printed.remove(channel);

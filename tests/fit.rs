@@ -334,27 +334,7 @@ fn oneweb(folder: &Folder, geometry: &std::path::Path, measured: &std::path::Pat
 #[test]
 fn light_between_the_parts_is_no_brighter_wall() {
     let folder = Folder::new("fit-corner");
-    let scene = r#"
-[target]
-built_in = "corner"
-[orbit]
-lines = [
-  "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927",
-  "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537",
-]
-[attitude]
-law = "spin"
-axis_body = [0, 1, 0]
-axis_gcrs = [0.2, 0.3, 0.9]
-period_s = 97
-epoch_utc = "2008-09-21T18:45:00"
-[station]
-name = "ufo"
-[times]
-from = 2008-09-21T18:47:00Z
-to = 2008-09-21T18:50:00Z
-step_s = 6
-"#;
+    let scene = include_str!("common/corner.toml");
     std::fs::write(folder.path("corner.toml"), scene).unwrap();
     let without = format!("{scene}[effects]\ninter_reflection = \"off\"\n");
     std::fs::write(folder.path("without.toml"), without).unwrap();

@@ -216,18 +216,18 @@ fn a_model_has_the_rates_that_simulate_gives_it() {
     .unwrap();
     let one = folder.json(&["simulate", "one.toml", "--json", "-q"]);
     let v = one["v_above_air"]["brightest_mag"].as_f64().unwrap();
-    // What each knows of the way decides what it models, and light paths scatter: they agree within what `simulate` states.
+    // What each knows of the way decides what it models, and light paths scatter: they agree within what `simulate` states and what `passes` leaves out, 1 %.
     let mut most = 0.0_f64;
     for channel in one["channels"].as_array().unwrap() {
         let rate = pass["rates"][channel["name"].as_str().unwrap()]["rate_hz"].as_f64().unwrap();
         let simulated = channel["highest_hz"].as_f64().unwrap();
         let stated = channel["stated_error"]["largest_relative"].as_f64().unwrap();
-        assert!((rate / simulated - 1.0).abs() < stated, "{rate} {channel}");
+        assert!((rate / simulated - 1.0).abs() < stated + 0.01, "{rate} {channel}");
         most = most.max(stated);
     }
     assert!(most < 0.05, "{most}");
     let apart = (v - brightest["v_mag"].as_f64().unwrap()).abs();
-    assert!(apart < 1.1 * most, "{v} {brightest}");
+    assert!(apart < 1.1 * (most + 0.01), "{v} {brightest}");
     let visible = &pass["visible"][0];
     let (from, to) = (text(&visible["from_utc"]), text(&visible["to_utc"]));
     let times = format!("from = {from}\nto = {to}\nstep_s = 1");
@@ -245,4 +245,38 @@ fn a_model_has_the_rates_that_simulate_gives_it() {
         let message = folder.refused(code, &night(&tle, &more));
         assert!(message.contains(expected), "{more:?}: {message}");
     }
+}
+
+/// The commands of docs/planning.md, on what the demonstration leaves. Truth: none but that each does its work; what they calculate has its tests.
+#[test]
+fn the_commands_of_the_page_run() {
+    let folder = Folder::new("planning-page");
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = std::fs::read_to_string(root.join("docs/planning.md")).unwrap();
+    std::fs::create_dir_all(folder.path("sunglint-demo/simulated")).unwrap();
+    for entry in std::fs::read_dir(root.join("src/demo")).unwrap().flatten() {
+        let name = entry.file_name().into_string().unwrap();
+        std::fs::copy(entry.path(), folder.path(&format!("sunglint-demo/{name}"))).unwrap();
+    }
+    for [scene, curve] in [["pass", "box_wing_pass"], ["sphere", "sphere_pass"]] {
+        let scene = format!("sunglint-demo/{scene}.toml");
+        let curve = format!("sunglint-demo/simulated/{curve}.ecsv");
+        folder.done(&[
+            "simulate",
+            &scene,
+            "--step-s",
+            "20",
+            "--tolerance",
+            "1%",
+            "-o",
+            &curve,
+            "-q",
+        ]);
+    }
+    let commands: Vec<&str> = page.lines().filter_map(|l| l.strip_prefix("sunglint ")).collect();
+    assert!(commands.len() >= 10, "{commands:?}");
+    for command in commands {
+        folder.done(&command.split(' ').collect::<Vec<_>>());
+    }
+    assert!(folder.path("rehearsal-kappa.ecsv").exists() && folder.path("expected.png").exists());
 }

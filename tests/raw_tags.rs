@@ -143,6 +143,38 @@ fn a_replay_has_the_same_tags() {
     assert!(text.contains("tags/tagger.tags") && text.contains("CRC-32"), "{text}");
 }
 
+/// A disk that is full in the middle of the night (a small tmpfs). Truth: the recorded night: what is on the disk is its beginning, tags and bins; that some are missing is
+/// said by the program and by `session check`.
+#[test]
+fn a_full_disk_leaves_the_tags_before_it() {
+    let folder = Folder::new("tags_full");
+    let old = recorded(&folder.0.join("old"), 120);
+    let small = folder.0.join("small");
+    std::fs::create_dir(&small).unwrap();
+    let system = |arguments: &[&str]| {
+        let run = Command::new(arguments[0]).args(&arguments[1..]).arg(&small).output();
+        run.is_ok_and(|output| output.status.success())
+    };
+    if !system(&["mount", "-t", "tmpfs", "-o", "size=500k", "tmpfs"]) {
+        let test = "a_full_disk_leaves_the_tags_before_it";
+        return sunglint_testkit::skip(test, "a tmpfs can only be mounted by root");
+    }
+    let output = folder.run(&["observe", "--replay", "old", "--fast", "-o", "small/s"]);
+    let check = folder.run(&["session", "check", "small/s", "--json"]);
+    let session = Session::open(small.join("s"));
+    let read = session.as_ref().map(|session| (bins(session), tags(session)));
+    assert!(system(&["umount"]), "the test's tmpfs could not be taken away");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("No space left") && message.contains("not be written"), "{message}");
+    assert_eq!(check.status.code(), Some(1));
+    let (new_bins, new_tags) = read.unwrap();
+    let (old_bins, old_tags) = (bins(&old), tags(&old));
+    assert!(new_tags.len() > 1000 && new_tags.len() < old_tags.len(), "{}", new_tags.len());
+    assert_eq!(new_tags[..], old_tags[..new_tags.len()]);
+    assert_eq!(new_bins[..], old_bins[..new_bins.len()]);
+}
+
 /// Truth: the recorded night, played at speed, and when it was killed (SIGKILL): all tags older than a second are there, as they were.
 #[test]
 fn a_killed_night_has_its_tags_to_within_a_second() {

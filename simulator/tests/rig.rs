@@ -141,7 +141,9 @@ fn rigs_that_cannot_be_are_refused_with_the_key() {
         refused(|o| o.sample.alpha = 0.0),
         "sample.alpha = 0, expected a roughness from 1e-4 to 2"
     );
-    assert!(refused(|o| o.stop.distance_mm = f64::NAN).starts_with("stop.distance_mm: found NaN"));
+    assert!(
+        refused(|o| o.stop.distance_mm = f64::NAN).starts_with("stop.distance_mm = NaN, expected")
+    );
     assert!(refused(|o| o.meter.ranges_w = vec![]).contains("meter.ranges_w"));
-    assert!(refused(|o| o.meter.ranges_w = vec![1.0, 1.0]).contains("found 1"));
+    assert!(refused(|o| o.meter.ranges_w = vec![1.0, 1.0]).contains("= 1, expected"));
 }

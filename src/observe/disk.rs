@@ -236,3 +236,57 @@ impl Writing {
         self.writer.finish(utc, reason)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sunglint_drivers::tags::{Tag, TagKind};
+
+    /// 65,536 photons, a MiB, a microsecond apart.
+    fn a_mebibyte(number: i64) -> Vec<[u8; RECORD_BYTES]> {
+        let first = number << 16;
+        (first..first + (1 << 16)).map(|k| Tag::photon(1, 1_000_000 * k).to_bytes()).collect()
+    }
+
+    /// A disk that does not write for a while. Truth: by hand: 64 MiB wait, what comes then is lost in one piece until half of that is free, bins never wait for tags,
+    /// and each tag is either handed on or within the span of a loss that is told.
+    #[test]
+    fn tags_that_find_no_room_are_counted_and_told() {
+        let (sender, receiver) = sync_channel(MESSAGES);
+        let tag_room = Arc::new(TagRoom::default());
+        let disk = Disk { sender, pixels: Arc::default(), tag_room: tag_room.clone() };
+        let mut loss = None;
+        for number in 0..80 {
+            loss = disk.tags("tagger", loss, a_mebibyte(number));
+            disk.counts("tagger", vec![]);
+        }
+        let span_ps = [64 << 16, (80 << 16) - 1].map(|k| 1_000_000 * k);
+        assert_eq!(loss, Some(Loss { span_ps, records: 16 << 16 }));
+        let take = |n: usize| -> Vec<Message> {
+            let mut taken = Vec::new();
+            while taken.iter().filter(|m| matches!(m, Message::Tags(..))).count() < n {
+                let message = receiver.try_recv().unwrap();
+                if let Message::Tags(_, _, records) = &message {
+                    tag_room.give(records.as_flattened().len() as u64);
+                }
+                taken.push(message);
+            }
+            taken
+        };
+        // Not before half is free.
+        take(32);
+        loss = disk.tags("tagger", loss, a_mebibyte(80));
+        assert_eq!(loss.map(|l| l.records), Some(17 << 16));
+        take(1);
+        assert_eq!(disk.tags("tagger", loss, a_mebibyte(81)), None);
+        let last = take(32).pop().unwrap();
+        let Message::Tags(_, Some(told), records) = last else { panic!("{last:?}") };
+        assert_eq!(told, loss.unwrap());
+        let marks = told.marks().map(|mark| Tag::from_bytes(&mark));
+        assert_eq!(
+            marks.map(|m| m.kind()),
+            [Some(TagKind::OverflowBegin), Some(TagKind::OverflowEnd)]
+        );
+        assert!(marks[1].time_ps < Tag::from_bytes(&records[0]).time_ps);
+    }
+}

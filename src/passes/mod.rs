@@ -127,6 +127,9 @@ pub struct BrightnessArgs {
     /// How the model is turned: orbit (z to nadir, x along the velocity), yaw_steering, sun, inertial, or a file with `[attitude]` [default: orbit]
     #[arg(long, value_name = "LAW|FILE", requires = "model")]
     pub attitude: Option<String>,
+    /// What a model's light may err by: of effects that it needs no more is modelled, `1%` or `0.01`
+    #[arg(long, value_name = "SHARE", default_value = "1%", requires = "model", allow_negative_numbers = true, value_parser = crate::explain::tolerance)]
+    pub tolerance: f64,
 }
 
 /// Longer windows are a slip of the year.

@@ -10,7 +10,6 @@ use sunglint_radiometry::light::sun_at_1_au;
 use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::Station;
 use sunglint_simulator::attitude::Attitude;
-use sunglint_simulator::light::Options;
 use sunglint_simulator::orbit::Orbit;
 use sunglint_simulator::orbit::eclipse::EarthShape;
 use sunglint_simulator::pass::{Pass, Ready, SpectralQuantity};
@@ -37,6 +36,8 @@ pub struct Words {
     pub target: String,
     /// Its attitude as it was asked for.
     pub attitude: String,
+    /// What its light may err by, relative.
+    pub tolerance: f64,
 }
 
 impl PassesArgs {
@@ -52,7 +53,8 @@ impl PassesArgs {
         let target = target(model)?;
         let law = self.brightness.attitude.as_deref().unwrap_or("orbit");
         let attitude = attitude(law)?;
-        let words = Words { target: target.name.clone(), attitude: law.to_owned() };
+        let tolerance = self.brightness.tolerance;
+        let words = Words { target: target.name.clone(), attitude: law.to_owned(), tolerance };
         let warnings = [target.warnings.clone(), attitude.warnings()].concat();
         let pass = Pass {
             name: "passes".into(),
@@ -72,7 +74,7 @@ impl PassesArgs {
             shadow: Some(EarthShape::default()),
             orientation: Some(orientation.clone()),
             zero: self.zero_point,
-            tolerance: Options::TOLERANCE,
+            tolerance,
             air_tolerance: AIR_TOLERANCE,
             effects: Default::default(),
             inputs: Vec::new(),

@@ -90,7 +90,12 @@ impl Report<'_> {
         let law = match &self.photometer.light {
             Light::Law(law) => *law,
             Light::Model(_, words) => {
-                return format!("model {}, attitude {}", words.target, words.attitude);
+                return format!(
+                    "model {}, attitude {}, within {} %",
+                    words.target,
+                    words.attitude,
+                    100.0 * words.tolerance
+                );
             }
         };
         match law {
@@ -290,7 +295,10 @@ impl Report<'_> {
         let conditions = self.search.conditions();
         let brightness = match &self.photometer.light {
             Light::Model(_, words) => {
-                json!({ "law": "model", "target": words.target, "attitude": words.attitude })
+                json!({
+                    "law": "model", "target": words.target, "attitude": words.attitude,
+                    "tolerance": words.tolerance,
+                })
             }
             Light::Law(Brightness::Sphere { diameter_m, reflectance }) => {
                 json!({ "law": "diffuse sphere", "diameter_m": diameter_m, "reflectance": reflectance })

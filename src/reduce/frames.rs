@@ -1,7 +1,8 @@
 //! The frames of a night: the sensor's faults from its dark frames, the target's place and rates from the others.
 
+use super::seeing::{self, Width};
 use super::sky::Body;
-use super::{Stay, Stop, seeing};
+use super::{Stay, Stop};
 use anyhow::Context as _;
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
@@ -161,11 +162,12 @@ pub fn camera_night(
     let bad_pixels = calibration.bad.as_ref().map_or(0, bad_count);
     let zeniths = zeniths(&starts, &stay_of, stays, station)?;
     let mut fwhm_px = vec![options.fwhm_px; stays.len()];
+    let mut widest_px = options.fwhm_px;
     if how.fwhm_from_frames {
-        fwhm_px = widths(&files, &stay_of, stays, &options, &calibration)?;
+        (fwhm_px, widest_px) = widths(&files, &stay_of, stays, &options, &calibration)?;
     }
     if how.aperture_from_frames {
-        widen(&mut options, fwhm_px.iter().copied().fold(0.0, f64::max));
+        widen(&mut options, widest_px);
     }
     let mut reducer = FrameReducer::new(options.clone(), calibration)?;
     let mut night = CameraNight {
@@ -237,24 +239,27 @@ pub fn camera_night(
     Ok(night)
 }
 
-/// How wide points are at each stay, px; a stay that does not tell has the median of the others, or what the options say.
+/// How wide points are at each stay, px, and the widest of those with frames that give a rate; a stay that does not tell has the median of those, or what the
+/// options say.
 fn widths(
     files: &[FrameFile],
     stay_of: &[Option<usize>],
     stays: &[Stay],
     options: &PhotometryOptions,
     calibration: &FrameCalibration,
-) -> anyhow::Result<Vec<f64>> {
-    let mut widths = vec![None; stays.len()];
+) -> anyhow::Result<(Vec<f64>, f64)> {
+    let mut widths: Vec<Option<Width>> = vec![None; stays.len()];
     for (number, width) in widths.iter_mut().enumerate().filter(|(i, _)| stays[*i].target.on) {
         let of_it = files.iter().zip(stay_of).filter(|(_, stay)| **stay == Some(number));
         let of_it: Vec<&FrameFile> = of_it.map(|(file, _)| file).collect();
         *width = seeing::fwhm_px(&of_it, options, calibration)?;
     }
-    let mut known: Vec<f64> = widths.iter().copied().flatten().collect();
+    let mut known: Vec<f64> =
+        widths.iter().flatten().filter(|w| !w.saturated).map(|w| w.fwhm_px).collect();
     known.sort_by(f64::total_cmp);
     let median = known.get(known.len() / 2).copied().unwrap_or(options.fwhm_px);
-    Ok(widths.into_iter().map(|width| width.unwrap_or(median)).collect())
+    let widest = known.last().copied().unwrap_or(options.fwhm_px);
+    Ok((widths.into_iter().map(|width| width.map_or(median, |w| w.fwhm_px)).collect(), widest))
 }
 
 /// An aperture for points of this width, and an annulus in proportion; never smaller than they are.

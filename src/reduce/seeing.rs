@@ -12,8 +12,18 @@ const TRIED_PX: [f64; 4] = [3.0, 6.0, 12.0, 24.0];
 /// A width that was found this far above the one that was tried is not yet it: the window of the centroid was too narrow.
 const WIDER: f64 = 1.3;
 
-/// The median full width at half maximum of the target on some frames of a stay, px; `None` where fewer than half of them show one of a width
-/// that is tried.
+/// How wide a target is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Width {
+    /// Median full width at half maximum, px.
+    pub fwhm_px: f64,
+    /// Whether every frame that showed it was saturated: clipped light looks wider than a point is, good enough to find the target by, but no measure of how
+    /// wide an aperture must be (such frames have no rate either).
+    pub saturated: bool,
+}
+
+/// The median full width at half maximum of the target on some frames of a stay, those without a saturated pixel if there are any; `None` where fewer
+/// than half of the frames show a target of a width that is tried.
 ///
 /// # Errors
 /// Options out of their range.
@@ -21,26 +31,94 @@ pub fn fwhm_px(
     files: &[&FrameFile],
     options: &PhotometryOptions,
     calibration: &FrameCalibration,
-) -> Result<Option<f64>, PhotometryError> {
+) -> Result<Option<Width>, PhotometryError> {
     let step = files.len().div_ceil(LOOKS).max(1);
     // What cannot be read is told of when it is measured.
     let frames: Vec<_> = files.iter().step_by(step).filter_map(|file| file.read().ok()).collect();
     for tried_px in TRIED_PX {
         let options = PhotometryOptions { fwhm_px: tried_px, ..options.clone() };
         let mut reducer = FrameReducer::new(options, calibration.clone())?;
-        let mut found: Vec<f64> = frames
+        let found: Vec<(f64, bool)> = frames
             .iter()
-            .filter_map(|frame| reducer.measure(frame, &Expected::default()).ok()?.fwhm_px)
-            .filter(|fwhm_px| fwhm_px.is_finite() && *fwhm_px >= 0.5)
+            .filter_map(|frame| {
+                let measured = reducer.measure(frame, &Expected::default()).ok()?;
+                let saturated = measured.planes.iter().any(|plane| plane.saturated_pixels > 0);
+                measured.fwhm_px.map(|fwhm_px| (fwhm_px, saturated))
+            })
+            .filter(|(fwhm_px, _)| fwhm_px.is_finite() && *fwhm_px >= 0.5)
             .collect();
-        found.sort_by(f64::total_cmp);
         if found.is_empty() || 2 * found.len() < frames.len() {
             continue;
         }
-        let median = found[found.len() / 2];
-        if median <= WIDER * tried_px {
-            return Ok(Some(median));
+        let saturated = found.iter().all(|(_, saturated)| *saturated);
+        let mut widths: Vec<f64> =
+            found.iter().filter(|(_, s)| *s == saturated).map(|(w, _)| *w).collect();
+        widths.sort_by(f64::total_cmp);
+        let fwhm_px = widths[widths.len() / 2];
+        if fwhm_px <= WIDER * tried_px {
+            return Ok(Some(Width { fwhm_px, saturated }));
         }
     }
     Ok(None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hifitime::Epoch;
+    use ndarray::Array2;
+    use sunglint_formats::frame::Frame;
+
+    /// Frames of a normal profile 4 px wide (full width at half maximum) over a flat sky with noise of ±8 ADU, clipped at 65,535 ADU as a sensor clips.
+    fn files(peaks_adu: &[f64], folder: &std::path::Path) -> Vec<FrameFile> {
+        let mut files = Vec::new();
+        for (k, peak) in peaks_adu.iter().enumerate() {
+            let value = |(row, column): (usize, usize)| {
+                let r2 = (row as f64 - 50.3).powi(2) + (column as f64 - 49.6).powi(2);
+                let light = peak * (-4.0 * 2_f64.ln() * r2 / 16.0).exp();
+                let hash = ((k << 32) ^ (row << 16) ^ column) as u64;
+                let noise = hash.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 60;
+                (500.0 + noise as f64 + light).min(65_535.0) as u16
+            };
+            let frame = Frame {
+                pixels: Array2::from_shape_fn((100, 100), value),
+                origin: [0, 0],
+                binning: [1, 1],
+                bayer: None,
+                start: Epoch::from_gregorian_utc_at_midnight(2020, 11, 18),
+                exposure_s: 0.1,
+                gain_e_per_adu: Some(0.3),
+                temperature_c: None,
+                saturation_adu: Some(65_535.0),
+                header: sunglint_formats::fits::Header::default(),
+            };
+            let path = folder.join(format!("{k}_{peak}.fits"));
+            frame.write_file(&path, sunglint_formats::atomic::Overwrite::Allow).unwrap();
+            files.push(FrameFile { sequence: k as u64, path });
+        }
+        files
+    }
+
+    /// Truth: the width that was put in, 4 px, within 3 % (what noise and whole pixels leave). Where light was clipped the profile is wider: a target that is clipped
+    /// now and then has the width of its other frames, one that always is says so.
+    #[test]
+    fn clipped_frames_are_no_measure_of_the_seeing() {
+        let folder = std::env::temp_dir().join(format!("sunglint-seeing-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let width = |peaks: &[f64]| {
+            let files = files(peaks, &folder);
+            let files: Vec<&FrameFile> = files.iter().collect();
+            fwhm_px(&files, &PhotometryOptions::new([100, 100], 2.0), &FrameCalibration::default())
+                .unwrap()
+                .unwrap()
+        };
+        let fair = width(&[2e4; 5]);
+        let now_and_then = width(&[4e6, 4e6, 4e6, 2e4, 2e4]);
+        let always = width(&[4e6; 5]);
+        std::fs::remove_dir_all(&folder).unwrap();
+        assert!((fair.fwhm_px / 4.0 - 1.0).abs() < 0.03 && !fair.saturated, "{fair:?}");
+        assert!((now_and_then.fwhm_px / 4.0 - 1.0).abs() < 0.03, "{now_and_then:?}");
+        assert!(!now_and_then.saturated, "{now_and_then:?}");
+        assert!(always.saturated && always.fwhm_px > 6.0, "{always:?}");
+    }
 }
