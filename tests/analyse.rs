@@ -227,3 +227,69 @@ fn a_sphere_is_the_same_all_over() {
         folder.refused(1, &["analyse", "map", "pass.toml", "--step-deg", "0"]).contains("0.1°")
     );
 }
+
+/// A cube of three colours on the demonstration's pass, turning about a tilted axis in 20 s.
+fn cube(folder: &Folder) {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let demo = std::fs::read_to_string(root.join("src/demo/pass.toml")).unwrap();
+    let colours = [
+        ("rising", "[0.1, 0.3, 0.9]", "[\"+x\", \"+z\"]"),
+        ("falling", "[0.8, 0.5, 0.2]", "[\"-x\", \"-y\"]"),
+        ("humped", "[0.2, 0.7, 0.1]", "[\"+y\", \"-z\"]"),
+    ];
+    let mut target = String::from("name = \"cube\"\n");
+    let mut table = String::from("wavelength_nm,rising,falling,humped\n");
+    for (name, values, faces) in colours {
+        target += &format!(
+            "[[material]]\nname = \"{name}\"\nmodel = \"lambert\"\nreflectance_table = {{ wavelength_nm = [300, 700, 1200], reflectance = {values} }}\n\
+             [[part]]\nname = \"{name}\"\nshape = \"box\"\nsize_m = [0.7, 0.7, 0.7]\nfaces = {faces}\nmaterial = \"{name}\"\n"
+        );
+    }
+    for (nm, values) in [(300, "0.1,0.8,0.2"), (700, "0.3,0.5,0.7"), (1200, "0.9,0.2,0.1")] {
+        table += &format!("{nm},{values}\n");
+    }
+    std::fs::write(folder.path("cube.toml"), target).unwrap();
+    std::fs::write(folder.path("colours.csv"), table).unwrap();
+    let scene = demo
+        .replace("built_in = \"box_wing\"", "file = \"cube.toml\"")
+        .replace("period_s = 120.0", "period_s = 20.0")
+        .replace("axis_body = [0.0, 0.0, 1.0]", "axis_body = [0.3, 0.5, 0.8]")
+        .replace("step_s = 0.5", "step_s = 0.7");
+    let effects = "[effects]\nearthshine = \"off\"\nsolar_disc = \"off\"\nmoonshine = \"off\"\n";
+    std::fs::write(folder.path("pass.toml"), format!("{scene}{effects}")).unwrap();
+}
+
+/// Truth: the three spectra that the cube was painted with, of which the program is told nothing: found, they differ from them in scale alone. Tolerance: 1e-4°, rounding; the bins of both are means
+/// of the same tables. Then the file of what was found serves `unmix`, and leaves nothing over.
+#[test]
+fn colours_are_found_that_nobody_named() {
+    let folder = Folder::new("endmembers");
+    cube(&folder);
+    folder.done(&["simulate", "pass.toml", "-o", "out/", "-q"]);
+    let find = |end: &str| {
+        let files = std::fs::read_dir(folder.path("out")).unwrap().flatten();
+        let names = files.map(|f| f.file_name().into_string().unwrap());
+        format!("out/{}", names.filter(|n| n.ends_with(end)).min().unwrap())
+    };
+    let spectra = find("_spectra.fits");
+    let search = ["analyse", "endmembers", &spectra, "--against", "colours.csv", "--noise", "1e-9"];
+    let found = folder.json(&[&search[..], &["--json"]].concat());
+    let all = found["endmembers"].as_array().unwrap();
+    let mut names: Vec<&str> = all.iter().map(|e| e["nearest"]["name"].as_str().unwrap()).collect();
+    names.sort_unstable();
+    assert_eq!(names, ["falling", "humped", "rising"], "{found}");
+    for one in all {
+        assert!(one["nearest"]["angle_deg"].as_f64().unwrap() < 1e-4, "{one}");
+    }
+    folder.done(&[&search[..], &["-o", "found.ecsv", "-o", "found.png", "-q"]].concat());
+    let unmix = ["analyse", "unmix", &spectra, "--endmembers", "found.ecsv", "--json"];
+    let unmixed = folder.json(&unmix);
+    // The found spectra are means over bins, taken as points that lines join: 2e-3 at the tables' kinks.
+    assert!(unmixed["median_residual_relative"].as_f64().unwrap() < 2e-3, "{unmixed}");
+
+    // A curve whose noise is as large as its light, and a level that is none.
+    let refused = folder.run(&["analyse", "endmembers", &spectra, "--noise", "1.5"]);
+    assert_eq!(refused.status.code(), Some(1));
+    let words = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(words.contains("expected a share from 0 to below 1"), "{words}");
+}

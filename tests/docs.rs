@@ -257,6 +257,8 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     folder.done(&["simulate", "turning.toml", "-o", "turning.ecsv", "-q"]);
     let unmix = ["analyse", "unmix", "turning.ecsv", "--endmembers", "white,mli", "--json"];
     keys(&folder.json(&[&unmix[..], &["--pass", "turning.toml"]].concat()), &mut printed);
+    let search = ["analyse", "endmembers", "turning.ecsv", "--against", "white,mli", "--json"];
+    keys(&folder.json(&[&search[..], &["--pass", "turning.toml"]].concat()), &mut printed);
     let map = ["analyse", "map", "turning.toml", "--along", "--step-deg", "30", "--json"];
     keys(&folder.json(&map), &mut printed);
     // A light curve of two lobes a turn of 20 s, read.
@@ -385,6 +387,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "align",
         "analyse",
         "unmix",
+        "endmembers",
         "map",
         // Values of keys.
         "factor",

@@ -1,12 +1,14 @@
 //! `sunglint analyse`: what a light curve says about a body.
 
 mod curves;
+mod endmembers;
 mod fold;
 mod map;
 mod numbers;
 mod period;
 mod unmix;
 
+pub use endmembers::EndmembersArgs;
 pub use fold::FoldArgs;
 pub use map::MapArgs;
 pub use period::PeriodArgs;
@@ -24,6 +26,8 @@ pub enum AnalyseCommand {
     Fold(Box<FoldArgs>),
     /// How much of the light comes from which material, sample by sample
     Unmix(Box<UnmixArgs>),
+    /// The spectra that a curve is made of, nobody having said which (ATGP)
+    Endmembers(Box<EndmembersArgs>),
     /// Samples on the body's frame: reflection, materials, ranges; a curve from a map
     Map(Box<MapArgs>),
 }
@@ -35,6 +39,7 @@ impl AnalyseCommand {
             Self::Period(args) => &args.out,
             Self::Fold(args) => &args.out,
             Self::Unmix(args) => &args.out,
+            Self::Endmembers(args) => &args.out,
             Self::Map(args) => &args.out,
         }
     }
@@ -49,6 +54,7 @@ pub fn run(command: &AnalyseCommand, console: Console) -> anyhow::Result<()> {
         AnalyseCommand::Period(args) => period::run(args, console),
         AnalyseCommand::Fold(args) => fold::run(args, console),
         AnalyseCommand::Unmix(args) => unmix::run(args, console),
+        AnalyseCommand::Endmembers(args) => endmembers::run(args, console),
         AnalyseCommand::Map(args) => map::run(args, console),
     }
 }

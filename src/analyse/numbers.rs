@@ -149,6 +149,19 @@ impl Curve {
         })
     }
 
+    /// The middle of each band, vacuum nm: of a channel the mean by its sensitivity.
+    pub fn middles_nm(&self, around: &Surroundings<'_>) -> anyhow::Result<Vec<f64>> {
+        Ok(match &self.source {
+            Source::Rates(_) => {
+                let station = around.station.context("rates need the station that counted them")?;
+                self.channels(station)?.iter().map(|c| c.mean_wavelength_nm()).collect()
+            }
+            Source::Spectra(curve) => {
+                curve.edges_nm.windows(2).map(|e| 0.5 * (e[0] + e[1])).collect()
+            }
+        })
+    }
+
     /// The numbers, and which of them count: no flag that says that a value is another's or none.
     pub fn numbers(&self) -> Numbers {
         match &self.source {
