@@ -1,6 +1,6 @@
 //! What the NDF says of a sample, and how samples differ from it.
 //!
-//! f₀(λ) = F(λ) D(h)/(4 (σ(i) cosθ_o + σ(o) cosθ_i − cosθ_i cosθ_o)) + ρ(λ)/π is reciprocal, whatever D, and at most twice too dark or bright by its masking. What was measured is f₀ q; ln q is smooth, so that it is interpolated between
+//! f₀(λ) = F(λ) D(h) G/(4 cosθ_i cosθ_o) + ρ(λ)/π is reciprocal, whatever D, and at most twice too dark or bright by its masking G. What was measured is f₀ q; ln q is smooth, so that it is interpolated between
 //! directions that are far apart, in coordinates that do not change when light and detector are swapped: of an isotropic sample the angles of bisector and difference and
 //! |cosθ_i − cosθ_o|, of another the projections of bisector and difference on the surface.
 
@@ -11,6 +11,9 @@ use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
 
+/// D is at least this part of its peak, in the file and in what samples are compared with: the values in the file are what was measured over D, which
+/// would otherwise fall to nothing, or rise without end, where D ends.
+const FLOOR: f64 = 1e-12;
 /// Neighbours of a direction.
 const NEIGHBOURS: usize = 24;
 /// A direction this much further from the nearest sample than samples are from one another was not measured.
@@ -25,22 +28,30 @@ pub(super) struct Microfacets<'a> {
     ln_density: Vec<f64>,
     /// √θ of the nodes.
     place: Vec<f64>,
+    /// What D is at least, sr⁻¹.
+    floor: f64,
 }
 
 impl<'a> Microfacets<'a> {
     pub fn new(ndf: &'a Ndf) -> Self {
         let ln_density = ndf.density.iter().map(|d| d.max(1e-290).ln()).collect();
         let place = ndf.theta_rad.iter().map(|t| t.sqrt()).collect();
-        Self { ndf, ln_density, place }
+        let peak = ndf.density.iter().copied().fold(0.0, f64::max);
+        Self { ndf, ln_density, place, floor: FLOOR * peak }
+    }
+
+    /// The largest D is this many times the floor.
+    pub fn peak(&self) -> f64 {
+        self.floor / FLOOR
     }
 
     pub fn is_isotropic(&self) -> bool {
         self.ndf.is_isotropic()
     }
 
-    /// D of a unit vector.
+    /// D of a unit vector, and the floor.
     pub fn density(&self, m: DVec3) -> f64 {
-        self.at(&self.ln_density, m).exp()
+        self.at(&self.ln_density, m).exp() + self.floor
     }
 
     /// σ towards a unit vector.
@@ -76,12 +87,27 @@ impl<'a> Microfacets<'a> {
         b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)))
     }
 
-    /// D(h) G/(4 cosθ_i cosθ_o), sr⁻¹, with G at heights in common (Heitz 2014, eq. 99): Λ = σ/cosθ − 1.
+    /// D(h) G/(4 cosθ_i cosθ_o), sr⁻¹.
     pub fn lobe(&self, i: DVec3, o: DVec3) -> f64 {
-        let masked = self.area(i) * o.z + self.area(o) * i.z - i.z * o.z;
-        // σ is no less than cosθ but for what its table rounds.
-        let masked = masked.max(0.5 * i.z * o.z).max(1e-12);
-        self.density((i + o).normalize()) / (4.0 * masked)
+        self.density((i + o).normalize()) * self.unmasked(i, o)
+    }
+
+    /// What the floor is of that.
+    fn lobe_of_floor(&self, i: DVec3, o: DVec3) -> f64 {
+        self.floor * self.unmasked(i, o)
+    }
+
+    /// G/(4 cosθ_i cosθ_o): the larger Λ = σ/cosθ − 1 alone where light and detector are in one direction, as it is what D was found with; both where
+    /// their azimuths differ (Heitz 2014, eq. 102, after Ashikhmin, Premože and Shirley 2000).
+    fn unmasked(&self, i: DVec3, o: DVec3) -> f64 {
+        let (area_i, area_o) = (self.area(i).max(i.z), self.area(o).max(o.z));
+        let (p, q) = (i.truncate(), o.truncate());
+        let apart = p.perp_dot(q).atan2(p.dot(q)).abs();
+        let apart = 4.41 * apart / (4.41 * apart + 1.0);
+        // cosθ_i cosθ_o (1 + Λ_larger + apart Λ_smaller)
+        let (from_i, from_o) = (area_i * o.z, area_o * i.z);
+        let smaller = from_i.min(from_o) - i.z * o.z;
+        0.25 / (from_i.max(from_o) + apart * smaller).max(1e-12)
     }
 }
 
@@ -141,7 +167,9 @@ impl<'a> Field<'a> {
             let ln: Vec<f64> = value.iter().skip(k).step_by(wavelengths).copied().collect();
             let one = of_wavelength(&lobe, &ln);
             for (row, (lobe, ln)) in lobe.iter().zip(&ln).enumerate() {
-                ln_q[row * wavelengths + k] = ln - one.at(*lobe).ln();
+                let (i, o) = directions[row];
+                let floor = one.specular * microfacets.lobe_of_floor(i, o);
+                ln_q[row * wavelengths + k] = (ln.exp() + floor).ln() - one.at(*lobe).ln();
             }
             base.push(one);
         }
