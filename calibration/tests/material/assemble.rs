@@ -125,17 +125,19 @@ fn spheres_are_as_bright_as_mitsubas() {
     }
 }
 
-/// Truth: a closed form that is not what values are compared with (its masking, and diffuse light that its NDF takes for microfacets). Tolerance, up to 80°: from 3000 measurements 1 % in 99 %
-/// of all directions, from 25000 in all but one in a thousand.
+/// Truth: a closed form that is not what values are compared with (its masking, and diffuse light that its NDF takes for microfacets). Tolerance, up to 80°: what a plan leaves between its
+/// directions, nearly all where light and detector are beyond 65°: 3000 measurements 1 % in nine of ten directions and 12 % in 99 %, 26000 1.2 % in 99 %.
 #[test]
 fn what_the_ndf_does_not_say_comes_from_the_samples() {
     let (name, law) = OTHER;
-    for (theta_i, side, part, most) in [(16, 17, 2, 1e-2), (32, 33, 3, 1e-2)] {
+    for (theta_i, side, most) in [(16, 17, [1e-3, 1e-2, 0.12]), (32, 33, [1e-3, 3e-3, 1.2e-2])] {
         let made = from_plan(law, theta_i, side);
         let [mut near, _] = errors(law, &material(name, "memory", &made.file).unwrap());
         let near = PARTS.map(|p| quantile(&mut near, p));
         println!("{name} from {}: up to 80° {near:.5?}, {:?}", made.used, made.base[1]);
-        assert!(near[part] < most, "{theta_i} {side}: {near:?}");
+        for (error, most) in near.iter().zip(most) {
+            assert!(*error < most, "{theta_i} {side}: {near:?}");
+        }
     }
 }
 
