@@ -47,6 +47,25 @@ fn other(i: DVec3, o: DVec3) -> f64 {
     0.5 * d / (1.0 + lambda(i) + lambda(o)) / (4.0 * i.z * o.z) + 0.05 / PI
 }
 
+/// A white paint: GGX of 0.25 with F = 0.04 over 0.5/π.
+pub fn paint(i: DVec3, o: DVec3) -> f64 {
+    let a2: f64 = 0.0625;
+    let h = (i + o).normalize();
+    let d = a2 / (PI * (h.z * h.z * (a2 - 1.0) + 1.0).powi(2));
+    let lambda = |v: DVec3| 0.5 * ((1.0 + a2 * (1.0 / (v.z * v.z) - 1.0)).sqrt() - 1.0);
+    0.04 * d * masking(i, o, lambda) / (4.0 * i.z * o.z) + 0.5 / PI
+}
+
+/// GGX of 0.4 whose Fresnel term rises (Schlick from 0.1), each direction masked by itself.
+pub fn rising(i: DVec3, o: DVec3) -> f64 {
+    let a2: f64 = 0.16;
+    let h = (i + o).normalize();
+    let d = a2 / (PI * (h.z * h.z * (a2 - 1.0) + 1.0).powi(2));
+    let one = |v: DVec3| 2.0 / (1.0 + (1.0 + a2 * (1.0 / (v.z * v.z) - 1.0)).sqrt());
+    let f = 0.1 + 0.9 * (1.0 - i.dot(h)).powi(5);
+    f * d * one(i) * one(o) / (4.0 * i.z * o.z)
+}
+
 fn beckmann(i: DVec3, o: DVec3) -> f64 {
     let alpha = 0.2;
     let h = (i + o).normalize();

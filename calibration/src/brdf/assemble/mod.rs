@@ -5,9 +5,11 @@
 //! would reflect more than came it is they that are lowered.
 
 mod base;
+mod doubt;
 mod near;
 
 pub use base::Base;
+pub use doubt::Doubt;
 
 use super::ndf::Ndf;
 use super::samples::Samples;
@@ -100,6 +102,8 @@ pub struct Coverage {
     pub extrapolated_albedo: f64,
     /// The largest over the wavelengths.
     pub largest_albedo: f64,
+    /// By how much the albedo may be off by what is extrapolated, a part of it.
+    pub albedo_doubt: f64,
     /// By how much extrapolated cells were lowered at most, for energy's sake: 1 where they were not.
     pub lowered: f64,
 }
@@ -111,6 +115,8 @@ pub struct Assembled {
     pub file: TensorFile,
     /// By azimuth and elevation of incidence.
     pub coverage: Vec<Coverage>,
+    /// By direction, on a coarse grid.
+    pub doubts: Vec<Doubt>,
     /// What the NDF says by wavelength.
     pub base: Vec<Base>,
     /// Samples that were used.
@@ -136,6 +142,8 @@ struct Slice {
     /// By row, column and wavelength.
     values: Vec<f64>,
     extrapolated: Vec<u8>,
+    /// By how much ln f may be off, by row and column.
+    doubt: Vec<f32>,
     coverage: Coverage,
 }
 
@@ -181,10 +189,12 @@ pub fn assemble(
         }
     }
     let file = file(samples, &grids, (&theta_i, &phi_i), &slices, options);
-    let coverage = slices.iter().map(|s| s.coverage).collect();
+    let coverage: Vec<Coverage> = slices.iter().map(|s| s.coverage).collect();
+    let doubts = doubt::by_direction(&field, &coverage, microfacets.is_isotropic());
     Ok(Assembled {
         file,
         coverage,
+        doubts,
         base: field.base.clone(),
         used: field.len(),
         left_out,
@@ -283,6 +293,7 @@ fn slice(
     let last = (side - 1) as f64;
     let mut values = vec![0.0; side * side * nl];
     let mut extrapolated = vec![0_u8; side * side];
+    let mut doubt = vec![0.0; side * side];
     // What a cell adds to the albedo for each value in it; 0 below the horizon.
     let mut share = vec![0.0; side * side];
     for node in 0..side * side {
@@ -300,6 +311,7 @@ fn slice(
         let scale = o.z * 4.0 * area / grids.ndf.at(grids.place(h, from));
         into.iter_mut().for_each(|v| *v *= scale);
         extrapolated[node] = u8::from(!stencil.measured);
+        doubt[node] = field.doubt(&stencil, i, o);
         if above {
             // dω_o = 4 (i·m) dω_m, dω_m = 2π² u sinθ du, du = ds/density; half of it at the grid's edges.
             let edge = |s: f64| if s > 0.0 && s < 1.0 { 1.0 } else { 0.5 };
@@ -309,8 +321,9 @@ fn slice(
             share[node] = solid * grids.ndf.at(u) / (4.0 * area);
         }
     }
-    let coverage = energy((theta, phi), nl, &mut values, &extrapolated, &share);
-    Ok(Slice { vndf, values, extrapolated, coverage })
+    let coverage = energy((theta, phi), nl, &mut values, (&extrapolated, &mut doubt), &share);
+    let doubt = doubt.into_iter().map(|d| d as f32).collect();
+    Ok(Slice { vndf, values, extrapolated, doubt, coverage })
 }
 
 /// Lowers what is extrapolated where more light would leave than came, and says what there is.
@@ -318,7 +331,7 @@ fn energy(
     (theta, phi): (f64, f64),
     nl: usize,
     values: &mut [f64],
-    extrapolated: &[u8],
+    (extrapolated, doubt): (&[u8], &mut [f64]),
     share: &[f64],
 ) -> Coverage {
     let (mut mean, mut mean_beyond, mut largest, mut lowered) = (0.0, 0.0, 0.0_f64, 1.0_f64);
@@ -342,6 +355,12 @@ fn energy(
         mean_beyond += beyond / nl as f64;
         largest = largest.max(known + beyond);
     }
+    let mut off = 0.0;
+    for (node, d) in doubt.iter_mut().enumerate().filter(|(node, _)| extrapolated[*node] == 1) {
+        *d += -lowered.max(1e-3).ln();
+        let mean = values[node * nl..(node + 1) * nl].iter().sum::<f64>() / nl as f64;
+        off += share[node] * mean * d.exp_m1();
+    }
     let cells = share.iter().filter(|s| **s > 0.0).count();
     let flagged = share.iter().zip(extrapolated).filter(|(s, e)| **s > 0.0 && **e == 1).count();
     Coverage {
@@ -352,6 +371,7 @@ fn energy(
         albedo: mean,
         extrapolated_albedo: if mean > 0.0 { mean_beyond / mean } else { 0.0 },
         largest_albedo: largest,
+        albedo_doubt: if mean > 0.0 { off / mean } else { 0.0 },
         lowered,
     }
 }
@@ -368,6 +388,7 @@ fn file(
     let single = |values: &[f64]| values.iter().map(|v| *v as f32).collect::<Vec<f32>>();
     let mut spectra = Vec::with_capacity(np * nt * nl * side * side);
     let (mut luminance, mut vndf, mut extrapolated) = (Vec::new(), Vec::new(), Vec::new());
+    let mut doubt = Vec::new();
     for slice in slices {
         for k in 0..nl {
             spectra.extend(slice.values.iter().skip(k).step_by(nl).map(|v| *v as f32));
@@ -377,6 +398,7 @@ fn file(
         );
         vndf.extend_from_slice(&slice.vndf);
         extrapolated.extend_from_slice(&slice.extrapolated);
+        doubt.extend_from_slice(&slice.doubt);
     }
     let name = samples.meta.get("sample").and_then(|v| v.as_str()).unwrap_or("a sample");
     let text = format!(
@@ -403,6 +425,7 @@ fn file(
         bytes("jacobian", vec![1], vec![1]),
         // Readers of such files leave alone what they do not know.
         bytes("extrapolated", vec![np, nt, side, side], extrapolated),
+        Tensor::f32("ln_doubt", &[np, nt, side, side], doubt),
     ];
     TensorFile { tensors }
 }

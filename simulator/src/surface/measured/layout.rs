@@ -169,8 +169,7 @@ impl Layout {
             return;
         }
         let ln = |k: usize| sums[k % n].max(1e-3 * mean).ln();
-        let mut moves: Vec<f64> =
-            (0..n).map(|k| 0.5 * (ln(k + 1) - ln(k + n - 1)).abs()).collect();
+        let mut moves: Vec<f64> = (0..n).map(|k| 0.5 * (ln(k + 1) - ln(k + n - 1)).abs()).collect();
         for _ in 0..3 {
             let at = |k: usize| moves[k % n];
             moves = (0..n).map(|k| 0.25 * (at(k + n - 1) + 2.0 * at(k) + at(k + 1))).collect();
