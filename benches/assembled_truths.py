@@ -1,11 +1,14 @@
 #!/usr/bin/env python3
-"""Asks Mitsuba 3 for the values of materials that were assembled from samples, and writes fixtures/bsdf/assembled.csv.
+"""Asks Mitsuba 3 for the values of materials that were assembled from samples, and writes fixtures/bsdf/assembled.csv; with --spheres it
+renders spheres of them, for fixtures/bsdf/assembled_spheres.csv.
 
     cargo run -p sunglint-calibration --example assembled_files -- FOLDER
     python3 -m venv PEER && PEER/bin/pip install mitsuba==3.9.1 numpy
     DRJIT_LIBLLVM_PATH=... PEER/bin/python benches/assembled_truths.py FOLDER > fixtures/bsdf/assembled.csv
+    DRJIT_LIBLLVM_PATH=... PEER/bin/python benches/assembled_truths.py FOLDER --spheres > fixtures/bsdf/assembled_spheres.csv
 
 Each line: file, direction to the light, direction to the observer (unit vectors, z the normal), f_r cos(theta_o) at 400, 550 and 800 nm.
+Of a sphere of 1 m radius: file, phase angle (degrees), radiant intensity (W/sr per W/m2) at the same wavelengths.
 """
 import sys
 import numpy as np
@@ -14,6 +17,38 @@ import mitsuba as mi
 mi.set_variant("llvm_ad_spectral")
 COUNT = 400
 NM = (400.0, 550.0, 800.0)
+
+NAMES = ("lambert", "beckmann", "ggx")
+
+
+def sphere(path, phase_deg, side=512, rays=256):
+    """The sum over an orthographic picture of a sphere under a collimated light."""
+    aside = np.radians(phase_deg)
+    film = {"type": "specfilm", "width": side, "height": side, "rfilter": {"type": "box"}}
+    for nm in NM:
+        # Bands of 2 nm: the spectrum is linear across them.
+        film[f"band{nm:.0f}"] = {"type": "regular", "wavelength_min": nm - 1, "wavelength_max": nm + 1, "values": "1, 1"}
+    view = mi.ScalarTransform4f().look_at([0, 0, 5], [0, 0, 0], [0, 1, 0])
+    light = {"type": "uniform", "value": 1.0, "wavelength_min": 300.0, "wavelength_max": 900.0}
+    scene = mi.load_dict({
+        "type": "scene",
+        "integrator": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0},
+        "sensor": {"type": "orthographic", "to_world": view, "film": film, "sampler": {"type": "multijitter", "sample_count": rays}},
+        "sphere": {"type": "sphere", "bsdf": {"type": "measured", "filename": path}},
+        "light": {"type": "directional", "direction": [-np.sin(aside), 0, -np.cos(aside)], "irradiance": light},
+    })
+    # The picture is 2 m wide; a band's value is its integral over 2 nm.
+    return np.array(mi.render(scene)).mean((0, 1)) * 4 / 2
+
+
+if "--spheres" in sys.argv:
+    print(f"# Mitsuba {mi.__version__}, `measured` on a `sphere`, integrator `direct`, variant llvm_ad_spectral; see benches/assembled_truths.py")
+    print("file,phase_deg,intensity_400,intensity_550,intensity_800")
+    for name in NAMES:
+        for phase_deg in (10, 30, 60, 90, 120, 150):
+            value = sphere(f"{sys.argv[1]}/{name}.bsdf", phase_deg)
+            print(f"{name},{phase_deg}," + ",".join(f"{v:.6e}" for v in value))
+    sys.exit()
 
 rng = np.random.default_rng(12)
 theta_i = np.radians(rng.uniform(0, 80, COUNT))
@@ -28,7 +63,7 @@ i, o = unit(theta_i, np.zeros(COUNT)), unit(theta_o, phi_o)
 
 print(f"# Mitsuba {mi.__version__}, plug-in `measured`, variant llvm_ad_spectral; see benches/assembled_truths.py")
 print("file,ix,iy,iz,ox,oy,oz,f_cos_400,f_cos_550,f_cos_800")
-for name in ("lambert", "beckmann", "ggx"):
+for name in NAMES:
     bsdf = mi.load_dict({"type": "measured", "filename": f"{sys.argv[1]}/{name}.bsdf"})
     si = mi.SurfaceInteraction3f()
     si.wi = mi.Vector3f(*i.astype(np.float32))

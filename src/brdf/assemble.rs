@@ -30,13 +30,13 @@ pub struct AssembleArgs {
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
     /// Incident elevations of the file
-    #[arg(long, value_name = "N", default_value_t = 32)]
+    #[arg(long, value_name = "N", default_value_t = 48)]
     pub theta_i: usize,
     /// Incident azimuths of the file, of an anisotropic sample
     #[arg(long, value_name = "N", default_value_t = 17)]
     pub phi_i: usize,
-    /// Side of the file's grid of values
-    #[arg(long, value_name = "N", default_value_t = 64)]
+    /// Side of the file's grid of values, best odd: the plane of incidence is then a row
+    #[arg(long, value_name = "N", default_value_t = 81)]
     pub side: usize,
     /// Nodes of the file's densities in elevation
     #[arg(long, value_name = "N", default_value_t = 256)]

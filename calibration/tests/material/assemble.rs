@@ -1,11 +1,16 @@
 //! Samples put together into a material.
 
-use crate::cases::{MATERIALS, WAVELENGTHS_NM, density, measured, spectrum, whole};
+use crate::cases::{
+    Known, MATERIALS, OTHER, WAVELENGTHS_NM, density, from_plan, measured, paint, rising, spectrum,
+    whole,
+};
 use glam::DVec3;
 use rand::{RngExt as _, SeedableRng as _};
+use std::f64::consts::PI;
 use sunglint_calibration::brdf::assemble::{AssembleError, AssembleOptions, assemble};
 use sunglint_calibration::brdf::plan::{PlanOptions, Rig};
 use sunglint_calibration::brdf::samples::{Samples, direction};
+use sunglint_simulator::surface::Material;
 use sunglint_simulator::surface::measured::material;
 use sunglint_testkit::fixture;
 
@@ -31,36 +36,40 @@ fn quantile(errors: &mut [f64], part: f64) -> f64 {
     errors[((errors.len() - 1) as f64 * part) as usize]
 }
 
-/// Truth: the closed forms that the samples were made from, where f cosθ exceeds 1e-3 of that in the mirrored direction. By the project's evaluator; and the same file's
-/// values by Mitsuba 3.9.1's plug-in `measured`, stored. Tolerance: median 1e-3, 90 % 1 %; what is worse lies within a cell of the horizon or of a tail that the grid of 64 by 64
-/// hardly resolves (largest up to θ_o = 80°: 25 %). Against Mitsuba 1 % (single precision) of the value or of 1e-3 of the largest.
+/// How far a file is from the law, by direction: (θ_i and θ_o up to 80°, anywhere), where f cosθ exceeds 1e-3 of that in the mirrored direction.
+fn errors(law: fn(DVec3, DVec3) -> f64, back: &Material) -> [Vec<f64>; 2] {
+    let (mut up_to_80, mut all) = (Vec::new(), Vec::new());
+    for (i, o) in geometries(9000) {
+        let truth = law(i, o) * o.z;
+        let mirrored = DVec3::new(-i.x, -i.y, i.z);
+        if truth > 1e-3 * law(i, mirrored) * mirrored.z {
+            let error = (back.brdf(550.0, i, o) * o.z / (truth * spectrum(550.0)) - 1.0).abs();
+            all.push(error);
+            if o.z > 80_f64.to_radians().cos() {
+                up_to_80.push(error);
+            }
+        }
+    }
+    [up_to_80, all]
+}
+
+const PARTS: [f64; 5] = [0.5, 0.9, 0.99, 0.999, 1.0];
+
+/// Truth: the closed forms that the samples were made from, where f cosθ exceeds 1e-3 of that in the mirrored direction (its peak is no lower). By the project's evaluator; and
+/// the same file's values by Mitsuba 3.9.1's plug-in `measured`, stored. Tolerance: the promised 1 % in every direction up to 80° of light and detector; between there and 88°
+/// the horizon lies within a cell (99 %: 2 %). Against Mitsuba 1 % (single precision) of the value or of 1e-3 of the largest.
 #[test]
 fn three_materials_come_back() {
     let stored = std::fs::read_to_string(fixture("bsdf/assembled.csv")).unwrap();
     for (name, law) in MATERIALS {
         let made = whole(law);
         let back = material(name, "memory", &made.file).unwrap();
-        let (mut all, mut up_to_80) = (Vec::new(), Vec::new());
-        for (i, o) in geometries(3000) {
-            let truth = law(i, o) * o.z;
-            let mirrored = DVec3::new(-i.x, -i.y, i.z);
-            if truth > 1e-3 * law(i, mirrored) * mirrored.z {
-                let value = back.brdf(550.0, i, o) * o.z;
-                let error = (value / (truth * spectrum(550.0)) - 1.0).abs();
-                all.push(error);
-                if o.z > 80_f64.to_radians().cos() {
-                    up_to_80.push(error);
-                }
-            }
-        }
-        let at = [0.5, 0.9, 0.95, 0.99].map(|p| quantile(&mut all, p));
-        let near = [0.95, 0.99, 1.0].map(|p| quantile(&mut up_to_80, p));
-        println!(
-            "{name}: {} geometries, 50 90 95 99 %: {at:.5?}; up to 80°, 95 99 100 %: {near:.5?}",
-            all.len()
-        );
-        assert!(at[0] < 1e-3 && at[1] < 1e-2 && near[2] < 0.25, "{name}: {at:?} {near:?}");
-        assert!(made.coverage.iter().all(|c| c.largest_albedo <= 1.0), "{name}");
+        let [mut near, mut all] = errors(law, &back);
+        let (near, all) =
+            (PARTS.map(|p| quantile(&mut near, p)), PARTS.map(|p| quantile(&mut all, p)));
+        println!("{name} from {}: up to 80° {near:.5?}; to 88° {all:.5?}", made.used);
+        assert!(near[0] < 1e-3 && near[4] < 1e-2 && all[2] < 2e-2, "{name}: {near:?} {all:?}");
+        assert!(made.coverage.iter().all(|c| c.largest_albedo <= 1.0 + 1e-3), "{name}");
 
         let rows: Vec<Vec<f64>> = stored
             .lines()
@@ -82,12 +91,54 @@ fn three_materials_come_back() {
                 theirs.push((row[7] / (truth * spectrum(550.0)) - 1.0).abs());
             }
         }
-        let by_mitsuba = [0.5, 0.9, 0.95, 0.99, 1.0].map(|p| quantile(&mut theirs, p));
-        println!(
-            "{name}: evaluators apart {apart:.1e}; truth by Mitsuba, 50 90 95 99 100 %: {by_mitsuba:.5?}"
-        );
+        let by_mitsuba = PARTS.map(|p| quantile(&mut theirs, p));
+        println!("{name}: evaluators apart {apart:.1e}; truth by Mitsuba {by_mitsuba:.5?}");
         assert!(apart < 1e-2, "{name}: {apart}");
-        assert!(by_mitsuba[0] < 1e-3 && by_mitsuba[1] < 1e-2, "{name}: {by_mitsuba:?}");
+        assert!(by_mitsuba[0] < 1e-3 && by_mitsuba[4] < 1e-2, "{name}: {by_mitsuba:?}");
+    }
+}
+
+/// Truth: Mitsuba 3.9.1's pictures of a sphere of the same files under a collimated light from 10 to 150° aside, orthographic, 512 by 512 pixels of 256 rays, summed, stored. Tolerance:
+/// the promised 0.5 %. And the Lambert sphere's closed form (Russell 1916), 0.5 %: what the file's grid loses.
+#[test]
+fn spheres_are_as_bright_as_mitsubas() {
+    let stored = std::fs::read_to_string(fixture("bsdf/assembled_spheres.csv")).unwrap();
+    for (name, law) in MATERIALS {
+        let back = material(name, "memory", &whole(law).file).unwrap();
+        let lines: Vec<_> =
+            stored.lines().filter_map(|l| l.strip_prefix(&format!("{name},"))).collect();
+        assert_eq!(lines.len(), 6, "{name}");
+        for line in lines {
+            let row: Vec<f64> = line.split(',').map(|v| v.parse().unwrap()).collect();
+            let phase = row[0].to_radians();
+            let mut sum = vec![0.0; back.spectra().len()];
+            back.add_sphere_weights(phase, 1.0, &mut sum).unwrap();
+            for (nm, theirs) in WAVELENGTHS_NM.iter().zip(&row[1..]) {
+                let ours = back.times_spectra(*nm, &sum);
+                println!("{name} {:3}° {nm}: {:+.1e}", row[0], ours / theirs - 1.0);
+                assert!((ours / theirs - 1.0).abs() < 5e-3, "{name} {}: {ours} {theirs}", row[0]);
+                if name == "lambert" {
+                    let truth = 2.0 / (3.0 * PI) * (phase.sin() + (PI - phase) * phase.cos());
+                    assert!((ours / (truth * spectrum(*nm)) - 1.0).abs() < 5e-3, "{}", row[0]);
+                }
+            }
+        }
+    }
+}
+
+/// Truth: a closed form that is not what values are compared with (its masking, and diffuse light that its NDF takes for microfacets). Tolerance, up to 80°: what a plan leaves between its
+/// directions, nearly all where light and detector are beyond 65°: 3000 measurements 1 % in nine of ten directions and 12 % in 99 %, 26000 1.2 % in 99 %.
+#[test]
+fn what_the_ndf_does_not_say_comes_from_the_samples() {
+    let (name, law) = OTHER;
+    for (theta_i, side, most) in [(16, 17, [1e-3, 1e-2, 0.12]), (32, 33, [1e-3, 3e-3, 1.2e-2])] {
+        let made = from_plan(law, theta_i, side);
+        let [mut near, _] = errors(law, &material(name, "memory", &made.file).unwrap());
+        let near = PARTS.map(|p| quantile(&mut near, p));
+        println!("{name} from {}: up to 80° {near:.5?}, {:?}", made.used, made.base[1]);
+        for (error, most) in near.iter().zip(most) {
+            assert!(*error < most, "{theta_i} {side}: {near:?}");
+        }
     }
 }
 
@@ -122,6 +173,45 @@ fn a_rig_in_one_plane_says_what_it_did_not_see() {
         assemble(&Samples::default(), &ndf, &AssembleOptions::default()),
         Err(AssembleError::TooFew { .. })
     ));
+}
+
+/// Truth: the closed forms of six materials, of which the NDF describes three, from a rig in one plane. Tolerance: the doubt that is stated holds the true error in 95 % of the extrapolated
+/// directions of each where f cosθ exceeds 1e-3 of that in the mirrored direction, and says something: its median is below a factor of 1.5. (It misses the mirrored directions beyond 65°, where F rises.)
+#[test]
+fn the_doubt_of_what_is_extrapolated_holds_the_error() {
+    let more: [Known; 3] = [OTHER, ("paint", paint), ("rising", rising)];
+    let mut missed = Vec::new();
+    for (name, law) in MATERIALS.into_iter().chain(more) {
+        let ndf = density(law);
+        let plan = PlanOptions { theta_i: 12, ..PlanOptions::of_rig(Rig::default()) };
+        let samples = measured(law, &ndf, &plan);
+        let made = assemble(&samples, &ndf, &AssembleOptions::default()).unwrap();
+        let back = material(name, "memory", &made.file).unwrap();
+        let (mut held, mut all, mut doubts, mut off) = (0, 0, Vec::new(), Vec::new());
+        for d in made.doubts.iter().filter(|d| d.extrapolated) {
+            let (i, o) =
+                (direction(d.theta_i_deg, d.phi_i_deg), direction(d.theta_o_deg, d.phi_o_deg));
+            let mirrored = DVec3::new(-i.x, -i.y, i.z);
+            if law(i, o) * o.z < 1e-3 * law(i, mirrored) * mirrored.z {
+                continue;
+            }
+            let error = (back.brdf(550.0, i, o) / (law(i, o) * spectrum(550.0))).ln().abs();
+            held += usize::from(error < d.ln_doubt);
+            all += 1;
+            doubts.push(d.ln_doubt);
+            off.push(error);
+        }
+        let part = f64::from(held as u32) / f64::from(all as u32);
+        let [doubt, most] = [0.5, 1.0].map(|p| quantile(&mut doubts, p));
+        let off = [0.5, 0.95, 1.0].map(|p| quantile(&mut off, p));
+        println!(
+            "{name}: {part:.3} of {all} held; doubt {doubt:.3}, most {most:.3}; error 50, 95, 100 % {off:.4?}"
+        );
+        if all < 60 || part < 0.95 || doubt > 1.5_f64.ln() {
+            missed.push(name);
+        }
+    }
+    assert!(missed.is_empty(), "{missed:?}");
 }
 
 /// Truth: energy. Samples in the plane alone that are too bright are extrapolated to more than came: the extrapolated cells give way, the measured ones stay, and it is said.

@@ -16,6 +16,9 @@ pub type Known = (&'static str, fn(DVec3, DVec3) -> f64);
 /// The three that are assembled.
 pub const MATERIALS: [Known; 3] = [("lambert", lambert), ("beckmann", beckmann), ("ggx", ggx)];
 
+/// One whose masking is not the one that the values are compared with, over diffuse light that its NDF takes for microfacets.
+pub const OTHER: Known = ("other", other);
+
 /// The spectrum of all.
 pub fn spectrum(nm: f64) -> f64 {
     0.4 + 0.4 * (nm - 400.0) / 400.0
@@ -33,6 +36,34 @@ fn ggx(i: DVec3, o: DVec3) -> f64 {
     let d = a2 / (PI * (h.z * h.z * (a2 - 1.0) + 1.0).powi(2));
     let lambda = |v: DVec3| 0.5 * ((1.0 + a2 * (1.0 / (v.z * v.z) - 1.0)).sqrt() - 1.0);
     d * masking(i, o, lambda) / (4.0 * i.z * o.z)
+}
+
+/// GGX of 0.3 with height-correlated masking whatever the azimuths, so that it is darker in retro-reflection than microfacets are, and 0.05/π.
+fn other(i: DVec3, o: DVec3) -> f64 {
+    let a2: f64 = 0.09;
+    let h = (i + o).normalize();
+    let d = a2 / (PI * (h.z * h.z * (a2 - 1.0) + 1.0).powi(2));
+    let lambda = |v: DVec3| 0.5 * ((1.0 + a2 * (1.0 / (v.z * v.z) - 1.0)).sqrt() - 1.0);
+    0.5 * d / (1.0 + lambda(i) + lambda(o)) / (4.0 * i.z * o.z) + 0.05 / PI
+}
+
+/// A white paint: GGX of 0.25 with F = 0.04 over 0.5/π.
+pub fn paint(i: DVec3, o: DVec3) -> f64 {
+    let a2: f64 = 0.0625;
+    let h = (i + o).normalize();
+    let d = a2 / (PI * (h.z * h.z * (a2 - 1.0) + 1.0).powi(2));
+    let lambda = |v: DVec3| 0.5 * ((1.0 + a2 * (1.0 / (v.z * v.z) - 1.0)).sqrt() - 1.0);
+    0.04 * d * masking(i, o, lambda) / (4.0 * i.z * o.z) + 0.5 / PI
+}
+
+/// GGX of 0.4 whose Fresnel term rises (Schlick from 0.1), each direction masked by itself.
+pub fn rising(i: DVec3, o: DVec3) -> f64 {
+    let a2: f64 = 0.16;
+    let h = (i + o).normalize();
+    let d = a2 / (PI * (h.z * h.z * (a2 - 1.0) + 1.0).powi(2));
+    let one = |v: DVec3| 2.0 / (1.0 + (1.0 + a2 * (1.0 / (v.z * v.z) - 1.0)).sqrt());
+    let f = 0.1 + 0.9 * (1.0 - i.dot(h)).powi(5);
+    f * d * one(i) * one(o) / (4.0 * i.z * o.z)
 }
 
 fn beckmann(i: DVec3, o: DVec3) -> f64 {
@@ -118,9 +149,14 @@ pub fn measured(law: fn(DVec3, DVec3) -> f64, ndf: &Ndf, options: &PlanOptions) 
     Samples { wavelength_nm: WAVELENGTHS_NM.to_vec(), rows: rows.collect(), ..Samples::default() }
 }
 
-/// From a plan over the whole hemisphere.
-pub fn whole(law: fn(DVec3, DVec3) -> f64) -> Assembled {
+/// From a plan over the whole hemisphere: by number of elevations and side.
+pub fn from_plan(law: fn(DVec3, DVec3) -> f64, theta_i: usize, side: usize) -> Assembled {
     let ndf = density(law);
-    let options = PlanOptions { theta_i: 32, side: 32, ..PlanOptions::default() };
+    let options = PlanOptions { theta_i, side, ..PlanOptions::default() };
     assemble(&measured(law, &ndf, &options), &ndf, &AssembleOptions::default()).unwrap()
+}
+
+/// From some 3000 measurements over the whole hemisphere.
+pub fn whole(law: fn(DVec3, DVec3) -> f64) -> Assembled {
+    from_plan(law, 16, 17)
 }

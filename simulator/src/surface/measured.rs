@@ -4,8 +4,10 @@
 //! wavelengths, as the files are meant. Beyond the first and last wavelength the values are held and said to be; elevations beyond the file's are said by a
 //! weight of their own. The values are taken as they are: they need not be reciprocal, nor conserve energy; [`Material::notes`] says so.
 
+mod layout;
 mod write;
 
+pub use layout::Layout;
 pub use write::{WriteOptions, write};
 
 use super::sampling::{Mixture, Proposal};

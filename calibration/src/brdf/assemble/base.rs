@@ -1,6 +1,6 @@
 //! What the NDF says of a sample, and how samples differ from it.
 //!
-//! f₀(λ) = F(λ) D(h)/(4 (σ(i) cosθ_o + σ(o) cosθ_i − cosθ_i cosθ_o)) + ρ(λ)/π is reciprocal, whatever D, and at most twice too dark or bright by its masking. What was measured is f₀ q; ln q is smooth, so that it is interpolated between
+//! f₀(λ) = F(λ) D(h) G/(4 cosθ_i cosθ_o) + ρ(λ)/π is reciprocal, whatever D, and at most twice too dark or bright by its masking G. What was measured is f₀ q; ln q is smooth, so that it is interpolated between
 //! directions that are far apart, in coordinates that do not change when light and detector are swapped: of an isotropic sample the angles of bisector and difference and
 //! |cosθ_i − cosθ_o|, of another the projections of bisector and difference on the surface.
 
@@ -11,10 +11,15 @@ use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
 
+/// D is at least this part of its peak, in the file and in what samples are compared with: the values in the file are what was measured over D, which
+/// would otherwise fall to nothing, or rise without end, where D ends.
+const FLOOR: f64 = 1e-12;
 /// Neighbours of a direction.
 const NEIGHBOURS: usize = 24;
 /// A direction this much further from the nearest sample than samples are from one another was not measured.
 const BEYOND: f64 = 1.5;
+/// What a file's grid is good for.
+const OF_GRID: f64 = 0.01;
 /// Over this distance in the coordinates (each some 0 to 1) the law takes over from the measurement.
 const FADE: f64 = 0.25;
 
@@ -23,24 +28,43 @@ const FADE: f64 = 0.25;
 pub(super) struct Microfacets<'a> {
     ndf: &'a Ndf,
     ln_density: Vec<f64>,
+    /// ln(1 + bound/D) of the nodes.
+    ln_bound: Vec<f64>,
     /// √θ of the nodes.
     place: Vec<f64>,
+    /// What D is at least, sr⁻¹.
+    floor: f64,
 }
 
 impl<'a> Microfacets<'a> {
     pub fn new(ndf: &'a Ndf) -> Self {
         let ln_density = ndf.density.iter().map(|d| d.max(1e-290).ln()).collect();
         let place = ndf.theta_rad.iter().map(|t| t.sqrt()).collect();
-        Self { ndf, ln_density, place }
+        let peak = ndf.density.iter().copied().fold(0.0, f64::max);
+        let bound = |(d, b): (&f64, &f64)| {
+            let part = (b / (d + FLOOR * peak)).max(0.0);
+            if part.is_finite() { part.ln_1p() } else { 0.0 }
+        };
+        let ln_bound = if ndf.density_bound.len() == ndf.density.len() {
+            ndf.density.iter().zip(&ndf.density_bound).map(bound).collect()
+        } else {
+            vec![0.0; ndf.density.len()]
+        };
+        Self { ndf, ln_density, ln_bound, place, floor: FLOOR * peak }
+    }
+
+    /// The largest D is this many times the floor.
+    pub fn peak(&self) -> f64 {
+        self.floor / FLOOR
     }
 
     pub fn is_isotropic(&self) -> bool {
         self.ndf.is_isotropic()
     }
 
-    /// D of a unit vector.
+    /// D of a unit vector, and the floor.
     pub fn density(&self, m: DVec3) -> f64 {
-        self.at(&self.ln_density, m).exp()
+        self.at(&self.ln_density, m).exp() + self.floor
     }
 
     /// σ towards a unit vector.
@@ -76,12 +100,38 @@ impl<'a> Microfacets<'a> {
         b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)))
     }
 
-    /// D(h) G/(4 cosθ_i cosθ_o), sr⁻¹, with G at heights in common (Heitz 2014, eq. 99): Λ = σ/cosθ − 1.
+    /// D(h) G/(4 cosθ_i cosθ_o), sr⁻¹.
     pub fn lobe(&self, i: DVec3, o: DVec3) -> f64 {
-        let masked = self.area(i) * o.z + self.area(o) * i.z - i.z * o.z;
-        // σ is no less than cosθ but for what its table rounds.
-        let masked = masked.max(0.5 * i.z * o.z).max(1e-12);
-        self.density((i + o).normalize()) / (4.0 * masked)
+        self.density((i + o).normalize()) * self.unmasked(i, o)
+    }
+
+    /// By how much the lobe's logarithm may be off, by masking and by D's own bound: the largest of what masking gives that does not know of azimuths
+    /// (heights in common, or none at all), and D's bound.
+    pub fn doubt(&self, i: DVec3, o: DVec3) -> f64 {
+        let (area_i, area_o) = (self.area(i).max(i.z), self.area(o).max(o.z));
+        let here = self.unmasked(i, o).ln();
+        let common = 0.25 / (area_i * o.z + area_o * i.z - i.z * o.z).max(1e-12);
+        let none = 0.25 / (area_i * area_o).max(1e-12);
+        let masking = [common, none].map(|g| (g.ln() - here).abs()).into_iter().fold(0.0, f64::max);
+        masking.hypot(self.at(&self.ln_bound, (i + o).normalize()).max(0.0))
+    }
+
+    /// What the floor is of that.
+    fn lobe_of_floor(&self, i: DVec3, o: DVec3) -> f64 {
+        self.floor * self.unmasked(i, o)
+    }
+
+    /// G/(4 cosθ_i cosθ_o): the larger Λ = σ/cosθ − 1 alone where light and detector are in one direction, as it is what D was found with; both where
+    /// their azimuths differ (Heitz 2014, eq. 102, after Ashikhmin, Premože and Shirley 2000).
+    fn unmasked(&self, i: DVec3, o: DVec3) -> f64 {
+        let (area_i, area_o) = (self.area(i).max(i.z), self.area(o).max(o.z));
+        let (p, q) = (i.truncate(), o.truncate());
+        let apart = p.perp_dot(q).atan2(p.dot(q)).abs();
+        let apart = 4.41 * apart / (4.41 * apart + 1.0);
+        // cosθ_i cosθ_o (1 + Λ_larger + apart Λ_smaller)
+        let (from_i, from_o) = (area_i * o.z, area_o * i.z);
+        let smaller = from_i.min(from_o) - i.z * o.z;
+        0.25 / (from_i.max(from_o) + apart * smaller).max(1e-12)
     }
 }
 
@@ -107,12 +157,18 @@ pub(super) struct Field<'a> {
     pub base: Vec<Base>,
     /// How far samples are from their nearest, but for the most lonely tenth.
     pub spacing: f64,
+    /// By how much ln q of two samples differs, by their distance in steps of [`APART`]: 95 % of all pairs by less, the largest over the wavelengths.
+    differs: Vec<f64>,
 }
 
 /// How a direction's value comes from samples.
 pub(super) struct Stencil {
     /// Samples with weights for ln q.
     parts: Vec<(usize, f64)>,
+    /// Which part of ln q is kept: 1 where it was measured, less far from all samples.
+    keep: f64,
+    /// To the nearest sample.
+    distance: f64,
     /// Whether samples are near enough to say that it was measured.
     pub measured: bool,
 }
@@ -141,7 +197,9 @@ impl<'a> Field<'a> {
             let ln: Vec<f64> = value.iter().skip(k).step_by(wavelengths).copied().collect();
             let one = of_wavelength(&lobe, &ln);
             for (row, (lobe, ln)) in lobe.iter().zip(&ln).enumerate() {
-                ln_q[row * wavelengths + k] = ln - one.at(*lobe).ln();
+                let (i, o) = directions[row];
+                let floor = one.specular * microfacets.lobe_of_floor(i, o);
+                ln_q[row * wavelengths + k] = (ln.exp() + floor).ln() - one.at(*lobe).ln();
             }
             base.push(one);
         }
@@ -165,7 +223,18 @@ impl<'a> Field<'a> {
         let mut gaps: Vec<f64> = points.iter().step_by(step).map(nearest).collect();
         gaps.sort_by(f64::total_cmp);
         let spacing = gaps.get(gaps.len() * 9 / 10).copied().unwrap_or(0.0).max(1e-3);
-        (Self { microfacets, tree, points, ln_q, wavelengths, base, spacing }, left_out)
+        let differs = differences(&points, &ln_q, wavelengths);
+        (Self { microfacets, tree, points, ln_q, wavelengths, base, spacing, differs }, left_out)
+    }
+
+    /// By how much ln q differs over a distance; beyond the largest in the table it goes on as it went on the average.
+    fn differs(&self, distance: f64) -> f64 {
+        let (x, last) = (distance / APART, self.differs.len() - 1);
+        let k = x as usize;
+        if k >= last {
+            return self.differs[last] * (x / last.max(1) as f64).max(1.0);
+        }
+        self.differs[k] + (x - k as f64) * (self.differs[k + 1] - self.differs[k])
     }
 
     /// The number of samples that are used.
@@ -180,29 +249,31 @@ impl<'a> Field<'a> {
         let at = coordinates(isotropic, i, o);
         let near = self.tree.nearest(&at, NEIGHBOURS);
         let Some(first) = near.first() else {
-            return Stencil { parts: Vec::new(), measured: false };
+            return Stencil {
+                parts: Vec::new(),
+                keep: 0.0,
+                distance: f64::INFINITY,
+                measured: false,
+            };
         };
         let distance = first.0.sqrt();
         let measured = distance <= BEYOND * self.spacing || self.surrounded(&at, &near);
         if distance < 1e-7 {
-            return Stencil { parts: vec![(first.1, 1.0)], measured };
+            return Stencil { parts: vec![(first.1, 1.0)], keep: 1.0, distance, measured };
         }
         let radius2 = near[near.len() - 1].0 * 1.0001;
         // Weights that grow towards a sample, which is so met.
         let weight = |d2: f64| (1.0 - d2 / radius2).max(0.0).powi(2) / (d2 / radius2 + 1e-6);
         let weights: Vec<f64> = near.iter().map(|(d2, _)| weight(*d2)).collect();
         let parts = if measured { self.plane(&at, &near, &weights) } else { None };
-        let mut parts = parts.unwrap_or_else(|| {
+        let parts = parts.unwrap_or_else(|| {
             let all: f64 = weights.iter().sum();
             near.iter().zip(&weights).map(|((_, k), w)| (*k, w / all)).collect()
         });
         // Far from all samples the law remains.
         let beyond = (distance - BEYOND * self.spacing).max(0.0) / FADE;
         let keep = if measured { 1.0 } else { 1.0 / (1.0 + beyond * beyond) };
-        for part in &mut parts {
-            part.1 *= keep;
-        }
-        Stencil { parts, measured }
+        Stencil { parts, keep, distance, measured }
     }
 
     /// The image of a sample that is the neighbour: of an anisotropic sample swapped, or half a turn further.
@@ -279,14 +350,67 @@ impl<'a> Field<'a> {
     pub fn values(&self, stencil: &Stencil, i: DVec3, o: DVec3, into: &mut [f64]) {
         let lobe = self.microfacets.lobe(i, o);
         for (k, value) in into.iter_mut().enumerate() {
-            let sum: f64 = stencil
-                .parts
-                .iter()
-                .map(|(row, w)| w * self.ln_q[row * self.wavelengths + k])
-                .sum();
-            *value = self.base[k].at(lobe) * sum.exp();
+            *value = self.base[k].at(lobe) * (stencil.keep * self.ln_q(stencil, k)).exp();
         }
     }
+
+    /// ln q around a direction.
+    fn ln_q(&self, stencil: &Stencil, wavelength: usize) -> f64 {
+        let at = |row: usize| self.ln_q[row * self.wavelengths + wavelength];
+        stencil.parts.iter().map(|(row, w)| w * at(*row)).sum()
+    }
+
+    /// By how much ln f may be off where it was not measured, the largest over the wavelengths; 0 where it was. In quadrature: by how much samples differ that are as far
+    /// from one another as this direction is from the nearest, what was taken back of the nearest ones' difference from the law, what the lobe's share may be off
+    /// by, and what the file's grid is good for.
+    pub fn doubt(&self, stencil: &Stencil, i: DVec3, o: DVec3) -> f64 {
+        if stencil.measured {
+            return 0.0;
+        }
+        let (lobe, of_lobe) = (self.microfacets.lobe(i, o), self.microfacets.doubt(i, o));
+        let differs = self.differs(stencil.distance.min(2.0));
+        let one = |(k, base): (usize, &Base)| {
+            let taken = self.ln_q(stencil, k) * (1.0 - stencil.keep);
+            let share = base.specular * lobe / base.at(lobe);
+            let squares = (2.0 * differs).powi(2)
+                + (2.0 * base.rms).powi(2)
+                + taken.powi(2)
+                + (share * of_lobe).powi(2);
+            (squares + OF_GRID * OF_GRID).sqrt()
+        };
+        self.base.iter().enumerate().map(one).fold(0.0, f64::max)
+    }
+}
+
+/// Distances at which samples are compared with one another.
+const APART: f64 = 0.05;
+
+/// 95 % of the differences of ln q by distance, never falling; from pairs all over the table, so many that a large table has 60000.
+fn differences(points: &[Point], ln_q: &[f64], wavelengths: usize) -> Vec<f64> {
+    const MOST: usize = 350;
+    let step = points.len().div_ceil(MOST).max(1);
+    let chosen: Vec<usize> = (0..points.len()).step_by(step).collect();
+    let mut bins: Vec<Vec<f64>> = vec![Vec::new(); 40];
+    for (at, a) in chosen.iter().enumerate() {
+        for b in &chosen[at + 1..] {
+            let d2: f64 = (0..4).map(|k| (points[*a][k] - points[*b][k]).powi(2)).sum();
+            let value = |row: usize, k: usize| ln_q[row * wavelengths + k];
+            let apart = (0..wavelengths).map(|k| (value(*a, k) - value(*b, k)).abs());
+            let bin = ((d2.sqrt() / APART) as usize + 1).min(39);
+            bins[bin].push(apart.fold(0.0, f64::max));
+        }
+    }
+    let mut table = vec![0.0];
+    let mut most = 0.0_f64;
+    for bin in &mut bins[1..] {
+        // A few pairs say nothing of 95 %.
+        if bin.len() >= 20 {
+            bin.sort_by(f64::total_cmp);
+            most = most.max(bin[(bin.len() - 1) * 95 / 100]);
+        }
+        table.push(most);
+    }
+    table
 }
 
 impl Base {

@@ -5,9 +5,11 @@
 //! would reflect more than came it is they that are lowered.
 
 mod base;
+mod doubt;
 mod near;
 
 pub use base::Base;
+pub use doubt::Doubt;
 
 use super::ndf::Ndf;
 use super::samples::Samples;
@@ -15,14 +17,15 @@ use base::{Field, Microfacets};
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 use sunglint_formats::bsdf::{Tensor, TensorData, TensorFile};
+use sunglint_simulator::surface::measured::Layout;
 use sunglint_simulator::surface::{Blend, Grid, Warp};
 
-/// The density in the file is at least this, sr⁻¹.
-const FLOOR: f64 = 2e-5;
-/// Directions at or below the horizon have the value of this elevation's cosine, so that what is above it is not pulled down.
-const HORIZON: f64 = 2e-3;
+/// For diffuse light the file's density gets at most this part of its peak, so that a lobe is still seen in it.
+const MOST_FLOOR: f64 = 0.05;
+/// The file's D and σ, of which it has one each, are finer than its warps, of which it has one for each incidence.
+const FINER: usize = 4;
 
 /// How finely a material is written.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,17 +34,15 @@ pub struct AssembleOptions {
     pub theta_i: usize,
     /// Incident azimuths over half the circle, of an anisotropic sample.
     pub phi_i: usize,
-    /// Side of the grid of values.
+    /// Side of the grid of values. Of an odd one the plane of incidence is a row.
     pub side: usize,
     /// Nodes of the densities in elevation; half as many in azimuth.
     pub normals: usize,
-    /// The share of the grid that is spread over all normals.
-    pub wide: f64,
 }
 
 impl Default for AssembleOptions {
     fn default() -> Self {
-        Self { theta_i: 32, phi_i: 17, side: 64, normals: 256, wide: 0.25 }
+        Self { theta_i: 48, phi_i: 17, side: 81, normals: 256 }
     }
 }
 
@@ -101,6 +102,8 @@ pub struct Coverage {
     pub extrapolated_albedo: f64,
     /// The largest over the wavelengths.
     pub largest_albedo: f64,
+    /// By how much the albedo may be off by what is extrapolated, a part of it.
+    pub albedo_doubt: f64,
     /// By how much extrapolated cells were lowered at most, for energy's sake: 1 where they were not.
     pub lowered: f64,
 }
@@ -112,6 +115,8 @@ pub struct Assembled {
     pub file: TensorFile,
     /// By azimuth and elevation of incidence.
     pub coverage: Vec<Coverage>,
+    /// By direction, on a coarse grid.
+    pub doubts: Vec<Doubt>,
     /// What the NDF says by wavelength.
     pub base: Vec<Base>,
     /// Samples that were used.
@@ -126,8 +131,9 @@ pub struct Assembled {
 struct Grids {
     ndf: Grid,
     sigma: Grid,
-    /// The tilt at which D has fallen to 1/e, radians; at most 0.5.
-    width: f64,
+    layout: Layout,
+    /// Rows and columns of the warps.
+    warp: (usize, usize),
 }
 
 /// One direction of incidence.
@@ -136,6 +142,8 @@ struct Slice {
     /// By row, column and wavelength.
     values: Vec<f64>,
     extrapolated: Vec<u8>,
+    /// By how much ln f may be off, by row and column.
+    doubt: Vec<f32>,
     coverage: Coverage,
 }
 
@@ -159,7 +167,7 @@ pub fn assemble(
         return Err(AssembleError::TooFew { used: field.len(), rows: samples.rows.len(), needed });
     }
     let (theta_i, phi_i) = incidences(ndf.is_isotropic(), options);
-    let grids = Grids::new(&microfacets, options);
+    let grids = Grids::new(&microfacets, &field.base, options);
     let nl = samples.wavelength_nm.len();
     let places: Vec<(f64, f64)> =
         phi_i.iter().flat_map(|phi| theta_i.iter().map(move |theta| (*theta, *phi))).collect();
@@ -181,10 +189,12 @@ pub fn assemble(
         }
     }
     let file = file(samples, &grids, (&theta_i, &phi_i), &slices, options);
-    let coverage = slices.iter().map(|s| s.coverage).collect();
+    let coverage: Vec<Coverage> = slices.iter().map(|s| s.coverage).collect();
+    let doubts = doubt::by_direction(&field, &coverage, microfacets.is_isotropic());
     Ok(Assembled {
         file,
         coverage,
+        doubts,
         base: field.base.clone(),
         used: field.len(),
         left_out,
@@ -206,24 +216,15 @@ fn check(options: &AssembleOptions) -> Result<(), AssembleError> {
     if !(16..=2048).contains(&options.normals) {
         return wrong("normals", options.normals as f64, "16 to 2048 nodes");
     }
-    if !(options.wide >= 0.0 && options.wide < 1.0) {
-        return wrong("wide", options.wide, "a share from 0 to below 1");
-    }
     Ok(())
 }
 
-/// Elevations twice as dense at the horizon as at the normal, azimuths over half the circle; as the file holds them.
+/// Elevations and azimuths (over half the circle), as the file holds them.
 fn incidences(isotropic: bool, options: &AssembleOptions) -> (Vec<f64>, Vec<f64>) {
     let single = |v: f64| f64::from(v as f32);
-    let last = (options.theta_i - 1) as f64;
-    let most = 89.9_f64.to_radians();
-    let theta = |j: usize| {
-        let t = j as f64 / last;
-        single(most * t * (1.5 - 0.5 * t))
-    };
     let phi = |k: usize| single(-PI + PI * k as f64 / (options.phi_i - 1) as f64);
     let phi_i = if isotropic { vec![0.0] } else { (0..options.phi_i).map(phi).collect() };
-    ((0..options.theta_i).map(theta).collect(), phi_i)
+    (Layout::elevations(options.theta_i), phi_i)
 }
 
 fn spherical(theta: f64, phi: f64) -> DVec3 {
@@ -231,15 +232,19 @@ fn spherical(theta: f64, phi: f64) -> DVec3 {
 }
 
 impl Grids {
-    fn new(microfacets: &Microfacets<'_>, options: &AssembleOptions) -> Self {
-        let (rows, columns) = (options.normals / 2, options.normals);
-        let spread = |of: &(dyn Fn(DVec3) -> f64 + Sync)| {
+    fn new(microfacets: &Microfacets<'_>, base: &[Base], options: &AssembleOptions) -> Self {
+        let isotropic = microfacets.is_isotropic();
+        // Beside diffuse light a lobe's tail is nothing: values over D alone would rise without end.
+        let ratio = |b: &Base| (b.diffuse / b.specular).clamp(1e-300, 1e300).ln();
+        let ratio = (base.iter().map(ratio).sum::<f64>() / base.len() as f64).exp();
+        let floor = (4.0 * FRAC_1_PI * ratio).min(MOST_FLOOR * microfacets.peak());
+        let spread = |rows: usize, columns: usize, of: &(dyn Fn(DVec3) -> f64 + Sync)| {
             let at = |row: usize, column: usize| {
                 let u = column as f64 / (columns - 1) as f64;
                 let phi = TAU * row as f64 / (rows - 1) as f64 - PI;
                 of(spherical(u * u * FRAC_PI_2, phi)) as f32
             };
-            let values = if microfacets.is_isotropic() {
+            let values = if isotropic {
                 (0..columns).map(|c| at(0, c)).collect::<Vec<f32>>().repeat(rows)
             } else {
                 (0..rows)
@@ -249,16 +254,15 @@ impl Grids {
             };
             Grid { rows, columns, values }
         };
-        let peak = microfacets.density(DVec3::Z);
-        let falls = |k: &i32| {
-            let theta = 1e-4 * 1.1_f64.powi(*k);
-            microfacets.density(spherical(theta, 0.0)) < peak / std::f64::consts::E
-        };
-        let width = (0..90).find(falls).map_or(0.5, |k| 1e-4 * 1.1_f64.powi(k)).min(0.5);
+        let warp = (options.normals / 2, options.normals);
+        let columns = FINER * options.normals;
+        let rows = if isotropic { 2 } else { options.normals };
+        let density = |m: DVec3| microfacets.density(m);
         Self {
-            width,
-            ndf: spread(&|m| microfacets.density(m) + FLOOR),
-            sigma: spread(&|v| microfacets.area(v)),
+            ndf: spread(rows, columns, &|m| density(m) + floor),
+            sigma: spread(rows, columns, &|v| microfacets.area(v)),
+            layout: Layout::new(spread(warp.0, warp.1, &density), isotropic, floor),
+            warp,
         }
     }
 
@@ -280,23 +284,8 @@ fn slice(
     let i = spherical(theta, phi);
     // Azimuths of an isotropic sample's normals are counted from the light's.
     let from = if microfacets.is_isotropic() { phi } else { 0.0 };
-    let (rows, columns) = (grids.ndf.rows, grids.ndf.columns);
-    let normal = |u: [f64; 2]| spherical(u[0] * u[0] * FRAC_PI_2, TAU * u[1] - PI + from);
-    let (narrow, wide) = (1.0 - options.wide, options.wide / PI);
-    let visible = |node: usize| {
-        let u = [
-            (node % columns) as f64 / (columns - 1) as f64,
-            (node / columns) as f64 / (rows - 1) as f64,
-        ];
-        let m = normal(u);
-        let density = narrow * f64::from(grids.ndf.values[node]) + wide;
-        // Little of the grid for what is mirrored below the horizon, so that its edge is the horizon.
-        let o = 2.0 * i.dot(m) * m - i;
-        let density = density * ((o.z + 0.015) / 0.02).clamp(0.0, 1.0);
-        (density * i.dot(m).max(0.0) * (m.x.hypot(m.y) + grids.width) * u[0]) as f32
-    };
-    // Not the visible normals' solid angle, which is 0 at the normal: what lies around the mirrored direction would be in one cell. Any density serves as a warp.
-    let vndf: Vec<f32> = (0..rows * columns).map(visible).collect();
+    let (rows, columns) = grids.warp;
+    let vndf = grids.layout.visible(theta, phi);
     let warp = Warp::new(Grid { rows, columns, values: vndf.clone() })
         .ok_or(AssembleError::Dark { theta_i_deg: theta.to_degrees() })?;
     let area = grids.sigma.at(grids.place(i, from));
@@ -304,19 +293,17 @@ fn slice(
     let last = (side - 1) as f64;
     let mut values = vec![0.0; side * side * nl];
     let mut extrapolated = vec![0_u8; side * side];
+    let mut doubt = vec![0.0; side * side];
     // What a cell adds to the albedo for each value in it; 0 below the horizon.
     let mut share = vec![0.0; side * side];
     for node in 0..side * side {
         let s = [(node % side) as f64 / last, (node / side) as f64 / last];
         let blend: Blend = [(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)];
         let (u, density) = warp.sample(s, &blend);
-        let m = normal(u);
-        let mut o = (2.0 * i.dot(m) * m - i).normalize();
-        let above = o.z > 0.0 && i.dot(m) > 0.0;
-        if o.z < HORIZON {
-            let across = DVec3::new(o.x, o.y, 0.0).normalize_or(DVec3::X);
-            o = across * (1.0 - HORIZON * HORIZON).sqrt() + DVec3::Z * HORIZON;
-        }
+        let m = grids.layout.normal(phi, u);
+        let mirrored = (2.0 * i.dot(m) * m - i).normalize();
+        let above = mirrored.z > 0.0 && i.dot(m) > 0.0;
+        let o = Layout::above_horizon(mirrored);
         let h = (i + o).normalize();
         let stencil = field.stencil(i, o);
         let into = &mut values[node * nl..(node + 1) * nl];
@@ -324,6 +311,7 @@ fn slice(
         let scale = o.z * 4.0 * area / grids.ndf.at(grids.place(h, from));
         into.iter_mut().for_each(|v| *v *= scale);
         extrapolated[node] = u8::from(!stencil.measured);
+        doubt[node] = field.doubt(&stencil, i, o);
         if above {
             // dω_o = 4 (i·m) dω_m, dω_m = 2π² u sinθ du, du = ds/density; half of it at the grid's edges.
             let edge = |s: f64| if s > 0.0 && s < 1.0 { 1.0 } else { 0.5 };
@@ -333,8 +321,9 @@ fn slice(
             share[node] = solid * grids.ndf.at(u) / (4.0 * area);
         }
     }
-    let coverage = energy((theta, phi), nl, &mut values, &extrapolated, &share);
-    Ok(Slice { vndf, values, extrapolated, coverage })
+    let coverage = energy((theta, phi), nl, &mut values, (&extrapolated, &mut doubt), &share);
+    let doubt = doubt.into_iter().map(|d| d as f32).collect();
+    Ok(Slice { vndf, values, extrapolated, doubt, coverage })
 }
 
 /// Lowers what is extrapolated where more light would leave than came, and says what there is.
@@ -342,7 +331,7 @@ fn energy(
     (theta, phi): (f64, f64),
     nl: usize,
     values: &mut [f64],
-    extrapolated: &[u8],
+    (extrapolated, doubt): (&[u8], &mut [f64]),
     share: &[f64],
 ) -> Coverage {
     let (mut mean, mut mean_beyond, mut largest, mut lowered) = (0.0, 0.0, 0.0_f64, 1.0_f64);
@@ -366,6 +355,12 @@ fn energy(
         mean_beyond += beyond / nl as f64;
         largest = largest.max(known + beyond);
     }
+    let mut off = 0.0;
+    for (node, d) in doubt.iter_mut().enumerate().filter(|(node, _)| extrapolated[*node] == 1) {
+        *d += -lowered.max(1e-3).ln();
+        let mean = values[node * nl..(node + 1) * nl].iter().sum::<f64>() / nl as f64;
+        off += share[node] * mean * d.exp_m1();
+    }
     let cells = share.iter().filter(|s| **s > 0.0).count();
     let flagged = share.iter().zip(extrapolated).filter(|(s, e)| **s > 0.0 && **e == 1).count();
     Coverage {
@@ -376,6 +371,7 @@ fn energy(
         albedo: mean,
         extrapolated_albedo: if mean > 0.0 { mean_beyond / mean } else { 0.0 },
         largest_albedo: largest,
+        albedo_doubt: if mean > 0.0 { off / mean } else { 0.0 },
         lowered,
     }
 }
@@ -392,6 +388,7 @@ fn file(
     let single = |values: &[f64]| values.iter().map(|v| *v as f32).collect::<Vec<f32>>();
     let mut spectra = Vec::with_capacity(np * nt * nl * side * side);
     let (mut luminance, mut vndf, mut extrapolated) = (Vec::new(), Vec::new(), Vec::new());
+    let mut doubt = Vec::new();
     for slice in slices {
         for k in 0..nl {
             spectra.extend(slice.values.iter().skip(k).step_by(nl).map(|v| *v as f32));
@@ -401,13 +398,15 @@ fn file(
         );
         vndf.extend_from_slice(&slice.vndf);
         extrapolated.extend_from_slice(&slice.extrapolated);
+        doubt.extend_from_slice(&slice.doubt);
     }
     let name = samples.meta.get("sample").and_then(|v| v.as_str()).unwrap_or("a sample");
     let text = format!(
         "{name}: {} directions, {nl} wavelengths, assembled by sunglint",
         samples.rows.len()
     );
-    let (rows, columns) = (grids.ndf.rows, grids.ndf.columns);
+    let (rows, columns) = grids.warp;
+    let densities = [grids.ndf.rows, grids.ndf.columns];
     let bytes = |name: &str, shape: Vec<usize>, values: Vec<u8>| Tensor {
         name: name.to_owned(),
         shape,
@@ -418,14 +417,15 @@ fn file(
         Tensor::f32("theta_i", &[nt], single(theta_i)),
         Tensor::f32("phi_i", &[np], single(phi_i)),
         Tensor::f32("wavelengths", &[nl], single(&samples.wavelength_nm)),
-        Tensor::f32("ndf", &[rows, columns], grids.ndf.values.clone()),
-        Tensor::f32("sigma", &[rows, columns], grids.sigma.values.clone()),
+        Tensor::f32("ndf", &densities, grids.ndf.values.clone()),
+        Tensor::f32("sigma", &densities, grids.sigma.values.clone()),
         Tensor::f32("vndf", &[np, nt, rows, columns], vndf),
         Tensor::f32("luminance", &[np, nt, side, side], luminance),
         Tensor::f32("spectra", &[np, nt, nl, side, side], spectra),
         bytes("jacobian", vec![1], vec![1]),
         // Readers of such files leave alone what they do not know.
         bytes("extrapolated", vec![np, nt, side, side], extrapolated),
+        Tensor::f32("ln_doubt", &[np, nt, side, side], doubt),
     ];
     TensorFile { tensors }
 }

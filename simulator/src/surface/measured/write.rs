@@ -4,6 +4,8 @@
 //! measurements: f_r(ω, ω) cosθ = D(ω)/(4 σ(ω)), σ(ω) = ∫ D (ω·m)₊ dω_m, by power iteration. Any D that is nowhere 0 would do: the values in
 //! warped coordinates make up for it; a good one makes them smooth. A floor under D gives directions that throw nothing back a part of the grid too.
 
+use super::Layout;
+use crate::surface::tensor::elevation;
 use crate::surface::tensor::warp::{Blend, Grid, Warp};
 use crate::surface::{Material, MaterialError, parametric::parameter};
 use glam::DVec3;
@@ -11,9 +13,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use sunglint_formats::bsdf::{Tensor, TensorData, TensorFile};
 
 /// D is at least this part of its mean over the hemisphere.
-const FLOOR: f64 = 1e-4;
-/// The share of the grid of values that is spread over all tilts, so that a lobe's tails are resolved too.
-const WIDE: f64 = 0.25;
+const FLOOR: f64 = 1e-9;
 const ITERATIONS: usize = 24;
 
 /// How finely a material is written.
@@ -77,14 +77,7 @@ struct Writer<'a> {
 impl<'a> Writer<'a> {
     fn new(material: &'a Material, options: &'a WriteOptions) -> Self {
         let isotropic = material.is_isotropic();
-        let last = (options.elevations - 1) as f64;
-        let most = 89.9_f64.to_radians();
-        let theta = |j: usize| {
-            let t = j as f64 / last;
-            // Twice as dense at the horizon as at the normal.
-            f64::from((most * t * (1.5 - 0.5 * t)) as f32)
-        };
-        let theta_i = (0..options.elevations).map(theta).collect();
+        let theta_i = Layout::elevations(options.elevations);
         let quarter = |k: usize| -PI + FRAC_PI_2 * k as f64 / (options.azimuths - 1) as f64;
         let phi_i =
             if isotropic { vec![0.0] } else { (0..options.azimuths).map(quarter).collect() };
@@ -101,11 +94,12 @@ impl<'a> Writer<'a> {
         let (mut vndf, mut luminance) = (Vec::new(), Vec::new());
         let mut spectra = vec![0.0_f32; np * nt * nl * side * side];
         let ndf = Grid { rows, columns, values: f32s(&self.ndf) };
+        let layout = Layout::new(ndf.clone(), self.isotropic, 0.0);
         let sigma = Grid { rows, columns, values: f32s(&self.sigma) };
         for (k, phi) in self.phi_i.iter().enumerate() {
             for (j, theta) in self.theta_i.iter().enumerate() {
-                let slice = self.visible(*theta, *phi, &ndf);
-                let values = self.values(*theta, *phi, &slice, &ndf, &sigma);
+                let slice = layout.visible(*theta, *phi);
+                let values = self.values((*theta, *phi), &layout, &slice, &ndf, &sigma);
                 for (node, row) in values.iter().enumerate() {
                     luminance.push((row.iter().sum::<f64>() / nl as f64 + 1e-9) as f32);
                     for (l, value) in row.iter().enumerate() {
@@ -132,36 +126,11 @@ impl<'a> Writer<'a> {
         TensorFile { tensors }
     }
 
-    fn place(&self, node: usize) -> [f64; 2] {
-        let (row, column) = (node / self.columns, node % self.columns);
-        [column as f64 / (self.columns - 1) as f64, row as f64 / (self.rows - 1) as f64]
-    }
-
-    /// The bisector of a point u, for light from the azimuth φ_i.
-    fn normal(&self, phi_i: f64, u: [f64; 2]) -> DVec3 {
-        let phi = TAU * u[1] - PI + if self.isotropic { phi_i } else { 0.0 };
-        spherical(u[0] * u[0] * FRAC_PI_2, phi)
-    }
-
-    /// D (i·m)₊ over the square u, with a share for tilts that D has few of: the warp decides only where the grid of values is fine.
-    fn visible(&self, theta: f64, phi: f64, ndf: &Grid) -> Vec<f32> {
-        let i = spherical(theta, phi);
-        // ∫ (z·m) dω_m is π.
-        let wide = WIDE * self.sigma[0] / PI;
-        let value = |node: usize| {
-            let u = self.place(node);
-            let m = self.normal(phi, u);
-            let sine = (m.x * m.x + m.y * m.y).sqrt();
-            ((f64::from(ndf.values[node]) + wide) * i.dot(m).max(0.0) * sine * u[0]) as f32
-        };
-        (0..self.rows * self.columns).map(value).collect()
-    }
-
     /// f cosθ_o 4σ/D on the grid in s, for each wavelength.
     fn values(
         &self,
-        theta: f64,
-        phi: f64,
+        (theta, phi): (f64, f64),
+        layout: &Layout,
         slice: &[f32],
         ndf: &Grid,
         sigma: &Grid,
@@ -178,13 +147,14 @@ impl<'a> Writer<'a> {
             let last = (side - 1) as f64;
             let s = [(node % side) as f64 / last, (node / side) as f64 / last];
             let (u, _) = warp.sample(s, &blend);
-            let m = self.normal(phi, u);
-            let o = 2.0 * i.dot(m) * m - i;
+            let m = layout.normal(phi, u);
+            let o = Layout::above_horizon((2.0 * i.dot(m) * m - i).normalize());
             weights.fill(0.0);
-            if i.dot(m) > 0.0 && o.z > 0.0 {
-                let scale = o.z * 4.0 * area / ndf.at(u);
-                self.material.add_weights(i, o.normalize(), scale, &mut weights);
-            }
+            let h = (i + o).normalize();
+            let turn = (h.y.atan2(h.x) - if self.isotropic { phi } else { 0.0 } + PI) / TAU;
+            let u = [(elevation(h) / FRAC_PI_2).sqrt(), turn - turn.floor()];
+            let scale = o.z * 4.0 * area / ndf.at(u);
+            self.material.add_weights(i, o, scale, &mut weights);
             let at = |nm: &f64| self.material.times_spectra(*nm, &weights).max(0.0);
             self.options.wavelength_nm.iter().map(at).collect()
         };
