@@ -38,6 +38,7 @@ pub mod brdf;
 pub mod calibrate;
 pub mod cli;
 pub mod compare;
+pub mod curve_file;
 pub mod demo;
 pub mod devices;
 pub mod efficiency;

@@ -7,6 +7,7 @@ mod common;
 use common::Folder;
 use serde_json::Value;
 use std::fmt::Write as _;
+use sunglint_testkit::{shared, skip};
 
 const CENTRES_NM: [i32; 6] = [531, 639, 746, 854, 961, 1069];
 
@@ -99,4 +100,70 @@ fn a_spin_of_20_s_is_found_in_every_channel() {
     folder.refused(2, &["analyse", "period", curve, "--shortest", "0", "-q"]);
     let wrong = folder.refused(1, &["analyse", "period", "pass.toml", "-q"]);
     assert!(wrong.contains("pass.toml"), "{wrong}");
+}
+
+/// A track as MMT-9 publishes them (synthetic): two unlike lobes a turn of 7.3 s at 10 Hz for two minutes, 0.05 mag of noise, a range that changes by a third. Truth: the period that was put in, within
+/// 3 σ as stated, from the catalogue's text and from plain columns alike.
+#[test]
+fn published_magnitudes_have_periods_too() {
+    let folder = Folder::new("period-magnitudes");
+    let mut catalogue = String::from(
+        "# synthetic\n# Date Time StdMag Mag Filter Penumbra Distance Phase Channel Track\n",
+    );
+    let mut columns = String::from("time_utc,magnitude,range_km,phase_deg\n");
+    let mut state = 1_u64;
+    let mut uniform = || {
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    for i in 0..1200 {
+        let t = 0.1 * f64::from(i);
+        let turn = std::f64::consts::TAU * t / 7.3;
+        let lobe = |at: f64, width: f64| (width * ((turn - at).cos() - 1.0)).exp();
+        let range_km = 900.0 + 300.0 * (t / 120.0).powi(2);
+        let flux = (0.3 + lobe(1.0, 6.0) + 0.4 * lobe(4.0, 12.0)) / (range_km / 1000.0).powi(2);
+        // The sum of twelve uniform numbers is normal enough: variance 1.
+        let noise = 0.05 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
+        let magnitude = 7.0 - 2.5 * flux.log10() + noise;
+        let (minute, second) = ((t / 60.0) as u32, t % 60.0);
+        let _ = writeln!(
+            catalogue,
+            "2024-02-28 16:{:02}:{second:09.6} {magnitude:.3} {magnitude:.5} Clear 0 {range_km:.3} 60.000 7 1",
+            10 + minute
+        );
+        let _ = writeln!(
+            columns,
+            "2024-02-28T16:{:02}:{second:09.6}Z,{magnitude:.5},{range_km:.3},60",
+            10 + minute
+        );
+    }
+    std::fs::write(folder.path("track.txt"), catalogue).unwrap();
+    std::fs::write(folder.path("track.csv"), columns).unwrap();
+    for file in ["track.txt", "track.csv"] {
+        let found = folder.json(&["analyse", "period", file, "--json"]);
+        assert_eq!(found["verdict"], "one", "{file}: {found}");
+        let best = &found["best"];
+        let number = |key: &str| best[key].as_f64().unwrap();
+        let pull = (number("period_s") - 7.3) / number("sigma_s");
+        assert!(pull.abs() < 3.0 && number("sigma_s") < 0.02, "{file}: {best}");
+        folder.done(&["analyse", "fold", file, "--period", "7.3", "-o", "folded.png", "--force"]);
+    }
+    let wrong = folder.run(&["analyse", "period", "track.csv", "--magnitude-column", "mag"]);
+    let words = String::from_utf8_lossy(&wrong.stderr).into_owned();
+    assert!(
+        wrong.status.code() == Some(1) && words.contains("it has time_utc, magnitude"),
+        "{words}"
+    );
+}
+
+/// The real ONEWEB-0165 (MMT-9), which holds its attitude: there is no one period. Truth: its operator's word.
+#[test]
+fn a_steady_satellite_has_no_period() {
+    let Some(file) = shared("real/oneweb_0165_mmt9.txt") else {
+        return skip("a_steady_satellite_has_no_period", "no shared/real beside the checkout");
+    };
+    let folder = Folder::new("period-steady");
+    let found = folder.json(&["analyse", "period", file.to_str().unwrap(), "--json"]);
+    assert_ne!(found["verdict"], "one", "{found}");
 }

@@ -1,6 +1,8 @@
 //! The light curves that are asked about: files of the schema, or plain columns.
 
 use crate::air::{AirModelArgs, describe};
+use crate::compare::ComparedAs;
+use crate::curve_file::{CurveFile, Magnitudes};
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
@@ -18,7 +20,8 @@ use sunglint_radiometry::station::Station;
 /// Which curves, and which channels of them.
 #[derive(Debug, Args)]
 pub struct CurveArgs {
-    /// Light curves (ECSV, as `simulate`, `reduce` and `apply` write them). Several are taken together: each with brightnesses of its own, one period for all
+    /// Light curves (ECSV, as `simulate`, `reduce` and `apply` write them), or tables of magnitudes (MMT-9's text format, CSV with `time_utc` and `magnitude`).
+    /// Several are taken together: each with brightnesses of its own, one period for all
     #[arg(required = true, value_name = "CURVE")]
     pub curves: Vec<PathBuf>,
     /// Of this channel alone; may be given several times [default: all]
@@ -28,6 +31,15 @@ pub struct CurveArgs {
     /// curve has columns for; the air if there is a station too]
     #[arg(long, value_name = "WHAT")]
     pub keep: Vec<Keep>,
+    /// The column of magnitudes, where a table of them is given [default: magnitude]
+    #[arg(long, value_name = "NAME")]
+    pub magnitude_column: Option<String>,
+    /// What these magnitudes are
+    #[arg(long, value_enum, default_value_t)]
+    pub magnitudes_as: ComparedAs,
+    /// Their noise, mag [default: a column sigma_mag, else from the differences between neighbours]
+    #[arg(long, value_name = "MAG")]
+    pub sigma_mag: Option<f64>,
     /// Which station: its channels and its air.
     #[command(flatten)]
     pub station: StationArgs,
@@ -53,6 +65,8 @@ pub struct Curve {
     pub curve: LightCurve,
     /// The file's name without folder and extension.
     pub stem: String,
+    /// Whether these are published magnitudes, which are above the air.
+    pub magnitudes: bool,
 }
 
 /// The curves of a question.
@@ -76,6 +90,11 @@ impl CurveArgs {
     /// # Errors
     /// A file that is no light curve, or has no sample; a channel that none of them has.
     pub fn read(&self) -> anyhow::Result<Curves> {
+        let options = Magnitudes {
+            column: self.magnitude_column.clone(),
+            law: self.magnitudes_as,
+            sigma_mag: self.sigma_mag,
+        };
         let mut inputs = Vec::new();
         let mut curves = Vec::new();
         for path in &self.curves {
@@ -83,9 +102,12 @@ impl CurveArgs {
             let sha256 = crate::tables::sha256(&bytes);
             inputs.push(Input { file: path.display().to_string(), sha256 });
             let text = sunglint_formats::read::decode(path, bytes)?;
-            let table = sunglint_formats::ecsv::read_str(path, &text)?;
             let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            curves.push(Curve { curve: LightCurve::from_table(path, &table)?, stem });
+            let (curve, magnitudes) = match CurveFile::read(path, &text, &options)? {
+                CurveFile::Rates(table) => (LightCurve::from_table(path, &table)?, false),
+                CurveFile::Magnitudes(brightness) => (brightness.light_curve(&stem), true),
+            };
+            curves.push(Curve { curve, stem, magnitudes });
         }
         let first = curves.iter().flat_map(|c| &c.curve.samples.time).min().copied();
         let zero = first.with_context(|| {
@@ -116,7 +138,8 @@ impl CurveArgs {
                 list.push(text);
             }
         };
-        if !keeps(Keep::Air) && station.is_none() {
+        let rates = curves.curves.iter().any(|c| !c.magnitudes);
+        if !keeps(Keep::Air) && station.is_none() && rates {
             note(&mut warnings, "the air is not removed: no station says through which air and with which channels (--station; --keep air to say nothing)".into());
         }
         let air = match &station {
@@ -125,10 +148,11 @@ impl CurveArgs {
         };
         for curve in &mut curves.curves {
             let name = curve.stem.clone();
+            let above = curve.magnitudes;
             let curve = &mut curve.curve;
             let range = (!keeps(Keep::Range)).then(|| trend::range_factor(curve));
             for c in 0..curve.channels.len() {
-                if let (Some(station), Some(air)) = (&station, &air) {
+                if let (Some(station), Some(air), false) = (&station, &air, above) {
                     match air_of(curve, c, station, air) {
                         Ok(factor) => {
                             trend::divide(&mut curve.channels[c], &factor);

@@ -1,9 +1,10 @@
 //! Curves with their scenes, as the fit wants them.
 
-use super::measured::{Magnitudes, Measured};
+use super::measured::Measured;
 use super::parameters::Wanted;
 use super::scene::Scene;
 use super::{FitArgs, FitKeys};
+use crate::curve_file::Magnitudes;
 use crate::output::Usage;
 use anyhow::bail;
 use ndarray::Array2;
