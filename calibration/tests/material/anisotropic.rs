@@ -95,9 +95,9 @@ fn geometries(count: usize) -> Vec<(DVec3, DVec3)> {
 }
 
 /// Truth: the closed forms of GGX and Beckmann lobes of 0.1 along and 0.3 across, from retro-reflection by azimuth over a plan (of half the circle, and of a quarter of it, which is then
-/// mirrored) to a file. Tolerance: D 1e-3 where it was measured and exceeds 1e-3 of its peak. The file, where f cosθ exceeds 1e-3 of that in the mirrored direction: half of all directions 0.2 %, nine
-/// in ten 2.5 %, 99 % 6 %: between its azimuths, 11.25° apart, the horizon turns with the light, which a linear interpolation does not. (24 elevations and 41 by 41
-/// values in place of 16 and 25 by 25, too long for the suite: 0.06 %, 1.3 %, 4 %.)
+/// mirrored) to a file. Tolerance: D 1e-3 where it was measured and exceeds 1e-3 of its peak. The file, where f cosθ exceeds 1e-3 of that in the mirrored direction, is no promise but what
+/// so coarse a grid leaves (half of all directions 0.2 %, nine in ten 2.5 %, 99 % 9 %): between its azimuths, 22.5° apart, the horizon turns with the light. 17 azimuths, 24 elevations and 41 by 41
+/// values, too long for the suite: 0.06 %, 1.3 %, 4 %.
 #[test]
 fn an_anisotropic_sample_comes_back() {
     type Of = fn(DVec3, DVec3) -> f64;
@@ -139,7 +139,7 @@ fn an_anisotropic_sample_comes_back() {
             "{name}: D {off:.1e}; {} directions; {at:.5?}; extrapolated {beyond:.3}",
             made.used
         );
-        assert!(at[0] < 2e-3 && at[1] < 2.5e-2 && at[2] < 6e-2, "{name}: {at:?}");
+        assert!(at[0] < 2e-3 && at[1] < 2.5e-2 && at[2] < 9e-2, "{name}: {at:?}");
         assert!(beyond < 0.25, "{name}: {beyond}");
     }
 }
