@@ -156,3 +156,48 @@ fn what_cannot_be_planned_is_refused() {
     let error = wrong(PlanOptions::of_rig(blind), "the rig reaches none of");
     assert!(matches!(error, PlanError::Unreachable { .. }));
 }
+
+/// Truth: the samples are those of the plan itself, made by its table's columns, less three that are taken out (one of them a value of 0) and more by one that is none of its. Nothing else may
+/// be missing; half a degree is allowed.
+#[test]
+fn a_plan_says_what_was_not_measured() {
+    use sunglint_calibration::brdf::plan::{missing, planned};
+    use sunglint_calibration::brdf::samples::{Sample, Samples};
+    let ndf = ndf([0.2; 2]);
+    for options in [
+        PlanOptions { theta_i: 4, side: 9, ..PlanOptions::default() },
+        PlanOptions { theta_i: 4, side: 9, ..PlanOptions::of_rig(Rig::default()) },
+    ] {
+        let made = plan(&ndf, &options).unwrap();
+        let table = to_table(&made);
+        let (steps, quarter) = planned(std::path::Path::new("plan.ecsv"), &table).unwrap();
+        assert_eq!((steps.len(), quarter), (made.steps.len(), false));
+        // At normal incidence all azimuths are one.
+        let last = steps.len() - 1;
+        let sample = |k: usize, off_deg: f64| Sample {
+            // An isotropic sample may have been turned.
+            theta_i_deg: steps[k].theta_i_deg,
+            phi_i_deg: steps[k].phi_i_deg + 40.0,
+            theta_o_deg: steps[k].theta_o_deg + off_deg,
+            phi_o_deg: steps[k].phi_o_deg + 40.0,
+            brdf_per_sr: vec![if k == last - 2 { 0.0 } else { 0.1 }],
+            sigma_per_sr: vec![],
+        };
+        let mut rows: Vec<Sample> = (0..=last)
+            .filter(|k| ![last - 7, last - 4].contains(k))
+            .map(|k| sample(k, 0.01))
+            .collect();
+        rows.push(Sample { theta_i_deg: 33.3, ..rows[0].clone() });
+        let samples = Samples { wavelength_nm: vec![550.0], rows, ..Samples::default() };
+        let (none, others) = missing(&steps, &samples, true, 0.1);
+        let numbers: Vec<usize> = none.iter().map(|p| p.step).collect();
+        assert_eq!((numbers, others), (vec![last - 6, last - 3, last - 1], 1));
+        let other = sunglint_formats::Table::default();
+        assert!(
+            planned(std::path::Path::new("x"), &other)
+                .unwrap_err()
+                .to_string()
+                .contains("brdf_plan")
+        );
+    }
+}

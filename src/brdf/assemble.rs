@@ -7,8 +7,10 @@ use clap::Args;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use sunglint_calibration::brdf::assemble::{AssembleOptions, Assembled, assemble};
-use sunglint_formats::{Column, Table};
+use sunglint_calibration::brdf::assemble::{AssembleOptions, Assembled, Doubt, assemble};
+use sunglint_calibration::brdf::plan::{Planned, missing, planned};
+use sunglint_calibration::brdf::samples::Samples;
+use sunglint_formats::{Column, Table, Values};
 use sunglint_simulator::surface::measured;
 
 /// Arguments of `sunglint brdf assemble`.
@@ -29,6 +31,9 @@ pub struct AssembleArgs {
     /// The material's name [default: that of the file]
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
+    /// The plan of these measurements, as `sunglint brdf plan` writes it: what of it is missing is said, and of a plan with --quarter the other quarters are mirrored
+    #[arg(long, value_name = "PLAN")]
+    pub plan: Option<PathBuf>,
     /// Incident elevations of the file
     #[arg(long, value_name = "N", default_value_t = 48)]
     pub theta_i: usize,
@@ -52,9 +57,13 @@ pub(super) fn run(args: &AssembleArgs, console: Console) -> anyhow::Result<()> {
         return Err(Usage(text).into());
     }
     let out = OutputArgs { output: Vec::new(), force: args.force };
-    let (coverage_file, toml_file) =
-        (args.output.with_extension("coverage.ecsv"), args.output.with_extension("toml"));
-    for path in [&args.output, &coverage_file, &toml_file] {
+    let beside = |extension: &str| args.output.with_extension(extension);
+    let (coverage_file, toml_file) = (beside("coverage.ecsv"), beside("toml"));
+    let (doubts_file, missing_file) = (beside("doubts.ecsv"), beside("missing.ecsv"));
+    let planned_file = args.plan.as_ref().map(|_| &missing_file);
+    for path in
+        [&args.output, &coverage_file, &doubts_file, &toml_file].into_iter().chain(planned_file)
+    {
         anyhow::ensure!(
             args.force || path.symlink_metadata().is_err(),
             "{} is there already: nothing is overwritten without --force",
@@ -63,14 +72,23 @@ pub(super) fn run(args: &AssembleArgs, console: Console) -> anyhow::Result<()> {
     }
     let (measured, inputs) = samples(&args.samples, args.wavelength_nm)?;
     let (density, _, others) = ndf::read(&args.ndf)?;
+    let plan = match &args.plan {
+        Some(path) => {
+            let (table, input) = super::table(path)?;
+            let (steps, quarter) = planned(path, &table)?;
+            Some((check(&steps, &measured, density.is_isotropic(), console), quarter, input))
+        }
+        None => None,
+    };
+    let of_plan = plan.as_ref().map(|(_, _, input)| input.clone()).unwrap_or_default();
     let inputs: Vec<Value> =
-        [inputs, others].iter().filter_map(Value::as_array).flatten().cloned().collect();
+        [inputs, others, of_plan].iter().filter_map(Value::as_array).flatten().cloned().collect();
     let options = AssembleOptions {
         theta_i: args.theta_i,
         phi_i: args.phi_i,
         side: args.side,
         normals: args.normals,
-        ..AssembleOptions::default()
+        mirrored: plan.as_ref().is_some_and(|(_, quarter, _)| *quarter),
     };
     let bar = super::progress(1, "assembling", console);
     bar.enable_steady_tick(std::time::Duration::from_millis(200));
@@ -89,18 +107,99 @@ pub(super) fn run(args: &AssembleArgs, console: Console) -> anyhow::Result<()> {
     }
     let file = args.output.file_name().unwrap_or_default().to_string_lossy();
     let toml = format!("[[material]]\nname = {name:?}\nmodel = \"measured\"\nfile = {file:?}\n");
-    let files = vec![
+    let text_of = |table: &Table| sunglint_formats::ecsv::to_string(table).map(String::into_bytes);
+    let mut files = vec![
         (args.output.clone(), made.file.to_bytes()?),
         (toml_file, toml.into_bytes()),
-        (coverage_file, sunglint_formats::ecsv::to_string(&table(&made, &inputs))?.into_bytes()),
+        (coverage_file, text_of(&table(&made, &inputs))?),
+        (doubts_file, text_of(&doubts(&made, &inputs))?),
     ];
+    if let Some((planned, ..)) = &plan {
+        files.push((missing_file, text_of(&missing_table(&planned.missing, &inputs))?));
+    }
     out.write_files(&files, console)?;
-    let product =
-        Product { json: summary(&made, &measured.wavelength_nm, &inputs), ..Product::default() };
+    let mut json = summary(&made, &measured.wavelength_nm, &inputs);
+    json["plan"] = plan.as_ref().map_or(Value::Null, |(planned, ..)| {
+        json!({ "planned": planned.all, "missing": planned.missing.len(), "unplanned": planned.others })
+    });
+    let product = Product { json, ..Product::default() };
     if console.quiet && !console.json {
         return Ok(());
     }
     console.result(&text(&made), &product.json)
+}
+
+/// How far a direction may lie from the one that was planned, degrees.
+const NEAR_DEG: f64 = 0.5;
+
+/// What became of a plan.
+struct Checked {
+    all: usize,
+    missing: Vec<Planned>,
+    others: usize,
+}
+
+fn check(steps: &[Planned], samples: &Samples, isotropic: bool, console: Console) -> Checked {
+    let (missing, others) = missing(steps, samples, isotropic, NEAR_DEG);
+    if let Some(first) = missing.first() {
+        console.warn(&format!(
+            "{} of {} planned directions have no value above 0 within {NEAR_DEG}°; the first is step {}: light at {:.2}°, azimuth {:.2}°, detector at {:.2}°, azimuth {:.2}°",
+            missing.len(),
+            steps.len(),
+            first.step,
+            first.theta_i_deg,
+            first.phi_i_deg,
+            first.theta_o_deg,
+            first.phi_o_deg
+        ));
+    }
+    if others > 0 {
+        console.warn(&format!(
+            "{others} directions were measured that were not planned: they are used"
+        ));
+    }
+    Checked { all: steps.len(), missing, others }
+}
+
+fn table_of(kind: &str, columns: Vec<Column>, inputs: &[Value]) -> Table {
+    let meta = [("kind", json!(kind)), ("inputs", json!(inputs))];
+    Table { meta: meta.into_iter().map(|(k, v)| (k.to_owned(), v)).collect(), columns }
+}
+
+fn missing_table(missing: &[Planned], inputs: &[Value]) -> Table {
+    let degrees = |name: &str, of: &dyn Fn(&Planned) -> f64| {
+        Column::f64(name, Some("deg"), missing.iter().map(of).collect())
+    };
+    let columns = vec![
+        Column::i64("step", None, missing.iter().map(|p| p.step as i64).collect()),
+        degrees("theta_i_deg", &|p| p.theta_i_deg),
+        degrees("phi_i_deg", &|p| p.phi_i_deg),
+        degrees("theta_o_deg", &|p| p.theta_o_deg),
+        degrees("phi_o_deg", &|p| p.phi_o_deg),
+    ];
+    table_of("brdf_missing", columns, inputs)
+}
+
+fn doubts(made: &Assembled, inputs: &[Value]) -> Table {
+    let d = &made.doubts;
+    let degrees = |name: &str, of: &dyn Fn(&Doubt) -> f64| {
+        Column::f64(name, Some("deg"), d.iter().map(of).collect())
+    };
+    let columns = vec![
+        degrees("theta_i_deg", &|d| d.theta_i_deg),
+        degrees("phi_i_deg", &|d| d.phi_i_deg),
+        degrees("theta_o_deg", &|d| d.theta_o_deg),
+        degrees("phi_o_deg", &|d| d.phi_o_deg),
+        Column {
+            name: "extrapolated".into(),
+            unit: None,
+            description: None,
+            values: Values::Bool(d.iter().map(|d| Some(d.extrapolated)).collect()),
+        },
+        Column::f64("ln_doubt", None, d.iter().map(|d| d.ln_doubt).collect())
+            .described("f may be off by this factor's logarithm; 0 where it was measured"),
+    ];
+    table_of("brdf_doubts", columns, inputs)
 }
 
 fn table(made: &Assembled, inputs: &[Value]) -> Table {
@@ -115,11 +214,11 @@ fn table(made: &Assembled, inputs: &[Value]) -> Table {
         number("extrapolated_cells", None, &|k| c[k].extrapolated_cells),
         number("albedo", None, &|k| c[k].albedo),
         number("extrapolated_albedo", None, &|k| c[k].extrapolated_albedo),
+        number("albedo_doubt", None, &|k| c[k].albedo_doubt),
         number("largest_albedo", None, &|k| c[k].largest_albedo),
         number("lowered", None, &|k| c[k].lowered),
     ];
-    let meta = [("kind", json!("brdf_coverage")), ("inputs", json!(inputs))];
-    Table { meta: meta.into_iter().map(|(k, v)| (k.to_owned(), v)).collect(), columns }
+    table_of("brdf_coverage", columns, inputs)
 }
 
 fn summary(made: &Assembled, nm: &[f64], inputs: &[Value]) -> Value {
@@ -131,7 +230,7 @@ fn summary(made: &Assembled, nm: &[f64], inputs: &[Value]) -> Value {
                 "theta_i_deg": rounded(c.theta_i_deg), "phi_i_deg": rounded(c.phi_i_deg), "cells": c.cells,
                 "extrapolated_cells": rounded(c.extrapolated_cells), "albedo": rounded(c.albedo),
                 "extrapolated_albedo": rounded(c.extrapolated_albedo), "largest_albedo": rounded(c.largest_albedo),
-                "lowered": rounded(c.lowered),
+                "albedo_doubt": rounded(c.albedo_doubt), "lowered": rounded(c.lowered),
             })
         })
         .collect();
@@ -154,7 +253,10 @@ fn text(made: &Assembled) -> String {
         "what the NDF and a Lambert term say of them is off by a factor of {:.3} (rms)",
         worst.exp()
     );
-    let _ = writeln!(text, "incidence   cells  extrapolated: of cells, of the albedo   albedo");
+    let _ = writeln!(
+        text,
+        "incidence   cells  extrapolated: of cells, of the albedo   albedo, off by up to"
+    );
     let step = (made.coverage.len() / 12).max(1);
     for c in made.coverage.iter().step_by(step) {
         let azimuth = if c.phi_i_deg == 0.0 {
@@ -169,12 +271,29 @@ fn text(made: &Assembled) -> String {
         };
         let _ = writeln!(
             text,
-            "{:8.2}° {:7}  {:21.1} % {:14.1} %  {:7.4}{azimuth}{lowered}",
+            "{:8.2}° {:7}  {:21.1} % {:14.1} %  {:7.4} {:8.1} %{azimuth}{lowered}",
             c.theta_i_deg,
             c.cells,
             100.0 * c.extrapolated_cells,
             100.0 * c.extrapolated_albedo,
-            c.albedo
+            c.albedo,
+            100.0 * c.albedo_doubt
+        );
+    }
+    let beyond: Vec<&Doubt> = made.doubts.iter().filter(|d| d.extrapolated).collect();
+    if let Some(worst) = beyond.iter().max_by(|a, b| a.ln_doubt.total_cmp(&b.ln_doubt)) {
+        let mut all: Vec<f64> = beyond.iter().map(|d| d.ln_doubt).collect();
+        all.sort_by(f64::total_cmp);
+        let _ = writeln!(
+            text,
+            "{} of {} directions all around are extrapolated: half of them may be off by a factor of {:.2} or more, the worst by {:.2} (light at {:.0}°, seen from {:.0}°, azimuths {:.0}° apart)",
+            beyond.len(),
+            made.doubts.len(),
+            all[all.len() / 2].exp(),
+            worst.ln_doubt.exp(),
+            worst.theta_i_deg,
+            worst.theta_o_deg,
+            (worst.phi_o_deg - worst.phi_i_deg).rem_euclid(360.0)
         );
     }
     text

@@ -134,12 +134,13 @@ pub fn measured(law: fn(DVec3, DVec3) -> f64, ndf: &Ndf, options: &PlanOptions) 
     let rows = made.steps.iter().map(|step| {
         let theta = made.theta_i_rad[step.incident[1]];
         let theta = step.marks_deg.map_or(theta, |m| m[0].to_radians());
-        let i = DVec3::new(theta.sin(), 0.0, theta.cos());
+        let phi = made.phi_i_rad[step.incident[0]];
+        let i = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
         let (theta_o_deg, phi_o_deg) = deg(step.outgoing);
         let f = law(i, step.outgoing);
         Sample {
             theta_i_deg: theta.to_degrees(),
-            phi_i_deg: 0.0,
+            phi_i_deg: phi.to_degrees(),
             theta_o_deg,
             phi_o_deg,
             brdf_per_sr: WAVELENGTHS_NM.iter().map(|nm| spectrum(*nm) * f).collect(),

@@ -16,6 +16,23 @@ use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
 const FLOOR: f64 = 1e-12;
 /// Neighbours of a direction.
 const NEIGHBOURS: usize = 24;
+/// Neighbours among which an anisotropic sample's direction lies or does not.
+const AROUND: usize = 96;
+/// What does not change by light and detector swapped, by half a turn, and (of a sample that is the same on both sides of its axes) by a mirror.
+const IMAGES: [[f64; 4]; 8] = [
+    [1.0, 1.0, 1.0, 1.0],
+    [1.0, 1.0, -1.0, -1.0],
+    [-1.0, -1.0, -1.0, -1.0],
+    [-1.0, -1.0, 1.0, 1.0],
+    [-1.0, 1.0, -1.0, 1.0],
+    [-1.0, 1.0, 1.0, -1.0],
+    [1.0, -1.0, 1.0, -1.0],
+    [1.0, -1.0, -1.0, 1.0],
+];
+
+fn times(p: &Point, signs: &[f64; 4]) -> Point {
+    [p[0] * signs[0], p[1] * signs[1], p[2] * signs[2], p[3] * signs[3]]
+}
 /// A direction this much further from the nearest sample than samples are from one another was not measured.
 const BEYOND: f64 = 1.5;
 /// What a file's grid is good for.
@@ -151,6 +168,8 @@ pub(super) struct Field<'a> {
     microfacets: &'a Microfacets<'a>,
     tree: Tree,
     points: Vec<Point>,
+    /// What a sample is the same as: signs of the coordinates.
+    images: &'static [[f64; 4]],
     /// ln q by sample and wavelength.
     ln_q: Vec<f64>,
     wavelengths: usize,
@@ -174,8 +193,12 @@ pub(super) struct Stencil {
 }
 
 impl<'a> Field<'a> {
-    /// `anisotropic`: the sample has a tangent. Values without a logarithm are left out; the number of them is given too.
-    pub fn new(microfacets: &'a Microfacets<'a>, samples: &Samples) -> (Self, usize) {
+    /// `mirrored`: an anisotropic sample is the same on both sides of its axes. Values without a logarithm are left out; the number of them is given too.
+    pub fn new(
+        microfacets: &'a Microfacets<'a>,
+        samples: &Samples,
+        mirrored: bool,
+    ) -> (Self, usize) {
         let wavelengths = samples.wavelength_nm.len();
         let isotropic = microfacets.is_isotropic();
         let (mut directions, mut value, mut left_out) = (Vec::new(), Vec::new(), 0);
@@ -206,13 +229,13 @@ impl<'a> Field<'a> {
         let points: Vec<Point> =
             directions.iter().map(|(i, o)| coordinates(isotropic, *i, *o)).collect();
         let mut all: Vec<(Point, usize)> = points.iter().copied().zip(0..).collect();
-        if !isotropic {
-            // Swapped, and half a turn further.
-            for (k, p) in points.iter().enumerate() {
-                all.push(([p[0], p[1], -p[2], -p[3]], k));
-                all.push(([-p[0], -p[1], -p[2], -p[3]], k));
-                all.push(([-p[0], -p[1], p[2], p[3]], k));
-            }
+        let images: &[[f64; 4]] = match (isotropic, mirrored) {
+            (true, _) => &IMAGES[..1],
+            (false, false) => &IMAGES[..4],
+            (false, true) => &IMAGES,
+        };
+        for image in &images[1..] {
+            all.extend(points.iter().enumerate().map(|(k, p)| (times(p, image), k)));
         }
         let tree = Tree::new(all);
         let step = (points.len() / 500).max(1);
@@ -224,7 +247,9 @@ impl<'a> Field<'a> {
         gaps.sort_by(f64::total_cmp);
         let spacing = gaps.get(gaps.len() * 9 / 10).copied().unwrap_or(0.0).max(1e-3);
         let differs = differences(&points, &ln_q, wavelengths);
-        (Self { microfacets, tree, points, ln_q, wavelengths, base, spacing, differs }, left_out)
+        let field =
+            Self { microfacets, tree, points, images, ln_q, wavelengths, base, spacing, differs };
+        (field, left_out)
     }
 
     /// By how much ln q differs over a distance; beyond the largest in the table it goes on as it went on the average.
@@ -257,7 +282,14 @@ impl<'a> Field<'a> {
             };
         };
         let distance = first.0.sqrt();
-        let measured = distance <= BEYOND * self.spacing || self.surrounded(&at, &near);
+        let measured = distance <= BEYOND * self.spacing
+            || if isotropic {
+                self.surrounded(&at, &near)
+            } else {
+                // Those of one incidence alone are all on one side.
+                distance <= 4.0 * self.spacing
+                    && self.surrounded(&at, &self.tree.nearest(&at, AROUND))
+            };
         if distance < 1e-7 {
             return Stencil { parts: vec![(first.1, 1.0)], keep: 1.0, distance, measured };
         }
@@ -278,14 +310,13 @@ impl<'a> Field<'a> {
 
     /// The image of a sample that is the neighbour: of an anisotropic sample swapped, or half a turn further.
     fn image(&self, k: usize, at: &Point) -> Point {
-        let p = self.points[k];
-        if self.microfacets.is_isotropic() {
-            return p;
+        let p = &self.points[k];
+        if self.images.len() == 1 {
+            return *p;
         }
         let apart = |q: &Point| (0..4).map(|k| (q[k] - at[k]).powi(2)).sum::<f64>();
-        let all = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
-        let images = all.map(|(a, b)| [a * p[0], a * p[1], b * p[2], b * p[3]]);
-        images.into_iter().min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or(p)
+        let images = self.images.iter().map(|image| times(p, image));
+        images.min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or(*p)
     }
 
     /// Whether samples lie around a direction, not all on one side: between two directions of incidence that is so, beyond the last one not.

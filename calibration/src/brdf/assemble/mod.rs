@@ -38,11 +38,13 @@ pub struct AssembleOptions {
     pub side: usize,
     /// Nodes of the densities in elevation; half as many in azimuth.
     pub normals: usize,
+    /// Whether an anisotropic sample is the same on both sides of its axes, so that a quarter of the circle says all.
+    pub mirrored: bool,
 }
 
 impl Default for AssembleOptions {
     fn default() -> Self {
-        Self { theta_i: 48, phi_i: 17, side: 81, normals: 256 }
+        Self { theta_i: 48, phi_i: 17, side: 81, normals: 256, mirrored: false }
     }
 }
 
@@ -161,7 +163,7 @@ pub fn assemble(
         return Err(AssembleError::Azimuths);
     }
     let microfacets = Microfacets::new(ndf);
-    let (field, left_out) = Field::new(&microfacets, samples);
+    let (field, left_out) = Field::new(&microfacets, samples, options.mirrored);
     let needed = 8;
     if field.len() < needed {
         return Err(AssembleError::TooFew { used: field.len(), rows: samples.rows.len(), needed });

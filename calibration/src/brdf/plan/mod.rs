@@ -4,11 +4,13 @@
 //! the file's grid of values goes through that warp to a normal m, and the sample is seen from where m mirrors the light to. A rig that turns in one plane, to
 //! marks, not closer to its lamp than a phase angle, gets the cells that it can reach.
 
+mod check;
 mod density;
 mod order;
 mod rig;
 mod table;
 
+pub use check::{Planned, missing, planned};
 pub use density::Densities;
 pub use rig::Rig;
 pub use table::to_table;
