@@ -1,10 +1,12 @@
 //! `sunglint demo`: the main job from end to end, on embedded input.
 //!
-//! Two satellites that are made up cross the sky of a virtual night, which is observed live through the virtual devices, reduced, calibrated by its stars and
-//! compared with the simulation; each pass gets a page. What runs is what a person would run: the commands stand in the folder's README.txt.
+//! Two satellites that are made up cross the sky of a virtual night, which is observed live through the virtual devices, reduced, calibrated by its stars,
+//! compared with the simulation and fitted by it; each pass gets a page of both. What runs is what a person would run: the commands stand in the folder's README.txt.
 
 use crate::cli;
 use crate::compare::{self, CompareArgs};
+use crate::fit::answer::Answer;
+use crate::fit::{self, FitArgs};
 use crate::observe::{Plan, planned};
 use crate::output::{Console, OutputArgs};
 use crate::reduce;
@@ -47,6 +49,7 @@ const SESSION: &str = "session";
 const REDUCED: &str = "reduced";
 const KAPPA: &str = "kappa.ecsv";
 const COMPARED: &str = "compared";
+const FITTED: &str = "fitted";
 /// The passes: name of the visit, of the scene's file, of the pass in it.
 const PASSES: [[&str; 3]; 2] =
     [["sphere", "sphere.toml", "sphere_pass"], ["box_wing", "pass.toml", "box_wing_pass"]];
@@ -78,6 +81,10 @@ pub fn run(args: &DemoArgs, seed: u64, console: Console) -> anyhow::Result<()> {
         work.command(&["apply", KAPPA, &linear, "--station", "ufo", "-o", &calibrated])?;
         texts.push(work.compare(&calibrated, scene)?);
         pages.push(work.path(&format!("{COMPARED}/{pass}_compared.html")));
+        work.step(&format!("fitting {visit}"));
+        let answer = work.fit(&calibrated, scene)?;
+        texts.push(fitted(visit, &answer));
+        pages.push(work.path(&format!("{FITTED}/{}_fit.html", answer.name)));
     }
     work.bar.finish_and_clear();
     let seconds = work.start.elapsed().as_secs_f64();
@@ -92,7 +99,7 @@ pub fn run(args: &DemoArgs, seed: u64, console: Console) -> anyhow::Result<()> {
     if !console.quiet || console.json {
         console.result(
             &format!(
-                "{text}\nmade in {seconds:.0} s; the pages of both passes:\n  {}\nThe demonstration is in {}",
+                "{text}\nmade in {seconds:.0} s; the pages of both passes, compared and fitted:\n  {}\nThe demonstration is in {}",
                 shown.join("\n  "),
                 folder.display()
             ),
@@ -100,7 +107,7 @@ pub fn run(args: &DemoArgs, seed: u64, console: Console) -> anyhow::Result<()> {
         )?;
     }
     if args.open {
-        open(&pages[1])?;
+        open(&pages[2])?;
     }
     Ok(())
 }
@@ -119,6 +126,7 @@ fn clear(folder: &Path, force: bool) -> anyhow::Result<()> {
         KAPPA,
         "kappa.png",
         COMPARED,
+        FITTED,
         "sphere.ecsv",
         "box_wing.ecsv",
     ]);
@@ -182,7 +190,7 @@ impl<'a> Work<'a> {
     }
 
     fn files(&mut self, seed: u64) -> anyhow::Result<()> {
-        for name in [SIMULATED, REDUCED, COMPARED] {
+        for name in [SIMULATED, REDUCED, COMPARED, FITTED] {
             let path = self.path(name);
             std::fs::create_dir_all(&path)
                 .with_context(|| format!("cannot create the folder {}", path.display()))?;
@@ -234,6 +242,16 @@ impl<'a> Work<'a> {
         Ok(())
     }
 
+    fn fit(&mut self, measured: &str, scene: &str) -> anyhow::Result<Answer> {
+        self.said.push(format!("sunglint fit {measured} {scene} -o {FITTED}/"));
+        let quiet = Console { quiet: true, ..Console::default() };
+        let into = self.path(FITTED).join("");
+        let args = FitArgs::of(self.path(measured), self.path(scene), into);
+        let answer = fit::solve(&args, 0, quiet)?;
+        fit::write(&answer, &args, quiet)?;
+        Ok(answer)
+    }
+
     fn compare(&mut self, measured: &str, scene: &str) -> anyhow::Result<String> {
         self.said.push(format!("sunglint compare {measured} {scene} -o {COMPARED}/"));
         let quiet = Console { quiet: true, ..Console::default() };
@@ -245,6 +263,29 @@ impl<'a> Work<'a> {
     }
 }
 
+/// What a fit found, beside what the night was made with: the scene's own values.
+fn fitted(visit: &str, answer: &Answer) -> String {
+    let (mut covered, mut all, mut furthest) = (0, 0, 0.0_f64);
+    let mut values = Vec::new();
+    for (p, truth) in answer.fit.parameters.iter().zip(&answer.in_the_scene) {
+        let Some(sigma) = p.sigma.filter(|s| *s > 0.0) else { continue };
+        all += 1;
+        covered += usize::from(p.covers(*truth));
+        furthest = furthest.max((p.value - truth).abs() / sigma);
+        values.push((
+            sigma / p.value,
+            format!("{} {:.3} ± {:.3} (made with {truth:.3})", p.name, p.value, sigma),
+        ));
+    }
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let best: Vec<String> = values.into_iter().take(3).map(|(_, v)| v).collect();
+    format!(
+        "{visit} fitted: {}; {covered} of {all} values that the night was made with lie in their 95 % intervals, the furthest {furthest:.1} standard uncertainties off; best known: {}\n",
+        if answer.fit.converged { "converged" } else { "NOT CONVERGED" },
+        best.join("; ")
+    )
+}
+
 fn readme(text: &str, commands: &[String]) -> String {
     let mut lines = String::new();
     for command in commands {
@@ -254,7 +295,7 @@ fn readme(text: &str, commands: &[String]) -> String {
         "{MARK}\n\n{text}\nIt is a virtual night: made of photons and pixels whose truth is known (session/virtual/truth.json), observed through virtual devices, then \
          treated as a real one. The satellites,\ntheir orbits and materials are made up, and the station's curves are approximate shapes, not measurements.\n\n\
          What was run, in this folder (without the figures of `reduce`):\n\n{lines}\n\
-         compared/*.html are the pages: open them in a browser, mail them. Tables (.ecsv) open in any editor and with astropy.table.Table.read.\n\
+         compared/*.html and fitted/*.html are the pages: open them in a browser, mail them. Tables (.ecsv) open in any editor and with astropy.table.Table.read.\n\
          Change pass.toml, sphere.toml or virtual.toml and run a command again.\n"
     )
 }

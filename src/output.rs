@@ -16,7 +16,7 @@ use sunglint_formats::{FileError, Meta, Table, ecsv};
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "The result")]
 pub struct OutputArgs {
-    /// Write the result: the extension picks the format (.ecsv, .csv, .fits, .json, .png, .svg; of `compare` .html), `-` is ECSV on stdout, a folder (its name
+    /// Write the result: the extension picks the format (.ecsv, .csv, .fits, .json, .png, .svg; of `compare` and `fit` .html), `-` is ECSV on stdout, a folder (its name
     /// ends with `/`, or it is there) gets table and figure. May be given several times. The text is printed too, unless -q
     #[arg(short, long, value_name = "FILE")]
     pub output: Vec<PathBuf>,

@@ -51,6 +51,7 @@ fn the_page_gives_back_what_was_put_in() {
     for file in [
         "sphere_fit.ecsv",
         "sphere_fit.png",
+        "sphere_fit.html",
         "sphere_fit_spectrum_surface.ecsv",
         "sphere.fitted.toml",
     ] {
@@ -151,93 +152,41 @@ fn a_clock_that_is_ahead_is_found() {
     assert!((value("albedo.surface.g") - 0.5).abs() < 1e-3);
 }
 
-/// A box of 1 × 1 × 1.3 m with two panels that follow the Sun, its z axis to the Earth.
-const ONEWEB: &str = r#"
-[target]
-name = "box and two panels"
-[[target.part]]
-name = "sides"
-shape = "box"
-size_m = [1, 1, 1.3]
-faces = ["+x", "-x", "+y", "-y", "-z"]
-material = "sides"
-[[target.part]]
-name = "earth_side"
-shape = "box"
-size_m = [1, 1, 1.3]
-faces = ["+z"]
-material = "earth_side"
-[[target.part]]
-name = "panel_a"
-shape = "plate"
-size_m = [1, 1.7]
-faces = ["+z"]
-material = "cells"
-offset_m = [0, 1.6, 0]
-hinge = "boom"
-[[target.part]]
-name = "panel_b"
-shape = "plate"
-size_m = [1, 1.7]
-faces = ["+z"]
-material = "cells"
-offset_m = [0, -1.6, 0]
-hinge = "boom"
-[[target.part]]
-name = "backs_a"
-shape = "plate"
-size_m = [1, 1.7]
-faces = ["-z"]
-material = "backs"
-offset_m = [0, 1.6, 0]
-hinge = "boom"
-[[target.part]]
-name = "backs_b"
-shape = "plate"
-size_m = [1, 1.7]
-faces = ["-z"]
-material = "backs"
-offset_m = [0, -1.6, 0]
-hinge = "boom"
-[[target.hinge]]
-name = "boom"
-point_m = [0, 0, 0]
-axis = [0, 1, 0]
-face = [0, 0, 1]
-[[target.material]]
-name = "sides"
-model = "microfacet"
-distribution = "ggx"
-alpha = 0.3
-reflectance = 0.5
-[[target.material]]
-name = "earth_side"
-model = "microfacet"
-distribution = "ggx"
-alpha = 0.3
-reflectance = 0.5
-[[target.material]]
-name = "cells"
-model = "microfacet"
-distribution = "ggx"
-alpha = 0.2
-reflectance = 0.1
-[[target.material]]
-name = "backs"
-model = "lambert"
-reflectance = 0.5
-[attitude]
-law = "orbit"
-[air]
-none = true
-[effects]
-inter_reflection = "off"
-[fit]
-free = ["albedo", "material.sides.alpha=0.05..1.2", "material.earth_side.alpha=0.05..1.2", "material.cells.alpha=0.05..1.2", "attitude.pitch_deg=-10..10"]
-"#;
+/// A box of 1 × 1 × 1.3 m with two panels that follow the Sun, its z axis to the Earth: diffuse, each side of the box, the cells and the panels' backs of a material
+/// of its own; turned about all axes by what is free.
+fn oneweb_body() -> String {
+    let mut text = "[target]\nname = \"box and two panels\"\n".to_owned();
+    let sides = ["ram +x", "wake -x", "north +y", "south -y", "earth +z", "sky -z"];
+    for (name, face) in sides.iter().filter_map(|s| s.split_once(' ')) {
+        writeln!(text, "[[target.part]]\nname = \"{name}\"\nshape = \"box\"\nsize_m = [1, 1, 1.3]\nfaces = [\"{face}\"]\nmaterial = \"{name}\"")
+            .unwrap();
+        writeln!(
+            text,
+            "[[target.material]]\nname = \"{name}\"\nmodel = \"lambert\"\nreflectance = 0.5"
+        )
+        .unwrap();
+    }
+    for (name, face) in [("cells", "+z"), ("backs", "-z")] {
+        for side in [1.6, -1.6] {
+            writeln!(text, "[[target.part]]\nname = \"{name} at {side}\"\nshape = \"plate\"\nsize_m = [1, 1.7]\nfaces = [\"{face}\"]\nmaterial = \"{name}\"\noffset_m = [0, {side}, 0]\nhinge = \"boom\"")
+                .unwrap();
+        }
+        writeln!(
+            text,
+            "[[target.material]]\nname = \"{name}\"\nmodel = \"lambert\"\nreflectance = 0.5"
+        )
+        .unwrap();
+    }
+    text += "[[target.hinge]]\nname = \"boom\"\npoint_m = [0, 0, 0]\naxis = [0, 1, 0]\nface = [0, 0, 1]\n\
+        [attitude]\nlaw = \"orbit\"\neuler_zyx_deg = [0, 0, 0]\n[air]\nnone = true\n[effects]\ninter_reflection = \"off\"\n\
+        [fit]\nfree = [\"albedo\", \"attitude.pitch_deg=-20..20\", \"attitude.roll_deg=-20..20\", \"attitude.yaw_deg=-20..20\"]\n";
+    text
+}
 
-/// Two tracks of ONEWEB-0165 as MMT-9 published them: the fit runs, tells the tracks' own noise apart from what is left, and is no worse than a diffuse sphere. The
-/// figures are printed; docs/fit.md has them. Truth: the tracks' white noise as it was found before this program (0.09 and 0.21 mag), ± 0.03.
+/// Two tracks of ONEWEB-0165 as MMT-9 published them, ten samples a second: the fit tells the tracks' own noise apart from what is left. docs/fit.md has the figures.
+/// Truth: the tracks' white noise as it was found before this program (0.09 and 0.21 mag), ± 0.03; the diffuse sphere's residual, found for each track
+/// alone in the same way (0.18 and 0.38 mag about its mean), ± 0.015. What a body of eleven numbers leaves is held against the noise: within a tenth of it, which no sphere reaches. Light is
+/// computed at few epochs: what that errs by is stated, below 3e-4.
 #[test]
 fn oneweb_0165_is_fitted() {
     let files = (shared("real/oneweb_0165_geometry.csv"), shared("real/oneweb_0165_mmt9.txt"));
@@ -254,23 +203,24 @@ fn oneweb_0165_is_fitted() {
             let body = if scene == "sphere" {
                 "[target]\nsphere = { radius_m = 1.0, reflectance = 0.5 }\n[air]\nnone = true\n[fit]\nfree = [\"albedo\"]\n".to_owned()
             } else {
-                ONEWEB.replace("law = \"orbit\"", "law = \"orbit\"\neuler_zyx_deg = [0, 0, 0]")
+                oneweb_body()
             };
             std::fs::write(folder.path(&name), own + &body).unwrap();
             arguments.extend([format!("track{number}.txt"), name]);
         }
         arguments
-            .extend(["--json", "--places", "24", "--starts", "2", "-o", scene].map(str::to_owned));
+            .extend(["--json", "--places", "12", "--starts", "1", "-o", scene].map(str::to_owned));
         std::fs::create_dir_all(folder.path(scene)).unwrap();
         let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
         let output = folder.run(&arguments);
         println!("{}", String::from_utf8_lossy(&output.stderr));
         serde_json::from_slice(&output.stdout).unwrap()
     };
-    let tracks = |json: &Value| -> Vec<[f64; 2]> {
+    let tracks = |json: &Value| -> Vec<[f64; 3]> {
         let curves = json["curves"].as_array().unwrap();
         let all = curves.iter().flat_map(|c| c["tracks"].as_array().unwrap().clone());
-        all.map(|t| ["white_noise_mag", "rms_mag"].map(|k| t[k].as_f64().unwrap())).collect()
+        let keys = ["white_noise_mag", "rms_mag", "mean_mag"];
+        all.map(|t| keys.map(|k| t[k].as_f64().unwrap())).collect()
     };
     let sphere = run("sphere");
     let body = run("box");
@@ -286,9 +236,19 @@ fn oneweb_0165_is_fitted() {
                 .unwrap();
         }
     }
-    for (k, noise) in [0.09, 0.21].into_iter().enumerate() {
-        assert!((of_body[k][0] - noise).abs() < 0.03, "{of_body:?}");
-        assert!(of_body[k][1] < 1.05 * of_sphere[k][1], "{of_body:?} {of_sphere:?}");
+    for (k, (noise, round)) in [(0.09, 0.18), (0.21, 0.38)].into_iter().enumerate() {
+        let [white, rms, mean] = of_sphere[k];
+        assert!((white - noise).abs() < 0.03, "{of_sphere:?}");
+        let about_its_mean = (rms * rms - mean * mean).sqrt();
+        assert!((about_its_mean - round).abs() < 0.015, "{of_sphere:?}");
+        assert!(of_body[k][1] < 1.1 * of_body[k][0], "{of_body:?}");
+    }
+    assert_eq!(body["fit"]["converged"], true);
+    for curve in body["curves"].as_array().unwrap() {
+        let thinned = &curve["thinned"];
+        assert!(thinned["error"].as_f64().unwrap() < 3e-4, "{thinned}");
+        let [few, all] = ["direct", "epochs"].map(|k| thinned[k].as_u64().unwrap());
+        assert!(5 * few < all, "{thinned}");
     }
 }
 
@@ -356,4 +316,41 @@ fn light_between_the_parts_is_no_brighter_wall() {
     for albedo in albedos(&fitted("without.toml")) {
         assert!(albedo > 0.82, "{albedo}");
     }
+}
+
+/// Truth: by construction: without a step from a clock that is 1.5 s off nothing is reached, which a search that may step does. Exit
+/// code 1; the words say what happened and what to do; what was reached is written, and says that it did not converge.
+#[test]
+fn what_did_not_converge_is_written_and_said() {
+    let folder = folder("fit-short");
+    folder.done(&["simulate", "sphere.toml", "-o", "p.ecsv", "-q"]);
+    let mut moved = curve(&folder, "p.ecsv");
+    moved.kind = RateKind::Calibrated;
+    moved.samples.time.iter_mut().for_each(|t| *t -= hifitime::Unit::Second * 1.5);
+    write(&folder, "m.ecsv", &moved);
+    let fit = [
+        "fit",
+        "m.ecsv",
+        "sphere.toml",
+        "--free",
+        "time_offset_s=-2..2",
+        "--places",
+        "0",
+        "--starts",
+        "0",
+    ];
+    let output = folder.run(&[&fit[..], &["--iterations", "0", "-o", "short/"]].concat());
+    assert_eq!(output.status.code(), Some(1));
+    let message = String::from_utf8_lossy(&output.stderr);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains("NOT CONVERGED"), "{said}");
+    assert!(message.contains("did not converge") && message.contains("--iterations"), "{message}");
+    for file in ["sphere_fit.ecsv", "sphere_fit.html", "sphere_fit.png", "sphere.fitted.toml"] {
+        assert!(folder.path("short").join(file).exists(), "{file}");
+    }
+    let table = ecsv::read(folder.path("short").join("sphere_fit.ecsv")).unwrap();
+    assert_eq!(table.meta["fit"]["converged"], false);
+    let page = std::fs::read_to_string(folder.path("short").join("sphere_fit.html")).unwrap();
+    assert!(page.contains("did NOT converge"));
+    assert_eq!(folder.json(&[&fit[..], &["--json"]].concat())["fit"]["converged"], true);
 }

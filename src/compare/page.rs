@@ -48,6 +48,8 @@ pub(super) fn report(compared: &Compared<'_>) -> Report {
             scales(compared),
         ),
         channels: channels.collect(),
+        curves_title: "Measured and simulated".into(),
+        curves_note: "Dots: measured. Lines: simulated, on the same epochs, not scaled.".into(),
         groups: compared.tracks().iter().map(|track| group(compared, track)).collect(),
         others: others(compared, &palette),
         sections: sections(compared),

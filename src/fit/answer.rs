@@ -11,7 +11,8 @@ use sunglint_calibration::pass::{
     Data, Fit, FittedCurve, StudyModel, Summary, airmasses, summaries,
 };
 use sunglint_formats::time::format_utc_shortest;
-use sunglint_simulator::pass::Study;
+use sunglint_radiometry::light_curve::Input;
+use sunglint_simulator::pass::{Study, Thinned};
 
 /// Edges of groups of phase angles, degrees.
 const PHASE_EDGES: [f64; 7] = [0.0, 30.0, 60.0, 90.0, 120.0, 150.0, 180.0];
@@ -31,12 +32,16 @@ pub struct Answer {
     pub channels: Vec<String>,
     /// The fit.
     pub fit: Fit,
+    /// What the scene said of each parameter before the fit.
+    pub in_the_scene: Vec<f64>,
     /// Residuals in groups.
     pub groups: Groups,
     /// The curves.
     pub curves: Vec<AnsweredCurve>,
     /// Reflectance spectra of materials whose albedos were found.
     pub spectra: Vec<Spectrum>,
+    /// The files that it was made of.
+    pub inputs: Vec<Input>,
     /// Young's coefficient of the scintillation.
     pub scintillation: f64,
     /// Light that came by way of another part; `None` where there was none, or it is switched.
@@ -51,7 +56,7 @@ pub struct Answer {
 }
 
 /// Light that came by way of another part: computed for what was found, held, the rest fitted again, until nothing moved.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Bounces {
     /// The largest share of a sample's light.
     pub share: f64,
@@ -61,6 +66,8 @@ pub struct Bounces {
     pub moved_sigmas: f64,
     /// Whether that was little enough.
     pub settled: bool,
+    /// At how many epochs of each curve it was computed, and what the lines between them err by.
+    pub thinned: Vec<Thinned>,
 }
 
 /// Residuals in groups.
@@ -87,6 +94,8 @@ pub struct AnsweredCurve {
     pub left_out: Vec<LeftOut>,
     /// Whether these are magnitudes: rates are then fluxes in V over that of magnitude 0, above the air.
     pub magnitudes: bool,
+    /// At how many epochs light was computed, and what the lines between them err by; `None` where at all.
+    pub thinned: Option<Thinned>,
     /// Tracks of magnitudes: their white noise beside what is left.
     pub tracks: Vec<Track>,
     /// Times of the samples.
@@ -178,6 +187,15 @@ impl Spectrum {
     }
 }
 
+impl Answer {
+    /// The first and the last sample's moment.
+    pub fn ends(&self) -> (Epoch, Epoch) {
+        let mut all = self.curves.iter().flat_map(|c| &c.times).copied();
+        let first = all.next().unwrap_or_else(|| Epoch::from_tai_seconds(0.0));
+        all.fold((first, first), |(a, b), t| (a.min(t), b.max(t)))
+    }
+}
+
 impl AnsweredCurve {
     pub(super) fn new(
         measured: &Measured,
@@ -185,6 +203,7 @@ impl AnsweredCurve {
         data: &Data,
         model: &FittedCurve,
         left_out: Vec<(String, usize)>,
+        thinned: Option<Thinned>,
     ) -> Self {
         let places = study.places();
         let tracks = measured.tracks.iter().map(|(from, noise, samples)| {
@@ -210,6 +229,7 @@ impl AnsweredCurve {
             fitted: data.count(),
             left_out: left_out.into_iter().map(|(why, samples)| LeftOut { why, samples }).collect(),
             magnitudes: measured.magnitudes,
+            thinned,
             tracks: tracks.collect(),
             times: measured.times.clone(),
             exposure_s: measured.exposure_s.clone(),

@@ -7,6 +7,7 @@ pub mod answer;
 mod found;
 mod inputs;
 pub mod measured;
+mod page;
 mod parameters;
 mod progress;
 mod report;
@@ -25,19 +26,25 @@ use progress::Shown;
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::time::Instant;
-use sunglint_calibration::pass::{self, Free, Loss, Options, Unit};
+use sunglint_calibration::pass::{self, Fit, Free, Loss, Options, ParameterKind, StudyModel, Unit};
 use sunglint_calibration::stars::scintillation::USUAL_COEFFICIENT;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::toml::NonNegative;
+use sunglint_radiometry::light_curve::Input;
 use sunglint_simulator::light::engine::Switch;
-use sunglint_simulator::pass::{BANDS, Study};
+use sunglint_simulator::pass::{BANDS, Study, Thinned};
 use sunglint_simulator::target::Shape;
 
 /// The band of published magnitudes.
 const V: usize = 2;
 
+/// Of the scene's tolerance, the part that light may err by that is computed at some epochs and is linear in time between them.
+const THINNED: f64 = 0.3;
+/// How often such epochs are added where a fit ended.
+const REFINED: usize = 3;
+
 /// Arguments of `sunglint fit`.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 pub struct FitArgs {
     /// Calibrated light curves (or tables of magnitudes) and the scene that they are of: `MEASURED… PASS.toml`; with several scenes each stands after
     /// its own curves
@@ -65,6 +72,9 @@ pub struct FitArgs {
     /// From how many of them a search starts, the scene's own values besides [default: 8]
     #[arg(long, value_name = "N")]
     pub starts: Option<u32>,
+    /// Iterations of a descent to the bottom of a minimum, at most; with 0 only places are looked at [default: 60]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=10_000))]
+    pub iterations: Option<u32>,
     /// The column of magnitudes, where a table of them is given [default: magnitude]
     #[arg(long, value_name = "NAME")]
     pub magnitude_column: Option<String>,
@@ -123,12 +133,31 @@ struct FitKeys {
     starts: Option<u32>,
 }
 
+impl FitArgs {
+    /// A fit of one curve, with what the scene's `[fit]` says.
+    pub fn of(measured: PathBuf, scene: PathBuf, output: PathBuf) -> Self {
+        let out = OutputArgs { output: vec![output], force: false };
+        Self { inputs: vec![measured, scene], out, ..Self::default() }
+    }
+}
+
 /// Fits.
 pub fn run(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<()> {
     args.out.check_with(console)?;
     args.out.check()?;
     let answer = solve(args, seed, console)?;
-    let product = report::product(&answer)?;
+    write(&answer, args, console)?;
+    if !answer.fit.converged {
+        bail!(
+            "the fit did not converge: what it reached is in the output, and its intervals mean nothing; start nearer (--free NAME=LO..HI), let it go on for longer (--iterations), or search more (--places, --starts)"
+        );
+    }
+    Ok(())
+}
+
+/// Writes an answer where it is wanted, and says it.
+pub fn write(answer: &Answer, args: &FitArgs, console: Console) -> anyhow::Result<()> {
+    let product = report::product(answer)?;
     let mut files = Vec::new();
     if let Some(scene) = &answer.scene {
         let folders = args.out.folders();
@@ -136,13 +165,7 @@ pub fn run(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<()> {
         let into = folders.output.iter().map(|f| f.join(&name)).chain(args.scene_out.clone());
         files.extend(into.map(|path| (path, scene.clone().into_bytes())));
     }
-    args.out.finish_with(&product, files, &report::text(&answer), console)?;
-    if !answer.fit.converged {
-        bail!(
-            "the fit did not converge: what it reached is in the output, and its intervals mean nothing; start nearer (--free NAME=LO..HI), or search more (--places, --starts)"
-        );
-    }
-    Ok(())
+    args.out.finish_with(&product, files, &report::text(answer), console)
 }
 
 /// Does all of `sunglint fit` but write: for other commands that show a fit.
@@ -225,31 +248,44 @@ pub fn solve(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<Answ
         places: args.places.or(keys.places).unwrap_or(128) as usize,
         starts: args.starts.or(keys.starts).unwrap_or(8) as usize,
         seed,
+        iterations: args.iterations.map_or(Options::default().iterations, |n| n as usize),
     };
     let mut shown = Shown::new(console);
-    let mut fit =
-        pass::fit(&data, &mut model, &parameters.free, &parameters.linear, &options, &mut |p| {
-            shown.tell(p)
-        })?;
+    let (free, linear) = (&parameters.free, &parameters.linear);
+    let near = Options { places: 0, starts: 0, ..options.clone() };
+    let mut refit = |model: &mut StudyModel, fit: &Fit, shown: &mut Shown| {
+        let again: Vec<Free> = (free.iter().zip(&fit.parameters))
+            .map(|(f, p)| Free { start: p.value.clamp(f.low, f.high), ..f.clone() })
+            .collect();
+        let mut next = pass::fit(&data, model, &again, linear, &near, &mut |p| shown.tell(p))?;
+        next.evaluations += fit.evaluations;
+        // Other minima are those of the search.
+        next.minima.extend(fit.minima.iter().skip(1).cloned());
+        Ok(next)
+    };
+    let count = |all: &[Thinned]| all.iter().map(|t| t.direct + t.indirect).sum::<usize>();
+    let begin: Vec<f64> = free.iter().map(|f| f.start).collect();
+    let mut nodes = model.thin(&begin, THINNED)?;
+    let mut fit = pass::fit(&data, &mut model, free, linear, &options, &mut |p| shown.tell(p))?;
+    for _ in 0..REFINED {
+        // What was smooth where the search began may not be so where it ended.
+        if wrong_between(&mut model, &fit)? <= 1.0 {
+            break;
+        }
+        let finer = model.thin(&searched(&fit), THINNED)?;
+        if count(&finer) == count(&nodes) {
+            break;
+        }
+        nodes = finer;
+        fit = refit(&mut model, &fit, &mut shown)?;
+    }
     let bouncing =
         Bouncing { jobs: &jobs, of: &bouncing, args, parameters: &parameters, channels: &channels };
     let mut bounces = None;
     if bouncing.of.iter().any(|b| *b) {
-        let near = Options { places: 0, starts: 0, ..options.clone() };
-        let (free, linear) = (&parameters.free, &parameters.linear);
-        (fit, bounces) =
-            bouncing.settle(&mut model, fit, &mut shown, &mut |model, fit, shown| {
-                let again: Vec<Free> = (free.iter().zip(&fit.parameters))
-                    .map(|(f, p)| Free { start: p.value.clamp(f.low, f.high), ..f.clone() })
-                    .collect();
-                let mut next =
-                    pass::fit(&data, model, &again, linear, &near, &mut |p| shown.tell(p))?;
-                next.evaluations += fit.evaluations;
-                // Other minima are those of the search.
-                next.minima.extend(fit.minima.iter().skip(1).cloned());
-                Ok(next)
-            })?;
+        (fit, bounces) = bouncing.settle(&mut model, fit, &mut shown, &mut refit)?;
     }
+    let thinned = model.thinned(&searched(&fit))?;
     if let Some(bounces) = bounces.as_ref().filter(|b| !b.settled) {
         warnings.push(format!(
             "light between the parts, up to {:.1} % of a sample's, had not settled after {} rounds: the last moved a parameter by {:.1} of its standard uncertainty",
@@ -279,6 +315,7 @@ pub fn solve(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<Answ
                 &data[k],
                 &fit.curves[k],
                 left_out[k].clone(),
+                thinned[k],
             ))
         })
         .collect();
@@ -289,14 +326,52 @@ pub fn solve(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<Answ
         groups: answer::groups(&data, &fit, &model, &channels),
         channels,
         curves,
+        inputs: inputs_of(&jobs, &model)?,
         fit,
         spectra,
         scene,
+        in_the_scene: parameters.in_the_scene(),
         scintillation: coefficient,
         bounces,
         seconds: start.elapsed().as_secs_f64(),
         warnings,
     })
+}
+
+/// The files that a fit was made of.
+fn inputs_of(jobs: &[Job], model: &StudyModel) -> anyhow::Result<Vec<Input>> {
+    let mut all: Vec<Input> = Vec::new();
+    let mut add = |input: Input| {
+        if !all.iter().any(|own| own.sha256 == input.sha256) {
+            all.push(input);
+        }
+    };
+    for (k, job) in jobs.iter().enumerate() {
+        for path in [&job.measured.path, &job.scene.path] {
+            let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+            let sha256 = crate::tables::sha256(&bytes);
+            add(Input { file: path.display().to_string(), sha256 });
+        }
+        let own = model.study(k).map(|s| s.pass().inputs.clone());
+        own.into_iter().flatten().for_each(&mut add);
+    }
+    Ok(all)
+}
+
+/// Values of what was searched for.
+fn searched(fit: &Fit) -> Vec<f64> {
+    let own = fit.parameters.iter().filter(|p| p.kind == ParameterKind::Nonlinear);
+    own.map(|p| p.value).collect()
+}
+
+/// What the lines between epochs at which light was computed err by, over what they may.
+fn wrong_between(model: &mut StudyModel, fit: &Fit) -> anyhow::Result<f64> {
+    let thinned = model.thinned(&searched(fit))?;
+    let own = thinned.iter().enumerate().filter_map(|(k, t)| {
+        let allowed = THINNED * model.study(k)?.pass().tolerance;
+        t.as_ref().map(|t| t.error / allowed)
+    });
+    Ok(own.fold(0.0, f64::max))
 }
 
 const _: () = assert!(V < BANDS.len());

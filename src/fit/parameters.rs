@@ -329,6 +329,12 @@ impl Parameters {
         )
     }
 
+    /// What the scene says of each parameter: where its search starts, or the value for which its light is as the scene has it.
+    pub fn in_the_scene(&self) -> Vec<f64> {
+        let searched = self.free.iter().map(|f| f.start);
+        searched.chain(self.linear.iter().map(|l| l.unit)).collect()
+    }
+
     /// Parameters that no scene file can hold.
     pub fn beyond_the_scene(&self) -> Vec<String> {
         let of = self.free.iter().zip(&self.roles);

@@ -1,6 +1,7 @@
 //! What `sunglint fit` says: text, tables, figures.
 
 use super::answer::{Answer, AnsweredCurve, Spectrum};
+use super::page;
 use crate::output::Product;
 use crate::plot::{Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm};
 use serde_json::json;
@@ -8,6 +9,7 @@ use std::fmt::Write as _;
 use sunglint_calibration::pass::{Estimate, IntervalMethod, Side, Summary};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
+use sunglint_simulator::pass::Thinned;
 
 /// Tables, figures, JSON.
 pub fn product(answer: &Answer) -> anyhow::Result<Product> {
@@ -34,6 +36,7 @@ pub fn product(answer: &Answer) -> anyhow::Result<Product> {
         name: format!("{}_fit", answer.name),
         table: answer.curves.first().map(|c| table(answer, c)).unwrap_or_default(),
         figure: answer.curves.first().map(|c| figure(answer, c)),
+        html: Some(page::report(answer).html()),
         json: serde_json::to_value(answer)?,
         others,
         ..Product::default()
@@ -110,6 +113,13 @@ pub fn text(answer: &Answer) -> String {
             );
         }
     }
+    for curve in &answer.curves {
+        if let Some(thinned) =
+            curve.thinned.filter(|t| t.direct < t.epochs || t.indirect < t.epochs)
+        {
+            let _ = writeln!(text, "{}: {}", curve.name, of_thinned(&thinned));
+        }
+    }
     if let Some(bounces) = &answer.bounces {
         let _ = writeln!(
             text,
@@ -131,15 +141,15 @@ pub fn text(answer: &Answer) -> String {
 }
 
 fn row(p: &Estimate, width: usize) -> String {
-    let number = |v: Option<f64>| v.map_or("-".to_owned(), short);
+    let or_dash = |v: Option<f64>| v.map_or("-".to_owned(), number);
     let [low, high] = p.interval_95;
     let mut line = format!(
         "{:<width$}  {:>12}  {:>10}  {} to {}",
         p.name,
-        short(p.value),
-        number(p.sigma),
-        number(low),
-        number(high)
+        number(p.value),
+        or_dash(p.sigma),
+        or_dash(low),
+        or_dash(high)
     );
     match (p.interval_method, p.at_bound) {
         (IntervalMethod::None, _) => line.push_str("  (not determined)"),
@@ -151,8 +161,20 @@ fn row(p: &Estimate, width: usize) -> String {
     line
 }
 
+/// At how many epochs light was computed, in words.
+pub(super) fn of_thinned(t: &Thinned) -> String {
+    let indirect = match t.indirect {
+        0 => String::new(),
+        n => format!(", all other light at {n}"),
+    };
+    format!(
+        "direct light was computed at {} of {} epochs{indirect}; the lines between err by up to {:.1e} of the light",
+        t.direct, t.epochs, t.error
+    )
+}
+
 /// A number in six digits.
-fn short(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     if value != 0.0 && !(1e-4..1e6).contains(&value.abs()) {
         return format!("{value:.4e}");
     }
@@ -235,6 +257,7 @@ fn table(answer: &Answer, curve: &AnsweredCurve) -> Table {
     table.meta.insert("fit".into(), json!({
         "scene": answer.scene_file.display().to_string(), "measured": curve.path.display().to_string(),
         "converged": answer.fit.converged, "reduced_chi2": answer.fit.reduced_chi2, "parameters": parameters,
+        "in_the_scene": answer.in_the_scene,
     }));
     table
 }

@@ -72,6 +72,10 @@ pub struct Report {
     pub parameters: (String, String, Vec<Parameter>),
     /// Channels, each with its place in the palette.
     pub channels: Vec<(String, usize)>,
+    /// The title of the charts against time.
+    pub curves_title: String,
+    /// What dots and lines are in them.
+    pub curves_note: String,
     /// Charts against time, a group a track.
     pub groups: Vec<Group>,
     /// Charts against something else.
@@ -133,7 +137,8 @@ impl Report {
     }
 
     fn charts(&self, page: &mut String) {
-        page.push_str("<section id=\"curves\">\n<h2>Measured and simulated</h2>\n");
+        let title = Text(&self.curves_title);
+        let _ = writeln!(page, "<section id=\"curves\">\n<h2>{title}</h2>");
         page.push_str("<p class=\"legend\" aria-label=\"Channels\">");
         for (c, (name, hue)) in self.channels.iter().enumerate() {
             let _ = write!(
@@ -142,7 +147,11 @@ impl Report {
                 Text(name)
             );
         }
-        page.push_str("</p>\n<p class=\"how\">Dots: measured. Lines: simulated, on the same epochs, not scaled. <span class=\"live\" hidden>Drag to zoom, or turn the wheel over a chart that was clicked; double-click or <kbd>0</kbd> shows all again. Arrow keys move the read-out of a chart in focus, <kbd>+</kbd> and <kbd>−</kbd> zoom.</span></p>\n");
+        let _ = write!(
+            page,
+            "</p>\n<p class=\"how\">{} <span class=\"live\" hidden>Drag to zoom, or turn the wheel over a chart that was clicked; double-click or <kbd>0</kbd> shows all again. Arrow keys move the read-out of a chart in focus, <kbd>+</kbd> and <kbd>−</kbd> zoom.</span></p>\n",
+            Text(&self.curves_note)
+        );
         for (g, group) in self.groups.iter().enumerate() {
             let _ = writeln!(page, "<div class=\"group\" data-group=\"{g}\">");
             if self.groups.len() > 1 {
@@ -251,6 +260,8 @@ mod tests {
             verdict: bad.into(),
             figures: vec![[bad.into(), bad.into(), bad.into()]],
             channels: vec![(bad.into(), 0)],
+            curves_title: bad.into(),
+            curves_note: bad.into(),
             groups: vec![Group {
                 title: bad.into(),
                 x_label: bad.into(),

@@ -4,7 +4,10 @@ use super::estimate::estimate;
 use super::problem::{Problem, State};
 use super::search::{self, Found};
 use super::whiten::{PerSample, Whitener};
-use super::{Data, Fit, FitError, FittedCurve, Free, Linear, Minimum, Model, Warning};
+use super::{
+    Data, Estimate, Fit, FitError, FittedCurve, Free, IntervalMethod, Linear, Minimum, Model,
+    Warning,
+};
 use ndarray::Array2;
 use serde::{Deserialize, Serialize};
 
@@ -27,8 +30,6 @@ const SHAKEN: [f64; 3] = [0.02, 0.006, 0.002];
 const SHAKES: usize = 6;
 /// Iterations of the first descent from a start, which is for telling starts apart.
 const FIRST: usize = 15;
-/// Iterations of the polish.
-const POLISH: usize = 60;
 /// Residuals above this reduced χ² are said to be large.
 const POOR: f64 = 1.5;
 
@@ -91,11 +92,13 @@ pub struct Options {
     pub starts: usize,
     /// The seed of the places.
     pub seed: u64,
+    /// Iterations of a descent to the bottom of a minimum, at most; with 0 nothing descends, and no fit with what is not linear converges.
+    pub iterations: usize,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { loss: Loss::default(), places: 128, starts: 8, seed: 0 }
+        Self { loss: Loss::default(), places: 128, starts: 8, seed: 0, iterations: 60 }
     }
 }
 
@@ -124,6 +127,7 @@ pub fn fit(
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Fit, FitError> {
     let mut problem = Problem::new(data, model, free, linear)?;
+    let most = options.iterations;
     let start = search::start(&problem);
     let first = problem.evaluate(&search::values(&problem, &start))?;
     let mut least = first.chi2;
@@ -141,7 +145,7 @@ pub fn fit(
         let mut near = Vec::new();
         for place in starts(&mut problem, &start, options, &mut tell) {
             // Where there is no model on the way a simplex finds one.
-            let found = match search::polish(&mut problem, &place, FIRST, false, None) {
+            let found = match search::polish(&mut problem, &place, FIRST.min(most), false, None) {
                 Ok(found) => found,
                 Err(_) => {
                     let rounds = SIMPLEX * free.len() as u64;
@@ -153,10 +157,10 @@ pub fn fit(
         }
         near.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
         for (k, near) in near.iter().take(POLISHED).enumerate() {
-            let mut found = search::polish(&mut problem, &near.at, POLISH, false, None)?;
+            let mut found = search::polish(&mut problem, &near.at, most, false, None)?;
             tell("search", &problem, found.chi2);
             if k == 0 && free.len() > 1 {
-                found = shaken(&mut problem, found, &mut tell)?;
+                found = shaken(&mut problem, found, most, &mut tell)?;
             }
             minima.push(found);
         }
@@ -174,14 +178,14 @@ pub fn fit(
     // The noise by the model's rates, and what the loss makes of outliers, until both stand still.
     let mut best = minima[0].clone();
     if options.loss == Loss::Tukey {
-        settle(&mut problem, &mut best, Loss::Huber, &mut tell)?;
+        settle(&mut problem, &mut best, Loss::Huber, most, &mut tell)?;
     }
-    let (mut state, mut settled) = settle(&mut problem, &mut best, options.loss, &mut tell)?;
+    let (mut state, mut settled) = settle(&mut problem, &mut best, options.loss, most, &mut tell)?;
     // By that noise another minimum may be the better one.
     let scale = (state.chi2 / freedom(&problem) as f64).max(1.0);
     let mut others = Vec::new();
     for found in minima.iter().skip(1).filter(|m| m.chi2 - minima[0].chi2 < 4.0 * WORTH * scale) {
-        let found = search::polish(&mut problem, &found.at, POLISH, false, None)?;
+        let found = search::polish(&mut problem, &found.at, most, false, None)?;
         tell("other minima", &problem, found.chi2);
         if search::apart(&problem, &found.at, &best.at) > SAME {
             others.push(found);
@@ -190,15 +194,16 @@ pub fn fit(
     if let Some(k) = (0..others.len()).find(|k| others[*k].chi2 < state.chi2 - 1e-3) {
         others.push(std::mem::replace(&mut best, others[k].clone()));
         others.swap_remove(k);
-        (state, settled) = settle(&mut problem, &mut best, options.loss, &mut tell)?;
+        (state, settled) = settle(&mut problem, &mut best, options.loss, most, &mut tell)?;
     }
-    finish(problem, best, state, settled, others, options.loss)
+    finish(problem, best, state, settled, others, options)
 }
 
 /// Simplices of several sizes about a minimum: where a body's edges and glints make the sum of squares rough, the next dent may be deeper.
 fn shaken(
     problem: &mut Problem,
     mut best: Found,
+    most: usize,
     tell: &mut dyn FnMut(&'static str, &Problem, f64),
 ) -> Result<Found, FitError> {
     let rounds = SIMPLEX * problem.free.len() as u64 / 2;
@@ -207,7 +212,7 @@ fn shaken(
         for size in SHAKEN {
             let near = search::simplex(problem, &best.at, size, rounds)?;
             if near.chi2 < best.chi2 - 0.1 {
-                let found = search::polish(problem, &near.at, POLISH, false, None)?;
+                let found = search::polish(problem, &near.at, most, false, None)?;
                 tell("search", problem, found.chi2);
                 if found.chi2 < best.chi2 {
                     best = found;
@@ -250,6 +255,7 @@ fn settle(
     problem: &mut Problem,
     best: &mut Found,
     loss: Loss,
+    most: usize,
     tell: &mut dyn FnMut(&'static str, &Problem, f64),
 ) -> Result<(State, bool), FitError> {
     let mut state = problem.evaluate(&search::values(problem, &best.at))?;
@@ -263,7 +269,7 @@ fn settle(
         problem.whitener = whitener;
         if !problem.free.is_empty() {
             let converged = best.converged;
-            *best = search::polish(problem, &best.at, POLISH, true, None)?;
+            *best = search::polish(problem, &best.at, most, true, None)?;
             // What was at a minimum and cannot go lower is still there.
             best.converged |= converged && round > 0;
         }
@@ -368,14 +374,32 @@ fn m_factor(pulls: &PerSample, loss: Loss, freedom: usize) -> f64 {
     spread * spread * psi2 / freedom as f64 / (slope * slope)
 }
 
+/// Whether two minima differ in nothing but parameters that the data do not determine: they are one.
+fn same_but_for_what_is_open(
+    problem: &Problem,
+    estimates: &[Estimate],
+    a: &[f64],
+    b: &[f64],
+) -> bool {
+    let one = |f: &Free, a: f64, b: f64| {
+        let apart = ((a - b) / (f.high - f.low)).abs();
+        let apart = if f.wraps { apart.rem_euclid(1.0) } else { apart };
+        if f.wraps { apart.min(1.0 - apart) } else { apart }
+    };
+    problem.free.iter().zip(estimates).zip(a.iter().zip(b)).all(|((f, known), (a, b))| {
+        known.interval_method == IntervalMethod::None || one(f, *a, *b) <= SAME
+    })
+}
+
 fn finish(
     mut problem: Problem,
     best: Found,
     state: State,
     settled: bool,
     others: Vec<Found>,
-    loss: Loss,
+    options: &Options,
 ) -> Result<Fit, FitError> {
+    let loss = options.loss;
     let data = problem.data;
     let values = search::values(&problem, &best.at);
     let weights = weights(data, &state.rates, loss);
@@ -417,7 +441,10 @@ fn finish(
         let why = format!("noise and weights still followed the model after {ROUNDS} rounds");
         warnings.push(Warning::NotConverged { why });
     } else if !best.converged {
-        let why = format!("no minimum was reached in {POLISH} iterations of the last polish");
+        let why = format!(
+            "no minimum was reached in {} iterations of the last descent",
+            options.iterations
+        );
         warnings.push(Warning::NotConverged { why });
     }
     if reduced_chi2 > POOR {
@@ -432,6 +459,7 @@ fn finish(
             delta_chi2: (m.chi2 - best.chi2) / scaled_by,
         })
         .filter(|m| m.delta_chi2 < WORTH)
+        .filter(|m| !same_but_for_what_is_open(&problem, &known.estimates, &m.values, &values))
         .collect();
     rest.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
     for other in &rest {

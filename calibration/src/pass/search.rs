@@ -152,6 +152,10 @@ pub(super) fn polish(
     both: bool,
     held: Option<usize>,
 ) -> Result<Found, FitError> {
+    if iterations == 0 {
+        let chi2 = problem.evaluate(&values(problem, at))?.chi2;
+        return Ok(Found { at: at.to_vec(), chi2, converged: false });
+    }
     let parameter = |(k, f): (usize, &super::Free)| {
         let mut p = MPPar::new();
         p.fixed = held == Some(k);

@@ -6,7 +6,7 @@ use sunglint_radiometry::quadrature::Product;
 use sunglint_radiometry::spectrum::{Factor, Spectrum, SpectrumError};
 use sunglint_simulator::attitude::Attitude;
 use sunglint_simulator::light::{Source, Term};
-use sunglint_simulator::pass::{Study, TermRates};
+use sunglint_simulator::pass::{Study, TermRates, Thinned};
 use sunglint_simulator::target::Target;
 
 /// What makes a thing from the parameters' values: called where one of those that it uses has changed.
@@ -108,7 +108,7 @@ impl StudyModel {
         self.passes.get(number).map(|p| &p.study)
     }
 
-    /// Adds rates (epochs × channels of the data) to those of a pass that nothing changes any more: inter-reflection, computed once.
+    /// Adds rates (epochs × channels of the data) to those of a pass that are not computed anew for other values: inter-reflection. Size, gain and extinction count for them.
     ///
     /// # Errors
     /// A pass that is not there, or rates of another shape.
@@ -124,6 +124,33 @@ impl StudyModel {
         }
         pass.held = Some(rates);
         Ok(())
+    }
+
+    /// Has light computed at as few epochs of each pass as keep what is linear between them within `share` of the pass's tolerance, at the
+    /// parameters' values ([`Study::thin`]).
+    ///
+    /// # Errors
+    /// Values for which there is no model.
+    pub fn thin(&mut self, values: &[f64], share: f64) -> Result<Vec<Thinned>, ModelError> {
+        let one = |pass: &mut Pass| {
+            pass.follow(values)?;
+            pass.rates = None;
+            let tolerance = share * pass.study.pass().tolerance;
+            pass.study.thin(tolerance).map_err(|e| ModelError(e.to_string()))
+        };
+        self.passes.iter_mut().map(one).collect()
+    }
+
+    /// What the lines between these epochs err by at the parameters' values; `None` of a pass whose light is computed at all of them.
+    ///
+    /// # Errors
+    /// Values for which there is no model.
+    pub fn thinned(&mut self, values: &[f64]) -> Result<Vec<Option<Thinned>>, ModelError> {
+        let one = |pass: &mut Pass| {
+            pass.follow(values)?;
+            pass.study.thinned().map_err(|e| ModelError(e.to_string()))
+        };
+        self.passes.iter_mut().map(one).collect()
     }
 
     /// What has a coefficient.
@@ -196,7 +223,7 @@ impl Pass {
         let grey = self.shaping.gain.map_or(1.0, |k| values[k])
             * self.shaping.size.map_or(1.0, |k| values[k].powi(2));
         let mut columns = Columns {
-            fixed: self.held.clone().unwrap_or_else(|| Array2::zeros((n, channels))),
+            fixed: Array2::zeros((n, channels)),
             columns: Array3::zeros((n, channels, components.len())),
         };
         for c in 0..channels {
@@ -216,6 +243,9 @@ impl Pass {
                     0.0 => grey,
                     k => grey * 10_f64.powf(-0.4 * k * self.airmass[i]),
                 };
+                if let Some(held) = &self.held {
+                    columns.fixed[[i, c]] += factor * held[[i, c]];
+                }
                 for (k, rate) in row.iter().enumerate() {
                     match owners[k] {
                         Some(component) => columns.columns[[i, c, component]] += factor * rate,

@@ -12,10 +12,11 @@ use sunglint_simulator::attitude::{Attitude, Spin};
 use sunglint_simulator::pass::{Pass, Study};
 use sunglint_simulator::surface::{Distribution, Fresnel, Lobe, Masking, Material};
 use sunglint_simulator::target::Target;
+use sunglint_testkit::Campaign;
 
 const MATERIALS: [&str; 4] = ["aluminium", "mli", "white", "solar_cell"];
 /// Roughness of the cells, right ascension and declination of the axis (degrees), period (s), phase (degrees).
-const TRUTH: [f64; 5] = [0.15, 160.0, 35.0, 120.0, 40.0];
+const TRUTH: [f64; 5] = [0.15, 165.0, -30.0, 120.0, 40.0];
 const FREE: [&str; 5] = ["alpha", "ra_deg", "dec_deg", "period_s", "phase_deg"];
 
 fn attitude(v: &[f64], epoch: hifitime::Epoch) -> Result<Attitude, String> {
@@ -98,8 +99,8 @@ fn free(seed: u64) -> Vec<Free> {
     let turn = random.random::<f64>() * std::f64::consts::TAU;
     let sign = if random.random::<f64>() < 0.5 { -1.0 } else { 1.0 };
     let off =
-        [0.1, 20.0 * turn.cos() / 35.0_f64.to_radians().cos(), 20.0 * turn.sin(), sign * 6.0, 30.0];
-    let spans = [[0.04, 0.5], [125.0, 195.0], [5.0, 65.0], [110.0, 130.0], [-140.0, 220.0]];
+        [0.1, 20.0 * turn.cos() / TRUTH[2].to_radians().cos(), 20.0 * turn.sin(), sign * 6.0, 30.0];
+    let spans = [[0.04, 0.5], [130.0, 200.0], [-60.0, 0.0], [110.0, 130.0], [-140.0, 220.0]];
     (0..5)
         .map(|k| {
             let [low, high] = spans[k];
@@ -117,11 +118,13 @@ fn error(found: &Fit, k: usize) -> f64 {
     if k == 4 { (value + 180.0).rem_euclid(360.0) - 180.0 } else { value }
 }
 
-/// Truth: parameters that were put in; the rates are those of the light engine (whose own truths are elsewhere), the noise is drawn by the observatory's
-/// laws. Three nights (of fifty, one of the first eight stood at its bound of roughness: coverage is not shown). Every night must find the minimum of the truth; 95 % intervals cover by the binomial: parameters that were searched for each on its own, the
-/// twenty-four albedos pooled, as a sixth of their number since scintillation and the shape tie them.
+/// Truth: parameters that were put in; the rates are those of the light engine (whose own truths are elsewhere), the noise is counts of photons drawn one by one and scintillation, by
+/// the observatory's laws. The axis is one about which all four materials are seen well, the cells through their lobe (about others, which do not show that, roughness and the cells' albedo
+/// are not determined by any fit). Starts are 20° and 5 % off. Every night must find the minimum of the truth; 95 % intervals cover by the binomial: parameters that were searched for each
+/// on its own, the twenty-four albedos pooled, as a sixth of their number since scintillation and the shape tie them.
 #[test]
-fn a_box_wing_is_found_from_20_degrees_and_5_percent_off() {
+fn campaign_box_wing_fits() {
+    let mut campaign = Campaign::start("box_wing_fits", 50);
     let pass = pass();
     let rates = truth(&pass);
     let (mut model, linear) = (model(&pass), linear());
@@ -131,10 +134,11 @@ fn a_box_wing_is_found_from_20_degrees_and_5_percent_off() {
     let (mut largest, mut evaluations) = (0.0_f64, 0);
     let mut albedo2 = 0.0;
     let start = std::time::Instant::now();
-    let count = 3;
-    for seed in 0..count {
+    let count = campaign.seeds().end - campaign.seeds().start;
+    for seed in campaign.seeds() {
         let data = [measured(50_000 + seed, &pass, &places, &rates, Weather::default())];
-        let options = Options { loss: Loss::Squares, places: 64, starts: 6, seed };
+        let options =
+            Options { loss: Loss::Squares, places: 64, starts: 6, seed, ..Options::default() };
         let found = fit(&data, &mut model, &free(seed), &linear, &options, &mut |_| ()).unwrap();
         evaluations += found.evaluations;
         assert!(found.converged, "{seed}: {:?}", found.warnings);
@@ -183,6 +187,8 @@ fn a_box_wing_is_found_from_20_degrees_and_5_percent_off() {
     let (below, above) = binomial(sixth.0, sixth.1);
     assert!(below > 0.01 && above > 0.002, "{albedos} of {of_albedos}");
     println!("largest error over its standard uncertainty: {largest}");
+    campaign.largest("largest_error_sigmas", largest);
+    campaign.finish();
 }
 
 /// Truth: by construction: a material that is never lit and seen has no albedo, and two that are scaled together by a third parameter are not
@@ -209,7 +215,8 @@ fn what_never_appears_apart_is_named() {
     let components = MATERIALS.map(|m| Component { material: m.into(), spectrum: None }).to_vec();
     let mut grey = StudyModel::new(vec![(study, unit, shaping)], components);
     let free = [Free::new("gain", 1.0, 0.5, 2.0)];
-    let options = Options { loss: Loss::Squares, places: 0, starts: 0, seed: 0 };
+    let options =
+        Options { loss: Loss::Squares, places: 0, starts: 0, seed: 0, ..Options::default() };
     let found = fit(&data, &mut grey, &free, &all, &options, &mut |_| ()).unwrap();
     let named = found.warnings.iter().any(|w| match w {
         Warning::Undetermined { names } => names.contains(&"gain".to_owned()) && names.len() > 1,

@@ -35,7 +35,8 @@ fn linear(component: usize, channels: Vec<usize>) -> Linear {
     Linear { name, component, channels, curves: None, unit: 1.0, most: None }
 }
 
-const PLAIN: Options = Options { loss: Loss::Squares, places: 0, starts: 0, seed: 0 };
+const PLAIN: Options =
+    Options { loss: Loss::Squares, places: 0, starts: 0, seed: 0, iterations: 60 };
 
 const PEER: &str = r#"
 import json, sys, numpy, scipy

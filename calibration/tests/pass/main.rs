@@ -6,6 +6,7 @@ mod box_wing;
 mod linear;
 mod night;
 mod sphere;
+mod thinned;
 
 /// P(at most `hits` of n at 0.95 each), and P(at least).
 fn binomial(hits: u64, n: u64) -> (f64, f64) {

@@ -213,7 +213,8 @@ fn albedos_of_closed_forms_come_back() {
             false => Vec::new(),
         };
         let linear = albedos(&[0, 1, 2, 3, 4, 5]);
-        let options = Options { loss: Loss::Squares, places: 8, starts: 1, seed: 0 };
+        let options =
+            Options { loss: Loss::Squares, places: 8, starts: 1, seed: 0, ..Options::default() };
         let found = fit(&data, &mut model, &free, &linear, &options, &mut |_| ()).unwrap();
         assert!(found.converged, "{:?}", found.warnings);
         for (c, albedo) in albedo.iter().enumerate() {
@@ -280,7 +281,7 @@ fn campaign_sphere_fits() {
                 if !polish {
                     data.iter_mut().for_each(|d| d.used.column_mut(3).fill(false));
                 }
-                let options = Options { loss, places: 0, starts: 0, seed };
+                let options = Options { loss, places: 0, starts: 0, seed, ..Options::default() };
                 let found = fit(&data, &mut model, &free, &linear, &options, &mut |_| ()).unwrap();
                 assert!(found.converged, "{seed}: {:?}", found.warnings);
                 fits += 1;

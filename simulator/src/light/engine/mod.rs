@@ -242,6 +242,36 @@ impl Worker<'_> {
         weights: &mut [f64],
         errors: &mut [f64],
     ) -> Result<(), DirectionError> {
+        self.light_of(lighting, &|_| true, weights, errors)?;
+        let (engine, lighting) = (self.engine, self.viewed(lighting));
+        if !engine.doubts.is_empty() {
+            self.seen.look(&engine.body, &lighting);
+            let (known, unknown) = errors.split_at_mut(engine.lit);
+            for about_sun in [true, false] {
+                for doubt in engine.doubts.iter().filter(|d| d.of_sun() == about_sun) {
+                    doubt.add(&self.seen, &weights[..engine.lit], known, unknown);
+                }
+                if about_sun {
+                    // What is unknown of light that is not there is nothing.
+                    let most = (lighting.sunlit + lighting.sunlit_error).min(1.0);
+                    unknown.iter_mut().for_each(|e| *e *= most);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The same of light that came by some ways only, with its own errors: those of what is left out are not looked for.
+    ///
+    /// # Errors
+    /// As [`Worker::light`].
+    pub fn light_of(
+        &mut self,
+        lighting: &Lighting,
+        wanted: &dyn Fn(Source) -> bool,
+        weights: &mut [f64],
+        errors: &mut [f64],
+    ) -> Result<(), DirectionError> {
         let engine = self.engine;
         for row in [weights.len(), errors.len()] {
             let expected = engine.terms.len();
@@ -251,12 +281,10 @@ impl Worker<'_> {
         }
         weights.fill(0.0);
         errors.fill(0.0);
-        let mut lighting = *lighting;
-        if let (false, View::At(q)) = (engine.near, lighting.view) {
-            lighting.view = View::Distant(q);
-        }
+        let lighting = self.viewed(lighting);
         let full = Lighting { shadow: None, ..lighting };
-        for (adding, effect) in self.adding.iter().zip(&mut self.effects) {
+        let all = self.adding.iter().zip(&mut self.effects);
+        for (adding, effect) in all.filter(|(adding, _)| wanted(adding.source)) {
             let (weights, errors) =
                 (&mut weights[adding.range.clone()], &mut errors[adding.range.clone()]);
             // Of a crescent that is next to nothing the place on the disc does not matter, and what is unsure of it is not a share of it.
@@ -274,21 +302,15 @@ impl Worker<'_> {
                 in_shadow(&lighting, weights, errors);
             }
         }
-        if !engine.doubts.is_empty() {
-            self.seen.look(&engine.body, &lighting);
-            let (known, unknown) = errors.split_at_mut(engine.lit);
-            for about_sun in [true, false] {
-                for doubt in engine.doubts.iter().filter(|d| d.of_sun() == about_sun) {
-                    doubt.add(&self.seen, &weights[..engine.lit], known, unknown);
-                }
-                if about_sun {
-                    // What is unknown of light that is not there is nothing.
-                    let most = (lighting.sunlit + lighting.sunlit_error).min(1.0);
-                    unknown.iter_mut().for_each(|e| *e *= most);
-                }
-            }
-        }
         Ok(())
+    }
+
+    /// The lighting with the observer at a point only where that matters.
+    fn viewed(&self, lighting: &Lighting) -> Lighting {
+        match (self.engine.near, lighting.view) {
+            (false, View::At(q)) => Lighting { view: View::Distant(q), ..*lighting },
+            _ => *lighting,
+        }
     }
 }
 

@@ -1,4 +1,9 @@
-//! A pass that is simulated again and again with another attitude, another body or shifted times: what stays is kept.
+//! A pass that is simulated again and again with another attitude, another body or shifted times: what stays is kept. [`Study::thin`] has light
+//! computed at few epochs.
+
+mod thin;
+
+pub use thin::Thinned;
 
 use super::functionals::Functionals;
 use super::simulate::first_error;
@@ -8,7 +13,6 @@ use crate::light::{Engine, Term};
 use crate::target::Target;
 use ndarray::Array3;
 use rayon::prelude::*;
-use sunglint_formats::time::format_utc_shortest;
 use sunglint_radiometry::air::Zenith;
 
 /// A pass with everything that does not change from one simulation to the next: places as long as the times stay, the engine as long as the
@@ -23,6 +27,8 @@ pub struct Study {
     functionals: Functionals,
     /// Mean transmissions of each epoch; `None` below the horizon.
     transmissions: Vec<Option<Vec<f64>>>,
+    /// Where direct light is computed, and where all other; everywhere where `None`.
+    nodes: [Option<thin::Nodes>; 2],
 }
 
 /// The light of each term in each channel and band: what rates are sums of.
@@ -51,9 +57,9 @@ impl Study {
         let engine = pass.engine(&pass.course(&places))?;
         let functionals = Functionals::new(&pass, engine.terms(), engine.lit_terms())?;
         let times = pass.times.clone();
-        let transmissions = Vec::new();
+        let (transmissions, nodes) = (Vec::new(), [None, None]);
         let mut study =
-            Self { pass, times, offset_s: 0.0, places, engine, functionals, transmissions };
+            Self { pass, times, offset_s: 0.0, places, engine, functionals, transmissions, nodes };
         study.look_through_air()?;
         Ok(study)
     }
@@ -134,18 +140,9 @@ impl Study {
         let lit = self.engine.lit_terms();
         let channels = self.pass.station.channels.len();
         let quantities = channels + BANDS.len();
-        let rows = self.places.par_iter().zip(&self.transmissions).map_init(
-            || {
-                let row = vec![0.0; self.engine.terms().len()];
-                (self.engine.worker(), row.clone(), row)
-            },
-            |(worker, weights, errors), (place, transmissions)| {
-                worker.light(&place.lighting(), weights, errors).map_err(|source| {
-                    PassError::Light {
-                        epoch_utc: format_utc_shortest(place.geometry.epoch),
-                        source: Box::new(source),
-                    }
-                })?;
+        let weights = self.weights()?;
+        let rows = self.places.par_iter().zip(&self.transmissions).zip(&weights).map(
+            |((place, transmissions), (weights, _))| {
                 let here =
                     place.geometry.sun.distance_au().powi(-2) * place.geometry.range_m.powi(-2);
                 let scaled: Vec<f64> = weights.iter().map(|w| here * w).collect();
@@ -160,10 +157,10 @@ impl Study {
                         _ => sums.add_terms_above(i, &scaled, terms),
                     }
                 }
-                Ok(row)
+                row
             },
         );
-        let rows = first_error(rows.collect())?;
+        let rows: Vec<Vec<f64>> = rows.collect();
         let n = rows.len();
         let at = |i: usize, q: usize, k: usize| rows[i][q * lit + k];
         Ok(TermRates {
