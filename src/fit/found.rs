@@ -96,7 +96,7 @@ impl Bouncing<'_> {
             scene.set_reflectance(&spectrum.material, &found.wavelength_nm, &found.reflectance);
         }
         let job = Job { measured: job.measured.clone(), scene };
-        let mut pass = pass_of(&job, self.args, &mut idle)?;
+        let mut pass = pass_of(&job, &self.args.station, &mut idle)?;
         pass.effects.inter_reflection = Switch::Auto;
         let rates = Study::new(pass)?.term_rates()?;
         let station = &study.pass().station;
