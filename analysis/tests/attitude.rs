@@ -13,8 +13,7 @@ use rand_distr::{Distribution as _, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus as Random;
 use std::f64::consts::{PI, TAU};
 use sunglint_analysis::attitude::{
-    Answer, AttitudeError, Forward, Law, Measured, Options, Question, Scale, Turn, Unknowns,
-    Verdict, angle, find,
+    Answer, Forward, Law, Measured, Options, Question, Scale, Turn, Unknowns, angle, find,
 };
 use sunglint_calibration::pass::{Data, Unit};
 use sunglint_simulator::attitude::{Attitude, Spin};
@@ -35,10 +34,16 @@ fn pass(target: &str, from: &str, to: &str, step_s: f64) -> Pass {
     PassFile::parse(&path, &text).unwrap().resolve(Overrides::default()).unwrap()
 }
 
-fn usual() -> Pass {
-    let mut pass = pass("built_in = \"box_wing\"", "2020-11-18T16:22:00", "2020-11-18T16:30:00", 1.0);
-    // A third of the noise: what light between the parts needs to be known to.
-    pass.tolerance = 0.01;
+/// A pass of eight minutes, or its first or last five.
+fn usual(which: u64) -> Pass {
+    let (from, to) = match which % 3 {
+        0 => ("2020-11-18T16:22:00", "2020-11-18T16:30:00"),
+        1 => ("2020-11-18T16:22:00", "2020-11-18T16:27:00"),
+        _ => ("2020-11-18T16:25:00", "2020-11-18T16:30:00"),
+    };
+    let mut pass = pass("built_in = \"box_wing\"", from, to, 2.0);
+    // Far below the noise, and another than the search's.
+    pass.tolerance = 0.004;
     pass
 }
 
@@ -125,7 +130,9 @@ fn a_turning_box_sends_what_its_faces_send() {
         let sum: f64 = faces
             .into_iter()
             .flat_map(|(n, area)| [(turned(n), area), (turned(-n), area)])
-            .map(|(n, area)| area / PI * n.dot(moment.to_sun).max(0.0) * n.dot(moment.to_observer).max(0.0))
+            .map(|(n, area)| {
+                area / PI * n.dot(moment.to_sun).max(0.0) * n.dot(moment.to_observer).max(0.0)
+            })
             .sum();
         let weight = eye.weights(m, law.at(&state, moment.time_s)).unwrap()[0];
         assert!((weight - sum).abs() < 1e-12, "{m}: {weight} {sum}");
@@ -137,7 +144,8 @@ fn a_turning_box_sends_what_its_faces_send() {
 /// Truth: the whole simulation of the same scene with all effects switched off: the path by laws and places, not by the search's rotations. Tolerance: 1e-9, the nanosecond of times and rounding.
 #[test]
 fn a_trial_has_the_rates_of_the_simulation() {
-    let mut pass = pass("built_in = \"box_wing\"", "2020-11-18T16:22:00", "2020-11-18T16:30:00", 7.0);
+    let mut pass =
+        pass("built_in = \"box_wing\"", "2020-11-18T16:22:00", "2020-11-18T16:30:00", 7.0);
     let off = sunglint_simulator::light::engine::Switch::Off;
     pass.effects = sunglint_simulator::light::engine::Switches {
         solar_disc: off,
@@ -169,22 +177,143 @@ fn a_trial_has_the_rates_of_the_simulation() {
     }
 }
 
+/// Truth: reciprocity (Helmholtz) and the mirror itself: half a turn about the bisector leaves the light of any body as it is, and the body's own mirror that of a body that has it. The built-in box with
+/// wings is its mirror image along z but for shadows on unlike strips. Tolerance: rounding for the exchange; for the mirror what `symmetries` measured, tenfold, since it is a mean.
+#[test]
+fn twins_send_the_same_light_in_the_middle() {
+    let curve = measured(
+        pass("built_in = \"box_wing\"", "2020-11-18T16:25:00", "2020-11-18T16:25:20", 0.5),
+        Spin::along(
+            DVec3::Z,
+            DVec3::X,
+            0.01,
+            0.0,
+            hifitime::Epoch::from_gregorian_utc_at_midnight(2020, 11, 18),
+        )
+        .unwrap(),
+        0.0,
+        &mut Random::seed_from_u64(3),
+    );
+    let epoch = curve.pass.times[0];
+    let forward = Forward::new(&[curve]).unwrap();
+    let law = Law::new(DVec3::Z, epoch, forward.zero, 10.0).unwrap();
+    let symmetries = sunglint_analysis::attitude::twins::symmetries(&forward).unwrap();
+    let nearest = |m: &usize| (forward.moments[*m].time_s.abs() * 1e9) as i64;
+    let middle = (0..forward.moments.len()).min_by_key(nearest).unwrap();
+    let time_s = forward.moments[middle].time_s;
+    let mut random = Random::seed_from_u64(5);
+    let (mut exchanged, mut mirrored, mut lit) = (0, 0, 0);
+    let mut eye = forward.eye();
+    for _ in 0..20 {
+        let axis_gcrs = direction(&mut random);
+        let turn = Turn { axis_gcrs, turns_per_s: 0.05, phase_rad: TAU * random.random::<f64>() };
+        let state = law.state(&turn).unwrap();
+        let own = eye.weights(middle, law.at(&state, time_s)).unwrap().to_vec();
+        let all: f64 = own.iter().sum();
+        for (twin, other) in
+            sunglint_analysis::attitude::twins::twins(&forward, &law, &state, &symmetries)
+        {
+            let found = eye.weights(middle, law.at(&other, time_s)).unwrap();
+            let off: f64 = own.iter().zip(found).map(|(a, b)| (a - b).abs()).sum();
+            let allowed = 1e-9 + 10.0 * twin.unlike();
+            assert!(off <= allowed * all.max(1e-3), "{}: {off} of {all}", twin.name());
+            exchanged += usize::from(twin.exchanged);
+            mirrored += usize::from(twin.body.is_some_and(|b| b.mirror));
+            lit += usize::from(all > 0.0);
+        }
+    }
+    assert!(exchanged >= 20 && mirrored >= 20 && lit > 20, "{exchanged} {mirrored} {lit}");
+    // An exchange twice is none.
+    let state =
+        law.state(&Turn { axis_gcrs: DVec3::Y, turns_per_s: 0.05, phase_rad: 1.0 }).unwrap();
+    let once = sunglint_analysis::attitude::twins::twins(&forward, &law, &state, &[])[0].1;
+    let twice = sunglint_analysis::attitude::twins::twins(&forward, &law, &once, &[])[0].1;
+    assert!(law.apart(&state, &twice) < 1e-9);
+}
+
+/// Truth: the spin that was put in. Within 8 s the bisector moves by a few degrees: the attitude with Sun and station exchanged sends nearly the same light. The truth is among the minima, and the other one of the two is named as its
+/// twin. Tolerance: 5° of attitude.
+#[test]
+fn a_short_pass_has_its_mirror_solution_named() {
+    let pass = pass("built_in = \"box_wing\"", "2020-11-18T16:25:00", "2020-11-18T16:25:08", 0.1);
+    let epoch = pass.times[0];
+    let mut random = Random::seed_from_u64(11);
+    let axis = DVec3::new(0.5, -0.6, 0.3).normalize();
+    let spin = Spin::along(DVec3::Z, axis, 1.0 / 3.0, 2.0, epoch).unwrap();
+    let curve = measured(pass, spin, 0.03, &mut random);
+    let zero = Forward::new(std::slice::from_ref(&curve)).unwrap().zero;
+    let mut question = question(DVec3::Z, epoch, 5.0);
+    question.rates = vec![(1.0 / 4.0, 1.0 / 2.5), (-1.0 / 2.5, -1.0 / 4.0)];
+    let options = Options { axes: 300, ..Options::default() };
+    let answer = find(&[curve], &question, &options, &(), None).unwrap();
+    let errors: Vec<f64> =
+        (0..answer.minima.len()).map(|i| error_deg(&answer, i, &spin, zero)).collect();
+    for (m, e) in answer.minima.iter().zip(&errors) {
+        println!(
+            "{e:.2} deg, chi2 {:.1}, P {:.3}, {:?}",
+            m.delta_chi2,
+            m.probability,
+            m.twin.as_ref().map(|t| (t.0.name(), t.1))
+        );
+    }
+    let truth = errors.iter().position(|e| *e < 5.0).unwrap();
+    assert!(answer.minima[truth].probability > 1e-3 || answer.minima[truth].twin.is_some());
+    let twin = answer.minima.iter().find_map(|m| m.twin.as_ref());
+    assert!(twin.is_some_and(|t| t.0.exchanged), "{twin:?}");
+}
+
+/// What a watch was given to keep.
+struct Keeping(std::sync::Mutex<Vec<sunglint_analysis::attitude::Checkpoint>>);
+
+impl sunglint_analysis::attitude::Watch for Keeping {
+    fn tell(&self, _: sunglint_analysis::attitude::Progress) {}
+    fn keep(&self, checkpoint: &sunglint_analysis::attitude::Checkpoint) {
+        self.0.lock().unwrap().push(checkpoint.clone());
+    }
+}
+
+/// Truth: the search that was not cut off, bit by bit; and that of one thread.
+#[test]
+fn a_search_goes_on_where_it_was_cut_off_and_hangs_on_no_number_of_threads() {
+    let pass = pass("built_in = \"box_wing\"", "2020-11-18T16:22:00", "2020-11-18T16:30:00", 12.0);
+    let epoch = pass.times[0];
+    let spin = Spin::along(DVec3::Z, DVec3::Y, 1.0 / 90.0, 2.0, epoch).unwrap();
+    let curve = || measured(pass.clone(), spin, 0.03, &mut Random::seed_from_u64(4));
+    let mut question = question(DVec3::Z, epoch, 5.0);
+    question.known.turns_per_s = 1.0 / 90.0;
+    question.unknowns.period = false;
+    let options = Options { axes: 100, all_light: false, ..Options::default() };
+    let keeping = Keeping(std::sync::Mutex::new(Vec::new()));
+    let whole = find(&[curve()], &question, &options, &keeping, None).unwrap();
+    let kept = keeping.0.into_inner().unwrap();
+    assert!(kept.len() >= 2 && kept[0].places.len() < kept[1].places.len());
+    let on = find(&[curve()], &question, &options, &(), Some(&kept[0])).unwrap();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let one = pool.install(|| find(&[curve()], &question, &options, &(), None).unwrap());
+    for other in [&on, &one] {
+        assert_eq!(whole.minima.len(), other.minima.len());
+        for (a, b) in whole.minima.iter().zip(&other.minima) {
+            assert_eq!((a.state, a.chi2, a.probability), (b.state, b.chi2, b.probability));
+        }
+    }
+    let otherwise = Options { seed: 1, ..options };
+    let refused = find(&[curve()], &question, &otherwise, &(), Some(&kept[0]));
+    assert!(refused.unwrap_err().to_string().contains("another search"));
+}
+
 /// What a seed makes: a spin about the body's z axis with any axis, phase, sense and a period of 10 to 200 s.
-fn blind(seed: u64) -> (Measured, Spin, Question, Law, f64) {
+fn blind(seed: u64) -> (Measured, Spin, Question, f64) {
     let mut random = Random::seed_from_u64(seed);
     let axis = direction(&mut random);
     let period = 10.0 * 20.0_f64.powf(random.random::<f64>());
     let sense = if random.random::<bool>() { 1.0 } else { -1.0 };
     let phase = TAU * random.random::<f64>();
-    let pass = usual();
+    let pass = usual(seed);
     let epoch = pass.times[0];
     let spin = Spin::along(DVec3::Z, axis, sense / period, phase, epoch).unwrap();
     let curve = measured(pass, spin, 0.03, &mut random);
     let question = question(DVec3::Z, epoch, 5.0);
-    let forward = Forward::new(std::slice::from_ref(&curve)).unwrap();
-    let (a, b) = forward.ends_s();
-    let law = Law::new(DVec3::Z, epoch, forward.zero, 0.5 * (b - a)).unwrap();
-    (curve, spin, question, law, period)
+    (curve, spin, question, period)
 }
 
 /// The largest angle between an attitude that was found and the true one at the ends and in the middle of the data, degrees.
@@ -200,45 +329,106 @@ fn error_deg(answer: &Answer, number: usize, spin: &Spin, zero: hifitime::Epoch)
         .fold(0.0, f64::max)
 }
 
-#[allow(dead_code)]
-struct Timed(std::time::Instant, std::sync::Mutex<(String, f64)>);
-impl sunglint_analysis::attitude::Watch for Timed {
-    fn tell(&self, p: sunglint_analysis::attitude::Progress) {
-        let mut last = self.1.lock().unwrap();
-        let now = self.0.elapsed().as_secs_f64();
-        if last.0 != p.stage {
-            println!("      {:.2} s after {}", now - last.1, last.0);
-            *last = (p.stage.into(), now);
-        }
-    }
-    fn keep(&self, _: &sunglint_analysis::attitude::Checkpoint) {}
+/// Seconds that all threads of this process have computed.
+fn cpu_s() -> f64 {
+    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let after = text.rsplit(')').next().unwrap_or_default();
+    let ticks: f64 =
+        after.split_whitespace().skip(11).take(2).filter_map(|t| t.parse::<f64>().ok()).sum();
+    ticks / 100.0
 }
 
+/// What came of a seed.
+struct Judged {
+    error_deg: f64,
+    named: bool,
+    seconds: f64,
+    cpu_s: f64,
+    /// The error of the axis over its stated uncertainty, squared, of two degrees of freedom.
+    axis_chi2: f64,
+}
+
+fn judged(seed: u64) -> Judged {
+    let (curve, spin, question, period) = blind(seed);
+    let zero = Forward::new(std::slice::from_ref(&curve)).unwrap().zero;
+    let (start, before) = (std::time::Instant::now(), cpu_s());
+    let answer = find(&[curve], &question, &Options::default(), &(), None).unwrap();
+    let (seconds, cpu) = (start.elapsed().as_secs_f64(), cpu_s() - before);
+    let errors: Vec<f64> =
+        (0..answer.minima.len()).map(|i| error_deg(&answer, i, &spin, zero)).collect();
+    // The truth may be another minimum that is named a mirror solution of the first.
+    let named = answer.minima.iter().zip(&errors).any(|(m, e)| *e < 5.0 && m.twin.is_some());
+    let best = &answer.minima[0];
+    let truth = spin.body_to_gcrs(zero + hifitime::Duration::from_seconds(answer.law.middle_s));
+    // The rotation from what was found to the truth, in the frame of the covariance's first three.
+    let off = truth * best.state.at_zero.conjugate();
+    let axis = answer.law.axis(&best.state);
+    let across = axis.any_orthonormal_vector();
+    let frame = [across, axis.cross(across)];
+    let turn = 2.0 * off.w.signum() * DVec3::new(off.x, off.y, off.z);
+    let [a, b] = frame.map(|f| f.dot(turn));
+    let c = &best.covariance;
+    let axis_chi2 = if c.len() == 4 {
+        let det = c[0][0] * c[1][1] - c[0][1] * c[1][0];
+        (a * a * c[1][1] - 2.0 * a * b * c[0][1] + b * b * c[0][0]) / det
+    } else {
+        f64::INFINITY
+    };
+    println!(
+        "seed {seed}: period {period:.2} s, error {:.3} deg, axis chi2 {axis_chi2:.1}, {:?}, {} minima, next {:.0}, extra {:.4}, reduced {:.2}, other light {:.3} {:.2}, {} epochs, finer {}, {seconds:.1} s, {cpu:.1} s of CPU",
+        errors[0],
+        answer.verdict,
+        answer.minima.len(),
+        answer.minima.get(1).map_or(f64::NAN, |m| m.delta_chi2),
+        answer.extra_noise,
+        answer.reduced_chi2,
+        answer.other_light.0,
+        answer.other_light.1,
+        answer.simulated,
+        answer.finer,
+    );
+    Judged { error_deg: errors[0], named, seconds, cpu_s: cpu, axis_chi2 }
+}
+
+/// Blind passes in six channels with 3 % noise beside the photons', of which only the photons' is stated: axis, phase, sense and period are looked for together, the period between 5 s and a body at rest.
+/// Truth: the spin that each was simulated with. Tolerance: what was promised: 95 of 100 within 5° at both ends and in the middle of the data, or named as the mirror solution of the answer; on two cores 15 s in the
+/// middle and 60 s at most, counted as half of the CPU time of both (a quiet machine's wall clock; this one may be shared). The axis' ellipses are held against χ² of two degrees of freedom: of the errors'
+/// χ² at most one in ten exceeds 9.2 (1 in 100 by chance; light between the parts is known to a hundredth only).
 #[test]
-fn explore() {
-    let n: u64 = std::env::var("N").map_or(6, |v| v.parse().unwrap());
-    let from: u64 = std::env::var("FROM").map_or(0, |v| v.parse().unwrap());
-    let zero_of = |curve: &Measured| Forward::new(std::slice::from_ref(curve)).unwrap().zero;
-    for seed in from..from + n {
-        let (curve, spin, question, _, period) = blind(seed);
-        let zero = zero_of(&curve);
-        let start = std::time::Instant::now();
-        let watch = Timed(start, std::sync::Mutex::new(("setup".into(), 0.0)));
-        let answer = find(&[curve], &question, &Options::default(), &watch, None).unwrap();
-        let last = watch.1.lock().unwrap().clone();
-        println!("      {:.2} s after {}", start.elapsed().as_secs_f64() - last.1, last.0);
-        let seconds = start.elapsed().as_secs_f64();
-        let b = &answer.minima[0];
-        println!(
-            "seed {seed} period {period:.2}: {seconds:.2} s, {} simulated, error {:.3} deg, {:?}, extra {:.4}, red {:.2}, left out {:?}, finer {}, p {:.3}",
-            answer.simulated, error_deg(&answer, 0, &spin, zero), answer.verdict, answer.extra_noise, answer.reduced_chi2, answer.left_out, answer.finer, b.probability
-        );
-        println!("   P {:.4} ± {:?} axis {:?} turn {:?} phase {:?}", b.period_s, b.period_sigma_s, b.axis, b.turn_sigma_deg, b.phase_sigma_deg);
-        for (i, m) in answer.minima.iter().enumerate().skip(1).take(4) {
-            println!("   d {:.1} P {:.3} err {:.1} from best {:.1} twin {:?}", m.delta_chi2, m.period_s, error_deg(&answer, i, &spin, zero), m.from_best_deg, m.twin.as_ref().map(|t| (t.0.name(), t.1)));
-        }
-        if seed == from {
-            for s in &answer.symmetries { println!("   {} unlike {:.3}", s.name, s.unlike); }
-        }
+fn campaign_attitude() {
+    const WHOLE: u64 = 20;
+    let mut campaign = Campaign::start("attitude", WHOLE);
+    let full = campaign.seeds().end == WHOLE;
+    let all: Vec<Judged> = (0..if full { WHOLE } else { 6 }).map(judged).collect();
+    let n = all.len() as f64;
+    let wrong = all.iter().filter(|j| j.error_deg > 5.0 && !j.named).count() as f64;
+    let unsure = all.iter().filter(|j| j.error_deg <= 5.0 && j.axis_chi2 > 9.21).count() as f64;
+    let sorted = |f: &dyn Fn(&Judged) -> f64| {
+        let mut v: Vec<f64> = all.iter().map(f).collect();
+        v.sort_by(f64::total_cmp);
+        v
+    };
+    let (errors, two) = (sorted(&|j| j.error_deg), sorted(&|j| 0.5 * j.cpu_s));
+    let wall = sorted(&|j| j.seconds);
+    println!(
+        "wrong {wrong} of {n}, unsure {unsure}, median error {:.4}, two cores {:.1} s in the middle, {:.1} s at most (wall {:.1}, {:.1})",
+        errors[errors.len() / 2],
+        two[two.len() / 2],
+        two[two.len() - 1],
+        wall[wall.len() / 2],
+        wall[wall.len() - 1]
+    );
+    campaign.largest("wrong", wrong);
+    campaign.largest("beyond_the_99_percent_ellipse", unsure);
+    if full {
+        campaign.largest("median_error_deg", errors[errors.len() / 2]);
+        let found: Vec<f64> = errors.iter().copied().filter(|e| *e <= 5.0).collect();
+        campaign
+            .largest("largest_error_of_those_found_deg", found.last().copied().unwrap_or(f64::NAN));
+        campaign.largest("median_seconds_on_two_cores", two[two.len() / 2]);
+        campaign.largest("longest_seconds_on_two_cores", two[two.len() - 1]);
+        assert!(wrong <= 0.05 * n && two[two.len() / 2] <= 15.0 && two[two.len() - 1] <= 60.0);
+        assert!(unsure <= 0.1 * n);
     }
+    campaign.finish();
 }

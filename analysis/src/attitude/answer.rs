@@ -116,10 +116,8 @@ pub struct Answer {
     pub simulated: usize,
     /// Whether the first look was made again, finer.
     pub finer: bool,
-    /// The largest share of the Earth's light in a sample, at the best.
-    pub earthlight: f64,
-    /// How far the search's light (direct sunlight and the Earth's) is from all light that the scene needs, at the best and at some epochs: median and largest difference, of all light.
-    pub left_out: Option<(f64, f64)>,
+    /// The median and the largest share of light by other ways than the direct one, at the best.
+    pub other_light: (f64, f64),
     /// All samples of the best.
     pub best: Vec<Sample>,
     /// Of each epoch that has a sample the curve and the sample of that, from 0: what [`Sample::moment`] counts.
@@ -236,8 +234,7 @@ fn answer(question: &Question, searched: Searched) -> Result<Answer, AttitudeErr
         periods: searched.rates,
         simulated: searched.simulated,
         finer: searched.finer,
-        earthlight: searched.earthlight,
-        left_out: searched.left_out,
+        other_light: searched.other_light,
         best: samples,
         moments: searched.forward.moments.iter().map(|m| (m.curve, m.sample)).collect(),
         law,

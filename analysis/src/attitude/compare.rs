@@ -105,8 +105,7 @@ impl Compared {
             let spread = (all.iter().map(|a| (a.0 - mean).powi(2)).sum::<f64>()
                 / (all.len() - 1) as f64)
                 .sqrt();
-            let noise =
-                (all.iter().map(|a| a.1 * a.1).sum::<f64>() / all.len() as f64).sqrt();
+            let noise = (all.iter().map(|a| a.1 * a.1).sum::<f64>() / all.len() as f64).sqrt();
             if spread > LEAST_CHANGE * noise && spread > 0.01 {
                 return Ok(());
             }

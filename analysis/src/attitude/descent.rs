@@ -121,8 +121,7 @@ impl Descent<'_> {
     }
 
     fn light(&self, eye: &mut Eye, state: &State, slopes: bool) -> Result<Light, AttitudeError> {
-        let (channels, groups, p) =
-            (self.forward.channels, self.groups(), self.unknowns.count());
+        let (channels, groups, p) = (self.forward.channels, self.groups(), self.unknowns.count());
         let cells = self.moments.len() * channels * groups;
         let mut light = Light {
             model: vec![0.0; cells],
@@ -160,7 +159,9 @@ impl Descent<'_> {
             }
             let turns: Vec<DVec3> = ends
                 .iter()
-                .map(|[a, b]| scaled_axis(self.law.at(a, time_s), self.law.at(b, time_s)) / (2.0 * STEP))
+                .map(|[a, b]| {
+                    scaled_axis(self.law.at(a, time_s), self.law.at(b, time_s)) / (2.0 * STEP)
+                })
                 .collect();
             let (weights, by) = eye.weights_and_slopes(*m, turned)?;
             for c in 0..channels {
@@ -278,8 +279,7 @@ impl Descent<'_> {
             for c in 0..channels {
                 let Some(r) = sample(e, c, &scales, &mut row) else { continue };
                 let size_r = r.abs();
-                judged.cost +=
-                    if size_r <= HUBER { r * r } else { HUBER * (2.0 * size_r - HUBER) };
+                judged.cost += if size_r <= HUBER { r * r } else { HUBER * (2.0 * size_r - HUBER) };
                 if steps == 0 {
                     continue;
                 }
@@ -322,12 +322,7 @@ impl Descent<'_> {
     ///
     /// # Errors
     /// A trial that is none.
-    pub fn down(
-        &self,
-        eye: &mut Eye,
-        from: &State,
-        most: usize,
-    ) -> Result<Found, AttitudeError> {
+    pub fn down(&self, eye: &mut Eye, from: &State, most: usize) -> Result<Found, AttitudeError> {
         let mut state = *from;
         let mut light = self.light(eye, &state, true)?;
         let mut simulated = self.moments.len();
@@ -392,23 +387,6 @@ impl Descent<'_> {
         Ok(self.judge(&light, &self.measured()).cost)
     }
 
-    /// A trial's rates at a moment, with the light that is added, at the brightness of the scene.
-    ///
-    /// # Errors
-    /// A trial that is none.
-    pub fn rates(
-        &self,
-        eye: &mut Eye,
-        state: &State,
-        moment: usize,
-    ) -> Result<Vec<f64>, AttitudeError> {
-        let mut rates = vec![0.0; self.forward.channels];
-        let time_s = self.forward.moments[moment].time_s;
-        eye.rates(moment, self.law.at(state, time_s), &mut rates)?;
-        rates.iter_mut().enumerate().for_each(|(c, r)| *r += self.other(moment, c));
-        Ok(rates)
-    }
-
     fn measured(&self) -> Vec<f64> {
         let rates = |m: &usize| self.forward.rates(*m).iter().map(|r| r.max(0.0));
         self.moments.iter().flat_map(rates).collect()
@@ -418,11 +396,7 @@ impl Descent<'_> {
     ///
     /// # Errors
     /// A trial that is none.
-    pub fn samples(
-        &self,
-        eye: &mut Eye,
-        state: &State,
-    ) -> Result<Vec<Sample>, AttitudeError> {
+    pub fn samples(&self, eye: &mut Eye, state: &State) -> Result<Vec<Sample>, AttitudeError> {
         let light = self.light(eye, state, false)?;
         let judged = self.judge(&light, &self.measured());
         let model = self.about(&light, &judged.scales);

@@ -221,11 +221,7 @@ impl Eye<'_> {
     ///
     /// # Errors
     /// A rotation that is none.
-    pub fn weights(
-        &mut self,
-        moment: usize,
-        body_to_gcrs: DQuat,
-    ) -> Result<&[f64], AttitudeError> {
+    pub fn weights(&mut self, moment: usize, body_to_gcrs: DQuat) -> Result<&[f64], AttitudeError> {
         let at = &self.forward.moments[moment];
         let to_body = body_to_gcrs.conjugate();
         let (sun, observer) = (to_body * at.to_sun, to_body * at.to_observer);

@@ -30,7 +30,7 @@ pub use search::{Checkpoint, Options, Progress, Question, Watch};
 pub use state::{Law, State, Turn, Unknowns, angle};
 
 use glam::DVec3;
-use sunglint_simulator::attitude::{AttitudeError as LawError};
+use sunglint_simulator::attitude::AttitudeError as LawError;
 
 use sunglint_simulator::light::{DerivativeError, DirectionError, SceneError};
 use sunglint_simulator::pass::PassError;
@@ -123,7 +123,8 @@ pub enum AttitudeError {
     },
     /// A body that looks the same from all sides.
     #[error(
-        "the body sends the same light however it is turned (within {:.1e}): its attitude does not show", change
+        "the body sends the same light however it is turned (within {:.1e}): its attitude does not show",
+        change
     )]
     Featureless {
         /// Standard deviation over attitudes, of the mean.
@@ -140,7 +141,9 @@ pub enum AttitudeError {
         most: usize,
     },
     /// A checkpoint of something else.
-    #[error("the checkpoint belongs to another search: other data, another scene, another question or another seed")]
+    #[error(
+        "the checkpoint belongs to another search: other data, another scene, another question or another seed"
+    )]
     Checkpoint,
     /// Nothing was found.
     #[error("no attitude that was tried has any light at the measured epochs")]

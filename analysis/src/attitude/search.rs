@@ -3,6 +3,7 @@
 use super::compare::{Compared, median};
 use super::descent::{Descent, Found, Sample, Space};
 use super::forward::{Forward, Measured};
+use super::light::AllLight;
 use super::state::{Law, State, Turn, Unknowns};
 use super::twins::{self, Symmetry};
 use super::{AttitudeError, LEAST_EPOCHS, Scale, coarse};
@@ -14,7 +15,7 @@ use std::hash::{Hash as _, Hasher as _};
 use std::sync::Arc;
 
 /// Epochs of the first look, and of the first descents.
-const FIRST: usize = 80;
+const FIRST: usize = 64;
 /// Epochs of the second descents.
 const SECOND: usize = 240;
 /// Epochs of the last descents at most.
@@ -32,9 +33,11 @@ const SAME: f64 = 0.035;
 /// Starts nearer than this are one.
 const NEAR: f64 = 0.10;
 /// Where more than this is left over of the light, the search is made again, finer.
-const POOR: f64 = 0.1;
+const POOR: f64 = 0.18;
 /// How often light by other ways is computed anew.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 4;
+/// Minima that get all light.
+const ALL_LIT: usize = 3;
 
 /// What is asked.
 #[derive(Debug, Clone)]
@@ -60,15 +63,13 @@ pub struct Options {
     pub seed: u64,
     /// Axes of the first look.
     pub axes: usize,
-    /// Whether the Earth's light is added at the end, where the scene does not switch it off.
-    pub earth: bool,
-    /// Epochs at which all light that the scene needs is computed for the best attitude, to say how far the search's light is from it; 0 for none.
-    pub checked: usize,
+    /// Whether light by other ways than the direct one is added at the end, as far as the scene does not switch it off.
+    pub all_light: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { seed: 0, axes: 700, earth: true, checked: 40 }
+        Self { seed: 0, axes: 640, all_light: true }
     }
 }
 
@@ -122,10 +123,8 @@ pub(super) struct Searched {
     pub simulated: usize,
     pub finer: bool,
     pub rates: usize,
-    /// The largest share of the Earth's light in a sample.
-    pub earthlight: f64,
-    /// How far the light is from all light, at the best: median and largest difference.
-    pub left_out: Option<(f64, f64)>,
+    /// The median and the largest share of light by other ways than the direct one, at the best.
+    pub other_light: (f64, f64),
     pub warnings: Vec<String>,
 }
 
@@ -161,8 +160,7 @@ pub(super) fn search(
         .flat_map(|m| forward.scene.weights_of(m).map(move |_| m))
         .collect();
     let (first_s, last_s) = forward.ends_s();
-    let law =
-        Law::new(question.axis_body, question.epoch, forward.zero, 0.5 * (last_s - first_s))?;
+    let law = Law::new(question.axis_body, question.epoch, forward.zero, 0.5 * (last_s - first_s))?;
     let hunt = Hunt {
         question,
         options,
@@ -185,17 +183,27 @@ pub(super) fn search(
     found.minima.truncate(ANSWERED);
     let mut trials: Vec<Trial> = found.minima.iter().map(Trial::of).collect();
     let mut simulated = found.simulated;
-    let (mut minima, mut extra, mut other_light) = (Vec::new(), 0.0, 0.0);
+    let (mut extra, mut other_light) = (0.0, (0.0, 0.0));
+    let mut light: Option<AllLight> = None;
+    let mut far: Vec<Trial> = Vec::new();
     for round in 0..ROUNDS {
-        watch.tell(Progress { stage: "the Earth's light", done: round, of: ROUNDS });
-        if options.earth && hunt.wants_earth(curves) {
-            other_light = hunt.lit(&law, &mut trials)?;
+        watch.tell(Progress { stage: "all light", done: round, of: ROUNDS });
+        if options.all_light && round == 0 && hunt.wants_earth(curves) {
+            hunt.lit(&law, &mut trials)?;
+        }
+        if options.all_light && round > 0 {
+            let light = match &mut light {
+                Some(light) => light,
+                None => light.insert(AllLight::new(curves, &forward, &last)?),
+            };
+            let few = trials.len().min(ALL_LIT);
+            other_light = hunt.all_lit(light, &law, &mut trials[..few])?;
         }
         let (moments, space) = match round {
             0 => (&more, Space::Logarithms { spread: 0.05 }),
             _ => (&last, Space::Rates { extra }),
         };
-        minima = hunt.descend_from(&law, moments, space, &trials, 20, "all samples")?;
+        let minima = hunt.descend_from(&law, moments, space, &trials, 20, "all samples")?;
         let best = minima.first().ok_or(AttitudeError::NoMinimum)?;
         let descent = hunt.descent(&law, moments, space).with(best);
         extra = extra_noise(&descent.samples(&mut forward.eye(), &best.state)?);
@@ -203,27 +211,14 @@ pub(super) fn search(
         // What is far from the best need not be exact.
         let (cost, freedom) = (best.cost, (moments.len() * forward.channels) as f64);
         let near = |f: &Found| round == 0 || (f.cost - cost) < 0.5 * freedom + 400.0;
+        far.extend(minima.iter().filter(|f| !near(f)).map(Trial::of));
         trials = minima.iter().filter(|f| near(f)).map(Trial::of).collect();
     }
-    let rest = minima.split_off(trials.len().min(minima.len()));
-    let settled = hunt.descend_from(&law, &last, Space::Rates { extra }, &trials, 12, "all samples")?;
-    simulated += settled.iter().map(|m| m.simulated).sum::<usize>();
-    // The far ones with the same noise.
-    let rest: Vec<Trial> = rest.iter().map(Trial::of).collect();
-    let mut minima = settled;
-    minima.extend(hunt.descend_from(&law, &last, Space::Rates { extra }, &rest, 1, "all samples")?);
+    let space = Space::Rates { extra };
+    let mut minima = hunt.descend_from(&law, &last, space, &trials, 12, "all samples")?;
+    minima.extend(hunt.descend_from(&law, &last, space, &far, 12, "all samples")?);
+    simulated += minima.iter().map(|m| m.simulated).sum::<usize>();
     let minima = hunt.distinct(&law, minima, ANSWERED);
-    let best = minima.first().ok_or(AttitudeError::NoMinimum)?;
-    let left_out = if options.checked > 0 {
-        watch.tell(Progress { stage: "all light", done: 0, of: 1 });
-        let few = spread_out(&all, options.checked, options.seed + 4);
-        let descent = hunt.descent(&law, &few, Space::Rates { extra }).with(best);
-        let turn = law.turn(&best.state)?;
-        let model = |m: usize| descent.rates(&mut forward.eye(), &best.state, m);
-        Some(super::light::left_out(curves, &forward, &law, &turn, question.epoch, &few, &model)?)
-    } else {
-        None
-    };
     Ok(Searched {
         law,
         materials,
@@ -234,8 +229,7 @@ pub(super) fn search(
         simulated,
         finer: found.finer,
         rates: found.rates,
-        earthlight: other_light,
-        left_out,
+        other_light,
         warnings,
         symmetries,
         forward,
@@ -305,9 +299,8 @@ impl Hunt<'_> {
     /// The law about the middle of some moments.
     fn law_about(&self, law: &Law, moments: &[usize]) -> Law {
         let times = moments.iter().map(|m| self.forward.moments[*m].time_s);
-        let (first, last) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| {
-            (a.min(t), b.max(t))
-        });
+        let (first, last) =
+            times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
         law.about(0.5 * (first + last), 0.5 * (last - first))
     }
 
@@ -343,7 +336,14 @@ impl Hunt<'_> {
             let minima = self.distinct(&law, minima, CARRIED);
             simulated += minima.iter().map(|m| m.simulated).sum::<usize>();
             let starts: Vec<State> = minima.iter().map(|m| m.state).collect();
-            let wide = self.descend(&law, &more, Space::Logarithms { spread: 0.2 }, &starts, 20, "descents")?;
+            let wide = self.descend(
+                &law,
+                &more,
+                Space::Logarithms { spread: 0.2 },
+                &starts,
+                20,
+                "descents",
+            )?;
             simulated += wide.iter().map(|m| m.simulated).sum::<usize>();
             let starts: Vec<State> = wide.iter().map(|m| m.state).collect();
             let space = Space::Logarithms { spread: 0.07 };
@@ -407,7 +407,8 @@ impl Hunt<'_> {
         if from.is_some_and(|c| c.of != of) {
             return Err(AttitudeError::Checkpoint);
         }
-        let mut checkpoint = match from.filter(|c| c.finer == finer && c.places.len() <= axes.len()) {
+        let mut checkpoint = match from.filter(|c| c.finer == finer && c.places.len() <= axes.len())
+        {
             Some(from) => from.clone(),
             None => Checkpoint { of, finer, places: Vec::new() },
         };

@@ -46,7 +46,8 @@ pub struct Twin {
 impl Twin {
     /// In words.
     pub fn name(&self) -> String {
-        let exchanged = "half a turn about the bisector of Sun and station, which exchanges the two";
+        let exchanged =
+            "half a turn about the bisector of Sun and station, which exchanges the two";
         match (self.exchanged, &self.body) {
             (true, None) => exchanged.into(),
             (true, Some(body)) => format!("{exchanged}, and {}", body.name),

@@ -50,9 +50,9 @@ pub struct AttitudeArgs {
     #[arg(long, value_name = "NAME")]
     pub channel: Vec<String>,
     /// Axes that are looked at first, spread over the sphere
-    #[arg(long, value_name = "N", default_value_t = 700, value_parser = clap::value_parser!(u32).range(12..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 640, value_parser = clap::value_parser!(u32).range(12..=100_000))]
     pub axes: u32,
-    /// Direct sunlight alone, without the Earth's
+    /// Direct sunlight alone: neither the Earth's nor light between the parts in the last steps
     #[arg(long)]
     pub direct_only: bool,
     /// A file that the first look at all axes is kept in from time to time; where it is there, the search goes on from it
@@ -121,8 +121,7 @@ pub(super) fn run(args: &AttitudeArgs, seed: u64, console: Console) -> anyhow::R
     args.out.check_with(console)?;
     args.out.check()?;
     let start = Instant::now();
-    let magnitudes =
-        Magnitudes { column: None, law: ComparedAs::default(), sigma_mag: None };
+    let magnitudes = Magnitudes { column: None, law: ComparedAs::default(), sigma_mag: None };
     let jobs = joined(&args.inputs, &magnitudes)?;
     let mut warnings = Vec::new();
     let mut passes = Vec::new();
@@ -151,8 +150,7 @@ pub(super) fn run(args: &AttitudeArgs, seed: u64, console: Console) -> anyhow::R
     drop(studies);
     let scene = &jobs[0].scene;
     let question = asked(args, scene, &curves)?;
-    let options =
-        Options { seed, axes: args.axes as usize, earth: !args.direct_only, ..Options::default() };
+    let options = Options { seed, axes: args.axes as usize, all_light: !args.direct_only };
     let kept = Kept::new(args.checkpoint.clone(), args.out.force, console)?;
     let answer = find(&curves, &question, &options, &kept, kept.from())
         .with_context(|| scene.path.display().to_string())?;

@@ -37,7 +37,8 @@ pub(super) fn asked(
         other => other.to_string(),
     });
     let epoch = epoch.with_context(|| format!("{path}: attitude.epoch_utc is missing"))?;
-    let epoch = parse_utc(&epoch).map_err(|e| e.in_file(&scene.path).in_field("attitude.epoch_utc"))?;
+    let epoch =
+        parse_utc(&epoch).map_err(|e| e.in_file(&scene.path).in_field("attitude.epoch_utc"))?;
     let known = |what: Known| args.known.contains(&what);
     let place = (number("axis_ra_dec_deg.0"), number("axis_ra_dec_deg.1"));
     let axis_gcrs = match place {
@@ -62,10 +63,15 @@ pub(super) fn asked(
         return Err(Usage("--known axis,phase,period leaves nothing to look for: `sunglint compare` compares a scene with a curve".into()).into());
     }
     if !unknowns.period && (args.period.is_some() || args.sense != Sense::Both) {
-        return Err(Usage("--known period takes the scene's: neither --period nor --sense beside it".into()).into());
+        return Err(Usage(
+            "--known period takes the scene's: neither --period nor --sense beside it".into(),
+        )
+        .into());
     }
     if place.0.is_none() && known(Known::Phase) {
-        bail!("{path}: --known phase, but [attitude] has no axis_ra_dec_deg from which a phase counts");
+        bail!(
+            "{path}: --known phase, but [attitude] has no axis_ra_dec_deg from which a phase counts"
+        );
     }
     Ok(Question {
         axis_body: DVec3::new(x, y, z),
@@ -123,7 +129,9 @@ fn shortest_s(curves: &[Measured]) -> f64 {
         let counts = |i: &usize| curve.data.used.row(*i).iter().any(|u| *u);
         let times: Vec<_> =
             (0..curve.data.epochs()).filter(counts).map(|i| curve.pass.times[i]).collect();
-        steps.extend(times.windows(2).map(|w| (w[1] - w[0]).to_seconds().abs()).filter(|s| *s > 0.0));
+        steps.extend(
+            times.windows(2).map(|w| (w[1] - w[0]).to_seconds().abs()).filter(|s| *s > 0.0),
+        );
         steps.extend(curve.pass.exposure_s.iter().copied().take(1));
     }
     steps.sort_by(f64::total_cmp);

@@ -2,7 +2,7 @@
 
 use crate::fit::inputs::Job;
 use crate::output::{Product, rounded};
-use crate::plot::{Axis, COLOURS, Figure, Heat, Panel, Series, Style};
+use crate::plot::{Axis, Figure, Heat, Panel, RGBColor, Series, Style};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -13,6 +13,8 @@ use sunglint_formats::{Column, Table};
 
 /// Step of the error surface, degrees.
 const CELL_DEG: f64 = 2.0;
+/// Radius of the ring about a minimum, degrees.
+const RING_DEG: f64 = 4.0;
 /// Channels that are drawn.
 const DRAWN: usize = 3;
 
@@ -84,7 +86,9 @@ impl Told<'_> {
             let _ = writeln!(text, "  {:>2}{}", i + 1, row(m));
             if let Some((twin, off)) = &m.twin {
                 let alike = match twin.unlike() {
-                    u if u > 0.0 => format!("; the body's light is then unlike by {:.1} %", 100.0 * u),
+                    u if u > 0.0 => {
+                        format!("; the body's light is then unlike by {:.1} %", 100.0 * u)
+                    }
                     _ => String::new(),
                 };
                 let _ = writeln!(
@@ -97,20 +101,14 @@ impl Told<'_> {
         for (name, (value, sigma)) in self.scales().iter().zip(&answer.minima[0].scales) {
             let _ = writeln!(text, "  brightness, {name:<16} {value:>9.4} ± {sigma:.4}");
         }
+        let (median, most) = answer.other_light;
         let _ = writeln!(
             text,
-            "\n  phases count at {}; the Earth's light is up to {:.1} % of a sample",
+            "\n  phases count at {}; light by other ways than straight from the Sun: {:.1} % of a sample in the middle, {:.0} % at most",
             format_utc_shortest(self.question.epoch),
-            100.0 * answer.earthlight
+            100.0 * median,
+            100.0 * most
         );
-        if let Some((median, most)) = answer.left_out {
-            let _ = writeln!(
-                text,
-                "  all light that the scene needs differs from the search's by {:.2} % in the middle, {:.1} % at most",
-                100.0 * median,
-                100.0 * most
-            );
-        }
         let _ = writeln!(
             text,
             "  {} axes, {} periods, {} epochs simulated in {:.1} s",
@@ -199,10 +197,10 @@ impl Told<'_> {
             "turns": rounded(answer.turns),
             "reduced_chi2": rounded(answer.reduced_chi2),
             "extra_noise": rounded(answer.extra_noise),
-            "earthlight": rounded(answer.earthlight),
-            "all_light": answer.left_out.map(|(median, largest)| json!({
-                "median_difference": rounded(median), "largest_difference": rounded(largest),
-            })),
+            "other_light": {
+                "median_share": rounded(answer.other_light.0),
+                "largest_share": rounded(answer.other_light.1),
+            },
             "symmetries": answer.symmetries.iter().map(|s| json!({
                 "name": s.name, "unlike": rounded(s.unlike), "taken": s.unlike < ALIKE,
             })).collect::<Vec<_>>(),
@@ -237,7 +235,8 @@ impl Told<'_> {
             Column::f64("axis_sigma_minor_deg", deg, of(&|m| m.axis.map_or(nan, |a| a.minor_deg))),
             Column::f64("axis_position_deg", deg, of(&|m| m.axis.map_or(nan, |a| a.position_deg)))
                 .described("of the longer axis, from north through east"),
-            Column::f64("period_s", Some("s"), of(&|m| m.period_s)).described("negative: left-handed"),
+            Column::f64("period_s", Some("s"), of(&|m| m.period_s))
+                .described("negative: left-handed"),
             Column::f64("period_sigma_s", Some("s"), of(&|m| m.period_sigma_s.unwrap_or(nan))),
             Column::f64("phase_deg", deg, of(&|m| m.phase_deg)).described("at epoch_utc"),
             Column::f64("phase_sigma_deg", deg, of(&|m| m.phase_sigma_deg.unwrap_or(nan))),
@@ -245,7 +244,10 @@ impl Told<'_> {
             Column::f64("probability", None, of(&|m| m.probability)),
             Column::text(
                 "twin",
-                minima.iter().map(|m| m.twin.as_ref().map_or(String::new(), |t| t.0.name())).collect(),
+                minima
+                    .iter()
+                    .map(|m| m.twin.as_ref().map_or(String::new(), |t| t.0.name()))
+                    .collect(),
             ),
         ];
         table
@@ -269,19 +271,23 @@ impl Told<'_> {
                 values.push(nearest.map_or(f64::NAN, |n| n.1));
             }
         }
-        let marks = self.answer.minima.iter().take(COLOURS.len()).enumerate().map(|(i, m)| {
-            let label = format!("{}: {:.4} s, P {:.2}", i + 1, m.period_s, m.probability);
-            // A ring is seen where a dot is not.
+        // A ring is seen where a dot is not; the best one is drawn last.
+        let drawn = self.answer.minima.iter().enumerate().rev();
+        let marks = drawn.map(|(i, m)| {
             let ring = (0..=36).map(|k| {
                 let (sin, cos) = (10.0 * f64::from(k)).to_radians().sin_cos();
-                let r = 4.0 - 0.3 * i as f64;
-                let dec = m.dec_deg + r * sin;
-                let ra = m.ra_deg + r * cos / m.dec_deg.to_radians().cos().max(0.1);
-                if (0.0..=360.0).contains(&ra) && dec.abs() <= 90.0 { (ra, dec) } else { (f64::NAN, f64::NAN) }
+                let (r, across) = (RING_DEG, m.dec_deg.to_radians().cos().max(0.1));
+                let (ra, dec) = (m.ra_deg + r * cos / across, m.dec_deg + r * sin);
+                let inside = (0.0..=360.0).contains(&ra) && dec.abs() <= 90.0;
+                if inside { (ra, dec) } else { (f64::NAN, f64::NAN) }
             });
-            let mut series = Series::line(label, i + 1, ring.collect());
-            series.style = Style::Line;
-            series
+            // No names: the scale of colours stands where the legend would.
+            let mut ring = Series::line("", 1, ring.collect());
+            if i > 0 {
+                ring.colour = RGBColor(255, 255, 255);
+                ring.dash = 2;
+            }
+            ring
         });
         let mut panel = Panel::new(
             Axis::linear("right ascension of the axis (deg)").from_to(0.0, 360.0),
@@ -295,10 +301,11 @@ impl Told<'_> {
             label: vec!["misfit of the".into(), "best phase and".into(), "period".into()],
             decades: None,
         });
-        let mut panels = vec![panel];
-        panels.extend(self.curves().into_iter().flat_map(|f| f.panels));
-        let title = format!("{}: misfit over the axis' sphere", self.name);
-        Some(Figure { title, panels })
+        let title = format!(
+            "{}: misfit over the axis' sphere; the best in a ring, other minima dotted",
+            self.name
+        );
+        Some(Figure { title, panels: vec![panel] })
     }
 
     /// Every sample beside the best attitude's.
@@ -315,7 +322,10 @@ impl Told<'_> {
         table.columns = vec![
             Column::text("time_utc", samples.iter().map(|s| format_utc(time(s).0, 6)).collect()),
             Column::i64("curve", None, samples.iter().map(|s| time(s).1 as i64 + 1).collect()),
-            Column::text("channel", samples.iter().map(|s| self.channels[s.channel].clone()).collect()),
+            Column::text(
+                "channel",
+                samples.iter().map(|s| self.channels[s.channel].clone()).collect(),
+            ),
             Column::f64("measured", unit, samples.iter().map(|s| s.rate).collect()),
             Column::f64("sigma", unit, samples.iter().map(|s| s.sigma).collect())
                 .described("the stated one"),
@@ -365,7 +375,9 @@ impl Told<'_> {
 /// A minimum in a line.
 fn row(m: &Minimum) -> String {
     let known = "        -".to_owned();
-    let axis = m.axis.map_or("      -      ".into(), |a| format!("{:>6.3}×{:<6.3}", a.major_deg, a.minor_deg));
+    let axis = m
+        .axis
+        .map_or("      -      ".into(), |a| format!("{:>6.3}×{:<6.3}", a.major_deg, a.minor_deg));
     let sigma = |s: Option<f64>| s.map_or(known.clone(), |s| format!("{s:>9.2e}"));
     format!(
         "  {:>9.3} {:>+9.3}  {axis} {:>15.6} {} {:>11.3} {}  {:>14.1} {:>12.4}",

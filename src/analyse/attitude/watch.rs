@@ -84,11 +84,9 @@ impl Watch for Kept {
             return;
         }
         last.0 = Instant::now();
-        let written = serde_json::to_vec(checkpoint)
-            .map_err(|e| e.to_string())
-            .and_then(|bytes| {
-                write_file(path, &bytes, Overwrite::Allow).map_err(|e| e.to_string())
-            });
+        let written = serde_json::to_vec(checkpoint).map_err(|e| e.to_string()).and_then(|bytes| {
+            write_file(path, &bytes, Overwrite::Allow).map_err(|e| e.to_string())
+        });
         if let Err(error) = written {
             last.1 = true;
             self.console.warn(&format!("no checkpoint is kept: {error}"));
