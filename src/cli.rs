@@ -183,7 +183,7 @@ impl Command {
             Command::Calibrate(args) => calibrate::run(args, seed, console),
             Command::Apply(args) => apply::run(args, console),
             Command::Fit(args) => fit::run(args, seed, console),
-            Command::Analyse(command) => analyse::run(command, console),
+            Command::Analyse(command) => analyse::run(command, seed, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();
                 clap_complete::generate(*shell, &mut Cli::command(), "sunglint", &mut script);

@@ -261,6 +261,14 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     keys(&folder.json(&[&search[..], &["--pass", "turning.toml"]].concat()), &mut printed);
     let map = ["analyse", "map", "turning.toml", "--along", "--step-deg", "30", "--json"];
     keys(&folder.json(&map), &mut printed);
+    // How a body spins, by a curve that was simulated.
+    let scene = common::page_toml("reading-attitude.md", "axis_body");
+    std::fs::write(folder.path("spinning.toml"), scene.replace("step_s = 4", "step_s = 30"))
+        .unwrap();
+    folder.done(&["simulate", "spinning.toml", "-o", "spinning.ecsv", "-q"]);
+    let attitude = ["analyse", "attitude", "spinning.ecsv", "spinning.toml", "--axes", "60"];
+    let bounds = ["--period", "60..80", "--sense", "right", "--scale", "grey", "--json"];
+    keys(&folder.json(&[&attitude[..], &bounds].concat()), &mut printed);
     // A light curve of two lobes a turn of 20 s, read.
     std::fs::write(folder.path("curve.ecsv"), common::turning_curve()).unwrap();
     let removed = ["curve.ecsv", "--station", "ufo", "--json"];
@@ -386,6 +394,13 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "reduce",
         "align",
         "analyse",
+        "attitude",
+        // Of another minimum that is one by a symmetry, and where samples are left out.
+        "symmetry",
+        "exchanged",
+        "off_deg",
+        "several",
+        "undetermined",
         "unmix",
         "endmembers",
         "map",

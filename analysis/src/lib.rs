@@ -8,12 +8,10 @@
 //! - [`synodic`]: from the period that is seen to that of the spin;
 //! - [`mod@fold`]: samples by their phase in a period;
 //! - [`unmix`]: materials from spectra and from channels;
-//! - [`map`]: samples on the body's frame.
-//!
-//! What will stand here besides:
-//!
-//! - `attitude`: spin axis, period and phase of a known shape.
+//! - [`map`]: samples on the body's frame;
+//! - [`attitude`]: spin axis, period and phase of a known shape.
 
+pub mod attitude;
 pub mod fold;
 pub mod map;
 pub mod period;

@@ -1,5 +1,6 @@
 //! `sunglint analyse`: what a light curve says about a body.
 
+mod attitude;
 mod curves;
 mod endmembers;
 mod fold;
@@ -8,6 +9,7 @@ mod numbers;
 mod period;
 mod unmix;
 
+pub use attitude::AttitudeArgs;
 pub use endmembers::EndmembersArgs;
 pub use fold::FoldArgs;
 pub use map::MapArgs;
@@ -30,6 +32,8 @@ pub enum AnalyseCommand {
     Endmembers(Box<EndmembersArgs>),
     /// Samples on the body's frame: reflection, materials, ranges; a curve from a map
     Map(Box<MapArgs>),
+    /// The spin axis, period and phase of a body of known shape: by simulating every attitude; one answer, or all that the data do not tell apart
+    Attitude(Box<AttitudeArgs>),
 }
 
 impl AnalyseCommand {
@@ -41,6 +45,7 @@ impl AnalyseCommand {
             Self::Unmix(args) => &args.out,
             Self::Endmembers(args) => &args.out,
             Self::Map(args) => &args.out,
+            Self::Attitude(args) => &args.out,
         }
     }
 }
@@ -49,12 +54,13 @@ impl AnalyseCommand {
 ///
 /// # Errors
 /// A curve that is not what it should be, and what the step refuses, with the reason.
-pub fn run(command: &AnalyseCommand, console: Console) -> anyhow::Result<()> {
+pub fn run(command: &AnalyseCommand, seed: u64, console: Console) -> anyhow::Result<()> {
     match command {
         AnalyseCommand::Period(args) => period::run(args, console),
         AnalyseCommand::Fold(args) => fold::run(args, console),
         AnalyseCommand::Unmix(args) => unmix::run(args, console),
         AnalyseCommand::Endmembers(args) => endmembers::run(args, console),
         AnalyseCommand::Map(args) => map::run(args, console),
+        AnalyseCommand::Attitude(args) => attitude::run(args, seed, console),
     }
 }

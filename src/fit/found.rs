@@ -141,7 +141,7 @@ impl Bouncing<'_> {
             scene.set_reflectance(&spectrum.material, &found.wavelength_nm, &found.reflectance);
         }
         let job = Job { measured: job.measured.clone(), scene };
-        let mut pass = pass_of(&job, self.args, &mut idle)?;
+        let mut pass = pass_of(&job, &self.args.station, &mut idle)?;
         pass.effects.inter_reflection = Switch::Auto;
         // Where light is looked at is found once: from round to round little changes.
         if let Some(bouncing) = kept {

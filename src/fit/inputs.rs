@@ -6,9 +6,11 @@ use super::scene::Scene;
 use super::{FitArgs, FitKeys};
 use crate::curve_file::Magnitudes;
 use crate::output::Usage;
+use crate::station::StationArgs;
 use anyhow::bail;
 use ndarray::Array2;
 use serde::Deserialize;
+use std::path::PathBuf;
 use sunglint_calibration::pass::{self, CalibrationError, Data};
 use sunglint_calibration::stars::scintillation::Aperture;
 use sunglint_formats::time::{format_utc, tai_nanoseconds};
@@ -24,7 +26,7 @@ struct AnyFile {
 }
 
 /// Curves with their scenes.
-pub(super) struct Job {
+pub(crate) struct Job {
     pub measured: Measured,
     pub scene: Scene,
 }
@@ -36,16 +38,23 @@ pub(super) fn jobs(args: &FitArgs) -> anyhow::Result<(Vec<Job>, FitKeys)> {
         law: args.magnitudes_as,
         sigma_mag: args.sigma_mag,
     };
-    let (mut jobs, mut waiting, mut keys) = (Vec::new(), Vec::new(), None);
-    for path in &args.inputs {
+    let jobs = joined(&args.inputs, &magnitudes)?;
+    let keys = match jobs.first() {
+        Some(job) => Document::read(&job.scene.path)?.parse::<AnyFile>()?.fit,
+        None => FitKeys::default(),
+    };
+    Ok((jobs, keys))
+}
+
+/// Curves with the scene that stands after them: `CURVE… PASS.toml`, once or more often; at least one, all of rates or all of magnitudes.
+pub(crate) fn joined(inputs: &[PathBuf], magnitudes: &Magnitudes) -> anyhow::Result<Vec<Job>> {
+    let (mut jobs, mut waiting) = (Vec::<Job>::new(), Vec::new());
+    for path in inputs {
         if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("toml")) {
-            waiting.push(Measured::read(path, &magnitudes)?);
+            waiting.push(Measured::read(path, magnitudes)?);
             continue;
         }
         let scene = Scene::read(path)?;
-        if keys.is_none() {
-            keys = Some(Document::read(path)?.parse::<AnyFile>()?.fit);
-        }
         if waiting.is_empty() {
             return Err(Usage(format!(
                 "no curve stands before the scene {}: MEASURED… PASS.toml",
@@ -63,10 +72,13 @@ pub(super) fn jobs(args: &FitArgs) -> anyhow::Result<(Vec<Job>, FitKeys)> {
         ))
         .into());
     }
+    if jobs.is_empty() {
+        return Err(Usage("neither a curve nor a scene: MEASURED… PASS.toml".into()).into());
+    }
     if jobs.iter().any(|j| j.measured.magnitudes != jobs[0].measured.magnitudes) {
         bail!("rates and magnitudes cannot be fitted together: fit each on its own");
     }
-    Ok((jobs, keys.unwrap_or_default()))
+    Ok(jobs)
 }
 
 pub(super) fn wanted(args: &FitArgs, keys: &FitKeys) -> anyhow::Result<Vec<Wanted>> {
@@ -88,21 +100,21 @@ pub(super) fn wanted(args: &FitArgs, keys: &FitKeys) -> anyhow::Result<Vec<Wante
 }
 
 /// The pass of a curve at its own times.
-pub(super) fn pass_of(
+pub(crate) fn pass_of(
     job: &Job,
-    args: &FitArgs,
+    from: &StationArgs,
     warnings: &mut Vec<String>,
 ) -> anyhow::Result<Pass> {
     let (first, last) = job.measured.ends();
     let length_s = (tai_nanoseconds(last) - tai_nanoseconds(first)) as f64 * 1e-9;
     let scene = job.scene.between(&format_utc(first, 9), &format_utc(last, 9), length_s);
-    let station = if args.station.station.is_some() {
-        Some(args.station.get()?)
+    let station = if from.station.is_some() {
+        Some(from.get()?)
     } else if scene.names_station() {
         None
     } else {
         let hint = format!("(or name one in [station] of {})", scene.path.display());
-        Some(args.station.get_or(&hint)?)
+        Some(from.get_or(&hint)?)
     };
     let mut pass = scene.pass(Overrides { station, ..Overrides::default() })?;
     for warning in &pass.warnings {
@@ -115,12 +127,12 @@ pub(super) fn pass_of(
     Ok(pass)
 }
 
-pub(super) fn place(station: &Station, channel: &str) -> Option<usize> {
+pub(crate) fn place(station: &Station, channel: &str) -> Option<usize> {
     station.channels.iter().position(|c| c.name == channel)
 }
 
 /// The channels of the fit, in the station's order.
-pub(super) fn channels(
+pub(crate) fn channels(
     jobs: &[Job],
     studies: &[Study],
     only: &[String],
@@ -158,7 +170,7 @@ pub(super) fn channels(
 }
 
 /// A curve as the fit wants it, and what was left out of it.
-pub(super) fn prepared(
+pub(crate) fn prepared(
     measured: &Measured,
     study: &Study,
     channels: &[String],

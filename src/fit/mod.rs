@@ -5,13 +5,13 @@
 
 pub mod answer;
 mod found;
-mod inputs;
+pub(crate) mod inputs;
 pub mod measured;
 mod page;
 mod parameters;
 mod progress;
 mod report;
-mod scene;
+pub(crate) mod scene;
 
 use crate::compare::ComparedAs;
 use crate::output::{Console, OutputArgs, Usage};
@@ -186,7 +186,7 @@ pub fn solve(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<Answ
     let (mut studies, mut bouncing) = (Vec::new(), Vec::new());
     for job in &jobs {
         warnings.extend(job.measured.warnings.iter().cloned());
-        let mut pass = pass_of(job, args, &mut warnings)?;
+        let mut pass = pass_of(job, &args.station, &mut warnings)?;
         // Light between parts costs too much for a search; of a lone sphere there is none.
         let lone = matches!(&pass.target.parts[..], [p] if matches!(p.shape, Shape::Sphere { .. }));
         let auto = pass.effects.inter_reflection == Switch::Auto;

@@ -142,6 +142,27 @@ impl Scene {
         }
     }
 
+    /// The value of a key of `[attitude]`, numbers and texts alike.
+    pub fn attitude_key(&self, key: &str) -> Option<&Value> {
+        self.table.get("attitude")?.get(key)
+    }
+
+    /// Sets how a body spins whose axis in the body the scene says: angles in degrees, the period in s.
+    pub fn set_spin(&mut self, ra_deg: f64, dec_deg: f64, phase_deg: f64, period_s: f64) {
+        let Some(Value::Table(attitude)) = self.table.get_mut("attitude") else { return };
+        for key in ["rate_deg_s", "rate_rpm", "period_s"] {
+            attitude.remove(key);
+        }
+        let axis = [ra_deg, dec_deg].map(Value::Float).to_vec();
+        attitude.insert("axis_ra_dec_deg".into(), Value::Array(axis));
+        attitude.insert("phase_deg".into(), Value::Float(phase_deg));
+        if period_s.is_finite() {
+            attitude.insert("period_s".into(), Value::Float(period_s));
+        } else {
+            attitude.insert("rate_deg_s".into(), Value::Float(0.0));
+        }
+    }
+
     /// Gives a material another reflectance; false where it has none that would be its only factor.
     pub fn set_reflectance(&mut self, material: &str, nm: &[f64], reflectance: &[f64]) -> bool {
         let name = format!("material.{material}");

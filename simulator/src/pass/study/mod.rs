@@ -138,38 +138,48 @@ impl Study {
     /// [`PassError::Light`].
     pub fn term_rates(&self) -> Result<TermRates, PassError> {
         let lit = self.engine.lit_terms();
-        let channels = self.pass.station.channels.len();
-        let quantities = channels + BANDS.len();
         let weights = self.weights()?;
-        let rows = self.places.par_iter().zip(&self.transmissions).zip(&weights).map(
-            |((place, transmissions), (weights, _))| {
-                let here =
-                    place.geometry.sun.distance_au().powi(-2) * place.geometry.range_m.powi(-2);
-                let scaled: Vec<f64> = weights.iter().map(|w| here * w).collect();
-                let mut row = vec![0.0; quantities * lit];
-                let sums = &self.functionals.sums;
-                for (i, terms) in row.chunks_exact_mut(lit.max(1)).enumerate() {
-                    match transmissions {
-                        Some(through) if i < channels => {
-                            sums.add_terms_below(i, &scaled, through, terms)
-                        }
-                        None if i < channels => terms.fill(f64::NAN),
-                        _ => sums.add_terms_above(i, &scaled, terms),
-                    }
-                }
-                row
-            },
-        );
-        let rows: Vec<Vec<f64>> = rows.collect();
+        let rows = weights.par_iter().enumerate().map(|(i, (own, _))| self.row(i, &own[..lit]));
+        Ok(self.gathered(&rows.collect::<Vec<_>>()))
+    }
+
+    /// What a weight of 1 m² sr⁻¹ of each term would make at each epoch, in full sunlight: the light of any attitude is the sum over the terms of this
+    /// times the attitude's weights (and the visible part of the Sun).
+    pub fn unit_rates(&self) -> TermRates {
+        let unit = vec![1.0; self.engine.lit_terms()];
+        let rows = (0..self.places.len()).into_par_iter().map(|i| self.row(i, &unit));
+        self.gathered(&rows.collect::<Vec<_>>())
+    }
+
+    /// What the weights of all terms make at an epoch: channels, then bands, each × terms.
+    fn row(&self, epoch: usize, weights: &[f64]) -> Vec<f64> {
+        let (lit, channels) = (weights.len(), self.pass.station.channels.len());
+        let geometry = &self.places[epoch].geometry;
+        let here = geometry.sun.distance_au().powi(-2) * geometry.range_m.powi(-2);
+        let scaled: Vec<f64> = weights.iter().map(|w| here * w).collect();
+        let mut row = vec![0.0; (channels + BANDS.len()) * lit];
+        let sums = &self.functionals.sums;
+        for (i, terms) in row.chunks_exact_mut(lit.max(1)).enumerate() {
+            match &self.transmissions[epoch] {
+                Some(through) if i < channels => sums.add_terms_below(i, &scaled, through, terms),
+                None if i < channels => terms.fill(f64::NAN),
+                _ => sums.add_terms_above(i, &scaled, terms),
+            }
+        }
+        row
+    }
+
+    fn gathered(&self, rows: &[Vec<f64>]) -> TermRates {
+        let (lit, channels) = (self.engine.lit_terms(), self.pass.station.channels.len());
         let n = rows.len();
         let at = |i: usize, q: usize, k: usize| rows[i][q * lit + k];
-        Ok(TermRates {
+        TermRates {
             terms: self.engine.terms()[..lit].to_vec(),
             rates_hz: Array3::from_shape_fn((n, channels, lit), |(i, c, k)| at(i, c, k)),
             fluxes: Array3::from_shape_fn((n, BANDS.len(), lit), |(i, b, k)| {
                 at(i, channels + b, k)
             }),
-        })
+        }
     }
 
     /// Apparent zenith angles and transmissions of all places.

@@ -1,0 +1,166 @@
+//! `sunglint analyse attitude`, run as a person runs it.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+mod common;
+
+use common::{Folder, SPHERE_PASS, page_toml};
+use sunglint_formats::ecsv;
+use sunglint_radiometry::light_curve::{Flags, LightCurve, RateKind};
+
+fn folder(name: &str) -> Folder {
+    let folder = Folder::new(name);
+    std::fs::write(folder.path("pass.toml"), page_toml("reading-attitude.md", "axis_body"))
+        .unwrap();
+    folder
+}
+
+fn curve(folder: &Folder, name: &str) -> LightCurve {
+    let text = std::fs::read_to_string(folder.path(name)).unwrap();
+    LightCurve::from_table(name, &ecsv::read_str(name, &text).unwrap()).unwrap()
+}
+
+fn write(folder: &Folder, name: &str, curve: &LightCurve) {
+    let text = ecsv::to_string(&curve.to_table().unwrap()).unwrap();
+    std::fs::write(folder.path(name), text).unwrap();
+}
+
+/// The angle between an axis and the page's, degrees.
+fn off_deg(ra_deg: f64, dec_deg: f64) -> f64 {
+    let to = |ra: f64, dec: f64| {
+        let (ra, dec) = (ra.to_radians(), dec.to_radians());
+        glam::DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin())
+    };
+    to(ra_deg, dec_deg).angle_between(to(200.0, 35.0)).to_degrees()
+}
+
+/// Truth: the spin of the page's scene, with which its curve was simulated. Tolerance: 0.5° and 1e-3 of the period: no noise was added, and what is held of light between the parts is known to a hundredth
+/// of all light. The scene that is written gives the curve back.
+#[test]
+fn the_page_finds_what_was_put_in() {
+    let folder = folder("attitude-page");
+    let page = include_str!("../docs/reading-attitude.md");
+    let mut text = String::new();
+    for command in page.lines().filter(|l| l.starts_with("sunglint ")) {
+        let words: Vec<&str> = command.split_whitespace().skip(1).collect();
+        text += &folder.done(&words);
+    }
+    assert!(text.contains("attitude of pass: one"), "{text}");
+    for file in [
+        "attitude.ecsv",
+        "attitude.png",
+        "attitude_curve.ecsv",
+        "attitude_curve.png",
+        "pass.attitude.toml",
+    ] {
+        assert!(folder.path("found").join(file).exists(), "{file}");
+    }
+    let found = std::fs::read_to_string(folder.path("found/attitude.ecsv")).unwrap();
+    let found = ecsv::read_str("attitude.ecsv", &found).unwrap();
+    let first = |name: &str| found.f64(name).unwrap()[0];
+    assert!(off_deg(first("ra_deg"), first("dec_deg")) < 0.5, "{text}");
+    assert!((first("period_s") / 70.0 - 1.0).abs() < 1e-3, "{text}");
+    let (a, b) = (curve(&folder, "measured.ecsv"), curve(&folder, "again.ecsv"));
+    let mut off: Vec<f64> = Vec::new();
+    for (a, b) in a.channels.iter().zip(&b.channels) {
+        let pairs = a.rate_hz.iter().zip(&b.rate_hz).filter(|(x, _)| **x > 0.0);
+        off.extend(pairs.map(|(x, y)| (y / x - 1.0).abs()));
+    }
+    off.sort_by(f64::total_cmp);
+    assert!(off.len() > 500 && off[off.len() / 2] < 0.02, "{}", off[off.len() / 2]);
+}
+
+/// Truth: the page's spin again, of which the axis and the period are told: the phase is found in one channel with every third sample, a gap in the middle, samples that are no numbers, and brightness that is
+/// free (all rates were multiplied by 0.7). Tolerance: 1° of phase, 0.03 of the factor.
+#[test]
+fn gaps_lost_samples_and_a_free_brightness_do_not_stop_it() {
+    let folder = folder("attitude-gaps");
+    folder.done(&["simulate", "pass.toml", "-o", "p.ecsv", "-q"]);
+    let mut made = curve(&folder, "p.ecsv");
+    made.kind = RateKind::Calibrated;
+    for channel in &mut made.channels {
+        for i in 0..channel.rate_hz.len() {
+            channel.rate_hz[i] *= 0.7;
+            channel.sigma_hz[i] *= 0.7;
+            if i % 3 > 0 || (40..70).contains(&i) {
+                channel.flags[i] |= Flags::SATURATED;
+            }
+            if i % 15 == 0 {
+                channel.rate_hz[i] = f64::NAN;
+                channel.flags[i] |= Flags::GAP;
+            }
+        }
+    }
+    write(&folder, "m.ecsv", &made);
+    let options = ["--known", "axis,period", "--scale", "grey", "--channel", "g", "--json"];
+    let json =
+        folder.json(&[&["analyse", "attitude", "m.ecsv", "pass.toml"][..], &options].concat());
+    assert_eq!(json["verdict"], "one", "{json}");
+    let best = &json["minima"][0];
+    let phase = best["phase_deg"].as_f64().unwrap();
+    assert!((phase - 40.0).abs() < 1.0, "{best}");
+    let factor = best["brightness"][0]["value"].as_f64().unwrap();
+    assert!((factor / 0.7 - 1.0).abs() < 0.03, "{best}");
+    assert_eq!(best["ra_deg"].as_f64().unwrap().round(), 200.0);
+    assert!(best["axis_sigma_deg"].is_null() && best["period_sigma_s"].is_null());
+    let lost = json["curves"][0]["left_out"].as_array().unwrap();
+    assert!(lost.iter().any(|l| l["why"].as_str().unwrap().contains("saturated")), "{json}");
+}
+
+/// Exit code 1 where something is wrong with the input, 2 with the command; the message says what to do.
+#[test]
+fn what_cannot_be_found_is_said() {
+    let folder = folder("attitude-wrong");
+    folder.done(&["simulate", "pass.toml", "-o", "p.ecsv", "-q"]);
+    let predicted = curve(&folder, "p.ecsv");
+    let refused = |code: i32, change: &dyn Fn(&mut LightCurve), more: &[&str]| {
+        let mut curve = predicted.clone();
+        curve.kind = RateKind::Calibrated;
+        change(&mut curve);
+        write(&folder, "m.ecsv", &curve);
+        let all = [&["analyse", "attitude", "m.ecsv", "pass.toml"], more].concat();
+        folder.refused(code, &all)
+    };
+    let few = |c: &mut LightCurve| {
+        for channel in &mut c.channels {
+            channel.flags[3..].fill(Flags::SATURATED);
+        }
+    };
+    let message = refused(1, &few, &[]);
+    assert!(message.contains("3 epochs") && message.contains("at least 8"), "{message}");
+    // A body that sends the same all the time: what range and air do is left.
+    let flat = std::fs::read_to_string(folder.path("pass.toml")).unwrap();
+    let sphere =
+        flat.replace("built_in = \"box_wing\"", "sphere = { radius_m = 1, material = \"white\" }");
+    std::fs::write(folder.path("sphere.toml"), sphere).unwrap();
+    folder.done(&["simulate", "sphere.toml", "-o", "s.ecsv", "-q"]);
+    let message = folder.refused(1, &["analyse", "attitude", "s.ecsv", "sphere.toml"]);
+    assert!(
+        message.contains("however it is turned") || message.contains("no attitude can be told"),
+        "{message}"
+    );
+    let message = refused(1, &|c| c.kind = RateKind::Linear, &[]);
+    assert!(message.contains("sunglint apply"), "{message}");
+    let message = refused(2, &|_| (), &["--period", "9..2"]);
+    assert!(message.contains("LO..HI"), "{message}");
+    let message = refused(2, &|_| (), &["--known", "axis,phase,period"]);
+    assert!(message.contains("nothing to look for"), "{message}");
+    let message = refused(2, &|_| (), &["--known", "period", "--sense", "left"]);
+    assert!(message.contains("neither --period nor --sense"), "{message}");
+    let message = refused(1, &|_| (), &["--channel", "violet"]);
+    assert!(message.contains("violet"), "{message}");
+    let message = refused(1, &|_| (), &["--period", "0.001.."]);
+    assert!(message.contains("narrower bounds"), "{message}");
+    std::fs::write(folder.path("c.json"), "{}").unwrap();
+    let message = refused(1, &|_| (), &["--checkpoint", "c.json"]);
+    assert!(message.contains("no checkpoint") && message.contains("--force"), "{message}");
+    std::fs::write(folder.path("c.json"), "{\"of\":1,\"finer\":false,\"places\":[]}").unwrap();
+    let message = refused(1, &|_| (), &["--checkpoint", "c.json"]);
+    assert!(message.contains("another search"), "{message}");
+    // No spin, no axis in the body.
+    std::fs::write(folder.path("still.toml"), SPHERE_PASS).unwrap();
+    folder.done(&["simulate", "still.toml", "-o", "t.ecsv", "-q"]);
+    let message = folder.refused(1, &["analyse", "attitude", "t.ecsv", "still.toml"]);
+    assert!(message.contains("axis_body"), "{message}");
+    folder.refused(2, &["analyse", "attitude", "pass.toml", "p.ecsv"]);
+}
