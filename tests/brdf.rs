@@ -207,6 +207,7 @@ fn the_page_of_the_lab_from_spectra_to_a_material() {
         "panel.bsdf",
         "panel.toml",
         "panel.coverage.ecsv",
+        "panel.doubts.ecsv",
         "lab/material.toml",
         "lab/residuals.ecsv",
     ] {
@@ -226,6 +227,18 @@ fn the_page_of_the_lab_from_spectra_to_a_material() {
         "{}",
         ingest["warnings"][0]
     );
+
+    // Its directions are not those of the plan: what is missing is counted and listed, what was not planned is used.
+    let small = ["--side", "9", "--theta-i", "4", "--normals", "32", "--json"];
+    let planned = ["brdf", "assemble", "lab/samples.ecsv", "lab/ndf.ecsv", "-o", "planned.bsdf"];
+    let planned = [&planned[..], &["--plan", "lab/plan.ecsv"], &small].concat();
+    let made = folder.json(&planned);
+    let missing = ecsv::read(folder.path("planned.missing.ecsv")).unwrap().rows();
+    assert!(missing > 10 && made["plan"]["missing"] == missing, "{missing} {}", made["plan"]);
+    assert!(made["plan"]["planned"].as_u64().unwrap() >= missing as u64);
+    let wrong = [&planned[..4], &["-o", "x.bsdf", "--plan", "lab/samples.ecsv"]].concat();
+    let said = folder.refused(1, &wrong);
+    assert!(said.contains("`brdf_samples`") && said.contains("sunglint brdf plan"), "{said}");
 
     let fit = folder.json(&["brdf", "fit", "lab/samples.ecsv", "--wavelength-nm", "600", "--json"]);
     assert_eq!(fit["laws"][0]["law"], "ggx+lambert");
@@ -273,6 +286,26 @@ fn what_no_law_or_material_can_be_made_of_says_why() {
              [[detector]]\nname = \"a\"\nrange_nm = [400, 410]\nreference = {file:?}\n[[direction]]\ntheta_i_deg = 0\nphi_i_deg = 0\ntheta_o_deg = 1\nphi_o_deg = 0\nfiles = {{ a = {file:?} }}\n"
         )
     };
+    // In this place a reference: its light is 1 everywhere. Spectra without light, and wavenumbers in a column of wavelengths.
+    let lines = |value: f64, at: &dyn Fn(f64) -> f64| {
+        let line = |k: i32| format!("{},{value}\n", at(395.0 + f64::from(k)));
+        "wavelength_nm,counts\n".to_owned() + &(0..21).map(line).collect::<String>()
+    };
+    std::fs::write(folder.path("light.csv"), lines(1.0, &|nm| nm)).unwrap();
+    std::fs::write(folder.path("dark.csv"), lines(0.0, &|nm| nm)).unwrap();
+    std::fs::write(folder.path("below.csv"), lines(-1.0, &|nm| nm)).unwrap();
+    std::fs::write(folder.path("swapped.csv"), lines(1.0, &|nm| 1e7 / nm)).unwrap();
+    for (file, expected) in [
+        ("dark.csv", "no value is above 0"),
+        ("below.csv", "no value is above 0"),
+        ("swapped.csv", "holds wavenumbers"),
+    ] {
+        let text =
+            toml(file).replace(&format!("reference = {file:?}"), "reference = \"light.csv\"");
+        std::fs::write(folder.path("i.toml"), text).unwrap();
+        let said = folder.refused(1, &["brdf", "ingest", "i.toml", "-o", "lab/"]);
+        assert!(said.contains(expected), "{said}");
+    }
     for (file, expected) in [
         ("x.0", "a file of Bruker OPUS"),
         ("gap.csv", "gap.csv:6: found 440 after 403: a gap of 37 usual steps"),

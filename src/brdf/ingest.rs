@@ -129,6 +129,21 @@ pub(super) fn run(args: &IngestArgs, console: Console) -> anyhow::Result<()> {
     for warning in &done.warnings {
         console.warn(warning);
     }
+    let rows = &done.samples.rows;
+    let dark = |v: &&[f64]| !v.iter().any(|v| *v > 0.0);
+    let none: Vec<&[f64]> = rows.iter().map(|r| &r.brdf_per_sr[..]).filter(dark).collect();
+    if none.len() == rows.len() {
+        let no_data = none.iter().all(|v| v.iter().all(|v| v.is_nan()));
+        let why = if no_data {
+            "no file has data at the wavelengths asked for: look at wavelength_nm and range_nm, and whether a column named wavelength_nm holds wavenumbers (cm⁻¹) or the other way round"
+        } else {
+            "no value is above 0: no light came (a shutter, a dark scan as the signal, the dark subtracted twice?)"
+        };
+        anyhow::bail!("{}: {why}", args.file.display());
+    }
+    if !none.is_empty() {
+        console.warn(&format!("{} of {} directions have no value above 0", none.len(), rows.len()));
+    }
     let meta = &mut done.samples.meta;
     for (key, text) in
         [("polarisation", &file.polarisation), ("sample", &file.sample), ("note", &file.note)]
