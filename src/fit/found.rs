@@ -11,7 +11,7 @@ use sunglint_calibration::pass::spectrum::{Band, upsample};
 use sunglint_calibration::pass::{Fit, StudyModel, band_weights};
 use sunglint_simulator::light::Source;
 use sunglint_simulator::light::engine::Switch;
-use sunglint_simulator::pass::Study;
+use sunglint_simulator::pass::{Study, Thinned};
 
 /// Knots of reflectance spectra: first, last, step, nm.
 const KNOTS_NM: (u32, u32, u32) = (300, 1240, 5);
@@ -84,7 +84,7 @@ impl Bouncing<'_> {
         let mut fit = fit;
         let mut found: Option<Bounces> = None;
         let mut held: Vec<Held> = self.jobs.iter().map(|_| Held::default()).collect();
-        let mut studies: Vec<Option<Study>> = self.jobs.iter().map(|_| None).collect();
+        let mut studies: Vec<Option<(Study, Thinned)>> = self.jobs.iter().map(|_| None).collect();
         for round in 1..=MOST_ROUNDS {
             let mut share = 0.0_f64;
             for k in (0..self.jobs.len()).filter(|k| self.of[*k]) {
@@ -111,9 +111,7 @@ impl Bouncing<'_> {
             }
         }
         if let Some(found) = &mut found {
-            for study in studies.iter().flatten() {
-                found.thinned.extend(study.thinned()?);
-            }
+            found.thinned = studies.iter().flatten().map(|(_, thinned)| *thinned).collect();
         }
         Ok((fit, found))
     }
@@ -125,7 +123,7 @@ impl Bouncing<'_> {
         k: usize,
         model: &StudyModel,
         fit: &Fit,
-        kept: &mut Option<Study>,
+        kept: &mut Option<(Study, Thinned)>,
     ) -> anyhow::Result<Option<(Array2<f64>, f64)>> {
         let (job, parameters, channels) = (&self.jobs[k], self.parameters, self.channels);
         let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
@@ -144,15 +142,15 @@ impl Bouncing<'_> {
         let mut pass = pass_of(&job, &self.args.station, &mut idle)?;
         pass.effects.inter_reflection = Switch::Auto;
         // Where light is looked at is found once: from round to round little changes.
-        if let Some(bouncing) = kept {
+        if let Some((bouncing, _)) = kept {
             bouncing.set_attitude(pass.attitude)?;
             bouncing.set_target(pass.target)?;
         } else {
             let mut bouncing = Study::new(pass)?;
-            bouncing.thin(THINNED * bouncing.pass().tolerance)?;
-            *kept = Some(bouncing);
+            let thinned = bouncing.thin(THINNED * bouncing.pass().tolerance)?;
+            *kept = Some((bouncing, thinned));
         }
-        let Some(bouncing) = kept else { return Ok(None) };
+        let Some((bouncing, _)) = kept else { return Ok(None) };
         let rates = bouncing.term_rates()?;
         let station = &study.pass().station;
         let places: Vec<Option<usize>> = channels.iter().map(|c| place(station, c)).collect();

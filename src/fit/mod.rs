@@ -269,7 +269,7 @@ pub fn solve(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<Answ
     let mut fit = pass::fit(&data, &mut model, free, linear, &options, &mut |p| shown.tell(p))?;
     for _ in 0..REFINED {
         // What was smooth where the search began may not be so where it ended.
-        if wrong_between(&mut model, &fit)? <= 1.0 {
+        if free.is_empty() || wrong_between(&mut model, &fit)? <= 1.0 {
             break;
         }
         let finer = model.thin(&searched(&fit), THINNED)?;
@@ -285,7 +285,11 @@ pub fn solve(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<Answ
     if bouncing.of.iter().any(|b| *b) {
         (fit, bounces) = bouncing.settle(&mut model, fit, &mut shown, &mut refit)?;
     }
-    let thinned = model.thinned(&searched(&fit))?;
+    // What is linear moves no light.
+    let thinned: Vec<Option<Thinned>> = match free.is_empty() {
+        true => nodes.iter().map(|t| Some(*t)).collect(),
+        false => model.thinned(&searched(&fit))?,
+    };
     if let Some(bounces) = bounces.as_ref().filter(|b| !b.settled) {
         warnings.push(format!(
             "light between the parts, up to {:.1} % of a sample's, had not settled after {} rounds: the last moved a parameter by {:.1} of its standard uncertainty",

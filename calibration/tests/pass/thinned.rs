@@ -20,22 +20,20 @@ fn model(pass: &Pass) -> StudyModel {
         attitude: Some(Law { uses: vec![0], make: Box::new(tilted) }),
         ..Shaping::default()
     };
-    let components =
-        ["aluminium", "mli"].map(|m| Component { material: m.into(), spectrum: None }).to_vec();
+    // The others keep their light: with all free so short a pass would not tell a pitch from them.
+    let components = vec![Component { material: "mli".into(), spectrum: None }];
     StudyModel::new(vec![(Study::new(pass.clone()).unwrap(), Unit::Band(V), shaping)], components)
 }
 
 fn solved(data: &[Data], model: &mut StudyModel, from: f64, places: usize) -> Fit {
-    let linear: Vec<Linear> = (["aluminium", "mli"].iter().enumerate())
-        .map(|(component, name)| Linear {
-            name: (*name).to_owned(),
-            component,
-            channels: vec![0],
-            curves: None,
-            unit: 1.0,
-            most: None,
-        })
-        .collect();
+    let linear = [Linear {
+        name: "mli".into(),
+        component: 0,
+        channels: vec![0],
+        curves: None,
+        unit: 1.0,
+        most: None,
+    }];
     let mut pitch = Free::new("pitch_deg", from, -15.0, 15.0);
     pitch.step = 3e-4;
     let options =
@@ -44,7 +42,7 @@ fn solved(data: &[Data], model: &mut StudyModel, from: f64, places: usize) -> Fi
 }
 
 /// Samples of a satellite that keeps an axis to the Earth, each with a noise of 3 %, fitted with light at few epochs (found where the search begins, and once more where it ended)
-/// and at all. Truth: the fit at all epochs, and what was put in: a pitch of 4°, coefficients of 1. Tolerance: a tenth of a standard uncertainty from the former: lines that err by 3e-4 of
+/// and at all. Truth: the fit at all epochs, and what was put in: a pitch of 4°, a coefficient of 1. Tolerance: a tenth of a standard uncertainty from the former: lines that err by 3e-4 of
 /// the light move the mean of 60 samples of 3 % by 0.08 of its own; four of them from the latter.
 #[test]
 fn a_fit_at_few_epochs_is_that_at_all() {
@@ -81,7 +79,7 @@ fn a_fit_at_few_epochs_is_that_at_all() {
     let here = few.thinned(&[found.parameter("pitch_deg").unwrap().value]).unwrap()[0].unwrap();
     println!("{thinned:?}, where it ended {here:?}; {whole_s:.2} s against {few_s:.2} s");
     assert!(here.error < 3e-4 && here.direct < 30, "{here:?}");
-    for (name, put_in) in [("pitch_deg", 4.0), ("aluminium", 1.0), ("mli", 1.0)] {
+    for (name, put_in) in [("pitch_deg", 4.0), ("mli", 1.0)] {
         let (a, b) = (whole.parameter(name).unwrap(), found.parameter(name).unwrap());
         let sigma = a.sigma.unwrap();
         println!("{name}: {} and {} ± {sigma}", a.value, b.value);

@@ -33,7 +33,7 @@ pub struct Thinned {
     /// Epochs at which indirect light is computed; 0 where there is none.
     pub indirect: usize,
     /// The largest error that the lines between them make: of direct light at any epoch, and of indirect light twice that in the middle between two nodes, of all light there in
-    /// any channel or band (or of a hundredth of that of the brightest epoch).
+    /// any channel or band (or of a hundredth of that of the brightest epoch). What is within the light's own stated error counts as on the line.
     pub error: f64,
 }
 
@@ -201,7 +201,7 @@ impl Study {
                 if off > way.tolerance.max(unsure) {
                     nodes.push(middle);
                     next.extend(intervals(&[a, middle, b]));
-                } else {
+                } else if off > unsure {
                     error = error.max(off);
                 }
             }
@@ -243,7 +243,8 @@ impl Study {
             let own = self.rows(&middles.iter().map(|(_, i)| *i).collect::<Vec<_>>(), &indirect)?;
             let off = middles.iter().zip(&own).map(|((k, i), own)| {
                 let ends = [&at_nodes[*k], own, &at_nodes[k + 1]];
-                AWAY * self.off_the_line(ends, nodes.within[*i].1, &light[*i]).0
+                let (off, unsure) = self.off_the_line(ends, nodes.within[*i].1, &light[*i]);
+                if AWAY * off > unsure { AWAY * off } else { 0.0 }
             });
             found.error += off.fold(0.0, f64::max);
         }
