@@ -35,7 +35,8 @@ fn solved(data: &[Data], model: &mut StudyModel, from: f64, places: usize) -> Fi
         most: None,
     }];
     let mut pitch = Free::new("pitch_deg", from, -15.0, 15.0);
-    pitch.step = 3e-4;
+    // Where the Earth's quadrature goes from one order to the next its light steps by 2e-3: differences are taken over more than that.
+    pitch.step = 0.05;
     let options =
         Options { loss: Loss::Huber, places, starts: places.min(1), seed: 1, ..Options::default() };
     fit(data, model, &[pitch], &linear, &options, &mut |_| ()).unwrap()
@@ -43,7 +44,7 @@ fn solved(data: &[Data], model: &mut StudyModel, from: f64, places: usize) -> Fi
 
 /// Samples of a satellite that keeps an axis to the Earth, each with a noise of 3 %, fitted with light at few epochs (found where the search begins, and once more where it ended)
 /// and at all. Truth: the fit at all epochs, and what was put in: a pitch of 4°, a coefficient of 1. Tolerance: a tenth of a standard uncertainty from the former: lines that err by 3e-4 of
-/// the light move the mean of 60 samples of 3 % by 0.08 of its own; four of them from the latter.
+/// the light move the mean of 60 samples of 3 % by 0.08 of its own; ends of intervals to a tenth of their distance from the latter, which lies within them.
 #[test]
 fn a_fit_at_few_epochs_is_that_at_all() {
     let mut pass = scene("built_in = \"box_wing\"", orbit(14.27, 98.6, 318.0));
@@ -66,12 +67,12 @@ fn a_fit_at_few_epochs_is_that_at_all() {
     let data =
         [Data::new("ten a second", truth.map(|r| r * (1.0 + 0.03 * normal())), 0.03 * &truth)];
 
-    let (start, whole) = (std::time::Instant::now(), solved(&data, &mut all, 3.0, 0));
+    let (start, whole) = (std::time::Instant::now(), solved(&data, &mut all, 4.5, 0));
     let whole_s = start.elapsed().as_secs_f64();
     let start = std::time::Instant::now();
     let mut few = model(&pass);
-    let thinned = few.thin(&[3.0], 0.03).unwrap()[0];
-    let first = solved(&data, &mut few, 3.0, 0);
+    let thinned = few.thin(&[4.5], 0.03).unwrap()[0];
+    let first = solved(&data, &mut few, 4.5, 0);
     let pitch = first.parameter("pitch_deg").unwrap().value;
     few.thin(&[pitch], 0.03).unwrap();
     let found = solved(&data, &mut few, pitch, 0);
@@ -82,9 +83,22 @@ fn a_fit_at_few_epochs_is_that_at_all() {
     for (name, put_in) in [("pitch_deg", 4.0), ("mli", 1.0)] {
         let (a, b) = (whole.parameter(name).unwrap(), found.parameter(name).unwrap());
         let sigma = a.sigma.unwrap();
-        println!("{name}: {} and {} ± {sigma}", a.value, b.value);
+        println!(
+            "{name}: {} ± {sigma} {:?} and {} {:?}",
+            a.value, a.interval_95, b.value, b.interval_95
+        );
         assert!((a.value - b.value).abs() < 0.1 * sigma, "{name}: {} {}", a.value, b.value);
-        assert!((b.sigma.unwrap() / sigma - 1.0).abs() < 0.02);
-        assert!((a.value - put_in).abs() < 4.0 * sigma, "{name}: {} ± {sigma}", a.value);
+        // A side comes into view near the minimum: χ² is no parabola, and intervals are gone through.
+        let whole = whole.parameter(name).unwrap().interval_95;
+        for (a, b, reach) in [(whole[0], b.interval_95[0], -1.0), (whole[1], b.interval_95[1], 1.0)]
+        {
+            // One that is open is so in both.
+            let (Some(a), Some(b)) = (a, b) else {
+                assert_eq!((a, b), (None, None), "{name}");
+                continue;
+            };
+            assert!((a - b).abs() < 0.1 * (b - put_in).abs().max(sigma), "{name}: {a} {b}");
+            assert!(reach * (b - put_in) > 0.0, "{name}: {b}");
+        }
     }
 }
