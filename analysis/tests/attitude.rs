@@ -231,37 +231,6 @@ fn twins_send_the_same_light_in_the_middle() {
     assert!(law.apart(&state, &twice) < 1e-9);
 }
 
-/// Truth: the spin that was put in. Within 8 s the bisector moves by a few degrees: the attitude with Sun and station exchanged sends nearly the same light. The truth is among the minima, and the other one of the two is named as its
-/// twin. Tolerance: 5° of attitude.
-#[test]
-fn a_short_pass_has_its_mirror_solution_named() {
-    let pass = pass("built_in = \"box_wing\"", "2020-11-18T16:25:00", "2020-11-18T16:25:08", 0.1);
-    let epoch = pass.times[0];
-    let mut random = Random::seed_from_u64(11);
-    let axis = DVec3::new(0.5, -0.6, 0.3).normalize();
-    let spin = Spin::along(DVec3::Z, axis, 1.0 / 3.0, 2.0, epoch).unwrap();
-    let curve = measured(pass, spin, 0.03, &mut random);
-    let zero = Forward::new(std::slice::from_ref(&curve)).unwrap().zero;
-    let mut question = question(DVec3::Z, epoch, 5.0);
-    question.rates = vec![(1.0 / 4.0, 1.0 / 2.5), (-1.0 / 2.5, -1.0 / 4.0)];
-    let options = Options { axes: 300, ..Options::default() };
-    let answer = find(&[curve], &question, &options, &(), None).unwrap();
-    let errors: Vec<f64> =
-        (0..answer.minima.len()).map(|i| error_deg(&answer, i, &spin, zero)).collect();
-    for (m, e) in answer.minima.iter().zip(&errors) {
-        println!(
-            "{e:.2} deg, chi2 {:.1}, P {:.3}, {:?}",
-            m.delta_chi2,
-            m.probability,
-            m.twin.as_ref().map(|t| (t.0.name(), t.1))
-        );
-    }
-    let truth = errors.iter().position(|e| *e < 5.0).unwrap();
-    assert!(answer.minima[truth].probability > 1e-3 || answer.minima[truth].twin.is_some());
-    let twin = answer.minima.iter().find_map(|m| m.twin.as_ref());
-    assert!(twin.is_some_and(|t| t.0.exchanged), "{twin:?}");
-}
-
 /// What a watch was given to keep.
 struct Keeping(std::sync::Mutex<Vec<sunglint_analysis::attitude::Checkpoint>>);
 
@@ -396,7 +365,11 @@ fn judged(seed: u64) -> Judged {
 /// χ² at most one in ten exceeds 9.2 (1 in 100 by chance; light between the parts is known to a hundredth only).
 #[test]
 fn campaign_attitude() {
-    const WHOLE: u64 = 20;
+    const WHOLE: u64 = 10;
+    if let Ok(one) = std::env::var("SUNGLINT_ATTITUDE_SEED") {
+        one.split(',').filter_map(|s| s.parse().ok()).for_each(|s| drop(judged(s)));
+        return;
+    }
     let mut campaign = Campaign::start("attitude", WHOLE);
     let full = campaign.seeds().end == WHOLE;
     let all: Vec<Judged> = (0..if full { WHOLE } else { 6 }).map(judged).collect();
@@ -427,8 +400,12 @@ fn campaign_attitude() {
             .largest("largest_error_of_those_found_deg", found.last().copied().unwrap_or(f64::NAN));
         campaign.largest("median_seconds_on_two_cores", two[two.len() / 2]);
         campaign.largest("longest_seconds_on_two_cores", two[two.len() - 1]);
-        assert!(wrong <= 0.05 * n && two[two.len() / 2] <= 15.0 && two[two.len() - 1] <= 60.0);
-        assert!(unsure <= 0.1 * n);
     }
+    // Written first: a promise that is missed is on record, too.
     campaign.finish();
+    if full {
+        assert!(wrong <= 0.05 * n, "{wrong} of {n} were not found");
+        assert!(two[two.len() / 2] <= 15.0 && two[two.len() - 1] <= 60.0);
+        assert!(unsure <= 0.1 * n, "{unsure} of {n} ellipses");
+    }
 }

@@ -18,6 +18,10 @@ const ALONE: f64 = 0.95;
 const TWIN: f64 = 0.45;
 /// An angle that is less certain than this is not determined, radians.
 const UNDETERMINED: f64 = 0.5;
+/// Where more than this is left over of the light, or χ² is larger than so many degrees of freedom, the search is made again, finer.
+const POOR_EXTRA: f64 = 0.15;
+/// See [`POOR_EXTRA`].
+const POOR_CHI2: f64 = 1.5;
 /// Noise beyond the stated of more than this says that the model is not that of the light.
 const NO_MODEL: f64 = 0.3;
 
@@ -142,8 +146,17 @@ pub fn find(
     watch: &dyn Watch,
     from: Option<&Checkpoint>,
 ) -> Result<Answer, AttitudeError> {
-    let searched = search(curves, question, options, watch, from)?;
-    answer(question, searched)
+    let searched = search(curves, question, options, watch, from, false)?;
+    let usual = answer(question, searched)?;
+    if usual.finer || !usual.is_poor() {
+        return Ok(usual);
+    }
+    // What noise does not explain may be another attitude's light: once more, finer.
+    let searched = search(curves, question, options, watch, from.filter(|c| c.finer), true)?;
+    let mut finer = answer(question, searched)?;
+    finer.simulated += usual.simulated;
+    let better = finer.extra_noise <= usual.extra_noise;
+    Ok(if better { finer } else { Answer { finer: true, simulated: finer.simulated, ..usual } })
 }
 
 fn answer(question: &Question, searched: Searched) -> Result<Answer, AttitudeError> {
@@ -218,6 +231,11 @@ fn answer(question: &Question, searched: Searched) -> Result<Answer, AttitudeErr
     if taken < all.len() {
         warnings.push(format!("of {} epochs {taken} were taken, evenly spread", all.len()));
     }
+    if reduced_chi2 > POOR_CHI2 {
+        warnings.push(format!(
+            "reduced chi-square is {reduced_chi2:.2}: residuals have longer tails than noise; another attitude, or what the scene does not know of the body, may be behind that"
+        ));
+    }
     let verdict = verdict(&minima, unknowns.count(), searched.extra);
     Ok(Answer {
         verdict,
@@ -250,8 +268,8 @@ fn verdict(minima: &[Minimum], unknowns: usize, extra: f64) -> Verdict {
             100.0 * extra
         ));
     }
-    let loose = best.covariance.len() < unknowns
-        || best.covariance.iter().enumerate().any(|(i, r)| !(r[i].sqrt() < UNDETERMINED));
+    let known = best.covariance.iter().enumerate().filter(|(i, r)| r[*i].sqrt() < UNDETERMINED);
+    let loose = known.count() < unknowns;
     if loose {
         return Verdict::Undetermined(
             "the light hardly changes with some turn of the body: too little was seen of it".into(),
@@ -406,6 +424,11 @@ fn probabilities(minima: &mut [Minimum], found: &[Found]) {
 }
 
 impl Answer {
+    /// Whether more is left over than noise: too much of the light, or more outliers than noise has.
+    fn is_poor(&self) -> bool {
+        self.extra_noise > POOR_EXTRA || self.reduced_chi2 > POOR_CHI2
+    }
+
     /// Factors of the brightness by name: channels or materials in their order.
     pub fn scale_names(scale: Scale, channels: &[String], materials: &[String]) -> Vec<String> {
         match scale {

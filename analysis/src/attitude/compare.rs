@@ -2,9 +2,15 @@
 
 use super::AttitudeError;
 use super::forward::Forward;
+use glam::DQuat;
+use sunglint_simulator::light::View;
 
 /// The floor, of the median light of a channel.
 const FLOOR: f64 = 0.05;
+/// The floor at most by what the body usually sends, of the light of a channel that one sample in ten exceeds.
+const FLOOR_BRIGHT: f64 = 0.2;
+/// Directions that what it usually sends is found from.
+const LOOKS: usize = 300;
 /// The floor, of the median noise of a channel.
 const FLOOR_NOISE: f64 = 2.0;
 /// The body's light must change by more than this times its noise.
@@ -39,11 +45,20 @@ impl Compared {
             let own = (0..n).map(|m| m * channels + c).filter(good);
             median(own.map(|i| values[i] / unit[i]).collect())
         };
+        let usual = usual_light(forward)?;
+        let bright = |c: usize| {
+            let own = (0..n).map(|m| m * channels + c).filter(good);
+            let mut all: Vec<f64> = own.map(|i| forward.rate[i] / unit[i]).collect();
+            all.sort_by(f64::total_cmp);
+            all.get(all.len() * 9 / 10).copied().unwrap_or(0.0).max(0.0)
+        };
         let floor: Vec<f64> = (0..channels)
             .map(|c| {
                 let light = of(c, &forward.rate).unwrap_or(0.0).max(0.0);
                 let noise = of(c, &forward.sigma).unwrap_or(0.0);
-                (FLOOR * light).max(FLOOR_NOISE * noise).max(f64::MIN_POSITIVE)
+                // Light by other ways than the direct one is of the order of a twentieth of what the body usually sends; where its brightness is free, that is not known.
+                let usual = (FLOOR * usual[c]).min(FLOOR_BRIGHT * bright(c));
+                (FLOOR * light).max(usual).max(FLOOR_NOISE * noise).max(f64::MIN_POSITIVE)
             })
             .collect();
         let mut compared = Self {
@@ -119,6 +134,32 @@ impl Compared {
         }
         Err(AttitudeError::Constant { change: most, noise: noise_there })
     }
+}
+
+/// The light of each channel in the mean over all attitudes, at the geometry in the middle, in the same measure as what is compared.
+fn usual_light(forward: &Forward) -> Result<Vec<f64>, AttitudeError> {
+    let Some(moment) = forward.moments.get(forward.moments.len() / 2) else {
+        return Ok(vec![0.0; forward.channels]);
+    };
+    let mut evaluator = forward.scene.evaluator();
+    let (mut sum, mut own) = (vec![0.0; forward.weights], vec![0.0; forward.weights]);
+    let angle = moment.to_sun.angle_between(moment.to_observer);
+    let axes = super::coarse::axes(LOOKS, 0.0);
+    for (i, sun) in axes.iter().enumerate() {
+        let turn = DQuat::from_axis_angle(*sun, 2.399_963 * i as f64);
+        let across = turn * sun.any_orthonormal_vector();
+        let observer = *sun * angle.cos() + across * angle.sin();
+        evaluator.direct(*sun, View::Distant(observer), &mut own)?;
+        sum.iter_mut().zip(&own).for_each(|(s, w)| *s += w / LOOKS as f64);
+    }
+    let rows = forward.unit_rates(forward.moments.len() / 2).chunks_exact(forward.weights);
+    Ok(rows
+        .map(|row| {
+            let unit = row.iter().sum::<f64>() / forward.weights as f64;
+            let light: f64 = row.iter().zip(&sum).map(|(k, w)| k * w).sum();
+            if unit > 0.0 { light / unit } else { 0.0 }
+        })
+        .collect())
 }
 
 /// The middle one; `None` of none.

@@ -146,6 +146,7 @@ pub(super) fn search(
     options: &Options,
     watch: &dyn Watch,
     from: Option<&Checkpoint>,
+    finer: bool,
 ) -> Result<Searched, AttitudeError> {
     let forward = Forward::new(curves)?;
     let samples = forward.samples();
@@ -170,7 +171,7 @@ pub(super) fn search(
         symmetries: &symmetries,
         watch,
     };
-    let (mut found, mut law) = hunt.first_curve(&law, from)?;
+    let (mut found, mut law) = hunt.first_curve(&law, from, finer)?;
     let mut warnings = Vec::new();
     let order = hunt.order();
     for n in 1..order.len() {
@@ -309,6 +310,7 @@ impl Hunt<'_> {
         &self,
         law: &Law,
         from: Option<&Checkpoint>,
+        finer: bool,
     ) -> Result<(First, Law), AttitudeError> {
         let order = self.order();
         let own = self.moments_of(&order[..1]);
@@ -316,8 +318,7 @@ impl Hunt<'_> {
         let few = spread_out(&own, FIRST, self.options.seed);
         let more = spread_out(&own, SECOND, self.options.seed + 1);
         let mut simulated = 0;
-        let finer_from = from.is_some_and(|c| c.finer);
-        let mut finer = finer_from;
+        let mut finer = finer || from.is_some_and(|c| c.finer);
         loop {
             let times = if finer { 3 } else { 1 };
             let (places, axes, rates) = self.look(&law, &few, times, from, finer)?;
