@@ -370,10 +370,6 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "white_noise_mag",
         "mean_mag",
         "why",
-        // Of bodies whose parts light one another.
-        "rounds",
-        "moved_sigmas",
-        "settled",
         "analyse",
         "period",
         "fold",
