@@ -217,7 +217,8 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     std::fs::write(folder.path("values.csv"), values).unwrap();
     keys(&folder.json(&["brdf", "fit", "values.csv", "--law", "ggx", "--json"]), &mut printed);
     let assemble = ["brdf", "assemble", "values.csv", "ndf.ecsv", "-o", "made.bsdf", "--side", "8"];
-    let small = ["--theta-i", "4", "--normals", "32", "--json"];
+    folder.done(&["brdf", "plan", "ndf.ecsv", "--rig", "--side", "9", "-o", "plan.ecsv", "-q"]);
+    let small = ["--theta-i", "4", "--normals", "32", "--plan", "plan.ecsv", "--json"];
     keys(&folder.json(&[&assemble[..], &small].concat()), &mut printed);
     keys(
         &folder.json(&["brdf", "show", "made.bsdf", "--wavelength-nm", "550", "--json"]),
