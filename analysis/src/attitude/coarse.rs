@@ -4,7 +4,7 @@
 //! epoch the one whose phase is nearest. What a trial costs beyond the simulations that its axis needs anyway is a sum over epochs, so that no period is left out.
 //!
 //! Light is compared by its logarithm: a glint that the grid misses does not outweigh all others. The common brightness of an epoch, which a few degrees change much, counts
-//! less than its colours, and no epoch more than [`MOST`].
+//! less than its colours, and no epoch more than `MOST`.
 
 use super::compare::Compared;
 use super::forward::Forward;
@@ -72,7 +72,7 @@ pub fn axes(count: usize, shift: f64) -> Vec<DVec3> {
         .collect()
 }
 
-/// Turns a second from the first to the last bound, so that none lies more than half a step of [`SLIP_TURNS`] away: over the data's span, or the time to where a known phase counts.
+/// Turns a second from the first to the last bound, so that none lies more than half a step of `SLIP_TURNS` away: over the data's span, or the time to where a known phase counts.
 pub fn rates(low: f64, high: f64, law: &Law, unknowns: Unknowns) -> Vec<f64> {
     let reach = if unknowns.phase { 0.0 } else { (law.epoch_s - law.middle_s).abs() };
     let span = (2.0 * law.half_span_s).max(law.half_span_s + reach);
