@@ -2,6 +2,7 @@
 
 use crate::compare::ComparedAs;
 use anyhow::{Context as _, bail};
+use clap::Args;
 use hifitime::Epoch;
 use std::path::Path;
 use sunglint_formats::time::{parse_utc, tai_nanoseconds};
@@ -17,13 +18,16 @@ const GAP_S: f64 = 60.0;
 const PER_MAG: f64 = 0.921_034_037_197_618_3;
 
 /// How a table of magnitudes is read.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default, Args)]
 pub struct Magnitudes {
-    /// Its column.
+    /// The column of magnitudes, where a table of them is given [default: magnitude]
+    #[arg(long = "magnitude-column", value_name = "NAME")]
     pub column: Option<String>,
-    /// What they are.
+    /// What these magnitudes are
+    #[arg(long = "magnitudes-as", value_enum, default_value_t)]
     pub law: ComparedAs,
-    /// Their noise, mag; from the differences between neighbours where not given.
+    /// Their noise, mag [default: a column sigma_mag, else from the differences between neighbours]
+    #[arg(long, value_name = "MAG")]
     pub sigma_mag: Option<f64>,
 }
 

@@ -1,7 +1,6 @@
 //! The light curves that are asked about: files of the schema, or plain columns.
 
 use crate::air::{AirModelArgs, describe};
-use crate::compare::ComparedAs;
 use crate::curve_file::{CurveFile, Magnitudes};
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
@@ -31,15 +30,9 @@ pub struct CurveArgs {
     /// curve has columns for; the air if there is a station too]
     #[arg(long, value_name = "WHAT")]
     pub keep: Vec<Keep>,
-    /// The column of magnitudes, where a table of them is given [default: magnitude]
-    #[arg(long, value_name = "NAME")]
-    pub magnitude_column: Option<String>,
-    /// What these magnitudes are
-    #[arg(long, value_enum, default_value_t)]
-    pub magnitudes_as: ComparedAs,
-    /// Their noise, mag [default: a column sigma_mag, else from the differences between neighbours]
-    #[arg(long, value_name = "MAG")]
-    pub sigma_mag: Option<f64>,
+    /// How a table of magnitudes is read.
+    #[command(flatten)]
+    pub magnitudes: Magnitudes,
     /// Which station: its channels and its air.
     #[command(flatten)]
     pub station: StationArgs,
@@ -90,11 +83,6 @@ impl CurveArgs {
     /// # Errors
     /// A file that is no light curve, or has no sample; a channel that none of them has.
     pub fn read(&self) -> anyhow::Result<Curves> {
-        let options = Magnitudes {
-            column: self.magnitude_column.clone(),
-            law: self.magnitudes_as,
-            sigma_mag: self.sigma_mag,
-        };
         let mut inputs = Vec::new();
         let mut curves = Vec::new();
         for path in &self.curves {
@@ -103,7 +91,7 @@ impl CurveArgs {
             inputs.push(Input { file: path.display().to_string(), sha256 });
             let text = sunglint_formats::read::decode(path, bytes)?;
             let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            let (curve, magnitudes) = match CurveFile::read(path, &text, &options)? {
+            let (curve, magnitudes) = match CurveFile::read(path, &text, &self.magnitudes)? {
                 CurveFile::Rates(table) => (LightCurve::from_table(path, &table)?, false),
                 CurveFile::Magnitudes(brightness) => (brightness.light_curve(&stem), true),
             };

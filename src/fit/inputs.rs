@@ -33,12 +33,7 @@ pub(crate) struct Job {
 
 /// Curves with the scene that stands after them, and the first scene's `[fit]`.
 pub(super) fn jobs(args: &FitArgs) -> anyhow::Result<(Vec<Job>, FitKeys)> {
-    let magnitudes = Magnitudes {
-        column: args.magnitude_column.clone(),
-        law: args.magnitudes_as,
-        sigma_mag: args.sigma_mag,
-    };
-    let jobs = joined(&args.inputs, &magnitudes)?;
+    let jobs = joined(&args.inputs, &args.magnitudes)?;
     let keys = match jobs.first() {
         Some(job) => Document::read(&job.scene.path)?.parse::<AnyFile>()?.fit,
         None => FitKeys::default(),

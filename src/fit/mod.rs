@@ -13,7 +13,7 @@ mod progress;
 mod report;
 pub(crate) mod scene;
 
-use crate::compare::ComparedAs;
+use crate::curve_file::Magnitudes;
 use crate::output::{Console, OutputArgs, Usage};
 use crate::station::StationArgs;
 use answer::{Answer, AnsweredCurve};
@@ -75,15 +75,9 @@ pub struct FitArgs {
     /// Iterations of a descent to the bottom of a minimum, at most; with 0 only places are looked at [default: 60]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=10_000))]
     pub iterations: Option<u32>,
-    /// The column of magnitudes, where a table of them is given [default: magnitude]
-    #[arg(long, value_name = "NAME")]
-    pub magnitude_column: Option<String>,
-    /// What these magnitudes are
-    #[arg(long, value_enum, default_value_t)]
-    pub magnitudes_as: ComparedAs,
-    /// Their noise, mag [default: a column sigma_mag, else from the differences between neighbours]
-    #[arg(long, value_name = "MAG")]
-    pub sigma_mag: Option<f64>,
+    /// How a table of magnitudes is read.
+    #[command(flatten)]
+    pub magnitudes: Magnitudes,
     /// Write the scene with what was found (`simulate` runs it); a folder of `-o` gets it too
     #[arg(long, value_name = "FILE.toml")]
     pub scene_out: Option<PathBuf>,

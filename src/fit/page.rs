@@ -92,7 +92,7 @@ fn figures(answer: &Answer) -> Vec<[String; 3]> {
         [
             "Samples".into(),
             fit.samples.to_string(),
-            format!("in {} channels of {} curves", answer.channels.len(), answer.curves.len()),
+            format!("channels: {}, curves: {}", answer.channels.len(), answer.curves.len()),
         ],
     ];
     if let Some(bounces) = &answer.bounces {

@@ -7,7 +7,6 @@ mod question;
 mod report;
 mod watch;
 
-use crate::compare::ComparedAs;
 use crate::curve_file::Magnitudes;
 use crate::fit::inputs::{channels, joined, pass_of, place, prepared};
 use crate::output::{Console, OutputArgs};
@@ -121,7 +120,7 @@ pub(super) fn run(args: &AttitudeArgs, seed: u64, console: Console) -> anyhow::R
     args.out.check_with(console)?;
     args.out.check()?;
     let start = Instant::now();
-    let magnitudes = Magnitudes { column: None, law: ComparedAs::default(), sigma_mag: None };
+    let magnitudes = Magnitudes::default();
     let jobs = joined(&args.inputs, &magnitudes)?;
     let mut warnings = Vec::new();
     let mut passes = Vec::new();

@@ -45,7 +45,7 @@ pub fn endmembers(
                     let hint =
                         near.first().map_or(String::new(), |n| format!("; did you mean {n}?"));
                     bail!(
-                        "--endmembers: there is no material or target `{item}` (built in are {}), and a file ends with .toml, .csv or .ecsv{hint}",
+                        "there is no material or target `{item}` (built in are {}), and a file ends with .toml, .csv or .ecsv{hint}",
                         known.join(", ")
                     );
                 }
@@ -54,7 +54,7 @@ pub fn endmembers(
     }
     for (i, endmember) in all.iter().enumerate() {
         if all[..i].iter().any(|other| column_name(&other.name) == column_name(&endmember.name)) {
-            bail!("--endmembers: {} is given twice", endmember.name);
+            bail!("the material {} is given twice", endmember.name);
         }
     }
     Ok((all, inputs))
