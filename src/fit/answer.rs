@@ -12,7 +12,7 @@ use sunglint_calibration::pass::{
 };
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_radiometry::light_curve::Input;
-use sunglint_simulator::pass::{Study, Thinned};
+use sunglint_simulator::pass::{Averaged, Study, Thinned};
 
 /// Edges of groups of phase angles, degrees.
 const PHASE_EDGES: [f64; 7] = [0.0, 30.0, 60.0, 90.0, 120.0, 150.0, 180.0];
@@ -94,6 +94,8 @@ pub struct AnsweredCurve {
     pub left_out: Vec<LeftOut>,
     /// Whether these are magnitudes: rates are then fluxes in V over that of magnitude 0, above the air.
     pub magnitudes: bool,
+    /// How many samples are means over their exposures, and what the middles of the others err by.
+    pub averaged: Averaged,
     /// At how many epochs light was computed, and what the lines between them err by; `None` where at all.
     pub thinned: Option<Thinned>,
     /// Tracks of magnitudes: their white noise beside what is left.
@@ -203,6 +205,7 @@ impl AnsweredCurve {
         data: &Data,
         model: &FittedCurve,
         left_out: Vec<(String, usize)>,
+        averaged: Averaged,
         thinned: Option<Thinned>,
     ) -> Self {
         let places = study.places();
@@ -229,6 +232,7 @@ impl AnsweredCurve {
             fitted: data.count(),
             left_out: left_out.into_iter().map(|(why, samples)| LeftOut { why, samples }).collect(),
             magnitudes: measured.magnitudes,
+            averaged,
             thinned,
             tracks: tracks.collect(),
             times: measured.times.clone(),

@@ -26,13 +26,15 @@ use progress::Shown;
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::time::Instant;
-use sunglint_calibration::pass::{self, Fit, Free, Loss, Options, ParameterKind, StudyModel, Unit};
+use sunglint_calibration::pass::{
+    self, Data, Fit, Free, Loss, Options, ParameterKind, StudyModel, Unit,
+};
 use sunglint_calibration::stars::scintillation::USUAL_COEFFICIENT;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::toml::NonNegative;
 use sunglint_radiometry::light_curve::Input;
 use sunglint_simulator::light::engine::Switch;
-use sunglint_simulator::pass::{BANDS, Study, Thinned};
+use sunglint_simulator::pass::{Averaged, BANDS, Study, Thinned};
 use sunglint_simulator::target::Shape;
 
 /// The band of published magnitudes.
@@ -40,7 +42,9 @@ const V: usize = 2;
 
 /// Of the scene's tolerance, the part that light may err by that is computed at some epochs and is linear in time between them.
 const THINNED: f64 = 0.3;
-/// How often such epochs are added where a fit ended.
+/// Of the best sample's uncertainty, the part that the light of an exposure's middle may be off from the mean.
+const AVERAGED_SIGMAS: f64 = 0.1;
+/// How often such epochs, and moments within exposures, are added where a fit ended.
 const REFINED: usize = 3;
 
 /// Arguments of `sunglint fit`.
@@ -257,17 +261,28 @@ pub fn solve(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<Answ
         next.minima.extend(fit.minima.iter().skip(1).cloned());
         Ok(next)
     };
+    let moments = |all: &[Averaged]| all.iter().map(|a| a.moments).sum::<usize>();
     let count = |all: &[Thinned]| all.iter().map(|t| t.direct + t.indirect).sum::<usize>();
     let begin: Vec<f64> = free.iter().map(|f| f.start).collect();
+    let middles: Vec<f64> = (data.iter().enumerate())
+        .map(|(k, data)| middle_may_err(data, model.study(k).map_or(0.0, |s| s.pass().tolerance)))
+        .collect();
+    let mut averaged = model.average(&begin, &middles)?;
     let mut nodes = model.thin(&begin, THINNED)?;
     let mut fit = pass::fit(&data, &mut model, free, linear, &options, &mut |p| shown.tell(p))?;
     for _ in 0..REFINED {
-        // What was smooth where the search began may not be so where it ended.
-        if free.is_empty() || wrong_between(&mut model, &fit)? <= 1.0 {
+        // What was smooth where the search began may not be so where it ended. What is linear moves no light.
+        if free.is_empty() {
+            break;
+        }
+        let before = moments(&averaged);
+        averaged = model.average(&searched(&fit), &middles)?;
+        let grew = moments(&averaged) > before;
+        if !grew && wrong_between(&mut model, &fit)? <= 1.0 {
             break;
         }
         let finer = model.thin(&searched(&fit), THINNED)?;
-        if count(&finer) == count(&nodes) {
+        if !grew && count(&finer) == count(&nodes) {
             break;
         }
         nodes = finer;
@@ -313,6 +328,7 @@ pub fn solve(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<Answ
                 &data[k],
                 &fit.curves[k],
                 left_out[k].clone(),
+                averaged[k],
                 thinned[k],
             ))
         })
@@ -354,6 +370,15 @@ fn inputs_of(jobs: &[Job], model: &StudyModel) -> anyhow::Result<Vec<Input>> {
         own.into_iter().flatten().for_each(&mut add);
     }
     Ok(all)
+}
+
+/// By how much, relative, the light of an exposure's middle may differ from the mean of a curve's samples: by what does not matter beside the best sample's
+/// uncertainty, or beside what light itself may err by.
+fn middle_may_err(data: &Data, tolerance: f64) -> f64 {
+    let used = data.used.iter().zip(data.sigma.iter().zip(&data.rate)).filter(|(used, _)| **used);
+    let relative = used.map(|(_, (sigma, rate))| sigma / rate.abs().max(*sigma));
+    let best = relative.filter(|r| r.is_finite()).fold(1.0, f64::min);
+    (AVERAGED_SIGMAS * best).max(THINNED * tolerance)
 }
 
 /// Values of what was searched for.

@@ -1,7 +1,7 @@
 //! The page of a fit.
 
 use super::answer::{Answer, AnsweredCurve};
-use super::report::{number, of_thinned};
+use super::report::{number, of_averaged, of_thinned};
 use crate::report::{Chart, Grid, Group, Kind, Line, Report, Scale, Section};
 use sunglint_calibration::pass::{Estimate, IntervalMethod, Side, Summary, Warning};
 use sunglint_formats::time::format_utc_shortest;
@@ -385,6 +385,7 @@ fn left_out(answer: &Answer) -> Section {
 fn cost(answer: &Answer) -> Section {
     let mut text =
         vec![format!("{} simulations in {:.1} s.", answer.fit.evaluations, answer.seconds)];
+    text.extend(answer.curves.iter().map(|c| format!("{}: {}.", c.name, of_averaged(&c.averaged))));
     text.extend(answer.curves.iter().filter_map(|c| c.thinned.as_ref()).map(of_thinned));
     Section { title: "Cost".into(), text, grid: Grid::default() }
 }

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use sunglint_calibration::pass::{Estimate, IntervalMethod, Side, Summary};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
-use sunglint_simulator::pass::Thinned;
+use sunglint_simulator::pass::{Averaged, Thinned};
 
 /// Tables, figures, JSON.
 pub fn product(answer: &Answer) -> anyhow::Result<Product> {
@@ -114,6 +114,7 @@ pub fn text(answer: &Answer) -> String {
         }
     }
     for curve in &answer.curves {
+        let _ = writeln!(text, "{}: {}", curve.name, of_averaged(&curve.averaged));
         if let Some(thinned) =
             curve.thinned.filter(|t| t.direct < t.epochs || t.indirect < t.epochs)
         {
@@ -159,6 +160,26 @@ fn row(p: &Estimate, width: usize) -> String {
         (IntervalMethod::Covariance, None) => {}
     }
     line
+}
+
+/// How many samples are means over their exposures, in words.
+pub(super) fn of_averaged(a: &Averaged) -> String {
+    let err = format!("by up to {:.1e} of the light", a.error);
+    match a.averaged {
+        0 => {
+            format!("the middle of each exposure stands for its mean, from which it differs {err}")
+        }
+        n if n == a.samples => {
+            format!(
+                "all samples are means over their exposures, {} moments in all, and err {err}",
+                a.moments
+            )
+        }
+        n => format!(
+            "{n} of {} samples are means over their exposures ({} moments); the middles of their exposures stand for the others; either is off {err}",
+            a.samples, a.moments
+        ),
+    }
 }
 
 /// At how many epochs light was computed, in words.

@@ -6,7 +6,7 @@ use sunglint_radiometry::quadrature::Product;
 use sunglint_radiometry::spectrum::{Factor, Spectrum, SpectrumError};
 use sunglint_simulator::attitude::Attitude;
 use sunglint_simulator::light::{Source, Term};
-use sunglint_simulator::pass::{Study, TermRates, Thinned};
+use sunglint_simulator::pass::{Averaged, Study, TermRates, Thinned};
 use sunglint_simulator::target::Target;
 
 /// What makes a thing from the parameters' values: called where one of those that it uses has changed.
@@ -124,6 +124,24 @@ impl StudyModel {
         }
         pass.held = Some(rates);
         Ok(())
+    }
+
+    /// Has samples averaged over their exposures where their middles would be wrong by more than a tolerance (relative, one for each pass), at the
+    /// parameters' values ([`Study::average`]).
+    ///
+    /// # Errors
+    /// Values for which there is no model.
+    pub fn average(
+        &mut self,
+        values: &[f64],
+        tolerances: &[f64],
+    ) -> Result<Vec<Averaged>, ModelError> {
+        let one = |(pass, tolerance): (&mut Pass, &f64)| {
+            pass.follow(values)?;
+            pass.rates = None;
+            pass.study.average(*tolerance).map_err(|e| ModelError(e.to_string()))
+        };
+        self.passes.iter_mut().zip(tolerances).map(one).collect()
     }
 
     /// Has light computed at as few epochs of each pass as keep what is linear between them within `share` of the pass's tolerance, at the

@@ -45,6 +45,7 @@ pub struct ExposureMeans {
 struct Averaging<'a> {
     /// The pass with the direct light alone, and one spectral bin.
     direct: Pass,
+    tolerance: f64,
     values: &'a dyn Fn(&Simulation<'_>) -> Array2<f64>,
     progress: &'a (dyn Fn(Progress) + Sync),
     /// By column, the largest value in the middle of an exposure.
@@ -58,6 +59,19 @@ impl Simulation<'_> {
     /// As [`Pass::simulate`] at the moments within the exposures.
     pub fn exposure_means(
         &self,
+        values: &dyn Fn(&Simulation<'_>) -> Array2<f64>,
+        progress: &(dyn Fn(Progress) + Sync),
+    ) -> Result<ExposureMeans, PassError> {
+        self.exposure_means_to(self.pass.tolerance, values, progress)
+    }
+
+    /// The same to a tolerance of its own, relative.
+    ///
+    /// # Errors
+    /// As [`Simulation::exposure_means`].
+    pub fn exposure_means_to(
+        &self,
+        tolerance: f64,
         values: &dyn Fn(&Simulation<'_>) -> Array2<f64>,
         progress: &(dyn Fn(Progress) + Sync),
     ) -> Result<ExposureMeans, PassError> {
@@ -76,7 +90,7 @@ impl Simulation<'_> {
         if seen.is_empty() {
             return Ok(means);
         }
-        let averaging = Averaging::new(self.pass, values, progress, &middle)?;
+        let averaging = Averaging::new(self.pass, tolerance, values, progress, &middle)?;
         let pass = averaging.at(&seen, &[-0.5 * NODE, 0.0, 0.5 * NODE]);
         let outer = pass.simulate(progress)?;
         let around = values(&outer);
@@ -111,27 +125,18 @@ struct Open {
 impl<'a> Averaging<'a> {
     fn new(
         pass: &Pass,
+        tolerance: f64,
         values: &'a dyn Fn(&Simulation<'_>) -> Array2<f64>,
         progress: &'a (dyn Fn(Progress) + Sync),
         middle: &Array2<f64>,
     ) -> Result<Self, PassError> {
-        let (Some(first), Some(last)) = (pass.edges_nm.first(), pass.edges_nm.last()) else {
-            let needs = "at least one spectral bin";
-            return Err(PassError::Input { needs, found: "none".into() });
-        };
-        let effects = Switches {
-            inter_reflection: Switch::Off,
-            earthshine: Switch::Off,
-            moonshine: Switch::Off,
-            ..pass.effects
-        };
-        let direct = Pass { edges_nm: vec![*first, *last], effects, ..pass.clone() };
+        let direct = pass.direct_light()?;
         let most = |c: usize| {
             let good = middle.column(c).into_iter().filter(|v| v.is_finite());
             good.fold(0.0_f64, |a, v| a.max(v.abs()))
         };
         let largest = (0..middle.ncols()).map(most).collect();
-        Ok(Self { direct, values, progress, largest })
+        Ok(Self { direct, tolerance, values, progress, largest })
     }
 
     /// The pass at offsets (of the exposure) from the middles of some samples: each sample's offsets after one another.
@@ -149,11 +154,10 @@ impl<'a> Averaging<'a> {
 
     /// Whether two estimates agree to the tolerance of the light that there is in all. What is no number agrees: there is nothing to refine.
     fn agree(&self, before: &[f64], after: &[f64], all: &[f64]) -> bool {
-        let tolerance = self.direct.tolerance;
         let near = |c: usize| {
             let scale = after[c].abs().max(all[c].abs()).max(FAINT * self.largest[c]);
             let difference = (before[c] - after[c]).abs();
-            difference.is_nan() || difference <= tolerance * scale
+            difference.is_nan() || difference <= self.tolerance * scale
         };
         (0..after.len()).all(near)
     }
@@ -204,16 +208,13 @@ impl<'a> Averaging<'a> {
         if samples.is_empty() {
             return Ok(Array2::zeros((0, 0)));
         }
-        let p = f64::from(pieces);
-        let offsets: Vec<f64> = (0..pieces)
-            .flat_map(|k| [-NODE, 0.0, NODE].map(|x| (f64::from(k) + 0.5 + 0.5 * x) / p - 0.5))
-            .collect();
+        let (offsets, weights): (Vec<f64>, Vec<f64>) = points(pieces).unzip();
         let all = (self.values)(&self.at(samples, &offsets).simulate(self.progress)?);
         let mut means = Array2::zeros((samples.len(), all.ncols()));
         for (k, mut mean) in means.rows_mut().into_iter().enumerate() {
             let own = all.slice(s![k * offsets.len()..(k + 1) * offsets.len(), ..]);
-            for (j, row) in own.rows().into_iter().enumerate() {
-                mean.scaled_add(WEIGHTS[j % 3] / p, &row);
+            for (weight, row) in weights.iter().zip(own.rows()) {
+                mean.scaled_add(*weight, &row);
             }
         }
         Ok(means)
@@ -242,6 +243,35 @@ impl ExposureMeans {
             *value = middle[c] + if difference.is_finite() { difference } else { 0.0 };
         }
         self.pieces[i] = pieces;
+    }
+}
+
+/// The points of Gauss's rule on so many pieces of an exposure: offsets from its middle, of its length, and weights, which add up to 1.
+pub(super) fn points(pieces: u32) -> impl Iterator<Item = (f64, f64)> {
+    let p = f64::from(pieces);
+    (0..pieces).flat_map(move |k| {
+        let at = move |x: f64| (f64::from(k) + 0.5 + 0.5 * x) / p - 0.5;
+        [-NODE, 0.0, NODE].map(at).into_iter().zip(WEIGHTS.map(|w| w / p))
+    })
+}
+
+impl Pass {
+    /// The same pass with the direct light alone, and one spectral bin.
+    ///
+    /// # Errors
+    /// [`PassError::Input`] without a bin.
+    pub(super) fn direct_light(&self) -> Result<Self, PassError> {
+        let (Some(first), Some(last)) = (self.edges_nm.first(), self.edges_nm.last()) else {
+            let needs = "at least one spectral bin";
+            return Err(PassError::Input { needs, found: "none".into() });
+        };
+        let effects = Switches {
+            inter_reflection: Switch::Off,
+            earthshine: Switch::Off,
+            moonshine: Switch::Off,
+            ..self.effects
+        };
+        Ok(Self { edges_nm: vec![*first, *last], effects, ..self.clone() })
     }
 }
 

@@ -51,7 +51,7 @@ pub use file::{Overrides, PassFile};
 pub use ready::{Eye, Ready, Sample};
 pub use result::{StandardMagnitude, StatedError, WITHIN_AN_EXPOSURE};
 pub use simulate::{Bounds, ChannelSamples, Place, Progress, Simulation, Stage};
-pub use study::{Study, TermRates, Thinned};
+pub use study::{Averaged, Study, TermRates, Thinned};
 
 use crate::attitude::Attitude;
 use crate::light::engine::Switches;

@@ -1,8 +1,10 @@
-//! A pass that is simulated again and again with another attitude, another body or shifted times: what stays is kept. [`Study::thin`] has light
-//! computed at few epochs.
+//! A pass that is simulated again and again with another attitude, another body or shifted times: what stays is kept. [`Study::average`] has light averaged
+//! over exposures, [`Study::thin`] has it computed at few epochs.
 
+mod average;
 mod thin;
 
+pub use average::Averaged;
 pub use thin::Thinned;
 
 use super::functionals::Functionals;
@@ -18,7 +20,12 @@ use sunglint_radiometry::air::Zenith;
 /// A pass with everything that does not change from one simulation to the next: places as long as the times stay, the engine as long as the
 /// body stays, integrals over wavelength as long as the reflectances do. For fits.
 pub struct Study {
+    /// Its times are those of the samples (their middles), then those of the moments within their exposures.
     pass: Pass,
+    /// How many samples there are.
+    samples: usize,
+    /// What the samples' light is the mean of.
+    exposures: average::Exposures,
     /// The times without an offset.
     times: Vec<hifitime::Epoch>,
     offset_s: f64,
@@ -57,21 +64,30 @@ impl Study {
         let engine = pass.engine(&pass.course(&places))?;
         let functionals = Functionals::new(&pass, engine.terms(), engine.lit_terms())?;
         let times = pass.times.clone();
-        let (transmissions, nodes) = (Vec::new(), [None, None]);
-        let mut study =
-            Self { pass, times, offset_s: 0.0, places, engine, functionals, transmissions, nodes };
+        let mut study = Self {
+            samples: times.len(),
+            exposures: average::Exposures::default(),
+            pass,
+            times,
+            offset_s: 0.0,
+            places,
+            engine,
+            functionals,
+            transmissions: Vec::new(),
+            nodes: [None, None],
+        };
         study.look_through_air()?;
         Ok(study)
     }
 
-    /// The pass as it stands now.
+    /// The pass as it stands now. Behind the times of the samples are those of moments within their exposures ([`Study::average`]).
     pub fn pass(&self) -> &Pass {
         &self.pass
     }
 
-    /// Where everything stands now.
+    /// Where everything stands now in the middle of each sample.
     pub fn places(&self) -> &[Place] {
-        &self.places
+        &self.places[..self.samples]
     }
 
     /// Turns the body by another law; Sun, target and station stay where they are.
@@ -125,9 +141,14 @@ impl Study {
         if offset_s == self.offset_s {
             return Ok(());
         }
-        let offset = hifitime::Duration::from_seconds(offset_s);
-        self.pass.times = self.times.iter().map(|t| *t + offset).collect();
         self.offset_s = offset_s;
+        self.set_times()
+    }
+
+    /// Puts everything where it is at the times and their offset.
+    fn set_times(&mut self) -> Result<(), PassError> {
+        let offset = hifitime::Duration::from_seconds(self.offset_s);
+        self.pass.times = self.times.iter().map(|t| *t + offset).collect();
         self.places = self.pass.places(&|| ())?;
         self.look_through_air()
     }
@@ -140,14 +161,14 @@ impl Study {
         let lit = self.engine.lit_terms();
         let weights = self.weights()?;
         let rows = weights.par_iter().enumerate().map(|(i, (own, _))| self.row(i, &own[..lit]));
-        Ok(self.gathered(&rows.collect::<Vec<_>>()))
+        Ok(self.gathered(&self.exposures.means(rows.collect())))
     }
 
-    /// What a weight of 1 m² sr⁻¹ of each term would make at each epoch, in full sunlight: the light of any attitude is the sum over the terms of this
+    /// What a weight of 1 m² sr⁻¹ of each term would make in the middle of each sample, in full sunlight: the light of any attitude is the sum over the terms of this
     /// times the attitude's weights (and the visible part of the Sun).
     pub fn unit_rates(&self) -> TermRates {
         let unit = vec![1.0; self.engine.lit_terms()];
-        let rows = (0..self.places.len()).into_par_iter().map(|i| self.row(i, &unit));
+        let rows = (0..self.samples).into_par_iter().map(|i| self.row(i, &unit));
         self.gathered(&rows.collect::<Vec<_>>())
     }
 
