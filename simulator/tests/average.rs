@@ -2,8 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-use hifitime::Unit;
+use hifitime::{Epoch, Unit};
 use ndarray::{Array2, Axis, s};
+use sunglint_simulator::attitude::{Attitude, AttitudeTable, Interpolation};
 use sunglint_simulator::pass::{Overrides, Pass, PassFile, Study, TermRates};
 
 /// A plate with a lobe of some degrees that flashes twice a turn: it turns about an axis across the line half-way between Sun and station.
@@ -123,4 +124,40 @@ fn what_keeps_still_has_its_middle() {
     let averaged = study.average(3e-4).unwrap();
     assert_eq!((averaged.averaged, averaged.moments), (0, 0), "{averaged:?}");
     assert_eq!(light(&study.term_rates().unwrap()), before);
+}
+
+/// Truth: by construction: a table of attitudes that ends with the first and the last sample's middle holds nothing of the half of their exposures; their light is that of the middle, to
+/// the last bit, and all others' is what the law that the table was made of says. Tolerance: what is stated, of both.
+#[test]
+fn exposures_that_reach_beyond_a_table_have_their_middles() {
+    let pass = scene(12.0, 0.5);
+    let Attitude::Spin(spin) = &pass.attitude else { panic!("{:?}", pass.attitude) };
+    let (first, last) = (pass.times[0], *pass.times.last().unwrap());
+    // Light leaves some milliseconds before it is seen.
+    let from = first - 20 * Unit::Millisecond;
+    let steps = ((last - from).to_seconds() / 0.02).round() as i64;
+    let times: Vec<Epoch> =
+        (0..=steps).map(|k| (from + k * 20 * Unit::Millisecond).min(last)).collect();
+    let turned = times.iter().map(|t| spin.body_to_gcrs(*t)).collect();
+    let table = AttitudeTable::new(times, turned, Interpolation::Slerp).unwrap();
+    let mut study = Study::new(Pass { attitude: Attitude::Table(table), ..pass.clone() }).unwrap();
+    let middles = light(&study.term_rates().unwrap());
+    let averaged = study.average(3e-4).unwrap();
+    println!("{averaged:?}");
+    assert_eq!(averaged.beyond, 2);
+    let found = light(&study.term_rates().unwrap());
+    let ends = [0, pass.times.len() - 1];
+    for i in ends {
+        assert_eq!(found.row(i), middles.row(i));
+    }
+    let mut other = Study::new(pass).unwrap();
+    let whole = other.average(3e-4).unwrap();
+    assert_eq!(whole.beyond, 0);
+    let (mut truth, mut found) = (light(&other.term_rates().unwrap()), found);
+    for i in ends {
+        truth.row_mut(i).fill(1.0);
+        found.row_mut(i).fill(1.0);
+    }
+    let off = apart(&found, &truth);
+    assert!(off <= averaged.error + whole.error, "{off}");
 }

@@ -337,6 +337,12 @@ fn warnings(
     for channel in channels.iter().filter(|c| c.numbers.is_none() && c.samples > 0) {
         warnings.push(format!("{}: nothing to compare, {}", channel.name, channel.left_out));
     }
+    if means.beyond > 0 {
+        warnings.push(format!(
+            "the exposures of {} samples reach beyond a table of positions or attitudes: the light of their middles is taken",
+            means.beyond
+        ));
+    }
     if means.coarse > 0 {
         warnings.push(format!(
             "in {} samples the light changes too fast within the exposure for its mean to be sure: the difference of the last two refinements is in the stated error",

@@ -165,7 +165,13 @@ fn row(p: &Estimate, width: usize) -> String {
 /// How many samples are means over their exposures, in words.
 pub(super) fn of_averaged(a: &Averaged) -> String {
     let err = format!("by up to {:.1e} of the light", a.error);
-    match a.averaged {
+    let beyond = match a.beyond {
+        0 => String::new(),
+        n => format!(
+            "; the exposures of {n} reach beyond a table of positions or attitudes, and have their middles"
+        ),
+    };
+    let averaged = match a.averaged {
         0 => {
             format!("the middle of each exposure stands for its mean, from which it differs {err}")
         }
@@ -179,7 +185,8 @@ pub(super) fn of_averaged(a: &Averaged) -> String {
             "{n} of {} samples are means over their exposures ({} moments); the middles of their exposures stand for the others; either is off {err}",
             a.samples, a.moments
         ),
-    }
+    };
+    averaged + &beyond
 }
 
 /// At how many epochs light was computed, in words.

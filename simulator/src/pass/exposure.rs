@@ -37,6 +37,8 @@ pub struct ExposureMeans {
     pub largest_change: f64,
     /// Samples whose mean did not settle, or whose body turns too fast for [`MOST_PIECES`].
     pub coarse: usize,
+    /// Samples whose exposures reach beyond a table of positions or attitudes: the middle stands for the mean.
+    pub beyond: usize,
     /// Moments that were simulated besides the middles.
     pub moments: usize,
 }
@@ -83,6 +85,7 @@ impl Simulation<'_> {
             pieces: vec![1; n],
             largest_change: 0.0,
             coarse: 0,
+            beyond: 0,
             moments: 0,
         };
         // Below the horizon there is nothing to average.
@@ -91,6 +94,12 @@ impl Simulation<'_> {
             return Ok(means);
         }
         let averaging = Averaging::new(self.pass, tolerance, values, progress, &middle)?;
+        let all = seen.len();
+        let seen = averaging.known(seen)?;
+        means.beyond = all - seen.len();
+        if seen.is_empty() {
+            return Ok(means);
+        }
         let pass = averaging.at(&seen, &[-0.5 * NODE, 0.0, 0.5 * NODE]);
         let outer = pass.simulate(progress)?;
         let around = values(&outer);
@@ -150,6 +159,16 @@ impl<'a> Averaging<'a> {
             }
         }
         Pass { times, exposure_s, ..pass.clone() }
+    }
+
+    /// Of some samples those of which it is known where everything is from the begin of the exposure to its end.
+    fn known(&self, samples: Vec<usize>) -> Result<Vec<usize>, PassError> {
+        let ends = self.at(&samples, &[-0.5, 0.5]);
+        let (first, last) = ends.ends();
+        let (frames, orbit) = (ends.frames(first, last)?, ends.orbit.near(first, last));
+        let known = |epoch: &hifitime::Epoch| ends.place(*epoch, &orbit, &frames).is_ok();
+        let both = ends.times.chunks_exact(2).map(|ends| ends.iter().all(known));
+        Ok(samples.into_iter().zip(both).filter(|(_, both)| *both).map(|(i, _)| i).collect())
     }
 
     /// Whether two estimates agree to the tolerance of the light that there is in all. What is no number agrees: there is nothing to refine.

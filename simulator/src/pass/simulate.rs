@@ -268,7 +268,7 @@ impl Pass {
     }
 
     /// The earliest and the latest of the times, which may stand in any order.
-    fn ends(&self) -> (Epoch, Epoch) {
+    pub(super) fn ends(&self) -> (Epoch, Epoch) {
         let first = self.times[0];
         self.times.iter().fold((first, first), |(a, b), t| (a.min(*t), b.max(*t)))
     }

@@ -20,6 +20,8 @@ pub struct Averaged {
     pub averaged: usize,
     /// Moments besides the middles.
     pub moments: usize,
+    /// Samples whose exposures reach beyond a table of positions or attitudes: the middle stands for them.
+    pub beyond: usize,
     /// What direct light may be off in any channel or band, of the mean or of a thousandth of the brightest: by the largest difference between middle and mean of a
     /// sample that has the light of its middle; by what was tolerated, or by the last two refinements' difference where that is more, of the others.
     pub error: f64,
@@ -92,6 +94,7 @@ impl Study {
             samples: self.samples,
             averaged: self.exposures.pieces.iter().filter(|p| **p > 0).count(),
             moments: self.places.len() - self.samples,
+            beyond: found.beyond,
             error,
         })
     }
