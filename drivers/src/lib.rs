@@ -66,4 +66,5 @@ pub mod tags;
 pub mod thorlabs;
 pub mod transport;
 pub mod trinamic;
+mod twice;
 pub mod zwo;

@@ -4,7 +4,8 @@ use super::DEVICE;
 use super::reply::{Instrument, LONGEST_LINE, Line, ReplyError};
 use crate::clock::Deadline;
 use crate::device::DeviceError;
-use crate::transport::{Bytes, TransportError};
+use crate::transport::Bytes;
+use crate::twice::{Trouble, twice};
 use std::time::Duration;
 
 /// How to speak to a meter.
@@ -34,24 +35,8 @@ pub struct Link<T> {
     in_step: bool,
 }
 
-/// Why a command has no answer, and whether it may be repeated.
-enum Trouble {
-    Again(DeviceError),
-    Final(DeviceError),
-}
-
-impl From<TransportError> for Trouble {
-    fn from(error: TransportError) -> Self {
-        let again = error.is_timeout() || matches!(error, TransportError::TooLong { .. });
-        let error = DeviceError::transport(DEVICE, error);
-        if again { Self::Again(error) } else { Self::Final(error) }
-    }
-}
-
-impl Trouble {
-    fn spoilt(command: &str, error: &ReplyError) -> Self {
-        Self::Again(spoilt(command, error))
-    }
+fn trouble(command: &str, error: &ReplyError) -> Trouble {
+    Trouble::Again(spoilt(command, error))
 }
 
 /// The error of an answer that was not understood.
@@ -85,7 +70,7 @@ impl<T: Bytes> Link<T> {
     /// # Errors
     /// See [`DeviceError`].
     pub fn instrument(&mut self, deadline: &Deadline) -> Result<Instrument, DeviceError> {
-        self.twice(deadline, |link| link.synchronise(deadline))
+        twice(DEVICE, deadline, || self.synchronise(deadline))
     }
 
     /// Sends a command (`$SP`) and gives what stands behind the `*` of its answer.
@@ -106,35 +91,13 @@ impl<T: Bytes> Link<T> {
         parse: impl Fn(&str) -> Result<V, ReplyError>,
         deadline: &Deadline,
     ) -> Result<V, DeviceError> {
-        self.twice(deadline, |link| {
-            let body = link.once(command, deadline)?;
+        twice(DEVICE, deadline, || {
+            let body = self.once(command, deadline)?;
             parse(&body).map_err(|error| {
-                link.in_step = false;
-                Trouble::spoilt(command, &error)
+                self.in_step = false;
+                trouble(command, &error)
             })
         })
-    }
-
-    fn twice<V>(
-        &mut self,
-        deadline: &Deadline,
-        mut attempt: impl FnMut(&mut Self) -> Result<V, Trouble>,
-    ) -> Result<V, DeviceError> {
-        let mut last = None;
-        for _ in 0..2 {
-            if let Err(expired) = deadline.remaining() {
-                // What went wrong before tells more than that the time is over.
-                let expired = DeviceError::transport(DEVICE, expired.into());
-                return Err(last.unwrap_or(expired));
-            }
-            match attempt(self) {
-                Ok(value) => return Ok(value),
-                Err(Trouble::Final(error)) => return Err(error),
-                Err(Trouble::Again(error)) => last = Some(error),
-            }
-        }
-        let nothing = TransportError::Timeout { after: deadline.elapsed(), got_so_far: Vec::new() };
-        Err(last.unwrap_or(DeviceError::transport(DEVICE, nothing)))
     }
 
     fn once(&mut self, command: &str, deadline: &Deadline) -> Result<String, Trouble> {
@@ -147,7 +110,7 @@ impl<T: Bytes> Link<T> {
         self.line.send(format!("{command}\r\n").as_bytes(), &step)?;
         loop {
             let bytes = self.line.receive_until(b'\n', LONGEST_LINE, &step)?;
-            let line = Line::parse(&bytes).map_err(|error| Trouble::spoilt(command, &error))?;
+            let line = Line::parse(&bytes).map_err(|error| trouble(command, &error))?;
             return match line {
                 // The second answer to a question that was asked twice while bringing the line into step.
                 Line::Good(body) if self.identity.as_deref() == Some(&body) && command != "$II" => {
@@ -189,7 +152,7 @@ impl<T: Bytes> Link<T> {
                 // Somebody who speaks, but not so, is not silent: what came is in the error.
                 Err(error) if error.is_timeout() => {
                     return Err(match last {
-                        Some(error) => Trouble::spoilt("$II", &error),
+                        Some(error) => trouble("$II", &error),
                         None => error.into(),
                     });
                 }

@@ -9,6 +9,7 @@ use crate::clock::Deadline;
 use crate::device::DeviceError;
 use crate::reply::ReplyError;
 use crate::transport::{Transfer, Transfers, TransportError};
+use crate::twice::{Trouble, twice};
 use std::time::Duration;
 
 /// The bulk read's room, bytes: a multiple of every packet size, so that no packet overflows it.
@@ -64,20 +65,6 @@ pub struct Tmc<T> {
     stalled: bool,
 }
 
-/// Why a question has no answer, and whether it may be repeated.
-enum Trouble {
-    Again(DeviceError),
-    Final(DeviceError),
-}
-
-impl From<TransportError> for Trouble {
-    fn from(error: TransportError) -> Self {
-        let again = error.is_timeout() || matches!(error, TransportError::Stalled { .. });
-        let error = DeviceError::transport(DEVICE, error);
-        if again { Self::Again(error) } else { Self::Final(error) }
-    }
-}
-
 fn protocol(reason: String) -> DeviceError {
     DeviceError::Protocol { device: DEVICE, reason }
 }
@@ -108,11 +95,11 @@ impl<T: Transfers> Tmc<T> {
     /// # Errors
     /// It could not be sent, twice.
     pub fn tell(&mut self, command: &str, deadline: &Deadline) -> Result<(), DeviceError> {
-        self.twice(deadline, |tmc| {
-            tmc.prepare(deadline)?;
-            let step = deadline.at_most(tmc.settings.reply_within);
-            tmc.send(command, &step)?;
-            tmc.in_step = true;
+        twice(DEVICE, deadline, || {
+            self.prepare(deadline)?;
+            let step = deadline.at_most(self.settings.reply_within);
+            self.send(command, &step)?;
+            self.in_step = true;
             Ok(())
         })
     }
@@ -128,39 +115,18 @@ impl<T: Transfers> Tmc<T> {
         parse: impl Fn(&str) -> Result<V, ReplyError>,
         deadline: &Deadline,
     ) -> Result<V, DeviceError> {
-        self.twice(deadline, |tmc| {
-            tmc.prepare(deadline)?;
-            let step = deadline.at_most(tmc.settings.reply_within);
-            tmc.send(question, &step)?;
-            let answer = tmc.fetch(question, &step)?;
+        twice(DEVICE, deadline, || {
+            self.prepare(deadline)?;
+            let step = deadline.at_most(self.settings.reply_within);
+            self.send(question, &step)?;
+            let answer = self.fetch(question, &step)?;
             let text = String::from_utf8_lossy(&answer);
             let value = parse(text.trim_end_matches(['\r', '\n'])).map_err(|error| {
                 Trouble::Again(protocol(format!("the answer to {question}: {error}")))
             })?;
-            tmc.in_step = true;
+            self.in_step = true;
             Ok(value)
         })
-    }
-
-    fn twice<V>(
-        &mut self,
-        deadline: &Deadline,
-        mut attempt: impl FnMut(&mut Self) -> Result<V, Trouble>,
-    ) -> Result<V, DeviceError> {
-        let mut last = None;
-        for _ in 0..2 {
-            if let Err(expired) = deadline.remaining() {
-                // What went wrong before tells more than that the time is over.
-                let expired = DeviceError::transport(DEVICE, expired.into());
-                return Err(last.unwrap_or(expired));
-            }
-            match attempt(self) {
-                Ok(value) => return Ok(value),
-                Err(Trouble::Final(error)) => return Err(error),
-                Err(Trouble::Again(error)) => last = Some(error),
-            }
-        }
-        Err(last.unwrap_or_else(|| protocol("no attempt was made".to_owned())))
     }
 
     /// Brings the meter into step, and takes it out of step until the answer is here.

@@ -4,7 +4,8 @@ use super::DEVICE;
 use super::tmcl::{Command, Frame, LENGTH, Reply, Request, Status};
 use crate::clock::Deadline;
 use crate::device::DeviceError;
-use crate::transport::{Bytes, TransportError};
+use crate::transport::Bytes;
+use crate::twice::{Trouble, twice};
 use std::time::Duration;
 
 /// How to speak to a module.
@@ -35,30 +36,8 @@ pub struct Link<T> {
     in_step: bool,
 }
 
-/// Why a request has no answer, and whether it may be repeated.
-enum Trouble {
-    Again(DeviceError),
-    Final(DeviceError),
-}
-
-impl Trouble {
-    fn garbled(reason: String) -> Self {
-        Self::Again(DeviceError::Protocol { device: DEVICE, reason })
-    }
-
-    fn error(self) -> DeviceError {
-        match self {
-            Self::Again(error) | Self::Final(error) => error,
-        }
-    }
-}
-
-impl From<TransportError> for Trouble {
-    fn from(error: TransportError) -> Self {
-        let again = error.is_timeout();
-        let error = DeviceError::transport(DEVICE, error);
-        if again { Self::Again(error) } else { Self::Final(error) }
-    }
+fn garbled(reason: String) -> Trouble {
+    Trouble::Again(DeviceError::Protocol { device: DEVICE, reason })
 }
 
 impl<T: Bytes> Link<T> {
@@ -94,16 +73,7 @@ impl<T: Bytes> Link<T> {
     /// See [`DeviceError`].
     pub fn version(&mut self, deadline: &Deadline) -> Result<u32, DeviceError> {
         self.in_step = false;
-        let mut trouble = None;
-        for _ in 0..2 {
-            check(deadline)?;
-            match self.synchronise(deadline) {
-                Ok(version) => return Ok(version),
-                Err(Trouble::Final(error)) => return Err(error),
-                Err(again) => trouble = Some(again),
-            }
-        }
-        Err(give_up(trouble, deadline))
+        twice(DEVICE, deadline, || self.synchronise(deadline))
     }
 
     /// Asks and gives the value of the answer.
@@ -119,16 +89,7 @@ impl<T: Bytes> Link<T> {
         deadline: &Deadline,
     ) -> Result<i32, DeviceError> {
         let request = Request { module: self.settings.module, command, kind, motor, value };
-        let mut trouble = None;
-        for _ in 0..2 {
-            check(deadline)?;
-            match self.once(&request, deadline) {
-                Ok(value) => return Ok(value),
-                Err(Trouble::Final(error)) => return Err(error),
-                Err(again) => trouble = Some(again),
-            }
-        }
-        Err(give_up(trouble, deadline))
+        twice(DEVICE, deadline, || self.once(&request, deadline))
     }
 
     fn once(&mut self, request: &Request, deadline: &Deadline) -> Result<i32, Trouble> {
@@ -143,12 +104,12 @@ impl<T: Bytes> Link<T> {
         self.line.receive_exact(&mut bytes, &step)?;
         let frame = Frame::new(&bytes).map_err(|error| {
             let bytes = crate::recording::hex_excerpt(&bytes);
-            Trouble::garbled(format!("the answer to the {request} is spoilt ({error}): {bytes}"))
+            garbled(format!("the answer to the {request} is spoilt ({error}): {bytes}"))
         })?;
         let reply = Reply::parse(&frame);
         if reply.module != request.module || reply.command != request.command {
             let (module, command) = (reply.module, reply.command.number());
-            return Err(Trouble::garbled(format!(
+            return Err(garbled(format!(
                 "the {request} was answered by module {module} to command {command}, expected module {} and command {}",
                 request.module,
                 request.command.number()
@@ -202,7 +163,7 @@ impl<T: Bytes> Link<T> {
                         Ok(reply.value.cast_unsigned())
                     }
                     // More than was asked for: an older question's answer is still under way.
-                    Status::Success => Err(Trouble::garbled("two answers to one question".into())),
+                    Status::Success => Err(garbled("two answers to one question".into())),
                     Status::WrongChecksum => Err(Trouble::Again(refused(&request, reply.status))),
                     status => Err(Trouble::Final(refused(&request, status))),
                 };
@@ -211,26 +172,6 @@ impl<T: Bytes> Link<T> {
         let reason =
             format!("{MOST} bytes without an answer: is this a TMCL module, and the speed right?");
         Err(Trouble::Final(DeviceError::Protocol { device: DEVICE, reason }))
-    }
-}
-
-/// Whether there is time left for another attempt.
-fn check(deadline: &Deadline) -> Result<(), DeviceError> {
-    match deadline.remaining() {
-        Ok(_) => Ok(()),
-        Err(expired) => Err(DeviceError::transport(DEVICE, expired.into())),
-    }
-}
-
-/// The error of the last attempt.
-fn give_up(trouble: Option<Trouble>, deadline: &Deadline) -> DeviceError {
-    match trouble {
-        Some(trouble) => trouble.error(),
-        None => {
-            let after = deadline.elapsed();
-            let source = TransportError::Timeout { after, got_so_far: Vec::new() };
-            DeviceError::transport(DEVICE, source)
-        }
     }
 }
 

@@ -5,6 +5,7 @@ use super::message::{HEADER, HOST, Id, Message, parse};
 use crate::clock::Deadline;
 use crate::device::DeviceError;
 use crate::transport::{Bytes, TransportError};
+use crate::twice::{Trouble, twice};
 use std::time::Duration;
 
 /// A controller that is told this often that the host is there goes on speaking: after this time, or so many questions. It
@@ -128,22 +129,13 @@ impl<T: Bytes> Link<T> {
         deadline: &Deadline,
     ) -> Result<Message, DeviceError> {
         let question = self.short(question, 0);
-        let mut trouble = None;
-        for _ in 0..2 {
-            if trouble.is_some() && deadline.remaining().is_err() {
-                break;
-            }
-            match self.once(&question, answer, deadline) {
-                Ok(message) => return Ok(message),
-                Err(error @ DeviceError::Protocol { .. }) => trouble = Some(error),
-                Err(DeviceError::Transport { source, device }) if source.is_timeout() => {
-                    trouble = Some(DeviceError::Transport { source, device });
-                }
-                Err(error) => return Err(error),
-            }
-        }
-        let nothing = || protocol(format!("no answer to {question}"));
-        Err(trouble.unwrap_or_else(nothing))
+        twice(DEVICE, deadline, || {
+            self.once(&question, answer, deadline).map_err(|error| match error {
+                DeviceError::Transport { source, .. } => Trouble::Transport(source),
+                DeviceError::Protocol { .. } => Trouble::Again(error),
+                error => Trouble::Final(error),
+            })
+        })
     }
 
     fn once(
