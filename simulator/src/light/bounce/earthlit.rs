@@ -141,7 +141,7 @@ impl Effect for EarthlitLight<'_> {
                     for (panel, (toward, irradiance)) in nodes.into_iter().enumerate() {
                         let mut sums = Sums::new(plan.nodes.nm.len());
                         let seed = mixed(seed, 2 * index + panel as u32 + 1);
-                        let mut paths = self.thread.paths(&plan.active, seed);
+                        let mut paths = self.thread.paths(&plan.active, false, seed);
                         paths.trace(toward, eye, POINTS, &mut sums);
                         tally.add(batch, irradiance, sums);
                     }

@@ -3,10 +3,12 @@
 //! [`Bounce::new`] looks at a scene: which surfaces can exchange light at all, the most that this can add ([`Need::bound`]), and, where
 //! that exceeds the tolerance, what it does add for some directions. Where that is too much to be left out, it chooses a way:
 //!
-//! - **Patches**, where the surfaces that exchange light are flat, Lambert and do not move against each other. Everything that depends on the
+//! - **Patches**, where the surfaces that exchange light are flat and do not move against each other. Everything that depends on the
 //!   body alone is done once: form factors by rays, all orders for each node of wavelengths. An epoch takes the exact lit and
-//!   seen shares of the patches and one product.
-//! - **Paths** otherwise (lobes, spheres, hinges): light paths for each epoch, as many as the tolerance asks for.
+//!   seen shares of the patches and one product. What a rough surface sends from the Sun to others, or from others to the observer, is found along
+//!   directions whose ends are known (`chords`); light that two rough surfaces scatter one after the other before or after a third surface
+//!   is left to paths.
+//! - **Paths** otherwise (spheres, hinges, mirrors), or where they state a smaller error: light paths for each epoch, as many as the tolerance asks for.
 //!
 //! Both use one geometry for all wavelengths; terms are hat functions between a few nodes. What hides what is as in single scattering: sheets
 //! reflect with their front and hide with both sides, insides of closed bodies are dark. The Sun is a point here.
@@ -17,11 +19,14 @@
 
 mod bound;
 mod cast;
+mod chords;
 mod claim;
+mod draft;
 mod earthlit;
 mod echo;
 mod nodes;
 mod optics;
+mod orders;
 mod patches;
 mod paths;
 mod pilot;
@@ -32,6 +37,7 @@ mod thread;
 mod tracing;
 mod transport;
 mod twin;
+mod views;
 
 pub(in crate::light) use earthlit::{Earthlit, EarthlitLight};
 pub(crate) use echo::{Echo, Echoes};
@@ -194,7 +200,7 @@ impl<'a> Bounce<'a> {
         let (way, how, cost_s) = match Still::new(scene, &surfaces, &bound, &nodes, &pilot, options)
         {
             Some(still) => {
-                let (how, cost_s) = (still.describe(), still.cost_s());
+                let (how, cost_s) = (still.describe(), still.cost_s(&pilot));
                 (Way::Still(Arc::new(still)), how, cost_s)
             }
             None => {
@@ -288,7 +294,7 @@ impl Effect for BounceLight<'_> {
         match &mut self.way {
             Room::Nothing => {}
             Room::Still(light) => light.add(sun, eye, weights, errors),
-            Room::Paths(light) => light.add(sun, eye, weights, errors),
+            Room::Paths(light) => light.add((sun, eye), None, weights, errors),
         }
         errors.iter_mut().zip(&*weights).for_each(|(e, w)| *e += shapes * w);
         Ok(())
