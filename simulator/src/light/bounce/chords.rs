@@ -2,20 +2,20 @@
 //!
 //! A lobe sends the light of the Sun into some directions more than into others, so no reflectance says what another surface gets of it. What the
 //! body alone decides is done once: for each rough surface a set of directions, spread by the cosine, and for each of its patches what is met along
-//! each of them. For an end (Sun, Earth, observer) the material is then asked once for each direction, and what each patch sends along is added up
-//! where it arrives. Eight sets that do not know of each other give the error.
+//! each of them from a point of it. For an end (Sun, Earth, observer) the material is then asked once for each direction, and what each patch sends along is
+//! added up where it arrives. Light that is scattered twice in all is known at both points, so that what is lit and seen of a patch counts where it
+//! is. Eight sets that do not know of each other give the error.
 
 use super::cast::Ray;
 use super::optics::{Optics, spread};
-use super::patches::Patches;
 use super::paths::mixed;
-use super::surfaces::{Surface, Surfaces};
+use super::surfaces::Surface;
 use super::transport::{Between, SCRAMBLES};
-use super::views::Shares;
+use super::views::{Patched, Shares};
 use crate::light::occlude::Toward;
 use crate::surface::Material;
 use glam::DVec3;
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_1_PI, PI};
 use std::ops::Range;
 
 /// The directions of all rough surfaces.
@@ -23,8 +23,12 @@ use std::ops::Range;
 pub struct Chords {
     /// Directions of a set.
     pub each: u32,
-    /// One for each material and spectrum.
+    /// One for each material and spectrum: of rough surfaces, then of diffuse ones.
     pub channels: Vec<(usize, usize)>,
+    /// How many of them are of rough surfaces.
+    pub rough: usize,
+    /// The channel of each diffuse patch.
+    diffuse: Vec<u32>,
     sheets: Vec<Sheet>,
     /// For each rough patch what its directions meet, first diffuse patches, then rough ones.
     meets: Vec<[Vec<Meeting>; 2]>,
@@ -50,6 +54,9 @@ struct Sheet {
 struct Meeting {
     direction: u32,
     patch: u32,
+    /// Where it leaves the one and arrives at the other, in the surfaces' axes.
+    leaves: [f32; 2],
+    arrives: [f32; 2],
 }
 
 /// What an end brings to diffuse patches by one rough surface, E or of what is seen.
@@ -63,13 +70,11 @@ pub struct Gain {
     room: Vec<f64>,
 }
 
-/// Light that two rough surfaces scatter one after the other, m² sr⁻¹.
+/// Light that two surfaces scatter one after the other, one of them or both rough, m² sr⁻¹: for each set, each channel of the first and of the second.
 #[derive(Debug, Clone, Default)]
 pub struct Pairs {
-    /// For each channel of the first surface and of the second.
-    pub fine: Vec<f64>,
-    /// The same by larger patches, for each set.
     pub sets: Vec<Vec<f64>>,
+    rooms: [Vec<f64>; 2],
 }
 
 impl Gain {
@@ -89,15 +94,14 @@ impl Gain {
 }
 
 impl Pairs {
-    /// Of so many channels: nothing yet.
-    pub fn new(channels: usize) -> Self {
-        let none = vec![0.0; channels * channels];
-        Self { sets: vec![none.clone(); SCRAMBLES], fine: none }
+    /// Nothing yet.
+    pub fn new(chords: &Chords) -> Self {
+        let none = vec![0.0; chords.channels.len() * chords.channels.len()];
+        Self { sets: vec![none; SCRAMBLES], rooms: Default::default() }
     }
 
     /// Back to nothing.
     pub fn clear(&mut self) {
-        self.fine.fill(0.0);
         self.sets.iter_mut().for_each(|set| set.fill(0.0));
     }
 }
@@ -126,6 +130,14 @@ impl Chords {
             chords.add(sheet, between, seed);
             first = end;
         }
+        chords.rough = chords.channels.len();
+        if chords.rough > 0 {
+            for p in 0..patches.diffuse[0] {
+                let material = surfaces.list[surface_of(p)].material;
+                let channel = chords.channels_of(optics, material).start as u32;
+                chords.diffuse.push(channel);
+            }
+        }
         chords
     }
 
@@ -145,23 +157,31 @@ impl Chords {
         let mut used = vec![false; sheet.along.len()];
         for p in sheet.patches.clone() {
             let (mut meets, mut buried) = ([Vec::new(), Vec::new()], 0);
-            for (k, local) in sheet.along.iter().enumerate() {
+            for (k, direction) in sheet.along.iter().enumerate() {
                 let (set, index) = (k as u32 / self.each, k as u32 % self.each);
                 let seed = mixed(mixed(seed, 0xc0 + p as u32), set);
                 let u = sobol_burley::sample_4d(index, 1, seed).map(f64::from);
-                let from = surface.point(patches.list[p].even(u[0], u[1]));
-                let along = body(surface, *local);
+                let leaves = patches.list[p].even(u[0], u[1]);
+                let from = surface.point(leaves);
+                let along = body(surface, *direction);
                 let ray = Ray { from, along, leaves: sheet.surface };
                 if caster.is_inside(&ray, |k| !surfaces.list[k].sheet) {
                     buried += 1;
                     continue;
                 }
-                let Some((q, ..)) = patches.met(surfaces, caster, of_surface, &ray) else {
+                let Some((q, number, at)) = patches.met(surfaces, caster, of_surface, &ray) else {
                     continue;
                 };
                 used[k] = true;
                 let rough = usize::from(q >= patches.diffuse[0]);
-                meets[rough].push(Meeting { direction: k as u32, patch: q as u32 });
+                let other = &surfaces.list[number];
+                let at = local(other, at - other.origin);
+                meets[rough].push(Meeting {
+                    direction: k as u32,
+                    patch: q as u32,
+                    leaves: leaves.map(|x| x as f32),
+                    arrives: [at.x as f32, at.y as f32],
+                });
             }
             self.meets.push(meets);
             self.buried.push(buried);
@@ -194,94 +214,116 @@ impl Chords {
     /// Adds what an end brings to diffuse patches by one rough surface, times `weight`. `sends` of the Sun and the Earth, false of an observer.
     pub fn gather(
         &self,
-        (surfaces, patches, areas): (&Surfaces, &Patches, &[Vec<f64>; 2]),
+        patched: &Patched,
         shares: &Shares,
         (sends, weight): (bool, f64),
         gain: &mut Gain,
     ) {
-        let first = patches.diffuse[0];
+        let Patched { patches, areas, .. } = patched;
         let mut room = std::mem::take(&mut gain.room);
         for sheet in &self.sheets {
-            let surface = &surfaces.list[sheet.surface];
-            let lit = |p: &usize| shares.coarse[patches.list[*p].coarse] > 0.0;
-            let mut known = false;
-            for p in sheet.patches.clone().filter(lit) {
-                let patch = &patches.list[p];
-                let near = matches!(shares.toward, Toward::Near(_));
-                if near || !known {
-                    let end = local(surface, towards(&shares.toward, surface.point(patch.middle)));
-                    sheet.weights(end, sends, &mut room);
-                    known = true;
-                }
-                let scale = weight * self.each_m2(patch.area);
-                let (fine, coarse) =
-                    (scale * shares.fine[p], scale * shares.coarse[patch.coarse]);
-                for meeting in &self.meets[p - first][0] {
+            let count = sheet.channels.len();
+            self.of_sheet(sheet, patched, (shares, sends), &mut room, |p, weights| {
+                let scale = weight * self.each_m2(patches.list[p].area);
+                for meeting in &self.meets[p - patches.diffuse[0]][0] {
                     let (q, k) = (meeting.patch as usize, meeting.direction as usize);
+                    let lit = scale * shares.at(p, sheet.surface, meeting.leaves);
+                    if lit == 0.0 {
+                        continue;
+                    }
                     let (set, large) = (k / self.each as usize, patches.list[q].coarse);
-                    let count = sheet.channels.len();
-                    let weights = &room[k * count..(k + 1) * count];
+                    let weights = &weights[k * count..(k + 1) * count];
                     for (c, w) in sheet.channels.clone().zip(weights) {
-                        gain.fine[c][q] += fine * w / areas[0][q];
-                        gain.sets[set][c][large] += coarse * w / areas[1][large];
+                        gain.fine[c][q] += lit * w / areas[0][q];
+                        gain.sets[set][c][large] += lit * w / areas[1][large];
                     }
                 }
-            }
+            });
         }
         gain.room = room;
     }
 
-    /// Adds the light that two rough surfaces scatter one after the other, times `weight`, `from` where it comes from `to` the observer.
+    /// Asks a surface's material for its weights along all directions, and gives them to `each` of its patches that are open to an end.
+    fn of_sheet(
+        &self,
+        sheet: &Sheet,
+        patched: &Patched,
+        (shares, sends): (&Shares, bool),
+        room: &mut Vec<f64>,
+        mut each: impl FnMut(usize, &[f64]),
+    ) {
+        let surface = &patched.surfaces.list[sheet.surface];
+        let near = matches!(shares.toward, Toward::Near(_));
+        let mut known = false;
+        for p in sheet.patches.clone().filter(|p| shares.fine[*p] > 0.0) {
+            if near || !known {
+                let middle = surface.point(patched.patches.list[p].middle);
+                sheet.weights(local(surface, towards(&shares.toward, middle)), sends, room);
+                known = true;
+            }
+            each(p, room);
+        }
+    }
+
+    /// Adds the light that two surfaces scatter one after the other, one of them or both rough, times `weight`, `from` where it comes from `to` the
+    /// observer.
     pub fn pairs(
         &self,
-        (surfaces, patches): (&Surfaces, &Patches),
+        patched: &Patched,
         [from, to]: [&Shares; 2],
         weight: f64,
         pairs: &mut Pairs,
     ) {
+        let Patched { surfaces, patches, .. } = patched;
         let (first, channels) = (patches.diffuse[0], self.channels.len());
-        let most = self.sheets.iter().map(|s| s.channels.len()).max().unwrap_or(0);
-        let mut rooms = [vec![0.0; most], vec![0.0; most]];
+        let Pairs { sets, rooms: [room, other] } = pairs;
         for sheet in &self.sheets {
-            let surface = &surfaces.list[sheet.surface];
-            let lit = |p: &usize| from.coarse[patches.list[*p].coarse] > 0.0;
-            for p in sheet.patches.clone().filter(lit) {
-                let patch = &patches.list[p];
-                let sun = local(surface, towards(&from.toward, surface.point(patch.middle)));
-                let scale = weight * self.each_m2(patch.area);
+            let count = sheet.channels.len();
+            for (near, far, sends) in [(from, to, true), (to, from, false)] {
+                self.of_sheet(sheet, patched, (near, sends), room, |p, weights| {
+                    let scale = weight * self.each_m2(patches.list[p].area);
+                    for meeting in &self.meets[p - first][0] {
+                        let (q, k) = (meeting.patch as usize, meeting.direction as usize);
+                        let number = patches.cells[patches.list[q].cells].surface;
+                        let there = far.at(q, number, meeting.arrives);
+                        if there == 0.0 {
+                            continue;
+                        }
+                        let here = near.at(p, sheet.surface, meeting.leaves);
+                        let light = FRAC_1_PI * scale * here * there;
+                        let last = self.diffuse[q] as usize;
+                        let set = &mut sets[k / self.each as usize];
+                        let weights = &weights[k * count..(k + 1) * count];
+                        for (c, w) in sheet.channels.clone().zip(weights) {
+                            set[c * channels + last] += light * w;
+                        }
+                    }
+                });
+            }
+            self.of_sheet(sheet, patched, (from, true), room, |p, weights| {
+                let scale = weight * self.each_m2(patches.list[p].area);
                 for meeting in &self.meets[p - first][1] {
                     let (q, k) = (meeting.patch as usize, meeting.direction as usize);
-                    let there = &patches.list[q];
-                    if to.coarse[there.coarse] <= 0.0 {
-                        continue;
-                    }
-                    let number = patches.cells[there.cells].surface;
-                    let Some(other) = self.sheets.iter().find(|s| s.surface == number) else {
-                        continue;
-                    };
+                    let number = patches.cells[patches.list[q].cells].surface;
+                    let there = to.at(q, number, meeting.arrives);
+                    let here = from.at(p, sheet.surface, meeting.leaves);
+                    let sent = &weights[k * count..(k + 1) * count];
+                    let met = self.sheets.iter().find(|s| s.surface == number);
+                    let Some(last) = met.filter(|_| there * here > 0.0) else { continue };
                     let face = &surfaces.list[number];
-                    let eye = local(face, towards(&to.toward, face.point(there.middle)));
-                    let back = local(face, -body(surface, sheet.along[k]));
-                    let [leaves, arrives] = &mut rooms;
-                    leaves.fill(0.0);
-                    arrives.fill(0.0);
-                    let (m, n) = (sheet.channels.len(), other.channels.len());
-                    sheet.material.add_weights(sun, sheet.along[k], 1.0, &mut leaves[..m]);
-                    if leaves[..m].iter().all(|w| *w == 0.0) {
-                        continue;
-                    }
-                    other.material.add_weights(back, eye, 1.0, &mut arrives[..n]);
-                    let fine = scale * from.fine[p] * to.fine[q];
-                    let coarse = scale * from.coarse[patch.coarse] * to.coarse[there.coarse];
-                    let set = &mut pairs.sets[k / self.each as usize];
-                    for (a, w) in sheet.channels.clone().zip(&*leaves) {
-                        for (b, v) in other.channels.clone().zip(&*arrives) {
-                            pairs.fine[a * channels + b] += fine * w * v;
-                            set[a * channels + b] += coarse * w * v;
+                    let eye = local(face, towards(&to.toward, face.point(patches.list[q].middle)));
+                    let back = -body(&surfaces.list[sheet.surface], sheet.along[k]);
+                    other.clear();
+                    other.resize(last.channels.len(), 0.0);
+                    last.material.add_weights(local(face, back), eye, scale * here * there, other);
+                    let set = &mut sets[k / self.each as usize];
+                    for (a, w) in sheet.channels.clone().zip(sent) {
+                        for (b, v) in last.channels.clone().zip(&*other) {
+                            set[a * channels + b] += w * v;
                         }
                     }
                 }
-            }
+            });
         }
     }
 }

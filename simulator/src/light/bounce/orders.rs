@@ -1,14 +1,15 @@
 //! All orders of light among patches, between two ends.
 //!
 //! With Q of [`super::transport`] between diffuse patches and Q₀ the light that a diffuse patch scatters once (ρA/π), an observer gets
-//! V (Q + Q₀) E of light whose first and last diffuse patches are known: V and E hold what comes straight and what comes by one rough surface. Without
-//! v Q₀ e of what comes straight at both ends, which is scattered once in all, and with what two rough surfaces scatter one after the other,
-//! this is all light that is scattered twice or more but for paths that end (or begin) with two rough surfaces and have a third scattering.
+//! V Q E of light whose first and last diffuse patches are two: V and E hold what comes straight (v, e) and what comes by one rough surface. With one
+//! diffuse patch alone this is (V − v) Q₀ (E − e) where a rough surface stands at both ends. Where it stands at one end, and where two rough surfaces
+//! scatter one after the other, light is scattered twice in all and found from point to point ([`super::chords`]). This is all light that is scattered twice
+//! or more but for paths that end (or begin) with two rough surfaces and have a third scattering.
 
 use super::chords::Pairs;
 use super::optics::Optics;
 use super::surfaces::Surfaces;
-use super::transport::{self, Exchange, Matrix, SCRAMBLES};
+use super::transport::{self, Exchange, Matrix, SCRAMBLES, Stored};
 use super::views::{End, Patched};
 use std::f64::consts::FRAC_1_PI;
 
@@ -24,14 +25,16 @@ pub struct Orders {
     /// S of the larger patches by each scramble, less their mean; and that mean.
     scrambles: Vec<Matrix>,
     mean: Matrix,
+    /// The number of the node that these are of.
+    tried: usize,
 }
 
 /// At one wavelength, of the patches and of the larger ones.
 #[derive(Debug)]
 struct Node {
-    all: [Matrix; 2],
+    all: [Stored; 2],
     once: [Vec<f64>; 2],
-    /// ρ of each channel of rough surfaces.
+    /// ρ of each channel.
     rho: Vec<f64>,
 }
 
@@ -53,25 +56,26 @@ pub struct Vectors {
 }
 
 impl Orders {
-    /// At some of the optics' nodes; `None` where light is never lost.
+    /// At some of the optics' nodes, of which the exchange knows its error at the one that is `tried`; `None` where light is never lost.
     pub fn new(
         patched: &Patched,
         exchange: &Exchange,
         optics: &Optics,
-        wanted: impl Iterator<Item = usize>,
+        (wanted, tried): (std::ops::Range<usize>, usize),
     ) -> Option<Self> {
         let patches = &patched.patches;
         let alone = exchange.matrix(patches);
         let [fine, coarse] = patches.diffuse;
         let areas = [&patched.areas[0][..fine], &patched.areas[1][..coarse]];
         let mut nodes = Vec::new();
-        for node in wanted {
+        for node in wanted.clone() {
             let rho = reflectances(patched, optics, node);
             let s = exchange.at(&alone, patches, node);
             let gathered = transport::gathered(&s, patches);
+            let stored = |q: Matrix| q.into_iter().map(|q| q as f32).collect::<Stored>();
             let all = [
-                transport::solve(&s, areas[0], &rho[0])?,
-                transport::solve(&gathered, areas[1], &rho[1])?,
+                stored(transport::solve(&s, areas[0], &rho[0])?),
+                stored(transport::solve(&gathered, areas[1], &rho[1])?),
             ];
             let once = [0, 1].map(|k| {
                 areas[k].iter().zip(&rho[k]).map(|(a, r)| FRAC_1_PI * a * r).collect::<Vec<f64>>()
@@ -88,16 +92,17 @@ impl Orders {
         for scramble in &mut scrambles {
             scramble.iter_mut().zip(&mean).for_each(|(s, m)| *s -= m);
         }
-        Some(Self { nodes, scrambles, mean })
+        Some(Self { nodes, scrambles, mean, tried: tried - wanted.start })
     }
 
     /// The light between two ends, the Sun's or the Earth's and the observer's, at each wavelength.
     pub fn light(&self, ends: [&End; 2], pairs: &Pairs, vectors: &mut Vectors) -> Vec<Found> {
-        let mut out = Vec::with_capacity(self.nodes.len());
-        for node in &self.nodes {
-            out.push(node.light(self, ends, pairs, vectors));
-        }
-        out
+        let factors = self.nodes.get(self.tried).map_or(0.0, |node| {
+            node.brought(ends, vectors);
+            self.of_factors([&vectors.ends[0][1], &vectors.ends[1][1]])
+        });
+        let light = |node: &Node| node.light(factors, ends, pairs, vectors);
+        self.nodes.iter().map(light).collect()
     }
 
     /// The claimed error of the form factors, relative.
@@ -121,28 +126,27 @@ fn of_mean() -> f64 {
 impl Node {
     fn light(
         &self,
-        orders: &Orders,
+        factors: f64,
         ends: [&End; 2],
         pairs: &Pairs,
         vectors: &mut Vectors,
     ) -> Found {
-        let Vectors { ends: brought, rows } = vectors;
-        for (end, rooms) in ends.into_iter().zip(&mut *brought) {
-            self.brought(end, rooms);
-        }
-        let [sun, eye] = brought;
+        self.brought(ends, vectors);
+        let Vectors { ends: [sun, eye], rows } = vectors;
         let straight = |level: usize| [&ends[0].straight[level], &ends[1].straight[level]];
-        let fine = self.between(0, [&sun[0], &eye[0]], straight(0)) + self.paired(&pairs.fine);
         let sets = || pairs.sets.iter().map(|set| self.paired(set));
         let pair = sets().sum::<f64>();
+        let fine = self.between(0, [&sun[0], &eye[0]], straight(0)) + pair;
         let coarse = self.between(1, [&sun[1], &eye[1]], straight(1)) + pair;
-        let mut noise = orders.of_factors([&sun[1], &eye[1]]) * fine;
+        let mut noise = factors * fine;
         if !self.rho.is_empty() {
-            for (row, end) in rows.iter_mut().zip([eye, sun]) {
-                row.resize(end[1].len(), 0.0);
-                transport::times(&end[1], &self.all[1], row);
-                let once = end[1].iter().zip(&self.once[1]);
-                row.iter_mut().zip(once).for_each(|(r, (x, q))| *r += x * q);
+            let others = [(&*eye, &ends[1].straight), (&*sun, &ends[0].straight)];
+            for (row, (all, straight)) in rows.iter_mut().zip(others) {
+                row.resize(all[1].len(), 0.0);
+                transport::times(&all[1], &self.all[1], row);
+                for (k, q) in self.once[1].iter().enumerate() {
+                    row[k] += q * (all[1][k] - straight[1][k]);
+                }
             }
             let mut estimates = [0.0; SCRAMBLES];
             for (k, (estimate, pair)) in estimates.iter_mut().zip(sets()).enumerate() {
@@ -161,18 +165,20 @@ impl Node {
         Found { light: fine, left: (fine - coarse).abs(), noise }
     }
 
-    /// All that an end brings to the patches and to the larger ones.
-    fn brought(&self, end: &End, rooms: &mut [Vec<f64>; 2]) {
-        for (room, straight) in rooms.iter_mut().zip(&end.straight) {
-            room.clear();
-            room.extend_from_slice(straight);
-        }
-        let mut add = |level: usize, rho: f64, gain: &[f64]| {
-            rooms[level].iter_mut().zip(gain).for_each(|(r, g)| *r += rho * g);
-        };
-        for (c, rho) in self.rho.iter().enumerate() {
-            add(0, *rho, &end.gain.fine[c]);
-            end.gain.sets.iter().for_each(|set| add(1, *rho, &set[c]));
+    /// All that the ends bring to the patches and to the larger ones.
+    fn brought(&self, ends: [&End; 2], vectors: &mut Vectors) {
+        for (end, rooms) in ends.into_iter().zip(&mut vectors.ends) {
+            for (room, straight) in rooms.iter_mut().zip(&end.straight) {
+                room.clear();
+                room.extend_from_slice(straight);
+            }
+            let mut add = |level: usize, rho: f64, gain: &[f64]| {
+                rooms[level].iter_mut().zip(gain).for_each(|(r, g)| *r += rho * g);
+            };
+            for (c, rho) in self.rho.iter().enumerate().take(end.gain.fine.len()) {
+                add(0, *rho, &end.gain.fine[c]);
+                end.gain.sets.iter().for_each(|set| add(1, *rho, &set[c]));
+            }
         }
     }
 
@@ -182,12 +188,11 @@ impl Node {
         if self.rho.is_empty() {
             return all;
         }
-        // V E less v e, without a difference of nearly equal numbers.
-        let more = |k: usize| (v[k] - v0[k]) * e[k] + v0[k] * (e[k] - e0[k]);
+        let more = |k: usize| (v[k] - v0[k]) * (e[k] - e0[k]);
         all + self.once[level].iter().enumerate().map(|(k, q)| q * more(k)).sum::<f64>()
     }
 
-    /// What goes by two rough surfaces alone.
+    /// What is scattered twice, by a rough surface at least once.
     fn paired(&self, pairs: &[f64]) -> f64 {
         let n = self.rho.len();
         pairs.iter().enumerate().map(|(k, w)| self.rho[k / n] * self.rho[k % n] * w).sum()

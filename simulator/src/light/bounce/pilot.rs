@@ -88,6 +88,14 @@ impl Pilot {
         Self::of(&rows, count, Sums::missing_of(&all))
     }
 
+    /// The share of bounced light: root of the mean square over the pairs that count.
+    pub fn typical(&self) -> f64 {
+        let pairs = self.pairs.iter().filter(|p| p.counts);
+        let square = |p: &Pair| (p.bounced / (p.direct + p.bounced)).powi(2);
+        let (sum, count) = pairs.fold((0.0, 0.0_f64), |(s, n), p| (s + square(p), n + 1.0));
+        (sum / count.max(1.0)).sqrt()
+    }
+
     /// The error that is stated of paths, relative to all light (root of the mean square over the pairs that count): `claimed` makes it of a pair's standard error.
     pub fn stated(&self, claimed: impl Fn(f64) -> f64) -> f64 {
         let pairs = self.pairs.iter().filter(|p| p.counts);

@@ -30,6 +30,8 @@ const LEAST_RAYS: u32 = 32;
 const LEAST_CHORDS: u32 = 64;
 /// Rays for the directions of all rough patches at most.
 const MOST_CHORDS: usize = 1 << 20;
+/// Of what the patches' size leaves open, what rays may leave open.
+const OF_COARSENESS: f64 = 0.3;
 /// The first cells, of which there are about as many as this; then cells this much smaller.
 const FIRST_CELLS: f64 = 24.0;
 const FINER: f64 = 1.5;
@@ -103,7 +105,9 @@ impl Still {
                 continue;
             }
             let mut noise = look.noise;
-            while noise > target && rays < MOST_RAYS {
+            // Nothing is gained by far less noise than the patches' size leaves open.
+            let enough = target.max(OF_COARSENESS * look.coarseness);
+            while noise > enough && rays < MOST_RAYS {
                 (rays, chords) = (2 * rays, draft.more_chords(chords, MOST_CHORDS));
                 draft.shoot(rays, chords, seed);
                 noise = draft.look(pilot).noise;
@@ -111,8 +115,9 @@ impl Still {
             // Where patches are wrong by more than their size tells, paths do it.
             let all = Plan::new(surfaces.clone(), active.clone(), nodes, options);
             let (claim, stated) = draft.held(pilot, active, &all, nodes.nm[node], options.seed)?;
-            if stated > options.tolerance && stated > pilot.stated(|s| all.claimed(s, pilot::POINTS))
-            {
+            let by_paths = pilot.stated(|s| all.claimed(s, pilot::POINTS));
+            // Diffuse patches cost a hundredth of the paths that know as much.
+            if !rough.is_empty() && stated > options.tolerance.max(by_paths) {
                 return None;
             }
             let rest = draft.leaves_a_rest().then(|| Arc::new(all.of_rest()));

@@ -4,9 +4,13 @@ use super::chords::{Chords, Gain, Pairs};
 use super::orders::{Found, Orders, Vectors};
 use super::patches::{Patches, Room};
 use super::surfaces::Surfaces;
+use crate::light::clip::P2;
 use crate::light::occlude::Toward;
 use crate::light::{Evaluator, Scene};
 use glam::DVec3;
+
+/// What of a patch is open at least that counts as all of it.
+const WHOLE: f64 = 1.0 - 1e-9;
 
 /// The surfaces that exchange light, in patches.
 #[derive(Debug, Clone)]
@@ -24,15 +28,49 @@ pub struct Shares {
     pub toward: Toward,
     pub fine: Vec<f64>,
     pub coarse: Vec<f64>,
+    /// The cosine at each patch (towards a near end with its scale).
+    cosine: Vec<f64>,
+    /// Whether only a part of a patch is open.
+    partly: Vec<bool>,
+    /// What of each surface is open where something is not, in its axes.
+    open: Vec<Vec<Vec<P2>>>,
 }
 
 impl Shares {
     /// Room for those of some patches.
-    pub fn new(patches: &Patches) -> Self {
+    fn new(patched: &Patched) -> Self {
+        let patches = &patched.patches;
         let (fine, coarse) = (patches.list.len(), patches.coarse_area.len());
-        let toward = Toward::Far(DVec3::Z);
-        Self { toward, fine: vec![0.0; fine], coarse: vec![0.0; coarse] }
+        Self {
+            toward: Toward::Far(DVec3::Z),
+            fine: vec![0.0; fine],
+            coarse: vec![0.0; coarse],
+            cosine: vec![0.0; fine],
+            partly: vec![false; fine],
+            open: vec![Vec::new(); patched.surfaces.list.len()],
+        }
     }
+
+    /// The cosine at a point of a patch (the axes of its surface), 0 where the point is closed.
+    pub fn at(&self, patch: usize, surface: usize, [x, y]: [f32; 2]) -> f64 {
+        if self.fine[patch] == 0.0 {
+            return 0.0;
+        }
+        let p = [f64::from(x), f64::from(y)];
+        let open = || self.open[surface].iter().any(|ring| holds(ring, p));
+        if !self.partly[patch] || open() { self.cosine[patch] } else { 0.0 }
+    }
+}
+
+/// Whether a point lies in a convex ring.
+fn holds(ring: &[P2], p: P2) -> bool {
+    let Some(&last) = ring.last() else { return false };
+    let mut a = last;
+    ring.iter().all(|&b| {
+        let left = (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]) >= 0.0;
+        a = b;
+        left
+    })
 }
 
 /// Finds shares, with room to work in.
@@ -50,8 +88,8 @@ impl<'a> Viewer<'a> {
     /// Looks from an end.
     fn look(&mut self, patched: &Patched, toward: Toward, shares: &mut Shares) {
         let Patched { surfaces, patches, areas, .. } = patched;
-        let Shares { fine, coarse, .. } = shares;
         shares.toward = toward;
+        let Shares { fine, coarse, cosine, partly, open: rings, .. } = shares;
         fine.fill(0.0);
         coarse.fill(0.0);
         self.evaluator.prepare(toward);
@@ -66,14 +104,21 @@ impl<'a> Viewer<'a> {
             if height <= 0.0 {
                 continue;
             }
+            let rings = &mut rings[list[0].surface];
             match self.evaluator.open(surface.number, toward) {
-                None => own().for_each(|p| fine[p] = patches.list[p].area),
+                None => own().for_each(|p| {
+                    fine[p] = patches.list[p].area;
+                    partly[p] = false;
+                }),
                 Some(open) => {
+                    rings.clear();
+                    rings.extend(open.iter().map(<[P2]>::to_vec));
                     for (polygon, cells) in
                         open.iter().flat_map(|o| list.iter().map(move |c| (o, c)))
                     {
                         cells.share(polygon, list.len() == 1, &mut self.room, fine);
                     }
+                    own().for_each(|p| partly[p] = fine[p] < WHOLE * patches.list[p].area);
                 }
             }
             for p in own() {
@@ -90,6 +135,7 @@ impl<'a> Viewer<'a> {
                         cos * q.length_squared() / range2
                     }
                 };
+                cosine[p] = scale;
                 let open = scale * fine[p];
                 fine[p] = open / areas[0][p];
                 coarse[patch.coarse] += open / areas[1][patch.coarse];
@@ -110,7 +156,7 @@ pub struct End {
 impl End {
     pub fn new(patched: &Patched) -> Self {
         let counts = patched.patches.diffuse;
-        let gain = Gain::new(patched.chords.channels.len(), counts);
+        let gain = Gain::new(patched.chords.rough, counts);
         Self { straight: counts.map(|n| vec![0.0; n]), gain }
     }
 
@@ -125,8 +171,7 @@ impl End {
         for (sum, row) in self.straight.iter_mut().zip([&shares.fine, &shares.coarse]) {
             sum.iter_mut().zip(row).for_each(|(s, r)| *s += weight * r);
         }
-        let Patched { surfaces, patches, areas, chords } = patched;
-        chords.gather((surfaces, patches, areas), shares, (sends, weight), &mut self.gain);
+        patched.chords.gather(patched, shares, (sends, weight), &mut self.gain);
     }
 }
 
@@ -142,12 +187,12 @@ pub struct Views<'a> {
 
 impl<'a> Views<'a> {
     pub fn new(scene: &'a Scene, patched: &Patched) -> Self {
-        let (shares, end) = (Shares::new(&patched.patches), End::new(patched));
+        let (shares, end) = (Shares::new(patched), End::new(patched));
         Self {
             viewer: Viewer::new(scene),
             shares: [shares.clone(), shares],
             ends: [end.clone(), end],
-            pairs: Pairs::new(patched.chords.channels.len()),
+            pairs: Pairs::new(&patched.chords),
             vectors: Vectors::default(),
         }
     }
@@ -170,8 +215,7 @@ impl<'a> Views<'a> {
         for &(toward, weight) in from {
             self.viewer.look(patched, Toward::Far(toward), of_sun);
             sun.add(patched, of_sun, true, weight);
-            let places = (&patched.surfaces, &patched.patches);
-            patched.chords.pairs(places, [of_sun, of_eye], weight, &mut self.pairs);
+            patched.chords.pairs(patched, [of_sun, of_eye], weight, &mut self.pairs);
         }
         orders.light([sun, to], &self.pairs, &mut self.vectors)
     }
