@@ -18,10 +18,13 @@ use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, PI};
 use std::ops::Range;
 
+/// Blocks of directions of a surface at most.
+const BLOCKS: u32 = 16;
+
 /// The directions of all rough surfaces.
 #[derive(Debug, Clone, Default)]
 pub struct Chords {
-    /// Directions of a set.
+    /// Directions of a patch and set.
     pub each: u32,
     /// One for each material and spectrum: of rough surfaces, then of diffuse ones.
     pub channels: Vec<(usize, usize)>,
@@ -45,6 +48,8 @@ struct Sheet {
     patches: Range<usize>,
     /// Directions of all sets one after the other, in the surface's axes.
     along: Vec<DVec3>,
+    /// Directions of a set: some blocks, of which each patch has one, so that neighbours err by chance in different ways.
+    of_set: u32,
     /// Those along which any patch meets anything.
     used: Vec<u32>,
 }
@@ -119,12 +124,14 @@ impl Chords {
                 .find(|p| surface_of(*p) != number)
                 .unwrap_or(patches.list.len());
             let surface = &surfaces.list[number];
+            let of_set = each * BLOCKS.min((end - first) as u32);
             let sheet = Sheet {
                 surface: number,
                 material: optics.material(surface.material).clone(),
                 channels: chords.channels_of(optics, surface.material),
                 patches: first..end,
-                along: directions(each, mixed(seed, number as u32)),
+                along: directions(of_set, mixed(seed, number as u32)),
+                of_set,
                 used: Vec::new(),
             };
             chords.add(sheet, between, seed);
@@ -157,13 +164,15 @@ impl Chords {
         let mut used = vec![false; sheet.along.len()];
         for p in sheet.patches.clone() {
             let (mut meets, mut buried) = ([Vec::new(), Vec::new()], 0);
-            for (k, direction) in sheet.along.iter().enumerate() {
-                let (set, index) = (k as u32 / self.each, k as u32 % self.each);
+            let block = p as u32 % (sheet.of_set / self.each) * self.each;
+            for number in 0..self.each * SCRAMBLES as u32 {
+                let (set, index) = (number / self.each, number % self.each);
+                let k = (set * sheet.of_set + block + index) as usize;
                 let seed = mixed(mixed(seed, 0xc0 + p as u32), set);
                 let u = sobol_burley::sample_4d(index, 1, seed).map(f64::from);
                 let leaves = patches.list[p].even(u[0], u[1]);
                 let from = surface.point(leaves);
-                let along = body(surface, *direction);
+                let along = body(surface, sheet.along[k]);
                 let ray = Ray { from, along, leaves: sheet.surface };
                 if caster.is_inside(&ray, |k| !surfaces.list[k].sheet) {
                     buried += 1;
@@ -231,7 +240,7 @@ impl Chords {
                     if lit == 0.0 {
                         continue;
                     }
-                    let (set, large) = (k / self.each as usize, patches.list[q].coarse);
+                    let (set, large) = (k / sheet.of_set as usize, patches.list[q].coarse);
                     let weights = &weights[k * count..(k + 1) * count];
                     for (c, w) in sheet.channels.clone().zip(weights) {
                         gain.fine[c][q] += lit * w / areas[0][q];
@@ -292,7 +301,7 @@ impl Chords {
                         let here = near.at(p, sheet.surface, meeting.leaves);
                         let light = FRAC_1_PI * scale * here * there;
                         let last = self.diffuse[q] as usize;
-                        let set = &mut sets[k / self.each as usize];
+                        let set = &mut sets[k / sheet.of_set as usize];
                         let weights = &weights[k * count..(k + 1) * count];
                         for (c, w) in sheet.channels.clone().zip(weights) {
                             set[c * channels + last] += light * w;
@@ -316,7 +325,7 @@ impl Chords {
                     other.clear();
                     other.resize(last.channels.len(), 0.0);
                     last.material.add_weights(local(face, back), eye, scale * here * there, other);
-                    let set = &mut sets[k / self.each as usize];
+                    let set = &mut sets[k / sheet.of_set as usize];
                     for (a, w) in sheet.channels.clone().zip(sent) {
                         for (b, v) in last.channels.clone().zip(&*other) {
                             set[a * channels + b] += w * v;
@@ -342,7 +351,7 @@ impl Sheet {
     }
 }
 
-/// Directions by the cosine: so many of each set.
+/// Directions by the cosine: so many of each set. Blocks of a power of two are as even as all of them (Sobol' points).
 fn directions(each: u32, seed: u32) -> Vec<DVec3> {
     let one = |k: u32| {
         let u = sobol_burley::sample_4d(k % each, 0, mixed(seed, k / each)).map(f64::from);

@@ -19,6 +19,11 @@ use std::ops::Range;
 /// Paths of each pair and scramble against which patches are held.
 const AGREEING: u32 = 512;
 
+/// Rays for the directions of all rough patches at most: half a second.
+const MOST_CHORDS: usize = 1 << 20;
+/// Of them those that meet anything: what an epoch takes its time for, some nanoseconds each.
+const MOST_MEETINGS: usize = 200_000;
+
 /// Patches on trial.
 pub struct Draft<'a> {
     scene: &'a Scene,
@@ -37,8 +42,9 @@ pub struct Draft<'a> {
 pub struct Look {
     /// What patches of twice the size change.
     pub coarseness: f64,
-    /// The claimed error of form factors and directions.
-    pub noise: f64,
+    /// The claimed error of form factors, and of the directions of rough surfaces.
+    pub factors: f64,
+    pub chords: f64,
 }
 
 /// Root of the mean square.
@@ -101,12 +107,14 @@ impl<'a> Draft<'a> {
         self.patched.areas = [fine.collect(), coarse];
     }
 
-    /// Twice as many directions, as long as all their rays are at most so many.
-    pub fn more_chords(&self, chords: u32, most: usize) -> u32 {
+    /// Twice as many directions, as long as there are not too many.
+    pub fn more_chords(&self, chords: u32) -> u32 {
         let patches = &self.patched.patches;
         let rough = patches.list.len() - patches.diffuse[0];
         let more = 2 * chords;
-        if rough * SCRAMBLES * more as usize > most { chords } else { more }
+        let meetings = 2 * self.patched.chords.meetings();
+        let many = rough * SCRAMBLES * more as usize > MOST_CHORDS || meetings > MOST_MEETINGS;
+        if many { chords } else { more }
     }
 
     /// Whether some light is not found: see [`super::orders`].
@@ -128,16 +136,18 @@ impl<'a> Draft<'a> {
     /// Looks at all pairs that count.
     pub fn look(&self, pilot: &Pilot) -> Look {
         let Some(orders) = self.orders() else {
-            return Look { coarseness: f64::INFINITY, noise: f64::INFINITY };
+            return Look { coarseness: f64::INFINITY, factors: 0.0, chords: 0.0 };
         };
         let mut room = Views::new(self.scene, &self.patched);
-        let (mut left, mut noise) = (Rms::default(), Rms::default());
+        let mut sums = [(); 3].map(|()| Rms::default());
         for pair in pilot.pairs.iter().filter(|p| p.counts) {
             let found = self.tried(&orders, &mut room, pair);
-            left.add(found.left / (pair.direct + found.light));
-            noise.add(found.noise / (pair.direct + found.light));
+            for (sum, value) in sums.iter_mut().zip([found.left, found.factors, found.chords]) {
+                sum.add(value / (pair.direct + found.light));
+            }
         }
-        Look { coarseness: left.get(), noise: noise.get() }
+        let [coarseness, factors, chords] = sums.map(|s| s.get());
+        Look { coarseness, factors, chords }
     }
 
     /// What patches may claim, held against light paths over all pairs, and the error stated then, relative to all light (root of the mean square);
@@ -175,7 +185,7 @@ impl<'a> Draft<'a> {
             };
             let (found, sigma) = traced(None);
             let rest = if self.leaves_a_rest() { traced(Some(&rough)) } else { (0.0, 0.0) };
-            let Found { light, left, noise } = of_patches;
+            let (Found { light, left, .. }, noise) = (of_patches, of_patches.noise());
             let sigma = sigma.hypot(rest.1);
             trials.push(Trial { light: light + rest.0, left, noise, found, sigma });
             claimed.push(noise + plan.claimed(rest.1, AGREEING));

@@ -44,8 +44,17 @@ pub struct Found {
     pub light: f64,
     /// What patches of twice the size change.
     pub left: f64,
-    /// The claimed error of the form factors and of the directions of rough surfaces.
-    pub noise: f64,
+    /// The claimed error of the form factors.
+    pub factors: f64,
+    /// The claimed error of the directions of rough surfaces.
+    pub chords: f64,
+}
+
+impl Found {
+    /// The claimed error of everything but the patches' size.
+    pub fn noise(&self) -> f64 {
+        self.factors + self.chords
+    }
 }
 
 /// Room for vectors.
@@ -138,7 +147,7 @@ impl Node {
         let pair = sets().sum::<f64>();
         let fine = self.between(0, [&sun[0], &eye[0]], straight(0)) + pair;
         let coarse = self.between(1, [&sun[1], &eye[1]], straight(1)) + pair;
-        let mut noise = factors * fine;
+        let mut chords = 0.0;
         if !self.rho.is_empty() {
             let others = [(&*eye, &ends[1].straight), (&*sun, &ends[0].straight)];
             for (row, (all, straight)) in rows.iter_mut().zip(others) {
@@ -160,9 +169,9 @@ impl Node {
             let n = SCRAMBLES as f64;
             let mean = estimates.iter().sum::<f64>() / n;
             let square: f64 = estimates.iter().map(|e| (n * (e - mean)).powi(2)).sum();
-            noise += CLAIMED * (square * of_mean()).sqrt();
+            chords = CLAIMED * (square * of_mean()).sqrt();
         }
-        Found { light: fine, left: (fine - coarse).abs(), noise }
+        Found { light: fine, left: (fine - coarse).abs(), factors: factors * fine, chords }
     }
 
     /// All that the ends bring to the patches and to the larger ones.

@@ -28,8 +28,6 @@ const MOST_NUMBERS: usize = 16_000_000;
 /// Rays of each patch and scramble to begin with, and directions of a rough surface and scramble.
 const LEAST_RAYS: u32 = 32;
 const LEAST_CHORDS: u32 = 64;
-/// Rays for the directions of all rough patches at most.
-const MOST_CHORDS: usize = 1 << 20;
 /// Of what the patches' size leaves open, what rays may leave open.
 const OF_COARSENESS: f64 = 0.3;
 /// The first cells, of which there are about as many as this; then cells this much smaller.
@@ -93,7 +91,7 @@ impl Still {
                 Draft::new(scene, surfaces, patches, &caster, &mut optics, (node, nodes.nm.len()));
             let (mut rays, mut chords) = (LEAST_RAYS, LEAST_CHORDS);
             draft.shoot(rays, chords, seed);
-            let look = draft.look(pilot);
+            let mut look = draft.look(pilot);
             // Many rays are worth their time for the last size alone.
             let last = look.coarseness <= target || {
                 let next = cells(size / FINER);
@@ -104,13 +102,18 @@ impl Still {
                 size /= FINER;
                 continue;
             }
-            let mut noise = look.noise;
             // Nothing is gained by far less noise than the patches' size leaves open.
             let enough = target.max(OF_COARSENESS * look.coarseness);
-            while noise > enough && rays < MOST_RAYS {
-                (rays, chords) = (2 * rays, draft.more_chords(chords, MOST_CHORDS));
+            loop {
+                let more_rays = if look.factors > enough { 2 * rays } else { rays };
+                let more_chords =
+                    if look.chords > enough { draft.more_chords(chords) } else { chords };
+                if more_rays > MOST_RAYS || (more_rays, more_chords) == (rays, chords) {
+                    break;
+                }
+                (rays, chords) = (more_rays, more_chords);
                 draft.shoot(rays, chords, seed);
-                noise = draft.look(pilot).noise;
+                look = draft.look(pilot);
             }
             // Where patches are wrong by more than their size tells, paths do it.
             let all = Plan::new(surfaces.clone(), active.clone(), nodes, options);
@@ -184,6 +187,6 @@ impl Still {
     /// The claimed error of what was found, m² sr⁻¹.
     fn claimed(&self, found: &Found) -> f64 {
         let left = self.claim.of_size(found.light, found.left);
-        left + found.noise + (self.nodes.error + 1e-7) * found.light
+        left + found.noise() + (self.nodes.error + 1e-7) * found.light
     }
 }
