@@ -46,12 +46,17 @@ struct Sheet {
     material: Material,
     channels: Range<usize>,
     patches: Range<usize>,
-    /// Directions of all sets one after the other, in the surface's axes.
-    along: Vec<DVec3>,
-    /// Directions of a set: some blocks, of which each patch has one, so that neighbours err by chance in different ways.
-    of_set: u32,
+    /// Blocks of directions (of all sets), in the surface's axes: each patch has one, so that neighbours err by chance in different ways.
+    along: Vec<Vec<DVec3>>,
     /// Those along which any patch meets anything.
-    used: Vec<u32>,
+    used: Vec<Vec<u32>>,
+}
+
+/// The materials' weights of all rough surfaces along their directions, sr⁻¹: for each surface some rows, one a block (of a near end, one a patch).
+#[derive(Debug, Clone, Default)]
+pub struct Weights {
+    rows: Vec<Vec<Vec<f64>>>,
+    near: bool,
 }
 
 /// What a patch meets along a direction.
@@ -71,15 +76,13 @@ pub struct Gain {
     pub fine: Vec<Vec<f64>>,
     /// For each set, channel and larger patch.
     pub sets: Vec<Vec<Vec<f64>>>,
-    /// The materials' weights along the directions of a surface.
-    room: Vec<f64>,
 }
 
 /// Light that two surfaces scatter one after the other, one of them or both rough, m² sr⁻¹: for each set, each channel of the first and of the second.
 #[derive(Debug, Clone, Default)]
 pub struct Pairs {
     pub sets: Vec<Vec<f64>>,
-    rooms: [Vec<f64>; 2],
+    room: Vec<f64>,
 }
 
 impl Gain {
@@ -88,7 +91,6 @@ impl Gain {
         Self {
             fine: vec![vec![0.0; fine]; channels],
             sets: vec![vec![vec![0.0; coarse]; channels]; SCRAMBLES],
-            room: Vec::new(),
         }
     }
 
@@ -102,7 +104,7 @@ impl Pairs {
     /// Nothing yet.
     pub fn new(chords: &Chords) -> Self {
         let none = vec![0.0; chords.channels.len() * chords.channels.len()];
-        Self { sets: vec![none; SCRAMBLES], rooms: Default::default() }
+        Self { sets: vec![none; SCRAMBLES], room: Vec::new() }
     }
 
     /// Back to nothing.
@@ -124,14 +126,13 @@ impl Chords {
                 .find(|p| surface_of(*p) != number)
                 .unwrap_or(patches.list.len());
             let surface = &surfaces.list[number];
-            let of_set = each * BLOCKS.min((end - first) as u32);
+            let blocks = BLOCKS.min((end - first) as u32);
             let sheet = Sheet {
                 surface: number,
                 material: optics.material(surface.material).clone(),
                 channels: chords.channels_of(optics, surface.material),
                 patches: first..end,
-                along: directions(of_set, mixed(seed, number as u32)),
-                of_set,
+                along: directions(each, blocks, mixed(seed, number as u32)),
                 used: Vec::new(),
             };
             chords.add(sheet, between, seed);
@@ -161,18 +162,18 @@ impl Chords {
     fn add(&mut self, mut sheet: Sheet, between: &Between, seed: u32) {
         let Between { surfaces, caster, patches, of_surface } = *between;
         let surface = &surfaces.list[sheet.surface];
-        let mut used = vec![false; sheet.along.len()];
+        let all = self.each as usize * SCRAMBLES;
+        let mut used = vec![vec![false; all]; sheet.along.len()];
         for p in sheet.patches.clone() {
             let (mut meets, mut buried) = ([Vec::new(), Vec::new()], 0);
-            let block = p as u32 % (sheet.of_set / self.each) * self.each;
-            for number in 0..self.each * SCRAMBLES as u32 {
-                let (set, index) = (number / self.each, number % self.each);
-                let k = (set * sheet.of_set + block + index) as usize;
+            let block = sheet.block(p);
+            for k in 0..all {
+                let (set, index) = (k as u32 / self.each, k as u32 % self.each);
                 let seed = mixed(mixed(seed, 0xc0 + p as u32), set);
                 let u = sobol_burley::sample_4d(index, 1, seed).map(f64::from);
                 let leaves = patches.list[p].even(u[0], u[1]);
                 let from = surface.point(leaves);
-                let along = body(surface, sheet.along[k]);
+                let along = body(surface, sheet.along[block][k]);
                 let ray = Ray { from, along, leaves: sheet.surface };
                 if caster.is_inside(&ray, |k| !surfaces.list[k].sheet) {
                     buried += 1;
@@ -181,7 +182,7 @@ impl Chords {
                 let Some((q, number, at)) = patches.met(surfaces, caster, of_surface, &ray) else {
                     continue;
                 };
-                used[k] = true;
+                used[block][k] = true;
                 let rough = usize::from(q >= patches.diffuse[0]);
                 let other = &surfaces.list[number];
                 let at = local(other, at - other.origin);
@@ -195,13 +196,19 @@ impl Chords {
             self.meets.push(meets);
             self.buried.push(buried);
         }
-        sheet.used = (0..used.len() as u32).filter(|k| used[*k as usize]).collect();
+        let numbers = |used: &Vec<bool>| (0..all as u32).filter(|k| used[*k as usize]).collect();
+        sheet.used = used.iter().map(numbers).collect();
         self.sheets.push(sheet);
     }
 
     /// Whether any rough surface sees another.
     pub fn see_each_other(&self) -> bool {
         self.meets.iter().any(|m| !m[1].is_empty())
+    }
+
+    /// How often materials are asked for a distant end.
+    pub fn asked(&self) -> usize {
+        self.sheets.iter().flat_map(|s| &s.used).map(Vec::len).sum()
     }
 
     /// How many directions meet anything.
@@ -220,19 +227,32 @@ impl Chords {
         PI * area / (f64::from(self.each) * SCRAMBLES as f64)
     }
 
-    /// Adds what an end brings to diffuse patches by one rough surface, times `weight`. `sends` of the Sun and the Earth, false of an observer.
-    pub fn gather(
-        &self,
-        patched: &Patched,
-        shares: &Shares,
-        (sends, weight): (bool, f64),
-        gain: &mut Gain,
-    ) {
+    /// Asks the materials for an end. `sends` of the Sun and the Earth, false of an observer.
+    pub fn ask(&self, patched: &Patched, toward: Toward, sends: bool, weights: &mut Weights) {
+        weights.near = matches!(toward, Toward::Near(_));
+        weights.rows.resize(self.sheets.len(), Vec::new());
+        for (sheet, rows) in self.sheets.iter().zip(&mut weights.rows) {
+            let surface = &patched.surfaces.list[sheet.surface];
+            let near = || sheet.patches.clone().map(|p| (sheet.block(p), Some(p)));
+            let far = || (0..sheet.along.len()).map(|block| (block, None));
+            let wanted: Vec<_> = if weights.near { near().collect() } else { far().collect() };
+            rows.resize(wanted.len(), Vec::new());
+            for ((block, patch), row) in wanted.into_iter().zip(rows) {
+                let at = patch.map_or(surface.origin, |p: usize| {
+                    surface.point(patched.patches.list[p].middle)
+                });
+                sheet.weights(block, local(surface, towards(&toward, at)), sends, row);
+            }
+        }
+    }
+
+    /// Adds what an end brings to diffuse patches by one rough surface, times `weight`.
+    pub fn gather(&self, patched: &Patched, shares: &Shares, weight: f64, gain: &mut Gain) {
         let Patched { patches, areas, .. } = patched;
-        let mut room = std::mem::take(&mut gain.room);
-        for sheet in &self.sheets {
+        for (number, sheet) in self.sheets.iter().enumerate() {
             let count = sheet.channels.len();
-            self.of_sheet(sheet, patched, (shares, sends), &mut room, |p, weights| {
+            for p in sheet.patches.clone().filter(|p| shares.fine[*p] > 0.0) {
+                let weights = shares.weights.row(number, sheet, p);
                 let scale = weight * self.each_m2(patches.list[p].area);
                 for meeting in &self.meets[p - patches.diffuse[0]][0] {
                     let (q, k) = (meeting.patch as usize, meeting.direction as usize);
@@ -240,37 +260,14 @@ impl Chords {
                     if lit == 0.0 {
                         continue;
                     }
-                    let (set, large) = (k / sheet.of_set as usize, patches.list[q].coarse);
+                    let (set, large) = (k / self.each as usize, patches.list[q].coarse);
                     let weights = &weights[k * count..(k + 1) * count];
                     for (c, w) in sheet.channels.clone().zip(weights) {
                         gain.fine[c][q] += lit * w / areas[0][q];
                         gain.sets[set][c][large] += lit * w / areas[1][large];
                     }
                 }
-            });
-        }
-        gain.room = room;
-    }
-
-    /// Asks a surface's material for its weights along all directions, and gives them to `each` of its patches that are open to an end.
-    fn of_sheet(
-        &self,
-        sheet: &Sheet,
-        patched: &Patched,
-        (shares, sends): (&Shares, bool),
-        room: &mut Vec<f64>,
-        mut each: impl FnMut(usize, &[f64]),
-    ) {
-        let surface = &patched.surfaces.list[sheet.surface];
-        let near = matches!(shares.toward, Toward::Near(_));
-        let mut known = false;
-        for p in sheet.patches.clone().filter(|p| shares.fine[*p] > 0.0) {
-            if near || !known {
-                let middle = surface.point(patched.patches.list[p].middle);
-                sheet.weights(local(surface, towards(&shares.toward, middle)), sends, room);
-                known = true;
             }
-            each(p, room);
         }
     }
 
@@ -283,81 +280,122 @@ impl Chords {
         weight: f64,
         pairs: &mut Pairs,
     ) {
-        let Patched { surfaces, patches, .. } = patched;
+        let patches = &patched.patches;
         let (first, channels) = (patches.diffuse[0], self.channels.len());
-        let Pairs { sets, rooms: [room, other] } = pairs;
-        for sheet in &self.sheets {
+        let surface_of = |q: usize| patches.cells[patches.list[q].cells].surface;
+        for (number, sheet) in self.sheets.iter().enumerate() {
             let count = sheet.channels.len();
-            for (near, far, sends) in [(from, to, true), (to, from, false)] {
-                self.of_sheet(sheet, patched, (near, sends), room, |p, weights| {
-                    let scale = weight * self.each_m2(patches.list[p].area);
+            for (near, far) in [(from, to), (to, from)] {
+                for p in sheet.patches.clone().filter(|p| near.fine[*p] > 0.0) {
+                    let weights = near.weights.row(number, sheet, p);
+                    let scale = FRAC_1_PI * weight * self.each_m2(patches.list[p].area);
                     for meeting in &self.meets[p - first][0] {
                         let (q, k) = (meeting.patch as usize, meeting.direction as usize);
-                        let number = patches.cells[patches.list[q].cells].surface;
-                        let there = far.at(q, number, meeting.arrives);
+                        let there = far.at(q, surface_of(q), meeting.arrives);
                         if there == 0.0 {
                             continue;
                         }
                         let here = near.at(p, sheet.surface, meeting.leaves);
-                        let light = FRAC_1_PI * scale * here * there;
                         let last = self.diffuse[q] as usize;
-                        let set = &mut sets[k / sheet.of_set as usize];
+                        let set = &mut pairs.sets[k / self.each as usize];
                         let weights = &weights[k * count..(k + 1) * count];
                         for (c, w) in sheet.channels.clone().zip(weights) {
-                            set[c * channels + last] += light * w;
-                        }
-                    }
-                });
-            }
-            self.of_sheet(sheet, patched, (from, true), room, |p, weights| {
-                let scale = weight * self.each_m2(patches.list[p].area);
-                for meeting in &self.meets[p - first][1] {
-                    let (q, k) = (meeting.patch as usize, meeting.direction as usize);
-                    let number = patches.cells[patches.list[q].cells].surface;
-                    let there = to.at(q, number, meeting.arrives);
-                    let here = from.at(p, sheet.surface, meeting.leaves);
-                    let sent = &weights[k * count..(k + 1) * count];
-                    let met = self.sheets.iter().find(|s| s.surface == number);
-                    let Some(last) = met.filter(|_| there * here > 0.0) else { continue };
-                    let face = &surfaces.list[number];
-                    let eye = local(face, towards(&to.toward, face.point(patches.list[q].middle)));
-                    let back = -body(&surfaces.list[sheet.surface], sheet.along[k]);
-                    other.clear();
-                    other.resize(last.channels.len(), 0.0);
-                    last.material.add_weights(local(face, back), eye, scale * here * there, other);
-                    let set = &mut sets[k / sheet.of_set as usize];
-                    for (a, w) in sheet.channels.clone().zip(sent) {
-                        for (b, v) in last.channels.clone().zip(&*other) {
-                            set[a * channels + b] += w * v;
+                            set[c * channels + last] += scale * here * there * w;
                         }
                     }
                 }
-            });
+            }
+            for p in sheet.patches.clone().filter(|p| from.fine[*p] > 0.0) {
+                let weights = from.weights.row(number, sheet, p);
+                let scale = weight * self.each_m2(patches.list[p].area);
+                for meeting in &self.meets[p - first][1] {
+                    let k = meeting.direction as usize;
+                    let here = scale * from.at(p, sheet.surface, meeting.leaves);
+                    if here > 0.0 {
+                        let along = body(
+                            &patched.surfaces.list[sheet.surface],
+                            sheet.along[sheet.block(p)][k],
+                        );
+                        let sent = (sheet, &weights[k * count..(k + 1) * count]);
+                        self.pair(patched, (meeting, along, here), sent, to, pairs);
+                    }
+                }
+            }
+        }
+    }
+
+    /// One meeting of two rough surfaces.
+    fn pair(
+        &self,
+        patched: &Patched,
+        (meeting, along, here): (&Meeting, DVec3, f64),
+        (sheet, sent): (&Sheet, &[f64]),
+        to: &Shares,
+        pairs: &mut Pairs,
+    ) {
+        let Patched { surfaces, patches, .. } = patched;
+        let q = meeting.patch as usize;
+        let number = patches.cells[patches.list[q].cells].surface;
+        let there = to.at(q, number, meeting.arrives);
+        let last = self.sheets.iter().find(|s| s.surface == number);
+        let Some(last) = last.filter(|_| there > 0.0 && sent.iter().any(|w| *w > 0.0)) else {
+            return;
+        };
+        let face = &surfaces.list[number];
+        let eye = local(face, towards(&to.toward, face.point(patches.list[q].middle)));
+        pairs.room.clear();
+        pairs.room.resize(last.channels.len(), 0.0);
+        let room = &mut pairs.room;
+        last.material.add_weights(local(face, -along), eye, here * there, room);
+        let set = &mut pairs.sets[meeting.direction as usize / self.each as usize];
+        for (a, w) in sheet.channels.clone().zip(sent) {
+            for (b, v) in last.channels.clone().zip(&*room) {
+                set[a * self.channels.len() + b] += w * v;
+            }
         }
     }
 }
 
+impl Weights {
+    /// Those of a patch: for each of its directions and each of its surface's channels.
+    fn row(&self, number: usize, sheet: &Sheet, patch: usize) -> &[f64] {
+        let row = if self.near { patch - sheet.patches.start } else { sheet.block(patch) };
+        &self.rows[number][row]
+    }
+}
+
 impl Sheet {
-    /// The material's weights along the directions in use, sr⁻¹.
-    fn weights(&self, end: DVec3, sends: bool, out: &mut Vec<f64>) {
+    /// The block of directions of a patch.
+    fn block(&self, patch: usize) -> usize {
+        patch % self.along.len()
+    }
+
+    /// The material's weights along the directions of a block that are in use, sr⁻¹.
+    fn weights(&self, block: usize, end: DVec3, sends: bool, out: &mut Vec<f64>) {
         let count = self.channels.len();
         out.clear();
-        out.resize(self.along.len() * count, 0.0);
-        for &k in &self.used {
+        out.resize(self.along[block].len() * count, 0.0);
+        if end.z <= 0.0 {
+            return;
+        }
+        for &k in &self.used[block] {
             let k = k as usize;
-            let (i, o) = if sends { (end, self.along[k]) } else { (self.along[k], end) };
+            let along = self.along[block][k];
+            let (i, o) = if sends { (end, along) } else { (along, end) };
             self.material.add_weights(i, o, 1.0, &mut out[k * count..(k + 1) * count]);
         }
     }
 }
 
-/// Directions by the cosine: so many of each set. Blocks of a power of two are as even as all of them (Sobol' points).
-fn directions(each: u32, seed: u32) -> Vec<DVec3> {
-    let one = |k: u32| {
-        let u = sobol_burley::sample_4d(k % each, 0, mixed(seed, k / each)).map(f64::from);
+/// Blocks of directions by the cosine, so many of each set. Blocks of a power of two are as even as all of them (Sobol' points).
+fn directions(each: u32, blocks: u32, seed: u32) -> Vec<Vec<DVec3>> {
+    let one = |block: u32, k: u32| {
+        let (set, index) = (k / each, block * each + k % each);
+        let u = sobol_burley::sample_4d(index, 0, mixed(seed, set)).map(f64::from);
         spread(u[0], u[1]).to
     };
-    (0..each * SCRAMBLES as u32).map(one).collect()
+    let block = |block| (0..each * SCRAMBLES as u32).map(|k| one(block, k)).collect();
+    (0..blocks).map(block).collect()
 }
 
 /// The direction of an end from a place.

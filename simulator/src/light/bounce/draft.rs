@@ -10,7 +10,7 @@ use super::paths::{Paths, Sums, mixed};
 use super::pilot::{Pair, Pilot};
 use super::surfaces::Surfaces;
 use super::tracing::Plan;
-use super::transport::{Between, Exchange, LEAST_OPEN, SCRAMBLES};
+use super::transport::{Between, Exchange, LEAST_OPEN, MOST_RAYS, SCRAMBLES};
 use super::views::{Patched, Views};
 use crate::light::Scene;
 use crate::light::occlude::Toward;
@@ -21,8 +21,12 @@ const AGREEING: u32 = 512;
 
 /// Rays for the directions of all rough patches at most: half a second.
 const MOST_CHORDS: usize = 1 << 20;
-/// Of them those that meet anything: what an epoch takes its time for, some nanoseconds each.
+/// Rays of all diffuse patches at most, where some are followed further: a second.
+const MOST_FOLLOWED: usize = 1 << 21;
+/// Of the former those that meet anything: what an epoch takes its time for, some nanoseconds each.
 const MOST_MEETINGS: usize = 200_000;
+/// Directions for which materials are asked in each epoch, for each end: a millisecond.
+const MOST_ASKED: usize = 20_000;
 
 /// Patches on trial.
 pub struct Draft<'a> {
@@ -112,9 +116,19 @@ impl<'a> Draft<'a> {
         let patches = &self.patched.patches;
         let rough = patches.list.len() - patches.diffuse[0];
         let more = 2 * chords;
-        let meetings = 2 * self.patched.chords.meetings();
-        let many = rough * SCRAMBLES * more as usize > MOST_CHORDS || meetings > MOST_MEETINGS;
+        let Patched { chords: now, .. } = &self.patched;
+        let many = rough * SCRAMBLES * more as usize > MOST_CHORDS
+            || 2 * now.meetings() > MOST_MEETINGS
+            || 2 * now.asked() > MOST_ASKED;
         if many { chords } else { more }
+    }
+
+    /// Twice as many rays of each patch, as long as there are not too many where they are followed from rough surface to rough surface.
+    pub fn more_rays(&self, rays: u32) -> u32 {
+        let diffuse = self.patched.patches.diffuse[0];
+        let followed = diffuse < self.patched.patches.list.len();
+        let all = diffuse * SCRAMBLES * 2 * rays as usize;
+        if 2 * rays > MOST_RAYS || (followed && all > MOST_FOLLOWED) { rays } else { 2 * rays }
     }
 
     /// Whether some light is not found: see [`super::orders`].

@@ -11,7 +11,7 @@ use super::pilot::{self, Pilot};
 use super::split;
 use super::surfaces::Surfaces;
 use super::tracing::{Plan, Tracing};
-use super::transport::{MOST_RAYS, SCRAMBLES};
+use super::transport::SCRAMBLES;
 use super::views::{Patched, Views};
 use super::{claim::Claim, patches::Patches, paths::mixed};
 use crate::light::Scene;
@@ -27,7 +27,9 @@ const MOST_PATCHES: usize = 640;
 const MOST_NUMBERS: usize = 16_000_000;
 /// Rays of each patch and scramble to begin with, and directions of a rough surface and scramble.
 const LEAST_RAYS: u32 = 32;
-const LEAST_CHORDS: u32 = 64;
+const LEAST_CHORDS: u32 = 16;
+/// Of the error that paths would state, what patches with lobes may state.
+const OF_PATHS: f64 = 0.5;
 /// Of what the patches' size leaves open, what rays may leave open.
 const OF_COARSENESS: f64 = 0.3;
 /// The first cells, of which there are about as many as this; then cells this much smaller.
@@ -105,10 +107,10 @@ impl Still {
             // Nothing is gained by far less noise than the patches' size leaves open.
             let enough = target.max(OF_COARSENESS * look.coarseness);
             loop {
-                let more_rays = if look.factors > enough { 2 * rays } else { rays };
+                let more_rays = if look.factors > enough { draft.more_rays(rays) } else { rays };
                 let more_chords =
                     if look.chords > enough { draft.more_chords(chords) } else { chords };
-                if more_rays > MOST_RAYS || (more_rays, more_chords) == (rays, chords) {
+                if (more_rays, more_chords) == (rays, chords) {
                     break;
                 }
                 (rays, chords) = (more_rays, more_chords);
@@ -120,7 +122,7 @@ impl Still {
             let (claim, stated) = draft.held(pilot, active, &all, nodes.nm[node], options.seed)?;
             let by_paths = pilot.stated(|s| all.claimed(s, pilot::POINTS));
             // Diffuse patches cost a hundredth of the paths that know as much.
-            if !rough.is_empty() && stated > options.tolerance.max(by_paths) {
+            if !rough.is_empty() && stated > options.tolerance.max(OF_PATHS * by_paths) {
                 return None;
             }
             let rest = draft.leaves_a_rest().then(|| Arc::new(all.of_rest()));
@@ -144,13 +146,15 @@ impl Still {
         )
     }
 
-    /// About a nanosecond for two numbers of a matrix, a tenth of a microsecond for a patch, a few nanoseconds for what a direction meets.
+    /// About a nanosecond for two numbers of a matrix, a tenth of a microsecond for a patch, some nanoseconds for what a direction
+    /// meets and ten times that for a material that is asked.
     pub fn cost_s(&self, pilot: &Pilot) -> f64 {
         let n = self.patched.patches.list.len() as f64;
         let diffuse = self.patched.patches.diffuse[0] as f64;
         let meetings = self.patched.chords.meetings() as f64;
+        let asked = 2.0 * 5e-8 * self.patched.chords.asked() as f64;
         let matrices = 0.25e-9 * diffuse * diffuse * self.nodes.nm.len() as f64;
-        1e-7 * n + matrices + 5e-9 * meetings + self.rest.as_ref().map_or(0.0, |r| r.cost_s(pilot))
+        1e-7 * n + matrices + 5e-9 * meetings + asked + self.rest.as_ref().map_or(0.0, |r| r.cost_s(pilot))
     }
 }
 
@@ -165,25 +169,45 @@ pub struct StillLight<'a> {
 impl<'a> StillLight<'a> {
     pub fn new(scene: &'a Scene, still: Arc<Still>) -> Self {
         let rest = still.rest.as_ref().map(|plan| Box::new(Tracing::new(scene, plan.clone())));
-        Self { views: Views::new(scene, &still.patched), rest, still }
+        Self { views: still.views(scene), rest, still }
     }
 
     /// Adds weights and errors.
     pub fn add(&mut self, sun: DVec3, eye: Toward, weights: &mut [f64], errors: &mut [f64]) {
-        let still = &*self.still;
-        let found = self.views.between(&still.patched, &still.orders, &[(sun, 1.0)], eye);
+        let found = self.still.found(&mut self.views, &[(sun, 1.0)], eye);
         if let Some(rest) = &mut self.rest {
-            let beside: Vec<f64> = found.iter().map(|f| f.light).collect();
+            let beside: Vec<f64> = found.iter().map(|f| f.0).collect();
             rest.add((sun, eye), Some(&beside), weights, errors);
         }
-        for (s, found) in found.iter().enumerate() {
-            weights[s] += found.light;
-            errors[s] += still.claimed(found);
+        for (s, (light, error)) in found.into_iter().enumerate() {
+            weights[s] += light;
+            errors[s] += error;
         }
     }
 }
 
 impl Still {
+    /// The wavelengths.
+    pub fn nodes(&self) -> &Nodes {
+        &self.nodes
+    }
+
+    /// Whether patches find all light.
+    pub fn is_whole(&self) -> bool {
+        self.rest.is_none()
+    }
+
+    /// Room to look at the scene in that this was made for.
+    pub fn views<'a>(&self, scene: &'a Scene) -> Views<'a> {
+        Views::new(scene, &self.patched)
+    }
+
+    /// What patches find of the light of some directions, each times its irradiance, and its claimed error, at each node, m² sr⁻¹.
+    pub fn found(&self, views: &mut Views, from: &[(DVec3, f64)], eye: Toward) -> Vec<(f64, f64)> {
+        let found = views.between(&self.patched, &self.orders, from, eye);
+        found.iter().map(|f| (f.light, self.claimed(f))).collect()
+    }
+
     /// The claimed error of what was found, m² sr⁻¹.
     fn claimed(&self, found: &Found) -> f64 {
         let left = self.claim.of_size(found.light, found.left);

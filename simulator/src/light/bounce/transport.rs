@@ -279,8 +279,7 @@ fn cholesky(a: &mut Matrix, n: usize) -> bool {
         let (above, row) = a.split_at_mut(p * n);
         for k in 0..p {
             let other = &above[k * n..k * n + k + 1];
-            let dot: f64 = row[..k].iter().zip(other).map(|(x, y)| x * y).sum();
-            row[k] = (row[k] - dot) / other[k];
+            row[k] = (row[k] - dot(&row[..k], &other[..k])) / other[k];
         }
         let dot: f64 = row[..p].iter().map(|x| x * x).sum();
         let left = row[p] - dot;
@@ -295,8 +294,7 @@ fn cholesky(a: &mut Matrix, n: usize) -> bool {
 
 fn substitute(l: &Matrix, n: usize, x: &mut [f64]) {
     for p in 0..n {
-        let dot: f64 = l[p * n..p * n + p].iter().zip(&*x).map(|(a, b)| a * b).sum();
-        x[p] = (x[p] - dot) / l[p * n + p];
+        x[p] = (x[p] - dot(&l[p * n..p * n + p], &x[..p])) / l[p * n + p];
     }
     for p in (0..n).rev() {
         x[p] /= l[p * n + p];

@@ -1,6 +1,6 @@
 //! What one end of all paths, Sun, Earth or observer, gives to patches, or sees of them.
 
-use super::chords::{Chords, Gain, Pairs};
+use super::chords::{Chords, Gain, Pairs, Weights};
 use super::orders::{Found, Orders, Vectors};
 use super::patches::{Patches, Room};
 use super::surfaces::Surfaces;
@@ -34,6 +34,8 @@ pub struct Shares {
     partly: Vec<bool>,
     /// What of each surface is open where something is not, in its axes.
     open: Vec<Vec<Vec<P2>>>,
+    /// What rough surfaces send along their directions.
+    pub weights: Weights,
 }
 
 impl Shares {
@@ -48,6 +50,7 @@ impl Shares {
             cosine: vec![0.0; fine],
             partly: vec![false; fine],
             open: vec![Vec::new(); patched.surfaces.list.len()],
+            weights: Weights::default(),
         }
     }
 
@@ -85,8 +88,9 @@ impl<'a> Viewer<'a> {
         Self { evaluator: scene.evaluator(), room: Room::default() }
     }
 
-    /// Looks from an end.
-    fn look(&mut self, patched: &Patched, toward: Toward, shares: &mut Shares) {
+    /// Looks from an end; `sends` of Sun and Earth, false of an observer.
+    fn look(&mut self, patched: &Patched, toward: Toward, sends: bool, shares: &mut Shares) {
+        patched.chords.ask(patched, toward, sends, &mut shares.weights);
         let Patched { surfaces, patches, areas, .. } = patched;
         shares.toward = toward;
         let Shares { fine, coarse, cosine, partly, open: rings, .. } = shares;
@@ -166,12 +170,12 @@ impl End {
         self.gain.clear();
     }
 
-    /// Adds what a direction brings, times `weight`; `sends` of Sun and Earth, false of an observer.
-    pub fn add(&mut self, patched: &Patched, shares: &Shares, sends: bool, weight: f64) {
+    /// Adds what a direction brings, times `weight`.
+    fn add(&mut self, patched: &Patched, shares: &Shares, weight: f64) {
         for (sum, row) in self.straight.iter_mut().zip([&shares.fine, &shares.coarse]) {
             sum.iter_mut().zip(row).for_each(|(s, r)| *s += weight * r);
         }
-        patched.chords.gather(patched, shares, (sends, weight), &mut self.gain);
+        patched.chords.gather(patched, shares, weight, &mut self.gain);
     }
 }
 
@@ -208,13 +212,13 @@ impl<'a> Views<'a> {
         let [of_sun, of_eye] = &mut self.shares;
         let [sun, to] = &mut self.ends;
         to.clear();
-        self.viewer.look(patched, eye, of_eye);
-        to.add(patched, of_eye, false, 1.0);
+        self.viewer.look(patched, eye, false, of_eye);
+        to.add(patched, of_eye, 1.0);
         sun.clear();
         self.pairs.clear();
         for &(toward, weight) in from {
-            self.viewer.look(patched, Toward::Far(toward), of_sun);
-            sun.add(patched, of_sun, true, weight);
+            self.viewer.look(patched, Toward::Far(toward), true, of_sun);
+            sun.add(patched, of_sun, weight);
             patched.chords.pairs(patched, [of_sun, of_eye], weight, &mut self.pairs);
         }
         orders.light([sun, to], &self.pairs, &mut self.vectors)
