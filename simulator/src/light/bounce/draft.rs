@@ -25,8 +25,6 @@ const MOST_CHORDS: usize = 1 << 20;
 const MOST_FOLLOWED: usize = 1 << 21;
 /// Of the former those that meet anything: what an epoch takes its time for, some nanoseconds each.
 const MOST_MEETINGS: usize = 200_000;
-/// Directions for which materials are asked in each epoch, for each end: a millisecond.
-const MOST_ASKED: usize = 20_000;
 
 /// Patches on trial.
 pub struct Draft<'a> {
@@ -111,15 +109,15 @@ impl<'a> Draft<'a> {
         self.patched.areas = [fine.collect(), coarse];
     }
 
-    /// Twice as many directions, as long as there are not too many.
-    pub fn more_chords(&self, chords: u32) -> u32 {
+    /// Twice as many directions, as long as materials are asked for `most_asked` of them at most in each epoch, and there are not too many otherwise.
+    pub fn more_chords(&self, chords: u32, most_asked: usize) -> u32 {
         let patches = &self.patched.patches;
         let rough = patches.list.len() - patches.diffuse[0];
         let more = 2 * chords;
         let Patched { chords: now, .. } = &self.patched;
         let many = rough * SCRAMBLES * more as usize > MOST_CHORDS
             || 2 * now.meetings() > MOST_MEETINGS
-            || 2 * now.asked() > MOST_ASKED;
+            || 2 * now.asked() > most_asked;
         if many { chords } else { more }
     }
 

@@ -13,7 +13,7 @@ use super::bound::Bound;
 use super::nodes::Nodes;
 use super::paths::{SCRAMBLES, Sums, mixed};
 use super::surfaces::Surfaces;
-use super::still::Still;
+use super::still::{Effort, Still};
 use super::thread::Thread;
 use super::tracing::Direct;
 use super::views::Views;
@@ -39,7 +39,7 @@ const BETWEEN_NODES: f64 = 0.01;
 /// Cost of a path, s, estimated for the report.
 const PATH_S: f64 = 1e-6;
 /// Points along each side of a panel of the cap, for patches.
-const ORDERS: [usize; 5] = [1, 2, 3, 5, 8];
+const ORDERS: [usize; 4] = [1, 2, 3, 5];
 /// Directions of the rules that mostly do.
 const DIRECTIONS: f64 = 20.0;
 /// Of the tolerance, what patches may take, and two rules over the cap may differ by.
@@ -81,7 +81,11 @@ impl Earthlit {
         let mut nodes = Nodes::new(scene.materials(), &among, BETWEEN_NODES)?;
         let coarse = OF_PATCHES * options.tolerance / share.max(f64::MIN_POSITIVE);
         let tolerance = coarse.clamp(OF_PATCHES * options.tolerance, COARSEST);
-        let bounce = Bounce::new(scene, &BounceOptions { tolerance, ..*options })?;
+        let bounce = Bounce::with_effort(
+            scene,
+            &BounceOptions { tolerance, ..*options },
+            &Effort::EARTH,
+        )?;
         let patches = match &bounce.way {
             Way::Still(still) if still.is_whole() => {
                 nodes = still.nodes().clone();

@@ -50,7 +50,7 @@ use glam::DVec3;
 use nodes::Nodes;
 use pilot::Pilot;
 use std::sync::Arc;
-use still::{Still, StillLight};
+use still::{Effort, Still, StillLight};
 use sunglint_radiometry::spectrum::SpectrumError;
 use surfaces::Surfaces;
 use tracing::{Plan, Tracing};
@@ -147,6 +147,15 @@ impl<'a> Bounce<'a> {
     /// # Errors
     /// A tolerance that is none; materials without common wavelengths.
     pub fn new(scene: &'a Scene, options: &BounceOptions) -> Result<Self, BounceError> {
+        Self::with_effort(scene, options, &Effort::SUN)
+    }
+
+    /// The same, with patches that cost as much as `effort` says.
+    fn with_effort(
+        scene: &'a Scene,
+        options: &BounceOptions,
+        effort: &Effort,
+    ) -> Result<Self, BounceError> {
         let tolerance = options.tolerance;
         if !(tolerance > 0.0 && tolerance < 1.0) {
             return Err(BounceError::Tolerance(tolerance));
@@ -197,8 +206,9 @@ impl<'a> Bounce<'a> {
             .into_iter()
             .map(|spectrum| Term { source: Source::Bounce, material: None, spectrum })
             .collect();
-        let (way, how, cost_s) = match Still::new(scene, &surfaces, &bound, &nodes, &pilot, options)
-        {
+        let wanted = (options, effort);
+        let still = Still::new(scene, &surfaces, &bound, &nodes, &pilot, wanted);
+        let (way, how, cost_s) = match still {
             Some(still) => {
                 let (how, cost_s) = (still.describe(), still.cost_s(&pilot));
                 (Way::Still(Arc::new(still)), how, cost_s)

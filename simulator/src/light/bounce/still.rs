@@ -22,14 +22,11 @@ use std::sync::Arc;
 
 /// More surfaces than this are left to paths.
 const MOST_SURFACES: usize = 300;
-/// Patches at most, and numbers in all matrices.
-const MOST_PATCHES: usize = 640;
+/// Numbers in all matrices at most.
 const MOST_NUMBERS: usize = 16_000_000;
 /// Rays of each patch and scramble to begin with, and directions of a rough surface and scramble.
 const LEAST_RAYS: u32 = 32;
 const LEAST_CHORDS: u32 = 16;
-/// Of the error that paths would state, what patches with lobes may state.
-const OF_PATHS: f64 = 0.5;
 /// Of what the patches' size leaves open, what rays may leave open.
 const OF_COARSENESS: f64 = 0.3;
 /// The first cells, of which there are about as many as this; then cells this much smaller.
@@ -37,6 +34,24 @@ const FIRST_CELLS: f64 = 24.0;
 const FINER: f64 = 1.5;
 /// Of the tolerance, the part that patches and rays may take each.
 const OF_TOLERANCE: f64 = 0.5;
+
+/// What an epoch of one direction may cost, and when that is worth it.
+#[derive(Debug, Clone, Copy)]
+pub struct Effort {
+    /// Patches at most.
+    pub patches: usize,
+    /// Directions for which materials are asked at most.
+    pub asked: usize,
+    /// Of the error that paths would state, what patches with lobes may state where they do not meet the tolerance.
+    pub of_paths: f64,
+}
+
+impl Effort {
+    /// For the Sun: a few milliseconds.
+    pub const SUN: Self = Self { patches: 640, asked: 20_000, of_paths: 0.5 };
+    /// For each of the Earth's directions: some 50 µs.
+    pub const EARTH: Self = Self { patches: 100, asked: 800, of_paths: f64::INFINITY };
+}
 
 /// What is done once.
 #[derive(Debug)]
@@ -59,7 +74,7 @@ impl Still {
         bound: &Bound,
         nodes: &Nodes,
         pilot: &Pilot,
-        options: &BounceOptions,
+        (options, effort): (&BounceOptions, &Effort),
     ) -> Option<Self> {
         let mut optics = Optics::new(scene.materials(), &nodes.nm);
         let active = &bound.active;
@@ -81,12 +96,13 @@ impl Still {
         let pieces = |of: &[usize]| split::pieces(&surfaces.list, of, scene.touching_m);
         let (diffuse, rough) = (pieces(&diffuse)?, pieces(&rough)?);
         let cells = |size: f64| Patches::new([&diffuse, &rough], size);
-        let mut size = (area / FIRST_CELLS).sqrt();
+        let first = (area / FIRST_CELLS).sqrt();
+        let mut size = first;
         let seed = mixed(options.seed, 0x5e);
         let target = OF_TOLERANCE * options.tolerance;
         loop {
             let patches = cells(size);
-            if patches.list.len() > MOST_PATCHES {
+            if patches.list.len() > effort.patches && size < first {
                 return None;
             }
             let mut draft =
@@ -98,7 +114,7 @@ impl Still {
             let last = look.coarseness <= target || {
                 let next = cells(size / FINER);
                 let numbers = next.diffuse[0].pow(2) * nodes.nm.len();
-                next.list.len() > MOST_PATCHES || numbers > MOST_NUMBERS
+                next.list.len() > effort.patches || numbers > MOST_NUMBERS
             };
             if !last {
                 size /= FINER;
@@ -109,7 +125,7 @@ impl Still {
             loop {
                 let more_rays = if look.factors > enough { draft.more_rays(rays) } else { rays };
                 let more_chords =
-                    if look.chords > enough { draft.more_chords(chords) } else { chords };
+                    if look.chords > enough { draft.more_chords(chords, effort.asked) } else { chords };
                 if (more_rays, more_chords) == (rays, chords) {
                     break;
                 }
@@ -122,7 +138,7 @@ impl Still {
             let (claim, stated) = draft.held(pilot, active, &all, nodes.nm[node], options.seed)?;
             let by_paths = pilot.stated(|s| all.claimed(s, pilot::POINTS));
             // Diffuse patches cost a hundredth of the paths that know as much.
-            if !rough.is_empty() && stated > options.tolerance.max(OF_PATHS * by_paths) {
+            if !rough.is_empty() && stated > options.tolerance.max(effort.of_paths * by_paths) {
                 return None;
             }
             let rest = draft.leaves_a_rest().then(|| Arc::new(all.of_rest()));
