@@ -136,7 +136,12 @@ impl<'a> Draft<'a> {
 
     /// At the node of the trials.
     fn orders(&self) -> Option<Orders> {
-        Orders::new(&self.patched, &self.exchange, self.optics, (self.node..self.node + 1, self.node))
+        Orders::new(
+            &self.patched,
+            &self.exchange,
+            self.optics,
+            (self.node..self.node + 1, self.node),
+        )
     }
 
     fn tried(&self, orders: &Orders, room: &mut Views, pair: &Pair) -> Found {
@@ -215,7 +220,8 @@ impl<'a> Draft<'a> {
 
     /// All nodes.
     pub fn finish(self, nodes: usize) -> Option<(Patched, Orders)> {
-        let orders = Orders::new(&self.patched, &self.exchange, self.optics, (0..nodes, self.node))?;
+        let orders =
+            Orders::new(&self.patched, &self.exchange, self.optics, (0..nodes, self.node))?;
         Some((self.patched, orders))
     }
 }

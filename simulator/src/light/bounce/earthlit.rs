@@ -12,8 +12,8 @@
 use super::bound::Bound;
 use super::nodes::Nodes;
 use super::paths::{SCRAMBLES, Sums, mixed};
-use super::surfaces::Surfaces;
 use super::still::{Effort, Still};
+use super::surfaces::Surfaces;
 use super::thread::Thread;
 use super::tracing::Direct;
 use super::views::Views;
@@ -39,11 +39,11 @@ const BETWEEN_NODES: f64 = 0.01;
 /// Cost of a path, s, estimated for the report.
 const PATH_S: f64 = 1e-6;
 /// Points along each side of a panel of the cap, for patches.
-const ORDERS: [usize; 4] = [1, 2, 3, 5];
+const ORDERS: [usize; 3] = [1, 2, 3];
 /// Directions of the rules that mostly do.
 const DIRECTIONS: f64 = 20.0;
 /// Of the tolerance, what patches may take, and two rules over the cap may differ by.
-const OF_PATCHES: f64 = 0.25;
+const OF_PATCHES: f64 = 0.5;
 /// The coarsest patches that are trusted, relative to the Earth's own light.
 const COARSEST: f64 = 0.05;
 
@@ -81,11 +81,8 @@ impl Earthlit {
         let mut nodes = Nodes::new(scene.materials(), &among, BETWEEN_NODES)?;
         let coarse = OF_PATCHES * options.tolerance / share.max(f64::MIN_POSITIVE);
         let tolerance = coarse.clamp(OF_PATCHES * options.tolerance, COARSEST);
-        let bounce = Bounce::with_effort(
-            scene,
-            &BounceOptions { tolerance, ..*options },
-            &Effort::EARTH,
-        )?;
+        let bounce =
+            Bounce::with_effort(scene, &BounceOptions { tolerance, ..*options }, &Effort::EARTH)?;
         let patches = match &bounce.way {
             Way::Still(still) if still.is_whole() => {
                 nodes = still.nodes().clone();

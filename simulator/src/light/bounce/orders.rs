@@ -120,8 +120,7 @@ impl Orders {
         if whole <= 0.0 {
             return 0.0;
         }
-        let square: f64 =
-            self.scrambles.iter().map(|s| transport::between(v, s, e).powi(2)).sum();
+        let square: f64 = self.scrambles.iter().map(|s| transport::between(v, s, e).powi(2)).sum();
         CLAIMED * (square * of_mean()).sqrt() / whole
     }
 }
@@ -133,13 +132,7 @@ fn of_mean() -> f64 {
 }
 
 impl Node {
-    fn light(
-        &self,
-        factors: f64,
-        ends: [&End; 2],
-        pairs: &Pairs,
-        vectors: &mut Vectors,
-    ) -> Found {
+    fn light(&self, factors: f64, ends: [&End; 2], pairs: &Pairs, vectors: &mut Vectors) -> Found {
         self.brought(ends, vectors);
         let Vectors { ends: [sun, eye], rows } = vectors;
         let straight = |level: usize| [&ends[0].straight[level], &ends[1].straight[level]];

@@ -124,8 +124,11 @@ impl Still {
             let enough = target.max(OF_COARSENESS * look.coarseness);
             loop {
                 let more_rays = if look.factors > enough { draft.more_rays(rays) } else { rays };
-                let more_chords =
-                    if look.chords > enough { draft.more_chords(chords, effort.asked) } else { chords };
+                let more_chords = if look.chords > enough {
+                    draft.more_chords(chords, effort.asked)
+                } else {
+                    chords
+                };
                 if (more_rays, more_chords) == (rays, chords) {
                     break;
                 }
@@ -170,7 +173,11 @@ impl Still {
         let meetings = self.patched.chords.meetings() as f64;
         let asked = 2.0 * 5e-8 * self.patched.chords.asked() as f64;
         let matrices = 0.25e-9 * diffuse * diffuse * self.nodes.nm.len() as f64;
-        1e-7 * n + matrices + 5e-9 * meetings + asked + self.rest.as_ref().map_or(0.0, |r| r.cost_s(pilot))
+        1e-7 * n
+            + matrices
+            + 5e-9 * meetings
+            + asked
+            + self.rest.as_ref().map_or(0.0, |r| r.cost_s(pilot))
     }
 }
 

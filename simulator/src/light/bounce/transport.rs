@@ -104,7 +104,8 @@ impl Exchange {
                         continue;
                     }
                     light.fill(1.0);
-                    let Some((q, by)) = self.follow(between, optics, ray, (index, seed), &mut light)
+                    let Some((q, by)) =
+                        self.follow(between, optics, ray, (index, seed), &mut light)
                     else {
                         continue;
                     };
@@ -175,8 +176,7 @@ impl Exchange {
         let (n, rows) = (self.count, self.through.get(node)?);
         let each = 2.0 * f64::from(self.rays) * SCRAMBLES as f64;
         let area = |p: usize| patches.list[p].area / each;
-        let both =
-            |p: usize, q: usize| area(p) * rows[p * n + q] + area(q) * rows[q * n + p];
+        let both = |p: usize, q: usize| area(p) * rows[p * n + q] + area(q) * rows[q * n + p];
         Some((0..n * n).map(|k| both(k / n, k % n)).collect())
     }
 
