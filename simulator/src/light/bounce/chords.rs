@@ -167,7 +167,7 @@ impl Chords {
         for p in sheet.patches.clone() {
             let (mut meets, mut buried) = ([Vec::new(), Vec::new()], 0);
             let block = sheet.block(p);
-            for k in 0..all {
+            for (k, used) in used[block].iter_mut().enumerate() {
                 let (set, index) = (k as u32 / self.each, k as u32 % self.each);
                 let seed = mixed(mixed(seed, 0xc0 + p as u32), set);
                 let u = sobol_burley::sample_4d(index, 1, seed).map(f64::from);
@@ -182,7 +182,7 @@ impl Chords {
                 let Some((q, number, at)) = patches.met(surfaces, caster, of_surface, &ray) else {
                     continue;
                 };
-                used[block][k] = true;
+                *used = true;
                 let rough = usize::from(q >= patches.diffuse[0]);
                 let other = &surfaces.list[number];
                 let at = local(other, at - other.origin);
