@@ -4,6 +4,7 @@
 
 mod forms;
 mod laws;
+mod lobes;
 mod rays;
 mod scenes;
 mod shapes;

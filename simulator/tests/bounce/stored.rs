@@ -10,16 +10,16 @@ use sunglint_simulator::light::{Scene, View};
 use sunglint_simulator::surface::Material;
 use sunglint_simulator::target::Target;
 
-struct Row {
-    scene: String,
-    sun: DVec3,
-    to: DVec3,
-    direct: f64,
-    bounced: f64,
-    sigma: f64,
+pub struct Row {
+    pub scene: String,
+    pub sun: DVec3,
+    pub to: DVec3,
+    pub direct: f64,
+    pub bounced: f64,
+    pub sigma: f64,
 }
 
-fn rows() -> Vec<Row> {
+pub fn rows() -> Vec<Row> {
     let text = include_str!("../../scenes/bounce.ecsv");
     let table = ecsv::read_str("bounce.ecsv", text).unwrap();
     let number = |name: &str, row: usize| table.f64(name).unwrap()[row];
@@ -54,7 +54,7 @@ fn named(name: &str) -> Material {
 }
 
 /// The scenes of the file: the corner with other materials, or a built-in one with grey materials.
-fn target(name: &str) -> Target {
+pub fn target(name: &str) -> Target {
     let corner = |materials: [&str; 3]| {
         let mut target = Target::built_in("corner").unwrap();
         target.materials = materials.map(named).to_vec();

@@ -283,7 +283,7 @@ fn what_bounces_of_earthshine_is_said() {
         (find("bounced earthshine"), find("inter-reflection"))
     };
     let (low, _) = need("corner", 0.3, Switches::default());
-    assert!(low.is_modelled() && low.why.contains("light paths"), "{low:?}");
+    assert!(low.is_modelled() && low.why.contains("patches"), "{low:?}");
     let (far, _) = need("corner", 1e-6, Switches::default());
     assert!(!far.needed && far.bound.unwrap() > 0.0, "{far:?}");
     let off = Switches { inter_reflection: Switch::Off, ..Switches::default() };

@@ -1,16 +1,26 @@
 //! Light from the Earth that is scattered twice or more.
 //!
-//! The Earth is wide, so each few light paths have a point of its lit cap of their own: a scrambled Sobol point, drawn over the same panels as the
-//! rule for earthshine that is scattered once ([`shine::cap_at`]). Eight batches that do not know of each other give the error, of cap and
-//! paths together. There are as many paths as the tolerance of all light asks for, in full sunlight the light of the Sun among it.
+//! Where patches find what surfaces send to each other ([`super::still`]), they are as coarse as earthshine's part of all light allows, and the lit cap is a
+//! few directions: those of the rule for earthshine that is scattered once ([`shine::cap`]), with more points until two rules agree. What all
+//! of them bring to the patches is added up before it goes on from patch to patch, once.
+//!
+//! Otherwise light paths: the Earth is wide, so each few paths have a point of its lit cap of their own: a scrambled Sobol point, drawn over the same
+//! panels ([`shine::cap_at`]). Eight batches that do not know of each other give the error, of cap and paths together.
+//!
+//! There is as much of either as the tolerance of all light asks for, in full sunlight the light of the Sun among it.
 
 use super::bound::Bound;
 use super::nodes::Nodes;
 use super::paths::{SCRAMBLES, Sums, mixed};
+use super::still::{Effort, Still};
 use super::surfaces::Surfaces;
 use super::thread::Thread;
-use super::{BounceError, BounceOptions, directions};
-use crate::light::{DirectionError, Effect, Lighting, Scene, Source, Term, shine};
+use super::tracing::Direct;
+use super::views::Views;
+use super::{Bounce, BounceError, BounceOptions, Way, directions};
+use crate::light::occlude::Toward;
+use crate::light::{DirectionError, Effect, Globe, Lighting, Scene, Source, Term, shine};
+use glam::DVec3;
 use std::sync::Arc;
 use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
 
@@ -28,6 +38,14 @@ const OF_TOLERANCE: f64 = 0.5;
 const BETWEEN_NODES: f64 = 0.01;
 /// Cost of a path, s, estimated for the report.
 const PATH_S: f64 = 1e-6;
+/// Points along each side of a panel of the cap, for patches.
+const ORDERS: [usize; 3] = [1, 2, 3];
+/// Directions of the rules that mostly do.
+const DIRECTIONS: f64 = 20.0;
+/// Of the tolerance, what patches may take, and two rules over the cap may differ by.
+const OF_PATCHES: f64 = 0.5;
+/// The coarsest patches that are trusted, relative to the Earth's own light.
+const COARSEST: f64 = 0.05;
 
 /// What does not change from epoch to epoch.
 #[derive(Debug)]
@@ -37,17 +55,20 @@ pub(in crate::light) struct Earthlit {
     nodes: Nodes,
     options: BounceOptions,
     shape_error: f64,
+    /// Where patches do it, with what the look at them says that an epoch of one direction costs, s.
+    patches: Option<(Arc<Still>, f64)>,
 }
 
 impl Earthlit {
-    /// Of a scene; `shape_error` is that of the facets of a [`super::StandIn`], relative. `None` where no surface sees another.
+    /// Of a scene; `shape_error` is that of the facets of a [`super::StandIn`], relative, `share` the most that earthshine is of sunlight. `None` where
+    /// no surface sees another.
     ///
     /// # Errors
     /// Materials without common wavelengths.
     pub fn new(
         scene: &Scene,
         options: &BounceOptions,
-        shape_error: f64,
+        (shape_error, share): (f64, f64),
     ) -> Result<Option<Self>, BounceError> {
         let surfaces = Surfaces::new(scene);
         let active = Bound::new(scene, &surfaces.list).active;
@@ -57,8 +78,19 @@ impl Earthlit {
         let mut among: Vec<usize> = active.iter().map(|k| surfaces.list[*k].material).collect();
         among.sort_unstable();
         among.dedup();
-        let nodes = Nodes::new(scene.materials(), &among, BETWEEN_NODES)?;
-        Ok(Some(Self { surfaces, active, nodes, options: *options, shape_error }))
+        let mut nodes = Nodes::new(scene.materials(), &among, BETWEEN_NODES)?;
+        let coarse = OF_PATCHES * options.tolerance / share.max(f64::MIN_POSITIVE);
+        let tolerance = coarse.clamp(OF_PATCHES * options.tolerance, COARSEST);
+        let bounce =
+            Bounce::with_effort(scene, &BounceOptions { tolerance, ..*options }, &Effort::EARTH)?;
+        let patches = match &bounce.way {
+            Way::Still(still) if still.is_whole() => {
+                nodes = still.nodes().clone();
+                Some((still.clone(), bounce.need.cost_s.unwrap_or(0.0)))
+            }
+            _ => None,
+        };
+        Ok(Some(Self { surfaces, active, nodes, options: *options, shape_error, patches }))
     }
 
     /// Its terms, for an Earth of some reflectance.
@@ -75,12 +107,21 @@ impl Earthlit {
 
     /// In words.
     pub fn describe(&self) -> String {
-        format!("up to {} light paths an epoch, {} wavelengths", self.paths(), self.nodes.nm.len())
+        let wavelengths = self.nodes.nm.len();
+        match &self.patches {
+            Some((still, _)) => format!("{}, {wavelengths} wavelengths", still.describe()),
+            None => {
+                format!("up to {} light paths an epoch, {wavelengths} wavelengths", self.paths())
+            }
+        }
     }
 
     /// Seconds an epoch at most, estimated.
     pub fn cost_s(&self) -> f64 {
-        PATH_S * f64::from(self.paths())
+        match self.patches {
+            Some((_, direction_s)) => DIRECTIONS * direction_s,
+            None => PATH_S * f64::from(self.paths()),
+        }
     }
 
     /// Points of the cap of each batch at most.
@@ -98,14 +139,30 @@ impl Earthlit {
 #[derive(Debug)]
 pub(in crate::light) struct EarthlitLight<'a> {
     plan: Arc<Earthlit>,
-    thread: Thread<'a>,
+    room: Room<'a>,
+}
+
+#[derive(Debug)]
+enum Room<'a> {
+    Patches { still: Arc<Still>, views: Box<Views<'a>>, direct: Box<Direct<'a>> },
+    Paths(Box<Thread<'a>>),
 }
 
 impl<'a> EarthlitLight<'a> {
     /// Of the scene that the plan was made for.
     pub fn new(scene: &'a Scene, plan: Arc<Earthlit>) -> Self {
-        let thread = Thread::new(scene, &plan.surfaces, &plan.active, &plan.nodes.nm);
-        Self { plan, thread }
+        let room = match &plan.patches {
+            Some((still, _)) => Room::Patches {
+                still: still.clone(),
+                views: Box::new(still.views(scene)),
+                direct: Box::new(Direct::new(scene, &plan.nodes.nm)),
+            },
+            None => {
+                let thread = Thread::new(scene, &plan.surfaces, &plan.active, &plan.nodes.nm);
+                Room::Paths(Box::new(thread))
+            }
+        };
+        Self { plan, room }
     }
 }
 
@@ -123,12 +180,67 @@ impl Effect for EarthlitLight<'_> {
             }
         }
         let Some(earth) = &lighting.earth else { return Ok(()) };
-        let (sun, eye) = directions(lighting.sun_body, lighting.view)?;
-        self.thread.turn(sun);
-        let plan = &*self.plan;
-        let direct = self.thread.direct(sun, eye);
+        let ends = directions(lighting.sun_body, lighting.view)?;
         // Weights are those of an Earth that reflects all.
         let beside = lighting.sunlit / shine::EARTH_ALBEDO;
+        match &mut self.room {
+            Room::Patches { still, views, direct } => {
+                let known = direct.at(ends.0, ends.1).map(<[f64]>::to_vec);
+                let sunlight = |s: usize| known.as_ref().map_or(0.0, |d| beside * d[s]);
+                let found = by_patches(still, views, (earth, ends.1), &|s, light, apart| {
+                    apart <= OF_PATCHES * self.plan.options.tolerance * (sunlight(s) + light)
+                });
+                for (s, (light, error)) in found.into_iter().enumerate() {
+                    weights[s] += light;
+                    errors[s] += error + self.plan.shape_error * light;
+                }
+            }
+            Room::Paths(thread) => {
+                self.plan.by_paths(thread, (earth, ends), beside, (weights, errors));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The light by patches and its claimed error at each node, m² sr⁻¹; `agree` says whether light is known well enough by how far two rules are apart.
+fn by_patches(
+    still: &Still,
+    views: &mut Views,
+    (earth, eye): (&Globe, Toward),
+    agree: &dyn Fn(usize, f64, f64) -> bool,
+) -> Vec<(f64, f64)> {
+    let mut before: Option<Vec<f64>> = None;
+    let mut out = Vec::new();
+    for order in ORDERS {
+        let cap = shine::cap(earth, order);
+        let found = still.found(views, &cap, eye);
+        if let Some(before) = &before {
+            let apart = |(s, f): (usize, &(f64, f64))| (f.0 - before[s]).abs();
+            let errors: Vec<f64> = found.iter().enumerate().map(apart).collect();
+            let enough = errors.iter().enumerate().all(|(s, apart)| agree(s, found[s].0, *apart));
+            out = found.iter().zip(errors).map(|((l, e), apart)| (*l, e + apart)).collect();
+            if enough {
+                break;
+            }
+        }
+        before = Some(found.iter().map(|f| f.0).collect());
+    }
+    out
+}
+
+impl Earthlit {
+    /// Adds the light by paths.
+    fn by_paths(
+        &self,
+        thread: &mut Thread,
+        (earth, (sun, eye)): (&Globe, (DVec3, Toward)),
+        beside: f64,
+        (weights, errors): (&mut [f64], &mut [f64]),
+    ) {
+        let (plan, nodes) = (self, self.nodes.nm.len());
+        thread.turn(sun);
+        let direct = thread.direct(sun, eye);
         let sunlight = |s: usize| direct.as_ref().map_or(0.0, |d| beside * d[s]);
         let mut tally = Tally::new(nodes);
         let mut until = LEAST.min(plan.most());
@@ -141,7 +253,7 @@ impl Effect for EarthlitLight<'_> {
                     for (panel, (toward, irradiance)) in nodes.into_iter().enumerate() {
                         let mut sums = Sums::new(plan.nodes.nm.len());
                         let seed = mixed(seed, 2 * index + panel as u32 + 1);
-                        let mut paths = self.thread.paths(&plan.active, seed);
+                        let mut paths = thread.paths(&plan.active, false, seed);
                         paths.trace(toward, eye, POINTS, &mut sums);
                         tally.add(batch, irradiance, sums);
                     }
@@ -165,7 +277,6 @@ impl Effect for EarthlitLight<'_> {
             errors[s] +=
                 CLAIMED * sigma + tally.missing() + (plan.nodes.error + plan.shape_error) * mean;
         }
-        Ok(())
     }
 }
 

@@ -91,6 +91,7 @@ impl<'a> Echoes<'a> {
             optics: &mut self.optics,
             active: &self.bound.active,
             both_ends: self.both_ends,
+            rest_of: None,
             seed: self.seed,
         };
         let mut until = 0;

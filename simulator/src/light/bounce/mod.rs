@@ -3,10 +3,12 @@
 //! [`Bounce::new`] looks at a scene: which surfaces can exchange light at all, the most that this can add ([`Need::bound`]), and, where
 //! that exceeds the tolerance, what it does add for some directions. Where that is too much to be left out, it chooses a way:
 //!
-//! - **Patches**, where the surfaces that exchange light are flat, Lambert and do not move against each other. Everything that depends on the
+//! - **Patches**, where the surfaces that exchange light are flat and do not move against each other. Everything that depends on the
 //!   body alone is done once: form factors by rays, all orders for each node of wavelengths. An epoch takes the exact lit and
-//!   seen shares of the patches and one product.
-//! - **Paths** otherwise (lobes, spheres, hinges): light paths for each epoch, as many as the tolerance asks for.
+//!   seen shares of the patches and one product. What a rough surface sends from the Sun to others, or from others to the observer, is found along
+//!   directions whose ends are known (`chords`); light that two rough surfaces scatter one after the other before or after a third surface
+//!   is left to paths.
+//! - **Paths** otherwise (spheres, hinges, mirrors), or where they state a smaller error: light paths for each epoch, as many as the tolerance asks for.
 //!
 //! Both use one geometry for all wavelengths; terms are hat functions between a few nodes. What hides what is as in single scattering: sheets
 //! reflect with their front and hide with both sides, insides of closed bodies are dark. The Sun is a point here.
@@ -17,11 +19,14 @@
 
 mod bound;
 mod cast;
+mod chords;
 mod claim;
+mod draft;
 mod earthlit;
 mod echo;
 mod nodes;
 mod optics;
+mod orders;
 mod patches;
 mod paths;
 mod pilot;
@@ -32,6 +37,7 @@ mod thread;
 mod tracing;
 mod transport;
 mod twin;
+mod views;
 
 pub(in crate::light) use earthlit::{Earthlit, EarthlitLight};
 pub(crate) use echo::{Echo, Echoes};
@@ -44,7 +50,7 @@ use glam::DVec3;
 use nodes::Nodes;
 use pilot::Pilot;
 use std::sync::Arc;
-use still::{Still, StillLight};
+use still::{Effort, Still, StillLight};
 use sunglint_radiometry::spectrum::SpectrumError;
 use surfaces::Surfaces;
 use tracing::{Plan, Tracing};
@@ -141,6 +147,15 @@ impl<'a> Bounce<'a> {
     /// # Errors
     /// A tolerance that is none; materials without common wavelengths.
     pub fn new(scene: &'a Scene, options: &BounceOptions) -> Result<Self, BounceError> {
+        Self::with_effort(scene, options, &Effort::SUN)
+    }
+
+    /// The same, with patches that cost as much as `effort` says.
+    fn with_effort(
+        scene: &'a Scene,
+        options: &BounceOptions,
+        effort: &Effort,
+    ) -> Result<Self, BounceError> {
         let tolerance = options.tolerance;
         if !(tolerance > 0.0 && tolerance < 1.0) {
             return Err(BounceError::Tolerance(tolerance));
@@ -184,17 +199,18 @@ impl<'a> Bounce<'a> {
             let bound = bound.share().map_or(pilot.largest, |share| share.min(pilot.largest));
             return nothing(Some(bound), measured);
         }
-        let between = (BETWEEN_NODES * tolerance / pilot.largest).clamp(1e-4, ROUGH);
+        let between = (BETWEEN_NODES * tolerance / pilot.typical().max(1e-3)).clamp(1e-4, ROUGH);
         let nodes = Nodes::new(scene.materials(), &among, between)?;
         let terms = nodes
             .spectra()?
             .into_iter()
             .map(|spectrum| Term { source: Source::Bounce, material: None, spectrum })
             .collect();
-        let (way, how, cost_s) = match Still::new(scene, &surfaces, &bound, &nodes, &pilot, options)
-        {
+        let wanted = (options, effort);
+        let still = Still::new(scene, &surfaces, &bound, &nodes, &pilot, wanted);
+        let (way, how, cost_s) = match still {
             Some(still) => {
-                let (how, cost_s) = (still.describe(), still.cost_s());
+                let (how, cost_s) = (still.describe(), still.cost_s(&pilot));
                 (Way::Still(Arc::new(still)), how, cost_s)
             }
             None => {
@@ -288,7 +304,7 @@ impl Effect for BounceLight<'_> {
         match &mut self.way {
             Room::Nothing => {}
             Room::Still(light) => light.add(sun, eye, weights, errors),
-            Room::Paths(light) => light.add(sun, eye, weights, errors),
+            Room::Paths(light) => light.add((sun, eye), None, weights, errors),
         }
         errors.iter_mut().zip(&*weights).for_each(|(e, w)| *e += shapes * w);
         Ok(())

@@ -44,6 +44,16 @@ impl Optics {
         }
     }
 
+    /// A material.
+    pub fn material(&self, number: usize) -> &Material {
+        &self.materials[number]
+    }
+
+    /// ρ of a material's weight at a node.
+    pub fn rho(&self, material: usize, weight: usize, node: usize) -> f64 {
+        self.rho[material][weight * self.nodes + node]
+    }
+
     /// The reflectance of a Lambert material at each node; `None` of any other.
     pub fn lambert(&self, material: usize) -> Option<&[f64]> {
         let lambert = matches!(self.materials[material].width(), Width::Even);
@@ -118,8 +128,8 @@ impl Optics {
     }
 }
 
-/// By the cosine.
-fn spread(a: f64, b: f64) -> Drawn {
+/// A direction by the cosine.
+pub fn spread(a: f64, b: f64) -> Drawn {
     let (sin, cos) = (2.0 * PI * b).sin_cos();
     let across = a.sqrt();
     let z = (1.0 - a).max(0.0).sqrt();

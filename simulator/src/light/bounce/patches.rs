@@ -1,8 +1,10 @@
 //! Surfaces in cells, and how much of each cell a set of polygons fills.
 
+use super::cast::{Caster, Ray};
 use super::split::{Piece, beyond, line};
-use super::surfaces::in_polygon;
+use super::surfaces::{Surfaces, in_polygon};
 use crate::light::clip::{self, P2};
+use glam::DVec3;
 use std::ops::Range;
 
 /// Cells smaller than this, of their surface, are left out: slivers at a slanted edge.
@@ -49,6 +51,8 @@ pub struct Patches {
     pub list: Vec<Patch>,
     /// The areas of the larger patches, m².
     pub coarse_area: Vec<f64>,
+    /// How many of the patches, and of the larger ones, are diffuse: they are the first.
+    pub diffuse: [usize; 2],
 }
 
 impl Patch {
@@ -59,13 +63,38 @@ impl Patch {
 }
 
 impl Patches {
-    /// Pieces (those of one surface one after the other) in cells of at most `size_m`, an even number along each side that takes more than one.
-    pub fn new(pieces: &[Piece], size_m: f64) -> Self {
+    /// Pieces (those of one surface one after the other; first diffuse ones, then rough ones) in cells of at most `size_m`, an even number along each side
+    /// that takes more than one.
+    pub fn new([diffuse, rough]: [&[Piece]; 2], size_m: f64) -> Self {
         let mut patches = Self::default();
-        for piece in pieces {
+        for piece in diffuse {
+            patches.add(piece.surface, &piece.corners, size_m);
+        }
+        patches.diffuse = [patches.list.len(), patches.coarse_area.len()];
+        for piece in rough {
             patches.add(piece.surface, &piece.corners, size_m);
         }
         patches
+    }
+
+    /// The patch whose front a ray meets first, if it is one, with its surface and the place; `of_surface` are the cells of each surface.
+    pub fn met(
+        &self,
+        surfaces: &Surfaces,
+        caster: &Caster,
+        of_surface: &[Range<usize>],
+        ray: &Ray,
+    ) -> Option<(usize, usize, DVec3)> {
+        let hit = caster.first(ray).filter(|hit| hit.front)?;
+        let cells = of_surface[hit.surface].clone();
+        if cells.is_empty() {
+            return None;
+        }
+        let surface = &surfaces.list[hit.surface];
+        let at = ray.from + hit.distance * ray.along;
+        let there = at - surface.origin;
+        let there = [there.dot(surface.tangent), there.dot(surface.bitangent)];
+        Some((self.at(cells, there)?, hit.surface, at))
     }
 
     /// The patch at a point of a surface (its axes), whose cells are these.
@@ -284,7 +313,7 @@ mod tests {
             let all: Vec<usize> = (0..surfaces.list.len()).collect();
             for size in [10.0, 0.3, 0.07] {
                 let pieces = split::pieces(&surfaces.list, &all, scene.touching_m).unwrap();
-                let patches = Patches::new(&pieces, size);
+                let patches = Patches::new([&pieces, &[]], size);
                 let mut room = Room::default();
                 for list in patches.of_surfaces() {
                     let surface = &surfaces.list[list[0].surface];

@@ -35,6 +35,8 @@ pub struct Paths<'a> {
     /// The surfaces on which light may fall that comes from another, or from which it may go to another.
     pub active: &'a [usize],
     pub both_ends: bool,
+    /// Of each surface whether it is rough, where only paths of three scatterings and more count that begin or end with two rough surfaces.
+    pub rest_of: Option<&'a [bool]>,
     pub seed: u32,
 }
 
@@ -248,6 +250,8 @@ impl Paths<'_> {
         let mut back = 1.0 / start.density(cos);
         let mut mirrored_first = false;
         let (first, mut between_m) = (here.at, 0.0);
+        let rough = |place: &Place, rest: &Option<&[bool]>| rest.is_some_and(|r| r[place.surface]);
+        let mut began_rough = false;
         for order in 1..LONGEST {
             let u = numbers(order);
             let material = self.surfaces.list[here.surface].material;
@@ -295,7 +299,10 @@ impl Paths<'_> {
                 weight *= self.weight(end, &there, arrives, back);
             }
             between_m += hit.distance;
-            let seen = self.count(end, &there, arrives, light, last, weight, bounced);
+            let two_rough = rough(&here, &self.rest_of) && rough(&there, &self.rest_of);
+            began_rough |= order == 1 && two_rough;
+            let counts = self.rest_of.is_none() || (order > 1 && (began_rough || two_rough));
+            let seen = counts && self.count(end, &there, arrives, light, last, weight, bounced);
             if let (true, Some(echoes)) = (seen, &mut *echoes) {
                 let from_sun = direct.is_some();
                 echoes.push(Echo::new(from_sun, [first, there.at], between_m, last[0]));

@@ -15,7 +15,7 @@ use std::f64::consts::TAU;
 /// Pairs of directions.
 const PAIRS: u32 = 48;
 /// Paths of each pair and scramble.
-const POINTS: u32 = 64;
+pub const POINTS: u32 = 64;
 /// Pairs with less direct light than this, of the most, do not count: nobody measures a share there.
 const FAINT: f64 = 0.05;
 /// Cosine of the largest phase angle.
@@ -73,6 +73,7 @@ impl Pilot {
                 optics: &mut optics,
                 active,
                 both_ends: true,
+                rest_of: None,
                 seed: mixed(options.seed, 0xb0),
             };
             paths.trace(sun, Toward::Far(to), POINTS, &mut sums);
@@ -85,6 +86,22 @@ impl Pilot {
             all.push(sums);
         }
         Self::of(&rows, count, Sums::missing_of(&all))
+    }
+
+    /// The share of bounced light: root of the mean square over the pairs that count.
+    pub fn typical(&self) -> f64 {
+        let pairs = self.pairs.iter().filter(|p| p.counts);
+        let square = |p: &Pair| (p.bounced / (p.direct + p.bounced)).powi(2);
+        let (sum, count) = pairs.fold((0.0, 0.0_f64), |(s, n), p| (s + square(p), n + 1.0));
+        (sum / count.max(1.0)).sqrt()
+    }
+
+    /// The error that is stated of paths, relative to all light (root of the mean square over the pairs that count): `claimed` makes it of a pair's standard error.
+    pub fn stated(&self, claimed: impl Fn(f64) -> f64) -> f64 {
+        let pairs = self.pairs.iter().filter(|p| p.counts);
+        let square = |p: &Pair| (claimed(p.sigma) / (p.direct + p.bounced)).powi(2);
+        let (sum, count) = pairs.fold((0.0, 0.0_f64), |(s, n), p| (s + square(p), n + 1.0));
+        (sum / count.max(1.0)).sqrt()
     }
 
     fn of(rows: &[Row], count: usize, missing: f64) -> Self {

@@ -19,6 +19,8 @@ pub(super) struct Thread<'a> {
     direct: Direct<'a>,
     /// Whether some surface that sees another is not Lambertian: its paths are followed from both ends.
     both_ends: bool,
+    /// Of each surface whether it is not Lambertian.
+    rough: Vec<bool>,
 }
 
 impl<'a> Thread<'a> {
@@ -27,8 +29,10 @@ impl<'a> Thread<'a> {
         let surfaces = surfaces.clone();
         let caster = Caster::new(&surfaces.list, scene.touching_m);
         let optics = Optics::new(scene.materials(), nm);
-        let both_ends = active.iter().any(|k| optics.lambert(surfaces.list[*k].material).is_none());
-        Self { scene, surfaces, caster, optics, direct: Direct::new(scene, nm), both_ends }
+        let rough: Vec<bool> =
+            surfaces.list.iter().map(|s| optics.lambert(s.material).is_none()).collect();
+        let both_ends = active.iter().any(|k| rough[*k]);
+        Self { scene, surfaces, caster, optics, direct: Direct::new(scene, nm), both_ends, rough }
     }
 
     /// Turns what follows the Sun.
@@ -43,9 +47,10 @@ impl<'a> Thread<'a> {
         self.direct.at(sun, eye).map(<[f64]>::to_vec)
     }
 
-    /// Paths that begin on the active surfaces.
-    pub fn paths<'t>(&'t mut self, active: &'t [usize], seed: u32) -> Paths<'t> {
-        let Self { surfaces, caster, optics, both_ends, .. } = self;
-        Paths { surfaces, caster, optics, active, both_ends: *both_ends, seed }
+    /// Paths that begin on the active surfaces; with `rest` those of [`Paths::rest_of`].
+    pub fn paths<'t>(&'t mut self, active: &'t [usize], rest: bool, seed: u32) -> Paths<'t> {
+        let Self { surfaces, caster, optics, both_ends, rough, .. } = self;
+        let rest_of = rest.then_some(rough.as_slice());
+        Paths { surfaces, caster, optics, active, both_ends: *both_ends, rest_of, seed }
     }
 }

@@ -33,6 +33,8 @@ pub struct Plan {
     tolerance: f64,
     seed: u32,
     most_points: u32,
+    /// Whether only what [`Still`](super::still::Still) leaves is wanted.
+    rest: bool,
 }
 
 impl Plan {
@@ -44,7 +46,17 @@ impl Plan {
     ) -> Self {
         let (tolerance, seed) = (options.tolerance, mixed(options.seed, 0x7a));
         let most_points = (options.most_paths / SCRAMBLES).clamp(LEAST, MOST_POINTS);
-        Self { surfaces, active, nodes: nodes.clone(), tolerance, seed, most_points }
+        Self { surfaces, active, nodes: nodes.clone(), tolerance, seed, most_points, rest: false }
+    }
+
+    /// The same for paths of [`Paths::rest_of`](super::paths::Paths::rest_of) alone.
+    pub fn of_rest(self) -> Self {
+        Self { rest: true, ..self }
+    }
+
+    /// The claimed error of all paths that may be traced, of one that `points` of each scramble know to `sigma`.
+    pub fn claimed(&self, sigma: f64, points: u32) -> f64 {
+        CLAIMED * sigma * (f64::from(points) / f64::from(self.most_points)).sqrt()
     }
 
     /// In words.
@@ -79,21 +91,28 @@ impl<'a> Tracing<'a> {
         Self { plan, thread }
     }
 
-    /// Adds weights and errors. Paths are traced until the claimed error is below its part of the tolerance, of all light.
-    pub fn add(&mut self, sun: DVec3, eye: Toward, weights: &mut [f64], errors: &mut [f64]) {
+    /// Adds weights and errors. Paths are traced until the claimed error is below its part of the tolerance, of all light; `beside` is
+    /// what is scattered twice or more and found otherwise, at each node.
+    pub fn add(
+        &mut self,
+        (sun, eye): (DVec3, Toward),
+        beside: Option<&[f64]>,
+        weights: &mut [f64],
+        errors: &mut [f64],
+    ) {
         self.thread.turn(sun);
         let plan = &*self.plan;
         let nodes = plan.nodes.nm.len();
         let mut sums = Sums::new(nodes);
         let known = self.thread.direct(sun, eye);
-        let mut paths = self.thread.paths(&plan.active, plan.seed);
+        let mut paths = self.thread.paths(&plan.active, plan.rest, plan.seed);
         let mut until = LEAST;
         loop {
             paths.trace(sun, eye, until, &mut sums);
             let enough = (0..nodes).all(|s| {
                 let (mean, sigma) = sums.bounced(s);
                 let direct = known.as_ref().map_or_else(|| sums.direct(s), |known| known[s]);
-                let light = direct + mean;
+                let light = direct + mean + beside.map_or(0.0, |b| b[s]);
                 CLAIMED * sigma + sums.missing() <= OF_TOLERANCE * plan.tolerance * light
             });
             if enough || until >= plan.most_points {

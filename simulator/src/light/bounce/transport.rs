@@ -4,8 +4,12 @@
 //! or more is (I − C)⁻¹ − I in between, C = √(ρ_p/A_p) S_pq √(ρ_q/A_q), and what an observer gets of it is v Q e with
 //! v the shares of the patches that are seen times cosθ_o. Q is symmetric, so light and observer may be swapped, and S has the row sums that rays
 //! counted, so no light is made.
+//!
+//! A ray that meets a rough surface goes on in a direction drawn from its material, until it meets a diffuse one: so S holds light that went from one
+//! diffuse patch to another by any number of rough surfaces, at each node.
 
 use super::cast::{Caster, Ray};
+use super::optics::Optics;
 use super::patches::Patches;
 use super::paths::mixed;
 use super::surfaces::Surfaces;
@@ -17,9 +21,13 @@ pub const SCRAMBLES: usize = 8;
 /// Rays of each patch and scramble at most.
 pub const MOST_RAYS: u32 = 1 << 12;
 /// A patch counts as open by this share of it at least.
-const LEAST_OPEN: f64 = 1e-3;
+pub const LEAST_OPEN: f64 = 1e-3;
 /// Rounds of scaling to the row sums.
 const ROUNDS: usize = 40;
+/// Rough surfaces that a ray meets before it ends by chance, in proportion to what it has lost.
+const SAFE: u32 = 2;
+/// The longest way from one diffuse patch to another.
+const LONGEST: u32 = 100;
 
 /// How patches see each other, as rays have it.
 #[derive(Debug, Clone)]
@@ -30,40 +38,54 @@ pub struct Exchange {
     pub rays: u32,
     /// Rays from one patch to another, all scrambles.
     hits: Vec<u32>,
+    /// What rays brought from one patch to another by rough surfaces, for each node; none where there are no rough surfaces.
+    through: Vec<Matrix>,
     /// Rays that began inside of another body.
     buried: Vec<u32>,
-    /// The same between the larger patches, of each scramble, times the patch's area, m².
+    /// What was brought between the larger patches in any way at one node, of each scramble, times the patch's area, m².
     scrambles: Vec<Vec<f64>>,
+    /// That node.
+    node: usize,
 }
 
 /// Square symmetric, row by row.
 pub type Matrix = Vec<f64>;
 
+/// The same in half of the memory, which is what a product waits for: 6e-8 of each number.
+pub type Stored = Vec<f32>;
+
+/// What rays go through.
+#[derive(Debug, Clone, Copy)]
+pub struct Between<'a> {
+    pub surfaces: &'a Surfaces,
+    pub caster: &'a Caster,
+    pub patches: &'a Patches,
+    /// The cells of each surface.
+    pub of_surface: &'a [Range<usize>],
+}
+
 impl Exchange {
-    pub fn new(patches: &Patches) -> Self {
-        let (count, coarse) = (patches.list.len(), patches.coarse_area.len());
-        let scrambles = vec![vec![0.0; coarse * coarse]; SCRAMBLES];
+    /// Of the diffuse patches, with light at `nodes` wavelengths where there are rough ones; the error is known of `node`.
+    pub fn new(patches: &Patches, nodes: usize, node: usize) -> Self {
+        let [count, coarse] = patches.diffuse;
+        let nodes = if patches.list.len() > count { nodes } else { 0 };
         Self {
             count,
             coarse,
             rays: 0,
             hits: vec![0; count * count],
+            through: vec![vec![0.0; count * count]; nodes],
             buried: vec![0; count],
-            scrambles,
+            scrambles: vec![vec![0.0; coarse * coarse]; SCRAMBLES],
+            node,
         }
     }
 
     /// Sends rays until each patch has sent `until` of each scramble.
-    pub fn shoot(
-        &mut self,
-        surfaces: &Surfaces,
-        caster: &Caster,
-        patches: &Patches,
-        of_surface: &[Range<usize>],
-        until: u32,
-        seed: u32,
-    ) {
-        for (p, patch) in patches.list.iter().enumerate() {
+    pub fn shoot(&mut self, between: &Between, optics: &mut Optics, until: u32, seed: u32) {
+        let Between { surfaces, caster, patches, .. } = *between;
+        let mut light = vec![0.0; self.through.len()];
+        for (p, patch) in patches.list[..self.count].iter().enumerate() {
             let number = patches.cells[patch.cells].surface;
             let surface = &surfaces.list[number];
             for scramble in 0..SCRAMBLES {
@@ -81,42 +103,92 @@ impl Exchange {
                         self.buried[p] += 1;
                         continue;
                     }
-                    let Some(hit) = caster.first(&ray).filter(|h| h.front) else { continue };
-                    let cells = of_surface[hit.surface].clone();
-                    if cells.is_empty() {
+                    light.fill(1.0);
+                    let Some((q, by)) =
+                        self.follow(between, optics, ray, (index, seed), &mut light)
+                    else {
+                        continue;
+                    };
+                    let (a, b) = (patch.coarse, patches.list[q].coarse);
+                    let brought = if by == 0 { 1.0 } else { light[self.node] };
+                    self.scrambles[scramble][a * self.coarse + b] += patch.area * brought;
+                    if by == 0 {
+                        self.hits[p * self.count + q] += 1;
                         continue;
                     }
-                    let other = &surfaces.list[hit.surface];
-                    let there = at + hit.distance * along - other.origin;
-                    let there = [there.dot(other.tangent), there.dot(other.bitangent)];
-                    let Some(q) = patches.at(cells, there) else { continue };
-                    self.hits[p * self.count + q] += 1;
-                    let (a, b) = (patch.coarse, patches.list[q].coarse);
-                    self.scrambles[scramble][a * self.coarse + b] += patch.area;
+                    for (through, light) in self.through.iter_mut().zip(&light) {
+                        through[p * self.count + q] += light;
+                    }
                 }
             }
         }
         self.rays = until;
     }
 
-    /// What of the patches' areas is not inside of another body, m²; of the patches and the larger ones.
-    pub fn open_areas(&self, patches: &Patches) -> [Vec<f64>; 2] {
-        let each = f64::from(self.rays) * SCRAMBLES as f64;
-        let mut coarse = vec![0.0; self.coarse];
-        let fine = patches
-            .list
-            .iter()
-            .zip(&self.buried)
-            .map(|(patch, buried)| {
-                let open = patch.area * (1.0 - f64::from(*buried) / each).max(LEAST_OPEN);
-                coarse[patch.coarse] += open;
-                open
-            })
-            .collect();
-        [fine, coarse]
+    /// The diffuse patch at which a ray ends and by how many rough surfaces it came there, with what they leave of its light.
+    fn follow(
+        &self,
+        between: &Between,
+        optics: &mut Optics,
+        mut ray: Ray,
+        (index, seed): (u32, u32),
+        light: &mut [f64],
+    ) -> Option<(usize, u32)> {
+        let Between { surfaces, caster, patches, of_surface } = *between;
+        for by in 0..LONGEST {
+            let (q, number, at) = patches.met(surfaces, caster, of_surface, &ray)?;
+            if q < self.count {
+                return Some((q, by));
+            }
+            let surface = &surfaces.list[number];
+            let there = surface.place(number, at);
+            let came = there.local(-ray.along);
+            let set = by + 1;
+            let u = sobol_burley::sample_4d(index, set % 16, mixed(seed, set / 16)).map(f64::from);
+            let drawn = optics.draw(surface.material, came, [u[0], u[1], u[2]]);
+            let density = drawn.density.filter(|d| *d > 0.0 && drawn.to.z > 0.0)?;
+            let before = light.iter().copied().fold(0.0, f64::max);
+            optics.scatter(surface.material, came, drawn.to, drawn.to.z / density, light);
+            let after = light.iter().copied().fold(0.0, f64::max);
+            if by >= SAFE {
+                let stays = (after / before).min(1.0);
+                if u[3] >= stays {
+                    return None;
+                }
+                light.iter_mut().for_each(|l| *l /= stays);
+            }
+            if after <= 0.0 {
+                return None;
+            }
+            ray = Ray { from: at, along: there.body(drawn.to), leaves: number };
+        }
+        None
     }
 
-    /// S of the patches: the mean of both directions, scaled to the row sums that were counted.
+    /// Of each diffuse patch, the part that is inside of another body.
+    pub fn buried(&self) -> impl Iterator<Item = f64> + '_ {
+        let each = f64::from(self.rays) * SCRAMBLES as f64;
+        self.buried.iter().map(move |buried| f64::from(*buried) / each)
+    }
+
+    /// What goes by rough surfaces at a node, from both directions; `None` where there are none.
+    fn through(&self, patches: &Patches, node: usize) -> Option<Matrix> {
+        let (n, rows) = (self.count, self.through.get(node)?);
+        let each = 2.0 * f64::from(self.rays) * SCRAMBLES as f64;
+        let area = |p: usize| patches.list[p].area / each;
+        let both = |p: usize, q: usize| area(p) * rows[p * n + q] + area(q) * rows[q * n + p];
+        Some((0..n * n).map(|k| both(k / n, k % n)).collect())
+    }
+
+    /// S at a node: `alone` is [`Exchange::matrix`].
+    pub fn at(&self, alone: &Matrix, patches: &Patches, node: usize) -> Matrix {
+        match self.through(patches, node) {
+            None => alone.clone(),
+            Some(through) => alone.iter().zip(&through).map(|(a, b)| a + b).collect(),
+        }
+    }
+
+    /// S of what goes straight from patch to patch: the mean of both directions, scaled to the row sums that were counted.
     pub fn matrix(&self, patches: &Patches) -> Matrix {
         let n = self.count;
         let each = f64::from(self.rays) * SCRAMBLES as f64;
@@ -132,14 +204,14 @@ impl Exchange {
         }
         for _ in 0..ROUNDS {
             let scale: Vec<f64> = s
-                .chunks(n)
+                .chunks(n.max(1))
                 .zip(&wanted)
                 .map(|(row, wanted)| {
                     let sum: f64 = row.iter().sum();
                     if sum > 0.0 { (wanted / sum).sqrt() } else { 0.0 }
                 })
                 .collect();
-            for (row, a) in s.chunks_mut(n).zip(&scale) {
+            for (row, a) in s.chunks_mut(n.max(1)).zip(&scale) {
                 row.iter_mut().zip(&scale).for_each(|(s, b)| *s *= a * b);
             }
         }
@@ -163,10 +235,10 @@ impl Exchange {
 
 /// S of the larger patches, from that of the patches.
 pub fn gathered(fine: &Matrix, patches: &Patches) -> Matrix {
-    let (n, m) = (patches.list.len(), patches.coarse_area.len());
+    let [n, m] = patches.diffuse;
     let mut s = vec![0.0; m * m];
-    for (p, a) in patches.list.iter().enumerate() {
-        for (q, b) in patches.list.iter().enumerate() {
+    for (p, a) in patches.list[..n].iter().enumerate() {
+        for (q, b) in patches.list[..n].iter().enumerate() {
             s[a.coarse * m + b.coarse] += fine[p * n + q];
         }
     }
@@ -207,8 +279,7 @@ fn cholesky(a: &mut Matrix, n: usize) -> bool {
         let (above, row) = a.split_at_mut(p * n);
         for k in 0..p {
             let other = &above[k * n..k * n + k + 1];
-            let dot: f64 = row[..k].iter().zip(other).map(|(x, y)| x * y).sum();
-            row[k] = (row[k] - dot) / other[k];
+            row[k] = (row[k] - dot(&row[..k], &other[..k])) / other[k];
         }
         let dot: f64 = row[..p].iter().map(|x| x * x).sum();
         let left = row[p] - dot;
@@ -223,8 +294,7 @@ fn cholesky(a: &mut Matrix, n: usize) -> bool {
 
 fn substitute(l: &Matrix, n: usize, x: &mut [f64]) {
     for p in 0..n {
-        let dot: f64 = l[p * n..p * n + p].iter().zip(&*x).map(|(a, b)| a * b).sum();
-        x[p] = (x[p] - dot) / l[p * n + p];
+        x[p] = (x[p] - dot(&l[p * n..p * n + p], &x[..p])) / l[p * n + p];
     }
     for p in (0..n).rev() {
         x[p] /= l[p * n + p];
@@ -234,21 +304,30 @@ fn substitute(l: &Matrix, n: usize, x: &mut [f64]) {
     }
 }
 
+/// v M.
+pub fn times(v: &[f64], matrix: &[f32], out: &mut [f64]) {
+    out.fill(0.0);
+    let rows = v.iter().zip(matrix.chunks_exact(out.len().max(1))).filter(|(v, _)| **v != 0.0);
+    for (v, row) in rows {
+        out.iter_mut().zip(row).for_each(|(o, m)| *o += v * f64::from(*m));
+    }
+}
+
 /// v M e.
-pub fn between(v: &[f64], matrix: &[f64], e: &[f64]) -> f64 {
-    let n = e.len();
+pub fn between<T: Copy + Into<f64>>(v: &[f64], matrix: &[T], e: &[f64]) -> f64 {
+    let n = e.len().max(1);
     let rows = v.iter().zip(matrix.chunks_exact(n)).filter(|(v, _)| **v != 0.0);
     rows.map(|(v, row)| v * dot(row, e)).sum()
 }
 
 /// In eight sums side by side.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+fn dot<T: Copy + Into<f64>>(a: &[T], b: &[f64]) -> f64 {
     let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();
+    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| (*a).into() * b).sum();
     let mut sums = [0.0; 8];
     for (a, b) in a8.zip(b8) {
         for k in 0..8 {
-            sums[k] += a[k] * b[k];
+            sums[k] += a[k].into() * b[k];
         }
     }
     rest + sums.iter().sum::<f64>()

@@ -1,7 +1,8 @@
 //! Light from the Earth that is reflected more than once.
 //!
 //! What inter-reflection adds at most to sunlight ([`super::bounce`]) it adds at most to earthshine: that share of the largest irradiance by the
-//! Earth bounds it. Where that is more than the tolerance, and bounces and earthshine are modelled, it is found by light paths from the cap.
+//! Earth bounds it. Where that is more than the tolerance, and bounces and earthshine are modelled, it is found by patches, or by light paths
+//! from the cap.
 
 use super::bounce::{self, EFFECT as OF_SUNLIGHT};
 use super::{Answer, Doubt, Options, Part, Question, Seen, Switch};
@@ -59,7 +60,8 @@ fn paths(question: &Question) -> Result<Option<(Vec<crate::light::Term>, Bounced
     let own = twin.as_ref().map(|twin| Scene::new(&twin.target)).transpose()?;
     let shape_error = twin.map_or(0.0, |twin| twin.error);
     let scene = own.as_ref().unwrap_or(question.scene);
-    let Ok(Some(plan)) = Earthlit::new(scene, &options, shape_error) else { return Ok(None) };
+    let parts = (shape_error, question.course.earthshine);
+    let Ok(Some(plan)) = Earthlit::new(scene, &options, parts) else { return Ok(None) };
     let earth = shine::mean_earth().map_err(MaterialError::from)?;
     let Ok(terms) = plan.terms(&earth) else { return Ok(None) };
     Ok(Some((terms, Bounced { plan: Arc::new(plan), own })))

@@ -1,0 +1,227 @@
+//! Patches on trial: how coarse they are, how noisy, and whether light paths find the same.
+
+use super::cast::Caster;
+use super::chords::Chords;
+use super::claim::{Claim, Trial};
+use super::optics::Optics;
+use super::orders::{Found, Orders};
+use super::patches::Patches;
+use super::paths::{Paths, Sums, mixed};
+use super::pilot::{Pair, Pilot};
+use super::surfaces::Surfaces;
+use super::tracing::Plan;
+use super::transport::{Between, Exchange, LEAST_OPEN, MOST_RAYS, SCRAMBLES};
+use super::views::{Patched, Views};
+use crate::light::Scene;
+use crate::light::occlude::Toward;
+use std::ops::Range;
+
+/// Paths of each pair and scramble against which patches are held.
+const AGREEING: u32 = 512;
+
+/// Rays for the directions of all rough patches at most: half a second.
+const MOST_CHORDS: usize = 1 << 20;
+/// Rays of all diffuse patches at most, where some are followed further: a second.
+const MOST_FOLLOWED: usize = 1 << 21;
+/// Of the former those that meet anything: what an epoch takes its time for, some nanoseconds each.
+const MOST_MEETINGS: usize = 200_000;
+
+/// Patches on trial.
+pub struct Draft<'a> {
+    scene: &'a Scene,
+    caster: &'a Caster,
+    optics: &'a mut Optics,
+    patched: Patched,
+    exchange: Exchange,
+    /// The cells of each surface.
+    of_surface: Vec<Range<usize>>,
+    /// The node of the trials.
+    node: usize,
+}
+
+/// What a look at all pairs of directions shows, relative to all light: roots of the mean squares.
+#[derive(Debug, Clone, Copy)]
+pub struct Look {
+    /// What patches of twice the size change.
+    pub coarseness: f64,
+    /// The claimed error of form factors, and of the directions of rough surfaces.
+    pub factors: f64,
+    pub chords: f64,
+}
+
+/// Root of the mean square.
+#[derive(Debug, Default)]
+struct Rms {
+    sum: f64,
+    count: f64,
+}
+
+impl Rms {
+    fn add(&mut self, value: f64) {
+        self.sum += value * value;
+        self.count += 1.0;
+    }
+
+    fn get(&self) -> f64 {
+        (self.sum / self.count.max(1.0)).sqrt()
+    }
+}
+
+impl<'a> Draft<'a> {
+    pub fn new(
+        scene: &'a Scene,
+        surfaces: &Surfaces,
+        patches: Patches,
+        caster: &'a Caster,
+        optics: &'a mut Optics,
+        (node, nodes): (usize, usize),
+    ) -> Self {
+        let mut of_surface = vec![0..0; surfaces.list.len()];
+        let mut first = 0;
+        for list in patches.of_surfaces() {
+            of_surface[list[0].surface] = first..first + list.len();
+            first += list.len();
+        }
+        let exchange = Exchange::new(&patches, nodes, node);
+        let surfaces = surfaces.clone();
+        let (areas, chords) = Default::default();
+        let patched = Patched { surfaces, patches, areas, chords };
+        Self { scene, caster, optics, patched, exchange, of_surface, node }
+    }
+
+    /// Sends rays until each diffuse patch has sent `rays` of each scramble, and each rough one those of `chords` directions.
+    pub fn shoot(&mut self, rays: u32, chords: u32, seed: u32) {
+        let Patched { surfaces, patches, .. } = &self.patched;
+        let of_surface = &self.of_surface;
+        let between = Between { surfaces, caster: self.caster, patches, of_surface };
+        self.exchange.shoot(&between, self.optics, rays, seed);
+        if chords != self.patched.chords.each {
+            self.patched.chords = Chords::new(&between, self.optics, (chords, seed));
+        }
+        let patches = &self.patched.patches;
+        let mut coarse = vec![0.0; patches.coarse_area.len()];
+        let buried = self.exchange.buried().chain(self.patched.chords.buried());
+        let fine = patches.list.iter().zip(buried).map(|(patch, buried)| {
+            let open = patch.area * (1.0 - buried).max(LEAST_OPEN);
+            coarse[patch.coarse] += open;
+            open
+        });
+        self.patched.areas = [fine.collect(), coarse];
+    }
+
+    /// Twice as many directions, as long as materials are asked for `most_asked` of them at most in each epoch, and there are not too many otherwise.
+    pub fn more_chords(&self, chords: u32, most_asked: usize) -> u32 {
+        let patches = &self.patched.patches;
+        let rough = patches.list.len() - patches.diffuse[0];
+        let more = 2 * chords;
+        let Patched { chords: now, .. } = &self.patched;
+        let many = rough * SCRAMBLES * more as usize > MOST_CHORDS
+            || 2 * now.meetings() > MOST_MEETINGS
+            || 2 * now.asked() > most_asked;
+        if many { chords } else { more }
+    }
+
+    /// Twice as many rays of each patch, as long as there are not too many where they are followed from rough surface to rough surface.
+    pub fn more_rays(&self, rays: u32) -> u32 {
+        let diffuse = self.patched.patches.diffuse[0];
+        let followed = diffuse < self.patched.patches.list.len();
+        let all = diffuse * SCRAMBLES * 2 * rays as usize;
+        if 2 * rays > MOST_RAYS || (followed && all > MOST_FOLLOWED) { rays } else { 2 * rays }
+    }
+
+    /// Whether some light is not found: see [`super::orders`].
+    pub fn leaves_a_rest(&self) -> bool {
+        self.patched.chords.see_each_other()
+    }
+
+    /// At the node of the trials.
+    fn orders(&self) -> Option<Orders> {
+        Orders::new(
+            &self.patched,
+            &self.exchange,
+            self.optics,
+            (self.node..self.node + 1, self.node),
+        )
+    }
+
+    fn tried(&self, orders: &Orders, room: &mut Views, pair: &Pair) -> Found {
+        let eye = Toward::Far(pair.to);
+        let found = room.between(&self.patched, orders, &[(pair.sun, 1.0)], eye);
+        found.first().copied().unwrap_or_default()
+    }
+
+    /// Looks at all pairs that count.
+    pub fn look(&self, pilot: &Pilot) -> Look {
+        let Some(orders) = self.orders() else {
+            return Look { coarseness: f64::INFINITY, factors: 0.0, chords: 0.0 };
+        };
+        let mut room = Views::new(self.scene, &self.patched);
+        let mut sums = [(); 3].map(|()| Rms::default());
+        for pair in pilot.pairs.iter().filter(|p| p.counts) {
+            let found = self.tried(&orders, &mut room, pair);
+            for (sum, value) in sums.iter_mut().zip([found.left, found.factors, found.chords]) {
+                sum.add(value / (pair.direct + found.light));
+            }
+        }
+        let [coarseness, factors, chords] = sums.map(|s| s.get());
+        Look { coarseness, factors, chords }
+    }
+
+    /// What patches may claim, held against light paths over all pairs, and the error stated then, relative to all light (root of the mean square);
+    /// `None` where paths find other light by more than the patches' size explains. `plan` is of as many paths as the rest may take.
+    pub fn held(
+        &mut self,
+        pilot: &Pilot,
+        active: &[usize],
+        plan: &Plan,
+        nm: f64,
+        seed: u32,
+    ) -> Option<(Claim, f64)> {
+        let mut optics = Optics::new(self.scene.materials(), &[nm]);
+        let list = &self.patched.surfaces.list;
+        let rough: Vec<bool> = list.iter().map(|s| optics.lambert(s.material).is_none()).collect();
+        let both_ends = active.iter().any(|k| rough[*k]);
+        let orders = self.orders()?;
+        let mut room = Views::new(self.scene, &self.patched);
+        let (mut trials, mut claimed) = (Vec::new(), Vec::new());
+        for pair in &pilot.pairs {
+            let of_patches = self.tried(&orders, &mut room, pair);
+            let mut traced = |rest_of: Option<&[bool]>| {
+                let mut sums = Sums::new(1);
+                let mut paths = Paths {
+                    surfaces: &self.patched.surfaces,
+                    caster: self.caster,
+                    optics: &mut optics,
+                    active,
+                    both_ends,
+                    rest_of,
+                    seed: mixed(seed, 0xa9 + u32::from(rest_of.is_some())),
+                };
+                paths.trace(pair.sun, Toward::Far(pair.to), AGREEING, &mut sums);
+                sums.bounced(0)
+            };
+            let (found, sigma) = traced(None);
+            let rest = if self.leaves_a_rest() { traced(Some(&rough)) } else { (0.0, 0.0) };
+            let (Found { light, left, .. }, noise) = (of_patches, of_patches.noise());
+            let sigma = sigma.hypot(rest.1);
+            trials.push(Trial { light: light + rest.0, left, noise, found, sigma });
+            claimed.push(noise + plan.claimed(rest.1, AGREEING));
+        }
+        let claim = Claim::of(&trials)?;
+        let mut stated = Rms::default();
+        for ((pair, trial), claimed) in pilot.pairs.iter().zip(&trials).zip(&claimed) {
+            if pair.counts {
+                let all = claim.of_size(trial.light, trial.left) + claimed;
+                stated.add(all / (pair.direct + trial.light));
+            }
+        }
+        Some((claim, stated.get()))
+    }
+
+    /// All nodes.
+    pub fn finish(self, nodes: usize) -> Option<(Patched, Orders)> {
+        let orders =
+            Orders::new(&self.patched, &self.exchange, self.optics, (0..nodes, self.node))?;
+        Some((self.patched, orders))
+    }
+}
