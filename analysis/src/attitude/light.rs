@@ -2,7 +2,7 @@
 
 use super::AttitudeError;
 use super::forward::{Forward, Measured};
-use super::search::{Hunt, Trial};
+use super::hunt::{Hunt, Trial};
 use super::state::{Law, State};
 use hifitime::Epoch;
 use rayon::prelude::*;

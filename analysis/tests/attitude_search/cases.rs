@@ -1,0 +1,131 @@
+//! Passes that are not the usual ones.
+
+use super::made::{ALL, errors_deg, measured, pass, question};
+use glam::DVec3;
+use rand::SeedableRng as _;
+use rand_xoshiro::Xoshiro256PlusPlus as Random;
+use sunglint_analysis::attitude::{
+    Answer, Measured, Options, Question, Scale, Turn, Unknowns, find,
+};
+use sunglint_simulator::attitude::Spin;
+
+const BODY: &str = "built_in = \"box_wing\"";
+
+fn spin(period_s: f64, curve: &sunglint_simulator::pass::Pass) -> Spin {
+    let axis = DVec3::new(-0.2, 0.6, -0.4).normalize();
+    Spin::along(DVec3::Z, axis, 1.0 / period_s, 5.0, curve.times[0]).unwrap()
+}
+
+#[test]
+fn x_short_arcs() {
+    for (to, step, period) in [
+        ("2020-11-18T16:25:08", 0.1, 3.3),
+        ("2020-11-18T16:25:08", 0.1, 20.0),
+        ("2020-11-18T16:26:00", 0.5, 40.0),
+        ("2020-11-18T16:27:00", 1.0, 50.0),
+        ("2020-11-18T16:27:00", 1.0, 300.0),
+    ] {
+        let pass = pass(BODY, "2020-11-18T16:25:00", to, step);
+        let epoch = pass.times[0];
+        let spin = spin(period, &pass);
+        let curves = [measured(pass, spin, 0.03, &mut Random::seed_from_u64(7))];
+        let question = question(DVec3::Z, epoch, 4.0 * step.max(0.2));
+        match find(&curves, &question, &Options::default(), &(), None) {
+            Ok(answer) => {
+                errors_deg(&format!("{to} {period}"), &answer, &spin, &curves);
+            }
+            Err(e) => println!("{to} {period}: {e}"),
+        }
+    }
+}
+
+fn passes(axes: usize, from: &[(&str, &str)]) -> (Vec<Measured>, Spin, Answer) {
+    let all: Vec<_> = from.iter().map(|(a, b)| pass(BODY, a, b, 1.0)).collect();
+    let spin = spin(47.0, &all[0]);
+    let epoch = all[0].times[0];
+    let mut random = Random::seed_from_u64(11);
+    let curves: Vec<Measured> =
+        all.into_iter().map(|p| measured(p, spin, 0.03, &mut random)).collect();
+    let question = question(DVec3::Z, epoch, 5.0);
+    let options = Options { axes, ..Options::default() };
+    let answer = find(&curves, &question, &options, &(), None).unwrap();
+    (curves, spin, answer)
+}
+
+#[test]
+fn x_several() {
+    for from in [
+        &[("2020-11-18T16:22:00", "2020-11-18T16:24:00")][..],
+        &[
+            ("2020-11-18T16:22:00", "2020-11-18T16:24:00"),
+            ("2020-11-18T16:27:00", "2020-11-18T16:29:00"),
+        ],
+        &[
+            ("2020-11-18T16:22:00", "2020-11-18T16:24:00"),
+            ("2020-11-18T18:04:00", "2020-11-18T18:06:00"),
+        ],
+    ] {
+        let (curves, spin, answer) = passes(400, from);
+        errors_deg(&format!("{from:?}"), &answer, &spin, &curves);
+    }
+}
+
+#[test]
+fn x_scales() {
+    let pass = pass(BODY, "2020-11-18T16:22:00", "2020-11-18T16:30:00", 4.0);
+    let epoch = pass.times[0];
+    let spin = spin(70.0, &pass);
+    for (scale, factors) in [
+        (Scale::Grey, [0.7; 6]),
+        (Scale::Channels, [0.7, 1.2, 0.9, 1.1, 0.8, 1.4]),
+        (Scale::Materials, [0.7; 6]),
+    ] {
+        let mut curve = measured(pass.clone(), spin, 0.03, &mut Random::seed_from_u64(7));
+        for i in 0..curve.data.epochs() {
+            for c in 0..6 {
+                curve.data.rate[[i, c]] *= factors[c];
+                curve.data.sigma[[i, c]] *= factors[c];
+            }
+        }
+        let question = Question { scale, ..question(DVec3::Z, epoch, 20.0) };
+        let curves = [curve];
+        let answer =
+            find(&curves, &question, &Options { axes: 400, ..Options::default() }, &(), None)
+                .unwrap();
+        errors_deg(&format!("{scale:?}"), &answer, &spin, &curves);
+    }
+}
+
+#[test]
+fn x_unknowns() {
+    let pass = pass(BODY, "2020-11-18T16:22:00", "2020-11-18T16:30:00", 4.0);
+    let epoch = pass.times[0];
+    let spin = spin(70.0, &pass);
+    let axis = DVec3::new(-0.2, 0.6, -0.4).normalize();
+    for n in 1..8_u8 {
+        let unknowns = Unknowns { axis: n & 1 > 0, phase: n & 2 > 0, period: n & 4 > 0 };
+        let curves = [measured(pass.clone(), spin, 0.03, &mut Random::seed_from_u64(7))];
+        let known = Turn { axis_gcrs: axis, turns_per_s: 1.0 / 70.0, phase_rad: 5.0 };
+        let question = Question { unknowns, known, ..question(DVec3::Z, epoch, 20.0) };
+        let answer =
+            find(&curves, &question, &Options { axes: 400, ..Options::default() }, &(), None)
+                .unwrap();
+        errors_deg(&format!("{unknowns:?}"), &answer, &spin, &curves);
+    }
+    assert_eq!(ALL.count(), 4);
+}
+
+#[test]
+fn x_longer_than_data() {
+    let pass = pass(BODY, "2020-11-18T16:22:00", "2020-11-18T16:30:00", 4.0);
+    let epoch = pass.times[0];
+    for period in [700.0, 2000.0, 1e6] {
+        let spin = spin(period, &pass);
+        let curves = [measured(pass.clone(), spin, 0.03, &mut Random::seed_from_u64(7))];
+        let question = question(DVec3::Z, epoch, 20.0);
+        let answer =
+            find(&curves, &question, &Options { axes: 400, ..Options::default() }, &(), None)
+                .unwrap();
+        errors_deg(&format!("{period} s in 480 s"), &answer, &spin, &curves);
+    }
+}
