@@ -91,13 +91,14 @@ pub fn find(
     watch: &dyn Watch,
     from: Option<&Checkpoint>,
 ) -> Result<Answer, AttitudeError> {
-    let searched = search(curves, question, options, watch, from, false)?;
+    let again = from.is_some_and(|c| c.times > 1);
+    let searched = search(curves, question, options, watch, from, again)?;
     let usual = answer(question, searched)?;
     if usual.finer || !usual.is_poor() {
         return Ok(usual);
     }
-    // What noise does not explain may be another attitude's light: once more, finer.
-    let searched = search(curves, question, options, watch, from.filter(|c| c.finer), true)?;
+    // What noise does not explain may be another attitude's light: once more, finer, and with the Earth's light in every trial's.
+    let searched = search(curves, question, options, watch, from.filter(|c| c.times > 1), true)?;
     let mut finer = answer(question, searched)?;
     finer.simulated += usual.simulated;
     let better = finer.extra_noise <= usual.extra_noise;

@@ -30,11 +30,13 @@ pub(super) struct Hunt<'a> {
 pub(super) struct Trial {
     pub state: State,
     pub held: Option<Arc<Vec<f64>>>,
+    /// The sum of squares that it came with; 0 where it is not known.
+    pub cost: f64,
 }
 
 impl Trial {
     pub fn of(found: &Found) -> Self {
-        Self { state: found.state, held: found.held.clone() }
+        Self { state: found.state, held: found.held.clone(), cost: found.cost }
     }
 }
 
@@ -65,7 +67,7 @@ impl Hunt<'_> {
         stage: &'static str,
     ) -> Result<Vec<Found>, AttitudeError> {
         let trials: Vec<Trial> =
-            starts.iter().map(|state| Trial { state: *state, held: None }).collect();
+            starts.iter().map(|state| Trial { state: *state, held: None, cost: 0.0 }).collect();
         self.descend_from(law, moments, space, &trials, most, stage)
     }
 

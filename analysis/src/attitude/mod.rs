@@ -20,6 +20,7 @@ mod first;
 mod forward;
 mod hunt;
 mod light;
+mod look;
 mod minimum;
 mod passes;
 mod question;

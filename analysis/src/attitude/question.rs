@@ -55,10 +55,12 @@ pub struct Progress {
 pub struct Checkpoint {
     /// Of which question and which data.
     pub of: u64,
-    /// Whether it is the usual or the finer look.
-    pub finer: bool,
-    /// Places of the axes that were looked at.
-    pub places: Vec<Vec<coarse::Place>>,
+    /// How many times the usual number of axes are looked at.
+    pub times: usize,
+    /// The cost of each axis that was looked at.
+    pub wide: Vec<f64>,
+    /// Places of the axes that were looked at more closely.
+    pub closer: Vec<Vec<coarse::Place>>,
 }
 
 /// Who is told.

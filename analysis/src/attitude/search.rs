@@ -5,7 +5,7 @@ use super::descent::{Found, Space};
 use super::first::SECOND;
 use super::forward::{Forward, Measured};
 use super::hunt::{Hunt, Trial, extra_noise, spread_out};
-use super::light::AllLight;
+use super::light::{AllLight, wants_earth};
 use super::question::{Checkpoint, Options, Progress, Question, Watch};
 use super::state::Law;
 use super::twins::{self, Symmetry};
@@ -18,8 +18,12 @@ const LAST: usize = 1500;
 const ANSWERED: usize = 8;
 /// How often light by other ways is computed anew.
 const ROUNDS: usize = 4;
-/// Minima that get all light.
+/// Minima that get all light at most.
 const ALL_LIT: usize = 3;
+/// They have less than so many times the χ² of the best.
+const CLOSE: f64 = 4.0;
+/// Points along each side of a panel of the lit Earth, where its light is part of every trial's: two a panel.
+const EARTH_ORDER: usize = 1;
 
 /// Minima, before it is said what they mean.
 pub(super) struct Searched {
@@ -48,7 +52,11 @@ pub(super) fn search(
     from: Option<&Checkpoint>,
     finer: bool,
 ) -> Result<Searched, AttitudeError> {
-    let forward = Forward::new(curves)?;
+    let lit = options.all_light && wants_earth(curves);
+    let mut forward = Forward::new(curves)?;
+    if finer && lit {
+        forward = forward.with_earth(EARTH_ORDER);
+    }
     let samples = forward.samples();
     let epochs = forward.moments.len();
     let least = LEAST_EPOCHS.min(2 * question.unknowns.count()).max(4);
@@ -72,6 +80,9 @@ pub(super) fn search(
         watch,
     };
     let (mut found, mut law) = hunt.first_curve(&law, from, finer)?;
+    if found.poor && !finer {
+        return search(curves, question, options, watch, from, true);
+    }
     let mut warnings = Vec::new();
     let order = hunt.order();
     for n in 1..order.len() {
@@ -89,7 +100,7 @@ pub(super) fn search(
     let mut far: Vec<Trial> = Vec::new();
     for round in 0..ROUNDS {
         watch.tell(Progress { stage: "all light", done: round, of: ROUNDS });
-        if options.all_light && round == 0 && hunt.wants_earth(curves) {
+        if lit && round == 0 && !forward.has_earth() {
             hunt.lit(&law, &mut trials)?;
         }
         if options.all_light && round > 0 {
@@ -97,7 +108,9 @@ pub(super) fn search(
                 Some(light) => light,
                 None => light.insert(AllLight::new(curves, &forward, &last)?),
             };
-            let few = trials.len().min(ALL_LIT);
+            // What is far above the best by the light so far is not made the best by what is left.
+            let close = trials.iter().filter(|t| t.cost <= CLOSE * trials[0].cost).count();
+            let few = close.clamp(1, ALL_LIT);
             other_light = hunt.all_lit(light, &law, &mut trials[..few])?;
         }
         let (moments, space) = match round {
@@ -128,7 +141,7 @@ pub(super) fn search(
         extra,
         surface: found.surface,
         simulated,
-        finer: found.finer,
+        finer,
         rates: found.rates,
         other_light,
         warnings,

@@ -11,7 +11,7 @@ use sunglint_simulator::attitude::Spin;
 use sunglint_testkit::Campaign;
 
 /// Seconds that all threads of this process have computed.
-fn cpu_s() -> f64 {
+pub fn cpu_s() -> f64 {
     let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let after = text.rsplit(')').next().unwrap_or_default();
     let ticks: f64 =

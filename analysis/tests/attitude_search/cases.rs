@@ -129,3 +129,48 @@ fn x_longer_than_data() {
         errors_deg(&format!("{period} s in 480 s"), &answer, &spin, &curves);
     }
 }
+
+#[test]
+fn x_rank() {
+    use sunglint_analysis::attitude::{Compared, Forward, Law, coarse};
+    for seed in [16, 3, 19, 18] {
+        let (curve, spin, question, period) = super::made::blind(seed);
+        let forward = Forward::new(&[curve]).unwrap();
+        let compared = Compared::new(&forward).unwrap();
+        let (a, b) = forward.ends_s();
+        let law = Law::new(DVec3::Z, question.epoch, forward.zero, 0.5 * (b - a)).unwrap();
+        let truth = spin.body_to_gcrs(forward.zero) * DVec3::Z;
+        let axes = coarse::axes(640, 0.0);
+        let rates: Vec<f64> = coarse::rates(-0.2, 0.2, &law, ALL);
+        for n in [16, 24] {
+            let step = forward.moments.len() as f64 / n as f64;
+            let moments: Vec<usize> = (0..n).map(|i| ((i as f64 + (i * i) as f64 * 0.618 % 1.0) * step) as usize).collect();
+            let look = coarse::Look {
+                forward: &forward,
+                compared: &compared,
+                law: &law,
+                unknowns: ALL,
+                moments: &moments,
+                rates: &rates,
+                phase_rad: 0.0,
+                scale: Scale::None,
+            };
+            let mut costs: Vec<(f64, f64, f64)> = axes
+                .iter()
+                .enumerate()
+                .map(|(i, axis)| {
+                    let p = look.axis(i, *axis).unwrap()[0];
+                    (p.cost, axis.angle_between(truth).to_degrees(), 1.0 / p.turns_per_s)
+                })
+                .collect();
+            costs.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let near: Vec<String> = costs
+                .iter()
+                .enumerate()
+                .filter(|(_, c)| c.1 < 9.0)
+                .map(|(r, c)| format!("{r}: {:.2} at {:.1} deg, {:.2} s", c.0, c.1, c.2))
+                .collect();
+            println!("seed {seed}, period {period:.2}, {n} epochs: costs {:.2} {:.2} {:.2} {:.2}; near {near:?}", costs[0].0, costs[64].0, costs[160].0, costs[320].0);
+        }
+    }
+}

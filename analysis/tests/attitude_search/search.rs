@@ -31,7 +31,7 @@ fn a_search_goes_on_where_it_was_cut_off_and_hangs_on_no_number_of_threads() {
     let keeping = Keeping(std::sync::Mutex::new(Vec::new()));
     let whole = find(&[curve()], &question, &options, &keeping, None).unwrap();
     let kept = keeping.0.into_inner().unwrap();
-    assert!(kept.len() >= 2 && kept[0].places.len() < kept[1].places.len());
+    assert!(kept.len() >= 3 && kept[0].wide.len() < kept[1].wide.len());
     let on = find(&[curve()], &question, &options, &(), Some(&kept[0])).unwrap();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let one = pool.install(|| find(&[curve()], &question, &options, &(), None).unwrap());
