@@ -20,6 +20,16 @@ const TWIN: f64 = 0.45;
 const POOR_EXTRA: f64 = 0.15;
 /// See [`POOR_EXTRA`].
 const POOR_CHI2: f64 = 1.5;
+/// So does a reduced χ² of more than this, with the noise beyond the stated.
+const NO_FIT: f64 = 4.0;
+/// Epochs of a block that residuals are summed over.
+const BLOCK: usize = 8;
+/// Blocks at least; with fewer epochs blocks are shorter.
+const LEAST_BLOCKS: usize = 12;
+/// Residuals count no further than this in them.
+const OUTLIER: f64 = 3.0;
+/// Standard deviations by which chance is excluded.
+const CHANCE: f64 = 4.0;
 /// Noise beyond the stated of more than this says that the model is not that of the light.
 const NO_MODEL: f64 = 0.3;
 
@@ -49,6 +59,8 @@ pub struct Answer {
     pub epochs_taken: usize,
     /// χ² of the best over its degrees of freedom, with the noise beyond the stated.
     pub reduced_chi2: f64,
+    /// How many times the variance of sums of neighbouring residuals is that of independent ones; 1 where they may be independent. Uncertainties and differences of χ² are scaled by it.
+    pub correlation: f64,
     /// Noise beyond the stated, of the rate: what brings the middle residual to where noise has it.
     pub extra_noise: f64,
     /// What the data span, s.
@@ -132,7 +144,8 @@ fn answer(question: &Question, searched: Searched) -> Result<Answer, AttitudeErr
         .sum();
     let freedom = counted.saturating_sub(best.normal.nrows()).max(1) as f64;
     let reduced_chi2 = best.cost / freedom;
-    let scale = reduced_chi2.max(1.0);
+    let alike = correlation(&samples, searched.extra);
+    let scale = reduced_chi2.max(1.0) * alike;
     let mut minima = Vec::new();
     for found in &searched.minima {
         let mut minimum = described(found, &law, question, scale)?;
@@ -182,7 +195,12 @@ fn answer(question: &Question, searched: Searched) -> Result<Answer, AttitudeErr
             "reduced chi-square is {reduced_chi2:.2}: residuals have longer tails than noise; another attitude, or what the scene does not know of the body, may be behind that"
         ));
     }
-    let verdict = verdict(&minima, unknowns.count(), searched.extra);
+    if alike > 1.0 {
+        warnings.push(format!(
+            "neighbouring samples and channels are off alike: what is left over counts as {alike:.1} times fewer samples, and uncertainties and probabilities allow for it; the scene lacks something of the body, or this is not its attitude"
+        ));
+    }
+    let verdict = verdict(&minima, unknowns.count(), searched.extra, reduced_chi2);
     Ok(Answer {
         verdict,
         samples: samples.len(),
@@ -190,6 +208,7 @@ fn answer(question: &Question, searched: Searched) -> Result<Answer, AttitudeErr
         epochs_taken: taken,
         minima,
         reduced_chi2,
+        correlation: alike,
         extra_noise: searched.extra,
         span_s,
         turns,
@@ -206,12 +225,45 @@ fn answer(question: &Question, searched: Searched) -> Result<Answer, AttitudeErr
     })
 }
 
-fn verdict(minima: &[Minimum], unknowns: usize, extra: f64) -> Verdict {
+/// By how much the variance of sums over blocks of neighbouring epochs, all channels together, exceeds that of independent residuals (batch means); 1 where chance would do.
+///
+/// What a model lacks is alike in all channels and from one epoch to the next, and counted as noise of independent samples it would make a wrong attitude certain.
+fn correlation(samples: &[Sample], extra: f64) -> f64 {
+    let mut epochs: Vec<(usize, f64)> = Vec::new();
+    let mut all = 0.0;
+    for s in samples {
+        let residual =
+            ((s.rate - s.model) / s.sigma.hypot(extra * s.model)).clamp(-OUTLIER, OUTLIER);
+        all += residual * residual;
+        match epochs.last_mut() {
+            Some((moment, sum)) if *moment == s.moment => *sum += residual,
+            _ => epochs.push((s.moment, residual)),
+        }
+    }
+    let block = (epochs.len() / LEAST_BLOCKS).clamp(1, BLOCK);
+    let blocks = epochs.chunks_exact(block);
+    let count = blocks.len() as f64;
+    if count < LEAST_BLOCKS as f64 || all <= 0.0 {
+        return 1.0;
+    }
+    // Of all residuals those of the last, short block are left out above the line only.
+    let squares: f64 = blocks.map(|b| b.iter().map(|e| e.1).sum::<f64>().powi(2)).sum();
+    let ratio = squares / all;
+    let chance = 1.0 + CHANCE * (2.0 / count).sqrt();
+    if ratio > chance { ratio } else { 1.0 }
+}
+
+fn verdict(minima: &[Minimum], unknowns: usize, extra: f64, reduced_chi2: f64) -> Verdict {
     let best = &minima[0];
     if extra > NO_MODEL {
         return Verdict::Undetermined(format!(
             "no attitude that was tried has the light that was measured: {:.0} % of it are left over",
             100.0 * extra
+        ));
+    }
+    if reduced_chi2 > NO_FIT {
+        return Verdict::Undetermined(format!(
+            "no attitude that was tried has the light that was measured: beside the middle residuals there are so many large ones that the reduced chi-square is {reduced_chi2:.1}; a longer pass, or what the scene does not know of the body, would decide"
         ));
     }
     let known = best.covariance.iter().enumerate().filter(|(i, r)| r[*i].sqrt() < UNDETERMINED);

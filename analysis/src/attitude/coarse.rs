@@ -21,8 +21,8 @@ const BRIGHTNESS: f64 = 0.35;
 const COLOURS: f64 = 0.12;
 /// The most that an epoch adds.
 const MOST: f64 = 9.0;
-/// Places that are kept of each axis.
-const KEPT: usize = 3;
+/// Places that are kept of each axis: where the body turns about the bisector of Sun and station, nearly, many periods fit.
+const KEPT: usize = 12;
 /// Steps of the period: turns by which the ends of the data slip against one another.
 const SLIP_TURNS: f64 = 0.06;
 

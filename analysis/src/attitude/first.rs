@@ -14,7 +14,7 @@ pub(super) const FIRST: usize = 64;
 /// Epochs of the second descents.
 pub(super) const SECOND: usize = 240;
 /// Where the first descents start, of a usual search.
-const STARTS: usize = 160;
+const STARTS: usize = 320;
 /// Minima that are carried on.
 pub(super) const CARRIED: usize = 24;
 /// How much finer the search is then.

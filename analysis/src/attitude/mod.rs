@@ -24,6 +24,7 @@ mod look;
 mod minimum;
 mod passes;
 mod question;
+mod residuals;
 mod search;
 mod state;
 pub mod twins;

@@ -20,6 +20,8 @@ const ANSWERED: usize = 8;
 const ROUNDS: usize = 4;
 /// Minima that get all light at most.
 const ALL_LIT: usize = 3;
+/// The same of the finer search, in which light by other ways is what matters.
+const ALL_LIT_FINER: usize = 12;
 /// They have less than so many times the χ² of the best.
 const CLOSE: f64 = 4.0;
 /// Points along each side of a panel of the lit Earth, where its light is part of every trial's: two a panel.
@@ -92,7 +94,7 @@ pub(super) fn search(
     let all: Vec<usize> = (0..epochs).collect();
     let last = spread_out(&all, LAST, options.seed);
     let more = spread_out(&all, SECOND * order.len().min(4), options.seed + 3);
-    found.minima.truncate(ANSWERED);
+    found.minima.truncate(if finer { ALL_LIT_FINER } else { ANSWERED });
     let mut trials: Vec<Trial> = found.minima.iter().map(Trial::of).collect();
     let mut simulated = found.simulated;
     let (mut extra, mut other_light) = (0.0, (0.0, 0.0));
@@ -110,7 +112,7 @@ pub(super) fn search(
             };
             // What is far above the best by the light so far is not made the best by what is left.
             let close = trials.iter().filter(|t| t.cost <= CLOSE * trials[0].cost).count();
-            let few = close.clamp(1, ALL_LIT);
+            let few = close.clamp(1, if finer { ALL_LIT_FINER } else { ALL_LIT });
             other_light = hunt.all_lit(light, &law, &mut trials[..few])?;
         }
         let (moments, space) = match round {

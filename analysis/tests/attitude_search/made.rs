@@ -119,11 +119,12 @@ pub fn errors_deg(name: &str, answer: &Answer, spin: &Spin, curves: &[Measured])
     let errors: Vec<f64> =
         (0..answer.minima.len()).map(|i| error_deg(answer, i, spin, zero)).collect();
     println!(
-        "{name}: {:?}, {:.2} turns, extra {:.3}, reduced {:.2}, {} periods, {} epochs simulated, finer {}, warnings {:?}",
+        "{name}: {:?}, {:.2} turns, extra {:.3}, reduced {:.2}, alike {:.2}, {} periods, {} epochs simulated, finer {}, warnings {:?}",
         answer.verdict,
         answer.turns,
         answer.extra_noise,
         answer.reduced_chi2,
+        answer.correlation,
         answer.periods,
         answer.simulated,
         answer.finer,
