@@ -22,10 +22,8 @@ const POOR_EXTRA: f64 = 0.15;
 const POOR_CHI2: f64 = 1.5;
 /// So does a reduced χ² of more than this, with the noise beyond the stated.
 const NO_FIT: f64 = 4.0;
-/// Epochs of a block that residuals are summed over.
-const BLOCK: usize = 8;
-/// Blocks at least; with fewer epochs blocks are shorter.
-const LEAST_BLOCKS: usize = 12;
+/// Blocks of neighbouring epochs that residuals are summed over.
+const BLOCKS: usize = 12;
 /// Residuals count no further than this in them.
 const OUTLIER: f64 = 3.0;
 /// Standard deviations by which chance is excluded.
@@ -240,10 +238,10 @@ fn correlation(samples: &[Sample], extra: f64) -> f64 {
             _ => epochs.push((s.moment, residual)),
         }
     }
-    let block = (epochs.len() / LEAST_BLOCKS).clamp(1, BLOCK);
+    let block = (epochs.len() / BLOCKS).max(1);
     let blocks = epochs.chunks_exact(block);
     let count = blocks.len() as f64;
-    if count < LEAST_BLOCKS as f64 || all <= 0.0 {
+    if epochs.len() < BLOCKS || all <= 0.0 {
         return 1.0;
     }
     // Of all residuals those of the last, short block are left out above the line only.
@@ -280,9 +278,9 @@ fn verdict(minima: &[Minimum], unknowns: usize, extra: f64, reduced_chi2: f64) -
 }
 
 impl Answer {
-    /// Whether more is left over than noise: too much of the light, or more outliers than noise has.
+    /// Whether more is left over than noise: too much of the light, more outliers than noise has, or what is alike in neighbouring samples.
     fn is_poor(&self) -> bool {
-        self.extra_noise > POOR_EXTRA || self.reduced_chi2 > POOR_CHI2
+        self.extra_noise > POOR_EXTRA || self.reduced_chi2 > POOR_CHI2 || self.correlation > 1.0
     }
 
     /// Factors of the brightness by name: channels or materials in their order.

@@ -7,7 +7,7 @@ use super::forward::{Forward, Measured};
 use super::hunt::{Hunt, Trial, extra_noise, spread_out};
 use super::light::{AllLight, wants_earth};
 use super::question::{Checkpoint, Options, Progress, Question, Watch};
-use super::state::Law;
+use super::state::{Law, State};
 use super::twins::{self, Symmetry};
 use super::{AttitudeError, LEAST_EPOCHS};
 use glam::DVec3;
@@ -16,8 +16,12 @@ use glam::DVec3;
 const LAST: usize = 1500;
 /// Minima that stand in the answer at most.
 const ANSWERED: usize = 8;
-/// How often light by other ways is computed anew.
+/// How often light by other ways is computed anew at least, for the minima that matter.
 const ROUNDS: usize = 4;
+/// How often at most, for the best: until that moves by less than [`SETTLED`].
+const MOST_ROUNDS: usize = 12;
+/// See [`MOST_ROUNDS`], radians.
+const SETTLED: f64 = 3e-4;
 /// Minima that get all light at most.
 const ALL_LIT: usize = 3;
 /// The same of the finer search, in which light by other ways is what matters.
@@ -100,8 +104,9 @@ pub(super) fn search(
     let (mut extra, mut other_light) = (0.0, (0.0, 0.0));
     let mut light: Option<AllLight> = None;
     let mut far: Vec<Trial> = Vec::new();
-    for round in 0..ROUNDS {
-        watch.tell(Progress { stage: "all light", done: round, of: ROUNDS });
+    let mut before: Option<State> = None;
+    for round in 0..MOST_ROUNDS {
+        watch.tell(Progress { stage: "all light", done: round, of: ROUNDS.max(round + 1) });
         if lit && round == 0 && !forward.has_earth() {
             hunt.lit(&law, &mut trials)?;
         }
@@ -112,7 +117,10 @@ pub(super) fn search(
             };
             // What is far above the best by the light so far is not made the best by what is left.
             let close = trials.iter().filter(|t| t.cost <= CLOSE * trials[0].cost).count();
-            let few = close.clamp(1, if finer { ALL_LIT_FINER } else { ALL_LIT });
+            let few = match round {
+                0..ROUNDS => close.clamp(1, if finer { ALL_LIT_FINER } else { ALL_LIT }),
+                _ => 1,
+            };
             other_light = hunt.all_lit(light, &law, &mut trials[..few])?;
         }
         let (moments, space) = match round {
@@ -129,6 +137,17 @@ pub(super) fn search(
         let near = |f: &Found| round == 0 || (f.cost - cost) < 0.5 * freedom + 400.0;
         far.extend(minima.iter().filter(|f| !near(f)).map(Trial::of));
         trials = minima.iter().filter(|f| near(f)).map(Trial::of).collect();
+        // Light between the parts is held at the attitude before: where it counts for much, it takes some rounds to settle.
+        let moved = before.map_or(f64::INFINITY, |b| law.apart(&b, &best.state));
+        eprintln!(
+            "round {round}: moved {:.4} deg, cost {cost:.1}, extra {extra:.4}, {} near",
+            moved.to_degrees(),
+            trials.len()
+        );
+        if round + 1 >= ROUNDS && (moved < SETTLED || !options.all_light) {
+            break;
+        }
+        before = Some(best.state);
     }
     let space = Space::Rates { extra };
     let mut minima = hunt.descend_from(&law, &last, space, &trials, 12, "all samples")?;

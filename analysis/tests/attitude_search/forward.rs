@@ -7,7 +7,7 @@ use rand_xoshiro::Xoshiro256PlusPlus as Random;
 use std::f64::consts::{PI, TAU};
 use sunglint_analysis::attitude::{Forward, Law, Turn};
 use sunglint_simulator::attitude::{Attitude, Spin};
-use sunglint_simulator::pass::{Overrides, PassFile};
+use sunglint_simulator::pass::{Overrides, Pass, PassFile};
 
 /// A rotation by hand (Rodrigues' formula).
 fn rodrigues(axis: DVec3, angle: f64, v: DVec3) -> DVec3 {
@@ -146,4 +146,71 @@ fn twins_send_the_same_light_in_the_middle() {
     let once = sunglint_analysis::attitude::twins::twins(&forward, &law, &state, &[])[0].1;
     let twice = sunglint_analysis::attitude::twins::twins(&forward, &law, &once, &[])[0].1;
     assert!(law.apart(&state, &twice) < 1e-9);
+}
+
+/// Truth: the whole simulation of the same scene with the Earth's light switched on, all else off, less that with it off. Tolerance: 2 % of the Earth's light (five points along a side of a panel of the lit cap
+/// where the simulation goes on to its own tolerance, and no air-tables of its own). The slopes are held against central differences of the light itself, 1 % of the largest: they are differences
+/// over a thousandth of a radian, to one side.
+#[test]
+fn a_trial_has_the_earths_light_of_the_simulation() {
+    use sunglint_simulator::light::engine::{Switch, Switches};
+    let mut pass =
+        pass("built_in = \"box_wing\"", "2020-11-18T16:22:00", "2020-11-18T16:30:00", 20.0);
+    let off = Switches {
+        solar_disc: Switch::Off,
+        inter_reflection: Switch::Off,
+        earthshine: Switch::Off,
+        moonshine: Switch::Off,
+        finite_distance: Switch::Off,
+    };
+    let axis = DVec3::new(-0.2, 0.6, -0.4).normalize();
+    let spin = Spin::along(DVec3::Z, axis, -1.0 / 33.0, 5.0, pass.times[3]).unwrap();
+    pass.attitude = Attitude::Spin(spin);
+    pass.effects = off;
+    let without = pass.simulate(&|_| ()).unwrap();
+    let mut pass = Pass { effects: Switches { earthshine: Switch::On, ..off }, ..pass.clone() };
+    pass.tolerance = 1e-3;
+    let with = pass.simulate(&|_| ()).unwrap();
+    let curve = measured(pass.clone(), spin, 0.0, &mut Random::seed_from_u64(1));
+    let forward = Forward::new(&[curve]).unwrap();
+    let lit = forward.clone().with_earth(5);
+    assert!(lit.has_earth() && !forward.has_earth());
+    let law = Law::new(DVec3::Z, pass.times[3], forward.zero, 240.0).unwrap();
+    let turn = Turn { axis_gcrs: axis, turns_per_s: -1.0 / 33.0, phase_rad: 5.0 };
+    let state = law.state(&turn).unwrap();
+    let (mut own, mut all) = (vec![0.0; forward.channels], vec![0.0; forward.channels]);
+    let (mut apart, mut sum) = (0.0, 0.0);
+    let (mut slopes_apart, mut steepest) = (0.0_f64, 0.0_f64);
+    for (m, moment) in forward.moments.iter().enumerate() {
+        let at = law.at(&state, moment.time_s);
+        forward.eye().rates(m, at, &mut own).unwrap();
+        lit.eye().rates(m, at, &mut all).unwrap();
+        for c in 0..forward.channels {
+            let truth = with.channels[c].rate_hz[moment.sample]
+                - without.channels[c].rate_hz[moment.sample];
+            apart += (all[c] - own[c] - truth).abs();
+            sum += truth;
+        }
+        let earth = |q| -> Vec<f64> {
+            let (mut lit, mut bare) = (lit.eye(), forward.eye());
+            let bare = bare.weights(m, q).unwrap();
+            lit.weights(m, q).unwrap().iter().zip(bare).map(|(a, b)| a - b).collect()
+        };
+        let (mut lit, mut bare) = (lit.eye(), forward.eye());
+        let bare = bare.weights_and_slopes(m, at).unwrap().1;
+        let slopes = lit.weights_and_slopes(m, at).unwrap().1;
+        for (k, a) in DVec3::AXES.into_iter().enumerate() {
+            let up = earth(glam::DQuat::from_axis_angle(a, 1e-3) * at);
+            let down = earth(glam::DQuat::from_axis_angle(a, -1e-3) * at);
+            for w in 0..forward.weights {
+                let truth = (up[w] - down[w]) / 2e-3;
+                let found = slopes[k * forward.weights + w] - bare[k * forward.weights + w];
+                slopes_apart = slopes_apart.max((found - truth).abs());
+                steepest = steepest.max(truth.abs());
+            }
+        }
+    }
+    println!("{apart} of {sum}, slopes {slopes_apart} of {steepest}");
+    assert!(sum > 0.0 && apart < 0.02 * sum, "{apart} of {sum}");
+    assert!(slopes_apart < 0.01 * steepest, "{slopes_apart} of {steepest}");
 }
