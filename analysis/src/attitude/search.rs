@@ -139,11 +139,6 @@ pub(super) fn search(
         trials = minima.iter().filter(|f| near(f)).map(Trial::of).collect();
         // Light between the parts is held at the attitude before: where it counts for much, it takes some rounds to settle.
         let moved = before.map_or(f64::INFINITY, |b| law.apart(&b, &best.state));
-        eprintln!(
-            "round {round}: moved {:.4} deg, cost {cost:.1}, extra {extra:.4}, {} near",
-            moved.to_degrees(),
-            trials.len()
-        );
         if round + 1 >= ROUNDS && (moved < SETTLED || !options.all_light) {
             break;
         }

@@ -176,7 +176,6 @@ fn campaign_attitude() {
     let whole = campaign.is_whole();
     campaign.largest("wrong", wrong);
     campaign.largest("beyond_the_99_percent_ellipse", beyond(9.210));
-    campaign.largest("beyond_the_95_percent_ellipse", beyond(5.991));
     if whole {
         campaign.largest("median_error_deg", at(errors.clone(), 0.5));
         let found: Vec<f64> = errors.into_iter().filter(|e| *e <= 5.0).collect();
