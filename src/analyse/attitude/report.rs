@@ -113,7 +113,11 @@ impl Told<'_> {
             text,
             "  {} axes{}, {} periods, {} epochs simulated in {:.1} s",
             answer.surface.len(),
-            if answer.finer { " (searched twice: finer, and by the Earth's light too)" } else { "" },
+            if answer.finer {
+                " (searched twice: finer, and by the Earth's light too)"
+            } else {
+                ""
+            },
             answer.periods,
             answer.simulated,
             self.seconds
