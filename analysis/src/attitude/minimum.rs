@@ -118,7 +118,7 @@ pub(super) fn described(
         Some(c) => phase_sigma(found, law, question, c)?,
         None => None,
     };
-    let attitude = own.as_ref().map(|c| {
+    let attitude = own.as_ref().filter(|_| rest > 0 || unknowns.phase).map(|c| {
         let free = rest + usize::from(unknowns.phase);
         (0..free).map(|k| c[(k, k)]).sum::<f64>().sqrt()
     });
