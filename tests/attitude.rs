@@ -5,6 +5,7 @@
 mod common;
 
 use common::{Folder, SPHERE_PASS, page_toml};
+use std::fmt::Write as _;
 use sunglint_formats::ecsv;
 use sunglint_radiometry::light_curve::{Flags, LightCurve, RateKind};
 
@@ -107,6 +108,84 @@ fn gaps_lost_samples_and_a_free_brightness_do_not_stop_it() {
     assert!(lost.iter().any(|l| l["why"].as_str().unwrap().contains("saturated")), "{json}");
 }
 
+/// Truth: the page's spin, seen in magnitudes that the simulation itself states at 1,000 km, of which the axis is told: phase and period are found from one band of a table with columns of its own. Tolerance: 1° and
+/// 1e-3 of the period, as for rates with all channels. Read as what they are not, the same numbers have no attitude, and the answer says so.
+#[test]
+fn tables_of_magnitudes_are_read_as_they_are_said_to_be() {
+    let folder = folder("attitude-magnitudes");
+    folder.done(&["simulate", "pass.toml", "-o", "out/", "-q"]);
+    let geometry = ecsv::read(folder.path("out/turning_geometry.ecsv")).unwrap();
+    let v = geometry.f64("v_1000km_mag").unwrap();
+    let range = geometry.f64("range_m").unwrap();
+    let mut csv = "# made up\ntime_utc,v,range_m\n".to_owned();
+    let rows = geometry.text("time_utc").unwrap().iter().zip(v.iter().zip(range.iter()));
+    for (time, (v, range)) in rows.filter(|(_, (v, _))| v.is_finite()) {
+        writeln!(csv, "{},{v},{range}", time.as_deref().unwrap()).unwrap();
+    }
+    std::fs::write(folder.path("m.csv"), csv).unwrap();
+    let found = |kind: &str| {
+        let attitude = ["analyse", "attitude", "m.csv", "pass.toml", "--magnitude-column", "v"];
+        let more = ["--magnitudes-as", kind, "--sigma-mag", "0.02", "--known", "axis"];
+        let rest = ["--period", "20..300", "--scale", "grey", "--json"];
+        folder.json(&[&attitude[..], &more, &rest].concat())
+    };
+    let json = found("1000km");
+    let best = &json["minima"][0];
+    let number = |key: &str| best[key].as_f64().unwrap();
+    assert!((number("phase_deg") - 40.0).abs() < 1.0, "{best}");
+    assert!((number("period_s") / 70.0 - 1.0).abs() < 1e-3, "{best}");
+    assert!((best["brightness"][0]["value"].as_f64().unwrap() - 1.0).abs() < 0.03, "{best}");
+    assert_eq!(json["channels"][0], "V");
+    // Taken as apparent the light does not fall with the square of the distance, and no attitude makes up for that.
+    assert_eq!(found("apparent")["verdict"], "undetermined");
+    let message = folder.refused(1, &["analyse", "attitude", "m.csv", "pass.toml"]);
+    assert!(message.contains("--magnitude-column"), "{message}");
+}
+
+/// Truth: the page's spin, of which the axis is told. What is left of the curve are its first and last twentieth; every sample twice, with the times backwards. Tolerance: 1° of phase in the middle of the data's
+/// own uncertainty, 1e-3 of the period, or the reason why not.
+#[test]
+fn a_gap_double_times_and_times_backwards() {
+    let folder = folder("attitude-hard");
+    folder.done(&["simulate", "pass.toml", "-o", "p.ecsv", "-q"]);
+    let mut predicted = curve(&folder, "p.ecsv");
+    predicted.kind = RateKind::Calibrated;
+    let n = predicted.len();
+    let rows = |order: &[usize]| {
+        let mut made = predicted.clone();
+        let pick = |values: &[f64]| order.iter().map(|i| values[*i]).collect::<Vec<f64>>();
+        made.samples.time = order.iter().map(|i| predicted.samples.time[*i]).collect();
+        made.samples.exposure_s = pick(&predicted.samples.exposure_s);
+        made.samples.range_m = predicted.samples.range_m.as_deref().map(pick);
+        made.samples.phase_deg = predicted.samples.phase_deg.as_deref().map(pick);
+        made.samples.zenith_deg = predicted.samples.zenith_deg.as_deref().map(pick);
+        for channel in &mut made.channels {
+            channel.rate_hz = pick(&channel.rate_hz);
+            channel.sigma_hz = pick(&channel.sigma_hz);
+            channel.flags = order.iter().map(|i| channel.flags[*i]).collect();
+            channel.model_error_hz = channel.model_error_hz.as_deref().map(pick);
+        }
+        made
+    };
+    let options = ["--known", "axis", "--period", "20..300", "--json"];
+    let attitude = [&["analyse", "attitude", "m.ecsv", "pass.toml"][..], &options].concat();
+    let right = |made: &LightCurve| {
+        write(&folder, "m.ecsv", made);
+        let json = folder.json(&attitude);
+        let best = &json["minima"][0];
+        let number = |key: &str| best[key].as_f64().unwrap();
+        assert_eq!(json["verdict"], "one", "{json}");
+        assert!((number("phase_deg") - 40.0).abs() < 1.0, "{best}");
+        assert!((number("period_s") / 70.0 - 1.0).abs() < 1e-3, "{best}");
+    };
+    let ends: Vec<usize> = (0..n / 20).chain(n - n / 20..n).collect();
+    right(&rows(&ends));
+    let twice: Vec<usize> = (0..n).flat_map(|i| [i, i]).collect();
+    right(&rows(&twice));
+    let backwards: Vec<usize> = (0..n).rev().collect();
+    right(&rows(&backwards));
+}
+
 /// Exit code 1 where something is wrong with the input, 2 with the command; the message says what to do.
 #[test]
 fn what_cannot_be_found_is_said() {
@@ -154,7 +233,8 @@ fn what_cannot_be_found_is_said() {
     std::fs::write(folder.path("c.json"), "{}").unwrap();
     let message = refused(1, &|_| (), &["--checkpoint", "c.json"]);
     assert!(message.contains("no checkpoint") && message.contains("--force"), "{message}");
-    std::fs::write(folder.path("c.json"), "{\"of\":1,\"finer\":false,\"places\":[]}").unwrap();
+    std::fs::write(folder.path("c.json"), "{\"of\":1,\"times\":1,\"wide\":[],\"closer\":[]}")
+        .unwrap();
     let message = refused(1, &|_| (), &["--checkpoint", "c.json"]);
     assert!(message.contains("another search"), "{message}");
     // No spin, no axis in the body.

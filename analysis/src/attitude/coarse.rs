@@ -21,8 +21,8 @@ const BRIGHTNESS: f64 = 0.35;
 const COLOURS: f64 = 0.12;
 /// The most that an epoch adds.
 const MOST: f64 = 9.0;
-/// Places that are kept of each axis.
-const KEPT: usize = 3;
+/// Places that are kept of each axis: where the body turns about the bisector of Sun and station, nearly, many periods fit.
+const KEPT: usize = 12;
 /// Steps of the period: turns by which the ends of the data slip against one another.
 const SLIP_TURNS: f64 = 0.06;
 
@@ -83,6 +83,18 @@ pub fn rates(low: f64, high: f64, law: &Law, unknowns: Unknowns) -> Vec<f64> {
     (0..count).map(|i| low + (high - low) * i as f64 / (count - 1) as f64).collect()
 }
 
+impl Place {
+    /// The trial of a place on this axis.
+    ///
+    /// # Errors
+    /// An axis that is none.
+    pub fn state(&self, law: &Law, axis: DVec3) -> Result<State, AttitudeError> {
+        let turn = DQuat::from_axis_angle(axis.normalize(), TAU * self.phase);
+        let at_zero = (turn * law.upright(axis)?).normalize();
+        Ok(State { at_zero, turns_per_s: self.turns_per_s })
+    }
+}
+
 impl Look<'_> {
     /// The best places of an axis.
     ///
@@ -131,16 +143,6 @@ impl Look<'_> {
             cost: f64::from(costs[i].0) / self.moments.len().max(1) as f64,
         };
         Ok(minima.into_iter().map(place).collect())
-    }
-
-    /// The trial of a place.
-    ///
-    /// # Errors
-    /// An axis that is none.
-    pub fn state(&self, place: &Place, axis: DVec3) -> Result<State, AttitudeError> {
-        let turn = DQuat::from_axis_angle(axis.normalize(), TAU * place.phase);
-        let at_zero = (turn * self.law.upright(axis)?).normalize();
-        Ok(State { at_zero, turns_per_s: place.turns_per_s })
     }
 
     /// What each epoch adds at each phase, twice over: epochs × 2 phases.

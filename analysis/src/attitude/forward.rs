@@ -2,17 +2,21 @@
 //!
 //! What does not hang on the trial is computed once: the directions to Sun and observer at the moment at which the light left (light time, aberration), and what
 //! a weight of each spectrum makes in each channel there (air, range, the Sun's distance, integrals over wavelength). A trial is then two rotated directions, the light
-//! engine's exact sum over facets with all shadows ([`Scene`]), and a product with a small matrix. It is the direct light under a collimated Sun; what else the
-//! scene needs is added where it matters, at the end ([`super::search`]).
+//! engine's exact sum over facets with all shadows ([`Scene`]), and a product with a small matrix. It is the direct light under a collimated Sun, and, where a search by
+//! that alone has failed, the Earth's ([`Forward::with_earth`]); what else the scene needs is added at the end ([`super::search`]).
 
 use super::AttitudeError;
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
 use sunglint_calibration::pass::{Data, Unit};
 use sunglint_simulator::light::engine::{Switch, Switches};
+use sunglint_simulator::light::shine::EARTH_ALBEDO;
 use sunglint_simulator::light::{Evaluator, Globe, Parameter, Scene, View, shine};
 use sunglint_simulator::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
 use sunglint_simulator::pass::{Pass, Study};
+
+/// Turn by which the Earth's light is differentiated, radians.
+const EARTH_STEP: f64 = 1e-3;
 
 /// A measured curve beside the scene that it is of.
 pub struct Measured {
@@ -62,6 +66,8 @@ pub struct Forward {
     pub rate: Vec<f64>,
     /// Their stated standard uncertainties.
     pub sigma: Vec<f64>,
+    /// Of each moment the directions of the Earth's light, where that is part of a trial's.
+    shine: Vec<Vec<(DVec3, f64)>>,
 }
 
 /// Room to try in: one for each thread.
@@ -70,6 +76,8 @@ pub struct Eye<'a> {
     evaluator: Evaluator<'a>,
     weights: Vec<f64>,
     slopes: Vec<f64>,
+    /// The weights for one direction of light.
+    one: Vec<f64>,
 }
 
 impl Forward {
@@ -94,6 +102,7 @@ impl Forward {
             unit: Vec::new(),
             rate: Vec::new(),
             sigma: Vec::new(),
+            shine: Vec::new(),
         };
         let mut emitted: Vec<Epoch> = Vec::new();
         for (c, curve) in curves.iter().enumerate() {
@@ -174,6 +183,31 @@ impl Forward {
         Ok(())
     }
 
+    /// Directions (GCRS axes) from which the lit Earth shines on the body at a moment, and from each the irradiance, of the Sun's, of a Lambert sphere with the Earth's mean albedo: `order` points along each
+    /// side of a panel of it.
+    fn earth(&self, moment: usize, order: usize) -> Vec<(DVec3, f64)> {
+        let at = &self.moments[moment];
+        let earth = Globe {
+            toward: -at.position_m.normalize_or_zero(),
+            distance_m: at.position_m.length(),
+            radius_m: EARTH_EQUATORIAL_RADIUS_M,
+            sun: at.to_sun,
+        };
+        let nodes = shine::cap(&earth, order);
+        nodes.into_iter().map(|(toward, light)| (toward, EARTH_ALBEDO * light)).collect()
+    }
+
+    /// The same with the Earth's light in every trial's, of `order` points along each side of a panel of it. A trial then costs several times as much.
+    pub fn with_earth(mut self, order: usize) -> Self {
+        self.shine = (0..self.moments.len()).map(|m| self.earth(m, order)).collect();
+        self
+    }
+
+    /// Whether it is.
+    pub fn has_earth(&self) -> bool {
+        !self.shine.is_empty()
+    }
+
     /// Samples that count.
     pub fn samples(&self) -> usize {
         self.rate.iter().filter(|r| r.is_finite()).count()
@@ -203,6 +237,7 @@ impl Forward {
             evaluator: self.scene.evaluator(),
             weights: vec![0.0; self.weights],
             slopes: vec![0.0; 3 * self.weights],
+            one: vec![0.0; self.weights],
         }
     }
 }
@@ -226,35 +261,49 @@ impl Eye<'_> {
         let to_body = body_to_gcrs.conjugate();
         let (sun, observer) = (to_body * at.to_sun, to_body * at.to_observer);
         self.evaluator.direct(sun, View::Distant(observer), &mut self.weights)?;
+        if let Some(nodes) = self.forward.shine.get(moment) {
+            let mut sum = std::mem::take(&mut self.weights);
+            self.add_earth(moment, body_to_gcrs, nodes, 1.0, &mut sum)?;
+            self.weights = sum;
+        }
         Ok(&self.weights)
     }
 
-    /// Adds to `sum` the weights for light from the lit Earth, of `order` points along each side of a panel of it, for a reflectance of 1.
-    ///
-    /// # Errors
-    /// A rotation that is none.
-    pub fn add_earth(
+    /// Adds to `sum` a part of the weights for light from some directions of the lit Earth ([`Forward::earth`]).
+    fn add_earth(
         &mut self,
         moment: usize,
         body_to_gcrs: DQuat,
-        order: usize,
+        nodes: &[(DVec3, f64)],
+        part: f64,
         sum: &mut [f64],
     ) -> Result<(), AttitudeError> {
         let at = &self.forward.moments[moment];
         let to_body = body_to_gcrs.conjugate();
         let sun = to_body * at.to_sun;
         let view = View::Distant(to_body * at.to_observer);
-        let earth = Globe {
-            toward: to_body * -at.position_m.normalize_or_zero(),
-            distance_m: at.position_m.length(),
-            radius_m: EARTH_EQUATORIAL_RADIUS_M,
-            sun,
-        };
-        for (toward, irradiance) in shine::cap(&earth, order) {
-            self.evaluator.direct_from(toward, sun, view, &mut self.weights)?;
-            sum.iter_mut().zip(&self.weights).for_each(|(s, w)| *s += irradiance * w);
+        for (toward, irradiance) in nodes {
+            self.evaluator.direct_from(to_body * *toward, sun, view, &mut self.one)?;
+            let factor = part * irradiance;
+            sum.iter_mut().zip(&self.one).for_each(|(s, w)| *s += factor * w);
         }
         Ok(())
+    }
+
+    /// The weights for light from the lit Earth alone, of `order` points along each side of a panel of it.
+    ///
+    /// # Errors
+    /// As [`Eye::weights`].
+    pub fn earth(
+        &mut self,
+        moment: usize,
+        body_to_gcrs: DQuat,
+        order: usize,
+    ) -> Result<Vec<f64>, AttitudeError> {
+        let mut sum = vec![0.0; self.forward.weights];
+        let nodes = self.forward.earth(moment, order);
+        self.add_earth(moment, body_to_gcrs, &nodes, 1.0, &mut sum)?;
+        Ok(sum)
     }
 
     /// Fills `out` (one number a channel) with the rates there; 0 in channels without a sample.
@@ -295,6 +344,30 @@ impl Eye<'_> {
             &mut self.weights,
             &mut self.slopes,
         )?;
+        if let Some(nodes) = self.forward.shine.get(moment) {
+            self.add_earth_and_slopes(moment, body_to_gcrs, nodes)?;
+        }
         Ok((&self.weights, &self.slopes))
+    }
+
+    /// Light of an extended source changes smoothly: differences do for its slopes.
+    fn add_earth_and_slopes(
+        &mut self,
+        moment: usize,
+        body_to_gcrs: DQuat,
+        nodes: &[(DVec3, f64)],
+    ) -> Result<(), AttitudeError> {
+        let count = self.weights.len();
+        let mut own = vec![0.0; count];
+        self.add_earth(moment, body_to_gcrs, nodes, 1.0, &mut own)?;
+        let mut slopes = std::mem::take(&mut self.slopes);
+        for (row, axis) in slopes.chunks_exact_mut(count.max(1)).zip(DVec3::AXES) {
+            let turned = DQuat::from_axis_angle(axis, EARTH_STEP) * body_to_gcrs;
+            self.add_earth(moment, turned, nodes, 1.0 / EARTH_STEP, row)?;
+            row.iter_mut().zip(&own).for_each(|(r, w)| *r -= w / EARTH_STEP);
+        }
+        self.slopes = slopes;
+        self.weights.iter_mut().zip(&own).for_each(|(w, o)| *w += o);
+        Ok(())
     }
 }

@@ -2,7 +2,7 @@
 
 use super::AttitudeError;
 use super::forward::{Forward, Measured};
-use super::search::{Hunt, Trial};
+use super::hunt::{Hunt, Trial};
 use super::state::{Law, State};
 use hifitime::Epoch;
 use rayon::prelude::*;
@@ -10,7 +10,6 @@ use std::sync::Arc;
 use sunglint_calibration::pass::Unit;
 use sunglint_simulator::attitude::{Attitude, Spin};
 use sunglint_simulator::light::engine::Switch;
-use sunglint_simulator::light::shine::EARTH_ALBEDO;
 use sunglint_simulator::pass::Study;
 
 /// Points along each side of a panel of the lit Earth: 8 a panel.
@@ -18,12 +17,12 @@ const ORDER: usize = 2;
 /// What all light is known to, a part of it: it is computed for whole passes, several times.
 const TOLERANCE: f64 = 0.01;
 
-impl Hunt<'_> {
-    /// Whether the scenes want the Earth's light.
-    pub(super) fn wants_earth(&self, curves: &[Measured]) -> bool {
-        curves.iter().any(|c| c.pass.effects.earthshine != Switch::Off)
-    }
+/// Whether the scenes want the Earth's light.
+pub(super) fn wants_earth(curves: &[Measured]) -> bool {
+    curves.iter().any(|c| c.pass.effects.earthshine != Switch::Off)
+}
 
+impl Hunt<'_> {
     /// The trials with the Earth's light, held as it is at each of them. It comes from half a world and changes little with the attitude: what it is at a trial is nearly what it is beside it.
     pub(super) fn lit(&self, law: &Law, trials: &mut [Trial]) -> Result<(), AttitudeError> {
         for trial in trials {
@@ -61,13 +60,10 @@ fn earthshine(forward: &Forward, law: &Law, state: &State) -> Result<Vec<f64>, A
     let rows: Result<Vec<Vec<f64>>, AttitudeError> = (0..forward.moments.len())
         .into_par_iter()
         .map_init(
-            || (forward.eye(), vec![0.0; forward.weights]),
-            |(eye, sum), m| {
-                sum.fill(0.0);
-                eye.add_earth(m, law.at(state, forward.moments[m].time_s), ORDER, sum)?;
-                let rate = |row: &[f64]| {
-                    EARTH_ALBEDO * row.iter().zip(&*sum).map(|(k, w)| k * w).sum::<f64>()
-                };
+            || forward.eye(),
+            |eye, m| {
+                let sum = eye.earth(m, law.at(state, forward.moments[m].time_s), ORDER)?;
+                let rate = |row: &[f64]| row.iter().zip(&sum).map(|(k, w)| k * w).sum::<f64>();
                 Ok(forward.unit_rates(m).chunks_exact(forward.weights).map(rate).collect())
             },
         )

@@ -16,17 +16,25 @@ mod answer;
 pub mod coarse;
 mod compare;
 pub mod descent;
+mod first;
 mod forward;
+mod hunt;
 mod light;
+mod look;
+mod minimum;
+mod passes;
+mod question;
+mod residuals;
 mod search;
 mod state;
 pub mod twins;
 
-pub use answer::{Answer, Ellipse, Minimum, Verdict, find};
+pub use answer::{Answer, Verdict, find};
 pub use compare::Compared;
 pub use descent::Sample;
 pub use forward::{Eye, Forward, Measured, Moment};
-pub use search::{Checkpoint, Options, Progress, Question, Watch};
+pub use minimum::{Ellipse, Minimum};
+pub use question::{Checkpoint, Options, Progress, Question, Watch};
 pub use state::{Law, State, Turn, Unknowns, angle};
 
 use glam::DVec3;

@@ -54,6 +54,9 @@ pub struct AttitudeArgs {
     /// Direct sunlight alone: neither the Earth's nor light between the parts in the last steps
     #[arg(long)]
     pub direct_only: bool,
+    /// How a table of magnitudes is read.
+    #[command(flatten)]
+    pub magnitudes: Magnitudes,
     /// A file that the first look at all axes is kept in from time to time; where it is there, the search goes on from it
     #[arg(long, value_name = "FILE.json")]
     pub checkpoint: Option<PathBuf>,
@@ -120,8 +123,7 @@ pub(super) fn run(args: &AttitudeArgs, seed: u64, console: Console) -> anyhow::R
     args.out.check_with(console)?;
     args.out.check()?;
     let start = Instant::now();
-    let magnitudes = Magnitudes::default();
-    let jobs = joined(&args.inputs, &magnitudes)?;
+    let jobs = joined(&args.inputs, &args.magnitudes)?;
     let mut warnings = Vec::new();
     let mut passes = Vec::new();
     for job in &jobs {

@@ -111,8 +111,13 @@ impl Told<'_> {
         );
         let _ = writeln!(
             text,
-            "  {} axes, {} periods, {} epochs simulated in {:.1} s",
+            "  {} axes{}, {} periods, {} epochs simulated in {:.1} s",
             answer.surface.len(),
+            if answer.finer {
+                " (searched twice: finer, and by the Earth's light too)"
+            } else {
+                ""
+            },
             answer.periods,
             answer.simulated,
             self.seconds
@@ -197,6 +202,7 @@ impl Told<'_> {
             "turns": rounded(answer.turns),
             "reduced_chi2": rounded(answer.reduced_chi2),
             "extra_noise": rounded(answer.extra_noise),
+            "residual_correlation": rounded(answer.correlation),
             "other_light": {
                 "median_share": rounded(answer.other_light.0),
                 "largest_share": rounded(answer.other_light.1),

@@ -1,7 +1,9 @@
 //! Campaigns: statistical promises over many seeds, of which a tenth runs with every test.
 
 use crate::repository;
+use crate::rows::{Rows, shard};
 use std::fmt::Write as _;
+use std::ops::Range;
 use std::path::PathBuf;
 
 /// A statistical promise, judged over the seeds 0…n−1.
@@ -22,7 +24,9 @@ use std::path::PathBuf;
 pub struct Campaign {
     name: &'static str,
     n: u64,
+    seeds: Range<u64>,
     full: bool,
+    rows: Option<Rows>,
     figures: Vec<(&'static str, f64)>,
 }
 
@@ -30,13 +34,53 @@ impl Campaign {
     /// A campaign of `n` seeds (at least ten), or of the first tenth of them.
     pub fn start(name: &'static str, n: u64) -> Self {
         assert!(n >= 10, "a campaign has at least ten seeds");
-        let full = std::env::var("SUNGLINT_CAMPAIGN").is_ok_and(|wanted| wanted == name);
-        Self { name, n: if full { n } else { n / 10 }, full, figures: Vec::new() }
+        let full = wanted(name);
+        let seeds = 0..if full { n } else { n / 10 };
+        Self { name, n, seeds, full, rows: None, figures: Vec::new() }
+    }
+
+    /// A campaign of `n` seeds that cost so much that it is run in shards: what came of each seed is a row of `tests/campaigns/NAME.tsv`, kept as soon as it is known, and the whole is
+    /// judged by all rows. `./test --campaign NAME --shard K/N` runs the K-th of N parts of the seeds; any other run takes the first `few`.
+    pub fn in_shards(
+        name: &'static str,
+        n: u64,
+        few: u64,
+        columns: &'static [&'static str],
+    ) -> Self {
+        let full = wanted(name);
+        let seeds = match (full, std::env::var("SUNGLINT_SHARD")) {
+            (true, Ok(text)) => shard(&text, n),
+            (true, Err(_)) => 0..n,
+            (false, _) => 0..few,
+        };
+        let path = repository().join("tests/campaigns").join(format!("{name}.tsv"));
+        let mut rows = if full { Rows::read(path, columns) } else { Rows::new(columns) };
+        rows.forget(seeds.clone());
+        Self { name, n, seeds, full, rows: Some(rows), figures: Vec::new() }
     }
 
     /// The seeds of this run.
-    pub fn seeds(&self) -> std::ops::Range<u64> {
-        0..self.n
+    pub fn seeds(&self) -> Range<u64> {
+        self.seeds.clone()
+    }
+
+    /// Keeps what came of a seed, in the order of the columns.
+    ///
+    /// # Panics
+    /// Where the campaign is not one in shards, the columns are more or fewer, or the file cannot be written.
+    pub fn keep(&mut self, seed: u64, values: &[f64]) {
+        let Some(rows) = &mut self.rows else { panic!("{} keeps no rows", self.name) };
+        rows.keep(seed, commit(), values);
+    }
+
+    /// A column of all rows that are kept: those of this run, and in a whole campaign those of earlier shards.
+    pub fn column(&self, name: &str) -> Vec<f64> {
+        self.rows.as_ref().map_or_else(Vec::new, |rows| rows.column(name))
+    }
+
+    /// Whether every seed of the whole campaign has been run, here or in shards before.
+    pub fn is_whole(&self) -> bool {
+        self.full && self.rows.as_ref().is_none_or(|rows| rows.missing(self.n).is_empty())
     }
 
     /// The largest of something over the seeds: a tenth's cannot exceed the whole's by more than rounding.
@@ -50,6 +94,11 @@ impl Campaign {
     /// Where the file is missing or a figure of the tenth exceeds the whole's: the promise, or the file, is out of date.
     pub fn finish(self) {
         let path = self.path();
+        if self.full && !self.is_whole() {
+            let missing = self.rows.map_or_else(Vec::new, |rows| rows.missing(self.n));
+            println!("{}: {} of {} seeds are still to be run", self.name, missing.len(), self.n);
+            return;
+        }
         if self.full {
             let written = std::fs::write(&path, self.toml());
             assert!(written.is_ok(), "cannot write {}: {written:?}", path.display());
@@ -68,7 +117,7 @@ impl Campaign {
             assert!(
                 *value <= whole * (1.0 + 1e-6),
                 "{figure} of the first {} seeds is {value:e}, of the whole campaign {whole:e}: {advice}",
-                self.n
+                self.seeds.end
             );
         }
     }
@@ -78,14 +127,9 @@ impl Campaign {
     }
 
     fn toml(&self) -> String {
-        let commit = std::process::Command::new("git")
-            .args(["rev-parse", "--short", "HEAD"])
-            .current_dir(repository())
-            .output()
-            .map(|out| String::from_utf8_lossy(&out.stdout).trim().to_owned())
-            .unwrap_or_default();
+        let commits = self.rows.as_ref().map_or_else(commit, Rows::commits);
         let mut text = format!(
-            "# Written by ./test --campaign {}\nfirst_seed = 0\nseeds = {}\ncommit = \"{commit}\"\n\n[figures]\n",
+            "# Written by ./test --campaign {}\nfirst_seed = 0\nseeds = {}\ncommit = \"{commits}\"\n\n[figures]\n",
             self.name, self.n
         );
         for (figure, value) in &self.figures {
@@ -93,4 +137,19 @@ impl Campaign {
         }
         text
     }
+}
+
+/// Whether this run is the whole campaign of that name.
+fn wanted(name: &str) -> bool {
+    std::env::var("SUNGLINT_CAMPAIGN").is_ok_and(|wanted| wanted == name)
+}
+
+/// The commit that is checked out; empty where there is none.
+fn commit() -> String {
+    std::process::Command::new("git")
+        .args(["rev-parse", "--short", "HEAD"])
+        .current_dir(repository())
+        .output()
+        .map(|out| String::from_utf8_lossy(&out.stdout).trim().to_owned())
+        .unwrap_or_default()
 }

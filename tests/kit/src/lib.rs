@@ -1,6 +1,7 @@
 //! What the tests of the workspace share: skips that are counted, the Python of the peer programs, campaigns, and the folders.
 
 mod campaign;
+mod rows;
 
 pub use campaign::Campaign;
 
