@@ -2,7 +2,7 @@
 
 use super::curves::CurveArgs;
 use super::path::bisectors;
-use crate::output::{Console, OutputArgs, Product, Usage, rounded};
+use crate::output::{Console, OutputArgs, Product, rounded};
 use crate::plot::{Axis, Figure, Heat, Panel, Series as Drawn};
 use crate::star::when;
 use anyhow::{Context as _, bail};
@@ -38,15 +38,8 @@ pub struct FoldArgs {
     pub pass: Option<PathBuf>,
     /// Right ascension and declination of the spin axis, degrees: phases then count turns of the body under the bisector of Sun and station, and --period is that of the spin (sidereal; turns are
     /// right-handed about the axis)
-    #[arg(
-        long,
-        value_name = "RA,DEC",
-        value_delimiter = ',',
-        num_args = 2,
-        requires = "pass",
-        allow_negative_numbers = true
-    )]
-    pub axis: Vec<f64>,
+    #[arg(long, value_name = "RA,DEC", value_parser = axis, requires = "pass", allow_hyphen_values = true)]
+    pub axis: Option<(f64, f64)>,
     /// Stretches of phase
     #[arg(long, value_name = "N", default_value_t = 50)]
     pub bins: usize,
@@ -82,8 +75,8 @@ pub(super) fn run(args: &FoldArgs, console: Console) -> anyhow::Result<()> {
     let mut folding = folding;
     let mut folded = Vec::new();
     let mut warnings = curves.warnings.clone();
-    if let (Some(pass), [ra_deg, dec_deg]) = (&args.pass, &args.axis[..]) {
-        let turn = turn(args, pass, (*ra_deg, *dec_deg), curves.zero, &series)?;
+    if let (Some(pass), Some(axis)) = (&args.pass, args.axis) {
+        let turn = turn(args, pass, axis, curves.zero, &series)?;
         let clocked = |s: &Series| {
             let clocked = turn.clocked(s, 1.0 / args.period);
             clocked.with_context(|| format!("about this axis the bisector of Sun and station turns faster than once in {} s: the body has no phase", args.period))
@@ -118,6 +111,7 @@ pub(super) fn run(args: &FoldArgs, console: Console) -> anyhow::Result<()> {
         json: json!({
             "period_s": rounded(args.period),
             "period_sigma_s": args.period_sigma.map(rounded),
+            "axis": args.axis.map(|(ra, dec)| json!({ "ra_deg": rounded(ra), "dec_deg": rounded(dec) })),
             "epoch_utc": format_utc_shortest(epoch),
             "bins": args.bins,
             "channels": folded.iter().map(|(s, f)| json!({
@@ -136,6 +130,20 @@ pub(super) fn run(args: &FoldArgs, console: Console) -> anyhow::Result<()> {
     args.out.finish(&product, &text(&folded, args, &format_utc_shortest(epoch)), console)
 }
 
+/// Two angles, degrees.
+fn axis(text: &str) -> Result<(f64, f64), String> {
+    let wrong = || {
+        format!("expected a right ascension and a declination, degrees, as 83.6,22.0, found {text}")
+    };
+    let (ra, dec) = text.split_once(',').ok_or_else(wrong)?;
+    let number = |t: &str| t.trim().parse::<f64>().map_err(|_| wrong());
+    let (ra_deg, dec_deg) = (number(ra)?, number(dec)?);
+    if !(ra_deg.is_finite() && (-90.0..=90.0).contains(&dec_deg)) {
+        return Err(wrong());
+    }
+    Ok((ra_deg, dec_deg))
+}
+
 /// The turn of the bisector about the axis that was given.
 fn turn(
     args: &FoldArgs,
@@ -144,12 +152,6 @@ fn turn(
     zero: Epoch,
     series: &[Series],
 ) -> anyhow::Result<Turn> {
-    if !(ra_deg.is_finite() && (-90.0..=90.0).contains(&dec_deg)) {
-        let text = format!(
-            "--axis is {ra_deg},{dec_deg}, expected a right ascension and a declination of -90 to 90, degrees"
-        );
-        return Err(Usage(text).into());
-    }
     if !(args.period.is_finite() && args.period > 0.0) {
         bail!("the period is {} s, expected a time above 0", args.period);
     }
@@ -203,7 +205,8 @@ fn table(folded: &[(&Series, Folded)]) -> Table {
 fn figure(folded: &[(&Series, Folded)], args: &FoldArgs) -> Figure {
     let lines = folded.iter().enumerate().map(|(k, (series, f))| {
         let mean = series.value.iter().sum::<f64>() / series.len() as f64;
-        let points = f.bins.iter().map(|b| (b.phase, b.mean / mean)).collect();
+        let filled = f.bins.iter().filter(|b| b.samples > 0);
+        let points = filled.map(|b| (b.phase, b.mean / mean)).collect();
         Drawn::line(series.name.clone(), k, points)
     });
     let lines = lines.collect();

@@ -175,11 +175,24 @@ impl Lines<'_> {
     /// looked for up to there. `None` where the turns are too few to tell lines from harmonics, or lines are seen
     /// where the sampling folds harmonics to.
     pub fn longer(&self, frequency_hz: f64, times: usize, order: usize) -> Option<Longer> {
+        // A sampling in step with the period folds harmonics onto all lines: a harmonic only adds to a line, so that lines that are not there still say so.
+        self.of_lines(frequency_hz, times, order, false).or_else(|| {
+            self.of_lines(frequency_hz, times, order, true).filter(|l| l.chance > ABSENT)
+        })
+    }
+
+    /// The same from lines where no harmonic is folded to, or from all.
+    fn of_lines(
+        &self,
+        frequency_hz: f64,
+        times: usize,
+        order: usize,
+        is_all: bool,
+    ) -> Option<Longer> {
         let n = times as f64;
         let mut by_series = Vec::new();
         // Above what lies beside, its noise, and the light itself; by series in units of what lies beside.
         let (mut excess, mut noise, mut light) = (0.0, 0.0, 0.0);
-        let mut only_folded = false;
         for series in self.series {
             let spacing = frequency_hz * series.span_s() / n;
             let is_tapered = spacing >= TAPERED;
@@ -197,21 +210,21 @@ impl Lines<'_> {
             let strongest = (1..=harmonics)
                 .map(|k| power(&samples.time, &samples.whole, k as f64 * frequency_hz))
                 .fold(0.0, f64::max);
-            let all = (1..=times * harmonics).filter(|j| j % times != 0).map(|j| {
-                let at = j as f64 / n * frequency_hz;
-                let line = self.line(&samples, &samples.left, at, &places);
-                let is_clear =
-                    line.power > STRONG * strongest || !samples.is_folded(at, frequency_hz);
-                (j, line, is_clear)
-            });
-            let (clear, folded): (Vec<_>, Vec<_>) = all.partition(|(_, _, is_clear)| *is_clear);
-            // A sampling in step with the period folds harmonics onto all lines: a harmonic only adds to a line, so that lines that are not there still say so.
-            only_folded |= clear.is_empty();
-            let lines = if clear.is_empty() { folded } else { clear };
+            let lines: Vec<(usize, Line)> = (1..=times * harmonics)
+                .filter(|j| j % times != 0)
+                .map(|j| (j, j as f64 / n * frequency_hz))
+                .map(|(j, line)| (j, line, self.line(&samples, &samples.left, line, &places)))
+                .filter(|(_, at, line)| {
+                    is_all
+                        || line.power > STRONG * strongest
+                        || !samples.is_folded(*at, frequency_hz)
+                })
+                .map(|(j, _, line)| (j, line))
+                .collect();
             let near: Vec<&Line> = lines
                 .iter()
-                .filter(|(j, l, _)| *j <= times * order && l.beside > 0.0)
-                .map(|(_, l, _)| l)
+                .filter(|(j, l)| *j <= times * order && l.beside > 0.0)
+                .map(|(_, l)| l)
                 .collect();
             let unit = near.iter().map(|l| l.beside).sum::<f64>() / near.len().max(1) as f64;
             if unit > 0.0 {
@@ -221,12 +234,9 @@ impl Lines<'_> {
                     .map(|k| power(&samples.time, &samples.whole, k as f64 * frequency_hz));
                 light += (of_light.sum::<f64>() / unit - order as f64).max(0.0);
             }
-            by_series.push(lines.into_iter().map(|(_, line, _)| line.chance).collect::<Vec<_>>());
+            by_series.push(lines.into_iter().map(|(_, line)| line.chance).collect::<Vec<_>>());
         }
         let chance = self.joined(&by_series)?;
-        if only_folded && chance < ABSENT {
-            return None;
-        }
         let noise = (noise / self.independent).sqrt();
         // A difference u between like halves makes lines of u/2 of the light's amplitude.
         let unlike = if light > 0.0 {

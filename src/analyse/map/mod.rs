@@ -80,7 +80,7 @@ pub fn run(args: &MapArgs, console: Console) -> anyhow::Result<()> {
     let mut warnings = Vec::new();
     if let (true, Some(curve)) = (args.spin.quality, &args.curve) {
         let taken = Taken::read(&pass, curve, &[], &mut warnings).with_context(name)?;
-        let answer = quality::answer(&args.spin, &taken, args.step_deg, warnings)
+        let answer = quality::answer(&args.spin, &taken, args.step_deg, warnings, console)
             .with_context(|| curve.display().to_string())?;
         for warning in answer.warnings() {
             console.warn(warning);

@@ -1,10 +1,11 @@
 //! How well samples agree on the frame of a spin: axes all over the sky, for a body of unknown shape.
 
 use super::samples::Taken;
-use crate::output::{Product, Usage, rounded};
+use crate::output::{Console, Product, Usage, rounded};
 use crate::plot::{Axis, Figure, Heat, Panel};
 use anyhow::bail;
 use clap::Args;
+use indicatif::{ProgressBar, ProgressDrawTarget};
 use ndarray::Array2;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -30,8 +31,8 @@ pub struct QualityArgs {
     pub axes_deg: f64,
 }
 
-/// Axes whose measure is within this factor of the smallest fit as well.
-const ALIKE: f64 = 1.25;
+/// Axes whose measure is within this factor of the smallest are told: under the Sun place alone does not make the light, and the smallest need not be the true one.
+const ALIKE: f64 = 2.0;
 /// Cells that two turns visit: with fewer the measure says nothing.
 const LEAST_CELLS: usize = 10;
 /// Periods at most.
@@ -78,6 +79,7 @@ pub fn answer(
     taken: &Taken,
     step_deg: f64,
     mut warnings: Vec<String>,
+    console: Console,
 ) -> anyhow::Result<Answer> {
     let (period_s, within) = args.check()?;
     let (cells, sky) = (Grid::new(step_deg)?, Grid::new(args.axes_deg)?);
@@ -104,7 +106,12 @@ pub fn answer(
     let mut best_period = theta.clone();
     let mut best: Option<(Spin, Quality)> = None;
     let axes: Vec<_> = theta.indexed_iter().map(|(cell, _)| cell).collect();
+    let bar = ProgressBar::new(axes.len() as u64);
+    if console.quiet {
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+    }
     for cell in axes {
+        bar.inc(1);
         let axis = sky.direction(cell);
         let spins: Vec<Spin> = periods.iter().map(|p| Spin { axis, period_s: *p }).collect();
         let found = scan(&sightings, &spins, cells)?;
@@ -117,6 +124,7 @@ pub fn answer(
             best = Some(here);
         }
     }
+    bar.finish_and_clear();
     let Some(best) = best else {
         bail!(
             "no cell of {}° is visited by two turns of {period_s} s often enough ({LEAST_CELLS} cells at least): longer data, a shorter period or larger cells (--step-deg) are needed",
@@ -233,7 +241,7 @@ impl Answer {
             self.alike_s.0,
             self.alike_s.1
         );
-        text.push_str("  theta: how visits of a cell differ from turn to turn, over how all visits differ; near 0 where a place always looks the same, near 1 where place says nothing\n");
+        text.push_str("  theta: how visits of a cell differ from turn to turn, over how all visits differ; near 0 where a place always looks the same, near 1 where place says nothing. Under the Sun light is not made by place alone: the true axis need not be the best\n");
         text
     }
 

@@ -123,7 +123,7 @@ pub(super) fn run(args: &PeriodArgs, console: Console) -> anyhow::Result<()> {
             answer.verdict = along.verdict.clone();
             answer.series.clone_from(&along.series);
         }
-        answer.sidereal = answer.verdict.best.map(|best| path.bounds(best.period_s));
+        answer.sidereal = answer.drawn_verdict().best.map(|best| path.bounds(best.period_s));
     }
     bar.set_message("drawing the periodograms");
     answer.draw()?;
@@ -241,9 +241,15 @@ impl Answer {
 
     /// The period to fold on: the verdict's best, if it has one that was accepted.
     fn folds_on(&self) -> Option<f64> {
-        match &self.verdict.outcome {
-            Outcome::One(_) | Outcome::Family(_) => self.verdict.best.map(|b| b.period_s),
+        let verdict = self.drawn_verdict();
+        match &verdict.outcome {
+            Outcome::One(_) | Outcome::Family(_) => verdict.best.map(|b| b.period_s),
             _ => None,
         }
+    }
+
+    /// The verdict in the time of the series, which may be a clock's.
+    fn drawn_verdict(&self) -> &Verdict {
+        self.along.as_ref().map_or(&self.verdict, |along| &along.in_clock)
     }
 }

@@ -116,13 +116,13 @@ impl Answer {
             );
             let _ = writeln!(
                 text,
-                "spin      {:.5} s to {:.5} s, about axes whose clocks fit as well ({} of the sky); right-handed about them",
+                "spin      the periods above are the spin's own (sidereal): the best from {:.5} s to {:.5} s, about axes whose clocks fit as well ({} of the sky)",
                 a.sidereal_s.0,
                 a.sidereal_s.1,
                 percent(a.alike)
             );
         }
-        if let Some(s) = &self.sidereal {
+        if let (Some(s), None) = (&self.sidereal, &self.along) {
             let _ = writeln!(
                 text,
                 "sidereal  the bisector of Sun and station moves by up to {:.4} deg/s, {:.1} deg in all: the spin's period is between {:.5} s and {:.5} s (axis across the bisector; further apart near the axis)",
@@ -211,7 +211,7 @@ impl Answer {
             "sidereal": self.sidereal.map(|s| json!({ "fastest_deg_s": rounded(s.fastest_deg_s), "moved_deg": rounded(s.moved_deg), "from_to_s": [finite(s.from_to_s.0), finite(s.from_to_s.1)] })),
             "along": self.along.as_ref().map(|a| json!({
                 "stretches": a.stretches, "way_deg": rounded(a.way_deg), "ra_deg": rounded(axis_deg(a).0), "dec_deg": rounded(axis_deg(a).1),
-                "bend_turns": rounded(a.clock.bend_turns), "even_share": rounded(a.even_share), "sidereal_s": [rounded(a.sidereal_s.0), rounded(a.sidereal_s.1)], "sky_share": rounded(a.alike),
+                "synodic_s": rounded(a.clock.synodic_s), "bend_turns": rounded(a.clock.bend_turns), "even_share": rounded(a.even_share), "sidereal_s": [rounded(a.sidereal_s.0), rounded(a.sidereal_s.1)], "sky_share": rounded(a.alike),
             })),
             "channels": self.series.iter().map(|s| json!({
                 "name": s.name, "samples": s.len(), "flagged": s.left_out.flagged, "not_finite": s.left_out.not_finite, "same_time": s.left_out.same_time,

@@ -11,7 +11,7 @@
 use super::range::Range;
 use super::rivals::RIVAL;
 use super::search::Search;
-use super::{Membership, Options, Outcome, Verdict, centred, verdict};
+use super::{Estimate, Membership, Options, Outcome, Verdict, centred, verdict};
 use crate::period::lomb_scargle::Centred;
 use crate::period::{Grid, PeriodError, joint_gain, lomb_scargle};
 use crate::series::Series;
@@ -37,7 +37,7 @@ const BESIDE: f64 = 1.0;
 /// Frequencies to a resolution of the highest harmonic.
 const OVERSAMPLING: f64 = 4.0;
 /// Clocks that leave no more than this of the variance beyond what the best leaves fit as well: light is no function of the bisector's longitude alone, and differences below that mean nothing.
-const UNLIKE: f64 = 0.05;
+const UNLIKE: f64 = 0.15;
 /// A period that changes by more than this share is another one, for which stretches and clock are sought anew.
 const SAME: f64 = 0.02;
 /// How often.
@@ -75,7 +75,10 @@ pub struct Along {
     pub even_share: f64,
     /// The series in its time, whole.
     pub series: Vec<Series>,
-    /// The verdict on their stretches.
+    /// The verdict on their stretches, its periods those in the clock's time.
+    pub in_clock: Verdict,
+    /// The same verdict, its periods those of the spin: the middle over all axes whose clocks fit as well; their range, as of a uniform distribution, is in the standard uncertainty. Questions and
+    /// peaks are as in the clock's time.
     pub verdict: Verdict,
 }
 
@@ -200,6 +203,20 @@ fn spiral(k: usize) -> DVec3 {
     DVec3::new(r * cos, r * sin, z)
 }
 
+/// A period in the time of `best` as that of the spin, over all clocks: its middle with its uncertainty, and from where to where.
+fn spin(estimate: &Estimate, best: Clock, clocks: &[Clock]) -> (Estimate, (f64, f64)) {
+    let of = |c: &Clock| {
+        let even = best.synodic_s / c.synodic_s / estimate.period_s;
+        1.0 / (even + 1.0 / c.sidereal_s - 1.0 / c.synodic_s)
+    };
+    let periods = || clocks.iter().map(of).filter(|p| *p > 0.0);
+    let ends = (periods().fold(f64::INFINITY, f64::min), periods().fold(0.0, f64::max));
+    let period_s = 0.5 * (ends.0 + ends.1);
+    let by_axis = (ends.1 - ends.0) / 12.0_f64.sqrt();
+    let sigma_s = (estimate.sigma_s * (period_s / estimate.period_s).powi(2)).hypot(by_axis);
+    (Estimate { period_s, sigma_s }, ends)
+}
+
 /// By how much what is left of the variance grows, relative, where the gain in twice the logarithm of the likelihood falls by `-gain`.
 fn share(gain: f64, samples: f64) -> f64 {
     (-gain / samples).exp_m1()
@@ -288,17 +305,29 @@ pub fn verdict_along(
         let (even_gain, _) = question.gain(&question.pieces)?;
         let samples = question.pieces.iter().map(Series::len).sum::<usize>() as f64;
         let least = clock.gain - (UNLIKE * samples).max(RIVAL / found.independent_samples);
-        let alike = || tried.iter().chain([&clock]).filter(|c| c.gain >= least);
-        let periods = || alike().map(|c| c.sidereal_s);
+        let alike: Vec<Clock> =
+            tried.iter().chain([&clock]).filter(|c| c.gain >= least).copied().collect();
+        let spin = |e: &Estimate| spin(e, clock, &alike);
+        let mut of_spin = found.clone();
+        let ends = found.best.as_ref().map(|b| spin(b).1);
+        of_spin.best = found.best.as_ref().map(|b| spin(b).0);
+        match &mut of_spin.outcome {
+            Outcome::One(e) => *e = spin(e).0,
+            Outcome::Family(members) => {
+                members.iter_mut().for_each(|m| m.estimate = spin(&m.estimate).0);
+            }
+            Outcome::NotEnough(_) => {}
+        }
         answer = Some(Along {
             stretches: stretches.len(),
             way_deg,
             clock,
-            sidereal_s: (periods().fold(f64::INFINITY, f64::min), periods().fold(0.0, f64::max)),
-            alike: alike().count().saturating_sub(1) as f64 / tried.len() as f64,
+            sidereal_s: ends.unwrap_or((clock.sidereal_s, clock.sidereal_s)),
+            alike: (alike.len() - 1) as f64 / tried.len() as f64,
             even_share: share(even_gain - clock.gain, samples),
             series: whole,
-            verdict: found,
+            in_clock: found,
+            verdict: of_spin,
         });
         match next {
             Some(next) if (next / frequency_hz - 1.0).abs() > SAME => frequency_hz = next,
