@@ -347,7 +347,8 @@ fn the_frame_of_a_spin_shows_its_period() {
     let folder = Folder::new("quality");
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
     let demo = std::fs::read_to_string(root.join("src/demo/pass.toml")).unwrap();
-    let scene = demo.replace("period_s = 120.0", "period_s = 5.0").replace("step_s = 0.5", "step_s = 0.2");
+    let scene =
+        demo.replace("period_s = 120.0", "period_s = 5.0").replace("step_s = 0.5", "step_s = 0.2");
     let effects = "[effects]\nearthshine = \"off\"\nsolar_disc = \"off\"\nmoonshine = \"off\"\ninter_reflection = \"off\"\n";
     std::fs::write(folder.path("pass.toml"), format!("{scene}{effects}")).unwrap();
     folder.done(&["simulate", "pass.toml", "-o", "c.ecsv", "-q"]);

@@ -75,8 +75,7 @@ fn the_whole_pass_gives_20_s_in_every_channel() {
     let channels = CENTRES_NM.iter().map(|c| vec!["--channel".to_owned(), format!("g{c}")]);
     for channel in std::iter::once(Vec::new()).chain(channels) {
         let options: Vec<&str> = channel.iter().map(String::as_str).collect();
-        let along =
-            folder.json(&[&period[..], &options, &["--pass", "pass.toml"]].concat());
+        let along = folder.json(&[&period[..], &options, &["--pass", "pass.toml"]].concat());
         assert_eq!(along["verdict"], "one", "{options:?}: {along}");
         let number = |v: &Value| v.as_f64().unwrap();
         let found = number(&along["periods"][0]["period_s"]);
@@ -97,7 +96,8 @@ fn the_whole_pass_gives_20_s_in_every_channel() {
 
     // Folded on the spin about its own axis the pass repeats better than folded on any even time: less than four fifths of the variance within phase bins is left.
     let left = |options: &[&str]| {
-        let fold = ["analyse", "fold", "sim/box_wing_pass.ecsv", "--channel", "g854", "-q", "--force"];
+        let fold =
+            ["analyse", "fold", "sim/box_wing_pass.ecsv", "--channel", "g854", "-q", "--force"];
         folder.done(&[&fold[..], &["--bins", "40", "-o", "folded.ecsv"], options].concat());
         let text = std::fs::read_to_string(folder.path("folded.ecsv")).unwrap();
         let table = sunglint_formats::ecsv::read_str("folded.ecsv", &text).unwrap();
@@ -114,7 +114,8 @@ fn the_whole_pass_gives_20_s_in_every_channel() {
     let axis = ["--pass", "pass.toml", "--axis", "161.565,71.589"];
     let turned = left(&[&["--period", "20"][..], &axis].concat());
     assert!(turned < even, "{turned} {even}");
-    let wrong = folder.refused(2, &["analyse", "fold", "c", "--period", "20", "--pass", "p", "--axis", "1,95"]);
+    let wrong = folder
+        .refused(2, &["analyse", "fold", "c", "--period", "20", "--pass", "p", "--axis", "1,95"]);
     assert!(wrong.contains("declination"), "{wrong}");
 }
 
@@ -240,7 +241,8 @@ fn tracks_far_apart_share_a_period() {
     }
     std::fs::write(folder.path("tracks.csv"), columns).unwrap();
     for options in [&[][..], &["--gap", "600"]] {
-        let found = folder.json(&[&["analyse", "period", "tracks.csv", "--json"], options].concat());
+        let found =
+            folder.json(&[&["analyse", "period", "tracks.csv", "--json"], options].concat());
         assert_eq!(found["verdict"], "one", "{found}");
         let number = |key: &str| found["best"][key].as_f64().unwrap();
         assert!(((number("period_s") - 7.3) / number("sigma_s")).abs() < 3.0, "{found}");

@@ -51,6 +51,8 @@ pub struct FoldArgs {
 /// A slip of the phases by more than this smears a folded curve.
 const MOST_SLIP: f64 = 0.1;
 
+/// With fewer turns nothing was seen to repeat.
+const LEAST_TURNS: f64 = 2.0;
 /// Series that are drawn turn by turn.
 const DRAWN: usize = 6;
 /// Rows of such a panel.
@@ -96,6 +98,10 @@ pub(super) fn run(args: &FoldArgs, console: Console) -> anyhow::Result<()> {
     }
     if folded.is_empty() {
         bail!("there is no sample to fold: {}", warnings.join("; "));
+    }
+    let turns = folded.iter().map(|(_, f)| f.turns).fold(0.0, f64::max);
+    if turns < LEAST_TURNS {
+        warnings.push(format!("the data cover {turns:.2} turns of {} s: a curve that repeats is seen over {LEAST_TURNS} or more", args.period));
     }
     let slip = folded.iter().filter_map(|(_, f)| f.slip).fold(0.0, f64::max);
     if slip > MOST_SLIP {

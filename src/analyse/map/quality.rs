@@ -87,7 +87,7 @@ pub fn answer(
     let times = || sightings.iter().map(|s| s.time_s);
     let span_s = times().fold(f64::NEG_INFINITY, f64::max) - times().fold(f64::INFINITY, f64::min);
     if sightings.len() < 3 {
-        bail!("{} samples with light: at least 3 are needed", sightings.len());
+        bail!("{} with light among the samples: at least 3 are needed", sightings.len());
     }
     // Between neighbours the frame turns by half of a cell from the first sample to the last.
     let part = 0.5 * cells.step_deg() / 360.0 * period_s / span_s.max(period_s);
