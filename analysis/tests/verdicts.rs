@@ -353,7 +353,7 @@ fn passing(axis: DVec3, period_s: f64, seed: u64) -> (Bisectors, Series) {
     (Bisectors::new(&moments).unwrap(), Series::new("c", &time, &value, None).unwrap())
 }
 
-/// Truth: the spin that was put in, 20 s, about axes all over the sky; what is seen in even time is off it by up to 2 %. Tolerance: the stated range of the spin holds it, and is narrower than 3 %; of eight
+/// Truth: the spin that was put in, 20 s, about axes all over the sky; what is seen in even time is off it by up to 2 %. Tolerance: the stated range of the spin holds it to 4 ms (two of the standard uncertainties that the noise leaves at most), and is narrower than 3 %; of eight
 /// axes seven (one may lie where the bisector passes close by the axis, and be a family or none).
 #[test]
 fn along_a_pass_the_period_is_that_of_the_spin() {
