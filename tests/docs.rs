@@ -263,7 +263,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     folder.done(&["simulate", "turning.toml", "-o", "turning.ecsv", "-q"]);
     let unmix = ["analyse", "unmix", "turning.ecsv", "--endmembers", "white,mli", "--json"];
     keys(&folder.json(&[&unmix[..], &["--pass", "turning.toml"]].concat()), &mut printed);
-    let confusion = ["--endmembers", "white", "--pass", "turning.toml", "--confusion", "--json"];
+    let confusion = ["--endmembers", "unit", "--pass", "turning.toml", "--confusion", "--json"];
     keys(&folder.json(&[&unmix[..3], &confusion[..]].concat()), &mut printed);
     let search = ["analyse", "endmembers", "turning.ecsv", "--against", "white,mli", "--json"];
     keys(&folder.json(&[&search[..], &["--pass", "turning.toml"]].concat()), &mut printed);
