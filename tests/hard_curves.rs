@@ -56,7 +56,8 @@ fn cases() -> (String, Vec<Case>) {
     (head.join("\n"), cases)
 }
 
-/// Truth: what was done to the curve, whose period is 20 s in one channel. Tolerance of the period where one is given: 0.1 %.
+/// Truth: what was done to the curve, whose period is 20 s in one channel. Tolerance of the period where one is given: 0.1 %, and
+/// 2 % of the spin's own along a pass: by so much the bisector's turn may change it, about an axis that nobody knows.
 #[test]
 fn hard_curves_get_an_answer_or_a_reason() {
     let folder = Folder::new("hard-curves");
@@ -105,7 +106,8 @@ fn hard_curves_get_an_answer_or_a_reason() {
                 Some(reason) => assert!(reason.contains(why), "{}: {reason}", case.name),
                 None => {
                     let period = found["periods"][0]["period_s"].as_f64().unwrap();
-                    assert!((period / 20.0 - 1.0).abs() < 1e-3, "{}: {period}", case.name);
+                    let off = if options[0] == "--pass" { 0.02 } else { 1e-3 };
+                    assert!((period / 20.0 - 1.0).abs() < off, "{}: {period}", case.name);
                 }
             }
         }
