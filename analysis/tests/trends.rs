@@ -170,7 +170,7 @@ fn a_clock_goes_with_the_body() {
             at
         })
         .collect();
-    let series = Series::new("c", &seen, &vec![1.0; 20], None).unwrap();
+    let series = Series::new("c", &seen, &[1.0; 20], None).unwrap();
     let clocked = turn.clocked(&series, 1.0 / 7.0).unwrap();
     for pair in clocked.time_s.windows(2) {
         assert!((pair[1] - pair[0] - 7.0).abs() < 2e-5, "{pair:?}");
