@@ -89,6 +89,11 @@ fn keys(value: &Value, found: &mut BTreeSet<String>) {
     }
 }
 
+/// The curve of two lobes, as calibrated ones are: maps take no other.
+fn predicted_turning_curve() -> String {
+    common::turning_curve().replace("quantity: linear", "quantity: predicted")
+}
+
 #[test]
 fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     let folder = Folder::new("keys");
@@ -258,10 +263,16 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     folder.done(&["simulate", "turning.toml", "-o", "turning.ecsv", "-q"]);
     let unmix = ["analyse", "unmix", "turning.ecsv", "--endmembers", "white,mli", "--json"];
     keys(&folder.json(&[&unmix[..], &["--pass", "turning.toml"]].concat()), &mut printed);
+    let confusion = ["--endmembers", "unit", "--pass", "turning.toml", "--confusion", "--json"];
+    keys(&folder.json(&[&unmix[..3], &confusion[..]].concat()), &mut printed);
     let search = ["analyse", "endmembers", "turning.ecsv", "--against", "white,mli", "--json"];
     keys(&folder.json(&[&search[..], &["--pass", "turning.toml"]].concat()), &mut printed);
     let map = ["analyse", "map", "turning.toml", "--along", "--step-deg", "30", "--json"];
     keys(&folder.json(&map), &mut printed);
+    std::fs::write(folder.path("curve.ecsv"), predicted_turning_curve()).unwrap();
+    let quality = ["analyse", "map", "turning.toml", "--curve", "curve.ecsv", "--quality"];
+    let spin = ["--period", "20", "--axes-deg", "60", "--json"];
+    keys(&folder.json(&[&quality[..], &spin].concat()), &mut printed);
     // How a body spins, by a curve that was simulated.
     let scene = common::page_toml("reading-attitude.md", "axis_body");
     std::fs::write(folder.path("spinning.toml"), scene.replace("step_s = 4", "step_s = 30"))
@@ -277,7 +288,8 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     let period = ["analyse", "period", "--pass", "sphere_pass.toml"];
     keys(&folder.json(&[&period[..], &removed].concat()), &mut printed);
     let fold = ["analyse", "fold", "--period", "20", "--period-sigma", "0.01"];
-    keys(&folder.json(&[&fold[..], &removed].concat()), &mut printed);
+    let axis = ["--pass", "sphere_pass.toml", "--axis", "30,60"];
+    keys(&folder.json(&[&fold[..], &axis, &removed].concat()), &mut printed);
     // A short night with simulated devices, and what is left of it when a line is cut.
     let night = "station = \"ufo\"\nfor_s = 3\n[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.1\n\
                  [[counter]]\nname = \"tagger\"\ndevice = \"sim-timetagger\"\nchannels = { g = 1 }\nbin_s = 0.1\n";

@@ -151,6 +151,23 @@ impl Series {
         Ok(series)
     }
 
+    /// The samples from one moment to before another, s, with weights of a mean of 1 again.
+    pub fn piece(&self, name: impl Into<String>, from_s: f64, before_s: f64) -> Self {
+        let first = self.time_s.partition_point(|t| *t < from_s);
+        let end = self.time_s.partition_point(|t| *t < before_s).max(first);
+        let mean = self.weight[first..end].iter().sum::<f64>() / (end - first).max(1) as f64;
+        let time_s = self.time_s[first..end].to_vec();
+        let same_time = time_s.windows(2).filter(|pair| pair[0] == pair[1]).count();
+        Self {
+            name: name.into(),
+            value: self.value[first..end].to_vec(),
+            weight: self.weight[first..end].iter().map(|w| w / mean).collect(),
+            time_s,
+            left_out: LeftOut { same_time, ..LeftOut::default() },
+            ..*self
+        }
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.time_s.len()

@@ -5,7 +5,8 @@
 use glam::DVec3;
 use hifitime::{Duration, Epoch};
 use std::f64::consts::TAU;
-use sunglint_analysis::synodic::sidereal;
+use sunglint_analysis::series::Series;
+use sunglint_analysis::synodic::Bisectors;
 use sunglint_analysis::trend::{TrendError, Ways, air_factor, divide, phase_trend, range_factor};
 use sunglint_radiometry::air::{Air, Sampling, Zenith};
 use sunglint_radiometry::light::sun_at_1_au;
@@ -120,12 +121,60 @@ fn the_bisector_bounds_the_sidereal_period() {
     };
     let moments: Vec<_> =
         (0..=100).map(f64::from).map(|t| (t, at(0.6 * t), at(0.6 * t + 50.0))).collect();
-    let found = sidereal(20.0, &moments).unwrap();
+    let path = Bisectors::new(&moments).unwrap();
+    let found = path.bounds(20.0);
     assert!((found.fastest_deg_s - 0.6).abs() < 1e-9 && (found.moved_deg - 60.0).abs() < 1e-9);
     let by = 0.6 / 360.0;
     assert!((found.from_to_s.0 - 1.0 / (0.05 + by)).abs() < 1e-9);
     assert!((found.from_to_s.1 - 1.0 / (0.05 - by)).abs() < 1e-9);
-    assert_eq!(sidereal(1e4, &moments).unwrap().from_to_s.1, f64::INFINITY);
-    assert!(sidereal(20.0, &moments[..1]).is_none());
-    assert!(sidereal(20.0, &[(0.0, at(0.0), at(180.0)), (1.0, at(0.0), at(90.0))]).is_none());
+    assert_eq!(path.bounds(1e4).from_to_s.1, f64::INFINITY);
+    assert!(Bisectors::new(&moments[..1]).is_none());
+    assert!(Bisectors::new(&[(0.0, at(0.0), at(180.0)), (1.0, at(0.0), at(90.0))]).is_none());
+    // About the plane's normal it turns evenly, by 1/6 of a turn; about the opposite axis the other way; and not about an axis that it meets.
+    let turn = path.turned(DVec3::Z).unwrap();
+    assert!(
+        (turn.at(50.0) - 30.0 / 360.0).abs() < 1e-12 && (turn.at(1e3) - 1.0 / 6.0).abs() < 1e-12
+    );
+    assert!((path.turned(-DVec3::Z).unwrap().at(50.0) + 30.0 / 360.0).abs() < 1e-12);
+    assert!(path.turned(at(25.0)).is_none() && path.turned(DVec3::ZERO).is_none());
+    let (slope_hz, bend) = turn.split();
+    assert!((slope_hz - by).abs() < 1e-12 && bend.most() < 1e-12);
+}
+
+/// Truth: a bisector of given longitude and latitude about an axis: its turn is that longitude, over whole turns too; on its clock a body of 7 s shows the same face every 7 s.
+#[test]
+fn a_clock_goes_with_the_body() {
+    let longitude = |t: f64| 0.9 * t / 100.0 + 0.3 * (t / 40.0).sin();
+    let moments: Vec<_> = (0..=1000)
+        .map(|k| 0.2 * f64::from(k))
+        .map(|t| {
+            let (sin, cos) = (std::f64::consts::TAU * longitude(t)).sin_cos();
+            let direction = DVec3::new(0.8 * cos, 0.8 * sin, 0.6);
+            (t, direction, direction)
+        })
+        .collect();
+    let turn = Bisectors::new(&moments).unwrap().turned(DVec3::new(0.0, 0.0, 2.0)).unwrap();
+    for k in 0..50 {
+        // Between moments the line errs by at most h²/8 times the second derivative, 0.2²/8 · 0.3/40².
+        let t = 4.03 * f64::from(k);
+        let error = turn.at(t) - (longitude(t.min(200.0)) - longitude(0.0));
+        assert!(error.abs() < 1e-6, "{t}: {error:e}");
+    }
+    // Moments at which t/7 − λ(t) is whole: on the clock they are 7 s apart.
+    let mut at = 0.0;
+    let seen: Vec<f64> = (0..20)
+        .map(|k| {
+            for _ in 0..200 {
+                at = 7.0 * (f64::from(k) + longitude(at));
+            }
+            at
+        })
+        .collect();
+    let series = Series::new("c", &seen, &[1.0; 20], None).unwrap();
+    let clocked = turn.clocked(&series, 1.0 / 7.0).unwrap();
+    for pair in clocked.time_s.windows(2) {
+        assert!((pair[1] - pair[0] - 7.0).abs() < 2e-5, "{pair:?}");
+    }
+    // A body that turns more slowly than the bisector would see its clock run backwards.
+    assert!(turn.clocked(&series, 1e-3).is_none());
 }

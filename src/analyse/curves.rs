@@ -210,20 +210,56 @@ impl Curves {
     /// # Errors
     /// A channel that is not as long as its curve.
     pub fn series(&self) -> anyhow::Result<Vec<Series>> {
-        let mut all = Vec::new();
-        for curve in &self.curves {
-            for channel in &curve.curve.channels {
-                if !self.channels.is_empty() && !self.channels.contains(&channel.name) {
-                    continue;
-                }
+        let all: anyhow::Result<Vec<_>> =
+            (0..self.curves.len()).map(|k| self.series_of(k)).collect();
+        Ok(all?.concat())
+    }
+
+    /// Those of one file.
+    fn series_of(&self, file: usize) -> anyhow::Result<Vec<Series>> {
+        let curve = &self.curves[file];
+        let asked = |name: &String| self.channels.is_empty() || self.channels.contains(name);
+        let channels = curve.curve.channels.iter().filter(|c| asked(&c.name));
+        channels
+            .map(|channel| {
                 let name = match self.curves.len() {
                     1 => channel.name.clone(),
                     _ => format!("{} {}", curve.stem, channel.name),
                 };
-                all.push(Series::of_channel(name, &curve.curve, channel, self.zero)?);
+                Ok(Series::of_channel(name, &curve.curve, channel, self.zero)?)
+            })
+            .collect()
+    }
+
+    /// The same, parted where no channel of a file has a sample for longer than `gap_s`, and how many tracks a file has at most. Each track is a series of its own: turns in the gaps are not counted.
+    ///
+    /// # Errors
+    /// As [`Curves::series`].
+    pub fn tracks(&self, gap_s: f64) -> anyhow::Result<(Vec<Series>, usize)> {
+        let mut all = Vec::new();
+        let mut most = 1;
+        for (k, curve) in self.curves.iter().enumerate() {
+            let mut times: Vec<f64> =
+                curve.curve.samples.time.iter().map(|t| (*t - self.zero).to_seconds()).collect();
+            times.sort_by(f64::total_cmp);
+            let gaps = times.windows(2).filter(|t| t[1] - t[0] > gap_s);
+            let mut edges = vec![f64::NEG_INFINITY];
+            edges.extend(gaps.map(|t| 0.5 * (t[0] + t[1])));
+            edges.push(f64::INFINITY);
+            let tracks = edges.len() - 1;
+            most = most.max(tracks);
+            for series in self.series_of(k)? {
+                if tracks == 1 {
+                    all.push(series);
+                    continue;
+                }
+                let piece = |(i, edge): (usize, &[f64])| {
+                    series.piece(format!("{} track {}", series.name, i + 1), edge[0], edge[1])
+                };
+                all.extend(edges.windows(2).enumerate().map(piece).filter(|s| !s.is_empty()));
             }
         }
-        Ok(all)
+        Ok((all, most))
     }
 
     /// The files as the result names them.

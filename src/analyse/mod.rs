@@ -6,6 +6,7 @@ mod endmembers;
 mod fold;
 mod map;
 mod numbers;
+mod path;
 mod period;
 mod unmix;
 

@@ -5,7 +5,7 @@
 //! such places exceeds r by chance (1 + r/2B)^−2B (F of 2 and 4B degrees of freedom); the lines are put together by Fisher's sum and by their smallest.
 //!
 //! Where the turns are many the samples are tapered (Hann), so that what the harmonics leave does not leak into the lines. A line where a harmonic above half of the
-//! sampling would be folded to is not asked.
+//! sampling would be folded to is not asked, unless there is no other: then it can say no, but not yes.
 
 use super::lomb_scargle::centred_times;
 use super::spectrum::median_step;
@@ -29,6 +29,8 @@ const TAPERED: f64 = 6.0;
 const FOLDED: i32 = 3;
 /// A line of this share of the strongest harmonic is more than a folded one.
 const STRONG: f64 = 0.25;
+/// Lines that may be folded harmonics are not there if their chance to be noise is above this.
+const ABSENT: f64 = 0.1;
 /// Harmonics beyond this are too weak to be seen folded: a glint of a hundredth of a turn has fallen by then.
 const HIGHEST_ORDER: f64 = 64.0;
 
@@ -170,8 +172,23 @@ pub(super) struct Lines<'a> {
 
 impl Lines<'_> {
     /// Whether lines are there which `times` as long a period would have, and this one has not. `order` harmonics of this one stand out: a difference between turns is
-    /// looked for up to there. `None` where the turns are too few to tell lines from harmonics.
+    /// looked for up to there. `None` where the turns are too few to tell lines from harmonics, or lines are seen
+    /// where the sampling folds harmonics to.
     pub fn longer(&self, frequency_hz: f64, times: usize, order: usize) -> Option<Longer> {
+        // A sampling in step with the period folds harmonics onto all lines: a harmonic only adds to a line, so that lines that are not there still say so.
+        self.of_lines(frequency_hz, times, order, false).or_else(|| {
+            self.of_lines(frequency_hz, times, order, true).filter(|l| l.chance > ABSENT)
+        })
+    }
+
+    /// The same from lines where no harmonic is folded to, or from all.
+    fn of_lines(
+        &self,
+        frequency_hz: f64,
+        times: usize,
+        order: usize,
+        is_all: bool,
+    ) -> Option<Longer> {
         let n = times as f64;
         let mut by_series = Vec::new();
         // Above what lies beside, its noise, and the light itself; by series in units of what lies beside.
@@ -198,7 +215,9 @@ impl Lines<'_> {
                 .map(|j| (j, j as f64 / n * frequency_hz))
                 .map(|(j, line)| (j, line, self.line(&samples, &samples.left, line, &places)))
                 .filter(|(_, at, line)| {
-                    line.power > STRONG * strongest || !samples.is_folded(*at, frequency_hz)
+                    is_all
+                        || line.power > STRONG * strongest
+                        || !samples.is_folded(*at, frequency_hz)
                 })
                 .map(|(j, _, line)| (j, line))
                 .collect();

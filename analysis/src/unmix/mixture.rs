@@ -1,5 +1,6 @@
 //! What the light of a sample is made of, and how well that is known.
 
+use super::atgp::osp;
 use super::basis::{Basis, dot, norm};
 use super::nnls::{Constraint, Nnls, NnlsError};
 use nalgebra::DMatrix;
@@ -96,6 +97,9 @@ pub struct Mixing {
 pub struct Mixture {
     /// How much there is of each endmember; exactly 0 where the bound holds it.
     pub weights: Vec<f64>,
+    /// The weights that orthogonal subspace projection gives ([`super::osp`]): least squares with the same noise, without any bound or sum. Below 0 by more than `sigma` there is light that no endmember
+    /// explains. NaN where the channels cannot tell.
+    pub projected: Vec<f64>,
     /// Standard uncertainties, as if no bound held (a bound only makes them smaller): infinite where the channels cannot tell, NaN where nothing is known of the noise and nothing is left
     /// over.
     pub sigma: Vec<f64>,
@@ -192,6 +196,7 @@ impl Mixing {
         let white = whitener.matrix(&self.matrix);
         let y = whitener.apply(x);
         let solution = Nnls::new(white.view(), constraint)?.solve(&y)?;
+        let projected = osp(white.view(), &y).unwrap_or_else(|_| vec![f64::NAN; count]);
         let weights = solution.weights;
         let mut residual = x.to_vec();
         for (row, residual) in self.matrix.rows().into_iter().zip(&mut residual) {
@@ -220,6 +225,7 @@ impl Mixing {
             unique: solution.unique,
             kkt: solution.kkt,
             weights,
+            projected,
             sigma,
             covariance,
             shares,

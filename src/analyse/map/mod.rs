@@ -1,6 +1,7 @@
 //! `sunglint analyse map`: samples, or all directions, on the body's frame.
 
 mod full;
+mod quality;
 mod report;
 mod samples;
 
@@ -9,6 +10,7 @@ use crate::simulate::read as read_pass;
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::Args;
+use samples::Taken;
 use std::path::PathBuf;
 use sunglint_simulator::pass::Overrides;
 
@@ -35,6 +37,9 @@ pub struct MapArgs {
     /// Also maps of the range, as a laser of this wavelength (vacuum nm) beside the telescope finds it
     #[arg(long, value_name = "NM", allow_negative_numbers = true, conflicts_with = "curve")]
     pub ranges_nm: Option<f64>,
+    /// How well a spin fits.
+    #[command(flatten)]
+    pub spin: quality::QualityArgs,
     /// Which station, in place of the scene's.
     #[command(flatten)]
     pub station: StationArgs,
@@ -52,7 +57,10 @@ pub fn run(args: &MapArgs, console: Console) -> anyhow::Result<()> {
     {
         return Err(Usage(format!("--phase is {deg}°, expected 0 to less than 180")).into());
     }
-    if args.curve.is_none() && !args.along {
+    if args.spin.quality {
+        args.spin.check()?;
+    }
+    if args.spin.quality || args.curve.is_none() && !args.along {
         let tabular = |p: &&PathBuf| {
             p.as_os_str() == "-"
                 || p.extension().is_some_and(|e| {
@@ -69,13 +77,22 @@ pub fn run(args: &MapArgs, console: Console) -> anyhow::Result<()> {
     }
     let pass = read_pass(&args.pass, &args.station, Overrides::default())?;
     let name = || args.pass.display().to_string();
+    let mut warnings = Vec::new();
+    if let (true, Some(curve)) = (args.spin.quality, &args.curve) {
+        let taken = Taken::read(&pass, curve, &[], &mut warnings).with_context(name)?;
+        let answer = quality::answer(&args.spin, &taken, args.step_deg, warnings, console)
+            .with_context(|| curve.display().to_string())?;
+        for warning in answer.warnings() {
+            console.warn(warning);
+        }
+        return args.out.finish(&answer.product()?, &answer.text(), console);
+    }
     if !pass.attitude_given {
         bail!(
             "{}: no [attitude]: without it nobody knows how the body is turned, and nothing can stand on its frame",
             args.pass.display()
         );
     }
-    let mut warnings = Vec::new();
     let endmembers = match args.endmembers.is_empty() {
         true => Vec::new(),
         false => super::unmix::endmembers(&args.endmembers, &mut warnings)?.0,

@@ -17,7 +17,11 @@ impl Answer {
         let grid = self.grid?;
         let (lowest, highest) = (1.0 / grid.last_hz(), 1.0 / grid.first_hz);
         let periods: Vec<f64> = (0..grid.n).map(|i| 1.0 / grid.frequency_hz(i)).collect();
-        let axis = || Axis::log("period (s)").from_to(lowest, highest);
+        let name = match self.along {
+            Some(_) => "period, in the time of the body's clock (s)",
+            None => "period (s)",
+        };
+        let axis = || Axis::log(name).from_to(lowest, highest);
         let over = |values: &[f64]| periods.iter().copied().zip(values.iter().copied()).collect();
         let mut power: Vec<Line> = self
             .drawn
@@ -76,7 +80,7 @@ impl Answer {
             range: (period * (1.0 - MARK), period * (1.0 + MARK)),
             colour,
         };
-        match &self.verdict.outcome {
+        match &self.drawn_verdict().outcome {
             Outcome::One(e) => vec![span(e.period_s, "verdict", RGBColor(250, 200, 120))],
             Outcome::Family(members) => members
                 .iter()

@@ -4,23 +4,18 @@ mod figure;
 mod report;
 
 use super::curves::{CurveArgs, Curves};
+use super::path::bisectors;
 use crate::output::{Console, OutputArgs, Product, Usage};
-use crate::simulate;
-use crate::station::StationArgs;
-use anyhow::Context as _;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use std::path::PathBuf;
 use std::time::Duration;
-use sunglint_analysis::period::verdict::Outcome;
+use sunglint_analysis::period::verdict::{Along, Outcome, verdict_along};
 use sunglint_analysis::period::{
-    Grid, Options, Verdict, lomb_scargle, pdm, spectrum, verdict, window,
+    Grid, Options, PeriodError, Verdict, lomb_scargle, pdm, spectrum, verdict, window,
 };
 use sunglint_analysis::series::Series;
-use sunglint_analysis::synodic::{Sidereal, sidereal};
-use sunglint_radiometry::sky::{EarthOrientation, Observer, SkyFrame};
-use sunglint_simulator::geometry::Geometry;
-use sunglint_simulator::pass::{Overrides, Pass};
+use sunglint_analysis::synodic::Sidereal;
 
 /// Arguments of `sunglint analyse period`.
 #[derive(Debug, Args)]
@@ -37,7 +32,11 @@ pub struct PeriodArgs {
     /// Harmonics of the periodogram in table and figure (the verdict chooses its own)
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=8))]
     pub harmonics: u8,
-    /// The scene of the pass (PASS.toml): its orbit and station bound how far the spin's period may be from the one that is seen
+    /// Gaps longer than this part a curve into tracks, s: one period for all, with a curve of its own in each, and turns in the gaps are not counted [default: an hour where the whole needs more
+    /// frequencies than can be looked at, else no gap parts it]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub gap: Option<f64>,
+    /// The scene of the pass (PASS.toml): its orbit and station say how the body is seen from other and other directions, and how far the spin's period may be from the one that is seen
     #[arg(long, value_name = "FILE")]
     pub pass: Option<PathBuf>,
     /// Where the result goes.
@@ -45,6 +44,8 @@ pub struct PeriodArgs {
     pub out: OutputArgs,
 }
 
+/// A gap that parts tracks where the whole is too long to be looked at, s: turns over it are not counted by anyone.
+const GAP_S: f64 = 3600.0;
 /// Rows of the table at most: every k-th frequency where the search has more.
 const MOST_ROWS: usize = 20_000;
 /// Frequencies to a resolution.
@@ -70,44 +71,64 @@ struct Answer {
     drawn: Vec<Drawn>,
     window: Vec<f64>,
     sidereal: Option<Sidereal>,
+    along: Option<Along>,
     warnings: Vec<String>,
     harmonics: usize,
 }
 
 pub(super) fn run(args: &PeriodArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
-    for (option, value) in [("--shortest", args.shortest), ("--longest", args.longest)] {
+    let seconds = [("--shortest", args.shortest), ("--longest", args.longest), ("--gap", args.gap)];
+    for (option, value) in seconds {
         if let Some(value) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
             return Err(Usage(format!("{option} is {value}, expected seconds above 0")).into());
         }
     }
     let curves = args.curves.read()?;
-    let series = curves.series()?;
     let bar = ProgressBar::new_spinner().with_message("looking for periods");
     if console.quiet {
         bar.set_draw_target(ProgressDrawTarget::hidden());
     }
     bar.enable_steady_tick(Duration::from_millis(500));
     let options = Options { shortest_s: args.shortest, longest_s: args.longest };
-    let found = verdict(&series, &options)?;
+    let (series, found, tracks) = ask(&curves, args.gap, &options)?;
+    let mut warnings = curves.warnings.clone();
+    if tracks > 1 {
+        warnings.push(format!(
+            "{tracks} tracks: turns between them are not counted, and one period is taken to hold in all (each track in a file of its own shows its own period)"
+        ));
+    }
     let mut answer = Answer {
-        warnings: curves.warnings.clone(),
+        warnings,
         curves,
         series,
         grid: None,
         drawn: Vec::new(),
         window: Vec::new(),
         sidereal: None,
+        along: None,
         harmonics: usize::from(args.harmonics),
         verdict: found,
     };
+    if args.pass.is_some() && tracks > 1 {
+        answer.warnings.push("the geometry of --pass is not used: it is that of one pass, and these are several tracks".into());
+    }
+    if let Some(path) = args.pass.as_ref().filter(|_| tracks == 1)
+        && let Some(path) =
+            bisectors(path, &args.curves.station, answer.curves.zero, &answer.series)?
+    {
+        bar.set_message("looking for a clock that goes with the body");
+        answer.along = verdict_along(&answer.series, &options, &answer.verdict, &path)?;
+        if let Some(along) = &answer.along {
+            answer.verdict = along.verdict.clone();
+            answer.series.clone_from(&along.series);
+        }
+        answer.sidereal = answer.drawn_verdict().best.map(|best| path.bounds(best.period_s));
+    }
     bar.set_message("drawing the periodograms");
     answer.draw()?;
     bar.finish_and_clear();
     answer.warn();
-    if let (Some(path), Some(best)) = (&args.pass, answer.verdict.best) {
-        answer.sidereal = bounds(path, &args.curves.station, best.period_s, &answer)?;
-    }
     for warning in &answer.warnings {
         console.warn(warning);
     }
@@ -121,37 +142,29 @@ pub(super) fn run(args: &PeriodArgs, console: Console) -> anyhow::Result<()> {
     args.out.finish(&product, &answer.text(), console)
 }
 
-/// How far the spin's period may be from the one that is seen, by the geometry of a scene at the samples' times.
-fn bounds(
-    path: &std::path::Path,
-    station: &StationArgs,
-    period_s: f64,
-    answer: &Answer,
-) -> anyhow::Result<Option<Sidereal>> {
-    let pass = simulate::read(path, station, Overrides::default())?;
-    let mut times: Vec<f64> = answer.series.iter().flat_map(|s| s.time_s.iter().copied()).collect();
-    times.sort_by(f64::total_cmp);
-    times.dedup();
-    // The bisector moves evenly: a few hundred moments show its fastest.
-    let every = times.len().div_ceil(300).max(1);
-    let last = times.len().saturating_sub(1);
-    let moments = times
-        .iter()
-        .enumerate()
-        .filter(|(i, _)| i % every == 0 || *i == last)
-        .map(|(_, t)| {
-            let epoch = answer.curves.zero + hifitime::Duration::from_seconds(*t);
-            let frame = SkyFrame::new(epoch, earth(&pass))?;
-            let geometry = Geometry::at(&pass.orbit, &Observer::new(frame, &pass.station.site))?;
-            Ok((*t, geometry.sun.direction_gcrs, geometry.to_observer))
-        })
-        .collect::<anyhow::Result<Vec<_>>>()
-        .with_context(|| path.display().to_string())?;
-    Ok(sidereal(period_s, &moments))
-}
-
-fn earth(pass: &Pass) -> &EarthOrientation {
-    pass.orientation.as_ref().unwrap_or_else(|| EarthOrientation::embedded())
+/// The verdict on curves, or on their tracks: the series, the verdict, and how many tracks a file has at most.
+fn ask(
+    curves: &Curves,
+    gap_s: Option<f64>,
+    options: &Options,
+) -> anyhow::Result<(Vec<Series>, Verdict, usize)> {
+    if let Some(gap_s) = gap_s {
+        let (series, tracks) = curves.tracks(gap_s)?;
+        let found = verdict(&series, options)?;
+        return Ok((series, found, tracks));
+    }
+    let series = curves.series()?;
+    match verdict(&series, options) {
+        Err(error @ PeriodError::TooMany { .. }) => {
+            let (parted, tracks) = curves.tracks(GAP_S)?;
+            if tracks == 1 {
+                return Err(error.into());
+            }
+            let found = verdict(&parted, options)?;
+            Ok((parted, found, tracks))
+        }
+        found => Ok((series, found?, 1)),
+    }
 }
 
 impl Answer {
@@ -228,9 +241,15 @@ impl Answer {
 
     /// The period to fold on: the verdict's best, if it has one that was accepted.
     fn folds_on(&self) -> Option<f64> {
-        match &self.verdict.outcome {
-            Outcome::One(_) | Outcome::Family(_) => self.verdict.best.map(|b| b.period_s),
+        let verdict = self.drawn_verdict();
+        match &verdict.outcome {
+            Outcome::One(_) | Outcome::Family(_) => verdict.best.map(|b| b.period_s),
             _ => None,
         }
+    }
+
+    /// The verdict in the time of the series, which may be a clock's.
+    fn drawn_verdict(&self) -> &Verdict {
+        self.along.as_ref().map_or(&self.verdict, |along| &along.in_clock)
     }
 }

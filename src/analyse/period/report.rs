@@ -4,7 +4,8 @@ use super::Answer;
 use crate::output::rounded;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use sunglint_analysis::period::verdict::{Estimate, Member, Membership, Outcome, Question};
+use sunglint_analysis::map::longitude_latitude;
+use sunglint_analysis::period::verdict::{Along, Estimate, Member, Membership, Outcome, Question};
 use sunglint_formats::{Column, Table};
 
 /// A period to the second digit of its uncertainty.
@@ -93,7 +94,7 @@ impl Answer {
             "channels  {} with {} samples, worth {:.1} independent ones; {} of the samples are independent",
             self.drawn.len(),
             self.series.iter().map(|s| s.len()).sum::<usize>(),
-            v.independent_channels,
+            v.independent_channels / self.along.as_ref().map_or(1.0, |a| a.stretches as f64),
             percent(v.independent_samples)
         );
         let removed = if self.curves.removed.is_empty() {
@@ -102,7 +103,26 @@ impl Answer {
             self.curves.removed.join(", ")
         };
         let _ = writeln!(text, "removed   {removed}");
-        if let Some(s) = &self.sidereal {
+        if let Some(a) = &self.along {
+            let (axis, c) = (axis_deg(a), a.clock);
+            let _ = writeln!(
+                text,
+                "along     {}; a clock that goes with the body (axis at RA {:.0}°, Dec {:+.0}°) bends by up to {:.3} of a turn; on even time {} more is left",
+                stretches(a.stretches, a.way_deg),
+                axis.0,
+                axis.1,
+                c.bend_turns,
+                percent(a.even_share)
+            );
+            let _ = writeln!(
+                text,
+                "spin      the periods above are the spin's own (sidereal): the best from {:.5} s to {:.5} s, about axes whose clocks fit as well ({} of the sky)",
+                a.sidereal_s.0,
+                a.sidereal_s.1,
+                percent(a.alike)
+            );
+        }
+        if let (Some(s), None) = (&self.sidereal, &self.along) {
             let _ = writeln!(
                 text,
                 "sidereal  the bisector of Sun and station moves by up to {:.4} deg/s, {:.1} deg in all: the spin's period is between {:.5} s and {:.5} s (axis across the bisector; further apart near the axis)",
@@ -189,6 +209,10 @@ impl Answer {
             "independent_channels": rounded(v.independent_channels),
             "independent_samples": rounded(v.independent_samples),
             "sidereal": self.sidereal.map(|s| json!({ "fastest_deg_s": rounded(s.fastest_deg_s), "moved_deg": rounded(s.moved_deg), "from_to_s": [finite(s.from_to_s.0), finite(s.from_to_s.1)] })),
+            "along": self.along.as_ref().map(|a| json!({
+                "stretches": a.stretches, "way_deg": rounded(a.way_deg), "ra_deg": rounded(axis_deg(a).0), "dec_deg": rounded(axis_deg(a).1),
+                "synodic_s": rounded(a.clock.synodic_s), "bend_turns": rounded(a.clock.bend_turns), "even_share": rounded(a.even_share), "sidereal_s": [rounded(a.sidereal_s.0), rounded(a.sidereal_s.1)], "sky_share": rounded(a.alike),
+            })),
             "channels": self.series.iter().map(|s| json!({
                 "name": s.name, "samples": s.len(), "flagged": s.left_out.flagged, "not_finite": s.left_out.not_finite, "same_time": s.left_out.same_time,
             })).collect::<Vec<_>>(),
@@ -226,10 +250,25 @@ fn finite(value: f64) -> Value {
     if value.is_finite() { json!(rounded(value)) } else { Value::Null }
 }
 
+/// Right ascension (0 to 360°) and declination of the clock's axis.
+fn axis_deg(along: &Along) -> (f64, f64) {
+    let (longitude, latitude) = longitude_latitude(along.clock.axis);
+    (longitude.rem_euclid(360.0), latitude)
+}
+
+fn stretches(n: usize, way_deg: f64) -> String {
+    match n {
+        1 => format!("in one piece, in which the bisector of Sun and station goes {way_deg:.0}°"),
+        n => format!(
+            "in {n} stretches, each with a curve of its own; the bisector of Sun and station goes {way_deg:.0}° in all"
+        ),
+    }
+}
+
 fn words(q: &Question) -> String {
     let Question { longer_s, shorter_s, chance, unlike, dispersion_chance, .. } = q;
     let lines = match (chance, unlike) {
-        (None, _) => "too few turns to tell by lines".to_owned(),
+        (None, _) => "lines do not tell (too few turns, or harmonics folded onto them)".to_owned(),
         (Some(p), Some(u)) if *p > 1e-4 => {
             format!("by lines not seen (chance {p:.1e}), turns alike within {}", percent(*u))
         }

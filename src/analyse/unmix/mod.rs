@@ -1,5 +1,6 @@
 //! `sunglint analyse unmix`: how much of the light comes from which material.
 
+mod confusion;
 mod endmembers;
 mod given;
 mod report;
@@ -7,6 +8,7 @@ mod report;
 use crate::output::{Console, OutputArgs};
 use anyhow::bail;
 use clap::Args;
+use confusion::Told;
 pub(super) use endmembers::{column_name, endmembers};
 pub(super) use given::{Given, GivenArgs};
 use report::Report;
@@ -31,6 +33,9 @@ pub struct UnmixArgs {
     /// All channels count alike, whatever their uncertainties
     #[arg(long)]
     pub unweighted: bool,
+    /// How the materials are taken for one another: the scene's own light beside the shares that are found (thesis figure 8.4). The endmembers have to be materials of the scene's target
+    #[arg(long, requires = "pass")]
+    pub confusion: bool,
     /// Under what light it was taken.
     #[command(flatten)]
     pub given: GivenArgs,
@@ -77,6 +82,19 @@ pub fn run(args: &UnmixArgs, console: Console) -> anyhow::Result<()> {
         valid: numbers.valid.view(),
     };
     let found: Vec<Unmixed> = unmix(&bands, &lights, values, constraint)?;
+    let told = match &given.pass {
+        Some(pass) if args.confusion => {
+            let told = Told::of(pass, &given.curve, &bands.endmembers, &found)?;
+            if told.others > 1e-3 {
+                warnings.push(format!(
+                    "{:.1} % of the scene's light is of materials that are not among the endmembers: it is in no row of the confusion, and what unmixing made of it is in its columns",
+                    100.0 * told.others
+                ));
+            }
+            Some(told)
+        }
+        _ => None,
+    };
     for warning in &warnings {
         console.warn(warning);
     }
@@ -93,6 +111,7 @@ pub fn run(args: &UnmixArgs, console: Console) -> anyhow::Result<()> {
         warnings: &warnings,
         inputs: all_inputs,
         is_absolute: given.is_absolute(),
+        told: told.as_ref(),
     };
     args.out.finish(&report.product()?, &report.text(), console)
 }

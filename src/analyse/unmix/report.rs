@@ -1,6 +1,7 @@
 //! What `analyse unmix` says: text, JSON, table, figure.
 
 use super::super::numbers::Curve;
+use super::confusion::Told;
 use super::endmembers::column_name;
 use crate::output::{Product, rounded};
 use crate::plot::{Axis, Figure, Panel, Series, Style};
@@ -21,6 +22,8 @@ pub struct Report<'a> {
     pub inputs: Vec<Input>,
     /// Whether weights are in m² sr⁻¹.
     pub is_absolute: bool,
+    /// How the materials are taken for one another, where that was asked.
+    pub told: Option<&'a Told>,
 }
 
 /// Why samples have no weights, with their numbers.
@@ -94,6 +97,8 @@ impl Report<'_> {
                 Column::f64(format!("{name}_share"), None, of(|x| &x.shares))
                     .described("weight over the sum of weights"),
                 Column::f64(format!("{name}_share_sigma"), None, of(|x| &x.share_sigma)),
+                Column::f64(format!("{name}_projected"), unit, of(|x| &x.projected))
+                    .described("weight by orthogonal subspace projection: without bounds"),
             ];
             table.columns.extend(columns);
         }
@@ -148,6 +153,7 @@ impl Report<'_> {
         if some(&|x| x.residual_relative > 0.0) {
             panels.push(Panel::new(x(), Axis::log("left over, of the light"), left));
         }
+        panels.extend(self.told.map(Told::panel));
         (!panels.is_empty()).then(|| Figure { title: self.title(), panels })
     }
 
@@ -198,6 +204,7 @@ impl Report<'_> {
                 twins.angle_rad.to_degrees()
             );
         }
+        text.extend(self.told.map(Told::text));
         let without = reasons(self.found);
         if !without.is_empty() {
             let _ = writeln!(text, "  no weights: {without}");
@@ -238,6 +245,7 @@ impl Report<'_> {
                 "alike": count(State::ALIKE),
                 "not_unique": count(State::NOT_UNIQUE),
             },
+            "confusion": self.told.map(Told::json),
             "warnings": self.warnings,
         })
     }

@@ -1,0 +1,119 @@
+//! Curves that are hard to read, given to every `sunglint analyse` command that reads one: a right answer, or a refusal with the reason. Nothing is lost in silence, and nothing panics.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+mod common;
+
+use common::{Folder, SPHERE_PASS};
+
+/// A curve and, command by command, a part of what it has to be answered.
+struct Case {
+    name: &'static str,
+    rows: Vec<String>,
+    /// Of `period`: its verdict, and words of the reason.
+    period: (&'static str, &'static str),
+    /// Of the other commands: their exit code, and words on stderr where that is 1.
+    others: (i32, &'static str),
+}
+
+fn cases() -> (String, Vec<Case>) {
+    let text = common::turning_curve().replace("quantity: linear", "quantity: predicted");
+    let (head, rows): (Vec<&str>, Vec<&str>) =
+        text.lines().partition(|l| l.starts_with('#') || l.starts_with("time_utc"));
+    let rows: Vec<String> = rows.into_iter().map(str::to_owned).collect();
+    let column = |row: &String, at: usize, value: &str| {
+        let mut all: Vec<&str> = row.split(' ').collect();
+        all[at] = value;
+        all.join(" ")
+    };
+    let every = |at: usize, value: &str, n: usize| -> Vec<String> {
+        let change = |(i, row): (usize, &String)| match i % n {
+            0 => column(row, at, value),
+            _ => row.clone(),
+        };
+        rows.iter().enumerate().map(change).collect()
+    };
+    let mut shuffled: Vec<(usize, String)> =
+        rows.iter().cloned().enumerate().map(|(i, row)| ((i * 7919) % 600, row)).collect();
+    shuffled.sort();
+    let case = |name, rows, period, others| Case { name, rows, period, others };
+    let cases = vec![
+        case("none", Vec::new(), ("", ""), (1, "the light curve has no sample")),
+        case("three", rows[..3].to_vec(), ("not_enough", "3 samples that count"), (0, "")),
+        case("constant", every(2, "5000", 1), ("not_enough", "the light is constant"), (0, "")),
+        case(
+            "gap of 90 %",
+            [&rows[..30], &rows[570..]].concat(),
+            ("not_enough", "no period stands out"),
+            (0, ""),
+        ),
+        case("same times", [&rows[..], &rows[100..140]].concat(), ("one", ""), (0, "")),
+        case("unsorted", shuffled.into_iter().map(|s| s.1).collect(), ("one", ""), (0, "")),
+        case("rates nan", every(2, "nan", 7), ("", ""), (1, "spcm_rate_hz, row 1: found NaN")),
+        case("sigmas nan", every(3, "nan", 7), ("", ""), (1, "spcm_sigma_hz, row 1: found NaN")),
+        case("period longer than the data", rows[..30].to_vec(), ("not_enough", "turns"), (0, "")),
+    ];
+    (head.join("\n"), cases)
+}
+
+/// Truth: what was done to the curve, whose period is 20 s in one channel. Tolerance of the period where one is given: 0.1 %, and
+/// 2 % of the spin's own along a pass: by so much the bisector's turn may change it, about an axis that nobody knows.
+#[test]
+fn hard_curves_get_an_answer_or_a_reason() {
+    let folder = Folder::new("hard-curves");
+    let scene = format!(
+        "{SPHERE_PASS}[attitude]\nlaw = \"spin\"\naxis_body = [0, 0, 1]\naxis_gcrs = [0, 0, 1]\nperiod_s = 20\nepoch_utc = 2008-09-21T18:45:00Z\n"
+    );
+    std::fs::write(folder.path("pass.toml"), scene).unwrap();
+    let (head, cases) = cases();
+    for case in cases {
+        let text = format!("{head}\n{}\n", case.rows.join("\n"));
+        std::fs::write(folder.path("c.ecsv"), text.trim_end().to_owned() + "\n").unwrap();
+        let asked = |args: &[&str]| {
+            let out = folder.run(&[&["analyse"], args].concat());
+            let words = String::from_utf8_lossy(&out.stderr).into_owned();
+            assert!(!words.contains("panicked"), "{}: {args:?}: {words}", case.name);
+            (out, words)
+        };
+        let (code, reason) = case.others;
+        for args in [
+            &["fold", "c.ecsv", "--period", "20", "--station", "ufo"][..],
+            &["unmix", "c.ecsv", "--endmembers", "white", "--station", "ufo"],
+            &["endmembers", "c.ecsv", "--station", "ufo"],
+            &["map", "pass.toml", "--curve", "c.ecsv"],
+        ] {
+            let (out, words) = asked(args);
+            assert_eq!(out.status.code(), Some(code), "{}: {args:?}: {words}", case.name);
+            assert!(words.contains(reason), "{}: {args:?}: {words}", case.name);
+        }
+        // One sphere shows one face: all that a spin's measure can say is why not, or that cells are visited.
+        let quality = ["map", "pass.toml", "--curve", "c.ecsv", "--quality", "--period", "20"];
+        let (out, words) = asked(&[&quality[..], &["--axes-deg", "90"]].concat());
+        let told = matches!(out.status.code(), Some(0))
+            || ["no cell of", "at least 3 are needed", reason].iter().any(|w| words.contains(w));
+        assert!(told, "{}: {words}", case.name);
+        for options in [&["--station", "ufo"][..], &["--pass", "pass.toml"]] {
+            let (out, words) = asked(&[&["period", "c.ecsv", "--json"], options].concat());
+            let (verdict, why) = case.period;
+            if verdict.is_empty() {
+                assert_eq!(out.status.code(), Some(1), "{}: {words}", case.name);
+                assert!(words.contains(reason), "{}: {words}", case.name);
+                continue;
+            }
+            let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+            assert_eq!(found["verdict"], verdict, "{}: {found}", case.name);
+            match found["reason"].as_str() {
+                Some(reason) => assert!(reason.contains(why), "{}: {reason}", case.name),
+                None => {
+                    let period = found["periods"][0]["period_s"].as_f64().unwrap();
+                    let off = if options[0] == "--pass" { 0.02 } else { 1e-3 };
+                    assert!((period / 20.0 - 1.0).abs() < off, "{}: {period}", case.name);
+                }
+            }
+        }
+        if case.name == "period longer than the data" {
+            let (_, words) = asked(&["fold", "c.ecsv", "--period", "20", "--station", "ufo"]);
+            assert!(words.contains("turns of 20 s"), "{words}");
+        }
+    }
+}
