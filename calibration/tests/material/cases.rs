@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::sync::OnceLock;
 use sunglint_calibration::brdf::assemble::{AssembleOptions, Assembled, assemble};
 use sunglint_calibration::brdf::ndf::{Ndf, NdfOptions, extract};
 use sunglint_calibration::brdf::plan::{PlanOptions, plan};
@@ -157,7 +158,9 @@ pub fn from_plan(law: fn(DVec3, DVec3) -> f64, theta_i: usize, side: usize) -> A
     assemble(&measured(law, &ndf, &options), &ndf, &AssembleOptions::default()).unwrap()
 }
 
-/// From some 3000 measurements over the whole hemisphere.
-pub fn whole(law: fn(DVec3, DVec3) -> f64) -> Assembled {
-    from_plan(law, 16, 17)
+/// One of the three from some 3000 measurements over the whole hemisphere; assembled once for all tests.
+pub fn whole(name: &str) -> &'static Assembled {
+    static MADE: [OnceLock<Assembled>; 3] = [const { OnceLock::new() }; 3];
+    let at = MATERIALS.iter().position(|known| known.0 == name).unwrap();
+    MADE[at].get_or_init(|| from_plan(MATERIALS[at].1, 16, 17))
 }
