@@ -26,7 +26,11 @@ pub fn any(path: &Path, text: &str) -> Result<Table, ParseError> {
         if fields.len() != names.len() {
             let found = format!("{} fields", fields.len());
             let expected = format!("{}, as many as names", names.len());
-            return Err(ParseError::new(path, found, expected).at_line(line as u64 + 1));
+            let error = ParseError::new(path, found, expected).at_line(line as u64 + 1);
+            return Err(match hint(&names, row) {
+                Some(hint) => error.with_hint(hint),
+                None => error,
+            });
         }
         for (column, field) in columns.iter_mut().zip(fields) {
             column.push(field.trim_matches('"').to_owned());
@@ -44,4 +48,33 @@ pub fn any(path: &Path, text: &str) -> Result<Table, ParseError> {
     };
     let columns = names.into_iter().zip(columns).map(column).collect();
     Ok(Table { columns, ..Table::default() })
+}
+
+/// What a row of another number of fields looks like: semicolons or tabs between the columns, a comma in each number.
+fn hint(names: &[&str], row: &str) -> Option<&'static str> {
+    let other = row.contains([';', '\t']);
+    let fields = if other { row.split([';', '\t']).count() } else { row.split(',').count() };
+    // "12,5" is two fields, so that with all numbers written so there are up to twice as many; or one number in quotes is cut in two.
+    let decimal = |field: &str| {
+        let field = field.trim().trim_matches('"');
+        let parts: Vec<&str> = field.split(',').collect();
+        let digits = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
+        parts.len() == 2 && digits(parts[0].trim_start_matches(['-', '+'])) && digits(parts[1])
+    };
+    let commas = if other {
+        row.split([';', '\t']).any(decimal)
+    } else {
+        let quoted = row.split('"').skip(1).step_by(2).any(decimal);
+        quoted || (fields > names.len() && row.split(',').all(|f| f.trim().parse::<f64>().is_ok()))
+    };
+    match (other, commas) {
+        (true, true) => Some(
+            "semicolons or tabs stand between the columns and a comma is in the numbers: columns are separated by commas, decimals by points",
+        ),
+        (true, false) => Some("columns are separated by commas, not by semicolons or tabs"),
+        (false, true) => {
+            Some("is there a decimal comma in a number? Decimals are separated by points")
+        }
+        (false, false) => None,
+    }
 }
