@@ -94,12 +94,13 @@ fn what_is_refused_says_why() {
         ("a,b\n-10,0,0,123\n", "decimal comma"),
         ("a,b\n\"-10,0\",\"0,123\"\n", "decimal comma"),
         ("a;b\n-10,0;0,123\n", "a comma is in the numbers"),
-        ("a;b\n1;2\n3,5;4\n", "not by semicolons"),
+        ("a;b\n1;2\n3,5;4\n", "a comma is in the numbers"),
+        ("a;b\n1;2\n", "not by semicolons"),
         ("a,b\n1,2,x\n", "found 3 fields, expected 2"),
     ] {
         std::fs::write(folder.path("comma.csv"), text).unwrap();
         let said = folder.refused(1, &["brdf", "ndf", "comma.csv"]);
-        assert!(said.contains("comma.csv:2: ") && said.contains(word), "{text}: {said}");
+        assert!(said.contains("comma.csv:") && said.contains(word), "{text}: {said}");
         assert!(!text.contains('x') || !said.contains("decimal"), "{said}");
     }
     let said = folder.refused(1, &["brdf", "plan", "mirror.ecsv"]);
@@ -239,6 +240,11 @@ fn the_page_of_the_lab_from_spectra_to_a_material() {
         "{}",
         ingest["warnings"][0]
     );
+
+    // Beyond its wavelengths nothing is known.
+    let shown = folder.json(&["brdf", "show", "panel.bsdf", "--wavelength-nm", "2000", "--json"]);
+    let said = shown["warnings"].to_string();
+    assert!(said.contains("it is known from 450 to 900 nm, not at 2000 nm"), "{said}");
 
     // Its directions are not those of the plan: what is missing is counted and listed, what was not planned is used.
     let small = ["--side", "9", "--theta-i", "4", "--normals", "32", "--json"];

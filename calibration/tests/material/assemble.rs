@@ -1,8 +1,8 @@
 //! Samples put together into a material.
 
 use crate::cases::{
-    Known, MATERIALS, OTHER, WAVELENGTHS_NM, density, from_plan, measured, paint, rising, spectrum,
-    whole,
+    Known, MATERIALS, OTHER, WAVELENGTHS_NM, coarse, density, from_plan, measured, paint, rising,
+    spectrum, whole,
 };
 use glam::DVec3;
 use rand::{RngExt as _, SeedableRng as _};
@@ -134,7 +134,7 @@ fn spheres_are_as_bright_as_mitsubas() {
 fn what_the_ndf_does_not_say_comes_from_the_samples() {
     let (name, law) = OTHER;
     for (theta_i, side, most) in [(16, 17, [1e-3, 1e-2, 0.12]), (32, 33, [1e-3, 3e-3, 1.2e-2])] {
-        let made = from_plan(law, theta_i, side);
+        let made = from_plan(law, (theta_i, side), &coarse());
         let [mut near, _] = errors(law, &material(name, "memory", &made.file).unwrap());
         let near = PARTS.map(|p| quantile(&mut near, p));
         println!("{name} from {}: up to 80° {near:.5?}, {:?}", made.used, made.base[1]);
@@ -152,7 +152,7 @@ fn a_rig_in_one_plane_says_what_it_did_not_see() {
     let ndf = density(law);
     let plan = PlanOptions { theta_i: 12, ..PlanOptions::of_rig(Rig::default()) };
     let samples = measured(law, &ndf, &plan);
-    let made = assemble(&samples, &ndf, &AssembleOptions::default()).unwrap();
+    let made = assemble(&samples, &ndf, &coarse()).unwrap();
     let back = material(name, "memory", &made.file).unwrap();
     for (theta_i, most) in [(10.0, 0.06), (30.0, 0.06), (50.0, 0.06), (70.0, 0.1)] {
         for phi in [0.0, 60.0, 120.0, 180.0] {
@@ -172,7 +172,7 @@ fn a_rig_in_one_plane_says_what_it_did_not_see() {
     let far = made.coverage.iter().find(|c| c.theta_i_deg > 68.0).unwrap();
     assert!(far.extrapolated_cells > 0.5 && far.extrapolated_albedo > 0.3, "{far:?}");
     assert!(matches!(
-        assemble(&Samples::default(), &ndf, &AssembleOptions::default()),
+        assemble(&Samples::default(), &ndf, &coarse()),
         Err(AssembleError::TooFew { .. })
     ));
 }
@@ -187,7 +187,7 @@ fn the_doubt_of_what_is_extrapolated_holds_the_error() {
         let ndf = density(law);
         let plan = PlanOptions { theta_i: 12, ..PlanOptions::of_rig(Rig::default()) };
         let samples = measured(law, &ndf, &plan);
-        let made = assemble(&samples, &ndf, &AssembleOptions::default()).unwrap();
+        let made = assemble(&samples, &ndf, &coarse()).unwrap();
         let back = material(name, "memory", &made.file).unwrap();
         let (mut held, mut all, mut doubts, mut off) = (0, 0, Vec::new(), Vec::new());
         for d in made.doubts.iter().filter(|d| d.extrapolated) {

@@ -16,10 +16,18 @@ pub fn any(path: &Path, text: &str) -> Result<Table, ParseError> {
         let line = line.trim();
         !line.is_empty() && !line.starts_with('#')
     });
-    let Some((_, names)) = rows.next() else {
+    let Some((first, names)) = rows.next() else {
         return Err(ParseError::new(path, "no line", "names of columns, then rows"));
     };
     let names: Vec<&str> = names.split(',').map(str::trim).collect();
+    if let [one] = names[..]
+        && one.contains([';', '\t'])
+    {
+        let error = ParseError::new(path, format!("`{one}`"), "names separated by commas");
+        let hints: Vec<&str> = rows.filter_map(|(_, row)| hint(&names, row)).collect();
+        let of = hints.iter().find(|h| **h == BOTH).or(hints.first()).copied();
+        return Err(error.at_line(first as u64 + 1).with_hint(of.unwrap_or(COLUMNS)));
+    }
     let mut columns: Vec<Vec<String>> = vec![Vec::new(); names.len()];
     for (line, row) in rows {
         let fields: Vec<&str> = row.split(',').map(str::trim).collect();
@@ -50,6 +58,9 @@ pub fn any(path: &Path, text: &str) -> Result<Table, ParseError> {
     Ok(Table { columns, ..Table::default() })
 }
 
+const BOTH: &str = "semicolons or tabs stand between the columns and a comma is in the numbers: columns are separated by commas, decimals by points";
+const COLUMNS: &str = "columns are separated by commas, not by semicolons or tabs";
+
 /// What a row of another number of fields looks like: semicolons or tabs between the columns, a comma in each number.
 fn hint(names: &[&str], row: &str) -> Option<&'static str> {
     let other = row.contains([';', '\t']);
@@ -68,10 +79,8 @@ fn hint(names: &[&str], row: &str) -> Option<&'static str> {
         quoted || (fields > names.len() && row.split(',').all(|f| f.trim().parse::<f64>().is_ok()))
     };
     match (other, commas) {
-        (true, true) => Some(
-            "semicolons or tabs stand between the columns and a comma is in the numbers: columns are separated by commas, decimals by points",
-        ),
-        (true, false) => Some("columns are separated by commas, not by semicolons or tabs"),
+        (true, true) => Some(BOTH),
+        (true, false) => Some(COLUMNS),
         (false, true) => {
             Some("is there a decimal comma in a number? Decimals are separated by points")
         }
