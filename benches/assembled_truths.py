@@ -15,7 +15,9 @@ import numpy as np
 import mitsuba as mi
 
 mi.set_variant("llvm_ad_spectral")
-COUNT = 400
+COUNT = 600
+# Degrees of light and observer from the normal.
+MOST_DEG = 88
 NM = (400.0, 550.0, 800.0)
 
 NAMES = ("lambert", "beckmann", "ggx")
@@ -51,12 +53,12 @@ if "--spheres" in sys.argv:
     sys.exit()
 
 rng = np.random.default_rng(12)
-theta_i = np.radians(rng.uniform(0, 80, COUNT))
-theta_o = np.radians(rng.uniform(0, 80, COUNT))
+theta_i = np.radians(rng.uniform(0, MOST_DEG, COUNT))
+theta_o = np.radians(rng.uniform(0, MOST_DEG, COUNT))
 phi_o = rng.uniform(-np.pi, np.pi, COUNT)
 # Half of all near the mirrored direction.
 near = np.arange(COUNT) % 2 == 0
-theta_o[near] = np.clip(theta_i[near] + np.radians(rng.normal(0, 8, near.sum())), 0, np.radians(80))
+theta_o[near] = np.clip(theta_i[near] + np.radians(rng.normal(0, 8, near.sum())), 0, np.radians(MOST_DEG))
 phi_o[near] = np.pi + np.radians(rng.normal(0, 15, near.sum()))
 unit = lambda t, p: np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)])
 i, o = unit(theta_i, np.zeros(COUNT)), unit(theta_o, phi_o)

@@ -90,6 +90,19 @@ fn what_is_refused_says_why() {
     std::fs::write(folder.path("other.csv"), "angle,f_per_sr\n0,1\n").unwrap();
     let said = folder.refused(1, &["brdf", "ndf", "other.csv"]);
     assert!(said.contains("angle_deg: found no such column"), "{said}");
+    for (text, word) in [
+        ("a,b\n-10,0,0,123\n", "decimal comma"),
+        ("a,b\n\"-10,0\",\"0,123\"\n", "decimal comma"),
+        ("a;b\n-10,0;0,123\n", "a comma is in the numbers"),
+        ("a;b\n1;2\n3,5;4\n", "a comma is in the numbers"),
+        ("a;b\n1;2\n", "not by semicolons"),
+        ("a,b\n1,2,x\n", "found 3 fields, expected 2"),
+    ] {
+        std::fs::write(folder.path("comma.csv"), text).unwrap();
+        let said = folder.refused(1, &["brdf", "ndf", "comma.csv"]);
+        assert!(said.contains("comma.csv:") && said.contains(word), "{text}: {said}");
+        assert!(!text.contains('x') || !said.contains("decimal"), "{said}");
+    }
     let said = folder.refused(1, &["brdf", "plan", "mirror.ecsv"]);
     assert!(said.contains("kind: found `retro_reflection`, expected `ndf`"), "{said}");
     folder.refused(2, &["brdf", "plan", "x.ecsv", "--mark-deg", "2"]);
@@ -118,7 +131,7 @@ fn panel(nm: f64, [theta_i, theta_o, phi]: [f64; 3]) -> f64 {
     0.5 * d * g(i[2]) * g(o[2]) / (4.0 * i[2] * o[2]) + (0.1 + nm / 5000.0) / std::f64::consts::PI
 }
 
-const DIRECTIONS: usize = 120;
+const DIRECTIONS: usize = 104;
 
 fn angles(k: usize) -> [f64; 3] {
     let phis = [180.0, 180.0, 150.0, 90.0, 0.0];
@@ -227,6 +240,11 @@ fn the_page_of_the_lab_from_spectra_to_a_material() {
         "{}",
         ingest["warnings"][0]
     );
+
+    // Beyond its wavelengths nothing is known.
+    let shown = folder.json(&["brdf", "show", "panel.bsdf", "--wavelength-nm", "2000", "--json"]);
+    let said = shown["warnings"].to_string();
+    assert!(said.contains("it is known from 450 to 900 nm, not at 2000 nm"), "{said}");
 
     // Its directions are not those of the plan: what is missing is counted and listed, what was not planned is used.
     let small = ["--side", "9", "--theta-i", "4", "--normals", "32", "--json"];

@@ -241,7 +241,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
             "[[detector]]\nname = \"{name}\"\nrange_nm = [400, 500]\nreference = \"spectrum.csv\"\n"
         );
     }
-    for (i, o) in [(10, 30), (30, 10)] {
+    for (i, o) in [(10, 30), (30, 10), (10, 30)] {
         ingest += &format!(
             "[[direction]]\ntheta_i_deg = {i}\nphi_i_deg = 0\ntheta_o_deg = {o}\nphi_o_deg = 180\nfiles = {{ a = \"spectrum.csv\", b = \"spectrum.csv\" }}\n"
         );

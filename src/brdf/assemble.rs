@@ -35,16 +35,16 @@ pub struct AssembleArgs {
     #[arg(long, value_name = "PLAN")]
     pub plan: Option<PathBuf>,
     /// Incident elevations of the file
-    #[arg(long, value_name = "N", default_value_t = 48)]
+    #[arg(long, value_name = "N", default_value_t = 72)]
     pub theta_i: usize,
     /// Incident azimuths of the file, of an anisotropic sample
     #[arg(long, value_name = "N", default_value_t = 17)]
     pub phi_i: usize,
     /// Side of the file's grid of values, best odd: the plane of incidence is then a row
-    #[arg(long, value_name = "N", default_value_t = 81)]
+    #[arg(long, value_name = "N", default_value_t = 129)]
     pub side: usize,
-    /// Nodes of the file's densities in elevation
-    #[arg(long, value_name = "N", default_value_t = 256)]
+    /// Nodes of the file's warps in elevation; in azimuth as many, of an isotropic sample four times as many
+    #[arg(long, value_name = "N", default_value_t = 128)]
     pub normals: usize,
     /// Overwrite files that are there
     #[arg(long)]

@@ -311,11 +311,17 @@ fn summary(done: &Ingested, inputs: &Value) -> Value {
         .iter()
         .map(|p| json!({ "directions": p.directions, "ratio": rounded(p.ratio), "sigma": rounded(p.sigma) }))
         .collect();
+    let repeats: Vec<Value> = done
+        .repeats
+        .iter()
+        .map(|r| json!({ "directions": r.directions, "scatter": rounded(r.scatter), "expected": rounded(r.expected) }))
+        .collect();
     json!({
         "directions": done.samples.rows.len(),
         "wavelength_nm": done.samples.wavelength_nm,
         "seams": seams,
         "reciprocity": pairs,
+        "repeats": repeats,
         "warnings": done.warnings,
         "inputs": inputs,
     })

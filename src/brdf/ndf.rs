@@ -167,7 +167,7 @@ fn text(ndf: &Ndf, run: &RetroTable) -> String {
         let cone = run.cone_half_angle_deg.unwrap_or_default();
         let _ = writeln!(
             text,
-            "the rig's cone of ± {cone}° blurs the half-vector by half of it: no α below {least:.5} is seen"
+            "the rig's cone of ± {cone:.3}° blurs the half-vector by half of it: no α below {least:.5} is seen"
         );
     }
     if ndf.resamplings == 0 {

@@ -107,6 +107,20 @@ fn read(name: &str, wavelength_nm: f64) -> anyhow::Result<Material> {
     Ok(brdf_table::material(file, &table.wavelength_nm, &rows, None)?)
 }
 
+/// What is to be said of a wavelength that a material's spectra do not reach.
+fn beyond(material: &Material, nm: f64) -> Option<String> {
+    let ranges = || material.spectra().iter().map(|s| s.range_nm());
+    let from = ranges().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
+    let to = ranges().map(|r| r.1).fold(f64::INFINITY, f64::min);
+    let is_within = nm >= from && nm <= to;
+    (!is_within).then(|| {
+        format!(
+            "{}: it is known from {from} to {to} nm, not at {nm} nm: the nearest value is held",
+            material.name
+        )
+    })
+}
+
 /// Outgoing angles of a slice: finer around the mirrored direction.
 fn angles(theta_i: f64) -> Vec<f64> {
     let mut all: Vec<f64> = (-88..=88).map(f64::from).collect();
@@ -145,6 +159,7 @@ pub(super) fn show(args: &ShowArgs, console: Console) -> anyhow::Result<()> {
     let material = read(&args.file, nm)?;
     anyhow::ensure!(!material.is_mirror(), "{}: a perfect mirror has no values to show", args.file);
     let mut warnings: Vec<String> = material.notes().to_vec();
+    warnings.extend(beyond(&material, nm));
     let mut albedo = Vec::new();
     for theta in HEMISPHERE {
         albedo.push((theta, material.albedo(nm, direction(theta, args.phi_i_deg))?));
@@ -249,6 +264,9 @@ pub(super) fn compare(args: &CompareArgs, console: Console) -> anyhow::Result<()
     args.out.check()?;
     let nm = args.wavelength_nm;
     let (a, b) = (read(&args.a, nm)?, read(&args.b, nm)?);
+    for said in [&a, &b].into_iter().filter_map(|material| beyond(material, nm)) {
+        console.warn(&said);
+    }
     for (name, m) in [(&args.a, &a), (&args.b, &b)] {
         anyhow::ensure!(!m.is_mirror(), "{name}: a perfect mirror has no values to compare");
         for note in m.notes() {

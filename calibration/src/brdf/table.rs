@@ -62,7 +62,7 @@ impl RetroTable {
     /// From a table's columns; `path` names it in errors.
     ///
     /// # Errors
-    /// Another kind of table, columns that are missing or in other units, numbers that are none without a flag that says why, unknown flags.
+    /// Another kind of table, columns that are missing or in other units, angles that are radians, numbers that are none without a flag that says why, unknown flags.
     pub fn from_table(path: impl AsRef<Path>, table: &Table) -> Result<Self, ParseError> {
         let path = path.as_ref();
         let bad = |e: TableError| e.in_file(path);
@@ -110,6 +110,16 @@ impl RetroTable {
             }
             readings.push(reading);
         }
+        let angles: Vec<f64> = readings.iter().map(|r| r.angle_deg).collect();
+        if let Some((first, last)) = radians(&angles) {
+            let found = format!(
+                "angles that are radians: {first} to {last} is {:.1}° to {:.1}°, and so are nearly all of them round",
+                first.to_degrees(),
+                last.to_degrees()
+            );
+            let error = ParseError::new(path, found, "degrees").in_field("angle_deg");
+            return Err(error.with_hint("multiply them by 180/π"));
+        }
         let number = |key: &str| -> Result<Option<f64>, ParseError> {
             match table.meta.get(key) {
                 None | Some(Value::Null) => Ok(None),
@@ -130,6 +140,22 @@ impl RetroTable {
             has_azimuths: azimuth.is_some(),
         })
     }
+}
+
+/// The smallest and the largest angle, where they are radians: none beyond π/2, and nearly all a round number of degrees (by a tenth, 0.004° off at most, which four decimals
+/// are) if they are taken so, which angles in degrees are by chance in one of twelve.
+fn radians(angles: &[f64]) -> Option<(f64, f64)> {
+    let round = |a: &&f64| {
+        let tenths = 10.0 * a.to_degrees();
+        (tenths - tenths.round()).abs() < 0.04
+    };
+    let other: Vec<f64> = angles.iter().copied().filter(|a| *a != 0.0).collect();
+    let is_small = other.iter().all(|a| a.abs() <= std::f64::consts::FRAC_PI_2);
+    if other.len() < 8 || !is_small || other.iter().filter(round).count() * 10 < other.len() * 9 {
+        return None;
+    }
+    let first = other.iter().copied().fold(f64::INFINITY, f64::min);
+    Some((first, other.iter().copied().fold(f64::NEG_INFINITY, f64::max)))
 }
 
 /// The flags of all rows: numbers whose bits the metadata name, or the names themselves (in a file without metadata).

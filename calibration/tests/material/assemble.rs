@@ -1,8 +1,8 @@
 //! Samples put together into a material.
 
 use crate::cases::{
-    Known, MATERIALS, OTHER, WAVELENGTHS_NM, density, from_plan, measured, paint, rising, spectrum,
-    whole,
+    Known, MATERIALS, OTHER, WAVELENGTHS_NM, coarse, density, from_plan, measured, paint, rising,
+    spectrum, whole,
 };
 use glam::DVec3;
 use rand::{RngExt as _, SeedableRng as _};
@@ -14,12 +14,12 @@ use sunglint_simulator::surface::Material;
 use sunglint_simulator::surface::measured::material;
 use sunglint_testkit::fixture;
 
-/// Geometries: a third around the mirrored direction, the others anywhere.
+/// Geometries up to 88° of light and detector: a third around the mirrored direction, the others anywhere.
 fn geometries(count: usize) -> Vec<(DVec3, DVec3)> {
     let mut rng = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(11);
     (0..count)
         .map(|k| {
-            let theta_i: f64 = rng.random_range(0.0..80.0);
+            let theta_i: f64 = rng.random_range(0.0..88.0);
             let o = if k % 3 == 0 {
                 let theta_o = (theta_i + rng.random_range(-15.0..15.0_f64)).clamp(0.0, 88.0);
                 direction(theta_o, 180.0 + rng.random_range(-25.0..25.0))
@@ -36,7 +36,7 @@ fn quantile(errors: &mut [f64], part: f64) -> f64 {
     errors[((errors.len() - 1) as f64 * part) as usize]
 }
 
-/// How far a file is from the law, by direction: (θ_i and θ_o up to 80°, anywhere), where f cosθ exceeds 1e-3 of that in the mirrored direction.
+/// How far a file is from the law, by direction: (θ_i and θ_o up to 80°, up to 88°), where f cosθ exceeds 1e-3 of that in the mirrored direction.
 fn errors(law: fn(DVec3, DVec3) -> f64, back: &Material) -> [Vec<f64>; 2] {
     let (mut up_to_80, mut all) = (Vec::new(), Vec::new());
     for (i, o) in geometries(9000) {
@@ -45,7 +45,7 @@ fn errors(law: fn(DVec3, DVec3) -> f64, back: &Material) -> [Vec<f64>; 2] {
         if truth > 1e-3 * law(i, mirrored) * mirrored.z {
             let error = (back.brdf(550.0, i, o) * o.z / (truth * spectrum(550.0)) - 1.0).abs();
             all.push(error);
-            if o.z > 80_f64.to_radians().cos() {
+            if i.z.min(o.z) > 80_f64.to_radians().cos() {
                 up_to_80.push(error);
             }
         }
@@ -56,19 +56,20 @@ fn errors(law: fn(DVec3, DVec3) -> f64, back: &Material) -> [Vec<f64>; 2] {
 const PARTS: [f64; 5] = [0.5, 0.9, 0.99, 0.999, 1.0];
 
 /// Truth: the closed forms that the samples were made from, where f cosθ exceeds 1e-3 of that in the mirrored direction (its peak is no lower). By the project's evaluator; and
-/// the same file's values by Mitsuba 3.9.1's plug-in `measured`, stored. Tolerance: the promised 1 % in every direction up to 80° of light and detector; between there and 88°
-/// the horizon lies within a cell (99 %: 2 %). Against Mitsuba 1 % (single precision) of the value or of 1e-3 of the largest.
+/// the same file's values by Mitsuba 3.9.1's plug-in `measured`, stored. Tolerance: the promised 1 % in every direction up to 80° of light and detector, and in 99.9 % of those up to 88°, 2.5 % in all of
+/// them: the horizon lies two cells further. Against Mitsuba 1 % (single precision) of the value or of 1e-3 of the largest.
 #[test]
 fn three_materials_come_back() {
     let stored = std::fs::read_to_string(fixture("bsdf/assembled.csv")).unwrap();
     for (name, law) in MATERIALS {
-        let made = whole(law);
+        let made = whole(name);
         let back = material(name, "memory", &made.file).unwrap();
         let [mut near, mut all] = errors(law, &back);
         let (near, all) =
             (PARTS.map(|p| quantile(&mut near, p)), PARTS.map(|p| quantile(&mut all, p)));
         println!("{name} from {}: up to 80° {near:.5?}; to 88° {all:.5?}", made.used);
-        assert!(near[0] < 1e-3 && near[4] < 1e-2 && all[2] < 2e-2, "{name}: {near:?} {all:?}");
+        assert!(near[0] < 1e-3 && near[4] < 1e-2, "{name}: {near:?}");
+        assert!(all[3] < 1e-2 && all[4] < 2.5e-2, "{name}: {all:?}");
         assert!(made.coverage.iter().all(|c| c.largest_albedo <= 1.0 + 1e-3), "{name}");
 
         let rows: Vec<Vec<f64>> = stored
@@ -94,7 +95,8 @@ fn three_materials_come_back() {
         let by_mitsuba = PARTS.map(|p| quantile(&mut theirs, p));
         println!("{name}: evaluators apart {apart:.1e}; truth by Mitsuba {by_mitsuba:.5?}");
         assert!(apart < 1e-2, "{name}: {apart}");
-        assert!(by_mitsuba[0] < 1e-3 && by_mitsuba[4] < 1e-2, "{name}: {by_mitsuba:?}");
+        assert!(by_mitsuba[0] < 1e-3 && by_mitsuba[2] < 1e-2, "{name}: {by_mitsuba:?}");
+        assert!(by_mitsuba[4] < 2.5e-2, "{name}: {by_mitsuba:?}");
     }
 }
 
@@ -103,8 +105,8 @@ fn three_materials_come_back() {
 #[test]
 fn spheres_are_as_bright_as_mitsubas() {
     let stored = std::fs::read_to_string(fixture("bsdf/assembled_spheres.csv")).unwrap();
-    for (name, law) in MATERIALS {
-        let back = material(name, "memory", &whole(law).file).unwrap();
+    for (name, _) in MATERIALS {
+        let back = material(name, "memory", &whole(name).file).unwrap();
         let lines: Vec<_> =
             stored.lines().filter_map(|l| l.strip_prefix(&format!("{name},"))).collect();
         assert_eq!(lines.len(), 6, "{name}");
@@ -132,7 +134,7 @@ fn spheres_are_as_bright_as_mitsubas() {
 fn what_the_ndf_does_not_say_comes_from_the_samples() {
     let (name, law) = OTHER;
     for (theta_i, side, most) in [(16, 17, [1e-3, 1e-2, 0.12]), (32, 33, [1e-3, 3e-3, 1.2e-2])] {
-        let made = from_plan(law, theta_i, side);
+        let made = from_plan(law, (theta_i, side), &coarse());
         let [mut near, _] = errors(law, &material(name, "memory", &made.file).unwrap());
         let near = PARTS.map(|p| quantile(&mut near, p));
         println!("{name} from {}: up to 80° {near:.5?}, {:?}", made.used, made.base[1]);
@@ -150,7 +152,7 @@ fn a_rig_in_one_plane_says_what_it_did_not_see() {
     let ndf = density(law);
     let plan = PlanOptions { theta_i: 12, ..PlanOptions::of_rig(Rig::default()) };
     let samples = measured(law, &ndf, &plan);
-    let made = assemble(&samples, &ndf, &AssembleOptions::default()).unwrap();
+    let made = assemble(&samples, &ndf, &coarse()).unwrap();
     let back = material(name, "memory", &made.file).unwrap();
     for (theta_i, most) in [(10.0, 0.06), (30.0, 0.06), (50.0, 0.06), (70.0, 0.1)] {
         for phi in [0.0, 60.0, 120.0, 180.0] {
@@ -170,7 +172,7 @@ fn a_rig_in_one_plane_says_what_it_did_not_see() {
     let far = made.coverage.iter().find(|c| c.theta_i_deg > 68.0).unwrap();
     assert!(far.extrapolated_cells > 0.5 && far.extrapolated_albedo > 0.3, "{far:?}");
     assert!(matches!(
-        assemble(&Samples::default(), &ndf, &AssembleOptions::default()),
+        assemble(&Samples::default(), &ndf, &coarse()),
         Err(AssembleError::TooFew { .. })
     ));
 }
@@ -185,7 +187,7 @@ fn the_doubt_of_what_is_extrapolated_holds_the_error() {
         let ndf = density(law);
         let plan = PlanOptions { theta_i: 12, ..PlanOptions::of_rig(Rig::default()) };
         let samples = measured(law, &ndf, &plan);
-        let made = assemble(&samples, &ndf, &AssembleOptions::default()).unwrap();
+        let made = assemble(&samples, &ndf, &coarse()).unwrap();
         let back = material(name, "memory", &made.file).unwrap();
         let (mut held, mut all, mut doubts, mut off) = (0, 0, Vec::new(), Vec::new());
         for d in made.doubts.iter().filter(|d| d.extrapolated) {

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::sync::OnceLock;
 use sunglint_calibration::brdf::assemble::{AssembleOptions, Assembled, assemble};
 use sunglint_calibration::brdf::ndf::{Ndf, NdfOptions, extract};
 use sunglint_calibration::brdf::plan::{PlanOptions, plan};
@@ -151,13 +152,25 @@ pub fn measured(law: fn(DVec3, DVec3) -> f64, ndf: &Ndf, options: &PlanOptions) 
 }
 
 /// From a plan over the whole hemisphere: by number of elevations and side.
-pub fn from_plan(law: fn(DVec3, DVec3) -> f64, theta_i: usize, side: usize) -> Assembled {
+pub fn from_plan(
+    law: fn(DVec3, DVec3) -> f64,
+    (theta_i, side): (usize, usize),
+    options: &AssembleOptions,
+) -> Assembled {
     let ndf = density(law);
-    let options = PlanOptions { theta_i, side, ..PlanOptions::default() };
-    assemble(&measured(law, &ndf, &options), &ndf, &AssembleOptions::default()).unwrap()
+    let plan = PlanOptions { theta_i, side, ..PlanOptions::default() };
+    assemble(&measured(law, &ndf, &plan), &ndf, options).unwrap()
 }
 
-/// From some 3000 measurements over the whole hemisphere.
-pub fn whole(law: fn(DVec3, DVec3) -> f64) -> Assembled {
-    from_plan(law, 16, 17)
+/// A file that is coarser than the program's, where it is not the file that limits: a third of the time.
+pub fn coarse() -> AssembleOptions {
+    AssembleOptions { theta_i: 48, side: 81, normals: 64, ..AssembleOptions::default() }
+}
+
+/// One of the three from some 3000 measurements over the whole hemisphere; assembled once for all tests.
+pub fn whole(name: &str) -> &'static Assembled {
+    static MADE: [OnceLock<Assembled>; 3] = [const { OnceLock::new() }; 3];
+    let at = MATERIALS.iter().position(|known| known.0 == name).unwrap();
+    let options = AssembleOptions::default();
+    MADE[at].get_or_init(|| from_plan(MATERIALS[at].1, (16, 17), &options))
 }

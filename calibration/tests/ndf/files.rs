@@ -103,3 +103,26 @@ fn a_run_as_plain_columns() {
         "{error}"
     );
 }
+
+/// Angles in radians, as four decimals or in full, are refused; a narrow lobe scanned by hundredths of a degree is not.
+#[test]
+fn radians_are_not_degrees() {
+    let table = |angles: &[f64]| {
+        let text: String = angles.iter().map(|a| format!("{a},1\n")).collect();
+        let header = "# %ECSV 1.0\n# ---\n# datatype:\n# - {name: angle_deg, unit: deg, datatype: float64}\n# - {name: f_per_sr, unit: 1 / sr, datatype: float64}\n# delimiter: ','\nangle_deg,f_per_sr\n";
+        let table = ecsv::read_str("t.ecsv", &format!("{header}{text}")).unwrap();
+        RetroTable::from_table("t.ecsv", &table)
+    };
+    let degrees: Vec<f64> = (-20..=130).map(|k| 0.5 * f64::from(k)).collect();
+    assert_eq!(table(&degrees).unwrap().readings.len(), 151);
+    let full: Vec<f64> = degrees.iter().map(|a| a.to_radians()).collect();
+    let cut: Vec<f64> = full.iter().map(|a| (a * 1e4).round() / 1e4).collect();
+    for radians in [full, cut] {
+        let said = table(&radians).unwrap_err().to_string();
+        assert!(said.contains("-10.0° to 65.0°") && said.contains("degrees"), "{said}");
+    }
+    for step in [0.01, 0.02, 0.005] {
+        let narrow: Vec<f64> = (-20..=70).map(|k| step * f64::from(k)).collect();
+        assert!(table(&narrow).is_ok(), "{step}");
+    }
+}

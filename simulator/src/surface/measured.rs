@@ -220,12 +220,13 @@ impl Fields<'_> {
     }
 }
 
-/// Twice the smallest tilt at which the density has fallen to 1/e of what it is at the normal.
+/// Twice the smallest tilt at which the density has fallen to 1/e of what it is at the normal, both counted from the least there is: for diffuse light a file's density has a floor.
 fn width(ndf: &Grid) -> f64 {
-    let peak = ndf.values.iter().step_by(ndf.columns).copied().fold(0.0_f32, f32::max);
+    let least = ndf.values.iter().copied().fold(f32::INFINITY, f32::min);
+    let peak = ndf.values.iter().step_by(ndf.columns).copied().fold(0.0_f32, f32::max) - least;
     let far = |row: usize| {
         let values = &ndf.values[row * ndf.columns..(row + 1) * ndf.columns];
-        let column = values.iter().position(|v| *v < peak / std::f32::consts::E);
+        let column = values.iter().position(|v| *v - least < peak / std::f32::consts::E);
         let u = column.unwrap_or(ndf.columns - 1) as f64 / (ndf.columns - 1) as f64;
         2.0 * FRAC_PI_2 * u * u
     };

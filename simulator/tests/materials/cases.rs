@@ -27,7 +27,7 @@ pub fn files() -> Vec<(&'static str, TensorFile)> {
     let mut made = Vec::new();
     for (name, material) in materials() {
         let options = WriteOptions {
-            elevations: 14,
+            elevations: 20,
             azimuths: 5,
             normals: 64,
             side: 32,

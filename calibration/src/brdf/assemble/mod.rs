@@ -22,10 +22,12 @@ use sunglint_formats::bsdf::{Tensor, TensorData, TensorFile};
 use sunglint_simulator::surface::measured::Layout;
 use sunglint_simulator::surface::{Blend, Grid, Warp};
 
-/// For diffuse light the file's density gets at most this part of its peak, so that a lobe is still seen in it.
-const MOST_FLOOR: f64 = 0.05;
+/// For diffuse light the file's density gets a floor of at most so many times its peak: then it is nearly the same everywhere.
+const MOST_FLOOR: f64 = 10.0;
 /// The file's D and σ, of which it has one each, are finer than its warps, of which it has one for each incidence.
-const FINER: usize = 4;
+const FINER: usize = 8;
+/// Of an isotropic sample the warps have so many times more nodes in azimuth than in elevation.
+const ROWS: usize = 4;
 
 /// How finely a material is written.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +38,7 @@ pub struct AssembleOptions {
     pub phi_i: usize,
     /// Side of the grid of values. Of an odd one the plane of incidence is a row.
     pub side: usize,
-    /// Nodes of the densities in elevation; half as many in azimuth.
+    /// Nodes of the warps in elevation; in azimuth as many, of an isotropic sample four times as many (light at grazing incidence needs them).
     pub normals: usize,
     /// Whether an anisotropic sample is the same on both sides of its axes, so that a quarter of the circle says all.
     pub mirrored: bool,
@@ -44,7 +46,7 @@ pub struct AssembleOptions {
 
 impl Default for AssembleOptions {
     fn default() -> Self {
-        Self { theta_i: 48, phi_i: 17, side: 81, normals: 256, mirrored: false }
+        Self { theta_i: 72, phi_i: 17, side: 129, normals: 128, mirrored: false }
     }
 }
 
@@ -169,13 +171,16 @@ pub fn assemble(
         return Err(AssembleError::TooFew { used: field.len(), rows: samples.rows.len(), needed });
     }
     let (theta_i, phi_i) = incidences(ndf.is_isotropic(), options);
-    let grids = Grids::new(&microfacets, &field.base, options);
+    let grids = Grids::new(&microfacets, &field.base, (&theta_i, &phi_i), options);
     let nl = samples.wavelength_nm.len();
-    let places: Vec<(f64, f64)> =
-        phi_i.iter().flat_map(|phi| theta_i.iter().map(move |theta| (*theta, *phi))).collect();
+    let places: Vec<[usize; 2]> =
+        (0..phi_i.len()).flat_map(|k| (0..theta_i.len()).map(move |j| [j, k])).collect();
     let slices = places
         .par_iter()
-        .map(|(theta, phi)| slice(&microfacets, &field, &grids, (*theta, *phi), nl, options))
+        .map(|[j, k]| {
+            let at = ([*j, *k], (theta_i[*j], phi_i[*k]));
+            slice(&microfacets, &field, &grids, at, nl, options)
+        })
         .collect::<Result<Vec<_>, _>>()?;
     let mut warnings = Vec::new();
     if left_out > 0 {
@@ -234,7 +239,12 @@ fn spherical(theta: f64, phi: f64) -> DVec3 {
 }
 
 impl Grids {
-    fn new(microfacets: &Microfacets<'_>, base: &[Base], options: &AssembleOptions) -> Self {
+    fn new(
+        microfacets: &Microfacets<'_>,
+        base: &[Base],
+        (theta_i, phi_i): (&[f64], &[f64]),
+        options: &AssembleOptions,
+    ) -> Self {
         let isotropic = microfacets.is_isotropic();
         // Beside diffuse light a lobe's tail is nothing: values over D alone would rise without end.
         let ratio = |b: &Base| (b.diffuse / b.specular).clamp(1e-300, 1e300).ln();
@@ -256,14 +266,14 @@ impl Grids {
             };
             Grid { rows, columns, values }
         };
-        let warp = (options.normals / 2, options.normals);
+        let warp = (options.normals * if isotropic { ROWS } else { 1 }, options.normals);
         let columns = FINER * options.normals;
         let rows = if isotropic { 2 } else { options.normals };
         let density = |m: DVec3| microfacets.density(m);
         Self {
             ndf: spread(rows, columns, &|m| density(m) + floor),
             sigma: spread(rows, columns, &|v| microfacets.area(v)),
-            layout: Layout::new(spread(warp.0, warp.1, &density), isotropic, floor),
+            layout: Layout::new(spread(warp.0, warp.1, &density), floor, theta_i, phi_i),
             warp,
         }
     }
@@ -279,7 +289,7 @@ fn slice(
     microfacets: &Microfacets<'_>,
     field: &Field<'_>,
     grids: &Grids,
-    (theta, phi): (f64, f64),
+    ([elevation, azimuth], (theta, phi)): ([usize; 2], (f64, f64)),
     nl: usize,
     options: &AssembleOptions,
 ) -> Result<Slice, AssembleError> {
@@ -287,7 +297,7 @@ fn slice(
     // Azimuths of an isotropic sample's normals are counted from the light's.
     let from = if microfacets.is_isotropic() { phi } else { 0.0 };
     let (rows, columns) = grids.warp;
-    let vndf = grids.layout.visible(theta, phi);
+    let vndf = grids.layout.visible(elevation, azimuth);
     let warp = Warp::new(Grid { rows, columns, values: vndf.clone() })
         .ok_or(AssembleError::Dark { theta_i_deg: theta.to_degrees() })?;
     let area = grids.sigma.at(grids.place(i, from));

@@ -4,6 +4,7 @@
 //! solid angle Ω_o; the reference is the light itself by a mirror of known reflectance, or a Lambert standard (ρ/π cosθ_r Ω_o). Then detectors are joined: in the overlap
 //! of two, the second is scaled to the first, once for each direction, and its uncertainty is what the overlap says.
 
+mod repeat;
 mod spectrum;
 
 pub use spectrum::{AxisError, RawSpectrum};
@@ -171,6 +172,17 @@ pub struct Pair {
     pub sigma: f64,
 }
 
+/// Directions that were measured more than once: one value is made of them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Repeat {
+    /// Which directions, from 1.
+    pub directions: Vec<usize>,
+    /// The root mean square over the wavelengths of how far they lie about their mean, relative; a single value's, not the mean's.
+    pub scatter: f64,
+    /// What their noise leads to expect of it.
+    pub expected: f64,
+}
+
 /// Values with what was found on the way.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ingested {
@@ -180,6 +192,8 @@ pub struct Ingested {
     pub seams: Vec<Seam>,
     /// Swapped directions.
     pub pairs: Vec<Pair>,
+    /// Directions that were measured more than once.
+    pub repeats: Vec<Repeat>,
     /// What is to be known.
     pub warnings: Vec<String>,
 }
@@ -265,8 +279,12 @@ pub fn ingest(
             ));
         }
     }
+    let (rows, numbers, repeats) = repeat::merged(rows);
+    for repeat in &repeats {
+        warnings.push(repeat.to_string());
+    }
     let samples = Samples { wavelength_nm: nm.clone(), rows, meta: Meta::new() };
-    let pairs = pairs(&samples);
+    let pairs = pairs(&samples, &numbers);
     for pair in &pairs {
         let off = (pair.ratio - 1.0).abs();
         if off > options.warn_reciprocity && off > 3.0 * pair.sigma {
@@ -282,8 +300,9 @@ pub fn ingest(
     meta.insert("reference".into(), json!(reference.kind));
     meta.insert("seams".into(), json!(seams));
     meta.insert("reciprocity".into(), json!(pairs));
+    meta.insert("repeats".into(), json!(repeats));
     let samples = Samples { meta, ..samples };
-    Ok(Ingested { samples, seams, pairs, warnings })
+    Ok(Ingested { samples, seams, pairs, repeats, warnings })
 }
 
 fn check(reference: &Reference, options: &IngestOptions) -> Result<(), IngestError> {
@@ -442,8 +461,8 @@ fn ratio(a: &Piece, b: &Piece, shared: &[usize]) -> Option<(f64, f64)> {
     Some((scale, sigma))
 }
 
-/// Of a sample that was lit from one azimuth only, the azimuth between light and detector decides.
-fn pairs(samples: &Samples) -> Vec<Pair> {
+/// Of a sample that was lit from one azimuth only, the azimuth between light and detector decides. `numbers` are those of the rows' directions.
+fn pairs(samples: &Samples, numbers: &[usize]) -> Vec<Pair> {
     let rows = &samples.rows;
     let anisotropic = samples.has_azimuths();
     let place = |i: DVec3, o: DVec3| {
@@ -474,7 +493,7 @@ fn pairs(samples: &Samples) -> Vec<Pair> {
                 // The median's, and what all wavelengths have in common is not less than the largest of them over √n.
                 let mean = ratios.iter().map(|r| r.1 * r.1).sum::<f64>() / n;
                 let sigma = ratio * 1.2533 * (mean / n).sqrt();
-                found.push(Pair { directions: [a + 1, b + 1], ratio: *ratio, sigma });
+                found.push(Pair { directions: [numbers[a], numbers[b]], ratio: *ratio, sigma });
             }
         }
     }

@@ -139,6 +139,16 @@ pub enum NdfError {
         /// Half the width of the lobe at half its height.
         half_width_deg: f64,
     },
+    /// Angles are missing beside the normal, so that it is not known where that is.
+    #[error(
+        "the readings do not decide where the normal is: from {from_deg:.2}° to {to_deg:.2}° of the stage there is none, so that hardly any angle was measured on both sides of the peak. Measure there, or give the stage's angle at normal incidence (zero_deg; --zero-deg of the program)"
+    )]
+    GapBesideNormal {
+        /// Where it begins, the stage's angle.
+        from_deg: f64,
+        /// Where it ends.
+        to_deg: f64,
+    },
     /// Values on the nodes that are no BRDF.
     #[error("retro-reflection on the nodes: found {0}, expected numbers of 0 or above, not all 0")]
     Values(String),

@@ -10,7 +10,7 @@ use std::ops::Range;
 use sunglint_simulator::surface::Distribution;
 
 /// A gap is this many times as wide as readings are apart elsewhere.
-const GAP_STEPS: f64 = 3.0;
+pub(super) const GAP_STEPS: f64 = 3.0;
 
 /// A plane of incidence on the nodes.
 #[derive(Debug, Clone)]
@@ -65,7 +65,7 @@ impl Traced {
     /// From a scan to nodes at `theta` (radians).
     ///
     /// # Errors
-    /// Angles that are missing amid the peak.
+    /// Angles that are missing amid the peak, or beside it so that the symmetry point is not decided.
     pub fn new(
         scan: &Scan,
         azimuth_deg: f64,
@@ -77,7 +77,7 @@ impl Traced {
         let scan = smoothed.as_ref().unwrap_or(scan);
         let zero = match options.zero_deg {
             Some(angle_deg) => Zero { angle_deg, sigma_deg: 0.0, origin: ZeroOrigin::Given },
-            None => zero::find(scan, options.most_offset_deg),
+            None => zero::find(scan, options.most_offset_deg)?,
         };
         if zero.origin == ZeroOrigin::Assumed {
             notes.push(Note::ZeroAssumed);

@@ -1,5 +1,7 @@
 //! The stage's angle at which the beam falls along the sample's normal, from the readings on both sides of it.
 
+use super::NdfError;
+use super::profile::GAP_STEPS;
 use super::scan::Scan;
 use super::shape::golden;
 use super::spline::Knots;
@@ -7,6 +9,8 @@ use serde::{Deserialize, Serialize};
 
 /// Readings that each side needs.
 const LEAST_A_SIDE: usize = 4;
+/// The part of the readings that need others at the same angle on the other side.
+const LEAST_MIRRORED: f64 = 0.5;
 
 /// Where the symmetry point came from.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -65,6 +69,22 @@ impl Judge<'_> {
         Some((readings.iter().map(square).sum(), free))
     }
 
+    /// The part of these readings whose angle lies between readings, no gap, on the other side of `zero`, too; and the widest gap (stage angles, degrees).
+    fn mirrored(&self, zero: f64, part: &[usize]) -> (f64, (f64, f64)) {
+        let angles = &self.scan.angle_deg;
+        let most = GAP_STEPS * self.step + 1e-9;
+        let covered = |k: &&usize| {
+            let mirror = 2.0 * zero - angles[**k];
+            let next = angles.partition_point(|a| *a < mirror);
+            let of = |k: usize| angles.get(k).copied().unwrap_or(f64::INFINITY);
+            let before = if next > 0 { angles[next - 1] } else { f64::NEG_INFINITY };
+            of(next) - before <= most
+        };
+        let count = part.iter().filter(covered).count();
+        let widest = angles.windows(2).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
+        (count as f64 / part.len().max(1) as f64, widest.map_or((0.0, 0.0), |w| (w[0], w[1])))
+    }
+
     fn both_sides(&self, zero: f64, part: &[usize]) -> bool {
         let right = part.iter().filter(|k| self.scan.angle_deg[**k] >= zero).count();
         right >= LEAST_A_SIDE && part.len() - right >= LEAST_A_SIDE
@@ -82,7 +102,10 @@ pub(super) fn refined(scan: &Scan, near_deg: f64) -> Option<f64> {
 }
 
 /// The symmetry point within ± `most_deg` of the stage's zero; not fitted where the readings do not decide it.
-pub(super) fn find(scan: &Scan, most_deg: f64) -> Zero {
+///
+/// # Errors
+/// A gap beside the peak, so that hardly any angle was measured on both sides: what is found then is off by more than its uncertainty says.
+pub(super) fn find(scan: &Scan, most_deg: f64) -> Result<Zero, NdfError> {
     let assumed = Zero { angle_deg: 0.0, sigma_deg: 0.0, origin: ZeroOrigin::Assumed };
     let step = scan.step_deg();
     let judge = Judge { scan, weights: scan.weights(), step };
@@ -96,16 +119,16 @@ pub(super) fn find(scan: &Scan, most_deg: f64) -> Zero {
     let tried: Vec<(f64, f64)> =
         (-count..=count).filter_map(|k| Some((trial(k), mean(trial(k))?))).collect();
     let Some((best, least)) = tried.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)) else {
-        return assumed;
+        return Ok(assumed);
     };
     // From here on the same readings for all zeros.
     let part = judge.within(best, judge.reach(best) - 0.5 * step);
     if !judge.both_sides(best, &part) {
-        return assumed;
+        return Ok(assumed);
     }
     let square = |zero: f64| judge.left(zero, &part).map_or(f64::INFINITY, |(square, _)| square);
     let angle_deg = golden(best - 0.75 * step, best + 0.75 * step, square);
-    let Some((lowest, free)) = judge.left(angle_deg, &part) else { return assumed };
+    let Some((lowest, free)) = judge.left(angle_deg, &part) else { return Ok(assumed) };
     let variance = lowest / free.max(1.0);
     // The bend of the sum of squares over as wide a stretch as the readings are apart.
     let bend = (square(angle_deg - step) + square(angle_deg + step) - 2.0 * lowest) / (step * step);
@@ -115,7 +138,11 @@ pub(super) fn find(scan: &Scan, most_deg: f64) -> Zero {
     // A sample that is the same at all angles has no symmetry point; neither has one that noise hides.
     let is_flat = (worst / weight).sqrt() < 1e-9 || worst < 2.0 * least;
     if is_flat || sigma_deg.is_nan() || sigma_deg >= 0.25 * judge.reach(angle_deg) {
-        return assumed;
+        return Ok(assumed);
     }
-    Zero { angle_deg, sigma_deg, origin: ZeroOrigin::Fitted }
+    let (mirrored, (from_deg, to_deg)) = judge.mirrored(angle_deg, &part);
+    if mirrored < LEAST_MIRRORED {
+        return Err(NdfError::GapBesideNormal { from_deg, to_deg });
+    }
+    Ok(Zero { angle_deg, sigma_deg, origin: ZeroOrigin::Fitted })
 }

@@ -94,11 +94,11 @@ impl<'a> Writer<'a> {
         let (mut vndf, mut luminance) = (Vec::new(), Vec::new());
         let mut spectra = vec![0.0_f32; np * nt * nl * side * side];
         let ndf = Grid { rows, columns, values: f32s(&self.ndf) };
-        let layout = Layout::new(ndf.clone(), self.isotropic, 0.0);
+        let layout = Layout::new(ndf.clone(), 0.0, &self.theta_i, &self.phi_i);
         let sigma = Grid { rows, columns, values: f32s(&self.sigma) };
         for (k, phi) in self.phi_i.iter().enumerate() {
             for (j, theta) in self.theta_i.iter().enumerate() {
-                let slice = layout.visible(*theta, *phi);
+                let slice = layout.visible(j, k);
                 let values = self.values((*theta, *phi), &layout, &slice, &ndf, &sigma);
                 for (node, row) in values.iter().enumerate() {
                     luminance.push((row.iter().sum::<f64>() / nl as f64 + 1e-9) as f32);
