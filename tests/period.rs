@@ -94,7 +94,7 @@ fn the_whole_pass_gives_20_s_in_every_channel() {
     let is_20 = |m: &Value| (m["period_s"].as_f64().unwrap() / 20.0 - 1.0).abs() < 0.02;
     assert!(members.iter().any(is_20), "{even}");
 
-    // Folded on the spin about its own axis the pass repeats better than folded on any even time: less than four fifths of the variance within phase bins is left.
+    // Folded on the spin about its own axis the pass repeats better than folded on any of seven even times about it: less of the variance within phase bins is left.
     let left = |options: &[&str]| {
         let fold =
             ["analyse", "fold", "sim/box_wing_pass.ecsv", "--channel", "g854", "-q", "--force"];

@@ -40,15 +40,31 @@ pub struct AssembleArgs {
     /// Incident azimuths of the file, of an anisotropic sample
     #[arg(long, value_name = "N", default_value_t = 17)]
     pub phi_i: usize,
-    /// Side of the file's grid of values, best odd: the plane of incidence is then a row
-    #[arg(long, value_name = "N", default_value_t = 129)]
-    pub side: usize,
+    /// Side of the file's grid of values, best odd: the plane of incidence is then a row [default: 129, or 97, 65 or 33 where all values would take more than 256 MB]
+    #[arg(long, value_name = "N")]
+    pub side: Option<usize>,
     /// Nodes of the file's warps in elevation; in azimuth as many, of an isotropic sample four times as many
     #[arg(long, value_name = "N", default_value_t = 128)]
     pub normals: usize,
     /// Overwrite files that are there
     #[arg(long)]
     pub force: bool,
+}
+
+/// Sides of grids of values, finest first.
+const SIDES: [usize; 4] = [129, 97, 65, 33];
+/// What all values of a file take at most where nobody says their side, bytes.
+const MOST_BYTES: usize = 256_000_000;
+
+/// What so many grids of values take, bytes.
+fn bytes(grids: usize, side: usize) -> usize {
+    grids.saturating_mul(side * side * size_of::<f32>())
+}
+
+/// The finest side with which so many grids of values stay within [`MOST_BYTES`]; the coarsest where none does.
+fn usual_side(grids: usize) -> usize {
+    let fits = |side: &usize| bytes(grids, *side) <= MOST_BYTES;
+    SIDES.into_iter().find(fits).unwrap_or(SIDES[SIDES.len() - 1])
 }
 
 pub(super) fn run(args: &AssembleArgs, console: Console) -> anyhow::Result<()> {
@@ -83,10 +99,19 @@ pub(super) fn run(args: &AssembleArgs, console: Console) -> anyhow::Result<()> {
     let of_plan = plan.as_ref().map(|(_, _, input)| input.clone()).unwrap_or_default();
     let inputs: Vec<Value> =
         [inputs, others, of_plan].iter().filter_map(Value::as_array).flatten().cloned().collect();
+    let azimuths = if density.is_isotropic() { 1 } else { args.phi_i };
+    let grids = measured.wavelength_nm.len() * args.theta_i * azimuths;
+    let side = args.side.unwrap_or_else(|| usual_side(grids));
+    if args.side.is_none() && side < SIDES[0] {
+        console.warn(&format!(
+            "the file has {grids} grids of values: each is of {side} by {side} instead of {} by {}, so that they take {} MB; --side says otherwise",
+            SIDES[0], SIDES[0], bytes(grids, side) / 1_000_000
+        ));
+    }
     let options = AssembleOptions {
         theta_i: args.theta_i,
         phi_i: args.phi_i,
-        side: args.side,
+        side,
         normals: args.normals,
         mirrored: plan.as_ref().is_some_and(|(_, quarter, _)| *quarter),
     };
@@ -297,4 +322,18 @@ fn text(made: &Assembled) -> String {
         );
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::usual_side;
+
+    /// Truth: by hand: 72 grids of 129² values of four bytes are 4.8 MB; 195 wavelengths of them 934 MB, with 97² 528 MB, with 65² 237 MB.
+    #[test]
+    fn many_wavelengths_have_coarser_grids() {
+        assert_eq!(usual_side(72), 129);
+        assert_eq!(usual_side(72 * 195), 65);
+        assert_eq!(usual_side(72 * 17 * 3), 129);
+        assert_eq!(usual_side(usize::MAX), 33);
+    }
 }
