@@ -14,6 +14,8 @@ fn main() {
     }
     // Generic code comes out alike by the hundred.
     println!("cargo::rustc-link-arg-bins=-Wl,--icf=all");
+    // Texts that end alike are kept once.
+    println!("cargo::rustc-link-arg-bins=-Wl,-O2");
     // Relative relocations in a bit map in place of 24 bytes each: glibc reads it since 2.36 (Debian 12).
     if glibc().is_some_and(|version| version >= (2, 36)) {
         println!("cargo::rustc-link-arg-bins=-Wl,-z,pack-relative-relocs");

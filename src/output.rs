@@ -163,7 +163,10 @@ impl OutputArgs {
     }
 
     /// Whether all of these files can be written.
-    fn check_targets<'a>(&self, paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Result<()> {
+    pub fn check_targets<'a>(
+        &self,
+        paths: impl IntoIterator<Item = &'a Path>,
+    ) -> anyhow::Result<()> {
         let mut seen = HashSet::new();
         for path in paths {
             if is_device(path) {

@@ -77,15 +77,8 @@ pub(super) fn run(args: &AssembleArgs, console: Console) -> anyhow::Result<()> {
     let (coverage_file, toml_file) = (beside("coverage.ecsv"), beside("toml"));
     let (doubts_file, missing_file) = (beside("doubts.ecsv"), beside("missing.ecsv"));
     let planned_file = args.plan.as_ref().map(|_| &missing_file);
-    for path in
-        [&args.output, &coverage_file, &doubts_file, &toml_file].into_iter().chain(planned_file)
-    {
-        anyhow::ensure!(
-            args.force || path.symlink_metadata().is_err(),
-            "{} is there already: nothing is overwritten without --force",
-            path.display()
-        );
-    }
+    let files = [&args.output, &coverage_file, &doubts_file, &toml_file].into_iter();
+    out.check_targets(files.chain(planned_file).map(PathBuf::as_path))?;
     let (measured, inputs) = samples(&args.samples, args.wavelength_nm)?;
     let (density, _, others) = ndf::read(&args.ndf)?;
     let plan = match &args.plan {
