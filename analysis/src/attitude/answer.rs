@@ -223,7 +223,8 @@ fn answer(question: &Question, searched: Searched) -> Result<Answer, AttitudeErr
     })
 }
 
-/// By how much the variance of sums over blocks of neighbouring epochs, all channels together, exceeds that of independent residuals (batch means); 1 where chance would do.
+/// By how much the variance of sums over blocks of neighbouring epochs, all channels together, exceeds that of independent residuals (batch means), or of the noise where residuals are
+/// smaller than that; 1 where chance would do.
 ///
 /// What a model lacks is alike in all channels and from one epoch to the next, and counted as noise of independent samples it would make a wrong attitude certain.
 fn correlation(samples: &[Sample], extra: f64) -> f64 {
@@ -246,7 +247,7 @@ fn correlation(samples: &[Sample], extra: f64) -> f64 {
     }
     // Of all residuals those of the last, short block are left out above the line only.
     let squares: f64 = blocks.map(|b| b.iter().map(|e| e.1).sum::<f64>().powi(2)).sum();
-    let ratio = squares / all;
+    let ratio = squares / all.max(samples.len() as f64);
     let chance = 1.0 + CHANCE * (2.0 / count).sqrt();
     if ratio > chance { ratio } else { 1.0 }
 }

@@ -88,18 +88,17 @@ impl Campaign {
         self.figures.push((figure, value));
     }
 
-    /// Writes the figures of a whole campaign, or compares those of a tenth with the ones that are written.
+    /// Writes the figures of a whole campaign (of one in shards those of all seeds that were run so far), or compares those of a tenth with the ones that are written.
     ///
     /// # Panics
     /// Where the file is missing or a figure of the tenth exceeds the whole's: the promise, or the file, is out of date.
     pub fn finish(self) {
         let path = self.path();
-        if self.full && !self.is_whole() {
-            let missing = self.rows.map_or_else(Vec::new, |rows| rows.missing(self.n));
-            println!("{}: {} of {} seeds are still to be run", self.name, missing.len(), self.n);
-            return;
-        }
         if self.full {
+            let missing = self.rows.as_ref().map_or(0, |rows| rows.missing(self.n).len());
+            if missing > 0 {
+                println!("{}: {missing} of {} seeds are still to be run", self.name, self.n);
+            }
             let written = std::fs::write(&path, self.toml());
             assert!(written.is_ok(), "cannot write {}: {written:?}", path.display());
             return;
@@ -128,9 +127,18 @@ impl Campaign {
 
     fn toml(&self) -> String {
         let commits = self.rows.as_ref().map_or_else(commit, Rows::commits);
+        let missing = self.rows.as_ref().map_or(0, |rows| rows.missing(self.n).len() as u64);
+        let seeds = match missing {
+            0 => format!("first_seed = 0\nseeds = {}", self.n),
+            n => format!(
+                "# those in {}.tsv\nseeds = {}\nstill_to_be_run = {n}",
+                self.name,
+                self.n - n
+            ),
+        };
         let mut text = format!(
-            "# Written by ./test --campaign {}\nfirst_seed = 0\nseeds = {}\ncommit = \"{commits}\"\n\n[figures]\n",
-            self.name, self.n
+            "# Written by ./test --campaign {}\n{seeds}\ncommit = \"{commits}\"\n\n[figures]\n",
+            self.name
         );
         for (figure, value) in &self.figures {
             let _ = writeln!(text, "{figure} = {value:e}");
