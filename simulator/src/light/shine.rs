@@ -27,6 +27,8 @@ const CLAIMED: f64 = 2.0;
 /// What a cell may hide from both its rules (a glint, a slit of light): this, times the square of its share of the irradiance, of all earthshine. It says which cell
 /// is halved and when that ends, and is no part of the claim.
 const HIDDEN: f64 = 0.1;
+/// Of itself, what earthshine may be off: the Earth is known to half of its light.
+const OF_ITSELF: f64 = 0.03;
 /// Directions of an epoch at most: what is open then is in the stated error.
 const MOST_ASKED: usize = 1500;
 /// Wavelengths at which earthshine is weighed beside sunlight.
@@ -248,8 +250,8 @@ pub(super) fn product<A: Quantity, B: Quantity>(
 }
 
 impl<'a> Earthshine<'a> {
-    /// Earthshine on a scene, found within `tolerance` of all light that an epoch has, sunlight that is scattered once among it, for an Earth of
-    /// [`EARTH_ALBEDO`].
+    /// Earthshine on a scene, found within `tolerance` of all light that an epoch has in full sunlight, that which is scattered once among it, for an Earth of
+    /// [`EARTH_ALBEDO`]; and within 3 % of itself, which is what counts in the Earth's shadow.
     pub fn new(evaluator: Evaluator<'a>, tolerance: f64) -> Self {
         let spectra: Vec<_> = evaluator.scene.spectra().collect();
         let ends = spectra.iter().map(|s| s.range_nm());
@@ -339,7 +341,7 @@ impl Effect for Earthshine<'_> {
         let Some(cap) = lighting.earth.as_ref().and_then(LitCap::of) else { return Ok(()) };
         let from = (lighting.sun_body, lighting.view);
         // Weights are those of an Earth that reflects all.
-        let beside = lighting.sunlit / EARTH_ALBEDO;
+        let beside = EARTH_ALBEDO.recip();
         let mut sunlight = vec![0.0; weights.len()];
         self.evaluator.direct(lighting.sun_body, lighting.view, &mut sunlight)?;
         let sunlight = self.at_wavelengths(&sunlight).map(|s| beside * s);
@@ -360,13 +362,14 @@ impl Effect for Earthshine<'_> {
             };
             let doubts: Vec<_> = cells.iter().map(doubt).collect();
             let left = std::array::from_fn(|k| claimed(doubts.iter().map(|d| d[k])));
-            // How far off, of all light, at the wavelength where that is most.
+            // How far off, of what it may be, at the wavelength where that is most.
             let share = |off: &[f64; WEIGHED]| {
-                let all = sunlight.iter().zip(&earthlight).map(|(s, e)| s + e);
-                let shares = off.iter().zip(all).filter(|(_, all)| *all > 0.0);
-                shares.map(|(off, all)| off / all).fold(0.0, f64::max)
+                let may = |(s, e): (&f64, &f64)| (self.tolerance * (s + e)).min(OF_ITSELF * e);
+                let may = sunlight.iter().zip(&earthlight).map(may);
+                let shares = off.iter().zip(may).filter(|(_, may)| *may > 0.0);
+                shares.map(|(off, may)| off / may).fold(0.0, f64::max)
             };
-            if share(&left) <= self.tolerance || self.asked >= most {
+            if share(&left) <= 1.0 || self.asked >= most {
                 break;
             }
             let worst =

@@ -105,7 +105,7 @@ impl Lit {
         }
         let mut shine = self.shine(scene);
         let (mut weights, mut errors) =
-            (vec![0.0; scene.term_count()], vec![0.0; scene.term_count()]);
+            (vec![0.0; scene.weight_count()], vec![0.0; scene.weight_count()]);
         let radius_m = crate::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
         let mut counted = 0;
         for k in 0..COUNTED {
