@@ -175,7 +175,7 @@ fn a_plate_reflects_earth_and_moon() {
 /// Earthshine on a scene by the test's own sum: equal solid angles over the cone in which the globe is seen, each lit as the sphere is there.
 fn by_grid(scene: &Scene, lighting: &Lighting) -> Vec<f64> {
     const RINGS: u32 = 100;
-    let globe = lighting.earth.unwrap();
+    let globe = lighting.earth.expect("an Earth");
     let mut evaluator = scene.evaluator();
     let (mut row, mut sums) = (vec![0.0; scene.weight_count()], vec![0.0; scene.weight_count()]);
     let (x, y) = globe.toward.any_orthonormal_pair();
@@ -193,7 +193,8 @@ fn by_grid(scene: &Scene, lighting: &Lighting) -> Vec<f64> {
         let normal = (ray * (along - under.max(0.0).sqrt()) - middle) / globe.radius_m;
         let radiance = normal.dot(globe.sun).max(0.0) / PI;
         if radiance > 0.0 {
-            evaluator.direct_from(ray, lighting.sun_body, lighting.view, &mut row).unwrap();
+            let done = evaluator.direct_from(ray, lighting.sun_body, lighting.view, &mut row);
+            done.expect("directions");
             let irradiance = radiance * 2.0 * PI * depth / cells;
             sums.iter_mut().zip(&row).for_each(|(sum, w)| *sum += irradiance * w);
         }
