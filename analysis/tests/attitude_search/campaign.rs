@@ -8,16 +8,7 @@ use sunglint_analysis::attitude::{
     Answer, Compared, Forward, Options, Question, State, Verdict, find,
 };
 use sunglint_simulator::attitude::Spin;
-use sunglint_testkit::Campaign;
-
-/// Seconds that all threads of this process have computed.
-pub fn cpu_s() -> f64 {
-    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let after = text.rsplit(')').next().unwrap_or_default();
-    let ticks: f64 =
-        after.split_whitespace().skip(11).take(2).filter_map(|t| t.parse::<f64>().ok()).sum();
-    ticks / 100.0
-}
+use sunglint_testkit::{Campaign, cpu_s};
 
 /// What is kept of a seed. `axis_chi2` is the error of the axis over its stated uncertainty, squared, of two degrees of freedom; `verdict` 0 one, 1 several, 2 undetermined; `truth_above` of those not found the
 /// χ² of the true attitude above that of the answer (negative: the search has not seen it).
