@@ -164,6 +164,12 @@ impl<'a> Product<'a> {
     /// degree, and hands out the parts of the integral of each bin.
     fn walk(&self, edges_nm: &[f64], degree: usize, mut visit: impl FnMut(usize, Piece)) {
         let (Some(&first), Some(&last)) = (edges_nm.first(), edges_nm.last()) else { return };
+        // Where a factor is 0 there is nothing to hand out: a narrow one among many knots is a few intervals.
+        let Some((from, to)) = self.lit() else { return };
+        let (first, last) = (first.max(from), last.min(to));
+        if first >= last {
+            return;
+        }
         let breaks = self.breakpoints(edges_nm, first, last);
         let rule = gauss_legendre(degree / 2 + 1);
         let mut cursors = vec![0_usize; self.factors.len()];
@@ -222,11 +228,24 @@ impl<'a> Product<'a> {
         common.or_else(widest).filter(|(a, b)| a < b)
     }
 
+    /// The range outside of which some factor is zero: beyond its table, or padded with zeros within it. `None` where there is none.
+    fn lit(&self) -> Option<(f64, f64)> {
+        let zero = self.factors.iter().filter(|f| f.outside == Outside::Zero);
+        zero.map(Factor::lit).try_fold((f64::NEG_INFINITY, f64::INFINITY), |(a, b), range| {
+            range.map(|(c, d)| (a.max(c), b.min(d)))
+        })
+    }
+
+    /// `first`, `last`, and all edges and points of the factors between them, increasing.
     fn breakpoints(&self, edges_nm: &[f64], first: f64, last: f64) -> Vec<f64> {
-        let mut breaks: Vec<f64> = edges_nm.to_vec();
+        let between =
+            |x: &[f64]| (x.partition_point(|x| *x <= first), x.partition_point(|x| *x < last));
+        let (from, to) = between(edges_nm);
+        let mut breaks = vec![first];
+        breaks.extend_from_slice(&edges_nm[from.min(to)..to]);
+        breaks.push(last);
         for factor in &self.factors {
-            let from = factor.x.partition_point(|&x| x <= first);
-            let to = factor.x.partition_point(|&x| x < last);
+            let (from, to) = between(factor.x);
             breaks.extend_from_slice(&factor.x[from.min(to)..to]);
         }
         // Stable: the factors' grids are sorted runs, which the merge sort of the standard library joins in linear time.
@@ -246,6 +265,13 @@ impl<Q: Quantity> Spectrum<Q> {
 }
 
 impl Factor<'_> {
+    /// From the last 0 before the first number that is another to the first 0 after the last; `None` where all are 0.
+    fn lit(&self) -> Option<(f64, f64)> {
+        let first = self.y.iter().position(|y| *y != 0.0)?;
+        let last = self.y.iter().rposition(|y| *y != 0.0)?;
+        Some((self.x[first.saturating_sub(1)], self.x[(last + 1).min(self.x.len() - 1)]))
+    }
+
     /// The value at `nm` in the interval that starts at grid point `i`, or beyond the table.
     fn at(&self, i: usize, nm: f64) -> f64 {
         let last = self.x.len() - 1;
@@ -438,6 +464,33 @@ mod tests {
             near(*found, expected, 1e-14);
         }
         assert!(product.hat_moments(&[500.0, 400.0]).is_err());
+    }
+
+    /// Truth: the same hat on a table of its own three points, by hand beside it ∫ h dλ = 100 under 2 W m⁻² nm⁻¹, moments and bins alike: zeros about it
+    /// change nothing, whatever the knots. Tolerance: rounding. A product that is 0 everywhere has no moments.
+    #[test]
+    fn zeros_about_a_narrow_factor_change_nothing() {
+        let light = Spectrum::<Irradiance>::constant(2.0, 300.0, 900.0).unwrap();
+        let hat = |nm: &[f64], value: &[f64]| {
+            Spectrum::<crate::spectrum::Factor>::new(nm.to_vec(), value.to_vec()).unwrap()
+        };
+        let alone = hat(&[480.0, 500.0, 580.0], &[0.0, 1.0, 0.0]);
+        let among: Vec<f64> = vec![310.0, 400.0, 480.0, 500.0, 580.0, 700.0, 880.0];
+        let padded = hat(&among, &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+        let knots: Vec<f64> = (0..300).map(|i| 290.0 + 2.3 * f64::from(i)).collect();
+        let [a, b] = [&alone, &padded].map(|h| Product::of(&light).times(h));
+        near(b.integral().value, 100.0, 1e-13);
+        let bins = b.bins(&[300.0, 480.0, 500.0, 600.0, 900.0]).unwrap();
+        let expected = [0.0, 20.0, 80.0, 0.0];
+        bins.iter().zip(expected).for_each(|(bin, e)| assert!((bin.value - e).abs() < 1e-12));
+        let moments = [&a, &b].map(|p| p.hat_moments(&knots).unwrap());
+        for (k, (x, y)) in moments[0].iter().zip(&moments[1]).enumerate() {
+            assert!((x - y).abs() < 1e-12, "{k}: {x} {y}");
+        }
+        near(moments[1].iter().sum(), 100.0, 1e-12);
+        let dark = hat(&among, &[0.0; 7]);
+        let moments = Product::of(&light).times(&dark).hat_moments(&knots).unwrap();
+        assert!(moments.iter().all(|m| *m == 0.0));
     }
 
     #[test]

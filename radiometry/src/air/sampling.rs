@@ -21,6 +21,9 @@ pub struct Sampling {
     centre_nm: Vec<f64>,
 }
 
+/// Where the transmission is taken of what has no light at all, nm.
+const UNLIT_NM: f64 = 550.0;
+
 fn native_nm(index: usize) -> f64 {
     1e7 / (FIRST_CM1 + STEP_CM1 * index as f64)
 }
@@ -96,7 +99,7 @@ impl Sampling {
     /// piecewise-linear factors, and the second answer is that ∫ p_j dλ, so that their product is ∫ T p_j dλ: the rate of a channel,
     /// by a few multiplications for any zenith angle ([`super::AirTable`]). `uncovered_nm` counts what the products lack within
     /// their own range ([`Product::integral`]), wavelengths beyond the air's tables included. A product that is zero
-    /// everywhere has the mean over the whole tables, times 0.
+    /// everywhere has the transmission at 550 nm, times 0.
     ///
     /// # Errors
     /// No product at all.
@@ -190,8 +193,9 @@ fn row_of_moments(moments: &[f64], sum: f64) -> (f64, usize, Vec<f64>) {
     let (Some(first), Some(last), true) =
         (moments.iter().position(lit), moments.iter().rposition(lit), sum > 0.0)
     else {
-        let weight = 1.0 / NATIVE as f64;
-        return (0.5 * (range_nm().0 + range_nm().1), 0, vec![weight; NATIVE]);
+        // Whatever it is, it is taken times 0: one point costs nothing, where all of them would cost the most.
+        let any = interval(UNLIT_NM);
+        return (native_nm(any), any, vec![1.0]);
     };
     let weights: Vec<f64> = moments[first..=last].iter().map(|m| m / sum).collect();
     let centre = weights.iter().enumerate().map(|(i, w)| w * native_nm(first + i)).sum();

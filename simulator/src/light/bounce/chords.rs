@@ -15,6 +15,7 @@ use super::views::{Patched, Shares};
 use crate::light::occlude::Toward;
 use crate::surface::Material;
 use glam::DVec3;
+use rayon::prelude::*;
 use std::f64::consts::{FRAC_1_PI, PI};
 use std::ops::Range;
 
@@ -163,17 +164,16 @@ impl Chords {
         let Between { surfaces, caster, patches, of_surface } = *between;
         let surface = &surfaces.list[sheet.surface];
         let all = self.each as usize * SCRAMBLES;
-        let mut used = vec![vec![false; all]; sheet.along.len()];
-        for p in sheet.patches.clone() {
+        let each = self.each;
+        let looked = |p: usize| {
             let (mut meets, mut buried) = ([Vec::new(), Vec::new()], 0);
-            let block = sheet.block(p);
-            for (k, used) in used[block].iter_mut().enumerate() {
-                let (set, index) = (k as u32 / self.each, k as u32 % self.each);
+            for (k, along) in sheet.along[sheet.block(p)].iter().enumerate() {
+                let (set, index) = (k as u32 / each, k as u32 % each);
                 let seed = mixed(mixed(seed, 0xc0 + p as u32), set);
                 let u = sobol_burley::sample_4d(index, 1, seed).map(f64::from);
                 let leaves = patches.list[p].even(u[0], u[1]);
                 let from = surface.point(leaves);
-                let along = body(surface, sheet.along[block][k]);
+                let along = body(surface, *along);
                 let ray = Ray { from, along, leaves: sheet.surface };
                 if caster.is_inside(&ray, |k| !surfaces.list[k].sheet) {
                     buried += 1;
@@ -182,7 +182,6 @@ impl Chords {
                 let Some((q, number, at)) = patches.met(surfaces, caster, of_surface, &ray) else {
                     continue;
                 };
-                *used = true;
                 let rough = usize::from(q >= patches.diffuse[0]);
                 let other = &surfaces.list[number];
                 let at = local(other, at - other.origin);
@@ -193,6 +192,13 @@ impl Chords {
                     arrives: [at.x as f32, at.y as f32],
                 });
             }
+            (meets, buried)
+        };
+        let of_patches: Vec<_> = sheet.patches.clone().into_par_iter().map(looked).collect();
+        let mut used = vec![vec![false; all]; sheet.along.len()];
+        for (p, (meets, buried)) in sheet.patches.clone().zip(of_patches) {
+            let block = &mut used[sheet.block(p)];
+            meets.iter().flatten().for_each(|m: &Meeting| block[m.direction as usize] = true);
             self.meets.push(meets);
             self.buried.push(buried);
         }

@@ -7,13 +7,14 @@ use super::optics::Optics;
 use super::orders::{Found, Orders};
 use super::patches::Patches;
 use super::paths::{Paths, Sums, mixed};
-use super::pilot::{Pair, Pilot};
+use super::pilot::{Pair, Pilot, TOGETHER};
 use super::surfaces::Surfaces;
 use super::tracing::Plan;
 use super::transport::{Between, Exchange, LEAST_OPEN, MOST_RAYS, SCRAMBLES};
 use super::views::{Patched, Views};
 use crate::light::Scene;
 use crate::light::occlude::Toward;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Paths of each pair and scramble against which patches are held.
@@ -30,7 +31,7 @@ const MOST_MEETINGS: usize = 200_000;
 pub struct Draft<'a> {
     scene: &'a Scene,
     caster: &'a Caster,
-    optics: &'a mut Optics,
+    optics: &'a Optics,
     patched: Patched,
     exchange: Exchange,
     /// The cells of each surface.
@@ -73,7 +74,7 @@ impl<'a> Draft<'a> {
         surfaces: &Surfaces,
         patches: Patches,
         caster: &'a Caster,
-        optics: &'a mut Optics,
+        optics: &'a Optics,
         (node, nodes): (usize, usize),
     ) -> Self {
         let mut of_surface = vec![0..0; surfaces.list.len()];
@@ -150,15 +151,22 @@ impl<'a> Draft<'a> {
         found.first().copied().unwrap_or_default()
     }
 
+    /// The light of all pairs.
+    fn of_pairs(&self, orders: &Orders, pilot: &Pilot) -> Vec<Found> {
+        let pairs = pilot.pairs.par_iter().with_min_len(TOGETHER);
+        let room = || Views::new(self.scene, &self.patched);
+        pairs.map_init(room, |room, pair| self.tried(orders, room, pair)).collect()
+    }
+
     /// Looks at all pairs that count.
     pub fn look(&self, pilot: &Pilot) -> Look {
         let Some(orders) = self.orders() else {
             return Look { coarseness: f64::INFINITY, factors: 0.0, chords: 0.0 };
         };
-        let mut room = Views::new(self.scene, &self.patched);
         let mut sums = [(); 3].map(|()| Rms::default());
-        for pair in pilot.pairs.iter().filter(|p| p.counts) {
-            let found = self.tried(&orders, &mut room, pair);
+        for (pair, found) in
+            pilot.pairs.iter().zip(self.of_pairs(&orders, pilot)).filter(|p| p.0.counts)
+        {
             for (sum, value) in sums.iter_mut().zip([found.left, found.factors, found.chords]) {
                 sum.add(value / (pair.direct + found.light));
             }
@@ -170,28 +178,26 @@ impl<'a> Draft<'a> {
     /// What patches may claim, held against light paths over all pairs, and the error stated then, relative to all light (root of the mean square);
     /// `None` where paths find other light by more than the patches' size explains. `plan` is of as many paths as the rest may take.
     pub fn held(
-        &mut self,
+        &self,
         pilot: &Pilot,
         active: &[usize],
         plan: &Plan,
         nm: f64,
         seed: u32,
     ) -> Option<(Claim, f64)> {
-        let mut optics = Optics::new(self.scene.materials(), &[nm]);
+        let optics = Optics::new(self.scene.materials(), &[nm]);
         let list = &self.patched.surfaces.list;
         let rough: Vec<bool> = list.iter().map(|s| optics.lambert(s.material).is_none()).collect();
         let both_ends = active.iter().any(|k| rough[*k]);
         let orders = self.orders()?;
-        let mut room = Views::new(self.scene, &self.patched);
-        let (mut trials, mut claimed) = (Vec::new(), Vec::new());
-        for pair in &pilot.pairs {
-            let of_patches = self.tried(&orders, &mut room, pair);
+        let of_patches = self.of_pairs(&orders, pilot);
+        let one = |optics: &mut Optics, (pair, of_patches): (&Pair, Found)| {
             let mut traced = |rest_of: Option<&[bool]>| {
                 let mut sums = Sums::new(1);
                 let mut paths = Paths {
                     surfaces: &self.patched.surfaces,
                     caster: self.caster,
-                    optics: &mut optics,
+                    optics,
                     active,
                     both_ends,
                     rest_of,
@@ -204,9 +210,12 @@ impl<'a> Draft<'a> {
             let rest = if self.leaves_a_rest() { traced(Some(&rough)) } else { (0.0, 0.0) };
             let (Found { light, left, .. }, noise) = (of_patches, of_patches.noise());
             let sigma = sigma.hypot(rest.1);
-            trials.push(Trial { light: light + rest.0, left, noise, found, sigma });
-            claimed.push(noise + plan.claimed(rest.1, AGREEING));
-        }
+            let trial = Trial { light: light + rest.0, left, noise, found, sigma };
+            (trial, noise + plan.claimed(rest.1, AGREEING))
+        };
+        let pairs = pilot.pairs.par_iter().zip(of_patches).with_min_len(TOGETHER);
+        let (trials, claimed): (Vec<Trial>, Vec<f64>) =
+            pairs.map_init(|| optics.clone(), one).unzip();
         let claim = Claim::of(&trials)?;
         let mut stated = Rms::default();
         for ((pair, trial), claimed) in pilot.pairs.iter().zip(&trials).zip(&claimed) {

@@ -4,18 +4,19 @@ use crate::surface::Width;
 use crate::surface::{Distribution, Lobe, Material};
 use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, PI};
+use std::sync::Arc;
 
 /// Of a material with a lobe, the share of directions that are drawn from it; the others are spread as over a Lambert surface.
 const FROM_LOBE: f64 = 0.8;
 /// The same with a Lambert base below.
 const FROM_COAT: f64 = 0.5;
 
-/// The materials of a scene at some wavelengths.
+/// The materials of a scene at some wavelengths; its clones share them, so that each thread may have one.
 #[derive(Debug, Clone)]
 pub struct Optics {
-    materials: Vec<Material>,
+    materials: Arc<[Material]>,
     /// For each material, weight and node: ρ.
-    rho: Vec<Vec<f64>>,
+    rho: Arc<[Vec<f64>]>,
     pub nodes: usize,
     weights: Vec<f64>,
 }
@@ -38,7 +39,7 @@ impl Optics {
         let most = materials.iter().map(|m| m.spectra().len()).max().unwrap_or(0);
         Self {
             rho: materials.iter().map(of).collect(),
-            materials: materials.to_vec(),
+            materials: materials.into(),
             nodes: nm.len(),
             weights: vec![0.0; most],
         }

@@ -11,6 +11,7 @@ use super::optics::Optics;
 use super::surfaces::Surfaces;
 use super::transport::{self, Exchange, Matrix, SCRAMBLES, Stored};
 use super::views::{End, Patched};
+use rayon::prelude::*;
 use std::f64::consts::FRAC_1_PI;
 
 /// White is taken as a little darker: of a cavity that loses nothing there is no end.
@@ -76,8 +77,7 @@ impl Orders {
         let alone = exchange.matrix(patches);
         let [fine, coarse] = patches.diffuse;
         let areas = [&patched.areas[0][..fine], &patched.areas[1][..coarse]];
-        let mut nodes = Vec::new();
-        for node in wanted.clone() {
+        let at = |node: usize| {
             let rho = reflectances(patched, optics, node);
             let s = exchange.at(&alone, patches, node);
             let gathered = transport::gathered(&s, patches);
@@ -91,8 +91,9 @@ impl Orders {
             });
             let channels = patched.chords.channels.iter();
             let rho = channels.map(|(m, k)| optics.rho(*m, *k, node)).collect();
-            nodes.push(Node { all, once, rho });
-        }
+            Some(Node { all, once, rho })
+        };
+        let nodes = wanted.clone().into_par_iter().map(at).collect::<Option<Vec<Node>>>()?;
         let mut scrambles: Vec<Matrix> = (0..SCRAMBLES).map(|k| exchange.scramble(k)).collect();
         let share = 1.0 / SCRAMBLES as f64;
         let mean: Matrix = (0..coarse * coarse)

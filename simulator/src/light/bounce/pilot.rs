@@ -10,10 +10,13 @@ use super::tracing::Direct;
 use crate::light::Scene;
 use crate::light::occlude::Toward;
 use glam::DVec3;
+use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Pairs of directions.
 const PAIRS: u32 = 48;
+/// Pairs that one thread looks at at least: room is made for them together.
+pub const TOGETHER: usize = 4;
 /// Paths of each pair and scramble.
 pub const POINTS: u32 = 64;
 /// Pairs with less direct light than this, of the most, do not count: nobody measures a share there.
@@ -56,21 +59,22 @@ impl Pilot {
         nodes: &Nodes,
         options: &BounceOptions,
     ) -> Self {
-        let mut surfaces = surfaces.clone();
-        let mut caster = Caster::new(&surfaces.list, scene.touching_m);
-        let mut optics = Optics::new(scene.materials(), &nodes.nm);
+        let optics = Optics::new(scene.materials(), &nodes.nm);
         let count = nodes.nm.len();
-        let mut exact = Direct::new(scene, &nodes.nm);
-        let (mut rows, mut all) = (Vec::new(), Vec::new());
-        for (sun, to) in directions(options.seed) {
+        let room = || {
+            let caster = Caster::new(&surfaces.list, scene.touching_m);
+            (surfaces.clone(), caster, optics.clone(), Direct::new(scene, &nodes.nm))
+        };
+        let look = |(surfaces, caster, optics, exact): &mut (Surfaces, Caster, Optics, Direct),
+                    (sun, to): (DVec3, DVec3)| {
             if surfaces.turn(scene, sun) {
-                caster = Caster::new(&surfaces.list, scene.touching_m);
+                *caster = Caster::new(&surfaces.list, scene.touching_m);
             }
             let mut sums = Sums::new(count);
             let mut paths = Paths {
-                surfaces: &surfaces,
-                caster: &caster,
-                optics: &mut optics,
+                surfaces,
+                caster,
+                optics,
                 active,
                 both_ends: true,
                 rest_of: None,
@@ -82,9 +86,11 @@ impl Pilot {
                 None => (0..count).map(|s| sums.direct(s)).collect(),
             };
             let bounced: Vec<(f64, f64)> = (0..count).map(|s| sums.bounced(s)).collect();
-            rows.push((sun, to, direct, bounced));
-            all.push(sums);
-        }
+            ((sun, to, direct, bounced), sums)
+        };
+        let pairs: Vec<_> = directions(options.seed).collect();
+        let looks = pairs.into_par_iter().with_min_len(TOGETHER).map_init(room, look);
+        let (rows, all): (Vec<Row>, Vec<Sums>) = looks.unzip();
         Self::of(&rows, count, Sums::missing_of(&all))
     }
 

@@ -76,7 +76,7 @@ impl Still {
         pilot: &Pilot,
         (options, effort): (&BounceOptions, &Effort),
     ) -> Option<Self> {
-        let mut optics = Optics::new(scene.materials(), &nodes.nm);
+        let optics = Optics::new(scene.materials(), &nodes.nm);
         let active = &bound.active;
         let still = |k: &usize| {
             let surface = &surfaces.list[*k];
@@ -106,7 +106,7 @@ impl Still {
                 return None;
             }
             let mut draft =
-                Draft::new(scene, surfaces, patches, &caster, &mut optics, (node, nodes.nm.len()));
+                Draft::new(scene, surfaces, patches, &caster, &optics, (node, nodes.nm.len()));
             let (mut rays, mut chords) = (LEAST_RAYS, LEAST_CHORDS);
             draft.shoot(rays, chords, seed);
             let mut look = draft.look(pilot);

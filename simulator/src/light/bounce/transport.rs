@@ -13,6 +13,7 @@ use super::optics::Optics;
 use super::patches::Patches;
 use super::paths::mixed;
 use super::surfaces::Surfaces;
+use rayon::prelude::*;
 use std::f64::consts::{FRAC_1_PI, PI};
 use std::ops::Range;
 
@@ -26,6 +27,8 @@ pub const LEAST_OPEN: f64 = 1e-3;
 const ROUNDS: usize = 40;
 /// Rough surfaces that a ray meets before it ends by chance, in proportion to what it has lost.
 const SAFE: u32 = 2;
+/// Patches whose rays are sent side by side before what they brought is added up: it takes room at each node.
+const TOGETHER: usize = 64;
 /// The longest way from one diffuse patch to another.
 const LONGEST: u32 = 100;
 
@@ -46,6 +49,17 @@ pub struct Exchange {
     scrambles: Vec<Vec<f64>>,
     /// That node.
     node: usize,
+}
+
+/// What the rays of one patch bring.
+struct Shot {
+    /// For each patch.
+    hits: Vec<u32>,
+    buried: u32,
+    /// For each node and patch.
+    through: Vec<f64>,
+    /// For each scramble and larger patch.
+    scrambles: Vec<f64>,
 }
 
 /// Square symmetric, row by row.
@@ -82,47 +96,86 @@ impl Exchange {
     }
 
     /// Sends rays until each patch has sent `until` of each scramble.
-    pub fn shoot(&mut self, between: &Between, optics: &mut Optics, until: u32, seed: u32) {
-        let Between { surfaces, caster, patches, .. } = *between;
-        let mut light = vec![0.0; self.through.len()];
-        for (p, patch) in patches.list[..self.count].iter().enumerate() {
-            let number = patches.cells[patch.cells].surface;
-            let surface = &surfaces.list[number];
-            for scramble in 0..SCRAMBLES {
-                let seed = mixed(mixed(seed, p as u32), scramble as u32);
-                for index in self.rays..until {
-                    let u = sobol_burley::sample_4d(index, 0, seed).map(f64::from);
-                    let at = surface.point(patch.even(u[0], u[1]));
-                    let (sin, cos) = (2.0 * PI * u[3]).sin_cos();
-                    let across = u[2].sqrt();
-                    let along = (across * cos) * surface.tangent
-                        + (across * sin) * surface.bitangent
-                        + (1.0 - u[2]).sqrt() * surface.normal;
-                    let ray = Ray { from: at, along, leaves: number };
-                    if caster.is_inside(&ray, |k| !surfaces.list[k].sheet) {
-                        self.buried[p] += 1;
-                        continue;
-                    }
-                    light.fill(1.0);
-                    let Some((q, by)) =
-                        self.follow(between, optics, ray, (index, seed), &mut light)
-                    else {
-                        continue;
-                    };
-                    let (a, b) = (patch.coarse, patches.list[q].coarse);
-                    let brought = if by == 0 { 1.0 } else { light[self.node] };
-                    self.scrambles[scramble][a * self.coarse + b] += patch.area * brought;
-                    if by == 0 {
-                        self.hits[p * self.count + q] += 1;
-                        continue;
-                    }
-                    for (through, light) in self.through.iter_mut().zip(&light) {
-                        through[p * self.count + q] += light;
-                    }
-                }
-            }
+    pub fn shoot(&mut self, between: &Between, optics: &Optics, until: u32, seed: u32) {
+        let patches = between.patches;
+        for first in (0..self.count).step_by(TOGETHER) {
+            let some = first..(first + TOGETHER).min(self.count);
+            let own = |optics: &mut Optics, p| self.shot(between, optics, p, (until, seed));
+            let shots: Vec<Shot> =
+                some.clone().into_par_iter().map_init(|| optics.clone(), own).collect();
+            some.zip(shots).for_each(|(p, shot)| self.take(p, patches.list[p].coarse, &shot));
         }
         self.rays = until;
+    }
+
+    /// Adds what the rays of a patch brought, a part of the larger patch `coarse`.
+    fn take(&mut self, p: usize, coarse: usize, shot: &Shot) {
+        let add = |sum: &mut [f64], own: &[f64]| {
+            sum.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+        };
+        let row = p * self.count..(p + 1) * self.count;
+        self.hits[row.clone()].iter_mut().zip(&shot.hits).for_each(|(sum, own)| *sum += own);
+        self.buried[p] += shot.buried;
+        for (sum, own) in self.through.iter_mut().zip(shot.through.chunks(self.count)) {
+            add(&mut sum[row.clone()], own);
+        }
+        let row = coarse * self.coarse..(coarse + 1) * self.coarse;
+        for (sum, own) in self.scrambles.iter_mut().zip(shot.scrambles.chunks(self.coarse)) {
+            add(&mut sum[row.clone()], own);
+        }
+    }
+
+    /// What the rays of one patch bring, from those that it has sent until `until` of each scramble.
+    fn shot(
+        &self,
+        between: &Between,
+        optics: &mut Optics,
+        p: usize,
+        (until, seed): (u32, u32),
+    ) -> Shot {
+        let Between { surfaces, caster, patches, .. } = *between;
+        let mut light = vec![0.0; self.through.len()];
+        let mut shot = Shot {
+            hits: vec![0; self.count],
+            buried: 0,
+            through: vec![0.0; self.count * self.through.len()],
+            scrambles: vec![0.0; self.coarse * SCRAMBLES],
+        };
+        let patch = &patches.list[p];
+        let number = patches.cells[patch.cells].surface;
+        let surface = &surfaces.list[number];
+        for scramble in 0..SCRAMBLES {
+            let seed = mixed(mixed(seed, p as u32), scramble as u32);
+            for index in self.rays..until {
+                let u = sobol_burley::sample_4d(index, 0, seed).map(f64::from);
+                let at = surface.point(patch.even(u[0], u[1]));
+                let (sin, cos) = (2.0 * PI * u[3]).sin_cos();
+                let across = u[2].sqrt();
+                let along = (across * cos) * surface.tangent
+                    + (across * sin) * surface.bitangent
+                    + (1.0 - u[2]).sqrt() * surface.normal;
+                let ray = Ray { from: at, along, leaves: number };
+                if caster.is_inside(&ray, |k| !surfaces.list[k].sheet) {
+                    shot.buried += 1;
+                    continue;
+                }
+                light.fill(1.0);
+                let Some((q, by)) = self.follow(between, optics, ray, (index, seed), &mut light)
+                else {
+                    continue;
+                };
+                let brought = if by == 0 { 1.0 } else { light[self.node] };
+                shot.scrambles[scramble * self.coarse + patches.list[q].coarse] +=
+                    patch.area * brought;
+                if by == 0 {
+                    shot.hits[q] += 1;
+                    continue;
+                }
+                let through = shot.through.iter_mut().skip(q).step_by(self.count);
+                through.zip(&light).for_each(|(through, light)| *through += light);
+            }
+        }
+        shot
     }
 
     /// The diffuse patch at which a ray ends and by how many rough surfaces it came there, with what they leave of its light.

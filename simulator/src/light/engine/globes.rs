@@ -5,17 +5,23 @@
 //! Sun (−12.74 against −26.74 in V, Allen's Astrophysical Quantities): 2.5e-6.
 
 use super::{Answer, Doubt, Options, Part, Question, Seen};
-use crate::light::{Effect, Globe, Need, Scene, SceneError, Source, shine};
+use crate::light::{Effect, Globe, Lighting, Need, Scene, SceneError, Source, View, shine};
 use crate::surface::MaterialError;
-use std::f64::consts::FRAC_1_PI;
+use glam::DVec3;
+use std::f64::consts::{FRAC_1_PI, TAU};
 use sunglint_radiometry::spectrum::Spectrum;
 
 /// The largest share of sunlight that the ground may reflect as a whole: 0.30 and half of it more.
 pub(super) const EARTH_ALBEDO: f64 = 0.45;
 /// The error at which the division of curved parts stops that something shades or hides, of the light of one direction.
 const CURVED: f64 = 2e-3;
-/// Directions from which the Earth's light usually comes.
-const DIRECTIONS: f64 = 50.0;
+/// Of the tolerance, the part that the quadrature over the Earth's lit cap may take.
+const OF_TOLERANCE: f64 = 0.5;
+/// Geometries on which it is counted from how many directions the Earth's light is taken.
+const COUNTED: u32 = 16;
+/// Scenes of more facets are not counted on, and that many directions are taken for granted.
+const MOST_FACETS: usize = 1000;
+const DIRECTIONS: f64 = 150.0;
 /// Irradiance of the full Moon over that of the Sun.
 const MOON: f64 = 2.5e-6;
 /// Radiance of the full Moon over the irradiance of the Sun, sr⁻¹: [`MOON`] over its solid angle of 6.4e-5 sr.
@@ -41,16 +47,18 @@ pub(super) fn assess_earthshine(question: &Question) -> Result<Answer, SceneErro
         100.0 * bound,
         Options::reason(switch)
     );
-    let cost_s = needed.then(|| DIRECTIONS * super::direct::cost_s(question));
-    let need = Need { effect: "earthshine", needed, bound: Some(bound), why, cost_s };
     if !needed {
+        let need = Need { effect: "earthshine", needed, bound: Some(bound), why, cost_s: None };
         return Ok(Answer { need, part: None, doubt: Some(Box::new(Earthshine)) });
     }
     let earth = shine::mean_earth().map_err(MaterialError::from)?;
     let terms = shine::terms(Source::Earthshine, question.scene.materials(), &earth)?;
-    // What is asked of the whole, of the largest share that this can be: the same for whatever is known of the way.
-    let tolerance = (0.1 * options.tolerance / EARTH_ALBEDO).clamp(1e-5, 0.1);
-    Ok(Answer { need, part: Some((terms, Box::new(Lit { tolerance }))), doubt: None })
+    let lit = Lit { tolerance: OF_TOLERANCE * options.tolerance };
+    let directions = lit.directions(question);
+    let why = format!("{why}; taken from some {directions:.0} directions");
+    let cost_s = Some(directions * super::direct::cost_s(question));
+    let need = Need { effect: "earthshine", needed, bound: Some(bound), why, cost_s };
+    Ok(Answer { need, part: Some((terms, Box::new(lit))), doubt: None })
 }
 
 pub(super) fn assess_moonshine(question: &Question) -> Result<Answer, SceneError> {
@@ -79,17 +87,69 @@ struct Lit {
     tolerance: f64,
 }
 
+impl Lit {
+    fn shine<'a>(&self, scene: &'a Scene) -> shine::Earthshine<'a> {
+        let mut evaluator = scene.evaluator();
+        // Each of many directions brings a small part of what is itself a part of all light.
+        evaluator.set_curved_tolerance(CURVED);
+        evaluator.set_near_tolerance(1e-2 * self.tolerance);
+        shine::Earthshine::new(evaluator, self.tolerance)
+    }
+
+    /// From how many directions light is taken for an epoch: the mean over some with Sun, Earth and observer anywhere in front of the body, from as high up as the way
+    /// is lowest.
+    fn directions(&self, question: &Question) -> f64 {
+        let scene = question.scene;
+        if scene.report().facets > MOST_FACETS {
+            return DIRECTIONS;
+        }
+        let mut shine = self.shine(scene);
+        let (mut weights, mut errors) =
+            (vec![0.0; scene.weight_count()], vec![0.0; scene.weight_count()]);
+        let radius_m = crate::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
+        let mut counted = 0;
+        for k in 0..COUNTED {
+            let [a, b, c] = [0, 1, 2].map(|set| {
+                let u = sobol_burley::sample_4d(k, set, 0xea).map(f64::from);
+                on_sphere(u[0], u[1])
+            });
+            let distance_m = question.course.radius_m.0.max(1.001 * radius_m);
+            let earth = Globe { toward: b, distance_m, radius_m, sun: a };
+            let lighting = Lighting {
+                sun_body: a,
+                sun_radius_rad: 0.0,
+                shadow: None,
+                sunlit: 1.0,
+                sunlit_error: 0.0,
+                earth: Some(earth),
+                moon: None,
+                view: View::Distant(c),
+            };
+            // Directions that are drawn on a sphere are directions: what cannot be lit from them costs nothing.
+            let before = shine.asked();
+            if shine.add(&lighting, &mut weights, &mut errors).is_ok() && shine.asked() > before {
+                counted += 1;
+            }
+        }
+        shine.asked() as f64 / f64::from(counted.max(1))
+    }
+}
+
+/// A direction by two numbers from 0 to 1.
+fn on_sphere(a: f64, b: f64) -> DVec3 {
+    let z = 2.0 * a - 1.0;
+    let (sin, cos) = (TAU * b).sin_cos();
+    let across = (1.0 - z * z).max(0.0).sqrt();
+    DVec3::new(across * cos, across * sin, z)
+}
+
 impl Part for Lit {
     fn source(&self) -> Source {
         Source::Earthshine
     }
 
     fn worker<'a>(&'a self, scene: &'a Scene) -> Box<dyn Effect + 'a> {
-        let mut evaluator = scene.evaluator();
-        // Each of many directions brings a small part of what is itself a part of all light.
-        evaluator.set_curved_tolerance(CURVED);
-        evaluator.set_near_tolerance(1e-2 * self.tolerance);
-        Box::new(shine::Earthshine::new(evaluator, self.tolerance))
+        Box::new(self.shine(scene))
     }
 }
 
