@@ -205,6 +205,7 @@ struct Answer<'a> {
 /// Computes and shows transmissions.
 pub fn run(args: &AirArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
+    args.out.check_names(&["air.ecsv", "air.png", "air.svg"])?;
     let grid = args.grid()?;
     args.check_angles()?;
     let station = match args.altitude_m {

@@ -131,11 +131,13 @@ impl OutputArgs {
         Self { output, force: self.force }
     }
 
-    /// Whether files of these names can be written into each folder.
-    pub fn check_names(&self, names: &[String]) -> anyhow::Result<()> {
-        let folders = self.output.iter().filter(|path| is_folder(path));
-        let files: Vec<PathBuf> =
-            folders.flat_map(|folder| names.iter().map(move |name| folder.join(name))).collect();
+    /// Whether files of these names can be written into each folder, beside the files that are named: asked before work that takes long.
+    pub fn check_names<S: AsRef<str>>(&self, names: &[S]) -> anyhow::Result<()> {
+        let files = self.output.iter().filter(|p| p.as_os_str() != "-").flat_map(|target| {
+            let inside = || names.iter().map(|name| target.join(name.as_ref())).collect();
+            if is_folder(target) { inside() } else { vec![target.clone()] }
+        });
+        let files: Vec<PathBuf> = files.collect();
         self.check_targets(files.iter().map(PathBuf::as_path))
     }
 
@@ -206,22 +208,33 @@ impl OutputArgs {
         console: Console,
     ) -> anyhow::Result<()> {
         self.check_with(console)?;
-        let mut files = self.files_of(product)?;
-        files.extend(others);
-        self.check_targets(files.iter().map(|(path, _)| path.as_path()))?;
-        if self.is_stdout() {
-            console.print(&ecsv::to_string(&product.table)?)?;
+        let wanted = self.targets(product);
+        let paths = wanted.iter().map(|(path, _)| path).chain(others.iter().map(|(path, _)| path));
+        let written = self.check_targets(paths.map(PathBuf::as_path)).and_then(|()| {
+            let mut files = self.files_of(product)?;
+            files.extend(others);
+            if self.is_stdout() {
+                console.print(&ecsv::to_string(&product.table)?)?;
+            }
+            self.write_files(&files, console)
+        });
+        let is_quiet = console.quiet && !console.json;
+        match written {
+            Ok(files) if self.is_stdout() || is_quiet && !files.is_empty() => Ok(()),
+            Ok(_) => console.result(text, &product.json),
+            Err(error) => {
+                // What was found is not lost with the file that it cannot be written to.
+                if !self.is_stdout() && !error.is::<Usage>() {
+                    console.result(text, &product.json)?;
+                }
+                Err(error)
+            }
         }
-        self.write_files(&files, console)?;
-        if self.is_stdout() || (console.quiet && !console.json && !files.is_empty()) {
-            return Ok(());
-        }
-        console.result(text, &product.json)
     }
 
-    /// The files that a product becomes, with their contents.
-    pub fn files_of(&self, product: &Product) -> anyhow::Result<Vec<(PathBuf, Vec<u8>)>> {
-        let mut wanted: Vec<(PathBuf, &Product)> = Vec::new();
+    /// The files that a product becomes.
+    fn targets<'a>(&self, product: &'a Product) -> Vec<(PathBuf, &'a Product)> {
+        let mut wanted = Vec::new();
         for target in self.output.iter().filter(|p| p.as_os_str() != "-") {
             if is_folder(target) {
                 for part in std::iter::once(product).chain(&product.others) {
@@ -232,6 +245,12 @@ impl OutputArgs {
                 wanted.push((target.clone(), product));
             }
         }
+        wanted
+    }
+
+    /// The files that a product becomes, with their contents.
+    pub fn files_of(&self, product: &Product) -> anyhow::Result<Vec<(PathBuf, Vec<u8>)>> {
+        let wanted = self.targets(product);
         // A quick answer before the figures are drawn.
         self.check_targets(wanted.iter().map(|(path, _)| path.as_path()))?;
         wanted

@@ -75,6 +75,7 @@ pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
         tolerance: args.tolerance,
     };
     let pass = read(&args.pass, &args.station, overrides)?;
+    args.out.check_names(&[format!("{}.ecsv", pass.name)])?;
     let lasers = if args.active { active::lasers(&pass, &args.laser)? } else { Vec::new() };
     let shown = show(&pass, &args.pass.display().to_string(), &lasers, console)?;
     if !shown.has_light && args.out.output.iter().any(|p| is_picture(p)) {

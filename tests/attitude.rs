@@ -47,6 +47,9 @@ fn the_page_finds_what_was_put_in() {
         text += &folder.done(&words);
     }
     assert!(text.contains("attitude of pass: one"), "{text}");
+    // What is there is met before the search, not after it.
+    let again = ["analyse", "attitude", "nothing.ecsv", "pass.toml", "-o"];
+    assert!(folder.refused(1, &[&again[..], &["found/"]].concat()).contains("is there already"));
     for file in [
         "attitude.ecsv",
         "attitude.png",

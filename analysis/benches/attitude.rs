@@ -11,7 +11,7 @@ use std::time::Instant;
 use sunglint_analysis::attitude::{Forward, Law, Measured, State, Turn};
 use sunglint_calibration::pass::{Data, Unit};
 use sunglint_simulator::attitude::{Attitude, Spin};
-use sunglint_simulator::light::engine::{Switch, Switches};
+use sunglint_simulator::light::engine::Switches;
 use sunglint_simulator::pass::{Overrides, Pass, PassFile, Study};
 
 fn main() {
@@ -42,14 +42,6 @@ fn ready() -> (Forward, Law, State, Spin) {
 /// Speed and error of the same trials side by side.
 fn table() {
     let (forward, law, state, spin) = ready();
-    let off = Switch::Off;
-    let direct = Switches {
-        solar_disc: off,
-        inter_reflection: off,
-        earthshine: off,
-        moonshine: off,
-        finite_distance: off,
-    };
     let channels = forward.channels;
     let mut eye = forward.eye();
     let (mut rates, mut all) = (vec![0.0; channels], Vec::new());
@@ -70,7 +62,7 @@ fn table() {
     );
     println!("|---|---|---|---|");
     for (name, effects) in
-        [("against direct light", direct), ("against all light", Switches::default())]
+        [("against direct light", Switches::OFF), ("against all light", Switches::default())]
     {
         let mut pass = pass();
         pass.attitude = Attitude::Spin(spin);

@@ -16,6 +16,7 @@ pub mod fold;
 pub mod map;
 pub mod period;
 pub mod series;
+mod sphere;
 pub mod synodic;
 pub mod trend;
 pub mod unmix;

@@ -10,7 +10,7 @@ use sunglint_analysis::map::{
     range_map, scan,
 };
 use sunglint_simulator::light::Faceted;
-use sunglint_simulator::light::engine::{Switch, Switches};
+use sunglint_simulator::light::engine::Switches;
 use sunglint_simulator::pass::{Overrides, PassFile};
 use sunglint_simulator::target::Target;
 
@@ -121,14 +121,7 @@ fn sightings(step_s: f64, period_s: f64) -> (Vec<Sighting>, DVec3) {
     let text = text.replace("step_s = 0.5", &format!("step_s = {step_s:?}"));
     let mut pass = PassFile::parse(&path, &text).unwrap().resolve(Overrides::default()).unwrap();
     // Sunlight alone: the spin shows in it, and it is quick.
-    let off = Switch::Off;
-    pass.effects = Switches {
-        solar_disc: off,
-        inter_reflection: off,
-        earthshine: off,
-        moonshine: off,
-        finite_distance: off,
-    };
+    pass.effects = Switches::OFF;
     let simulation = pass.simulate(&|_| ()).unwrap();
     let first = pass.times[0];
     let mut all = Vec::new();

@@ -22,13 +22,7 @@ const SUN_RAD: f64 = 4.653_0e-3;
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     let (name, seconds) = (arguments[1].as_str(), arguments[2].parse::<f64>().unwrap());
-    let off = Switches {
-        solar_disc: Switch::Off,
-        inter_reflection: Switch::Off,
-        earthshine: Switch::Off,
-        moonshine: Switch::Off,
-        finite_distance: Switch::Off,
-    };
+    let off = Switches::OFF;
     let orders = Switches { inter_reflection: Switch::Auto, ..off };
     let (base, switches) = match name {
         "corner_all_orders" => ("corner", orders),

@@ -13,7 +13,7 @@ use sunglint_radiometry::passband::{Passband, Weighting};
 use sunglint_radiometry::sky::{EarthOrientation, Observer};
 use sunglint_radiometry::spectrum::Spectrum;
 use sunglint_radiometry::station::Station;
-use sunglint_simulator::light::engine::{Switch, Switches};
+use sunglint_simulator::light::engine::Switches;
 use sunglint_simulator::orbit::{Ephemeris, EphemerisRow};
 use sunglint_simulator::pass::{Overrides, Pass, PassFile, Place, Simulation, StandardMagnitude};
 
@@ -40,14 +40,7 @@ fn pass(target: &str, rest: &str, times: &str) -> Pass {
 
 /// The formulas here are those of a collimated Sun, scattered once.
 fn sunlight_alone(mut pass: Pass) -> Pass {
-    let off = Switch::Off;
-    pass.effects = Switches {
-        solar_disc: off,
-        inter_reflection: off,
-        earthshine: off,
-        moonshine: off,
-        finite_distance: off,
-    };
+    pass.effects = Switches::OFF;
     pass
 }
 

@@ -78,6 +78,7 @@ impl LawName {
 
 pub(super) fn run(args: &FitArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
+    args.out.check_names(&["fit.ecsv", "residuals.ecsv"])?;
     let (measured, inputs) = samples(&args.table, args.wavelength_nm)?;
     let index = args.refractive_index.as_deref().map(ComplexIndex::named).transpose()?;
     let mut laws = Vec::new();

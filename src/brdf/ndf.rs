@@ -74,6 +74,7 @@ impl From<Tail> for TailKind {
 
 pub(super) fn run(args: &NdfArgs, console: Console, seed: u64) -> anyhow::Result<()> {
     args.out.check()?;
+    args.out.check_names(&["ndf.ecsv"])?;
     let (source, inputs) = table(&args.table)?;
     let run = RetroTable::from_table(&args.table, &source)?;
     let options = NdfOptions {

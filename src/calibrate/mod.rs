@@ -67,6 +67,7 @@ pub struct CalibrateArgs {
 pub fn run(args: &CalibrateArgs, seed: u64, console: Console) -> anyhow::Result<()> {
     args.out.check_with(console)?;
     args.out.check()?;
+    args.out.check_names(&["calibration.ecsv"])?;
     if !(0.0..=10.0).contains(&args.scintillation) {
         bail!("--scintillation is {}, expected 0 to 10", args.scintillation);
     }

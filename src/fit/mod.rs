@@ -143,6 +143,7 @@ impl FitArgs {
 pub fn run(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<()> {
     args.out.check_with(console)?;
     args.out.check()?;
+    args.out.check_targets(args.scene_out.as_deref())?;
     let answer = solve(args, seed, console)?;
     write(&answer, args, console)?;
     if !answer.fit.converged {
@@ -175,6 +176,8 @@ pub fn solve(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<Answ
         return Err(Usage(format!("--scintillation is {c}, expected 0 to 10")).into());
     }
     let (jobs, keys) = jobs(args)?;
+    let name = jobs[0].scene.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    args.out.check_names(&[format!("{name}_fit.ecsv"), format!("{name}.fitted.toml")])?;
     let wanted = wanted(args, &keys)?;
     let mut per_pass = keys.per_pass.clone();
     per_pass.extend(args.per_pass.iter().cloned());
@@ -334,7 +337,7 @@ pub fn solve(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<Answ
         })
         .collect();
     Ok(Answer {
-        name: jobs[0].scene.path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        name,
         scene_file: jobs[0].scene.path.clone(),
         station: model.study(0).map(|s| s.pass().station.name.clone()).unwrap_or_default(),
         groups: answer::groups(&data, &fit, &model, &channels),

@@ -59,19 +59,6 @@ pub struct Look<'a> {
     pub scale: Scale,
 }
 
-/// Directions spread evenly over the sphere (a Fibonacci lattice), turned by a shift of 0 to 1.
-pub fn axes(count: usize, shift: f64) -> Vec<DVec3> {
-    const GOLDEN: f64 = 2.399_963_229_728_653;
-    (0..count)
-        .map(|i| {
-            let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
-            let angle = GOLDEN * i as f64 + TAU * shift;
-            let r = (1.0 - z * z).max(0.0).sqrt();
-            DVec3::new(r * angle.cos(), r * angle.sin(), z)
-        })
-        .collect()
-}
-
 /// Turns a second from the first to the last bound, so that none lies more than half a step of `SLIP_TURNS` away: over the data's span, or the time to where a known phase counts.
 pub fn rates(low: f64, high: f64, law: &Law, unknowns: Unknowns) -> Vec<f64> {
     let reach = if unknowns.phase { 0.0 } else { (law.epoch_s - law.middle_s).abs() };

@@ -2,6 +2,7 @@
 
 use super::AttitudeError;
 use super::forward::Forward;
+use crate::sphere::spread;
 use glam::DQuat;
 use sunglint_simulator::light::View;
 
@@ -144,7 +145,7 @@ fn usual_light(forward: &Forward) -> Result<Vec<f64>, AttitudeError> {
     let mut evaluator = forward.scene.evaluator();
     let (mut sum, mut own) = (vec![0.0; forward.weights], vec![0.0; forward.weights]);
     let angle = moment.to_sun.angle_between(moment.to_observer);
-    let axes = super::coarse::axes(LOOKS, 0.0);
+    let axes = spread(LOOKS, 0.0);
     for (i, sun) in axes.iter().enumerate() {
         let turn = DQuat::from_axis_angle(*sun, 2.399_963 * i as f64);
         let across = turn * sun.any_orthonormal_vector();

@@ -9,7 +9,7 @@ use super::AttitudeError;
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
 use sunglint_calibration::pass::{Data, Unit};
-use sunglint_simulator::light::engine::{Switch, Switches};
+use sunglint_simulator::light::engine::Switches;
 use sunglint_simulator::light::shine::EARTH_ALBEDO;
 use sunglint_simulator::light::{Evaluator, Globe, Parameter, Scene, View, shine};
 use sunglint_simulator::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
@@ -137,7 +137,7 @@ impl Forward {
             return Err(places(data.epochs(), curve.pass.times.len(), "samples"));
         }
         let mut pass = curve.pass.clone();
-        pass.effects = DIRECT;
+        pass.effects = Switches::OFF;
         let study = Study::new(pass).map_err(|source| AttitudeError::Pass {
             name: data.name.clone(),
             source: Box::new(source),
@@ -241,15 +241,6 @@ impl Forward {
         }
     }
 }
-
-/// No effect but direct light.
-pub(super) const DIRECT: Switches = Switches {
-    solar_disc: Switch::Off,
-    inter_reflection: Switch::Off,
-    earthshine: Switch::Off,
-    moonshine: Switch::Off,
-    finite_distance: Switch::Off,
-};
 
 impl Eye<'_> {
     /// The weights W_k of a body that stands as `body_to_gcrs` at a moment, m² sr⁻¹.

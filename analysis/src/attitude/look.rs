@@ -8,6 +8,7 @@ use super::coarse::{self, Look, Place};
 use super::hunt::{Hunt, spread_out};
 use super::question::{Checkpoint, Progress};
 use super::state::{Law, State, Turn};
+use crate::sphere::spread;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::hash_map::DefaultHasher;
@@ -90,7 +91,7 @@ impl Hunt<'_> {
         let mut simulated = 0;
         let shift = (self.options.seed as f64 * 0.618_033_988_749_895).fract();
         let all = match question.unknowns.axis {
-            true => coarse::axes(self.options.axes.max(12) * times, shift),
+            true => spread(self.options.axes.max(12) * times, shift),
             false => vec![question.known.axis_gcrs],
         };
         let axes = if question.unknowns.axis {
@@ -205,7 +206,7 @@ fn closer(axes: &[DVec3], costs: &[f64], shift: f64) -> Vec<DVec3> {
     order.truncate((axes.len() / OF_ALL).max(1));
     let distance = (4.0 * PI / axes.len() as f64).sqrt();
     let least = (REACH * distance).min(PI).cos();
-    let mut all = coarse::axes(CLOSER * axes.len(), shift);
+    let mut all = spread(CLOSER * axes.len(), shift);
     all.retain(|axis| order.iter().any(|i| axes[*i].dot(*axis) >= least));
     all
 }

@@ -11,6 +11,7 @@
 use super::AttitudeError;
 use super::forward::Forward;
 use super::state::{Law, State};
+use crate::sphere::spread;
 use glam::{DMat3, DQuat, DVec3};
 use sunglint_simulator::light::View;
 
@@ -108,7 +109,7 @@ pub fn symmetries(forward: &Forward) -> Result<Vec<Symmetry>, AttitudeError> {
         Ok(weights.iter().zip(&value).map(|(w, v)| w * v).collect())
     };
     let angle = moment.to_sun.angle_between(moment.to_observer);
-    let axes = super::coarse::axes(LOOKS, 0.0);
+    let axes = spread(LOOKS, 0.0);
     let looks: Vec<(DVec3, DVec3)> = axes
         .iter()
         .enumerate()

@@ -63,14 +63,7 @@ fn a_turning_box_sends_what_its_faces_send() {
 fn a_trial_has_the_rates_of_the_simulation() {
     let mut pass =
         pass("built_in = \"box_wing\"", "2020-11-18T16:22:00", "2020-11-18T16:30:00", 7.0);
-    let off = sunglint_simulator::light::engine::Switch::Off;
-    pass.effects = sunglint_simulator::light::engine::Switches {
-        solar_disc: off,
-        inter_reflection: off,
-        earthshine: off,
-        moonshine: off,
-        finite_distance: off,
-    };
+    pass.effects = sunglint_simulator::light::engine::Switches::OFF;
     let axis = DVec3::new(-0.2, 0.6, -0.4).normalize();
     let body = DVec3::new(0.1, 0.2, 1.0);
     let spin = Spin::along(body, axis, -1.0 / 33.0, 5.0, pass.times[3]).unwrap();
@@ -156,13 +149,7 @@ fn a_trial_has_the_earths_light_of_the_simulation() {
     use sunglint_simulator::light::engine::{Switch, Switches};
     let mut pass =
         pass("built_in = \"box_wing\"", "2020-11-18T16:22:00", "2020-11-18T16:30:00", 20.0);
-    let off = Switches {
-        solar_disc: Switch::Off,
-        inter_reflection: Switch::Off,
-        earthshine: Switch::Off,
-        moonshine: Switch::Off,
-        finite_distance: Switch::Off,
-    };
+    let off = Switches::OFF;
     let axis = DVec3::new(-0.2, 0.6, -0.4).normalize();
     let spin = Spin::along(DVec3::Z, axis, -1.0 / 33.0, 5.0, pass.times[3]).unwrap();
     pass.attitude = Attitude::Spin(spin);

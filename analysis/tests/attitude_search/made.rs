@@ -27,6 +27,69 @@ pub fn pass(target: &str, from: &str, to: &str, step_s: f64) -> Pass {
     PassFile::parse(&path, &text).unwrap().resolve(Overrides::default()).unwrap()
 }
 
+/// Passes over the same station that other orbits make, all synthetic: low (546 km away at the least), two higher ones with phase angles about 40° and 80°, one at 1,700 km about 85°, a semi-synchronous one of 6,800 km about 27° for twenty minutes, an
+/// eccentric one.
+pub fn elsewhere(which: u64) -> Pass {
+    let orbits = [
+        (
+            "99128",
+            "51.6400 240.0000 0005000 270.0000 180.0000 15.50000000",
+            ("16:33:30", "16:38:30"),
+        ),
+        (
+            "99148",
+            "74.0000 180.0000 0010000 270.0000 180.0000 13.16000000",
+            ("17:35:00", "17:43:00"),
+        ),
+        (
+            "99156",
+            "74.0000 300.0000 0010000 270.0000 180.0000 13.16000000",
+            ("17:13:00", "17:21:00"),
+        ),
+        (
+            "99172",
+            "66.0000 180.0000 0010000 270.0000 180.0000 12.00000000",
+            ("18:09:00", "18:17:00"),
+        ),
+        (
+            "99201",
+            "55.0000 240.0000 0020000 270.0000 270.0000  6.00000000",
+            ("18:50:00", "19:10:00"),
+        ),
+        (
+            "99229",
+            "63.4000 300.0000 1500000 270.0000 270.0000 11.50000000",
+            ("19:38:00", "19:46:00"),
+        ),
+    ];
+    let (number, elements, (from, to)) = orbits[which as usize % orbits.len()];
+    let line = |text: String| {
+        let digit = |c: char| c.to_digit(10).unwrap_or(u32::from(c == '-'));
+        let sum: u32 = text.chars().map(digit).sum();
+        format!("{text}{}", sum % 10)
+    };
+    let first = format!("1 {number}U 20001A   20323.50000000  .00000000  00000-0  10000-4 0    1");
+    let second = format!("2 {number}  {elements}    1");
+    let lines = [
+        ("1 99004U 20001A   20323.50000000  .00000000  00000-0  10000-4 0    19", line(first)),
+        ("2 99004  98.6000 318.0000 0010000  90.0000  90.0000 14.27000000    13", line(second)),
+    ];
+    let path = sunglint_testkit::repository().join("src/demo/pass.toml");
+    let mut text = std::fs::read_to_string(&path).unwrap();
+    for (old, new) in &lines {
+        assert!(text.contains(old));
+        text = text.replace(old, new);
+    }
+    let step_s = if from == "18:50:00" { 5.0 } else { 2.0 };
+    let text = text
+        .replace("16:22:00", from)
+        .replace("16:30:00", to)
+        .replace("step_s = 0.5", &format!("step_s = {step_s:?}"));
+    let mut pass = PassFile::parse(&path, &text).unwrap().resolve(Overrides::default()).unwrap();
+    pass.tolerance = 0.004;
+    pass
+}
+
 /// A pass of eight minutes, or its first or last five.
 pub fn usual(which: u64) -> Pass {
     let (from, to) = match which % 3 {
@@ -87,12 +150,16 @@ pub fn question(spin_axis: DVec3, epoch: hifitime::Epoch, shortest_s: f64) -> Qu
 
 /// What a seed makes: a spin about the body's z axis with any axis, phase, sense and a period of 10 to 200 s.
 pub fn blind(seed: u64) -> (Measured, Spin, Question, f64) {
+    blind_in(usual(seed), seed)
+}
+
+/// The same, seen in another pass.
+pub fn blind_in(pass: Pass, seed: u64) -> (Measured, Spin, Question, f64) {
     let mut random = Random::seed_from_u64(seed);
     let axis = direction(&mut random);
     let period = 10.0 * 20.0_f64.powf(random.random::<f64>());
     let sense = if random.random::<bool>() { 1.0 } else { -1.0 };
     let phase = TAU * random.random::<f64>();
-    let pass = usual(seed);
     let epoch = pass.times[0];
     let spin = Spin::along(DVec3::Z, axis, sense / period, phase, epoch).unwrap();
     let curve = measured(pass, spin, 0.03, &mut random);

@@ -12,7 +12,7 @@ use sunglint_analysis::unmix::{
 };
 use sunglint_radiometry::spectrum::Spectrum;
 use sunglint_radiometry::station::Channel;
-use sunglint_simulator::light::engine::{Switch, Switches};
+use sunglint_simulator::light::engine::Switches;
 use sunglint_simulator::pass::{Overrides, Pass, PassFile, Place, Simulation};
 use sunglint_simulator::surface::Material;
 use sunglint_simulator::target::Target;
@@ -76,14 +76,7 @@ fn pass() -> Pass {
     let mut pass = PassFile::parse(&path, &text).unwrap().resolve(Overrides::default()).unwrap();
     pass.target = cube();
     six_channels(&mut pass);
-    let off = Switch::Off;
-    pass.effects = Switches {
-        solar_disc: off,
-        inter_reflection: off,
-        earthshine: off,
-        moonshine: off,
-        finite_distance: off,
-    };
+    pass.effects = Switches::OFF;
     pass
 }
 

@@ -120,19 +120,56 @@ fn a_hilly_body_by_rays() {
     }
 }
 
-/// Truth: the stored sums of the comparison script for 115,244 triangles (`simulator/scenes`).
+/// Truth: the stored sums of the comparison script for 115,244 triangles (`simulator/scenes`). The errors are within what is stated, and from the level on
+/// that is meant for 2 ms below the 2.7e-3 for which the peer takes 8.7 ms (`benches/README.md`). In this one view chance helps the coarsest: what is to be
+/// expected is in the next test.
 #[test]
 fn the_dense_satellite_at_a_tolerance() {
     let bench = BenchScene::new("dense_satellite").unwrap();
     let truth = bench.truth.as_ref().unwrap().grey_m2_sr;
-    for tolerance in [3e-2, 3e-3] {
+    for tolerance in [5e-2, 3e-2, 3e-3] {
         let scene = Scene::with_tolerance(&bench.target, tolerance).unwrap();
         let (out, done) = evaluate(&scene, bench.sun_body, View::Distant(bench.view_body));
         let grey = scene.spectra().map(|s| sunglint_simulator::scenes::grey(s).unwrap());
         let ours: f64 = out.iter().zip(grey).map(|(w, g)| w * g).sum();
         assert!(done.samples > 0 && done.error <= tolerance);
-        assert!((ours / truth - 1.0).abs() <= done.error, "{ours} {truth} {done:?}");
+        let off = (ours / truth - 1.0).abs();
+        assert!(off <= done.error && off <= 2.7e-3, "{ours} {truth} {done:?}");
     }
+}
+
+/// Truth: the exact sums, which agree with the stored ones of another program to 1e-12 (`sunglint bench`). Of 48 evaluations, half about the view of the
+/// peer's table and half from all sides, none is off by more than it states. About that view a third of what is stated, a standard deviation, is no
+/// less than the root mean square of what they are off by; of 24 that is known to 15 %, and the allowance is two of these. In grey light, where the domes
+/// weigh most, the mean error at 3e-2 is that for which the peer takes 8.7 ms, 2.7e-3, within the same allowance.
+#[test]
+fn the_dense_satellite_from_many_sides() {
+    let bench = BenchScene::new("dense_satellite").unwrap();
+    let exact = Scene::new(&bench.target).unwrap();
+    let scene = Scene::with_tolerance(&bench.target, 3e-2).unwrap();
+    let grey: Vec<f64> =
+        scene.spectra().map(|s| sunglint_simulator::scenes::grey(s).unwrap()).collect();
+    // In standard deviations of ΣW as stated, and relative, in grey light.
+    let off = |sun: DVec3, to: DVec3| {
+        let (truth, _) = evaluate(&exact, sun, View::Distant(to));
+        let (out, done) = evaluate(&scene, sun, View::Distant(to));
+        let off = out.iter().sum::<f64>() / truth.iter().sum::<f64>() - 1.0;
+        assert!(done.samples > 0 && off.abs() <= done.error, "{sun} {to}: {off} {done:?}");
+        let sum = |w: &[f64]| w.iter().zip(&grey).map(|(w, g)| w * g).sum::<f64>();
+        [3.0 * off / done.error, sum(&out) / sum(&truth) - 1.0]
+    };
+    let mut rms = [0.0; 2];
+    for seed in 0..24 {
+        let mut rng = rng(400 + seed);
+        let mut near = |d: DVec3| (d + 0.05 * direction(&mut rng)).normalize();
+        let found = off(near(bench.sun_body), near(bench.view_body));
+        (0..2).for_each(|k| rms[k] += found[k] * found[k] / 24.0);
+        let (sun, to) = directions(&mut rng);
+        off(sun, to);
+    }
+    let [sigmas, grey] = rms.map(f64::sqrt);
+    eprintln!("{sigmas:.2} standard deviations, {grey:.1e} in grey light");
+    assert!(sigmas <= 1.3 && grey <= 1.3 * 2.7e-3, "{sigmas} {grey}");
 }
 
 /// Truth: what is promised. The same numbers to the last bit whoever asks and whatever was asked before; small scenes, spheres, near observers and a

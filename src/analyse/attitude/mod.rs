@@ -19,7 +19,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 use sunglint_analysis::attitude::{Measured, Options, Scale, find};
 use sunglint_calibration::pass::Unit;
-use sunglint_simulator::light::engine::{Switch, Switches};
+use sunglint_simulator::light::engine::Switches;
 use sunglint_simulator::pass::{Pass, Study};
 use watch::Kept;
 
@@ -122,6 +122,8 @@ impl From<ScaleName> for Scale {
 pub(super) fn run(args: &AttitudeArgs, seed: u64, console: Console) -> anyhow::Result<()> {
     args.out.check_with(console)?;
     args.out.check()?;
+    args.out.check_names(&["attitude.ecsv", "attitude_curve.ecsv"])?;
+    args.out.check_targets(args.scene_out.as_deref())?;
     let start = Instant::now();
     let jobs = joined(&args.inputs, &args.magnitudes)?;
     let mut warnings = Vec::new();
@@ -184,13 +186,5 @@ pub(super) fn run(args: &AttitudeArgs, seed: u64, console: Console) -> anyhow::R
 
 /// The pass with direct light alone: what places and samples are asked of costs little then.
 fn direct(pass: &Pass) -> Pass {
-    let off = Switch::Off;
-    let effects = Switches {
-        solar_disc: off,
-        inter_reflection: off,
-        earthshine: off,
-        moonshine: off,
-        finite_distance: off,
-    };
-    Pass { effects, ..pass.clone() }
+    Pass { effects: Switches::OFF, ..pass.clone() }
 }

@@ -1,6 +1,7 @@
 //! `sunglint analyse map`: samples, or all directions, on the body's frame.
 
 mod full;
+mod plane;
 mod quality;
 mod report;
 mod samples;
@@ -52,6 +53,11 @@ pub struct MapArgs {
 pub fn run(args: &MapArgs, console: Console) -> anyhow::Result<()> {
     args.out.check_with(console)?;
     args.out.check()?;
+    args.out.check_names(&[if args.spin.quality {
+        "spin_quality.fits"
+    } else {
+        "body_map.fits"
+    }])?;
     if let Some(deg) = args.phase
         && !(0.0..180.0).contains(&deg)
     {

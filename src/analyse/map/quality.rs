@@ -1,5 +1,6 @@
 //! How well samples agree on the frame of a spin: axes all over the sky, for a body of unknown shape.
 
+use super::plane;
 use super::samples::Taken;
 use crate::output::{Console, Product, Usage, rounded};
 use crate::plot::{Axis, Figure, Heat, Panel};
@@ -10,7 +11,7 @@ use ndarray::Array2;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_analysis::map::{BodyMap, Grid, Quality, Sighting, Spin, scan};
-use sunglint_formats::fits::{Header, Image, Pixels, Writer};
+use sunglint_formats::fits::{Image, Pixels, Writer};
 
 /// Arguments of the measure.
 #[derive(Debug, Args)]
@@ -267,22 +268,8 @@ impl Answer {
         let mut writer = Writer::new();
         let planes = [("THETA", &self.theta.mean, None), ("PERIOD", &self.period_s, Some("s"))];
         for (name, values, unit) in planes {
-            let mut header = Header::default();
-            header.set("EXTNAME", name, "");
-            if let Some(unit) = unit {
-                header.set("BUNIT", unit, "");
-            }
-            let step = self.theta.grid.step_deg();
-            for (axis, name, first) in
-                [(1, "RA", -180.0 + 0.5 * step), (2, "DEC", -90.0 + 0.5 * step)]
-            {
-                header.set(&format!("CTYPE{axis}"), name, "of the spin axis, GCRS");
-                header.set(&format!("CUNIT{axis}"), "deg", "");
-                header.set(&format!("CRPIX{axis}"), 1.0, "");
-                header.set(&format!("CRVAL{axis}"), first, "");
-                header.set(&format!("CDELT{axis}"), step, "");
-            }
-            header.set("CREATOR", concat!("sunglint ", env!("CARGO_PKG_VERSION")), "");
+            let of = "of the spin axis, GCRS";
+            let header = plane::header(name, unit, self.theta.grid, ["RA", "DEC"], of);
             writer.image(&Image { header, pixels: Pixels::F64(values.clone().into_dyn()) })?;
         }
         Ok(writer.into_bytes())

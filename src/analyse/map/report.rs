@@ -1,12 +1,13 @@
 //! What `analyse map` says: text, JSON, FITS, figures, the track.
 
+use super::plane;
 use crate::output::{Product, rounded};
 use crate::plot::{Axis, Figure, Heat, Panel, Series};
 use hifitime::Epoch;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_analysis::map::BodyMap;
-use sunglint_formats::fits::{Header, Image, Pixels, Writer};
+use sunglint_formats::fits::{Image, Pixels, Writer};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
 use sunglint_radiometry::light_curve::Samples;
@@ -201,18 +202,20 @@ impl Answer {
                     None,
                 ));
             }
-            for (plane, values, unit) in planes {
-                let mut header = Header::default();
-                let name: String = layer
+            for (name, values, unit) in planes {
+                let layer_name: String = layer
                     .name
                     .chars()
                     .map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_uppercase() } else { '_' })
                     .collect();
-                header.set("EXTNAME", format!("{name}_{plane}"), "");
+                let mut header = plane::header(
+                    &format!("{layer_name}_{name}"),
+                    unit,
+                    layer.map.grid,
+                    ["LON", "LAT"],
+                    "of the phase vector, body axes",
+                );
                 header.set("OBJECT", layer.name.as_str(), "");
-                if let Some(unit) = unit {
-                    header.set("BUNIT", unit, "");
-                }
                 if let Some(deg) = self.phase_deg {
                     header.set("PHASE", deg, "deg, Sun-target-observer");
                 }
@@ -220,17 +223,6 @@ impl Answer {
                 header.set("FILLED", coverage.filled as i64, "cells with a value");
                 header.set("EMPTY", coverage.empty as i64, "cells without one: NaN");
                 header.set("COVERAGE", coverage.share, "of the sphere");
-                let step = layer.map.grid.step_deg();
-                for (axis, name, first) in
-                    [(1, "LON", -180.0 + 0.5 * step), (2, "LAT", -90.0 + 0.5 * step)]
-                {
-                    header.set(&format!("CTYPE{axis}"), name, "of the phase vector, body axes");
-                    header.set(&format!("CUNIT{axis}"), "deg", "");
-                    header.set(&format!("CRPIX{axis}"), 1.0, "");
-                    header.set(&format!("CRVAL{axis}"), first, "");
-                    header.set(&format!("CDELT{axis}"), step, "");
-                }
-                header.set("CREATOR", concat!("sunglint ", env!("CARGO_PKG_VERSION")), "");
                 writer.image(&Image { header, pixels: Pixels::F64(values.into_dyn()) })?;
             }
         }

@@ -78,6 +78,7 @@ struct Answer {
 
 pub(super) fn run(args: &PeriodArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
+    args.out.check_names(&["period.ecsv"])?;
     let seconds = [("--shortest", args.shortest), ("--longest", args.longest), ("--gap", args.gap)];
     for (option, value) in seconds {
         if let Some(value) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {

@@ -8,7 +8,7 @@ use ndarray::Array2;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_analysis::unmix::{Confusion, Unmixed};
-use sunglint_simulator::light::engine::{Switch, Switches};
+use sunglint_simulator::light::engine::Switches;
 use sunglint_simulator::pass::Pass;
 
 /// How the endmembers are taken for one another.
@@ -38,14 +38,7 @@ impl Told {
         let mut pass = pass.clone();
         pass.times.clone_from(&curve.samples().time);
         pass.exposure_s.clone_from(&curve.samples().exposure_s);
-        let off = Switch::Off;
-        pass.effects = Switches {
-            solar_disc: off,
-            inter_reflection: off,
-            earthshine: off,
-            moonshine: off,
-            finite_distance: off,
-        };
+        pass.effects = Switches::OFF;
         let simulation = pass.simulate(&|_| ())?;
         let mut truth = Array2::from_elem((found.len(), names.len()), f64::NAN);
         let (mut all, mut theirs) = (0.0, 0.0);

@@ -83,3 +83,12 @@ pub fn run_python(python: &std::path::Path, script: &str, arguments: &[&str]) ->
     );
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
+
+/// Seconds that all threads of this process have computed; 0 where the system does not say.
+pub fn cpu_s() -> f64 {
+    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let after = text.rsplit(')').next().unwrap_or_default();
+    let ticks: f64 =
+        after.split_whitespace().skip(11).take(2).filter_map(|t| t.parse::<f64>().ok()).sum();
+    ticks / 100.0
+}

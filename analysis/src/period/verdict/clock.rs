@@ -15,6 +15,7 @@ use super::{Estimate, Membership, Options, Outcome, Verdict, centred, verdict};
 use crate::period::lomb_scargle::Centred;
 use crate::period::{Grid, PeriodError, joint_gain, lomb_scargle};
 use crate::series::Series;
+use crate::sphere::spread;
 use crate::synodic::{Bisectors, Turn};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -154,8 +155,10 @@ impl<'a> Question<'a> {
 
     /// Clocks of axes all over the sphere, and the best that is found near the best of them.
     fn best(&self) -> Result<Option<(Clock, Vec<Clock>)>, PeriodError> {
-        let tried: Vec<_> =
-            (0..AXES).into_par_iter().map(|k| self.clock(spiral(k))).collect::<Result<_, _>>()?;
+        let tried: Vec<_> = spread(AXES, 0.0)
+            .into_par_iter()
+            .map(|axis| self.clock(axis))
+            .collect::<Result<_, _>>()?;
         let tried: Vec<Clock> = tried.into_iter().flatten().collect();
         let mut order: Vec<usize> = (0..tried.len()).collect();
         order.sort_by(|a, b| tried[*b].gain.total_cmp(&tried[*a].gain));
@@ -193,14 +196,6 @@ impl<'a> Question<'a> {
 
 fn clocked(series: &[Series], bend: &Turn, frequency_hz: f64) -> Option<Vec<Series>> {
     series.iter().map(|s| bend.clocked(s, frequency_hz)).collect()
-}
-
-/// Points on a spiral from pole to pole, evenly spaced by the golden angle.
-fn spiral(k: usize) -> DVec3 {
-    let z = 1.0 - (2.0 * k as f64 + 1.0) / AXES as f64;
-    let r = (1.0 - z * z).sqrt();
-    let (sin, cos) = (PI * (3.0 - 5.0_f64.sqrt()) * k as f64).sin_cos();
-    DVec3::new(r * cos, r * sin, z)
 }
 
 /// A period in the time of `best` as that of the spin, over all clocks: its middle with its uncertainty, and from where to where.

@@ -28,6 +28,17 @@ pub struct Switches {
     pub finite_distance: Switch,
 }
 
+impl Switches {
+    /// Direct sunlight alone: parallel light of a point, scattered once, seen from afar.
+    pub const OFF: Self = Self {
+        solar_disc: Switch::Off,
+        inter_reflection: Switch::Off,
+        earthshine: Switch::Off,
+        moonshine: Switch::Off,
+        finite_distance: Switch::Off,
+    };
+}
+
 /// What is wanted of the engine.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {

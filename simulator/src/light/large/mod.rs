@@ -3,8 +3,12 @@
 //! With all facets in the open, W_k = Σ A cosθ_i cosθ_o w_k needs no sample at all. What is hidden is found at points of the body: one in each
 //! cell of a grid across the line of sight, at a random place of its cell (stratified sampling). A depth buffer over these points says which
 //! are seen, exactly, since it holds the surface at each point and not at the middle of a pixel. The points that are seen are sorted into
-//! cells across the direction of the Sun, and every triangle that faces the Sun marks the points below it: which are lit is exact too, without
+//! cells across the direction of the Sun, and every facet that faces the Sun marks the points below it: which are lit is exact too, without
 //! the bias of a shadow map (the irregular depth buffer of Johnson et al. 2005). Only *where* the points lie is a matter of chance.
+//!
+//! Where facets are smaller than cells, most lie over no point. They are asked eight at a time ([`cluster`]): whether all look away, whether the
+//! ball about them holds a point, and then by single precision, with what it may lose added, over which points the disc about each may lie. Only
+//! what is left is projected corner by corner and asked exactly ([`cover`]): the answer is that of asking every facet, at a cost that falls with the points.
 //!
 //! A facet of A cosθ_o across the line of sight with n points, v of them lit and seen, adds w_k cosθ_i (v h² + β (A cosθ_o − n h²)): the
 //! points' own count, plus a share β of what the points missed or counted too much. β comes from the points before it (or from its own, where
@@ -16,6 +20,9 @@
 //!
 //! Everything depends on the scene and the directions alone: the places in the cells are the same at every call.
 
+mod cast;
+mod cluster;
+mod cover;
 mod hooks;
 mod jitter;
 mod lit;
@@ -26,10 +33,9 @@ mod sums;
 use prepare::why_exact;
 
 use super::evaluate::GRAZING;
-use super::geometry::Motion;
 use super::scene::Scene;
+use cast::Cast;
 use glam::DVec3;
-use std::ops::Range;
 
 /// Standard deviations in an error.
 pub const SIGMAS: f64 = 3.0;
@@ -51,36 +57,40 @@ pub struct Sampling {
     pub points: f64,
 }
 
-/// A scene's triangles in an order in which neighbours stand together.
+/// A scene's facets in an order in which neighbours stand together.
 #[derive(Debug, Clone)]
 pub struct Large {
     /// What is asked for.
     pub sampling: Sampling,
-    /// Corners relative to `centre`, hinges at 0, m.
+    /// Relative to `centre`, hinges at 0, m.
     vertices: Vec<DVec3>,
-    /// The corners of each group that moves together (0: the body, else hinge + 1).
-    groups: Vec<Range<usize>>,
     centre: DVec3,
-    triangles: Vec<[u32; 3]>,
+    /// Of the facets, among the vertices.
+    corners: Vec<u32>,
+    /// Where each facet's corners end; they begin where those of the facet before end.
+    ends: Vec<u32>,
+    clusters: Vec<cluster::Cluster>,
+    /// Of each cluster.
+    balls: Vec<cluster::Balls>,
     facets: Vec<Ordered>,
+    looks: Vec<Look>,
     jitter: jitter::Jitter,
 }
 
-/// A facet in that order.
+/// A facet in that order, hinges at 0: what is asked of every one at each evaluation.
 #[derive(Debug, Clone)]
 struct Ordered {
-    /// Unit normal and tangent, hinges at 0. What an evaluation needs stands here in its order, and not all over memory.
+    /// Unit normal.
     normal: DVec3,
-    tangent: DVec3,
     area: f64,
+}
+
+/// What else is asked of a facet that faces Sun and observer.
+#[derive(Debug, Clone)]
+struct Look {
+    /// Unit tangent, hinges at 0.
+    tangent: DVec3,
     radius: f64,
-    part: u32,
-    material: u32,
-    group: u32,
-    /// The end of its triangles; they begin where those of the facet before end.
-    end: u32,
-    /// Whether it hides with both sides.
-    sheet: bool,
 }
 
 /// What one evaluation found.
@@ -103,6 +113,7 @@ pub struct Found {
 struct Receiver {
     /// Among the ordered facets.
     number: u32,
+    cluster: u32,
     cos_i: f64,
     cos_o: f64,
     /// The end of its points; they begin where those of the receiver before end.
@@ -112,31 +123,12 @@ struct Receiver {
 /// Room to work in.
 #[derive(Debug, Default)]
 pub struct Room {
-    projected: Vec<[f64; 3]>,
     receivers: Vec<Receiver>,
     buffer: raster::Buffer,
     points: Vec<raster::Point>,
     sunny: lit::Room,
+    cover: cover::Room,
     sums: sums::Room,
-}
-
-/// Axes across a direction, and along it.
-#[derive(Debug, Clone, Copy)]
-struct Frame {
-    x: DVec3,
-    y: DVec3,
-    z: DVec3,
-}
-
-impl Frame {
-    fn across(direction: DVec3) -> Self {
-        let (x, y) = direction.any_orthonormal_pair();
-        Self { x, y, z: direction }
-    }
-
-    fn of(&self, p: DVec3) -> [f64; 3] {
-        [self.x.dot(p), self.y.dot(p), self.z.dot(p)]
-    }
 }
 
 /// What is asked of one evaluation.
@@ -186,26 +178,14 @@ impl Large {
         out: &mut [f64],
         errors: &mut [f64],
     ) -> Option<Found> {
-        room.receivers.clear();
-        let mut across = 0.0;
-        let back = self.turned_back(q);
-        for (number, ordered) in self.facets.iter().enumerate() {
-            let (sun, to) = back[ordered.group as usize];
-            let (cos_i, cos_o) = (ordered.normal.dot(sun), ordered.normal.dot(to));
-            if cos_i > GRAZING && cos_o > GRAZING {
-                across += cos_o * ordered.area;
-                room.receivers.push(Receiver { number: number as u32, cos_i, cos_o, end: 0 });
-            }
-        }
+        let [mut view, mut sun] = [q.to, q.sun].map(|d| Cast::new(q, self.centre, d));
+        let across = self.receive([&view, &sun], room);
         room.points.clear();
         if room.receivers.is_empty() || across <= 0.0 {
             return Some(Found::default());
         }
         let cell = (across / points).sqrt();
-        let frame = Frame::across(q.to);
-        self.project(q, &frame, &mut room.projected);
-        let towards: Vec<DVec3> = back.iter().map(|b| b.1).collect();
-        self.raster(cell, &towards, room)?;
+        self.raster(cell, &mut view, room)?;
         let seen = |p: &raster::Point, r: &Receiver, top: f64| {
             (top - p.place[2]) * r.cos_o <= 2.0 * q.scene.touching_m
         };
@@ -218,43 +198,42 @@ impl Large {
         }
         // In opposition what is seen is what is lit.
         if q.sun != q.to {
-            let sun = Frame::across(q.sun);
-            self.project(q, &sun, &mut room.projected);
-            let towards: Vec<DVec3> = back.iter().map(|b| b.0).collect();
-            self.light(q, [&frame, &sun], &towards, room);
+            self.light(q, &view, &mut sun, room);
         }
-        Some(self.add(q, &back, cell * cell, room, out, errors))
+        Some(self.add(q, [&view, &sun], cell * cell, room, out, errors))
     }
 
-    /// Sun and observer in the axes of each group before it was turned.
-    fn turned_back(&self, q: &Question) -> Vec<(DVec3, DVec3)> {
-        let hinges = q.scene.hinges.iter().zip(q.angles);
-        let turned = hinges.map(|(hinge, angle)| {
-            let back = Motion::about(hinge.point_m, hinge.axis, *angle).rotation.conjugate();
-            (back * q.sun, back * q.to)
-        });
-        std::iter::once((q.sun, q.to)).chain(turned).collect()
-    }
-
-    /// Corners along the axes of a frame, m, depth growing towards the light.
-    fn project(&self, q: &Question, frame: &Frame, out: &mut Vec<[f64; 3]>) {
-        out.clear();
-        for (group, range) in self.groups.iter().enumerate() {
-            let vertices = &self.vertices[range.clone()];
-            let (axes, shift) = if group == 0 {
-                (*frame, [0.0; 3])
-            } else {
-                let hinge = &q.scene.hinges[group - 1];
-                let motion = Motion::about(hinge.point_m, hinge.axis, q.angles[group - 1]);
-                let back = motion.rotation.conjugate();
-                let axes = Frame { x: back * frame.x, y: back * frame.y, z: back * frame.z };
-                (axes, frame.of(motion.point(self.centre) - self.centre))
-            };
-            out.extend(vertices.iter().map(|v| {
-                let p = axes.of(*v);
-                [p[0] + shift[0], p[1] + shift[1], p[2] + shift[2]]
-            }));
+    /// Finds the facets that face Sun and observer. Gives their area across the line of sight, m².
+    fn receive(&self, [view, sun]: [&Cast; 2], room: &mut Room) -> f64 {
+        room.receivers.clear();
+        let mut across = 0.0;
+        for (number, cluster, own) in self.clusters() {
+            let group = cluster.kind.group;
+            let (sun, to) = (sun.axes(group).z, view.axes(group).z);
+            if cluster.faces_away(sun) || cluster.faces_away(to) {
+                continue;
+            }
+            for k in own {
+                let ordered = &self.facets[k];
+                let (cos_i, cos_o) = (ordered.normal.dot(sun), ordered.normal.dot(to));
+                if cos_i > GRAZING && cos_o > GRAZING {
+                    across += cos_o * ordered.area;
+                    let receiver =
+                        Receiver { number: k as u32, cluster: number, cos_i, cos_o, end: 0 };
+                    room.receivers.push(receiver);
+                }
+            }
         }
+        across
+    }
+}
+
+impl Large {
+    /// A facet's corners, counter-clockwise about its normal, among the vertices.
+    #[inline]
+    fn outline(&self, number: usize) -> &[u32] {
+        let start = if number == 0 { 0 } else { self.ends[number - 1] as usize };
+        &self.corners[start..self.ends[number] as usize]
     }
 }
 

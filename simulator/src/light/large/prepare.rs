@@ -1,9 +1,10 @@
-//! A scene's triangles, put in order, and how many points they take.
+//! A scene's facets, put in order, and how many points they take.
 
+use super::cluster::{Kind, clusters};
 use super::{
-    FEWEST_FACETS, Found, Large, MOST_POINTS, Ordered, Question, Room, Sampling, TRIAL_POINTS,
+    FEWEST_FACETS, Found, Large, Look, MOST_POINTS, Ordered, Question, Room, Sampling, TRIAL_POINTS,
 };
-use crate::light::occlude::Kind;
+use crate::light::occlude;
 use crate::light::scene::Scene;
 use crate::light::weld;
 use glam::DVec3;
@@ -45,65 +46,69 @@ impl Large {
         }
         let centre = 0.5 * (low + high);
         let span = (high - low).max_element().max(f64::MIN_POSITIVE);
-        let mut order: Vec<(u32, u64, u32)> = scene
-            .facets
-            .iter()
-            .enumerate()
-            .map(|(k, facet)| (facet.part, morton((now.origin[k] - low) / span), k as u32))
-            .collect();
-        // By the group first: its corners stand together. A part has one group.
-        order.sort_unstable_by_key(|&(part, place, k)| {
-            (scene.facets[k as usize].group, part, place, k)
-        });
         let sheets = sheets(scene);
+        let kind = |k: u32| {
+            let facet = &scene.facets[k as usize];
+            let sheet = sheets[facet.component as usize];
+            Kind { part: facet.part, material: facet.material, group: facet.group, sheet }
+        };
+        let mut order: Vec<(u64, u32)> =
+            (0..).zip(&now.origin).map(|(k, origin)| (morton((*origin - low) / span), k)).collect();
+        // By the group first: only what moves together can share corners. A part has one group.
+        order.sort_unstable_by_key(|&(place, k)| {
+            let Kind { part, group, sheet, .. } = kind(k);
+            (group, part, sheet, place, k)
+        });
+        let kinds: Vec<Kind> = order.iter().map(|o| kind(o.1)).collect();
         let mut large = Self {
             sampling,
             vertices: Vec::new(),
-            groups: Vec::new(),
             centre,
-            triangles: Vec::new(),
+            corners: Vec::new(),
+            ends: Vec::with_capacity(order.len()),
+            clusters: Vec::new(),
+            balls: Vec::new(),
             facets: Vec::with_capacity(order.len()),
+            looks: Vec::with_capacity(order.len()),
             jitter: super::jitter::Jitter::new(),
         };
-        let mut points: Vec<DVec3> = Vec::new();
-        for group in 0..=scene.hinges.len() {
-            points.clear();
-            let first = large.triangles.len();
-            let of_group = |k: u32| scene.facets[k as usize].group as usize == group;
-            for &(_, _, k) in order.iter().filter(|o| of_group(o.2)) {
-                let i = k as usize;
-                let corner = points.len() as u32;
-                let outline = scene.outlines.get(i);
-                points.extend(outline.iter().map(|p| {
-                    now.origin[i] + p[0] * now.tangent[i] + p[1] * now.bitangent[i] - centre
-                }));
-                let fan =
-                    (1..outline.len() as u32 - 1).map(|c| [corner, corner + c, corner + c + 1]);
-                large.triangles.extend(fan);
-                let end = large.triangles.len() as u32;
-                let sheet = sheets[scene.facets[i].component as usize];
-                let facet = &scene.facets[i];
-                large.facets.push(Ordered {
-                    normal: now.normal[i],
-                    tangent: now.tangent[i],
-                    area: facet.area,
-                    radius: facet.radius,
-                    part: facet.part,
-                    material: facet.material,
-                    group: facet.group,
-                    end,
-                    sheet,
-                });
-            }
-            let (numbers, places) = weld::weld(&points, scene.touching_m);
-            let base = large.vertices.len() as u32;
-            for corner in large.triangles[first..].iter_mut().flatten() {
-                *corner = base + numbers[*corner as usize];
-            }
-            large.vertices.extend(places);
-            large.groups.push(base as usize..large.vertices.len());
+        let mut balls = Vec::with_capacity(order.len());
+        for group in order.chunk_by(|a, b| kind(a.1).group == kind(b.1).group) {
+            large.add_group(scene, group, &mut balls);
         }
+        let normals: Vec<DVec3> = large.facets.iter().map(|f| f.normal).collect();
+        (large.clusters, large.balls) = clusters(&kinds, &normals, &balls);
         large
+    }
+
+    /// Adds facets that move together, and the balls that hold them.
+    fn add_group(&mut self, scene: &Scene, order: &[(u64, u32)], balls: &mut Vec<(DVec3, f64)>) {
+        let now = &scene.geometry;
+        let mut points: Vec<DVec3> = Vec::new();
+        for i in order.iter().map(|o| o.1 as usize) {
+            let start = points.len();
+            let place = |p: &[f64; 2]| {
+                now.origin[i] + p[0] * now.tangent[i] + p[1] * now.bitangent[i] - self.centre
+            };
+            points.extend(scene.outlines.get(i).iter().map(place));
+            let own = &points[start..];
+            let (mut low, mut high) = (DVec3::MAX, DVec3::MIN);
+            own.iter().for_each(|p| (low, high) = (low.min(*p), high.max(*p)));
+            // In the facet's plane.
+            let (middle, normal) = (0.5 * (low + high), now.normal[i]);
+            let middle = middle - (middle - own[0]).dot(normal) * normal;
+            let reach = own.iter().map(|p| p.distance(middle)).fold(0.0, f64::max);
+            // Corners move when they are welded.
+            balls.push((middle, reach + 2.0 * scene.touching_m));
+            let facet = &scene.facets[i];
+            self.facets.push(Ordered { normal, area: facet.area });
+            self.looks.push(Look { tangent: now.tangent[i], radius: facet.radius });
+            self.ends.push((self.corners.len() + points.len()) as u32);
+        }
+        let (numbers, places) = weld::weld(&points, scene.touching_m);
+        let base = self.vertices.len() as u32;
+        self.corners.extend(numbers.iter().map(|number| base + number));
+        self.vertices.extend(places);
     }
 
     /// With how many points the tolerance is met from most directions.
@@ -135,7 +140,7 @@ impl Large {
 }
 
 /// Directions at phase angles from 10° to 120° about a golden spiral.
-fn directions(trial: usize) -> (DVec3, DVec3) {
+pub(super) fn directions(trial: usize) -> (DVec3, DVec3) {
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     let z = 1.0 - (2.0 * trial as f64 + 1.0) / TRIALS as f64;
     let across = (1.0 - z * z).sqrt();
@@ -151,7 +156,7 @@ fn directions(trial: usize) -> (DVec3, DVec3) {
 fn sheets(scene: &Scene) -> Vec<bool> {
     let count = scene.facets.iter().map(|f| f.component as usize + 1).max().unwrap_or(0);
     let mut sheets = vec![false; count];
-    for occluder in scene.occluders.iter().filter(|o| matches!(o.kind, Kind::Sheet)) {
+    for occluder in scene.occluders.iter().filter(|o| matches!(o.kind, occlude::Kind::Sheet)) {
         if let Some(sheet) = sheets.get_mut(occluder.component as usize) {
             *sheet = true;
         }

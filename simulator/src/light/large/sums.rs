@@ -1,5 +1,6 @@
 //! From points to weights and their errors.
 
+use super::cast::Cast;
 use super::{Found, Large, Question, Room as All, SIGMAS};
 use glam::DVec3;
 
@@ -38,11 +39,11 @@ impl Share {
 }
 
 impl Large {
-    /// Adds all receivers to `out`, with Sun and observer in the axes of each group, of points that stand for `area` across the line of sight (m²), and sets the errors.
+    /// Adds all receivers to `out`, of points that stand for `area` across the line of sight (m²), and sets the errors.
     pub(super) fn add(
         &self,
         q: &Question,
-        back: &[(DVec3, DVec3)],
+        [view, sun]: [&Cast; 2],
         area: f64,
         room: &mut All,
         out: &mut [f64],
@@ -59,11 +60,13 @@ impl Large {
         let (mut share, mut before) = (Share::default(), true);
         for (number, receiver) in receivers.iter().enumerate() {
             let own = &points[start..receiver.end as usize];
-            let facet = &self.facets[receiver.number as usize];
-            if facet.part != part {
-                part = facet.part;
+            let (facet, look) =
+                (&self.facets[receiver.number as usize], &self.looks[receiver.number as usize]);
+            let cluster = &self.clusters[receiver.cluster as usize];
+            if cluster.kind.part != part {
+                part = cluster.kind.part;
                 let same = receivers[number..].iter();
-                let same = same.take_while(|r| self.facets[r.number as usize].part == part);
+                let same = same.take_while(|r| self.clusters[r.cluster as usize].kind.part == part);
                 let end = same.last().map_or(start, |r| r.end as usize);
                 let all = &points[start..end];
                 let open = all.iter().filter(|p| p.open).count();
@@ -85,21 +88,28 @@ impl Large {
                 before = point.open;
             }
             noise += if own.len() >= OWN {
-                let edge = EDGE * std::f64::consts::TAU * facet.radius / area.sqrt();
+                let edge = EDGE * std::f64::consts::TAU * look.radius / area.sqrt();
                 edge.min(own.len() as f64) * beta * (1.0 - beta)
             } else {
                 let (open, closed) = (open as f64, (own.len() - open) as f64);
                 0.25 * (open * (1.0 - beta).powi(2) + closed * beta * beta)
             };
             found.shadowed += usize::from(open < own.len());
-            let material = &q.scene.materials[facet.material as usize];
-            let weights = q.scene.weights_of(facet.material as usize);
-            let at = facet.part as usize * q.stride + weights.start;
+            let material = &q.scene.materials[cluster.kind.material as usize];
+            let weights = q.scene.weights_of(cluster.kind.material as usize);
+            let at = cluster.kind.part as usize * q.stride + weights.start;
             let range = at..at + weights.len();
-            let (normal, tangent) = (facet.normal, facet.tangent);
+            let normal = facet.normal;
+            // Any will do where none matters, and costs less than to fetch it.
+            let tangent = if material.is_isotropic() {
+                normal.any_orthonormal_vector()
+            } else {
+                look.tangent
+            };
             let bitangent = normal.cross(tangent);
             let local = |d: DVec3| DVec3::new(tangent.dot(d), bitangent.dot(d), normal.dot(d));
-            let (sun, to) = back[facet.group as usize];
+            let group = cluster.kind.group;
+            let (sun, to) = (sun.axes(group).z, view.axes(group).z);
             sums.base.clear();
             sums.base.resize(weights.len(), 0.0);
             // One point's worth of light.
