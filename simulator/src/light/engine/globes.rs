@@ -1,17 +1,15 @@
 //! Light from the Earth and the Moon.
 //!
-//! The Earth as a Lambert globe of albedo 0.30, known to ±50 % only: a surface that sees all of it gets at most 0.30·1.5 (R/d)² of the
+//! The Earth as a Lambert globe, of albedo 0.30 unless another is given, and that known to ±50 % only: a surface that sees all of it gets at most 0.30·1.5 (R/d)² of the
 //! irradiance of the Sun, times the largest cosine that the Sun has over the cap that is seen. The full Moon is 14.0 mag fainter than the
 //! Sun (−12.74 against −26.74 in V, Allen's Astrophysical Quantities): 2.5e-6.
 
 use super::{Answer, Doubt, Options, Part, Question, Seen};
-use crate::light::{Effect, Globe, Need, Scene, SceneError, Source, shine};
+use crate::light::{EarthAlbedo, Effect, Globe, Need, Scene, SceneError, Source, shine};
 use crate::surface::MaterialError;
 use std::f64::consts::FRAC_1_PI;
-use sunglint_radiometry::spectrum::Spectrum;
+use std::sync::Arc;
 
-/// The largest share of sunlight that the ground may reflect as a whole: 0.30 and half of it more.
-pub(super) const EARTH_ALBEDO: f64 = 0.45;
 /// The error at which the division of curved parts stops that something shades or hides, of the light of one direction.
 const CURVED: f64 = 2e-3;
 /// Directions from which the Earth's light usually comes.
@@ -21,13 +19,13 @@ const MOON: f64 = 2.5e-6;
 /// Radiance of the full Moon over the irradiance of the Sun, sr⁻¹: [`MOON`] over its solid angle of 6.4e-5 sr.
 const MOON_RADIANCE: f64 = 0.039;
 
-/// The largest irradiance on a surface by a lit Lambert globe of the albedo 0.45, of that of the Sun.
-pub fn irradiance(globe: &Globe) -> f64 {
+/// The largest irradiance on a surface by a lit Lambert globe whose albedo is nowhere above `most` ([`EarthAlbedo::most`]), of that of the Sun.
+pub fn irradiance(globe: &Globe, most: f64) -> f64 {
     let sine = (globe.radius_m / globe.distance_m).min(1.0);
     // Of the cap that is seen, the point nearest to where the Sun stands overhead.
     let half_rad = sine.acos();
     let away_rad = (-globe.toward).angle_between(globe.sun) - half_rad;
-    EARTH_ALBEDO * sine * sine * away_rad.max(0.0).cos().max(0.0)
+    most * sine * sine * away_rad.max(0.0).cos().max(0.0)
 }
 
 pub(super) fn assess_earthshine(question: &Question) -> Result<Answer, SceneError> {
@@ -37,7 +35,9 @@ pub(super) fn assess_earthshine(question: &Question) -> Result<Answer, SceneErro
     let needed = options.needs(switch, bound);
     let height_km = (course.radius_m.0 - crate::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M) * 1e-3;
     let why = format!(
-        "from {height_km:.0} km height up, the Earth (a Lambert globe of albedo 0.30; the ± 50 % of that are not in the stated error) gives a surface up to {:.2} % of sunlight{}",
+        "from {height_km:.0} km height up, the Earth ({}; the ± {:.0} % of that are not in the stated error) gives a surface up to {:.2} % of sunlight{}",
+        question.earth.describe(),
+        100.0 * question.earth.uncertainty(),
         100.0 * bound,
         Options::reason(switch)
     );
@@ -46,11 +46,12 @@ pub(super) fn assess_earthshine(question: &Question) -> Result<Answer, SceneErro
     if !needed {
         return Ok(Answer { need, part: None, doubt: Some(Box::new(Earthshine)) });
     }
-    let earth = shine::mean_earth().map_err(MaterialError::from)?;
-    let terms = shine::terms(Source::Earthshine, question.scene.materials(), &earth)?;
+    let earth = question.earth.clone();
+    let terms = shine::terms_of(&earth, question.scene.materials())?;
     // What is asked of the whole, of the largest share that this can be: the same for whatever is known of the way.
-    let tolerance = (0.1 * options.tolerance / EARTH_ALBEDO).clamp(1e-5, 0.1);
-    Ok(Answer { need, part: Some((terms, Box::new(Lit { tolerance }))), doubt: None })
+    let tolerance =
+        (0.1 * options.tolerance / earth.most().max(f64::MIN_POSITIVE)).clamp(1e-5, 0.1);
+    Ok(Answer { need, part: Some((terms, Box::new(Lit { tolerance, earth }))), doubt: None })
 }
 
 pub(super) fn assess_moonshine(question: &Question) -> Result<Answer, SceneError> {
@@ -61,7 +62,7 @@ pub(super) fn assess_moonshine(question: &Question) -> Result<Answer, SceneError
     let need = Need { effect: "moonshine", needed, bound: Some(MOON), why, cost_s };
     if needed {
         // Grey: a spectrum of 1 before the materials' own.
-        let grey = Spectrum::constant(1.0, 300.0, 1240.0).map_err(MaterialError::from)?;
+        let grey = shine::grey().map_err(MaterialError::from)?;
         let terms = shine::terms(Source::Moonshine, question.scene.materials(), &grey)?;
         return Ok(Answer { need, part: Some((terms, Box::new(Moon))), doubt: None });
     }
@@ -77,6 +78,7 @@ pub(super) fn assess_moonshine(question: &Question) -> Result<Answer, SceneError
 #[derive(Debug)]
 struct Lit {
     tolerance: f64,
+    earth: Arc<EarthAlbedo>,
 }
 
 impl Part for Lit {
@@ -89,7 +91,7 @@ impl Part for Lit {
         // Each of many directions brings a small part of what is itself a part of all light.
         evaluator.set_curved_tolerance(CURVED);
         evaluator.set_near_tolerance(1e-2 * self.tolerance);
-        Box::new(shine::Earthshine::new(evaluator, self.tolerance))
+        Box::new(shine::Earthshine::new(evaluator, self.tolerance).of(self.earth.clone()))
     }
 }
 
