@@ -46,6 +46,8 @@ pub struct Earthshine<'a> {
     evaluator: Evaluator<'a>,
     tolerance: f64,
     earth: Arc<EarthAlbedo>,
+    /// Rules that agree one after the other before one is believed. Two of a table may do so by chance.
+    agree: usize,
     rooms: [Vec<f64>; 3],
 }
 
@@ -123,12 +125,13 @@ pub(super) fn product<A: Quantity, B: Quantity>(
 impl<'a> Earthshine<'a> {
     /// Earthshine on a scene, found within `tolerance` of itself, of an Earth that is the same everywhere.
     pub fn new(evaluator: Evaluator<'a>, tolerance: f64) -> Self {
-        Self { evaluator, tolerance, earth: Arc::default(), rooms: Default::default() }
+        Self { evaluator, tolerance, earth: Arc::default(), agree: 1, rooms: Default::default() }
     }
 
     /// The same of another Earth. Weights are those of all materials in the light of its first layer, then in that of the next, and so on: [`terms_of`].
     #[must_use]
     pub fn of(mut self, earth: Arc<EarthAlbedo>) -> Self {
+        self.agree = if earth.grid().is_some() { 2 } else { 1 };
         self.earth = earth;
         self
     }
@@ -149,19 +152,18 @@ fn add_all(
     room: &mut Vec<f64>,
     (weights, errors): (&mut [f64], &mut [f64]),
 ) -> Result<(), DirectionError> {
-    let layers = rule.nodes.first().map_or(1, |_| rule.shares(0).len());
+    let layers = rule.nodes.first().map_or(1, |_| rule.lights(0).len());
     let each = weights.len() / layers;
     room.clear();
     room.resize(each, 0.0);
     let each = each.max(1);
-    for (i, &(toward, irradiance)) in rule.nodes.iter().enumerate() {
+    for (i, &(toward, _)) in rule.nodes.iter().enumerate() {
         let done = evaluator.direct_from(toward, sun, view, room)?;
         let rows = weights.chunks_exact_mut(each).zip(errors.chunks_exact_mut(each));
-        for ((weights, errors), share) in rows.zip(rule.shares(i)) {
-            let light = irradiance * share;
+        for ((weights, errors), light) in rows.zip(rule.lights(i)) {
             for ((weight, error), w) in weights.iter_mut().zip(errors).zip(&*room) {
                 *weight += light * w;
-                *error += light * w.abs() * done.error;
+                *error += (light * w).abs() * done.error;
             }
         }
     }
@@ -181,6 +183,9 @@ impl Effect for Earthshine<'_> {
         let from = (lighting.sun_body, lighting.view);
         let [coarse, fine, room] = &mut self.rooms;
         let mut rounding = vec![0.0; weights.len()];
+        // How far each weight of the last rule is from that of the rule before, and of that from the one before it.
+        let mut apart = [vec![0.0; weights.len()], vec![0.0; weights.len()]];
+        let mut agreed = 0;
         coarse.clear();
         coarse.resize(weights.len(), 0.0);
         for (step, &order) in ORDERS.iter().enumerate() {
@@ -188,17 +193,23 @@ impl Effect for Earthshine<'_> {
             fine.resize(weights.len(), 0.0);
             rounding.fill(0.0);
             add_all(&mut self.evaluator, &cap.rule(order), from, room, (fine, &mut rounding))?;
-            let apart: f64 = fine.iter().zip(&*coarse).map(|(f, c)| (f - c).abs()).sum();
+            apart.swap(0, 1);
+            let pairs = fine.iter().zip(&*coarse);
+            apart[0].iter_mut().zip(pairs).for_each(|(a, (f, c))| *a = (f - c).abs());
             let size: f64 = fine.iter().sum();
             std::mem::swap(coarse, fine);
-            if step > 0 && apart <= self.tolerance * size {
+            let close = step > 0 && apart[0].iter().sum::<f64>() <= self.tolerance * size;
+            agreed = if close { agreed + 1 } else { 0 };
+            if agreed == self.agree {
                 break;
             }
         }
-        // The better rule's own error is smaller than its distance from the one before.
-        for (k, (weight, before)) in coarse.iter().zip(&*fine).enumerate() {
-            weights[k] += weight;
-            errors[k] += (weight - before).abs() + rounding[k];
+        // Of a globe that is even the better rule's own error is smaller than its distance from the one before.
+        for (k, weight) in coarse.iter().enumerate() {
+            // Of a table the points may have light below 0, and where a body is turned away from all that is bright what is left of them, too; there is none of it.
+            weights[k] += weight.max(0.0);
+            let before = if self.agree > 1 { apart[1][k] } else { 0.0 };
+            errors[k] += apart[0][k].max(before) + rounding[k];
         }
         Ok(())
     }

@@ -270,7 +270,7 @@ impl Earthlit {
                         let seed = mixed(seed, 2 * index + panel as u32 + 1);
                         let mut paths = thread.paths(&plan.active, false, seed);
                         paths.trace(*toward, eye, POINTS, &mut sums);
-                        tally.add(batch, *irradiance, rule.shares(panel), sums);
+                        tally.add(batch, *irradiance, rule.lights(panel), sums);
                     }
                 }
             }
@@ -314,11 +314,11 @@ impl Tally {
         Self { nodes, layers, points: 0, light, irradiance: 0.0, sums: Vec::new() }
     }
 
-    fn add(&mut self, batch: usize, irradiance: f64, shares: &[f64], sums: Sums) {
+    fn add(&mut self, batch: usize, irradiance: f64, lights: &[f64], sums: Sums) {
         let of_batch = &mut self.light[batch * self.layers * self.nodes..];
-        for (layer, share) in of_batch.chunks_exact_mut(self.nodes).zip(shares) {
+        for (layer, own) in of_batch.chunks_exact_mut(self.nodes).zip(lights) {
             for (s, light) in layer.iter_mut().enumerate() {
-                *light += irradiance * share * sums.bounced(s).0;
+                *light += own * sums.bounced(s).0;
             }
         }
         self.irradiance += irradiance;

@@ -3,21 +3,20 @@
 //! The cap that lies above the body's horizon is one panel or two: where the Sun is above the horizon all around, and where the terminator crosses. In the angle ε between the
 //! ground's vertical and the body (from 0 below it to 90° at the limb) and the azimuth, as a share of what is lit, everything is smooth for a Lambert globe: Gauss's rule takes few points.
 //!
-//! A table of albedos is not smooth. But what a body makes of light from a direction is, all the same: so each point of the rule stands for a piece of the cap (Gauss's weights
-//! divide the panel: the piece between the sums of the weights before a point and with it holds the point), and its share in a layer is the mean of the table over the piece,
-//! weighted with the light of an even globe. That mean is taken from bins that are finer than the table's cells where the cap has room for them. No light is lost or made by
-//! it, no share leaves the range of the table, and a table of one value is an even globe.
+//! A table of albedos is not smooth. But what a body makes of light from a direction is, all the same. So what multiplies the body's answer at a point of the rule is not the table there, but
+//! the integral of the table's light times the polynomial that is 1 at that point and 0 at all others (product integration: Davis and Rabinowitz, Methods of Numerical Integration, 2.5.6): exact
+//! where the answer is a polynomial of the rule's degree, whatever the table. It is taken over the table's deviation from its mean over the panel, in bins, of each of which the table says the mean around
+//! ([`AlbedoGrid::around`](super::grid::AlbedoGrid::around)). So a table of one value is an even globe, and no light is lost or made; a point may have light below 0, the cap has not.
 
 use super::EarthAlbedo;
+use super::grid::AlbedoGrid;
 use crate::light::Globe;
 use crate::surface::rule::legendre;
 use glam::DVec3;
-use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_1_PI, FRAC_PI_2};
 
-/// Bins along each side of a panel for each cell of a table, and the least and the most of them: along ε, and around.
-const BINS_A_CELL: f64 = 1.5;
-const POLAR_BINS: (f64, f64) = (24.0, 64.0);
-const AROUND_BINS: (f64, f64) = (48.0, 128.0);
+/// Bins of a panel: along ε, and around.
+const BINS: [usize; 2] = [40, 80];
 
 /// The lit cap.
 #[derive(Debug)]
@@ -39,8 +38,8 @@ pub struct LitCap<'a> {
 pub struct Rule {
     /// Directions (unit vectors, the body's axes), and from each the irradiance across it, of the Sun's, for a globe that reflects all.
     pub nodes: Vec<(DVec3, f64)>,
-    /// The part of that in each layer, point by point; none where it is 1.
-    shares: Vec<f64>,
+    /// The irradiance of each point in each layer, point by point; none where it is that of a globe that reflects all.
+    lights: Vec<f64>,
     layers: usize,
 }
 
@@ -50,30 +49,28 @@ impl Rule {
         Self { nodes: vec![(toward, irradiance)], ..Self::default() }
     }
 
-    /// The part of the light of a point that each layer has.
-    pub fn shares(&self, node: usize) -> &[f64] {
-        if self.shares.is_empty() {
-            &[1.0]
-        } else {
-            &self.shares[node * self.layers..][..self.layers]
+    /// The irradiance of a point in each layer, of the Sun's. Of a table it may be below 0; the sum over the points is not.
+    pub fn lights(&self, node: usize) -> &[f64] {
+        match self.lights.is_empty() {
+            true => std::slice::from_ref(&self.nodes[node].1),
+            false => &self.lights[node * self.layers..][..self.layers],
         }
     }
 
     /// The points with the light of one layer.
     pub(in crate::light) fn of_layer(&self, layer: usize) -> Vec<(DVec3, f64)> {
-        let lit =
-            |(i, (toward, light)): (usize, &(DVec3, f64))| (*toward, light * self.shares(i)[layer]);
-        self.nodes.iter().enumerate().map(lit).collect()
+        let lit = |i: usize| (self.nodes[i].0, self.lights(i)[layer]);
+        (0..self.nodes.len()).map(lit).collect()
     }
 }
 
-/// The light of small pieces of a panel: of an even globe that reflects all, and in each layer.
+/// The light of small pieces of a panel.
 #[derive(Debug)]
 struct Bins {
-    polar: usize,
-    around: usize,
-    /// `[(polar * around bins + around) * (1 + layers)]`.
-    light: Vec<f64>,
+    /// Mean of the table over the panel, by light, in each layer.
+    mean: Vec<f64>,
+    /// What the light of each bin is off that of a globe of the mean: `[(polar * around bins + around) * layers + layer]`.
+    off: Vec<f64>,
 }
 
 /// A circle of the cap about the point below the body.
@@ -96,7 +93,7 @@ impl<'a> LitCap<'a> {
         let mut cap = Self::even(globe);
         (cap.earth, cap.layers) = (Some(earth), earth.layers());
         if let Some(grid) = earth.grid() {
-            cap.bins = (0..cap.panels.len()).map(|p| cap.binned(p, grid.finest())).collect();
+            cap.bins = (0..cap.panels.len()).map(|p| cap.binned(p, grid)).collect();
         }
         cap
     }
@@ -130,7 +127,7 @@ impl<'a> LitCap<'a> {
     }
 
     /// One point of each panel, at two coordinates from −1 to 1, with the irradiance of the whole panel if it were as bright all over: the mean over even coordinates is
-    /// the sum of the cap. Its shares are those of the place itself.
+    /// the sum of the cap. Its albedo is that of the place itself.
     pub(in crate::light) fn at(&self, [polar, around]: [f64; 2]) -> Rule {
         let mut rule = Rule { layers: self.layers, ..Rule::default() };
         for panel in 0..self.panels.len() {
@@ -138,7 +135,10 @@ impl<'a> LitCap<'a> {
             let (aside, light) = self.light(&ring, around);
             if light > 0.0 {
                 rule.nodes.push((ring.toward(self.up, aside), 4.0 * light));
-                self.push_place(&mut rule.shares, ring.ground(self.up, aside));
+                if let Some(grid) = self.earth.and_then(EarthAlbedo::grid) {
+                    let own = grid.at(self.globe.to_ground * ring.ground(self.up, aside));
+                    rule.lights.extend(own.iter().map(|albedo| 4.0 * light * f64::from(*albedo)));
+                }
             }
         }
         rule
@@ -147,21 +147,19 @@ impl<'a> LitCap<'a> {
     fn over(&self, polar: &[(f64, f64)], around: &[(f64, f64)]) -> Rule {
         let mut rule = Rule { layers: self.layers, ..Rule::default() };
         for panel in 0..self.panels.len() {
-            let means = self.bins.get(panel).map(|bins| bins.means(polar, around, self.layers));
+            let parts = self.bins.get(panel).map(|bins| bins.parts(polar, around));
             for (i, (t, weight)) in polar.iter().enumerate() {
                 let ring = self.ring(panel, *t);
                 for (j, (s, share)) in around.iter().enumerate() {
                     let (aside, light) = self.light(&ring, *s);
+                    let light = light * weight * share;
                     if light <= 0.0 {
                         continue;
                     }
-                    rule.nodes.push((ring.toward(self.up, aside), light * weight * share));
-                    let Some(means) = &means else { continue };
-                    let own = &means[(i * around.len() + j) * self.layers..][..self.layers];
-                    // A piece of no light says nothing; its point does.
-                    match own.iter().any(|m| m.is_nan()) {
-                        true => self.push_place(&mut rule.shares, ring.ground(self.up, aside)),
-                        false => rule.shares.extend(own),
+                    rule.nodes.push((ring.toward(self.up, aside), light));
+                    if let (Some(parts), Some(bins)) = (&parts, self.bins.get(panel)) {
+                        let own = parts[(i * around.len() + j) * self.layers..].iter();
+                        rule.lights.extend(bins.mean.iter().zip(own).map(|(m, p)| m * light + p));
                     }
                 }
             }
@@ -196,38 +194,36 @@ impl<'a> LitCap<'a> {
         (aside, FRAC_1_PI * cos_sun * ring.solid_angle * ring.lit)
     }
 
-    /// Adds the shares of a place on the ground.
-    fn push_place(&self, shares: &mut Vec<f64>, ground: DVec3) {
-        if let Some(grid) = self.earth.and_then(EarthAlbedo::grid) {
-            let own = grid.at(self.globe.to_ground * ground);
-            shares.extend(own.iter().map(|v| f64::from(*v)));
-        }
-    }
-
-    /// The bins of a panel, for cells of some size (radians).
-    fn binned(&self, panel: usize, cell: f64) -> Bins {
-        let [first, last] = [-1.0, 1.0].map(|t| self.ring(panel, t));
-        let wide = last.sin.atan2(last.cos) - first.sin.atan2(first.cos);
-        let number = |span: f64, (least, most): (f64, f64)| {
-            (BINS_A_CELL * span / cell).ceil().clamp(least, most) as usize
-        };
-        let polar = number(wide, POLAR_BINS);
-        let around = number(TAU * last.sin.abs(), AROUND_BINS);
-        let middle = |k: usize, of: usize| (2 * k + 1) as f64 / of as f64 - 1.0;
-        let (mut light, mut shares) =
-            (Vec::with_capacity(polar * around * (1 + self.layers)), Vec::new());
-        for i in 0..polar {
-            let ring = self.ring(panel, middle(i, polar));
-            for j in 0..around {
-                let (aside, lit) = self.light(&ring, middle(j, around));
-                let lit = lit.max(0.0);
-                shares.clear();
-                self.push_place(&mut shares, ring.ground(self.up, aside));
-                light.push(lit);
-                light.extend(shares.iter().map(|share| lit * share));
+    /// The bins of a panel.
+    fn binned(&self, panel: usize, grid: &AlbedoGrid) -> Bins {
+        let [rows, columns] = BINS;
+        let measure = 4.0 / (rows * columns) as f64;
+        let (mut lit, mut off) = (Vec::with_capacity(rows * columns), Vec::new());
+        off.reserve(rows * columns * self.layers);
+        let (mut mean, mut all) = (vec![0.0; self.layers], 0.0);
+        for i in 0..rows {
+            let ring = self.ring(panel, middle(i, rows));
+            let ends =
+                [i as f64, (i + 1) as f64].map(|e| self.ring(panel, 2.0 * e / rows as f64 - 1.0));
+            let tall = ends[1].sin.atan2(ends[1].cos) - ends[0].sin.atan2(ends[0].cos);
+            // The side of a square as large as the bin.
+            let side = (tall * ring.sin * 2.0 * ring.lit / columns as f64).max(0.0).sqrt();
+            for j in 0..columns {
+                let (aside, light) = self.light(&ring, middle(j, columns));
+                let light = measure * light.max(0.0);
+                let ground = self.globe.to_ground * ring.ground(self.up, aside);
+                let start = off.len();
+                grid.around(ground, side, &mut off);
+                mean.iter_mut().zip(&off[start..]).for_each(|(m, albedo)| *m += light * albedo);
+                all += light;
+                lit.push(light);
             }
         }
-        Bins { polar, around, light }
+        mean.iter_mut().for_each(|m| *m = if all > 0.0 { *m / all } else { 0.0 });
+        for (albedo, light) in off.chunks_exact_mut(self.layers).zip(&lit) {
+            albedo.iter_mut().zip(&mean).for_each(|(a, mean)| *a = light * (*a - mean));
+        }
+        Bins { mean, off }
     }
 }
 
@@ -243,35 +239,44 @@ impl Ring {
 }
 
 impl Bins {
-    /// Mean shares over the pieces of the points of two rules: `[(polar * around points + around) * layers + layer]`; NaN where a piece has no light.
-    fn means(&self, polar: &[(f64, f64)], around: &[(f64, f64)], layers: usize) -> Vec<f64> {
-        let (rows, columns) = (owners(polar, self.polar), owners(around, self.around));
-        let mut sums = vec![0.0; polar.len() * around.len() * (1 + layers)];
-        for (row, bins) in rows.iter().zip(self.light.chunks_exact(self.around * (1 + layers))) {
-            for (column, bin) in columns.iter().zip(bins.chunks_exact(1 + layers)) {
-                let piece = (row * around.len() + column) * (1 + layers);
-                sums[piece..].iter_mut().zip(bin).for_each(|(sum, light)| *sum += light);
+    /// What the points of two rules have of it: `[(polar * around points + around) * layers + layer]`.
+    fn parts(&self, polar: &[(f64, f64)], around: &[(f64, f64)]) -> Vec<f64> {
+        let (layers, [rows, columns]) = (self.mean.len(), BINS);
+        let [along, about] = [basis(polar, rows), basis(around, columns)];
+        let (n, m) = (polar.len(), around.len());
+        let mut parts = vec![0.0; n * m * layers];
+        let mut row = vec![0.0; columns * layers];
+        for i in 0..n {
+            row.fill(0.0);
+            for (b, off) in self.off.chunks_exact(columns * layers).enumerate() {
+                let part = along[i * rows + b];
+                row.iter_mut().zip(off).for_each(|(sum, off)| *sum += part * off);
+            }
+            for (j, part) in parts[i * m * layers..].chunks_exact_mut(layers).take(m).enumerate() {
+                for (b, off) in row.chunks_exact(layers).enumerate() {
+                    let own = about[j * columns + b];
+                    part.iter_mut().zip(off).for_each(|(sum, off)| *sum += own * off);
+                }
             }
         }
-        let mean =
-            |piece: &[f64]| piece[1..].iter().map(|light| light / piece[0]).collect::<Vec<_>>();
-        sums.chunks_exact(1 + layers).flat_map(mean).collect()
+        parts
     }
 }
 
-/// For each of some even bins from −1 to 1 the point of a rule that it belongs to.
-fn owners(rule: &[(f64, f64)], bins: usize) -> Vec<usize> {
-    let mut end = -1.0 + rule[0].1;
-    let mut point = 0;
-    let middles = (0..bins).map(|k| (2 * k + 1) as f64 / bins as f64 - 1.0);
-    middles
-        .map(|middle| {
-            while middle > end && point + 1 < rule.len() {
-                point += 1;
-                end += rule[point].1;
-            }
-            point
-        })
+/// The middle of one of some even bins from −1 to 1.
+fn middle(bin: usize, of: usize) -> f64 {
+    (2 * bin + 1) as f64 / of as f64 - 1.0
+}
+
+/// The polynomials that are 1 at one point of a rule and 0 at the others, at the middles of some bins: `[point * bins + bin]`.
+fn basis(rule: &[(f64, f64)], bins: usize) -> Vec<f64> {
+    let value = |i: usize, x: f64| {
+        let others = rule.iter().enumerate().filter(|(k, _)| *k != i);
+        others.map(|(_, (t, _))| (x - t) / (rule[i].0 - t)).product::<f64>()
+    };
+    (0..rule.len())
+        .flat_map(|i| (0..bins).map(move |b| (i, middle(b, bins))))
+        .map(|(i, x)| value(i, x))
         .collect()
 }
 

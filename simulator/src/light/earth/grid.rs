@@ -1,7 +1,7 @@
 //! Albedos on a regular grid of latitudes and longitudes.
 
 use glam::DVec3;
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use sunglint_radiometry::spectrum::{Reflectance, Spectrum, SpectrumError};
 
 /// More values are more than the cap of a globe can use: 8 million are a grid of 0.1° with one layer.
@@ -26,6 +26,8 @@ pub struct AlbedoGrid {
     wavelength_nm: Vec<f64>,
     /// `[(row * columns + column) * layers + layer]`.
     values: Vec<f32>,
+    /// `[(row * (columns + 1) + column) * layers + layer]`: the integral over solid angle south of a row and west of a column.
+    sums: Vec<f64>,
     missing: usize,
 }
 
@@ -164,6 +166,7 @@ impl AlbedoGrid {
             columns,
             wavelength_nm: wavelength_nm.to_vec(),
             values: vec![f32::NAN; count * layers],
+            sums: Vec::new(),
             missing: 0,
         };
         let place = |[lat_deg, lon_deg]: [f64; 2]| {
@@ -176,6 +179,7 @@ impl AlbedoGrid {
         };
         grid.fill(cells, place)?;
         grid.complete(missing)?;
+        grid.sums = grid.summed();
         Ok(grid)
     }
 
@@ -272,9 +276,72 @@ impl AlbedoGrid {
         &self.values[at * self.layers()..(at + 1) * self.layers()]
     }
 
-    /// The smaller of the steps in latitude and longitude, radians.
-    pub(super) fn finest(&self) -> f64 {
-        self.step[0].min(self.step[1])
+    /// Adds to `out` the mean of each layer over a box of some side (radians) around a place: from parallel to parallel and from meridian to meridian, or, at a pole, all around it.
+    pub(super) fn around(&self, toward: DVec3, side: f64, out: &mut Vec<f64>) {
+        let lat = toward.z.clamp(-1.0, 1.0).asin();
+        let lon = toward.y.atan2(toward.x);
+        let [low, high] = [-0.5, 0.5].map(|half| (lat + half * side).clamp(-FRAC_PI_2, FRAC_PI_2));
+        let pole = low == -FRAC_PI_2 || high == FRAC_PI_2;
+        let half = if pole { PI } else { (0.5 * side / lat.cos()).min(PI) };
+        let area = 2.0 * half * (high.sin() - low.sin());
+        if !(area > 0.0) {
+            out.extend(self.at(toward).iter().map(|v| f64::from(*v)));
+            return;
+        }
+        let [from, to] = [low, high].map(|lat| self.row_of(lat));
+        let [west, east] = [-half, half].map(|half| (lon + half - self.west) / self.step[1]);
+        for layer in 0..self.layers() {
+            let sum = |row, column| self.sum_to(row, column, layer);
+            out.push((sum(to, east) - sum(to, west) - sum(from, east) + sum(from, west)) / area);
+        }
+    }
+
+    /// A latitude as a row, and the part of that row below it, by area.
+    fn row_of(&self, lat: f64) -> (usize, f64) {
+        let row = (((lat - self.south) / self.step[0]).max(0.0) as usize).min(self.rows - 1);
+        let [low, high] = [row, row + 1].map(|row| self.edge(row));
+        (row, ((lat.sin() - low) / (high - low)).clamp(0.0, 1.0))
+    }
+
+    /// The sine of the southern edge of a row.
+    fn edge(&self, row: usize) -> f64 {
+        (self.south + row as f64 * self.step[0]).clamp(-FRAC_PI_2, FRAC_PI_2).sin()
+    }
+
+    /// The integral of a layer over solid angle, south of a latitude and from the first meridian to a column (which may lie beyond the last, or before the first).
+    fn sum_to(&self, (row, part): (usize, f64), column: f64, layer: usize) -> f64 {
+        let turns = (column / self.columns as f64).floor();
+        let column = column - turns * self.columns as f64;
+        let whole = (column as usize).min(self.columns - 1);
+        let rest = column - whole as f64;
+        let at = |row: usize, column: usize| {
+            self.sums[(row * (self.columns + 1) + column) * self.layers() + layer]
+        };
+        let along = |row: usize| {
+            let (a, b) = (at(row, whole), at(row, whole + 1));
+            turns * at(row, self.columns) + a + rest * (b - a)
+        };
+        let (a, b) = (along(row), along(row + 1));
+        a + part * (b - a)
+    }
+
+    /// Sums over solid angle, from the south and the west.
+    fn summed(&self) -> Vec<f64> {
+        let (layers, across) = (self.layers(), self.columns + 1);
+        let mut sums = vec![0.0; (self.rows + 1) * across * layers];
+        for row in 0..self.rows {
+            let area = (self.edge(row + 1) - self.edge(row)) * self.step[1];
+            let mut along = vec![0.0; layers];
+            for column in 0..self.columns {
+                for (l, along) in along.iter_mut().enumerate() {
+                    *along +=
+                        area * f64::from(self.values[(row * self.columns + column) * layers + l]);
+                    let below = sums[(row * across + column + 1) * layers + l];
+                    sums[((row + 1) * across + column + 1) * layers + l] = below + *along;
+                }
+            }
+        }
+        sums
     }
 
     /// The least and the largest albedo of any layer.
@@ -286,18 +353,8 @@ impl AlbedoGrid {
 
     /// The mean over the globe of each layer.
     pub fn means(&self) -> Vec<f64> {
-        let edge = |row: usize| {
-            (self.south + row as f64 * self.step[0]).clamp(-FRAC_PI_2, FRAC_PI_2).sin()
-        };
-        let layers = self.layers();
-        let mut means = vec![0.0; layers];
-        for (row, values) in self.values.chunks_exact(self.columns * layers).enumerate() {
-            let share = 0.5 * (edge(row + 1) - edge(row)) / self.columns as f64;
-            for cell in values.chunks_exact(layers) {
-                means.iter_mut().zip(cell).for_each(|(m, v)| *m += share * f64::from(*v));
-            }
-        }
-        means
+        let all = self.sums.chunks_exact(self.layers()).next_back().unwrap_or(&[]);
+        all.iter().map(|sum| sum / (4.0 * PI)).collect()
     }
 
     /// The spectrum that stands before each layer: 1 of a grey one, else 1 at its own wavelength and 0 at all others.

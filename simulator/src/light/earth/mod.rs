@@ -161,12 +161,8 @@ impl EarthAlbedo {
     pub fn shines(&self, globe: &Globe, order: usize, nm: f64) -> Vec<(DVec3, f64)> {
         let factors = self.factors(nm);
         let rule = LitCap::new(globe, self).rule(order);
-        let albedo = |i: usize| factors.iter().zip(rule.shares(i)).map(|(f, s)| f * s).sum::<f64>();
-        rule.nodes
-            .iter()
-            .enumerate()
-            .map(|(i, (toward, light))| (*toward, light * albedo(i)))
-            .collect()
+        let light = |i: usize| factors.iter().zip(rule.lights(i)).map(|(f, l)| f * l).sum::<f64>();
+        rule.nodes.iter().enumerate().map(|(i, (toward, _))| (*toward, light(i))).collect()
     }
 
     /// In words, without the uncertainty.
