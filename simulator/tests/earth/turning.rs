@@ -73,5 +73,5 @@ fn a_bright_cell_follows_the_earths_rotation() {
     };
     // The Sun is not overhead, so the brightest may be the one beside the nearest.
     assert!(by(&found, -1.0).abs_diff(by(&away, 1.0)) <= 1, "{found:?} {away:?}");
-    assert!(found.iter().any(|f| *f == 0.0));
+    assert!(found.contains(&0.0));
 }

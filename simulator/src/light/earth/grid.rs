@@ -284,7 +284,7 @@ impl AlbedoGrid {
         let pole = low == -FRAC_PI_2 || high == FRAC_PI_2;
         let half = if pole { PI } else { (0.5 * side / lat.cos()).min(PI) };
         let area = 2.0 * half * (high.sin() - low.sin());
-        if !(area > 0.0) {
+        if area.is_nan() || area <= 0.0 {
             out.extend(self.at(toward).iter().map(|v| f64::from(*v)));
             return;
         }

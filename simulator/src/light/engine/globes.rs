@@ -14,6 +14,9 @@ use std::sync::Arc;
 const CURVED: f64 = 2e-3;
 /// Directions from which the Earth's light usually comes.
 const DIRECTIONS: f64 = 50.0;
+/// How many times that for a table of albedos, of which two rules have to agree one after the other; and what the table's light over the cap costs, s.
+const OF_A_TABLE: f64 = 4.0;
+const TABLE_S: f64 = 3e-4;
 /// Irradiance of the full Moon over that of the Sun.
 const MOON: f64 = 2.5e-6;
 /// Radiance of the full Moon over the irradiance of the Sun, sr⁻¹: [`MOON`] over its solid angle of 6.4e-5 sr.
@@ -41,7 +44,11 @@ pub(super) fn assess_earthshine(question: &Question) -> Result<Answer, SceneErro
         100.0 * bound,
         Options::reason(switch)
     );
-    let cost_s = needed.then(|| DIRECTIONS * super::direct::cost_s(question));
+    let (directions, table_s) = match question.earth.grid() {
+        Some(_) => (OF_A_TABLE * DIRECTIONS, TABLE_S),
+        None => (DIRECTIONS, 0.0),
+    };
+    let cost_s = needed.then(|| directions * super::direct::cost_s(question) + table_s);
     let need = Need { effect: "earthshine", needed, bound: Some(bound), why, cost_s };
     if !needed {
         return Ok(Answer { need, part: None, doubt: Some(Box::new(Earthshine)) });
