@@ -9,7 +9,8 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use sunglint_formats::{Column, Table};
-use sunglint_simulator::light::{Need, engine};
+use sunglint_simulator::light::earth::grid::AlbedoGrid;
+use sunglint_simulator::light::{EarthAlbedo, Need, engine};
 use sunglint_simulator::pass::{Explanation, Overrides, Pass};
 
 /// Width of the reasons.
@@ -190,6 +191,19 @@ fn table(pass: &Pass, explanation: &Explanation) -> Table {
     table
 }
 
+/// What the Earth reflects, in words.
+pub(crate) fn earth(earth: &EarthAlbedo) -> String {
+    format!("{}, ± {:.0} %", earth.describe(), 100.0 * earth.uncertainty())
+}
+
+/// The same with documented keys.
+pub(crate) fn earth_json(earth: &EarthAlbedo) -> Value {
+    let grid = earth.grid();
+    json!({ "description": earth.describe(), "uncertainty": earth.uncertainty(), "largest_albedo": rounded(earth.most()),
+        "rows": grid.map(|g| g.size().0), "columns": grid.map(|g| g.size().1), "missing_cells": grid.map(AlbedoGrid::missing),
+        "wavelength_nm": grid.map(AlbedoGrid::wavelengths_nm) })
+}
+
 /// Needs with documented keys.
 pub(crate) fn json(needs: &[Need]) -> Value {
     let one = |need: &Need| {
@@ -207,6 +221,7 @@ fn document(pass: &Pass, explanation: &Explanation) -> Value {
         "pass": pass.name,
         "target": { "name": pass.target.name },
         "tolerance": pass.tolerance,
+        "earth": earth_json(&pass.earth),
         "needs": json(needs),
         "left_out": finite(*left_out),
         "terms": terms,

@@ -91,3 +91,53 @@ fn the_stated_error_is_in_every_output() {
         sunglint_radiometry::light_curve::SpectralLightCurve::from_fits("s", fits).unwrap();
     assert_eq!(spectra.model_errors.unwrap().dim(), spectra.values.dim());
 }
+
+/// Truth: the page's own example, on the table that stands in `fixtures/earth` (18 × 36 cells, two wavelengths), and the table of the page itself: `explain`, the summary and the JSON say which Earth it is; the light of a sphere differs from that over an even Earth, and beyond the wavelengths of the page's table a channel is flagged.
+#[test]
+fn the_earth_of_the_guide() {
+    let folder = folder("explain-earth");
+    let example = common::page_toml("pass.md", "file = \"albedo.csv\"");
+    std::fs::write(folder.path("earth.toml"), format!("{SPHERE_PASS}{example}")).unwrap();
+    let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/earth/synthetic_10deg.csv");
+    std::fs::copy(fixture, folder.path("albedo.csv")).unwrap();
+    let text = folder.done(&["explain", "earth.toml"]);
+    for part in ["18 × 36 cells", "2 wavelengths from 300 to 1240 nm", "the ± 20 %"] {
+        let flat = text.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(flat.contains(part), "`{part}` is not in {text}");
+    }
+    let summary = folder.done(&["simulate", "earth.toml"]);
+    assert!(summary.contains("  earth      a Lambert globe with the albedos of"), "{summary}");
+    let [even, table] = ["pass.toml", "earth.toml"]
+        .map(|pass| folder.json(&["simulate", pass, "--json", "-o", "out/", "--force"]));
+    assert_eq!((&table["earth"]["rows"], &table["earth"]["columns"]), (&18.into(), &36.into()));
+    assert_eq!(
+        (&table["earth"]["uncertainty"], &even["earth"]["uncertainty"]),
+        (&0.2.into(), &0.5.into())
+    );
+    assert!(even["earth"]["description"].as_str().unwrap().contains("albedo 0.30"));
+    // At dusk the lit Earth is low: of the first sample in sight it adds some 1e-3, of which the table changes a few hundredths.
+    let faintest = |json: &serde_json::Value| json["v_above_air"]["faintest_mag"].as_f64().unwrap();
+    let change = (faintest(&even) - faintest(&table)).abs();
+    assert!(change > 1e-6 && change < 1e-3, "{change}");
+    // The table of the page, of which most cells have no value; a channel beyond 650 nm is flagged.
+    let page =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/pass.md")).unwrap();
+    let block = page.split("```\n# synthetic\n").nth(1).unwrap().split("```").next().unwrap();
+    std::fs::write(folder.path("albedo.csv"), block).unwrap();
+    let short = folder.json(&["simulate", "earth.toml", "--json", "-o", "out/", "--force"]);
+    assert_eq!(short["earth"]["wavelength_nm"], serde_json::json!([450.0, 650.0]));
+    let warned = short["warnings"].as_array().unwrap().iter();
+    assert!(
+        warned.filter(|w| w.as_str().unwrap().contains("earth.missing")).count() == 1,
+        "{short}"
+    );
+    let uncovered = |json: &serde_json::Value| {
+        let channels = json["channels"].as_array().unwrap().iter();
+        channels.map(|c| c["uncovered_nm"].as_f64().unwrap()).fold(0.0, f64::max)
+    };
+    assert!(uncovered(&short) > 100.0 && uncovered(&table) == uncovered(&even), "{short}");
+    let wrong = format!("{SPHERE_PASS}[earth]\nfile = \"albedo.csv\"\n");
+    std::fs::write(folder.path("holes.toml"), wrong).unwrap();
+    let message = folder.refused(1, &["simulate", "holes.toml"]);
+    assert!(message.contains("albedo.csv") && message.contains("missing = 0.3"), "{message}");
+}

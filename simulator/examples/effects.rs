@@ -49,7 +49,13 @@ fn sphere(file: &str) -> String {
 }
 
 fn lighting(sun_body: DVec3, to: DVec3) -> Lighting {
-    let earth = Globe { toward: -to, distance_m: 1e15, radius_m: 6.4e6, sun: sun_body };
+    let earth = Globe {
+        toward: -to,
+        distance_m: 1e15,
+        radius_m: 6.4e6,
+        sun: sun_body,
+        to_ground: glam::DQuat::IDENTITY,
+    };
     Lighting {
         sun_body,
         sun_radius_rad: SUN_RAD,

@@ -1,6 +1,6 @@
 //! Earthshine and moonshine against closed forms, published figures and rays.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::f64::consts::PI;
@@ -14,7 +14,13 @@ const EARTH_M: f64 = 6_371_000.0;
 fn earth(height_m: f64, sun_altitude_deg: f64) -> Globe {
     let altitude = sun_altitude_deg.to_radians();
     let sun = DVec3::new(altitude.cos(), 0.0, altitude.sin());
-    Globe { toward: DVec3::NEG_Z, distance_m: EARTH_M + height_m, radius_m: EARTH_M, sun }
+    Globe {
+        toward: DVec3::NEG_Z,
+        distance_m: EARTH_M + height_m,
+        radius_m: EARTH_M,
+        sun,
+        to_ground: DQuat::IDENTITY,
+    }
 }
 
 fn on_nadir_facet(globe: &Globe, order: usize) -> f64 {
@@ -118,7 +124,13 @@ fn the_moon_is_as_bright_as_published() {
     let moon = |phase_deg: f64| {
         let phase = phase_deg.to_radians();
         let sun = DVec3::new(phase.sin(), 0.0, -phase.cos());
-        Globe { toward: DVec3::Z, distance_m: 384_400e3, radius_m: 1_737_400.0, sun }
+        Globe {
+            toward: DVec3::Z,
+            distance_m: 384_400e3,
+            radius_m: 1_737_400.0,
+            sun,
+            to_ground: DQuat::IDENTITY,
+        }
     };
     let magnitudes = |phase| -2.5 * shine::moonlight(&moon(phase)).log10();
     assert!((magnitudes(0.0) - 14.03).abs() < 0.1, "{}", magnitudes(0.0));
@@ -164,6 +176,7 @@ fn a_plate_reflects_earth_and_moon() {
         distance_m: 384e6,
         radius_m: 1.7374e6,
         sun: DVec3::Z,
+        to_ground: DQuat::IDENTITY,
     };
     let lighting = Lighting { earth: None, moon: Some(moon), ..lighting };
     let (mut weights, mut errors) = (vec![0.0], vec![0.0]);
@@ -222,7 +235,13 @@ fn earthshine_on_bodies_that_shade_themselves_is_as_good_as_all_light_asks_for()
         for _ in 0..16 {
             let (sun, toward, to) = (direction(), direction(), direction());
             let distance_m = EARTH_M + 790e3;
-            let earth = Globe { toward, distance_m, radius_m: EARTH_M, sun };
+            let earth = Globe {
+                toward,
+                distance_m,
+                radius_m: EARTH_M,
+                sun,
+                to_ground: glam::DQuat::IDENTITY,
+            };
             let lighting = Lighting {
                 sun_body: sun,
                 sun_radius_rad: 0.0,

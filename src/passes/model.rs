@@ -72,6 +72,7 @@ impl PassesArgs {
             sun: sun_at_1_au().clone(),
             sun_name: "ASTM G173-03".into(),
             shadow: Some(EarthShape::default()),
+            earth: Default::default(),
             orientation: Some(orientation.clone()),
             zero: self.zero_point,
             tolerance,

@@ -114,6 +114,7 @@ impl Report<'_> {
         );
         let air = pass.air.as_ref().map_or("none".into(), describe);
         let _ = writeln!(text, "  air        {air}");
+        let _ = writeln!(text, "  earth      {}", explain::earth(&pass.earth));
         let count = tracks(&pass.times).len();
         let tracks = if count > 1 { format!(" in {count} tracks") } else { String::new() };
         let _ = writeln!(
@@ -320,6 +321,7 @@ impl Report<'_> {
             "target": { "name": pass.target.name, "parts": parts, "material_spectra": simulation.weights.ncols() },
             "station": { "name": pass.station.name, "latitude_deg": site.latitude_deg, "longitude_deg": site.longitude_deg, "height_m": site.height_m },
             "air": { "description": pass.air.as_ref().map(describe) },
+            "earth": explain::earth_json(&pass.earth),
             "epochs": n, "from_utc": self.time(0), "to_utc": self.time(n - 1), "bins": pass.bins(),
             "quantity": pass.spectral.name(), "unit": pass.spectral.unit(),
             "visible_samples": visible, "eclipsed_samples": eclipsed, "hidden_samples": hidden,

@@ -8,13 +8,15 @@
 use super::AttitudeError;
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
+use std::sync::Arc;
 use sunglint_calibration::pass::{Data, Unit};
 use sunglint_simulator::light::engine::Switches;
-use sunglint_simulator::light::shine::EARTH_ALBEDO;
-use sunglint_simulator::light::{Evaluator, Globe, Parameter, Scene, View, shine};
+use sunglint_simulator::light::{EarthAlbedo, Evaluator, Globe, Parameter, Scene, View};
 use sunglint_simulator::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
 use sunglint_simulator::pass::{Pass, Study};
 
+/// Where the Earth's albedo is taken, whatever the channel: what is found by it is only where the search goes on with all light. Vacuum nm.
+const EARTH_NM: f64 = 550.0;
 /// Turn by which the Earth's light is differentiated, radians.
 const EARTH_STEP: f64 = 1e-3;
 
@@ -43,6 +45,8 @@ pub struct Moment {
     pub to_observer: DVec3,
     /// From the middle of the Earth to the body, GCRS axes, m.
     pub position_m: DVec3,
+    /// From the axes of the GCRS to those of the ITRS.
+    pub gcrs_to_itrs: DQuat,
     /// Exposure, s.
     pub exposure_s: f64,
 }
@@ -66,6 +70,8 @@ pub struct Forward {
     pub rate: Vec<f64>,
     /// Their stated standard uncertainties.
     pub sigma: Vec<f64>,
+    /// What the Earth reflects, curve by curve.
+    earths: Vec<Arc<EarthAlbedo>>,
     /// Of each moment the directions of the Earth's light, where that is part of a trial's.
     shine: Vec<Vec<(DVec3, f64)>>,
 }
@@ -102,6 +108,7 @@ impl Forward {
             unit: Vec::new(),
             rate: Vec::new(),
             sigma: Vec::new(),
+            earths: curves.iter().map(|c| c.pass.earth.clone()).collect(),
             shine: Vec::new(),
         };
         let mut emitted: Vec<Epoch> = Vec::new();
@@ -159,6 +166,7 @@ impl Forward {
                 to_sun,
                 to_observer,
                 position_m: place.geometry.target.position_m,
+                gcrs_to_itrs: place.gcrs_to_itrs,
                 exposure_s: curve.pass.exposure_s[i],
             });
             for c in 0..self.channels {
@@ -183,7 +191,7 @@ impl Forward {
         Ok(())
     }
 
-    /// Directions (GCRS axes) from which the lit Earth shines on the body at a moment, and from each the irradiance, of the Sun's, of a Lambert sphere with the Earth's mean albedo: `order` points along each
+    /// Directions (GCRS axes) from which the lit Earth shines on the body at a moment, and from each the irradiance, of the Sun's, with the scene's albedo of it at 550 nm: `order` points along each
     /// side of a panel of it.
     fn earth(&self, moment: usize, order: usize) -> Vec<(DVec3, f64)> {
         let at = &self.moments[moment];
@@ -192,9 +200,9 @@ impl Forward {
             distance_m: at.position_m.length(),
             radius_m: EARTH_EQUATORIAL_RADIUS_M,
             sun: at.to_sun,
+            to_ground: at.gcrs_to_itrs,
         };
-        let nodes = shine::cap(&earth, order);
-        nodes.into_iter().map(|(toward, light)| (toward, EARTH_ALBEDO * light)).collect()
+        self.earths[at.curve].shines(&earth, order, EARTH_NM)
     }
 
     /// The same with the Earth's light in every trial's, of `order` points along each side of a panel of it. A trial then costs several times as much.

@@ -10,7 +10,7 @@
 
 use super::View;
 use crate::surface::MaterialError;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use sunglint_radiometry::spectrum::{Factor, Spectrum};
 
 /// Where light comes from and where it goes, at one moment, in the body's axes.
@@ -45,6 +45,8 @@ pub struct Globe {
     pub radius_m: f64,
     /// Unit vector from its middle to the Sun, body axes.
     pub sun: DVec3,
+    /// From the body's axes to those fixed to it (of the Earth the ITRS): where on its ground a place is. It matters where the ground is not the same everywhere.
+    pub to_ground: DQuat,
 }
 
 /// Which way light came.

@@ -34,6 +34,7 @@ mod coincident;
 mod curved;
 pub mod derivative;
 pub mod disc;
+pub mod earth;
 mod effect;
 pub mod engine;
 mod evaluate;
@@ -54,6 +55,7 @@ mod weld;
 
 pub use derivative::{Derivation, DerivativeError, Method, Parameter, Roughness};
 pub use disc::SunOptions;
+pub use earth::EarthAlbedo;
 pub use effect::{Effect, Globe, Lighting, Need, Source, Term};
 pub use engine::{Course, Engine, Options};
 pub use evaluate::{Direct, DirectionError, Evaluator};

@@ -56,6 +56,7 @@ impl Pass {
             ..Course::default()
         };
         let mut geometries = HashSet::new();
+        let most = self.earth.most();
         for place in places {
             let lighting = place.lighting();
             let radius_m = place.geometry.target.position_m.length();
@@ -63,7 +64,8 @@ impl Pass {
             course.radius_m = (course.radius_m.0.min(radius_m), course.radius_m.1.max(radius_m));
             course.sun_radius_rad = course.sun_radius_rad.max(lighting.sun_radius_rad);
             course.phase_rad = course.phase_rad.max(place.geometry.phase_rad);
-            let earthshine = lighting.earth.map_or(0.0, |e| crate::light::engine::earthshine(&e));
+            let bound = |earth| crate::light::engine::earthshine(&earth, most);
+            let earthshine = lighting.earth.map_or(0.0, bound);
             course.earthshine = course.earthshine.max(earthshine);
             let shaded = self.shadow.is_some() && place.sunlit < 1.0;
             course.umbra += usize::from(shaded && place.sunlit == 0.0);
@@ -90,6 +92,7 @@ impl Place {
                 distance_m: down.length(),
                 radius_m: EARTH_EQUATORIAL_RADIUS_M,
                 sun: self.sun_body,
+                to_ground: self.gcrs_to_itrs * self.body_to_gcrs,
             }),
             moon: self.moon.map(|moon| Globe {
                 toward: gcrs_to_body * moon.toward,

@@ -22,6 +22,7 @@
 //!
 //! Paths are relative to the file.
 
+mod earth;
 mod times;
 
 use super::Pass;
@@ -161,6 +162,7 @@ impl PassFile {
         };
         let (sun, sun_name) = reader.sun(&keys.illumination)?;
         let shadow = reader.shadow(&keys.illumination)?;
+        let earth = reader.earth(&keys.earth)?;
         let zero = match &keys.magnitudes.zero_point {
             None => ZeroPoint::default(),
             Some(text) => text.parse().map_err(|expected: String| {
@@ -179,6 +181,7 @@ impl PassFile {
         warnings.extend(orbit.warnings(times[0], times[times.len() - 1]));
         warnings.extend(attitude.warnings());
         warnings.extend(station.warnings.clone());
+        warnings.extend(earth::warning(&earth, &keys.earth));
         let of_others = target.sources.iter().chain(&station.sources);
         let mut inputs = reader.sources;
         inputs.extend(of_others.map(|(path, sha256)| Input {
@@ -201,6 +204,7 @@ impl PassFile {
             sun,
             sun_name,
             shadow,
+            earth: earth.into(),
             orientation,
             zero,
             tolerance,
@@ -225,10 +229,16 @@ impl Reader<'_> {
 
     /// The text of a file that stands at a key; one that is not there is an error at the key.
     fn text(&mut self, key: &str, name: &str) -> Result<(String, PathBuf), FileError> {
+        let (bytes, path) = self.bytes(key, name)?;
+        Ok((sunglint_formats::read::decode(&path, bytes)?, path))
+    }
+
+    /// Its bytes, likewise.
+    fn bytes(&mut self, key: &str, name: &str) -> Result<(Vec<u8>, PathBuf), FileError> {
         let path = self.document.resolve(name);
         let bytes = sunglint_formats::read::bytes(&path).map_err(|e| self.not_there(key, e))?;
         self.sources.push(input(&path, &bytes));
-        Ok((sunglint_formats::read::decode(&path, bytes)?, path))
+        Ok((bytes, path))
     }
 
     fn not_there(&self, key: &str, error: FileError) -> FileError {

@@ -27,6 +27,8 @@ pub struct PassKeys {
     pub air: AirKeys,
     pub earth_orientation: Option<FileKey>,
     #[serde(default)]
+    pub earth: EarthKeys,
+    #[serde(default)]
     pub illumination: IlluminationKeys,
     #[serde(default)]
     pub magnitudes: MagnitudeKeys,
@@ -123,6 +125,15 @@ pub struct AirKeys {
     pub aerosol_optical_depth_550: Option<NonNegative>,
     pub aerosol_exponent: Option<Finite>,
     pub note: Option<String>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EarthKeys {
+    pub albedo: Option<Fraction>,
+    pub file: Option<String>,
+    pub missing: Option<Fraction>,
+    pub uncertainty: Option<Fraction>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -54,11 +54,13 @@ pub use simulate::{Bounds, ChannelSamples, Place, Progress, Simulation, Stage};
 pub use study::{Averaged, Study, TermRates, Thinned};
 
 use crate::attitude::Attitude;
+use crate::light::EarthAlbedo;
 use crate::light::engine::Switches;
 use crate::orbit::Orbit;
 use crate::orbit::eclipse::EarthShape;
 use crate::target::Target;
 use hifitime::Epoch;
+use std::sync::Arc;
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::passband::ZeroPoint;
@@ -111,6 +113,8 @@ pub struct Pass {
     pub sun_name: String,
     /// The Earth that casts the shadow; `None` for no eclipse at all.
     pub shadow: Option<EarthShape>,
+    /// What the Earth reflects.
+    pub earth: Arc<EarthAlbedo>,
     /// UT1 and the pole; the embedded table where `None`.
     pub orientation: Option<EarthOrientation>,
     /// What magnitudes count from.

@@ -47,7 +47,8 @@ impl Pass {
     /// # Errors
     /// [`PassError::Target`], [`PassError::Air`], [`PassError::Spectrum`] and [`PassError::Photometry`].
     pub fn ready(&self) -> Result<Ready<'_>, PassError> {
-        self.ready_for(&Course { shadow: self.shadow.is_some(), ..Course::default() })
+        let (shadow, earthshine) = (self.shadow.is_some(), self.earth.most());
+        self.ready_for(&Course { shadow, earthshine, ..Course::default() })
     }
 
     /// The same for what is known of the way.
@@ -60,7 +61,7 @@ impl Pass {
     /// The light engine for what is known of the way.
     pub(super) fn engine(&self, course: &Course) -> Result<Engine, PassError> {
         let options = Options { tolerance: self.tolerance, switches: self.effects };
-        Engine::new(&self.target, &options, course).map_err(|source| {
+        Engine::over(&self.target, &options, course, &self.earth).map_err(|source| {
             let target = self.target.name.clone();
             PassError::Target { target, source: Box::new(source) }
         })

@@ -77,6 +77,8 @@ pub struct Place {
     pub sunlit_error: f64,
     /// How the body is turned.
     pub body_to_gcrs: DQuat,
+    /// How the Earth is: from the axes of the GCRS to those of the ITRS.
+    pub gcrs_to_itrs: DQuat,
     /// Unit vector to the Sun, body axes.
     pub sun_body: DVec3,
     /// Unit vector to the station, body axes, in the rest frame of the body.
@@ -246,6 +248,7 @@ impl Pass {
             distance_m: moon.distance_m,
             radius_m: LUNAR_RADIUS_M,
             sun: (sun - place).normalize_or_zero(),
+            to_ground: DQuat::IDENTITY,
         }))
     }
 
@@ -321,6 +324,7 @@ impl Pass {
             moon: self.moon(&geometry, &observer)?,
             sunlit_error: self.shadow.map_or(0.0, |_| shadow::error(&geometry)),
             body_to_gcrs,
+            gcrs_to_itrs: DQuat::from_mat3(&observer.frame().gcrs_to_itrs()),
             sun_body,
             observer_body,
             sun_altitude_deg: geometry.sun_altitude_deg(&observer),

@@ -171,7 +171,13 @@ fn tolerance_and_switches_decide_and_bounds_add_up() {
 
 /// A body far from everything, under the Sun's disc.
 fn lighting(sun_body: DVec3, to: DVec3, sun_radius_rad: f64) -> Lighting {
-    let earth = Globe { toward: -to, distance_m: 1e15, radius_m: 6.4e6, sun: sun_body };
+    let earth = Globe {
+        toward: -to,
+        distance_m: 1e15,
+        radius_m: 6.4e6,
+        sun: sun_body,
+        to_ground: glam::DQuat::IDENTITY,
+    };
     let view = View::Distant(to);
     Lighting {
         sun_body,
@@ -258,7 +264,13 @@ fn earthshine_bounces_in_a_corner() {
     target.parts[0].shape = Shape::Mesh(corner());
     let sun = DVec3::new(-0.9, -0.3, -0.4).normalize();
     let (toward, to) = (DVec3::ONE.normalize(), DVec3::new(0.6, 0.8, 0.5).normalize());
-    let earth = Globe { toward, distance_m: 6.9e6, radius_m: 6.371e6, sun };
+    let earth = Globe {
+        toward,
+        distance_m: 6.9e6,
+        radius_m: 6.371e6,
+        sun,
+        to_ground: glam::DQuat::IDENTITY,
+    };
     let paints = vec![scenes::Paint { reflectance: 0.9, lobe: None }];
     let (view, earth, sun_radius_rad) = (View::Distant(to), Some(earth), 4.65e-3);
     let random = scenes::RandomScene { target, paints, sun, view, earth, sun_radius_rad };
@@ -350,7 +362,13 @@ fn a_shadow_takes_the_suns_light_alone() {
         Switches { inter_reflection: Switch::Off, earthshine: Switch::On, ..Switches::default() };
     let engine = engine(&target, 1e-3, switches);
     let (sun, to) = (DVec3::new(0.8, 0.0, 0.6), DVec3::new(0.6, 0.2, -0.7).normalize());
-    let earth = Globe { toward: DVec3::NEG_Z, distance_m: 6.9e6, radius_m: 6.378e6, sun };
+    let earth = Globe {
+        toward: DVec3::NEG_Z,
+        distance_m: 6.9e6,
+        radius_m: 6.378e6,
+        sun,
+        to_ground: glam::DQuat::IDENTITY,
+    };
     let lit = Lighting { earth: Some(earth), ..lighting(sun, to, 4.65e-3) };
     let of = |sunlit: f64, sunlit_error: f64| {
         let (mut weights, mut errors) =

@@ -115,7 +115,7 @@ fn below(sun: DVec3, rng: &mut Rng) -> Globe {
     loop {
         let toward = direction(rng);
         if toward.angle_between(sun) > (radius_m / distance_m).asin() + 0.05 {
-            return Globe { toward, distance_m, radius_m, sun };
+            return Globe { toward, distance_m, radius_m, sun, to_ground: glam::DQuat::IDENTITY };
         }
     }
 }

@@ -8,7 +8,7 @@ use sunglint_radiometry::air::{Sampling, Zenith};
 use sunglint_radiometry::light::sun_at_1_au;
 use sunglint_radiometry::station::{Channel, Detector, Laser};
 use sunglint_simulator::light::bounce::BounceOptions;
-use sunglint_simulator::light::{Faceted, FacetedEye, Need, shine};
+use sunglint_simulator::light::{EarthAlbedo, Faceted, FacetedEye, Globe, Need, shine};
 use sunglint_simulator::pass::{Elsewhere, Pass, Place, Simulation};
 use sunglint_simulator::ranging::{
     Beam, Bounces, BouncesError, BouncesEye, DepthBins, Profile, Receiver, Shot, Stand,
@@ -106,11 +106,18 @@ fn transmission(pass: &Pass, zenith: Zenith, sampling: &Sampling) -> f64 {
     }
 }
 
-/// Earthshine on a facet that faces the Earth's middle, of the Sun's irradiance.
-fn earthshine(globe: &sunglint_simulator::light::Globe) -> f64 {
-    let nodes = shine::cap(globe, CAP_ORDER);
-    let sum: f64 = nodes.iter().map(|(d, e)| e * d.dot(globe.toward).max(0.0)).sum();
-    shine::EARTH_ALBEDO * sum
+/// Earthshine at a wavelength on a facet that faces the Earth's middle, of the Sun's irradiance; NaN where the Earth's albedo is not known.
+fn earthshine(earth: &EarthAlbedo, globe: &Globe, nm: f64) -> f64 {
+    if !knows(earth, nm) {
+        return f64::NAN;
+    }
+    let nodes = earth.shines(globe, CAP_ORDER, nm);
+    nodes.iter().map(|(d, e)| e * d.dot(globe.toward).max(0.0)).sum()
+}
+
+fn knows(earth: &EarthAlbedo, nm: f64) -> bool {
+    let (first, last) = earth.known_nm();
+    (first..=last).contains(&nm)
 }
 
 /// What is the same for all shots of a laser.
@@ -274,7 +281,8 @@ impl<'a> Returns<'a> {
         self.bounced_error[i] = profile.bounced.as_ref().map_or(0.0, |b| b.error);
         self.spot_m[i] = aim.beam.spot_radius_m(laser_range_m);
         self.sun_ratio[i] = place.sunlit * sun / (au * au) / laser_light;
-        let earth = place.lighting().earth.map_or(0.0, |globe| earthshine(&globe));
+        let earth =
+            place.lighting().earth.map_or(0.0, |globe| earthshine(&aim.pass.earth, &globe, nm));
         self.earth_ratio[i] = earth * sun / (au * au) / laser_light;
         self.mean_m[i] = profile.mean_depth_m();
         self.first_m[i] = mean(&profile.first_photon(), aim.bins);
@@ -349,16 +357,22 @@ fn by_altitude(pass: &Pass, beam: &Beam, sampling: &Sampling) -> Vec<(f64, f64)>
     let known = (first..=last).contains(&beam.wavelength_nm);
     let sun = if known { sun.at(beam.wavelength_nm) } else { f64::NAN };
     let radius_m = sunglint_simulator::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
+    // Above no place in particular.
+    let nm = beam.wavelength_nm;
+    let albedo = if knows(&pass.earth, nm) { pass.earth.mean_at(nm) } else { f64::NAN };
     let ratio = |km: &f64| {
         let range_m = km * 1e3;
         let laser = air * beam.peak_spectral_irradiance(range_m);
-        let globe = sunglint_simulator::light::Globe {
+        let globe = Globe {
             toward: glam::DVec3::NEG_Z,
             distance_m: radius_m + range_m,
             radius_m,
             sun: glam::DVec3::Z,
+            to_ground: glam::DQuat::IDENTITY,
         };
-        (sun / laser, earthshine(&globe) * sun / laser)
+        let even = shine::cap(&globe, CAP_ORDER);
+        let even: f64 = even.iter().map(|(d, e)| e * d.dot(globe.toward).max(0.0)).sum();
+        (sun / laser, albedo * even * sun / laser)
     };
     ALTITUDES_KM.iter().map(ratio).collect()
 }

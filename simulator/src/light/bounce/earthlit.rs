@@ -1,11 +1,11 @@
 //! Light from the Earth that is scattered twice or more.
 //!
 //! Where patches find what surfaces send to each other ([`super::still`]), they are as coarse as earthshine's part of all light allows, and the lit cap is a
-//! few directions: those of the rule for earthshine that is scattered once ([`shine::cap`]), with more points until two rules agree. What all
+//! few directions: those of the rule for earthshine that is scattered once ([`LitCap::rule`]), with more points until two rules agree. What all
 //! of them bring to the patches is added up before it goes on from patch to patch, once.
 //!
 //! Otherwise light paths: the Earth is wide, so each few paths have a point of its lit cap of their own: a scrambled Sobol point, drawn over the same
-//! panels ([`shine::cap_at`]). Eight batches that do not know of each other give the error, of cap and paths together.
+//! panels ([`LitCap::at`]). Eight batches that do not know of each other give the error, of cap and paths together.
 //!
 //! There is as much of either as the tolerance of all light asks for, in full sunlight the light of the Sun among it.
 
@@ -18,11 +18,11 @@ use super::thread::Thread;
 use super::tracing::Direct;
 use super::views::Views;
 use super::{Bounce, BounceError, BounceOptions, Way, directions};
+use crate::light::earth::cap::LitCap;
 use crate::light::occlude::Toward;
-use crate::light::{DirectionError, Effect, Globe, Lighting, Scene, Source, Term, shine};
+use crate::light::{DirectionError, EarthAlbedo, Effect, Lighting, Scene, Source, Term, shine};
 use glam::DVec3;
 use std::sync::Arc;
-use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
 
 /// Batches that do not know of each other.
 const BATCHES: usize = 8;
@@ -55,6 +55,7 @@ pub(in crate::light) struct Earthlit {
     nodes: Nodes,
     options: BounceOptions,
     shape_error: f64,
+    earth: Arc<EarthAlbedo>,
     /// Where patches do it, with what the look at them says that an epoch of one direction costs, s.
     patches: Option<(Arc<Still>, f64)>,
 }
@@ -69,6 +70,7 @@ impl Earthlit {
         scene: &Scene,
         options: &BounceOptions,
         (shape_error, share): (f64, f64),
+        earth: &Arc<EarthAlbedo>,
     ) -> Result<Option<Self>, BounceError> {
         let surfaces = Surfaces::new(scene);
         let active = Bound::new(scene, &surfaces.list).active;
@@ -90,19 +92,28 @@ impl Earthlit {
             }
             _ => None,
         };
-        Ok(Some(Self { surfaces, active, nodes, options: *options, shape_error, patches }))
+        let (options, earth) = (*options, earth.clone());
+        Ok(Some(Self { surfaces, active, nodes, options, shape_error, earth, patches }))
     }
 
-    /// Its terms, for an Earth of some reflectance.
+    /// Its terms: those of all nodes for each layer of the Earth.
     ///
     /// # Errors
     /// Spectra that have no product.
-    pub fn terms(&self, earth: &Spectrum<Reflectance>) -> Result<Vec<Term>, BounceError> {
-        let term = |hat| {
-            let spectrum = shine::product(earth, &hat)?;
-            Ok(Term { source: Source::Earthshine, material: None, spectrum })
-        };
-        self.nodes.spectra()?.into_iter().map(term).collect()
+    pub fn terms(&self) -> Result<Vec<Term>, BounceError> {
+        let mut terms = Vec::new();
+        for layer in self.earth.spectra()? {
+            for hat in self.nodes.spectra()? {
+                let spectrum = shine::product(&layer, &hat)?;
+                terms.push(Term { source: Source::Earthshine, material: None, spectrum });
+            }
+        }
+        Ok(terms)
+    }
+
+    /// How many there are.
+    fn count(&self) -> usize {
+        self.earth.layers() * self.nodes.nm.len()
     }
 
     /// In words.
@@ -119,7 +130,7 @@ impl Earthlit {
     /// Seconds an epoch at most, estimated.
     pub fn cost_s(&self) -> f64 {
         match self.patches {
-            Some((_, direction_s)) => DIRECTIONS * direction_s,
+            Some((_, direction_s)) => DIRECTIONS * self.earth.layers() as f64 * direction_s,
             None => PATH_S * f64::from(self.paths()),
         }
     }
@@ -173,21 +184,22 @@ impl Effect for EarthlitLight<'_> {
         weights: &mut [f64],
         errors: &mut [f64],
     ) -> Result<(), DirectionError> {
-        let nodes = self.plan.nodes.nm.len();
+        let (nodes, expected) = (self.plan.nodes.nm.len(), self.plan.count());
         for found in [weights.len(), errors.len()] {
-            if found != nodes {
-                return Err(DirectionError::Room { found, expected: nodes });
+            if found != expected {
+                return Err(DirectionError::Room { found, expected });
             }
         }
-        let Some(earth) = &lighting.earth else { return Ok(()) };
+        let Some(globe) = &lighting.earth else { return Ok(()) };
+        let cap = LitCap::new(globe, &self.plan.earth);
         let ends = directions(lighting.sun_body, lighting.view)?;
-        // Weights are those of an Earth that reflects all.
-        let beside = lighting.sunlit / shine::EARTH_ALBEDO;
+        // Weights stand before the Earth's spectrum.
+        let beside = lighting.sunlit / self.plan.earth.largest_factor().max(f64::MIN_POSITIVE);
         match &mut self.room {
             Room::Patches { still, views, direct } => {
                 let known = direct.at(ends.0, ends.1).map(<[f64]>::to_vec);
-                let sunlight = |s: usize| known.as_ref().map_or(0.0, |d| beside * d[s]);
-                let found = by_patches(still, views, (earth, ends.1), &|s, light, apart| {
+                let sunlight = |s: usize| known.as_ref().map_or(0.0, |d| beside * d[s % nodes]);
+                let found = by_patches(still, views, (&cap, ends.1), &|s, light, apart| {
                     apart <= OF_PATCHES * self.plan.options.tolerance * (sunlight(s) + light)
                 });
                 for (s, (light, error)) in found.into_iter().enumerate() {
@@ -196,25 +208,28 @@ impl Effect for EarthlitLight<'_> {
                 }
             }
             Room::Paths(thread) => {
-                self.plan.by_paths(thread, (earth, ends), beside, (weights, errors));
+                self.plan.by_paths(thread, (&cap, ends), beside, (weights, errors));
             }
         }
         Ok(())
     }
 }
 
-/// The light by patches and its claimed error at each node, m² sr⁻¹; `agree` says whether light is known well enough by how far two rules are apart.
+/// The light by patches and its claimed error in each layer at each node, m² sr⁻¹; `agree` says whether light is known well enough by how far two rules are apart.
 fn by_patches(
     still: &Still,
     views: &mut Views,
-    (earth, eye): (&Globe, Toward),
+    (cap, eye): (&LitCap, Toward),
     agree: &dyn Fn(usize, f64, f64) -> bool,
 ) -> Vec<(f64, f64)> {
     let mut before: Option<Vec<f64>> = None;
     let mut out = Vec::new();
     for order in ORDERS {
-        let cap = shine::cap(earth, order);
-        let found = still.found(views, &cap, eye);
+        let rule = cap.rule(order);
+        let mut found = Vec::new();
+        for layer in 0..cap.layers() {
+            found.extend(still.found(views, &rule.of_layer(layer), eye));
+        }
         if let Some(before) = &before {
             let apart = |(s, f): (usize, &(f64, f64))| (f.0 - before[s]).abs();
             let errors: Vec<f64> = found.iter().enumerate().map(apart).collect();
@@ -234,34 +249,34 @@ impl Earthlit {
     fn by_paths(
         &self,
         thread: &mut Thread,
-        (earth, (sun, eye)): (&Globe, (DVec3, Toward)),
+        (cap, (sun, eye)): (&LitCap, (DVec3, Toward)),
         beside: f64,
         (weights, errors): (&mut [f64], &mut [f64]),
     ) {
-        let (plan, nodes) = (self, self.nodes.nm.len());
+        let (plan, nodes, count) = (self, self.nodes.nm.len(), self.count());
         thread.turn(sun);
         let direct = thread.direct(sun, eye);
-        let sunlight = |s: usize| direct.as_ref().map_or(0.0, |d| beside * d[s]);
-        let mut tally = Tally::new(nodes);
+        let sunlight = |s: usize| direct.as_ref().map_or(0.0, |d| beside * d[s % nodes]);
+        let mut tally = Tally::new(nodes, cap.layers());
         let mut until = LEAST.min(plan.most());
         loop {
             for batch in 0..BATCHES {
                 for index in tally.points..until {
                     let seed = mixed(mixed(plan.options.seed, 0xea), batch as u32);
                     let u = sobol_burley::sample_4d(index, 0, seed).map(f64::from);
-                    let nodes = shine::cap_at(earth, [2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0]);
-                    for (panel, (toward, irradiance)) in nodes.into_iter().enumerate() {
+                    let rule = cap.at([2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0]);
+                    for (panel, (toward, irradiance)) in rule.nodes.iter().enumerate() {
                         let mut sums = Sums::new(plan.nodes.nm.len());
                         let seed = mixed(seed, 2 * index + panel as u32 + 1);
                         let mut paths = thread.paths(&plan.active, false, seed);
-                        paths.trace(toward, eye, POINTS, &mut sums);
-                        tally.add(batch, irradiance, sums);
+                        paths.trace(*toward, eye, POINTS, &mut sums);
+                        tally.add(batch, *irradiance, rule.lights(panel), sums);
                     }
                 }
             }
             tally.points = until;
             let missing = tally.missing();
-            let enough = (0..nodes).all(|s| {
+            let enough = (0..count).all(|s| {
                 let (mean, sigma) = tally.mean(s);
                 let wanted = OF_TOLERANCE * plan.options.tolerance * (sunlight(s) + mean);
                 CLAIMED * sigma + missing <= wanted
@@ -271,7 +286,7 @@ impl Earthlit {
             }
             until = (2 * until).min(plan.most());
         }
-        for s in 0..nodes {
+        for s in 0..count {
             let (mean, sigma) = tally.mean(s);
             weights[s] += mean;
             errors[s] +=
@@ -284,32 +299,37 @@ impl Earthlit {
 #[derive(Debug)]
 struct Tally {
     nodes: usize,
+    layers: usize,
     /// Points of the cap of each batch.
     points: u32,
-    /// For each batch and node.
+    /// For each batch, layer and node.
     light: Vec<f64>,
     irradiance: f64,
     sums: Vec<Sums>,
 }
 
 impl Tally {
-    fn new(nodes: usize) -> Self {
-        let light = vec![0.0; BATCHES * nodes];
-        Self { nodes, points: 0, light, irradiance: 0.0, sums: Vec::new() }
+    fn new(nodes: usize, layers: usize) -> Self {
+        let light = vec![0.0; BATCHES * layers * nodes];
+        Self { nodes, layers, points: 0, light, irradiance: 0.0, sums: Vec::new() }
     }
 
-    fn add(&mut self, batch: usize, irradiance: f64, sums: Sums) {
-        for s in 0..self.nodes {
-            self.light[batch * self.nodes + s] += irradiance * sums.bounced(s).0;
+    fn add(&mut self, batch: usize, irradiance: f64, lights: &[f64], sums: Sums) {
+        let of_batch = &mut self.light[batch * self.layers * self.nodes..];
+        for (layer, own) in of_batch.chunks_exact_mut(self.nodes).zip(lights) {
+            for (s, light) in layer.iter_mut().enumerate() {
+                *light += own * sums.bounced(s).0;
+            }
         }
         self.irradiance += irradiance;
         self.sums.push(sums);
     }
 
     /// Mean over the batches and its standard error, m² sr⁻¹.
-    fn mean(&self, node: usize) -> (f64, f64) {
+    fn mean(&self, term: usize) -> (f64, f64) {
         let (n, each) = (BATCHES as f64, f64::from(self.points.max(1)));
-        let values = || self.light.iter().skip(node).step_by(self.nodes).map(|l| l / each);
+        let values =
+            || self.light.iter().skip(term).step_by(self.layers * self.nodes).map(|l| l / each);
         let mean = values().sum::<f64>() / n;
         let square: f64 = values().map(|v| (v - mean) * (v - mean)).sum();
         (mean, (square / (n * (n - 1.0))).sqrt())

@@ -13,7 +13,7 @@ use super::profile::PROFILES;
 use super::rings;
 use crate::light::Globe;
 use crate::orbit::eclipse::Discs;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 /// The visible part of the light of each profile, 1, 0, 0 … for the whole disc.
 ///
@@ -40,5 +40,11 @@ pub fn globe(discs: &Discs, sun_body: DVec3, earth_body: DVec3, distance_m: f64)
         .unwrap_or_else(|| sun_body.any_orthonormal_vector());
     let (sin, cos) = discs.separation_rad.sin_cos();
     let toward = cos * sun_body + sin * across;
-    Globe { toward, distance_m, radius_m: distance_m * discs.earth_rad.sin(), sun: sun_body }
+    Globe {
+        toward,
+        distance_m,
+        radius_m: distance_m * discs.earth_rad.sin(),
+        sun: sun_body,
+        to_ground: DQuat::IDENTITY,
+    }
 }

@@ -7,8 +7,7 @@
 use super::bounce::{self, EFFECT as OF_SUNLIGHT};
 use super::{Answer, Doubt, Options, Part, Question, Seen, Switch};
 use crate::light::bounce::{BounceOptions, Earthlit, EarthlitLight, stand_in};
-use crate::light::{Effect, Need, Scene, SceneError, Source, shine};
-use crate::surface::MaterialError;
+use crate::light::{Effect, Need, Scene, SceneError, Source};
 use std::f64::consts::FRAC_1_PI;
 use std::sync::Arc;
 
@@ -61,9 +60,9 @@ fn paths(question: &Question) -> Result<Option<(Vec<crate::light::Term>, Bounced
     let shape_error = twin.map_or(0.0, |twin| twin.error);
     let scene = own.as_ref().unwrap_or(question.scene);
     let parts = (shape_error, question.course.earthshine);
-    let Ok(Some(plan)) = Earthlit::new(scene, &options, parts) else { return Ok(None) };
-    let earth = shine::mean_earth().map_err(MaterialError::from)?;
-    let Ok(terms) = plan.terms(&earth) else { return Ok(None) };
+    let plan = Earthlit::new(scene, &options, parts, question.earth);
+    let Ok(Some(plan)) = plan else { return Ok(None) };
+    let Ok(terms) = plan.terms() else { return Ok(None) };
     Ok(Some((terms, Bounced { plan: Arc::new(plan), own })))
 }
 

@@ -1,18 +1,18 @@
 //! Light from the Earth and the Moon.
 //!
-//! The Earth as a Lambert globe of albedo 0.30, known to ±50 % only: a surface that sees all of it gets at most 0.30·1.5 (R/d)² of the
+//! The Earth as a Lambert globe, of albedo 0.30 unless another is given, and that known to ±50 % only: a surface that sees all of it gets at most 0.30·1.5 (R/d)² of the
 //! irradiance of the Sun, times the largest cosine that the Sun has over the cap that is seen. The full Moon is 14.0 mag fainter than the
 //! Sun (−12.74 against −26.74 in V, Allen's Astrophysical Quantities): 2.5e-6.
 
 use super::{Answer, Doubt, Options, Part, Question, Seen};
-use crate::light::{Effect, Globe, Lighting, Need, Scene, SceneError, Source, View, shine};
+use crate::light::{
+    EarthAlbedo, Effect, Globe, Lighting, Need, Scene, SceneError, Source, View, shine,
+};
 use crate::surface::MaterialError;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use std::f64::consts::{FRAC_1_PI, TAU};
-use sunglint_radiometry::spectrum::Spectrum;
+use std::sync::Arc;
 
-/// The largest share of sunlight that the ground may reflect as a whole: 0.30 and half of it more.
-pub(super) const EARTH_ALBEDO: f64 = 0.45;
 /// The error at which the division of curved parts stops that something shades or hides, of the light of one direction.
 const CURVED: f64 = 2e-3;
 /// Of the tolerance, the part that the quadrature over the Earth's lit cap may take.
@@ -22,18 +22,20 @@ const COUNTED: u32 = 16;
 /// Scenes of more facets are not counted on, and that many directions are taken for granted.
 const MOST_FACETS: usize = 1000;
 const DIRECTIONS: f64 = 150.0;
+/// What a table's light over the cap costs an epoch, s.
+const TABLE_S: f64 = 3e-4;
 /// Irradiance of the full Moon over that of the Sun.
 const MOON: f64 = 2.5e-6;
 /// Radiance of the full Moon over the irradiance of the Sun, sr⁻¹: [`MOON`] over its solid angle of 6.4e-5 sr.
 const MOON_RADIANCE: f64 = 0.039;
 
-/// The largest irradiance on a surface by a lit Lambert globe of the albedo 0.45, of that of the Sun.
-pub fn irradiance(globe: &Globe) -> f64 {
+/// The largest irradiance on a surface by a lit Lambert globe whose albedo is nowhere above `most` ([`EarthAlbedo::most`]), of that of the Sun.
+pub fn irradiance(globe: &Globe, most: f64) -> f64 {
     let sine = (globe.radius_m / globe.distance_m).min(1.0);
     // Of the cap that is seen, the point nearest to where the Sun stands overhead.
     let half_rad = sine.acos();
     let away_rad = (-globe.toward).angle_between(globe.sun) - half_rad;
-    EARTH_ALBEDO * sine * sine * away_rad.max(0.0).cos().max(0.0)
+    most * sine * sine * away_rad.max(0.0).cos().max(0.0)
 }
 
 pub(super) fn assess_earthshine(question: &Question) -> Result<Answer, SceneError> {
@@ -43,7 +45,9 @@ pub(super) fn assess_earthshine(question: &Question) -> Result<Answer, SceneErro
     let needed = options.needs(switch, bound);
     let height_km = (course.radius_m.0 - crate::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M) * 1e-3;
     let why = format!(
-        "from {height_km:.0} km height up, the Earth (a Lambert globe of albedo 0.30; the ± 50 % of that are not in the stated error) gives a surface up to {:.2} % of sunlight{}",
+        "from {height_km:.0} km height up, the Earth ({}; the ± {:.0} % of that are not in the stated error) gives a surface up to {:.2} % of sunlight{}",
+        question.earth.describe(),
+        100.0 * question.earth.uncertainty(),
         100.0 * bound,
         Options::reason(switch)
     );
@@ -51,12 +55,13 @@ pub(super) fn assess_earthshine(question: &Question) -> Result<Answer, SceneErro
         let need = Need { effect: "earthshine", needed, bound: Some(bound), why, cost_s: None };
         return Ok(Answer { need, part: None, doubt: Some(Box::new(Earthshine)) });
     }
-    let earth = shine::mean_earth().map_err(MaterialError::from)?;
-    let terms = shine::terms(Source::Earthshine, question.scene.materials(), &earth)?;
-    let lit = Lit { tolerance: OF_TOLERANCE * options.tolerance };
+    let earth = question.earth.clone();
+    let table_s = if earth.grid().is_some() { TABLE_S } else { 0.0 };
+    let terms = shine::terms_of(&earth, question.scene.materials())?;
+    let lit = Lit { tolerance: OF_TOLERANCE * options.tolerance, earth };
     let directions = lit.directions(question);
     let why = format!("{why}; taken from some {directions:.0} directions");
-    let cost_s = Some(directions * super::direct::cost_s(question));
+    let cost_s = Some(directions * super::direct::cost_s(question) + table_s);
     let need = Need { effect: "earthshine", needed, bound: Some(bound), why, cost_s };
     Ok(Answer { need, part: Some((terms, Box::new(lit))), doubt: None })
 }
@@ -69,7 +74,7 @@ pub(super) fn assess_moonshine(question: &Question) -> Result<Answer, SceneError
     let need = Need { effect: "moonshine", needed, bound: Some(MOON), why, cost_s };
     if needed {
         // Grey: a spectrum of 1 before the materials' own.
-        let grey = Spectrum::constant(1.0, 300.0, 1240.0).map_err(MaterialError::from)?;
+        let grey = shine::grey().map_err(MaterialError::from)?;
         let terms = shine::terms(Source::Moonshine, question.scene.materials(), &grey)?;
         return Ok(Answer { need, part: Some((terms, Box::new(Moon))), doubt: None });
     }
@@ -85,6 +90,7 @@ pub(super) fn assess_moonshine(question: &Question) -> Result<Answer, SceneError
 #[derive(Debug)]
 struct Lit {
     tolerance: f64,
+    earth: Arc<EarthAlbedo>,
 }
 
 impl Lit {
@@ -93,7 +99,7 @@ impl Lit {
         // Each of many directions brings a small part of what is itself a part of all light.
         evaluator.set_curved_tolerance(CURVED);
         evaluator.set_near_tolerance(1e-2 * self.tolerance);
-        shine::Earthshine::new(evaluator, self.tolerance)
+        shine::Earthshine::new(evaluator, self.tolerance).of(self.earth.clone())
     }
 
     /// From how many directions light is taken for an epoch: the mean over some with Sun, Earth and observer anywhere in front of the body, from as high up as the way
@@ -104,8 +110,8 @@ impl Lit {
             return DIRECTIONS;
         }
         let mut shine = self.shine(scene);
-        let (mut weights, mut errors) =
-            (vec![0.0; scene.weight_count()], vec![0.0; scene.weight_count()]);
+        let none = vec![0.0; scene.weight_count() * self.earth.layers()];
+        let (mut weights, mut errors) = (none.clone(), none);
         let radius_m = crate::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
         let mut counted = 0;
         for k in 0..COUNTED {
@@ -114,7 +120,8 @@ impl Lit {
                 on_sphere(u[0], u[1])
             });
             let distance_m = question.course.radius_m.0.max(1.001 * radius_m);
-            let earth = Globe { toward: b, distance_m, radius_m, sun: a };
+            let to_ground = DQuat::IDENTITY;
+            let earth = Globe { toward: b, distance_m, radius_m, sun: a, to_ground };
             let lighting = Lighting {
                 sun_body: a,
                 sun_radius_rad: 0.0,

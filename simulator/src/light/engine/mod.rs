@@ -27,12 +27,13 @@ pub use options::{Course, Options, Switch, Switches, WrongTolerance, check_toler
 pub use seen::Seen;
 
 use super::{
-    DirectionError, Effect, Lighting, Need, Scene, SceneError, SceneOptions, Source, SunOptions,
-    Term, View,
+    DirectionError, EarthAlbedo, Effect, Lighting, Need, Scene, SceneError, SceneOptions, Source,
+    SunOptions, Term, View,
 };
 use crate::target::Target;
 use body::Body;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// What an effect is asked with.
 #[derive(Debug)]
@@ -47,6 +48,8 @@ pub struct Question<'a> {
     pub options: &'a Options,
     /// What is known of the way.
     pub course: &'a Course,
+    /// What the Earth reflects.
+    pub earth: &'a Arc<EarthAlbedo>,
     /// What the effects before have answered.
     pub answered: &'a [Need],
 }
@@ -116,18 +119,33 @@ pub struct Engine {
     doubts: Vec<Box<dyn Doubt>>,
     /// Whether the observer stands at a point.
     near: bool,
+    /// The largest albedo of the Earth.
+    albedo: f64,
 }
 
 impl Engine {
-    /// Prepares a target, and finds what it needs.
+    /// Prepares a target, and finds what it needs over an Earth that is the same everywhere.
     ///
     /// # Errors
     /// As [`Scene::new`].
     pub fn new(target: &Target, options: &Options, course: &Course) -> Result<Self, SceneError> {
-        let scene = prepared(target, options, course)?;
+        Self::over(target, options, course, &Arc::default())
+    }
+
+    /// The same over an Earth of some albedo.
+    ///
+    /// # Errors
+    /// As [`Engine::new`].
+    pub fn over(
+        target: &Target,
+        options: &Options,
+        course: &Course,
+        earth: &Arc<EarthAlbedo>,
+    ) -> Result<Self, SceneError> {
+        let scene = prepared(target, options, course, earth)?;
         let body = Body::new(&scene)?;
         let question =
-            Question { target, scene: &scene, body: &body, options, course, answered: &[] };
+            Question { target, scene: &scene, body: &body, options, course, earth, answered: &[] };
         let mut needs = Vec::new();
         let (mut terms, mut parts, mut doubts) = (Vec::new(), Vec::new(), Vec::new());
         for assess in EFFECTS {
@@ -143,7 +161,8 @@ impl Engine {
         let near = distance::is_needed(&question);
         let lit = terms.len();
         terms.extend(body.unknown_terms()?);
-        Ok(Self { scene, body, terms, lit, needs, parts, doubts, near })
+        let albedo = earth.most();
+        Ok(Self { scene, body, terms, lit, needs, parts, doubts, near, albedo })
     }
 
     /// The prepared target.
@@ -181,12 +200,18 @@ impl Engine {
         let adding = self.parts.iter().map(effect).collect();
         let effects = self.parts.iter().map(|(_, part)| part.worker(&self.scene));
         let materials = self.terms[..self.lit].iter().map(|t| t.material).collect();
-        Worker { engine: self, adding, effects: effects.collect(), seen: Seen::of(materials) }
+        let seen = Seen::of(materials, self.albedo);
+        Worker { engine: self, adding, effects: effects.collect(), seen }
     }
 }
 
 /// The scene, sampled where it is big, under the Sun's disc where that is needed or partly hidden.
-fn prepared(target: &Target, options: &Options, course: &Course) -> Result<Scene, SceneError> {
+fn prepared(
+    target: &Target,
+    options: &Options,
+    course: &Course,
+    earth: &Arc<EarthAlbedo>,
+) -> Result<Scene, SceneError> {
     // A part of the tolerance is for all others.
     let sun = SunOptions {
         tolerance: (0.01 * options.tolerance).clamp(1e-7, 1e-4),
@@ -203,7 +228,8 @@ fn prepared(target: &Target, options: &Options, course: &Course) -> Result<Scene
         other => other?,
     };
     let body = Body::new(&scene)?;
-    let question = Question { target, scene: &scene, body: &body, options, course, answered: &[] };
+    let question =
+        Question { target, scene: &scene, body: &body, options, course, earth, answered: &[] };
     if sun.eclipse || disc::is_modelled(&question) {
         scene.under_sun(target, sun);
     }

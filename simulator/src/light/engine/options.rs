@@ -1,5 +1,7 @@
 //! What is wanted of the engine, and what it is told of the way that the target takes.
 
+use crate::light::EarthAlbedo;
+
 /// Whether an effect is modelled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -128,7 +130,7 @@ impl Default for Course {
             sun_radius_rad: 4.731e-3,
             // Beyond it a target is seen before the Sun's own glare.
             phase_rad: 170.0_f64.to_radians(),
-            earthshine: super::globes::EARTH_ALBEDO,
+            earthshine: EarthAlbedo::default().most(),
             penumbra: 0,
             umbra: 0,
             shadow: true,

@@ -26,12 +26,14 @@ pub struct Seen {
     /// cos(γ/2) of the phase angle γ: the direction midway between Sun and observer moves by up to 1/(2 cos γ/2) of what either moves.
     pub half_cos: f64,
     lobes: Vec<f64>,
+    /// The largest albedo of the Earth.
+    albedo: f64,
 }
 
 impl Seen {
-    /// Nothing yet, for terms of these materials.
-    pub(super) fn of(materials: Vec<Option<usize>>) -> Self {
-        Self { materials, ..Self::default() }
+    /// Nothing yet, for terms of these materials and an Earth whose albedo is nowhere above `albedo`.
+    pub(super) fn of(materials: Vec<Option<usize>>, albedo: f64) -> Self {
+        Self { materials, albedo, ..Self::default() }
     }
 
     /// Looks at an epoch.
@@ -49,8 +51,8 @@ impl Seen {
         self.off_lobe.clear();
         self.off_lobe.resize(count, (0.0, 0.0));
         self.sun_radius_rad = lighting.sun_radius_rad;
-        self.earth =
-            lighting.earth.map_or(globes::EARTH_ALBEDO, |earth| globes::irradiance(&earth));
+        let irradiance = |earth| globes::irradiance(&earth, self.albedo);
+        self.earth = lighting.earth.map_or(self.albedo, irradiance);
         let (toward, earth_sine) = match lighting.earth {
             Some(globe) => (globe.toward, globe.radius_m / globe.distance_m),
             None => (to, 1.0),
