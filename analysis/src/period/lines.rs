@@ -8,7 +8,6 @@
 //! sampling would be folded to is not asked, unless there is no other: then it can say no, but not yes.
 
 use super::lomb_scargle::centred_times;
-use super::spectrum::median_step;
 use super::stats::fisher;
 use super::sums::turns;
 use crate::series::Series;
@@ -27,8 +26,15 @@ const APART_TAPERED: f64 = 3.0;
 const TAPERED: f64 = 6.0;
 /// Folded harmonics are looked for up to that multiple of the sampling.
 const FOLDED: i32 = 3;
+/// Samples of a block in which a sampling is looked at, at least, and blocks at most.
+const BLOCK: usize = 48;
+const BLOCKS: usize = 8;
 /// A line of this share of the strongest harmonic is more than a folded one.
 const STRONG: f64 = 0.25;
+/// Curves are resolved where no line of the upper half below half of the sampling has more than this share of the strongest.
+const RESOLVED: f64 = 0.05;
+/// Looked at for that up to this harmonic.
+const FLAT_TO: usize = 64;
 /// Lines that may be folded harmonics are not there if their chance to be noise is above this.
 const ABSENT: f64 = 0.1;
 /// Harmonics beyond this are too weak to be seen folded: a glint of a hundredth of a turn has fallen by then.
@@ -97,8 +103,8 @@ struct Weighed {
     /// Weight, taper and what the harmonics leave.
     left: Vec<f64>,
     resolution_hz: f64,
-    /// Samples per second where the sampling is regular.
-    sampling_hz: Option<f64>,
+    /// Samples per second, from the fewest to the most, where the sampling is regular.
+    sampling_hz: Option<[f64; 2]>,
 }
 
 impl Weighed {
@@ -112,12 +118,7 @@ impl Weighed {
         };
         let whole = by(&|i| series.value[i] - mean);
         let left = by(&|i| left[i]);
-        let step = median_step(series);
-        let sampling_hz = step.map(|s| 1.0 / s).filter(|f| {
-            let ones = by(&|_| 1.0);
-            let all: f64 = ones.iter().sum();
-            power(&time, &ones, *f) > 0.25 * all * all
-        });
+        let sampling_hz = sampling(&time);
         Self { time, whole, left, resolution_hz: 1.0 / span, sampling_hz }
     }
 
@@ -126,10 +127,28 @@ impl Weighed {
         let Some(sampling) = self.sampling_hz else { return false };
         let near = 2.0 * self.resolution_hz / base_hz;
         (-FOLDED..=FOLDED).filter(|m| *m != 0).any(|m| {
-            let order = (line_hz + f64::from(m) * sampling) / base_hz;
-            (order - order.round()).abs() < near && order.abs() < HIGHEST_ORDER
+            let [a, b] = sampling.map(|s| (line_hz + f64::from(m) * s) / base_hz);
+            let (from, to) = (a.min(b) - near, a.max(b) + near);
+            from.ceil() <= to && a.abs().min(b.abs()) < HIGHEST_ORDER
         })
     }
+}
+
+/// Samples per second where the sampling is regular, from the fewest to the most: on a clock that goes with a body even steps of time are no longer even, but nearly so from one to the next.
+fn sampling(time: &[f64]) -> Option<[f64; 2]> {
+    let blocks = (time.len() / BLOCK).clamp(1, BLOCKS);
+    let found: Vec<f64> = time
+        .chunks(time.len().div_ceil(blocks).max(2))
+        .filter_map(|part| {
+            let mut steps: Vec<f64> = part.windows(2).map(|t| t[1] - t[0]).collect();
+            steps.sort_by(f64::total_cmp);
+            let hz = 1.0 / steps.get(steps.len() / 2).filter(|s| **s > 0.0)?;
+            let all = part.len() as f64;
+            (power(part, &vec![1.0; part.len()], hz) > 0.25 * all * all).then_some(hz)
+        })
+        .collect();
+    let ends = |of: fn(f64, f64) -> f64, from: f64| found.iter().copied().fold(from, of);
+    (2 * found.len() >= blocks).then(|| [ends(f64::min, f64::INFINITY), ends(f64::max, 0.0)])
 }
 
 /// |Σ c e^{2πift}|² at a frequency.
@@ -207,17 +226,22 @@ impl Lines<'_> {
             // Tapered, a neighbour one resolution away belongs to the line.
             let first = if is_tapered { 2 } else { 1 };
             let places: Vec<f64> = (first..first + beside).map(|b| b as f64).collect();
-            let strongest = (1..=harmonics)
-                .map(|k| power(&samples.time, &samples.whole, k as f64 * frequency_hz))
-                .fold(0.0, f64::max);
+            let at = |j: usize| power(&samples.time, &samples.whole, j as f64 / n * frequency_hz);
+            // Flashes that are shorter than a step have all harmonics alike, and those above half of the sampling are folded onto any line, however strong.
+            let shown = times * ((self.highest_hz / frequency_hz) as usize).min(FLAT_TO);
+            let upper = (shown.div_ceil(2).max(1)..=shown).map(at).fold(0.0, f64::max);
+            let all = (1..=shown).map(at).fold(0.0, f64::max);
+            let strong = if upper > RESOLVED * all {
+                f64::INFINITY
+            } else {
+                STRONG * (1..=harmonics).map(|k| at(times * k)).fold(0.0, f64::max)
+            };
             let lines: Vec<(usize, Line)> = (1..=times * harmonics)
                 .filter(|j| j % times != 0)
                 .map(|j| (j, j as f64 / n * frequency_hz))
                 .map(|(j, line)| (j, line, self.line(&samples, &samples.left, line, &places)))
                 .filter(|(_, at, line)| {
-                    is_all
-                        || line.power > STRONG * strongest
-                        || !samples.is_folded(*at, frequency_hz)
+                    is_all || line.power > strong || !samples.is_folded(*at, frequency_hz)
                 })
                 .map(|(j, _, line)| (j, line))
                 .collect();

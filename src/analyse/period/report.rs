@@ -144,21 +144,24 @@ impl Answer {
         let period = member.estimate.period_s;
         match member.membership {
             Membership::Best => "the smallest that fits".into(),
-            Membership::Multiple(n) => match question(period, best) {
-                Some(Question { chance: None, .. }) => {
-                    format!(
-                        "{n} times the best: too few turns to tell; data over {:.0} s would",
-                        8.0 * period
-                    )
+            // Four times the best stand against twice.
+            Membership::Multiple(n) => {
+                match question(period, if n == 4 { 2.0 * best } else { best }) {
+                    Some(Question { chance: None, .. }) => {
+                        format!(
+                            "{n} times the best: too few turns to tell; data over {:.0} s would",
+                            8.0 * period
+                        )
+                    }
+                    Some(Question { unlike: Some(u), .. }) => format!(
+                        "{n} times the best: successive turns may differ by up to {} of the light; less noise or more turns would tell",
+                        percent(*u)
+                    ),
+                    _ => format!(
+                        "{n} times the best: neither there nor ruled out; more turns would tell"
+                    ),
                 }
-                Some(Question { unlike: Some(u), .. }) => format!(
-                    "{n} times the best: successive turns may differ by up to {} of the light; less noise or more turns would tell",
-                    percent(*u)
-                ),
-                _ => format!(
-                    "{n} times the best: neither there nor ruled out; more turns would tell"
-                ),
-            },
+            }
             Membership::Part(q) => {
                 format!(
                     "1/{q} of the best: may be enough; more turns would show whether its turns differ"

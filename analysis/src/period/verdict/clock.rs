@@ -11,7 +11,7 @@
 use super::range::Range;
 use super::rivals::RIVAL;
 use super::search::Search;
-use super::{Estimate, Membership, Options, Outcome, Verdict, centred, verdict};
+use super::{Estimate, Member, Membership, Options, Outcome, Verdict, centred, verdict};
 use crate::period::lomb_scargle::Centred;
 use crate::period::{Grid, PeriodError, joint_gain, lomb_scargle};
 use crate::series::Series;
@@ -41,6 +41,8 @@ const OVERSAMPLING: f64 = 4.0;
 const UNLIKE: f64 = 0.15;
 /// A period that changes by more than this share is another one, for which stretches and clock are sought anew.
 const SAME: f64 = 0.02;
+/// A part of the period is ruled out where phase dispersion gives it no larger chance than this.
+const DOUBT: f64 = 0.02;
 /// How often.
 const ROUNDS: usize = 4;
 
@@ -224,9 +226,13 @@ fn rule_out(found: &mut Verdict, whole: &[Series], range: Range) -> Result<(), P
     };
     let refs: Vec<&Series> = whole.iter().collect();
     let search = Search { series: &refs, range, centred: centred(&refs) };
-    let mut left = Vec::new();
+    let mut left: Vec<Member> = Vec::new();
     for member in members {
         if let Membership::Multiple(n) = member.membership {
+            let double = Membership::Multiple(2);
+            if n == 4 && left.iter().all(|m| m.membership != double) {
+                continue;
+            }
             let (open, question) = search.may_be(best.period_s, n, found.independent_samples)?;
             if !open {
                 found.questions.push(question);
@@ -237,6 +243,35 @@ fn rule_out(found: &mut Verdict, whole: &[Series], range: Range) -> Result<(), P
     }
     found.outcome = if left.len() == 1 { Outcome::One(best) } else { Outcome::Family(left) };
     Ok(())
+}
+
+/// Parts of the period that only lines rule out, and phase dispersion does not, are members of the family: glints that come and go within a stretch have light in all lines.
+fn doubt(found: &mut Verdict, range: Range) {
+    let Some(best) = found.best else { return };
+    let mut members = match &found.outcome {
+        Outcome::One(_) => {
+            let turns = range.span_s / best.period_s;
+            vec![Member { estimate: best, membership: Membership::Best, turns }]
+        }
+        Outcome::Family(members) => members.clone(),
+        Outcome::NotEnough(_) => return,
+    };
+    for q in [2, 3] {
+        let (by, membership) = (q as f64, Membership::Part(q));
+        let is_doubtful = found.questions.iter().any(|question| {
+            let is_own = (question.longer_s / best.period_s - 1.0).abs() < 1e-6
+                && (question.shorter_s * by / best.period_s - 1.0).abs() < 1e-6;
+            is_own && question.dispersion_chance.is_some_and(|p| p > DOUBT)
+        });
+        if is_doubtful && members.iter().all(|m| m.membership != membership) {
+            let (period_s, sigma_s) = (best.period_s / by, best.sigma_s / by);
+            let estimate = Estimate { period_s, sigma_s };
+            members.push(Member { estimate, membership, turns: range.span_s * by / best.period_s });
+        }
+    }
+    if members.len() > 1 {
+        found.outcome = Outcome::Family(members);
+    }
 }
 
 /// From the first to the last sample of all, s.
@@ -296,6 +331,7 @@ pub fn verdict_along(
         };
         let mut found = verdict(&bent, options)?;
         rule_out(&mut found, &whole, range)?;
+        doubt(&mut found, range);
         let next = found.best.map(|b| 1.0 / b.period_s);
         let (even_gain, _) = question.gain(&question.pieces)?;
         let samples = question.pieces.iter().map(Series::len).sum::<usize>() as f64;

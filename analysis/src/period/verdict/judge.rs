@@ -20,7 +20,7 @@ const ALIKE_RARE: f64 = 0.5;
 
 /// Whether a multiple is neither there nor ruled out.
 fn is_open(question: &Question, n: usize) -> bool {
-    let alike = if n == 2 { ALIKE } else { ALIKE_RARE };
+    let alike = if n == 3 { ALIKE_RARE } else { ALIKE };
     question.chance.is_none_or(|p| p < NO)
         || question.unlike.is_none_or(|u| u > alike)
         || question.dispersion_chance.is_some_and(|p| p < YES)
@@ -69,8 +69,8 @@ impl Search<'_> {
     ) -> Result<(bool, Question), PeriodError> {
         let base = 1.0 / period_s;
         let (channels, _) = self.independence(base);
-        let question =
-            self.question(&self.lines(channels), base, n, (self.order(base), samples))?;
+        let lines = self.lines(channels);
+        let question = self.multiple(&lines, base, n, (self.order(base), samples))?;
         Ok((is_open(&question, n), question))
     }
 
@@ -121,8 +121,15 @@ impl Search<'_> {
         let mut members = vec![Member { estimate: best, membership: Membership::Best, turns }];
         let scaled =
             |by: f64| Estimate { period_s: best.period_s * by, sigma_s: best.sigma_s * by };
-        for n in [2, 3] {
-            let question = self.question(&lines, base, n, (harmonics, samples))?;
+        for n in [2, 3, 4] {
+            // Four like sides have the double of the double: where that is open itself, and would be seen to repeat.
+            let double = Membership::Multiple(2);
+            let is_asked = n != 4
+                || turns >= 4.0 * LEAST_TURNS && members.iter().any(|m| m.membership == double);
+            if !is_asked {
+                continue;
+            }
+            let question = self.multiple(&lines, base, n, (harmonics, samples))?;
             if is_open(&question, n) {
                 let by = n as f64;
                 let membership = Membership::Multiple(n);
@@ -150,6 +157,20 @@ impl Search<'_> {
         answer.outcome =
             if members.len() == 1 { Outcome::One(best) } else { Outcome::Family(members) };
         Ok(())
+    }
+
+    /// Whether that many times the best period explains more than it; of four times, more than twice.
+    fn multiple(
+        &self,
+        lines: &Lines,
+        base: f64,
+        n: usize,
+        (order, samples): (usize, f64),
+    ) -> Result<Question, PeriodError> {
+        match n {
+            4 => self.question(lines, 0.5 * base, 2, (2 * order, samples)),
+            n => self.question(lines, base, n, (order, samples)),
+        }
     }
 
     /// Whether `times` the period of a frequency explains more.
