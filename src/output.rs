@@ -223,9 +223,9 @@ impl OutputArgs {
             Ok(files) if self.is_stdout() || is_quiet && !files.is_empty() => Ok(()),
             Ok(_) => console.result(text, &product.json),
             Err(error) => {
-                // What was found is not lost with the file that it cannot be written to.
-                if !self.is_stdout() && !error.is::<Usage>() {
-                    console.result(text, &product.json)?;
+                // What was found is not lost with the file that it cannot be written to; stdout is for what was done.
+                if !error.is::<Usage>() {
+                    eprintln!("{}\n", text.trim_end());
                 }
                 Err(error)
             }

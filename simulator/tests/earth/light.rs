@@ -176,3 +176,53 @@ fn layers_are_tables_of_their_own() {
         near((mean.0, mean.1), (0.5 * (b.0 + r.0), 0.5 * (b.1 + r.1)));
     }
 }
+
+/// Truth: proportion. What an engine has of a table of one value is what it has over an even Earth of that value: bounced light by the same points and paths to 1e-6 (the table's numbers), light that is
+/// scattered once by a rule of another order, to what is asked of it (2e-4 of itself; 1e-3 here). A table of twice the value in all that is in sight of the body has twice the light, one that is dark there none (to the
+/// rounding of sums). Of a corner, which exchanges light by patches, and of a sphere beside a plate, by light paths.
+#[test]
+fn bounced_earthshine_follows_the_table() {
+    let sphere = "[[part]]\nname = \"sphere\"\nshape = \"sphere\"\nradius_m = 0.4\noffset_m = [0, 0, 0.5]\nmaterial = \"white\"\n\
+        [[part]]\nname = \"plate\"\nshape = \"box\"\nsize_m = [1, 1, 0.02]\nmaterial = \"white\"\n\
+        [[material]]\nname = \"white\"\nmodel = \"lambert\"\nreflectance = 0.9\n";
+    let sphere = Target::parse("sphere.toml", sphere).unwrap();
+    for (target, way) in [(Target::built_in("corner").unwrap(), "patches"), (sphere, "light paths")]
+    {
+        let [direct, bounced] = sent(&target, way, EarthAlbedo::default());
+        assert!(bounced > 0.03 * direct && direct > 0.0, "{direct} {bounced}");
+        let table = |north: f64, south: f64| {
+            let value = move |row: usize, _: usize| if row >= 18 { north } else { south };
+            sent(&target, way, EarthAlbedo::tabulated("t", grid(5.0, &mut { value })))
+        };
+        let [same, also] = table(0.30, 0.30);
+        assert!((same / direct - 1.0).abs() < 1e-3, "{same} {direct}");
+        assert!((also / bounced - 1.0).abs() < 1e-6, "{also} {bounced}");
+        let [double, twice] = table(0.60, 0.10);
+        assert!((double / same - 2.0).abs() < 1e-6 && (twice / also - 2.0).abs() < 1e-6);
+        let [dark, darker] = table(0.0, 0.9);
+        assert!(dark < 1e-12 * direct && darker < 1e-12 * direct, "{dark} {darker}");
+    }
+}
+
+/// What the Earth below the north pole of its axes sends by a body: scattered once, and more often; bounces are found in some way.
+fn sent(target: &Target, way: &str, earth: EarthAlbedo) -> [f64; 2] {
+    let sun = DVec3::new(-0.9, -0.3, -0.4).normalize();
+    let toward = DVec3::ONE.normalize();
+    let to_ground = DQuat::from_rotation_arc(-toward, DVec3::Z);
+    let globe = Globe { toward, distance_m: 6.9e6, radius_m: EARTH_M, sun, to_ground };
+    let course = Course { earthshine: engine::earthshine(&globe, 0.45), ..Course::default() };
+    let engine = Engine::over(target, &Options::default(), &course, &Arc::new(earth)).unwrap();
+    let need = engine.needs().iter().find(|n| n.effect == "bounced earthshine").unwrap();
+    assert!(need.is_modelled() && need.why.contains(way), "{need:?}");
+    let mut weights = vec![0.0; engine.terms().len()];
+    let mut errors = weights.clone();
+    let lighting = lighting(globe, DVec3::new(0.6, 0.8, 0.5).normalize());
+    engine.worker().light(&lighting, &mut weights, &mut errors).unwrap();
+    let of = |once: bool| {
+        let own = engine.terms().iter().zip(&weights);
+        let own =
+            own.filter(|(t, _)| t.source == Source::Earthshine && t.material.is_some() == once);
+        own.map(|(t, w)| t.spectrum.at(550.0) * w).sum::<f64>()
+    };
+    [of(true), of(false)]
+}
