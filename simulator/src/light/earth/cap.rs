@@ -6,7 +6,7 @@
 //! A table of albedos is not smooth. But what a body makes of light from a direction is, all the same. So what multiplies the body's answer at a point of the rule is not the table there, but
 //! the integral of the table's light times the polynomial that is 1 at that point and 0 at all others (product integration: Davis and Rabinowitz, Methods of Numerical Integration, 2.5.6): exact
 //! where the answer is a polynomial of the rule's degree, whatever the table. It is taken over the table's deviation from its mean over the panel or a piece of it, in bins, of each of which the table says the mean around
-//! ([`AlbedoGrid::around`](super::grid::AlbedoGrid::around)). So a table of one value is an even globe, and no light is lost or made; a point may have light below 0, the cap has not.
+//! (`AlbedoGrid::around`). So a table of one value is an even globe, and no light is lost or made; a point may have light below 0, the cap has not.
 
 use super::EarthAlbedo;
 use super::grid::AlbedoGrid;
