@@ -198,7 +198,14 @@ fn answer(question: &Question, searched: Searched) -> Result<Answer, AttitudeErr
             "neighbouring samples and channels are off alike: what is left over counts as {alike:.1} times fewer samples, and uncertainties and probabilities allow for it; the scene lacks something of the body, or this is not its attitude"
         ));
     }
-    let verdict = verdict(&minima, unknowns.count(), searched.extra, reduced_chi2);
+    let verdict = if unknowns.period && turns < 1.0 && alike > 1.0 {
+        Verdict::Undetermined(format!(
+            "the body turns {turns:.2} times within the data, and the best attitude leaves {:.1} % of the light over in ways that are alike from sample to sample: with so little of a turn another attitude may fit as well what the scene does not know; a longer pass, or several, would decide",
+            100.0 * searched.extra
+        ))
+    } else {
+        verdict(&minima, unknowns.count(), searched.extra, reduced_chi2)
+    };
     Ok(Answer {
         verdict,
         samples: samples.len(),

@@ -141,3 +141,22 @@ fn a_body_at_rest_has_no_period() {
         answer.warnings
     );
 }
+
+/// A fifth of a turn of another body than the scene's: what the scene does not know is alike from sample to sample, so that no attitude is an answer, however probable the best seems. Truth: the body
+/// that was measured is not the one that is looked for.
+#[test]
+fn a_fifth_of_a_turn_of_another_body_is_undetermined() {
+    let pass_of = |body| pass(body, "2020-11-18T16:22:00", "2020-11-18T16:30:00", 6.0);
+    let (own, other) = (pass_of(BODY), pass_of("built_in = \"box_with_panels\""));
+    let epoch = own.times[0];
+    let spin = spin(2400.0, &other);
+    let mut curve = measured(other, spin, 0.01, &mut Random::seed_from_u64(7));
+    curve.pass.target = own.target;
+    let unknowns = Unknowns { axis: false, phase: true, period: true };
+    let known = Turn { axis_gcrs: axis(), turns_per_s: 1.0 / 2400.0, phase_rad: 5.0 };
+    let question = Question { unknowns, known, ..question(DVec3::Z, epoch, 1000.0) };
+    let answer = find(&[curve], &question, &options(), &(), None).unwrap();
+    let Verdict::Undetermined(reason) = &answer.verdict else { panic!("{:?}", answer.verdict) };
+    assert!(reason.contains("are alike from sample to sample"), "{reason}");
+    assert!(answer.turns < 1.0 && answer.correlation > 1.0, "{}", answer.turns);
+}
