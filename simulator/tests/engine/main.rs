@@ -306,17 +306,6 @@ fn what_bounces_of_earthshine_is_said() {
     assert!(!convex.needed && convex.bound == Some(0.0), "{convex:?}");
 }
 
-/// How likely it is that of n trials of 5 % each so many or more come true.
-fn chance(n: u64, missed: u64) -> f64 {
-    let mut term = 0.95_f64.powi(n as i32);
-    let mut below = 0.0;
-    for k in 0..missed {
-        below += term;
-        term *= (n - k) as f64 / (k + 1) as f64 * 0.05 / 0.95;
-    }
-    1.0 - below
-}
-
 /// The error that a result states covers the true error, for random bodies, attitudes, paints, lights and observers: boxes, spheres, hinged panels, Lambert, Beckmann and GGX, the
 /// Sun's disc, the Earth below, near observers, all orders of scattering ([`scenes::scene`]).
 ///
@@ -346,7 +335,7 @@ fn campaign_stated_error() {
     eprintln!(
         "{missed} of {n} missed, {lit} lit, worst {worst:.2} standard errors beyond what is stated"
     );
-    let p = chance(n as u64, missed);
+    let p = sunglint_testkit::chance_of_misses(n as u64, missed);
     assert!(p > 0.01, "{missed} of {n} missed, p = {p:.1e}");
     assert!(2 * lit > n);
     campaign.largest("largest_standard_errors_beyond", worst);

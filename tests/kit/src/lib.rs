@@ -92,3 +92,14 @@ pub fn cpu_s() -> f64 {
         after.split_whitespace().skip(11).take(2).filter_map(|t| t.parse::<f64>().ok()).sum();
     ticks / 100.0
 }
+
+/// How likely it is that of n trials that fail with 5 % each so many or more fail.
+pub fn chance_of_misses(n: u64, missed: u64) -> f64 {
+    let mut term = 0.95_f64.powi(n as i32);
+    let mut below = 0.0;
+    for k in 0..missed {
+        below += term;
+        term *= (n - k) as f64 / (k + 1) as f64 * 0.05 / 0.95;
+    }
+    1.0 - below
+}
