@@ -232,6 +232,34 @@ fn a_full_disk_loses_nothing_that_was_written() {
     assert!(said.count() >= 1, "the log says that the disk was full");
 }
 
+/// Truth: a disk of each number of bytes from none to all that a new session writes, where a full disk stands for a kill at that byte: the manifest
+/// is there whole, and then all that it names, or not at all.
+#[test]
+fn a_session_that_cannot_be_begun_has_no_manifest() {
+    let folder = tempfile::tempdir().unwrap();
+    let configuration = [("station/station.toml".to_owned(), b"name = \"ufo\"\n".to_vec())];
+    let (mut absent, mut present) = (0, 0);
+    for room in 0.. {
+        let root = folder.path().join(room.to_string());
+        let disk = Fragile::new();
+        disk.set_room(Some(room));
+        let made = SessionWriter::create(Arc::new(disk), &root, &manifest(), &configuration);
+        if root.join("session.toml").exists() {
+            present += 1;
+            let session = Session::open(&root).unwrap();
+            assert_eq!((session.manifest(), rows(&session).len()), (&manifest(), 0));
+            assert!(frames(&session).is_empty() && !session.check().unwrap().ended);
+        } else {
+            absent += 1;
+            assert!(made.is_err());
+        }
+        if made.is_ok() {
+            break;
+        }
+    }
+    assert!(absent > 500 && present > 100, "{absent} {present}");
+}
+
 /// Truth: a tmpfs of 1 MiB, which the kernel refuses to fill beyond; needs root. What was written stays readable, and the error says
 /// what is the matter.
 #[test]

@@ -479,7 +479,8 @@ pub struct Ended {
     pub troubles: Vec<Trouble>,
 }
 
-/// Writes a file whole and through to the disk, in folders that are made as needed.
+/// Writes a file whole and through to the disk, in folders that are made as needed. It has its name only once all of it is safe: whoever finds it,
+/// after a kill or a full disk too, finds it whole.
 fn whole(storage: &dyn Storage, root: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
     let mut folder = root.to_path_buf();
     let (folders, _) = name.rsplit_once('/').unwrap_or(("", name));
@@ -489,8 +490,12 @@ fn whole(storage: &dyn Storage, root: &Path, name: &str, bytes: &[u8]) -> io::Re
         storage.create_folder(&folder)?;
         storage.sync_folder(&above)?;
     }
-    let mut file = storage.create(&root.join(name))?;
-    file.append(bytes)?;
-    file.sync()?;
+    let (part, path) = (root.join(format!("{name}{PART}")), root.join(name));
+    let mut file = storage.create(&part)?;
+    let written = file.append(bytes).and_then(|()| file.sync());
+    if let Err(error) = written.and_then(|()| storage.rename(&part, &path)) {
+        let _ = storage.remove(&part);
+        return Err(error);
+    }
     storage.sync_folder(&folder)
 }
