@@ -5,6 +5,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::f64::consts::PI;
 use sunglint_radiometry::spectrum::Spectrum;
+use sunglint_simulator::light::disc::SunOptions;
 use sunglint_simulator::light::shine::{self, Earthshine, Moonshine};
 use sunglint_simulator::light::{Effect as _, Globe, Lighting, Scene, Source, View};
 use sunglint_simulator::target::Target;
@@ -186,18 +187,17 @@ fn a_plate_reflects_earth_and_moon() {
 }
 
 /// Earthshine on a scene by the test's own sum: equal solid angles over the cone in which the globe is seen, each lit as the sphere is there.
-fn by_grid(scene: &Scene, lighting: &Lighting) -> Vec<f64> {
-    const RINGS: u32 = 100;
+fn by_grid(scene: &Scene, lighting: &Lighting, rings: u32) -> Vec<f64> {
     let globe = lighting.earth.expect("an Earth");
     let mut evaluator = scene.evaluator();
     let (mut row, mut sums) = (vec![0.0; scene.weight_count()], vec![0.0; scene.weight_count()]);
     let (x, y) = globe.toward.any_orthonormal_pair();
     let depth = 1.0 - (1.0 - (globe.radius_m / globe.distance_m).powi(2)).sqrt();
-    let cells = f64::from(RINGS * 2 * RINGS);
-    for (i, k) in (0..RINGS).flat_map(|i| (0..2 * RINGS).map(move |k| (i, k))) {
-        let cos = 1.0 - depth * (f64::from(i) + 0.5) / f64::from(RINGS);
+    let cells = f64::from(rings * 2 * rings);
+    for (i, k) in (0..rings).flat_map(|i| (0..2 * rings).map(move |k| (i, k))) {
+        let cos = 1.0 - depth * (f64::from(i) + 0.5) / f64::from(rings);
         // Rings are turned against each other.
-        let phi = PI * (f64::from(k) + 0.618 * f64::from(i)) / f64::from(RINGS);
+        let phi = PI * (f64::from(k) + 0.618 * f64::from(i)) / f64::from(rings);
         let sin = (1.0 - cos * cos).sqrt();
         let ray = cos * globe.toward + sin * (phi.cos() * x + phi.sin() * y);
         let middle = globe.toward * globe.distance_m;
@@ -215,13 +215,13 @@ fn by_grid(scene: &Scene, lighting: &Lighting) -> Vec<f64> {
     sums
 }
 
-/// Truth: a sum over 20,000 equal solid angles of the cone in which the globe is seen, of the test's own (3e-4 of earthshine by its own halving, where
-/// nothing is hidden). On bodies that shade themselves, Sun, Earth and observer anywhere: the tolerance is that of all light, and what is stated stands for about two standard errors: it
-/// covers the difference in nine of ten geometries at least, and three times that always. What is asked less of takes fewer directions.
+/// Truth: a sum over 20,000 equal solid angles of the cone in which the globe is seen, of the test's own, or over 2 million where half as many say something else by more than 3e-4. On bodies
+/// that shade themselves, with wings whose gloss shows the edge of a crescent, Sun, Earth and observer anywhere: the tolerance is that of all light, and what is stated stands for about two standard
+/// errors: it covers the difference in 95 of 100 cases at least, and three times that always. What is asked less of takes fewer directions.
 #[test]
 fn earthshine_on_bodies_that_shade_themselves_is_as_good_as_all_light_asks_for() {
     let (mut all, mut covered) = (0, 0);
-    for name in ["corner", "box_wing"] {
+    for (name, geometries) in [("corner", 16), ("box_wing", 16), ("box_with_panels", 40)] {
         let scene = Scene::new(&Target::built_in(name).unwrap()).unwrap();
         let n = scene.weight_count();
         let mut random = Xoshiro256PlusPlus::seed_from_u64(11);
@@ -231,8 +231,8 @@ fn earthshine_on_bodies_that_shade_themselves_is_as_good_as_all_light_asks_for()
             let across = (1.0 - z * z).sqrt();
             DVec3::new(across * turn.cos(), across * turn.sin(), z)
         };
-        let mut asked = [0, 0];
-        for _ in 0..16 {
+        let mut asked = [0.0, 0.0];
+        for _ in 0..geometries {
             let (sun, toward, to) = (direction(), direction(), direction());
             let distance_m = EARTH_M + 790e3;
             let earth = Globe {
@@ -254,7 +254,12 @@ fn earthshine_on_bodies_that_shade_themselves_is_as_good_as_all_light_asks_for()
             };
             let mut sunlight = vec![0.0; n];
             scene.evaluator().direct(sun, lighting.view, &mut sunlight).unwrap();
-            let truth = by_grid(&scene, &lighting);
+            let mut truth = by_grid(&scene, &lighting, 100);
+            let coarser = by_grid(&scene, &lighting, 71).iter().sum::<f64>();
+            if (truth.iter().sum::<f64>() - coarser).abs() > 3e-4 * coarser {
+                // A thin crescent falls between so few.
+                truth = by_grid(&scene, &lighting, 1000);
+            }
             let beside = sunlight.iter().sum::<f64>() / shine::EARTH_ALBEDO;
             for (k, tolerance) in [2e-3, 2e-4].into_iter().enumerate() {
                 let (mut weights, mut errors) = (vec![0.0; n], vec![0.0; n]);
@@ -275,7 +280,178 @@ fn earthshine_on_bodies_that_shade_themselves_is_as_good_as_all_light_asks_for()
         }
         assert!(asked[0] < asked[1], "{name}: {asked:?}");
     }
-    assert!(10 * covered >= 9 * all, "{covered} of {all}");
+    assert!(20 * covered >= 19 * all, "{covered} of {all}");
+}
+
+/// A glossy plate of a square metre that faces -z.
+fn glossy(material: &str) -> Scene {
+    let text = format!(
+        "name = \"plate\"\n[[part]]\nname = \"plate\"\nshape = \"plate\"\nsize_m = [2, 0.5]\nfaces = [\"-z\"]\nmaterial = \"gloss\"\n\
+         [[material]]\nname = \"gloss\"\nreflectance = 0.9\n{material}\n"
+    );
+    let target = Target::parse("plate.toml", text).expect("a plate");
+    Scene::with_sun(&target, SunOptions::default()).expect("a scene")
+}
+
+/// Earthlight as a function of direction by the test's own ray: the sphere's equation solved for the nearer root, cosθ☉/π there.
+fn radiance(globe: &Globe, ray: DVec3) -> f64 {
+    let middle = globe.toward * globe.distance_m;
+    let along = ray.dot(middle);
+    let root = along * along - middle.length_squared() + globe.radius_m.powi(2);
+    if root <= 0.0 || along <= 0.0 {
+        return 0.0;
+    }
+    let place = (ray * (along - root.sqrt()) - middle) / globe.radius_m;
+    place.dot(globe.sun).max(0.0) / PI
+}
+
+/// Truth: geometry. A flat mirror has the radiance of the place of the Earth that it mirrors, beyond the limb and in the night none (1e-10: rounding of a ray to a place 790 km away). A Beckmann
+/// lobe has the mean of that over its half-vectors' slopes, times (h·o)/(h·n), by a sum over 200 by 200 slopes to 4 α (1e-12 lies beyond; 1e-3, of the terminator's edge; masking of α ≤ 0.02 is none at these
+/// angles to 1e-15). What is stated covers the rest; faces are found however narrow they are, and from a few hundred directions. Sunlight comes from behind.
+#[test]
+fn glossy_faces_mirror_the_place_of_the_earth_that_they_see() {
+    let mut seen = 0;
+    for (altitude_deg, tilt_deg) in
+        [60.0, 5.0, -9.0].iter().flat_map(|a| [0.0, 7.0, 14.0, 24.0, 60.0_f64].map(|t| (*a, t)))
+    {
+        let globe = earth(790e3, altitude_deg);
+        let tilt = DQuat::from_rotation_y(tilt_deg.to_radians());
+        let globe = Globe { toward: tilt * globe.toward, sun: tilt * globe.sun, ..globe };
+        let to = (tilt * DVec3::new(0.0, 0.0, -0.3) + DVec3::new(0.6, 0.48, -0.64)).normalize();
+        let lighting = Lighting {
+            sun_body: globe.sun,
+            sun_radius_rad: 0.00465,
+            earth: Some(globe),
+            moon: None,
+            shadow: None,
+            sunlit: 1.0,
+            sunlit_error: 0.0,
+            view: View::Distant(to),
+        };
+        for alpha in [0.0, 1e-5, 1e-3, 2e-2] {
+            let scene = glossy(&match alpha {
+                0.0 => "model = \"mirror\"".to_owned(),
+                _ => {
+                    format!("model = \"microfacet\"\ndistribution = \"beckmann\"\nalpha = {alpha}")
+                }
+            });
+            let steps = if alpha == 0.0 { 1 } else { 200 };
+            let (mut truth, mut shares) = (0.0, 0.0);
+            for (i, k) in (0..steps).flat_map(|i| (0..steps).map(move |k| (i, k))) {
+                let at = |i: i32| 4.0 * alpha * (f64::from(2 * i + 1) / f64::from(steps) - 1.0);
+                let (x, y) = (at(i), at(k));
+                let share = (-(x * x + y * y) / f64::max(alpha * alpha, 1e-300)).exp();
+                let h = DVec3::new(x, y, -1.0).normalize();
+                shares += share;
+                truth += share * radiance(&globe, 2.0 * h.dot(to) * h - to) * h.dot(to) / -h.z;
+            }
+            let truth = truth / shares;
+            let (mut weights, mut errors) = (vec![0.0], vec![0.0]);
+            let mut earthshine = Earthshine::new(scene.evaluator(), 1e-3);
+            earthshine.add(&lighting, &mut weights[..1], &mut errors[..1]).unwrap();
+            let own = if alpha == 0.0 { 1e-10 } else { 1e-3 };
+            assert!(
+                (weights[0] - truth).abs() <= errors[0] + own * truth + 1e-12,
+                "{altitude_deg}° {tilt_deg}° α {alpha}: {:e} ± {:e}, {truth:e}",
+                weights[0],
+                errors[0]
+            );
+            let asked = earthshine.asked();
+            assert!(
+                errors[0] <= 1e-3 * truth + 1e-12 && asked < 500.0,
+                "{altitude_deg}° {tilt_deg}° α {alpha}: ± {:e} of {truth:e}, {asked} directions",
+                errors[0]
+            );
+            seen += u32::from(truth > 0.0);
+        }
+    }
+    assert!(seen > 30, "{seen}");
+}
+
+/// Truth: geometry. A mirror that another plate hides has half of its light; the Moon's disc, half a degree wide, has its irradiance over its solid angle, and a mirror of the sky beside it
+/// nothing. Edges 1 mm apart: 0.2 %.
+#[test]
+fn mirrors_are_hidden_and_show_the_moon() {
+    let text = "name = \"plates\"\n[[part]]\nname = \"plate\"\nshape = \"plate\"\nsize_m = [2, 0.5]\nfaces = [\"-z\"]\nmaterial = \"gloss\"\n\
+        [[part]]\nname = \"cover\"\nshape = \"plate\"\nsize_m = [1, 1]\noffset_m = [0.5, 0, -0.0005]\nmaterial = \"black\"\n\
+        [[material]]\nname = \"gloss\"\nmodel = \"mirror\"\nreflectance = 0.9\n[[material]]\nname = \"black\"\nmodel = \"lambert\"\nreflectance = 0\n";
+    let target = Target::parse("plates.toml", text.to_owned()).unwrap();
+    let half = Scene::with_sun(&target, SunOptions::default()).unwrap();
+    let whole = glossy("model = \"mirror\"");
+    let globe = earth(790e3, 40.0);
+    let to = DVec3::new(0.36, 0.48, -0.8);
+    let mirrored = DVec3::new(-to.x, -to.y, to.z);
+    let moon = Globe {
+        toward: mirrored,
+        distance_m: 384e6,
+        radius_m: 1.7374e6,
+        sun: DVec3::new(0.0, 0.6, -0.8),
+        to_ground: DQuat::IDENTITY,
+    };
+    let lighting = Lighting {
+        sun_body: globe.sun,
+        sun_radius_rad: 0.00465,
+        earth: Some(globe),
+        moon: Some(moon),
+        shadow: None,
+        sunlit: 1.0,
+        sunlit_error: 0.0,
+        view: View::Distant(to),
+    };
+    let sent = |scene: &Scene, lighting: &Lighting| {
+        let [mut weights, mut errors] = [(); 2].map(|()| vec![0.0; scene.weight_count()]);
+        let mut moonlight = weights.clone();
+        Earthshine::new(scene.evaluator(), 1e-3).add(lighting, &mut weights, &mut errors).unwrap();
+        Moonshine::new(scene.evaluator()).add(lighting, &mut moonlight, &mut errors).unwrap();
+        [weights[0], moonlight[0]]
+    };
+    let of_disc = shine::moonlight(&moon) / (PI * (1.7374e6_f64 / 384e6).powi(2));
+    let truth = [0.8 * radiance(&globe, mirrored), 0.8 * of_disc];
+    let (all, some) = (sent(&whole, &lighting), sent(&half, &lighting));
+    for k in 0..2 {
+        assert!((all[k] / truth[k] - 1.0).abs() < 1e-9, "{all:?} {truth:?}");
+        assert!((some[k] / truth[k] - 0.5).abs() < 1e-3, "{some:?} {truth:?}");
+    }
+    let aside = DQuat::from_rotation_z(0.006 / 0.6) * mirrored;
+    let lighting = Lighting { moon: Some(Globe { toward: aside, ..moon }), ..lighting };
+    assert_eq!(sent(&whole, &lighting)[1], 0.0);
+}
+
+/// Truth: a sum over 2 million equal solid angles, 1.5 mrad wide each, of the test's own. A narrow lobe over paint is found in both, and laws that are no
+/// microfacets are found in cells of the cap: three times what is stated covers the difference always.
+#[test]
+fn narrow_lobes_of_other_kinds_are_found() {
+    let laws = [
+        "model = \"blend\"\ndistribution = \"ggx\"\nalpha = 0.02\nfresnel = \"schlick\"\nbase = { reflectance = 0.1 }",
+        "model = \"phong\"\nexponent = 400",
+        "model = \"ward\"\nalpha = 0.05",
+    ];
+    for (law, tilt_deg) in laws.iter().flat_map(|law| [3.0, 18.0_f64].map(|t| (law, t))) {
+        let scene = glossy(law);
+        let globe = earth(790e3, 3.0);
+        let tilt = DQuat::from_rotation_y(tilt_deg.to_radians());
+        let globe = Globe { toward: tilt * globe.toward, sun: tilt * globe.sun, ..globe };
+        let lighting = Lighting {
+            sun_body: globe.sun,
+            sun_radius_rad: 0.0,
+            earth: Some(globe),
+            moon: None,
+            shadow: None,
+            sunlit: 1.0,
+            sunlit_error: 0.0,
+            view: View::Distant(DVec3::new(0.48, 0.36, -0.8)),
+        };
+        let truth = by_grid(&scene, &lighting, 1000).iter().sum::<f64>();
+        let [mut weights, mut errors] = [(); 2].map(|()| vec![0.0; scene.weight_count()]);
+        let mut earthshine = Earthshine::new(scene.evaluator(), 1e-2);
+        earthshine.add(&lighting, &mut weights, &mut errors).unwrap();
+        let (found, stated) = (weights.iter().sum::<f64>(), errors.iter().sum::<f64>());
+        assert!(
+            (found - truth).abs() <= 3.0 * stated + 1e-3 * truth,
+            "{found} ± {stated}, {truth}"
+        );
+        assert!(stated < 0.03 * truth, "{stated} of {truth}");
+    }
 }
 
 /// Truth: arithmetic on the tables: a linear ramp times a linear ramp is a parabola; 2e-6 between rows.

@@ -83,6 +83,8 @@ pub struct Evaluator<'a> {
     pub(super) outlines: [Vec<Outline>; 2],
     pub(super) large: large::Room,
     pub(super) errors: Vec<f64>,
+    /// Of each facet how many of its first weights sums leave out; empty where none are ([`Evaluator::leave_out`]).
+    pub(super) apart: Vec<usize>,
     pub(super) rates: super::derivative::Room,
 }
 
@@ -121,6 +123,7 @@ impl<'a> Evaluator<'a> {
             outlines: [0, 1].map(|_| vec![Outline::default(); scene.rounds.len()]),
             large: large::Room::default(),
             errors: Vec::new(),
+            apart: Vec::new(),
             rates: super::derivative::Room::default(),
         }
     }
@@ -210,6 +213,7 @@ impl<'a> Evaluator<'a> {
         let mut error = 0.0;
         for i in 0..self.scene.facets.len() {
             let brought = match self.scene.facets[i].patch {
+                None if !self.apart.is_empty() => self.rest_of_facet(i, sun, eye, stride, out),
                 None => self.facet(i, sun, eye, stride, out),
                 Some(patch) => self.bent(i, patch as usize, sun, eye, stride, out),
             };

@@ -41,6 +41,7 @@ mod evaluate;
 mod faceted;
 mod facets;
 mod geometry;
+mod glint;
 mod grid;
 mod large;
 mod near;

@@ -10,9 +10,11 @@
 
 use super::earth::cap::{LitCap, Piece, Rule};
 use super::earth::{EarthAlbedo, GREY_NM};
+use super::glint::{Face, Glint};
 use super::{DirectionError, Effect, Evaluator, Globe, Lighting, Source, Term, View};
 use crate::surface::rule;
 use glam::DVec3;
+use std::f64::consts::{FRAC_1_PI, PI};
 use std::sync::Arc;
 use sunglint_radiometry::spectrum::{Factor, Quantity, Reflectance, Spectrum, SpectrumError};
 
@@ -27,10 +29,18 @@ const CLAIMED: f64 = 2.0;
 /// What a cell may hide from both its rules (a glint, a slit of light): this, times the square of its share of the irradiance, of all earthshine. It says which cell
 /// is halved and when that ends, and is no part of the claim.
 const HIDDEN: f64 = 0.1;
+/// A cell whose radius is more than so many times the width of a glint may have it between its points.
+const NOTICED: f64 = 2.0;
+/// So many widths from its middle a glint still shines.
+const REACH: f64 = 2.0;
+/// What it costs to light one of the scene's facets alone, of what it costs to light it among all, and at least of what all cost.
+const ALONE: (f64, f64) = (2.0, 0.05);
 /// Of itself, what earthshine may be off: the Earth is known to half of its light.
 const OF_ITSELF: f64 = 0.03;
+/// Light that is less than this of what the body's facets would send if all of them were white and squarely lit is not looked for.
+const FAINT: f64 = 1e-8;
 /// Directions of an epoch at most: what is open then is in the stated error.
-const MOST_ASKED: usize = 1500;
+const MOST_ASKED: f64 = 1500.0;
 /// Wavelengths at which earthshine is weighed beside sunlight.
 const WEIGHED: usize = 8;
 /// How far the Moon's law and its colour may be off between phase angles of 5° and 120°, relative.
@@ -57,6 +67,9 @@ pub fn moonlight(moon: &Globe) -> f64 {
 /// A body's edges, and what it shades of itself, make kinks in what it sends of each direction's light, so that no rule over the whole cap converges fast, and two
 /// rules over all of it agree by chance. So the cap falls into cells, each with two rules; the cell whose rules are farthest apart is halved until what all of them
 /// claim together is within the tolerance.
+///
+/// What flat glossy faces mirror is too narrow for cells of the cap: it is summed over their microfacets, in cells of the same kind ([`super::glint`]), and flat mirrors send the radiance of
+/// the one place that they mirror. As long as a cell is wide beside the glint of some other narrow lobe, all of that is open.
 #[derive(Debug)]
 pub struct Earthshine<'a> {
     evaluator: Evaluator<'a>,
@@ -64,14 +77,17 @@ pub struct Earthshine<'a> {
     earth: Arc<EarthAlbedo>,
     /// ρ of each of the scene's weights at some wavelengths.
     own: Vec<[f64; WEIGHED]>,
+    /// The Earth's mean albedo there.
+    mean: [f64; WEIGHED],
     /// The same times the spectrum of each layer of the Earth: of each weight.
     rho: Vec<[f64; WEIGHED]>,
     rules: [Vec<(f64, f64)>; 2],
     room: Vec<f64>,
-    asked: usize,
+    area_m2: f64,
+    asked: f64,
 }
 
-/// The middles of the first cells of a panel.
+/// The middles of the first cells of a panel, or of a face's microfacets.
 const QUARTERS: [[f64; 2]; 4] = [[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5]];
 
 /// What is claimed of cells whose rules are so far apart.
@@ -80,7 +96,7 @@ fn claimed(apart: impl Iterator<Item = f64>) -> f64 {
     sum.min(CLAIMED * f64::sqrt(squares))
 }
 
-/// A cell of the lit cap by both rules.
+/// A cell by both rules.
 #[derive(Debug)]
 struct Cell {
     piece: Piece,
@@ -90,10 +106,31 @@ struct Cell {
     /// How far the two rules are apart, of each weight.
     apart: Vec<f64>,
     rounding: Vec<f64>,
+    /// The glints that both may have missed, of each of the scene's weights; none where there are none.
+    missed: Vec<f64>,
+    /// That of the cap, of which a cell of microfacets is no part.
     irradiance: f64,
-    /// The light and what the rules are apart at the wavelengths.
+    /// The light and what may be wrong with it at the wavelengths.
     light: [f64; WEIGHED],
     off: [f64; WEIGHED],
+}
+
+/// A glint, and what it brings for each unit of radiance.
+#[derive(Debug)]
+struct Bright {
+    glint: Glint,
+    weights: Vec<f64>,
+    light: [f64; WEIGHED],
+}
+
+/// What cells are made of.
+#[derive(Debug)]
+struct Ground<'a> {
+    cap: LitCap<'a>,
+    faces: Vec<Face>,
+    glints: Vec<Bright>,
+    /// The Sun, and the observer.
+    from: (DVec3, View),
 }
 
 /// Light from the Moon.
@@ -172,9 +209,12 @@ impl<'a> Earthshine<'a> {
     /// everywhere ([`EARTH_ALBEDO`]); and within 3 % of itself, which is what counts in the Earth's shadow.
     pub fn new(evaluator: Evaluator<'a>, tolerance: f64) -> Self {
         let rules = ORDERS.map(rule::legendre);
-        let (own, rho, room) = Default::default();
+        let (own, mean, rho, room) = Default::default();
         let earth = Arc::default();
-        Self { evaluator, tolerance, earth, own, rho, rules, room, asked: 0 }.of(Arc::default())
+        let area_m2 = evaluator.scene.facets.iter().map(|f| f.area).sum();
+        let asked = 0.0;
+        Self { evaluator, tolerance, earth, own, mean, rho, rules, room, area_m2, asked }
+            .of(Arc::default())
     }
 
     /// The same of another Earth. Weights are those of all materials in the light of its first layer, then in that of the next, and so on: [`terms_of`].
@@ -186,6 +226,7 @@ impl<'a> Earthshine<'a> {
         let nm: [f64; WEIGHED] =
             std::array::from_fn(|k| first + (last - first) * (k as f64 + 0.5) / WEIGHED as f64);
         self.own = spectra.iter().map(|s| nm.map(|nm| s.at(nm))).collect();
+        self.mean = nm.map(|nm| earth.mean_at(nm));
         let layers = nm.map(|nm| earth.factors(nm));
         let of_layer = |layer: usize| {
             let times = |rho: &[f64; WEIGHED]| std::array::from_fn(|k| layers[k][layer] * rho[k]);
@@ -196,31 +237,131 @@ impl<'a> Earthshine<'a> {
         self
     }
 
-    /// From how many directions the scene was lit so far: what it costs.
-    pub fn asked(&self) -> usize {
+    /// From how many directions the scene was lit so far: what it costs. Where faces were lit alone they count as their share.
+    pub fn asked(&self) -> f64 {
         self.asked
     }
 
-    /// A piece of the cap by both rules.
+    /// A piece of the cap by both rules, or of a face's microfacets: these have the numbers after the cap's panels.
     fn cell(
         &mut self,
-        cap: &LitCap,
-        (piece, axis): (Piece, usize),
-        from: (DVec3, View),
+        ground: &Ground<'_>,
+        piece: Piece,
+        axis: usize,
     ) -> Result<Cell, DirectionError> {
         let n = self.rho.len();
         let [mut weights, mut apart, mut rounding, mut idle] = [(); 4].map(|()| vec![0.0; n]);
+        let Ground { cap, from, .. } = ground;
+        let face = piece.panel.checked_sub(cap.panels()).map(|number| &ground.faces[number]);
         let mut irradiance = 0.0;
         for (k, points) in self.rules.iter().enumerate() {
-            let rule = cap.piece(&piece, points);
-            self.asked += rule.nodes.len();
-            irradiance += rule.nodes.iter().map(|n| 0.5 * n.1).sum::<f64>();
             let out = if k == 0 { (&mut weights, &mut rounding) } else { (&mut apart, &mut idle) };
-            add_all(&mut self.evaluator, &rule, from, &mut self.room, (out.0, out.1))?;
+            let (rule, cost) = match face {
+                None => (cap.piece(&piece, points), 1.0),
+                Some(face) => {
+                    let rule = cap.seen(&piece, points, &|at| face.direction(at));
+                    let all = self.evaluator.scene.report().facets.max(1) as f64;
+                    let cost = (ALONE.0 * face.facets.len() as f64 / all).max(ALONE.1);
+                    (rule, cost.min(1.0))
+                }
+            };
+            self.asked += cost * rule.nodes.len() as f64;
+            if face.is_none() {
+                irradiance += rule.nodes.iter().map(|n| 0.5 * n.1).sum::<f64>();
+            }
+            let out = (&mut out.0[..], &mut out.1[..]);
+            add_all(&mut self.evaluator, &rule, face, *from, &mut self.room, out)?;
         }
         apart.iter_mut().zip(&weights).for_each(|(a, w)| *a = (*a - w).abs());
-        let (light, off) = (at_wavelengths(&weights, &self.rho), at_wavelengths(&apart, &self.rho));
-        Ok(Cell { piece, axis, weights, apart, rounding, irradiance, light, off })
+        let light = at_wavelengths(&weights, &self.rho);
+        let mut off = at_wavelengths(&apart, &self.rho);
+        let mut missed = Vec::new();
+        if face.is_none() && !ground.glints.is_empty() {
+            let span = cap.span(&piece);
+            for Bright { glint, weights, light } in &ground.glints {
+                let near = span.radius_rad + REACH * glint.width_rad;
+                let is_wide = span.radius_rad > NOTICED * glint.width_rad;
+                if is_wide && span.toward.angle_between(glint.toward) < near {
+                    missed.resize(weights.len(), 0.0);
+                    missed.iter_mut().zip(weights).for_each(|(m, w)| *m += span.radiance * w);
+                    let each = off.iter_mut().zip(light.iter().zip(&self.mean));
+                    each.for_each(|(off, (light, mean))| *off += span.radiance * light * mean);
+                }
+            }
+        }
+        Ok(Cell { piece, axis, weights, apart, rounding, missed, irradiance, light, off })
+    }
+
+    /// Glints, as bright as they are.
+    fn bright(
+        &mut self,
+        glints: Vec<Glint>,
+        (sun, view): (DVec3, View),
+    ) -> Result<Vec<Bright>, DirectionError> {
+        let mut all = Vec::with_capacity(glints.len());
+        for glint in glints {
+            let mut weights = vec![0.0; self.own.len()];
+            self.asked += 1.0;
+            self.evaluator.direct_from(glint.toward, sun, view, &mut weights)?;
+            weights.iter_mut().for_each(|w| *w *= glint.solid_angle);
+            let light = at_wavelengths(&weights, &self.own);
+            all.push(Bright { glint, weights, light });
+        }
+        Ok(all)
+    }
+
+    /// The cells of an epoch, halved until what they may be off together is little beside `sunlight`, or of themselves.
+    fn cells(
+        &mut self,
+        ground: &Ground<'_>,
+        sunlight: &[f64; WEIGHED],
+    ) -> Result<Vec<Cell>, DirectionError> {
+        let most = self.asked + MOST_ASKED;
+        let mut cells = Vec::new();
+        for panel in 0..ground.cap.panels() + ground.faces.len() {
+            for middle in QUARTERS {
+                cells.push(self.cell(ground, Piece { panel, middle, half: [0.5, 0.5] }, 0)?);
+            }
+        }
+        loop {
+            let of_cap = |f: &dyn Fn(&Cell) -> f64| {
+                cells.iter().filter(|c| c.irradiance > 0.0).map(f).sum::<f64>()
+            };
+            let irradiance = of_cap(&|c| c.irradiance);
+            let of_rest: [f64; WEIGHED] = std::array::from_fn(|k| of_cap(&|c| c.light[k]));
+            let doubt = |c: &Cell| -> [f64; WEIGHED] {
+                let share = if c.irradiance > 0.0 { c.irradiance / irradiance } else { 0.0 };
+                let hidden = HIDDEN * share * share;
+                std::array::from_fn(|k| c.off[k] + hidden * of_rest[k])
+            };
+            let doubts: Vec<_> = cells.iter().map(doubt).collect();
+            let left = std::array::from_fn(|k| claimed(doubts.iter().map(|d| d[k])));
+            // As long as all of it may have been missed it is as bright as the worst cell's doubt.
+            let earthlight: [f64; WEIGHED] = std::array::from_fn(|k| {
+                let found: f64 = cells.iter().map(|c| c.light[k]).sum();
+                doubts.iter().map(|d| d[k]).fold(found, f64::max)
+            });
+            // How far off, of what it may be, at the wavelength where that is most.
+            let share = |off: &[f64; WEIGHED]| {
+                let faint = FAINT * FRAC_1_PI * self.area_m2 * irradiance;
+                let may =
+                    |(s, e): (&f64, &f64)| (self.tolerance * (s + e)).min(OF_ITSELF * e).max(faint);
+                let may = sunlight.iter().zip(&earthlight).map(may);
+                let shares = off.iter().zip(may).filter(|(_, may)| *may > 0.0);
+                shares.map(|(off, may)| off / may).fold(0.0, f64::max)
+            };
+            if share(&left) <= 1.0 || self.asked >= most {
+                break;
+            }
+            let worst =
+                (0..cells.len()).max_by(|a, b| share(&doubts[*a]).total_cmp(&share(&doubts[*b])));
+            let Some(worst) = worst else { break };
+            let Cell { piece, axis, .. } = cells.swap_remove(worst);
+            for half in piece.halves(axis) {
+                cells.push(self.cell(ground, half, 1 - axis)?);
+            }
+        }
+        Ok(cells)
     }
 }
 
@@ -240,10 +381,11 @@ impl<'a> Moonshine<'a> {
     }
 }
 
-/// Adds to `weights` and `errors` what comes from some directions, layer by layer.
+/// Adds to `weights` and `errors` what comes from some directions, layer by layer: of all the scene, or of a face's lobe alone.
 fn add_all(
     evaluator: &mut Evaluator<'_>,
     rule: &Rule,
+    face: Option<&Face>,
     (sun, view): (DVec3, View),
     room: &mut Vec<f64>,
     (weights, errors): (&mut [f64], &mut [f64]),
@@ -254,12 +396,15 @@ fn add_all(
     room.resize(each, 0.0);
     let each = each.max(1);
     for (i, &(toward, _)) in rule.nodes.iter().enumerate() {
-        let done = evaluator.direct_from(toward, sun, view, room)?;
+        let relative = match face {
+            None => evaluator.direct_from(toward, sun, view, room)?.error,
+            Some(face) => evaluator.face_from(face, toward, (sun, view), room)?,
+        };
         let rows = weights.chunks_exact_mut(each).zip(errors.chunks_exact_mut(each));
         for ((weights, errors), light) in rows.zip(rule.lights(i)) {
             for ((weight, error), w) in weights.iter_mut().zip(errors).zip(&*room) {
                 *weight += light * w;
-                *error += (light * w).abs() * done.error;
+                *error += (light * w).abs() * relative;
             }
         }
     }
@@ -276,53 +421,32 @@ impl Effect for Earthshine<'_> {
         let Some(globe) = &lighting.earth else { return Ok(()) };
         let earth = self.earth.clone();
         let cap = LitCap::new(globe, &earth);
+        if cap.panels() == 0 {
+            return Ok(());
+        }
         let from = (lighting.sun_body, lighting.view);
         let mut sunlight = vec![0.0; self.own.len()];
         self.evaluator.direct(lighting.sun_body, lighting.view, &mut sunlight)?;
         let sunlight = at_wavelengths(&sunlight, &self.own);
-        let most = self.asked + MOST_ASKED;
-        let mut cells = Vec::new();
-        for panel in 0..cap.panels() {
-            for middle in QUARTERS {
-                let piece = Piece { panel, middle, half: [0.5, 0.5] };
-                cells.push(self.cell(&cap, (piece, 0), from)?);
-            }
-        }
-        loop {
-            let sum = |f: &dyn Fn(&Cell) -> f64| cells.iter().map(f).sum::<f64>();
-            let irradiance = sum(&|c| c.irradiance);
-            let earthlight: [f64; WEIGHED] = std::array::from_fn(|k| sum(&|c| c.light[k]));
-            let doubt = |c: &Cell| -> [f64; WEIGHED] {
-                let hidden = HIDDEN * (c.irradiance / irradiance).powi(2);
-                std::array::from_fn(|k| c.off[k] + hidden * earthlight[k])
-            };
-            let doubts: Vec<_> = cells.iter().map(doubt).collect();
-            let left = std::array::from_fn(|k| claimed(doubts.iter().map(|d| d[k])));
-            // How far off, of what it may be, at the wavelength where that is most.
-            let share = |off: &[f64; WEIGHED]| {
-                let may = |(s, e): (&f64, &f64)| (self.tolerance * (s + e)).min(OF_ITSELF * e);
-                let may = sunlight.iter().zip(&earthlight).map(may);
-                let shares = off.iter().zip(may).filter(|(_, may)| *may > 0.0);
-                shares.map(|(off, may)| off / may).fold(0.0, f64::max)
-            };
-            if share(&left) <= 1.0 || self.asked >= most {
-                break;
-            }
-            let worst =
-                (0..cells.len()).max_by(|a, b| share(&doubts[*a]).total_cmp(&share(&doubts[*b])));
-            let Some(worst) = worst else { break };
-            let Cell { piece, axis, .. } = cells.swap_remove(worst);
-            for half in piece.halves(axis) {
-                cells.push(self.cell(&cap, (half, 1 - axis), from)?);
-            }
-        }
+        let shines = |toward| !cap.radiance(toward).is_empty();
+        let mirroring = self.evaluator.mirroring(from.0, from.1, &shines)?;
+        self.evaluator.leave_out(&mirroring.faces);
+        let glints = self.bright(mirroring.glints, from)?;
+        let ground = Ground { cap, faces: mirroring.faces, glints, from };
+        let cells = self.cells(&ground, &sunlight);
+        self.evaluator.leave_out(&[]);
+        let cells = cells?;
+        let brightest = earth.grid().map_or(1.0, |grid| grid.range().1);
         for (k, (weight, error)) in weights.iter_mut().zip(errors).enumerate() {
             // Of a table the points may have light below 0, and where a body is turned away from all that is bright what is left of them, too; there is none of it.
             *weight += cells.iter().map(|c| c.weights[k]).sum::<f64>().max(0.0);
             *error += claimed(cells.iter().map(|c| c.apart[k]));
             *error += cells.iter().map(|c| c.rounding[k]).sum::<f64>();
+            // A glint lies in one cell, though several are near.
+            let missed = cells.iter().filter_map(|c| c.missed.get(k % self.own.len()));
+            *error += brightest * missed.copied().fold(0.0, f64::max);
         }
-        Ok(())
+        self.evaluator.add_mirrors(from, &|toward| ground.cap.radiance(toward), weights)
     }
 }
 
@@ -334,9 +458,17 @@ impl Effect for Moonshine<'_> {
         errors: &mut [f64],
     ) -> Result<(), DirectionError> {
         let Some(moon) = &lighting.moon else { return Ok(()) };
-        let moon = Rule::of_one(moon.toward, moonlight(moon));
+        let irradiance = moonlight(moon);
+        let rule = Rule::of_one(moon.toward, irradiance);
         let from = (lighting.sun_body, lighting.view);
-        add_all(&mut self.evaluator, &moon, from, &mut self.room, (weights, errors))
+        add_all(&mut self.evaluator, &rule, None, from, &mut self.room, (weights, errors))?;
+        // To a flat mirror its disc is as bright all over.
+        let sine = (moon.radius_m / moon.distance_m).min(1.0);
+        let radiance = |toward: DVec3| {
+            let is_on_disc = toward.angle_between(moon.toward) < sine.asin();
+            if is_on_disc { vec![irradiance / (PI * sine * sine)] } else { Vec::new() }
+        };
+        self.evaluator.add_mirrors(from, &radiance, weights)
     }
 }
 

@@ -21,6 +21,16 @@ pub(crate) enum Width<'a> {
 }
 
 impl Material {
+    /// How many of its weights, from the first on, are those of its lobe of microfacets; 0 where it has none.
+    pub(crate) fn lobe_weights(&self) -> usize {
+        match &self.model {
+            Model::Microfacet { fresnel, .. } | Model::Blend { fresnel, .. } => {
+                fresnel.spectra().len()
+            }
+            _ => 0,
+        }
+    }
+
     pub(crate) fn width(&self) -> Width<'_> {
         match &self.model {
             Model::Lambert => Width::Even,

@@ -18,6 +18,10 @@ use std::ops::Range;
 
 /// Bins of a panel: along ε, and around.
 const BINS: [usize; 2] = [40, 80];
+/// Smaller pieces along each side of a piece of other coordinates than the cap's, for each point of its rule.
+const FINER: usize = 4;
+/// A table's mean is taken over no more than a square of this side, radians.
+const LARGEST_SIDE_RAD: f64 = 0.5;
 
 /// The lit cap.
 #[derive(Debug)]
@@ -67,6 +71,17 @@ impl Piece {
             first(middle - half) as usize..(first(middle + half) as usize).min(BINS[axis])
         })
     }
+}
+
+/// Where a piece of the cap stands in the sky of the body.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::light) struct Span {
+    /// Its middle, a unit vector in the body's axes.
+    pub toward: DVec3,
+    /// How far its corners are from there at most, radians.
+    pub radius_rad: f64,
+    /// The largest radiance at its corners and its middle, of the Sun's irradiance, sr⁻¹, for a globe that reflects all.
+    pub radiance: f64,
 }
 
 /// Points of a rule over the lit cap.
@@ -204,6 +219,116 @@ impl<'a> LitCap<'a> {
             }
         }
         rule
+    }
+
+    /// Where a piece stands.
+    pub(in crate::light) fn span(&self, piece: &Piece) -> Span {
+        let at = |[a, b]: [f64; 2]| {
+            let place = |axis: usize, t: f64| piece.middle[axis] + piece.half[axis] * t;
+            let ring = self.ring(piece.panel, place(0, a));
+            let (aside, _) = self.light(&ring, place(1, b));
+            let cos_sun = ring.ground(self.up, aside).dot(self.globe.sun);
+            (ring.toward(self.up, aside), FRAC_1_PI * cos_sun.max(0.0))
+        };
+        let (toward, radiance) = at([0.0; 2]);
+        let mut span = Span { toward, radius_rad: 0.0, radiance };
+        for corner in [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]] {
+            let (corner, radiance) = at(corner);
+            span.radius_rad = span.radius_rad.max(toward.angle_between(corner));
+            span.radiance = span.radiance.max(radiance);
+        }
+        span
+    }
+
+    /// Points of a piece of other coordinates than the cap's: `direction` gives what lies at a place of them, from −1 to 1, and the solid angle for each unit of both.
+    ///
+    /// The body's answer is smooth there, and the cap is what ends sharply: so here, too, what stands before the answer at a point of the rule is the cap's light times the polynomial of that point,
+    /// summed over smaller pieces, of which the two rules that are held against each other have other ones.
+    pub(in crate::light) fn seen(
+        &self,
+        piece: &Piece,
+        points: &[(f64, f64)],
+        direction: &dyn Fn([f64; 2]) -> Option<(DVec3, f64)>,
+    ) -> Rule {
+        let (n, many) = (points.len(), FINER * points.len());
+        let place = |axis: usize, t: f64| piece.middle[axis] + piece.half[axis] * t;
+        let measure = 4.0 * piece.half[0] * piece.half[1] / (many * many) as f64;
+        let polynomials = basis(points, (&(0..many), many));
+        let grid = self.earth.and_then(EarthAlbedo::grid);
+        let mut rule = Rule { layers: self.layers, ..Rule::default() };
+        let width = grid.map_or(1, |_| self.layers);
+        // Of each ring of small pieces what the polynomials around make of it, then of those what the polynomials along do.
+        let (mut own, mut row) = (Vec::new(), vec![0.0; n * width]);
+        let mut parts = vec![0.0; n * n * width];
+        for i in 0..many {
+            row.fill(0.0);
+            for j in 0..many {
+                let at = [place(0, middle(i, many)), place(1, middle(j, many))];
+                let Some((toward, solid_angle)) = direction(at) else { continue };
+                let Some((ground, radiance)) = self.ground(toward) else { continue };
+                own.clear();
+                match grid {
+                    None => own.push(1.0),
+                    Some(grid) => {
+                        let side = self.side(toward, ground, solid_angle * measure);
+                        grid.around(self.globe.to_ground * ground, side, &mut own);
+                    }
+                }
+                for (k, sums) in row.chunks_exact_mut(width).enumerate() {
+                    let light = radiance * measure * polynomials[k * many + j];
+                    sums.iter_mut().zip(&own).for_each(|(sum, own)| *sum += light * *own);
+                }
+            }
+            for (k, parts) in parts.chunks_exact_mut(n * width).enumerate() {
+                let along = polynomials[k * many + i];
+                parts.iter_mut().zip(&row).for_each(|(sum, row)| *sum += along * row);
+            }
+        }
+        for (number, part) in parts.chunks_exact(width).enumerate() {
+            let at = [place(0, points[number / n].0), place(1, points[number % n].0)];
+            let Some((toward, solid_angle)) = direction(at) else { continue };
+            if part.iter().any(|part| *part != 0.0) {
+                rule.nodes.push((toward, solid_angle * part[0]));
+                if grid.is_some() {
+                    rule.lights.extend(part.iter().map(|part| solid_angle * part));
+                }
+            }
+        }
+        rule
+    }
+
+    /// The side of a square on the ground that is as large as a solid angle about a direction to it, radians.
+    fn side(&self, toward: DVec3, ground: DVec3, solid_angle: f64) -> f64 {
+        let globe = &self.globe;
+        let away = ground * globe.radius_m + globe.toward * globe.distance_m;
+        let area = solid_angle * away.length_squared() / (-ground.dot(toward)).max(1e-3);
+        (area.sqrt() / globe.radius_m).min(LARGEST_SIDE_RAD)
+    }
+
+    /// The radiance in a direction, of the Sun's irradiance, in each layer \[sr⁻¹\]; none where the globe is not or is dark.
+    pub(in crate::light) fn radiance(&self, toward: DVec3) -> Vec<f64> {
+        let Some((ground, radiance)) = self.ground(toward) else { return Vec::new() };
+        match self.earth.and_then(EarthAlbedo::grid) {
+            None => vec![radiance],
+            Some(grid) => {
+                let own = grid.at(self.globe.to_ground * ground);
+                own.iter().map(|albedo| radiance * f64::from(*albedo)).collect()
+            }
+        }
+    }
+
+    /// The lit ground in a direction: its vertical, and its radiance, of the Sun's irradiance, for a globe that reflects all \[sr⁻¹\].
+    fn ground(&self, toward: DVec3) -> Option<(DVec3, f64)> {
+        let globe = &self.globe;
+        let middle = globe.toward * globe.distance_m;
+        let along = toward.dot(middle);
+        let under = globe.radius_m.powi(2) - (middle - along * toward).length_squared();
+        if along <= 0.0 || under <= 0.0 {
+            return None;
+        }
+        let ground = (toward * (along - under.sqrt()) - middle) / globe.radius_m;
+        let radiance = FRAC_1_PI * ground.dot(globe.sun);
+        (radiance > 0.0).then_some((ground, radiance))
     }
 
     /// Adds the points of a piece.

@@ -138,7 +138,7 @@ impl Lit {
                 counted += 1;
             }
         }
-        shine.asked() as f64 / f64::from(counted.max(1))
+        shine.asked() / f64::from(counted.max(1))
     }
 }
 
