@@ -33,6 +33,7 @@ pub struct Disk {
     sender: SyncSender<Message>,
     pixels: Arc<Pixels>,
     tag_room: Arc<TagRoom>,
+    live: bool,
 }
 
 impl std::fmt::Debug for Message {
@@ -75,14 +76,17 @@ fn bytes_of(frame: &Frame) -> u64 {
 }
 
 /// The writer's thread, and what hands over to it.
+///
+/// Where devices do not wait (`live`) tags that find no room are lost; a recording that is played as fast as the machine can waits for it.
 pub fn start(
     writer: SessionWriter,
     status: Arc<Status>,
+    live: bool,
 ) -> std::io::Result<(Disk, std::thread::JoinHandle<Writing>)> {
     let (sender, receiver) = sync_channel(MESSAGES);
     let pixels = Arc::new(Pixels::default());
     let tag_room = Arc::new(TagRoom::default());
-    let disk = Disk { sender, pixels: pixels.clone(), tag_room: tag_room.clone() };
+    let disk = Disk { sender, pixels: pixels.clone(), tag_room: tag_room.clone(), live };
     let writing = Writing { writer, status, pixels, tag_room, tags_lost: HashMap::new() };
     let thread = std::thread::Builder::new().name("disk".into());
     let handle = thread.spawn(move || writing.run(&receiver))?;
@@ -101,7 +105,7 @@ impl Disk {
         self.send(Message::Frame(camera.to_owned(), number, Box::new(frame)));
     }
 
-    /// Hands over tags, without ever waiting: where there is no room they are lost. `loss` is what was lost before and is not told yet;
+    /// Hands over tags; of a live device without ever waiting: where there is no room they are lost. `loss` is what was lost before and is not told yet;
     /// the result is what is lost now.
     pub fn tags(
         &self,
@@ -110,6 +114,11 @@ impl Disk {
         records: Vec<[u8; RECORD_BYTES]>,
     ) -> Option<Loss> {
         let bytes = records.as_flattened().len() as u64;
+        if !self.live {
+            self.tag_room.add(bytes);
+            self.send(Message::Tags(counter.to_owned(), loss, records));
+            return None;
+        }
         if !self.tag_room.take(bytes, loss.is_some()) {
             return Loss::and(loss, Loss::of(&records));
         }
@@ -254,7 +263,7 @@ mod tests {
     fn tags_that_find_no_room_are_counted_and_told() {
         let (sender, receiver) = sync_channel(MESSAGES);
         let tag_room = Arc::new(TagRoom::default());
-        let disk = Disk { sender, pixels: Arc::default(), tag_room: tag_room.clone() };
+        let disk = Disk { sender, pixels: Arc::default(), tag_room: tag_room.clone(), live: true };
         let mut loss = None;
         for number in 0..80 {
             loss = disk.tags("tagger", loss, a_mebibyte(number));

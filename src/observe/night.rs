@@ -96,7 +96,7 @@ impl Night {
         let writer =
             SessionWriter::create(self.storage.clone(), &self.root, &self.manifest, &self.files)?;
         let (disk, writing) =
-            disk::start(writer, status.clone()).context("cannot start a thread")?;
+            disk::start(writer, status.clone(), live).context("cannot start a thread")?;
         let schedule = Arc::new(self.schedule.clone());
         let post = |name: &str| Post {
             name: name.to_owned(),

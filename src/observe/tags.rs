@@ -18,6 +18,11 @@ impl TagRoom {
         self.0.fetch_update(Ordering::SeqCst, Ordering::SeqCst, more).is_ok()
     }
 
+    /// Takes room whether there is any or not.
+    pub fn add(&self, bytes: u64) {
+        self.0.fetch_add(bytes, Ordering::SeqCst);
+    }
+
     /// Gives room back.
     pub fn give(&self, bytes: u64) {
         self.0.fetch_sub(bytes, Ordering::SeqCst);

@@ -7,7 +7,7 @@
 
 use super::evaluate::{DirectionError, Evaluator, GRAZING};
 use super::occlude::Toward;
-use super::{View, curved::sight::Sight};
+use super::{View, curved::sight::Sight, near};
 use crate::surface::{Distribution, Lobe, Material, Width};
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -16,12 +16,29 @@ use std::f64::consts::PI;
 const WIDE_RAD: f64 = 0.5;
 /// Lobes that are narrower than this, radians, also where light grazes, are looked at from their faces.
 const NARROW_RAD: f64 = 0.15;
-/// Unless the source is farther than so many widths from what they mirror: it has the tails of their lobes alone then, which are smooth.
-const REACH: f64 = 3.0;
-/// Faces in more directions than these make something wide of their glints together.
+/// And only if they are narrower than this much of the source's radius: the smaller one of the two is what points should lie in.
+const OF_SOURCE: f64 = 0.5;
+/// Unless the source is farther than so many widths from what they mirror: it has nothing of a Beckmann lobe then, and of GGX's long tails (the second) what is smooth all over it.
+const REACH: [f64; 2] = [3.0, 20.0];
+/// Of so many faces and glints each those that are largest count: what is left are many small ones, which make something wide together.
 const MOST: usize = 64;
-/// Directions that are apart by less than this, of the lobe's width, are one.
+/// Directions that are apart by less than this, of the lobe's width, are one, if their widths are alike as well.
 const ALIKE: f64 = 0.25;
+const ALIKE_WIDTHS: f64 = 1.5;
+/// The half-vectors of one face may be apart by this, of the lobe's smaller roughness: facets in other places, seen from a point.
+const OF_ROUGHNESS: f64 = 0.2;
+/// The steepest microfacets of a Beckmann lobe, slopes in units of α: 1e-7 of it is steeper.
+const STEEPEST: f64 = 4.0;
+/// Relative error of a mirror that is seen from a point.
+const NEAR_TOLERANCE: f64 = 1e-4;
+
+/// A wide source, as far as is asked here.
+pub(super) struct Sky<'a> {
+    /// Whether light comes from a direction.
+    pub shines: &'a dyn Fn(DVec3) -> bool,
+    /// Its angular radius.
+    pub radius_rad: f64,
+}
 
 /// What an observer sees that mirrors.
 #[derive(Debug, Default)]
@@ -45,6 +62,8 @@ pub(super) struct Face {
     axes: [DVec3; 3],
     /// To the observer.
     to: DVec3,
+    /// Whether light comes from all around what it mirrors.
+    pub is_within: bool,
 }
 
 /// A direction that a flat face mirrors to the observer, and the lobe about it.
@@ -52,8 +71,10 @@ pub(super) struct Face {
 pub(super) struct Glint {
     /// Towards the light, a unit vector in the body's axes.
     pub toward: DVec3,
-    /// Half-width of the lobe (at 1/e), radians: where light grazes, the narrower one.
+    /// Half-width of the lobe (at 1/e), radians: where light grazes, or a lobe has two, the narrower one.
     pub width_rad: f64,
+    /// The wider one.
+    pub reach_rad: f64,
     /// What its light would come from if all of it were as bright as the peak, sr.
     pub solid_angle: f64,
 }
@@ -67,11 +88,13 @@ impl Face {
         // Slopes of r times α, and r dr for each unit of a coordinate from 0 to 1.
         let v = 0.5 * (1.0 + steep);
         let (r, rate) = match self.lobe.distribution() {
-            // The share v² of microfacets is less steep.
-            Distribution::Beckmann => {
+            // As many microfacets in each ring of equal area, so that the answer to even light is exact. The steep ones have little room in it.
+            Distribution::Beckmann if self.is_within => {
                 let left = (1.0 - v) * (1.0 + v);
                 ((-left.ln()).sqrt(), v / left)
             }
+            // Of a Gauss curve there is nothing beyond.
+            Distribution::Beckmann => (STEEPEST * v, STEEPEST * STEEPEST * v),
             // Long tails: half of the coordinate is for what is steeper than α, and steep slopes have room in it.
             Distribution::Ggx => (v / (1.0 - v), v / (1.0 - v).powi(3)),
         };
@@ -86,18 +109,20 @@ impl Face {
         is_seen.then(|| (toward.normalize(), solid_angle))
     }
 
-    /// Whether it is turned as these axes are, as far as its lobe can tell.
-    fn is_like(&self, axes: &[DVec3; 3]) -> bool {
+    /// Whether it is turned as these axes are and sees the observer where another does, as far as its lobe can tell.
+    fn is_like(&self, axes: &[DVec3; 3], to: DVec3) -> bool {
         let (alpha_x, alpha_y) = self.lobe.alpha();
-        let near = |i: usize, most: f64| (self.axes[i] - axes[i]).length_squared() < most * most;
-        let is_isotropic = alpha_x == alpha_y;
-        near(2, 1e-3 * alpha_x.min(alpha_y)) && (is_isotropic || near(0, 1e-3))
+        let (least, most) = (alpha_x.min(alpha_y), alpha_x.max(alpha_y));
+        let near = |a: DVec3, b: DVec3, most: f64| (a - b).length_squared() < most * most;
+        let turned = least == most || near(self.axes[0], axes[0], 1e-3 * least / most);
+        near(self.axes[2], axes[2], 1e-3 * least)
+            && near(self.to, to, OF_ROUGHNESS * least)
+            && turned
     }
 }
 
 impl Evaluator<'_> {
-    /// What of flat faces mirrors to the observer, hidden or not, by lobes that are narrow; nothing in a big mesh, and where there are too many to matter one by one. Hinged
-    /// parts turn to `facing`; `shines` says whether light comes from a direction.
+    /// What of flat faces mirrors to the observer, hidden or not, by lobes that are narrow; nothing in a big mesh. Hinged parts turn to `facing`.
     ///
     /// # Errors
     /// A direction that is none.
@@ -105,60 +130,101 @@ impl Evaluator<'_> {
         &mut self,
         facing: DVec3,
         view: View,
-        shines: &dyn Fn(DVec3) -> bool,
+        sky: &Sky<'_>,
     ) -> Result<Mirroring, DirectionError> {
         let (_, eye) = self.aim(facing, facing, view)?;
         let mut found = Mirroring::default();
         if self.scene.large.is_some() {
             return Ok(found);
         }
+        let (mut areas, mut bright) = (Vec::new(), Vec::new());
         for (i, facet) in self.scene.facets.iter().enumerate() {
             let material = &self.scene.materials[facet.material as usize];
-            let (lobe, width_rad) = match material.width() {
+            let (lobe, [narrow, wide]) = match material.width() {
                 Width::Even | Width::Mirror(_) => continue,
-                Width::Lobe { lobe, .. } => (Some(*lobe), lobe.width_rad()),
-                Width::Other(width_rad) => (None, width_rad),
+                Width::Lobe { lobe, .. } => {
+                    let (alpha_x, alpha_y) = lobe.alpha();
+                    let ratio = alpha_x.max(alpha_y) / alpha_x.min(alpha_y);
+                    let narrow = lobe.width_rad();
+                    (Some(*lobe), [narrow, (ratio * narrow).min(PI)])
+                }
+                Width::Other(width_rad) => (None, [width_rad; 2]),
             };
-            if facet.patch.is_some() || width_rad > WIDE_RAD {
+            if facet.patch.is_some() || narrow > WIDE_RAD {
                 continue;
             }
             let Some((toward, cos)) = self.mirrored(i, eye) else { continue };
-            let is_face = |_: &Lobe| {
-                let most = REACH * width_rad;
-                width_rad * cos < NARROW_RAD && around(toward, most).into_iter().any(shines)
+            // Seen from a point the facet's places mirror other directions.
+            let spread = match eye {
+                Toward::Far(_) => 0.0,
+                Toward::Near(q) => facet.radius / (q - self.now.origin[i]).length(),
             };
-            match lobe.filter(is_face) {
+            let mut shining = [false, true];
+            let lobe = lobe.filter(|lobe| {
+                let (alpha_x, alpha_y) = lobe.alpha();
+                narrow * cos < NARROW_RAD
+                    && wide < OF_SOURCE * sky.radius_rad
+                    && spread <= OF_ROUGHNESS * alpha_x.min(alpha_y) * cos
+            });
+            if let Some(lobe) = &lobe {
+                let [near, far] = REACH;
+                for toward in around(toward, near * wide) {
+                    let shines = (sky.shines)(toward);
+                    shining = [shining[0] || shines, shining[1] && shines];
+                }
+                shining[0] |= lobe.distribution() == Distribution::Ggx
+                    && around(toward, (far * wide).min(WIDE_RAD)).into_iter().any(sky.shines);
+                if !shining[0] {
+                    continue;
+                }
+            }
+            match lobe {
                 Some(lobe) => {
                     let (now, number) = (&self.now, i as u32);
                     let axes = [now.tangent[i], now.bitangent[i], now.normal[i]];
                     let to = eye.from(now.origin[i]);
-                    let same = |f: &&mut Face| f.material == facet.material && f.is_like(&axes);
-                    match found.faces.iter_mut().find(same) {
-                        Some(face) => face.facets.push(number),
+                    let same = |f: &Face| f.material == facet.material && f.is_like(&axes, to);
+                    match found.faces.iter().position(same) {
+                        Some(k) => {
+                            found.faces[k].facets.push(number);
+                            areas[k] += cos * facet.area;
+                        }
                         None => {
                             let weights = material.lobe_weights();
                             let (facets, material) = (vec![number], facet.material);
-                            found.faces.push(Face { facets, material, lobe, weights, axes, to });
+                            let is_within = shining[1];
+                            let face =
+                                Face { facets, material, lobe, weights, axes, to, is_within };
+                            found.faces.push(face);
+                            areas.push(cos * facet.area);
                         }
                     }
                 }
                 None => {
-                    // A Beckmann lobe's: F/(4π α² cosθ) at its peak, F in all.
-                    let solid_angle = PI * width_rad * width_rad * cos;
-                    let glint = Glint { toward, width_rad: width_rad * cos, solid_angle };
-                    let alike = |other: &Glint| {
-                        let most = ALIKE * glint.width_rad.min(other.width_rad);
-                        (other.toward - toward).length() < most
+                    let glint = Glint {
+                        toward,
+                        width_rad: narrow * cos + spread,
+                        reach_rad: wide + spread,
+                        // A Beckmann lobe's: F/(4π α_x α_y cosθ) at its peak, F in all.
+                        solid_angle: PI * (narrow + spread) * (wide + spread) * cos,
                     };
-                    if !found.glints.iter().any(alike) {
-                        found.glints.push(glint);
+                    let alike = |other: &Glint| {
+                        let [a, b] = [glint.width_rad, other.width_rad];
+                        (other.toward - toward).length() < ALIKE * a.min(b)
+                            && a.max(b) < ALIKE_WIDTHS * a.min(b)
+                    };
+                    match found.glints.iter().position(alike) {
+                        Some(k) => bright[k] += cos * facet.area,
+                        None => {
+                            found.glints.push(glint);
+                            bright.push(cos * facet.area);
+                        }
                     }
                 }
             }
-            if found.faces.len() + found.glints.len() > MOST {
-                return Ok(Mirroring::default());
-            }
         }
+        keep_largest(&mut found.faces, &areas);
+        keep_largest(&mut found.glints, &bright);
         Ok(found)
     }
 
@@ -221,8 +287,8 @@ impl Evaluator<'_> {
         Ok(if total > 0.0 { error / total + 1e-15 } else { 0.0 })
     }
 
-    /// Adds to `weights` what flat mirrors send of a source whose radiance, of the irradiance that W stands before, is `radiance(direction)` \[sr⁻¹\], layer by layer of
-    /// `weights` in rows of [`Scene::weight_count`](super::Scene::weight_count). Seen from a point a facet mirrors what it does from its own origin.
+    /// Adds to `weights` and `errors` what flat mirrors send of a source whose radiance, of the irradiance that W stands before, is `radiance(direction)` \[sr⁻¹\], layer by
+    /// layer in rows of [`Scene::weight_count`](super::Scene::weight_count). Gives how many facets were looked at.
     ///
     /// # Errors
     /// A direction that is none.
@@ -230,39 +296,82 @@ impl Evaluator<'_> {
         &mut self,
         (facing, view): (DVec3, View),
         radiance: &dyn Fn(DVec3) -> Vec<f64>,
-        weights: &mut [f64],
-    ) -> Result<(), DirectionError> {
+        (weights, errors): (&mut [f64], &mut [f64]),
+    ) -> Result<usize, DirectionError> {
         let scene = self.scene;
         if !scene.materials.iter().any(Material::is_mirror) {
-            return Ok(());
+            return Ok(0);
         }
         let (_, eye) = self.aim(facing, facing, view)?;
-        let mut sorted = None;
-        let mut row = vec![0.0; scene.weight_count()];
+        let (mut sorted, mut looked) = (None, 0);
+        let count = scene.weight_count();
         for (i, facet) in scene.facets.iter().enumerate() {
             let Width::Mirror(fresnel) = scene.materials[facet.material as usize].width() else {
                 continue;
             };
             let Some((toward, cos)) = self.mirrored(i, eye) else { continue };
-            let lights = radiance(toward);
-            if lights.iter().all(|light| *light == 0.0) {
+            if facet.patch.is_some() {
                 continue;
             }
+            let own = scene.weights_of(facet.material as usize);
+            let lights = radiance(toward);
+            if matches!(eye, Toward::Far(_)) && lights.is_empty() {
+                continue;
+            }
+            looked += 1;
             if sorted != Some(toward) {
                 self.sort(toward, eye);
                 sorted = Some(toward);
             }
             let sight = Sight { scene, now: &self.now, outlines: &self.outlines };
-            let cut = self.work.visible(&sight, i, toward, eye, scene.outlines.get(i));
-            let area = if cut { self.work.kept.area() } else { facet.area };
-            row.fill(0.0);
-            let own = scene.weights_of(facet.material as usize);
-            fresnel.add_weights(cos, area * cos, &mut row[own]);
-            for (weights, light) in weights.chunks_exact_mut(row.len()).zip(lights) {
-                weights.iter_mut().zip(&row).for_each(|(weight, w)| *weight += light * w);
+            let outline = scene.outlines.get(i);
+            let cut = self.work.visible(&sight, i, toward, eye, outline);
+            let rounding = if cut { self.cut_rounding_m2(facet) } else { 0.0 };
+            let mut row = vec![0.0; weights.len() / count * own.len()];
+            let mut brought = 0.0;
+            match eye {
+                Toward::Far(_) => {
+                    let area = if cut { self.work.kept.area() } else { facet.area };
+                    for (row, light) in row.chunks_exact_mut(own.len()).zip(&lights) {
+                        fresnel.add_weights(cos, area * cos * light, row);
+                    }
+                    brought = row.iter().sum::<f64>() * rounding / area.max(f64::MIN_POSITIVE);
+                }
+                // Each place mirrors its own direction; what hides it of the light is taken for the facet's origin.
+                Toward::Near(q) => {
+                    let [u, v, n] =
+                        [self.now.tangent[i], self.now.bitangent[i], self.now.normal[i]];
+                    let rel = q - self.now.origin[i];
+                    let mut weigh = |to: DVec3, scale: f64, out: &mut [f64]| {
+                        let lights = radiance(to.z * n - to.x * u - to.y * v);
+                        for (out, light) in out.chunks_exact_mut(own.len()).zip(lights) {
+                            fresnel.add_weights(to.z, scale * light, out);
+                        }
+                    };
+                    let mut task = near::Task {
+                        weigh: &mut weigh,
+                        tolerance: NEAR_TOLERANCE,
+                        longest_m: f64::INFINITY,
+                        at: DVec3::new(rel.dot(u), rel.dot(v), rel.dot(n)),
+                        range_squared: q.length_squared(),
+                        facet_area: facet.area,
+                    };
+                    if cut {
+                        for piece in self.work.kept.iter() {
+                            brought += self.near.add(&mut task, piece, 1.0, &mut row);
+                        }
+                    } else {
+                        brought += self.near.add(&mut task, outline, 1.0, &mut row);
+                    }
+                }
+            }
+            let rows = weights.chunks_exact_mut(count).zip(errors.chunks_exact_mut(count));
+            for ((weights, errors), row) in rows.zip(row.chunks_exact(own.len())) {
+                weights[own.clone()].iter_mut().zip(row).for_each(|(weight, w)| *weight += w);
+                errors[own.start] += brought;
             }
         }
-        Ok(())
+        Ok(looked)
     }
 
     /// The direction that a facet mirrors to the observer, and the cosine of both; `None` where it does not face the observer.
@@ -283,4 +392,14 @@ fn around(toward: DVec3, most_rad: f64) -> Vec<DVec3> {
         toward * off.cos() + (x * cos + y * sin) * off.sin()
     };
     std::iter::once(toward).chain((0..16).map(at)).collect()
+}
+
+/// Keeps the [`MOST`] of some things that are largest, in their order.
+fn keep_largest<T>(things: &mut Vec<T>, sizes: &[f64]) {
+    if things.len() > MOST {
+        let mut sorted = sizes.to_vec();
+        sorted.sort_by(|a, b| b.total_cmp(a));
+        let mut sizes = sizes.iter();
+        things.retain(|_| sizes.next().is_some_and(|size| *size >= sorted[MOST - 1]));
+    }
 }

@@ -10,7 +10,7 @@
 
 use super::earth::cap::{LitCap, Piece, Rule};
 use super::earth::{EarthAlbedo, GREY_NM};
-use super::glint::{Face, Glint};
+use super::glint::{Face, Glint, Sky};
 use super::{DirectionError, Effect, Evaluator, Globe, Lighting, Source, Term, View};
 use crate::surface::rule;
 use glam::DVec3;
@@ -31,8 +31,8 @@ const CLAIMED: f64 = 2.0;
 const HIDDEN: f64 = 0.1;
 /// A cell whose radius is more than so many times the width of a glint may have it between its points.
 const NOTICED: f64 = 2.0;
-/// So many widths from its middle a glint still shines.
-const REACH: f64 = 2.0;
+/// So many widths from a cell a glint is none of its own.
+const REACH: f64 = 1.5;
 /// What it costs to light one of the scene's facets alone, of what it costs to light it among all, and at least of what all cost.
 const ALONE: (f64, f64) = (2.0, 0.05);
 /// Of itself, what earthshine may be off: the Earth is known to half of its light.
@@ -106,8 +106,8 @@ struct Cell {
     /// How far the two rules are apart, of each weight.
     apart: Vec<f64>,
     rounding: Vec<f64>,
-    /// The glints that both may have missed, of each of the scene's weights; none where there are none.
-    missed: Vec<f64>,
+    /// The glints that both may have missed, each with the cell's radiance.
+    missed: Vec<(usize, f64)>,
     /// That of the cap, of which a cell of microfacets is no part.
     irradiance: f64,
     /// The light and what may be wrong with it at the wavelengths.
@@ -253,13 +253,16 @@ impl<'a> Earthshine<'a> {
         let [mut weights, mut apart, mut rounding, mut idle] = [(); 4].map(|()| vec![0.0; n]);
         let Ground { cap, from, .. } = ground;
         let face = piece.panel.checked_sub(cap.panels()).map(|number| &ground.faces[number]);
-        let mut irradiance = 0.0;
+        let (mut irradiance, mut vague) = (0.0, 0.0);
         for (k, points) in self.rules.iter().enumerate() {
             let out = if k == 0 { (&mut weights, &mut rounding) } else { (&mut apart, &mut idle) };
             let (rule, cost) = match face {
                 None => (cap.piece(&piece, points), 1.0),
                 Some(face) => {
-                    let rule = cap.seen(&piece, points, &|at| face.direction(at));
+                    let (rule, wrong) = cap.seen(&piece, points, &|at| face.direction(at));
+                    if k == 0 {
+                        vague = wrong;
+                    }
                     let all = self.evaluator.scene.report().facets.max(1) as f64;
                     let cost = (ALONE.0 * face.facets.len() as f64 / all).max(ALONE.1);
                     (rule, cost.min(1.0))
@@ -272,20 +275,21 @@ impl<'a> Earthshine<'a> {
             let out = (&mut out.0[..], &mut out.1[..]);
             add_all(&mut self.evaluator, &rule, face, *from, &mut self.room, out)?;
         }
-        apart.iter_mut().zip(&weights).for_each(|(a, w)| *a = (*a - w).abs());
+        apart.iter_mut().zip(&weights).for_each(|(a, w)| *a = (*a - w).abs() + vague * w.abs());
         let light = at_wavelengths(&weights, &self.rho);
         let mut off = at_wavelengths(&apart, &self.rho);
         let mut missed = Vec::new();
         if face.is_none() && !ground.glints.is_empty() {
             let span = cap.span(&piece);
-            for Bright { glint, weights, light } in &ground.glints {
-                let near = span.radius_rad + REACH * glint.width_rad;
-                let is_wide = span.radius_rad > NOTICED * glint.width_rad;
-                if is_wide && span.toward.angle_between(glint.toward) < near {
-                    missed.resize(weights.len(), 0.0);
-                    missed.iter_mut().zip(weights).for_each(|(m, w)| *m += span.radiance * w);
+            for (number, Bright { glint, light, .. }) in ground.glints.iter().enumerate() {
+                // How many widths it is away, and what it has there at most.
+                let away = (span.toward.angle_between(glint.toward) - span.radius_rad).max(0.0)
+                    / glint.reach_rad;
+                if span.radius_rad > NOTICED * glint.width_rad && away < REACH {
+                    let radiance = span.radiance / (1.0 + away * away).powi(2);
+                    missed.push((number, radiance));
                     let each = off.iter_mut().zip(light.iter().zip(&self.mean));
-                    each.for_each(|(off, (light, mean))| *off += span.radiance * light * mean);
+                    each.for_each(|(off, (light, mean))| *off += radiance * light * mean);
                 }
             }
         }
@@ -319,8 +323,19 @@ impl<'a> Earthshine<'a> {
         let most = self.asked + MOST_ASKED;
         let mut cells = Vec::new();
         for panel in 0..ground.cap.panels() + ground.faces.len() {
+            let face = panel.checked_sub(ground.cap.panels()).map(|number| &ground.faces[number]);
             for middle in QUARTERS {
-                cells.push(self.cell(ground, Piece { panel, middle, half: [0.5, 0.5] }, 0)?);
+                let quarter = Piece { panel, middle, half: [0.5, 0.5] };
+                if face.is_some_and(|face| !face.is_within) {
+                    // An edge of the light crosses the lobe: two rules that are as coarse as quarters agree by chance.
+                    for half in quarter.halves(0) {
+                        for piece in half.halves(1) {
+                            cells.push(self.cell(ground, piece, 0)?);
+                        }
+                    }
+                } else {
+                    cells.push(self.cell(ground, quarter, 0)?);
+                }
             }
         }
         loop {
@@ -429,24 +444,34 @@ impl Effect for Earthshine<'_> {
         self.evaluator.direct(lighting.sun_body, lighting.view, &mut sunlight)?;
         let sunlight = at_wavelengths(&sunlight, &self.own);
         let shines = |toward| !cap.radiance(toward).is_empty();
-        let mirroring = self.evaluator.mirroring(from.0, from.1, &shines)?;
-        self.evaluator.leave_out(&mirroring.faces);
-        let glints = self.bright(mirroring.glints, from)?;
-        let ground = Ground { cap, faces: mirroring.faces, glints, from };
-        let cells = self.cells(&ground, &sunlight);
+        let radius_rad = (globe.radius_m / globe.distance_m).min(1.0).asin();
+        let sky = Sky { shines: &shines, radius_rad };
+        let mirroring = self.evaluator.mirroring(from.0, from.1, &sky)?;
+        let mut ground = Ground { cap, faces: mirroring.faces, glints: Vec::new(), from };
+        self.evaluator.leave_out(&ground.faces);
+        let cells = self.bright(mirroring.glints, from).and_then(|glints| {
+            ground.glints = glints;
+            self.cells(&ground, &sunlight)
+        });
         self.evaluator.leave_out(&[]);
         let cells = cells?;
         let brightest = earth.grid().map_or(1.0, |grid| grid.range().1);
-        for (k, (weight, error)) in weights.iter_mut().zip(errors).enumerate() {
+        for (k, (weight, error)) in weights.iter_mut().zip(&mut *errors).enumerate() {
             // Of a table the points may have light below 0, and where a body is turned away from all that is bright what is left of them, too; there is none of it.
             *weight += cells.iter().map(|c| c.weights[k]).sum::<f64>().max(0.0);
             *error += claimed(cells.iter().map(|c| c.apart[k]));
             *error += cells.iter().map(|c| c.rounding[k]).sum::<f64>();
-            // A glint lies in one cell, though several are near.
-            let missed = cells.iter().filter_map(|c| c.missed.get(k % self.own.len()));
-            *error += brightest * missed.copied().fold(0.0, f64::max);
+            for (number, glint) in ground.glints.iter().enumerate() {
+                // It lies in one cell, though several are near.
+                let missed = cells.iter().flat_map(|c| &c.missed).filter(|m| m.0 == number);
+                let radiance = missed.map(|m| m.1).fold(0.0, f64::max);
+                *error += brightest * radiance * glint.weights[k % self.own.len()];
+            }
         }
-        self.evaluator.add_mirrors(from, &|toward| ground.cap.radiance(toward), weights)
+        let radiance = |toward| ground.cap.radiance(toward);
+        let out = (weights, errors);
+        self.asked += ALONE.1 * self.evaluator.add_mirrors(from, &radiance, out)? as f64;
+        Ok(())
     }
 }
 
@@ -461,14 +486,16 @@ impl Effect for Moonshine<'_> {
         let irradiance = moonlight(moon);
         let rule = Rule::of_one(moon.toward, irradiance);
         let from = (lighting.sun_body, lighting.view);
-        add_all(&mut self.evaluator, &rule, None, from, &mut self.room, (weights, errors))?;
+        let out = (&mut *weights, &mut *errors);
+        add_all(&mut self.evaluator, &rule, None, from, &mut self.room, out)?;
         // To a flat mirror its disc is as bright all over.
         let sine = (moon.radius_m / moon.distance_m).min(1.0);
         let radiance = |toward: DVec3| {
             let is_on_disc = toward.angle_between(moon.toward) < sine.asin();
             if is_on_disc { vec![irradiance / (PI * sine * sine)] } else { Vec::new() }
         };
-        self.evaluator.add_mirrors(from, &radiance, weights)
+        self.evaluator.add_mirrors(from, &radiance, (weights, errors))?;
+        Ok(())
     }
 }
 
