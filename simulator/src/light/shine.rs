@@ -68,7 +68,7 @@ pub fn moonlight(moon: &Globe) -> f64 {
 /// rules over all of it agree by chance. So the cap falls into cells, each with two rules; the cell whose rules are farthest apart is halved until what all of them
 /// claim together is within the tolerance.
 ///
-/// What flat glossy faces mirror is too narrow for cells of the cap: it is summed over their microfacets, in cells of the same kind ([`super::glint`]), and flat mirrors send the radiance of
+/// What flat glossy faces mirror is too narrow for cells of the cap: it is summed over their microfacets, in cells of the same kind (`super::glint`), and flat mirrors send the radiance of
 /// the one place that they mirror. As long as a cell is wide beside the glint of some other narrow lobe, all of that is open.
 #[derive(Debug)]
 pub struct Earthshine<'a> {
