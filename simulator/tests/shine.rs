@@ -24,6 +24,20 @@ fn earth(height_m: f64, sun_altitude_deg: f64) -> Globe {
     }
 }
 
+/// In full sunlight, with an Earth alone.
+fn lit(earth: Globe, view: View) -> Lighting {
+    Lighting {
+        sun_body: earth.sun,
+        sun_radius_rad: 0.004_65,
+        earth: Some(earth),
+        moon: None,
+        shadow: None,
+        sunlit: 1.0,
+        sunlit_error: 0.0,
+        view,
+    }
+}
+
 fn on_nadir_facet(globe: &Globe, order: usize) -> f64 {
     shine::cap(globe, order).iter().map(|(toward, e)| e * -toward.z).sum::<f64>()
 }
@@ -153,16 +167,7 @@ fn a_plate_reflects_earth_and_moon() {
     let scene = Scene::new(&plate("-z")).unwrap();
     let observer = DVec3::new(0.6, 0.0, -0.8);
     let globe = earth(550e3, 30.0);
-    let lighting = Lighting {
-        sun_body: globe.sun,
-        sun_radius_rad: 0.0,
-        earth: Some(globe),
-        moon: None,
-        shadow: None,
-        sunlit: 1.0,
-        sunlit_error: 0.0,
-        view: View::Distant(observer),
-    };
+    let lighting = lit(globe, View::Distant(observer));
     let (mut weights, mut errors) = (vec![0.0], vec![0.0]);
     let mut earthshine = Earthshine::new(scene.evaluator(), 1e-3);
     earthshine.add(&lighting, &mut weights, &mut errors).unwrap();
@@ -242,16 +247,7 @@ fn earthshine_on_bodies_that_shade_themselves_is_as_good_as_all_light_asks_for()
                 sun,
                 to_ground: glam::DQuat::IDENTITY,
             };
-            let lighting = Lighting {
-                sun_body: sun,
-                sun_radius_rad: 0.0,
-                earth: Some(earth),
-                moon: None,
-                shadow: None,
-                sunlit: 1.0,
-                sunlit_error: 0.0,
-                view: View::Distant(to),
-            };
+            let lighting = lit(earth, View::Distant(to));
             let mut sunlight = vec![0.0; n];
             scene.evaluator().direct(sun, lighting.view, &mut sunlight).unwrap();
             let mut truth = by_grid(&scene, &lighting, 100);
@@ -320,16 +316,7 @@ fn glossy_faces_mirror_the_place_of_the_earth_that_they_see() {
         let tilt = DQuat::from_rotation_y(tilt_deg.to_radians());
         let globe = Globe { toward: tilt * globe.toward, sun: tilt * globe.sun, ..globe };
         let to = (tilt * DVec3::new(0.0, 0.0, -0.3) + DVec3::new(0.6, 0.48, -0.64)).normalize();
-        let lighting = Lighting {
-            sun_body: globe.sun,
-            sun_radius_rad: 0.00465,
-            earth: Some(globe),
-            moon: None,
-            shadow: None,
-            sunlit: 1.0,
-            sunlit_error: 0.0,
-            view: View::Distant(to),
-        };
+        let lighting = lit(globe, View::Distant(to));
         for alpha in [0.0, 1e-5, 1e-3, 2e-2] {
             let scene = glossy(&match alpha {
                 0.0 => "model = \"mirror\"".to_owned(),
@@ -395,16 +382,7 @@ fn mirrors_are_hidden_and_show_the_moon() {
         sun: DVec3::new(0.0, 0.6, -0.8),
         to_ground: DQuat::IDENTITY,
     };
-    let lighting = Lighting {
-        sun_body: globe.sun,
-        sun_radius_rad: 0.00465,
-        earth: Some(globe),
-        moon: Some(moon),
-        shadow: None,
-        sunlit: 1.0,
-        sunlit_error: 0.0,
-        view: View::Distant(to),
-    };
+    let lighting = Lighting { moon: Some(moon), ..lit(globe, View::Distant(to)) };
     let sent = |scene: &Scene, lighting: &Lighting| {
         let [mut weights, mut errors] = [(); 2].map(|()| vec![0.0; scene.weight_count()]);
         let mut moonlight = weights.clone();
@@ -468,16 +446,7 @@ fn an_observer_at_a_point_sees_each_face_mirror_its_own_place() {
             let each = 0.5 / 160_000.0 * -ray.z * q.length_squared() / (q - place).length_squared();
             truth += each * radiance(&globe, mirrored);
         }
-        let lighting = Lighting {
-            sun_body: globe.sun,
-            sun_radius_rad: 0.00465,
-            earth: Some(globe),
-            moon: None,
-            shadow: None,
-            sunlit: 1.0,
-            sunlit_error: 0.0,
-            view: View::At(q),
-        };
+        let lighting = lit(globe, View::At(q));
         let [mut weights, mut errors] = [(); 2].map(|()| vec![0.0; scene.weight_count()]);
         let mut earthshine = Earthshine::new(scene.evaluator(), 1e-2);
         earthshine.add(&lighting, &mut weights, &mut errors).unwrap();
@@ -507,16 +476,7 @@ fn narrow_lobes_of_other_kinds_are_found() {
         let globe = earth(height_m, 3.0);
         let tilt = DQuat::from_rotation_y(tilt_deg.to_radians());
         let globe = Globe { toward: tilt * globe.toward, sun: tilt * globe.sun, ..globe };
-        let lighting = Lighting {
-            sun_body: globe.sun,
-            sun_radius_rad: 0.0,
-            earth: Some(globe),
-            moon: None,
-            shadow: None,
-            sunlit: 1.0,
-            sunlit_error: 0.0,
-            view: View::Distant(DVec3::new(0.48, aside, -0.8).normalize()),
-        };
+        let lighting = lit(globe, View::Distant(DVec3::new(0.48, aside, -0.8).normalize()));
         let truth = by_grid(&scene, &lighting, 1000).iter().sum::<f64>();
         let [mut weights, mut errors] = [(); 2].map(|()| vec![0.0; scene.weight_count()]);
         let mut earthshine = Earthshine::new(scene.evaluator(), 1e-2);
