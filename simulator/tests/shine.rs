@@ -8,7 +8,8 @@ use sunglint_radiometry::spectrum::Spectrum;
 use sunglint_simulator::light::disc::SunOptions;
 use sunglint_simulator::light::shine::{self, Earthshine, Moonshine};
 use sunglint_simulator::light::{Effect as _, Globe, Lighting, Scene, Source, View};
-use sunglint_simulator::target::Target;
+use sunglint_simulator::mesh::shapes::{Faceting, icosphere};
+use sunglint_simulator::target::{Shape, Target};
 
 const EARTH_M: f64 = 6_371_000.0;
 
@@ -360,6 +361,38 @@ fn glossy_faces_mirror_the_place_of_the_earth_that_they_see() {
         }
     }
     assert!(seen > 300 && asked < 200.0 * 1080.0, "{seen} of 1080 seen, {asked} directions");
+}
+
+/// Truth: a sum over 20,000 equal solid angles, of the test's own. Each of 320 facets of a ball has its own glint (their normals are farther apart than the lobes are wide), and a plate beside it
+/// has a narrower one: all are found from few directions, within what is stated and 1e-3.
+#[test]
+fn a_ball_of_facets_has_many_glints() {
+    let mut ball = Target::parse(
+        "ball.toml",
+        "name = \"ball\"\n[[part]]\nname = \"ball\"\nshape = \"plate\"\nsize_m = [1, 1]\nmaterial = \"gloss\"\n\
+         [[part]]\nname = \"plate\"\nshape = \"plate\"\nsize_m = [2, 2]\nfaces = [\"-z\"]\noffset_m = [0, 4, 0]\nmaterial = \"fine\"\n\
+         [[material]]\nname = \"gloss\"\nreflectance = 0.9\nmodel = \"microfacet\"\ndistribution = \"beckmann\"\nalpha = 0.05\n\
+         [[material]]\nname = \"fine\"\nreflectance = 0.9\nmodel = \"microfacet\"\ndistribution = \"beckmann\"\nalpha = 0.02\n"
+            .to_owned(),
+    )
+    .unwrap();
+    ball.parts[0].shape = Shape::Mesh(icosphere(1.0, 2, Faceting::SameArea));
+    let mut alone = ball.clone();
+    alone.parts.truncate(1);
+    for (target, most) in [(alone, 300.0), (ball, 600.0)] {
+        let scene = Scene::new(&target).unwrap();
+        let globe = earth(790e3, 30.0);
+        let lighting = lit(globe, View::Distant(DVec3::new(0.3, -0.48, -0.8).normalize()));
+        let truth = by_grid(&scene, &lighting, 100);
+        let [mut weights, mut errors] = [(); 2].map(|()| vec![0.0; scene.weight_count()]);
+        let mut earthshine = Earthshine::new(scene.evaluator(), 1e-3);
+        earthshine.add(&lighting, &mut weights, &mut errors).unwrap();
+        let asked = earthshine.asked();
+        for ((found, stated), truth) in weights.iter().zip(&errors).zip(&truth) {
+            assert!((found - truth).abs() <= stated + 1e-3 * truth, "{found} ± {stated}, {truth}");
+        }
+        assert!(asked < most, "{asked} directions");
+    }
 }
 
 /// Truth: geometry. A mirror that another plate hides has half of its light; the Moon's disc, half a degree wide, has its irradiance over its solid angle, and a mirror of the sky beside it

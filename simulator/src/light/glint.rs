@@ -20,8 +20,11 @@ const NARROW_RAD: f64 = 0.15;
 const OF_SOURCE: f64 = 0.5;
 /// Unless the source is farther than so many widths from what they mirror: it has nothing of a Beckmann lobe then, and of GGX's long tails (the second) what is smooth all over it.
 const REACH: [f64; 2] = [3.0, 20.0];
-/// Of so many faces and glints each those that are largest count: what is left are many small ones, which make something wide together.
-const MOST: usize = 64;
+/// More faces or glints are none: so many make something wide together, and looking at each would cost more than the scene.
+const MOST: usize = 256;
+/// And so do faces with so many others whose lobes overlap with theirs and that are at least so large beside them.
+const OVERLAPPING: usize = 4;
+const AS_LARGE: f64 = 0.3;
 /// Directions that are apart by less than this, of the lobe's width, are one, if their widths are alike as well.
 const ALIKE: f64 = 0.25;
 const ALIKE_WIDTHS: f64 = 1.5;
@@ -79,7 +82,38 @@ pub(super) struct Glint {
     pub solid_angle: f64,
 }
 
+impl Mirroring {
+    /// Leaves what is narrow as a whole; `areas` are those of the faces, as the observer sees them.
+    fn keep_narrow(&mut self, areas: &[f64]) {
+        if self.faces.len() > MOST {
+            self.faces.clear();
+        }
+        if self.glints.len() > MOST {
+            self.glints.clear();
+        }
+        let all: Vec<(DVec3, f64, f64)> = self
+            .faces
+            .iter()
+            .zip(areas)
+            .map(|(f, a)| (f.mirrored(), f.lobe.width_rad(), *a))
+            .collect();
+        let overlaps = |a: &(DVec3, f64, f64)| {
+            let near = |b: &&(DVec3, f64, f64)| (a.0 - b.0).length() < a.1 && b.2 > AS_LARGE * a.2;
+            // Itself among them.
+            all.iter().filter(near).count() > OVERLAPPING
+        };
+        let mut kept = all.iter().map(|face| !overlaps(face));
+        self.faces.retain(|_| kept.next().unwrap_or(true));
+    }
+}
+
 impl Face {
+    /// The direction that all of it mirrors to the observer.
+    fn mirrored(&self) -> DVec3 {
+        let normal = self.axes[2];
+        2.0 * normal.dot(self.to) * normal - self.to
+    }
+
     /// The direction that some of its microfacets mirror to the observer, by two coordinates from −1 to 1 (how steep they are and whither), and its solid angle for
     /// each unit of both. `None` where that direction or they themselves are turned away.
     pub fn direction(&self, [steep, whither]: [f64; 2]) -> Option<(DVec3, f64)> {
@@ -137,7 +171,7 @@ impl Evaluator<'_> {
         if self.scene.large.is_some() {
             return Ok(found);
         }
-        let (mut areas, mut bright) = (Vec::new(), Vec::new());
+        let mut areas = Vec::new();
         for (i, facet) in self.scene.facets.iter().enumerate() {
             let material = &self.scene.materials[facet.material as usize];
             let (lobe, [narrow, wide]) = match material.width() {
@@ -213,18 +247,13 @@ impl Evaluator<'_> {
                         (other.toward - toward).length() < ALIKE * a.min(b)
                             && a.max(b) < ALIKE_WIDTHS * a.min(b)
                     };
-                    match found.glints.iter().position(alike) {
-                        Some(k) => bright[k] += cos * facet.area,
-                        None => {
-                            found.glints.push(glint);
-                            bright.push(cos * facet.area);
-                        }
+                    if !found.glints.iter().any(alike) {
+                        found.glints.push(glint);
                     }
                 }
             }
         }
-        keep_largest(&mut found.faces, &areas);
-        keep_largest(&mut found.glints, &bright);
+        found.keep_narrow(&areas);
         Ok(found)
     }
 
@@ -392,14 +421,4 @@ fn around(toward: DVec3, most_rad: f64) -> Vec<DVec3> {
         toward * off.cos() + (x * cos + y * sin) * off.sin()
     };
     std::iter::once(toward).chain((0..16).map(at)).collect()
-}
-
-/// Keeps the [`MOST`] of some things that are largest, in their order.
-fn keep_largest<T>(things: &mut Vec<T>, sizes: &[f64]) {
-    if things.len() > MOST {
-        let mut sorted = sizes.to_vec();
-        sorted.sort_by(|a, b| b.total_cmp(a));
-        let mut sizes = sizes.iter();
-        things.retain(|_| sizes.next().is_some_and(|size| *size >= sorted[MOST - 1]));
-    }
 }
