@@ -257,6 +257,35 @@ mod tests {
         (first..first + (1 << 16)).map(|k| Tag::photon(1, 1_000_000 * k).to_bytes()).collect()
     }
 
+    /// The same disk before a recording that is played as fast as it can: it waits. Truth: by hand: 80 MiB at a disk that begins late and takes one at a time are all handed on, in order, and
+    /// the room that they took is free again.
+    #[test]
+    fn a_recording_waits_for_room() {
+        let (sender, receiver) = sync_channel(2);
+        let tag_room = Arc::new(TagRoom::default());
+        let disk = Disk { sender, pixels: Arc::default(), tag_room: tag_room.clone(), live: false };
+        let writing = std::thread::spawn(move || {
+            std::thread::sleep(LOOK);
+            let take = |message: Message| match message {
+                Message::Tags(_, None, records) => {
+                    tag_room.give(records.as_flattened().len() as u64);
+                    Tag::from_bytes(&records[0]).time_ps
+                }
+                other => panic!("{other:?}"),
+            };
+            let times: Vec<i64> = receiver.iter().map(take).collect();
+            // All of it is free: as much as fits at all.
+            assert!(tag_room.take(64 << 20, false));
+            times
+        });
+        for number in 0..80 {
+            assert_eq!(disk.tags("tagger", None, a_mebibyte(number)), None);
+        }
+        drop(disk);
+        let expected: Vec<i64> = (0..80).map(|number| 1_000_000 * (number << 16)).collect();
+        assert_eq!(writing.join().unwrap(), expected);
+    }
+
     /// A disk that does not write for a while. Truth: by hand: 64 MiB wait, what comes then is lost in one piece until half of that is free, bins never wait for tags,
     /// and each tag is either handed on or within the span of a loss that is told.
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! A face with a narrow lobe makes a sharp answer of a source that is smooth. Seen from the face it is the other way round: its microfacets are spread smoothly about its own
 //! normal, and each of them mirrors one place of the source. So such faces are taken apart from the rest, and the sum over the source is one over their microfacets
-//! ([`Face::direction`]), which takes as many points for α = 10⁻⁶ as for 0.1 (Walter et al. 2007, Microfacet models for refraction, section 5: the densities and the Jacobian 4 h·o). Perfect
+//! ([`Face::direction`]), which takes as many points for α = 10⁻⁶ as for 0.1 (Walter et al. 2007, Microfacet models for refraction: the Jacobian 4 h·o, eq. 14, and the densities, section 5). Perfect
 //! mirrors have one direction alone. What lies below a lobe, and laws that are no microfacets, stay with the rest: where these may be missed, [`Glint`] says.
 
 use super::evaluate::{DirectionError, Evaluator, GRAZING};

@@ -32,7 +32,7 @@ const HIDDEN: f64 = 0.1;
 /// A cell whose radius is more than so many times the width of a glint may have it between its points.
 const NOTICED: f64 = 2.0;
 /// So many widths from a cell a glint is none of its own.
-const REACH: f64 = 1.5;
+const BEYOND: f64 = 1.5;
 /// What it costs to light one of the scene's facets alone, of what it costs to light it among all, and at least of what all cost.
 const ALONE: (f64, f64) = (2.0, 0.05);
 /// Of itself, what earthshine may be off: the Earth is known to half of its light.
@@ -285,7 +285,7 @@ impl<'a> Earthshine<'a> {
                 // How many widths it is away, and what it has there at most.
                 let away = (span.toward.angle_between(glint.toward) - span.radius_rad).max(0.0)
                     / glint.reach_rad;
-                if span.radius_rad > NOTICED * glint.width_rad && away < REACH {
+                if span.radius_rad > NOTICED * glint.width_rad && away < BEYOND {
                     let radiance = span.radiance / (1.0 + away * away).powi(2);
                     missed.push((number, radiance));
                     let each = off.iter_mut().zip(light.iter().zip(&self.mean));
