@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::Folder;
+use crate::common::Folder;
 use std::f64::consts::PI;
 use sunglint_formats::ecsv;
 use sunglint_formats::fits::Fits;

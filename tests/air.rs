@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::Folder;
+use crate::common::Folder;
 use sunglint_radiometry::air::{Air, Sampling, Zenith};
 use sunglint_radiometry::station::Station;
 

@@ -3,9 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::Folder;
+use crate::common::Folder;
 use serde_json::{Value, json};
 
 /// 0.5 m across, efficiency 0.5 from 500 to 600 nm, 99 km high: no air is left (transmission 1 to 1e-4).

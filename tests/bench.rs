@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::{Folder, SPHERE_PASS};
+use crate::common::{Folder, SPHERE_PASS};
 use serde_json::Value;
 use std::process::Command;
 use sunglint_testkit::{peer_python, repository, run_python, shared, skip};

@@ -3,10 +3,8 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::Folder;
-use common::star_night::{KAPPA, VISITS, curve, hazy_curve, night};
+use crate::common::Folder;
+use crate::common::star_night::{KAPPA, VISITS, curve, hazy_curve, night};
 use serde_json::{Value, json};
 
 fn channel<'a>(night: &'a Value, name: &str) -> &'a Value {

@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::{Folder, SPHERE_PASS};
+use crate::common::{Folder, SPHERE_PASS};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::Path;

@@ -2,13 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-#[path = "common/night.rs"]
-mod night;
-#[path = "common/tagged.rs"]
-mod tagged;
-
-use common::{Folder, VEGA, page_toml};
+use crate::common::{Folder, VEGA, page_toml};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -91,7 +85,7 @@ fn keys(value: &Value, found: &mut BTreeSet<String>) {
 
 /// The curve of two lobes, as calibrated ones are: maps take no other.
 fn predicted_turning_curve() -> String {
-    common::turning_curve().replace("quantity: linear", "quantity: predicted")
+    crate::common::turning_curve().replace("quantity: linear", "quantity: predicted")
 }
 
 #[test]
@@ -249,8 +243,8 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     std::fs::write(folder.path("ingest.toml"), ingest).unwrap();
     keys(&folder.json(&["brdf", "ingest", "ingest.toml", "--json"]), &mut printed);
     // Stars, and what they calibrate.
-    common::star_night::night(&folder, "2020-11-18", 1.0);
-    common::star_night::night(&folder, "2020-11-19", 1.0);
+    crate::common::star_night::night(&folder, "2020-11-18", 1.0);
+    crate::common::star_night::night(&folder, "2020-11-19", 1.0);
     let calibrate = ["calibrate", "2020-11-18", "2020-11-19", "--station", "ufo"];
     keys(&folder.json(&[&calibrate[..], &["--json", "-o", "k.ecsv"]].concat()), &mut printed);
     let apply = ["apply", "k.ecsv", "2020-11-18/00_vega.ecsv", "--station", "ufo", "--json"];
@@ -274,7 +268,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     let spin = ["--period", "20", "--axes-deg", "60", "--json"];
     keys(&folder.json(&[&quality[..], &spin].concat()), &mut printed);
     // How a body spins, by a curve that was simulated.
-    let scene = common::page_toml("reading-attitude.md", "axis_body");
+    let scene = crate::common::page_toml("reading-attitude.md", "axis_body");
     std::fs::write(folder.path("spinning.toml"), scene.replace("step_s = 4", "step_s = 30"))
         .unwrap();
     folder.done(&["simulate", "spinning.toml", "-o", "spinning.ecsv", "-q"]);
@@ -282,9 +276,9 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     let bounds = ["--period", "60..80", "--sense", "right", "--scale", "grey", "--json"];
     keys(&folder.json(&[&attitude[..], &bounds].concat()), &mut printed);
     // A light curve of two lobes a turn of 20 s, read.
-    std::fs::write(folder.path("curve.ecsv"), common::turning_curve()).unwrap();
+    std::fs::write(folder.path("curve.ecsv"), crate::common::turning_curve()).unwrap();
     let removed = ["curve.ecsv", "--station", "ufo", "--json"];
-    std::fs::write(folder.path("sphere_pass.toml"), common::SPHERE_PASS).unwrap();
+    std::fs::write(folder.path("sphere_pass.toml"), crate::common::SPHERE_PASS).unwrap();
     let period = ["analyse", "period", "--pass", "sphere_pass.toml"];
     keys(&folder.json(&[&period[..], &removed].concat()), &mut printed);
     let fold = ["analyse", "fold", "--period", "20", "--period-sigma", "0.01"];
@@ -314,7 +308,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     keys(&folder.json(&["reduce", "v", "--json"]), &mut printed);
     keys(&folder.json(&["align", "v", "--json"]), &mut printed);
     // A counter with raw tags.
-    tagged::Tagged::new(1).session(&folder.path("tagged"));
+    crate::common::tagged::Tagged::new(1).session(&folder.path("tagged"));
     keys(&folder.json(&["reduce", "tagged", "--json"]), &mut printed);
     // A prediction, fitted.
     let page = read("docs/fit.md");

@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::{Folder, SPHERE_PASS};
+use crate::common::{Folder, SPHERE_PASS};
 
 fn folder(name: &str) -> Folder {
     let folder = Folder::new(name);
@@ -96,7 +94,7 @@ fn the_stated_error_is_in_every_output() {
 #[test]
 fn the_earth_of_the_guide() {
     let folder = folder("explain-earth");
-    let example = common::page_toml("pass.md", "file = \"albedo.csv\"");
+    let example = crate::common::page_toml("pass.md", "file = \"albedo.csv\"");
     std::fs::write(folder.path("earth.toml"), format!("{SPHERE_PASS}{example}")).unwrap();
     let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/earth/synthetic_10deg.csv");
     std::fs::copy(fixture, folder.path("albedo.csv")).unwrap();

@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::{Folder, SPHERE_PASS};
+use crate::common::{Folder, SPHERE_PASS};
 
 /// A curve and, command by command, a part of what it has to be answered.
 struct Case {
@@ -17,7 +15,7 @@ struct Case {
 }
 
 fn cases() -> (String, Vec<Case>) {
-    let text = common::turning_curve().replace("quantity: linear", "quantity: predicted");
+    let text = crate::common::turning_curve().replace("quantity: linear", "quantity: predicted");
     let (head, rows): (Vec<&str>, Vec<&str>) =
         text.lines().partition(|l| l.starts_with('#') || l.starts_with("time_utc"));
     let rows: Vec<String> = rows.into_iter().map(str::to_owned).collect();

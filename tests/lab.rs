@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::{Folder, page_toml};
+use crate::common::{Folder, page_toml};
 use std::io::Read as _;
 use std::process::{Command, Stdio};
 use std::sync::Arc;

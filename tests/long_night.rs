@@ -2,12 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-#[path = "common/night.rs"]
-mod night;
-
-use common::Folder;
-use night::{Fakes, frame};
+use crate::common::Folder;
+use crate::common::night::{Fakes, frame};
 use std::time::Instant;
 use sunglint_drivers::clock::Cancel;
 use sunglint_formats::session::Session;

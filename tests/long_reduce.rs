@@ -2,11 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-#[path = "common/virtual_night.rs"]
-mod virtual_night;
-
-use common::Folder;
+use crate::common::Folder;
+use crate::common::virtual_night::{observe, plan_of};
 use std::time::Instant;
 use sunglint::reduce::Stop;
 use sunglint::reduce::night::{ReduceOptions, reduce};
@@ -14,7 +11,6 @@ use sunglint_formats::session::Session;
 use sunglint_radiometry::light_curve::Flags;
 use sunglint_radiometry::station::Station;
 use sunglint_testkit::Campaign;
-use virtual_night::{observe, plan_of};
 
 struct GoOn;
 

@@ -2,12 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-#[path = "common/night.rs"]
-mod night;
-
-use common::Folder;
-use night::{Fakes, Recording, at, bins, frames, lost_between, plan_of};
+use crate::common::Folder;
+use crate::common::night::{Fakes, Recording, at, bins, frames, lost_between, plan_of};
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::Folder;
+use crate::common::Folder;
 
 const AIR: [&str; 6] = ["air", "--station", "ufo", "--zenith", "0", "--step-nm=10"];
 

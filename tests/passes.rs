@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test says what it expects")]
 
-mod common;
-
-use common::Folder;
+use crate::common::Folder;
 use sunglint_testkit::fixture;
 
 fn elements() -> String {

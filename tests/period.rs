@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::Folder;
+use crate::common::Folder;
 use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_testkit::{shared, skip};

@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::{Folder, VEGA};
+use crate::common::{Folder, VEGA};
 use std::path::Path;
 use std::process::Command;
 

@@ -2,14 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-#[path = "common/night.rs"]
-mod night;
-#[path = "common/tagged.rs"]
-mod tagged;
-
-use common::Folder;
-use night::{at, bins, plan_of};
+use crate::common::Folder;
+use crate::common::night::{at, bins, plan_of};
+use crate::common::tagged::{Tagged, truth_hz};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -26,7 +21,6 @@ use sunglint_formats::session::{
 };
 use sunglint_radiometry::light_curve::{Flags, LightCurve};
 use sunglint_radiometry::station::Station;
-use tagged::{Tagged, truth_hz};
 
 fn tags(session: &Session) -> Vec<Tag> {
     let (file, _) = TagFile::recover(session.tags("tagger").unwrap().unwrap()).unwrap();
@@ -79,7 +73,8 @@ fn recorded(root: &Path, seconds: i64) -> Session {
         let photons = [Tag::photon(1, start_ps), Tag::photon(3, start_ps + 9_999_999_999)];
         let bytes: Vec<u8> = photons.iter().flat_map(Tag::to_bytes).collect();
         assert!(writer.tags(at(0.0), "tagger", &bytes).unwrap());
-        let record = CountRecord { counts: vec![1, 1], ..night::bin(i as u64, 0.01) };
+        let record =
+            CountRecord { counts: vec![1, 1], ..crate::common::night::bin(i as u64, 0.01) };
         writer.count("tagger", &record).unwrap();
         if i % 100 == 99 {
             assert!(writer.sync(at(0.0)).is_empty());
@@ -214,7 +209,7 @@ fn a_killed_night_has_its_tags_to_within_a_second() {
 #[test]
 fn a_counter_without_tags_is_refused_before_the_night() {
     let folder = Folder::new("tags_refused");
-    let mut night = night::Fakes::new(10.0).night(&folder.0.join("s"));
+    let mut night = crate::common::night::Fakes::new(10.0).night(&folder.0.join("s"));
     night.counters[0].raw_tags = true;
     let error = night.run(&Cancel::new(), &mut |_| {}).unwrap_err().to_string();
     assert!(error.contains("counter tagger") && error.contains("no time tags"), "{error}");

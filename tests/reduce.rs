@@ -2,11 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-#[path = "common/virtual_night.rs"]
-mod virtual_night;
-
-use common::Folder;
+use crate::common::Folder;
+use crate::common::virtual_night::{observe, plan_of, write};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -18,7 +15,6 @@ use sunglint_radiometry::station::Station;
 use sunglint_simulator::observatory::night::Night;
 use sunglint_simulator::observatory::watch::Watch;
 use sunglint_testkit::{peer_python, run_python};
-use virtual_night::{observe, plan_of, write};
 
 struct GoOn;
 

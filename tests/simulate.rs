@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::{Folder, SPHERE_PASS};
+use crate::common::{Folder, SPHERE_PASS};
 use sunglint_formats::ecsv;
 use sunglint_radiometry::light_curve::{LightCurve, RateKind, SpectralLightCurve};
 use sunglint_testkit::fixture;

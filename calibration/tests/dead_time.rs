@@ -1,9 +1,7 @@
 //! Dead time inverted, against detectors simulated photon by photon.
 #![allow(clippy::unwrap_used)]
 
-mod events;
-
-use events::{Detector, Events};
+use crate::events::{Detector, Events};
 use sunglint_calibration::detector::{DetectorError, FineBins, Limit, Linearity};
 use sunglint_radiometry::station::{Counter, DeadTime, Station};
 use sunglint_testkit::Campaign;

@@ -1,9 +1,7 @@
 //! Light that changes within a bin: right from raw tags, flagged without them.
 #![allow(clippy::unwrap_used)]
 
-mod events;
-
-use events::{Detector, Events};
+use crate::events::{Detector, Events};
 use hifitime::{Duration, Epoch};
 use std::convert::Infallible;
 use sunglint_calibration::counts::{

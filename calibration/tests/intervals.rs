@@ -1,9 +1,7 @@
 //! Dead time, recovery and afterpulses found in the intervals between counts of detectors simulated photon by photon.
 #![allow(clippy::unwrap_used)]
 
-mod events;
-
-use events::{Detector, Events};
+use crate::events::{Detector, Events};
 use sunglint_calibration::detector::{DeadTimeEstimate, IntervalError, IntervalHistogram};
 use sunglint_radiometry::station::DeadTime;
 

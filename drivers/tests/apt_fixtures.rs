@@ -4,8 +4,6 @@
 //! `SUNGLINT_UPDATE=1` records them anew.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-mod common;
-
 use std::sync::Arc;
 use std::time::Duration;
 use sunglint_drivers::clock::{Clock, Deadline, SystemClock, VirtualClock};
@@ -236,12 +234,12 @@ fn the_same_recordings_through_a_pty() {
             scope.spawn(move || {
                 let path = fixture(&format!("apt/{}.rec", case.name));
                 let recording = Recording::read(path).unwrap();
-                let pty = common::pty();
+                let pty = crate::common::pty();
                 let mut device = pty.device;
                 let last = recording.events.last().map(|(_, event)| event.clone());
                 let goes = last == Some(Event::Fault(Fault::Disconnect));
                 let player = std::thread::spawn(move || {
-                    let played = play(&recording, &mut device, &common::within(20.0));
+                    let played = play(&recording, &mut device, &crate::common::within(20.0));
                     // What arrives together with a hang-up may be lost with it.
                     std::thread::sleep(Duration::from_millis(30));
                     (played, (!goes).then_some(device))

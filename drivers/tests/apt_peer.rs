@@ -1,8 +1,6 @@
 //! APT messages against another codec: thorlabs-apt-protocol 29.0.0.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-mod common;
-
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -202,20 +200,20 @@ fn the_driver_moves_a_device_on_that_codec() {
     let settings = StageSettings { poll: Duration::from_millis(20), ..StageSettings::default() };
     let line = Serial::open(path.trim(), 115_200).unwrap();
     let mut stage =
-        Stage::open(line, LinkSettings::default(), settings, &common::within(20.0)).unwrap();
-    let identity = stage.identity(&common::within(5.0)).unwrap();
+        Stage::open(line, LinkSettings::default(), settings, &crate::common::within(20.0)).unwrap();
+    let identity = stage.identity(&crate::common::within(5.0)).unwrap();
     assert_eq!(
         (identity.serial.unwrap().as_str(), identity.firmware.unwrap().as_str()),
         ("55000001", "2.1.9")
     );
-    assert_eq!(stage.home(&common::within(20.0)).unwrap(), 0.0);
+    assert_eq!(stage.home(&crate::common::within(20.0)).unwrap(), 0.0);
     // 3° are 409,600 microsteps; 1e-9 is for the order of two divisions, here and below.
-    assert!((stage.move_to(3.0, &common::within(20.0)).unwrap() - 3.0).abs() < 1e-9);
-    let half = stage.move_to(-0.5, &common::within(20.0)).unwrap();
+    assert!((stage.move_to(3.0, &crate::common::within(20.0)).unwrap() - 3.0).abs() < 1e-9);
+    let half = stage.move_to(-0.5, &crate::common::within(20.0)).unwrap();
     // -68,266.67 microsteps, rounded.
     assert!((half + 68_267.0 * 3.0 / 409_600.0).abs() < 1e-12, "{half}");
     device.kill().unwrap();
-    let gone = stage.angle_deg(&common::within(20.0)).unwrap_err();
+    let gone = stage.angle_deg(&crate::common::within(20.0)).unwrap_err();
     assert!(gone.to_string().contains("is gone"), "{gone}");
     let mut rest = String::new();
     printed.read_to_string(&mut rest).unwrap();

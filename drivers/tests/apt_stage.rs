@@ -1,8 +1,6 @@
 //! The APT stage with a simulated one: in memory on a virtual clock, and through a real pty.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-mod common;
-
 use std::sync::Arc;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, VirtualClock};
@@ -157,21 +155,22 @@ fn what_goes_wrong_is_named_and_it_stands_then() {
 /// The same through serialport and a real pty, which has no RTS and CTS. Truth: the stage at the other end.
 #[test]
 fn through_a_real_pty() {
-    let pty = common::pty();
+    let pty = crate::common::pty();
     let mut device = pty.device;
     let cancel = Cancel::new();
-    let deadline = common::within(60.0).with_cancel(&cancel);
+    let deadline = crate::common::within(60.0).with_cancel(&cancel);
     let apt = Apt::new(AptSettings { speed: 20_000_000, ..AptSettings::default() });
     let server = std::thread::spawn(move || serve(apt, &mut device, &deadline).unwrap());
     let settings = StageSettings { poll: Duration::from_millis(20), ..StageSettings::default() };
     let mut stage =
-        Stage::open(pty.host, LinkSettings::default(), settings, &common::within(10.0)).unwrap();
-    assert_eq!(stage.home(&common::within(20.0)).unwrap(), 0.0);
+        Stage::open(pty.host, LinkSettings::default(), settings, &crate::common::within(10.0))
+            .unwrap();
+    assert_eq!(stage.home(&crate::common::within(20.0)).unwrap(), 0.0);
     for target in [30.0, -4.5] {
-        let at = stage.move_to(target, &common::within(20.0)).unwrap();
+        let at = stage.move_to(target, &crate::common::within(20.0)).unwrap();
         assert!((at - target).abs() < 1e-9, "{at}");
     }
-    stage.stop(&common::within(5.0)).unwrap();
+    stage.stop(&crate::common::within(5.0)).unwrap();
     cancel.cancel();
     let apt = server.join().unwrap();
     // 4.5° are 614,400 microsteps.

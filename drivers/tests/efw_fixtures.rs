@@ -5,11 +5,6 @@
 //! `SUNGLINT_UPDATE=1` records them anew.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-#[path = "common/efw.rs"]
-mod efw;
-#[path = "common/words.rs"]
-mod words;
-
 use std::sync::Arc;
 use sunglint_drivers::clock::{Clock, VirtualClock};
 use sunglint_drivers::recording::{Header, Recorded, Recording, Replay};
@@ -29,18 +24,23 @@ fn header() -> Header {
 /// Truth: the named ends; the recordings in the repository, byte for byte.
 #[test]
 fn every_recording_ends_as_it_says() {
-    for case in efw::cases() {
+    for case in crate::common::efw::cases() {
         let path = fixture(&format!("efw/{}.rec", case.name));
         let clock: Arc<dyn Clock> = Arc::new(VirtualClock::new());
         if std::env::var_os("SUNGLINT_UPDATE").is_some() {
             let hid = Recorded::create(case.hid(), &path, &header(), Overwrite::Allow).unwrap();
-            assert_eq!(efw::session(hid, &clock), case.end, "recording {}", case.name);
+            assert_eq!(
+                crate::common::efw::session(hid, &clock),
+                case.end,
+                "recording {}",
+                case.name
+            );
         }
         let recording = Recording::read(&path).unwrap();
         assert!(recording.header.synthetic, "{} was made up, and says so", case.name);
         let clock: Arc<dyn Clock> = Arc::new(VirtualClock::new());
         let mut hid = Replay::new(recording);
-        assert_eq!(efw::session(&mut hid, &clock), case.end, "{}", case.name);
+        assert_eq!(crate::common::efw::session(&mut hid, &clock), case.end, "{}", case.name);
         hid.finish().unwrap_or_else(|error| panic!("{}: {error}", case.name));
     }
 }

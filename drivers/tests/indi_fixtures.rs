@@ -3,10 +3,7 @@
 //! They were recorded from the simulators of indi-bin 1.9.9, live; `SUNGLINT_UPDATE=1` records them anew.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-#[path = "common/indi.rs"]
-mod indi_server;
-
-use indi_server::{CAMERA, ROTATOR, Server, WHEEL, live};
+use crate::common::indi::{CAMERA, ROTATOR, Server, WHEEL, live};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;

@@ -4,11 +4,8 @@
 //! our own server (`indi_simulated.rs`), here it is their number, the headers and how the server behaves.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-#[path = "common/indi.rs"]
-mod indi_server;
-
+use crate::common::indi::{CAMERA, ROTATOR, Server, WHEEL, live, within};
 use hifitime::Epoch;
-use indi_server::{CAMERA, ROTATOR, Server, WHEEL, live, within};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use sunglint_drivers::device::{

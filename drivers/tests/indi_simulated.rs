@@ -1,8 +1,6 @@
 //! The INDI client on our own simulated server (synthetic): what frames hold, to the pixel, and how a server fails.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-mod common;
-
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Duration;
@@ -344,26 +342,28 @@ fn rotator_and_wheel_and_how_they_fail() {
 /// on. Truth: the scene's formula.
 #[test]
 fn through_a_socket_that_breaks() {
-    let (host, mut device) = common::tcp();
+    let (host, mut device) = crate::common::tcp();
     let mut server = Server::new(ServerSettings::default(), Ramp);
     server.trouble.die = true;
-    let other =
-        std::thread::spawn(move || serve(server, &mut device, &common::within(30.0)).unwrap());
+    let other = std::thread::spawn(move || {
+        serve(server, &mut device, &crate::common::within(30.0)).unwrap()
+    });
     let mut camera =
-        open_camera(host, CAMERA, CameraSettings::default(), &common::within(20.0)).unwrap();
-    camera.set_window(window(7, 9, 40, 30), &common::within(5.0)).unwrap();
-    let error = camera.expose(0.4, &common::within(20.0)).unwrap_err();
+        open_camera(host, CAMERA, CameraSettings::default(), &crate::common::within(20.0)).unwrap();
+    camera.set_window(window(7, 9, 40, 30), &crate::common::within(5.0)).unwrap();
+    let error = camera.expose(0.4, &crate::common::within(20.0)).unwrap_err();
     let gone =
         matches!(error, DeviceError::Transport { source: TransportError::Disconnected { .. }, .. });
     assert!(gone, "{error}");
     let mut server = other.join().unwrap();
     assert!(server.is_dead());
     server.restart();
-    let (host, mut device) = common::tcp();
-    let other =
-        std::thread::spawn(move || serve(server, &mut device, &common::within(30.0)).unwrap());
-    camera.reconnect(host, &common::within(20.0)).unwrap();
-    let frame = camera.expose(0.05, &common::within(20.0)).unwrap();
+    let (host, mut device) = crate::common::tcp();
+    let other = std::thread::spawn(move || {
+        serve(server, &mut device, &crate::common::within(30.0)).unwrap()
+    });
+    camera.reconnect(host, &crate::common::within(20.0)).unwrap();
+    let frame = camera.expose(0.05, &crate::common::within(20.0)).unwrap();
     assert_eq!((frame.origin, frame.pixels.dim()), ([7, 9], (30, 40)));
     assert_eq!(frame.pixels[[29, 39]], Ramp::adu(46, 38, 0.05));
     drop(camera);

@@ -4,12 +4,6 @@
 //! `SUNGLINT_UPDATE=1` records them anew.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-mod common;
-#[path = "common/ophir.rs"]
-mod ophir;
-#[path = "common/words.rs"]
-mod words;
-
 use std::sync::Arc;
 use std::time::Duration;
 use sunglint_drivers::clock::{Clock, SystemClock, VirtualClock};
@@ -31,18 +25,23 @@ fn header() -> Header {
 /// Truth: the named ends; the recordings in the repository, byte for byte.
 #[test]
 fn every_recording_ends_as_it_says() {
-    for case in ophir::cases() {
+    for case in crate::common::ophir::cases() {
         let path = fixture(&format!("ophir/{}.rec", case.name));
         let clock: Arc<dyn Clock> = Arc::new(VirtualClock::new());
         if std::env::var_os("SUNGLINT_UPDATE").is_some() {
             let line = Recorded::create(case.line(), &path, &header(), Overwrite::Allow).unwrap();
-            assert_eq!(ophir::session(line, &clock), case.end, "recording {}", case.name);
+            assert_eq!(
+                crate::common::ophir::session(line, &clock),
+                case.end,
+                "recording {}",
+                case.name
+            );
         }
         let recording = Recording::read(&path).unwrap();
         assert!(recording.header.synthetic, "{} was made up, and says so", case.name);
         let clock: Arc<dyn Clock> = Arc::new(VirtualClock::new());
         let mut line = Replay::new(recording);
-        assert_eq!(ophir::session(&mut line, &clock), case.end, "{}", case.name);
+        assert_eq!(crate::common::ophir::session(&mut line, &clock), case.end, "{}", case.name);
         line.finish().unwrap_or_else(|error| panic!("{}: {error}", case.name));
     }
 }
@@ -53,15 +52,15 @@ fn the_same_recordings_through_a_pty_and_a_socket() {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock);
     // Side by side, as most of the time is waiting.
     std::thread::scope(|scope| {
-        for case in ophir::cases() {
+        for case in crate::common::ophir::cases() {
             let clock = &clock;
             scope.spawn(move || {
                 let path = fixture(&format!("ophir/{}.rec", case.name));
                 let recording = Recording::read(path).unwrap();
-                let pty = common::pty();
+                let pty = crate::common::pty();
                 let end = through(&recording, pty.host, pty.device, clock);
                 assert_eq!(end, case.end, "{} through a pty", case.name);
-                let (host, device) = common::tcp();
+                let (host, device) = crate::common::tcp();
                 let end = through(&recording, host, device, clock);
                 assert_eq!(end, case.end, "{} through a socket", case.name);
             });
@@ -78,12 +77,12 @@ fn through<D: Bytes + 'static>(
     let recording = recording.clone();
     let goes = matches!(recording.events.last(), Some((_, Event::Fault(Fault::Disconnect))));
     let player = std::thread::spawn(move || {
-        let played = play(&recording, &mut device, &common::within(20.0));
+        let played = play(&recording, &mut device, &crate::common::within(20.0));
         // What arrives together with a hang-up may be lost with it, so the host gets a moment to read.
         std::thread::sleep(Duration::from_millis(30));
         (played, (!goes).then_some(device))
     });
-    let end = ophir::session(host, clock);
+    let end = crate::common::ophir::session(host, clock);
     player.join().unwrap().0.unwrap();
     end
 }

@@ -1,8 +1,6 @@
 //! Our simulated Ophir meter through a real pty, under our driver and under a host that we did not write: pylablib 1.4.3.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-mod common;
-
 use serialport::SerialPort as _;
 use sunglint_drivers::clock::Cancel;
 use sunglint_drivers::device::{Power, PowerMeter as _};
@@ -24,7 +22,7 @@ fn pylablibs_host_reads_and_sets_our_simulated_meter() {
     host.set_exclusive(false).unwrap();
     let path = host.name().unwrap();
     let cancel = Cancel::new();
-    let deadline = common::within(60.0).with_cancel(&cancel);
+    let deadline = crate::common::within(60.0).with_cancel(&cancel);
     let mut device = Serial::from_port(Box::new(device));
     // pylablib counts the ranges from the third name, as a Vega with a photodiode lists them.
     let settings =
@@ -69,12 +67,12 @@ meter.close()
 /// Our own driver through serialport and a pty. Truth: the light that was put in, and the meter's own state.
 #[test]
 fn our_driver_reads_and_sets_the_simulated_meter_on_a_pty() {
-    let mut pty = common::pty();
+    let mut pty = crate::common::pty();
     let cancel = Cancel::new();
-    let deadline = common::within(60.0).with_cancel(&cancel);
+    let deadline = crate::common::within(60.0).with_cancel(&cancel);
     let meter = Ophir::new(OphirSettings::default(), Steady(2.5e-4));
     let server = std::thread::spawn(move || serve(meter, &mut pty.device, &deadline).unwrap());
-    let within = common::within(20.0);
+    let within = crate::common::within(20.0);
     let (link, settings) = (LinkSettings::default(), MeterSettings::default());
     let mut meter = Meter::open(pty.host, link, settings, &within).unwrap();
     assert_eq!(meter.set_wavelength_nm(808.0, &within).unwrap(), 808.0);

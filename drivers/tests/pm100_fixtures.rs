@@ -5,11 +5,6 @@
 //! `SUNGLINT_UPDATE=1` records them anew.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-#[path = "common/pm100.rs"]
-mod pm100;
-#[path = "common/words.rs"]
-mod words;
-
 use std::sync::Arc;
 use sunglint_drivers::clock::{Clock, VirtualClock};
 use sunglint_drivers::recording::{Header, Recorded, Recording, Replay};
@@ -29,19 +24,19 @@ fn header() -> Header {
 /// Truth: the named ends; the recordings in the repository, byte for byte.
 #[test]
 fn every_recording_ends_as_it_says() {
-    for case in pm100::cases() {
+    for case in crate::common::pm100::cases() {
         let path = fixture(&format!("pm100/{}.rec", case.name));
         let clock: Arc<dyn Clock> = Arc::new(VirtualClock::new());
         if std::env::var_os("SUNGLINT_UPDATE").is_some() {
             let usb = Recorded::create(case.usb(), &path, &header(), Overwrite::Allow).unwrap();
-            let end = pm100::session(usb, case.clear_first, &clock);
+            let end = crate::common::pm100::session(usb, case.clear_first, &clock);
             assert_eq!(end, case.end, "recording {}", case.name);
         }
         let recording = Recording::read(&path).unwrap();
         assert!(recording.header.synthetic, "{} was made up, and says so", case.name);
         let clock: Arc<dyn Clock> = Arc::new(VirtualClock::new());
         let mut usb = Replay::new(recording);
-        let end = pm100::session(&mut usb, case.clear_first, &clock);
+        let end = crate::common::pm100::session(&mut usb, case.clear_first, &clock);
         assert_eq!(end, case.end, "{}", case.name);
         usb.finish().unwrap_or_else(|error| panic!("{}: {error}", case.name));
     }

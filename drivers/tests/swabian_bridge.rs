@@ -3,11 +3,8 @@
 //! what a user meets who has plugged in nothing.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-mod common;
-#[path = "common/swabian.rs"]
-mod swabian;
-
-use common::within;
+use crate::common::swabian::{BIN_PS, settings};
+use crate::common::within;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
@@ -19,7 +16,6 @@ use sunglint_drivers::tags::{TagFile, TagWriter};
 use sunglint_drivers::transport::child::Child;
 use sunglint_formats::CountFlags;
 use sunglint_testkit::{peer_python, repository, skip};
-use swabian::{BIN_PS, settings};
 
 const STAND_IN: &str = "standin_tagger";
 

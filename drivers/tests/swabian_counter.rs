@@ -1,9 +1,7 @@
 //! The Time Tagger's driver with a simulated bridge, on a virtual clock: its counts against the light that was there.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-#[path = "common/swabian.rs"]
-mod swabian;
-
+use crate::common::swabian::{BIN_PS, Known, count, settings, words};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
@@ -13,7 +11,6 @@ use sunglint_drivers::simulated::swabian::{Light, Poisson, Simulated, TaggerSpec
 use sunglint_drivers::swabian::{Source, TaggerSettings, TimeTagger, convert};
 use sunglint_drivers::tags::{Binning, Tag, TagFile, TagWriter};
 use sunglint_formats::CountFlags;
-use swabian::{BIN_PS, Known, count, settings, words};
 
 fn clock() -> Arc<VirtualClock> {
     Arc::new(VirtualClock::new())

@@ -1,9 +1,7 @@
 //! The Time Tagger's driver on a line that fails, and its parser on bytes that nobody should send.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-#[path = "common/swabian.rs"]
-mod swabian;
-
+use crate::common::swabian::{BIN_PS, Known, count, settings};
 use proptest::prelude::*;
 use rand::SeedableRng as _;
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -18,7 +16,6 @@ use sunglint_drivers::swabian::TimeTagger;
 use sunglint_drivers::swabian::frame::{Bin, Frame, FrameError, MOST_PAYLOAD, Parser, emit};
 use sunglint_formats::{CountFlags, CountRecord};
 use sunglint_testkit::Campaign;
-use swabian::{BIN_PS, Known, count, settings};
 
 fn name(error: &DeviceError) -> &'static str {
     match error {

@@ -4,10 +4,6 @@
 //! `SUNGLINT_UPDATE=1` records them anew.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-mod common;
-#[path = "common/swabian.rs"]
-mod swabian;
-
 use std::sync::Arc;
 use std::time::Duration;
 use sunglint_drivers::clock::{Clock, SystemClock, VirtualClock};
@@ -157,14 +153,14 @@ fn every_recording_ends_as_it_says() {
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             let line = simulated(is_bad, trouble);
             let line = Recorded::create(line, &path, &header, Overwrite::Allow).unwrap();
-            let found = swabian::session(line, &clock);
+            let found = crate::common::swabian::session(line, &clock);
             assert!(found.starts_with(&end), "recording {name}:\n{found}\n{end}");
         }
         let recording = Recording::read(&path).unwrap();
         assert!(recording.header.synthetic, "{name} was made up, and says so");
         let clock: Arc<dyn Clock> = Arc::new(VirtualClock::new());
         let mut line = Replay::new(recording);
-        let found = swabian::session(&mut line, &clock);
+        let found = crate::common::swabian::session(&mut line, &clock);
         assert!(found.starts_with(&end), "{name}:\n{found}\n{end}");
         line.finish().unwrap_or_else(|error| panic!("{name}: {error}"));
     }
@@ -180,16 +176,16 @@ fn the_same_recordings_through_a_socket() {
             let clock = &clock;
             scope.spawn(move || {
                 let recording = Recording::read(fixture(&format!("swabian/{name}.rec"))).unwrap();
-                let (host, mut device) = common::tcp();
+                let (host, mut device) = crate::common::tcp();
                 let last = recording.events.last().map(|(_, event)| event.clone());
                 let goes = last == Some(Event::Fault(Fault::Disconnect));
                 let player = std::thread::spawn(move || {
-                    let played = play(&recording, &mut device, &common::within(20.0));
+                    let played = play(&recording, &mut device, &crate::common::within(20.0));
                     // What arrives together with a hang-up may be lost with it.
                     std::thread::sleep(Duration::from_millis(50));
                     (played, (!goes).then_some(device))
                 });
-                let found = swabian::session(host, clock);
+                let found = crate::common::swabian::session(host, clock);
                 let bins = end.split("; ").take(if is_bad || name == "good" { 5 } else { 1 });
                 let bins = bins.collect::<Vec<_>>().join("; ");
                 assert!(found.starts_with(&bins), "{name} through a socket:\n{found}\n{end}");

@@ -1,9 +1,7 @@
 //! Bins that the Time Tagger's driver makes of its tag stream, against the light that was there.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-#[path = "common/swabian.rs"]
-mod swabian;
-
+use crate::common::swabian::{BIN_PS, settings};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use sunglint_drivers::clock::{Deadline, VirtualClock};
@@ -12,7 +10,6 @@ use sunglint_drivers::simulated::swabian::{Light, Poisson, Simulated, TaggerSpec
 use sunglint_drivers::swabian::TimeTagger;
 use sunglint_drivers::tags::{BinStream, Tag, TagError, TagKind, Tags};
 use sunglint_formats::{CountFlags, CountRecord};
-use swabian::{BIN_PS, settings};
 
 const MS: i64 = 1_000_000_000;
 

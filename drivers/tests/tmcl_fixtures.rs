@@ -4,8 +4,6 @@
 //! `SUNGLINT_UPDATE=1` records them anew.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-mod common;
-
 use std::sync::Arc;
 use std::time::Duration;
 use sunglint_drivers::clock::{Clock, Deadline, SystemClock, VirtualClock};
@@ -258,9 +256,9 @@ fn the_same_recordings_through_a_pty_and_a_socket() {
             continue;
         }
         let recording = Recording::read(fixture(&format!("tmcl/{name}.rec"))).unwrap();
-        let pty = common::pty();
+        let pty = crate::common::pty();
         assert_eq!(through(&recording, pty.host, pty.device, &clock), end, "{name} through a pty");
-        let (host, device) = common::tcp();
+        let (host, device) = crate::common::tcp();
         assert_eq!(through(&recording, host, device, &clock), end, "{name} through a socket");
     }
 }
@@ -274,7 +272,7 @@ fn through<D: Bytes + 'static>(
     let recording = recording.clone();
     let goes = matches!(recording.events.last(), Some((_, Event::Fault(Fault::Disconnect))));
     let player = std::thread::spawn(move || {
-        let played = play(&recording, &mut device, &common::within(20.0));
+        let played = play(&recording, &mut device, &crate::common::within(20.0));
         // What arrives together with a hang-up may be lost with it, so the host gets a moment to read: less than its patience of 100 ms.
         std::thread::sleep(Duration::from_millis(30));
         (played, (!goes).then_some(device))

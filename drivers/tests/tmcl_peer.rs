@@ -1,8 +1,6 @@
 //! TMCL against the vendor's own codec: pytrinamic 0.2.26.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-mod common;
-
 use serialport::SerialPort as _;
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::{Command as Program, Stdio};
@@ -202,14 +200,14 @@ fn the_driver_moves_a_device_on_pytrinamics_codec() {
     };
     let line = Serial::open(path.trim(), 9600).unwrap();
     let mut stage =
-        Stage::open(line, LinkSettings::default(), settings, &common::within(20.0)).unwrap();
+        Stage::open(line, LinkSettings::default(), settings, &crate::common::within(20.0)).unwrap();
     assert_eq!(stage.microsteps_per_deg(), 3_200.0);
-    assert_eq!(stage.home(&common::within(20.0)).unwrap(), 0.0);
-    assert_eq!(stage.move_to(2.5, &common::within(20.0)).unwrap(), 2.5);
-    assert_eq!(stage.move_to(-0.5, &common::within(20.0)).unwrap(), -0.5);
-    assert_eq!(stage.angle_deg(&common::within(20.0)).unwrap(), -0.5);
+    assert_eq!(stage.home(&crate::common::within(20.0)).unwrap(), 0.0);
+    assert_eq!(stage.move_to(2.5, &crate::common::within(20.0)).unwrap(), 2.5);
+    assert_eq!(stage.move_to(-0.5, &crate::common::within(20.0)).unwrap(), -0.5);
+    assert_eq!(stage.angle_deg(&crate::common::within(20.0)).unwrap(), -0.5);
     device.kill().unwrap();
-    let gone = stage.angle_deg(&common::within(20.0)).unwrap_err();
+    let gone = stage.angle_deg(&crate::common::within(20.0)).unwrap_err();
     assert!(gone.to_string().contains("is gone"), "{gone}");
     let mut rest = String::new();
     printed.read_to_string(&mut rest).unwrap();
@@ -226,7 +224,7 @@ fn pytrinamics_host_moves_our_simulated_module() {
     host.set_exclusive(false).unwrap();
     let path = host.name().unwrap();
     let cancel = Cancel::new();
-    let deadline = common::within(60.0).with_cancel(&cancel);
+    let deadline = crate::common::within(60.0).with_cancel(&cancel);
     let mut device = Serial::from_port(Box::new(device));
     let module = Module::new(ModuleSettings {
         speed: 50_000,

@@ -1,8 +1,6 @@
 //! The TMCL stage on the simulated module: angles, backlash, limits, search, cancel. The truth is the module's own motor.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-mod common;
-
 use std::sync::Arc;
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, VirtualClock};
@@ -275,9 +273,9 @@ fn refusals_identity_and_settings() {
 /// The simulated module on a real pty, spoken to through serialport.
 #[test]
 fn the_whole_way_through_a_pty() {
-    let pty = common::pty();
+    let pty = crate::common::pty();
     let cancel = Cancel::new();
-    let deadline = common::within(60.0).with_cancel(&cancel);
+    let deadline = crate::common::within(60.0).with_cancel(&cancel);
     let mut device = pty.device;
     let module = Module::new(ModuleSettings {
         switches: [-2_000, 60_000],
@@ -286,9 +284,10 @@ fn the_whole_way_through_a_pty() {
     });
     let server = std::thread::spawn(move || serve(module, &mut device, &deadline).unwrap());
     let mut stage =
-        Stage::open(pty.host, LinkSettings::default(), searching(), &common::within(10.0)).unwrap();
-    assert_eq!(stage.home(&common::within(20.0)).unwrap(), -90.0);
-    let angle = stage.move_to(0.0, &common::within(20.0)).unwrap();
+        Stage::open(pty.host, LinkSettings::default(), searching(), &crate::common::within(10.0))
+            .unwrap();
+    assert_eq!(stage.home(&crate::common::within(20.0)).unwrap(), -90.0);
+    let angle = stage.move_to(0.0, &crate::common::within(20.0)).unwrap();
     assert_eq!(angle, 0.0);
     cancel.cancel();
     // From the switch at −2,000 a quarter turn of 12,800.

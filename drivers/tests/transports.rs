@@ -1,9 +1,7 @@
 //! Real transports: ptys with serialport, TCP sockets, child processes; round trip, deadline, cancel, a cable pulled out.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-mod common;
-
-use common::{pty, tcp, within};
+use crate::common::{pty, tcp, within};
 use std::process::Command;
 use std::time::{Duration, Instant};
 use sunglint_drivers::clock::Cancel;

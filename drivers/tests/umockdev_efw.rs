@@ -1,13 +1,6 @@
 //! The recordings of `fixtures/efw` through the real hidapi, on a hidraw device that umockdev makes of them.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-#[path = "common/efw.rs"]
-mod efw;
-#[path = "common/umockdev.rs"]
-mod umockdev;
-#[path = "common/words.rs"]
-mod words;
-
 use std::path::Path;
 use std::sync::Arc;
 use sunglint_drivers::clock::{Clock, SystemClock};
@@ -33,8 +26,8 @@ fn device() -> HidRaw {
 
 /// The host's part, in a program of its own: finds the wheel by its numbers, writes down what is said.
 #[test]
-fn host_under_umockdev() {
-    umockdev::play_if_asked(|record| {
+fn efw_host_under_umockdev() {
+    crate::common::umockdev::play_if_asked(|record| {
         let clock: Arc<dyn Clock> = Arc::new(SystemClock);
         let hid = match zwo::open(None) {
             Ok(hid) => hid,
@@ -48,7 +41,7 @@ fn host_under_umockdev() {
             synthetic: true,
         };
         let hid = Recorded::create(hid, Path::new(record), &header, Overwrite::Allow).unwrap();
-        efw::session(hid, &clock)
+        crate::common::efw::session(hid, &clock)
     });
 }
 
@@ -56,27 +49,43 @@ fn host_under_umockdev() {
 /// what the host said is compared here.
 #[test]
 fn recordings_end_the_same_through_hidapi() {
-    if !umockdev::is_there("recordings_end_the_same_through_hidapi") {
+    if !crate::common::umockdev::is_there("recordings_end_the_same_through_hidapi") {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
     let device = device();
-    let description = umockdev::write(folder.path(), "efw.umockdev", device.description());
+    let description =
+        crate::common::umockdev::write(folder.path(), "efw.umockdev", device.description());
     let mut played = 0;
-    for case in efw::cases().into_iter().filter(efw::Case::is_for_umockdev) {
+    for case in
+        crate::common::efw::cases().into_iter().filter(crate::common::efw::Case::is_for_umockdev)
+    {
         let recording = Recording::read(fixture(&format!("efw/{}.rec", case.name))).unwrap();
-        let ioctl = umockdev::write(folder.path(), case.name, device.ioctl(&recording).unwrap());
+        let ioctl = crate::common::umockdev::write(
+            folder.path(),
+            case.name,
+            device.ioctl(&recording).unwrap(),
+        );
         let heard = folder.path().join("heard.rec");
         let options = ["-d".to_owned(), description.clone(), "-i".to_owned()];
         let options = [&options[..], &[format!("{}={ioctl}", HidRaw::NODE)]].concat();
         assert_eq!(
-            umockdev::run(&heard.display().to_string(), &options),
+            crate::common::umockdev::run(
+                "efw_host_under_umockdev",
+                &heard.display().to_string(),
+                &options
+            ),
             case.end,
             "{}",
             case.name
         );
         let heard = Recording::read(&heard).unwrap();
-        assert_eq!(umockdev::said(&heard), umockdev::said(&recording), "{}", case.name);
+        assert_eq!(
+            crate::common::umockdev::said(&heard),
+            crate::common::umockdev::said(&recording),
+            "{}",
+            case.name
+        );
         played += 1;
     }
     assert_eq!(played, 5);

@@ -1,13 +1,6 @@
 //! The recordings of `fixtures/pm100` through the real libusb, on a USB device that umockdev makes of them.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
-#[path = "common/pm100.rs"]
-mod pm100;
-#[path = "common/umockdev.rs"]
-mod umockdev;
-#[path = "common/words.rs"]
-mod words;
-
 use std::sync::Arc;
 use sunglint_drivers::clock::{Clock, SystemClock};
 use sunglint_drivers::recording::Recording;
@@ -30,14 +23,18 @@ fn device() -> UsbDevice {
 
 /// The host's part, in a program of its own: finds the meter by its numbers and its interface by its class.
 #[test]
-fn host_under_umockdev() {
-    umockdev::play_if_asked(|name| {
+fn pm100_host_under_umockdev() {
+    crate::common::umockdev::play_if_asked(|name| {
         let clock: Arc<dyn Clock> = Arc::new(SystemClock);
-        let clear_first = pm100::cases().iter().find(|case| case.name == name).unwrap().clear_first;
+        let clear_first = crate::common::pm100::cases()
+            .iter()
+            .find(|case| case.name == name)
+            .unwrap()
+            .clear_first;
         match thorlabs::open(None) {
             Ok((usb, endpoints)) => {
                 assert_eq!(endpoints, thorlabs::TmcSettings::default().endpoints);
-                pm100::session(usb, clear_first, &clock)
+                crate::common::pm100::session(usb, clear_first, &clock)
             }
             Err(error) => format!("not opened: {error}"),
         }
@@ -48,7 +45,7 @@ fn host_under_umockdev() {
 /// host sends. A byte changed in the recording is an error.
 #[test]
 fn bulk_transfers_end_the_same_through_libusb() {
-    if !umockdev::is_there("bulk_transfers_end_the_same_through_libusb") {
+    if !crate::common::umockdev::is_there("bulk_transfers_end_the_same_through_libusb") {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -56,10 +53,15 @@ fn bulk_transfers_end_the_same_through_libusb() {
     let recording = Recording::read(fixture("pm100/good_not_cleared.rec")).unwrap();
     let text = device.ioctl(&recording).unwrap();
     let run = |text: &str| {
-        let description = umockdev::write(folder.path(), "pm100.umockdev", device.description());
-        let ioctl = umockdev::write(folder.path(), "pm100.ioctl", text);
+        let description =
+            crate::common::umockdev::write(folder.path(), "pm100.umockdev", device.description());
+        let ioctl = crate::common::umockdev::write(folder.path(), "pm100.ioctl", text);
         let ioctl = format!("{}={ioctl}", UsbDevice::NODE);
-        umockdev::run("good_not_cleared", &["-d".into(), description, "-i".into(), ioctl])
+        crate::common::umockdev::run(
+            "pm100_host_under_umockdev",
+            "good_not_cleared",
+            &["-d".into(), description, "-i".into(), ioctl],
+        )
     };
     assert_eq!(run(&text), "1.3e-3 W at 532 nm, range 5e-3W");
     // `*IDN?` becomes `*IDM?`.
@@ -71,13 +73,14 @@ fn bulk_transfers_end_the_same_through_libusb() {
 /// Control transfers too, as a capture of usbmon. Truth: the ends that the recordings have in memory.
 #[test]
 fn captures_end_the_same_through_libusb() {
-    if !umockdev::is_there("captures_end_the_same_through_libusb") {
+    if !crate::common::umockdev::is_there("captures_end_the_same_through_libusb") {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
     let device = device();
-    let description = umockdev::write(folder.path(), "pm100.umockdev", device.description());
-    let cases = pm100::cases();
+    let description =
+        crate::common::umockdev::write(folder.path(), "pm100.umockdev", device.description());
+    let cases = crate::common::pm100::cases();
     let shown: Vec<_> = cases.iter().filter(|case| case.is_for_umockdev()).collect();
     assert_eq!(shown.len(), 13);
     std::thread::scope(|scope| {
@@ -87,10 +90,19 @@ fn captures_end_the_same_through_libusb() {
                 for case in part {
                     let path = fixture(&format!("pm100/{}.rec", case.name));
                     let pcap = device.pcap(&Recording::read(path).unwrap()).unwrap();
-                    let pcap = umockdev::write(folder, case.name, pcap);
+                    let pcap = crate::common::umockdev::write(folder, case.name, pcap);
                     let pcap = format!("{}={pcap}", UsbDevice::SYSFS);
                     let options = ["-d".to_owned(), description.clone(), "-p".to_owned(), pcap];
-                    assert_eq!(umockdev::run(case.name, &options), case.end, "{}", case.name);
+                    assert_eq!(
+                        crate::common::umockdev::run(
+                            "pm100_host_under_umockdev",
+                            case.name,
+                            &options
+                        ),
+                        case.end,
+                        "{}",
+                        case.name
+                    );
                 }
             });
         }

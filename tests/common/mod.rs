@@ -3,11 +3,16 @@
 #![allow(dead_code, reason = "each test binary uses its part")]
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
+pub mod night;
+pub mod tagged;
+pub mod virtual_night;
+
 pub mod star_night;
 
 use serde_json::Value;
 use std::path::PathBuf;
 use std::process::{Command, Output};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A star that most tests ask for.
 pub const VEGA: [&str; 6] = ["star", "Vega", "--station", "ufo", "--at", "2020-11-18T18:00:00"];
@@ -68,7 +73,11 @@ pub struct Folder(pub PathBuf);
 
 impl Folder {
     pub fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("sunglint-{name}-{}", std::process::id()));
+        // Tests of all files run in one process, and two may have chosen the same name.
+        static NUMBER: AtomicU32 = AtomicU32::new(0);
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let own = format!("sunglint-{name}-{}-{number}", std::process::id());
+        let path = std::env::temp_dir().join(own);
         let _ = std::fs::remove_dir_all(&path);
         std::fs::create_dir_all(&path).unwrap();
         Self(path)

@@ -13,7 +13,7 @@ use sunglint_formats::session::{
 use sunglint_formats::{CountFlags, CountRecord};
 use sunglint_simulator::observatory::events::{DeadTime, Detector};
 
-use crate::night::at;
+use super::night::at;
 
 const BIN_PS: i64 = 100_000_000_000;
 const SECOND_PS: i64 = 1_000_000_000_000;

@@ -1,6 +1,6 @@
 //! An anisotropic sample from retro-reflection to a material.
 
-use crate::cases::{measured, spectrum};
+use crate::material::cases::{measured, spectrum};
 use glam::DVec3;
 use rand::{RngExt as _, SeedableRng as _};
 use std::f64::consts::PI;

@@ -1,6 +1,6 @@
 //! Samples put together into a material.
 
-use crate::cases::{
+use crate::material::cases::{
     Known, MATERIALS, OTHER, WAVELENGTHS_NM, coarse, density, from_plan, measured, paint, rising,
     spectrum, whole,
 };

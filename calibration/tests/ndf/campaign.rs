@@ -1,6 +1,6 @@
 //! Noise: how far off it leaves D, and whether the stated uncertainties cover that.
 
-use crate::truth::{Shape, Truth, density_error, noisy};
+use crate::ndf::truth::{Shape, Truth, density_error, noisy};
 use sunglint_calibration::brdf::ndf::{NdfOptions, extract};
 use sunglint_testkit::Campaign;
 

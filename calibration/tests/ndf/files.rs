@@ -1,6 +1,6 @@
 //! Tables in and out.
 
-use crate::truth::{Shape, Truth, noisy};
+use crate::ndf::truth::{Shape, Truth, noisy};
 use sunglint_calibration::brdf::ndf::{NdfOptions, extract, from_table, to_table};
 use sunglint_calibration::brdf::table::{RetroFlags, RetroTable};
 use sunglint_formats::ecsv;

@@ -1,6 +1,6 @@
 //! Runs that are not as they should be: a right answer, or a refusal with the reason.
 
-use crate::truth::{Shape, Truth, density_error, noisy, run};
+use crate::ndf::truth::{Shape, Truth, density_error, noisy, run};
 use proptest::prelude::*;
 use sunglint_calibration::brdf::ndf::{Ndf, NdfError, NdfFlags, NdfOptions, Note, extract};
 use sunglint_calibration::brdf::table::{RetroFlags, RetroTable};
@@ -82,7 +82,7 @@ fn a_mirror() {
     );
     // With the step that it asks for it is found. Tolerance 3e-3, as promised.
     let angles: Vec<f64> = (0..151).map(|k| -2.0 + 0.08 * f64::from(k)).collect();
-    let fine = crate::truth::run(&angles, |a| truth.f(a.to_radians(), 0.0));
+    let fine = crate::ndf::truth::run(&angles, |a| truth.f(a.to_radians(), 0.0));
     let ndf = found(&RetroTable {
         readings: fine.readings.into_iter().filter(|r| r.f_per_sr > 1e-200).collect(),
         ..fine
@@ -228,7 +228,7 @@ proptest! {
     fn any_readings(values in prop::collection::vec((-80.0_f64..80.0, -1e3_f64..1e6, 0.0_f64..10.0, 0_u32..64), 0..60)) {
         let mut run = run(&[], |_| 0.0);
         for (angle, f, sigma, flags) in values {
-            let mut one = crate::truth::run(&[angle.round()], |_| f);
+            let mut one = crate::ndf::truth::run(&[angle.round()], |_| f);
             one.readings[0].sigma_f_per_sr = sigma;
             if flags < 8 {
                 one.readings[0].flags = RetroFlags::from_bits_truncate(flags);

@@ -1,6 +1,6 @@
 //! Retro-reflection that is known on the nodes: what quadrature and iteration leave.
 
-use crate::truth::{Shape, Truth, density_error};
+use crate::ndf::truth::{Shape, Truth, density_error};
 use sunglint_calibration::brdf::ndf::{Anisotropic, Hemisphere, Isotropic, NdfError, solve};
 
 /// Truth: Beckmann and GGX in closed form. Tolerance: 5e-6, as 128 Gauss–Legendre nodes leave where the kernel has its kink.

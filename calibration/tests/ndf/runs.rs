@@ -1,6 +1,6 @@
 //! Runs of angles, as a goniometer makes them, without noise.
 
-use crate::truth::{Shape, Truth, density_error, noisy, run};
+use crate::ndf::truth::{Shape, Truth, density_error, noisy, run};
 use sunglint_calibration::brdf::ndf::{NdfFlags, NdfOptions, Note, TailKind, ZeroOrigin, extract};
 
 fn options() -> NdfOptions {

@@ -1,7 +1,7 @@
 //! The box-wing satellite in a spin: albedos, roughness, axis and period together.
 
-use crate::binomial;
-use crate::night::{Weather, measured, orbit, over, scene, visible};
+use crate::pass::binomial;
+use crate::pass::night::{Weather, measured, orbit, over, scene, visible};
 use glam::DVec3;
 use ndarray::Array2;
 use rand::RngExt as _;
@@ -95,7 +95,7 @@ fn truth(pass: &Pass) -> Array2<f64> {
 
 /// From a start 20° and 5 % off, into a drawn direction.
 fn free(seed: u64) -> Vec<Free> {
-    let mut random = crate::night::random(seed);
+    let mut random = crate::pass::night::random(seed);
     let turn = random.random::<f64>() * std::f64::consts::TAU;
     let sign = if random.random::<f64>() < 0.5 { -1.0 } else { 1.0 };
     let off =

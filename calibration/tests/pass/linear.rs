@@ -70,7 +70,7 @@ fn albedos_and_their_errors_are_those_of_scipy() {
     else {
         return;
     };
-    let mut random = crate::night::random(7);
+    let mut random = crate::pass::night::random(7);
     let (n, channels, components) = (40, 3, 2);
     let columns = Array3::from_shape_fn((n, channels, components), |(i, c, k)| {
         let t = i as f64 / n as f64;

@@ -1,7 +1,7 @@
 //! Spheres: albedos, and the roughness of one.
 
-use crate::binomial;
-use crate::night::{Weather, measured, orbit, over, scene, visible};
+use crate::pass::binomial;
+use crate::pass::night::{Weather, measured, orbit, over, scene, visible};
 use ndarray::Array2;
 use std::f64::consts::PI;
 use sunglint_calibration::pass::{

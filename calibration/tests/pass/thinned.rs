@@ -1,6 +1,6 @@
 //! A fit that computes light at few epochs, beside the same at all of them.
 
-use crate::night::{orbit, over, random, scene, visible};
+use crate::pass::night::{orbit, over, random, scene, visible};
 use glam::DQuat;
 use ndarray::Array2;
 use rand::RngExt as _;

@@ -1,6 +1,6 @@
 //! Sums beside photutils.
 
-use crate::render::frame;
+use crate::photometry::render::frame;
 use ndarray::{Array2, Ix2};
 use serde_json::Value;
 use sunglint_calibration::photometry::{

@@ -1,6 +1,6 @@
 //! Masks, darks, flats.
 
-use crate::render::{Exposure, Sky, frame};
+use crate::photometry::render::{Exposure, Sky, frame};
 use ndarray::Array2;
 use sunglint_calibration::photometry::{
     BadPixels, Expected, FrameCalibration, FrameReducer, MasterFrame, PhotometryError,

@@ -1,6 +1,6 @@
 //! Whether the target is found, and nothing else.
 
-use crate::render::{Exposure, Sky};
+use crate::photometry::render::{Exposure, Sky};
 use rand::RngExt as _;
 use sunglint_calibration::photometry::{
     DetectionOptions, Expected, FrameCalibration, FrameReducer, PhotometryOptions,

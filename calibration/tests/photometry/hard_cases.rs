@@ -1,6 +1,6 @@
 //! What frames may hold besides a well-behaved star.
 
-use crate::render::{Exposure, Sky, frame};
+use crate::photometry::render::{Exposure, Sky, frame};
 use ndarray::Array2;
 use proptest::prelude::*;
 use sunglint_calibration::photometry::{

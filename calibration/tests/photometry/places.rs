@@ -1,6 +1,6 @@
 //! Centroids and widths.
 
-use crate::render::{Exposure, Sky};
+use crate::photometry::render::{Exposure, Sky};
 use sunglint_calibration::photometry::{
     Expected, FrameCalibration, FrameReducer, PhotometryOptions,
 };

@@ -1,6 +1,6 @@
 //! Bias and stated errors over many draws.
 
-use crate::render::{Exposure, Sky};
+use crate::photometry::render::{Exposure, Sky};
 use sunglint_calibration::photometry::{
     Aperture, Expected, FrameCalibration, FrameReducer, PhotometryOptions,
 };

@@ -1,6 +1,6 @@
 //! The promise: as good as who knows which stars are clean.
 
-use crate::sky::{CHANNELS, Conditions, USUAL, VirtualNight, night};
+use crate::stars::sky::{CHANNELS, Conditions, USUAL, VirtualNight, night};
 use nalgebra::{Matrix6, Vector6};
 use serde_json::{Value, json};
 use sunglint_calibration::stars::{Options, calibrate};

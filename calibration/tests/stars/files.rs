@@ -1,6 +1,6 @@
 //! Visits from light curves, and calibrations through files.
 
-use crate::sky::{USUAL, night};
+use crate::stars::sky::{USUAL, night};
 use sunglint_calibration::stars::scintillation::Aperture;
 use sunglint_calibration::stars::visit::mean;
 use sunglint_calibration::stars::{NightFile, Nights, Options, calibrate};

@@ -1,6 +1,6 @@
 //! Hard cases: right or a clear refusal.
 
-use crate::sky::{CHANNELS, Conditions, USUAL, airmass, night};
+use crate::stars::sky::{CHANNELS, Conditions, USUAL, airmass, night};
 use proptest::prelude::*;
 use sunglint_calibration::stars::{Night, Options, StarsError, Visit, calibrate};
 

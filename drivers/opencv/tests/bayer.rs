@@ -2,9 +2,7 @@
 #![cfg(feature = "opencv")]
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::{frame, within};
+use crate::common::{frame, within};
 use ndarray::{Array2, s};
 use sunglint_drivers::device::{Camera as _, Window};
 use sunglint_drivers_opencv::bayer::demosaic;

@@ -2,9 +2,7 @@
 #![cfg(feature = "opencv")]
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::{all, ffmpeg, frame, noise, open, opencv_film, said, within};
+use crate::common::{all, ffmpeg, frame, noise, open, opencv_film, said, within};
 use ndarray::{Array2, s};
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -2,9 +2,7 @@
 #![cfg(feature = "opencv")]
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::{all, frame, noise, open, said, within};
+use crate::common::{all, frame, noise, open, said, within};
 use ndarray::Array2;
 use std::path::{Path, PathBuf};
 use sunglint_drivers_opencv::grabber::Said;

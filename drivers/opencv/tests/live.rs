@@ -2,9 +2,7 @@
 #![cfg(feature = "opencv")]
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-mod common;
-
-use common::within;
+use crate::common::within;
 use hifitime::Epoch;
 use ndarray::Array2;
 use std::ops::ControlFlow;
@@ -22,19 +20,19 @@ use sunglint_formats::{Bayer, time};
 #[test]
 fn a_camera_that_is_not_there_is_said_to_be() {
     let live = |place| Source::Live(Live::new(place, Format::Grey8));
-    let error = common::open(live(Place::Number(63))).unwrap_err();
+    let error = crate::common::open(live(Place::Number(63))).unwrap_err();
     assert!(
         error.starts_with("frame grabber: there is no camera at /dev/video63: is it plugged in"),
         "{error}"
     );
-    let error = common::open(live(Place::Path("/dev/v4l/by-id/none".into()))).unwrap_err();
+    let error = crate::common::open(live(Place::Path("/dev/v4l/by-id/none".into()))).unwrap_err();
     assert!(error.contains("there is no camera at /dev/v4l/by-id/none"), "{error}");
     // A file and a device that are there and no cameras.
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("video0");
     std::fs::write(&file, b"x").unwrap();
     for path in [file, PathBuf::from("/dev/null")] {
-        let error = common::open(live(Place::Path(path.clone()))).unwrap_err();
+        let error = crate::common::open(live(Place::Path(path.clone()))).unwrap_err();
         let expected =
             format!("frame grabber: {} is there, but does not open as a camera", path.display());
         assert!(error.starts_with(&expected), "{error}");

@@ -27,12 +27,12 @@ pub fn live(test: &str, body: impl FnOnce()) {
     if let Err(reason) = possible() {
         return skip(test, &reason);
     }
-    let program = std::env::current_exe().unwrap();
+    let (program, arguments) = sunglint_testkit::again(test);
     let output = Command::new("unshare")
         .args(UNSHARE)
         .args(["-c", "ip link set lo up && exec \"$@\"", "sh"])
         .arg(program)
-        .args(["--exact", test, "--nocapture", "--test-threads=1"])
+        .args(arguments)
         .env(INSIDE, "yes")
         .output()
         .unwrap();

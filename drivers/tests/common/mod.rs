@@ -1,6 +1,14 @@
 //! What the tests of transports share: both ends of a real line.
 #![allow(dead_code, reason = "each test uses its part")]
 
+pub mod efw;
+pub mod indi;
+pub mod ophir;
+pub mod pm100;
+pub mod swabian;
+pub mod umockdev;
+pub mod words;
+
 use serialport::SerialPort as _;
 use std::net::{TcpListener, TcpStream};
 use std::time::Duration;

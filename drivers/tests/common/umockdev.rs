@@ -27,16 +27,16 @@ pub fn play_if_asked(host: impl FnOnce(&str) -> String) {
     }
 }
 
-/// Starts the test `host_under_umockdev` of this program under umockdev with these options, and gives how it ended.
-pub fn run(case: &str, options: &[String]) -> String {
-    let program = std::env::current_exe().expect("this program");
+/// Starts a test of this program, which plays the host, under umockdev with these options, and gives how it ended.
+pub fn run(host: &str, case: &str, options: &[String]) -> String {
+    let (program, arguments) = sunglint_testkit::again(host);
     // A program that asks for what is not in the recording waits for ever.
     let output = Command::new("timeout")
         .args(["--kill-after=2", "20", "umockdev-run"])
         .args(options)
         .arg("--")
         .arg(program)
-        .args(["--exact", "host_under_umockdev", "--nocapture", "--test-threads=1"])
+        .args(arguments)
         .env(CASE, case)
         .output()
         .expect("umockdev-run");

@@ -1,6 +1,6 @@
 //! Materials in TOML: every example of the documentation, and what is refused.
 
-use crate::cases;
+use crate::materials::cases;
 use sunglint_formats::toml::Document;
 use sunglint_simulator::surface::Material;
 use sunglint_simulator::surface::file::{MaterialFile, material};

@@ -1,6 +1,6 @@
 //! Wrinkled foil.
 
-use crate::{direction, flat, hemisphere};
+use crate::materials::{direction, flat, hemisphere};
 use glam::DVec3;
 use std::f64::consts::{PI, SQRT_2};
 use sunglint_simulator::surface::{Distribution, Fresnel, Lobe, Masking, Material};

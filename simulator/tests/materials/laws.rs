@@ -1,6 +1,6 @@
 //! The laws of other tools, against their published formulas.
 
-use crate::{direction, flat, hemisphere};
+use crate::materials::{direction, flat, hemisphere};
 use glam::DVec3;
 use std::f64::consts::PI;
 use sunglint_simulator::surface::{

@@ -1,7 +1,7 @@
 //! `.bsdf` files: against Mitsuba, against the laws that were written, refusals, coverage.
 
-use crate::cases::{self, WAVELENGTHS_NM};
-use crate::{direction, hemisphere};
+use crate::materials::cases::{self, WAVELENGTHS_NM};
+use crate::materials::{direction, hemisphere};
 use glam::DVec3;
 use sunglint_formats::bsdf::{TensorData, TensorFile};
 use sunglint_radiometry::quadrature::Product;

@@ -1,7 +1,7 @@
 //! What follows from every law: drawn directions, spheres, widths.
 
-use crate::laws;
-use crate::{direction, flat, hemisphere};
+use crate::materials::laws;
+use crate::materials::{direction, flat, hemisphere};
 use std::f64::consts::PI;
 use sunglint_simulator::surface::{
     CookTorranceLobe, Distribution, Fresnel, Gloss, Lobe, Masking, Material, WardForm,

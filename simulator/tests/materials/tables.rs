@@ -1,6 +1,6 @@
 //! Tables of a measured BRDF.
 
-use crate::direction;
+use crate::materials::direction;
 use glam::DVec3;
 use std::f64::consts::PI;
 use sunglint_simulator::surface::Material;

@@ -84,6 +84,53 @@ pub fn run_python(python: &std::path::Path, script: &str, arguments: &[&str]) ->
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
+/// Runs a test in a process of its own, because it changes or measures the whole process (allocator, signals, limits, working folder) and the tests of a
+/// crate share one program. Returns true in that process, where the test goes on; false in the parent once the child has passed.
+///
+/// `test` is the function's name; no other test of the program has it.
+///
+/// # Panics
+/// Panics with the output of the child where the child fails, or where it ran no test.
+pub fn alone(test: &str) -> bool {
+    const CHILD: &str = "SUNGLINT_ALONE";
+    if std::env::var(CHILD).is_ok_and(|running| running == test) {
+        return true;
+    }
+    let (program, arguments) = again(test);
+    let output = Command::new(program)
+        .args(arguments)
+        .env(CHILD, test)
+        .output()
+        .unwrap_or_else(|error| panic!("cannot start {test}: {error}"));
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.success() && stdout.contains("1 passed"),
+        "{test} alone:\n{stdout}\n{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    false
+}
+
+/// This test program, and the arguments with which it runs the test function of this name and no other.
+///
+/// # Panics
+/// Panics where the program has no such test, or several.
+pub fn again(test: &str) -> (PathBuf, Vec<String>) {
+    let program = std::env::current_exe().unwrap_or_else(|e| panic!("where is this test: {e}"));
+    let listed = Command::new(&program).args(["--list", "--format", "terse"]).output();
+    let listed =
+        listed.unwrap_or_else(|error| panic!("cannot start {}: {error}", program.display()));
+    let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
+    let own = |line: &&str| line.rsplit("::").next() == Some(test);
+    let mut found = listed.lines().filter_map(|line| line.strip_suffix(": test")).filter(own);
+    let name = match (found.next(), found.next()) {
+        (Some(name), None) => name.to_owned(),
+        (None, _) => panic!("{} has no test {test}", program.display()),
+        (Some(one), Some(other)) => panic!("two tests have the same name: {one}, {other}"),
+    };
+    (program, ["--exact", &name, "--nocapture", "--test-threads=1"].map(str::to_owned).to_vec())
+}
+
 /// Seconds that all threads of this process have computed; 0 where the system does not say.
 pub fn cpu_s() -> f64 {
     let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();

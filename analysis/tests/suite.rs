@@ -1,0 +1,9 @@
+//! All tests of this crate: one program, so that one is linked.
+
+mod attitude_search;
+mod map;
+mod passing;
+mod periodograms;
+mod trends;
+mod unmix;
+mod verdicts;

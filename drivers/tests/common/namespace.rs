@@ -1,1 +1,0 @@
-//! A network of one's own: a test runs itself again where nobody else can reach its server.

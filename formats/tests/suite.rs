@@ -1,0 +1,7 @@
+//! All tests of this crate: one program, so that one is linked.
+
+mod astropy;
+mod ecsv;
+mod hostile;
+mod session;
+mod toml;

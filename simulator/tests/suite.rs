@@ -1,0 +1,35 @@
+//! All tests of this crate: one program, so that one is linked.
+
+mod attitude;
+mod attitude_file;
+mod average;
+mod bounce;
+mod curved;
+mod derivative;
+mod disc;
+mod earth;
+mod engine;
+mod geometry;
+mod light;
+mod light_exact;
+mod light_rays;
+mod materials;
+mod mesh_files;
+mod mesh_shapes;
+mod observatory;
+mod orbit_eclipse;
+mod orbit_ephemeris;
+mod orbit_places;
+mod orbit_tle;
+mod orbit_vallado;
+mod pass;
+mod passes;
+mod picture;
+mod ranging;
+mod rig;
+mod shine;
+mod surface;
+mod surface_sphere;
+mod target;
+mod target_peer;
+mod thin;

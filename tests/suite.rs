@@ -1,0 +1,32 @@
+//! All tests of this crate: one program, so that one is linked.
+
+mod active;
+mod air;
+mod analyse;
+mod apply;
+mod attitude;
+mod bench;
+mod brdf;
+mod calibrate;
+mod common;
+mod compare;
+mod devices;
+mod docs;
+mod explain;
+mod fit;
+mod hard_curves;
+mod lab;
+mod licences;
+mod long_night;
+mod long_reduce;
+mod observe;
+mod output;
+mod passes;
+mod period;
+mod picture;
+mod program;
+mod raw_tags;
+mod recorded_night;
+mod reduce;
+mod simulate;
+mod virtual_observatory;
