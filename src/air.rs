@@ -7,8 +7,7 @@ mod words;
 use words::aerosol_json;
 pub use words::{describe, implausible};
 
-use crate::output::{Console, OutputArgs, Product, rounded};
-use crate::plot::{Axis, Figure, Panel, Series};
+use crate::output::{Console, OutputArgs};
 use crate::station::StationArgs;
 use anyhow::bail;
 use clap::Args;
@@ -22,6 +21,8 @@ use sunglint_radiometry::air::{
 };
 use sunglint_radiometry::quadrature::Product as Integrand;
 use sunglint_radiometry::station::Station;
+use sunglint_report::plot::{Axis, Figure, Panel, Series};
+use sunglint_report::{Product, rounded};
 
 /// What is known of the air; what is not given is the station's, or the profile's own.
 #[derive(Debug, Clone, Default, Args)]

@@ -1,8 +1,6 @@
 //! `sunglint align`: the fields of the fibres on the camera image, from the stars of one or more sessions.
 
-use crate::output::{Console, OutputArgs, Product, rounded};
-use crate::plot::gallery::{Gallery, Key, Tile};
-use crate::plot::{RGBColor, viridis};
+use crate::output::{Console, OutputArgs};
 use crate::reduce::counts::{CountOptions, Fibres, gate};
 use crate::reduce::night::{ReduceOptions, reduce_with};
 use crate::reduce::{FrameArgs, Progress, station};
@@ -20,6 +18,9 @@ use sunglint_formats::session::{Session, TargetKind};
 use sunglint_formats::toml::{Document, Finite, Positive};
 use sunglint_formats::{Column, Table};
 use sunglint_radiometry::station::{Fibre, Station};
+use sunglint_report::plot::gallery::{Gallery, Key, Tile};
+use sunglint_report::plot::{RGBColor, viridis};
+use sunglint_report::{Product, rounded};
 
 /// Arguments of `sunglint align`.
 #[derive(Debug, Args)]

@@ -94,7 +94,7 @@ pub fn run(args: &DemoArgs, seed: u64, console: Console) -> anyhow::Result<()> {
     let files = files(&folder)?;
     let document = json!({
         "folder": folder.display().to_string(), "files": files, "pages": shown, "commands": work.said,
-        "seconds": crate::output::rounded(seconds),
+        "seconds": sunglint_report::rounded(seconds),
     });
     if !console.quiet || console.json {
         console.result(

@@ -1,7 +1,6 @@
 //! `sunglint efficiency`: a detector's efficiency from a monochromator's light on a photodiode and on the detector.
 
-use crate::output::{Console, OutputArgs, Product, rounded};
-use crate::plot::{Axis, Figure, Panel, Series};
+use crate::output::{Console, OutputArgs};
 use anyhow::Context as _;
 use clap::Args;
 use serde::Deserialize;
@@ -17,6 +16,8 @@ use sunglint_calibration::efficiency::{
 use sunglint_formats::toml::{Document, Finite, Fraction, NonNegative, Positive};
 use sunglint_formats::{Table, TableError, curve};
 use sunglint_radiometry::station::{Counter, CounterQuantity, DeadTime};
+use sunglint_report::plot::{Axis, Figure, Panel, Series};
+use sunglint_report::{Product, rounded};
 use sunglint_simulator::pass::table::any;
 
 /// Arguments of `sunglint efficiency`.

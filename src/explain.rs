@@ -1,6 +1,6 @@
 //! `sunglint explain`: what a pass needs, and what error is left.
 
-use crate::output::{Console, OutputArgs, Product, rounded};
+use crate::output::{Console, OutputArgs};
 use crate::simulate::read;
 use crate::station::StationArgs;
 use anyhow::Context as _;
@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use sunglint_formats::{Column, Table};
+use sunglint_report::{Product, rounded};
 use sunglint_simulator::light::earth::grid::AlbedoGrid;
 use sunglint_simulator::light::{EarthAlbedo, Need, engine};
 use sunglint_simulator::pass::{Explanation, Overrides, Pass};

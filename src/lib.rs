@@ -9,7 +9,6 @@
 //! - [`align`]: the fibres' fields on the camera image, from stars;
 //! - [`simulate`]: what a pass should look like in every channel;
 //! - [`compare`]: a measured pass beside the simulated one;
-//! - [`report`]: a page of it that can be mailed;
 //! - [`passes`]: when satellites can be seen;
 //! - [`picture`]: what a body looks like, and what it sends into all directions;
 //! - [`brdf`]: a sample's reflectance, from a goniometer;
@@ -26,8 +25,7 @@
 //! - [`virtual_rig`]: a sample on a stage under a power meter, made up likewise;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
-//! - [`output`]: where results go, in which format, and that nothing is overwritten;
-//! - [`plot`] draws figures.
+//! - [`output`]: where results go, in which format, and that nothing is overwritten.
 
 pub mod air;
 pub mod align;
@@ -48,9 +46,7 @@ pub mod observe;
 pub mod output;
 pub mod passes;
 pub mod picture;
-pub mod plot;
 pub mod reduce;
-pub mod report;
 pub mod session;
 pub mod simulate;
 pub mod star;

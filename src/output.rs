@@ -1,7 +1,5 @@
 //! Where results go: files by their extension, folders, stdout; nothing is overwritten unless asked.
 
-use crate::plot::Figure;
-use crate::plot::gallery::Gallery;
 use anyhow::Context as _;
 use clap::Args;
 use serde_json::Value;
@@ -9,8 +7,8 @@ use std::collections::HashSet;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use sunglint_formats::atomic::{Overwrite, write_file};
-use sunglint_formats::fits::ascii_json;
-use sunglint_formats::{FileError, Meta, Table, ecsv};
+use sunglint_formats::{FileError, ecsv};
+use sunglint_report::{Format, Product, ProductError};
 
 /// Where results go.
 #[derive(Debug, Clone, Default, Args)]
@@ -80,40 +78,6 @@ impl Console {
     }
 }
 
-/// What a command has to give: the same numbers as table, figure and JSON.
-#[derive(Debug, Clone, Default)]
-pub struct Product {
-    /// The file name without extension when it goes into a folder.
-    pub name: String,
-    /// The numbers; without columns where there is no table.
-    pub table: Table,
-    /// The picture.
-    pub figure: Option<Figure>,
-    /// Pictures in its place.
-    pub gallery: Option<Gallery>,
-    /// What a FITS file holds where that is not the table: the bytes.
-    pub fits: Option<Vec<u8>>,
-    /// The page to read in a browser.
-    pub html: Option<String>,
-    /// The summary with documented keys.
-    pub json: Value,
-    /// What else there is: a folder gets it too, with the names of their own.
-    pub others: Vec<Product>,
-}
-
-impl Product {
-    /// The extensions under which it goes into a folder.
-    fn extensions(&self) -> impl Iterator<Item = &'static str> {
-        let table = (!self.table.columns.is_empty()).then_some(&["ecsv"][..]);
-        let drawn = self.figure.is_some() || self.gallery.is_some();
-        let figure = drawn.then_some(&["png", "svg"][..]);
-        // Beside a table a FITS file holds something else, which has its own place among the others.
-        let fits = (table.is_none() && self.fits.is_some()).then_some(&["fits"][..]);
-        let html = self.html.is_some().then_some(&["html"][..]);
-        [table, fits, figure, html].into_iter().flatten().flatten().copied()
-    }
-}
-
 impl OutputArgs {
     /// Whether the result goes to stdout as a table.
     pub fn is_stdout(&self) -> bool {
@@ -122,7 +86,7 @@ impl OutputArgs {
 
     /// Whether the JSON document will be wanted: building it costs time and memory.
     pub fn wants_json(&self, console: Console) -> bool {
-        console.json || self.output.iter().any(|p| matches!(Format::of(p), Ok(Format::Json)))
+        console.json || self.output.iter().any(|p| matches!(format_of(p), Ok(Format::Json)))
     }
 
     /// The folders among the targets: what is written piece by piece goes there alone.
@@ -147,7 +111,7 @@ impl OutputArgs {
         let files = self.output.iter().filter(|p| p.as_os_str() != "-" && !is_folder(p));
         let files: Vec<&Path> = files.map(PathBuf::as_path).collect();
         for path in &files {
-            Format::of(path)?;
+            format_of(path)?;
         }
         self.check_targets(files)
     }
@@ -256,7 +220,7 @@ impl OutputArgs {
         wanted
             .into_iter()
             .map(|(path, part)| {
-                let bytes = contents(&path, part)?;
+                let bytes = encoded(part, &path)?;
                 Ok((path, bytes))
             })
             .collect()
@@ -303,85 +267,6 @@ fn there_already(path: &Path) -> anyhow::Error {
     anyhow::anyhow!("{} is there already: nothing is overwritten without --force", path.display())
 }
 
-/// What a file holds of a product.
-fn contents(path: &Path, product: &Product) -> anyhow::Result<Vec<u8>> {
-    let figure = || {
-        product.figure.as_ref().with_context(|| {
-            format!("{}: `{}` has no figure; write it as .ecsv", path.display(), product.name)
-        })
-    };
-    Ok(match Format::of(path)? {
-        Format::Ecsv => ecsv::to_string(&product.table)?.into_bytes(),
-        Format::Csv => plain_csv(&product.table)?,
-        Format::Fits if product.fits.is_some() => product.fits.clone().unwrap_or_default(),
-        Format::Fits => {
-            let mut writer = sunglint_formats::fits::Writer::new();
-            let table = Table {
-                meta: flat_meta(&product.table.meta),
-                columns: product.table.columns.clone(),
-            };
-            writer.table(&table, &product.name.to_uppercase())?;
-            writer.into_bytes()
-        }
-        Format::Json => {
-            let mut text = serde_json::to_vec_pretty(&product.json)?;
-            text.push(b'\n');
-            text
-        }
-        Format::Html => {
-            let page = product.html.clone().with_context(|| {
-                format!("{}: `{}` has no page; write it as .ecsv", path.display(), product.name)
-            })?;
-            page.into_bytes()
-        }
-        Format::Png => match &product.gallery {
-            Some(gallery) => gallery.png()?,
-            None => figure()?.png()?,
-        },
-        Format::Svg => match &product.gallery {
-            Some(gallery) => gallery.svg()?.into_bytes(),
-            None => figure()?.svg()?.into_bytes(),
-        },
-    })
-}
-
-enum Format {
-    Ecsv,
-    Csv,
-    Fits,
-    Json,
-    Html,
-    Png,
-    Svg,
-}
-
-impl Format {
-    fn of(path: &Path) -> anyhow::Result<Self> {
-        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-        let found = match extension.as_deref() {
-            Some("ecsv") => return Ok(Format::Ecsv),
-            Some("csv") => return Ok(Format::Csv),
-            Some("fits" | "fit") => return Ok(Format::Fits),
-            Some("json") => return Ok(Format::Json),
-            Some("html" | "htm") => return Ok(Format::Html),
-            Some("png") => return Ok(Format::Png),
-            Some("svg") => return Ok(Format::Svg),
-            // As on stdout.
-            _ if is_device(path) => return Ok(Format::Ecsv),
-            Some(extension) => format!("found the extension `{extension}`"),
-            None => "found no extension".to_owned(),
-        };
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let hint = if name.starts_with('.') && extension.is_none() {
-            format!("; what begins with a dot is a name, not an extension: result{name}?")
-        } else {
-            " (a folder's name ends with `/`)".to_owned()
-        };
-        let expected = "expected .ecsv, .csv, .fits, .json, .html, .png or .svg";
-        Err(Usage(format!("-o {}: {found}, {expected}{hint}", path.display())).into())
-    }
-}
-
 fn is_folder(path: &Path) -> bool {
     path.is_dir() || path.as_os_str().to_string_lossy().ends_with(['/', std::path::MAIN_SEPARATOR])
 }
@@ -396,64 +281,34 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// A number with nine significant digits, as summaries hold it: without the noise of the last bits (329.99999999999994).
-pub fn rounded(value: f64) -> f64 {
-    if value == 0.0 || !value.is_finite() {
-        return value;
+/// The format that a path asks for by its extension.
+fn format_of(path: &Path) -> anyhow::Result<Format> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    if let Some(format) = extension.as_deref().and_then(Format::of_extension) {
+        return Ok(format);
     }
-    // Powers of ten up to 22 are exact, so that the quotient is the float nearest to the decimal.
-    match 8 - value.abs().log10().floor() as i32 {
-        places @ 0..=22 => (value * 10_f64.powi(places)).round() / 10_f64.powi(places),
-        places @ -22..0 => (value / 10_f64.powi(-places)).round() * 10_f64.powi(-places),
-        // A text of this form is always a number.
-        _ => format!("{value:.8e}").parse().unwrap_or(value),
-    }
-}
-
-/// Metadata as a FITS header holds them: what is nested becomes JSON under a keyword of eight letters (`flag_bits` is `FLAGBITS`, `provenance`
-/// is `PROVENAN`, as in spectral light curves).
-fn flat_meta(meta: &Meta) -> Meta {
-    let flat = |(key, value): (&String, &Value)| match value {
-        Value::Object(_) | Value::Array(_) => {
-            let letters = key.chars().filter(char::is_ascii_alphanumeric).take(8);
-            let keyword: String = letters.map(|c| c.to_ascii_uppercase()).collect();
-            (keyword, Value::String(ascii_json(value)))
-        }
-        plain => (key.clone(), plain.clone()),
+    let found = match extension.as_deref() {
+        // As on stdout.
+        _ if is_device(path) => return Ok(Format::Ecsv),
+        Some(extension) => format!("found the extension `{extension}`"),
+        None => "found no extension".to_owned(),
     };
-    meta.iter().map(flat).collect()
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let hint = if name.starts_with('.') && extension.is_none() {
+        format!("; what begins with a dot is a name, not an extension: result{name}?")
+    } else {
+        " (a folder's name ends with `/`)".to_owned()
+    };
+    let expected = "expected .ecsv, .csv, .fits, .json, .html, .png or .svg";
+    Err(Usage(format!("-o {}: {found}, {expected}{hint}", path.display())).into())
 }
 
-/// The columns alone, for programs that know no ECSV.
-fn plain_csv(table: &Table) -> anyhow::Result<Vec<u8>> {
-    let text = ecsv::to_string(table)?;
-    let body: Vec<&str> = text.lines().skip_while(|l| l.starts_with('#')).collect();
-    Ok((body.join("\n") + "\n").into_bytes())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Truth: the decimal text rounded to nine digits, read back.
-    #[test]
-    fn numbers_are_rounded_to_what_a_decimal_text_says() {
-        for (value, expected) in [
-            (329.999_999_999_999_94, 330.0),
-            (0.999_999_999_999_997_8, 1.0),
-            (0.1 + 0.2, 0.3),
-            (-12.345_678_901_23, -12.345_678_9),
-            (6.02e23, 6.02e23),
-            (1.234_567_891_4e-30, 1.234_567_89e-30),
-            (123_456_789_012.3, 123_456_789_000.0),
-            (0.0, 0.0),
-        ] {
-            assert_eq!(rounded(value), expected);
+/// The bytes that a product has at a path.
+fn encoded(product: &Product, path: &Path) -> anyhow::Result<Vec<u8>> {
+    product.encode(format_of(path)?).map_err(|error| match error {
+        ProductError::NoFigure { .. } | ProductError::NoPage { .. } => {
+            anyhow::anyhow!("{}: {error}", path.display())
         }
-        for i in 1..2000 {
-            let value = (f64::from(i) * 0.37).exp2() * 1e-9;
-            assert_eq!(rounded(value), format!("{value:.8e}").parse::<f64>().unwrap(), "{value}");
-        }
-        assert!(rounded(f64::NAN).is_nan());
-    }
+        error => error.into(),
+    })
 }

@@ -5,7 +5,7 @@ pub(crate) mod figure;
 mod report;
 
 use crate::explain;
-use crate::output::{Console, OutputArgs, Product, Usage};
+use crate::output::{Console, OutputArgs, Usage};
 use crate::star::when;
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
@@ -17,6 +17,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 use sunglint_radiometry::station::Laser;
+use sunglint_report::Product;
 use sunglint_simulator::attitude::Attitude;
 use sunglint_simulator::pass::{Overrides, Pass, PassFile, Progress, Simulation, Stage};
 use sunglint_simulator::target::Shape;

@@ -2,7 +2,7 @@
 
 mod figure;
 
-use crate::output::{Console, OutputArgs, Product};
+use crate::output::{Console, OutputArgs};
 use anyhow::bail;
 use clap::Args;
 use serde_json::{Value, json};
@@ -10,6 +10,7 @@ use sha2::{Digest as _, Sha256};
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table, Values, nearest_names};
 use sunglint_radiometry::tables::{self, Embedded};
+use sunglint_report::Product;
 
 /// Arguments of `sunglint tables`.
 #[derive(Debug, Args)]

@@ -10,11 +10,11 @@ use sunglint_drivers::device::{
     Device, DeviceError, Identity, Interrupted, Origin, Power, PowerMeter, RotationStage, Setting,
     Value,
 };
-use sunglint_simulator::options::OptionError;
-use sunglint_simulator::rig::bench::{Bench, Place};
-use sunglint_simulator::rig::meter::{Meter, Shown};
-use sunglint_simulator::rig::options::Options;
-use sunglint_simulator::rig::stage::Stage;
+use sunglint_virtual::options::OptionError;
+use sunglint_virtual::rig::bench::{Bench, Place};
+use sunglint_virtual::rig::meter::{Meter, Shown};
+use sunglint_virtual::rig::options::Options;
+use sunglint_virtual::rig::stage::Stage;
 
 const STAGE: &str = "virtual stage";
 const METER: &str = "virtual power meter";

@@ -7,8 +7,8 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
-use sunglint_calibration::brdf::table::RetroFlags;
 use sunglint_calibration::efficiency::EfficiencyFlags;
+use sunglint_materials::table::RetroFlags;
 
 fn read(page: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(page)).unwrap()

@@ -10,15 +10,15 @@ use sunglint::brdf::retro::measure::{Hands, InMemory, Rig, RunError, State, meas
 use sunglint::brdf::retro::plan::Plan;
 use sunglint::observe::DeviceClock;
 use sunglint::virtual_rig::VirtualRig;
-use sunglint_calibration::brdf::ndf::{NdfOptions, ZeroOrigin, extract};
-use sunglint_calibration::brdf::retro::{reduce, to_table};
-use sunglint_calibration::brdf::table::RetroTable;
 use sunglint_drivers::clock::{Cancel, VirtualClock};
 use sunglint_formats::ecsv;
 use sunglint_formats::toml::Document;
-use sunglint_simulator::rig::bench::Place;
-use sunglint_simulator::rig::options::{Options, SampleKind};
+use sunglint_materials::ndf::{NdfOptions, ZeroOrigin, extract};
+use sunglint_materials::retro::{reduce, to_table};
+use sunglint_materials::table::RetroTable;
 use sunglint_testkit::Campaign;
+use sunglint_virtual::rig::bench::Place;
+use sunglint_virtual::rig::options::{Options, SampleKind};
 
 /// What docs/lab.md has for a run, a virtual rig, a detector's efficiency.
 const RUN: &str = "[scan]";

@@ -12,9 +12,9 @@ use sunglint::reduce::night::{ReduceOptions, Reduced, Visited, reduce};
 use sunglint_formats::session::Session;
 use sunglint_radiometry::light_curve::Flags;
 use sunglint_radiometry::station::Station;
-use sunglint_simulator::observatory::night::Night;
-use sunglint_simulator::observatory::watch::Watch;
 use sunglint_testkit::{peer_python, run_python};
+use sunglint_virtual::observatory::night::Night;
+use sunglint_virtual::observatory::watch::Watch;
 
 struct GoOn;
 

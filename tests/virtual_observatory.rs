@@ -149,7 +149,7 @@ fn a_night_comes_through_the_protocols() {
     let of = |channel| tags.iter().filter(|tag| tag.channel == channel).count() as u64;
     assert_eq!(bin.counts, [of(2), of(1), 0]);
     // Input 2 is the spcm: the same light as the bins of the device, to six sigma of both.
-    let mut watch = sunglint_simulator::observatory::watch::Watch::new(night.clone());
+    let mut watch = sunglint_virtual::observatory::watch::Watch::new(night.clone());
     let counters = watch.counters();
     let counts = watch.counts(&counters[1..2], 10 * BIN_PS..11 * BIN_PS)[0] as f64;
     assert!((of(2) as f64 - counts).abs() < 6.0 * (2.0 * counts).sqrt(), "{} {counts}", of(2));

@@ -9,14 +9,11 @@
 //! - [`mod@fold`]: samples by their phase in a period;
 //! - [`unmix`]: materials from spectra and from channels;
 //! - [`map`]: samples on the body's frame;
-//! - [`attitude`]: spin axis, period and phase of a known shape.
 
-pub mod attitude;
 pub mod fold;
 pub mod map;
 pub mod period;
 pub mod series;
-mod sphere;
 pub mod synodic;
 pub mod trend;
 pub mod unmix;

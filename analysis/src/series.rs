@@ -1,7 +1,7 @@
 //! The samples of one channel that count: finite, unflagged, sorted, in seconds from one moment.
 
 use hifitime::Epoch;
-use sunglint_calibration::stars::visit::TOLERATED;
+use sunglint_radiometry::light_curve::TOLERATED;
 use sunglint_radiometry::light_curve::{ChannelCurve, LightCurve};
 
 /// What no series can be made of.

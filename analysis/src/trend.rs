@@ -3,8 +3,8 @@
 //! Rates are divided by factors; the factors are returned, so that nothing is removed unseen.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
-use sunglint_calibration::stars::visit::TOLERATED;
 use sunglint_radiometry::air::{Air, AirError, Zenith};
+use sunglint_radiometry::light_curve::TOLERATED;
 use sunglint_radiometry::light_curve::{ChannelCurve, LightCurve};
 use sunglint_radiometry::spectrum::{Irradiance, Spectrum, SpectrumError};
 use sunglint_radiometry::station::{Channel, Station};

@@ -6,13 +6,10 @@ use glam::DVec3;
 use ndarray::Array2;
 use std::f64::consts::PI;
 use sunglint_analysis::map::{
-    BodyMap, Grid, QualityError, Sighting, Spin, longitude_latitude, phase_vector, quality,
-    range_map, scan,
+    BodyMap, Grid, QualityError, Sighting, Spin, longitude_latitude, phase_vector, quality, scan,
 };
-use sunglint_simulator::light::Faceted;
 use sunglint_simulator::light::engine::Switches;
 use sunglint_simulator::pass::{Overrides, PassFile};
-use sunglint_simulator::target::Target;
 
 /// Truth: the axes themselves, and that the bisector of two directions has the same angle to both; opposite directions have none.
 #[test]
@@ -95,23 +92,6 @@ fn between_the_middles_a_map_is_linear() {
     let (l, b) = grid.middle((45, 90));
     assert!(holed.at((l + 0.5, b)).is_none() && holed.at((l + 2.0, b)).is_some());
     assert!(map.at((0.0, 91.0)).is_none());
-}
-
-/// Truth: closed forms. A unit cube about its origin is seen at a depth of −½/(Σ|n_i|)·Σ n_i² … : each face of direction n shows |n_i| of area with its middle ½|n_i| towards the observer: the mean
-/// over areas is −½ Σ n_i²/Σ|n_i| = −½/Σ|n_i|, that over Lambert light (weights n_i²) −½ Σ|n_i|³. Tolerance: rounding.
-#[test]
-fn ranges_of_a_cube_are_those_of_its_faces() {
-    let text = "name = \"cube\"\n[[part]]\nname = \"a\"\nshape = \"box\"\nsize_m = [1, 1, 1]\nmaterial = \"grey80\"\n";
-    let body = Faceted::new(&Target::parse("cube.toml", text).unwrap()).unwrap();
-    let grid = Grid::new(15.0).unwrap();
-    let map = range_map(&body, grid, &[0.8]).unwrap();
-    for (cell, found) in map.surface_m.indexed_iter() {
-        let n = grid.direction(cell).abs();
-        let sum = n.x + n.y + n.z;
-        assert!((found + 0.5 / sum).abs() < 1e-12, "{found}");
-        let cubes = n.x.powi(3) + n.y.powi(3) + n.z.powi(3);
-        assert!((map.light_m[cell] + 0.5 * cubes).abs() < 1e-12);
-    }
 }
 
 fn sightings(step_s: f64, period_s: f64) -> (Vec<Sighting>, DVec3) {

@@ -11,16 +11,12 @@
 //! - [`comparison`]: a measured curve beside a simulated one: scales, scatter, χ², ratios;
 //! - [`stars`]: the night's coefficient per channel from stars;
 //! - [`efficiency`]: a detector's counts per photon, against a photodiode;
-//! - [`brdf`]: from retro-reflection and spectra to a measured material, and laws through measured values;
-//! - [`pass`]: the fit of measured passes by simulated ones.
 
 pub mod alignment;
-pub mod brdf;
 pub mod comparison;
 pub mod counts;
 pub mod detector;
 pub mod efficiency;
-pub mod pass;
 pub mod photometry;
 pub mod stars;
 pub mod track;

@@ -7,11 +7,11 @@
 
 use divan::{Bencher, black_box};
 use glam::{DVec2, DVec3};
+use sunglint_ephemeris::orbit::eclipse::Discs;
 use sunglint_radiometry::spectrum::Spectrum;
 use sunglint_simulator::light::disc::eclipse::fractions;
 use sunglint_simulator::light::{Lighting, Scene, SunOptions, View};
 use sunglint_simulator::mesh::shapes::plate;
-use sunglint_simulator::orbit::eclipse::Discs;
 use sunglint_simulator::surface::{Distribution, Fresnel, Lobe, Masking, Material};
 use sunglint_simulator::target::{Part, Placement, Shape, Target};
 

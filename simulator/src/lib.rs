@@ -2,8 +2,6 @@
 //!
 //! In the order in which data flows through it:
 //!
-//! - [`orbit`]: TLE and SGP4, or a table of positions; eclipse by the Earth;
-//! - [`geometry`]: where target, Sun and station stand at one moment, light time included;
 //! - [`attitude`]: inertial, spinning, tumbling, orbit-following and Sun-facing bodies;
 //! - [`mesh`]: triangles from OBJ, PLY, STL, glTF and built-in bodies, and what is wrong with them;
 //! - [`surface`]: how a material reflects, as a few spectra times a few weights;
@@ -12,11 +10,7 @@
 //! - [`picture`]: the body as it looks, and maps of its light over directions;
 //! - [`ranging`]: lasers, photons per shot and how they are spread over depth;
 //! - [`pass`]: all of it along a pass, to spectra, magnitudes and count rates;
-//! - [`passes`]: when a target can be seen at all;
 //! - [`scenes`]: bodies and directions on which light engines are compared, with independent truths;
-//! - [`observatory`]: a night with known truth: photon events, frames, stars, weather;
-//! - [`rig`]: a sample with known reflectance on a stage, in a laser's beam, under a power meter;
-//! - [`options`]: what the tables of options of both have in common.
 //!
 //! # Frames and conventions
 //! Positions and directions in space are GCRS axes, metres. A body's attitude is the rotation from its own axes to the GCRS, written
@@ -24,17 +18,11 @@
 //! outward normal. Directions on a surface point away from it: towards the Sun, towards the observer.
 
 pub mod attitude;
-pub mod geometry;
 pub mod light;
 pub mod mesh;
-pub mod observatory;
-pub mod options;
-pub mod orbit;
 pub mod pass;
-pub mod passes;
 pub mod picture;
 pub mod ranging;
-pub mod rig;
 pub mod scenes;
 pub mod surface;
 pub mod target;

@@ -6,12 +6,12 @@ use glam::{DMat3, DQuat, DVec3};
 use hifitime::{Duration, Epoch};
 use proptest::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use sunglint_ephemeris::orbit::State;
 use sunglint_formats::time::parse_utc;
 use sunglint_simulator::attitude::{
     Attitude, AttitudeError, AttitudeTable, Direction, Inertia, Interpolation, Moment, Pointing,
     Spin, Tumble, euler_zyx, orbit_to_gcrs, quaternion_wxyz,
 };
-use sunglint_simulator::orbit::State;
 
 fn start() -> Epoch {
     parse_utc("2026-03-01T20:00:00Z").unwrap()

@@ -6,12 +6,12 @@ use glam::{DQuat, DVec3};
 use hifitime::Unit;
 use serde::Deserialize;
 use std::path::PathBuf;
+use sunglint_ephemeris::orbit::State;
 use sunglint_formats::time::parse_utc;
 use sunglint_formats::toml::Document;
 use sunglint_formats::{FileError, Table, ecsv};
 use sunglint_simulator::attitude::file::{AttitudeFile, attitude};
 use sunglint_simulator::attitude::{Attitude, Moment};
-use sunglint_simulator::orbit::State;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -5,6 +5,7 @@
 use glam::DVec3;
 use hifitime::Unit;
 use std::f64::consts::PI;
+use sunglint_ephemeris::orbit::{Ephemeris, EphemerisRow};
 use sunglint_formats::time::{format_utc_shortest, parse_utc};
 use sunglint_radiometry::air::Zenith;
 use sunglint_radiometry::light;
@@ -14,7 +15,6 @@ use sunglint_radiometry::sky::{EarthOrientation, Observer};
 use sunglint_radiometry::spectrum::Spectrum;
 use sunglint_radiometry::station::Station;
 use sunglint_simulator::light::engine::Switches;
-use sunglint_simulator::orbit::{Ephemeris, EphemerisRow};
 use sunglint_simulator::pass::{Overrides, Pass, PassFile, Place, Simulation, StandardMagnitude};
 
 const HC_J_NM: f64 = 6.626_070_15e-34 * 299_792_458.0 * 1e9;

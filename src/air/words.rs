@@ -1,8 +1,8 @@
 //! An air in words, and what in it can hardly be meant.
 
-use crate::output::rounded;
 use serde_json::{Value, json};
 use sunglint_radiometry::air::{Aerosol, Air};
+use sunglint_report::rounded;
 
 /// The air in a line.
 pub fn describe(air: &Air) -> String {

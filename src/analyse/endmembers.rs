@@ -1,8 +1,7 @@
 //! `sunglint analyse endmembers`: the spectra that a curve is made of, nobody having said which.
 
 use super::unmix::{Given, GivenArgs, column_name, endmembers};
-use crate::output::{Console, OutputArgs, Product, rounded};
-use crate::plot::{Axis, Figure, Panel, Series};
+use crate::output::{Console, OutputArgs};
 use anyhow::{Context as _, bail};
 use clap::Args;
 use ndarray::Array2;
@@ -16,6 +15,8 @@ use sunglint_analysis::unmix::{
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
 use sunglint_radiometry::air::Zenith;
+use sunglint_report::plot::{Axis, Figure, Panel, Series};
+use sunglint_report::{Product, rounded};
 use sunglint_simulator::surface::Material;
 
 /// What noise leaves of a sample is this much longer than its own standard uncertainty now and then, among thousands of samples.
@@ -81,7 +82,7 @@ pub fn run(args: &EndmembersArgs, console: Console) -> anyhow::Result<()> {
     let given = Given::read(&args.curve, &args.given)?;
     // A white one alone gives the reflection factors; known ones are only compared with.
     let white = Material::built_in("white").context("the built-in material white")?;
-    let white = Endmember::of(&white)?.0;
+    let white = Endmember { name: white.name.clone(), reflectance: white.normal_colour()?.0 };
     let all: Vec<Endmember> = std::iter::once(white).chain(known).collect();
     let bands = given.bands(&all)?;
     let (lights, numbers) = given.samples(&mut warnings)?;

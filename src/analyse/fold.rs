@@ -2,8 +2,7 @@
 
 use super::curves::CurveArgs;
 use super::path::bisectors;
-use crate::output::{Console, OutputArgs, Product, rounded};
-use crate::plot::{Axis, Figure, Heat, Panel, Series as Drawn};
+use crate::output::{Console, OutputArgs};
 use crate::star::when;
 use anyhow::{Context as _, bail};
 use clap::Args;
@@ -17,6 +16,8 @@ use sunglint_analysis::series::Series;
 use sunglint_analysis::synodic::Turn;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
+use sunglint_report::plot::{Axis, Figure, Heat, Panel, Series as Drawn};
+use sunglint_report::{Product, rounded};
 
 /// Arguments of `sunglint analyse fold`.
 #[derive(Debug, Args)]

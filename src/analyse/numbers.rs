@@ -5,9 +5,9 @@ use hifitime::Epoch;
 use ndarray::Array2;
 use std::path::Path;
 use sunglint_analysis::unmix::{Bands, Endmember, Light};
-use sunglint_calibration::stars::visit::TOLERATED;
 use sunglint_radiometry::air::{Air, AirTable, Zenith};
 use sunglint_radiometry::light::sun_at_1_au;
+use sunglint_radiometry::light_curve::TOLERATED;
 use sunglint_radiometry::light_curve::{
     Flags, Input, LightCurve, RateKind, Samples, SpectralLightCurve,
 };

@@ -7,8 +7,8 @@ use hifitime::{Duration, Epoch};
 use std::path::Path;
 use sunglint_analysis::series::Series;
 use sunglint_analysis::synodic::Bisectors;
+use sunglint_ephemeris::geometry::Geometry;
 use sunglint_radiometry::sky::{EarthOrientation, Observer, SkyFrame};
-use sunglint_simulator::geometry::Geometry;
 use sunglint_simulator::pass::{Overrides, Pass};
 
 /// Moments between the first and the last sample: the bisector moves smoothly.

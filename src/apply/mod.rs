@@ -4,8 +4,7 @@ mod photometry;
 
 use crate::air::{AirModelArgs, describe};
 use crate::calibrate::{USUAL_EXPONENT, colours, night_of};
-use crate::output::{Console, OutputArgs, Product, rounded};
-use crate::plot::{Axis, Figure, Panel, Series};
+use crate::output::{Console, OutputArgs};
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
@@ -13,12 +12,14 @@ use photometry::Photometry;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use sunglint_calibration::stars::visit::TOLERATED;
 use sunglint_calibration::stars::{NightFile, Nights};
 use sunglint_radiometry::air::{Aerosol, Air, AirOptions};
+use sunglint_radiometry::light_curve::TOLERATED;
 use sunglint_radiometry::light_curve::{ChannelCurve, Flags, Input, LightCurve, RateKind};
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::station::Station;
+use sunglint_report::plot::{Axis, Figure, Panel, Series};
+use sunglint_report::{Product, rounded};
 
 /// Arguments of `sunglint apply`.
 #[derive(Debug, Args)]

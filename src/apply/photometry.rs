@@ -1,7 +1,6 @@
 //! From calibrated rates to irradiances and magnitudes, by a spectrum that is stated: a rate says how much of it there is, not what it looks like.
 
 use super::{PhaseLaw, is_valid};
-use crate::output::{Product, rounded};
 use anyhow::{Context as _, bail};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -16,6 +15,7 @@ use sunglint_radiometry::passband::{Passband, ZeroPoint};
 use sunglint_radiometry::spectrum::{Irradiance, Spectrum};
 use sunglint_radiometry::star_light::{self, StarColours};
 use sunglint_radiometry::station::Station;
+use sunglint_report::{Product, rounded};
 
 /// Airmasses at which the rate of the stated spectrum is computed; between them its logarithm is a line.
 const NODES: usize = 33;

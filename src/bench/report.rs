@@ -1,11 +1,11 @@
 //! The rows as text, table, figure and JSON.
 
 use super::Row;
-use crate::output::{Product, rounded};
-use crate::plot::{Axis, Figure, Panel, Series};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
+use sunglint_report::plot::{Axis, Figure, Panel, Series};
+use sunglint_report::{Product, rounded};
 
 /// Where an error of exactly 0 is drawn.
 const NO_ERROR: f64 = 1e-17;

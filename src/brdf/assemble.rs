@@ -1,16 +1,17 @@
 //! `sunglint brdf assemble`: measured values and densities as a material.
 
 use super::{ndf, samples};
-use crate::output::{Console, OutputArgs, Product, Usage, rounded};
+use crate::output::{Console, OutputArgs, Usage};
 use anyhow::Context as _;
 use clap::Args;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use sunglint_calibration::brdf::assemble::{AssembleOptions, Assembled, Doubt, assemble};
-use sunglint_calibration::brdf::plan::{Planned, missing, planned};
-use sunglint_calibration::brdf::samples::Samples;
 use sunglint_formats::{Column, Table, Values};
+use sunglint_materials::assemble::{AssembleOptions, Assembled, Doubt, assemble};
+use sunglint_materials::plan::{Planned, missing, planned};
+use sunglint_materials::samples::Samples;
+use sunglint_report::{Product, rounded};
 use sunglint_simulator::surface::measured;
 
 /// Arguments of `sunglint brdf assemble`.

@@ -1,17 +1,18 @@
 //! `sunglint brdf fit`: laws through measured values.
 
 use super::samples;
-use crate::output::{Console, OutputArgs, Product, rounded};
-use crate::plot::{Axis, Figure, Panel, Series};
+use crate::output::{Console, OutputArgs};
 use anyhow::Context as _;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use sunglint_calibration::brdf::fit::{
+use sunglint_materials::fit::{
     Fit, FitOptions, Law, LawFit, LobeKind, Rise, fit, residual_table, to_table, to_toml,
 };
-use sunglint_calibration::brdf::samples::{Samples, direction, turned};
+use sunglint_materials::samples::{Samples, direction, turned};
+use sunglint_report::plot::{Axis, Figure, Panel, Series};
+use sunglint_report::{Product, rounded};
 use sunglint_simulator::surface::ComplexIndex;
 
 /// Arguments of `sunglint brdf fit`.

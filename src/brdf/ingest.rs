@@ -1,8 +1,7 @@
 //! `sunglint brdf ingest`: a spectrometer's files, direction by direction, as BRDF values.
 
 use super::spectra;
-use crate::output::{Console, OutputArgs, Product, rounded};
-use crate::plot::{Axis, Figure, Panel, Series};
+use crate::output::{Console, OutputArgs};
 use anyhow::Context as _;
 use clap::Args;
 use serde::Deserialize;
@@ -10,10 +9,12 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use sunglint_calibration::brdf::ingest::{
+use sunglint_formats::toml::{Document, Finite};
+use sunglint_materials::ingest::{
     Channel, Direction, IngestOptions, Ingested, RawSpectrum, Reference, ReferenceKind, ingest,
 };
-use sunglint_formats::toml::{Document, Finite};
+use sunglint_report::plot::{Axis, Figure, Panel, Series};
+use sunglint_report::{Product, rounded};
 
 /// More values than these go into a FITS file when a folder is written.
 const MOST_IN_TEXT: usize = 2_000_000;

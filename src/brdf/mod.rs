@@ -24,8 +24,8 @@ use clap::Subcommand;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::path::Path;
-use sunglint_calibration::brdf::samples::Samples;
 use sunglint_formats::Table;
+use sunglint_materials::samples::Samples;
 use sunglint_simulator::pass::table::any;
 
 /// The steps of a measurement, each with a table that the next one reads.

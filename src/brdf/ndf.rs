@@ -1,19 +1,20 @@
 //! `sunglint brdf ndf`: the density of microfacet normals from retro-reflection.
 
 use super::table;
-use crate::output::{Console, OutputArgs, Product, rounded};
-use crate::plot::{Axis, COLOURS, Figure, Panel, Series};
+use crate::output::{Console, OutputArgs};
 use anyhow::Context as _;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 use std::f64::consts::FRAC_PI_2;
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use sunglint_calibration::brdf::ndf::{
+use sunglint_formats::Table;
+use sunglint_materials::ndf::{
     Ndf, NdfFlags, NdfOptions, Profile, ShapeFit, TailKind, ZeroOrigin, extract, to_table,
 };
-use sunglint_calibration::brdf::table::RetroTable;
-use sunglint_formats::Table;
+use sunglint_materials::table::RetroTable;
+use sunglint_report::plot::{Axis, COLOURS, Figure, Panel, Series};
+use sunglint_report::{Product, rounded};
 use sunglint_simulator::surface::{Distribution, Lobe, Masking};
 
 /// Arguments of `sunglint brdf ndf`.
@@ -295,6 +296,6 @@ fn fitted(kind: Distribution, fit: &ShapeFit, degrees: &[f64]) -> Vec<(f64, f64)
 /// For what reads such tables: the NDF of a file.
 pub(super) fn read(path: &std::path::Path) -> anyhow::Result<(Ndf, Table, Value)> {
     let (source, inputs) = table(path)?;
-    let ndf = sunglint_calibration::brdf::ndf::from_table(path, &source)?;
+    let ndf = sunglint_materials::ndf::from_table(path, &source)?;
     Ok((ndf, source, inputs))
 }

@@ -1,13 +1,14 @@
 //! `sunglint brdf plan`: where to measure a sample.
 
 use super::{hemispheres, ndf};
-use crate::output::{Console, OutputArgs, Product, Usage, rounded};
+use crate::output::{Console, OutputArgs, Usage};
 use anyhow::Context as _;
 use clap::Args;
 use serde_json::json;
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use sunglint_calibration::brdf::plan::{Plan, PlanOptions, Rig, plan, to_table};
+use sunglint_materials::plan::{Plan, PlanOptions, Rig, plan, to_table};
+use sunglint_report::{Product, rounded};
 
 /// Arguments of `sunglint brdf plan`.
 #[derive(Debug, Args)]

@@ -1,16 +1,17 @@
 //! `sunglint brdf show` and `sunglint brdf compare`: what a material does, and how two differ.
 
 use super::samples;
-use crate::output::{Console, OutputArgs, Product, rounded};
-use crate::plot::{Axis, Figure, Panel, Series};
+use crate::output::{Console, OutputArgs};
 use anyhow::Context as _;
 use clap::Args;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::Path;
-use sunglint_calibration::brdf::samples::direction;
 use sunglint_formats::toml::Document;
 use sunglint_formats::{Column, Table};
+use sunglint_materials::samples::direction;
+use sunglint_report::plot::{Axis, Figure, Panel, Series};
+use sunglint_report::{Product, rounded};
 use sunglint_simulator::surface::brdf_table::{self, Row};
 use sunglint_simulator::surface::file::{MaterialFile, material};
 use sunglint_simulator::surface::{Material, measured};

@@ -2,8 +2,8 @@
 
 use anyhow::Context as _;
 use std::path::Path;
-use sunglint_calibration::brdf::ingest::RawSpectrum;
 use sunglint_formats::{FileError, ParseError, jcamp};
+use sunglint_materials::ingest::RawSpectrum;
 
 /// What a file of Bruker's OPUS begins with.
 const OPUS: [u8; 4] = [0x0a, 0x0a, 0xfe, 0xfe];

@@ -1,8 +1,10 @@
 //! The figure of a night: measured against predicted, ratios of channels, what is left against airmass and colour.
 
 use super::report::NightResult;
-use crate::plot::{Axis, COLOURS, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm};
 use sunglint_radiometry::station::Station;
+use sunglint_report::plot::{
+    Axis, COLOURS, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm,
+};
 
 /// Outliers are drawn paler.
 fn pale(colour: RGBColor) -> RGBColor {

@@ -2,13 +2,13 @@
 
 use super::visits::Prepared;
 use super::{figure, label};
-use crate::output::{Product, rounded};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_calibration::stars::{Night, NightFile, Nights, Slope, Visit, variation};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table, Values};
 use sunglint_radiometry::station::Station;
+use sunglint_report::{Product, rounded};
 
 /// A night that is calibrated.
 pub(super) struct NightResult {

@@ -3,10 +3,10 @@
 use super::Quantity;
 use super::compared::{Compared, Pairs};
 use super::measured::magnitude;
-use crate::plot::{Axis, COLOURS, Figure, Panel, RGBColor, Series};
 use std::ops::Range;
 use sunglint_calibration::comparison;
 use sunglint_formats::time::{format_utc_shortest, tai_nanoseconds};
+use sunglint_report::plot::{Axis, COLOURS, Figure, Panel, RGBColor, Series};
 
 /// The part of the residuals at either end that does not widen their axis.
 const TAIL: f64 = 0.01;

@@ -14,7 +14,7 @@ use measured::{Columns, Measured, MeasuredChannel};
 pub use measured::{ComparedAs, Quantity};
 
 use crate::explain;
-use crate::output::{Console, OutputArgs, Product};
+use crate::output::{Console, OutputArgs};
 use crate::simulate;
 use crate::station::StationArgs;
 use anyhow::Context as _;
@@ -22,6 +22,7 @@ use clap::Args;
 use serde::Deserialize;
 use serde_json::Value;
 use std::path::PathBuf;
+use sunglint_report::Product;
 use sunglint_simulator::pass::Overrides;
 
 /// Arguments of `sunglint compare`.

@@ -6,10 +6,10 @@ use super::measured::magnitude;
 use super::summary::with_error;
 use crate::air::describe;
 use crate::explain::{self, percent};
-use crate::report::{Chart, Grid, Group, Kind, Line, Parameter, Report, Scale, Section};
 use std::ops::Range;
 use sunglint_calibration::comparison::{Axis, Numbers};
 use sunglint_formats::time::{format_utc, format_utc_shortest};
+use sunglint_report::page::{Chart, Grid, Group, Kind, Line, Parameter, Report, Scale, Section};
 
 fn or_dash(value: Option<f64>, write: impl Fn(f64) -> String) -> String {
     value.map_or("–".into(), write)

@@ -3,7 +3,7 @@
 use super::Outcome;
 use super::check::setting_json;
 use super::session::{Desk, Session, TalkArgs, Waiting, advised};
-use crate::output::{Console, OutputArgs, Product, Usage};
+use crate::output::{Console, OutputArgs, Usage};
 use clap::Args;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -11,6 +11,7 @@ use std::time::Duration;
 use sunglint_drivers::catalogue::{AnyDevice, Kind};
 use sunglint_drivers::device::Interrupted;
 use sunglint_formats::{Column, Table};
+use sunglint_report::Product;
 
 /// How long a setting and a move usually take at most.
 const SET: Duration = Duration::from_secs(60);

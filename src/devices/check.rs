@@ -3,13 +3,14 @@
 use super::Outcome;
 use super::read::one;
 use super::session::{Desk, Session, TalkArgs, advised};
-use crate::output::{OutputArgs, Product};
+use crate::output::OutputArgs;
 use clap::Args;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_drivers::catalogue::Kind;
 use sunglint_drivers::device::{DeviceError, Identity, Origin, Setting, Value as SettingValue};
 use sunglint_formats::{Column, Table};
+use sunglint_report::Product;
 
 /// Arguments of `sunglint devices check`.
 #[derive(Debug, Args)]

@@ -1,7 +1,7 @@
 //! `sunglint devices list`: what there is, and whether it can be used.
 
 use super::session::{seconds, utc_now};
-use crate::output::{Console, OutputArgs, Product};
+use crate::output::{Console, OutputArgs};
 use clap::Args;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -10,6 +10,7 @@ use sunglint_drivers::catalogue::{
 };
 use sunglint_drivers::clock::Deadline;
 use sunglint_formats::{Column, Table};
+use sunglint_report::Product;
 
 /// Arguments of `sunglint devices list`.
 #[derive(Debug, Args)]

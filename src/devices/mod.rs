@@ -13,10 +13,11 @@ pub use list::ListArgs;
 pub use read::ReadArgs;
 pub use replay::{RecordArgs, ReplayArgs};
 
-use crate::output::{Console, OutputArgs, Product};
+use crate::output::{Console, OutputArgs};
 use clap::Subcommand;
 use session::Desk;
 use sunglint_drivers::catalogue::udev;
+use sunglint_report::Product;
 
 /// What is done with instruments.
 #[derive(Debug, Subcommand)]

@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use super::session::{Desk, Session, TalkArgs, Waiting, advised, seconds, utc_now};
-use crate::output::{Console, OutputArgs, Product, Usage};
+use crate::output::{Console, OutputArgs, Usage};
 use anyhow::Context as _;
 use clap::Args;
 use serde_json::{Value, json};
@@ -13,6 +13,7 @@ use sunglint_drivers::device::Power;
 use sunglint_formats::fits::Writer;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, CountRecord, CountSeries, Frame, Meta, Table, Values};
+use sunglint_report::Product;
 
 /// How much longer than its exposure a frame may take, and than its bin a count.
 const FRAME: Duration = Duration::from_secs(30);

@@ -2,13 +2,14 @@
 
 use super::Talk;
 use super::session::{Desk, HOST};
-use crate::output::{Console, OutputArgs, Product, Usage};
+use crate::output::{Console, OutputArgs, Usage};
 use anyhow::{Context as _, bail};
 use clap::{Args, Parser};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use sunglint_drivers::catalogue::{DRIVERS, Driver};
 use sunglint_drivers::recording::Recording;
+use sunglint_report::Product;
 
 /// Arguments of `sunglint devices record`.
 #[derive(Debug, Args)]

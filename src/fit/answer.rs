@@ -6,11 +6,11 @@ use ndarray::Array2;
 use serde::Serialize;
 use serde::ser::Serializer;
 use std::path::PathBuf;
-use sunglint_calibration::pass::spectrum::Upsampled;
-use sunglint_calibration::pass::{
+use sunglint_formats::time::format_utc_shortest;
+use sunglint_inference::solver::spectrum::Upsampled;
+use sunglint_inference::solver::{
     Data, Fit, FittedCurve, StudyModel, Summary, airmasses, summaries,
 };
-use sunglint_formats::time::format_utc_shortest;
 use sunglint_radiometry::light_curve::Input;
 use sunglint_simulator::pass::{Averaged, Study, Thinned};
 

@@ -11,10 +11,10 @@ use anyhow::bail;
 use ndarray::Array2;
 use serde::Deserialize;
 use std::path::PathBuf;
-use sunglint_calibration::pass::{self, CalibrationError, Data};
 use sunglint_calibration::stars::scintillation::Aperture;
 use sunglint_formats::time::{format_utc, tai_nanoseconds};
 use sunglint_formats::toml::Document;
+use sunglint_inference::solver::{self, CalibrationError, Data};
 use sunglint_radiometry::station::Station;
 use sunglint_simulator::pass::{Overrides, Pass, Study};
 
@@ -230,7 +230,7 @@ pub(crate) fn prepared(
             height_m: station.site.geodetic().height_m,
             coefficient,
         };
-        let airmass = pass::airmasses(study);
+        let airmass = solver::airmasses(study);
         data.common_variance = (measured.exposure_s.iter().zip(&airmass))
             .map(|(t, x)| if x.is_finite() { aperture.variance(*t, *x) } else { 0.0 })
             .collect();

@@ -6,8 +6,8 @@ use hifitime::Epoch;
 use ndarray::Array2;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use sunglint_calibration::pass::CalibrationError;
-use sunglint_calibration::stars::visit::TOLERATED;
+use sunglint_inference::solver::CalibrationError;
+use sunglint_radiometry::light_curve::TOLERATED;
 use sunglint_radiometry::light_curve::{Flags, LightCurve, RateKind};
 
 /// A measured curve, ready to be fitted.

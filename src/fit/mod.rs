@@ -1,7 +1,7 @@
 //! `sunglint fit`: what a simulation must be like for it to look as what was measured.
 //!
 //! `measured` reads curves, `inputs` joins them with their scenes, `scene` holds a scene in which numbers can be set, `parameters` finds what is free, the mathematics is
-//! [`sunglint_calibration::pass`], `found` puts it back into the scene, `report` says what it is, [`answer`] holds it for whoever shows it otherwise.
+//! [`sunglint_inference::solver`], `found` puts it back into the scene, `report` says what it is, [`answer`] holds it for whoever shows it otherwise.
 
 pub mod answer;
 mod found;
@@ -26,12 +26,12 @@ use progress::Shown;
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::time::Instant;
-use sunglint_calibration::pass::{
-    self, Data, Fit, Free, Loss, Options, ParameterKind, StudyModel, Unit,
-};
 use sunglint_calibration::stars::scintillation::USUAL_COEFFICIENT;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::toml::NonNegative;
+use sunglint_inference::solver::{
+    self, Data, Fit, Free, Loss, Options, ParameterKind, StudyModel, Unit,
+};
 use sunglint_radiometry::light_curve::Input;
 use sunglint_simulator::light::engine::Switch;
 use sunglint_simulator::pass::{Averaged, BANDS, Study, Thinned};
@@ -258,7 +258,7 @@ pub fn solve(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<Answ
         let again: Vec<Free> = (free.iter().zip(&fit.parameters))
             .map(|(f, p)| Free { start: p.value.clamp(f.low, f.high), ..f.clone() })
             .collect();
-        let mut next = pass::fit(&data, model, &again, linear, &near, &mut |p| shown.tell(p))?;
+        let mut next = solver::fit(&data, model, &again, linear, &near, &mut |p| shown.tell(p))?;
         next.evaluations += fit.evaluations;
         // Other minima are those of the search.
         next.minima.extend(fit.minima.iter().skip(1).cloned());
@@ -272,7 +272,7 @@ pub fn solve(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<Answ
         .collect();
     let mut averaged = model.average(&begin, &middles)?;
     let mut nodes = model.thin(&begin, THINNED)?;
-    let mut fit = pass::fit(&data, &mut model, free, linear, &options, &mut |p| shown.tell(p))?;
+    let mut fit = solver::fit(&data, &mut model, free, linear, &options, &mut |p| shown.tell(p))?;
     for _ in 0..REFINED {
         // What was smooth where the search began may not be so where it ended. What is linear moves no light.
         if free.is_empty() {

@@ -2,9 +2,9 @@
 
 use super::answer::{Answer, AnsweredCurve};
 use super::report::{number, of_averaged, of_thinned};
-use crate::report::{Chart, Grid, Group, Kind, Line, Report, Scale, Section};
-use sunglint_calibration::pass::{Estimate, IntervalMethod, Side, Summary, Warning};
 use sunglint_formats::time::format_utc_shortest;
+use sunglint_inference::solver::{Estimate, IntervalMethod, Side, Summary, Warning};
+use sunglint_report::page::{Chart, Grid, Group, Kind, Line, Report, Scale, Section};
 
 /// Correlations below this are not named on the page.
 const NAMED: f64 = 0.5;

@@ -4,7 +4,7 @@ use super::scene::Scene;
 use crate::output::Usage;
 use anyhow::bail;
 use std::str::FromStr;
-use sunglint_calibration::pass::{
+use sunglint_inference::solver::{
     Component, Extinction, Free, Law, Linear, Shaping, StudyModel, Unit, band_mean,
 };
 use sunglint_radiometry::air::Zenith;

@@ -3,7 +3,7 @@
 use crate::output::Console;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::time::{Duration, Instant};
-use sunglint_calibration::pass;
+use sunglint_inference::solver;
 
 /// What takes longer shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -34,9 +34,9 @@ impl Shown {
         }))
     }
 
-    pub fn tell(&mut self, progress: pass::Progress) {
+    pub fn tell(&mut self, progress: solver::Progress) {
         if let Some(bar) = self.bar() {
-            let pass::Progress { stage, evaluations, chi2 } = progress;
+            let solver::Progress { stage, evaluations, chi2 } = progress;
             bar.set_message(format!("{stage}: {evaluations} simulations, chi-square {chi2:.4e}"));
             bar.tick();
         }

@@ -2,13 +2,13 @@
 
 use super::answer::{Answer, AnsweredCurve, Spectrum};
 use super::page;
-use crate::output::Product;
-use crate::plot::{Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm};
 use serde_json::json;
 use std::fmt::Write as _;
-use sunglint_calibration::pass::{Estimate, IntervalMethod, Side, Summary};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
+use sunglint_inference::solver::{Estimate, IntervalMethod, Side, Summary};
+use sunglint_report::Product;
+use sunglint_report::plot::{Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm};
 use sunglint_simulator::pass::{Averaged, Thinned};
 
 /// Tables, figures, JSON.

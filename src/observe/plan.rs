@@ -9,13 +9,13 @@ use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 use sunglint_drivers::catalogue::{Address, Kind};
 use sunglint_drivers::clock::utc_now;
+use sunglint_ephemeris::orbit::tle;
 use sunglint_formats::ParseError;
 use sunglint_formats::session::{Device, DeviceKind, FileSum, Target, TargetKind, is_name};
 use sunglint_formats::time::parse_utc;
 use sunglint_formats::toml::{Document, Finite, Positive, Within};
 use sunglint_radiometry::sky::Catalogue;
 use sunglint_radiometry::station::Station;
-use sunglint_simulator::orbit::tle;
 
 /// The file as it is written.
 #[derive(Debug, Clone, Deserialize)]

@@ -1,11 +1,11 @@
 //! Where a target stands: for the headers of frames.
 
 use hifitime::Epoch;
+use sunglint_ephemeris::orbit::{Orbit, TleOrbit, tle};
 use sunglint_formats::fits::Header;
 use sunglint_formats::session::{Target, TargetKind};
 use sunglint_radiometry::sky::{EarthOrientation, Equatorial, Observer, Star};
 use sunglint_radiometry::station::Station;
-use sunglint_simulator::orbit::{Orbit, TleOrbit, tle};
 
 /// Follows the targets of a schedule.
 #[derive(Debug)]

@@ -15,8 +15,8 @@ use sunglint_formats::session::{Target, TargetKind};
 use sunglint_formats::toml::Document;
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation};
 use sunglint_radiometry::station::Station;
-use sunglint_simulator::observatory::options::{Options, VisitKind};
-use sunglint_simulator::observatory::plan as light;
+use sunglint_virtual::observatory::options::{Options, VisitKind};
+use sunglint_virtual::observatory::plan as light;
 
 /// The address of its devices in NIGHT.toml.
 pub const ADDRESS: &str = "virtual";
@@ -93,7 +93,7 @@ fn visits_of(
                 light::Target::Star(Box::new(star.clone()))
             }
             TargetKind::Satellite => {
-                let of_it = |visit: &&sunglint_simulator::observatory::options::VisitOptions| {
+                let of_it = |visit: &&sunglint_virtual::observatory::options::VisitOptions| {
                     visit.kind == VisitKind::Satellite && visit.name == *name
                 };
                 let curve = options.visit.iter().find(of_it).and_then(|v| v.curve.as_ref());

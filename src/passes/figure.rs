@@ -2,12 +2,12 @@
 
 use super::report::Report;
 use super::seen::SeenPass;
-use crate::plot::sky::{Light, Place, SkyPlot, Track, TrackPoint};
 use hifitime::{Epoch, Unit};
 use plotters::style::RGBColor;
+use sunglint_ephemeris::passes::Search;
 use sunglint_formats::time::format_utc;
 use sunglint_radiometry::sky::Observer;
-use sunglint_simulator::passes::Search;
+use sunglint_report::plot::sky::{Light, Place, SkyPlot, Track, TrackPoint};
 
 /// Tracks that are drawn at most: the brightest.
 const TRACKS: usize = 22;

@@ -23,13 +23,13 @@ use report::Report;
 use seen::Photometer;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use sunglint_ephemeris::orbit::tle::{self, Tle};
+use sunglint_ephemeris::orbit::{Orbit, TleOrbit};
+use sunglint_ephemeris::passes::brightness::Brightness;
+use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{EarthOrientation, SkyFrames};
-use sunglint_simulator::orbit::tle::{self, Tle};
-use sunglint_simulator::orbit::{Orbit, TleOrbit};
-use sunglint_simulator::passes::brightness::Brightness;
-use sunglint_simulator::passes::{Conditions, Search};
 
 /// Arguments of `sunglint passes`.
 #[derive(Debug, Args)]

@@ -4,16 +4,16 @@ use super::PassesArgs;
 use anyhow::{Context as _, bail};
 use hifitime::Epoch;
 use std::path::Path;
+use sunglint_ephemeris::orbit::Orbit;
+use sunglint_ephemeris::orbit::eclipse::EarthShape;
+use sunglint_ephemeris::passes::brightness::Brightness;
 use sunglint_formats::nearest_names;
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::light::sun_at_1_au;
 use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::Station;
 use sunglint_simulator::attitude::Attitude;
-use sunglint_simulator::orbit::Orbit;
-use sunglint_simulator::orbit::eclipse::EarthShape;
 use sunglint_simulator::pass::{Pass, Ready, SpectralQuantity};
-use sunglint_simulator::passes::brightness::Brightness;
 use sunglint_simulator::target::Target;
 
 /// A model's brightness is looked at no more than so many seconds apart.

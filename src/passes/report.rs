@@ -4,16 +4,17 @@ use super::model::Light;
 use super::seen::{Event, KEYHOLE_DEG, Photometer, SeenPass};
 use super::{Counts, Failure, figure, table};
 use crate::air::describe;
-use crate::output::{Console, OutputArgs, Product, rounded};
+use crate::output::{Console, OutputArgs};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
+use sunglint_ephemeris::passes::brightness::Brightness;
+use sunglint_ephemeris::passes::{Search, Span};
 use sunglint_formats::time::format_utc;
 use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::{Mount, Station};
-use sunglint_simulator::passes::brightness::Brightness;
-use sunglint_simulator::passes::{Search, Span};
+use sunglint_report::{Product, rounded};
 
 /// A search with what it found.
 pub(super) struct Report<'a> {

@@ -4,16 +4,16 @@ use super::model::{Light, MODEL_STEP_S};
 use hifitime::Epoch;
 use rayon::prelude::*;
 use std::cell::RefCell;
+use sunglint_ephemeris::geometry::Geometry;
+use sunglint_ephemeris::orbit::{Orbit, Tle};
+use sunglint_ephemeris::passes::brightness::Brightness;
+use sunglint_ephemeris::passes::{Pass, Search, Span};
 use sunglint_radiometry::air::{Air, Zenith};
 use sunglint_radiometry::light::sun_at_1_au;
 use sunglint_radiometry::passband::{Passband, ZeroPoint};
 use sunglint_radiometry::sky::{Observer, SkyFrames, Twilight};
 use sunglint_radiometry::station::{Mount, Predicted, Station};
-use sunglint_simulator::geometry::Geometry;
-use sunglint_simulator::orbit::{Orbit, Tle};
 use sunglint_simulator::pass::{Eye, PassError, Sample};
-use sunglint_simulator::passes::brightness::Brightness;
-use sunglint_simulator::passes::{Pass, Search, Span};
 
 /// A pass that can be seen.
 #[derive(Debug, Clone)]

@@ -3,11 +3,12 @@
 use super::PictureArgs;
 use super::aim::Aim;
 use super::image::{irradiance, reflectances};
-use crate::output::{Console, Product, rounded};
-use crate::plot::{Axis, Figure, Heat, Panel};
+use crate::output::Console;
 use anyhow::{Context as _, bail};
 use serde_json::json;
 use sunglint_formats::fits::{Header, Image, Pixels, Writer};
+use sunglint_report::plot::{Axis, Figure, Heat, Panel};
+use sunglint_report::{Product, rounded};
 use sunglint_simulator::light::Scene;
 use sunglint_simulator::picture::Map;
 

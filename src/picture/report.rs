@@ -3,10 +3,10 @@
 use super::image::{Shot, arcsec};
 use super::tiles::{depths, gallery, length};
 use super::{What, fits};
-use crate::output::{Product, rounded};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_formats::time::format_utc_shortest;
+use sunglint_report::{Product, rounded};
 
 /// A picture in words and files.
 pub struct Report<'a> {

@@ -1,12 +1,13 @@
 //! What a sphere reflects against phase angle, rough mirrors beside Lambert's law and a mirror (thesis fig. G.4).
 
 use super::PictureArgs;
-use crate::output::{Console, Product, Usage, rounded};
-use crate::plot::{Axis, Figure, Panel, Series};
+use crate::output::{Console, Usage};
 use serde_json::json;
 use std::f64::consts::PI;
 use sunglint_formats::{Column, Table};
 use sunglint_radiometry::spectrum::Spectrum;
+use sunglint_report::plot::{Axis, Figure, Panel, Series};
+use sunglint_report::{Product, rounded};
 use sunglint_simulator::surface::{Distribution, Fresnel, Lobe, Masking, Material};
 
 /// Steps of the phase angle, degrees.
@@ -70,7 +71,7 @@ pub fn run(args: &PictureArgs, console: Console) -> anyhow::Result<()> {
         let points = shown.filter(|(deg, _)| *deg < 180.0 || column != "mirror").collect();
         let line = Series::line(name.clone(), i, points);
         series.push(if i < 2 {
-            line.with_colour_and_dash(crate::plot::RGBColor(40, 40, 40), i)
+            line.with_colour_and_dash(sunglint_report::plot::RGBColor(40, 40, 40), i)
         } else {
             line
         });

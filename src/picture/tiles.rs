@@ -2,10 +2,10 @@
 
 use super::What;
 use super::image::{RGB_NM, Shot};
-use crate::plot::gallery::{Arrow, Gallery, Key, Tile};
-use crate::plot::{COLOURS, RGBColor, viridis};
 use image::{Rgba, RgbaImage};
 use std::ops::Range;
+use sunglint_report::plot::gallery::{Arrow, Gallery, Key, Tile};
+use sunglint_report::plot::{COLOURS, RGBColor, viridis};
 
 /// Behind pictures of light.
 const SKY: [f64; 3] = [10.0, 10.0, 14.0];

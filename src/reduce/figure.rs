@@ -1,13 +1,15 @@
 //! What was reduced, to look at: light curves, and frames with the target's rings.
 
 use super::night::Visited;
-use crate::plot::gallery::{Gallery, Key, Tile};
+use sunglint_report::plot::gallery::{Gallery, Key, Tile};
 
-use crate::plot::{Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm, viridis};
 use image::{Rgba, RgbaImage};
 use sunglint_formats::time::format_utc;
 use sunglint_radiometry::light_curve::ChannelCurve;
 use sunglint_radiometry::station::Station;
+use sunglint_report::plot::{
+    Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm, viridis,
+};
 
 /// More points than this of a channel cannot be told apart.
 const MOST_POINTS: usize = 20_000;

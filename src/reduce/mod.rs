@@ -10,7 +10,7 @@ mod seeing;
 pub mod sky;
 pub mod tags;
 
-use crate::output::{Console, OutputArgs, Product, Usage};
+use crate::output::{Console, OutputArgs, Usage};
 use crate::station::StationArgs;
 use anyhow::Context as _;
 use clap::Args;
@@ -24,6 +24,7 @@ use sunglint_formats::Frame;
 use sunglint_formats::session::{Session, Target};
 use sunglint_radiometry::light_curve::LightCurve;
 use sunglint_radiometry::station::Station;
+use sunglint_report::Product;
 
 /// What takes longer shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);

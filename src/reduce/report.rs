@@ -4,7 +4,6 @@ use super::Stay;
 use super::frames::CameraNight;
 use super::night::{Reduced, Visited};
 use super::tags::TagSummary;
-use crate::output::rounded;
 use hifitime::Epoch;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -12,6 +11,7 @@ use std::fmt::Write as _;
 use sunglint_formats::time::{format_utc, format_utc_shortest};
 use sunglint_formats::{Column, Table};
 use sunglint_radiometry::light_curve::{ChannelCurve, Flags};
+use sunglint_report::rounded;
 
 /// A channel of a visit in numbers.
 pub struct ChannelLine {

@@ -4,11 +4,11 @@ use anyhow::Context as _;
 use hifitime::{Epoch, Unit};
 use rayon::prelude::*;
 use std::path::Path;
+use sunglint_ephemeris::geometry::Geometry;
+use sunglint_ephemeris::orbit::{Orbit, tle};
 use sunglint_formats::session::{Target, TargetKind};
 use sunglint_radiometry::light_curve::Samples;
 use sunglint_radiometry::sky::{EarthOrientation, Equatorial, Observer, Site, Star};
-use sunglint_simulator::geometry::Geometry;
-use sunglint_simulator::orbit::{Orbit, tle};
 
 /// A star's direction is computed this often and turned on between: it turns by 7.3e-5 rad/s, so that the chord of 4 s is nowhere further than
 /// 1.1e-8 rad from the arc.

@@ -1,10 +1,10 @@
 //! The figures of a simulated pass: rates, magnitudes and geometry against time, and the time–wavelength diagram.
 
-use crate::plot::{Axis, Figure, Heat, Panel, RGBColor, Series, Span};
 use crate::star::channel_line;
 use hifitime::Epoch;
 use std::ops::Range;
 use sunglint_formats::time::{format_utc, tai_nanoseconds};
+use sunglint_report::plot::{Axis, Figure, Heat, Panel, RGBColor, Series, Span};
 use sunglint_simulator::pass::{Place, Simulation, SpectralQuantity};
 
 /// A gap of more than so many steps (and of a minute) parts one track from the next.

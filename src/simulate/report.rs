@@ -3,11 +3,11 @@
 use super::figure::{Drawing, tracks};
 use crate::air::describe;
 use crate::explain;
-use crate::output::{Product, rounded};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
+use sunglint_ephemeris::orbit::Orbit;
 use sunglint_formats::time::{format_utc, format_utc_shortest};
-use sunglint_simulator::orbit::Orbit;
+use sunglint_report::{Product, rounded};
 use sunglint_simulator::pass::{ChannelSamples, Simulation, Stage, StandardMagnitude, StatedError};
 
 /// The place of V among the bands.

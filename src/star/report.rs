@@ -2,14 +2,14 @@
 
 use super::{ChannelRate, Sight, Track};
 use crate::air::describe;
-use crate::output::Product;
-use crate::plot::{Axis, Figure, Panel, Series, colour_of_wavelength_nm};
 use hifitime::Unit;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table, Values};
 use sunglint_radiometry::station::{Channel, Detector};
+use sunglint_report::Product;
+use sunglint_report::plot::{Axis, Figure, Panel, Series, colour_of_wavelength_nm};
 
 /// A track, and how it is to be shown.
 pub(super) struct Report<'a> {

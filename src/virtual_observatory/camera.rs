@@ -7,8 +7,8 @@ use sunglint_drivers::device::{
     Camera, Device, DeviceError, Identity, Origin, Setting, Value, Window,
 };
 use sunglint_formats::{Bayer, Frame, fits::Header};
-use sunglint_simulator::observatory::frame::{Exposure, Sensor};
-use sunglint_simulator::observatory::watch::{FrameTruth, Watch};
+use sunglint_virtual::observatory::frame::{Exposure, Sensor};
+use sunglint_virtual::observatory::watch::{FrameTruth, Watch};
 
 const DEVICE: &str = "virtual camera";
 

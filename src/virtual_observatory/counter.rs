@@ -7,7 +7,7 @@ use sunglint_drivers::device::{
     Device, DeviceError, Identity, Interrupted, Origin, PhotonCounter, Setting, Value,
 };
 use sunglint_formats::{CountFlags, CountRecord};
-use sunglint_simulator::observatory::watch::Watch;
+use sunglint_virtual::observatory::watch::Watch;
 
 const DEVICE: &str = "virtual counter";
 const PS_PER_NS: i64 = 1000;

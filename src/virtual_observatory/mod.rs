@@ -24,10 +24,10 @@ use sunglint_formats::toml::Document;
 use sunglint_radiometry::light_curve::LightCurve;
 use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::Station;
-use sunglint_simulator::observatory::night::{Night, NightError};
-use sunglint_simulator::observatory::options::Options;
-use sunglint_simulator::observatory::plan::{Visit, visits};
-use sunglint_simulator::observatory::watch::Watch;
+use sunglint_virtual::observatory::night::{Night, NightError};
+use sunglint_virtual::observatory::options::Options;
+use sunglint_virtual::observatory::plan::{Visit, visits};
+use sunglint_virtual::observatory::watch::Watch;
 
 /// A night and the instruments in it.
 #[derive(Debug, Clone)]

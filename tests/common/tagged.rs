@@ -11,7 +11,7 @@ use sunglint_formats::session::{
     TargetKind, What,
 };
 use sunglint_formats::{CountFlags, CountRecord};
-use sunglint_simulator::observatory::events::{DeadTime, Detector};
+use sunglint_virtual::observatory::events::{DeadTime, Detector};
 
 use super::night::at;
 

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 use sunglint::observe::{Plan, Summary, planned};
 use sunglint_drivers::clock::Cancel;
-use sunglint_simulator::observatory::night::Night;
+use sunglint_virtual::observatory::night::Night;
 
 /// A plan with a camera and a counter of the station `ufo`, both virtual; with replacements.
 pub fn plan_of(changes: &[(&str, &str)]) -> String {

@@ -8,15 +8,12 @@
 //! - [`phase_vector`], [`longitude_latitude`]: where a sample stands;
 //! - [`Grid`]: cells; [`BodyMap`]: what samples have in each cell, with their number and scatter, and NaN where there is none;
 //! - [`BodyMap::at`]: the value between the middles of cells: a curve from a map;
-//! - [`range_map`]: how far the lit and seen surface is, light by light, from the exact polygons;
 //! - [`Spin`], [`quality`], [`scan`]: how well samples agree with one another on the body's frame, for a body of unknown shape.
 
 mod grid;
 mod quality;
-mod range;
 
 pub use grid::{
     BodyMap, Coverage, Grid, GridError, Interpolated, longitude_latitude, phase_vector,
 };
 pub use quality::{Quality, QualityError, Sighting, Spin, quality, scan};
-pub use range::{RangeMap, range_map};

@@ -11,7 +11,7 @@
 //!
 //! In the order in which data flows through it:
 //!
-//! - [`Endmember`]: the spectrum of a material, from [`sunglint_simulator::surface::Material`];
+//! - [`Endmember`]: the spectrum of a material, from `sunglint_simulator::surface::Material`;
 //! - [`Bands`]: channels or bins → U_c and the matrix s_cm for an airmass;
 //! - [`nnls`]: non-negative least squares, on a free or a given sum; [`Mixing`]: what a matrix can tell apart (condition, near twins);
 //! - [`Mixing::solve`]: weights, shares, their uncertainties, and what there is to say of them → [`Mixture`];

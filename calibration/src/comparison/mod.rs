@@ -26,7 +26,7 @@ use hifitime::Epoch;
 use sunglint_formats::time::{format_utc, tai_nanoseconds};
 
 /// Flags that a sample may carry and still be compared: what they say is in its uncertainty, or does not change its rate.
-pub use crate::stars::visit::TOLERATED;
+pub use sunglint_radiometry::light_curve::TOLERATED;
 
 /// Why there is nothing to compare.
 #[derive(Debug, thiserror::Error)]

@@ -1,16 +1,7 @@
 //! The mean rates of a visit to a star, from its linear light curve.
 
 use super::scintillation::Aperture;
-use sunglint_radiometry::light_curve::{ChannelCurve, Flags, LightCurve};
-
-/// Flags that a sample may carry and still be measured: what they say is in its uncertainty or does not change its rate.
-pub const TOLERATED: Flags = Flags::NO_OFF_TARGET
-    .union(Flags::MASKED_PIXELS)
-    .union(Flags::UNDERSAMPLED)
-    .union(Flags::TRAILED)
-    .union(Flags::CLOCK_FREE)
-    .union(Flags::FALLBACK)
-    .union(Flags::EXTRAPOLATED);
+use sunglint_radiometry::light_curve::{ChannelCurve, Flags, LightCurve, TOLERATED};
 
 /// The mean of a channel over a visit.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -46,3 +46,12 @@ bitflags::bitflags! {
         const CLOCK_FREE = 1 << 19;
     }
 }
+
+/// Flags that a sample may carry and still be measured: what they say is in its uncertainty or does not change its rate.
+pub const TOLERATED: Flags = Flags::NO_OFF_TARGET
+    .union(Flags::MASKED_PIXELS)
+    .union(Flags::UNDERSAMPLED)
+    .union(Flags::TRAILED)
+    .union(Flags::CLOCK_FREE)
+    .union(Flags::FALLBACK)
+    .union(Flags::EXTRAPOLATED);

@@ -9,7 +9,7 @@ mod provenance;
 mod samples;
 mod spectral;
 
-pub use flags::Flags;
+pub use flags::{Flags, TOLERATED};
 pub use provenance::{Input, Provenance};
 pub use samples::Samples;
 pub use spectral::SpectralLightCurve;

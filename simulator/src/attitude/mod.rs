@@ -14,10 +14,10 @@ mod spin;
 mod table;
 mod tumble;
 
-use crate::orbit::State;
-use crate::orbit::seconds_between;
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
+use sunglint_ephemeris::orbit::State;
+use sunglint_ephemeris::orbit::seconds_between;
 
 pub use pointing::{Direction, Pointing, orbit_to_gcrs};
 pub use spin::Spin;

@@ -1,8 +1,8 @@
 //! Why a pass could not be simulated.
 
 use crate::attitude::AttitudeError;
-use crate::geometry::GeometryError;
 use crate::light::{DirectionError, SceneError};
+use sunglint_ephemeris::geometry::GeometryError;
 use sunglint_radiometry::air::AirError;
 use sunglint_radiometry::passband::PhotometryError;
 use sunglint_radiometry::sky::SkyError;

@@ -5,9 +5,9 @@ use super::{Pass, PassError};
 use crate::light::disc::eclipse as fractions;
 use crate::light::engine::left_out;
 use crate::light::{Course, Globe, Lighting, Need, SceneReport, View};
-use crate::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
 use glam::DVec3;
 use std::collections::HashSet;
+use sunglint_ephemeris::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
 
 /// What a pass needs.
 #[derive(Debug, Clone)]

@@ -32,14 +32,14 @@ use super::keys::{
 };
 use crate::attitude::{self, Attitude, file::AttitudeFile};
 use crate::light::engine::{Options, check_tolerance};
-use crate::orbit::eclipse::{EARTH_EQUATORIAL_RADIUS_M, EarthShape};
-use crate::orbit::{Ephemeris, Orbit, OrbitError, TleOrbit, tle};
 use crate::surface::Material;
 use crate::target::{self, Part, Placement, Shape, Target, TargetFile};
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
 use sha2::{Digest as _, Sha256};
 use std::path::{Path, PathBuf};
+use sunglint_ephemeris::orbit::eclipse::{EARTH_EQUATORIAL_RADIUS_M, EarthShape};
+use sunglint_ephemeris::orbit::{Ephemeris, Orbit, OrbitError, TleOrbit, tle};
 use sunglint_formats::toml::{Document, Positive};
 use sunglint_formats::{FileError, ParseError, Table, curve, ecsv, nearest_names};
 use sunglint_radiometry::air::Air;

@@ -4,8 +4,8 @@
 //! tens of kilometres of the ground (a ray at 15 km is already spread to half its brightness as far as a low orbit lies behind the limb;
 //! refraction also brings light into the umbra): the limb may effectively stand anywhere between.
 
-use crate::geometry::Geometry;
-use crate::orbit::eclipse::{Discs, EARTH_EQUATORIAL_RADIUS_M, EarthShape};
+use sunglint_ephemeris::geometry::Geometry;
+use sunglint_ephemeris::orbit::eclipse::{Discs, EARTH_EQUATORIAL_RADIUS_M, EarthShape};
 
 /// Limbs between which the effective one may lie, m above and below the Earth's radius.
 const AIR_M: f64 = 25e3;

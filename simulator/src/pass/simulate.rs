@@ -4,17 +4,17 @@ use super::counts::{Counts, Light};
 use super::functionals::Functionals;
 use super::{BANDS, Pass, PassError, Ready, SpectralQuantity, shadow};
 use crate::attitude::Moment;
-use crate::geometry::Geometry;
 use crate::light::disc::eclipse as fractions;
 use crate::light::engine::Switch;
 use crate::light::{Globe, Need, SceneReport, Term};
-use crate::orbit::Orbit;
-use crate::orbit::eclipse::Discs;
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
 use ndarray::Array2;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use sunglint_ephemeris::geometry::Geometry;
+use sunglint_ephemeris::orbit::Orbit;
+use sunglint_ephemeris::orbit::eclipse::Discs;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_radiometry::air::{AirError, Zenith};
 use sunglint_radiometry::sky::{LUNAR_RADIUS_M, Observer, OrientationOrigin, SkyFrames};
@@ -278,7 +278,7 @@ impl Pass {
 
     pub(super) fn frames(&self, first: Epoch, mut last: Epoch) -> Result<SkyFrames<'_>, PassError> {
         // Few times far apart are cheaper each on its own.
-        let hours = crate::orbit::seconds_between(first, last) / 3600.0;
+        let hours = sunglint_ephemeris::orbit::seconds_between(first, last) / 3600.0;
         if hours > self.times.len() as f64 {
             last = first;
         }

@@ -5,9 +5,10 @@
 //! the light E = ∫∫ p F G/cosθ_i (cosθ_i + s x) dx dy, s = α sinθ. Row by row across the ellipse this stays smooth for every roughness and up to grazing
 //! incidence: there the near edge runs through the origin, and G falls to 0 on it within the width of the bell.
 
-use super::{Distribution, Fresnel, Lobe, Material, MaterialError, Model, cos_difference, rule};
+use super::{Distribution, Fresnel, Lobe, Material, MaterialError, Model, cos_difference};
 use glam::DVec3;
 use std::f64::consts::FRAC_1_PI;
+use sunglint_numerics::panels;
 
 /// The change from one order of the quadrature to the next, relative to the largest weight, at which it is taken as converged.
 const TOLERANCE: f64 = 1e-5;
@@ -52,7 +53,7 @@ impl Material {
 pub(super) fn weights(lobe: &Lobe, fresnel: &Fresnel, i: DVec3) -> Result<Vec<f64>, MaterialError> {
     let ellipse = Ellipse::new(lobe, i);
     let count = fresnel.spectra().len();
-    let (sum, error) = rule::converge_all(TOLERANCE, 1, count, |order, sum| {
+    let (sum, error) = panels::converge_all(TOLERANCE, 1, count, |order, sum| {
         ellipse.add(fresnel, order, sum);
     });
     if error <= TOLERANCE {
@@ -248,11 +249,11 @@ fn panels(
             _ => None,
         };
         if let Some((near, other)) = ends {
-            for (t, width) in rule::panel(0.0, 1.0, order) {
+            for (t, width) in panels::panel(0.0, 1.0, order) {
                 add(near + (other - near) * t * t, 2.0 * (last - first) * t * width);
             }
         } else {
-            rule::panel(first, last, order).for_each(|(x, width)| add(x, width));
+            panels::panel(first, last, order).for_each(|(x, width)| add(x, width));
         }
         j += 1.0;
     }

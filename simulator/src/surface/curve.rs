@@ -3,8 +3,9 @@
 //! They are computed at Chebyshev points in s, μ = δ sinh(s asinh(1/δ)) with δ ≈ α: 65 to 1025 of them, the fewer the rougher. Their interpolant fills a table that is
 //! cubic between nodes at equal distances in s, which is fast to look up.
 
-use super::{MaterialError, rule};
+use super::MaterialError;
 use std::f64::consts::PI;
+use sunglint_numerics::panels;
 
 /// The largest error of the interpolation between Chebyshev points.
 const TOLERANCE: f64 = 2e-5;
@@ -89,7 +90,7 @@ impl Curve {
         let nodes = self.values.len();
         let edges: Vec<f64> = (0..nodes).map(|j| j as f64 / (nodes - 1) as f64).collect();
         let mut sum = [0.0; 2];
-        for (s, weight) in rule::points(&edges, 0) {
+        for (s, weight) in panels::points(&edges, 0) {
             let t = s * self.span;
             let (mu, slope) = (self.delta * t.sinh(), self.delta * self.span * t.cosh());
             for (sum, value) in sum.iter_mut().zip(self.cubic(s)) {

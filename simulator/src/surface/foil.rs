@@ -9,14 +9,15 @@
 
 use super::sampling::{Mixture, Proposal};
 use super::scatter::{Effort, LargestAlbedo, Scatter};
-use super::{Distribution, Lobe, Masking, Material, MaterialError, Model, rule};
+use super::{Distribution, Lobe, Masking, Material, MaterialError, Model};
 use glam::DVec3;
 use std::f64::consts::FRAC_1_PI;
 use std::sync::Arc;
+use sunglint_numerics::panels;
 
 /// e^(−4.2²) is 2e-8.
 const END: f64 = 4.2;
-/// Points in a panel: `rule::ORDERS[1]`.
+/// Points in a panel: `panels::ORDERS[1]`.
 const ORDER: usize = 1;
 
 #[derive(Debug)]
@@ -129,7 +130,7 @@ fn panels(peak: f64, width: f64) -> Vec<(f64, f64)> {
     let mut points = Vec::new();
     for end in [-END, END] {
         if end != peak {
-            let side = rule::points(&rule::towards(end, peak, scale), ORDER);
+            let side = panels::points(&panels::towards(end, peak, scale), ORDER);
             points.extend(side.into_iter().map(|(x, w)| (x, w.abs())));
         }
     }

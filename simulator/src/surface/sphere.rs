@@ -6,8 +6,9 @@
 //! over the strip |x| < cot(γ/2)/α, where the normal is lit and seen. That holds for every α: the bell has no narrow peak, and the strip no
 //! edge that would have to be found.
 
-use super::{Distribution, Lobe, Material, MaterialError, Model, rule};
+use super::{Distribution, Lobe, Material, MaterialError, Model};
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
+use sunglint_numerics::panels;
 
 /// The relative change from one order of the quadrature to the next at which it is taken as converged.
 const TOLERANCE: f64 = 1e-9;
@@ -96,8 +97,8 @@ fn microfacet(lobe: &Lobe, phase: f64) -> (f64, f64) {
             // e^(−6.5²) is 5e-19.
             let edges = |most: f64| [0.0, most / 3.0, most * 2.0 / 3.0, most];
             let (across, along) = (edges(edge.min(6.5)), edges(6.5));
-            rule::converge(TOLERANCE, |order| {
-                let along = rule::points(&along, order);
+            panels::converge(TOLERANCE, |order| {
+                let along = panels::points(&along, order);
                 let column = |x: f64| -> f64 {
                     let value = |y: f64| {
                         let r2 = x * x + y * y;
@@ -105,7 +106,7 @@ fn microfacet(lobe: &Lobe, phase: f64) -> (f64, f64) {
                     };
                     along.iter().map(|&(y, w)| w * value(y)).sum()
                 };
-                [rule::points(&across, order).iter().map(|&(x, w)| w * column(x)).sum()]
+                [panels::points(&across, order).iter().map(|&(x, w)| w * column(x)).sum()]
             })
         }
         Distribution::Ggx => {
@@ -113,10 +114,10 @@ fn microfacet(lobe: &Lobe, phase: f64) -> (f64, f64) {
             // bell and the root is cos ψ √(cos²χ cos²ψ (1 − α²) + α²). Masking varies at slopes of 1/α, and within 1 of the strip's edge.
             let end = edge.atan();
             let scale = |length: f64| length.clamp(1e-6, 0.4);
-            let across = rule::towards(0.0, end, scale(alpha.min(1.0 / (1.0 + edge * edge))));
-            let along = rule::towards(0.0, FRAC_PI_2, scale(alpha));
-            rule::converge(TOLERANCE, |order| {
-                let along = rule::points(&along, order);
+            let across = panels::towards(0.0, end, scale(alpha.min(1.0 / (1.0 + edge * edge))));
+            let along = panels::towards(0.0, FRAC_PI_2, scale(alpha));
+            panels::converge(TOLERANCE, |order| {
+                let along = panels::points(&along, order);
                 let column = |chi: f64| -> f64 {
                     let value = |psi: f64| {
                         let (cos_chi, cos_psi) = (chi.cos(), psi.cos());
@@ -126,7 +127,7 @@ fn microfacet(lobe: &Lobe, phase: f64) -> (f64, f64) {
                     };
                     along.iter().map(|&(psi, w)| w * value(psi)).sum()
                 };
-                [rule::points(&across, order).iter().map(|&(chi, w)| w * column(chi)).sum()]
+                [panels::points(&across, order).iter().map(|&(chi, w)| w * column(chi)).sum()]
             })
         }
     };
@@ -138,16 +139,16 @@ fn microfacet(lobe: &Lobe, phase: f64) -> (f64, f64) {
 fn diffuse(phase: f64, add: impl Fn(f64, f64, f64, &mut [f64])) -> ([f64; 3], f64) {
     // Longitude from the middle of what is lit and seen, in the plane of Sun and observer; latitude above it, and below the same.
     let half = 0.5 * (PI - phase);
-    let edges = |most: f64| [rule::towards(0.0, -most, 0.02), rule::towards(0.0, most, 0.02)];
+    let edges = |most: f64| [panels::towards(0.0, -most, 0.02), panels::towards(0.0, most, 0.02)];
     let longitudes = edges(half);
-    let latitudes = rule::towards(0.0, FRAC_PI_2, 0.05);
-    rule::converge(TOLERANCE, |order| {
+    let latitudes = panels::towards(0.0, FRAC_PI_2, 0.05);
+    panels::converge(TOLERANCE, |order| {
         let mut sum = [0.0; 3];
         for side in &longitudes {
-            for (longitude, width) in rule::points(side, order) {
+            for (longitude, width) in panels::points(side, order) {
                 // cos(longitude ± γ/2), from the angle left to the terminator.
                 let (i, o) = ((half + longitude).sin(), (half - longitude).sin());
-                for (latitude, height) in rule::points(&latitudes, order) {
+                for (latitude, height) in panels::points(&latitudes, order) {
                     let cos = latitude.cos();
                     let (cos_i, cos_o) = ((cos * i).max(0.0), (cos * o).max(0.0));
                     let area = 2.0 * width.abs() * height * cos;

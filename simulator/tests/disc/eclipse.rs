@@ -3,10 +3,10 @@
 use super::kit::*;
 use glam::DVec3;
 use std::f64::consts::PI;
+use sunglint_ephemeris::orbit::eclipse::Discs;
 use sunglint_simulator::light::disc::eclipse::{fractions, globe};
 use sunglint_simulator::light::disc::profile::factors;
 use sunglint_simulator::light::{Lighting, Scene, SunOptions};
-use sunglint_simulator::orbit::eclipse::Discs;
 
 fn seen(discs: &Discs, nm: f64) -> f64 {
     fractions(discs).iter().zip(factors(nm)).map(|(s, l)| s * l).sum()

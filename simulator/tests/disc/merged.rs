@@ -3,10 +3,10 @@
 use super::kit::{SUN, add, lighting, rough, white};
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
+use sunglint_ephemeris::orbit::eclipse::Discs;
 use sunglint_simulator::light::disc::eclipse::{fractions, globe};
 use sunglint_simulator::light::{Lighting, Scene, SceneOptions, SunOptions, View};
 use sunglint_simulator::mesh::shapes::{Faceting, icosphere, plate};
-use sunglint_simulator::orbit::eclipse::Discs;
 use sunglint_simulator::surface::{Distribution, Material};
 use sunglint_simulator::target::{Curved, Shape, Target};
 

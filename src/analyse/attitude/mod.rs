@@ -1,7 +1,7 @@
 //! `sunglint analyse attitude`: how a body of known shape spins, from its light.
 //!
 //! `question` makes of scene and options what is asked, `watch` shows progress and keeps what a search that is cut off can go on from, `report` says what was found; the
-//! mathematics is [`sunglint_analysis::attitude`].
+//! mathematics is [`sunglint_inference::attitude`].
 
 mod question;
 mod report;
@@ -17,8 +17,8 @@ use question::asked;
 use report::Told;
 use std::path::PathBuf;
 use std::time::Instant;
-use sunglint_analysis::attitude::{Measured, Options, Scale, find};
-use sunglint_calibration::pass::Unit;
+use sunglint_inference::attitude::{Measured, Options, Scale, find};
+use sunglint_inference::solver::Unit;
 use sunglint_simulator::light::engine::Switches;
 use sunglint_simulator::pass::{Pass, Study};
 use watch::Kept;

@@ -5,8 +5,8 @@ use crate::fit::scene::Scene;
 use crate::output::Usage;
 use anyhow::{Context as _, bail};
 use glam::DVec3;
-use sunglint_analysis::attitude::{Measured, Question, Turn, Unknowns};
 use sunglint_formats::time::parse_utc;
+use sunglint_inference::attitude::{Measured, Question, Turn, Unknowns};
 use toml::Value;
 
 /// The shortest period that is looked for, in steps of the data.

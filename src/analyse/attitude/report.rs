@@ -1,15 +1,15 @@
 //! What `analyse attitude` says: text, JSON, table, figures, the scene.
 
 use crate::fit::inputs::Job;
-use crate::output::{Product, rounded};
-use crate::plot::{Axis, Figure, Heat, Panel, RGBColor, Series, Style};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use sunglint_analysis::attitude::twins::ALIKE;
-use sunglint_analysis::attitude::{Answer, Minimum, Question, Verdict};
 use sunglint_formats::time::{format_utc, format_utc_shortest};
 use sunglint_formats::{Column, Table};
+use sunglint_inference::attitude::twins::ALIKE;
+use sunglint_inference::attitude::{Answer, Minimum, Question, Verdict};
+use sunglint_report::plot::{Axis, Figure, Heat, Panel, RGBColor, Series, Style};
+use sunglint_report::{Product, rounded};
 
 /// Step of the error surface, degrees.
 const CELL_DEG: f64 = 2.0;
@@ -317,7 +317,7 @@ impl Told<'_> {
     /// Every sample beside the best attitude's.
     fn curve(&self) -> Table {
         let samples = &self.answer.best;
-        let time = |s: &sunglint_analysis::attitude::Sample| {
+        let time = |s: &sunglint_inference::attitude::Sample| {
             let at = &self.answer.moments[s.moment];
             let job = &self.jobs[at.0].measured;
             (job.times[at.1], at.0)

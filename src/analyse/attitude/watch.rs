@@ -6,8 +6,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
-use sunglint_analysis::attitude::{Checkpoint, Progress, Watch};
 use sunglint_formats::atomic::{Overwrite, write_file};
+use sunglint_inference::attitude::{Checkpoint, Progress, Watch};
 
 /// What takes longer shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);

@@ -2,8 +2,7 @@
 
 use super::plane;
 use super::samples::Taken;
-use crate::output::{Console, Product, Usage, rounded};
-use crate::plot::{Axis, Figure, Heat, Panel};
+use crate::output::{Console, Usage};
 use anyhow::bail;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget};
@@ -12,6 +11,8 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_analysis::map::{BodyMap, Grid, Quality, Sighting, Spin, scan};
 use sunglint_formats::fits::{Image, Pixels, Writer};
+use sunglint_report::plot::{Axis, Figure, Heat, Panel};
+use sunglint_report::{Product, rounded};
 
 /// Arguments of the measure.
 #[derive(Debug, Args)]

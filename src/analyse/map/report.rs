@@ -1,8 +1,6 @@
 //! What `analyse map` says: text, JSON, FITS, figures, the track.
 
 use super::plane;
-use crate::output::{Product, rounded};
-use crate::plot::{Axis, Figure, Heat, Panel, Series};
 use hifitime::Epoch;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -11,6 +9,8 @@ use sunglint_formats::fits::{Image, Pixels, Writer};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
 use sunglint_radiometry::light_curve::Samples;
+use sunglint_report::plot::{Axis, Figure, Heat, Panel, Series};
+use sunglint_report::{Product, rounded};
 
 /// Colours reach so many decades below the largest value.
 const DECADES: f64 = 4.0;

@@ -1,10 +1,10 @@
 //! Periodograms and dispersions of all channels, and the curves folded on the best period.
 
 use super::Answer;
-use crate::plot::{Axis, Figure, Panel, Series as Line, Span};
 use plotters::style::RGBColor;
 use sunglint_analysis::fold::{Folding, fold};
 use sunglint_analysis::period::verdict::Outcome;
+use sunglint_report::plot::{Axis, Figure, Panel, Series as Line, Span};
 
 /// Phase bins of a folded curve, at most.
 const BINS: usize = 60;

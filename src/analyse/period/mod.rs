@@ -5,7 +5,7 @@ mod report;
 
 use super::curves::{CurveArgs, Curves};
 use super::path::bisectors;
-use crate::output::{Console, OutputArgs, Product, Usage};
+use crate::output::{Console, OutputArgs, Usage};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use std::path::PathBuf;
@@ -16,6 +16,7 @@ use sunglint_analysis::period::{
 };
 use sunglint_analysis::series::Series;
 use sunglint_analysis::synodic::Sidereal;
+use sunglint_report::Product;
 
 /// Arguments of `sunglint analyse period`.
 #[derive(Debug, Args)]

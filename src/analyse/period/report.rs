@@ -1,12 +1,12 @@
 //! The verdict as text, JSON and table.
 
 use super::Answer;
-use crate::output::rounded;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_analysis::map::longitude_latitude;
 use sunglint_analysis::period::verdict::{Along, Estimate, Member, Membership, Outcome, Question};
 use sunglint_formats::{Column, Table};
+use sunglint_report::rounded;
 
 /// A period to the second digit of its uncertainty.
 fn with_sigma(e: &Estimate) -> String {

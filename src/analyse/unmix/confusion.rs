@@ -1,13 +1,13 @@
 //! The shares that were found beside those that a scene's own light has.
 
 use super::super::numbers::Curve;
-use crate::output::rounded;
-use crate::plot::{Axis, Heat, Panel};
 use anyhow::bail;
 use ndarray::Array2;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_analysis::unmix::{Confusion, Unmixed};
+use sunglint_report::plot::{Axis, Heat, Panel};
+use sunglint_report::rounded;
 use sunglint_simulator::light::engine::Switches;
 use sunglint_simulator::pass::Pass;
 

@@ -66,7 +66,8 @@ fn add(
     warnings: &mut Vec<String>,
 ) -> anyhow::Result<()> {
     for material in materials {
-        let (endmember, changes) = Endmember::of(material)
+        let (reflectance, changes) = material
+            .normal_colour()
             .with_context(|| format!("the spectrum of {}", material.name))?;
         if changes {
             warnings.push(format!(
@@ -74,7 +75,7 @@ fn add(
                 material.name
             ));
         }
-        all.push(endmember);
+        all.push(Endmember { name: material.name.clone(), reflectance });
     }
     Ok(())
 }

@@ -3,8 +3,6 @@
 use super::super::numbers::Curve;
 use super::confusion::Told;
 use super::endmembers::column_name;
-use crate::output::{Product, rounded};
-use crate::plot::{Axis, Figure, Panel, Series, Style};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_analysis::unmix::{Bands, Mixing, Mixture, State, Unmixed};
@@ -12,6 +10,8 @@ use sunglint_formats::flag_bits::bit_names;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
 use sunglint_radiometry::light_curve::Input;
+use sunglint_report::plot::{Axis, Figure, Panel, Series, Style};
+use sunglint_report::{Product, rounded};
 
 pub struct Report<'a> {
     pub curve: &'a Curve,

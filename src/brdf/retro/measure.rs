@@ -6,10 +6,10 @@ use super::plan::Measuring;
 use crate::observe::DeviceClock;
 use std::collections::BTreeMap;
 use std::time::Duration;
-use sunglint_calibration::brdf::retro::{AtAngle, Measured};
 use sunglint_drivers::clock::{Cancel, Deadline};
 use sunglint_drivers::device::{Device, DeviceError, Power, PowerMeter, RotationStage, Value};
-use sunglint_simulator::rig::bench::Place;
+use sunglint_materials::retro::{AtAngle, Measured};
+use sunglint_virtual::rig::bench::Place;
 
 /// A part of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

@@ -1,7 +1,7 @@
 //! `sunglint brdf retro`: retro-reflection against angle, from a stage and a power meter.
 //!
 //! `plan` is RUN.toml, `measure` the run, `log` its files, `show` what a person sees of it. The mathematics is
-//! [`sunglint_calibration::brdf::retro`]'s.
+//! [`sunglint_materials::retro`]'s.
 
 mod log;
 pub mod measure;
@@ -12,7 +12,7 @@ use self::log::{Begun, Log};
 use self::measure::{Hands, Line, Phase, Rig, RunError, State, measure, measured};
 use self::plan::Plan;
 use crate::observe::DeviceClock;
-use crate::output::{Console, OutputArgs, Product, Usage};
+use crate::output::{Console, OutputArgs, Usage};
 use crate::virtual_rig::VirtualRig;
 use anyhow::{Context as _, anyhow, bail};
 use clap::Args;
@@ -22,12 +22,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use sunglint_calibration::brdf::retro::{reduce, to_table};
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, VirtualClock};
 use sunglint_drivers::device::{Device, PowerMeter, RotationStage, Value as SettingValue};
 use sunglint_formats::toml::Document;
-use sunglint_simulator::rig::bench::Place;
+use sunglint_materials::retro::{reduce, to_table};
+use sunglint_report::Product;
+use sunglint_virtual::rig::bench::Place;
 
 /// Arguments of `sunglint brdf retro`.
 #[derive(Debug, Args)]

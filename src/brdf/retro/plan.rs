@@ -3,10 +3,10 @@
 use anyhow::bail;
 use serde::Deserialize;
 use std::path::PathBuf;
-use sunglint_calibration::brdf::retro::stop::Shape;
-use sunglint_calibration::brdf::retro::{Known, Reference, Setup, Spot, Stop};
 use sunglint_formats::toml::{Document, Finite, Fraction, NonNegative, Positive, Within};
-use sunglint_simulator::rig::options::Options;
+use sunglint_materials::retro::stop::Shape;
+use sunglint_materials::retro::{Known, Reference, Setup, Spot, Stop};
+use sunglint_virtual::rig::options::Options;
 
 /// The address of a virtual rig's devices.
 pub const VIRTUAL: &str = "virtual";

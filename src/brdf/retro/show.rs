@@ -1,16 +1,17 @@
 //! What a person sees of a run: the line while it goes on, the figure, the words and the document at its end.
 
 use super::measure::{Line, Phase, State};
-use crate::output::{Console, rounded};
-use crate::plot::{Axis, Figure, Panel, Series};
+use crate::output::Console;
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::IsTerminal as _;
-use sunglint_calibration::brdf::ndf::ZeroOrigin;
-use sunglint_calibration::brdf::retro::{Retro, Row, smallest_alpha};
-use sunglint_calibration::brdf::table::RetroFlags;
+use sunglint_materials::ndf::ZeroOrigin;
+use sunglint_materials::retro::{Retro, Row, smallest_alpha};
+use sunglint_materials::table::RetroFlags;
+use sunglint_report::plot::{Axis, Figure, Panel, Series};
+use sunglint_report::rounded;
 
 /// Angles that the curve on the terminal shows.
 const CURVE: usize = 40;

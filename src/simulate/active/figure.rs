@@ -1,9 +1,9 @@
 //! The figures of laser returns.
 
 use super::returns::Returns;
-use crate::plot::{Axis, Figure, Heat, Panel, Series};
 use crate::simulate::figure::tracks;
 use sunglint_formats::time::{format_utc, tai_nanoseconds};
+use sunglint_report::plot::{Axis, Figure, Heat, Panel, Series};
 use sunglint_simulator::pass::Simulation;
 
 /// Less than this part of the most is not drawn.

@@ -5,10 +5,11 @@ mod report;
 mod returns;
 
 use super::Shown;
-use crate::output::{Console, Product, Usage};
+use crate::output::{Console, Usage};
 use anyhow::bail;
 use sunglint_formats::nearest_names;
 use sunglint_radiometry::station::Laser;
+use sunglint_report::Product;
 use sunglint_simulator::pass::{Pass, Simulation};
 
 pub(super) use returns::Returns;

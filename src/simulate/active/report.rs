@@ -2,7 +2,6 @@
 
 use super::figure;
 use super::returns::{ALTITUDES_KM, Returns, SATURATED};
-use crate::output::{Product, rounded};
 use ndarray::Array2;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -11,6 +10,7 @@ use sunglint_formats::time::{format_utc, format_utc_shortest};
 use sunglint_formats::{Column, Table};
 use sunglint_radiometry::constants::LIGHT_M_PER_S;
 use sunglint_radiometry::station::BeamShape;
+use sunglint_report::{Product, rounded};
 use sunglint_simulator::pass::Simulation;
 
 /// The lasers' returns along a pass.

@@ -356,7 +356,7 @@ fn by_altitude(pass: &Pass, beam: &Beam, sampling: &Sampling) -> Vec<(f64, f64)>
     let (first, last) = sun.range_nm();
     let known = (first..=last).contains(&beam.wavelength_nm);
     let sun = if known { sun.at(beam.wavelength_nm) } else { f64::NAN };
-    let radius_m = sunglint_simulator::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
+    let radius_m = sunglint_ephemeris::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
     // Above no place in particular.
     let nm = beam.wavelength_nm;
     let albedo = if knows(&pass.earth, nm) { pass.earth.mean_at(nm) } else { f64::NAN };

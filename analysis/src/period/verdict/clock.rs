@@ -15,11 +15,11 @@ use super::{Estimate, Member, Membership, Options, Outcome, Verdict, centred, ve
 use crate::period::lomb_scargle::Centred;
 use crate::period::{Grid, PeriodError, joint_gain, lomb_scargle};
 use crate::series::Series;
-use crate::sphere::spread;
 use crate::synodic::{Bisectors, Turn};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::PI;
+use sunglint_numerics::sphere::spread;
 
 /// The bisector's way in a stretch at most, degrees.
 const STRETCH_DEG: f64 = 30.0;

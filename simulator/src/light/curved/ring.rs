@@ -3,10 +3,11 @@
 //! Along a cylinder or a cone all circles are alike to a distant observer, so that one integral over azimuth is left.
 
 use super::zone::{Half, Pole, Profile, Ring, Zone, crossings};
-use crate::surface::{Material, rule};
+use crate::surface::Material;
 use glam::DVec3;
 use std::f64::consts::TAU;
 use std::sync::LazyLock;
+use sunglint_numerics::panels;
 
 /// Halvings of a panel at most: an end of an arc that appears within a panel leaves a root, which gains a factor 2.8 each time.
 const DEPTH: u32 = 24;
@@ -26,7 +27,7 @@ const GAUSS_5: [(f64, f64); 5] = [
 ];
 /// Rules for whole zones.
 static FINE: LazyLock<[Vec<(f64, f64)>; 2]> =
-    LazyLock::new(|| [1, 2].map(|order| rule::panel(-1.0, 1.0, order).collect()));
+    LazyLock::new(|| [1, 2].map(|order| panels::panel(-1.0, 1.0, order).collect()));
 /// What the material's lobe may be narrower than: panels shrink towards it, radians.
 const NARROW: [f64; 3] = [0.4, 0.08, 0.016];
 

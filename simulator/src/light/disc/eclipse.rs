@@ -12,8 +12,8 @@ use super::cut::{Cut, Disc, Left};
 use super::profile::PROFILES;
 use super::rings;
 use crate::light::Globe;
-use crate::orbit::eclipse::Discs;
 use glam::{DQuat, DVec3};
+use sunglint_ephemeris::orbit::eclipse::Discs;
 
 /// The visible part of the light of each profile, 1, 0, 0 … for the whole disc.
 ///

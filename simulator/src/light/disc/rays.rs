@@ -7,11 +7,11 @@
 use super::cut::Cut;
 use super::rings::step;
 use super::sums::{Integrand, Sums};
-use crate::surface::rule;
 use glam::{DMat2, DVec2};
 use std::f64::consts::{PI, TAU};
+use sunglint_numerics::panels;
 
-/// Points of a panel along a ray: the second of [`rule::ORDERS`].
+/// Points of a panel along a ray: the second of [`panels::ORDERS`].
 const ALONG: usize = 1;
 /// What the panels along a ray leave open, relative (test `a_lobe_of_every_width_against_brute_force`).
 const ALONG_ERROR: f64 = 2e-6;
@@ -152,7 +152,7 @@ impl Task<'_> {
         // Six points and nine share none, but the error of six is a safe one for nine.
         for (order, sums) in both.iter_mut().enumerate() {
             sums.clear(self.count);
-            for (s, weight) in rule::panel(s.0, s.1, order) {
+            for (s, weight) in panels::panel(s.0, s.1, order) {
                 let (up, slope) = step(s);
                 let width = angles.1 - angles.0;
                 self.ray(angles.0 + width * up, weight * slope * width, of, sums);
@@ -217,7 +217,7 @@ impl Task<'_> {
                 end = last;
             }
             let (first_limb, last_limb) = (start == t0, end == t1);
-            for (s, weight) in rule::panel(0.0, 1.0, ALONG) {
+            for (s, weight) in panels::panel(0.0, 1.0, ALONG) {
                 let (up, down, slope) = eased(s, first_limb, last_limb);
                 let t = start + (end - start) * up;
                 // 1 − r², from the distances to both edges.

@@ -3,10 +3,10 @@
 use super::cut::{Cut, arcs};
 use super::profile::{PROFILES, profiles};
 use super::sums::{Integrand, Sums};
-use crate::surface::rule;
 use glam::DVec2;
 use std::f64::consts::TAU;
 use std::sync::LazyLock;
+use sunglint_numerics::panels;
 
 /// Numbers of rings of the whole disc that are tried one after the other.
 const RINGS: [usize; 6] = [2, 3, 5, 8, 12, 18];
@@ -22,11 +22,11 @@ static WHOLE: LazyLock<Vec<Vec<Ring>>> =
 
 /// Rings at Gauss's points of r², weighted so that polynomials in r² up to the degree n − 1 are exact for every profile.
 fn rings(n: usize) -> Vec<Ring> {
-    let at: Vec<f64> = rule::legendre(n).iter().map(|(x, _)| 0.5 * (1.0 + x)).collect();
+    let at: Vec<f64> = panels::legendre(n).iter().map(|(x, _)| 0.5 * (1.0 + x)).collect();
     let weights = |i: usize| {
         let mut sum = [0.0; PROFILES];
         // μ = v² leaves powers of fractions above 3: 1e-15 for so many points.
-        for (v, width) in rule::panel(0.0, 1.0, 6) {
+        for (v, width) in panels::panel(0.0, 1.0, 6) {
             let mu = v * v;
             let square = 1.0 - mu * mu;
             let basis: f64 =
@@ -64,7 +64,7 @@ fn cut(cuts: &[Cut], order: usize, of: &mut Integrand<'_>, sums: &mut Sums) {
     for (r, beyond, weight) in radii(cuts, order) {
         arcs(cuts, r, &mut left);
         for &(from, to) in &left {
-            for (angle, width) in rule::panel(from, to, order) {
+            for (angle, width) in panels::panel(from, to, order) {
                 let place = r * DVec2::new(angle.cos(), angle.sin());
                 sums.add_dark(place, beyond, weight * width / TAU, of);
             }
@@ -82,7 +82,7 @@ fn radii(cuts: &[Cut], order: usize) -> Vec<(f64, f64, f64)> {
     let mut radii = Vec::new();
     for pair in edges.windows(2) {
         let width = pair[1] - pair[0];
-        for (s, weight) in rule::panel(0.0, 1.0, order) {
+        for (s, weight) in panels::panel(0.0, 1.0, order) {
             let (up, slope) = step(s);
             let r = pair[0] + width * up;
             let beyond = (1.0 - pair[1]) + width * step(1.0 - s).0;

@@ -11,10 +11,10 @@
 use super::EarthAlbedo;
 use super::grid::AlbedoGrid;
 use crate::light::Globe;
-use crate::surface::rule::legendre;
 use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2};
 use std::ops::Range;
+use sunglint_numerics::panels::legendre;
 
 /// Bins of a panel: along ε, and around.
 const BINS: [usize; 2] = [40, 80];

@@ -43,7 +43,8 @@ pub(super) fn assess_earthshine(question: &Question) -> Result<Answer, SceneErro
     let switch = options.switches.earthshine;
     let bound = course.earthshine;
     let needed = options.needs(switch, bound);
-    let height_km = (course.radius_m.0 - crate::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M) * 1e-3;
+    let height_km =
+        (course.radius_m.0 - sunglint_ephemeris::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M) * 1e-3;
     let why = format!(
         "from {height_km:.0} km height up, the Earth ({}; the ± {:.0} % of that are not in the stated error) gives a surface up to {:.2} % of sunlight{}",
         question.earth.describe(),
@@ -112,7 +113,7 @@ impl Lit {
         let mut shine = self.shine(scene);
         let none = vec![0.0; scene.weight_count() * self.earth.layers()];
         let (mut weights, mut errors) = (none.clone(), none);
-        let radius_m = crate::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
+        let radius_m = sunglint_ephemeris::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
         let mut counted = 0;
         for k in 0..COUNTED {
             let [a, b, c] = [0, 1, 2].map(|set| {

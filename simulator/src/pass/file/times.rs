@@ -51,7 +51,7 @@ impl Reader<'_> {
         };
         let step_s = overrides.step_s.or(keys.step_s.map(Positive::get));
         let step_s = step_s.ok_or_else(|| self.error("times.step_s", "seconds between samples"))?;
-        let length_s = crate::orbit::seconds_between(from, to);
+        let length_s = sunglint_ephemeris::orbit::seconds_between(from, to);
         let steps = (length_s / step_s + 1e-9).floor();
         if steps.is_nan() || steps < 0.0 {
             let hint = format!("from {} to {}", format_utc(from, 0), format_utc(to, 0));

@@ -1,0 +1,111 @@
+//! Where a target is: a TLE by SGP4, or a table of positions; and when the Earth hides the Sun from it.
+//!
+//! In the order in which data flows through it:
+//!
+//! - [`tle`]: two-line elements from files and texts, checked column by column;
+//! - [`TleOrbit`]: SGP4 for one set of elements, TEME to GCRS;
+//! - [`Ephemeris`]: a table of GCRS positions in place of elements;
+//! - [`Orbit`]: either of them, asked for its [`State`] at an epoch;
+//! - [`eclipse`]: how much of the Sun's disc the Earth leaves visible, and when that changes.
+
+pub mod eclipse;
+mod ephemeris;
+mod ephemeris_file;
+mod error;
+mod interpolation;
+mod propagation;
+pub mod tle;
+
+pub use ephemeris::{Ephemeris, EphemerisRow};
+pub use error::{DecayCause, OrbitError};
+pub use propagation::TleOrbit;
+pub use tle::Tle;
+
+use glam::DVec3;
+use hifitime::{Duration, Epoch};
+use sunglint_formats::time::tai_nanoseconds;
+use sunglint_radiometry::sky::SkyFrame;
+
+/// Position and velocity in the GCRS.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct State {
+    /// From the Earth's centre, m.
+    pub position_m: DVec3,
+    /// In the GCRS, m/s.
+    pub velocity_m_s: DVec3,
+}
+
+/// Where a target is, as a function of time.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Orbit {
+    /// Two-line elements, propagated by SGP4.
+    Tle(TleOrbit),
+    /// A table of positions, interpolated.
+    Ephemeris(Ephemeris),
+}
+
+impl Orbit {
+    /// The state at an epoch of the target's own time.
+    ///
+    /// The frame turns TEME into the GCRS and may be that of a slightly different epoch, such as that of the light's arrival:
+    /// neither frame takes part in the Earth's rotation, and between them there is only precession and nutation, which
+    /// move by 1e−11 rad/s: 0.1 mm in 1 s at a geostationary distance. An ephemeris is in the GCRS and does not need it.
+    ///
+    /// # Errors
+    /// As [`TleOrbit::state`] and [`Ephemeris::state`].
+    pub fn state(&self, epoch: Epoch, frame: &SkyFrame) -> Result<State, OrbitError> {
+        match self {
+            Self::Tle(orbit) => orbit.state(epoch, frame),
+            Self::Ephemeris(ephemeris) => ephemeris.state(epoch),
+        }
+    }
+
+    /// The same orbit, faster where many states between two epochs are wanted: [`TleOrbit::near`].
+    #[must_use]
+    pub fn near(&self, from: Epoch, to: Epoch) -> Self {
+        match self {
+            Self::Tle(orbit) => Self::Tle(orbit.near(from, to)),
+            Self::Ephemeris(_) => self.clone(),
+        }
+    }
+
+    /// What a person calls the target.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Tle(orbit) => orbit.tle().label(),
+            Self::Ephemeris(ephemeris) => ephemeris.name().to_owned(),
+        }
+    }
+
+    /// What a person should know before believing the states between two epochs: elements that are old, a table that is
+    /// too coarse.
+    pub fn warnings(&self, from: Epoch, to: Epoch) -> Vec<String> {
+        match self {
+            Self::Tle(orbit) => orbit.warnings(from, to),
+            Self::Ephemeris(ephemeris) => ephemeris.warnings(),
+        }
+    }
+}
+
+impl From<TleOrbit> for Orbit {
+    fn from(orbit: TleOrbit) -> Self {
+        Self::Tle(orbit)
+    }
+}
+
+impl From<Ephemeris> for Orbit {
+    fn from(ephemeris: Ephemeris) -> Self {
+        Self::Ephemeris(ephemeris)
+    }
+}
+
+/// The same instant counted in TAI, so that adding seconds to it is right through leap seconds too.
+pub fn in_tai(epoch: Epoch) -> Epoch {
+    Epoch::from_tai_duration(Duration::from_total_nanoseconds(tai_nanoseconds(epoch)))
+}
+
+/// Elapsed seconds from `earlier` to `later`, leap seconds included: good to 1 ns over ten days, to 0.1 µs over 30 years.
+pub fn seconds_between(earlier: Epoch, later: Epoch) -> f64 {
+    (tai_nanoseconds(later) - tai_nanoseconds(earlier)) as f64 * 1e-9
+}

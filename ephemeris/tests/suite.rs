@@ -1,0 +1,9 @@
+//! All tests of this crate: one program, so that one is linked.
+
+mod geometry;
+mod orbit_eclipse;
+mod orbit_ephemeris;
+mod orbit_places;
+mod orbit_tle;
+mod orbit_vallado;
+mod passes;

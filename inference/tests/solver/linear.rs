@@ -1,0 +1,227 @@
+//! The linear core against another program.
+
+use ndarray::{Array2, Array3};
+use rand::RngExt as _;
+use serde_json::{Value, json};
+use sunglint_inference::solver::{
+    CalibrationError, Columns, Data, FitError, Free, Linear, Loss, Model, ModelError, Options, fit,
+};
+use sunglint_testkit::{peer_python, run_python};
+
+/// Columns that are there, whatever the parameters; of one non-linear parameter the k-th column is scaled by e^(v t_k).
+struct Fixed {
+    columns: Vec<Array3<f64>>,
+    times: Option<Vec<f64>>,
+}
+
+impl Model for Fixed {
+    fn columns(&mut self, values: &[f64]) -> Result<Vec<Columns>, ModelError> {
+        let one = |columns: &Array3<f64>| {
+            let (n, channels, _) = columns.dim();
+            let mut columns = columns.clone();
+            if let (Some(times), Some(v)) = (&self.times, values.first()) {
+                for (i, t) in times.iter().enumerate() {
+                    columns.slice_mut(ndarray::s![i, .., 0]).mapv_inplace(|x| x * (v * t).exp());
+                }
+            }
+            Columns { fixed: Array2::zeros((n, channels)), columns }
+        };
+        Ok(self.columns.iter().map(one).collect())
+    }
+}
+
+fn linear(component: usize, channels: Vec<usize>) -> Linear {
+    let name = format!("x{component}{channels:?}");
+    Linear { name, component, channels, curves: None, unit: 1.0, most: None }
+}
+
+const PLAIN: Options =
+    Options { loss: Loss::Squares, places: 0, starts: 0, seed: 0, iterations: 60 };
+
+const PEER: &str = r#"
+import json, sys, numpy, scipy
+from scipy.optimize import lsq_linear, least_squares
+d = json.load(open(sys.argv[1]))
+A, y, C = (numpy.array(d[k]) for k in ("design", "rate", "covariance"))
+W = numpy.linalg.inv(numpy.linalg.cholesky(C))
+lin = lsq_linear(W @ A, W @ y, bounds=(0, numpy.inf), tol=1e-14, lsmr_tol=1e-14)
+free = lin.x > 1e-9
+N = (W @ A)[:, free]
+cov = numpy.linalg.inv(N.T @ N)
+t = numpy.array(d["times"])
+y2 = numpy.array(d["decay"])
+first = numpy.array(d["first"])
+def res(p):
+    B = A.copy()
+    B[:, first] *= numpy.exp(p[-1] * t)[:, None]
+    return W @ (B @ p[:-1] - y2)
+non = least_squares(res, numpy.r_[lin.x + 0.1, 0.0], bounds=(numpy.r_[0*lin.x, -1], numpy.r_[0*lin.x+numpy.inf, 1]), xtol=1e-14, ftol=1e-14, gtol=1e-14)
+ncov = numpy.linalg.inv(non.jac.T @ non.jac)
+print(json.dumps({"version": scipy.__version__, "x": lin.x.tolist(), "sigma": numpy.sqrt(numpy.diag(cov)).tolist(), "cost": 2*lin.cost,
+  "n": non.x.tolist(), "nsigma": numpy.sqrt(numpy.diag(ncov)).tolist()}))
+"#;
+
+/// Truth: scipy's lsq_linear and least_squares (bounded, trust region) on the same columns and the same full covariance, of which scipy takes the Cholesky
+/// root: albedos with one held at 0, their uncertainties, χ²; and a decay rate beside them. Tolerance: 1e-6 of the uncertainty for what is linear,
+/// 1e-3 of it for the search.
+#[test]
+fn albedos_and_their_errors_are_those_of_scipy() {
+    let Some(python) = peer_python("albedos_and_their_errors_are_those_of_scipy", &["scipy"])
+    else {
+        return;
+    };
+    let mut random = crate::solver::night::random(7);
+    let (n, channels, components) = (40, 3, 2);
+    let columns = Array3::from_shape_fn((n, channels, components), |(i, c, k)| {
+        let t = i as f64 / n as f64;
+        1000.0 * (1.0 + c as f64) * (1.2 + (3.0 * t + 2.0 * k as f64).sin())
+            + 20.0 * random.random::<f64>()
+    });
+    // The second component of the last channel is not there: noise decides that its estimate is below 0.
+    let truth = [[0.5, 0.3], [0.7, 0.1], [0.4, -0.05]];
+    let times: Vec<f64> = (0..n).map(|i| i as f64 / n as f64).collect();
+    let s = 0.02;
+    let mean = Array2::from_shape_fn((n, channels), |(i, c)| {
+        truth[c][0] * columns[[i, c, 0]] + truth[c][1] * columns[[i, c, 1]]
+    });
+    let noise = Array2::from_shape_fn((n, channels), |_| random.random::<f64>() - 0.5);
+    let sigma = mean.map(|m| 3.0 + 0.01 * m);
+    let rate = &mean + &(&noise * &sigma);
+    let decay = Array2::from_shape_fn((n, channels), |(i, c)| {
+        (0.2 * times[i]).exp() * 0.6 * columns[[i, c, 0]]
+            + 0.2 * columns[[i, c, 1]]
+            + noise[[i, c]] * sigma[[i, c]]
+    });
+    // Common noise by the measured rates: weights that follow the model would not be the peer's.
+    let of = |rate: &Array2<f64>| {
+        let mut data = Data::new("a", rate.clone(), sigma.clone());
+        data.common_variance = vec![s * s; n];
+        data
+    };
+    let linear: Vec<Linear> =
+        (0..channels).flat_map(|c| (0..components).map(move |k| linear(k, vec![c]))).collect();
+    let mut model = Fixed { columns: vec![columns.clone()], times: None };
+    let found = fit(&[of(&rate)], &mut model, &[], &linear, &PLAIN, &mut |_| ()).unwrap();
+    let fitted = &found.curves[0].model;
+    let mut decaying = Fixed { columns: vec![columns.clone()], times: Some(times.clone()) };
+    let free = [Free::new("v", 0.0, -1.0, 1.0)];
+    let second = fit(&[of(&decay)], &mut decaying, &free, &linear, &PLAIN, &mut |_| ()).unwrap();
+
+    // The peer's rows: epoch by epoch, the covariance by the fitted rates.
+    let rows = n * channels;
+    let design: Vec<Vec<f64>> = (0..rows)
+        .map(|r| {
+            let (i, c) = (r / channels, r % channels);
+            linear
+                .iter()
+                .map(|l| if l.channels[0] == c { columns[[i, c, l.component]] } else { 0.0 })
+                .collect()
+        })
+        .collect();
+    let covariance = |model: &Array2<f64>| -> Vec<Vec<f64>> {
+        (0..rows)
+            .map(|a| {
+                (0..rows)
+                    .map(|b| {
+                        let (ia, ca, ib, cb) =
+                            (a / channels, a % channels, b / channels, b % channels);
+                        let own = if a == b { sigma[[ia, ca]].powi(2) } else { 0.0 };
+                        let common =
+                            if ia == ib { s * s * model[[ia, ca]] * model[[ib, cb]] } else { 0.0 };
+                        own + common
+                    })
+                    .collect()
+            })
+            .collect()
+    };
+    let ask = |model: &Array2<f64>| -> Value {
+        let first: Vec<usize> = (0..linear.len()).filter(|p| linear[*p].component == 0).collect();
+        let of_row: Vec<f64> = (0..rows).map(|r| times[r / channels]).collect();
+        let data = json!({"design": design, "rate": rate.iter().collect::<Vec<_>>(), "decay": decay.iter().collect::<Vec<_>>(),
+                          "covariance": covariance(model), "times": of_row, "first": first});
+        let file = std::env::temp_dir().join(format!("sunglint-fit-{}.json", std::process::id()));
+        std::fs::write(&file, serde_json::to_vec(&data).unwrap()).unwrap();
+        let answer = run_python(&python, PEER, &[file.to_str().unwrap()]);
+        std::fs::remove_file(&file).unwrap();
+        serde_json::from_str(&answer).unwrap()
+    };
+    let numbers = |v: &Value| -> Vec<f64> { serde_json::from_value(v.clone()).unwrap() };
+    let peer = ask(fitted);
+    println!("scipy {}", peer["version"]);
+    let (x, sigmas) = (numbers(&peer["x"]), numbers(&peer["sigma"]));
+    let mut of_free = sigmas.iter();
+    for (p, estimate) in found.parameters.iter().enumerate() {
+        if estimate.at_bound.is_some() {
+            assert!(x[p].abs() < 1e-9, "{}: {} {}", estimate.name, estimate.value, x[p]);
+            continue;
+        }
+        let sigma = of_free.next().unwrap();
+        let own = estimate.sigma.unwrap() / found.scaled_by.sqrt();
+        assert!((own / sigma - 1.0).abs() < 1e-4, "{}: {own} {sigma}", estimate.name);
+        let off = (estimate.value - x[p]).abs();
+        assert!(off < 1e-3 * sigma, "{}: {} {}", estimate.name, estimate.value, x[p]);
+    }
+    assert!(found.parameters.iter().any(|p| p.at_bound.is_some()), "one stands at 0");
+    let cost = peer["cost"].as_f64().unwrap();
+    assert!((found.chi2 / cost - 1.0).abs() < 1e-4, "{} {cost}", found.chi2);
+
+    let peer = ask(&second.curves[0].model);
+    let (values, sigmas) = (numbers(&peer["n"]), numbers(&peer["nsigma"]));
+    for (p, estimate) in second.parameters.iter().enumerate() {
+        // The peer has the search's parameter last.
+        let at = if p == 0 { values.len() - 1 } else { p - 1 };
+        let own = estimate.sigma.unwrap() / second.scaled_by.sqrt();
+        assert!((own / sigmas[at] - 1.0).abs() < 1e-2, "{}: {own} {}", estimate.name, sigmas[at]);
+        let off = (estimate.value - values[at]).abs();
+        assert!(off < 1e-2 * sigmas[at], "{}: {} {}", estimate.name, estimate.value, values[at]);
+    }
+}
+
+/// Truth: by hand: one component that is 100 everywhere and an albedo of 1: errors of calibration of 3 % that a night's curves share stay 3 %, those of
+/// two nights become 3 %/√2, whatever the number of samples.
+#[test]
+fn errors_of_calibration_do_not_average_out_within_a_night() {
+    let n = 400;
+    let columns = Array3::from_elem((n, 1, 1), 100.0);
+    for (keys, expected) in [(["a", "a"], 0.03), (["a", "b"], 0.03 / 2_f64.sqrt())] {
+        let data: Vec<Data> = keys
+            .iter()
+            .map(|key| {
+                let rate = Array2::from_shape_fn((n, 1), |(i, _)| {
+                    100.0 + if i % 2 == 0 { 1.0 } else { -1.0 }
+                });
+                let mut data = Data::new(*key, rate, Array2::from_elem((n, 1), 1.0));
+                let covariance = Array2::from_elem((1, 1), 0.03_f64.powi(2));
+                data.calibration = Some(CalibrationError { key: (*key).into(), covariance });
+                data
+            })
+            .collect();
+        let mut model = Fixed { columns: vec![columns.clone(), columns.clone()], times: None };
+        let found =
+            fit(&data, &mut model, &[], &[linear(0, vec![0])], &PLAIN, &mut |_| ()).unwrap();
+        let p = &found.parameters[0];
+        assert!((p.value - 1.0).abs() < 1e-12);
+        assert!((p.sigma_calibration.unwrap() - expected).abs() < 1e-9, "{p:?}");
+    }
+}
+
+#[test]
+fn what_cannot_be_fitted_is_said() {
+    let columns = Array3::from_elem((3, 1, 1), 100.0);
+    let mut model = Fixed { columns: vec![columns.clone()], times: None };
+    let rate = Array2::from_elem((3, 1), 50.0);
+    let mut data = Data::new("evening", rate.clone(), Array2::from_elem((3, 1), 1.0));
+    let mut refuse = |data: &Data, linear: &[Linear]| {
+        fit(std::slice::from_ref(data), &mut model, &[], linear, &PLAIN, &mut |_| ()).unwrap_err()
+    };
+    assert!(matches!(
+        refuse(&data, &[linear(0, vec![0]), linear(0, vec![0])]),
+        FitError::Input { .. }
+    ));
+    data.used.fill(false);
+    let error = refuse(&data, &[linear(0, vec![0])]);
+    assert!(matches!(error, FitError::NothingLeft { .. }), "{error}");
+    assert!(error.to_string().contains("evening"), "{error}");
+    data.used[[0, 0]] = true;
+    assert!(matches!(refuse(&data, &[linear(0, vec![0])]), FitError::TooFew { samples: 1, .. }));
+}

@@ -1,0 +1,5 @@
+//! All tests of this crate: one program, so that one is linked.
+
+mod attitude_search;
+mod range;
+mod solver;

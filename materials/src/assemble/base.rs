@@ -1,0 +1,495 @@
+//! What the NDF says of a sample, and how samples differ from it.
+//!
+//! f₀(λ) = F(λ) D(h) G/(4 cosθ_i cosθ_o) + ρ(λ)/π is reciprocal, whatever D, and at most twice too dark or bright by its masking G. What was measured is f₀ q; ln q is smooth, so that it is interpolated between
+//! directions that are far apart, in coordinates that do not change when light and detector are swapped: of an isotropic sample the angles of bisector and difference and
+//! |cosθ_i − cosθ_o|, of another the projections of bisector and difference on the surface.
+
+use super::near::{Point, Tree};
+use crate::ndf::Ndf;
+use crate::samples::{Samples, turned};
+use glam::DVec3;
+use nalgebra::{DMatrix, DVector};
+use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
+
+/// D is at least this part of its peak, in the file and in what samples are compared with: the values in the file are what was measured over D, which
+/// would otherwise fall to nothing, or rise without end, where D ends.
+const FLOOR: f64 = 1e-12;
+/// Neighbours of a direction.
+const NEIGHBOURS: usize = 24;
+/// Neighbours among which an anisotropic sample's direction lies or does not.
+const AROUND: usize = 96;
+/// What does not change by light and detector swapped, by half a turn, and (of a sample that is the same on both sides of its axes) by a mirror.
+const IMAGES: [[f64; 4]; 8] = [
+    [1.0, 1.0, 1.0, 1.0],
+    [1.0, 1.0, -1.0, -1.0],
+    [-1.0, -1.0, -1.0, -1.0],
+    [-1.0, -1.0, 1.0, 1.0],
+    [-1.0, 1.0, -1.0, 1.0],
+    [-1.0, 1.0, 1.0, -1.0],
+    [1.0, -1.0, 1.0, -1.0],
+    [1.0, -1.0, -1.0, 1.0],
+];
+
+fn times(p: &Point, signs: &[f64; 4]) -> Point {
+    [p[0] * signs[0], p[1] * signs[1], p[2] * signs[2], p[3] * signs[3]]
+}
+/// A direction this much further from the nearest sample than samples are from one another was not measured.
+const BEYOND: f64 = 1.5;
+/// What a file's grid is good for.
+const OF_GRID: f64 = 0.01;
+/// Over this distance in the coordinates (each some 0 to 1) the law takes over from the measurement.
+const FADE: f64 = 0.25;
+
+/// D and σ at any direction.
+#[derive(Debug, Clone)]
+pub(super) struct Microfacets<'a> {
+    ndf: &'a Ndf,
+    ln_density: Vec<f64>,
+    /// ln(1 + bound/D) of the nodes.
+    ln_bound: Vec<f64>,
+    /// √θ of the nodes.
+    place: Vec<f64>,
+    /// What D is at least, sr⁻¹.
+    floor: f64,
+}
+
+impl<'a> Microfacets<'a> {
+    pub fn new(ndf: &'a Ndf) -> Self {
+        let ln_density = ndf.density.iter().map(|d| d.max(1e-290).ln()).collect();
+        let place = ndf.theta_rad.iter().map(|t| t.sqrt()).collect();
+        let peak = ndf.density.iter().copied().fold(0.0, f64::max);
+        let bound = |(d, b): (&f64, &f64)| {
+            let part = (b / (d + FLOOR * peak)).max(0.0);
+            if part.is_finite() { part.ln_1p() } else { 0.0 }
+        };
+        let ln_bound = if ndf.density_bound.len() == ndf.density.len() {
+            ndf.density.iter().zip(&ndf.density_bound).map(bound).collect()
+        } else {
+            vec![0.0; ndf.density.len()]
+        };
+        Self { ndf, ln_density, ln_bound, place, floor: FLOOR * peak }
+    }
+
+    /// The largest D is this many times the floor.
+    pub fn peak(&self) -> f64 {
+        self.floor / FLOOR
+    }
+
+    pub fn is_isotropic(&self) -> bool {
+        self.ndf.is_isotropic()
+    }
+
+    /// D of a unit vector, and the floor.
+    pub fn density(&self, m: DVec3) -> f64 {
+        self.at(&self.ln_density, m).exp() + self.floor
+    }
+
+    /// σ towards a unit vector.
+    pub fn area(&self, v: DVec3) -> f64 {
+        self.at(&self.ndf.projected_area, v).max(1e-9)
+    }
+
+    /// A cubic through four nodes in √θ; held beyond the first and last. Around, the same half a turn further.
+    fn at(&self, values: &[f64], v: DVec3) -> f64 {
+        let n = self.place.len();
+        let theta = 2.0 * (0.5 * (v - DVec3::Z).length()).min(1.0).asin();
+        let x = theta.sqrt().clamp(self.place[0], self.place[n - 1]);
+        let j = self.place.partition_point(|p| *p <= x).clamp(1, n - 1) - 1;
+        let first = j.saturating_sub(1).min(n - 4);
+        let node = |k: usize| self.place[first + k];
+        let mut weight = [1.0; 4];
+        for (k, w) in weight.iter_mut().enumerate() {
+            for l in (0..4).filter(|l| *l != k) {
+                *w *= (x - node(l)) / (node(k) - node(l));
+            }
+        }
+        let along =
+            |row: usize| (0..4).map(|k| weight[k] * values[row * n + first + k]).sum::<f64>();
+        let np = self.ndf.phi_rad.len();
+        if np == 1 {
+            return along(0);
+        }
+        let turn = v.y.atan2(v.x).rem_euclid(PI) / PI * np as f64;
+        let (k, t) = ((turn as usize) % np, turn.fract());
+        let of = |d: usize| along((k + d) % np);
+        // Catmull and Rom's cubic through four rows.
+        let (a, b, c, d) = (of(np - 1), of(0), of(1), of(2));
+        b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)))
+    }
+
+    /// D(h) G/(4 cosθ_i cosθ_o), sr⁻¹.
+    pub fn lobe(&self, i: DVec3, o: DVec3) -> f64 {
+        self.density((i + o).normalize()) * self.unmasked(i, o)
+    }
+
+    /// By how much the lobe's logarithm may be off, by masking and by D's own bound: the largest of what masking gives that does not know of azimuths
+    /// (heights in common, or none at all), and D's bound.
+    pub fn doubt(&self, i: DVec3, o: DVec3) -> f64 {
+        let (area_i, area_o) = (self.area(i).max(i.z), self.area(o).max(o.z));
+        let here = self.unmasked(i, o).ln();
+        let common = 0.25 / (area_i * o.z + area_o * i.z - i.z * o.z).max(1e-12);
+        let none = 0.25 / (area_i * area_o).max(1e-12);
+        let masking = [common, none].map(|g| (g.ln() - here).abs()).into_iter().fold(0.0, f64::max);
+        masking.hypot(self.at(&self.ln_bound, (i + o).normalize()).max(0.0))
+    }
+
+    /// What the floor is of that.
+    fn lobe_of_floor(&self, i: DVec3, o: DVec3) -> f64 {
+        self.floor * self.unmasked(i, o)
+    }
+
+    /// G/(4 cosθ_i cosθ_o): the larger Λ = σ/cosθ − 1 alone where light and detector are in one direction, as it is what D was found with; both where
+    /// their azimuths differ (Heitz 2014, eq. 102, after Ashikhmin, Premože and Shirley 2000).
+    fn unmasked(&self, i: DVec3, o: DVec3) -> f64 {
+        let (area_i, area_o) = (self.area(i).max(i.z), self.area(o).max(o.z));
+        let (p, q) = (i.truncate(), o.truncate());
+        let apart = p.perp_dot(q).atan2(p.dot(q)).abs();
+        let apart = 4.41 * apart / (4.41 * apart + 1.0);
+        // cosθ_i cosθ_o (1 + Λ_larger + apart Λ_smaller)
+        let (from_i, from_o) = (area_i * o.z, area_o * i.z);
+        let smaller = from_i.min(from_o) - i.z * o.z;
+        0.25 / (from_i.max(from_o) + apart * smaller).max(1e-12)
+    }
+}
+
+/// F and ρ of one wavelength.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Base {
+    /// F.
+    pub specular: f64,
+    /// ρ.
+    pub diffuse: f64,
+    /// The root mean square of ln q.
+    pub rms: f64,
+}
+
+/// Samples as what they are beside the base.
+pub(super) struct Field<'a> {
+    microfacets: &'a Microfacets<'a>,
+    tree: Tree,
+    points: Vec<Point>,
+    /// What a sample is the same as: signs of the coordinates.
+    images: &'static [[f64; 4]],
+    /// ln q by sample and wavelength.
+    ln_q: Vec<f64>,
+    wavelengths: usize,
+    pub base: Vec<Base>,
+    /// How far samples are from their nearest, but for the most lonely tenth.
+    pub spacing: f64,
+    /// By how much ln q of two samples differs, by their distance in steps of [`APART`]: 95 % of all pairs by less, the largest over the wavelengths.
+    differs: Vec<f64>,
+}
+
+/// How a direction's value comes from samples.
+pub(super) struct Stencil {
+    /// Samples with weights for ln q.
+    parts: Vec<(usize, f64)>,
+    /// Which part of ln q is kept: 1 where it was measured, less far from all samples.
+    keep: f64,
+    /// To the nearest sample.
+    distance: f64,
+    /// Whether samples are near enough to say that it was measured.
+    pub measured: bool,
+}
+
+impl<'a> Field<'a> {
+    /// `mirrored`: an anisotropic sample is the same on both sides of its axes. Values without a logarithm are left out; the number of them is given too.
+    pub fn new(
+        microfacets: &'a Microfacets<'a>,
+        samples: &Samples,
+        mirrored: bool,
+    ) -> (Self, usize) {
+        let wavelengths = samples.wavelength_nm.len();
+        let isotropic = microfacets.is_isotropic();
+        let (mut directions, mut value, mut left_out) = (Vec::new(), Vec::new(), 0);
+        for row in &samples.rows {
+            let (i, o) = row.directions();
+            let (i, o) = if isotropic { turned(i, o) } else { (i, o) };
+            let good = |v: &f64| v.is_finite() && *v > 0.0;
+            if i.z > 1e-4 && o.z > 1e-4 && row.brdf_per_sr.iter().all(good) {
+                directions.push((i, o));
+                value.extend(row.brdf_per_sr.iter().map(|v| v.ln()));
+            } else {
+                left_out += 1;
+            }
+        }
+        let lobe: Vec<f64> = directions.iter().map(|(i, o)| microfacets.lobe(*i, *o)).collect();
+        let mut ln_q = vec![0.0; value.len()];
+        let mut base = Vec::with_capacity(wavelengths);
+        for k in 0..wavelengths {
+            let ln: Vec<f64> = value.iter().skip(k).step_by(wavelengths).copied().collect();
+            let one = of_wavelength(&lobe, &ln);
+            for (row, (lobe, ln)) in lobe.iter().zip(&ln).enumerate() {
+                let (i, o) = directions[row];
+                let floor = one.specular * microfacets.lobe_of_floor(i, o);
+                ln_q[row * wavelengths + k] = (ln.exp() + floor).ln() - one.at(*lobe).ln();
+            }
+            base.push(one);
+        }
+        let points: Vec<Point> =
+            directions.iter().map(|(i, o)| coordinates(isotropic, *i, *o)).collect();
+        let mut all: Vec<(Point, usize)> = points.iter().copied().zip(0..).collect();
+        let images: &[[f64; 4]] = match (isotropic, mirrored) {
+            (true, _) => &IMAGES[..1],
+            (false, false) => &IMAGES[..4],
+            (false, true) => &IMAGES,
+        };
+        for image in &images[1..] {
+            all.extend(points.iter().enumerate().map(|(k, p)| (times(p, image), k)));
+        }
+        let tree = Tree::new(all);
+        let step = (points.len() / 500).max(1);
+        let nearest = |p: &Point| {
+            let found = tree.nearest(p, 12);
+            found.iter().map(|f| f.0.sqrt()).find(|d| *d > 1e-6).unwrap_or(0.0)
+        };
+        let mut gaps: Vec<f64> = points.iter().step_by(step).map(nearest).collect();
+        gaps.sort_by(f64::total_cmp);
+        let spacing = gaps.get(gaps.len() * 9 / 10).copied().unwrap_or(0.0).max(1e-3);
+        let differs = differences(&points, &ln_q, wavelengths);
+        let field =
+            Self { microfacets, tree, points, images, ln_q, wavelengths, base, spacing, differs };
+        (field, left_out)
+    }
+
+    /// By how much ln q differs over a distance; beyond the largest in the table it goes on as it went on the average.
+    fn differs(&self, distance: f64) -> f64 {
+        let (x, last) = (distance / APART, self.differs.len() - 1);
+        let k = x as usize;
+        if k >= last {
+            return self.differs[last] * (x / last.max(1) as f64).max(1.0);
+        }
+        self.differs[k] + (x - k as f64) * (self.differs[k + 1] - self.differs[k])
+    }
+
+    /// The number of samples that are used.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Around a pair of directions.
+    pub fn stencil(&self, i: DVec3, o: DVec3) -> Stencil {
+        let isotropic = self.microfacets.is_isotropic();
+        let (i, o) = if isotropic { turned(i, o) } else { (i, o) };
+        let at = coordinates(isotropic, i, o);
+        let near = self.tree.nearest(&at, NEIGHBOURS);
+        let Some(first) = near.first() else {
+            return Stencil {
+                parts: Vec::new(),
+                keep: 0.0,
+                distance: f64::INFINITY,
+                measured: false,
+            };
+        };
+        let distance = first.0.sqrt();
+        let measured = distance <= BEYOND * self.spacing
+            || if isotropic {
+                self.surrounded(&at, &near)
+            } else {
+                // Those of one incidence alone are all on one side.
+                distance <= 4.0 * self.spacing
+                    && self.surrounded(&at, &self.tree.nearest(&at, AROUND))
+            };
+        if distance < 1e-7 {
+            return Stencil { parts: vec![(first.1, 1.0)], keep: 1.0, distance, measured };
+        }
+        let radius2 = near[near.len() - 1].0 * 1.0001;
+        // Weights that grow towards a sample, which is so met.
+        let weight = |d2: f64| (1.0 - d2 / radius2).max(0.0).powi(2) / (d2 / radius2 + 1e-6);
+        let weights: Vec<f64> = near.iter().map(|(d2, _)| weight(*d2)).collect();
+        let parts = if measured { self.plane(&at, &near, &weights) } else { None };
+        let parts = parts.unwrap_or_else(|| {
+            let all: f64 = weights.iter().sum();
+            near.iter().zip(&weights).map(|((_, k), w)| (*k, w / all)).collect()
+        });
+        // Far from all samples the law remains.
+        let beyond = (distance - BEYOND * self.spacing).max(0.0) / FADE;
+        let keep = if measured { 1.0 } else { 1.0 / (1.0 + beyond * beyond) };
+        Stencil { parts, keep, distance, measured }
+    }
+
+    /// The image of a sample that is the neighbour: of an anisotropic sample swapped, or half a turn further.
+    fn image(&self, k: usize, at: &Point) -> Point {
+        let p = &self.points[k];
+        if self.images.len() == 1 {
+            return *p;
+        }
+        let apart = |q: &Point| (0..4).map(|k| (q[k] - at[k]).powi(2)).sum::<f64>();
+        let images = self.images.iter().map(|image| times(p, image));
+        images.min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or(*p)
+    }
+
+    /// Whether samples lie around a direction, not all on one side: between two directions of incidence that is so, beyond the last one not.
+    fn surrounded(&self, at: &Point, near: &[(f64, usize)]) -> bool {
+        let reach = near[near.len() - 1].0.sqrt();
+        let mut mean = [0.0; 4];
+        for (_, k) in near {
+            let p = self.image(*k, at);
+            for (m, (p, a)) in mean.iter_mut().zip(p.iter().zip(at)) {
+                *m += (p - a) / near.len() as f64;
+            }
+        }
+        let aside = mean.iter().map(|m| m * m).sum::<f64>().sqrt();
+        near[0].0.sqrt() <= 4.0 * self.spacing && aside < 0.5 * reach
+    }
+
+    /// Weights that meet every plane through the neighbours; none where they do not span the space.
+    fn plane(
+        &self,
+        at: &Point,
+        near: &[(f64, usize)],
+        weights: &[f64],
+    ) -> Option<Vec<(usize, f64)>> {
+        let size = (near[near.len() - 1].0).sqrt().max(1e-12);
+        let isotropic = self.microfacets.is_isotropic();
+        let terms = if isotropic { 4 } else { 5 };
+        let mut basis = DMatrix::<f64>::zeros(near.len(), terms);
+        for (row, (_, k)) in near.iter().enumerate() {
+            let p = self.image(*k, at);
+            basis[(row, 0)] = 1.0;
+            for t in 1..terms {
+                basis[(row, t)] = (p[t - 1] - at[t - 1]) / size;
+            }
+        }
+        let mut normal = DMatrix::<f64>::zeros(terms, terms);
+        let all: f64 = weights.iter().sum();
+        for row in 0..near.len() {
+            for a in 0..terms {
+                for b in 0..terms {
+                    normal[(a, b)] += weights[row] * basis[(row, a)] * basis[(row, b)];
+                }
+            }
+        }
+        // Slopes that the neighbours hardly decide are held near 0.
+        for t in 1..terms {
+            normal[(t, t)] += 1e-4 * all;
+        }
+        let mut unit = DVector::<f64>::zeros(terms);
+        unit[0] = 1.0;
+        let solved = normal.cholesky()?.solve(&unit);
+        let parts: Vec<(usize, f64)> = near
+            .iter()
+            .enumerate()
+            .map(|(row, (_, k))| (*k, weights[row] * (basis.row(row) * &solved)[0]))
+            .collect();
+        // Weights that overshoot are an extrapolation.
+        let spread: f64 = parts.iter().map(|p| p.1.abs()).sum();
+        (spread < 3.0).then_some(parts)
+    }
+
+    /// f \[sr⁻¹\] by wavelength.
+    pub fn values(&self, stencil: &Stencil, i: DVec3, o: DVec3, into: &mut [f64]) {
+        let lobe = self.microfacets.lobe(i, o);
+        for (k, value) in into.iter_mut().enumerate() {
+            *value = self.base[k].at(lobe) * (stencil.keep * self.ln_q(stencil, k)).exp();
+        }
+    }
+
+    /// ln q around a direction.
+    fn ln_q(&self, stencil: &Stencil, wavelength: usize) -> f64 {
+        let at = |row: usize| self.ln_q[row * self.wavelengths + wavelength];
+        stencil.parts.iter().map(|(row, w)| w * at(*row)).sum()
+    }
+
+    /// By how much ln f may be off where it was not measured, the largest over the wavelengths; 0 where it was. In quadrature: by how much samples differ that are as far
+    /// from one another as this direction is from the nearest, what was taken back of the nearest ones' difference from the law, what the lobe's share may be off
+    /// by, and what the file's grid is good for.
+    pub fn doubt(&self, stencil: &Stencil, i: DVec3, o: DVec3) -> f64 {
+        if stencil.measured {
+            return 0.0;
+        }
+        let (lobe, of_lobe) = (self.microfacets.lobe(i, o), self.microfacets.doubt(i, o));
+        let differs = self.differs(stencil.distance.min(2.0));
+        let one = |(k, base): (usize, &Base)| {
+            let taken = self.ln_q(stencil, k) * (1.0 - stencil.keep);
+            let share = base.specular * lobe / base.at(lobe);
+            let squares = (2.0 * differs).powi(2)
+                + (2.0 * base.rms).powi(2)
+                + taken.powi(2)
+                + (share * of_lobe).powi(2);
+            (squares + OF_GRID * OF_GRID).sqrt()
+        };
+        self.base.iter().enumerate().map(one).fold(0.0, f64::max)
+    }
+}
+
+/// Distances at which samples are compared with one another.
+const APART: f64 = 0.05;
+
+/// 95 % of the differences of ln q by distance, never falling; from pairs all over the table, so many that a large table has 60000.
+fn differences(points: &[Point], ln_q: &[f64], wavelengths: usize) -> Vec<f64> {
+    const MOST: usize = 350;
+    let step = points.len().div_ceil(MOST).max(1);
+    let chosen: Vec<usize> = (0..points.len()).step_by(step).collect();
+    let mut bins: Vec<Vec<f64>> = vec![Vec::new(); 40];
+    for (at, a) in chosen.iter().enumerate() {
+        for b in &chosen[at + 1..] {
+            let d2: f64 = (0..4).map(|k| (points[*a][k] - points[*b][k]).powi(2)).sum();
+            let value = |row: usize, k: usize| ln_q[row * wavelengths + k];
+            let apart = (0..wavelengths).map(|k| (value(*a, k) - value(*b, k)).abs());
+            let bin = ((d2.sqrt() / APART) as usize + 1).min(39);
+            bins[bin].push(apart.fold(0.0, f64::max));
+        }
+    }
+    let mut table = vec![0.0];
+    let mut most = 0.0_f64;
+    for bin in &mut bins[1..] {
+        // A few pairs say nothing of 95 %.
+        if bin.len() >= 20 {
+            bin.sort_by(f64::total_cmp);
+            most = most.max(bin[(bin.len() - 1) * 95 / 100]);
+        }
+        table.push(most);
+    }
+    table
+}
+
+impl Base {
+    fn at(&self, lobe: f64) -> f64 {
+        (self.specular * lobe + self.diffuse * FRAC_1_PI).max(1e-290)
+    }
+}
+
+/// The best F and ρ by least squares of ln f.
+fn of_wavelength(lobe: &[f64], ln: &[f64]) -> Base {
+    // What is darker than this decides nothing: tails in which a lobe's logarithm is far off without a trace of light.
+    let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let weight = |ln: &f64| if *ln > most - 12.0 { 1.0 } else { 0.0 };
+    let n = ln.iter().map(weight).sum::<f64>().max(1.0);
+    // For a share r of Lambert light the strength follows.
+    let judge = |ln_ratio: f64| {
+        let ratio = ln_ratio.exp();
+        let (mut sum, mut square) = (0.0, 0.0);
+        for (lobe, ln) in lobe.iter().zip(ln) {
+            let left = ln - (lobe + ratio * FRAC_1_PI).max(1e-290).ln();
+            sum += weight(ln) * left;
+            square += weight(ln) * left * left;
+        }
+        let mean = sum / n;
+        ((square / n - mean * mean).max(0.0), mean)
+    };
+    let at = |k: usize| -30.0 + 0.5 * k as f64;
+    let best = (0..90).min_by(|a, b| judge(at(*a)).0.total_cmp(&judge(at(*b)).0)).unwrap_or(0);
+    let (mut from, mut to) = (at(best) - 0.5, at(best) + 0.5);
+    for _ in 0..40 {
+        let (a, b) = (from + 0.382 * (to - from), from + 0.618 * (to - from));
+        if judge(a).0 < judge(b).0 { to = b } else { from = a }
+    }
+    let x = 0.5 * (from + to);
+    let (square, mean) = judge(x);
+    Base { specular: mean.exp(), diffuse: (mean + x).exp(), rms: square.sqrt() }
+}
+
+/// What does not change when light and detector are swapped.
+fn coordinates(isotropic: bool, i: DVec3, o: DVec3) -> Point {
+    let h = (i + o).normalize();
+    let tilt = 2.0 * (0.5 * (h - DVec3::Z).length()).min(1.0).asin();
+    let u = (tilt / FRAC_PI_2).sqrt();
+    if isotropic {
+        let difference = 2.0 * (0.25 * (i - o).length()).min(1.0).asin();
+        return [u, difference.clamp(0.0, PI) / FRAC_PI_2, 0.5 * (i.z - o.z).abs(), 0.0];
+    }
+    let across = h.x.hypot(h.y).max(1e-12);
+    let d = 0.5 * (i - o);
+    [u * h.x / across, u * h.y / across, d.x, d.y]
+}

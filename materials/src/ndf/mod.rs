@@ -1,0 +1,423 @@
+//! The density of microfacet normals (NDF) of a sample, from what it throws back towards the light.
+//!
+//! Dupuy and Jakob (ACM TOG 37, 274, 2018): in retro-reflection the microfacets that mirror are those that face the light, so that
+//! F₀ D(ω) = 4 f(ω, ω) cosθ σ(ω) with the projected area σ(ω) = ∫ D(m) max(0, ω·m) dω_m. D is the Perron vector of that kernel.
+//!
+//! From a table of angles to D: readings that are no light are left out ([`Note`]), the symmetry point is found from both sides of the normal, a cubic spline of
+//! ln f, even about it, leads to the nodes; beyond the last angle the lobe is continued and flagged, and how much the choice of the continuation changes is said
+//! beside the uncertainty that comes from the readings (by resampling).
+
+mod anisotropic;
+mod nodes;
+mod power;
+mod profile;
+mod scan;
+mod shape;
+mod spline;
+mod table;
+mod tail;
+mod uncertainty;
+mod zero;
+
+pub(super) use nodes::legendre;
+pub use nodes::{Anisotropic, Elevations, Hemisphere, Isotropic};
+pub use power::{Solution, solve};
+pub use shape::ShapeFit;
+pub use table::{from_table, to_table};
+pub use tail::TailKind;
+pub use zero::{Zero, ZeroOrigin};
+
+use crate::table::RetroTable;
+use profile::Traced;
+use scan::Scan;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+bitflags::bitflags! {
+    /// What is known about a node. In files the metadata `flag_bits` names the bits.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+    pub struct NdfFlags: u32 {
+        /// Beyond the last angle at which light was seen.
+        const EXTRAPOLATED = 1;
+        /// In a gap between angles.
+        const GAP = 1 << 1;
+    }
+}
+
+/// How D is found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NdfOptions {
+    /// Nodes in elevation: 128 leave 4e-6 for Beckmann and GGX; of an anisotropic sample 32.
+    pub elevations: Option<usize>,
+    /// Nodes in azimuth of an anisotropic sample: 12 α_max/α_min or more (64 at least where not given).
+    pub azimuths: Option<usize>,
+    /// Width of a running median over the readings (odd); none unless asked for: it flattens peaks.
+    pub median: Option<usize>,
+    /// The stage's angle at normal incidence, degrees, where it is known otherwise.
+    pub zero_deg: Option<f64>,
+    /// How far from the stage's zero the symmetry point is looked for, degrees.
+    pub most_offset_deg: f64,
+    /// How the lobe goes on beyond the last angle; the one that follows the last readings best where not given.
+    pub tail: Option<TailKind>,
+    /// Resamplings for the uncertainties; 0 leaves them out.
+    pub resamplings: usize,
+    /// Seed of the resamplings.
+    pub seed: u64,
+}
+
+impl Default for NdfOptions {
+    fn default() -> Self {
+        Self {
+            elevations: None,
+            azimuths: None,
+            median: None,
+            zero_deg: None,
+            most_offset_deg: 5.0,
+            tail: None,
+            resamplings: 200,
+            seed: 0,
+        }
+    }
+}
+
+/// Why there is no D.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NdfError {
+    /// Fewer angles than a lobe needs.
+    #[error("{found} angles with light: an NDF needs {least} or more")]
+    TooFew {
+        /// Different angles with light.
+        found: usize,
+        /// The least number.
+        least: usize,
+    },
+    /// No reading above 0.
+    #[error(
+        "none of {readings} readings is above 0: no light came back (a shutter, a wrong range, a dark scan subtracted twice?)"
+    )]
+    NoLight {
+        /// Number of readings.
+        readings: usize,
+    },
+    /// The meter did not follow the peak.
+    #[error(
+        "the peak is saturated from {:.3}° to {:.3}° ({readings} readings): D is normalised by its peak, measure it with less light or in a higher range",
+        angles_deg.0, angles_deg.1
+    )]
+    Saturated {
+        /// First and last angle.
+        angles_deg: (f64, f64),
+        /// Number of readings.
+        readings: usize,
+    },
+    /// The lobe is narrower than the angles are apart.
+    #[error(
+        "{}", too_coarse(*angle_deg, *readings, *step_deg, *alpha, *needed_deg)
+    )]
+    TooCoarse {
+        /// Where the peak is.
+        angle_deg: f64,
+        /// Readings above half of it.
+        readings: usize,
+        /// Step of the angles.
+        step_deg: f64,
+        /// The roughness that the peak's neighbours would be of, or more than it has.
+        alpha: f64,
+        /// The step that it needs.
+        needed_deg: f64,
+    },
+    /// Angles are missing amid the peak.
+    #[error(
+        "no reading from {from_deg:.2}° to {to_deg:.2}° off the normal, within the half-width of the lobe ({half_width_deg:.2}°): measure there"
+    )]
+    GapInPeak {
+        /// Where it begins.
+        from_deg: f64,
+        /// Where it ends.
+        to_deg: f64,
+        /// Half the width of the lobe at half its height.
+        half_width_deg: f64,
+    },
+    /// Angles are missing beside the normal, so that it is not known where that is.
+    #[error(
+        "the readings do not decide where the normal is: from {from_deg:.2}° to {to_deg:.2}° of the stage there is none, so that hardly any angle was measured on both sides of the peak. Measure there, or give the stage's angle at normal incidence (zero_deg; --zero-deg of the program)"
+    )]
+    GapBesideNormal {
+        /// Where it begins, the stage's angle.
+        from_deg: f64,
+        /// Where it ends.
+        to_deg: f64,
+    },
+    /// Values on the nodes that are no BRDF.
+    #[error("retro-reflection on the nodes: found {0}, expected numbers of 0 or above, not all 0")]
+    Values(String),
+    /// The iteration did not end.
+    #[error(
+        "the power iteration did not converge: ‖Kv−F₀v‖/‖v‖ is {residual:.1e} after {iterations} iterations, the eigenvalue gap {eigenvalue_gap:.1e}"
+    )]
+    NotConverged {
+        /// What is left.
+        residual: f64,
+        /// Iterations done.
+        iterations: usize,
+        /// 1 − |λ₂|/λ₁.
+        eigenvalue_gap: f64,
+    },
+    /// An option out of its range.
+    #[error("{name}: found {found}, expected {expected}")]
+    Option {
+        /// The option.
+        name: &'static str,
+        /// Its value.
+        found: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// Azimuths that do not cover the circle.
+    #[error("{0}")]
+    Azimuths(String),
+}
+
+fn too_coarse(
+    angle_deg: f64,
+    readings: usize,
+    step_deg: f64,
+    alpha: f64,
+    needed_deg: f64,
+) -> String {
+    format!(
+        "the peak at {angle_deg:.3}° is narrower than the step of {step_deg:.3}° resolves: {readings} of the readings about it {} above half of it; \
+         its neighbours say a roughness α of {alpha:.4} or less, which needs a step of {needed_deg:.3}° or less",
+        if readings == 1 { "is" } else { "are" }
+    )
+}
+
+/// What was done to the readings that a person should know.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Note {
+    /// They were not in the order of their angles.
+    Sorted,
+    /// A reading was left out.
+    LeftOut {
+        /// Its angle.
+        angle_deg: f64,
+        /// Its value.
+        f_per_sr: f64,
+        /// Why.
+        reason: &'static str,
+    },
+    /// At an end of the scan no light was seen: the lobe is continued there.
+    BelowDetection {
+        /// First and last angle.
+        angles_deg: (f64, f64),
+        /// Number of readings.
+        readings: usize,
+    },
+    /// Angles are missing.
+    Gap {
+        /// Where it begins, degrees off the normal.
+        from_deg: f64,
+        /// Where it ends.
+        to_deg: f64,
+    },
+    /// The symmetry point was not found.
+    ZeroAssumed,
+    /// The lobe is hardly wider than the rig's cone of light, or not.
+    Blurred {
+        /// The roughness that was found.
+        alpha: f64,
+        /// The smallest that the rig can tell.
+        smallest_alpha: f64,
+    },
+    /// Quarters of the circle are taken as mirror images of what was measured.
+    Mirrored,
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Sorted => f.write_str("the angles were not in order: sorted"),
+            Self::LeftOut { angle_deg, f_per_sr, reason } => {
+                write!(f, "left out: {f_per_sr:.4e} sr⁻¹ at {angle_deg:.3}° ({reason})")
+            }
+            Self::BelowDetection { angles_deg: (from, to), readings } => write!(
+                f,
+                "{readings} readings from {from:.2}° to {to:.2}° are no light that was seen (below 3σ, or not above 0): the lobe is continued there"
+            ),
+            Self::Gap { from_deg, to_deg } => write!(
+                f,
+                "no reading from {from_deg:.2}° to {to_deg:.2}° off the normal: interpolated and flagged"
+            ),
+            Self::ZeroAssumed => f.write_str(
+                "the readings do not decide where the normal is (one side alone, or the same everywhere): the stage's zero is taken",
+            ),
+            Self::Blurred { alpha, smallest_alpha } => write!(
+                f,
+                "α is {alpha:.4}, the smallest that the cone of light can tell {smallest_alpha:.4}: the lobe is the rig's, at least in part"
+            ),
+            Self::Mirrored => {
+                f.write_str("azimuths beyond a quarter of the circle: mirror images of those measured")
+            }
+        }
+    }
+}
+
+/// How a power iteration went.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Convergence {
+    /// ‖K v − F₀ v‖/‖v‖.
+    pub residual: f64,
+    /// Iterations done.
+    pub iterations: usize,
+    /// 1 − |λ₂|/λ₁: each iteration takes that share of the error away.
+    pub eigenvalue_gap: f64,
+}
+
+/// What was found of the lobe in one plane of incidence.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Profile {
+    /// The plane's azimuth on the sample, degrees.
+    pub azimuth_deg: f64,
+    /// Where the normal is.
+    pub zero: Zero,
+    /// The last angle off the normal at which light was seen, degrees.
+    pub measured_to_deg: f64,
+    /// Step of the angles, degrees.
+    pub step_deg: f64,
+    /// How it goes on beyond.
+    pub tail: TailKind,
+    /// The best Beckmann lobe.
+    pub beckmann: ShapeFit,
+    /// The best GGX lobe.
+    pub ggx: ShapeFit,
+}
+
+/// The density of microfacet normals of a sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ndf {
+    /// Elevations of the nodes, radians, increasing.
+    pub theta_rad: Vec<f64>,
+    /// Azimuths of the nodes over half the circle, radians; a single 0 of an isotropic sample. D is the same half a turn further.
+    pub phi_rad: Vec<f64>,
+    /// D, sr⁻¹, by azimuth and elevation: node (k, j) is `k * theta_rad.len() + j`.
+    pub density: Vec<f64>,
+    /// The projected area σ of microfacets, 1 towards the normal.
+    pub projected_area: Vec<f64>,
+    /// Standard deviation of D by the readings, sr⁻¹; none where theirs is not known.
+    pub density_sigma: Option<Vec<f64>>,
+    /// How much D changes with other continuations beyond the last angle and across gaps, sr⁻¹: the largest difference.
+    pub density_bound: Vec<f64>,
+    /// What is known about the nodes.
+    pub flags: Vec<NdfFlags>,
+    /// F₀, the eigenvalue; it may exceed 1 where microfacets are no mirrors (a Lambert sample of reflectance ρ has 2.0821 ρ).
+    pub f0: f64,
+    /// Its standard deviation by the readings and by what they have in common.
+    pub f0_sigma: Option<f64>,
+    /// How much other continuations change it.
+    pub f0_bound: f64,
+    /// How the iteration went.
+    pub convergence: Convergence,
+    /// The planes of incidence.
+    pub profiles: Vec<Profile>,
+    /// The smallest roughness that the rig can tell: its cone blurs the half-vector by half the cone's half-angle.
+    pub smallest_alpha: Option<f64>,
+    /// Resamplings behind the standard deviations.
+    pub resamplings: usize,
+    /// What was done to the readings.
+    pub notes: Vec<Note>,
+}
+
+impl Ndf {
+    /// Whether it is the same in every azimuth.
+    pub fn is_isotropic(&self) -> bool {
+        self.phi_rad.len() == 1
+    }
+}
+
+/// Refuses options out of their ranges.
+fn check(options: &NdfOptions) -> Result<(), NdfError> {
+    let wrong = |name, found, expected| Err(NdfError::Option { name, found, expected });
+    if let Some(n) = options.elevations.filter(|n| !(8..=1024).contains(n)) {
+        return wrong("elevations", n as f64, "8 to 1024 nodes");
+    }
+    if let Some(n) = options.azimuths.filter(|n| !(8..=1024).contains(n) || n % 4 != 0) {
+        return wrong("azimuths", n as f64, "8 to 1024 nodes, a multiple of 4");
+    }
+    if let Some(n) = options.median.filter(|n| *n < 3 || n % 2 == 0) {
+        return wrong("median", n as f64, "an odd number of readings, 3 or more");
+    }
+    if !(options.most_offset_deg >= 0.0 && options.most_offset_deg <= 45.0) {
+        return wrong("most_offset_deg", options.most_offset_deg, "an angle from 0 to 45°");
+    }
+    match options.zero_deg {
+        Some(zero) if zero.is_nan() || zero.abs() > 45.0 => {
+            wrong("zero_deg", zero, "an angle from −45 to 45°")
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Finds D of a run.
+///
+/// # Errors
+/// An [`NdfError`] with the reason: too few angles, no light, a peak that is saturated or that the angles do not resolve, angles missing amid it, no convergence.
+pub fn extract(run: &RetroTable, options: &NdfOptions) -> Result<Ndf, NdfError> {
+    check(options)?;
+    let first = run.readings.first().map(|r| r.azimuth_deg);
+    let mut ndf = if run.readings.iter().any(|r| Some(r.azimuth_deg) != first) {
+        anisotropic::extract(run, options)?
+    } else {
+        isotropic(run, options)?
+    };
+    ndf.smallest_alpha = run.cone_half_angle_deg.map(|c| (0.5 * c).to_radians().tan());
+    if let Some(smallest_alpha) = ndf.smallest_alpha {
+        let alpha = ndf.profiles.iter().map(|p| p.ggx.alpha).fold(f64::INFINITY, f64::min);
+        if alpha < 2.0 * smallest_alpha {
+            ndf.notes.push(Note::Blurred { alpha, smallest_alpha });
+        }
+    }
+    Ok(ndf)
+}
+
+fn isotropic(run: &RetroTable, options: &NdfOptions) -> Result<Ndf, NdfError> {
+    let mut notes = Vec::new();
+    let scan = Scan::clean(&run.readings, &mut notes)?;
+    let over = Isotropic::new(options.elevations.unwrap_or(128));
+    let theta = &over.elevations.theta_rad;
+    let azimuth_deg = run.readings.first().map_or(0.0, |r| r.azimuth_deg);
+    let traced = Traced::new(&scan, azimuth_deg, theta, options, &mut notes)?;
+    let solution = solve(&over, &exp(&traced.ln_f[0]))?;
+    let n = theta.len();
+    let mut bound = uncertainty::Bound::new(n);
+    for other in &traced.ln_f[1..] {
+        bound.add(&solution, &solve(&over, &exp(other))?);
+    }
+    let mut ndf = Ndf {
+        theta_rad: theta.clone(),
+        phi_rad: vec![0.0],
+        density_sigma: None,
+        density_bound: bound.density,
+        f0_bound: bound.f0,
+        flags: traced.flags.clone(),
+        f0: solution.f0,
+        f0_sigma: None,
+        convergence: solution.convergence,
+        density: solution.density,
+        projected_area: solution.sigma,
+        profiles: vec![traced.profile.clone()],
+        smallest_alpha: None,
+        resamplings: 0,
+        notes,
+    };
+    let scans = [(scan, traced)];
+    uncertainty::add(&mut ndf, &over, &scans, run.scale_sigma, options, |traced| {
+        exp(&traced[0].ln_f[0])
+    });
+    Ok(ndf)
+}
+
+fn exp(values: &[f64]) -> Vec<f64> {
+    values.iter().map(|v| v.exp()).collect()
+}

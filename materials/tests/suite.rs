@@ -1,0 +1,6 @@
+//! All tests of this crate: one program, so that one is linked.
+
+mod material;
+mod ndf;
+mod plan;
+mod retro;

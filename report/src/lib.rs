@@ -1,0 +1,14 @@
+//! Results as people read them: text, figures, tables, JSON and pages. No algorithm, no file is read here.
+//!
+//! - [`plot`]: figures as PNG or SVG;
+//! - [`page`]: pages as HTML;
+//! - [`Product`]: a result in all its forms;
+//! - [`rounded`]: numbers as summaries hold them.
+
+mod numbers;
+pub mod page;
+pub mod plot;
+mod product;
+
+pub use numbers::rounded;
+pub use product::{Format, Product, ProductError};

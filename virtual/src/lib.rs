@@ -1,0 +1,9 @@
+//! Nights and lab rigs whose truth is known, behind the devices' traits. They share no formula with what is tested on them.
+//!
+//! - [`observatory`]: a night: photon events, frames, stars, weather;
+//! - [`rig`]: a sample with known reflectance on a stage, in a laser's beam, under a power meter;
+//! - [`options`]: what the tables of options of both have in common.
+
+pub mod observatory;
+pub mod options;
+pub mod rig;
