@@ -5,7 +5,7 @@ mod text;
 mod words;
 
 use words::aerosol_json;
-pub use words::{describe, implausible};
+pub use words::implausible;
 
 use crate::output::{Console, OutputArgs};
 use crate::station::StationArgs;
@@ -219,7 +219,7 @@ pub fn run(args: &AirArgs, console: Console) -> anyhow::Result<()> {
     for warning in implausible(&air) {
         console.warn(&warning);
     }
-    let title = describe(&air);
+    let title = air.describe();
     if let Some(station) = &station {
         console.detail(&format!("station: {} ({})", station.name, station.description.trim()));
         for (field, note) in &station.notes {

@@ -1,21 +1,37 @@
-//! Files of light curves: rates of this program's schema, or published magnitudes.
+//! Files of light curves as the command line asks for them.
 
-use crate::compare::ComparedAs;
-use anyhow::{Context as _, bail};
-use clap::Args;
-use hifitime::Epoch;
+use anyhow::anyhow;
+use clap::{Args, ValueEnum};
 use std::path::Path;
-use sunglint_formats::time::{parse_utc, tai_nanoseconds};
-use sunglint_formats::{ParseError, Table, Values};
-use sunglint_radiometry::light_curve::{
-    ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
+use sunglint_radiometry::light_curve::published::{
+    CurveFile, MagnitudeKind, MagnitudeOptions, PublishedError,
 };
-use sunglint_simulator::pass::table;
 
-/// A gap of more than this parts one track from the next, s.
-const GAP_S: f64 = 60.0;
-/// d ln(flux)/d mag.
-const PER_MAG: f64 = 0.921_034_037_197_618_3;
+/// What measured magnitudes are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub enum ComparedAs {
+    /// Apparent, above the air: what a catalogue's stars give
+    #[default]
+    Apparent,
+    /// Apparent at the ground, the air's extinction in it
+    Ground,
+    /// Brought to 1000 km, at its own phase angle
+    #[value(name = "1000km")]
+    Range,
+    /// Brought to 1000 km and by the illuminated fraction to a phase angle of 90°
+    Standard,
+}
+
+impl From<ComparedAs> for MagnitudeKind {
+    fn from(asked: ComparedAs) -> Self {
+        match asked {
+            ComparedAs::Apparent => Self::Apparent,
+            ComparedAs::Ground => Self::Ground,
+            ComparedAs::Range => Self::Range,
+            ComparedAs::Standard => Self::Standard,
+        }
+    }
+}
 
 /// How a table of magnitudes is read.
 #[derive(Debug, Clone, Default, Args)]
@@ -31,307 +47,34 @@ pub struct Magnitudes {
     pub sigma_mag: Option<f64>,
 }
 
-/// What a file holds.
-#[derive(Debug, Clone)]
-pub enum CurveFile {
-    /// Rates: a table of the schema.
-    Rates(Box<Table>),
-    /// Magnitudes.
-    Magnitudes(Box<Brightness>),
-}
+impl Magnitudes {
+    /// The options that were asked for.
+    pub fn options(&self) -> MagnitudeOptions {
+        MagnitudeOptions {
+            column: self.column.clone(),
+            kind: self.law.into(),
+            sigma_mag: self.sigma_mag,
+        }
+    }
 
-impl CurveFile {
-    /// Reads ECSV or CSV with the schema's metadata or a column of magnitudes, and the text format of Mini-MegaTORTORA's catalogue.
+    /// Reads a file of rates or magnitudes.
     ///
     /// # Errors
-    /// What is neither; rows that are none; magnitudes of another kind than the options say, or without the range or phase angle that their kind needs.
-    pub fn read(path: &Path, text: &str, options: &Magnitudes) -> anyhow::Result<Self> {
-        if text.lines().take(40).any(|l| l.starts_with('#') && l.contains("StdMag Mag")) {
-            return Ok(Self::Magnitudes(Box::new(Brightness::of_mmt9(path, text, options)?)));
-        }
-        let table = table::any(path, text)?;
-        if table.meta.contains_key("quantity") {
-            return Ok(Self::Rates(Box::new(table)));
-        }
-        let name = options.column.as_deref().unwrap_or("magnitude");
-        if !table.columns.iter().any(|c| c.name == name) {
-            let names: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
-            bail!(
-                "{}: neither a light curve (metadata `quantity`) nor a table of magnitudes with a column `{name}`; it has {} (--magnitude-column NAME)",
-                path.display(),
-                names.join(", ")
-            );
-        }
-        let Ok(Values::Text(texts)) = table.column("time_utc").map(|c| &c.values) else {
-            let error = ParseError::new(path, "no such column", "a column `time_utc`, ISO 8601");
-            return Err(error.in_field("time_utc").into());
-        };
-        let time = |(i, text): (usize, &Option<String>)| {
-            parse_utc(text.as_deref().unwrap_or(""))
-                .map_err(|e| e.in_file(path).in_field(format!("time_utc, row {}", i + 1)))
-        };
-        let times = texts.iter().enumerate().map(time).collect::<Result<Vec<_>, _>>()?;
-        let column = |name: &str| table.f64(name).ok().map(|c| c.into_owned());
-        let magnitudes = table.f64(name)?.into_owned();
-        let range_km = column("range_km")
-            .or_else(|| Some(column("range_m")?.iter().map(|r| r / 1e3).collect()));
-        let exposure_s = column("exposure_s");
-        let sigma = column("sigma_mag");
-        let rows =
-            Rows { times, magnitudes, range_km, phase_deg: column("phase_deg"), sigma, exposure_s };
-        Ok(Self::Magnitudes(Box::new(Brightness::of_rows(path, rows, options)?)))
+    /// As [`CurveFile::read`], with the option that may help.
+    pub fn read(&self, path: &Path, text: &str) -> anyhow::Result<CurveFile> {
+        CurveFile::read(path, text, &self.options()).map_err(with_hint)
     }
 }
 
-/// Published magnitudes as brightnesses.
-#[derive(Debug, Clone, Default)]
-pub struct Brightness {
-    /// Times of the samples.
-    pub times: Vec<Epoch>,
-    /// Exposures, s; where the file has none, the usual step of the times.
-    pub exposure_s: Vec<f64>,
-    /// Flux over that of magnitude 0, above the air and as seen from the station; NaN where there is no number.
-    pub flux: Vec<f64>,
-    /// Its standard uncertainty.
-    pub sigma: Vec<f64>,
-    /// Distance, m.
-    pub range_m: Option<Vec<f64>>,
-    /// Phase angle, degrees.
-    pub phase_deg: Option<Vec<f64>>,
-    /// White noise of each track: first moment, noise (mag), samples.
-    pub tracks: Vec<(Epoch, f64, usize)>,
-}
-
-impl Brightness {
-    /// The text format of Mini-MegaTORTORA's catalogue: notes after `#`, then date, time, standard magnitude, magnitude, filter, penumbra, distance (km),
-    /// phase (degrees), channel, track.
-    fn of_mmt9(path: &Path, text: &str, options: &Magnitudes) -> anyhow::Result<Self> {
-        let standard = match options.law {
-            ComparedAs::Standard => true,
-            ComparedAs::Apparent => false,
-            other => bail!(
-                "{}: it holds apparent and standard magnitudes, not {}",
-                path.display(),
-                other.name()
-            ),
-        };
-        let mut rows =
-            Rows { range_km: Some(Vec::new()), phase_deg: Some(Vec::new()), ..Rows::default() };
-        for (number, line) in text.lines().enumerate() {
-            if line.starts_with('#') || line.trim().is_empty() {
-                continue;
-            }
-            let fields: Vec<&str> = line.split_whitespace().collect();
-            let wrong = |found: String, expected: &str| {
-                ParseError::new(path, found, expected).at_line(number as u64 + 1)
-            };
-            if fields.len() < 10 {
-                let expected =
-                    "date, time, StdMag, Mag, filter, penumbra, distance, phase, channel, track";
-                return Err(wrong(format!("{} fields", fields.len()), expected).into());
-            }
-            let value = |k: usize, what: &str| {
-                fields[k].parse::<f64>().map_err(|_| wrong(format!("`{}`", fields[k]), what))
-            };
-            let time = parse_utc(&format!("{}T{}", fields[0], fields[1]))
-                .map_err(|e| e.in_file(path).at_line(number as u64 + 1))?;
-            rows.times.push(time);
-            rows.magnitudes.push(value(if standard { 2 } else { 3 }, "a magnitude")?);
-            if let (Some(ranges), Some(phases)) = (&mut rows.range_km, &mut rows.phase_deg) {
-                ranges.push(value(6, "a distance, km")?);
-                phases.push(value(7, "a phase angle, degrees")?);
-            }
-        }
-        Self::of_rows(path, rows, options)
-    }
-
-    fn of_rows(path: &Path, rows: Rows, options: &Magnitudes) -> anyhow::Result<Self> {
-        let n = rows.times.len();
-        let missing = |what: &str| {
-            format!("{}: {} need a column `{what}`", path.display(), options.law.name())
-        };
-        let apparent: Vec<f64> = match options.law {
-            ComparedAs::Apparent => rows.magnitudes.clone(),
-            ComparedAs::Ground => bail!(
-                "{}: magnitudes with the air's extinction in them cannot be fitted: correct them to above the air (--magnitudes-as apparent)",
-                path.display()
-            ),
-            ComparedAs::Range | ComparedAs::Standard => {
-                let range = rows.range_km.as_ref().with_context(|| missing("range_km"))?;
-                let mut all: Vec<f64> = (rows.magnitudes.iter().zip(range))
-                    .map(|(m, r)| m + 5.0 * (r / 1000.0).log10())
-                    .collect();
-                if options.law == ComparedAs::Standard {
-                    let phase = rows.phase_deg.as_ref().with_context(|| missing("phase_deg"))?;
-                    for (m, g) in all.iter_mut().zip(phase) {
-                        *m -= 2.5 * (1.0 + g.to_radians().cos()).log10();
-                    }
-                }
-                all
-            }
-        };
-        let tracks = tracks(&rows.times);
-        let mut sigma_mag = vec![f64::NAN; n];
-        let mut noise = Vec::new();
-        for track in &tracks {
-            let white = white_noise(&track.iter().map(|i| apparent[*i]).collect::<Vec<_>>());
-            let own = options.sigma_mag.or(white);
-            for i in track {
-                sigma_mag[*i] = rows.sigma.as_ref().map(|s| s[*i]).or(own).unwrap_or(f64::NAN);
-            }
-            noise.push((rows.times[track[0]], own.unwrap_or(f64::NAN), track.len()));
-        }
-        let flux: Vec<f64> = apparent.iter().map(|m| 10_f64.powf(-0.4 * m)).collect();
-        // A sample that chance made faint has no smaller noise for it: the track's own brightness about it counts.
-        let smooth = running_median(&tracks, &flux, n);
-        let sigma = (0..n).map(|i| PER_MAG * sigma_mag[i] * smooth[i]).collect();
-        let exposure_s =
-            rows.exposure_s.unwrap_or_else(|| vec![usual_step_s(&rows.times).clamp(1e-3, 10.0); n]);
-        let curve = Self {
-            times: rows.times,
-            exposure_s,
-            flux,
-            sigma,
-            range_m: rows.range_km.map(|r| r.iter().map(|r| 1e3 * r).collect()),
-            phase_deg: rows.phase_deg,
-            tracks: noise,
-        };
-        if !(0..n).any(|i| curve.is_used(i)) {
-            bail!(
-                "{}: no magnitude that could be used (a track of fewer than 8 samples has no noise of its own: --sigma-mag)",
-                path.display()
-            );
-        }
-        Ok(curve)
-    }
-
-    /// Whether a sample has a brightness and an uncertainty.
-    pub fn is_used(&self, i: usize) -> bool {
-        self.flux[i].is_finite() && self.sigma[i].is_finite() && self.sigma[i] > 0.0
-    }
-
-    /// As a light curve of the one channel `V`, of the samples that count; rates are fluxes over that of magnitude 0.
-    pub fn light_curve(&self, name: &str) -> LightCurve {
-        let kept: Vec<usize> = (0..self.times.len()).filter(|i| self.is_used(*i)).collect();
-        let pick = |values: &[f64]| kept.iter().map(|i| values[*i]).collect::<Vec<f64>>();
-        LightCurve {
-            kind: RateKind::Calibrated,
-            samples: Samples {
-                time: kept.iter().map(|i| self.times[*i]).collect(),
-                exposure_s: pick(&self.exposure_s),
-                range_m: self.range_m.as_deref().map(pick),
-                phase_deg: self.phase_deg.as_deref().map(pick),
-                zenith_deg: None,
-            },
-            channels: vec![ChannelCurve {
-                name: "V".into(),
-                rate_hz: pick(&self.flux),
-                sigma_hz: pick(&self.sigma),
-                flags: vec![Flags::empty(); kept.len()],
-                model_error_hz: None,
-            }],
-            provenance: Provenance { target: name.to_owned(), ..Provenance::default() },
-            other: sunglint_formats::Meta::default(),
-        }
-    }
-}
-
-#[derive(Default)]
-struct Rows {
-    times: Vec<Epoch>,
-    magnitudes: Vec<f64>,
-    range_km: Option<Vec<f64>>,
-    phase_deg: Option<Vec<f64>>,
-    sigma: Option<Vec<f64>>,
-    exposure_s: Option<Vec<f64>>,
-}
-
-fn seconds(epoch: Epoch) -> f64 {
-    tai_nanoseconds(epoch) as f64 * 1e-9
-}
-
-fn usual_step_s(times: &[Epoch]) -> f64 {
-    let all: Vec<f64> = times.iter().map(|t| seconds(*t)).collect();
-    let mut steps: Vec<f64> = all.windows(2).map(|p| p[1] - p[0]).filter(|s| *s > 0.0).collect();
-    steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).copied().unwrap_or(1.0)
-}
-
-/// Samples by track, in the order of time.
-fn tracks(times: &[Epoch]) -> Vec<Vec<usize>> {
-    let mut order: Vec<usize> = (0..times.len()).collect();
-    order.sort_by(|a, b| seconds(times[*a]).total_cmp(&seconds(times[*b])));
-    let mut tracks: Vec<Vec<usize>> = Vec::new();
-    for i in order {
-        match tracks.last_mut() {
-            Some(track) if seconds(times[i]) - seconds(times[track[track.len() - 1]]) <= GAP_S => {
-                track.push(i);
-            }
-            _ => tracks.push(vec![i]),
-        }
-    }
-    tracks
-}
-
-/// The noise of single samples from the differences between neighbours, robustly: 1.4826 MAD/√2. `None` of fewer than eight.
-pub fn white_noise(values: &[f64]) -> Option<f64> {
-    let mut steps: Vec<f64> =
-        values.windows(2).map(|p| (p[1] - p[0]).abs()).filter(|d| d.is_finite()).collect();
-    if steps.len() < 7 {
-        return None;
-    }
-    steps.sort_by(f64::total_cmp);
-    Some(1.482_602_218_505_602 * steps[steps.len() / 2] / 2_f64.sqrt())
-}
-
-/// The median of each sample and its ten neighbours on both sides, within its track.
-fn running_median(tracks: &[Vec<usize>], values: &[f64], n: usize) -> Vec<f64> {
-    let mut smooth = vec![f64::NAN; n];
-    for track in tracks {
-        for (k, i) in track.iter().enumerate() {
-            let near = &track[k.saturating_sub(10)..(k + 11).min(track.len())];
-            let mut near: Vec<f64> =
-                near.iter().map(|j| values[*j]).filter(|v| v.is_finite()).collect();
-            near.sort_by(f64::total_cmp);
-            smooth[*i] = near.get(near.len() / 2).copied().unwrap_or(f64::NAN);
-        }
-    }
-    smooth
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Truth: the definition: magnitudes of a line of the catalogue, whose standard and apparent ones stand side by side (8.256, 8.504 at 1456.921 km
-    /// and 46.151°): 8.256 + 5 lg 1.4569 − 2.5 lg(1 + cos 46.151°) = 8.5017. Tolerance: the catalogue's own rounding of its range, 0.01 mag.
-    #[test]
-    fn standard_magnitudes_are_those_of_the_illuminated_fraction() {
-        let mut text =
-            String::from("# Date Time StdMag Mag Filter Penumbra Distance Phase Channel Track\n");
-        for i in 0..20 {
-            text += &format!(
-                "2024-02-28 16:56:5{}.{}97000 8.256 8.50398 Clear 0 1456.921 46.151 7 27839496\n",
-                i / 10,
-                i % 10
-            );
-        }
-        let read = |law| {
-            let options = Magnitudes { column: None, law, sigma_mag: Some(0.1) };
-            Brightness::of_mmt9(Path::new("m.txt"), &text, &options).unwrap()
-        };
-        let (a, b) = (read(ComparedAs::Apparent), read(ComparedAs::Standard));
-        let ratio = -2.5 * (a.flux[0] / b.flux[0]).log10();
-        assert!(ratio.abs() < 0.01, "{ratio}");
-        assert!((a.sigma[0] / a.flux[0] - 0.0921).abs() < 1e-4);
-        assert_eq!((a.tracks.len(), a.tracks[0].2), (1, 20));
-    }
-
-    /// Truth: alternating values ± 1 have differences of 2 throughout: 1.4826·2/√2.
-    #[test]
-    fn noise_comes_from_neighbours() {
-        let values: Vec<f64> = (0..40).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
-        assert!((white_noise(&values).unwrap() - 2.0967).abs() < 1e-3);
-        assert_eq!(white_noise(&values[..5]), None);
+/// The error with the option that may help.
+pub fn with_hint(error: PublishedError) -> anyhow::Error {
+    match error {
+        PublishedError::NoCurve { .. } => anyhow!("{error} (--magnitude-column NAME)"),
+        PublishedError::Ground { .. } => anyhow!("{error} (--magnitudes-as apparent)"),
+        PublishedError::NoneUsable { ref path } => anyhow!(
+            "{}: no magnitude that could be used (a track of fewer than 8 samples has no noise of its own: --sigma-mag)",
+            path.display()
+        ),
+        error => error.into(),
     }
 }

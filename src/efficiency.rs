@@ -13,12 +13,12 @@ use sunglint_calibration::efficiency::{
     Aperture, Counting, Efficiency, EfficiencyFlags, Factor, Lookup, Photodiode, Reading, Row,
     Sensor, Set, reduce, to_curve, to_table,
 };
+use sunglint_formats::text_table::read_str as any;
 use sunglint_formats::toml::{Document, Finite, Fraction, NonNegative, Positive};
 use sunglint_formats::{Table, TableError, curve};
 use sunglint_radiometry::station::{Counter, CounterQuantity, DeadTime};
 use sunglint_report::plot::{Axis, Figure, Panel, Series};
 use sunglint_report::{Product, rounded};
-use sunglint_simulator::pass::table::any;
 
 /// Arguments of `sunglint efficiency`.
 #[derive(Debug, Args)]
@@ -245,7 +245,7 @@ fn sensor(document: &Document, file: &SensorFile) -> anyhow::Result<Sensor> {
 /// A file's bytes as text, remembered with its sum.
 fn input(path: &Path, inputs: &mut Vec<Value>) -> anyhow::Result<String> {
     let bytes = sunglint_formats::read::bytes(path)?;
-    let sha256 = crate::tables::sha256(&bytes);
+    let sha256 = sunglint_formats::sha256(&bytes);
     inputs.push(json!({ "file": path.display().to_string(), "sha256": sha256 }));
     Ok(sunglint_formats::read::decode(path, bytes)?)
 }

@@ -5,17 +5,10 @@ use crate::simulate::read;
 use crate::station::StationArgs;
 use anyhow::Context as _;
 use clap::Args;
-use serde_json::{Value, json};
-use std::fmt::Write as _;
 use std::path::PathBuf;
-use sunglint_formats::{Column, Table};
-use sunglint_report::{Product, rounded};
-use sunglint_simulator::light::earth::grid::AlbedoGrid;
-use sunglint_simulator::light::{EarthAlbedo, Need, engine};
-use sunglint_simulator::pass::{Explanation, Overrides, Pass};
-
-/// Width of the reasons.
-const WIDTH: usize = 100;
+use sunglint_report::{Product, explain};
+use sunglint_simulator::light::engine;
+use sunglint_simulator::pass::Overrides;
 
 /// Arguments of `sunglint explain`.
 #[derive(Debug, Args)]
@@ -54,184 +47,9 @@ pub fn run(args: &ExplainArgs, console: Console) -> anyhow::Result<()> {
     }
     let product = Product {
         name: format!("{}_needs", pass.name),
-        table: table(&pass, &explanation),
-        json: document(&pass, &explanation),
+        table: explain::table(&pass, &explanation),
+        json: explain::document(&pass, &explanation),
         ..Product::default()
     };
-    args.out.finish(&product, &text(&pass, &explanation), console)
-}
-
-/// A share as people read it.
-pub(crate) fn percent(share: f64) -> String {
-    let percent = 100.0 * share;
-    match percent {
-        0.0 => "0 %".into(),
-        p if !p.is_finite() || p > 1e4 => "no limit".into(),
-        p if p < 0.01 => format!("{p:.0e} %"),
-        p if p < 1.0 => format!("{p:.2} %"),
-        p if p < 10.0 => format!("{p:.1} %"),
-        p => format!("{p:.0} %"),
-    }
-}
-
-/// What became of an effect, in a word or two.
-pub(crate) fn state(need: &Need) -> &'static str {
-    match (need.needed, need.cost_s.is_some()) {
-        (true, true) => "modelled",
-        (true, false) => "NOT MODELLED",
-        (false, _) if need.bound == Some(0.0) => "none",
-        (false, _) => "not needed",
-    }
-}
-
-fn bound(need: &Need) -> String {
-    need.bound.map_or("-".into(), percent)
-}
-
-/// The table of needs that heads every summary.
-pub(crate) fn short(needs: &[Need], tolerance: f64) -> String {
-    let mut text = format!("  what the scene needs, at a tolerance of {}\n", percent(tolerance));
-    for need in needs {
-        let _ = writeln!(text, "    {:<19} {:<13} {:>9}", need.effect, state(need), bound(need));
-    }
-    let left = engine::left_out(needs);
-    let _ = writeln!(text, "    {:<33} {:>9}", "left out, of full sunlight, up to", percent(left));
-    text
-}
-
-/// What a person should hear of: what is needed and not modelled.
-pub(crate) fn concerns(needs: &[Need]) -> Vec<String> {
-    let missing = needs.iter().filter(|n| n.needed && !n.is_modelled());
-    let say = |need: &Need| {
-        format!(
-            "{} may change the light by up to {} and is not modelled: its bound is in the stated error ({})",
-            need.effect,
-            bound(need),
-            need.why
-        )
-    };
-    missing.map(say).collect()
-}
-
-fn text(pass: &Pass, explanation: &Explanation) -> String {
-    let Explanation { needs, left_out, .. } = explanation;
-    let mut text = format!(
-        "{} as {} from {}: what it needs at a tolerance of {}\n\n",
-        pass.orbit.name(),
-        pass.target.name,
-        pass.station.name,
-        percent(pass.tolerance)
-    );
-    let _ = writeln!(text, "  effect              decision      could add      cost an epoch");
-    for need in needs {
-        let cost = need.cost_s.filter(|_| need.needed).map_or("-".into(), duration);
-        let _ = writeln!(
-            text,
-            "  {:<19} {:<13} {:>9} {cost:>18}",
-            need.effect,
-            state(need),
-            bound(need)
-        );
-        for line in wrapped(&need.why) {
-            let _ = writeln!(text, "      {line}");
-        }
-    }
-    let _ = writeln!(
-        text,
-        "\nleft out in all: up to {} of the light of the same surfaces in full sunlight. `sunglint simulate` states the error of",
-        percent(*left_out)
-    );
-    text.push_str("each sample, channel and bin from what could be seen and lit at that moment.\n");
-    text.push_str("could add: the most, as a share of the light of the same surfaces in full sunlight; -: no bound, therefore modelled.\n");
-    text
-}
-
-fn duration(seconds: f64) -> String {
-    match seconds {
-        0.0 => "0".into(),
-        s if s < 1e-6 => format!("{:.0} ns", 1e9 * s),
-        s if s < 1e-3 => format!("{:.1} µs", 1e6 * s),
-        s => format!("{:.1} ms", 1e3 * s),
-    }
-}
-
-/// Lines of at most [`WIDTH`] characters.
-fn wrapped(text: &str) -> Vec<String> {
-    let mut lines = vec![String::new()];
-    for word in text.split(' ') {
-        let last = lines.last().map_or(0, |l| l.chars().count());
-        if last > 0 && last + 1 + word.chars().count() > WIDTH {
-            lines.push(String::new());
-        }
-        if let Some(line) = lines.last_mut() {
-            if !line.is_empty() {
-                line.push(' ');
-            }
-            line.push_str(word);
-        }
-    }
-    lines
-}
-
-fn table(pass: &Pass, explanation: &Explanation) -> Table {
-    let needs = &explanation.needs;
-    let mut table = Table::default();
-    table.meta.insert("title".into(), json!(format!("{}: what it needs", pass.name)));
-    table.meta.insert("tolerance".into(), json!(pass.tolerance));
-    let text = |f: &dyn Fn(&Need) -> String| needs.iter().map(f).collect::<Vec<_>>();
-    let number = |f: &dyn Fn(&Need) -> Option<f64>| {
-        needs.iter().map(|n| f(n).unwrap_or(f64::NAN)).collect::<Vec<_>>()
-    };
-    table.columns = vec![
-        Column::text("effect", text(&|n| n.effect.into())),
-        Column::text("decision", text(&|n| state(n).to_lowercase())),
-        Column::f64("bound", None, number(&|n| n.bound)),
-        Column::f64("cost_s", Some("s"), number(&|n| n.cost_s)),
-        Column::text("why", text(&|n| n.why.clone())),
-    ];
-    table
-}
-
-/// What the Earth reflects, in words.
-pub(crate) fn earth(earth: &EarthAlbedo) -> String {
-    format!("{}, ± {:.0} %", earth.describe(), 100.0 * earth.uncertainty())
-}
-
-/// The same with documented keys.
-pub(crate) fn earth_json(earth: &EarthAlbedo) -> Value {
-    let grid = earth.grid();
-    json!({ "description": earth.describe(), "uncertainty": earth.uncertainty(), "largest_albedo": rounded(earth.most()),
-        "rows": grid.map(|g| g.size().0), "columns": grid.map(|g| g.size().1), "missing_cells": grid.map(AlbedoGrid::missing),
-        "wavelength_nm": grid.map(AlbedoGrid::wavelengths_nm) })
-}
-
-/// Needs with documented keys.
-pub(crate) fn json(needs: &[Need]) -> Value {
-    let one = |need: &Need| {
-        json!({ "effect": need.effect, "needed": need.needed, "modelled": need.is_modelled(),
-            "bound": need.bound.filter(|b| b.is_finite()).map(rounded), "why": need.why,
-            "cost_s": need.cost_s.map(rounded) })
-    };
-    Value::Array(needs.iter().map(one).collect())
-}
-
-fn document(pass: &Pass, explanation: &Explanation) -> Value {
-    let Explanation { needs, left_out, course, scene, terms } = explanation;
-    let finite = |x: f64| x.is_finite().then(|| rounded(x));
-    json!({
-        "pass": pass.name,
-        "target": { "name": pass.target.name },
-        "tolerance": pass.tolerance,
-        "earth": earth_json(&pass.earth),
-        "needs": json(needs),
-        "left_out": finite(*left_out),
-        "terms": terms,
-        "scene": { "triangles": scene.triangles, "facets": scene.facets, "spheres": scene.spheres, "closed": scene.closed,
-            "convex": scene.convex, "hides_nothing": scene.no_occlusion, "solids": scene.solids, "occluder_pairs": scene.occluder_pairs },
-        "course": { "epochs": course.epochs, "geometries": course.geometries, "least_range_m": finite(course.range_m),
-            "least_radius_m": finite(course.radius_m.0), "largest_radius_m": finite(course.radius_m.1),
-            "sun_radius_deg": rounded(course.sun_radius_rad.to_degrees()), "largest_phase_deg": rounded(course.phase_rad.to_degrees()), "earthshine": rounded(course.earthshine),
-            "penumbra": course.penumbra, "umbra": course.umbra },
-        "warnings": pass.warnings.iter().chain(&scene.warnings).collect::<Vec<_>>(),
-    })
+    args.out.finish(&product, &explain::text(&pass, &explanation), console)
 }

@@ -1,10 +1,11 @@
 //! Which station a command is about: `--station`, else `$SUNGLINT_STATION`, else `./station.toml`.
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, anyhow, bail};
 use clap::Args;
 use std::path::Path;
 use sunglint_formats::nearest_names;
-use sunglint_radiometry::station::Station;
+use sunglint_formats::session::Session;
+use sunglint_radiometry::station::{RecordedError, Station};
 
 /// Which station.
 #[derive(Debug, Clone, Default, Args)]
@@ -63,4 +64,12 @@ fn named(name: &str) -> anyhow::Result<Station> {
         "there is no station `{name}`: it is neither a built-in name ({}) nor a file or folder{hint}",
         names.join(", ")
     )
+}
+
+/// The station that a session was recorded with, with what to do where it is not known.
+pub fn of_session(session: &Session) -> anyhow::Result<Station> {
+    Station::of_session(session).map_err(|error| match error {
+        RecordedError::Unknown { .. } => anyhow!("{error}: give --station"),
+        error => error.into(),
+    })
 }

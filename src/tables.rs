@@ -6,7 +6,6 @@ use crate::output::{Console, OutputArgs};
 use anyhow::bail;
 use clap::Args;
 use serde_json::{Value, json};
-use sha2::{Digest as _, Sha256};
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table, Values, nearest_names};
 use sunglint_radiometry::tables::{self, Embedded};
@@ -101,7 +100,7 @@ impl Description {
             source: meta("source"),
             licence: meta("licence"),
             note: meta("note"),
-            sha256: hex(&Sha256::digest(embedded.text)),
+            sha256: sunglint_formats::sha256(embedded.text.as_ref()),
         }
     }
 
@@ -244,16 +243,4 @@ fn list_text(rows: &[Description]) -> String {
         "\n`sunglint tables NAME` shows one with its source; `-o FILE.ecsv` writes it."
     );
     text
-}
-
-/// SHA-256 of bytes, 64 hexadecimal digits.
-pub fn sha256(bytes: &[u8]) -> String {
-    hex(&Sha256::digest(bytes))
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }

@@ -4,28 +4,6 @@ use serde_json::{Value, json};
 use sunglint_radiometry::air::{Aerosol, Air};
 use sunglint_report::rounded;
 
-/// The air in a line.
-pub fn describe(air: &Air) -> String {
-    let (options, c) = (air.options(), air.columns());
-    let aerosol = match options.aerosol {
-        Aerosol::Angstrom { exponent, .. } => {
-            format!("aerosol τ(550 nm) {:.3}, exponent {exponent}", c.aerosol_550)
-        }
-        Aerosol::Model(model) => format!("aerosol {model}, τ(550 nm) {:.3}", c.aerosol_550),
-        _ => "no aerosol".to_owned(),
-    };
-    format!(
-        "{} at {} m: {:.1} hPa, {:.1} K, ozone {:.1} DU, water {:.2} mm, CO2 {:.0} ppm, {aerosol}",
-        options.profile.name(),
-        options.altitude_m,
-        c.pressure_hpa,
-        c.temperature_k,
-        c.ozone_du,
-        c.water_mm,
-        c.co2_ppm
-    )
-}
-
 /// What is possible but most likely in another unit or for another altitude, as warnings.
 pub fn implausible(air: &Air) -> Vec<String> {
     let options = air.options();

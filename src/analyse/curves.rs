@@ -1,7 +1,7 @@
 //! The light curves that are asked about: files of the schema, or plain columns.
 
-use crate::air::{AirModelArgs, describe};
-use crate::curve_file::{CurveFile, Magnitudes};
+use crate::air::AirModelArgs;
+use crate::curve_file::Magnitudes;
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
@@ -13,6 +13,7 @@ use sunglint_analysis::trend::{self, Ways};
 use sunglint_formats::nearest_names;
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::light::sun_at_1_au;
+use sunglint_radiometry::light_curve::published::CurveFile;
 use sunglint_radiometry::light_curve::{Input, LightCurve};
 use sunglint_radiometry::station::Station;
 
@@ -87,11 +88,11 @@ impl CurveArgs {
         let mut curves = Vec::new();
         for path in &self.curves {
             let bytes = sunglint_formats::read::bytes(path)?;
-            let sha256 = crate::tables::sha256(&bytes);
+            let sha256 = sunglint_formats::sha256(&bytes);
             inputs.push(Input { file: path.display().to_string(), sha256 });
             let text = sunglint_formats::read::decode(path, bytes)?;
             let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            let (curve, magnitudes) = match CurveFile::read(path, &text, &self.magnitudes)? {
+            let (curve, magnitudes) = match self.magnitudes.read(path, &text)? {
                 CurveFile::Rates(table) => (LightCurve::from_table(path, &table)?, false),
                 CurveFile::Magnitudes(brightness) => (brightness.light_curve(&stem), true),
             };
@@ -144,7 +145,7 @@ impl CurveArgs {
                     match air_of(curve, c, station, air) {
                         Ok(factor) => {
                             trend::divide(&mut curve.channels[c], &factor);
-                            note(&mut removed, format!("air ({})", describe(air)));
+                            note(&mut removed, format!("air ({})", air.describe()));
                         }
                         Err(error) => {
                             let channel = &curve.channels[c].name;

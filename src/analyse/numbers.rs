@@ -49,7 +49,7 @@ impl Curve {
     pub fn read(path: &Path) -> anyhow::Result<Self> {
         let bytes = sunglint_formats::read::bytes(path)?;
         let input =
-            Input { file: path.display().to_string(), sha256: crate::tables::sha256(&bytes) };
+            Input { file: path.display().to_string(), sha256: sunglint_formats::sha256(&bytes) };
         let source = if bytes.starts_with(b"SIMPLE") {
             Source::Spectra(SpectralLightCurve::from_fits(path, bytes)?)
         } else {

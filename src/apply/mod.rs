@@ -2,7 +2,7 @@
 
 mod photometry;
 
-use crate::air::{AirModelArgs, describe};
+use crate::air::AirModelArgs;
 use crate::calibrate::{USUAL_EXPONENT, colours, night_of};
 use crate::output::{Console, OutputArgs};
 use crate::station::StationArgs;
@@ -140,7 +140,8 @@ fn is_valid(flags: Flags) -> bool {
 /// A table, and the file that it was.
 fn read(path: &std::path::Path) -> anyhow::Result<(sunglint_formats::Table, Input)> {
     let bytes = sunglint_formats::read::bytes(path)?;
-    let input = Input { file: path.display().to_string(), sha256: crate::tables::sha256(&bytes) };
+    let input =
+        Input { file: path.display().to_string(), sha256: sunglint_formats::sha256(&bytes) };
     let text = sunglint_formats::read::decode(path, bytes)?;
     Ok((sunglint_formats::ecsv::read_str(path, &text)?, input))
 }
@@ -180,11 +181,11 @@ impl ApplyArgs {
         }
         let height_m = station.site.geodetic().height_m;
         let mut air = self.model.air(height_m, Some(station))?;
-        if describe(&air) != nights.air {
+        if air.describe() != nights.air {
             warnings.push(format!(
                 "kappa was found with the air `{}`, magnitudes and irradiances are now with `{}`",
                 nights.air,
-                describe(&air)
+                air.describe()
             ));
         }
         // What was fitted with κ belongs to it.

@@ -151,7 +151,7 @@ pub(super) fn run(args: &IngestArgs, console: Console) -> anyhow::Result<()> {
     {
         meta.insert(key.into(), json!(text));
     }
-    let sha256 = crate::tables::sha256(document.source().as_bytes());
+    let sha256 = sunglint_formats::sha256(document.source().as_bytes());
     let inputs = json!([{ "file": args.file.display().to_string(), "sha256": sha256 }]);
     meta.insert("inputs".into(), inputs.clone());
     let values = done.samples.rows.len() * done.samples.wavelength_nm.len();

@@ -25,8 +25,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::path::Path;
 use sunglint_formats::Table;
+use sunglint_formats::text_table::read_str as any;
 use sunglint_materials::samples::Samples;
-use sunglint_simulator::pass::table::any;
 
 /// The steps of a measurement, each with a table that the next one reads.
 #[derive(Debug, Subcommand)]
@@ -99,7 +99,7 @@ fn samples(path: &Path, wavelength_nm: Option<f64>) -> anyhow::Result<(Samples, 
     let is_fits = |e: &std::ffi::OsStr| ["fits", "fit"].iter().any(|f| e.eq_ignore_ascii_case(f));
     if path.extension().is_some_and(is_fits) {
         let bytes = sunglint_formats::read::bytes(path)?;
-        let sha256 = crate::tables::sha256(&bytes);
+        let sha256 = sunglint_formats::sha256(&bytes);
         let fits = sunglint_formats::fits::Fits::from_bytes(path, bytes)?;
         let inputs = json!([{ "file": path.display().to_string(), "sha256": sha256 }]);
         return Ok((Samples::from_fits(&fits)?, inputs));
@@ -112,7 +112,7 @@ fn samples(path: &Path, wavelength_nm: Option<f64>) -> anyhow::Result<(Samples, 
 fn table(path: &Path) -> anyhow::Result<(Table, Value)> {
     let bytes =
         std::fs::read(path).map_err(|e| sunglint_formats::FileError::io("read", path, e))?;
-    let sha256 = crate::tables::sha256(&bytes);
+    let sha256 = sunglint_formats::sha256(&bytes);
     let text = String::from_utf8(bytes)
         .with_context(|| format!("{}: expected a table as UTF-8 text", path.display()))?;
     let inputs = json!([{ "file": path.display().to_string(), "sha256": sha256 }]);

@@ -8,7 +8,7 @@ pub(crate) use figure::colours;
 pub(crate) use visits::night_of;
 pub use visits::{StarVisit, visits_of};
 
-use crate::air::{AirModelArgs, describe, implausible};
+use crate::air::{AirModelArgs, implausible};
 use crate::output::{Console, OutputArgs};
 use crate::station::StationArgs;
 use anyhow::bail;
@@ -267,7 +267,7 @@ impl Work<'_> {
             nights: nights.iter().map(|n| n.file.clone()).collect(),
             station: self.station.name.clone(),
             station_files: station_files.collect(),
-            air: describe(self.air),
+            air: self.air.describe(),
             zero_point: self.args.zero_point.to_string(),
             confidence: self.args.confidence,
             provenance: Provenance {

@@ -72,7 +72,7 @@ fn reduced(folder: &Path) -> anyhow::Result<(Vec<StarVisit>, Vec<String>)> {
         }
     }
     let manifest = sunglint_formats::read::bytes(folder.join("session.toml"))?;
-    let sha256 = crate::tables::sha256(&manifest);
+    let sha256 = sunglint_formats::sha256(&manifest);
     let (curves, warnings) = crate::reduce::light_curves(folder, &mut GoOn)?;
     let visit = |curve: LightCurve| {
         let target = curve.other.get("target").cloned().unwrap_or(Value::Null);
@@ -88,7 +88,7 @@ const NOT_A_STAR: &str = "its target is no star";
 /// A file's visit, or why it has none.
 fn read(path: &Path) -> anyhow::Result<Result<StarVisit, String>> {
     let bytes = sunglint_formats::read::bytes(path)?;
-    let sha256 = crate::tables::sha256(&bytes);
+    let sha256 = sunglint_formats::sha256(&bytes);
     let text = sunglint_formats::read::decode(path, bytes)?;
     let table = sunglint_formats::ecsv::read_str(path, &text)?;
     if table.meta_text("quantity").is_none() {

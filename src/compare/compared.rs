@@ -1,7 +1,6 @@
 //! Measured and simulated on the same epochs.
 
 use super::{Measured, MeasuredChannel, Quantity};
-use crate::simulate::{self, Cost};
 use anyhow::{Context as _, bail};
 use hifitime::Epoch;
 use rayon::prelude::*;
@@ -13,6 +12,7 @@ use sunglint_calibration::stars::scintillation::{Aperture, USUAL_COEFFICIENT};
 use sunglint_formats::time::tai_nanoseconds;
 use sunglint_radiometry::air::Zenith;
 use sunglint_radiometry::light_curve::Flags;
+use sunglint_simulator::pass::Cost;
 use sunglint_simulator::pass::file::MOST_SAMPLES;
 use sunglint_simulator::pass::{ExposureMeans, Pass, Simulation};
 
@@ -90,7 +90,7 @@ pub(super) fn at_measured_times(
     let mut own = scene.times.clone();
     own.sort_by_key(|t| tai_nanoseconds(*t));
     let seconds: Vec<f64> = own.iter().map(|t| tai_nanoseconds(*t) as f64 * 1e-9).collect();
-    let room_s = simulate::figure::usual_step_s(&seconds);
+    let room_s = sunglint_radiometry::light_curve::usual_step_s(&seconds);
     let (Some(first), Some(last)) = (own.first(), own.last()) else {
         bail!("a scene without times")
     };
@@ -229,7 +229,7 @@ impl<'a> Compared<'a> {
 
     /// Stretches of rows without a long gap.
     pub fn tracks(&self) -> Vec<Range<usize>> {
-        let tracks = simulate::figure::tracks(&self.measured.times);
+        let tracks = sunglint_radiometry::light_curve::tracks(&self.measured.times);
         tracks.into_iter().map(|t| t.samples).collect()
     }
 
@@ -294,7 +294,7 @@ fn ratios(
         .min_by(|a, b| a.1.total_cmp(&b.1));
     let Some((best, _)) = best else { return Vec::new() };
     let mut stretches: Vec<Range<usize>> = Vec::new();
-    for track in simulate::figure::tracks(&measured.times) {
+    for track in sunglint_radiometry::light_curve::tracks(&measured.times) {
         let rows = track.samples;
         let count = (rows.len() / STRETCH_ROWS).clamp(1, STRETCHES);
         let edge = |k: usize| rows.start + k * rows.len() / count;
@@ -320,7 +320,7 @@ fn warnings(
 ) -> Vec<String> {
     let pass = simulation.pass;
     let mut warnings = pass.warnings.clone();
-    warnings.extend(simulate::concerns(pass, simulation));
+    warnings.extend(simulation.concerns());
     if !measured.station.is_empty() && measured.station != pass.station.name {
         warnings.push(format!(
             "measured from the station {}, simulated from {}",

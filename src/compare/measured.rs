@@ -2,55 +2,29 @@
 
 use crate::compare::Kappa;
 use anyhow::{Context as _, bail};
-use clap::ValueEnum;
 use hifitime::Epoch;
 use ndarray::Array2;
 use std::path::{Path, PathBuf};
+use sunglint_formats::text_table;
 use sunglint_formats::time::parse_utc;
 use sunglint_formats::{ParseError, Table, Values, nearest_names};
+use sunglint_radiometry::light_curve::published::MagnitudeKind;
 use sunglint_radiometry::light_curve::{Flags, Input, LightCurve, RateKind};
 use sunglint_radiometry::station::Station;
-use sunglint_simulator::pass::{ChannelSamples, Simulation, StandardMagnitude, table};
+use sunglint_simulator::pass::{ChannelSamples, Simulation, StandardMagnitude};
 
 /// The place of V among the bands.
 const V: usize = 2;
 
-/// What measured magnitudes are.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub enum ComparedAs {
-    /// Apparent, above the air: what a catalogue's stars give
-    #[default]
-    Apparent,
-    /// Apparent at the ground, the air's extinction in it
-    Ground,
-    /// Brought to 1000 km, at its own phase angle
-    #[value(name = "1000km")]
-    Range,
-    /// Brought to 1000 km and by the illuminated fraction to a phase angle of 90°
-    Standard,
-}
-
-impl ComparedAs {
-    /// In words.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Apparent => "V above the air",
-            Self::Ground => "V after the air",
-            Self::Range => "V above the air at 1,000 km",
-            Self::Standard => "V above the air at 1,000 km, by the illuminated fraction to 90°",
+/// The simulated magnitudes of a kind.
+fn simulated(kind: MagnitudeKind, simulation: &Simulation<'_>) -> Vec<f64> {
+    match kind {
+        MagnitudeKind::Ground => simulation.ground_magnitudes.column(V).to_vec(),
+        MagnitudeKind::Range => simulation.standard_magnitudes(StandardMagnitude::Range),
+        MagnitudeKind::Standard => {
+            simulation.standard_magnitudes(StandardMagnitude::IlluminatedFraction)
         }
-    }
-
-    /// The simulated magnitudes of that kind.
-    fn of(self, simulation: &Simulation<'_>) -> Vec<f64> {
-        match self {
-            Self::Apparent => simulation.magnitudes.column(V).to_vec(),
-            Self::Ground => simulation.ground_magnitudes.column(V).to_vec(),
-            Self::Range => simulation.standard_magnitudes(StandardMagnitude::Range),
-            Self::Standard => {
-                simulation.standard_magnitudes(StandardMagnitude::IlluminatedFraction)
-            }
-        }
+        _ => simulation.magnitudes.column(V).to_vec(),
     }
 }
 
@@ -62,7 +36,7 @@ pub struct Columns {
     /// That of their standard uncertainties.
     pub sigma: Option<String>,
     /// What they are.
-    pub compared_as: ComparedAs,
+    pub compared_as: MagnitudeKind,
 }
 
 /// What the values of a curve are.
@@ -71,7 +45,7 @@ pub enum Quantity {
     /// Rates at the detector, Hz.
     Rate,
     /// Fluxes over that of magnitude 0, of magnitudes of this kind.
-    Flux(ComparedAs),
+    Flux(MagnitudeKind),
 }
 
 /// A channel as it was measured; the entries of its samples.
@@ -122,8 +96,8 @@ impl Measured {
     pub fn read(path: &Path, columns: &Columns) -> anyhow::Result<Self> {
         let bytes = sunglint_formats::read::bytes(path)?;
         let input =
-            Input { file: path.display().to_string(), sha256: crate::tables::sha256(&bytes) };
-        let table = table::any(path, &sunglint_formats::read::decode(path, bytes)?)?;
+            Input { file: path.display().to_string(), sha256: sunglint_formats::sha256(&bytes) };
+        let table = text_table::read_str(path, &sunglint_formats::read::decode(path, bytes)?)?;
         let measured = if table.meta_text("quantity").is_some() {
             Self::rates(path, input, &table)?
         } else {
@@ -287,7 +261,7 @@ impl Quantity {
         match self {
             Quantity::Rate => by_channel(simulation, channels, |c| &c.rate_hz),
             Quantity::Flux(kind) => {
-                let fluxes: Vec<f64> = kind.of(simulation).into_iter().map(flux).collect();
+                let fluxes: Vec<f64> = simulated(kind, simulation).into_iter().map(flux).collect();
                 Array2::from_shape_fn((n, 1), |(i, _)| fluxes[i])
             }
         }

@@ -9,9 +9,10 @@ mod measured;
 mod page;
 mod summary;
 
+pub use crate::curve_file::ComparedAs;
 use compared::{Compared, Effort};
+pub use measured::Quantity;
 use measured::{Columns, Measured, MeasuredChannel};
-pub use measured::{ComparedAs, Quantity};
 
 use crate::explain;
 use crate::output::{Console, OutputArgs};
@@ -85,7 +86,7 @@ pub(crate) fn compare(args: &CompareArgs, console: Console) -> anyhow::Result<(P
     let columns = Columns {
         magnitude: args.column.clone(),
         sigma: args.sigma_column.clone(),
-        compared_as: args.compared_as,
+        compared_as: args.compared_as.into(),
     };
     let mut measured = Measured::read(&args.measured, &columns)?;
     let overrides = Overrides { tolerance: args.tolerance, ..Overrides::default() };

@@ -4,12 +4,12 @@ use super::Quantity;
 use super::compared::{Compared, Pairs};
 use super::measured::magnitude;
 use super::summary::with_error;
-use crate::air::describe;
-use crate::explain::{self, percent};
 use std::ops::Range;
 use sunglint_calibration::comparison::{Axis, Numbers};
 use sunglint_formats::time::{format_utc, format_utc_shortest};
+use sunglint_radiometry::air::Air;
 use sunglint_report::page::{Chart, Grid, Group, Kind, Line, Parameter, Report, Scale, Section};
+use sunglint_simulator::light::percent;
 
 fn or_dash(value: Option<f64>, write: impl Fn(f64) -> String) -> String {
     value.map_or("–".into(), write)
@@ -526,7 +526,7 @@ fn calibration(compared: &Compared<'_>) -> Section {
 fn modelled(compared: &Compared<'_>) -> Section {
     let simulation = compared.simulation;
     let pass = simulation.pass;
-    let air = pass.air.as_ref().map_or("none".into(), describe);
+    let air = pass.air.as_ref().map_or("none".into(), Air::describe);
     let materials: Vec<String> = pass.target.materials.iter().map(|m| m.describe()).collect();
     let mut text = vec![
         format!("Target: {}. Materials: {}.", pass.target.name, materials.join("; ")),
@@ -540,7 +540,7 @@ fn modelled(compared: &Compared<'_>) -> Section {
     let row = |need: &sunglint_simulator::light::Need| {
         vec![
             need.effect.to_owned(),
-            explain::state(need).to_lowercase(),
+            need.decision().to_lowercase(),
             need.why.clone(),
             or_dash(need.bound, percent),
         ]

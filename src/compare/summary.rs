@@ -3,7 +3,6 @@
 use super::compared::{Compared, Pairs};
 use super::measured::magnitude;
 use super::{Quantity, figure, page};
-use crate::explain::{self, percent};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_calibration::comparison::{Axis, Bin, Numbers, Ratio};
@@ -11,7 +10,9 @@ use sunglint_formats::flag_bits::bit_names;
 use sunglint_formats::time::{format_utc, format_utc_shortest};
 use sunglint_formats::{Column, Table};
 use sunglint_radiometry::light_curve::{Flags, Input};
+use sunglint_report::explain;
 use sunglint_report::{Product, rounded};
+use sunglint_simulator::light::percent;
 use sunglint_simulator::pass::WITHIN_AN_EXPOSURE;
 
 pub(super) const COMMAND: &str = "sunglint compare";

@@ -1,6 +1,6 @@
 //! Measured curves: calibrated rates of this program's schema, or published magnitudes.
 
-use crate::curve_file::{Brightness, CurveFile, Magnitudes};
+use crate::curve_file::Magnitudes;
 use anyhow::bail;
 use hifitime::Epoch;
 use ndarray::Array2;
@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use sunglint_inference::solver::CalibrationError;
 use sunglint_radiometry::light_curve::TOLERATED;
+use sunglint_radiometry::light_curve::published::{Brightness, CurveFile};
 use sunglint_radiometry::light_curve::{Flags, LightCurve, RateKind};
 
 /// A measured curve, ready to be fitted.
@@ -43,7 +44,7 @@ impl Measured {
     /// Reads a curve.
     pub fn read(path: &Path, options: &Magnitudes) -> anyhow::Result<Self> {
         let text = sunglint_formats::read::text(path)?;
-        match CurveFile::read(path, &text, options)? {
+        match options.read(path, &text)? {
             CurveFile::Rates(table) => Self::of_curve(path, &LightCurve::from_table(path, &table)?),
             CurveFile::Magnitudes(brightness) => Ok(Self::of_magnitudes(path, &brightness)),
         }

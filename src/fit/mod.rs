@@ -366,7 +366,7 @@ fn inputs_of(jobs: &[Job], model: &StudyModel) -> anyhow::Result<Vec<Input>> {
     for (k, job) in jobs.iter().enumerate() {
         for path in [&job.measured.path, &job.scene.path] {
             let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
-            let sha256 = crate::tables::sha256(&bytes);
+            let sha256 = sunglint_formats::sha256(&bytes);
             add(Input { file: path.display().to_string(), sha256 });
         }
         let own = model.study(k).map(|s| s.pass().inputs.clone());

@@ -42,7 +42,6 @@ use sunglint_drivers::clock::Cancel;
 use sunglint_formats::session::{DeviceKind, Disk, FORMAT, FileSum, Manifest, Session, What};
 use sunglint_formats::time::format_utc;
 use sunglint_formats::toml::Positive;
-use sunglint_radiometry::station::Station;
 
 /// Arguments of `sunglint observe`.
 #[derive(Debug, Args)]
@@ -191,7 +190,7 @@ pub fn replayed(session: &Path, fast: bool, output: Option<&Path>) -> anyhow::Re
     Ok(Night {
         root,
         storage: Arc::new(Disk),
-        station: station_of(&session)?,
+        station: crate::station::of_session(&session)?,
         schedule: Schedule::of_session(&session)?,
         end: Some(playback.end()),
         ended,
@@ -201,27 +200,6 @@ pub fn replayed(session: &Path, fast: bool, output: Option<&Path>) -> anyhow::Re
         cameras,
         counters,
     })
-}
-
-/// The station that a session holds, or the built-in one that it names.
-///
-/// # Errors
-/// A station that cannot be read; neither of both.
-pub fn station_of(session: &Session) -> anyhow::Result<Station> {
-    let name = &session.manifest().station;
-    let file = session.file("station/station.toml");
-    if file.is_file() {
-        return Ok(Station::read(file)?);
-    }
-    let built_in =
-        Station::built_in_names().into_iter().find(|known| known.eq_ignore_ascii_case(name));
-    match built_in.and_then(Station::built_in) {
-        Some(station) => Ok(station?),
-        None => bail!(
-            "{} holds no station, and there is no built-in one `{name}`: give --station",
-            session.root().display()
-        ),
-    }
 }
 
 /// `DATE_NAME` in a folder, or the next that is free. A night has the date of its evening in UTC.

@@ -455,7 +455,7 @@ impl FilterArgs {
 
 fn text_of(path: &Path, inputs: &mut Vec<Input>) -> anyhow::Result<String> {
     let bytes = sunglint_formats::read::bytes(path)?;
-    let sha256 = crate::tables::sha256(&bytes);
+    let sha256 = sunglint_formats::sha256(&bytes);
     inputs.push(Input { file: path.display().to_string(), sha256 });
     Ok(sunglint_formats::read::decode(path, bytes)?)
 }

@@ -3,7 +3,6 @@
 use super::model::Light;
 use super::seen::{Event, KEYHOLE_DEG, Photometer, SeenPass};
 use super::{Counts, Failure, figure, table};
-use crate::air::describe;
 use crate::output::{Console, OutputArgs};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -122,7 +121,7 @@ impl Report<'_> {
             site.height_m,
             conditions.min_altitude_deg,
             conditions.sun_below_deg,
-            describe(self.photometer.air),
+            self.photometer.air.describe(),
             self.law(),
             self.photometer.zero
         );
@@ -315,7 +314,7 @@ impl Report<'_> {
             "station": { "name": self.station.name, "latitude_deg": site.latitude_deg, "longitude_deg": site.longitude_deg,
                 "height_m": site.height_m,
                 "mount": if self.station.telescope.mount == Mount::Equatorial { "equatorial" } else { "alt-azimuth" } },
-            "air": { "description": describe(self.photometer.air) },
+            "air": { "description": self.photometer.air.describe() },
             "conditions": { "min_elevation_deg": conditions.min_altitude_deg, "sun_below_deg": conditions.sun_below_deg },
             "brightness": brightness, "zero_point": self.photometer.zero.to_string(), "exposure_s": self.photometer.exposure_s,
             "dark": spans(&self.search.dark()),

@@ -25,7 +25,7 @@ pub(super) fn table(report: &Report<'_>) -> Table {
         notes: vec![
             format!("brightness: {}", report.law()),
             format!("V counts from {}", report.photometer.zero),
-            format!("air: {}", crate::air::describe(report.photometer.air)),
+            format!("air: {}", report.photometer.air.describe()),
             "rates, V at the station, Sun and Moon: at the brightest moment; start and end: of what can be seen".into(),
         ],
         ..Provenance::default()

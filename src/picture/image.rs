@@ -5,7 +5,7 @@ use super::report::Report;
 use super::{PictureArgs, What};
 use crate::output::{Console, Usage};
 use anyhow::{Context as _, bail};
-use sunglint_simulator::light::{Faceted, Scene};
+use sunglint_simulator::light::Faceted;
 use sunglint_simulator::picture::{Camera, Picture};
 
 /// Red, green and blue of a picture as an eye might see it, nm.
@@ -64,27 +64,6 @@ pub fn run(args: &PictureArgs, aim: &Aim, console: Console) -> anyhow::Result<()
     }
     let report = Report { shot: &shot };
     args.out.finish(&report.product()?, &report.text(), console)
-}
-
-/// What each weight of a scene counts at a wavelength: ρ_k(λ).
-///
-/// # Errors
-/// A wavelength beyond a material's table.
-pub fn reflectances(scene: &Scene, nm: f64) -> anyhow::Result<Vec<f64>> {
-    let mut all = Vec::with_capacity(scene.weight_count());
-    for material in scene.materials() {
-        for spectrum in material.spectra() {
-            let (first, last) = spectrum.range_nm();
-            if !(first..=last).contains(&nm) {
-                bail!(
-                    "{nm} nm: the material {} is tabulated from {first} to {last} nm",
-                    material.name
-                );
-            }
-            all.push(spectrum.at(nm));
-        }
-    }
-    Ok(all)
 }
 
 /// Sunlight at a wavelength, W m⁻² nm⁻¹.
@@ -147,7 +126,7 @@ impl<'a> Shot<'a> {
         let mut irradiances = Vec::new();
         for nm in &bands_nm {
             let sun = if args.per_irradiance { 1.0 } else { irradiance(aim, *nm)? };
-            let rho = reflectances(scene, *nm)?;
+            let rho = scene.reflectances(*nm)?;
             factors.push(rho.iter().map(|r| sun * r).collect::<Vec<f64>>());
             irradiances.push(sun);
         }

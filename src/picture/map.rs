@@ -2,7 +2,7 @@
 
 use super::PictureArgs;
 use super::aim::Aim;
-use super::image::{irradiance, reflectances};
+use super::image::irradiance;
 use crate::output::Console;
 use anyhow::{Context as _, bail};
 use serde_json::json;
@@ -23,7 +23,7 @@ pub fn run(args: &PictureArgs, aim: &Aim, console: Console) -> anyhow::Result<()
         Scene::new(&aim.target).with_context(|| format!("the target {}", aim.target.name))?;
     for nm in &args.wavelength_nm {
         let sun = if args.per_irradiance { 1.0 } else { irradiance(aim, *nm)? };
-        let factors: Vec<f64> = reflectances(&scene, *nm)?.iter().map(|r| sun * r).collect();
+        let factors: Vec<f64> = scene.reflectances(*nm)?.iter().map(|r| sun * r).collect();
         maps.push((*nm, Map::of(&scene, phase_deg.to_radians(), args.step_deg, &factors)?));
     }
     let unit = if args.per_irradiance { "m2 / sr" } else { "W / (sr nm)" };

@@ -13,7 +13,6 @@ use crate::station::StationArgs;
 use aim::Aim;
 use clap::{Args, ValueEnum};
 use glam::DVec3;
-pub(crate) use image::reflectances;
 use std::path::PathBuf;
 
 /// What a picture shows.

@@ -196,7 +196,7 @@ pub fn light_curves_by_name(
     stop: &mut dyn Stop,
 ) -> anyhow::Result<(Vec<NamedCurve>, Vec<String>)> {
     let session = Session::open(folder)?;
-    let station = crate::observe::station_of(&session)?;
+    let station = crate::station::of_session(&session)?;
     let options = ReduceOptions::default_for(&station)?;
     let mut night = reduce(&session, &station, &options, stop)?;
     let mut curves = Vec::new();
@@ -297,7 +297,7 @@ fn read_frames(paths: &[PathBuf]) -> anyhow::Result<Vec<Frame>> {
 pub(crate) fn station(args: &StationArgs, session: &Session) -> anyhow::Result<Station> {
     match &args.station {
         Some(_) => args.get(),
-        None => crate::observe::station_of(session),
+        None => crate::station::of_session(session),
     }
 }
 

@@ -1,63 +1,18 @@
 //! The figures of a simulated pass: rates, magnitudes and geometry against time, and the time–wavelength diagram.
 
-use crate::star::channel_line;
 use hifitime::Epoch;
-use std::ops::Range;
 use sunglint_formats::time::{format_utc, tai_nanoseconds};
+use sunglint_radiometry::light_curve::{Track, tracks, usual_step_s};
+use sunglint_report::channel_line;
 use sunglint_report::plot::{Axis, Figure, Heat, Panel, RGBColor, Series, Span};
 use sunglint_simulator::pass::{Place, Simulation, SpectralQuantity};
 
-/// A gap of more than so many steps (and of a minute) parts one track from the next.
-const GAP_STEPS: f64 = 20.0;
-const GAP_S: f64 = 60.0;
-/// More tracks than these are drawn on one axis.
-const MOST_TRACKS: usize = 4;
 /// Stretches longer than this are drawn in minutes, s.
 const LONG_S: f64 = 1200.0;
 /// Rates below this part of the highest are not drawn.
 const FAINTEST: f64 = 1e-6;
 const SHADOW: RGBColor = RGBColor(214, 219, 232);
 const HIDDEN: RGBColor = RGBColor(236, 233, 226);
-
-/// A stretch of samples without a gap.
-#[derive(Debug, Clone)]
-pub struct Track {
-    /// Its samples.
-    pub samples: Range<usize>,
-    /// The first moment.
-    pub from: Epoch,
-    /// The last moment.
-    pub to: Epoch,
-}
-
-/// The usual distance of moments that increase, s: their median; 1 of a single one.
-pub fn usual_step_s(times_s: &[f64]) -> f64 {
-    let mut steps: Vec<f64> =
-        times_s.windows(2).map(|p| p[1] - p[0]).filter(|s| *s > 0.0).collect();
-    steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).copied().unwrap_or(1.0)
-}
-
-fn seconds(epoch: Epoch) -> f64 {
-    tai_nanoseconds(epoch) as f64 * 1e-9
-}
-
-/// The tracks of a pass; one of all samples where the times do not increase or there are too many gaps.
-pub fn tracks(times: &[Epoch]) -> Vec<Track> {
-    let all: Vec<f64> = times.iter().map(|t| seconds(*t)).collect();
-    let gap_s = GAP_S.max(GAP_STEPS * usual_step_s(&all));
-    let mut starts = vec![0];
-    starts.extend((1..all.len()).filter(|i| (all[*i] - all[*i - 1]).abs() > gap_s));
-    if starts.len() > MOST_TRACKS || all.windows(2).any(|p| p[1] < p[0]) {
-        starts.truncate(1);
-    }
-    let ends = starts.iter().skip(1).copied().chain([times.len()]);
-    let track = |(from, to): (usize, usize)| {
-        let (first, last) = (times[from], times[to - 1]);
-        Track { samples: from..to, from: first, to: last }
-    };
-    starts.iter().copied().zip(ends).filter(|(a, b)| a < b).map(track).collect()
-}
 
 /// Draws what a simulation has to show.
 pub(super) struct Drawing<'a> {
@@ -234,6 +189,10 @@ impl Drawing<'_> {
             ..Panel::new(self.x(track), Axis::linear("vacuum wavelength (nm)"), Vec::new())
         })
     }
+}
+
+fn seconds(epoch: Epoch) -> f64 {
+    tai_nanoseconds(epoch) as f64 * 1e-9
 }
 
 fn is_long(track: &Track) -> bool {

@@ -1,28 +1,22 @@
 //! What `sunglint simulate` says: text, JSON, tables and figures.
 
-use super::figure::{Drawing, tracks};
-use crate::air::describe;
-use crate::explain;
+use super::figure::Drawing;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_ephemeris::orbit::Orbit;
 use sunglint_formats::time::{format_utc, format_utc_shortest};
+use sunglint_radiometry::air::Air;
+use sunglint_radiometry::light_curve::tracks;
+use sunglint_report::explain;
 use sunglint_report::{Product, rounded};
-use sunglint_simulator::pass::{ChannelSamples, Simulation, Stage, StandardMagnitude, StatedError};
+use sunglint_simulator::light::percent;
+use sunglint_simulator::pass::{ChannelSamples, Cost, Simulation, StandardMagnitude, StatedError};
 
 /// The place of V among the bands.
 const V: usize = 2;
 const COMMAND: &str = "sunglint simulate";
 /// Nothing fainter has been seen by any telescope.
 const DARK_MAG: f64 = 32.0;
-
-/// What a simulation cost.
-pub(crate) struct Cost {
-    pub stages: Vec<(Stage, f64)>,
-    pub total_s: f64,
-    pub epochs: usize,
-    pub threads: usize,
-}
 
 /// A simulation, and how it is to be shown.
 pub(super) struct Report<'a> {
@@ -112,7 +106,7 @@ impl Report<'_> {
             "  station    {} ({:.4}°, {:.4}°, {} m)",
             pass.station.name, site.latitude_deg, site.longitude_deg, site.height_m
         );
-        let air = pass.air.as_ref().map_or("none".into(), describe);
+        let air = pass.air.as_ref().map_or("none".into(), Air::describe);
         let _ = writeln!(text, "  air        {air}");
         let _ = writeln!(text, "  earth      {}", explain::earth(&pass.earth));
         let count = tracks(&pass.times).len();
@@ -220,7 +214,7 @@ impl Report<'_> {
                 } else {
                     "no".into()
                 },
-                explain::percent(channel.error_hz[i] / hz),
+                percent(channel.error_hz[i] / hz),
             );
         }
     }
@@ -269,8 +263,8 @@ impl Report<'_> {
                 let _ = writeln!(
                     text,
                     "stated error of rates (a bound; the worst channel): median {}, largest {} of a sample's own rate",
-                    explain::percent(stated.median),
-                    explain::percent(stated.largest)
+                    percent(stated.median),
+                    percent(stated.largest)
                 );
             }
         }
@@ -320,7 +314,7 @@ impl Report<'_> {
             "orbit": { "name": pass.orbit.name(), "elements_epoch_utc": elements },
             "target": { "name": pass.target.name, "parts": parts, "material_spectra": simulation.weights.ncols() },
             "station": { "name": pass.station.name, "latitude_deg": site.latitude_deg, "longitude_deg": site.longitude_deg, "height_m": site.height_m },
-            "air": { "description": pass.air.as_ref().map(describe) },
+            "air": { "description": pass.air.as_ref().map(Air::describe) },
             "earth": explain::earth_json(&pass.earth),
             "epochs": n, "from_utc": self.time(0), "to_utc": self.time(n - 1), "bins": pass.bins(),
             "quantity": pass.spectral.name(), "unit": pass.spectral.unit(),

@@ -3,7 +3,6 @@
 mod report;
 mod track;
 
-pub(crate) use report::channel_line;
 pub use track::{ChannelRate, Sight, Track, View};
 
 use crate::air::{AirModelArgs, implausible};
@@ -147,7 +146,7 @@ pub fn run(args: &StarArgs, console: Console) -> anyhow::Result<()> {
             let bytes = sunglint_formats::read::bytes(path)?;
             inputs.push(Input {
                 file: path.display().to_string(),
-                sha256: crate::tables::sha256(&bytes),
+                sha256: sunglint_formats::sha256(&bytes),
             });
             let table = sunglint_formats::ecsv::read_str(
                 path,

@@ -1,7 +1,6 @@
 //! What `sunglint star` says: text, JSON, table and figure.
 
 use super::{ChannelRate, Sight, Track};
-use crate::air::describe;
 use hifitime::Unit;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -9,7 +8,8 @@ use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table, Values};
 use sunglint_radiometry::station::{Channel, Detector};
 use sunglint_report::Product;
-use sunglint_report::plot::{Axis, Figure, Panel, Series, colour_of_wavelength_nm};
+use sunglint_report::channel_line;
+use sunglint_report::plot::{Axis, Figure, Panel, Series};
 
 /// A track, and how it is to be shown.
 pub(super) struct Report<'a> {
@@ -68,7 +68,7 @@ impl Report<'_> {
             ("title", self.title()),
             ("spectrum", self.track.light.origin.to_string()),
             ("zero_point", self.track.zero.to_string()),
-            ("air", describe(&self.track.air)),
+            ("air", self.track.air.describe()),
         ] {
             table.meta.insert(key.into(), json!(value));
         }
@@ -198,7 +198,7 @@ impl Report<'_> {
             "star": { "name": star.name, "bayer": star.bayer, "hip": star.hip, "hd": star.hd, "v_mag": star.v_mag, "bv_mag": star.bv_mag,
                 "spectral_type": star.spectral_type, "notes": star.notes().iter().map(ToString::to_string).collect::<Vec<_>>() },
             "station": { "name": station.name, "latitude_deg": site.latitude_deg, "longitude_deg": site.longitude_deg, "height_m": site.height_m },
-            "air": { "description": describe(&self.track.air), "pressure_hpa": columns.pressure_hpa, "ozone_du": columns.ozone_du, "water_mm": columns.water_mm,
+            "air": { "description": self.track.air.describe(), "pressure_hpa": columns.pressure_hpa, "ozone_du": columns.ozone_du, "water_mm": columns.water_mm,
                 "aerosol_optical_depth_550_nm": columns.aerosol_550 },
             "spectrum": { "origin": light.origin.to_string(), "fallback": light.origin.is_fallback(),
                 "colour_excess_mag": light.colour_excess_mag, "zero_point": self.track.zero.to_string() },
@@ -262,7 +262,7 @@ impl Report<'_> {
             site.latitude_deg,
             site.longitude_deg,
             site.height_m,
-            describe(&self.track.air),
+            self.track.air.describe(),
             self.track.light.origin,
             self.track.colour_check(),
             self.track.zero
@@ -369,13 +369,6 @@ impl Report<'_> {
         }
         text.push_str("`-o FILE` writes the predicted light curve (.ecsv, .csv, .fits, .json) or draws it (.png, .svg).\n");
     }
-}
-
-/// A line in the colour of the channel's band; the counters' are dashed, since a camera's band may be alike.
-pub(crate) fn channel_line(channel: &Channel, points: Vec<(f64, f64)>) -> Series {
-    let colour = colour_of_wavelength_nm(channel.mean_wavelength_nm());
-    let dash = usize::from(matches!(channel.detector, Detector::Counter(_)));
-    Series::line(&channel.name, 0, points).with_colour_and_dash(colour, dash)
 }
 
 fn say_channel(text: &mut String, channel: &Channel, r: &ChannelRate) {

@@ -1,6 +1,5 @@
 //! A star through time: its places, its air, its rates.
 
-use crate::air::describe;
 use anyhow::Context as _;
 use hifitime::Epoch;
 use rayon::prelude::*;
@@ -221,7 +220,7 @@ impl Track {
             notes: vec![
                 format!("spectrum: {}; {}", self.light.origin, self.colour_check()),
                 "sigma: one exposure at the typical kappa: photons, dark counts and dead time of counters, photons alone of camera planes; no scintillation".into(),
-                format!("air: {}", describe(&self.air)),
+                format!("air: {}", self.air.describe()),
                 format!("V counts from {}", self.zero),
             ],
             inputs: self.inputs.clone(),

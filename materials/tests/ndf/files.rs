@@ -89,7 +89,7 @@ fn a_run_from_its_file() {
 fn a_run_as_plain_columns() {
     let text = "angle_deg,f_per_sr,flags\n0,1.5,\n1,,over_range\n2,0.7,edge outliers\n";
     let read = |text: &str| {
-        let table = sunglint_simulator::pass::table::any("run.csv".as_ref(), text).unwrap();
+        let table = sunglint_formats::text_table::read_str("run.csv".as_ref(), text).unwrap();
         RetroTable::from_table("run.csv", &table).map_err(|e| e.to_string())
     };
     let run = read(text).unwrap();

@@ -43,6 +43,7 @@
 //! which this is held covers 300–1240 nm.
 
 mod aerosol;
+mod describe;
 mod error;
 mod math;
 mod model;

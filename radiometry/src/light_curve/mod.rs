@@ -6,13 +6,16 @@
 
 mod flags;
 mod provenance;
+pub mod published;
 mod samples;
 mod spectral;
+mod tracks;
 
 pub use flags::{Flags, TOLERATED};
 pub use provenance::{Input, Provenance};
 pub use samples::Samples;
 pub use spectral::SpectralLightCurve;
+pub use tracks::{Track, tracks, usual_step_s};
 
 use samples::{Reader, row};
 use serde_json::json;

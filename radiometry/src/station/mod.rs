@@ -5,11 +5,13 @@ mod curves;
 mod file;
 mod laser_file;
 mod predicted;
+mod recorded;
 mod recovery;
 
 pub use air_file::{AirFile, air_error};
 pub use laser_file::{LaserFile, lasers};
 pub use predicted::Predicted;
+pub use recorded::RecordedError;
 
 use crate::air::{Aerosol, AirError, AirOptions};
 use crate::quadrature::{Integral, Product};

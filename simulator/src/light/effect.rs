@@ -113,6 +113,48 @@ impl Need {
     pub fn is_modelled(&self) -> bool {
         self.needed && self.cost_s.is_some()
     }
+
+    /// What became of the effect, in a word or two.
+    pub fn decision(&self) -> &'static str {
+        match (self.needed, self.cost_s.is_some()) {
+            (true, true) => "modelled",
+            (true, false) => "NOT MODELLED",
+            (false, _) if self.bound == Some(0.0) => "none",
+            (false, _) => "not needed",
+        }
+    }
+
+    /// Its bound as people read it; `-` where nothing is known of it.
+    pub fn bound_text(&self) -> String {
+        self.bound.map_or("-".into(), percent)
+    }
+}
+
+/// Writes a share as people read it: `0.25 %`.
+pub fn percent(share: f64) -> String {
+    let percent = 100.0 * share;
+    match percent {
+        0.0 => "0 %".into(),
+        p if !p.is_finite() || p > 1e4 => "no limit".into(),
+        p if p < 0.01 => format!("{p:.0e} %"),
+        p if p < 1.0 => format!("{p:.2} %"),
+        p if p < 10.0 => format!("{p:.1} %"),
+        p => format!("{p:.0} %"),
+    }
+}
+
+/// What a person should hear of: what is needed and not modelled.
+pub fn concerns(needs: &[Need]) -> Vec<String> {
+    let missing = needs.iter().filter(|n| n.needed && !n.is_modelled());
+    let say = |need: &Need| {
+        format!(
+            "{} may change the light by up to {} and is not modelled: its bound is in the stated error ({})",
+            need.effect,
+            need.bound_text(),
+            need.why
+        )
+    };
+    missing.map(say).collect()
 }
 
 impl Source {

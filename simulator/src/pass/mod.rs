@@ -27,6 +27,8 @@
 //! The integrals are taken on the union of all tables, once, exactly for piecewise-linear tables; over the zenith angle K_ck/K_ck(no
 //! air) is a mean transmission, tabulated with a measured error ([`sunglint_radiometry::air::AirTable`]).
 
+mod concerns;
+mod cost;
 mod counts;
 mod elsewhere;
 mod error;
@@ -41,8 +43,8 @@ mod result;
 mod shadow;
 mod simulate;
 mod study;
-pub mod table;
 
+pub use cost::{Cost, Stopwatch};
 pub use elsewhere::Elsewhere;
 pub use error::PassError;
 pub use explain::Explanation;

@@ -2,7 +2,6 @@
 
 use super::MapArgs;
 use super::report::{Answer, Layer, Of, Shortcut, Track};
-use crate::picture::reflectances;
 use anyhow::{Context as _, bail};
 use ndarray::Array2;
 use sunglint_analysis::map::{BodyMap, Grid, longitude_latitude, phase_vector};
@@ -68,7 +67,7 @@ pub fn answer(
     }
     if let Some(nm) = args.ranges_nm {
         let body = Faceted::new(&pass.target)?;
-        let ranges = range_map(&body, grid, &reflectances(body.scene(), nm)?)?;
+        let ranges = range_map(&body, grid, &body.scene().reflectances(nm)?)?;
         for (name, of, values) in
             [("surface", Of::Range, ranges.surface_m), ("light", Of::Range, ranges.light_m)]
         {

@@ -3,10 +3,10 @@
 use anyhow::{Context as _, bail};
 use std::path::Path;
 use sunglint_analysis::unmix::Endmember;
+use sunglint_formats::text_table::read_str as any;
 use sunglint_formats::{Values, nearest_names};
 use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::spectrum::Spectrum;
-use sunglint_simulator::pass::table::any;
 use sunglint_simulator::surface::Material;
 use sunglint_simulator::target::Target;
 
@@ -30,7 +30,7 @@ pub fn endmembers(
             }
             Some("csv" | "ecsv" | "txt") => {
                 let bytes = sunglint_formats::read::bytes(path)?;
-                let sha256 = crate::tables::sha256(&bytes);
+                let sha256 = sunglint_formats::sha256(&bytes);
                 inputs.push(Input { file: item.to_owned(), sha256 });
                 let text = sunglint_formats::read::decode(path, bytes)?;
                 all.extend(columns(path, &text)?);

@@ -1,8 +1,8 @@
 //! The figures of laser returns.
 
 use super::returns::Returns;
-use crate::simulate::figure::tracks;
 use sunglint_formats::time::{format_utc, tai_nanoseconds};
+use sunglint_radiometry::light_curve::tracks;
 use sunglint_report::plot::{Axis, Figure, Heat, Panel, Series};
 use sunglint_simulator::pass::Simulation;
 

@@ -1,6 +1,5 @@
 //! The returns of one laser along a pass.
 
-use crate::picture::reflectances;
 use anyhow::{Context as _, bail};
 use rayon::prelude::*;
 use std::f64::consts::SQRT_2;
@@ -188,7 +187,7 @@ impl<'a> Returns<'a> {
         let body = Faceted::new(&pass.target)
             .with_context(|| format!("the target {}", pass.target.name))?;
         let context = || format!("laser {}", laser.name);
-        let rho = reflectances(body.scene(), nm).with_context(context)?;
+        let rho = body.scene().reflectances(nm).with_context(context)?;
         let bounces = bounces(pass, nm).with_context(context)?;
         let half_m = 1.02 * body.radius_m().max(1e-6);
         // Light from one side of a ball to the other is late by up to √2 of its radius.

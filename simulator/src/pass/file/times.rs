@@ -113,6 +113,6 @@ impl Reader<'_> {
     /// ECSV, or CSV with names in its first line.
     fn any_table(&mut self, key: &str, name: &str) -> Result<(Table, PathBuf), FileError> {
         let (text, path) = self.text(key, name)?;
-        Ok((crate::pass::table::any(&path, &text)?, path))
+        Ok((sunglint_formats::text_table::read_str(&path, &text)?, path))
     }
 }

@@ -1,14 +1,14 @@
 //! Tables with times, as people have them: ECSV, or CSV with the names in its first line.
 
+use crate::{Column, ParseError, Table, Values, ecsv};
 use std::path::Path;
-use sunglint_formats::{Column, ParseError, Table, Values, ecsv};
 
 /// A table from a text: ECSV where it says so, else comma-separated values with the names in the first line and notes after `#`. A
 /// column in which every value is a number is one of numbers (nothing counts as NaN), any other one of texts.
 ///
 /// # Errors
 /// No names, a row with another number of fields, with its line.
-pub fn any(path: &Path, text: &str) -> Result<Table, ParseError> {
+pub fn read_str(path: &Path, text: &str) -> Result<Table, ParseError> {
     if text.starts_with("# %ECSV") {
         return ecsv::read_str(path, text);
     }
