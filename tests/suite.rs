@@ -15,6 +15,7 @@ mod docs;
 mod explain;
 mod fit;
 mod hard_curves;
+mod house;
 mod lab;
 mod licences;
 mod long_night;

@@ -1,0 +1,79 @@
+//! The crates see only whom they may see.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::process::Command;
+use sunglint_testkit::repository;
+
+type Graph = BTreeMap<String, BTreeSet<String>>;
+
+/// The table in ARCHITECTURE.md: a crate, and those that it may depend on.
+fn table() -> Graph {
+    let text = std::fs::read_to_string(repository().join("ARCHITECTURE.md")).unwrap();
+    let part = text.split("## Who may see whom").nth(1).unwrap().split("\n## ").next().unwrap();
+    let rows = part.lines().filter_map(|line| {
+        let (name, others) = line.strip_prefix("| `")?.split_once("` |")?;
+        let others = others.trim_end_matches('|').split(',').map(str::trim);
+        let others = others.filter(|o| !o.is_empty()).map(str::to_owned).collect();
+        Some((name.to_owned(), others))
+    });
+    rows.collect()
+}
+
+/// The normal dependencies of our crates on one another, as cargo knows them.
+fn graph() -> Graph {
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
+    let output = Command::new(cargo)
+        .args(["metadata", "--locked", "--offline", "--no-deps", "--format-version", "1"])
+        .current_dir(repository())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let ours = |name: &str| name.strip_prefix("sunglint-").map(str::to_owned);
+    let packages = metadata["packages"].as_array().unwrap().iter();
+    let of = |package: &serde_json::Value| {
+        let normal = package["dependencies"].as_array().unwrap().iter();
+        let normal = normal.filter(|d| d["kind"].is_null());
+        let seen = normal.filter_map(|d| ours(d["name"].as_str().unwrap())).collect();
+        Some((ours(package["name"].as_str().unwrap())?, seen))
+    };
+    packages.filter_map(of).collect()
+}
+
+fn reach(graph: &Graph, from: &str) -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    let mut open = vec![from.to_owned()];
+    while let Some(name) = open.pop() {
+        for next in &graph[&name] {
+            if found.insert(next.clone()) {
+                open.push(next.clone());
+            }
+        }
+    }
+    found
+}
+
+/// Truth: the table of ARCHITECTURE.md beside what cargo says.
+#[test]
+fn crates_see_only_whom_they_may_see() {
+    let (table, mut graph) = (table(), graph());
+    // The tests' own crate is in no program.
+    assert!(graph.remove("testkit").unwrap().is_empty());
+    assert!(table.len() >= 10, "{table:?}");
+    assert_eq!(table.keys().collect::<Vec<_>>(), graph.keys().collect::<Vec<_>>());
+    for (name, seen) in &graph {
+        let beyond: Vec<&String> = seen.difference(&table[name]).collect();
+        assert!(beyond.is_empty(), "{name} depends on {beyond:?}, which ARCHITECTURE.md does not allow");
+    }
+    for (name, never) in [
+        ("calibration", &["simulator"][..]),
+        ("analysis", &["simulator"]),
+        ("virtual", &["calibration", "materials", "inference", "observatory"]),
+    ] {
+        let reached = reach(&graph, name);
+        let seen: Vec<_> = never.iter().filter(|other| reached.contains(**other)).collect();
+        assert!(seen.is_empty(), "{name} sees {seen:?}");
+    }
+}
