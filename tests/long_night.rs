@@ -1,4 +1,4 @@
-//! Ten hours of capture: memory stays flat, and no sample is lost or doubled. Alone in its program, for its memory is measured.
+//! Ten hours of capture: memory stays flat, and no sample is lost or doubled. Alone in its process, because its memory is measured.
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
@@ -20,6 +20,9 @@ fn peak_bytes() -> Option<u64> {
 /// the bound of the issue, 300 MB. A tenth of ten hours runs every time.
 #[test]
 fn campaign_long_night() {
+    if !sunglint_testkit::alone("campaign_long_night") {
+        return;
+    }
     let mut campaign = Campaign::start("long_night", 10);
     let hours = campaign.seeds().count() as u64;
     let folder = Folder::new("long");

@@ -1,4 +1,4 @@
-//! Ten hours from photons to light curves: memory stays below its bound, and no sample is lost or doubled. Alone in its program, for its memory is measured.
+//! Ten hours from photons to light curves: memory stays below its bound, and no sample is lost or doubled. Alone in its process, because its memory is measured.
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
@@ -31,6 +31,9 @@ fn peak_bytes() -> Option<u64> {
 /// in each visit the times that the grid has; the bound of the issue, 300 MB. A tenth of ten hours runs every time.
 #[test]
 fn campaign_long_reduce() {
+    if !sunglint_testkit::alone("campaign_long_reduce") {
+        return;
+    }
     let mut campaign = Campaign::start("long_reduce", 10);
     let hours = campaign.seeds().count();
     let folder = Folder::new("long-reduce");
