@@ -1,5 +1,7 @@
 //! Efficiencies: photons one by one, the propagation by hand, hard cases.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use sunglint_calibration::detector::Linearity;
 use sunglint_calibration::efficiency::*;
 use sunglint_radiometry::station::DeadTime;

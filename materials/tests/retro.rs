@@ -1,5 +1,7 @@
 //! Retro-reflection from readings: solid angles, spots, outliers; and whole runs on the virtual rig.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use glam::DVec3;
 use sunglint_materials::ndf::ZeroOrigin;
 use sunglint_materials::retro::readings::means;
