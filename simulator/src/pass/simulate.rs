@@ -441,21 +441,3 @@ impl Pass {
 pub(super) fn first_error<T>(results: Vec<Result<T, PassError>>) -> Result<Vec<T>, PassError> {
     results.into_iter().collect()
 }
-
-impl SpectralQuantity {
-    /// In words.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Intensity => "spectral radiant intensity",
-            Self::Irradiance => "spectral irradiance at the telescope, after the air",
-        }
-    }
-
-    /// The unit as astropy spells it.
-    pub fn unit(self) -> &'static str {
-        match self {
-            Self::Intensity => "W / (sr nm)",
-            Self::Irradiance => "W / (m2 nm)",
-        }
-    }
-}

@@ -1,5 +1,11 @@
 //! Folding: every sample at its phase in a period, and means over stretches of phase.
 
+mod curves;
+
+pub use curves::{
+    FoldCurvesError, FoldOptions, FoldedChannel, FoldedCurves, SpinAxis, fold_curves,
+};
+
 use crate::series::Series;
 
 /// Why nothing was folded.
