@@ -1,30 +1,54 @@
 //! A body over all directions, by the light engine.
 
-use super::MapArgs;
-use super::report::{Answer, Layer, Of, Shortcut, Track};
-use anyhow::{Context as _, bail};
+use super::{BodyMaps, MapError, MapLayer, MapQuantity, Shortcut, Track};
+use crate::range::range_map;
+use crate::unmix::Materials;
 use ndarray::Array2;
 use sunglint_analysis::map::{BodyMap, Grid, longitude_latitude, phase_vector};
 use sunglint_analysis::unmix::nnls::Constraint;
 use sunglint_analysis::unmix::{Bands, Endmember, Light, Values, unmix};
-use sunglint_inference::range::range_map;
 use sunglint_radiometry::air::Zenith;
 use sunglint_radiometry::light_curve::Samples;
+use sunglint_radiometry::spectrum::Spectrum;
 use sunglint_radiometry::station::Channel;
 use sunglint_simulator::light::{Faceted, Scene};
 use sunglint_simulator::pass::{Pass, Place};
 use sunglint_simulator::picture::Map;
 
-pub fn answer(
-    args: &MapArgs,
+/// What is mapped over all directions.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MapOptions {
+    /// The cells.
+    pub grid: Grid,
+    /// The phase angle, degrees; `None` for the mean along the visible part of the pass.
+    pub phase_deg: Option<f64>,
+    /// Also the curve that the map gives along the pass.
+    pub along: bool,
+    /// Also maps of the range, as a laser of this wavelength (vacuum nm) beside the telescope finds it.
+    pub ranges_nm: Option<f64>,
+}
+
+impl MapOptions {
+    /// Options for a grid: nothing but the maps of channels and materials, at the mean phase angle of the pass.
+    pub fn new(grid: Grid) -> Self {
+        Self { grid, phase_deg: None, along: false, ranges_nm: None }
+    }
+}
+
+/// Maps the scene's body over all directions: reflection factors of the station's channels, the light of each material, and the shares that unmixing finds of `materials`.
+///
+/// # Errors
+/// A target that the light engine refuses or that is dark; a phase angle or a wavelength that cannot be; a pass that cannot be simulated.
+pub fn map_directions(
     pass: &Pass,
-    endmembers: &[Endmember],
-    mut warnings: Vec<String>,
-) -> anyhow::Result<Answer> {
-    let grid = Grid::new(args.step_deg)?;
-    let scene =
-        Scene::new(&pass.target).with_context(|| format!("the target {}", pass.target.name))?;
-    let phase_deg = match args.phase {
+    materials: &Materials,
+    options: &MapOptions,
+) -> Result<BodyMaps, MapError> {
+    let grid = options.grid;
+    let mut warnings = materials.warnings.clone();
+    let scene = Scene::new(&pass.target)
+        .map_err(|source| MapError::Target { target: pass.target.name.clone(), source })?;
+    let phase_deg = match options.phase_deg {
         Some(deg) => deg,
         None => mean_phase_deg(&pass.moments()?)?,
     };
@@ -40,7 +64,7 @@ pub fn answer(
     let area_m2 = pass.station.telescope.area_m2();
     let of_scene = Bands::channels(&pass.sun, &channels, area_m2, &spectra, None)?;
     let factors = of_scene.at(Zenith::Apparent(0.0))?;
-    let map = |counts: &[f64]| -> anyhow::Result<BodyMap> {
+    let map = |counts: &[f64]| -> Result<BodyMap, MapError> {
         // A hair more than the step, so that rounding makes no row more than the grid has.
         let step_deg = (grid.step_deg() * (1.0 + 1e-12)).min(90.0);
         let map = Map::of(&scene, phase_deg.to_radians(), step_deg, counts)?;
@@ -52,7 +76,7 @@ pub fn answer(
     let mut layers = Vec::new();
     for (c, channel) in channels.iter().enumerate() {
         let map = map(&factors.matrix.row(c).to_vec())?;
-        layers.push(Layer { name: channel.name.clone(), of: Of::Factor, map, agreement: None });
+        layers.push(layer(channel.name.clone(), MapQuantity::Factor, map));
     }
     let of_channels: Vec<BodyMap> = layers.iter().map(|l| l.map.clone()).collect();
     // The light of each material in truth.
@@ -60,19 +84,17 @@ pub fn answer(
         let mut counts = vec![0.0; scene.weight_count()];
         counts[scene.weights_of(m)].fill(1.0);
         let name = scene.materials()[m].name.clone();
-        layers.push(Layer { name, of: Of::Weight, map: map(&counts)?, agreement: None });
+        layers.push(layer(name, MapQuantity::Weight, map(&counts)?));
     }
-    if !endmembers.is_empty() {
-        layers.extend(shares(pass, &channels, &of_channels, endmembers, grid)?);
+    if !materials.endmembers.is_empty() {
+        layers.extend(shares(pass, &channels, &of_channels, &materials.endmembers, grid)?);
     }
-    if let Some(nm) = args.ranges_nm {
-        let body = Faceted::new(&pass.target)?;
+    if let Some(nm) = options.ranges_nm {
+        let body = Faceted::new(&pass.target).map_err(MapError::Facets)?;
         let ranges = range_map(&body, grid, &body.scene().reflectances(nm)?)?;
-        for (name, of, values) in
-            [("surface", Of::Range, ranges.surface_m), ("light", Of::Range, ranges.light_m)]
-        {
+        for (name, values) in [("surface", ranges.surface_m), ("light", ranges.light_m)] {
             let map = BodyMap::full(grid, values)?;
-            layers.push(Layer { name: name.into(), of, map, agreement: None });
+            layers.push(layer(name.into(), MapQuantity::Range, map));
         }
         if !pass.target.hinges.is_empty() {
             warnings
@@ -80,16 +102,16 @@ pub fn answer(
         }
     }
     if of_channels.iter().all(|m| m.mean.iter().all(|v| *v <= 0.0)) {
-        bail!("{} sends nothing back in any direction at {phase_deg:.1}°", pass.target.name);
+        return Err(MapError::Dark { target: pass.target.name.clone(), phase_deg });
     }
-    let (track, shortcut) = match args.along {
+    let (track, shortcut) = match options.along {
         true => {
             let (track, shortcut) = along(pass, &of_channels, &channels, &mut warnings)?;
             (Some(track), shortcut)
         }
         false => (None, Vec::new()),
     };
-    Ok(Answer {
+    Ok(BodyMaps {
         title: format!("{} over all directions", pass.target.name),
         phase_deg: Some(phase_deg),
         layers,
@@ -99,14 +121,18 @@ pub fn answer(
     })
 }
 
+fn layer(name: String, quantity: MapQuantity, map: BodyMap) -> MapLayer {
+    MapLayer { name, quantity, map, agreement: None }
+}
+
 /// The mean phase angle where the station sees the target, else of all.
-fn mean_phase_deg(places: &[Place]) -> anyhow::Result<f64> {
+fn mean_phase_deg(places: &[Place]) -> Result<f64, MapError> {
     let mean =
         |all: Vec<f64>| (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64);
     let above = places.iter().filter(|p| p.geometry.zenith_deg() < 90.0);
     mean(above.map(|p| p.geometry.phase_deg()).collect())
         .or_else(|| mean(places.iter().map(|p| p.geometry.phase_deg()).collect()))
-        .context("the pass has no time")
+        .ok_or(MapError::NoTime)
 }
 
 /// The shares that unmixing finds in the channels of each direction.
@@ -116,7 +142,7 @@ fn shares(
     maps: &[BodyMap],
     endmembers: &[Endmember],
     grid: Grid,
-) -> anyhow::Result<Vec<Layer>> {
+) -> Result<Vec<MapLayer>, MapError> {
     let bands = Bands::channels(&pass.sun, channels, 1.0, endmembers, None)?;
     let unit = bands.at(Zenith::Apparent(0.0))?.unit;
     let (rows, columns) = grid.dim();
@@ -128,14 +154,14 @@ fn shares(
     let light = Light { zenith: Zenith::Apparent(0.0), range_m: 1.0, sunlight: 1.0 };
     let values = Values { value: value.view(), sigma: None, valid: valid.view() };
     let found = unmix(&bands, &vec![light; cells], values, Constraint::Free)?;
-    let layer = |(m, endmember): (usize, &Endmember)| {
+    let of = |(m, endmember): (usize, &Endmember)| {
         let mean = Array2::from_shape_fn((rows, columns), |(r, c)| {
             found[r * columns + c].mixture.as_ref().map_or(f64::NAN, |x| x.shares[m])
         });
         let map = BodyMap::full(grid, mean)?;
-        Ok(Layer { name: endmember.name.clone(), of: Of::Share, map, agreement: None })
+        Ok(layer(endmember.name.clone(), MapQuantity::Share, map))
     };
-    endmembers.iter().enumerate().map(layer).collect()
+    endmembers.iter().enumerate().map(of).collect()
 }
 
 /// The rates that the maps give along the pass, beside those of the simulation.
@@ -144,11 +170,11 @@ fn along(
     maps: &[BodyMap],
     channels: &[&Channel],
     warnings: &mut Vec<String>,
-) -> anyhow::Result<(Track, Vec<Shortcut>)> {
+) -> Result<(Track, Vec<Shortcut>), MapError> {
     let simulation = pass.simulate(&|_| ())?;
     let one = [Endmember {
         name: "unit".into(),
-        reflectance: sunglint_radiometry::spectrum::Spectrum::constant(1.0, 100.0, 1e5)?,
+        reflectance: Spectrum::constant(1.0, 100.0, 1e5)?,
     }];
     let air = pass.air.as_ref().map(|air| (air, pass.air_tolerance));
     let bands = Bands::channels(&pass.sun, channels, pass.station.telescope.area_m2(), &one, air)?;
@@ -183,8 +209,9 @@ fn along(
             empty.max(found.iter().zip(&units).filter(|(v, u)| v.is_nan() && u.is_some()).count());
         let direct = &simulation.channels[c];
         shortcuts.push(Shortcut::of(&channels[c].name, &direct.rate_hz, &found));
-        track.columns.push((format!("{}_direct", direct.name), Of::Rate, direct.rate_hz.clone()));
-        track.columns.push((format!("{}_map", direct.name), Of::Rate, found));
+        let rate = MapQuantity::Rate;
+        track.push(format!("{}_direct", direct.name), rate, direct.rate_hz.clone());
+        track.push(format!("{}_map", direct.name), rate, found);
     }
     if empty > 0 {
         warnings.push(format!("{empty} visible samples have no value in the map"));
