@@ -76,9 +76,7 @@ pub enum SamplesError {
     #[error(transparent)]
     Bands(#[from] BandsError),
     /// Light that came through air of unknown length.
-    #[error(
-        "{file}: no column zenith_deg, so that nobody knows through how much air it was seen"
-    )]
+    #[error("{file}: no column zenith_deg, so that nobody knows through how much air it was seen")]
     Zenith {
         /// The file.
         file: String,

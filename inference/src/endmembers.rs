@@ -48,9 +48,7 @@ pub enum EndmembersError {
     #[error(transparent)]
     Air(#[from] AirError),
     /// No sample has light in all bands.
-    #[error(
-        "{file}: no sample has a valid value in each of its {bands} bands: nothing to search"
-    )]
+    #[error("{file}: no sample has a valid value in each of its {bands} bands: nothing to search")]
     NoSample {
         /// The file.
         file: String,

@@ -54,7 +54,10 @@ impl LitCurve {
     fn around(&self) -> Surroundings<'_> {
         let pass = self.pass.as_ref();
         Surroundings {
-            sun: pass.map_or_else(sun_at_1_au, |p| &p.sun),
+            sun: match pass {
+                Some(pass) => &pass.sun,
+                None => sun_at_1_au(),
+            },
             station: pass.map(|p| &p.station).or(self.station.as_ref()),
             air: self.air.as_ref(),
             air_tolerance: pass.map_or(AirTable::TOLERANCE, |p| p.air_tolerance),

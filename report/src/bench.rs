@@ -1,22 +1,17 @@
-//! The rows as text, table, figure and JSON.
+//! Error against time of the light engines: rows as text, table, figure and JSON.
 
-use super::Row;
+use crate::plot::{Axis, Figure, Panel, Series};
+use crate::{Product, rounded};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
-use sunglint_report::plot::{Axis, Figure, Panel, Series};
-use sunglint_report::{Product, rounded};
+use sunglint_simulator::bench::{BenchRow, Benchmark};
 
 /// Where an error of exactly 0 is drawn.
 const NO_ERROR: f64 = 1e-17;
 
-/// What was measured.
-pub(super) struct Report<'a> {
-    pub rows: &'a [Row],
-}
-
 /// A row with its documented keys.
-pub(super) fn json(row: &Row) -> Value {
+pub fn row_json(row: &BenchRow) -> Value {
     let number = |value: f64| json!(rounded(value));
     json!({
         "scene": row.scene, "engine": row.engine, "bins": row.bins, "facets": row.facets,
@@ -29,150 +24,135 @@ pub(super) fn json(row: &Row) -> Value {
     })
 }
 
-impl Report<'_> {
-    /// Table, figure, JSON.
-    pub fn product(&self) -> Product {
-        Product {
-            name: "bench".into(),
-            table: self.table(),
-            figure: self.figure(),
-            json: json!({
-                "program": format!("sunglint {}", env!("CARGO_PKG_VERSION")),
-                "processor": processor(),
-                "threads": 1,
-                "rows": self.rows.iter().map(json).collect::<Vec<_>>(),
-            }),
-            ..Product::default()
-        }
+/// All forms of the result.
+pub fn product(found: &Benchmark) -> Product {
+    Product {
+        name: "bench".into(),
+        table: table(found),
+        figure: figure(found),
+        json: json!({
+            "program": format!("sunglint {}", env!("CARGO_PKG_VERSION")),
+            "processor": found.processor,
+            "threads": 1,
+            "rows": found.rows.iter().map(row_json).collect::<Vec<_>>(),
+        }),
+        ..Product::default()
     }
+}
 
-    fn table(&self) -> Table {
-        let text = |name: &str, get: &dyn Fn(&Row) -> &str| {
-            Column::text(name, self.rows.iter().map(|r| get(r).to_owned()).collect())
-        };
-        let count = |name: &str, get: &dyn Fn(&Row) -> usize| {
-            // No count of facets or stretches reaches 2⁶³.
-            let values = self.rows.iter().map(|r| get(r) as i64).collect();
-            Column::i64(name, None, values)
-        };
-        let number = |name: &str, unit: Option<&str>, get: &dyn Fn(&Row) -> Option<f64>| {
-            let value = |r| get(r).map_or(f64::NAN, rounded);
-            Column::f64(name, unit, self.rows.iter().map(value).collect())
-        };
-        let columns = vec![
-            text("scene", &|r| &r.scene),
-            text("engine", &|r| r.engine),
-            count("bins", &|r| r.bins),
-            count("facets", &|r| r.facets),
-            number("seconds_per_epoch", Some("s"), &|r| Some(r.timing.median_s))
-                .described("median of the repeats, warm-up not counted"),
-            number("seconds_fastest", Some("s"), &|r| Some(r.timing.fastest_s))
-                .described("the fastest repeat"),
-            count("repeats", &|r| r.timing.repeats),
-            count("epochs_per_repeat", &|r| r.timing.epochs),
-            number("seconds_prepare", Some("s"), &|r| r.prepare_s)
-                .described("once for a scene; nan where it is in the time of the epochs"),
-            number("relative_error", None, &|r| r.error)
-                .described("sum |E - truth| / sum truth over the bins; nan without a truth"),
-            text("error_source", &|r| r.error_source),
-            number("error_estimate", None, &|r| r.estimate)
-                .described("what the engine thinks of its own error"),
-        ];
-        let mut table = Table { columns, ..Table::default() };
-        for (key, value) in [
-            ("title", json!("Error against time of the light engines, one thread")),
-            ("program", json!(format!("sunglint {}", env!("CARGO_PKG_VERSION")))),
-            ("processor", json!(processor())),
-        ] {
-            table.meta.insert(key.into(), value);
-        }
-        table
+/// Table with a row for each engine, scene and grid.
+pub fn table(found: &Benchmark) -> Table {
+    let text = |name: &str, get: &dyn Fn(&BenchRow) -> &str| {
+        Column::text(name, found.rows.iter().map(|r| get(r).to_owned()).collect())
+    };
+    let count = |name: &str, get: &dyn Fn(&BenchRow) -> usize| {
+        // No count of facets or stretches reaches 2⁶³.
+        let values = found.rows.iter().map(|r| get(r) as i64).collect();
+        Column::i64(name, None, values)
+    };
+    let number = |name: &str, unit: Option<&str>, get: &dyn Fn(&BenchRow) -> Option<f64>| {
+        let value = |r| get(r).map_or(f64::NAN, rounded);
+        Column::f64(name, unit, found.rows.iter().map(value).collect())
+    };
+    let columns = vec![
+        text("scene", &|r| &r.scene),
+        text("engine", &|r| r.engine),
+        count("bins", &|r| r.bins),
+        count("facets", &|r| r.facets),
+        number("seconds_per_epoch", Some("s"), &|r| Some(r.timing.median_s))
+            .described("median of the repeats, warm-up not counted"),
+        number("seconds_fastest", Some("s"), &|r| Some(r.timing.fastest_s))
+            .described("the fastest repeat"),
+        count("repeats", &|r| r.timing.repeats),
+        count("epochs_per_repeat", &|r| r.timing.epochs),
+        number("seconds_prepare", Some("s"), &|r| r.prepare_s)
+            .described("once for a scene; nan where it is in the time of the epochs"),
+        number("relative_error", None, &|r| r.error)
+            .described("sum |E - truth| / sum truth over the bins; nan without a truth"),
+        text("error_source", &|r| r.error_source),
+        number("error_estimate", None, &|r| r.estimate)
+            .described("what the engine thinks of its own error"),
+    ];
+    let mut table = Table { columns, ..Table::default() };
+    for (key, value) in [
+        ("title", json!("Error against time of the light engines, one thread")),
+        ("program", json!(format!("sunglint {}", env!("CARGO_PKG_VERSION")))),
+        ("processor", json!(found.processor)),
+    ] {
+        table.meta.insert(key.into(), value);
     }
+    table
+}
 
-    /// One panel for grey light, one for spectra; none where nothing has an error.
-    fn figure(&self) -> Option<Figure> {
-        let panel = |title: &str, wanted: &dyn Fn(usize) -> bool| {
-            let mut series: Vec<Series> = Vec::new();
-            for row in self.rows.iter().filter(|r| wanted(r.bins)) {
-                let Some(error) = row.error else { continue };
-                let label = format!("{}, {}", row.scene, row.engine);
-                let point = (row.timing.median_s, error.max(NO_ERROR));
-                match series.iter_mut().find(|s| s.label == label) {
-                    Some(series) => series.points.push(point),
-                    None => series.push(Series::dots(label, series.len(), vec![point])),
-                }
-            }
-            // A ladder's steps belong together.
-            let lines: Vec<Series> = series
-                .iter()
-                .filter(|s| s.points.len() > 1)
-                .map(|s| Series::line("", 0, s.points.clone()).with_colour(s.colour))
-                .collect();
-            series.extend(lines);
-            let x = Axis::log(format!("time per epoch on one thread (s), {title}"));
-            Panel::new(
-                x,
-                Axis::log("relative error (0 at 1e-17)").from_to(0.1 * NO_ERROR, 1.0),
-                series,
-            )
-        };
-        let panels = [panel("1 bin", &|bins| bins == 1), panel("a spectrum", &|bins| bins > 1)];
-        let panels: Vec<Panel> = panels.into_iter().filter(|p| !p.series.is_empty()).collect();
-        let title = format!("Light engines: error against time ({})", processor());
-        (!panels.is_empty()).then_some(Figure { title, panels })
-    }
-
-    /// The rows for people, 110 columns wide at most.
-    pub fn text(&self) -> String {
-        let mut text = format!(
-            "Singly scattered sunlight, one thread. sunglint {}, {}\n\n",
-            env!("CARGO_PKG_VERSION"),
-            processor()
-        );
-        let cells = |r: &Row| {
-            [
-                shortened(&r.scene, 16),
-                r.engine.to_owned(),
-                r.bins.to_string(),
-                r.facets.to_string(),
-                duration(r.timing.median_s),
-                duration(r.timing.fastest_s),
-                r.prepare_s.map_or("-".into(), duration),
-                r.error
-                    .map_or("-".into(), |e| if e == 0.0 { "0".into() } else { format!("{e:.1e}") }),
-                r.error_source.to_owned(),
-            ]
-        };
-        let head = [
-            "scene",
-            "engine",
-            "bins",
-            "facets",
-            "per epoch",
-            "fastest",
-            "prepare",
-            "error",
-            "truth",
-        ];
-        let _ = writeln!(text, "{}", line(&head.map(str::to_owned)));
-        for row in self.rows {
-            let _ = writeln!(text, "{}", line(&cells(row)));
-        }
-        text.push_str("\nper epoch: median of the repeats. error: sum |E - truth| / sum truth over the bins, at the scene's\n");
-        text.push_str(
-            "own directions; the time is that of directions turned a little from epoch to epoch.\n",
-        );
-        for (source, meaning) in [
-            ("closed form", "a formula"),
-            ("stored", "exact sums of an independent program, stored with how they were made"),
-            ("none", "no independent truth is known, so no error is given"),
-        ] {
-            if self.rows.iter().any(|r| r.error_source == source) {
-                let _ = writeln!(text, "truth `{source}`: {meaning}.");
+/// Figure with one panel for grey light, one for spectra; none where nothing has an error.
+pub fn figure(found: &Benchmark) -> Option<Figure> {
+    let panel = |title: &str, wanted: &dyn Fn(usize) -> bool| {
+        let mut series: Vec<Series> = Vec::new();
+        for row in found.rows.iter().filter(|r| wanted(r.bins)) {
+            let Some(error) = row.error else { continue };
+            let label = format!("{}, {}", row.scene, row.engine);
+            let point = (row.timing.median_s, error.max(NO_ERROR));
+            match series.iter_mut().find(|s| s.label == label) {
+                Some(series) => series.points.push(point),
+                None => series.push(Series::dots(label, series.len(), vec![point])),
             }
         }
-        text
+        // A ladder's steps belong together.
+        let lines: Vec<Series> = series
+            .iter()
+            .filter(|s| s.points.len() > 1)
+            .map(|s| Series::line("", 0, s.points.clone()).with_colour(s.colour))
+            .collect();
+        series.extend(lines);
+        let x = Axis::log(format!("time per epoch on one thread (s), {title}"));
+        Panel::new(x, Axis::log("relative error (0 at 1e-17)").from_to(0.1 * NO_ERROR, 1.0), series)
+    };
+    let panels = [panel("1 bin", &|bins| bins == 1), panel("a spectrum", &|bins| bins > 1)];
+    let panels: Vec<Panel> = panels.into_iter().filter(|p| !p.series.is_empty()).collect();
+    let title = format!("Light engines: error against time ({})", found.processor);
+    (!panels.is_empty()).then_some(Figure { title, panels })
+}
+
+/// Text of the rows, 110 columns wide at most.
+pub fn text(found: &Benchmark) -> String {
+    let mut text = format!(
+        "Singly scattered sunlight, one thread. sunglint {}, {}\n\n",
+        env!("CARGO_PKG_VERSION"),
+        found.processor
+    );
+    let cells = |r: &BenchRow| {
+        [
+            shortened(&r.scene, 16),
+            r.engine.to_owned(),
+            r.bins.to_string(),
+            r.facets.to_string(),
+            duration(r.timing.median_s),
+            duration(r.timing.fastest_s),
+            r.prepare_s.map_or("-".into(), duration),
+            r.error.map_or("-".into(), |e| if e == 0.0 { "0".into() } else { format!("{e:.1e}") }),
+            r.error_source.to_owned(),
+        ]
+    };
+    let head =
+        ["scene", "engine", "bins", "facets", "per epoch", "fastest", "prepare", "error", "truth"];
+    let _ = writeln!(text, "{}", line(&head.map(str::to_owned)));
+    for row in &found.rows {
+        let _ = writeln!(text, "{}", line(&cells(row)));
     }
+    text.push_str("\nper epoch: median of the repeats. error: sum |E - truth| / sum truth over the bins, at the scene's\n");
+    text.push_str(
+        "own directions; the time is that of directions turned a little from epoch to epoch.\n",
+    );
+    for (source, meaning) in [
+        ("closed form", "a formula"),
+        ("stored", "exact sums of an independent program, stored with how they were made"),
+        ("none", "no independent truth is known, so no error is given"),
+    ] {
+        if found.rows.iter().any(|r| r.error_source == source) {
+            let _ = writeln!(text, "truth `{source}`: {meaning}.");
+        }
+    }
+    text
 }
 
 fn line(cells: &[String; 9]) -> String {
@@ -206,15 +186,6 @@ fn duration(seconds: f64) -> String {
     };
     let places = if value < 10.0 { 2 } else { usize::from(value < 100.0) };
     format!("{value:.places$} {unit}")
-}
-
-/// What the processor calls itself, where the system says so.
-fn processor() -> String {
-    let words = std::fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
-        let line = text.lines().find(|l| l.starts_with("model name"))?;
-        Some(line.split_once(':')?.1.trim().to_owned())
-    });
-    words.unwrap_or_else(|| format!("{} processor", std::env::consts::ARCH))
 }
 
 #[cfg(test)]

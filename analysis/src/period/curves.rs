@@ -18,7 +18,8 @@ const OVERSAMPLING: f64 = 5.0;
 /// Phase bins of the dispersion.
 const BINS: usize = 20;
 /// Warning that a scene cannot say how the body of several tracks was seen.
-pub const GEOMETRY_NOT_USED: &str = "the scene's geometry is not used: it is that of one pass, and these are several tracks";
+pub const GEOMETRY_NOT_USED: &str =
+    "the scene's geometry is not used: it is that of one pass, and these are several tracks";
 
 /// How the period of whole curves is looked for.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -20,9 +20,7 @@ pub mod stats;
 mod sums;
 pub mod verdict;
 
-pub use curves::{
-    Drawn, FoundPeriod, GEOMETRY_NOT_USED, Geometry, PeriodOptions, find_period,
-};
+pub use curves::{Drawn, FoundPeriod, GEOMETRY_NOT_USED, Geometry, PeriodOptions, find_period};
 pub use fit::{HarmonicFit, fit};
 pub use lomb_scargle::{lomb_scargle, window};
 pub use pdm::{Dispersion, dispersion_test, pdm};

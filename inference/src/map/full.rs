@@ -172,10 +172,8 @@ fn along(
     warnings: &mut Vec<String>,
 ) -> Result<(Track, Vec<Shortcut>), MapError> {
     let simulation = pass.simulate(&|_| ())?;
-    let one = [Endmember {
-        name: "unit".into(),
-        reflectance: Spectrum::constant(1.0, 100.0, 1e5)?,
-    }];
+    let one =
+        [Endmember { name: "unit".into(), reflectance: Spectrum::constant(1.0, 100.0, 1e5)? }];
     let air = pass.air.as_ref().map(|air| (air, pass.air_tolerance));
     let bands = Bands::channels(&pass.sun, channels, pass.station.telescope.area_m2(), &one, air)?;
     let samples =

@@ -6,7 +6,7 @@ mod result;
 mod samples;
 
 pub use full::{MapOptions, map_directions};
-pub use quality::{ALIKE, SpinOptions, SpinQuality, SpinQualityError, spin_quality};
+pub use quality::{ALIKE, SpinOptions, SpinQuality, SpinQualityError, TRIED, spin_quality};
 pub use result::{BodyMaps, MapLayer, MapQuantity, Shortcut, Track, TrackColumn};
 pub use samples::{PlacedCurve, map_samples};
 

@@ -9,6 +9,8 @@ use sunglint_numerics::progress::Progress;
 
 /// Axes whose measure is within this factor of the smallest are told: under the Sun place alone does not make the light, and the smallest need not be the true one.
 pub const ALIKE: f64 = 2.0;
+/// End of the warning that the best period is the shortest or the longest of all that were tried.
+pub const TRIED: &str = "that was tried";
 /// Cells that two turns visit: with fewer the measure says nothing.
 const LEAST_CELLS: usize = 10;
 /// Periods at most.
@@ -159,7 +161,7 @@ pub fn spin_quality(
     let ends = [periods[0], periods[periods.len() - 1]];
     if within > 0.0 && ends.contains(&best.0.period_s) {
         warnings.push(format!(
-            "the best period, {:.5} s, is the {} that was tried",
+            "the best period, {:.5} s, is the {} {TRIED}",
             best.0.period_s,
             if best.0.period_s < period_s { "shortest" } else { "longest" }
         ));

@@ -141,9 +141,9 @@ impl Materials {
     fn add(&mut self, materials: &[Material]) -> Result<(), MaterialsError> {
         for material in materials {
             let name = material.name.clone();
-            let (reflectance, changes) = material.normal_colour().map_err(|source| {
-                MaterialsError::Colour { material: name.clone(), source }
-            })?;
+            let (reflectance, changes) = material
+                .normal_colour()
+                .map_err(|source| MaterialsError::Colour { material: name.clone(), source })?;
             if changes {
                 self.warnings.push(format!(
                     "{name}: its colour changes with the angle; the one at normal incidence is used"

@@ -4,7 +4,13 @@ use sunglint_analysis::map::Grid;
 use sunglint_formats::fits::Header;
 
 /// The header of a plane over a sphere: its name and unit, and which longitude and latitude (`axes`, of what) its pixels have.
-pub fn header(name: &str, unit: Option<&str>, grid: Grid, axes: [&str; 2], of: &str) -> Header {
+pub(super) fn header(
+    name: &str,
+    unit: Option<&str>,
+    grid: Grid,
+    axes: [&str; 2],
+    of: &str,
+) -> Header {
     let mut header = Header::default();
     header.set("EXTNAME", name, "");
     if let Some(unit) = unit {

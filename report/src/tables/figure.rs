@@ -1,8 +1,8 @@
 //! Figures of the tables that are curves: over wavelength, wavenumber, altitude or time.
 
+use crate::plot::{Axis, Figure, Panel, Series};
 use std::ops::Range;
 use sunglint_formats::{Column, Table, Values};
-use sunglint_report::plot::{Axis, Figure, Panel, Series};
 
 /// So many lines are told apart in a panel.
 const MOST_LINES: usize = 8;

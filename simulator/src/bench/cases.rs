@@ -1,19 +1,16 @@
 //! What is measured: engines on scenes.
 
-use super::Row;
 use super::timing::{self, Timing};
-use crate::station::StationArgs;
-use anyhow::Context as _;
+use super::{BenchRow, CaseError};
+use crate::light::{DirectionError, Evaluator, Scene, View};
+use crate::mesh::shapes::{Faceting, icosphere};
+use crate::pass::Pass;
+use crate::scenes::{self, BenchScene};
+use crate::target::{Shape, Target};
 use glam::{DQuat, DVec3};
-use std::path::Path;
 use std::time::{Duration, Instant};
 use sunglint_radiometry::quadrature::Product;
 use sunglint_radiometry::spectrum::{Reflectance, Spectrum, SpectrumError};
-use sunglint_simulator::light::{DirectionError, Evaluator, Scene, View};
-use sunglint_simulator::mesh::shapes::{Faceting, icosphere};
-use sunglint_simulator::pass::{Overrides, Pass};
-use sunglint_simulator::scenes::{self, BenchScene};
-use sunglint_simulator::target::{Shape, Target};
 
 /// Subdivisions of the icosahedra that stand for the sphere: 20 × 4ⁿ triangles.
 const LADDER: [u32; 6] = [1, 2, 3, 4, 5, 6];
@@ -36,7 +33,7 @@ const TURN_RAD: f64 = 1e-3;
 pub(super) const PASS_ROWS: usize = 2;
 
 /// Where rows go as they are measured.
-type Done<'a> = &'a mut dyn FnMut(Row) -> anyhow::Result<()>;
+type Done<'a> = &'a mut dyn FnMut(BenchRow) -> Result<(), CaseError>;
 
 /// The rows of a built-in scene.
 pub(super) fn count(name: &str) -> usize {
@@ -49,7 +46,7 @@ pub(super) fn count(name: &str) -> usize {
 }
 
 /// Measures a built-in scene.
-pub(super) fn built_in(name: &str, budget: Duration, done: Done) -> anyhow::Result<()> {
+pub(super) fn built_in(name: &str, budget: Duration, done: Done) -> Result<(), CaseError> {
     let scene = BenchScene::new(name)?;
     engine("exact", &scene, &scene.target, 0.0, budget, done)?;
     if name == SAMPLED {
@@ -79,7 +76,7 @@ fn engine(
     tolerance: f64,
     budget: Duration,
     done: Done,
-) -> anyhow::Result<()> {
+) -> Result<(), CaseError> {
     let start = Instant::now();
     let prepared = Scene::with_tolerance(target, tolerance)?;
     let prepare_s = start.elapsed().as_secs_f64();
@@ -97,7 +94,7 @@ fn engine(
             relative_error(values, if spectral { &truth.bins_w_sr_nm } else { &grey })
         });
         let timing = timing::time(budget, |number| epochs.one(&directions, number))?;
-        done(Row {
+        done(BenchRow {
             scene: scene.name.to_owned(),
             engine,
             bins,
@@ -173,15 +170,9 @@ fn directions(sun: DVec3, view: DVec3) -> Vec<(DVec3, DVec3)> {
         .collect()
 }
 
-/// Reads a scene file.
-pub(super) fn read_pass(path: &Path, station: &StationArgs) -> anyhow::Result<Pass> {
-    crate::simulate::read(path, station, Overrides::default())
-}
-
 /// Measures a scene file: the whole way from orbit to counts, and the light engine with its spectra alone, over the epochs of the file.
-pub(super) fn pass(pass: &Pass, budget: Duration, done: Done) -> anyhow::Result<()> {
-    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-    let one_thread = one_thread.context("cannot start a thread")?;
+pub(super) fn pass(pass: &Pass, budget: Duration, done: Done) -> Result<(), CaseError> {
+    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let simulate = || one_thread.install(|| pass.simulate(&|_| {}));
     let simulation = simulate()?;
     let epochs = pass.times.len();
@@ -192,7 +183,7 @@ pub(super) fn pass(pass: &Pass, budget: Duration, done: Done) -> anyhow::Result<
         epochs: timing.epochs * epochs,
         ..timing
     };
-    let row = |engine, facets, timing, prepare_s, estimate| Row {
+    let row = |engine, facets, timing, prepare_s, estimate| BenchRow {
         scene: pass.name.clone(),
         engine,
         bins: pass.bins(),

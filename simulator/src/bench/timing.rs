@@ -14,7 +14,7 @@ const WANTED: u32 = 31;
 
 /// The time that one epoch takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Timing {
+pub struct Timing {
     /// Median over the stretches, s.
     pub median_s: f64,
     /// The fastest stretch, s per epoch.

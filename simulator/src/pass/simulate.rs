@@ -2,7 +2,7 @@
 
 use super::counts::{Counts, Light};
 use super::functionals::Functionals;
-use super::{BANDS, Pass, PassError, Ready, SpectralQuantity, shadow};
+use super::{BANDS, Pass, PassError, Ready, shadow};
 use crate::attitude::Moment;
 use crate::light::disc::eclipse as fractions;
 use crate::light::engine::Switch;
