@@ -1,6 +1,6 @@
 //! Results as people read them: text, figures, tables, JSON and pages. No algorithm, no file is read here.
 //!
-//! - [`bench`]: error against time of the light engines;
+//! - [`mod@bench`]: error against time of the light engines;
 //! - [`endmembers`]: the spectra that a curve is made of;
 //! - [`explain`]: what a scene needs;
 //! - [`fold`]: folded curves;
