@@ -1,18 +1,16 @@
 //! `sunglint bench`: error against time of the light engines, on one thread.
 
-mod cases;
-mod report;
-mod timing;
-
 use crate::output::{Console, OutputArgs, Usage};
+use crate::simulate;
 use crate::station::StationArgs;
-use anyhow::Context as _;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use report::Report;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::time::Duration;
-use sunglint_formats::nearest_names;
+use sunglint_numerics::progress::Progress;
+use sunglint_report::bench::{product, row_json, text};
+use sunglint_simulator::bench::{BenchError, BenchOptions, BenchRow, bench, find_scenes};
+use sunglint_simulator::pass::Overrides;
 use sunglint_simulator::scenes;
 
 /// Arguments of `sunglint bench`.
@@ -35,23 +33,6 @@ pub struct BenchArgs {
     pub out: OutputArgs,
 }
 
-/// What was measured of one engine on one scene with one grid.
-#[derive(Debug, Clone)]
-struct Row {
-    scene: String,
-    engine: &'static str,
-    bins: usize,
-    facets: usize,
-    timing: timing::Timing,
-    /// Time to make the scene ready, s; `None` where it is part of the time for an epoch.
-    prepare_s: Option<f64>,
-    /// Σ|E−Ê|/ΣÊ; `None` without a truth.
-    error: Option<f64>,
-    error_source: &'static str,
-    /// What the engine thinks of its own error; `None` where it thinks nothing.
-    estimate: Option<f64>,
-}
-
 /// Measures.
 pub fn run(args: &BenchArgs, console: Console) -> anyhow::Result<()> {
     args.out.check_with(console)?;
@@ -60,75 +41,65 @@ pub fn run(args: &BenchArgs, console: Console) -> anyhow::Result<()> {
         let seconds = args.seconds;
         return Err(Usage(format!("--seconds is {seconds}, expected a time above 0 s")).into());
     }
-    let names = scene_names(args)?;
-    let passes = args
-        .passes
-        .iter()
-        .map(|path| cases::read_pass(path, &args.station))
-        .collect::<anyhow::Result<Vec<_>>>()?;
+    let scenes = match args.scene.is_empty() && args.passes.is_empty() {
+        true => scenes::NAMES.to_vec(),
+        false => find_scenes(&args.scene)?,
+    };
+    let read = |path: &PathBuf| simulate::read(path, &args.station, Overrides::default());
+    let passes = args.passes.iter().map(read).collect::<anyhow::Result<Vec<_>>>()?;
     if cfg!(debug_assertions) {
         console
             .warn("this program was built without --release: its times are not those of a release");
     }
-    let count: usize = names.iter().map(|name| cases::count(name)).sum();
-    let count = count + passes.len() * cases::PASS_ROWS;
-    let budget = Duration::from_secs_f64((args.seconds / count as f64).min(3600.0));
-    let bar = progress(count, console);
-    let mut rows: Vec<Row> = Vec::new();
-    let mut done = |row: Row| -> anyhow::Result<()> {
+    let options = BenchOptions { scenes, passes, seconds: args.seconds };
+    let bar = Bar(progress(console));
+    let mut printed = Ok(());
+    // Lines as they come: whoever waits sees that something happens.
+    let mut each = |row: &BenchRow| {
         if console.json {
-            // Lines as they come: whoever waits sees that something happens.
-            bar.suspend(|| console.print(&report::json(&row).to_string()))?;
+            printed = bar.0.suspend(|| console.print(&row_json(row).to_string()));
         }
-        bar.inc(1);
-        rows.push(row);
-        Ok(())
+        if printed.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
-    for name in &names {
-        bar.set_message((*name).to_owned());
-        cases::built_in(name, budget, &mut done).with_context(|| format!("scene {name}"))?;
-    }
-    for (path, pass) in args.passes.iter().zip(&passes) {
-        bar.set_message(pass.name.clone());
-        let measured = cases::pass(pass, budget, &mut done);
-        measured.with_context(|| path.display().to_string())?;
-    }
-    bar.finish_and_clear();
-    let report = Report { rows: &rows };
+    let found = bench(&options, &bar, &mut each);
+    printed?;
+    let found = found.map_err(|error| match error {
+        BenchError::Pass { index, source, .. } => {
+            anyhow::Error::from(source).context(args.passes[index].display().to_string())
+        }
+        error => error.into(),
+    })?;
+    bar.0.finish_and_clear();
     if console.json {
-        let files = args.out.files_of(&report.product())?;
+        let files = args.out.files_of(&product(&found))?;
         args.out.write_files(&files, console)?;
         return Ok(());
     }
-    args.out.finish(&report.product(), &report.text(), console)
+    args.out.finish(&product(&found), &text(&found), console)
 }
 
-/// The built-in scenes that are wanted.
-fn scene_names(args: &BenchArgs) -> anyhow::Result<Vec<&'static str>> {
-    if args.scene.is_empty() {
-        return Ok(if args.passes.is_empty() { scenes::NAMES.to_vec() } else { Vec::new() });
+struct Bar(ProgressBar);
+
+impl Progress for Bar {
+    fn begin(&self, _stage: &str, steps: Option<u64>) {
+        self.0.set_length(steps.unwrap_or(0));
     }
-    let find = |wanted: &String| {
-        scenes::NAMES.into_iter().find(|name| name == wanted).with_context(|| {
-            let near = nearest_names(wanted, scenes::NAMES, 1);
-            let hint = near.first().map_or(String::new(), |near| format!("; did you mean {near}?"));
-            let names = scenes::NAMES.join(", ");
-            format!("there is no bench scene `{wanted}`; the scenes are {names}{hint}")
-        })
-    };
-    let mut names = args.scene.iter().map(find).collect::<anyhow::Result<Vec<_>>>()?;
-    // In the order of the list, each once.
-    names.sort_by_key(|name| scenes::NAMES.iter().position(|known| known == name));
-    names.dedup();
-    Ok(names)
+
+    fn advance(&self, steps: u64) {
+        self.0.inc(steps);
+    }
+
+    fn status(&self, text: &str) {
+        self.0.set_message(text.to_owned());
+    }
 }
 
 /// A bar on stderr; none when that is no terminal, none with `-q`.
-fn progress(rows: usize, console: Console) -> ProgressBar {
+fn progress(console: Console) -> ProgressBar {
     if console.quiet {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::new(rows as u64);
+    let bar = ProgressBar::new(0);
     match ProgressStyle::with_template("{msg:>18} {wide_bar} {pos}/{len} {eta}") {
         Ok(style) => bar.with_style(style),
         // A template that does not parse would only leave the plain bar.

@@ -2,8 +2,18 @@
 //!
 //! - [`solver`]: the fit of measured passes by simulated ones;
 //! - [`attitude`]: spin axis, period and phase of a known shape;
-//! - [`range`]: how far the lit and seen surface is.
+//! - [`range`]: how far the lit and seen surface is;
+//! - [`bisector`]: the way of the bisector of Sun and station along a scene;
+//! - [`lit_curve`]: a curve and the light under which it was taken;
+//! - [`unmix`]: how much of the light of a curve comes from which material;
+//! - [`endmembers`]: the spectra that a curve is made of;
+//! - [`map`]: samples of a curve, or all directions, on the body's frame.
 
 pub mod attitude;
+pub mod bisector;
+pub mod endmembers;
+pub mod lit_curve;
+pub mod map;
 pub mod range;
 pub mod solver;
+pub mod unmix;

@@ -2,7 +2,7 @@
 //! source and licence in its header, embedded whole.
 
 use std::sync::OnceLock;
-use sunglint_formats::{Table, ecsv};
+use sunglint_formats::{Table, ecsv, nearest_names};
 
 /// One embedded table.
 #[derive(Debug)]
@@ -70,6 +70,20 @@ embedded! {
 /// The embedded table of that name.
 pub fn get(name: &str) -> Option<&'static Embedded> {
     all().iter().copied().find(|t| t.name == name)
+}
+
+/// Names of embedded tables that are similar to one that does not exist: first those that contain it, then those that are spelt alike.
+pub fn similar_names(wanted: &str) -> Vec<&'static str> {
+    let names = || all().iter().map(|t| t.name);
+    let lower = wanted.to_lowercase();
+    let mut found: Vec<&str> = names().filter(|n| lower.len() > 2 && n.contains(&lower)).collect();
+    found.truncate(6);
+    for near in nearest_names(wanted, names(), 3) {
+        if found.len() < 3 && !found.contains(&near) {
+            found.push(near);
+        }
+    }
+    found
 }
 
 #[cfg(test)]

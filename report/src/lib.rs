@@ -1,17 +1,34 @@
 //! Results as people read them: text, figures, tables, JSON and pages. No algorithm, no file is read here.
 //!
+//! - [`mod@bench`]: error against time of the light engines;
+//! - [`endmembers`]: the spectra that a curve is made of;
 //! - [`explain`]: what a scene needs;
+//! - [`fold`]: folded curves;
+//! - [`mod@map`]: maps on the frame of a body;
+//! - [`mod@period`]: the period of curves;
+//! - [`session`]: what of a recorded night is there;
+//! - [`tables`]: the embedded tables;
+//! - [`mod@unmix`]: materials in the light of a curve;
 //! - [`plot`]: figures as PNG or SVG;
 //! - [`page`]: pages as HTML;
 //! - [`Product`]: a result in all its forms;
 //! - [`rounded`]: numbers as summaries hold them.
 
+pub mod bench;
+pub mod endmembers;
 pub mod explain;
+pub mod fold;
+mod inputs;
 mod lines;
+pub mod map;
 mod numbers;
 pub mod page;
+pub mod period;
 pub mod plot;
 mod product;
+pub mod session;
+pub mod tables;
+pub mod unmix;
 
 pub use lines::channel_line;
 pub use numbers::rounded;

@@ -11,6 +11,7 @@
 //! - [`ranging`]: lasers, photons per shot and how they are spread over depth;
 //! - [`pass`]: all of it along a pass, to spectra, magnitudes and count rates;
 //! - [`scenes`]: bodies and directions on which light engines are compared, with independent truths;
+//! - [`mod@bench`]: error against time of the light engines on them.
 //!
 //! # Frames and conventions
 //! Positions and directions in space are GCRS axes, metres. A body's attitude is the rotation from its own axes to the GCRS, written
@@ -18,6 +19,7 @@
 //! outward normal. Directions on a surface point away from it: towards the Sun, towards the observer.
 
 pub mod attitude;
+pub mod bench;
 pub mod light;
 pub mod mesh;
 pub mod pass;

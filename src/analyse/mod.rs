@@ -4,10 +4,10 @@ mod attitude;
 mod curves;
 mod endmembers;
 mod fold;
+mod given;
 mod map;
-mod numbers;
-mod path;
 mod period;
+mod progress;
 mod unmix;
 
 pub use attitude::AttitudeArgs;

@@ -5,8 +5,10 @@
 //! - [`window()`]: what the sampling alone does;
 //! - [`pdm()`]: phase dispersion minimisation;
 //! - [`false_alarm()`]: how often noise alone gives such a peak;
-//! - [`mod@verdict`]: one period, a family, or not enough data.
+//! - [`mod@verdict`]: one period, a family, or not enough data;
+//! - [`find_period()`]: all of it for the curves of some files.
 
+mod curves;
 mod fft;
 mod fit;
 mod lines;
@@ -18,6 +20,7 @@ pub mod stats;
 mod sums;
 pub mod verdict;
 
+pub use curves::{Drawn, FoundPeriod, GEOMETRY_NOT_USED, Geometry, PeriodOptions, find_period};
 pub use fit::{HarmonicFit, fit};
 pub use lomb_scargle::{lomb_scargle, window};
 pub use pdm::{Dispersion, dispersion_test, pdm};

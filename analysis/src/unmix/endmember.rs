@@ -10,3 +10,8 @@ pub struct Endmember {
     /// Its reflectance.
     pub reflectance: Spectrum<Reflectance>,
 }
+
+/// A material's name as columns of tables have it: letters, digits and `_`.
+pub fn column_name(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
+}

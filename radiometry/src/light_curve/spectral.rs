@@ -10,6 +10,35 @@ use sunglint_formats::fits::{Fits, Header, Image, Kind, Pixels, Writer, ascii_js
 use sunglint_formats::flag_bits::{Numbering, bit_names};
 use sunglint_formats::{Column, ParseError, Table, Values};
 
+/// Quantity that a spectral light curve of a simulation gives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SpectralQuantity {
+    /// Spectral radiant intensity of the target towards the station, W sr⁻¹ nm⁻¹: no air, no distance.
+    #[default]
+    Intensity,
+    /// Spectral irradiance at the telescope, after the air, W m⁻² nm⁻¹.
+    Irradiance,
+}
+
+impl SpectralQuantity {
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Intensity => "spectral radiant intensity",
+            Self::Irradiance => "spectral irradiance at the telescope, after the air",
+        }
+    }
+
+    /// The unit as astropy spells it.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Intensity => "W / (sr nm)",
+            Self::Irradiance => "W / (m2 nm)",
+        }
+    }
+}
+
 /// A light curve in wavelength bins.
 ///
 /// In FITS: an image (`NAXIS1` = bins, `NAXIS2` = times, `BUNIT`), a table `BINS` (`lower_nm`, `upper_nm`) and a table `SAMPLES` with the

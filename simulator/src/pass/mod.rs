@@ -54,6 +54,7 @@ pub use ready::{Eye, Ready, Sample};
 pub use result::{StandardMagnitude, StatedError, WITHIN_AN_EXPOSURE};
 pub use simulate::{Bounds, ChannelSamples, Place, Progress, Simulation, Stage};
 pub use study::{Averaged, Study, TermRates, Thinned};
+pub use sunglint_radiometry::light_curve::SpectralQuantity;
 
 use crate::attitude::Attitude;
 use crate::light::EarthAlbedo;
@@ -72,17 +73,6 @@ use sunglint_radiometry::station::Station;
 
 /// The Johnson–Cousins bands in which magnitudes are given.
 pub const BANDS: [&str; 5] = ["U", "B", "V", "R", "I"];
-
-/// What the spectra of a simulation are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum SpectralQuantity {
-    /// Spectral radiant intensity of the target towards the station, W sr⁻¹ nm⁻¹: no air, no distance.
-    #[default]
-    Intensity,
-    /// Spectral irradiance at the telescope, after the air, W m⁻² nm⁻¹.
-    Irradiance,
-}
 
 /// Everything that a pass is made of; nothing is read any more.
 #[derive(Debug, Clone)]

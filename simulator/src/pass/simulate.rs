@@ -2,7 +2,7 @@
 
 use super::counts::{Counts, Light};
 use super::functionals::Functionals;
-use super::{BANDS, Pass, PassError, Ready, SpectralQuantity, shadow};
+use super::{BANDS, Pass, PassError, Ready, shadow};
 use crate::attitude::Moment;
 use crate::light::disc::eclipse as fractions;
 use crate::light::engine::Switch;
@@ -440,22 +440,4 @@ impl Pass {
 /// All of them, or the first error: which one that is must not depend on the threads.
 pub(super) fn first_error<T>(results: Vec<Result<T, PassError>>) -> Result<Vec<T>, PassError> {
     results.into_iter().collect()
-}
-
-impl SpectralQuantity {
-    /// In words.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Intensity => "spectral radiant intensity",
-            Self::Irradiance => "spectral irradiance at the telescope, after the air",
-        }
-    }
-
-    /// The unit as astropy spells it.
-    pub fn unit(self) -> &'static str {
-        match self {
-            Self::Intensity => "W / (sr nm)",
-            Self::Irradiance => "W / (m2 nm)",
-        }
-    }
 }

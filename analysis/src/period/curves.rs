@@ -1,0 +1,252 @@
+//! The period of whole curves: the verdict of all channels, on the clock of the body where a pass says how that goes, and the periodograms to draw.
+
+use super::verdict::{Along, Outcome, verdict_along};
+use super::{
+    Grid, Options, PeriodError, Spectrum, Verdict, lomb_scargle, pdm, spectrum, verdict, window,
+};
+use crate::curves::Curves;
+use crate::series::{Series, SeriesError};
+use crate::synodic::{Bisectors, Sidereal};
+use sunglint_numerics::progress::Progress;
+
+/// A gap that parts tracks where the whole is too long to be looked at, s: turns over it are not counted by anyone.
+const GAP_S: f64 = 3600.0;
+/// Frequencies of the periodograms at most: every k-th where the search has more.
+const MOST_ROWS: usize = 20_000;
+/// Frequencies to a resolution.
+const OVERSAMPLING: f64 = 5.0;
+/// Phase bins of the dispersion.
+const BINS: usize = 20;
+/// Warning that a scene cannot say how the body of several tracks was seen.
+pub const GEOMETRY_NOT_USED: &str =
+    "the scene's geometry is not used: it is that of one pass, and these are several tracks";
+
+/// How the period of whole curves is looked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PeriodOptions {
+    /// The shortest and the longest period.
+    pub search: Options,
+    /// Gaps longer than this part a curve into tracks, s; `None`: an hour where the whole needs too many frequencies, else none.
+    pub gap_s: Option<f64>,
+    /// Harmonics of the periodograms; the verdict chooses its own.
+    pub harmonics: usize,
+}
+
+impl Default for PeriodOptions {
+    fn default() -> Self {
+        Self { search: Options::default(), gap_s: None, harmonics: 1 }
+    }
+}
+
+/// Periodograms of a channel over the frequencies of [`FoundPeriod::grid`].
+#[derive(Debug, Clone)]
+pub struct Drawn {
+    /// The channel's name.
+    pub name: String,
+    /// Power of the harmonics.
+    pub power: Vec<f64>,
+    /// Phase dispersion.
+    pub theta: Vec<f64>,
+    /// Amplitudes of the Fourier spectrum where the sampling is regular: at frequencies of its own.
+    pub fourier: Option<Spectrum>,
+}
+
+/// The period of some curves.
+#[derive(Debug, Clone)]
+pub struct FoundPeriod {
+    /// The curves.
+    pub curves: Curves,
+    /// The samples that were looked at, on the clock of the body where there is one.
+    pub series: Vec<Series>,
+    /// The verdict; with a clock in the time of the spin.
+    pub verdict: Verdict,
+    /// The frequencies of the periodograms; `None` where no period could be looked for.
+    pub grid: Option<Grid>,
+    /// The periodograms, channel by channel.
+    pub drawn: Vec<Drawn>,
+    /// What the sampling alone does.
+    pub window: Vec<f64>,
+    /// Bounds of the spin's period by the geometry of the pass.
+    pub sidereal: Option<Sidereal>,
+    /// The clock that goes with the body, where one was found.
+    pub along: Option<Along>,
+    /// What a person should know of the result.
+    pub warnings: Vec<String>,
+    /// Harmonics of the periodograms.
+    pub harmonics: usize,
+}
+
+/// Finds the way of the bisector of Sun and station at the times of some series; `None` where it is not known.
+pub type Geometry<'a, E> = &'a dyn Fn(&[Series]) -> Result<Option<Bisectors>, E>;
+
+/// Looks for the period of some curves. `geometry` is asked once, after the first verdict, and only if the curves are one track.
+///
+/// # Errors
+/// Bounds or numbers of harmonics that cannot be; more frequencies than can be looked at; what `geometry` fails with.
+pub fn find_period<E>(
+    curves: Curves,
+    options: &PeriodOptions,
+    geometry: Option<Geometry<'_, E>>,
+    progress: &dyn Progress,
+) -> Result<FoundPeriod, E>
+where
+    E: From<PeriodError> + From<SeriesError>,
+{
+    progress.begin("looking for periods", None);
+    let (series, verdict, tracks) = ask::<E>(&curves, options)?;
+    let mut warnings = curves.warnings.clone();
+    if tracks > 1 {
+        warnings.push(format!(
+            "{tracks} tracks: turns between them are not counted, and one period is taken to hold in all (each track in a file of its own shows its own period)"
+        ));
+    }
+    if geometry.is_some() && tracks > 1 {
+        warnings.push(GEOMETRY_NOT_USED.into());
+    }
+    let mut found = FoundPeriod {
+        curves,
+        series,
+        verdict,
+        grid: None,
+        drawn: Vec::new(),
+        window: Vec::new(),
+        sidereal: None,
+        along: None,
+        warnings,
+        harmonics: options.harmonics,
+    };
+    if let Some(geometry) = geometry.filter(|_| tracks == 1)
+        && let Some(bisectors) = geometry(&found.series)?
+    {
+        progress.begin("looking for a clock that goes with the body", None);
+        found.follow(&bisectors, &options.search)?;
+    }
+    progress.begin("drawing the periodograms", None);
+    found.draw()?;
+    found.concerns();
+    Ok(found)
+}
+
+/// The verdict on curves, or on their tracks: the series, the verdict, and how many tracks a file has at most.
+fn ask<E>(curves: &Curves, options: &PeriodOptions) -> Result<(Vec<Series>, Verdict, usize), E>
+where
+    E: From<PeriodError> + From<SeriesError>,
+{
+    if let Some(gap_s) = options.gap_s {
+        let (series, tracks) = curves.tracks(gap_s)?;
+        let found = verdict(&series, &options.search)?;
+        return Ok((series, found, tracks));
+    }
+    let series = curves.series()?;
+    match verdict(&series, &options.search) {
+        Err(error @ PeriodError::TooMany { .. }) => {
+            let (parted, tracks) = curves.tracks(GAP_S)?;
+            if tracks == 1 {
+                return Err(error.into());
+            }
+            let found = verdict(&parted, &options.search)?;
+            Ok((parted, found, tracks))
+        }
+        found => Ok((series, found?, 1)),
+    }
+}
+
+impl FoundPeriod {
+    /// Looks for a clock that goes with the body along a pass.
+    fn follow(&mut self, bisectors: &Bisectors, options: &Options) -> Result<(), PeriodError> {
+        self.along = verdict_along(&self.series, options, &self.verdict, bisectors)?;
+        if let Some(along) = &self.along {
+            self.verdict = along.verdict.clone();
+            self.series.clone_from(&along.series);
+        }
+        let best = self.drawn_verdict().best;
+        self.sidereal = best.map(|best| bisectors.bounds(best.period_s));
+        Ok(())
+    }
+
+    /// Periodograms, dispersions and the window over the frequencies that were looked at.
+    fn draw(&mut self) -> Result<(), PeriodError> {
+        let Some((shortest_s, longest_s)) = self.verdict.searched_s else { return Ok(()) };
+        let span_s = self.series.iter().map(Series::span_s).fold(0.0, f64::max);
+        let (first_hz, last_hz) = (1.0 / longest_s, 1.0 / shortest_s);
+        let fine = 1.0 / (OVERSAMPLING * self.harmonics as f64 * span_s);
+        let step_hz = fine.max((last_hz - first_hz) / MOST_ROWS as f64);
+        if step_hz > 1.5 * fine {
+            self.warnings.push(format!(
+                "table and figure hold {MOST_ROWS} frequencies, one in {:.0}: narrow peaks may fall between them; the verdict saw all",
+                step_hz / fine
+            ));
+        }
+        let n = ((last_hz - first_hz) / step_hz).floor() as usize + 1;
+        let grid = Grid { first_hz, step_hz, n };
+        let periods: Vec<f64> = (0..n).map(|i| 1.0 / grid.frequency_hz(i)).collect();
+        let left_out = |s: &Series| self.verdict.left_out.iter().any(|(name, _)| *name == s.name);
+        let mut drawn = Vec::new();
+        for series in self.series.iter().filter(|s| !left_out(s)) {
+            let bins = BINS.min(series.len() / 3).max(2);
+            drawn.push(Drawn {
+                name: series.name.clone(),
+                power: lomb_scargle(series, &grid, self.harmonics)?,
+                theta: pdm(series, &periods, bins)?.iter().map(|d| d.theta).collect(),
+                fourier: spectrum(series).ok().filter(|s| s.beside == 0),
+            });
+        }
+        let longest = self.series.iter().max_by(|a, b| a.span_s().total_cmp(&b.span_s()));
+        if let Some(series) = longest {
+            let even = Series { weight: vec![1.0; series.len()], ..series.clone() };
+            self.window = window(&even, &grid)?;
+        }
+        (self.grid, self.drawn) = (Some(grid), drawn);
+        Ok(())
+    }
+
+    /// Adds what was left out and found odd to the warnings.
+    fn concerns(&mut self) {
+        for (name, error) in &self.verdict.left_out {
+            let text = error.to_string();
+            let named = text.starts_with(name.as_str());
+            self.warnings.push(if named {
+                format!("left out: {text}")
+            } else {
+                format!("left out: {name}: {text}")
+            });
+        }
+        for series in &self.series {
+            let odd = series.left_out;
+            if odd.same_time > 0 {
+                self.warnings.push(format!(
+                    "{}: {} samples share their time with another: all are used",
+                    series.name, odd.same_time
+                ));
+            }
+            if !series.is_weighted && !series.is_empty() {
+                self.warnings.push(format!(
+                    "{}: an uncertainty is 0 or missing: all samples weigh the same",
+                    series.name
+                ));
+            }
+        }
+        for drawn in &self.drawn {
+            if let Some(fourier) = drawn.fourier.as_ref().filter(|f| f.missing > 0) {
+                self.warnings.push(format!(
+                    "{}: the Fourier spectrum takes {} missing samples for the mean",
+                    drawn.name, fourier.missing
+                ));
+            }
+        }
+    }
+
+    /// The period to fold on, s: the verdict's best, if it has one that was accepted.
+    pub fn folds_on(&self) -> Option<f64> {
+        let verdict = self.drawn_verdict();
+        match &verdict.outcome {
+            Outcome::One(_) | Outcome::Family(_) => verdict.best.map(|b| b.period_s),
+            _ => None,
+        }
+    }
+
+    /// The verdict in the time of the series, which may be a clock's.
+    pub fn drawn_verdict(&self) -> &Verdict {
+        self.along.as_ref().map_or(&self.verdict, |along| &along.in_clock)
+    }
+}

@@ -1,0 +1,290 @@
+//! The period of light curves: the verdict as text, JSON and table, and the periodograms as a figure.
+
+mod figure;
+
+pub use figure::figure;
+
+use crate::{Product, inputs, rounded};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use sunglint_analysis::map::longitude_latitude;
+use sunglint_analysis::period::FoundPeriod;
+use sunglint_analysis::period::verdict::{Along, Estimate, Member, Membership, Outcome, Question};
+use sunglint_formats::{Column, Table};
+
+/// A period to the second digit of its uncertainty.
+fn with_sigma(e: &Estimate) -> String {
+    if !(e.sigma_s.is_finite() && e.sigma_s > 0.0) {
+        return format!("{:.6} s (uncertainty not known)", e.period_s);
+    }
+    let digits = (1.0 - e.sigma_s.log10().floor()).clamp(0.0, 12.0) as usize;
+    format!("{:.digits$} ± {:.digits$} s", e.period_s, e.sigma_s)
+}
+
+fn percent(share: f64) -> String {
+    if share < 0.1 { format!("{:.1} %", 100.0 * share) } else { format!("{:.0} %", 100.0 * share) }
+}
+
+/// All forms of the result.
+pub fn product(found: &FoundPeriod) -> Product {
+    Product {
+        name: "period".into(),
+        table: table(found),
+        figure: figure(found),
+        json: json(found),
+        ..Product::default()
+    }
+}
+
+/// Text of the verdict.
+pub fn text(found: &FoundPeriod) -> String {
+    let mut text = String::new();
+    let v = &found.verdict;
+    match &v.outcome {
+        Outcome::One(e) => {
+            let _ = writeln!(text, "verdict   one period: {}", with_sigma(e));
+        }
+        Outcome::Family(members) => {
+            let _ = writeln!(text, "verdict   a family of periods: the data do not choose");
+            for member in members {
+                let _ = writeln!(
+                    text,
+                    "          {}, {:.1} turns: {}",
+                    with_sigma(&member.estimate),
+                    member.turns,
+                    why(found, member)
+                );
+            }
+        }
+        Outcome::NotEnough(reason) => {
+            let _ = writeln!(text, "verdict   not enough data: {reason}");
+        }
+        _ => {}
+    }
+    if let Some(best) = &v.best {
+        let span = found.series.iter().map(|s| s.span_s()).fold(0.0, f64::max);
+        let _ = writeln!(
+            text,
+            "best      {}: {:.2} turns, {} harmonics stand out",
+            with_sigma(best),
+            span / best.period_s,
+            v.harmonics
+        );
+    }
+    if let (Some(alarm), beside) = (v.false_alarm, v.beside) {
+        let beside = beside.map_or("not known, too few turns".to_owned(), |b| format!("{b:.1e}"));
+        let _ = writeln!(
+            text,
+            "chance    that noise does as well: at most {alarm:.1e} (white noise, correlation counted), {beside} (noise as beside its harmonics)"
+        );
+    }
+    for q in &v.questions {
+        let _ = writeln!(text, "question  {}", words(q));
+    }
+    if let Some((shortest, longest)) = v.searched_s {
+        let _ = writeln!(text, "searched  periods from {shortest:.5} s to {longest:.5} s");
+    }
+    for (harmonics, period, gain) in &v.peaks {
+        let of =
+            if *harmonics == 1 { "1 harmonic".into() } else { format!("{harmonics} harmonics") };
+        let _ = writeln!(
+            text,
+            "peak      of {of}, all channels: {period:.6} s, gains {gain:.1} in 2 ln L"
+        );
+    }
+    for (frequency, height) in v.window_peaks.iter().take(3) {
+        let _ = writeln!(
+            text,
+            "sampling  repeats every {:.5} s ({} of its spectrum at 0): f and {frequency:.5} Hz ± f look alike",
+            1.0 / frequency,
+            percent(*height)
+        );
+    }
+    let _ = writeln!(
+        text,
+        "channels  {} with {} samples, worth {:.1} independent ones; {} of the samples are independent",
+        found.drawn.len(),
+        found.series.iter().map(|s| s.len()).sum::<usize>(),
+        v.independent_channels / found.along.as_ref().map_or(1.0, |a| a.stretches as f64),
+        percent(v.independent_samples)
+    );
+    let removed = if found.curves.removed.is_empty() {
+        "nothing".to_owned()
+    } else {
+        found.curves.removed.join(", ")
+    };
+    let _ = writeln!(text, "removed   {removed}");
+    if let Some(a) = &found.along {
+        let (axis, c) = (axis_deg(a), a.clock);
+        let _ = writeln!(
+            text,
+            "along     {}; a clock that goes with the body (axis at RA {:.0}°, Dec {:+.0}°) bends by up to {:.3} of a turn; on even time {} more is left",
+            stretches(a.stretches, a.way_deg),
+            axis.0,
+            axis.1,
+            c.bend_turns,
+            percent(a.even_share)
+        );
+        let _ = writeln!(
+            text,
+            "spin      the periods above are the spin's own (sidereal): the best from {:.5} s to {:.5} s, about axes whose clocks fit as well ({} of the sky)",
+            a.sidereal_s.0,
+            a.sidereal_s.1,
+            percent(a.alike)
+        );
+    }
+    if let (Some(s), None) = (&found.sidereal, &found.along) {
+        let _ = writeln!(
+            text,
+            "sidereal  the bisector of Sun and station moves by up to {:.4} deg/s, {:.1} deg in all: the spin's period is between {:.5} s and {:.5} s (axis across the bisector; further apart near the axis)",
+            s.fastest_deg_s, s.moved_deg, s.from_to_s.0, s.from_to_s.1
+        );
+    }
+    text
+}
+
+fn why(found: &FoundPeriod, member: &Member) -> String {
+    let question = |longer: f64, shorter: f64| {
+        let near = |a: f64, b: f64| (a - b).abs() < 0.05 * b;
+        found
+            .verdict
+            .questions
+            .iter()
+            .find(|q| near(q.longer_s, longer) && near(q.shorter_s, shorter))
+    };
+    let best = found.verdict.best.map_or(f64::NAN, |b| b.period_s);
+    let period = member.estimate.period_s;
+    match member.membership {
+        Membership::Best => "the smallest that fits".into(),
+        // Four times the best stand against twice.
+        Membership::Multiple(n) => match question(period, if n == 4 { 2.0 * best } else { best }) {
+            Some(Question { chance: None, .. }) => {
+                format!(
+                    "{n} times the best: too few turns to tell; data over {:.0} s would",
+                    8.0 * period
+                )
+            }
+            Some(Question { unlike: Some(u), .. }) => format!(
+                "{n} times the best: successive turns may differ by up to {} of the light; less noise or more turns would tell",
+                percent(*u)
+            ),
+            _ => format!("{n} times the best: neither there nor ruled out; more turns would tell"),
+        },
+        Membership::Part(q) => {
+            format!(
+                "1/{q} of the best: may be enough; more turns would show whether its turns differ"
+            )
+        }
+        Membership::Alias => "another peak, nearly as high; samples in the gaps would tell".into(),
+        _ => String::new(),
+    }
+}
+
+/// Summary with its documented keys.
+pub fn json(found: &FoundPeriod) -> Value {
+    let v = &found.verdict;
+    let estimate =
+        |e: &Estimate| json!({ "period_s": rounded(e.period_s), "sigma_s": finite(e.sigma_s) });
+    let outcome = match &v.outcome {
+        Outcome::One(_) => json!("one"),
+        Outcome::Family(_) => json!("family"),
+        _ => json!("not_enough"),
+    };
+    let members: Vec<Value> = match &v.outcome {
+            Outcome::One(e) => vec![json!({ "period_s": rounded(e.period_s), "sigma_s": finite(e.sigma_s), "turns": null, "why": "the only one" })],
+            Outcome::Family(members) => members
+                .iter()
+                .map(|m| json!({ "period_s": rounded(m.estimate.period_s), "sigma_s": finite(m.estimate.sigma_s), "turns": rounded(m.turns), "why": why(found, m) }))
+                .collect(),
+            _ => Vec::new(),
+        };
+    let reason = match &v.outcome {
+        Outcome::NotEnough(reason) => json!(reason.to_string()),
+        _ => Value::Null,
+    };
+    json!({
+        "verdict": outcome,
+        "periods": members,
+        "reason": reason,
+        "best": v.best.as_ref().map(estimate),
+        "harmonics": v.harmonics,
+        "false_alarm": v.false_alarm,
+        "chance_beside": v.beside,
+        "questions": v.questions.iter().map(|q| json!({
+            "longer_s": rounded(q.longer_s), "shorter_s": rounded(q.shorter_s), "chance": q.chance, "unlike": q.unlike.map(rounded), "dispersion_chance": q.dispersion_chance,
+        })).collect::<Vec<_>>(),
+        "peaks": v.peaks.iter().map(|(k, p, g)| json!({ "harmonics": k, "period_s": rounded(*p), "gain": rounded(*g) })).collect::<Vec<_>>(),
+        "searched_s": v.searched_s.map(|(a, b)| [rounded(a), rounded(b)]),
+        "window_peaks": v.window_peaks.iter().map(|(f, h)| json!({ "frequency_hz": rounded(*f), "height": rounded(*h) })).collect::<Vec<_>>(),
+        "independent_channels": rounded(v.independent_channels),
+        "independent_samples": rounded(v.independent_samples),
+        "sidereal": found.sidereal.map(|s| json!({ "fastest_deg_s": rounded(s.fastest_deg_s), "moved_deg": rounded(s.moved_deg), "from_to_s": [finite(s.from_to_s.0), finite(s.from_to_s.1)] })),
+        "along": found.along.as_ref().map(|a| json!({
+            "stretches": a.stretches, "way_deg": rounded(a.way_deg), "ra_deg": rounded(axis_deg(a).0), "dec_deg": rounded(axis_deg(a).1),
+            "synodic_s": rounded(a.clock.synodic_s), "bend_turns": rounded(a.clock.bend_turns), "even_share": rounded(a.even_share), "sidereal_s": [rounded(a.sidereal_s.0), rounded(a.sidereal_s.1)], "sky_share": rounded(a.alike),
+        })),
+        "channels": found.series.iter().map(|s| json!({
+            "name": s.name, "samples": s.len(), "flagged": s.left_out.flagged, "not_finite": s.left_out.not_finite, "same_time": s.left_out.same_time,
+        })).collect::<Vec<_>>(),
+        "removed": found.curves.removed,
+        "warnings": found.warnings,
+        "inputs": inputs::json(&found.curves.inputs),
+    })
+}
+
+/// Table with a row for each frequency: the window, and by channel power and dispersion.
+pub fn table(found: &FoundPeriod) -> Table {
+    let Some(grid) = found.grid else { return Table::default() };
+    let frequency: Vec<f64> = (0..grid.n).map(|i| grid.frequency_hz(i)).collect();
+    let mut columns = vec![
+        Column::f64("frequency_hz", Some("Hz"), frequency.clone()),
+        Column::f64("period_s", Some("s"), frequency.iter().map(|f| 1.0 / f).collect()),
+        Column::f64("window", None, found.window.clone()),
+    ];
+    for d in &found.drawn {
+        let name = d.name.replace(' ', "_");
+        columns.push(Column::f64(format!("{name}_power"), None, d.power.clone()));
+        columns.push(Column::f64(format!("{name}_theta"), None, d.theta.clone()));
+    }
+    let mut table = Table { columns, ..Table::default() };
+    let summary = json(found);
+    for key in ["verdict", "periods", "reason", "best", "searched_s", "removed", "inputs"] {
+        table.meta.insert(key.into(), summary[key].clone());
+    }
+    table.meta.insert("harmonics".into(), json!(found.harmonics));
+    table
+}
+
+fn finite(value: f64) -> Value {
+    if value.is_finite() { json!(rounded(value)) } else { Value::Null }
+}
+
+/// Right ascension (0 to 360°) and declination of the clock's axis.
+fn axis_deg(along: &Along) -> (f64, f64) {
+    let (longitude, latitude) = longitude_latitude(along.clock.axis);
+    (longitude.rem_euclid(360.0), latitude)
+}
+
+fn stretches(n: usize, way_deg: f64) -> String {
+    match n {
+        1 => format!("in one piece, in which the bisector of Sun and station goes {way_deg:.0}°"),
+        n => format!(
+            "in {n} stretches, each with a curve of its own; the bisector of Sun and station goes {way_deg:.0}° in all"
+        ),
+    }
+}
+
+fn words(q: &Question) -> String {
+    let Question { longer_s, shorter_s, chance, unlike, dispersion_chance, .. } = q;
+    let lines = match (chance, unlike) {
+        (None, _) => "lines do not tell (too few turns, or harmonics folded onto them)".to_owned(),
+        (Some(p), Some(u)) if *p > 1e-4 => {
+            format!("by lines not seen (chance {p:.1e}), turns alike within {}", percent(*u))
+        }
+        (Some(p), None) if *p > 1e-4 => format!("by lines not seen (chance {p:.1e})"),
+        (Some(p), _) => format!("by lines seen (chance {p:.1e})"),
+    };
+    let dispersion =
+        dispersion_chance.map_or(String::new(), |p| format!("; by dispersion, chance {p:.1e}"));
+    format!("does {longer_s:.5} s explain more than {shorter_s:.5} s? {lines}{dispersion}")
+}

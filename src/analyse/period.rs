@@ -1,0 +1,70 @@
+//! `sunglint analyse period`: the period of a curve, from all channels together.
+
+use super::curves::CurveArgs;
+use super::progress::Spinner;
+use crate::output::{Console, OutputArgs, Usage};
+use clap::Args;
+use std::path::PathBuf;
+use sunglint_analysis::period::{GEOMETRY_NOT_USED, Options, PeriodOptions, find_period};
+use sunglint_analysis::series::Series;
+use sunglint_report::period;
+
+/// Arguments of `sunglint analyse period`.
+#[derive(Debug, Args)]
+pub struct PeriodArgs {
+    /// Which curves.
+    #[command(flatten)]
+    pub curves: CurveArgs,
+    /// The shortest period to look for, s [default: twice the samples' median step, or twice the exposure where that is longer]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub shortest: Option<f64>,
+    /// The longest period to look for, s [default: half of the data's span]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub longest: Option<f64>,
+    /// Harmonics of the periodogram in table and figure (the verdict chooses its own)
+    #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=8))]
+    pub harmonics: u8,
+    /// Gaps longer than this part a curve into tracks, s: one period for all, with a curve of its own in each, and turns in the gaps are not counted [default: an hour where the whole needs more
+    /// frequencies than can be looked at, else no gap parts it]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub gap: Option<f64>,
+    /// The scene of the pass (PASS.toml): its orbit and station say how the body is seen from other and other directions, and how far the spin's period may be from the one that is seen
+    #[arg(long, value_name = "FILE")]
+    pub pass: Option<PathBuf>,
+    /// Where the result goes.
+    #[command(flatten)]
+    pub out: OutputArgs,
+}
+
+pub(super) fn run(args: &PeriodArgs, console: Console) -> anyhow::Result<()> {
+    args.out.check()?;
+    args.out.check_names(&["period.ecsv"])?;
+    let seconds = [("--shortest", args.shortest), ("--longest", args.longest), ("--gap", args.gap)];
+    for (option, value) in seconds {
+        if let Some(value) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
+            return Err(Usage(format!("{option} is {value}, expected seconds above 0")).into());
+        }
+    }
+    let curves = args.curves.read()?;
+    let zero = curves.zero;
+    let options = PeriodOptions {
+        search: Options { shortest_s: args.shortest, longest_s: args.longest },
+        gap_s: args.gap,
+        harmonics: usize::from(args.harmonics),
+    };
+    let bisectors = args
+        .pass
+        .as_ref()
+        .map(|scene| move |series: &[Series]| args.curves.bisectors(scene, zero, series));
+    let geometry = bisectors.as_ref().map(|bisectors| bisectors as _);
+    let spinner = Spinner::new(console);
+    let mut found = find_period::<anyhow::Error>(curves, &options, geometry, &spinner)?;
+    spinner.end();
+    for warning in &mut found.warnings {
+        if warning == GEOMETRY_NOT_USED {
+            *warning = "the geometry of --pass is not used: it is that of one pass, and these are several tracks".into();
+        }
+        console.warn(warning);
+    }
+    args.out.finish(&period::product(&found), &period::text(&found), console)
+}
