@@ -1,28 +1,16 @@
 //! `sunglint air`: what the atmosphere leaves of a direct beam.
 
 mod grid;
-mod text;
-mod words;
-
-use words::aerosol_json;
-pub use words::implausible;
 
 use crate::output::{Console, OutputArgs};
 use crate::station::StationArgs;
 use anyhow::bail;
 use clap::Args;
-use grid::Grid;
-use rayon::prelude::*;
-use serde_json::{Value, json};
 use std::str::FromStr;
-use sunglint_formats::{Column, Table};
-use sunglint_radiometry::air::{
-    Aerosol, AerosolModel, Air, AirOptions, Components, Path, Profile, Sampling, Zenith,
-};
-use sunglint_radiometry::quadrature::Product as Integrand;
+use sunglint_radiometry::air::survey::AirQuestion;
+use sunglint_radiometry::air::{Aerosol, AerosolModel, Air, AirOptions, Profile};
 use sunglint_radiometry::station::Station;
-use sunglint_report::plot::{Axis, Figure, Panel, Series};
-use sunglint_report::{Product, rounded};
+use sunglint_report::air::AirReport;
 
 /// What is known of the air; what is not given is the station's, or the profile's own.
 #[derive(Debug, Clone, Default, Args)]
@@ -108,6 +96,11 @@ impl AirModelArgs {
     }
 }
 
+/// What of an air can hardly be meant.
+pub fn implausible(air: &Air) -> Vec<String> {
+    air.implausible()
+}
+
 /// Arguments of `sunglint air`.
 #[derive(Debug, Args)]
 pub struct AirArgs {
@@ -153,56 +146,6 @@ pub struct AirArgs {
     pub out: OutputArgs,
 }
 
-/// One zenith angle of the result.
-struct Row {
-    path: Path,
-    total: Vec<f64>,
-    /// Where they were asked for.
-    components: Option<Components>,
-    /// What the air leaves in each channel of a station.
-    channels: Vec<ChannelAir>,
-}
-
-/// What the air leaves in a channel of light flat in photons per nm: ∫T P dλ / ∫P dλ.
-#[derive(Clone)]
-struct ChannelAir {
-    name: String,
-    transmission: f64,
-    /// Width of the channel outside the tables of the air, nm: dark in the transmission.
-    uncovered_nm: f64,
-}
-
-impl Row {
-    /// The same at some of its wavelengths.
-    fn at(&self, picked: &[usize]) -> Self {
-        let pick = |values: &[f64]| picked.iter().map(|i| values[*i]).collect();
-        Self {
-            path: self.path,
-            total: pick(&self.total),
-            components: self.components.as_ref().map(|c| Components {
-                total: pick(&c.total),
-                rayleigh: pick(&c.rayleigh),
-                ozone: pick(&c.ozone),
-                water_lines: pick(&c.water_lines),
-                water_continuum: pick(&c.water_continuum),
-                oxygen: pick(&c.oxygen),
-                carbon_dioxide: pick(&c.carbon_dioxide),
-                aerosol: pick(&c.aerosol),
-            }),
-            channels: self.channels.clone(),
-        }
-    }
-}
-
-/// What was asked, and what came out.
-struct Answer<'a> {
-    title: &'a str,
-    air: &'a Air,
-    grid: &'a Grid,
-    rows: &'a [Row],
-    station: Option<&'a Station>,
-}
-
 /// Computes and shows transmissions.
 pub fn run(args: &AirArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
@@ -216,7 +159,7 @@ pub fn run(args: &AirArgs, console: Console) -> anyhow::Result<()> {
     let altitude_m =
         args.altitude_m.or(station.as_ref().map(|s| s.site.geodetic().height_m)).unwrap_or(0.0);
     let air = args.model.air(altitude_m, station.as_ref())?;
-    for warning in implausible(&air) {
+    for warning in air.implausible() {
         console.warn(&warning);
     }
     let title = air.describe();
@@ -234,14 +177,22 @@ pub fn run(args: &AirArgs, console: Console) -> anyhow::Result<()> {
         args.zenith.len(),
         rayon::current_num_threads()
     ));
-    let rows = args.rows(&air, &grid.sampling()?, station.as_ref())?;
-    let answer =
-        Answer { title: &title, air: &air, grid: &grid, rows: &rows, station: station.as_ref() };
-    let mut product = args.product(&answer);
-    if args.out.wants_json(console) {
-        product.json = args.json(&answer);
-    }
-    let text = if console.json { String::new() } else { args.text(&answer)? };
+    let question = AirQuestion {
+        zenith_deg: args.zenith.clone(),
+        apparent: args.apparent,
+        grid,
+        components: args.components,
+    };
+    let rows = air.survey(&question, station.as_ref())?;
+    let report = AirReport {
+        air: &air,
+        question: &question,
+        own_wavelengths: args.asks_for_wavelengths(),
+        rows: &rows,
+        station: station.as_ref(),
+    };
+    let product = report.product(args.out.wants_json(console));
+    let text = if console.json { String::new() } else { report.text()? };
     args.out.finish(&product, &text, console)
 }
 
@@ -255,162 +206,7 @@ impl AirArgs {
         }
         Ok(())
     }
-
-    /// The air at each zenith angle, the angles side by side on the threads; in each the same operations whatever their number.
-    fn rows(
-        &self,
-        air: &Air,
-        sampling: &Sampling,
-        station: Option<&Station>,
-    ) -> anyhow::Result<Vec<Row>> {
-        let row = |&angle: &f64| -> anyhow::Result<Row> {
-            let zenith = if self.apparent { Zenith::Apparent(angle) } else { Zenith::True(angle) };
-            let path = air.path(zenith)?;
-            let components =
-                if self.components { Some(air.components(zenith, sampling)?) } else { None };
-            let total = match &components {
-                Some(components) => components.total.clone(),
-                None => air.transmission(zenith, sampling)?,
-            };
-            let channels = match station {
-                Some(station) => channels(air, zenith, station)?,
-                None => vec![],
-            };
-            Ok(Row { path, total, components, channels })
-        };
-        let rows: Vec<anyhow::Result<Row>> = self.zenith.par_iter().map(row).collect();
-        // The first angle that fails is the one that is said, on any number of threads.
-        rows.into_iter().collect()
-    }
-
-    fn label(&self, path: &Path) -> String {
-        let (angle, kind) =
-            if self.apparent { (path.apparent_deg, "apparent") } else { (path.true_deg, "true") };
-        format!("{}° {kind}", round(angle))
-    }
-
-    fn product(&self, answer: &Answer) -> Product {
-        let Answer { title, grid, rows, .. } = *answer;
-        let mut table = Table::default();
-        for (key, value) in [
-            ("title", title),
-            ("zenith_kind", if self.apparent { "apparent" } else { "true" }),
-            ("value", &grid.kind()),
-        ] {
-            table.meta.insert(key.into(), json!(value));
-        }
-        table.meta.insert("missing".into(), json!(MISSING));
-        table.columns.push(Column::f64("wavelength_nm", Some("nm"), grid.nm.clone()));
-        for (row, angle) in rows.iter().zip(&self.zenith) {
-            let angle = format!("z{}", round(*angle));
-            table.columns.push(Column::f64(
-                format!("transmission_{angle}"),
-                None,
-                row.total.clone(),
-            ));
-            for (name, values) in row.components.iter().flat_map(constituents) {
-                let name = format!("{name}_{angle}");
-                table.columns.push(Column::f64(name, None, values.to_vec()));
-            }
-        }
-        let figure = Some(self.figure(title, grid, rows));
-        Product { name: "air".into(), table, figure, json: Value::Null, ..Product::default() }
-    }
-
-    fn json(&self, answer: &Answer) -> Value {
-        let Answer { title, air, grid, rows, station } = *answer;
-        let json_rows: Vec<Value> = rows.iter().map(|row| self.json_row(air, row)).collect();
-        let c = air.columns();
-        json!({
-            "station": station.map(|s| &s.name), "title": title,
-            "columns": { "pressure_hpa": rounded(c.pressure_hpa), "temperature_k": rounded(c.temperature_k),
-                "ozone_du": rounded(c.ozone_du), "water_mm": rounded(c.water_mm), "co2_ppm": rounded(c.co2_ppm),
-                "aerosol_optical_depth_550_nm": rounded(c.aerosol_550) },
-            "aerosol": aerosol_json(air),
-            "value": grid.kind(), "missing": MISSING, "wavelength_nm": grid.nm, "zenith": json_rows,
-        })
-    }
-
-    fn json_row(&self, air: &Air, row: &Row) -> Value {
-        let masses = air.air_masses(&row.path);
-        let list = |values: &[f64]| -> Vec<f64> { values.iter().map(|v| rounded(*v)).collect() };
-        let mut json = json!({
-            "true_deg": rounded(row.path.true_deg), "apparent_deg": rounded(row.path.apparent_deg),
-            "refraction_arcsec": rounded(row.path.refraction_arcsec()),
-            "airmass": { "rayleigh": rounded(masses.rayleigh), "ozone": rounded(masses.ozone), "water": rounded(masses.water) },
-            "transmission": list(&row.total),
-        });
-        if !row.channels.is_empty() {
-            let channel = |c: &ChannelAir| {
-                json!({ "channel": c.name, "transmission": rounded(c.transmission),
-                    "extinction_mag": rounded(magnitudes(c.transmission)), "uncovered_nm": rounded(c.uncovered_nm) })
-            };
-            json["channels_for_flat_photons"] = row.channels.iter().map(channel).collect();
-        }
-        if let Some(components) = &row.components {
-            let parts = constituents(components)
-                .map(|(name, values)| (name.to_owned(), json!(list(values))));
-            json["components"] = Value::Object(parts.collect());
-        }
-        json
-    }
-
-    fn figure(&self, title: &str, grid: &Grid, rows: &[Row]) -> Figure {
-        let curve = |values: &[f64]| grid.nm.iter().copied().zip(values.iter().copied()).collect();
-        let x = || {
-            let axis = Axis::linear("vacuum wavelength (nm)");
-            match (grid.nm.first(), grid.nm.last()) {
-                (Some(first), Some(last)) => axis.from_to(*first, *last),
-                _ => axis,
-            }
-        };
-        let y = |label: &str| Axis::linear(label).from_to(0.0, 1.0);
-        let series = rows.iter().enumerate().map(|(i, row)| {
-            let name = format!("zenith angle {}", self.label(&row.path));
-            Series::line(name, i, curve(&row.total))
-        });
-        let mut panels = vec![Panel::new(x(), y("transmission"), series.collect())];
-        if let Some((last, components)) =
-            rows.last().and_then(|row| Some((row, row.components.as_ref()?)))
-        {
-            let series = constituents(components).enumerate();
-            let series = series
-                .map(|(i, (name, values))| Series::line(name.replace('_', " "), i, curve(values)));
-            let label = format!("constituents, {}", self.label(&last.path));
-            panels.push(Panel::new(x(), y(&label), series.collect()));
-        }
-        Figure { title: format!("Air: {title}"), panels }
-    }
 }
-
-/// What the air leaves in each channel of a station.
-fn channels(air: &Air, zenith: Zenith, station: &Station) -> anyhow::Result<Vec<ChannelAir>> {
-    // Drawn in to what the tables cover.
-    let transmission = air.spectrum(zenith, (0.0, f64::INFINITY))?;
-    let of = |channel: &sunglint_radiometry::station::Channel| {
-        let through = channel.times_sensitivity(Integrand::of(&transmission)).integral();
-        ChannelAir {
-            name: channel.name.clone(),
-            transmission: through.value / channel.bandwidth_nm(),
-            uncovered_nm: through.uncovered_nm,
-        }
-    };
-    Ok(station.channels.iter().map(of).collect())
-}
-
-/// A transmission in magnitudes.
-fn magnitudes(transmission: f64) -> f64 {
-    // No minus before the 0 of clear air.
-    -2.5 * transmission.log10() + 0.0
-}
-
-/// The parts of the total.
-fn constituents(components: &Components) -> impl Iterator<Item = (&'static str, &[f64])> {
-    components.iter().filter(|(name, _)| *name != "total")
-}
-
-/// What the model leaves out and a user may miss.
-const MISSING: &str = "not in the model: O2-O2 absorption near 577, 630 and 1064 nm (1064 nm too high by 0.015 at the zenith), scattered light, lines narrower than 20 cm-1";
 
 /// An angle as people write it.
 fn round(angle: f64) -> f64 {

@@ -10,6 +10,7 @@
 //! - [`refractive_index`]: n + ik of spacecraft metals, semiconductors and Kapton;
 //! - [`passband`]: passbands and magnitudes;
 //! - [`spectral_type`], [`star_light`]: a star's absolute spectrum from its magnitude, type and colour;
+//! - [`star_track`]: a star through time: its places, its air, its rates;
 //! - [`sky`]: where things are: time, Earth orientation, sites, frames, the Sun, the Moon and stars;
 //! - [`air`]: what the atmosphere leaves of a direct beam;
 //! - [`station`]: site, telescope, channels, camera and lasers of an observatory;
@@ -26,5 +27,6 @@ pub mod sky;
 pub mod spectral_type;
 pub mod spectrum;
 pub mod star_light;
+pub mod star_track;
 pub mod station;
 pub mod tables;

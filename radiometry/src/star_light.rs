@@ -20,6 +20,9 @@ use crate::spectrum::{Irradiance, Quantity, Relative, Spectrum};
 use crate::tables::STELLAR_LIBRARY;
 use std::sync::LazyLock;
 
+/// Hipparcos number of Vega, whose own spectrum is embedded.
+pub const VEGA_HIP: i64 = 91262;
+
 /// What the spectrum needs to know of a star.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StarColours<'a> {

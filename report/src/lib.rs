@@ -1,5 +1,6 @@
 //! Results as people read them: text, figures, tables, JSON and pages. No algorithm, no file is read here.
 //!
+//! - [`air`]: what the atmosphere leaves of a direct beam;
 //! - [`mod@bench`]: error against time of the light engines;
 //! - [`endmembers`]: the spectra that a curve is made of;
 //! - [`explain`]: what a scene needs;
@@ -7,6 +8,7 @@
 //! - [`mod@map`]: maps on the frame of a body;
 //! - [`mod@period`]: the period of curves;
 //! - [`session`]: what of a recorded night is there;
+//! - [`star`]: a star through time;
 //! - [`tables`]: the embedded tables;
 //! - [`mod@unmix`]: materials in the light of a curve;
 //! - [`plot`]: figures as PNG or SVG;
@@ -14,6 +16,7 @@
 //! - [`Product`]: a result in all its forms;
 //! - [`rounded`]: numbers as summaries hold them.
 
+pub mod air;
 pub mod bench;
 pub mod endmembers;
 pub mod explain;
@@ -27,6 +30,7 @@ pub mod period;
 pub mod plot;
 mod product;
 pub mod session;
+pub mod star;
 pub mod tables;
 pub mod unmix;
 

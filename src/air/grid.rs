@@ -2,19 +2,8 @@
 
 use super::AirArgs;
 use anyhow::bail;
-use sunglint_radiometry::air::Sampling;
+use sunglint_radiometry::air::survey::{AirGrid, TABLES_NM};
 
-/// Wavelengths as they were asked for.
-#[derive(Debug, Clone)]
-pub(super) struct Grid {
-    /// Vacuum wavelengths, nm.
-    pub(super) nm: Vec<f64>,
-    /// The width of a mean; `None` for values at the wavelengths.
-    pub(super) mean_nm: Option<f64>,
-}
-
-/// What the absorption tables cover, nm.
-const TABLES_NM: (f64, f64) = (1e7 / 34_000.0, 1250.0);
 /// So many values are held at once at most: 160 MB, three times that with a figure and a JSON document.
 const MOST_VALUES: f64 = 2e7;
 
@@ -36,7 +25,7 @@ impl AirArgs {
     }
 
     /// The wavelengths that were asked for; says which option is wrong, and within what it would be right.
-    pub(super) fn grid(&self) -> anyhow::Result<Grid> {
+    pub(super) fn grid(&self) -> anyhow::Result<AirGrid> {
         let (from, to, step) = self.range_nm();
         for (option, value) in [("--from-nm", from), ("--to-nm", to), ("--step-nm", step)] {
             if !value.is_finite() {
@@ -93,44 +82,6 @@ impl AirArgs {
         // The count is bounded above; the rounding takes the noise of the multiplication away, as in 300.40000000000003.
         let nm = |i: u32| ((from + f64::from(i) * step).clamp(first, last) * 1e9).round() / 1e9;
         let nm = (0..=steps as u32).map(nm).map(|nm| nm.clamp(first, last)).collect();
-        Ok(Grid { nm, mean_nm: (!self.points).then_some(step) })
-    }
-}
-
-impl Grid {
-    /// What the air is asked.
-    pub(super) fn sampling(&self) -> anyhow::Result<Sampling> {
-        let Some(mean_nm) = self.mean_nm else { return Ok(Sampling::points(&self.nm)?) };
-        let (lowest, highest) = TABLES_NM;
-        let room = |nm: &f64| (nm - lowest).min(highest - nm);
-        let half = mean_nm / 2.0;
-        let least = self.nm.iter().map(room).fold(half, f64::min);
-        // Where a bin ends on the end of the tables, rounding must not carry it beyond.
-        let half = if least < half { least * (1.0 - 1e-12) } else { half };
-        Ok(Sampling::means(&self.nm, half)?)
-    }
-
-    /// What a value is, in words.
-    pub(super) fn kind(&self) -> String {
-        match self.mean_nm {
-            None => "value at the wavelength".into(),
-            Some(nm) => format!("mean over {nm} nm"),
-        }
-    }
-
-    /// At most `most` of the wavelengths, spread evenly from the first to the last.
-    pub(super) fn some(&self, most: usize) -> Vec<usize> {
-        let n = self.nm.len();
-        if n <= most {
-            return (0..n).collect();
-        }
-        (0..most).map(|i| (i * (n - 1) + (most - 1) / 2) / (most - 1)).collect()
-    }
-
-    /// Whether a wavelength between two is looked at.
-    pub(super) fn touches(&self, from: f64, to: f64) -> bool {
-        let (Some(first), Some(last)) = (self.nm.first(), self.nm.last()) else { return false };
-        let half = self.mean_nm.unwrap_or(0.0) / 2.0;
-        first - half <= to && last + half >= from
+        Ok(AirGrid { nm, mean_nm: (!self.points).then_some(step) })
     }
 }

@@ -259,7 +259,7 @@ fn light_of(star: &Star, zero: ZeroPoint) -> anyhow::Result<StarLight> {
         zero,
     };
     let light = match star.hip {
-        Some(crate::star::VEGA_HIP) => star_light::vega(colours),
+        Some(star_light::VEGA_HIP) => star_light::vega(colours),
         _ => star_light::of(colours),
     };
     Ok(light?)

@@ -8,6 +8,7 @@
 //! - [`Zenith`] → [`Path`]: the ray through spherical shells, refracted, and what it meets on its way;
 //! - [`Sampling`]: at which wavelengths, or over which bins, the answer is wanted;
 //! - [`Air::transmission`], [`Air::components`]: the answer for one zenith angle, exact;
+//! - [`Air::survey`]: the answer for several zenith angles, and through the channels of a station;
 //! - [`AirTable`]: the same for thousands of zenith angles on one sampling, by an interpolation whose error it
 //!   measures and reports.
 //!
@@ -48,9 +49,11 @@ mod error;
 mod math;
 mod model;
 mod path;
+mod plausible;
 mod profile;
 mod sampling;
 mod spectra;
+pub mod survey;
 mod table;
 
 pub use aerosol::{Aerosol, AerosolModel};

@@ -1,25 +1,40 @@
 //! A star through time: its places, its air, its rates.
 
-use anyhow::Context as _;
+use crate::air::{Air, AirError, Path, Zenith};
+use crate::light_curve::{ChannelCurve, Flags, Input, LightCurve, Provenance, RateKind, Samples};
+use crate::passband::ZeroPoint;
+use crate::sky::{
+    EarthOrientation, MoonSighting, Observer, OrientationOrigin, SkyError, Star, StarPlace,
+    SunSighting, Twilight, separation_deg,
+};
+use crate::spectrum::{Spectrum, Transmission};
+use crate::star_light::StarLight;
+use crate::station::{Channel, Predicted, Station};
 use hifitime::Epoch;
 use rayon::prelude::*;
 use std::path::PathBuf;
-use sunglint_radiometry::air::{Air, AirError, Path, Zenith};
-use sunglint_radiometry::light_curve::{
-    ChannelCurve, Flags, Input, LightCurve, Provenance, RateKind, Samples,
-};
-use sunglint_radiometry::passband::ZeroPoint;
-use sunglint_radiometry::sky::{
-    EarthOrientation, MoonSighting, Observer, OrientationOrigin, Star, StarPlace, SunSighting,
-    Twilight, separation_deg,
-};
-use sunglint_radiometry::spectrum::{Spectrum, Transmission};
-use sunglint_radiometry::star_light::StarLight;
-use sunglint_radiometry::station::{Channel, Predicted, Station};
+
+/// A catalogue's B−V that differs by more from its spectrum's is worth a warning, mag.
+const WORTH_A_WARNING_MAG: f64 = 0.1;
+
+/// Why there is no track of a star.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StarTrackError {
+    /// A moment that the frames do not hold.
+    #[error(transparent)]
+    Sky(#[from] SkyError),
+    /// No way through the air.
+    #[error("the way of the star's light through the air")]
+    Path(#[source] AirError),
+    /// No transmission of the air.
+    #[error(transparent)]
+    Spectrum(AirError),
+}
 
 /// A star as a station sees it at one or more moments.
 #[derive(Debug, Clone)]
-pub struct Track {
+pub struct StarTrack {
     /// The star.
     pub star: Star,
     /// Its light above the air.
@@ -35,12 +50,12 @@ pub struct Track {
     /// Exposure time, s.
     pub exposure_s: f64,
     /// The moments, in the order in which they were asked for; at least one.
-    pub sights: Vec<Sight>,
+    pub sights: Vec<StarSight>,
 }
 
-/// What a track is made of.
+/// A star, and what it is seen with.
 #[derive(Debug, Clone)]
-pub struct View {
+pub struct StarView {
     /// The star.
     pub star: Star,
     /// Its light above the air.
@@ -57,7 +72,7 @@ pub struct View {
 
 /// A star at a moment.
 #[derive(Debug, Clone)]
-pub struct Sight {
+pub struct StarSight {
     /// The moment.
     pub epoch: Epoch,
     /// Where the star stands.
@@ -100,7 +115,7 @@ pub struct ChannelRate {
     /// the photons alone. No scintillation. Without a κ, photons and dark counts alone.
     /// `None` below the horizon and where the counter is saturated past its law.
     pub sigma_hz: Option<f64>,
-    /// Whether the counter is saturated ([`sunglint_radiometry::station::Counter::is_saturated_by`]).
+    /// Whether the counter is saturated ([`crate::station::Counter::is_saturated_by`]).
     pub saturated: bool,
 }
 
@@ -117,14 +132,17 @@ impl ChannelRate {
     }
 }
 
-impl Track {
-    /// A star at moments. The moments are computed side by side; their order and values do not depend on how many at once.
+impl StarTrack {
+    /// Computes a star at moments. They are computed side by side; their order and values do not depend on how many at once.
+    ///
+    /// # Errors
+    /// A time outside of what time scales and frames hold; air that has no path or no spectrum.
     pub fn new(
-        view: View,
+        view: StarView,
         orientation: &EarthOrientation,
         times: Vec<Epoch>,
-    ) -> anyhow::Result<Self> {
-        let View { star, light, station, air, zero, exposure_s } = view;
+    ) -> Result<Self, StarTrackError> {
+        let StarView { star, light, station, air, zero, exposure_s } = view;
         let above_air: Vec<f64> = station
             .channels
             .iter()
@@ -144,7 +162,7 @@ impl Track {
             .collect::<Vec<_>>()
             // Only then the first error of all: which one it is must not depend on the threads.
             .into_iter()
-            .collect::<anyhow::Result<Vec<Sight>>>()?;
+            .collect::<Result<Vec<StarSight>, StarTrackError>>()?;
         let input = |(path, sha256): &(PathBuf, String)| Input {
             file: path.display().to_string(),
             sha256: sha256.clone(),
@@ -154,7 +172,7 @@ impl Track {
     }
 
     /// The transmission of the air on the way of the star's light at a moment; `None` below the horizon.
-    pub fn transmission(&self, sight: &Sight) -> Option<Spectrum<Transmission>> {
+    pub fn transmission(&self, sight: &StarSight) -> Option<Spectrum<Transmission>> {
         let zenith = Zenith::Apparent(sight.path.as_ref()?.apparent_deg);
         self.air.spectrum(zenith, self.light.irradiance.range_nm()).ok()
     }
@@ -168,7 +186,7 @@ impl Track {
             warnings.push(format!("the spectrum of {}: {}", self.star, self.light.origin));
         }
         if let Some(excess) = self.light.colour_excess_mag
-            && excess.abs() > super::WORTH_A_WARNING_MAG
+            && excess.abs() > WORTH_A_WARNING_MAG
         {
             let reddened =
                 if excess > 0.0 { "a reddened star (reddening is not modelled) or " } else { "" };
@@ -250,7 +268,11 @@ struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    fn sight(&self, epoch: Epoch, orientation: &EarthOrientation) -> anyhow::Result<Sight> {
+    fn sight(
+        &self,
+        epoch: Epoch,
+        orientation: &EarthOrientation,
+    ) -> Result<StarSight, StarTrackError> {
         let observer = Observer::at(epoch, &self.station.site, orientation)?;
         let place = observer.star(self.star);
         let horizontal = place.horizontal;
@@ -258,10 +280,13 @@ impl Scene<'_> {
         let path = match self.air.path(zenith) {
             Ok(path) => Some(path),
             Err(AirError::BelowHorizon { .. }) => None,
-            Err(error) => return Err(error).context("the way of the star's light through the air"),
+            Err(error) => return Err(StarTrackError::Path(error)),
         };
         let transmission = match &path {
-            Some(_) => Some(self.air.spectrum(zenith, self.light.irradiance.range_nm())?),
+            Some(_) => {
+                let range_nm = self.light.irradiance.range_nm();
+                Some(self.air.spectrum(zenith, range_nm).map_err(StarTrackError::Spectrum)?)
+            }
             None => None,
         };
         let channels = self.station.channels.iter().zip(self.above_air);
@@ -270,7 +295,7 @@ impl Scene<'_> {
             .collect();
         let (sun, moon) = (observer.sun(), observer.moon());
         let seen = |p: &Path| self.station.sees(90.0 - p.apparent_deg, horizontal.azimuth_deg());
-        Ok(Sight {
+        Ok(StarSight {
             epoch,
             place,
             hidden: !path.as_ref().is_some_and(seen),

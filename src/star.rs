@@ -1,23 +1,19 @@
 //! `sunglint star`: where a star stands, through how much air, and what each channel would count: at a moment or through a night.
 
-mod report;
-mod track;
-
-pub use track::{ChannelRate, Sight, Track, View};
-
-use crate::air::{AirModelArgs, implausible};
+use crate::air::AirModelArgs;
 use crate::output::{Console, OutputArgs, Usage};
 use crate::station::StationArgs;
 use anyhow::{Context as _, anyhow, bail};
 use clap::{Args, ValueEnum};
 use hifitime::{Epoch, Unit};
-use report::Report;
 use std::path::PathBuf;
 use sunglint_formats::time::parse_utc;
 use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Star, StarError};
-use sunglint_radiometry::star_light::{self, StarColours, StarLight};
+use sunglint_radiometry::star_light::{self, StarColours, StarLight, VEGA_HIP};
+use sunglint_radiometry::star_track::{StarTrack, StarView};
+use sunglint_report::star::StarReport;
 
 /// Where a star's spectrum comes from.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
@@ -117,10 +113,6 @@ pub struct OwnStarArgs {
     pub spectral_type: Option<String>,
 }
 
-/// The Hipparcos number of Vega, whose spectrum is embedded.
-pub(crate) const VEGA_HIP: i64 = 91262;
-/// A catalogue's B−V that differs by more from its spectrum's is worth a warning, mag.
-const WORTH_A_WARNING_MAG: f64 = 0.1;
 /// More samples are a slip of the step.
 const MOST_SAMPLES: f64 = 200_000.0;
 const DAY_S: f64 = 86_400.0;
@@ -158,11 +150,11 @@ pub fn run(args: &StarArgs, console: Console) -> anyhow::Result<()> {
     let orientation = user_orientation.as_ref().unwrap_or_else(|| EarthOrientation::embedded());
     let height_m = station.site.geodetic().height_m;
     let air = args.model.air(height_m, Some(&station))?;
-    let mut warnings = implausible(&air);
+    let mut warnings = air.implausible();
     let light = args.light(&star)?;
     let view =
-        View { star, light, station, air, zero: args.zero_point, exposure_s: args.exposure_s };
-    let mut track = Track::new(view, orientation, times)?;
+        StarView { star, light, station, air, zero: args.zero_point, exposure_s: args.exposure_s };
+    let mut track = StarTrack::new(view, orientation, times)?;
     track.inputs.extend(inputs);
     warnings.extend(track.warnings());
     for warning in &warnings {
@@ -172,7 +164,7 @@ pub fn run(args: &StarArgs, console: Console) -> anyhow::Result<()> {
         console.detail(&format!("{}, {part}: {note}", track.station.name));
     }
     console.detail(&track.sights[0].orientation.to_string());
-    let report = Report { track: &track, warnings: &warnings, is_night: args.to.is_some() };
+    let report = StarReport { track: &track, warnings: &warnings, is_night: args.to.is_some() };
     let product = report.product()?;
     // Both or none of them: what one refuses, the other has not written.
     let spectrum = match args.spectrum_out.is_empty() {

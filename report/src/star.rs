@@ -1,28 +1,31 @@
-//! What `sunglint star` says: text, JSON, table and figure.
+//! A star through time: text, JSON, table and figure.
 
-use super::{ChannelRate, Sight, Track};
+use crate::plot::{Axis, Figure, Panel, Series};
+use crate::{Product, channel_line};
 use hifitime::Unit;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_formats::time::format_utc_shortest;
-use sunglint_formats::{Column, Table, Values};
+use sunglint_formats::{Column, ParseError, Table, Values};
+use sunglint_radiometry::star_track::{ChannelRate, StarSight, StarTrack};
 use sunglint_radiometry::station::{Channel, Detector};
-use sunglint_report::Product;
-use sunglint_report::channel_line;
-use sunglint_report::plot::{Axis, Figure, Panel, Series};
 
 /// A track, and how it is to be shown.
-pub(super) struct Report<'a> {
-    pub track: &'a Track,
+#[derive(Debug, Clone, Copy)]
+pub struct StarReport<'a> {
+    /// The star through time.
+    pub track: &'a StarTrack,
+    /// What a person should hear of first.
     pub warnings: &'a [String],
+    /// Whether it is a light curve, not a moment.
     pub is_night: bool,
 }
 
 /// Rows of a light curve that the text shows at most.
 const SHOWN: usize = 24;
 
-impl Report<'_> {
-    fn first(&self) -> &Sight {
+impl StarReport<'_> {
+    fn first(&self) -> &StarSight {
         &self.track.sights[0]
     }
 
@@ -38,7 +41,10 @@ impl Report<'_> {
     }
 
     /// The predicted light curve, with the figure that fits: rates through a night, or the spectrum of a moment.
-    pub fn product(&self) -> anyhow::Result<Product> {
+    ///
+    /// # Errors
+    /// A curve that the schema does not hold.
+    pub fn product(&self) -> Result<Product, ParseError> {
         let curve = self.track.light_curve("sunglint star");
         let name = self
             .track
@@ -138,9 +144,9 @@ impl Report<'_> {
 
     fn rates_figure(&self) -> Figure {
         let start = self.first().epoch;
-        let hours = |s: &Sight| (s.epoch - start).to_unit(Unit::Hour);
+        let hours = |s: &StarSight| (s.epoch - start).to_unit(Unit::Hour);
         let x = || Axis::linear(format!("hours after {}", format_utc_shortest(start)));
-        let shown = |s: &Sight, i: usize| {
+        let shown = |s: &StarSight, i: usize| {
             if s.hidden { f64::NAN } else { s.rates[i].rate_hz.unwrap_or(f64::NAN) }
         };
         let rates = self.track.station.channels.iter().enumerate().map(|(i, channel)| {
@@ -182,7 +188,7 @@ impl Report<'_> {
     }
 
     fn json(&self) -> Value {
-        let Track { star, light, station, air, exposure_s, sights, .. } = self.track;
+        let StarTrack { star, light, station, air, exposure_s, sights, .. } = self.track;
         let (site, columns) = (station.site.geodetic(), air.columns());
         let first = &self.first().rates;
         let channels: Vec<Value> = station
@@ -208,7 +214,7 @@ impl Report<'_> {
         })
     }
 
-    fn sample(&self, s: &Sight) -> Value {
+    fn sample(&self, s: &StarSight) -> Value {
         let h = s.place.horizontal;
         let rates = self.track.station.channels.iter().zip(&s.rates).map(|(channel, r)| {
             let is_counter = matches!(channel.detector, Detector::Counter(_));
@@ -231,6 +237,7 @@ impl Report<'_> {
         })
     }
 
+    /// The text.
     pub fn text(&self) -> String {
         let mut text = self.heading();
         if self.is_night {
