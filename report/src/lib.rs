@@ -7,6 +7,7 @@
 //! - [`fold`]: folded curves;
 //! - [`mod@map`]: maps on the frame of a body;
 //! - [`mod@period`]: the period of curves;
+//! - [`picture`]: pictures, reflection maps, spheres;
 //! - [`session`]: what of a recorded night is there;
 //! - [`star`]: a star through time;
 //! - [`tables`]: the embedded tables;
@@ -27,6 +28,7 @@ pub mod map;
 mod numbers;
 pub mod page;
 pub mod period;
+pub mod picture;
 pub mod plot;
 mod product;
 pub mod session;

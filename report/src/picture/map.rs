@@ -1,39 +1,23 @@
 //! The reflection map: what a body sends back over the directions of the phase vector.
 
-use super::PictureArgs;
-use super::aim::Aim;
-use super::image::irradiance;
-use crate::output::Console;
-use anyhow::{Context as _, bail};
+use crate::plot::{Axis, Figure, Heat, Panel};
+use crate::{Product, rounded};
 use serde_json::json;
+use sunglint_formats::EncodeError;
 use sunglint_formats::fits::{Header, Image, Pixels, Writer};
-use sunglint_report::plot::{Axis, Figure, Heat, Panel};
-use sunglint_report::{Product, rounded};
-use sunglint_simulator::light::Scene;
-use sunglint_simulator::picture::Map;
+use sunglint_simulator::picture::{Aim, Map, ReflectionMaps};
 
 /// Colours reach so many decades below the largest value.
 const DECADES: f64 = 4.0;
 
-/// Makes the map.
-pub fn run(args: &PictureArgs, aim: &Aim, console: Console) -> anyhow::Result<()> {
-    let phase_deg = args.phase.unwrap_or(0.0);
-    let mut maps = Vec::new();
-    let scene =
-        Scene::new(&aim.target).with_context(|| format!("the target {}", aim.target.name))?;
-    for nm in &args.wavelength_nm {
-        let sun = if args.per_irradiance { 1.0 } else { irradiance(aim, *nm)? };
-        let factors: Vec<f64> = scene.reflectances(*nm)?.iter().map(|r| sun * r).collect();
-        maps.push((*nm, Map::of(&scene, phase_deg.to_radians(), args.step_deg, &factors)?));
-    }
-    let unit = if args.per_irradiance { "m2 / sr" } else { "W / (sr nm)" };
-    let words = if args.per_irradiance { "m² sr⁻¹" } else { "W sr⁻¹ nm⁻¹" };
-    if maps.iter().all(|(_, map)| map.intensity.iter().all(|v| *v <= 0.0)) {
-        bail!(
-            "{} sends nothing back in any direction at a phase angle of {phase_deg}°",
-            aim.target.name
-        );
-    }
+/// All forms of maps, and the text.
+///
+/// # Errors
+/// Images that FITS does not hold.
+pub fn product(found: &ReflectionMaps<'_>) -> Result<(Product, String), EncodeError> {
+    let ReflectionMaps { aim, phase_deg, maps, .. } = found;
+    let unit = if found.per_irradiance { "m2 / sr" } else { "W / (sr nm)" };
+    let words = if found.per_irradiance { "m² sr⁻¹" } else { "W sr⁻¹ nm⁻¹" };
     let title = format!("{}: reflection map at a phase angle of {phase_deg}°", aim.target.name);
     let panels = maps.iter().filter_map(|(nm, map)| panel(*nm, map, words)).collect();
     let mut text = format!(
@@ -41,7 +25,7 @@ pub fn run(args: &PictureArgs, aim: &Aim, console: Console) -> anyhow::Result<()
         step(&maps[0].1)
     );
     let mut bands = Vec::new();
-    for (nm, map) in &maps {
+    for (nm, map) in maps {
         let ((row, column), most) = brightest(map);
         let (longitude, latitude) = (map.longitude_deg[column], map.latitude_deg[row]);
         text.push_str(&format!(
@@ -57,7 +41,7 @@ pub fn run(args: &PictureArgs, aim: &Aim, console: Console) -> anyhow::Result<()
     let product = Product {
         name: "reflection_map".into(),
         figure: Some(Figure { title: title.clone(), panels }),
-        fits: Some(bytes(aim, &maps, unit)?),
+        fits: Some(bytes(aim, maps, unit)?),
         json: json!({
             "title": title,
             "target": aim.target.name,
@@ -69,7 +53,7 @@ pub fn run(args: &PictureArgs, aim: &Aim, console: Console) -> anyhow::Result<()
         }),
         ..Product::default()
     };
-    args.out.finish(&product, &text, console)
+    Ok((product, text))
 }
 
 /// The step between its columns, degrees.
@@ -108,7 +92,7 @@ fn panel(nm: f64, map: &Map, unit: &str) -> Option<Panel> {
 }
 
 /// One image a wavelength, rows from the south.
-fn bytes(aim: &Aim, maps: &[(f64, Map)], unit: &str) -> anyhow::Result<Vec<u8>> {
+fn bytes(aim: &Aim, maps: &[(f64, Map)], unit: &str) -> Result<Vec<u8>, EncodeError> {
     let mut writer = Writer::new();
     for (nm, map) in maps {
         let step = step(map);

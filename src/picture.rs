@@ -1,19 +1,19 @@
 //! `sunglint picture`: a body as it looks, what it sends into all directions, a sphere against phase angle.
 
-mod aim;
-mod fits;
-mod image;
-mod map;
-mod report;
-mod sphere;
-mod tiles;
-
 use crate::output::{Console, OutputArgs, Usage};
+use crate::simulate::read;
+use crate::star::when;
 use crate::station::StationArgs;
-use aim::Aim;
+use anyhow::Context as _;
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use std::path::PathBuf;
+use sunglint_formats::time::format_utc_shortest;
+use sunglint_report::picture::{PictureReport, map, sphere};
+use sunglint_simulator::pass::Overrides;
+use sunglint_simulator::picture::{
+    self, Aim, Blur, ModelView, ReflectionMaps, Shot, ShotOptions, ViewError,
+};
 
 /// What a picture shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -146,7 +146,12 @@ pub fn run(args: &PictureArgs, console: Console) -> anyhow::Result<()> {
     args.out.check_with(console)?;
     args.out.check()?;
     if args.sphere {
-        return sphere::run(args, console);
+        if let Some(bad) = args.alpha.iter().find(|a| !(1e-5..=2.0).contains(*a)) {
+            return Err(Usage(format!("--alpha is {bad}, expected 1e-5 to 2")).into());
+        }
+        let spheres = picture::spheres::sphere_ratios(&args.alpha)?;
+        let (product, text) = sphere::product(&spheres);
+        return args.out.finish(&product, &text, console);
     }
     if let Some(deg) = args.phase
         && !(0.0..=180.0).contains(&deg)
@@ -165,9 +170,118 @@ pub fn run(args: &PictureArgs, console: Console) -> anyhow::Result<()> {
         );
         return Err(Usage(text).into());
     }
-    let aim = Aim::new(args, console)?;
+    let aim = args.aim(console)?;
     for warning in &aim.warnings {
         console.warn(warning);
     }
-    if args.map { map::run(args, &aim, console) } else { image::run(args, &aim, console) }
+    if args.map {
+        let phase_deg = args.phase.unwrap_or(0.0);
+        let (nm, step_deg) = (&args.wavelength_nm, args.step_deg);
+        let maps = ReflectionMaps::new(&aim, nm, phase_deg, step_deg, args.per_irradiance)
+            .map_err(named)?;
+        let (product, text) = map::product(&maps)?;
+        return args.out.finish(&product, &text, console);
+    }
+    let shot = Shot::take(&aim, &args.options()).map_err(named)?;
+    for warning in shot.concerns() {
+        console.warn(&warning);
+    }
+    let report = PictureReport { shot: &shot };
+    args.out.finish(&report.product()?, &report.text(), console)
+}
+
+/// A setting that is wrong is a slip of the command line.
+fn named(error: ViewError) -> anyhow::Error {
+    match error {
+        ViewError::Setting(text) => Usage(text).into(),
+        other => other.into(),
+    }
+}
+
+impl PictureArgs {
+    fn options(&self) -> ShotOptions {
+        let what = |what: &What| match what {
+            What::Intensity => picture::What::Intensity,
+            What::Material => picture::What::Material,
+            What::Depth => picture::What::Depth,
+            What::Rgb => picture::What::Rgb,
+        };
+        let blur = match self.psf_arcsec {
+            Some(fwhm) => Blur::Fwhm(fwhm),
+            None if self.station_optics => Blur::Station(self.seeing_arcsec),
+            None => Blur::None,
+        };
+        ShotOptions {
+            what: self.what.iter().map(what).collect(),
+            wavelength_nm: self.wavelength_nm.clone(),
+            per_irradiance: self.per_irradiance,
+            size_px: self.size_px,
+            pixel_m: self.pixel_m,
+            blur,
+        }
+    }
+
+    /// What was asked for.
+    fn aim(&self, console: Console) -> anyhow::Result<Aim> {
+        match (&self.pass, &self.model) {
+            (Some(_), Some(_)) => {
+                Err(Usage("give either PASS.toml or --model, not both".into()).into())
+            }
+            (None, None) => Err(Usage(
+                "a picture of what? Give PASS.toml, --model NAME (a built-in target or a target.toml), or --sphere".into(),
+            )
+            .into()),
+            (Some(path), None) => self.of_pass(path, console),
+            (None, Some(model)) => self.of_model(model),
+        }
+    }
+
+    fn of_pass(&self, path: &std::path::Path, console: Console) -> anyhow::Result<Aim> {
+        let alone = [
+            ("--phase", self.phase.is_some() && !self.map),
+            ("--sun", self.sun.is_some()),
+            ("--observer", self.observer.is_some()),
+            ("--range-km", self.range_km.is_some()),
+        ];
+        if let Some((option, _)) = alone.iter().find(|(_, given)| *given) {
+            let text = format!("{option} goes with --model: a pass says itself where all stand");
+            return Err(Usage(text).into());
+        }
+        let pass = read(path, &self.station, Overrides::default())?;
+        let at = self.at.as_deref().map(when).transpose().context("--at")?;
+        let up = self.up.map(|up| match up {
+            Up::North => picture::Up::North,
+            Up::Zenith => picture::Up::Zenith,
+            Up::BodyZ => picture::Up::BodyZ,
+        });
+        let aim = Aim::of_pass(pass, at, up).with_context(|| path.display().to_string())?;
+        if let Some(time) = aim.time {
+            console.detail(&format!(
+                "{}: Sun ({:.4}), station ({:.4}), body axes",
+                format_utc_shortest(time),
+                aim.sun_body,
+                aim.observer_body
+            ));
+        }
+        Ok(aim)
+    }
+
+    fn of_model(&self, model: &str) -> anyhow::Result<Aim> {
+        if self.at.is_some() {
+            return Err(Usage("--at goes with PASS.toml: a model alone has no time".into()).into());
+        }
+        if matches!(self.up, Some(Up::North | Up::Zenith)) {
+            let text = "a model alone has no north and no zenith: --up body-z";
+            return Err(Usage(text.into()).into());
+        }
+        let target = crate::passes::target(model)?;
+        let view = ModelView {
+            observer: self.observer,
+            sun: self.sun,
+            phase_deg: self.phase,
+            range_m: self.range_km.map(|km| km * 1e3),
+            station: self.station.find()?,
+        };
+        Aim::of_model(target, view).map_err(named)
+    }
 }

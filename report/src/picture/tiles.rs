@@ -1,11 +1,10 @@
 //! A picture in colours.
 
-use super::What;
-use super::image::{RGB_NM, Shot};
+use crate::plot::gallery::{Arrow, Gallery, Key, Tile};
+use crate::plot::{COLOURS, RGBColor, viridis};
 use image::{Rgba, RgbaImage};
 use std::ops::Range;
-use sunglint_report::plot::gallery::{Arrow, Gallery, Key, Tile};
-use sunglint_report::plot::{COLOURS, RGBColor, viridis};
+use sunglint_simulator::picture::{RGB_NM, Shot, What};
 
 /// Behind pictures of light.
 const SKY: [f64; 3] = [10.0, 10.0, 14.0];
@@ -23,7 +22,7 @@ const DECADES: f64 = 3.0;
 const SATURATED: f64 = 0.005;
 
 /// The pictures that were asked for.
-pub fn gallery(shot: &Shot<'_>) -> Gallery {
+pub(super) fn gallery(shot: &Shot<'_>) -> Gallery {
     let mut tiles = Vec::new();
     for what in &shot.what {
         match what {
@@ -31,6 +30,7 @@ pub fn gallery(shot: &Shot<'_>) -> Gallery {
             What::Material => tiles.push(materials(shot)),
             What::Depth => tiles.push(depth(shot)),
             What::Rgb => tiles.push(eye(shot)),
+            _ => {}
         }
     }
     let [w, h] = shot.camera.size_px;
@@ -46,7 +46,7 @@ pub fn gallery(shot: &Shot<'_>) -> Gallery {
 }
 
 /// A length as people read it.
-pub fn length(m: f64) -> String {
+pub(super) fn length(m: f64) -> String {
     match m {
         m if m >= 1e3 => format!("{:.4} km", m * 1e-3),
         m if m >= 0.1 => format!("{m:.3} m"),
@@ -98,7 +98,7 @@ fn painted(
     colour: impl Fn(usize) -> ([f64; 3], f64),
 ) -> RgbaImage {
     let [width, height] = shot.camera.size_px;
-    // Bounded by MOST_PX.
+    // A picture has 10,000 pixels on a side at most.
     RgbaImage::from_fn(width as u32, height as u32, |x, y| {
         let (colour, share) = colour(y as usize * width + x as usize);
         // Between two bytes lies a byte.
@@ -190,7 +190,7 @@ fn short(name: &str) -> String {
 }
 
 /// The least and the greatest depth.
-pub fn depths(shot: &Shot<'_>) -> Option<Range<f64>> {
+pub(super) fn depths(shot: &Shot<'_>) -> Option<Range<f64>> {
     let good = shot.picture.depth_m.iter().copied().filter(|d| d.is_finite());
     let (low, high) =
         good.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), d| (l.min(d), h.max(d)));

@@ -1,13 +1,13 @@
 //! A picture's numbers as FITS images.
 
-use super::What;
-use super::image::{Shot, arcsec};
 use ndarray::{Array2, Array3};
+use sunglint_formats::EncodeError;
 use sunglint_formats::fits::{Header, Image, Pixels, Writer};
 use sunglint_formats::time::format_utc_shortest;
+use sunglint_simulator::picture::{Shot, What, arcsec};
 
 /// One image a wavelength, the shares of the materials, the depth: those that were asked for. Rows from the bottom, as FITS programs show them.
-pub fn bytes(shot: &Shot<'_>) -> anyhow::Result<Vec<u8>> {
+pub(super) fn bytes(shot: &Shot<'_>) -> Result<Vec<u8>, EncodeError> {
     let mut writer = Writer::new();
     let wants = |what: What| shot.what.contains(&what);
     for band in 0..shot.bands_nm.len() {

@@ -1,12 +1,66 @@
 //! The picture itself: pixels, optics, wavelengths.
 
+use super::ViewError;
 use super::aim::Aim;
-use super::report::Report;
-use super::{PictureArgs, What};
-use crate::output::{Console, Usage};
-use anyhow::{Context as _, bail};
-use sunglint_simulator::light::Faceted;
-use sunglint_simulator::picture::{Camera, Picture};
+use super::render::{Camera, Picture};
+use crate::light::Faceted;
+
+/// What a picture shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum What {
+    /// Radiant intensity of each pixel, one picture a wavelength.
+    Intensity,
+    /// Which material is where.
+    Material,
+    /// Distance from the observer against that of the body's origin.
+    Depth,
+    /// As an eye might see it: 640, 550 and 450 nm over sunlight's own colour.
+    Rgb,
+}
+
+/// What blurs a picture.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
+pub enum Blur {
+    /// Nothing.
+    #[default]
+    None,
+    /// A normal distribution of this full width at half maximum, arcsec.
+    Fwhm(f64),
+    /// Seeing of this full width at half maximum, arcsec, and diffraction; pixels are those of the station's camera.
+    Station(f64),
+}
+
+/// How a picture is taken.
+#[derive(Debug, Clone)]
+pub struct ShotOptions {
+    /// What to show; empty for all.
+    pub what: Vec<What>,
+    /// Wavelengths of the intensity, vacuum nm.
+    pub wavelength_nm: Vec<f64>,
+    /// Whether intensities are over the Sun's irradiance.
+    pub per_irradiance: bool,
+    /// Pixels across and down [512, or what the body needs at the given pixel].
+    pub size_px: Option<usize>,
+    /// Width of a pixel at the body, m [so that the body fits].
+    pub pixel_m: Option<f64>,
+    /// What blurs it.
+    pub blur: Blur,
+}
+
+impl Default for ShotOptions {
+    fn default() -> Self {
+        Self {
+            what: Vec::new(),
+            wavelength_nm: vec![550.0],
+            per_irradiance: false,
+            size_px: None,
+            pixel_m: None,
+            blur: Blur::None,
+        }
+    }
+}
 
 /// Red, green and blue of a picture as an eye might see it, nm.
 pub const RGB_NM: [f64; 3] = [640.0, 550.0, 450.0];
@@ -33,6 +87,7 @@ pub struct Optics {
 }
 
 /// A picture, ready to be shown.
+#[derive(Debug, Clone)]
 pub struct Shot<'a> {
     /// What it is of.
     pub aim: &'a Aim,
@@ -56,82 +111,82 @@ pub struct Shot<'a> {
     pub per_irradiance: bool,
 }
 
-/// Makes the picture.
-pub fn run(args: &PictureArgs, aim: &Aim, console: Console) -> anyhow::Result<()> {
-    let shot = Shot::take(args, aim)?;
-    for warning in shot.concerns() {
-        console.warn(&warning);
-    }
-    let report = Report { shot: &shot };
-    args.out.finish(&report.product()?, &report.text(), console)
-}
-
 /// Sunlight at a wavelength, W m⁻² nm⁻¹.
-pub fn irradiance(aim: &Aim, nm: f64) -> anyhow::Result<f64> {
+pub(super) fn irradiance(aim: &Aim, nm: f64) -> Result<f64, ViewError> {
     let (first, last) = aim.sun.range_nm();
     if !(first..=last).contains(&nm) {
-        bail!("{nm} nm: sunlight is tabulated from {first} to {last} nm");
+        return Err(ViewError::Impossible(format!(
+            "{nm} nm: sunlight is tabulated from {first} to {last} nm"
+        )));
     }
     Ok(aim.sunlight * aim.sun.at(nm))
 }
 
 impl<'a> Shot<'a> {
-    fn take(args: &PictureArgs, aim: &'a Aim) -> anyhow::Result<Self> {
-        let mut what = args.what.clone();
+    /// Takes a picture.
+    ///
+    /// # Errors
+    /// Settings that exclude one another or are out of range; wavelengths without sunlight or reflectance; a target that is none.
+    pub fn take(aim: &'a Aim, options: &ShotOptions) -> Result<Self, ViewError> {
+        let mut what = options.what.clone();
         if what.is_empty() {
             what = vec![What::Intensity, What::Material, What::Depth, What::Rgb];
         }
         what.dedup();
-        let mut bands_nm = args.wavelength_nm.clone();
+        let mut bands_nm = options.wavelength_nm.clone();
         let asked = bands_nm.len();
         if what.contains(&What::Rgb) {
             bands_nm.extend(RGB_NM);
         }
-        let body =
-            Faceted::new(&aim.target).with_context(|| format!("the target {}", aim.target.name))?;
+        let name = || aim.target.name.clone();
+        let body = Faceted::new(&aim.target)
+            .map_err(|source| ViewError::Target { name: name(), source })?;
         let (_, up) = aim.axes()?;
-        let optics = Optics::of(args, aim, &bands_nm)?;
+        let optics = Optics::new(options.blur, aim, &bands_nm)?;
         let widest = optics.fwhm_arcsec.iter().copied().fold(0.0, f64::max);
         let wings_m = aim.range_m.map_or(0.0, |r| 2.0 * WINGS * widest * arcsec() * r);
         let mut camera =
-            Camera::around(&body, aim.observer_body, up, args.size_px.unwrap_or(SIZE_PX));
+            Camera::around(&body, aim.observer_body, up, options.size_px.unwrap_or(SIZE_PX));
         let field_m = field_m(aim)?.min(camera.pixel_m * camera.size_px[0] as f64) + wings_m;
-        let given = match (args.station_optics, optics.pixel_arcsec, aim.range_m) {
-            (true, Some(pixel), Some(range_m)) => Some(pixel * arcsec() * range_m),
-            _ => args.pixel_m,
+        let given = match (optics.pixel_arcsec, aim.range_m) {
+            (Some(pixel), Some(range_m)) => Some(pixel * arcsec() * range_m),
+            _ => options.pixel_m,
         };
         if let Some(pixel_m) = given {
             if !(pixel_m.is_finite() && pixel_m > 0.0) {
-                return Err(
-                    Usage(format!("--pixel-m is {pixel_m}, expected metres above 0")).into()
-                );
+                return Err(ViewError::Setting(format!(
+                    "--pixel-m is {pixel_m}, expected metres above 0"
+                )));
             }
             let needed = (field_m / pixel_m).ceil().max(1.0);
-            if args.size_px.is_none() && needed > MOST_PX as f64 {
-                bail!("the body needs {needed} pixels of {pixel_m} m, expected at most {MOST_PX}");
+            if options.size_px.is_none() && needed > MOST_PX as f64 {
+                return Err(ViewError::Impossible(format!(
+                    "the body needs {needed} pixels of {pixel_m} m, expected at most {MOST_PX}"
+                )));
             }
             // An odd number, so that the body's origin lies in the middle of a pixel.
             let needed = needed as usize | 1;
-            let size = args.size_px.unwrap_or(needed);
+            let size = options.size_px.unwrap_or(needed);
             (camera.pixel_m, camera.size_px) = (pixel_m, [size, size]);
         } else {
             camera.pixel_m = field_m / camera.size_px[0] as f64;
         }
         if !(1..=MOST_PX).contains(&camera.size_px[0]) {
             let size = camera.size_px[0];
-            return Err(Usage(format!("--size-px is {size}, expected 1 to {MOST_PX}")).into());
+            let text = format!("--size-px is {size}, expected 1 to {MOST_PX}");
+            return Err(ViewError::Setting(text));
         }
         let scene = body.scene();
         let mut factors = Vec::new();
         let mut irradiances = Vec::new();
         for nm in &bands_nm {
-            let sun = if args.per_irradiance { 1.0 } else { irradiance(aim, *nm)? };
+            let sun = if options.per_irradiance { 1.0 } else { irradiance(aim, *nm)? };
             let rho = scene.reflectances(*nm)?;
             factors.push(rho.iter().map(|r| sun * r).collect::<Vec<f64>>());
             irradiances.push(sun);
         }
         let sharp = Picture::render(&mut body.eye(), &camera, aim.sun_body, &factors)
-            .with_context(|| format!("the picture of {}", aim.target.name))?;
+            .map_err(|source| ViewError::Render { name: name(), source })?;
         let totals = sharp.bands.iter().map(|b| b.iter().sum()).collect();
         let picture = match aim.range_m {
             Some(range_m) if !optics.fwhm_arcsec.is_empty() => {
@@ -149,7 +204,7 @@ impl<'a> Shot<'a> {
             totals,
             optics,
             what,
-            per_irradiance: args.per_irradiance,
+            per_irradiance: options.per_irradiance,
         })
     }
 
@@ -170,7 +225,8 @@ impl<'a> Shot<'a> {
         if total > 0.0 { (1.0 - left / total).max(0.0) } else { 0.0 }
     }
 
-    fn concerns(&self) -> Vec<String> {
+    /// What a person should hear of before believing the picture.
+    pub fn concerns(&self) -> Vec<String> {
         let mut concerns = Vec::new();
         let reach = 0.5 * self.camera.pixel_m * self.camera.size_px[0] as f64;
         if self.totals.first().is_some_and(|t| *t == 0.0) {
@@ -192,7 +248,7 @@ impl<'a> Shot<'a> {
 }
 
 /// The width of the picture that the body needs about its origin, with a margin, m.
-fn field_m(aim: &Aim) -> anyhow::Result<f64> {
+fn field_m(aim: &Aim) -> Result<f64, ViewError> {
     let (right, up) = aim.axes()?;
     let angles = aim.target.hinge_angles_rad(aim.sun_body);
     let mut most = 0.0_f64;
@@ -220,37 +276,41 @@ fn blurred(sharp: &Picture, fwhm_arcsec: &[f64], range_m: f64) -> Picture {
 }
 
 impl Optics {
-    fn of(args: &PictureArgs, aim: &Aim, bands_nm: &[f64]) -> anyhow::Result<Self> {
+    fn new(blur: Blur, aim: &Aim, bands_nm: &[f64]) -> Result<Self, ViewError> {
         let need_range = |option: &str| {
             let text =
                 format!("{option} needs a distance: a pass has one, --model takes --range-km");
-            aim.range_m.ok_or(Usage(text))
+            aim.range_m.ok_or(ViewError::Setting(text))
         };
         let width = |option: &str, arcsec: f64| {
             let good = (0.0..=3600.0).contains(&arcsec);
-            good.then_some(arcsec)
-                .ok_or_else(|| Usage(format!("{option} is {arcsec}, expected 0 to 3600 arcsec")))
+            let text = format!("{option} is {arcsec}, expected 0 to 3600 arcsec");
+            good.then_some(arcsec).ok_or(ViewError::Setting(text))
         };
-        if let Some(fwhm) = args.psf_arcsec {
-            need_range("--psf-arcsec")?;
-            let fwhm = width("--psf-arcsec", fwhm)?;
-            return Ok(Self {
-                fwhm_arcsec: vec![fwhm; bands_nm.len()],
-                words: Some(format!("blurred to {fwhm}″ (FWHM)")),
-                ..Self::default()
-            });
-        }
-        if !args.station_optics {
-            return Ok(Self::default());
-        }
+        let seeing = match blur {
+            Blur::None => return Ok(Self::default()),
+            Blur::Fwhm(fwhm) => {
+                need_range("--psf-arcsec")?;
+                let fwhm = width("--psf-arcsec", fwhm)?;
+                return Ok(Self {
+                    fwhm_arcsec: vec![fwhm; bands_nm.len()],
+                    words: Some(format!("blurred to {fwhm}″ (FWHM)")),
+                    ..Self::default()
+                });
+            }
+            Blur::Station(seeing) => seeing,
+        };
         need_range("--station-optics")?;
-        let seeing = width("--seeing-arcsec", args.seeing_arcsec)?;
-        let station = aim.station.as_ref().context("--station-optics needs --station")?;
-        let camera = station.camera.as_ref().with_context(|| {
-            format!(
+        let seeing = width("--seeing-arcsec", seeing)?;
+        let station = aim
+            .station
+            .as_ref()
+            .ok_or_else(|| ViewError::Impossible("--station-optics needs --station".into()))?;
+        let camera = station.camera.as_ref().ok_or_else(|| {
+            ViewError::Impossible(format!(
                 "the station {} has no [camera]: --station-optics takes its pixels",
                 station.name
-            )
+            ))
         })?;
         let diameter_m = station.telescope.primary_diameter_m;
         let fwhm_arcsec: Vec<f64> = bands_nm

@@ -1,18 +1,41 @@
 //! What a picture is of: a target, where the Sun and the observer stand, and what is up.
 
-use super::{PictureArgs, Up};
-use crate::output::{Console, Usage};
-use crate::simulate::read;
-use crate::star::when;
-use anyhow::{Context as _, bail};
+use super::ViewError;
+use crate::pass::{Pass, Place};
+use crate::target::Target;
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
 use sunglint_formats::time::{format_utc, format_utc_shortest, tai_nanoseconds};
 use sunglint_radiometry::light::sun_at_1_au;
 use sunglint_radiometry::spectrum::{Irradiance, Spectrum};
 use sunglint_radiometry::station::Station;
-use sunglint_simulator::pass::{Overrides, Pass, Place};
-use sunglint_simulator::target::Target;
+
+/// What is up in a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Up {
+    /// The celestial pole.
+    North,
+    /// The station's zenith.
+    Zenith,
+    /// The body's z axis.
+    BodyZ,
+}
+
+/// From where a target alone is looked at, and from where it is lit; what is `None` is as in the field's own words.
+#[derive(Debug, Clone, Default)]
+pub struct ModelView {
+    /// Direction to the observer, body axes [0.75, −0.5, 0.45].
+    pub observer: Option<DVec3>,
+    /// Direction to the Sun, body axes [by the phase angle].
+    pub sun: Option<DVec3>,
+    /// Phase angle, degrees, the Sun to the observer's right [40].
+    pub phase_deg: Option<f64>,
+    /// Distance of the observer, m [none].
+    pub range_m: Option<f64>,
+    /// Who looks [none].
+    pub station: Option<Station>,
+}
 
 /// From where a model is looked at unless somebody says: from the front, a little from the side and from above.
 const OBSERVER: DVec3 = DVec3::new(0.75, -0.5, 0.45);
@@ -20,6 +43,7 @@ const OBSERVER: DVec3 = DVec3::new(0.75, -0.5, 0.45);
 const PHASE_DEG: f64 = 40.0;
 
 /// What a picture is of.
+#[derive(Debug, Clone)]
 pub struct Aim {
     /// The body.
     pub target: Target,
@@ -50,40 +74,14 @@ pub struct Aim {
 }
 
 impl Aim {
-    /// What was asked for.
-    pub fn new(args: &PictureArgs, console: Console) -> anyhow::Result<Self> {
-        match (&args.pass, &args.model) {
-            (Some(_), Some(_)) => {
-                Err(Usage("give either PASS.toml or --model, not both".into()).into())
-            }
-            (None, None) => Err(Usage(
-                "a picture of what? Give PASS.toml, --model NAME (a built-in target or a target.toml), or --sphere".into(),
-            )
-            .into()),
-            (Some(_), None) => Self::of_pass(args, console),
-            (None, Some(model)) => Self::of_model(args, model),
-        }
-    }
-
-    /// Sun, Earth and station at a moment of a pass.
-    fn of_pass(args: &PictureArgs, console: Console) -> anyhow::Result<Self> {
-        let path = args.pass.clone().unwrap_or_default();
-        let alone = [
-            ("--phase", args.phase.is_some() && !args.map),
-            ("--sun", args.sun.is_some()),
-            ("--observer", args.observer.is_some()),
-            ("--range-km", args.range_km.is_some()),
-        ];
-        if let Some((option, _)) = alone.iter().find(|(_, given)| *given) {
-            let text = format!("{option} goes with --model: a pass says itself where all stand");
-            return Err(Usage(text).into());
-        }
-        let mut pass = read(&path, &args.station, Overrides::default())?;
-        let name = || path.display().to_string();
-        let at = args.at.as_deref().map(when).transpose().context("--at")?;
-        pass.times = vec![moment(&pass, at).with_context(name)?];
+    /// Sun, Earth and station at a moment of a pass: without one, that at which the target stands highest.
+    ///
+    /// # Errors
+    /// A moment outside of the pass; places that cannot be computed.
+    pub fn of_pass(mut pass: Pass, at: Option<Epoch>, up: Option<Up>) -> Result<Self, ViewError> {
+        pass.times = vec![moment(&pass, at)?];
         pass.exposure_s.truncate(1);
-        let place = *pass.moments().with_context(name)?.first().context("no moment")?;
+        let place = *pass.moments()?.first().ok_or_else(no_moment)?;
         let mut warnings = pass.warnings.clone();
         warnings.extend(concerns(&pass, &place));
         let geometry = &place.geometry;
@@ -95,18 +93,12 @@ impl Aim {
         let along = place.observer_body;
         // On the sky: the observer looks against `along`.
         let east = north.cross(-along).normalize_or_zero();
-        let (up, up_name) = match args.up.unwrap_or(Up::North) {
+        let (up, up_name) = match up.unwrap_or(Up::North) {
             Up::North => (north, "celestial north up"),
             Up::Zenith => (zenith, "zenith up"),
             Up::BodyZ => (DVec3::Z, "body z up"),
         };
         let au = geometry.sun.distance_au();
-        console.detail(&format!(
-            "{}: Sun ({:.4}), station ({:.4}), body axes",
-            format_utc_shortest(geometry.epoch),
-            place.sun_body,
-            place.observer_body
-        ));
         let title = format!(
             "{} as {} from {}, {}: range {:.1} km, altitude {:.1}°, phase angle {:.1}°",
             pass.orbit.name(),
@@ -135,24 +127,19 @@ impl Aim {
     }
 
     /// A target alone, at 1 au.
-    fn of_model(args: &PictureArgs, model: &str) -> anyhow::Result<Self> {
-        if args.at.is_some() {
-            return Err(Usage("--at goes with PASS.toml: a model alone has no time".into()).into());
-        }
-        if matches!(args.up, Some(Up::North | Up::Zenith)) {
-            let text = "a model alone has no north and no zenith: --up body-z";
-            return Err(Usage(text.into()).into());
-        }
-        let target = crate::passes::target(model)?;
-        let observer = args.observer.unwrap_or(OBSERVER).normalize();
+    ///
+    /// # Errors
+    /// Both a direction to the Sun and a phase angle; a distance that is not above 0.
+    pub fn of_model(target: Target, view: ModelView) -> Result<Self, ViewError> {
+        let observer = view.observer.unwrap_or(OBSERVER).normalize();
         let mut up = DVec3::Z;
         let mut up_name = "body z up";
         if up.cross(observer).length() < 1e-6 {
             (up, up_name) = (DVec3::X, "body x up");
         }
-        let sun = match (args.sun, args.phase) {
+        let sun = match (view.sun, view.phase_deg) {
             (Some(_), Some(_)) => {
-                return Err(Usage("give either --sun or --phase, not both".into()).into());
+                return Err(ViewError::Setting("give either --sun or --phase, not both".into()));
             }
             (Some(sun), None) => sun.normalize(),
             // To the right of the observer.
@@ -163,9 +150,9 @@ impl Aim {
             }
         };
         let phase_deg = sun.angle_between(observer).to_degrees();
-        let range_m = args.range_km.map(|km| km * 1e3);
+        let range_m = view.range_m;
         if range_m.is_some_and(|m| !(m.is_finite() && m > 0.0)) {
-            return Err(Usage("--range-km: expected a distance above 0".into()).into());
+            return Err(ViewError::Setting("--range-km: expected a distance above 0".into()));
         }
         let title = format!("{}: phase angle {phase_deg:.1}°, Sun at 1 au", target.name);
         let warnings = target.warnings.clone();
@@ -179,7 +166,7 @@ impl Aim {
             sunlight: 1.0,
             time: None,
             range_m,
-            station: args.station.find()?,
+            station: view.station,
             title,
             target,
             warnings,
@@ -192,37 +179,44 @@ impl Aim {
     }
 
     /// Right and up in the picture, body axes.
-    pub fn axes(&self) -> anyhow::Result<(DVec3, DVec3)> {
+    ///
+    /// # Errors
+    /// What is up lies along the line of sight.
+    pub fn axes(&self) -> Result<(DVec3, DVec3), ViewError> {
         let along = self.observer_body;
         let up = (self.up - self.up.dot(along) * along).try_normalize();
-        let up = up.filter(|_| self.up.cross(along).length() > 1e-9).with_context(|| {
-            format!(
+        let up = up.filter(|_| self.up.cross(along).length() > 1e-9).ok_or_else(|| {
+            ViewError::Impossible(format!(
                 "{} lies along the line of sight: take another --up (north, zenith, body-z)",
                 self.up_name.trim_end_matches(" up")
-            )
+            ))
         })?;
         Ok((up.cross(along), up))
     }
 }
 
+fn no_moment() -> ViewError {
+    ViewError::Impossible("no moment".into())
+}
+
 /// The moment that was asked for, which lies within the pass; else the one at which the target stands highest.
-fn moment(pass: &Pass, at: Option<Epoch>) -> anyhow::Result<Epoch> {
+fn moment(pass: &Pass, at: Option<Epoch>) -> Result<Epoch, ViewError> {
     let key = |t: &Epoch| tai_nanoseconds(*t);
-    let first = pass.times.iter().copied().min_by_key(key).context("no moment")?;
-    let last = pass.times.iter().copied().max_by_key(key).context("no moment")?;
+    let first = pass.times.iter().copied().min_by_key(key).ok_or_else(no_moment)?;
+    let last = pass.times.iter().copied().max_by_key(key).ok_or_else(no_moment)?;
     let Some(at) = at else {
         let places = pass.moments()?;
         let height = |p: &&Place| p.geometry.horizontal.altitude_deg();
         let best = places.iter().max_by(|a, b| height(a).total_cmp(&height(b)));
-        return Ok(best.context("no moment")?.geometry.epoch);
+        return Ok(best.ok_or_else(no_moment)?.geometry.epoch);
     };
     if key(&at) < key(&first) || key(&at) > key(&last) {
-        bail!(
+        return Err(ViewError::Impossible(format!(
             "--at {} is outside the pass, which runs from {} to {} ([times])",
             format_utc_shortest(at),
             format_utc_shortest(first),
             format_utc_shortest(last)
-        );
+        )));
     }
     Ok(at)
 }

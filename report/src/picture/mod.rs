@@ -1,21 +1,31 @@
-//! What `sunglint picture` says: text, JSON, figure, FITS.
+//! Pictures, reflection maps and spheres: text, JSON, figure, FITS.
 
-use super::image::{Shot, arcsec};
-use super::tiles::{depths, gallery, length};
-use super::{What, fits};
+mod fits;
+pub mod map;
+pub mod sphere;
+mod tiles;
+
+use crate::{Product, rounded};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
+use sunglint_formats::EncodeError;
 use sunglint_formats::time::format_utc_shortest;
-use sunglint_report::{Product, rounded};
+use sunglint_simulator::picture::{Shot, What, arcsec};
+use tiles::{depths, gallery, length};
 
 /// A picture in words and files.
-pub struct Report<'a> {
+#[derive(Debug, Clone, Copy)]
+pub struct PictureReport<'a> {
     /// The picture.
     pub shot: &'a Shot<'a>,
 }
 
-impl Report<'_> {
-    pub fn product(&self) -> anyhow::Result<Product> {
+impl PictureReport<'_> {
+    /// Pictures, FITS images and summary.
+    ///
+    /// # Errors
+    /// Images that FITS does not hold.
+    pub fn product(&self) -> Result<Product, EncodeError> {
         Ok(Product {
             name: "picture".into(),
             gallery: Some(gallery(self.shot)),
@@ -39,6 +49,7 @@ impl Report<'_> {
         share * self.shot.camera.pixel_m * self.shot.camera.pixel_m
     }
 
+    /// The text.
     pub fn text(&self) -> String {
         let (shot, aim) = (self.shot, self.shot.aim);
         let mut text = format!("{}\n", aim.title);

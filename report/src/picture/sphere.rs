@@ -1,43 +1,13 @@
 //! What a sphere reflects against phase angle, rough mirrors beside Lambert's law and a mirror (thesis fig. G.4).
 
-use super::PictureArgs;
-use crate::output::{Console, Usage};
+use crate::plot::{Axis, Figure, Panel, RGBColor, Series};
+use crate::{Product, rounded};
 use serde_json::json;
-use std::f64::consts::PI;
 use sunglint_formats::{Column, Table};
-use sunglint_radiometry::spectrum::Spectrum;
-use sunglint_report::plot::{Axis, Figure, Panel, Series};
-use sunglint_report::{Product, rounded};
-use sunglint_simulator::surface::{Distribution, Fresnel, Lobe, Masking, Material};
+use sunglint_simulator::picture::spheres::{STEP_DEG, SphereRatio};
 
-/// Steps of the phase angle, degrees.
-const STEP_DEG: f64 = 1.0;
-
-/// Makes the curves.
-pub fn run(args: &PictureArgs, console: Console) -> anyhow::Result<()> {
-    if let Some(bad) = args.alpha.iter().find(|a| !(1e-5..=2.0).contains(*a)) {
-        return Err(Usage(format!("--alpha is {bad}, expected 1e-5 to 2")).into());
-    }
-    let (from, to) = (300.0, 1240.0);
-    let white = || Spectrum::constant(1.0, from, to);
-    let mut spheres = vec![
-        ("lambert".to_owned(), "Lambert".to_owned(), Material::lambert("Lambert", white()?)?),
-        (
-            "mirror".to_owned(),
-            "mirror".to_owned(),
-            Material::mirror("mirror", Fresnel::constant(white()?)?),
-        ),
-    ];
-    for alpha in &args.alpha {
-        let lobe = Lobe::isotropic(Distribution::Beckmann, *alpha, Masking::default())?;
-        let name = format!("α = {alpha}");
-        let column = format!("alpha_{alpha}").replace(['.', '-'], "_");
-        spheres.push((
-            column,
-            name.clone(),
-            Material::microfacet(name, lobe, Fresnel::constant(white()?)?),
-        ));
-    }
+/// All forms of the curves, and the text.
+pub fn product(spheres: &[SphereRatio]) -> (Product, String) {
     let phases: Vec<f64> = (0..=(180.0 / STEP_DEG) as usize).map(|i| i as f64 * STEP_DEG).collect();
     let mut table = Table::default();
     let title = "What a sphere of reflectance 1 sends to the observer";
@@ -53,13 +23,7 @@ pub fn run(args: &PictureArgs, console: Console) -> anyhow::Result<()> {
         "{title}: I/(E πR²), sr⁻¹\n  {:<12}{:>12}{:>12}{:>12}{:>12}\n",
         "", "0°", "60°", "120°", "170°"
     );
-    for (i, (column, name, material)) in spheres.iter().enumerate() {
-        let mut ratio = Vec::with_capacity(phases.len());
-        for phase in &phases {
-            let mut weights = vec![0.0; material.spectra().len()];
-            material.add_sphere_weights(phase.to_radians().min(PI), 1.0, &mut weights)?;
-            ratio.push(weights.iter().sum::<f64>() / PI);
-        }
+    for (i, SphereRatio { column, name, is_ideal, ratio }) in spheres.iter().enumerate() {
         let at = |deg: f64| ratio[(deg / STEP_DEG) as usize];
         text.push_str(&format!("  {name:<12}"));
         for deg in [0.0, 60.0, 120.0, 170.0] {
@@ -70,8 +34,8 @@ pub fn run(args: &PictureArgs, console: Console) -> anyhow::Result<()> {
         let shown = phases.iter().copied().zip(ratio.iter().copied());
         let points = shown.filter(|(deg, _)| *deg < 180.0 || column != "mirror").collect();
         let line = Series::line(name.clone(), i, points);
-        series.push(if i < 2 {
-            line.with_colour_and_dash(sunglint_report::plot::RGBColor(40, 40, 40), i)
+        series.push(if *is_ideal {
+            line.with_colour_and_dash(RGBColor(40, 40, 40), i)
         } else {
             line
         });
@@ -79,7 +43,9 @@ pub fn run(args: &PictureArgs, console: Console) -> anyhow::Result<()> {
             json!({ "name": name, "at_0_deg": rounded(at(0.0)), "at_90_deg": rounded(at(90.0)) }),
         );
         let described = format!("{name}: I/(E pi R^2)").replace('α', "alpha");
-        table.columns.push(Column::f64(column, Some("1 / sr"), ratio).described(described));
+        table
+            .columns
+            .push(Column::f64(column.clone(), Some("1 / sr"), ratio.clone()).described(described));
     }
     let x = Axis::linear("phase angle (°)").from_to(0.0, 180.0);
     let y = Axis::linear("I / (E πR²)  (sr⁻¹)");
@@ -95,5 +61,5 @@ pub fn run(args: &PictureArgs, console: Console) -> anyhow::Result<()> {
         json: json!({ "title": title, "unit": "1 / sr", "spheres": list }),
         ..Product::default()
     };
-    args.out.finish(&product, &text, console)
+    (product, text)
 }
