@@ -7,6 +7,7 @@
 //! - [`fold`]: folded curves;
 //! - [`mod@map`]: maps on the frame of a body;
 //! - [`mod@period`]: the period of curves;
+//! - [`passes`]: passes that can be seen;
 //! - [`picture`]: pictures, reflection maps, spheres;
 //! - [`session`]: what of a recorded night is there;
 //! - [`star`]: a star through time;
@@ -27,6 +28,7 @@ mod lines;
 pub mod map;
 mod numbers;
 pub mod page;
+pub mod passes;
 pub mod period;
 pub mod picture;
 pub mod plot;

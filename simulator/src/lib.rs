@@ -11,6 +11,7 @@
 //! - [`ranging`]: lasers, photons per shot and how they are spread over depth;
 //! - [`pass`]: all of it along a pass, to spectra, magnitudes and count rates;
 //! - [`scenes`]: bodies and directions on which light engines are compared, with independent truths;
+//! - [`sightings`]: passes that can be seen from a station, and how bright they are;
 //! - [`mod@bench`]: error against time of the light engines on them.
 //!
 //! # Frames and conventions
@@ -26,5 +27,6 @@ pub mod pass;
 pub mod picture;
 pub mod ranging;
 pub mod scenes;
+pub mod sightings;
 pub mod surface;
 pub mod target;

@@ -1,13 +1,13 @@
 //! The passes on the sky.
 
-use super::report::Report;
-use super::seen::SeenPass;
+use super::PassesReport;
+use crate::plot::sky::{Light, Place, SkyPlot, Track, TrackPoint};
 use hifitime::{Epoch, Unit};
 use plotters::style::RGBColor;
 use sunglint_ephemeris::passes::Search;
 use sunglint_formats::time::format_utc;
 use sunglint_radiometry::sky::Observer;
-use sunglint_report::plot::sky::{Light, Place, SkyPlot, Track, TrackPoint};
+use sunglint_simulator::sightings::SeenPass;
 
 /// Tracks that are drawn at most: the brightest.
 const TRACKS: usize = 22;
@@ -15,7 +15,7 @@ const TRACKS: usize = 22;
 const POINTS: u32 = 160;
 
 /// The map of all passes, with Sun and Moon at the middle of the first (of one: at its brightest moment).
-pub(super) fn sky_plot(report: &Report<'_>) -> SkyPlot {
+pub(super) fn sky_plot(report: &PassesReport<'_>) -> SkyPlot {
     let mut shown: Vec<&SeenPass> = report.passes.iter().collect();
     if shown.len() > TRACKS {
         shown.sort_by(|a, b| a.brightest.v_mag.total_cmp(&b.brightest.v_mag));
@@ -48,7 +48,7 @@ pub(super) fn sky_plot(report: &Report<'_>) -> SkyPlot {
     }
 }
 
-fn places(report: &Report<'_>, at: Epoch) -> Vec<Place> {
+fn places(report: &PassesReport<'_>, at: Epoch) -> Vec<Place> {
     // Without a frame there would have been no search.
     let Ok(observer) = Observer::at(at, &report.station.site, report.orientation) else {
         return Vec::new();

@@ -1,81 +1,66 @@
-//! What `sunglint passes` says: text and JSON, and where the rest goes.
+//! Passes that can be seen: text, JSON, table, the plot of the sky.
 
-use super::model::Light;
-use super::seen::{Event, KEYHOLE_DEG, Photometer, SeenPass};
-use super::{Counts, Failure, figure, table};
-use crate::output::{Console, OutputArgs};
+mod figure;
+mod table;
+
+use crate::plot::sky::SkyPlot;
+use crate::{Product, rounded};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use std::path::PathBuf;
 use sunglint_ephemeris::passes::brightness::Brightness;
 use sunglint_ephemeris::passes::{Search, Span};
 use sunglint_formats::time::format_utc;
 use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::{Mount, Station};
-use sunglint_report::{Product, rounded};
+use sunglint_simulator::sightings::{
+    KEYHOLE_DEG, Photometer, SeenPass, SightingCounts, SightingEvent, SightingFailure,
+    SightingLight,
+};
 
 /// A search with what it found.
-pub(super) struct Report<'a> {
+pub struct PassesReport<'a> {
+    /// The search.
     pub search: &'a Search,
+    /// The station.
     pub station: &'a Station,
+    /// Its channels on sunlight.
     pub photometer: &'a Photometer<'a>,
+    /// The passes, in the order of time.
     pub passes: &'a [SeenPass],
-    pub counts: Counts,
-    pub failures: &'a [Failure],
+    /// How many there were.
+    pub counts: SightingCounts,
+    /// What could not be followed.
+    pub failures: &'a [SightingFailure],
+    /// What a person should hear of first.
     pub warnings: &'a [String],
+    /// The files that went in.
     pub inputs: Vec<Input>,
+    /// How the Earth is turned.
     pub orientation: &'a EarthOrientation,
 }
 
 /// Failures that the text names at most.
 const NAMED: usize = 5;
 
-impl Report<'_> {
-    /// Writes and prints it.
-    pub fn finish(&self, out: &OutputArgs, console: Console) -> anyhow::Result<()> {
-        // The sky plot is no figure of panels: its files are written beside the product's, all or none.
-        let is_picture = |p: &PathBuf| {
-            p.extension().is_some_and(|e| {
-                let e = e.to_string_lossy().to_ascii_lowercase();
-                e == "png" || e == "svg"
-            })
-        };
-        let is_folder = |p: &PathBuf| p.is_dir() || p.as_os_str().to_string_lossy().ends_with('/');
-        let mut pictures: Vec<PathBuf> =
-            out.output.iter().filter(|p| is_picture(p) && !is_folder(p)).cloned().collect();
-        let rest = OutputArgs {
-            output: out.output.iter().filter(|p| !is_picture(p) || is_folder(p)).cloned().collect(),
-            force: out.force,
-        };
-        if !self.passes.is_empty() {
-            for folder in out.output.iter().filter(|p| is_folder(p)) {
-                pictures.extend(["png", "svg"].map(|e| folder.join(format!("passes.{e}"))));
-            }
-        }
-        let mut others = Vec::new();
-        if !pictures.is_empty() {
-            if self.passes.is_empty() {
-                console.warn("no visible pass: the sky plot shows the empty sky");
-            }
-            let plot = figure::sky_plot(self);
-            for path in pictures {
-                let svg = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg"));
-                let bytes = if svg { plot.svg()?.into_bytes() } else { plot.png()? };
-                others.push((path, bytes));
-            }
-        }
-        let json = if out.wants_json(console) { self.json() } else { Value::Null };
-        let product = Product {
+impl PassesReport<'_> {
+    /// Table, and summary where `json` asks for it.
+    pub fn product(&self, json: bool) -> Product {
+        Product {
             name: "passes".into(),
             table: table::table(self),
             figure: None,
-            json,
+            json: if json { self.json() } else { Value::Null },
             ..Product::default()
-        };
-        rest.finish_with(&product, others, &self.text(), console)
+        }
     }
 
+    /// The passes on the sky.
+    pub fn sky_plot(&self) -> SkyPlot {
+        figure::sky_plot(self)
+    }
+
+    /// The heading of all.
     pub fn title(&self) -> String {
         let window = self.search.window();
         format!(
@@ -86,10 +71,11 @@ impl Report<'_> {
         )
     }
 
+    /// How bright the targets are, in words.
     pub fn law(&self) -> String {
         let law = match &self.photometer.light {
-            Light::Law(law) => *law,
-            Light::Model(_, words) => {
+            SightingLight::Law(law) => *law,
+            SightingLight::Model(_, words) => {
                 return format!(
                     "model {}, attitude {}, within {} %",
                     words.target,
@@ -109,7 +95,8 @@ impl Report<'_> {
         }
     }
 
-    fn text(&self) -> String {
+    /// The text.
+    pub fn text(&self) -> String {
         let conditions = self.search.conditions();
         let site = self.station.site.geodetic();
         let mut text = format!(
@@ -160,8 +147,8 @@ impl Report<'_> {
                 *key |= notes.contains(letter);
             }
             let (b, g) = (&pass.brightest, &pass.brightest.geometry);
-            let clock = |e: &Event| format_utc(e.geometry.epoch, 0)[11..19].to_owned();
-            let azimuth = |e: &Event| compass(e.geometry.horizontal.azimuth_deg());
+            let clock = |e: &SightingEvent| format_utc(e.geometry.epoch, 0)[11..19].to_owned();
+            let azimuth = |e: &SightingEvent| compass(e.geometry.horizontal.azimuth_deg());
             let best = self.best(pass).map_or("-".into(), |(_, ratio)| short(ratio));
             let name = pass.target.split(" (").next().unwrap_or(&pass.target);
             let name: String = name.chars().take(16).collect();
@@ -294,16 +281,16 @@ impl Report<'_> {
         let (window, site) = (self.search.window(), self.station.site.geodetic());
         let conditions = self.search.conditions();
         let brightness = match &self.photometer.light {
-            Light::Model(_, words) => {
+            SightingLight::Model(_, words) => {
                 json!({
                     "law": "model", "target": words.target, "attitude": words.attitude,
                     "tolerance": words.tolerance,
                 })
             }
-            Light::Law(Brightness::Sphere { diameter_m, reflectance }) => {
+            SightingLight::Law(Brightness::Sphere { diameter_m, reflectance }) => {
                 json!({ "law": "diffuse sphere", "diameter_m": diameter_m, "reflectance": reflectance })
             }
-            Light::Law(Brightness::Standard { magnitude }) => {
+            SightingLight::Law(Brightness::Standard { magnitude }) => {
                 json!({ "law": "standard magnitude", "v_1000_km_half_lit": magnitude })
             }
             _ => Value::Null,
@@ -356,7 +343,7 @@ impl Report<'_> {
     }
 }
 
-fn event(e: &Event) -> Value {
+fn event(e: &SightingEvent) -> Value {
     let g = &e.geometry;
     json!({
         "time_utc": format_utc(g.epoch, 3), "altitude_deg": rounded(g.horizontal.altitude_deg()), "azimuth_deg": rounded(g.horizontal.azimuth_deg()),

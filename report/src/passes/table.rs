@@ -1,17 +1,17 @@
 //! The passes as columns.
 
-use super::report::Report;
-use super::seen::{Event, SeenPass};
+use super::PassesReport;
 use serde_json::json;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, Table, Values};
 use sunglint_radiometry::light_curve::Provenance;
+use sunglint_simulator::sightings::{SeenPass, SightingEvent};
 
 /// Which moment of a pass.
-type Moment = fn(&SeenPass) -> &Event;
+type Moment = fn(&SeenPass) -> &SightingEvent;
 
 /// One row a pass.
-pub(super) fn table(report: &Report<'_>) -> Table {
+pub(super) fn table(report: &PassesReport<'_>) -> Table {
     let passes = report.passes;
     let mut table = Table::default();
     let window = report.search.window();

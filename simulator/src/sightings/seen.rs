@@ -1,6 +1,8 @@
 //! A pass as the station sees it: its moments, how bright, what the channels count.
 
-use super::model::{Light, MODEL_STEP_S};
+use super::SightingError;
+use super::model::{MODEL_STEP_S, SightingLight};
+use crate::pass::{Eye, PassError, Sample};
 use hifitime::Epoch;
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -13,7 +15,6 @@ use sunglint_radiometry::light::sun_at_1_au;
 use sunglint_radiometry::passband::{Passband, ZeroPoint};
 use sunglint_radiometry::sky::{Observer, SkyFrames, Twilight};
 use sunglint_radiometry::station::{Mount, Predicted, Station};
-use sunglint_simulator::pass::{Eye, PassError, Sample};
 
 /// A pass that can be seen.
 #[derive(Debug, Clone)]
@@ -27,15 +28,15 @@ pub struct SeenPass {
     /// Its orbit, for figures.
     pub orbit: Orbit,
     /// The first moment at which it can be seen.
-    pub start: Event,
+    pub start: SightingEvent,
     /// When it stands highest, seen or not.
-    pub culmination: Event,
+    pub culmination: SightingEvent,
     /// When it is brightest above the air while it can be seen.
-    pub brightest: Event,
+    pub brightest: SightingEvent,
     /// The last moment at which it can be seen.
-    pub end: Event,
+    pub end: SightingEvent,
     /// What is expected at the brightest moment.
-    pub expected: Expected,
+    pub expected: ExpectedLight,
     /// Whether a mount of the station's kind is interrupted: meridian crossing while visible (equatorial).
     pub meridian_flip: bool,
     /// Whether it passes through the blind cone of an alt-azimuth mount while visible.
@@ -44,7 +45,7 @@ pub struct SeenPass {
 
 /// A moment of a pass.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Event {
+pub struct SightingEvent {
     /// Where everything is.
     pub geometry: Geometry,
     /// Johnson V above the air; infinite in the umbra.
@@ -63,14 +64,14 @@ pub struct Event {
 
 /// What arrives and is counted at one moment.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Expected {
+pub struct ExpectedLight {
     /// Johnson V at the station, after the air; `None` where no light comes through.
     pub v_station: Option<f64>,
     /// For each channel of the station: the predicted rate at the detector, Hz, and what the channel makes of it.
     pub channels: Vec<Option<(f64, Predicted)>>,
 }
 
-/// The place of V among [`BANDS`](sunglint_simulator::pass::BANDS).
+/// The place of V among [`BANDS`](crate::pass::BANDS).
 const V: usize = 2;
 /// Above this altitude an alt-azimuth mount counts as blind, degrees.
 pub const KEYHOLE_DEG: f64 = 85.0;
@@ -82,7 +83,7 @@ impl SeenPass {
         pass: Pass,
         search: &Search,
         photometer: &Photometer<'_>,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, SightingError> {
         let event = |epoch| photometer.event(orbit, epoch);
         let (first, last) = match pass.visible.as_slice() {
             [] => (pass.span, pass.span),
@@ -130,18 +131,23 @@ impl SeenPass {
         if self.pass.visible.iter().any(|v| v.from <= culmination && culmination <= v.to) {
             return self.pass.highest_deg;
         }
-        let altitude = |e: &Event| e.geometry.horizontal.altitude_deg();
+        let altitude = |e: &SightingEvent| e.geometry.horizontal.altitude_deg();
         [&self.start, &self.brightest, &self.end].into_iter().map(altitude).fold(-90.0, f64::max)
     }
 }
 
 /// The station's eyes on sunlight: channel rates and magnitudes of light that is the Sun's times a factor, through the air at any height.
 pub struct Photometer<'a> {
+    /// The station.
     pub station: &'a Station,
+    /// The air above it.
     pub air: &'a Air,
-    pub light: Light<'a>,
+    /// How bright the targets are.
+    pub light: SightingLight<'a>,
     frames: SkyFrames<'a>,
+    /// Magnitude of Vega that V counts from.
     pub zero: ZeroPoint,
+    /// Exposure time, s.
     pub exposure_s: f64,
     /// Johnson V of the Sun at 1 au above the air.
     pub sun_v: f64,
@@ -164,18 +170,22 @@ fn height_coordinate(altitude_deg: f64) -> f64 {
 }
 
 impl<'a> Photometer<'a> {
+    /// Prepares the air at all heights.
+    ///
+    /// # Errors
+    /// Air without a spectrum there, sunlight without a magnitude.
     pub fn new(
         station: &'a Station,
         air: &'a Air,
-        light: Light<'a>,
+        light: SightingLight<'a>,
         frames: SkyFrames<'a>,
         zero: ZeroPoint,
         exposure_s: f64,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, SightingError> {
         let band = Passband::named("V")?;
         let sun = sun_at_1_au();
         let sun_v = band.magnitude(sun, zero)?;
-        let node = |i: usize| -> anyhow::Result<Node> {
+        let node = |i: usize| -> Result<Node, SightingError> {
             let zenith = Zenith::True(90.0 - node_altitude_deg(i));
             let t = air.spectrum(zenith, sun.range_nm())?;
             let v_mag = match sun.through(&t) {
@@ -185,8 +195,9 @@ impl<'a> Photometer<'a> {
             let rates = station.channels.iter().map(|c| station.rate_hz(c, sun, Some(&t)));
             Ok(Node { v_mag, ln_rates: rates.map(|r| r.value.ln()).collect() })
         };
-        let nodes: Vec<anyhow::Result<Node>> = (0..NODES).into_par_iter().map(node).collect();
-        let nodes = nodes.into_iter().collect::<anyhow::Result<Vec<Node>>>()?;
+        let nodes: Vec<Result<Node, SightingError>> =
+            (0..NODES).into_par_iter().map(node).collect();
+        let nodes = nodes.into_iter().collect::<Result<Vec<Node>, SightingError>>()?;
         Ok(Self { station, air, light, frames, zero, exposure_s, sun_v, nodes })
     }
 
@@ -197,14 +208,20 @@ impl<'a> Photometer<'a> {
     }
 
     /// The moment of a span at which the target is brightest above the air.
-    fn brightest(&self, search: &Search, orbit: &Orbit, span: Span, start: &Event) -> Epoch {
+    fn brightest(
+        &self,
+        search: &Search,
+        orbit: &Orbit,
+        span: Span,
+        start: &SightingEvent,
+    ) -> Epoch {
         match &self.light {
-            Light::Law(law) => {
+            SightingLight::Law(law) => {
                 let sun_m = start.geometry.sun.distance_m;
                 let measure = |phase, range| law.of_sunlight(phase, range, sun_m, 1.0, self.sun_v);
                 search.brightest(orbit, span, measure)
             }
-            Light::Model(ready, _) => {
+            SightingLight::Model(ready, _) => {
                 let eye = RefCell::new(ready.eye());
                 // Where there is no light there is no magnitude, and nothing is fainter.
                 search.highest(span, MODEL_STEP_S.min(span.seconds() / 16.0), |epoch| {
@@ -220,18 +237,18 @@ impl<'a> Photometer<'a> {
         eye.sample(orbit, epoch, &self.frames, self.exposure_s)
     }
 
-    fn event(&self, orbit: &Orbit, epoch: Epoch) -> anyhow::Result<Event> {
+    fn event(&self, orbit: &Orbit, epoch: Epoch) -> Result<SightingEvent, SightingError> {
         let observer = Observer::new(self.frames.at(epoch)?, &self.station.site);
         let geometry = Geometry::at(orbit, &observer)?;
         let v_mag = match &self.light {
-            Light::Law(law) => self.sun_v - 2.5 * self.factor(*law, &geometry).log10(),
-            Light::Model(ready, _) => {
+            SightingLight::Law(law) => self.sun_v - 2.5 * self.factor(*law, &geometry).log10(),
+            SightingLight::Model(ready, _) => {
                 let v = self.sample(&mut ready.eye(), orbit, epoch)?.magnitudes[V];
                 if v.is_nan() { f64::INFINITY } else { v }
             }
         };
         let moon = observer.moon();
-        Ok(Event {
+        Ok(SightingEvent {
             geometry,
             v_mag,
             sun_altitude_deg: geometry.sun_altitude_deg(&observer),
@@ -242,16 +259,20 @@ impl<'a> Photometer<'a> {
         })
     }
 
-    fn expected(&self, orbit: &Orbit, event: &Event) -> anyhow::Result<Expected> {
+    fn expected(
+        &self,
+        orbit: &Orbit,
+        event: &SightingEvent,
+    ) -> Result<ExpectedLight, SightingError> {
         match &self.light {
-            Light::Law(law) => Ok(self.expected_by(*law, event)),
-            Light::Model(ready, _) => {
+            SightingLight::Law(law) => Ok(self.expected_by(*law, event)),
+            SightingLight::Model(ready, _) => {
                 let sample = self.sample(&mut ready.eye(), orbit, event.geometry.epoch)?;
                 let v = sample.ground_magnitudes[V];
                 let good = |(hz, predicted): &(f64, Predicted)| {
                     hz.is_finite().then_some((*hz, *predicted))
                 };
-                Ok(Expected {
+                Ok(ExpectedLight {
                     v_station: v.is_finite().then_some(v),
                     channels: sample.channels.iter().map(good).collect(),
                 })
@@ -259,12 +280,12 @@ impl<'a> Photometer<'a> {
         }
     }
 
-    fn expected_by(&self, law: Brightness, event: &Event) -> Expected {
+    fn expected_by(&self, law: Brightness, event: &SightingEvent) -> ExpectedLight {
         let altitude_deg = event.geometry.horizontal.altitude_deg();
         let factor = self.factor(law, &event.geometry);
         let channels = &self.station.channels;
         if altitude_deg < 0.0 || factor <= 0.0 {
-            return Expected { v_station: None, channels: vec![None; channels.len()] };
+            return ExpectedLight { v_station: None, channels: vec![None; channels.len()] };
         }
         let at = height_coordinate(altitude_deg) / height_coordinate(0.0) * (NODES - 1) as f64;
         let i = (at.floor().max(0.0) as usize).min(NODES - 2);
@@ -277,7 +298,7 @@ impl<'a> Photometer<'a> {
             let predicted = self.station.predict(&channels[k], hz, self.exposure_s);
             hz.is_finite().then_some((hz, predicted))
         };
-        Expected { v_station, channels: (0..channels.len()).map(rate).collect() }
+        ExpectedLight { v_station, channels: (0..channels.len()).map(rate).collect() }
     }
 }
 

@@ -1,15 +1,6 @@
 //! `sunglint passes`: when satellites can be seen from a station, how bright, and what its channels would count.
 
-mod figure;
-mod model;
-mod report;
-mod seen;
-mod table;
-
-pub(crate) use model::target;
-pub use seen::{Event, Expected, SeenPass};
-
-use crate::air::{AirModelArgs, implausible};
+use crate::air::AirModelArgs;
 use crate::output::{Console, OutputArgs, Usage};
 use crate::star::when;
 use crate::station::StationArgs;
@@ -17,19 +8,23 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use hifitime::{Epoch, Unit};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use model::Light;
-use rayon::prelude::*;
-use report::Report;
-use seen::Photometer;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use sunglint_ephemeris::orbit::tle::{self, Tle};
 use sunglint_ephemeris::orbit::{Orbit, TleOrbit};
 use sunglint_ephemeris::passes::brightness::Brightness;
 use sunglint_ephemeris::passes::{Conditions, Search};
+use sunglint_formats::nearest_names;
+use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{EarthOrientation, SkyFrames};
+use sunglint_report::passes::PassesReport;
+use sunglint_simulator::attitude::Attitude;
+use sunglint_simulator::sightings::{
+    Model, Photometer, SightingFailure, SightingFilter, SightingLight, find,
+};
+use sunglint_simulator::target::Target;
 
 /// Arguments of `sunglint passes`.
 #[derive(Debug, Args)]
@@ -135,36 +130,6 @@ pub struct BrightnessArgs {
 /// Longer windows are a slip of the year.
 const MOST_DAYS: f64 = 40.0;
 
-/// How many stays above the horizon there were, and why they were not seen.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Objects that were followed.
-    pub objects: usize,
-    /// Objects that never came up.
-    pub never_up: usize,
-    /// Objects that were up all the time.
-    pub always_up: usize,
-    /// Stays above the horizon.
-    pub stays: usize,
-    /// Of them, those in the Earth's shadow all the time.
-    pub in_shadow: usize,
-    /// Those under a bright sky all the time.
-    pub in_daylight: usize,
-    /// Those that were sunlit only while the sky was bright.
-    pub lit_by_day: usize,
-    /// Visible ones that the filters left out.
-    pub filtered: usize,
-}
-
-/// What is not an orbit, or ends.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Failure {
-    /// The object, or the place in a file.
-    pub what: String,
-    /// Why.
-    pub why: String,
-}
-
 /// Finds passes.
 pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
@@ -191,7 +156,7 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
     };
     let orientation = user_orientation.as_ref().unwrap_or_else(|| EarthOrientation::embedded());
     let air = args.model.air(station.site.geodetic().height_m, Some(&station))?;
-    let mut warnings = implausible(&air);
+    let mut warnings = air.implausible();
     warnings.extend(station.warnings.clone());
     let origin = orientation.at(from)?.origin;
     if origin.is_outside() {
@@ -203,9 +168,16 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
     };
     let search = Search::new(&station.site, &station.horizon, (from, to), conditions, orientation)?;
     let any = tles.iter().find_map(|tle| TleOrbit::new(tle.clone()).ok()).map(Orbit::from);
-    let model = args.model(any, &station, &air, (from, orientation))?;
+    let model = match any {
+        None => None,
+        Some(orbit) => args.model()?.map(|model| {
+            let words = model.words();
+            let (when, seen) = ((from, orientation), (args.zero_point, args.exposure_s));
+            (model.pass(orbit, &station, &air, when, seen), words)
+        }),
+    };
     let light = match &model {
-        None => Light::Law(brightness),
+        None => SightingLight::Law(brightness),
         Some((pass, words)) => {
             let ready = pass.ready()?;
             warnings.extend(pass.warnings.clone());
@@ -214,7 +186,7 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
                 file: path.display().to_string(),
                 sha256: sha256.clone(),
             }));
-            Light::Model(Box::new(ready), words.clone())
+            SightingLight::Model(Box::new(ready), words.clone())
         }
     };
     let frames = SkyFrames::over(from, to, orientation)?;
@@ -222,43 +194,11 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
         Photometer::new(&station, &air, light, frames, args.zero_point, args.exposure_s)?;
     console.detail(&format!("{} objects, {} threads", tles.len(), rayon::current_num_threads()));
 
-    let bar = progress(tles.len(), console);
-    let followed: Vec<Followed> = tles
-        .into_par_iter()
-        .map(|tle| {
-            let followed = Followed::new(tle, &search, &photometer);
-            bar.inc(1);
-            followed
-        })
-        .collect();
-    bar.finish_and_clear();
-
-    let mut counts = Counts { objects: followed.len(), ..Counts::default() };
-    let mut passes = Vec::new();
-    let mut old = Vec::new();
-    for one in followed {
-        counts.never_up += usize::from(one.counts.stays == 0 && one.failure.is_none());
-        counts.always_up += one.counts.always_up;
-        counts.stays += one.counts.stays;
-        counts.in_shadow += one.counts.in_shadow;
-        counts.in_daylight += one.counts.in_daylight;
-        counts.lit_by_day += one.counts.lit_by_day;
-        failures.extend(one.failure);
-        old.extend(one.warnings);
-        passes.extend(one.passes);
-    }
-    if old.len() > 3 {
-        let more = format!("… and {} more objects with old elements", old.len() - 3);
-        old.truncate(3);
-        old.push(more);
-    }
-    warnings.extend(old);
-    let visible = passes.len();
-    let mut passes = args.filter.apply(passes);
-    counts.filtered = visible - passes.len();
-    passes.sort_by(|a, b| {
-        a.start.geometry.epoch.cmp(&b.start.geometry.epoch).then(a.norad_id.cmp(&b.norad_id))
-    });
+    let bar = ObjectsBar(progress(tles.len(), console));
+    let found = find(tles, &search, &photometer, &args.filter.options(), &bar);
+    bar.0.finish_and_clear();
+    failures.extend(found.failures);
+    warnings.extend(found.warnings);
     for warning in &warnings {
         console.warn(warning);
     }
@@ -269,79 +209,79 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
     if let Some(more) = failures.len().checked_sub(MOST_WARNED).filter(|more| *more > 0) {
         console.warn(&format!("… and {more} more objects left out (failures in --json)"));
     }
-    let report = Report {
+    let report = PassesReport {
         search: &search,
         station: &station,
         photometer: &photometer,
-        passes: &passes,
-        counts,
+        passes: &found.passes,
+        counts: found.counts,
         failures: &failures,
         warnings: &warnings,
         inputs,
         orientation,
     };
-    report.finish(&args.out, console)
+    finish(&report, &args.out, console)
+}
+
+/// Writes and prints it. The sky plot is no figure of panels: its files are written beside the product's, all or none.
+fn finish(report: &PassesReport<'_>, out: &OutputArgs, console: Console) -> anyhow::Result<()> {
+    let is_picture = |p: &PathBuf| {
+        p.extension().is_some_and(|e| {
+            let e = e.to_string_lossy().to_ascii_lowercase();
+            e == "png" || e == "svg"
+        })
+    };
+    let is_folder = |p: &PathBuf| p.is_dir() || p.as_os_str().to_string_lossy().ends_with('/');
+    let mut pictures: Vec<PathBuf> =
+        out.output.iter().filter(|p| is_picture(p) && !is_folder(p)).cloned().collect();
+    let rest = OutputArgs {
+        output: out.output.iter().filter(|p| !is_picture(p) || is_folder(p)).cloned().collect(),
+        force: out.force,
+    };
+    if !report.passes.is_empty() {
+        for folder in out.output.iter().filter(|p| is_folder(p)) {
+            pictures.extend(["png", "svg"].map(|e| folder.join(format!("passes.{e}"))));
+        }
+    }
+    let mut others = Vec::new();
+    if !pictures.is_empty() {
+        if report.passes.is_empty() {
+            console.warn("no visible pass: the sky plot shows the empty sky");
+        }
+        let plot = report.sky_plot();
+        for path in pictures {
+            let svg = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg"));
+            let bytes = if svg { plot.svg()?.into_bytes() } else { plot.png()? };
+            others.push((path, bytes));
+        }
+    }
+    rest.finish_with(&report.product(out.wants_json(console)), others, &report.text(), console)
+}
+
+struct ObjectsBar(ProgressBar);
+
+impl Progress for ObjectsBar {
+    fn advance(&self, steps: u64) {
+        self.0.inc(steps);
+    }
 }
 
 /// More objects left out than this are counted, not named.
 const MOST_WARNED: usize = 5;
 
-/// One object after the search.
-struct Followed {
-    passes: Vec<SeenPass>,
-    counts: Counts,
-    failure: Option<Failure>,
-    warnings: Vec<String>,
-}
-
-impl Followed {
-    fn new(tle: Tle, search: &Search, photometer: &Photometer<'_>) -> Self {
-        let label = tle.label();
-        let mut followed = Self {
-            passes: Vec::new(),
-            counts: Counts::default(),
-            failure: None,
-            warnings: Vec::new(),
-        };
-        let failure = |why: String| Some(Failure { what: label.clone(), why });
-        let window = search.window();
-        let orbit = match TleOrbit::new(tle.clone()) {
-            Ok(orbit) => Orbit::from(orbit.near(window.from, window.to)),
-            Err(error) => {
-                followed.failure = failure(error.to_string());
-                return followed;
-            }
-        };
-        followed.warnings = orbit.warnings(window.from, window.to);
-        let found = search.passes(&orbit);
-        if let Some((_, error)) = found.ended {
-            followed.failure = failure(error.to_string());
-        }
-        let dark = search.dark();
-        let counts = &mut followed.counts;
-        for pass in found.passes {
-            counts.stays += 1;
-            counts.always_up += usize::from(!pass.rises && !pass.sets);
-            if pass.visible.is_empty() {
-                let under_dark =
-                    dark.iter().any(|d| d.from < pass.span.to && pass.span.from < d.to);
-                match (pass.sunlit.is_empty(), under_dark) {
-                    (true, _) => counts.in_shadow += 1,
-                    (false, false) => counts.in_daylight += 1,
-                    (false, true) => counts.lit_by_day += 1,
-                }
-                continue;
-            }
-            match SeenPass::new(&orbit, &tle, pass, search, photometer) {
-                Ok(seen) => followed.passes.push(seen),
-                Err(error) => followed.failure = failure(error.to_string()),
-            }
-        }
-        followed
-    }
-}
-
 impl PassesArgs {
+    /// The body whose light is calculated, where one was asked for.
+    fn model(&self) -> anyhow::Result<Option<Model>> {
+        let Some(model) = &self.brightness.model else { return Ok(None) };
+        let law = self.brightness.attitude.as_deref().unwrap_or("orbit");
+        Ok(Some(Model {
+            target: target(model)?,
+            attitude: attitude(law)?,
+            attitude_name: law.to_owned(),
+            tolerance: self.brightness.tolerance,
+        }))
+    }
+
     fn window(&self) -> anyhow::Result<(Epoch, Epoch)> {
         let from = when(&self.from).context("--from")?;
         let to = match &self.to {
@@ -422,6 +362,15 @@ impl PassesArgs {
 }
 
 impl FilterArgs {
+    fn options(&self) -> SightingFilter {
+        SightingFilter {
+            min_culmination_deg: self.min_culmination,
+            min_duration_s: self.min_duration_s,
+            brighter_than: self.brighter_than,
+            limit: self.limit.map(|n| n as usize),
+        }
+    }
+
     /// Numbers; the altitudes of the search are its own concern.
     fn check(&self) -> anyhow::Result<()> {
         for (option, value) in [
@@ -434,22 +383,6 @@ impl FilterArgs {
             }
         }
         Ok(())
-    }
-
-    fn apply(&self, mut passes: Vec<SeenPass>) -> Vec<SeenPass> {
-        passes.retain(|p| {
-            p.highest_visible_deg() >= self.min_culmination
-                && p.visible_s() >= self.min_duration_s
-                && self
-                    .brighter_than
-                    .is_none_or(|limit| p.expected.v_station.is_some_and(|v| v <= limit))
-        });
-        if let Some(limit) = self.limit {
-            // Equal magnitudes keep the order of objects and time: the result does not depend on threads.
-            passes.sort_by(|a, b| a.brightest.v_mag.total_cmp(&b.brightest.v_mag));
-            passes.truncate(limit as usize);
-        }
-        passes
     }
 }
 
@@ -464,7 +397,7 @@ fn text_of(path: &Path, inputs: &mut Vec<Input>) -> anyhow::Result<String> {
 fn read_all(
     paths: &[PathBuf],
     inputs: &mut Vec<Input>,
-) -> anyhow::Result<(Vec<Tle>, Vec<Failure>)> {
+) -> anyhow::Result<(Vec<Tle>, Vec<SightingFailure>)> {
     let (mut tles, mut failures) = (Vec::new(), Vec::new());
     for path in paths {
         let (good, mut bad) = tle::parse_lenient(path, &text_of(path, inputs)?);
@@ -472,7 +405,7 @@ fn read_all(
             return Err(bad.swap_remove(0).into());
         }
         tles.extend(good);
-        failures.extend(bad.into_iter().map(|error| Failure {
+        failures.extend(bad.into_iter().map(|error| SightingFailure {
             what: match error.line {
                 Some(line) => format!("{}:{line}", path.display()),
                 None => path.display().to_string(),
@@ -495,4 +428,40 @@ fn progress(objects: usize, console: Console) -> ProgressBar {
         bar.set_style(style);
     }
     bar
+}
+
+/// A built-in target, or one of a file.
+pub(crate) fn target(model: &str) -> anyhow::Result<Target> {
+    if let Some(target) = Target::built_in(model) {
+        return Ok(target);
+    }
+    let path = Path::new(model);
+    if path.exists() {
+        return Ok(Target::read(path)?);
+    }
+    let names = Target::built_in_names();
+    let near = nearest_names(model, names.iter().copied(), 1);
+    let hint = near.first().map_or(String::new(), |near| format!("; did you mean {near}?"));
+    bail!(
+        "--model: there is no target `{model}`: it is neither a built-in name ({}) nor a file{hint}",
+        names.join(", ")
+    )
+}
+
+/// A law by its name, or one of a file.
+fn attitude(law: &str) -> anyhow::Result<Attitude> {
+    const ALONE: [&str; 4] = ["orbit", "yaw_steering", "sun", "inertial"];
+    let path = Path::new(law);
+    if path.exists() {
+        return Attitude::read(path).context("--attitude");
+    }
+    if !ALONE.contains(&law) {
+        let near = nearest_names(law, ALONE, 1);
+        let hint = near.first().map_or(String::new(), |near| format!("; did you mean {near}?"));
+        bail!(
+            "--attitude: there is no law and no file `{law}`: laws that need nothing else are {}; a file with [attitude] has all others (docs/pass.md){hint}",
+            ALONE.join(", ")
+        );
+    }
+    Attitude::named(law).context("--attitude: give it in a file with [attitude]")
 }
