@@ -1,8 +1,6 @@
 //! `sunglint simulate`: what a pass should look like in every channel.
 
 mod active;
-pub(crate) mod figure;
-mod report;
 
 use crate::explain;
 use crate::output::{Console, OutputArgs, Usage};
@@ -11,12 +9,12 @@ use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use report::Report;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 use sunglint_radiometry::station::Laser;
 use sunglint_report::Product;
+use sunglint_report::simulate::SimulationReport;
 use sunglint_simulator::pass::{Cost, Overrides, Pass, PassFile, Progress, Stage, Stopwatch};
 
 /// What takes longer shows its progress.
@@ -131,7 +129,7 @@ fn show(pass: &Pass, name: &str, lasers: &[&Laser], console: Console) -> anyhow:
     for material in &pass.target.materials {
         console.detail(&format!("material {}", material.describe()));
     }
-    let report = Report { simulation: &simulation, cost, warnings: &warnings };
+    let report = SimulationReport { simulation: &simulation, cost, warnings: &warnings };
     let (product, text) = (report.product()?, report.text());
     let mut shown = Shown { product, text, has_light: simulation.has_light() };
     if !lasers.is_empty() {

@@ -10,6 +10,7 @@
 //! - [`passes`]: passes that can be seen;
 //! - [`picture`]: pictures, reflection maps, spheres;
 //! - [`session`]: what of a recorded night is there;
+//! - [`simulate`]: simulated passes, laser returns;
 //! - [`star`]: a star through time;
 //! - [`tables`]: the embedded tables;
 //! - [`mod@unmix`]: materials in the light of a curve;
@@ -34,6 +35,7 @@ pub mod picture;
 pub mod plot;
 mod product;
 pub mod session;
+pub mod simulate;
 pub mod star;
 pub mod tables;
 pub mod unmix;

@@ -15,6 +15,7 @@
 //!
 //! - [`Shot::profile`]: how n̄ is spread over depth: facet by facet over the exact lit and seen polygons, each by the beam's profile across the body;
 //! - [`Bounces`]: what the body's surfaces scatter to each other comes later, by light paths with their lengths;
+//! - [`Returns`]: all of it along a simulated pass, beside the sunlight that the same channel counts;
 //! - [`glint`]: a flat mirror, which returns the beam from the laser's image at twice the range.
 //!
 //! Retro-reflectors are not modelled: a body that carries them returns far more.
@@ -23,8 +24,10 @@ mod beam;
 mod bounces;
 pub mod glint;
 mod profile;
+mod returns;
 
 pub use beam::{Beam, Receiver, detection_probability};
 pub use bounces::{Bounced, Bounces, BouncesError, BouncesEye};
 pub use profile::{DepthBins, DepthError, Profile, Shot, Stand};
+pub use returns::{ALTITUDES_KM, Returns, ReturnsError, SATURATED};
 pub use sunglint_radiometry::station::BeamShape;

@@ -1,18 +1,100 @@
 //! The returns of one laser along a pass.
 
-use anyhow::{Context as _, bail};
-use rayon::prelude::*;
-use std::f64::consts::SQRT_2;
-use sunglint_radiometry::air::{Sampling, Zenith};
-use sunglint_radiometry::light::sun_at_1_au;
-use sunglint_radiometry::station::{Channel, Detector, Laser};
-use sunglint_simulator::light::bounce::BounceOptions;
-use sunglint_simulator::light::{EarthAlbedo, Faceted, FacetedEye, Globe, Need, shine};
-use sunglint_simulator::pass::{Elsewhere, Pass, Place, Simulation};
-use sunglint_simulator::ranging::{
-    Beam, Bounces, BouncesError, BouncesEye, DepthBins, Profile, Receiver, Shot, Stand,
+use super::{
+    Beam, Bounces, BouncesError, BouncesEye, DepthBins, DepthError, Profile, Receiver, Shot, Stand,
     detection_probability,
 };
+use crate::light::bounce::BounceOptions;
+use crate::light::{
+    EarthAlbedo, Faceted, FacetedEye, Globe, Need, SceneError, UncoveredError, shine,
+};
+use crate::pass::{Elsewhere, Pass, PassError, Place, Simulation};
+use rayon::prelude::*;
+use std::f64::consts::SQRT_2;
+use sunglint_radiometry::air::{AirError, Sampling, Zenith};
+use sunglint_radiometry::light::sun_at_1_au;
+use sunglint_radiometry::station::{Channel, Detector, Laser};
+
+/// Why there are no returns of a laser.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReturnsError {
+    /// The laser names a channel that the station lacks.
+    #[error("there is no channel {name}")]
+    NoChannel {
+        /// The channel.
+        name: String,
+    },
+    /// The channel that the laser names does not see its wavelength.
+    #[error(
+        "laser {laser}: the channel {channel} counts nothing at {wavelength_nm} nm (laser.receiver)"
+    )]
+    Deaf {
+        /// The laser.
+        laser: String,
+        /// The channel.
+        channel: String,
+        /// The laser's wavelength.
+        wavelength_nm: f64,
+    },
+    /// No counter of the station sees the wavelength.
+    #[error(
+        "laser {laser}: no counter of {station} counts at {wavelength_nm} nm; name a channel with laser.receiver, or give one that does"
+    )]
+    NoReceiver {
+        /// The laser.
+        laser: String,
+        /// The station.
+        station: String,
+        /// The laser's wavelength.
+        wavelength_nm: f64,
+    },
+    /// A target that is none.
+    #[error("the target {name}")]
+    Target {
+        /// Its name.
+        name: String,
+        /// Why.
+        source: SceneError,
+    },
+    /// A surface without reflectance at the laser's wavelength.
+    #[error("laser {laser}")]
+    Uncovered {
+        /// The laser.
+        laser: String,
+        /// Why.
+        source: UncoveredError,
+    },
+    /// Light between the body's surfaces that cannot be traced.
+    #[error("laser {laser}")]
+    Bounces {
+        /// The laser.
+        laser: String,
+        /// Why.
+        source: BouncesError,
+    },
+    /// A site of its own from which the target cannot be placed.
+    #[error("laser {laser}")]
+    Site {
+        /// The laser.
+        laser: String,
+        /// Why.
+        source: PassError,
+    },
+    /// Air that is not tabulated at the laser's wavelength.
+    #[error("laser {laser}: the air at {wavelength_nm} nm")]
+    Air {
+        /// The laser.
+        laser: String,
+        /// Its wavelength.
+        wavelength_nm: f64,
+        /// Why.
+        source: AirError,
+    },
+    /// A shot that cannot be computed.
+    #[error(transparent)]
+    Depth(#[from] DepthError),
+}
 
 /// Bins of range over the body.
 const BINS: usize = 200;
@@ -27,7 +109,9 @@ pub const ALTITUDES_KM: [f64; 9] =
     [300.0, 550.0, 1000.0, 2000.0, 5000.0, 10_000.0, 20_000.0, 36_000.0, 40_000.0];
 
 /// The returns of one laser along a pass; everything is NaN while the target is hidden.
+#[derive(Debug, Clone)]
 pub struct Returns<'a> {
+    /// The laser.
     pub laser: &'a Laser,
     /// Number of the channel that catches them, in the station and the simulation.
     pub channel: usize,
@@ -35,10 +119,11 @@ pub struct Returns<'a> {
     pub efficiency: f64,
     /// Whether photons are traced that the body scatters more than once.
     pub need: Need,
+    /// Bins of range against the body's origin.
     pub bins: DepthBins,
     /// Mean number of detected photons per shot.
     pub photons: Vec<f64>,
-    /// Of at least one.
+    /// Probability of at least one detected photon of a shot.
     pub probability: Vec<f64>,
     /// Mean rate over pulses and pauses, Hz.
     pub rate_hz: Vec<f64>,
@@ -46,11 +131,13 @@ pub struct Returns<'a> {
     pub passive_hz: Vec<f64>,
     /// Transmission of the air, one way, to the telescope.
     pub transmission: Vec<f64>,
-    /// The angle between laser, target and telescope, degrees, and the transmission on the way up; of a laser that has a site of its own.
+    /// Angle between laser, target and telescope, degrees; of a laser that has a site of its own.
     pub apart_deg: Option<Vec<f64>>,
+    /// Transmission of the air, one way, from the laser.
     pub up: Vec<f64>,
-    /// Of the photons per shot those that were scattered more than once, and the claimed error of that; 0 where they are not traced.
+    /// Photons per shot that were scattered more than once; 0 where they are not traced.
     pub bounced: Vec<f64>,
+    /// Claimed error of these.
     pub bounced_error: Vec<f64>,
     /// Radius of the spot at the target, m.
     pub spot_m: Vec<f64>,
@@ -58,8 +145,9 @@ pub struct Returns<'a> {
     pub sun_ratio: Vec<f64>,
     /// Earthshine onto a facet that faces the Earth, over the same.
     pub earth_ratio: Vec<f64>,
-    /// Mean distance of the returned photons, and of the first of each shot, against the body's origin, m.
+    /// Mean distance of the returned photons against the body's origin, m.
     pub mean_m: Vec<f64>,
+    /// Mean distance of the first photon of each shot against the body's origin, m.
     pub first_m: Vec<f64>,
     /// For each sample the photons per shot in each bin; nothing while it is hidden.
     pub profiles: Vec<Option<Profile>>,
@@ -68,18 +156,18 @@ pub struct Returns<'a> {
 }
 
 /// The channel that catches a laser's light: the one that it names, else the counter that is most sensitive to it.
-fn channel(pass: &Pass, laser: &Laser) -> anyhow::Result<usize> {
+fn channel(pass: &Pass, laser: &Laser) -> Result<usize, ReturnsError> {
     let station = &pass.station;
     let at = |c: &Channel| c.sensitivity_at(laser.wavelength_nm);
     if let Some(name) = &laser.receiver {
         let found = station.channels.iter().position(|c| c.name == *name);
-        let found = found.with_context(|| format!("there is no channel {name}"))?;
+        let found = found.ok_or_else(|| ReturnsError::NoChannel { name: name.clone() })?;
         if at(&station.channels[found]) <= 0.0 {
-            bail!(
-                "laser {}: the channel {name} counts nothing at {} nm (laser.receiver)",
-                laser.name,
-                laser.wavelength_nm
-            );
+            return Err(ReturnsError::Deaf {
+                laser: laser.name.clone(),
+                channel: name.clone(),
+                wavelength_nm: laser.wavelength_nm,
+            });
         }
         return Ok(found);
     }
@@ -88,12 +176,11 @@ fn channel(pass: &Pass, laser: &Laser) -> anyhow::Result<usize> {
     let best = counters.max_by(|a, b| at(a.1).total_cmp(&at(b.1)));
     match best {
         Some((number, c)) if at(c) > 0.0 => Ok(number),
-        _ => bail!(
-            "laser {}: no counter of {} counts at {} nm; name a channel with laser.receiver, or give one that does",
-            laser.name,
-            station.name,
-            laser.wavelength_nm
-        ),
+        _ => Err(ReturnsError::NoReceiver {
+            laser: laser.name.clone(),
+            station: station.name.clone(),
+            wavelength_nm: laser.wavelength_nm,
+        }),
     }
 }
 
@@ -144,7 +231,7 @@ impl Aim<'_> {
         eyes: &mut (FacetedEye<'_>, BouncesEye<'_>),
         place: &Place,
         elsewhere: Option<&Elsewhere>,
-    ) -> anyhow::Result<Option<Return>> {
+    ) -> Result<Option<Return>, ReturnsError> {
         if place.hidden || elsewhere.is_some_and(|e| e.zenith_deg > 90.0) {
             return Ok(None);
         }
@@ -179,16 +266,26 @@ fn bounces(pass: &Pass, nm: f64) -> Result<Bounces, BouncesError> {
 }
 
 impl<'a> Returns<'a> {
-    pub fn of(simulation: &Simulation<'a>, laser: &'a Laser) -> anyhow::Result<Self> {
+    /// Computes the returns along a simulated pass.
+    ///
+    /// # Errors
+    /// No channel that counts the laser's light, a target or surface that is none, air or site without an answer.
+    pub fn new(simulation: &Simulation<'a>, laser: &'a Laser) -> Result<Self, ReturnsError> {
         let pass = simulation.pass;
         let channel = channel(pass, laser)?;
         let nm = laser.wavelength_nm;
         let efficiency = pass.station.channels[channel].sensitivity_at(nm);
-        let body = Faceted::new(&pass.target)
-            .with_context(|| format!("the target {}", pass.target.name))?;
-        let context = || format!("laser {}", laser.name);
-        let rho = body.scene().reflectances(nm).with_context(context)?;
-        let bounces = bounces(pass, nm).with_context(context)?;
+        let body = Faceted::new(&pass.target).map_err(|source| {
+            let name = pass.target.name.clone();
+            ReturnsError::Target { name, source }
+        })?;
+        let name = || laser.name.clone();
+        let rho = body
+            .scene()
+            .reflectances(nm)
+            .map_err(|source| ReturnsError::Uncovered { laser: name(), source })?;
+        let bounces =
+            bounces(pass, nm).map_err(|source| ReturnsError::Bounces { laser: name(), source })?;
         let half_m = 1.02 * body.radius_m().max(1e-6);
         // Light from one side of a ball to the other is late by up to √2 of its radius.
         let far_m = if bounces.need().needed { SQRT_2 * half_m } else { half_m };
@@ -202,15 +299,18 @@ impl<'a> Returns<'a> {
                 step_m: (half_m + far_m) / BINS as f64,
                 count: BINS,
             },
-            sampling: Sampling::points(&[nm])
-                .with_context(|| format!("laser {}: the air at {nm} nm", laser.name))?,
+            sampling: Sampling::points(&[nm]).map_err(|source| ReturnsError::Air {
+                laser: name(),
+                wavelength_nm: nm,
+                source,
+            })?,
         };
         let places = &simulation.places;
         let elsewhere = laser
             .site
             .map(|site| pass.elsewhere(&site, places))
             .transpose()
-            .with_context(context)?;
+            .map_err(|source| ReturnsError::Site { laser: name(), source })?;
         let found: Vec<Option<Return>> = (0..places.len())
             .into_par_iter()
             .map_init(
@@ -219,7 +319,7 @@ impl<'a> Returns<'a> {
             )
             .collect::<Vec<_>>()
             .into_iter()
-            .collect::<Result<_, _>>()?;
+            .collect::<Result<_, ReturnsError>>()?;
         let mut returns = Self::empty(simulation, laser, channel, &aim, bounces.need().clone());
         returns.apart_deg = elsewhere.map(|all| all.iter().map(|e| e.apart_deg).collect());
         for (i, found) in found.into_iter().enumerate() {
@@ -324,6 +424,7 @@ impl<'a> Returns<'a> {
         good.max_by(|a, b| self.photons[*a].total_cmp(&self.photons[*b]))
     }
 
+    /// What a person should hear of before believing the numbers.
     pub fn concerns(&self) -> Vec<String> {
         let mut concerns = Vec::new();
         let name = &self.laser.name;

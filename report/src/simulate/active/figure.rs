@@ -1,10 +1,10 @@
 //! The figures of laser returns.
 
-use super::returns::Returns;
+use crate::plot::{Axis, Figure, Heat, Panel, Series};
 use sunglint_formats::time::{format_utc, tai_nanoseconds};
 use sunglint_radiometry::light_curve::tracks;
-use sunglint_report::plot::{Axis, Figure, Heat, Panel, Series};
 use sunglint_simulator::pass::Simulation;
+use sunglint_simulator::ranging::Returns;
 
 /// Less than this part of the most is not drawn.
 const FAINTEST: f64 = 1e-6;

@@ -1,21 +1,25 @@
-//! What `sunglint simulate --active` says: text, JSON, tables.
+//! Laser returns along a pass: text, JSON, tables, figures.
 
-use super::figure;
-use super::returns::{ALTITUDES_KM, Returns, SATURATED};
+mod figure;
+
+use crate::{Product, rounded};
 use ndarray::Array2;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_formats::fits::{Header, Image, Pixels, Writer};
 use sunglint_formats::time::{format_utc, format_utc_shortest};
-use sunglint_formats::{Column, Table};
+use sunglint_formats::{Column, EncodeError, Table};
 use sunglint_radiometry::constants::LIGHT_M_PER_S;
 use sunglint_radiometry::station::BeamShape;
-use sunglint_report::{Product, rounded};
 use sunglint_simulator::pass::Simulation;
+use sunglint_simulator::ranging::{ALTITUDES_KM, Returns, SATURATED};
 
 /// The lasers' returns along a pass.
-pub struct Report<'a> {
+#[derive(Debug, Clone, Copy)]
+pub struct ActiveReport<'a> {
+    /// The pass by sunlight.
     pub simulation: &'a Simulation<'a>,
+    /// The returns of each laser.
     pub returns: &'a [Returns<'a>],
 }
 
@@ -50,11 +54,12 @@ fn finite_range(values: &[f64]) -> Option<(f64, f64)> {
     (ends.0 <= ends.1).then_some(ends)
 }
 
-impl Report<'_> {
+impl ActiveReport<'_> {
     fn channel(&self, returns: &Returns<'_>) -> &str {
         &self.simulation.channels[returns.channel].name
     }
 
+    /// The text.
     pub fn text(&self) -> String {
         let mut text = String::from(
             "\nlaser returns, per shot and in the mean (retro-reflectors are not modelled)\n",
@@ -139,6 +144,7 @@ impl Report<'_> {
         }
     }
 
+    /// Summary with its documented keys.
     pub fn json(&self) -> Value {
         let one = |r: &Returns<'_>| {
             let l = r.laser;
@@ -187,7 +193,11 @@ impl Report<'_> {
         json!({ "lasers": self.returns.iter().map(one).collect::<Vec<_>>() })
     }
 
-    pub fn product(&self, name: &str) -> anyhow::Result<Product> {
+    /// Tables, images and figures; `name` is that of the pass.
+    ///
+    /// # Errors
+    /// Images or tables that FITS does not hold.
+    pub fn product(&self, name: &str) -> Result<Product, EncodeError> {
         let title = format!(
             "{} as {} from {}: laser returns",
             self.simulation.pass.orbit.name(),
@@ -355,7 +365,7 @@ impl Report<'_> {
     }
 
     /// The range histograms: an image a laser, time along the first axis.
-    fn fits(&self) -> anyhow::Result<Vec<u8>> {
+    fn fits(&self) -> Result<Vec<u8>, EncodeError> {
         let mut writer = Writer::new();
         for r in self.returns {
             let mut header = Header::default();

@@ -1,10 +1,10 @@
 //! The figures of a simulated pass: rates, magnitudes and geometry against time, and the time–wavelength diagram.
 
+use crate::channel_line;
+use crate::plot::{Axis, Figure, Heat, Panel, RGBColor, Series, Span};
 use hifitime::Epoch;
 use sunglint_formats::time::{format_utc, tai_nanoseconds};
 use sunglint_radiometry::light_curve::{Track, tracks, usual_step_s};
-use sunglint_report::channel_line;
-use sunglint_report::plot::{Axis, Figure, Heat, Panel, RGBColor, Series, Span};
 use sunglint_simulator::pass::{Place, Simulation, SpectralQuantity};
 
 /// Stretches longer than this are drawn in minutes, s.
@@ -15,8 +15,11 @@ const SHADOW: RGBColor = RGBColor(214, 219, 232);
 const HIDDEN: RGBColor = RGBColor(236, 233, 226);
 
 /// Draws what a simulation has to show.
-pub(super) struct Drawing<'a> {
+#[derive(Debug, Clone)]
+pub struct Drawing<'a> {
+    /// The simulation.
     pub simulation: &'a Simulation<'a>,
+    /// The figure's title.
     pub title: String,
 }
 

@@ -1,18 +1,14 @@
 //! `sunglint simulate --active`: what comes back of laser pulses along a pass, beside the sunlight that the same channel counts.
 
-mod figure;
-mod report;
-mod returns;
-
 use super::Shown;
 use crate::output::{Console, Usage};
 use anyhow::bail;
 use sunglint_formats::nearest_names;
 use sunglint_radiometry::station::Laser;
 use sunglint_report::Product;
+use sunglint_report::simulate::active::ActiveReport;
 use sunglint_simulator::pass::{Pass, Simulation};
-
-pub(super) use returns::Returns;
+use sunglint_simulator::ranging::Returns;
 
 /// Which lasers: those that were named, else all that the station and the scene have.
 pub(super) fn lasers<'a>(pass: &'a Pass, names: &[String]) -> anyhow::Result<Vec<&'a Laser>> {
@@ -53,11 +49,11 @@ pub(super) fn add(
     console: Console,
 ) -> anyhow::Result<()> {
     let all: Vec<Returns<'_>> =
-        lasers.iter().map(|l| Returns::of(simulation, l)).collect::<Result<_, _>>()?;
+        lasers.iter().map(|l| Returns::new(simulation, l)).collect::<Result<_, _>>()?;
     for warning in all.iter().flat_map(Returns::concerns) {
         console.warn(&warning);
     }
-    let report = report::Report { simulation, returns: &all };
+    let report = ActiveReport { simulation, returns: &all };
     shown.text.push_str(&report.text());
     let passive = std::mem::take(&mut shown.product);
     let mut product = report.product(&passive.name)?;

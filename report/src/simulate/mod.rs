@@ -1,14 +1,18 @@
-//! What `sunglint simulate` says: text, JSON, tables and figures.
+//! Simulated passes: text, JSON, tables and figures.
 
-use super::figure::Drawing;
+pub mod active;
+pub mod figure;
+
+use crate::explain;
+use crate::{Product, rounded};
+use figure::Drawing;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_ephemeris::orbit::Orbit;
 use sunglint_formats::time::{format_utc, format_utc_shortest};
+use sunglint_formats::{EncodeError, ParseError};
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::light_curve::tracks;
-use sunglint_report::explain;
-use sunglint_report::{Product, rounded};
 use sunglint_simulator::light::percent;
 use sunglint_simulator::pass::{ChannelSamples, Cost, Simulation, StandardMagnitude, StatedError};
 
@@ -19,10 +23,26 @@ const COMMAND: &str = "sunglint simulate";
 const DARK_MAG: f64 = 32.0;
 
 /// A simulation, and how it is to be shown.
-pub(super) struct Report<'a> {
+#[derive(Debug, Clone)]
+pub struct SimulationReport<'a> {
+    /// The simulation.
     pub simulation: &'a Simulation<'a>,
+    /// What it cost.
     pub cost: Cost,
+    /// What a person should hear of first.
     pub warnings: &'a [String],
+}
+
+/// Why the tables of a simulation cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SimulationFilesError {
+    /// A light curve that the schema does not hold.
+    #[error(transparent)]
+    Curve(#[from] ParseError),
+    /// Images or tables that FITS does not hold.
+    #[error(transparent)]
+    Fits(#[from] EncodeError),
 }
 
 /// The highest rate of a channel, with its sample.
@@ -37,14 +57,17 @@ fn stated(error: Option<StatedError>) -> Value {
     json!({ "median_relative": error.map(|e| rounded(e.median)), "largest_relative": error.map(|e| rounded(e.largest)) })
 }
 
-impl Report<'_> {
+impl SimulationReport<'_> {
     fn title(&self) -> String {
         let pass = self.simulation.pass;
         format!("{} as {} from {}", pass.orbit.name(), pass.target.name, pass.station.name)
     }
 
     /// The light curve, with the geometry and the spectra beside it.
-    pub fn product(&self) -> anyhow::Result<Product> {
+    ///
+    /// # Errors
+    /// Tables that their formats do not hold.
+    pub fn product(&self) -> Result<Product, SimulationFilesError> {
         let simulation = self.simulation;
         let drawing = Drawing { simulation, title: self.title() };
         let name = |what: &str| {
@@ -95,6 +118,7 @@ impl Report<'_> {
         format_utc(self.simulation.pass.times[i], 1)
     }
 
+    /// The text.
     pub fn text(&self) -> String {
         let (simulation, pass) = (self.simulation, self.simulation.pass);
         let places = &simulation.places;
