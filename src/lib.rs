@@ -22,7 +22,6 @@
 //! - [`analyse`]: what a light curve says about a body;
 //! - [`mod@bench`]: error against time of the light engines;
 //! - [`virtual_observatory`]: a night that is made up, behind the devices;
-//! - [`virtual_rig`]: a sample on a stage under a power meter, made up likewise;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
 //! - [`output`]: where results go, in which format, and that nothing is overwritten.
@@ -53,4 +52,3 @@ pub mod star;
 pub mod station;
 pub mod tables;
 pub mod virtual_observatory;
-pub mod virtual_rig;

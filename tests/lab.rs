@@ -6,18 +6,19 @@ use crate::common::{Folder, page_toml};
 use std::io::Read as _;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
-use sunglint::brdf::retro::measure::{Hands, InMemory, Rig, RunError, State, measure, measured};
-use sunglint::brdf::retro::plan::Plan;
-use sunglint::observe::DeviceClock;
-use sunglint::virtual_rig::VirtualRig;
-use sunglint_drivers::clock::{Cancel, VirtualClock};
+use sunglint_drivers::clock::{Cancel, DeviceClock, VirtualClock};
+use sunglint_drivers::device::InBeam;
 use sunglint_formats::ecsv;
 use sunglint_formats::toml::Document;
 use sunglint_materials::ndf::{NdfOptions, ZeroOrigin, extract};
+use sunglint_materials::retro::measure::{
+    Hands, HandsError, InMemory, Rig, RunError, State, measure, measured,
+};
+use sunglint_materials::retro::plan::RunPlan;
 use sunglint_materials::retro::{reduce, to_table};
 use sunglint_materials::table::RetroTable;
 use sunglint_testkit::Campaign;
-use sunglint_virtual::rig::bench::Place;
+use sunglint_virtual::rig::devices::VirtualRig;
 use sunglint_virtual::rig::options::{Options, SampleKind};
 
 /// What docs/lab.md has for a run, a virtual rig, a detector's efficiency.
@@ -40,14 +41,14 @@ fn lab(name: &str, change: impl Fn(String) -> String) -> Folder {
 struct Robot(VirtualRig);
 
 impl Hands for Robot {
-    fn put(&mut self, place: Place) -> anyhow::Result<()> {
+    fn put(&mut self, place: InBeam) -> Result<(), HandsError> {
         self.0.place(place);
         Ok(())
     }
 }
 
 /// A whole run in memory, on a clock that takes no time.
-fn in_memory(plan: &Plan, options: &Options) -> Result<InMemory, RunError> {
+fn in_memory(plan: &RunPlan, options: &Options) -> Result<InMemory, RunError> {
     let virtual_rig = VirtualRig::new(options.clone(), 0).unwrap();
     let (mut stage, mut meter) = (virtual_rig.stage(), virtual_rig.meter());
     let mut hands = Robot(virtual_rig);
@@ -65,9 +66,9 @@ fn in_memory(plan: &Plan, options: &Options) -> Result<InMemory, RunError> {
     Ok(record)
 }
 
-fn plan_of_page() -> Plan {
+fn plan_of_page() -> RunPlan {
     let document = Document::new("run.toml", page(RUN)).unwrap();
-    Plan::of(&document, Some(&page(RIG))).unwrap()
+    RunPlan::new(&document, Some(&page(RIG))).unwrap()
 }
 
 /// Truth: the rig's closed forms (Walter et al. 2007 with G = G₁; power summed over the stop, not the reduction's formula), D of the rig's sample. −10° to 65° by 0.5°, ten readings an angle with 1 %
@@ -83,7 +84,7 @@ fn campaign_virtual_rig() {
     let (mut nodes, mut outside, mut f0_outside, mut alpha_outside) = (0_u32, 0_u32, 0_u32, 0_u32);
     let mut d_outside = 0_u32;
     for seed in campaign.seeds() {
-        let mut options = plan.measuring.virtual_rig.clone().unwrap();
+        let mut options = Options::read(plan.rig.as_ref().unwrap()).unwrap();
         options.seed = seed;
         let kind = if seed % 2 == 0 { SampleKind::Beckmann } else { SampleKind::Ggx };
         options.sample.kind = kind;
@@ -343,13 +344,13 @@ fn what_goes_wrong_on_the_way_is_said_and_kept() {
 #[test]
 fn ranges_spikes_and_play_leave_no_mark() {
     let mut plan = plan_of_page();
-    let mut options = plan.measuring.virtual_rig.clone().unwrap();
+    let mut options = Options::read(plan.rig.as_ref().unwrap()).unwrap();
     options.stage.backlash_deg = 0.4;
     options.meter.spike_probability = 0.01;
     // Downwards: without coming from below each angle would be off by the play.
     let down: String = (0..76).map(|k| format!("{},", 65 - k)).collect();
     let text = page(RUN).replace("step_deg = 0.5", &format!("angles_deg = [{down}]"));
-    plan = Plan::of(&Document::new("run.toml", text).unwrap(), Some(&page(RIG))).unwrap();
+    plan = RunPlan::new(&Document::new("run.toml", text).unwrap(), Some(&page(RIG))).unwrap();
     let record = in_memory(&plan, &options).unwrap();
     assert!(record.0.iter().any(|l| l.state == State::Again), "no range was ever changed");
     let retro = reduce(&measured(&record.0), &plan.setup).unwrap();

@@ -270,6 +270,20 @@ pub trait Camera: Device {
     }
 }
 
+/// What is in the beam of a goniometer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum InBeam {
+    /// The meter itself, in the sample's place.
+    Head,
+    /// Nothing: the beam goes on into a trap.
+    Nothing,
+    /// The sample.
+    #[default]
+    Sample,
+    /// The Lambert standard.
+    Standard,
+}
+
 /// What a power meter shows.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]

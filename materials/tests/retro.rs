@@ -3,12 +3,13 @@
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 use glam::DVec3;
+use sunglint_drivers::device::InBeam;
 use sunglint_materials::ndf::ZeroOrigin;
 use sunglint_materials::retro::readings::means;
 use sunglint_materials::retro::stop::Shape;
 use sunglint_materials::retro::*;
 use sunglint_materials::table::{RetroFlags, RetroTable};
-use sunglint_virtual::rig::bench::{Bench, Place};
+use sunglint_virtual::rig::bench::Bench;
 use sunglint_virtual::rig::options::{Options, SampleKind};
 
 fn stop(shape: Shape, tilt_deg: f64, distance_mm: f64) -> Stop {
@@ -172,9 +173,9 @@ fn run(options: &Options) -> Measured {
         angles().enumerate().map(|(k, a)| read(place, a, from_s + k as f64)).collect::<Vec<_>>()
     };
     Measured {
-        incident: vec![read(Place::Head, 0.0, -1.0), read(Place::Head, 0.0, 400.0)],
-        signature: scan(Place::Nothing, 0.0),
-        sample: scan(Place::Sample, 200.0),
+        incident: vec![read(InBeam::Head, 0.0, -1.0), read(InBeam::Head, 0.0, 400.0)],
+        signature: scan(InBeam::Nothing, 0.0),
+        sample: scan(InBeam::Sample, 200.0),
     }
 }
 
@@ -259,7 +260,7 @@ fn a_standard_stands_for_the_incident_power() {
     for (k, at) in measured.incident.iter_mut().enumerate() {
         at.angle_deg = 12.0;
         at.time_s = [-1.0, 400.0][k];
-        at.power_w = vec![bench.light_w(Place::Standard, 12.0, at.time_s); 3];
+        at.power_w = vec![bench.light_w(InBeam::Standard, 12.0, at.time_s); 3];
     }
     let mut setup = setup(&options);
     let f_per_sr = Known { value: 0.99 / std::f64::consts::PI, relative_sigma: 0.01 };

@@ -2,6 +2,7 @@
 //!
 //! - [`air`]: what the atmosphere leaves of a direct beam;
 //! - [`mod@bench`]: error against time of the light engines;
+//! - [`brdf`]: a sample on a goniometer;
 //! - [`endmembers`]: the spectra that a curve is made of;
 //! - [`explain`]: what a scene needs;
 //! - [`fold`]: folded curves;
@@ -21,6 +22,7 @@
 
 pub mod air;
 pub mod bench;
+pub mod brdf;
 pub mod endmembers;
 pub mod explain;
 pub mod fold;

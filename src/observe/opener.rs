@@ -1,13 +1,10 @@
 //! Where devices come from: the catalogue, or anything else that stands in for them.
 
 use super::plan::{CameraPlan, CounterPlan};
-use hifitime::Epoch;
 use std::fmt;
-use std::sync::Arc;
-use std::time::Duration;
 use sunglint_drivers::catalogue::{Address, AnyDevice};
-pub use sunglint_drivers::clock::DeviceClock;
 use sunglint_drivers::clock::Deadline;
+pub use sunglint_drivers::clock::DeviceClock;
 use sunglint_drivers::device::{Camera, DeviceError, PhotonCounter};
 
 /// Makes the devices of a night. A device that fails is asked for again, so that each call opens it anew.

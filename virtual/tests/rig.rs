@@ -3,7 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 use std::f64::consts::PI;
-use sunglint_virtual::rig::bench::{Bench, Place};
+use sunglint_drivers::device::InBeam;
+use sunglint_virtual::rig::bench::Bench;
 use sunglint_virtual::rig::meter::{Meter, Shown};
 use sunglint_virtual::rig::options::{Options, SampleKind};
 use sunglint_virtual::rig::stage::Stage;
@@ -54,20 +55,20 @@ fn the_light_on_the_meter_is_that_of_closed_forms() {
     let sr = 70.0 * (PI / 4.0).cos() / 700.0_f64.powi(2);
     assert!((bench.stop_sr() / sr - 1.0).abs() < 1e-4);
     for angle in [0.0_f64, 30.0, 60.0] {
-        let light = bench.light_w(Place::Sample, angle, 0.0);
+        let light = bench.light_w(InBeam::Sample, angle, 0.0);
         let truth = through * 0.7 / PI * angle.to_radians().cos() * sr;
         assert!((light / truth - 1.0).abs() < 2e-4, "{angle}: {light} {truth}");
     }
-    assert!((bench.light_w(Place::Head, 0.0, 3600.0) - 2e-3).abs() < 1e-15);
+    assert!((bench.light_w(InBeam::Head, 0.0, 3600.0) - 2e-3).abs() < 1e-15);
     options.sample.kind = SampleKind::Mirror;
     options.stop.tilt_deg = 0.0;
     (options.stop.width_mm, options.stop.height_mm) = (2.8, 1.4);
     let mirror = Bench::new(options.clone()).unwrap();
     // ± 2 and ± 1 standard deviations.
     let truth = through * 0.7 * 0.954_499_736_104 * 0.682_689_492_137;
-    let light = mirror.light_w(Place::Sample, 0.0, 0.0);
+    let light = mirror.light_w(InBeam::Sample, 0.0, 0.0);
     assert!((light / truth - 1.0).abs() < 1e-4, "{light} {truth}");
-    assert!(mirror.light_w(Place::Sample, 5.0, 0.0) < 1e-30);
+    assert!(mirror.light_w(InBeam::Sample, 5.0, 0.0) < 1e-30);
     // Half a millimetre of sample under a beam of 1 mm: erf(√2/2) of it is caught.
     options.sample.width_mm = 0.5;
     let narrow = Bench::new(options).unwrap();

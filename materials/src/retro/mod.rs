@@ -14,6 +14,9 @@
 //! - [`readings`]: several readings at an angle as one, safe from outliers;
 //! - [`reduce`]: all of it, with uncertainties by component; [`to_table`] for the file.
 
+pub mod log;
+pub mod measure;
+pub mod plan;
 pub mod readings;
 mod reduce;
 pub mod spot;

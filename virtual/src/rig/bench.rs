@@ -4,21 +4,8 @@ use super::options::{Options, Sample, SampleKind};
 use crate::options::OptionError;
 use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, PI};
+use sunglint_drivers::device::InBeam;
 use sunglint_numerics::panels::legendre;
-
-/// What is in the beam.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Place {
-    /// The meter itself, in the sample's place.
-    Head,
-    /// Nothing: the beam goes on into a trap.
-    Nothing,
-    /// The sample.
-    #[default]
-    Sample,
-    /// The Lambert standard.
-    Standard,
-}
 
 /// A rig without its chance: what light there is.
 #[derive(Debug, Clone)]
@@ -79,19 +66,21 @@ impl Bench {
     }
 
     /// The light on the meter, W, with the sample turned by `turned_deg` on its stage, at a time, s; before any noise.
-    pub fn light_w(&self, place: Place, turned_deg: f64, at_s: f64) -> f64 {
+    pub fn light_w(&self, place: InBeam, turned_deg: f64, at_s: f64) -> f64 {
         let optics = &self.options.optics;
         let laser = self.laser_w(at_s);
         let theta = (turned_deg - self.options.mount.offset_deg).to_radians();
         let through = optics.splitter_reflectance * optics.lens_transmission;
         let stray = optics.stray * (1.0 + optics.stray_slope_per_deg * turned_deg).max(0.0);
         match place {
-            Place::Head => laser,
-            Place::Nothing => laser * stray,
-            Place::Sample => {
+            InBeam::Head => laser,
+            InBeam::Nothing => laser * stray,
+            InBeam::Sample => {
                 laser * (stray + through * self.through_stop(&self.options.sample, theta))
             }
-            Place::Standard => laser * (stray + through * self.through_stop(&self.standard, theta)),
+            InBeam::Standard => {
+                laser * (stray + through * self.through_stop(&self.standard, theta))
+            }
         }
     }
 

@@ -11,6 +11,7 @@
 //! comes from a seed and the number of the reading.
 
 pub mod bench;
+pub mod devices;
 pub mod meter;
 pub mod options;
 pub mod sample;

@@ -62,6 +62,8 @@
 
 use crate::options::{ANY, OptionError, PART, POSITIVE, SIZE, section, within};
 use serde::Deserialize;
+use sunglint_formats::ParseError;
+use sunglint_formats::toml::Document;
 
 /// What a sample reflects like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -240,6 +242,16 @@ section!(
 );
 
 impl Options {
+    /// Reads a rig's file.
+    ///
+    /// # Errors
+    /// What no rig can be, with line and key.
+    pub fn read(document: &Document) -> Result<Self, ParseError> {
+        let options: Self = document.parse()?;
+        options.check().map_err(|e| document.error_at(&e.key, e.expected))?;
+        Ok(options)
+    }
+
     /// Looks whether there can be such a rig.
     ///
     /// # Errors

@@ -1,19 +1,10 @@
 //! `sunglint brdf retro`: retro-reflection against angle, from a stage and a power meter.
 //!
-//! `plan` is RUN.toml, `measure` the run, `log` its files, `show` what a person sees of it. The mathematics is
-//! [`sunglint_materials::retro`]'s.
+//! The run itself is [`sunglint_materials::retro`]'s; here are its devices, the person at the rig, and what is shown.
 
-mod log;
-pub mod measure;
-pub mod plan;
-mod show;
+mod live;
 
-use self::log::{Begun, Log};
-use self::measure::{Hands, Line, Phase, Rig, RunError, State, measure, measured};
-use self::plan::Plan;
-use crate::observe::DeviceClock;
 use crate::output::{Console, OutputArgs, Usage};
-use crate::virtual_rig::VirtualRig;
 use anyhow::{Context as _, anyhow, bail};
 use clap::Args;
 use serde_json::{Map, Value, json};
@@ -23,12 +14,19 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use sunglint_drivers::catalogue::{Address, AnyDevice};
-use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, VirtualClock};
-use sunglint_drivers::device::{Device, PowerMeter, RotationStage, Value as SettingValue};
+use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, DeviceClock, VirtualClock};
+use sunglint_drivers::device::{Device, InBeam, PowerMeter, RotationStage, Value as SettingValue};
 use sunglint_formats::toml::Document;
+use sunglint_materials::retro::log::{self, Begun, Log};
+use sunglint_materials::retro::measure::{
+    Hands, HandsError, Line, Phase, Rig, State, measure, measured,
+};
+use sunglint_materials::retro::plan::RunPlan;
 use sunglint_materials::retro::{reduce, to_table};
 use sunglint_report::Product;
-use sunglint_virtual::rig::bench::Place;
+use sunglint_report::brdf::retro as show;
+use sunglint_virtual::rig::devices::VirtualRig;
+use sunglint_virtual::rig::options::Options;
 
 /// Arguments of `sunglint brdf retro`.
 #[derive(Debug, Args)]
@@ -70,11 +68,14 @@ pub(super) fn run(args: &RetroArgs, console: Console) -> anyhow::Result<()> {
     let begun = goes_on.then(|| Begun::read(folder)).transpose()?;
     // A run goes on with the rig that it was begun with.
     let rig = begun.as_ref().and_then(|begun| begun.rig.as_deref());
-    let plan = Plan::of(&document, rig)?;
+    let plan = RunPlan::new(&document, rig)?;
+    let options = plan.rig.as_ref().map(Options::read).transpose()?;
     if let Some(begun) = &begun {
         let old = Document::new(folder.join("run.toml"), begun.plan.clone())?;
-        let old = Plan::of(&old, rig)?;
-        if args.resume && old.measuring != plan.measuring {
+        let old = RunPlan::new(&old, rig)?;
+        let same = old.measuring == plan.measuring
+            && old.rig.as_ref().map(Options::read).transpose()? == options;
+        if args.resume && !same {
             bail!(
                 "{}: stage, meter, scan, laser or standard are not those with which the run in {} was begun (its run.toml): go on with that file",
                 args.plan.display(),
@@ -91,7 +92,7 @@ pub(super) fn run(args: &RetroArgs, console: Console) -> anyhow::Result<()> {
     }
     let (lines, devices) = match begun {
         Some(begun) if args.reduce => (begun.lines, begun.devices),
-        begun => take(args, &plan, folder, begun, console)?,
+        begun => take(args, (&plan, options), folder, begun, console)?,
     };
     finish(args, &plan, folder, &lines, &devices, console)
 }
@@ -110,7 +111,7 @@ fn folder(out: &OutputArgs) -> anyhow::Result<&Path> {
 /// Measures what is missing.
 fn take(
     args: &RetroArgs,
-    plan: &Plan,
+    (plan, options): (&RunPlan, Option<Options>),
     folder: &Path,
     begun: Option<Begun>,
     console: Console,
@@ -120,9 +121,9 @@ fn take(
     listen(&cancel, &asking, console)?;
     let before = begun.as_ref().map_or(&[][..], |begun| &begun.lines);
     let read = before.iter().filter(|l| matches!(l.state, State::Read | State::Over)).count();
-    let virtual_rig = match &plan.measuring.virtual_rig {
+    let virtual_rig = match options {
         None => None,
-        Some(options) => Some(VirtualRig::new(options.clone(), read as u64)?),
+        Some(options) => Some(VirtualRig::new(options, read as u64)?),
     };
     let last_s = before.last().map_or(0.0, |line| line.time_s);
     let (clock, zero_s) = clock(virtual_rig.is_some(), begun.as_ref(), last_s);
@@ -130,7 +131,10 @@ fn take(
     let mut opened = open(plan, virtual_rig.as_ref(), &clock, &cancel)?;
     let devices = opened.describe(&clock)?;
     let mut log = match &begun {
-        None => Log::create(folder, &plan.source, plan.rig_source.as_deref(), clock.clone())?,
+        None => {
+            let rig = plan.rig.as_ref().map(Document::source);
+            Log::create(folder, &plan.source, rig, clock.clone())?
+        }
         Some(begun) => Log::resume(folder, begun, clock.clone())?,
     };
     let what = if begun.is_some() { "resume" } else { "begin" };
@@ -139,7 +143,8 @@ fn take(
     let angles = plan.measuring.scan.angles().len();
     let scans = if plan.measuring.scan.signature { 2 } else { 1 };
     let done = before.iter().filter(|line| line.state == State::Kept).count();
-    log.watch(show::Live::new((scans * angles + 2) as u64, done as u64, console));
+    let live = live::Live::new((scans * angles + 2) as u64, done as u64, console);
+    log.watch(Box::new(live));
     let mut person =
         Person { yes: args.yes, asking, console, standard: plan.measuring.standard_deg };
     let mut robot = virtual_rig.map(Robot);
@@ -156,11 +161,7 @@ fn take(
         let (readings, folder) = (readings.count(), folder.display());
         // The bar goes before the error comes.
         drop(log);
-        return Err(match error {
-            RunError::Other(error) => error,
-            error => anyhow!(error),
-        })
-        .with_context(|| {
+        return Err(anyhow!(error)).with_context(|| {
             format!(
                 "the run cannot go on; the motor is stopped, {readings} readings ({kept} angles) are safe in {folder}: go on with --resume, or make a table of them with --reduce"
             )
@@ -210,7 +211,7 @@ struct Opened {
 }
 
 fn open(
-    plan: &Plan,
+    plan: &RunPlan,
     virtual_rig: Option<&VirtualRig>,
     clock: &DeviceClock,
     cancel: &Cancel,
@@ -278,7 +279,7 @@ impl Opened {
 struct Robot(VirtualRig);
 
 impl Hands for Robot {
-    fn put(&mut self, place: Place) -> anyhow::Result<()> {
+    fn put(&mut self, place: InBeam) -> Result<(), HandsError> {
         self.0.place(place);
         Ok(())
     }
@@ -293,18 +294,24 @@ struct Person {
 }
 
 impl Hands for Person {
-    fn put(&mut self, place: Place) -> anyhow::Result<()> {
+    fn put(&mut self, place: InBeam) -> Result<(), HandsError> {
+        self.ask(place).map_err(Into::into)
+    }
+}
+
+impl Person {
+    fn ask(&mut self, place: InBeam) -> anyhow::Result<()> {
         if self.yes {
             return Ok(());
         }
         let behind = "the meter behind the lens";
         let what = match (place, self.standard) {
-            (Place::Head, _) => "put the meter into the beam, in the sample's place".to_owned(),
-            (Place::Nothing, _) => {
+            (InBeam::Head, _) => "put the meter into the beam, in the sample's place".to_owned(),
+            (InBeam::Nothing, _) => {
                 format!("{behind}, take the sample away, let the beam go into a trap")
             }
-            (Place::Sample, _) => format!("{behind}, put the sample onto its mount"),
-            (Place::Standard, _) => format!("{behind}, put the standard in the sample's place"),
+            (InBeam::Sample, _) => format!("{behind}, put the sample onto its mount"),
+            (InBeam::Standard, _) => format!("{behind}, put the standard in the sample's place"),
         };
         if !std::io::stdin().is_terminal() {
             bail!(
@@ -325,7 +332,7 @@ impl Hands for Person {
 
 fn finish(
     args: &RetroArgs,
-    plan: &Plan,
+    plan: &RunPlan,
     folder: &Path,
     lines: &[Line],
     devices: &Value,

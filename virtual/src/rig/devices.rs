@@ -3,18 +3,18 @@
 //! Both take the time from the deadlines that they are given, so that on a [`VirtualClock`](sunglint_drivers::clock::VirtualClock) a run of hours takes no time. They
 //! stand beside the simulated devices of the drivers, not behind their protocols, which the drivers' own tests are about.
 
+use super::bench::Bench;
+use super::meter::{Meter, Shown};
+use super::options::Options;
+use super::stage::Stage;
+use crate::options::OptionError;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::device::{
-    Device, DeviceError, Identity, Interrupted, Origin, Power, PowerMeter, RotationStage, Setting,
-    Value,
+    Device, DeviceError, Identity, InBeam, Interrupted, Origin, Power, PowerMeter, RotationStage,
+    Setting, Value,
 };
-use sunglint_virtual::options::OptionError;
-use sunglint_virtual::rig::bench::{Bench, Place};
-use sunglint_virtual::rig::meter::{Meter, Shown};
-use sunglint_virtual::rig::options::Options;
-use sunglint_virtual::rig::stage::Stage;
 
 const STAGE: &str = "virtual stage";
 const METER: &str = "virtual power meter";
@@ -30,7 +30,7 @@ struct State {
     bench: Bench,
     stage: Stage,
     meter: Meter,
-    place: Place,
+    place: InBeam,
     wavelength_nm: f64,
     /// Readings so far: each has its own chance.
     readings: u64,
@@ -44,7 +44,7 @@ impl VirtualRig {
     pub fn new(options: Options, readings: u64) -> Result<Self, OptionError> {
         let (meter, wavelength_nm) = (Meter::new(&options), options.laser.wavelength_nm);
         let bench = Bench::new(options)?;
-        let (stage, place) = (Stage::new(), Place::Nothing);
+        let (stage, place) = (Stage::new(), InBeam::Nothing);
         Ok(Self(Arc::new(Mutex::new(State {
             bench,
             stage,
@@ -60,7 +60,7 @@ impl VirtualRig {
     }
 
     /// Puts something into the beam.
-    pub fn place(&self, place: Place) {
+    pub fn place(&self, place: InBeam) {
         self.state().place = place;
     }
 

@@ -1,12 +1,33 @@
 //! RUN.toml: the rig, what is read of it, and what is known about it.
 
-use anyhow::bail;
+use super::stop::Shape;
+use super::{Known, Reference, Setup, Spot, Stop};
 use serde::Deserialize;
 use std::path::PathBuf;
 use sunglint_formats::toml::{Document, Finite, Fraction, NonNegative, Positive, Within};
-use sunglint_materials::retro::stop::Shape;
-use sunglint_materials::retro::{Known, Reference, Setup, Spot, Stop};
-use sunglint_virtual::rig::options::Options;
+use sunglint_formats::{FileError, ParseError};
+
+/// Why a file is no plan of a run.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunPlanError {
+    /// What no run can be, with line and key.
+    #[error(transparent)]
+    Parse(#[from] ParseError),
+    /// A file that cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// More readings than a run takes.
+    #[error("{file}: {angles} angles of {readings} readings: at most 100000 of 10000")]
+    TooMany {
+        /// The plan's file.
+        file: String,
+        /// Angles.
+        angles: usize,
+        /// Readings at each.
+        readings: u32,
+    },
+}
 
 /// The address of a virtual rig's devices.
 pub const VIRTUAL: &str = "virtual";
@@ -248,13 +269,11 @@ pub struct Measuring {
     pub wavelength_nm: f64,
     /// The angle at which a standard is read in place of the incident power, deg.
     pub standard_deg: Option<f64>,
-    /// What stands in for the devices.
-    pub virtual_rig: Option<Options>,
 }
 
 /// A run as it is planned.
 #[derive(Debug, Clone)]
-pub struct Plan {
+pub struct RunPlan {
     /// What the sample is called.
     pub name: String,
     /// What is measured.
@@ -263,30 +282,22 @@ pub struct Plan {
     pub setup: Setup,
     /// The file's text.
     pub source: String,
-    /// The text of a virtual rig's file.
-    pub rig_source: Option<String>,
+    /// The file of a virtual rig that stands in for the devices.
+    pub rig: Option<Document>,
 }
 
-impl Plan {
+impl RunPlan {
     /// A plan from its document; `rig` is the text of the virtual rig where it does not come from the file that is named.
     ///
     /// # Errors
     /// What no run can be, with line and key.
-    pub fn of(document: &Document, rig: Option<&str>) -> anyhow::Result<Self> {
+    pub fn new(document: &Document, rig: Option<&str>) -> Result<Self, RunPlanError> {
         let written: Written = document.parse()?;
         check(document, &written)?;
         let rig = match (&written.virtual_rig, rig) {
             (None, _) => None,
             (Some(path), Some(text)) => Some(Document::new(document.resolve(path), text)?),
             (Some(path), None) => Some(Document::read(document.resolve(path))?),
-        };
-        let options = match &rig {
-            None => None,
-            Some(rig) => {
-                let options: Options = rig.parse()?;
-                options.check().map_err(|e| rig.error_at(&e.key, e.expected))?;
-                Some(options)
-            }
         };
         let setup = setup(&written);
         let stem = document.path().file_stem().unwrap_or_default().to_string_lossy();
@@ -298,30 +309,28 @@ impl Plan {
                 scan: written.scan,
                 wavelength_nm: written.laser.wavelength_nm.get(),
                 standard_deg: written.standard.map(|standard| standard.angle_deg.get()),
-                virtual_rig: options,
             },
             setup,
             source: document.source().to_owned(),
-            rig_source: rig.map(|rig| rig.source().to_owned()),
+            rig,
         })
     }
 }
 
-fn check(document: &Document, written: &Written) -> anyhow::Result<()> {
+fn check(document: &Document, written: &Written) -> Result<(), RunPlanError> {
     let angles = written.scan.angles();
-    let wrong = |key: &str, expected: &str| -> anyhow::Result<()> {
+    let wrong = |key: &str, expected: &str| -> Result<(), RunPlanError> {
         Err(document.error_at(key, expected).into())
     };
     if written.scan.readings < 3 {
         return wrong("scan.readings", "3 or more: fewer tell no scatter and no outlier");
     }
     if written.scan.readings > 10_000 || angles.len() > 100_000 {
-        bail!(
-            "{}: {} angles of {} readings: at most 100000 of 10000",
-            document.path().display(),
-            angles.len(),
-            written.scan.readings
-        );
+        return Err(RunPlanError::TooMany {
+            file: document.path().display().to_string(),
+            angles: angles.len(),
+            readings: written.scan.readings,
+        });
     }
     if angles.is_empty() || written.scan.to_deg < written.scan.from_deg {
         return wrong("scan.to_deg", "an angle that is not before from_deg");

@@ -1,15 +1,55 @@
 //! The files of a run: what was read, line by line as it came, what happened, and the files that it was begun with. They only grow.
 
-use super::measure::{Line, Phase, Record, State};
-use crate::observe::DeviceClock;
-use anyhow::{Context as _, bail};
+use super::measure::{Line, Phase, Record, RecordError, State};
 use hifitime::Epoch;
 use serde_json::{Value, json};
 use std::fs::{File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use sunglint_drivers::clock::DeviceClock;
 use sunglint_formats::time::{format_utc, parse_utc};
-use sunglint_formats::{Column, FileError, ParseError, Table, ecsv};
+use sunglint_formats::{Column, EncodeError, FileError, ParseError, Table, ecsv};
+
+/// Why a run's folder cannot be begun, gone on with, or read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LogError {
+    /// A file that cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A file that is not that of a run.
+    #[error(transparent)]
+    Parse(#[from] ParseError),
+    /// A table that cannot be written.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+    /// An event that cannot be written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// The folder holds readings.
+    #[error(
+        "{folder} holds a run already: go on with it (--resume), make its table anew (--reduce), or name another folder; readings are never overwritten"
+    )]
+    Begun {
+        /// The folder.
+        folder: String,
+    },
+    /// The folder holds no run.
+    #[error("{folder}: there is no run ({READINGS}); begin one without --resume")]
+    NoRun {
+        /// The folder.
+        folder: String,
+    },
+}
+
+/// Sees the lines of a run as they come.
+pub trait Watch: std::fmt::Debug {
+    /// A line was kept.
+    fn line(&mut self, line: &Line);
+
+    /// Something happened.
+    fn say(&self, text: &str);
+}
 
 /// The names of the files in a run's folder.
 pub const READINGS: &str = "readings.ecsv";
@@ -25,7 +65,7 @@ pub struct Log {
     /// The clock of the run.
     pub clock: DeviceClock,
     /// Lines, as they are shown while it goes on.
-    watch: Option<super::show::Live>,
+    watch: Option<Box<dyn Watch>>,
     /// What was there before, and what came since.
     pub lines: Vec<Line>,
 }
@@ -67,7 +107,7 @@ const STATES: [(State, &str); 4] =
     [(State::Read, "read"), (State::Over, "over"), (State::Kept, "kept"), (State::Again, "again")];
 
 /// The table without rows.
-fn header() -> anyhow::Result<String> {
+fn header() -> Result<String, EncodeError> {
     let text = |name: &str, about: &str| Column::text(name, vec![]).described(about);
     let number = |name: &str, unit: &str, about: &str| {
         Column::f64(name, Some(unit), vec![]).described(about)
@@ -97,14 +137,11 @@ fn header() -> anyhow::Result<String> {
 ///
 /// # Errors
 /// It holds some, or what cannot be read.
-pub fn refuse_begun(folder: &Path) -> anyhow::Result<()> {
+pub fn refuse_begun(folder: &Path) -> Result<(), LogError> {
     if folder.join(READINGS).exists() {
         let begun = Begun::read(folder)?;
         if !begun.lines.is_empty() || begun.torn_bytes > 0 {
-            bail!(
-                "{} holds a run already: go on with it (--resume), make its table anew (--reduce), or name another folder; readings are never overwritten",
-                folder.display()
-            );
+            return Err(LogError::Begun { folder: folder.display().to_string() });
         }
     }
     Ok(())
@@ -120,14 +157,14 @@ impl Log {
         plan: &str,
         rig: Option<&str>,
         clock: DeviceClock,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, LogError> {
         refuse_begun(folder)?;
         let io = |path: &Path| {
             let path = path.to_path_buf();
             move |error| FileError::io("write", path, error)
         };
         std::fs::create_dir_all(folder).map_err(|e| FileError::io("create", folder, e))?;
-        let write = |name: &str, text: &str| -> anyhow::Result<()> {
+        let write = |name: &str, text: &str| -> Result<(), LogError> {
             let path = folder.join(name);
             let mut file = File::create(&path).map_err(io(&path))?;
             file.write_all(text.as_bytes()).and_then(|()| file.sync_all()).map_err(io(&path))?;
@@ -147,7 +184,7 @@ impl Log {
     ///
     /// # Errors
     /// The disk refuses.
-    pub fn resume(folder: &Path, begun: &Begun, clock: DeviceClock) -> anyhow::Result<Self> {
+    pub fn resume(folder: &Path, begun: &Begun, clock: DeviceClock) -> Result<Self, LogError> {
         if begun.torn_bytes > 0 {
             let path = folder.join(READINGS);
             let cut = || -> std::io::Result<()> {
@@ -161,7 +198,7 @@ impl Log {
         Self::append(folder, begun.lines.clone(), clock)
     }
 
-    fn append(folder: &Path, lines: Vec<Line>, clock: DeviceClock) -> anyhow::Result<Self> {
+    fn append(folder: &Path, lines: Vec<Line>, clock: DeviceClock) -> Result<Self, LogError> {
         let open = |name: &str| {
             let path = folder.join(name);
             let file = OpenOptions::new().append(true).create(true).open(&path);
@@ -171,26 +208,26 @@ impl Log {
     }
 
     /// Shows lines as they come.
-    pub fn watch(&mut self, live: super::show::Live) {
-        self.watch = Some(live);
+    pub fn watch(&mut self, watch: Box<dyn Watch>) {
+        self.watch = Some(watch);
     }
 
     /// An event with fields of its own.
     ///
     /// # Errors
     /// The disk refuses.
-    pub fn write_event(&mut self, what: &str, of: Value) -> anyhow::Result<()> {
+    pub fn write_event(&mut self, what: &str, of: Value) -> Result<(), RecordError> {
         let utc = format_utc(self.clock.utc(), 3);
         let line = json!({ "utc": utc, "what": what, "of": of }).to_string() + "\n";
         self.events
             .write_all(line.as_bytes())
             .and_then(|()| self.events.sync_data())
-            .with_context(|| format!("cannot write {EVENTS}"))
+            .map_err(|source| RecordError::Write { file: EVENTS, source })
     }
 }
 
 impl Record for Log {
-    fn line(&mut self, line: &Line) -> anyhow::Result<()> {
+    fn line(&mut self, line: &Line) -> Result<(), RecordError> {
         let state = STATES.iter().find(|(state, _)| *state == line.state).map_or("", |s| s.1);
         let power =
             if line.power_w.is_nan() { String::new() } else { format!("{:e}", line.power_w) };
@@ -206,7 +243,7 @@ impl Record for Log {
         );
         self.readings
             .write_all(text.as_bytes())
-            .with_context(|| format!("cannot write {READINGS}"))?;
+            .map_err(|source| RecordError::Write { file: READINGS, source })?;
         self.lines.push(line.clone());
         if let Some(live) = &mut self.watch {
             live.line(line);
@@ -214,11 +251,11 @@ impl Record for Log {
         Ok(())
     }
 
-    fn sync(&mut self) -> anyhow::Result<()> {
-        self.readings.sync_data().with_context(|| format!("cannot write {READINGS} through"))
+    fn sync(&mut self) -> Result<(), RecordError> {
+        self.readings.sync_data().map_err(|source| RecordError::Sync { file: READINGS, source })
     }
 
-    fn event(&mut self, text: &str) -> anyhow::Result<()> {
+    fn event(&mut self, text: &str) -> Result<(), RecordError> {
         if let Some(live) = &self.watch {
             live.say(text);
         }
@@ -231,10 +268,10 @@ impl Begun {
     ///
     /// # Errors
     /// There is none, or its files are not those of a run.
-    pub fn read(folder: &Path) -> anyhow::Result<Self> {
+    pub fn read(folder: &Path) -> Result<Self, LogError> {
         let path = folder.join(READINGS);
         if !path.exists() {
-            bail!("{}: there is no run ({READINGS}); begin one without --resume", folder.display());
+            return Err(LogError::NoRun { folder: folder.display().to_string() });
         }
         let text = |name: &str| sunglint_formats::read::text(folder.join(name));
         let bytes = sunglint_formats::read::bytes(&path)?;
@@ -256,7 +293,7 @@ impl Begun {
     }
 }
 
-fn lines(path: &PathBuf, text: &str) -> anyhow::Result<(Vec<Line>, Option<Epoch>)> {
+fn lines(path: &PathBuf, text: &str) -> Result<(Vec<Line>, Option<Epoch>), ParseError> {
     let table = ecsv::read_str(path, text)?;
     let bad = |e: sunglint_formats::TableError| e.in_file(path);
     let utc = table.text("time_utc").map_err(bad)?;
@@ -286,10 +323,10 @@ fn lines(path: &PathBuf, text: &str) -> anyhow::Result<(Vec<Line>, Option<Epoch>
             range: range[row].clone().unwrap_or_default(),
         };
         if !(line.time_s.is_finite() && line.asked_deg.is_finite() && line.angle_deg.is_finite()) {
-            return Err(wrong("time_s", &None, "numbers for times and angles").into());
+            return Err(wrong("time_s", &None, "numbers for times and angles"));
         }
         if line.state == State::Read && !line.power_w.is_finite() {
-            return Err(wrong("power_w", &None, "a number where the state is `read`").into());
+            return Err(wrong("power_w", &None, "a number where the state is `read`"));
         }
         lines.push(line);
     }

@@ -3,13 +3,13 @@
 //! Nothing is kept in memory alone: each reading goes to a [`Record`] as it comes, and is safe before the stage moves on.
 
 use super::plan::Measuring;
-use crate::observe::DeviceClock;
+use super::{AtAngle, Measured};
 use std::collections::BTreeMap;
 use std::time::Duration;
-use sunglint_drivers::clock::{Cancel, Deadline};
-use sunglint_drivers::device::{Device, DeviceError, Power, PowerMeter, RotationStage, Value};
-use sunglint_materials::retro::{AtAngle, Measured};
-use sunglint_virtual::rig::bench::Place;
+use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
+use sunglint_drivers::device::{
+    Device, DeviceError, InBeam, Power, PowerMeter, RotationStage, Value,
+};
 
 /// A part of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -54,25 +54,50 @@ pub struct Line {
     pub range: String,
 }
 
+/// Why a line is not kept.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordError {
+    /// A file of the run cannot be written.
+    #[error("cannot write {file}")]
+    Write {
+        /// The file.
+        file: &'static str,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A file of the run cannot be made safe on the disk.
+    #[error("cannot write {file} through")]
+    Sync {
+        /// The file.
+        file: &'static str,
+        /// Why.
+        source: std::io::Error,
+    },
+}
+
+/// Why something is not put into the beam.
+pub type HandsError = Box<dyn std::error::Error + Send + Sync>;
+
 /// Where lines go.
 pub trait Record {
     /// Takes a line.
     ///
     /// # Errors
     /// It cannot be written.
-    fn line(&mut self, line: &Line) -> anyhow::Result<()>;
+    fn line(&mut self, line: &Line) -> Result<(), RecordError>;
 
     /// All lines so far are safe when it returns.
     ///
     /// # Errors
     /// The disk refuses.
-    fn sync(&mut self) -> anyhow::Result<()>;
+    fn sync(&mut self) -> Result<(), RecordError>;
 
     /// Something happened that is worth a line of its own.
     ///
     /// # Errors
     /// It cannot be written.
-    fn event(&mut self, text: &str) -> anyhow::Result<()>;
+    fn event(&mut self, text: &str) -> Result<(), RecordError>;
 }
 
 /// Lines in memory: for runs on a virtual rig that nobody wants to keep.
@@ -80,16 +105,16 @@ pub trait Record {
 pub struct InMemory(pub Vec<Line>);
 
 impl Record for InMemory {
-    fn line(&mut self, line: &Line) -> anyhow::Result<()> {
+    fn line(&mut self, line: &Line) -> Result<(), RecordError> {
         self.0.push(line.clone());
         Ok(())
     }
 
-    fn sync(&mut self) -> anyhow::Result<()> {
+    fn sync(&mut self) -> Result<(), RecordError> {
         Ok(())
     }
 
-    fn event(&mut self, _: &str) -> anyhow::Result<()> {
+    fn event(&mut self, _: &str) -> Result<(), RecordError> {
         Ok(())
     }
 }
@@ -100,7 +125,7 @@ pub trait Hands {
     ///
     /// # Errors
     /// Nobody does.
-    fn put(&mut self, place: Place) -> anyhow::Result<()>;
+    fn put(&mut self, place: InBeam) -> Result<(), HandsError>;
 }
 
 /// Why a run cannot go on.
@@ -143,9 +168,12 @@ pub enum RunError {
         /// How far off it may be, deg.
         tolerance_deg: f64,
     },
-    /// What was read cannot be kept, or nobody puts things into the beam.
+    /// What was read cannot be kept.
     #[error(transparent)]
-    Other(#[from] anyhow::Error),
+    Record(#[from] RecordError),
+    /// Nobody puts things into the beam.
+    #[error(transparent)]
+    Hands(#[from] HandsError),
 }
 
 fn stands(at_deg: Option<f64>) -> String {
@@ -208,7 +236,7 @@ pub fn measure(
         // The first error is the one that counts.
         let _ = record.event(&error.to_string());
     }
-    result.and(synced.map_err(RunError::Other))
+    result.and(synced.map_err(RunError::Record))
 }
 
 /// The times that the incident power was read, and whether the last one followed the sample's last angle.
@@ -262,11 +290,11 @@ fn all_phases(
         count += 1;
     }
     if !signature.is_empty() {
-        run.rig.hands.put(Place::Nothing)?;
+        run.rig.hands.put(InBeam::Nothing)?;
         run.scan(Phase::Signature, &signature)?;
     }
     if !sample.is_empty() {
-        run.rig.hands.put(Place::Sample)?;
+        run.rig.hands.put(InBeam::Sample)?;
         run.scan(Phase::Sample, &sample)?;
     }
     if !(nothing_left && after && count > 1) {
@@ -292,12 +320,12 @@ impl Run<'_, '_> {
         let phase = Phase::Incident(number);
         match self.plan.standard_deg {
             None => {
-                self.rig.hands.put(Place::Head)?;
+                self.rig.hands.put(InBeam::Head)?;
                 let at = self.at_deg.unwrap_or(0.0);
                 self.readings(phase, at, at)
             }
             Some(angle) => {
-                self.rig.hands.put(Place::Standard)?;
+                self.rig.hands.put(InBeam::Standard)?;
                 self.scan(phase, &[angle])
             }
         }

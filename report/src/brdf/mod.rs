@@ -1,0 +1,3 @@
+//! A sample on a goniometer, from retro-reflection to a measured material.
+
+pub mod retro;
