@@ -7,15 +7,19 @@
 //! - [`ndf`]: the density of microfacet normals (NDF), by power iteration, with its uncertainties;
 //! - [`plan`]: the directions in which the sample is then measured;
 //! - [`ingest`]: from a spectrometer's spectra, direction by direction, to values;
+//! - [`read`]: tables of the lab, read from files;
 //! - [`samples`]: those values;
 //! - [`assemble`]: values and densities as a measured material;
+//! - [`look`]: what a material does, and how two differ;
 //! - [`fit`]: laws with few parameters through measured values.
 
 pub mod assemble;
 pub mod fit;
 pub mod ingest;
+pub mod look;
 pub mod ndf;
 pub mod plan;
+pub mod read;
 pub mod retro;
 pub mod samples;
 pub mod table;

@@ -1,18 +1,12 @@
 //! `sunglint brdf fit`: laws through measured values.
 
-use super::samples;
 use crate::output::{Console, OutputArgs};
 use anyhow::Context as _;
 use clap::{Args, ValueEnum};
-use serde_json::{Value, json};
-use std::fmt::Write as _;
 use std::path::PathBuf;
-use sunglint_materials::fit::{
-    Fit, FitOptions, Law, LawFit, LobeKind, Rise, fit, residual_table, to_table, to_toml,
-};
-use sunglint_materials::samples::{Samples, direction, turned};
-use sunglint_report::plot::{Axis, Figure, Panel, Series};
-use sunglint_report::{Product, rounded};
+use sunglint_materials::fit::{FitOptions, Law, LobeKind, Rise, fit, to_toml};
+use sunglint_materials::read;
+use sunglint_report::brdf::fit::{product, text};
 use sunglint_simulator::surface::ComplexIndex;
 
 /// Arguments of `sunglint brdf fit`.
@@ -80,7 +74,7 @@ impl LawName {
 pub(super) fn run(args: &FitArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
     args.out.check_names(&["fit.ecsv", "residuals.ecsv"])?;
-    let (measured, inputs) = samples(&args.table, args.wavelength_nm)?;
+    let (measured, inputs) = read::samples(&args.table, args.wavelength_nm)?;
     let index = args.refractive_index.as_deref().map(ComplexIndex::named).transpose()?;
     let mut laws = Vec::new();
     if !args.law.is_empty() {
@@ -98,191 +92,14 @@ pub(super) fn run(args: &FitArgs, console: Console) -> anyhow::Result<()> {
         index: index.clone(),
     };
     let found = fit(&measured, &options).with_context(|| args.table.display().to_string())?;
-    let warnings: Vec<String> = found.notes.iter().map(ToString::to_string).collect();
-    for warning in &warnings {
-        console.warn(warning);
+    for warning in &found.notes {
+        console.warn(&warning.to_string());
     }
     let best = found.laws.first().context("no law was fitted")?;
     let rise = index.as_ref().map(|index| Rise::new(index, found.wavelength_nm)).transpose()?;
-    let mut table = to_table(&found);
-    table.meta.insert("inputs".into(), inputs.clone());
-    let product = Product {
-        name: "fit".into(),
-        figure: Some(figure(&found, best, &measured, rise.as_ref())),
-        json: summary(&found, &warnings, &inputs),
-        table,
-        others: vec![Product {
-            name: "residuals".into(),
-            table: residual_table(&found, &measured),
-            ..Product::default()
-        }],
-        ..Product::default()
-    };
+    let product = product(&found, best, &measured, rise.as_ref(), &inputs);
     let toml = to_toml(&found, best, &args.name, args.refractive_index.as_deref());
     let folders = args.out.folders().output;
     let files = folders.iter().map(|f| (f.join("material.toml"), toml.clone().into_bytes()));
     args.out.finish_with(&product, files.collect(), &text(&found, &toml), console)
-}
-
-fn text(fit: &Fit, toml: &str) -> String {
-    let mut text = String::new();
-    let _ = writeln!(
-        text,
-        "{} values at {} nm; residuals of ln f, most likely law first",
-        fit.used.len(),
-        fit.wavelength_nm
-    );
-    let _ = writeln!(
-        text,
-        "{:<28} {:>8} {:>10} {:>10} {:>7}  largest albedo",
-        "law", "rms", "AICc", "BIC", "weight"
-    );
-    for law in &fit.laws {
-        let (deg, most) = largest(law);
-        let held = if law.energy_held { ", held by energy" } else { "" };
-        let _ = writeln!(
-            text,
-            "{:<28} {:>8.4} {:>10.1} {:>10.1} {:>7.3}  {most:.4} at {deg}°{held}",
-            law.law.name(),
-            law.rms,
-            law.aicc,
-            law.bic,
-            law.weight
-        );
-    }
-    if let Some(best) = fit.laws.first() {
-        let _ = writeln!(text, "\n{}", best.law.name());
-        for p in &best.parameters {
-            let interval = match p.interval {
-                Some((least, most)) => format!("{least:.5e} to {most:.5e} (95 %)"),
-                None if p.at_bound => "at the end of its range".to_owned(),
-                None => "not decided by the values".to_owned(),
-            };
-            let _ = writeln!(text, "  {:<12} {:<12.6e} {interval}", p.name, p.value);
-        }
-    }
-    let _ = write!(text, "\n{toml}");
-    text
-}
-
-fn largest(law: &LawFit) -> (f64, f64) {
-    law.albedo.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.0, f64::NAN))
-}
-
-fn summary(fit: &Fit, warnings: &[String], inputs: &Value) -> Value {
-    let law = |law: &LawFit| {
-        let parameters: Vec<Value> = law
-            .parameters
-            .iter()
-            .map(|p| {
-                json!({
-                    "name": p.name, "value": rounded(p.value), "sigma_ln": p.sigma_ln.map(rounded),
-                    "interval": p.interval.map(|(a, b)| [rounded(a), rounded(b)]), "at_bound": p.at_bound,
-                })
-            })
-            .collect();
-        let (theta_i_deg, most) = largest(law);
-        json!({
-            "law": law.law.name(), "parameters": parameters, "rms_ln": rounded(law.rms), "width_ln": rounded(law.width),
-            "correlation": rounded(law.correlation), "aicc": rounded(law.aicc), "bic": rounded(law.bic), "weight": rounded(law.weight),
-            "largest_albedo": { "albedo": rounded(most), "theta_i_deg": theta_i_deg }, "energy_held": law.energy_held,
-            "energy_to_deg": law.energy_to_deg, "converged": law.converged, "above_zeros": law.above_zeros.map(rounded),
-        })
-    };
-    json!({
-        "wavelength_nm": fit.wavelength_nm,
-        "values": fit.used.len(),
-        "independent_values": rounded(fit.independent),
-        "left_out": fit.left_out,
-        "laws": fit.laws.iter().map(law).collect::<Vec<_>>(),
-        "warnings": warnings,
-        "inputs": inputs,
-    })
-}
-
-/// Angles of incidence that are drawn.
-const MOST: usize = 6;
-
-/// Values and law against the outgoing angle, and what is left.
-fn figure(fit: &Fit, best: &LawFit, samples: &Samples, rise: Option<&Rise>) -> Figure {
-    let column = samples.wavelength_nm.iter().position(|nm| *nm == fit.wavelength_nm).unwrap_or(0);
-    let anisotropic = samples.has_azimuths();
-    let mut incidences: Vec<(i64, i64)> = Vec::new();
-    let key = |k: usize| {
-        let row = &samples.rows[k];
-        let phi = if anisotropic { (row.phi_i_deg * 1e3).round() as i64 } else { 0 };
-        ((row.theta_i_deg.abs() * 1e3).round() as i64, phi)
-    };
-    for k in &fit.used {
-        if !incidences.contains(&key(*k)) {
-            incidences.push(key(*k));
-        }
-    }
-    incidences.sort_unstable();
-    let law = best.law.with(&best.values(), rise);
-    let count = incidences.len();
-    let shown: Vec<(i64, i64)> = if count > MOST {
-        (0..MOST).map(|j| incidences[j * (count - 1) / (MOST - 1)]).collect()
-    } else {
-        incidences
-    };
-    let (mut values, mut lines, mut left) = (Vec::new(), Vec::new(), Vec::new());
-    for (j, which) in shown.iter().enumerate() {
-        let (mut dots, mut residual) = (Vec::new(), Vec::new());
-        for (k, r) in fit.used.iter().zip(&best.residual) {
-            if key(*k) != *which {
-                continue;
-            }
-            let (i, o) = samples.rows[*k].directions();
-            let (_, turned_o) = turned(i, o);
-            let angle = turned_o.x.hypot(turned_o.y).atan2(turned_o.z).to_degrees();
-            let signed = if turned_o.x > 0.0 { -angle } else { angle };
-            if turned_o.y.abs() < 1e-3 {
-                dots.push((signed, samples.rows[*k].brdf_per_sr[column]));
-            }
-            residual.push((signed, r.exp()));
-        }
-        let (theta, phi) = (which.0 as f64 / 1e3, which.1 as f64 / 1e3);
-        let label = match anisotropic {
-            true => format!("θᵢ = {theta}°, φᵢ = {phi}°"),
-            false => format!("θᵢ = {theta}°"),
-        };
-        // Finer around the mirrored direction than lobes are wide.
-        let mut angles: Vec<f64> = (-179..180).map(|k| 0.5 * f64::from(k)).collect();
-        angles.extend(
-            (-120..=120)
-                .map(|k: i32| theta + f64::from(k.signum()) * 5e-3 * 1.06_f64.powi(k.abs())),
-        );
-        angles.retain(|a| a.abs() < 89.9);
-        angles.sort_by(f64::total_cmp);
-        let i = direction(theta, phi);
-        let line = angles.iter().map(|a| (*a, law.brdf(i, direction(*a, phi + 180.0)))).collect();
-        values.push(Series::dots(label, j, dots));
-        lines.push(Series::line(String::new(), j, line));
-        left.push(Series::dots(String::new(), j, residual));
-    }
-    let drawn = |s: &Series| s.points.iter().any(|p| p.1 > 0.0);
-    let least = values.iter().flat_map(|s| &s.points).map(|p| p.1).fold(f64::INFINITY, f64::min);
-    let all = lines.iter().chain(&values).flat_map(|s| &s.points).map(|p| p.1);
-    let most = all.fold(0.0_f64, f64::max);
-    let mut axis = Axis::log("f (sr⁻¹)");
-    if least < most {
-        axis = axis.from_to(0.3 * least, 3.0 * most);
-    }
-    values.retain(drawn);
-    values.extend(lines);
-    let angle =
-        || Axis::linear("outgoing angle (deg), the mirrored side positive").from_to(-90.0, 90.0);
-    Figure {
-        title: format!(
-            "{} at {} nm: {:.3} rms in ln f",
-            best.law.name(),
-            fit.wavelength_nm,
-            best.rms
-        ),
-        panels: vec![
-            Panel::new(angle(), axis, values),
-            Panel::new(angle(), Axis::log("measured over law"), left),
-        ],
-    }
 }

@@ -2,13 +2,11 @@
 
 mod assemble;
 mod fit;
-mod hemispheres;
 mod ingest;
 mod ndf;
 mod plan;
 pub mod retro;
 mod show;
-mod spectra;
 
 pub use assemble::AssembleArgs;
 pub use fit::FitArgs;
@@ -19,14 +17,9 @@ pub use retro::RetroArgs;
 pub use show::{CompareArgs, ShowArgs};
 
 use crate::output::{Console, OutputArgs};
-use anyhow::Context as _;
 use clap::Subcommand;
 use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::{Value, json};
-use std::path::Path;
-use sunglint_formats::Table;
-use sunglint_formats::text_table::read_str as any;
-use sunglint_materials::samples::Samples;
+use sunglint_numerics::progress::Progress;
 
 /// The steps of a measurement, each with a table that the next one reads.
 #[derive(Debug, Subcommand)]
@@ -82,39 +75,38 @@ pub fn run(command: &BrdfCommand, console: Console, seed: u64) -> anyhow::Result
     }
 }
 
-/// A progress bar on stderr; none where that is no terminal or nothing is to be said.
-fn progress(count: u64, what: &'static str, console: Console) -> ProgressBar {
-    if console.quiet {
-        return ProgressBar::hidden();
+/// A progress bar on stderr; none where that is no terminal or nothing is to be said. It goes when it is dropped.
+struct Bar(ProgressBar);
+
+impl Bar {
+    fn new(what: &'static str, console: Console) -> Self {
+        if console.quiet {
+            return Self(ProgressBar::hidden());
+        }
+        let bar = ProgressBar::new(1);
+        if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len}") {
+            bar.set_style(style);
+        }
+        Self(bar.with_message(what))
     }
-    let bar = ProgressBar::new(count);
-    if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len}") {
-        bar.set_style(style);
-    }
-    bar.with_message(what)
 }
 
-/// Measured values from a file, ECSV, FITS or plain columns, and what the result says of it. `wavelength_nm` is that of a table that does not say it.
-fn samples(path: &Path, wavelength_nm: Option<f64>) -> anyhow::Result<(Samples, Value)> {
-    let is_fits = |e: &std::ffi::OsStr| ["fits", "fit"].iter().any(|f| e.eq_ignore_ascii_case(f));
-    if path.extension().is_some_and(is_fits) {
-        let bytes = sunglint_formats::read::bytes(path)?;
-        let sha256 = sunglint_formats::sha256(&bytes);
-        let fits = sunglint_formats::fits::Fits::from_bytes(path, bytes)?;
-        let inputs = json!([{ "file": path.display().to_string(), "sha256": sha256 }]);
-        return Ok((Samples::from_fits(&fits)?, inputs));
+impl Progress for Bar {
+    fn begin(&self, _: &str, steps: Option<u64>) {
+        self.0.set_length(steps.unwrap_or(1));
     }
-    let (table, inputs) = table(path)?;
-    Ok((Samples::from_table(path, &table, wavelength_nm)?, inputs))
+
+    fn advance(&self, steps: u64) {
+        self.0.inc(steps);
+    }
+
+    fn warn(&self, warning: &str) {
+        self.0.suspend(|| eprintln!("warning: {warning}"));
+    }
 }
 
-/// A table from a file, ECSV or plain columns, and what the result says of it.
-fn table(path: &Path) -> anyhow::Result<(Table, Value)> {
-    let bytes =
-        std::fs::read(path).map_err(|e| sunglint_formats::FileError::io("read", path, e))?;
-    let sha256 = sunglint_formats::sha256(&bytes);
-    let text = String::from_utf8(bytes)
-        .with_context(|| format!("{}: expected a table as UTF-8 text", path.display()))?;
-    let inputs = json!([{ "file": path.display().to_string(), "sha256": sha256 }]);
-    Ok((any(path, &text)?, inputs))
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
 }

@@ -1,14 +1,12 @@
 //! `sunglint brdf plan`: where to measure a sample.
 
-use super::{hemispheres, ndf};
 use crate::output::{Console, OutputArgs, Usage};
 use anyhow::Context as _;
 use clap::Args;
-use serde_json::json;
-use std::fmt::Write as _;
 use std::path::PathBuf;
-use sunglint_materials::plan::{Plan, PlanOptions, Rig, plan, to_table};
-use sunglint_report::{Product, rounded};
+use sunglint_materials::plan::{PlanOptions, Rig, plan};
+use sunglint_materials::read;
+use sunglint_report::brdf::plan::{product, text};
 
 /// Arguments of `sunglint brdf plan`.
 #[derive(Debug, Args)]
@@ -81,65 +79,10 @@ impl PlanArgs {
 
 pub(super) fn run(args: &PlanArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
-    let (ndf, _, inputs) = ndf::read(&args.ndf)?;
+    let (ndf, inputs) = read::density(&args.ndf)?;
     if args.quarter && ndf.is_isotropic() {
         return Err(Usage("--quarter: the sample is isotropic, it has no azimuths".into()).into());
     }
     let made = plan(&ndf, &args.options()).with_context(|| args.ndf.display().to_string())?;
-    let mut table = to_table(&made);
-    table.meta.insert("inputs".into(), inputs.clone());
-    let reachable = made.cells.iter().filter(|c| c.step.is_some()).count();
-    let degrees =
-        |values: &[f64]| values.iter().map(|v| rounded(v.to_degrees())).collect::<Vec<_>>();
-    let json = json!({
-        "theta_i_deg": degrees(&made.theta_i_rad),
-        "phi_i_deg": degrees(&made.phi_i_rad),
-        "side": made.options.side,
-        "wide": made.options.wide,
-        "cells": made.cells.len(),
-        "reachable_cells": reachable,
-        "steps": made.steps.len(),
-        "travel_deg": rounded(made.travel_deg),
-        "unordered_travel_deg": rounded(made.unordered_travel_deg),
-        "rig": made.options.rig.map(|rig| json!({
-            "least_phase_deg": rig.least_phase_deg, "most_theta_i_deg": rig.most_theta_i_deg,
-            "most_theta_o_deg": rig.most_theta_o_deg, "mark_deg": rig.mark_deg,
-        })),
-        "inputs": inputs,
-    });
-    let product = Product {
-        name: "plan".into(),
-        gallery: Some(hemispheres::gallery(&made)),
-        table,
-        json,
-        ..Product::default()
-    };
-    args.out.finish(&product, &text(&made, reachable), console)
-}
-
-fn text(plan: &Plan, reachable: usize) -> String {
-    let mut text = String::new();
-    let _ = writeln!(
-        text,
-        "{} measurements give {reachable} of {} cells of the file's grid",
-        plan.steps.len(),
-        plan.cells.len()
-    );
-    for (p, phi) in plan.phi_i_rad.iter().enumerate() {
-        for (t, theta) in plan.theta_i_rad.iter().enumerate() {
-            let steps = plan.steps.iter().filter(|s| s.incident == [p, t]).count();
-            let azimuth = match plan.phi_i_rad.len() {
-                1 => String::new(),
-                _ => format!(", azimuth {:7.2}°", phi.to_degrees()),
-            };
-            let theta = theta.to_degrees();
-            let _ = writeln!(text, "  incidence {theta:6.2}°{azimuth}: {steps} directions");
-        }
-    }
-    let _ = writeln!(
-        text,
-        "the detector travels {:.0}° (in the order of the cells {:.0}°)",
-        plan.travel_deg, plan.unordered_travel_deg
-    );
-    text
+    args.out.finish(&product(&made, &inputs), &text(&made), console)
 }

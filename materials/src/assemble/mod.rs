@@ -6,6 +6,7 @@
 
 mod base;
 mod doubt;
+pub mod files;
 mod near;
 
 pub use base::Base;

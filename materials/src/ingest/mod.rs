@@ -4,7 +4,9 @@
 //! solid angle Ω_o; the reference is the light itself by a mirror of known reflectance, or a Lambert standard (ρ/π cosθ_r Ω_o). Then detectors are joined: in the overlap
 //! of two, the second is scaled to the first, once for each direction, and its uncertainty is what the overlap says.
 
+pub mod file;
 mod repeat;
+pub mod spectra;
 mod spectrum;
 
 pub use spectrum::{AxisError, RawSpectrum};

@@ -1,3 +1,10 @@
 //! A sample on a goniometer, from retro-reflection to a measured material.
 
+pub mod assemble;
+pub mod fit;
+mod hemispheres;
+pub mod ingest;
+pub mod ndf;
+pub mod plan;
 pub mod retro;
+pub mod show;

@@ -1,9 +1,9 @@
 //! The directions of a plan on hemispheres seen from above: one for each incident direction.
 
+use crate::plot::gallery::{Gallery, Key, Tile};
 use glam::DVec3;
 use image::{Rgba, RgbaImage};
 use sunglint_materials::plan::Plan;
-use sunglint_report::plot::gallery::{Gallery, Key, Tile};
 
 const SIZE: u32 = 640;
 const RADIUS: f64 = 296.0;

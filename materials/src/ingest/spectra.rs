@@ -1,9 +1,9 @@
 //! Files of spectra: CSV and JCAMP-DX.
 
-use anyhow::Context as _;
+use super::RawSpectrum;
 use std::path::Path;
+use sunglint_formats::toml::Document;
 use sunglint_formats::{FileError, ParseError, jcamp};
-use sunglint_materials::ingest::RawSpectrum;
 
 /// What a file of Bruker's OPUS begins with.
 const OPUS: [u8; 4] = [0x0a, 0x0a, 0xfe, 0xfe];
@@ -26,12 +26,12 @@ struct Columns {
 ///
 /// # Errors
 /// A file that cannot be read or is of another kind (OPUS), a turning axis, gaps, no numbers: with file and line.
-pub(super) fn read(path: &Path) -> anyhow::Result<RawSpectrum> {
+pub fn read(path: &Path) -> Result<RawSpectrum, FileError> {
     let bytes = sunglint_formats::read::bytes(path)?;
     if bytes.starts_with(&OPUS) {
         let error = ParseError::new(path, "a file of Bruker OPUS", "CSV or JCAMP-DX");
         let hint = "OPUS exports both: Save File As, Mode, Data point table or JCAMP-DX";
-        return Err(FileError::from(error.with_hint(hint)).into());
+        return Err(FileError::from(error.with_hint(hint)));
     }
     let (path, text) = (path, sunglint_formats::read::decode(path, bytes)?);
     let columns = if text.trim_start().starts_with("##") {
@@ -40,13 +40,13 @@ pub(super) fn read(path: &Path) -> anyhow::Result<RawSpectrum> {
         of_csv(path, &text)?
     };
     let axis: Vec<f64> = columns.x.iter().map(|x| x * columns.factor.unwrap_or(1.0)).collect();
-    RawSpectrum::new(&axis, &columns.y, columns.factor.is_none()).map_err(|error| {
+    Ok(RawSpectrum::new(&axis, &columns.y, columns.factor.is_none()).map_err(|error| {
         let mut wrong = ParseError::new(path, error.to_string(), "a spectrum");
         if let Some(line) = error.row().and_then(|row| columns.line.get(row)) {
             wrong = wrong.at_line(*line);
         }
-        anyhow::Error::from(wrong)
-    })
+        wrong
+    })?)
 }
 
 fn of_jcamp(path: &Path, text: &str) -> Result<Columns, ParseError> {
@@ -98,11 +98,27 @@ fn of_csv(path: &Path, text: &str) -> Result<Columns, ParseError> {
     Ok(columns)
 }
 
+/// A key of a document names a spectrum that cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[error("{file}: {key}")]
+pub struct NamedSpectrumError {
+    /// The document.
+    pub file: String,
+    /// The key.
+    pub key: String,
+    /// Why.
+    pub source: FileError,
+}
+
 /// Reads a spectrum that a key of a document names.
 pub(super) fn named(
-    document: &sunglint_formats::toml::Document,
+    document: &Document,
     key: &str,
     name: &str,
-) -> anyhow::Result<RawSpectrum> {
-    read(&document.resolve(name)).with_context(|| format!("{}: {key}", document.path().display()))
+) -> Result<RawSpectrum, NamedSpectrumError> {
+    read(&document.resolve(name)).map_err(|source| NamedSpectrumError {
+        file: document.path().display().to_string(),
+        key: key.to_owned(),
+        source,
+    })
 }

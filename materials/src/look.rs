@@ -1,0 +1,248 @@
+//! What a material does, and how two differ: slices, hemispherical reflectance, reciprocity.
+
+use crate::read::ReadError;
+use crate::samples::direction;
+use std::path::Path;
+use sunglint_formats::toml::Document;
+use sunglint_formats::{FileError, ParseError};
+use sunglint_simulator::surface::brdf_table::{self, Row};
+use sunglint_simulator::surface::file::{MaterialFile, material};
+use sunglint_simulator::surface::{Material, MaterialError, measured};
+
+/// Angles of incidence that are shown, degrees.
+const INCIDENCES: [f64; 6] = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0];
+/// Angles at which the hemispherical reflectance is asked, degrees.
+const HEMISPHERE: [f64; 12] =
+    [0.0, 15.0, 30.0, 40.0, 50.0, 60.0, 70.0, 75.0, 80.0, 84.0, 87.0, 89.0];
+
+/// Why a material cannot be looked at.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LookError {
+    /// A file that cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A file that is no material.
+    #[error(transparent)]
+    Parse(#[from] ParseError),
+    /// A table that cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// No such material.
+    #[error(transparent)]
+    Material(#[from] MaterialError),
+    /// A file of several materials.
+    #[error("{file}: found the materials {names}; say which: {file}#NAME")]
+    Which {
+        /// The file.
+        file: String,
+        /// Its materials.
+        names: String,
+    },
+    /// A mirror reflects into one direction alone.
+    #[error("{name}: a perfect mirror has no values to {what}")]
+    Mirror {
+        /// The material.
+        name: String,
+        /// What was to be done.
+        what: &'static str,
+    },
+    /// Two materials that never reflect in the same direction.
+    #[error("the two have no direction in common in which both reflect")]
+    Apart,
+}
+
+#[derive(Debug, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MaterialsFile {
+    material: Vec<MaterialFile>,
+}
+
+/// An angle of incidence with f by outgoing angle.
+pub type Slice = (f64, Vec<(f64, f64)>);
+
+/// A material from what a person names.
+///
+/// # Errors
+/// A file that cannot be read or is no material.
+pub fn read(name: &str, wavelength_nm: f64) -> Result<Material, LookError> {
+    let (file, wanted) = match name.rsplit_once('#') {
+        Some((file, wanted)) => (file, Some(wanted)),
+        None => (name, None),
+    };
+    let path = Path::new(file);
+    let is = |extension: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
+    if is("bsdf") {
+        return Ok(measured::read(file, path)?);
+    }
+    if is("toml") {
+        let document = Document::read(path)?;
+        let found: MaterialsFile = document.parse()?;
+        let names: Vec<&str> = found.material.iter().map(|m| m.name.as_str()).collect();
+        let at = match wanted {
+            Some(wanted) => names.iter().position(|n| *n == wanted),
+            None => Some(0).filter(|_| names.len() == 1),
+        };
+        let at =
+            at.ok_or_else(|| LookError::Which { file: file.to_owned(), names: names.join(", ") })?;
+        let key = format!("material[{at}]");
+        return Ok(material(&document, &key, &found.material[at])?.0);
+    }
+    let (table, _) = crate::read::samples(path, Some(wavelength_nm))?;
+    let rows: Vec<Row> = table
+        .rows
+        .iter()
+        .map(|r| Row {
+            theta_i_deg: r.theta_i_deg,
+            phi_i_deg: r.phi_i_deg,
+            theta_o_deg: r.theta_o_deg,
+            phi_o_deg: r.phi_o_deg,
+            brdf_per_sr: r.brdf_per_sr.clone(),
+        })
+        .collect();
+    Ok(brdf_table::material(file, &table.wavelength_nm, &rows, None)?)
+}
+
+/// What is to be said of a wavelength that a material's spectra do not reach.
+pub fn beyond(material: &Material, nm: f64) -> Option<String> {
+    let ranges = || material.spectra().iter().map(|s| s.range_nm());
+    let from = ranges().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
+    let to = ranges().map(|r| r.1).fold(f64::INFINITY, f64::min);
+    let is_within = nm >= from && nm <= to;
+    (!is_within).then(|| {
+        format!(
+            "{}: it is known from {from} to {to} nm, not at {nm} nm: the nearest value is held",
+            material.name
+        )
+    })
+}
+
+/// Outgoing angles of a slice: finer around the mirrored direction.
+fn angles(theta_i: f64) -> Vec<f64> {
+    let mut all: Vec<f64> = (-88..=88).map(f64::from).collect();
+    all.extend(
+        (-90..=90).map(|k: i32| theta_i + f64::from(k.signum()) * 0.01 * 1.07_f64.powi(k.abs())),
+    );
+    all.retain(|a| a.abs() <= 89.0);
+    all.sort_by(f64::total_cmp);
+    all
+}
+
+/// The typical and largest |ln f(i, o)/f(o, i)| over directions of both kinds.
+fn reciprocity(material: &Material, nm: f64) -> (f64, f64) {
+    let mut found = Vec::new();
+    for (k, theta_i) in INCIDENCES.iter().enumerate() {
+        for theta_o in INCIDENCES.iter().skip(k + 1) {
+            for phi in [0.0, 45.0, 90.0, 135.0, 180.0] {
+                let (i, o) = (direction(theta_i + 3.0, 0.0), direction(*theta_o + 3.0, phi));
+                let (there, back) = (material.brdf(nm, i, o), material.brdf(nm, o, i));
+                if there > 0.0 && back > 0.0 {
+                    found.push((there / back).ln().abs());
+                }
+            }
+        }
+    }
+    found.sort_by(f64::total_cmp);
+    match found.len() {
+        0 => (f64::NAN, f64::NAN),
+        n => (found[n / 2], found[n - 1]),
+    }
+}
+
+/// What a material does at a wavelength.
+#[derive(Debug, Clone)]
+pub struct Look {
+    /// Hemispherical reflectance by angle of incidence, degrees.
+    pub albedo: Vec<(f64, f64)>,
+    /// The typical and the largest |ln f(i, o)/f(o, i)|.
+    pub reciprocity: (f64, f64),
+    /// f in the plane of incidence.
+    pub slices: Vec<Slice>,
+    /// What a person should hear of first.
+    pub warnings: Vec<String>,
+}
+
+impl Look {
+    /// Looks at a material from one azimuth of the light; `name` is what it is called where it is refused.
+    ///
+    /// # Errors
+    /// A mirror; an albedo that cannot be integrated.
+    pub fn new(
+        material: &Material,
+        name: &str,
+        nm: f64,
+        phi_i_deg: f64,
+    ) -> Result<Self, LookError> {
+        if material.is_mirror() {
+            return Err(LookError::Mirror { name: name.to_owned(), what: "show" });
+        }
+        let mut warnings: Vec<String> = material.notes().to_vec();
+        warnings.extend(beyond(material, nm));
+        let mut albedo = Vec::new();
+        for theta in HEMISPHERE {
+            albedo.push((theta, material.albedo(nm, direction(theta, phi_i_deg))?));
+        }
+        for (theta, e) in albedo.iter().filter(|(_, e)| *e > 1.0 + 1e-3) {
+            warnings.push(format!("it reflects {e:.4} of the light at {theta}° of incidence"));
+        }
+        let reciprocity = reciprocity(material, nm);
+        let slice = |theta: f64| -> Vec<(f64, f64)> {
+            let i = direction(theta, phi_i_deg);
+            let of = |a: &f64| (*a, material.brdf(nm, i, direction(*a, phi_i_deg + 180.0)));
+            angles(theta).iter().map(of).collect()
+        };
+        let slices = INCIDENCES.iter().map(|t| (*t, slice(*t))).collect();
+        Ok(Self { albedo, reciprocity, slices, warnings })
+    }
+}
+
+/// Ratios at one angle of incidence.
+#[derive(Debug, Clone)]
+pub struct Ratios {
+    /// Angle of incidence, degrees.
+    pub theta_i: f64,
+    /// Angle and azimuth of the outgoing direction (from the light's), ratio b/a.
+    pub all: Vec<(f64, f64, f64)>,
+    /// Hemispherical reflectance b/a.
+    pub albedo: f64,
+}
+
+/// How one material differs from another at a wavelength, by angle of incidence; `names` are what they are called where they are refused.
+///
+/// # Errors
+/// A mirror; two that never reflect in the same direction.
+pub fn compare(
+    [a, b]: [&Material; 2],
+    names: [&str; 2],
+    nm: f64,
+    phi_i_deg: f64,
+) -> Result<Vec<Ratios>, LookError> {
+    for (name, m) in names.into_iter().zip([a, b]) {
+        if m.is_mirror() {
+            return Err(LookError::Mirror { name: name.to_owned(), what: "compare" });
+        }
+    }
+    let mut rows = Vec::new();
+    for theta_i in INCIDENCES {
+        let i = direction(theta_i, phi_i_deg);
+        let mirrored = direction(theta_i, phi_i_deg + 180.0);
+        let peak = a.brdf(nm, i, mirrored) * mirrored.z;
+        let mut all = Vec::new();
+        for phi in [0.0, 30.0, 60.0, 90.0, 120.0, 150.0, 165.0, 175.0, 180.0] {
+            for theta_o in angles(theta_i).into_iter().filter(|t| (0.0..=85.0).contains(t)) {
+                let o = direction(theta_o, phi_i_deg + phi);
+                let (f, g) = (a.brdf(nm, i, o), b.brdf(nm, i, o));
+                if f > 0.0 && g > 0.0 && f * o.z > 1e-3 * peak {
+                    all.push((theta_o, phi, g / f));
+                }
+            }
+        }
+        all.sort_by(|x, y| x.2.ln().abs().total_cmp(&y.2.ln().abs()));
+        let albedo = if all.is_empty() { f64::NAN } else { b.albedo(nm, i)? / a.albedo(nm, i)? };
+        rows.push(Ratios { theta_i, all, albedo });
+    }
+    if rows.iter().all(|r| r.all.is_empty()) {
+        return Err(LookError::Apart);
+    }
+    Ok(rows)
+}

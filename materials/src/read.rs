@@ -1,0 +1,73 @@
+//! Tables of the lab, read from files: ECSV, FITS or plain columns.
+
+use crate::ndf::{self, Ndf};
+use crate::samples::Samples;
+use std::path::Path;
+use sunglint_formats::fits::Fits;
+use sunglint_formats::text_table::read_str;
+use sunglint_formats::{FileError, ParseError, Table};
+use sunglint_radiometry::light_curve::Input;
+
+/// Why a table cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadError {
+    /// A file that cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A table that is not what it should be.
+    #[error(transparent)]
+    Parse(#[from] ParseError),
+    /// A file that is no text.
+    #[error("{file}: expected a table as UTF-8 text")]
+    NoText {
+        /// The file.
+        file: String,
+        /// Where it is none.
+        source: std::string::FromUtf8Error,
+    },
+}
+
+/// Reads measured values from a file, ECSV, FITS or plain columns. `wavelength_nm` is that of a table that does not say it.
+///
+/// # Errors
+/// A file that cannot be read, or holds no samples.
+pub fn samples(
+    path: &Path,
+    wavelength_nm: Option<f64>,
+) -> Result<(Samples, Vec<Input>), ReadError> {
+    let is_fits = |e: &std::ffi::OsStr| ["fits", "fit"].iter().any(|f| e.eq_ignore_ascii_case(f));
+    if path.extension().is_some_and(is_fits) {
+        let bytes = sunglint_formats::read::bytes(path)?;
+        let sha256 = sunglint_formats::sha256(&bytes);
+        let fits = Fits::from_bytes(path, bytes)?;
+        let inputs = vec![Input { file: path.display().to_string(), sha256 }];
+        return Ok((Samples::from_fits(&fits)?, inputs));
+    }
+    let (table, inputs) = table(path)?;
+    Ok((Samples::from_table(path, &table, wavelength_nm)?, inputs))
+}
+
+/// Reads a table from a file, ECSV or plain columns.
+///
+/// # Errors
+/// A file that cannot be read, or holds no table.
+pub fn table(path: &Path) -> Result<(Table, Vec<Input>), ReadError> {
+    let bytes = std::fs::read(path).map_err(|e| FileError::io("read", path, e))?;
+    let sha256 = sunglint_formats::sha256(&bytes);
+    let text = String::from_utf8(bytes).map_err(|source| {
+        let file = path.display().to_string();
+        ReadError::NoText { file, source }
+    })?;
+    let inputs = vec![Input { file: path.display().to_string(), sha256 }];
+    Ok((read_str(path, &text)?, inputs))
+}
+
+/// Reads the density of microfacet normals from a file.
+///
+/// # Errors
+/// A file that cannot be read, or holds none.
+pub fn density(path: &Path) -> Result<(Ndf, Vec<Input>), ReadError> {
+    let (source, inputs) = table(path)?;
+    Ok((ndf::from_table(path, &source)?, inputs))
+}

@@ -1,0 +1,122 @@
+//! A spectrometer's files as BRDF values: text, summary, figure.
+
+use crate::plot::{Axis, Figure, Panel, Series};
+use crate::{Product, rounded};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use sunglint_formats::EncodeError;
+use sunglint_materials::ingest::Ingested;
+use sunglint_materials::ingest::file::IngestedFile;
+
+/// More values than these go into a FITS file when a folder is written.
+pub const MOST_IN_TEXT: usize = 2_000_000;
+
+/// All forms of the result.
+///
+/// # Errors
+/// Tables that FITS does not hold.
+pub fn product(found: &IngestedFile) -> Result<Product, EncodeError> {
+    let done = &found.ingested;
+    let values = done.samples.rows.len() * done.samples.wavelength_nm.len();
+    let mut product = Product {
+        name: "samples".into(),
+        figure: Some(figure(done)),
+        json: summary(done, &json!(found.inputs)),
+        fits: Some(done.samples.to_fits()?),
+        ..Product::default()
+    };
+    if values <= MOST_IN_TEXT {
+        product.table = done.samples.to_table();
+    }
+    Ok(product)
+}
+
+/// The text.
+pub fn text(found: &IngestedFile) -> String {
+    let done = &found.ingested;
+    let nm = &done.samples.wavelength_nm;
+    let mut text = format!(
+        "{} directions, {} wavelengths from {} to {} nm\n",
+        done.samples.rows.len(),
+        nm.len(),
+        nm[0],
+        nm[nm.len() - 1]
+    );
+    let mut by_channel: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for seam in &done.seams {
+        by_channel.entry(&seam.channel).or_default().push(seam.scale);
+    }
+    for (channel, mut scales) in by_channel {
+        scales.sort_by(f64::total_cmp);
+        let _ = writeln!(
+            text,
+            "{channel} was scaled by {:.4} (median; {:.4} to {:.4}) to meet the detector before it",
+            scales[scales.len() / 2],
+            scales[0],
+            scales[scales.len() - 1]
+        );
+    }
+    for pair in &done.pairs {
+        let [a, b] = pair.directions;
+        let _ = writeln!(
+            text,
+            "directions {a} and {b} are swapped: ratio {:.4} ± {:.4}",
+            pair.ratio, pair.sigma
+        );
+    }
+    if done.pairs.is_empty() {
+        text.push_str("no two directions are swapped: reciprocity was not checked\n");
+    }
+    text
+}
+
+fn summary(done: &Ingested, inputs: &Value) -> Value {
+    let seams: Vec<Value> = done
+        .seams
+        .iter()
+        .map(|s| json!({ "direction": s.direction, "channel": s.channel, "scale": rounded(s.scale), "sigma": rounded(s.sigma), "wavelengths": s.wavelengths }))
+        .collect();
+    let pairs: Vec<Value> = done
+        .pairs
+        .iter()
+        .map(|p| json!({ "directions": p.directions, "ratio": rounded(p.ratio), "sigma": rounded(p.sigma) }))
+        .collect();
+    let repeats: Vec<Value> = done
+        .repeats
+        .iter()
+        .map(|r| json!({ "directions": r.directions, "scatter": rounded(r.scatter), "expected": rounded(r.expected) }))
+        .collect();
+    json!({
+        "directions": done.samples.rows.len(),
+        "wavelength_nm": done.samples.wavelength_nm,
+        "seams": seams,
+        "reciprocity": pairs,
+        "repeats": repeats,
+        "warnings": done.warnings,
+        "inputs": inputs,
+    })
+}
+
+/// Spectra of some directions.
+fn figure(done: &Ingested) -> Figure {
+    const MOST: usize = 8;
+    let rows = &done.samples.rows;
+    let count = rows.len().min(MOST);
+    let line = |j: usize| {
+        let row = &rows[j * rows.len() / count];
+        let points =
+            done.samples.wavelength_nm.iter().copied().zip(row.brdf_per_sr.iter().copied());
+        let label = format!("θᵢ {:.1}°, θₒ {:.1}°", row.theta_i_deg, row.theta_o_deg);
+        Series::line(label, j, points.collect())
+    };
+    let shown = if count < rows.len() { format!(", {count} shown") } else { String::new() };
+    Figure {
+        title: format!("BRDF in {} directions{shown}", rows.len()),
+        panels: vec![Panel::new(
+            Axis::linear("wavelength (nm)"),
+            Axis::log("f (sr⁻¹)"),
+            (0..count).map(line).collect(),
+        )],
+    }
+}

@@ -1,0 +1,73 @@
+//! Where to measure a sample: text, summary, table, hemispheres.
+
+use super::hemispheres;
+use crate::{Product, rounded};
+use serde_json::json;
+use std::fmt::Write as _;
+use sunglint_materials::plan::{Plan, to_table};
+use sunglint_radiometry::light_curve::Input;
+
+fn reachable(plan: &Plan) -> usize {
+    plan.cells.iter().filter(|c| c.step.is_some()).count()
+}
+
+/// All forms of the result.
+pub fn product(made: &Plan, inputs: &[Input]) -> Product {
+    let mut table = to_table(made);
+    table.meta.insert("inputs".into(), json!(inputs));
+    let reachable = reachable(made);
+    let degrees =
+        |values: &[f64]| values.iter().map(|v| rounded(v.to_degrees())).collect::<Vec<_>>();
+    let json = json!({
+        "theta_i_deg": degrees(&made.theta_i_rad),
+        "phi_i_deg": degrees(&made.phi_i_rad),
+        "side": made.options.side,
+        "wide": made.options.wide,
+        "cells": made.cells.len(),
+        "reachable_cells": reachable,
+        "steps": made.steps.len(),
+        "travel_deg": rounded(made.travel_deg),
+        "unordered_travel_deg": rounded(made.unordered_travel_deg),
+        "rig": made.options.rig.map(|rig| json!({
+            "least_phase_deg": rig.least_phase_deg, "most_theta_i_deg": rig.most_theta_i_deg,
+            "most_theta_o_deg": rig.most_theta_o_deg, "mark_deg": rig.mark_deg,
+        })),
+        "inputs": inputs,
+    });
+    Product {
+        name: "plan".into(),
+        gallery: Some(hemispheres::gallery(made)),
+        table,
+        json,
+        ..Product::default()
+    }
+}
+
+/// The text.
+pub fn text(plan: &Plan) -> String {
+    let reachable = reachable(plan);
+    let mut text = String::new();
+    let _ = writeln!(
+        text,
+        "{} measurements give {reachable} of {} cells of the file's grid",
+        plan.steps.len(),
+        plan.cells.len()
+    );
+    for (p, phi) in plan.phi_i_rad.iter().enumerate() {
+        for (t, theta) in plan.theta_i_rad.iter().enumerate() {
+            let steps = plan.steps.iter().filter(|s| s.incident == [p, t]).count();
+            let azimuth = match plan.phi_i_rad.len() {
+                1 => String::new(),
+                _ => format!(", azimuth {:7.2}°", phi.to_degrees()),
+            };
+            let theta = theta.to_degrees();
+            let _ = writeln!(text, "  incidence {theta:6.2}°{azimuth}: {steps} directions");
+        }
+    }
+    let _ = writeln!(
+        text,
+        "the detector travels {:.0}° (in the order of the cells {:.0}°)",
+        plan.travel_deg, plan.unordered_travel_deg
+    );
+    text
+}
