@@ -1,9 +1,12 @@
-//! Measured passes fitted by simulated ones, and the attitude of a known shape.
+//! Measured passes fitted by simulated ones, and compared with them; the attitude of a known shape.
 //!
-//! - [`solver`]: the fit of measured passes by simulated ones;
+//! - [`compare`]: a measured pass beside the simulated one;
+//! - [`solver`]: the mathematics of a fit of measured passes by simulated ones;
 //! - [`attitude`]: spin axis, period and phase of a known shape;
 //! - [`range`]: how far the lit and seen surface is.
 
 pub mod attitude;
+pub mod compare;
+mod progress;
 pub mod range;
 pub mod solver;

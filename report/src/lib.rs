@@ -1,11 +1,13 @@
 //! Results as people read them: text, figures, tables, JSON and pages. No algorithm, no file is read here.
 //!
+//! - [`compare`]: a measured pass beside the simulated one;
 //! - [`explain`]: what a scene needs;
 //! - [`plot`]: figures as PNG or SVG;
 //! - [`page`]: pages as HTML;
 //! - [`Product`]: a result in all its forms;
 //! - [`rounded`]: numbers as summaries hold them.
 
+pub mod compare;
 pub mod explain;
 mod lines;
 mod numbers;
