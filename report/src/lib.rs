@@ -2,6 +2,7 @@
 //!
 //! - [`compare`]: a measured pass beside the simulated one;
 //! - [`explain`]: what a scene needs;
+//! - [`fit`]: measured passes fitted by simulated ones;
 //! - [`plot`]: figures as PNG or SVG;
 //! - [`page`]: pages as HTML;
 //! - [`Product`]: a result in all its forms;
@@ -9,6 +10,7 @@
 
 pub mod compare;
 pub mod explain;
+pub mod fit;
 mod lines;
 mod numbers;
 pub mod page;

@@ -13,8 +13,17 @@ const PATIENCE: Duration = Duration::from_secs(1);
 pub(crate) struct Bar {
     start: Instant,
     console: Console,
-    /// What is shown; of which stage, with how many steps.
-    shown: Mutex<(Option<ProgressBar>, String, Option<u64>)>,
+    shown: Mutex<Shown>,
+}
+
+/// What is shown.
+#[derive(Default)]
+struct Shown {
+    bar: Option<ProgressBar>,
+    stage: String,
+    /// How many steps the stage has, where that is known.
+    of: Option<u64>,
+    done: u64,
 }
 
 impl Bar {
@@ -23,15 +32,16 @@ impl Bar {
     }
 
     fn show(&self, text: Option<&str>, steps: u64) {
+        // A lock that a panicking thread left holds nothing that could be wrong.
+        let mut shown = self.shown.lock().unwrap_or_else(PoisonError::into_inner);
+        let Shown { bar, stage, of, done } = &mut *shown;
+        *done += steps;
         if self.console.quiet || self.start.elapsed() < PATIENCE {
             return;
         }
-        // A lock that a panicking thread left holds nothing that could be wrong.
-        let mut shown = self.shown.lock().unwrap_or_else(PoisonError::into_inner);
-        let (stage, of) = (shown.1.clone(), shown.2);
         // Hidden where stderr is no terminal.
-        let bar = shown.0.get_or_insert_with(|| {
-            let (bar, template) = match of {
+        let bar = bar.get_or_insert_with(|| {
+            let (bar, template) = match *of {
                 Some(of) => (ProgressBar::new(of), "{msg:>8} {wide_bar} {pos}/{len} {eta}"),
                 None => (ProgressBar::new_spinner(), "{spinner} {msg} ({elapsed})"),
             };
@@ -40,9 +50,9 @@ impl Bar {
                 Err(_) => bar,
             }
         });
-        bar.set_message(text.map_or(stage, str::to_owned));
+        bar.set_message(text.unwrap_or(stage).to_owned());
         match of {
-            Some(_) => bar.inc(steps),
+            Some(_) => bar.set_position(*done),
             None => bar.tick(),
         }
     }
@@ -50,7 +60,7 @@ impl Bar {
     /// Takes it away.
     pub fn end(&self) {
         let mut shown = self.shown.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(bar) = shown.0.take() {
+        if let Some(bar) = shown.bar.take() {
             bar.finish_and_clear();
         }
     }
@@ -60,7 +70,7 @@ impl Progress for Bar {
     fn begin(&self, stage: &str, steps: Option<u64>) {
         self.end();
         let mut shown = self.shown.lock().unwrap_or_else(PoisonError::into_inner);
-        *shown = (None, stage.to_owned(), steps);
+        *shown = Shown { stage: stage.to_owned(), of: steps, ..Shown::default() };
     }
 
     fn advance(&self, steps: u64) {

@@ -1,156 +1,126 @@
-//! Curves with their scenes, as the fit wants them.
+//! Measured curves with the scenes that they are of, and what a fit takes of both.
+//!
+//! - [`MeasuredCurve`]: calibrated rates, or published magnitudes; [`CurveOfScene`]: with its scene;
+//! - [`joined`]: reads both; [`pass_of`]: the pass at the curve's times;
+//! - [`channels`]: which channels are fitted; [`prepared`]: the samples that are, with their noise.
 
-use super::measured::Measured;
-use super::parameters::Wanted;
-use super::scene::Scene;
-use super::{FitArgs, FitKeys};
-use crate::curve_file::Magnitudes;
-use crate::output::Usage;
-use crate::station::StationArgs;
-use anyhow::bail;
+mod curve;
+mod error;
+
+pub use curve::MeasuredCurve;
+pub use error::MeasuredError;
+
+use crate::scene::Scene;
+use crate::solver::{self, CalibrationError, Data};
 use ndarray::Array2;
-use serde::Deserialize;
-use std::path::PathBuf;
+use std::path::Path;
 use sunglint_calibration::stars::scintillation::Aperture;
 use sunglint_formats::time::{format_utc, tai_nanoseconds};
-use sunglint_formats::toml::Document;
-use sunglint_inference::solver::{self, CalibrationError, Data};
+use sunglint_radiometry::light_curve::published::MagnitudeOptions;
 use sunglint_radiometry::station::Station;
-use sunglint_simulator::pass::{Overrides, Pass, Study};
+use sunglint_simulator::pass::{BANDS, Overrides, Pass, Study};
 
-/// The `[fit]` of a file in which other tables stand too.
-#[derive(Deserialize)]
-struct AnyFile {
-    #[serde(default)]
-    fit: FitKeys,
-}
+/// The band of published magnitudes, V, among the simulated ones.
+pub const V: usize = 2;
+const _: () = assert!(V < BANDS.len());
 
-/// Curves with their scenes.
-pub(crate) struct Job {
-    pub measured: Measured,
+/// A curve with the scene that it is of.
+#[derive(Debug, Clone)]
+pub struct CurveOfScene {
+    /// What was measured.
+    pub measured: MeasuredCurve,
+    /// The scene.
     pub scene: Scene,
+    /// The station in place of the scene's; needed where the scene names none.
+    pub station: Option<Station>,
 }
 
-/// Curves with the scene that stands after them, and the first scene's `[fit]`.
-pub(super) fn jobs(args: &FitArgs) -> anyhow::Result<(Vec<Job>, FitKeys)> {
-    let jobs = joined(&args.inputs, &args.magnitudes)?;
-    let keys = match jobs.first() {
-        Some(job) => Document::read(&job.scene.path)?.parse::<AnyFile>()?.fit,
-        None => FitKeys::default(),
-    };
-    Ok((jobs, keys))
-}
-
-/// Curves with the scene that stands after them: `CURVE… PASS.toml`, once or more often; at least one, all of rates or all of magnitudes.
-pub(crate) fn joined(inputs: &[PathBuf], magnitudes: &Magnitudes) -> anyhow::Result<Vec<Job>> {
-    let (mut jobs, mut waiting) = (Vec::<Job>::new(), Vec::new());
+/// Reads curves with the scene that stands after them: `CURVE… PASS.toml`, once or more often; at least one, all of rates or all of magnitudes.
+///
+/// # Errors
+/// Files that cannot be read; a curve without a scene, a scene without a curve; rates beside magnitudes.
+pub fn joined<P: AsRef<Path>>(
+    inputs: &[P],
+    magnitudes: &MagnitudeOptions,
+) -> Result<Vec<CurveOfScene>, MeasuredError> {
+    let (mut curves, mut waiting) = (Vec::<CurveOfScene>::new(), Vec::new());
     for path in inputs {
+        let path = path.as_ref();
         if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("toml")) {
-            waiting.push(Measured::read(path, magnitudes)?);
+            waiting.push(MeasuredCurve::read(path, magnitudes)?);
             continue;
         }
         let scene = Scene::read(path)?;
         if waiting.is_empty() {
-            return Err(Usage(format!(
-                "no curve stands before the scene {}: MEASURED… PASS.toml",
-                path.display()
-            ))
-            .into());
+            return Err(MeasuredError::NoCurve { scene: path.to_path_buf() });
         }
-        let own = waiting.drain(..).map(|measured| Job { measured, scene: scene.clone() });
-        jobs.extend(own);
+        let of = |measured| CurveOfScene { measured, scene: scene.clone(), station: None };
+        curves.extend(waiting.drain(..).map(of));
     }
     if let Some(left) = waiting.first() {
-        return Err(Usage(format!(
-            "no scene stands after the curve {}: MEASURED… PASS.toml",
-            left.path.display()
-        ))
-        .into());
+        return Err(MeasuredError::NoScene { curve: left.path.clone() });
     }
-    if jobs.is_empty() {
-        return Err(Usage("neither a curve nor a scene: MEASURED… PASS.toml".into()).into());
+    if curves.is_empty() {
+        return Err(MeasuredError::Nothing);
     }
-    if jobs.iter().any(|j| j.measured.magnitudes != jobs[0].measured.magnitudes) {
-        bail!("rates and magnitudes cannot be fitted together: fit each on its own");
+    if curves.iter().any(|c| c.measured.magnitudes != curves[0].measured.magnitudes) {
+        return Err(MeasuredError::Mixed);
     }
-    Ok(jobs)
+    Ok(curves)
 }
 
-pub(super) fn wanted(args: &FitArgs, keys: &FitKeys) -> anyhow::Result<Vec<Wanted>> {
-    let mut all: Vec<Wanted> = Vec::new();
-    for text in &keys.free {
-        let want = text.parse::<Wanted>().map_err(|e| anyhow::anyhow!("[fit] free: {e}"))?;
-        // What the command line says of it counts.
-        if !args.free.iter().any(|w| w.name == want.name) {
-            all.push(want);
-        }
-    }
-    all.extend(args.free.iter().cloned());
-    for (k, want) in all.iter().enumerate() {
-        if all[..k].iter().any(|w| w.name == want.name) {
-            return Err(Usage(format!("`{}` is free twice", want.name)).into());
-        }
-    }
-    Ok(all)
-}
-
-/// The pass of a curve at its own times.
-pub(crate) fn pass_of(
-    job: &Job,
-    from: &StationArgs,
-    warnings: &mut Vec<String>,
-) -> anyhow::Result<Pass> {
-    let (first, last) = job.measured.ends();
+/// The pass of a curve at its own times; adds what a person should hear of to `warnings`.
+///
+/// # Errors
+/// A scene that is none.
+pub fn pass_of(curve: &CurveOfScene, warnings: &mut Vec<String>) -> Result<Pass, MeasuredError> {
+    let (first, last) = curve.measured.ends();
     let length_s = (tai_nanoseconds(last) - tai_nanoseconds(first)) as f64 * 1e-9;
-    let scene = job.scene.between(&format_utc(first, 9), &format_utc(last, 9), length_s);
-    let station = if from.station.is_some() {
-        Some(from.get()?)
-    } else if scene.names_station() {
-        None
-    } else {
-        let hint = format!("(or name one in [station] of {})", scene.path.display());
-        Some(from.get_or(&hint)?)
-    };
-    let mut pass = scene.pass(Overrides { station, ..Overrides::default() })?;
+    let scene = curve.scene.between(&format_utc(first, 9), &format_utc(last, 9), length_s);
+    let overrides = Overrides { station: curve.station.clone(), ..Overrides::default() };
+    let mut pass = scene.pass(overrides)?;
     for warning in &pass.warnings {
         if !warnings.contains(warning) {
             warnings.push(warning.clone());
         }
     }
-    pass.times = job.measured.times.clone();
-    pass.exposure_s = job.measured.exposure_s.clone();
+    pass.times = curve.measured.times.clone();
+    pass.exposure_s = curve.measured.exposure_s.clone();
     Ok(pass)
 }
 
-pub(crate) fn place(station: &Station, channel: &str) -> Option<usize> {
+/// The place of a channel among a station's.
+pub fn place(station: &Station, channel: &str) -> Option<usize> {
     station.channels.iter().position(|c| c.name == channel)
 }
 
-/// The channels of the fit, in the station's order.
-pub(crate) fn channels(
-    jobs: &[Job],
+/// The channels of a fit, in the station's order; all that were measured where `only` names none.
+///
+/// # Errors
+/// A measured channel that its station lacks; one that was asked for and not measured.
+pub fn channels(
+    curves: &[CurveOfScene],
     studies: &[Study],
     only: &[String],
-) -> anyhow::Result<Vec<String>> {
-    if jobs[0].measured.magnitudes {
+) -> Result<Vec<String>, MeasuredError> {
+    if curves.first().is_some_and(|c| c.measured.magnitudes) {
         return Ok(vec!["V".into()]);
     }
-    let station = &studies[0].pass().station;
     let mut found: Vec<String> = Vec::new();
-    for (job, study) in jobs.iter().zip(studies) {
+    for (curve, study) in curves.iter().zip(studies) {
         let station = &study.pass().station;
-        for name in &job.measured.channels {
+        for name in &curve.measured.channels {
             if !only.is_empty() && !only.contains(name) {
                 continue;
             }
             if place(station, name).is_none() {
                 let known: Vec<&str> = station.channels.iter().map(|c| c.name.as_str()).collect();
-                bail!(
-                    "{}: the station {} has no channel `{name}`, it has {}; --channel NAME fits some of the curve's channels alone",
-                    job.measured.path.display(),
-                    station.name,
-                    known.join(", ")
-                );
+                return Err(MeasuredError::NotOfTheStation {
+                    path: curve.measured.path.clone(),
+                    station: station.name.clone(),
+                    channel: name.clone(),
+                    known: known.join(", "),
+                });
             }
             if !found.contains(name) {
                 found.push(name.clone());
@@ -158,19 +128,24 @@ pub(crate) fn channels(
         }
     }
     if let Some(missing) = only.iter().find(|c| !found.contains(c)) {
-        bail!("no curve has the channel `{missing}` that was asked for");
+        return Err(MeasuredError::NotMeasured { channel: missing.clone() });
     }
-    found.sort_by_key(|name| place(station, name));
+    if let Some(study) = studies.first() {
+        found.sort_by_key(|name| place(&study.pass().station, name));
+    }
     Ok(found)
 }
 
-/// A curve as the fit wants it, and what was left out of it.
-pub(crate) fn prepared(
-    measured: &Measured,
+/// A curve as a fit takes it, and what was left out of it: why, and how many samples. `coefficient` is Young's, of the scintillation.
+///
+/// # Errors
+/// No sample that is left.
+pub fn prepared(
+    measured: &MeasuredCurve,
     study: &Study,
     channels: &[String],
     coefficient: f64,
-) -> anyhow::Result<(Data, Vec<(String, usize)>)> {
+) -> Result<(Data, Vec<(String, usize)>), MeasuredError> {
     let n = measured.times.len();
     let from: Vec<Option<usize>> = match measured.magnitudes {
         true => vec![Some(0)],
@@ -211,17 +186,11 @@ pub(crate) fn prepared(
     lost("below the horizon in the simulation", hidden);
     lost("in the Earth's shadow in the simulation", shaded);
     if data.count() == 0 {
-        let reasons: Vec<String> = left_out.iter().map(|(why, n)| format!("{n} {why}")).collect();
-        let hint = if before > 0 {
-            ": do measured and simulated epochs belong to the same pass?"
-        } else {
-            ": every sample is flagged"
-        };
-        bail!(
-            "{}: no sample is left to be fitted ({}){hint}",
-            measured.path.display(),
-            reasons.join(", ")
-        );
+        return Err(MeasuredError::NothingLeft {
+            path: measured.path.clone(),
+            left_out,
+            flagged: before == 0,
+        });
     }
     if !measured.magnitudes {
         let station = &study.pass().station;

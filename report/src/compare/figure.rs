@@ -41,7 +41,6 @@ pub(super) fn seconds(compared: &Comparison<'_>, since: usize, row: usize) -> f6
 
 /// Rows at which a channel has a simulated value.
 pub(super) fn drawn<'b>(
-    compared: &'b Comparison<'_>,
     pair: &'b ComparedChannel,
     track: &Range<usize>,
 ) -> impl Iterator<Item = usize> + 'b {
@@ -94,7 +93,7 @@ fn of_track(compared: &Comparison<'_>, track: &Range<usize>) -> Vec<Panel> {
     let single = compared.pairs.len() == 1;
     for (c, pair) in compared.pairs.iter().enumerate() {
         let dots = |f: &dyn Fn(usize) -> f64| {
-            let used = drawn(compared, pair, track).filter(|i| pair.channel.used[*i]);
+            let used = drawn(pair, track).filter(|i| pair.channel.used[*i]);
             used.map(|i| (at(i), f(i))).collect::<Vec<_>>()
         };
         let name = if single { "measured".to_owned() } else { pair.measured.name.clone() };
@@ -105,7 +104,7 @@ fn of_track(compared: &Comparison<'_>, track: &Range<usize>) -> Vec<Panel> {
             .push(Series::dots(name, c, dots(&|i| residual(compared, pair, i))).with_colour(own));
     }
     for (c, pair) in compared.pairs.iter().enumerate() {
-        let line = drawn(compared, pair, track).map(|i| (at(i), shown(pair.simulated[i])));
+        let line = drawn(pair, track).map(|i| (at(i), shown(pair.simulated[i])));
         let label = match (single, c) {
             (true, _) => "simulated",
             (false, 0) => "lines: simulated",

@@ -194,10 +194,10 @@ fn charts(compared: &Comparison<'_>, track: &Range<usize>) -> Vec<Chart> {
     let (mut values, mut residuals) = (Vec::new(), Vec::new());
     for (c, pair) in compared.pairs.iter().enumerate() {
         let used: Vec<usize> =
-            drawn(compared, pair, track).filter(|i| pair.channel.used[*i]).collect();
+            drawn(pair, track).filter(|i| pair.channel.used[*i]).collect();
         let left_out: Vec<usize> =
-            drawn(compared, pair, track).filter(|i| !pair.channel.used[*i]).collect();
-        let all: Vec<usize> = drawn(compared, pair, track).collect();
+            drawn(pair, track).filter(|i| !pair.channel.used[*i]).collect();
+        let all: Vec<usize> = drawn(pair, track).collect();
         let line = |rows: &[usize], f: &dyn Fn(usize) -> f64| Line {
             hue: palette[c],
             ..Line::dots(
