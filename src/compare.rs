@@ -86,8 +86,7 @@ pub(crate) fn compare(args: &CompareArgs, console: Console) -> anyhow::Result<(P
     measured.keep(&args.channel, &scene.station).map_err(told)?;
     let scene = at_measured_times(scene, &measured).map_err(told)?;
     let bar = Bar::new(console);
-    let compared =
-        sunglint_inference::compare::compare(&scene, measured, &bar).map_err(told)?;
+    let compared = sunglint_inference::compare::compare(&scene, measured, &bar).map_err(told)?;
     bar.end();
     for warning in &compared.warnings {
         console.warn(warning);
@@ -103,9 +102,9 @@ fn told(error: CompareError, scene: &Path) -> anyhow::Error {
             MissingColumn::Sigma => error.with_hint("--sigma-column NAME").into(),
             _ => CompareError::NoColumn { column, error }.into(),
         },
-        CompareError::NotOfTheStation { .. } => anyhow!(
-            "{error}: give the station that measured it, or --channel for those to compare"
-        ),
+        CompareError::NotOfTheStation { .. } => {
+            anyhow!("{error}: give the station that measured it, or --channel for those to compare")
+        }
         CompareError::Simulation(error) => {
             anyhow::Error::from(error).context(scene.display().to_string())
         }

@@ -1,5 +1,6 @@
 //! Results as people read them: text, figures, tables, JSON and pages. No algorithm, no file is read here.
 //!
+//! - [`attitude`]: how a body of known shape spins;
 //! - [`compare`]: a measured pass beside the simulated one;
 //! - [`explain`]: what a scene needs;
 //! - [`fit`]: measured passes fitted by simulated ones;
@@ -8,6 +9,7 @@
 //! - [`Product`]: a result in all its forms;
 //! - [`rounded`]: numbers as summaries hold them.
 
+pub mod attitude;
 pub mod compare;
 pub mod explain;
 pub mod fit;

@@ -16,10 +16,7 @@ pub(crate) fn joined(
 }
 
 /// Gives each scene the station that was asked for, or the usual one where it names none.
-pub(crate) fn with_stations(
-    curves: &mut [CurveOfScene],
-    from: &StationArgs,
-) -> anyhow::Result<()> {
+pub(crate) fn with_stations(curves: &mut [CurveOfScene], from: &StationArgs) -> anyhow::Result<()> {
     for curve in curves {
         curve.station = if from.station.is_some() {
             Some(from.get()?)

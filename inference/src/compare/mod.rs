@@ -27,8 +27,8 @@ use sunglint_formats::time::tai_nanoseconds;
 use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::air::Zenith;
 use sunglint_radiometry::light_curve::Flags;
-use sunglint_simulator::pass::{Cost, Stopwatch};
 use sunglint_simulator::pass::file::MOST_SAMPLES;
+use sunglint_simulator::pass::{Cost, Stopwatch};
 use sunglint_simulator::pass::{ExposureMeans, Pass, Simulation};
 
 /// Stretches of a track in which ratios of channels are taken.
@@ -123,11 +123,9 @@ pub fn at_measured_times(
     let (Some(first), Some(last)) = (own.first(), own.last()) else {
         return Err(CompareError::NoTimes);
     };
-    let within = comparison::overlap(&measured.times, (*first, *last), room_s)
-        .map_err(|source| CompareError::Times {
-            path: measured.path.clone(),
-            scene: scene.name.clone(),
-            source,
+    let within =
+        comparison::overlap(&measured.times, (*first, *last), room_s).map_err(|source| {
+            CompareError::Times { path: measured.path.clone(), scene: scene.name.clone(), source }
         })?;
     let rows: Vec<usize> = (0..within.len()).filter(|i| within[*i]).collect();
     if rows.len() > MOST_SAMPLES {
@@ -163,13 +161,11 @@ pub fn compare<'a>(
         stages.tell(at);
     })?;
     let (again, stages) = (Stopwatch::new(pass.times.len()), Stages::new(progress));
-    let means = simulation.exposure_means(
-        &|s| measured.quantity.of(s, &measured.channels),
-        &|at| {
+    let means =
+        simulation.exposure_means(&|s| measured.quantity.of(s, &measured.channels), &|at| {
             again.tell(at);
             stages.tell(at);
-        },
-    )?;
+        })?;
     let effort = Effort { middles: watch.cost(), means: again.cost() };
     Comparison::new(measured, simulation, means, scene.rows.clone(), effort)
 }
@@ -235,10 +231,8 @@ impl<'a> Comparison<'a> {
             })
             .collect();
         let channels: Vec<Channel> = given.iter().map(|g| Channel::new(g, &blocks)).collect();
-        something_left(&channels).map_err(|source| CompareError::NothingLeft {
-            path: measured.path.clone(),
-            source,
-        })?;
+        something_left(&channels)
+            .map_err(|source| CompareError::NothingLeft { path: measured.path.clone(), source })?;
         let ratios = ratios(&measured, &given, &channels, &blocks);
         let axes = [(Axis::Phase, &course.phase_deg), (Axis::Airmass, &course.airmass)];
         let bins: Vec<Vec<(Axis, Vec<Bin>)>> = given

@@ -248,7 +248,12 @@ impl CurveFit {
 }
 
 /// Residuals by channel, phase angle and airmass.
-pub(super) fn groups(data: &[Data], fit: &Fit, model: &StudyModel, channels: &[String]) -> ResidualGroups {
+pub(super) fn groups(
+    data: &[Data],
+    fit: &Fit,
+    model: &StudyModel,
+    channels: &[String],
+) -> ResidualGroups {
     let of = |edges: &[f64], value: f64| {
         let k = edges.partition_point(|e| *e <= value);
         (k > 0 && k < edges.len()).then(|| k - 1)

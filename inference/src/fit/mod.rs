@@ -176,8 +176,13 @@ pub fn fit(
     let tolerance = |k: usize| model.study(k).map_or(0.0, |s| s.pass().tolerance);
     let middles =
         data.iter().enumerate().map(|(k, data)| middle_may_err(data, tolerance(k))).collect();
-    let search =
-        Search { data: &data, parameters: &parameters, options: options.solver(), middles, progress };
+    let search = Search {
+        data: &data,
+        parameters: &parameters,
+        options: options.solver(),
+        middles,
+        progress,
+    };
     let (mut fit, averaged, nodes) = search.fit(&mut model)?;
     let bouncing = Bouncing { curves, of: &bouncing, parameters: &parameters, channels: &channels };
     let mut bounces = None;

@@ -390,7 +390,11 @@ fn usual_range(name: &str, start: f64) -> Option<(f64, f64)> {
 }
 
 /// The band albedo of a material that has one spectrum, through the air at the pass's middle zenith angle; `None` for one with several.
-fn unit_albedo(side: &CurveSide, material: &str, channel: usize) -> Result<Option<f64>, PassFitError> {
+fn unit_albedo(
+    side: &CurveSide,
+    material: &str,
+    channel: usize,
+) -> Result<Option<f64>, PassFitError> {
     let pass = side.study.pass();
     let Some(own) = pass.target.materials.iter().find(|m| m.name == material) else {
         return Ok(None);

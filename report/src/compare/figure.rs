@@ -59,7 +59,10 @@ pub(super) fn residual(compared: &Comparison<'_>, pair: &ComparedChannel, i: usi
 }
 
 /// The axis of residuals: what is far out does not widen it.
-pub(super) fn residual_range(compared: &Comparison<'_>, tracks: &Range<usize>) -> Option<(f64, f64)> {
+pub(super) fn residual_range(
+    compared: &Comparison<'_>,
+    tracks: &Range<usize>,
+) -> Option<(f64, f64)> {
     let mut all: Vec<f64> = Vec::new();
     for pair in &compared.pairs {
         let used = tracks.clone().filter(|i| pair.channel.used[*i]);

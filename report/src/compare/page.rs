@@ -56,7 +56,9 @@ pub(super) fn report(compared: &Comparison<'_>) -> Report {
     }
 }
 
-fn numbers<'a>(compared: &'a Comparison<'_>) -> impl Iterator<Item = (&'a ComparedChannel, &'a Numbers)> {
+fn numbers<'a>(
+    compared: &'a Comparison<'_>,
+) -> impl Iterator<Item = (&'a ComparedChannel, &'a Numbers)> {
     compared.pairs.iter().filter_map(|p| Some((p, p.channel.numbers.as_ref()?)))
 }
 
@@ -193,10 +195,8 @@ fn charts(compared: &Comparison<'_>, track: &Range<usize>) -> Vec<Chart> {
     let to_mag = 2.5 / std::f64::consts::LN_10;
     let (mut values, mut residuals) = (Vec::new(), Vec::new());
     for (c, pair) in compared.pairs.iter().enumerate() {
-        let used: Vec<usize> =
-            drawn(pair, track).filter(|i| pair.channel.used[*i]).collect();
-        let left_out: Vec<usize> =
-            drawn(pair, track).filter(|i| !pair.channel.used[*i]).collect();
+        let used: Vec<usize> = drawn(pair, track).filter(|i| pair.channel.used[*i]).collect();
+        let left_out: Vec<usize> = drawn(pair, track).filter(|i| !pair.channel.used[*i]).collect();
         let all: Vec<usize> = drawn(pair, track).collect();
         let line = |rows: &[usize], f: &dyn Fn(usize) -> f64| Line {
             hue: palette[c],

@@ -313,11 +313,7 @@ fn figure(answer: &PassFit, curve: &CurveFit) -> Figure {
     Figure { title, panels }
 }
 
-fn track_panels(
-    answer: &PassFit,
-    curve: &CurveFit,
-    part: std::ops::Range<usize>,
-) -> Vec<Panel> {
+fn track_panels(answer: &PassFit, curve: &CurveFit, part: std::ops::Range<usize>) -> Vec<Panel> {
     let first = curve.times[part.start];
     let at: Vec<f64> = curve.times.iter().map(|t| (*t - first).to_seconds()).collect();
     let mut order: Vec<usize> = part.collect();
