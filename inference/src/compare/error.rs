@@ -57,7 +57,7 @@ pub enum CompareError {
         /// The measured file.
         path: PathBuf,
         /// What is wrong.
-        source: ComparisonError,
+        source: Box<ComparisonError>,
     },
     /// Rates that are not calibrated.
     #[error("{}: its rates are {kind}, expected calibrated ({})", path.display(), advice(*.kind))]
@@ -116,7 +116,7 @@ pub enum CompareError {
         /// The scene's name.
         scene: String,
         /// The spans.
-        source: ComparisonError,
+        source: Box<ComparisonError>,
     },
     /// More samples than are compared.
     #[error("{}: {samples} samples in the scene's times, at most {most} are compared: give shorter [times]", path.display())]
@@ -137,6 +137,6 @@ pub enum CompareError {
         /// The measured file.
         path: PathBuf,
         /// Why, channel by channel.
-        source: ComparisonError,
+        source: Box<ComparisonError>,
     },
 }

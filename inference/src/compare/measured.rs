@@ -102,8 +102,9 @@ impl MeasuredPass {
         } else {
             Self::magnitudes(path, input, &table, columns)?
         };
-        sunglint_calibration::comparison::in_order(&measured.times)
-            .map_err(|source| CompareError::Order { path: path.to_path_buf(), source })?;
+        sunglint_calibration::comparison::in_order(&measured.times).map_err(|source| {
+            CompareError::Order { path: path.to_path_buf(), source: Box::new(source) }
+        })?;
         Ok(measured)
     }
 

@@ -125,7 +125,11 @@ pub fn at_measured_times(
     };
     let within =
         comparison::overlap(&measured.times, (*first, *last), room_s).map_err(|source| {
-            CompareError::Times { path: measured.path.clone(), scene: scene.name.clone(), source }
+            CompareError::Times {
+                path: measured.path.clone(),
+                scene: scene.name.clone(),
+                source: Box::new(source),
+            }
         })?;
     let rows: Vec<usize> = (0..within.len()).filter(|i| within[*i]).collect();
     if rows.len() > MOST_SAMPLES {
@@ -231,8 +235,10 @@ impl<'a> Comparison<'a> {
             })
             .collect();
         let channels: Vec<Channel> = given.iter().map(|g| Channel::new(g, &blocks)).collect();
-        something_left(&channels)
-            .map_err(|source| CompareError::NothingLeft { path: measured.path.clone(), source })?;
+        something_left(&channels).map_err(|source| CompareError::NothingLeft {
+            path: measured.path.clone(),
+            source: Box::new(source),
+        })?;
         let ratios = ratios(&measured, &given, &channels, &blocks);
         let axes = [(Axis::Phase, &course.phase_deg), (Axis::Airmass, &course.airmass)];
         let bins: Vec<Vec<(Axis, Vec<Bin>)>> = given
