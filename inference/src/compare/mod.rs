@@ -5,7 +5,31 @@
 //!
 //! - [`MeasuredPass`]: what was measured; [`Kappa`]: what calibrated it;
 //! - [`at_measured_times`]: the scene at the measured times;
-//! - [`compare`]: simulates it, and sets both side by side: [`Comparison`].
+//! - [`compare()`]: simulates it, and sets both side by side: [`Comparison`].
+//!
+//! ```no_run
+//! use std::path::Path;
+//! use sunglint_inference::compare::{MagnitudeColumns, MeasuredPass, at_measured_times, compare};
+//! use sunglint_numerics::progress::Silent;
+//! use sunglint_radiometry::light_curve::published::MagnitudeKind;
+//! use sunglint_simulator::pass::{Overrides, PassFile};
+//!
+//! // Of a table of magnitudes; a calibrated curve needs none of it.
+//! let columns = MagnitudeColumns {
+//!     magnitude: "magnitude".into(),
+//!     sigma: None,
+//!     compared_as: MagnitudeKind::Apparent,
+//! };
+//! let mut measured = MeasuredPass::read(Path::new("calibrated.ecsv"), &columns)?;
+//! let scene = PassFile::read("pass.toml")?.resolve(Overrides::default())?;
+//! measured.keep(&["g".to_owned()], &scene.station)?;
+//! let scene = at_measured_times(scene, &measured)?;
+//! let compared = compare(&scene, measured, &Silent)?;
+//! for pair in &compared.pairs {
+//!     println!("{}: {:?}", pair.measured.name, pair.channel.numbers);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod error;
 mod kappa;

@@ -6,6 +6,23 @@
 //! - [`PassFit`]: what was found, beside what was measured, and the scene with it.
 //!
 //! Curves come from [`crate::measured`], the mathematics is [`crate::solver`].
+//!
+//! ```no_run
+//! use std::path::Path;
+//! use sunglint_inference::fit::{FitOptions, fit};
+//! use sunglint_inference::measured::joined;
+//! use sunglint_numerics::progress::Silent;
+//! use sunglint_radiometry::light_curve::published::MagnitudeOptions;
+//!
+//! let curves = joined(&["calibrated.ecsv", "pass.toml"], &MagnitudeOptions::default())?;
+//! let mut options = FitOptions::of_scene(Path::new("pass.toml"))?;
+//! options.free.push("attitude.phase_deg=30..50".parse()?);
+//! let found = fit(&curves, &options, &Silent)?;
+//! for p in &found.fit.parameters {
+//!     println!("{} {} ± {:?}", p.name, p.value, p.sigma);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod answer;
 mod error;
