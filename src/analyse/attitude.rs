@@ -149,7 +149,11 @@ impl AttitudeArgs {
             phase: unknown(Known::Phase),
             period: unknown(Known::Period),
         };
-        options.period_s = self.period.as_deref().map(bounds).transpose()?;
+        options.period_s = match self.period.as_deref() {
+            // Beside a known period any bounds are refused, whatever they are.
+            Some(_) if !options.unknowns.period => Some((0.0, f64::INFINITY)),
+            text => text.map(bounds).transpose()?,
+        };
         options.sense = self.sense.into();
         options.scale = self.scale.into();
         options.channels = self.channel.clone();
