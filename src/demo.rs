@@ -5,7 +5,6 @@
 
 use crate::cli;
 use crate::compare::{self, CompareArgs};
-use crate::fit::answer::Answer;
 use crate::fit::{self, FitArgs};
 use crate::observe::{Plan, planned};
 use crate::output::{Console, OutputArgs};
@@ -19,6 +18,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use sunglint_drivers::clock::Cancel;
 use sunglint_formats::ecsv;
+use sunglint_inference::fit::PassFit;
 
 /// Arguments of `sunglint demo`.
 #[derive(Debug, Args)]
@@ -242,7 +242,7 @@ impl<'a> Work<'a> {
         Ok(())
     }
 
-    fn fit(&mut self, measured: &str, scene: &str) -> anyhow::Result<Answer> {
+    fn fit(&mut self, measured: &str, scene: &str) -> anyhow::Result<PassFit> {
         self.said.push(format!("sunglint fit {measured} {scene} -o {FITTED}/"));
         let quiet = Console { quiet: true, ..Console::default() };
         let into = self.path(FITTED).join("");
@@ -264,7 +264,7 @@ impl<'a> Work<'a> {
 }
 
 /// What a fit found, beside what the night was made with: the scene's own values.
-fn fitted(visit: &str, answer: &Answer) -> String {
+fn fitted(visit: &str, answer: &PassFit) -> String {
     let (mut covered, mut all, mut furthest) = (0, 0, 0.0_f64);
     let mut values = Vec::new();
     for (p, truth) in answer.fit.parameters.iter().zip(&answer.in_the_scene) {

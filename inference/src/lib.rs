@@ -1,6 +1,9 @@
-//! Measured passes fitted by simulated ones, and the attitude of a known shape.
+//! Measured passes fitted by simulated ones, and compared with them; the attitude of a known shape.
 //!
-//! - [`solver`]: the fit of measured passes by simulated ones;
+//! - [`compare`]: a measured pass beside the simulated one;
+//! - [`measured`] and [`scene`]: measured curves with their scenes, and scenes in which numbers are set by name;
+//! - [`mod@fit`]: measured passes fitted by simulated ones;
+//! - [`solver`]: the mathematics of a fit of measured passes by simulated ones;
 //! - [`attitude`]: spin axis, period and phase of a known shape;
 //! - [`range`]: how far the lit and seen surface is;
 //! - [`bisector`]: the way of the bisector of Sun and station along a scene;
@@ -14,6 +17,11 @@ pub mod bisector;
 pub mod endmembers;
 pub mod lit_curve;
 pub mod map;
+pub mod compare;
+pub mod fit;
+pub mod measured;
+mod progress;
 pub mod range;
+pub mod scene;
 pub mod solver;
 pub mod unmix;

@@ -42,6 +42,17 @@ pub enum Verdict {
     Undetermined(String),
 }
 
+impl Verdict {
+    /// Its name, as results have it.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::One => "one",
+            Self::Several(_) => "several",
+            Self::Undetermined(_) => "undetermined",
+        }
+    }
+}
+
 /// The answer.
 #[derive(Debug, Clone)]
 pub struct Answer {

@@ -6,19 +6,23 @@
 //! - [`Question`], [`Unknowns`], [`Turn`]: what is looked for and what is known; [`Law`], [`State`]: a trial, and small steps from it;
 //! - [`coarse`]: all axes, phases and periods at few epochs; [`descent`]: from the best of them down to minima, by the engine's derivatives;
 //! - [`twins`]: attitudes that send the same light by a symmetry, which are tried too;
+//! - [`analyse`]: all of it from files of curves and scenes: [`AttitudeAnalysis`];
 //! - [`find()`]: [`Answer`]: a verdict, minima with their probabilities and uncertainties, the symmetry that makes one of another.
 //!
 //! # Noise
 //! To the stated noise comes a part of the rate that brings the middle residual of the best minimum to where noise has it: what the model lacks is counted as noise, the same for all minima.
 //! Residuals beyond three standard deviations count linearly.
 
+mod analysis;
 mod answer;
+mod asked;
 pub mod coarse;
 mod compare;
 pub mod descent;
 mod first;
 mod forward;
 mod hunt;
+mod kept;
 mod light;
 mod look;
 mod minimum;
@@ -29,6 +33,7 @@ mod search;
 mod state;
 pub mod twins;
 
+pub use analysis::{AnalysisError, AnalysisOptions, AttitudeAnalysis, Sense, analyse};
 pub use answer::{Answer, Verdict, find};
 pub use compare::Compared;
 pub use descent::Sample;

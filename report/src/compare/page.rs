@@ -1,14 +1,13 @@
 //! The page of a comparison.
 
-use super::Quantity;
-use super::compared::{Compared, Pairs};
-use super::measured::magnitude;
-use super::summary::with_error;
+use super::figure::{drawn, palette, residual, residual_range, seconds};
+use super::{averaging, not_modelled, with_error};
+use crate::page::{Chart, Grid, Group, Kind, Line, Parameter, Report, Scale, Section};
 use std::ops::Range;
 use sunglint_calibration::comparison::{Axis, Numbers};
 use sunglint_formats::time::{format_utc, format_utc_shortest};
+use sunglint_inference::compare::{ComparedChannel, Comparison, Quantity, magnitude};
 use sunglint_radiometry::air::Air;
-use sunglint_report::page::{Chart, Grid, Group, Kind, Line, Parameter, Report, Scale, Section};
 use sunglint_simulator::light::percent;
 
 fn or_dash(value: Option<f64>, write: impl Fn(f64) -> String) -> String {
@@ -20,9 +19,9 @@ fn heads(names: &[&str]) -> Vec<String> {
 }
 
 /// The page.
-pub(super) fn report(compared: &Compared<'_>) -> Report {
+pub(super) fn report(compared: &Comparison<'_>) -> Report {
     let pass = compared.simulation.pass;
-    let palette = compared.palette();
+    let palette = palette(compared);
     let times = &compared.measured.times;
     let (first, last) = (times[compared.rows[0]], times[compared.rows[compared.rows.len() - 1]]);
     let site = pass.station.site.geodetic();
@@ -57,7 +56,9 @@ pub(super) fn report(compared: &Compared<'_>) -> Report {
     }
 }
 
-fn numbers<'a>(compared: &'a Compared<'_>) -> impl Iterator<Item = (&'a Pairs, &'a Numbers)> {
+fn numbers<'a>(
+    compared: &'a Comparison<'_>,
+) -> impl Iterator<Item = (&'a ComparedChannel, &'a Numbers)> {
     compared.pairs.iter().filter_map(|p| Some((p, p.channel.numbers.as_ref()?)))
 }
 
@@ -74,7 +75,7 @@ fn span((low, high): (f64, f64), write: impl Fn(f64) -> String) -> String {
     if low == high { low } else { format!("{low} to {high}") }
 }
 
-fn verdict(compared: &Compared<'_>) -> String {
+fn verdict(compared: &Comparison<'_>) -> String {
     let of =
         |f: &dyn Fn(&Numbers) -> Option<f64>| ends(numbers(compared).filter_map(|(_, n)| f(n)));
     let several = numbers(compared).count() > 1;
@@ -105,7 +106,7 @@ fn verdict(compared: &Compared<'_>) -> String {
     text.trim_end().to_owned()
 }
 
-fn figures(compared: &Compared<'_>) -> Vec<[String; 3]> {
+fn figures(compared: &Comparison<'_>) -> Vec<[String; 3]> {
     let (used, all) = compared.numbers();
     let course = &compared.course;
     let good =
@@ -157,8 +158,8 @@ fn figures(compared: &Compared<'_>) -> Vec<[String; 3]> {
     figures
 }
 
-fn scales(compared: &Compared<'_>) -> Vec<Parameter> {
-    let one = |(pair, n): (&Pairs, &Numbers)| Parameter {
+fn scales(compared: &Comparison<'_>) -> Vec<Parameter> {
+    let one = |(pair, n): (&ComparedChannel, &Numbers)| Parameter {
         name: pair.measured.name.clone(),
         value: n.scale,
         unit: String::new(),
@@ -168,7 +169,7 @@ fn scales(compared: &Compared<'_>) -> Vec<Parameter> {
     numbers(compared).map(one).collect()
 }
 
-fn group(compared: &Compared<'_>, track: &Range<usize>) -> Group {
+fn group(compared: &Comparison<'_>, track: &Range<usize>) -> Group {
     let start = compared.measured.times[track.start];
     let since = format_utc_shortest(start);
     Group {
@@ -179,14 +180,14 @@ fn group(compared: &Compared<'_>, track: &Range<usize>) -> Group {
         x_label: format!("seconds after {since}"),
         start_ms: start.to_unix_milliseconds(),
         from: 0.0,
-        to: compared.seconds(track.start, track.end - 1),
+        to: seconds(compared, track.start, track.end - 1),
         charts: charts(compared, track),
     }
 }
 
-fn charts(compared: &Compared<'_>, track: &Range<usize>) -> Vec<Chart> {
-    let palette = compared.palette();
-    let at = |i: usize| compared.seconds(track.start, i);
+fn charts(compared: &Comparison<'_>, track: &Range<usize>) -> Vec<Chart> {
+    let palette = palette(compared);
+    let at = |i: usize| seconds(compared, track.start, i);
     let shown = |v: f64| match compared.measured.quantity {
         Quantity::Rate => v,
         Quantity::Flux(_) => magnitude(v),
@@ -194,11 +195,9 @@ fn charts(compared: &Compared<'_>, track: &Range<usize>) -> Vec<Chart> {
     let to_mag = 2.5 / std::f64::consts::LN_10;
     let (mut values, mut residuals) = (Vec::new(), Vec::new());
     for (c, pair) in compared.pairs.iter().enumerate() {
-        let used: Vec<usize> =
-            compared.drawn(pair, track).filter(|i| pair.channel.used[*i]).collect();
-        let left_out: Vec<usize> =
-            compared.drawn(pair, track).filter(|i| !pair.channel.used[*i]).collect();
-        let all: Vec<usize> = compared.drawn(pair, track).collect();
+        let used: Vec<usize> = drawn(pair, track).filter(|i| pair.channel.used[*i]).collect();
+        let left_out: Vec<usize> = drawn(pair, track).filter(|i| !pair.channel.used[*i]).collect();
+        let all: Vec<usize> = drawn(pair, track).collect();
         let line = |rows: &[usize], f: &dyn Fn(usize) -> f64| Line {
             hue: palette[c],
             ..Line::dots(
@@ -221,7 +220,7 @@ fn charts(compared: &Compared<'_>, track: &Range<usize>) -> Vec<Chart> {
         }
         let simulated = |i: usize| shown(pair.simulated[i]);
         values.push(line(&all, &simulated).of_kind(Kind::Line));
-        residuals.push(line(&used, &|i| compared.residual(pair, i)));
+        residuals.push(line(&used, &|i| residual(compared, pair, i)));
     }
     let (scale, label, title) = match compared.measured.quantity {
         Quantity::Rate => (Scale::Log, "Hz".to_owned(), "Rates at the detector".to_owned()),
@@ -239,7 +238,7 @@ fn charts(compared: &Compared<'_>, track: &Range<usize>) -> Vec<Chart> {
         Chart::new("values", &title, &label, scale, values),
         Chart {
             rule: Some(rule),
-            range: compared.residual_range(track),
+            range: residual_range(compared, track),
             ..Chart::new("residuals", what, unit, of_residuals, residuals)
         },
     ];
@@ -272,7 +271,7 @@ fn charts(compared: &Compared<'_>, track: &Range<usize>) -> Vec<Chart> {
     charts
 }
 
-fn ratios(compared: &Compared<'_>, track: &Range<usize>, palette: &[usize]) -> Option<Chart> {
+fn ratios(compared: &Comparison<'_>, track: &Range<usize>, palette: &[usize]) -> Option<Chart> {
     let mut lines = Vec::new();
     for ratio in &compared.ratios {
         let place = compared.pairs.iter().position(|p| p.measured.name == ratio.channel)?;
@@ -280,7 +279,7 @@ fn ratios(compared: &Compared<'_>, track: &Range<usize>, palette: &[usize]) -> O
         let x: Vec<f64> = own
             .iter()
             .map(|m| {
-                let at = |i: usize| compared.seconds(track.start, i);
+                let at = |i: usize| seconds(compared, track.start, i);
                 0.5 * (at(m.rows.start) + at(m.rows.end - 1))
             })
             .collect();
@@ -299,7 +298,7 @@ fn ratios(compared: &Compared<'_>, track: &Range<usize>, palette: &[usize]) -> O
 }
 
 /// Residuals against phase angle and airmass.
-fn others(compared: &Compared<'_>, palette: &[usize]) -> Vec<Chart> {
+fn others(compared: &Comparison<'_>, palette: &[usize]) -> Vec<Chart> {
     let chart = |axis: Axis| {
         let mut lines = Vec::new();
         for (c, pair) in compared.pairs.iter().enumerate() {
@@ -336,7 +335,7 @@ fn others(compared: &Compared<'_>, palette: &[usize]) -> Vec<Chart> {
     [Axis::Phase, Axis::Airmass].into_iter().filter_map(chart).collect()
 }
 
-fn sections(compared: &Compared<'_>) -> Vec<Section> {
+fn sections(compared: &Comparison<'_>) -> Vec<Section> {
     let mut sections = vec![agreement(compared), budget(compared)];
     if !compared.ratios.is_empty() {
         sections.push(of_ratios(compared));
@@ -349,8 +348,8 @@ fn sections(compared: &Compared<'_>) -> Vec<Section> {
     sections
 }
 
-fn agreement(compared: &Compared<'_>) -> Section {
-    let row = |(pair, n): (&Pairs, &Numbers)| {
+fn agreement(compared: &Comparison<'_>) -> Section {
+    let row = |(pair, n): (&ComparedChannel, &Numbers)| {
         let chi2 = |f: &dyn Fn(&sunglint_calibration::comparison::Chi2) -> Option<f64>| {
             or_dash(n.chi2.as_ref().and_then(f), |v| format!("{v:.2}"))
         };
@@ -398,8 +397,8 @@ fn agreement(compared: &Compared<'_>) -> Section {
     }
 }
 
-fn budget(compared: &Compared<'_>) -> Section {
-    let row = |(pair, n): (&Pairs, &Numbers)| {
+fn budget(compared: &Comparison<'_>) -> Section {
+    let row = |(pair, n): (&ComparedChannel, &Numbers)| {
         vec![
             pair.measured.name.clone(),
             or_dash(n.noise, percent),
@@ -431,7 +430,7 @@ fn budget(compared: &Compared<'_>) -> Section {
     }
 }
 
-fn of_ratios(compared: &Compared<'_>) -> Section {
+fn of_ratios(compared: &Comparison<'_>) -> Section {
     let rows = compared.ratios.iter().map(|ratio| {
         let share = |s: Option<f64>| or_dash(s, |s| percent(s / ratio.scale));
         vec![
@@ -455,7 +454,7 @@ fn of_ratios(compared: &Compared<'_>) -> Section {
     }
 }
 
-fn left_out(compared: &Compared<'_>) -> Section {
+fn left_out(compared: &Comparison<'_>) -> Section {
     let mut rows = Vec::new();
     for pair in &compared.pairs {
         let left = &pair.channel.left_out;
@@ -481,7 +480,7 @@ fn left_out(compared: &Compared<'_>) -> Section {
     }
 }
 
-fn calibration(compared: &Compared<'_>) -> Section {
+fn calibration(compared: &Comparison<'_>) -> Section {
     let mut section = Section { title: "Calibration".into(), ..Section::default() };
     match (&compared.measured.kappa, compared.is_rate()) {
         (Some(kappa), _) => {
@@ -523,8 +522,8 @@ fn calibration(compared: &Compared<'_>) -> Section {
     section
 }
 
-fn modelled(compared: &Compared<'_>) -> Section {
-    let simulation = compared.simulation;
+fn modelled(compared: &Comparison<'_>) -> Section {
+    let simulation = &compared.simulation;
     let pass = simulation.pass;
     let air = pass.air.as_ref().map_or("none".into(), Air::describe);
     let materials: Vec<String> = pass.target.materials.iter().map(|m| m.describe()).collect();
@@ -556,13 +555,13 @@ fn modelled(compared: &Compared<'_>) -> Section {
     }
 }
 
-fn cost(compared: &Compared<'_>) -> Section {
+fn cost(compared: &Comparison<'_>) -> Section {
     let effort = &compared.effort;
     let epochs = compared.rows.len();
     Section {
         title: "Exposures, speed and cost".into(),
         text: vec![
-            format!("{}.", compared.averaging()),
+            format!("{}.", averaging(compared)),
             format!(
                 "{:.2} s on {} threads for {epochs} epochs ({:.0} µs an epoch), {:.2} s for the means over their exposures ({} moments more).",
                 effort.middles.total_s,
@@ -571,13 +570,13 @@ fn cost(compared: &Compared<'_>) -> Section {
                 effort.means.total_s,
                 compared.means.moments
             ),
-            format!("Not in the simulation: {}.", compared.not_modelled().join("; ")),
+            format!("Not in the simulation: {}.", not_modelled(compared).join("; ")),
         ],
         grid: Grid::default(),
     }
 }
 
-fn inputs(compared: &Compared<'_>) -> Section {
+fn inputs(compared: &Comparison<'_>) -> Section {
     let row = |input: sunglint_radiometry::light_curve::Input| vec![input.file, input.sha256];
     let mut text = compared.warnings.clone();
     if !text.is_empty() {
@@ -589,7 +588,7 @@ fn inputs(compared: &Compared<'_>) -> Section {
         text,
         grid: Grid {
             head: heads(&["file", "SHA-256"]),
-            rows: compared.inputs().into_iter().map(row).collect(),
+            rows: super::inputs(compared).into_iter().map(row).collect(),
             words: 2,
         },
     }

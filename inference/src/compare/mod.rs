@@ -1,7 +1,45 @@
-//! Measured and simulated on the same epochs.
+//! A measured pass beside the simulated one, on the same epochs.
+//!
+//! The scene is simulated at the measured times, averaged over each exposure, and set beside: residuals, ratios of the channels, what both claim of their
+//! errors. Nothing is fitted but a scale for each channel, which is given.
+//!
+//! - [`MeasuredPass`]: what was measured; [`Kappa`]: what calibrated it;
+//! - [`at_measured_times`]: the scene at the measured times;
+//! - [`compare()`]: simulates it, and sets both side by side: [`Comparison`].
+//!
+//! ```no_run
+//! use std::path::Path;
+//! use sunglint_inference::compare::{MagnitudeColumns, MeasuredPass, at_measured_times, compare};
+//! use sunglint_numerics::progress::Silent;
+//! use sunglint_radiometry::light_curve::published::MagnitudeKind;
+//! use sunglint_simulator::pass::{Overrides, PassFile};
+//!
+//! // Of a table of magnitudes; a calibrated curve needs none of it.
+//! let columns = MagnitudeColumns {
+//!     magnitude: "magnitude".into(),
+//!     sigma: None,
+//!     compared_as: MagnitudeKind::Apparent,
+//! };
+//! let mut measured = MeasuredPass::read(Path::new("calibrated.ecsv"), &columns)?;
+//! let scene = PassFile::read("pass.toml")?.resolve(Overrides::default())?;
+//! measured.keep(&["g".to_owned()], &scene.station)?;
+//! let scene = at_measured_times(scene, &measured)?;
+//! let compared = compare(&scene, measured, &Silent)?;
+//! for pair in &compared.pairs {
+//!     println!("{}: {:?}", pair.measured.name, pair.channel.numbers);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
-use super::{Measured, MeasuredChannel, Quantity};
-use anyhow::{Context as _, bail};
+mod error;
+mod kappa;
+mod measured;
+
+pub use error::{CompareError, MissingColumn};
+pub use kappa::{Kappa, KappaRow};
+pub use measured::{MagnitudeColumns, MeasuredChannel, MeasuredPass, Quantity, magnitude};
+
+use crate::progress::Stages;
 use hifitime::Epoch;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -10,10 +48,11 @@ use sunglint_calibration::comparison::{
 };
 use sunglint_calibration::stars::scintillation::{Aperture, USUAL_COEFFICIENT};
 use sunglint_formats::time::tai_nanoseconds;
+use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::air::Zenith;
 use sunglint_radiometry::light_curve::Flags;
-use sunglint_simulator::pass::Cost;
 use sunglint_simulator::pass::file::MOST_SAMPLES;
+use sunglint_simulator::pass::{Cost, Stopwatch};
 use sunglint_simulator::pass::{ExposureMeans, Pass, Simulation};
 
 /// Stretches of a track in which ratios of channels are taken.
@@ -23,8 +62,9 @@ const STRETCH_ROWS: usize = 8;
 /// Bins of an angle or an airmass.
 const BINS: usize = 12;
 
-/// What it took.
-pub(super) struct Effort {
+/// What a comparison took.
+#[derive(Debug, Clone)]
+pub struct Effort {
     /// The simulation of the middles of the exposures.
     pub middles: Cost,
     /// The means over the exposures.
@@ -32,7 +72,8 @@ pub(super) struct Effort {
 }
 
 /// A channel with all that is known of each sample, in the rows of the measured file.
-pub(super) struct Pairs {
+#[derive(Debug, Clone)]
+pub struct ComparedChannel {
     /// What was measured.
     pub measured: MeasuredChannel,
     /// What was simulated: means over the exposures; NaN outside the scene's times.
@@ -47,7 +88,7 @@ pub(super) struct Pairs {
 
 /// Where the target stood at each row of the measured file; NaN outside the scene's times.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Course {
+pub struct Course {
     /// Distance, m.
     pub range_m: Vec<f64>,
     /// Phase angle, degrees.
@@ -58,20 +99,29 @@ pub(super) struct Course {
     pub airmass: Vec<f64>,
 }
 
+/// A scene at the measured times that lie within its own.
+#[derive(Debug, Clone)]
+pub struct SceneAtTimes {
+    /// The scene, with these times.
+    pub pass: Pass,
+    /// The rows of the measured file that they are of, in order.
+    pub rows: Vec<usize>,
+}
+
 /// A measured pass beside the simulated one.
-pub(super) struct Compared<'a> {
+pub struct Comparison<'a> {
     /// What was measured.
-    pub measured: Measured,
+    pub measured: MeasuredPass,
     /// What was simulated.
-    pub simulation: &'a Simulation<'a>,
+    pub simulation: Simulation<'a>,
     /// Its means over the exposures, a row a simulated one.
-    pub means: &'a ExposureMeans,
+    pub means: ExposureMeans,
     /// The rows of the measured file that were simulated.
     pub rows: Vec<usize>,
     /// Exposures of all rows, s.
     pub exposure_s: Vec<f64>,
     /// Channel by channel.
-    pub pairs: Vec<Pairs>,
+    pub pairs: Vec<ComparedChannel>,
     /// Channels over the one that is known best.
     pub ratios: Vec<Ratio>,
     /// Where the target stood.
@@ -83,26 +133,35 @@ pub(super) struct Compared<'a> {
 }
 
 /// A scene at the measured times that lie within its own (a step's room at both ends), and the rows of those.
-pub(super) fn at_measured_times(
+///
+/// # Errors
+/// A scene without times; spans of time that do not meet; more samples than are compared.
+pub fn at_measured_times(
     scene: Pass,
-    measured: &Measured,
-) -> anyhow::Result<(Pass, Vec<usize>)> {
+    measured: &MeasuredPass,
+) -> Result<SceneAtTimes, CompareError> {
     let mut own = scene.times.clone();
     own.sort_by_key(|t| tai_nanoseconds(*t));
     let seconds: Vec<f64> = own.iter().map(|t| tai_nanoseconds(*t) as f64 * 1e-9).collect();
     let room_s = sunglint_radiometry::light_curve::usual_step_s(&seconds);
     let (Some(first), Some(last)) = (own.first(), own.last()) else {
-        bail!("a scene without times")
+        return Err(CompareError::NoTimes);
     };
-    let within = comparison::overlap(&measured.times, (*first, *last), room_s)
-        .with_context(|| format!("{}, [times] of {}", measured.path.display(), scene.name))?;
+    let within =
+        comparison::overlap(&measured.times, (*first, *last), room_s).map_err(|source| {
+            CompareError::Times {
+                path: measured.path.clone(),
+                scene: scene.name.clone(),
+                source: Box::new(source),
+            }
+        })?;
     let rows: Vec<usize> = (0..within.len()).filter(|i| within[*i]).collect();
     if rows.len() > MOST_SAMPLES {
-        bail!(
-            "{}: {} samples in the scene's times, at most {MOST_SAMPLES} are compared: give shorter [times]",
-            measured.path.display(),
-            rows.len()
-        );
+        return Err(CompareError::TooMany {
+            path: measured.path.clone(),
+            samples: rows.len(),
+            most: MOST_SAMPLES,
+        });
     }
     let usual = scene.exposure_s.first().copied().unwrap_or(0.1);
     let exposure = |i: usize| measured.exposure_s.as_ref().map_or(usual, |e| e[i]);
@@ -111,31 +170,56 @@ pub(super) fn at_measured_times(
     let edges_nm = scene.edges_nm.iter().copied();
     // Rates and magnitudes need no bins.
     let edges_nm = edges_nm.clone().take(1).chain(edges_nm.last()).collect();
-    Ok((Pass { times, exposure_s, edges_nm, ..scene }, rows))
+    Ok(SceneAtTimes { pass: Pass { times, exposure_s, edges_nm, ..scene }, rows })
 }
 
-impl<'a> Compared<'a> {
+/// Simulates a scene at the measured times, averages it over the exposures, and sets it beside what was measured.
+///
+/// # Errors
+/// A scene that cannot be simulated; no sample that is left to compare.
+pub fn compare<'a>(
+    scene: &'a SceneAtTimes,
+    measured: MeasuredPass,
+    progress: &dyn Progress,
+) -> Result<Comparison<'a>, CompareError> {
+    let pass = &scene.pass;
+    let (watch, stages) = (Stopwatch::new(pass.times.len()), Stages::new(progress));
+    let simulation = pass.simulate(&|at| {
+        watch.tell(at);
+        stages.tell(at);
+    })?;
+    let (again, stages) = (Stopwatch::new(pass.times.len()), Stages::new(progress));
+    let means =
+        simulation.exposure_means(&|s| measured.quantity.of(s, &measured.channels), &|at| {
+            again.tell(at);
+            stages.tell(at);
+        })?;
+    let effort = Effort { middles: watch.cost(), means: again.cost() };
+    Comparison::new(measured, simulation, means, scene.rows.clone(), effort)
+}
+
+impl<'a> Comparison<'a> {
     /// Sets them beside one another. `rows` are those of the measured file that the simulation has, in order.
-    pub fn new(
-        measured: Measured,
-        simulation: &'a Simulation<'a>,
-        means: &'a ExposureMeans,
+    fn new(
+        measured: MeasuredPass,
+        simulation: Simulation<'a>,
+        means: ExposureMeans,
         rows: Vec<usize>,
         effort: Effort,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, CompareError> {
         let n = measured.times.len();
         let usual = simulation.pass.exposure_s[0];
         let exposure_s = measured.exposure_s.clone().unwrap_or_else(|| vec![usual; n]);
-        let course = course(simulation, &rows, n);
+        let course = course(&simulation, &rows, n);
         let mut within = vec![false; n];
         let mut hidden = vec![Flags::empty(); n];
         for (k, i) in rows.iter().enumerate() {
             within[*i] = true;
             hidden[*i] = simulation.flags(k);
         }
-        let variance = twinkling(simulation, &course, &exposure_s);
-        let errors = measured.quantity.errors(simulation, &measured.channels);
-        let middle = measured.quantity.of(simulation, &measured.channels);
+        let variance = twinkling(&simulation, &course, &exposure_s);
+        let errors = measured.quantity.errors(&simulation, &measured.channels);
+        let middle = measured.quantity.of(&simulation, &measured.channels);
         let blocks = Blocks::new(n);
         let all = |values: &dyn Fn(usize) -> f64| {
             let mut full = vec![f64::NAN; n];
@@ -175,7 +259,10 @@ impl<'a> Compared<'a> {
             })
             .collect();
         let channels: Vec<Channel> = given.iter().map(|g| Channel::new(g, &blocks)).collect();
-        something_left(&channels).with_context(|| measured.path.display().to_string())?;
+        something_left(&channels).map_err(|source| CompareError::NothingLeft {
+            path: measured.path.clone(),
+            source: Box::new(source),
+        })?;
         let ratios = ratios(&measured, &given, &channels, &blocks);
         let axes = [(Axis::Phase, &course.phase_deg), (Axis::Airmass, &course.airmass)];
         let bins: Vec<Vec<(Axis, Vec<Bin>)>> = given
@@ -189,12 +276,12 @@ impl<'a> Compared<'a> {
                 axes.map(of).to_vec()
             })
             .collect();
-        let warnings = warnings(&measured, simulation, means, &channels, rows.len());
+        let warnings = warnings(&measured, &simulation, &means, &channels, rows.len());
         let pairs = (measured.channels.iter().cloned())
             .zip(columns)
             .zip(channels)
             .zip(bins)
-            .map(|(((measured, (simulated, model_error)), channel), bins)| Pairs {
+            .map(|(((measured, (simulated, model_error)), channel), bins)| ComparedChannel {
                 measured,
                 simulated,
                 model_error,
@@ -279,7 +366,7 @@ fn twinkling(simulation: &Simulation<'_>, course: &Course, exposure_s: &[f64]) -
 
 /// The channels over the one whose scale is known best.
 fn ratios(
-    measured: &Measured,
+    measured: &MeasuredPass,
     given: &[Given<'_>],
     channels: &[Channel],
     blocks: &Blocks,
@@ -312,7 +399,7 @@ fn ratios(
 }
 
 fn warnings(
-    measured: &Measured,
+    measured: &MeasuredPass,
     simulation: &Simulation<'_>,
     means: &ExposureMeans,
     channels: &[Channel],

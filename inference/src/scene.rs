@@ -1,9 +1,8 @@
 //! A scene file with everything in it that can be fitted: the target's own file taken in, built-in materials written out, paths made whole. Numbers
 //! are set in it by name, and it is written again with what was found.
 
-use anyhow::{Context as _, bail};
 use std::path::{Path, PathBuf};
-use sunglint_formats::nearest_names;
+use sunglint_formats::{FileError, nearest_names};
 use sunglint_simulator::attitude::Attitude;
 use sunglint_simulator::pass::{Overrides, Pass, PassFile};
 use sunglint_simulator::surface::Material;
@@ -21,6 +20,55 @@ const FILES: [&str; 7] = [
     "refractive_index",
 ];
 
+/// Why there is no scene that numbers could be set in.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// A file that cannot be read, or is not what it should be.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A file that is no TOML.
+    #[error("{}", path.display())]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: Box<toml::de::Error>,
+    },
+    /// A built-in target that is no TOML.
+    #[error(transparent)]
+    BuiltIn(Box<toml::de::Error>),
+    /// What cannot be written as TOML.
+    #[error(transparent)]
+    Write(#[from] toml::ser::Error),
+    /// A built-in target that there is not.
+    #[error("no target {name}")]
+    NoTarget {
+        /// Its name.
+        name: String,
+    },
+    /// A sphere of nothing.
+    #[error("[target] sphere has neither material nor reflectance")]
+    Sphere,
+    /// A name of nothing that can be fitted.
+    #[error(
+        "{}: nothing that can be fitted is called `{name}`{}; there are {}",
+        path.display(),
+        near.as_ref().map(|n| format!(" (did you mean `{n}`?)")).unwrap_or_default(),
+        known.join(", ")
+    )]
+    Unknown {
+        /// The scene.
+        path: PathBuf,
+        /// The name.
+        name: String,
+        /// The known one that is nearest.
+        near: Option<String>,
+        /// All known ones.
+        known: Vec<String>,
+    },
+}
+
 /// A scene that numbers can be set in.
 #[derive(Debug, Clone)]
 pub struct Scene {
@@ -34,11 +82,14 @@ const LISTS: [&str; 3] = ["part", "hinge", "material"];
 
 impl Scene {
     /// Reads a scene file and takes in its target.
-    pub fn read(path: &Path) -> anyhow::Result<Self> {
+    ///
+    /// # Errors
+    /// A file that cannot be read or is no scene; a target that is none.
+    pub fn read(path: &Path) -> Result<Self, SceneError> {
         // Its own reader says best what is wrong with it.
         PassFile::read(path)?;
         let text = sunglint_formats::read::text(path)?;
-        let mut table: Table = text.parse().with_context(|| path.display().to_string())?;
+        let mut table: Table = parsed(path, &text)?;
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
         whole(&mut table, &folder);
         if let Some(Value::Table(target)) = table.get_mut("target") {
@@ -49,8 +100,16 @@ impl Scene {
         Ok(Self { path: path.to_path_buf(), table })
     }
 
+    /// The name of its file, without the extension.
+    pub fn name(&self) -> String {
+        self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
     /// The scene as text.
-    pub fn text(&self) -> anyhow::Result<String> {
+    ///
+    /// # Errors
+    /// What TOML cannot hold.
+    pub fn text(&self) -> Result<String, SceneError> {
         Ok(toml::to_string(&self.table)?)
     }
 
@@ -60,7 +119,10 @@ impl Scene {
     }
 
     /// The pass, its times aside.
-    pub fn pass(&self, overrides: Overrides) -> anyhow::Result<Pass> {
+    ///
+    /// # Errors
+    /// A scene that is none, or names files that are none.
+    pub fn pass(&self, overrides: Overrides) -> Result<Pass, SceneError> {
         let file = PassFile::parse(&self.path, &self.text()?)?;
         Ok(file.resolve(overrides)?)
     }
@@ -93,11 +155,17 @@ impl Scene {
     }
 
     /// The attitude as it stands.
+    ///
+    /// # Errors
+    /// An attitude that is none, in words.
     pub fn attitude(&self) -> Result<Attitude, String> {
         self.file()?.attitude().map_err(|e| e.to_string())
     }
 
     /// The target as it stands.
+    ///
+    /// # Errors
+    /// A target that is none, in words.
     pub fn target(&self) -> Result<Target, String> {
         self.file()?.target().map_err(|e| e.to_string())
     }
@@ -192,16 +260,12 @@ impl Scene {
     }
 
     /// Refuses a name that is none, with those that there are.
-    pub fn unknown(&self, name: &str, more: &[String]) -> anyhow::Error {
+    pub fn unknown(&self, name: &str, more: &[String]) -> SceneError {
         let mut known = more.to_vec();
         known.extend(self.names());
         let near = nearest_names(name, known.iter().map(String::as_str), 1);
-        let hint = near.first().map(|n| format!(" (did you mean `{n}`?)")).unwrap_or_default();
-        anyhow::anyhow!(
-            "{}: nothing that can be fitted is called `{name}`{hint}; there are {}",
-            self.path.display(),
-            known.join(", ")
-        )
+        let near = near.first().map(|n| (*n).to_owned());
+        SceneError::Unknown { path: self.path.clone(), name: name.to_owned(), near, known }
     }
 }
 
@@ -291,21 +355,25 @@ fn whole(table: &mut Table, folder: &Path) {
     }
 }
 
+fn parsed(path: &Path, text: &str) -> Result<Table, SceneError> {
+    let wrong = |e| SceneError::Syntax { path: path.to_path_buf(), source: Box::new(e) };
+    text.parse().map_err(wrong)
+}
+
 /// Takes a target's own file in, turns a sphere into a part, and writes built-in materials out.
-fn take_in(target: &mut Table) -> anyhow::Result<()> {
+fn take_in(target: &mut Table) -> Result<(), SceneError> {
     let text =
         |key: &str, target: &Table| target.get(key).and_then(Value::as_str).map(str::to_owned);
     if let Some(file) = text("file", target) {
         let path = PathBuf::from(&file);
-        let mut own: Table = sunglint_formats::read::text(&path)?
-            .parse()
-            .with_context(|| path.display().to_string())?;
+        let mut own = parsed(&path, &sunglint_formats::read::text(&path)?)?;
         whole(&mut own, path.parent().unwrap_or(Path::new("")));
         target.remove("file");
         adopt(target, own);
     } else if let Some(name) = text("built_in", target) {
-        let text = Target::built_in_text(&name).with_context(|| format!("no target {name}"))?;
-        let own: Table = text.parse()?;
+        let text = Target::built_in_text(&name)
+            .ok_or_else(|| SceneError::NoTarget { name: name.clone() })?;
+        let own: Table = text.parse().map_err(|e| SceneError::BuiltIn(Box::new(e)))?;
         target.remove("built_in");
         adopt(target, own);
     } else if let Some(Value::Table(sphere)) = target.remove("sphere") {
@@ -326,7 +394,7 @@ fn take_in(target: &mut Table) -> anyhow::Result<()> {
                 target.insert("material".into(), Value::Array(vec![Value::Table(own)]));
                 Value::String("surface".into())
             }
-            (None, None) => bail!("[target] sphere has neither material nor reflectance"),
+            (None, None) => return Err(SceneError::Sphere),
         };
         part.insert("material".into(), material);
         target.insert("part".into(), Value::Array(vec![Value::Table(part)]));

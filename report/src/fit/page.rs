@@ -1,10 +1,10 @@
 //! The page of a fit.
 
-use super::answer::{Answer, AnsweredCurve};
-use super::report::{number, of_averaged, of_thinned};
+use super::{number, of_averaged, of_thinned};
+use crate::page::{Chart, Grid, Group, Kind, Line, Report, Scale, Section};
 use sunglint_formats::time::format_utc_shortest;
+use sunglint_inference::fit::{CurveFit, PassFit};
 use sunglint_inference::solver::{Estimate, IntervalMethod, Side, Summary, Warning};
-use sunglint_report::page::{Chart, Grid, Group, Kind, Line, Report, Scale, Section};
 
 /// Correlations below this are not named on the page.
 const NAMED: f64 = 0.5;
@@ -18,7 +18,7 @@ fn heads(names: &[&str]) -> Vec<String> {
 }
 
 /// The page.
-pub(super) fn report(answer: &Answer) -> Report {
+pub(super) fn report(answer: &PassFit) -> Report {
     let files: Vec<String> = answer.curves.iter().map(|c| c.path.display().to_string()).collect();
     let names = answer.curves.iter().map(|c| c.name.as_str()).collect::<Vec<_>>();
     let (first, last) = answer.ends();
@@ -47,7 +47,7 @@ pub(super) fn report(answer: &Answer) -> Report {
     }
 }
 
-fn verdict(answer: &Answer) -> String {
+fn verdict(answer: &PassFit) -> String {
     let fit = &answer.fit;
     let mut text = if fit.converged {
         format!(
@@ -81,7 +81,7 @@ fn verdict(answer: &Answer) -> String {
     text.trim_end().to_owned()
 }
 
-fn figures(answer: &Answer) -> Vec<[String; 3]> {
+fn figures(answer: &PassFit) -> Vec<[String; 3]> {
     let fit = &answer.fit;
     let mut figures = vec![
         [
@@ -111,7 +111,7 @@ fn figures(answer: &Answer) -> Vec<[String; 3]> {
 }
 
 /// Stretches without a gap, in the order of time.
-fn stretches(curve: &AnsweredCurve) -> Vec<Vec<usize>> {
+fn stretches(curve: &CurveFit) -> Vec<Vec<usize>> {
     let at = |i: usize| (curve.times[i] - curve.times[0]).to_seconds();
     let mut order: Vec<usize> = (0..curve.times.len()).collect();
     order.sort_by(|a, b| at(*a).total_cmp(&at(*b)));
@@ -125,7 +125,7 @@ fn stretches(curve: &AnsweredCurve) -> Vec<Vec<usize>> {
     all
 }
 
-fn group(answer: &Answer, curve: &AnsweredCurve, rows: &[usize]) -> Group {
+fn group(answer: &PassFit, curve: &CurveFit, rows: &[usize]) -> Group {
     let start = curve.times[rows[0]];
     let at = |i: usize| (curve.times[i] - start).to_seconds();
     let shown = |v: f64| if curve.magnitudes { -2.5 * v.log10() } else { v };
@@ -207,7 +207,7 @@ fn group(answer: &Answer, curve: &AnsweredCurve, rows: &[usize]) -> Group {
     }
 }
 
-fn sections(answer: &Answer) -> Vec<Section> {
+fn sections(answer: &PassFit) -> Vec<Section> {
     let mut all = vec![found(answer), correlations(answer), open(answer), residuals(answer)];
     all.extend(bounces(answer));
     all.extend([left_out(answer), cost(answer), inputs(answer)]);
@@ -215,7 +215,7 @@ fn sections(answer: &Answer) -> Vec<Section> {
 }
 
 /// What was free, and what was found.
-fn found(answer: &Answer) -> Section {
+fn found(answer: &PassFit) -> Section {
     let how = |p: &Estimate| {
         let method = match p.interval_method {
             IntervalMethod::Covariance => "covariance",
@@ -269,7 +269,7 @@ fn found(answer: &Answer) -> Section {
     }
 }
 
-fn correlations(answer: &Answer) -> Section {
+fn correlations(answer: &PassFit) -> Section {
     let fit = &answer.fit;
     let mut rows: Vec<(f64, Vec<String>)> = Vec::new();
     for i in 0..fit.parameters.len() {
@@ -305,7 +305,7 @@ fn correlations(answer: &Answer) -> Section {
 }
 
 /// What the data leave open.
-fn open(answer: &Answer) -> Section {
+fn open(answer: &PassFit) -> Section {
     let told = |w: &&Warning| !matches!(w, Warning::Correlated { .. });
     let mut text: Vec<String> =
         answer.fit.warnings.iter().filter(told).map(|w| format!("{w}.")).collect();
@@ -315,7 +315,7 @@ fn open(answer: &Answer) -> Section {
     Section { title: "What is not determined".into(), text, grid: Grid::default() }
 }
 
-fn residuals(answer: &Answer) -> Section {
+fn residuals(answer: &PassFit) -> Section {
     let mut rows = Vec::new();
     let mut add = |by: &str, all: &[Summary]| {
         rows.extend(all.iter().map(|g| {
@@ -350,7 +350,7 @@ fn residuals(answer: &Answer) -> Section {
     }
 }
 
-fn bounces(answer: &Answer) -> Option<Section> {
+fn bounces(answer: &PassFit) -> Option<Section> {
     let bounces = answer.bounces.as_ref()?;
     let mut text = vec![format!(
         "Up to {:.1} % of a sample's light came by way of another part. It was computed for what was found, held, and the rest fitted again, in {} rounds; the last moved no parameter by more than {:.2} of its σ{}.",
@@ -363,8 +363,8 @@ fn bounces(answer: &Answer) -> Option<Section> {
     Some(Section { title: "Light between the parts".into(), text, grid: Grid::default() })
 }
 
-fn left_out(answer: &Answer) -> Section {
-    let row = |c: &AnsweredCurve| {
+fn left_out(answer: &PassFit) -> Section {
+    let row = |c: &CurveFit| {
         let reasons: Vec<String> =
             c.left_out.iter().map(|l| format!("{} {}", l.samples, l.why)).collect();
         let reasons = if reasons.is_empty() { "nothing".into() } else { reasons.join(", ") };
@@ -382,7 +382,7 @@ fn left_out(answer: &Answer) -> Section {
     }
 }
 
-fn cost(answer: &Answer) -> Section {
+fn cost(answer: &PassFit) -> Section {
     let mut text =
         vec![format!("{} simulations in {:.1} s.", answer.fit.evaluations, answer.seconds)];
     text.extend(answer.curves.iter().map(|c| format!("{}: {}.", c.name, of_averaged(&c.averaged))));
@@ -390,7 +390,7 @@ fn cost(answer: &Answer) -> Section {
     Section { title: "Cost".into(), text, grid: Grid::default() }
 }
 
-fn inputs(answer: &Answer) -> Section {
+fn inputs(answer: &PassFit) -> Section {
     let mut text = answer.warnings.clone();
     if !text.is_empty() {
         text.insert(0, "Warnings:".into());

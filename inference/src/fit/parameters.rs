@@ -1,12 +1,11 @@
 //! What is free, by name: numbers of the scene, reflectances of materials, offsets, extinction.
 
-use super::scene::Scene;
-use crate::output::Usage;
-use anyhow::bail;
-use std::str::FromStr;
-use sunglint_inference::solver::{
+use super::PassFitError;
+use crate::scene::Scene;
+use crate::solver::{
     Component, Extinction, Free, Law, Linear, Shaping, StudyModel, Unit, band_mean,
 };
+use std::str::FromStr;
 use sunglint_radiometry::air::Zenith;
 use sunglint_radiometry::spectrum::{Spectrum, Transmission};
 use sunglint_simulator::pass::Study;
@@ -16,16 +15,16 @@ const STEP: f64 = 1e-5;
 /// The largest range over which a number of the scene is searched where nobody says otherwise, as factors of its start.
 const FACTORS: (f64, f64) = (0.5, 2.0);
 
-/// A parameter as a person asks for it: `NAME`, or `NAME=LO..HI`.
+/// A parameter as it is asked for: by its name, or by name and range; written `NAME`, or `NAME=LO..HI`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Wanted {
+pub struct FreeParameter {
     /// Its name.
     pub name: String,
     /// Its range.
     pub range: Option<(f64, f64)>,
 }
 
-impl FromStr for Wanted {
+impl FromStr for FreeParameter {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -45,7 +44,7 @@ impl FromStr for Wanted {
 }
 
 /// One curve with its scene, as parameters see it.
-pub struct Side<'a> {
+pub(super) struct CurveSide<'a> {
     /// Its scene.
     pub scene: &'a Scene,
     /// Its study.
@@ -68,7 +67,7 @@ enum Role {
 
 /// All parameters of a fit.
 #[derive(Default)]
-pub struct Parameters {
+pub(super) struct Parameters {
     /// Those that are searched for.
     pub free: Vec<Free>,
     /// Those that are solved for.
@@ -82,7 +81,7 @@ pub struct Parameters {
 }
 
 /// Names that are no numbers of the scene.
-fn special(channels: &[String], sides: &[Side]) -> Vec<String> {
+fn special(channels: &[String], sides: &[CurveSide]) -> Vec<String> {
     let mut names: Vec<String> =
         ["albedo", "time_offset_s", "size", "gain", "extinction"].map(str::to_owned).to_vec();
     for material in materials(sides) {
@@ -95,7 +94,7 @@ fn special(channels: &[String], sides: &[Side]) -> Vec<String> {
 }
 
 /// The materials that reflect, of all scenes.
-fn materials(sides: &[Side]) -> Vec<String> {
+fn materials(sides: &[CurveSide]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for side in sides {
         for material in &side.study.pass().target.materials {
@@ -110,21 +109,18 @@ fn materials(sides: &[Side]) -> Vec<String> {
 impl Parameters {
     /// Finds what is meant by names.
     pub fn new(
-        wanted: &[Wanted],
+        wanted: &[FreeParameter],
         per_pass: &[String],
         channels: &[String],
-        sides: &[Side],
-    ) -> anyhow::Result<Self> {
+        sides: &[CurveSide],
+    ) -> Result<Self, PassFitError> {
         let mut all = Self::default();
         if wanted.is_empty() {
-            return Err(Usage(
-                "nothing is free: say what with --free NAME[=LO..HI], or in [fit] of the scene: free = [\"albedo\"]".into(),
-            )
-            .into());
+            return Err(PassFitError::NothingFree);
         }
         for name in per_pass {
             if !wanted.iter().any(|w| w.name == *name) {
-                bail!("`{name}` is to differ from pass to pass, but is not free");
+                return Err(PassFitError::NotFree { name: name.clone() });
             }
         }
         for want in wanted {
@@ -140,11 +136,11 @@ impl Parameters {
 
     fn add(
         &mut self,
-        want: &Wanted,
+        want: &FreeParameter,
         curve: Option<usize>,
         channels: &[String],
-        sides: &[Side],
-    ) -> anyhow::Result<()> {
+        sides: &[CurveSide],
+    ) -> Result<(), PassFitError> {
         let name = want.name.as_str();
         let unknown = || sides[0].scene.unknown(name, &special(channels, sides));
         let channel = |c: &str| channels.iter().position(|own| own == c);
@@ -169,10 +165,10 @@ impl Parameters {
         }
         if let Some(rest) = name.strip_prefix("scale.") {
             let (material, None) = material(rest).ok_or_else(unknown)? else {
-                return Err(unknown());
+                return Err(unknown().into());
             };
             if want.range.is_some() {
-                bail!("{name}: what is solved for has no range but that it is not below 0");
+                return Err(PassFitError::Solved { name: name.to_owned() });
             }
             let component = self.component(&material);
             self.linear.push(Linear {
@@ -195,14 +191,14 @@ impl Parameters {
             _ => match of_channel("extinction.") {
                 Some(c) => (Role::Extinction(Some(c)), 0.0, (-0.5, 2.0)),
                 None => {
-                    let has = |s: &&Side| s.scene.get(name).is_some();
+                    let has = |s: &&CurveSide| s.scene.get(name).is_some();
                     let side = sides.iter().find(has).ok_or_else(unknown)?;
                     let start = side.scene.get(name).ok_or_else(unknown)?;
                     let range = match (want.range, usual_range(name, start)) {
                         (Some(range), _) | (None, Some(range)) => range,
-                        (None, None) => bail!(
-                            "{name}: it starts at {start}, which says nothing of where to search: --free {name}=LO..HI"
-                        ),
+                        (None, None) => {
+                            return Err(PassFitError::NoRange { name: name.to_owned(), start });
+                        }
                     };
                     (Role::Key(name.to_owned()), start, range)
                 }
@@ -210,7 +206,7 @@ impl Parameters {
         };
         let (low, high) = want.range.unwrap_or(range);
         if !(low..=high).contains(&start) {
-            bail!("{name}: it starts at {start}, outside of {low} to {high}");
+            return Err(PassFitError::Outside { name: name.to_owned(), start, low, high });
         }
         let turn = is_angle(name) && (high - low - 360.0).abs() < 1e-9;
         self.free.push(Free {
@@ -243,11 +239,11 @@ impl Parameters {
         only: Option<usize>,
         curve: Option<usize>,
         channels: &[String],
-        sides: &[Side],
-        want: &Wanted,
-    ) -> anyhow::Result<()> {
+        sides: &[CurveSide],
+        want: &FreeParameter,
+    ) -> Result<(), PassFitError> {
         if want.range.is_some() {
-            bail!("{}: what is solved for has no range but that it is not below 0", want.name);
+            return Err(PassFitError::Solved { name: want.name.clone() });
         }
         let component = self.component(material);
         for (c, channel) in channels.iter().enumerate() {
@@ -394,7 +390,11 @@ fn usual_range(name: &str, start: f64) -> Option<(f64, f64)> {
 }
 
 /// The band albedo of a material that has one spectrum, through the air at the pass's middle zenith angle; `None` for one with several.
-fn unit_albedo(side: &Side, material: &str, channel: usize) -> anyhow::Result<Option<f64>> {
+fn unit_albedo(
+    side: &CurveSide,
+    material: &str,
+    channel: usize,
+) -> Result<Option<f64>, PassFitError> {
     let pass = side.study.pass();
     let Some(own) = pass.target.materials.iter().find(|m| m.name == material) else {
         return Ok(None);
@@ -413,7 +413,7 @@ fn unit_albedo(side: &Side, material: &str, channel: usize) -> anyhow::Result<Op
 }
 
 /// The air at the middle of a pass's zenith angles.
-pub fn transmission(study: &Study) -> anyhow::Result<Option<Spectrum<Transmission>>> {
+pub(super) fn transmission(study: &Study) -> Result<Option<Spectrum<Transmission>>, PassFitError> {
     let mut zeniths: Vec<f64> =
         study.places().iter().filter_map(|p| p.apparent_zenith_deg).collect();
     zeniths.sort_by(f64::total_cmp);

@@ -1,14 +1,14 @@
 //! What a fit found, put back into scenes: spectra through albedos, light between the parts, the scene as text.
 
-use super::answer::{Bounces, Spectrum};
-use super::inputs::{Job, pass_of, place};
+use super::answer::{Bounces, MaterialSpectrum};
 use super::parameters::{self, Parameters};
-use super::progress::Shown;
-use super::scene::Scene;
-use super::{FitArgs, THINNED, V};
+use super::{PassFitError, THINNED};
+use crate::measured::{CurveOfScene, V, pass_of, place};
+use crate::scene::Scene;
+use crate::solver::spectrum::{Band, upsample};
+use crate::solver::{Fit, StudyModel, band_weights};
 use ndarray::Array2;
-use sunglint_inference::solver::spectrum::{Band, upsample};
-use sunglint_inference::solver::{Fit, StudyModel, band_weights};
+use sunglint_numerics::progress::Progress;
 use sunglint_simulator::light::Source;
 use sunglint_simulator::light::engine::Switch;
 use sunglint_simulator::pass::{Study, Thinned};
@@ -62,10 +62,9 @@ impl Held {
 
 /// What light between the parts is computed of.
 pub(super) struct Bouncing<'a> {
-    pub jobs: &'a [Job],
+    pub curves: &'a [CurveOfScene],
     /// Of which curves.
     pub of: &'a [bool],
-    pub args: &'a FitArgs,
     pub parameters: &'a Parameters,
     pub channels: &'a [String],
 }
@@ -78,17 +77,17 @@ impl Bouncing<'_> {
         &self,
         model: &mut StudyModel,
         fit: Fit,
-        shown: &mut Shown,
-        refit: &mut dyn FnMut(&mut StudyModel, &Fit, &mut Shown) -> anyhow::Result<Fit>,
-    ) -> anyhow::Result<(Fit, Option<Bounces>)> {
+        progress: &dyn Progress,
+        refit: &mut dyn FnMut(&mut StudyModel, &Fit) -> Result<Fit, PassFitError>,
+    ) -> Result<(Fit, Option<Bounces>), PassFitError> {
         let mut fit = fit;
         let mut found: Option<Bounces> = None;
-        let mut held: Vec<Held> = self.jobs.iter().map(|_| Held::default()).collect();
-        let mut studies: Vec<Option<(Study, Thinned)>> = self.jobs.iter().map(|_| None).collect();
+        let mut held: Vec<Held> = self.curves.iter().map(|_| Held::default()).collect();
+        let mut studies: Vec<Option<(Study, Thinned)>> = self.curves.iter().map(|_| None).collect();
         for round in 1..=MOST_ROUNDS {
             let mut share = 0.0_f64;
-            for k in (0..self.jobs.len()).filter(|k| self.of[*k]) {
-                shown.say(&format!("light between the parts, round {round}"));
+            for k in (0..self.curves.len()).filter(|k| self.of[*k]) {
+                progress.status(&format!("light between the parts, round {round}"));
                 let bounced = self.computed(k, model, &fit, &mut studies[k])?;
                 let Some((bounced, most)) = bounced else { continue };
                 share = share.max(most);
@@ -97,7 +96,7 @@ impl Bouncing<'_> {
             if share == 0.0 {
                 return Ok((fit, None));
             }
-            let next = refit(model, &fit, shown)?;
+            let next = refit(model, &fit)?;
             let moves = next.parameters.iter().zip(&fit.parameters).filter_map(|(new, old)| {
                 new.sigma.filter(|s| *s > 0.0).map(|s| (new.value - old.value).abs() / s)
             });
@@ -124,22 +123,23 @@ impl Bouncing<'_> {
         model: &StudyModel,
         fit: &Fit,
         kept: &mut Option<(Study, Thinned)>,
-    ) -> anyhow::Result<Option<(Array2<f64>, f64)>> {
-        let (job, parameters, channels) = (&self.jobs[k], self.parameters, self.channels);
+    ) -> Result<Option<(Array2<f64>, f64)>, PassFitError> {
+        let (curve, parameters, channels) = (&self.curves[k], self.parameters, self.channels);
         let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
         let mut idle = Vec::new();
-        let mut scene = job.scene.clone();
+        let mut scene = curve.scene.clone();
         for (key, value) in parameters.keys(k, &values) {
             scene.set(key, value);
         }
         let Some(study) = model.study(k) else { return Ok(None) };
-        let magnitudes = job.measured.magnitudes;
+        let magnitudes = curve.measured.magnitudes;
         for spectrum in spectra_of(parameters, fit, channels, study, magnitudes, &mut idle)? {
             let found = &spectrum.found;
             scene.set_reflectance(&spectrum.material, &found.wavelength_nm, &found.reflectance);
         }
-        let job = Job { measured: job.measured.clone(), scene };
-        let mut pass = pass_of(&job, &self.args.station, &mut idle)?;
+        let n = curve.measured.times.len();
+        let curve = CurveOfScene { scene, ..curve.clone() };
+        let mut pass = pass_of(&curve, &mut idle)?;
         pass.effects.inter_reflection = Switch::Auto;
         // Where light is looked at is found once: from round to round little changes.
         if let Some((bouncing, _)) = kept {
@@ -154,7 +154,6 @@ impl Bouncing<'_> {
         let rates = bouncing.term_rates()?;
         let station = &study.pass().station;
         let places: Vec<Option<usize>> = channels.iter().map(|c| place(station, c)).collect();
-        let n = job.measured.times.len();
         let (mut held, mut most) = (Array2::<f64>::zeros((n, channels.len())), 0.0_f64);
         for i in 0..n {
             for (c, own) in places.iter().enumerate() {
@@ -188,7 +187,7 @@ pub(super) fn spectra_of(
     study: &Study,
     magnitudes: bool,
     warnings: &mut Vec<String>,
-) -> anyhow::Result<Vec<Spectrum>> {
+) -> Result<Vec<MaterialSpectrum>, PassFitError> {
     let (first, last, step) = KNOTS_NM;
     let knots: Vec<f64> = (first..=last).step_by(step as usize).map(f64::from).collect();
     let air = parameters::transmission(study)?;
@@ -242,10 +241,10 @@ pub(super) fn spectra_of(
                 ));
                 continue;
             }
-            found.push(Spectrum::scaled(material, &knots, &reflectance));
+            found.push(MaterialSpectrum::scaled(material, &knots, &reflectance));
         } else if !bands.is_empty() {
             match upsample(&knots, &bands) {
-                Ok(spectrum) => found.push(Spectrum { material: material.into(), found: spectrum, upsampled: true }),
+                Ok(spectrum) => found.push(MaterialSpectrum { material: material.into(), found: spectrum, upsampled: true }),
                 Err(error) => warnings.push(format!(
                     "{material}: no spectrum: {error}; the scene with what was found keeps the file's"
                 )),
@@ -260,9 +259,9 @@ pub(super) fn fitted_scene(
     scene: &Scene,
     parameters: &Parameters,
     fit: &Fit,
-    spectra: &[Spectrum],
+    spectra: &[MaterialSpectrum],
     warnings: &mut Vec<String>,
-) -> anyhow::Result<Option<String>> {
+) -> Result<Option<String>, PassFitError> {
     let mut scene = scene.clone();
     let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
     for (key, value) in parameters.keys(0, &values) {
@@ -286,7 +285,7 @@ pub(super) fn fitted_scene(
     }
     scene.remark("Fitted by sunglint fit.");
     // It must be one that can be read.
-    scene.target().map_err(|e| anyhow::anyhow!("the scene with what was found is none: {e}"))?;
+    scene.target().map_err(|why| PassFitError::FittedScene { why })?;
     Ok(Some(scene.text()?))
 }
 

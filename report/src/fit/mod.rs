@@ -1,18 +1,22 @@
-//! What `sunglint fit` says: text, tables, figures.
+//! A fit of measured passes: summary, tables, JSON, figures, page.
 
-use super::answer::{Answer, AnsweredCurve, Spectrum};
-use super::page;
+mod page;
+
+use crate::Product;
+use crate::plot::{Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm};
 use serde_json::json;
 use std::fmt::Write as _;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
+use sunglint_inference::fit::{CurveFit, MaterialSpectrum, PassFit};
 use sunglint_inference::solver::{Estimate, IntervalMethod, Side, Summary};
-use sunglint_report::Product;
-use sunglint_report::plot::{Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm};
 use sunglint_simulator::pass::{Averaged, Thinned};
 
-/// Tables, figures, JSON.
-pub fn product(answer: &Answer) -> anyhow::Result<Product> {
+/// Tables, figures, page, JSON.
+///
+/// # Errors
+/// A result that JSON cannot hold.
+pub fn product(answer: &PassFit) -> serde_json::Result<Product> {
     let mut others = Vec::new();
     for (k, curve) in answer.curves.iter().enumerate().skip(1) {
         others.push(Product {
@@ -43,8 +47,8 @@ pub fn product(answer: &Answer) -> anyhow::Result<Product> {
     })
 }
 
-/// The summary.
-pub fn text(answer: &Answer) -> String {
+/// The summary as text.
+pub fn text(answer: &PassFit) -> String {
     let fit = &answer.fit;
     let mut text = format!(
         "{}, {} curve{}, {} samples, {} parameters; chi-square {:.1} for {} degrees of freedom (reduced {:.3}), {} loss\n",
@@ -163,7 +167,7 @@ fn row(p: &Estimate, width: usize) -> String {
 }
 
 /// How many samples are means over their exposures, in words.
-pub(super) fn of_averaged(a: &Averaged) -> String {
+fn of_averaged(a: &Averaged) -> String {
     let err = format!("by up to {:.1e} of the light", a.error);
     let beyond = match a.beyond {
         0 => String::new(),
@@ -190,7 +194,7 @@ pub(super) fn of_averaged(a: &Averaged) -> String {
 }
 
 /// At how many epochs light was computed, in words.
-pub(super) fn of_thinned(t: &Thinned) -> String {
+fn of_thinned(t: &Thinned) -> String {
     let indirect = match t.indirect {
         0 => String::new(),
         n => format!(", all other light at {n}"),
@@ -202,7 +206,7 @@ pub(super) fn of_thinned(t: &Thinned) -> String {
 }
 
 /// A number in six digits.
-pub(super) fn number(value: f64) -> String {
+fn number(value: f64) -> String {
     if value != 0.0 && !(1e-4..1e6).contains(&value.abs()) {
         return format!("{value:.4e}");
     }
@@ -223,7 +227,7 @@ fn summary(text: &mut String, g: &Summary) {
 }
 
 /// Measured, model and residual of every sample.
-fn table(answer: &Answer, curve: &AnsweredCurve) -> Table {
+fn table(answer: &PassFit, curve: &CurveFit) -> Table {
     let mut table = Table::default();
     let unit = if curve.magnitudes { None } else { Some("Hz") };
     let (suffix, what) = if curve.magnitudes {
@@ -291,7 +295,7 @@ fn table(answer: &Answer, curve: &AnsweredCurve) -> Table {
 }
 
 /// Measured and fitted against time, and what is left.
-fn figure(answer: &Answer, curve: &AnsweredCurve) -> Figure {
+fn figure(answer: &PassFit, curve: &CurveFit) -> Figure {
     let first = curve.times[0];
     let seconds: Vec<f64> = curve.times.iter().map(|t| (*t - first).to_seconds()).collect();
     // Tracks of magnitudes may lie months apart: each has panels of its own.
@@ -309,11 +313,7 @@ fn figure(answer: &Answer, curve: &AnsweredCurve) -> Figure {
     Figure { title, panels }
 }
 
-fn track_panels(
-    answer: &Answer,
-    curve: &AnsweredCurve,
-    part: std::ops::Range<usize>,
-) -> Vec<Panel> {
+fn track_panels(answer: &PassFit, curve: &CurveFit, part: std::ops::Range<usize>) -> Vec<Panel> {
     let first = curve.times[part.start];
     let at: Vec<f64> = curve.times.iter().map(|t| (*t - first).to_seconds()).collect();
     let mut order: Vec<usize> = part.collect();
@@ -362,14 +362,14 @@ fn pale(colour: RGBColor) -> RGBColor {
 }
 
 /// The wavelengths between which bands say something.
-fn constrained(spectrum: &Spectrum) -> (f64, f64) {
+fn constrained(spectrum: &MaterialSpectrum) -> (f64, f64) {
     let found = &spectrum.found;
     let inside = || found.wavelength_nm.iter().zip(&found.constrained).filter(|(_, c)| **c);
     let first = inside().next().map_or(f64::NAN, |(nm, _)| *nm);
     (first, inside().next_back().map_or(f64::NAN, |(nm, _)| *nm))
 }
 
-fn spectrum_table(spectrum: &Spectrum) -> Table {
+fn spectrum_table(spectrum: &MaterialSpectrum) -> Table {
     let found = &spectrum.found;
     let mut table = Table::default();
     let flags = found.constrained.iter().map(|c| f64::from(u8::from(*c))).collect();
@@ -388,7 +388,7 @@ fn spectrum_table(spectrum: &Spectrum) -> Table {
     table
 }
 
-fn spectrum_figure(spectrum: &Spectrum) -> Figure {
+fn spectrum_figure(spectrum: &MaterialSpectrum) -> Figure {
     let found = &spectrum.found;
     let all = |k: f64| -> Vec<(f64, f64)> {
         (0..found.wavelength_nm.len())
@@ -420,6 +420,6 @@ fn spectrum_figure(spectrum: &Spectrum) -> Figure {
 }
 
 /// Where a band's albedo is drawn: the mean wavelength of its weights.
-fn answer_nm(spectrum: &Spectrum, band: usize) -> f64 {
+fn answer_nm(spectrum: &MaterialSpectrum, band: usize) -> f64 {
     spectrum.found.band_nm.get(band).copied().unwrap_or(f64::NAN)
 }

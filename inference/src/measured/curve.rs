@@ -1,19 +1,18 @@
-//! Measured curves: calibrated rates of this program's schema, or published magnitudes.
+//! A measured curve: calibrated rates of this program's schema, or published magnitudes.
 
-use crate::curve_file::Magnitudes;
-use anyhow::bail;
+use super::MeasuredError;
+use crate::solver::CalibrationError;
 use hifitime::Epoch;
 use ndarray::Array2;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use sunglint_inference::solver::CalibrationError;
 use sunglint_radiometry::light_curve::TOLERATED;
-use sunglint_radiometry::light_curve::published::{Brightness, CurveFile};
+use sunglint_radiometry::light_curve::published::{Brightness, CurveFile, MagnitudeOptions};
 use sunglint_radiometry::light_curve::{Flags, LightCurve, RateKind};
 
 /// A measured curve, ready to be fitted.
 #[derive(Debug, Clone)]
-pub struct Measured {
+pub struct MeasuredCurve {
     /// Its file.
     pub path: PathBuf,
     /// Times of its samples.
@@ -40,11 +39,14 @@ pub struct Measured {
     pub warnings: Vec<String>,
 }
 
-impl Measured {
-    /// Reads a curve.
-    pub fn read(path: &Path, options: &Magnitudes) -> anyhow::Result<Self> {
+impl MeasuredCurve {
+    /// Reads a curve: rates of the schema, or magnitudes, read as `options` say.
+    ///
+    /// # Errors
+    /// A file that is neither; rates that are not calibrated; no sample.
+    pub fn read(path: &Path, options: &MagnitudeOptions) -> Result<Self, MeasuredError> {
         let text = sunglint_formats::read::text(path)?;
-        match options.read(path, &text)? {
+        match CurveFile::read(path, &text, options)? {
             CurveFile::Rates(table) => Self::of_curve(path, &LightCurve::from_table(path, &table)?),
             CurveFile::Magnitudes(brightness) => Ok(Self::of_magnitudes(path, &brightness)),
         }
@@ -71,7 +73,7 @@ impl Measured {
         }
     }
 
-    fn of_curve(path: &Path, curve: &LightCurve) -> anyhow::Result<Self> {
+    fn of_curve(path: &Path, curve: &LightCurve) -> Result<Self, MeasuredError> {
         let mut warnings = Vec::new();
         match curve.kind {
             RateKind::Calibrated => {}
@@ -79,14 +81,12 @@ impl Measured {
                 "{} is a prediction, not a measurement: what is found is what another simulation had",
                 path.display()
             )),
-            kind => bail!(
-                "{}: its rates are {kind}, and only calibrated ones are compared with a simulation: `sunglint apply CALIBRATION {}` makes them so",
-                path.display(),
-                path.display()
-            ),
+            kind => {
+                return Err(MeasuredError::NotCalibrated { path: path.to_path_buf(), kind });
+            }
         }
         if curve.is_empty() {
-            bail!("{}: it has no sample", path.display());
+            return Err(MeasuredError::NoSample { path: path.to_path_buf() });
         }
         let shape = (curve.len(), curve.channels.len());
         let at = |pick: &dyn Fn(&sunglint_radiometry::light_curve::ChannelCurve, usize) -> f64| {

@@ -1,7 +1,6 @@
 //! What was measured: a calibrated light curve, or a table of magnitudes.
 
-use crate::compare::Kappa;
-use anyhow::{Context as _, bail};
+use super::{CompareError, Kappa, MissingColumn};
 use hifitime::Epoch;
 use ndarray::Array2;
 use std::path::{Path, PathBuf};
@@ -30,7 +29,7 @@ fn simulated(kind: MagnitudeKind, simulation: &Simulation<'_>) -> Vec<f64> {
 
 /// How a table of magnitudes is to be read.
 #[derive(Debug, Clone)]
-pub struct Columns {
+pub struct MagnitudeColumns {
     /// The column of magnitudes.
     pub magnitude: String,
     /// That of their standard uncertainties.
@@ -63,7 +62,7 @@ pub struct MeasuredChannel {
 
 /// What was measured.
 #[derive(Debug, Clone)]
-pub struct Measured {
+pub struct MeasuredPass {
     /// The file.
     pub path: PathBuf,
     /// The same with its check sum.
@@ -88,12 +87,12 @@ pub struct Measured {
     pub notes: Vec<String>,
 }
 
-impl Measured {
+impl MeasuredPass {
     /// Reads a measurement: a light curve of the schema (ECSV with `quantity`), or a table (ECSV, CSV) with times and magnitudes.
     ///
     /// # Errors
     /// A file that is neither, rates that are not calibrated, times out of order.
-    pub fn read(path: &Path, columns: &Columns) -> anyhow::Result<Self> {
+    pub fn read(path: &Path, columns: &MagnitudeColumns) -> Result<Self, CompareError> {
         let bytes = sunglint_formats::read::bytes(path)?;
         let input =
             Input { file: path.display().to_string(), sha256: sunglint_formats::sha256(&bytes) };
@@ -103,21 +102,16 @@ impl Measured {
         } else {
             Self::magnitudes(path, input, &table, columns)?
         };
-        sunglint_calibration::comparison::in_order(&measured.times)
-            .with_context(|| path.display().to_string())?;
+        sunglint_calibration::comparison::in_order(&measured.times).map_err(|source| {
+            CompareError::Order { path: path.to_path_buf(), source: Box::new(source) }
+        })?;
         Ok(measured)
     }
 
-    fn rates(path: &Path, input: Input, table: &Table) -> anyhow::Result<Self> {
+    fn rates(path: &Path, input: Input, table: &Table) -> Result<Self, CompareError> {
         let curve = LightCurve::from_table(path, table)?;
         if curve.kind != RateKind::Calibrated {
-            let hint = match curve.kind {
-                RateKind::Raw | RateKind::Linear => {
-                    "a rate is compared when the night's coefficient is in it: `sunglint calibrate` finds it from stars, `sunglint apply` multiplies"
-                }
-                _ => "a simulation is no measurement",
-            };
-            bail!("{}: its rates are {}, expected calibrated ({hint})", path.display(), curve.kind);
+            return Err(CompareError::NotCalibrated { path: path.to_path_buf(), kind: curve.kind });
         }
         let kappa = curve.other.get("kappa").and_then(Kappa::of);
         let named = || curve.other.get("target")?.get("name")?.as_str().map(str::to_owned);
@@ -150,34 +144,39 @@ impl Measured {
         path: &Path,
         input: Input,
         table: &Table,
-        columns: &Columns,
-    ) -> anyhow::Result<Self> {
+        columns: &MagnitudeColumns,
+    ) -> Result<Self, CompareError> {
         let names = || table.columns.iter().map(|c| c.name.as_str());
-        let missing = |name: &str, what: &str, option: &str| {
+        let missing = |name: &str, what: &str, column: MissingColumn| {
             let found = format!("the columns {}", names().collect::<Vec<_>>().join(", "));
             let error = ParseError::new(path, found, format!("a column `{name}` of {what}"));
-            let near = nearest_names(name, names(), 1).first().map(|n| format!("is it `{n}`?"));
-            error.in_field(name).with_hint(near.unwrap_or_else(|| option.into()))
+            let error = error.in_field(name);
+            match nearest_names(name, names(), 1).first() {
+                Some(near) => CompareError::Parse(error.with_hint(format!("is it `{near}`?"))),
+                None => CompareError::NoColumn { column, error: Box::new(error) },
+            }
         };
         let Ok(Values::Text(texts)) = table.column("time_utc").map(|c| &c.values) else {
-            let hint = "a light curve of `sunglint apply` has them";
-            return Err(missing("time_utc", "times, ISO 8601", hint).into());
+            return Err(missing("time_utc", "times, ISO 8601", MissingColumn::Times));
         };
         let read = |(i, text): (usize, &Option<String>)| {
             parse_utc(text.as_deref().unwrap_or(""))
                 .map_err(|error| error.in_file(path).in_field(format!("time_utc, row {}", i + 1)))
         };
         let times = texts.iter().enumerate().map(read).collect::<Result<Vec<_>, _>>()?;
-        let column = |name: &str, option: &str| {
+        let column = |name: &str, which: MissingColumn| {
             let numbers = table.f64(name);
-            numbers.map(|v| v.into_owned()).map_err(|_| missing(name, "magnitudes", option))
+            numbers.map(|v| v.into_owned()).map_err(|_| missing(name, "magnitudes", which))
         };
-        let magnitude = column(&columns.magnitude, "--column NAME")?;
+        let magnitude = column(&columns.magnitude, MissingColumn::Magnitudes)?;
         if !magnitude.iter().any(|m| m.is_finite()) {
-            bail!("{}: the column {} has no number", path.display(), columns.magnitude);
+            return Err(CompareError::NoNumber {
+                path: path.to_path_buf(),
+                column: columns.magnitude.clone(),
+            });
         }
         let sigma_mag = match &columns.sigma {
-            Some(name) => column(name, "--sigma-column NAME")?,
+            Some(name) => column(name, MissingColumn::Sigma)?,
             None => vec![f64::NAN; times.len()],
         };
         let value: Vec<f64> = magnitude.iter().map(|m| flux(*m)).collect();
@@ -185,7 +184,7 @@ impl Measured {
         let sigma = sigma_mag.iter().zip(&value).map(|(s, f)| to_relative * s * f).collect();
         let exposure_s = table.quantity("exposure_s", "s").ok().map(|v| v.into_owned());
         if let Some(i) = exposure_s.iter().flatten().position(|s| !(s.is_finite() && *s > 0.0)) {
-            bail!("{}: exposure_s, row {}: expected a time above 0 s", path.display(), i + 1);
+            return Err(CompareError::Exposure { path: path.to_path_buf(), row: i + 1 });
         }
         let flags = vec![Flags::empty(); times.len()];
         let name = columns.magnitude.clone();
@@ -208,10 +207,14 @@ impl Measured {
     ///
     /// # Errors
     /// A name that the curve has not, a channel that the station lacks.
-    pub fn keep(&mut self, names: &[String], station: &Station) -> anyhow::Result<()> {
+    pub fn keep(&mut self, names: &[String], station: &Station) -> Result<(), CompareError> {
         let own: Vec<String> = self.channels.iter().map(|c| c.name.clone()).collect();
         if let Some(unknown) = names.iter().find(|name| !own.contains(name)) {
-            bail!("{} has no channel `{unknown}`: it has {}", self.path.display(), own.join(", "));
+            return Err(CompareError::NoChannel {
+                path: self.path.clone(),
+                channel: unknown.clone(),
+                has: own.join(", "),
+            });
         }
         self.channels.retain(|c| names.is_empty() || names.contains(&c.name));
         if self.quantity != Quantity::Rate {
@@ -219,13 +222,12 @@ impl Measured {
         }
         if let Some(lacking) = self.channels.iter().find(|c| station.channel(&c.name).is_none()) {
             let has: Vec<&str> = station.channels.iter().map(|c| c.name.as_str()).collect();
-            bail!(
-                "{}: its channel `{}` is none of the station {} ({}): give the station that measured it, or --channel for those to compare",
-                self.path.display(),
-                lacking.name,
-                station.name,
-                has.join(", ")
-            );
+            return Err(CompareError::NotOfTheStation {
+                path: self.path.clone(),
+                channel: lacking.name.clone(),
+                station: station.name.clone(),
+                has: has.join(", "),
+            });
         }
         Ok(())
     }

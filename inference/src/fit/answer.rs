@@ -1,16 +1,14 @@
 //! What a fit found, with everything that somebody might show of it.
 
-use super::measured::Measured;
+use crate::measured::MeasuredCurve;
+use crate::solver::spectrum::Upsampled;
+use crate::solver::{Data, Fit, FittedCurve, StudyModel, Summary, airmasses, summaries};
 use hifitime::Epoch;
 use ndarray::Array2;
 use serde::Serialize;
 use serde::ser::Serializer;
 use std::path::PathBuf;
 use sunglint_formats::time::format_utc_shortest;
-use sunglint_inference::solver::spectrum::Upsampled;
-use sunglint_inference::solver::{
-    Data, Fit, FittedCurve, StudyModel, Summary, airmasses, summaries,
-};
 use sunglint_radiometry::light_curve::Input;
 use sunglint_simulator::pass::{Averaged, Study, Thinned};
 
@@ -21,7 +19,7 @@ const AIRMASS_EDGES: [f64; 6] = [1.0, 1.25, 1.6, 2.1, 3.0, 40.0];
 
 /// What a fit found.
 #[derive(Debug, Clone, Serialize)]
-pub struct Answer {
+pub struct PassFit {
     /// The name of the first scene's file, without its extension.
     pub name: String,
     /// The first scene's file.
@@ -35,11 +33,11 @@ pub struct Answer {
     /// What the scene said of each parameter before the fit.
     pub in_the_scene: Vec<f64>,
     /// Residuals in groups.
-    pub groups: Groups,
+    pub groups: ResidualGroups,
     /// The curves.
-    pub curves: Vec<AnsweredCurve>,
+    pub curves: Vec<CurveFit>,
     /// Reflectance spectra of materials whose albedos were found.
-    pub spectra: Vec<Spectrum>,
+    pub spectra: Vec<MaterialSpectrum>,
     /// The files that it was made of.
     pub inputs: Vec<Input>,
     /// Young's coefficient of the scintillation.
@@ -72,7 +70,7 @@ pub struct Bounces {
 
 /// Residuals in groups.
 #[derive(Debug, Clone, Serialize)]
-pub struct Groups {
+pub struct ResidualGroups {
     /// By channel.
     pub by_channel: Vec<Summary>,
     /// By phase angle.
@@ -83,7 +81,7 @@ pub struct Groups {
 
 /// A measured curve beside the fitted one. Arrays are epochs × channels of the fit.
 #[derive(Debug, Clone, Serialize)]
-pub struct AnsweredCurve {
+pub struct CurveFit {
     /// The file's name.
     pub name: String,
     /// The file.
@@ -99,7 +97,7 @@ pub struct AnsweredCurve {
     /// At how many epochs light was computed, and what the lines between them err by; `None` where at all.
     pub thinned: Option<Thinned>,
     /// Tracks of magnitudes: their white noise beside what is left.
-    pub tracks: Vec<Track>,
+    pub tracks: Vec<MagnitudeTrack>,
     /// Times of the samples.
     #[serde(skip)]
     pub times: Vec<Epoch>,
@@ -143,7 +141,7 @@ pub struct LeftOut {
 
 /// A track of magnitudes.
 #[derive(Debug, Clone, Serialize)]
-pub struct Track {
+pub struct MagnitudeTrack {
     /// Its first moment.
     #[serde(serialize_with = "utc")]
     pub from_utc: Epoch,
@@ -163,7 +161,7 @@ fn utc<S: Serializer>(epoch: &Epoch, serializer: S) -> Result<S::Ok, S::Error> {
 
 /// The reflectance spectrum of a material.
 #[derive(Debug, Clone, Serialize)]
-pub struct Spectrum {
+pub struct MaterialSpectrum {
     /// The material.
     pub material: String,
     /// Whether it was made of band albedos: one of many that have them. Else it is the file's, scaled.
@@ -172,7 +170,7 @@ pub struct Spectrum {
     pub found: Upsampled,
 }
 
-impl Spectrum {
+impl MaterialSpectrum {
     /// A spectrum of the file's form.
     pub(super) fn scaled(material: &str, nm: &[f64], reflectance: &[f64]) -> Self {
         let n = nm.len();
@@ -189,7 +187,7 @@ impl Spectrum {
     }
 }
 
-impl Answer {
+impl PassFit {
     /// The first and the last sample's moment.
     pub fn ends(&self) -> (Epoch, Epoch) {
         let mut all = self.curves.iter().flat_map(|c| &c.times).copied();
@@ -198,9 +196,9 @@ impl Answer {
     }
 }
 
-impl AnsweredCurve {
+impl CurveFit {
     pub(super) fn new(
-        measured: &Measured,
+        measured: &MeasuredCurve,
         study: &Study,
         data: &Data,
         model: &FittedCurve,
@@ -218,7 +216,7 @@ impl AnsweredCurve {
                 .filter(|d| d.is_finite())
                 .collect();
             let n = left.len() as f64;
-            Track {
+            MagnitudeTrack {
                 from_utc: *from,
                 samples: left.len(),
                 white_noise_mag: *noise,
@@ -250,7 +248,12 @@ impl AnsweredCurve {
 }
 
 /// Residuals by channel, phase angle and airmass.
-pub(super) fn groups(data: &[Data], fit: &Fit, model: &StudyModel, channels: &[String]) -> Groups {
+pub(super) fn groups(
+    data: &[Data],
+    fit: &Fit,
+    model: &StudyModel,
+    channels: &[String],
+) -> ResidualGroups {
     let of = |edges: &[f64], value: f64| {
         let k = edges.partition_point(|e| *e <= value);
         (k > 0 && k < edges.len()).then(|| k - 1)
@@ -266,7 +269,7 @@ pub(super) fn groups(data: &[Data], fit: &Fit, model: &StudyModel, channels: &[S
         .collect();
     let air: Vec<Vec<f64>> =
         (0..data.len()).map(|k| model.study(k).map(airmasses).unwrap_or_default()).collect();
-    Groups {
+    ResidualGroups {
         by_channel: summaries(data, fit, channels, &|_, _, c| Some(c)),
         by_phase: summaries(data, fit, &names(&PHASE_EDGES, "°"), &|p, i, _| {
             of(&PHASE_EDGES, *phases.get(p)?.get(i)?)

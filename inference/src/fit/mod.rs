@@ -1,0 +1,336 @@
+//! What a simulation must be like for it to look as what was measured.
+//!
+//! - [`FitOptions`]: what is free ([`FreeParameter`]) and how it is searched for, as `[fit]` of a scene says, or a caller;
+//! - [`fit`]: the search, light that is computed at few epochs and few moments of each exposure where that does not matter, light between the parts that is
+//!   settled round by round;
+//! - [`PassFit`]: what was found, beside what was measured, and the scene with it.
+//!
+//! Curves come from [`crate::measured`], the mathematics is [`crate::solver`].
+//!
+//! ```no_run
+//! use std::path::Path;
+//! use sunglint_inference::fit::{FitOptions, fit};
+//! use sunglint_inference::measured::joined;
+//! use sunglint_numerics::progress::Silent;
+//! use sunglint_radiometry::light_curve::published::MagnitudeOptions;
+//!
+//! let curves = joined(&["calibrated.ecsv", "pass.toml"], &MagnitudeOptions::default())?;
+//! let mut options = FitOptions::of_scene(Path::new("pass.toml"))?;
+//! options.free.push("attitude.phase_deg=30..50".parse()?);
+//! let found = fit(&curves, &options, &Silent)?;
+//! for p in &found.fit.parameters {
+//!     println!("{} {} ± {:?}", p.name, p.value, p.sigma);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod answer;
+mod error;
+mod found;
+mod options;
+mod parameters;
+
+pub use answer::{
+    Bounces, CurveFit, LeftOut, MagnitudeTrack, MaterialSpectrum, PassFit, ResidualGroups,
+};
+pub use error::PassFitError;
+pub use options::FitOptions;
+pub use parameters::FreeParameter;
+
+use crate::measured::{CurveOfScene, V, channels, pass_of, place, prepared};
+use crate::solver::{self, Data, Fit, Free, Options, ParameterKind, StudyModel, Unit};
+use found::{Bouncing, fitted_scene, spectra_of};
+use parameters::{CurveSide, Parameters};
+use std::time::Instant;
+use sunglint_numerics::progress::{Cancelled, Progress};
+use sunglint_radiometry::light_curve::Input;
+use sunglint_simulator::light::engine::Switch;
+use sunglint_simulator::pass::{Averaged, Study, Thinned};
+use sunglint_simulator::target::Shape;
+
+/// Of the scene's tolerance, the part that light may err by that is computed at some epochs and is linear in time between them.
+const THINNED: f64 = 0.3;
+/// Of the best sample's uncertainty, the part that the light of an exposure's middle may be off from the mean.
+const AVERAGED_SIGMAS: f64 = 0.1;
+/// How often such epochs, and moments within exposures, are added where a fit ended.
+const REFINED: usize = 3;
+
+/// The studies of all curves, and of which light between the parts is to be settled.
+fn studies_of(
+    curves: &[CurveOfScene],
+    warnings: &mut Vec<String>,
+) -> Result<(Vec<Study>, Vec<bool>), PassFitError> {
+    let (mut studies, mut bouncing) = (Vec::new(), Vec::new());
+    for curve in curves {
+        warnings.extend(curve.measured.warnings.iter().cloned());
+        let mut pass = pass_of(curve, warnings)?;
+        // Light between parts costs too much for a search; of a lone sphere there is none.
+        let lone = matches!(&pass.target.parts[..], [p] if matches!(p.shape, Shape::Sphere { .. }));
+        let auto = pass.effects.inter_reflection == Switch::Auto;
+        bouncing.push(auto && !lone);
+        if auto {
+            pass.effects.inter_reflection = Switch::Off;
+        }
+        let study = Study::new(pass).map_err(|source| PassFitError::Study {
+            path: curve.measured.path.clone(),
+            ends: curve.measured.ends(),
+            source: Box::new(source),
+        })?;
+        studies.push(study);
+    }
+    Ok((studies, bouncing))
+}
+
+/// The search and what follows it: a fit again from where one ended.
+struct Search<'a> {
+    data: &'a [Data],
+    parameters: &'a Parameters,
+    options: Options,
+    /// By how much the middles of exposures may differ from the means, by curve.
+    middles: Vec<f64>,
+    progress: &'a dyn Progress,
+}
+
+impl Search<'_> {
+    fn run(
+        &self,
+        model: &mut StudyModel,
+        free: &[Free],
+        options: &Options,
+    ) -> Result<Fit, PassFitError> {
+        if self.progress.is_cancelled() {
+            return Err(Cancelled.into());
+        }
+        let linear = &self.parameters.linear;
+        let mut tell = |at: solver::Progress| {
+            let solver::Progress { stage, evaluations, chi2 } = at;
+            self.progress
+                .status(&format!("{stage}: {evaluations} simulations, chi-square {chi2:.4e}"));
+        };
+        Ok(solver::fit(self.data, model, free, linear, options, &mut tell)?)
+    }
+
+    /// Fits again, from what a fit found.
+    fn again(&self, model: &mut StudyModel, fit: &Fit) -> Result<Fit, PassFitError> {
+        let again: Vec<Free> = (self.parameters.free.iter().zip(&fit.parameters))
+            .map(|(f, p)| Free { start: p.value.clamp(f.low, f.high), ..f.clone() })
+            .collect();
+        let near = Options { places: 0, starts: 0, ..self.options.clone() };
+        let mut next = self.run(model, &again, &near)?;
+        next.evaluations += fit.evaluations;
+        // Other minima are those of the search.
+        next.minima.extend(fit.minima.iter().skip(1).cloned());
+        Ok(next)
+    }
+
+    /// Searches, with light at as few epochs and moments as do where the search ends, too.
+    fn fit(
+        &self,
+        model: &mut StudyModel,
+    ) -> Result<(Fit, Vec<Averaged>, Vec<Thinned>), PassFitError> {
+        let free = &self.parameters.free;
+        let moments = |all: &[Averaged]| all.iter().map(|a| a.moments).sum::<usize>();
+        let count = |all: &[Thinned]| all.iter().map(|t| t.direct + t.indirect).sum::<usize>();
+        let begin: Vec<f64> = free.iter().map(|f| f.start).collect();
+        let mut averaged = model.average(&begin, &self.middles)?;
+        let mut nodes = model.thin(&begin, THINNED)?;
+        let mut fit = self.run(model, free, &self.options)?;
+        for _ in 0..REFINED {
+            // What was smooth where the search began may not be so where it ended. What is linear moves no light.
+            if free.is_empty() {
+                break;
+            }
+            let before = moments(&averaged);
+            averaged = model.average(&searched(&fit), &self.middles)?;
+            let grew = moments(&averaged) > before;
+            if !grew && wrong_between(model, &fit)? <= 1.0 {
+                break;
+            }
+            let finer = model.thin(&searched(&fit), THINNED)?;
+            if !grew && count(&finer) == count(&nodes) {
+                break;
+            }
+            nodes = finer;
+            fit = self.again(model, &fit)?;
+        }
+        Ok((fit, averaged, nodes))
+    }
+}
+
+/// Fits what is free in scenes, so that their simulation looks as the curves that were measured. Results depend on `options.seed`, not on the number of
+/// threads. A search that ends before it is at a minimum is no error: [`Fit::converged`] is false, and what was reached is there.
+///
+/// # Errors
+/// Curves and scenes that do not go together; parameters that are none; no sample that is left; a start at which there is no model.
+pub fn fit(
+    curves: &[CurveOfScene],
+    options: &FitOptions,
+    progress: &dyn Progress,
+) -> Result<PassFit, PassFitError> {
+    let start = Instant::now();
+    options.check()?;
+    let first = curves.first().ok_or(PassFitError::NoCurve)?;
+    let mut warnings = Vec::new();
+    let (studies, bouncing) = studies_of(curves, &mut warnings)?;
+    let channels = channels(curves, &studies, &options.channels)?;
+    let (mut data, mut left_out) = (Vec::new(), Vec::new());
+    for (curve, study) in curves.iter().zip(&studies) {
+        let (own, lost) = prepared(&curve.measured, study, &channels, options.scintillation)?;
+        left_out.push(lost);
+        data.push(own);
+    }
+    let parameters = parameters_of(curves, &studies, &data, &channels, options)?;
+    let with = curves
+        .iter()
+        .zip(studies)
+        .map(|(curve, study)| {
+            let unit = unit(curve, &study, &channels);
+            (curve.scene.clone(), study, unit)
+        })
+        .collect();
+    let mut model = parameters.model(with);
+
+    let tolerance = |k: usize| model.study(k).map_or(0.0, |s| s.pass().tolerance);
+    let middles =
+        data.iter().enumerate().map(|(k, data)| middle_may_err(data, tolerance(k))).collect();
+    let search = Search {
+        data: &data,
+        parameters: &parameters,
+        options: options.solver(),
+        middles,
+        progress,
+    };
+    let (mut fit, averaged, nodes) = search.fit(&mut model)?;
+    let bouncing = Bouncing { curves, of: &bouncing, parameters: &parameters, channels: &channels };
+    let mut bounces = None;
+    if bouncing.of.iter().any(|b| *b) {
+        let mut refit = |model: &mut StudyModel, fit: &Fit| search.again(model, fit);
+        (fit, bounces) = bouncing.settle(&mut model, fit, progress, &mut refit)?;
+    }
+    // What is linear moves no light.
+    let thinned: Vec<Option<Thinned>> = match parameters.free.is_empty() {
+        true => nodes.iter().map(|t| Some(*t)).collect(),
+        false => model.thinned(&searched(&fit))?,
+    };
+    if let Some(bounces) = bounces.as_ref().filter(|b| !b.settled) {
+        warnings.push(format!(
+            "light between the parts, up to {:.1} % of a sample's, had not settled after {} rounds: the last moved a parameter by {:.1} of its standard uncertainty",
+            100.0 * bounces.share, bounces.rounds, bounces.moved_sigmas
+        ));
+    }
+    warnings.extend(fit.warnings.iter().map(ToString::to_string));
+    let spectra = match model.study(0) {
+        Some(study) => {
+            let magnitudes = first.measured.magnitudes;
+            spectra_of(&parameters, &fit, &channels, study, magnitudes, &mut warnings)?
+        }
+        None => Vec::new(),
+    };
+    let scene = fitted_scene(&first.scene, &parameters, &fit, &spectra, &mut warnings)?;
+    let fitted = curves
+        .iter()
+        .enumerate()
+        .filter_map(|(k, curve)| {
+            Some(CurveFit::new(
+                &curve.measured,
+                model.study(k)?,
+                &data[k],
+                &fit.curves[k],
+                left_out[k].clone(),
+                averaged[k],
+                thinned[k],
+            ))
+        })
+        .collect();
+    Ok(PassFit {
+        name: first.scene.name(),
+        scene_file: first.scene.path.clone(),
+        station: model.study(0).map(|s| s.pass().station.name.clone()).unwrap_or_default(),
+        groups: answer::groups(&data, &fit, &model, &channels),
+        channels,
+        curves: fitted,
+        inputs: inputs_of(curves, &model)?,
+        fit,
+        spectra,
+        scene,
+        in_the_scene: parameters.in_the_scene(),
+        scintillation: options.scintillation,
+        bounces,
+        seconds: start.elapsed().as_secs_f64(),
+        warnings,
+    })
+}
+
+fn unit(curve: &CurveOfScene, study: &Study, channels: &[String]) -> Unit {
+    match curve.measured.magnitudes {
+        true => Unit::Band(V),
+        false => Unit::Channels(channels.iter().map(|c| place(&study.pass().station, c)).collect()),
+    }
+}
+
+fn parameters_of(
+    curves: &[CurveOfScene],
+    studies: &[Study],
+    data: &[Data],
+    channels: &[String],
+    options: &FitOptions,
+) -> Result<Parameters, PassFitError> {
+    let sides: Vec<CurveSide<'_>> = curves
+        .iter()
+        .zip(studies)
+        .zip(data)
+        .map(|((curve, study), data)| CurveSide {
+            scene: &curve.scene,
+            study,
+            unit: unit(curve, study, channels),
+            has: data.used.columns().into_iter().map(|c| c.iter().any(|u| *u)).collect(),
+        })
+        .collect();
+    Parameters::new(&options.free, &options.per_pass, channels, &sides)
+}
+
+/// The files that a fit was made of.
+fn inputs_of(curves: &[CurveOfScene], model: &StudyModel) -> Result<Vec<Input>, PassFitError> {
+    let mut all: Vec<Input> = Vec::new();
+    let mut add = |input: Input| {
+        if !all.iter().any(|own| own.sha256 == input.sha256) {
+            all.push(input);
+        }
+    };
+    for (k, curve) in curves.iter().enumerate() {
+        for path in [&curve.measured.path, &curve.scene.path] {
+            let bytes = std::fs::read(path)
+                .map_err(|source| PassFitError::Input { path: path.clone(), source })?;
+            let sha256 = sunglint_formats::sha256(&bytes);
+            add(Input { file: path.display().to_string(), sha256 });
+        }
+        let own = model.study(k).map(|s| s.pass().inputs.clone());
+        own.into_iter().flatten().for_each(&mut add);
+    }
+    Ok(all)
+}
+
+/// By how much, relative, the light of an exposure's middle may differ from the mean of a curve's samples: by what does not matter beside the best sample's
+/// uncertainty, or beside what light itself may err by.
+fn middle_may_err(data: &Data, tolerance: f64) -> f64 {
+    let used = data.used.iter().zip(data.sigma.iter().zip(&data.rate)).filter(|(used, _)| **used);
+    let relative = used.map(|(_, (sigma, rate))| sigma / rate.abs().max(*sigma));
+    let best = relative.filter(|r| r.is_finite()).fold(1.0, f64::min);
+    (AVERAGED_SIGMAS * best).max(THINNED * tolerance)
+}
+
+/// Values of what was searched for.
+fn searched(fit: &Fit) -> Vec<f64> {
+    let own = fit.parameters.iter().filter(|p| p.kind == ParameterKind::Nonlinear);
+    own.map(|p| p.value).collect()
+}
+
+/// What the lines between epochs at which light was computed err by, over what they may.
+fn wrong_between(model: &mut StudyModel, fit: &Fit) -> Result<f64, PassFitError> {
+    let thinned = model.thinned(&searched(fit))?;
+    let own = thinned.iter().enumerate().filter_map(|(k, t)| {
+        let allowed = THINNED * model.study(k)?.pass().tolerance;
+        t.as_ref().map(|t| t.error / allowed)
+    });
+    Ok(own.fold(0.0, f64::max))
+}

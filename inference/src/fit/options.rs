@@ -1,0 +1,113 @@
+//! What is fitted, and how.
+
+use super::{FreeParameter, PassFitError};
+use crate::solver::{Loss, Options};
+use serde::Deserialize;
+use std::path::Path;
+use sunglint_calibration::stars::scintillation::USUAL_COEFFICIENT;
+use sunglint_formats::toml::{Document, NonNegative};
+
+/// What is fitted, and how.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct FitOptions {
+    /// What is free; each name once.
+    pub free: Vec<FreeParameter>,
+    /// Names of free parameters of which each curve has its own.
+    pub per_pass: Vec<String>,
+    /// Only these channels; all where there is none.
+    pub channels: Vec<String>,
+    /// How residuals count.
+    pub loss: Loss,
+    /// Young's coefficient of the scintillation, which the channels share; 0 for none.
+    pub scintillation: f64,
+    /// Places over the box of what is searched for that are looked at first.
+    pub places: usize,
+    /// From how many of them a search starts, the scene's own values besides.
+    pub starts: usize,
+    /// The seed of the places.
+    pub seed: u64,
+    /// Iterations of a descent to the bottom of a minimum, at most; with 0 only places are looked at.
+    pub iterations: usize,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        let Options { loss, places, starts, seed, iterations } = Options::default();
+        Self {
+            free: Vec::new(),
+            per_pass: Vec::new(),
+            channels: Vec::new(),
+            loss,
+            scintillation: USUAL_COEFFICIENT,
+            places,
+            starts,
+            seed,
+            iterations,
+        }
+    }
+}
+
+/// `[fit]` of a scene file.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct FitKeys {
+    free: Vec<String>,
+    per_pass: Vec<String>,
+    channels: Vec<String>,
+    loss: Option<Loss>,
+    scintillation: Option<NonNegative>,
+    places: Option<u32>,
+    starts: Option<u32>,
+}
+
+/// The `[fit]` of a file in which other tables stand too.
+#[derive(Deserialize)]
+struct AnyFile {
+    #[serde(default)]
+    fit: FitKeys,
+}
+
+impl FitOptions {
+    /// What `[fit]` of a scene file says, and the defaults for what it does not.
+    ///
+    /// # Errors
+    /// A file that cannot be read, keys that are none, a parameter that is none.
+    pub fn of_scene(path: &Path) -> Result<Self, PassFitError> {
+        let keys = Document::read(path)?.parse::<AnyFile>()?.fit;
+        let free = keys.free.iter().map(|text| text.parse::<FreeParameter>());
+        let free = free.collect::<Result<_, _>>();
+        let usual = Self::default();
+        Ok(Self {
+            free: free.map_err(|why| PassFitError::FreeSyntax { why })?,
+            per_pass: keys.per_pass,
+            channels: keys.channels,
+            loss: keys.loss.unwrap_or_default(),
+            scintillation: keys.scintillation.map_or(usual.scintillation, NonNegative::get),
+            places: keys.places.map_or(usual.places, |n| n as usize),
+            starts: keys.starts.map_or(usual.starts, |n| n as usize),
+            ..usual
+        })
+    }
+
+    /// Whether each name is free once.
+    pub(super) fn check(&self) -> Result<(), PassFitError> {
+        for (k, want) in self.free.iter().enumerate() {
+            if self.free[..k].iter().any(|w| w.name == want.name) {
+                return Err(PassFitError::FreeTwice { name: want.name.clone() });
+            }
+        }
+        Ok(())
+    }
+
+    /// What the solver takes of them.
+    pub(super) fn solver(&self) -> Options {
+        Options {
+            loss: self.loss,
+            places: self.places,
+            starts: self.starts,
+            seed: self.seed,
+            iterations: self.iterations,
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! Why curves and scenes cannot be brought together.
+
+use crate::scene::SceneError;
+use std::path::PathBuf;
+use sunglint_formats::{FileError, ParseError};
+use sunglint_radiometry::light_curve::RateKind;
+use sunglint_radiometry::light_curve::published::PublishedError;
+
+fn reasons(left_out: &[(String, usize)]) -> String {
+    let all: Vec<String> = left_out.iter().map(|(why, n)| format!("{n} {why}")).collect();
+    all.join(", ")
+}
+
+fn advice(flagged: bool) -> &'static str {
+    if flagged {
+        "every sample is flagged"
+    } else {
+        "do measured and simulated epochs belong to the same pass?"
+    }
+}
+
+/// Why curves and scenes cannot be brought together.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeasuredError {
+    /// A file that cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A file that is no light curve of the schema.
+    #[error(transparent)]
+    Parse(#[from] ParseError),
+    /// A file that is no curve.
+    #[error(transparent)]
+    Published(#[from] PublishedError),
+    /// A scene that is none.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A scene without a curve before it.
+    #[error("no curve stands before the scene {}", scene.display())]
+    NoCurve {
+        /// The scene.
+        scene: PathBuf,
+    },
+    /// A curve without a scene after it.
+    #[error("no scene stands after the curve {}", curve.display())]
+    NoScene {
+        /// The curve.
+        curve: PathBuf,
+    },
+    /// No file at all.
+    #[error("neither a curve nor a scene")]
+    Nothing,
+    /// Curves of both kinds.
+    #[error("rates and magnitudes cannot be fitted together: fit each on its own")]
+    Mixed,
+    /// Rates that are not calibrated.
+    #[error("{}: its rates are {kind}, and only calibrated ones are compared with a simulation", path.display())]
+    NotCalibrated {
+        /// The curve.
+        path: PathBuf,
+        /// What its rates are.
+        kind: RateKind,
+    },
+    /// A curve without samples.
+    #[error("{}: it has no sample", path.display())]
+    NoSample {
+        /// The curve.
+        path: PathBuf,
+    },
+    /// A measured channel that the station lacks.
+    #[error("{}: the station {station} has no channel `{channel}`, it has {known}", path.display())]
+    NotOfTheStation {
+        /// The curve.
+        path: PathBuf,
+        /// The station.
+        station: String,
+        /// The channel.
+        channel: String,
+        /// The channels that the station has.
+        known: String,
+    },
+    /// A channel that was asked for and not measured.
+    #[error("no curve has the channel `{channel}` that was asked for")]
+    NotMeasured {
+        /// The channel.
+        channel: String,
+    },
+    /// No sample that counts.
+    #[error("{}: no sample is left to be fitted ({}): {}", path.display(), reasons(.left_out), advice(*.flagged))]
+    NothingLeft {
+        /// The curve.
+        path: PathBuf,
+        /// Why samples were left out, and how many.
+        left_out: Vec<(String, usize)>,
+        /// Whether the file's own flags left none.
+        flagged: bool,
+    },
+}
