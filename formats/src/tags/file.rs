@@ -12,7 +12,7 @@ use rayon::iter::{
 use std::ops::Range;
 use std::path::Path;
 use std::sync::OnceLock;
-use sunglint_formats::{FileError, ParseError};
+use crate::{FileError, ParseError};
 
 /// Records that are read at once: 256 KiB, so that they are still in the core's cache when they are counted.
 const READ_RECORDS: usize = 1 << 14;

@@ -4,7 +4,7 @@ use super::TagError;
 use super::bin::Slots;
 use super::tag::{RECORD_BYTES, Tag, TagKind, Tags};
 use std::collections::BTreeMap;
-use sunglint_formats::CountFlags;
+use crate::CountFlags;
 
 /// A bin that is over.
 #[derive(Debug, Clone, PartialEq, Eq)]
