@@ -1,23 +1,23 @@
 //! `sunglint align`: the fields of the fibres on the camera image, from the stars of one or more sessions.
 
 use crate::output::{Console, OutputArgs};
-use crate::reduce::counts::{CountOptions, Fibres, gate};
-use crate::reduce::night::{ReduceOptions, reduce_with};
-use crate::reduce::{FrameArgs, Progress, station};
+use crate::progress::Bar;
+use crate::reduce::{FrameArgs, station};
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::Args;
 use image::{Rgba, RgbaImage};
-use serde::Deserialize;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use sunglint_calibration::alignment::{FieldFit, FieldMap, FieldPoint, FitOptions, fit_field};
+use sunglint_calibration::reduction::counts::{CountOptions, Fibres, gate};
+use sunglint_calibration::reduction::{ReduceOptions, Stay, reduce_with};
 use sunglint_formats::session::{Session, TargetKind};
-use sunglint_formats::toml::{Document, Finite, Positive};
 use sunglint_formats::{Column, Table};
-use sunglint_radiometry::station::{Fibre, Station};
+use sunglint_numerics::progress::Progress as _;
+use sunglint_radiometry::station::Station;
 use sunglint_report::plot::gallery::{Gallery, Key, Tile};
 use sunglint_report::plot::{RGBColor, viridis};
 use sunglint_report::{Product, rounded};
@@ -46,41 +46,6 @@ pub struct AlignArgs {
     /// Where the result goes.
     #[command(flatten)]
     pub out: OutputArgs,
-}
-
-/// What `--fibre-out` writes and `reduce --fibre` reads.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FibreFile {
-    fibre: BTreeMap<String, FibreTable>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FibreTable {
-    offset_px: [Finite; 2],
-    sigma_px: [Positive; 2],
-    // For people: read, and not used.
-    #[serde(default, rename = "offset_uncertainty_px")]
-    _offset_uncertainty_px: Option<[Finite; 2]>,
-    #[serde(default, rename = "sigma_uncertainty_px")]
-    _sigma_uncertainty_px: Option<[Finite; 2]>,
-}
-
-/// Reads the fields that `sunglint align` found, by channel.
-///
-/// # Errors
-/// A file that cannot be read, or holds something else.
-pub fn read_fibres(path: &Path) -> anyhow::Result<Fibres> {
-    let document = Document::new(path, sunglint_formats::read::text(path)?)?;
-    let file: FibreFile = document.parse()?;
-    let fibre = |(name, table): (String, FibreTable)| {
-        let FibreTable { offset_px, sigma_px, .. } = table;
-        let fibre =
-            Fibre { offset_px: offset_px.map(Finite::get), sigma_px: sigma_px.map(Positive::get) };
-        (name, fibre)
-    };
-    Ok(file.fibre.into_iter().map(fibre).collect())
 }
 
 /// A channel's field.
@@ -161,13 +126,14 @@ impl AlignArgs {
         let mut points = Points::new();
         let mut stars: Vec<String> = Vec::new();
         let mut warnings = Vec::new();
-        let mut progress = Progress::new(console);
+        let progress = Bar::new(console);
+        progress.begin("frames and bins", None);
         for path in &self.sessions {
             let session = Session::open(path)?;
             let night = session.manifest().start_utc;
             let mut each =
                 |channels: &[sunglint_calibration::counts::CountChannel],
-                 stay: &crate::reduce::Stay,
+                 stay: &Stay,
                  sample: &sunglint_calibration::counts::Sample| {
                     if stay.target.target_kind != TargetKind::Star {
                         return;
@@ -186,11 +152,11 @@ impl AlignArgs {
                         }
                     }
                 };
-            let reduced = reduce_with(&session, station, &options, &mut progress, &mut each)
+            let reduced = reduce_with(&session, station, &options, &progress, &mut each)
                 .with_context(|| format!("session {}", path.display()))?;
             warnings.extend(reduced.warnings);
         }
-        progress.bar.finish_and_clear();
+        progress.end();
         Ok((points, stars, warnings))
     }
 }
@@ -387,29 +353,5 @@ fn tile(field: &Field, is_residual: bool) -> Tile {
         key,
         arrows: Vec::new(),
         scale_bar: Some((10.0 / side, "10 px".into())),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Truth: the numbers that stand in the file.
-    #[test]
-    fn fields_are_read_and_mistakes_named() {
-        let folder = std::env::temp_dir().join(format!("sunglint-align-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let path = folder.join("fibre.toml");
-        let good = "[fibre.spcm]\noffset_px = [-1.5, 8]\nsigma_px = [14.5, 16.8]\noffset_uncertainty_px = [0.1, 0.1]\n";
-        std::fs::write(&path, good).unwrap();
-        let fibres = read_fibres(&path).unwrap();
-        assert_eq!(fibres["spcm"], Fibre { offset_px: [-1.5, 8.0], sigma_px: [14.5, 16.8] });
-        std::fs::write(&path, good.replace("16.8", "0")).unwrap();
-        let error = read_fibres(&path).unwrap_err().to_string();
-        assert!(error.contains("fibre.toml:3") && error.contains("sigma_px"), "{error}");
-        std::fs::write(&path, good.replace("sigma_px = [", "sigma_pix = [")).unwrap();
-        let error = read_fibres(&path).unwrap_err().to_string();
-        assert!(error.contains("sigma_pix"), "{error}");
-        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

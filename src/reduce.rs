@@ -1,68 +1,22 @@
 //! `sunglint reduce`: a session's frames and counts, visit by visit, as linear light curves.
 
-pub mod counts;
-mod figure;
-pub mod frames;
-pub mod join;
-pub mod night;
-mod report;
-mod seeing;
-pub mod sky;
-pub mod tags;
-
 use crate::output::{Console, OutputArgs, Usage};
-use crate::station::StationArgs;
+use crate::progress::Bar;
+use crate::station::{StationArgs, of_session, with_hint};
 use anyhow::Context as _;
 use clap::Args;
-use hifitime::Epoch;
-use indicatif::{ProgressBar, ProgressStyle};
-use night::{ReduceOptions, Visited, reduce};
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
-use sunglint_calibration::photometry::{Choice, PhotometryOptions, Scintillation, Trail};
+use std::path::PathBuf;
+use sunglint_calibration::alignment::read_fibres;
+use sunglint_calibration::photometry::{Choice, Trail};
+use sunglint_calibration::reduction::counts::gate;
+use sunglint_calibration::reduction::frames::{DETECT_SIGMAS, FrameOptions, SensorFiles};
+use sunglint_calibration::reduction::night::OFF_SIGMAS;
+use sunglint_calibration::reduction::{ReduceError, ReduceOptions, reduce, stays};
 use sunglint_formats::Frame;
-use sunglint_formats::session::{Session, Target};
-use sunglint_radiometry::light_curve::LightCurve;
+use sunglint_formats::session::Session;
+use sunglint_numerics::progress::Progress as _;
 use sunglint_radiometry::station::Station;
-use sunglint_report::Product;
-
-/// What takes longer shows its progress.
-const PATIENCE: Duration = Duration::from_secs(1);
-/// Without a terminal, progress is a line on stderr so often.
-const LINES: Duration = Duration::from_secs(10);
-/// Young's coefficient of the scintillation: the middle of the sites of Osborn et al. 2015.
-const SCINTILLATION: f64 = 1.5;
-const APERTURE_PX: f64 = 8.0;
-/// Of the aperture's radius.
-const ANNULUS: [f64; 2] = [1.5, 2.5];
-/// Where no frame tells.
-const FWHM_PX: f64 = 4.0;
-const DETECT_SIGMAS: f64 = 6.0;
-const OFF_SIGMAS: f64 = 5.0;
-/// The name of the summary's files.
-const SUMMARY: &str = "summary";
-
-/// A stay of the telescope, as the session's log has it, with an end.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Stay {
-    /// What it looked at.
-    pub target: Target,
-    /// Which stay at a target of this name it is, from 1.
-    pub number: u32,
-    /// When it began.
-    pub from: Epoch,
-    /// When it ended: the log's word, else the end of what was recorded.
-    pub to: Epoch,
-}
-
-/// Told of progress; may end the work.
-pub trait Stop {
-    /// So many frames or bins further.
-    ///
-    /// # Errors
-    /// The work is to end.
-    fn step(&mut self, count: u64) -> anyhow::Result<()>;
-}
+use sunglint_report::reduce as report;
 
 /// Arguments of `sunglint reduce`.
 #[derive(Debug, Args)]
@@ -140,96 +94,26 @@ pub struct CountArgs {
     pub off_sigma: f64,
 }
 
-impl Default for FrameArgs {
-    fn default() -> Self {
-        Self {
-            aperture_px: None,
-            annulus_px: None,
-            fwhm_px: None,
-            max_offset_px: None,
-            detect_sigma: DETECT_SIGMAS,
-            brightest: false,
-            trailed: false,
-            dark: Vec::new(),
-            flat: Vec::new(),
+/// The error with the option that may help.
+pub(crate) fn hint(error: ReduceError) -> anyhow::Error {
+    match error {
+        ReduceError::Station(error) => with_hint(error),
+        error => error.into(),
+    }
+}
+
+impl ReduceArgs {
+    fn options(&self, station: &Station) -> anyhow::Result<ReduceOptions> {
+        let mut options = ReduceOptions::for_station(station);
+        options.counts.bins.gate = gate(self.counts.most_q()?, !self.counts.no_coupling);
+        options.frames = self.frames.options(station)?;
+        if let Some(path) = &self.counts.fibre {
+            options.fibres = read_fibres(path)?;
         }
+        options.off_sigmas = (self.counts.off_sigma > 0.0).then_some(self.counts.off_sigma);
+        options.target.clone_from(&self.target);
+        Ok(options)
     }
-}
-
-impl Default for CountArgs {
-    fn default() -> Self {
-        Self { gate: "1".into(), no_coupling: false, fibre: None, off_sigma: OFF_SIGMAS }
-    }
-}
-
-impl ReduceOptions {
-    /// What `sunglint reduce` does when it is told nothing.
-    ///
-    /// # Errors
-    /// None that a station could have.
-    pub fn default_for(station: &Station) -> anyhow::Result<Self> {
-        options(&FrameArgs::default(), &CountArgs::default(), None, station)
-    }
-}
-
-/// A recorded session as `sunglint reduce` would write it without options: the linear curve of each visit, and warnings.
-///
-/// # Errors
-/// As [`night::reduce`].
-pub fn light_curves(
-    folder: &Path,
-    stop: &mut dyn Stop,
-) -> anyhow::Result<(Vec<LightCurve>, Vec<String>)> {
-    let (curves, warnings) = light_curves_by_name(folder, stop)?;
-    Ok((curves.into_iter().map(|(_, curve)| curve).collect(), warnings))
-}
-
-/// A light curve with the name of its files.
-pub type NamedCurve = (String, LightCurve);
-
-/// The same, each with the name of its files.
-///
-/// # Errors
-/// As [`night::reduce`].
-pub fn light_curves_by_name(
-    folder: &Path,
-    stop: &mut dyn Stop,
-) -> anyhow::Result<(Vec<NamedCurve>, Vec<String>)> {
-    let session = Session::open(folder)?;
-    let station = crate::station::of_session(&session)?;
-    let options = ReduceOptions::default_for(&station)?;
-    let mut night = reduce(&session, &station, &options, stop)?;
-    let mut curves = Vec::new();
-    while let Some(visited) = night.take(&session, &station)? {
-        curves.push((report::file_name(&visited.stay), visited.linear));
-    }
-    Ok((curves, night.warnings))
-}
-
-/// The options that arguments ask for.
-///
-/// # Errors
-/// Numbers out of their range, files that cannot be read.
-pub fn options(
-    frames: &FrameArgs,
-    counts: &CountArgs,
-    target: Option<&str>,
-    station: &Station,
-) -> anyhow::Result<ReduceOptions> {
-    let mut of_counts = counts::CountOptions::default();
-    of_counts.bins.gate = counts::gate(counts.most_q()?, !counts.no_coupling);
-    Ok(ReduceOptions {
-        frames: frames.options(station)?,
-        counts: of_counts,
-        fibres: counts
-            .fibre
-            .as_deref()
-            .map(crate::align::read_fibres)
-            .transpose()?
-            .unwrap_or_default(),
-        off_sigmas: (counts.off_sigma > 0.0).then_some(counts.off_sigma),
-        target: target.map(str::to_owned),
-    })
 }
 
 impl CountArgs {
@@ -246,46 +130,27 @@ impl CountArgs {
 
 impl FrameArgs {
     /// `None` for a station without a camera.
-    pub(crate) fn options(
-        &self,
-        station: &Station,
-    ) -> anyhow::Result<Option<frames::FrameOptions>> {
-        let sensor = frames::SensorFiles {
-            darks: read_frames(&self.dark)?,
-            flats: read_frames(&self.flat)?,
-        };
-        let fwhm_from_frames = self.fwhm_px.is_none();
-        let aperture_from_frames = self.aperture_px.is_none() && self.annulus_px.is_none();
-        let options = |photometry| frames::FrameOptions {
-            photometry,
-            fwhm_from_frames,
-            aperture_from_frames,
-            sensor,
-        };
-        Ok(self.photometry(station).map(options))
-    }
-
-    fn photometry(&self, station: &Station) -> Option<PhotometryOptions> {
-        let camera = station.camera.as_ref()?;
-        let mut options = PhotometryOptions::new(camera.size_px, camera.read_noise_e);
-        options.gain_e_per_adu = Some(camera.gain_e_per_adu);
-        options.saturation_adu = Some(camera.saturation_adu());
-        options.aperture_radius_px = self.aperture_px.unwrap_or(APERTURE_PX);
-        options.annulus_px = match self.annulus_px.as_deref() {
-            Some([inner, outer, ..]) => [*inner, *outer],
-            _ => ANNULUS.map(|part| part * options.aperture_radius_px),
-        };
-        options.fwhm_px = self.fwhm_px.unwrap_or(FWHM_PX);
-        options.trail = if self.trailed { Trail::Estimated } else { Trail::Point };
-        options.detection.threshold_sigma = self.detect_sigma;
-        options.detection.max_offset_px = self.max_offset_px.unwrap_or(f64::INFINITY);
-        options.detection.choice = if self.brightest { Choice::Brightest } else { Choice::Nearest };
-        options.scintillation = Some(Scintillation {
-            diameter_m: station.telescope.primary_diameter_m,
-            altitude_m: station.site.geodetic().height_m,
-            coefficient: SCINTILLATION,
-        });
-        Some(options)
+    pub(crate) fn options(&self, station: &Station) -> anyhow::Result<Option<FrameOptions>> {
+        let sensor =
+            SensorFiles { darks: read_frames(&self.dark)?, flats: read_frames(&self.flat)? };
+        let Some(mut options) = FrameOptions::for_station(station) else { return Ok(None) };
+        options.sensor = sensor;
+        options.fwhm_from_frames = self.fwhm_px.is_none();
+        options.aperture_from_frames = self.aperture_px.is_none() && self.annulus_px.is_none();
+        if let Some(radius_px) = self.aperture_px {
+            options.set_aperture(radius_px);
+        }
+        let photometry = &mut options.photometry;
+        if let Some([inner, outer, ..]) = self.annulus_px.as_deref() {
+            photometry.annulus_px = [*inner, *outer];
+        }
+        photometry.fwhm_px = self.fwhm_px.unwrap_or(photometry.fwhm_px);
+        photometry.trail = if self.trailed { Trail::Estimated } else { Trail::Point };
+        photometry.detection.threshold_sigma = self.detect_sigma;
+        photometry.detection.max_offset_px = self.max_offset_px.unwrap_or(f64::INFINITY);
+        photometry.detection.choice =
+            if self.brightest { Choice::Brightest } else { Choice::Nearest };
+        Ok(Some(options))
     }
 }
 
@@ -297,7 +162,7 @@ fn read_frames(paths: &[PathBuf]) -> anyhow::Result<Vec<Frame>> {
 pub(crate) fn station(args: &StationArgs, session: &Session) -> anyhow::Result<Station> {
     match &args.station {
         Some(_) => args.get(),
-        None => crate::station::of_session(session),
+        None => of_session(session),
     }
 }
 
@@ -313,16 +178,17 @@ pub fn run(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
     }
     let session = Session::open(&args.session)?;
     let station = station(&args.station, &session)?;
-    let options = options(&args.frames, &args.counts, args.target.as_deref(), &station)?;
-    let mut progress = Progress::new(console);
+    let options = args.options(&station)?;
+    let progress = Bar::new(console);
+    progress.begin("frames and bins", None);
     let folders = args.out.folders();
-    folders.check_names(&args.names(&night::stays(&session)?))?;
-    let mut night = reduce(&session, &station, &options, &mut progress)?;
-    progress.bar.finish_and_clear();
+    folders.check_names(&report::file_names(&stays(&session)?, args.raw))?;
+    let mut night = reduce(&session, &station, &options, &progress)?;
+    progress.end();
     let mut visits = Vec::new();
     // One visit after the other, so that a night of any length fits into memory.
     while let Some(visited) = night.take(&session, &station)? {
-        for product in args.products(&visited, &station)? {
+        for product in report::products(&visited, &station, args.raw)? {
             folders.write_files(&folders.files_of(&product)?, console)?;
         }
         visits.push(report::VisitLine::of(&visited));
@@ -331,103 +197,6 @@ pub fn run(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
         console.warn(warning);
     }
     let name = args.session.display().to_string();
-    let product = Product {
-        name: SUMMARY.into(),
-        table: report::table(&visits),
-        json: report::json(&night, &visits, &name, &station.name),
-        ..Product::default()
-    };
+    let product = report::product(&night, &visits, &name, &station.name);
     args.out.finish(&product, &report::text(&night, &visits, &name, &station.name), console)
-}
-
-impl ReduceArgs {
-    /// The names of the files that visits may become.
-    fn names(&self, stays: &[Stay]) -> Vec<String> {
-        let on = stays.iter().filter(|stay| stay.target.on);
-        let of = |stay: &Stay| {
-            let name = report::file_name(stay);
-            ["ecsv", "png", "svg"]
-                .iter()
-                .flat_map(|extension| {
-                    [format!("{name}.{extension}"), format!("{name}_frames.{extension}")]
-                })
-                .chain(self.raw.then(|| format!("{name}_raw.ecsv")))
-                .collect::<Vec<_>>()
-        };
-        on.flat_map(of).chain([format!("{SUMMARY}.ecsv")]).collect()
-    }
-
-    /// The curves and frames of a visit.
-    fn products(&self, visited: &Visited, station: &Station) -> anyhow::Result<Vec<Product>> {
-        let name = report::file_name(&visited.stay);
-        let figure = figure::curves(visited, station);
-        let mut products = vec![Product {
-            name: name.clone(),
-            table: visited.linear.to_table()?,
-            figure: (!figure.panels.is_empty()).then_some(figure),
-            ..Product::default()
-        }];
-        if let Some(raw) = visited.raw.as_ref().filter(|_| self.raw) {
-            let name = format!("{name}_raw");
-            products.push(Product { name, table: raw.to_table()?, ..Product::default() });
-        }
-        products.extend(figure::rings(visited).map(|gallery| Product {
-            name: format!("{name}_frames"),
-            gallery: Some(gallery),
-            ..Product::default()
-        }));
-        Ok(products)
-    }
-}
-
-/// A bar for what takes longer than a second; without a terminal, lines.
-pub(crate) struct Progress {
-    start: Instant,
-    /// When the last line was written, after the start.
-    said: Duration,
-    pub(crate) bar: ProgressBar,
-    quiet: bool,
-    shown: bool,
-    done: u64,
-}
-
-impl Progress {
-    pub(crate) fn new(console: Console) -> Self {
-        Self {
-            start: Instant::now(),
-            said: Duration::ZERO,
-            bar: ProgressBar::hidden(),
-            quiet: console.quiet,
-            shown: false,
-            done: 0,
-        }
-    }
-}
-
-impl Stop for Progress {
-    fn step(&mut self, count: u64) -> anyhow::Result<()> {
-        self.done += count;
-        if self.quiet {
-            return Ok(());
-        }
-        let elapsed = self.start.elapsed();
-        if !self.shown && elapsed > PATIENCE {
-            // Hidden where stderr is no terminal.
-            self.bar = ProgressBar::new_spinner();
-            if let Ok(style) =
-                ProgressStyle::with_template("{spinner} {pos} frames and bins ({elapsed})")
-            {
-                self.bar.set_style(style);
-            }
-            self.shown = true;
-        }
-        if self.bar.is_hidden() && elapsed >= self.said + LINES {
-            self.said = elapsed;
-            eprintln!("{} frames and bins in {:.0} s", self.done, elapsed.as_secs_f64());
-        }
-        if self.shown && self.done.is_multiple_of(256) {
-            self.bar.set_position(self.done);
-        }
-        Ok(())
-    }
 }

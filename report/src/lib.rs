@@ -1,6 +1,7 @@
 //! Results as people read them: text, figures, tables, JSON and pages. No algorithm, no file is read here.
 //!
 //! - [`explain`]: what a scene needs;
+//! - [`mod@reduce`]: a night's reduction;
 //! - [`plot`]: figures as PNG or SVG;
 //! - [`page`]: pages as HTML;
 //! - [`Product`]: a result in all its forms;
@@ -12,6 +13,7 @@ mod numbers;
 pub mod page;
 pub mod plot;
 mod product;
+pub mod reduce;
 
 pub use lines::channel_line;
 pub use numbers::rounded;

@@ -5,10 +5,12 @@ use anyhow::{Context as _, bail};
 use hifitime::{Epoch, Unit};
 use serde_json::Value;
 use std::path::Path;
+use sunglint_calibration::reduction::light_curves;
 use sunglint_calibration::stars::scintillation::Aperture;
 use sunglint_calibration::stars::visit::{Mean, mean};
 use sunglint_calibration::stars::{Measured, Visit};
 use sunglint_formats::time::format_utc;
+use sunglint_numerics::progress::Silent;
 use sunglint_radiometry::air::{Air, Zenith};
 use sunglint_radiometry::light_curve::{LightCurve, RateKind};
 use sunglint_radiometry::passband::ZeroPoint;
@@ -65,21 +67,16 @@ pub fn visits_of(path: &Path) -> anyhow::Result<(Vec<StarVisit>, Vec<String>)> {
 
 /// The visits of a session as it was recorded: what `sunglint reduce` makes of it when it is told nothing.
 fn reduced(folder: &Path) -> anyhow::Result<(Vec<StarVisit>, Vec<String>)> {
-    struct GoOn;
-    impl crate::reduce::Stop for GoOn {
-        fn step(&mut self, _: u64) -> anyhow::Result<()> {
-            Ok(())
-        }
-    }
     let manifest = sunglint_formats::read::bytes(folder.join("session.toml"))?;
     let sha256 = sunglint_formats::sha256(&manifest);
-    let (curves, warnings) = crate::reduce::light_curves(folder, &mut GoOn)?;
+    let (curves, warnings) = light_curves(folder, &Silent).map_err(crate::reduce::hint)?;
     let visit = |curve: LightCurve| {
         let target = curve.other.get("target").cloned().unwrap_or(Value::Null);
         let file = format!("{} ({})", folder.display(), curve.provenance.target);
         StarVisit { file, sha256: sha256.clone(), curve, target }
     };
-    let visits = curves.into_iter().map(visit).filter(|visit| visit.target["kind"] == "star");
+    let curves = curves.into_iter().map(|(_, curve)| curve);
+    let visits = curves.map(visit).filter(|visit| visit.target["kind"] == "star");
     Ok((visits.collect(), warnings))
 }
 

@@ -5,9 +5,11 @@
 //! measured, cell by cell, with what the fit leaves of it: ghosts and a rim that no normal distribution has.
 
 mod correlated;
+mod file;
 mod fit;
 mod map;
 
+pub use file::read_fibres;
 pub use fit::{FieldFit, FitError, FitOptions, fit_field};
 pub use map::{Cell, FieldMap};
 

@@ -2,8 +2,8 @@
 
 use super::TagError;
 use super::bin::{Binning, Dropping, Piece};
-use hifitime::{Duration, Epoch};
 use crate::{CountFlags, CountRecord, CountSeries, Meta};
+use hifitime::{Duration, Epoch};
 
 /// Where the bins lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

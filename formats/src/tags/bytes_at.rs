@@ -1,8 +1,8 @@
 //! The bytes of a plain file at any place, for any number of threads, in memory that the caller bounds.
 
+use crate::{FileError, ParseError};
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use crate::{FileError, ParseError};
 
 /// A plain file as long as it was when it was opened, or what stands for it.
 #[derive(Debug)]
