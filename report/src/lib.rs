@@ -1,5 +1,6 @@
 //! Results as people read them: text, figures, tables, JSON and pages. No algorithm, no file is read here.
 //!
+//! - [`calibrate`]: nights calibrated from stars;
 //! - [`explain`]: what a scene needs;
 //! - [`mod@reduce`]: a night's reduction;
 //! - [`plot`]: figures as PNG or SVG;
@@ -7,6 +8,7 @@
 //! - [`Product`]: a result in all its forms;
 //! - [`rounded`]: numbers as summaries hold them.
 
+pub mod calibrate;
 pub mod explain;
 mod lines;
 mod numbers;

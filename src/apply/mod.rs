@@ -3,7 +3,6 @@
 mod photometry;
 
 use crate::air::AirModelArgs;
-use crate::calibrate::{USUAL_EXPONENT, colours, night_of};
 use crate::output::{Console, OutputArgs};
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
@@ -12,7 +11,7 @@ use photometry::Photometry;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use sunglint_calibration::stars::{NightFile, Nights};
+use sunglint_calibration::stars::{NightFile, Nights, USUAL_EXPONENT, night_of};
 use sunglint_radiometry::air::{Aerosol, Air, AirOptions};
 use sunglint_radiometry::light_curve::TOLERATED;
 use sunglint_radiometry::light_curve::{ChannelCurve, Flags, Input, LightCurve, RateKind};
@@ -293,7 +292,7 @@ impl Answer<'_> {
         let first = self.curve.samples.time[0];
         let seconds: Vec<f64> =
             self.curve.samples.time.iter().map(|t| (*t - first).to_seconds()).collect();
-        let colours = colours(self.station);
+        let colours = sunglint_report::calibrate::colours(self.station);
         let mut series = Vec::new();
         for (i, channel) in self.curve.channels.iter().enumerate() {
             let all = seconds.iter().copied().zip(channel.rate_hz.iter().copied());
