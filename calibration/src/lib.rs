@@ -17,6 +17,7 @@
 //! - [`efficiency`]: a detector's counts per photon, against a photodiode.
 
 pub mod alignment;
+pub mod apply;
 pub mod comparison;
 pub mod counts;
 pub mod detector;

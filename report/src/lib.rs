@@ -1,5 +1,6 @@
 //! Results as people read them: text, figures, tables, JSON and pages. No algorithm, no file is read here.
 //!
+//! - [`apply`]: a calibrated light curve;
 //! - [`calibrate`]: nights calibrated from stars;
 //! - [`explain`]: what a scene needs;
 //! - [`mod@reduce`]: a night's reduction;
@@ -8,6 +9,7 @@
 //! - [`Product`]: a result in all its forms;
 //! - [`rounded`]: numbers as summaries hold them.
 
+pub mod apply;
 pub mod calibrate;
 pub mod explain;
 mod lines;
