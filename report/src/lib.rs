@@ -1,7 +1,9 @@
 //! Results as people read them: text, figures, tables, JSON and pages. No algorithm, no file is read here.
 //!
+//! - [`align`]: the fields of the fibres on the camera image;
 //! - [`apply`]: a calibrated light curve;
 //! - [`calibrate`]: nights calibrated from stars;
+//! - [`efficiency`]: a detector's efficiency;
 //! - [`explain`]: what a scene needs;
 //! - [`mod@reduce`]: a night's reduction;
 //! - [`plot`]: figures as PNG or SVG;
@@ -9,8 +11,10 @@
 //! - [`Product`]: a result in all its forms;
 //! - [`rounded`]: numbers as summaries hold them.
 
+pub mod align;
 pub mod apply;
 pub mod calibrate;
+pub mod efficiency;
 pub mod explain;
 mod lines;
 mod numbers;

@@ -1,14 +1,16 @@
 //! File of the fibres' fields: what the alignment writes and the reduction reads.
 
+use super::Field;
 use crate::reduction::counts::Fibres;
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::path::Path;
 use sunglint_formats::FileError;
 use sunglint_formats::toml::{Document, Finite, Positive};
 use sunglint_radiometry::station::Fibre;
 
-/// What `--fibre-out` writes and `reduce --fibre` reads.
+/// The file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FibreFile {
@@ -41,6 +43,27 @@ pub fn read_fibres(path: &Path) -> Result<Fibres, FileError> {
         (name, fibre)
     };
     Ok(file.fibre.into_iter().map(fibre).collect())
+}
+
+/// File of fields for the reduction or a station: TOML.
+pub fn fibre_file(fields: &[Field]) -> String {
+    let mut text = String::from(
+        "# The fields of the fibres on the camera image, as `sunglint align` fitted them: for `sunglint reduce --fibre`,\n# or for `fibre_offset_px` and `fibre_sigma_px` of the station's counters.\n",
+    );
+    for field in fields {
+        let fibre = field.fit.fibre();
+        let [x, y, u, v, _] = field.fit.uncertainties();
+        let _ = write!(
+            text,
+            "\n[fibre.{}]\noffset_px = [{:.4}, {:.4}]\nsigma_px = [{:.4}, {:.4}]\noffset_uncertainty_px = [{x:.4}, {y:.4}]\nsigma_uncertainty_px = [{u:.4}, {v:.4}]\n",
+            field.channel,
+            fibre.offset_px[0],
+            fibre.offset_px[1],
+            fibre.sigma_px[0],
+            fibre.sigma_px[1]
+        );
+    }
+    text
 }
 
 #[cfg(test)]

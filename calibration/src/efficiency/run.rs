@@ -1,34 +1,87 @@
-//! `sunglint efficiency`: a detector's efficiency from a monochromator's light on a photodiode and on the detector.
+//! A detector's efficiency by a run's file: the sensor, the photodiodes, splitter and filters, and the tables of readings.
 
-use crate::output::{Console, OutputArgs};
-use anyhow::Context as _;
-use clap::Args;
-use serde::Deserialize;
-use serde_json::{Value, json};
-use std::collections::BTreeMap;
-use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
-use sunglint_calibration::detector::Linearity;
-use sunglint_calibration::efficiency::{
-    Aperture, Counting, Efficiency, EfficiencyFlags, Factor, Lookup, Photodiode, Reading, Row,
-    Sensor, Set, reduce, to_curve, to_table,
+use super::{
+    Aperture, Counting, Efficiency, EfficiencyError, Factor, Lookup, Photodiode, Reading, Sensor,
+    Set, reduce, to_curve,
 };
-use sunglint_formats::text_table::read_str as any;
+use crate::detector::{DetectorError, Linearity};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
 use sunglint_formats::toml::{Document, Finite, Fraction, NonNegative, Positive};
-use sunglint_formats::{Table, TableError, curve};
+use sunglint_formats::{FileError, ParseError, Table, TableError, curve, text_table};
+use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::station::{Counter, CounterQuantity, DeadTime};
-use sunglint_report::plot::{Axis, Figure, Panel, Series};
-use sunglint_report::{Product, rounded};
 
-/// Arguments of `sunglint efficiency`.
-#[derive(Debug, Args)]
-pub struct EfficiencyArgs {
-    /// The sensor, the photodiodes, splitter and filters, and the tables of readings (docs/lab.md)
-    #[arg(value_name = "RUN.toml")]
-    pub plan: PathBuf,
-    /// Where the result goes.
-    #[command(flatten)]
-    pub out: OutputArgs,
+/// Why a run gives no efficiency.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EfficiencyRunError {
+    /// A file that cannot be read, or says what cannot be.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A law that no detector can have.
+    #[error(transparent)]
+    Detector(#[from] DetectorError),
+    /// A number that cannot be.
+    #[error(transparent)]
+    Number(#[from] EfficiencyError),
+    /// Readings that give no efficiency.
+    #[error("{}", path.display())]
+    Readings {
+        /// The run's file.
+        path: PathBuf,
+        /// What is wrong.
+        #[source]
+        source: EfficiencyError,
+    },
+}
+
+impl From<ParseError> for EfficiencyRunError {
+    fn from(error: ParseError) -> Self {
+        Self::File(error.into())
+    }
+}
+
+/// A detector's efficiency, with what it was made of.
+#[derive(Debug, Clone)]
+pub struct EfficiencyRun {
+    /// The sensor's name: the file's, else that of the file.
+    pub name: String,
+    /// The efficiency.
+    pub efficiency: Efficiency,
+    /// Its curve for a station's file.
+    pub curve: String,
+    /// Wavelengths that are not in that curve, nm.
+    pub left_out_nm: Vec<f64>,
+    /// The run's file as it was written.
+    pub plan: String,
+    /// The files that it names.
+    pub inputs: Vec<Input>,
+    /// What a person should hear of.
+    pub warnings: Vec<String>,
+}
+
+/// Reads a run's file and what it names, and finds the efficiency.
+///
+/// # Errors
+/// A file that cannot be read or says what cannot be, with line and key; readings that cannot be, with their numbers.
+pub fn reduce_run(plan: &Path) -> Result<EfficiencyRun, EfficiencyRunError> {
+    let document = Document::read(plan)?;
+    let written: Written = document.parse()?;
+    let sensor = sensor(&document, &written.sensor)?;
+    let mut inputs = vec![];
+    let mut sets = Vec::with_capacity(written.sets.len());
+    for (number, file) in written.sets.iter().enumerate() {
+        sets.push(set(&document, number, file, &mut inputs)?);
+    }
+    let efficiency = reduce(&sets, &sensor)
+        .map_err(|source| EfficiencyRunError::Readings { path: plan.to_path_buf(), source })?;
+    let stem = plan.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let name = written.name.unwrap_or(stem);
+    let (curve, left_out_nm) = to_curve(&efficiency, &name);
+    let warnings = efficiency.notes.iter().map(ToString::to_string).collect();
+    let plan = document.source().to_owned();
+    Ok(EfficiencyRun { name, efficiency, curve, left_out_nm, plan, inputs, warnings })
 }
 
 #[derive(Debug, Deserialize)]
@@ -132,53 +185,7 @@ fn or_zero(number: Option<NonNegative>) -> f64 {
     number.map_or(0.0, NonNegative::get)
 }
 
-/// Does what is asked.
-///
-/// # Errors
-/// A file that cannot be read or says what cannot be, with line and key; readings that cannot be, with their numbers.
-pub fn run(args: &EfficiencyArgs, console: Console) -> anyhow::Result<()> {
-    args.out.check()?;
-    let document = Document::read(&args.plan)?;
-    let written: Written = document.parse()?;
-    let sensor = sensor(&document, &written.sensor)?;
-    let mut inputs = vec![];
-    let mut sets = Vec::with_capacity(written.sets.len());
-    for (number, file) in written.sets.iter().enumerate() {
-        sets.push(set(&document, number, file, &mut inputs)?);
-    }
-    let found = reduce(&sets, &sensor).with_context(|| args.plan.display().to_string())?;
-    let stem = args.plan.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let name = written.name.clone().unwrap_or(stem);
-    let warnings: Vec<String> = found.notes.iter().map(ToString::to_string).collect();
-    for warning in &warnings {
-        console.warn(warning);
-    }
-    let (text_of_curve, left_out) = to_curve(&found, &name);
-    if !left_out.is_empty() {
-        console.warn(&format!(
-            "{} of {} wavelengths are not in the curve for a station (no efficiency from 0 to 1)",
-            left_out.len(),
-            found.rows.len()
-        ));
-    }
-    let curves: Vec<(PathBuf, Vec<u8>)> = (args.out.folders().output.iter())
-        .map(|folder| (folder.join("efficiency.csv"), text_of_curve.clone().into_bytes()))
-        .collect();
-    let mut table = to_table(&found);
-    table.meta.insert("sensor".into(), json!(name));
-    table.meta.insert("plan".into(), json!(document.source()));
-    table.meta.insert("inputs".into(), json!(inputs));
-    let product = Product {
-        name: "efficiency".into(),
-        figure: figure(&found, &name),
-        json: summary(&found, &name, &left_out, &warnings, &inputs),
-        table,
-        ..Product::default()
-    };
-    args.out.finish_with(&product, curves, &text(&found), console)
-}
-
-fn sensor(document: &Document, file: &SensorFile) -> anyhow::Result<Sensor> {
+fn sensor(document: &Document, file: &SensorFile) -> Result<Sensor, EfficiencyRunError> {
     let need = |key: &str, expected: &str| document.error_at(&format!("sensor.{key}"), expected);
     let counting = match file.kind {
         Kind::Camera => {
@@ -243,10 +250,10 @@ fn sensor(document: &Document, file: &SensorFile) -> anyhow::Result<Sensor> {
 }
 
 /// A file's bytes as text, remembered with its sum.
-fn input(path: &Path, inputs: &mut Vec<Value>) -> anyhow::Result<String> {
+fn input(path: &Path, inputs: &mut Vec<Input>) -> Result<String, FileError> {
     let bytes = sunglint_formats::read::bytes(path)?;
     let sha256 = sunglint_formats::sha256(&bytes);
-    inputs.push(json!({ "file": path.display().to_string(), "sha256": sha256 }));
+    inputs.push(Input { file: path.display().to_string(), sha256 });
     Ok(sunglint_formats::read::decode(path, bytes)?)
 }
 
@@ -254,8 +261,8 @@ fn set(
     document: &Document,
     number: usize,
     file: &SetFile,
-    inputs: &mut Vec<Value>,
-) -> anyhow::Result<Set> {
+    inputs: &mut Vec<Input>,
+) -> Result<Set, EfficiencyRunError> {
     let diode = &file.photodiode;
     let path = document.resolve(&diode.responsivity);
     let text = input(&path, inputs)?;
@@ -272,16 +279,16 @@ fn set(
         value: Lookup::new("responsivity, A/W", responsivity.x, responsivity.y)?,
         relative_sigma: or_zero(diode.responsivity_relative_sigma),
     };
-    let factors = |side: &str, files: &[FactorFile], inputs: &mut Vec<Value>| {
+    let factors = |side: &str, files: &[FactorFile], inputs: &mut Vec<Input>| {
         let one = |(k, file): (usize, &FactorFile)| {
             factor(document, &format!("set[{number}].{side}[{k}]"), file, inputs)
         };
-        files.iter().enumerate().map(one).collect::<anyhow::Result<Vec<Factor>>>()
+        files.iter().enumerate().map(one).collect::<Result<Vec<Factor>, EfficiencyRunError>>()
     };
     let towards_photodiode = factors("towards_photodiode", &file.towards_photodiode, inputs)?;
     let towards_sensor = factors("towards_sensor", &file.towards_sensor, inputs)?;
     let path = document.resolve(&file.readings);
-    let table = any(&path, &input(&path, inputs)?)?;
+    let table = text_table::read_str(&path, &input(&path, inputs)?)?;
     let dark_v = diode.dark_v.map(Finite::get);
     Ok(Set {
         readings: readings(&table, dark_v).map_err(|e| e.in_file(&path))?,
@@ -306,8 +313,8 @@ fn factor(
     document: &Document,
     key: &str,
     file: &FactorFile,
-    inputs: &mut Vec<Value>,
-) -> anyhow::Result<Factor> {
+    inputs: &mut Vec<Input>,
+) -> Result<Factor, EfficiencyRunError> {
     let relative_sigma = or_zero(file.relative_sigma);
     match (&file.curve, file.value, file.optical_density) {
         (Some(path), None, None) => {
@@ -357,113 +364,4 @@ fn readings(table: &Table, dark_v: Option<f64>) -> Result<Vec<Reading>, TableErr
         dark_exposure_s: dark_exposure.as_ref().map_or(exposure[row], |v| v[row]),
     };
     Ok((0..table.rows()).map(one).collect())
-}
-
-fn peak(found: &Efficiency) -> Option<&Row> {
-    let finite = found.rows.iter().filter(|row| row.efficiency.is_finite());
-    finite.max_by(|a, b| a.efficiency.total_cmp(&b.efficiency))
-}
-
-fn text(found: &Efficiency) -> String {
-    let mut text = String::new();
-    let finite = found.rows.iter().filter(|row| row.efficiency.is_finite()).count();
-    let _ = writeln!(text, "{finite} of {} wavelengths have an efficiency", found.rows.len());
-    if let Some(row) = peak(found) {
-        let _ = writeln!(
-            text,
-            "largest   {:.5} ± {:.5} at {} nm",
-            row.efficiency,
-            row.components.total(),
-            row.wavelength_nm
-        );
-        let c = &row.components;
-        let _ = writeln!(
-            text,
-            "of that   counts {:.5}, photodiode {:.5}, wavelength {:.5}, linearity {:.5}, responsivity {:.5}, load {:.5}, geometry {:.5}, transmissions {:.5}",
-            c.counts,
-            c.photodiode,
-            c.wavelength,
-            c.linearity,
-            c.responsivity,
-            c.load,
-            c.geometry,
-            c.transmissions
-        );
-    }
-    text
-}
-
-fn summary(
-    found: &Efficiency,
-    name: &str,
-    left_out: &[f64],
-    warnings: &[String],
-    inputs: &[Value],
-) -> Value {
-    let mut flagged: BTreeMap<String, usize> = BTreeMap::new();
-    for row in &found.rows {
-        for (name, _) in row.flags.iter_names() {
-            *flagged.entry(name.to_lowercase()).or_default() += 1;
-        }
-    }
-    let largest = peak(found).map(|row| {
-        json!({
-            "wavelength_nm": rounded(row.wavelength_nm),
-            "efficiency": rounded(row.efficiency),
-            "sigma_efficiency": rounded(row.components.total()),
-            "sigma_by": row.components,
-        })
-    });
-    json!({
-        "sensor": name,
-        "wavelengths": found.rows.len(),
-        "with_efficiency": found.rows.iter().filter(|row| row.efficiency.is_finite()).count(),
-        "largest": largest,
-        "left_out_nm": left_out,
-        "flagged": flagged,
-        "warnings": warnings,
-        "inputs": inputs,
-    })
-}
-
-fn figure(found: &Efficiency, name: &str) -> Option<Figure> {
-    let along = |value: &dyn Fn(&Row) -> f64| -> Vec<(f64, f64)> {
-        found.rows.iter().map(|row| (row.wavelength_nm, value(row))).collect()
-    };
-    let at = |k: f64| along(&|row| row.efficiency + k * row.components.total());
-    let serious = |row: &Row| !(row.flags - EfficiencyFlags::BELOW_DETECTION).is_empty();
-    let mut curves = vec![
-        Series::line("η", 0, along(&|row| row.efficiency)),
-        Series::line("η plus its σ", 5, at(1.0)),
-        Series::line("η minus its σ", 5, at(-1.0)),
-    ];
-    if found.rows.iter().any(|row| serious(row) && row.efficiency.is_finite()) {
-        let flagged = along(&|row| if serious(row) { row.efficiency } else { f64::NAN });
-        curves.push(Series::dots("flagged", 1, flagged));
-    }
-    let part = |value: fn(&Row) -> f64| along(&|row| value(row) / row.efficiency.abs());
-    let parts = vec![
-        Series::line("counts", 0, part(|r| r.components.counts)),
-        Series::line("photodiode", 1, part(|r| r.components.photodiode)),
-        Series::line("wavelength", 2, part(|r| r.components.wavelength)),
-        Series::line("linearity", 3, part(|r| r.components.linearity)),
-        Series::line("responsivity", 4, part(|r| r.components.responsivity)),
-        Series::line("load", 5, part(|r| r.components.load)),
-        Series::line("geometry", 6, part(|r| r.components.geometry)),
-        Series::line("transmissions", 7, part(|r| r.components.transmissions)),
-    ];
-    let nm = || Axis::linear("vacuum wavelength (nm)");
-    let drawn = |series: &[Series], least: f64| {
-        series.iter().any(|s| s.points.iter().any(|p| p.1.is_finite() && p.1 > least))
-    };
-    // Nothing to draw where no wavelength has an efficiency.
-    let mut panels = vec![];
-    if drawn(&curves, f64::NEG_INFINITY) {
-        panels.push(Panel::new(nm(), Axis::linear("efficiency η"), curves));
-    }
-    if drawn(&parts, 0.0) {
-        panels.push(Panel::new(nm(), Axis::log("relative uncertainty"), parts));
-    }
-    let title = format!("{name}: counts per photon");
-    (!panels.is_empty()).then_some(Figure { title, panels })
 }
