@@ -16,9 +16,11 @@ use serde_json::json;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use sunglint_calibration::reduction::light_curves;
 use sunglint_drivers::clock::Cancel;
 use sunglint_formats::ecsv;
 use sunglint_inference::fit::PassFit;
+use sunglint_numerics::progress::Silent;
 
 /// Arguments of `sunglint demo`.
 #[derive(Debug, Args)]
@@ -228,14 +230,8 @@ impl<'a> Work<'a> {
     }
 
     fn reduce(&mut self) -> anyhow::Result<()> {
-        struct GoOn;
-        impl reduce::Stop for GoOn {
-            fn step(&mut self, _: u64) -> anyhow::Result<()> {
-                Ok(())
-            }
-        }
         self.said.push(format!("sunglint reduce {SESSION} -o {REDUCED}/"));
-        let (curves, _) = reduce::light_curves_by_name(&self.path(SESSION), &mut GoOn)?;
+        let (curves, _) = light_curves(&self.path(SESSION), &Silent).map_err(reduce::hint)?;
         for (name, curve) in curves {
             self.write(&format!("{REDUCED}/{name}.ecsv"), &ecsv::to_string(&curve.to_table()?)?)?;
         }

@@ -24,6 +24,7 @@
 //! - [`virtual_observatory`]: a night that is made up, behind the devices;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
+//! - [`progress`]: bars of what takes long;
 //! - [`output`]: where results go, in which format, and that nothing is overwritten.
 
 pub mod air;
@@ -45,6 +46,7 @@ pub mod observe;
 pub mod output;
 pub mod passes;
 pub mod picture;
+pub mod progress;
 pub mod reduce;
 pub mod session;
 pub mod simulate;

@@ -68,8 +68,13 @@ fn named(name: &str) -> anyhow::Result<Station> {
 
 /// The station that a session was recorded with, with what to do where it is not known.
 pub fn of_session(session: &Session) -> anyhow::Result<Station> {
-    Station::of_session(session).map_err(|error| match error {
+    Station::of_session(session).map_err(with_hint)
+}
+
+/// The error with the option that may help.
+pub fn with_hint(error: RecordedError) -> anyhow::Error {
+    match error {
         RecordedError::Unknown { .. } => anyhow!("{error}: give --station"),
         error => error.into(),
-    })
+    }
 }

@@ -5,20 +5,12 @@
 use crate::common::Folder;
 use crate::common::virtual_night::{observe, plan_of};
 use std::time::Instant;
-use sunglint::reduce::Stop;
-use sunglint::reduce::night::{ReduceOptions, reduce};
+use sunglint_calibration::reduction::{ReduceOptions, reduce};
 use sunglint_formats::session::Session;
+use sunglint_numerics::progress::Silent;
 use sunglint_radiometry::light_curve::Flags;
 use sunglint_radiometry::station::Station;
 use sunglint_testkit::Campaign;
-
-struct GoOn;
-
-impl Stop for GoOn {
-    fn step(&mut self, _: u64) -> anyhow::Result<()> {
-        Ok(())
-    }
-}
 
 /// The largest memory that this process ever had, bytes (`VmHWM` of proc(5)).
 fn peak_bytes() -> Option<u64> {
@@ -49,9 +41,9 @@ fn campaign_long_reduce() {
     assert_eq!((summary.taken["cam"], summary.taken["tagger"]), (seconds / 2, 10 * seconds));
     let session = Session::open(folder.path("session")).unwrap();
     let station = Station::built_in("ufo").unwrap().unwrap();
-    let options = ReduceOptions::default_for(&station).unwrap();
+    let options = ReduceOptions::for_station(&station);
     let begun = Instant::now();
-    let mut night = reduce(&session, &station, &options, &mut GoOn).unwrap();
+    let mut night = reduce(&session, &station, &options, &Silent).unwrap();
     let (mut visits, mut bins, mut frames) = (0, 0, 0);
     while let Some(visited) = night.take(&session, &station).unwrap() {
         let curve = &visited.linear;

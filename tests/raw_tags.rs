@@ -10,15 +10,15 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use sunglint::observe::replayed;
-use sunglint::reduce::Stop;
-use sunglint::reduce::night::{ReduceOptions, reduce};
-use sunglint::reduce::tags::TagSummary;
+use sunglint_calibration::reduction::tags::TagSummary;
+use sunglint_calibration::reduction::{ReduceOptions, reduce};
 use sunglint_drivers::clock::Cancel;
 use sunglint_drivers::tags::{Tag, TagFile};
 use sunglint_formats::CountRecord;
 use sunglint_formats::session::{
     ClockState, Device, DeviceKind, Disk, FORMAT, Manifest, Session, SessionWriter,
 };
+use sunglint_numerics::progress::Silent;
 use sunglint_radiometry::light_curve::{Flags, LightCurve};
 use sunglint_radiometry::station::Station;
 
@@ -216,19 +216,11 @@ fn a_counter_without_tags_is_refused_before_the_night() {
     assert!(error.contains("leave out its `raw_tags`") && !folder.0.join("s").exists());
 }
 
-struct GoOn;
-
-impl Stop for GoOn {
-    fn step(&mut self, _: u64) -> anyhow::Result<()> {
-        Ok(())
-    }
-}
-
 /// The reduced curve of Vega, what became of the tags, and the warnings.
 fn reduced(session: &Session) -> (LightCurve, Option<TagSummary>, String) {
     let station = Station::built_in("ufo").unwrap().unwrap();
-    let options = ReduceOptions::default_for(&station).unwrap();
-    let mut night = reduce(session, &station, &options, &mut GoOn).unwrap();
+    let options = ReduceOptions::for_station(&station);
+    let mut night = reduce(session, &station, &options, &Silent).unwrap();
     let curve = night.take(session, &station).unwrap().unwrap().linear;
     (curve, night.counters[0].tags.clone(), night.warnings.join("\n"))
 }

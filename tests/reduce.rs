@@ -7,22 +7,14 @@ use crate::common::virtual_night::{observe, plan_of, write};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use sunglint::reduce::Stop;
-use sunglint::reduce::night::{ReduceOptions, Reduced, Visited, reduce};
+use sunglint_calibration::reduction::{ReduceOptions, Reduced, Visited, reduce};
 use sunglint_formats::session::Session;
+use sunglint_numerics::progress::Silent;
 use sunglint_radiometry::light_curve::Flags;
 use sunglint_radiometry::station::Station;
 use sunglint_testkit::{peer_python, run_python};
 use sunglint_virtual::observatory::night::Night;
 use sunglint_virtual::observatory::watch::Watch;
-
-struct GoOn;
-
-impl Stop for GoOn {
-    fn step(&mut self, _: u64) -> anyhow::Result<()> {
-        Ok(())
-    }
-}
 
 fn ufo() -> Station {
     Station::built_in("ufo").unwrap().unwrap()
@@ -30,8 +22,8 @@ fn ufo() -> Station {
 
 fn reduced(session: &Session) -> (Reduced, Vec<Visited>) {
     let station = ufo();
-    let options = ReduceOptions::default_for(&station).unwrap();
-    let mut night = reduce(session, &station, &options, &mut GoOn).unwrap();
+    let options = ReduceOptions::for_station(&station);
+    let mut night = reduce(session, &station, &options, &Silent).unwrap();
     let mut visits = Vec::new();
     while let Some(visited) = night.take(session, &station).unwrap() {
         visits.push(visited);

@@ -1,7 +1,11 @@
-//! From what was recorded to what it means: linear rates, calibrated light curves, materials, fits.
-//! Stands on `sunglint-simulator`. No file, no device, no clock: what comes in and goes out is in memory.
+//! From photons to calibrated light curves: linear rates, the coefficient of a night, magnitudes. Does not see the simulator.
 //!
-//! In the order in which data flows through it:
+//! The workflows, one function each, which read their files and report progress:
+//!
+//! - [`reduction`]: a recorded session as one linear light curve for each visit;
+//! - [`apply`]: a linear light curve times the night's coefficient, magnitudes and irradiances.
+//!
+//! What they are made of; these work in memory:
 //!
 //! - [`track`]: where the target stood on the camera's frame, and when;
 //! - [`photometry`]: from frames to rates of the target's planes, and its place: masks, detection, centroids, apertures, backgrounds;
@@ -10,13 +14,15 @@
 //! - [`alignment`]: the fibre's field on the camera image;
 //! - [`comparison`]: a measured curve beside a simulated one: scales, scatter, χ², ratios;
 //! - [`stars`]: the night's coefficient per channel from stars;
-//! - [`efficiency`]: a detector's counts per photon, against a photodiode;
+//! - [`efficiency`]: a detector's counts per photon, against a photodiode.
 
 pub mod alignment;
+pub mod apply;
 pub mod comparison;
 pub mod counts;
 pub mod detector;
 pub mod efficiency;
 pub mod photometry;
+pub mod reduction;
 pub mod stars;
 pub mod track;

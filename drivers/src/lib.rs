@@ -62,7 +62,7 @@ pub mod recording;
 pub mod reply;
 pub mod simulated;
 pub mod swabian;
-pub mod tags;
+pub use sunglint_formats::tags;
 pub mod thorlabs;
 pub mod transport;
 pub mod trinamic;

@@ -9,6 +9,7 @@
 //! - [`curve`]: what vendors publish (passbands, efficiencies) as CSV;
 //! - [`jcamp`]: spectra as spectrometers export them;
 //! - [`counts`] and [`frame`]: what instruments deliver, a bin of a photon counter and a frame of a camera;
+//! - [`tags`]: photon time tags on disk, binned into counts;
 //! - [`flag_bits`]: flags as bits of a number, which files name;
 //! - [`table`]: columns with units and metadata, in memory;
 //! - [`ecsv`]: tables as text that a person can open and astropy reads;
@@ -76,6 +77,7 @@ pub mod jcamp;
 pub mod read;
 pub mod session;
 pub mod table;
+pub mod tags;
 pub mod text_table;
 pub mod time;
 pub mod toml;

@@ -3,13 +3,18 @@
 //! From the linear rates of stars (without gate and coupling: [`crate::counts::Gate`] with `most_q: None, divide: false`) at the places where the
 //! frames saw them. [`fit_field`] fits a two-dimensional normal distribution, one amplitude per star; [`FieldMap`] is what was
 //! measured, cell by cell, with what the fit leaves of it: ghosts and a rim that no normal distribution has.
+//! [`align`] does all of it from recorded sessions; [`fibre_file`] and [`read_fibres`] keep the fields.
 
 mod correlated;
+mod file;
 mod fit;
 mod map;
+mod sessions;
 
+pub use file::{fibre_file, read_fibres};
 pub use fit::{FieldFit, FitError, FitOptions, fit_field};
 pub use map::{Cell, FieldMap};
+pub use sessions::{AlignError, AlignOptions, Alignment, CELL_PX, Field, align};
 
 use crate::counts::Sample;
 

@@ -11,9 +11,11 @@
 //! Each reading gives a [`Row`] or a flag that says why not; nothing is clipped: an efficiency above 1 stands there with its flag.
 
 mod reduce;
+mod run;
 mod table;
 
 pub use reduce::reduce;
+pub use run::{EfficiencyRun, EfficiencyRunError, reduce_run};
 pub use table::{to_curve, to_table};
 
 use crate::detector::Linearity;

@@ -13,6 +13,11 @@ pub struct Slope {
 }
 
 impl Slope {
+    /// Value and uncertainty in words, %.
+    pub fn percent(&self) -> String {
+        format!("{:+.1} ± {:.1} %", 100.0 * self.value, 100.0 * self.sigma)
+    }
+
     /// How many standard deviations it is from 0.
     pub fn significance(&self) -> f64 {
         self.value.abs() / self.sigma

@@ -9,7 +9,8 @@
 //!   with the smallest truncated χ² wins and is polished; the scatter is estimated from those that agree, never below the stated floor;
 //! - `gls`: generalised least squares on those; `scatter`: its components; `bootstrap`: intervals by resampling stars, studentised;
 //! - [`Slope`]s against airmass and colour (the aerosol that nobody modelled), [`RatioCheck`]s of the channels (linearity), [`variation`] over nights;
-//! - [`Nights`]: all of it as a file.
+//! - [`Nights`]: all of it as a file;
+//! - [`read_visits`] and [`calibrate_nights`]: the whole of it, from files or sessions to calibrated nights.
 //!
 //! Robust consensus: Fischler and Bolles 1981; its truncated loss: Torr and Zisserman 2000 (MSAC). Components of variance by the moments of Paule and
 //! Mandel 1982. Studentised bootstrap: Efron and Tibshirani 1993, 12.5.
@@ -20,6 +21,8 @@ mod consensus;
 mod file;
 mod gls;
 mod night;
+mod nights;
+mod recorded;
 mod sample;
 mod scatter;
 pub mod scintillation;
@@ -28,6 +31,11 @@ pub mod visit;
 pub use checks::{RatioCheck, Slope, Variation, variation};
 pub use file::{ChannelRow, Facts, NightFile, Nights};
 pub use night::{Aerosol, ChannelKappa, Judgement, Night, calibrate};
+pub use nights::{
+    CalibratedNight, CalibratedNights, NightError, NightsError, NightsOptions, USUAL_EXPONENT,
+    VisitError, calibrate_nights,
+};
+pub use recorded::{MeasuredVisit, StarVisit, night_of, read_visits};
 
 /// One visit to a star: what was predicted and what was measured, by channel.
 #[derive(Debug, Clone, PartialEq)]

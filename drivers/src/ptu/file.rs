@@ -4,8 +4,8 @@ use super::header::{Header, Value};
 use super::record::{Decoder, MARKER_CHANNEL, Record, RecordType};
 use super::scale::Resolution;
 use crate::tags::Tag;
-use crate::tags::bytes_at::BytesAt;
 use std::path::Path;
+use sunglint_formats::tags::bytes_at::BytesAt;
 use sunglint_formats::{FileError, ParseError};
 
 /// Records that are read at once.

@@ -1,6 +1,6 @@
 //! The header: named entries of 48 bytes, some with more bytes behind them.
 
-use crate::tags::bytes_at::BytesAt;
+use sunglint_formats::tags::bytes_at::BytesAt;
 use sunglint_formats::{FileError, ParseError};
 
 /// The most entries that are read; files have some hundreds.

@@ -1,60 +1,89 @@
 //! From calibrated rates to irradiances and magnitudes, by a spectrum that is stated: a rate says how much of it there is, not what it looks like.
 
-use super::{PhaseLaw, is_valid};
-use anyhow::{Context as _, bail};
-use serde_json::{Value, json};
-use std::fmt::Write as _;
+use super::{ApplyError, PhaseLaw, is_valid};
+use hifitime::Epoch;
 use std::path::Path;
-use sunglint_formats::flag_bits::bit_names;
-use sunglint_formats::time::format_utc_shortest;
-use sunglint_formats::{Column, Table};
-use sunglint_radiometry::air::{Air, Zenith};
+use sunglint_radiometry::air::{Air, AirError, Zenith};
 use sunglint_radiometry::light::sun_at_1_au;
 use sunglint_radiometry::light_curve::{Flags, LightCurve};
 use sunglint_radiometry::passband::{Passband, ZeroPoint};
 use sunglint_radiometry::spectrum::{Irradiance, Spectrum};
 use sunglint_radiometry::star_light::{self, StarColours};
 use sunglint_radiometry::station::Station;
-use sunglint_report::{Product, rounded};
 
 /// Airmasses at which the rate of the stated spectrum is computed; between them its logarithm is a line.
 const NODES: usize = 33;
-/// Why there is no standard magnitude.
-const NO_STANDARD: &str = "the curve has no range_m or no phase_deg";
-
-/// What one channel makes of it.
-struct ChannelPhotometry {
-    name: String,
+/// Irradiances and magnitudes by one channel.
+#[derive(Debug, Clone)]
+pub struct ChannelPhotometry {
+    /// Name of the channel.
+    pub name: String,
     /// Mean over the band, above the air, W m⁻² nm⁻¹.
-    irradiance: Vec<f64>,
+    pub irradiance: Vec<f64>,
     /// Standard uncertainty of the magnitude, without κ's.
-    sigma_mag: Vec<f64>,
-    magnitude: Vec<f64>,
-    standard: Option<Vec<f64>>,
+    pub sigma_mag: Vec<f64>,
+    /// Magnitude above the air.
+    pub magnitude: Vec<f64>,
+    /// Magnitude at 1,000 km and a phase angle of 90°; `None` of a curve without ranges or phase angles.
+    pub standard: Option<Vec<f64>>,
     /// The samples' own: what they say of the rate they say of the magnitude.
-    flags: Vec<Flags>,
+    pub flags: Vec<Flags>,
 }
 
 impl ChannelPhotometry {
     /// Smallest and largest of the valid samples.
-    fn range(&self, values: &[f64]) -> Option<(f64, f64)> {
+    pub fn range(&self, values: &[f64]) -> Option<(f64, f64)> {
         let valid = values.iter().zip(&self.flags).filter(|(_, f)| is_valid(**f));
         ends(&valid.map(|(v, _)| *v).collect::<Vec<_>>())
     }
 }
 
 /// Irradiances and magnitudes by a stated spectrum.
-pub(super) struct Photometry {
-    time: Vec<String>,
-    channels: Vec<ChannelPhotometry>,
-    spectrum: String,
-    band: String,
-    zero: ZeroPoint,
-    law: PhaseLaw,
+#[derive(Debug, Clone)]
+pub struct Photometry {
+    /// Middle of each sample's exposure.
+    pub time: Vec<Epoch>,
+    /// By channel of the curve.
+    pub channels: Vec<ChannelPhotometry>,
+    /// The spectrum in words.
+    pub spectrum: String,
+    /// The band's name.
+    pub band: String,
+    /// What magnitudes count from.
+    pub zero: ZeroPoint,
+    /// The law of phase angle.
+    pub law: PhaseLaw,
+}
+
+/// How rates become irradiances and magnitudes.
+#[derive(Debug, Clone)]
+pub struct PhotometryOptions {
+    /// The light's spectrum above the air: `sun`, a star's type, or the path of a curve's file.
+    pub spectrum: String,
+    /// The band of magnitudes.
+    pub band: String,
+    /// What magnitudes count from.
+    pub zero_point: ZeroPoint,
+    /// The law of phase angle.
+    pub phase_law: PhaseLaw,
+    /// Whether the air's aerosol holds even where one was fitted with κ.
+    pub keep_aerosol: bool,
+}
+
+impl Default for PhotometryOptions {
+    fn default() -> Self {
+        Self {
+            spectrum: "sun".into(),
+            band: "V".into(),
+            zero_point: ZeroPoint::default(),
+            phase_law: PhaseLaw::default(),
+            keep_aerosol: false,
+        }
+    }
 }
 
 /// A spectrum of any scale by its name: `sun`, a file, a star's type.
-fn stated(name: &str) -> anyhow::Result<(Spectrum<Irradiance>, String)> {
+fn stated(name: &str) -> Result<(Spectrum<Irradiance>, String), ApplyError> {
     if name.eq_ignore_ascii_case("sun") {
         return Ok((sun_at_1_au().clone(), "the Sun's (ASTM G173-03)".into()));
     }
@@ -62,7 +91,7 @@ fn stated(name: &str) -> anyhow::Result<(Spectrum<Irradiance>, String)> {
     if path.is_file() {
         let curve = sunglint_formats::curve::read(path, None)?;
         let spectrum = Spectrum::new(curve.x.clone(), curve.y.clone())
-            .with_context(|| path.display().to_string())?;
+            .map_err(|source| ApplyError::SpectrumFile { path: path.to_path_buf(), source })?;
         return Ok((spectrum, path.display().to_string()));
     }
     let colours = StarColours {
@@ -71,28 +100,26 @@ fn stated(name: &str) -> anyhow::Result<(Spectrum<Irradiance>, String)> {
         spectral_type: Some(name),
         zero: ZeroPoint::default(),
     };
-    let light = star_light::of(colours).with_context(|| {
-        format!("--spectrum `{name}` is neither `sun`, nor a file, nor a star's type")
-    })?;
+    let light = star_light::of(colours)
+        .map_err(|source| ApplyError::Spectrum { name: name.to_owned(), source })?;
     Ok((light.irradiance, light.origin.to_string()))
 }
 
 impl Photometry {
+    /// Irradiances and magnitudes of a calibrated curve.
+    ///
+    /// # Errors
+    /// A curve without zenith angles or samples, a spectrum or a band that is not known, a channel that the station has not.
     pub fn new(
         curve: &LightCurve,
         station: &Station,
         air: &Air,
-        (spectrum, band): (&str, &str),
-        zero: ZeroPoint,
-        law: PhaseLaw,
-    ) -> anyhow::Result<Self> {
-        let Some(zenith) = &curve.samples.zenith_deg else {
-            bail!(
-                "magnitudes and irradiances above the air need the curve's zenith_deg, which is not there"
-            );
-        };
-        let (light, words) = stated(spectrum)?;
-        let band = Passband::named(band)?;
+        options: &PhotometryOptions,
+    ) -> Result<Self, ApplyError> {
+        let (zero, law) = (options.zero_point, options.phase_law);
+        let Some(zenith) = &curve.samples.zenith_deg else { return Err(ApplyError::NoZenith) };
+        let (light, words) = stated(&options.spectrum)?;
+        let band = Passband::named(&options.band)?;
         let mean = band.mean(&light)?;
         let table = Rates::new(&light, station, air, zenith)?;
         let channels = curve
@@ -100,8 +127,9 @@ impl Photometry {
             .iter()
             .map(|channel| {
                 let place = station.channels.iter().position(|c| c.name == channel.name);
-                let place = place.with_context(|| {
-                    format!("the station {} has no channel `{}`", station.name, channel.name)
+                let place = place.ok_or_else(|| ApplyError::UnknownChannel {
+                    channel: channel.name.clone(),
+                    station: station.name.clone(),
                 })?;
                 let expected = table.of(place);
                 let scale = |i: usize| channel.rate_hz[i] / expected[i];
@@ -131,109 +159,14 @@ impl Photometry {
                     flags: channel.flags.clone(),
                 })
             })
-            .collect::<anyhow::Result<Vec<_>>>()?;
+            .collect::<Result<Vec<_>, ApplyError>>()?;
         Ok(Self {
-            time: curve.samples.time.iter().map(|t| format_utc_shortest(*t)).collect(),
+            time: curve.samples.time.clone(),
             channels,
             spectrum: words,
             band: band.name.clone(),
             zero,
             law,
-        })
-    }
-
-    pub fn product(&self) -> Product {
-        let mut table = Table {
-            columns: vec![Column::text("time_utc", self.time.clone())],
-            ..Table::default()
-        };
-        let facts = [
-            ("band", self.band.clone()),
-            ("spectrum", self.spectrum.clone()),
-            ("zero_point", self.zero.to_string()),
-            (
-                "standard_magnitude",
-                if self.channels.iter().any(|c| c.standard.is_some()) {
-                    format!(
-                        "at 1000 km and a phase angle of 90 deg, phase law: {}",
-                        self.law.name()
-                    )
-                } else {
-                    format!("none: {NO_STANDARD}")
-                },
-            ),
-            (
-                "note",
-                "above the air; sigma without that of kappa, which is common to all samples".into(),
-            ),
-        ];
-        facts
-            .into_iter()
-            .for_each(|(key, value)| drop(table.meta.insert(key.into(), json!(value))));
-        table.meta.insert("flag_bits".into(), bit_names::<Flags>());
-        for c in &self.channels {
-            let mut push = |suffix: &str, unit: &str, values: &[f64]| {
-                table.columns.push(Column::f64(
-                    format!("{}_{suffix}", c.name),
-                    Some(unit),
-                    values.to_vec(),
-                ));
-            };
-            push("irradiance_w_m2_nm", "W / (m2 nm)", &c.irradiance);
-            push("mag", "mag", &c.magnitude);
-            push("sigma_mag", "mag", &c.sigma_mag);
-            if let Some(standard) = &c.standard {
-                push("standard_mag", "mag", standard);
-            }
-            let bits = c.flags.iter().map(|f| i64::from(f.bits())).collect();
-            table.columns.push(Column::i64(format!("{}_flags", c.name), None, bits));
-        }
-        Product { name: "photometry".into(), table, json: self.json(), ..Product::default() }
-    }
-
-    pub fn text(&self) -> String {
-        let mut text = format!(
-            "{} above the air, {}, by the spectrum {}\n",
-            self.band, self.zero, self.spectrum,
-        );
-        let known = self.channels.iter().any(|c| c.standard.is_some());
-        text.push_str(&if known {
-            format!("standard magnitudes at 1,000 km and 90°, phase law: {}\n", self.law.name())
-        } else {
-            format!("no standard magnitudes: {NO_STANDARD}\n")
-        });
-        for c in &self.channels {
-            let range = |values: &Vec<f64>| c.range(values);
-            let (Some((least, most)), Some((dim, bright))) =
-                (range(&c.magnitude), range(&c.irradiance))
-            else {
-                let _ = writeln!(text, "  {:<10} no valid sample with light", c.name);
-                continue;
-            };
-            let standard = c.standard.as_ref().and_then(range);
-            let standard =
-                standard.map_or(String::new(), |(a, b)| format!("; standard {a:.3} to {b:.3} mag"));
-            let _ = writeln!(
-                text,
-                "  {:<10} {least:.3} to {most:.3} mag; {dim:.4e} to {bright:.4e} W/m2/nm{standard}",
-                c.name
-            );
-        }
-        text
-    }
-
-    pub fn json(&self) -> Value {
-        let channel = |c: &ChannelPhotometry| {
-            let range =
-                |values: &[f64]| c.range(values).map(|(a, b)| json!([rounded(a), rounded(b)]));
-            json!({
-                "channel": c.name, "magnitude_range": range(&c.magnitude), "irradiance_range_w_m2_nm": range(&c.irradiance),
-                "standard_magnitude_range": c.standard.as_deref().and_then(range),
-            })
-        };
-        json!({
-            "band": self.band, "zero_point": self.zero.to_string(), "spectrum": self.spectrum, "phase_law": self.law.name(),
-            "channels": self.channels.iter().map(channel).collect::<Vec<_>>(),
         })
     }
 }
@@ -274,15 +207,14 @@ impl Rates {
         station: &Station,
         air: &Air,
         zenith: &[f64],
-    ) -> anyhow::Result<Self> {
-        let of =
-            |z: f64| Ok::<_, anyhow::Error>(air.air_masses(&air.path(Zenith::True(z))?).rayleigh);
+    ) -> Result<Self, ApplyError> {
+        let of = |z: f64| Ok::<_, AirError>(air.air_masses(&air.path(Zenith::True(z))?).rayleigh);
         let airmass = zenith
             .iter()
             .map(|z| of(*z))
-            .collect::<anyhow::Result<Vec<f64>>>()
-            .context("the way of the light through the air")?;
-        let (low, high) = ends(zenith).context("the light curve has no sample")?;
+            .collect::<Result<Vec<f64>, AirError>>()
+            .map_err(ApplyError::Path)?;
+        let (low, high) = ends(zenith).ok_or(ApplyError::NoSample)?;
         let (mut nodes, mut ln_rate) = (Vec::new(), vec![Vec::new(); station.channels.len()]);
         let (first, last) = (of(low)?, of(high)?);
         for k in 0..NODES {

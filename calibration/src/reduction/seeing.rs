@@ -1,6 +1,6 @@
 //! How wide points are on the frames of a stay: what the filters of the detection and the centroids go by.
 
-use sunglint_calibration::photometry::{
+use crate::photometry::{
     Expected, FrameCalibration, FrameReducer, PhotometryError, PhotometryOptions,
 };
 use sunglint_formats::session::FrameFile;

@@ -1,17 +1,21 @@
 //! The counts of a night: two runs over a counter's bins, off the targets and on them.
 
+use super::error::Within as _;
 use super::tags::{Run, TagSummary, Tags};
-use super::{Stay, Stop};
-use anyhow::{Context as _, bail};
-use sunglint_calibration::counts::{
+use super::{ReduceError, Stay, step};
+use crate::counts::{
     Bin, CountChannel, Curves, Gate, OffOptions, OffTarget, Options, Reduction, Sample, Span,
     Spans, Summary, View,
 };
-use sunglint_calibration::track::Track;
+use crate::track::Track;
 use sunglint_formats::FileError;
 use sunglint_formats::session::{Counts, Session, TargetKind};
+use sunglint_numerics::progress::{Cancelled, Progress};
 use sunglint_radiometry::light_curve::{LightCurve, Provenance, RateKind};
 use sunglint_radiometry::station::{Detector, Fibre, Station};
+
+/// Progress is told of so many bins at once.
+const STEP: u64 = 256;
 
 /// What a counter gave.
 #[derive(Debug)]
@@ -51,13 +55,13 @@ fn channels(
     counts: &Counts,
     station: &Station,
     fibres: &Fibres,
-) -> anyhow::Result<(Vec<CountChannel>, Vec<String>)> {
+) -> Result<(Vec<CountChannel>, Vec<String>), ReduceError> {
     let (mut known, mut unknown) = (Vec::new(), Vec::new());
     for (column, name) in counts.channels().iter().enumerate() {
         match station.channel(name).map(|channel| &channel.detector) {
             Some(Detector::Counter(counter)) => {
                 let mut channel = CountChannel::of(name, column, counter)
-                    .with_context(|| format!("channel {name} of station {}", station.name))?;
+                    .within(|| format!("channel {name} of station {}", station.name))?;
                 channel.fibre = fibres.get(name).copied().or(channel.fibre);
                 known.push(channel);
             }
@@ -94,29 +98,29 @@ pub fn counter_night(
     spans: &Spans,
     tracks: &[Track],
     options: &CountOptions,
-    stop: &mut dyn Stop,
+    progress: &dyn Progress,
     each: &mut dyn FnMut(&[CountChannel], &Sample),
-) -> anyhow::Result<CounterNight> {
+) -> Result<CounterNight, ReduceError> {
     let open = || session.counts(counter);
     let (channels, unknown) = channels(&open()?, station, fibres)?;
     if channels.is_empty() {
-        bail!(
-            "counter {counter} has the channels {}, and station {} has a counter of none of these names: name them as the station does",
-            unknown.join(", "),
-            station.name
-        );
+        return Err(ReduceError::NoChannel {
+            counter: counter.to_owned(),
+            channels: unknown,
+            station: station.name.clone(),
+        });
     }
     let mut warnings = Vec::new();
     let mut tags = Tags::open(session, counter, open()?.channels(), &mut warnings)?;
     let run = tags.as_ref().map(Tags::run);
-    let mut watched = Watched { bins: open()?, tags: run, stop, stopped: None };
+    let mut watched = Watched { bins: open()?, tags: run, progress, passed: 0, stopped: None };
     let off = OffTarget::measure(watched.by_ref(), &channels, spans, &options.off)?;
     let found = watched.ended()?.map(|(_, found)| found);
     if let (Some(tags), Some(found)) = (&mut tags, found) {
         tags.judge(found);
     }
     let run = tags.as_ref().map(Tags::run);
-    let mut watched = Watched { bins: open()?, tags: run, stop, stopped: None };
+    let mut watched = Watched { bins: open()?, tags: run, progress, passed: 0, stopped: None };
     let mut curves: Vec<Option<Curves>> = vec![None; tracks.len()];
     let mut reduction =
         Reduction::new(watched.by_ref(), &channels, spans, tracks, &off, options.bins);
@@ -150,13 +154,16 @@ pub fn counter_night(
 struct Watched<'a> {
     bins: Counts,
     tags: Option<Run<'a>>,
-    stop: &'a mut dyn Stop,
-    stopped: Option<anyhow::Error>,
+    progress: &'a dyn Progress,
+    /// Bins that `progress` has not been told of.
+    passed: u64,
+    stopped: Option<Cancelled>,
 }
 
 impl Watched<'_> {
     /// What became of the tags.
-    fn ended(self) -> anyhow::Result<Option<(TagSummary, Vec<[u64; 2]>)>> {
+    fn ended(self) -> Result<Option<(TagSummary, Vec<[u64; 2]>)>, Cancelled> {
+        step(self.progress, self.passed)?;
         self.stopped.map_or_else(|| Ok(self.tags.map(Run::finish)), Err)
     }
 }
@@ -165,9 +172,13 @@ impl Iterator for Watched<'_> {
     type Item = Result<Bin, FileError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if let Err(error) = self.stop.step(1) {
-            self.stopped = Some(error);
-            return None;
+        self.passed += 1;
+        if self.passed == STEP {
+            self.passed = 0;
+            if let Err(error) = step(self.progress, STEP) {
+                self.stopped = Some(error);
+                return None;
+            }
         }
         let record = match self.bins.next()? {
             Ok(record) => record,

@@ -1,12 +1,12 @@
 //! The bytes of a plain file at any place, for any number of threads, in memory that the caller bounds.
 
+use crate::{FileError, ParseError};
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use sunglint_formats::{FileError, ParseError};
 
 /// A plain file as long as it was when it was opened, or what stands for it.
 #[derive(Debug)]
-pub(crate) struct BytesAt {
+pub struct BytesAt {
     path: PathBuf,
     source: Source,
     len: u64,
@@ -22,7 +22,11 @@ enum Source {
 }
 
 impl BytesAt {
-    pub(crate) fn open(path: &Path) -> Result<Self, FileError> {
+    /// Opens a plain file.
+    ///
+    /// # Errors
+    /// A path that cannot be read, or is no plain file.
+    pub fn open(path: &Path) -> Result<Self, FileError> {
         let io = |source| FileError::io("read", path, source);
         // Asked before it is opened: opening a pipe waits for whoever writes to it.
         let about = std::fs::metadata(path).map_err(io)?;
@@ -39,21 +43,27 @@ impl BytesAt {
     }
 
     /// Bytes that are in memory already; `path` stands for them in errors.
-    pub(crate) fn memory(path: &Path, bytes: Vec<u8>) -> Self {
+    pub fn memory(path: &Path, bytes: Vec<u8>) -> Self {
         let len = bytes.len() as u64;
         Self { path: path.to_path_buf(), source: Source::Memory(bytes), len }
     }
 
-    pub(crate) fn path(&self) -> &Path {
+    /// Path of the file.
+    pub fn path(&self) -> &Path {
         &self.path
     }
 
-    pub(crate) fn len(&self) -> u64 {
+    /// Length of the file, bytes.
+    #[expect(clippy::len_without_is_empty, reason = "nobody asks")]
+    pub fn len(&self) -> u64 {
         self.len
     }
 
     /// Fills `bytes` with what stands from `start` on.
-    pub(crate) fn read(&self, start: u64, bytes: &mut [u8]) -> Result<(), FileError> {
+    ///
+    /// # Errors
+    /// A file that has become shorter, or cannot be read any more.
+    pub fn read(&self, start: u64, bytes: &mut [u8]) -> Result<(), FileError> {
         let end = start.saturating_add(bytes.len() as u64);
         if end > self.len {
             let found = format!("the end of the file at byte {}", self.len);

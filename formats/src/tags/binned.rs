@@ -2,8 +2,8 @@
 
 use super::TagError;
 use super::bin::{Binning, Dropping, Piece};
+use crate::{CountFlags, CountRecord, CountSeries, Meta};
 use hifitime::{Duration, Epoch};
-use sunglint_formats::{CountFlags, CountRecord, CountSeries, Meta};
 
 /// Where the bins lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

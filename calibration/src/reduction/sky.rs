@@ -1,6 +1,7 @@
 //! Where a visit's target stood: zenith angle, and of a satellite range and phase angle.
 
-use anyhow::Context as _;
+use super::ReduceError;
+use super::error::Within as _;
 use hifitime::{Epoch, Unit};
 use rayon::prelude::*;
 use std::path::Path;
@@ -27,12 +28,12 @@ impl Body {
     ///
     /// # Errors
     /// A place or elements that are none.
-    pub fn of(target: &Target) -> anyhow::Result<Option<Self>> {
+    pub fn of(target: &Target) -> Result<Option<Self>, ReduceError> {
         match (target.target_kind, target.ra_deg, target.dec_deg, &target.tle) {
             (TargetKind::Star, Some(ra_deg), Some(dec_deg), _) => {
                 let place = Equatorial { ra_deg, dec_deg };
                 let star = Star::at(&target.name, place)
-                    .with_context(|| format!("the place of {}", target.name))?;
+                    .within(|| format!("the place of {}", target.name))?;
                 Ok(Some(Self::Star(Box::new(star))))
             }
             (TargetKind::Satellite, _, _, Some([one, two])) => {
@@ -49,7 +50,7 @@ impl Body {
     ///
     /// # Errors
     /// An epoch at which the body has no place.
-    pub fn locate(&self, samples: &mut Samples, site: &Site) -> anyhow::Result<()> {
+    pub fn locate(&self, samples: &mut Samples, site: &Site) -> Result<(), ReduceError> {
         let earth = EarthOrientation::embedded();
         match self {
             Self::Star(star) => {
@@ -63,7 +64,7 @@ impl Body {
                         let observer = Observer::at(*epoch, site, earth)?;
                         Ok(Geometry::at(orbit, &observer)?)
                     })
-                    .collect::<anyhow::Result<_>>()?;
+                    .collect::<Result<_, ReduceError>>()?;
                 samples.zenith_deg = Some(places.iter().map(Geometry::zenith_deg).collect());
                 samples.range_m = Some(places.iter().map(|place| place.range_m).collect());
                 samples.phase_deg = Some(places.iter().map(Geometry::phase_deg).collect());
@@ -76,7 +77,7 @@ impl Body {
     ///
     /// # Errors
     /// An epoch at which the body has no place.
-    pub fn zenith_deg(&self, epoch: Epoch, site: &Site) -> anyhow::Result<f64> {
+    pub fn zenith_deg(&self, epoch: Epoch, site: &Site) -> Result<f64, ReduceError> {
         let mut one = Samples::new(vec![epoch], 1.0);
         self.locate(&mut one, site)?;
         Ok(one.zenith_deg.and_then(|zeniths| zeniths.first().copied()).unwrap_or(f64::NAN))
@@ -89,7 +90,7 @@ fn star_zeniths(
     times: &[Epoch],
     site: &Site,
     earth: &EarthOrientation,
-) -> anyhow::Result<Vec<f64>> {
+) -> Result<Vec<f64>, ReduceError> {
     let (Some(first), Some(last)) = (times.iter().min(), times.iter().max()) else {
         return Ok(Vec::new());
     };
@@ -101,7 +102,7 @@ fn star_zeniths(
             let observer = Observer::at(epoch, site, earth)?;
             Ok(observer.gcrs_to_enu() * observer.star_direction_gcrs(star))
         })
-        .collect::<anyhow::Result<Vec<glam::DVec3>>>()?;
+        .collect::<Result<Vec<glam::DVec3>, ReduceError>>()?;
     let zenith_deg = |epoch: &Epoch| {
         let at = (*epoch - *first).to_seconds() / STAR_STEP_S;
         let i = (at.floor() as usize).min(steps - 1);

@@ -14,7 +14,7 @@
 //! # What the flags of a bin mean
 //!
 //! A time tagger that gets more events than it can hand over stops timing them for a while, and only counts. It says so
-//! (the vendor's `TimeTagger.h`, at `struct Tag`), and a bin keeps it as [`CountFlags`](sunglint_formats::CountFlags):
+//! (the vendor's `TimeTagger.h`, at `struct Tag`), and a bin keeps it as [`CountFlags`](crate::CountFlags):
 //!
 //! - `OVERFLOW`: the bin has a moment in common with such an interval. Light was there that was not timed: **the counts are
 //!   lower bounds**. Leave the bin out of a fit, or use it as a limit. The cure lies before the counter: less light, fewer
@@ -34,7 +34,7 @@
 //! # From a file to counts
 //!
 //! ```
-//! use sunglint_drivers::tags::{Binning, CheckOptions, Tag, TagFile, TagWriter};
+//! use sunglint_formats::tags::{Binning, CheckOptions, Tag, TagFile, TagWriter};
 //! use std::time::Duration;
 //!
 //! let folder = tempfile::tempdir()?;
@@ -69,7 +69,7 @@
 
 mod bin;
 mod binned;
-pub(crate) mod bytes_at;
+pub mod bytes_at;
 mod check;
 mod error;
 mod file;

@@ -6,13 +6,13 @@ use super::bytes_at::BytesAt;
 use super::check::Checker;
 use super::tag::{RECORD_BYTES, Tag, Tags, first_unsorted};
 use super::{Binned, Binning, CheckOptions, Report, TagError};
+use crate::{FileError, ParseError};
 use rayon::iter::{
     IndexedParallelIterator as _, IntoParallelRefMutIterator as _, ParallelIterator as _,
 };
 use std::ops::Range;
 use std::path::Path;
 use std::sync::OnceLock;
-use sunglint_formats::{FileError, ParseError};
 
 /// Records that are read at once: 256 KiB, so that they are still in the core's cache when they are counted.
 const READ_RECORDS: usize = 1 << 14;

@@ -4,13 +4,12 @@
 //! into stretches of one clock: at error records, and where times go back. A run over all bins holds each stretch against the counts; a stretch of which
 //! less than half of the bins agree is another clock's, and no tag of it is used, not even in bins that agree by chance.
 
-use serde_json::{Value, json};
+use crate::counts::Bin;
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::PathBuf;
-use sunglint_calibration::counts::Bin;
-use sunglint_drivers::tags::{Recovered, Tag, TagFile, TagKind};
 use sunglint_formats::session::Session;
+use sunglint_formats::tags::{Recovered, Tag, TagFile, TagKind};
 use sunglint_formats::{CountFlags, CountRecord, FileError};
 
 /// Stretches further on that a bin is held against, where it does not agree with the present one.
@@ -96,7 +95,7 @@ impl Tags {
         counter: &str,
         columns: &[String],
         warnings: &mut Vec<String>,
-    ) -> anyhow::Result<Option<Self>> {
+    ) -> Result<Option<Self>, FileError> {
         let device = session.manifest().devices.iter().find(|device| device.name == counter);
         let asked = device.is_some_and(|device| device.raw_tags);
         let Some(path) = session.tags(counter)? else {
@@ -209,40 +208,6 @@ impl Tags {
             }
         }
         warnings
-    }
-}
-
-impl TagSummary {
-    /// For the summary of a person.
-    pub fn text(&self) -> String {
-        format!(
-            "raw tags: {} records, {} of {} stretches not used; bins linearised by them {}, that differ {}, beyond them {}, not all timed {}, in unused stretches {}",
-            self.records,
-            self.stretches[1],
-            self.stretches[0],
-            self.used,
-            self.differ,
-            self.beyond,
-            self.incomplete,
-            self.distrusted
-        )
-    }
-
-    /// For a program.
-    pub fn json(&self) -> Value {
-        json!({
-            "records": self.records,
-            "torn_bytes": self.cut[0],
-            "zero_records": self.cut[1],
-            "stretches": self.stretches[0],
-            "unused_stretches": self.stretches[1],
-            "bins_used": self.used,
-            "bins_differ": self.differ,
-            "bins_beyond": self.beyond,
-            "bins_incomplete": self.incomplete,
-            "bins_distrusted": self.distrusted,
-            "channels_without": self.without,
-        })
     }
 }
 

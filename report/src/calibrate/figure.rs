@@ -1,10 +1,8 @@
 //! The figure of a night: measured against predicted, ratios of channels, what is left against airmass and colour.
 
-use super::report::NightResult;
+use crate::plot::{Axis, COLOURS, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm};
+use sunglint_calibration::stars::{CalibratedNight, Judgement, Visit};
 use sunglint_radiometry::station::Station;
-use sunglint_report::plot::{
-    Axis, COLOURS, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm,
-};
 
 /// Outliers are drawn paler.
 fn pale(colour: RGBColor) -> RGBColor {
@@ -18,7 +16,7 @@ const GUIDE: RGBColor = RGBColor(170, 170, 170);
 const ALIKE: f64 = 60.0;
 
 /// A colour for each channel: its wavelength's, or where another channel has nearly that already, the first of the palette that none has.
-pub(crate) fn colours(station: &Station) -> Vec<RGBColor> {
+pub fn colours(station: &Station) -> Vec<RGBColor> {
     let mut found: Vec<RGBColor> = Vec::new();
     for (c, channel) in station.channels.iter().enumerate() {
         let free = |colour: &RGBColor| found.iter().all(|other| distance(*colour, *other) > ALIKE);
@@ -43,8 +41,8 @@ fn line(points: &[(f64, f64)], y: impl Fn(f64) -> f64, colour: RGBColor) -> Seri
 }
 
 /// κ of all nights over their mean, against the days since the first.
-pub(super) fn nights(nights: &[NightResult], station: &Station) -> Figure {
-    let day = |night: &NightResult| {
+pub(super) fn nights(nights: &[CalibratedNight], station: &Station) -> Figure {
+    let day = |night: &CalibratedNight| {
         let at = sunglint_formats::time::parse_utc(&format!("{}T12:00:00", night.file.night));
         at.map_or(f64::NAN, |t| t.to_mjd_utc_days())
     };
@@ -67,7 +65,7 @@ pub(super) fn nights(nights: &[NightResult], station: &Station) -> Figure {
     }
 }
 
-pub(super) fn figure(night: &NightResult, station: &Station) -> Figure {
+pub(super) fn figure(night: &CalibratedNight, station: &Station) -> Figure {
     let title = format!(
         "Star calibration of {}, night of {} (pale: not used)",
         station.name, night.file.night
@@ -83,13 +81,13 @@ pub(super) fn figure(night: &NightResult, station: &Station) -> Figure {
 }
 
 /// Band averages, as measured times κ's line through them.
-fn rates(night: &NightResult, station: &Station) -> Panel {
+fn rates(night: &CalibratedNight, station: &Station) -> Panel {
     let mut series = Vec::new();
     let colours = colours(station);
     for (c, channel) in station.channels.iter().enumerate() {
         let width_nm = channel.bandwidth_nm();
         let points = |good: bool| -> Vec<(f64, f64)> {
-            let of = |(i, v): (usize, &sunglint_calibration::stars::Visit)| {
+            let of = |(i, v): (usize, &Visit)| {
                 let m = v.channels[c]?;
                 let wanted = night.found.visits[i].agrees == good && m.measured_hz > 0.0;
                 wanted.then_some((m.measured_hz / width_nm, m.predicted_hz / width_nm))
@@ -109,12 +107,12 @@ fn rates(night: &NightResult, station: &Station) -> Panel {
 }
 
 /// Ratios of the channels to the reference: on the diagonal where all is linear.
-fn ratios(night: &NightResult, station: &Station) -> Panel {
+fn ratios(night: &CalibratedNight, station: &Station) -> Panel {
     let (mut series, mut all) = (Vec::new(), Vec::new());
     let colours = colours(station);
     for check in &night.found.ratios {
         let (a, b) = (check.channel, check.reference);
-        let of = |(i, v): (usize, &sunglint_calibration::stars::Visit)| {
+        let of = |(i, v): (usize, &Visit)| {
             let (p, q) = (v.channels[a]?, v.channels[b]?);
             let scale = night.kappa(a)? / night.kappa(b)?;
             let point = (scale * p.measured_hz / q.measured_hz, p.predicted_hz / q.predicted_hz);
@@ -134,7 +132,7 @@ fn ratios(night: &NightResult, station: &Station) -> Panel {
 
 /// What is left of those that agree.
 fn left(
-    night: &NightResult,
+    night: &CalibratedNight,
     station: &Station,
     label: &str,
     x: &dyn Fn(usize) -> Option<f64>,
@@ -142,7 +140,7 @@ fn left(
     let (mut series, mut all) = (Vec::new(), Vec::new());
     let colours = colours(station);
     for (c, channel) in station.channels.iter().enumerate() {
-        let of = |(i, v): (usize, &sunglint_calibration::stars::Judgement)| {
+        let of = |(i, v): (usize, &Judgement)| {
             let r = v.residuals[c].filter(|_| v.agrees)?;
             Some((x(i)?, 100.0 * r))
         };

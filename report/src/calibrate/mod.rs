@@ -1,64 +1,27 @@
-//! What `sunglint calibrate` says: text, JSON, tables.
+//! Nights calibrated from stars: text, JSON, tables, figures.
 
-use super::visits::Prepared;
-use super::{figure, label};
+mod figure;
+
+pub use figure::colours;
+
+use crate::{Product, rounded};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use sunglint_calibration::stars::{Night, NightFile, Nights, Slope, Visit, variation};
+use sunglint_calibration::stars::{
+    CalibratedNight, CalibratedNights, MeasuredVisit, Slope, Variation,
+};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table, Values};
 use sunglint_radiometry::station::Station;
-use sunglint_report::{Product, rounded};
 
-/// A night that is calibrated.
-pub(super) struct NightResult {
-    pub file: NightFile,
-    pub found: Night,
-    pub input: Vec<Visit>,
-    pub visits: Vec<Prepared>,
-}
-
-/// A slope is worth a warning from here on, in standard uncertainties.
-const WORTH_A_WARNING: f64 = 3.0;
-
-impl NightResult {
-    pub fn kappa(&self, channel: usize) -> Option<f64> {
-        self.found.channels[channel].as_ref().ok().map(|k| k.kappa)
-    }
-
-    /// What a person should hear of before using κ.
-    pub fn warnings(&self) -> Vec<String> {
-        let night = &self.file.night;
-        let mut warnings = Vec::new();
-        let slopes = self.file.channels.iter().filter_map(|c| Some((&c.channel, c.per_airmass?)));
-        let steep: Vec<String> = slopes
-            .filter(|(_, s)| s.significance() > WORTH_A_WARNING)
-            .map(|(name, s)| format!("{name} {}", percent(s)))
-            .collect();
-        if !steep.is_empty() {
-            let [_, mean, _] = self.found.airmass;
-            warnings.push(format!(
-                "{night}: kappa changes with airmass ({} per airmass): extinction that the air model lacks, an aerosol most likely. It is that of airmass {mean:.2}; --fit-aerosol, or --aerosol TAU,ALPHA",
-                steep.join(", ")
-            ));
-        }
-        for [channel, why] in &self.file.facts.without_kappa {
-            warnings.push(format!("{night}: no kappa of {channel}: {why}"));
-        }
-        warnings
-    }
-}
-
-/// All nights.
-pub(super) struct Report<'a> {
-    pub file: Nights,
-    pub nights: Vec<NightResult>,
+/// Calibrated nights with what is said about them.
+pub struct Report<'a> {
+    /// The nights.
+    pub found: &'a CalibratedNights,
+    /// The station.
     pub station: &'a Station,
-    pub warnings: Vec<String>,
-}
-
-fn percent(slope: Slope) -> String {
-    format!("{:+.1} ± {:.1} %", 100.0 * slope.value, 100.0 * slope.sigma)
+    /// Warnings of the whole work.
+    pub warnings: &'a [String],
 }
 
 fn slope_json(slope: Option<Slope>) -> Value {
@@ -66,20 +29,21 @@ fn slope_json(slope: Option<Slope>) -> Value {
 }
 
 impl Report<'_> {
+    /// The nights in all their forms.
     pub fn product(&self) -> Product {
         let mut others = Vec::new();
-        for night in &self.nights {
+        for night in &self.found.nights {
             others.push(Product {
                 name: format!("stars_{}", night.file.night),
                 table: self.visits(night),
-                figure: (self.nights.len() > 1).then(|| figure::figure(night, self.station)),
+                figure: (self.found.nights.len() > 1).then(|| figure::figure(night, self.station)),
                 ..Product::default()
             });
         }
         Product {
             name: "calibration".into(),
-            table: self.file.to_table(),
-            figure: Some(match &self.nights[..] {
+            table: self.found.file.to_table(),
+            figure: Some(match &self.found.nights[..] {
                 [night] => figure::figure(night, self.station),
                 nights => figure::nights(nights, self.station),
             }),
@@ -90,11 +54,11 @@ impl Report<'_> {
     }
 
     /// A row a visit.
-    fn visits(&self, night: &NightResult) -> Table {
+    fn visits(&self, night: &CalibratedNight) -> Table {
         let numbers = |name: &str, value: &dyn Fn(usize) -> f64| {
             Column::f64(name, None, (0..night.visits.len()).map(value).collect())
         };
-        let texts = |name: &str, value: &dyn Fn(&Prepared) -> String| {
+        let texts = |name: &str, value: &dyn Fn(&MeasuredVisit) -> String| {
             Column::text(name, night.visits.iter().map(value).collect())
         };
         let truth = |name: &str, value: &dyn Fn(usize) -> bool| Column {
@@ -132,6 +96,7 @@ impl Report<'_> {
         Table { columns, ..Table::default() }
     }
 
+    /// The nights as text.
     pub fn text(&self) -> String {
         let mut text = String::new();
         let _ = writeln!(
@@ -139,12 +104,12 @@ impl Report<'_> {
             "Star calibration of {}: predicted = kappa x measured",
             self.station.name
         );
-        let _ = writeln!(text, "air: {}", self.file.air);
-        for night in &self.nights {
+        let _ = writeln!(text, "air: {}", self.found.file.air);
+        for night in &self.found.nights {
             self.night_text(night, &mut text);
         }
-        if self.nights.len() > 1 {
-            let _ = writeln!(text, "\nOver {} nights:", self.nights.len());
+        if self.found.nights.len() > 1 {
+            let _ = writeln!(text, "\nOver {} nights:", self.found.nights.len());
             for (name, found) in self.variations() {
                 let _ = writeln!(
                     text,
@@ -158,7 +123,7 @@ impl Report<'_> {
         text
     }
 
-    fn night_text(&self, night: &NightResult, text: &mut String) {
+    fn night_text(&self, night: &CalibratedNight, text: &mut String) {
         let facts = &night.file.facts;
         let [low, mean, high] = night.found.airmass;
         let _ = writeln!(
@@ -178,14 +143,14 @@ impl Report<'_> {
             "channel",
             "kappa",
             "±%",
-            format!("{:.0} % interval", 100.0 * self.file.confidence),
+            format!("{:.0} % interval", 100.0 * self.found.file.confidence),
             "stars",
             "rms %",
             "per airmass",
             "per mag of B-V"
         );
         for c in &night.file.channels {
-            let or_none = |s: Option<Slope>| s.map_or("-".to_owned(), percent);
+            let or_none = |s: Option<Slope>| s.map_or("-".to_owned(), |s| s.percent());
             let interval = format!("{:.4} to {:.4}", c.interval.0, c.interval.1);
             let _ = writeln!(
                 text,
@@ -210,7 +175,7 @@ impl Report<'_> {
             let name = |c: usize| &self.station.channels[c].name;
             let exponent =
                 check.exponent.map_or("-".into(), |s| format!("{:.3} ± {:.3}", s.value, s.sigma));
-            let bright = check.by_brightness.map_or("-".to_owned(), percent);
+            let bright = check.by_brightness.map_or("-".to_owned(), |s| s.percent());
             let _ = writeln!(
                 text,
                 "  ratio {}/{}: exponent {exponent} (1 is right), {bright} per factor e in brightness (0 is linear)",
@@ -237,29 +202,27 @@ impl Report<'_> {
         }
     }
 
-    fn variations(&self) -> Vec<(&str, sunglint_calibration::stars::Variation)> {
-        let of = |c: usize| {
-            let kappas: Vec<f64> = self.nights.iter().filter_map(|n| n.kappa(c)).collect();
-            Some((self.station.channels[c].name.as_str(), variation(&kappas)?))
-        };
-        (0..self.station.channels.len()).filter_map(of).collect()
+    fn variations(&self) -> impl Iterator<Item = (&str, Variation)> {
+        let named =
+            |(c, found): (usize, Variation)| (self.station.channels[c].name.as_str(), found);
+        self.found.variations().into_iter().map(named)
     }
 
     fn json(&self) -> Value {
-        let nights: Vec<Value> = self.nights.iter().map(|n| self.night_json(n)).collect();
-        let variation = |(name, v): (&str, sunglint_calibration::stars::Variation)| json!({"channel": name, "nights": v.nights, "mean": rounded(v.mean), "coefficient_of_variation": rounded(v.coefficient)});
+        let nights: Vec<Value> = self.found.nights.iter().map(|n| self.night_json(n)).collect();
+        let variation = |(name, v): (&str, Variation)| json!({"channel": name, "nights": v.nights, "mean": rounded(v.mean), "coefficient_of_variation": rounded(v.coefficient)});
         json!({
-            "station": self.file.station,
-            "air": self.file.air,
-            "zero_point": self.file.zero_point,
-            "confidence": self.file.confidence,
+            "station": self.found.file.station,
+            "air": self.found.file.air,
+            "zero_point": self.found.file.zero_point,
+            "confidence": self.found.file.confidence,
             "nights": nights,
-            "variation": self.variations().into_iter().map(variation).collect::<Vec<_>>(),
+            "variation": self.variations().map(variation).collect::<Vec<_>>(),
             "warnings": self.warnings,
         })
     }
 
-    fn night_json(&self, night: &NightResult) -> Value {
+    fn night_json(&self, night: &CalibratedNight) -> Value {
         let channels: Vec<Value> = night
             .file
             .channels
@@ -308,6 +271,11 @@ impl Report<'_> {
             "ratios": ratios, "visits": visits,
         })
     }
+}
+
+/// A visit in words.
+fn label(visit: &MeasuredVisit) -> String {
+    format!("{} at {}", visit.star, format_utc_shortest(visit.middle))
 }
 
 /// An offset in words.

@@ -1,6 +1,6 @@
 //! What can be wrong with a request about tags.
 
-use sunglint_formats::FileError;
+use crate::FileError;
 
 /// Why tags could not be cut, binned or handed on.
 #[derive(Debug, thiserror::Error)]

@@ -1,18 +1,19 @@
 //! The frames of a night: the sensor's faults from its dark frames, the target's place and rates from the others.
 
+use super::error::Within as _;
 use super::seeing::{self, Width};
 use super::sky::Body;
-use super::{Stay, Stop};
-use anyhow::Context as _;
+use super::{ReduceError, Stay, step};
+use crate::photometry::{
+    BadPixels, Colour, Expected, FrameCalibration, FrameMeasurement, FrameReducer, MasterFrame,
+    PhotometryOptions, Scintillation, SigmaParts, Tally,
+};
+use crate::track::Track;
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
-use sunglint_calibration::photometry::{
-    BadPixels, Colour, Expected, FrameCalibration, FrameMeasurement, FrameReducer, MasterFrame,
-    PhotometryOptions, SigmaParts, Tally,
-};
-use sunglint_calibration::track::Track;
 use sunglint_formats::Frame;
 use sunglint_formats::session::{FrameFile, Session, TargetKind};
+use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::{
     ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
 };
@@ -99,6 +100,9 @@ pub struct SensorFiles {
 /// Radius of an aperture that is taken from the frames, in full widths at half maximum of a point: of a Moffat profile with β = 3 it leaves out 2 %.
 pub const APERTURE_FWHM: f64 = 2.5;
 
+/// Standard deviations by which a target stands out of the background, where nothing is said.
+pub const DETECT_SIGMAS: f64 = 6.0;
+
 /// How a camera's frames are measured.
 #[derive(Debug, Clone)]
 pub struct FrameOptions {
@@ -111,6 +115,45 @@ pub struct FrameOptions {
     pub aperture_from_frames: bool,
     /// Dark frames and flats in place of the session's.
     pub sensor: SensorFiles,
+}
+
+/// Young's coefficient of the scintillation: the middle of the sites of Osborn et al. 2015.
+const SCINTILLATION: f64 = 1.5;
+const APERTURE_PX: f64 = 8.0;
+/// Inner and outer radius of the annulus for the background, in radii of the aperture.
+const ANNULUS: [f64; 2] = [1.5, 2.5];
+/// Width of a point, px, where no frame tells.
+const FWHM_PX: f64 = 4.0;
+
+impl FrameOptions {
+    /// Options for a station's camera that take the aperture and the width of points from the frames; `None` for a station without a camera.
+    pub fn for_station(station: &Station) -> Option<Self> {
+        let camera = station.camera.as_ref()?;
+        let mut photometry = PhotometryOptions::new(camera.size_px, camera.read_noise_e);
+        photometry.gain_e_per_adu = Some(camera.gain_e_per_adu);
+        photometry.saturation_adu = Some(camera.saturation_adu());
+        photometry.fwhm_px = FWHM_PX;
+        photometry.detection.threshold_sigma = DETECT_SIGMAS;
+        photometry.scintillation = Some(Scintillation {
+            diameter_m: station.telescope.primary_diameter_m,
+            altitude_m: station.site.geodetic().height_m,
+            coefficient: SCINTILLATION,
+        });
+        let mut options = Self {
+            photometry,
+            fwhm_from_frames: true,
+            aperture_from_frames: true,
+            sensor: SensorFiles::default(),
+        };
+        options.set_aperture(APERTURE_PX);
+        Some(options)
+    }
+
+    /// Sets the aperture's radius, px, and in proportion to it the annulus for the background.
+    pub fn set_aperture(&mut self, radius_px: f64) {
+        self.photometry.aperture_radius_px = radius_px;
+        self.photometry.annulus_px = ANNULUS.map(|part| part * radius_px);
+    }
 }
 
 /// Frames per stay that are kept for figures.
@@ -148,8 +191,8 @@ pub fn camera_night(
     station: &Station,
     stays: &[Stay],
     how: &FrameOptions,
-    stop: &mut dyn Stop,
-) -> anyhow::Result<CameraNight> {
+    progress: &dyn Progress,
+) -> Result<CameraNight, ReduceError> {
     let files = session.frames(camera)?.files;
     let starts: Vec<Option<Epoch>> = files.iter().map(start_of).collect();
     let stay_of: Vec<Option<usize>> =
@@ -192,7 +235,7 @@ pub fn camera_night(
     let mut seen = vec![0_usize; stays.len()];
     let mut before = None;
     for (i, file) in files.iter().enumerate() {
-        stop.step(1)?;
+        step(progress, 1)?;
         let Some(stay) = stay_of[i].filter(|stay| stays[*stay].target.on) else {
             night.outside += 1;
             continue;
@@ -247,7 +290,7 @@ fn widths(
     stays: &[Stay],
     options: &PhotometryOptions,
     calibration: &FrameCalibration,
-) -> anyhow::Result<(Vec<f64>, f64)> {
+) -> Result<(Vec<f64>, f64), ReduceError> {
     let mut widths: Vec<Option<Width>> = vec![None; stays.len()];
     for (number, width) in widths.iter_mut().enumerate().filter(|(i, _)| stays[*i].target.on) {
         let of_it = files.iter().zip(stay_of).filter(|(_, stay)| **stay == Some(number));
@@ -296,7 +339,7 @@ fn calibration(
     stays: &[Stay],
     sensor: &SensorFiles,
     failed: &mut Vec<(FrameFile, String)>,
-) -> anyhow::Result<(FrameCalibration, usize)> {
+) -> Result<(FrameCalibration, usize), ReduceError> {
     let mut darks = sensor.darks.clone();
     if darks.is_empty() {
         let is_dark = |stay: &Option<usize>| {
@@ -313,12 +356,12 @@ fn calibration(
     if darks.len() < LEAST_DARKS {
         return Ok((FrameCalibration::default(), 0));
     }
-    let mut bad = BadPixels::from_darks(&darks, BAD_SIGMAS).context("the dark frames")?;
-    let dark = MasterFrame::mean(&darks).context("the dark frames")?;
+    let mut bad = BadPixels::from_darks(&darks, BAD_SIGMAS).within(|| "the dark frames".into())?;
+    let dark = MasterFrame::mean(&darks).within(|| "the dark frames".into())?;
     let mut calibration = FrameCalibration::default();
     if !sensor.flats.is_empty() {
-        let flat = MasterFrame::flat(&sensor.flats, &dark).context("the flats")?;
-        bad.add_blind(&flat, 0.5).context("the flats")?;
+        let flat = MasterFrame::flat(&sensor.flats, &dark).within(|| "the flats".into())?;
+        bad.add_blind(&flat, 0.5).within(|| "the flats".into())?;
         calibration.flat = Some(flat);
     }
     calibration.bad = Some(bad);
@@ -332,7 +375,7 @@ fn zeniths(
     stay_of: &[Option<usize>],
     stays: &[Stay],
     station: &Station,
-) -> anyhow::Result<Vec<Option<f64>>> {
+) -> Result<Vec<Option<f64>>, ReduceError> {
     let mut zeniths = vec![None; starts.len()];
     for (number, stay) in stays.iter().enumerate().filter(|(_, stay)| stay.target.on) {
         let Some(body) = Body::of(&stay.target)? else { continue };

@@ -1,17 +1,22 @@
 //! What a reduction says: per visit and channel how many samples there are and what each rule removed.
 
-use super::Stay;
-use super::frames::CameraNight;
-use super::night::{Reduced, Visited};
-use super::tags::TagSummary;
+mod figure;
+
+use crate::{Product, rounded};
 use hifitime::Epoch;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use sunglint_calibration::reduction::frames::CameraNight;
+use sunglint_calibration::reduction::tags::TagSummary;
+use sunglint_calibration::reduction::{Reduced, Stay, Visited};
 use sunglint_formats::time::{format_utc, format_utc_shortest};
-use sunglint_formats::{Column, Table};
+use sunglint_formats::{Column, ParseError, Table};
 use sunglint_radiometry::light_curve::{ChannelCurve, Flags};
-use sunglint_report::rounded;
+use sunglint_radiometry::station::Station;
+
+/// Name of the summary's files.
+const SUMMARY: &str = "summary";
 
 /// A channel of a visit in numbers.
 pub struct ChannelLine {
@@ -89,15 +94,59 @@ impl VisitLine {
     }
 }
 
-/// The name of a visit's files: letters, digits, `_` and `-` of its target, and its number.
-pub fn file_name(stay: &Stay) -> String {
-    let name: String = stay
-        .target
-        .name
-        .chars()
-        .map(|c| if c.is_alphanumeric() || c == '-' { c } else { '_' })
-        .collect();
-    format!("{name}_{}", stay.number)
+/// Names of the files that visits may become in a folder.
+pub fn file_names(stays: &[Stay], raw: bool) -> Vec<String> {
+    let on = stays.iter().filter(|stay| stay.target.on);
+    let of = |stay: &Stay| {
+        let name = stay.file_name();
+        ["ecsv", "png", "svg"]
+            .iter()
+            .flat_map(|extension| {
+                [format!("{name}.{extension}"), format!("{name}_frames.{extension}")]
+            })
+            .chain(raw.then(|| format!("{name}_raw.ecsv")))
+            .collect::<Vec<_>>()
+    };
+    on.flat_map(of).chain([format!("{SUMMARY}.ecsv")]).collect()
+}
+
+/// Curves and frames of a visit; with `raw` also the rates as they were counted.
+///
+/// # Errors
+/// A curve that cannot be written as a table.
+pub fn products(
+    visited: &Visited,
+    station: &Station,
+    raw: bool,
+) -> Result<Vec<Product>, ParseError> {
+    let name = visited.stay.file_name();
+    let figure = figure::curves(visited, station);
+    let mut products = vec![Product {
+        name: name.clone(),
+        table: visited.linear.to_table()?,
+        figure: (!figure.panels.is_empty()).then_some(figure),
+        ..Product::default()
+    }];
+    if let Some(raw) = visited.raw.as_ref().filter(|_| raw) {
+        let name = format!("{name}_raw");
+        products.push(Product { name, table: raw.to_table()?, ..Product::default() });
+    }
+    products.extend(figure::rings(visited).map(|gallery| Product {
+        name: format!("{name}_frames"),
+        gallery: Some(gallery),
+        ..Product::default()
+    }));
+    Ok(products)
+}
+
+/// The reduction in all its forms.
+pub fn product(night: &Reduced, visits: &[VisitLine], session: &str, station: &str) -> Product {
+    Product {
+        name: SUMMARY.into(),
+        table: table(visits),
+        json: json(night, visits, session, station),
+        ..Product::default()
+    }
 }
 
 /// The reduction as text.
@@ -119,7 +168,7 @@ pub fn text(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
             counter.off.pieces().len()
         );
         if let Some(tags) = &counter.tags {
-            let _ = writeln!(text, "  {}", tags.text());
+            let _ = writeln!(text, "  {}", tags_text(tags));
         }
     }
     for visit in visits {
@@ -251,7 +300,7 @@ pub fn json(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
         json!({
             "target": visit.stay.target.name,
             "visit": visit.stay.number,
-            "file": format!("{}.ecsv", file_name(&visit.stay)),
+            "file": format!("{}.ecsv", visit.stay.file_name()),
             "from_utc": format_utc_shortest(visit.stay.from),
             "to_utc": format_utc_shortest(visit.stay.to),
             "channels": channels.collect::<Vec<_>>(),
@@ -282,7 +331,7 @@ pub fn json(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
             "overlapping": counter.summary.overlapping,
             "off_target_pieces": counter.off.pieces().len(),
             "torn_bytes": counter.torn_bytes,
-            "tags": counter.tags.as_ref().map(TagSummary::json),
+            "tags": counter.tags.as_ref().map(tags_json),
         })
     });
     json!({
@@ -292,5 +341,35 @@ pub fn json(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
         "cameras": cameras.collect::<Vec<_>>(),
         "counters": counters.collect::<Vec<_>>(),
         "warnings": night.warnings,
+    })
+}
+
+fn tags_text(tags: &TagSummary) -> String {
+    format!(
+        "raw tags: {} records, {} of {} stretches not used; bins linearised by them {}, that differ {}, beyond them {}, not all timed {}, in unused stretches {}",
+        tags.records,
+        tags.stretches[1],
+        tags.stretches[0],
+        tags.used,
+        tags.differ,
+        tags.beyond,
+        tags.incomplete,
+        tags.distrusted
+    )
+}
+
+fn tags_json(tags: &TagSummary) -> Value {
+    json!({
+        "records": tags.records,
+        "torn_bytes": tags.cut[0],
+        "zero_records": tags.cut[1],
+        "stretches": tags.stretches[0],
+        "unused_stretches": tags.stretches[1],
+        "bins_used": tags.used,
+        "bins_differ": tags.differ,
+        "bins_beyond": tags.beyond,
+        "bins_incomplete": tags.incomplete,
+        "bins_distrusted": tags.distrusted,
+        "channels_without": tags.without,
     })
 }

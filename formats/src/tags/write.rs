@@ -1,11 +1,11 @@
 //! Writing tags as they come, so that a crash loses at most a second of them.
 
 use super::tag::{RECORD_BYTES, Tag};
+use crate::FileError;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use sunglint_formats::FileError;
 
 /// How old, on the caller's clock, unsynced tags are when a call writes them through to the disk: half a second, so that
 /// calls at least twice a second keep all but the last second safe.

@@ -1,16 +1,17 @@
 //! A whole session: its stays at targets, each as one linear light curve of all channels.
 
 use super::counts::{CountOptions, CounterNight, Fibres, counter_night, gate, of_kind, spans};
+use super::error::Within as _;
 use super::frames::{CameraNight, FrameOptions, Shown, camera_night};
 use super::join::join;
 use super::sky::Body;
-use super::{Stay, Stop};
-use anyhow::{Context as _, bail};
+use super::{ReduceError, Stay};
+use crate::counts::{Away, CountChannel, Sample, Span, away};
+use crate::track::Track;
 use hifitime::Unit;
 use serde_json::json;
-use sunglint_calibration::counts::{Away, CountChannel, Sample, Span, away};
-use sunglint_calibration::track::Track;
 use sunglint_formats::session::{Session, Target, TargetKind, Visit};
+use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::{Input, LightCurve, Provenance, RateKind};
 use sunglint_radiometry::station::{Detector, Station};
 
@@ -27,6 +28,24 @@ pub struct ReduceOptions {
     pub off_sigmas: Option<f64>,
     /// Only this target.
     pub target: Option<String>,
+}
+
+/// Standard deviations of the widest fibre's field beyond which a target counts as sky, where nothing is said.
+pub const OFF_SIGMAS: f64 = 5.0;
+
+impl ReduceOptions {
+    /// The usual options for a station.
+    pub fn for_station(station: &Station) -> Self {
+        let mut counts = CountOptions::default();
+        counts.bins.gate = gate(Some(1.0), true);
+        Self {
+            frames: FrameOptions::for_station(station),
+            counts,
+            fibres: Fibres::new(),
+            off_sigmas: Some(OFF_SIGMAS),
+            target: None,
+        }
+    }
 }
 
 /// A stay at a target, reduced.
@@ -70,7 +89,7 @@ const LEAST_AWAY_S: f64 = 5.0;
 ///
 /// # Errors
 /// A log that cannot be read.
-pub fn stays(session: &Session) -> anyhow::Result<Vec<Stay>> {
+pub fn stays(session: &Session) -> Result<Vec<Stay>, ReduceError> {
     let stay = |Visit { target, number, from, to }: Visit| Stay {
         target,
         number,
@@ -88,9 +107,9 @@ pub fn reduce(
     session: &Session,
     station: &Station,
     options: &ReduceOptions,
-    stop: &mut dyn Stop,
-) -> anyhow::Result<Reduced> {
-    reduce_with(session, station, options, stop, &mut |_, _, _| {})
+    progress: &dyn Progress,
+) -> Result<Reduced, ReduceError> {
+    reduce_with(session, station, options, progress, &mut |_, _, _| {})
 }
 
 /// As [`reduce`]; `each` sees every sample of every counter as it comes, with its stay.
@@ -101,12 +120,12 @@ pub fn reduce_with(
     session: &Session,
     station: &Station,
     options: &ReduceOptions,
-    stop: &mut dyn Stop,
+    progress: &dyn Progress,
     each: &mut dyn FnMut(&[CountChannel], &Stay, &Sample),
-) -> anyhow::Result<Reduced> {
+) -> Result<Reduced, ReduceError> {
     let root = session.root().display();
-    let stays = chosen(stays(session)?, options.target.as_deref())
-        .with_context(|| format!("session {root}"))?;
+    let stays =
+        chosen(stays(session)?, options.target.as_deref()).within(|| format!("session {root}"))?;
     let mut warnings = Vec::new();
     if session.manifest().station != station.name {
         warnings.push(format!(
@@ -117,14 +136,12 @@ pub fn reduce_with(
     }
     let mut cameras = Vec::new();
     for camera in session.cameras() {
-        let frames = options.frames.as_ref().with_context(|| {
-            format!(
-                "station {} has no [camera]: its size and noise are needed to measure the frames of session {root}",
-                station.name
-            )
+        let frames = options.frames.as_ref().ok_or_else(|| ReduceError::NoCamera {
+            station: station.name.clone(),
+            session: root.to_string(),
         })?;
-        let night = camera_night(session, camera, station, &stays, frames, stop)
-            .with_context(|| format!("camera {camera} of session {root}"))?;
+        let night = camera_night(session, camera, station, &stays, frames, progress)
+            .within(|| format!("camera {camera} of session {root}"))?;
         for (file, error) in &night.failed {
             warnings.push(format!("{} is left out: {error}", file.path.display()));
         }
@@ -150,14 +167,14 @@ pub fn reduce_with(
             &spans,
             &tracks,
             &counts,
-            stop,
+            progress,
             &mut |channels, sample| {
                 if let Some(stay) = stays.get(sample.visit) {
                     each(channels, stay, sample);
                 }
             },
         )
-        .with_context(|| format!("counter {counter} of session {root}"))?;
+        .within(|| format!("counter {counter} of session {root}"))?;
         if !night.unknown.is_empty() {
             warnings.push(format!(
                 "counter {counter}: station {} has no counter {}: not reduced",
@@ -175,23 +192,24 @@ pub fn reduce_with(
         counters.push(night);
     }
     if cameras.is_empty() && counters.is_empty() {
-        bail!("session {root} has neither a camera nor a counter");
+        return Err(ReduceError::NoInstrument { session: root.to_string() });
     }
     Ok(Reduced { stays, tracks, next: 0, cameras, counters, warnings })
 }
 
 /// The stays of one target, with all that is off it; all stays without a name.
-fn chosen(stays: Vec<Stay>, target: Option<&str>) -> anyhow::Result<Vec<Stay>> {
+fn chosen(stays: Vec<Stay>, target: Option<&str>) -> Result<Vec<Stay>, ReduceError> {
     let names: Vec<&str> =
         stays.iter().filter(|stay| stay.target.on).map(|stay| stay.target.name.as_str()).collect();
     if names.is_empty() {
-        bail!("its log has no target");
+        return Err(ReduceError::NoTarget);
     }
     let Some(wanted) = target else { return Ok(stays) };
     if !names.contains(&wanted) {
         let mut known: Vec<&str> = names.clone();
         known.dedup();
-        bail!("there is no target {wanted}; there are {}", known.join(", "));
+        let known = known.into_iter().map(str::to_owned).collect();
+        return Err(ReduceError::UnknownTarget { wanted: wanted.to_owned(), known });
     }
     Ok(stays.into_iter().filter(|stay| !stay.target.on || stay.target.name == wanted).collect())
 }
@@ -246,7 +264,7 @@ impl Reduced {
         &mut self,
         session: &Session,
         station: &Station,
-    ) -> anyhow::Result<Option<Visited>> {
+    ) -> Result<Option<Visited>, ReduceError> {
         while self.next < self.stays.len() {
             let number = self.next;
             self.next += 1;
@@ -274,7 +292,7 @@ impl Reduced {
         track: Track,
         session: &Session,
         station: &Station,
-    ) -> anyhow::Result<Option<Visited>> {
+    ) -> Result<Option<Visited>, ReduceError> {
         let (mut linear, mut raw, mut shown) = (Vec::new(), Vec::new(), Vec::new());
         for counter in &mut self.counters {
             if let Some(curves) = counter.curves[number].take() {
@@ -293,15 +311,14 @@ impl Reduced {
         }
         let body = Body::of(&stay.target)?;
         let complete = |curves: &[LightCurve]| {
-            let mut curve = join(curves).map_err(|name| {
-                anyhow::anyhow!("channel {name} comes from two instruments: one name, one channel")
-            })?;
+            let mut curve =
+                join(curves).map_err(|channel| ReduceError::TwoInstruments { channel })?;
             if let Some(body) = &body {
                 body.locate(&mut curve.samples, &station.site)?;
             }
             curve.provenance = provenance(&stay.target, session, station);
             curve.other.insert("target".into(), target_json(stay));
-            Ok::<_, anyhow::Error>(curve)
+            Ok::<_, ReduceError>(curve)
         };
         let linear = complete(&linear)?;
         let raw = if raw.is_empty() { None } else { Some(complete(&raw)?) };

@@ -1,15 +1,13 @@
 //! What was reduced, to look at: light curves, and frames with the target's rings.
 
-use super::night::Visited;
-use sunglint_report::plot::gallery::{Gallery, Key, Tile};
-
+use crate::plot::gallery::{Gallery, Key, Tile};
+use crate::plot::{Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm, viridis};
 use image::{Rgba, RgbaImage};
+use sunglint_calibration::reduction::Visited;
+use sunglint_calibration::reduction::frames::Shown;
 use sunglint_formats::time::format_utc;
 use sunglint_radiometry::light_curve::ChannelCurve;
 use sunglint_radiometry::station::Station;
-use sunglint_report::plot::{
-    Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm, viridis,
-};
 
 /// More points than this of a channel cannot be told apart.
 const MOST_POINTS: usize = 20_000;
@@ -84,7 +82,7 @@ pub fn rings(visited: &Visited) -> Option<Gallery> {
 }
 
 /// A frame between two quantiles, in a logarithmic scale, with its rings; and the values at both ends.
-fn picture(shown: &super::frames::Shown) -> (RgbaImage, (f64, f64)) {
+fn picture(shown: &Shown) -> (RgbaImage, (f64, f64)) {
     let pixels = &shown.pixels;
     let (rows, columns) = pixels.dim();
     let mut sorted: Vec<u16> = pixels.iter().copied().collect();

@@ -1,18 +1,22 @@
-//! Visits to stars: read, measured, predicted.
+//! Visits to stars as they were recorded: read, measured, predicted.
 
-use super::orientation;
-use anyhow::{Context as _, bail};
+use super::nights::{NightsError, VisitError};
+use super::scintillation::Aperture;
+use super::visit::{Mean, mean};
+use super::{Measured, Visit};
+use crate::reduction::light_curves;
 use hifitime::{Epoch, Unit};
 use serde_json::Value;
-use std::path::Path;
-use sunglint_calibration::stars::scintillation::Aperture;
-use sunglint_calibration::stars::visit::{Mean, mean};
-use sunglint_calibration::stars::{Measured, Visit};
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::path::{Path, PathBuf};
+use sunglint_formats::FileError;
 use sunglint_formats::time::format_utc;
-use sunglint_radiometry::air::{Air, Zenith};
+use sunglint_numerics::progress::Silent;
+use sunglint_radiometry::air::{Air, AirError, Zenith};
 use sunglint_radiometry::light_curve::{LightCurve, RateKind};
 use sunglint_radiometry::passband::ZeroPoint;
-use sunglint_radiometry::sky::{Catalogue, Equatorial, Observer, Star};
+use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Observer, Star};
 use sunglint_radiometry::star_light::{self, StarColours, StarLight};
 use sunglint_radiometry::station::Station;
 
@@ -29,23 +33,61 @@ pub struct StarVisit {
     pub target: Value,
 }
 
+/// Vega's number in the Hipparcos catalogue: its spectrum is measured.
+const VEGA_HIP: i64 = 91262;
+
+/// Reads the visits of paths, each once, and says what was left out: of linear light curves, of all that lie in folders, or of sessions as they were
+/// recorded, which are reduced.
+///
+/// # Errors
+/// A path that cannot be read, a file that is no linear light curve of a star, a session that cannot be reduced, no visit at all.
+pub fn read_visits(paths: &[PathBuf]) -> Result<(Vec<StarVisit>, Vec<String>), NightsError> {
+    let (mut read, mut warnings) = (Vec::new(), Vec::new());
+    for path in paths {
+        let (visits, left_out) = visits_of(path)?;
+        read.extend(visits);
+        warnings.extend(left_out);
+    }
+    once_each(&mut read, &mut warnings);
+    if read.is_empty() {
+        return Err(NightsError::NoVisit { inputs: paths.to_vec() });
+    }
+    Ok((read, warnings))
+}
+
+/// Drops files that came twice, by themselves and in their folder perhaps: a visit counts once. Visits of a session share its check sum, and are told apart
+/// by their targets.
+fn once_each(read: &mut Vec<StarVisit>, warnings: &mut Vec<String>) {
+    let mut seen: HashMap<(String, String), String> = HashMap::new();
+    let key = |visit: &StarVisit| (visit.sha256.clone(), visit.target.to_string());
+    read.retain(|visit| match seen.entry(key(visit)) {
+        Entry::Occupied(first) => {
+            warnings.push(format!("{} is left out: the same as {}", visit.file, first.get()));
+            false
+        }
+        Entry::Vacant(place) => {
+            place.insert(visit.file.clone());
+            true
+        }
+    });
+}
+
 /// The visits of a path: of a linear light curve, of all that lie in a folder, or of a session as it was recorded, which is
 /// reduced; and what was left out there.
 ///
 /// # Errors
 /// A path that cannot be read, a file that is no linear light curve of a star, a session that cannot be reduced.
-pub fn visits_of(path: &Path) -> anyhow::Result<(Vec<StarVisit>, Vec<String>)> {
+fn visits_of(path: &Path) -> Result<(Vec<StarVisit>, Vec<String>), NightsError> {
     if !path.is_dir() {
         return match read(path)? {
             Ok(visit) => Ok((vec![visit], Vec::new())),
-            Err(why) => bail!("{}: {why}", path.display()),
+            Err(why) => Err(NightsError::NotOfAStar { path: path.to_path_buf(), why }),
         };
     }
     if path.join("session.toml").is_file() {
         return reduced(path);
     }
-    let entries =
-        std::fs::read_dir(path).map_err(|e| sunglint_formats::FileError::io("read", path, e))?;
+    let entries = std::fs::read_dir(path).map_err(|e| FileError::io("read", path, e))?;
     let mut files: Vec<_> = entries
         .filter_map(|entry| Some(entry.ok()?.path()))
         .filter(|file| file.extension().is_some_and(|e| e.eq_ignore_ascii_case("ecsv")))
@@ -64,29 +106,24 @@ pub fn visits_of(path: &Path) -> anyhow::Result<(Vec<StarVisit>, Vec<String>)> {
 }
 
 /// The visits of a session as it was recorded: what `sunglint reduce` makes of it when it is told nothing.
-fn reduced(folder: &Path) -> anyhow::Result<(Vec<StarVisit>, Vec<String>)> {
-    struct GoOn;
-    impl crate::reduce::Stop for GoOn {
-        fn step(&mut self, _: u64) -> anyhow::Result<()> {
-            Ok(())
-        }
-    }
+fn reduced(folder: &Path) -> Result<(Vec<StarVisit>, Vec<String>), NightsError> {
     let manifest = sunglint_formats::read::bytes(folder.join("session.toml"))?;
     let sha256 = sunglint_formats::sha256(&manifest);
-    let (curves, warnings) = crate::reduce::light_curves(folder, &mut GoOn)?;
+    let (curves, warnings) = light_curves(folder, &Silent)?;
     let visit = |curve: LightCurve| {
         let target = curve.other.get("target").cloned().unwrap_or(Value::Null);
         let file = format!("{} ({})", folder.display(), curve.provenance.target);
         StarVisit { file, sha256: sha256.clone(), curve, target }
     };
-    let visits = curves.into_iter().map(visit).filter(|visit| visit.target["kind"] == "star");
+    let curves = curves.into_iter().map(|(_, curve)| curve);
+    let visits = curves.map(visit).filter(|visit| visit.target["kind"] == "star");
     Ok((visits.collect(), warnings))
 }
 
 const NOT_A_STAR: &str = "its target is no star";
 
 /// A file's visit, or why it has none.
-fn read(path: &Path) -> anyhow::Result<Result<StarVisit, String>> {
+fn read(path: &Path) -> Result<Result<StarVisit, String>, FileError> {
     let bytes = sunglint_formats::read::bytes(path)?;
     let sha256 = sunglint_formats::sha256(&bytes);
     let text = sunglint_formats::read::decode(path, bytes)?;
@@ -114,7 +151,7 @@ fn read(path: &Path) -> anyhow::Result<Result<StarVisit, String>> {
 
 /// A visit that is measured, and whose star is known.
 #[derive(Debug, Clone)]
-pub(super) struct Prepared {
+pub struct MeasuredVisit {
     /// The star's name.
     pub star: String,
     /// The night's date.
@@ -123,22 +160,30 @@ pub(super) struct Prepared {
     pub middle: Epoch,
     /// Mean true zenith angle, degrees.
     pub zenith_deg: f64,
+    /// Mean relative air mass (Rayleigh).
     pub airmass: f64,
+    /// B−V, mag, where it is known.
     pub b_minus_v_mag: Option<f64>,
+    /// The star's light above the air.
     pub light: StarLight,
+    /// Relative standard deviation of the visit's mean by scintillation.
     pub scintillation: f64,
-    /// By channel of the station.
+    /// Mean rates, by channel of the station.
     pub means: Vec<Option<Mean>>,
 }
 
-impl Prepared {
+impl MeasuredVisit {
+    /// Takes the means of a visit's channels, and finds its star.
+    ///
+    /// # Errors
+    /// A star that is not known, or without a magnitude; an angle that has no way through the air; a channel that the station has not; no valid sample.
     pub fn new(
         visit: &StarVisit,
         station: &Station,
         air: &Air,
         aperture: &Aperture,
         zero: ZeroPoint,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, VisitError> {
         let star = star_of(&visit.target)?;
         let light = light_of(&star, zero)?;
         let curve = &visit.curve;
@@ -146,16 +191,19 @@ impl Prepared {
         let airmass = zenith
             .iter()
             .map(|z| Ok(air.air_masses(&air.path(Zenith::True(*z))?).rayleigh))
-            .collect::<anyhow::Result<Vec<f64>>>()
-            .context("the way of the star's light through the air")?;
+            .collect::<Result<Vec<f64>, AirError>>()
+            .map_err(VisitError::Path)?;
         if let Some(unknown) = curve.channels.iter().find(|c| station.channel(&c.name).is_none()) {
-            bail!("its channel `{}` is none of the station {}", unknown.name, station.name);
+            return Err(VisitError::UnknownChannel {
+                channel: unknown.name.clone(),
+                station: station.name.clone(),
+            });
         }
         let of = |name: &str| mean(curve, curve.channel(name)?, &airmass, aperture);
         let means: Vec<Option<Mean>> = station.channels.iter().map(|c| of(&c.name)).collect();
         let measured: Vec<&Mean> = means.iter().flatten().collect();
         if measured.is_empty() {
-            bail!("no sample of any channel is valid");
+            return Err(VisitError::NothingValid);
         }
         let exposed_s = measured.iter().map(|m| m.exposed_s).fold(0.0, f64::max);
         let total: f64 = curve.samples.exposure_s.iter().sum();
@@ -182,17 +230,20 @@ impl Prepared {
     }
 
     /// Predicted beside measured; with an air that is thicker by a depth, how the prediction depends on it.
+    ///
+    /// # Errors
+    /// An angle that has no way through the air.
     pub fn visit(
         &self,
         station: &Station,
         air: &Air,
         thicker: Option<(&Air, f64)>,
-    ) -> anyhow::Result<Visit> {
+    ) -> Result<Visit, AirError> {
         let light = &self.light.irradiance;
         let through = |air: &Air| air.spectrum(Zenith::True(self.zenith_deg), light.range_nm());
         let clear = through(air)?;
         let hazy =
-            thicker.map(|(air, step)| Ok::<_, anyhow::Error>((through(air)?, step))).transpose()?;
+            thicker.map(|(air, step)| Ok::<_, AirError>((through(air)?, step))).transpose()?;
         let channels = station.channels.iter().zip(&self.means).map(|(channel, mean)| {
             let mean = (*mean)?;
             let predicted = station.rate_hz(channel, light, Some(&clear));
@@ -220,13 +271,13 @@ impl Prepared {
 }
 
 /// The date at which a night began at a longitude: it changes at mean noon there.
-pub(crate) fn night_of(epoch: Epoch, longitude_deg: f64) -> String {
+pub fn night_of(epoch: Epoch, longitude_deg: f64) -> String {
     let noon = epoch + (longitude_deg / 15.0 - 12.0) * Unit::Hour;
     format_utc(noon, 0).chars().take(10).collect()
 }
 
 /// The star of the catalogue, or the one that the file describes (`ra_deg`, `dec_deg`, `v_mag`, `b_minus_v_mag`, `spectral_type`).
-fn star_of(target: &Value) -> anyhow::Result<Star> {
+fn star_of(target: &Value) -> Result<Star, VisitError> {
     let name = target["name"].as_str().unwrap_or_default();
     let number = |key: &str| target[key].as_f64();
     let place = number("ra_deg").zip(number("dec_deg"));
@@ -238,11 +289,7 @@ fn star_of(target: &Value) -> anyhow::Result<Star> {
     let mut star = match (known, place, number("v_mag")) {
         (Ok(star), ..) => star.clone(),
         (Err(_), Some(place), Some(_)) => Star::at(name, place)?,
-        (Err(error), ..) => {
-            bail!(
-                "{error}. A star that the catalogue lacks needs ra_deg, dec_deg and v_mag in the file's target"
-            )
-        }
+        (Err(error), ..) => return Err(VisitError::UnknownStar(error)),
     };
     star.v_mag = number("v_mag").or(star.v_mag);
     star.bv_mag = number("b_minus_v_mag").or(star.bv_mag);
@@ -250,8 +297,10 @@ fn star_of(target: &Value) -> anyhow::Result<Star> {
     Ok(star)
 }
 
-fn light_of(star: &Star, zero: ZeroPoint) -> anyhow::Result<StarLight> {
-    let Some(v_mag) = star.v_mag else { bail!("no magnitude of {star} is known") };
+fn light_of(star: &Star, zero: ZeroPoint) -> Result<StarLight, VisitError> {
+    let Some(v_mag) = star.v_mag else {
+        return Err(VisitError::NoMagnitude { star: star.to_string() });
+    };
     let colours = StarColours {
         v_mag,
         b_minus_v_mag: star.bv_mag,
@@ -266,12 +315,16 @@ fn light_of(star: &Star, zero: ZeroPoint) -> anyhow::Result<StarLight> {
 }
 
 /// True zenith angles of the samples: the file's, else the star's.
-fn zenith_angles(curve: &LightCurve, star: &Star, station: &Station) -> anyhow::Result<Vec<f64>> {
+fn zenith_angles(
+    curve: &LightCurve,
+    star: &Star,
+    station: &Station,
+) -> Result<Vec<f64>, VisitError> {
     if let Some(known) = &curve.samples.zenith_deg {
         return Ok(known.clone());
     }
     let zenith = |t: &Epoch| {
-        let observer = Observer::at(*t, &station.site, orientation())?;
+        let observer = Observer::at(*t, &station.site, EarthOrientation::embedded())?;
         Ok(observer.star(star).horizontal.zenith_deg())
     };
     curve.samples.time.iter().map(zenith).collect()

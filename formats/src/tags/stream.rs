@@ -3,8 +3,8 @@
 use super::TagError;
 use super::bin::Slots;
 use super::tag::{RECORD_BYTES, Tag, TagKind, Tags};
+use crate::CountFlags;
 use std::collections::BTreeMap;
-use sunglint_formats::CountFlags;
 
 /// A bin that is over.
 #[derive(Debug, Clone, PartialEq, Eq)]

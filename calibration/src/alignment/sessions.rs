@@ -1,0 +1,183 @@
+//! Fields of a station's fibres from the stars of recorded sessions.
+
+use super::{FieldFit, FieldMap, FieldPoint, FitOptions, fit_field};
+use crate::counts::{CountChannel, Sample};
+use crate::reduction::counts::{CountOptions, Fibres, gate};
+use crate::reduction::frames::FrameOptions;
+use crate::reduction::{ReduceError, ReduceOptions, Stay, reduce_with};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use sunglint_formats::FileError;
+use sunglint_formats::session::{Session, TargetKind};
+use sunglint_numerics::progress::Progress;
+use sunglint_radiometry::station::Station;
+
+/// How fields are found.
+#[derive(Debug, Clone)]
+pub struct AlignOptions {
+    /// How frames are measured; `None` for a station without a camera.
+    pub frames: Option<FrameOptions>,
+    /// Side of a cell of the measured map, px.
+    pub cell_px: f64,
+    /// Whether the field may be turned against the frame.
+    pub rotation: bool,
+}
+
+impl AlignOptions {
+    /// The usual options for a station.
+    pub fn for_station(station: &Station) -> Self {
+        Self { frames: FrameOptions::for_station(station), cell_px: CELL_PX, rotation: false }
+    }
+}
+
+/// Side of a cell of the measured map, px, where nothing is said.
+pub const CELL_PX: f64 = 4.0;
+
+/// Why no field is found.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum AlignError {
+    /// A session that cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A session that cannot be reduced.
+    #[error("session {}", path.display())]
+    Session {
+        /// Its folder.
+        path: PathBuf,
+        /// The reason.
+        #[source]
+        source: ReduceError,
+    },
+    /// No channel has a field that could be fitted.
+    #[error(
+        "no field could be fitted from {stars} stars: stars must be seen by a camera and a counter at once, at places that differ by the field's width"
+    )]
+    NoField {
+        /// Visits to stars.
+        stars: usize,
+        /// What a person should hear of, the reason of each channel among it.
+        warnings: Vec<String>,
+    },
+}
+
+/// Field of a channel's fibre.
+#[derive(Debug, Clone)]
+pub struct Field {
+    /// The channel.
+    pub channel: String,
+    /// The fit.
+    pub fit: FieldFit,
+    /// What was measured, cell by cell.
+    pub map: FieldMap,
+    /// Visits to stars.
+    pub stars: usize,
+    /// Rates.
+    pub points: usize,
+}
+
+/// Fields of a station's fibres.
+#[derive(Debug, Clone)]
+pub struct Alignment {
+    /// By channel.
+    pub fields: Vec<Field>,
+    /// What a person should hear of.
+    pub warnings: Vec<String>,
+}
+
+/// Fits the fields of a station's fibres to the stars of sessions.
+///
+/// # Errors
+/// Sessions that cannot be reduced; no channel whose field could be fitted.
+pub fn align(
+    sessions: &[PathBuf],
+    station: &Station,
+    options: &AlignOptions,
+    progress: &dyn Progress,
+) -> Result<Alignment, AlignError> {
+    let mut stars = Stars::default();
+    let reduce = ReduceOptions {
+        frames: options.frames.clone(),
+        counts: ungated(),
+        fibres: Fibres::new(),
+        // A star beside the fibre is what shows the field's rim.
+        off_sigmas: None,
+        target: None,
+    };
+    for path in sessions {
+        stars.add(path, station, &reduce, progress)?;
+    }
+    let Stars { points, names, mut warnings } = stars;
+    let mut fields = Vec::new();
+    let fit_options = FitOptions { rotation: options.rotation, background: true, robust: true };
+    for (channel, points) in points {
+        match fit_field(&points, &fit_options) {
+            Ok(fit) => {
+                let map = FieldMap::new(&points, &fit, options.cell_px);
+                fields.push(Field {
+                    channel,
+                    stars: fit.amplitudes_hz.len(),
+                    points: points.len(),
+                    fit,
+                    map,
+                });
+            }
+            Err(error) => warnings.push(format!("channel {channel}: {error}")),
+        }
+    }
+    if fields.is_empty() {
+        return Err(AlignError::NoField { stars: names.len(), warnings });
+    }
+    Ok(Alignment { fields, warnings })
+}
+
+fn ungated() -> CountOptions {
+    let mut counts = CountOptions::default();
+    counts.bins.gate = gate(None, false);
+    counts
+}
+
+/// Rates of stars by channel, the stars' names, and warnings.
+#[derive(Default)]
+struct Stars {
+    points: BTreeMap<String, Vec<FieldPoint>>,
+    names: Vec<String>,
+    warnings: Vec<String>,
+}
+
+impl Stars {
+    /// Adds a session.
+    fn add(
+        &mut self,
+        path: &Path,
+        station: &Station,
+        options: &ReduceOptions,
+        progress: &dyn Progress,
+    ) -> Result<(), AlignError> {
+        let session = Session::open(path)?;
+        let night = session.manifest().start_utc;
+        let Self { points, names, .. } = self;
+        let mut each = |channels: &[CountChannel], stay: &Stay, sample: &Sample| {
+            if stay.target.target_kind != TargetKind::Star {
+                return;
+            }
+            // Air and clouds change between visits: each has an amplitude of its own.
+            let name = format!("{} {} {night}", stay.target.name, stay.number);
+            let star = names.iter().position(|known| *known == name).unwrap_or_else(|| {
+                names.push(name);
+                names.len() - 1
+            });
+            for (number, channel) in channels.iter().enumerate() {
+                if channel.fibre.is_some()
+                    && let Some(point) = FieldPoint::of(sample, number, star)
+                {
+                    points.entry(channel.name.clone()).or_default().push(point);
+                }
+            }
+        };
+        let reduced = reduce_with(&session, station, options, progress, &mut each)
+            .map_err(|source| AlignError::Session { path: path.to_path_buf(), source })?;
+        self.warnings.extend(reduced.warnings);
+        Ok(())
+    }
+}

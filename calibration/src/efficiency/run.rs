@@ -1,0 +1,367 @@
+//! A detector's efficiency by a run's file: the sensor, the photodiodes, splitter and filters, and the tables of readings.
+
+use super::{
+    Aperture, Counting, Efficiency, EfficiencyError, Factor, Lookup, Photodiode, Reading, Sensor,
+    Set, reduce, to_curve,
+};
+use crate::detector::{DetectorError, Linearity};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+use sunglint_formats::toml::{Document, Finite, Fraction, NonNegative, Positive};
+use sunglint_formats::{FileError, ParseError, Table, TableError, curve, text_table};
+use sunglint_radiometry::light_curve::Input;
+use sunglint_radiometry::station::{Counter, CounterQuantity, DeadTime};
+
+/// Why a run gives no efficiency.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EfficiencyRunError {
+    /// A file that cannot be read, or says what cannot be.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A law that no detector can have.
+    #[error(transparent)]
+    Detector(#[from] DetectorError),
+    /// A number that cannot be.
+    #[error(transparent)]
+    Number(#[from] EfficiencyError),
+    /// Readings that give no efficiency.
+    #[error("{}", path.display())]
+    Readings {
+        /// The run's file.
+        path: PathBuf,
+        /// What is wrong.
+        #[source]
+        source: EfficiencyError,
+    },
+}
+
+impl From<ParseError> for EfficiencyRunError {
+    fn from(error: ParseError) -> Self {
+        Self::File(error.into())
+    }
+}
+
+/// A detector's efficiency, with what it was made of.
+#[derive(Debug, Clone)]
+pub struct EfficiencyRun {
+    /// The sensor's name: the file's, else that of the file.
+    pub name: String,
+    /// The efficiency.
+    pub efficiency: Efficiency,
+    /// Its curve for a station's file.
+    pub curve: String,
+    /// Wavelengths that are not in that curve, nm.
+    pub left_out_nm: Vec<f64>,
+    /// The run's file as it was written.
+    pub plan: String,
+    /// The files that it names.
+    pub inputs: Vec<Input>,
+    /// What a person should hear of.
+    pub warnings: Vec<String>,
+}
+
+/// Reads a run's file and what it names, and finds the efficiency.
+///
+/// # Errors
+/// A file that cannot be read or says what cannot be, with line and key; readings that cannot be, with their numbers.
+pub fn reduce_run(plan: &Path) -> Result<EfficiencyRun, EfficiencyRunError> {
+    let document = Document::read(plan)?;
+    let written: Written = document.parse()?;
+    let sensor = sensor(&document, &written.sensor)?;
+    let mut inputs = vec![];
+    let mut sets = Vec::with_capacity(written.sets.len());
+    for (number, file) in written.sets.iter().enumerate() {
+        sets.push(set(&document, number, file, &mut inputs)?);
+    }
+    let efficiency = reduce(&sets, &sensor)
+        .map_err(|source| EfficiencyRunError::Readings { path: plan.to_path_buf(), source })?;
+    let stem = plan.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let name = written.name.unwrap_or(stem);
+    let (curve, left_out_nm) = to_curve(&efficiency, &name);
+    let warnings = efficiency.notes.iter().map(ToString::to_string).collect();
+    let plan = document.source().to_owned();
+    Ok(EfficiencyRun { name, efficiency, curve, left_out_nm, plan, inputs, warnings })
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    #[serde(default)]
+    name: Option<String>,
+    sensor: SensorFile,
+    #[serde(rename = "set")]
+    sets: Vec<SetFile>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SensorFile {
+    kind: Kind,
+    #[serde(default)]
+    dead_time_model: Option<DeadTimeModel>,
+    #[serde(default)]
+    dead_time_ns: Option<Positive>,
+    #[serde(default)]
+    dead_time_relative_sigma: Option<NonNegative>,
+    #[serde(default)]
+    saturation_hz: Option<Positive>,
+    #[serde(default)]
+    gain_e_per_adu: Option<Positive>,
+    #[serde(default)]
+    gain_relative_sigma: Option<NonNegative>,
+    #[serde(default)]
+    saturation_adu: Option<Positive>,
+    area_mm2: Positive,
+    #[serde(default)]
+    area_relative_sigma: Option<NonNegative>,
+    distance_mm: Positive,
+    #[serde(default)]
+    distance_sigma_mm: Option<NonNegative>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    Counter,
+    Camera,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum DeadTimeModel {
+    None,
+    NonParalysable,
+    Paralysable,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SetFile {
+    readings: PathBuf,
+    #[serde(default)]
+    wavelength_sigma_nm: Option<NonNegative>,
+    photodiode: PhotodiodeFile,
+    #[serde(default)]
+    towards_photodiode: Vec<FactorFile>,
+    #[serde(default)]
+    towards_sensor: Vec<FactorFile>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PhotodiodeFile {
+    responsivity: PathBuf,
+    #[serde(default)]
+    responsivity_relative_sigma: Option<NonNegative>,
+    load_ohm: Positive,
+    #[serde(default)]
+    load_relative_sigma: Option<NonNegative>,
+    #[serde(default)]
+    dark_v: Option<Finite>,
+    area_mm2: Positive,
+    #[serde(default)]
+    area_relative_sigma: Option<NonNegative>,
+    distance_mm: Positive,
+    #[serde(default)]
+    distance_sigma_mm: Option<NonNegative>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FactorFile {
+    name: String,
+    #[serde(default)]
+    curve: Option<PathBuf>,
+    #[serde(default)]
+    value: Option<Fraction>,
+    #[serde(default)]
+    optical_density: Option<NonNegative>,
+    #[serde(default)]
+    relative_sigma: Option<NonNegative>,
+}
+
+fn or_zero(number: Option<NonNegative>) -> f64 {
+    number.map_or(0.0, NonNegative::get)
+}
+
+fn sensor(document: &Document, file: &SensorFile) -> Result<Sensor, EfficiencyRunError> {
+    let need = |key: &str, expected: &str| document.error_at(&format!("sensor.{key}"), expected);
+    let counting = match file.kind {
+        Kind::Camera => {
+            let Some(gain) = file.gain_e_per_adu else {
+                return Err(need("gain_e_per_adu", "it, for a camera's ADU").into());
+            };
+            let Some(saturation) = file.saturation_adu else {
+                return Err(need("saturation_adu", "it, for a camera").into());
+            };
+            if file.dead_time_model.is_some() || file.dead_time_ns.is_some() {
+                return Err(need("dead_time_model", "none: a camera has no dead time").into());
+            }
+            Counting::Camera {
+                gain_e_per_adu: gain.get(),
+                gain_relative_sigma: or_zero(file.gain_relative_sigma),
+                saturation_adu: saturation.get(),
+            }
+        }
+        Kind::Counter => {
+            if file.gain_e_per_adu.is_some() || file.saturation_adu.is_some() {
+                return Err(need("gain_e_per_adu", "none: a counter has no ADU").into());
+            }
+            let Some(model) = file.dead_time_model else {
+                let expected = "none, non_paralysable or paralysable";
+                return Err(need("dead_time_model", expected).into());
+            };
+            let dead_time_s = file.dead_time_ns.map(|ns| 1e-9 * ns.get());
+            let dead_time = match (model, dead_time_s) {
+                (DeadTimeModel::None, None) => DeadTime::None,
+                (DeadTimeModel::NonParalysable, Some(dead_time_s)) => {
+                    DeadTime::NonParalysable { dead_time_s }
+                }
+                (DeadTimeModel::Paralysable, Some(dead_time_s)) => {
+                    DeadTime::Paralysable { dead_time_s }
+                }
+                (DeadTimeModel::None, Some(_)) => {
+                    return Err(need("dead_time_ns", "no such key beside the model `none`").into());
+                }
+                (_, None) => return Err(need("dead_time_ns", "it, for this model").into()),
+            };
+            let counter = Counter {
+                quantity: CounterQuantity::Counts,
+                dead_time,
+                saturation_hz: file.saturation_hz.map_or(f64::INFINITY, Positive::get),
+                dark_rate_hz: 0.0,
+                area_mm2: None,
+                fibre: None,
+            };
+            Counting::Counter {
+                linearity: Linearity::of(&counter)?,
+                dead_time_relative_sigma: or_zero(file.dead_time_relative_sigma),
+            }
+        }
+    };
+    let aperture = Aperture {
+        area_mm2: file.area_mm2.get(),
+        area_relative_sigma: or_zero(file.area_relative_sigma),
+        distance_mm: file.distance_mm.get(),
+        distance_sigma_mm: or_zero(file.distance_sigma_mm),
+    };
+    Ok(Sensor { counting, aperture })
+}
+
+/// A file's bytes as text, remembered with its sum.
+fn input(path: &Path, inputs: &mut Vec<Input>) -> Result<String, FileError> {
+    let bytes = sunglint_formats::read::bytes(path)?;
+    let sha256 = sunglint_formats::sha256(&bytes);
+    inputs.push(Input { file: path.display().to_string(), sha256 });
+    Ok(sunglint_formats::read::decode(path, bytes)?)
+}
+
+fn set(
+    document: &Document,
+    number: usize,
+    file: &SetFile,
+    inputs: &mut Vec<Input>,
+) -> Result<Set, EfficiencyRunError> {
+    let diode = &file.photodiode;
+    let path = document.resolve(&diode.responsivity);
+    let text = input(&path, inputs)?;
+    let responsivity = curve::read_str(&path, &text, None)?;
+    if (responsivity.x_name.as_str(), responsivity.y_name.as_str())
+        != ("wavelength_nm", "responsivity_a_per_w")
+    {
+        let key = format!("set[{number}].photodiode.responsivity");
+        let expected = "a curve with the columns wavelength_nm, responsivity_a_per_w";
+        return Err(document.error_at(&key, expected).into());
+    }
+    let responsivity = Factor {
+        name: "responsivity".into(),
+        value: Lookup::new("responsivity, A/W", responsivity.x, responsivity.y)?,
+        relative_sigma: or_zero(diode.responsivity_relative_sigma),
+    };
+    let factors = |side: &str, files: &[FactorFile], inputs: &mut Vec<Input>| {
+        let one = |(k, file): (usize, &FactorFile)| {
+            factor(document, &format!("set[{number}].{side}[{k}]"), file, inputs)
+        };
+        files.iter().enumerate().map(one).collect::<Result<Vec<Factor>, EfficiencyRunError>>()
+    };
+    let towards_photodiode = factors("towards_photodiode", &file.towards_photodiode, inputs)?;
+    let towards_sensor = factors("towards_sensor", &file.towards_sensor, inputs)?;
+    let path = document.resolve(&file.readings);
+    let table = text_table::read_str(&path, &input(&path, inputs)?)?;
+    let dark_v = diode.dark_v.map(Finite::get);
+    Ok(Set {
+        readings: readings(&table, dark_v).map_err(|e| e.in_file(&path))?,
+        photodiode: Photodiode {
+            responsivity,
+            load_ohm: diode.load_ohm.get(),
+            load_relative_sigma: or_zero(diode.load_relative_sigma),
+            aperture: Aperture {
+                area_mm2: diode.area_mm2.get(),
+                area_relative_sigma: or_zero(diode.area_relative_sigma),
+                distance_mm: diode.distance_mm.get(),
+                distance_sigma_mm: or_zero(diode.distance_sigma_mm),
+            },
+        },
+        towards_photodiode,
+        towards_sensor,
+        wavelength_sigma_nm: or_zero(file.wavelength_sigma_nm),
+    })
+}
+
+fn factor(
+    document: &Document,
+    key: &str,
+    file: &FactorFile,
+    inputs: &mut Vec<Input>,
+) -> Result<Factor, EfficiencyRunError> {
+    let relative_sigma = or_zero(file.relative_sigma);
+    match (&file.curve, file.value, file.optical_density) {
+        (Some(path), None, None) => {
+            let path = document.resolve(path);
+            let curve = curve::read_str(&path, &input(&path, inputs)?, None)?;
+            let known = ["transmission", "reflectance", "throughput"];
+            if curve.x_name != "wavelength_nm" || !known.contains(&curve.y_name.as_str()) {
+                let expected = "a curve with the columns wavelength_nm and transmission, reflectance or throughput";
+                return Err(document.error_at(&format!("{key}.curve"), expected).into());
+            }
+            let value = Lookup::new(&file.name, curve.x, curve.y)?;
+            Ok(Factor { name: file.name.clone(), value, relative_sigma })
+        }
+        (None, Some(value), None) => Ok(Factor::constant(&file.name, value.get(), relative_sigma)?),
+        (None, None, Some(density)) => {
+            Ok(Factor::constant(&file.name, 10_f64.powf(-density.get()), relative_sigma)?)
+        }
+        _ => {
+            let expected = "one of curve, value, optical_density";
+            Err(document.error_at(key, expected).into())
+        }
+    }
+}
+
+/// The readings of a table: `wavelength_nm`, `photodiode_v`, `counts`, `exposure_s`, and where they are there `photodiode_dark_v`, `sigma_photodiode_v`, `dark_counts`,
+/// `dark_exposure_s`.
+fn readings(table: &Table, dark_v: Option<f64>) -> Result<Vec<Reading>, TableError> {
+    let has = |name: &str| table.columns.iter().any(|column| column.name == name);
+    let optional =
+        |name: &'static str, unit: &str| has(name).then(|| table.quantity(name, unit)).transpose();
+    let wavelength = table.quantity("wavelength_nm", "nm")?;
+    let photodiode = table.quantity("photodiode_v", "V")?;
+    let counts = table.f64("counts")?;
+    let exposure = table.quantity("exposure_s", "s")?;
+    let photodiode_dark = optional("photodiode_dark_v", "V")?;
+    let sigma = optional("sigma_photodiode_v", "V")?;
+    let dark_counts = if has("dark_counts") { Some(table.f64("dark_counts")?) } else { None };
+    let dark_exposure = optional("dark_exposure_s", "s")?;
+    let one = |row: usize| Reading {
+        wavelength_nm: wavelength[row],
+        photodiode_v: photodiode[row],
+        photodiode_dark_v: photodiode_dark.as_ref().map_or(dark_v.unwrap_or(0.0), |v| v[row]),
+        sigma_v: sigma.as_ref().map_or(0.0, |v| v[row]),
+        counts: counts[row],
+        exposure_s: exposure[row],
+        dark_counts: dark_counts.as_ref().map_or(0.0, |v| v[row]),
+        dark_exposure_s: dark_exposure.as_ref().map_or(exposure[row], |v| v[row]),
+    };
+    Ok((0..table.rows()).map(one).collect())
+}

@@ -1,0 +1,134 @@
+//! A detector's efficiency: text, JSON, table, figure.
+
+use crate::plot::{Axis, Figure, Panel, Series};
+use crate::{Product, rounded};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use sunglint_calibration::efficiency::{Efficiency, EfficiencyFlags, EfficiencyRun, Row, to_table};
+
+/// The efficiency in all its forms.
+pub fn product(run: &EfficiencyRun) -> Product {
+    let mut table = to_table(&run.efficiency);
+    table.meta.insert("sensor".into(), json!(run.name));
+    table.meta.insert("plan".into(), json!(run.plan));
+    table.meta.insert("inputs".into(), json!(inputs(run)));
+    Product {
+        name: "efficiency".into(),
+        figure: figure(&run.efficiency, &run.name),
+        json: summary(run),
+        table,
+        ..Product::default()
+    }
+}
+
+fn inputs(run: &EfficiencyRun) -> Vec<Value> {
+    let input = run.inputs.iter();
+    input.map(|input| json!({ "file": input.file, "sha256": input.sha256 })).collect()
+}
+
+fn peak(found: &Efficiency) -> Option<&Row> {
+    let finite = found.rows.iter().filter(|row| row.efficiency.is_finite());
+    finite.max_by(|a, b| a.efficiency.total_cmp(&b.efficiency))
+}
+
+/// The efficiency as text.
+pub fn text(run: &EfficiencyRun) -> String {
+    let found = &run.efficiency;
+    let mut text = String::new();
+    let finite = found.rows.iter().filter(|row| row.efficiency.is_finite()).count();
+    let _ = writeln!(text, "{finite} of {} wavelengths have an efficiency", found.rows.len());
+    if let Some(row) = peak(found) {
+        let _ = writeln!(
+            text,
+            "largest   {:.5} ± {:.5} at {} nm",
+            row.efficiency,
+            row.components.total(),
+            row.wavelength_nm
+        );
+        let c = &row.components;
+        let _ = writeln!(
+            text,
+            "of that   counts {:.5}, photodiode {:.5}, wavelength {:.5}, linearity {:.5}, responsivity {:.5}, load {:.5}, geometry {:.5}, transmissions {:.5}",
+            c.counts,
+            c.photodiode,
+            c.wavelength,
+            c.linearity,
+            c.responsivity,
+            c.load,
+            c.geometry,
+            c.transmissions
+        );
+    }
+    text
+}
+
+fn summary(run: &EfficiencyRun) -> Value {
+    let found = &run.efficiency;
+    let mut flagged: BTreeMap<String, usize> = BTreeMap::new();
+    for row in &found.rows {
+        for (name, _) in row.flags.iter_names() {
+            *flagged.entry(name.to_lowercase()).or_default() += 1;
+        }
+    }
+    let largest = peak(found).map(|row| {
+        json!({
+            "wavelength_nm": rounded(row.wavelength_nm),
+            "efficiency": rounded(row.efficiency),
+            "sigma_efficiency": rounded(row.components.total()),
+            "sigma_by": row.components,
+        })
+    });
+    json!({
+        "sensor": run.name,
+        "wavelengths": found.rows.len(),
+        "with_efficiency": found.rows.iter().filter(|row| row.efficiency.is_finite()).count(),
+        "largest": largest,
+        "left_out_nm": run.left_out_nm,
+        "flagged": flagged,
+        "warnings": run.warnings,
+        "inputs": inputs(run),
+    })
+}
+
+fn figure(found: &Efficiency, name: &str) -> Option<Figure> {
+    let along = |value: &dyn Fn(&Row) -> f64| -> Vec<(f64, f64)> {
+        found.rows.iter().map(|row| (row.wavelength_nm, value(row))).collect()
+    };
+    let at = |k: f64| along(&|row| row.efficiency + k * row.components.total());
+    let serious = |row: &Row| !(row.flags - EfficiencyFlags::BELOW_DETECTION).is_empty();
+    let mut curves = vec![
+        Series::line("η", 0, along(&|row| row.efficiency)),
+        Series::line("η plus its σ", 5, at(1.0)),
+        Series::line("η minus its σ", 5, at(-1.0)),
+    ];
+    if found.rows.iter().any(|row| serious(row) && row.efficiency.is_finite()) {
+        let flagged = along(&|row| if serious(row) { row.efficiency } else { f64::NAN });
+        curves.push(Series::dots("flagged", 1, flagged));
+    }
+    let part = |value: fn(&Row) -> f64| along(&|row| value(row) / row.efficiency.abs());
+    let parts = vec![
+        Series::line("counts", 0, part(|r| r.components.counts)),
+        Series::line("photodiode", 1, part(|r| r.components.photodiode)),
+        Series::line("wavelength", 2, part(|r| r.components.wavelength)),
+        Series::line("linearity", 3, part(|r| r.components.linearity)),
+        Series::line("responsivity", 4, part(|r| r.components.responsivity)),
+        Series::line("load", 5, part(|r| r.components.load)),
+        Series::line("geometry", 6, part(|r| r.components.geometry)),
+        Series::line("transmissions", 7, part(|r| r.components.transmissions)),
+    ];
+    let nm = || Axis::linear("vacuum wavelength (nm)");
+    let drawn = |series: &[Series], least: f64| {
+        series.iter().any(|s| s.points.iter().any(|p| p.1.is_finite() && p.1 > least))
+    };
+    // Nothing to draw where no wavelength has an efficiency.
+    let mut panels = vec![];
+    if drawn(&curves, f64::NEG_INFINITY) {
+        panels.push(Panel::new(nm(), Axis::linear("efficiency η"), curves));
+    }
+    if drawn(&parts, 0.0) {
+        panels.push(Panel::new(nm(), Axis::log("relative uncertainty"), parts));
+    }
+    let title = format!("{name}: counts per photon");
+    (!panels.is_empty()).then_some(Figure { title, panels })
+}

@@ -1,0 +1,146 @@
+//! Progress of long work on a terminal.
+
+use crate::output::Console;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use sunglint_numerics::progress::Progress;
+
+/// Work that takes longer shows its progress.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Interval of the lines on stderr where that is no terminal.
+const LINES: Duration = Duration::from_secs(10);
+
+/// Progress of one piece of work: a bar where the number of steps is known, else a spinner; lines where stderr is no terminal. Nothing is shown in the
+/// first second, nor with `-q`. It leaves nothing behind on the terminal.
+pub struct Bar {
+    console: Console,
+    start: Instant,
+    shown: Mutex<Shown>,
+}
+
+/// What is shown.
+struct Shown {
+    stage: String,
+    steps: Option<u64>,
+    done: u64,
+    status: String,
+    /// When the last line was written, after the start.
+    said: Duration,
+    bar: Option<ProgressBar>,
+}
+
+impl Bar {
+    /// Progress that begins now.
+    pub fn new(console: Console) -> Self {
+        let shown = Shown {
+            stage: String::new(),
+            steps: None,
+            done: 0,
+            status: String::new(),
+            said: Duration::ZERO,
+            bar: None,
+        };
+        Self { console, start: Instant::now(), shown: Mutex::new(shown) }
+    }
+
+    /// Takes the bar off the terminal.
+    pub fn end(&self) {
+        if let Some(bar) = self.shown().bar.take() {
+            bar.finish_and_clear();
+        }
+    }
+
+    fn shown(&self) -> MutexGuard<'_, Shown> {
+        self.shown.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn show(&self, shown: &mut Shown) {
+        let elapsed = self.start.elapsed();
+        if self.console.quiet || elapsed < PATIENCE {
+            return;
+        }
+        let bar = shown.bar.get_or_insert_with(|| bar(shown.steps)).clone();
+        if bar.is_hidden() {
+            if elapsed >= shown.said + LINES {
+                shown.said = elapsed;
+                eprintln!("{} in {:.0} s", shown.text(), elapsed.as_secs_f64());
+            }
+            return;
+        }
+        bar.set_message(shown.message());
+        bar.set_position(shown.done);
+    }
+}
+
+/// Hidden where stderr is no terminal.
+fn bar(steps: Option<u64>) -> ProgressBar {
+    let (bar, template) = match steps {
+        Some(steps) => (ProgressBar::new(steps), "{msg} {wide_bar} {pos}/{len} ({eta})"),
+        None => (ProgressBar::new_spinner(), "{spinner} {msg} ({elapsed})"),
+    };
+    match ProgressStyle::with_template(template) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+impl Shown {
+    /// The stage and where it stands, beside a bar.
+    fn message(&self) -> String {
+        let parts = match (self.steps, self.done) {
+            (None, 1..) => format!("{} {}", self.done, self.stage),
+            _ => self.stage.clone(),
+        };
+        match (parts.is_empty(), self.status.is_empty()) {
+            (_, true) => parts,
+            (true, _) => self.status.clone(),
+            _ => format!("{parts}: {}", self.status),
+        }
+    }
+
+    /// The same without a bar.
+    fn text(&self) -> String {
+        let message = self.message();
+        match self.steps {
+            Some(steps) => format!("{message}: {} of {steps}", self.done),
+            None => message,
+        }
+    }
+}
+
+impl Progress for Bar {
+    fn begin(&self, stage: &str, steps: Option<u64>) {
+        self.end();
+        let mut shown = self.shown();
+        stage.clone_into(&mut shown.stage);
+        (shown.steps, shown.done) = (steps, 0);
+        shown.status.clear();
+        self.show(&mut shown);
+    }
+
+    fn advance(&self, steps: u64) {
+        let mut shown = self.shown();
+        shown.done += steps;
+        self.show(&mut shown);
+    }
+
+    fn status(&self, text: &str) {
+        let mut shown = self.shown();
+        text.clone_into(&mut shown.status);
+        self.show(&mut shown);
+    }
+
+    fn warn(&self, warning: &str) {
+        match &self.shown().bar {
+            Some(bar) => bar.suspend(|| self.console.warn(warning)),
+            None => self.console.warn(warning),
+        }
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
