@@ -201,6 +201,44 @@ impl Deadline {
     }
 }
 
+/// A monotonic clock, and UTC as it goes with it.
+#[derive(Debug, Clone)]
+pub struct DeviceClock {
+    /// What waits are on.
+    pub clock: Arc<dyn Clock>,
+    /// UTC where the clock shows zero; `None` for the computer's own UTC.
+    pub zero_utc: Option<Epoch>,
+}
+
+impl DeviceClock {
+    /// The computer's.
+    pub fn live() -> Self {
+        Self { clock: Arc::new(SystemClock), zero_utc: None }
+    }
+
+    /// UTC now.
+    pub fn utc(&self) -> Epoch {
+        match self.zero_utc {
+            None => utc_now(),
+            Some(zero) => {
+                let passed = i128::try_from(self.clock.now().as_nanos()).unwrap_or(i128::MAX);
+                zero + hifitime::Duration::from_total_nanoseconds(passed)
+            }
+        }
+    }
+
+    /// Whether it is the computer's own.
+    pub fn is_live(&self) -> bool {
+        self.zero_utc.is_none()
+    }
+
+    /// How long it is until then; zero where that is past.
+    pub fn until(&self, then: Epoch) -> Duration {
+        let left = (then - self.utc()).total_nanoseconds();
+        Duration::from_nanos(u64::try_from(left.max(0)).unwrap_or(u64::MAX))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,12 +1,9 @@
-//! Where devices come from: the catalogue, or anything else that stands in for them.
+//! Source of a night's devices: the catalogue of drivers, or anything else that stands in for them.
 
 use super::plan::{CameraPlan, CounterPlan};
-use hifitime::Epoch;
 use std::fmt;
-use std::sync::Arc;
-use std::time::Duration;
 use sunglint_drivers::catalogue::{Address, AnyDevice};
-use sunglint_drivers::clock::{Clock, Deadline, SystemClock, utc_now};
+use sunglint_drivers::clock::{Deadline, DeviceClock};
 use sunglint_drivers::device::{Camera, DeviceError, PhotonCounter};
 
 /// Makes the devices of a night. A device that fails is asked for again, so that each call opens it anew.
@@ -45,44 +42,6 @@ pub trait Opener: Send + Sync + fmt::Debug {
     /// Whether frames carry the numbers that they had ([`FRAME_NUMBER`](sunglint_formats::session::FRAME_NUMBER)).
     fn keeps_numbers(&self) -> bool {
         false
-    }
-}
-
-/// A monotonic clock, and UTC as it goes with it.
-#[derive(Debug, Clone)]
-pub struct DeviceClock {
-    /// What waits are on.
-    pub clock: Arc<dyn Clock>,
-    /// UTC where the clock shows zero; `None` for the computer's own UTC.
-    pub zero_utc: Option<Epoch>,
-}
-
-impl DeviceClock {
-    /// The computer's.
-    pub fn live() -> Self {
-        Self { clock: Arc::new(SystemClock), zero_utc: None }
-    }
-
-    /// UTC now.
-    pub fn utc(&self) -> Epoch {
-        match self.zero_utc {
-            None => utc_now(),
-            Some(zero) => {
-                let passed = i128::try_from(self.clock.now().as_nanos()).unwrap_or(i128::MAX);
-                zero + hifitime::Duration::from_total_nanoseconds(passed)
-            }
-        }
-    }
-
-    /// Whether it is the computer's own.
-    pub fn is_live(&self) -> bool {
-        self.zero_utc.is_none()
-    }
-
-    /// How long it is until then; zero where that is past.
-    pub fn until(&self, then: Epoch) -> Duration {
-        let left = (then - self.utc()).total_nanoseconds();
-        Duration::from_nanos(u64::try_from(left.max(0)).unwrap_or(u64::MAX))
     }
 }
 
