@@ -65,7 +65,10 @@ fn crates_see_only_whom_they_may_see() {
     assert_eq!(table.keys().collect::<Vec<_>>(), graph.keys().collect::<Vec<_>>());
     for (name, seen) in &graph {
         let beyond: Vec<&String> = seen.difference(&table[name]).collect();
-        assert!(beyond.is_empty(), "{name} depends on {beyond:?}, which ARCHITECTURE.md does not allow");
+        assert!(
+            beyond.is_empty(),
+            "{name} depends on {beyond:?}, which ARCHITECTURE.md does not allow"
+        );
     }
     for (name, never) in [
         ("calibration", &["simulator"][..]),

@@ -1,8 +1,8 @@
 //! A camera's thread: frames from start to start, whatever else happens.
 
-use super::worker::{Worker, READY, SOON};
 use super::plan::CameraPlan;
 use super::pointing::Pointing;
+use super::worker::{READY, SOON, Worker};
 use hifitime::Epoch;
 use std::time::Duration;
 use sunglint_drivers::device::{Camera, DeviceError, Window};

@@ -1,10 +1,10 @@
 //! A counter's thread: finished bins, each once.
 
 use super::camera::seconds;
-use super::worker::{Worker, READY, SOON};
 use super::disk::Disk;
 use super::plan::CounterPlan;
 use super::tags::{Loss, planned};
+use super::worker::{READY, SOON, Worker};
 use std::time::Duration;
 use sunglint_drivers::device::{DeviceError, PhotonCounter, TagSink};
 use sunglint_drivers::tags::Tag;
@@ -76,7 +76,8 @@ impl CounterWork {
     /// Where its tags go. After a loss of the counter its clock may be another: an error record says so.
     fn sink(&self, worker: &Worker) -> TagSink {
         let inputs = self.plan.inputs();
-        let mut way = TagWay { counter: worker.name.clone(), disk: worker.disk.clone(), loss: None };
+        let mut way =
+            TagWay { counter: worker.name.clone(), disk: worker.disk.clone(), loss: None };
         let mut anew = self.taken;
         TagSink::new(move |records| {
             let mut records = planned(records, &inputs);

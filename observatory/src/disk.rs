@@ -263,7 +263,8 @@ mod tests {
     fn a_recording_waits_for_room() {
         let (sender, receiver) = sync_channel(2);
         let tag_budget = Arc::new(TagBudget::default());
-        let disk = Disk { sender, pixels: Arc::default(), tag_budget: tag_budget.clone(), live: false };
+        let disk =
+            Disk { sender, pixels: Arc::default(), tag_budget: tag_budget.clone(), live: false };
         let writing = std::thread::spawn(move || {
             std::thread::sleep(POLL);
             let take = |message: Message| match message {
@@ -292,7 +293,8 @@ mod tests {
     fn tags_that_find_no_room_are_counted_and_told() {
         let (sender, receiver) = sync_channel(MESSAGES);
         let tag_budget = Arc::new(TagBudget::default());
-        let disk = Disk { sender, pixels: Arc::default(), tag_budget: tag_budget.clone(), live: true };
+        let disk =
+            Disk { sender, pixels: Arc::default(), tag_budget: tag_budget.clone(), live: true };
         let mut loss = None;
         for number in 0..80 {
             loss = disk.tags("tagger", loss, a_mebibyte(number));

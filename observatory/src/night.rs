@@ -3,13 +3,13 @@
 use super::camera::CameraWork;
 use super::clock::{self, StepWatch};
 use super::counter::CounterWork;
-use super::worker::Worker;
 use super::disk;
 use super::opener::Opener;
 use super::plan::{CameraPlan, CounterPlan, Plan};
 use super::pointing::Pointing;
 use super::schedule::Schedule;
 use super::status::{Snapshot, Status};
+use super::worker::Worker;
 use hifitime::Epoch;
 use std::collections::BTreeMap;
 use std::io;
@@ -19,9 +19,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use sunglint_drivers::clock::{Cancel, DeviceClock};
 use sunglint_formats::FileError;
-use sunglint_formats::session::{
-    Disk, FORMAT, Manifest, SessionWriter, Storage, TargetKind, What,
-};
+use sunglint_formats::session::{Disk, FORMAT, Manifest, SessionWriter, Storage, TargetKind, What};
 use sunglint_formats::time::format_utc;
 use sunglint_radiometry::station::Station;
 
@@ -216,7 +214,11 @@ impl Night {
     ///
     /// # Errors
     /// A counter that hands over no tags is asked for them; the folder is there or cannot be made; the system starts no thread. All else is in the summary.
-    pub fn run(self, cancel: &Cancel, show: &mut dyn FnMut(Snapshot)) -> Result<Summary, NightError> {
+    pub fn run(
+        self,
+        cancel: &Cancel,
+        show: &mut dyn FnMut(Snapshot),
+    ) -> Result<Summary, NightError> {
         if let Some(plan) =
             self.counters.iter().find(|p| p.raw_tags && !self.opener.streams_tags(p))
         {
@@ -297,10 +299,7 @@ impl Night {
     }
 }
 
-fn thread(
-    name: &str,
-    work: impl FnOnce() + Send + 'static,
-) -> Result<JoinHandle<()>, NightError> {
+fn thread(name: &str, work: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, NightError> {
     let builder = std::thread::Builder::new().name(name.to_owned());
     let failed = |source| NightError::DeviceThread { device: name.to_owned(), source };
     builder.spawn(work).map_err(failed)

@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 use sunglint_drivers::catalogue::{Address, Kind};
 use sunglint_drivers::clock::utc_now;
 use sunglint_ephemeris::orbit::tle::{self, ChoiceError};
-use sunglint_formats::{FileError, ParseError};
 use sunglint_formats::session::{Device, DeviceKind, FileSum, Target, TargetKind, is_name};
 use sunglint_formats::time::parse_utc;
 use sunglint_formats::toml::{Document, Finite, Positive, Within};
+use sunglint_formats::{FileError, ParseError};
 use sunglint_radiometry::sky::Catalogue;
 use sunglint_radiometry::station::Station;
 
@@ -543,8 +543,9 @@ fn target(
         let bytes = sunglint_formats::read::bytes(&path)?;
         let text = sunglint_formats::read::decode(&path, bytes.clone())?;
         let sets = tle::parse(&path, &text)?;
-        let chosen = tle::choose(&sets, visit.object.as_deref(), Some(near))
-            .map_err(|source| PlanError::Object { at: error(".object", "one object".into()), source })?;
+        let chosen = tle::choose(&sets, visit.object.as_deref(), Some(near)).map_err(|source| {
+            PlanError::Object { at: error(".object", "one object".into()), source }
+        })?;
         let name = format!("tle/{}", path.file_name().unwrap_or_default().to_string_lossy());
         match files.iter().find(|(known, _)| *known == name) {
             Some((_, known)) if *known != bytes => {

@@ -21,11 +21,8 @@ pub fn status_text(snapshot: &Snapshot) -> String {
             let _ = write!(text, " {channel} {}", short_hz(*rate_hz));
         }
         if let Some(frame) = &device.frame {
-            let _ = write!(
-                text,
-                " #{} {:.0}..{} ADU",
-                frame.number, frame.mean_adu, frame.most_adu
-            );
+            let _ =
+                write!(text, " #{} {:.0}..{} ADU", frame.number, frame.mean_adu, frame.most_adu);
             if let Some([x, y]) = frame.brightest_px {
                 let _ = write!(text, " at {x:+.1} {y:+.1} px");
             }

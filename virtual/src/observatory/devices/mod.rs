@@ -14,7 +14,7 @@ mod through;
 
 pub use camera::VirtualCamera;
 pub use counter::VirtualCounter;
-pub use stays::{Stay, Scheduled};
+pub use stays::{Scheduled, Stay};
 pub use through::{ThroughLight, ThroughScene};
 
 use super::night::{Night, NightError};
