@@ -6,7 +6,7 @@
 use crate::cli;
 use crate::compare::{self, CompareArgs};
 use crate::fit::{self, FitArgs};
-use crate::observe::{Plan, planned};
+use crate::observe::planned;
 use crate::output::{Console, OutputArgs};
 use crate::reduce;
 use anyhow::{Context as _, bail};
@@ -221,8 +221,8 @@ impl<'a> Work<'a> {
 
     fn observe(&mut self) -> anyhow::Result<()> {
         self.said.push(format!("sunglint observe night.toml -o {SESSION}"));
-        let plan = Plan::read(&self.path("night.toml"))?;
-        let summary = planned(plan, Some(&self.path(SESSION))).run(&Cancel::new(), &mut |_| {})?;
+        let (night, _) = planned(&self.path("night.toml"), Some(&self.path(SESSION)))?;
+        let summary = night.run(&Cancel::new(), &mut |_| {})?;
         if summary.not_written > 0 || summary.stopped {
             bail!("{} bins or frames of the virtual night were not written", summary.not_written);
         }

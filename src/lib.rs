@@ -21,7 +21,6 @@
 //! - [`fit`]: measured passes fitted by simulated ones;
 //! - [`analyse`]: what a light curve says about a body;
 //! - [`mod@bench`]: error against time of the light engines;
-//! - [`virtual_observatory`]: a night that is made up, behind the devices;
 //! - [`station`]: which station a command is about;
 //! - [`cli`]: the grammar of the command line, its completions and manual pages;
 //! - [`progress`]: bars of what takes long;
@@ -53,4 +52,3 @@ pub mod simulate;
 pub mod star;
 pub mod station;
 pub mod tables;
-pub mod virtual_observatory;

@@ -8,13 +8,14 @@ use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use sunglint::observe::{Plan, replayed};
+use sunglint::observe::replayed;
 use sunglint_drivers::clock::Cancel;
 use sunglint_formats::session::{Session, Severity, What};
 use sunglint_formats::{CountFlags, CountRecord};
+use sunglint_observatory::{Plan, Summary};
 use sunglint_testkit::Campaign;
 
-fn run_replay(session: &Path, output: &Path) -> sunglint::observe::Summary {
+fn run_replay(session: &Path, output: &Path) -> Summary {
     let night = replayed(session, true, Some(output)).unwrap();
     night.run(&Cancel::new(), &mut |_| {}).unwrap()
 }
@@ -275,7 +276,7 @@ fn a_plan_says_what_is_wrong_with_it() {
     ] {
         assert!(good.contains(from), "{from}");
         std::fs::write(&path, good.replacen(from, to, 1)).unwrap();
-        let error = format!("{:#}", Plan::read(&path).unwrap_err());
+        let error = format!("{:#}", anyhow::Error::from(Plan::read(&path).unwrap_err()));
         assert!(error.contains(expected), "{to}: {error}");
         assert!(error.contains("night.toml:"), "{to}: {error}");
     }

@@ -6,7 +6,6 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
-use sunglint::virtual_observatory::{ThroughLight, ThroughScene, VirtualObservatory};
 use sunglint_drivers::clock::{Clock, Deadline, VirtualClock};
 use sunglint_drivers::device::{Camera, Device as _, PhotonCounter, Window};
 use sunglint_drivers::indi::{CameraSettings, open_camera};
@@ -16,6 +15,7 @@ use sunglint_drivers::tags::Tag;
 use sunglint_formats::time::parse_utc;
 use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::Station;
+use sunglint_virtual::observatory::devices::{ThroughLight, ThroughScene, VirtualObservatory};
 
 const BIN_PS: i64 = 100_000_000_000;
 
@@ -33,7 +33,7 @@ fn file(text: &str) -> (tempfile::TempDir, PathBuf) {
 fn read(text: &str) -> anyhow::Result<VirtualObservatory> {
     let (_folder, path) = file(text);
     let station = Station::built_in("ufo").unwrap().unwrap();
-    VirtualObservatory::read(path, &station, start(), EarthOrientation::embedded())
+    Ok(VirtualObservatory::read(path, &station, start(), EarthOrientation::embedded())?)
 }
 
 const NIGHT: &str = r#"

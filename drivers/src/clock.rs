@@ -70,44 +70,6 @@ impl Clock for VirtualClock {
     }
 }
 
-/// A monotonic clock, and UTC as it goes with it.
-#[derive(Debug, Clone)]
-pub struct DeviceClock {
-    /// The clock that waits are on.
-    pub clock: Arc<dyn Clock>,
-    /// UTC where the clock shows zero; `None` for the computer's own UTC.
-    pub zero_utc: Option<Epoch>,
-}
-
-impl DeviceClock {
-    /// The computer's own clock, with the computer's own UTC.
-    pub fn live() -> Self {
-        Self { clock: Arc::new(SystemClock), zero_utc: None }
-    }
-
-    /// UTC now.
-    pub fn utc(&self) -> Epoch {
-        match self.zero_utc {
-            None => utc_now(),
-            Some(zero) => {
-                let passed = i128::try_from(self.clock.now().as_nanos()).unwrap_or(i128::MAX);
-                zero + hifitime::Duration::from_total_nanoseconds(passed)
-            }
-        }
-    }
-
-    /// Whether its UTC is the computer's own.
-    pub fn is_live(&self) -> bool {
-        self.zero_utc.is_none()
-    }
-
-    /// Time from now until `then`; zero where that is past.
-    pub fn until(&self, then: Epoch) -> Duration {
-        let left = (then - self.utc()).total_nanoseconds();
-        Duration::from_nanos(u64::try_from(left.max(0)).unwrap_or(u64::MAX))
-    }
-}
-
 /// A token that ends waits early: given to a call through its [`Deadline`], kept by whoever may want to stop it (a key,
 /// a signal, another thread). Clones are one token. Once set, it stays set.
 #[derive(Debug, Clone, Default)]
@@ -236,6 +198,44 @@ impl Deadline {
             }
             self.clock.sleep(left.min(self.slice()?));
         }
+    }
+}
+
+/// A monotonic clock, and UTC as it goes with it.
+#[derive(Debug, Clone)]
+pub struct DeviceClock {
+    /// What waits are on.
+    pub clock: Arc<dyn Clock>,
+    /// UTC where the clock shows zero; `None` for the computer's own UTC.
+    pub zero_utc: Option<Epoch>,
+}
+
+impl DeviceClock {
+    /// The computer's.
+    pub fn live() -> Self {
+        Self { clock: Arc::new(SystemClock), zero_utc: None }
+    }
+
+    /// UTC now.
+    pub fn utc(&self) -> Epoch {
+        match self.zero_utc {
+            None => utc_now(),
+            Some(zero) => {
+                let passed = i128::try_from(self.clock.now().as_nanos()).unwrap_or(i128::MAX);
+                zero + hifitime::Duration::from_total_nanoseconds(passed)
+            }
+        }
+    }
+
+    /// Whether it is the computer's own.
+    pub fn is_live(&self) -> bool {
+        self.zero_utc.is_none()
+    }
+
+    /// How long it is until then; zero where that is past.
+    pub fn until(&self, then: Epoch) -> Duration {
+        let left = (then - self.utc()).total_nanoseconds();
+        Duration::from_nanos(u64::try_from(left.max(0)).unwrap_or(u64::MAX))
     }
 }
 

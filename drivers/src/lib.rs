@@ -18,6 +18,7 @@
 //! - [`simulated`]: devices that speak the same protocols: a TMCL module, an APT stage, an INDI server, both kinds of power
 //!   meter, the wheel, a Time Tagger behind its bridge;
 //! - [`catalogue`]: every driver by name and address, over any transport; what is plugged in; the udev rules;
+//! - [`session`]: one device opened by its address, checked, read, set, moved, recorded and replayed;
 //! - [`tags`], [`ptu`]: photon time tags on disk, binned into counts.
 //!
 //! Frame grabbers and films through OpenCV are in a crate of their own, `sunglint-drivers-opencv`, behind a cargo feature.
@@ -60,6 +61,7 @@ pub mod ophir;
 pub mod ptu;
 pub mod recording;
 pub mod reply;
+pub mod session;
 pub mod simulated;
 pub mod swabian;
 pub use sunglint_formats::tags;

@@ -156,6 +156,17 @@ impl Frame {
         })
     }
 
+    /// Returns the mean of the pixels, ADU; 0 without pixels.
+    pub fn mean_adu(&self) -> f64 {
+        let sum: u64 = self.pixels.iter().map(|&pixel| u64::from(pixel)).sum();
+        sum as f64 / self.pixels.len().max(1) as f64
+    }
+
+    /// Returns the largest pixel, ADU; 0 without pixels.
+    pub fn most_adu(&self) -> u16 {
+        self.pixels.iter().copied().max().unwrap_or(0)
+    }
+
     /// The frame as an image for FITS.
     ///
     /// # Errors

@@ -14,11 +14,11 @@
 
 pub mod attitude;
 pub mod bisector;
+pub mod compare;
 pub mod endmembers;
+pub mod fit;
 pub mod lit_curve;
 pub mod map;
-pub mod compare;
-pub mod fit;
 pub mod measured;
 mod progress;
 pub mod range;

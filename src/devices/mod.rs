@@ -15,8 +15,8 @@ pub use replay::{RecordArgs, ReplayArgs};
 
 use crate::output::{Console, OutputArgs};
 use clap::Subcommand;
-use session::Desk;
 use sunglint_drivers::catalogue::udev;
+use sunglint_drivers::session::Peer;
 use sunglint_report::Product;
 
 /// What is done with instruments.
@@ -78,19 +78,19 @@ impl Talk {
     }
 
     /// Speaks to the device. An error is one before there was any result.
-    fn speak(&self, desk: &Desk, console: Console) -> anyhow::Result<Outcome> {
+    fn speak(&self, peer: &Peer, console: Console) -> anyhow::Result<Outcome> {
         match self {
-            Self::Check(args) => check::speak(args, desk),
-            Self::Read(args) => read::speak(args, desk, console),
-            Self::Set(args) => act::set(args, desk),
-            Self::Move(args) => act::move_to(args, desk, console),
+            Self::Check(args) => check::speak(args, peer),
+            Self::Read(args) => read::speak(args, peer, console),
+            Self::Set(args) => act::set(args, peer),
+            Self::Move(args) => act::move_to(args, peer, console),
         }
     }
 
     /// On a real desk: what was done is shown and written, all of it or not.
     fn run(&self, console: Console) -> anyhow::Result<()> {
         self.out().check()?;
-        let outcome = self.speak(&Desk::live(console)?, console)?;
+        let outcome = self.speak(&session::live(console)?, console)?;
         self.out().finish(&outcome.product, &outcome.text, console)?;
         outcome.error.map_or(Ok(()), Err)
     }

@@ -1,15 +1,16 @@
 //! `sunglint devices record` and `replay`.
 
 use super::Talk;
-use super::session::{Desk, HOST};
+use super::session::HOST;
 use crate::output::{Console, OutputArgs, Usage};
 use anyhow::{Context as _, bail};
 use clap::{Args, Parser};
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::path::PathBuf;
 use sunglint_drivers::catalogue::{DRIVERS, Driver};
 use sunglint_drivers::recording::Recording;
-use sunglint_report::Product;
+use sunglint_drivers::session::Peer;
+use sunglint_report::devices as report;
 
 /// Arguments of `sunglint devices record`.
 #[derive(Debug, Args)]
@@ -130,34 +131,24 @@ pub(super) fn replay(args: &ReplayArgs, console: Console) -> anyhow::Result<()> 
     let recording = Recording::read(&args.file)?;
     let (talk, words) = command(args, &recording)?;
     let header = recording.header.clone();
-    let desk = Desk::replay(recording);
-    let outcome = talk.speak(&desk, console);
-    let rest = desk.rest().context("the command did not speak to the device")?;
+    let peer = Peer::replay(recording);
+    let outcome = talk.speak(&peer, console);
+    let rest = peer.rest().context("the command did not speak to the device")?;
     let mismatch = rest.finish().err();
     let (text, result, ended) = match outcome {
         Ok(outcome) => (outcome.text, outcome.product.json, outcome.error),
         Err(error) => (String::new(), Value::Null, Some(error)),
     };
     let ended = ended.map(|error| error.to_string());
-    let made = if header.synthetic { "synthetic" } else { "not synthetic" };
-    let mut text = format!("{} ({made}): {}\n{text}", args.file.display(), header.device);
-    match (&ended, &mismatch) {
-        (_, Some(_)) => text.push_str("the driver and the recording differ\n"),
-        (Some(ended), None) => text.push_str(&format!("as recorded, it ended with: {ended}\n")),
-        (None, None) => text.push_str("as recorded, to the last byte\n"),
-    }
-    let json = json!({
-        "recording": args.file.display().to_string(),
-        "recorded_device": header.device,
-        "source": header.source,
-        "synthetic": header.synthetic,
-        "command": words,
-        "agrees": mismatch.is_none(),
-        "mismatch": mismatch.as_ref().map(ToString::to_string),
-        "ended": ended,
-        "result": result,
-    });
-    let product = Product { name: "replay".into(), json, ..Product::default() };
-    args.out.finish(&product, &text, console)?;
+    let replayed = report::Replayed {
+        file: &args.file,
+        header: &header,
+        command: &words,
+        text: &text,
+        result: &result,
+        mismatch: mismatch.as_ref(),
+        ended: ended.as_deref(),
+    };
+    args.out.finish(&report::replay(&replayed), &report::replay_text(&replayed), console)?;
     mismatch.map_or(Ok(()), |mismatch| Err(mismatch.into()))
 }

@@ -1,47 +1,29 @@
-//! `sunglint observe`: a night from its plan to its session's folder.
-//!
-//! Each device has a thread of its own (`device`, `camera`, `counter`), on a clock of its own, and waits for no other:
-//! not for a target to be found, not for the display. What they have goes to the one thread that writes (`disk`); where the telescope
-//! looks is a function of time (`schedule`). Where devices come from is an [`Opener`]'s: the [`Catalogue`] of drivers, a session that is
-//! played back ([`Playback`]), or a virtual observatory ([`VirtualNight`]).
+//! `sunglint observe`: a night from its plan to its session's folder. The night itself is [`sunglint_observatory`]'s.
 
-mod camera;
-mod clock;
-mod counter;
-mod device;
-mod disk;
-mod night;
-mod opener;
-mod plan;
-mod playback;
-mod pointing;
-mod schedule;
-mod status;
-mod tags;
 mod virtual_night;
 
-pub use night::{Night, Summary};
-pub use opener::{Catalogue, DeviceClock, Opener};
-pub use plan::{CameraPlan, CounterPlan, Plan};
-pub use playback::Playback;
-pub use schedule::{Schedule, Slot};
-pub use status::{DeviceStatus, LastFrame, Snapshot, State};
+pub use sunglint_drivers::clock::DeviceClock;
 pub use virtual_night::VirtualNight;
 
 use crate::output::{Console, Usage};
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, anyhow};
 use clap::Args;
-use hifitime::Epoch;
 use indicatif::ProgressBar;
-use serde_json::{Value, json};
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use sunglint_drivers::clock::Cancel;
-use sunglint_formats::session::{DeviceKind, Disk, FORMAT, FileSum, Manifest, Session, What};
-use sunglint_formats::time::format_utc;
-use sunglint_formats::toml::Positive;
+use sunglint_observatory::{
+    Catalogue, Night, Opener, Plan, ReplayError, Snapshot, Summary, free_bytes,
+};
+use sunglint_radiometry::station::RecordedError;
+use sunglint_report::observe as report;
+
+/// Time between two status lines where nobody says: on a terminal, and elsewhere.
+const EVERY: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(10)];
+/// The name and version that sessions get.
+const PROGRAM: &str = concat!("sunglint ", env!("CARGO_PKG_VERSION"));
 
 /// Arguments of `sunglint observe`.
 #[derive(Debug, Args)]
@@ -64,15 +46,18 @@ pub struct ObserveArgs {
 }
 
 /// Observes.
+///
+/// # Errors
+/// A plan that no night can follow, a session that cannot be played back, and data that are missing at the end.
 pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
     let every = match args.every {
-        None => status::EVERY[usize::from(!std::io::stdout().is_terminal())],
+        None => EVERY[usize::from(!std::io::stdout().is_terminal())],
         Some(s) if (0.05..=86_400.0).contains(&s) => Duration::from_secs_f64(s),
         Some(s) => return Err(Usage(format!("--every is {s}, expected 0.05 to 86400 s")).into()),
     };
     let night = match (&args.night, &args.replay) {
         (_, Some(session)) => replayed(session, args.fast, args.output.as_deref())?,
-        (Some(plan), None) => planned(Plan::read(plan)?, args.output.as_deref()),
+        (Some(plan), None) => planned(plan, args.output.as_deref())?.0,
         (None, None) => return Err(Usage("give a NIGHT.toml, or --replay SESSION".into()).into()),
     };
     let cancel = Cancel::new();
@@ -86,7 +71,7 @@ pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
     })
     .context("cannot listen for Ctrl-C")?;
     if args.replay.is_none() {
-        console.say(&clock::text(&night.manifest.clock));
+        console.say(&report::clock_text(&night.manifest.clock));
     }
     console.say(&format!("writing into {}", night.root.display()));
     let mut display = Display::new(every, night.root.clone(), console);
@@ -95,42 +80,24 @@ pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
     finish(&summary, console)
 }
 
-fn program() -> String {
-    format!("sunglint {}", env!("CARGO_PKG_VERSION"))
-}
-
-/// A night with the devices of the catalogue, or of a virtual observatory.
-pub fn planned(plan: Plan, output: Option<&Path>) -> Night {
-    let root = match output {
-        Some(root) => root.to_path_buf(),
-        None => free_name(&plan.output, &plan.name, plan.from),
+/// A night with the devices of the catalogue, or of a virtual observatory, which comes with it.
+///
+/// # Errors
+/// A plan that cannot be read or that no night can follow.
+pub fn planned(
+    plan: &Path,
+    output: Option<&Path>,
+) -> anyhow::Result<(Night, Option<VirtualNight>)> {
+    let mut made = None;
+    let plan = Plan::read_with(plan, &mut |request| {
+        made = Some(VirtualNight::make(request)?);
+        Ok(())
+    })?;
+    let opener: Arc<dyn Opener> = match &made {
+        Some(night) => Arc::new(night.clone()),
+        None => Arc::new(Catalogue),
     };
-    let made_up = plan.virtual_night.is_some();
-    let manifest = Manifest {
-        format: FORMAT.into(),
-        program: program(),
-        station: plan.station.name.clone(),
-        start_utc: if made_up { plan.from } else { DeviceClock::live().utc() },
-        clock: if made_up { clock::exact() } else { clock::measured() },
-        devices: plan.devices(),
-        files: plan.sums(),
-    };
-    Night {
-        root,
-        storage: Arc::new(Disk),
-        manifest,
-        files: plan.files,
-        station: plan.station,
-        cameras: plan.cameras,
-        counters: plan.counters,
-        opener: match plan.virtual_night {
-            Some(night) => Arc::new(night),
-            None => Arc::new(Catalogue),
-        },
-        schedule: plan.schedule,
-        end: plan.to,
-        ended: None,
-    }
+    Ok((Night::planned(plan, opener, output, PROGRAM), made))
 }
 
 /// A night that is played back: the same devices by the same names, the same configuration, targets and times.
@@ -138,80 +105,10 @@ pub fn planned(plan: Plan, output: Option<&Path>) -> Night {
 /// # Errors
 /// What is no session, or cannot be read.
 pub fn replayed(session: &Path, fast: bool, output: Option<&Path>) -> anyhow::Result<Night> {
-    let session = Session::open(session)?;
-    let playback = Playback::new(&session, fast)?;
-    let old = session.manifest().clone();
-    let mut ended = None;
-    for event in session.events()? {
-        let event = event?;
-        if matches!(event.what, What::End { .. }) {
-            ended = Some(event.utc);
-        }
-    }
-    let mut files = Vec::new();
-    for FileSum { path, .. } in &old.files {
-        files.push((path.clone(), sunglint_formats::read::bytes(session.file(path))?));
-    }
-    let positive = |s: f64, what: &str| {
-        Positive::new(s)
-            .with_context(|| format!("session.toml: {what} is {s}, expected more than 0"))
-    };
-    let (mut cameras, mut counters) = (Vec::new(), Vec::new());
-    for device in &old.devices {
-        let (name, address) = (device.name.clone(), device.address.clone());
-        let exposure_s = positive(device.exposure_s, "exposure_s")?;
-        match device.kind {
-            DeviceKind::Camera => cameras.push(CameraPlan::plain(name, address, exposure_s)),
-            DeviceKind::Counter => {
-                let mut plan = CounterPlan::plain(name, address, exposure_s);
-                let inputs = device.inputs.iter().filter_map(|i| u32::try_from(*i).ok());
-                plan.channels = match inputs.collect::<Vec<_>>() {
-                    inputs if inputs.len() == device.channels.len() => {
-                        device.channels.iter().cloned().zip(inputs).collect()
-                    }
-                    _ => device.channels.iter().cloned().zip(1..).collect(),
-                };
-                plan.raw_tags = device.raw_tags;
-                counters.push(plan);
-            }
-        }
-    }
-    let root = match output {
-        Some(root) => root.to_path_buf(),
-        None => {
-            let name = session.root().file_name().unwrap_or_default().to_string_lossy();
-            let beside = session.root().parent().unwrap_or(Path::new("")).to_path_buf();
-            (1..)
-                .map(|n| beside.join(format!("{name}_replay{n}")))
-                .find(|path| !path.exists())
-                .unwrap_or(beside)
-        }
-    };
-    Ok(Night {
-        root,
-        storage: Arc::new(Disk),
-        station: crate::station::of_session(&session)?,
-        schedule: Schedule::of_session(&session)?,
-        end: Some(playback.end()),
-        ended,
-        opener: Arc::new(playback),
-        manifest: Manifest { program: program(), ..old },
-        files,
-        cameras,
-        counters,
+    Night::replayed(session, fast, output, PROGRAM).map_err(|error| match error {
+        ReplayError::Station(RecordedError::Unknown { .. }) => anyhow!("{error}: give --station"),
+        error => error.into(),
     })
-}
-
-/// `DATE_NAME` in a folder, or the next that is free. A night has the date of its evening in UTC.
-fn free_name(folder: &Path, name: &str, from: Epoch) -> PathBuf {
-    let evening = format_utc(from - hifitime::Duration::from_hours(12.0), 0);
-    let date = evening.split_once('T').map_or(evening.as_str(), |(date, _)| date).to_owned();
-    let first = folder.join(format!("{date}_{name}"));
-    let next = |n: u32| folder.join(format!("{date}_{name}_{n}"));
-    std::iter::once(first.clone())
-        .chain((2..).map(next))
-        .find(|path| !path.exists())
-        .unwrap_or(first)
 }
 
 /// Says how it goes: a line that changes on a terminal, else a line now and then, or JSON.
@@ -251,12 +148,12 @@ impl Display {
         self.shown = Some(Instant::now());
         let snapshot = Snapshot { free_bytes: free_bytes(&self.root), ..snapshot.clone() };
         match &self.bar {
-            Some(bar) => bar.set_message(snapshot.text()),
+            Some(bar) => bar.set_message(report::status_text(&snapshot)),
             None if self.console.json => {
                 // Whoever reads the pipe may have read enough; the night goes on.
-                let _ = self.console.print(&line("status", snapshot.json()).to_string());
+                let _ = self.console.print(&report::status_json(&snapshot).to_string());
             }
-            None => self.console.say(&snapshot.text()),
+            None => self.console.say(&report::status_text(&snapshot)),
         }
     }
 
@@ -267,63 +164,12 @@ impl Display {
     }
 }
 
-/// A JSON line of a kind.
-fn line(kind: &str, of: Value) -> Value {
-    let mut line = serde_json::Map::new();
-    line.insert("kind".into(), kind.into());
-    if let Value::Object(fields) = of {
-        line.extend(fields);
-    }
-    Value::Object(line)
-}
-
-/// Bytes that are free on the disk of a folder.
-#[cfg(unix)]
-fn free_bytes(folder: &Path) -> Option<u64> {
-    let about = nix::sys::statvfs::statvfs(folder).ok()?;
-    #[allow(clippy::useless_conversion)]
-    Some(u64::from(about.blocks_available()).saturating_mul(u64::from(about.fragment_size())))
-}
-
-/// Bytes that are free on the disk of a folder: not known here.
-#[cfg(not(unix))]
-fn free_bytes(_: &Path) -> Option<u64> {
-    None
-}
-
 /// Says how it went, and fails where something is missing.
 fn finish(summary: &Summary, console: Console) -> anyhow::Result<()> {
-    let json = line(
-        "end",
-        json!({
-            "session": summary.root.display().to_string(),
-            "utc": format_utc(summary.utc, 3),
-            "reason": if summary.stopped { "stopped" } else { "done" },
-            "taken": summary.taken,
-            "losses": summary.losses,
-            "not_written": summary.not_written,
-        }),
-    );
-    let taken: Vec<String> = summary.taken.iter().map(|(name, n)| format!("{name} {n}")).collect();
-    let text = format!("{}: {}", summary.root.display(), taken.join(", "));
     if console.json {
-        console.print(&json.to_string())?;
+        console.print(&report::summary_json(summary).to_string())?;
     } else if !console.quiet {
-        console.print(&text)?;
+        console.print(&report::summary_text(summary))?;
     }
-    if summary.not_written > 0 {
-        let why = summary.disk_error.clone().unwrap_or_else(|| "see its event log".into());
-        bail!(
-            "{} rows, tags or frames could not be written: {why}; what was written before is whole",
-            summary.not_written
-        );
-    }
-    if !summary.silent.is_empty() && !summary.stopped {
-        bail!(
-            "nothing came from {}: see events.jsonl of {}",
-            summary.silent.join(", "),
-            summary.root.display()
-        );
-    }
-    Ok(())
+    Ok(summary.check()?)
 }

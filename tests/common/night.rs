@@ -9,8 +9,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
-use sunglint::observe::{CameraPlan, CounterPlan, DeviceClock, Night, Opener, Plan};
-use sunglint_drivers::clock::{Deadline, SystemClock, VirtualClock};
+use sunglint_drivers::clock::{Deadline, DeviceClock, SystemClock, VirtualClock};
 use sunglint_drivers::device::{
     Camera, Device, DeviceError, Identity, Interrupted, PhotonCounter, Setting, Window,
 };
@@ -21,6 +20,7 @@ use sunglint_formats::session::{
 use sunglint_formats::time::{format_utc, parse_utc};
 use sunglint_formats::toml::{Document, Positive};
 use sunglint_formats::{CountFlags, CountRecord, Frame};
+use sunglint_observatory::{CameraPlan, CounterPlan, Night, Opener, Plan};
 
 /// When every night of these tests begins.
 pub fn at(s: f64) -> Epoch {

@@ -5,8 +5,9 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use sunglint::observe::{Plan, Summary, planned};
+use sunglint::observe::planned;
 use sunglint_drivers::clock::Cancel;
+use sunglint_observatory::Summary;
 use sunglint_virtual::observatory::night::Night;
 
 /// A plan with a camera and a counter of the station `ufo`, both virtual; with replacements.
@@ -44,8 +45,8 @@ pub fn write(folder: &Path, plan: &str, options: &str) {
 /// Observes into `session` of a folder; gives the truth, too.
 pub fn observe(folder: &Path, plan: &str, options: &str) -> (Summary, Arc<Night>) {
     write(folder, plan, options);
-    let plan = Plan::read(&folder.join("night.toml")).unwrap();
-    let night = plan.virtual_night.as_ref().unwrap().observatory().night().clone();
-    let session = planned(plan, Some(&folder.join("session")));
+    let (session, made) =
+        planned(&folder.join("night.toml"), Some(&folder.join("session"))).unwrap();
+    let night = made.unwrap().observatory().night().clone();
     (session.run(&Cancel::new(), &mut |_| {}).unwrap(), night)
 }

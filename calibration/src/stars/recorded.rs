@@ -33,9 +33,6 @@ pub struct StarVisit {
     pub target: Value,
 }
 
-/// Vega's number in the Hipparcos catalogue: its spectrum is measured.
-const VEGA_HIP: i64 = 91262;
-
 /// Reads the visits of paths, each once, and says what was left out: of linear light curves, of all that lie in folders, or of sessions as they were
 /// recorded, which are reduced.
 ///

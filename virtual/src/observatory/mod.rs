@@ -9,13 +9,15 @@
 //! - [`plan`]: where the telescope points when;
 //! - [`night`]: what every channel would get of it before any chance;
 //! - [`watch`]: what the instruments get: counts, tags, frames;
-//! - [`truth`]: the truth for whoever compares.
+//! - [`truth`]: the truth for whoever compares;
+//! - [`devices`]: the instruments behind the traits of the drivers.
 //!
 //! It stands on `radiometry` for what light is (spectra, air, sensitivities) and on nothing of what a reduction does: no dead time is
 //! inverted here, no aperture is summed, no coefficient is fitted. A test of a reduction that has its data from here has
 //! an independent truth.
 
 pub mod counts;
+pub mod devices;
 pub mod events;
 pub mod frame;
 pub mod night;

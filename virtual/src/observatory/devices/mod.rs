@@ -9,25 +9,81 @@
 
 mod camera;
 mod counter;
+mod stays;
 mod through;
 
 pub use camera::VirtualCamera;
 pub use counter::VirtualCounter;
+pub use stays::{Scheduled, Stay};
 pub use through::{ThroughLight, ThroughScene};
 
-use anyhow::Context as _;
+use super::night::{Night, NightError};
+use super::options::Options;
+use super::plan::{Visit, visits};
+use super::watch::Watch;
 use hifitime::Epoch;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use sunglint_formats::ecsv;
+use sunglint_drivers::device::DeviceError;
 use sunglint_formats::toml::Document;
+use sunglint_formats::{FileError, ParseError, ecsv};
 use sunglint_radiometry::light_curve::LightCurve;
-use sunglint_radiometry::sky::EarthOrientation;
+use sunglint_radiometry::sky::{EarthOrientation, StarError};
 use sunglint_radiometry::station::Station;
-use sunglint_virtual::observatory::night::{Night, NightError};
-use sunglint_virtual::observatory::options::Options;
-use sunglint_virtual::observatory::plan::{Visit, visits};
-use sunglint_virtual::observatory::watch::Watch;
+
+/// Why a virtual observatory cannot be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ObservatoryError {
+    /// A file that cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A key that is not known, or a value that no night can have, with its line.
+    #[error(transparent)]
+    Options(#[from] ParseError),
+    /// A visit that no night can have.
+    #[error(transparent)]
+    Visit(#[from] NightError),
+    /// The visits or the options do not make a night.
+    #[error("the virtual night")]
+    Night(#[source] NightError),
+    /// The same, with the file that it was read from.
+    #[error("{}: the virtual night", file.display())]
+    NightOf {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        source: NightError,
+    },
+    /// A star of a schedule that the catalogue does not have.
+    #[error("visit of {name}: a virtual night needs a star of the catalogue")]
+    NotInCatalogue {
+        /// The star.
+        name: String,
+        /// Why.
+        source: StarError,
+    },
+    /// A satellite of a schedule without a light curve.
+    #[error(
+        "visit of {name}: its light is not known: {} needs a [[visit]] of kind \"satellite\" with this name and a `curve`",
+        file.display()
+    )]
+    NoLight {
+        /// The satellite.
+        name: String,
+        /// The file that should say it.
+        file: PathBuf,
+    },
+    /// A stay of a schedule that has no end.
+    #[error("visit of {name}: in a virtual night each visit ends (`to`, `for_s`)")]
+    Endless {
+        /// The target.
+        name: String,
+    },
+    /// The truth cannot be written.
+    #[error(transparent)]
+    Truth(#[from] serde_json::Error),
+}
 
 /// A night and the instruments in it.
 #[derive(Debug, Clone)]
@@ -46,7 +102,7 @@ impl VirtualObservatory {
         station: &Station,
         start: Epoch,
         orientation: &EarthOrientation,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, ObservatoryError> {
         let document = Document::read(path)?;
         let options = options(&document)?;
         let mut curve = |file: &str| light_curve(&document.resolve(file));
@@ -64,9 +120,9 @@ impl VirtualObservatory {
         start: Epoch,
         visits: Vec<Visit>,
         orientation: &EarthOrientation,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, ObservatoryError> {
         let night = Night::new(options, station, start, visits, orientation)
-            .context("the virtual night")?;
+            .map_err(ObservatoryError::Night)?;
         let gain_e_per_adu = station.camera.as_ref().map(|camera| camera.gain_e_per_adu);
         Ok(Self { night: Arc::new(night), gain_e_per_adu })
     }
@@ -85,11 +141,8 @@ impl VirtualObservatory {
     /// A counter of these channels, in this order.
     ///
     /// # Errors
-    /// [`sunglint_drivers::device::DeviceError::Unknown`] for a channel that the station does not count.
-    pub fn counter(
-        &self,
-        channels: &[String],
-    ) -> Result<VirtualCounter, sunglint_drivers::device::DeviceError> {
+    /// [`DeviceError::Unknown`] for a channel that the station does not count.
+    pub fn counter(&self, channels: &[String]) -> Result<VirtualCounter, DeviceError> {
         VirtualCounter::new(Watch::new(self.night.clone()), channels)
     }
 
@@ -99,8 +152,11 @@ impl VirtualObservatory {
         counters.into_iter().map(|i| self.night.channels[i].name.clone()).collect()
     }
 
-    /// The truth, JSON.
-    pub fn truth(&self) -> anyhow::Result<String> {
+    /// Returns the truth as JSON.
+    ///
+    /// # Errors
+    /// [`ObservatoryError::Truth`], which no night is known to have.
+    pub fn truth(&self) -> Result<String, ObservatoryError> {
         Ok(serde_json::to_string_pretty(&self.night.truth())? + "\n")
     }
 }
@@ -109,7 +165,7 @@ impl VirtualObservatory {
 ///
 /// # Errors
 /// A key that is not known or has a value that no night can have, with its line.
-pub fn options(document: &Document) -> anyhow::Result<Options> {
+pub fn options(document: &Document) -> Result<Options, ParseError> {
     let options: Options = document.parse()?;
     options.check().map_err(|error| document.error_at(&error.key, error.expected))?;
     Ok(options)

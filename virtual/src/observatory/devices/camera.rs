@@ -1,5 +1,7 @@
 //! A camera that takes the pictures of a virtual night.
 
+use crate::observatory::frame::{Exposure, Sensor};
+use crate::observatory::watch::{FrameTruth, Watch};
 use hifitime::Epoch;
 use std::time::Duration;
 use sunglint_drivers::clock::Deadline;
@@ -7,8 +9,6 @@ use sunglint_drivers::device::{
     Camera, Device, DeviceError, Identity, Origin, Setting, Value, Window,
 };
 use sunglint_formats::{Bayer, Frame, fits::Header};
-use sunglint_virtual::observatory::frame::{Exposure, Sensor};
-use sunglint_virtual::observatory::watch::{FrameTruth, Watch};
 
 const DEVICE: &str = "virtual camera";
 

@@ -1,13 +1,13 @@
 //! A counter that counts the photons of a virtual night.
 
 use super::camera::at;
+use crate::observatory::watch::Watch;
 use std::time::Duration;
 use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::device::{
     Device, DeviceError, Identity, Interrupted, Origin, PhotonCounter, Setting, Value,
 };
 use sunglint_formats::{CountFlags, CountRecord};
-use sunglint_virtual::observatory::watch::Watch;
 
 const DEVICE: &str = "virtual counter";
 const PS_PER_NS: i64 = 1000;

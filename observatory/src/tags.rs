@@ -8,9 +8,9 @@ const MOST_WAITING: u64 = 64 << 20;
 
 /// Bytes of tags on their way, of all counters.
 #[derive(Debug, Default)]
-pub struct TagRoom(AtomicU64);
+pub struct TagBudget(AtomicU64);
 
-impl TagRoom {
+impl TagBudget {
     /// Takes room for so many bytes, if there is. After a loss (`full`) only once half of it is free, so that losses are few and long.
     pub fn take(&self, bytes: u64, full: bool) -> bool {
         let most = if full { MOST_WAITING / 2 } else { MOST_WAITING };

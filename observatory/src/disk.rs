@@ -1,7 +1,7 @@
 //! The one thread that writes: devices hand over what they have and go on.
 
 use super::status::Status;
-use super::tags::{Loss, TagRoom};
+use super::tags::{Loss, TagBudget};
 use hifitime::Epoch;
 use std::collections::HashMap;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
@@ -16,7 +16,7 @@ const MESSAGES: usize = 1024;
 /// Pixels that wait at most, bytes.
 const PIXELS: u64 = 64 << 20;
 /// How often the writer looks at its clock.
-const LOOK: Duration = Duration::from_millis(50);
+const POLL: Duration = Duration::from_millis(50);
 
 /// What is to be written.
 enum Message {
@@ -32,7 +32,7 @@ enum Message {
 pub struct Disk {
     sender: SyncSender<Message>,
     pixels: Arc<Pixels>,
-    tag_room: Arc<TagRoom>,
+    tag_budget: Arc<TagBudget>,
     live: bool,
 }
 
@@ -85,9 +85,9 @@ pub fn start(
 ) -> std::io::Result<(Disk, std::thread::JoinHandle<Writing>)> {
     let (sender, receiver) = sync_channel(MESSAGES);
     let pixels = Arc::new(Pixels::default());
-    let tag_room = Arc::new(TagRoom::default());
-    let disk = Disk { sender, pixels: pixels.clone(), tag_room: tag_room.clone(), live };
-    let writing = Writing { writer, status, pixels, tag_room, tags_lost: HashMap::new() };
+    let tag_budget = Arc::new(TagBudget::default());
+    let disk = Disk { sender, pixels: pixels.clone(), tag_budget: tag_budget.clone(), live };
+    let writing = Writing { writer, status, pixels, tag_budget, tags_lost: HashMap::new() };
     let thread = std::thread::Builder::new().name("disk".into());
     let handle = thread.spawn(move || writing.run(&receiver))?;
     Ok((disk, handle))
@@ -115,16 +115,16 @@ impl Disk {
     ) -> Option<Loss> {
         let bytes = records.as_flattened().len() as u64;
         if !self.live {
-            self.tag_room.add(bytes);
+            self.tag_budget.add(bytes);
             self.send(Message::Tags(counter.to_owned(), loss, records));
             return None;
         }
-        if !self.tag_room.take(bytes, loss.is_some()) {
+        if !self.tag_budget.take(bytes, loss.is_some()) {
             return Loss::and(loss, Loss::of(&records));
         }
         match self.sender.try_send(Message::Tags(counter.to_owned(), loss, records)) {
             Err(TrySendError::Full(Message::Tags(_, loss, records))) => {
-                self.tag_room.give(bytes);
+                self.tag_budget.give(bytes);
                 Loss::and(loss, Loss::of(&records))
             }
             _ => None,
@@ -153,7 +153,7 @@ pub struct Writing {
     writer: SessionWriter,
     status: Arc<Status>,
     pixels: Arc<Pixels>,
-    tag_room: Arc<TagRoom>,
+    tag_budget: Arc<TagBudget>,
     /// Tags that found no room on the disk, and that the file does not tell of yet.
     tags_lost: HashMap<String, Loss>,
 }
@@ -163,16 +163,16 @@ impl Writing {
         let start = Instant::now();
         let mut looked = Duration::ZERO;
         loop {
-            match receiver.recv_timeout(LOOK) {
+            match receiver.recv_timeout(POLL) {
                 Ok(message) => self.write(message),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return self,
             }
             let now = start.elapsed();
-            if now.saturating_sub(looked) >= LOOK {
+            if now.saturating_sub(looked) >= POLL {
                 looked = now;
-                for trouble in self.writer.tick(now, self.status.utc()) {
-                    self.status.disk_trouble(&trouble);
+                for fault in self.writer.tick(now, self.status.utc()) {
+                    self.status.disk_fault(&fault);
                 }
                 self.status.set_lost(self.writer.lost(), self.writer.is_failing());
             }
@@ -190,9 +190,9 @@ impl Writing {
                 let written = self.writer.frame(&camera, number, &frame);
                 self.pixels.take(bytes_of(&frame));
                 match written {
-                    Ok(trouble) => {
-                        if let Some(trouble) = trouble {
-                            self.status.disk_trouble(&trouble);
+                    Ok(fault) => {
+                        if let Some(fault) = fault {
+                            self.status.disk_fault(&fault);
                         }
                         None
                     }
@@ -200,7 +200,7 @@ impl Writing {
                 }
             }
             Message::Tags(counter, loss, records) => {
-                self.tag_room.give(records.as_flattened().len() as u64);
+                self.tag_budget.give(records.as_flattened().len() as u64);
                 self.write_tags(&counter, loss, &records).err().map(|error| (counter, error))
             }
             Message::Event(utc, what) => {
@@ -262,20 +262,21 @@ mod tests {
     #[test]
     fn a_recording_waits_for_room() {
         let (sender, receiver) = sync_channel(2);
-        let tag_room = Arc::new(TagRoom::default());
-        let disk = Disk { sender, pixels: Arc::default(), tag_room: tag_room.clone(), live: false };
+        let tag_budget = Arc::new(TagBudget::default());
+        let disk =
+            Disk { sender, pixels: Arc::default(), tag_budget: tag_budget.clone(), live: false };
         let writing = std::thread::spawn(move || {
-            std::thread::sleep(LOOK);
+            std::thread::sleep(POLL);
             let take = |message: Message| match message {
                 Message::Tags(_, None, records) => {
-                    tag_room.give(records.as_flattened().len() as u64);
+                    tag_budget.give(records.as_flattened().len() as u64);
                     Tag::from_bytes(&records[0]).time_ps
                 }
                 other => panic!("{other:?}"),
             };
             let times: Vec<i64> = receiver.iter().map(take).collect();
             // All of it is free: as much as fits at all.
-            assert!(tag_room.take(64 << 20, false));
+            assert!(tag_budget.take(64 << 20, false));
             times
         });
         for number in 0..80 {
@@ -291,8 +292,9 @@ mod tests {
     #[test]
     fn tags_that_find_no_room_are_counted_and_told() {
         let (sender, receiver) = sync_channel(MESSAGES);
-        let tag_room = Arc::new(TagRoom::default());
-        let disk = Disk { sender, pixels: Arc::default(), tag_room: tag_room.clone(), live: true };
+        let tag_budget = Arc::new(TagBudget::default());
+        let disk =
+            Disk { sender, pixels: Arc::default(), tag_budget: tag_budget.clone(), live: true };
         let mut loss = None;
         for number in 0..80 {
             loss = disk.tags("tagger", loss, a_mebibyte(number));
@@ -305,7 +307,7 @@ mod tests {
             while taken.iter().filter(|m| matches!(m, Message::Tags(..))).count() < n {
                 let message = receiver.try_recv().unwrap();
                 if let Message::Tags(_, _, records) = &message {
-                    tag_room.give(records.as_flattened().len() as u64);
+                    tag_budget.give(records.as_flattened().len() as u64);
                 }
                 taken.push(message);
             }

@@ -1,29 +1,31 @@
-//! A night from its first frame to its last: one thread a device, one that writes, and this one, which looks.
+//! A night from its first frame to its last: one thread for each device, one that writes, and this one, which watches them.
 
 use super::camera::CameraWork;
 use super::clock::{self, StepWatch};
 use super::counter::CounterWork;
-use super::device::Post;
 use super::disk;
-use super::opener::{DeviceClock, Opener};
-use super::plan::{CameraPlan, CounterPlan};
+use super::opener::Opener;
+use super::plan::{CameraPlan, CounterPlan, Plan};
 use super::pointing::Pointing;
 use super::schedule::Schedule;
 use super::status::{Snapshot, Status};
-use anyhow::{Context as _, anyhow, bail};
+use super::worker::Worker;
 use hifitime::Epoch;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::io;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-use sunglint_drivers::clock::Cancel;
-use sunglint_formats::session::{Manifest, SessionWriter, Storage, TargetKind, What};
+use sunglint_drivers::clock::{Cancel, DeviceClock};
+use sunglint_formats::FileError;
+use sunglint_formats::session::{Disk, FORMAT, Manifest, SessionWriter, Storage, TargetKind, What};
+use sunglint_formats::time::format_utc;
 use sunglint_radiometry::station::Station;
 
-/// How often this thread looks at the others.
-const LOOK: Duration = Duration::from_millis(50);
-/// How often it looks at the clock.
+/// Time between two looks at the devices.
+const POLL: Duration = Duration::from_millis(50);
+/// Time between two looks at the clock.
 const CLOCK: Duration = Duration::from_secs(1);
 
 /// All that a night is made of.
@@ -53,6 +55,70 @@ pub struct Night {
     pub ended: Option<Epoch>,
 }
 
+/// Why a night cannot run, or did not end in good order.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum NightError {
+    /// A counter that hands over no tags is asked for them.
+    #[error(
+        "counter {counter}: {device} hands over no time tags, only bins: leave out its `raw_tags`, or take a counter that does \
+         (timetagger, sim-timetagger)"
+    )]
+    NoTags {
+        /// The counter's name.
+        counter: String,
+        /// Its address.
+        device: String,
+    },
+    /// The session's folder is there, or cannot be made.
+    #[error(transparent)]
+    Session(#[from] FileError),
+    /// The system starts no thread for the writer.
+    #[error("cannot start a thread")]
+    WriterThread(#[source] io::Error),
+    /// The system starts no thread for a device.
+    #[error("cannot start a thread for {device}")]
+    DeviceThread {
+        /// The device's name.
+        device: String,
+        /// Why.
+        source: io::Error,
+    },
+    /// The thread that writes has crashed.
+    #[error("the thread that writes has crashed")]
+    WriterCrashed,
+    /// Threads of devices have crashed.
+    #[error("{crashed} device threads have crashed; what they had is written")]
+    Crashed {
+        /// How many.
+        crashed: usize,
+    },
+}
+
+/// Data of a night that are missing.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Incomplete {
+    /// Rows, tags or frames that are not on the disk.
+    #[error(
+        "{not_written} rows, tags or frames could not be written: {reason}; what was written before is whole"
+    )]
+    NotWritten {
+        /// How many.
+        not_written: u64,
+        /// The disk's last error, or where it is told.
+        reason: String,
+    },
+    /// Devices that gave nothing in a night that was not stopped early.
+    #[error("nothing came from {}: see events.jsonl of {}", devices.join(", "), session.display())]
+    Silent {
+        /// The devices' names.
+        devices: Vec<String>,
+        /// The session's folder.
+        session: PathBuf,
+    },
+}
+
 /// How a night went.
 #[derive(Debug, Clone)]
 pub struct Summary {
@@ -74,21 +140,90 @@ pub struct Summary {
     pub stopped: bool,
 }
 
+impl Summary {
+    /// Checks that every device gave data and that all of them are on the disk.
+    ///
+    /// # Errors
+    /// What is missing.
+    pub fn check(&self) -> Result<(), Incomplete> {
+        if self.not_written > 0 {
+            let reason = self.disk_error.clone().unwrap_or_else(|| "see its event log".into());
+            return Err(Incomplete::NotWritten { not_written: self.not_written, reason });
+        }
+        if !self.silent.is_empty() && !self.stopped {
+            let (devices, session) = (self.silent.clone(), self.root.clone());
+            return Err(Incomplete::Silent { devices, session });
+        }
+        Ok(())
+    }
+}
+
+/// Returns `DATE_NAME` in a folder, or the next name that is free. A night has the date of its evening in UTC.
+fn free_name(folder: &Path, name: &str, from: Epoch) -> PathBuf {
+    let evening = format_utc(from - hifitime::Duration::from_hours(12.0), 0);
+    let date = evening.split_once('T').map_or(evening.as_str(), |(date, _)| date).to_owned();
+    let first = folder.join(format!("{date}_{name}"));
+    let next = |n: u32| folder.join(format!("{date}_{name}_{n}"));
+    std::iter::once(first.clone())
+        .chain((2..).map(next))
+        .find(|path| !path.exists())
+        .unwrap_or(first)
+}
+
 impl Night {
+    /// Prepares a planned night with the devices of an opener: the [`Catalogue`](crate::Catalogue), or what stands in for them.
+    ///
+    /// The session goes into `root`, or into a folder of the plan's `output` that is named after date and plan. `program` is the
+    /// name and version that the session's manifest gets (`sunglint 0.1.0`). The clock of a virtual night is UTC; any other
+    /// night's is asked for its state.
+    pub fn planned(
+        plan: Plan,
+        opener: Arc<dyn Opener>,
+        root: Option<&Path>,
+        program: &str,
+    ) -> Self {
+        let root = match root {
+            Some(root) => root.to_path_buf(),
+            None => free_name(&plan.output, &plan.name, plan.from),
+        };
+        let manifest = Manifest {
+            format: FORMAT.into(),
+            program: program.to_owned(),
+            station: plan.station.name.clone(),
+            start_utc: if plan.is_virtual { plan.from } else { DeviceClock::live().utc() },
+            clock: if plan.is_virtual { clock::exact() } else { clock::measured() },
+            devices: plan.devices(),
+            files: plan.sums(),
+        };
+        Self {
+            root,
+            storage: Arc::new(Disk),
+            manifest,
+            files: plan.files,
+            station: plan.station,
+            cameras: plan.cameras,
+            counters: plan.counters,
+            opener,
+            schedule: plan.schedule,
+            end: plan.to,
+            ended: None,
+        }
+    }
+
     /// Runs until the night's end, or until `cancel` is set. `show` is called every twentieth of a second.
     ///
     /// # Errors
     /// A counter that hands over no tags is asked for them; the folder is there or cannot be made; the system starts no thread. All else is in the summary.
-    pub fn run(self, cancel: &Cancel, show: &mut dyn FnMut(Snapshot)) -> anyhow::Result<Summary> {
+    pub fn run(
+        self,
+        cancel: &Cancel,
+        show: &mut dyn FnMut(Snapshot),
+    ) -> Result<Summary, NightError> {
         if let Some(plan) =
             self.counters.iter().find(|p| p.raw_tags && !self.opener.streams_tags(p))
         {
-            bail!(
-                "counter {}: {} hands over no time tags, only bins: leave out its `raw_tags`, or take a counter that does \
-                 (timetagger, sim-timetagger)",
-                plan.name,
-                plan.device
-            );
+            let (counter, device) = (plan.name.clone(), plan.device.clone());
+            return Err(NightError::NoTags { counter, device });
         }
         let start = self.manifest.start_utc;
         let live = self.names().all(|name| self.opener.clock(name).is_live());
@@ -96,9 +231,9 @@ impl Night {
         let writer =
             SessionWriter::create(self.storage.clone(), &self.root, &self.manifest, &self.files)?;
         let (disk, writing) =
-            disk::start(writer, status.clone(), live).context("cannot start a thread")?;
+            disk::start(writer, status.clone(), live).map_err(NightError::WriterThread)?;
         let schedule = Arc::new(self.schedule.clone());
-        let post = |name: &str| Post {
+        let worker = |name: &str| Worker {
             name: name.to_owned(),
             clock: self.opener.clock(name),
             opener: self.opener.clone(),
@@ -113,30 +248,30 @@ impl Night {
         let mut threads: Vec<JoinHandle<()>> = Vec::new();
         for plan in &self.cameras {
             let mut work = CameraWork::new(plan.clone(), Pointing::new(self.station.clone()));
-            let post = post(&plan.name);
-            threads.push(thread(&plan.name, move || post.supervise(|post| work.run(post)))?);
+            let worker = worker(&plan.name);
+            threads.push(thread(&plan.name, move || worker.supervise(|worker| work.run(worker)))?);
         }
         for plan in &self.counters {
             let mut work = CounterWork::new(plan.clone());
-            let post = post(&plan.name);
-            threads.push(thread(&plan.name, move || post.supervise(|post| work.run(post)))?);
+            let worker = worker(&plan.name);
+            threads.push(thread(&plan.name, move || worker.supervise(|worker| work.run(worker)))?);
         }
         let watch = Watch { night: &self, status: &status, disk: &disk, told: 0 };
         let utc = watch.until_all_end(&threads, live, show);
         let crashed = threads.into_iter().filter_map(|thread| thread.join().err()).count();
         // The writer ends once nobody can send to it any more.
         drop(disk);
-        let writing = writing.join().map_err(|_| anyhow!("the thread that writes has crashed"))?;
+        let writing = writing.join().map_err(|_| NightError::WriterCrashed)?;
         let stopped = cancel.is_cancelled();
         let ended = writing.finish(utc, if stopped { "stopped" } else { "done" });
-        for trouble in &ended.troubles {
-            status.disk_trouble(trouble);
+        for fault in &ended.troubles {
+            status.disk_fault(fault);
         }
         status.set_lost(ended.lost, !ended.troubles.is_empty());
         let last = status.snapshot();
         show(last.clone());
         if crashed > 0 {
-            return Err(anyhow!("{crashed} device threads have crashed; what they had is written"));
+            return Err(NightError::Crashed { crashed });
         }
         Ok(self.summary(utc, &last, stopped))
     }
@@ -164,12 +299,13 @@ impl Night {
     }
 }
 
-fn thread(name: &str, work: impl FnOnce() + Send + 'static) -> anyhow::Result<JoinHandle<()>> {
+fn thread(name: &str, work: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, NightError> {
     let builder = std::thread::Builder::new().name(name.to_owned());
-    builder.spawn(work).with_context(|| format!("cannot start a thread for {name}"))
+    let failed = |source| NightError::DeviceThread { device: name.to_owned(), source };
+    builder.spawn(work).map_err(failed)
 }
 
-/// Looks at the devices: notes where the telescope goes, and what the clock does.
+/// Watch over the devices: notes where the telescope points, and what the clock does.
 struct Watch<'a> {
     night: &'a Night,
     status: &'a Status,
@@ -194,7 +330,7 @@ impl Watch<'_> {
             let now = begun.elapsed();
             if live && now.saturating_sub(looked) >= CLOCK {
                 looked = now;
-                if let Some(step_s) = watch.look(utc(), begun.elapsed()) {
+                if let Some(step_s) = watch.step_s(utc(), begun.elapsed()) {
                     self.disk.event(utc(), What::ClockStep { step_s });
                     self.status.say(format!("the computer's clock stepped by {step_s:+.3} s"));
                 }
@@ -204,7 +340,7 @@ impl Watch<'_> {
             snapshot.target =
                 target.filter(|t| t.target_kind != TargetKind::None).map(|t| t.name.clone());
             show(snapshot);
-            std::thread::sleep(LOOK);
+            std::thread::sleep(POLL);
         }
         let end = self.night.ended.unwrap_or_else(|| self.status.utc());
         self.tell_targets(end);

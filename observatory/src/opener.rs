@@ -1,10 +1,9 @@
-//! Where devices come from: the catalogue, or anything else that stands in for them.
+//! Source of a night's devices: the catalogue of drivers, or anything else that stands in for them.
 
 use super::plan::{CameraPlan, CounterPlan};
 use std::fmt;
 use sunglint_drivers::catalogue::{Address, AnyDevice};
-use sunglint_drivers::clock::Deadline;
-pub use sunglint_drivers::clock::DeviceClock;
+use sunglint_drivers::clock::{Deadline, DeviceClock};
 use sunglint_drivers::device::{Camera, DeviceError, PhotonCounter};
 
 /// Makes the devices of a night. A device that fails is asked for again, so that each call opens it anew.

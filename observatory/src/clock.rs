@@ -1,4 +1,4 @@
-//! How far the computer's clock is from UTC, as far as somebody on it knows, and whether it steps.
+//! Offset of the computer's clock from UTC, as far as the computer knows it, and its steps.
 
 use hifitime::Epoch;
 use std::path::Path;
@@ -9,7 +9,7 @@ use sunglint_formats::session::ClockState;
 /// A step of the clock that is worth a note, s: a clock that is steered drifts by 5e-4 of the time between two looks at most.
 const STEP_S: f64 = 0.02;
 
-/// Asks who keeps the clock: chrony, then systemd. Where neither is there, that is said.
+/// Returns the state of the computer's clock as chrony tells it, else systemd-timesyncd; the method is `none` where neither runs.
 pub fn measured() -> ClockState {
     chrony().or_else(timesyncd).unwrap_or_else(|| ClockState {
         method: "none".into(),
@@ -19,7 +19,7 @@ pub fn measured() -> ClockState {
     })
 }
 
-/// The clock of a virtual night: it is UTC.
+/// Clock of a virtual night: exactly UTC.
 pub fn exact() -> ClockState {
     ClockState {
         method: "virtual".into(),
@@ -70,25 +70,7 @@ fn timesyncd() -> Option<ClockState> {
     running.is_dir().then(|| state(running.join("synchronized").exists()))
 }
 
-/// In a sentence.
-pub fn text(state: &ClockState) -> String {
-    let who = &state.method;
-    if *state == exact() {
-        return "a virtual night: its clock is UTC".into();
-    }
-    match (state.synchronised, state.offset_s, state.error_s) {
-        (None, ..) => "nobody here knows how far the computer's clock is from UTC (neither chrony nor systemd-timesyncd)".into(),
-        (Some(false), ..) => format!("{who} says that the computer's clock does not follow UTC"),
-        (Some(true), Some(offset), Some(error)) => format!(
-            "the computer's clock is {:+.3} ms from UTC, at most {:.3} ms ({who})",
-            offset * 1e3,
-            error * 1e3
-        ),
-        (Some(true), ..) => format!("{who} keeps the computer's clock; it tells no offset"),
-    }
-}
-
-/// Holds UTC against a monotonic clock.
+/// Watch for steps of UTC against a monotonic clock.
 #[derive(Debug, Clone, Copy)]
 pub struct StepWatch {
     last: (Epoch, Duration),
@@ -100,8 +82,8 @@ impl StepWatch {
         Self { last: (utc, monotonic) }
     }
 
-    /// Looks again: by how much UTC has stepped since, s; nothing where it has not.
-    pub fn look(&mut self, utc: Epoch, monotonic: Duration) -> Option<f64> {
+    /// Returns the step of UTC since the last call, s; nothing where there is none.
+    pub fn step_s(&mut self, utc: Epoch, monotonic: Duration) -> Option<f64> {
         let (then, before) = std::mem::replace(&mut self.last, (utc, monotonic));
         let step_s = (utc - then).to_seconds() - monotonic.saturating_sub(before).as_secs_f64();
         (step_s.abs() > STEP_S).then_some(step_s)
@@ -133,11 +115,11 @@ mod tests {
         let start = parse_utc("2020-11-18T17:00:00Z").unwrap();
         let at = |s: f64| start + hifitime::Duration::from_seconds(s);
         let mut watch = StepWatch::new(at(0.0), Duration::ZERO);
-        assert_eq!(watch.look(at(10.005), Duration::from_secs(10)), None);
-        let step = watch.look(at(14.505), Duration::from_secs(11)).unwrap();
+        assert_eq!(watch.step_s(at(10.005), Duration::from_secs(10)), None);
+        let step = watch.step_s(at(14.505), Duration::from_secs(11)).unwrap();
         assert!((step - 3.5).abs() < 1e-6, "{step}");
-        let step = watch.look(at(12.505), Duration::from_secs(12)).unwrap();
+        let step = watch.step_s(at(12.505), Duration::from_secs(12)).unwrap();
         assert!((step + 3.0).abs() < 1e-6, "{step}");
-        assert_eq!(watch.look(at(13.505), Duration::from_secs(13)), None);
+        assert_eq!(watch.step_s(at(13.505), Duration::from_secs(13)), None);
     }
 }

@@ -1,26 +1,26 @@
 //! One device on its own thread: opened, watched, and opened again after a failure.
 
 use super::disk::Disk;
-use super::opener::{DeviceClock, Opener};
+use super::opener::Opener;
 use super::schedule::Schedule;
 use super::status::{State, Status};
 use hifitime::Epoch;
 use serde_json::{Map, Value as Json, json};
 use std::sync::Arc;
 use std::time::Duration;
-use sunglint_drivers::clock::{Cancel, Deadline};
+use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
 use sunglint_drivers::device::{Device, DeviceError, Value};
 use sunglint_formats::session::What;
 
 /// How long opening a device may take, and an answer.
-pub(super) const READY: Duration = Duration::from_secs(30);
-pub(super) const SOON: Duration = Duration::from_secs(10);
+pub(crate) const READY: Duration = Duration::from_secs(30);
+pub(crate) const SOON: Duration = Duration::from_secs(10);
 /// The waits before a device is tried again: the first, and the longest.
 const AGAIN: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(60)];
 
-/// What a device's thread knows.
+/// A device's thread: what it is told, and what it remembers.
 #[derive(Debug, Clone)]
-pub struct Post {
+pub struct Worker {
     /// The device's name.
     pub name: String,
     /// Its clock.
@@ -43,7 +43,7 @@ pub struct Post {
     pub again_in: Duration,
 }
 
-impl Post {
+impl Worker {
     /// Whether the night is over, by the device's own time.
     pub fn is_over(&self) -> bool {
         self.cancel.is_cancelled() || self.end.is_some_and(|end| self.clock.utc() >= end)
@@ -59,7 +59,7 @@ impl Post {
         Deadline::after(self.clock.clock.clone(), time)
     }
 
-    /// The device's time goes on; who looks may know.
+    /// Tells the status how far the device's time has come.
     pub fn reached(&self, utc: Epoch) {
         if !self.clock.is_live() {
             self.status.reached(utc);

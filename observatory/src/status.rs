@@ -1,14 +1,11 @@
-//! How the night goes: what every thread knows of itself, for whoever looks.
+//! Live status of a night: what every thread knows of itself, as data.
 
-use super::opener::DeviceClock;
 use hifitime::Epoch;
-use serde_json::{Value, json};
 use std::collections::{BTreeMap, VecDeque};
-use std::fmt::Write as _;
+use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
-use sunglint_formats::session::Trouble;
-use sunglint_formats::time::format_utc;
+use sunglint_drivers::clock::DeviceClock;
+use sunglint_formats::session::Trouble as DiskFault;
 use sunglint_formats::{CountRecord, Frame};
 
 /// Over how long rates are averaged, ps.
@@ -32,7 +29,8 @@ pub enum State {
 }
 
 impl State {
-    fn word(&self) -> &'static str {
+    /// Returns the state in a word: `opening`, `running`, `lost` or `ended`.
+    pub fn word(&self) -> &'static str {
         match self {
             Self::Opening => "opening",
             Self::Running => "running",
@@ -162,10 +160,10 @@ impl Status {
     }
 
     /// The disk refused something.
-    pub fn disk_trouble(&self, trouble: &Trouble) {
-        let text = format!("cannot write {}: {}", trouble.file, trouble.error);
+    pub fn disk_fault(&self, fault: &DiskFault) {
+        let text = format!("cannot write {}: {}", fault.file, fault.error);
         let mut shared = self.shared();
-        if !trouble.again {
+        if !fault.again {
             shared.messages.push(text.clone());
         }
         shared.disk_error = Some(text);
@@ -187,7 +185,7 @@ impl Status {
         }
     }
 
-    /// Says something to whoever looks.
+    /// Adds a message for the next snapshot.
     pub fn say(&self, message: String) {
         self.shared().messages.push(message);
     }
@@ -208,7 +206,7 @@ impl Status {
     }
 }
 
-/// How the night stands at a moment.
+/// State of a night at a moment.
 #[derive(Debug, Clone)]
 pub struct Snapshot {
     /// The night's time.
@@ -229,9 +227,7 @@ pub struct Snapshot {
 
 impl LastFrame {
     fn of(number: u64, frame: &Frame) -> Self {
-        let sum: u64 = frame.pixels.iter().map(|&pixel| u64::from(pixel)).sum();
-        let mean_adu = sum as f64 / frame.pixels.len().max(1) as f64;
-        let most_adu = frame.pixels.iter().copied().max().unwrap_or(0);
+        let (mean_adu, most_adu) = (frame.mean_adu(), frame.most_adu());
         Self { start: frame.start, number, mean_adu, most_adu, brightest_px: brightest(frame) }
     }
 }
@@ -266,89 +262,16 @@ fn brightest(frame: &Frame) -> Option<[f64; 2]> {
     (light > 0.0).then(|| [x / light - middle(columns), y / light - middle(rows)])
 }
 
-impl Snapshot {
-    /// In a few words, on one line.
-    pub fn text(&self) -> String {
-        let mut text = format_utc(self.utc, 1);
-        if let Some(target) = &self.target {
-            let _ = write!(text, "  {target}");
-        }
-        for (name, device) in &self.devices {
-            let _ = write!(text, "  | {name}");
-            if device.state != State::Running {
-                let _ = write!(text, " {}", device.state.word());
-            }
-            for (channel, rate_hz) in &device.rates_hz {
-                let _ = write!(text, " {channel} {}", short_hz(*rate_hz));
-            }
-            if let Some(frame) = &device.frame {
-                let _ = write!(
-                    text,
-                    " #{} {:.0}..{} ADU",
-                    frame.number, frame.mean_adu, frame.most_adu
-                );
-                if let Some([x, y]) = frame.brightest_px {
-                    let _ = write!(text, " at {x:+.1} {y:+.1} px");
-                }
-            }
-        }
-        if let Some(free) = self.free_bytes {
-            let _ = write!(text, "  | {:.1} GB free", free as f64 * 1e-9);
-        }
-        if let Some(error) = &self.disk_error {
-            let _ = write!(text, "  | {error}");
-        }
-        if self.missing > 0 {
-            let _ = write!(text, "  | {} NOT WRITTEN", self.missing);
-        }
-        text
-    }
-
-    /// The same with keys.
-    pub fn json(&self) -> Value {
-        let devices = self.devices.iter().map(|(name, device)| {
-            let rates: Value =
-                device.rates_hz.iter().map(|(c, rate)| (c.clone(), json!(rate))).collect();
-            let error = if let State::Lost { error } = &device.state { Some(error) } else { None };
-            let frame = device.frame.as_ref().map(|frame| {
-                json!({
-                    "start_utc": format_utc(frame.start, 6),
-                    "number": frame.number,
-                    "mean_adu": frame.mean_adu,
-                    "most_adu": frame.most_adu,
-                    "brightest_px": frame.brightest_px,
-                })
-            });
-            let value = json!({
-                "state": device.state.word(),
-                "error": error,
-                "taken": device.taken,
-                "losses": device.losses,
-                "rates_hz": rates,
-                "frame": frame,
-            });
-            (name.clone(), value)
-        });
-        json!({
-            "utc": format_utc(self.utc, 3),
-            "target": self.target,
-            "devices": devices.collect::<serde_json::Map<_, _>>(),
-            "disk_free_bytes": self.free_bytes,
-            "disk_error": self.disk_error,
-            "not_written": self.missing,
-            "messages": self.messages,
-        })
-    }
+/// Returns the bytes that are free on the disk of a folder.
+#[cfg(unix)]
+pub fn free_bytes(folder: &Path) -> Option<u64> {
+    let about = nix::sys::statvfs::statvfs(folder).ok()?;
+    #[allow(clippy::useless_conversion, reason = "the types differ between systems")]
+    Some(u64::from(about.blocks_available()).saturating_mul(u64::from(about.fragment_size())))
 }
 
-/// A rate in three figures.
-fn short_hz(rate_hz: f64) -> String {
-    match rate_hz {
-        rate if rate >= 1e6 => format!("{:.2} MHz", rate * 1e-6),
-        rate if rate >= 1e3 => format!("{:.2} kHz", rate * 1e-3),
-        rate => format!("{rate:.0} Hz"),
-    }
+/// Returns the bytes that are free on the disk of a folder: not known on this system.
+#[cfg(not(unix))]
+pub fn free_bytes(_: &Path) -> Option<u64> {
+    None
 }
-
-/// How often a snapshot is shown where nobody says: on a terminal, and elsewhere.
-pub const EVERY: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(10)];

@@ -1,26 +1,71 @@
-//! NIGHT.toml: station, devices, where to look and when.
+//! Plan of a night (NIGHT.toml): station, devices, targets and their times.
 
 use super::schedule::{Schedule, Slot};
-use super::virtual_night::{ADDRESS, VirtualNight};
-use anyhow::Context as _;
 use hifitime::Epoch;
 use serde::Deserialize;
 use std::collections::{BTreeMap, HashSet};
+use std::error::Error;
 use std::path::{Path, PathBuf};
 use sunglint_drivers::catalogue::{Address, Kind};
 use sunglint_drivers::clock::utc_now;
-use sunglint_ephemeris::orbit::tle;
-use sunglint_formats::ParseError;
+use sunglint_ephemeris::orbit::tle::{self, ChoiceError};
 use sunglint_formats::session::{Device, DeviceKind, FileSum, Target, TargetKind, is_name};
 use sunglint_formats::time::parse_utc;
 use sunglint_formats::toml::{Document, Finite, Positive, Within};
+use sunglint_formats::{FileError, ParseError};
 use sunglint_radiometry::sky::Catalogue;
 use sunglint_radiometry::station::Station;
+
+/// Address of the devices of a virtual night in NIGHT.toml.
+pub const VIRTUAL_ADDRESS: &str = "virtual";
+
+/// Why a plan cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// A file that cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A value that no plan can have, with its line and key.
+    #[error(transparent)]
+    Value(#[from] ParseError),
+    /// Elements of several objects, or of none that is asked for.
+    #[error("{at}")]
+    Object {
+        /// The key, with its line.
+        at: ParseError,
+        /// Why.
+        #[source]
+        source: ChoiceError,
+    },
+    /// The virtual night that stands in for the devices cannot be made.
+    #[error(transparent)]
+    Virtual(Box<dyn Error + Send + Sync>),
+}
+
+/// A plan's request for a virtual night: what is known when the file that `virtual` names is to be read.
+#[derive(Debug)]
+pub struct VirtualRequest<'a> {
+    /// The file.
+    pub file: &'a Path,
+    /// The station.
+    pub station: &'a Station,
+    /// When the night begins.
+    pub from: Epoch,
+    /// The stays of the plan, in time. Where there are none the virtual night's own go here.
+    pub slots: &'a mut Vec<Slot>,
+    /// The files of the configuration: the virtual night adds its own.
+    pub files: &'a mut Vec<(String, Vec<u8>)>,
+}
+
+/// Maker of virtual nights, for plans that ask for one.
+pub type MakeVirtual<'a> =
+    dyn FnMut(VirtualRequest<'_>) -> Result<(), Box<dyn Error + Send + Sync>> + 'a;
 
 /// The file as it is written.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Written {
+struct PlanFile {
     station: String,
     #[serde(default)]
     name: Option<String>,
@@ -208,24 +253,39 @@ pub struct Plan {
     pub counters: Vec<CounterPlan>,
     /// Where the telescope looks, and when.
     pub schedule: Schedule,
-    /// What stands in for the devices.
-    pub virtual_night: Option<VirtualNight>,
+    /// Whether a virtual night stands in for the devices.
+    pub is_virtual: bool,
     /// The files of the configuration: names within the session's folder, and bytes.
     pub files: Vec<(String, Vec<u8>)>,
 }
 
 impl Plan {
-    /// Reads NIGHT.toml. `station` is asked instead of the file's where it is given.
+    /// Reads NIGHT.toml for a night with real devices, or with simulated ones behind their protocols.
     ///
     /// # Errors
-    /// A file that cannot be read, or says what no night can be: with line and key.
-    pub fn read(path: &Path) -> anyhow::Result<Self> {
-        Self::of(&Document::read(path)?, utc_now())
+    /// A file that cannot be read, or says what no night can be, with line and key; a virtual night.
+    pub fn read(path: &Path) -> Result<Self, PlanError> {
+        let document = Document::read(path)?;
+        let expected = "no such key: this program makes no virtual nights";
+        let refuse = document.error_at("virtual", expected);
+        Self::of(&document, utc_now(), &mut |_| Err(refuse.clone().into()))
+    }
+
+    /// Reads NIGHT.toml. Where it names a virtual night `make_virtual` makes the devices.
+    ///
+    /// # Errors
+    /// As [`Plan::read`], and what `make_virtual` says.
+    pub fn read_with(path: &Path, make_virtual: &mut MakeVirtual<'_>) -> Result<Self, PlanError> {
+        Self::of(&Document::read(path)?, utc_now(), make_virtual)
     }
 
     /// The plan in a document; `now` stands for `now` in it.
-    pub(super) fn of(document: &Document, now: Epoch) -> anyhow::Result<Self> {
-        let written: Written = document.parse()?;
+    fn of(
+        document: &Document,
+        now: Epoch,
+        make_virtual: &mut MakeVirtual<'_>,
+    ) -> Result<Self, PlanError> {
+        let written: PlanFile = document.parse()?;
         check_devices(document, &written)?;
         let mut files = vec![("night.toml".to_owned(), document.source().as_bytes().to_vec())];
         let station = station(document, &written.station)?;
@@ -267,13 +327,12 @@ impl Plan {
             let to = end(document, &key, begins, time(&key("to"), &visit.to)?, visit.for_s)?;
             slots.push(Slot { target, from: begins, to });
         }
-        let virtual_night = match &written.virtual_night {
-            None => None,
-            Some(path) => {
-                let path = document.resolve(path);
-                Some(VirtualNight::read(&path, &station, from, &mut slots, &mut files)?)
-            }
-        };
+        if let Some(file) = &written.virtual_night {
+            let file = document.resolve(file);
+            let (slots, files) = (&mut slots, &mut files);
+            let request = VirtualRequest { file: &file, station: &station, from, slots, files };
+            make_virtual(request).map_err(PlanError::Virtual)?;
+        }
         let top = |name: &str| name.to_owned();
         let to = end(document, &top, from, time("to", &written.to)?, written.for_s)?;
         let to = to.or_else(|| slots.last().and_then(|last| last.to));
@@ -287,7 +346,7 @@ impl Plan {
             cameras: written.cameras,
             counters: written.counters,
             schedule: Schedule::new(slots),
-            virtual_night,
+            is_virtual: written.virtual_night.is_some(),
             files,
         })
     }
@@ -328,7 +387,7 @@ impl Plan {
 }
 
 /// A built-in name, or a file or folder beside the document.
-fn station(document: &Document, name: &str) -> anyhow::Result<Station> {
+fn station(document: &Document, name: &str) -> Result<Station, PlanError> {
     if let Some(station) = Station::built_in(name) {
         return Ok(station?);
     }
@@ -364,7 +423,7 @@ fn end(
 }
 
 /// Names that become files, addresses of the right kind, channels that are there.
-fn check_devices(document: &Document, written: &Written) -> Result<(), ParseError> {
+fn check_devices(document: &Document, written: &PlanFile) -> Result<(), ParseError> {
     const NAMES: &str = "a name of its own out of letters, digits, - and _";
     let mut names = HashSet::new();
     let cameras = written.cameras.iter().map(|d| ("camera", &d.name, &d.device, &d.with));
@@ -382,8 +441,8 @@ fn check_devices(document: &Document, written: &Written) -> Result<(), ParseErro
             return Err(document.error_at(&format!("{key}.name"), NAMES));
         }
         if written.virtual_night.is_some() {
-            if address != ADDRESS {
-                let expected = format!("{ADDRESS}, as the night is");
+            if address != VIRTUAL_ADDRESS {
+                let expected = format!("{VIRTUAL_ADDRESS}, as the night is");
                 return Err(document.error_at(&format!("{key}.device"), expected));
             }
             continue;
@@ -449,7 +508,7 @@ fn target(
     visit: &Visit,
     files: &mut Vec<(String, Vec<u8>)>,
     near: Epoch,
-) -> anyhow::Result<Target> {
+) -> Result<Target, PlanError> {
     let error =
         |key: &str, expected: String| document.error_at(&format!("visit[{i}]{key}"), expected);
     let place = visit.ra_deg.is_some() || visit.dec_deg.is_some();
@@ -484,8 +543,9 @@ fn target(
         let bytes = sunglint_formats::read::bytes(&path)?;
         let text = sunglint_formats::read::decode(&path, bytes.clone())?;
         let sets = tle::parse(&path, &text)?;
-        let chosen = tle::choose(&sets, visit.object.as_deref(), Some(near))
-            .with_context(|| error(".object", "one object".into()).to_string())?;
+        let chosen = tle::choose(&sets, visit.object.as_deref(), Some(near)).map_err(|source| {
+            PlanError::Object { at: error(".object", "one object".into()), source }
+        })?;
         let name = format!("tle/{}", path.file_name().unwrap_or_default().to_string_lossy());
         match files.iter().find(|(known, _)| *known == name) {
             Some((_, known)) if *known != bytes => {

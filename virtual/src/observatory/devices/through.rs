@@ -1,12 +1,12 @@
 //! The night behind the simulated devices of the drivers, which speak the real ones' protocols.
 
 use super::VirtualObservatory;
+use crate::observatory::frame::Exposure;
+use crate::observatory::watch::Watch;
 use ndarray::Array2;
 use sunglint_drivers::simulated::indi::{Scene, Shot};
 use sunglint_drivers::simulated::swabian::Light;
 use sunglint_drivers::tags::Tag;
-use sunglint_virtual::observatory::frame::Exposure;
-use sunglint_virtual::observatory::watch::Watch;
 
 /// The steps in which light is steady between tags, ps: a millisecond.
 const STEP_PS: i64 = 1_000_000_000;

@@ -1,6 +1,6 @@
 //! A session played back: its frames and bins come as if from devices.
 
-use super::opener::{DeviceClock, Opener};
+use super::opener::Opener;
 use super::plan::{CameraPlan, CounterPlan};
 use hifitime::Epoch;
 use serde_json::{Map, Value as Json};
@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use sunglint_drivers::clock::{Clock, Deadline, Expired};
+use sunglint_drivers::clock::{Clock, Deadline, DeviceClock, Expired};
 use sunglint_drivers::device::{
     Camera, Device, DeviceError, Identity, Interrupted, Origin, PhotonCounter, Setting, TagSink,
     Value, Window,
@@ -24,7 +24,7 @@ const SLICE: Duration = Duration::from_millis(20);
 /// Behind the end of every recording.
 const END: Duration = Duration::from_secs(100 * 365 * 86_400);
 
-/// Plays a session's devices. Each goes on where it was when it is opened again.
+/// Devices that play a session back. Each goes on where it was when it is opened again.
 #[derive(Debug)]
 pub struct Playback {
     start: Epoch,

@@ -1,10 +1,10 @@
 //! A counter's thread: finished bins, each once.
 
 use super::camera::seconds;
-use super::device::{Post, READY, SOON};
 use super::disk::Disk;
 use super::plan::CounterPlan;
 use super::tags::{Loss, planned};
+use super::worker::{READY, SOON, Worker};
 use std::time::Duration;
 use sunglint_drivers::device::{DeviceError, PhotonCounter, TagSink};
 use sunglint_drivers::tags::Tag;
@@ -33,15 +33,15 @@ impl CounterWork {
     }
 
     /// Opens the counter and counts until the night is over.
-    pub fn run(&mut self, post: &mut Post) -> Result<(), DeviceError> {
-        let mut counter = post.opener.counter(&self.plan, &post.within(READY))?;
+    pub fn run(&mut self, worker: &mut Worker) -> Result<(), DeviceError> {
+        let mut counter = worker.opener.counter(&self.plan, &worker.within(READY))?;
         let columns = self.columns(counter.as_ref())?;
-        self.prepare(counter.as_mut(), &columns, post)?;
-        post.opened(counter.as_mut())?;
+        self.prepare(counter.as_mut(), &columns, worker)?;
+        worker.opened(counter.as_mut())?;
         let bin_s = self.plan.bin_s.get();
-        let (bin_ps, soon) = ((bin_s * 1e12).round() as i64, post.within(SOON));
+        let (bin_ps, soon) = ((bin_s * 1e12).round() as i64, worker.within(SOON));
         if self.plan.raw_tags {
-            let sink = self.sink(post);
+            let sink = self.sink(worker);
             counter.start_with_tags(bin_ps, sink, &soon)?;
         } else {
             counter.start(bin_ps, &soon)?;
@@ -50,33 +50,34 @@ impl CounterWork {
         let most = BIN.saturating_add(seconds(bins as f64 * bin_s));
         self.gap_before = self.taken;
         let mut first = true;
-        while !post.is_over() {
-            let (records, error) = match counter.read(bins, &post.within(most)) {
+        while !worker.is_over() {
+            let (records, error) = match counter.read(bins, &worker.within(most)) {
                 Ok(records) => (records, None),
                 Err(interrupted) => (interrupted.done, Some(*interrupted.error)),
             };
             if !records.is_empty() {
-                if std::mem::take(&mut first) || post.lost_at.is_some() {
-                    post.works();
+                if std::mem::take(&mut first) || worker.lost_at.is_some() {
+                    worker.works();
                 }
-                self.hand_over(records, &columns, post);
+                self.hand_over(records, &columns, worker);
             }
             match error {
                 // What Ctrl-C ends is no failure.
-                Some(_) if post.is_over() => break,
+                Some(_) if worker.is_over() => break,
                 Some(error) => return Err(error),
                 None => {}
             }
         }
         // A counter that cannot be stopped is left counting: what it gave is good all the same.
-        let _ = counter.stop(&post.even_so(SOON));
+        let _ = counter.stop(&worker.even_so(SOON));
         Ok(())
     }
 
     /// Where its tags go. After a loss of the counter its clock may be another: an error record says so.
-    fn sink(&self, post: &Post) -> TagSink {
+    fn sink(&self, worker: &Worker) -> TagSink {
         let inputs = self.plan.inputs();
-        let mut way = TagWay { counter: post.name.clone(), disk: post.disk.clone(), loss: None };
+        let mut way =
+            TagWay { counter: worker.name.clone(), disk: worker.disk.clone(), loss: None };
         let mut anew = self.taken;
         TagSink::new(move |records| {
             let mut records = planned(records, &inputs);
@@ -109,23 +110,23 @@ impl CounterWork {
         &self,
         counter: &mut dyn PhotonCounter,
         columns: &[usize],
-        post: &Post,
+        worker: &Worker,
     ) -> Result<(), DeviceError> {
         for (name, &column) in self.names.iter().zip(columns) {
             if let Some(level) = self.plan.trigger_level_v.get(name) {
-                counter.set_trigger_level_v(column, level.get(), &post.within(SOON))?;
+                counter.set_trigger_level_v(column, level.get(), &worker.within(SOON))?;
             }
             if let Some(delay) = self.plan.input_delay_ps.get(name) {
-                counter.set_input_delay_ps(column, *delay, &post.within(SOON))?;
+                counter.set_input_delay_ps(column, *delay, &worker.within(SOON))?;
             }
             if let Some(dead_time) = self.plan.dead_time_ps.get(name) {
-                counter.set_dead_time_ps(column, *dead_time, &post.within(SOON))?;
+                counter.set_dead_time_ps(column, *dead_time, &worker.within(SOON))?;
             }
         }
         Ok(())
     }
 
-    fn hand_over(&mut self, records: Vec<CountRecord>, columns: &[usize], post: &Post) {
+    fn hand_over(&mut self, records: Vec<CountRecord>, columns: &[usize], worker: &Worker) {
         let of =
             |values: &[u64]| columns.iter().map(|&i| values.get(i).copied().unwrap_or(0)).collect();
         let mut records: Vec<CountRecord> = records
@@ -140,13 +141,13 @@ impl CounterWork {
             first.flags |= CountFlags::GAP;
         }
         self.taken = true;
-        post.status.counts(&post.name, &self.names, &records);
+        worker.status.counts(&worker.name, &self.names, &records);
         if let Some(last) = records.last() {
             let length =
                 hifitime::Duration::from_total_nanoseconds(i128::from(last.length_ps) / 1000);
-            post.reached(last.start + length);
+            worker.reached(last.start + length);
         }
-        post.disk.counts(&post.name, records);
+        worker.disk.counts(&worker.name, records);
     }
 }
 

@@ -1,0 +1,71 @@
+//! A night of observation as it runs: from its plan to the folder of its session.
+//!
+//! Each device has a thread of its own on a clock of its own, and waits for no other: not for a target to be found, not for the
+//! display. All data go to the one thread that writes. Where the telescope points is a function of time ([`Schedule`]); nothing
+//! waits for the mount.
+//!
+//! - [`Plan`]: NIGHT.toml: station, devices, targets and their times;
+//! - [`Night`]: a night that is ready to run, and [`Night::run`];
+//! - [`Opener`]: the source of the devices: the [`Catalogue`] of drivers, a session that is played back ([`Playback`]), or anything
+//!   else that implements the trait, such as a virtual observatory;
+//! - [`Snapshot`]: the live status, twenty times a second; [`Summary`]: how the night went;
+//! - [`clock`]: how far the computer's clock is from UTC.
+//!
+//! # A night with simulated devices
+//!
+//! ```
+//! use std::sync::Arc;
+//! use sunglint_drivers::clock::Cancel;
+//! use sunglint_observatory::{Catalogue, Night, Plan};
+//!
+//! let folder = std::env::temp_dir().join(format!("sunglint-night-{}", std::process::id()));
+//! std::fs::create_dir_all(&folder)?;
+//! std::fs::write(
+//!     folder.join("night.toml"),
+//!     r#"
+//!         station = "ufo"
+//!         for_s = 1.0
+//!         [[counter]]
+//!         name = "tagger"
+//!         device = "sim-timetagger"
+//!         channels = { g = 1 }
+//!         bin_s = 0.1
+//!     "#,
+//! )?;
+//! let plan = Plan::read(&folder.join("night.toml"))?;
+//! let night = Night::planned(plan, Arc::new(Catalogue), Some(&folder.join("session")), "an example");
+//! let summary = night.run(&Cancel::new(), &mut |snapshot| {
+//!     for message in &snapshot.messages {
+//!         println!("{message}");
+//!     }
+//! })?;
+//! summary.check()?;
+//! assert!(summary.taken["tagger"] > 0);
+//! # std::fs::remove_dir_all(&folder)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod camera;
+pub mod clock;
+mod counter;
+mod disk;
+mod night;
+mod opener;
+mod plan;
+mod playback;
+mod pointing;
+mod replay;
+mod schedule;
+mod status;
+mod tags;
+mod worker;
+
+pub use night::{Incomplete, Night, NightError, Summary};
+pub use opener::{Catalogue, Opener};
+pub use plan::{
+    CameraPlan, CounterPlan, MakeVirtual, Plan, PlanError, VIRTUAL_ADDRESS, VirtualRequest,
+};
+pub use playback::Playback;
+pub use replay::ReplayError;
+pub use schedule::{Schedule, Slot};
+pub use status::{DeviceStatus, LastFrame, Snapshot, State, free_bytes};

@@ -1,0 +1,202 @@
+//! What there is: devices that are plugged in, and drivers.
+
+use crate::Product;
+use hifitime::Epoch;
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use sunglint_drivers::catalogue::{
+    Access, Bus, DRIVERS, Driver, IndiServer, Inventory, OptionKind, OptionSpec, Plugged, udev,
+};
+use sunglint_formats::time::format_utc;
+use sunglint_formats::{Column, Table};
+
+/// Returns what to do where a device may not be used, if there is one.
+fn hint_of(found: &[Plugged]) -> Option<String> {
+    found.iter().any(|one| one.access == Access::Denied).then(hint)
+}
+
+/// Returns what is there as text.
+pub fn inventory_text(inventory: &Inventory) -> String {
+    let hint = hint_of(&inventory.plugged);
+    text(&inventory.plugged, &inventory.servers, hint.as_deref())
+}
+
+/// Returns what is there as a table of what is plugged in, and as JSON; `time` is when it was asked.
+pub fn inventory(inventory: &Inventory, time: Epoch) -> Product {
+    let found = &inventory.plugged;
+    let json = json!({
+        "time_utc": format_utc(time, 3),
+        "plugged": found.iter().map(plugged_json).collect::<Value>(),
+        "indi": inventory.servers.iter().map(server_json).collect::<Value>(),
+        "trouble": inventory.faults,
+        "hint": hint_of(found),
+    });
+    Product { name: "devices".into(), table: table(found), json, ..Product::default() }
+}
+
+fn hint() -> String {
+    format!(
+        "to use what is marked `denied`, install the rules as root and plug it in again:\n  \
+         sunglint devices udev | sudo tee {}/{}\n  sudo udevadm control --reload\n\
+         (serial ports of other makers: join their group, often `dialout`, and log in again)",
+        udev::FOLDER,
+        udev::FILE
+    )
+}
+
+fn access(access: Access) -> &'static str {
+    match access {
+        Access::Granted => "granted",
+        Access::Denied => "denied",
+        Access::Unknown => "unknown",
+    }
+}
+
+fn id(found: &Plugged) -> String {
+    found.ids.map_or_else(String::new, |[vendor, product]| format!("{vendor:04x}:{product:04x}"))
+}
+
+fn text(found: &[Plugged], servers: &[IndiServer], hint: Option<&str>) -> String {
+    let mut text = String::new();
+    if found.is_empty() {
+        text.push_str("no serial port and no instrument that a driver recognises is plugged in\n");
+    }
+    for one in found {
+        let address = one.address().unwrap_or_else(|| match one.bus {
+            Bus::Serial => format!("(DRIVER:{})", one.path),
+            _ => "(no driver)".into(),
+        });
+        let name = one.name.as_deref().unwrap_or("");
+        let _ = writeln!(
+            text,
+            "{:<6} {:<9} {:<28} {address:<32} access {:<8} {name}",
+            one.bus.to_string(),
+            id(one),
+            one.path,
+            access(one.access)
+        );
+    }
+    for IndiServer { host, devices } in servers {
+        match devices {
+            Ok(devices) if devices.is_empty() => {
+                let _ = writeln!(text, "indi   {host} has no device");
+            }
+            Ok(devices) => {
+                for device in devices {
+                    let addresses = device.addresses.join("  ");
+                    let none = "(no camera, rotator or wheel)";
+                    let addresses = if addresses.is_empty() { none } else { &addresses };
+                    let _ = writeln!(text, "indi   {:<28} {addresses}", device.name);
+                }
+            }
+            Err(error) => {
+                let _ = writeln!(text, "indi   {host}: {error}");
+            }
+        }
+    }
+    if let Some(hint) = hint {
+        let _ = writeln!(text, "\n{hint}");
+    }
+    text.push_str("\nsimulated devices need nothing: ");
+    let simulated = DRIVERS.into_iter().filter(|driver| driver.simulated).map(|driver| driver.name);
+    text.push_str(&simulated.collect::<Vec<_>>().join(", "));
+    text.push('\n');
+    text
+}
+
+fn plugged_json(one: &Plugged) -> Value {
+    json!({
+        "bus": one.bus.to_string(),
+        "path": one.path,
+        "usb_id": one.ids.map(|_| id(one)),
+        "name": one.name,
+        "serial": one.serial,
+        "driver": one.driver().map(|driver| driver.name),
+        "address": one.address(),
+        "access": access(one.access),
+    })
+}
+
+fn server_json(IndiServer { host, devices: listed }: &IndiServer) -> Value {
+    let devices = listed.iter().flatten().map(|device| {
+        json!({ "name": device.name, "driver": device.driver, "addresses": device.addresses })
+    });
+    json!({ "server": host, "devices": devices.collect::<Value>(), "error": listed.as_ref().err().map(ToString::to_string) })
+}
+
+fn table(found: &[Plugged]) -> Table {
+    let column =
+        |name, of: fn(&Plugged) -> String| Column::text(name, found.iter().map(of).collect());
+    let columns = vec![
+        column("bus", |one| one.bus.to_string()),
+        column("usb_id", id),
+        column("path", |one| one.path.clone()),
+        column("name", |one| one.name.clone().unwrap_or_default()),
+        column("serial", |one| one.serial.clone().unwrap_or_default()),
+        column("address", |one| one.address().unwrap_or_default()),
+        column("access", |one| access(one.access).to_owned()),
+    ];
+    Table { columns, ..Table::default() }
+}
+
+/// Returns the values that an option takes, in words.
+fn takes(spec: &OptionSpec) -> String {
+    match spec.kind {
+        OptionKind::Number(least, most) => format!("{least} to {most}"),
+        OptionKind::Integer(least, most) => format!("whole, {least} to {most}"),
+        OptionKind::Flag => "yes or no".into(),
+        OptionKind::Pair => "FROM,TO".into(),
+        OptionKind::Word(words) => words
+            .iter()
+            .map(|w| if w.ends_with(':') { format!("{w}NUMBER") } else { (*w).into() })
+            .collect::<Vec<_>>()
+            .join(", "),
+    }
+}
+
+/// Returns every driver with its address and options, as text.
+pub fn drivers_text() -> String {
+    let mut text = String::new();
+    for driver in DRIVERS {
+        let _ = writeln!(text, "{}  ({})\n    {}", driver.form(), driver.kind, driver.title);
+        let _ = writeln!(text, "    such as {}; tried with {}", driver.place.example, driver.tried);
+        for spec in driver.options {
+            let default = if spec.default.is_empty() { "none" } else { spec.default };
+            let given = format!("--with {}={default}", spec.name);
+            let _ = writeln!(text, "    {given:<36} {} ({})", spec.about, takes(spec));
+        }
+    }
+    text
+}
+
+/// Returns every driver as a table and as JSON.
+pub fn drivers() -> Product {
+    let column =
+        |name, of: fn(&Driver) -> String| Column::text(name, DRIVERS.into_iter().map(of).collect());
+    let columns = vec![
+        column("driver", |driver| driver.name.to_owned()),
+        column("kind", |driver| driver.kind.to_string()),
+        column("form", Driver::form),
+        column("title", |driver| driver.title.to_owned()),
+        column("tried", |driver| driver.tried.to_owned()),
+    ];
+    let json = DRIVERS.into_iter().map(|driver| {
+        let options = driver.options.iter().map(|spec| {
+            json!({ "name": spec.name, "takes": takes(spec), "default": spec.default, "about": spec.about })
+        });
+        json!({
+            "driver": driver.name,
+            "kind": driver.kind.to_string(),
+            "vendor": driver.vendor,
+            "title": driver.title,
+            "form": driver.form(),
+            "example": driver.place.example,
+            "simulated": driver.simulated,
+            "tried": driver.tried,
+            "options": options.collect::<Value>(),
+        })
+    });
+    let json = json!({ "drivers": json.collect::<Value>() });
+    let table = Table { columns, ..Table::default() };
+    Product { name: "drivers".into(), table, json, ..Product::default() }
+}

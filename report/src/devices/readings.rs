@@ -1,0 +1,214 @@
+//! Readings of a device, as text, tables, FITS and JSON.
+
+use super::{document, title};
+use crate::Product;
+use hifitime::Epoch;
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use sunglint_drivers::device::Power;
+use sunglint_drivers::session::{Reading, Readings};
+use sunglint_formats::fits::Writer;
+use sunglint_formats::time::format_utc;
+use sunglint_formats::{Column, CountSeries, EncodeError, Frame, Meta, Table, Values};
+
+/// Returns a time as UTC, to the millisecond.
+fn utc(time: Epoch) -> String {
+    format_utc(time, 3)
+}
+
+/// Returns readings as text; a line says so where they are not all.
+pub fn readings_text(done: &Readings) -> String {
+    let mut text = title(&done.address, &done.identity) + "\n";
+    for reading in &done.readings {
+        let _ = writeln!(text, "  {}", reading_text(reading));
+    }
+    if done.error.is_some() {
+        let _ =
+            writeln!(text, "  {} of {} readings, then it failed", done.readings.len(), done.asked);
+    }
+    text
+}
+
+/// Returns readings as a table and as JSON, and frames as FITS; `error` says why they are not all.
+///
+/// # Errors
+/// Counts or a frame that cannot be written.
+pub fn readings(done: &Readings, error: Option<&str>) -> Result<Product, EncodeError> {
+    let mut json = document(&done.address, Some(&done.identity));
+    json.insert("readings".into(), done.readings.iter().map(reading_json).collect());
+    json.insert("complete".into(), json!(error.is_none()));
+    json.insert("error".into(), json!(error));
+    let mut product = product(&done.readings)?;
+    product.table.meta.insert("device".into(), json!(title(&done.address, &done.identity)));
+    product.json = Value::Object(json);
+    Ok(product)
+}
+
+/// Returns a reading in a line.
+pub fn reading_text(reading: &Reading) -> String {
+    match reading {
+        Reading::Power { time, power: Power::Watts(watts) } => {
+            format!("{}  {watts:.6e} W", utc(*time))
+        }
+        Reading::Power { time, power: Power::Over { range_w: Some(range) } } => {
+            format!("{}  more than its range of {range:e} W", utc(*time))
+        }
+        Reading::Power { time, .. } => format!("{}  more than its range", utc(*time)),
+        Reading::Angle { time, angle_deg } => format!("{}  {angle_deg:.4} deg", utc(*time)),
+        Reading::Slot { time, slot } => format!("{}  slot {slot}", utc(*time)),
+        Reading::Frame(frame) => {
+            let (mean, most) = (frame.mean_adu(), frame.most_adu());
+            let (rows, columns) = frame.pixels.dim();
+            let temperature = frame.temperature_c.map(|t| format!(", {t:.1} °C"));
+            format!(
+                "{}  {columns} x {rows} px, {} s, mean {mean:.1} ADU, at most {most} ADU{}",
+                format_utc(frame.start, 3),
+                frame.exposure_s,
+                temperature.unwrap_or_default()
+            )
+        }
+        Reading::Counts { channels, record } => {
+            let mut text = format_utc(record.start, 3);
+            for (channel, counts) in channels.iter().zip(&record.counts) {
+                let _ = write!(text, "  {channel} {counts}");
+            }
+            if !record.flags.is_empty() {
+                let names: Vec<String> =
+                    record.flags.iter_names().map(|(name, _)| name.to_lowercase()).collect();
+                let _ = write!(text, "  ({})", names.join(", "));
+            }
+            text
+        }
+    }
+}
+
+fn reading_json(reading: &Reading) -> Value {
+    match reading {
+        Reading::Power { time, power } => {
+            let watts = if let Power::Watts(watts) = power { Some(*watts) } else { None };
+            json!({ "time_utc": utc(*time), "power_w": watts, "over": watts.is_none() })
+        }
+        Reading::Angle { time, angle_deg } => {
+            json!({ "time_utc": utc(*time), "angle_deg": angle_deg })
+        }
+        Reading::Slot { time, slot } => json!({ "time_utc": utc(*time), "slot": slot }),
+        Reading::Frame(frame) => {
+            let (mean, most) = (frame.mean_adu(), frame.most_adu());
+            let (rows, columns) = frame.pixels.dim();
+            json!({
+                "time_utc": format_utc(frame.start, 6),
+                "exposure_s": frame.exposure_s,
+                "columns_px": columns,
+                "rows_px": rows,
+                "mean_adu": mean,
+                "most_adu": most,
+                "temperature_c": frame.temperature_c,
+            })
+        }
+        Reading::Counts { channels, record } => {
+            let of = |values: &[u64]| -> Value {
+                channels.iter().cloned().zip(values.iter().map(|n| json!(n))).collect()
+            };
+            json!({
+                "time_utc": format_utc(record.start, 6),
+                "exposure_s": record.length_ps as f64 * 1e-12,
+                "counts": of(&record.counts),
+                "missed": of(&record.missed),
+            })
+        }
+    }
+}
+
+/// Returns the readings as a table, and frames as FITS.
+fn product(readings: &[Reading]) -> Result<Product, EncodeError> {
+    let mut product = Product { name: "readings".into(), ..Product::default() };
+    let time = |time: Vec<String>| Column::text("time_utc", time);
+    let texts = readings.iter().map(|reading| match reading {
+        Reading::Power { time, .. } | Reading::Angle { time, .. } | Reading::Slot { time, .. } => {
+            utc(*time)
+        }
+        Reading::Frame(frame) => format_utc(frame.start, 6),
+        Reading::Counts { record, .. } => format_utc(record.start, 6),
+    });
+    let mut columns = vec![time(texts.collect())];
+    let numbers = |of: fn(&Reading) -> f64| readings.iter().map(of).collect::<Vec<f64>>();
+    match readings.first() {
+        Some(Reading::Power { .. }) => {
+            columns.push(Column::f64(
+                "power_w",
+                Some("W"),
+                numbers(|reading| match reading {
+                    Reading::Power { power: Power::Watts(watts), .. } => *watts,
+                    _ => f64::NAN,
+                }),
+            ));
+            let over = readings.iter().map(|reading| Some(reading.is_over())).collect();
+            let over = Column { values: Values::Bool(over), ..Column::text("over", Vec::new()) };
+            columns.push(over.described("more than the range: no number"));
+        }
+        Some(Reading::Angle { .. }) => {
+            columns.push(Column::f64(
+                "angle_deg",
+                Some("deg"),
+                numbers(|reading| match reading {
+                    Reading::Angle { angle_deg, .. } => *angle_deg,
+                    _ => f64::NAN,
+                }),
+            ));
+        }
+        Some(Reading::Slot { .. }) => {
+            let slot = |reading: &Reading| match reading {
+                Reading::Slot { slot, .. } => i64::from(*slot),
+                _ => 0,
+            };
+            columns.push(Column::i64("slot", None, readings.iter().map(slot).collect()));
+        }
+        Some(Reading::Frame(_)) => frames(readings, &mut columns, &mut product)?,
+        Some(Reading::Counts { channels, .. }) => {
+            let records = readings.iter().filter_map(|reading| match reading {
+                Reading::Counts { record, .. } => Some(record.clone()),
+                _ => None,
+            });
+            let (channels, records) = (channels.clone(), records.collect());
+            product.table = CountSeries { channels, records, meta: Meta::default() }.to_table()?;
+            return Ok(product);
+        }
+        None => {}
+    }
+    product.table = Table { columns, ..Table::default() };
+    Ok(product)
+}
+
+fn frames(
+    readings: &[Reading],
+    columns: &mut Vec<Column>,
+    product: &mut Product,
+) -> Result<(), EncodeError> {
+    let of = |reading: &Reading, of: fn(&Frame) -> f64| match reading {
+        Reading::Frame(frame) => of(frame),
+        _ => f64::NAN,
+    };
+    type Of = fn(&Frame) -> f64;
+    let values: [(&str, &str, Of); 4] = [
+        ("exposure_s", "s", |frame| frame.exposure_s),
+        ("mean_adu", "adu", |frame| frame.mean_adu()),
+        ("most_adu", "adu", |frame| f64::from(frame.most_adu())),
+        ("temperature_c", "deg_C", |frame| frame.temperature_c.unwrap_or(f64::NAN)),
+    ];
+    for (name, unit, value) in values {
+        let numbers = readings.iter().map(|reading| of(reading, value)).collect();
+        columns.push(Column::f64(name, Some(unit), numbers));
+    }
+    for (i, reading) in readings.iter().enumerate() {
+        let Reading::Frame(frame) = reading else { continue };
+        let mut writer = Writer::new();
+        writer.image(&frame.to_image()?)?;
+        let fits = Some(writer.into_bytes());
+        if readings.len() == 1 {
+            product.fits.clone_from(&fits);
+        }
+        let name = format!("frame_{:04}", i + 1);
+        product.others.push(Product { name, fits, ..Product::default() });
+    }
+    Ok(())
+}

@@ -1,0 +1,136 @@
+//! A night as it is observed: its status, its clock, how it ended.
+
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use sunglint_formats::session::ClockState;
+use sunglint_formats::time::format_utc;
+use sunglint_observatory::{Snapshot, State, Summary, clock};
+
+/// Returns the state of a night on one line.
+pub fn status_text(snapshot: &Snapshot) -> String {
+    let mut text = format_utc(snapshot.utc, 1);
+    if let Some(target) = &snapshot.target {
+        let _ = write!(text, "  {target}");
+    }
+    for (name, device) in &snapshot.devices {
+        let _ = write!(text, "  | {name}");
+        if device.state != State::Running {
+            let _ = write!(text, " {}", device.state.word());
+        }
+        for (channel, rate_hz) in &device.rates_hz {
+            let _ = write!(text, " {channel} {}", short_hz(*rate_hz));
+        }
+        if let Some(frame) = &device.frame {
+            let _ =
+                write!(text, " #{} {:.0}..{} ADU", frame.number, frame.mean_adu, frame.most_adu);
+            if let Some([x, y]) = frame.brightest_px {
+                let _ = write!(text, " at {x:+.1} {y:+.1} px");
+            }
+        }
+    }
+    if let Some(free) = snapshot.free_bytes {
+        let _ = write!(text, "  | {:.1} GB free", free as f64 * 1e-9);
+    }
+    if let Some(error) = &snapshot.disk_error {
+        let _ = write!(text, "  | {error}");
+    }
+    if snapshot.missing > 0 {
+        let _ = write!(text, "  | {} NOT WRITTEN", snapshot.missing);
+    }
+    text
+}
+
+/// Returns the state of a night as a JSON line of the kind `status`.
+pub fn status_json(snapshot: &Snapshot) -> Value {
+    let devices = snapshot.devices.iter().map(|(name, device)| {
+        let rates: Value =
+            device.rates_hz.iter().map(|(c, rate)| (c.clone(), json!(rate))).collect();
+        let error = if let State::Lost { error } = &device.state { Some(error) } else { None };
+        let frame = device.frame.as_ref().map(|frame| {
+            json!({
+                "start_utc": format_utc(frame.start, 6),
+                "number": frame.number,
+                "mean_adu": frame.mean_adu,
+                "most_adu": frame.most_adu,
+                "brightest_px": frame.brightest_px,
+            })
+        });
+        let value = json!({
+            "state": device.state.word(),
+            "error": error,
+            "taken": device.taken,
+            "losses": device.losses,
+            "rates_hz": rates,
+            "frame": frame,
+        });
+        (name.clone(), value)
+    });
+    let status = json!({
+        "utc": format_utc(snapshot.utc, 3),
+        "target": snapshot.target,
+        "devices": devices.collect::<serde_json::Map<_, _>>(),
+        "disk_free_bytes": snapshot.free_bytes,
+        "disk_error": snapshot.disk_error,
+        "not_written": snapshot.missing,
+        "messages": snapshot.messages,
+    });
+    line("status", status)
+}
+
+/// Returns how a night went, on one line.
+pub fn summary_text(summary: &Summary) -> String {
+    let taken: Vec<String> = summary.taken.iter().map(|(name, n)| format!("{name} {n}")).collect();
+    format!("{}: {}", summary.root.display(), taken.join(", "))
+}
+
+/// Returns how a night went as a JSON line of the kind `end`.
+pub fn summary_json(summary: &Summary) -> Value {
+    line(
+        "end",
+        json!({
+            "session": summary.root.display().to_string(),
+            "utc": format_utc(summary.utc, 3),
+            "reason": if summary.stopped { "stopped" } else { "done" },
+            "taken": summary.taken,
+            "losses": summary.losses,
+            "not_written": summary.not_written,
+        }),
+    )
+}
+
+/// Returns the state of the computer's clock in a sentence.
+pub fn clock_text(state: &ClockState) -> String {
+    let who = &state.method;
+    if *state == clock::exact() {
+        return "a virtual night: its clock is UTC".into();
+    }
+    match (state.synchronised, state.offset_s, state.error_s) {
+        (None, ..) => "nobody here knows how far the computer's clock is from UTC (neither chrony nor systemd-timesyncd)".into(),
+        (Some(false), ..) => format!("{who} says that the computer's clock does not follow UTC"),
+        (Some(true), Some(offset), Some(error)) => format!(
+            "the computer's clock is {:+.3} ms from UTC, at most {:.3} ms ({who})",
+            offset * 1e3,
+            error * 1e3
+        ),
+        (Some(true), ..) => format!("{who} keeps the computer's clock; it tells no offset"),
+    }
+}
+
+/// A JSON line of a kind.
+fn line(kind: &str, of: Value) -> Value {
+    let mut line = serde_json::Map::new();
+    line.insert("kind".into(), kind.into());
+    if let Value::Object(fields) = of {
+        line.extend(fields);
+    }
+    Value::Object(line)
+}
+
+/// A rate in three figures.
+fn short_hz(rate_hz: f64) -> String {
+    match rate_hz {
+        rate if rate >= 1e6 => format!("{:.2} MHz", rate * 1e-6),
+        rate if rate >= 1e3 => format!("{:.2} kHz", rate * 1e-3),
+        rate => format!("{rate:.0} Hz"),
+    }
+}
