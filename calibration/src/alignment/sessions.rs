@@ -47,7 +47,7 @@ pub enum AlignError {
         path: PathBuf,
         /// The reason.
         #[source]
-        source: ReduceError,
+        source: Box<ReduceError>,
     },
     /// No channel has a field that could be fitted.
     #[error(
@@ -176,7 +176,7 @@ impl Stars {
             }
         };
         let reduced = reduce_with(&session, station, options, progress, &mut each)
-            .map_err(|source| AlignError::Session { path: path.to_path_buf(), source })?;
+            .map_err(|e| AlignError::Session { path: path.to_path_buf(), source: Box::new(e) })?;
         self.warnings.extend(reduced.warnings);
         Ok(())
     }

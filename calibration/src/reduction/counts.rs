@@ -150,6 +150,9 @@ pub fn counter_night(
     })
 }
 
+/// What became of a counter's tags, and of each stretch the bins that were compared and those that agree.
+type OfTags = (TagSummary, Vec<[u64; 2]>);
+
 /// Bins that are counted as they pass, with their tags.
 struct Watched<'a> {
     bins: Counts,
@@ -162,7 +165,7 @@ struct Watched<'a> {
 
 impl Watched<'_> {
     /// What became of the tags.
-    fn ended(self) -> Result<Option<(TagSummary, Vec<[u64; 2]>)>, Cancelled> {
+    fn ended(self) -> Result<Option<OfTags>, Cancelled> {
         step(self.progress, self.passed)?;
         self.stopped.map_or_else(|| Ok(self.tags.map(Run::finish)), Err)
     }
