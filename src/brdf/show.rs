@@ -7,6 +7,7 @@ use sunglint_report::brdf::show::{compared, product, text};
 
 /// Arguments of `sunglint brdf show`.
 #[derive(Debug, Args)]
+#[allow(rustdoc::broken_intra_doc_links, reason = "a table of TOML is no link")]
 pub struct ShowArgs {
     /// A material: .bsdf, a TOML with one [[material]] (or `FILE#NAME`), or a table of measured values
     #[arg(value_name = "FILE")]

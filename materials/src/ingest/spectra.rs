@@ -107,7 +107,7 @@ pub struct NamedSpectrumError {
     /// The key.
     pub key: String,
     /// Why.
-    pub source: FileError,
+    pub source: Box<FileError>,
 }
 
 /// Reads a spectrum that a key of a document names.
@@ -119,6 +119,6 @@ pub(super) fn named(
     read(&document.resolve(name)).map_err(|source| NamedSpectrumError {
         file: document.path().display().to_string(),
         key: key.to_owned(),
-        source,
+        source: Box::new(source),
     })
 }

@@ -130,7 +130,7 @@ fn header() -> Result<String, EncodeError> {
             text("range", "the meter's range"),
         ],
     };
-    Ok(ecsv::to_string(&table)?)
+    ecsv::to_string(&table)
 }
 
 /// Refuses a folder that holds readings: they are never overwritten.
