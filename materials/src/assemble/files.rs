@@ -42,7 +42,7 @@ pub struct AssemblyFiles {
     pub theta_i: usize,
     /// Incident azimuths of the file, of an anisotropic sample.
     pub phi_i: usize,
-    /// Side of the file's grid of values [the finest of 129, 97, 65 and 33 with which all take at most 256 MB].
+    /// Side of the file's grid of values (default the finest of 129, 97, 65 and 33 with which all take at most 256 MB).
     pub side: Option<usize>,
     /// Nodes of the file's warps in elevation.
     pub normals: usize,

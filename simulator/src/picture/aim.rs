@@ -25,15 +25,15 @@ pub enum Up {
 /// From where a target alone is looked at, and from where it is lit; what is `None` is as in the field's own words.
 #[derive(Debug, Clone, Default)]
 pub struct ModelView {
-    /// Direction to the observer, body axes [0.75, −0.5, 0.45].
+    /// Direction to the observer, body axes (default 0.75, −0.5, 0.45).
     pub observer: Option<DVec3>,
-    /// Direction to the Sun, body axes [by the phase angle].
+    /// Direction to the Sun, body axes (default by the phase angle).
     pub sun: Option<DVec3>,
-    /// Phase angle, degrees, the Sun to the observer's right [40].
+    /// Phase angle, degrees, the Sun to the observer's right (default 40).
     pub phase_deg: Option<f64>,
-    /// Distance of the observer, m [none].
+    /// Distance of the observer, m (default none).
     pub range_m: Option<f64>,
-    /// Who looks [none].
+    /// Who looks (default none).
     pub station: Option<Station>,
 }
 

@@ -41,9 +41,9 @@ pub struct ShotOptions {
     pub wavelength_nm: Vec<f64>,
     /// Whether intensities are over the Sun's irradiance.
     pub per_irradiance: bool,
-    /// Pixels across and down [512, or what the body needs at the given pixel].
+    /// Pixels across and down (default 512, or what the body needs at the given pixel).
     pub size_px: Option<usize>,
-    /// Width of a pixel at the body, m [so that the body fits].
+    /// Width of a pixel at the body, m (default so that the body fits).
     pub pixel_m: Option<f64>,
     /// What blurs it.
     pub blur: Blur,
