@@ -1264,7 +1264,10 @@ MASKS = [
     {"case": LIVE, "output": "*", "rewrite": counted, "why": "the counter's own clock begins with the program"},
     {"case": LIVE, "name": r"/\d\d/\d{8}T\d{6}\.\d{6}Z_", "put": "/[hour]/[time]_", "why": "when frames were taken"},
     {"case": LIVE, "output": "kind and mode", "find": r"/\d\d(?:/\d{8}T\d{6}\.\d{6}Z_|$)", "put": "/[hour]/[time]_", "why": "the same"},
+    {"case": "devices/more", "output": "m.ecsv", "find": r",[\d.]+$", "put": ",[seconds]", "why": "seconds that a move took"},
+    {"case": "devices/more", "output": "angle.fits", "hide": True, "why": "its table holds times"},
     # Nights.
+    {"case": "observe/*", "output": "std*", "find": r"\b\d+ events", "put": "[number] events", "why": "`sync` events come four times a second of the computer's clock"},
     {"case": "*", "output": "*events.jsonl", "rewrite": events, "why": "threads of devices write as they come; `sync` events come four times a second of the computer's clock"},
     {"case": "observe/*", "output": "std*", "rewrite": night_messages, "why": "status lines come after seconds of the computer's clock; messages of devices come as their threads do"},
 ]
