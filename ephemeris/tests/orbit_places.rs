@@ -1,4 +1,4 @@
-//! Satellites from sites, and their eclipses, against other programs; `simulator/tests/peers/orbits.py` makes the fixtures, which
+//! Satellites from sites, and their eclipses, against other programs; `ephemeris/tests/peers/orbits.py` makes the fixtures, which
 //! name every version.
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
@@ -145,7 +145,7 @@ fn the_fixtures_are_what_the_peers_say() {
     let test = "orbit_places::the_fixtures_are_what_the_peers_say";
     let Some(python) = peer_python(test, &["astropy", "erfa", "skyfield", "sgp4"]) else { return };
     let top = repository();
-    let script = std::fs::read_to_string(top.join("simulator/tests/peers/orbits.py")).unwrap();
+    let script = std::fs::read_to_string(top.join("ephemeris/tests/peers/orbits.py")).unwrap();
     for name in ["afspc", "places", "contacts"] {
         let fresh = run_python(&python, &script, &[name, top.to_str().unwrap()]);
         let fresh = ecsv::read_str(name, &fresh).unwrap();

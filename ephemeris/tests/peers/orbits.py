@@ -1,6 +1,6 @@
 """Orbits and eclipses by other programs, as the fixtures of fixtures/orbits hold them.
 
-    python simulator/tests/peers/orbits.py afspc|places|contacts REPOSITORY > fixtures/orbits/NAME.ecsv
+    python ephemeris/tests/peers/orbits.py afspc|places|contacts REPOSITORY > fixtures/orbits/NAME.ecsv
 
 No program here downloads anything.
 """
@@ -213,7 +213,7 @@ def main():
     iers.conf.auto_download = False
     table, title = {"afspc": afspc, "places": places, "contacts": contacts}[what](repository)
     table.meta["title"] = title
-    table.meta["source"] = f"simulator/tests/peers/orbits.py {what}, with {versions()}, numpy {np.__version__}"
+    table.meta["source"] = f"ephemeris/tests/peers/orbits.py {what}, with {versions()}, numpy {np.__version__}"
     table.write(sys.stdout, format="ascii.ecsv", delimiter=",")
 
 
