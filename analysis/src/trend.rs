@@ -3,6 +3,7 @@
 //! Rates are divided by factors; the factors are returned, so that nothing is removed unseen.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
+use sunglint_numerics::order::robust_sigma;
 use sunglint_radiometry::air::{Air, AirError, Zenith};
 use sunglint_radiometry::light_curve::TOLERATED;
 use sunglint_radiometry::light_curve::{ChannelCurve, LightCurve};
@@ -223,10 +224,7 @@ fn robust(points: &[(f64, f64)], degree: usize) -> Option<Vec<f64>> {
         let normal = design.transpose() * &weighted;
         solution = Cholesky::new(normal)?.solve(&(weighted.transpose() * &values));
         let left = &values - &design * &solution;
-        let mut sizes: Vec<f64> = left.iter().map(|r| r.abs()).collect();
-        let middle = sizes.len() / 2;
-        let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let scale = 1.345 * 1.4826 * median;
+        let scale = 1.345 * robust_sigma(left.iter().copied())?;
         if scale <= 1e-12 {
             break;
         }

@@ -1,6 +1,7 @@
 //! Where the target stood on the camera's frame, and when: what the photometry of frames finds, and what the gating of counts needs.
 
 use hifitime::Epoch;
+use sunglint_numerics::order;
 
 /// The target in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -121,12 +122,9 @@ impl Track {
         }
         // The wander w at which the median of d²/(noise + w·bridge) is that of χ² with one degree: it falls as w grows.
         let median = |wander: f64| {
-            let mut ratios: Vec<f64> = found
-                .iter()
-                .map(|(d2, noise, bridge)| d2 / (noise + wander * bridge).max(1e-300))
-                .collect();
-            ratios.sort_by(f64::total_cmp);
-            ratios[ratios.len() / 2]
+            let ratio =
+                |(d2, noise, bridge): &(f64, f64, f64)| d2 / (noise + wander * bridge).max(1e-300);
+            order::median(found.iter().map(ratio)).unwrap_or(0.0)
         };
         const MEDIAN_CHI2: f64 = 0.454_936;
         if median(0.0) <= MEDIAN_CHI2 {

@@ -1,9 +1,13 @@
 //! What every room needs once.
 //!
+//! - [`gauss`]: Gauss–Legendre nodes;
+//! - [`order`]: medians and quantiles;
 //! - [`panels`]: Gauss–Legendre quadrature over panels;
 //! - [`progress`]: what long work tells whoever watches it;
 //! - [`sphere`]: directions over the whole sphere.
 
+pub mod gauss;
+pub mod order;
 pub mod panels;
 pub mod progress;
 pub mod sphere;

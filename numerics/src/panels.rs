@@ -1,6 +1,6 @@
 //! Gauss–Legendre quadrature over panels that become smaller towards where an integrand varies fast.
 
-use std::f64::consts::PI;
+use crate::gauss::legendre;
 use std::sync::LazyLock;
 
 /// The numbers of points of a panel that are tried one after the other.
@@ -70,27 +70,4 @@ pub fn converge_all(
         }
     }
     (last, error)
-}
-
-/// Newton's iteration on the Legendre polynomial (Abramowitz and Stegun 25.4.29).
-pub fn legendre(n: usize) -> Vec<(f64, f64)> {
-    let polynomial = |x: f64| {
-        let (mut before, mut p) = (1.0, x);
-        for j in 2..=n {
-            let j = j as f64;
-            (before, p) = (p, ((2.0 * j - 1.0) * x * p - (j - 1.0) * before) / j);
-        }
-        (p, n as f64 * (x * p - before) / (x * x - 1.0))
-    };
-    (0..n)
-        .map(|j| {
-            let mut x = -(PI * (j as f64 + 0.75) / (n as f64 + 0.5)).cos();
-            for _ in 0..8 {
-                let (p, slope) = polynomial(x);
-                x -= p / slope;
-            }
-            let (_, slope) = polynomial(x);
-            (x, 2.0 / ((1.0 - x * x) * slope * slope))
-        })
-        .collect()
 }

@@ -8,6 +8,7 @@ use crate::constants::HC_J_NM;
 use crate::spectrum::{Outside, Quantity, Spectrum, SpectrumError, lerp};
 use std::borrow::Cow;
 use std::sync::LazyLock;
+use sunglint_numerics::gauss::legendre;
 
 /// An integral, and how much of its range was not in the tables.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -288,35 +289,12 @@ impl Factor<'_> {
 
 /// Gauss–Legendre nodes and weights on [−1, 1] of n points, exact to degree 2n−1.
 fn gauss_legendre(n: usize) -> Cow<'static, [(f64, f64)]> {
-    static FIRST: LazyLock<Vec<Vec<(f64, f64)>>> = LazyLock::new(|| (0..=8).map(nodes).collect());
+    static FIRST: LazyLock<Vec<Vec<(f64, f64)>>> =
+        LazyLock::new(|| (0..=8).map(legendre).collect());
     match FIRST.get(n) {
         Some(rule) => Cow::Borrowed(rule),
-        None => Cow::Owned(nodes(n)),
+        None => Cow::Owned(legendre(n)),
     }
-}
-
-/// The roots of the Legendre polynomial of degree n by Newton's method from Chebyshev's points, and their weights
-/// 2/((1−x²)P′ₙ(x)²) (Abramowitz and Stegun 25.4.29).
-fn nodes(n: usize) -> Vec<(f64, f64)> {
-    let node = |i: usize| {
-        let mut x = (std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
-        let mut slope = 1.0;
-        for _ in 0..100 {
-            let (mut p, mut before) = (1.0, 0.0);
-            for k in 1..=n {
-                let k = k as f64;
-                (p, before) = (((2.0 * k - 1.0) * x * p - (k - 1.0) * before) / k, p);
-            }
-            slope = n as f64 * (x * p - before) / (x * x - 1.0);
-            let step = p / slope;
-            x -= step;
-            if step.abs() < 1e-16 {
-                break;
-            }
-        }
-        (x, 2.0 / ((1.0 - x * x) * slope * slope))
-    };
-    (0..n).map(node).collect()
 }
 
 #[cfg(test)]

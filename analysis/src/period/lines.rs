@@ -13,6 +13,7 @@ use super::sums::turns;
 use crate::series::Series;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use std::f64::consts::TAU;
+use sunglint_numerics::order::median;
 
 /// The most harmonics that are subtracted.
 pub(super) const MOST: usize = 16;
@@ -140,9 +141,8 @@ fn sampling(time: &[f64]) -> Option<[f64; 2]> {
     let found: Vec<f64> = time
         .chunks(time.len().div_ceil(blocks).max(2))
         .filter_map(|part| {
-            let mut steps: Vec<f64> = part.windows(2).map(|t| t[1] - t[0]).collect();
-            steps.sort_by(f64::total_cmp);
-            let hz = 1.0 / steps.get(steps.len() / 2).filter(|s| **s > 0.0)?;
+            let step_s = median(part.windows(2).map(|t| t[1] - t[0]));
+            let hz = 1.0 / step_s.filter(|s| *s > 0.0)?;
             let all = part.len() as f64;
             (power(part, &vec![1.0; part.len()], hz) > 0.25 * all * all).then_some(hz)
         })

@@ -4,6 +4,7 @@ use super::lomb_scargle::centred_times;
 use super::sums::sums;
 use super::{Grid, PeriodError};
 use crate::series::Series;
+use sunglint_numerics::order::median;
 
 /// A Fourier spectrum.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,11 +56,5 @@ pub fn spectrum(series: &Series) -> Result<Spectrum, PeriodError> {
 
 /// The median time between neighbouring samples that differ, s.
 pub(super) fn median_step(series: &Series) -> Option<f64> {
-    let mut steps: Vec<f64> =
-        series.time_s.windows(2).map(|t| t[1] - t[0]).filter(|dt| *dt > 0.0).collect();
-    if steps.is_empty() {
-        return None;
-    }
-    let middle = steps.len() / 2;
-    Some(*steps.select_nth_unstable_by(middle, f64::total_cmp).1)
+    median(series.time_s.windows(2).map(|t| t[1] - t[0]).filter(|dt| *dt > 0.0))
 }

@@ -7,6 +7,7 @@ use super::FieldPoint;
 use super::correlated::{long_run, reach, sequences};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeSet;
+use sunglint_numerics::order::robust_sigma;
 use sunglint_radiometry::station::Fibre;
 
 /// What is fitted.
@@ -203,10 +204,8 @@ struct Scores {
 
 /// 1.4826 times the median of |r|, with the degrees of freedom that the fit took.
 fn spread(residuals: &DVector<f64>, freedom: usize) -> f64 {
-    let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
-    sizes.sort_by(f64::total_cmp);
-    let median = sizes[sizes.len() / 2];
-    (1.4826 * median * (sizes.len() as f64 / freedom as f64).sqrt()).max(1e-12)
+    let sigma = robust_sigma(residuals.iter().copied()).unwrap_or(0.0);
+    (sigma * (residuals.len() as f64 / freedom as f64).sqrt()).max(1e-12)
 }
 
 const TUKEY: f64 = 4.685;

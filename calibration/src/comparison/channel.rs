@@ -3,6 +3,7 @@
 use super::TOLERATED;
 use super::blocks::{Blocks, jackknife};
 use std::fmt;
+use sunglint_numerics::order::{median, weighted_quantile};
 use sunglint_radiometry::light_curve::Flags;
 
 /// The part of a normal distribution within one standard deviation.
@@ -252,7 +253,7 @@ impl Numbers {
                 (given.measured[*i] / s, given.exposure_s[*i] * s)
             })
             .collect();
-        let at = |p: f64| quantile(&ratios, p);
+        let at = |p: f64| weighted_quantile(&ratios, p);
         let root = |f: &dyn Fn(usize) -> f64| {
             let t = |i: &usize| given.exposure_s[*i];
             let square: f64 = picked.iter().map(|i| t(i) * f(*i).powi(2)).sum();
@@ -322,14 +323,13 @@ fn student_half(sigma: f64, blocks: usize) -> f64 {
 
 /// The stated error of samples with light, relative: median and largest.
 fn stated(given: &Given<'_>, picked: &[usize]) -> (f64, f64) {
-    let mut shares: Vec<f64> = picked
+    let shares: Vec<f64> = picked
         .iter()
         .filter(|i| given.simulated[**i] > 0.0 && given.model_error[**i].is_finite())
         .map(|i| given.model_error[*i] / given.simulated[*i])
         .collect();
-    shares.sort_by(f64::total_cmp);
-    let median = shares.get(shares.len() / 2).copied().unwrap_or(f64::NAN);
-    (median, shares.last().copied().unwrap_or(f64::NAN))
+    let largest = shares.iter().copied().reduce(f64::max).unwrap_or(f64::NAN);
+    (median(shares).unwrap_or(f64::NAN), largest)
 }
 
 fn magnitudes(given: &Given<'_>, picked: &[usize]) -> Option<[f64; 3]> {
@@ -371,25 +371,4 @@ fn chi2(given: &Given<'_>, picked: &[usize], scale: f64) -> Option<Chi2> {
         past_stated: sum(&|i| past(i).powi(2) / variance(i)) / free,
         unscaled: sum(&|i| residual(i, 1.0).powi(2) / variance(i)) / n as f64,
     })
-}
-
-/// The value below which a part of the weight lies: values at the middles of their own weights, straight lines between them. NaN of none.
-pub(super) fn quantile(weighted: &[(f64, f64)], part: f64) -> f64 {
-    let mut sorted: Vec<(f64, f64)> = weighted.iter().copied().filter(|(_, w)| *w > 0.0).collect();
-    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let total: f64 = sorted.iter().map(|(_, w)| w).sum();
-    let wanted = part * total;
-    let (mut below, mut before) = (0.0, None::<(f64, f64)>);
-    for (value, weight) in sorted {
-        let middle = below + 0.5 * weight;
-        if middle >= wanted {
-            return match before {
-                None => value,
-                Some((at, v)) => v + (value - v) * (wanted - at) / (middle - at),
-            };
-        }
-        before = Some((middle, value));
-        below += weight;
-    }
-    before.map_or(f64::NAN, |(_, v)| v)
 }

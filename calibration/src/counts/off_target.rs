@@ -5,6 +5,7 @@ use super::{Bin, CountChannel};
 use crate::detector::Linear;
 use hifitime::{Duration, Epoch};
 use sunglint_formats::CountFlags;
+use sunglint_numerics::order::{median, robust_sigma};
 
 /// How the off-target rate is taken between two pieces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -248,16 +249,12 @@ impl Open {
 /// The rate of all bins together, without outliers.
 fn off_rate(channel: &CountChannel, open: OpenChannel, options: &OffOptions) -> Option<OffRate> {
     let OpenChannel { mut bins, excluded } = open;
-    let median = |mut values: Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied()
-    };
     let all = bins.len();
-    let middle = median(bins.iter().map(|(linear, ..)| linear.rate_hz).collect())?;
+    let middle = median(bins.iter().map(|(linear, ..)| linear.rate_hz))?;
     let off = |linear: &Linear| (linear.rate_hz - middle).abs();
-    let spread = 1.4826 * median(bins.iter().map(|(linear, ..)| off(linear)).collect())?;
+    let spread = robust_sigma(bins.iter().map(|(linear, ..)| off(linear)))?;
     // Of few counts the median deviation may be nothing.
-    let noise = median(bins.iter().map(|(linear, ..)| linear.sigma_hz).collect())?;
+    let noise = median(bins.iter().map(|(linear, ..)| linear.sigma_hz))?;
     bins.retain(|(linear, ..)| off(linear) <= options.clip_sigmas * spread.max(noise));
     if bins.len() < options.least_bins.max(1) {
         return None;

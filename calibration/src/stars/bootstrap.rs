@@ -5,6 +5,7 @@ use super::gls::{Normal, Solution, solve};
 use nalgebra::DMatrix;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use sunglint_numerics::order::quantile;
 
 /// With fewer stars a resample often holds one star several times and little else: Student's t stands in.
 pub(super) const FEWEST: usize = 8;
@@ -76,15 +77,6 @@ fn sandwich(stars: &[&Normal], solution: &Solution) -> Vec<f64> {
     (0..n).map(|i| covariance[(i, i)].sqrt()).collect()
 }
 
-/// A quantile of sorted numbers, linear between them.
-fn quantile(sorted: &[f64], p: f64) -> f64 {
-    let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
-    let at = p * last as f64;
-    let below = (at.floor() as usize).min(last);
-    let above = (below + 1).min(last);
-    sorted[below] + (at - below as f64) * (sorted[above] - sorted[below])
-}
-
 /// Quantile of the normal distribution, by bisection of the complementary error function.
 fn normal_quantile(p: f64) -> f64 {
     let (mut low, mut high) = (-10.0, 10.0);
@@ -105,7 +97,5 @@ mod tests {
     fn quantiles_of_the_normal_distribution() {
         assert!((normal_quantile(0.975) - 1.959_964).abs() < 1e-6);
         assert!((normal_quantile(0.95) - 1.644_854).abs() < 1e-6);
-        assert_eq!(quantile(&[1.0, 2.0, 4.0], 0.75), 3.0);
-        assert!(quantile(&[], 0.5).is_nan());
     }
 }

@@ -3,6 +3,7 @@
 use super::AttitudeError;
 use super::forward::Forward;
 use glam::DQuat;
+use sunglint_numerics::order::median;
 use sunglint_numerics::sphere::spread;
 use sunglint_simulator::light::View;
 
@@ -44,7 +45,7 @@ impl Compared {
         let good = |i: &usize| forward.rate[*i].is_finite() && unit[*i] > 0.0;
         let of = |c: usize, values: &[f64]| {
             let own = (0..n).map(|m| m * channels + c).filter(good);
-            median(own.map(|i| values[i] / unit[i]).collect())
+            median(own.map(|i| values[i] / unit[i]).filter(|v| v.is_finite()))
         };
         let usual = usual_light(forward)?;
         let bright = |c: usize| {
@@ -161,11 +162,4 @@ fn usual_light(forward: &Forward) -> Result<Vec<f64>, AttitudeError> {
             if unit > 0.0 { light / unit } else { 0.0 }
         })
         .collect())
-}
-
-/// The middle one; `None` of none.
-pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.retain(|v| v.is_finite());
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }

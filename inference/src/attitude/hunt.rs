@@ -1,7 +1,7 @@
 //! What all stages of the search share: descents from many trials side by side, minima that are told apart, twins.
 
 use super::AttitudeError;
-use super::compare::{Compared, median};
+use super::compare::Compared;
 use super::descent::{Descent, Found, Sample, Space};
 use super::forward::Forward;
 use super::question::{Options, Progress, Question, Watch};
@@ -9,6 +9,7 @@ use super::state::{Law, State};
 use super::twins::{self, Symmetry};
 use rayon::prelude::*;
 use std::sync::Arc;
+use sunglint_numerics::order::median;
 
 /// Trials nearer than this at both ends and in the middle of the data are one, radians.
 const SAME: f64 = 0.035;
@@ -134,7 +135,7 @@ impl Hunt<'_> {
             let ln = |rate: f64| self.compared.ln(s.moment, s.channel, rate);
             (ln(s.rate) - ln(s.model)).abs() - self.compared.sigma(s.moment, s.channel)
         });
-        median(off.collect()).unwrap_or(f64::INFINITY)
+        median(off.filter(|v| v.is_finite())).unwrap_or(f64::INFINITY)
     }
 }
 
@@ -161,7 +162,7 @@ pub(super) fn extra_noise(samples: &[Sample]) -> f64 {
     const MIDDLE: f64 = 0.674_489_750_196_081_7;
     let middle = |extra: f64| {
         let all = samples.iter().map(|s| (s.rate - s.model).abs() / s.sigma.hypot(extra * s.model));
-        median(all.collect()).unwrap_or(0.0)
+        median(all.filter(|v| v.is_finite())).unwrap_or(0.0)
     };
     if middle(0.0) <= MIDDLE {
         return 0.0;

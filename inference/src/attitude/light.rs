@@ -152,6 +152,6 @@ impl<'a> AllLight<'a> {
             }
         }
         let most = shares.iter().copied().fold(0.0, f64::max);
-        Ok((super::compare::median(shares).unwrap_or(0.0), most))
+        Ok((sunglint_numerics::order::median(shares).unwrap_or(0.0), most))
     }
 }

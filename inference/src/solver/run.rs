@@ -10,6 +10,7 @@ use super::{
 };
 use ndarray::Array2;
 use serde::{Deserialize, Serialize};
+use sunglint_numerics::order::robust_sigma;
 
 /// Rounds of weights that follow the model, at most.
 const ROUNDS: usize = 15;
@@ -318,10 +319,8 @@ fn pulls(data: &[Data], rates: &PerSample) -> PerSample {
 
 /// 1.4826 times the median of what is there, and no less than 1: where the noise is stated too small, all samples are no outliers.
 fn spread(pulls: &PerSample) -> f64 {
-    let mut sizes: Vec<f64> =
-        pulls.iter().flatten().filter(|p| p.is_finite()).map(|p| p.abs()).collect();
-    sizes.sort_by(f64::total_cmp);
-    sizes.get(sizes.len() / 2).map_or(1.0, |median| (1.4826 * median).max(1.0))
+    let finite = pulls.iter().flatten().copied().filter(|p| p.is_finite());
+    robust_sigma(finite).map_or(1.0, |sigma| sigma.max(1.0))
 }
 
 /// Weights by the loss; none for squares. 0 for what does not count.

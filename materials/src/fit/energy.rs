@@ -113,7 +113,7 @@ fn over_tilts(law: &Law, with: &Evaluated<'_>, i: DVec3, width: f64) -> f64 {
 /// Gauss–Legendre nodes and weights over panels.
 fn legendre(from: f64, to: f64, panels: usize) -> impl Iterator<Item = (f64, f64)> {
     static RULE: std::sync::OnceLock<Vec<(f64, f64)>> = std::sync::OnceLock::new();
-    let rule = RULE.get_or_init(|| crate::ndf::legendre(NODES));
+    let rule = RULE.get_or_init(|| sunglint_numerics::gauss::legendre(NODES));
     let step = (to - from) / panels as f64;
     (0..panels).flat_map(move |k| {
         let start = from + step * k as f64;

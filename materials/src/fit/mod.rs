@@ -21,6 +21,7 @@ use glam::DVec3;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use solve::{Data, Found, Judge, NU};
+use sunglint_numerics::order::median;
 use sunglint_simulator::surface::{ComplexIndex, MaterialError};
 
 /// How laws are fitted.
@@ -162,9 +163,7 @@ fn data(
     }
     // Relative uncertainties, where all are known, with their median as unit: what the law misses is added to the small ones.
     let known = data.unit.iter().all(|u| *u > 0.0 && u.is_finite());
-    let mut sorted = data.unit.clone();
-    sorted.sort_by(f64::total_cmp);
-    let middle = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
+    let middle = median(data.unit.iter().copied()).unwrap_or(1.0);
     for unit in &mut data.unit {
         *unit = if known { (*unit / middle).max(1.0) } else { 1.0 };
     }

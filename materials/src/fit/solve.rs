@@ -7,6 +7,7 @@ use super::energy;
 use super::law::{Law, Rise};
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
+use sunglint_numerics::order::{quantile, robust_sigma};
 
 /// Less than this the logarithm is not taken of, sr⁻¹.
 const LEAST: f64 = 1e-300;
@@ -150,7 +151,7 @@ impl Judge<'_> {
         let penalties = |x: &[f64]| if energy { self.penalties(x) } else { Vec::new() };
         let half = |e: &[f64]| 0.5 * e.iter().map(|e| e * e).sum::<f64>();
         let (mut r, mut e) = (self.residuals(&x), penalties(&x));
-        let mut width = self.width(&r, median_absolute(&r));
+        let mut width = self.width(&r, robust_sigma(r.iter().copied()).unwrap_or(1.4826));
         let mut cost = self.cost(&r, width) + half(&e);
         let mut damping: f64 = 1e-3;
         let mut held = vec![false; n];
@@ -237,23 +238,22 @@ impl Judge<'_> {
         let data = self.data;
         let mut sorted: Vec<f64> = data.ln.clone();
         sorted.sort_by(f64::total_cmp);
-        let quantile = |q: f64| sorted[((sorted.len() - 1) as f64 * q) as usize];
         let peak =
             (0..data.ln.len()).max_by(|a, b| data.ln[*a].total_cmp(&data.ln[*b])).unwrap_or(0);
         let mut ranked: Vec<(f64, Vec<f64>)> = Vec::new();
         for start in self.law.starts() {
             let mut strengths = Vec::new();
             let last = start.len() - 1;
-            let broad = (quantile(0.1) + std::f64::consts::PI.ln()).exp();
+            let broad = (quantile(&sorted, 0.1) + std::f64::consts::PI.ln()).exp();
             if let Some((shape, _)) = self.law.shape(&start) {
                 let at = |k: usize| data.ln[k] - shape.value(data.i[k], data.o[k]).max(LEAST).ln();
                 let mut all: Vec<f64> = (0..data.ln.len()).map(at).collect();
                 strengths.push(at(peak));
                 all.sort_by(f64::total_cmp);
-                strengths.push(all[all.len() / 2]);
-                strengths.push(all[all.len() / 10]);
+                strengths.push(quantile(&all, 0.5));
+                strengths.push(quantile(&all, 0.1));
             } else {
-                strengths.push(quantile(0.5) + std::f64::consts::PI.ln());
+                strengths.push(quantile(&sorted, 0.5) + std::f64::consts::PI.ln());
             }
             for ln_strength in strengths {
                 for share in if self.law.diffuse { &[0.8, 0.05][..] } else { &[1.0][..] } {
@@ -274,10 +274,4 @@ impl Judge<'_> {
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
         ranked.into_iter().map(|(_, x)| x).collect()
     }
-}
-
-pub(super) fn median_absolute(r: &[f64]) -> f64 {
-    let mut sizes: Vec<f64> = r.iter().map(|r| r.abs()).collect();
-    sizes.sort_by(f64::total_cmp);
-    1.4826 * sizes.get(sizes.len() / 2).copied().unwrap_or(1.0)
 }

@@ -1,5 +1,7 @@
 //! A spectrum as a spectrometer left it, onto the wavelengths of the result.
 
+use sunglint_numerics::order::{median, robust_sigma};
+
 /// A step of more than this many times the usual one is a gap.
 const GAP: f64 = 6.0;
 
@@ -110,9 +112,8 @@ impl RawSpectrum {
         for row in 1..axis.len() {
             // The usual step hereabouts: gratings and prisms have steps that grow along the axis.
             let from = row.saturating_sub(6);
-            let mut near: Vec<f64> = steps[from..(row + 5).min(steps.len())].to_vec();
-            near.sort_by(f64::total_cmp);
-            let (usual, step) = (near[near.len() / 2], steps[row - 1]);
+            let near = steps[from..(row + 5).min(steps.len())].iter().copied();
+            let (usual, step) = (median(near).unwrap_or(f64::INFINITY), steps[row - 1]);
             if step > GAP * usual {
                 let (found, before) = (axis[row], axis[row - 1]);
                 return Err(AxisError::Gap { row, found, before, steps: step / usual });
@@ -153,13 +154,12 @@ impl RawSpectrum {
 
 /// The standard deviation of white noise: second differences have √6 of it, and of a smooth curve nothing else; their median keeps lines out.
 fn noise(y: &[f64]) -> f64 {
-    let mut second: Vec<f64> = y.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()).collect();
-    second.sort_by(f64::total_cmp);
-    let least = 20;
-    if second.len() < least {
+    const LEAST: usize = 20;
+    if y.len() < LEAST + 2 {
         return 0.0;
     }
-    1.4826 * second[second.len() / 2] / 6.0_f64.sqrt()
+    let second = y.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]);
+    robust_sigma(second).unwrap_or(0.0) / 6.0_f64.sqrt()
 }
 
 /// The wavelengths of the result, each with the stretch for which it stands.

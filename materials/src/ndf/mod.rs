@@ -19,7 +19,6 @@ mod tail;
 mod uncertainty;
 mod zero;
 
-pub(super) use nodes::legendre;
 pub use nodes::{Anisotropic, Elevations, Hemisphere, Isotropic};
 pub use power::{Solution, solve};
 pub use shape::ShapeFit;

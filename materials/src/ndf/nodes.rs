@@ -4,6 +4,7 @@
 //! are, none at the normal nor at the horizon.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use sunglint_numerics::gauss::legendre;
 
 /// Gauss–Legendre elevations.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,28 +27,6 @@ impl Elevations {
         }
         Self { theta_rad, weight }
     }
-}
-
-/// Nodes and weights on −1…1, by Newton's iteration on the Legendre polynomial (Abramowitz and Stegun 25.4.29).
-pub(crate) fn legendre(n: usize) -> Vec<(f64, f64)> {
-    let polynomial = |x: f64| {
-        let (mut before, mut p) = (1.0, x);
-        for j in 2..=n {
-            let j = j as f64;
-            (before, p) = (p, ((2.0 * j - 1.0) * x * p - (j - 1.0) * before) / j);
-        }
-        (p, n as f64 * (x * p - before) / (x * x - 1.0))
-    };
-    let root = |j: usize| {
-        let mut x = -(PI * (j as f64 + 0.75) / (n as f64 + 0.5)).cos();
-        for _ in 0..8 {
-            let (p, slope) = polynomial(x);
-            x -= p / slope;
-        }
-        let (_, slope) = polynomial(x);
-        (x, 2.0 / ((1.0 - x * x) * slope * slope))
-    };
-    (0..n).map(root).collect()
 }
 
 /// Nodes over the hemisphere with the map from a density to its projected area.

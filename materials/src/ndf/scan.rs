@@ -2,6 +2,7 @@
 
 use super::{NdfError, Note};
 use crate::table::{Reading, RetroFlags};
+use sunglint_numerics::order::median;
 
 /// Below this many standard deviations a reading is no light that was seen.
 const DETECTED: f64 = 3.0;
@@ -77,10 +78,8 @@ impl Scan {
 
     /// The usual distance of neighbours, degrees.
     pub fn step_deg(&self) -> f64 {
-        let mut steps: Vec<f64> =
-            self.angle_deg.windows(2).map(|p| p[1] - p[0]).filter(|d| *d > 1e-9).collect();
-        steps.sort_by(f64::total_cmp);
-        steps.get(steps.len() / 2).copied().unwrap_or(f64::INFINITY)
+        let steps = self.angle_deg.windows(2).map(|p| p[1] - p[0]).filter(|d| *d > 1e-9);
+        median(steps).unwrap_or(f64::INFINITY)
     }
 
     /// Weights in ln f: 1/σ² where it is known, else 1 for all.

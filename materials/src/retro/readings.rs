@@ -1,5 +1,7 @@
 //! Several readings at an angle as one.
 
+use sunglint_numerics::order::median;
+
 /// The readings at one angle, as they came.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct AtAngle {
@@ -43,7 +45,8 @@ const BESIDE: usize = 3;
 /// factor of two, each relative to its power: first by the median of absolute deviations, about which readings beyond 5 σ are left out, then by the variance
 /// of those that stay. It is never taken below what the meter's digits allow.
 pub fn means(scan: &[AtAngle]) -> Vec<Mean> {
-    let medians: Vec<f64> = scan.iter().map(|at| median(&at.power_w)).collect();
+    let medians: Vec<f64> =
+        scan.iter().map(|at| median(at.power_w.iter().copied()).unwrap_or(f64::NAN)).collect();
     let digits: Vec<f64> = scan.iter().map(|at| digit(scan, &at.range)).collect();
     let neighbours = |k: usize| {
         let near = k.saturating_sub(BESIDE)..(k + BESIDE + 1).min(scan.len());
@@ -64,7 +67,7 @@ pub fn means(scan: &[AtAngle]) -> Vec<Mean> {
                 scan[j].power_w.iter().map(move |p| (p - middle).abs() * scale)
             };
             let all: Vec<f64> = neighbours(k).flat_map(away).collect();
-            let sigma = (median(&all) / MAD).max(digits[k]);
+            let sigma = (median(all).unwrap_or(f64::NAN) / MAD).max(digits[k]);
             let stays = |p: &&f64| (*p - medians[k]).abs() <= OUTLIER * sigma;
             scan[k].power_w.iter().filter(stays).copied().collect()
         })
@@ -91,17 +94,6 @@ pub fn means(scan: &[AtAngle]) -> Vec<Mean> {
             }
         })
         .collect()
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut values = values.to_vec();
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    match n {
-        0 => f64::NAN,
-        _ if n % 2 == 1 => values[n / 2],
-        _ => 0.5 * (values[n / 2 - 1] + values[n / 2]),
-    }
 }
 
 /// The least difference between two readings at an angle in a range, W: a step of its digits or more; 0 where all are equal.

@@ -1,10 +1,11 @@
 //! Files of light curves: rates of this program's schema, or published magnitudes.
 
-use super::{ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples};
+use super::{ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples, usual_step_s};
 use hifitime::Epoch;
 use std::path::{Path, PathBuf};
 use sunglint_formats::time::{parse_utc, tai_nanoseconds};
 use sunglint_formats::{ParseError, Table, TableError, Values, text_table};
+use sunglint_numerics::order::{median, robust_sigma};
 
 /// A gap of more than this parts one track from the next, s.
 const GAP_S: f64 = 60.0;
@@ -273,8 +274,13 @@ impl Brightness {
         // A sample that chance made faint has no smaller noise for it: the track's own brightness about it counts.
         let smooth = running_median(&tracks, &flux, n);
         let sigma = (0..n).map(|i| PER_MAG * sigma_mag[i] * smooth[i]).collect();
-        let exposure_s =
-            rows.exposure_s.unwrap_or_else(|| vec![usual_step_s(&rows.times).clamp(1e-3, 10.0); n]);
+        let exposure_s = rows.exposure_s.unwrap_or_else(|| {
+            vec![
+                usual_step_s(&rows.times.iter().map(|t| seconds(*t)).collect::<Vec<_>>())
+                    .clamp(1e-3, 10.0);
+                n
+            ]
+        });
         let curve = Self {
             times: rows.times,
             exposure_s,
@@ -335,13 +341,6 @@ fn seconds(epoch: Epoch) -> f64 {
     tai_nanoseconds(epoch) as f64 * 1e-9
 }
 
-fn usual_step_s(times: &[Epoch]) -> f64 {
-    let all: Vec<f64> = times.iter().map(|t| seconds(*t)).collect();
-    let mut steps: Vec<f64> = all.windows(2).map(|p| p[1] - p[0]).filter(|s| *s > 0.0).collect();
-    steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).copied().unwrap_or(1.0)
-}
-
 /// Samples by track, in the order of time.
 fn tracks(times: &[Epoch]) -> Vec<Vec<usize>> {
     let mut order: Vec<usize> = (0..times.len()).collect();
@@ -360,13 +359,12 @@ fn tracks(times: &[Epoch]) -> Vec<Vec<usize>> {
 
 /// The noise of single samples from the differences between neighbours, robustly: 1.4826 MAD/√2. `None` of fewer than eight.
 pub fn white_noise(values: &[f64]) -> Option<f64> {
-    let mut steps: Vec<f64> =
-        values.windows(2).map(|p| (p[1] - p[0]).abs()).filter(|d| d.is_finite()).collect();
+    let steps = values.windows(2).map(|p| p[1] - p[0]).filter(|d| d.is_finite());
+    let steps: Vec<f64> = steps.collect();
     if steps.len() < 7 {
         return None;
     }
-    steps.sort_by(f64::total_cmp);
-    Some(1.482_602_218_505_602 * steps[steps.len() / 2] / 2_f64.sqrt())
+    Some(robust_sigma(steps)? / 2_f64.sqrt())
 }
 
 /// The median of each sample and its ten neighbours on both sides, within its track.
@@ -375,10 +373,8 @@ fn running_median(tracks: &[Vec<usize>], values: &[f64], n: usize) -> Vec<f64> {
     for track in tracks {
         for (k, i) in track.iter().enumerate() {
             let near = &track[k.saturating_sub(10)..(k + 11).min(track.len())];
-            let mut near: Vec<f64> =
-                near.iter().map(|j| values[*j]).filter(|v| v.is_finite()).collect();
-            near.sort_by(f64::total_cmp);
-            smooth[*i] = near.get(near.len() / 2).copied().unwrap_or(f64::NAN);
+            let near = near.iter().map(|j| values[*j]).filter(|v| v.is_finite());
+            smooth[*i] = median(near).unwrap_or(f64::NAN);
         }
     }
     smooth

@@ -3,6 +3,7 @@
 use hifitime::Epoch;
 use std::ops::Range;
 use sunglint_formats::time::tai_nanoseconds;
+use sunglint_numerics::order::median;
 
 /// A gap of more than so many steps (and of a minute) parts one track from the next.
 const GAP_STEPS: f64 = 20.0;
@@ -23,10 +24,7 @@ pub struct Track {
 
 /// The usual distance of moments that increase, s: their median; 1 of a single one.
 pub fn usual_step_s(times_s: &[f64]) -> f64 {
-    let mut steps: Vec<f64> =
-        times_s.windows(2).map(|p| p[1] - p[0]).filter(|s| *s > 0.0).collect();
-    steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).copied().unwrap_or(1.0)
+    median(times_s.windows(2).map(|p| p[1] - p[0]).filter(|s| *s > 0.0)).unwrap_or(1.0)
 }
 
 fn seconds(epoch: Epoch) -> f64 {

@@ -15,7 +15,7 @@ use super::{DirectionError, Effect, Evaluator, Globe, Lighting, Source, Term, Vi
 use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, PI};
 use std::sync::Arc;
-use sunglint_numerics::panels;
+use sunglint_numerics::gauss;
 use sunglint_radiometry::spectrum::{Factor, Quantity, Reflectance, Spectrum, SpectrumError};
 
 pub use super::earth::{EARTH_ALBEDO, EARTH_UNCERTAINTY};
@@ -208,7 +208,7 @@ impl<'a> Earthshine<'a> {
     /// Earthshine on a scene, found within `tolerance` of all light that an epoch has in full sunlight, that which is scattered once among it, of an Earth that is the same
     /// everywhere ([`EARTH_ALBEDO`]); and within 3 % of itself, which is what counts in the Earth's shadow.
     pub fn new(evaluator: Evaluator<'a>, tolerance: f64) -> Self {
-        let rules = ORDERS.map(panels::legendre);
+        let rules = ORDERS.map(gauss::legendre);
         let (own, mean, rho, room) = Default::default();
         let earth = Arc::default();
         let area_m2 = evaluator.scene.facets.iter().map(|f| f.area).sum();

@@ -4,6 +4,7 @@ use super::{BANDS, Simulation, SpectralQuantity};
 use serde_json::json;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
+use sunglint_numerics::order::median;
 use sunglint_radiometry::light_curve::{
     ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples, SpectralLightCurve,
 };
@@ -36,9 +37,9 @@ impl StatedError {
     /// Of values and their errors: of those above 0 that are visible.
     fn of(pairs: impl Iterator<Item = (f64, f64)>) -> Option<Self> {
         let good = pairs.filter(|(value, error)| *value > 0.0 && error.is_finite());
-        let mut shares: Vec<f64> = good.map(|(value, error)| error / value).collect();
-        shares.sort_by(f64::total_cmp);
-        Some(Self { median: *shares.get(shares.len() / 2)?, largest: *shares.last()? })
+        let shares: Vec<f64> = good.map(|(value, error)| error / value).collect();
+        let largest = shares.iter().copied().reduce(f64::max)?;
+        Some(Self { median: median(shares)?, largest })
     }
 }
 

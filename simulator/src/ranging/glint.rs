@@ -9,7 +9,7 @@
 use super::Beam;
 use glam::DVec3;
 use std::f64::consts::PI;
-use sunglint_numerics::panels;
+use sunglint_numerics::gauss;
 
 /// Points on each half of an edge.
 const POINTS: usize = 24;
@@ -68,7 +68,7 @@ pub fn fluence_j_m2(
 /// In polar coordinates about the point each edge bounds a triangle whose share is ∫ (1 − exp(−h²/(2σ² cos²φ))) dφ/2π over the angles that
 /// it is seen under, h being the edge's distance; those on the far side count negative.
 fn covered(corners: &[DVec3], normal: DVec3, about: DVec3, variance: f64) -> f64 {
-    let legendre = panels::legendre(POINTS);
+    let legendre = gauss::legendre(POINTS);
     let mut sum = 0.0;
     for (k, from) in corners.iter().enumerate() {
         let to = corners[(k + 1) % corners.len()];

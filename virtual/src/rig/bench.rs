@@ -5,7 +5,7 @@ use crate::options::OptionError;
 use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, PI};
 use sunglint_drivers::device::InBeam;
-use sunglint_numerics::panels::legendre;
+use sunglint_numerics::gauss::legendre;
 
 /// A rig without its chance: what light there is.
 #[derive(Debug, Clone)]

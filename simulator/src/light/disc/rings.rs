@@ -6,7 +6,7 @@ use super::sums::{Integrand, Sums};
 use glam::DVec2;
 use std::f64::consts::TAU;
 use std::sync::LazyLock;
-use sunglint_numerics::panels;
+use sunglint_numerics::{gauss, panels};
 
 /// Numbers of rings of the whole disc that are tried one after the other.
 const RINGS: [usize; 6] = [2, 3, 5, 8, 12, 18];
@@ -22,7 +22,7 @@ static WHOLE: LazyLock<Vec<Vec<Ring>>> =
 
 /// Rings at Gauss's points of r², weighted so that polynomials in r² up to the degree n − 1 are exact for every profile.
 fn rings(n: usize) -> Vec<Ring> {
-    let at: Vec<f64> = panels::legendre(n).iter().map(|(x, _)| 0.5 * (1.0 + x)).collect();
+    let at: Vec<f64> = gauss::legendre(n).iter().map(|(x, _)| 0.5 * (1.0 + x)).collect();
     let weights = |i: usize| {
         let mut sum = [0.0; PROFILES];
         // μ = v² leaves powers of fractions above 3: 1e-15 for so many points.

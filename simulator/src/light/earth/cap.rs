@@ -14,7 +14,7 @@ use crate::light::Globe;
 use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2};
 use std::ops::Range;
-use sunglint_numerics::panels::legendre;
+use sunglint_numerics::gauss::legendre;
 
 /// Bins of a panel: along ε, and around.
 const BINS: [usize; 2] = [40, 80];
