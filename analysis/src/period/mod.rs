@@ -9,7 +9,6 @@
 //! - [`find_period()`]: all of it for the curves of some files.
 
 mod curves;
-mod fft;
 mod fit;
 mod lines;
 mod lomb_scargle;

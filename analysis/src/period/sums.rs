@@ -5,7 +5,8 @@
 //! kernel's own transform. The width of 14 points leaves 1e-13 of Σ|c|.
 
 use super::Grid;
-use super::fft::Fft;
+use rustfft::FftPlanner;
+use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
 /// Points of the grid that one sample is spread on.
@@ -47,8 +48,9 @@ pub(super) fn sums(time_s: &[f64], coefficients: &[&[f64]], grid: &Grid) -> Vec<
     let points = 2 * stretch;
     let spread = Spread::new(time_s, grid.step_hz, points);
     let correction = correction(stretch);
-    let mut fft = Fft::new(power + 1);
-    let (mut re, mut im) = (vec![0.0; points + WIDTH], vec![0.0; points + WIDTH]);
+    let fft = FftPlanner::new().plan_fft_forward(points);
+    let mut spare = vec![Complex64::ZERO; fft.get_inplace_scratch_len()];
+    let mut field = vec![Complex64::ZERO; points + WIDTH];
     // Turning by a whole stretch.
     let step = grid.step_hz * stretch as f64;
     let on: Vec<(f64, f64)> = time_s.iter().map(|t| rotation(step, *t)).collect();
@@ -65,18 +67,15 @@ pub(super) fn sums(time_s: &[f64], coefficients: &[&[f64]], grid: &Grid) -> Vec<
         }
         let last = grid.n.min(first + stretch);
         for (coefficients, sums) in coefficients.iter().zip(&mut all) {
-            re.resize(points + WIDTH, 0.0);
-            im.resize(points + WIDTH, 0.0);
-            re.fill(0.0);
-            im.fill(0.0);
-            spread.add(coefficients, &phase, &mut re, &mut im);
-            fft.run(&mut re, &mut im);
+            field.fill(Complex64::ZERO);
+            spread.add(coefficients, &phase, &mut field);
+            fft.process_with_scratch(&mut field[..points], &mut spare);
             for i in first..last {
                 // Mode m from −stretch/2 lies at m modulo the number of points.
                 let m = (i - first + points - stretch / 2) % points;
                 let factor = correction[(i - first).abs_diff(stretch / 2)];
-                sums.cos[i] = re[m] * factor;
-                sums.sin[i] = -im[m] * factor;
+                sums.cos[i] = field[m].re * factor;
+                sums.sin[i] = -field[m].im * factor;
             }
         }
     }
@@ -115,30 +114,20 @@ impl Spread {
         Self { first, weight, points }
     }
 
-    /// Adds coefficients at their phases. The arrays are longer than the grid by a width, which is then folded back.
-    fn add(
-        &self,
-        coefficients: &[f64],
-        phase: &[(f64, f64)],
-        re: &mut Vec<f64>,
-        im: &mut Vec<f64>,
-    ) {
+    /// Adds coefficients at their phases. The field is longer than the grid by a width, which is then folded back.
+    fn add(&self, coefficients: &[f64], phase: &[(f64, f64)], field: &mut [Complex64]) {
         for (((first, weight), c), (cos, sin)) in
             self.first.iter().zip(&self.weight).zip(coefficients).zip(phase)
         {
-            let (a, b) = (c * cos, c * sin);
-            let (re, im) = (&mut re[*first..*first + WIDTH], &mut im[*first..*first + WIDTH]);
-            for k in 0..WIDTH {
-                re[k] += a * weight[k];
-                im[k] += b * weight[k];
+            let turned = Complex64::new(c * cos, c * sin);
+            for (at, w) in field[*first..*first + WIDTH].iter_mut().zip(weight) {
+                *at += turned * w;
             }
         }
-        for k in 0..WIDTH {
-            re[k] += re[self.points + k];
-            im[k] += im[self.points + k];
+        let (grid, beyond) = field.split_at_mut(self.points);
+        for (at, more) in grid.iter_mut().zip(beyond) {
+            *at += *more;
         }
-        re.truncate(self.points);
-        im.truncate(self.points);
     }
 }
 

@@ -2,6 +2,8 @@
 
 use super::gltf::{Root, wrong};
 use super::read::Load;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use base64::{Engine as _, alphabet};
 use glam::DVec3;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -143,28 +145,12 @@ fn percent_decode(uri: &str) -> Option<String> {
 
 /// What follows `data:` (RFC 2397), in base64 (RFC 4648, padded or not).
 fn base64(data: &str) -> Option<Vec<u8>> {
-    let text = data.split_once(";base64,")?.1.trim_end_matches('=');
-    let mut bytes = Vec::with_capacity(text.len() / 4 * 3 + 3);
-    let (mut bits, mut count) = (0_u32, 0);
-    for byte in text.bytes() {
-        let value = match byte {
-            b'A'..=b'Z' => byte - b'A',
-            b'a'..=b'z' => byte - b'a' + 26,
-            b'0'..=b'9' => byte - b'0' + 52,
-            b'+' => 62,
-            b'/' => 63,
-            _ => return None,
-        };
-        bits = (bits << 6) | u32::from(value);
-        count += 6;
-        if count >= 8 {
-            count -= 8;
-            bytes.push((bits >> count) as u8);
-            bits &= (1 << count) - 1;
-        }
-    }
-    // A single digit left over holds no byte.
-    (count < 6).then_some(bytes)
+    // As readers of glTF do: padding may lack, and bits that belong to no byte are passed by.
+    let config = GeneralPurposeConfig::new()
+        .with_decode_allow_trailing_bits(true)
+        .with_decode_padding_mode(DecodePaddingMode::RequireNone);
+    let engine = GeneralPurpose::new(&alphabet::STANDARD, config);
+    engine.decode(data.split_once(";base64,")?.1.trim_end_matches('=')).ok()
 }
 
 /// The elements of an accessor: `size` bytes each.
