@@ -233,7 +233,7 @@ fn a_sphere_is_the_same_all_over() {
 /// A cube of three colours on the demonstration's pass, turning about a tilted axis in 20 s.
 fn cube(folder: &Folder) {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-    let demo = std::fs::read_to_string(root.join("src/demo/pass.toml")).unwrap();
+    let demo = std::fs::read_to_string(root.join("fixtures/scenes/box_wing_dusk.toml")).unwrap();
     let colours = [
         ("rising", "[0.1, 0.3, 0.9]", "[\"+x\", \"+z\"]"),
         ("falling", "[0.8, 0.5, 0.2]", "[\"-x\", \"-y\"]"),
@@ -344,7 +344,7 @@ fn what_is_taken_for_what_is_told() {
 fn the_frame_of_a_spin_shows_its_period() {
     let folder = Folder::new("quality");
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-    let demo = std::fs::read_to_string(root.join("src/demo/pass.toml")).unwrap();
+    let demo = std::fs::read_to_string(root.join("fixtures/scenes/box_wing_dusk.toml")).unwrap();
     let scene =
         demo.replace("period_s = 120.0", "period_s = 5.0").replace("step_s = 0.5", "step_s = 0.2");
     let effects = "[effects]\nearthshine = \"off\"\nsolar_disc = \"off\"\nmoonshine = \"off\"\ninter_reflection = \"off\"\n";

@@ -19,7 +19,7 @@ fn rodrigues(axis: DVec3, angle: f64, v: DVec3) -> DVec3 {
 #[test]
 fn a_turning_box_sends_what_its_faces_send() {
     let target = "[[target.part]]\nname = \"box\"\nshape = \"box\"\nsize_m = [1, 2, 3]\nmaterial = \"grey80\"";
-    let path = sunglint_testkit::repository().join("src/demo/pass.toml");
+    let path = sunglint_testkit::repository().join("fixtures/scenes/box_wing_dusk.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let text = text
         .replace("built_in = \"box_wing\"", "")

@@ -17,7 +17,7 @@ pub const ALL: Unknowns = Unknowns { axis: true, phase: true, period: true };
 
 /// The scene of the demonstration with other times and another target.
 pub fn pass(target: &str, from: &str, to: &str, step_s: f64) -> Pass {
-    let path = sunglint_testkit::repository().join("src/demo/pass.toml");
+    let path = sunglint_testkit::repository().join("fixtures/scenes/box_wing_dusk.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let text = text
         .replace("2020-11-18T16:22:00", from)
@@ -74,7 +74,7 @@ pub fn elsewhere(which: u64) -> Pass {
         ("1 99004U 20001A   20323.50000000  .00000000  00000-0  10000-4 0    19", line(first)),
         ("2 99004  98.6000 318.0000 0010000  90.0000  90.0000 14.27000000    13", line(second)),
     ];
-    let path = sunglint_testkit::repository().join("src/demo/pass.toml");
+    let path = sunglint_testkit::repository().join("fixtures/scenes/box_wing_dusk.toml");
     let mut text = std::fs::read_to_string(&path).unwrap();
     for (old, new) in &lines {
         assert!(text.contains(old));
