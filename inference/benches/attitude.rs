@@ -20,7 +20,8 @@ fn main() {
 }
 
 fn pass() -> Pass {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/scenes/box_wing_dusk.toml");
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../fixtures/scenes/box_wing_dusk.toml");
     let text = std::fs::read_to_string(&path).unwrap().replace("step_s = 0.5", "step_s = 4.0");
     PassFile::parse(&path, &text).unwrap().resolve(Overrides::default()).unwrap()
 }

@@ -7,6 +7,7 @@ use super::FieldPoint;
 use super::correlated::{long_run, reach, sequences};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeSet;
+use sunglint_numerics::least_squares::{Descent, Limits, Normal, minimise};
 use sunglint_numerics::order::robust_sigma;
 use sunglint_radiometry::station::Fibre;
 
@@ -220,6 +221,32 @@ fn biweight_slope(u: f64) -> f64 {
     if t < 1.0 { (1.0 - t) * (1.0 - 5.0 * t) } else { 0.0 }
 }
 
+/// Numbers of the fit, and the weighted sum of squares there.
+struct At {
+    numbers: DVector<f64>,
+    cost: f64,
+}
+
+struct Descending<'a, 'b>(&'a Problem<'b>);
+
+impl Descent for Descending<'_, '_> {
+    type Place = At;
+    type Error = std::convert::Infallible;
+
+    fn cost(&self, place: &At) -> f64 {
+        place.cost
+    }
+
+    fn normal(&mut self, place: &mut At) -> Result<Normal, Self::Error> {
+        let (matrix, downhill) = self.0.normal(&place.numbers, false);
+        Ok(Normal { matrix, downhill })
+    }
+
+    fn step(&mut self, from: &At, step: &mut DVector<f64>) -> Result<At, Self::Error> {
+        Ok(self.0.at(&from.numbers + &*step))
+    }
+}
+
 impl Problem<'_> {
     fn parameters(&self) -> usize {
         self.shape + usize::from(self.background) + self.stars
@@ -322,35 +349,16 @@ impl Problem<'_> {
         row.push((number, profile(&shape, point) / point.sigma_hz));
     }
 
-    /// Levenberg and Marquardt's steps down to a minimum.
+    fn at(&self, numbers: DVector<f64>) -> At {
+        let cost = self.cost(&self.residuals(&numbers));
+        At { numbers, cost: if cost.is_nan() { f64::INFINITY } else { cost } }
+    }
+
+    /// Down to a minimum.
     fn descend(&self, start: DVector<f64>) -> (f64, DVector<f64>) {
-        let mut at = start;
-        let mut cost = self.cost(&self.residuals(&at));
-        let mut damping = 1e-3;
-        for _ in 0..200 {
-            let (matrix, vector) = self.normal(&at, false);
-            let mut better = false;
-            while damping < 1e12 {
-                let mut damped = matrix.clone();
-                for k in 0..damped.nrows() {
-                    damped[(k, k)] += damping * matrix[(k, k)].max(f64::MIN_POSITIVE);
-                }
-                let step = damped.cholesky().map(|c| c.solve(&vector));
-                let next = step.map(|step| &at + step);
-                let next_cost = next.as_ref().map_or(f64::NAN, |n| self.cost(&self.residuals(n)));
-                if let (Some(next), true) = (next, next_cost <= cost) {
-                    let gained = cost - next_cost;
-                    better = gained > 1e-13 * cost;
-                    (at, cost, damping) = (next, next_cost, (damping / 5.0).max(1e-12));
-                    break;
-                }
-                damping *= 4.0;
-            }
-            if !better {
-                break;
-            }
-        }
-        (cost, at)
+        let limits = Limits { steps: 200, gain: 1e-13, step: 0.0 };
+        let Ok(found) = minimise(&mut Descending(self), self.at(start), &limits);
+        (found.place.cost, found.place.numbers)
     }
 
     fn result(

@@ -7,7 +7,10 @@
 //! Light that changes bunches the counts and looks like afterpulses: take a stretch of constant light. A detector whose dead time is prolonged by
 //! lost events shows a hazard that rises from n e^(−nτ) to n between τ and some times 1/n; take a stretch with nτ below 0.1.
 
-use rmpfit::{MPConfig, MPFitter, MPPar, MPResult};
+use nalgebra::DVector;
+use sunglint_numerics::least_squares::{
+    Bounded, Differences, Limits, Residuals, covariance, minimise_residuals,
+};
 use sunglint_radiometry::station::DeadTime;
 
 /// How often each interval between successive counts of one channel occurred. It holds as much as it has bins, whatever is added.
@@ -248,29 +251,31 @@ impl Hazard {
     fn fit(&self, start: [f64; 3], step: bool) -> Result<Best, IntervalError> {
         let bins = self.alive.len() as f64;
         let limits = [[-40.0, 5.0], [0.0, bins], [0.0, bins]];
-        let mut parameters = Vec::new();
-        for (i, [low, high]) in limits.into_iter().enumerate() {
-            parameters.push(MPPar {
-                fixed: step && i == 2,
-                limited_low: true,
-                limited_up: true,
-                limit_low: low,
-                limit_up: high,
-                step: if i == 0 { 1e-5 } else { 1e-3 },
-                ..MPPar::default()
-            });
-        }
-        let mut fitter = HazardFit {
-            hazard: self,
-            parameters,
-            config: MPConfig { max_iter: 500, ..MPConfig::default() },
+        let number = |(i, [low, high]): (usize, [f64; 2])| Bounded {
+            low,
+            high,
+            step: if i == 0 { 1e-5 } else { 1e-3 },
+            fixed: step && i == 2,
         };
-        let mut at = start;
-        let status =
-            fitter.mpfit(&mut at).map_err(|error| IntervalError::Fit(error.to_string()))?;
-        let mut sigma = [0.0; 3];
-        sigma.copy_from_slice(&status.xerror[..3]);
-        Ok(Best { at, sigma, deviance: status.best_norm })
+        let numbers: Vec<Bounded> = limits.into_iter().enumerate().map(number).collect();
+        let limits = Limits { steps: 500, gain: 1e-10, step: 1e-10 };
+        let mut model = HazardFit(self);
+        let one = Differences::OneSided;
+        let Ok(found) = minimise_residuals(&mut model, &numbers, &start, one, &limits);
+        let place = found.place;
+        let at = [place.at[0], place.at[1], place.at[2]];
+        // A number at its bound has no uncertainty: those of the others are for it there.
+        let freed = |(n, at): (&Bounded, &f64)| Bounded {
+            fixed: n.fixed || *at <= n.low || *at >= n.high,
+            ..*n
+        };
+        let inner: Vec<Bounded> = numbers.iter().zip(&at).map(freed).collect();
+        let Ok(covariance) = covariance(&mut model, &inner, &place, one);
+        let covariance = covariance.ok_or_else(|| {
+            IntervalError::Fit("the intervals do not determine rate and dead time".into())
+        })?;
+        let sigma = [0, 1, 2].map(|i| covariance[(i, i)].sqrt());
+        Ok(Best { at, sigma, deviance: place.chi2() })
     }
 
     /// Counts beyond those of the second half's rate, between a time (in bins) and the middle.
@@ -289,27 +294,14 @@ impl Hazard {
     }
 }
 
-struct HazardFit<'a> {
-    hazard: &'a Hazard,
-    parameters: Vec<MPPar>,
-    config: MPConfig,
-}
+struct HazardFit<'a>(&'a Hazard);
 
-impl MPFitter for HazardFit<'_> {
-    fn eval(&mut self, at: &[f64], residuals: &mut [f64]) -> MPResult<()> {
-        self.hazard.residuals([at[0], at[1], at[2]], residuals);
-        Ok(())
-    }
+impl Residuals for HazardFit<'_> {
+    type Error = std::convert::Infallible;
 
-    fn number_of_points(&self) -> usize {
-        self.hazard.alive.len()
-    }
-
-    fn parameters(&self) -> &[MPPar] {
-        &self.parameters
-    }
-
-    fn config(&self) -> &MPConfig {
-        &self.config
+    fn residuals(&mut self, at: &[f64]) -> Result<DVector<f64>, Self::Error> {
+        let mut residuals = DVector::zeros(self.0.alive.len());
+        self.0.residuals([at[0], at[1], at[2]], residuals.as_mut_slice());
+        Ok(residuals)
     }
 }

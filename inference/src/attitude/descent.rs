@@ -1,11 +1,13 @@
-//! From a trial down to the minimum near it: Levenberg-Marquardt with the light engine's own derivatives by attitude; what is proportional to a scale is solved for.
+//! From a trial down to the minimum near it: Levenberg and Marquardt's steps with the light engine's own derivatives by attitude; what is proportional to a scale is solved for.
 
 use super::compare::Compared;
 use super::forward::{Eye, Forward};
+use super::residuals::Judged;
 use super::state::{Law, State, Unknowns};
 use super::{AttitudeError, Scale};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
+use sunglint_numerics::least_squares::{self, Limits, Normal, minimise};
 
 /// How light is compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,57 +77,18 @@ impl Descent<'_> {
     /// # Errors
     /// A trial that is none.
     pub fn down(&self, eye: &mut Eye, from: &State, most: usize) -> Result<Found, AttitudeError> {
-        let mut state = *from;
-        let mut light = self.light(eye, &state, true)?;
-        let mut simulated = self.moments.len();
-        let mut about = self.measured();
-        let mut judged = self.judge(&light, &about);
-        if matches!(self.space, Space::Rates { .. }) {
-            // What is measured too low by chance has no smaller noise for it: the model's own light counts.
-            about = self.about(&light, &judged.scales);
-            judged = self.judge(&light, &about);
-        }
-        let steps = self.unknowns.count();
-        let mut damping = 1e-3;
-        for _ in 0..most {
-            let mut damped = judged.normal.clone();
-            for i in 0..damped.nrows() {
-                damped[(i, i)] += damping * damped[(i, i)] + f64::MIN_POSITIVE;
-            }
-            let Some(change) = damped.cholesky().map(|c| c.solve(&judged.pull)) else { break };
-            // A step beyond half a radian is none that a slope knows of.
-            let longest = change.iter().take(steps).fold(0.0_f64, |a, v| a.max(v.abs()));
-            let part = if longest > 0.5 { 0.5 / longest } else { 1.0 };
-            let step: Vec<f64> = change.iter().take(steps).map(|v| part * v).collect();
-            let next = self.law.moved(&state, self.unknowns, &step)?;
-            let tried = self.judge(&self.light(eye, &next, false)?, &about);
-            simulated += self.moments.len();
-            if tried.cost < judged.cost {
-                let gain = (judged.cost - tried.cost) / judged.cost.max(f64::MIN_POSITIVE);
-                state = next;
-                light = self.light(eye, &state, true)?;
-                simulated += self.moments.len();
-                if matches!(self.space, Space::Rates { .. }) {
-                    about = self.about(&light, &tried.scales);
-                }
-                judged = self.judge(&light, &about);
-                damping = (0.2 * damping).max(1e-9);
-                if gain < 1e-7 || part * longest < 1e-8 {
-                    break;
-                }
-            } else {
-                damping *= 8.0;
-                if damping > 1e7 || longest < 1e-9 {
-                    break;
-                }
-            }
-        }
+        let mut going =
+            Going { descent: self, eye, simulated: self.moments.len(), about: self.measured() };
+        let judged = self.judge(&self.light(going.eye, from, false)?, &going.about);
+        let limits = Limits { steps: most, gain: 1e-7, step: 1e-9 };
+        let place = minimise(&mut going, At { state: *from, judged }, &limits)?.place;
+        let At { state, judged } = place;
         Ok(Found {
             state,
             cost: judged.cost,
             scales: judged.scales,
             normal: judged.normal,
-            simulated,
+            simulated: going.simulated,
             held: None,
         })
     }
@@ -164,6 +127,61 @@ impl Descent<'_> {
             }
         }
         Ok(all)
+    }
+}
+
+/// A trial and how it answers.
+struct At {
+    state: State,
+    judged: Judged,
+}
+
+struct Going<'a, 'b, 'c> {
+    descent: &'a Descent<'b>,
+    eye: &'a mut Eye<'c>,
+    simulated: usize,
+    /// The rates that noise is a part of.
+    about: Vec<f64>,
+}
+
+impl least_squares::Descent for Going<'_, '_, '_> {
+    type Place = At;
+    type Error = AttitudeError;
+
+    fn cost(&self, place: &At) -> f64 {
+        place.judged.cost
+    }
+
+    fn normal(&mut self, place: &mut At) -> Result<Normal, AttitudeError> {
+        let light = self.descent.light(self.eye, &place.state, true)?;
+        self.simulated += self.descent.moments.len();
+        if matches!(self.descent.space, Space::Rates { .. }) {
+            // What is measured too low by chance has no smaller noise for it: the model's own light counts.
+            self.about = self.descent.about(&light, &place.judged.scales);
+        }
+        place.judged = self.descent.judge(&light, &self.about);
+        let Judged { normal, pull, .. } = &place.judged;
+        Ok(Normal { matrix: normal.clone(), downhill: pull.clone() })
+    }
+
+    fn step(&mut self, from: &At, step: &mut DVector<f64>) -> Result<At, AttitudeError> {
+        let count = self.descent.unknowns.count();
+        // What is free of the brightness is solved for at each place.
+        step.rows_mut(count, step.len() - count).fill(0.0);
+        // A step beyond half a radian is none that a slope knows of.
+        let longest = step.amax();
+        if longest > 0.5 {
+            *step *= 0.5 / longest;
+        }
+        let turned = &step.as_slice()[..count];
+        let state = self.descent.law.moved(&from.state, self.descent.unknowns, turned)?;
+        let light = self.descent.light(self.eye, &state, false)?;
+        self.simulated += self.descent.moments.len();
+        Ok(At { state, judged: self.descent.judge(&light, &self.about) })
+    }
+
+    fn arrive(&mut self, place: &mut At) -> Result<(), AttitudeError> {
+        self.normal(place).map(|_| ())
     }
 }
 

@@ -1,14 +1,17 @@
-//! The search for the values that are not linear: places drawn over the box, from the best of them a bounded
-//! Levenberg–Marquardt (rmpfit), about the best minimum simplices (argmin). In units of the box, so that all parameters are alike.
+//! The search for the values that are not linear: places drawn over the box, from the best of them the steps of Levenberg and
+//! Marquardt within bounds, about the best minimum simplices (argmin). In units of the box, so that all parameters are alike.
 
 use super::FitError;
-use super::problem::{Problem, State};
+use super::problem::Problem;
 use argmin::core::{CostFunction, Executor, State as _};
 use argmin::solver::neldermead::NelderMead;
+use nalgebra::DVector;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use rmpfit::{MPConfig, MPError, MPFitter, MPPar, MPResult, MPSide, MPSuccess};
 use std::cell::RefCell;
+use sunglint_numerics::least_squares::{
+    Bounded, Differences, Limits, Residuals, minimise_residuals,
+};
 
 /// How far outside of the box a simplex may look: there the sum grows by its own size times the square of the distance.
 const WALL: f64 = 100.0;
@@ -109,38 +112,14 @@ pub(super) fn simplex(
     })
 }
 
-struct Polish<'a, 'b> {
-    problem: &'a mut Problem<'b>,
-    parameters: Vec<MPPar>,
-    config: MPConfig,
-    error: Option<FitError>,
-}
+struct Polish<'a, 'b>(&'a mut Problem<'b>);
 
-impl MPFitter for Polish<'_, '_> {
-    fn eval(&mut self, at: &[f64], deviates: &mut [f64]) -> MPResult<()> {
-        let values = values(self.problem, at);
-        match self.problem.evaluate(&values) {
-            Ok(State { residual, .. }) => {
-                deviates.copy_from_slice(residual.as_slice());
-                Ok(())
-            }
-            Err(error) => {
-                self.error = Some(error);
-                Err(MPError::Eval)
-            }
-        }
-    }
+impl Residuals for Polish<'_, '_> {
+    type Error = FitError;
 
-    fn number_of_points(&self) -> usize {
-        self.problem.whitener.rows
-    }
-
-    fn config(&self) -> &MPConfig {
-        &self.config
-    }
-
-    fn parameters(&self) -> &[MPPar] {
-        &self.parameters
+    fn residuals(&mut self, at: &[f64]) -> Result<DVector<f64>, FitError> {
+        let values = values(self.0, at);
+        Ok(self.0.evaluate(&values)?.residual)
     }
 }
 
@@ -156,43 +135,22 @@ pub(super) fn polish(
         let chi2 = problem.evaluate(&values(problem, at))?.chi2;
         return Ok(Found { at: at.to_vec(), chi2, converged: false });
     }
-    let parameter = |(k, f): (usize, &super::Free)| {
-        let mut p = MPPar::new();
-        p.fixed = held == Some(k);
-        (p.limited_low, p.limited_up) = (!f.wraps, !f.wraps);
-        (p.limit_low, p.limit_up) = (0.0, 1.0);
-        p.step = f.step / (f.high - f.low);
-        p.side = if both { MPSide::Both } else { MPSide::Auto };
-        p
+    let number = |(k, f): (usize, &super::Free)| {
+        let (low, high) = if f.wraps { (f64::NEG_INFINITY, f64::INFINITY) } else { (0.0, 1.0) };
+        Bounded { low, high, step: f.step / (f.high - f.low), fixed: held == Some(k) }
     };
-    let parameters = problem.free.iter().enumerate().map(parameter).collect();
-    let config = MPConfig {
-        max_iter: iterations,
-        ftol: 1e-9,
-        xtol: 1e-8,
-        gtol: 1e-9,
-        step_factor: 1.0,
-        ..MPConfig::new()
-    };
-    let mut at: Vec<f64> = (problem.free.iter().zip(at))
-        .map(|(f, z)| if f.wraps { *z } else { z.clamp(0.0, 1.0) })
-        .collect();
-    let mut polish = Polish { problem, parameters, config, error: None };
-    match polish.mpfit(&mut at) {
-        Ok(status) => {
-            let converged = !matches!(status.success, MPSuccess::NotDone | MPSuccess::MaxIter);
-            Ok(Found { at, chi2: status.best_norm, converged })
-        }
-        Err(error) => Err(polish.error.take().unwrap_or_else(|| {
-            let why = match error {
-                MPError::Nan => "a residual is no number",
-                MPError::DoF => "fewer samples than parameters",
-                MPError::InitBounds | MPError::Bounds => "the bounds exclude the start",
-                _ => "the least-squares solver refused its input",
-            };
-            FitError::Search { why: why.into() }
-        })),
+    let numbers: Vec<Bounded> = problem.free.iter().enumerate().map(number).collect();
+    if problem.whitener.rows < numbers.iter().filter(|n| !n.fixed).count() {
+        return Err(FitError::Search { why: "fewer samples than parameters".into() });
     }
+    let differences = if both { Differences::TwoSided } else { Differences::OneSided };
+    let limits = Limits { steps: iterations, gain: 1e-9, step: 1e-8 };
+    let found = minimise_residuals(&mut Polish(problem), &numbers, at, differences, &limits)?;
+    let chi2 = found.place.chi2();
+    if !chi2.is_finite() {
+        return Err(FitError::Search { why: "a residual is no number".into() });
+    }
+    Ok(Found { at: found.place.at, chi2, converged: found.converged })
 }
 
 /// How far apart two places are, in units of the box; angles the short way.

@@ -6,6 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
+use sunglint_numerics::least_squares::{Descent, Limits, Normal, minimise};
 
 /// The weight of the mean square curvature h''(x): small against what the bands say, enough to hold what they leave open.
 const CURVATURE: f64 = 1e-6;
@@ -141,36 +142,43 @@ impl Shape<'_> {
         (r, j)
     }
 
+    fn at(&self, c: DVector<f64>) -> At {
+        let (residuals, jacobian) = self.residuals(&c);
+        At { c, residuals, jacobian }
+    }
+
     fn descend(&self, start: DVector<f64>) -> (f64, DVector<f64>) {
-        let (mut at, mut lambda) = (start, 1e-3);
-        let (mut r, mut j) = self.residuals(&at);
-        let mut cost = r.norm_squared();
-        for _ in 0..ITERATIONS {
-            let normal = j.tr_mul(&j);
-            let gradient = j.tr_mul(&r);
-            let mut damped = normal.clone();
-            for i in 0..at.len() {
-                damped[(i, i)] += lambda * normal[(i, i)].max(1e-12);
-            }
-            let Some(step) = damped.cholesky().map(|c| c.solve(&gradient)) else { break };
-            let next = &at - &step;
-            let (r2, j2) = self.residuals(&next);
-            let cost2 = r2.norm_squared();
-            if cost2 < cost {
-                let small = cost - cost2 < 1e-12 * cost || step.amax() < 1e-10;
-                (at, r, j, cost) = (next, r2, j2, cost2);
-                lambda = (0.3 * lambda).max(1e-12);
-                if small {
-                    break;
-                }
-            } else {
-                lambda *= 10.0;
-                if lambda > 1e12 {
-                    break;
-                }
-            }
-        }
-        (cost, at)
+        let limits = Limits { steps: ITERATIONS, gain: 1e-12, step: 1e-10 };
+        let Ok(found) = minimise(&mut Descending(self), self.at(start), &limits);
+        (found.place.residuals.norm_squared(), found.place.c)
+    }
+}
+
+/// Coefficients, and what is left over there.
+struct At {
+    c: DVector<f64>,
+    residuals: DVector<f64>,
+    jacobian: DMatrix<f64>,
+}
+
+struct Descending<'a, 'b>(&'a Shape<'b>);
+
+impl Descent for Descending<'_, '_> {
+    type Place = At;
+    type Error = std::convert::Infallible;
+
+    fn cost(&self, place: &At) -> f64 {
+        place.residuals.norm_squared()
+    }
+
+    fn normal(&mut self, place: &mut At) -> Result<Normal, Self::Error> {
+        let matrix = place.jacobian.tr_mul(&place.jacobian);
+        // Residuals here are the model less the data.
+        Ok(Normal { matrix, downhill: -place.jacobian.tr_mul(&place.residuals) })
+    }
+
+    fn step(&mut self, from: &At, step: &mut DVector<f64>) -> Result<At, Self::Error> {
+        Ok(self.0.at(&from.c + &*step))
     }
 }
 

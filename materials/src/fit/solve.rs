@@ -7,6 +7,7 @@ use super::energy;
 use super::law::{Law, Rise};
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
+use sunglint_numerics::least_squares::{Descent, Limits, Normal, minimise};
 use sunglint_numerics::order::{quantile, robust_sigma};
 
 /// Less than this the logarithm is not taken of, sr⁻¹.
@@ -53,6 +54,89 @@ pub(super) struct Found {
     pub penalty: f64,
     pub converged: bool,
     pub held: Vec<bool>,
+}
+
+/// Variables, what is left over there, and what that costs.
+struct At {
+    x: Vec<f64>,
+    r: Vec<f64>,
+    e: Vec<f64>,
+    width: f64,
+    cost: f64,
+}
+
+struct Going<'a, 'b> {
+    judge: &'a Judge<'b>,
+    energy: bool,
+    least: Vec<f64>,
+    most: Vec<f64>,
+    held: Vec<bool>,
+}
+
+fn half(e: &[f64]) -> f64 {
+    0.5 * e.iter().map(|e| e * e).sum::<f64>()
+}
+
+impl Going<'_, '_> {
+    fn at(&self, x: Vec<f64>, width: Option<f64>) -> At {
+        let r = self.judge.residuals(&x);
+        let e = if self.energy { self.judge.penalties(&x) } else { Vec::new() };
+        let from = width.or_else(|| robust_sigma(r.iter().copied())).unwrap_or(1.4826);
+        let width = self.judge.width(&r, from);
+        let cost = self.judge.cost(&r, width) + half(&e);
+        At { x, r, e, width, cost }
+    }
+
+    /// Whether a variable is at a bound that the way down leads beyond.
+    fn beyond(&self, x: &[f64], j: usize, downhill: f64) -> bool {
+        let edge = 1e-9;
+        (x[j] <= self.least[j] + edge && downhill < 0.0)
+            || (x[j] >= self.most[j] - edge && downhill > 0.0)
+    }
+}
+
+impl Descent for Going<'_, '_> {
+    type Place = At;
+    type Error = std::convert::Infallible;
+
+    fn cost(&self, place: &At) -> f64 {
+        place.cost
+    }
+
+    fn normal(&mut self, place: &mut At) -> Result<Normal, Self::Error> {
+        let At { x, r, e, width, .. } = place;
+        let n = x.len();
+        let (of_r, of_e) = self.judge.slopes(x, r, e);
+        let (mut matrix, mut downhill) = (DMatrix::zeros(n, n), DVector::zeros(n));
+        let weight = |r: f64| self.judge.weight(r, *width) / (*width * *width);
+        for (slopes, left, weighted) in [(&of_r, &*r, true), (&of_e, &*e, false)] {
+            for (k, left) in left.iter().enumerate() {
+                let w = if weighted { weight(*left) } else { 1.0 };
+                for a in 0..n {
+                    downhill[a] -= w * slopes[(k, a)] * left;
+                    for b in 0..n {
+                        matrix[(a, b)] += w * slopes[(k, a)] * slopes[(k, b)];
+                    }
+                }
+            }
+        }
+        self.held = (0..n).map(|j| self.beyond(x, j, downhill[j])).collect();
+        Ok(Normal { matrix, downhill })
+    }
+
+    fn step(&mut self, from: &At, step: &mut DVector<f64>) -> Result<At, Self::Error> {
+        let mut x = from.x.clone();
+        for j in 0..x.len() {
+            // A factor of e³ at most: beyond, the logarithm is not straight.
+            x[j] = (x[j] + step[j].clamp(-3.0, 3.0)).clamp(self.least[j], self.most[j]);
+            step[j] = x[j] - from.x[j];
+        }
+        Ok(self.at(x, Some(from.width)))
+    }
+
+    fn is_held(&self, place: &At, number: usize, downhill: f64) -> bool {
+        self.beyond(&place.x, number, downhill)
+    }
 }
 
 impl Judge<'_> {
@@ -146,91 +230,16 @@ impl Judge<'_> {
         let ranges = self.law.ranges();
         let (least, most): (Vec<f64>, Vec<f64>) =
             ranges.iter().map(|r| (r.least.ln(), r.most.ln())).unzip();
-        let n = start.len();
-        let mut x: Vec<f64> = (0..n).map(|j| start[j].clamp(least[j], most[j])).collect();
-        let penalties = |x: &[f64]| if energy { self.penalties(x) } else { Vec::new() };
-        let half = |e: &[f64]| 0.5 * e.iter().map(|e| e * e).sum::<f64>();
-        let (mut r, mut e) = (self.residuals(&x), penalties(&x));
-        let mut width = self.width(&r, robust_sigma(r.iter().copied()).unwrap_or(1.4826));
-        let mut cost = self.cost(&r, width) + half(&e);
-        let mut damping: f64 = 1e-3;
-        let mut held = vec![false; n];
-        let mut converged = false;
-        for _ in 0..iterations {
-            let (of_r, of_e) = self.slopes(&x, &r, &e);
-            let mut normal: DMatrix<f64> = DMatrix::zeros(n, n);
-            let mut gradient: DVector<f64> = DVector::zeros(n);
-            for k in 0..r.len() {
-                let w = self.weight(r[k], width) / (width * width);
-                for a in 0..n {
-                    gradient[a] += w * of_r[(k, a)] * r[k];
-                    for b in 0..n {
-                        normal[(a, b)] += w * of_r[(k, a)] * of_r[(k, b)];
-                    }
-                }
-            }
-            for k in 0..e.len() {
-                for a in 0..n {
-                    gradient[a] += of_e[(k, a)] * e[k];
-                    for b in 0..n {
-                        normal[(a, b)] += of_e[(k, a)] * of_e[(k, b)];
-                    }
-                }
-            }
-            for j in 0..n {
-                let edge = 1e-9;
-                held[j] = (x[j] <= least[j] + edge && gradient[j] > 0.0)
-                    || (x[j] >= most[j] - edge && gradient[j] < 0.0);
-            }
-            let free: Vec<usize> = (0..n).filter(|j| !held[*j]).collect();
-            if free.is_empty() {
-                converged = true;
-                break;
-            }
-            let mut better = false;
-            for _ in 0..12 {
-                let m = free.len();
-                let mut a: DMatrix<f64> = DMatrix::zeros(m, m);
-                let mut b: DVector<f64> = DVector::zeros(m);
-                for (s, j) in free.iter().enumerate() {
-                    b[s] = -gradient[*j];
-                    for (t, k) in free.iter().enumerate() {
-                        a[(s, t)] = normal[(*j, *k)];
-                    }
-                    a[(s, s)] += damping * normal[(*j, *j)] + 1e-12;
-                }
-                let Some(step) = a.cholesky().map(|c| c.solve(&b)) else {
-                    damping *= 10.0;
-                    continue;
-                };
-                let mut next = x.clone();
-                for (s, j) in free.iter().enumerate() {
-                    // A factor of e³ at most: beyond, the logarithm is not straight.
-                    next[*j] = (x[*j] + step[s].clamp(-3.0, 3.0)).clamp(least[*j], most[*j]);
-                }
-                let (r2, e2) = (self.residuals(&next), penalties(&next));
-                let width2 = self.width(&r2, width);
-                let cost2 = self.cost(&r2, width2) + half(&e2);
-                if cost2 < cost {
-                    let moved = x.iter().zip(&next).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
-                    converged = moved < 1e-9 || cost - cost2 < 1e-10 * (1.0 + cost.abs());
-                    (x, r, e, width, cost) = (next, r2, e2, width2, cost2);
-                    damping = (damping * 0.2).max(1e-12);
-                    better = true;
-                    break;
-                }
-                damping *= 8.0;
-            }
-            if !better {
-                // No step downhill is left.
-                converged = true;
-            }
-            if converged {
-                break;
-            }
-        }
+        let mut going = Going { judge: self, energy, least, most, held: Vec::new() };
+        let x = (0..start.len()).map(|j| start[j].clamp(going.least[j], going.most[j])).collect();
+        let first = going.at(x, None);
+        let limits = Limits { steps: iterations, gain: 1e-10, step: 1e-9 };
+        let Ok(found) = minimise(&mut going, first, &limits);
+        let At { x, r, e, width, .. } = found.place;
         let ln_likelihood = -self.cost(&r, width);
-        Found { x, residual: r, width, ln_likelihood, penalty: half(&e), converged, held }
+        let penalty = half(&e);
+        let held = going.held;
+        Found { x, residual: r, width, ln_likelihood, penalty, converged: found.converged, held }
     }
 
     /// Starts with strengths, the most promising first.
