@@ -2,6 +2,7 @@
 //!
 //! - [`gauss`]: Gauss–Legendre nodes;
 //! - [`least_squares`]: fits by the steps of Levenberg and Marquardt;
+//! - [`measured`]: values with their uncertainty, intervals;
 //! - [`order`]: medians and quantiles;
 //! - [`panels`]: Gauss–Legendre quadrature over panels;
 //! - [`progress`]: what long work tells whoever watches it;
@@ -9,6 +10,7 @@
 
 pub mod gauss;
 pub mod least_squares;
+pub mod measured;
 pub mod order;
 pub mod panels;
 pub mod progress;
