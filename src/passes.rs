@@ -119,7 +119,7 @@ pub struct BrightnessArgs {
         conflicts_with_all = ["diameter_m", "reflectance", "standard_magnitude"]
     )]
     pub model: Option<String>,
-    /// How the model is turned: orbit (z to nadir, x along the velocity), yaw_steering, sun, inertial, or a file with `[attitude]` [default: orbit]
+    /// How the model is turned: orbit (z to nadir, x along the velocity), yaw_steering, or a file with `[attitude]` [default: orbit]
     #[arg(long, value_name = "LAW|FILE", requires = "model")]
     pub attitude: Option<String>,
     /// What a model's light may err by: of effects that it needs no more is modelled, `1%` or `0.01`
@@ -450,7 +450,7 @@ pub(crate) fn target(model: &str) -> anyhow::Result<Target> {
 
 /// A law by its name, or one of a file.
 fn attitude(law: &str) -> anyhow::Result<Attitude> {
-    const ALONE: [&str; 4] = ["orbit", "yaw_steering", "sun", "inertial"];
+    const ALONE: [&str; 2] = ["orbit", "yaw_steering"];
     let path = Path::new(law);
     if path.exists() {
         return Attitude::read(path).context("--attitude");

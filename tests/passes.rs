@@ -233,7 +233,11 @@ fn a_model_has_the_rates_that_simulate_gives_it() {
     let all = folder.json(&["simulate", "all.toml", "--json", "-q"]);
     let best = all["v_above_air"]["brightest_mag"].as_f64().unwrap();
     assert!(best > v - 0.02, "{best} {v}");
+    // A law that the help names needs nothing else.
+    let yaw = ["--norad", "90002", "--model", "box_wing_diffuse", "--attitude", "yaw_steering"];
+    folder.done(&night(&tle, &[&yaw[..], &["--tolerance", "5%", "-q"]].concat()));
     for (code, more, expected) in [
+        (1, vec!["--model", "box_wing", "--attitude", "sun"], "a file with [attitude]"),
         (1, vec!["--model", "box_wings"], "did you mean box_wing?"),
         (1, vec!["--model", "box_wing", "--attitude", "orbits"], "did you mean orbit?"),
         (1, vec!["--model", "box_wing", "--attitude", "spin"], "a file with [attitude]"),
