@@ -4,6 +4,7 @@ use crate::photometry::{
     Expected, FrameCalibration, FrameReducer, PhotometryError, PhotometryOptions,
 };
 use sunglint_formats::session::FrameFile;
+use sunglint_numerics::order::median;
 
 /// Frames of a stay that are looked at.
 const LOOKS: usize = 9;
@@ -51,10 +52,8 @@ pub fn fwhm_px(
             continue;
         }
         let saturated = found.iter().all(|(_, saturated)| *saturated);
-        let mut widths: Vec<f64> =
-            found.iter().filter(|(_, s)| *s == saturated).map(|(w, _)| *w).collect();
-        widths.sort_by(f64::total_cmp);
-        let fwhm_px = widths[widths.len() / 2];
+        let widths = found.iter().filter(|(_, s)| *s == saturated).map(|(w, _)| *w);
+        let Some(fwhm_px) = median(widths) else { continue };
         if fwhm_px <= WIDER * tried_px {
             return Ok(Some(Width { fwhm_px, saturated }));
         }

@@ -7,6 +7,7 @@ use sunglint_formats::{Column, Table, Values};
 use sunglint_materials::assemble::files::Assembly;
 use sunglint_materials::assemble::{Assembled, Doubt};
 use sunglint_materials::plan::Planned;
+use sunglint_numerics::order::median;
 use sunglint_radiometry::light_curve::Input;
 
 fn table_of(kind: &str, columns: Vec<Column>, inputs: &[Input]) -> Table {
@@ -143,14 +144,13 @@ pub fn text(made: &Assembled) -> String {
     }
     let beyond: Vec<&Doubt> = made.doubts.iter().filter(|d| d.extrapolated).collect();
     if let Some(worst) = beyond.iter().max_by(|a, b| a.ln_doubt.total_cmp(&b.ln_doubt)) {
-        let mut all: Vec<f64> = beyond.iter().map(|d| d.ln_doubt).collect();
-        all.sort_by(f64::total_cmp);
+        let half = median(beyond.iter().map(|d| d.ln_doubt)).unwrap_or(f64::NAN);
         let _ = writeln!(
             text,
             "{} of {} directions all around are extrapolated: half of them may be off by a factor of {:.2} or more, the worst by {:.2} (light at {:.0}°, seen from {:.0}°, azimuths {:.0}° apart)",
             beyond.len(),
             made.doubts.len(),
-            all[all.len() / 2].exp(),
+            half.exp(),
             worst.ln_doubt.exp(),
             worst.theta_i_deg,
             worst.theta_o_deg,

@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 use sunglint_formats::EncodeError;
 use sunglint_materials::ingest::Ingested;
 use sunglint_materials::ingest::file::IngestedFile;
+use sunglint_numerics::order::quantile;
 
 /// More values than these go into a FITS file when a folder is written.
 pub const MOST_IN_TEXT: usize = 2_000_000;
@@ -52,7 +53,7 @@ pub fn text(found: &IngestedFile) -> String {
         let _ = writeln!(
             text,
             "{channel} was scaled by {:.4} (median; {:.4} to {:.4}) to meet the detector before it",
-            scales[scales.len() / 2],
+            quantile(&scales, 0.5),
             scales[0],
             scales[scales.len() - 1]
         );

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
 use sunglint_materials::look::{Look, Ratios, Slice};
+use sunglint_numerics::order::median;
 use sunglint_simulator::surface::Material;
 
 /// All forms of what a material does.
@@ -106,9 +107,7 @@ pub fn compared(
     );
     let mut found = Vec::new();
     for row in rows.iter().filter(|r| !r.all.is_empty()) {
-        let mut sorted: Vec<f64> = row.all.iter().map(|v| v.2).collect();
-        sorted.sort_by(f64::total_cmp);
-        let median = sorted[sorted.len() / 2];
+        let median = median(row.all.iter().map(|v| v.2)).unwrap_or(f64::NAN);
         let (theta_o, phi, most) = row.all[row.all.len() - 1];
         let _ = writeln!(
             text,

@@ -4,6 +4,7 @@ use crate::plot::gallery::{Arrow, Gallery, Key, Tile};
 use crate::plot::{COLOURS, RGBColor, viridis};
 use image::{Rgba, RgbaImage};
 use std::ops::Range;
+use sunglint_numerics::order;
 use sunglint_simulator::picture::{RGB_NM, Shot, What};
 
 /// Behind pictures of light.
@@ -111,12 +112,11 @@ fn bytes(RGBColor(r, g, b): RGBColor) -> [f64; 3] {
     [r, g, b].map(f64::from)
 }
 
-/// The value that a share of the sorted values does not reach.
+/// The quantile of values; 0 of nothing.
 fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
-    let at = (share * values.len() as f64) as usize;
-    values.get(at.min(values.len().saturating_sub(1))).copied().unwrap_or(0.0)
+    if values.is_empty() { 0.0 } else { order::quantile(&values, share) }
 }
 
 fn intensity(shot: &Shot<'_>, band: usize) -> Tile {

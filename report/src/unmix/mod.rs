@@ -11,11 +11,11 @@ use sunglint_formats::flag_bits::bit_names;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
 use sunglint_inference::unmix::UnmixedCurve;
+use sunglint_numerics::order;
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.retain(|v| v.is_finite());
-    values.sort_by(f64::total_cmp);
-    if values.is_empty() { f64::NAN } else { values[values.len() / 2] }
+/// The median of what is finite; NaN of nothing.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    order::median(values.filter(|v| v.is_finite())).unwrap_or(f64::NAN)
 }
 
 fn mixtures(unmixed: &UnmixedCurve) -> impl Iterator<Item = &Mixture> {
@@ -132,7 +132,7 @@ fn summary(unmixed: &UnmixedCurve, m: usize) -> (f64, f64, f64, usize) {
     let shares: Vec<f64> =
         mixtures(unmixed).map(|x| x.shares[m]).filter(|v| v.is_finite()).collect();
     let mean = shares.iter().sum::<f64>() / shares.len() as f64;
-    let sigma = median(mixtures(unmixed).map(|x| x.share_sigma[m]).collect());
+    let sigma = median(mixtures(unmixed).map(|x| x.share_sigma[m]));
     let most = mixtures(unmixed).map(|x| x.weights[m]).fold(0.0, f64::max);
     (mean, sigma, most, mixtures(unmixed).filter(|x| x.bounded[m]).count())
 }
@@ -161,7 +161,7 @@ pub fn text(unmixed: &UnmixedCurve) -> String {
             unit(unmixed).replace(' ', "")
         );
     }
-    let left = median(mixtures(unmixed).map(|x| x.residual_relative).collect());
+    let left = median(mixtures(unmixed).map(|x| x.residual_relative));
     let _ = writeln!(
         text,
         "  condition number {:.1}; usually {:.2e} of the light is left over",
@@ -210,7 +210,7 @@ pub fn json(unmixed: &UnmixedCurve) -> Value {
         "nearest": unmixed.mixing.nearest.as_ref().map(|t| json!({
             "pair": t.pair.map(|k| unmixed.bands.endmembers[k].clone()), "angle_deg": rounded(t.angle_rad.to_degrees()),
         })),
-        "median_residual_relative": number(median(mixtures(unmixed).map(|x| x.residual_relative).collect())),
+        "median_residual_relative": number(median(mixtures(unmixed).map(|x| x.residual_relative))),
         "without_weights": {
             "no_data": count(State::NO_DATA),
             "below_horizon": count(State::BELOW_HORIZON),

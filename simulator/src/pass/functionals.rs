@@ -334,8 +334,9 @@ mod tests {
     #[test]
     fn a_term_that_changes_its_sign_goes_through_the_air() {
         use crate::light::Source;
-        let file =
-            super::super::PassFile::read(sunglint_testkit::repository().join("fixtures/scenes/box_wing_dusk.toml"));
+        let file = super::super::PassFile::read(
+            sunglint_testkit::repository().join("fixtures/scenes/box_wing_dusk.toml"),
+        );
         let pass = file.unwrap().resolve(super::super::Overrides::default()).unwrap();
         let term = |value: [f64; 3]| {
             let spectrum = Spectrum::new(vec![300.0, 600.0, 1240.0], value.to_vec()).unwrap();
