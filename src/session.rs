@@ -34,7 +34,8 @@ fn check(args: &CheckArgs, console: Console) -> anyhow::Result<()> {
     console.result(&text(&session, &report), &json(&session, &report))?;
     if !report.is_whole() {
         let missing = report.findings.iter().filter(|f| f.severity == Severity::Missing).count();
-        bail!("{}: {missing} things are missing or wrong", args.session.display());
+        let things = if missing == 1 { "1 thing is" } else { &format!("{missing} things are") };
+        bail!("{}: {things} missing or wrong", args.session.display());
     }
     Ok(())
 }

@@ -17,6 +17,7 @@ use sunglint_radiometry::air::{Air, AirError, Zenith};
 use sunglint_radiometry::light_curve::{LightCurve, RateKind};
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Observer, Star};
+use sunglint_radiometry::spectrum::{Spectrum, Transmission};
 use sunglint_radiometry::star_light::{self, StarColours, StarLight};
 use sunglint_radiometry::station::Station;
 
@@ -196,28 +197,24 @@ impl MeasuredVisit {
                 station: station.name.clone(),
             });
         }
-        let of = |name: &str| mean(curve, curve.channel(name)?, &airmass, aperture);
+        let of = |name: &str| mean(curve, curve.channel(name)?, &zenith, &airmass, aperture);
         let means: Vec<Option<Mean>> = station.channels.iter().map(|c| of(&c.name)).collect();
         let measured: Vec<&Mean> = means.iter().flatten().collect();
         if measured.is_empty() {
             return Err(VisitError::NothingValid);
         }
         let exposed_s = measured.iter().map(|m| m.exposed_s).fold(0.0, f64::max);
-        let total: f64 = curve.samples.exposure_s.iter().sum();
-        let weighted = |values: &[f64]| {
-            let pairs = values.iter().zip(&curve.samples.exposure_s);
-            pairs.map(|(v, t)| v * t).sum::<f64>() / total
+        // Over the samples that the rates are of, not over all: a gap would shift the angle against the rates.
+        let over = |value: &dyn Fn(&Mean) -> f64| {
+            measured.iter().map(|m| value(m)).sum::<f64>() / measured.len() as f64
         };
-        let mean_airmass = measured.iter().map(|m| m.airmass).sum::<f64>() / measured.len() as f64;
-        let first = curve.samples.time[0];
-        let offsets: Vec<f64> =
-            curve.samples.time.iter().map(|t| (*t - first).to_seconds()).collect();
-        let middle = first + weighted(&offsets) * Unit::Second;
+        let mean_airmass = over(&|m| m.airmass);
+        let middle = curve.samples.time[0] + over(&|m| m.middle_s) * Unit::Second;
         Ok(Self {
             star: star.label(),
             night: night_of(middle, station.site.geodetic().longitude_deg),
             middle,
-            zenith_deg: weighted(&zenith),
+            zenith_deg: over(&|m| m.zenith_deg),
             airmass: mean_airmass,
             b_minus_v_mag: star.bv_mag.filter(|c| c.is_finite()),
             scintillation: aperture.variance(exposed_s, mean_airmass).sqrt(),
@@ -237,15 +234,23 @@ impl MeasuredVisit {
         thicker: Option<(&Air, f64)>,
     ) -> Result<Visit, AirError> {
         let light = &self.light.irradiance;
-        let through = |air: &Air| air.spectrum(Zenith::True(self.zenith_deg), light.range_nm());
-        let clear = through(air)?;
-        let hazy =
-            thicker.map(|(air, step)| Ok::<_, AirError>((through(air)?, step))).transpose()?;
+        // Channels whose samples are valid at the same times see the star through the same air.
+        let mut ways: Vec<(f64, Way)> = Vec::new();
+        for mean in self.means.iter().flatten() {
+            if ways.iter().all(|(zenith_deg, _)| *zenith_deg != mean.zenith_deg) {
+                let through =
+                    |air: &Air| air.spectrum(Zenith::True(mean.zenith_deg), light.range_nm());
+                let hazy = thicker
+                    .map(|(air, step)| Ok::<_, AirError>((through(air)?, step)))
+                    .transpose()?;
+                ways.push((mean.zenith_deg, Way { clear: through(air)?, hazy }));
+            }
+        }
         let channels = station.channels.iter().zip(&self.means).map(|(channel, mean)| {
             let mean = (*mean)?;
-            let predicted = station.rate_hz(channel, light, Some(&clear));
-            let predicted_hz = predicted.value;
-            let per_aerosol_depth = hazy.as_ref().map(|(hazy, step)| {
+            let (_, way) = ways.iter().find(|(zenith_deg, _)| *zenith_deg == mean.zenith_deg)?;
+            let predicted_hz = station.rate_hz(channel, light, Some(&way.clear)).value;
+            let per_aerosol_depth = way.hazy.as_ref().map(|(hazy, step)| {
                 (station.rate_hz(channel, light, Some(hazy)).value / predicted_hz).ln() / step
             });
             let usable = predicted_hz > 0.0 && mean.sigma_hz > 0.0;
@@ -265,6 +270,12 @@ impl MeasuredVisit {
             channels: channels.collect(),
         })
     }
+}
+
+/// What the air lets through on the way of a star's light; with a thicker air, and by how much it is thicker.
+struct Way {
+    clear: Spectrum<Transmission>,
+    hazy: Option<(Spectrum<Transmission>, f64)>,
 }
 
 /// The date at which a night began at a longitude: it changes at mean noon there.

@@ -18,6 +18,10 @@ pub struct Mean {
     pub exposed_s: f64,
     /// Scatter of the samples over what their uncertainties and the scintillation let expect; `NaN` of fewer than five.
     pub scatter_ratio: f64,
+    /// Mean time of these samples, weighted by exposure, s after the curve's first sample.
+    pub middle_s: f64,
+    /// Mean true zenith angle of these samples, degrees.
+    pub zenith_deg: f64,
     /// Mean airmass, weighted by exposed time.
     pub airmass: f64,
 }
@@ -27,6 +31,7 @@ pub struct Mean {
 pub fn mean(
     curve: &LightCurve,
     channel: &ChannelCurve,
+    zenith_deg: &[f64],
     airmass: &[f64],
     aperture: &Aperture,
 ) -> Option<Mean> {
@@ -45,7 +50,12 @@ pub fn mean(
     let share = |i: usize| exposure(i) / exposed_s;
     let rate_hz: f64 = picked.iter().map(|i| share(*i) * channel.rate_hz[*i]).sum();
     let stated: f64 = picked.iter().map(|i| (share(*i) * channel.sigma_hz[*i]).powi(2)).sum();
-    let airmass_mean: f64 = picked.iter().map(|i| share(*i) * airmass[*i]).sum();
+    // Of the samples that the rate is of: a cloud or a gap shifts all of these alike.
+    let over = |value: &dyn Fn(usize) -> f64| -> f64 {
+        picked.iter().map(|i| share(*i) * value(*i)).sum()
+    };
+    let first = curve.samples.time[0];
+    let middle_s = over(&|i| (curve.samples.time[i] - first).to_seconds());
     let scatter_ratio = if picked.len() < 5 {
         f64::NAN
     } else {
@@ -64,6 +74,8 @@ pub fn mean(
         flagged: curve.len() - picked.len() - absent,
         exposed_s,
         scatter_ratio,
-        airmass: airmass_mean,
+        middle_s,
+        zenith_deg: over(&|i| zenith_deg[i]),
+        airmass: over(&|i| airmass[i]),
     })
 }

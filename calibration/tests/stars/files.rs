@@ -42,15 +42,19 @@ fn the_mean_of_a_visit_is_weighted_by_time() {
         other: Default::default(),
     };
     let aperture = Aperture { diameter_m: 0.43, height_m: 0.0, coefficient: 1.5 };
+    // 9 and 80: values of samples that are not valid.
     let airmass = [1.0, 9.0, 1.2, 1.4, 9.0, 1.6, 9.0];
-    let found = mean(&curve, &curve.channels[0], &airmass, &aperture).unwrap();
+    let zenith_deg = [10.0, 80.0, 20.0, 30.0, 80.0, 40.0, 80.0];
+    let found = mean(&curve, &curve.channels[0], &zenith_deg, &airmass, &aperture).unwrap();
     assert!((found.rate_hz - 101.0).abs() < 1e-12);
     assert!((found.sigma_hz - 22.0_f64.sqrt() * 2.0 / 8.0).abs() < 1e-12);
     assert!((found.airmass - (1.0 + 1.2 + 2.8 + 6.4) / 8.0).abs() < 1e-12);
+    assert!((found.zenith_deg - (10.0 + 20.0 + 60.0 + 160.0) / 8.0).abs() < 1e-12);
+    assert!((found.middle_s - (0.0 + 2.0 + 6.0 + 20.0) / 8.0).abs() < 1e-12);
     assert_eq!((found.used, found.flagged, found.exposed_s), (4, 2, 8.0));
     let mut empty = curve.clone();
     empty.channels[0].flags = vec![Flags::GAP; 7];
-    assert!(mean(&empty, &empty.channels[0], &airmass, &aperture).is_none());
+    assert!(mean(&empty, &empty.channels[0], &zenith_deg, &airmass, &aperture).is_none());
 }
 
 /// Truth: what was written is what is read; a file that was changed is refused with its place.

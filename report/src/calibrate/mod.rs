@@ -174,11 +174,17 @@ impl Report<'_> {
         for check in &night.found.ratios {
             let name = |c: usize| &self.station.channels[c].name;
             let exponent =
-                check.exponent.map_or("-".into(), |s| format!("{:.3} ± {:.3}", s.value, s.sigma));
-            let bright = check.by_brightness.map_or("-".to_owned(), |s| s.percent());
+                check.exponent.map_or("exponent not determined (too few stars)".into(), |s| {
+                    format!("exponent {:.3} ± {:.3} (1 is right)", s.value, s.sigma)
+                });
+            let bright = check
+                .by_brightness
+                .map_or("slope with brightness not determined".to_owned(), |s| {
+                    format!("{} per factor e in brightness (0 is linear)", s.percent())
+                });
             let _ = writeln!(
                 text,
-                "  ratio {}/{}: exponent {exponent} (1 is right), {bright} per factor e in brightness (0 is linear)",
+                "  ratio {}/{}: {exponent}, {bright}",
                 name(check.channel),
                 name(check.reference)
             );
