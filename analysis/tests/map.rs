@@ -95,7 +95,7 @@ fn between_the_middles_a_map_is_linear() {
 }
 
 fn sightings(step_s: f64, period_s: f64) -> (Vec<Sighting>, DVec3) {
-    let path = sunglint_testkit::repository().join("src/demo/pass.toml");
+    let path = sunglint_testkit::repository().join("fixtures/scenes/box_wing_dusk.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let text = text.replace("period_s = 120.0", &format!("period_s = {period_s:?}"));
     let text = text.replace("step_s = 0.5", &format!("step_s = {step_s:?}"));

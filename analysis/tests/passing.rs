@@ -123,7 +123,7 @@ fn night(seed: u64) -> Night {
     let gap_from = random.random_range(0.0..1.0 - gap);
     let from = random.random_range(0.0..PASS_S - span_s);
 
-    let path = sunglint_testkit::repository().join("src/demo/pass.toml");
+    let path = sunglint_testkit::repository().join("fixtures/scenes/box_wing_dusk.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let text = text.replace("step_s = 0.5", &format!("step_s = {step_s:?}"));
     let text = text.replace("2020-11-18T16:22:00", "2020-11-18T16:20:00");

@@ -68,7 +68,7 @@ fn six_channels(pass: &mut Pass) {
 
 /// The pass of the demonstration, turning once in 20 s about a tilted axis; sunlight alone, scattered once.
 fn pass() -> Pass {
-    let path = sunglint_testkit::repository().join("src/demo/pass.toml");
+    let path = sunglint_testkit::repository().join("fixtures/scenes/box_wing_dusk.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let text = text.replace("period_s = 120.0", "period_s = 20.0");
     let text = text.replace("axis_body = [0.0, 0.0, 1.0]", "axis_body = [0.3, 0.5, 0.8]");
