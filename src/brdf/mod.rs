@@ -76,18 +76,18 @@ pub fn run(command: &BrdfCommand, console: Console, seed: u64) -> anyhow::Result
 }
 
 /// A progress bar on stderr; none where that is no terminal or nothing is to be said. It goes when it is dropped.
-struct Bar(ProgressBar);
+struct Bar(ProgressBar, Console);
 
 impl Bar {
     fn new(what: &'static str, console: Console) -> Self {
         if console.quiet {
-            return Self(ProgressBar::hidden());
+            return Self(ProgressBar::hidden(), console);
         }
         let bar = ProgressBar::new(1);
         if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len}") {
             bar.set_style(style);
         }
-        Self(bar.with_message(what))
+        Self(bar.with_message(what), console)
     }
 }
 
@@ -101,7 +101,7 @@ impl Progress for Bar {
     }
 
     fn warn(&self, warning: &str) {
-        self.0.suspend(|| eprintln!("warning: {warning}"));
+        self.0.suspend(|| self.1.warn(warning));
     }
 }
 
