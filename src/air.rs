@@ -96,7 +96,7 @@ impl AirModelArgs {
     }
 }
 
-/// What of an air can hardly be meant.
+/// Returns the properties of an air that can hardly be meant.
 pub fn implausible(air: &Air) -> Vec<String> {
     air.implausible()
 }

@@ -1,6 +1,6 @@
 //! `sunglint compare`: a measured pass beside the simulated one.
 //!
-//! What compares is [`sunglint_inference::compare`], what shows it [`sunglint_report::compare`].
+//! [`sunglint_inference::compare`] compares, [`sunglint_report::compare`] shows it.
 
 pub use crate::curve_file::ComparedAs;
 use crate::explain;
@@ -72,7 +72,7 @@ pub fn run(args: &CompareArgs, console: Console) -> anyhow::Result<()> {
     args.out.finish(&product, &text, console)
 }
 
-/// What the comparison that arguments ask for has to give, and its summary; says on stderr what a person should hear of.
+/// Returns the product of the comparison that arguments ask for, and its summary; says on stderr what a person should hear of.
 pub(crate) fn compare(args: &CompareArgs, console: Console) -> anyhow::Result<(Product, String)> {
     let columns = MagnitudeColumns {
         magnitude: args.column.clone(),

@@ -60,7 +60,7 @@ impl Magnitudes {
     /// Reads a file of rates or magnitudes.
     ///
     /// # Errors
-    /// As [`CurveFile::read`], with the option that may help.
+    /// The errors of [`CurveFile::read`], with the option that may help.
     pub fn read(&self, path: &Path, text: &str) -> anyhow::Result<CurveFile> {
         CurveFile::read(path, text, &self.options()).map_err(with_hint)
     }

@@ -44,7 +44,7 @@ const FILES: [(&str, &str); 5] = [
     ("virtual.toml", include_str!("demo/virtual.toml")),
     ("satellites.tle", include_str!("demo/satellites.tle")),
 ];
-/// What is made besides.
+/// Name of the file that says what is made besides.
 const README: &str = "README.txt";
 const SIMULATED: &str = "simulated";
 const SESSION: &str = "session";
@@ -259,7 +259,7 @@ impl<'a> Work<'a> {
     }
 }
 
-/// What a fit found, beside what the night was made with: the scene's own values.
+/// Writes what a fit found, beside what the night was made with: the scene's own values.
 fn fitted(visit: &str, answer: &PassFit) -> String {
     let (mut covered, mut all, mut furthest) = (0, 0, 0.0_f64);
     let mut values = Vec::new();

@@ -163,7 +163,7 @@ impl OutputArgs {
         self.finish_with(product, Vec::new(), text, console)
     }
 
-    /// As [`OutputArgs::finish`], with other files that are written together with the product's or not at all.
+    /// Finishes as [`OutputArgs::finish`] does, with other files that are written together with the product's or not at all.
     pub fn finish_with(
         &self,
         product: &Product,

@@ -221,7 +221,7 @@ impl PictureArgs {
         }
     }
 
-    /// What was asked for.
+    /// Returns the aim that was asked for.
     fn aim(&self, console: Console) -> anyhow::Result<Aim> {
         match (&self.pass, &self.model) {
             (Some(_), Some(_)) => {

@@ -19,7 +19,7 @@ pub struct Bar {
     shown: Mutex<Shown>,
 }
 
-/// What is shown.
+/// State that is shown.
 struct Shown {
     stage: String,
     steps: Option<u64>,

@@ -17,7 +17,7 @@ use sunglint_report::Product;
 use sunglint_report::simulate::SimulationReport;
 use sunglint_simulator::pass::{Cost, Overrides, Pass, PassFile, Progress, Stage, Stopwatch};
 
-/// What takes longer shows its progress.
+/// Time after which work shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Arguments of `sunglint simulate`.

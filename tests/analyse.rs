@@ -6,7 +6,7 @@ use crate::common::{Folder, SPHERE_PASS};
 use std::f64::consts::PI;
 use sunglint_formats::ecsv;
 
-/// What a Lambert sphere of 0.5 m sends, m² sr⁻¹ at a reflectance of 1.
+/// Intensity of a Lambert sphere of 0.5 m, m² sr⁻¹ at a reflectance of 1.
 fn sphere(phase_deg: f64) -> f64 {
     let g = phase_deg.to_radians();
     0.25 * 2.0 / (3.0 * PI) * (g.sin() + (PI - g) * g.cos())

@@ -30,7 +30,7 @@ dark_rate_hz = 0.0
 "#;
 const BOX: &str = "wavelength_nm,efficiency\n499.99,0\n500,0.5\n600,0.5\n600.01,0\n";
 
-/// Of synphot 1.8.0 (`tests/peers/synphot_light.py`) on the Sun of ASTM G173 at 1 au and on CALSPEC's Vega: rate in the channel, Johnson V with Vega = 0.03,
+/// Light by synphot 1.8.0 (`tests/peers/synphot_light.py`) on the Sun of ASTM G173 at 1 au and on CALSPEC's Vega: rate in the channel, Johnson V with Vega = 0.03,
 /// AB magnitude, mean over V in W m⁻² nm⁻¹.
 struct Light {
     rate_hz: f64,
@@ -215,7 +215,7 @@ fn synphot_says_so_still() {
     }
 }
 
-/// What does not fit is warned of or refused, with 1, and nothing is overwritten.
+/// A calibration that does not fit is warned of or refused, with 1, and nothing is overwritten.
 #[test]
 fn what_does_not_fit_is_said() {
     let folder = station("apply-refused");

@@ -11,7 +11,7 @@ use sunglint_formats::{Values, ecsv};
 use sunglint_radiometry::light_curve::{Flags, LightCurve, RateKind};
 use sunglint_testkit::{fixture, repository, shared, skip};
 
-/// What the measured light is over the simulated: put in.
+/// Ratio of measured to simulated light: put in.
 const SCALE: f64 = 0.9;
 /// The relative noise that is put in.
 const NOISE: f64 = 0.02;

@@ -146,7 +146,7 @@ fn a_counter_counts_and_an_apt_stage_turns() {
     assert!((at(0) - 12.5).abs() <= 0.5 * step && (at(1) + 3.0).abs() <= 0.5 * step);
 }
 
-/// What was done before a failure is shown and kept, with exit code 1.
+/// The work done before a failure is shown and kept, with exit code 1.
 #[test]
 fn failures_keep_what_was_done() {
     let folder = Folder::new("devices-fail");

@@ -8,9 +8,9 @@ use crate::common::{Folder, SPHERE_PASS};
 struct Case {
     name: &'static str,
     rows: Vec<String>,
-    /// Of `period`: its verdict, and words of the reason.
+    /// Expectation of `period`: its verdict, and words of the reason.
     period: (&'static str, &'static str),
-    /// Of the other commands: their exit code, and words on stderr where that is 1.
+    /// Expectation of the other commands: their exit code, and words on stderr where that is 1.
     others: (i32, &'static str),
 }
 

@@ -21,7 +21,7 @@ use sunglint_testkit::Campaign;
 use sunglint_virtual::rig::devices::VirtualRig;
 use sunglint_virtual::rig::options::{Options, SampleKind};
 
-/// What docs/lab.md has for a run, a virtual rig, a detector's efficiency.
+/// Files that docs/lab.md has for a run, a virtual rig, a detector's efficiency.
 const RUN: &str = "[scan]";
 const RIG: &str = "[mount]";
 const EFFICIENCY: &str = "[sensor]";
@@ -289,7 +289,7 @@ fn a_killed_run_is_gone_on_with() {
     assert!(said.contains("are not those with which the run"), "{said}");
 }
 
-/// What goes wrong on the way is said with its numbers, the readings until then are there, the exit code is 1; a table of them can be made.
+/// A failure on the way is said with its numbers, the readings until then are there, the exit code is 1; a table of them can be made.
 #[test]
 fn what_goes_wrong_on_the_way_is_said_and_kept() {
     let folder = lab("lab-faults", |rig| rig + "\n[fault]\nunplugged_at_reading = 2500\n");

@@ -4,7 +4,7 @@
 
 use std::process::Command;
 
-/// What we accept; of an `OR`, one side is enough. MPL-2.0 and Unicode-3.0 ask for their texts only.
+/// Licences that we accept; of an `OR`, one side is enough. MPL-2.0 and Unicode-3.0 ask for their texts only.
 const ACCEPTED: &[&str] = &[
     "MIT",
     "Apache-2.0",

@@ -225,7 +225,7 @@ fn reduced(session: &Session) -> (LightCurve, Option<TagSummary>, String) {
     (curve, night.counters[0].tags.clone(), night.warnings.join("\n"))
 }
 
-/// Of the bins with a glint between two times of a channel: the mean of rate over truth, the standard deviation of that by what is stated, how many there are,
+/// Statistics of the bins with a glint between two times of a channel: the mean of rate over truth, the standard deviation of that by what is stated, how many there are,
 /// and how many are flagged.
 fn glints(curve: &LightCurve, channel: &str, [from_s, to_s]: [f64; 2]) -> (f64, f64, usize, usize) {
     let channel = curve.channel(channel).unwrap();

@@ -1,4 +1,4 @@
-//! What a periodogram costs on one core. The job of the peers: 2,600 samples, 50,000 frequencies; `benches/periods.py` times them and states all errors.
+//! Cost of a periodogram on one core. The job of the peers: 2,600 samples, 50,000 frequencies; `benches/periods.py` times them and states all errors.
 //!
 //! `cargo bench -p sunglint-analysis --bench period`
 

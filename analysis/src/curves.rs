@@ -47,7 +47,7 @@ pub enum CurvesError {
 /// A curve and its file.
 #[derive(Debug, Clone)]
 pub struct NamedCurve {
-    /// What the file held.
+    /// Light curve that the file held.
     pub curve: LightCurve,
     /// The file's name without folder and extension.
     pub stem: String,
@@ -64,14 +64,14 @@ pub struct Curves {
     pub inputs: Vec<Input>,
     /// The moment from which seconds count: the first sample's.
     pub zero: Epoch,
-    /// What was removed from the light, in words.
+    /// Trends that were removed from the light, in words.
     pub removed: Vec<String>,
-    /// What could not be removed, and why.
+    /// Trends that could not be removed, and why.
     pub warnings: Vec<String>,
     channels: Vec<String>,
 }
 
-/// What of a pass is removed from the light.
+/// Trends of a pass that are removed from the light.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Trends<'a> {
     /// The extinction of this air in the channels of this station.
@@ -113,7 +113,7 @@ fn with_causes(error: &dyn Error) -> String {
     text
 }
 
-/// What the air leaves of sunlight in a channel. A sample at or below the horizon has no light to speak of: it has to be flagged, and is not looked at.
+/// Returns the share of sunlight that the air lets through in a channel. A sample at or below the horizon has no light to speak of: it has to be flagged, and is not looked at.
 fn air_of(
     curve: &LightCurve,
     c: usize,
@@ -271,7 +271,7 @@ impl Curves {
     /// The same, parted where no channel of a file has a sample for longer than `gap_s`, and how many tracks a file has at most. Each track is a series of its own: turns in the gaps are not counted.
     ///
     /// # Errors
-    /// As [`Curves::series`].
+    /// The errors of [`Curves::series`].
     pub fn tracks(&self, gap_s: f64) -> Result<(Vec<Series>, usize), SeriesError> {
         let mut all = Vec::new();
         let mut most = 1;

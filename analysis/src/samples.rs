@@ -69,7 +69,7 @@ pub enum SamplesError {
         file: String,
         /// The quantity that it holds.
         quantity: String,
-        /// Its unit.
+        /// Unit.
         unit: String,
     },
     /// No band can be made of the curve's channels or bins.
@@ -98,7 +98,7 @@ pub enum CurveSource {
 /// A curve of rates or spectra and the file that it was.
 #[derive(Debug, Clone)]
 pub struct SampledCurve {
-    /// What the file held.
+    /// Light curve that the file held.
     pub source: CurveSource,
     /// The file.
     pub input: Input,

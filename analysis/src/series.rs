@@ -4,7 +4,7 @@ use hifitime::Epoch;
 use sunglint_radiometry::light_curve::TOLERATED;
 use sunglint_radiometry::light_curve::{ChannelCurve, LightCurve};
 
-/// What no series can be made of.
+/// Reasons why no series can be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SeriesError {
@@ -39,7 +39,7 @@ pub struct Series {
     pub exposure_s: f64,
     /// Whether the weights come from uncertainties.
     pub is_weighted: bool,
-    /// What was left out, and found odd.
+    /// Samples that were left out, and found odd.
     pub left_out: LeftOut,
 }
 

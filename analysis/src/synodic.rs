@@ -1,6 +1,6 @@
 //! From the period that is seen to the period of the spin.
 //!
-//! What is seen repeats when the body shows the same face to the bisector of Sun and observer (the phase-angle bisector). While the bisector moves by dφ about the spin axis,
+//! The light that is seen repeats when the body shows the same face to the bisector of Sun and observer (the phase-angle bisector). While the bisector moves by dφ about the spin axis,
 //! the body turns by a whole turn ± dφ: 1/P_sidereal = 1/P_synodic ± φ̇/2π. The bisector's angular speed bounds φ̇ as long as it keeps away from the axis: about
 //! an axis from which it stands β away, φ̇ ≤ speed/sin β.
 //!
@@ -11,7 +11,7 @@ use crate::series::Series;
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-/// What the geometry of a pass lets the sidereal period be.
+/// Range of sidereal periods that the geometry of a pass allows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sidereal {
     /// The fastest the bisector moves, degrees per second.

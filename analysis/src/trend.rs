@@ -1,4 +1,4 @@
-//! What a pass itself does to the light, removed: the air, the range, and the slow change with phase angle.
+//! Removal of what a pass itself does to the light: the air, the range, and the slow change with phase angle.
 //!
 //! Rates are divided by factors; the factors are returned, so that nothing is removed unseen.
 

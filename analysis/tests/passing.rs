@@ -96,7 +96,7 @@ const PASS_S: f64 = 720.0;
 struct Night {
     period_s: f64,
     turns: f64,
-    /// Of the rate, as scintillation makes it: the same in all channels, beside as much of each channel's own.
+    /// Relative noise of the rate, as scintillation makes it: the same in all channels, beside as much of each channel's own.
     noise: f64,
     /// The part of the pass that is missing.
     gap: f64,
@@ -104,7 +104,7 @@ struct Night {
     series: Vec<Series>,
 }
 
-/// What a seed makes: the light of the simulation (direct sunlight on the body's true polygons, exact sums), with photons' and relative noise drawn beside.
+/// Makes the night of a seed: the light of the simulation (direct sunlight on the body's true polygons, exact sums), with photons' and relative noise drawn beside.
 fn night(seed: u64) -> Night {
     let mut random = Random::seed_from_u64(seed);
     let random = &mut random;
@@ -181,7 +181,7 @@ fn night(seed: u64) -> Night {
     Night { period_s, turns: span_s / period_s, noise, gap, path, series }
 }
 
-/// What is kept of a seed. `verdict` 0 one, 1 a family, 2 none; `held` whether the period is in what is stated (of one: in its range, of a family: within the range of a member), by `beyond` of the range's
+/// Columns that are kept of a seed. `verdict` 0 one, 1 a family, 2 none; `held` whether the period is in what is stated (of one: in its range, of a family: within the range of a member), by `beyond` of the range's
 /// half width from its middle; `even` the same verdict in even time: 0 one that is right to 2 %, 1 a family with one such, 2 none, 3 another period, 4 a family without it.
 const COLUMNS: [&str; 11] = [
     "period_s", "turns", "noise", "gap", "channels", "verdict", "held", "from_s", "to_s", "even",

@@ -1,4 +1,4 @@
-//! What a pass does to the light, removed; and how far the spin's period may be from the one that is seen.
+//! Removal of a pass's trends from the light; and how far the spin's period may be from the one that is seen.
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 

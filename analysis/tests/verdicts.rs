@@ -53,7 +53,7 @@ impl Body {
     }
 }
 
-/// What a seed makes: series of one to four channels with noise, scintillation that they share, and gaps; and the period.
+/// Makes the series of a seed: one to four channels with noise, scintillation that they share, and gaps; and the period.
 fn spin_state(seed: u64) -> (Vec<Series>, f64, f64) {
     let mut random = Random::seed_from_u64(seed);
     let random = &mut random;

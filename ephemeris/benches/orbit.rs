@@ -1,4 +1,4 @@
-//! What the geometry of an epoch costs, and its parts: 6,000 epochs should stay far below half a second on one core.
+//! Cost of the geometry of an epoch, and of its parts: 6,000 epochs should stay far below half a second on one core.
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 

@@ -67,7 +67,7 @@ impl Geometry {
     /// The same with another Earth to cast the shadow.
     ///
     /// # Errors
-    /// As [`Geometry::at`].
+    /// The errors of [`Geometry::at`].
     pub fn over(
         orbit: &Orbit,
         observer: &Observer,
@@ -183,7 +183,7 @@ impl Geometry {
     /// Height of the target above the ellipsoid, m.
     ///
     /// # Errors
-    /// As [`Geometry::sub_point`].
+    /// The errors of [`Geometry::sub_point`].
     pub fn height_m(&self, frame: &SkyFrame) -> Result<f64, SiteError> {
         Ok(self.sub_point(frame)?.height_m)
     }

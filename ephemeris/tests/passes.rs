@@ -40,7 +40,7 @@ fn search(site_name: &str, day: &str) -> Search {
     Search::new(&site(site_name), &FLAT, window(day), ANY_LIGHT, orientation).unwrap()
 }
 
-/// What happens, when, at which altitude in degrees.
+/// Event, its time, and its altitude in degrees.
 type Row = (String, Epoch, f64);
 
 /// A time of skyfield's. It subtracts calendar dates, so that after a leap second it has a satellite where it was a second earlier.

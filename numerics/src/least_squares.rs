@@ -166,9 +166,9 @@ fn damped(normal: &Normal, free: &[usize], damping: f64) -> Option<DVector<f64>>
 /// A number of a model, within bounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounded {
-    /// Its lower bound; −∞ for none.
+    /// Lower bound; −∞ for none.
     pub low: f64,
-    /// Its upper bound; ∞ for none.
+    /// Upper bound; ∞ for none.
     pub high: f64,
     /// The step of its numerical derivative.
     pub step: f64,
@@ -181,7 +181,7 @@ pub trait Residuals {
     /// Why there is no model.
     type Error;
 
-    /// What is left over at some numbers, each over its standard uncertainty: as many values each time.
+    /// Returns the residuals at some numbers, each over its standard uncertainty: as many values each time.
     ///
     /// # Errors
     /// No model there.
@@ -202,7 +202,7 @@ pub enum Differences {
 pub struct Fitted {
     /// The numbers.
     pub at: Vec<f64>,
-    /// What is left over there.
+    /// Residuals there.
     pub residuals: DVector<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! What every room needs once.
+//! Numerical methods that several crates need.
 //!
 //! - [`gauss`]: Gauss–Legendre nodes;
 //! - [`least_squares`]: fits by the steps of Levenberg and Marquardt;

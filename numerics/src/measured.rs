@@ -17,7 +17,7 @@ use std::fmt;
 pub struct Measured {
     /// The value.
     pub value: f64,
-    /// Its standard uncertainty.
+    /// Standard uncertainty.
     pub sigma: f64,
 }
 

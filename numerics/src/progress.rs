@@ -1,4 +1,4 @@
-//! What long work tells whoever watches it, and how it is ended early.
+//! Progress of long work for whoever watches it, and its early end.
 
 /// Watches long work: a bar on a terminal, lines of JSON, a web page. Every method has a default that does nothing, and may be called from any
 /// thread.

@@ -1,4 +1,4 @@
-//! What the atmosphere leaves of a direct beam: text, JSON, table and figure.
+//! Transmission of the atmosphere for a direct beam: text, JSON, table and figure.
 
 use crate::plot::{Axis, Figure, Panel, Series};
 use crate::{Product, rounded};
@@ -9,22 +9,22 @@ use sunglint_radiometry::air::survey::{AirGrid, AirQuestion, AirRow, ChannelAir}
 use sunglint_radiometry::air::{Aerosol, Air, AirError, Components, Path};
 use sunglint_radiometry::station::Station;
 
-/// What was asked, and what came out.
+/// Question about the air, and its answer.
 #[derive(Debug, Clone, Copy)]
 pub struct AirReport<'a> {
     /// The air.
     pub air: &'a Air,
-    /// What was asked.
+    /// Question that was asked.
     pub question: &'a AirQuestion,
     /// Whether the wavelengths are a person's own, not the usual ones.
     pub own_wavelengths: bool,
-    /// What came out, a row for each zenith angle.
+    /// Answer, a row for each zenith angle.
     pub rows: &'a [AirRow],
     /// The station above which it is.
     pub station: Option<&'a Station>,
 }
 
-/// What the text shows where no wavelengths are asked for.
+/// Wavelengths that the text shows where none are asked for.
 const USUAL_NM: [f64; 9] = [320.0, 400.0, 500.0, 550.0, 650.0, 762.0, 850.0, 940.0, 1064.0];
 /// So many wavelengths stand beside one another.
 const MOST_SHOWN: usize = 12;
@@ -300,7 +300,7 @@ fn constituents(components: &Components) -> impl Iterator<Item = (&'static str, 
     components.iter().filter(|(name, _)| *name != "total")
 }
 
-/// What the model leaves out and a user may miss.
+/// Effects that the model leaves out and a user may miss.
 const MISSING: &str = "not in the model: O2-O2 absorption near 577, 630 and 1064 nm (1064 nm too high by 0.015 at the zenith), scattered light, lines narrower than 20 cm-1";
 
 /// An angle as people write it.

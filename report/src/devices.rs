@@ -211,7 +211,7 @@ pub fn moves(moves: &Moves, error: Option<&str>) -> Product {
 pub struct Replayed<'a> {
     /// The recording's file.
     pub file: &'a Path,
-    /// Its header.
+    /// Header.
     pub header: &'a Header,
     /// The command that was replayed.
     pub command: &'a [String],
@@ -219,9 +219,9 @@ pub struct Replayed<'a> {
     pub text: &'a str,
     /// JSON of the command's result.
     pub result: &'a Value,
-    /// What the driver said otherwise than the recording.
+    /// Difference between the driver's words and the recording.
     pub mismatch: Option<&'a ReplayError>,
-    /// What the command ended with, if that was an error.
+    /// Error that the command ended with, if there was one.
     pub ended: Option<&'a str>,
 }
 

@@ -1,4 +1,4 @@
-//! What a scene needs, as people read it.
+//! Effects that a scene needs, as people read them.
 
 use crate::rounded;
 use serde_json::{Value, json};
@@ -109,7 +109,7 @@ pub fn table(pass: &Pass, explanation: &Explanation) -> Table {
     table
 }
 
-/// What the Earth reflects, in words.
+/// Returns the Earth's reflection, in words.
 pub fn earth(earth: &EarthAlbedo) -> String {
     format!("{}, ± {:.0} %", earth.describe(), 100.0 * earth.uncertainty())
 }

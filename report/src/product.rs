@@ -80,13 +80,13 @@ pub struct Product {
     pub figure: Option<Figure>,
     /// Pictures in its place.
     pub gallery: Option<Gallery>,
-    /// What a FITS file holds where that is not the table: the bytes.
+    /// Bytes of a FITS file where that holds something else than the table.
     pub fits: Option<Vec<u8>>,
     /// The page to read in a browser.
     pub html: Option<String>,
     /// The summary with documented keys.
     pub json: Value,
-    /// What else there is: a folder gets it too, with the names of their own.
+    /// Other products: a folder gets them too, with the names of their own.
     pub others: Vec<Product>,
 }
 

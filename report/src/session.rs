@@ -1,4 +1,4 @@
-//! What of a recorded night is there, and what is missing.
+//! Report of a recorded night: what is there, and what is missing.
 
 use serde_json::{Value, json};
 use std::fmt::Write as _;

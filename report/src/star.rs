@@ -15,7 +15,7 @@ use sunglint_radiometry::station::{Channel, Detector};
 pub struct StarReport<'a> {
     /// The star through time.
     pub track: &'a StarTrack,
-    /// What a person should hear of first.
+    /// Warnings that the user should read first.
     pub warnings: &'a [String],
     /// Whether it is a light curve, not a moment.
     pub is_night: bool,

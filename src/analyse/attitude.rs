@@ -1,6 +1,6 @@
 //! `sunglint analyse attitude`: how a body of known shape spins, from its light.
 //!
-//! What finds it is [`sunglint_inference::attitude`], what shows it [`sunglint_report::attitude`].
+//! [`sunglint_inference::attitude`] finds it, [`sunglint_report::attitude`] shows it.
 
 use crate::curve_file::Magnitudes;
 use crate::fit::inputs::{self, joined, with_stations};

@@ -74,7 +74,7 @@ impl QualityArgs {
     /// The period and the part of it by which others may differ.
     ///
     /// # Errors
-    /// What is none.
+    /// Arguments that are no map.
     pub fn check(&self) -> anyhow::Result<(f64, f64)> {
         let period = self.period.unwrap_or(f64::NAN);
         if !(period.is_finite() && period > 0.0) {

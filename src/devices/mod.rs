@@ -48,7 +48,7 @@ pub enum Talk {
     Move(MoveArgs),
 }
 
-/// What a command has to give, and why it is not all, if it is not.
+/// Product of a command, and why it is not whole, if it is not.
 struct Outcome {
     product: Product,
     text: String,
@@ -99,7 +99,7 @@ impl Talk {
 /// Does what is asked.
 ///
 /// # Errors
-/// What the device says; what it had done until then was shown.
+/// Errors of the device; what it had done until then was shown.
 pub fn run(command: &DevicesCommand, console: Console) -> anyhow::Result<()> {
     match command {
         DevicesCommand::List(args) => list::run(args, console),

@@ -90,7 +90,7 @@ fn recorded_words(recording: &Recording) -> Option<Vec<String>> {
     serde_json::from_str(words).ok()
 }
 
-/// What to replay: the recording's own command, or what was asked for.
+/// Returns the command to replay: the recording's own, or what was asked for.
 fn command(args: &ReplayArgs, recording: &Recording) -> anyhow::Result<(Talk, Vec<String>)> {
     if let Some(driver) = &args.driver {
         // The line is the recording; an address has to be whole all the same.

@@ -118,7 +118,7 @@ pub fn seconds(name: &str, s: f64) -> anyhow::Result<Duration> {
     Ok(Duration::from_secs_f64(s))
 }
 
-/// What `host` begins with in recordings of this program; a list of words as JSON stands behind it.
+/// Beginning of `host` in recordings of this program; a list of words as JSON stands behind it.
 pub const HOST: &str = concat!("sunglint ", env!("CARGO_PKG_VERSION"), " ");
 
 /// The program and what it was asked, for a recording of this device.

@@ -1,6 +1,6 @@
 //! `sunglint fit`: what a simulation must be like for it to look as what was measured.
 //!
-//! What fits is [`sunglint_inference::fit`], what shows it [`sunglint_report::fit`].
+//! [`sunglint_inference::fit`] fits, [`sunglint_report::fit`] shows it.
 
 pub(crate) mod inputs;
 pub(crate) mod progress;
@@ -145,7 +145,7 @@ pub fn solve(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<Pass
     Ok(answer)
 }
 
-/// What the scene's `[fit]` says and the command line overrules.
+/// Returns the options of the scene's `[fit]`, as the command line overrules them.
 fn options(args: &FitArgs, of_scene: FitOptions, seed: u64) -> FitOptions {
     let mut all = FitOptions::default();
     let given = |name: &str| args.free.iter().any(|w| w.name == name);

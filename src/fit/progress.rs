@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use sunglint_numerics::progress::Progress;
 
-/// What takes longer shows its progress.
+/// Time after which work shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Shows how far the work is, where that takes long; passes warnings on.
@@ -16,7 +16,7 @@ pub(crate) struct Bar {
     shown: Mutex<Shown>,
 }
 
-/// What is shown.
+/// State that is shown.
 #[derive(Default)]
 struct Shown {
     bar: Option<ProgressBar>,

@@ -103,7 +103,7 @@ pub fn planned(
 /// A night that is played back: the same devices by the same names, the same configuration, targets and times.
 ///
 /// # Errors
-/// What is no session, or cannot be read.
+/// A folder that is no session, or cannot be read.
 pub fn replayed(session: &Path, fast: bool, output: Option<&Path>) -> anyhow::Result<Night> {
     Night::replayed(session, fast, output, PROGRAM).map_err(|error| match error {
         ReplayError::Station(RecordedError::Unknown { .. }) => anyhow!("{error}: give --station"),

@@ -1,4 +1,4 @@
-//! What the tests of the program share: a folder of its own for each, and the program run in it.
+//! Common parts of the program's tests: a folder of its own for each, and the program run in it.
 
 #![allow(dead_code, reason = "each test binary uses its part")]
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]

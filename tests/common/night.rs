@@ -1,4 +1,4 @@
-//! What the tests of capture share: a recorded night, devices that do as they are told, and what a session holds.
+//! Common parts of the tests of capture: a recorded night, devices that do as they are told, and what a session holds.
 
 #![allow(dead_code, reason = "each test binary uses its part")]
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]

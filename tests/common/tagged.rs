@@ -25,7 +25,7 @@ const STEADY_HZ: f64 = 1000.0;
 const PEAK_HZ: f64 = 5e4;
 const GLINT_S: f64 = 0.008;
 
-/// What arrives of the target in the bin of a glint, and in any other, Hz.
+/// Rate that arrives of the target in the bin of a glint, and in any other, Hz.
 pub fn truth_hz(glint: bool) -> f64 {
     let glint_hz = PEAK_HZ * GLINT_S * std::f64::consts::TAU.sqrt() / 0.1;
     if glint { STEADY_HZ + glint_hz } else { STEADY_HZ }

@@ -1,4 +1,4 @@
-//! What the tests of the reduction share: a night of the virtual observatory, observed into a session.
+//! Common parts of the tests of the reduction: a night of the virtual observatory, observed into a session.
 
 #![allow(dead_code, reason = "each test binary uses its part")]
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]

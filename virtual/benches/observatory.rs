@@ -1,4 +1,4 @@
-//! What a virtual night costs: a frame of 200 × 200 pixels, a bin of 0.1 s of three counters, a second of tags.
+//! Cost of a virtual night: a frame of 200 × 200 pixels, a bin of 0.1 s of three counters, a second of tags.
 //!
 //! `cargo bench -p sunglint-simulator --bench observatory`
 

@@ -1,4 +1,4 @@
-//! What tables of options have in common: defaults of every key, and ranges out of which a value is refused.
+//! Common parts of tables of options: defaults of every key, and ranges out of which a value is refused.
 
 /// A table of options: a struct whose fields all have a default, read from TOML, unknown keys refused.
 macro_rules! section {
@@ -23,9 +23,9 @@ pub(crate) use section;
 pub struct OptionError {
     /// The dotted key.
     pub key: String,
-    /// What it has.
+    /// Value that it has.
     pub value: f64,
-    /// What it may have.
+    /// Values that it may have.
     pub expected: &'static str,
 }
 

@@ -61,7 +61,7 @@ pub struct SpinAxis {
 pub struct FoldOptions {
     /// The period, s: that which is seen, or with an axis that of the spin (sidereal).
     pub period_s: f64,
-    /// Its standard uncertainty, s, where it is known.
+    /// Standard uncertainty, s, where it is known.
     pub period_sigma_s: Option<f64>,
     /// The moment of phase 0; `None` for the first sample.
     pub epoch: Option<Epoch>,
@@ -94,7 +94,7 @@ pub struct FoldedCurves {
     pub channels: Vec<FoldedChannel>,
     /// The period, s.
     pub period_s: f64,
-    /// Its standard uncertainty, s, where it is known.
+    /// Standard uncertainty, s, where it is known.
     pub period_sigma_s: Option<f64>,
     /// The moment of phase 0.
     pub epoch: Epoch,
@@ -102,9 +102,9 @@ pub struct FoldedCurves {
     pub bins: usize,
     /// Right ascension and declination of the axis, degrees, where one was given.
     pub axis_deg: Option<(f64, f64)>,
-    /// What a person should know of the result.
+    /// Warnings to the user about the result.
     pub warnings: Vec<String>,
-    /// What was removed from the light, in words.
+    /// Trends that were removed from the light, in words.
     pub removed: Vec<String>,
     /// The files.
     pub inputs: Vec<Input>,
@@ -171,7 +171,7 @@ fn turn(axis: &SpinAxis, period_s: f64) -> Result<Turn, FoldCurvesError> {
     bisectors.turned(direction).ok_or(FoldCurvesError::Axis)
 }
 
-/// What makes a folded curve doubtful: too few turns, a period that is not known well enough.
+/// Reasons to doubt a folded curve: too few turns, a period that is not known well enough.
 fn concerns(channels: &[FoldedChannel], period_s: f64) -> Vec<String> {
     let mut concerns = Vec::new();
     let turns = channels.iter().map(|c| c.folded.turns).fold(0.0, f64::max);

@@ -31,7 +31,7 @@ pub enum FoldError {
 pub struct Folding {
     /// The period, s.
     pub period_s: f64,
-    /// Its standard uncertainty, s, where it is known.
+    /// Standard uncertainty, s, where it is known.
     pub period_sigma_s: Option<f64>,
     /// The moment of phase 0, s on the axis of the series.
     pub epoch_s: f64,
@@ -42,7 +42,7 @@ pub struct Folding {
 /// The samples of one stretch of phase.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhaseBin {
-    /// Its middle, 0 to 1.
+    /// Middle, 0 to 1.
     pub phase: f64,
     /// Samples in it.
     pub samples: usize,
@@ -65,7 +65,7 @@ pub struct Folded {
     pub bins: Vec<PhaseBin>,
     /// Turns from the first sample to the last.
     pub turns: f64,
-    /// By how much of a turn the phases of the first and last sample may slip against one another, from the period's uncertainty.
+    /// Part of a turn by which the phases of the first and last sample may slip against one another, from the period's uncertainty.
     pub slip: Option<f64>,
 }
 

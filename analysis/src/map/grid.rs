@@ -10,7 +10,7 @@ pub enum GridError {
     /// A step that is none.
     #[error("steps of {step_deg}°: expected from 0.1° to 90°")]
     Step {
-        /// What was given.
+        /// Step that was given.
         step_deg: f64,
     },
     /// Lists that do not match.
@@ -133,10 +133,10 @@ pub struct Interpolated {
     pub spread: f64,
 }
 
-/// What samples have in each cell.
+/// Map of a body: statistics of the samples in each cell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BodyMap {
-    /// Its cells.
+    /// Cells.
     pub grid: Grid,
     /// Mean value; NaN in an empty cell.
     pub mean: Array2<f64>,

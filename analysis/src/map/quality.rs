@@ -14,7 +14,7 @@ pub struct Sighting {
     pub to_sun: DVec3,
     /// Unit vector to the observer, same axes.
     pub to_observer: DVec3,
-    /// What was measured, corrected for range and air: a reflection factor, or its logarithm, which does not leave everything to the glints.
+    /// Measured value, corrected for range and air: a reflection factor, or its logarithm, which does not leave everything to the glints.
     pub value: f64,
 }
 
@@ -161,7 +161,7 @@ pub fn quality(sightings: &[Sighting], spin: Spin, grid: Grid) -> Result<Quality
 /// The same for many spins side by side; the order is theirs.
 ///
 /// # Errors
-/// As [`quality`], the first by the order of the spins.
+/// The errors of [`quality`], the first by the order of the spins.
 pub fn scan(
     sightings: &[Sighting],
     spins: &[Spin],

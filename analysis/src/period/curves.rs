@@ -64,13 +64,13 @@ pub struct FoundPeriod {
     pub grid: Option<Grid>,
     /// The periodograms, channel by channel.
     pub drawn: Vec<Drawn>,
-    /// What the sampling alone does.
+    /// Spectral window: the power that the sampling alone makes.
     pub window: Vec<f64>,
     /// Bounds of the spin's period by the geometry of the pass.
     pub sidereal: Option<Sidereal>,
     /// The clock that goes with the body, where one was found.
     pub along: Option<Along>,
-    /// What a person should know of the result.
+    /// Warnings to the user about the result.
     pub warnings: Vec<String>,
     /// Harmonics of the periodograms.
     pub harmonics: usize,

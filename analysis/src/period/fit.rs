@@ -43,7 +43,7 @@ impl HarmonicFit {
 /// Fits a mean and harmonics at a frequency.
 ///
 /// # Errors
-/// As [`super::lomb_scargle()`].
+/// The errors of [`super::lomb_scargle()`].
 pub fn fit(
     series: &Series,
     frequency_hz: f64,

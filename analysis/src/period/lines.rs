@@ -47,7 +47,7 @@ pub(super) fn harmonics(series: &Series, frequency_hz: f64, highest_hz: f64) -> 
     below.min(MOST).min(series.len() / 16).max(1)
 }
 
-/// What harmonics with drifting amplitudes leave of a series; `None` where they cannot be told apart.
+/// Returns the residual of a series after harmonics with drifting amplitudes; `None` where they cannot be told apart.
 pub(super) fn residual(
     series: &Series,
     frequency_hz: f64,
@@ -171,12 +171,12 @@ struct Line {
     beside: f64,
 }
 
-/// What lines say of a longer period.
+/// Evidence of the lines for a longer period.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Longer {
     /// The chance that what the longer period explains, and the shorter does not, is noise.
     pub chance: f64,
-    /// By how much of their light successive turns may differ all the same, at about 95 %.
+    /// Share of their light by which successive turns may differ all the same, at about 95 %.
     pub unlike: f64,
 }
 

@@ -132,7 +132,7 @@ impl<'a> Centred<'a> {
         }
     }
 
-    /// Of one harmonic: the two equations that are left without the mean, in closed form.
+    /// Solves for one harmonic: the two equations that are left without the mean, in closed form.
     fn one(&self, [c, s]: [f64; 2], [c2, s2]: [f64; 2], [yc, ys]: [f64; 2]) -> f64 {
         let cc = 0.5 * (self.total + c2) - c * c / self.total;
         let ss = 0.5 * (self.total - c2) - s * s / self.total;
@@ -180,7 +180,7 @@ impl Normal {
         }
     }
 
-    /// By how much the fit lowers χ². The mean is eliminated, then Cholesky.
+    /// Returns the amount by which the fit lowers χ². The mean is eliminated, then Cholesky.
     pub fn reduction(&mut self, total: f64) -> f64 {
         let p = 2 * self.harmonics;
         let w = |k: usize| self.weights[k];

@@ -85,7 +85,7 @@ pub enum PeriodError {
     Samples {
         /// The series' name.
         name: String,
-        /// Its samples.
+        /// Samples.
         samples: usize,
         /// The harmonics asked for.
         harmonics: usize,
@@ -95,7 +95,7 @@ pub enum PeriodError {
     Constant {
         /// The series' name.
         name: String,
-        /// Its samples.
+        /// Samples.
         samples: usize,
         /// The value.
         value: f64,

@@ -5,7 +5,7 @@ use super::stats::f_survival;
 use crate::fold::phase_of;
 use crate::series::Series;
 
-/// What folding on one period leaves.
+/// Dispersion that is left after folding on one period.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dispersion {
     /// Pooled variance within the phase bins over the variance of all samples: near 1 for a period that is none, near 0 for a good one.

@@ -9,7 +9,7 @@ use sunglint_numerics::order::median;
 /// A Fourier spectrum.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spectrum {
-    /// Its frequencies: whole numbers of turns in the span, up to half of the sampling.
+    /// Frequencies: whole numbers of turns in the span, up to half of the sampling.
     pub grid: Grid,
     /// Amplitudes at them, in units of the values: a sine of amplitude A gives A at its frequency.
     pub amplitude: Vec<f64>,

@@ -137,7 +137,7 @@ fn kernel(z: f64) -> f64 {
     if inside < 0.0 { 0.0 } else { (BETA * (inside.sqrt() - 1.0)).exp() }
 }
 
-/// What a mode is multiplied by, by its distance from the stretch's middle: one over the kernel's transform,
+/// Factor of each mode, by the distance from the stretch's middle: one over the kernel's transform,
 /// (width/2) ∫ φ(z) cos(2π m z (width/2)/points) dz. With z = sin u the end's root is smooth, and the midpoint rule converges geometrically.
 fn correction(stretch: usize) -> Vec<f64> {
     let points = (2 * stretch) as f64;

@@ -4,7 +4,7 @@ use super::basis::{Basis, dot, norm};
 use super::nnls::NnlsError;
 use ndarray::{ArrayView2, Axis};
 
-/// What is left of the data below this, of the longest, is rounding.
+/// Share of the longest spectrum below which a residual is rounding.
 const EXHAUSTED: f64 = 1e-12;
 /// An endmember of which less than this stands upright on the others cannot be told from them.
 const DEPENDENT: f64 = 1e-12;
@@ -78,7 +78,7 @@ impl Default for AtgpOptions {
 pub struct Target {
     /// The sample that it is; `None` of one that was given.
     pub sample: Option<usize>,
-    /// Its values.
+    /// Values.
     pub spectrum: Vec<f64>,
     /// The length of what the signatures before it leave of it, of the longest sample.
     pub rest: f64,
@@ -116,15 +116,15 @@ pub enum AtgpError {
         row: usize,
         /// Band, from 0.
         column: usize,
-        /// What is there.
+        /// Value that was given.
         value: f64,
     },
     /// A first signature of another length.
     #[error("the first signature has {found} bands, the data {bands}")]
     First {
-        /// Of the data.
+        /// Number of bands of the data.
         bands: usize,
-        /// Of the signature.
+        /// Number of bands of the signature.
         found: usize,
     },
 }

@@ -1,4 +1,4 @@
-//! What a unit reflector would give in each band, and what each material of it.
+//! Light of a unit reflector in each band, and that of each material.
 
 use super::Endmember;
 use ndarray::Array2;
@@ -49,7 +49,7 @@ pub struct Bands {
 /// Bands at one airmass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Factors {
-    /// What a unit reflector (1 m² sr⁻¹) would give at a Sun 1 au and an observer 1 m away: Hz m² sr for channels, W m⁻² nm⁻¹ for bins.
+    /// Light of a unit reflector (1 m² sr⁻¹) at a Sun 1 au and an observer 1 m away: Hz m² sr for channels, W m⁻² nm⁻¹ for bins.
     pub unit: Vec<f64>,
     /// Reflection factor of each endmember, bands × endmembers.
     pub matrix: Array2<f64>,
@@ -90,7 +90,7 @@ impl Bands {
     /// Bins of wavelength between edges (vacuum nm): spectral means, no photons.
     ///
     /// # Errors
-    /// As [`Bands::channels`]; edges that do not increase.
+    /// The errors of [`Bands::channels`]; edges that do not increase.
     pub fn bins(
         sun: &Spectrum<Irradiance>,
         edges_nm: &[f64],
@@ -143,7 +143,7 @@ impl Bands {
         })
     }
 
-    /// By how much a mean transmission may err by its table over the zenith angle.
+    /// Returns the relative error that a mean transmission may have by its table over the zenith angle.
     pub fn air_error(&self) -> f64 {
         self.air.as_ref().map_or(0.0, AirTable::interpolation_error)
     }

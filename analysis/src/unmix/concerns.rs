@@ -1,4 +1,4 @@
-//! What a person should hear before believing weights.
+//! Concerns that a user should know before believing weights.
 
 use super::{Mixing, State, Unmixed};
 

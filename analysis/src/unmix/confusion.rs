@@ -27,7 +27,7 @@ pub enum ConfusionError {
         row: usize,
         /// Material, counted from 0.
         column: usize,
-        /// What is there.
+        /// Value that was given.
         value: f64,
     },
 }
@@ -35,7 +35,7 @@ pub enum ConfusionError {
 /// How shares are taken for one another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Confusion {
-    /// Of the light that is material i's in truth, the part that material j was said to have: rows sum to 1; NaN where there is no light of a material.
+    /// Part of the light that is material i's in truth that material j was said to have: rows sum to 1; NaN where there is no light of a material.
     pub matrix: Array2<f64>,
     /// The light of each material in truth, in samples.
     pub truth: Vec<f64>,
@@ -46,7 +46,7 @@ pub struct Confusion {
 }
 
 impl Confusion {
-    /// Of shares, samples × materials. What agrees is on the diagonal, min(t_i, f_i); what is left of the true shares is spread over what is left of those found,
+    /// Builds the matrix from shares, samples × materials. What agrees is on the diagonal, min(t_i, f_i); what is left of the true shares is spread over what is left of those found,
     /// (t_i − min)(f_j − min)/Σ(f − min): the composite operator of Pontius and Cheuk (2006).
     ///
     /// # Errors

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use sunglint_radiometry::air::{AirError, Zenith};
 
 bitflags::bitflags! {
-    /// What there is to say of an unmixed sample.
+    /// State of an unmixed sample.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
     pub struct State: u32 {
         /// No band has a valid value.
@@ -60,11 +60,11 @@ pub struct Unmixed {
     pub factor_sigma: Vec<f64>,
     /// Number of the bands that were used.
     pub bands: usize,
-    /// What it is made of; `None` where `state` says why.
+    /// Mixture of the sample; `None` where `state` says why.
     pub mixture: Option<Mixture>,
     /// Condition number of its matrix.
     pub condition: f64,
-    /// What there is to say of it.
+    /// State of the sample.
     pub state: State,
 }
 
@@ -77,9 +77,9 @@ pub enum UnmixError {
     Shape {
         /// Which.
         what: &'static str,
-        /// Its rows.
+        /// Rows.
         rows: usize,
-        /// Its columns.
+        /// Columns.
         columns: usize,
         /// Samples.
         samples: usize,
@@ -101,7 +101,7 @@ pub enum UnmixError {
     Air {
         /// Which, from 0.
         sample: usize,
-        /// What the air says.
+        /// Error of the air model.
         source: AirError,
     },
     /// A sample's fit.
@@ -109,7 +109,7 @@ pub enum UnmixError {
     Sample {
         /// Which, from 0.
         sample: usize,
-        /// What went wrong.
+        /// Error of the unmixing.
         source: MixingError,
     },
 }

@@ -7,7 +7,7 @@ use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
 pub struct Endmember {
     /// The material's name.
     pub name: String,
-    /// Its reflectance.
+    /// Reflectance.
     pub reflectance: Spectrum<Reflectance>,
 }
 

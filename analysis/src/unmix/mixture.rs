@@ -1,4 +1,4 @@
-//! What the light of a sample is made of, and how well that is known.
+//! Mixture of materials that makes the light of a sample, and its uncertainty.
 
 use super::atgp::osp;
 use super::basis::{Basis, dot, norm};
@@ -11,7 +11,7 @@ const SAME: f64 = 1e-10;
 /// A rank is counted down to this, of the longest column's share.
 const RANK: f64 = 1e-12;
 
-/// What is known of the noise of a sample.
+/// Knowledge of the noise of a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Noise<'a> {
     /// Nothing: all channels count alike, and uncertainties follow from what is left over.
@@ -60,7 +60,7 @@ pub enum MixingError {
     Sigma {
         /// Which, from 0.
         channel: usize,
-        /// What was given.
+        /// Value that was given.
         sigma: f64,
     },
     /// A covariance that is none.
@@ -92,7 +92,7 @@ pub struct Mixing {
     pub nearest: Option<Twins>,
 }
 
-/// What a sample is made of.
+/// Mixture of materials in a sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mixture {
     /// How much there is of each endmember; exactly 0 where the bound holds it.
@@ -178,7 +178,7 @@ impl Mixing {
         self.rank == self.matrix.ncols()
     }
 
-    /// What a sample is made of.
+    /// Unmixes a sample.
     ///
     /// # Errors
     /// Data or uncertainties that are none; [`NnlsError::NotConverged`].

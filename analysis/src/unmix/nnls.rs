@@ -11,13 +11,13 @@ use ndarray::{ArrayView2, Axis};
 const ENTER: f64 = 2e-14;
 /// A column of which less than this stands upright on the others is their combination: leaving it out changes no correlation by more.
 const PARALLEL: f64 = 1e-13;
-/// What is not in use and correlates less than this could be in use as well: then the answer is one of many unless the columns are independent.
+/// Correlation below which a column that is not in use could be in use as well: then the answer is one of many unless the columns are independent.
 const EVEN: f64 = 1e-10;
 
 /// A weight that contributes less than this of the data is rounding about 0.
 const NEGLIGIBLE: f64 = 1e-13;
 
-/// What the weights must meet besides a_j ≥ 0.
+/// Constraint that the weights meet besides a_j ≥ 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Constraint {
     /// Nothing.
@@ -38,7 +38,7 @@ pub enum NnlsError {
         /// Endmembers.
         columns: usize,
     },
-    /// As many values as channels are needed.
+    /// A vector has another number of values than there are channels.
     #[error("{found} values for {rows} channels")]
     Length {
         /// Channels.
@@ -51,7 +51,7 @@ pub enum NnlsError {
     NotFinite {
         /// Where.
         what: String,
-        /// What is there.
+        /// Value that was given.
         value: f64,
     },
     /// An endmember that reflects nothing.
@@ -63,7 +63,7 @@ pub enum NnlsError {
     /// A sum that is none.
     #[error("the sum of the weights is to be {total}, expected a number above 0")]
     Sum {
-        /// What was asked for.
+        /// Total that was asked for.
         total: f64,
     },
     /// The active set did not come to rest.
@@ -164,7 +164,7 @@ impl Nnls {
     /// The weights a that make ‖x − S a‖ least.
     ///
     /// # Errors
-    /// As many values as rows, all of them numbers; [`NnlsError::NotConverged`].
+    /// Another number of values than rows, or values that are no numbers; [`NnlsError::NotConverged`].
     pub fn solve(&self, x: &[f64]) -> Result<Solution, NnlsError> {
         let rows = self.original[0].len();
         if x.len() != rows {
@@ -269,7 +269,7 @@ impl Face<'_> {
         left
     }
 
-    /// What the correlations are measured by.
+    /// Returns the scale by which the correlations are measured.
     fn scale(&self, used: &[usize], z: &[f64]) -> f64 {
         let parts = used.iter().zip(z).map(|(j, z)| norm(&self.columns[*j]) * z.abs());
         parts.fold(self.length, f64::max)

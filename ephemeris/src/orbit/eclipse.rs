@@ -170,7 +170,7 @@ pub enum ContactKind {
 pub struct Contact {
     /// When, by the target's own time, to 1 ms.
     pub epoch: Epoch,
-    /// What happens.
+    /// Kind of the contact.
     pub kind: ContactKind,
 }
 
@@ -180,7 +180,7 @@ pub struct Contact {
 /// 0.5 ms. An eclipse that lies between two steps is found by the minimum between them.
 ///
 /// # Errors
-/// As [`Orbit::state`] and [`SkyFrames::over`].
+/// The errors of [`Orbit::state`] and [`SkyFrames::over`].
 pub fn contacts(
     orbit: &Orbit,
     from: Epoch,

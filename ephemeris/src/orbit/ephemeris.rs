@@ -46,14 +46,14 @@ pub struct Ephemeris {
     error_at: Epoch,
 }
 
-/// What is wrong with a row, by field.
+/// Fault of a row, by field.
 pub(super) struct Fault {
     pub field: &'static str,
     pub value: String,
     pub expected: &'static str,
 }
 
-/// What is wrong with a row after the one before it.
+/// Returns the fault of a row after the one before it.
 pub(super) fn fault(before: Option<&EphemerisRow>, row: &EphemerisRow) -> Option<Fault> {
     let fault = |field, value, expected| Some(Fault { field, value, expected });
     if let Some(before) = before {
@@ -162,7 +162,7 @@ impl Ephemeris {
         Ok(State { position_m, velocity_m_s })
     }
 
-    /// What a person calls the target.
+    /// Returns the name of the target.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -185,7 +185,7 @@ impl Ephemeris {
         self.error_m
     }
 
-    /// What a person should know: that the rows are too far apart.
+    /// Returns a warning where the rows are too far apart.
     pub fn warnings(&self) -> Vec<String> {
         if self.error_m <= COARSE_M {
             return Vec::new();

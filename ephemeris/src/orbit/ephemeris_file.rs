@@ -29,7 +29,7 @@ impl Ephemeris {
     /// The same from a text. `path` names it in errors, and gives the target's name.
     ///
     /// # Errors
-    /// As [`Ephemeris::read`].
+    /// The errors of [`Ephemeris::read`].
     pub fn parse(path: impl AsRef<Path>, text: &str) -> Result<Self, ParseError> {
         let path = path.as_ref();
         let stem = path.file_stem().map_or_else(|| "target".into(), |s| s.to_string_lossy());

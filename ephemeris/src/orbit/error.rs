@@ -11,7 +11,7 @@ pub enum OrbitError {
     Elements {
         /// The object.
         name: String,
-        /// What the propagator says.
+        /// Reason that the propagator gives.
         reason: String,
     },
     /// The model's orbit came down, or came apart, by that time.
@@ -28,7 +28,7 @@ pub enum OrbitError {
         elements_epoch_utc: String,
         /// The former after the latter, h.
         hours_after_epoch: f64,
-        /// What SGP4 found.
+        /// Cause that SGP4 found.
         cause: DecayCause,
     },
     /// The epoch is not in the table.
@@ -62,16 +62,16 @@ pub enum OrbitError {
         name: String,
         /// The row, counted from 0.
         row: usize,
-        /// What is wrong, with its unit.
+        /// Quantity that is wrong, with its unit.
         quantity: &'static str,
-        /// Its value.
+        /// Value.
         value: String,
-        /// What would be right.
+        /// Value that would be right.
         expected: &'static str,
     },
 }
 
-/// What SGP4 found where it could not go on.
+/// Cause for which SGP4 could not go on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum DecayCause {

@@ -14,7 +14,7 @@ const MOST: usize = 10;
 pub(super) struct Series<'a> {
     pub times_s: &'a [f64],
     pub positions_m: &'a [DVec3],
-    /// As many, or none at all.
+    /// Velocities, as many as positions, or none at all.
     pub velocities_m_s: &'a [DVec3],
 }
 

@@ -53,7 +53,7 @@ impl Orbit {
     /// move by 1e−11 rad/s: 0.1 mm in 1 s at a geostationary distance. An ephemeris is in the GCRS and does not need it.
     ///
     /// # Errors
-    /// As [`TleOrbit::state`] and [`Ephemeris::state`].
+    /// The errors of [`TleOrbit::state`] and [`Ephemeris::state`].
     pub fn state(&self, epoch: Epoch, frame: &SkyFrame) -> Result<State, OrbitError> {
         match self {
             Self::Tle(orbit) => orbit.state(epoch, frame),
@@ -70,7 +70,7 @@ impl Orbit {
         }
     }
 
-    /// What a person calls the target.
+    /// Returns the name of the target.
     pub fn name(&self) -> String {
         match self {
             Self::Tle(orbit) => orbit.tle().label(),
@@ -78,7 +78,7 @@ impl Orbit {
         }
     }
 
-    /// What a person should know before believing the states between two epochs: elements that are old, a table that is
+    /// Returns warnings about the states between two epochs: elements that are old, a table that is
     /// too coarse.
     pub fn warnings(&self, from: Epoch, to: Epoch) -> Vec<String> {
         match self {

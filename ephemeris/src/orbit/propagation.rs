@@ -149,7 +149,7 @@ impl TleOrbit {
         })
     }
 
-    /// What a person should know: how old the elements are between two epochs.
+    /// Returns a warning about the age of the elements between two epochs.
     pub fn warnings(&self, from: Epoch, to: Epoch) -> Vec<String> {
         let days = |epoch| seconds_between(self.tle.epoch, epoch) / 86_400.0;
         let (first, last) = (days(from), days(to));
@@ -189,7 +189,7 @@ impl TleOrbit {
 
 /// The rotation from TEME of date to the GCRS.
 ///
-/// As Vallado et al. (2006) define TEME, it is turned to the ITRS by the Greenwich mean sidereal time of 1982 and polar
+/// Rotation from TEME to the GCRS. TEME is turned, as Vallado et al. (2006) define it, to the ITRS by the Greenwich mean sidereal time of 1982 and polar
 /// motion; from there the frame's own rotation leads to the GCRS. Polar motion cancels, and of UT1 only the difference of
 /// the two angles remains, GMST82 − ERA, which 1 s of UT1 changes by 8e−12 rad: written so, the rotation does not feel
 /// whether UT1 and the pole are known. (Celestial pole offsets are left out, below 1 mas.)

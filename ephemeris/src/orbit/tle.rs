@@ -48,7 +48,7 @@ pub struct Tle {
 }
 
 impl Tle {
-    /// What a person calls the object: name and number, or the number.
+    /// Returns the label of the object: name and number, or the number.
     pub fn label(&self) -> String {
         match &self.name {
             Some(name) => format!("{name} ({})", self.norad_id),
@@ -65,7 +65,7 @@ impl Tle {
 /// Reads every set of a file; one bad set refuses the file.
 ///
 /// # Errors
-/// As [`parse`]; a file that cannot be read.
+/// The errors of [`parse`]; a file that cannot be read.
 pub fn read(path: impl AsRef<Path>) -> Result<Vec<Tle>, FileError> {
     let path = path.as_ref();
     Ok(parse(path, &sunglint_formats::read::text(path)?)?)
@@ -118,7 +118,7 @@ pub enum ChoiceError {
     /// More than one fits.
     #[error("`{wanted}` fits {count} sets of elements: {listed}")]
     Ambiguous {
-        /// What was asked for.
+        /// Object that was asked for.
         wanted: String,
         /// How many fit.
         count: usize,
@@ -128,7 +128,7 @@ pub enum ChoiceError {
     /// None fits.
     #[error("`{wanted}` is not among the {count} sets of elements; {hint}")]
     Unknown {
-        /// What was asked for.
+        /// Object that was asked for.
         wanted: String,
         /// How many there are.
         count: usize,
@@ -321,7 +321,7 @@ impl Iterator for Scanner<'_> {
     }
 }
 
-/// What may stand in a field.
+/// Kind of a field, which says what may stand in it.
 #[derive(Debug, Clone, Copy)]
 enum Kind {
     Catalogue,
@@ -566,7 +566,7 @@ impl Tle {
     /// The orbit of these elements: [`TleOrbit::new`](super::TleOrbit::new).
     ///
     /// # Errors
-    /// As there.
+    /// The errors of that function.
     pub fn orbit(&self) -> Result<super::TleOrbit, OrbitError> {
         super::TleOrbit::new(self.clone())
     }

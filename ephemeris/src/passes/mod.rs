@@ -32,7 +32,7 @@ const VERTICAL_RAD: f64 = 0.004;
 /// Steps of a revolution (at its fastest) where a target is near or above the horizon.
 const STEPS_A_TURN: f64 = 600.0;
 
-/// What a pass must reach.
+/// Conditions that a pass must meet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conditions {
     /// The lowest true altitude, degrees; the station's horizon may ask for more.
@@ -55,7 +55,7 @@ pub enum SearchError {
     /// The window ends before it begins, or has no length.
     #[error("the window is {seconds} s long: its end must be after its begin")]
     Window {
-        /// Its length.
+        /// Length.
         seconds: f64,
     },
     /// A condition that is no altitude.
@@ -63,7 +63,7 @@ pub enum SearchError {
     Altitude {
         /// Which.
         what: &'static str,
-        /// Its value.
+        /// Value.
         value_deg: f64,
     },
     /// The sky has no frame then.
@@ -74,14 +74,14 @@ pub enum SearchError {
 /// From one time to another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
-    /// Its begin.
+    /// Begin.
     pub from: Epoch,
-    /// Its end.
+    /// End.
     pub to: Epoch,
 }
 
 impl Span {
-    /// Its length, s.
+    /// Length, s.
     pub fn seconds(&self) -> f64 {
         crate::orbit::seconds_between(self.from, self.to)
     }
@@ -159,7 +159,7 @@ pub struct Look {
     pub sunlit: f64,
 }
 
-/// What the search for passes of any target needs: built once, used from many threads.
+/// Search for passes of any target: built once, used from many threads.
 #[derive(Debug, Clone)]
 pub struct Search {
     sky: Sky,
@@ -241,7 +241,7 @@ impl Search {
     /// How the target looks at an epoch of the window.
     ///
     /// # Errors
-    /// As [`Orbit::state`].
+    /// The errors of [`Orbit::state`].
     pub fn look(&self, orbit: &Orbit, epoch: Epoch) -> Result<Look, OrbitError> {
         self.look_after(orbit, crate::orbit::seconds_between(self.sky.from, epoch))
     }

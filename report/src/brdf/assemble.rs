@@ -30,7 +30,7 @@ pub fn missing_table(missing: &[Planned], inputs: &[Input]) -> Table {
     table_of("brdf_missing", columns, inputs)
 }
 
-/// What is in doubt, direction by direction.
+/// Doubts about the material, direction by direction.
 pub fn doubts(made: &Assembled, inputs: &[Input]) -> Table {
     let d = &made.doubts;
     let degrees = |name: &str, of: &dyn Fn(&Doubt) -> f64| {
@@ -53,7 +53,7 @@ pub fn doubts(made: &Assembled, inputs: &[Input]) -> Table {
     table_of("brdf_doubts", columns, inputs)
 }
 
-/// What is measured and what is extrapolated, by direction of the light.
+/// Table of what is measured and what is extrapolated, by direction of the light.
 pub fn table(made: &Assembled, inputs: &[Input]) -> Table {
     let c = &made.coverage;
     let number = |name: &str, unit: Option<&str>, of: &dyn Fn(usize) -> f64| {

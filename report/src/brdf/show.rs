@@ -1,4 +1,4 @@
-//! What a material does, and how two differ: text, summary, table, figure.
+//! Properties of a material, and the difference of two: text, summary, table, figure.
 
 use crate::plot::{Axis, Figure, Panel, Series};
 use crate::{Product, rounded};
@@ -67,7 +67,7 @@ pub fn product(material: &Material, look: &Look, nm: f64, phi_i_deg: f64) -> Pro
     }
 }
 
-/// What a material does, as text.
+/// Returns the properties of a material as text.
 pub fn text(material: &Material, look: &Look) -> String {
     let Look { albedo, reciprocity: (typical, most), .. } = look;
     let mut text = format!("{}\n", material.describe());

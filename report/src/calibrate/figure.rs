@@ -130,7 +130,7 @@ fn ratios(night: &CalibratedNight, station: &Station) -> Panel {
     Panel::new(x, Axis::log("predicted ratio"), series)
 }
 
-/// What is left of those that agree.
+/// Residuals of the stars that agree.
 fn left(
     night: &CalibratedNight,
     station: &Station,

@@ -18,7 +18,7 @@ use sunglint_simulator::pass::WITHIN_AN_EXPOSURE;
 
 const COMMAND: &str = "sunglint compare";
 
-/// What a value and its uncertainty look like: digits of the value down to the second of the uncertainty.
+/// Writes a value and its uncertainty: digits of the value down to the second of the uncertainty.
 fn with_error(value: f64, sigma: Option<f64>) -> String {
     match sigma.filter(|s| *s > 0.0 && s.is_finite()) {
         None => format!("{value:.4}"),
@@ -65,7 +65,7 @@ fn inputs(compared: &Comparison<'_>) -> Vec<Input> {
     inputs
 }
 
-/// What is not in the simulation; change within an exposure is, here.
+/// Effects that are not in the simulation; change within an exposure is, here.
 fn not_modelled(compared: &Comparison<'_>) -> Vec<String> {
     let all = compared.simulation.not_modelled();
     all.into_iter().filter(|what| what != WITHIN_AN_EXPOSURE).collect()

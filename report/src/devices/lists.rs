@@ -1,4 +1,4 @@
-//! What there is: devices that are plugged in, and drivers.
+//! Lists of devices that are plugged in, and of drivers.
 
 use crate::Product;
 use hifitime::Epoch;

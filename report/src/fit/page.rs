@@ -214,7 +214,7 @@ fn sections(answer: &PassFit) -> Vec<Section> {
     all
 }
 
-/// What was free, and what was found.
+/// Section of the free parameters and the values found.
 fn found(answer: &PassFit) -> Section {
     let how = |p: &Estimate| {
         let method = match p.interval_method {
@@ -304,7 +304,7 @@ fn correlations(answer: &PassFit) -> Section {
     }
 }
 
-/// What the data leave open.
+/// Section of what the data leave open.
 fn open(answer: &PassFit) -> Section {
     let told = |w: &&Warning| !matches!(w, Warning::Correlated { .. });
     let mut text: Vec<String> =

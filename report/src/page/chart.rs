@@ -41,7 +41,7 @@ pub enum Kind {
 /// Points of one kind.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {
-    /// What they are.
+    /// Name of the values.
     pub name: String,
     /// The channel that they are of; `None` of none.
     pub channel: Option<usize>,
@@ -51,7 +51,7 @@ pub struct Line {
     pub kind: Kind,
     /// Where, increasing.
     pub x: Vec<f64>,
-    /// What; NaN where there is nothing.
+    /// Values; NaN where there is nothing.
     pub y: Vec<f64>,
     /// Standard uncertainties; empty where there are none.
     pub sigma: Vec<f64>,
@@ -74,9 +74,9 @@ impl Line {
 /// A chart.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chart {
-    /// Its name in the page: letters.
+    /// Name in the page: letters.
     pub id: &'static str,
-    /// Its title.
+    /// Title.
     pub title: String,
     /// Quantity and unit of its vertical axis.
     pub label: String,
@@ -88,7 +88,7 @@ pub struct Chart {
     pub range: Option<(f64, f64)>,
     /// A value that is marked across.
     pub rule: Option<f64>,
-    /// What it shows.
+    /// Lines that it shows.
     pub lines: Vec<Line>,
 }
 
@@ -174,15 +174,15 @@ fn pooled(pool: &mut Vec<String>, values: &[f64]) -> usize {
 /// Charts above one another on one axis of time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Group {
-    /// What they are of.
+    /// Title of the charts.
     pub title: String,
     /// The axis of time.
     pub x_label: String,
-    /// Its zero: milliseconds after 1970 (without leap seconds, as browsers count).
+    /// Zero: milliseconds after 1970 (without leap seconds, as browsers count).
     pub start_ms: f64,
-    /// Its first value, s.
+    /// First value, s.
     pub from: f64,
-    /// Its last.
+    /// Last.
     pub to: f64,
     /// The charts.
     pub charts: Vec<Chart>,

@@ -23,15 +23,15 @@ const SCRIPT: &str = include_str!("page.js");
 /// A value with an interval: a scale, or what a fit found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Parameter {
-    /// What it is.
+    /// Name of the parameter.
     pub name: String,
-    /// Its value.
+    /// Value.
     pub value: f64,
-    /// Its unit; empty of a pure number.
+    /// Unit; empty of a pure number.
     pub unit: String,
-    /// Its standard uncertainty, where that is known.
+    /// Standard uncertainty, where that is known.
     pub sigma: Option<f64>,
-    /// Its 95 % interval, where that is known.
+    /// 95 % interval, where that is known.
     pub interval: Option<(f64, f64)>,
 }
 
@@ -49,38 +49,38 @@ pub struct Grid {
 /// A part of the page.
 #[derive(Debug, Clone, Default)]
 pub struct Section {
-    /// Its title.
+    /// Title.
     pub title: String,
-    /// What stands before its table.
+    /// Text before its table.
     pub text: Vec<String>,
-    /// Its table; without rows there is none.
+    /// Table; without rows there is none.
     pub grid: Grid,
 }
 
-/// What a page says.
+/// Contents of a page.
 #[derive(Debug, Clone, Default)]
 pub struct Report {
-    /// What it is about.
+    /// Title of the page.
     pub title: String,
     /// When, from where, of what: in a line.
     pub subtitle: String,
     /// The verdict, in sentences with numbers.
     pub verdict: String,
-    /// Its most telling numbers: name, value, a remark.
+    /// Most telling numbers: name, value, a remark.
     pub figures: Vec<[String; 3]>,
-    /// What has an interval, under a title with a note.
+    /// Parameters that have an interval, under a title with a note.
     pub parameters: (String, String, Vec<Parameter>),
     /// Channels, each with its place in the palette.
     pub channels: Vec<(String, usize)>,
     /// The title of the charts against time.
     pub curves_title: String,
-    /// What dots and lines are in them.
+    /// Note on the dots and lines in the curves.
     pub curves_note: String,
     /// Charts against time, a group a track.
     pub groups: Vec<Group>,
     /// Charts against something else.
     pub others: Vec<Chart>,
-    /// What follows.
+    /// Sections that follow.
     pub sections: Vec<Section>,
     /// The program and its version.
     pub program: String,

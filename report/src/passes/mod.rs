@@ -24,15 +24,15 @@ pub struct PassesReport<'a> {
     pub search: &'a Search,
     /// The station.
     pub station: &'a Station,
-    /// Its channels on sunlight.
+    /// Channels on sunlight.
     pub photometer: &'a Photometer<'a>,
     /// The passes, in the order of time.
     pub passes: &'a [SeenPass],
     /// How many there were.
     pub counts: SightingCounts,
-    /// What could not be followed.
+    /// Targets that could not be followed.
     pub failures: &'a [SightingFailure],
-    /// What a person should hear of first.
+    /// Warnings that the user should read first.
     pub warnings: &'a [String],
     /// The files that went in.
     pub inputs: Vec<Input>,

@@ -1,4 +1,4 @@
-//! What a sphere reflects against phase angle, rough mirrors beside Lambert's law and a mirror (thesis fig. G.4).
+//! Reflection of a sphere against phase angle, rough mirrors beside Lambert's law and a mirror (thesis fig. G.4).
 
 use crate::plot::{Axis, Figure, Panel, RGBColor, Series};
 use crate::{Product, rounded};

@@ -12,7 +12,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 /// Pictures beside one another, two in a row.
 #[derive(Debug, Clone)]
 pub struct Gallery {
-    /// What they show.
+    /// Title of the pictures.
     pub title: String,
     /// Lines below the title.
     pub subtitle: Vec<String>,
@@ -23,13 +23,13 @@ pub struct Gallery {
 /// A picture.
 #[derive(Debug, Clone)]
 pub struct Tile {
-    /// What it shows.
+    /// Title of the picture.
     pub title: String,
     /// The picture: rows from the top.
     pub image: RgbaImage,
     /// Whether what is drawn over it has to be bright.
     pub is_dark: bool,
-    /// What its colours mean.
+    /// Meaning of its colours.
     pub key: Key,
     /// Directions, drawn from one point in the lower right corner.
     pub arrows: Vec<Arrow>,
@@ -37,7 +37,7 @@ pub struct Tile {
     pub scale_bar: Option<(f64, String)>,
 }
 
-/// What colours mean.
+/// Meaning of colours.
 #[derive(Debug, Clone)]
 pub enum Key {
     /// Values between two ends.
@@ -58,13 +58,13 @@ pub enum Key {
 /// A direction across a picture.
 #[derive(Debug, Clone)]
 pub struct Arrow {
-    /// What is there.
+    /// Name of the thing there.
     pub name: String,
     /// To the right and upwards; 1 long where it lies across the line of sight.
     pub across: (f64, f64),
     /// Whether it points towards whoever looks.
     pub is_near: bool,
-    /// Its colour, where it has one of its own.
+    /// Colour, where it has one of its own.
     pub colour: Option<RGBColor>,
 }
 

@@ -23,7 +23,7 @@ use std::sync::Once;
 /// A figure: panels above one another.
 #[derive(Debug, Clone)]
 pub struct Figure {
-    /// What it shows.
+    /// Title of the figure.
     pub title: String,
     /// One or more panels, top to bottom.
     pub panels: Vec<Panel>,
@@ -36,7 +36,7 @@ pub struct Panel {
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// What is drawn, in order.
+    /// Series that are drawn, in order.
     pub series: Vec<Series>,
     /// Stretches of the horizontal axis that are shaded, below everything else.
     pub spans: Vec<Span>,
@@ -47,11 +47,11 @@ pub struct Panel {
 /// A shaded stretch of the horizontal axis.
 #[derive(Debug, Clone)]
 pub struct Span {
-    /// What it means, in the legend once for all spans of that name.
+    /// Meaning of the span, in the legend once for all spans of that name.
     pub label: String,
-    /// Its ends.
+    /// Ends.
     pub range: (f64, f64),
-    /// Its colour: pale, since lines run over it.
+    /// Colour: pale, since lines run over it.
     pub colour: RGBColor,
 }
 
@@ -71,13 +71,13 @@ pub struct Axis {
 /// A line or a row of points.
 #[derive(Debug, Clone)]
 pub struct Series {
-    /// Its name in the legend; none where empty.
+    /// Name in the legend; none where empty.
     pub label: String,
-    /// Its points; a point that is no number breaks the line.
+    /// Points; a point that is no number breaks the line.
     pub points: Vec<(f64, f64)>,
     /// How it is drawn.
     pub style: Style,
-    /// Its colour.
+    /// Colour.
     pub colour: RGBColor,
     /// Which dashes a line has, of [`DASHES`].
     pub dash: usize,
@@ -259,7 +259,7 @@ impl Figure {
     }
 }
 
-/// What draws itself at any scale.
+/// Drawing at any scale.
 trait Drawn {
     /// Width and height in pixels.
     fn size(&self, scale: u32) -> (u32, u32);

@@ -9,7 +9,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 /// A map of the sky with the tracks of what moves over it.
 #[derive(Debug, Clone)]
 pub struct SkyPlot {
-    /// What it shows.
+    /// Title of the chart.
     pub title: String,
     /// A line below the title.
     pub subtitle: String,
@@ -23,12 +23,12 @@ pub struct SkyPlot {
     pub notes: Vec<String>,
 }
 
-/// What a target does.
+/// Path of a target.
 #[derive(Debug, Clone)]
 pub struct Track {
-    /// What stands beside it in the list.
+    /// Text beside it in the list.
     pub name: String,
-    /// Its way: azimuth and altitude in degrees, and whether it can be seen.
+    /// Way: azimuth and altitude in degrees, and whether it can be seen.
     pub points: Vec<TrackPoint>,
     /// Azimuth, altitude and text of marks along it.
     pub marks: Vec<(f64, f64, String)>,
@@ -61,13 +61,13 @@ pub enum Light {
 /// Something that stands still.
 #[derive(Debug, Clone)]
 pub struct Place {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Azimuth, degrees.
     pub azimuth_deg: f64,
     /// Altitude, degrees; below the horizon it is marked at the rim.
     pub altitude_deg: f64,
-    /// Its colour.
+    /// Colour.
     pub colour: RGBColor,
 }
 

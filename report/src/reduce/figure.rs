@@ -1,4 +1,4 @@
-//! What was reduced, to look at: light curves, and frames with the target's rings.
+//! Figures of a reduction: light curves, and frames with the target's rings.
 
 use crate::plot::gallery::{Gallery, Key, Tile};
 use crate::plot::{Axis, Figure, Panel, RGBColor, Series, colour_of_wavelength_nm, viridis};

@@ -1,4 +1,4 @@
-//! What a reduction says: per visit and channel how many samples there are and what each rule removed.
+//! Report of a reduction: per visit and channel how many samples there are and what each rule removed.
 
 mod figure;
 
@@ -20,7 +20,7 @@ const SUMMARY: &str = "summary";
 
 /// A channel of a visit in numbers.
 pub struct ChannelLine {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Exposures of its own.
     pub samples: u64,
@@ -69,16 +69,16 @@ impl ChannelLine {
 pub struct VisitLine {
     /// The stay.
     pub stay: Stay,
-    /// Its first and last sample.
+    /// First and last sample.
     pub time: Option<[Epoch; 2]>,
     /// Lowest and highest true zenith angle, deg, where the target's place is known.
     pub zenith_deg: Option<[f64; 2]>,
-    /// Its channels.
+    /// Channels.
     pub channels: Vec<ChannelLine>,
 }
 
 impl VisitLine {
-    /// Of a visit.
+    /// Makes the lines of a visit.
     pub fn of(visited: &Visited) -> Self {
         let samples = &visited.linear.samples;
         let zenith_deg = samples.zenith_deg.as_ref().map(|zeniths| {

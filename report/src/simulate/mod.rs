@@ -27,9 +27,9 @@ const DARK_MAG: f64 = 32.0;
 pub struct SimulationReport<'a> {
     /// The simulation.
     pub simulation: &'a Simulation<'a>,
-    /// What it cost.
+    /// Cost of the simulation.
     pub cost: Cost,
-    /// What a person should hear of first.
+    /// Warnings that the user should read first.
     pub warnings: &'a [String],
 }
 
@@ -273,7 +273,7 @@ impl SimulationReport<'_> {
         }
     }
 
-    /// What the stated error is over the pass.
+    /// Writes the stated error over the pass.
     fn say_stated(&self, text: &mut String) {
         let simulation = self.simulation;
         let channels = simulation.channels.iter().filter_map(|c| simulation.stated_error(c));

@@ -6,7 +6,7 @@ use sunglint_formats::{Column, Table, Values};
 
 /// So many lines are told apart in a panel.
 const MOST_LINES: usize = 8;
-/// What a table can run over: the beginning of the column's name, and the axis.
+/// Abscissae of tables: the beginning of the column's name, and the axis.
 const ABSCISSAE: [(&str, &str); 4] = [
     ("wavelength_nm", "vacuum wavelength (nm)"),
     ("wavenumber_cm1", "wavenumber (cm⁻¹)"),

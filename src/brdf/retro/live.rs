@@ -21,7 +21,7 @@ pub struct Live {
 }
 
 impl Live {
-    /// Of a run with so many angles in all, of which some are done.
+    /// Shows a run with so many angles in all, of which some are done.
     pub fn new(angles: u64, done: u64, console: Console) -> Self {
         let terminal = std::io::stderr().is_terminal() && !console.json && !console.quiet;
         let bar = terminal.then(|| {

@@ -1,4 +1,4 @@
-//! What the tests of the workspace share: skips that are counted, the Python of the peer programs, campaigns, and the folders.
+//! Common parts of the workspace's tests: skips that are counted, the Python of the peer programs, campaigns, and the folders.
 
 mod campaign;
 mod rows;

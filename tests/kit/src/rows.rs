@@ -1,4 +1,4 @@
-//! What came of each seed of a campaign that is run in shards: a table that grows seed by seed.
+//! Results of each seed of a campaign that is run in shards: a table that grows seed by seed.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

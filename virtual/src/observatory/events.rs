@@ -65,7 +65,7 @@ pub struct Detector {
     pub dead_time: DeadTime,
     /// Dark events before any dead time, Hz; they arrive as photons do.
     pub dark_rate_hz: f64,
-    /// What follows a count of itself.
+    /// Afterpulses that follow a count.
     pub afterpulsing: Option<Afterpulsing>,
 }
 
@@ -145,7 +145,7 @@ pub fn arrivals(random: &mut Random, rate_hz: f64, span_ps: Range<i64>, into: &m
 /// One pixel, or a whole detector that has no pixels.
 #[derive(Debug, Clone, Copy)]
 struct Pixel {
-    /// What its deafness counts from, ps.
+    /// Moment from which its deafness counts, ps.
     last_ps: i64,
     /// The charge in its trap, and when it comes.
     trapped: Option<Arrival>,

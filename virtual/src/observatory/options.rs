@@ -1,4 +1,4 @@
-//! What a virtual night is like: the keys of a `virtual.toml`, all with defaults.
+//! Options of a virtual night: the keys of a `virtual.toml`, all with defaults.
 //!
 //! ```toml
 //! seed = 1                            # all chance comes from here
@@ -93,7 +93,7 @@ section!(
         plan: PlanOptions = PlanOptions::default(),
         /// How stars differ from their catalogue.
         stars: StarOptions = StarOptions::default(),
-        /// What is in the air that the station's file does not say.
+        /// Properties of the air that the station's file does not say.
         air: AirOptions = AirOptions::default(),
         /// The sky's own light.
         sky: SkyOptions = SkyOptions::default(),
@@ -103,11 +103,11 @@ section!(
         scintillation: ScintillationOptions = ScintillationOptions::default(),
         /// How the telescope trembles.
         pointing: PointingOptions = PointingOptions::default(),
-        /// What dims everything.
+        /// Clouds, which dim everything.
         clouds: CloudOptions = CloudOptions::default(),
         /// The camera's faults.
         camera: CameraOptions = CameraOptions::default(),
-        /// What comes by.
+        /// Objects and particles that pass by.
         passing: PassingOptions = PassingOptions::default(),
         /// True coefficients by channel: predicted = κ × arriving. The station's typical ones for those that are missing, else 1.
         kappa: BTreeMap<String, f64> = BTreeMap::new(),
@@ -153,11 +153,11 @@ section!(
 );
 
 section!(
-    /// What is in the air that the station's file does not say.
+    /// Properties of the air that the station's file does not say.
     AirOptions {
         /// Vertical optical depth of the aerosol at 550 nm.
         aerosol_depth: f64 = 0.0,
-        /// Its Ångström exponent.
+        /// Ångström exponent.
         aerosol_exponent: f64 = 1.3,
     }
 );
@@ -215,7 +215,7 @@ section!(
     CloudOptions {
         /// Mean optical depth.
         depth: f64 = 0.0,
-        /// Its standard deviation.
+        /// Standard deviation.
         scatter: f64 = 0.0,
         /// Correlation time, s.
         time_s: f64 = 600.0,
@@ -225,7 +225,7 @@ section!(
 section!(
     /// The camera's faults.
     CameraOptions {
-        /// What the converter says without a signal, ADU.
+        /// Bias of the converter (its value without a signal), ADU.
         bias_adu: f64 = 300.0,
         /// Relative standard deviation of the pixels' response.
         response_scatter: f64 = 0.005,
@@ -243,7 +243,7 @@ section!(
 );
 
 section!(
-    /// What comes by.
+    /// Objects and particles that pass by.
     PassingOptions {
         /// Streaks over the whole frame in an hour.
         streaks_per_h: f64 = 2.0,
@@ -288,7 +288,7 @@ pub enum DeadTimeModel {
     MultiPixel,
 }
 
-/// What is looked at.
+/// Kind of a visit's target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum VisitKind {
@@ -306,9 +306,9 @@ pub enum VisitKind {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VisitOptions {
-    /// What is looked at.
+    /// Kind of the target.
     pub kind: VisitKind,
-    /// Its name: a star's as the catalogue finds it.
+    /// Name: a star's as the catalogue finds it.
     #[serde(default)]
     pub name: String,
     /// From when on, s from the night's begin.

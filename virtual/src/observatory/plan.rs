@@ -14,11 +14,11 @@ pub struct Visit {
     pub from_s: f64,
     /// Until before when, s from the night's begin.
     pub to_s: f64,
-    /// What is looked at.
+    /// Target of the visit.
     pub target: Target,
 }
 
-/// What is looked at.
+/// Target of a visit.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Target {
@@ -28,7 +28,7 @@ pub enum Target {
     Curve(Curve),
     /// The sky without a target, beside what is named.
     Sky {
-        /// What it is beside; may be empty.
+        /// Target that it is beside; may be empty.
         beside: String,
     },
     /// Nothing: the shutter is closed.
@@ -36,7 +36,7 @@ pub enum Target {
 }
 
 impl Target {
-    /// Its name.
+    /// Name.
     pub fn name(&self) -> String {
         match self {
             Self::Star(star) => star.label(),
@@ -46,7 +46,7 @@ impl Target {
         }
     }
 
-    /// Its kind.
+    /// Kind.
     pub fn kind(&self) -> VisitKind {
         match self {
             Self::Star(_) => VisitKind::Star,
@@ -67,7 +67,7 @@ pub struct Curve {
     /// Hz at the detector for each time and each channel of the station (`[time][channel]`). Before and after the
     /// times the target is dark.
     pub rates_hz: Vec<Vec<f64>>,
-    /// Its airmass at each time: for scintillation and seeing.
+    /// Airmass at each time: for scintillation and seeing.
     pub airmass: Vec<f64>,
 }
 

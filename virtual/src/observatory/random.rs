@@ -6,7 +6,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 /// The generator of every stream.
 pub type Random = Xoshiro256PlusPlus;
 
-/// What a stream is for: streams of different purposes have nothing in common.
+/// Purpose of a stream: streams of different purposes have nothing in common.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Purpose {
@@ -16,13 +16,13 @@ pub enum Purpose {
     Bin,
     /// The noise of a frame.
     Frame,
-    /// What passes through a frame: cosmic rays, streaks.
+    /// Particles and objects that pass through a frame: cosmic rays, streaks.
     Passing,
     /// The pixels' own faults.
     Pixels,
     /// A quantity that wanders in time.
     Wander,
-    /// What a night's stars are really like.
+    /// True properties of a night's stars.
     Stars,
     /// A seed for something of its own (a channel, a device).
     Part,

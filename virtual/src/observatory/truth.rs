@@ -15,9 +15,9 @@ pub struct Truth {
     pub seed: u64,
     /// True coefficient of each channel: predicted = κ × arriving.
     pub kappa: BTreeMap<String, f64>,
-    /// What arrives of the sky, by counter, Hz.
+    /// Sky's light that arrives, by counter, Hz.
     pub sky_hz: BTreeMap<String, f64>,
-    /// What arrives of the sky on a pixel, by plane, e/s.
+    /// Sky's light that arrives on a pixel, by plane, e/s.
     pub sky_e_per_s: BTreeMap<String, f64>,
     /// Optical depth at 550 nm of an aerosol that the station's file does not name.
     pub aerosol_depth: f64,
@@ -30,7 +30,7 @@ pub struct Truth {
 pub struct TrueVisit {
     /// The target's name.
     pub name: String,
-    /// Its kind.
+    /// Kind.
     pub kind: VisitKind,
     /// From when on, s from the night's begin.
     pub from_s: f64,
@@ -38,7 +38,7 @@ pub struct TrueVisit {
     pub to_s: f64,
     /// True light over catalogued light, by channel; empty of what is no star.
     pub factor: BTreeMap<String, f64>,
-    /// What arrives on average over the visit at a fibre's middle under a clear sky, by channel: Hz of counters, ADU/s of
+    /// Light that arrives on average over the visit at a fibre's middle under a clear sky, by channel: Hz of counters, ADU/s of
     /// planes (as if every pixel had the colour). Empty without a target.
     pub arriving_hz: BTreeMap<String, f64>,
     /// Airmass in the middle.
@@ -48,7 +48,7 @@ pub struct TrueVisit {
 }
 
 impl Night {
-    /// Its truth.
+    /// Truth.
     pub fn truth(&self) -> Truth {
         let by_name = |value: &dyn Fn(usize) -> Option<f64>| {
             let channels = self.channels.iter().enumerate();

@@ -12,7 +12,7 @@ use rand_distr::{Distribution as _, StandardNormal};
 const STEPS: [f64; 2] = [16.0, 2000.0];
 /// The longest step of a quick process, s.
 const QUICK_S: f64 = 0.01;
-/// What is forgotten is less than e^−18.4 = 1e−8.
+/// Exponent of forgetting: what is forgotten is less than e^−18.4 = 1e−8.
 const FORGOTTEN: f64 = 18.4;
 /// The shortest block.
 const LEAST_STEPS: usize = 4096;

@@ -1,4 +1,4 @@
-//! What the instruments get of a night: counts, tags, frames, each of them a function of its time alone.
+//! Data that the instruments get of a night: counts, tags, frames, each of them a function of its time alone.
 
 use super::events::{Detector, PS};
 use super::frame::{
@@ -19,7 +19,7 @@ const MOST_STEPS: f64 = 400.0;
 /// Places of a target in a frame along which its light is drawn out.
 const MOST_PLACES: f64 = 8.0;
 
-/// What is true at a moment, the same for all instruments.
+/// Truth at a moment, the same for all instruments.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
     /// The visit, by its number; none on the way between two.
@@ -28,13 +28,13 @@ pub struct Moment {
     pub dark: bool,
     /// Where the target stands, px from the middle of the sensor.
     pub offset_px: [f64; 2],
-    /// What twinkling makes of the light: 1 on average.
+    /// Factor of twinkling on the light: 1 on average.
     pub scintillation: f64,
-    /// What clouds leave of the light.
+    /// Share of the light that clouds let through.
     pub clouds: f64,
 }
 
-/// What is true of a frame.
+/// Truth of a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameTruth {
     /// The target's mean place, px from the middle of the sensor; none without a target.
@@ -80,7 +80,7 @@ impl Watch {
         &self.night
     }
 
-    /// What is true at a moment, s from the night's begin.
+    /// Returns the truth at a moment, s from the night's begin.
     pub fn moment(&mut self, time_s: f64) -> Moment {
         let visit = self.night.visit_at(time_s);
         self.moment_of(visit, time_s)

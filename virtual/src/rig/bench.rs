@@ -20,7 +20,7 @@ impl Bench {
     /// A rig.
     ///
     /// # Errors
-    /// What no rig can be.
+    /// Options of which no rig can be made.
     pub fn new(options: Options) -> Result<Self, OptionError> {
         options.check()?;
         let standard = Sample {
@@ -32,7 +32,7 @@ impl Bench {
         Ok(Self { cone: cone(&options), standard, options })
     }
 
-    /// What it is made of.
+    /// Returns the options that it is made of.
     pub fn options(&self) -> &Options {
         &self.options
     }

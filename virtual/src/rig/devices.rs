@@ -40,7 +40,7 @@ impl VirtualRig {
     /// A rig whose next reading is the `readings`-th, from 0.
     ///
     /// # Errors
-    /// What no rig can be.
+    /// Options of which no rig can be made.
     pub fn new(options: Options, readings: u64) -> Result<Self, OptionError> {
         let (meter, wavelength_nm) = (Meter::new(&options), options.laser.wavelength_nm);
         let bench = Bench::new(options)?;
@@ -64,13 +64,13 @@ impl VirtualRig {
         self.state().place = place;
     }
 
-    /// Its stage.
+    /// Stage.
     pub fn stage(&self) -> VirtualStage {
         let travel_deg = self.state().bench.options().stage.travel_deg;
         VirtualStage { rig: self.clone(), travel_deg }
     }
 
-    /// Its meter.
+    /// Meter.
     pub fn meter(&self) -> VirtualMeter {
         VirtualMeter(self.clone())
     }

@@ -1,4 +1,4 @@
-//! What a meter shows of light: photons and noise, an offset, ranges that have to settle, and an end.
+//! Readings of a power meter: photons and noise, an offset, ranges that have to settle, and an end.
 
 use super::options::Options;
 use crate::observatory::random::{Purpose, stream};
@@ -11,7 +11,7 @@ const HC_J_NM: f64 = 1.986_445_857_148_928e-16;
 const UP: f64 = 0.95;
 const DOWN: f64 = 0.8;
 
-/// What it shows.
+/// Reading on the display.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shown {
     /// A power, W.

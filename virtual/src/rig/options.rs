@@ -1,4 +1,4 @@
-//! What a virtual rig is like: the keys of a `rig.toml`, all with defaults.
+//! Options of a virtual rig: the keys of a `rig.toml`, all with defaults.
 //!
 //! ```toml
 //! seed = 1                    # all chance comes from here
@@ -65,7 +65,7 @@ use serde::Deserialize;
 use sunglint_formats::ParseError;
 use sunglint_formats::toml::Document;
 
-/// What a sample reflects like.
+/// Reflection law of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SampleKind {
@@ -90,11 +90,11 @@ section!(
         mount: Mount = Mount::default(),
         /// The laser.
         laser: Laser = Laser::default(),
-        /// Its beam.
+        /// Beam.
         beam: Beam = Beam::default(),
         /// The stop that limits the cone.
         stop: Stop = Stop::default(),
-        /// What is between sample and meter.
+        /// Optics between sample and meter.
         optics: Optics = Optics::default(),
         /// The meter.
         meter: Meter = Meter::default(),
@@ -102,7 +102,7 @@ section!(
         stage: Stage = Stage::default(),
         /// The standard.
         standard: Standard = Standard::default(),
-        /// What goes wrong.
+        /// Faults that occur.
         fault: Fault = Fault::default(),
     }
 );
@@ -110,7 +110,7 @@ section!(
 section!(
     /// The sample.
     Sample {
-        /// What it reflects like.
+        /// Reflection law.
         kind: SampleKind = SampleKind::Ggx,
         /// Roughness of microfacets.
         alpha: f64 = 0.1,
@@ -160,7 +160,7 @@ section!(
     Stop {
         /// Width of a rectangle along the direction in which it is tilted, mm.
         width_mm: f64 = 10.0,
-        /// Its height across that, mm.
+        /// Height across that, mm.
         height_mm: f64 = 7.0,
         /// Diameter of a disc in its place, mm.
         diameter_mm: Option<f64> = None,
@@ -172,7 +172,7 @@ section!(
 );
 
 section!(
-    /// What is between sample and meter.
+    /// Optics between sample and meter.
     Optics {
         /// Reflectance of the beam splitter at the laser's polarisation.
         splitter_reflectance: f64 = 0.5,
@@ -190,7 +190,7 @@ section!(
     Meter {
         /// Ends of the ranges, W, increasing.
         ranges_w: Vec<f64> = vec![3e-8, 3e-7, 3e-6, 3e-5, 3e-4, 3e-3, 3e-2],
-        /// What it shows in the dark, W.
+        /// Reading in the dark, W.
         offset_w: f64 = 0.0,
         /// Standard deviation over the end of the range.
         noise_of_range: f64 = 0.0,
@@ -226,13 +226,13 @@ section!(
 section!(
     /// A Lambert standard.
     Standard {
-        /// Its reflectance.
+        /// Reflectance.
         reflectance: f64 = 0.99,
     }
 );
 
 section!(
-    /// What goes wrong.
+    /// Faults that occur.
     Fault {
         /// The reading from which on the meter does not answer, from 0.
         unplugged_at_reading: Option<u64> = None,
@@ -245,7 +245,7 @@ impl Options {
     /// Reads a rig's file.
     ///
     /// # Errors
-    /// What no rig can be, with line and key.
+    /// Options of which no rig can be made, with line and key.
     pub fn read(document: &Document) -> Result<Self, ParseError> {
         let options: Self = document.parse()?;
         options.check().map_err(|e| document.error_at(&e.key, e.expected))?;

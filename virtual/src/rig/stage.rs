@@ -15,7 +15,7 @@ impl Stage {
         Self { motor_deg: 0.0, sample_deg: 0.0 }
     }
 
-    /// What the motor's counter says, degrees.
+    /// Returns the angle on the motor's counter, degrees.
     pub fn motor_deg(&self) -> f64 {
         self.motor_deg
     }

@@ -55,7 +55,7 @@ pub struct Clock {
     pub synodic_s: f64,
     /// The period of the spin about that axis, s.
     pub sidereal_s: f64,
-    /// By how much of a turn its phase departs from an even one at most.
+    /// Largest departure of the phase from an even one, turns.
     pub bend_turns: f64,
     /// The joint gain of eight harmonics (fewer where the sampling has no room).
     pub gain: f64,
@@ -74,7 +74,7 @@ pub struct Along {
     pub sidereal_s: (f64, f64),
     /// The part of the sky in which those axes lie.
     pub alike: f64,
-    /// By how much more is left of the variance in even time than on the clock, relative.
+    /// Excess of the variance that is left in even time over that on the clock, relative.
     pub even_share: f64,
     /// The series in its time, whole.
     pub series: Vec<Series>,
@@ -85,9 +85,9 @@ pub struct Along {
     pub verdict: Verdict,
 }
 
-/// What clocks are compared by.
+/// Data by which clocks are compared.
 struct Question<'a> {
-    /// Of each stretch the channel that repeats best in even time: what bends the phase is the same in all.
+    /// The channel of each stretch that repeats best in even time: what bends the phase is the same in all.
     pieces: Vec<Series>,
     path: &'a Bisectors,
     frequency_hz: f64,
@@ -214,12 +214,12 @@ fn spin(estimate: &Estimate, best: Clock, clocks: &[Clock]) -> (Estimate, (f64, 
     (Estimate { period_s, sigma_s }, ends)
 }
 
-/// By how much what is left of the variance grows, relative, where the gain in twice the logarithm of the likelihood falls by `-gain`.
+/// Relative growth of the variance that is left, where the gain in twice the logarithm of the likelihood falls by `-gain`.
 fn share(gain: f64, samples: f64) -> f64 {
     (-gain / samples).exp_m1()
 }
 
-/// What stretches are too short to rule out, and the whole rules out, is no member of the family: multiples of the period.
+/// Removes from the family the multiples of the period that stretches are too short to rule out and that the whole rules out.
 fn rule_out(found: &mut Verdict, whole: &[Series], range: Range) -> Result<(), PeriodError> {
     let (Outcome::Family(members), Some(best)) = (&found.outcome, found.best) else {
         return Ok(());
@@ -300,7 +300,7 @@ fn stretches(series: &[Series], n: usize) -> Vec<Vec<Series>> {
 /// whole gives.
 ///
 /// # Errors
-/// As [`verdict()`].
+/// The errors of [`verdict()`].
 pub fn verdict_along(
     series: &[Series],
     options: &Options,

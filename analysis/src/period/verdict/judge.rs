@@ -1,4 +1,4 @@
-//! What is left is asked again: for its double and triple, its half and third, for other peaks.
+//! Second questions to a candidate period: its double and triple, its half and third, other peaks.
 
 use super::super::lines::{Lines, harmonics as most_harmonics, residual};
 use super::super::pdm::{Dispersion, dispersion_test};

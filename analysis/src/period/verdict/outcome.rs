@@ -1,8 +1,8 @@
-//! What is asked, and what is answered.
+//! Question of a period search, and its answer.
 
 use crate::period::PeriodError;
 
-/// What to search.
+/// Options of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Options {
     /// The shortest period, s [default: twice the median step of the samples, or twice the exposure where that is longer].
@@ -16,7 +16,7 @@ pub struct Options {
 pub struct Estimate {
     /// The period, s.
     pub period_s: f64,
-    /// Its standard uncertainty, s, from the curvature of the joint χ² with the noise that the fit leaves.
+    /// Standard uncertainty, s, from the curvature of the joint χ² with the noise that the fit leaves.
     pub sigma_s: f64,
 }
 
@@ -102,7 +102,7 @@ pub enum Reason {
     },
 }
 
-/// What the data say.
+/// Answer that the data give.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Outcome {
@@ -123,7 +123,7 @@ pub struct Question {
     pub shorter_s: f64,
     /// The chance that the longer one explains more by noise alone, from lines; `None` where turns are too few to tell.
     pub chance: Option<f64>,
-    /// By how much of their light successive turns of the shorter one may differ all the same, at about 95 %.
+    /// Share of their light by which successive turns of the shorter one may differ all the same, at about 95 %.
     pub unlike: Option<f64>,
     /// The same chance from phase dispersion.
     pub dispersion_chance: Option<f64>,
@@ -132,7 +132,7 @@ pub struct Question {
 /// The verdict and what it rests on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
-    /// What the data say.
+    /// Answer that the data give.
     pub outcome: Outcome,
     /// The best period, even where it is no answer.
     pub best: Option<Estimate>,

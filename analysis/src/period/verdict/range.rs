@@ -15,7 +15,7 @@ pub(super) const MOST_FREQUENCIES: usize = 20_000_000;
 pub(super) struct Range {
     pub lowest_hz: f64,
     pub highest_hz: f64,
-    /// What the sampling shows at most: harmonics lie below it.
+    /// Highest frequency that the sampling shows: harmonics lie below it.
     pub limit_hz: f64,
     pub span_s: f64,
 }

@@ -1,4 +1,4 @@
-//! What else might be: other peaks, and what the sampling does.
+//! Rivals of a period: other peaks, and what the sampling does.
 
 use super::super::{Grid, PeriodError, window};
 use super::range::{MOST_FREQUENCIES, OVERSAMPLING};

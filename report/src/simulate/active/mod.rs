@@ -31,7 +31,7 @@ fn shape(beam: BeamShape) -> &'static str {
     }
 }
 
-/// What was done about light that the body scatters more than once.
+/// Returns the treatment of light that the body scatters more than once.
 fn bounces(r: &Returns<'_>) -> String {
     let why = &r.need.why;
     if r.need.needed {

@@ -113,7 +113,7 @@ impl VirtualObservatory {
     /// A night with these visits, for instance those of an observer's own schedule.
     ///
     /// # Errors
-    /// As [`Night::new`].
+    /// The errors of [`Night::new`].
     pub fn new(
         options: Options,
         station: &Station,
@@ -132,7 +132,7 @@ impl VirtualObservatory {
         &self.night
     }
 
-    /// Its camera; `None` if the station has none.
+    /// Camera; `None` if the station has none.
     pub fn camera(&self) -> Option<VirtualCamera> {
         let sensor = self.night.sensor?;
         Some(VirtualCamera::new(Watch::new(self.night.clone()), sensor, self.gain_e_per_adu))

@@ -28,7 +28,7 @@ pub struct Scheduled {
     pub observatory: VirtualObservatory,
     /// The schedule: the one that was given, or the night's own.
     pub stays: Vec<Stay>,
-    /// What the night was made of and its truth: paths within a session's folder, and bytes.
+    /// Files that the night was made of and its truth: paths within a session's folder, and bytes.
     pub files: Vec<(String, Vec<u8>)>,
 }
 

@@ -11,12 +11,12 @@ use sunglint_drivers::tags::Tag;
 /// The steps in which light is steady between tags, ps: a millisecond.
 const STEP_PS: i64 = 1_000_000_000;
 
-/// What the simulated camera of an INDI server sees of a night.
+/// View of a night through the simulated camera of an INDI server.
 #[derive(Debug, Clone)]
 pub struct ThroughScene(Watch);
 
 impl ThroughScene {
-    /// Of a night; shots are placed in it by their UTC.
+    /// Makes the view of a night; shots are placed in it by their UTC.
     pub fn new(observatory: &VirtualObservatory) -> Self {
         Self(Watch::new(observatory.night().clone()))
     }
@@ -38,7 +38,7 @@ impl Scene for ThroughScene {
     }
 }
 
-/// What the simulated Time Tagger counts of a night: its input 1 has the first counter of the station, 2 the second. Its bins are
+/// Light of a night for the simulated Time Tagger: its input 1 has the first counter of the station, 2 the second. Its bins are
 /// its tags, counted photon by photon.
 #[derive(Debug, Clone)]
 pub struct ThroughLight {
@@ -48,7 +48,7 @@ pub struct ThroughLight {
 }
 
 impl ThroughLight {
-    /// Of a night, on a clock that shows zero so long after the night's begin, ps.
+    /// Makes the light of a night, on a clock that shows zero so long after the night's begin, ps.
     pub fn new(observatory: &VirtualObservatory, zero_ps: i64) -> Self {
         let watch = Watch::new(observatory.night().clone());
         let counters = watch.counters();

@@ -9,7 +9,7 @@ use rand_distr::{Distribution as _, Exp1, Poisson, StandardNormal};
 use sunglint_formats::Bayer;
 use sunglint_radiometry::station;
 
-/// What is wrong with the pixels. Which pixels they are is the sensor's own: the same in every frame.
+/// Faults of the pixels. Which pixels they are is the sensor's own: the same in every frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PixelFaults {
     /// Relative standard deviation of the response from pixel to pixel.
@@ -41,9 +41,9 @@ pub struct Sensor {
     pub adc_bits: u8,
     /// Dark current, e/s.
     pub dark_e_per_s: f64,
-    /// What the converter says without a signal, ADU.
+    /// Bias of the converter (its value without a signal), ADU.
     pub bias_adu: f64,
-    /// What is wrong with the pixels.
+    /// Faults of the pixels.
     pub faults: PixelFaults,
     /// Which pixels have which fault.
     pub seed: u64,

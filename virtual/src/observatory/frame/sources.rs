@@ -1,4 +1,4 @@
-//! What is in a picture: the sky, points of light, what passes by, cosmic rays.
+//! Contents of a picture: the sky, points of light, what passes by, cosmic rays.
 
 use super::{Exposure, PointSpread};
 use crate::observatory::random::Random;
@@ -68,7 +68,7 @@ pub struct CosmicRays {
     pub e_per_px: f64,
 }
 
-/// What is in a picture.
+/// Contents of a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene<'a> {
     /// The sky.

@@ -68,7 +68,7 @@ impl PointSpread {
         }
     }
 
-    /// What falls on the pixels of a picture of `size` from `origin` on; less than the fraction `outside` is left out far away. The
+    /// Returns the light on the pixels of a picture of `size` from `origin` on; less than the fraction `outside` is left out far away. The
     /// stamp is empty where the light passes beside the picture.
     pub(super) fn stamp(
         &self,

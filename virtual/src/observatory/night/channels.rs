@@ -1,4 +1,4 @@
-//! What the channels of a station are like on a night.
+//! True properties of a station's channels on a night.
 
 use super::{ChannelTruth, Instrument, NightError};
 use crate::observatory::events::{DeadTime, Detector};

@@ -18,11 +18,11 @@ pub enum NightError {
     Channel {
         /// The table of the options.
         key: &'static str,
-        /// What was asked for.
+        /// Channel that was asked for.
         channel: String,
         /// The station.
         station: String,
-        /// What there is.
+        /// Channels that there are.
         known: String,
     },
     /// A dead time that is a table says nothing of photons.
@@ -51,7 +51,7 @@ pub enum NightError {
         star: String,
         /// When.
         at: Epoch,
-        /// Its true zenith angle, degrees.
+        /// True zenith angle, degrees.
         zenith_deg: f64,
     },
     /// No star for the plan.
@@ -69,7 +69,7 @@ pub enum NightError {
         "visit {number} begins at {from_s} s, before the end of the one before it at {before_s} s"
     )]
     Overlap {
-        /// Its number, from 0.
+        /// Number, from 0.
         number: usize,
         /// When it begins, s.
         from_s: f64,
@@ -81,9 +81,9 @@ pub enum NightError {
         "visit {number} ({name}) is of a satellite: it needs a `curve`, a predicted light curve (sunglint simulate)"
     )]
     NoCurve {
-        /// Its number, from 0.
+        /// Number, from 0.
         number: usize,
-        /// Its name.
+        /// Name.
         name: String,
     },
     /// A curve that cannot be read.

@@ -19,36 +19,36 @@ use visits::Maker;
 /// The height over which scintillation falls to 1/e², m (Young 1967).
 const SCINTILLATION_HEIGHT_M: f64 = 8000.0;
 
-/// What a channel really is.
+/// True properties of a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChannelTruth {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// predicted = κ × arriving.
     pub kappa: f64,
-    /// What counts.
+    /// Instrument that counts its light.
     pub instrument: Instrument,
 }
 
-/// What counts the light of a channel.
+/// Instrument that counts the light of a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Instrument {
     /// A counter.
     Counter {
-        /// Its detector.
+        /// Detector.
         detector: Detector,
-        /// Its fibre's field; all of the light without it.
+        /// Fibre's field; all of the light without it.
         fibre: Option<Fibre>,
-        /// What arrives of the sky, Hz.
+        /// Sky's light that arrives, Hz.
         sky_hz: f64,
-        /// Its own chance.
+        /// Seed of its own chance.
         seed: u64,
     },
     /// A plane of the camera.
     Plane {
-        /// Its colours in a picture: 0 red, 1 green, 2 blue.
+        /// Colours in a picture: 0 red, 1 green, 2 blue.
         colours: &'static [usize],
-        /// What arrives of the sky on one of its pixels, e/s.
+        /// Sky's light that arrives on one of its pixels, e/s.
         sky_e_per_s: f64,
     },
 }
@@ -64,7 +64,7 @@ pub struct VisitTruth {
     pub aim_px: [f64; 2],
     /// Times, s from the night's begin.
     pub time_s: Vec<f64>,
-    /// What arrives at each time for each channel at the fibre's middle and through a clear sky: Hz of a counter, ADU/s of a plane, for the whole
+    /// Light that arrives at each time for each channel at the fibre's middle and through a clear sky: Hz of a counter, ADU/s of a plane, for the whole
     /// aperture as if every pixel had its colour.
     pub arriving_hz: Vec<Vec<f64>>,
     /// Airmass at each time.
@@ -87,7 +87,7 @@ impl VisitTruth {
         Some((i, if span > 0.0 { (time_s - self.time_s[i]) / span } else { 0.0 }))
     }
 
-    /// What arrives in a channel at a moment, before clouds, twinkling and coupling.
+    /// Returns the light that arrives in a channel at a moment, before clouds, twinkling and coupling.
     pub fn arriving_hz(&self, channel: usize, time_s: f64) -> f64 {
         self.between(time_s).map_or(0.0, |(i, part)| {
             let next = (i + 1).min(self.time_s.len() - 1);
@@ -113,7 +113,7 @@ fn mixed(one: f64, other: f64, part: f64) -> f64 {
 pub struct Night {
     /// When it begins.
     pub start: Epoch,
-    /// What it is like.
+    /// Options of the night.
     pub options: Options,
     /// The station's channels, in its order.
     pub channels: Vec<ChannelTruth>,

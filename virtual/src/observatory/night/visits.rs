@@ -16,7 +16,7 @@ use sunglint_radiometry::station::Station;
 /// The longest time between two places of a star that are computed, s: rates are lines between them, at 25° good to 2e−5.
 const NODE_S: f64 = 60.0;
 
-/// What the visits are made with.
+/// Data that the visits are made with.
 pub(super) struct Maker<'a> {
     pub options: &'a Options,
     pub station: &'a Station,
@@ -65,7 +65,7 @@ impl Maker<'_> {
         Ok(made)
     }
 
-    /// What the stars have of their catalogued light, in each channel.
+    /// Returns the true over the catalogued light of the stars, in each channel.
     fn factors(&self, stars: usize) -> Vec<Vec<f64>> {
         let options = &self.options.stars;
         let mut lots: Vec<(f64, f64, Vec<f64>)> = (0..stars as u64)
