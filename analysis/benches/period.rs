@@ -6,7 +6,7 @@
 
 use divan::{Bencher, black_box};
 use std::f64::consts::TAU;
-use sunglint_analysis::period::{Grid, Options, lomb_scargle, pdm, verdict};
+use sunglint_analysis::period::{FrequencyGrid, Options, lomb_scargle, pdm, verdict};
 use sunglint_analysis::series::Series;
 
 fn main() {
@@ -31,7 +31,7 @@ fn series(n: usize) -> Series {
     Series::new("bench", &time, &value, Some(&sigma)).unwrap()
 }
 
-const GRID: Grid = Grid { first_hz: 0.01, step_hz: 1e-4, n: 50_000 };
+const GRID: FrequencyGrid = FrequencyGrid { first_hz: 0.01, step_hz: 1e-4, n: 50_000 };
 
 #[divan::bench(args = [1, 2, 4])]
 fn lomb_scargle_2600_by_50000(bencher: Bencher, harmonics: usize) {

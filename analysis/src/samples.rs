@@ -31,7 +31,7 @@ pub enum SamplesError {
     Kind {
         /// The file.
         file: String,
-        /// How far its rates have come.
+        /// State of its rates.
         kind: RateKind,
     },
     /// A curve without a sample.
@@ -111,7 +111,7 @@ pub struct SampleValues {
     pub value: Array2<f64>,
     /// Their standard uncertainties, where the curve has them.
     pub sigma: Option<Array2<f64>>,
-    /// Which of them count.
+    /// True for those that count.
     pub valid: Array2<bool>,
 }
 

@@ -37,13 +37,13 @@ pub struct Series {
     pub weight: Vec<f64>,
     /// The longest exposure, s; 0 where it is not known.
     pub exposure_s: f64,
-    /// Whether the weights come from uncertainties.
+    /// True where the weights come from uncertainties.
     pub is_weighted: bool,
     /// Samples that were left out, and found odd.
     pub left_out: LeftOut,
 }
 
-/// How many samples were left out of a series, and why.
+/// Numbers of samples that were left out of a series, and why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LeftOut {
     /// A flag says that the rate is not what came from the target.
@@ -71,6 +71,16 @@ impl Series {
     ///
     /// # Errors
     /// Columns of different lengths.
+    ///
+    /// ```
+    /// use sunglint_analysis::series::Series;
+    ///
+    /// let series = Series::new("red", &[2.0, 0.0, 1.0], &[5.0, 1.0, f64::NAN], None)?;
+    /// assert_eq!(series.time_s, [0.0, 2.0]);
+    /// assert_eq!(series.left_out.not_finite, 1);
+    /// assert_eq!(series.mean(), 3.0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn new(
         name: impl Into<String>,
         time_s: &[f64],
@@ -173,7 +183,7 @@ impl Series {
         self.time_s.len()
     }
 
-    /// Whether there is none.
+    /// Returns true where there is none.
     pub fn is_empty(&self) -> bool {
         self.time_s.is_empty()
     }

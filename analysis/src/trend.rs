@@ -61,7 +61,7 @@ pub enum TrendError {
     },
 }
 
-/// How often light goes through the air.
+/// Number of times that light goes through the air.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ways {
     /// Once: sunlight.

@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 use sunglint_analysis::fold::{FoldError, Folding, fold};
 use sunglint_analysis::period::stats::{chi2_survival, f_survival};
 use sunglint_analysis::period::{
-    Grid, PeriodError, false_alarm, fit, joint_gain, lomb_scargle, pdm, spectrum, window,
+    FrequencyGrid, PeriodError, false_alarm, fit, joint_gain, lomb_scargle, pdm, spectrum, window,
 };
 use sunglint_analysis::series::{Series, SeriesError};
 use sunglint_testkit::{peer_python, run_python};
@@ -87,10 +87,10 @@ fn lomb_scargle_is_the_least_squares_fit() {
     let series = Series::new("c", &time, &value, Some(&sigma)).unwrap();
     // The peers' job: 50,000 frequencies; and one that begins nearly at 0.
     for (grid, harmonics) in [
-        (Grid { first_hz: 0.01, step_hz: 1e-4, n: 50_000 }, 1),
-        (Grid { first_hz: 2e-3, step_hz: 1e-4, n: 5000 }, 1),
-        (Grid { first_hz: 0.01, step_hz: 1e-4, n: 10_000 }, 3),
-        (Grid { first_hz: 0.01, step_hz: 1e-4, n: 3000 }, 8),
+        (FrequencyGrid { first_hz: 0.01, step_hz: 1e-4, n: 50_000 }, 1),
+        (FrequencyGrid { first_hz: 2e-3, step_hz: 1e-4, n: 5000 }, 1),
+        (FrequencyGrid { first_hz: 0.01, step_hz: 1e-4, n: 10_000 }, 3),
+        (FrequencyGrid { first_hz: 0.01, step_hz: 1e-4, n: 3000 }, 8),
     ] {
         let power = lomb_scargle(&series, &grid, harmonics).unwrap();
         let mut worst = 0.0_f64;
@@ -140,7 +140,7 @@ fn lomb_scargle_beside_astropy() {
     let rows: Vec<Vec<f64>> =
         printed.lines().map(|l| l.split(' ').map(|x| x.parse().unwrap()).collect()).collect();
     let series = Series::new("c", &time, &value, Some(&sigma)).unwrap();
-    let grid = Grid { first_hz: 0.011, step_hz: 0.0005, n: 1000 };
+    let grid = FrequencyGrid { first_hz: 0.011, step_hz: 0.0005, n: 1000 };
     let ours = [
         lomb_scargle(&series, &grid, 1).unwrap(),
         lomb_scargle(&series, &grid, 3).unwrap(),
@@ -217,7 +217,11 @@ fn tails_are_those_of_the_tables() {
 /// no empty one: at least a third of that.
 #[test]
 fn the_false_alarm_bound_holds_for_noise() {
-    let grid = |k: f64| Grid { first_hz: 0.004, step_hz: 0.002 / k, n: (498.0 * k / 2.0) as usize };
+    let grid = |k: f64| FrequencyGrid {
+        first_hz: 0.004,
+        step_hz: 0.002 / k,
+        n: (498.0 * k / 2.0) as usize,
+    };
     for (harmonics, channels) in [(1, 1), (3, 1), (1, 4)] {
         let mut rare = 0;
         for seed in 0..400 {
@@ -298,14 +302,14 @@ fn folding_puts_samples_where_they_belong() {
 fn what_cannot_be_computed_is_refused_with_the_reason() {
     let time: Vec<f64> = (0..50).map(f64::from).collect();
     let flat = Series::new("flat", &time, &vec![4.0; 50], None).unwrap();
-    let grid = Grid { first_hz: 0.01, step_hz: 0.01, n: 10 };
+    let grid = FrequencyGrid { first_hz: 0.01, step_hz: 0.01, n: 10 };
     let error = lomb_scargle(&flat, &grid, 1).unwrap_err();
     assert_eq!(error.to_string(), "flat: all 50 values are 4: constant light has no period");
     let three = Series::new("c", &[0.0, 1.0, 2.0], &[1.0, 2.0, 1.0], None).unwrap();
     assert!(matches!(lomb_scargle(&three, &grid, 1), Err(PeriodError::Samples { samples: 3, .. })));
     assert!(matches!(lomb_scargle(&three, &grid, 0), Err(PeriodError::Harmonics(0))));
     assert!(matches!(
-        lomb_scargle(&three, &Grid { step_hz: -1.0, ..grid }, 1),
+        lomb_scargle(&three, &FrequencyGrid { step_hz: -1.0, ..grid }, 1),
         Err(PeriodError::Grid { .. })
     ));
     assert!(matches!(pdm(&three, &[1.0], 1), Err(PeriodError::Bins(1))));

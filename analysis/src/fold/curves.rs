@@ -56,7 +56,7 @@ pub struct SpinAxis {
     pub bisectors: Option<Bisectors>,
 }
 
-/// How whole curves are folded.
+/// Options of the folding of whole curves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FoldOptions {
     /// The period, s: that which is seen, or with an axis that of the spin (sidereal).

@@ -26,7 +26,7 @@ pub enum FoldError {
     Empty(String),
 }
 
-/// How to fold.
+/// Options of a folding.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Folding {
     /// The period, s.
@@ -59,7 +59,7 @@ pub struct PhaseBin {
 pub struct Folded {
     /// Phase of every sample of the series, 0 to below 1.
     pub phase: Vec<f64>,
-    /// Which turn every sample belongs to, counted from the epoch.
+    /// Turn that every sample belongs to, counted from the epoch.
     pub turn: Vec<i64>,
     /// Means over stretches of phase.
     pub bins: Vec<PhaseBin>,
@@ -70,6 +70,13 @@ pub struct Folded {
 }
 
 /// Phase and turn of a moment. Exact to the last bit of `t − epoch`: the remainder is taken before the division.
+///
+/// ```
+/// use sunglint_analysis::fold::phase_of;
+///
+/// assert_eq!(phase_of(25.0, 0.0, 10.0), (0.5, 2));
+/// assert_eq!(phase_of(-2.5, 0.0, 10.0), (0.75, -1));
+/// ```
 pub fn phase_of(time_s: f64, epoch_s: f64, period_s: f64) -> (f64, i64) {
     let t = time_s - epoch_s;
     let phase = t.rem_euclid(period_s) / period_s;
@@ -82,6 +89,18 @@ pub fn phase_of(time_s: f64, epoch_s: f64, period_s: f64) -> (f64, i64) {
 ///
 /// # Errors
 /// A period, an uncertainty or a number of bins that cannot be; no sample.
+///
+/// ```
+/// use sunglint_analysis::fold::{Folding, fold};
+/// use sunglint_analysis::series::Series;
+///
+/// let series = Series::new("two steps", &[0.0, 6.0, 10.0, 16.0], &[1.0, 3.0, 1.0, 3.0], None)?;
+/// let folding = Folding { period_s: 10.0, period_sigma_s: None, epoch_s: 0.0, bins: 2 };
+/// let folded = fold(&series, &folding)?;
+/// assert_eq!(folded.turn, [0, 0, 1, 1]);
+/// assert_eq!((folded.bins[0].mean, folded.bins[1].mean), (1.0, 3.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn fold(series: &Series, folding: &Folding) -> Result<Folded, FoldError> {
     let Folding { period_s, period_sigma_s, epoch_s, bins } = *folding;
     if !(period_s.is_finite() && period_s > 0.0) {

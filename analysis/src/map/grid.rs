@@ -42,6 +42,14 @@ pub fn phase_vector(sun: DVec3, observer: DVec3) -> Option<DVec3> {
 }
 
 /// Longitude east of the x axis, −180 to 180, and latitude above the xy-plane of a direction, degrees. At the poles the longitude is 0.
+///
+/// ```
+/// use glam::DVec3;
+/// use sunglint_analysis::map::longitude_latitude;
+///
+/// assert_eq!(longitude_latitude(DVec3::Y), (90.0, 0.0));
+/// assert_eq!(longitude_latitude(DVec3::NEG_Z), (0.0, -90.0));
+/// ```
 pub fn longitude_latitude(direction: DVec3) -> (f64, f64) {
     let across = direction.x.hypot(direction.y);
     let longitude = if across > 0.0 { direction.y.atan2(direction.x).to_degrees() } else { 0.0 };
@@ -111,7 +119,7 @@ impl Grid {
     }
 }
 
-/// How much of a map is there.
+/// Coverage of a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coverage {
     /// Cells with a value.
@@ -203,7 +211,7 @@ impl BodyMap {
         Ok(Self { grid, mean, scatter, count, left_out: 0 })
     }
 
-    /// How much of it is there.
+    /// Returns its coverage.
     pub fn coverage(&self) -> Coverage {
         let filled = self.count.iter().filter(|c| **c > 0).count();
         let rows = self.count.rows().into_iter().enumerate();

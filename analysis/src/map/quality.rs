@@ -1,4 +1,4 @@
-//! How well samples agree on the body's frame: a measure of a spin state for a body of unknown shape.
+//! Agreement of samples on the body's frame: a measure of a spin state for a body of unknown shape.
 
 use super::{Grid, longitude_latitude, phase_vector};
 use glam::{DQuat, DVec3};
@@ -27,7 +27,7 @@ pub struct Spin {
     pub period_s: f64,
 }
 
-/// How well samples agree.
+/// Agreement of samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quality {
     /// Variance of visits within cells over that of all visits compared, each with its own degrees of freedom: near 1 where the cells mean nothing, small where visits of one cell agree. NaN
@@ -70,7 +70,7 @@ pub enum QualityError {
 /// A sample on a frame that turns with the spin: its z axis is the spin's, its meridian any.
 struct Placed {
     place: (f64, f64),
-    /// Which turn it belongs to, so that a cell's visits are told apart.
+    /// Turn that it belongs to, so that a cell's visits are told apart.
     turn: i64,
     value: f64,
 }

@@ -2,7 +2,8 @@
 
 use super::verdict::{Along, Outcome, verdict_along};
 use super::{
-    Grid, Options, PeriodError, Spectrum, Verdict, lomb_scargle, pdm, spectrum, verdict, window,
+    FrequencyGrid, Options, PeriodError, Spectrum, Verdict, lomb_scargle, pdm, spectrum, verdict,
+    window,
 };
 use crate::curves::Curves;
 use crate::series::{Series, SeriesError};
@@ -21,7 +22,7 @@ const BINS: usize = 20;
 pub const GEOMETRY_NOT_USED: &str =
     "the scene's geometry is not used: it is that of one pass, and these are several tracks";
 
-/// How the period of whole curves is looked for.
+/// Options of the search for the period of whole curves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PeriodOptions {
     /// The shortest and the longest period.
@@ -61,7 +62,7 @@ pub struct FoundPeriod {
     /// The verdict; with a clock in the time of the spin.
     pub verdict: Verdict,
     /// The frequencies of the periodograms; `None` where no period could be looked for.
-    pub grid: Option<Grid>,
+    pub grid: Option<FrequencyGrid>,
     /// The periodograms, channel by channel.
     pub drawn: Vec<Drawn>,
     /// Spectral window: the power that the sampling alone makes.
@@ -178,7 +179,7 @@ impl FoundPeriod {
             ));
         }
         let n = ((last_hz - first_hz) / step_hz).floor() as usize + 1;
-        let grid = Grid { first_hz, step_hz, n };
+        let grid = FrequencyGrid { first_hz, step_hz, n };
         let periods: Vec<f64> = (0..n).map(|i| 1.0 / grid.frequency_hz(i)).collect();
         let left_out = |s: &Series| self.verdict.left_out.iter().any(|(name, _)| *name == s.name);
         let mut drawn = Vec::new();

@@ -1,4 +1,4 @@
-//! Whether a curve that repeats after P does so only after nP: lines between the harmonics of P, judged by what lies beside them.
+//! Test for a curve that repeats only after nP, not after P: lines between the harmonics of P, judged by what lies beside them.
 //!
 //! Harmonics of P, each with an amplitude that may grow or fall along the curve, are fitted and subtracted. If nP is the period, lines are left at fractions
 //! j/(nP); if not, the curve's own noise is, of whatever colour: the spectrum a few resolutions beside each line says how much. A line's power over the mean of 2B

@@ -2,7 +2,7 @@
 //! parameter Zechmeister and Kürster 2009, A&A 496, 577; with harmonics Palmer 2009, ApJ 695, 496).
 
 use super::sums::{Sums, sums};
-use super::{Grid, PeriodError};
+use super::{FrequencyGrid, PeriodError};
 use crate::series::Series;
 
 /// The most harmonics of a model.
@@ -17,9 +17,22 @@ const LEAST_PIVOT: f64 = 1e-10;
 ///
 /// # Errors
 /// A grid or a number of harmonics that cannot be; too few samples; constant values.
+///
+/// ```
+/// use sunglint_analysis::period::{FrequencyGrid, lomb_scargle};
+/// use sunglint_analysis::series::Series;
+///
+/// let time: Vec<f64> = (0..50).map(f64::from).collect();
+/// let value: Vec<f64> = time.iter().map(|t| (std::f64::consts::TAU * 0.1 * t).sin()).collect();
+/// let series = Series::new("sine", &time, &value, None)?;
+/// let power = lomb_scargle(&series, &FrequencyGrid { first_hz: 0.05, step_hz: 0.05, n: 3 }, 1)?;
+/// // A sine explains itself, and nothing at another whole number of turns in the span.
+/// assert!((power[1] - 1.0).abs() < 1e-9 && power[2] < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn lomb_scargle(
     series: &Series,
-    grid: &Grid,
+    grid: &FrequencyGrid,
     harmonics: usize,
 ) -> Result<Vec<f64>, PeriodError> {
     grid.check()?;
@@ -27,7 +40,7 @@ pub fn lomb_scargle(
     let mut power = Vec::with_capacity(grid.n);
     for first in (0..grid.n).step_by(BLOCK) {
         let n = BLOCK.min(grid.n - first);
-        let block = Grid { first_hz: grid.frequency_hz(first), step_hz: grid.step_hz, n };
+        let block = FrequencyGrid { first_hz: grid.frequency_hz(first), step_hz: grid.step_hz, n };
         centred.block(&block, harmonics, &mut power);
     }
     Ok(power)
@@ -37,7 +50,7 @@ pub fn lomb_scargle(
 ///
 /// # Errors
 /// A grid that cannot be; no sample.
-pub fn window(series: &Series, grid: &Grid) -> Result<Vec<f64>, PeriodError> {
+pub fn window(series: &Series, grid: &FrequencyGrid) -> Result<Vec<f64>, PeriodError> {
     grid.check()?;
     if series.is_empty() {
         return Err(PeriodError::Samples { name: series.name.clone(), samples: 0, harmonics: 0 });
@@ -47,7 +60,7 @@ pub fn window(series: &Series, grid: &Grid) -> Result<Vec<f64>, PeriodError> {
     let mut power = Vec::with_capacity(grid.n);
     for first in (0..grid.n).step_by(BLOCK) {
         let n = BLOCK.min(grid.n - first);
-        let block = Grid { first_hz: grid.frequency_hz(first), step_hz: grid.step_hz, n };
+        let block = FrequencyGrid { first_hz: grid.frequency_hz(first), step_hz: grid.step_hz, n };
         let found = sums(&time, &[&series.weight], &block);
         let square = |(c, s): (&f64, &f64)| (c * c + s * s) / (total * total);
         power.extend(found[0].cos.iter().zip(&found[0].sin).map(square));
@@ -96,10 +109,10 @@ impl<'a> Centred<'a> {
         Ok(Self { time: centred_times(series), weight: &series.weight, weighted, total, variation })
     }
 
-    fn block(&self, grid: &Grid, harmonics: usize, power: &mut Vec<f64>) {
+    fn block(&self, grid: &FrequencyGrid, harmonics: usize, power: &mut Vec<f64>) {
         let times = |k: usize| {
             let k = k as f64;
-            Grid { first_hz: k * grid.first_hz, step_hz: k * grid.step_hz, n: grid.n }
+            FrequencyGrid { first_hz: k * grid.first_hz, step_hz: k * grid.step_hz, n: grid.n }
         };
         // By harmonic: of the weights up to twice the harmonics, of the weighted values up to them.
         let mut of_weights: Vec<Sums> = Vec::with_capacity(2 * harmonics);

@@ -29,16 +29,16 @@ pub use verdict::{Options, Verdict, verdict};
 
 /// Evenly spaced frequencies.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Grid {
+pub struct FrequencyGrid {
     /// The first, Hz, not below 0.
     pub first_hz: f64,
     /// The step, Hz, above 0.
     pub step_hz: f64,
-    /// How many.
+    /// Number.
     pub n: usize,
 }
 
-impl Grid {
+impl FrequencyGrid {
     /// The `i`-th frequency, Hz.
     pub fn frequency_hz(&self, i: usize) -> f64 {
         self.first_hz + i as f64 * self.step_hz
@@ -74,7 +74,7 @@ pub enum PeriodError {
         first_hz: f64,
         /// The step, Hz.
         step_hz: f64,
-        /// How many.
+        /// Number.
         n: usize,
     },
     /// A number of harmonics that cannot be fitted.

@@ -23,6 +23,19 @@ pub struct Dispersion {
 ///
 /// # Errors
 /// Bins, periods or samples that cannot be; constant values.
+///
+/// ```
+/// use sunglint_analysis::period::pdm;
+/// use sunglint_analysis::series::Series;
+///
+/// let time: Vec<f64> = (0..60).map(f64::from).collect();
+/// let value: Vec<f64> = (0..60).map(|i| f64::from(i % 6)).collect();
+/// let series = Series::new("steps", &time, &value, None)?;
+/// let theta = pdm(&series, &[6.0, 7.0], 6)?;
+/// // In its own period every phase has one value.
+/// assert!(theta[0].theta < 1e-9 && theta[1].theta > 0.5);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn pdm(
     series: &Series,
     periods_s: &[f64],
@@ -73,7 +86,7 @@ pub fn pdm(
     periods_s.iter().map(one).collect()
 }
 
-/// How likely phase bins that are `times` as fine in turns would lower the dispersion this much by chance: the F test of a model within a larger one.
+/// Chance that phase bins that are `times` as fine in turns would lower the dispersion this much: the F test of a model within a larger one.
 /// `coarse` is a period in M bins, `fine` a multiple of it in as many times M bins, so that every fine bin lies within a coarse one. `independent` (0 to 1) is the
 /// share of the samples that are independent of their neighbours. `None` where nothing is left to judge by.
 pub fn dispersion_test(coarse: &Dispersion, fine: &Dispersion, independent: f64) -> Option<f64> {

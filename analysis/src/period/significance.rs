@@ -1,4 +1,4 @@
-//! How often noise alone gives such a peak.
+//! Chance that noise alone gives such a peak.
 //!
 //! The gain of a model over a mean is a χ² process along frequency. The chance that it crosses a level anywhere is at most the chance at one frequency plus
 //! the expected number of upcrossings (Rice 1945; of periodograms Baluev 2008, MNRAS 385, 1279; of harmonics Baluev 2009, MNRAS 395, 1541): an

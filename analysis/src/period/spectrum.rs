@@ -2,7 +2,7 @@
 
 use super::lomb_scargle::centred_times;
 use super::sums::sums;
-use super::{Grid, PeriodError};
+use super::{FrequencyGrid, PeriodError};
 use crate::series::Series;
 use sunglint_numerics::order::median;
 
@@ -10,7 +10,7 @@ use sunglint_numerics::order::median;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spectrum {
     /// Frequencies: whole numbers of turns in the span, up to half of the sampling.
-    pub grid: Grid,
+    pub grid: FrequencyGrid,
     /// Amplitudes at them, in units of the values: a sine of amplitude A gives A at its frequency.
     pub amplitude: Vec<f64>,
     /// The step between samples, s.
@@ -25,6 +25,18 @@ pub struct Spectrum {
 ///
 /// # Errors
 /// Fewer than four samples, or constant values.
+///
+/// ```
+/// use sunglint_analysis::period::spectrum;
+/// use sunglint_analysis::series::Series;
+///
+/// let time: Vec<f64> = (0..100).map(f64::from).collect();
+/// let value: Vec<f64> = time.iter().map(|t| 2.0 * (std::f64::consts::TAU * 0.2 * t).sin()).collect();
+/// let found = spectrum(&Series::new("sine", &time, &value, None)?)?;
+/// let most = found.amplitude.iter().copied().fold(0.0, f64::max);
+/// assert!((most - 2.0).abs() < 1e-6);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn spectrum(series: &Series) -> Result<Spectrum, PeriodError> {
     let (name, samples) = (series.name.clone(), series.len());
     let step_s = median_step(series);
@@ -47,7 +59,7 @@ pub fn spectrum(series: &Series) -> Result<Spectrum, PeriodError> {
         .count();
     let resolution = 1.0 / (places * step_s);
     let n = ((0.5 / step_s) / resolution * (1.0 + 1e-9)).floor() as usize;
-    let grid = Grid { first_hz: resolution, step_hz: resolution, n: n.max(1) };
+    let grid = FrequencyGrid { first_hz: resolution, step_hz: resolution, n: n.max(1) };
     let found = sums(&centred_times(series), &[&about], &grid);
     let scale = 2.0 / samples as f64;
     let amplitude = found[0].cos.iter().zip(&found[0].sin).map(|(c, s)| scale * c.hypot(*s));

@@ -4,7 +4,7 @@
 //! points by the exponential of a semicircle (Barnett, Magland, af Klinteberg 2019, SIAM J. Sci. Comput. 41, C479), transformed, divided by the
 //! kernel's own transform. The width of 14 points leaves 1e-13 of Σ|c|.
 
-use super::Grid;
+use super::FrequencyGrid;
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -37,7 +37,7 @@ pub(super) fn turns(frequency: f64, time: f64) -> f64 {
 }
 
 /// The sums of every one of `coefficients` on a grid.
-pub(super) fn sums(time_s: &[f64], coefficients: &[&[f64]], grid: &Grid) -> Vec<Sums> {
+pub(super) fn sums(time_s: &[f64], coefficients: &[&[f64]], grid: &FrequencyGrid) -> Vec<Sums> {
     let empty = Sums { cos: vec![0.0; grid.n], sin: vec![0.0; grid.n] };
     let mut all = vec![empty; coefficients.len()];
     if grid.n == 0 || time_s.is_empty() {
@@ -88,7 +88,7 @@ fn rotation(frequency: f64, time: f64) -> (f64, f64) {
     (cos, sin)
 }
 
-/// Where and with what weights the samples go on the grid: the same in every stretch.
+/// Places and weights of the samples on the grid: the same in every stretch.
 struct Spread {
     first: Vec<usize>,
     weight: Vec<[f64; WIDTH]>,
@@ -171,11 +171,11 @@ mod tests {
             (state >> 11) as f64 / (1_u64 << 53) as f64
         };
         for (n, grid) in [
-            (1, Grid { first_hz: 0.25, step_hz: 0.125, n: 3 }),
-            (50, Grid { first_hz: 0.0, step_hz: 1e-3, n: 100 }),
-            (300, Grid { first_hz: 3.7, step_hz: 4.1e-4, n: 70_000 }),
+            (1, FrequencyGrid { first_hz: 0.25, step_hz: 0.125, n: 3 }),
+            (50, FrequencyGrid { first_hz: 0.0, step_hz: 1e-3, n: 100 }),
+            (300, FrequencyGrid { first_hz: 3.7, step_hz: 4.1e-4, n: 70_000 }),
             // A grid coarser than the span resolves: samples wrap around it.
-            (40, Grid { first_hz: 1.0, step_hz: 0.37, n: 5000 }),
+            (40, FrequencyGrid { first_hz: 1.0, step_hz: 0.37, n: 5000 }),
         ] {
             let time: Vec<f64> = (0..n).map(|_| 1000.0 * (random() - 0.5)).collect();
             let c: Vec<f64> = (0..n).map(|_| random() - 0.4).collect();

@@ -43,6 +43,13 @@ pub fn osp(matrix: ArrayView2<'_, f64>, x: &[f64]) -> Result<Vec<f64>, NnlsError
 }
 
 /// The angle between two spectra, radians: 0 where they differ in scale alone.
+///
+/// ```
+/// use sunglint_analysis::unmix::spectral_angle_rad;
+///
+/// assert!(spectral_angle_rad(&[1.0, 2.0], &[3.0, 6.0]) < 1e-12);
+/// assert!((spectral_angle_rad(&[1.0, 0.0], &[0.0, 5.0]) - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+/// ```
 pub fn spectral_angle_rad(a: &[f64], b: &[f64]) -> f64 {
     let (la, lb) = (norm(a), norm(b));
     // By the half-angle: arccos loses half of the digits near 0.
@@ -54,7 +61,7 @@ pub fn spectral_angle_rad(a: &[f64], b: &[f64]) -> f64 {
     2.0 * minus.sqrt().atan2(plus.sqrt())
 }
 
-/// When to stop.
+/// Conditions to stop.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AtgpOptions {
     /// Endmembers at most.

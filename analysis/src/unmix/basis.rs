@@ -27,7 +27,7 @@ impl Basis {
         self.q.len()
     }
 
-    /// Whether it has no column.
+    /// Returns true where it has no column.
     pub fn is_empty(&self) -> bool {
         self.q.is_empty()
     }

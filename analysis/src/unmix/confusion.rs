@@ -32,7 +32,7 @@ pub enum ConfusionError {
     },
 }
 
-/// How shares are taken for one another.
+/// Confusion matrix: shares that are taken for one another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Confusion {
     /// Part of the light that is material i's in truth that material j was said to have: rows sum to 1; NaN where there is no light of a material.

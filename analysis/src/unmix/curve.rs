@@ -32,7 +32,7 @@ bitflags::bitflags! {
 /// Under what light a sample was taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Light {
-    /// Where the target stood; it does not count without air.
+    /// Zenith angle of the target; it does not count without air.
     pub zenith: Zenith,
     /// Distance of the observer, m; 1 where values are intensities, or where it is not known and weights may be relative.
     pub range_m: f64,
@@ -47,7 +47,7 @@ pub struct Values<'a> {
     pub value: ArrayView2<'a, f64>,
     /// Their standard uncertainties, same shape.
     pub sigma: Option<ArrayView2<'a, f64>>,
-    /// Which of them count, same shape.
+    /// True for those that count, same shape.
     pub valid: ArrayView2<'a, bool>,
 }
 

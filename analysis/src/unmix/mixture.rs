@@ -95,7 +95,7 @@ pub struct Mixing {
 /// Mixture of materials in a sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mixture {
-    /// How much there is of each endmember; exactly 0 where the bound holds it.
+    /// Amount of each endmember; exactly 0 where the bound holds it.
     pub weights: Vec<f64>,
     /// The weights that orthogonal subspace projection gives ([`super::osp`]): least squares with the same noise, without any bound or sum. Below 0 by more than `sigma` there is light that no endmember
     /// explains. NaN where the channels cannot tell.
@@ -109,7 +109,7 @@ pub struct Mixture {
     pub shares: Vec<f64>,
     /// Standard uncertainties of the shares.
     pub share_sigma: Vec<f64>,
-    /// Which weights a bound holds at 0.
+    /// True for the weights that a bound holds at 0.
     pub bounded: Vec<bool>,
     /// x − S a, in the unit of the data.
     pub residual: Vec<f64>,
@@ -119,7 +119,7 @@ pub struct Mixture {
     pub chi_squared: Option<f64>,
     /// Channels less weights that are in use.
     pub freedom: usize,
-    /// Whether no other weights fit as well; where not, the weights are one answer of many.
+    /// True where no other weights fit as well; where not, the weights are one answer of many.
     pub unique: bool,
     /// The largest violation of the conditions of an optimum ([`super::nnls::Solution::kkt`]).
     pub kkt: f64,
@@ -173,7 +173,7 @@ impl Mixing {
         self.matrix.view()
     }
 
-    /// Whether the channels tell all endmembers apart.
+    /// Returns true where the channels tell all endmembers apart.
     pub fn is_complete(&self) -> bool {
         self.rank == self.matrix.ncols()
     }

@@ -18,6 +18,28 @@
 //! - [`unmix()`]: whole curves, each sample with the bands, the air and the light that it has;
 //! - [`osp`], [`atgp`]: orthogonal projections; endmembers that nobody knew;
 //! - [`Confusion`]: shares found against shares that are true.
+//!
+//! # Unmix with NNLS
+//!
+//! Two materials in three channels, and a sample that is 2 m² sr⁻¹ of the first and 0.5 m² sr⁻¹ of the second:
+//!
+//! ```
+//! use ndarray::array;
+//! use sunglint_analysis::unmix::nnls::Constraint;
+//! use sunglint_analysis::unmix::{Mixing, Noise};
+//!
+//! let reflectance = array![[0.1, 0.6], [0.3, 0.5], [0.7, 0.4]];
+//! let names = ["gold".to_owned(), "silicon".to_owned()];
+//! let mixing = Mixing::new(reflectance, &names)?;
+//! assert!(mixing.is_complete());
+//!
+//! let sample = [0.1 * 2.0 + 0.6 * 0.5, 0.3 * 2.0 + 0.5 * 0.5, 0.7 * 2.0 + 0.4 * 0.5];
+//! let sigma = [0.01; 3];
+//! let mixture = mixing.solve(&sample, Noise::Independent(&sigma), Constraint::Free)?;
+//! assert!((mixture.weights[0] - 2.0).abs() < 1e-9);
+//! assert!((mixture.shares[1] - 0.2).abs() < 1e-9);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod atgp;
 mod bands;

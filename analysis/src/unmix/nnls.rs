@@ -81,14 +81,14 @@ pub enum NnlsError {
 pub struct Solution {
     /// The weights; those out of use are exactly 0.
     pub weights: Vec<f64>,
-    /// Which are in use.
+    /// True for those in use.
     pub in_use: Vec<bool>,
     /// x − S a.
     pub residual: Vec<f64>,
     /// The largest violation of the Karush–Kuhn–Tucker conditions: |s_jᵀ(x − S a)| over ‖s_j‖ max(‖x‖, ‖s_k‖a_k) of what is in use, the positive part of it for what
     /// is not; with a given sum the same of differences of columns.
     pub kkt: f64,
-    /// Whether no other weights fit as well.
+    /// True where no other weights fit as well.
     pub unique: bool,
     /// Steps of the active set.
     pub steps: usize,
@@ -165,6 +165,18 @@ impl Nnls {
     ///
     /// # Errors
     /// Another number of values than rows, or values that are no numbers; [`NnlsError::NotConverged`].
+    ///
+    /// ```
+    /// use ndarray::array;
+    /// use sunglint_analysis::unmix::nnls::{Constraint, Nnls};
+    ///
+    /// let columns = array![[1.0, 0.0], [0.0, 1.0]];
+    /// let solution = Nnls::new(columns.view(), Constraint::Free)?.solve(&[3.0, -1.0])?;
+    /// // Without the bound the second weight would be -1.
+    /// assert_eq!(solution.weights, [3.0, 0.0]);
+    /// assert_eq!(solution.in_use, [true, false]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn solve(&self, x: &[f64]) -> Result<Solution, NnlsError> {
         let rows = self.original[0].len();
         if x.len() != rows {

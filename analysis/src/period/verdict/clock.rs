@@ -13,7 +13,7 @@ use super::rivals::RIVAL;
 use super::search::Search;
 use super::{Estimate, Member, Membership, Options, Outcome, Verdict, centred, verdict};
 use crate::period::lomb_scargle::Centred;
-use crate::period::{Grid, PeriodError, joint_gain, lomb_scargle};
+use crate::period::{FrequencyGrid, PeriodError, joint_gain, lomb_scargle};
 use crate::series::Series;
 use crate::synodic::{Bisectors, Turn};
 use glam::DVec3;
@@ -64,7 +64,7 @@ pub struct Clock {
 /// The verdict along a pass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Along {
-    /// How many stretches.
+    /// Number of stretches.
     pub stretches: usize,
     /// The bisector's way in the whole, degrees.
     pub way_deg: f64,
@@ -91,7 +91,7 @@ struct Question<'a> {
     pieces: Vec<Series>,
     path: &'a Bisectors,
     frequency_hz: f64,
-    grid: Grid,
+    grid: FrequencyGrid,
     harmonics: usize,
 }
 
@@ -112,7 +112,7 @@ impl<'a> Question<'a> {
         let step_hz = 1.0 / (OVERSAMPLING * harmonics as f64 * span_s);
         let beside = (BESIDE / span_s).min(0.5 * frequency_hz);
         let n = (2.0 * beside / step_hz).ceil() as usize + 1;
-        let grid = Grid { first_hz: frequency_hz - beside, step_hz, n };
+        let grid = FrequencyGrid { first_hz: frequency_hz - beside, step_hz, n };
         let mut question = Self { pieces: Vec::new(), path, frequency_hz, grid, harmonics };
         for stretch in stretches {
             let gains = stretch.iter().map(|s| Ok(question.gain(std::slice::from_ref(s))?.0));
@@ -135,7 +135,7 @@ impl<'a> Question<'a> {
         Ok(best.map_or((0.0, self.frequency_hz), |(i, g)| (*g, self.grid.frequency_hz(i))))
     }
 
-    /// How the phase bends about an axis, the even part of that in turns per second, and the pieces on its clock.
+    /// Bend of the phase about an axis, the even part of that in turns per second, and the pieces on its clock.
     fn bent(&self, axis: DVec3) -> Option<(f64, Turn, Vec<Series>)> {
         let (slope_hz, bend) = self.path.turned(axis)?.split();
         let pieces = clocked(&self.pieces, &bend, self.frequency_hz)?;

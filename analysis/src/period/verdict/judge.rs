@@ -4,7 +4,7 @@ use super::super::lines::{Lines, harmonics as most_harmonics, residual};
 use super::super::pdm::{Dispersion, dispersion_test};
 use super::super::significance::false_alarm;
 use super::super::stats::fisher;
-use super::super::{Grid, PeriodError, pdm};
+use super::super::{FrequencyGrid, PeriodError, pdm};
 use super::outcome::{Estimate, Member, Membership, Outcome, Question, Reason, Verdict};
 use super::search::Search;
 
@@ -88,7 +88,7 @@ impl Search<'_> {
     pub fn judge(
         &self,
         base: f64,
-        curves: &[(usize, Grid, Vec<f64>)],
+        curves: &[(usize, FrequencyGrid, Vec<f64>)],
         answer: &mut Verdict,
     ) -> Result<(), PeriodError> {
         let (channels, samples) = self.independence(base);

@@ -54,7 +54,7 @@ pub enum Reason {
     Samples {
         /// Samples of the longest channel.
         samples: usize,
-        /// How many are needed.
+        /// Number that is needed.
         least: usize,
     },
     /// No light that changes.

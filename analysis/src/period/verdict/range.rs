@@ -1,7 +1,7 @@
 //! The frequencies that are looked at.
 
 use super::super::spectrum::median_step;
-use super::super::{Grid, PeriodError};
+use super::super::{FrequencyGrid, PeriodError};
 use super::outcome::{Options, Reason};
 use crate::series::Series;
 
@@ -61,10 +61,10 @@ impl Range {
     }
 
     /// A grid for a model of so many harmonics; `None` where there is no room below the limit.
-    pub fn grid(&self, harmonics: usize) -> Option<Grid> {
+    pub fn grid(&self, harmonics: usize) -> Option<FrequencyGrid> {
         let last = self.highest_hz.min(self.limit_hz / harmonics as f64);
         let step_hz = 1.0 / (OVERSAMPLING * harmonics as f64 * self.span_s);
         let n = ((last - self.lowest_hz) / step_hz).floor();
-        (n >= 2.0).then(|| Grid { first_hz: self.lowest_hz, step_hz, n: n as usize + 1 })
+        (n >= 2.0).then(|| FrequencyGrid { first_hz: self.lowest_hz, step_hz, n: n as usize + 1 })
     }
 }

@@ -1,6 +1,6 @@
 //! Rivals of a period: other peaks, and what the sampling does.
 
-use super::super::{Grid, PeriodError, window};
+use super::super::{FrequencyGrid, PeriodError, window};
 use super::range::{MOST_FREQUENCIES, OVERSAMPLING};
 use super::search::Search;
 use crate::series::Series;
@@ -22,7 +22,7 @@ impl Search<'_> {
         if n > MOST_FREQUENCIES {
             return Ok(Vec::new());
         }
-        let grid = Grid { first_hz: 0.0, step_hz, n };
+        let grid = FrequencyGrid { first_hz: 0.0, step_hz, n };
         // The sampling's own: weights follow the light, and would bring its period in.
         let even = Series { weight: vec![1.0; longest.len()], ..(*longest).clone() };
         let power = window(&even, &grid)?;
@@ -41,7 +41,7 @@ impl Search<'_> {
     pub fn rivals(
         &self,
         base: f64,
-        curves: &[(usize, Grid, Vec<f64>)],
+        curves: &[(usize, FrequencyGrid, Vec<f64>)],
         independent: f64,
     ) -> Vec<f64> {
         let resolution = 1.0 / self.range.span_s;

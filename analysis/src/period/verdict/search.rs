@@ -11,7 +11,7 @@ use crate::series::Series;
 
 /// Harmonics of the models that the search begins with.
 pub const SEARCHED: [usize; 4] = [1, 2, 4, 8];
-/// Where the search has to go one way, between a chance that is a yes and one that is a no: their geometric mean.
+/// Chance at which the search has to go one way, between one that is a yes and one that is a no: their geometric mean.
 const EITHER: f64 = 1.4e-3;
 /// The same of five and seven times a period: bodies of five or seven like sides are rare.
 const EITHER_RARE: f64 = 1e-7;
