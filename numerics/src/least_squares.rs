@@ -62,7 +62,7 @@ pub trait Descent {
     }
 }
 
-/// When a descent ends.
+/// Conditions under which a descent ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// Steps, at most.
@@ -79,12 +79,12 @@ impl Default for Limits {
     }
 }
 
-/// Where a descent ended.
+/// End of a descent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Minimum<P> {
     /// The place.
     pub place: P,
-    /// Whether it ended before it ran out of steps.
+    /// True where it ended before it ran out of steps.
     pub converged: bool,
     /// Steps that lowered the cost.
     pub steps: usize,
@@ -172,7 +172,7 @@ pub struct Bounded {
     pub high: f64,
     /// The step of its numerical derivative.
     pub step: f64,
-    /// Whether it stays at its start.
+    /// True where it stays at its start.
     pub fixed: bool,
 }
 
@@ -188,7 +188,7 @@ pub trait Residuals {
     fn residuals(&mut self, at: &[f64]) -> Result<DVector<f64>, Self::Error>;
 }
 
-/// How derivatives are taken.
+/// Method by which derivatives are taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Differences {
     /// By a step to the side where there is room: one evaluation a number.
@@ -304,6 +304,28 @@ impl<R: Residuals> Descent for Numerical<'_, R> {
 /// let found = minimise_residuals(&mut Line, &[free, free], &[0.0, 0.0], Differences::OneSided, &Limits::default())?;
 /// assert!((found.place.at[0] - 1.0).abs() < 1e-6 && (found.place.at[1] - 2.0).abs() < 1e-6);
 /// # Ok::<(), std::convert::Infallible>(())
+/// ```
+///
+/// ```
+/// use nalgebra::DVector;
+/// use sunglint_numerics::least_squares::{
+///     Bounded, Differences, Limits, Residuals, minimise_residuals,
+/// };
+///
+/// /// Rosenbrock's valley, with its minimum at (1, 1).
+/// struct Valley;
+/// impl Residuals for Valley {
+///     type Error = std::convert::Infallible;
+///     fn residuals(&mut self, x: &[f64]) -> Result<DVector<f64>, Self::Error> {
+///         Ok(DVector::from_vec(vec![10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]]))
+///     }
+/// }
+/// let free = Bounded { low: -10.0, high: 10.0, step: 1e-7, fixed: false };
+/// let limits = Limits { steps: 500, gain: 1e-14, step: 1e-12 };
+/// let found =
+///     minimise_residuals(&mut Valley, &[free; 2], &[-1.2, 1.0], Differences::TwoSided, &limits)?;
+/// assert!(found.converged && found.place.at.iter().all(|x| (x - 1.0).abs() < 1e-6));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn minimise_residuals<R: Residuals>(
     model: &mut R,

@@ -26,6 +26,11 @@ pub fn panel(from: f64, to: f64, order: usize) -> impl Iterator<Item = (f64, f64
 }
 
 /// Edges from `from` to `to`, in panels that shrink by thirds towards `to` down to `scale` (a length above 0).
+///
+/// ```
+/// let edges = sunglint_numerics::panels::towards(0.0, 9.0, 0.5);
+/// assert_eq!(edges, [0.0, 6.0, 8.0, 9.0]);
+/// ```
 pub fn towards(from: f64, to: f64, scale: f64) -> Vec<f64> {
     let mut edges = vec![from];
     let mut left = (to - from) / 3.0;
@@ -38,6 +43,14 @@ pub fn towards(from: f64, to: f64, scale: f64) -> Vec<f64> {
 }
 
 /// Raises the order until two agree within `tolerance` (relative, of the largest component), and gives the better with the difference.
+///
+/// ```
+/// use sunglint_numerics::panels::{converge, panel};
+///
+/// let sine = |order| [panel(0.0, std::f64::consts::PI, order).map(|(x, w)| w * x.sin()).sum()];
+/// let ([integral], error) = converge(1e-10, sine);
+/// assert!((integral - 2.0_f64).abs() < 1e-10 && error <= 1e-10);
+/// ```
 pub fn converge<const N: usize>(
     tolerance: f64,
     mut integral: impl FnMut(usize) -> [f64; N],

@@ -4,6 +4,13 @@ use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
 /// Directions spread evenly over the sphere (a Fibonacci lattice: from pole to pole, each the golden angle on from the one before), turned about z by a shift of 0 to 1.
+///
+/// ```
+/// let directions = sunglint_numerics::sphere::spread(1000, 0.0);
+/// assert!(directions.iter().all(|d| (d.length() - 1.0).abs() < 1e-12));
+/// // Half of them lie north of the equator.
+/// assert_eq!(directions.iter().filter(|d| d.z > 0.0).count(), 500);
+/// ```
 pub fn spread(count: usize, shift: f64) -> Vec<DVec3> {
     let golden = PI * (3.0 - 5.0_f64.sqrt());
     (0..count)
