@@ -1,4 +1,4 @@
-//! Where target, Sun and station stand at one moment.
+//! Geometry of target, Sun and station at one moment.
 
 use crate::orbit::eclipse::{EarthShape, visible_fraction};
 use crate::orbit::{Orbit, OrbitError, State, in_tai};
@@ -30,9 +30,9 @@ pub enum GeometryError {
 /// Target, Sun and station at the moment at which the station records.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geometry {
-    /// When the light arrives at the station.
+    /// Epoch at which the light arrives at the station.
     pub epoch: Epoch,
-    /// When it left the target: light time earlier.
+    /// Epoch at which it left the target: light time earlier.
     pub emitted: Epoch,
     /// The target when the light left it.
     pub target: State,
@@ -40,7 +40,7 @@ pub struct Geometry {
     pub to_observer: DVec3,
     /// Length of that line, m.
     pub range_m: f64,
-    /// Where the station sees the target, true (unrefracted) with aberration: for pointing and for the way through the air.
+    /// Direction in which the station sees the target, true (unrefracted) with aberration: for pointing and for the way through the air.
     pub horizontal: Horizontal,
     /// The Sun as the target sees it: apparent direction, distance.
     pub sun: SunPlace,

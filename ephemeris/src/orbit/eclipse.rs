@@ -1,4 +1,4 @@
-//! How much of the Sun's disc the Earth leaves visible at a target, and when that changes.
+//! Eclipse by the Earth: the part of the Sun's disc that is visible at a target, and when it changes.
 //!
 //! Sun and Earth are circular discs on the target's sky, with the angular radii asin(R/d) that spheres have, and what is
 //! visible is the part of the Sun's solid angle outside the Earth's disc, weighted by nothing else
@@ -55,7 +55,7 @@ pub struct Discs {
     pub separation_rad: f64,
 }
 
-/// How deep in the shadow a target is.
+/// Depth of a target in the shadow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Shadow {
     /// The whole Sun is visible.
@@ -97,7 +97,19 @@ impl Discs {
         }
     }
 
-    /// Which shadow.
+    /// Returns the shadow.
+    ///
+    /// ```
+    /// use glam::DVec3;
+    /// use sunglint_ephemeris::orbit::eclipse::{Discs, EarthShape, Shadow};
+    /// use sunglint_radiometry::constants::AU_M;
+    /// use sunglint_radiometry::sky::SunPlace;
+    ///
+    /// let sun = SunPlace { direction_gcrs: DVec3::X, distance_m: AU_M };
+    /// // Beyond the tip of the umbra, 1.4 million km behind the Earth, a ring of the Sun is seen.
+    /// let discs = Discs::at(DVec3::new(-2e9, 0.0, 0.0), &sun, EarthShape::default());
+    /// assert_eq!(discs.shadow(), Shadow::Annular);
+    /// ```
     pub fn shadow(&self) -> Shadow {
         let Self { sun_rad: a, earth_rad: b, separation_rad: c } = *self;
         if c >= a + b {
@@ -148,6 +160,19 @@ fn cap(radius_rad: f64) -> f64 {
 }
 
 /// The visible part of the Sun's disc at a GCRS position: [`Discs::at`] and [`Discs::visible_fraction`].
+///
+/// ```
+/// use glam::DVec3;
+/// use sunglint_ephemeris::orbit::eclipse::{EarthShape, visible_fraction};
+/// use sunglint_radiometry::constants::AU_M;
+/// use sunglint_radiometry::sky::SunPlace;
+///
+/// let sun = SunPlace { direction_gcrs: DVec3::X, distance_m: AU_M };
+/// let behind = DVec3::new(-7e6, 0.0, 0.0);
+/// let before = DVec3::new(7e6, 0.0, 0.0);
+/// assert_eq!(visible_fraction(behind, &sun, EarthShape::default()), 0.0);
+/// assert_eq!(visible_fraction(before, &sun, EarthShape::default()), 1.0);
+/// ```
 pub fn visible_fraction(position_m: DVec3, sun: &SunPlace, earth: EarthShape) -> f64 {
     Discs::at(position_m, sun, earth).visible_fraction()
 }
@@ -165,10 +190,10 @@ pub enum ContactKind {
     PenumbraExit,
 }
 
-/// When a target meets the shadow.
+/// Contact of a target with the shadow.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
-    /// When, by the target's own time, to 1 ms.
+    /// Epoch by the target's own time, to 1 ms.
     pub epoch: Epoch,
     /// Kind of the contact.
     pub kind: ContactKind,

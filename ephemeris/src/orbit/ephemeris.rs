@@ -21,7 +21,7 @@ const COARSE_M: f64 = 10.0;
 pub struct EphemerisRow {
     /// When.
     pub epoch: Epoch,
-    /// Where, in the GCRS, m from the Earth's centre.
+    /// Position in the GCRS, m from the Earth's centre.
     pub position_m: DVec3,
     /// The velocity in the GCRS, m/s; all rows have one, or none has.
     pub velocity_m_s: Option<DVec3>,
@@ -172,7 +172,7 @@ impl Ephemeris {
         (self.first, self.last)
     }
 
-    /// How many rows there are.
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.times_s.len()
     }

@@ -81,7 +81,7 @@ fn body(text: &str) -> impl Iterator<Item = (u64, &str)> {
     numbered.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
 }
 
-/// Whether the columns are those of an ephemeris, with velocities or without.
+/// Returns true where the columns are those of an ephemeris, with velocities or without.
 fn has_velocity(path: &Path, names: &[&str]) -> Result<bool, ParseError> {
     let known = || [TIME].into_iter().chain(POSITION).chain(VELOCITY);
     for (index, name) in names.iter().enumerate() {

@@ -50,7 +50,7 @@ pub enum OrbitError {
     TooFewRows {
         /// The object.
         name: String,
-        /// How many there are.
+        /// Number of those there are.
         rows: usize,
         /// How many there should be: 2 with velocities, 4 without.
         needed: usize,

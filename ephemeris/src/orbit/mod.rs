@@ -1,4 +1,4 @@
-//! Where a target is: a TLE by SGP4, or a table of positions; and when the Earth hides the Sun from it.
+//! Orbits of targets: a TLE by SGP4, or a table of positions; and when the Earth hides the Sun from it.
 //!
 //! In the order in which data flows through it:
 //!
@@ -35,7 +35,7 @@ pub struct State {
     pub velocity_m_s: DVec3,
 }
 
-/// Where a target is, as a function of time.
+/// Orbit of a target: its state as a function of time.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Orbit {
@@ -106,6 +106,16 @@ pub fn in_tai(epoch: Epoch) -> Epoch {
 }
 
 /// Elapsed seconds from `earlier` to `later`, leap seconds included: good to 1 ns over ten days, to 0.1 µs over 30 years.
+///
+/// ```
+/// use sunglint_ephemeris::orbit::seconds_between;
+/// use sunglint_formats::time::parse_utc;
+///
+/// // A leap second ended 2016.
+/// let (before, after) = (parse_utc("2016-12-31T23:59:59Z")?, parse_utc("2017-01-01T00:00:00Z")?);
+/// assert_eq!(seconds_between(before, after), 2.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn seconds_between(earlier: Epoch, later: Epoch) -> f64 {
     (tai_nanoseconds(later) - tai_nanoseconds(earlier)) as f64 * 1e-9
 }

@@ -105,6 +105,21 @@ impl TleOrbit {
     ///
     /// # Errors
     /// Why SGP4 has no place then; [`DecayCause::NotFinite`] also for minutes that are no number, or more than 1e9.
+    ///
+    /// ```
+    /// use sunglint_ephemeris::orbit::{TleOrbit, tle};
+    ///
+    /// # const ISS: &str = "ISS (ZARYA)
+    /// # 1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927
+    /// # 2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537
+    /// # ";
+    /// let orbit = TleOrbit::new(tle::parse("iss.tle", ISS)?.remove(0))?;
+    /// let state = orbit.teme_after(90.0)?;
+    /// // A low orbit: 350 km high, 7.7 km/s.
+    /// assert!((state.position_m.length() - 6.73e6).abs() < 3e4);
+    /// assert!((state.velocity_m_s.length() - 7.7e3).abs() < 60.0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn teme_after(&self, minutes: f64) -> Result<State, DecayCause> {
         if !(-FURTHEST_MIN..=FURTHEST_MIN).contains(&minutes) {
             return Err(DecayCause::NotFinite);
@@ -138,6 +153,24 @@ impl TleOrbit {
     ///
     /// # Errors
     /// [`OrbitError::Decayed`] where SGP4 has no place, or has it inside the Earth.
+    ///
+    /// ```
+    /// use sunglint_ephemeris::orbit::{TleOrbit, tle};
+    /// use sunglint_radiometry::sky::{EarthOrientation, SkyFrame};
+    ///
+    /// # const ISS: &str = "ISS (ZARYA)
+    /// # 1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927
+    /// # 2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537
+    /// # ";
+    /// let elements = tle::parse("iss.tle", ISS)?.remove(0);
+    /// let epoch = elements.epoch;
+    /// let orbit = TleOrbit::new(elements)?;
+    /// let state = orbit.state(epoch, &SkyFrame::new(epoch, &EarthOrientation::zero())?)?;
+    /// // Turning the axes leaves lengths as they are.
+    /// let teme = orbit.teme(epoch)?;
+    /// assert!((state.position_m.length() - teme.position_m.length()).abs() < 1e-3);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn state(&self, epoch: Epoch, frame: &SkyFrame) -> Result<State, OrbitError> {
         let teme = self.teme(epoch)?;
         let rotation = teme_to_gcrs(frame);

@@ -76,6 +76,23 @@ pub fn read(path: impl AsRef<Path>) -> Result<Vec<Tle>, FileError> {
 /// # Errors
 /// The first thing that is wrong, with its line and field: a line of the wrong length, a checksum, a column that is not what it
 /// should be, two lines of different objects, a line without its partner, an epoch before 1972; a text without elements.
+///
+/// ```
+/// use sunglint_ephemeris::orbit::tle;
+///
+/// const ISS: &str = "ISS (ZARYA)
+/// 1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927
+/// 2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537
+/// ";
+///
+/// let sets = tle::parse("iss.tle", ISS)?;
+/// assert_eq!(sets[0].norad_id, 25544);
+/// // 15.72 revolutions a day: 91.6 minutes.
+/// assert!((sets[0].period_s() / 60.0 - 91.6).abs() < 0.1);
+/// // One digit changed: the checksum says so.
+/// assert!(tle::parse("iss.tle", &ISS.replace("51.6416", "51.6417")).is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn parse(path: impl AsRef<Path>, text: &str) -> Result<Vec<Tle>, ParseError> {
     let path = path.as_ref();
     let all = Scanner::new(path, text).collect::<Result<Vec<Tle>, _>>()?;
@@ -110,7 +127,7 @@ pub enum ChoiceError {
     /// There is more than one, and none was named.
     #[error("there are {count} sets of elements: name one by its number or name: {listed}")]
     Several {
-        /// How many.
+        /// Number.
         count: usize,
         /// The first of them.
         listed: String,
@@ -120,7 +137,7 @@ pub enum ChoiceError {
     Ambiguous {
         /// Object that was asked for.
         wanted: String,
-        /// How many fit.
+        /// Number of sets that fit.
         count: usize,
         /// The first of them.
         listed: String,
@@ -130,7 +147,7 @@ pub enum ChoiceError {
     Unknown {
         /// Object that was asked for.
         wanted: String,
-        /// How many there are.
+        /// Number of those there are.
         count: usize,
         /// The nearest, or the first of them.
         hint: String,

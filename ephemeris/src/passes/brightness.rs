@@ -1,4 +1,4 @@
-//! How bright a target is that nobody has modelled: a diffuse sphere, or a standard magnitude.
+//! Brightness of a target without a model: a diffuse sphere, or a standard magnitude.
 
 use std::f64::consts::PI;
 use sunglint_radiometry::constants::AU_M;
@@ -27,6 +27,17 @@ impl Brightness {
     /// with the Sun at that distance (m) and that visible part of its disc. `sun_v` is the Sun's V at 1 au.
     ///
     /// A standard magnitude holds for the Sun at 1 au.
+    ///
+    /// ```
+    /// use sunglint_ephemeris::passes::brightness::Brightness;
+    /// use sunglint_radiometry::constants::AU_M;
+    ///
+    /// let sphere = Brightness::Sphere { diameter_m: 1.0, reflectance: 0.2 };
+    /// let full = sphere.of_sunlight(0.0, 1e6, AU_M, 1.0, -26.7);
+    /// let half = sphere.of_sunlight(std::f64::consts::FRAC_PI_2, 1e6, AU_M, 1.0, -26.7);
+    /// // A half-lit Lambert sphere is π times fainter than a full one.
+    /// assert!((full / half - std::f64::consts::PI).abs() < 1e-12);
+    /// ```
     pub fn of_sunlight(
         &self,
         phase_rad: f64,

@@ -1,4 +1,4 @@
-//! Where a sampled function is positive, and where it is highest.
+//! Stretches where a sampled function is positive, and the place where it is highest.
 
 /// Times are found this well, s.
 const TIME_S: f64 = 5e-4;

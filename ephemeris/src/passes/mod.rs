@@ -1,4 +1,4 @@
-//! When a target can be seen from a site: it is above the horizon, in sunlight, and the sky is dark.
+//! Passes of a target over a site: it is above the horizon, in sunlight, and the sky is dark.
 //!
 //! A [`Search`] holds what all targets share (the sky on a grid of frames, when the night is dark), and finds the [`Pass`]es of one
 //! target after the other, or of many side by side. Times are found to a millisecond on the grid's frames, turned on with the
@@ -92,19 +92,19 @@ impl Span {
 pub struct Pass {
     /// The stay, cut to the window.
     pub span: Span,
-    /// Whether it begins with a rise; else the target was up when the window began.
+    /// True where it begins with a rise; else the target was up when the window began.
     pub rises: bool,
-    /// Whether it ends with a set; else it is up when the window ends.
+    /// True where it ends with a set; else it is up when the window ends.
     pub sets: bool,
-    /// When it stands highest.
+    /// Epoch of the highest altitude.
     pub culmination: Epoch,
-    /// How high, true, degrees.
+    /// Highest true altitude, degrees.
     pub highest_deg: f64,
-    /// When more than half of the Sun's disc shines on it, during the stay.
+    /// Spans in which more than half of the Sun's disc shines on it, during the stay.
     pub sunlit: Vec<Span>,
-    /// When it is sunlit and the sky is dark: what can be seen.
+    /// Spans in which it is sunlit and the sky is dark: it can be seen.
     pub visible: Vec<Span>,
-    /// When it crosses the site's meridian, and whether towards the pole below it (the lower one).
+    /// Crossings of the site's meridian, with the lower ones (towards the pole below it) marked.
     pub meridian: Vec<Crossing>,
     /// The fastest that its azimuth changes, degrees per second.
     pub azimuth_rate_deg_s: f64,
@@ -144,12 +144,12 @@ pub struct Found {
     pub ended: Option<(Epoch, OrbitError)>,
 }
 
-/// How a target looks, for figures and for the brightest moment: like [`Geometry`](crate::geometry::Geometry), good to an arcsecond.
+/// View of a target, for figures and for the brightest moment: like [`Geometry`](crate::geometry::Geometry), good to an arcsecond.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Look {
-    /// Where it is seen, true.
+pub struct TargetView {
+    /// True direction in which it is seen.
     pub horizontal: Horizontal,
-    /// How far, m.
+    /// Range, m.
     pub range_m: f64,
     /// Angle Sun–target–site, radians.
     pub phase_rad: f64,
@@ -227,7 +227,7 @@ impl Search {
         self.conditions
     }
 
-    /// When the sky is dark.
+    /// Returns the spans in which the sky is dark.
     pub fn dark(&self) -> Vec<Span> {
         self.dark.iter().map(|span| self.span(*span)).collect()
     }
@@ -238,11 +238,11 @@ impl Search {
         mask.max(self.conditions.min_altitude_deg)
     }
 
-    /// How the target looks at an epoch of the window.
+    /// Returns the view of the target at an epoch of the window.
     ///
     /// # Errors
     /// The errors of [`Orbit::state`].
-    pub fn look(&self, orbit: &Orbit, epoch: Epoch) -> Result<Look, OrbitError> {
+    pub fn look(&self, orbit: &Orbit, epoch: Epoch) -> Result<TargetView, OrbitError> {
         self.look_after(orbit, crate::orbit::seconds_between(self.sky.from, epoch))
     }
 
@@ -317,20 +317,20 @@ impl Search {
         let count = ((to - from) / bounds.step_s).ceil().clamp(8.0, 1e6) as usize;
         let times: Vec<f64> =
             (0..=count).map(|i| from + (to - from) * i as f64 / count as f64).collect();
-        let looks: Vec<Look> =
+        let looks: Vec<TargetView> =
             times.iter().map(|t| self.look_after(orbit, *t).ok()).collect::<Option<_>>()?;
-        let samples = |value: &dyn Fn(&Look) -> f64| -> Vec<Sample> {
+        let samples = |value: &dyn Fn(&TargetView) -> f64| -> Vec<Sample> {
             times.iter().zip(&looks).map(|(t, l)| Sample { t: *t, value: value(l) }).collect()
         };
-        let of = |value: fn(&Look) -> f64| {
+        let of = |value: fn(&TargetView) -> f64| {
             move |t: f64| self.look_after(orbit, t).map_or(f64::NAN, |l| value(&l))
         };
-        let altitude = |l: &Look| l.horizontal.altitude_deg();
+        let altitude = |l: &TargetView| l.horizontal.altitude_deg();
         let top = highest(&samples(&altitude), of(altitude));
-        let lit = |l: &Look| l.lit_rad;
+        let lit = |l: &TargetView| l.lit_rad;
         let sunlit = positive(&samples(&lit), of(lit));
         let visible = intersection(&sunlit, &self.dark);
-        let east = |l: &Look| l.horizontal.east_north_up().x;
+        let east = |l: &TargetView| l.horizontal.east_north_up().x;
         let mut meridian = Vec::new();
         for (a, b) in positive(&samples(&east), of(east)) {
             for t in [a, b] {
@@ -395,14 +395,14 @@ impl Search {
         self.enu(orbit, t).map(|(enu, _)| self.above_of(enu))
     }
 
-    fn look_after(&self, orbit: &Orbit, t: f64) -> Result<Look, OrbitError> {
+    fn look_after(&self, orbit: &Orbit, t: f64) -> Result<TargetView, OrbitError> {
         let (enu, position_m) = self.enu(orbit, t)?;
         let to_sun = self.sky.sun_m(t) - position_m;
         let distance_m = to_sun.length();
         let sun = SunPlace { direction_gcrs: to_sun / distance_m, distance_m };
         let discs = Discs::at(position_m, &sun, EarthShape::default());
         let line = position_m - self.sky.site_gcrs_m(t);
-        Ok(Look {
+        Ok(TargetView {
             // The line has a length: a target at the site has no orbit.
             horizontal: Horizontal::of_enu(enu).unwrap_or(Horizontal::new(0.0, 90.0)),
             range_m: line.length(),
@@ -421,7 +421,7 @@ impl Search {
     }
 }
 
-/// How fast a target can come up, and where it can be seen at all.
+/// Bounds on the speed of a target's rise, and on where it can be seen at all.
 struct Bounds {
     from_s: f64,
     to_s: f64,
