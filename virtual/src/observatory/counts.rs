@@ -51,6 +51,15 @@ impl Moments {
 impl Detector {
     /// Mean and variance of the counts in steady light of `rate_hz`, dark events added, per second of a time that is long
     /// against the dead time. `None` for a paralysable detector with afterpulses, which has no such form.
+    ///
+    /// ```
+    /// use sunglint_virtual::observatory::events::Detector;
+    ///
+    /// // Poisson's law: mean and variance are equal.
+    /// let moments = Detector::IDEAL.moments(1e4).ok_or("no closed form")?;
+    /// assert!((moments.mean_hz - 1e4).abs() < 1e-6 && (moments.variance_hz - 1e4).abs() < 1e-6);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn moments(&self, rate_hz: f64) -> Option<Moments> {
         let arriving_hz = rate_hz.max(0.0) + self.dark_rate_hz;
         if arriving_hz <= 0.0 {

@@ -16,7 +16,7 @@ use std::ops::Range;
 /// Picoseconds of a second.
 pub const PS: f64 = 1e12;
 
-/// How a detector is deaf after an event.
+/// Dead time of a detector after an event.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum DeadTime {
@@ -61,7 +61,7 @@ pub struct Afterpulsing {
 /// A detector of single photons.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Detector {
-    /// How it is deaf.
+    /// Dead time.
     pub dead_time: DeadTime,
     /// Dark events before any dead time, Hz; they arrive as photons do.
     pub dark_rate_hz: f64,
@@ -90,6 +90,17 @@ impl Detector {
     /// The counts' times from `span_ps.start` to before `span_ps.end`, ps, in order, of light of `rate_hz(t)` (t in s, in the middle of
     /// a step of `step_ps`; a rate that is not above 0 is darkness). The steps are counted from time 0 and the detector runs
     /// for a while before the span, so that spans side by side are one series of counts.
+    ///
+    /// ```
+    /// use sunglint_virtual::observatory::events::{DeadTime, Detector};
+    ///
+    /// let dead_time = DeadTime::NonParalysable { dead_time_s: 1e-6 };
+    /// let detector = Detector { dead_time, ..Detector::IDEAL };
+    /// // 50 ms of 1 MHz: with n τ = 1 half of the photons are counted, and no two counts are closer than τ.
+    /// let tags = detector.tags(7, 0..50_000_000_000, 1_000_000_000, |_| 1e6);
+    /// assert!((tags.len() as f64 / 25_000.0 - 1.0).abs() < 0.03);
+    /// assert!(tags.windows(2).all(|pair| pair[1] - pair[0] >= 1_000_000));
+    /// ```
     pub fn tags(
         &self,
         seed: u64,
@@ -108,7 +119,7 @@ impl Detector {
         tags
     }
 
-    /// How long before a moment the detector has to run to be, at that moment, as if it had always run, ps.
+    /// Time before a moment that the detector has to run to be, at that moment, as if it had always run, ps.
     pub(crate) fn warm_up_ps(&self) -> i64 {
         let trap_s = self.afterpulsing.map_or(0.0, |trap| 20.0 * trap.time_constant_s);
         ((100.0 * self.dead_time.memory_s() + trap_s) * PS).ceil() as i64

@@ -87,21 +87,21 @@ use std::collections::BTreeMap;
 section!(
     /// All of it; see the module.
     Options {
-        /// Where all chance comes from.
+        /// Seed of all chance.
         seed: u64 = 1,
-        /// Which stars, for how long.
+        /// Stars of the plan, and the time on each.
         plan: PlanOptions = PlanOptions::default(),
-        /// How stars differ from their catalogue.
+        /// Differences of stars from their catalogue.
         stars: StarOptions = StarOptions::default(),
         /// Properties of the air that the station's file does not say.
         air: AirOptions = AirOptions::default(),
         /// The sky's own light.
         sky: SkyOptions = SkyOptions::default(),
-        /// How points are spread.
+        /// Point spread.
         seeing: SeeingOptions = SeeingOptions::default(),
-        /// How stars twinkle.
+        /// Scintillation of stars.
         scintillation: ScintillationOptions = ScintillationOptions::default(),
-        /// How the telescope trembles.
+        /// Jitter of the telescope.
         pointing: PointingOptions = PointingOptions::default(),
         /// Clouds, which dim everything.
         clouds: CloudOptions = CloudOptions::default(),
@@ -121,7 +121,7 @@ section!(
 section!(
     /// Stars one after the other, each with the sky beside it.
     PlanOptions {
-        /// How many stars.
+        /// Number of stars.
         stars: usize = 25,
         /// On a star, s.
         visit_s: f64 = 240.0,
@@ -139,13 +139,13 @@ section!(
 );
 
 section!(
-    /// How stars differ from their catalogue.
+    /// Differences of stars from their catalogue.
     StarOptions {
         /// Standard deviation of ln(true/catalogue), the same for all channels of a star.
         scatter: f64 = 0.03,
         /// The same for each channel of a star on its own.
         channel_scatter: f64 = 0.0,
-        /// How many stars are dimmed.
+        /// Number of stars that are dimmed.
         dimmed: usize = 5,
         /// The range of the factors by which they are.
         dimmed_to: [f64; 2] = [0.2, 0.7],
@@ -167,13 +167,13 @@ section!(
     SkyOptions {
         /// Johnson V of a square arcsecond, mag.
         v_mag_per_arcsec2: f64 = 20.5,
-        /// How much brighter it is a pixel further right and down, as a fraction.
+        /// Relative gradient of brightness a pixel to the right and a pixel down, as fractions.
         gradient_per_px: [f64; 2] = [2e-4, -1e-4],
     }
 );
 
 section!(
-    /// How points are spread.
+    /// Point spread.
     SeeingOptions {
         /// Full width at half maximum at the zenith, arcsec; it grows with airmass^0.6.
         fwhm_arcsec: f64 = 2.5,
@@ -197,7 +197,7 @@ section!(
 );
 
 section!(
-    /// How the telescope trembles.
+    /// Jitter of the telescope.
     PointingOptions {
         /// Standard deviation in each axis, px.
         jitter_px: f64 = 2.0,
@@ -259,7 +259,7 @@ section!(
 section!(
     /// A counter in place of the station's; what is not given is the station's.
     CounterOptions {
-        /// How it is deaf.
+        /// Dead time.
         dead_time_model: Option<DeadTimeModel> = None,
         /// τ, ns.
         dead_time_ns: f64 = 0.0,

@@ -1,4 +1,4 @@
-//! Where a virtual telescope points when.
+//! Pointing plan of a virtual telescope.
 
 use super::night::NightError;
 use super::options::{Options, PlanOptions, VisitKind};

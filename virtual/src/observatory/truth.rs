@@ -9,9 +9,9 @@ use sunglint_formats::time::format_utc_shortest;
 /// The truth of a night.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Truth {
-    /// When it begins, UTC.
+    /// Begin, UTC.
     pub start_utc: String,
-    /// Where all chance came from.
+    /// Seed of all chance.
     pub seed: u64,
     /// True coefficient of each channel: predicted = κ × arriving.
     pub kappa: BTreeMap<String, f64>,

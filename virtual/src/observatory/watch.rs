@@ -24,7 +24,7 @@ const MOST_PLACES: f64 = 8.0;
 pub struct Moment {
     /// The visit, by its number; none on the way between two.
     pub visit: Option<usize>,
-    /// Whether the shutter is closed.
+    /// True where the shutter is closed.
     pub dark: bool,
     /// Where the target stands, px from the middle of the sensor.
     pub offset_px: [f64; 2],
@@ -43,9 +43,9 @@ pub struct FrameTruth {
     pub electrons: [f64; 3],
     /// Full width at half maximum of a point, px.
     pub fwhm_px: f64,
-    /// Whether something crossed the frame.
+    /// True where something crossed the frame.
     pub streaked: bool,
-    /// Whether the shutter was closed.
+    /// True where the shutter was closed.
     pub dark: bool,
 }
 

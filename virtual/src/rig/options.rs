@@ -82,11 +82,11 @@ pub enum SampleKind {
 section!(
     /// All of it; see the module.
     Options {
-        /// Where all chance comes from.
+        /// Seed of all chance.
         seed: u64 = 1,
         /// The sample.
         sample: Sample = Sample::default(),
-        /// How it is mounted.
+        /// Mount of the sample.
         mount: Mount = Mount::default(),
         /// The laser.
         laser: Laser = Laser::default(),
@@ -124,7 +124,7 @@ section!(
 );
 
 section!(
-    /// How the sample is mounted.
+    /// Mount of the sample.
     Mount {
         /// The stage's angle at normal incidence, degrees.
         offset_deg: f64 = 0.0,
@@ -196,7 +196,7 @@ section!(
         noise_of_range: f64 = 0.0,
         /// Steps in a range.
         steps_of_range: f64 = 1e5,
-        /// How long a reading takes, s.
+        /// Time of a reading, s.
         reading_s: f64 = 0.1,
         /// Time constant after a change of range, s.
         settling_s: f64 = 0.2,

@@ -10,7 +10,7 @@ use rand_distr::{Distribution as _, Exp1, Poisson, StandardNormal};
 pub struct Sky {
     /// Electrons per second in a pixel of each colour, in the middle of the sensor.
     pub e_per_s: [f64; 3],
-    /// How much brighter it is a pixel further right and down, as a fraction.
+    /// Relative gradient of brightness a pixel to the right and a pixel down, as fractions.
     pub gradient_per_px: [f64; 2],
 }
 
@@ -51,7 +51,7 @@ impl Source {
 /// Objects that cross the field: a bright line over the whole picture.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Streak {
-    /// How many of them cross the picture in a second.
+    /// Number of them that cross the picture in a second.
     pub per_s: f64,
     /// Electrons on a pixel's length of a streak, the median; the scatter is a factor e.
     pub e_per_px: f64,

@@ -1,4 +1,4 @@
-//! How the light of a point is spread, and how much of it falls on a pixel.
+//! Point spread, and the part of it that falls on a pixel.
 
 use crate::observatory::counts::GAUSS_5;
 
@@ -12,7 +12,7 @@ const GAUSS_3: [(f64, f64); 3] = [
 /// Nodes and weights of two-point Gauss–Legendre quadrature on [−1, 1].
 const GAUSS_2: [(f64, f64); 2] = [(-0.577_350_269_189_625_8, 1.0), (0.577_350_269_189_625_8, 1.0)];
 
-/// How the light of a point is spread over the sensor.
+/// Spread of a point's light over the sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum PointSpread {

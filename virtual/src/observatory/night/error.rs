@@ -99,11 +99,11 @@ pub enum NightError {
     CurveShape {
         /// The target.
         name: String,
-        /// How many times.
+        /// Number of times.
         times: usize,
-        /// How many rows.
+        /// Number of rows.
         rows: usize,
-        /// How many channels the station has.
+        /// Number of the station's channels.
         channels: usize,
     },
     /// The sky.

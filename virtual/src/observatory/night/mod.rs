@@ -111,7 +111,7 @@ fn mixed(one: f64, other: f64, part: f64) -> f64 {
 /// A night whose truth is known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Night {
-    /// When it begins.
+    /// Begin.
     pub start: Epoch,
     /// Options of the night.
     pub options: Options,
@@ -174,12 +174,12 @@ impl Night {
         Ok(Self { start, options, channels, visits, sensor, pixel_scale_arcsec, scintillation })
     }
 
-    /// How long after the night's begin, s.
+    /// Returns the time after the night's begin, s.
     pub fn seconds(&self, epoch: Epoch) -> f64 {
         (epoch - self.start).to_seconds()
     }
 
-    /// When the last visit ends, s from the night's begin.
+    /// Returns the end of the last visit, s from the night's begin.
     pub fn length_s(&self) -> f64 {
         self.visits.last().map_or(0.0, |visit| visit.visit.to_s)
     }
@@ -190,7 +190,7 @@ impl Night {
         (time_s < self.visits[i].visit.to_s).then_some(i)
     }
 
-    /// Whether the shutter is closed at a moment.
+    /// Returns true where the shutter is closed at a moment.
     pub fn is_dark(&self, time_s: f64) -> bool {
         self.visit_at(time_s).is_some_and(|i| self.visits[i].visit.target == Target::Dark)
     }
