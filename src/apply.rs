@@ -87,7 +87,7 @@ pub fn run(args: &ApplyArgs, console: Console) -> anyhow::Result<()> {
     for warning in &found.warnings {
         console.warn(warning);
     }
-    let report = report::Report { found: &found, station: &station };
+    let report = report::AppliedReport { found: &found, station: &station };
     let product = report.product()?;
     let files = match &found.photometry {
         Some(photometry) => others.files_of(&report::photometry_product(photometry))?,

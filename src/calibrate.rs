@@ -70,7 +70,8 @@ pub fn run(args: &CalibrateArgs, seed: u64, console: Console) -> anyhow::Result<
     for warning in &warnings {
         console.warn(warning);
     }
-    let report = report::Report { found: &found?, station: &station, warnings: &warnings };
+    let report =
+        report::CalibrationReport { found: &found?, station: &station, warnings: &warnings };
     args.out.finish(&report.product(), &report.text(), console)
 }
 

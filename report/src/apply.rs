@@ -16,14 +16,14 @@ use sunglint_radiometry::station::Station;
 const NO_STANDARD: &str = "the curve has no range_m or no phase_deg";
 
 /// A calibrated light curve with what is said about it.
-pub struct Report<'a> {
+pub struct AppliedReport<'a> {
     /// The curve.
     pub found: &'a Applied,
     /// The station.
     pub station: &'a Station,
 }
 
-impl Report<'_> {
+impl AppliedReport<'_> {
     /// The curve in all its forms.
     ///
     /// # Errors

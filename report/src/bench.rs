@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
 use sunglint_simulator::bench::{BenchRow, Benchmark};
 
-/// Where an error of exactly 0 is drawn.
+/// Value at which an error of exactly 0 is drawn.
 const NO_ERROR: f64 = 1e-17;
 
 /// A row with its documented keys.

@@ -1,4 +1,4 @@
-//! How channels are drawn.
+//! Style of channels in figures.
 
 use crate::plot::{Series, colour_of_wavelength_nm};
 use sunglint_radiometry::station::{Channel, Detector};

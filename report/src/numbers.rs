@@ -1,6 +1,13 @@
 //! Numbers as summaries hold them.
 
 /// A number with nine significant digits, as summaries hold it: without the noise of the last bits (329.99999999999994).
+///
+/// ```
+/// use sunglint_report::rounded;
+///
+/// assert_eq!(rounded(329.99999999999994), 330.0);
+/// assert_eq!(rounded(0.1 + 0.2), 0.3);
+/// ```
 pub fn rounded(value: f64) -> f64 {
     if value == 0.0 || !value.is_finite() {
         return value;

@@ -28,6 +28,13 @@ pub enum Format {
 
 impl Format {
     /// Returns the format of files with this extension (without the dot, in small letters).
+    ///
+    /// ```
+    /// use sunglint_report::Format;
+    ///
+    /// assert_eq!(Format::of_extension("svg"), Some(Format::Svg));
+    /// assert_eq!(Format::of_extension("docx"), None);
+    /// ```
     pub fn of_extension(extension: &str) -> Option<Self> {
         Some(match extension {
             "ecsv" => Format::Ecsv,
@@ -92,6 +99,25 @@ pub struct Product {
 
 impl Product {
     /// The extensions under which it goes into a folder.
+    ///
+    /// ```
+    /// use sunglint_report::plot::Figure;
+    /// use sunglint_report::{Format, Product};
+    ///
+    /// let figure = Figure { title: "Empty".into(), panels: Vec::new() };
+    /// let product = Product {
+    ///     name: "pass".into(),
+    ///     figure: Some(figure),
+    ///     json: serde_json::json!({"samples": 3}),
+    ///     ..Product::default()
+    /// };
+    /// assert_eq!(product.extensions().collect::<Vec<_>>(), ["png", "svg"]);
+    /// let written: serde_json::Value = serde_json::from_slice(&product.encode(Format::Json)?)?;
+    /// assert_eq!(written["samples"], 3);
+    /// // There is no page.
+    /// assert!(product.encode(Format::Html).is_err());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn extensions(&self) -> impl Iterator<Item = &'static str> {
         let table = (!self.table.columns.is_empty()).then_some(&["ecsv"][..]);
         let drawn = self.figure.is_some() || self.gallery.is_some();

@@ -17,7 +17,7 @@ pub struct StarReport<'a> {
     pub track: &'a StarTrack,
     /// Warnings that the user should read first.
     pub warnings: &'a [String],
-    /// Whether it is a light curve, not a moment.
+    /// True for a light curve, false for a moment.
     pub is_night: bool,
 }
 

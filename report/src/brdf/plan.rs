@@ -1,4 +1,4 @@
-//! Where to measure a sample: text, summary, table, hemispheres.
+//! Plan of the measurement of a sample: text, summary, table, hemispheres.
 
 use super::hemispheres;
 use crate::{Product, rounded};

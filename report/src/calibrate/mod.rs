@@ -15,7 +15,7 @@ use sunglint_formats::{Column, Table, Values};
 use sunglint_radiometry::station::Station;
 
 /// Calibrated nights with what is said about them.
-pub struct Report<'a> {
+pub struct CalibrationReport<'a> {
     /// The nights.
     pub found: &'a CalibratedNights,
     /// The station.
@@ -28,7 +28,7 @@ fn slope_json(slope: Option<Slope>) -> Value {
     slope.map_or(Value::Null, |s| json!({"value": rounded(s.value), "sigma": rounded(s.sigma)}))
 }
 
-impl Report<'_> {
+impl CalibrationReport<'_> {
     /// The nights in all their forms.
     pub fn product(&self) -> Product {
         let mut others = Vec::new();

@@ -71,7 +71,7 @@ fn not_modelled(compared: &Comparison<'_>) -> Vec<String> {
     all.into_iter().filter(|what| what != WITHIN_AN_EXPOSURE).collect()
 }
 
-/// How exposures were averaged, in words.
+/// Returns the averaging over exposures, in words.
 fn averaging(compared: &Comparison<'_>) -> String {
     let cut = compared.means.pieces.iter().filter(|p| **p > 1).count();
     format!(

@@ -2,7 +2,7 @@
 
 use super::figure::{drawn, palette, residual, residual_range, seconds};
 use super::{averaging, not_modelled, with_error};
-use crate::page::{Chart, Grid, Group, Kind, Line, Parameter, Report, Scale, Section};
+use crate::page::{Chart, Grid, Group, Kind, Line, Page, Parameter, Scale, Section};
 use std::ops::Range;
 use sunglint_calibration::comparison::{Axis, Numbers};
 use sunglint_formats::time::{format_utc, format_utc_shortest};
@@ -19,7 +19,7 @@ fn heads(names: &[&str]) -> Vec<String> {
 }
 
 /// The page.
-pub(super) fn report(compared: &Comparison<'_>) -> Report {
+pub(super) fn report(compared: &Comparison<'_>) -> Page {
     let pass = compared.simulation.pass;
     let palette = palette(compared);
     let times = &compared.measured.times;
@@ -27,7 +27,7 @@ pub(super) fn report(compared: &Comparison<'_>) -> Report {
     let site = pass.station.site.geodetic();
     let channels =
         compared.pairs.iter().zip(&palette).map(|(p, hue)| (p.measured.name.clone(), *hue));
-    Report {
+    Page {
         title: compared.title(),
         subtitle: format!(
             "{} to {} · {} ({:.3}°, {:.3}°, {:.0} m) · {}",

@@ -166,7 +166,7 @@ fn row(p: &Estimate, width: usize) -> String {
     line
 }
 
-/// How many samples are means over their exposures, in words.
+/// Returns the number of samples that are means over their exposures, in words.
 fn of_averaged(a: &Averaged) -> String {
     let err = format!("by up to {:.1e} of the light", a.error);
     let beyond = match a.beyond {

@@ -1,7 +1,7 @@
 //! The page of a fit.
 
 use super::{number, of_averaged, of_thinned};
-use crate::page::{Chart, Grid, Group, Kind, Line, Report, Scale, Section};
+use crate::page::{Chart, Grid, Group, Kind, Line, Page, Scale, Section};
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_inference::fit::{CurveFit, PassFit};
 use sunglint_inference::solver::{Estimate, IntervalMethod, Side, Summary, Warning};
@@ -18,11 +18,11 @@ fn heads(names: &[&str]) -> Vec<String> {
 }
 
 /// The page.
-pub(super) fn report(answer: &PassFit) -> Report {
+pub(super) fn report(answer: &PassFit) -> Page {
     let files: Vec<String> = answer.curves.iter().map(|c| c.path.display().to_string()).collect();
     let names = answer.curves.iter().map(|c| c.name.as_str()).collect::<Vec<_>>();
     let (first, last) = answer.ends();
-    Report {
+    Page {
         title: format!("{} fitted to {}", answer.name, names.join(", ")),
         subtitle: format!(
             "{} to {} · {} · {}",
@@ -43,7 +43,7 @@ pub(super) fn report(answer: &PassFit) -> Report {
             .collect(),
         sections: sections(answer),
         program: concat!("sunglint ", env!("CARGO_PKG_VERSION")).into(),
-        ..Report::default()
+        ..Page::default()
     }
 }
 

@@ -6,7 +6,7 @@ use crate::plot::base64;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
-/// How an axis goes.
+/// Kind of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
     /// Evenly.
@@ -27,7 +27,7 @@ impl Scale {
     }
 }
 
-/// How a line is drawn.
+/// Style of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A dot a point.
@@ -47,7 +47,7 @@ pub struct Line {
     pub channel: Option<usize>,
     /// Their place in the palette where they are of no channel.
     pub hue: usize,
-    /// How they are drawn.
+    /// Style of the lines.
     pub kind: Kind,
     /// Where, increasing.
     pub x: Vec<f64>,
@@ -82,7 +82,7 @@ pub struct Chart {
     pub label: String,
     /// Quantity and unit of its horizontal axis, where its group has none for it.
     pub x_label: String,
-    /// How its vertical axis goes.
+    /// Kind of its vertical axis.
     pub scale: Scale,
     /// The ends of that; from the points where `None`.
     pub range: Option<(f64, f64)>,

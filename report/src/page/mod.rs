@@ -1,6 +1,6 @@
 //! A page that a person can mail: one HTML file that asks nothing of any network and reads without a script, too.
 //!
-//! [`Report`] is what it says; [`Report::html`] writes it. Each chart stands in it twice: as an SVG drawn here, for paper and for browsers
+//! [`Page`] is what it says; [`Page::html`] writes it. Each chart stands in it twice: as an SVG drawn here, for paper and for browsers
 //! without scripts, and as numbers, from which the page's own script draws one that can be zoomed and read. Whatever comes from files is escaped (`escape`), and the
 //! page's content security policy lets no other script run than the one that is built in.
 
@@ -59,7 +59,7 @@ pub struct Section {
 
 /// Contents of a page.
 #[derive(Debug, Clone, Default)]
-pub struct Report {
+pub struct Page {
     /// Title of the page.
     pub title: String,
     /// When, from where, of what: in a line.
@@ -86,7 +86,7 @@ pub struct Report {
     pub program: String,
 }
 
-impl Report {
+impl Page {
     /// The page.
     pub fn html(&self) -> String {
         let hash = base64(&Sha256::digest(SCRIPT.as_bytes()));
@@ -250,11 +250,11 @@ impl Grid {
 mod tests {
     use super::*;
 
-    fn hostile() -> Report {
+    fn hostile() -> Page {
         let bad = "</script><img src=x onerror=alert(1)>\"'&<b>\u{2028}";
         let line = Line::dots(bad, Some(0), vec![0.0, 1.0, 2.0], vec![1.0, 2.0, f64::NAN]);
         let chart = |title: &str| Chart::new("c", title, bad, Scale::Log, vec![line.clone()]);
-        Report {
+        Page {
             title: bad.into(),
             subtitle: bad.into(),
             verdict: bad.into(),

@@ -18,7 +18,7 @@ const POINTS: usize = 600;
 /// A line is broken at gaps longer than so many usual steps.
 const GAP: f64 = 5.0;
 
-/// Where values lie on the paper.
+/// Scales from values to places on the paper.
 struct Paper {
     x: (f64, f64),
     y: (f64, f64),

@@ -28,7 +28,7 @@ pub struct PassesReport<'a> {
     pub photometer: &'a Photometer<'a>,
     /// The passes, in the order of time.
     pub passes: &'a [SeenPass],
-    /// How many there were.
+    /// Number of those there were.
     pub counts: SightingCounts,
     /// Targets that could not be followed.
     pub failures: &'a [SightingFailure],
@@ -71,7 +71,7 @@ impl PassesReport<'_> {
         )
     }
 
-    /// How bright the targets are, in words.
+    /// Returns the brightness of the targets, in words.
     pub fn law(&self) -> String {
         let law = match &self.photometer.light {
             SightingLight::Law(law) => *law,

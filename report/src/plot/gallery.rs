@@ -46,7 +46,7 @@ pub enum Key {
         label: Vec<String>,
         /// The values at both ends.
         range: (f64, f64),
-        /// Whether the scale is logarithmic.
+        /// True for a logarithmic scale.
         log: bool,
     },
     /// Names of colours.

@@ -49,7 +49,7 @@ impl Heat {
         self.y_edges.len().saturating_sub(1)
     }
 
-    /// Whether there is a value above 0.
+    /// Returns true where there is a value above 0.
     pub fn has_light(&self) -> bool {
         self.most().is_some()
     }
@@ -235,6 +235,14 @@ fn shade_of(colours: &Scale, value: f64) -> usize {
 }
 
 /// The colour at a fraction of the scale, from 0 to 1; what is beyond has the end's.
+///
+/// ```
+/// use sunglint_report::plot::viridis;
+///
+/// let light = |f: f64| { let c = viridis(f); u32::from(c.0) + u32::from(c.1) + u32::from(c.2) };
+/// assert!(light(1.0) > light(0.5) && light(0.5) > light(0.0));
+/// assert_eq!(viridis(7.0), viridis(1.0));
+/// ```
 pub fn viridis(fraction: f64) -> RGBColor {
     colour_of(((fraction.clamp(0.0, 1.0) * SHADES as f64) as usize).min(SHADES - 1))
 }

@@ -75,15 +75,15 @@ pub struct Series {
     pub label: String,
     /// Points; a point that is no number breaks the line.
     pub points: Vec<(f64, f64)>,
-    /// How it is drawn.
+    /// Style.
     pub style: Style,
     /// Colour.
     pub colour: RGBColor,
-    /// Which dashes a line has, of [`DASHES`].
+    /// Number of the line's dashes in [`DASHES`].
     pub dash: usize,
 }
 
-/// How a series is drawn.
+/// Style of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Style {
     /// A line through the points.
@@ -249,6 +249,17 @@ const TITLE_HEIGHT: u32 = 46;
 
 impl Figure {
     /// The figure as an SVG text.
+    ///
+    /// ```
+    /// use sunglint_report::plot::{Axis, Figure, Panel, Series};
+    ///
+    /// let axis = |label: &str| Axis { label: label.into(), range: None, log: false, inverted: false };
+    /// let line = Series::line("green", 0, vec![(0.0, 1.0), (1.0, 3.0), (2.0, 2.0)]);
+    /// let panel = Panel::new(axis("time in s"), axis("rate in Hz"), vec![line]);
+    /// let svg = Figure { title: "A light curve".into(), panels: vec![panel] }.svg()?;
+    /// assert!(svg.starts_with("<svg") && svg.contains("A light curve"));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn svg(&self) -> Result<String, PlotError> {
         svg(self)
     }

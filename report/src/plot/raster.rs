@@ -43,6 +43,12 @@ impl Rasters {
 }
 
 /// Returns bytes as base64 (RFC 4648, padded).
+///
+/// ```
+/// // RFC 4648, section 10.
+/// assert_eq!(sunglint_report::plot::base64(b"foobar"), "Zm9vYmFy");
+/// assert_eq!(sunglint_report::plot::base64(b"f"), "Zg==");
+/// ```
 pub fn base64(bytes: &[u8]) -> String {
     base64::Engine::encode(&base64::prelude::BASE64_STANDARD, bytes)
 }

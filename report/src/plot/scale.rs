@@ -1,4 +1,4 @@
-//! Where an axis puts a value, and which ticks it has with which labels.
+//! Scale of an axis: places of values, ticks and their labels.
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use std::ops::Range;
@@ -48,7 +48,7 @@ impl Scale {
         (self.lo, self.hi)
     }
 
-    /// Where a value lies: 0 at the first end, 1 at the last.
+    /// Returns the place of a value: 0 at the first end, 1 at the last.
     pub(super) fn fraction(&self, value: f64) -> f64 {
         let place = |v: f64| if self.log { v.ln() } else { v };
         let fraction = (place(value) - place(self.lo)) / (place(self.hi) - place(self.lo));
@@ -81,6 +81,14 @@ impl ValueFormatter<f64> for Scale {
 }
 
 /// Round numbers from `lo` to `hi`, at most about `most`, each the float nearest to a short decimal.
+///
+/// ```
+/// use sunglint_report::plot::{label, ticks};
+///
+/// let ticks = ticks(0.0, 1.0, false, 6);
+/// assert!(ticks.windows(2).all(|pair| pair[1] > pair[0]));
+/// assert!(ticks.iter().all(|tick| label(*tick).len() <= 4));
+/// ```
 pub fn ticks(lo: f64, hi: f64, log: bool, most: usize) -> Vec<f64> {
     if log {
         let inside = |v: &f64| (lo..=hi).contains(v);

@@ -43,11 +43,11 @@ pub struct TrackPoint {
     pub azimuth_deg: f64,
     /// Altitude, degrees.
     pub altitude_deg: f64,
-    /// How it looks there.
+    /// Visibility there.
     pub light: Light,
 }
 
-/// How a target looks.
+/// Visibility of a target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Light {
     /// Sunlit in a dark sky.

@@ -30,7 +30,7 @@ pub struct ChannelLine {
     pub clean: u64,
     /// The median rate, Hz (ADU/s of a camera).
     pub median_hz: Option<f64>,
-    /// How many samples carry each flag.
+    /// Number of samples with each flag.
     pub flags: BTreeMap<String, u64>,
 }
 

@@ -1,4 +1,4 @@
-//! How materials are taken for one another.
+//! Report of the confusion of materials.
 
 use crate::plot::{Axis, Heat, Panel};
 use crate::rounded;
