@@ -1254,6 +1254,7 @@ MASKS = [
     # Devices that live on the computer's clock.
     {"case": LIVE, "output": "*", "find": r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?Z?", "put": "[time]", "why": "when it was"},
     {"case": LIVE, "output": "*", "find": rf'"took_s": {N}', "put": '"took_s": [seconds]', "why": "seconds that a move took"},
+    {"case": "devices/move", "output": "std*", "find": rf"(deg after ){N} s", "put": r"\1[seconds] s", "why": "seconds that a move took, by the computer's clock"},
     {"case": LIVE, "output": "*.rec", "find": r"^~ [\d.]+\n", "put": "", "why": "pauses between what was said"},
     {"case": ["devices/check_sim-timetagger", "devices/check_sim-camera"], "output": "*.rec", "find": r"(?:^< .*\n)+", "put": "< [bytes]\n", "why": "what these say holds the time"},
     {"case": "devices/record", "output": "stage.rec", "find": r"(?:^[<>] .*\n)+", "put": "[bytes]\n", "why": "the stage is asked where it stands until it is there"},

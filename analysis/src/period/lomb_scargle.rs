@@ -25,7 +25,7 @@ const LEAST_PIVOT: f64 = 1e-10;
 /// let time: Vec<f64> = (0..50).map(f64::from).collect();
 /// let value: Vec<f64> = time.iter().map(|t| (std::f64::consts::TAU * 0.1 * t).sin()).collect();
 /// let series = Series::new("sine", &time, &value, None)?;
-/// let power = lomb_scargle(&series, &FrequencyGrid { first_hz: 0.05, step_hz: 0.05, n: 3 }, 1)?;
+/// let power = lomb_scargle(&series, &FrequencyGrid { first_hz: 0.08, step_hz: 0.02, n: 3 }, 1)?;
 /// // A sine explains itself, and nothing at another whole number of turns in the span.
 /// assert!((power[1] - 1.0).abs() < 1e-9 && power[2] < 1e-9);
 /// # Ok::<(), Box<dyn std::error::Error>>(())

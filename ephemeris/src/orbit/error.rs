@@ -88,6 +88,8 @@ pub enum DecayCause {
     NotFinite,
 }
 
+impl std::error::Error for DecayCause {}
+
 impl fmt::Display for DecayCause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

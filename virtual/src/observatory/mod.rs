@@ -39,12 +39,13 @@
 //!
 //! let mut watch = Watch::new(Arc::clone(&night));
 //! let counters = watch.counters();
-//! let from_s = night.visits[0].time_s[0];
+//! // The first visit is dark, the second is the star.
+//! let from_s = night.visits[1].time_s[0];
 //! let ps = |s: f64| (s * 1e12) as i64;
 //! let counted = watch.counts(&counters, ps(from_s)..ps(from_s + 20.0));
 //! // The same question has the same answer.
 //! assert_eq!(counted, watch.counts(&counters, ps(from_s)..ps(from_s + 20.0)));
-//! let truth_hz = night.visits[0].arriving_hz(counters[0], from_s + 10.0);
+//! let truth_hz = night.visits[1].arriving_hz(counters[0], from_s + 10.0);
 //! assert!(truth_hz > 0.0 && counted[0] > 0);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
