@@ -26,6 +26,26 @@
 //! - **Pauses** belong to what follows them. On replay the device's are kept, the host may take what time it likes.
 //!
 //! A line holds at most 1 MiB of data, a pause at most a day, a file at most 64 MiB.
+//!
+//! # A recording, read and replayed
+//!
+//! ```
+//! use std::{sync::Arc, time::Duration};
+//! use sunglint_drivers::clock::{Deadline, VirtualClock};
+//! use sunglint_drivers::recording::{Recording, Replay};
+//! use sunglint_drivers::transport::Bytes as _;
+//!
+//! let text = "# device=pm100\n# source=example\n# synthetic=yes\n> 2a 49 44 4e 3f 0a\n< 54 68 6f 72 0a\n";
+//! let mut line = Replay::new(Recording::parse("example.rec", text)?);
+//! let deadline = Deadline::after(Arc::new(VirtualClock::new()), Duration::from_secs(1));
+//! line.send(b"*IDN?\n", &deadline)?;
+//! let mut answer = [0; 5];
+//! line.receive_exact(&mut answer, &deadline)?;
+//! assert_eq!(&answer, b"Thor\n");
+//! // Refuses where something of the recording was not asked for.
+//! line.finish()?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod event;
 mod faulty;

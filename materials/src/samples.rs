@@ -58,6 +58,14 @@ pub fn direction(theta_deg: f64, phi_deg: f64) -> DVec3 {
 }
 
 /// Both turned about the normal so that the light has the azimuth 0; of light along the normal the detector has.
+///
+/// ```
+/// use sunglint_materials::samples::{direction, turned};
+///
+/// // Light from the azimuth 90°, seen in the mirrored direction: in the frame of the light that is the azimuth 180°.
+/// let (i, o) = turned(direction(30.0, 90.0), direction(30.0, 270.0));
+/// assert!((i - direction(30.0, 0.0)).length() < 1e-12 && (o - direction(30.0, 180.0)).length() < 1e-12);
+/// ```
 pub fn turned(i: DVec3, o: DVec3) -> (DVec3, DVec3) {
     let across = i.x.hypot(i.y);
     if across < 1e-12 {

@@ -24,6 +24,46 @@
 //!
 //! σ holds counting on and off the target, and the coupling's uncertainty from the target's place. The background's and the place's parts are common to
 //! neighbouring samples.
+//!
+//! # From bins to a linear rate
+//!
+//! Ten seconds of sky beside the target, then ten seconds of the target:
+//!
+//! ```
+//! use hifitime::{Epoch, Unit};
+//! use std::convert::Infallible;
+//! use sunglint_calibration::counts::{
+//!     Bin, CountChannel, OffOptions, OffTarget, Options, Reduction, Span, Spans, View,
+//! };
+//! use sunglint_calibration::detector::Linearity;
+//! use sunglint_formats::{CountFlags, CountRecord};
+//! use sunglint_radiometry::station::DeadTime;
+//!
+//! let start = Epoch::from_gregorian_utc_at_midnight(2026, 11, 21);
+//! let bin = |second: i64| Bin::from(CountRecord {
+//!     start: start + second as f64 * Unit::Second,
+//!     start_ps: second * 1_000_000_000_000,
+//!     length_ps: 1_000_000_000_000,
+//!     counts: vec![if second < 10 { 100 } else { 1000 }],
+//!     missed: vec![0],
+//!     flags: CountFlags::empty(),
+//! });
+//! let bins = || (0..20).map(|second| Ok::<_, Infallible>(bin(second)));
+//! let linearity = Linearity::new(&DeadTime::None)?;
+//! let channels =
+//!     [CountChannel { name: "spad".into(), column: 0, linearity, dark_rate_hz: 0.0, fibre: None }];
+//! let at = |s: f64| start + s * Unit::Second;
+//! let spans = Spans::new([
+//!     Span { from: at(0.0), to: at(10.0), view: View::Sky },
+//!     Span { from: at(10.0), to: at(20.0), view: View::Target(0) },
+//! ]);
+//! let off = OffTarget::measure(bins(), &channels, &spans, &OffOptions::default())?;
+//! let samples: Vec<_> =
+//!     Reduction::new(bins(), &channels, &spans, &[], &off, Options::default()).collect::<Result<_, _>>()?;
+//! assert_eq!(samples.len(), 10);
+//! assert!((samples[5].channels[0].rate_hz - 900.0).abs() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod curves;
 mod gate;

@@ -19,6 +19,19 @@
 //! one of 10 % in the rate (nτ = 9 without, 0.9 with prolonged dead time), past the end of a table, and past what the
 //! law can count at all. Below that it is trusted to nτ = 3 (0.5 of a paralysable detector, which a light beyond its peak makes dim: counts alone
 //! cannot tell that), and [`Linear::trusted`] is false above.
+//!
+//! # Rates behind counts
+//!
+//! ```
+//! use sunglint_calibration::detector::Linearity;
+//! use sunglint_radiometry::station::DeadTime;
+//!
+//! // 1 µs dead after each count: of 1 MHz that arrive, half are counted.
+//! let law = Linearity::new(&DeadTime::NonParalysable { dead_time_s: 1e-6 })?;
+//! let rate = law.linearise(500_000, 1.0)?;
+//! assert!((rate.rate_hz - 1e6).abs() < 5.0);
+//! # Ok::<(), sunglint_calibration::detector::DetectorError>(())
+//! ```
 
 mod fine;
 mod glint;

@@ -10,6 +10,46 @@
 //!
 //! Places on a frame are `[column, row]` in pixels of the frame, the middle of its first pixel at (0, 0) (as in photutils and SEP).
 //! Colours are measured on the pixels that sampled them; nothing is interpolated between colours.
+//!
+//! # A frame, measured
+//!
+//! A round star of 4 px FWHM and 50,000 ADU on a flat background of 100 ADU:
+//!
+//! ```
+//! use hifitime::Epoch;
+//! use ndarray::Array2;
+//! use sunglint_calibration::photometry::{
+//!     Expected, FrameCalibration, FrameReducer, PhotometryOptions,
+//! };
+//! use sunglint_formats::{fits::Header, frame::Frame};
+//!
+//! let sigma = 4.0 / (8.0 * 2f64.ln()).sqrt();
+//! let pixels = Array2::from_shape_fn((64, 64), |(y, x)| {
+//!     let r2 = (x as f64 - 31.0).powi(2) + (y as f64 - 33.0).powi(2);
+//!     let star = 50_000.0 / (std::f64::consts::TAU * sigma * sigma) * (-0.5 * r2 / (sigma * sigma)).exp();
+//!     // Whole numbers from −5 to 5 ADU stand for noise.
+//!     (100.0 + star + ((7 * x + 13 * y) % 11) as f64 - 5.0).round() as u16
+//! });
+//! let frame = Frame {
+//!     pixels,
+//!     origin: [0, 0],
+//!     binning: [1, 1],
+//!     bayer: None,
+//!     start: Epoch::from_gregorian_utc_at_midnight(2026, 11, 21),
+//!     exposure_s: 2.0,
+//!     gain_e_per_adu: Some(1.0),
+//!     temperature_c: None,
+//!     saturation_adu: Some(65_535.0),
+//!     header: Header::default(),
+//! };
+//! let options = PhotometryOptions::new([64, 64], 5.0);
+//! let mut reducer = FrameReducer::new(options, FrameCalibration::default())?;
+//! let measured = reducer.measure(&frame, &Expected::default())?;
+//! let place = measured.place_px.ok_or("no star")?;
+//! assert!((place[0] - 31.0).abs() < 0.02 && (place[1] - 33.0).abs() < 0.02);
+//! assert!((measured.planes[0].rate_adu_per_s / 25_000.0 - 1.0).abs() < 0.01);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod aperture;
 mod background;

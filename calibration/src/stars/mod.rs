@@ -14,6 +14,35 @@
 //!
 //! Robust consensus: Fischler and Bolles 1981; its truncated loss: Torr and Zisserman 2000 (MSAC). Components of variance by the moments of Paule and
 //! Mandel 1982. Studentised bootstrap: Efron and Tibshirani 1993, 12.5.
+//!
+//! # A night's coefficient
+//!
+//! Six stars whose light arrives 2 % stronger than predicted, and a seventh behind a cloud:
+//!
+//! ```
+//! use sunglint_calibration::stars::{Measured, Options, Visit, calibrate};
+//!
+//! let visit = |number: u32, transmitted: f64| Visit {
+//!     star: format!("star {number}"),
+//!     airmass: 1.0 + 0.1 * f64::from(number),
+//!     b_minus_v_mag: Some(0.1 * f64::from(number)),
+//!     scintillation: 0.002,
+//!     decides: true,
+//!     channels: vec![Some(Measured {
+//!         predicted_hz: 1e5,
+//!         measured_hz: 1.02e5 * transmitted,
+//!         sigma_hz: 300.0,
+//!         per_aerosol_depth: None,
+//!     })],
+//! };
+//! let visits: Vec<Visit> =
+//!     (0..6).map(|n| visit(n, 1.0)).chain([visit(6, 0.5)]).collect();
+//! let night = calibrate(&visits, &Options::default())?;
+//! let kappa = night.channels[0].as_ref().map_err(String::as_str)?;
+//! assert!((kappa.kappa - 1.0 / 1.02).abs() < 1e-5 && kappa.stars == 6);
+//! assert!(!night.visits[6].agrees);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod bootstrap;
 mod checks;

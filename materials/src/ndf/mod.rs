@@ -6,6 +6,39 @@
 //! From a table of angles to D: readings that are no light are left out ([`Note`]), the symmetry point is found from both sides of the normal, a cubic spline of
 //! ln f, even about it, leads to the nodes; beyond the last angle the lobe is continued and flagged, and how much the choice of the continuation changes is said
 //! beside the uncertainty that comes from the readings (by resampling).
+//!
+//! # From retro-reflection to the density of normals
+//!
+//! The closed form of a rough metal (GGX, roughness 0.2, Walter et al. 2007) at each half degree:
+//!
+//! ```
+//! use std::f64::consts::PI;
+//! use sunglint_materials::ndf::{NdfOptions, extract};
+//! use sunglint_materials::table::{Reading, RetroFlags, RetroTable};
+//!
+//! let (alpha, f0) = (0.2_f64, 0.8);
+//! let retro = |theta: f64| {
+//!     let tan2 = theta.tan().powi(2);
+//!     let d = (1.0 + tan2 / (alpha * alpha)).powi(-2) / (PI * alpha * alpha * theta.cos().powi(4));
+//!     let masking = 2.0 / (1.0 + (1.0 + alpha * alpha * tan2).sqrt());
+//!     f0 * d * masking / (4.0 * theta.cos().powi(2))
+//! };
+//! let reading = |k: i32| {
+//!     let angle_deg = 0.5 * f64::from(k);
+//!     Reading {
+//!         angle_deg,
+//!         azimuth_deg: 0.0,
+//!         f_per_sr: retro(angle_deg.to_radians()),
+//!         sigma_f_per_sr: 0.0,
+//!         flags: RetroFlags::empty(),
+//!     }
+//! };
+//! let run = RetroTable { readings: (-20..=130).map(reading).collect(), ..RetroTable::default() };
+//! let ndf = extract(&run, &NdfOptions::default())?;
+//! assert!((ndf.profiles[0].ggx.alpha - alpha).abs() < 0.002);
+//! assert!((ndf.f0 - f0).abs() < 0.01);
+//! # Ok::<(), sunglint_materials::ndf::NdfError>(())
+//! ```
 
 mod anisotropic;
 mod nodes;

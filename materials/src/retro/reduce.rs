@@ -427,6 +427,12 @@ fn notes_of(setup: &Setup, rows: &[Row]) -> Vec<Note> {
 }
 
 /// The smallest roughness that a cone lets one see: the half-vector is blurred by half of its angle.
+///
+/// ```
+/// // A cone of 1° half-angle turns the half-vector by half a degree.
+/// let alpha = sunglint_materials::retro::smallest_alpha(1.0);
+/// assert!((alpha - 0.008_726_9).abs() < 1e-6);
+/// ```
 pub fn smallest_alpha(cone_half_angle_deg: f64) -> f64 {
     (0.5 * cone_half_angle_deg).to_radians().tan()
 }

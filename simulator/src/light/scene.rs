@@ -12,6 +12,31 @@ use crate::target::{Hinge, Target};
 use std::ops::Range;
 
 /// A target prepared for the light engine: facets, what may hide them, and where each material's weights stand.
+///
+/// ```
+/// use glam::DVec3;
+/// use sunglint_simulator::light::{Scene, View};
+/// use sunglint_simulator::target::Target;
+///
+/// let cube = Target::parse("cube.toml", r#"
+/// [[part]]
+/// name = "cube"
+/// shape = "box"
+/// size_m = [1, 1, 1]
+/// material = "white"
+/// [[material]]
+/// name = "white"
+/// model = "lambert"
+/// reflectance = 1.0
+/// "#)?;
+/// let scene = Scene::new(&cube)?;
+/// let mut weight = vec![0.0; scene.weight_count()];
+/// // Lit and seen at 45° on one face of 1 m²: cos²45°/π.
+/// let at = DVec3::new(0.0, 1.0, 1.0).normalize();
+/// scene.evaluator().direct(DVec3::Z, View::Distant(at), &mut weight)?;
+/// assert!((weight[0] - 0.5f64.sqrt() / std::f64::consts::PI).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub(super) materials: Vec<Material>,

@@ -21,6 +21,42 @@
 //! ```
 //!
 //! Paths are relative to the file.
+//!
+//! # A pass, simulated
+//!
+//! The diffuse sphere's light follows its closed form, W = 2 R²/(3π) (sin γ + (π − γ) cos γ) of the phase angle γ (van de Hulst 1957):
+//!
+//! ```
+//! use sunglint_simulator::pass::{Overrides, PassFile};
+//!
+//! let scene = r#"
+//! [target]
+//! name = "sphere"
+//! sphere = { radius_m = 1.0, reflectance = 0.3 }
+//! [orbit]
+//! lines = [
+//!   "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927",
+//!   "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537",
+//! ]
+//! [effects]
+//! earthshine = "off"
+//! moonshine = "off"
+//! [station]
+//! name = "ufo"
+//! [times]
+//! from = 2008-09-21T18:48:00Z
+//! to = 2008-09-21T18:48:30Z
+//! step_s = 5.0
+//! "#;
+//! let pass = PassFile::parse("pass.toml", scene)?.resolve(Overrides::default())?;
+//! let simulated = pass.simulate(&|_| ())?;
+//! for (place, weights) in simulated.places.iter().zip(simulated.weights.rows()) {
+//!     let phase = place.geometry.phase_rad;
+//!     let lit = phase.sin() + (std::f64::consts::PI - phase) * phase.cos();
+//!     assert!((weights.sum() / (2.0 / (3.0 * std::f64::consts::PI) * lit) - 1.0).abs() < 1e-3);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod earth;
 mod times;
