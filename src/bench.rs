@@ -1,13 +1,12 @@
 //! `sunglint bench`: error against time of the light engines, on one thread.
 
 use crate::output::{Console, OutputArgs, Usage};
+use crate::progress::Bar;
 use crate::simulate;
 use crate::station::StationArgs;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
-use sunglint_numerics::progress::Progress;
 use sunglint_report::bench::{product, row_json, text};
 use sunglint_simulator::bench::{BenchError, BenchOptions, BenchRow, bench, find_scenes};
 use sunglint_simulator::pass::Overrides;
@@ -52,12 +51,12 @@ pub fn run(args: &BenchArgs, console: Console) -> anyhow::Result<()> {
             .warn("this program was built without --release: its times are not those of a release");
     }
     let options = BenchOptions { scenes, passes, seconds: args.seconds };
-    let bar = Bar(progress(console));
+    let bar = Bar::new(console);
     let mut printed = Ok(());
     // Lines as they come: whoever waits sees that something happens.
     let mut each = |row: &BenchRow| {
         if console.json {
-            printed = bar.0.suspend(|| console.print(&row_json(row).to_string()));
+            printed = bar.suspend(|| console.print(&row_json(row).to_string()));
         }
         if printed.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
@@ -69,40 +68,11 @@ pub fn run(args: &BenchArgs, console: Console) -> anyhow::Result<()> {
         }
         error => error.into(),
     })?;
-    bar.0.finish_and_clear();
+    bar.end();
     if console.json {
         let files = args.out.files_of(&product(&found))?;
         args.out.write_files(&files, console)?;
         return Ok(());
     }
     args.out.finish(&product(&found), &text(&found), console)
-}
-
-struct Bar(ProgressBar);
-
-impl Progress for Bar {
-    fn begin(&self, _stage: &str, steps: Option<u64>) {
-        self.0.set_length(steps.unwrap_or(0));
-    }
-
-    fn advance(&self, steps: u64) {
-        self.0.inc(steps);
-    }
-
-    fn status(&self, text: &str) {
-        self.0.set_message(text.to_owned());
-    }
-}
-
-/// A bar on stderr; none when that is no terminal, none with `-q`.
-fn progress(console: Console) -> ProgressBar {
-    if console.quiet {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(0);
-    match ProgressStyle::with_template("{msg:>18} {wide_bar} {pos}/{len} {eta}") {
-        Ok(style) => bar.with_style(style),
-        // A template that does not parse would only leave the plain bar.
-        Err(_) => bar,
-    }
 }

@@ -4,8 +4,8 @@
 
 pub use crate::curve_file::ComparedAs;
 use crate::explain;
-use crate::fit::progress::Bar;
 use crate::output::{Console, OutputArgs};
+use crate::progress::Bar;
 use crate::simulate;
 use crate::station::StationArgs;
 use anyhow::anyhow;

@@ -2,12 +2,12 @@
 
 use crate::air::AirModelArgs;
 use crate::output::{Console, OutputArgs, Usage};
+use crate::progress::Bar;
 use crate::star::when;
 use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::Args;
 use hifitime::{Epoch, Unit};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use sunglint_ephemeris::orbit::tle::{self, Tle};
@@ -15,7 +15,6 @@ use sunglint_ephemeris::orbit::{Orbit, TleOrbit};
 use sunglint_ephemeris::passes::brightness::Brightness;
 use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_formats::nearest_names;
-use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{EarthOrientation, SkyFrames};
@@ -194,9 +193,9 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
         Photometer::new(&station, &air, light, frames, args.zero_point, args.exposure_s)?;
     console.detail(&format!("{} objects, {} threads", tles.len(), rayon::current_num_threads()));
 
-    let bar = ObjectsBar(progress(tles.len(), console));
+    let bar = Bar::new(console);
     let found = find(tles, &search, &photometer, &args.filter.options(), &bar);
-    bar.0.finish_and_clear();
+    bar.end();
     failures.extend(found.failures);
     warnings.extend(found.warnings);
     for warning in &warnings {
@@ -256,14 +255,6 @@ fn finish(report: &PassesReport<'_>, out: &OutputArgs, console: Console) -> anyh
         }
     }
     rest.finish_with(&report.product(out.wants_json(console)), others, &report.text(), console)
-}
-
-struct ObjectsBar(ProgressBar);
-
-impl Progress for ObjectsBar {
-    fn advance(&self, steps: u64) {
-        self.0.inc(steps);
-    }
 }
 
 /// More objects left out than this are counted, not named.
@@ -414,20 +405,6 @@ fn read_all(
         }));
     }
     Ok((tles, failures))
-}
-
-/// A bar on stderr for what takes long; none when that is no terminal, none with `-q`.
-fn progress(objects: usize, console: Console) -> ProgressBar {
-    let hidden = console.quiet || objects < 50;
-    // Standard error's own target is hidden where it is no terminal.
-    let target = if hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-    let bar = ProgressBar::with_draw_target(Some(objects as u64), target);
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} objects, {eta} left");
-    // A template that does not parse would only leave the plain bar.
-    if let Ok(style) = style {
-        bar.set_style(style);
-    }
-    bar
 }
 
 /// A built-in target, or one of a file.

@@ -51,6 +51,14 @@ impl Bar {
         }
     }
 
+    /// Runs `print` while the bar is off the terminal.
+    pub fn suspend<T>(&self, print: impl FnOnce() -> T) -> T {
+        match &self.shown().bar {
+            Some(bar) => bar.suspend(print),
+            None => print(),
+        }
+    }
+
     fn shown(&self) -> MutexGuard<'_, Shown> {
         self.shown.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -60,7 +68,8 @@ impl Bar {
         if self.console.quiet || elapsed < PATIENCE {
             return;
         }
-        let bar = shown.bar.get_or_insert_with(|| bar(shown.steps)).clone();
+        let message = shown.message();
+        let bar = shown.bar.get_or_insert_with(|| bar(shown.steps, message)).clone();
         if bar.is_hidden() {
             if elapsed >= shown.said + LINES {
                 shown.said = elapsed;
@@ -73,16 +82,22 @@ impl Bar {
     }
 }
 
-/// Hidden where stderr is no terminal.
-fn bar(steps: Option<u64>) -> ProgressBar {
+/// A bar that is not drawn yet; hidden where stderr is no terminal. One without a number of steps turns on its own, since its work may say nothing for long.
+fn bar(steps: Option<u64>, message: String) -> ProgressBar {
     let (bar, template) = match steps {
         Some(steps) => (ProgressBar::new(steps), "{msg} {wide_bar} {pos}/{len} ({eta})"),
         None => (ProgressBar::new_spinner(), "{spinner} {msg} ({elapsed})"),
     };
-    match ProgressStyle::with_template(template) {
+    let bar = bar.with_message(message);
+    let bar = match ProgressStyle::with_template(template) {
         Ok(style) => bar.with_style(style),
+        // A template that does not parse would only leave the plain bar.
         Err(_) => bar,
+    };
+    if steps.is_none() {
+        bar.enable_steady_tick(PATIENCE / 2);
     }
+    bar
 }
 
 impl Shown {
@@ -116,6 +131,11 @@ impl Progress for Bar {
         stage.clone_into(&mut shown.stage);
         (shown.steps, shown.done) = (steps, 0);
         shown.status.clear();
+        // A spinner is begun at once: its own ticks draw it later.
+        if steps.is_none() && !self.console.quiet {
+            let message = shown.message();
+            shown.bar = Some(bar(steps, message));
+        }
         self.show(&mut shown);
     }
 
@@ -132,10 +152,7 @@ impl Progress for Bar {
     }
 
     fn warn(&self, warning: &str) {
-        match &self.shown().bar {
-            Some(bar) => bar.suspend(|| self.console.warn(warning)),
-            None => self.console.warn(warning),
-        }
+        self.suspend(|| self.console.warn(warning));
     }
 }
 

@@ -4,8 +4,8 @@
 
 use crate::curve_file::Magnitudes;
 use crate::fit::inputs::{self, joined, with_stations};
-use crate::fit::progress::Bar;
 use crate::output::{Console, OutputArgs, Usage};
+use crate::progress::Bar;
 use crate::station::StationArgs;
 use anyhow::anyhow;
 use clap::{Args, ValueEnum};

@@ -1,8 +1,8 @@
 //! `sunglint analyse map`: samples, or all directions, on the body's frame.
 
 use super::given::worded;
-use super::progress::Spinner;
 use crate::output::{Console, OutputArgs, Usage};
+use crate::progress::Bar;
 use crate::simulate::read as read_pass;
 use crate::station::StationArgs;
 use anyhow::{Context as _, anyhow, bail};
@@ -170,7 +170,7 @@ fn spins(args: &MapArgs, placed: &PlacedCurve, console: Console) -> anyhow::Resu
     let (period_s, within) = args.spin.check()?;
     let (cells, axes) = (Grid::new(args.step_deg)?, Grid::new(args.spin.axes_deg)?);
     let options = SpinOptions { period_s, within, cells, axes };
-    let spinner = Spinner::new(console);
+    let spinner = Bar::new(console);
     let found = spin_quality(placed, &options, &spinner);
     spinner.end();
     found.map_err(|error| match error {

@@ -7,7 +7,6 @@ mod fold;
 mod given;
 mod map;
 mod period;
-mod progress;
 mod unmix;
 
 pub use attitude::AttitudeArgs;

@@ -1,8 +1,8 @@
 //! `sunglint analyse period`: the period of a curve, from all channels together.
 
 use super::curves::CurveArgs;
-use super::progress::Spinner;
 use crate::output::{Console, OutputArgs, Usage};
+use crate::progress::Bar;
 use clap::Args;
 use std::path::PathBuf;
 use sunglint_analysis::period::{GEOMETRY_NOT_USED, Options, PeriodOptions, find_period};
@@ -57,7 +57,7 @@ pub(super) fn run(args: &PeriodArgs, console: Console) -> anyhow::Result<()> {
         .as_ref()
         .map(|scene| move |series: &[Series]| args.curves.bisectors(scene, zero, series));
     let geometry = bisectors.as_ref().map(|bisectors| bisectors as _);
-    let spinner = Spinner::new(console);
+    let spinner = Bar::new(console);
     let mut found = find_period::<anyhow::Error>(curves, &options, geometry, &spinner)?;
     spinner.end();
     for warning in &mut found.warnings {

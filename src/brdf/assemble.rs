@@ -1,10 +1,12 @@
 //! `sunglint brdf assemble`: measured values and densities as a material.
 
 use crate::output::{Console, OutputArgs, Usage};
+use crate::progress::Bar;
 use clap::Args;
 use std::path::PathBuf;
 use sunglint_formats::Table;
 use sunglint_materials::assemble::files::{Assembly, AssemblyFiles, assemble_files};
+use sunglint_numerics::progress::Progress as _;
 use sunglint_report::brdf::assemble::{doubts, missing_table, summary, table, text};
 use sunglint_simulator::surface::measured;
 
@@ -68,11 +70,8 @@ pub(super) fn run(args: &AssembleArgs, console: Console) -> anyhow::Result<()> {
         side: args.side,
         normals: args.normals,
     };
-    let bar = std::cell::OnceCell::new();
-    let begin = || {
-        let bar = bar.get_or_init(|| super::Bar::new("assembling", console));
-        bar.0.enable_steady_tick(std::time::Duration::from_millis(200));
-    };
+    let bar = Bar::new(console);
+    let begin = || bar.begin("assembling", None);
     let found = assemble_files(&files, &|warning| console.warn(warning), &begin);
     drop(bar);
     let found = found?;

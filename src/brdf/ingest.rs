@@ -1,7 +1,7 @@
 //! `sunglint brdf ingest`: a spectrometer's files, direction by direction, as BRDF values.
 
-use super::Bar;
 use crate::output::{Console, OutputArgs};
+use crate::progress::Bar;
 use clap::Args;
 use std::path::PathBuf;
 use sunglint_materials::ingest::file::ingest_file;
@@ -20,7 +20,7 @@ pub struct IngestArgs {
 
 pub(super) fn run(args: &IngestArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
-    let bar = Bar::new("spectra", console);
+    let bar = Bar::new(console);
     let found = ingest_file(&args.file, &bar)?;
     drop(bar);
     let samples = &found.ingested.samples;

@@ -18,8 +18,6 @@ pub use show::{CompareArgs, ShowArgs};
 
 use crate::output::{Console, OutputArgs};
 use clap::Subcommand;
-use indicatif::{ProgressBar, ProgressStyle};
-use sunglint_numerics::progress::Progress;
 
 /// The steps of a measurement, each with a table that the next one reads.
 #[derive(Debug, Subcommand)]
@@ -72,41 +70,5 @@ pub fn run(command: &BrdfCommand, console: Console, seed: u64) -> anyhow::Result
         BrdfCommand::Assemble(args) => assemble::run(args, console),
         BrdfCommand::Show(args) => show::show(args, console),
         BrdfCommand::Compare(args) => show::compare(args, console),
-    }
-}
-
-/// A progress bar on stderr; none where that is no terminal or nothing is to be said. It goes when it is dropped.
-struct Bar(ProgressBar, Console);
-
-impl Bar {
-    fn new(what: &'static str, console: Console) -> Self {
-        if console.quiet {
-            return Self(ProgressBar::hidden(), console);
-        }
-        let bar = ProgressBar::new(1);
-        if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len}") {
-            bar.set_style(style);
-        }
-        Self(bar.with_message(what), console)
-    }
-}
-
-impl Progress for Bar {
-    fn begin(&self, _: &str, steps: Option<u64>) {
-        self.0.set_length(steps.unwrap_or(1));
-    }
-
-    fn advance(&self, steps: u64) {
-        self.0.inc(steps);
-    }
-
-    fn warn(&self, warning: &str) {
-        self.0.suspend(|| self.1.warn(warning));
-    }
-}
-
-impl Drop for Bar {
-    fn drop(&mut self) {
-        self.0.finish_and_clear();
     }
 }

@@ -3,15 +3,14 @@
 //! [`sunglint_inference::fit`] fits, [`sunglint_report::fit`] shows it.
 
 pub(crate) mod inputs;
-pub(crate) mod progress;
 
 use crate::curve_file::Magnitudes;
 use crate::output::{Console, OutputArgs, Usage};
+use crate::progress::Bar;
 use crate::station::StationArgs;
 use anyhow::{anyhow, bail};
 use clap::{Args, ValueEnum};
 use inputs::with_stations;
-use progress::Bar;
 use std::path::PathBuf;
 use sunglint_inference::fit::{FitOptions, FreeParameter, PassFit, PassFitError};
 use sunglint_inference::solver::Loss;
