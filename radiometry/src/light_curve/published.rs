@@ -9,6 +9,8 @@ use sunglint_numerics::order::{median, robust_sigma};
 
 /// A gap of more than this parts one track from the next, s.
 const GAP_S: f64 = 60.0;
+/// Astronomical unit, km (IAU 2012 B2, exact).
+const AU_KM: f64 = 149_597_870.7;
 /// d ln(flux)/d mag.
 const PER_MAG: f64 = 0.921_034_037_197_618_3;
 
@@ -158,16 +160,26 @@ impl CurveFile {
         let column = |name: &str| table.f64(name).ok().map(|c| c.into_owned());
         let magnitudes = table.f64(name)?.into_owned();
         let range_km = column("range_km")
-            .or_else(|| Some(column("range_m")?.iter().map(|r| r / 1e3).collect()));
+            .or_else(|| Some(column("range_m")?.iter().map(|r| r / 1e3).collect()))
+            .or_else(|| Some(column("delta_au")?.iter().map(|r| r * AU_KM).collect()));
         let exposure_s = column("exposure_s");
         let sigma = column("sigma_mag");
         let rows =
-            Rows { times, magnitudes, range_km, phase_deg: column("phase_deg"), sigma, exposure_s };
+            Rows { times, magnitudes, range_km, phase_deg: column("phase_deg"), sigma, exposure_s, labels: labels(&table) };
         Ok(Self::Magnitudes(Box::new(Brightness::of_rows(path, rows, options)?)))
     }
 }
 
-/// Published magnitudes as brightnesses.
+/// Session and filter of a sample: magnitudes of both the same share a zero point.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub struct Label {
+    /// The session's name; empty where the file names none.
+    pub session: String,
+    /// The filter's.
+    pub filter: String,
+}
+
+/// Published magnitudes as brightnesses, in the order of time.
 #[derive(Debug, Clone, Default)]
 pub struct Brightness {
     /// Times of the samples.
@@ -184,9 +196,17 @@ pub struct Brightness {
     pub phase_deg: Option<Vec<f64>>,
     /// White noise of each track: first moment, noise (mag), samples.
     pub tracks: Vec<(Epoch, f64, usize)>,
+    /// Session and filter of each sample, where the file says them.
+    pub labels: Option<Vec<Label>>,
 }
 
 impl Brightness {
+    /// The labels of the samples that count: those of [`Brightness::light_curve`].
+    pub fn used_labels(&self) -> Option<Vec<Label>> {
+        let labels = self.labels.as_ref()?;
+        Some((0..self.times.len()).filter(|i| self.is_used(*i)).map(|i| labels[i].clone()).collect())
+    }
+
     /// The text format of Mini-MegaTORTORA's catalogue: notes after `#`, then date, time, standard magnitude, magnitude, filter, penumbra, distance (km),
     /// phase (degrees), channel, track.
     fn of_mmt9(
@@ -234,6 +254,7 @@ impl Brightness {
         rows: Rows,
         options: &MagnitudeOptions,
     ) -> Result<Self, PublishedError> {
+        let rows = rows.sorted();
         let n = rows.times.len();
         let missing = |column: &'static str| PublishedError::NeedsColumn {
             path: path.to_path_buf(),
@@ -259,14 +280,21 @@ impl Brightness {
                 all
             }
         };
-        let tracks = tracks(&rows.times);
+        let tracks = tracks(&rows.times, rows.labels.as_deref());
         let mut sigma_mag = vec![f64::NAN; n];
         let mut noise = Vec::new();
+        let values = |track: &[usize]| track.iter().map(|i| apparent[*i]).collect::<Vec<f64>>();
+        // A session of fewer than eight samples has the noise of the others.
+        let of_all = rows.labels.as_ref().and_then(|_| {
+            let steps = tracks.iter().flat_map(|t| steps(&values(t)));
+            noise_of_steps(steps.collect())
+        });
         for track in &tracks {
-            let white = white_noise(&track.iter().map(|i| apparent[*i]).collect::<Vec<_>>());
+            let white = white_noise(&values(track)).or(of_all);
             let own = options.sigma_mag.or(white);
             for i in track {
-                sigma_mag[*i] = rows.sigma.as_ref().map(|s| s[*i]).or(own).unwrap_or(f64::NAN);
+                let stated = rows.sigma.as_ref().map(|s| s[*i]).filter(|s| *s > 0.0);
+                sigma_mag[*i] = stated.or(own).unwrap_or(f64::NAN);
             }
             noise.push((rows.times[track[0]], own.unwrap_or(f64::NAN), track.len()));
         }
@@ -289,6 +317,7 @@ impl Brightness {
             range_m: rows.range_km.map(|r| r.iter().map(|r| 1e3 * r).collect()),
             phase_deg: rows.phase_deg,
             tracks: noise,
+            labels: rows.labels,
         };
         if !(0..n).any(|i| curve.is_used(i)) {
             return Err(PublishedError::NoneUsable { path: path.to_path_buf() });
@@ -335,18 +364,73 @@ struct Rows {
     phase_deg: Option<Vec<f64>>,
     sigma: Option<Vec<f64>>,
     exposure_s: Option<Vec<f64>>,
+    labels: Option<Vec<Label>>,
+}
+
+impl Rows {
+    /// The same in the order of time, and of their values where times are the same: the order of a file never matters.
+    fn sorted(self) -> Self {
+        let n = self.times.len();
+        let keys: Vec<i128> = self.times.iter().map(|t| tai_nanoseconds(*t)).collect();
+        let numbers = [&self.range_km, &self.phase_deg, &self.sigma, &self.exposure_s];
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_by(|a, b| {
+            let by_label = || self.labels.as_ref().map_or(std::cmp::Ordering::Equal, |l| l[*a].cmp(&l[*b]));
+            let by_number = || {
+                let differ = numbers.iter().filter_map(|c| c.as_ref()).map(|c| c[*a].total_cmp(&c[*b]));
+                differ.into_iter().find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+            };
+            let by_value = self.magnitudes[*a].total_cmp(&self.magnitudes[*b]);
+            keys[*a].cmp(&keys[*b]).then(by_value).then_with(by_number).then_with(by_label)
+        });
+        let pick = |v: Option<Vec<f64>>| v.map(|v| order.iter().map(|i| v[*i]).collect());
+        Self {
+            times: order.iter().map(|i| self.times[*i]).collect(),
+            magnitudes: order.iter().map(|i| self.magnitudes[*i]).collect(),
+            range_km: pick(self.range_km),
+            phase_deg: pick(self.phase_deg),
+            sigma: pick(self.sigma),
+            exposure_s: pick(self.exposure_s),
+            labels: self.labels.map(|l| order.iter().map(|i| l[*i].clone()).collect()),
+        }
+    }
+}
+
+/// Session and filter of each row, where a table has a column of either.
+fn labels(table: &Table) -> Option<Vec<Label>> {
+    let texts = |name: &str| -> Option<Vec<String>> {
+        Some(match &table.column(name).ok()?.values {
+            Values::Text(texts) => texts.iter().map(|t| t.clone().unwrap_or_default()).collect(),
+            Values::F64(numbers) => numbers.iter().map(f64::to_string).collect(),
+            Values::I64(numbers) => {
+                numbers.iter().map(|n| n.map(|n| n.to_string()).unwrap_or_default()).collect()
+            }
+            _ => return None,
+        })
+    };
+    let (session, filter) = (texts("session"), texts("filter"));
+    if session.is_none() && filter.is_none() {
+        return None;
+    }
+    let at = |column: &Option<Vec<String>>, i: usize| column.as_ref().map_or_else(String::new, |c| c[i].clone());
+    Some((0..table.rows()).map(|i| Label { session: at(&session, i), filter: at(&filter, i) }).collect())
 }
 
 fn seconds(epoch: Epoch) -> f64 {
     tai_nanoseconds(epoch) as f64 * 1e-9
 }
 
-/// Samples by track, in the order of time.
-fn tracks(times: &[Epoch]) -> Vec<Vec<usize>> {
-    let mut order: Vec<usize> = (0..times.len()).collect();
-    order.sort_by(|a, b| seconds(times[*a]).total_cmp(&seconds(times[*b])));
+/// Samples by track: of one session and filter where the file says them, else without a gap. Times are in order.
+fn tracks(times: &[Epoch], labels: Option<&[Label]>) -> Vec<Vec<usize>> {
+    if let Some(labels) = labels.filter(|l| l.iter().any(|l| !l.session.is_empty())) {
+        let mut by_label: std::collections::BTreeMap<&Label, Vec<usize>> = Default::default();
+        for (i, label) in labels.iter().enumerate() {
+            by_label.entry(label).or_default().push(i);
+        }
+        return by_label.into_values().collect();
+    }
     let mut tracks: Vec<Vec<usize>> = Vec::new();
-    for i in order {
+    for i in 0..times.len() {
         match tracks.last_mut() {
             Some(track) if seconds(times[i]) - seconds(times[track[track.len() - 1]]) <= GAP_S => {
                 track.push(i);
@@ -359,8 +443,15 @@ fn tracks(times: &[Epoch]) -> Vec<Vec<usize>> {
 
 /// The noise of single samples from the differences between neighbours, robustly: 1.4826 MAD/√2. `None` of fewer than eight.
 pub fn white_noise(values: &[f64]) -> Option<f64> {
-    let steps = values.windows(2).map(|p| p[1] - p[0]).filter(|d| d.is_finite());
-    let steps: Vec<f64> = steps.collect();
+    noise_of_steps(steps(values))
+}
+
+/// Differences between neighbours that are numbers.
+fn steps(values: &[f64]) -> Vec<f64> {
+    values.windows(2).map(|p| p[1] - p[0]).filter(|d| d.is_finite()).collect()
+}
+
+fn noise_of_steps(steps: Vec<f64>) -> Option<f64> {
     if steps.len() < 7 {
         return None;
     }
