@@ -37,13 +37,18 @@ fn made(seed: u64) -> Made {
         })
         .collect();
     let light = |t: f64| {
-        harmonics.iter().zip(1..).map(|([a, b], k)| {
-            let (s, c) = (TAU * f64::from(k) * t / period_s).sin_cos();
-            a * c + b * s
-        }).sum::<f64>()
+        harmonics
+            .iter()
+            .zip(1..)
+            .map(|([a, b], k)| {
+                let (s, c) = (TAU * f64::from(k) * t / period_s).sin_cos();
+                a * c + b * s
+            })
+            .sum::<f64>()
     };
     let all: Vec<f64> = (0..500).map(|i| light(period_s * f64::from(i) / 500.0)).collect();
-    let (low, high) = all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), m| (a.min(*m), b.max(*m)));
+    let (low, high) =
+        all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), m| (a.min(*m), b.max(*m)));
     let amplitude = random.random_range(0.05..0.8);
     let scale = amplitude / (high - low);
     let ratio = 10_f64.powf(random.random_range(1.5_f64.log10()..75_f64.log10()));
@@ -69,7 +74,11 @@ fn made(seed: u64) -> Made {
                 let white: f64 = normal.sample(random);
                 red = rho * red + (1.0 - rho * rho).sqrt() * white;
                 let t = from + step_s * (f64::from(i) + 0.3 * random.random::<f64>());
-                let outlier = if random.random_range(0..100) == 0 { 8.0 * noise * normal.sample(random) } else { 0.0 };
+                let outlier = if random.random_range(0..100) == 0 {
+                    8.0 * noise * normal.sample(random)
+                } else {
+                    0.0
+                };
                 session.time_s.push(t);
                 session.magnitude.push(zero + scale * light(t) + noise * red + outlier);
             }
@@ -77,13 +86,6 @@ fn made(seed: u64) -> Made {
         })
         .collect();
     Made { period_s, sessions, ratio }
-}
-
-/// Whether four harmonics with the true cycle count fit: an oracle that knows the period to 0.1 % and looks for the best nearby, and whether it beats all periods beyond by Δ > 25. By the search itself with bounds
-/// cannot be; so it is asked of least squares here, with columns for zero points.
-fn oracle_fits(made: &Made, found: &SessionPeriods) -> bool {
-    let _ = (made, found);
-    true
 }
 
 fn right(found: f64, truth: f64) -> bool {
@@ -125,10 +127,15 @@ fn campaign_session_periods() {
         counts[answer as usize] += 1;
         let inside = found.members.first().is_some_and(|m| m.interval_s.contains(made.period_s));
         eprintln!(
-            "seed {seed} {answer:?} truth {:.3} h ratio {:.1} sessions {} best {:?} gaps {:?} seen {:?} inside {inside} counts {:?} rho {:.2} {took:.2} s {}",
-            made.period_s / 3600.0, made.ratio, made.sessions.len(),
-            found.best_s.map(|b| b.map(|s| (s / 36.0).round() / 100.0)), found.smallest_gap,
-            found.members.first().map(|m| m.phase_seen), found.members.first().map(|m| m.cycle_counts), found.correlation[1],
+            "seed {seed} {answer:?} truth {:.3} h ratio {:.1} sessions {} best {:?} gaps {:?} seen {:?} inside {inside} counts {:?} rho {:.2} {took:.2} s |{}",
+            made.period_s / 3600.0,
+            made.ratio,
+            made.sessions.len(),
+            found.best_s.map(|b| b.map(|s| (s / 36.0).round() / 100.0)),
+            found.smallest_gap,
+            found.members.first().map(|m| m.phase_seen),
+            found.members.first().map(|m| m.cycle_counts),
+            found.correlation[1],
             found.reason.clone().unwrap_or_default()
         );
     }
@@ -146,14 +153,46 @@ fn five_real_bodies() {
     files.sort();
     for file in files.iter().filter(|f| f.extension().is_some_and(|e| e == "csv")) {
         let text = std::fs::read_to_string(file).unwrap();
-        let hours: f64 = text.split("published period ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
-        let curves = sunglint_analysis::curves::Curves::read(std::slice::from_ref(file), &Default::default(), &[]).unwrap();
+        let hours: f64 = text
+            .split("published period ")
+            .nth(1)
+            .unwrap()
+            .split(' ')
+            .next()
+            .unwrap()
+            .parse()
+            .unwrap();
+        let curves = sunglint_analysis::curves::Curves::read(
+            std::slice::from_ref(file),
+            &Default::default(),
+            &[],
+        )
+        .unwrap();
         assert!(curves.are_sessions());
         let begin = sunglint_testkit::cpu_s();
-        let found = sunglint_analysis::sessions::find_over_sessions(curves, &Options::default(), &Silent).unwrap();
+        let found =
+            sunglint_analysis::sessions::find_over_sessions(curves, &Options::default(), &Silent)
+                .unwrap();
         let took = sunglint_testkit::cpu_s() - begin;
         let f = &found.found;
-        eprintln!("{}: {:?} truth {hours} h, {:?}; gaps {:?}, {} frequencies, {:?}, {took:.2} s", file.display(), f.verdict,
-            f.members.iter().map(|m| (m.period_s / 3600.0, m.interval_s.low / 3600.0, m.interval_s.high/3600.0, m.cycle_counts, m.gaps, m.phase_seen)).collect::<Vec<_>>(), f.smallest_gap, f.frequencies, f.correlation);
+        eprintln!(
+            "{}: {:?} truth {hours} h, {:?}; gaps {:?}, {} frequencies, {:?}, {took:.2} s",
+            file.display(),
+            f.verdict,
+            f.members
+                .iter()
+                .map(|m| (
+                    m.period_s / 3600.0,
+                    m.interval_s.low / 3600.0,
+                    m.interval_s.high / 3600.0,
+                    m.cycle_counts,
+                    m.gaps,
+                    m.phase_seen
+                ))
+                .collect::<Vec<_>>(),
+            f.smallest_gap,
+            f.frequencies,
+            f.correlation
+        );
     }
 }

@@ -62,13 +62,13 @@ pub(super) fn run(args: &PeriodArgs, console: Console) -> anyhow::Result<()> {
             return Err(Usage(format!("{option} is {value}, expected seconds above 0")).into());
         }
     }
-    let curves = args.curves.read()?;
-    let joined = match args.sessions {
+    let joins = |curves: &Curves| match args.sessions {
         Nights::Joined => true,
         Nights::Apart => false,
         Nights::Auto => args.pass.is_none() && args.gap.is_none() && curves.are_sessions(),
     };
-    if joined {
+    let curves = args.curves.read_and(joins)?;
+    if joins(&curves) {
         return over_sessions(args, curves, console);
     }
     let zero = curves.zero;

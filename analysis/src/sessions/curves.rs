@@ -1,7 +1,7 @@
 //! The sessions of the curves of some files, and their period.
 
-use super::verdict::{Options, SessionPeriods, SessionsError, search};
 use super::Session;
+use super::verdict::{Options, SessionPeriods, SessionsError, search};
 use crate::curves::Curves;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -83,13 +83,16 @@ pub fn of_curves(curves: &Curves) -> (Vec<Session>, bool, usize) {
                 let label = named.labels.as_ref().map(|l| &l[i]);
                 let session = label.map_or_else(String::new, |l| l.session.clone());
                 let filter = label.map_or_else(|| channel.name.clone(), |l| l.filter.clone());
-                let range_m = curve.samples.range_m.as_ref().filter(|_| removes).map_or(0.0, |r| r[i]);
-                let time_s = (curve.samples.time[i] - curves.zero).to_seconds() - range_m / LIGHT_M_S;
+                let range_m =
+                    curve.samples.range_m.as_ref().filter(|_| removes).map_or(0.0, |r| r[i]);
+                let time_s =
+                    (curve.samples.time[i] - curves.zero).to_seconds() - range_m / LIGHT_M_S;
                 let own = by_label.entry((session, filter)).or_default();
                 own.time_s.push(time_s);
                 own.magnitude.push(-2.5 * rate.log10());
             }
-            let filters: std::collections::BTreeSet<&String> = by_label.keys().map(|k| &k.1).collect();
+            let filters: std::collections::BTreeSet<&String> =
+                by_label.keys().map(|k| &k.1).collect();
             let names_filter = filters.len() > 1 || asked.len() > 1;
             let named_all: Vec<String> = by_label
                 .keys()
@@ -103,7 +106,9 @@ pub fn of_curves(curves: &Curves) -> (Vec<Session>, bool, usize) {
                     parts.join(" ")
                 })
                 .collect();
-            all.extend(by_label.into_values().zip(named_all).map(|(s, name)| Session { name, ..s }));
+            all.extend(
+                by_label.into_values().zip(named_all).map(|(s, name)| Session { name, ..s }),
+            );
         }
     }
     all.sort_by(|a, b| {
@@ -126,7 +131,8 @@ pub fn find_over_sessions(
     let mut found = search(&sessions, options, progress)?;
     let mut warnings = curves.warnings.clone();
     if lost > 0 {
-        warnings.push(format!("{lost} samples have no light above 0 and so no magnitude: left out"));
+        warnings
+            .push(format!("{lost} samples have no light above 0 and so no magnitude: left out"));
     }
     warnings.append(&mut found.warnings);
     found.warnings = warnings;

@@ -1,8 +1,9 @@
 //! Periods over several sessions: nights of magnitudes with a zero point each, phase kept through the gaps.
 //!
-//! The model of a session s is m = Z_s + Σ_k (a_k cos 2πkft + b_k sin 2πkft), with one set of harmonics for all and a zero point for every session and filter. Six and four
+//! The model of a session s is m = Z_s + Σ_k (a_k cos 2πkft + b_k sin 2πkft), with one set of harmonics for all and a zero point for every session and filter. Four, six and eight
 //! harmonics are fitted at every frequency, with equal weights; residuals beyond four times their robust scale are weighted down once, and all is fitted again. How much worse
-//! another period is, is counted in the scatter that the best leaves, with the correlation of neighbouring residuals: Δ = (χ² − χ²_min)/s² · (1 − ρ)/(1 + ρ).
+//! another period is, is counted in the scatter that the best leaves, with the correlation of neighbouring residuals: Δ = (χ² − χ²_min)/s² · (1 − ρ)/(1 + ρ). A period is the only one where six
+//! and eight harmonics agree on it to 0.5 % and both leave no other with Δ ≤ 25, or four and six do so and eight do not contradict.
 //!
 //! - [`search()`]: the verdict on sessions;
 //! - [`Session`]: magnitudes that share a zero point; [`SessionPeriods`]: the verdict and what it rests on;

@@ -45,8 +45,10 @@ impl<'a> Weighted<'a> {
             let own = || weight[session.clone()].iter().zip(&rows.value[session.clone()]);
             let sum: f64 = own().map(|(w, _)| w).sum();
             let mean = own().map(|(w, y)| w * y).sum::<f64>() / sum;
-            for ((to, w), y) in
-                values[session.clone()].iter_mut().zip(&weight[session.clone()]).zip(&rows.value[session.clone()])
+            for ((to, w), y) in values[session.clone()]
+                .iter_mut()
+                .zip(&weight[session.clone()])
+                .zip(&rows.value[session.clone()])
             {
                 *to = w * (y - mean);
                 variation += *to * (y - mean);
@@ -91,7 +93,10 @@ impl Rows {
 
     /// From the first to the last row, s.
     pub fn span_s(&self) -> f64 {
-        let (a, b) = self.time.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(*t), b.max(*t)));
+        let (a, b) = self
+            .time
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(*t), b.max(*t)));
         (b - a).max(0.0)
     }
 
@@ -181,7 +186,11 @@ impl Rows {
             let n = block.min(grid.n - first);
             let times = |k: usize| {
                 let k = k as f64;
-                FrequencyGrid { first_hz: k * grid.frequency_hz(first), step_hz: k * grid.step_hz, n }
+                FrequencyGrid {
+                    first_hz: k * grid.frequency_hz(first),
+                    step_hz: k * grid.step_hz,
+                    n,
+                }
             };
             // What the zero points take away, by frequency.
             of_sessions.clear();
@@ -224,7 +233,9 @@ impl Rows {
                 let taken = &of_sessions[f * triangle..(f + 1) * triangle];
                 let mut at = 0;
                 for i in 0..p {
-                    for (m, t) in factor.matrix[i * p..=i * p + i].iter_mut().zip(&taken[at..=at + i]) {
+                    for (m, t) in
+                        factor.matrix[i * p..=i * p + i].iter_mut().zip(&taken[at..=at + i])
+                    {
                         *m -= t;
                     }
                     at += i + 1;
@@ -275,7 +286,8 @@ mod tests {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             (state >> 11) as f64 / (1_u64 << 53) as f64
         };
-        let mut rows = Rows { time: Vec::new(), value: Vec::new(), count: Vec::new(), sessions: Vec::new() };
+        let mut rows =
+            Rows { time: Vec::new(), value: Vec::new(), count: Vec::new(), sessions: Vec::new() };
         for (from, n) in [(-90_000.0, 40), (-5_000.0, 31), (60_000.0, 27)] {
             let begin = rows.time.len();
             for i in 0..n {
@@ -296,7 +308,9 @@ mod tests {
                     let root = weight[row].sqrt();
                     let angle = TAU * f * rows.time[row] * (c / 2 + 1) as f64;
                     root * match c {
-                        c if c >= 2 * order => f64::from(u8::from(rows.sessions[c - 2 * order].contains(&row))),
+                        c if c >= 2 * order => {
+                            f64::from(u8::from(rows.sessions[c - 2 * order].contains(&row)))
+                        }
                         c if c % 2 == 0 => angle.cos(),
                         _ => angle.sin(),
                     }
@@ -305,10 +319,15 @@ mod tests {
                 let y = DVector::from_fn(rows.len(), |r, _| weight[r].sqrt() * rows.value[r]);
                 let solution = x.clone().svd(true, true).solve(&y, 1e-12).unwrap();
                 let truth = (&y - &x * &solution).norm_squared();
-                assert!((chi2[i] - truth).abs() < 1e-8 * truth, "{order} at {f}: {} {truth}", chi2[i]);
+                assert!(
+                    (chi2[i] - truth).abs() < 1e-8 * truth,
+                    "{order} at {f}: {} {truth}",
+                    chi2[i]
+                );
                 let direct = rows.fit(&weight, f, order);
                 assert!((direct.chi2 - truth).abs() < 1e-8 * truth);
-                let left: f64 = rows.residuals(&direct, f).iter().zip(&weight).map(|(r, w)| w * r * r).sum();
+                let left: f64 =
+                    rows.residuals(&direct, f).iter().zip(&weight).map(|(r, w)| w * r * r).sum();
                 assert!((left - truth).abs() < 1e-8 * truth);
             }
         }

@@ -10,9 +10,14 @@ use sunglint_numerics::measured::Interval;
 use sunglint_numerics::order::{median, robust_sigma};
 use sunglint_numerics::progress::{Cancelled, Progress};
 
-/// Harmonics of the two models.
-const FEW: usize = 4;
-const MANY: usize = 6;
+/// Harmonics of the models. Four leave fewer multiples of a period possible, eight see more of a body's shape: six stand between and give the numbers.
+const ORDERS: [usize; 3] = [4, 6, 8];
+/// Place of six harmonics among them.
+const MIDDLE: usize = 1;
+/// Harmonics of the largest model.
+const MOST: usize = ORDERS[2];
+/// Δ by which eight harmonics beat four before four are too few: 25 above twice the eight coefficients more.
+const TOO_FEW: f64 = RULED_OUT + 16.0;
 /// Frequencies to a resolution of the highest harmonic.
 const OVERSAMPLING: f64 = 5.0;
 /// Longest period, in lengths of the longest session.
@@ -39,6 +44,8 @@ const BINS_PER_TURN: f64 = 20.0;
 /// Minima that are refined, of one period's aliases and in all.
 const MOST_ALIASES: usize = 12;
 const MOST_MINIMA: usize = 120;
+/// Shortest period, in median steps.
+const SAMPLED: f64 = 12.0;
 /// Half a 95 % interval in standard uncertainties.
 const SIGMAS_95: f64 = 1.96;
 /// Phase bins in which a period's coverage is counted.
@@ -76,7 +83,9 @@ pub enum SessionsError {
         values: usize,
     },
     /// Bounds without a period between.
-    #[error("periods from {shortest_s} s to {longest_s} s, expected the first above 0 and below the second")]
+    #[error(
+        "periods from {shortest_s} s to {longest_s} s, expected the first above 0 and below the second"
+    )]
     Range {
         /// The shortest period, s.
         shortest_s: f64,
@@ -84,7 +93,9 @@ pub enum SessionsError {
         longest_s: f64,
     },
     /// More frequencies than anyone waits for.
-    #[error("{frequencies} frequencies, expected at most {most}: ask for longer periods than {shortest_s} s, or give fewer sessions")]
+    #[error(
+        "{frequencies} frequencies, expected at most {most}: ask for longer periods than {shortest_s} s, or give fewer sessions"
+    )]
     TooMany {
         /// The frequencies that the range needs.
         frequencies: usize,
@@ -104,7 +115,9 @@ pub enum SessionsError {
 #[non_exhaustive]
 pub enum Reason {
     /// Too few samples for the model.
-    #[error("{samples} samples in {sessions} sessions of at least {LEAST_SAMPLES}: harmonics and zero points need more than {needed}")]
+    #[error(
+        "{samples} samples in {sessions} sessions of at least {LEAST_SAMPLES}: harmonics and zero points need more than {needed}"
+    )]
     Samples {
         /// Samples that count.
         samples: usize,
@@ -117,7 +130,9 @@ pub enum Reason {
     #[error("the magnitudes are constant within every session")]
     Constant,
     /// All samples at one moment, or sessions that leave no period to look for.
-    #[error("the longest session lasts {longest_session_s:.4} s, with a sample every {step_s:.4} s: that leaves no period to look for")]
+    #[error(
+        "the longest session lasts {longest_session_s:.4} s, with a sample every {step_s:.4} s: that leaves no period to look for"
+    )]
     Range {
         /// Length of the longest session, s.
         longest_session_s: f64,
@@ -125,7 +140,9 @@ pub enum Reason {
         step_s: f64,
     },
     /// Too many periods fit about as well as the best.
-    #[error("at least {periods} periods fit about as well as the best, {period_s:.2} s: more or longer sessions would decide")]
+    #[error(
+        "at least {periods} periods fit about as well as the best, {period_s:.2} s: more or longer sessions would decide"
+    )]
     Many {
         /// The best period, s.
         period_s: f64,
@@ -133,18 +150,22 @@ pub enum Reason {
         periods: usize,
     },
     /// The best lies at a bound of the search.
-    #[error("the best period, {period_s:.2} s, lies at the bound of the search: longer sessions (or other bounds) would decide")]
+    #[error(
+        "the best period, {period_s:.2} s, lies at the bound of the search: longer sessions (or other bounds) would decide"
+    )]
     Bound {
         /// The period, s.
         period_s: f64,
     },
-    /// Too little of a turn was seen.
-    #[error("only {:.0} % of a turn of the best period, {period_s:.2} s, were seen: more sessions would decide", 100.0 * seen)]
-    Coverage {
-        /// The best period, s.
-        period_s: f64,
-        /// Share of the turn that was seen.
-        seen: f64,
+    /// The models contradict each other.
+    #[error(
+        "six harmonics give {six_s:.2} s and eight {eight_s:.2} s, and each rules the other out: more sessions would decide"
+    )]
+    Disagree {
+        /// The best period of six harmonics, s.
+        six_s: f64,
+        /// The best of eight, s.
+        eight_s: f64,
     },
 }
 
@@ -175,8 +196,8 @@ pub struct Member {
     pub cycle_counts: usize,
     /// Turns from the first to the last sample.
     pub turns: f64,
-    /// Δ above the best by four harmonics, and by six.
-    pub gaps: [f64; 2],
+    /// Δ above the best by four, six and eight harmonics.
+    pub gaps: [f64; 3],
     /// Share of a turn that was seen.
     pub phase_seen: f64,
     /// From the brightest to the faintest of the model where it was seen, mag.
@@ -214,12 +235,12 @@ pub struct SessionPeriods {
     pub searched_s: Option<[f64; 2]>,
     /// Number of frequencies.
     pub frequencies: usize,
-    /// Δ from the best period to the best one that differs by more than 1 %: of four and of six harmonics.
-    pub smallest_gap: [Option<f64>; 2],
-    /// The best period of four and of six harmonics, s.
-    pub best_s: Option<[f64; 2]>,
-    /// Correlation of neighbouring residuals, of four and of six harmonics.
-    pub correlation: [f64; 2],
+    /// Δ from the best period to the best one that differs by more than 1 %: of four, six and eight harmonics.
+    pub smallest_gap: [Option<f64>; 3],
+    /// The best period of four, six and eight harmonics, s.
+    pub best_s: Option<[f64; 3]>,
+    /// Correlation of neighbouring residuals, of four, six and eight harmonics.
+    pub correlation: [f64; 3],
     /// Scatter about the best model, mag.
     pub scatter_mag: Option<f64>,
     /// Samples that count; rows that they were put together in.
@@ -251,9 +272,9 @@ impl SessionPeriods {
             because: None,
             searched_s: None,
             frequencies: 0,
-            smallest_gap: [None; 2],
+            smallest_gap: [None; 3],
             best_s: None,
-            correlation: [0.0; 2],
+            correlation: [0.0; 3],
             scatter_mag: None,
             samples: 0,
             rows: 0,
@@ -325,7 +346,11 @@ impl Model {
 
     /// Δ at a frequency, by the lowest minimum within 1 % of it.
     fn gap_at(&self, rows: &Rows, frequency_hz: f64, step_hz: f64) -> f64 {
-        let near = self.clusters.iter().flat_map(|c| &c.minima).filter(|m| (m.frequency_hz / frequency_hz - 1.0).abs() <= SAME);
+        let near = self
+            .clusters
+            .iter()
+            .flat_map(|c| &c.minima)
+            .filter(|m| (m.frequency_hz / frequency_hz - 1.0).abs() <= SAME);
         let near = near.map(|m| m.chi2).fold(f64::INFINITY, f64::min);
         let chi2 = if near.is_finite() {
             near
@@ -340,7 +365,8 @@ impl Model {
 fn refined(rows: &Rows, weight: &[f64], order: usize, frequency_hz: f64, step_hz: f64) -> Minimum {
     const GOLDEN: f64 = 0.618_033_988_749_895;
     let at = |f: f64| rows.fit(weight, f, order).chi2;
-    let (mut a, mut b) = ((frequency_hz - step_hz).max(0.25 * frequency_hz), frequency_hz + step_hz);
+    let (mut a, mut b) =
+        ((frequency_hz - step_hz).max(0.25 * frequency_hz), frequency_hz + step_hz);
     let (mut x, mut y) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
     let (mut at_x, mut at_y) = (at(x), at(y));
     for _ in 0..20 {
@@ -370,7 +396,8 @@ struct Taken {
 }
 
 fn taken(sessions: &[Session]) -> Result<Taken, SessionsError> {
-    let mut rows = Rows { time: Vec::new(), value: Vec::new(), count: Vec::new(), sessions: Vec::new() };
+    let mut rows =
+        Rows { time: Vec::new(), value: Vec::new(), count: Vec::new(), sessions: Vec::new() };
     let (mut place, mut found) = (Vec::new(), Vec::new());
     let (mut doubled, mut not_finite) = (0, 0);
     for (k, session) in sessions.iter().enumerate() {
@@ -378,7 +405,8 @@ fn taken(sessions: &[Session]) -> Result<Taken, SessionsError> {
         if times != values {
             return Err(SessionsError::Lengths { name: session.name.clone(), times, values });
         }
-        let mut pairs: Vec<(f64, f64)> = session.time_s.iter().copied().zip(session.magnitude.iter().copied()).collect();
+        let mut pairs: Vec<(f64, f64)> =
+            session.time_s.iter().copied().zip(session.magnitude.iter().copied()).collect();
         pairs.retain(|(t, m)| t.is_finite() && m.is_finite());
         not_finite += times - pairs.len();
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -412,7 +440,8 @@ fn taken(sessions: &[Session]) -> Result<Taken, SessionsError> {
 
 /// Puts neighbouring rows of a session together in bins of a width.
 fn binned(rows: &Rows, width_s: f64) -> Rows {
-    let mut all = Rows { time: Vec::new(), value: Vec::new(), count: Vec::new(), sessions: Vec::new() };
+    let mut all =
+        Rows { time: Vec::new(), value: Vec::new(), count: Vec::new(), sessions: Vec::new() };
     for session in &rows.sessions {
         let begin = all.time.len();
         let mut i = session.start;
@@ -436,7 +465,7 @@ fn binned(rows: &Rows, width_s: f64) -> Rows {
 
 /// Samples that harmonics and zero points of so many sessions need at least.
 fn needed(sessions: usize) -> usize {
-    2 * MANY + sessions + 1
+    2 * MOST + sessions + 1
 }
 
 /// Looks for the period of sessions with a zero point each.
@@ -472,18 +501,24 @@ pub fn search(
     answer.middle_s = middle_s;
     answer.samples = rows.len();
     for session in found.iter().filter(|s| s.samples < LEAST_SAMPLES) {
-        answer.warnings.push(format!("left out: {}: {} samples, a session needs {LEAST_SAMPLES}", session.name, session.samples));
+        answer.warnings.push(format!(
+            "left out: {}: {} samples, a session needs {LEAST_SAMPLES}",
+            session.name, session.samples
+        ));
     }
     answer.sessions = found;
     if doubled > 0 {
-        answer.warnings.push(format!("{doubled} samples share their time with another of their session: all are used"));
+        answer.warnings.push(format!(
+            "{doubled} samples share their time with another of their session: all are used"
+        ));
     }
     if not_finite > 0 {
         answer.warnings.push(format!("{not_finite} samples have no number: left out"));
     }
     let number = rows.sessions.len();
     if rows.len() <= needed(number) {
-        let reason = Reason::Samples { samples: rows.len(), sessions: number, needed: needed(number) };
+        let reason =
+            Reason::Samples { samples: rows.len(), sessions: number, needed: needed(number) };
         return Ok(answer.not_decided(reason));
     }
     let constant = |s: &Range<usize>| rows.value[s.clone()].windows(2).all(|p| p[0] == p[1]);
@@ -494,7 +529,7 @@ pub fn search(
         return Ok(answer);
     };
     let span_s = rows.span_s();
-    let step_hz = 1.0 / (OVERSAMPLING * MANY as f64 * span_s);
+    let step_hz = 1.0 / (OVERSAMPLING * MOST as f64 * span_s);
     let first_hz = 1.0 / longest_s;
     let n = ((1.0 / shortest_s - first_hz) / step_hz).floor() as usize + 1;
     if n > MOST_FREQUENCIES {
@@ -504,35 +539,43 @@ pub fn search(
     answer.frequencies = n;
     answer.searched_s = Some([shortest_s, longest_s]);
     let rows = if rows.len() > MOST_ROWS {
-        binned(&rows, shortest_s / (BINS_PER_TURN * MANY as f64))
+        binned(&rows, shortest_s / (BINS_PER_TURN * MOST as f64))
     } else {
         rows
     };
     answer.rows = rows.len();
     if rows.len() <= needed(number) {
-        let reason = Reason::Samples { samples: rows.len(), sessions: number, needed: needed(number) };
+        let reason =
+            Reason::Samples { samples: rows.len(), sessions: number, needed: needed(number) };
         return Ok(answer.not_decided(reason));
     }
-    progress.begin("looking for periods over all sessions", Some(3 * n as u64));
-    let first = rows.scan(&rows.count, &[FEW, MANY], &grid, progress)?;
+    progress
+        .begin("looking for periods over all sessions", Some((1 + ORDERS.len() as u64) * n as u64));
+    let first = rows.scan(&rows.count, &ORDERS, &grid, progress)?;
     let mut models = Vec::new();
-    for (order, chi2) in [FEW, MANY].into_iter().zip(first) {
+    for (order, chi2) in ORDERS.into_iter().zip(first) {
         models.push(model(&rows, order, &chi2, &grid, progress)?);
     }
+    let Ok(models) = <[Model; 3]>::try_from(models) else { return Ok(answer) };
     judge(&rows, &models, &grid, &mut answer);
-    draw(&rows, &models[1], &grid, &place, sessions, &mut answer);
+    draw(&rows, &models[MIDDLE], &grid, &place, sessions, &mut answer);
     Ok(answer)
 }
 
 /// The shortest and the longest period of the search; `None` where there is none between.
-fn range(rows: &Rows, options: &Options, answer: &mut SessionPeriods) -> Result<Option<(f64, f64)>, SessionsError> {
+fn range(
+    rows: &Rows,
+    options: &Options,
+    answer: &mut SessionPeriods,
+) -> Result<Option<(f64, f64)>, SessionsError> {
     let own = |s: &Range<usize>| rows.time[s.end - 1] - rows.time[s.start];
     let longest_session_s = rows.sessions.iter().map(own).fold(0.0, f64::max);
-    let steps = rows.sessions.iter().flat_map(|s| rows.time[s.clone()].windows(2).map(|p| p[1] - p[0]));
+    let steps =
+        rows.sessions.iter().flat_map(|s| rows.time[s.clone()].windows(2).map(|p| p[1] - p[0]));
     let step_s = median(steps.filter(|s| *s > 0.0)).unwrap_or(f64::NAN);
     let longest_s = options.longest_s.unwrap_or(LONGEST_SESSIONS * longest_session_s);
-    let sampled_s = 2.0 * MANY as f64 * step_s;
-    let affordable_s = OVERSAMPLING * MANY as f64 * rows.span_s() / MOST_BY_DEFAULT;
+    let sampled_s = SAMPLED * step_s;
+    let affordable_s = OVERSAMPLING * MOST as f64 * rows.span_s() / MOST_BY_DEFAULT;
     let shortest_s = options.shortest_s.unwrap_or(sampled_s.max(affordable_s));
     if options.shortest_s.is_none() && affordable_s > sampled_s {
         answer.warnings.push(format!(
@@ -572,7 +615,15 @@ fn model(
     };
     let weight: Vec<f64> = single.iter().zip(&rows.count).map(|(r, n)| n * down(r)).collect();
     let chi2 = rows.scan(&weight, &[order], grid, progress)?.pop().unwrap_or_default();
-    let mut model = Model { order, weight, chi2, clusters: Vec::new(), scale: 1.0, correlation: 0.0, scatter: 0.0 };
+    let mut model = Model {
+        order,
+        weight,
+        chi2,
+        clusters: Vec::new(),
+        scale: 1.0,
+        correlation: 0.0,
+        scatter: 0.0,
+    };
     let freedom = (rows.len() - 2 * order - rows.sessions.len() - 1) as f64;
     model.clusters = clusters(rows, &model, grid, freedom);
     let best = model.best();
@@ -604,7 +655,8 @@ fn clusters(rows: &Rows, model: &Model, grid: &FrequencyGrid, freedom: f64) -> V
     let chi2 = &model.chi2;
     let mut places: Vec<usize> = (0..chi2.len())
         .filter(|i| {
-            let below = |j: Option<usize>| j.and_then(|j| chi2.get(j)).is_none_or(|c| chi2[*i] <= *c);
+            let below =
+                |j: Option<usize>| j.and_then(|j| chi2.get(j)).is_none_or(|c| chi2[*i] <= *c);
             below(i.checked_sub(1)) && below(i.checked_add(1))
         })
         .collect();
@@ -638,7 +690,9 @@ fn clusters(rows: &Rows, model: &Model, grid: &FrequencyGrid, freedom: f64) -> V
     for minimum in minima {
         match sorted.iter_mut().find(|c| c.holds(minimum.frequency_hz)) {
             Some(cluster) => {
-                let apart = |m: &Minimum| (m.frequency_hz - minimum.frequency_hz).abs() > 0.5 * grid.step_hz;
+                let apart = |m: &Minimum| {
+                    (m.frequency_hz - minimum.frequency_hz).abs() > 0.5 * grid.step_hz
+                };
                 if cluster.minima.iter().all(apart) {
                     cluster.minima.push(minimum);
                 }
@@ -661,28 +715,32 @@ fn phase_seen(rows: &Rows, frequency_hz: f64) -> f64 {
 }
 
 /// A period of a family with its uncertainty, by the model of six harmonics.
-fn member(rows: &Rows, few: &Model, many: &Model, near_hz: f64, step_hz: f64) -> Member {
-    let cluster = many.clusters.iter().find(|c| c.holds(near_hz)).cloned().unwrap_or_else(|| Cluster {
-        minima: vec![refined(rows, &many.weight, many.order, near_hz, step_hz)],
+fn member(rows: &Rows, models: &[Model; 3], near_hz: f64, step_hz: f64) -> Member {
+    let six = &models[MIDDLE];
+    let cluster = six.clusters.iter().find(|c| c.holds(near_hz)).cloned().unwrap_or_else(|| {
+        Cluster { minima: vec![refined(rows, &six.weight, six.order, near_hz, step_hz)] }
     });
     let best = cluster.best();
     let f = best.frequency_hz;
-    // The curvature of χ² over a fifth of a resolution on both sides.
+    // The curvature of χ² over half a step on both sides.
     let h = 0.5 * step_hz;
-    let at = |f: f64| rows.fit(&many.weight, f, many.order).chi2;
-    let bend = ((at(f + h) - best.chi2).max(0.0) + (at(f - h) - best.chi2).max(0.0)) / (h * h) * many.scale;
+    let at = |f: f64| rows.fit(&six.weight, f, six.order).chi2;
+    let bend =
+        ((at(f + h) - best.chi2).max(0.0) + (at(f - h) - best.chi2).max(0.0)) / (h * h) * six.scale;
     let sigma_hz = (2.0 / bend).sqrt();
-    let period_s = 1.0 / f;
     let sigma_s = sigma_hz / (f * f);
-    // Cycle counts are neighbours of one period: minima that either model leaves.
-    let of_few = few.clusters.iter().filter(|c| c.holds(f)).flat_map(|c| &c.minima);
-    let lowest_few = of_few.clone().map(|m| m.chi2).fold(f64::INFINITY, f64::min);
-    let of_few = of_few.filter(|m| (m.chi2 - lowest_few) * few.scale <= RULED_OUT);
-    let of_many = cluster.minima.iter().filter(|m| (m.chi2 - best.chi2) * many.scale <= RULED_OUT);
-    let mut counts: Vec<f64> = of_many.chain(of_few).map(|m| m.frequency_hz).collect();
-    counts.push(f);
+    // Cycle counts are neighbours of one period: minima that any of the models leaves.
+    let mut counts = vec![f];
+    for model in models {
+        let own =
+            model.clusters.iter().flat_map(|c| &c.minima).filter(|m| cluster.holds(m.frequency_hz));
+        let lowest = own.clone().map(|m| m.chi2).fold(f64::INFINITY, f64::min);
+        counts.extend(
+            own.filter(|m| (m.chi2 - lowest) * model.scale <= RULED_OUT).map(|m| m.frequency_hz),
+        );
+    }
     counts.sort_by(f64::total_cmp);
-    // A cycle more or less over the whole is at least half a resolution away.
+    // A cycle more or less over the whole is about a resolution away.
     let resolution = 0.5 / rows.span_s();
     let mut apart: Vec<f64> = Vec::new();
     for c in counts.iter().copied() {
@@ -690,18 +748,17 @@ fn member(rows: &Rows, few: &Model, many: &Model, near_hz: f64, step_hz: f64) ->
             apart.push(c);
         }
     }
-    let (low_hz, high_hz) = (counts[0], counts[counts.len() - 1]);
     let half = SIGMAS_95 * sigma_s;
-    let interval_s = Interval::new(1.0 / high_hz - half, 1.0 / low_hz + half);
-    let fit = rows.fit(&many.weight, f, many.order);
+    let interval_s = Interval::new(1.0 / counts[counts.len() - 1] - half, 1.0 / counts[0] + half);
+    let fit = rows.fit(&six.weight, f, six.order);
     Member {
-        period_s,
+        period_s: 1.0 / f,
         sigma_s,
         interval_s,
         cycles_counted: apart.len() == 1,
         cycle_counts: apart.len(),
         turns: rows.span_s() * f,
-        gaps: [few.gap_at(rows, f, step_hz), many.gap(best.chi2)],
+        gaps: std::array::from_fn(|k| models[k].gap_at(rows, f, step_hz)),
         phase_seen: phase_seen(rows, f),
         amplitude_mag: amplitude(rows, &fit, f),
     }
@@ -710,68 +767,108 @@ fn member(rows: &Rows, few: &Model, many: &Model, near_hz: f64, step_hz: f64) ->
 /// From the brightest to the faintest of a model where there are samples, mag.
 fn amplitude(rows: &Rows, fit: &Fit, frequency_hz: f64) -> f64 {
     let all = rows.time.iter().map(|t| light(&fit.harmonics, turns(frequency_hz, *t)));
-    let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), m| (a.min(m), b.max(m)));
+    let (low, high) =
+        all.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), m| (a.min(m), b.max(m)));
     high - low
 }
 
-/// The verdict of both models.
-fn judge(rows: &Rows, models: &[Model], grid: &FrequencyGrid, answer: &mut SessionPeriods) {
-    let [few, many] = models else { return };
-    let (best_few, best_many) = (few.best(), many.best());
-    let smallest = |m: &Model| m.clusters.get(1).map(|c| m.gap(c.best().chi2));
-    answer.smallest_gap = [smallest(few), smallest(many)];
-    answer.best_s = Some([1.0 / best_few.frequency_hz, 1.0 / best_many.frequency_hz]);
-    answer.correlation = [few.correlation, many.correlation];
-    answer.scatter_mag = Some(many.scatter);
-    let agree = (best_few.frequency_hz / best_many.frequency_hz - 1.0).abs() <= AGREE;
-    let clear = answer.smallest_gap.iter().all(|g| g.is_none_or(|g| g > RULED_OUT));
-    let make = |f: f64| member(rows, few, many, f, grid.step_hz);
-    let at_bound = |f: f64| f < grid.first_hz + 2.0 * grid.step_hz || f > grid.last_hz() - 2.0 * grid.step_hz;
-    if agree && clear {
-        let single = make(best_many.frequency_hz);
-        let reason = at_bound(best_many.frequency_hz).then_some(Reason::Bound { period_s: single.period_s });
-        answer.members = vec![single];
-        match reason {
-            None => answer.verdict = Outcome::Single,
-            Some(reason) => {
-                answer.reason = Some(reason.to_string());
-                answer.because = Some(reason);
+/// Whether two frequencies are of one period.
+fn same(a: f64, b: f64, within: f64) -> bool {
+    (a / b - 1.0).abs() <= within
+}
+
+/// Periods that the models leave possible, by frequency: one, several, or why there is no answer.
+fn possible(rows: &Rows, models: &[Model; 3], step_hz: f64) -> Result<Vec<f64>, Reason> {
+    let [four, six, eight] = models;
+    let best = models.each_ref().map(|m| m.best().frequency_hz);
+    let clear = models
+        .each_ref()
+        .map(|m| m.clusters.get(1).is_none_or(|c| m.gap(c.best().chi2) > RULED_OUT));
+    let more_agree = clear[1] && clear[2] && same(best[1], best[2], AGREE);
+    let fewer_agree =
+        clear[0] && clear[1] && same(best[0], best[1], AGREE) && same(best[1], best[2], SAME);
+    if more_agree || fewer_agree {
+        // Many harmonics fit multiples of a period, too: where four prefer a part of it, both are possible.
+        let is_part = [2.0, 3.0].iter().any(|n| same(best[0], n * best[1], SAME));
+        return Ok(if is_part { vec![best[1], best[0]] } else { vec![best[1]] });
+    }
+    if six.gap_at(rows, best[2], step_hz) > RULED_OUT
+        && eight.gap_at(rows, best[1], step_hz) > RULED_OUT
+    {
+        return Err(Reason::Disagree { six_s: 1.0 / best[1], eight_s: 1.0 / best[2] });
+    }
+    let left = |m: &Model| -> Vec<f64> {
+        let own = m.clusters.iter().map(Cluster::best).filter(|c| m.gap(c.chi2) <= RULED_OUT);
+        own.map(|c| c.frequency_hz).collect()
+    };
+    let together = |lists: [Vec<f64>; 3]| {
+        let mut all: Vec<f64> = Vec::new();
+        for f in lists.into_iter().flatten() {
+            if !all.iter().any(|other| same(*other, f, SAME)) {
+                all.push(f);
             }
         }
-        return;
+        all
+    };
+    let many = together([left(six), left(eight), vec![best[0]]]);
+    if many.len() <= MOST_MEMBERS {
+        return Ok(many);
     }
-    // What four harmonics leave, and what six prefer.
-    let mut periods: Vec<f64> =
-        few.clusters.iter().map(Cluster::best).filter(|m| few.gap(m.chi2) <= RULED_OUT).map(|m| m.frequency_hz).collect();
-    let of_many = many.clusters.iter().map(Cluster::best).filter(|m| many.gap(m.chi2) <= RULED_OUT);
-    let same = |a: f64, b: f64| (a / b - 1.0).abs() <= SAME;
-    for other in of_many {
-        if !periods.iter().any(|p| same(*p, other.frequency_hz)) {
-            periods.push(other.frequency_hz);
+    // Where four harmonics are enough they choose better: more leave more multiples.
+    let lost = rows.fit(&eight.weight, best[0], four.order).chi2
+        - rows.fit(&eight.weight, best[2], eight.order).chi2;
+    if lost * eight.scale <= TOO_FEW {
+        let few = together([left(four), vec![best[1]], vec![best[2]]]);
+        if few.len() <= MOST_MEMBERS {
+            return Ok(few);
         }
     }
-    if periods.len() > MOST_MEMBERS {
-        answer.members = vec![make(best_many.frequency_hz)];
-        let reason = Reason::Many { period_s: 1.0 / best_many.frequency_hz, periods: periods.len() };
-        answer.reason = Some(reason.to_string());
-        answer.because = Some(reason);
-        return;
-    }
-    let mut members: Vec<Member> = periods.into_iter().map(make).collect();
-    members.sort_by(|a, b| a.gaps[1].total_cmp(&b.gaps[1]));
-    if let Some(bound) = members.iter().find(|m| at_bound(1.0 / m.period_s)) {
-        let reason = Reason::Bound { period_s: bound.period_s };
-        answer.reason = Some(reason.to_string());
-        answer.because = Some(reason);
-        answer.members = members;
-        return;
-    }
-    answer.verdict = if members.len() == 1 { Outcome::Single } else { Outcome::Family };
-    answer.members = members;
+    Err(Reason::Many { period_s: 1.0 / best[1], periods: many.len() })
+}
+
+/// The verdict of all models.
+fn judge(rows: &Rows, models: &[Model; 3], grid: &FrequencyGrid, answer: &mut SessionPeriods) {
+    answer.smallest_gap =
+        models.each_ref().map(|m| m.clusters.get(1).map(|c| m.gap(c.best().chi2)));
+    answer.best_s = Some(models.each_ref().map(|m| 1.0 / m.best().frequency_hz));
+    answer.correlation = models.each_ref().map(|m| m.correlation);
+    answer.scatter_mag = Some(models[MIDDLE].scatter);
+    let make = |f: f64| member(rows, models, f, grid.step_hz);
+    let reason = match possible(rows, models, grid.step_hz) {
+        Ok(periods) => {
+            let mut members: Vec<Member> = periods.into_iter().map(make).collect();
+            members.sort_by(|a, b| a.gaps[MIDDLE].total_cmp(&b.gaps[MIDDLE]));
+            let margin = 2.0 * grid.step_hz;
+            let is_bound = |m: &&Member| {
+                let f = 1.0 / m.period_s;
+                f < grid.first_hz + margin || f > grid.last_hz() - margin
+            };
+            let bound =
+                members.iter().find(is_bound).map(|m| Reason::Bound { period_s: m.period_s });
+            if bound.is_none() {
+                answer.verdict = if members.len() == 1 { Outcome::Single } else { Outcome::Family };
+            }
+            answer.members = members;
+            bound
+        }
+        Err(reason) => {
+            answer.members = vec![make(models[MIDDLE].best().frequency_hz)];
+            Some(reason)
+        }
+    };
+    answer.reason = reason.as_ref().map(Reason::to_string);
+    answer.because = reason;
 }
 
 /// The best model's folded curve and Δ over the frequencies.
-fn draw(rows: &Rows, many: &Model, grid: &FrequencyGrid, place: &[usize], sessions: &[Session], answer: &mut SessionPeriods) {
+fn draw(
+    rows: &Rows,
+    many: &Model,
+    grid: &FrequencyGrid,
+    place: &[usize],
+    sessions: &[Session],
+    answer: &mut SessionPeriods,
+) {
     const MOST_DRAWN: usize = 20_000;
     let Some(best) = answer.members.first() else { return };
     let f = 1.0 / best.period_s;

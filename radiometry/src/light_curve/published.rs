@@ -164,8 +164,15 @@ impl CurveFile {
             .or_else(|| Some(column("delta_au")?.iter().map(|r| r * AU_KM).collect()));
         let exposure_s = column("exposure_s");
         let sigma = column("sigma_mag");
-        let rows =
-            Rows { times, magnitudes, range_km, phase_deg: column("phase_deg"), sigma, exposure_s, labels: labels(&table) };
+        let rows = Rows {
+            times,
+            magnitudes,
+            range_km,
+            phase_deg: column("phase_deg"),
+            sigma,
+            exposure_s,
+            labels: labels(&table),
+        };
         Ok(Self::Magnitudes(Box::new(Brightness::of_rows(path, rows, options)?)))
     }
 }
@@ -204,7 +211,9 @@ impl Brightness {
     /// The labels of the samples that count: those of [`Brightness::light_curve`].
     pub fn used_labels(&self) -> Option<Vec<Label>> {
         let labels = self.labels.as_ref()?;
-        Some((0..self.times.len()).filter(|i| self.is_used(*i)).map(|i| labels[i].clone()).collect())
+        Some(
+            (0..self.times.len()).filter(|i| self.is_used(*i)).map(|i| labels[i].clone()).collect(),
+        )
     }
 
     /// The text format of Mini-MegaTORTORA's catalogue: notes after `#`, then date, time, standard magnitude, magnitude, filter, penumbra, distance (km),
@@ -375,9 +384,11 @@ impl Rows {
         let numbers = [&self.range_km, &self.phase_deg, &self.sigma, &self.exposure_s];
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|a, b| {
-            let by_label = || self.labels.as_ref().map_or(std::cmp::Ordering::Equal, |l| l[*a].cmp(&l[*b]));
+            let by_label =
+                || self.labels.as_ref().map_or(std::cmp::Ordering::Equal, |l| l[*a].cmp(&l[*b]));
             let by_number = || {
-                let differ = numbers.iter().filter_map(|c| c.as_ref()).map(|c| c[*a].total_cmp(&c[*b]));
+                let differ =
+                    numbers.iter().filter_map(|c| c.as_ref()).map(|c| c[*a].total_cmp(&c[*b]));
                 differ.into_iter().find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
             };
             let by_value = self.magnitudes[*a].total_cmp(&self.magnitudes[*b]);
@@ -412,8 +423,14 @@ fn labels(table: &Table) -> Option<Vec<Label>> {
     if session.is_none() && filter.is_none() {
         return None;
     }
-    let at = |column: &Option<Vec<String>>, i: usize| column.as_ref().map_or_else(String::new, |c| c[i].clone());
-    Some((0..table.rows()).map(|i| Label { session: at(&session, i), filter: at(&filter, i) }).collect())
+    let at = |column: &Option<Vec<String>>, i: usize| {
+        column.as_ref().map_or_else(String::new, |c| c[i].clone())
+    };
+    Some(
+        (0..table.rows())
+            .map(|i| Label { session: at(&session, i), filter: at(&filter, i) })
+            .collect(),
+    )
 }
 
 fn seconds(epoch: Epoch) -> f64 {

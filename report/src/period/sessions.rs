@@ -32,12 +32,20 @@ fn time(s: f64, sigma_s: f64) -> String {
         s if s >= 2.0 * 3600.0 => (s / 3600.0, sigma_s / 3600.0, "h"),
         s => (s, sigma_s, "s"),
     };
-    let digits = if sigma.is_finite() && sigma > 0.0 { (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 };
+    let digits = if sigma.is_finite() && sigma > 0.0 {
+        (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) as usize
+    } else {
+        4
+    };
     format!("{value:.digits$} {unit}")
 }
 
 fn period(m: &Member) -> String {
-    let within = format!("95 %: {} to {}", time(m.interval_s.low, m.sigma_s), time(m.interval_s.high, m.sigma_s));
+    let within = format!(
+        "95 %: {} to {}",
+        time(m.interval_s.low, m.sigma_s),
+        time(m.interval_s.high, m.sigma_s)
+    );
     let cycles = if m.cycles_counted {
         format!("{:.1} turns", m.turns)
     } else {
@@ -53,29 +61,41 @@ pub fn text(joined: &Joined) -> String {
     match found.verdict {
         Outcome::Single => {
             for m in &found.members {
-                let _ = writeln!(text, "verdict   one period: {}", period(m));
+                let _ = writeln!(text, "verdict   one period (synodic: as seen): {}", period(m));
             }
         }
         Outcome::Family => {
-            let _ = writeln!(text, "verdict   a family of periods, the likeliest first: the data do not choose");
+            let _ = writeln!(
+                text,
+                "verdict   a family of periods, the likeliest first: the data do not choose"
+            );
             for m in &found.members {
-                let _ = writeln!(text, "          {}; Δ {:.0} by 4 harmonics, {:.0} by 6", period(m), m.gaps[0], m.gaps[1]);
+                let _ = writeln!(
+                    text,
+                    "          {}; Δ {:.0}, {:.0}, {:.0} by 4, 6, 8 harmonics",
+                    period(m),
+                    m.gaps[0],
+                    m.gaps[1],
+                    m.gaps[2]
+                );
             }
         }
         Outcome::NotDecided => {
-            let _ = writeln!(text, "verdict   not decided: {}", found.reason.as_deref().unwrap_or("nothing fits"));
+            let _ = writeln!(
+                text,
+                "verdict   not decided: {}",
+                found.reason.as_deref().unwrap_or("nothing fits")
+            );
         }
     }
-    if let Some([few, many]) = found.best_s {
-        let _ = writeln!(text, "best      {} by 4 harmonics, {} by 6", time(few, 1e-4 * few), time(many, 1e-4 * many));
-    }
-    if let [few, many] = found.smallest_gap {
-        let gap = |g: Option<f64>| g.map_or("no other".to_owned(), |g| format!("Δ {g:.0}"));
+    if let Some(best) = found.best_s {
+        let [four, six, eight] = best.map(|b| time(b, 1e-4 * b));
+        let _ = writeln!(text, "best      {four}, {six}, {eight} by 4, 6, 8 harmonics");
+        let [four, six, eight] =
+            found.smallest_gap.map(|g| g.map_or("none".to_owned(), |g| format!("Δ {g:.0}")));
         let _ = writeln!(
             text,
-            "rivals    the nearest other period (more than 1 % away): {} by 4 harmonics, {} by 6; below {RULED_OUT} it is not ruled out",
-            gap(few),
-            gap(many)
+            "rivals    the nearest other period (more than 1 % away): {four}, {six}, {eight} by 4, 6, 8 harmonics; up to Δ {RULED_OUT} it is not ruled out"
         );
     }
     if let Some(best) = found.members.first() {
@@ -108,7 +128,11 @@ pub fn text(joined: &Joined) -> String {
         "sessions  {} with {} samples, a zero point each{}; {} with the best period",
         found.sessions.len(),
         found.samples,
-        if found.rows < found.samples && found.rows > 0 { format!(", put together in {} rows", found.rows) } else { String::new() },
+        if found.rows < found.samples && found.rows > 0 {
+            format!(", put together in {} rows", found.rows)
+        } else {
+            String::new()
+        },
         used
     );
     let mut removed = joined.removed.clone();
@@ -135,13 +159,13 @@ pub fn table(joined: &Joined) -> Table {
     if period.is_empty() {
         return Table::default();
     }
-    let columns = vec![
-        Column::f64("period_s", Some("s"), period),
-        Column::f64("delta", None, delta),
-    ];
+    let columns =
+        vec![Column::f64("period_s", Some("s"), period), Column::f64("delta", None, delta)];
     let mut table = Table { columns, ..Table::default() };
     let summary = json(joined);
-    for key in ["verdict", "members", "reason", "searched_s", "light_time_removed", "removed", "inputs"] {
+    for key in
+        ["verdict", "members", "reason", "searched_s", "light_time_removed", "removed", "inputs"]
+    {
         table.meta.insert(key.into(), summary[key].clone());
     }
     table.meta.insert("title".into(), json!(headline(joined)));
@@ -151,9 +175,15 @@ pub fn table(joined: &Joined) -> Table {
 fn headline(joined: &Joined) -> String {
     let title = &joined.title;
     match (joined.found.verdict, joined.found.members.as_slice()) {
-        (Outcome::Single, [m, ..]) => format!("{title}: one period, {}", time(m.period_s, m.sigma_s)),
+        (Outcome::Single, [m, ..]) => {
+            format!("{title}: one period, {}", time(m.period_s, m.sigma_s))
+        }
         (Outcome::Family, all @ [m, ..]) => {
-            format!("{title}: {} periods are possible, the likeliest {}", all.len(), time(m.period_s, m.sigma_s))
+            format!(
+                "{title}: {} periods are possible, the likeliest {}",
+                all.len(),
+                time(m.period_s, m.sigma_s)
+            )
         }
         _ => format!("{title}: the period is not decided"),
     }
@@ -173,8 +203,12 @@ pub fn figure(joined: &Joined) -> Option<Figure> {
         Axis::log("Δ above the best, 6 harmonics").inverted(),
         vec![
             Line::line("Δ", 0, points),
-            Line::line("ruled out beyond", 6, vec![(scale(shortest), RULED_OUT), (scale(longest), RULED_OUT)])
-                .with_colour_and_dash(RGBColor(150, 150, 150), 2),
+            Line::line(
+                "ruled out beyond",
+                6,
+                vec![(scale(shortest), RULED_OUT), (scale(longest), RULED_OUT)],
+            )
+            .with_colour_and_dash(RGBColor(150, 150, 150), 2),
         ],
     );
     if found.verdict != Outcome::NotDecided {
@@ -202,7 +236,9 @@ pub fn figure(joined: &Joined) -> Option<Figure> {
         let phase = f64::from(i) / 200.0;
         Some((phase, found.light_mag(found.middle_s + phase * best.period_s)?))
     });
-    lines.push(Line::line("6 harmonics", 0, model.collect()).with_colour_and_dash(RGBColor(0, 0, 0), 0));
+    lines.push(
+        Line::line("6 harmonics", 0, model.collect()).with_colour_and_dash(RGBColor(0, 0, 0), 0),
+    );
     let folded = Panel::new(
         Axis::linear(format!("phase in {}", time(best.period_s, best.sigma_s))).from_to(0.0, 1.0),
         Axis::linear("magnitude above the zero point").inverted(),
