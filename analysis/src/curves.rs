@@ -153,10 +153,11 @@ fn read_curve(
     let input = Input { file: path.display().to_string(), sha256 };
     let text = sunglint_formats::read::decode(path, bytes)?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let (curve, is_above_air, labels) = match CurveFile::read(path, &text, magnitudes)? {
+    let (mut curve, is_above_air, labels) = match CurveFile::read(path, &text, magnitudes)? {
         CurveFile::Rates(table) => (LightCurve::from_table(path, &table)?, false, None),
         CurveFile::Magnitudes(b) => (b.light_curve(&stem), true, b.used_labels()),
     };
+    curve.sort();
     Ok((NamedCurve { curve, stem, is_above_air, labels }, input))
 }
 

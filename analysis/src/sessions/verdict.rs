@@ -24,6 +24,8 @@ const OVERSAMPLING: f64 = 5.0;
 const LONGEST_SESSIONS: f64 = 8.0;
 /// A period whose Δ is larger is ruled out.
 const RULED_OUT: f64 = 25.0;
+/// Where more than three periods are left, those with a larger Δ are not named.
+const UNLIKELY: f64 = 16.0;
 /// Two periods that differ by less are one, whose cycles may not be counted.
 const SAME: f64 = 0.01;
 /// The models agree on a period where theirs differ by less.
@@ -797,8 +799,8 @@ fn possible(rows: &Rows, models: &[Model; 3], step_hz: f64) -> Result<Vec<f64>, 
     {
         return Err(Reason::Disagree { six_s: 1.0 / best[1], eight_s: 1.0 / best[2] });
     }
-    let left = |m: &Model| -> Vec<f64> {
-        let own = m.clusters.iter().map(Cluster::best).filter(|c| m.gap(c.chi2) <= RULED_OUT);
+    let left = |m: &Model, limit: f64| -> Vec<f64> {
+        let own = m.clusters.iter().map(Cluster::best).filter(|c| m.gap(c.chi2) <= limit);
         own.map(|c| c.frequency_hz).collect()
     };
     let together = |lists: [Vec<f64>; 3]| {
@@ -810,20 +812,22 @@ fn possible(rows: &Rows, models: &[Model; 3], step_hz: f64) -> Result<Vec<f64>, 
         }
         all
     };
-    let many = together([left(six), left(eight), vec![best[0]]]);
-    if many.len() <= MOST_MEMBERS {
-        return Ok(many);
-    }
     // Where four harmonics are enough they choose better: more leave more multiples.
     let lost = rows.fit(&eight.weight, best[0], four.order).chi2
         - rows.fit(&eight.weight, best[2], eight.order).chi2;
-    if lost * eight.scale <= TOO_FEW {
-        let few = together([left(four), vec![best[1]], vec![best[2]]]);
-        if few.len() <= MOST_MEMBERS {
+    let is_enough = lost * eight.scale <= TOO_FEW;
+    for limit in [RULED_OUT, UNLIKELY] {
+        let many = together([left(six, limit), left(eight, limit), vec![best[0]]]);
+        if many.len() <= MOST_MEMBERS {
+            return Ok(many);
+        }
+        let few = together([left(four, limit), vec![best[1]], vec![best[2]]]);
+        if is_enough && few.len() <= MOST_MEMBERS {
             return Ok(few);
         }
     }
-    Err(Reason::Many { period_s: 1.0 / best[1], periods: many.len() })
+    let all = together([left(six, RULED_OUT), left(eight, RULED_OUT), vec![best[0]]]);
+    Err(Reason::Many { period_s: 1.0 / best[1], periods: all.len() })
 }
 
 /// The verdict of all models.

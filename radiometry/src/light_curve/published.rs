@@ -3,7 +3,8 @@
 use super::{ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples, usual_step_s};
 use hifitime::Epoch;
 use std::path::{Path, PathBuf};
-use sunglint_formats::time::{parse_utc, tai_nanoseconds};
+use sunglint_formats::photometry::{self, Photometry};
+use sunglint_formats::time::tai_nanoseconds;
 use sunglint_formats::{ParseError, Table, TableError, Values, text_table};
 use sunglint_numerics::order::{median, robust_sigma};
 
@@ -103,14 +104,41 @@ pub enum PublishedError {
         path: PathBuf,
     },
     /// No magnitude has a value and a noise.
-    #[error(
-        "{}: no magnitude that could be used (a track of fewer than 8 samples has no noise of its own)",
-        path.display()
-    )]
+    #[error("{}: no magnitude that could be used: {why}", path.display())]
     NoneUsable {
         /// The file.
         path: PathBuf,
+        /// The reason.
+        why: Unusable,
     },
+}
+
+/// Why no magnitude of a file can be used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Unusable {
+    /// No number.
+    #[error("none of {0} rows has a number")]
+    NoNumber(usize),
+    /// All are the same.
+    #[error("all {rows} are {value}: constant light has no noise of its own")]
+    Constant {
+        /// Number of rows.
+        rows: usize,
+        /// The magnitude.
+        value: f64,
+    },
+    /// Tracks are too short to show their noise.
+    #[error(
+        "the longest track has {longest} samples at times of their own, and fewer than 8 show no noise of their own"
+    )]
+    Short {
+        /// Samples of the longest track at different times.
+        longest: usize,
+    },
+    /// Neighbours do not differ.
+    #[error("more than half of the neighbours are the same number, so that they show no noise")]
+    NoNoise,
 }
 
 /// What a file holds.
@@ -123,7 +151,7 @@ pub enum CurveFile {
 }
 
 impl CurveFile {
-    /// Reads ECSV or CSV with the schema's metadata or a column of magnitudes, and the text format of Mini-MegaTORTORA's catalogue.
+    /// Reads ECSV or CSV with the schema's metadata or a column of magnitudes, and the formats of [`photometry`]: MMT-9's text, ALCDEF, TDM.
     ///
     /// # Errors
     /// What is neither; rows that are none; magnitudes of another kind than the options say, or without the range or phase angle that their kind needs.
@@ -132,8 +160,9 @@ impl CurveFile {
         text: &str,
         options: &MagnitudeOptions,
     ) -> Result<Self, PublishedError> {
-        if text.lines().take(40).any(|l| l.starts_with('#') && l.contains("StdMag Mag")) {
-            return Ok(Self::Magnitudes(Box::new(Brightness::of_mmt9(path, text, options)?)));
+        if let Some(format) = photometry::recognise(text) {
+            let read = photometry::read_str(path, text, format)?;
+            return Ok(Self::Magnitudes(Box::new(Brightness::of_photometry(path, read, options)?)));
         }
         let table = text_table::read_str(path, text)?;
         if table.meta.contains_key("quantity") {
@@ -148,15 +177,11 @@ impl CurveFile {
                 found: names.join(", "),
             });
         }
-        let Ok(Values::Text(texts)) = table.column("time_utc").map(|c| &c.values) else {
-            let error = ParseError::new(path, "no such column", "a column `time_utc`, ISO 8601");
+        let Some(read) = photometry::column_times(path, &table)? else {
+            let error = ParseError::new(path, "no column of times", photometry::TIME_COLUMNS);
             return Err(error.in_field("time_utc").into());
         };
-        let time = |(i, text): (usize, &Option<String>)| {
-            parse_utc(text.as_deref().unwrap_or(""))
-                .map_err(|e| e.in_file(path).in_field(format!("time_utc, row {}", i + 1)))
-        };
-        let times = texts.iter().enumerate().map(time).collect::<Result<Vec<_>, _>>()?;
+        let times = read.time;
         let column = |name: &str| table.f64(name).ok().map(|c| c.into_owned());
         let magnitudes = table.f64(name)?.into_owned();
         let range_km = column("range_km")
@@ -205,6 +230,8 @@ pub struct Brightness {
     pub tracks: Vec<(Epoch, f64, usize)>,
     /// Session and filter of each sample, where the file says them.
     pub labels: Option<Vec<Label>>,
+    /// Whether the zero point is unknown: differences alone mean something.
+    pub is_relative: bool,
 }
 
 impl Brightness {
@@ -216,46 +243,40 @@ impl Brightness {
         )
     }
 
-    /// The text format of Mini-MegaTORTORA's catalogue: notes after `#`, then date, time, standard magnitude, magnitude, filter, penumbra, distance (km),
-    /// phase (degrees), channel, track.
-    fn of_mmt9(
+    /// Samples that another program wrote, with the noise that their tracks show.
+    fn of_photometry(
         path: &Path,
-        text: &str,
+        read: Photometry,
         options: &MagnitudeOptions,
     ) -> Result<Self, PublishedError> {
-        let standard = match options.kind {
-            MagnitudeKind::Standard => true,
-            MagnitudeKind::Apparent => false,
-            kind => return Err(PublishedError::OtherKind { path: path.to_path_buf(), kind }),
+        let labels = (read.session.is_some() || read.filter.is_some()).then(|| {
+            let at = |c: &Option<Vec<String>>, i: usize| {
+                c.as_ref().map_or_else(String::new, |c| c[i].clone())
+            };
+            let label = |i| Label { session: at(&read.session, i), filter: at(&read.filter, i) };
+            (0..read.time.len()).map(label).collect()
+        });
+        let kind = options.kind;
+        let standard = kind == MagnitudeKind::Standard;
+        let magnitudes = match (read.standard, standard) {
+            (Some(standard), true) => standard,
+            (Some(_), false) if kind != MagnitudeKind::Apparent => {
+                return Err(PublishedError::OtherKind { path: path.to_path_buf(), kind });
+            }
+            _ => read.magnitude,
         };
-        let mut rows =
-            Rows { range_km: Some(Vec::new()), phase_deg: Some(Vec::new()), ..Rows::default() };
-        for (number, line) in text.lines().enumerate() {
-            if line.starts_with('#') || line.trim().is_empty() {
-                continue;
-            }
-            let fields: Vec<&str> = line.split_whitespace().collect();
-            let wrong = |found: String, expected: &str| {
-                ParseError::new(path, found, expected).at_line(number as u64 + 1)
-            };
-            if fields.len() < 10 {
-                let expected =
-                    "date, time, StdMag, Mag, filter, penumbra, distance, phase, channel, track";
-                return Err(wrong(format!("{} fields", fields.len()), expected).into());
-            }
-            let value = |k: usize, what: &str| {
-                fields[k].parse::<f64>().map_err(|_| wrong(format!("`{}`", fields[k]), what))
-            };
-            let time = parse_utc(&format!("{}T{}", fields[0], fields[1]))
-                .map_err(|e| e.in_file(path).at_line(number as u64 + 1))?;
-            rows.times.push(time);
-            rows.magnitudes.push(value(if standard { 2 } else { 3 }, "a magnitude")?);
-            if let (Some(ranges), Some(phases)) = (&mut rows.range_km, &mut rows.phase_deg) {
-                ranges.push(value(6, "a distance, km")?);
-                phases.push(value(7, "a phase angle, degrees")?);
-            }
-        }
-        Self::of_rows(path, rows, options)
+        let rows = Rows {
+            times: read.time,
+            magnitudes,
+            range_km: read.range_km,
+            phase_deg: read.phase_deg,
+            sigma: read.sigma_mag,
+            exposure_s: read.exposure_s,
+            labels,
+        };
+        let mut curve = Self::of_rows(path, rows, options)?;
+        curve.is_relative = read.is_relative;
+        Ok(curve)
     }
 
     fn of_rows(
@@ -292,7 +313,11 @@ impl Brightness {
         let tracks = tracks(&rows.times, rows.labels.as_deref());
         let mut sigma_mag = vec![f64::NAN; n];
         let mut noise = Vec::new();
-        let values = |track: &[usize]| track.iter().map(|i| apparent[*i]).collect::<Vec<f64>>();
+        // Samples of one moment are often one sample twice: they show no noise.
+        let values = |track: &[usize]| -> Vec<f64> {
+            let doubled = |k: usize| k > 0 && rows.times[track[k]] == rows.times[track[k - 1]];
+            (0..track.len()).filter(|k| !doubled(*k)).map(|k| apparent[track[k]]).collect()
+        };
         // A session of fewer than eight samples has the noise of the others.
         let of_all = rows.labels.as_ref().and_then(|_| {
             let steps = tracks.iter().flat_map(|t| steps(&values(t)));
@@ -327,9 +352,23 @@ impl Brightness {
             phase_deg: rows.phase_deg,
             tracks: noise,
             labels: rows.labels,
+            is_relative: false,
         };
         if !(0..n).any(|i| curve.is_used(i)) {
-            return Err(PublishedError::NoneUsable { path: path.to_path_buf() });
+            let numbers: Vec<f64> = apparent.iter().copied().filter(|m| m.is_finite()).collect();
+            let own = |t: &Vec<usize>| {
+                1 + t.windows(2).filter(|p| curve.times[p[0]] != curve.times[p[1]]).count()
+            };
+            let longest = tracks.iter().map(own).max().unwrap_or(0);
+            let why = match numbers.first() {
+                None => Unusable::NoNumber(n),
+                Some(value) if n > 1 && numbers.iter().all(|m| m == value) => {
+                    Unusable::Constant { rows: n, value: *value }
+                }
+                _ if longest < 8 => Unusable::Short { longest },
+                _ => Unusable::NoNoise,
+            };
+            return Err(PublishedError::NoneUsable { path: path.to_path_buf(), why });
         }
         Ok(curve)
     }
@@ -507,7 +546,10 @@ mod tests {
         }
         let read = |law| {
             let options = MagnitudeOptions { column: None, kind: law, sigma_mag: Some(0.1) };
-            Brightness::of_mmt9(Path::new("m.txt"), &text, &options).unwrap()
+            match CurveFile::read(Path::new("m.txt"), &text, &options).unwrap() {
+                CurveFile::Magnitudes(brightness) => *brightness,
+                CurveFile::Rates(_) => panic!("these are magnitudes"),
+            }
         };
         let (a, b) = (read(MagnitudeKind::Apparent), read(MagnitudeKind::Standard));
         let ratio = -2.5 * (a.flux[0] / b.flux[0]).log10();
