@@ -4,7 +4,7 @@ use anyhow::anyhow;
 use clap::{Args, ValueEnum};
 use std::path::Path;
 use sunglint_radiometry::light_curve::published::{
-    CurveFile, MagnitudeKind, MagnitudeOptions, PublishedError,
+    CurveFile, MagnitudeKind, MagnitudeOptions, PublishedError, Unusable,
 };
 
 /// What measured magnitudes are.
@@ -71,10 +71,9 @@ pub fn with_hint(error: PublishedError) -> anyhow::Error {
     match error {
         PublishedError::NoCurve { .. } => anyhow!("{error} (--magnitude-column NAME)"),
         PublishedError::Ground { .. } => anyhow!("{error} (--magnitudes-as apparent)"),
-        PublishedError::NoneUsable { ref path } => anyhow!(
-            "{}: no magnitude that could be used (a track of fewer than 8 samples has no noise of its own: --sigma-mag)",
-            path.display()
-        ),
+        PublishedError::NoneUsable { why: Unusable::Short { .. } | Unusable::NoNoise, .. } => {
+            anyhow!("{error} (--sigma-mag MAG says it)")
+        }
         error => error.into(),
     }
 }

@@ -267,3 +267,81 @@ fn a_steady_satellite_has_no_period() {
     let found = folder.json(&["analyse", "period", "first.txt", "--json"]);
     assert_ne!(found["verdict"], "one", "{found}");
 }
+
+/// Three nights of a body that turns in 5.3 h (synthetic), with zero points of their own: one file with a column `session`, and one file a night. Truth: the period that was put in, within 0.5 %. The rows backwards and mixed, one of
+/// them twice: the same document, bit for bit.
+#[test]
+fn nights_with_zero_points_of_their_own_are_joined() {
+    let folder = Folder::new("period-sessions");
+    let mut rows = Vec::new();
+    for (k, day) in [2_u32, 3, 7, 9].into_iter().enumerate() {
+        for i in 0..90_u32 {
+            let minute = 4 * i + 17 * k as u32;
+            let t = 86_400.0 * f64::from(day) + 60.0 * f64::from(minute);
+            let turn = std::f64::consts::TAU * t / (5.3 * 3600.0);
+            let ripple = (f64::from(i * i) * 0.618_033_988_75).fract() - 0.5;
+            let m = 11.0
+                + 1.7 * k as f64
+                + 0.2 * (2.0 * turn).sin()
+                + 0.1 * (3.0 * turn).cos()
+                + 0.03 * ripple;
+            rows.push((
+                k,
+                format!(
+                    "2024-03-{day:02}T{:02}:{:02}:00Z,{m:.4},{k},2.5",
+                    minute / 60,
+                    minute % 60
+                ),
+            ));
+        }
+    }
+    rows.push(rows[5].clone());
+    let head = "# synthetic\ntime_utc,magnitude,session,delta_au\n";
+    let text = |rows: &[&(usize, String)]| {
+        head.to_owned() + &rows.iter().map(|r| r.1.clone() + "\n").collect::<String>()
+    };
+    let forwards: Vec<&(usize, String)> = rows.iter().collect();
+    let backwards: Vec<&(usize, String)> = rows.iter().rev().collect();
+    // 361 is 19²: 100 has no common part with it.
+    let mixed: Vec<&(usize, String)> =
+        (0..rows.len()).map(|i| &rows[i * 100 % rows.len()]).collect();
+    let mut found = Vec::new();
+    for rows in [forwards, backwards, mixed] {
+        std::fs::write(folder.path("nights.csv"), text(&rows)).unwrap();
+        for options in [&[][..], &["--sessions", "apart"]] {
+            let mut all = folder
+                .json(&[&["analyse", "period", "nights.csv", "--json", "-q"], options].concat());
+            all.as_object_mut().unwrap().remove("inputs");
+            found.push(all);
+        }
+    }
+    assert!(found[0] == found[2] && found[0] == found[4], "{} {}", found[0], found[4]);
+    assert!(found[1] == found[3] && found[1] == found[5], "{} {}", found[1], found[5]);
+    assert_eq!(found[0]["verdict"], "single", "{}", found[0]);
+    let period = found[0]["members"][0]["period_s"].as_f64().unwrap();
+    assert!((period / (5.3 * 3600.0) - 1.0).abs() < 5e-3, "{period}");
+    assert_eq!(found[0]["light_time_removed"], true);
+    let mut files = Vec::new();
+    for k in 0..4 {
+        let own: Vec<&(usize, String)> = rows.iter().filter(|r| r.0 == k).collect();
+        let name = format!("night{k}.csv");
+        std::fs::write(folder.path(&name), text(&own)).unwrap();
+        files.push(name);
+    }
+    let files: Vec<&str> = files.iter().map(String::as_str).collect();
+    let apart =
+        folder.json(&[&["analyse", "period"], &files[..], &["--json", "-o", "fig/"]].concat());
+    assert_eq!(apart["members"][0]["period_s"], found[0]["members"][0]["period_s"], "{apart}");
+    assert!(folder.path("fig/period.png").exists());
+    let whole = text(&rows.iter().collect::<Vec<_>>());
+    let constant = whole.lines().map(|l| {
+        let mut fields: Vec<&str> = l.split(',').collect();
+        if l.starts_with('2') {
+            fields[1] = "7";
+        }
+        fields.join(",") + "\n"
+    });
+    std::fs::write(folder.path("constant.csv"), constant.collect::<String>()).unwrap();
+    let wrong = folder.refused(1, &["analyse", "period", "constant.csv", "-q"]);
+    assert!(wrong.contains("all 361 are 7: constant light"), "{wrong}");
+}

@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 use sunglint_formats::{FileError, ParseError, nearest_names};
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::light::sun_at_1_au;
-use sunglint_radiometry::light_curve::published::{CurveFile, MagnitudeOptions, PublishedError};
+use sunglint_radiometry::light_curve::published::{
+    CurveFile, Label, MagnitudeOptions, PublishedError,
+};
 use sunglint_radiometry::light_curve::{Input, LightCurve};
 use sunglint_radiometry::station::Station;
 
@@ -53,6 +55,8 @@ pub struct NamedCurve {
     pub stem: String,
     /// Whether these are published magnitudes, which are above the air.
     pub is_above_air: bool,
+    /// Session and filter of each sample, where the file says them.
+    pub labels: Option<Vec<Label>>,
 }
 
 /// Curves of one or several files, whose times count from one moment.
@@ -149,11 +153,12 @@ fn read_curve(
     let input = Input { file: path.display().to_string(), sha256 };
     let text = sunglint_formats::read::decode(path, bytes)?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let (curve, is_above_air) = match CurveFile::read(path, &text, magnitudes)? {
-        CurveFile::Rates(table) => (LightCurve::from_table(path, &table)?, false),
-        CurveFile::Magnitudes(brightness) => (brightness.light_curve(&stem), true),
+    let (mut curve, is_above_air, labels) = match CurveFile::read(path, &text, magnitudes)? {
+        CurveFile::Rates(table) => (LightCurve::from_table(path, &table)?, false, None),
+        CurveFile::Magnitudes(b) => (b.light_curve(&stem), true, b.used_labels()),
     };
-    Ok((NamedCurve { curve, stem, is_above_air }, input))
+    curve.sort();
+    Ok((NamedCurve { curve, stem, is_above_air, labels }, input))
 }
 
 impl Curves {
@@ -197,7 +202,7 @@ impl Curves {
     /// Divides the rates by what the pass did to them. What was removed, and what could not be, is added to [`Curves::removed`] and [`Curves::warnings`].
     pub fn remove(&mut self, trends: &Trends<'_>) {
         let Self { curves, removed, warnings, .. } = self;
-        for NamedCurve { curve, stem, is_above_air } in curves {
+        for NamedCurve { curve, stem, is_above_air, .. } in curves {
             let range = trends.range.then(|| trend::range_factor(curve));
             for c in 0..curve.channels.len() {
                 if let (Some((station, air)), false) = (trends.air, *is_above_air) {
@@ -255,8 +260,7 @@ impl Curves {
     /// Those of one file.
     fn series_of(&self, file: usize) -> Result<Vec<Series>, SeriesError> {
         let curve = &self.curves[file];
-        let asked = |name: &String| self.channels.is_empty() || self.channels.contains(name);
-        let channels = curve.curve.channels.iter().filter(|c| asked(&c.name));
+        let channels = curve.curve.channels.iter().filter(|c| self.asks_for(&c.name));
         channels
             .map(|channel| {
                 let name = match self.curves.len() {
@@ -297,6 +301,11 @@ impl Curves {
             }
         }
         Ok((all, most))
+    }
+
+    /// Whether a channel of this name is asked for.
+    pub fn asks_for(&self, channel: &str) -> bool {
+        self.channels.is_empty() || self.channels.iter().any(|c| c == channel)
     }
 
     /// The first file's name, for titles.

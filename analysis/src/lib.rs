@@ -6,6 +6,7 @@
 //! - [`trend`]: air, range and phase trend, removed;
 //! - [`series`]: the samples of one channel that count, sorted, relative to one moment;
 //! - [`mod@period`]: Lomb-Scargle, phase dispersion minimisation, and a verdict;
+//! - [`sessions`]: periods over several nights, each with its own zero point;
 //! - [`synodic`]: from the period that is seen to that of the spin;
 //! - [`mod@fold`]: samples by their phase in a period;
 //! - [`samples`]: values of a curve, which of them count, and the light under which they were taken;
@@ -53,6 +54,7 @@ pub mod map;
 pub mod period;
 pub mod samples;
 pub mod series;
+pub mod sessions;
 pub mod synodic;
 pub mod trend;
 pub mod unmix;

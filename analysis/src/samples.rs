@@ -141,7 +141,8 @@ impl SampledCurve {
             CurveSource::Spectra(SpectralLightCurve::from_fits(path, bytes)?)
         } else {
             let text = sunglint_formats::read::decode(path, bytes)?;
-            let curve = LightCurve::from_table(path, &ecsv::read_str(path, &text)?)?;
+            let mut curve = LightCurve::from_table(path, &ecsv::read_str(path, &text)?)?;
+            curve.sort();
             if !matches!(curve.kind, RateKind::Calibrated | RateKind::Predicted) {
                 return Err(SamplesError::Kind { file: input.file, kind: curve.kind });
             }

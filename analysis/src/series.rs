@@ -96,7 +96,12 @@ impl Series {
         let mut order: Vec<usize> =
             (0..time_s.len()).filter(|i| time_s[*i].is_finite() && value[*i].is_finite()).collect();
         let not_finite = time_s.len() - order.len();
-        order.sort_by(|a, b| time_s[*a].total_cmp(&time_s[*b]));
+        // Samples of one moment by their values, so that the order of a file never matters.
+        order.sort_by(|a, b| {
+            let sigmas = |i: &usize| sigma.map_or(0.0, |s| s[*i]);
+            let values = value[*a].total_cmp(&value[*b]).then(sigmas(a).total_cmp(&sigmas(b)));
+            time_s[*a].total_cmp(&time_s[*b]).then(values)
+        });
         let pick = |from: &[f64]| order.iter().map(|i| from[*i]).collect::<Vec<f64>>();
         let time = pick(time_s);
         let good = |s: &f64| s.is_finite() && *s > 0.0;

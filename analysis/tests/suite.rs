@@ -3,6 +3,7 @@
 mod map;
 mod passing;
 mod periodograms;
+mod sessions;
 mod trends;
 mod unmix;
 mod verdicts;

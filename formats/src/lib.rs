@@ -8,6 +8,7 @@
 //! - [`toml`]: what people write (stations, instruments, plans) into plain serde structs;
 //! - [`curve`]: what vendors publish (passbands, efficiencies) as CSV;
 //! - [`jcamp`]: spectra as spectrometers export them;
+//! - [`photometry`]: magnitudes as catalogues, observers and tracking stations publish them;
 //! - [`counts`] and [`frame`]: what instruments deliver, a bin of a photon counter and a frame of a camera;
 //! - [`tags`]: photon time tags on disk, binned into counts;
 //! - [`flag_bits`]: flags as bits of a number, which files name;
@@ -74,6 +75,7 @@ pub mod fits;
 pub mod flag_bits;
 pub mod frame;
 pub mod jcamp;
+pub mod photometry;
 pub mod read;
 pub mod session;
 pub mod table;

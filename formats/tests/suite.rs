@@ -3,5 +3,6 @@
 mod astropy;
 mod ecsv;
 mod hostile;
+mod photometry;
 mod session;
 mod toml;

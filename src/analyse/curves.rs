@@ -56,8 +56,17 @@ impl CurveArgs {
     /// # Errors
     /// A file that is no light curve, or has no sample; a channel that none of them has; a station or an air that cannot be.
     pub fn read(&self) -> anyhow::Result<Curves> {
+        self.read_and(|_| false)
+    }
+
+    /// The same; the phase trend stays in the light where `joins` says that sessions are joined, whose zero points are free.
+    ///
+    /// # Errors
+    /// The errors of [`CurveArgs::read`].
+    pub fn read_and(&self, joins: impl Fn(&Curves) -> bool) -> anyhow::Result<Curves> {
         let read = Curves::read(&self.curves, &self.magnitudes.options(), &self.channel);
         let mut curves = read.map_err(worded)?;
+        let joined = joins(&curves);
         let keeps = |what| self.keep.contains(&what);
         let station = if keeps(Keep::Air) { None } else { self.station.find()? };
         if !keeps(Keep::Air) && station.is_none() && curves.has_rates() {
@@ -70,7 +79,7 @@ impl CurveArgs {
         curves.remove(&Trends {
             air: station.as_ref().zip(air.as_ref()),
             range: !keeps(Keep::Range),
-            phase: !keeps(Keep::Phase),
+            phase: !keeps(Keep::Phase) && !joined,
         });
         Ok(curves)
     }

@@ -3,11 +3,25 @@
 use super::curves::CurveArgs;
 use crate::output::{Console, OutputArgs, Usage};
 use crate::progress::Bar;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use sunglint_analysis::curves::Curves;
 use sunglint_analysis::period::{GEOMETRY_NOT_USED, Options, PeriodOptions, find_period};
 use sunglint_analysis::series::Series;
+use sunglint_analysis::sessions::{self, find_over_sessions};
 use sunglint_report::period;
+
+/// How several nights are taken together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum Nights {
+    /// Joined where a column `session` or several files make them, and no range says that the body is near
+    #[default]
+    Auto,
+    /// With a zero point for each session and filter, and phase kept through the gaps
+    Joined,
+    /// Each with a curve of its own: turns between them are not counted
+    Apart,
+}
 
 /// Arguments of `sunglint analyse period`.
 #[derive(Debug, Args)]
@@ -28,6 +42,9 @@ pub struct PeriodArgs {
     /// frequencies than can be looked at, else no gap parts it]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub gap: Option<f64>,
+    /// How several sessions (a column `session`, several files) are taken together
+    #[arg(long, value_enum, default_value_t)]
+    pub sessions: Nights,
     /// The scene of the pass (PASS.toml): its orbit and station say how the body is seen from other and other directions, and how far the spin's period may be from the one that is seen
     #[arg(long, value_name = "FILE")]
     pub pass: Option<PathBuf>,
@@ -45,7 +62,15 @@ pub(super) fn run(args: &PeriodArgs, console: Console) -> anyhow::Result<()> {
             return Err(Usage(format!("{option} is {value}, expected seconds above 0")).into());
         }
     }
-    let curves = args.curves.read()?;
+    let joins = |curves: &Curves| match args.sessions {
+        Nights::Joined => true,
+        Nights::Apart => false,
+        Nights::Auto => args.pass.is_none() && args.gap.is_none() && curves.are_sessions(),
+    };
+    let curves = args.curves.read_and(joins)?;
+    if joins(&curves) {
+        return over_sessions(args, curves, console);
+    }
     let zero = curves.zero;
     let options = PeriodOptions {
         search: Options { shortest_s: args.shortest, longest_s: args.longest },
@@ -67,4 +92,21 @@ pub(super) fn run(args: &PeriodArgs, console: Console) -> anyhow::Result<()> {
         console.warn(warning);
     }
     args.out.finish(&period::product(&found), &period::text(&found), console)
+}
+
+/// Looks for one period over all sessions.
+fn over_sessions(args: &PeriodArgs, curves: Curves, console: Console) -> anyhow::Result<()> {
+    for (option, given) in [("--pass", args.pass.is_some()), ("--gap", args.gap.is_some())] {
+        if given {
+            return Err(Usage(format!("{option} does not go with --sessions joined")).into());
+        }
+    }
+    let options = sessions::Options::between(args.shortest, args.longest);
+    let spinner = Bar::new(console);
+    let found = find_over_sessions(curves, &options, &spinner)?;
+    spinner.end();
+    for warning in &found.found.warnings {
+        console.warn(warning);
+    }
+    args.out.finish(&period::sessions::product(&found), &period::sessions::text(&found), console)
 }

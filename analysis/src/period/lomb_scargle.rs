@@ -10,7 +10,7 @@ pub(super) const MOST_HARMONICS: usize = 32;
 /// Frequencies at a time: memory stays small.
 const BLOCK: usize = 1 << 16;
 /// A pivot below this share of its diagonal is rounding: what it stands for follows from the others, and is left out.
-const LEAST_PIVOT: f64 = 1e-10;
+pub(crate) const LEAST_PIVOT: f64 = 1e-10;
 
 /// The share of the weighted variance of `series` that a mean and `harmonics` harmonics explain, at every frequency of `grid`: 0 to 1.
 /// It equals 1 − χ²/χ²₀ of the least-squares fit, whatever the sampling; at a frequency of 0, 0.
@@ -169,49 +169,24 @@ impl<'a> Centred<'a> {
     }
 }
 
-/// The normal equations of a mean and harmonics at one frequency.
-pub(super) struct Normal {
-    harmonics: usize,
-    /// Σ w cos kωt, Σ w sin kωt for k from 0 to twice the harmonics.
-    pub weights: Vec<[f64; 2]>,
-    /// Σ w y cos kωt, Σ w y sin kωt for k from 1.
-    pub values: Vec<[f64; 2]>,
-    matrix: Vec<f64>,
-    /// After [`Normal::reduction`]: the factor's solution, for [`Normal::coefficients`].
-    solution: Vec<f64>,
+/// A Cholesky factor that leaves out what follows from the rest, for normal equations of any kind.
+pub(crate) struct Cholesky {
+    /// Number of unknowns.
+    p: usize,
+    /// Matrix, row by row; the lower half counts, and becomes the factor.
+    pub matrix: Vec<f64>,
+    /// After [`Cholesky::solve`]: the factor's solution, for [`Cholesky::unknowns`].
+    pub solution: Vec<f64>,
 }
 
-impl Normal {
-    pub fn new(harmonics: usize) -> Self {
-        let p = 2 * harmonics;
-        Self {
-            harmonics,
-            weights: vec![[0.0; 2]; p + 1],
-            values: vec![[0.0; 2]; harmonics],
-            matrix: vec![0.0; p * p],
-            solution: vec![0.0; p],
-        }
+impl Cholesky {
+    pub fn new(p: usize) -> Self {
+        Self { p, matrix: vec![0.0; p * p], solution: vec![0.0; p] }
     }
 
-    /// Returns the amount by which the fit lowers χ². The mean is eliminated, then Cholesky.
-    pub fn reduction(&mut self, total: f64) -> f64 {
-        let p = 2 * self.harmonics;
-        let w = |k: usize| self.weights[k];
-        for i in 1..=self.harmonics {
-            for j in 1..=i {
-                let ([cp, sp], [mut cm, sm]) = (w(i + j), w(i - j));
-                if i == j {
-                    cm = total;
-                }
-                let ([ci, si], [cj, sj]) = (w(i), w(j));
-                let at = |a: usize, b: usize| (2 * (i - 1) + a) * p + 2 * (j - 1) + b;
-                self.matrix[at(0, 0)] = 0.5 * (cm + cp) - ci * cj / total;
-                self.matrix[at(1, 1)] = 0.5 * (cm - cp) - si * sj / total;
-                // sin i cos j and cos i sin j.
-                self.matrix[at(1, 0)] = 0.5 * (sp + sm) - si * cj / total;
-                self.matrix[at(0, 1)] = 0.5 * (sp - sm) - ci * sj / total;
-            }
-        }
+    /// Factors the matrix, and returns by how much χ² falls. A pivot of `least` or less is left out.
+    pub fn solve(&mut self, right: impl Fn(usize) -> f64, least: f64) -> f64 {
+        let p = self.p;
         let mut gain = 0.0;
         for i in 0..p {
             let (above, row) = self.matrix.split_at_mut(i * p);
@@ -223,22 +198,22 @@ impl Normal {
             }
             let square: f64 = row[..i].iter().map(|a| a * a).sum();
             let pivot = row[i] - square;
-            if pivot <= LEAST_PIVOT * total {
+            if pivot <= least {
                 row[i] = 0.0;
                 self.solution[i] = 0.0;
                 continue;
             }
             row[i] = pivot.sqrt();
             let known: f64 = row[..i].iter().zip(&self.solution).map(|(a, b)| a * b).sum();
-            self.solution[i] = (self.values[i / 2][i % 2] - known) / row[i];
+            self.solution[i] = (right(i) - known) / row[i];
             gain += self.solution[i] * self.solution[i];
         }
         gain
     }
 
-    /// The coefficients [cos, sin] of the harmonics, after [`Normal::reduction`], and the mean beside them.
-    pub fn coefficients(&self, total: f64) -> (f64, Vec<[f64; 2]>) {
-        let p = 2 * self.harmonics;
+    /// The unknowns, after [`Cholesky::solve`].
+    pub fn unknowns(&self) -> Vec<f64> {
+        let p = self.p;
         let mut x = self.solution.clone();
         for i in (0..p).rev() {
             let diagonal = self.matrix[i * p + i];
@@ -251,6 +226,58 @@ impl Normal {
             }
             x[i] /= diagonal;
         }
+        x
+    }
+}
+
+/// The normal equations of a mean and harmonics at one frequency.
+pub(super) struct Normal {
+    harmonics: usize,
+    /// Σ w cos kωt, Σ w sin kωt for k from 0 to twice the harmonics.
+    pub weights: Vec<[f64; 2]>,
+    /// Σ w y cos kωt, Σ w y sin kωt for k from 1.
+    pub values: Vec<[f64; 2]>,
+    factor: Cholesky,
+}
+
+impl Normal {
+    pub fn new(harmonics: usize) -> Self {
+        let p = 2 * harmonics;
+        Self {
+            harmonics,
+            weights: vec![[0.0; 2]; p + 1],
+            values: vec![[0.0; 2]; harmonics],
+            factor: Cholesky::new(p),
+        }
+    }
+
+    /// Returns the amount by which the fit lowers χ². The mean is eliminated, then Cholesky.
+    pub fn reduction(&mut self, total: f64) -> f64 {
+        let p = 2 * self.harmonics;
+        let w = |k: usize| self.weights[k];
+        let matrix = &mut self.factor.matrix;
+        for i in 1..=self.harmonics {
+            for j in 1..=i {
+                let ([cp, sp], [mut cm, sm]) = (w(i + j), w(i - j));
+                if i == j {
+                    cm = total;
+                }
+                let ([ci, si], [cj, sj]) = (w(i), w(j));
+                let at = |a: usize, b: usize| (2 * (i - 1) + a) * p + 2 * (j - 1) + b;
+                matrix[at(0, 0)] = 0.5 * (cm + cp) - ci * cj / total;
+                matrix[at(1, 1)] = 0.5 * (cm - cp) - si * sj / total;
+                // sin i cos j and cos i sin j.
+                matrix[at(1, 0)] = 0.5 * (sp + sm) - si * cj / total;
+                matrix[at(0, 1)] = 0.5 * (sp - sm) - ci * sj / total;
+            }
+        }
+        let values = &self.values;
+        self.factor.solve(|i| values[i / 2][i % 2], LEAST_PIVOT * total)
+    }
+
+    /// The coefficients [cos, sin] of the harmonics, after [`Normal::reduction`], and the mean beside them.
+    pub fn coefficients(&self, total: f64) -> (f64, Vec<[f64; 2]>) {
+        let x = self.factor.unknowns();
         let pairs: Vec<[f64; 2]> = x.chunks_exact(2).map(|c| [c[0], c[1]]).collect();
         let shared: f64 =
             pairs.iter().zip(&self.weights[1..]).map(|(c, w)| c[0] * w[0] + c[1] * w[1]).sum();

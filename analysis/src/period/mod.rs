@@ -11,12 +11,12 @@
 mod curves;
 mod fit;
 mod lines;
-mod lomb_scargle;
+pub(crate) mod lomb_scargle;
 mod pdm;
 mod significance;
 mod spectrum;
 pub mod stats;
-mod sums;
+pub(crate) mod sums;
 pub mod verdict;
 
 pub use curves::{Drawn, FoundPeriod, GEOMETRY_NOT_USED, Geometry, PeriodOptions, find_period};

@@ -1,6 +1,6 @@
 //! Sums Σ c_j cos 2πf t_j and Σ c_j sin 2πf t_j on a grid of frequencies, by a non-uniform fast Fourier transform.
 //!
-//! Stretches of 2048 frequencies, so that what is transformed stays in the cache: turned to the stretch's middle, spread on a grid of twice as many
+//! Stretches of 2048 frequencies (more where there are more than 8192 samples), so that what is transformed stays in the cache: turned to the stretch's middle, spread on a grid of twice as many
 //! points by the exponential of a semicircle (Barnett, Magland, af Klinteberg 2019, SIAM J. Sci. Comput. 41, C479), transformed, divided by the
 //! kernel's own transform. The width of 14 points leaves 1e-13 of Σ|c|.
 
@@ -13,8 +13,10 @@ use std::f64::consts::TAU;
 const WIDTH: usize = 14;
 /// The kernel's shape for a grid of twice as many points as frequencies: 2.30 a point of width (the same paper, eq. 8).
 const BETA: f64 = 2.30 * WIDTH as f64;
-/// The frequencies of a stretch.
+/// The frequencies of a stretch, as a power of two: so many, that the transform stays in the cache.
 const LARGEST_POWER: u32 = 11;
+/// The same of many samples: a stretch is about as long as a quarter of them, so that spreading them costs no more than the transforms.
+const LARGEST_POWER_OF_MANY: u32 = 17;
 /// Stretches after which phases are computed anew: until then they are products, whose roundings add up.
 const FRESH: usize = 32;
 /// Nodes of the kernel's transform on half of its width.
@@ -22,7 +24,7 @@ const NODES: usize = 48;
 
 /// cos and sin sums of several coefficients at the same times.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Sums {
+pub(crate) struct Sums {
     /// Σ c_j cos 2πf t_j.
     pub cos: Vec<f64>,
     /// Σ c_j sin 2πf t_j.
@@ -30,20 +32,22 @@ pub(super) struct Sums {
 }
 
 /// The fraction of a product, with the product's rounding error put back: phases of many turns keep their last digits.
-pub(super) fn turns(frequency: f64, time: f64) -> f64 {
+pub(crate) fn turns(frequency: f64, time: f64) -> f64 {
     let product = frequency * time;
     let lost = frequency.mul_add(time, -product);
     (product - product.round()) + lost
 }
 
 /// The sums of every one of `coefficients` on a grid.
-pub(super) fn sums(time_s: &[f64], coefficients: &[&[f64]], grid: &FrequencyGrid) -> Vec<Sums> {
+pub(crate) fn sums(time_s: &[f64], coefficients: &[&[f64]], grid: &FrequencyGrid) -> Vec<Sums> {
     let empty = Sums { cos: vec![0.0; grid.n], sin: vec![0.0; grid.n] };
     let mut all = vec![empty; coefficients.len()];
     if grid.n == 0 || time_s.is_empty() {
         return all;
     }
-    let power = (usize::BITS - (grid.n - 1).leading_zeros()).clamp(5, LARGEST_POWER);
+    let of_samples = (time_s.len() / 4).max(1).ilog2();
+    let largest = of_samples.clamp(LARGEST_POWER, LARGEST_POWER_OF_MANY);
+    let power = (usize::BITS - (grid.n - 1).leading_zeros()).clamp(5, largest);
     let stretch = 1_usize << power;
     let points = 2 * stretch;
     let spread = Spread::new(time_s, grid.step_hz, points);

@@ -51,6 +51,15 @@ pub enum CompareError {
         /// The names that are there, and the one that was looked for.
         error: Box<ParseError>,
     },
+    /// Magnitudes whose zero point nobody knows.
+    #[error(
+        "{}: its magnitudes are differences from comparison stars: without a zero point they cannot be compared with a model",
+        path.display()
+    )]
+    Relative {
+        /// The measured file.
+        path: PathBuf,
+    },
     /// Samples out of order, or none.
     #[error("{}", path.display())]
     Order {

@@ -4,9 +4,10 @@ use super::{CompareError, Kappa, MissingColumn};
 use hifitime::Epoch;
 use ndarray::Array2;
 use std::path::{Path, PathBuf};
+use sunglint_formats::photometry::{self, ColumnTimes, Photometry};
 use sunglint_formats::text_table;
-use sunglint_formats::time::parse_utc;
-use sunglint_formats::{ParseError, Table, Values, nearest_names};
+use sunglint_formats::time::tai_nanoseconds;
+use sunglint_formats::{ParseError, Table, nearest_names};
 use sunglint_radiometry::light_curve::published::MagnitudeKind;
 use sunglint_radiometry::light_curve::{Flags, Input, LightCurve, RateKind};
 use sunglint_radiometry::station::Station;
@@ -88,24 +89,98 @@ pub struct MeasuredPass {
 }
 
 impl MeasuredPass {
-    /// Reads a measurement: a light curve of the schema (ECSV with `quantity`), or a table (ECSV, CSV) with times and magnitudes.
+    /// Reads a measurement: a light curve of the schema (ECSV with `quantity`), a table (ECSV, CSV) with times and magnitudes, or a format of [`photometry`] (MMT-9, ALCDEF, TDM); rows in any
+    /// order.
     ///
     /// # Errors
-    /// A file that is neither, rates that are not calibrated, times out of order.
+    /// A file that is none of them, rates that are not calibrated, no sample.
     pub fn read(path: &Path, columns: &MagnitudeColumns) -> Result<Self, CompareError> {
         let bytes = sunglint_formats::read::bytes(path)?;
         let input =
             Input { file: path.display().to_string(), sha256: sunglint_formats::sha256(&bytes) };
-        let table = text_table::read_str(path, &sunglint_formats::read::decode(path, bytes)?)?;
-        let measured = if table.meta_text("quantity").is_some() {
-            Self::rates(path, input, &table)?
+        let text = sunglint_formats::read::decode(path, bytes)?;
+        let mut measured = if let Some(format) = photometry::recognise(&text) {
+            Self::photometry(path, input, photometry::read_str(path, &text, format)?, columns)?
         } else {
-            Self::magnitudes(path, input, &table, columns)?
+            Self::table(path, input, &text_table::read_str(path, &text)?, columns)?
         };
+        measured.sort();
         sunglint_calibration::comparison::in_order(&measured.times).map_err(|source| {
             CompareError::Order { path: path.to_path_buf(), source: Box::new(source) }
         })?;
         Ok(measured)
+    }
+
+    fn table(
+        path: &Path,
+        input: Input,
+        table: &Table,
+        columns: &MagnitudeColumns,
+    ) -> Result<Self, CompareError> {
+        if table.meta_text("quantity").is_some() {
+            Self::rates(path, input, table)
+        } else {
+            Self::magnitudes(path, input, table, columns)
+        }
+    }
+
+    /// Puts the samples in the order of time; those of one moment in the order of their values, so that the order of a file's rows never matters.
+    fn sort(&mut self) {
+        let keys: Vec<i128> = self.times.iter().map(|t| tai_nanoseconds(*t)).collect();
+        let mut order: Vec<usize> = (0..keys.len()).collect();
+        order.sort_by(|a, b| {
+            let differ = self.channels.iter().flat_map(|c| {
+                let flags = c.flags[*a].bits().cmp(&c.flags[*b].bits());
+                [c.value[*a].total_cmp(&c.value[*b]), c.sigma[*a].total_cmp(&c.sigma[*b]), flags]
+            });
+            let mut differ = differ.filter(|o| o.is_ne());
+            keys[*a].cmp(&keys[*b]).then_with(|| differ.next().unwrap_or(std::cmp::Ordering::Equal))
+        });
+        if order.windows(2).all(|p| p[0] < p[1]) {
+            return;
+        }
+        let pick = |from: &[f64]| order.iter().map(|i| from[*i]).collect::<Vec<f64>>();
+        self.exposure_s = self.exposure_s.as_deref().map(pick);
+        for channel in &mut self.channels {
+            channel.value = pick(&channel.value);
+            channel.sigma = pick(&channel.sigma);
+            channel.flags = order.iter().map(|i| channel.flags[*i]).collect();
+        }
+        self.times = order.iter().map(|i| self.times[*i]).collect();
+    }
+
+    /// Magnitudes that another program wrote.
+    fn photometry(
+        path: &Path,
+        input: Input,
+        read: Photometry,
+        columns: &MagnitudeColumns,
+    ) -> Result<Self, CompareError> {
+        if read.is_relative {
+            return Err(CompareError::Relative { path: path.to_path_buf() });
+        }
+        let magnitude = match (columns.compared_as, read.standard) {
+            (MagnitudeKind::Standard, Some(standard)) => standard,
+            _ => read.magnitude,
+        };
+        let value: Vec<f64> = magnitude.iter().map(|m| flux(*m)).collect();
+        let to_relative = std::f64::consts::LN_10 / 2.5;
+        let sigma_mag = read.sigma_mag.unwrap_or_else(|| vec![f64::NAN; value.len()]);
+        let sigma = sigma_mag.iter().zip(&value).map(|(s, f)| to_relative * s * f).collect();
+        let flags = vec![Flags::empty(); value.len()];
+        Ok(Self {
+            path: path.to_path_buf(),
+            input,
+            quantity: Quantity::Flux(columns.compared_as),
+            times: read.time,
+            exposure_s: read.exposure_s,
+            channels: vec![MeasuredChannel { name: "magnitude".into(), value, sigma, flags }],
+            kappa: None,
+            target: read.target,
+            station: String::new(),
+            inputs: Vec::new(),
+            notes: read.notes,
+        })
     }
 
     fn rates(path: &Path, input: Input, table: &Table) -> Result<Self, CompareError> {
@@ -156,14 +231,10 @@ impl MeasuredPass {
                 None => CompareError::NoColumn { column, error: Box::new(error) },
             }
         };
-        let Ok(Values::Text(texts)) = table.column("time_utc").map(|c| &c.values) else {
+        let Some(read) = photometry::column_times(path, table)? else {
             return Err(missing("time_utc", "times, ISO 8601", MissingColumn::Times));
         };
-        let read = |(i, text): (usize, &Option<String>)| {
-            parse_utc(text.as_deref().unwrap_or(""))
-                .map_err(|error| error.in_file(path).in_field(format!("time_utc, row {}", i + 1)))
-        };
-        let times = texts.iter().enumerate().map(read).collect::<Result<Vec<_>, _>>()?;
+        let ColumnTimes { time: times, notes } = read;
         let column = |name: &str, which: MissingColumn| {
             let numbers = table.f64(name);
             numbers.map(|v| v.into_owned()).map_err(|_| missing(name, "magnitudes", which))
@@ -199,7 +270,7 @@ impl MeasuredPass {
             target: String::new(),
             station: String::new(),
             inputs: Vec::new(),
-            notes: Vec::new(),
+            notes,
         })
     }
 

@@ -47,7 +47,14 @@ impl MeasuredCurve {
     pub fn read(path: &Path, options: &MagnitudeOptions) -> Result<Self, MeasuredError> {
         let text = sunglint_formats::read::text(path)?;
         match CurveFile::read(path, &text, options)? {
-            CurveFile::Rates(table) => Self::of_curve(path, &LightCurve::from_table(path, &table)?),
+            CurveFile::Rates(table) => {
+                let mut curve = LightCurve::from_table(path, &table)?;
+                curve.sort();
+                Self::of_curve(path, &curve)
+            }
+            CurveFile::Magnitudes(brightness) if brightness.is_relative => {
+                Err(MeasuredError::Relative { path: path.to_path_buf() })
+            }
             CurveFile::Magnitudes(brightness) => Ok(Self::of_magnitudes(path, &brightness)),
         }
     }

@@ -23,6 +23,15 @@ fn advice(flagged: bool) -> &'static str {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeasuredError {
+    /// Magnitudes whose zero point nobody knows.
+    #[error(
+        "{}: its magnitudes are differences from comparison stars: without a zero point they cannot be compared with a model",
+        path.display()
+    )]
+    Relative {
+        /// The file.
+        path: PathBuf,
+    },
     /// A file that cannot be read.
     #[error(transparent)]
     File(#[from] FileError),

@@ -98,6 +98,67 @@ pub struct LightCurve {
 }
 
 impl LightCurve {
+    /// Puts the samples in the order of time; those of one moment in the order of their rates, so that the order of a file's rows never matters.
+    pub fn sort(&mut self) {
+        let n = self.len();
+        let good = self
+            .channels
+            .iter()
+            .all(|c| c.rate_hz.len() == n && c.sigma_hz.len() == n && c.flags.len() == n);
+        let keys: Vec<i128> =
+            self.samples.time.iter().map(|t| sunglint_formats::time::tai_nanoseconds(*t)).collect();
+        let by_value = |a: usize, b: usize| {
+            let differ = self.channels.iter().flat_map(|c| {
+                let flags = c.flags[a].bits().cmp(&c.flags[b].bits());
+                [
+                    c.rate_hz[a].total_cmp(&c.rate_hz[b]),
+                    c.sigma_hz[a].total_cmp(&c.sigma_hz[b]),
+                    flags,
+                ]
+            });
+            let own = &self.samples;
+            let others = [
+                Some(&own.exposure_s),
+                own.range_m.as_ref(),
+                own.phase_deg.as_ref(),
+                own.zenith_deg.as_ref(),
+            ];
+            let others = others.into_iter().flatten().map(|c| c[a].total_cmp(&c[b]));
+            differ.chain(others).find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+        };
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_by(|a, b| {
+            let by_time = keys[*a].cmp(&keys[*b]);
+            if good { by_time.then_with(|| by_value(*a, *b)) } else { by_time }
+        });
+        if order.windows(2).all(|p| p[0] < p[1]) {
+            return;
+        }
+        let pick = |from: &mut Vec<f64>| {
+            if from.len() == n {
+                *from = order.iter().map(|i| from[*i]).collect();
+            }
+        };
+        let own = &mut self.samples;
+        own.time = order.iter().map(|i| own.time[*i]).collect();
+        pick(&mut own.exposure_s);
+        for column in
+            [&mut own.range_m, &mut own.phase_deg, &mut own.zenith_deg].into_iter().flatten()
+        {
+            pick(column);
+        }
+        for channel in &mut self.channels {
+            pick(&mut channel.rate_hz);
+            pick(&mut channel.sigma_hz);
+            if let Some(error) = &mut channel.model_error_hz {
+                pick(error);
+            }
+            if channel.flags.len() == n {
+                channel.flags = order.iter().map(|i| channel.flags[*i]).collect();
+            }
+        }
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.samples.time.len()

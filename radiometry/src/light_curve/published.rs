@@ -3,12 +3,15 @@
 use super::{ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples, usual_step_s};
 use hifitime::Epoch;
 use std::path::{Path, PathBuf};
-use sunglint_formats::time::{parse_utc, tai_nanoseconds};
+use sunglint_formats::photometry::{self, Photometry};
+use sunglint_formats::time::tai_nanoseconds;
 use sunglint_formats::{ParseError, Table, TableError, Values, text_table};
 use sunglint_numerics::order::{median, robust_sigma};
 
 /// A gap of more than this parts one track from the next, s.
 const GAP_S: f64 = 60.0;
+/// Astronomical unit, km (IAU 2012 B2, exact).
+const AU_KM: f64 = 149_597_870.7;
 /// d ln(flux)/d mag.
 const PER_MAG: f64 = 0.921_034_037_197_618_3;
 
@@ -101,14 +104,41 @@ pub enum PublishedError {
         path: PathBuf,
     },
     /// No magnitude has a value and a noise.
-    #[error(
-        "{}: no magnitude that could be used (a track of fewer than 8 samples has no noise of its own)",
-        path.display()
-    )]
+    #[error("{}: no magnitude that could be used: {why}", path.display())]
     NoneUsable {
         /// The file.
         path: PathBuf,
+        /// The reason.
+        why: Unusable,
     },
+}
+
+/// Why no magnitude of a file can be used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Unusable {
+    /// No number.
+    #[error("none of {0} rows has a number")]
+    NoNumber(usize),
+    /// All are the same.
+    #[error("all {rows} are {value}: constant light has no noise of its own")]
+    Constant {
+        /// Number of rows.
+        rows: usize,
+        /// The magnitude.
+        value: f64,
+    },
+    /// Tracks are too short to show their noise.
+    #[error(
+        "the longest track has {longest} samples at times of their own, and fewer than 8 show no noise of their own"
+    )]
+    Short {
+        /// Samples of the longest track at different times.
+        longest: usize,
+    },
+    /// Neighbours do not differ.
+    #[error("more than half of the neighbours are the same number, so that they show no noise")]
+    NoNoise,
 }
 
 /// What a file holds.
@@ -121,7 +151,7 @@ pub enum CurveFile {
 }
 
 impl CurveFile {
-    /// Reads ECSV or CSV with the schema's metadata or a column of magnitudes, and the text format of Mini-MegaTORTORA's catalogue.
+    /// Reads ECSV or CSV with the schema's metadata or a column of magnitudes, and the formats of [`photometry`]: MMT-9's text, ALCDEF, TDM.
     ///
     /// # Errors
     /// What is neither; rows that are none; magnitudes of another kind than the options say, or without the range or phase angle that their kind needs.
@@ -130,8 +160,9 @@ impl CurveFile {
         text: &str,
         options: &MagnitudeOptions,
     ) -> Result<Self, PublishedError> {
-        if text.lines().take(40).any(|l| l.starts_with('#') && l.contains("StdMag Mag")) {
-            return Ok(Self::Magnitudes(Box::new(Brightness::of_mmt9(path, text, options)?)));
+        if let Some(format) = photometry::recognise(text) {
+            let read = photometry::read_str(path, text, format)?;
+            return Ok(Self::Magnitudes(Box::new(Brightness::of_photometry(path, read, options)?)));
         }
         let table = text_table::read_str(path, text)?;
         if table.meta.contains_key("quantity") {
@@ -146,28 +177,41 @@ impl CurveFile {
                 found: names.join(", "),
             });
         }
-        let Ok(Values::Text(texts)) = table.column("time_utc").map(|c| &c.values) else {
-            let error = ParseError::new(path, "no such column", "a column `time_utc`, ISO 8601");
+        let Some(read) = photometry::column_times(path, &table)? else {
+            let error = ParseError::new(path, "no column of times", photometry::TIME_COLUMNS);
             return Err(error.in_field("time_utc").into());
         };
-        let time = |(i, text): (usize, &Option<String>)| {
-            parse_utc(text.as_deref().unwrap_or(""))
-                .map_err(|e| e.in_file(path).in_field(format!("time_utc, row {}", i + 1)))
-        };
-        let times = texts.iter().enumerate().map(time).collect::<Result<Vec<_>, _>>()?;
+        let times = read.time;
         let column = |name: &str| table.f64(name).ok().map(|c| c.into_owned());
         let magnitudes = table.f64(name)?.into_owned();
         let range_km = column("range_km")
-            .or_else(|| Some(column("range_m")?.iter().map(|r| r / 1e3).collect()));
+            .or_else(|| Some(column("range_m")?.iter().map(|r| r / 1e3).collect()))
+            .or_else(|| Some(column("delta_au")?.iter().map(|r| r * AU_KM).collect()));
         let exposure_s = column("exposure_s");
         let sigma = column("sigma_mag");
-        let rows =
-            Rows { times, magnitudes, range_km, phase_deg: column("phase_deg"), sigma, exposure_s };
+        let rows = Rows {
+            times,
+            magnitudes,
+            range_km,
+            phase_deg: column("phase_deg"),
+            sigma,
+            exposure_s,
+            labels: labels(&table),
+        };
         Ok(Self::Magnitudes(Box::new(Brightness::of_rows(path, rows, options)?)))
     }
 }
 
-/// Published magnitudes as brightnesses.
+/// Session and filter of a sample: magnitudes of both the same share a zero point.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub struct Label {
+    /// The session's name; empty where the file names none.
+    pub session: String,
+    /// The filter's.
+    pub filter: String,
+}
+
+/// Published magnitudes as brightnesses, in the order of time.
 #[derive(Debug, Clone, Default)]
 pub struct Brightness {
     /// Times of the samples.
@@ -184,49 +228,55 @@ pub struct Brightness {
     pub phase_deg: Option<Vec<f64>>,
     /// White noise of each track: first moment, noise (mag), samples.
     pub tracks: Vec<(Epoch, f64, usize)>,
+    /// Session and filter of each sample, where the file says them.
+    pub labels: Option<Vec<Label>>,
+    /// Whether the zero point is unknown: differences alone mean something.
+    pub is_relative: bool,
 }
 
 impl Brightness {
-    /// The text format of Mini-MegaTORTORA's catalogue: notes after `#`, then date, time, standard magnitude, magnitude, filter, penumbra, distance (km),
-    /// phase (degrees), channel, track.
-    fn of_mmt9(
+    /// The labels of the samples that count: those of [`Brightness::light_curve`].
+    pub fn used_labels(&self) -> Option<Vec<Label>> {
+        let labels = self.labels.as_ref()?;
+        Some(
+            (0..self.times.len()).filter(|i| self.is_used(*i)).map(|i| labels[i].clone()).collect(),
+        )
+    }
+
+    /// Samples that another program wrote, with the noise that their tracks show.
+    fn of_photometry(
         path: &Path,
-        text: &str,
+        read: Photometry,
         options: &MagnitudeOptions,
     ) -> Result<Self, PublishedError> {
-        let standard = match options.kind {
-            MagnitudeKind::Standard => true,
-            MagnitudeKind::Apparent => false,
-            kind => return Err(PublishedError::OtherKind { path: path.to_path_buf(), kind }),
+        let labels = (read.session.is_some() || read.filter.is_some()).then(|| {
+            let at = |c: &Option<Vec<String>>, i: usize| {
+                c.as_ref().map_or_else(String::new, |c| c[i].clone())
+            };
+            let label = |i| Label { session: at(&read.session, i), filter: at(&read.filter, i) };
+            (0..read.time.len()).map(label).collect()
+        });
+        let kind = options.kind;
+        let standard = kind == MagnitudeKind::Standard;
+        let magnitudes = match (read.standard, standard) {
+            (Some(standard), true) => standard,
+            (Some(_), false) if kind != MagnitudeKind::Apparent => {
+                return Err(PublishedError::OtherKind { path: path.to_path_buf(), kind });
+            }
+            _ => read.magnitude,
         };
-        let mut rows =
-            Rows { range_km: Some(Vec::new()), phase_deg: Some(Vec::new()), ..Rows::default() };
-        for (number, line) in text.lines().enumerate() {
-            if line.starts_with('#') || line.trim().is_empty() {
-                continue;
-            }
-            let fields: Vec<&str> = line.split_whitespace().collect();
-            let wrong = |found: String, expected: &str| {
-                ParseError::new(path, found, expected).at_line(number as u64 + 1)
-            };
-            if fields.len() < 10 {
-                let expected =
-                    "date, time, StdMag, Mag, filter, penumbra, distance, phase, channel, track";
-                return Err(wrong(format!("{} fields", fields.len()), expected).into());
-            }
-            let value = |k: usize, what: &str| {
-                fields[k].parse::<f64>().map_err(|_| wrong(format!("`{}`", fields[k]), what))
-            };
-            let time = parse_utc(&format!("{}T{}", fields[0], fields[1]))
-                .map_err(|e| e.in_file(path).at_line(number as u64 + 1))?;
-            rows.times.push(time);
-            rows.magnitudes.push(value(if standard { 2 } else { 3 }, "a magnitude")?);
-            if let (Some(ranges), Some(phases)) = (&mut rows.range_km, &mut rows.phase_deg) {
-                ranges.push(value(6, "a distance, km")?);
-                phases.push(value(7, "a phase angle, degrees")?);
-            }
-        }
-        Self::of_rows(path, rows, options)
+        let rows = Rows {
+            times: read.time,
+            magnitudes,
+            range_km: read.range_km,
+            phase_deg: read.phase_deg,
+            sigma: read.sigma_mag,
+            exposure_s: read.exposure_s,
+            labels,
+        };
+        let mut curve = Self::of_rows(path, rows, options)?;
+        curve.is_relative = read.is_relative;
+        Ok(curve)
     }
 
     fn of_rows(
@@ -234,6 +284,7 @@ impl Brightness {
         rows: Rows,
         options: &MagnitudeOptions,
     ) -> Result<Self, PublishedError> {
+        let rows = rows.sorted();
         let n = rows.times.len();
         let missing = |column: &'static str| PublishedError::NeedsColumn {
             path: path.to_path_buf(),
@@ -259,14 +310,25 @@ impl Brightness {
                 all
             }
         };
-        let tracks = tracks(&rows.times);
+        let tracks = tracks(&rows.times, rows.labels.as_deref());
         let mut sigma_mag = vec![f64::NAN; n];
         let mut noise = Vec::new();
+        // Samples of one moment are often one sample twice: they show no noise.
+        let values = |track: &[usize]| -> Vec<f64> {
+            let doubled = |k: usize| k > 0 && rows.times[track[k]] == rows.times[track[k - 1]];
+            (0..track.len()).filter(|k| !doubled(*k)).map(|k| apparent[track[k]]).collect()
+        };
+        // A session of fewer than eight samples has the noise of the others.
+        let of_all = rows.labels.as_ref().and_then(|_| {
+            let steps = tracks.iter().flat_map(|t| steps(&values(t)));
+            noise_of_steps(steps.collect())
+        });
         for track in &tracks {
-            let white = white_noise(&track.iter().map(|i| apparent[*i]).collect::<Vec<_>>());
+            let white = white_noise(&values(track)).or(of_all);
             let own = options.sigma_mag.or(white);
             for i in track {
-                sigma_mag[*i] = rows.sigma.as_ref().map(|s| s[*i]).or(own).unwrap_or(f64::NAN);
+                let stated = rows.sigma.as_ref().map(|s| s[*i]).filter(|s| *s > 0.0);
+                sigma_mag[*i] = stated.or(own).unwrap_or(f64::NAN);
             }
             noise.push((rows.times[track[0]], own.unwrap_or(f64::NAN), track.len()));
         }
@@ -289,9 +351,24 @@ impl Brightness {
             range_m: rows.range_km.map(|r| r.iter().map(|r| 1e3 * r).collect()),
             phase_deg: rows.phase_deg,
             tracks: noise,
+            labels: rows.labels,
+            is_relative: false,
         };
         if !(0..n).any(|i| curve.is_used(i)) {
-            return Err(PublishedError::NoneUsable { path: path.to_path_buf() });
+            let numbers: Vec<f64> = apparent.iter().copied().filter(|m| m.is_finite()).collect();
+            let own = |t: &Vec<usize>| {
+                1 + t.windows(2).filter(|p| curve.times[p[0]] != curve.times[p[1]]).count()
+            };
+            let longest = tracks.iter().map(own).max().unwrap_or(0);
+            let why = match numbers.first() {
+                None => Unusable::NoNumber(n),
+                Some(value) if n > 1 && numbers.iter().all(|m| m == value) => {
+                    Unusable::Constant { rows: n, value: *value }
+                }
+                _ if longest < 8 => Unusable::Short { longest },
+                _ => Unusable::NoNoise,
+            };
+            return Err(PublishedError::NoneUsable { path: path.to_path_buf(), why });
         }
         Ok(curve)
     }
@@ -335,18 +412,81 @@ struct Rows {
     phase_deg: Option<Vec<f64>>,
     sigma: Option<Vec<f64>>,
     exposure_s: Option<Vec<f64>>,
+    labels: Option<Vec<Label>>,
+}
+
+impl Rows {
+    /// The same in the order of time, and of their values where times are the same: the order of a file never matters.
+    fn sorted(self) -> Self {
+        let n = self.times.len();
+        let keys: Vec<i128> = self.times.iter().map(|t| tai_nanoseconds(*t)).collect();
+        let numbers = [&self.range_km, &self.phase_deg, &self.sigma, &self.exposure_s];
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_by(|a, b| {
+            let by_label =
+                || self.labels.as_ref().map_or(std::cmp::Ordering::Equal, |l| l[*a].cmp(&l[*b]));
+            let by_number = || {
+                let differ =
+                    numbers.iter().filter_map(|c| c.as_ref()).map(|c| c[*a].total_cmp(&c[*b]));
+                differ.into_iter().find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+            };
+            let by_value = self.magnitudes[*a].total_cmp(&self.magnitudes[*b]);
+            keys[*a].cmp(&keys[*b]).then(by_value).then_with(by_number).then_with(by_label)
+        });
+        let pick = |v: Option<Vec<f64>>| v.map(|v| order.iter().map(|i| v[*i]).collect());
+        Self {
+            times: order.iter().map(|i| self.times[*i]).collect(),
+            magnitudes: order.iter().map(|i| self.magnitudes[*i]).collect(),
+            range_km: pick(self.range_km),
+            phase_deg: pick(self.phase_deg),
+            sigma: pick(self.sigma),
+            exposure_s: pick(self.exposure_s),
+            labels: self.labels.map(|l| order.iter().map(|i| l[*i].clone()).collect()),
+        }
+    }
+}
+
+/// Session and filter of each row, where a table has a column of either.
+fn labels(table: &Table) -> Option<Vec<Label>> {
+    let texts = |name: &str| -> Option<Vec<String>> {
+        Some(match &table.column(name).ok()?.values {
+            Values::Text(texts) => texts.iter().map(|t| t.clone().unwrap_or_default()).collect(),
+            Values::F64(numbers) => numbers.iter().map(f64::to_string).collect(),
+            Values::I64(numbers) => {
+                numbers.iter().map(|n| n.map(|n| n.to_string()).unwrap_or_default()).collect()
+            }
+            _ => return None,
+        })
+    };
+    let (session, filter) = (texts("session"), texts("filter"));
+    if session.is_none() && filter.is_none() {
+        return None;
+    }
+    let at = |column: &Option<Vec<String>>, i: usize| {
+        column.as_ref().map_or_else(String::new, |c| c[i].clone())
+    };
+    Some(
+        (0..table.rows())
+            .map(|i| Label { session: at(&session, i), filter: at(&filter, i) })
+            .collect(),
+    )
 }
 
 fn seconds(epoch: Epoch) -> f64 {
     tai_nanoseconds(epoch) as f64 * 1e-9
 }
 
-/// Samples by track, in the order of time.
-fn tracks(times: &[Epoch]) -> Vec<Vec<usize>> {
-    let mut order: Vec<usize> = (0..times.len()).collect();
-    order.sort_by(|a, b| seconds(times[*a]).total_cmp(&seconds(times[*b])));
+/// Samples by track: of one session and filter where the file says them, else without a gap. Times are in order.
+fn tracks(times: &[Epoch], labels: Option<&[Label]>) -> Vec<Vec<usize>> {
+    if let Some(labels) = labels.filter(|l| l.iter().any(|l| !l.session.is_empty())) {
+        let mut by_label: std::collections::BTreeMap<&Label, Vec<usize>> = Default::default();
+        for (i, label) in labels.iter().enumerate() {
+            by_label.entry(label).or_default().push(i);
+        }
+        return by_label.into_values().collect();
+    }
     let mut tracks: Vec<Vec<usize>> = Vec::new();
-    for i in order {
+    for i in 0..times.len() {
         match tracks.last_mut() {
             Some(track) if seconds(times[i]) - seconds(times[track[track.len() - 1]]) <= GAP_S => {
                 track.push(i);
@@ -359,8 +499,15 @@ fn tracks(times: &[Epoch]) -> Vec<Vec<usize>> {
 
 /// The noise of single samples from the differences between neighbours, robustly: 1.4826 MAD/√2. `None` of fewer than eight.
 pub fn white_noise(values: &[f64]) -> Option<f64> {
-    let steps = values.windows(2).map(|p| p[1] - p[0]).filter(|d| d.is_finite());
-    let steps: Vec<f64> = steps.collect();
+    noise_of_steps(steps(values))
+}
+
+/// Differences between neighbours that are numbers.
+fn steps(values: &[f64]) -> Vec<f64> {
+    values.windows(2).map(|p| p[1] - p[0]).filter(|d| d.is_finite()).collect()
+}
+
+fn noise_of_steps(steps: Vec<f64>) -> Option<f64> {
     if steps.len() < 7 {
         return None;
     }
@@ -399,7 +546,10 @@ mod tests {
         }
         let read = |law| {
             let options = MagnitudeOptions { column: None, kind: law, sigma_mag: Some(0.1) };
-            Brightness::of_mmt9(Path::new("m.txt"), &text, &options).unwrap()
+            match CurveFile::read(Path::new("m.txt"), &text, &options).unwrap() {
+                CurveFile::Magnitudes(brightness) => *brightness,
+                CurveFile::Rates(_) => panic!("these are magnitudes"),
+            }
         };
         let (a, b) = (read(MagnitudeKind::Apparent), read(MagnitudeKind::Standard));
         let ratio = -2.5 * (a.flux[0] / b.flux[0]).log10();

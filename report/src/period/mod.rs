@@ -1,6 +1,7 @@
 //! The period of light curves: the verdict as text, JSON and table, and the periodograms as a figure.
 
 mod figure;
+pub mod sessions;
 
 pub use figure::figure;
 

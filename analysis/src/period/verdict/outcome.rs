@@ -45,6 +45,11 @@ pub struct Member {
     pub turns: f64,
 }
 
+/// A probability in words: two places, and powers of ten where these would be 0.
+fn small(chance: f64) -> String {
+    if chance >= 0.01 { format!("{chance:.2}") } else { format!("{chance:.1e}") }
+}
+
 /// Why there are not enough data.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -78,7 +83,7 @@ pub enum Reason {
     },
     /// Nothing above the noise.
     #[error(
-        "no period stands out of the noise: the best, {period_s:.6} s, would do as well by chance with a probability of up to {chance:.2}"
+        "no period stands out of the noise: the best, {period_s:.6} s, would do as well by chance with a probability of up to {}", small(*chance)
     )]
     Noise {
         /// The best period, s.

@@ -1,0 +1,569 @@
+//! Magnitudes with their times as other programs write them: MMT-9's text, ALCDEF, CCSDS TDM (KVN), and times of tables as UTC or as Julian dates with their scale.
+//!
+//! A reader here knows the grammar of a format and keeps what it says: nothing is corrected, no time scale is guessed.
+//!
+//! - [`recognise`]: which of the formats a text is; [`read_str`]: its samples;
+//! - [`column_times`]: the times of a table with named columns.
+//!
+//! MMT-9: [`Format::Mmt9`], as the catalogue of Mini-MegaTORTORA exports tracks. ALCDEF: *Asteroid Lightcurve Data Exchange Format* 2.1.1 (Stephens and Warner, 2015). TDM: CCSDS 503.0-B-2,
+//! *Tracking Data Message*, of which magnitudes (`MAG`) are read.
+
+use crate::time::{UtcDay, parse_utc};
+use crate::{ParseError, Table, Values};
+use hifitime::{Duration, Epoch};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// TT − TAI, s.
+const TT_MINUS_TAI_S: f64 = 32.184;
+const DAY_S: f64 = 86_400.0;
+const MJD_1900: i64 = 15_020;
+/// JD of MJD 0, whole days and the half that is left.
+const MJD_OFFSET: i64 = 2_400_000;
+
+/// A format that is known by its text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Format {
+    /// Text of the catalogue of Mini-MegaTORTORA.
+    Mmt9,
+    /// Asteroid light curves.
+    Alcdef,
+    /// Tracking data message, keyword = value.
+    TdmKvn,
+}
+
+impl Format {
+    /// Name for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mmt9 => "MMT-9 text",
+            Self::Alcdef => "ALCDEF",
+            Self::TdmKvn => "CCSDS TDM (KVN)",
+        }
+    }
+}
+
+/// Time scale of a Julian date.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scale {
+    /// Coordinated universal time.
+    Utc,
+    /// International atomic time.
+    Tai,
+    /// Terrestrial time.
+    Tt,
+    /// Barycentric dynamical time; from TT by its largest term, to 30 µs.
+    Tdb,
+}
+
+impl Scale {
+    fn of(name: &str) -> Option<Self> {
+        Some(match name.to_ascii_lowercase().as_str() {
+            "utc" => Self::Utc,
+            "tai" => Self::Tai,
+            "tt" => Self::Tt,
+            "tdb" => Self::Tdb,
+            _ => return None,
+        })
+    }
+}
+
+/// Samples of one file, in its order.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Photometry {
+    /// Times, mid-exposure.
+    pub time: Vec<Epoch>,
+    /// Magnitudes, apparent where the file does not say otherwise.
+    pub magnitude: Vec<f64>,
+    /// Magnitudes at 1000 km and a phase angle of 90°, where the file has them.
+    pub standard: Option<Vec<f64>>,
+    /// Standard uncertainties, mag; NaN where a row has none.
+    pub sigma_mag: Option<Vec<f64>>,
+    /// Ranges, km.
+    pub range_km: Option<Vec<f64>>,
+    /// Phase angles, degrees.
+    pub phase_deg: Option<Vec<f64>>,
+    /// Exposures, s.
+    pub exposure_s: Option<Vec<f64>>,
+    /// Sessions: magnitudes of one share a zero point.
+    pub session: Option<Vec<String>>,
+    /// Filters.
+    pub filter: Option<Vec<String>>,
+    /// Whether the zero point is unknown: differences alone mean something.
+    pub is_relative: bool,
+    /// Name of the target; may be empty.
+    pub target: String,
+    /// Statements of the file that change what its numbers mean, in words.
+    pub notes: Vec<String>,
+}
+
+/// Returns the format of a text, where it is one of these.
+pub fn recognise(text: &str) -> Option<Format> {
+    let head = || text.lines().take(60).map(str::trim);
+    if head().any(|l| l.starts_with('#') && l.contains("StdMag Mag")) {
+        return Some(Format::Mmt9);
+    }
+    if head().any(|l| l.eq_ignore_ascii_case("STARTMETADATA")) {
+        return Some(Format::Alcdef);
+    }
+    let is_tdm = |l: &str| l.split_once('=').is_some_and(|(key, _)| key.trim() == "CCSDS_TDM_VERS");
+    head().any(is_tdm).then_some(Format::TdmKvn)
+}
+
+/// Reads a text of a format.
+///
+/// # Errors
+/// A line that the format does not know, a value that is none, a time scale that is not known; no magnitude.
+///
+/// ```
+/// use sunglint_formats::photometry::{Format, read_str, recognise};
+///
+/// let text = "STARTMETADATA\nDELIMITER=PIPE\nFILTER=C\nMAGBAND=V\nLTCAPP=NONE\nENDMETADATA\nDATA=2457000.5|14.25|0.01\nENDDATA\n";
+/// assert_eq!(recognise(text), Some(Format::Alcdef));
+/// let read = read_str("curve.txt", text, Format::Alcdef)?;
+/// assert_eq!((read.magnitude[0], read.time[0].to_string().as_str()), (14.25, "2014-12-09T00:00:37 TAI"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn read_str(
+    path: impl AsRef<Path>,
+    text: &str,
+    format: Format,
+) -> Result<Photometry, ParseError> {
+    let path = path.as_ref();
+    let read = match format {
+        Format::Mmt9 => mmt9(path, text)?,
+        Format::Alcdef => alcdef(path, text)?,
+        Format::TdmKvn => tdm(path, text)?,
+    };
+    if read.time.is_empty() {
+        return Err(ParseError::new(path, "no magnitude", format!("samples of {}", format.name())));
+    }
+    Ok(read)
+}
+
+/// The moment of a day and a part of it in a time scale; `None` before 1972 or after 2100. `day` is a Modified Julian Date.
+pub fn moment(day: i64, part: f64, scale: Scale) -> Option<Epoch> {
+    if !part.is_finite() {
+        return None;
+    }
+    let (day, part) = (day.checked_add(part.floor() as i64)?, part - part.floor());
+    let seconds = part * DAY_S;
+    let first = |seconds_tai: f64| -> Option<Epoch> {
+        UtcDay::of_mjd(day)?;
+        let ns =
+            i128::from(day - MJD_1900) * 86_400_000_000_000 + (seconds_tai * 1e9).round() as i128;
+        Some(Epoch::from_tai_duration(Duration::from_total_nanoseconds(ns)))
+    };
+    match scale {
+        Scale::Utc => {
+            let start = UtcDay::of_mjd(day)?.start_tai_ns;
+            let ns = start + (seconds * 1e9).round() as i128;
+            Some(Epoch::from_tai_duration(Duration::from_total_nanoseconds(ns)))
+        }
+        Scale::Tai => first(seconds),
+        Scale::Tt => first(seconds - TT_MINUS_TAI_S),
+        Scale::Tdb => {
+            let g = (357.53 + 0.985_600_28 * ((day - 51_544) as f64 + part - 0.5)).to_radians();
+            first(seconds - TT_MINUS_TAI_S - 0.001_657 * g.sin())
+        }
+    }
+}
+
+/// The moment of a Julian date as a text, all digits of which count.
+fn of_julian_text(text: &str, scale: Scale) -> Option<Epoch> {
+    let (whole, part) = text.split_once('.').unwrap_or((text, "0"));
+    if whole.is_empty() || ![whole, part].iter().all(|d| d.bytes().all(|b| b.is_ascii_digit())) {
+        return None;
+    }
+    let part: f64 = format!("0.{part}").parse().ok()?;
+    moment(whole.parse::<i64>().ok()?.checked_sub(MJD_OFFSET + 1)?, part + 0.5, scale)
+}
+
+/// Names of columns of times that are known, for messages.
+pub const TIME_COLUMNS: &str =
+    "time_utc (ISO 8601), jd_utc, mjd_utc, or jd_ and mjd_ with tai, tt or tdb; bjd_tdb";
+
+/// Times of a table, and what has to be known of them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ColumnTimes {
+    /// Times, row by row.
+    pub time: Vec<Epoch>,
+    /// Limits and meaning of the times, in words.
+    pub notes: Vec<String>,
+}
+
+/// Times of a table with named columns; `None` where no column is one of times.
+///
+/// # Errors
+/// A value that is no time; a Julian date whose column does not name its scale.
+pub fn column_times(path: &Path, table: &Table) -> Result<Option<ColumnTimes>, ParseError> {
+    let in_row = |error: ParseError, name: &str, row: usize| {
+        error.in_field(format!("{name}, row {}", row + 1))
+    };
+    if let Some(column) = table.columns.iter().find(|c| c.name == "time_utc") {
+        let Values::Text(texts) = &column.values else {
+            let error = ParseError::new(path, column.values.kind(), "ISO 8601");
+            return Err(error.in_field("time_utc"));
+        };
+        let time = |(i, text): (usize, &Option<String>)| {
+            parse_utc(text.as_deref().unwrap_or(""))
+                .map_err(|e| in_row(e.in_file(path), "time_utc", i))
+        };
+        let time = texts.iter().enumerate().map(time).collect::<Result<_, _>>()?;
+        return Ok(Some(ColumnTimes { time, notes: Vec::new() }));
+    }
+    for column in &table.columns {
+        let name = column.name.to_ascii_lowercase();
+        let (kind, scale) = name.split_once('_').unwrap_or((&name, ""));
+        if !matches!(kind, "jd" | "mjd" | "bjd") {
+            continue;
+        }
+        let Some(scale) = Scale::of(scale) else {
+            let found = format!("`{}`", column.name);
+            let error = ParseError::new(path, found, "a Julian date that names its time scale");
+            return Err(error.in_field(column.name.clone()).with_hint(format!(
+                "call the column {kind}_utc, {kind}_tai, {kind}_tt or {kind}_tdb: scales differ by more than a minute"
+            )));
+        };
+        let Ok(numbers) = table.f64(&column.name) else {
+            let error = ParseError::new(path, column.values.kind(), "numbers");
+            return Err(error.in_field(column.name.clone()));
+        };
+        let (offset, half) = if kind == "mjd" { (0, 0.0) } else { (MJD_OFFSET, 0.5) };
+        let moment_of = |number: f64| {
+            // Whole days beyond any of these are no date.
+            let day = Some(number.floor()).filter(|d| d.abs() < 1e7)?;
+            moment(day as i64 - offset, number - day - half, scale)
+        };
+        let time = numbers.iter().enumerate().map(|(row, number)| {
+            moment_of(*number).ok_or_else(|| {
+                let error = ParseError::new(path, number.to_string(), "a date from 1972 to 2100");
+                in_row(error, &column.name, row)
+            })
+        });
+        let time = time.collect::<Result<_, _>>()?;
+        let mut notes = Vec::new();
+        if kind != "mjd" {
+            notes.push(format!("{}: a Julian date in a double is good to 40 µs", column.name));
+        }
+        if kind == "bjd" {
+            notes.push(format!(
+                "{}: the light's way is counted to the barycentre of the solar system",
+                column.name
+            ));
+        }
+        return Ok(Some(ColumnTimes { time, notes }));
+    }
+    Ok(None)
+}
+
+/// Text of MMT-9: notes after `#`, then date, time, standard magnitude, magnitude, filter, penumbra, distance (km), phase (degrees), channel, track.
+fn mmt9(path: &Path, text: &str) -> Result<Photometry, ParseError> {
+    let (mut standard, mut ranges, mut phases, mut filter) = (vec![], vec![], vec![], vec![]);
+    let mut read = Photometry::default();
+    for (number, line) in text.lines().enumerate() {
+        if line.starts_with('#') || line.trim().is_empty() {
+            continue;
+        }
+        let fields: Vec<&str> = line.split_whitespace().collect();
+        let wrong = |found: String, expected: &str| {
+            ParseError::new(path, found, expected).at_line(number as u64 + 1)
+        };
+        if fields.len() < 10 {
+            let expected =
+                "date, time, StdMag, Mag, filter, penumbra, distance, phase, channel, track";
+            return Err(wrong(format!("{} fields", fields.len()), expected));
+        }
+        let value = |k: usize, what: &str| {
+            fields[k].parse::<f64>().map_err(|_| wrong(format!("`{}`", fields[k]), what))
+        };
+        let time = parse_utc(&format!("{}T{}", fields[0], fields[1]))
+            .map_err(|e| e.in_file(path).at_line(number as u64 + 1))?;
+        read.time.push(time);
+        standard.push(value(2, "a magnitude")?);
+        read.magnitude.push(value(3, "a magnitude")?);
+        ranges.push(value(6, "a distance, km")?);
+        phases.push(value(7, "a phase angle, degrees")?);
+        filter.push(fields[4].to_owned());
+    }
+    read.standard = Some(standard);
+    read.range_km = Some(ranges);
+    read.phase_deg = Some(phases);
+    read.filter = Some(filter);
+    Ok(read)
+}
+
+/// Blocks of metadata and data lines.
+fn alcdef(path: &Path, text: &str) -> Result<Photometry, ParseError> {
+    enum Part {
+        Between,
+        Metadata,
+        Data,
+    }
+    let mut read = Photometry::default();
+    let (mut sessions, mut filters, mut sigma) = (Vec::new(), Vec::new(), Vec::new());
+    let mut part = Part::Between;
+    let mut meta: BTreeMap<String, String> = BTreeMap::new();
+    let mut number_of_session = 0;
+    for (number, line) in text.lines().enumerate() {
+        let line = line.trim();
+        let wrong = |found: String, expected: &str| {
+            ParseError::new(path, found, expected).at_line(number as u64 + 1)
+        };
+        if line.is_empty() || line.starts_with('#') {
+            continue;
+        }
+        let upper = line.to_ascii_uppercase();
+        match (&part, upper.as_str()) {
+            (_, "STARTMETADATA") => {
+                meta.clear();
+                number_of_session += 1;
+                part = Part::Metadata;
+                continue;
+            }
+            (Part::Metadata, "ENDMETADATA") => {
+                let light_time = meta.get("LTCAPP").map(|v| v.to_ascii_uppercase());
+                let mut note = |text: &str| {
+                    if !read.notes.iter().any(|n| n == text) {
+                        read.notes.push(text.to_owned());
+                    }
+                };
+                match light_time.as_deref() {
+                    Some("AVERAGE" | "POINT") => {
+                        note("LTCAPP: the light's way to the observer is taken off the times")
+                    }
+                    Some("NONE") | None => {}
+                    Some(other) => {
+                        return Err(wrong(format!("LTCAPP={other}"), "NONE, AVERAGE or POINT"));
+                    }
+                }
+                if meta.get("REDUCEDMAGS").is_some_and(|v| !v.eq_ignore_ascii_case("NONE")) {
+                    note(
+                        "REDUCEDMAGS: the distances to Sun and observer are taken off the magnitudes",
+                    );
+                }
+                if meta.get("DIFFERMAGS").is_some_and(|v| v.eq_ignore_ascii_case("TRUE")) {
+                    read.is_relative = true;
+                    note(
+                        "DIFFERMAGS: magnitudes are differences from comparison stars: zero points are unknown",
+                    );
+                }
+                let named = meta.get("OBJECTNAME").filter(|n| !n.is_empty());
+                if let (true, Some(name)) = (read.target.is_empty(), named) {
+                    read.target.clone_from(name);
+                }
+                part = Part::Between;
+                continue;
+            }
+            (_, "ENDDATA") => {
+                part = Part::Between;
+                continue;
+            }
+            _ => {}
+        }
+        let Some((key, value)) = line.split_once('=') else {
+            return Err(wrong(format!("`{}`", shortened(line)), "KEY=VALUE"));
+        };
+        let (key, value) = (key.trim().to_ascii_uppercase(), value.trim());
+        if let Part::Metadata = part {
+            meta.insert(key, value.to_owned());
+            continue;
+        }
+        if key != "DATA" {
+            // Standard 2.1: comments may stand between the blocks.
+            if key.starts_with("COMMENT") {
+                continue;
+            }
+            return Err(wrong(
+                format!("`{}`", shortened(&key)),
+                "STARTMETADATA, DATA=… or ENDDATA",
+            ));
+        }
+        if number_of_session == 0 {
+            return Err(wrong("DATA before any STARTMETADATA".into(), "metadata first"));
+        }
+        part = Part::Data;
+        let delimiter = match meta.get("DELIMITER").map(|d| d.to_ascii_uppercase()).as_deref() {
+            Some("PIPE") => '|',
+            Some("TAB") => '\t',
+            Some(other) => {
+                return Err(wrong(format!("DELIMITER={}", shortened(other)), "PIPE or TAB"));
+            }
+            None => {
+                return Err(wrong("no DELIMITER in the metadata".into(), "DELIMITER=PIPE or TAB"));
+            }
+        };
+        let fields: Vec<&str> = value.split(delimiter).map(str::trim).collect();
+        let [day, magnitude, others @ ..] = fields.as_slice() else {
+            return Err(wrong(
+                format!("{} field", fields.len()),
+                "JD, magnitude and perhaps error and airmass",
+            ));
+        };
+        let time = of_julian_text(day, Scale::Utc).ok_or_else(|| {
+            wrong(format!("`{}`", shortened(day)), "a Julian date (UT) from 1972 to 2100")
+        })?;
+        let finite = |text: &str, what: &str| match text.parse::<f64>() {
+            Ok(v) if v.is_finite() => Ok(v),
+            _ => Err(wrong(format!("`{}`", shortened(text)), what)),
+        };
+        let adjust = match meta.get("MAGADJUST").filter(|a| !a.is_empty()) {
+            Some(text) => finite(text, "MAGADJUST, mag")?,
+            None => 0.0,
+        };
+        read.time.push(time);
+        read.magnitude.push(finite(magnitude, "a magnitude")? + adjust);
+        sigma.push(match others.first().filter(|e| !e.is_empty()) {
+            Some(text) => finite(text, "an uncertainty, mag")?,
+            None => f64::NAN,
+        });
+        let date = meta.get("SESSIONDATE").map_or("", String::as_str);
+        sessions.push(format!("{number_of_session} {date}").trim_end().to_owned());
+        let band = meta.get("MAGBAND").or_else(|| meta.get("FILTER"));
+        filters.push(band.cloned().unwrap_or_default());
+    }
+    if sigma.iter().any(|s: &f64| *s > 0.0) {
+        read.sigma_mag = Some(sigma);
+    }
+    read.session = Some(sessions);
+    read.filter = Some(filters);
+    Ok(read)
+}
+
+fn shortened(text: &str) -> String {
+    text.chars().take(40).collect()
+}
+
+/// Magnitudes of the segments of a tracking data message.
+fn tdm(path: &Path, text: &str) -> Result<Photometry, ParseError> {
+    #[derive(PartialEq)]
+    enum Part {
+        Header,
+        Metadata,
+        Data,
+    }
+    let mut read = Photometry::default();
+    let mut part = Part::Header;
+    let mut meta: BTreeMap<String, String> = BTreeMap::new();
+    let (mut exposures, mut beside) = (Vec::new(), BTreeMap::<String, usize>::new());
+    for (number, line) in text.lines().enumerate() {
+        let line = line.trim();
+        let wrong = |found: String, expected: &str| {
+            ParseError::new(path, found, expected).at_line(number as u64 + 1)
+        };
+        if line.is_empty() || line == "COMMENT" || line.starts_with("COMMENT ") {
+            continue;
+        }
+        match line {
+            "META_START" => {
+                meta.clear();
+                part = Part::Metadata;
+                continue;
+            }
+            "META_STOP" | "DATA_STOP" => {
+                part = Part::Header;
+                continue;
+            }
+            "DATA_START" => {
+                part = Part::Data;
+                continue;
+            }
+            _ => {}
+        }
+        let Some((key, value)) = line.split_once('=') else {
+            return Err(wrong(format!("`{}`", shortened(line)), "KEY = VALUE"));
+        };
+        let (key, value) = (key.trim(), value.trim());
+        if part != Part::Data {
+            meta.insert(key.to_owned(), value.to_owned());
+            continue;
+        }
+        if key != "MAG" {
+            *beside.entry(shortened(key)).or_default() += 1;
+            continue;
+        }
+        let mut words = value.split_whitespace();
+        let (Some(epoch), Some(magnitude), None) = (words.next(), words.next(), words.next())
+        else {
+            return Err(wrong(format!("`{}`", shortened(value)), "an epoch and a magnitude"));
+        };
+        let name = meta.get("TIME_SYSTEM").map_or("", String::as_str);
+        let scale = Scale::of(name).ok_or_else(|| {
+            wrong(format!("TIME_SYSTEM `{}`", shortened(name)), "UTC, TAI, TT or TDB")
+        })?;
+        let time = of_ccsds_text(epoch, scale).ok_or_else(|| {
+            wrong(
+                format!("`{}`", shortened(epoch)),
+                "an epoch such as 2005-06-30T12:00:00.5 or 2005-181T12:00:00.5, 1972 to 2100",
+            )
+        })?;
+        let exposure = match meta.get("INTEGRATION_INTERVAL") {
+            Some(text) => text.parse::<f64>().ok().filter(|s| s.is_finite() && *s > 0.0),
+            None => None,
+        };
+        let shift_s = match (meta.get("INTEGRATION_REF").map(String::as_str), exposure) {
+            (Some("START"), Some(s)) => 0.5 * s,
+            (Some("END"), Some(s)) => -0.5 * s,
+            (Some("START" | "END"), None) => {
+                return Err(wrong(
+                    "INTEGRATION_REF without INTEGRATION_INTERVAL".into(),
+                    "how long a sample took, s",
+                ));
+            }
+            _ => 0.0,
+        };
+        let magnitude: f64 = match magnitude.parse::<f64>() {
+            Ok(m) if m.is_finite() => m,
+            _ => return Err(wrong(format!("`{}`", shortened(magnitude)), "a magnitude")),
+        };
+        read.time.push(time + Duration::from_seconds(shift_s));
+        read.magnitude.push(magnitude);
+        exposures.push(exposure);
+        if let (true, Some(name)) = (read.target.is_empty(), meta.get("PARTICIPANT_2")) {
+            read.target.clone_from(name);
+        }
+    }
+    // Either all say how long they took, or nobody knows it.
+    read.exposure_s = exposures.into_iter().collect();
+    for (key, n) in beside {
+        read.notes.push(format!("{n} values of {key} are not read: magnitudes alone are"));
+    }
+    Ok(read)
+}
+
+/// An epoch of CCSDS, calendar or day of year, in a time scale.
+fn of_ccsds_text(text: &str, scale: Scale) -> Option<Epoch> {
+    let (date, clock) = text.trim_end_matches('Z').split_once('T')?;
+    let numbers: Vec<&str> = date.split('-').collect();
+    if !numbers.iter().all(|n| n.bytes().all(|b| b.is_ascii_digit())) {
+        return None;
+    }
+    let of_year = |year: &str| {
+        let first = parse_utc(&format!("{year}-01-01T00:00:00Z")).ok()?;
+        Some(UtcDay::containing(first)?.mjd)
+    };
+    let mjd = match numbers.as_slice() {
+        [year, day] if day.len() == 3 => {
+            let day = day.parse::<i64>().ok().filter(|d| (1..=366).contains(d))?;
+            of_year(year)? + day - 1
+        }
+        [year, month, day] => {
+            let at = parse_utc(&format!("{year}-{month}-{day}T00:00:00Z")).ok()?;
+            UtcDay::containing(at)?.mjd
+        }
+        _ => return None,
+    };
+    let mut parts = clock.split(':');
+    let (h, m, s) = (parts.next()?, parts.next()?, parts.next()?);
+    if parts.next().is_some() {
+        return None;
+    }
+    let (h, m, s): (u32, u32, f64) = (h.parse().ok()?, m.parse().ok()?, s.parse().ok()?);
+    if h > 23 || m > 59 || !(0.0..61.0).contains(&s) {
+        return None;
+    }
+    // From the day's start, so that a leap second is one.
+    let start = moment(mjd, 0.0, scale)?;
+    Some(start + Duration::from_seconds(f64::from(3600 * h + 60 * m)) + Duration::from_seconds(s))
+}
