@@ -17,14 +17,18 @@ pub struct Pointing {
     known: Option<(Target, Option<Body>)>,
 }
 
+/// A target with a place.
 #[derive(Debug)]
-enum Body {
+pub(crate) enum Body {
+    /// A star.
     Star(Box<Star>),
+    /// A satellite.
     Orbit(Box<Orbit>),
 }
 
 impl Body {
-    fn of(target: &Target) -> Option<Self> {
+    /// The body of a target; `None` where its place or elements are none.
+    pub(crate) fn of(target: &Target) -> Option<Self> {
         match (&target.tle, target.ra_deg, target.dec_deg) {
             (Some([line1, line2]), ..) => {
                 let sets = tle::parse("the session's elements", &format!("{line1}\n{line2}\n"));

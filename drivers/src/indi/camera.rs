@@ -6,7 +6,7 @@ use super::property::{Blob, Event, State};
 use super::session::{Kind, Session, SessionSettings, check_range};
 use crate::clock::{Deadline, utc_now};
 use crate::device::{
-    self, Device, DeviceError, Identity, Interrupted, Origin, Setting, Value, Window,
+    self, Device, DeviceError, Identity, Interrupted, Limits, Origin, Setting, Value, Window,
 };
 use crate::transport::Bytes;
 use hifitime::Epoch;
@@ -608,6 +608,24 @@ impl<T: Bytes> Device for Camera<T> {
 }
 
 impl<T: Bytes> device::Camera for Camera<T> {
+    fn limits(&self) -> Option<Limits> {
+        let range = |name: &str, member: &str| self.session.property(name)?.range(member);
+        let cooler = self.session.property("CCD_TEMPERATURE").filter(|vector| vector.writable);
+        // A driver that says no range takes all numbers.
+        let any = [f64::MIN, f64::MAX];
+        let mut limits = Limits::default();
+        limits.exposure_s = range("CCD_EXPOSURE", "CCD_EXPOSURE_VALUE");
+        limits.gain =
+            self.gain_place().ok().map(|(name, member)| range(name, member).unwrap_or(any));
+        limits.temperature_c =
+            cooler.map(|vector| vector.range("CCD_TEMPERATURE_VALUE").unwrap_or(any));
+        limits.binning = match self.session.property("CCD_BINNING") {
+            None => Some(1),
+            Some(vector) => vector.range("HOR_BIN").map(|[_, most]| most as u32),
+        };
+        Some(limits)
+    }
+
     fn sensor_px(&self) -> [u32; 2] {
         self.sensor_px
     }
