@@ -6,7 +6,7 @@
 use hifitime::{Epoch, TimeScale};
 use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// The longest sleep between two looks at the cancel token.
@@ -20,12 +20,60 @@ pub trait Clock: Send + Sync + fmt::Debug {
     fn sleep(&self, time: Duration);
 }
 
-/// UTC of the computer's clock.
-pub fn utc_now() -> Epoch {
+/// UTC of the computer's clock as it stands now: it steps when somebody sets it.
+pub fn computer_utc() -> Epoch {
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let nanoseconds = i128::try_from(since_1970.as_nanos()).unwrap_or(i128::MAX);
     let epoch = Epoch::from_unix_duration(hifitime::Duration::from_total_nanoseconds(nanoseconds));
     epoch.to_time_scale(TimeScale::TAI)
+}
+
+/// UTC that never steps: the computer's clock at a moment, carried on by a monotonic clock.
+///
+/// The monotonic clock follows the rate corrections of NTP, so that a clock that is steered stays right. A step changes nothing until it is adopted.
+#[derive(Debug, Clone, Copy)]
+struct SteadyUtc {
+    utc: Epoch,
+    monotonic: Duration,
+}
+
+impl SteadyUtc {
+    fn at(&self, monotonic: Duration) -> Epoch {
+        let passed = monotonic.saturating_sub(self.monotonic).as_nanos();
+        let passed = i128::try_from(passed).unwrap_or(i128::MAX);
+        self.utc + hifitime::Duration::from_total_nanoseconds(passed)
+    }
+}
+
+static STEADY: Mutex<Option<SteadyUtc>> = Mutex::new(None);
+static ADOPTED: AtomicU64 = AtomicU64::new(0);
+
+/// UTC for time stamps and plans: the computer's clock as it stood when it was first asked, carried on by the monotonic clock. It does not step
+/// with the computer's clock: see [`clock_offset_s`] and [`adopt_computer_clock`].
+pub fn utc_now() -> Epoch {
+    let monotonic = SystemClock.now();
+    let mut steady = STEADY.lock().unwrap_or_else(PoisonError::into_inner);
+    steady.get_or_insert_with(|| SteadyUtc { utc: computer_utc(), monotonic }).at(monotonic)
+}
+
+/// How far the computer's clock has stepped away from [`utc_now`], s: above zero where it jumped ahead. It is near zero where it did not.
+pub fn clock_offset_s() -> f64 {
+    let steady = utc_now();
+    (computer_utc() - steady).to_seconds()
+}
+
+/// Lets [`utc_now`] go on from the computer's clock as it stands now. Gives the step, s.
+pub fn adopt_computer_clock() -> f64 {
+    let step_s = clock_offset_s();
+    let now = SteadyUtc { utc: computer_utc(), monotonic: SystemClock.now() };
+    *STEADY.lock().unwrap_or_else(PoisonError::into_inner) = Some(now);
+    ADOPTED.fetch_add(1, Ordering::SeqCst);
+    step_s
+}
+
+/// How often the computer's clock was adopted: who keeps times of before begins anew when this changes.
+pub(crate) fn adoptions() -> u64 {
+    ADOPTED.load(Ordering::SeqCst)
 }
 
 /// The computer's monotonic clock.
@@ -206,7 +254,7 @@ impl Deadline {
 pub struct DeviceClock {
     /// What waits are on.
     pub clock: Arc<dyn Clock>,
-    /// UTC where the clock shows zero; `None` for the computer's own UTC.
+    /// UTC where the clock shows zero; `None` for [`utc_now`].
     pub zero_utc: Option<Epoch>,
 }
 
@@ -255,6 +303,18 @@ mod tests {
         }
         assert_eq!(clock.now(), Duration::from_secs(10_000));
         assert!(begun.elapsed() < Duration::from_secs(10), "a virtual second must not be real");
+    }
+
+    /// Truth: arithmetic: 7.25 s on the monotonic clock are 7.25 s of UTC, whatever the computer's clock does meanwhile.
+    #[test]
+    fn steady_utc_goes_with_the_monotonic_clock() {
+        let utc = sunglint_formats::time::parse_utc("2020-11-18T17:00:00Z").unwrap();
+        let steady = SteadyUtc { utc, monotonic: Duration::from_secs(100) };
+        let later = steady.at(Duration::from_millis(107_250));
+        assert_eq!(sunglint_formats::time::format_utc(later, 3), "2020-11-18T17:00:07.250Z");
+        // Two clocks of one computer, read one after the other.
+        assert!(clock_offset_s().abs() < 1.0);
+        assert!((computer_utc() - utc_now()).to_seconds().abs() < 1.0);
     }
 
     #[test]

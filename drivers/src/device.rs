@@ -215,8 +215,29 @@ pub struct Window {
     pub binning: [u32; 2],
 }
 
+/// Ranges of a camera's settings, as its driver says them.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
+pub struct Limits {
+    /// Shortest and longest exposure, s.
+    pub exposure_s: Option<[f64; 2]>,
+    /// Least and largest gain, in the camera's own steps; `None` for a camera without.
+    pub gain: Option<[f64; 2]>,
+    /// Lowest and highest temperature that the cooler takes, °C; `None` for a camera without.
+    pub temperature_c: Option<[f64; 2]>,
+    /// The largest binning.
+    pub binning: Option<u32>,
+    /// Names of the filters before it, where they are known.
+    pub filters: Vec<String>,
+}
+
 /// A camera.
 pub trait Camera: Device {
+    /// Ranges of its settings, where its driver says them. Nothing is asked or set.
+    fn limits(&self) -> Option<Limits> {
+        None
+    }
+
     /// Columns and rows of the sensor, px.
     fn sensor_px(&self) -> [u32; 2];
 

@@ -1,13 +1,11 @@
 //! Offset of the computer's clock from UTC, as far as the computer knows it, and its steps.
 
-use hifitime::Epoch;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::Duration;
 use sunglint_formats::session::ClockState;
 
 /// A step of the clock that is worth a note, s: a clock that is steered drifts by 5e-4 of the time between two looks at most.
-const STEP_S: f64 = 0.02;
+pub(crate) const STEP_S: f64 = 0.02;
 
 /// Returns the state of the computer's clock as chrony tells it, else systemd-timesyncd; the method is `none` where neither runs.
 pub fn measured() -> ClockState {
@@ -70,30 +68,9 @@ fn timesyncd() -> Option<ClockState> {
     running.is_dir().then(|| state(running.join("synchronized").exists()))
 }
 
-/// Watch for steps of UTC against a monotonic clock.
-#[derive(Debug, Clone, Copy)]
-pub struct StepWatch {
-    last: (Epoch, Duration),
-}
-
-impl StepWatch {
-    /// From now on.
-    pub fn new(utc: Epoch, monotonic: Duration) -> Self {
-        Self { last: (utc, monotonic) }
-    }
-
-    /// Returns the step of UTC since the last call, s; nothing where there is none.
-    pub fn step_s(&mut self, utc: Epoch, monotonic: Duration) -> Option<f64> {
-        let (then, before) = std::mem::replace(&mut self.last, (utc, monotonic));
-        let step_s = (utc - then).to_seconds() - monotonic.saturating_sub(before).as_secs_f64();
-        (step_s.abs() > STEP_S).then_some(step_s)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sunglint_formats::time::parse_utc;
 
     /// Truth: chrony 4.3's answer in its documentation's order of fields, with the accuracy that it defines: |system time| + root
     /// dispersion + root delay / 2.
@@ -107,19 +84,5 @@ mod tests {
         let lost = tracking(&line.replace("Normal", "Not synchronised")).unwrap();
         assert_eq!((lost.synchronised, lost.offset_s), (Some(false), None));
         assert_eq!(tracking("506 Cannot talk to daemon"), None);
-    }
-
-    /// Truth: steps that the test makes; a drift of 500 ppm, the kernel's largest slew, is none.
-    #[test]
-    fn a_step_is_told_from_a_drift() {
-        let start = parse_utc("2020-11-18T17:00:00Z").unwrap();
-        let at = |s: f64| start + hifitime::Duration::from_seconds(s);
-        let mut watch = StepWatch::new(at(0.0), Duration::ZERO);
-        assert_eq!(watch.step_s(at(10.005), Duration::from_secs(10)), None);
-        let step = watch.step_s(at(14.505), Duration::from_secs(11)).unwrap();
-        assert!((step - 3.5).abs() < 1e-6, "{step}");
-        let step = watch.step_s(at(12.505), Duration::from_secs(12)).unwrap();
-        assert!((step + 3.0).abs() < 1e-6, "{step}");
-        assert_eq!(watch.step_s(at(13.505), Duration::from_secs(13)), None);
     }
 }

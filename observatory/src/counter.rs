@@ -35,8 +35,8 @@ impl CounterWork {
     /// Opens the counter and counts until the night is over.
     pub fn run(&mut self, worker: &mut Worker) -> Result<(), DeviceError> {
         let mut counter = worker.opener.counter(&self.plan, &worker.within(READY))?;
-        let columns = self.columns(counter.as_ref())?;
-        self.prepare(counter.as_mut(), &columns, worker)?;
+        let columns = self.columns(counter.as_ref()).map_err(|error| worker.setting(error))?;
+        self.prepare(counter.as_mut(), &columns, worker).map_err(|error| worker.setting(error))?;
         worker.opened(counter.as_mut())?;
         let bin_s = self.plan.bin_s.get();
         let (bin_ps, soon) = ((bin_s * 1e12).round() as i64, worker.within(SOON));

@@ -5,6 +5,7 @@
 //! waits for the mount.
 //!
 //! - [`Plan`]: NIGHT.toml: station, devices, targets and their times;
+//! - [`preflight`]: whether a night can be what its plan says, before it begins;
 //! - [`Night`]: a night that is ready to run, and [`Night::run`];
 //! - [`Opener`]: the source of the devices: the [`Catalogue`] of drivers, a session that is played back ([`Playback`]), or anything
 //!   else that implements the trait, such as a virtual observatory;
@@ -54,6 +55,7 @@ mod opener;
 mod plan;
 mod playback;
 mod pointing;
+mod preflight;
 mod replay;
 mod schedule;
 mod status;
@@ -66,6 +68,7 @@ pub use plan::{
     CameraPlan, CounterPlan, MakeVirtual, Plan, PlanError, VIRTUAL_ADDRESS, VirtualRequest,
 };
 pub use playback::Playback;
+pub use preflight::{Level, PlanFinding, Preflight, PreflightOptions, preflight};
 pub use replay::ReplayError;
 pub use schedule::{Schedule, Slot};
 pub use status::{DeviceStatus, LastFrame, Snapshot, State, free_bytes};

@@ -1,14 +1,14 @@
 //! A night from its first frame to its last: one thread for each device, one that writes, and this one, which watches them.
 
 use super::camera::CameraWork;
-use super::clock::{self, StepWatch};
+use super::clock::{self, STEP_S};
 use super::counter::CounterWork;
 use super::disk;
 use super::opener::Opener;
 use super::plan::{CameraPlan, CounterPlan, Plan};
 use super::pointing::Pointing;
 use super::schedule::Schedule;
-use super::status::{Snapshot, Status};
+use super::status::{Snapshot, State, Status};
 use super::worker::Worker;
 use hifitime::Epoch;
 use std::collections::BTreeMap;
@@ -17,7 +17,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-use sunglint_drivers::clock::{Cancel, DeviceClock};
+use sunglint_drivers::clock::{
+    Cancel, DeviceClock, adopt_computer_clock, clock_offset_s, computer_utc,
+};
 use sunglint_formats::FileError;
 use sunglint_formats::session::{Disk, FORMAT, Manifest, SessionWriter, Storage, TargetKind, What};
 use sunglint_formats::time::format_utc;
@@ -27,6 +29,10 @@ use sunglint_radiometry::station::Station;
 const POLL: Duration = Duration::from_millis(50);
 /// Time between two looks at the clock.
 const CLOCK: Duration = Duration::from_secs(1);
+/// Time between two questions whether a clock that stepped is synchronised now.
+const CONFIRM: Duration = Duration::from_secs(10);
+/// A sleep that takes so much longer is a stall of the process.
+const STALL: Duration = Duration::from_millis(500);
 
 /// All that a night is made of.
 #[derive(Debug)]
@@ -53,6 +59,8 @@ pub struct Night {
     pub end: Option<Epoch>,
     /// When it ended, for one that is played back.
     pub ended: Option<Epoch>,
+    /// Whether the plan names times of day in UTC (passes): it then follows the computer's clock after a step that a synchronised source confirms.
+    pub in_utc: bool,
 }
 
 /// Why a night cannot run, or did not end in good order.
@@ -109,6 +117,12 @@ pub enum Incomplete {
         /// The disk's last error, or where it is told.
         reason: String,
     },
+    /// Devices that can never do what was asked of them.
+    #[error("{}; the other devices went on", failed.iter().map(|(device, error)| format!("{device} was given up: {error}")).collect::<Vec<_>>().join("; "))]
+    Failed {
+        /// The devices' names, each with what it said.
+        failed: Vec<(String, String)>,
+    },
     /// Devices that gave nothing in a night that was not stopped early.
     #[error("nothing came from {}: see events.jsonl of {}", devices.join(", "), session.display())]
     Silent {
@@ -130,6 +144,10 @@ pub struct Summary {
     pub taken: BTreeMap<String, u64>,
     /// How often each device was lost.
     pub losses: BTreeMap<String, u64>,
+    /// Frames of each camera that were refused, because they are not what was asked for.
+    pub refused: BTreeMap<String, u64>,
+    /// Devices that can never do what was asked of them, each with what it said.
+    pub failed: Vec<(String, String)>,
     /// Devices that gave nothing.
     pub silent: Vec<String>,
     /// Rows and frames that are not on the disk.
@@ -149,6 +167,9 @@ impl Summary {
         if self.not_written > 0 {
             let reason = self.disk_error.clone().unwrap_or_else(|| "see its event log".into());
             return Err(Incomplete::NotWritten { not_written: self.not_written, reason });
+        }
+        if !self.failed.is_empty() {
+            return Err(Incomplete::Failed { failed: self.failed.clone() });
         }
         if !self.silent.is_empty() && !self.stopped {
             let (devices, session) = (self.silent.clone(), self.root.clone());
@@ -207,6 +228,7 @@ impl Night {
             schedule: plan.schedule,
             end: plan.to,
             ended: None,
+            in_utc: plan.in_utc,
         }
     }
 
@@ -244,6 +266,7 @@ impl Night {
             status: status.clone(),
             lost_at: None,
             again_in: Duration::ZERO,
+            permanent: false,
         };
         let mut threads: Vec<JoinHandle<()>> = Vec::new();
         for plan in &self.cameras {
@@ -256,7 +279,14 @@ impl Night {
             let worker = worker(&plan.name);
             threads.push(thread(&plan.name, move || worker.supervise(|worker| work.run(worker)))?);
         }
-        let watch = Watch { night: &self, status: &status, disk: &disk, told: 0 };
+        let watch = Watch {
+            night: &self,
+            status: &status,
+            disk: &disk,
+            told: 0,
+            offset_s: clock_offset_s(),
+            asked: None,
+        };
         let utc = watch.until_all_end(&threads, live, show);
         let crashed = threads.into_iter().filter_map(|thread| thread.join().err()).count();
         // The writer ends once nobody can send to it any more.
@@ -291,11 +321,20 @@ impl Night {
             utc,
             taken: each(&|name| of(name).taken),
             losses: each(&|name| of(name).losses),
+            refused: each(&|name| of(name).refused),
+            failed: self.names().filter_map(|name| failure(name, of(name).state)).collect(),
             silent: self.names().filter(|n| of(n).taken == 0).map(str::to_owned).collect(),
             not_written: last.missing,
             disk_error: last.disk_error.clone(),
             stopped,
         }
+    }
+}
+
+fn failure(name: &str, state: State) -> Option<(String, String)> {
+    match state {
+        State::Failed { error } => Some((name.to_owned(), error)),
+        _ => None,
     }
 }
 
@@ -312,6 +351,10 @@ struct Watch<'a> {
     disk: &'a disk::Disk,
     /// Slots of the schedule that the log has.
     told: usize,
+    /// How far the computer's clock was from the night's time at the last look, s.
+    offset_s: f64,
+    /// When it was asked last whether the computer's clock is synchronised.
+    asked: Option<Instant>,
 }
 
 impl Watch<'_> {
@@ -324,23 +367,27 @@ impl Watch<'_> {
     ) -> Epoch {
         let begun = Instant::now();
         let utc = || DeviceClock::live().utc();
-        let (mut watch, mut looked) = (StepWatch::new(utc(), Duration::ZERO), Duration::ZERO);
+        let mut looked = Duration::ZERO;
         while !threads.iter().all(JoinHandle::is_finished) {
             self.tell_targets(self.status.utc());
             let now = begun.elapsed();
             if live && now.saturating_sub(looked) >= CLOCK {
                 looked = now;
-                if let Some(step_s) = watch.step_s(utc(), begun.elapsed()) {
-                    self.disk.event(utc(), What::ClockStep { step_s });
-                    self.status.say(format!("the computer's clock stepped by {step_s:+.3} s"));
-                }
+                self.look_at_clock();
             }
             let mut snapshot = self.status.snapshot();
             let target = self.night.schedule.at(snapshot.utc);
             snapshot.target =
                 target.filter(|t| t.target_kind != TargetKind::None).map(|t| t.name.clone());
             show(snapshot);
+            let slept = Instant::now();
             std::thread::sleep(POLL);
+            let stall = slept.elapsed().saturating_sub(POLL);
+            if live && stall >= STALL {
+                let stall_s = stall.as_secs_f64();
+                self.disk.event(utc(), What::Stall { stall_s });
+                self.status.say(format!("the program stood still for {stall_s:.1} s"));
+            }
         }
         let end = self.night.ended.unwrap_or_else(|| self.status.utc());
         self.tell_targets(end);
@@ -348,6 +395,61 @@ impl Watch<'_> {
             self.disk.event(utc(), What::Clock(clock::measured()));
         }
         end
+    }
+
+    /// Tells of a step of the computer's clock. The night's time goes on as it was, until a synchronised source confirms the step and the plan is in UTC.
+    fn look_at_clock(&mut self) {
+        let now = DeviceClock::live().utc();
+        let offset_s = clock_offset_s();
+        let step_s = offset_s - self.offset_s;
+        self.offset_s = offset_s;
+        if step_s.abs() > STEP_S {
+            let computer_utc = Some(format_utc(computer_utc(), 3));
+            self.disk.event(now, What::ClockStep { step_s, computer_utc });
+            self.status.say(format!(
+                "the computer's clock stepped by {step_s:+.3} s; the night's own time goes on as it was"
+            ));
+            self.asked = None;
+        }
+        let due = self.asked.is_none_or(|asked| asked.elapsed() >= CONFIRM);
+        if offset_s.abs() <= STEP_S || !self.night.in_utc || !due {
+            return;
+        }
+        self.asked = Some(Instant::now());
+        let state = clock::measured();
+        if state.synchronised != Some(true) {
+            return;
+        }
+        let step_s = adopt_computer_clock();
+        self.offset_s = clock_offset_s();
+        let utc = DeviceClock::live().utc();
+        self.disk.event(utc, What::ClockAdopted { step_s });
+        self.disk.event(utc, What::Clock(state));
+        self.status.say(format!(
+            "{} confirms the computer's clock: the night's time is corrected by {step_s:+.3} s",
+            self.night.manifest.clock.method
+        ));
+        self.time_again(now, utc);
+    }
+
+    /// After a correction of the night's time from `before` to `now`: names the visits that are past without having been, and tells the present one.
+    fn time_again(&mut self, before: Epoch, now: Epoch) {
+        let slots = self.night.schedule.slots();
+        let missed = slots.iter().filter(|slot| {
+            let planned = slot.target.target_kind != TargetKind::None;
+            planned && slot.from > before && slot.to.is_some_and(|to| to <= now)
+        });
+        for slot in missed {
+            let about = slot.target.name.clone();
+            let error = "its visit was missed: by the corrected clock it is past".to_owned();
+            self.status.say(format!("{about}: {error}"));
+            self.disk.event(now, What::Error { about, error });
+        }
+        let begun = slots.iter().filter(|slot| slot.from <= now).count();
+        self.told = begun;
+        if let Some(slot) = begun.checked_sub(1).and_then(|last| slots.get(last)) {
+            self.disk.event(now, What::Target(slot.target.clone()));
+        }
     }
 
     fn tell_targets(&mut self, utc: Epoch) {

@@ -255,6 +255,8 @@ pub struct Plan {
     pub schedule: Schedule,
     /// Whether a virtual night stands in for the devices.
     pub is_virtual: bool,
+    /// Whether it names times in UTC, not only `now` and durations.
+    pub in_utc: bool,
     /// The files of the configuration: names within the session's folder, and bytes.
     pub files: Vec<(String, Vec<u8>)>,
 }
@@ -333,6 +335,12 @@ impl Plan {
             let request = VirtualRequest { file: &file, station: &station, from, slots, files };
             make_virtual(request).map_err(PlanError::Virtual)?;
         }
+        let visits = written.visits.iter().flat_map(|visit| [&visit.from, &visit.to]);
+        let in_utc = [&written.from, &written.to]
+            .into_iter()
+            .chain(visits)
+            .flatten()
+            .any(|text| !text.eq_ignore_ascii_case("now"));
         let top = |name: &str| name.to_owned();
         let to = end(document, &top, from, time("to", &written.to)?, written.for_s)?;
         let to = to.or_else(|| slots.last().and_then(|last| last.to));
@@ -347,6 +355,7 @@ impl Plan {
             counters: written.counters,
             schedule: Schedule::new(slots),
             is_virtual: written.virtual_night.is_some(),
+            in_utc,
             files,
         })
     }

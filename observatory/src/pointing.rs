@@ -2,8 +2,10 @@
 
 use hifitime::Epoch;
 use sunglint_ephemeris::orbit::{Orbit, TleOrbit, tle};
-use sunglint_formats::fits::Header;
+use sunglint_formats::Frame;
 use sunglint_formats::session::{Target, TargetKind};
+use sunglint_formats::time::format_utc_shortest;
+use sunglint_radiometry::constants::LIGHT_M_PER_S;
 use sunglint_radiometry::sky::{EarthOrientation, Equatorial, Observer, Star};
 use sunglint_radiometry::station::Station;
 
@@ -15,14 +17,18 @@ pub struct Pointing {
     known: Option<(Target, Option<Body>)>,
 }
 
+/// A target with a place.
 #[derive(Debug)]
-enum Body {
+pub(crate) enum Body {
+    /// A star.
     Star(Box<Star>),
+    /// A satellite.
     Orbit(Box<Orbit>),
 }
 
 impl Body {
-    fn of(target: &Target) -> Option<Self> {
+    /// The body of a target; `None` where its place or elements are none.
+    pub(crate) fn of(target: &Target) -> Option<Self> {
         match (&target.tle, target.ra_deg, target.dec_deg) {
             (Some([line1, line2]), ..) => {
                 let sets = tle::parse("the session's elements", &format!("{line1}\n{line2}\n"));
@@ -44,28 +50,64 @@ impl Pointing {
         Self { station, known: None }
     }
 
-    /// Puts into a frame's header what the plan says of its target: name and kind, and where it stands.
-    pub fn describe(&mut self, target: Option<&Target>, utc: Epoch, header: &mut Header) {
+    /// Electrons for one ADU, as the station's file has it.
+    pub fn gain_e_per_adu(&self) -> Option<f64> {
+        self.station.camera.as_ref().map(|camera| camera.gain_e_per_adu)
+    }
+
+    /// Puts into a frame's header where and when it was taken, and what the plan says of its target. `utc` is the middle of the exposure, `told` the
+    /// frame type that the camera was told.
+    pub fn describe(
+        &mut self,
+        target: Option<&Target>,
+        utc: Epoch,
+        told: Option<&str>,
+        frame: &mut Frame,
+    ) {
+        let start = frame.start;
+        let header = &mut frame.header;
         header.set("OBSERVAT", self.station.name.as_str(), "station");
-        let dark = target.is_some_and(|target| target.target_kind == TargetKind::Dark);
-        header.set("IMAGETYP", if dark { "Dark Frame" } else { "Light Frame" }, "");
+        let place = self.station.site.geodetic();
+        header.set("SITELAT", place.latitude_deg, "deg, geodetic (WGS 84)");
+        header.set("SITELONG", place.longitude_deg, "deg, east");
+        header.set("SITEELEV", place.height_m, "m above the ellipsoid");
+        let middle = format_utc_shortest(utc);
+        header.set("DATE-AVG", middle.trim_end_matches('Z'), "middle of the exposure, UTC");
+        header.set("MJD-OBS", start.to_mjd_utc_days(), "d, start of the exposure, UTC");
+        header.set("MJD-AVG", utc.to_mjd_utc_days(), "d, middle of the exposure, UTC");
+        let planned_dark = target.is_some_and(|target| target.target_kind == TargetKind::Dark);
+        let said = header.text("FRAME").or(told).map(|word| word.trim().to_ascii_lowercase());
+        let kind = match said.as_deref() {
+            Some("dark") => "Dark Frame",
+            Some("bias") => "Bias Frame",
+            Some("flat" | "flat field") => "Flat Field",
+            Some("light") => "Light Frame",
+            _ if planned_dark => "Dark Frame",
+            _ => "Light Frame",
+        };
+        header.set("IMAGETYP", kind, "");
         let Some(target) = target else { return };
         header.set("OBJECT", target.name.as_str(), "target, as planned");
         let kind = serde_json::to_value(target.target_kind).ok();
         let kind = kind.as_ref().and_then(|kind| kind.as_str()).unwrap_or("none").to_owned();
         header.set("OBJTYPE", kind, "star, satellite, sky, dark or none");
         let Some([azimuth, altitude, ra, dec]) = self.place(target, utc) else { return };
+        let header = &mut frame.header;
+        header.set("RADESYS", "ICRS", "axes of RA and DEC");
         for (keyword, value, comment) in [
-            ("RA", ra, "deg, ICRS axes: the target's apparent place"),
+            ("RA", ra, "deg, ICRS: the target's astrometric place"),
             ("DEC", dec, "deg, at the middle of the exposure, from the plan"),
             ("CENTAZ", azimuth, "deg, from north by east"),
             ("CENTALT", altitude, "deg, true (unrefracted)"),
         ] {
             header.set(keyword, value, comment);
         }
+        if let Some(airmass) = airmass(altitude) {
+            header.set("AIRMASS", airmass, "Kasten and Young 1989");
+        }
     }
 
-    /// Azimuth, altitude, right ascension and declination (GCRS axes), deg.
+    /// Azimuth, altitude, right ascension and declination (ICRS, without aberration), deg.
     fn place(&mut self, target: &Target, utc: Epoch) -> Option<[f64; 4]> {
         if self.known.as_ref().is_none_or(|(known, _)| known != target) {
             self.known = Some((target.clone(), Body::of(target)));
@@ -73,18 +115,47 @@ impl Pointing {
         let body = self.known.as_ref()?.1.as_ref()?;
         let earth = EarthOrientation::embedded();
         let observer = Observer::at(utc, &self.station.site, earth).ok()?;
-        let (horizontal, direction) = match body {
+        let (horizontal, equatorial) = match body {
             Body::Star(star) => {
-                let place = observer.star(star);
-                (place.horizontal, place.direction_gcrs)
+                let horizontal = observer.star(star).horizontal;
+                let (ra_deg, dec_deg) = (target.ra_deg?, target.dec_deg?);
+                (horizontal, Equatorial { ra_deg, dec_deg })
             }
             Body::Orbit(orbit) => {
                 let state = orbit.state(utc, observer.frame()).ok()?;
                 let seen = observer.apparent(state.position_m, state.velocity_m_s).ok()?;
-                (seen.horizontal, seen.direction_gcrs)
+                // Back by the light time, without the site's aberration.
+                let back = seen.range_m / LIGHT_M_PER_S;
+                let then = state.position_m - state.velocity_m_s * back;
+                let line = (then - observer.position_gcrs_m()).normalize();
+                (seen.horizontal, Equatorial::of_direction(line))
             }
         };
-        let Equatorial { ra_deg, dec_deg } = Equatorial::of_direction(direction);
+        let Equatorial { ra_deg, dec_deg } = equatorial;
         Some([horizontal.azimuth_deg(), horizontal.altitude_deg(), ra_deg, dec_deg])
+    }
+}
+
+/// Airmass by the formula of Kasten and Young (1989, Applied Optics 28, 4735) for a true altitude, deg; refraction is left out, which errs by 0.3 % at 5°.
+/// `None` below the horizon.
+pub(crate) fn airmass(altitude_deg: f64) -> Option<f64> {
+    let sine = altitude_deg.to_radians().sin();
+    (altitude_deg > 0.0).then(|| 1.0 / (sine + 0.505_72 * (altitude_deg + 6.079_95).powf(-1.636_4)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: the published formula, worked out by hand with logarithms to five figures.
+    #[test]
+    fn airmass_is_that_of_the_formula() {
+        for (altitude_deg, expected) in
+            [(90.0, 0.9997), (30.0, 1.9943), (10.0, 5.5860), (5.0, 10.3058)]
+        {
+            let found = airmass(altitude_deg).unwrap();
+            assert!((found / expected - 1.0).abs() < 1e-4, "{altitude_deg}: {found}");
+        }
+        assert_eq!(airmass(-0.1), None);
     }
 }

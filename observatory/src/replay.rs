@@ -66,6 +66,7 @@ impl Night {
             schedule: Schedule::of_session(&session)?,
             end: Some(playback.end()),
             ended,
+            in_utc: false,
             opener: Arc::new(playback),
             manifest: Manifest { program: program.to_owned(), ..old },
             files,

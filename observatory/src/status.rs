@@ -24,17 +24,23 @@ pub enum State {
         /// What it said.
         error: String,
     },
+    /// It can never do what is asked, and is not tried again.
+    Failed {
+        /// What it said.
+        error: String,
+    },
     /// Its night is over.
     Ended,
 }
 
 impl State {
-    /// Returns the state in a word: `opening`, `running`, `lost` or `ended`.
+    /// Returns the state in a word: `opening`, `running`, `lost`, `failed` or `ended`.
     pub fn word(&self) -> &'static str {
         match self {
             Self::Opening => "opening",
             Self::Running => "running",
             Self::Lost { .. } => "lost",
+            Self::Failed { .. } => "failed",
             Self::Ended => "ended",
         }
     }
@@ -64,6 +70,8 @@ pub struct DeviceStatus {
     pub taken: u64,
     /// How often it was lost.
     pub losses: u64,
+    /// Frames that were refused, because they are not what was asked for.
+    pub refused: u64,
     /// Rates of a counter's channels over the last second, Hz.
     pub rates_hz: Vec<(String, f64)>,
     /// The last frame of a camera.
@@ -121,6 +129,7 @@ impl Status {
         let message = match &state {
             State::Lost { error } => format!("{device}: {error}"),
             State::Running => format!("{device}: running"),
+            State::Failed { error } => format!("{device}: given up: {error}"),
             State::Opening | State::Ended => String::new(),
         };
         if !message.is_empty() {
@@ -183,6 +192,18 @@ impl Status {
         if !failing && lost == 0 {
             shared.disk_error = None;
         }
+    }
+
+    /// A frame of a camera was refused; gives how many were in all.
+    pub fn refused(&self, device: &str, error: &str) -> u64 {
+        let mut shared = self.shared();
+        let status = shared.devices.entry(device.to_owned()).or_default();
+        status.refused += 1;
+        let refused = status.refused;
+        if refused.is_power_of_two() {
+            shared.messages.push(format!("{device}: {refused} frames refused so far: {error}"));
+        }
+        refused
     }
 
     /// Adds a message for the next snapshot.

@@ -16,7 +16,7 @@ use sunglint_formats::session::What;
 pub(crate) const READY: Duration = Duration::from_secs(30);
 pub(crate) const SOON: Duration = Duration::from_secs(10);
 /// The waits before a device is tried again: the first, and the longest.
-const AGAIN: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(60)];
+const AGAIN: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(5)];
 
 /// A device's thread: what it is told, and what it remembers.
 #[derive(Debug, Clone)]
@@ -41,6 +41,8 @@ pub struct Worker {
     pub lost_at: Option<Duration>,
     /// How long it is waited before the next try.
     pub again_in: Duration,
+    /// Whether the last error will come again for ever.
+    pub permanent: bool,
 }
 
 impl Worker {
@@ -86,6 +88,12 @@ impl Worker {
         Ok(())
     }
 
+    /// The error of a setting, which may be one that comes again for ever.
+    pub fn setting(&mut self, error: DeviceError) -> DeviceError {
+        self.permanent |= error.is_permanent_setting();
+        error
+    }
+
     /// The device delivers: a failure before is over.
     pub fn works(&mut self) {
         self.again_in = AGAIN[0];
@@ -97,7 +105,8 @@ impl Worker {
         self.status.set_state(&self.name, State::Running);
     }
 
-    /// Runs `work` until the night is over: again after each failure, with a wait that doubles up to a minute.
+    /// Runs `work` until the night is over: again after each failure, with a wait that doubles up to 5 s. A device that can
+    /// never do what is asked ends there.
     pub fn supervise(mut self, mut work: impl FnMut(&mut Self) -> Result<(), DeviceError>) {
         self.again_in = AGAIN[0];
         while !self.is_over() {
@@ -108,7 +117,14 @@ impl Worker {
             }
             let now = self.clock.clock.now();
             self.lost_at.get_or_insert(now);
+            let permanent = self.permanent || error.is_permanent();
             let error = error.to_string();
+            if permanent {
+                self.status.set_state(&self.name, State::Failed { error: error.clone() });
+                let device = self.name.clone();
+                self.disk.event(self.clock.utc(), What::DeviceFailed { device, error });
+                return;
+            }
             self.status.set_state(&self.name, State::Lost { error: error.clone() });
             let again_in_s = self.again_in.as_secs_f64();
             let device = self.name.clone();

@@ -54,6 +54,7 @@ pub mod passes;
 pub mod period;
 pub mod picture;
 pub mod plot;
+pub mod preflight;
 mod product;
 pub mod reduce;
 pub mod session;

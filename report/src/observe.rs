@@ -6,6 +6,16 @@ use sunglint_formats::session::ClockState;
 use sunglint_formats::time::format_utc;
 use sunglint_observatory::{Snapshot, State, Summary, clock};
 
+/// Returns a text of others without control characters: a name cannot move the cursor, end a line or colour a terminal.
+pub fn plain(text: &str) -> String {
+    let harmful = |c: char| {
+        // Controls, and the marks that turn the direction of what follows.
+        c.is_control()
+            || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{2028}' | '\u{2029}')
+    };
+    text.chars().map(|c| if harmful(c) { '\u{fffd}' } else { c }).collect()
+}
+
 /// Returns the state of a night on one line.
 pub fn status_text(snapshot: &Snapshot) -> String {
     let mut text = format_utc(snapshot.utc, 1);
@@ -45,7 +55,10 @@ pub fn status_json(snapshot: &Snapshot) -> Value {
     let devices = snapshot.devices.iter().map(|(name, device)| {
         let rates: Value =
             device.rates_hz.iter().map(|(c, rate)| (c.clone(), json!(rate))).collect();
-        let error = if let State::Lost { error } = &device.state { Some(error) } else { None };
+        let error = match &device.state {
+            State::Lost { error } | State::Failed { error } => Some(error),
+            _ => None,
+        };
         let frame = device.frame.as_ref().map(|frame| {
             json!({
                 "start_utc": format_utc(frame.start, 6),
@@ -60,6 +73,7 @@ pub fn status_json(snapshot: &Snapshot) -> Value {
             "error": error,
             "taken": device.taken,
             "losses": device.losses,
+            "refused": device.refused,
             "rates_hz": rates,
             "frame": frame,
         });
@@ -80,7 +94,11 @@ pub fn status_json(snapshot: &Snapshot) -> Value {
 /// Returns how a night went, on one line.
 pub fn summary_text(summary: &Summary) -> String {
     let taken: Vec<String> = summary.taken.iter().map(|(name, n)| format!("{name} {n}")).collect();
-    format!("{}: {}", summary.root.display(), taken.join(", "))
+    let mut text = format!("{}: {}", summary.root.display(), taken.join(", "));
+    for (name, refused) in summary.refused.iter().filter(|(_, refused)| **refused > 0) {
+        let _ = write!(text, "; {refused} frames of {name} refused: another program uses it");
+    }
+    text
 }
 
 /// Returns how a night went as a JSON line of the kind `end`.
@@ -93,6 +111,8 @@ pub fn summary_json(summary: &Summary) -> Value {
             "reason": if summary.stopped { "stopped" } else { "done" },
             "taken": summary.taken,
             "losses": summary.losses,
+            "refused": summary.refused,
+            "failed": summary.failed,
             "not_written": summary.not_written,
         }),
     )

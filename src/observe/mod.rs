@@ -6,7 +6,7 @@ pub use sunglint_drivers::clock::DeviceClock;
 pub use virtual_night::VirtualNight;
 
 use crate::output::{Console, Usage};
-use anyhow::{Context as _, anyhow};
+use anyhow::{Context as _, anyhow, bail};
 use clap::Args;
 use indicatif::ProgressBar;
 use std::io::IsTerminal as _;
@@ -15,10 +15,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use sunglint_drivers::clock::Cancel;
 use sunglint_observatory::{
-    Catalogue, Night, Opener, Plan, ReplayError, Snapshot, Summary, free_bytes,
+    Catalogue, Level, Night, Opener, Plan, Preflight, PreflightOptions, ReplayError, Snapshot,
+    Summary, free_bytes, preflight,
 };
 use sunglint_radiometry::station::RecordedError;
 use sunglint_report::observe as report;
+use sunglint_report::preflight::text as preflight_text;
 
 /// Time between two status lines where nobody says: on a terminal, and elsewhere.
 const EVERY: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(10)];
@@ -31,6 +33,12 @@ pub struct ObserveArgs {
     /// The plan: station, devices, targets and when (docs/night.md)
     #[arg(value_name = "NIGHT.toml", required_unless_present = "replay")]
     pub night: Option<PathBuf>,
+    /// Only says whether the night can be what the plan says: each visit against the sky, each device's ranges, the disk
+    #[arg(long, conflicts_with_all = ["replay", "output", "every"])]
+    pub check: bool,
+    /// Begins in spite of errors of the check
+    #[arg(long, conflicts_with = "check")]
+    pub anyway: bool,
     /// Plays a session's frames and counts back as devices, into a new session
     #[arg(long, value_name = "SESSION", conflicts_with = "night")]
     pub replay: Option<PathBuf>,
@@ -55,6 +63,25 @@ pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
         Some(s) if (0.05..=86_400.0).contains(&s) => Duration::from_secs_f64(s),
         Some(s) => return Err(Usage(format!("--every is {s}, expected 0.05 to 86400 s")).into()),
     };
+    if let Some(plan) = &args.night {
+        let found = checked(plan, args.output.as_deref())?;
+        if args.check {
+            console.result(&preflight_text(&found.0), &serde_json::to_value(&found.0)?)?;
+            return refuse(plan, &found.0);
+        }
+        for finding in &found.0.findings {
+            let (about, text) = (&finding.about, &finding.text);
+            match finding.level {
+                Level::Error => console.say(&format!("error: {about}: {text}")),
+                Level::Warning => console.warn(&format!("{about}: {text}")),
+                _ => {}
+            }
+        }
+        // A virtual night can be anywhere and at any time.
+        if !args.anyway && !found.1 {
+            refuse(plan, &found.0)?;
+        }
+    }
     let night = match (&args.night, &args.replay) {
         (_, Some(session)) => replayed(session, args.fast, args.output.as_deref())?,
         (Some(plan), None) => planned(plan, args.output.as_deref())?.0,
@@ -78,6 +105,31 @@ pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
     let summary = night.run(&cancel, &mut |snapshot| display.show(&snapshot))?;
     display.end();
     finish(&summary, console)
+}
+
+/// The pre-flight of a plan, and whether its night is virtual.
+fn checked(path: &Path, output: Option<&Path>) -> anyhow::Result<(Preflight, bool)> {
+    let mut made = None;
+    let plan = Plan::read_with(path, &mut |request| {
+        made = Some(VirtualNight::make(request)?);
+        Ok(())
+    })?;
+    let opener: Arc<dyn Opener> = match made {
+        Some(night) => Arc::new(night),
+        None => Arc::new(Catalogue),
+    };
+    let mut options = PreflightOptions::default();
+    options.folder = output.map(Path::to_path_buf);
+    Ok((preflight(&plan, &opener, &options), plan.is_virtual))
+}
+
+fn refuse(plan: &Path, found: &Preflight) -> anyhow::Result<()> {
+    let errors = found.of(Level::Error).count();
+    if errors > 0 {
+        let plan = plan.display();
+        bail!("{plan}: {errors} of its parts cannot be: correct them, or observe with --anyway");
+    }
+    Ok(())
 }
 
 /// A night with the devices of the catalogue, or of a virtual observatory, which comes with it.

@@ -275,6 +275,7 @@ impl Fakes {
             opener: Arc::new(self),
             schedule: plan.schedule,
             ended: None,
+            in_utc: false,
         }
     }
 

@@ -128,6 +128,14 @@ pub enum DeviceError {
         /// What came instead.
         seen: String,
     },
+    /// A frame that is not the one that was asked for: another program uses the camera, too.
+    #[error("{device}: the frame is not ours: {what}")]
+    NotOurs {
+        /// The device.
+        device: &'static str,
+        /// What differs, with both values.
+        what: String,
+    },
     /// The device behind a server has gone, though the line is there.
     #[error("{device}: {what}; connect again once it is back")]
     Lost {
@@ -203,6 +211,16 @@ impl fmt::Display for Side {
 }
 
 impl DeviceError {
+    /// Whether the same request will fail for ever: a value beyond the device's range.
+    pub fn is_permanent(&self) -> bool {
+        matches!(self, Self::OutOfRange { .. })
+    }
+
+    /// Whether the same setting will fail for ever: [`is_permanent`](Self::is_permanent), a name that the device does not have, something that it cannot do.
+    pub fn is_permanent_setting(&self) -> bool {
+        self.is_permanent() || matches!(self, Self::Unknown { .. } | Self::NotReady { .. })
+    }
+
     /// A transport's error while `device` was spoken to; a cancelled wait is told as such.
     pub fn transport(device: &'static str, source: TransportError) -> Self {
         match source {

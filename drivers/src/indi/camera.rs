@@ -1,12 +1,12 @@
 //! A camera.
 
-use super::client::{Blobs, Wanted, declined};
-use super::image::{Taken, from_blob};
+use super::client::{Blobs, Wanted, declined, hear};
+use super::image::{Taken, Unfit, from_blob};
 use super::property::{Blob, Event, State};
 use super::session::{Kind, Session, SessionSettings, check_range};
 use crate::clock::{Deadline, utc_now};
 use crate::device::{
-    self, Device, DeviceError, Identity, Interrupted, Origin, Setting, Value, Window,
+    self, Device, DeviceError, Identity, Interrupted, Limits, Origin, Setting, Value, Window,
 };
 use crate::transport::Bytes;
 use hifitime::Epoch;
@@ -90,7 +90,58 @@ pub struct Camera<T> {
     wishes: Wishes,
     /// The last exposure or stream could not be stopped.
     running: bool,
+    others: Others,
 }
+
+/// What is known of other programs that use the same camera.
+#[derive(Debug, Clone, Copy, Default)]
+struct Others {
+    /// Whether any was seen.
+    seen: bool,
+    /// Whether the driver has given an exposure as it was asked for.
+    exact: bool,
+    /// An exposure that the driver gave instead, s, and how often in a row.
+    instead: (f64, u32),
+}
+
+impl Others {
+    /// Frames in a row that a driver may take for its own reading of the exposure, before that is believed.
+    const TRIES: u32 = 3;
+
+    /// Whether a frame with the exposure `got`, s, may be the one of `asked`, s. A driver that rounds exposures gives the same value each time, and no other
+    /// program shows.
+    fn takes(&mut self, got: f64, asked: f64) -> bool {
+        if is_exposure(got, asked) {
+            (self.exact, self.instead) = (true, (0.0, 0));
+            return true;
+        }
+        if self.exact || self.seen {
+            return false;
+        }
+        let (before, times) = self.instead;
+        self.instead = if before == got { (got, times + 1) } else { (got, 1) };
+        self.instead.1 >= Self::TRIES
+    }
+}
+
+/// Whether two exposures are the same, s: headers keep some digits only.
+fn is_exposure(got: f64, asked: f64) -> bool {
+    (got - asked).abs() <= (1e-3 * asked).max(5e-4)
+}
+
+/// Time in which what came before an exposure is read.
+const BEFORE: Duration = Duration::from_millis(2);
+/// The same from a driver that never stops.
+const BEFORE_MOST: Duration = Duration::from_millis(200);
+/// Bytes of a FITS file beside its pixels, and bytes a pixel, at most.
+const HEADER_BYTES: usize = 1 << 20;
+const PIXEL_BYTES: usize = 8;
+/// The BLOBs of a camera that has not said how large its sensor is.
+const UNKNOWN_BYTES: usize = 64 << 20;
+/// Card of a frame that may be another program's.
+const SHARED: &str = "SHARED";
+/// Card of an exposure that the driver changed.
+const ASKED: &str = "EXPASKED";
 
 /// The vector in which frames come: the camera's own, not that of its guide head.
 pub(super) const BLOB: &str = "CCD1";
@@ -109,8 +160,17 @@ impl<T: Bytes> Camera<T> {
         let session = Session::new(line, device, KIND, settings.session);
         let window = Window { origin_px: [0, 0], size_px: [0, 0], binning: [1, 1] };
         let wishes = Wishes::default();
-        let mut camera =
-            Self { session, settings, sensor_px: [0, 0], window, wishes, running: false };
+        let mut camera = Self {
+            session,
+            settings,
+            sensor_px: [0, 0],
+            window,
+            wishes,
+            running: false,
+            others: Others::default(),
+        };
+        let most = settings.session.limits.blob_bytes.min(UNKNOWN_BYTES);
+        camera.session.client.limit_blobs(most);
         camera.session.define(deadline)?;
         camera.prepare(deadline)?;
         Ok(camera)
@@ -241,6 +301,9 @@ impl<T: Bytes> Camera<T> {
             return Err(self.session.protocol(reason));
         }
         self.sensor_px = sensor;
+        let pixels = sensor[0] as usize * sensor[1] as usize;
+        let most = pixels.saturating_mul(PIXEL_BYTES).saturating_add(HEADER_BYTES);
+        self.session.client.limit_blobs(most.min(self.settings.session.limits.blob_bytes));
         Ok(())
     }
 
@@ -384,30 +447,102 @@ impl<T: Bytes> Camera<T> {
         let mut said = Vec::new();
         // A frame that comes before the server took the request is that of another exposure.
         let mut begun = false;
-        self.session.client.wait(&device, &awaited, deadline, |_, event| match event {
-            Event::Message { text, .. } => {
-                said.push(text);
-                None
+        let mut others = false;
+        let found =
+            self.session.client.wait(&device, &awaited, deadline, |client, event| match event {
+                Event::Message { text, .. } => {
+                    hear(&mut said, text);
+                    None
+                }
+                Event::Changed(place, state)
+                    if place.device == device && place.name == "CCD_EXPOSURE" =>
+                {
+                    // It counts down from what was asked: what is more is another's.
+                    let left = client.property(&device, "CCD_EXPOSURE");
+                    let left = left.and_then(|vector| vector.number("CCD_EXPOSURE_VALUE"));
+                    let own =
+                        left.is_none_or(|left| left <= exposure_s || is_exposure(left, exposure_s));
+                    others |= state == State::Busy && !own;
+                    begun |= state == State::Busy && own;
+                    let request = format!("an exposure of {exposure_s} s");
+                    (state == State::Alert).then(|| Err(declined(DEVICE, request, &said)))
+                }
+                Event::Blob(place, blob) if place.device == device && place.name == BLOB => {
+                    others |= !begun;
+                    begun.then_some(Ok(blob))
+                }
+                Event::Damaged(place, what) if place.device == device && place.name == BLOB => {
+                    Some(Err(DeviceError::Protocol { device: DEVICE, reason: what }))
+                }
+                Event::Deleted(place) if place.device == device && place.name == BLOB => {
+                    let what = format!("`{device}` has taken back {BLOB}: was it disconnected?");
+                    Some(Err(DeviceError::Lost { device: DEVICE, what }))
+                }
+                _ => None,
+            });
+        self.others.seen |= others;
+        found
+    }
+
+    /// Reads what came since the last frame: an exposure or a frame that nobody here asked for is another program's.
+    fn look_for_others(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
+        let device = self.session.device.clone();
+        let all = deadline.at_most(BEFORE_MOST);
+        let mut exposing = false;
+        loop {
+            match self.session.client.event(&all.at_most(BEFORE)) {
+                Ok(Event::Blob(place, _)) if place.device == device && place.name == BLOB => {
+                    self.others.seen = true;
+                }
+                Ok(Event::Changed(place, State::Busy))
+                    if place.device == device && place.name == "CCD_EXPOSURE" =>
+                {
+                    // After an abort the driver may leave it Busy: only what counts down is an exposure.
+                    self.others.seen |= std::mem::replace(&mut exposing, true);
+                }
+                Ok(_) => {}
+                Err(DeviceError::Transport {
+                    source: crate::transport::TransportError::Timeout { .. },
+                    ..
+                }) => return Ok(()),
+                Err(error) => return Err(error),
             }
-            Event::Changed(place, state)
-                if place.device == device && place.name == "CCD_EXPOSURE" =>
-            {
-                begun |= state == State::Busy;
-                let request = format!("an exposure of {exposure_s} s");
-                (state == State::Alert).then(|| Err(declined(DEVICE, request, &said)))
+        }
+    }
+
+    /// Holds a frame against what was asked for.
+    fn check_frame(&mut self, frame: &mut Frame, exposure_s: f64) -> Result<(), String> {
+        let got = frame.exposure_s;
+        if !self.others.takes(got, exposure_s) {
+            return Err(format!("its exposure is {got} s, asked was {exposure_s} s"));
+        }
+        if !is_exposure(got, exposure_s) {
+            frame.header.set(ASKED, exposure_s, "s, asked for; the driver takes another");
+        }
+        if let (Some(asked), Some(said)) = (self.wishes.frame_type, frame.header.text("FRAME")) {
+            let word = asked.switch().trim_start_matches("FRAME_");
+            let known = FrameType::ALL.iter().any(|kind| {
+                said.trim().eq_ignore_ascii_case(kind.switch().trim_start_matches("FRAME_"))
+            });
+            if known && !said.trim().eq_ignore_ascii_case(word) {
+                return Err(format!(
+                    "it is a {} frame, asked was {}",
+                    said.trim(),
+                    word.to_lowercase()
+                ));
             }
-            Event::Blob(place, blob) if place.device == device && place.name == BLOB && begun => {
-                Some(Ok(blob))
+        }
+        if let Some(asked) = self.wishes.gain {
+            let (name, member) = self.gain_place().map_err(|error| error.to_string())?;
+            let now = self.session.number(name, member).map_err(|error| error.to_string())?;
+            if (now - asked).abs() > 1e-6 * asked.abs().max(1.0) {
+                return Err(format!("another program has set the gain to {now}, ours is {asked}"));
             }
-            Event::Damaged(place, what) if place.device == device && place.name == BLOB => {
-                Some(Err(DeviceError::Protocol { device: DEVICE, reason: what }))
-            }
-            Event::Deleted(place) if place.device == device && place.name == BLOB => {
-                let what = format!("`{device}` has taken back {BLOB}: was it disconnected?");
-                Some(Err(DeviceError::Lost { device: DEVICE, what }))
-            }
-            _ => None,
-        })
+        }
+        if self.others.seen {
+            frame.header.set(SHARED, true, "another program uses this camera: it may be its frame");
+        }
+        Ok(())
     }
 }
 
@@ -451,7 +586,10 @@ impl<T: Bytes> Device for Camera<T> {
     }
 
     fn own_settings(&self) -> &'static [(&'static str, &'static str)] {
-        &[("frame_type", "light, bias, dark or flat")]
+        match self.session.property("CCD_FRAME_TYPE") {
+            Some(_) => &[("frame_type", "light, bias, dark or flat")],
+            None => &[],
+        }
     }
 
     fn set_own(&mut self, name: &str, value: &str, d: &Deadline) -> Result<Value, DeviceError> {
@@ -470,6 +608,24 @@ impl<T: Bytes> Device for Camera<T> {
 }
 
 impl<T: Bytes> device::Camera for Camera<T> {
+    fn limits(&self) -> Option<Limits> {
+        let range = |name: &str, member: &str| self.session.property(name)?.range(member);
+        let cooler = self.session.property("CCD_TEMPERATURE").filter(|vector| vector.writable);
+        // A driver that says no range takes all numbers.
+        let any = [f64::MIN, f64::MAX];
+        let mut limits = Limits::default();
+        limits.exposure_s = range("CCD_EXPOSURE", "CCD_EXPOSURE_VALUE");
+        limits.gain =
+            self.gain_place().ok().map(|(name, member)| range(name, member).unwrap_or(any));
+        limits.temperature_c =
+            cooler.map(|vector| vector.range("CCD_TEMPERATURE_VALUE").unwrap_or(any));
+        limits.binning = match self.session.property("CCD_BINNING") {
+            None => Some(1),
+            Some(vector) => vector.range("HOR_BIN").map(|[_, most]| most as u32),
+        };
+        Some(limits)
+    }
+
     fn sensor_px(&self) -> [u32; 2] {
         self.sensor_px
     }
@@ -519,7 +675,7 @@ impl<T: Bytes> device::Camera for Camera<T> {
         let request = format!("a sensor temperature of {temperature_c} °C");
         client.wait(&device, "the answer to the temperature", &soon, |_, event| match event {
             Event::Message { text, .. } => {
-                said.push(text);
+                hear(&mut said, text);
                 None
             }
             Event::Changed(place, state) if place.device == device && place.name == NAME => {
@@ -539,6 +695,7 @@ impl<T: Bytes> device::Camera for Camera<T> {
         self.require_idle()?;
         check_range("exposure, s", exposure_s, self.session.require(NAME)?.range(MEMBER))?;
         self.session.require(BLOB)?;
+        self.look_for_others(deadline)?;
         let taken = self.taken();
         let device = self.session.device.clone();
         let wanted = Wanted::Numbers(&[(MEMBER, exposure_s)]);
@@ -554,14 +711,21 @@ impl<T: Bytes> device::Camera for Camera<T> {
         // A frame does not say its origin: it must not be given that of a window that is no more.
         let window = self.read_window()?;
         if window != self.window {
-            let reason = format!(
+            let what = format!(
                 "another program has changed its window to {window:?}: set it again before the next frame"
             );
             self.window = window;
-            return Err(self.session.protocol(reason));
+            self.others.seen = true;
+            return Err(DeviceError::NotOurs { device: DEVICE, what });
         }
-        from_blob(blob, self.settings.session.limits.blob_bytes, &taken)
-            .map_err(|reason| self.session.protocol(reason))
+        let not_ours = |what| DeviceError::NotOurs { device: DEVICE, what };
+        let mut frame = match from_blob(blob, self.settings.session.limits.blob_bytes, &taken) {
+            Ok(frame) => frame,
+            Err(Unfit::Unreadable(reason)) => return Err(self.session.protocol(reason)),
+            Err(Unfit::NotOurs(what)) => return Err(not_ours(what)),
+        };
+        self.check_frame(&mut frame, exposure_s).map_err(not_ours)?;
+        Ok(frame)
     }
 
     fn stream(

@@ -131,6 +131,12 @@ impl<T: Bytes> Client<T> {
         Ok(())
     }
 
+    /// Takes no BLOBs of more than `bytes`, from the next one on.
+    pub fn limit_blobs(&mut self, bytes: usize) {
+        self.limits.blob_bytes = bytes;
+        self.parser.limit_blobs(bytes);
+    }
+
     /// The line.
     pub fn line(&self) -> &T {
         &self.line
@@ -236,7 +242,8 @@ impl<T: Bytes> Client<T> {
         Ok(event)
     }
 
-    fn keep(&mut self, message: String) {
+    fn keep(&mut self, mut message: String) {
+        shorten(&mut message);
         if self.messages.len() == MOST_MESSAGES {
             self.messages.pop_front();
         }
@@ -496,7 +503,7 @@ impl<T: Bytes> Client<T> {
         loop {
             let look = |client: &Self, event| match event {
                 Event::Message { text, .. } => {
-                    said.push(text);
+                    hear(&mut said, text);
                     None
                 }
                 Event::Changed(place, state) if place.device == device && place.name == name => {
@@ -527,6 +534,31 @@ impl<T: Bytes> Client<T> {
     }
 }
 
+/// Bytes of a message to people that are kept.
+const MOST_TEXT: usize = 1024;
+
+/// Cuts a text that a server sent.
+fn shorten(text: &mut String) {
+    if text.len() > MOST_TEXT {
+        let mut end = MOST_TEXT;
+        while !text.is_char_boundary(end) {
+            end -= 1;
+        }
+        text.truncate(end);
+        text.push('…');
+    }
+}
+
+/// Keeps the last of what is said to people: a driver may never stop talking.
+pub(super) fn hear(said: &mut Vec<String>, mut text: String) {
+    const MOST: usize = 2;
+    shorten(&mut text);
+    if said.len() == MOST {
+        said.remove(0);
+    }
+    said.push(text);
+}
+
 /// A refusal with the last of what was said to people.
 pub(super) fn declined(device: &'static str, request: String, said: &[String]) -> DeviceError {
     let message = match said {
@@ -547,7 +579,7 @@ impl Seen {
     fn note(&mut self, event: &Event, device: &str) {
         const MOST: usize = 4;
         self.events += 1;
-        let text = match event {
+        let mut text = match event {
             Event::Defined(_) => return,
             Event::Changed(place, _) | Event::Blob(place, _) | Event::Damaged(place, _)
                 if place.device != device =>
@@ -565,6 +597,7 @@ impl Seen {
             Event::Ping(_) => return,
             Event::Ignored(what) => what.clone(),
         };
+        shorten(&mut text);
         if self.last.len() == MOST {
             self.last.pop_front();
         }

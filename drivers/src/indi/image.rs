@@ -17,6 +17,21 @@ pub(super) struct Taken {
     pub asked: Epoch,
 }
 
+/// Why a BLOB is not the frame that was asked for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Unfit {
+    /// It is no frame that can be read.
+    Unreadable(String),
+    /// It is a frame with other settings.
+    NotOurs(String),
+}
+
+impl From<String> for Unfit {
+    fn from(reason: String) -> Self {
+        Self::Unreadable(reason)
+    }
+}
+
 impl Taken {
     /// Columns and rows of the frame.
     fn size(&self) -> [u32; 2] {
@@ -30,23 +45,23 @@ impl Taken {
 /// The server's `DATE-OBS` and `EXPTIME` are kept. `HOSTDATE` and `HOSTDIFF` are added: when the host asked for the frame,
 /// and how much later it began by the server's clock. INDI writes the sensor's Bayer pattern whatever the origin; the frame's
 /// own is derived from the origin here.
-pub(super) fn from_blob(blob: Blob, most: usize, taken: &Taken) -> Result<Frame, String> {
+pub(super) fn from_blob(blob: Blob, most: usize, taken: &Taken) -> Result<Frame, Unfit> {
     let bytes = unpacked(blob, most)?;
     let fits = Fits::from_bytes("the camera's BLOB", bytes).map_err(|error| error.to_string())?;
     let mut frame = Frame::from_fits(&fits).map_err(|error| error.to_string())?;
     let expected = taken.size();
     let (rows, columns) = frame.pixels.dim();
     if [columns, rows] != expected.map(|n| n as usize) {
-        return Err(format!(
+        return Err(Unfit::NotOurs(format!(
             "the frame has {columns} × {rows} pixels, expected {} × {}",
             expected[0], expected[1]
-        ));
+        )));
     }
     if frame.binning != [1, 1] && frame.binning != taken.window.binning {
-        return Err(format!(
+        return Err(Unfit::NotOurs(format!(
             "the frame says that it is binned {:?}, expected {:?}",
             frame.binning, taken.window.binning
-        ));
+        )));
     }
     let pattern = taken.pattern.or(frame.bayer);
     frame.origin = taken.window.origin_px;

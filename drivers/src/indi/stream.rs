@@ -1,7 +1,7 @@
 //! A camera's video stream.
 
 use super::camera::{BLOB, Camera, DEVICE};
-use super::client::{Wanted, declined};
+use super::client::{Wanted, declined, hear};
 use super::image::from_stream;
 use super::property::{Blob, Event, State};
 use super::session::check_range;
@@ -96,7 +96,7 @@ impl<T: Bytes> Camera<T> {
         let blob: Blob =
             client.wait(&device, "a frame of the stream", deadline, |_, event| match event {
                 Event::Message { text, .. } => {
-                    said.push(text);
+                    hear(&mut said, text);
                     None
                 }
                 Event::Changed(place, State::Alert)

@@ -134,6 +134,11 @@ impl Parser {
         }
     }
 
+    /// Takes no BLOBs of more than `bytes`, from now on.
+    pub fn limit_blobs(&mut self, bytes: usize) {
+        self.limits.blob_bytes = bytes;
+    }
+
     /// Adds bytes of the stream. Call [`element`](Self::element) until it gives `None` before the next piece.
     pub fn feed(&mut self, bytes: &[u8]) {
         self.buffer.drain(..self.next);

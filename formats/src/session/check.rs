@@ -175,9 +175,30 @@ impl Session {
                     }
                 }
                 What::Error { about, error } => report.note(&about, format!("said: {error}")),
-                What::ClockStep { step_s } => {
+                What::ClockStep { step_s, computer_utc } => {
                     let at = format_utc(utc, 3);
-                    report.note(EVENTS, format!("the clock stepped by {step_s:+.6} s at {at}"));
+                    let then = computer_utc.map_or(String::new(), |then| {
+                        format!(" of the night's time, to {then}; the night's time did not step")
+                    });
+                    report
+                        .note(EVENTS, format!("the clock stepped by {step_s:+.6} s at {at}{then}"));
+                }
+                What::ClockAdopted { step_s } => {
+                    let at = format_utc(utc, 3);
+                    let text = format!("the night's time was corrected by {step_s:+.6} s, to {at}");
+                    report.note(EVENTS, text);
+                }
+                What::Stall { stall_s } => {
+                    let at = format_utc(utc, 3);
+                    let text = format!("the program stood still for {stall_s:.3} s until {at}");
+                    report.note(EVENTS, text);
+                }
+                What::DeviceFailed { device, error } => {
+                    report.missing(EVENTS, format!("{device} was given up: {error}"));
+                }
+                What::FramesRefused { device, frames, error } => {
+                    let text = format!("{frames} frames of {device} were refused so far: {error}");
+                    report.note(EVENTS, text);
                 }
                 _ => {}
             }

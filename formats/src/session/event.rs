@@ -59,6 +59,35 @@ pub enum What {
     ClockStep {
         /// By how much, s: above zero where UTC jumped ahead.
         step_s: f64,
+        /// What the computer's clock shows since then, where the event's own time is the night's, which does not step.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        computer_utc: Option<String>,
+    },
+    /// The night's time follows the computer's clock after a step, because a synchronised source confirms it.
+    ClockAdopted {
+        /// By how much the night's time changed, s.
+        step_s: f64,
+    },
+    /// The whole process stood still.
+    Stall {
+        /// For how long, s.
+        stall_s: f64,
+    },
+    /// A device will not be tried again: what was asked of it cannot be.
+    DeviceFailed {
+        /// Its name in this session.
+        device: String,
+        /// What it said.
+        error: String,
+    },
+    /// Frames of a camera were refused, because they are not what was asked for: another program uses it.
+    FramesRefused {
+        /// Its name in this session.
+        device: String,
+        /// How many in all, so far.
+        frames: u64,
+        /// What differed in the last of them.
+        error: String,
     },
     /// What is safely on the disk from then on.
     Sync {
@@ -229,7 +258,7 @@ impl Event {
     }
 }
 
-const KINDS: [&str; 11] = [
+const KINDS: [&str; 15] = [
     "start",
     "target",
     "device",
@@ -237,6 +266,10 @@ const KINDS: [&str; 11] = [
     "device_back",
     "clock",
     "clock_step",
+    "clock_adopted",
+    "stall",
+    "device_failed",
+    "frames_refused",
     "sync",
     "error",
     "recovered",

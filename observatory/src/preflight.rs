@@ -1,0 +1,772 @@
+//! Pre-flight: whether a night can be what its plan says, asked before it begins.
+//!
+//! Each visit is held against the sky, each device's settings against its own ranges, the bytes of the night against the disk. Nothing is set or moved.
+
+use super::clock;
+use super::opener::Opener;
+use super::plan::{CameraPlan, CounterPlan, Plan};
+use super::pointing::{Body, airmass};
+use super::schedule::Slot;
+use super::status::free_bytes;
+use hifitime::Epoch;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
+use sunglint_drivers::clock::{Deadline, utc_now};
+use sunglint_drivers::device::{Camera, DeviceError, Limits, PhotonCounter};
+use sunglint_ephemeris::geometry::Geometry;
+use sunglint_ephemeris::orbit::tle;
+use sunglint_formats::session::{ClockState, TargetKind};
+use sunglint_formats::time::format_utc;
+use sunglint_formats::toml::Positive;
+use sunglint_radiometry::sky::{EarthOrientation, Observer, separation_rad};
+use sunglint_radiometry::station::{Detector, Station};
+
+/// How bad a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Level {
+    /// It was looked at, and is as it should be.
+    Fine,
+    /// The night can go on, but something of it will be missing or worse than it could be.
+    Warning,
+    /// A part of the plan cannot be.
+    Error,
+}
+
+/// Something that was looked at.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PlanFinding {
+    /// How bad it is.
+    pub level: Level,
+    /// The visit, the device, or what else it is about.
+    pub about: String,
+    /// What was found, with the numbers, and what to do.
+    pub text: String,
+}
+
+/// What the pre-flight of a plan found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Preflight {
+    /// When it was looked, UTC.
+    pub utc: String,
+    /// The findings, in the order of the plan.
+    pub findings: Vec<PlanFinding>,
+}
+
+/// How a plan is checked.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct PreflightOptions {
+    /// The time that counts as now.
+    pub now: Epoch,
+    /// Where the session will lie: its disk is asked for its room. The plan's `output` where there is none.
+    pub folder: Option<PathBuf>,
+    /// Whether devices are opened.
+    pub open_devices: bool,
+    /// How long opening them may take, all at once.
+    pub open_within: Duration,
+    /// Age at which elements are worth a warning, and at which they are useless, days.
+    pub elements_days: [f64; 2],
+    /// The altitude below which a target is worth a warning, degrees.
+    pub low_deg: f64,
+    /// The distance from the Moon below which a target is worth a warning, degrees.
+    pub moon_deg: f64,
+    /// The distance from the Sun below which nothing is looked at, degrees.
+    pub sun_deg: f64,
+}
+
+impl Default for PreflightOptions {
+    /// Devices within 1.5 s; elements of 7 and 60 days; 10° high, 10° from the Moon, 30° from the Sun.
+    fn default() -> Self {
+        Self {
+            now: utc_now(),
+            folder: None,
+            open_devices: true,
+            open_within: Duration::from_millis(1500),
+            elements_days: [7.0, 60.0],
+            low_deg: 10.0,
+            moon_deg: 10.0,
+            sun_deg: 30.0,
+        }
+    }
+}
+
+/// A visit that began so long ago is late, s.
+const LATE_S: f64 = 60.0;
+/// A night that begins in more than that is far, s.
+const FAR_S: f64 = 86_400.0;
+/// Length of a visit without an end, as far as it is looked at, s.
+const OPEN_S: f64 = 3600.0;
+/// Moments of a visit that are looked at: one each 5 s, but so many at least and at most.
+const STEP_S: f64 = 5.0;
+const MOMENTS: [f64; 2] = [4.0, 120.0];
+/// Mean refraction at the horizon, degrees.
+const HORIZON_REFRACTION_DEG: f64 = 34.0 / 60.0;
+/// Part of the free room that a night may take without a warning.
+const ROOM: f64 = 0.8;
+/// Bytes of a frame beside its pixels, and of a counter's row beside its channels' columns, about.
+const FRAME_BYTES: f64 = 5760.0;
+const ROW_BYTES: f64 = 50.0;
+const COLUMN_BYTES: f64 = 14.0;
+
+impl Preflight {
+    /// The findings of a level.
+    pub fn of(&self, level: Level) -> impl Iterator<Item = &PlanFinding> {
+        self.findings.iter().filter(move |finding| finding.level == level)
+    }
+
+    /// Whether nothing of the plan is impossible.
+    pub fn is_possible(&self) -> bool {
+        self.of(Level::Error).next().is_none()
+    }
+
+    fn find(&mut self, level: Level, about: &str, text: impl Into<String>) {
+        self.findings.push(PlanFinding { level, about: about.to_owned(), text: text.into() });
+    }
+
+    fn error(&mut self, about: &str, text: impl Into<String>) {
+        self.find(Level::Error, about, text);
+    }
+
+    fn warning(&mut self, about: &str, text: impl Into<String>) {
+        self.find(Level::Warning, about, text);
+    }
+
+    fn fine(&mut self, about: &str, text: impl Into<String>) {
+        self.find(Level::Fine, about, text);
+    }
+}
+
+/// Checks a plan. The opener's devices are opened, asked, and let go; nothing is set.
+pub fn preflight(plan: &Plan, opener: &Arc<dyn Opener>, options: &PreflightOptions) -> Preflight {
+    let mut found = Preflight { utc: format_utc(options.now, 3), findings: Vec::new() };
+    let opened =
+        (options.open_devices && !plan.is_virtual).then(|| Opened::start(plan, opener, options));
+    check_clock(plan, &mut found);
+    check_times(plan, options, &mut found);
+    let slots: Vec<&Slot> = plan
+        .schedule
+        .slots()
+        .iter()
+        .filter(|slot| slot.target.target_kind != TargetKind::None)
+        .collect();
+    for (number, slot) in slots.iter().enumerate() {
+        check_visit(number + 1, slot, plan, options, &mut found);
+    }
+    check_channels(plan, &mut found);
+    let sensors = opened.map_or_else(Vec::new, |opened| opened.finish(plan, options, &mut found));
+    check_room(plan, &sensors, options, &mut found);
+    found
+}
+
+fn seconds(from: Epoch, to: Epoch) -> f64 {
+    (to - from).to_seconds()
+}
+
+/// A length of time for people.
+fn span(s: f64) -> String {
+    match s.abs() {
+        s if s < 120.0 => format!("{s:.0} s"),
+        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
+        s if s < 172_800.0 => format!("{:.1} h", s / 3600.0),
+        s if s < 5e7 => format!("{:.1} days", s / 86_400.0),
+        s => format!("{:.1} years", s / 31_557_600.0),
+    }
+}
+
+fn check_clock(plan: &Plan, found: &mut Preflight) {
+    if plan.is_virtual {
+        return;
+    }
+    match clock::measured() {
+        ClockState { synchronised: Some(true), offset_s: Some(offset), method, .. } => {
+            found.fine("clock", format!("{method}: {:+.3} ms from UTC", 1e3 * offset));
+        }
+        ClockState { synchronised: Some(true), method, .. } => {
+            found.fine("clock", format!("{method} keeps the computer's clock"));
+        }
+        ClockState { synchronised: None, .. } => found.warning(
+            "clock",
+            "the clock is not synchronised (no chrony or timesyncd); time stamps may be wrong",
+        ),
+        ClockState { method, .. } => found.warning(
+            "clock",
+            format!("{method} says that the clock does not follow UTC; time stamps may be wrong"),
+        ),
+    }
+}
+
+fn check_times(plan: &Plan, options: &PreflightOptions, found: &mut Preflight) {
+    let Some(to) = plan.to else {
+        found.warning(
+            "night",
+            "it has no end: it goes on until it is stopped (give `to` or `for_s`)",
+        );
+        return;
+    };
+    if plan.is_virtual {
+        return;
+    }
+    let past_s = seconds(to, options.now);
+    let ahead_s = seconds(options.now, plan.from);
+    if past_s >= 0.0 {
+        let text =
+            format!("it ended at {}, {} ago: correct its times", format_utc(to, 0), span(past_s));
+        found.error("night", text);
+    } else if ahead_s > FAR_S {
+        found.warning(
+            "night",
+            format!("it begins in {}: frames are taken from now on", span(ahead_s)),
+        );
+    } else {
+        found.fine("night", format!("until {}, {} from now", format_utc(to, 0), span(past_s)));
+    }
+}
+
+fn check_visit(
+    number: usize,
+    slot: &Slot,
+    plan: &Plan,
+    options: &PreflightOptions,
+    found: &mut Preflight,
+) {
+    let about = format!("visit {number} ({})", slot.target.name);
+    let end = slot.to.or(plan.to);
+    let to = end.unwrap_or(slot.from + hifitime::Duration::from_seconds(OPEN_S));
+    let before = found.findings.len();
+    if !plan.is_virtual {
+        let late_s = seconds(slot.from, options.now);
+        if slot.to.is_some_and(|to| to <= options.now) {
+            let text = format!(
+                "it is past: it ended at {}, {} ago",
+                format_utc(to, 0),
+                span(seconds(to, options.now))
+            );
+            found.error(&about, text);
+        } else if late_s > LATE_S {
+            let text = format!("it began at {}, {} ago", format_utc(slot.from, 0), span(late_s));
+            found.warning(&about, text);
+        }
+    }
+    if let Some(night) = plan.to {
+        if slot.from >= night {
+            let text = format!("it never begins: the night ends at {}", format_utc(night, 0));
+            found.error(&about, text);
+            return;
+        }
+        if slot.to.is_some_and(|to| to > night) {
+            found.warning(&about, format!("the night ends before it, at {}", format_utc(night, 0)));
+        }
+    }
+    let length_s = seconds(slot.from, to);
+    for camera in &plan.cameras {
+        let exposure_s = camera.exposure_s.get();
+        if exposure_s > length_s {
+            let text = format!(
+                "no frame of {} lies within it: {exposure_s} s of exposure in {length_s:.1} s",
+                camera.name
+            );
+            found.warning(&about, text);
+        }
+    }
+    for counter in plan.counters.iter().filter(|counter| counter.bin_s.get() > length_s) {
+        let (bin_s, name) = (counter.bin_s.get(), &counter.name);
+        found.warning(
+            &about,
+            format!("no bin of {name} lies within it: {bin_s} s in {length_s:.1} s"),
+        );
+    }
+    if slot.target.target_kind != TargetKind::Dark {
+        // A visit that has begun is looked at from now on.
+        let from = if plan.is_virtual { slot.from } else { slot.from.max(options.now.min(to)) };
+        check_sky(&about, slot, (from, to), &plan.station, options, found);
+    }
+    if found.findings.len() == before {
+        found.fine(&about, "no light is needed");
+    }
+}
+
+/// A visit at some moments.
+#[derive(Debug, Default)]
+struct Course {
+    /// Altitudes above the station's horizon, and true ones, degrees.
+    above_deg: Vec<f64>,
+    altitude_deg: Vec<f64>,
+    sun_altitude_deg: Vec<f64>,
+    sun_deg: Vec<f64>,
+    /// Only where the Moon is up.
+    moon_deg: Vec<f64>,
+    sunlit: Vec<f64>,
+}
+
+fn most(values: &[f64]) -> f64 {
+    values.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+}
+
+fn least(values: &[f64]) -> f64 {
+    values.iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+/// The part of the values for which something is true.
+fn part(values: &[f64], is: impl Fn(f64) -> bool) -> f64 {
+    values.iter().filter(|value| is(**value)).count() as f64 / values.len().max(1) as f64
+}
+
+fn course(slot: &Slot, (from, to): (Epoch, Epoch), station: &Station) -> Result<Course, String> {
+    let body = match slot.target.on {
+        true => Some(
+            Body::of(&slot.target).ok_or("its place is not known: no orbit from its elements")?,
+        ),
+        false => None,
+    };
+    let length_s = seconds(from, to).max(0.0);
+    let steps = (length_s / STEP_S).clamp(MOMENTS[0], MOMENTS[1]).ceil();
+    let mut course = Course::default();
+    for i in 0..=steps as u32 {
+        let utc = from + hifitime::Duration::from_seconds(length_s * f64::from(i) / steps);
+        let earth = EarthOrientation::embedded();
+        let observer =
+            Observer::at(utc, &station.site, earth).map_err(|error| error.to_string())?;
+        let sun = observer.sun();
+        course.sun_altitude_deg.push(sun.horizontal.altitude_deg());
+        let (horizontal, direction) = match &body {
+            None => continue,
+            Some(Body::Star(star)) => {
+                let place = observer.star(star);
+                (place.horizontal, place.direction_gcrs)
+            }
+            Some(Body::Orbit(orbit)) => {
+                let geometry = Geometry::at(orbit, &observer).map_err(|error| error.to_string())?;
+                course.sunlit.push(geometry.sunlit);
+                (geometry.horizontal, -geometry.to_observer)
+            }
+        };
+        let altitude = horizontal.altitude_deg();
+        let horizon = station.horizon.elevation_deg(horizontal.azimuth_deg());
+        // What stands at the horizon is lifted; higher up that matters to no plan.
+        let lifted = if altitude < 5.0 { HORIZON_REFRACTION_DEG } else { 0.0 };
+        course.above_deg.push(altitude + lifted - horizon);
+        course.altitude_deg.push(altitude);
+        course.sun_deg.push(separation_rad(direction, sun.place.direction_gcrs).to_degrees());
+        let moon = observer.moon();
+        if moon.horizontal.altitude_deg() > 0.0 {
+            let apart = separation_rad(direction, moon.place.direction_gcrs).to_degrees();
+            course.moon_deg.push(apart);
+        }
+    }
+    Ok(course)
+}
+
+fn check_sky(
+    about: &str,
+    slot: &Slot,
+    times: (Epoch, Epoch),
+    station: &Station,
+    options: &PreflightOptions,
+    found: &mut Preflight,
+) {
+    check_elements(about, slot, times.0, options, found);
+    let course = match course(slot, times, station) {
+        Ok(course) => course,
+        Err(error) => return found.error(about, format!("it has no place: {error}")),
+    };
+    let others = found.findings.len();
+    check_dark(about, &course, found);
+    if !slot.target.on {
+        if found.findings.len() == others {
+            let sun = most(&course.sun_altitude_deg);
+            found.fine(about, format!("the Sun stands at {sun:.0}° or lower"));
+        }
+        return;
+    }
+    let highest = most(&course.altitude_deg);
+    let up = part(&course.above_deg, |above| above > 0.0);
+    if up == 0.0 {
+        let mut text =
+            format!("it is not up: it stands at a zenith angle of {:.0}° at best", 90.0 - highest);
+        let latitude = station.site.geodetic().latitude_deg;
+        if let Some(dec) = slot.target.dec_deg.filter(|dec| (dec - latitude).abs() > 90.6) {
+            text = format!(
+                "it never rises at {}: declination {dec:+.1}°, latitude {latitude:+.1}°",
+                station.name
+            );
+        }
+        found.error(about, text);
+    } else if up < 1.0 {
+        let text = format!("it is up in {:.0} % of the visit only", 100.0 * up);
+        found.warning(about, text);
+    } else if least(&course.altitude_deg) < options.low_deg {
+        let low = least(&course.altitude_deg);
+        let text = match airmass(low) {
+            Some(airmass) => format!("it stands as low as {low:.1}° (airmass {airmass:.1})"),
+            None => format!("it stands as low as {low:.1}°"),
+        };
+        found.warning(about, text);
+    }
+    if !course.sunlit.is_empty() && up > 0.0 {
+        let lit = part(&course.sunlit, |lit| lit > 0.5);
+        if lit == 0.0 {
+            found.error(about, "it is in the Earth's shadow for the whole visit");
+        } else if lit < 1.0 {
+            let dark = 100.0 * (1.0 - lit);
+            found.warning(
+                about,
+                format!("it is in the Earth's shadow for {dark:.0} % of the visit"),
+            );
+        }
+    }
+    let sun = least(&course.sun_deg);
+    if sun < options.sun_deg && up > 0.0 {
+        let risen = most(&course.sun_altitude_deg) > -0.833;
+        let text = format!("it comes within {sun:.0}° of the Sun");
+        if risen { found.error(about, text) } else { found.warning(about, text) }
+    }
+    if let Some(moon) = course.moon_deg.iter().copied().reduce(f64::min)
+        && moon < options.moon_deg
+        && up > 0.0
+    {
+        found.warning(about, format!("it comes within {moon:.1}° of the Moon"));
+    }
+    if found.findings.len() == others {
+        let low = least(&course.altitude_deg);
+        found.fine(about, format!("up at {low:.0}° to {highest:.0}°, in the dark"));
+    }
+}
+
+fn check_dark(about: &str, course: &Course, found: &mut Preflight) {
+    let sun = most(&course.sun_altitude_deg);
+    if part(&course.sun_altitude_deg, |sun| sun > -0.833) == 1.0 {
+        found.error(about, format!("it is day: the Sun stands at {sun:+.0}°"));
+    } else if sun > -0.833 {
+        found.warning(about, format!("it is not dark for all of it: the Sun stands at {sun:+.0}°"));
+    } else if sun > -12.0 {
+        found.warning(about, format!("it is twilight: the Sun stands at {sun:+.0}°"));
+    }
+}
+
+fn check_elements(
+    about: &str,
+    slot: &Slot,
+    from: Epoch,
+    options: &PreflightOptions,
+    found: &mut Preflight,
+) {
+    let Some([line1, line2]) = &slot.target.tle else { return };
+    let sets = tle::parse("the plan's elements", &format!("{line1}\n{line2}\n"));
+    let Some(elements) = sets.ok().and_then(|sets| sets.into_iter().next()) else { return };
+    let age_s = seconds(elements.epoch, from);
+    let days = age_s.abs() / 86_400.0;
+    let word = if age_s < 0.0 { "younger than the visit" } else { "old" };
+    let text = format!(
+        "its elements are {} {word} (epoch {}): fetch new ones",
+        span(age_s),
+        format_utc(elements.epoch, 0)
+    );
+    let [warn, useless] = options.elements_days;
+    if days > useless {
+        found.error(about, text);
+    } else if days > warn {
+        found.warning(about, text);
+    }
+}
+
+/// Counters' channels that the station does not have: their counts could not be reduced or calibrated.
+fn check_channels(plan: &Plan, found: &mut Preflight) {
+    let known: Vec<&str> = plan
+        .station
+        .channels
+        .iter()
+        .filter(|channel| matches!(channel.detector, Detector::Counter(_)))
+        .map(|channel| channel.name.as_str())
+        .collect();
+    for counter in &plan.counters {
+        let names = counter.channel_names();
+        for name in names.iter().filter(|name| !known.contains(&name.as_str())) {
+            let has = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+            let text = format!(
+                "the station {} has no channel `{name}`: its counts cannot be calibrated (it has {has})",
+                plan.station.name
+            );
+            found.warning(&counter.name, text);
+        }
+    }
+}
+
+/// What a device said of itself.
+enum Said {
+    Camera { sensor_px: [u32; 2], limits: Option<Limits> },
+    Counter { channels: Vec<String>, tags: bool },
+}
+
+/// Devices on their way.
+struct Opened {
+    receiver: std::sync::mpsc::Receiver<(String, Result<Said, DeviceError>)>,
+    until: Instant,
+}
+
+impl Opened {
+    fn start(plan: &Plan, opener: &Arc<dyn Opener>, options: &PreflightOptions) -> Self {
+        let (sender, receiver) = channel();
+        let within = options.open_within;
+        let spawn =
+            |name: &str, open: Box<dyn FnOnce(&Deadline) -> Result<Said, DeviceError> + Send>| {
+                let (sender, name) = (sender.clone(), name.to_owned());
+                let work = move || {
+                    let said = open(&Deadline::within(within));
+                    // Whoever asked may have waited long enough.
+                    let _ = sender.send((name, said));
+                };
+                // Without a thread the device has said nothing, which is told.
+                drop(std::thread::Builder::new().name("preflight".into()).spawn(work));
+            };
+        for camera in &plan.cameras {
+            let (plan, opener) = (camera.clone(), opener.clone());
+            let open = move |deadline: &Deadline| opener.camera(&plan, deadline).map(camera_said);
+            spawn(&camera.name, Box::new(open));
+        }
+        for counter in &plan.counters {
+            let (plan, opener) = (counter.clone(), opener.clone());
+            let open = move |deadline: &Deadline| opener.counter(&plan, deadline).map(counter_said);
+            spawn(&counter.name, Box::new(open));
+        }
+        // A driver that holds out for a little longer than its deadline is not waited for.
+        let until = Instant::now() + within + Duration::from_millis(200);
+        Self { receiver, until }
+    }
+
+    /// The sensors' sizes by camera, px.
+    fn finish(
+        self,
+        plan: &Plan,
+        options: &PreflightOptions,
+        found: &mut Preflight,
+    ) -> Vec<(String, [u32; 2])> {
+        let count = plan.cameras.len() + plan.counters.len();
+        let mut answers = Vec::new();
+        while answers.len() < count {
+            let left = self.until.saturating_duration_since(Instant::now());
+            match self.receiver.recv_timeout(left) {
+                Ok(answer) => answers.push(answer),
+                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => break,
+            }
+        }
+        let mut sensors = Vec::new();
+        let mut answer = |name: &str| {
+            let place = answers.iter().position(|(device, _)| device == name)?;
+            Some(answers.swap_remove(place).1)
+        };
+        for camera in &plan.cameras {
+            let name = &camera.name;
+            match answer(name) {
+                Some(Ok(Said::Camera { sensor_px, limits })) => {
+                    sensors.push((name.clone(), sensor_px));
+                    check_camera(camera, sensor_px, limits.as_ref(), found);
+                }
+                other => not_there(name, other, options, found),
+            }
+        }
+        for counter in &plan.counters {
+            let name = &counter.name;
+            match answer(name) {
+                Some(Ok(Said::Counter { channels, tags })) => {
+                    check_counter(counter, &channels, tags, found);
+                }
+                other => not_there(name, other, options, found),
+            }
+        }
+        sensors
+    }
+}
+
+fn camera_said(camera: Box<dyn Camera>) -> Said {
+    Said::Camera { sensor_px: camera.sensor_px(), limits: camera.limits() }
+}
+
+fn counter_said(counter: Box<dyn PhotonCounter>) -> Said {
+    Said::Counter { channels: counter.channels().to_vec(), tags: counter.streams_tags() }
+}
+
+fn not_there(
+    name: &str,
+    said: Option<Result<Said, DeviceError>>,
+    options: &PreflightOptions,
+    found: &mut Preflight,
+) {
+    match said {
+        Some(Err(error)) if error.is_permanent_setting() => found.error(name, error.to_string()),
+        Some(Err(error)) => {
+            let text = format!("{error}; the night tries it again and again");
+            found.warning(name, text);
+        }
+        _ => {
+            let s = options.open_within.as_secs_f64();
+            found.warning(
+                name,
+                format!("it did not answer within {s:.1} s; the night tries it again"),
+            );
+        }
+    }
+}
+
+/// A value against a range, both in the unit of the value's name.
+fn check_value(
+    name: &str,
+    what: &str,
+    value: f64,
+    range: Option<[f64; 2]>,
+    found: &mut Preflight,
+) -> bool {
+    let Some([least, most]) = range.filter(|[least, most]| least < most) else { return true };
+    if (least..=most).contains(&value) {
+        return true;
+    }
+    found.error(name, format!("{what} is {value}, the device takes {least} to {most}"));
+    false
+}
+
+fn check_camera(
+    plan: &CameraPlan,
+    sensor_px: [u32; 2],
+    limits: Option<&Limits>,
+    found: &mut Preflight,
+) {
+    let name = plan.name.as_str();
+    let before = found.findings.len();
+    let binning = plan.binning.unwrap_or(1);
+    if let Some([x, y, columns, rows]) = plan.window_px {
+        for (what, first, size, sensor) in
+            [("columns", x, columns, sensor_px[0]), ("rows", y, rows, sensor_px[1])]
+        {
+            if u64::from(first) + u64::from(size) > u64::from(sensor) || size < binning.max(1) {
+                let text = format!(
+                    "window_px asks for {size} {what} from {first} on with a binning of {binning}, the sensor has {sensor}"
+                );
+                found.error(name, text);
+            }
+        }
+    }
+    if let Some(limits) = limits {
+        check_value(name, "exposure_s", plan.exposure_s.get(), limits.exposure_s, found);
+        match (plan.gain, limits.gain) {
+            (Some(gain), None) => {
+                found.error(
+                    name,
+                    format!("gain is {}, but the camera has no gain to set", gain.get()),
+                );
+            }
+            (Some(gain), range) => {
+                check_value(name, "gain", gain.get(), range, found);
+            }
+            (None, _) => {}
+        }
+        match (plan.temperature_c, limits.temperature_c) {
+            (Some(wanted), None) => {
+                let wanted = wanted.get();
+                let text =
+                    format!("temperature_c is {wanted}, but the camera has no cooling to set");
+                found.error(name, text);
+            }
+            (Some(wanted), range) => {
+                check_value(name, "temperature_c", wanted.get(), range, found);
+            }
+            (None, _) => {}
+        }
+        if let Some(most) = limits.binning.filter(|most| binning > *most) {
+            found.error(name, format!("binning is {binning}, the device takes 1 to {most}"));
+        }
+        if let (Some(filter), false) = (&plan.filter, limits.filters.is_empty())
+            && !limits.filters.contains(filter)
+        {
+            let text = format!("filter is `{filter}`, its wheel has {}", limits.filters.join(", "));
+            found.warning(name, text);
+        }
+    }
+    if found.findings.len() == before {
+        let [columns, rows] = sensor_px;
+        found.fine(name, format!("a sensor of {columns} × {rows} px; its settings are in range"));
+    }
+}
+
+fn check_counter(plan: &CounterPlan, known: &[String], tags: bool, found: &mut Preflight) {
+    let name = plan.name.as_str();
+    let before = found.findings.len();
+    for (channel, input) in &plan.channels {
+        if !known.iter().any(|known| known == channel || *known == format!("c{input}")) {
+            let text = format!(
+                "channel `{channel}` is on input {input}, which it lacks: it has {}",
+                known.join(", ")
+            );
+            found.error(name, text);
+        }
+    }
+    if plan.raw_tags && !tags {
+        found.error(name, "it hands over no time tags: leave out `raw_tags`");
+    }
+    if found.findings.len() == before {
+        found.fine(name, format!("{} channels are there", plan.channels.len()));
+    }
+}
+
+/// The first folder above that is there.
+fn existing(path: &Path) -> Option<PathBuf> {
+    let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
+    path.ancestors()
+        .map(|path| if path.as_os_str().is_empty() { Path::new(".") } else { path })
+        .find(|path| path.is_dir())
+        .map(Path::to_path_buf)
+}
+
+/// Bytes a second that the plan's devices give; raw tags are not among them.
+fn bytes_per_s(plan: &Plan, sensors: &[(String, [u32; 2])]) -> Option<f64> {
+    let mut sum = 0.0;
+    for camera in &plan.cameras {
+        let binning = f64::from(camera.binning.unwrap_or(1).max(1));
+        let size = camera.window_px.map(|[_, _, columns, rows]| [columns, rows]).or_else(|| {
+            sensors.iter().find(|(name, _)| *name == camera.name).map(|(_, size)| *size)
+        })?;
+        let pixels = f64::from(size[0]) * f64::from(size[1]) / (binning * binning);
+        let every_s = camera.interval_s.map_or(camera.exposure_s.get(), Positive::get);
+        sum += (2.0 * pixels + FRAME_BYTES) / every_s.max(0.01);
+    }
+    for counter in &plan.counters {
+        let row = ROW_BYTES + 2.0 * COLUMN_BYTES * counter.channels.len() as f64;
+        sum += row / counter.bin_s.get();
+    }
+    Some(sum)
+}
+
+fn check_room(
+    plan: &Plan,
+    sensors: &[(String, [u32; 2])],
+    options: &PreflightOptions,
+    found: &mut Preflight,
+) {
+    let folder = options.folder.as_deref().unwrap_or(&plan.output);
+    let Some(rate) = bytes_per_s(plan, sensors) else { return };
+    let Some(free) = existing(folder).and_then(|folder| free_bytes(&folder)) else { return };
+    let free = free as f64;
+    let tags = if plan.counters.iter().any(|counter| counter.raw_tags) {
+        "; raw tags come on top, 16 bytes a photon"
+    } else {
+        ""
+    };
+    let Some(to) = plan.to else {
+        let hours = free / rate.max(1e-9) / 3600.0;
+        found.fine("disk", format!("room for {hours:.0} h at {:.2} MB/s{tags}", 1e-6 * rate));
+        return;
+    };
+    let from = if plan.is_virtual { plan.from } else { options.now };
+    let bytes = rate * seconds(from, to).max(0.0);
+    let [need, room] = [bytes, free].map(|bytes| format!("{:.3} GB", 1e-9 * bytes));
+    let text = format!("the night takes up to {need}, {room} are free{tags}");
+    if bytes > free {
+        found.error("disk", text);
+    } else if bytes > ROOM * free {
+        found.warning("disk", text);
+    } else {
+        found.fine("disk", text);
+    }
+}
