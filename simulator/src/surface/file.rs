@@ -148,7 +148,7 @@ pub enum LobeName {
 #[serde(deny_unknown_fields)]
 pub struct LobeFile {
     /// What part of the microfacets it is.
-    pub share: Option<Fraction>,
+    pub share: Option<Finite>,
     /// How they are tilted.
     pub distribution: LobeName,
     /// A of the ABg model, sr⁻¹.

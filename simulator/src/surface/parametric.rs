@@ -72,7 +72,7 @@ pub enum CompositeLobe {
     Facets {
         /// Tilts and masking.
         lobe: Lobe,
-        /// What part of the surface they are, 0 to 1.
+        /// What they are multiplied by: a part of the surface, or more where roughness within roughness sends more light there.
         share: f64,
     },
     /// A/(B + x^g) before the Fresnel term.
@@ -148,7 +148,7 @@ impl Material {
     /// add up; each is reciprocal.
     ///
     /// # Errors
-    /// No part, numbers out of range, shares of microfacets and mirror that exceed 1 together, a sum that reflects more than came up to 60° of incidence.
+    /// No part, numbers out of range, a sum that reflects more than came up to 60° of incidence.
     pub fn composite(
         name: impl Into<String>,
         lobes: &[CompositeLobe],
@@ -157,12 +157,10 @@ impl Material {
         diffuse: Option<Diffuse>,
     ) -> Result<Self, MaterialError> {
         let mut parts = Vec::new();
-        let mut all = 0.0;
         for lobe in lobes {
             let (shape, scale) = match *lobe {
                 CompositeLobe::Facets { lobe, share } => {
-                    within("the share of a lobe", share, 0.0, 1.0)?;
-                    all += share;
+                    within("the share of a lobe", share, 0.0, 10.0)?;
                     (Shape::Facets(lobe), share)
                 }
                 CompositeLobe::Abg { a_per_sr, b, g } => {
@@ -177,13 +175,9 @@ impl Material {
         if let Some(MirrorTerm { share, g, alpha }) = mirror {
             within("the share of the mirror", share, 0.0, 1.0)?;
             within("g of the mirror", g, 0.0, 1e3)?;
-            all += share;
             let lobe = Lobe::isotropic(Distribution::Beckmann, alpha, Masking::Separable)?;
             let fresnel = fresnel.clone().coherent(g);
             parts.push(Part { shape: Shape::Facets(lobe), fresnel, scale: share });
-        }
-        if all > 1.0 + 1e-9 {
-            return Err(parameter("the sum of the shares", all, "at most 1"));
         }
         if let Some(Diffuse { reflectance, power }) = diffuse {
             within("the power of the diffuse light", power, 0.0, 10.0)?;
