@@ -109,6 +109,10 @@ pub fn read_str(path: impl AsRef<Path>, text: &str) -> Result<FredScatter, Parse
         let expected = "two numbers (incidence) or three (angle, azimuth, 1/sr)";
         let numbers = numbers.ok_or_else(|| bad(number, line, expected))?;
         let theta_deg = numbers[0] * to_deg;
+        let scaled = |k: usize, by: f64| numbers.get(k).is_none_or(|v| (v * by).is_finite());
+        if !(scaled(1, to_deg) && scaled(2, scale)) {
+            return Err(bad(number, line, "numbers that can be"));
+        }
         if !(0.0..=90.0 + 1e-9).contains(&theta_deg.abs()) {
             return Err(bad(number, line, "an angle from the normal of up to 90°"));
         }

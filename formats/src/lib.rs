@@ -8,6 +8,7 @@
 //! - [`toml`]: what people write (stations, instruments, plans) into plain serde structs;
 //! - [`curve`]: what vendors publish (passbands, efficiencies) as CSV;
 //! - [`jcamp`]: spectra as spectrometers export them;
+//! - [`fred`], [`zemax`]: scattered light as optical design programs tabulate it;
 //! - [`counts`] and [`frame`]: what instruments deliver, a bin of a photon counter and a frame of a camera;
 //! - [`tags`]: photon time tags on disk, binned into counts;
 //! - [`flag_bits`]: flags as bits of a number, which files name;
@@ -73,6 +74,7 @@ pub mod error;
 pub mod fits;
 pub mod flag_bits;
 pub mod frame;
+pub mod fred;
 pub mod jcamp;
 pub mod read;
 pub mod session;
@@ -81,6 +83,7 @@ pub mod tags;
 pub mod text_table;
 pub mod time;
 pub mod toml;
+pub mod zemax;
 
 pub use counts::{CountFlags, CountRecord, CountSeries};
 pub use curve::Curve;

@@ -226,9 +226,8 @@ pub fn to_string(bsdf: &ZemaxBsdf) -> String {
         "Source\t{}\nSymmetry\t{symmetry}\nSpectralContent\tMonochrome\nScatterType\t{kind}\nSampleRotation\t1\n0",
         bsdf.source
     );
-    let row = |values: &[f64]| {
-        values.iter().map(ToString::to_string).collect::<Vec<_>>().join("\t")
-    };
+    let row =
+        |values: &[f64]| values.iter().map(ToString::to_string).collect::<Vec<_>>().join("\t");
     for (key, values) in [
         ("AngleOfIncidence", &bsdf.incidence_deg),
         ("ScatterAzimuth", &bsdf.azimuth_deg),

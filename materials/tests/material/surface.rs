@@ -27,7 +27,9 @@ fn fred(path: &std::path::Path) -> Samples {
     let mut at = 0.0;
     let mut rows = Vec::new();
     for line in text.lines() {
-        let Ok(v) = line.split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>() else { continue };
+        let Ok(v) = line.split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>() else {
+            continue;
+        };
         match v[..] {
             [i, _] => at = i,
             [o, phi, f] => rows.push(Sample {
@@ -45,19 +47,32 @@ fn fred(path: &std::path::Path) -> Samples {
 }
 
 fn show(name: &str, fit: &SurfaceFit) {
-    eprintln!("== {name}: {} rms {:?} outliers {} indep {:.0} doubt {:?}", fit.name, fit.rms_ln, fit.outliers, fit.independent_values, fit.doubt);
+    eprintln!(
+        "== {name}: {} rms {:?} outliers {} indep {:.0} doubt {:?}",
+        fit.name, fit.rms_ln, fit.outliers, fit.independent_values, fit.doubt
+    );
     for i in &fit.incidences {
         eprintln!(
             "  {:5.1}: n {} rms {:.3} H {:.4} cov {:.2} E {:.3} P {:?} albedo {:.3} | {:?}",
-            i.theta_i_deg, i.values, i.rms_ln, i.hemispherical_table, i.coverage, i.hemispherical_ratio,
-            i.peak.map(|p| (p.table_per_sr, (p.ratio * 1e3).round() / 1e3)), i.albedo, i.unseen
+            i.theta_i_deg,
+            i.values,
+            i.rms_ln,
+            i.hemispherical_table,
+            i.coverage,
+            i.hemispherical_ratio,
+            i.peak.map(|p| (p.table_per_sr, (p.ratio * 1e3).round() / 1e3)),
+            i.albedo,
+            i.unseen
         );
     }
     for n in &fit.numbers {
         eprintln!("  {} {:?} {:.4e} {:?} {}", n.name, n.lobe, n.value, n.interval, n.at_bound);
     }
     for t in fit.tried.iter().take(30) {
-        eprintln!("    {:40} {:2} rms {:.4} cost {:.4} left {:?}", t.recipe, t.parameters, t.rms_ln, t.cost, t.left_out);
+        eprintln!(
+            "    {:40} {:2} rms {:.4} cost {:.4} left {:?}",
+            t.recipe, t.parameters, t.rms_ln, t.cost, t.left_out
+        );
     }
     eprintln!("  albedo {:?}", fit.albedo);
     for f in &fit.flaws {
@@ -74,8 +89,17 @@ fn dev_real() {
         ("ec1", "real/fred_zemax/AnoBlackEC1onAlum.fred.txt"),
         ("aluminium", "real/aluminium_brdf_in_plane.csv"),
     ] {
-        if let Ok(only) = std::env::var("ONLY") && !only.contains(name) { continue; }
-        let Some(path) = shared(path).or_else(|| std::env::var("DEV_SHARED").ok().map(|d| std::path::Path::new(&d).join(path))) else { skip("dev_real", "no shared/real beside the checkout"); return };
+        if let Ok(only) = std::env::var("ONLY")
+            && !only.contains(name)
+        {
+            continue;
+        }
+        let Some(path) = shared(path).or_else(|| {
+            std::env::var("DEV_SHARED").ok().map(|d| std::path::Path::new(&d).join(path))
+        }) else {
+            skip("dev_real", "no shared/real beside the checkout");
+            return;
+        };
         let samples = if name == "ec1" { fred(&path) } else { lumos(&path) };
         let start = std::time::Instant::now();
         let mut options = SurfaceOptions::default();

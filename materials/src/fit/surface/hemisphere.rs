@@ -74,7 +74,10 @@ fn arc(x: f64, from: f64, to: f64) -> f64 {
         2.0 * ((r * r + x * x - 1.0) / (2.0 * r * x)).clamp(-1.0, 1.0).acos()
     };
     let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
-    legendre(8).iter().map(|(t, w)| w * half * (middle + t * half).abs() * angle(middle + t * half)).sum()
+    legendre(8)
+        .iter()
+        .map(|(t, w)| w * half * (middle + t * half).abs() * angle(middle + t * half))
+        .sum()
 }
 
 /// Each place of the disc to the sample that is nearest.

@@ -205,7 +205,14 @@ impl<'a> Judge<'a> {
         let radius = cone.radius_rad();
         let mut cosines = COSINES.to_vec();
         cosines.extend(incidences.iter().map(|i| i.i.z));
-        Self { recipe, incidences, weight: vec![1.0; count], blur2: 0.5 * radius * radius, misfit, cosines }
+        Self {
+            recipe,
+            incidences,
+            weight: vec![1.0; count],
+            blur2: 0.5 * radius * radius,
+            misfit,
+            cosines,
+        }
     }
 
     pub fn count(&self) -> usize {
@@ -344,7 +351,8 @@ impl<'a> Judge<'a> {
             for k in 0..count {
                 let own = jacobian.row(at + k) * self.weight[at + k].sqrt();
                 let share = incidence.weight[k] * incidence.value[k] / incidence.hemispherical;
-                let of_all = jacobian.row(figure) * (HEMISPHERICAL * root * share * incidence.unit[k]);
+                let of_all =
+                    jacobian.row(figure) * (HEMISPHERICAL * root * share * incidence.unit[k]);
                 moved.set_row(at + k, &(own + of_all));
             }
             figure += 1;
@@ -369,11 +377,12 @@ impl<'a> Judge<'a> {
         let unit =
             DMatrix::from_fn(free.len(), free.len(), |a, b| hessian[(a, b)] / scale[a] / scale[b]);
         let Some(inverse) = unit.cholesky().map(|c| c.inverse()) else { return sigma };
-        let inverse = DMatrix::from_fn(free.len(), free.len(), |a, b| {
-            inverse[(a, b)] / scale[a] / scale[b]
-        });
-        let covariance =
-            &inverse * moved.tr_mul(&moved) * &inverse * (variance * n as f64 / independent.max(1.0));
+        let inverse =
+            DMatrix::from_fn(free.len(), free.len(), |a, b| inverse[(a, b)] / scale[a] / scale[b]);
+        let covariance = &inverse
+            * moved.tr_mul(&moved)
+            * &inverse
+            * (variance * n as f64 / independent.max(1.0));
         for (a, j) in free.iter().enumerate() {
             let s = covariance[(a, a)].sqrt();
             // Beyond a factor of e⁵ either way nothing is known.

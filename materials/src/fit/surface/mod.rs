@@ -233,10 +233,16 @@ impl fmt::Display for Flaw {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Hemispherical { theta_i_deg, ratio } => {
-                write!(f, "at {theta_i_deg}° of incidence the law reflects {ratio:.2} times what the table does in all directions")
+                write!(
+                    f,
+                    "at {theta_i_deg}° of incidence the law reflects {ratio:.2} times what the table does in all directions"
+                )
             }
             Self::Peak { theta_i_deg, ratio } => {
-                write!(f, "at {theta_i_deg}° of incidence the law's mirrored peak is {ratio:.2} times the table's")
+                write!(
+                    f,
+                    "at {theta_i_deg}° of incidence the law's mirrored peak is {ratio:.2} times the table's"
+                )
             }
             Self::TableGains { theta_i_deg, hemispherical } => write!(
                 f,
@@ -332,7 +338,8 @@ impl SurfaceFit {
             "[material.doubt]\npeak_ln = {peak_ln:.4}\nwings_ln = {wings_ln:.4}\ngrazing_ln = {grazing_ln:.4}"
         );
         if !self.flaws.is_empty() {
-            let said: Vec<String> = self.flaws.iter().map(|f| format!("{:?}", f.to_string())).collect();
+            let said: Vec<String> =
+                self.flaws.iter().map(|f| format!("{:?}", f.to_string())).collect();
             let _ = writeln!(text, "said = [{}]", said.join(", "));
         }
         text
@@ -486,7 +493,8 @@ fn incidences(
             "the table has fewer than three incidences with five values or more: fit one law with --law",
         ));
     }
-    let made = groups.into_iter().map(|(theta, i, rows)| Incidence::new(theta, i, rows, &options.cone));
+    let made =
+        groups.into_iter().map(|(theta, i, rows)| Incidence::new(theta, i, rows, &options.cone));
     Ok((made.collect(), left_out))
 }
 
@@ -515,9 +523,8 @@ fn finish(
     let bounds = judge.bounds();
     let numbers = candidate.recipe.ranges().into_iter().enumerate().map(|(j, range)| {
         let value = x[j].exp();
-        let interval = sigma[j].map(|s| {
-            Interval::new(value * (-quantile * s).exp(), value * (quantile * s).exp())
-        });
+        let interval = sigma[j]
+            .map(|s| Interval::new(value * (-quantile * s).exp(), value * (quantile * s).exp()));
         Number {
             name: range.key,
             lobe: Some(range.lobe).filter(|l| *l > 0),
@@ -529,9 +536,8 @@ fn finish(
     });
     let numbers: Vec<Number> = numbers.collect();
     let region: Vec<Region> = incidences.iter().flat_map(|i| i.region.iter().copied()).collect();
-    let of = |which: Region| {
-        rms(raw.iter().zip(&region).filter(|(_, r)| **r == which).map(|(v, _)| *v))
-    };
+    let of =
+        |which: Region| rms(raw.iter().zip(&region).filter(|(_, r)| **r == which).map(|(v, _)| *v));
     let rms_ln = Rms {
         all: rms(raw.iter().copied()).unwrap_or(f64::NAN),
         peak: of(Region::Peak),
@@ -694,15 +700,14 @@ fn doubt(candidate: &Candidate, incidences: &[Incidence], raw: &[f64]) -> Doubt 
         let found = point(Some(region), any).or_else(|| point(Some(region), false));
         found.or_else(|| point(None, false)).unwrap_or(of_fit)
     };
-    Doubt { peak_ln: of(Region::Peak), wings_ln: of(Region::Wings), grazing_ln: of(Region::Grazing) }
+    Doubt {
+        peak_ln: of(Region::Peak),
+        wings_ln: of(Region::Wings),
+        grazing_ln: of(Region::Grazing),
+    }
 }
 
-fn unseen(
-    candidate: &Candidate,
-    k: usize,
-    incidence: &Incidence,
-    doubt: &Doubt,
-) -> Option<Unseen> {
+fn unseen(candidate: &Candidate, k: usize, incidence: &Incidence, doubt: &Doubt) -> Option<Unseen> {
     let fold = candidate.folds.iter().find(|f| f.incidence == k)?;
     let raw: Vec<f64> = fold.residual.iter().zip(&incidence.unit).map(|(r, u)| r * u).collect();
     let half = |region: &Region| match region {
@@ -737,9 +742,10 @@ fn reciprocity(incidences: &[Incidence]) -> Option<Flaw> {
                     continue;
                 }
                 let wanted = glam::DVec3::new(a.i.x * o.x.signum(), 0.0, a.i.z);
-                let near = b.o.iter().enumerate().min_by(|p, q| {
-                    p.1.angle_between(wanted).total_cmp(&q.1.angle_between(wanted))
-                });
+                let near =
+                    b.o.iter().enumerate().min_by(|p, q| {
+                        p.1.angle_between(wanted).total_cmp(&q.1.angle_between(wanted))
+                    });
                 if let Some((j, found)) = near
                     && found.angle_between(wanted).to_degrees() < 0.6
                     && a.region[k] != Region::Peak

@@ -124,8 +124,7 @@ impl Recipe {
 
     pub(super) fn ranges(&self) -> Vec<Range> {
         let mut all = Vec::new();
-        let mut put =
-            |key, lobe, least, most| all.push(Range { key, lobe, least, most });
+        let mut put = |key, lobe, least, most| all.push(Range { key, lobe, least, most });
         match self.rise {
             Rise::Constant => {}
             Rise::Schlick => put("reflectance", 0, 1e-3, 1.0),
@@ -377,7 +376,12 @@ impl Surface {
             .collect();
         let mirror = self.mirror.map(|m| MirrorTerm { share: m.share, g: m.g, alpha: m.alpha });
         let diffuse = (self.diffuse > 0.0)
-            .then(|| Ok::<_, MaterialError>(Diffuse { reflectance: grey(self.diffuse)?, power: self.power }))
+            .then(|| {
+                Ok::<_, MaterialError>(Diffuse {
+                    reflectance: grey(self.diffuse)?,
+                    power: self.power,
+                })
+            })
             .transpose()?;
         Material::composite(name, &lobes, mirror, &fresnel, diffuse)
     }

@@ -108,14 +108,9 @@ fn starts(judge: &Judge<'_>) -> Vec<Vec<f64>> {
     let widths: &[&[f64]] = match recipe.lobes.len() {
         0 => &[&[]],
         1 => &[&[0.008], &[0.03], &[0.1], &[0.3], &[0.6]],
-        2 => &[
-            &[0.006, 0.06],
-            &[0.02, 0.15],
-            &[0.06, 0.3],
-            &[0.15, 0.5],
-            &[0.01, 0.4],
-            &[0.2, 0.03],
-        ],
+        2 => {
+            &[&[0.006, 0.06], &[0.02, 0.15], &[0.06, 0.3], &[0.15, 0.5], &[0.01, 0.4], &[0.2, 0.03]]
+        }
         _ => &[&[0.01, 0.06, 0.3], &[0.02, 0.15, 0.5], &[0.06, 0.02, 0.3]],
     };
     let rises: &[f64] = match recipe.rise {
@@ -264,7 +259,12 @@ pub(super) fn misfit(candidates: &[Candidate], incidences: &[&Incidence], cone: 
 }
 
 /// Brings candidates to their ends with all samples.
-pub(super) fn finish(candidates: &mut [Candidate], incidences: &[&Incidence], cone: &Cone, misfit: f64) {
+pub(super) fn finish(
+    candidates: &mut [Candidate],
+    incidences: &[&Incidence],
+    cone: &Cone,
+    misfit: f64,
+) {
     candidates.par_iter_mut().for_each(|c| {
         (c.found, c.weight) = refine(&c.recipe, incidences, (cone, misfit), &c.found.x, 2);
     });
