@@ -124,6 +124,15 @@ impl Incidence {
         }
     }
 
+    /// The distance from the sample at the peak to the nearest other one, degrees.
+    pub fn step_at_peak_deg(&self) -> Option<f64> {
+        let peak = *self.peak.first()?;
+        let others = self.o.iter().enumerate().filter(|(k, _)| *k != peak);
+        let least =
+            others.map(|(_, o)| o.angle_between(self.o[peak])).fold(f64::INFINITY, f64::min);
+        Some(least.to_degrees()).filter(|deg| deg.is_finite())
+    }
+
     /// With fewer samples: those about the mirrored direction, and of the others so many that about `most` are left.
     pub fn thinned(&self, most: usize, cone: &Cone) -> Self {
         let stride = self.o.len().div_ceil(most).max(1);

@@ -34,6 +34,8 @@ use sunglint_simulator::surface::MaterialError;
 pub const LEAST_INCIDENCES: usize = 3;
 /// Hemispherical reflectance and peak may be off by this before a material is doubtful: 10 % and 25 %.
 const MOST_OFF: [f64; 2] = [0.10, 0.25];
+/// With samples farther apart than this about the mirrored direction no mirror is looked for, degrees.
+const MOST_STEP_DEG: f64 = 3.0;
 /// Samples of an incidence on which recipes are searched; those that are kept then see all.
 const SEARCHED: usize = 90;
 /// Angles of incidence at which the albedo is told besides those of the table, degrees.
@@ -361,6 +363,11 @@ pub fn fit_surface(
     let mut recipes = options.recipes.clone();
     if recipes.is_empty() {
         recipes = search::recipes(options.most_lobes.min(2));
+        // A mirror as narrow as it is here shows in the step from one sample to its neighbour: where that is wide it would fit a single sample.
+        let steps = incidences.iter().filter_map(Incidence::step_at_peak_deg);
+        if sunglint_numerics::order::median(steps).is_none_or(|step| step > MOST_STEP_DEG) {
+            recipes.retain(|r| !r.mirror);
+        }
     }
     let count: usize = incidences.iter().map(|i| i.ln.len()).sum();
     recipes.retain(|r| count >= 2 * r.ranges().len() + 3);
