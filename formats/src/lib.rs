@@ -8,7 +8,11 @@
 //! - [`toml`]: what people write (stations, instruments, plans) into plain serde structs;
 //! - [`curve`]: what vendors publish (passbands, efficiencies) as CSV;
 //! - [`jcamp`]: spectra as spectrometers export them;
+<<<<<<< HEAD
 //! - [`photometry`]: magnitudes as catalogues, observers and tracking stations publish them;
+=======
+//! - [`fred`], [`zemax`]: scattered light as optical design programs tabulate it;
+>>>>>>> w-mat
 //! - [`counts`] and [`frame`]: what instruments deliver, a bin of a photon counter and a frame of a camera;
 //! - [`tags`]: photon time tags on disk, binned into counts;
 //! - [`flag_bits`]: flags as bits of a number, which files name;
@@ -74,6 +78,7 @@ pub mod error;
 pub mod fits;
 pub mod flag_bits;
 pub mod frame;
+pub mod fred;
 pub mod jcamp;
 pub mod photometry;
 pub mod read;
@@ -83,6 +88,7 @@ pub mod tags;
 pub mod text_table;
 pub mod time;
 pub mod toml;
+pub mod zemax;
 
 pub use counts::{CountFlags, CountRecord, CountSeries};
 pub use curve::Curve;

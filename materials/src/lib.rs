@@ -8,12 +8,14 @@
 //! - [`plan`]: the directions in which the sample is then measured;
 //! - [`ingest`]: from a spectrometer's spectra, direction by direction, to values;
 //! - [`read`]: tables of the lab, read from files;
+//! - [`exchange`]: values as FRED, Zemax and other laboratories write them;
 //! - [`samples`]: those values;
 //! - [`assemble`]: values and densities as a measured material;
 //! - [`look`]: what a material does, and how two differ;
 //! - [`fit`]: laws with few parameters through measured values.
 
 pub mod assemble;
+pub mod exchange;
 pub mod fit;
 pub mod ingest;
 pub mod look;

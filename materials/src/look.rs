@@ -72,7 +72,8 @@ pub fn read(name: &str, wavelength_nm: f64) -> Result<Material, LookError> {
     };
     let path = Path::new(file);
     let is = |extension: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
-    if is("bsdf") {
+    // Zemax's tables have the same ending and are text.
+    if is("bsdf") && crate::read::exchange_format(path).is_none() {
         return Ok(measured::read(file, path)?);
     }
     if is("toml") {
@@ -105,7 +106,8 @@ pub fn read(name: &str, wavelength_nm: f64) -> Result<Material, LookError> {
 
 /// What is to be said of a wavelength that a material's spectra do not reach.
 pub fn beyond(material: &Material, nm: f64) -> Option<String> {
-    let ranges = || material.spectra().iter().map(|s| s.range_nm());
+    // The spectrum that says that a geometry was not measured covers no wavelength.
+    let ranges = || material.spectra().iter().map(|s| s.range_nm()).filter(|r| r.1 > 1.0);
     let from = ranges().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
     let to = ranges().map(|r| r.1).fold(f64::INFINITY, f64::min);
     let is_within = nm >= from && nm <= to;

@@ -1,5 +1,6 @@
 //! Tables of the lab, read from files: ECSV, FITS or plain columns.
 
+use crate::exchange::{self, Exchange};
 use crate::ndf::{self, Ndf};
 use crate::samples::Samples;
 use std::path::Path;
@@ -28,7 +29,7 @@ pub enum ReadError {
     },
 }
 
-/// Reads measured values from a file, ECSV, FITS or plain columns. `wavelength_nm` is that of a table that does not say it.
+/// Reads measured values from a file: ECSV, FITS, plain columns, or what [`crate::exchange`] knows. `wavelength_nm` is that of a table that does not say it.
 ///
 /// # Errors
 /// A file that cannot be read, or holds no samples.
@@ -44,8 +45,17 @@ pub fn samples(
         let inputs = vec![Input { file: path.display().to_string(), sha256 }];
         return Ok((Samples::from_fits(&fits)?, inputs));
     }
-    let (table, inputs) = table(path)?;
+    let (text, inputs) = text(path)?;
+    if let Some(format) = Exchange::of(&text) {
+        return Ok((exchange::read_str(path, &text, format, wavelength_nm)?, inputs));
+    }
+    let table = read_str(path, &text)?;
     Ok((Samples::from_table(path, &table, wavelength_nm)?, inputs))
+}
+
+/// The format of another program that a file is in; `None` of our own, of what is no text, and of what is not there.
+pub fn exchange_format(path: &Path) -> Option<Exchange> {
+    Exchange::of(&text(path).ok()?.0)
 }
 
 /// Reads a table from a file, ECSV or plain columns.
@@ -53,6 +63,11 @@ pub fn samples(
 /// # Errors
 /// A file that cannot be read, or holds no table.
 pub fn table(path: &Path) -> Result<(Table, Vec<Input>), ReadError> {
+    let (text, inputs) = text(path)?;
+    Ok((read_str(path, &text)?, inputs))
+}
+
+fn text(path: &Path) -> Result<(String, Vec<Input>), ReadError> {
     let bytes = std::fs::read(path).map_err(|e| FileError::io("read", path, e))?;
     let sha256 = sunglint_formats::sha256(&bytes);
     let text = String::from_utf8(bytes).map_err(|source| {
@@ -60,7 +75,7 @@ pub fn table(path: &Path) -> Result<(Table, Vec<Input>), ReadError> {
         ReadError::NoText { file, source }
     })?;
     let inputs = vec![Input { file: path.display().to_string(), sha256 }];
-    Ok((read_str(path, &text)?, inputs))
+    Ok((text, inputs))
 }
 
 /// Reads the density of microfacet normals from a file.

@@ -1,12 +1,17 @@
 //! `sunglint brdf fit`: laws through measured values.
 
-use crate::output::{Console, OutputArgs};
+use super::Bar;
+use crate::output::{Console, OutputArgs, Usage};
 use anyhow::Context as _;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
-use sunglint_materials::fit::{FitOptions, Law, LobeKind, Rise, fit, to_toml};
+use sunglint_materials::fit::surface::{Cone, SurfaceOptions, fit_surface};
+use sunglint_materials::fit::{FitError, FitOptions, Law, LobeKind, Rise, fit, to_toml};
 use sunglint_materials::read;
+use sunglint_materials::samples::Samples;
+use sunglint_radiometry::light_curve::Input;
 use sunglint_report::brdf::fit::{product, text};
+use sunglint_report::brdf::surface::{product as product_of_surface, text as text_of_surface};
 use sunglint_simulator::surface::ComplexIndex;
 
 /// Arguments of `sunglint brdf fit`.
@@ -21,9 +26,28 @@ pub struct FitArgs {
     /// Values up to this are no measurements (a detector's floor)
     #[arg(long, value_name = "PER_SR")]
     pub floor_per_sr: Option<f64>,
-    /// Only this law, with and without a Lambert term; may be given several times [default: all that the table allows]
+    /// Only this law, one lobe with and without a Lambert term; may be given several times [default: one to three lobes, a mirror and diffuse light together, where the table has
+    /// three incidences or more]
     #[arg(long, value_name = "LAW")]
     pub law: Vec<LawName>,
+    /// Half-angle of what the detector takes in: the law is seen through it
+    #[arg(long, value_name = "DEG", default_value_t = 0.24)]
+    pub cone_deg: f64,
+    /// Half-angle of the source as the sample sees it
+    #[arg(long, value_name = "DEG", default_value_t = 0.0)]
+    pub source_deg: f64,
+    /// Directions of light or detector farther from the normal are left out
+    #[arg(long, value_name = "DEG", default_value_t = 85.0)]
+    pub theta_most_deg: f64,
+    /// An error of every value that does not grow with it
+    #[arg(long, value_name = "PER_SR", default_value_t = 0.0)]
+    pub additive_per_sr: f64,
+    /// The most lobes that are tried, 1 to 3
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=3))]
+    pub most_lobes: u8,
+    /// Write material.toml also where peak or hemispherical reflectance are off: it carries the doubt
+    #[arg(long)]
+    pub accept: bool,
     /// A material of the table of refractive indices, for Maxwell and Beard's law
     #[arg(long, value_name = "NAME")]
     pub refractive_index: Option<String>,
@@ -71,10 +95,68 @@ impl LawName {
     }
 }
 
+/// Several parts together.
+fn surface(
+    args: &FitArgs,
+    measured: &Samples,
+    inputs: &[Input],
+    console: Console,
+) -> anyhow::Result<()> {
+    for (name, deg, most) in [
+        ("--cone-deg", args.cone_deg, 10.0),
+        ("--source-deg", args.source_deg, 10.0),
+        ("--theta-most-deg", args.theta_most_deg, 90.0),
+    ] {
+        if !(0.0..=most).contains(&deg) {
+            let expected = format!("{name} is {deg}, expected an angle from 0 to {most} degrees");
+            return Err(Usage(expected).into());
+        }
+    }
+    let mut options = SurfaceOptions::default();
+    options.wavelength_nm = args.wavelength_nm;
+    options.floor_per_sr = args.floor_per_sr;
+    options.additive_per_sr = args.additive_per_sr;
+    options.cone = Cone { detector_deg: args.cone_deg, source_deg: args.source_deg };
+    options.theta_most_deg = args.theta_most_deg;
+    options.most_lobes = usize::from(args.most_lobes);
+    let bar = Bar::new("recipes", console);
+    let found = fit_surface(measured, &options, &bar)?;
+    drop(bar);
+    for flaw in &found.flaws {
+        console.warn(&flaw.to_string());
+    }
+    let product = product_of_surface(&found, measured, inputs)?;
+    let toml = found.to_toml(&args.name);
+    let is_written = found.is_faithful() || args.accept;
+    if !is_written {
+        console.warn(
+            "material.toml is not written: peak or hemispherical reflectance are off (above). Look at the table, try --cone-deg or --theta-most-deg, or take it as it is with --accept",
+        );
+    }
+    let folders = args.out.folders().output;
+    let files = folders.iter().filter(|_| is_written);
+    let files = files.map(|f| (f.join("material.toml"), toml.clone().into_bytes()));
+    args.out.finish_with(&product, files.collect(), &text_of_surface(&found, &toml), console)
+}
+
 pub(super) fn run(args: &FitArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
-    args.out.check_names(&["fit.ecsv", "residuals.ecsv"])?;
+    args.out.check_names(&["fit.ecsv", "residuals.ecsv", "incidences.ecsv"])?;
     let (measured, inputs) = read::samples(&args.table, args.wavelength_nm)?;
+    if args.law.is_empty() && args.refractive_index.is_none() && !args.gaussian {
+        match surface(args, &measured, &inputs, console) {
+            // One lobe needs less: the table may still do for that.
+            Err(error)
+                if matches!(
+                    error.downcast_ref(),
+                    Some(FitError::Law { .. } | FitError::TooFew { .. })
+                ) =>
+            {
+                console.warn(&format!("{error}: laws of one lobe are fitted"));
+            }
+            done => return done,
+        }
+    }
     let index = args.refractive_index.as_deref().map(ComplexIndex::named).transpose()?;
     let mut laws = Vec::new();
     if !args.law.is_empty() {

@@ -2,17 +2,29 @@
 
 use crate::output::{Console, OutputArgs};
 use crate::progress::Bar;
+use anyhow::Context as _;
 use clap::Args;
 use std::path::PathBuf;
+use sunglint_formats::{fred, zemax};
 use sunglint_materials::ingest::file::ingest_file;
-use sunglint_report::brdf::ingest::{MOST_IN_TEXT, product, text};
+use sunglint_materials::{exchange, read};
+use sunglint_report::brdf::ingest::{MOST_IN_TEXT, product, table_product, table_text, text};
 
 /// Arguments of `sunglint brdf ingest`.
 #[derive(Debug, Args)]
 pub struct IngestArgs {
-    /// Which file is which direction and role
-    #[arg(value_name = "INGEST.toml")]
+    /// Which file is which direction and role (INGEST.toml); or a table of FRED's or Zemax's, known by its content
+    #[arg(value_name = "FILE")]
     pub file: PathBuf,
+    /// The wavelength of a table that does not say it
+    #[arg(long, value_name = "NM")]
+    pub wavelength_nm: Option<f64>,
+    /// Write the values for FRED, too
+    #[arg(long, value_name = "FILE")]
+    pub fred: Option<PathBuf>,
+    /// Write the values for Zemax OpticStudio, too: directions must be a grid about the mirrored ray
+    #[arg(long, value_name = "FILE")]
+    pub zemax: Option<PathBuf>,
     /// Where the result goes.
     #[command(flatten)]
     pub out: OutputArgs,
@@ -20,6 +32,9 @@ pub struct IngestArgs {
 
 pub(super) fn run(args: &IngestArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
+    if is_table(&args.file) {
+        return table(args, console);
+    }
     let bar = Bar::new(console);
     let found = ingest_file(&args.file, &bar)?;
     drop(bar);
@@ -37,4 +52,34 @@ pub(super) fn run(args: &IngestArgs, console: Console) -> anyhow::Result<()> {
         console.warn(&format!("{values} values: too many for a text, a folder gets samples.fits"));
     }
     args.out.finish(&product, &text(&found), console)
+}
+
+/// What is no list of spectrometer's files: values.
+fn is_table(path: &std::path::Path) -> bool {
+    let is_toml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+    !is_toml && path.is_file()
+}
+
+fn table(args: &IngestArgs, console: Console) -> anyhow::Result<()> {
+    let (samples, inputs) = read::samples(&args.file, args.wavelength_nm)?;
+    let mut others = Vec::new();
+    if (args.fred.is_some() || args.zemax.is_some()) && samples.wavelength_nm.len() > 1 {
+        anyhow::bail!(
+            "{}: {} wavelengths, and FRED and Zemax take one: make a table of one",
+            args.file.display(),
+            samples.wavelength_nm.len()
+        );
+    }
+    if let Some(path) = &args.fred {
+        let text = fred::to_string(&exchange::to_fred(&samples, 0));
+        others.push((path.clone(), text.into_bytes()));
+    }
+    if let Some(path) = &args.zemax {
+        let made = exchange::to_zemax(&samples, 0);
+        let made = made.with_context(|| args.file.display().to_string())?;
+        others.push((path.clone(), zemax::to_string(&made).into_bytes()));
+    }
+    let format = read::exchange_format(&args.file);
+    let product = table_product(&samples, format, &inputs)?;
+    args.out.finish_with(&product, others, &table_text(&samples, format), console)
 }

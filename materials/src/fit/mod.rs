@@ -10,6 +10,7 @@ mod energy;
 mod law;
 mod report;
 mod solve;
+pub mod surface;
 mod table;
 
 pub use law::{Evaluated, Law, LobeKind, Range, Rise};

@@ -29,7 +29,7 @@ fn phong(rho: f64, n: f64, rho_d: f64) -> impl Fn(DVec3, DVec3) -> f64 {
 }
 
 /// The ABg model, Pfisterer's form.
-fn abg(a: f64, b: f64, g: f64, rho_d: f64) -> impl Fn(DVec3, DVec3) -> f64 {
+pub(super) fn abg(a: f64, b: f64, g: f64, rho_d: f64) -> impl Fn(DVec3, DVec3) -> f64 {
     move |i, o| a / (b + (i.x + o.x).hypot(i.y + o.y).powf(g)) + rho_d / PI
 }
 
@@ -44,7 +44,13 @@ fn ward(rho: f64, ax: f64, ay: f64, rho_d: f64) -> impl Fn(DVec3, DVec3) -> f64 
 
 /// GGX with separable Smith masking (Walter et al. 2007, eqs. 33, 34), its roughnesses along x and y (Heitz 2014, eqs. 85, 86), Schlick's term from R₀ or
 /// a constant F.
-fn ggx(f: f64, ax: f64, ay: f64, schlick: bool, rho_d: f64) -> impl Fn(DVec3, DVec3) -> f64 {
+pub(super) fn ggx(
+    f: f64,
+    ax: f64,
+    ay: f64,
+    schlick: bool,
+    rho_d: f64,
+) -> impl Fn(DVec3, DVec3) -> f64 {
     move |i, o| {
         let (cos, x2, y2, beta) = bisector(i, o);
         let d =
@@ -77,7 +83,7 @@ fn erf(x: f64) -> f64 {
 }
 
 /// Beckmann with separable Smith masking (Walter et al. 2007, eqs. 25, 26).
-fn beckmann(f: f64, alpha: f64, rho_d: f64) -> impl Fn(DVec3, DVec3) -> f64 {
+pub(super) fn beckmann(f: f64, alpha: f64, rho_d: f64) -> impl Fn(DVec3, DVec3) -> f64 {
     move |i, o| {
         let (cos, x2, y2, _) = bisector(i, o);
         let d = (-(x2 + y2) / (alpha * alpha)).exp() / (PI * alpha * alpha * cos.powi(4));

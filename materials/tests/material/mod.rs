@@ -7,3 +7,4 @@ mod assemble;
 mod cases;
 mod fit;
 mod ingest;
+mod surface;

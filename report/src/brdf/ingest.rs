@@ -6,9 +6,12 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use sunglint_formats::EncodeError;
+use sunglint_materials::exchange::Exchange;
 use sunglint_materials::ingest::Ingested;
 use sunglint_materials::ingest::file::IngestedFile;
+use sunglint_materials::samples::Samples;
 use sunglint_numerics::order::quantile;
+use sunglint_radiometry::light_curve::Input;
 
 /// More values than these go into a FITS file when a folder is written.
 pub const MOST_IN_TEXT: usize = 2_000_000;
@@ -31,6 +34,58 @@ pub fn product(found: &IngestedFile) -> Result<Product, EncodeError> {
         product.table = done.samples.to_table();
     }
     Ok(product)
+}
+
+/// All forms of values that another program wrote.
+///
+/// # Errors
+/// Tables that FITS does not hold.
+pub fn table_product(
+    samples: &Samples,
+    format: Option<Exchange>,
+    inputs: &[Input],
+) -> Result<Product, EncodeError> {
+    Ok(Product {
+        name: "samples".into(),
+        json: json!({
+            "format": format,
+            "directions": samples.rows.len(),
+            "incidences_deg": incidences(samples),
+            "wavelength_nm": samples.wavelength_nm,
+            "without_value": samples.meta.get("without_value"),
+            "inputs": inputs,
+        }),
+        fits: Some(samples.to_fits()?),
+        table: samples.to_table(),
+        ..Product::default()
+    })
+}
+
+/// The text of values that another program wrote.
+pub fn table_text(samples: &Samples, format: Option<Exchange>) -> String {
+    let nm: Vec<String> = samples.wavelength_nm.iter().map(ToString::to_string).collect();
+    let angles: Vec<String> = incidences(samples).iter().map(|v| format!("{v}°")).collect();
+    let mut text = format!(
+        "{}: {} directions at {} nm, light from {}\n",
+        format.map_or("a table", Exchange::name),
+        samples.rows.len(),
+        nm.join(", "),
+        angles.join(", ")
+    );
+    if let Some(missing) = samples.meta.get("without_value") {
+        let _ = writeln!(
+            text,
+            "{missing} directions above the horizon hold 0 and are left out: no value"
+        );
+    }
+    text
+}
+
+fn incidences(samples: &Samples) -> Vec<f64> {
+    let mut all: Vec<f64> = samples.rows.iter().map(|r| r.theta_i_deg).collect();
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    all
 }
 
 /// The text.

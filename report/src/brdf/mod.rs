@@ -8,3 +8,4 @@ pub mod ndf;
 pub mod plan;
 pub mod retro;
 pub mod show;
+pub mod surface;

@@ -4,13 +4,14 @@
 //! [[material]]
 //! name = "panel"
 //! model = "microfacet"               # lambert, microfacet, mirror, blend; phong, ward, abg, maxwell_beard, cook_torrance,
-//!                                    # foil, measured, brdf_table: their keys are in docs/materials.md
+//!                                    # composite, foil, measured, brdf_table: their keys are in docs/materials.md
 //! reflectance_file = "panel.csv"     # wavelength_nm,reflectance; or reflectance = 0.8, or
 //!                                    # reflectance_table = { wavelength_nm = [300, 1200], reflectance = [0.2, 0.4] }
 //! distribution = "ggx"               # beckmann, ggx
 //! alpha = 0.2                        # or alpha_x, alpha_y along and across the tangent
 //! masking = "separable"              # (default), height_correlated
-//! fresnel = "schlick"                # constant (default), schlick, conductor (with refractive_index = "gold" or "file.csv")
+//! fresnel = "schlick"                # constant (default), schlick, dielectric (with n = 1.5),
+//!                                    # conductor (with refractive_index = "gold" or "file.csv")
 //! ```
 
 mod laws;
@@ -53,6 +54,8 @@ pub struct MaterialFile {
     pub fresnel: Option<FresnelName>,
     /// A material of the table of refractive indices, or a file with `wavelength_nm,n,k`.
     pub refractive_index: Option<String>,
+    /// The refractive index of a dielectric Fresnel term.
+    pub n: Option<Finite>,
     /// What is below the coat of a blend: a Lambert surface.
     pub base: Option<BaseFile>,
     /// A `.bsdf` file, or a table of a BRDF.
@@ -83,8 +86,12 @@ pub struct MaterialFile {
     pub volume: Option<BaseFile>,
     /// Light that a Lambert surface adds.
     pub diffuse: Option<BaseFile>,
-    /// The lobes of the Cook–Torrance model.
+    /// The lobes of the Cook–Torrance model and of a composite.
     pub lobe: Option<Vec<LobeFile>>,
+    /// The coherent mirror of a composite.
+    pub mirror: Option<MirrorFile>,
+    /// How well f is known, of a material that was fitted.
+    pub doubt: Option<DoubtFile>,
     /// The root mean square slope of a foil's wrinkles along each axis.
     pub slope_rms: Option<Finite>,
     /// The same along the tangent.
@@ -97,14 +104,59 @@ pub struct MaterialFile {
     pub note: Option<String>,
 }
 
-/// A lobe of the Cook–Torrance model.
+/// The coherent mirror of a composite.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MirrorFile {
+    /// What part of the surface it is.
+    pub share: Fraction,
+    /// g of exp(−(g cosθ)²); 0 where it is left out.
+    pub g: Option<Finite>,
+    /// The roughness of what waviness is left.
+    pub alpha: Finite,
+}
+
+/// Half-widths of the 95 % intervals of ln f, by region.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DoubtFile {
+    /// About the mirrored direction.
+    pub peak_ln: Finite,
+    /// Elsewhere.
+    pub wings_ln: Finite,
+    /// Where light or detector graze.
+    pub grazing_ln: Finite,
+    /// What else is doubtful, in words.
+    #[serde(default)]
+    pub said: Vec<String>,
+}
+
+/// What a lobe is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LobeName {
+    /// Microfacets with Gaussian slopes.
+    Beckmann,
+    /// Microfacets with long tails.
+    Ggx,
+    /// The ABg model, of a composite.
+    Abg,
+}
+
+/// A lobe of the Cook–Torrance model or of a composite.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LobeFile {
     /// What part of the microfacets it is.
-    pub share: Fraction,
+    pub share: Option<Finite>,
     /// How they are tilted.
-    pub distribution: Distribution,
+    pub distribution: LobeName,
+    /// A of the ABg model, sr⁻¹.
+    pub a_per_sr: Option<Finite>,
+    /// B of the ABg model.
+    pub b: Option<Finite>,
+    /// g of the ABg model.
+    pub g: Option<Finite>,
     /// Their roughness.
     pub alpha: Option<Finite>,
     /// Their roughness along the tangent.
@@ -150,6 +202,8 @@ pub enum ModelName {
     MaxwellBeard,
     /// Lobes of microfacets.
     CookTorrance,
+    /// Lobes of any kind, a coherent mirror and diffuse light.
+    Composite,
     /// A wrinkled foil of another material.
     Foil,
     /// A `.bsdf` file.
@@ -170,6 +224,7 @@ impl ModelName {
             Self::Abg => "abg",
             Self::MaxwellBeard => "maxwell_beard",
             Self::CookTorrance => "cook_torrance",
+            Self::Composite => "composite",
             Self::Foil => "foil",
             Self::Measured => "measured",
             Self::BrdfTable => "brdf_table",
@@ -186,6 +241,8 @@ pub enum FresnelName {
     Constant,
     /// By Schlick's approximation from that at normal incidence.
     Schlick,
+    /// By Fresnel's equations from an n that is the same at all wavelengths.
+    Dielectric,
     /// By Fresnel's equations from n + ik.
     Conductor,
 }
@@ -200,7 +257,7 @@ pub struct ReflectanceTable {
     pub reflectance: Vec<Fraction>,
 }
 
-/// The Lambert surface below a coat.
+/// The Lambert surface below a coat, or light that is added to a lobe.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BaseFile {
@@ -210,6 +267,8 @@ pub struct BaseFile {
     pub reflectance_file: Option<String>,
     /// Wavelengths and reflectances.
     pub reflectance_table: Option<ReflectanceTable>,
+    /// p of (cosθ_i cosθ_o)^p, of a composite's diffuse light.
+    pub power: Option<Finite>,
 }
 
 /// The wavelengths over which a single number is taken as known, nm.
@@ -227,7 +286,10 @@ pub fn material(
     file: &MaterialFile,
 ) -> Result<(Material, Vec<(PathBuf, String)>), FileError> {
     let mut reader = Reader { document, at, sources: Vec::new() };
-    let material = reader.material(file)?;
+    let mut material = reader.material(file)?;
+    if let Some(doubt) = &file.doubt {
+        material.doubt(doubt);
+    }
     Ok((material, reader.sources))
 }
 
@@ -302,6 +364,17 @@ impl Reader<'_> {
             ("reflectance_file", file.reflectance_file.is_some()),
             ("reflectance_table", file.reflectance_table.is_some()),
         ];
+        let dielectric = file.fresnel == Some(FresnelName::Dielectric);
+        if file.n.is_some() != dielectric {
+            let expected = "n and fresnel = \"dielectric\" together";
+            let key = if dielectric { "fresnel" } else { "n" };
+            return Err(self.error(key, expected));
+        }
+        if let (true, Some((key, _))) = (dielectric, reflectances.iter().find(|(_, given)| *given))
+        {
+            let expected = format!("no `{key}` with fresnel = \"dielectric\": it follows from n");
+            return Err(self.error(key, expected));
+        }
         if let (true, Some((key, _))) = (conductor, reflectances.iter().find(|(_, given)| *given)) {
             let expected =
                 format!("no `{key}` with fresnel = \"conductor\": it follows from n + ik");
@@ -344,6 +417,11 @@ impl Reader<'_> {
         let made = match file.fresnel.unwrap_or_default() {
             FresnelName::Constant => Fresnel::constant(self.reflectance(&coat(file))?),
             FresnelName::Schlick => Fresnel::schlick(self.reflectance(&coat(file))?),
+            FresnelName::Dielectric => {
+                let n = file.n.map_or(f64::NAN, Finite::get);
+                let made = Fresnel::dielectric(n, RANGE_NM.0, RANGE_NM.1);
+                return made.map_err(|e| self.wrong("n", &e).into());
+            }
             FresnelName::Conductor => {
                 let Some(name) = &file.refractive_index else {
                     let expected = "also refractive_index: a material's name or a file";

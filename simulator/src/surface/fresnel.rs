@@ -8,12 +8,16 @@ use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
 pub struct Fresnel {
     pub(super) spectra: Vec<Spectrum<Reflectance>>,
     pub(super) law: Law,
+    /// g of what stays coherent, exp(−(g cosθ)²); 0 where all does.
+    coherence: f64,
 }
 
 #[derive(Debug, Clone)]
 pub(super) enum Law {
     Constant,
     Schlick,
+    /// A refractive index without absorption, the same at all wavelengths.
+    Dielectric(f64),
     Conductor(conductor::Conductor),
 }
 
@@ -24,7 +28,7 @@ impl Fresnel {
     /// A reflectance above 1.
     pub fn constant(reflectance: Spectrum<Reflectance>) -> Result<Self, MaterialError> {
         super::check_reflectance(&reflectance)?;
-        Ok(Self { spectra: vec![reflectance], law: Law::Constant })
+        Ok(Self { spectra: vec![reflectance], law: Law::Constant, coherence: 0.0 })
     }
 
     /// Schlick's approximation F = R₀ + (1 − R₀)(1 − cosθ)⁵ (Schlick 1994, eq. 15) from a reflectance that was measured at normal incidence.
@@ -35,7 +39,7 @@ impl Fresnel {
         super::check_reflectance(&normal)?;
         let (from_nm, to_nm) = normal.range_nm();
         let one = Spectrum::constant(1.0, from_nm, to_nm)?;
-        Ok(Self { spectra: vec![normal, one], law: Law::Schlick })
+        Ok(Self { spectra: vec![normal, one], law: Law::Schlick, coherence: 0.0 })
     }
 
     /// Fresnel's equations for unpolarised light and the refractive index n + ik of a bulk material in vacuum.
@@ -46,7 +50,27 @@ impl Fresnel {
     /// An index whose reflectance is not smooth enough in angle (n < 1 with k near 0).
     pub fn conductor(index: &conductor::ComplexIndex) -> Result<Self, MaterialError> {
         let (conductor, spectra) = conductor::Conductor::new(index)?;
-        Ok(Self { spectra, law: Law::Conductor(conductor) })
+        Ok(Self { spectra, law: Law::Conductor(conductor), coherence: 0.0 })
+    }
+
+    /// Fresnel's equations for unpolarised light and a refractive index n without absorption, the same from `from_nm` to `to_nm`.
+    ///
+    /// # Errors
+    /// n is not from 1.01 to 10.
+    pub fn dielectric(n: f64, from_nm: f64, to_nm: f64) -> Result<Self, MaterialError> {
+        if !(1.01..=10.0).contains(&n) {
+            let expected = "from 1.01 to 10".to_owned();
+            return Err(MaterialError::Parameter { name: "n", value: n, expected });
+        }
+        let spectra = vec![Spectrum::constant(1.0, from_nm, to_nm)?];
+        Ok(Self { spectra, law: Law::Dielectric(n), coherence: 0.0 })
+    }
+
+    /// The part of it that a surface with a random height reflects coherently: times exp(−(g cosθ)²), with g = 4πσ/λ of the heights' root mean square σ
+    /// (Bennett and Porteus 1961, J. Opt. Soc. Am. 51, 123; Beckmann and Spizzichino 1963). One g for all wavelengths.
+    pub fn coherent(mut self, g: f64) -> Self {
+        self.coherence = g;
+        self
     }
 
     /// The spectra ρ_k, all from 0 to 1.
@@ -56,8 +80,10 @@ impl Fresnel {
 
     /// Adds `scale`·F_k(cosθ) to `sum`, one per spectrum.
     pub fn add_weights(&self, cos: f64, scale: f64, sum: &mut [f64]) {
+        let scale = if self.coherence == 0.0 { scale } else { scale * self.kept(cos).0 };
         match &self.law {
             Law::Constant => sum[0] += scale,
+            Law::Dielectric(n) => sum[0] += scale * conductor::fresnel(*n, 0.0, cos),
             Law::Schlick => {
                 let rise = (1.0 - cos.clamp(0.0, 1.0)).powi(5);
                 sum[0] += scale * (1.0 - rise);
@@ -69,8 +95,28 @@ impl Fresnel {
 
     /// F_k(cosθ) and their derivatives by cosθ.
     pub(super) fn slopes(&self, cos: f64) -> Vec<(f64, f64)> {
+        let mut slopes = self.slopes_of_law(cos);
+        let (kept, rate) = self.kept(cos);
+        slopes.iter_mut().for_each(|(f, s)| (*f, *s) = (*f * kept, *s * kept + *f * rate));
+        slopes
+    }
+
+    /// The coherent part and its derivative by cosθ.
+    fn kept(&self, cos: f64) -> (f64, f64) {
+        let g2 = self.coherence * self.coherence;
+        let kept = (-g2 * cos * cos).exp();
+        (kept, -2.0 * g2 * cos * kept)
+    }
+
+    fn slopes_of_law(&self, cos: f64) -> Vec<(f64, f64)> {
         match &self.law {
             Law::Constant => vec![(1.0, 0.0)],
+            Law::Dielectric(n) => {
+                let at = |cos: f64| conductor::fresnel(*n, 0.0, cos.clamp(0.0, 1.0));
+                // Smooth on a scale of 1/n; one side at the ends.
+                let (below, above) = ((cos - 1e-6).max(0.0), (cos + 1e-6).min(1.0));
+                vec![(at(cos), (at(above) - at(below)) / (above - below).max(1e-12))]
+            }
             Law::Schlick => {
                 let left = 1.0 - cos.clamp(0.0, 1.0);
                 let (rise, rate) = (left.powi(5), -5.0 * left.powi(4));
@@ -82,7 +128,7 @@ impl Fresnel {
 
     /// Whether it is the same at all angles.
     pub(super) fn is_constant(&self) -> bool {
-        matches!(self.law, Law::Constant)
+        matches!(self.law, Law::Constant) && self.coherence == 0.0
     }
 
     /// F(θ)/F(0) of each wavelength as a term whose spectra are at most 1, and the number that its weights are to be multiplied by.
@@ -104,7 +150,7 @@ impl Fresnel {
             Ok(Spectrum::new(spectrum.wavelength_nm().to_vec(), value)?)
         });
         let spectra = spectra.collect::<Result<_, MaterialError>>()?;
-        Ok((Self { spectra, law: self.law.clone() }, scale))
+        Ok((Self { spectra, law: self.law.clone(), coherence: self.coherence }, scale))
     }
 
     /// The largest error of F over all angles and the tabulated wavelengths, against the law that it stands for.
@@ -116,7 +162,16 @@ impl Fresnel {
     }
 
     pub(super) fn describe(&self) -> String {
+        let law = self.describe_law();
+        match self.coherence {
+            0.0 => law,
+            g => format!("{law}, coherent with g {g}"),
+        }
+    }
+
+    fn describe_law(&self) -> String {
         match &self.law {
+            Law::Dielectric(n) => format!("Fresnel term of n {n}"),
             Law::Constant => format!("reflectance {}", super::range_of(&self.spectra[0])),
             Law::Schlick => {
                 format!("Schlick's Fresnel term from {}", super::range_of(&self.spectra[0]))

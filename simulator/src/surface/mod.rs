@@ -8,7 +8,7 @@
 //!
 //! - [`microfacet`]: Beckmann and GGX, their masking;
 //! - [`fresnel`], [`conductor`]: what each microfacet reflects;
-//! - Phong, Ward, ABg, Maxwell–Beard and Cook–Torrance with several lobes ([`Gloss`], [`MaxwellBeard`], [`CookTorranceLobe`]), foil ([`Material::foil`]);
+//! - Phong, Ward, ABg, Maxwell–Beard and Cook–Torrance with several lobes ([`Gloss`], [`MaxwellBeard`], [`CookTorranceLobe`]), lobes with a coherent mirror ([`Material::composite`]), foil ([`Material::foil`]);
 //! - [`measured`]: `.bsdf` files read and written; [`brdf_table`]: measured tables of directions;
 //! - [`mod@file`]: materials as people write them, in TOML; [`built_in`]: those that the program knows.
 
@@ -38,7 +38,7 @@ mod width;
 pub use conductor::ComplexIndex;
 pub use fresnel::Fresnel;
 pub use microfacet::{Distribution, Lobe, Masking};
-pub use parametric::{CookTorranceLobe, Gloss, MaxwellBeard};
+pub use parametric::{CompositeLobe, CookTorranceLobe, Diffuse, Gloss, MaxwellBeard, MirrorTerm};
 pub use sampling::Sampled;
 pub use shape::{Shape, WardForm};
 pub(crate) use slope::central;

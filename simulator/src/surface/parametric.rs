@@ -3,7 +3,9 @@
 use super::sampling::{Mixture, Proposal};
 use super::scatter::Scatter;
 use super::shape::{Shape, WardForm};
-use super::{ComplexIndex, Fresnel, Lobe, Material, MaterialError, cos_difference};
+use super::{
+    ComplexIndex, Distribution, Fresnel, Lobe, Masking, Material, MaterialError, cos_difference,
+};
 use glam::DVec3;
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
@@ -62,6 +64,49 @@ pub struct MaxwellBeard {
     pub omega_deg: f64,
 }
 
+/// A lobe of [`Material::composite`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum CompositeLobe {
+    /// Microfacets, with their share.
+    Facets {
+        /// Tilts and masking.
+        lobe: Lobe,
+        /// What they are multiplied by: a part of the surface, or more where roughness within roughness sends more light there.
+        share: f64,
+    },
+    /// A/(B + x^g) before the Fresnel term.
+    Abg {
+        /// A, sr⁻¹.
+        a_per_sr: f64,
+        /// B, above 0.
+        b: f64,
+        /// g.
+        g: f64,
+    },
+}
+
+/// What a surface of [`Material::composite`] reflects coherently, as a mirror does: share · F(θ_d) · exp(−(g cosθ_d)²), in a lobe of Beckmann microfacets that is as narrow as
+/// the mirror is flat.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MirrorTerm {
+    /// What part of the surface it is, 0 to 1.
+    pub share: f64,
+    /// g = 4πσ/λ of the heights' root mean square σ; 0 for a perfect one.
+    pub g: f64,
+    /// The roughness of the waviness that is left: the lobe's half-width at 1/e is twice that.
+    pub alpha: f64,
+}
+
+/// Diffuse light of [`Material::composite`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Diffuse {
+    /// The hemispherical reflectance at normal incidence.
+    pub reflectance: Spectrum<Reflectance>,
+    /// p of (cosθ_i cosθ_o)^p; 0 for Lambert's law.
+    pub power: f64,
+}
+
 #[derive(Debug)]
 struct Part {
     shape: Shape,
@@ -97,6 +142,53 @@ impl Material {
             scale: lobe.share,
         };
         sum(name.into(), lobes.iter().map(part).collect(), diffuse)
+    }
+
+    /// Lobes of microfacets or of the ABg model and a coherent mirror, all behind one Fresnel term of the angle θ_d between light and bisector, and diffuse light. The parts
+    /// add up; each is reciprocal.
+    ///
+    /// # Errors
+    /// No part, numbers out of range, a sum that reflects more than came up to 60° of incidence.
+    pub fn composite(
+        name: impl Into<String>,
+        lobes: &[CompositeLobe],
+        mirror: Option<MirrorTerm>,
+        fresnel: &Fresnel,
+        diffuse: Option<Diffuse>,
+    ) -> Result<Self, MaterialError> {
+        let mut parts = Vec::new();
+        for lobe in lobes {
+            let (shape, scale) = match *lobe {
+                CompositeLobe::Facets { lobe, share } => {
+                    within("the share of a lobe", share, 0.0, 10.0)?;
+                    (Shape::Facets(lobe), share)
+                }
+                CompositeLobe::Abg { a_per_sr, b, g } => {
+                    within("A", a_per_sr, 0.0, 1e12)?;
+                    within("B", b, 1e-15, 1e6)?;
+                    within("g", g, 0.1, 10.0)?;
+                    (Shape::Abg { a_per_sr, b, g }, 1.0)
+                }
+            };
+            parts.push(Part { shape, fresnel: fresnel.clone(), scale });
+        }
+        if let Some(MirrorTerm { share, g, alpha }) = mirror {
+            within("the share of the mirror", share, 0.0, 1.0)?;
+            within("g of the mirror", g, 0.0, 1e3)?;
+            let lobe = Lobe::isotropic(Distribution::Beckmann, alpha, Masking::Separable)?;
+            let fresnel = fresnel.clone().coherent(g);
+            parts.push(Part { shape: Shape::Facets(lobe), fresnel, scale: share });
+        }
+        if let Some(Diffuse { reflectance, power }) = diffuse {
+            within("the power of the diffuse light", power, 0.0, 10.0)?;
+            let fresnel = Fresnel::constant(reflectance)?;
+            let shape = if power == 0.0 { Shape::Lambert } else { Shape::Falling { power } };
+            parts.push(Part { shape, fresnel, scale: 1.0 });
+        }
+        if parts.is_empty() {
+            return Err(parameter("the number of lobes", 0.0, "1 or more, or a diffuse part"));
+        }
+        sum(name.into(), parts, None)
     }
 
     /// Phong's, Ward's or the ABg lobe before a reflectance, and Lambert light where there is any.

@@ -11,7 +11,8 @@
 //! - ABg: A/(B + |β⃗ − β⃗₀|^g), the difference of the outgoing direction and the mirrored one projected on the surface (Harvey 1976; Pfisterer);
 //! - Maxwell–Beard's first surface: B cos²θ_h/(cosθ_h (σ² + tan²θ_h)) · S/(cosθ_i cosθ_o), S = (1 + θ_h/Ω e^(−2β/τ))/(1 + θ_h/Ω), before the
 //!   relative Fresnel term R(β)/R(0), and its volume: 2/(cosθ_i + cosθ_o) (Maxwell et al. 1973; Westlund and Meyer 2002, as the
-//!   Nonconventional Exploitation Factors database has it).
+//!   Nonconventional Exploitation Factors database has it);
+//! - falling diffuse light: (p+2)/(2π) (cosθ_i cosθ_o)^p (as Minnaert 1941 has it for the Moon).
 
 use super::sampling::Proposal;
 use super::{Distribution, Lobe, Masking};
@@ -77,6 +78,11 @@ pub enum Shape {
     },
     /// The volume of the Maxwell–Beard model, of ρ_V = 1/π.
     Volume,
+    /// Diffuse light that falls towards grazing: (p+2)/(2π) (cosθ_i cosθ_o)^p, of reflectance 1 at normal incidence.
+    Falling {
+        /// p, 0 or more.
+        power: f64,
+    },
 }
 
 impl Shape {
@@ -116,6 +122,7 @@ impl Shape {
                 bias_per_sr * cos / (sigma * sigma + tilt2) * seen / (i.z * o.z)
             }
             Self::Volume => 2.0 * FRAC_1_PI / (i.z + o.z),
+            Self::Falling { power } => 0.5 * (power + 2.0) * FRAC_1_PI * (i.z * o.z).powf(*power),
         }
     }
 
@@ -130,7 +137,7 @@ impl Shape {
     /// The half-width in the outgoing direction at 1/e, radians.
     pub(super) fn width_rad(&self) -> f64 {
         match self {
-            Self::Lambert | Self::Volume => FRAC_PI_2,
+            Self::Lambert | Self::Volume | Self::Falling { .. } => FRAC_PI_2,
             Self::Facets(lobe) | Self::Grooves(lobe) => lobe.width_rad(),
             Self::Phong { exponent } => (2.0 / exponent.max(1e-9)).sqrt().min(FRAC_PI_2),
             Self::Ward { alpha_x, alpha_y, .. } => 2.0 * alpha_x.min(*alpha_y).atan(),
@@ -156,7 +163,7 @@ impl Shape {
             })
         };
         match self {
-            Self::Lambert | Self::Volume => vec![(1.0, Proposal::Cosine)],
+            Self::Lambert | Self::Volume | Self::Falling { .. } => vec![(1.0, Proposal::Cosine)],
             Self::Facets(lobe) => lobe.proposals(),
             Self::Grooves(lobe) => lobe.proposals(),
             Self::Phong { exponent } => vec![(1.0, Proposal::Phong(*exponent))],
@@ -203,6 +210,7 @@ impl Shape {
                 omega_rad.to_degrees()
             ),
             Self::Volume => "volume".to_owned(),
+            Self::Falling { power } => format!("diffuse with (cosθᵢ cosθₒ)^{power}"),
         }
     }
 }

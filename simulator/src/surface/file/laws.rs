@@ -1,9 +1,11 @@
 //! The keys of the laws that other tools and laboratories use, of foils and of measured materials.
 
-use super::{BaseFile, LobeFile, LobeMasking, MaterialFile, ModelName, Reader, coat};
+use super::{
+    BaseFile, DoubtFile, LobeFile, LobeMasking, LobeName, MaterialFile, ModelName, Reader, coat,
+};
 use crate::surface::{
-    CookTorranceLobe, Gloss, Lobe, Masking, Material, MaterialError, MaxwellBeard, brdf_table,
-    measured,
+    CompositeLobe, CookTorranceLobe, Diffuse, Distribution, Gloss, Lobe, Masking, Material,
+    MaterialError, MaxwellBeard, MirrorTerm, brdf_table, measured,
 };
 use sunglint_formats::bsdf::TensorFile;
 use sunglint_formats::toml::Finite;
@@ -11,19 +13,34 @@ use sunglint_formats::{FileError, ParseError};
 use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
 
 use ModelName::{
-    Abg, Blend, BrdfTable, CookTorrance, Foil, Lambert, MaxwellBeard as Beard, Measured,
+    Abg, Blend, BrdfTable, Composite, CookTorrance, Foil, Lambert, MaxwellBeard as Beard, Measured,
     Microfacet, Mirror, Phong, Ward,
 };
 
 /// Models whose own light is a reflectance times a function of direction.
-const REFLECTANCE: [ModelName; 8] =
-    [Lambert, Microfacet, Mirror, Blend, Phong, Ward, Abg, CookTorrance];
-const DIFFUSE: [ModelName; 5] = [Phong, Ward, Abg, Beard, CookTorrance];
+const REFLECTANCE: [ModelName; 9] =
+    [Lambert, Microfacet, Mirror, Blend, Phong, Ward, Abg, CookTorrance, Composite];
+const DIFFUSE: [ModelName; 6] = [Phong, Ward, Abg, Beard, CookTorrance, Composite];
+const FRESNEL: [ModelName; 5] = [Microfacet, Mirror, Blend, CookTorrance, Composite];
+
+impl Material {
+    /// Notes how well a fitted material is known.
+    pub(super) fn doubt(&mut self, doubt: &DoubtFile) {
+        let percent = |ln: Finite| 100.0 * ln.get().exp_m1();
+        self.notes.push(format!(
+            "it was fitted: f is known to {:.0} % about the mirrored direction, {:.0} % elsewhere, {:.0} % at grazing angles (95 %)",
+            percent(doubt.peak_ln),
+            percent(doubt.wings_ln),
+            percent(doubt.grazing_ln)
+        ));
+        self.notes.extend(doubt.said.iter().cloned());
+    }
+}
 
 impl Reader<'_> {
     /// Refuses keys that the model has no use for.
     pub(super) fn check_use(&self, file: &MaterialFile) -> Result<(), ParseError> {
-        let given: [(&str, bool, &[ModelName]); 31] = [
+        let given: [(&str, bool, &[ModelName]); 35] = [
             ("reflectance", file.reflectance.is_some(), &REFLECTANCE),
             ("reflectance_file", file.reflectance_file.is_some(), &REFLECTANCE),
             ("reflectance_table", file.reflectance_table.is_some(), &REFLECTANCE),
@@ -32,11 +49,23 @@ impl Reader<'_> {
             ("alpha_x", file.alpha_x.is_some(), &[Microfacet, Blend, Ward]),
             ("alpha_y", file.alpha_y.is_some(), &[Microfacet, Blend, Ward]),
             ("masking", file.masking.is_some(), &[Microfacet, Blend, Foil]),
-            ("fresnel", file.fresnel.is_some(), &[Microfacet, Mirror, Blend, CookTorrance]),
+            ("fresnel", file.fresnel.is_some(), &FRESNEL),
             (
                 "refractive_index",
                 file.refractive_index.is_some(),
-                &[Microfacet, Mirror, Blend, CookTorrance, Beard],
+                &[Microfacet, Mirror, Blend, CookTorrance, Composite, Beard],
+            ),
+            ("n", file.n.is_some(), &FRESNEL),
+            ("mirror", file.mirror.is_some(), &[Composite]),
+            (
+                "diffuse.power",
+                file.diffuse.as_ref().is_some_and(|d| d.power.is_some()),
+                &[Composite],
+            ),
+            (
+                "base.power",
+                [&file.base, &file.volume].into_iter().flatten().any(|b| b.power.is_some()),
+                &[],
             ),
             ("base", file.base.is_some(), &[Blend]),
             ("file", file.file.is_some(), &[Measured, BrdfTable]),
@@ -53,7 +82,7 @@ impl Reader<'_> {
             ("omega_deg", file.omega_deg.is_some(), &[Beard]),
             ("volume", file.volume.is_some(), &[Beard]),
             ("diffuse", file.diffuse.is_some(), &DIFFUSE),
-            ("lobe", file.lobe.is_some(), &[CookTorrance]),
+            ("lobe", file.lobe.is_some(), &[CookTorrance, Composite]),
             ("slope_rms", file.slope_rms.is_some(), &[Foil]),
             ("slope_rms_x", file.slope_rms_x.is_some(), &[Foil]),
             ("slope_rms_y", file.slope_rms_y.is_some(), &[Foil]),
@@ -88,6 +117,7 @@ impl Reader<'_> {
             }
             Beard => self.maxwell_beard(file),
             CookTorrance => self.cook_torrance(file),
+            Composite => self.composite(file),
             Foil => self.foil(file),
             Measured => {
                 let (path, bytes) = self.bytes("file", self.named(file)?)?;
@@ -178,17 +208,96 @@ impl Reader<'_> {
         number: usize,
         lobe: &LobeFile,
     ) -> Result<CookTorranceLobe, ParseError> {
-        let key = format!("lobe[{number}].alpha");
-        let (x, y) = self.pair(&key, [lobe.alpha, lobe.alpha_x, lobe.alpha_y])?;
         let kind = lobe.masking.unwrap_or_default();
+        let (made, share) = self.facets(number, lobe, kind)?;
+        Ok(CookTorranceLobe { lobe: made, grooves: kind == LobeMasking::VCavity, share })
+    }
+
+    /// The tilts, masking and share of a lobe of microfacets.
+    fn facets(
+        &self,
+        number: usize,
+        lobe: &LobeFile,
+        kind: LobeMasking,
+    ) -> Result<(Lobe, f64), ParseError> {
+        let at = |key: &str| format!("lobe[{number}].{key}");
+        let distribution = match lobe.distribution {
+            LobeName::Beckmann => Distribution::Beckmann,
+            LobeName::Ggx => Distribution::Ggx,
+            LobeName::Abg => {
+                let expected =
+                    "\"beckmann\" or \"ggx\"; \"abg\" is a lobe of model = \"composite\"";
+                return Err(self.error(&at("distribution"), expected));
+            }
+        };
+        for (key, given) in [("a_per_sr", lobe.a_per_sr), ("b", lobe.b), ("g", lobe.g)] {
+            if given.is_some() {
+                let expected = format!("no `{key}` but with distribution = \"abg\"");
+                return Err(self.error(&at(key), expected));
+            }
+        }
+        let key = at("alpha");
+        let (x, y) = self.pair(&key, [lobe.alpha, lobe.alpha_x, lobe.alpha_y])?;
         let masking = match kind {
             LobeMasking::HeightCorrelated => Masking::HeightCorrelated,
             _ => Masking::Separable,
         };
-        let made = Lobe::anisotropic(lobe.distribution, x, y, masking);
+        let made = Lobe::anisotropic(distribution, x, y, masking);
         let made = made.map_err(|e| self.wrong(&key, &e))?;
-        let grooves = kind == LobeMasking::VCavity;
-        Ok(CookTorranceLobe { lobe: made, grooves, share: lobe.share.get() })
+        let share = lobe.share.ok_or_else(|| {
+            self.error(&at("share"), "also share: what part of the microfacets it is")
+        })?;
+        Ok((made, share.get()))
+    }
+
+    fn composite(&mut self, file: &MaterialFile) -> Result<Material, FileError> {
+        let lobes = file.lobe.as_deref().unwrap_or_default();
+        let lobes = lobes
+            .iter()
+            .enumerate()
+            .map(|(k, lobe)| self.composite_lobe(k, lobe))
+            .collect::<Result<Vec<_>, _>>()?;
+        let mirror = file.mirror.as_ref().map(|mirror| MirrorTerm {
+            share: mirror.share.get(),
+            g: mirror.g.map_or(0.0, Finite::get),
+            alpha: mirror.alpha.get(),
+        });
+        let fresnel = self.fresnel(file)?;
+        let diffuse = self.part(file.diffuse.as_ref(), "diffuse.")?.map(|reflectance| {
+            let power = file.diffuse.as_ref().and_then(|d| d.power).map_or(0.0, Finite::get);
+            Diffuse { reflectance, power }
+        });
+        let made = Material::composite(&file.name, &lobes, mirror, &fresnel, diffuse);
+        made.map_err(|e| self.of_error("model", &e).into())
+    }
+
+    fn composite_lobe(&self, number: usize, lobe: &LobeFile) -> Result<CompositeLobe, ParseError> {
+        if lobe.distribution != LobeName::Abg {
+            let kind = lobe.masking.unwrap_or(LobeMasking::Separable);
+            if kind == LobeMasking::VCavity {
+                let expected = "\"separable\" or \"height_correlated\" in a composite";
+                return Err(self.error(&format!("lobe[{number}].masking"), expected));
+            }
+            let (lobe, share) = self.facets(number, lobe, kind)?;
+            return Ok(CompositeLobe::Facets { lobe, share });
+        }
+        let at = |key: &str| format!("lobe[{number}].{key}");
+        let idle = [
+            ("share", lobe.share.is_some()),
+            ("masking", lobe.masking.is_some()),
+            ("alpha", lobe.alpha.is_some()),
+            ("alpha_x", lobe.alpha_x.is_some()),
+            ("alpha_y", lobe.alpha_y.is_some()),
+        ];
+        if let Some((key, _)) = idle.iter().find(|(_, given)| *given) {
+            let expected = format!("no `{key}` with distribution = \"abg\"");
+            return Err(self.error(&at(key), expected));
+        }
+        Ok(CompositeLobe::Abg {
+            a_per_sr: self.number(&at("a_per_sr"), lobe.a_per_sr, "A in sr⁻¹")?,
+            b: self.number(&at("b"), lobe.b, "B")?,
+            g: self.number(&at("g"), lobe.g, "the exponent g")?,
+        })
     }
 
     fn foil(&mut self, file: &MaterialFile) -> Result<Material, FileError> {

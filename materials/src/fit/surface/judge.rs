@@ -1,0 +1,410 @@
+//! What is measured at each incidence, and how far a surface is from it.
+
+use super::hemisphere;
+use super::model::{Cone, Recipe, Surface, disc};
+use glam::DVec3;
+use nalgebra::{DMatrix, DVector};
+use std::convert::Infallible;
+use sunglint_numerics::least_squares::{
+    Bounded, Differences, Limits, Minimum, Residuals, minimise_residuals,
+};
+use sunglint_numerics::order::robust_sigma;
+
+/// Weights of ln(hemispherical) and ln(peak) of an incidence beside the mean square of ln f, as their square roots, in units of the typical misfit of ln f: a surface that can be
+/// described to 10 % is not bent for the sake of a peak as one that can be described to 25 % is.
+const HEMISPHERICAL: f64 = 4.0;
+const PEAK: f64 = 2.0;
+/// Their part where the table reflects more than a surface can.
+const DOUBTED: f64 = 0.5;
+/// A table that reflects more than this is doubted.
+pub(super) const MOST_OF_TABLE: f64 = 0.95;
+/// The weight of ln(albedo) where it exceeds 1.
+const ENERGY: f64 = 10.0;
+/// Cosines of the incidences at which energy is looked at.
+const COSINES: [f64; 8] = [1.0, 0.9, 0.75, 0.5, 0.26, 0.14, 0.05, 0.015];
+/// An albedo above this costs.
+const MOST_ALBEDO: f64 = 0.998;
+/// Within this of the mirrored direction an instrument's disc is summed over, in its radii.
+const BLURRED: f64 = 12.0;
+/// Residuals on one side of the mirrored direction that differ from those on the other by more than this, in standard deviations, count less.
+const OUTLYING: f64 = 3.0;
+/// Least, which no logarithm is taken of.
+const LEAST: f64 = 1e-300;
+
+/// Where a direction lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Region {
+    /// About the mirrored direction.
+    Peak,
+    /// Elsewhere.
+    Wings,
+    /// Where light or detector graze.
+    Grazing,
+}
+
+/// Angle from the mirrored direction up to which it is the peak, radians (3°).
+const PEAK_RAD: f64 = 0.052_36;
+/// Cosine below which a direction grazes (75°).
+const GRAZING: f64 = 0.258_9;
+
+impl Region {
+    /// The region of light from `i` to `o`.
+    pub fn of(i: DVec3, o: DVec3) -> Self {
+        if o.angle_between(DVec3::new(-i.x, -i.y, i.z)) <= PEAK_RAD {
+            Self::Peak
+        } else if o.z < GRAZING || i.z < GRAZING {
+            Self::Grazing
+        } else {
+            Self::Wings
+        }
+    }
+}
+
+/// An incidence with its samples.
+#[derive(Debug, Clone)]
+pub(super) struct Incidence {
+    pub theta_i_deg: f64,
+    pub i: DVec3,
+    pub o: Vec<DVec3>,
+    /// Rows of the table.
+    pub row: Vec<usize>,
+    pub value: Vec<f64>,
+    pub ln: Vec<f64>,
+    /// Uncertainties of ln f over the typical one.
+    pub unit: Vec<f64>,
+    pub region: Vec<Region>,
+    /// Weights of the hemispherical reflectance.
+    pub weight: Vec<f64>,
+    pub hemispherical: f64,
+    /// What its hemispherical reflectance and peak count: less where the table reflects more than a surface can.
+    trust: f64,
+    /// The samples at the peak.
+    pub peak: Vec<usize>,
+    /// The sample on the other side of the mirrored direction.
+    partner: Vec<Option<usize>>,
+    disc: Vec<Vec<(DVec3, f64)>>,
+}
+
+impl Incidence {
+    pub fn new(
+        theta_i_deg: f64,
+        i: DVec3,
+        rows: Vec<(usize, DVec3, f64, f64)>,
+        cone: &Cone,
+    ) -> Self {
+        let o: Vec<DVec3> = rows.iter().map(|r| r.1).collect();
+        let value: Vec<f64> = rows.iter().map(|r| r.2).collect();
+        let weight = hemisphere::weights(i, &o);
+        let radius = cone.radius_rad();
+        let mirrored = DVec3::new(-i.x, -i.y, i.z);
+        let near = (BLURRED * radius).max(1e-9);
+        let disc = o
+            .iter()
+            .map(|o| if o.angle_between(mirrored) < near { disc(*o, radius) } else { vec![] })
+            .collect();
+        let peak = hemisphere::peak(i, &o, radius, 0.1);
+        let hemispherical: f64 = weight.iter().zip(&value).map(|(w, v)| w * v).sum();
+        Self {
+            theta_i_deg,
+            i,
+            trust: if hemispherical > MOST_OF_TABLE { DOUBTED } else { 1.0 },
+            hemispherical,
+            row: rows.iter().map(|r| r.0).collect(),
+            ln: value.iter().map(|v| v.ln()).collect(),
+            unit: rows.iter().map(|r| r.3).collect(),
+            region: o.iter().map(|o| Region::of(i, *o)).collect(),
+            partner: partners(i, &o),
+            weight,
+            peak,
+            disc,
+            o,
+            value,
+        }
+    }
+
+    /// The distance from the sample at the peak to the nearest other one, degrees.
+    pub fn step_at_peak_deg(&self) -> Option<f64> {
+        let peak = *self.peak.first()?;
+        let others = self.o.iter().enumerate().filter(|(k, _)| *k != peak);
+        let least =
+            others.map(|(_, o)| o.angle_between(self.o[peak])).fold(f64::INFINITY, f64::min);
+        Some(least.to_degrees()).filter(|deg| deg.is_finite())
+    }
+
+    /// With fewer samples: those about the mirrored direction, and of the others so many that about `most` are left.
+    pub fn thinned(&self, most: usize, cone: &Cone) -> Self {
+        let stride = self.o.len().div_ceil(most).max(1);
+        // In the order along the plane of incidence neighbours go, in whatever order the table has them.
+        let mut order: Vec<usize> = (0..self.o.len()).collect();
+        let key = |k: &usize| (self.o[*k].x, self.o[*k].y);
+        order.sort_by(|a, b| key(a).partial_cmp(&key(b)).unwrap_or(std::cmp::Ordering::Equal));
+        let kept = order.into_iter().enumerate().filter(|(n, k)| {
+            n % stride == stride / 2 || (stride > 1 && self.region[*k] == Region::Peak)
+        });
+        let rows = kept.map(|(_, k)| (self.row[k], self.o[k], self.value[k], self.unit[k]));
+        Self::new(self.theta_i_deg, self.i, rows.collect(), cone)
+    }
+
+    pub fn seen(&self, surface: &Surface, blur2: f64) -> Vec<f64> {
+        let at = |k: usize| surface.seen(self.i, self.o[k], &self.disc[k], blur2);
+        (0..self.o.len()).map(at).collect()
+    }
+
+    /// Model over table: hemispherical reflectance, and the peak (geometric mean of its samples).
+    pub fn ratios(&self, seen: &[f64]) -> (f64, Option<f64>) {
+        let sum: f64 = self.weight.iter().zip(seen).map(|(w, v)| w * v).sum();
+        let ln: f64 = self.peak.iter().map(|k| seen[*k].max(LEAST).ln() - self.ln[*k]).sum();
+        let peak = (!self.peak.is_empty()).then(|| (ln / self.peak.len() as f64).exp());
+        (sum / self.hemispherical, peak)
+    }
+}
+
+/// For each direction the one on the other side of the mirrored direction, in direction cosines.
+fn partners(i: DVec3, o: &[DVec3]) -> Vec<Option<usize>> {
+    let of = |o: &DVec3| (o.x + i.x, o.y + i.y);
+    let all: Vec<(f64, f64)> = o.iter().map(of).collect();
+    all.iter()
+        .map(|(x, y)| {
+            let far = x.hypot(*y);
+            let mut best = (0.25 * far + 1e-3, None);
+            for (k, (u, v)) in all.iter().enumerate() {
+                // An isotropic surface is the same on both sides of the plane of incidence.
+                let d = (u + x).hypot((v + y).abs().min((v - y).abs()));
+                if d < best.0 {
+                    best = (d, Some(k));
+                }
+            }
+            best.1
+        })
+        .collect()
+}
+
+/// Samples, and how a recipe is judged by them.
+pub(super) struct Judge<'a> {
+    pub recipe: &'a Recipe,
+    pub incidences: Vec<&'a Incidence>,
+    /// Of each sample, incidence by incidence: 1 but of outliers.
+    pub weight: Vec<f64>,
+    /// 2 × the variance of the instrument's disc along one axis.
+    pub blur2: f64,
+    /// The typical misfit of ln f.
+    pub misfit: f64,
+    cosines: Vec<f64>,
+}
+
+/// Where a search ended.
+#[derive(Debug, Clone)]
+pub(super) struct Found {
+    /// ln of the numbers.
+    pub x: Vec<f64>,
+    /// The cost over the number of samples.
+    pub cost: f64,
+}
+
+impl<'a> Judge<'a> {
+    pub fn new(
+        recipe: &'a Recipe,
+        incidences: Vec<&'a Incidence>,
+        cone: &Cone,
+        misfit: f64,
+    ) -> Self {
+        let count = incidences.iter().map(|i| i.ln.len()).sum();
+        let radius = cone.radius_rad();
+        let mut cosines = COSINES.to_vec();
+        cosines.extend(incidences.iter().map(|i| i.i.z));
+        Self {
+            recipe,
+            incidences,
+            weight: vec![1.0; count],
+            blur2: 0.5 * radius * radius,
+            misfit,
+            cosines,
+        }
+    }
+
+    pub fn count(&self) -> usize {
+        self.weight.len()
+    }
+
+    pub fn surface(&self, x: &[f64]) -> Surface {
+        let p: Vec<f64> = x.iter().map(|x| x.exp()).collect();
+        self.recipe.with(&p)
+    }
+
+    pub fn bounds(&self) -> Vec<Bounded> {
+        let ranges = self.recipe.ranges();
+        let bounded = |r: &super::model::Range| Bounded {
+            low: r.least.ln(),
+            high: r.most.ln(),
+            step: 1e-6,
+            fixed: false,
+        };
+        ranges.iter().map(bounded).collect()
+    }
+
+    /// ln f measured − ln f seen, over its unit, of all samples.
+    pub fn samples(&self, surface: &Surface) -> Vec<f64> {
+        let mut all = Vec::with_capacity(self.count());
+        for incidence in &self.incidences {
+            let seen = incidence.seen(surface, self.blur2);
+            for (k, seen) in seen.iter().enumerate() {
+                all.push((incidence.ln[k] - seen.max(LEAST).ln()) / incidence.unit[k]);
+            }
+        }
+        all
+    }
+
+    fn rows(&self, x: &[f64]) -> DVector<f64> {
+        let surface = self.surface(x);
+        let count = self.count() as f64;
+        let mut rows = Vec::with_capacity(self.count() + 3 * self.incidences.len() + 16);
+        let mut at = 0;
+        let mut figures = Vec::new();
+        for incidence in &self.incidences {
+            let seen = incidence.seen(&surface, self.blur2);
+            for (k, seen) in seen.iter().enumerate() {
+                let r = (incidence.ln[k] - seen.max(LEAST).ln()) / incidence.unit[k];
+                rows.push(r * self.weight[at].sqrt());
+                at += 1;
+            }
+            let (hemispherical, peak) = incidence.ratios(&seen);
+            let weight = count.sqrt() * self.misfit * incidence.trust;
+            figures.push(-HEMISPHERICAL * weight * hemispherical.max(LEAST).ln());
+            if let Some(peak) = peak {
+                figures.push(-PEAK * weight * peak.max(LEAST).ln());
+            }
+        }
+        rows.extend(figures);
+        let energy = ENERGY * count.sqrt();
+        match surface.albedos(&self.cosines) {
+            None => rows.extend(std::iter::repeat_n(0.0, self.cosines.len())),
+            Some(all) => {
+                rows.extend(all.iter().map(|a| energy * (a / MOST_ALBEDO).max(1.0).ln()));
+            }
+        }
+        DVector::from_vec(rows)
+    }
+
+    /// What hemispherical reflectance and peak of an incidence cost beside the mean square of ln f.
+    pub fn figures(&self, incidence: &Incidence, hemispherical: f64, peak: Option<f64>) -> f64 {
+        const MOST_LN: f64 = 4.0;
+        let ln = |ratio: f64| ratio.max(1e-9).ln().clamp(-MOST_LN, MOST_LN);
+        let weight = self.misfit * incidence.trust;
+        (HEMISPHERICAL * weight * ln(hemispherical)).powi(2)
+            + peak.map_or(0.0, |p| (PEAK * weight * ln(p)).powi(2))
+    }
+
+    pub fn solve(&mut self, start: &[f64], steps: usize) -> Found {
+        let bounds = self.bounds();
+        let limits = Limits { steps, gain: 1e-9, step: 1e-8 };
+        let count = self.count() as f64;
+        let Ok(Minimum { place, .. }) =
+            minimise_residuals(self, &bounds, start, Differences::OneSided, &limits);
+        Found { cost: place.chi2() / count, x: place.at }
+    }
+
+    /// Gives less weight to what lies apart on one side of the mirrored direction alone.
+    pub fn weigh(&mut self, x: &[f64]) {
+        let r = self.samples(&self.surface(x));
+        let mut differences = Vec::new();
+        let mut from = 0;
+        for incidence in &self.incidences {
+            for (k, partner) in incidence.partner.iter().enumerate() {
+                let other = partner.map(|p| r[from + p]);
+                differences.push(other.map(|other| r[from + k] - other));
+            }
+            from += incidence.ln.len();
+        }
+        let apart: Vec<f64> = differences.iter().flatten().copied().filter(|d| *d != 0.0).collect();
+        let Some(width) = robust_sigma(apart).filter(|w| *w > 0.0) else { return };
+        let width = width.max(1e-6);
+        for (k, difference) in differences.iter().enumerate() {
+            let Some(d) = difference else { continue };
+            // Of the two the one that lies farther off: r and r − d.
+            let is_it = r[k].abs() > (r[k] - d).abs();
+            let far = d.abs() / width;
+            self.weight[k] = if is_it && far > OUTLYING { OUTLYING / far } else { 1.0 };
+        }
+    }
+
+    /// Standard deviations of the variables for independent errors of ln f, from the curvature and from how each sample's error moves the minimum (sandwich), where the
+    /// peak's and the hemispherical figures move with the samples that they are made of. `independent` is as how many samples they count.
+    pub fn sigmas(&mut self, x: &[f64], independent: f64) -> Vec<Option<f64>> {
+        let bounds = self.bounds();
+        let edge = 1e-6;
+        let free: Vec<usize> = (0..x.len())
+            .filter(|j| x[*j] > bounds[*j].low + edge && x[*j] < bounds[*j].high - edge)
+            .collect();
+        let mut sigma = vec![None; x.len()];
+        let base = self.rows(x);
+        let n = self.count();
+        let step = 1e-5;
+        let mut jacobian = DMatrix::zeros(base.len(), free.len());
+        for (a, j) in free.iter().enumerate() {
+            let beside = |step: f64| {
+                let mut x = x.to_vec();
+                x[*j] += step;
+                self.rows(&x)
+            };
+            jacobian.set_column(a, &((beside(step) - beside(-step)) / (2.0 * step)));
+        }
+        // How rows move with each sample's error ε of ln f (in units): their own √w, the hemispherical share, the peak.
+        let surface = self.surface(x);
+        let mut moved = DMatrix::zeros(n, free.len());
+        let (mut at, mut figure) = (0, n);
+        for incidence in &self.incidences {
+            let count = incidence.ln.len();
+            let root = (n as f64).sqrt() * self.misfit * incidence.trust;
+            for k in 0..count {
+                let own = jacobian.row(at + k) * self.weight[at + k].sqrt();
+                let share = incidence.weight[k] * incidence.value[k] / incidence.hemispherical;
+                let of_all =
+                    jacobian.row(figure) * (HEMISPHERICAL * root * share * incidence.unit[k]);
+                moved.set_row(at + k, &(own + of_all));
+            }
+            figure += 1;
+            for k in &incidence.peak {
+                let share = incidence.unit[*k] / incidence.peak.len() as f64;
+                let of_peak = jacobian.row(figure) * (PEAK * root * share);
+                let row = moved.row(at + k) + of_peak;
+                moved.set_row(at + k, &row);
+            }
+            figure += usize::from(!incidence.peak.is_empty());
+            at += count;
+        }
+        let residual = self.samples(&surface);
+        let weighed: f64 = self.weight.iter().sum();
+        let squares: f64 = residual.iter().zip(&self.weight).map(|(r, w)| w * r * r).sum();
+        let variance = squares / (weighed - free.len() as f64).max(1.0);
+        let hessian = jacobian.tr_mul(&jacobian);
+        let scale: Vec<f64> = (0..free.len()).map(|a| hessian[(a, a)].sqrt()).collect();
+        if scale.iter().any(|s| s.is_nan() || *s <= 0.0) {
+            return sigma;
+        }
+        let unit =
+            DMatrix::from_fn(free.len(), free.len(), |a, b| hessian[(a, b)] / scale[a] / scale[b]);
+        let Some(inverse) = unit.cholesky().map(|c| c.inverse()) else { return sigma };
+        let inverse =
+            DMatrix::from_fn(free.len(), free.len(), |a, b| inverse[(a, b)] / scale[a] / scale[b]);
+        let covariance = &inverse
+            * moved.tr_mul(&moved)
+            * &inverse
+            * (variance * n as f64 / independent.max(1.0));
+        for (a, j) in free.iter().enumerate() {
+            let s = covariance[(a, a)].sqrt();
+            // Beyond a factor of e⁵ either way nothing is known.
+            sigma[*j] = Some(s).filter(|s| s.is_finite() && *s < 5.0);
+        }
+        sigma
+    }
+}
+
+impl Residuals for Judge<'_> {
+    type Error = Infallible;
+
+    fn residuals(&mut self, at: &[f64]) -> Result<DVector<f64>, Infallible> {
+        Ok(self.rows(at))
+    }
+}

@@ -1,0 +1,465 @@
+//! Surfaces of several parts: which parts there are, their numbers, and what an instrument sees of them.
+
+use glam::DVec3;
+use serde::Serialize;
+use std::f64::consts::{FRAC_1_PI, PI, TAU};
+use std::sync::OnceLock;
+use sunglint_numerics::gauss::legendre;
+use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
+use sunglint_simulator::surface::{
+    CompositeLobe, Diffuse, Distribution, Fresnel, Lobe, Masking, Material, MaterialError,
+    MirrorTerm, Shape, conductor,
+};
+
+/// A lobe's kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Kind {
+    /// Microfacets with GGX slopes, separable masking.
+    Ggx,
+    /// Microfacets with Gaussian slopes, separable masking.
+    Beckmann,
+    /// A/(B + x^g).
+    Abg,
+}
+
+/// The reflectance by angle on what mirrors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Rise {
+    /// The same at all angles.
+    Constant,
+    /// Schlick's approximation.
+    Schlick,
+    /// Fresnel's equations of a dielectric.
+    Dielectric,
+}
+
+/// Diffuse light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Floor {
+    /// None.
+    None,
+    /// Lambert's.
+    Lambert,
+    /// (cosθ_i cosθ_o)^p.
+    Falling,
+}
+
+/// The parts of a surface.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Recipe {
+    /// Its lobes, up to three.
+    pub lobes: Vec<Kind>,
+    /// Whether it mirrors coherently.
+    pub mirror: bool,
+    /// The Fresnel term of lobes and mirror.
+    pub rise: Rise,
+    /// Its diffuse light.
+    pub floor: Floor,
+}
+
+/// A number of a recipe.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Range {
+    pub key: &'static str,
+    /// The lobe that it belongs to, counted from 1; 0 of the others.
+    pub lobe: usize,
+    pub least: f64,
+    pub most: f64,
+}
+
+/// The instrument, as far as it blurs.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Cone {
+    /// Half-angle of what the detector takes in, degrees.
+    pub detector_deg: f64,
+    /// Half-angle of the source as the sample sees it, degrees.
+    pub source_deg: f64,
+}
+
+impl Cone {
+    /// The half-angle of a disc that blurs as both do, radians.
+    pub fn radius_rad(&self) -> f64 {
+        self.detector_deg.hypot(self.source_deg).to_radians()
+    }
+}
+
+impl Recipe {
+    /// Its name: `ggx²+lambert+mirror, schlick`.
+    pub fn name(&self) -> String {
+        let mut parts: Vec<String> = Vec::new();
+        for kind in [Kind::Beckmann, Kind::Ggx, Kind::Abg] {
+            let count = self.lobes.iter().filter(|l| **l == kind).count();
+            let name = match kind {
+                Kind::Ggx => "ggx",
+                Kind::Beckmann => "beckmann",
+                Kind::Abg => "abg",
+            };
+            match count {
+                0 => {}
+                1 => parts.push(name.into()),
+                n => parts.push(format!("{name}×{n}")),
+            }
+        }
+        match self.floor {
+            Floor::None => {}
+            Floor::Lambert => parts.push("lambert".into()),
+            Floor::Falling => parts.push("falling".into()),
+        }
+        if self.mirror {
+            parts.push("mirror".into());
+        }
+        let rise = match self.rise {
+            Rise::Constant => "",
+            Rise::Schlick => ", schlick",
+            Rise::Dielectric => ", dielectric",
+        };
+        format!("{}{rise}", parts.join("+"))
+    }
+
+    pub(super) fn ranges(&self) -> Vec<Range> {
+        let mut all = Vec::new();
+        let mut put = |key, lobe, least, most| all.push(Range { key, lobe, least, most });
+        match self.rise {
+            Rise::Constant => {}
+            Rise::Schlick => put("reflectance", 0, 1e-3, 1.0),
+            Rise::Dielectric => put("n", 0, 1.05, 8.0),
+        }
+        for (k, kind) in self.lobes.iter().enumerate() {
+            let lobe = k + 1;
+            put("share", lobe, 1e-7, 3.0);
+            match kind {
+                Kind::Abg => {
+                    put("b", lobe, 1e-9, 3.0);
+                    put("g", lobe, 0.5, 6.0);
+                }
+                _ => put("alpha", lobe, 1e-3, 1.5),
+            }
+        }
+        if self.mirror {
+            put("mirror_share", 0, 1e-7, 1.0);
+            put("mirror_g", 0, 0.02, 6.0);
+            put("mirror_alpha", 0, 4e-4, 1.3e-2);
+        }
+        match self.floor {
+            Floor::None => {}
+            Floor::Lambert => put("diffuse", 0, 1e-7, 1.0),
+            Floor::Falling => {
+                put("diffuse", 0, 1e-7, 1.0);
+                put("diffuse_power", 0, 0.02, 3.0);
+            }
+        }
+        all
+    }
+
+    /// The surface with these numbers.
+    pub(super) fn with(&self, p: &[f64]) -> Surface {
+        let mut p = p.iter().copied();
+        let mut next = || p.next().unwrap_or(f64::NAN);
+        let rise = match self.rise {
+            Rise::Constant => Term::Constant,
+            Rise::Schlick => Term::Schlick(next()),
+            Rise::Dielectric => Term::Dielectric(next()),
+        };
+        let mut lobes = Vec::with_capacity(self.lobes.len());
+        for kind in &self.lobes {
+            let share = next();
+            let facets = |distribution, alpha: f64| {
+                let alpha = alpha.clamp(1e-5, 2.0);
+                Lobe::isotropic(distribution, alpha, Masking::Separable).map(Shape::Facets)
+            };
+            let (shape, scale, width) = match kind {
+                Kind::Abg => {
+                    let (b, g) = (next(), next());
+                    let shape = Shape::Abg { a_per_sr: 1.0, b, g };
+                    (Ok(shape), share / abg_at_normal(b, g), b.powf(1.0 / g))
+                }
+                Kind::Ggx | Kind::Beckmann => {
+                    let alpha = next();
+                    let distribution = match kind {
+                        Kind::Ggx => Distribution::Ggx,
+                        _ => Distribution::Beckmann,
+                    };
+                    (facets(distribution, alpha), share, 2.0 * alpha)
+                }
+            };
+            // Within the ranges every roughness is one.
+            if let Ok(shape) = shape {
+                lobes.push(Part { shape, share, scale, width });
+            }
+        }
+        let mirror = self.mirror.then(|| Mirror { share: next(), g: next(), alpha: next() });
+        let (diffuse, power) = match self.floor {
+            Floor::None => (0.0, 0.0),
+            Floor::Lambert => (next(), 0.0),
+            Floor::Falling => (next(), next()),
+        };
+        Surface { rise, lobes, mirror, diffuse, power }
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Term {
+    Constant,
+    Schlick(f64),
+    Dielectric(f64),
+}
+
+impl Term {
+    fn at(self, cos: f64) -> f64 {
+        match self {
+            Self::Constant => 1.0,
+            Self::Schlick(f0) => f0 + (1.0 - f0) * (1.0 - cos.clamp(0.0, 1.0)).powi(5),
+            Self::Dielectric(n) => conductor::fresnel(n, 0.0, cos),
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    shape: Shape,
+    share: f64,
+    /// Before the shape.
+    scale: f64,
+    /// Half-width about the mirrored direction, in direction cosines.
+    width: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Mirror {
+    share: f64,
+    g: f64,
+    alpha: f64,
+}
+
+/// A surface with numbers.
+#[derive(Debug, Clone)]
+pub struct Surface {
+    rise: Term,
+    lobes: Vec<Part>,
+    mirror: Option<Mirror>,
+    diffuse: f64,
+    power: f64,
+}
+
+/// Beyond so many widths nothing of a mirror is left.
+const MIRROR_REACH: f64 = 6.0;
+
+impl Surface {
+    /// What an instrument sees of light from `i` at `o` \[sr⁻¹\]: the mean of f cosθ over its disc, over cosθ_o. `disc` are the directions of that disc with their weights, of
+    /// which the lobes are the mean; the mirror, which may be narrower than their distances, is blurred in closed form.
+    pub(super) fn seen(&self, i: DVec3, o: DVec3, disc: &[(DVec3, f64)], blur2: f64) -> f64 {
+        let mut sum = self.mirrored(i, o, blur2) + self.broad(i.z, o.z);
+        if disc.is_empty() {
+            sum += self.lobes_at(i, o);
+        } else {
+            let seen: f64 = disc.iter().map(|(d, w)| w * d.z * self.lobes_at(i, *d)).sum();
+            sum += seen / o.z;
+        }
+        sum
+    }
+
+    fn lobes_at(&self, i: DVec3, o: DVec3) -> f64 {
+        if self.lobes.is_empty() {
+            return 0.0;
+        }
+        let value: f64 = self.lobes.iter().map(|l| l.scale * l.shape.value(i, o)).sum();
+        value * self.rise.at(0.5 * (i + o).length())
+    }
+
+    fn broad(&self, i: f64, o: f64) -> f64 {
+        if self.power == 0.0 {
+            self.diffuse * FRAC_1_PI
+        } else {
+            self.diffuse * 0.5 * (self.power + 2.0) * FRAC_1_PI * (i * o).powf(self.power)
+        }
+    }
+
+    /// The lobe of narrow Beckmann microfacets of half-width 2α in the plane of incidence and 2α cosθ_i across, blurred by a Gaussian of the same second moment as the disc.
+    fn mirrored(&self, i: DVec3, o: DVec3, blur2: f64) -> f64 {
+        let Some(Mirror { share, g, alpha }) = self.mirror else { return 0.0 };
+        let mirrored = DVec3::new(-i.x, -i.y, i.z);
+        let away = o - mirrored;
+        let w2 = 4.0 * alpha * alpha;
+        if away.length_squared() > MIRROR_REACH * MIRROR_REACH * (w2 + blur2) {
+            return 0.0;
+        }
+        let flat = DVec3::new(-i.x, -i.y, 0.0).normalize_or(DVec3::X);
+        let along = flat * i.z - DVec3::Z * (1.0 - i.z * i.z).max(0.0).sqrt();
+        let across = DVec3::new(-flat.y, flat.x, 0.0);
+        let (u2, v2) = (w2 + blur2, w2 * i.z * i.z + blur2);
+        let (u, v) = (away.dot(along), away.dot(across));
+        let bell = (-u * u / u2 - v * v / v2).exp() / (PI * (u2 * v2).sqrt());
+        share * self.rise.at(i.z) * (-(g * i.z).powi(2)).exp() * bell / o.z
+    }
+
+    /// A bound of what it reflects that needs no integral.
+    fn bound(&self) -> f64 {
+        self.lobes.iter().map(|l| l.share).sum::<f64>()
+            + self.mirror.map_or(0.0, |m| m.share)
+            + self.diffuse
+    }
+
+    /// The directional–hemispherical reflectance at some angles, to about 1 %; none where a bound says that it is below 1.
+    pub(super) fn albedos(&self, cosines: &[f64]) -> Option<Vec<f64>> {
+        if self.bound() <= 0.999 {
+            return None;
+        }
+        Some(cosines.iter().map(|cos| self.albedo(*cos)).collect())
+    }
+
+    /// ∫ f cosθ_o dω_o, lobe by lobe in rings about the mirrored direction.
+    fn albedo(&self, cos: f64) -> f64 {
+        static RULE: OnceLock<[Vec<(f64, f64)>; 2]> = OnceLock::new();
+        let [radial, around] = RULE.get_or_init(|| [legendre(14), legendre(6)]);
+        let sin = (1.0 - cos * cos).max(0.0).sqrt();
+        let i = DVec3::new(sin, 0.0, cos);
+        let mut sum = self.diffuse * cos.powf(self.power);
+        if let Some(m) = self.mirror {
+            sum += m.share * self.rise.at(cos) * (-(m.g * cos).powi(2)).exp();
+        }
+        for lobe in &self.lobes {
+            for (phi, w) in around {
+                let (y, x) = (0.5 * PI * (phi + 1.0)).sin_cos();
+                // To the rim of the disc.
+                let rim = sin * x + (sin * sin * x * x + cos * cos).sqrt();
+                let knee = lobe.width.clamp(1e-4, 1.0);
+                let end = (rim / knee).asinh();
+                for (t, v) in radial {
+                    let t = 0.5 * end * (t + 1.0);
+                    let r = knee * t.sinh();
+                    let (ox, oy) = (-sin + r * x, r * y);
+                    let z2 = 1.0 - ox * ox - oy * oy;
+                    if z2 > 0.0 {
+                        let o = DVec3::new(ox, oy, z2.sqrt());
+                        let f = lobe.scale
+                            * lobe.shape.value(i, o)
+                            * self.rise.at(0.5 * (i + o).length());
+                        sum += PI * w * 0.5 * end * v * knee * t.cosh() * r * f;
+                    }
+                }
+            }
+        }
+        sum
+    }
+
+    /// The material, of one reflectance for all wavelengths.
+    ///
+    /// # Errors
+    /// More light than came up to 60° of incidence.
+    pub fn material(&self, name: &str) -> Result<Material, MaterialError> {
+        const RANGE_NM: (f64, f64) = (300.0, 1240.0);
+        let grey = |value: f64| {
+            Ok::<_, MaterialError>(Spectrum::<Reflectance>::constant(
+                value, RANGE_NM.0, RANGE_NM.1,
+            )?)
+        };
+        let fresnel = match self.rise {
+            Term::Constant => Fresnel::constant(grey(1.0)?)?,
+            Term::Schlick(f0) => Fresnel::schlick(grey(f0)?)?,
+            Term::Dielectric(n) => Fresnel::dielectric(n, RANGE_NM.0, RANGE_NM.1)?,
+        };
+        let lobes: Vec<CompositeLobe> = self
+            .lobes
+            .iter()
+            .map(|l| match l.shape {
+                Shape::Facets(lobe) => CompositeLobe::Facets { lobe, share: l.share },
+                Shape::Abg { b, g, .. } => CompositeLobe::Abg { a_per_sr: l.scale, b, g },
+                // No other shape is a part.
+                _ => CompositeLobe::Abg { a_per_sr: 0.0, b: 1.0, g: 2.0 },
+            })
+            .collect();
+        let mirror = self.mirror.map(|m| MirrorTerm { share: m.share, g: m.g, alpha: m.alpha });
+        let diffuse = (self.diffuse > 0.0)
+            .then(|| {
+                Ok::<_, MaterialError>(Diffuse {
+                    reflectance: grey(self.diffuse)?,
+                    power: self.power,
+                })
+            })
+            .transpose()?;
+        Material::composite(name, &lobes, mirror, &fresnel, diffuse)
+    }
+
+    /// The same as `[[material]]` of a scene.
+    pub(super) fn toml(&self, name: &str) -> String {
+        use std::fmt::Write as _;
+        let mut text = format!("[[material]]\nname = {name:?}\nmodel = \"composite\"\n");
+        let _ = match self.rise {
+            Term::Constant => writeln!(text, "reflectance = 1.0"),
+            Term::Schlick(f0) => writeln!(text, "fresnel = \"schlick\"\nreflectance = {f0}"),
+            Term::Dielectric(n) => writeln!(text, "fresnel = \"dielectric\"\nn = {n}"),
+        };
+        if let Some(m) = self.mirror {
+            let _ = writeln!(
+                text,
+                "mirror = {{ share = {}, g = {}, alpha = {} }}",
+                m.share, m.g, m.alpha
+            );
+        }
+        if self.diffuse > 0.0 {
+            let power =
+                if self.power > 0.0 { format!(", power = {}", self.power) } else { String::new() };
+            let _ = writeln!(text, "diffuse = {{ reflectance = {}{power} }}", self.diffuse);
+        }
+        for lobe in &self.lobes {
+            let _ = match lobe.shape {
+                Shape::Facets(l) => {
+                    let distribution = match l.distribution() {
+                        Distribution::Ggx => "ggx",
+                        Distribution::Beckmann => "beckmann",
+                    };
+                    writeln!(
+                        text,
+                        "[[material.lobe]]\ndistribution = \"{distribution}\"\nshare = {}\nalpha = {}",
+                        lobe.share,
+                        l.alpha().0
+                    )
+                }
+                Shape::Abg { b, g, .. } => writeln!(
+                    text,
+                    "[[material.lobe]]\ndistribution = \"abg\"\na_per_sr = {}\nb = {b}\ng = {g}",
+                    lobe.scale
+                ),
+                _ => Ok(()),
+            };
+        }
+        text
+    }
+}
+
+/// ∫ 2πx/(B + x^g) dx from 0 to 1: what A = 1 reflects at normal incidence.
+fn abg_at_normal(b: f64, g: f64) -> f64 {
+    static RULE: OnceLock<Vec<(f64, f64)>> = OnceLock::new();
+    let rule = RULE.get_or_init(|| legendre(24));
+    let knee = b.powf(1.0 / g).clamp(1e-9, 1.0);
+    let end = (1.0 / knee).asinh();
+    let panels = 2.0;
+    let mut sum = 0.0;
+    for panel in 0..2 {
+        for (t, w) in rule {
+            let t = end * (f64::from(panel) + 0.5 * (t + 1.0)) / panels;
+            let x = knee * t.sinh();
+            sum += 0.5 * end / panels * w * knee * t.cosh() * TAU * x / (b + x.powf(g));
+        }
+    }
+    sum
+}
+
+/// The directions of a disc about `o` and their weights: Σ w = 1, exact for polynomials of degree 5 over the disc (Stroud S2: 5-1).
+pub(super) fn disc(o: DVec3, radius: f64) -> Vec<(DVec3, f64)> {
+    let (x, y) = o.any_orthonormal_pair();
+    let r = radius * (2.0_f64 / 3.0).sqrt();
+    let mut all = vec![(o, 0.25)];
+    for k in 0..6 {
+        let (sin, cos) = (TAU * f64::from(k) / 6.0).sin_cos();
+        all.push(((o + (x * cos + y * sin) * r).normalize(), 0.125));
+    }
+    all.retain(|(d, _)| d.z > 0.0);
+    all
+}
