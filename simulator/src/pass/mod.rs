@@ -51,6 +51,7 @@ pub use error::PassError;
 pub use explain::Explanation;
 pub use exposure::ExposureMeans;
 pub use file::{Overrides, PassFile};
+pub(crate) use promise::light_name;
 pub use promise::{Limit, Promise};
 pub use ready::{Eye, Ready, Sample};
 pub use result::{StandardMagnitude, StatedError, WITHIN_AN_EXPOSURE};

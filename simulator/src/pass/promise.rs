@@ -36,7 +36,7 @@ pub struct Promise {
 }
 
 /// Light in a few words.
-fn light(source: Source) -> &'static str {
+pub(crate) fn light_name(source: Source) -> &'static str {
     match source {
         Source::Direct => "direct light",
         Source::Bounce => "light between surfaces",
@@ -69,7 +69,7 @@ impl Simulation<'_> {
     pub fn over_tolerance(&self, sample: usize) -> Option<&'static str> {
         let stated = self.stated_relative(sample)?;
         (stated > self.pass.tolerance)
-            .then(|| self.limits[sample].map_or("what is left out", light))
+            .then(|| self.limits[sample].map_or("what is left out", light_name))
     }
 
     /// The promise of all samples together.
