@@ -3,7 +3,7 @@
 use crate::output::{Console, OutputArgs};
 use crate::{
     air, align, analyse, apply, bench, brdf, calibrate, compare, demo, devices, efficiency,
-    explain, fit, observe, passes, picture, reduce, session, simulate, star, tables,
+    explain, fit, light, observe, passes, picture, reduce, session, simulate, star, tables,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -63,6 +63,8 @@ pub enum Command {
     Compare(Box<compare::CompareArgs>),
     /// What a scene needs: which effects are modelled, what each could add, what error is left
     Explain(Box<explain::ExplainArgs>),
+    /// The light of a body for directions that are given: one geometry or a table of them, all effects, stated error
+    Light(Box<light::LightArgs>),
     /// A body as it looks at a moment, its reflection map, a sphere against phase angle
     Picture(Box<picture::PictureArgs>),
     /// Visible passes of satellites: when, where, how bright, what each channel counts
@@ -141,6 +143,7 @@ impl Command {
             Command::Simulate(args) => Some(&args.out),
             Command::Compare(args) => Some(&args.out),
             Command::Explain(args) => Some(&args.out),
+            Command::Light(args) => Some(&args.out),
             Command::Picture(args) => Some(&args.out),
             Command::Passes(args) => Some(&args.out),
             Command::Reduce(args) => Some(&args.out),
@@ -170,6 +173,7 @@ impl Command {
             Command::Simulate(args) => simulate::run(args, console),
             Command::Compare(args) => compare::run(args, console),
             Command::Explain(args) => explain::run(args, console),
+            Command::Light(args) => light::run(args, console),
             Command::Picture(args) => picture::run(args, console),
             Command::Passes(args) => passes::run(args, console),
             Command::Reduce(args) => reduce::run(args, console),

@@ -36,6 +36,12 @@ pub fn tolerance(text: &str) -> Result<f64, String> {
     engine::check_tolerance(value * unit).map_err(|e| e.to_string())
 }
 
+/// A budget of an epoch as people write it, s: `0.01`, `1`.
+pub fn budget(text: &str) -> Result<f64, String> {
+    let seconds = text.trim().parse().map_err(|_| "expected CPU seconds such as 0.01 or 1")?;
+    engine::check_budget(seconds).map_err(|e| e.to_string())
+}
+
 /// Says what a pass needs.
 pub fn run(args: &ExplainArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;

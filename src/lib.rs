@@ -10,6 +10,7 @@
 //! - [`simulate`]: what a pass should look like in every channel;
 //! - [`compare`]: a measured pass beside the simulated one;
 //! - [`passes`]: when satellites can be seen;
+//! - [`light`]: the light of a body for directions that are given;
 //! - [`picture`]: what a body looks like, and what it sends into all directions;
 //! - [`brdf`]: a sample's reflectance, from a goniometer;
 //! - [`mod@efficiency`]: a detector's efficiency, in the lab;
@@ -41,6 +42,7 @@ pub mod devices;
 pub mod efficiency;
 pub mod explain;
 pub mod fit;
+pub mod light;
 pub mod observe;
 pub mod output;
 pub mod passes;

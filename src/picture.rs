@@ -127,7 +127,7 @@ pub struct PictureArgs {
 }
 
 /// A direction as people write it: `1,0,-0.5`.
-fn direction(text: &str) -> Result<DVec3, String> {
+pub(crate) fn direction(text: &str) -> Result<DVec3, String> {
     let parts: Vec<f64> = text
         .split(',')
         .map(|part| part.trim().parse().map_err(|_| format!("`{part}` is no number")))

@@ -37,6 +37,9 @@ pub struct SimulateArgs {
     /// Model what may change the light by more than this: `0.2%` or `0.002`, in place of the file's [default: 0.1%]
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true, value_parser = explain::tolerance)]
     pub tolerance: Option<f64>,
+    /// Work that an epoch's light between surfaces may cost, in place of the file's [default: 0.01]
+    #[arg(long, value_name = "CPU_S", allow_negative_numbers = true, value_parser = explain::budget)]
+    pub budget: Option<f64>,
     /// Add the returns of the station's lasers (`[[laser]]` in station.toml or PASS.toml, docs/active.md)
     #[arg(long)]
     pub active: bool,
@@ -69,6 +72,7 @@ pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
         to: time("--to", &args.to)?,
         step_s: args.step_s,
         tolerance: args.tolerance,
+        budget_s: args.budget,
     };
     let pass = read(&args.pass, &args.station, overrides)?;
     args.out.check_names(&[format!("{}.ecsv", pass.name)])?;

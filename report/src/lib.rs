@@ -9,6 +9,7 @@
 //! - [`mod@map`]: maps on the frame of a body;
 //! - [`mod@period`]: the period of curves;
 //! - [`passes`]: passes that can be seen;
+//! - [`intensity`]: the light of a body for directions that are given;
 //! - [`picture`]: pictures, reflection maps, spheres;
 //! - [`session`]: what of a recorded night is there;
 //! - [`simulate`]: simulated passes, laser returns;
@@ -45,6 +46,7 @@ pub mod explain;
 pub mod fit;
 pub mod fold;
 mod inputs;
+pub mod intensity;
 mod lines;
 pub mod map;
 mod numbers;

@@ -38,7 +38,13 @@ fn main() {
         None => scene.target.clone(),
     };
     for tolerance in TOLERANCES {
-        measure(name, &scene, &target, &Options { tolerance, switches }, seconds);
+        measure(
+            name,
+            &scene,
+            &target,
+            &Options { tolerance, switches, ..Options::default() },
+            seconds,
+        );
     }
 }
 

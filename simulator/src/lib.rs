@@ -7,6 +7,7 @@
 //! - [`surface`]: how a material reflects, as a few spectra times a few weights;
 //! - [`target`]: a body made of parts, each a shape with a material in its place, and the hinges that move them;
 //! - [`light`]: the engine that turns a lit and seen body into one weight per material spectrum;
+//! - [`intensity`]: the light of a body for directions that are given;
 //! - [`picture`]: the body as it looks, and maps of its light over directions;
 //! - [`ranging`]: lasers, photons per shot and how they are spread over depth;
 //! - [`pass`]: all of it along a pass, to spectra, magnitudes and count rates;
@@ -21,6 +22,7 @@
 
 pub mod attitude;
 pub mod bench;
+pub mod intensity;
 pub mod light;
 pub mod mesh;
 pub mod pass;

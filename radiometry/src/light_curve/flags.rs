@@ -44,6 +44,8 @@ bitflags::bitflags! {
         const NONLINEAR = 1 << 18;
         /// The time comes from the computer's clock alone.
         const CLOCK_FREE = 1 << 19;
+        /// A simulated rate's stated error is more than the tolerance that was asked for.
+        const OVER_TOLERANCE = 1 << 20;
     }
 }
 
@@ -54,4 +56,5 @@ pub const TOLERATED: Flags = Flags::NO_OFF_TARGET
     .union(Flags::TRAILED)
     .union(Flags::CLOCK_FREE)
     .union(Flags::FALLBACK)
-    .union(Flags::EXTRAPOLATED);
+    .union(Flags::EXTRAPOLATED)
+    .union(Flags::OVER_TOLERANCE);

@@ -275,6 +275,7 @@ impl SimulationReport<'_> {
 
     /// Writes the stated error over the pass.
     fn say_stated(&self, text: &mut String) {
+        let _ = writeln!(text, "promise: {}", self.simulation.promise().line());
         let simulation = self.simulation;
         let channels = simulation.channels.iter().filter_map(|c| simulation.stated_error(c));
         let over = |a: StatedError, b: StatedError| StatedError {
@@ -359,6 +360,7 @@ impl SimulationReport<'_> {
             "error_bound": { "transmission": simulation.bounds.transmission, "transmission_nodes": simulation.bounds.transmission_nodes,
                 "rate_relative": simulation.bounds.rate_relative, "light_relative": simulation.bounds.light_relative },
             "tolerance": pass.tolerance,
+            "promise": simulation.promise(),
             "needs": explain::json(&simulation.needs),
             "bins_stated_error": stated(simulation.stated_error_of_bins()),
             "not_modelled": simulation.not_modelled(),

@@ -172,6 +172,8 @@ impl<'a> Builder<'a> {
         polygons.iter().for_each(|p| by_component[p.component].push(p));
         let mut convex = vec![false; closed.len()];
         let mut hides: Vec<Option<Kind>> = vec![None; closed.len()];
+        // Of each part, what is wrong with its pieces, and with how many.
+        let mut sheets: Vec<(usize, &str, usize)> = Vec::new();
         for (c, polygons) in by_component.iter().enumerate().filter(|(_, p)| !p.is_empty()) {
             self.scene.report.closed &= closed[c];
             let shape =
@@ -181,19 +183,30 @@ impl<'a> Builder<'a> {
             let inward = closed[c] && solid::volume(polygons) < -touching * touching * self.size;
             if !closed[c] || inward {
                 hides[c] = Some(Kind::Sheet);
-                let (name, what) = (
-                    &target.parts[polygons[0].part].name,
-                    if inward { "its normals look inward" } else { "it is not closed" },
-                );
-                self.scene.report.warnings.push(format!(
-                    "part `{name}`: {what}; its faces reflect with their front and hide with both sides"
-                ));
+                let part = polygons[0].part;
+                let what = if inward { "normals look inward" } else { "not closed" };
+                match sheets.iter_mut().find(|s| s.0 == part && s.1 == what) {
+                    Some((_, _, count)) => *count += 1,
+                    None => sheets.push((part, what, 1)),
+                }
             } else if let solid::Shape::Small(solid) = shape {
                 let kind = Kind::Solid(solid.edges);
                 self.hide(&solid.corners, None, self.components + c, group, kind);
             } else {
                 hides[c] = Some(Kind::Leaving);
             }
+        }
+        for (part, what, count) in sheets {
+            let name = &target.parts[part].name;
+            let what = match (what, count) {
+                ("not closed", 1) => "it is not closed".to_owned(),
+                ("not closed", _) => format!("{count} of its pieces are not closed"),
+                (_, 1) => "its normals look inward".to_owned(),
+                _ => format!("in {count} of its pieces the normals look inward"),
+            };
+            self.scene.report.warnings.push(format!(
+                "part `{name}`: {what}; its faces reflect with their front and hide with both sides"
+            ));
         }
         let before = polygons.len();
         super::buried::remove(&mut polygons, &convex, touching);

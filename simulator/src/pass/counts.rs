@@ -3,8 +3,12 @@
 use super::functionals::Functionals;
 use super::simulate::Place;
 use super::{BANDS, Pass, PassError};
+use crate::light::Source;
 use sunglint_radiometry::air::Zenith;
 use sunglint_radiometry::station::Predicted;
+
+/// The place of V among the bands.
+const V: usize = 2;
 
 /// The light of an epoch: weights of the terms and their errors, m² sr⁻¹.
 #[derive(Clone, Copy)]
@@ -33,6 +37,8 @@ pub(super) struct Counts {
     pub ground: [f64; BANDS.len()],
     /// The largest share of a rate that the air's table may be off by.
     pub relative: f64,
+    /// Which errors of the light make most of the stated error of the worst channel (of V where there is none).
+    pub limit: Option<Source>,
 }
 
 impl Pass {
@@ -114,7 +120,14 @@ impl Pass {
             }
             Some(set) => (0..set.len()).any(|bin| set.uncovered(bin, weights) > 0.0),
         };
+        let relative_error = |c: &ChannelCounts| {
+            if c.rate_hz > 0.0 { c.error_hz / c.rate_hz } else { 0.0 }
+        };
+        let worst = (0..channels.len())
+            .max_by(|a, b| relative_error(&channels[*a]).total_cmp(&relative_error(&channels[*b])));
+        let limit = functionals.limit(worst.unwrap_or(first + V), errors);
         Ok(Counts {
+            limit,
             spectrum,
             spectrum_errors,
             uncovered,

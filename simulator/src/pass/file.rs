@@ -67,7 +67,7 @@ use super::keys::{
     TargetKeys,
 };
 use crate::attitude::{self, Attitude, file::AttitudeFile};
-use crate::light::engine::{Options, check_tolerance};
+use crate::light::engine::{Options, check_budget, check_tolerance};
 use crate::surface::Material;
 use crate::target::{self, Part, Placement, Shape, Target, TargetFile};
 use glam::{DQuat, DVec3};
@@ -114,6 +114,8 @@ pub struct Overrides {
     pub step_s: Option<f64>,
     /// The tolerance, from 1e-9 to 0.1.
     pub tolerance: Option<f64>,
+    /// The budget of an epoch's light between surfaces, from 1e-4 to 100 s.
+    pub budget_s: Option<f64>,
 }
 
 /// A `PASS.toml` that was read, before its files are.
@@ -213,6 +215,14 @@ impl PassFile {
             let expected = "a relative error, from 1e-9 to 0.1 (0.002 is 0.2 %)";
             self.document.error_at("tolerance", expected)
         })?;
+        let budget_s = match (overrides.budget_s, keys.budget_s) {
+            (Some(budget_s), _) => budget_s,
+            (None, budget_s) => budget_s.map_or(Options::BUDGET_S, Positive::get),
+        };
+        let budget_s = check_budget(budget_s).map_err(|_| {
+            let expected = "CPU seconds of an epoch, from 0.0001 to 100";
+            self.document.error_at("budget_s", expected)
+        })?;
         let mut warnings = target.warnings.clone();
         warnings.extend(orbit.warnings(times[0], times[times.len() - 1]));
         warnings.extend(attitude.warnings());
@@ -244,6 +254,7 @@ impl PassFile {
             orientation,
             zero,
             tolerance,
+            budget_s,
             air_tolerance: (AIR_SHARE * tolerance).max(LEAST_AIR_TOLERANCE),
             effects: keys.effects.into(),
             inputs,

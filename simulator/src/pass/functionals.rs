@@ -1,7 +1,7 @@
 //! The integrals over wavelength that a pass needs, taken once: all that is left for an epoch are sums over the terms of its light.
 
 use super::{BANDS, Pass, PassError, SpectralQuantity};
-use crate::light::Term;
+use crate::light::{Source, Term};
 use sunglint_radiometry::air::{AirError, AirTable, Sampling, Zenith};
 use sunglint_radiometry::constants::HC_J_NM;
 use sunglint_radiometry::passband::{Passband, Weighting};
@@ -251,6 +251,8 @@ pub(super) struct Functionals {
     pub spectral_uncovered: Vec<bool>,
     /// The same through the air, where the spectra are at the telescope.
     pub at_telescope: Option<Set>,
+    /// Which way the light of each term came.
+    sources: Vec<Source>,
 }
 
 impl Functionals {
@@ -306,7 +308,24 @@ impl Functionals {
                 Some(Set::new(pass, &columns, &with)?)
             }
         };
-        Ok(Self { sums, spectral, spectral_uncovered, at_telescope })
+        let sources = terms.iter().map(|t| t.source).collect();
+        Ok(Self { sums, spectral, spectral_uncovered, at_telescope, sources })
+    }
+
+    /// The way of the light that has most of the error of channel (or band) `i`; none without errors.
+    pub fn limit(&self, i: usize, errors: &[f64]) -> Option<Source> {
+        let mut all: Vec<(Source, f64)> = Vec::new();
+        let mut add = |source: Source, error: f64| match all.iter_mut().find(|s| s.0 == source) {
+            Some((_, sum)) => *sum += error,
+            None => all.push((source, error)),
+        };
+        let set = &self.sums;
+        for (p, (k, _)) in set.row(&set.above, i).iter().zip(&set.of) {
+            add(self.sources[*k], errors[*k] * p.abs());
+        }
+        add(Source::Unknown, set.unknown(i, errors));
+        let most = all.into_iter().filter(|(_, error)| *error > 0.0);
+        most.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(source, _)| source)
     }
 }
 

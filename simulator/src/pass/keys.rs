@@ -15,6 +15,7 @@ use sunglint_radiometry::station::LaserFile;
 pub struct PassKeys {
     pub name: Option<String>,
     pub tolerance: Option<Positive>,
+    pub budget_s: Option<Positive>,
     pub target: TargetKeys,
     pub orbit: Option<OrbitKeys>,
     pub ephemeris: Option<FileKey>,

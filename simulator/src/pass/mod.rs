@@ -38,6 +38,7 @@ pub mod file;
 mod functionals;
 mod keys;
 mod moments;
+mod promise;
 mod ready;
 mod result;
 mod shadow;
@@ -50,6 +51,8 @@ pub use error::PassError;
 pub use explain::Explanation;
 pub use exposure::ExposureMeans;
 pub use file::{Overrides, PassFile};
+pub(crate) use promise::light_name;
+pub use promise::{Limit, Promise};
 pub use ready::{Eye, Ready, Sample};
 pub use result::{StandardMagnitude, StatedError, WITHIN_AN_EXPOSURE};
 pub use simulate::{Bounds, ChannelSamples, Place, Progress, Simulation, Stage};
@@ -113,6 +116,8 @@ pub struct Pass {
     pub zero: ZeroPoint,
     /// An effect that may change the light by more than this, relative, is modelled ([`crate::light::engine`]).
     pub tolerance: f64,
+    /// The work that an epoch's light between surfaces may cost, CPU seconds ([`crate::light::engine::Options::budget_s`]).
+    pub budget_s: f64,
     /// What the air's tables over the zenith angle may err by in transmission (absolute).
     pub air_tolerance: f64,
     /// Which effects are switched on or off.

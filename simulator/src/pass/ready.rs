@@ -60,7 +60,8 @@ impl Pass {
 
     /// The light engine for what is known of the way.
     pub(super) fn engine(&self, course: &Course) -> Result<Engine, PassError> {
-        let options = Options { tolerance: self.tolerance, switches: self.effects };
+        let options =
+            Options { tolerance: self.tolerance, switches: self.effects, budget_s: self.budget_s };
         Engine::over(&self.target, &options, course, &self.earth).map_err(|source| {
             let target = self.target.name.clone();
             PassError::Target { target, source: Box::new(source) }

@@ -117,6 +117,7 @@ impl Simulation<'_> {
         flags.set(Flags::ECLIPSED, place.sunlit < 1.0);
         flags.set(Flags::HIDDEN, place.hidden);
         flags.set(Flags::FALLBACK, place.orientation.is_outside());
+        flags.set(Flags::OVER_TOLERANCE, self.over_tolerance(i).is_some());
         flags
     }
 
@@ -219,6 +220,7 @@ impl Simulation<'_> {
         let mut meta = |key: &str, value| table.meta.insert(key.into(), value);
         meta("title", json!(format!("{}: geometry and magnitudes", self.pass.name)));
         meta("provenance", self.provenance(command).to_json());
+        meta("tolerance", json!(self.pass.tolerance));
         meta("zero_point", json!(self.pass.zero.to_string()));
         let of = |f: &dyn Fn(&super::Place) -> f64| self.places.iter().map(f).collect::<Vec<f64>>();
         let number = |name: &str, unit: Option<&str>, what: &str, values: Vec<f64>| {
@@ -276,6 +278,13 @@ impl Simulation<'_> {
                 table.columns.push(number(&format!("{name}_{pick}"), None, what, values));
             }
         }
+        let stated = |i: usize| self.stated_relative(i).unwrap_or(f64::NAN);
+        table.columns.push(number(
+            "stated_error_relative",
+            None,
+            "of the rate in the worst channel; nan without light",
+            (0..self.places.len()).map(stated).collect(),
+        ));
         for (h, hinge) in self.pass.target.hinges.iter().enumerate() {
             let values = self.hinges_deg.column(h).to_vec();
             table.columns.push(number(

@@ -6,7 +6,7 @@ use super::{BANDS, Pass, PassError, Ready, shadow};
 use crate::attitude::Moment;
 use crate::light::disc::eclipse as fractions;
 use crate::light::engine::Switch;
-use crate::light::{Globe, Need, SceneReport, Term};
+use crate::light::{Globe, Need, SceneReport, Source, Term};
 use glam::{DQuat, DVec3};
 use hifitime::Epoch;
 use ndarray::Array2;
@@ -156,6 +156,8 @@ pub struct Simulation<'a> {
     pub hinges_deg: Array2<f64>,
     /// What is known of the errors.
     pub bounds: Bounds,
+    /// For each epoch, which way of the light has most of the stated error of the worst channel (of V without any channel).
+    pub limits: Vec<Option<Source>>,
     /// What the light engine made of the target.
     pub scene: SceneReport,
     /// What the scene needs, effect by effect.
@@ -431,6 +433,7 @@ impl Pass {
             hinges_deg,
             places,
             bounds,
+            limits: counts.iter().map(|c| c.limit).collect(),
             scene: ready.report().clone(),
             needs: engine.needs().to_vec(),
         }

@@ -1,6 +1,7 @@
 //! How bright the targets are: by a law, or by the light engine of a model.
 
 use crate::attitude::Attitude;
+use crate::light::Options;
 use crate::pass::{Pass, Ready, SpectralQuantity};
 use crate::target::Target;
 use hifitime::Epoch;
@@ -91,6 +92,7 @@ impl Model {
             orientation: Some(orientation.clone()),
             zero,
             tolerance,
+            budget_s: Options::BUDGET_S,
             air_tolerance: AIR_TOLERANCE,
             effects: Default::default(),
             inputs: Vec::new(),

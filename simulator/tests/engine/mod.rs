@@ -29,7 +29,8 @@ fn far_away() -> Course {
 }
 
 fn engine(target: &Target, tolerance: f64, switches: Switches) -> Engine {
-    Engine::new(target, &Options { tolerance, switches }, &far_away()).unwrap()
+    Engine::new(target, &Options { tolerance, switches, ..Options::default() }, &far_away())
+        .unwrap()
 }
 
 fn need(target: &Target, tolerance: f64, effect: &str) -> Need {

@@ -3,6 +3,7 @@
 use super::cast::Caster;
 use super::chords::Chords;
 use super::claim::{Claim, Trial};
+use super::nodes::Nodes;
 use super::optics::Optics;
 use super::orders::{Found, Orders};
 use super::patches::Patches;
@@ -142,6 +143,7 @@ impl<'a> Draft<'a> {
             &self.exchange,
             self.optics,
             (self.node..self.node + 1, self.node),
+            0.0,
         )
     }
 
@@ -228,9 +230,9 @@ impl<'a> Draft<'a> {
     }
 
     /// All nodes.
-    pub fn finish(self, nodes: usize) -> Option<(Patched, Orders)> {
-        let orders =
-            Orders::new(&self.patched, &self.exchange, self.optics, (0..nodes, self.node))?;
+    pub fn finish(self, nodes: &Nodes) -> Option<(Patched, Orders)> {
+        let wanted = (0..nodes.nm.len(), self.node);
+        let orders = Orders::new(&self.patched, &self.exchange, self.optics, wanted, nodes.error)?;
         Some((self.patched, orders))
     }
 }

@@ -30,6 +30,7 @@ mod orders;
 mod patches;
 mod paths;
 mod pilot;
+mod spectral;
 mod split;
 mod still;
 mod surfaces;
@@ -147,7 +148,7 @@ impl<'a> Bounce<'a> {
     /// # Errors
     /// A tolerance that is none; materials without common wavelengths.
     pub fn new(scene: &'a Scene, options: &BounceOptions) -> Result<Self, BounceError> {
-        Self::with_effort(scene, options, &Effort::SUN)
+        Self::with_effort(scene, options, &Effort::of_sun(options.most_paths))
     }
 
     /// The same, with patches that cost as much as `effort` says.

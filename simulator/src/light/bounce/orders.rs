@@ -8,6 +8,7 @@
 
 use super::chords::Pairs;
 use super::optics::Optics;
+use super::spectral::Spectral;
 use super::surfaces::Surfaces;
 use super::transport::{self, Exchange, Matrix, SCRAMBLES, Stored};
 use super::views::{End, Patched};
@@ -18,11 +19,17 @@ use std::f64::consts::FRAC_1_PI;
 const WHITEST: f64 = 1.0 - 1e-7;
 /// Standard errors that are claimed: Student's t of 7 degrees of freedom at 96 %.
 const CLAIMED: f64 = 2.5;
+/// Of what wavelengths between the nodes may change, what few matrices in place of one a node may.
+const OF_NODES: f64 = 0.03;
+/// No less than this: numbers are stored to 6e-8.
+const LEAST_SPECTRAL: f64 = 1e-6;
 
 /// The orders at some wavelengths.
 #[derive(Debug)]
 pub struct Orders {
     nodes: Vec<Node>,
+    /// Q of the patches at all wavelengths, in few matrices.
+    spectral: Spectral,
     /// S of the larger patches by each scramble, less their mean; and that mean.
     scrambles: Vec<Matrix>,
     mean: Matrix,
@@ -33,7 +40,8 @@ pub struct Orders {
 /// At one wavelength, of the patches and of the larger ones.
 #[derive(Debug)]
 struct Node {
-    all: [Stored; 2],
+    /// Q of the larger patches.
+    coarse: Stored,
     once: [Vec<f64>; 2],
     /// ρ of each channel.
     rho: Vec<f64>,
@@ -72,6 +80,7 @@ impl Orders {
         exchange: &Exchange,
         optics: &Optics,
         (wanted, tried): (std::ops::Range<usize>, usize),
+        between_nodes: f64,
     ) -> Option<Self> {
         let patches = &patched.patches;
         let alone = exchange.matrix(patches);
@@ -82,18 +91,18 @@ impl Orders {
             let s = exchange.at(&alone, patches, node);
             let gathered = transport::gathered(&s, patches);
             let stored = |q: Matrix| q.into_iter().map(|q| q as f32).collect::<Stored>();
-            let all = [
-                stored(transport::solve(&s, areas[0], &rho[0])?),
-                stored(transport::solve(&gathered, areas[1], &rho[1])?),
-            ];
+            let all = stored(transport::solve(&s, areas[0], &rho[0])?);
+            let large = stored(transport::solve(&gathered, areas[1], &rho[1])?);
             let once = [0, 1].map(|k| {
                 areas[k].iter().zip(&rho[k]).map(|(a, r)| FRAC_1_PI * a * r).collect::<Vec<f64>>()
             });
             let channels = patched.chords.channels.iter();
             let rho = channels.map(|(m, k)| optics.rho(*m, *k, node)).collect();
-            Some(Node { all, once, rho })
+            Some((all, Node { coarse: large, once, rho }))
         };
-        let nodes = wanted.clone().into_par_iter().map(at).collect::<Option<Vec<Node>>>()?;
+        let solved = wanted.clone().into_par_iter().map(at).collect::<Option<Vec<_>>>()?;
+        let (all, nodes): (Vec<Stored>, Vec<Node>) = solved.into_iter().unzip();
+        let spectral = Spectral::new(all, (OF_NODES * between_nodes).max(LEAST_SPECTRAL));
         let mut scrambles: Vec<Matrix> = (0..SCRAMBLES).map(|k| exchange.scramble(k)).collect();
         let share = 1.0 / SCRAMBLES as f64;
         let mean: Matrix = (0..coarse * coarse)
@@ -102,7 +111,12 @@ impl Orders {
         for scramble in &mut scrambles {
             scramble.iter_mut().zip(&mean).for_each(|(s, m)| *s -= m);
         }
-        Some(Self { nodes, scrambles, mean, tried: tried - wanted.start })
+        Some(Self { nodes, spectral, scrambles, mean, tried: tried - wanted.start })
+    }
+
+    /// Matrices of the patches that an epoch reads.
+    pub fn matrices(&self) -> usize {
+        self.spectral.len()
     }
 
     /// The light between two ends, the Sun's or the Earth's and the observer's, at each wavelength.
@@ -111,8 +125,12 @@ impl Orders {
             node.brought(ends, vectors);
             self.of_factors([&vectors.ends[0][1], &vectors.ends[1][1]])
         });
-        let light = |node: &Node| node.light(factors, ends, pairs, vectors);
-        self.nodes.iter().map(light).collect()
+        let fine = self.spectral.between(ends);
+        let light = |(n, node): (usize, &Node)| {
+            let (all, off) = self.spectral.at(n, &node.rho, &fine);
+            node.light(factors, ends, pairs, vectors, (all, off))
+        };
+        self.nodes.iter().enumerate().map(light).collect()
     }
 
     /// The claimed error of the form factors, relative.
@@ -133,20 +151,29 @@ fn of_mean() -> f64 {
 }
 
 impl Node {
-    fn light(&self, factors: f64, ends: [&End; 2], pairs: &Pairs, vectors: &mut Vectors) -> Found {
+    /// The light at this wavelength; `all` is what goes between two diffuse patches, with its error.
+    fn light(
+        &self,
+        factors: f64,
+        ends: [&End; 2],
+        pairs: &Pairs,
+        vectors: &mut Vectors,
+        (all, off): (f64, f64),
+    ) -> Found {
         self.brought(ends, vectors);
         let Vectors { ends: [sun, eye], rows } = vectors;
         let straight = |level: usize| [&ends[0].straight[level], &ends[1].straight[level]];
         let sets = || pairs.sets.iter().map(|set| self.paired(set));
         let pair = sets().sum::<f64>();
-        let fine = self.between(0, [&sun[0], &eye[0]], straight(0)) + pair;
-        let coarse = self.between(1, [&sun[1], &eye[1]], straight(1)) + pair;
+        let fine = all + self.once(0, [&sun[0], &eye[0]], straight(0)) + pair;
+        let large = transport::between(&eye[1], &self.coarse, &sun[1]);
+        let coarse = large + self.once(1, [&sun[1], &eye[1]], straight(1)) + pair;
         let mut chords = 0.0;
         if !self.rho.is_empty() {
             let others = [(&*eye, &ends[1].straight), (&*sun, &ends[0].straight)];
             for (row, (all, straight)) in rows.iter_mut().zip(others) {
                 row.resize(all[1].len(), 0.0);
-                transport::times(&all[1], &self.all[1], row);
+                transport::times(&all[1], &self.coarse, row);
                 for (k, q) in self.once[1].iter().enumerate() {
                     row[k] += q * (all[1][k] - straight[1][k]);
                 }
@@ -165,7 +192,7 @@ impl Node {
             let square: f64 = estimates.iter().map(|e| (n * (e - mean)).powi(2)).sum();
             chords = CLAIMED * (square * of_mean()).sqrt();
         }
-        Found { light: fine, left: (fine - coarse).abs(), factors: factors * fine, chords }
+        Found { light: fine, left: (fine - coarse).abs(), factors: factors * fine + off, chords }
     }
 
     /// All that the ends bring to the patches and to the larger ones.
@@ -185,14 +212,13 @@ impl Node {
         }
     }
 
-    /// What goes by at least one diffuse patch.
-    fn between(&self, level: usize, [e, v]: [&[f64]; 2], [e0, v0]: [&Vec<f64>; 2]) -> f64 {
-        let all = transport::between(v, &self.all[level], e);
+    /// What one diffuse patch alone scatters between rough surfaces.
+    fn once(&self, level: usize, [e, v]: [&[f64]; 2], [e0, v0]: [&Vec<f64>; 2]) -> f64 {
         if self.rho.is_empty() {
-            return all;
+            return 0.0;
         }
         let more = |k: usize| (v[k] - v0[k]) * (e[k] - e0[k]);
-        all + self.once[level].iter().enumerate().map(|(k, q)| q * more(k)).sum::<f64>()
+        self.once[level].iter().enumerate().map(|(k, q)| q * more(k)).sum()
     }
 
     /// What is scattered twice, by a rough surface at least once.

@@ -18,7 +18,9 @@ use std::f64::consts::FRAC_1_PI;
 /// Scrambles that do not know of each other.
 pub const SCRAMBLES: u32 = 8;
 /// Points of one scramble at most.
-pub const MOST_POINTS: u32 = 1 << 14;
+pub const MOST_POINTS: u32 = 1 << 24;
+/// Points that one Sobol sequence has: beyond them another scramble of it goes on.
+const OF_SEQUENCE: u32 = 1 << 16;
 /// Paths of fewer scatterings are not ended by chance.
 const SAFE: u32 = 3;
 /// Paths that found something are few below this.
@@ -232,6 +234,10 @@ impl Paths<'_> {
         echoes: &mut Option<Vec<Echo>>,
     ) -> bool {
         let mut found = false;
+        let (index, seed) = match index / OF_SEQUENCE {
+            0 => (index, seed),
+            more => (index % OF_SEQUENCE, mixed(seed, more)),
+        };
         let numbers = |set: u32| {
             sobol_burley::sample_4d(index, set % 16, mixed(seed, set / 16)).map(f64::from)
         };

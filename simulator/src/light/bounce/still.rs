@@ -32,6 +32,12 @@ const OF_COARSENESS: f64 = 0.3;
 /// The first cells, of which there are about as many as this; then cells this much smaller.
 const FIRST_CELLS: f64 = 24.0;
 const FINER: f64 = 1.5;
+/// Diffuse patches may state so many times the error of patches with lobes before paths take their place.
+const DIFFUSE: f64 = 4.0;
+/// The light paths of an epoch, from and to, beside which [`Effort::SUN`] is reasonable, and the fewest and the most patches for others.
+const USUAL_PATHS: (u32, u32) = (4096, 1 << 17);
+const LEAST_PATCHES: f64 = 64.0;
+const MOST_PATCHES: f64 = 2000.0;
 /// Of the tolerance, the part that patches and rays may take each.
 const OF_TOLERANCE: f64 = 0.5;
 
@@ -49,6 +55,14 @@ pub struct Effort {
 impl Effort {
     /// For the Sun: a few milliseconds.
     pub const SUN: Self = Self { patches: 640, asked: 20_000, of_paths: 0.5 };
+    /// For the Sun, with so many light paths to spare.
+    pub fn of_sun(paths: u32) -> Self {
+        let times = |usual: u32| f64::from(paths) / f64::from(usual);
+        let spare = times(USUAL_PATHS.0).min(1.0).max(times(USUAL_PATHS.1)).sqrt();
+        let patches = (spare * Self::SUN.patches as f64).clamp(LEAST_PATCHES, MOST_PATCHES);
+        Self { patches: patches as usize, ..Self::SUN }
+    }
+
     /// For each of the Earth's directions: some 50 µs.
     pub const EARTH: Self = Self { patches: 100, asked: 800, of_paths: f64::INFINITY };
 }
@@ -140,12 +154,13 @@ impl Still {
             let all = Plan::new(surfaces.clone(), active.clone(), nodes, options);
             let (claim, stated) = draft.held(pilot, active, &all, nodes.nm[node], options.seed)?;
             let by_paths = pilot.stated(|s| all.claimed(s, pilot::POINTS));
-            // Diffuse patches cost a hundredth of the paths that know as much.
-            if !rough.is_empty() && stated > options.tolerance.max(effort.of_paths * by_paths) {
+            // Diffuse patches cost a hundredth of the paths that know as much: paths have to know far more.
+            let of_paths = effort.of_paths * if rough.is_empty() { DIFFUSE } else { 1.0 };
+            if stated > options.tolerance.max(of_paths * by_paths) {
                 return None;
             }
             let rest = draft.leaves_a_rest().then(|| Arc::new(all.of_rest()));
-            let (patched, orders) = draft.finish(nodes.nm.len())?;
+            let (patched, orders) = draft.finish(nodes)?;
             return Some(Self { nodes: nodes.clone(), patched, orders, rays, claim, rest });
         }
     }
@@ -172,7 +187,7 @@ impl Still {
         let diffuse = self.patched.patches.diffuse[0] as f64;
         let meetings = self.patched.chords.meetings() as f64;
         let asked = 2.0 * 5e-8 * self.patched.chords.asked() as f64;
-        let matrices = 0.25e-9 * diffuse * diffuse * self.nodes.nm.len() as f64;
+        let matrices = 0.5e-9 * diffuse * diffuse * self.orders.matrices() as f64;
         1e-7 * n
             + matrices
             + 5e-9 * meetings

@@ -41,8 +41,6 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
 
 /// What the need is called.
 pub(super) const EFFECT: &str = "inter-reflection";
-/// Light paths of an epoch: about 10 ms. What they leave open is in the stated error.
-const MOST_PATHS: u32 = 4096;
 
 /// What all bounces have at most of the light of the body as a whole.
 pub(super) fn share(question: &Question) -> f64 {
@@ -61,7 +59,7 @@ fn left(share: f64) -> Option<Box<dyn Doubt>> {
 fn modelled(question: &Question) -> Result<Option<Answer>, SceneError> {
     let options = BounceOptions {
         tolerance: question.options.tolerance,
-        most_paths: MOST_PATHS,
+        most_paths: question.options.paths(),
         ..BounceOptions::default()
     };
     let twin = stand_in(question.target);

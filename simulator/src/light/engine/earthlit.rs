@@ -12,8 +12,6 @@ use std::f64::consts::FRAC_1_PI;
 use std::sync::Arc;
 
 const EFFECT: &str = "bounced earthshine";
-/// Light paths of an epoch from each panel of the cap (two at most). What they leave open is in the stated error.
-const MOST_PATHS: u32 = 4096;
 
 pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     let (options, earthshine) = (question.options, question.course.earthshine);
@@ -54,7 +52,9 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
 /// Its terms and what adds to them; `None` where the materials have no wavelengths in common.
 fn paths(question: &Question) -> Result<Option<(Vec<crate::light::Term>, Bounced)>, SceneError> {
     let tolerance = question.options.tolerance;
-    let options = BounceOptions { tolerance, most_paths: MOST_PATHS, ..BounceOptions::default() };
+    // From each panel of the cap (two at most).
+    let most_paths = question.options.paths();
+    let options = BounceOptions { tolerance, most_paths, ..BounceOptions::default() };
     let twin = stand_in(question.target);
     let own = twin.as_ref().map(|twin| Scene::new(&twin.target)).transpose()?;
     let shape_error = twin.map_or(0.0, |twin| twin.error);

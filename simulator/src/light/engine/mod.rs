@@ -23,7 +23,9 @@ mod options;
 mod seen;
 
 pub use globes::irradiance as earthshine;
-pub use options::{Course, Options, Switch, Switches, WrongTolerance, check_tolerance};
+pub use options::{
+    Course, Options, Switch, Switches, WrongBudget, WrongTolerance, check_budget, check_tolerance,
+};
 pub use seen::Seen;
 
 use super::{

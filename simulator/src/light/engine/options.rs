@@ -48,17 +48,25 @@ pub struct Options {
     pub tolerance: f64,
     /// What is switched on or off.
     pub switches: Switches,
+    /// The work that an epoch's light between surfaces may cost, CPU seconds of a usual core ([`check_budget`]). It is spent as patches and light paths
+    /// that are counted, not timed, so that results do not depend on the machine.
+    pub budget_s: f64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { tolerance: Options::TOLERANCE, switches: Switches::default() }
+        let (tolerance, budget_s) = (Options::TOLERANCE, Options::BUDGET_S);
+        Self { tolerance, switches: Switches::default(), budget_s }
     }
 }
 
 impl Options {
     /// The tolerance unless another is asked for: 0.1 %.
     pub const TOLERANCE: f64 = 1e-3;
+    /// The budget of an epoch unless another is asked for, s.
+    pub const BUDGET_S: f64 = 0.01;
+    /// Light paths that a budget of a second holds.
+    const PATHS_PER_S: f64 = 409_600.0;
 
     /// Whether an effect with this bound is to be modelled.
     pub fn needs(&self, switch: Switch, bound: f64) -> bool {
@@ -67,6 +75,12 @@ impl Options {
             Switch::On => true,
             Switch::Off => false,
         }
+    }
+
+    /// Light paths of an epoch at most.
+    pub fn paths(&self) -> u32 {
+        // A float becomes the nearest number that there is.
+        (Self::PATHS_PER_S * self.budget_s).round() as u32
     }
 
     /// What decided, in words.
@@ -92,6 +106,19 @@ pub struct WrongTolerance(pub f64);
 /// What is not a number from 1e-9 to 0.1.
 pub fn check_tolerance(tolerance: f64) -> Result<f64, WrongTolerance> {
     if (1e-9..=0.1).contains(&tolerance) { Ok(tolerance) } else { Err(WrongTolerance(tolerance)) }
+}
+
+/// A budget that is none.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("the budget of an epoch is {0} s, expected 0.0001 to 100 s of CPU time, such as 0.01 or 1")]
+pub struct WrongBudget(pub f64);
+
+/// A budget of an epoch's light between surfaces, s, if it is one.
+///
+/// # Errors
+/// What is not a number from 1e-4 to 100.
+pub fn check_budget(budget_s: f64) -> Result<f64, WrongBudget> {
+    if (1e-4..=100.0).contains(&budget_s) { Ok(budget_s) } else { Err(WrongBudget(budget_s)) }
 }
 
 /// What is known of the way that a target takes. [`Course::default`] knows nothing, and takes the worst that an orbit has.

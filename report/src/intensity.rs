@@ -1,0 +1,127 @@
+//! Light of a body for directions that are given: text, JSON, table, rows of a long table.
+
+use crate::{Product, explain};
+use serde::Serialize;
+use std::fmt::Write as _;
+use sunglint_formats::{Column, Table};
+use sunglint_simulator::intensity::{Intensities, Intensity};
+use sunglint_simulator::light::percent;
+
+/// The light of one aspect, and how it is to be shown.
+#[derive(Debug)]
+pub struct IntensityReport<'a> {
+    /// The target's name.
+    pub target: &'a str,
+    /// What was prepared.
+    pub all: &'a Intensities,
+    /// The light.
+    pub light: &'a Intensity,
+}
+
+/// The document of one aspect.
+#[derive(Serialize)]
+struct Document<'a> {
+    target: &'a str,
+    tolerance: f64,
+    budget_s: f64,
+    #[serde(flatten)]
+    light: &'a Intensity,
+    needs: serde_json::Value,
+}
+
+impl IntensityReport<'_> {
+    /// Table and JSON document.
+    ///
+    /// # Errors
+    /// None in practice: a document of numbers and texts.
+    pub fn product(&self) -> Result<Product, serde_json::Error> {
+        let options = self.all.options();
+        let document = Document {
+            target: self.target,
+            tolerance: options.tolerance,
+            budget_s: options.budget_s,
+            light: self.light,
+            needs: explain::json(self.all.needs()),
+        };
+        let light = &self.light.light;
+        let column = |name: &str, unit, f: &dyn Fn(usize) -> f64| {
+            Column::f64(name, Some(unit), (0..light.len()).map(f).collect())
+        };
+        let mut table = Table::default();
+        table.columns = vec![
+            column("wavelength_nm", "nm", &|s| light[s].wavelength_nm),
+            column("per_irradiance_m2_per_sr", "m2 / sr", &|s| light[s].per_irradiance_m2_per_sr),
+            column("error_m2_per_sr", "m2 / sr", &|s| light[s].error_m2_per_sr),
+            column("intensity_w_per_sr_nm", "W / (sr nm)", &|s| light[s].intensity_w_per_sr_nm),
+        ];
+        let json = serde_json::to_value(document)?;
+        Ok(Product { name: "light".into(), table, json, ..Product::default() })
+    }
+
+    /// The text.
+    pub fn text(&self) -> String {
+        let (light, options) = (self.light, self.all.options());
+        let mut text = format!("{}, phase angle {:.4}°\n", self.target, light.phase_deg);
+        text.push_str(&explain::short(self.all.needs(), options.tolerance));
+        text.push_str("\n  wavelength     I/E, m²/sr          stated error        I, W/(sr nm)\n");
+        for at in &light.light {
+            let share = at.error_m2_per_sr / at.per_irradiance_m2_per_sr;
+            let share = if share.is_finite() { percent(share) } else { "-".into() };
+            let _ = writeln!(
+                text,
+                "  {:>7.1} nm  {:>16.9e}  {:>9.2e} ({share})  {:>16.9e}",
+                at.wavelength_nm,
+                at.per_irradiance_m2_per_sr,
+                at.error_m2_per_sr,
+                at.intensity_w_per_sr_nm,
+            );
+        }
+        text.push_str("\n  W, m²/sr              stated error  light of\n");
+        for weight in &light.weights {
+            let _ = writeln!(
+                text,
+                "  {:>16.9e}         {:>9.2e}  {}{}",
+                weight.weight_m2_per_sr,
+                weight.error_m2_per_sr,
+                weight.source,
+                weight.material.as_ref().map_or(String::new(), |m| format!(", {m}"))
+            );
+        }
+        for by in light.by_albedo.iter().flatten() {
+            let values: Vec<String> =
+                by.derivative_m2_per_sr.iter().map(|v| format!("{v:.9e}")).collect();
+            let _ =
+                writeln!(text, "  d(I/E)/d ln(albedo of {}): {}", by.material, values.join(", "));
+        }
+        let asked = percent(options.tolerance);
+        let stated = light.stated_relative.map_or("no light".into(), percent);
+        let _ = match light.limited_by {
+            None => writeln!(text, "\npromise: asked {asked}, stated {stated}"),
+            Some(limit) => {
+                writeln!(text, "\npromise: asked {asked}, stated {stated}, limited by {limit}")
+            }
+        };
+        text
+    }
+}
+
+/// The names of the columns of [`row`], for these wavelengths.
+pub fn header(all: &Intensities) -> String {
+    let mut text = "phase_deg,stated_relative,met,limited_by".to_owned();
+    for nm in &all.options().wavelength_nm {
+        let _ = write!(text, ",i_{nm}nm_m2_per_sr,error_{nm}nm_m2_per_sr");
+    }
+    text.push('\n');
+    text
+}
+
+/// A row of comma-separated values, with all digits.
+pub fn row(light: &Intensity, text: &mut String) {
+    let stated = light.stated_relative.map_or(String::new(), |s| s.to_string());
+    let limit = light.limited_by.unwrap_or("");
+    let _ = write!(text, "{},{stated},{},{limit}", light.phase_deg, light.met);
+    for at in &light.light {
+        let _ = write!(text, ",{},{}", at.per_irradiance_m2_per_sr, at.error_m2_per_sr);
+    }
+    text.push('\n');
+}

@@ -1,0 +1,462 @@
+//! Light of a body for directions that are given, without orbit, station and air.
+//!
+//! An [`Aspect`] says where the Sun, the observer and, where its light is wanted, the Earth stand in the body's axes. [`Intensities`] prepares a target once for
+//! all aspects of a [`Span`] and gives for each the weights W_k of its terms (\[m² sr⁻¹\], I(λ) = E(λ) Σ_k τ_k(λ) W_k, see [`crate::light`]), the sum at some
+//! wavelengths, and the stated errors of both.
+
+pub mod rows;
+
+use crate::light::engine::{self, Switches};
+use crate::light::{
+    Course, DirectionError, EarthAlbedo, Engine, Globe, Lighting, Need, Options, SceneError,
+    Source, Term, View,
+};
+use crate::pass::light_name;
+use crate::target::Target;
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::sync::Arc;
+use sunglint_ephemeris::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
+use sunglint_radiometry::constants::{AU_M, SUN_RADIUS_M};
+use sunglint_radiometry::light::sun_at_1_au;
+
+/// Where Sun, observer and Earth stand, in the body's axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aspect {
+    /// The direction to the Sun; its length does not count.
+    pub sun: DVec3,
+    /// The direction to the observer.
+    pub observer: DVec3,
+    /// The observer's distance, m; `None` where all lines of sight are parallel.
+    pub range_m: Option<f64>,
+    /// The Sun's distance, au.
+    pub sun_distance_au: f64,
+    /// The direction to the middle of the Earth and the height above its equator's radius, m; `None` without an Earth.
+    pub earth: Option<(DVec3, f64)>,
+}
+
+impl Aspect {
+    /// The Sun at 1 au, a far observer and no Earth.
+    pub fn new(sun: DVec3, observer: DVec3) -> Self {
+        Self { sun, observer, range_m: None, sun_distance_au: 1.0, earth: None }
+    }
+
+    /// The light, as the engine has it.
+    fn lighting(&self) -> Lighting {
+        let observer = self.observer.normalize_or_zero();
+        let sun = self.sun.normalize_or_zero();
+        let earth = match self.earth {
+            Some((toward, height_m)) => Globe {
+                toward: toward.normalize_or_zero(),
+                distance_m: EARTH_EQUATORIAL_RADIUS_M + height_m,
+                radius_m: EARTH_EQUATORIAL_RADIUS_M,
+                sun,
+                to_ground: DQuat::IDENTITY,
+            },
+            // Far away, and so without light.
+            None => Globe {
+                toward: -sun,
+                distance_m: 1e3 * AU_M,
+                radius_m: EARTH_EQUATORIAL_RADIUS_M,
+                sun,
+                to_ground: DQuat::IDENTITY,
+            },
+        };
+        Lighting {
+            sun_body: sun,
+            sun_radius_rad: self.sun_radius_rad(),
+            shadow: None,
+            sunlit: 1.0,
+            sunlit_error: 0.0,
+            earth: Some(earth),
+            moon: None,
+            view: self.range_m.map_or(View::Distant(observer), |m| View::At(m * observer)),
+        }
+    }
+
+    fn sun_radius_rad(&self) -> f64 {
+        (SUN_RADIUS_M / (self.sun_distance_au * AU_M)).asin()
+    }
+
+    /// Checks that its numbers are some.
+    fn check(&self) -> Result<(), IntensityError> {
+        let wrong = |what, value, expected| Err(IntensityError::Value { what, value, expected });
+        let direction = |d: DVec3| d.is_finite() && d.length() > 1e-9;
+        let directions = [
+            ("the direction to the Sun", Some(self.sun)),
+            ("the direction to the observer", Some(self.observer)),
+            ("the direction to the Earth", self.earth.map(|e| e.0)),
+        ];
+        for (what, value) in directions {
+            if let Some(value) = value.filter(|d| !direction(*d)) {
+                return Err(DirectionError::NoDirection { what, value }.into());
+            }
+        }
+        if let Some(m) = self.range_m.filter(|m| !(m.is_finite() && *m > 0.0)) {
+            return wrong("the observer's distance, m,", m, "a number above 0");
+        }
+        if !(0.05..=100.0).contains(&self.sun_distance_au) {
+            return wrong("the Sun's distance, au,", self.sun_distance_au, "0.05 to 100");
+        }
+        if let Some((_, m)) = self.earth.filter(|e| !(1e4..=1e12).contains(&e.1)) {
+            return wrong("the height above the Earth, m,", m, "1e4 to 1e12");
+        }
+        Ok(())
+    }
+}
+
+/// What many aspects have in common: it decides which effects are modelled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Span {
+    course: Course,
+}
+
+impl Default for Span {
+    fn default() -> Self {
+        let course = Course {
+            epochs: 0,
+            geometries: 0,
+            range_m: f64::INFINITY,
+            radius_m: (f64::INFINITY, 0.0),
+            sun_radius_rad: 0.0,
+            phase_rad: 0.0,
+            earthshine: 0.0,
+            penumbra: 0,
+            umbra: 0,
+            shadow: false,
+        };
+        Self { course }
+    }
+}
+
+impl Span {
+    /// Adds an aspect.
+    ///
+    /// # Errors
+    /// [`IntensityError::Direction`] and [`IntensityError::Value`]: numbers that are none.
+    pub fn add(&mut self, aspect: &Aspect) -> Result<(), IntensityError> {
+        aspect.check()?;
+        let course = &mut self.course;
+        course.epochs += 1;
+        course.geometries += 1;
+        course.range_m = course.range_m.min(aspect.range_m.unwrap_or(f64::INFINITY));
+        course.sun_radius_rad = course.sun_radius_rad.max(aspect.sun_radius_rad());
+        course.phase_rad = course.phase_rad.max(aspect.sun.angle_between(aspect.observer));
+        if let (Some(_), Some(earth)) = (aspect.earth, aspect.lighting().earth) {
+            let (least, most) = course.radius_m;
+            course.radius_m = (least.min(earth.distance_m), most.max(earth.distance_m));
+            let most = EarthAlbedo::default().most();
+            course.earthshine = course.earthshine.max(engine::earthshine(&earth, most));
+        }
+        Ok(())
+    }
+
+    /// Aspects so far.
+    pub fn len(&self) -> usize {
+        self.course.epochs
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// What is wanted.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct IntensityOptions {
+    /// The relative error that is asked for, and the bound above which an effect is modelled.
+    pub tolerance: f64,
+    /// The work that an aspect's light between surfaces may cost, CPU seconds.
+    pub budget_s: f64,
+    /// Effects that are switched on or off.
+    pub switches: Switches,
+    /// Vacuum wavelengths, nm.
+    pub wavelength_nm: Vec<f64>,
+    /// Whether derivatives by the materials' albedos are wanted.
+    pub derivatives: bool,
+}
+
+impl Default for IntensityOptions {
+    fn default() -> Self {
+        let Options { tolerance, budget_s, switches } = Options::default();
+        Self { tolerance, budget_s, switches, wavelength_nm: vec![550.0], derivatives: false }
+    }
+}
+
+/// Why there is no light to give.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum IntensityError {
+    /// A direction that is none.
+    #[error(transparent)]
+    Direction(#[from] DirectionError),
+    /// A number out of its range.
+    #[error("{what} is {value}, expected {expected}")]
+    Value {
+        /// Which number.
+        what: &'static str,
+        /// The number.
+        value: f64,
+        /// The range.
+        expected: &'static str,
+    },
+    /// A target that the engine refuses.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A wavelength that a material's tables do not cover.
+    #[error(
+        "the material {material} is tabulated from {from_nm} to {to_nm} nm: there is no light at {nm} nm"
+    )]
+    Wavelength {
+        /// The material.
+        material: String,
+        /// The first wavelength of its tables.
+        from_nm: f64,
+        /// The last.
+        to_nm: f64,
+        /// What was asked for.
+        nm: f64,
+    },
+    /// Derivatives of light that is not linear in an albedo.
+    #[error(
+        "light between surfaces is modelled for this target ({why}), and it is not linear in an albedo: derivatives by albedos are given of light that is scattered once; leave it out (`--without inter_reflection`, `Switches::inter_reflection`) to have them"
+    )]
+    NotLinear {
+        /// Why it is modelled.
+        why: String,
+    },
+}
+
+/// One term of the light.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Weight {
+    /// The way of the light: `direct`, `inter-reflection` or `earthshine`.
+    pub source: &'static str,
+    /// The material that sent it; none where it went by several.
+    pub material: Option<String>,
+    /// W, m² sr⁻¹, before the term's spectrum.
+    pub weight_m2_per_sr: f64,
+    /// Its stated error.
+    pub error_m2_per_sr: f64,
+}
+
+/// The light at one wavelength.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct At {
+    /// Vacuum wavelength, nm.
+    pub wavelength_nm: f64,
+    /// Radiant intensity over the Sun's irradiance, m² sr⁻¹.
+    pub per_irradiance_m2_per_sr: f64,
+    /// Its stated error, a bound.
+    pub error_m2_per_sr: f64,
+    /// Spectral radiant intensity under the Sun's irradiance (ASTM G173-03) at its distance, W sr⁻¹ nm⁻¹.
+    pub intensity_w_per_sr_nm: f64,
+}
+
+/// The derivative by the logarithm of a material's albedo: what a change of all its reflectances by a small share brings, over that share.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ByAlbedo {
+    /// The material.
+    pub material: String,
+    /// d(I/E)/d ln ρ at each wavelength, m² sr⁻¹.
+    pub derivative_m2_per_sr: Vec<f64>,
+    /// Its stated error, of the light that is modelled.
+    pub error_m2_per_sr: Vec<f64>,
+}
+
+/// The light of one aspect.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Intensity {
+    /// The unit vector to the Sun, body axes.
+    pub sun: [f64; 3],
+    /// The unit vector to the observer.
+    pub observer: [f64; 3],
+    /// The phase angle, degrees.
+    pub phase_deg: f64,
+    /// The largest stated error over the wavelengths, relative; none without light.
+    pub stated_relative: Option<f64>,
+    /// Whether that is within the tolerance.
+    pub met: bool,
+    /// Which light has most of the stated error, where that is more than the tolerance.
+    pub limited_by: Option<&'static str>,
+    /// The light at each wavelength.
+    pub light: Vec<At>,
+    /// The terms that have light or an error.
+    pub weights: Vec<Weight>,
+    /// Derivatives by albedos, where they are wanted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub by_albedo: Option<Vec<ByAlbedo>>,
+}
+
+/// A target that is prepared for some aspects.
+#[derive(Debug)]
+pub struct Intensities {
+    engine: Engine,
+    options: IntensityOptions,
+    materials: Vec<String>,
+    /// τ of each term at each wavelength: `[term * wavelengths + s]`.
+    tau: Vec<f64>,
+    /// The Sun's irradiance at 1 au at each wavelength, W m⁻² nm⁻¹.
+    sun: Vec<f64>,
+}
+
+impl Intensities {
+    /// Prepares a target for the aspects of a span.
+    ///
+    /// # Errors
+    /// [`IntensityError`]: a target that the engine refuses, a wavelength without tables, derivatives of what is not linear.
+    pub fn new(
+        target: &Target,
+        options: IntensityOptions,
+        span: &Span,
+    ) -> Result<Self, IntensityError> {
+        let asked = Options {
+            tolerance: options.tolerance,
+            switches: options.switches,
+            budget_s: options.budget_s,
+        };
+        let engine = Engine::over(target, &asked, &span.course, &Arc::default())?;
+        let materials: Vec<String> = target.materials.iter().map(|m| m.name.clone()).collect();
+        let nm = &options.wavelength_nm;
+        for term in engine.terms() {
+            let (Source::Direct, Some(material)) = (term.source, term.material) else { continue };
+            let (from_nm, to_nm) = term.spectrum.range_nm();
+            if let Some(nm) = nm.iter().copied().find(|nm| !(from_nm..=to_nm).contains(nm)) {
+                let material = materials[material].clone();
+                return Err(IntensityError::Wavelength { material, from_nm, to_nm, nm });
+            }
+        }
+        let lit = &engine.terms()[..engine.lit_terms()];
+        if options.derivatives && lit.iter().any(|t| t.material.is_none()) {
+            let bounced = |n: &&Need| n.effect == "inter-reflection";
+            let why = engine.needs().iter().find(bounced).map_or(String::new(), |n| n.why.clone());
+            return Err(IntensityError::NotLinear { why });
+        }
+        let at = |term: &Term| nm.iter().map(|nm| term.spectrum.at(*nm)).collect::<Vec<f64>>();
+        let tau = engine.terms().iter().flat_map(at).collect();
+        let sun = nm.iter().map(|nm| sun_at_1_au().at(*nm)).collect();
+        Ok(Self { engine, options, materials, tau, sun })
+    }
+
+    /// What the target needs, effect by effect.
+    pub fn needs(&self) -> &[Need] {
+        self.engine.needs()
+    }
+
+    /// Warnings about the target.
+    pub fn warnings(&self) -> &[String] {
+        &self.engine.scene().report().warnings
+    }
+
+    /// The options.
+    pub fn options(&self) -> &IntensityOptions {
+        &self.options
+    }
+
+    /// The light of many aspects, side by side, in their order.
+    ///
+    /// # Errors
+    /// Those of [`IntensityWorker::light`], of the first aspect that has one.
+    pub fn many(&self, aspects: &[Aspect]) -> Result<Vec<Intensity>, IntensityError> {
+        let one = |worker: &mut IntensityWorker<'_>, aspect: &Aspect| worker.light(aspect);
+        let all: Vec<Result<Intensity, IntensityError>> =
+            aspects.par_iter().map_init(|| self.worker(), one).collect();
+        all.into_iter().collect()
+    }
+
+    /// Room to work in: one for each thread.
+    pub fn worker(&self) -> IntensityWorker<'_> {
+        let row = vec![0.0; self.engine.terms().len()];
+        let worker = self.engine.worker();
+        IntensityWorker { all: self, worker, weights: row.clone(), errors: row }
+    }
+}
+
+/// A prepared target with room to work in.
+pub struct IntensityWorker<'a> {
+    all: &'a Intensities,
+    worker: engine::Worker<'a>,
+    weights: Vec<f64>,
+    errors: Vec<f64>,
+}
+
+impl IntensityWorker<'_> {
+    /// The light of an aspect.
+    ///
+    /// # Errors
+    /// [`IntensityError::Direction`] and [`IntensityError::Value`]: numbers that are none.
+    pub fn light(&mut self, aspect: &Aspect) -> Result<Intensity, IntensityError> {
+        aspect.check()?;
+        let lighting = aspect.lighting();
+        self.worker.light(&lighting, &mut self.weights, &mut self.errors)?;
+        let Self { all, weights, errors, .. } = self;
+        let (terms, count) = (all.engine.terms(), all.sun.len());
+        let tau = |k: usize, s: usize| all.tau[k * count + s];
+        let lit = all.engine.lit_terms();
+        let per_au = aspect.sun_distance_au.powi(-2);
+        let at = |s: usize| {
+            let light: f64 = (0..lit).map(|k| tau(k, s) * weights[k]).sum();
+            let error: f64 = (0..terms.len()).map(|k| tau(k, s).abs() * errors[k]).sum();
+            At {
+                wavelength_nm: all.options.wavelength_nm[s],
+                per_irradiance_m2_per_sr: light,
+                error_m2_per_sr: error,
+                intensity_w_per_sr_nm: per_au * all.sun[s] * light,
+            }
+        };
+        let light: Vec<At> = (0..count).map(at).collect();
+        let share = |at: &At| at.error_m2_per_sr / at.per_irradiance_m2_per_sr;
+        let lit_up = light.iter().enumerate().filter(|(_, at)| at.per_irradiance_m2_per_sr > 0.0);
+        let worst = lit_up.max_by(|a, b| share(a.1).total_cmp(&share(b.1)));
+        let stated_relative = worst.map(|(_, at)| share(at));
+        let met = stated_relative.is_none_or(|stated| stated <= all.options.tolerance);
+        let limited_by = worst.filter(|_| !met).and_then(|(s, _)| {
+            let mut of: Vec<(Source, f64)> = Vec::new();
+            for (k, term) in terms.iter().enumerate() {
+                let error = tau(k, s).abs() * errors[k];
+                match of.iter_mut().find(|o| o.0 == term.source) {
+                    Some((_, sum)) => *sum += error,
+                    None => of.push((term.source, error)),
+                }
+            }
+            of.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(source, _)| light_name(source))
+        });
+        let weight = |k: usize| Weight {
+            source: terms[k].source.name(),
+            material: terms[k].material.map(|m| all.materials[m].clone()),
+            weight_m2_per_sr: weights[k],
+            error_m2_per_sr: errors[k],
+        };
+        let by_albedo = |m: usize| {
+            let own = |k: &usize| terms[*k].material == Some(m);
+            let sum = |row: &[f64], s: usize| -> f64 {
+                (0..lit).filter(own).map(|k| tau(k, s).abs() * row[k]).sum()
+            };
+            ByAlbedo {
+                material: all.materials[m].clone(),
+                derivative_m2_per_sr: (0..count).map(|s| sum(weights, s)).collect(),
+                error_m2_per_sr: (0..count).map(|s| sum(errors, s)).collect(),
+            }
+        };
+        Ok(Intensity {
+            sun: lighting.sun_body.to_array(),
+            observer: aspect.observer.normalize_or_zero().to_array(),
+            phase_deg: aspect.sun.angle_between(aspect.observer).to_degrees(),
+            stated_relative,
+            met,
+            limited_by,
+            weights: (0..terms.len())
+                .filter(|k| weights.get(*k).is_some_and(|w| *w != 0.0) || errors[*k] != 0.0)
+                .map(weight)
+                .collect(),
+            light,
+            by_albedo: all
+                .options
+                .derivatives
+                .then(|| (0..all.materials.len()).map(by_albedo).collect()),
+        })
+    }
+}
