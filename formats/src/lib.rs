@@ -8,11 +8,8 @@
 //! - [`toml`]: what people write (stations, instruments, plans) into plain serde structs;
 //! - [`curve`]: what vendors publish (passbands, efficiencies) as CSV;
 //! - [`jcamp`]: spectra as spectrometers export them;
-<<<<<<< HEAD
-//! - [`photometry`]: magnitudes as catalogues, observers and tracking stations publish them;
-=======
 //! - [`fred`], [`zemax`]: scattered light as optical design programs tabulate it;
->>>>>>> w-mat
+//! - [`photometry`]: magnitudes as catalogues, observers and tracking stations publish them;
 //! - [`counts`] and [`frame`]: what instruments deliver, a bin of a photon counter and a frame of a camera;
 //! - [`tags`]: photon time tags on disk, binned into counts;
 //! - [`flag_bits`]: flags as bits of a number, which files name;
