@@ -1,7 +1,7 @@
 //! `sunglint brdf fit`: laws through measured values.
 
-use super::Bar;
 use crate::output::{Console, OutputArgs, Usage};
+use crate::progress::Bar;
 use anyhow::Context as _;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -119,7 +119,7 @@ fn surface(
     options.cone = Cone { detector_deg: args.cone_deg, source_deg: args.source_deg };
     options.theta_most_deg = args.theta_most_deg;
     options.most_lobes = usize::from(args.most_lobes);
-    let bar = Bar::new("recipes", console);
+    let bar = Bar::new(console);
     let found = fit_surface(measured, &options, &bar)?;
     drop(bar);
     for flaw in &found.flaws {
