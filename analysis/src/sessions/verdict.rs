@@ -37,7 +37,7 @@ const CLIP: f64 = 4.0;
 /// A session with fewer samples fixes its zero point and says nothing else.
 const LEAST_SAMPLES: usize = 3;
 /// Frequencies at most, of a range that nobody asked for and of one that was asked for.
-const MOST_BY_DEFAULT: f64 = 1.2e6;
+const MOST_BY_DEFAULT: f64 = 3e5;
 const MOST_FREQUENCIES: usize = 20_000_000;
 /// More rows than these are put together in bins.
 const MOST_ROWS: usize = 20_000;
@@ -57,7 +57,7 @@ const PHASE_BINS: usize = 20;
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Options {
-    /// The shortest period, s [default: twelve median steps, so that six harmonics are sampled; longer where the whole would need more than 1.2 million frequencies].
+    /// The shortest period, s [default: twelve median steps, so that six harmonics are sampled; longer where the whole would need more than 300,000 frequencies].
     pub shortest_s: Option<f64>,
     /// The longest period, s [default: eight times the longest session].
     pub longest_s: Option<f64>,
