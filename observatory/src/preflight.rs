@@ -843,7 +843,8 @@ mod tests {
         let stars = ["Capella", "Aldebaran", "Hamal", "Mirfak", "Algol", "Alcyone", "Elnath"];
         for (number, star) in stars.iter().enumerate() {
             for from in ["2026-11-23T20:10:00Z", "2026-11-23T21:30:00Z", "2026-11-23T22:30:00Z"] {
-                let visits = visit(&format!("star = \"{star}\""), from) + "[[visit]]\noff = \"dark\"\nfor_s = 60\n";
+                let visits = visit(&format!("star = \"{star}\""), from)
+                    + "[[visit]]\noff = \"dark\"\nfor_s = 60\n";
                 let found = findings(&format!("sound{number}"), NIGHT, DEVICES, &visits);
                 assert!(found.is_possible(), "{star}: {found:?}");
             }
