@@ -501,6 +501,9 @@ enum Said {
     Counter { channels: Vec<String>, tags: bool },
 }
 
+/// Opens a device and asks it.
+type Open = dyn FnOnce(&Deadline) -> Result<Said, DeviceError> + Send;
+
 /// Devices on their way.
 struct Opened {
     receiver: std::sync::mpsc::Receiver<(String, Result<Said, DeviceError>)>,
@@ -511,17 +514,16 @@ impl Opened {
     fn start(plan: &Plan, opener: &Arc<dyn Opener>, options: &PreflightOptions) -> Self {
         let (sender, receiver) = channel();
         let within = options.open_within;
-        let spawn =
-            |name: &str, open: Box<dyn FnOnce(&Deadline) -> Result<Said, DeviceError> + Send>| {
-                let (sender, name) = (sender.clone(), name.to_owned());
-                let work = move || {
-                    let said = open(&Deadline::within(within));
-                    // Whoever asked may have waited long enough.
-                    let _ = sender.send((name, said));
-                };
-                // Without a thread the device has said nothing, which is told.
-                drop(std::thread::Builder::new().name("preflight".into()).spawn(work));
+        let spawn = |name: &str, open: Box<Open>| {
+            let (sender, name) = (sender.clone(), name.to_owned());
+            let work = move || {
+                let said = open(&Deadline::within(within));
+                // Whoever asked may have waited long enough.
+                let _ = sender.send((name, said));
             };
+            // Without a thread the device has said nothing, which is told.
+            drop(std::thread::Builder::new().name("preflight".into()).spawn(work));
+        };
         for camera in &plan.cameras {
             let (plan, opener) = (camera.clone(), opener.clone());
             let open = move |deadline: &Deadline| opener.camera(&plan, deadline).map(camera_said);
