@@ -501,6 +501,9 @@ enum Said {
     Counter { channels: Vec<String>, tags: bool },
 }
 
+/// Opens a device and asks it.
+type Open = dyn FnOnce(&Deadline) -> Result<Said, DeviceError> + Send;
+
 /// Devices on their way.
 struct Opened {
     receiver: std::sync::mpsc::Receiver<(String, Result<Said, DeviceError>)>,
@@ -511,17 +514,16 @@ impl Opened {
     fn start(plan: &Plan, opener: &Arc<dyn Opener>, options: &PreflightOptions) -> Self {
         let (sender, receiver) = channel();
         let within = options.open_within;
-        let spawn =
-            |name: &str, open: Box<dyn FnOnce(&Deadline) -> Result<Said, DeviceError> + Send>| {
-                let (sender, name) = (sender.clone(), name.to_owned());
-                let work = move || {
-                    let said = open(&Deadline::within(within));
-                    // Whoever asked may have waited long enough.
-                    let _ = sender.send((name, said));
-                };
-                // Without a thread the device has said nothing, which is told.
-                drop(std::thread::Builder::new().name("preflight".into()).spawn(work));
+        let spawn = |name: &str, open: Box<Open>| {
+            let (sender, name) = (sender.clone(), name.to_owned());
+            let work = move || {
+                let said = open(&Deadline::within(within));
+                // Whoever asked may have waited long enough.
+                let _ = sender.send((name, said));
             };
+            // Without a thread the device has said nothing, which is told.
+            drop(std::thread::Builder::new().name("preflight".into()).spawn(work));
+        };
         for camera in &plan.cameras {
             let (plan, opener) = (camera.clone(), opener.clone());
             let open = move |deadline: &Deadline| opener.camera(&plan, deadline).map(camera_said);
@@ -768,5 +770,86 @@ fn check_room(
         found.warning("disk", text);
     } else {
         found.fine("disk", text);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Catalogue;
+    use sunglint_formats::time::parse_utc;
+
+    const STATION: &str = "station = \"ufo\"\n";
+    const DEVICES: &str = "[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.3\n";
+    const ISS: &str = "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927\n\
+                       2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537\n";
+
+    /// The findings of a plan at 2026-11-23T20:00:00Z: a November night at Stuttgart.
+    fn findings(name: &str, top: &str, devices: &str, visits: &str) -> Preflight {
+        let folder =
+            std::env::temp_dir().join(format!("sunglint-preflight-{}-{name}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(folder.join("iss.tle"), ISS).unwrap();
+        let path = folder.join("night.toml");
+        std::fs::write(&path, format!("{STATION}{top}\n{devices}\n{visits}")).unwrap();
+        let plan = Plan::read(&path).unwrap();
+        let opener: Arc<dyn Opener> = Arc::new(Catalogue);
+        let now = parse_utc("2026-11-23T20:00:00Z").unwrap();
+        let options = PreflightOptions { now, ..PreflightOptions::default() };
+        let begun = Instant::now();
+        let found = preflight(&plan, &opener, &options);
+        assert!(begun.elapsed() < Duration::from_secs(2), "{:?}", begun.elapsed());
+        std::fs::remove_dir_all(&folder).unwrap();
+        found
+    }
+
+    const NIGHT: &str = "from = \"2026-11-23T20:05:00Z\"\nto = \"2026-11-23T23:00:00Z\"";
+
+    fn visit(target: &str, from: &str) -> String {
+        format!("[[visit]]\n{target}\nfrom = \"{from}\"\nfor_s = 600\n")
+    }
+
+    /// Truth: what is wrong with each plan is put in by hand. Canopus (declination −52.7°) never rises at Stuttgart (latitude 48.7°); Arcturus has set on a
+    /// November evening; the elements are of 2008; the simulated camera has 160 × 120 px.
+    #[test]
+    fn impossible_plans_are_named() {
+        let late = "2026-11-23T20:10:00Z";
+        let gain = format!("{DEVICES}gain = 1e9\n");
+        let window = format!("{DEVICES}window_px = [100, 100, 200, 200]\n");
+        let long = DEVICES.replace("0.3", "1e7");
+        let channel = "[[counter]]\nname = \"tagger\"\ndevice = \"sim-timetagger\"\nchannels = { nosuch = 1 }\nbin_s = 0.1\n";
+        let cases: [(&str, &str, String, &str); 9] = [
+            ("canopus", DEVICES, visit("star = \"Canopus\"", late), "never rises"),
+            ("arcturus", DEVICES, visit("star = \"Arcturus\"", late), "not up"),
+            ("past", DEVICES, visit("star = \"Vega\"", "2020-11-18T20:00:00Z"), "is past"),
+            ("day", DEVICES, visit("star = \"Capella\"", "2026-11-24T11:00:00Z"), "day"),
+            ("elements", DEVICES, visit("tle = \"iss.tle\"", late), "elements are"),
+            ("gain", &gain, visit("star = \"Capella\"", late), "gain is"),
+            ("window", &window, visit("star = \"Capella\"", late), "window_px"),
+            ("exposure", &long, visit("star = \"Capella\"", late), "exposure_s"),
+            ("channel", channel, visit("star = \"Capella\"", late), "no channel `nosuch`"),
+        ];
+        for (name, devices, visits, expected) in cases {
+            let top = if name == "day" { "to = \"2026-11-24T12:00:00Z\"" } else { NIGHT };
+            let top = if name == "past" { "to = \"2026-11-23T23:00:00Z\"" } else { top };
+            let found = findings(name, top, devices, &visits);
+            let named = |level| found.of(level).any(|finding| finding.text.contains(expected));
+            let level = if name == "channel" { Level::Warning } else { Level::Error };
+            assert!(named(level), "{name}: {found:?}");
+        }
+    }
+
+    /// Truth: stars that culminate high at Stuttgart on a November night (right ascension 1 h to 7 h, declination above 10°), in the dark.
+    #[test]
+    fn sound_plans_raise_no_error() {
+        let stars = ["Capella", "Aldebaran", "Hamal", "Mirfak", "Algol", "Alcyone", "Elnath"];
+        for (number, star) in stars.iter().enumerate() {
+            for from in ["2026-11-23T20:10:00Z", "2026-11-23T21:30:00Z", "2026-11-23T22:30:00Z"] {
+                let visits = visit(&format!("star = \"{star}\""), from)
+                    + "[[visit]]\noff = \"dark\"\nfor_s = 60\n";
+                let found = findings(&format!("sound{number}"), NIGHT, DEVICES, &visits);
+                assert!(found.is_possible(), "{star}: {found:?}");
+            }
+        }
     }
 }

@@ -613,17 +613,17 @@ impl<T: Bytes> device::Camera for Camera<T> {
         let cooler = self.session.property("CCD_TEMPERATURE").filter(|vector| vector.writable);
         // A driver that says no range takes all numbers.
         let any = [f64::MIN, f64::MAX];
-        let mut limits = Limits::default();
-        limits.exposure_s = range("CCD_EXPOSURE", "CCD_EXPOSURE_VALUE");
-        limits.gain =
-            self.gain_place().ok().map(|(name, member)| range(name, member).unwrap_or(any));
-        limits.temperature_c =
-            cooler.map(|vector| vector.range("CCD_TEMPERATURE_VALUE").unwrap_or(any));
-        limits.binning = match self.session.property("CCD_BINNING") {
+        let binning = match self.session.property("CCD_BINNING") {
             None => Some(1),
             Some(vector) => vector.range("HOR_BIN").map(|[_, most]| most as u32),
         };
-        Some(limits)
+        Some(Limits {
+            exposure_s: range("CCD_EXPOSURE", "CCD_EXPOSURE_VALUE"),
+            gain: self.gain_place().ok().map(|(name, member)| range(name, member).unwrap_or(any)),
+            temperature_c: cooler.map(|v| v.range("CCD_TEMPERATURE_VALUE").unwrap_or(any)),
+            binning,
+            ..Limits::default()
+        })
     }
 
     fn sensor_px(&self) -> [u32; 2] {
