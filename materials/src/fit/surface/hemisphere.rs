@@ -24,7 +24,12 @@ pub fn weights(i: DVec3, o: &[DVec3]) -> Vec<f64> {
     let x = i.x.hypot(i.y);
     if turned.iter().all(|o| o.y.abs() < IN_PLANE) {
         let s: Vec<f64> = turned.iter().map(|o| o.x + x).collect();
-        rings(x, &s)
+        let mut weights = rings(x, &s);
+        if x < 1e-9 {
+            // Light along the normal has no sides: all samples were turned to one of them.
+            weights.iter_mut().for_each(|w| *w *= 2.0);
+        }
+        weights
     } else {
         cells(&turned)
     }

@@ -62,6 +62,9 @@ impl Region {
     }
 }
 
+/// A row of the table, its direction, its value, and the uncertainty of ln f over the typical one.
+pub(super) type Row = (usize, DVec3, f64, f64);
+
 /// An incidence with its samples.
 #[derive(Debug, Clone)]
 pub(super) struct Incidence {
@@ -88,12 +91,7 @@ pub(super) struct Incidence {
 }
 
 impl Incidence {
-    pub fn new(
-        theta_i_deg: f64,
-        i: DVec3,
-        rows: Vec<(usize, DVec3, f64, f64)>,
-        cone: &Cone,
-    ) -> Self {
+    pub fn new(theta_i_deg: f64, i: DVec3, rows: Vec<Row>, cone: &Cone) -> Self {
         let o: Vec<DVec3> = rows.iter().map(|r| r.1).collect();
         let value: Vec<f64> = rows.iter().map(|r| r.2).collect();
         let weight = hemisphere::weights(i, &o);

@@ -484,7 +484,7 @@ fn incidences(
     // Relative uncertainties over their median, where all are known; a constant error counts beside a typical one of 10 %.
     let known = rows.iter().all(|r| r.5 > 0.0 && r.5.is_finite());
     let middle = sunglint_numerics::order::median(rows.iter().map(|r| r.5)).unwrap_or(1.0);
-    let mut groups: Vec<(f64, glam::DVec3, Vec<(usize, glam::DVec3, f64, f64)>)> = Vec::new();
+    let mut groups: Vec<(f64, glam::DVec3, Vec<judge::Row>)> = Vec::new();
     for (theta, k, i, o, value, relative) in rows {
         let known = if known { (relative / middle).max(1.0) } else { 1.0 };
         let unit = known.hypot(options.additive_per_sr / (0.1 * value));
@@ -613,12 +613,11 @@ fn finish(
     })
 }
 
+/// Numbers, albedos by angle of incidence, and whether energy held them back.
+type Settled = (Vec<f64>, Vec<(f64, f64)>, bool);
+
 /// Numbers at which the material's own quadrature finds no more light than came at any angle; the albedos there, and whether energy held the fit back.
-fn settled(
-    judge: &Judge<'_>,
-    x: &[f64],
-    incidences: &[Incidence],
-) -> Result<(Vec<f64>, Vec<(f64, f64)>, bool), FitError> {
+fn settled(judge: &Judge<'_>, x: &[f64], incidences: &[Incidence]) -> Result<Settled, FitError> {
     let mut x = x.to_vec();
     let strengths: Vec<usize> = judge
         .recipe
