@@ -9,6 +9,7 @@ mod derivative;
 mod disc;
 mod earth;
 mod engine;
+mod intensity;
 mod light;
 mod light_exact;
 mod light_rays;

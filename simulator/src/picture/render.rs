@@ -129,6 +129,9 @@ impl Picture {
         // What is seen, lit or not, is what is lit from where the observer is.
         let mut materials = vec![Cover::new(width, height); scene.materials().len()];
         let mut planes = [0, 1, 2].map(|_| Cover::new(width, height));
+        // Nothing of a pixel is farther or nearer than the polygons that reach it: a plane that is seen at a grazing angle says nothing at the pixel's middle
+        // where it covers only a part of it.
+        let mut reach = vec![[f64::INFINITY, f64::NEG_INFINITY]; pixels];
         let along = camera.toward.normalize_or_zero();
         eye.pieces(camera.toward, sun_body, view, &mut |piece, _| {
             // Depth over the picture is a plane: its values at the origin and one pixel to the right and down.
@@ -142,6 +145,7 @@ impl Picture {
                 for (plane, value) in planes.iter_mut().zip([at_zero, x, y]) {
                     plane.add(outline, value);
                 }
+                widen(&mut reach, camera.size_px, outline, |[px, py]| at_zero + px * x + py * y);
             });
         })?;
         let materials: Vec<Vec<f64>> = materials.iter().map(Cover::finish).collect();
@@ -149,7 +153,9 @@ impl Picture {
         let depth = |k: usize| {
             let seen: f64 = materials.iter().map(|m| m[k]).sum();
             let (column, row) = ((k % width) as f64 + 0.5, (k / width) as f64 + 0.5);
-            if seen > 1e-9 { (at_zero[k] + column * x[k] + row * y[k]) / seen } else { f64::NAN }
+            let depth = (at_zero[k] + column * x[k] + row * y[k]) / seen;
+            let [least, most] = reach[k];
+            if seen > 1e-9 && least <= most { depth.clamp(least, most) } else { f64::NAN }
         };
         Ok(Self {
             size_px: camera.size_px,
@@ -198,6 +204,30 @@ impl Picture {
         let most =
             self.materials.iter().enumerate().max_by(|a, b| a.1[pixel].total_cmp(&b.1[pixel]));
         most.filter(|_| seen > 0.5).map(|(k, _)| k)
+    }
+}
+
+/// Widens the depths that pixels may have by those of a polygon's corners, in its box.
+fn widen(
+    reach: &mut [[f64; 2]],
+    [width, height]: [usize; 2],
+    outline: &[[f64; 2]],
+    depth: impl Fn([f64; 2]) -> f64,
+) {
+    let empty = [f64::INFINITY, f64::NEG_INFINITY];
+    let span = |of: &dyn Fn([f64; 2]) -> f64| {
+        outline.iter().fold(empty, |[a, b], p| [a.min(of(*p)), b.max(of(*p))])
+    };
+    let (x, y, z) = (span(&|p| p[0]), span(&|p| p[1]), span(&depth));
+    // A float becomes 0 below 0.
+    let cells = |[from, to]: [f64; 2], count: usize| {
+        from.floor() as usize..((to.ceil().max(0.0)) as usize).min(count)
+    };
+    for row in cells(y, height) {
+        for column in cells(x, width) {
+            let own = &mut reach[row * width + column];
+            *own = [own[0].min(z[0]), own[1].max(z[1])];
+        }
     }
 }
 

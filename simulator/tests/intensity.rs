@@ -1,0 +1,122 @@
+//! Light of a body for directions that are given.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+use glam::DVec3;
+use std::f64::consts::PI;
+use std::path::Path;
+use sunglint_simulator::intensity::rows::Rows;
+use sunglint_simulator::intensity::{Aspect, Intensities, IntensityError, IntensityOptions, Span};
+use sunglint_simulator::light::engine::Switches;
+use sunglint_simulator::target::Target;
+
+const SPHERE: &str = "[[part]]\nname = \"s\"\nshape = \"sphere\"\nradius_m = 0.5\nmaterial = \"m\"\n[[material]]\nname = \"m\"\nmodel = \"lambert\"\nreflectance = 0.2\n";
+
+fn sphere() -> Target {
+    Target::parse(Path::new("s.toml"), SPHERE).unwrap()
+}
+
+fn prepared(target: &Target, options: IntensityOptions, aspects: &[Aspect]) -> Intensities {
+    let mut span = Span::default();
+    aspects.iter().for_each(|a| span.add(a).unwrap());
+    Intensities::new(target, options, &span).unwrap()
+}
+
+fn direct() -> IntensityOptions {
+    let mut options = IntensityOptions::default();
+    options.switches = Switches::OFF;
+    options.derivatives = true;
+    options
+}
+
+/// Truth: Russell's Lambert sphere, 2ρR²/3π (sin γ + (π − γ) cos γ) m² sr⁻¹, to 1e-9 without the Sun's disc; with it within the stated error. The light is linear in the
+/// albedo, so its derivative by ln ρ is the light itself.
+#[test]
+fn a_lambert_sphere() {
+    let target = sphere();
+    for deg in [1.0, 30.0, 60.0, 90.0, 140.0_f64] {
+        let gamma = deg.to_radians();
+        let aspect = Aspect::new(DVec3::new(gamma.cos(), gamma.sin(), 0.0), 7.0 * DVec3::X);
+        let truth = 2.0 * 0.2 * 0.25 / (3.0 * PI) * (gamma.sin() + (PI - gamma) * gamma.cos());
+        let light = prepared(&target, direct(), &[aspect]).worker().light(&aspect).unwrap();
+        let found = light.light[0].per_irradiance_m2_per_sr;
+        assert!((found / truth - 1.0).abs() < 1e-9, "{deg}: {found} {truth}");
+        assert!((light.phase_deg - deg).abs() < 1e-9);
+        let by = &light.by_albedo.as_ref().unwrap()[0];
+        assert!((by.derivative_m2_per_sr[0] / truth - 1.0).abs() < 1e-9, "{by:?}");
+        let options = IntensityOptions::default();
+        let whole = prepared(&target, options, &[aspect]).worker().light(&aspect).unwrap();
+        let at = &whole.light[0];
+        let off = (at.per_irradiance_m2_per_sr - truth).abs();
+        assert!(off <= at.error_m2_per_sr + 1e-9 * truth, "{deg}: {off} {at:?}");
+        assert_eq!(whole.met, whole.limited_by.is_none());
+    }
+}
+
+/// Truth: two spheres of radius R at the same phase angle, one under the Earth: earthshine adds at most the share of sunlight that `engine::earthshine` bounds, and more
+/// than nothing.
+#[test]
+fn the_earth_adds_light_where_it_is_given() {
+    let target = sphere();
+    let alone = Aspect::new(DVec3::X, DVec3::new(0.3, 0.0, -1.0));
+    let above = Aspect { earth: Some((-DVec3::X, 8e5)), ..alone };
+    let light = |aspect: Aspect| {
+        let options = IntensityOptions::default();
+        let all = prepared(&target, options, &[aspect]);
+        all.worker().light(&aspect).unwrap().light[0].clone()
+    };
+    let (dark, lit) = (light(alone), light(above));
+    let more = lit.per_irradiance_m2_per_sr - dark.per_irradiance_m2_per_sr;
+    assert!(more > 0.01 * dark.per_irradiance_m2_per_sr, "{more} {dark:?}");
+    // A white disc of the sphere's radius under all of the Earth's light: ρ R² · 0.45.
+    assert!(more < 0.2 * 0.25 * 0.45, "{more}");
+}
+
+/// Light between surfaces is not linear in an albedo: the error says so, and what to do.
+#[test]
+fn derivatives_of_a_corner_are_refused() {
+    let target = Target::built_in("corner").unwrap();
+    let aspect = Aspect::new(DVec3::new(1.0, 0.8, 0.9), DVec3::new(0.9, 1.0, 0.7));
+    let mut span = Span::default();
+    span.add(&aspect).unwrap();
+    let mut options = IntensityOptions::default();
+    options.derivatives = true;
+    let error = Intensities::new(&target, options, &span).unwrap_err();
+    assert!(matches!(error, IntensityError::NotLinear { .. }), "{error}");
+    assert!(error.to_string().contains("--without inter_reflection"), "{error}");
+    let mut options = IntensityOptions::default();
+    options.wavelength_nm = vec![1e5];
+    let error = Intensities::new(&target, options, &span).unwrap_err().to_string();
+    assert!(error.contains("100000 nm"), "{error}");
+    assert!(Span::default().add(&Aspect::new(DVec3::ZERO, DVec3::X)).is_err());
+    let near = Aspect { range_m: Some(-1.0), ..aspect };
+    assert!(Span::default().add(&near).unwrap_err().to_string().contains("-1"));
+}
+
+/// Truth: the file's own numbers; columns in any order; and each mistake with its line and field.
+#[test]
+fn a_table_of_aspects() {
+    let rows = |text: &'static str| Rows::new(Path::new("t.csv"), text.as_bytes());
+    let text = "# a note\nobserver_x,observer_y,observer_z,sun_x,sun_y,sun_z,range_km\n0,0,1, 1,0,0, 800\n\n0,1,0,1,0,0,900\n";
+    let all: Vec<Aspect> = rows(text).unwrap().map(Result::unwrap).collect();
+    assert_eq!(all.len(), 2);
+    assert_eq!((all[0].observer, all[0].sun, all[0].range_m), (DVec3::Z, DVec3::X, Some(8e5)));
+    assert_eq!((all[1].observer, all[1].sun_distance_au, all[1].earth), (DVec3::Y, 1.0, None));
+    for (text, part) in [
+        ("", "no line"),
+        ("sun_x,sun_y\n", "no column `sun_z`"),
+        ("sun_x,sun_x\n", "twice"),
+        ("sun_x,sunny\n", "sunny"),
+    ] {
+        let error = rows(text).err().unwrap().to_string();
+        assert!(error.contains(part), "{error}");
+    }
+    for (text, part) in [
+        ("sun_x,sun_y,sun_z,observer_x,observer_y,observer_z\n1,2,3\n", "3 fields"),
+        ("sun_x,sun_y,sun_z,observer_x,observer_y,observer_z\n1,2,3,4,x,6\n", "observer_y"),
+        ("sun_x,sun_y,sun_z,observer_x,observer_y,observer_z\n1,2,3,4,nan,6\n", "t.csv:2"),
+    ] {
+        let error = rows(text).unwrap().next().unwrap().unwrap_err().to_string();
+        assert!(error.contains(part), "{error}");
+    }
+}
