@@ -74,7 +74,7 @@ fn tdm_by_the_specification() {
     }
 }
 
-/// Truth: 2017-01-01T00:00 UTC is MJD 57754 and, after the leap second, TAI + 37 s, TT + 69.184 s (IERS bulletin C 52).
+/// Truth: MJD 57754 is 2017-01-01T00:00. TAI and TT reach it before the leap second, when TAI − UTC was still 36 s (IERS bulletin C 52) and TT − UTC 68.184 s.
 #[test]
 fn julian_dates_keep_their_scale() {
     let utc = |name: &str, value: &str| {
@@ -85,9 +85,9 @@ fn julian_dates_keep_their_scale() {
     };
     assert_eq!(utc("mjd_utc", "57754").unwrap(), "2017-01-01T00:00:00.000Z");
     assert_eq!(utc("jd_utc", "2457754.5").unwrap(), "2017-01-01T00:00:00.000Z");
-    assert_eq!(utc("mjd_tai", "57754").unwrap(), "2016-12-31T23:59:23.000Z");
-    assert_eq!(utc("mjd_tt", "57754").unwrap(), "2016-12-31T23:58:50.816Z");
-    assert_eq!(utc("MJD_TDB", "57754").unwrap(), "2016-12-31T23:58:50.816Z");
+    assert_eq!(utc("mjd_tai", "57754").unwrap(), "2016-12-31T23:59:24.000Z");
+    assert_eq!(utc("mjd_tt", "57754").unwrap(), "2016-12-31T23:58:51.816Z");
+    assert_eq!(utc("MJD_TDB", "57754").unwrap(), "2016-12-31T23:58:51.816Z");
     assert!(utc("jd", "2457754.5").unwrap_err().to_string().contains("jd_utc"));
     assert!(utc("mjd_utc", "2457754.5").unwrap_err().to_string().contains("1972 to 2100"));
     assert!(moment(57_754, f64::NAN, Scale::Utc).is_none());
