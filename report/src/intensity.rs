@@ -47,13 +47,13 @@ impl IntensityReport<'_> {
         let column = |name: &str, unit, f: &dyn Fn(usize) -> f64| {
             Column::f64(name, Some(unit), (0..light.len()).map(f).collect())
         };
-        let mut table = Table::default();
-        table.columns = vec![
+        let columns = vec![
             column("wavelength_nm", "nm", &|s| light[s].wavelength_nm),
             column("per_irradiance_m2_per_sr", "m2 / sr", &|s| light[s].per_irradiance_m2_per_sr),
             column("error_m2_per_sr", "m2 / sr", &|s| light[s].error_m2_per_sr),
             column("intensity_w_per_sr_nm", "W / (sr nm)", &|s| light[s].intensity_w_per_sr_nm),
         ];
+        let table = Table { columns, ..Table::default() };
         let json = serde_json::to_value(document)?;
         Ok(Product { name: "light".into(), table, json, ..Product::default() })
     }

@@ -66,7 +66,7 @@ impl<R: BufRead> Rows<R> {
         let has = |k: &usize| rows.fields.contains(k);
         let earth = EARTH.filter(has).count();
         let missing = (0..NEEDED).find(|k| !has(k));
-        let missing = missing.or(EARTH.filter(|k| earth > 0 && !has(k)).next());
+        let missing = missing.or(EARTH.clone().find(|k| earth > 0 && !has(k)));
         match missing {
             None => Ok(rows),
             Some(k) => {
