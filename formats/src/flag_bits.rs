@@ -53,7 +53,7 @@ impl<F: Flags<Bits = u32>> Numbering<F> {
     /// but 0 is unknown. `path` names the file in errors; their field is `flag_bits`.
     ///
     /// # Errors
-    /// What is no map, a name that is no flag, a bit that is not from 0 to 31, two names for one bit.
+    /// A value that is no map, a name that is no flag, a bit that is not from 0 to 31, two names for one bit.
     pub fn read(path: impl AsRef<Path>, bits: Option<&Value>) -> Result<Self, ParseError> {
         let wrong = |found: String, expected: String| {
             ParseError::new(&path, found, expected).in_field("flag_bits")

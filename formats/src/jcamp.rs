@@ -15,7 +15,7 @@ pub struct Jcamp {
     pub y_unit: String,
     /// Positions, in the order of the file.
     pub x: Vec<f64>,
-    /// As many values.
+    /// Values, as many as there are points on the axis.
     pub y: Vec<f64>,
     /// The line of the file on which each value stands, counted from 1.
     pub line: Vec<u64>,
@@ -237,7 +237,7 @@ fn empty() -> Jcamp {
     }
 }
 
-/// What the last digit of a line's first number is worth.
+/// Returns the value of one unit in the last digit of a line's first number.
 fn least_digit(line: &str) -> f64 {
     let number: String =
         line.chars().take_while(|c| c.is_ascii_digit() || matches!(c, '.' | '+' | '-')).collect();

@@ -81,7 +81,7 @@ impl Values {
     }
 }
 
-/// What is wrong with a table for the one who asked it.
+/// Mismatch between a table and what the caller requested of it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableError {
@@ -98,9 +98,9 @@ pub enum TableError {
     WrongKind {
         /// The column.
         name: String,
-        /// What it holds.
+        /// Kind of data that the column holds.
         found: &'static str,
-        /// What was asked for.
+        /// Requested kind of data.
         expected: &'static str,
     },
     /// The column is in another unit.
@@ -108,7 +108,7 @@ pub enum TableError {
     WrongUnit {
         /// The column.
         name: String,
-        /// Its unit.
+        /// Unit of the column.
         found: String,
         /// The unit that was asked for; empty for a pure number.
         expected: String,

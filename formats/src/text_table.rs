@@ -61,7 +61,7 @@ pub fn read_str(path: &Path, text: &str) -> Result<Table, ParseError> {
 const BOTH: &str = "semicolons or tabs stand between the columns and a comma is in the numbers: columns are separated by commas, decimals by points";
 const COLUMNS: &str = "columns are separated by commas, not by semicolons or tabs";
 
-/// What a row of another number of fields looks like: semicolons or tabs between the columns, a comma in each number.
+/// Returns a hint for a row with another number of fields: semicolons or tabs between the columns, a comma in each number.
 fn hint(names: &[&str], row: &str) -> Option<&'static str> {
     let other = row.contains([';', '\t']);
     let fields = if other { row.split([';', '\t']).count() } else { row.split(',').count() };

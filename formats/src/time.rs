@@ -56,11 +56,11 @@ const FORM: &str = "UTC as 2026-03-04T05:06:07.89Z";
 /// A text that is not a UTC time.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UtcError {
-    /// What stands there.
+    /// Text that was found.
     pub found: String,
-    /// What should.
+    /// Form that was expected in its place.
     pub expected: &'static str,
-    /// What to do about it.
+    /// Advice on how to correct it.
     pub hint: Option<&'static str>,
 }
 
@@ -185,13 +185,13 @@ pub fn tai_nanoseconds(epoch: Epoch) -> i128 {
 /// One day of UTC, 1972 to 2100, which a leap second makes longer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct UtcDay {
-    /// Its Modified Julian Date.
+    /// Modified Julian Date of the day.
     pub mjd: i64,
     /// TAI − UTC on it, s.
     pub tai_minus_utc_s: i64,
-    /// Its first instant, nanoseconds of TAI since 1900-01-01.
+    /// First instant of the day, nanoseconds of TAI since 1900-01-01.
     pub start_tai_ns: i128,
-    /// Its length, nanoseconds: of 86,400 s or 86,401 s.
+    /// Length of the day, nanoseconds: of 86,400 s or 86,401 s.
     pub length_ns: i128,
 }
 

@@ -108,7 +108,7 @@ fn missing(report: &Report) -> Vec<String> {
         .collect()
 }
 
-/// What a test has given to a writer.
+/// Data that a test has given to a writer.
 struct Night {
     writer: SessionWriter,
     now: Duration,

@@ -1,4 +1,4 @@
-//! What a trial of the attitude search costs on one core, and what it errs by: the built-in box with wings, its shadows included, in six channels.
+//! Cost of a trial of the attitude search on one core, and its error: the built-in box with wings, its shadows included, in six channels.
 //!
 //! `cargo bench -p sunglint-analysis --bench attitude` first prints the table: epochs a second of the forward model, and its error against the whole engine (direct light: nothing; all light: what the search adds at the end).
 

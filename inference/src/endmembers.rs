@@ -15,7 +15,7 @@ use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::spectrum::SpectrumError;
 use sunglint_simulator::surface::Material;
 
-/// What noise leaves of a sample is this much longer than its own standard uncertainty now and then, among thousands of samples.
+/// Length of the noise that remains of a sample, over its own standard uncertainty, as it occurs now and then among thousands of samples.
 const NOISE: f64 = 1.5;
 /// Samples with less light than this of the brightest have no colour to speak of.
 const FAINT: f64 = 1e-3;
@@ -76,9 +76,9 @@ pub enum EndmembersError {
 /// How endmembers are looked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EndmemberOptions {
-    /// As many at most.
+    /// Largest number of endmembers.
     pub most: usize,
-    /// What of a sample is taken for noise, as a share of it; `None`: by the curve's own uncertainties.
+    /// Part of a sample that is taken for noise, as a share of it; `None`: by the curve's own uncertainties.
     pub noise: Option<f64>,
 }
 
@@ -99,7 +99,7 @@ pub struct FoundEndmembers {
     pub middles_nm: Vec<f64>,
     /// Names of the bands.
     pub bands: Vec<String>,
-    /// What was found.
+    /// Samples that were found as endmembers.
     pub targets: Targets,
     /// Times of the samples that were searched, the rows that [`FoundEndmembers::targets`] counts.
     pub time: Vec<Epoch>,
@@ -109,7 +109,7 @@ pub struct FoundEndmembers {
     pub known: Vec<String>,
     /// Reflection factors of the known ones, bands × known.
     pub factors: Array2<f64>,
-    /// What a person should know of the result.
+    /// Warnings about the result, for the user.
     pub warnings: Vec<String>,
 }
 

@@ -67,7 +67,7 @@ impl LitCurve {
     /// The bands of the curve with some endmembers.
     ///
     /// # Errors
-    /// As [`SampledCurve::bands`].
+    /// The errors of [`SampledCurve::bands`].
     pub fn bands(&self, endmembers: &[Endmember]) -> Result<Bands, SamplesError> {
         self.curve.bands(&self.around(), endmembers)
     }
@@ -75,7 +75,7 @@ impl LitCurve {
     /// The middle of each band, vacuum nm.
     ///
     /// # Errors
-    /// As [`SampledCurve::middles_nm`].
+    /// The errors of [`SampledCurve::middles_nm`].
     pub fn middles_nm(&self) -> Result<Vec<f64>, SamplesError> {
         self.curve.middles_nm(&self.around())
     }
@@ -83,7 +83,7 @@ impl LitCurve {
     /// Under what light each sample was taken, and its values, of which those without sunlight do not count.
     ///
     /// # Errors
-    /// As [`SampledCurve::lights`].
+    /// The errors of [`SampledCurve::lights`].
     pub fn samples(
         &self,
         warnings: &mut Vec<String>,

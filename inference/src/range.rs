@@ -8,7 +8,7 @@ use sunglint_simulator::light::{DirectionError, Faceted, View};
 /// Mean distances over the directions of a body, seen and lit from the same side: what a laser beside the telescope finds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RangeMap {
-    /// Its cells.
+    /// Cells of the map.
     pub grid: Grid,
     /// Mean over the seen area as it stands across the line of sight, m away from the observer against the body's origin; NaN where nothing is seen.
     pub surface_m: Array2<f64>,

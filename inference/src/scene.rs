@@ -32,19 +32,19 @@ pub enum SceneError {
     Syntax {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Cause of the error.
         source: Box<toml::de::Error>,
     },
     /// A built-in target that is no TOML.
     #[error(transparent)]
     BuiltIn(Box<toml::de::Error>),
-    /// What cannot be written as TOML.
+    /// Scene that cannot be written as TOML.
     #[error(transparent)]
     Write(#[from] toml::ser::Error),
     /// A built-in target that there is not.
     #[error("no target {name}")]
     NoTarget {
-        /// Its name.
+        /// Name of the target.
         name: String,
     },
     /// A sphere of nothing.
@@ -108,7 +108,7 @@ impl Scene {
     /// The scene as text.
     ///
     /// # Errors
-    /// What TOML cannot hold.
+    /// Any value that TOML cannot hold.
     pub fn text(&self) -> Result<String, SceneError> {
         Ok(toml::to_string(&self.table)?)
     }

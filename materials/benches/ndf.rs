@@ -1,4 +1,4 @@
-//! What D costs on one core: power iteration alone, and a run of 151 angles with 200 resamplings.
+//! Cost of D on one core: power iteration alone, and a run of 151 angles with 200 resamplings.
 //!
 //! `cargo bench -p sunglint-calibration --bench ndf`
 

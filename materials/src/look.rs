@@ -1,4 +1,4 @@
-//! What a material does, and how two differ: slices, hemispherical reflectance, reciprocity.
+//! Properties of a material, and the differences of two: slices, hemispherical reflectance, reciprocity.
 
 use crate::read::ReadError;
 use crate::samples::direction;
@@ -36,7 +36,7 @@ pub enum LookError {
     Which {
         /// The file.
         file: String,
-        /// Its materials.
+        /// Names of the materials in the file.
         names: String,
     },
     /// A mirror reflects into one direction alone.
@@ -44,7 +44,7 @@ pub enum LookError {
     Mirror {
         /// The material.
         name: String,
-        /// What was to be done.
+        /// Requested use of the values.
         what: &'static str,
     },
     /// Two materials that never reflect in the same direction.
@@ -104,7 +104,7 @@ pub fn read(name: &str, wavelength_nm: f64) -> Result<Material, LookError> {
     Ok(brdf_table::material(file, &table.wavelength_nm, &rows, None)?)
 }
 
-/// What is to be said of a wavelength that a material's spectra do not reach.
+/// Returns a warning where a material's spectra do not reach a wavelength.
 pub fn beyond(material: &Material, nm: f64) -> Option<String> {
     // The spectrum that says that a geometry was not measured covers no wavelength.
     let ranges = || material.spectra().iter().map(|s| s.range_nm()).filter(|r| r.1 > 1.0);
@@ -151,7 +151,7 @@ fn reciprocity(material: &Material, nm: f64) -> (f64, f64) {
     }
 }
 
-/// What a material does at a wavelength.
+/// Properties of a material at a wavelength.
 #[derive(Debug, Clone)]
 pub struct Look {
     /// Hemispherical reflectance by angle of incidence, degrees.
@@ -160,7 +160,7 @@ pub struct Look {
     pub reciprocity: (f64, f64),
     /// f in the plane of incidence.
     pub slices: Vec<Slice>,
-    /// What a person should hear of first.
+    /// Warnings that the user should read first.
     pub warnings: Vec<String>,
 }
 

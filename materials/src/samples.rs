@@ -39,7 +39,7 @@ pub struct Samples {
     pub wavelength_nm: Vec<f64>,
     /// In the order of the file.
     pub rows: Vec<Sample>,
-    /// What else is known of them.
+    /// Other metadata of the values.
     pub meta: Meta,
 }
 
@@ -161,7 +161,7 @@ impl Samples {
         Ok(Self { wavelength_nm: nm, rows, meta: table.meta.clone() })
     }
 
-    /// As a table with a column for each wavelength (ECSV).
+    /// Returns the values as a table with a column for each wavelength (ECSV).
     pub fn to_table(&self) -> Table {
         let mut columns = self.angles();
         let sr = Some("1 / sr");
@@ -178,7 +178,7 @@ impl Samples {
         Table { meta: self.meta_of_kind(), columns }
     }
 
-    /// As a FITS file: a table `SAMPLES` with a vector over the wavelengths in each row, and a table `WAVELENGTHS`.
+    /// Encodes the values as FITS: a table `SAMPLES` with a vector over the wavelengths in each row, and a table `WAVELENGTHS`.
     ///
     /// # Errors
     /// Metadata that a header cannot hold.

@@ -10,7 +10,7 @@ use sunglint_formats::flag_bits::Numbering;
 use sunglint_formats::{ParseError, Table, TableError, Values};
 
 bitflags::bitflags! {
-    /// What is known to be wrong with a reading. In files the metadata `flag_bits` names the bits.
+    /// Flags for what is known to be wrong with a reading. In files the metadata `flag_bits` names the bits.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
     pub struct RetroFlags: u32 {
         /// The meter was at the end of its range.
@@ -37,9 +37,9 @@ pub struct Reading {
     pub azimuth_deg: f64,
     /// f(ω, ω), sr⁻¹; not a number only beside a flag.
     pub f_per_sr: f64,
-    /// Its standard deviation without what all readings have in common, sr⁻¹; 0 where it is not known.
+    /// Standard deviation of f without what all readings have in common, sr⁻¹; 0 where it is not known.
     pub sigma_f_per_sr: f64,
-    /// What is wrong with it.
+    /// Flags for what is wrong with the value.
     pub flags: RetroFlags,
 }
 

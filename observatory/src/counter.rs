@@ -155,7 +155,7 @@ impl CounterWork {
 struct TagWay {
     counter: String,
     disk: Disk,
-    /// What was lost last and is not told yet.
+    /// Last loss of tags, while it is not reported yet.
     loss: Option<Loss>,
 }
 

@@ -18,7 +18,7 @@ const PIXELS: u64 = 64 << 20;
 /// How often the writer looks at its clock.
 const POLL: Duration = Duration::from_millis(50);
 
-/// What is to be written.
+/// Message to the writer, with the data to be written.
 enum Message {
     Counts(String, Vec<CountRecord>),
     Frame(String, u64, Box<Frame>),

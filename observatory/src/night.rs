@@ -41,7 +41,7 @@ pub struct Night {
     pub root: PathBuf,
     /// On which disk.
     pub storage: Arc<dyn Storage>,
-    /// What goes into `session.toml`.
+    /// Contents of `session.toml`.
     pub manifest: Manifest,
     /// The configuration as used.
     pub files: Vec<(String, Vec<u8>)>,
@@ -75,7 +75,7 @@ pub enum NightError {
     NoTags {
         /// The counter's name.
         counter: String,
-        /// Its address.
+        /// Address of the counter.
         device: String,
     },
     /// The session's folder is there, or cannot be made.
@@ -152,7 +152,7 @@ pub struct Summary {
     pub silent: Vec<String>,
     /// Rows and frames that are not on the disk.
     pub not_written: u64,
-    /// What the disk said at the end.
+    /// Error that the disk reported at the end.
     pub disk_error: Option<String>,
     /// Whether it was stopped before its end.
     pub stopped: bool,
@@ -162,7 +162,7 @@ impl Summary {
     /// Checks that every device gave data and that all of them are on the disk.
     ///
     /// # Errors
-    /// What is missing.
+    /// The data that are missing.
     pub fn check(&self) -> Result<(), Incomplete> {
         if self.not_written > 0 {
             let reason = self.disk_error.clone().unwrap_or_else(|| "see its event log".into());

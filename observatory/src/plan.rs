@@ -91,11 +91,11 @@ struct PlanFile {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraPlan {
-    /// Its name: of its folder.
+    /// Name of the camera: of its folder.
     pub name: String,
-    /// Its address in the catalogue of drivers.
+    /// Address of the device in the catalogue of drivers.
     pub device: String,
-    /// What its driver has to be told, `NAME=VALUE` each.
+    /// Options for its driver, `NAME=VALUE` each.
     #[serde(default)]
     pub with: Vec<String>,
     /// Exposure, s.
@@ -124,11 +124,11 @@ pub struct CameraPlan {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CounterPlan {
-    /// Its name: of its table.
+    /// Name of the counter: of its table.
     pub name: String,
-    /// Its address in the catalogue of drivers.
+    /// Address of the device in the catalogue of drivers.
     pub device: String,
-    /// What its driver has to be told, `NAME=VALUE` each.
+    /// Options for its driver, `NAME=VALUE` each.
     #[serde(default)]
     pub with: Vec<String>,
     /// The channels' names, each with its input (from 1 on).
@@ -239,7 +239,7 @@ enum Off {
 pub struct Plan {
     /// The station.
     pub station: Station,
-    /// What the session's folder is called behind its date.
+    /// Name of the session's folder, after its date.
     pub name: String,
     /// The folder in which that is made.
     pub output: PathBuf,
@@ -276,7 +276,7 @@ impl Plan {
     /// Reads NIGHT.toml. Where it names a virtual night `make_virtual` makes the devices.
     ///
     /// # Errors
-    /// As [`Plan::read`], and what `make_virtual` says.
+    /// The errors of [`Plan::read`], and those of `make_virtual`.
     pub fn read_with(path: &Path, make_virtual: &mut MakeVirtual<'_>) -> Result<Self, PlanError> {
         Self::of(&Document::read(path)?, utc_now(), make_virtual)
     }

@@ -109,10 +109,10 @@ impl Clock for ReelClock {
 }
 
 impl Playback {
-    /// Of all devices of a session: at speed, or `fast`.
+    /// Makes the playback of all devices of a session: at the session's speed, or `fast`.
     ///
     /// # Errors
-    /// As [`Session::events`], [`Session::frames`] and [`Session::counts`].
+    /// The errors of [`Session::events`], [`Session::frames`] and [`Session::counts`].
     pub fn new(session: &Session, fast: bool) -> Result<Self, FileError> {
         let mut known = HashMap::new();
         for event in session.events()? {

@@ -23,7 +23,7 @@ pub enum ReplayError {
     Time {
         /// The key.
         key: &'static str,
-        /// Its value, s.
+        /// Value of the time, s.
         value_s: f64,
     },
     /// The station that it was recorded with is not known.

@@ -42,7 +42,7 @@ impl Schedule {
     /// The schedule of a session: what its log says.
     ///
     /// # Errors
-    /// As [`Session::events`].
+    /// The errors of [`Session::events`].
     pub fn of_session(session: &Session) -> Result<Self, FileError> {
         let mut slots: Vec<Slot> = Vec::new();
         for event in session.events()? {

@@ -11,7 +11,7 @@ use sunglint_formats::{CountRecord, Frame};
 /// Over how long rates are averaged, ps.
 const WINDOW_PS: i64 = 1_000_000_000_000;
 
-/// What a device is doing.
+/// State of a device.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum State {
     /// It is being opened.
@@ -21,15 +21,15 @@ pub enum State {
     Running,
     /// It failed, and is tried again.
     Lost {
-        /// What it said.
+        /// Error that the device reported.
         error: String,
     },
     /// It can never do what is asked, and is not tried again.
     Failed {
-        /// What it said.
+        /// Error that the device reported.
         error: String,
     },
-    /// Its night is over.
+    /// End of the device's night.
     Ended,
 }
 
@@ -51,7 +51,7 @@ impl State {
 pub struct LastFrame {
     /// When its exposure began.
     pub start: Epoch,
-    /// Its number.
+    /// Number of the frame.
     pub number: u64,
     /// Mean of its pixels, ADU.
     pub mean_adu: f64,
@@ -61,10 +61,10 @@ pub struct LastFrame {
     pub brightest_px: Option<[f64; 2]>,
 }
 
-/// What is known of a device.
+/// Status of a device.
 #[derive(Debug, Clone, Default)]
 pub struct DeviceStatus {
-    /// What it is doing.
+    /// State of the device.
     pub state: State,
     /// Frames or bins so far.
     pub taken: u64,
@@ -90,7 +90,7 @@ struct Shared {
     unwritable: u64,
 }
 
-/// What all threads write into.
+/// Status of a night, which all threads write into.
 #[derive(Debug)]
 pub struct Status {
     start: Epoch,
@@ -99,7 +99,7 @@ pub struct Status {
 }
 
 impl Status {
-    /// Of a night that begins then; `live` if UTC is the computer's.
+    /// Makes the status of a night that begins at `start`; `live` if UTC is the computer's.
     pub fn new(start: Epoch, live: bool) -> Self {
         Self { start, live, shared: Mutex::default() }
     }
@@ -238,11 +238,11 @@ pub struct Snapshot {
     pub target: Option<String>,
     /// Bytes that are free on the disk.
     pub free_bytes: Option<u64>,
-    /// What the disk refuses.
+    /// Error with which the disk refuses to write.
     pub disk_error: Option<String>,
     /// Rows and frames that are not on the disk.
     pub missing: u64,
-    /// What was said since the last snapshot.
+    /// Messages since the last snapshot.
     pub messages: Vec<String>,
 }
 

@@ -57,7 +57,7 @@ impl Loss {
         }
     }
 
-    /// What stands in the file instead: an overflow, for that is what it is to whoever reads the tags.
+    /// Returns the records that replace the lost tags: an overflow, as which readers of the tags see the loss.
     pub fn marks(self) -> [[u8; RECORD_BYTES]; 2] {
         let [from_ps, to_ps] = self.span_ps;
         [Tag::overflow_begin(from_ps).to_bytes(), Tag::overflow_end(to_ps).to_bytes()]

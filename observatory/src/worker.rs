@@ -23,7 +23,7 @@ const AGAIN: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(5)];
 pub struct Worker {
     /// The device's name.
     pub name: String,
-    /// Its clock.
+    /// Clock of the device.
     pub clock: DeviceClock,
     /// Where it comes from.
     pub opener: Arc<dyn Opener>,

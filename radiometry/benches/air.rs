@@ -1,4 +1,4 @@
-//! What the air costs on one core: 6000 zenith angles × 941 wavelengths with the table's build, and one exact angle.
+//! Cost of the air on one core: 6000 zenith angles × 941 wavelengths with the table's build, and one exact angle.
 //!
 //! `cargo bench -p sunglint-radiometry --bench air`
 

@@ -1,4 +1,4 @@
-//! What a frame costs, and what each direction costs once it is built.
+//! Cost of a frame, and of each direction once it is built.
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 

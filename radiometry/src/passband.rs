@@ -13,7 +13,7 @@ use std::fmt;
 use std::str::FromStr;
 use sunglint_formats::nearest_names;
 
-/// What a passband's response multiplies.
+/// Quantity that a passband's response multiplies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Weighting {
     /// Photons: ∫E S λ dλ.
@@ -25,15 +25,15 @@ pub enum Weighting {
 /// A photometric passband.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Passband {
-    /// Its name, `JOHNSON_V`.
+    /// Name of the passband, `JOHNSON_V`.
     pub name: String,
-    /// Its response; the scale does not matter.
+    /// Response of the passband; the scale does not matter.
     pub response: Spectrum<Response>,
-    /// What the response multiplies.
+    /// Quantity that the response multiplies.
     pub weighting: Weighting,
 }
 
-/// What magnitude zero means.
+/// Meaning of magnitude zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ZeroPoint {
     /// Vega has this magnitude in every band (0.03 in Johnson V as catalogued; 0.00 in the thesis).
@@ -85,7 +85,7 @@ pub enum PhotometryError {
     /// No passband of that name.
     #[error("there is no passband `{name}`{}", suggestion(near))]
     UnknownPassband {
-        /// What was asked for.
+        /// Requested name.
         name: String,
         /// The nearest names.
         near: Vec<String>,

@@ -40,7 +40,7 @@ struct Factor<'a> {
     outside: Outside,
 }
 
-/// What a walk through a product hands out.
+/// Piece that a walk through a product hands out.
 enum Piece {
     /// Width for which a factor had no data, nm.
     Uncovered(f64),
@@ -133,7 +133,7 @@ impl<'a> Product<'a> {
         Ok(self.between(edges_nm))
     }
 
-    /// As [`Product::bins`], for edges that are known to increase.
+    /// Integrates like [`Product::bins`], for edges that are known to increase.
     fn between(&self, edges_nm: &[f64]) -> Vec<Integral> {
         let mut bins = vec![Integral::default(); edges_nm.len().saturating_sub(1)];
         let degree = self.factors.len() + usize::from(self.wavelength_power);

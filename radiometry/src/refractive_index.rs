@@ -21,7 +21,7 @@ pub enum RefractiveIndexError {
     /// No material of that name.
     #[error("there is no refractive index of `{name}`; the materials are {}{}", known.join(", "), near.as_ref().map_or(String::new(), |n| format!("; did you mean {n}?")))]
     UnknownMaterial {
-        /// What was asked for.
+        /// Requested value.
         name: String,
         /// The materials of the table.
         known: Vec<String>,
@@ -35,7 +35,7 @@ pub enum RefractiveIndexError {
     OutsideTable {
         /// The material.
         material: String,
-        /// What was asked for.
+        /// Requested value.
         wavelength_nm: f64,
         /// First wavelength.
         from_nm: f64,

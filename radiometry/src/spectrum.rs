@@ -8,7 +8,7 @@
 use std::marker::PhantomData;
 use sunglint_formats::{Table, TableError};
 
-/// What a tabulated quantity is beyond the ends of its table.
+/// Value of a tabulated quantity beyond the ends of its table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outside {
     /// Zero, and known to be: a detector's or filter's response.
@@ -19,13 +19,13 @@ pub enum Outside {
     Missing,
 }
 
-/// What a spectrum holds: its unit, and what it is beyond its table.
+/// Quantity of a spectrum: its unit, and its value beyond the table.
 pub trait Quantity: std::fmt::Debug + Clone + Copy + PartialEq {
     /// The quantity in words.
     const NAME: &'static str;
     /// The unit as astropy spells it; empty for a pure number.
     const UNIT: &'static str;
-    /// What it is beyond its table.
+    /// Value beyond the table.
     const OUTSIDE: Outside;
     /// The smallest and largest value that makes sense.
     const RANGE: (f64, f64) = (0.0, f64::INFINITY);
@@ -74,7 +74,7 @@ pub struct Spectrum<Q> {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SpectrumError {
-    /// As many wavelengths as values are needed, and at least two.
+    /// Numbers of wavelengths and values that differ, or are below two.
     #[error(
         "a spectrum needs as many values as wavelengths and at least 2, found {wavelengths} wavelengths and {values} values"
     )]
@@ -97,7 +97,7 @@ pub enum SpectrumError {
     /// A wavelength or value that is no number, or makes no sense.
     #[error("{name} at row {row} is {value}, expected a number from {least} to {most}")]
     Value {
-        /// What it is.
+        /// Name of the number: a wavelength or a value.
         name: &'static str,
         /// Row, counted from 1.
         row: usize,
@@ -217,7 +217,7 @@ impl<Q: Quantity> Spectrum<Q> {
         Spectrum::new(self.wavelength_nm.clone(), self.value.clone())
     }
 
-    /// What an air leaves of it, on the union of both grids within the range where both are tabulated: for tables and plots. Linear between
+    /// Returns the part of the spectrum that an air leaves, on the union of both grids within the range where both are tabulated: for tables and plots. Linear between
     /// its points, the product is not: integrals are taken of the factors ([`crate::quadrature::Product`]), never of this.
     pub fn through(&self, air: &Spectrum<Transmission>) -> Result<Self, SpectrumError> {
         let (a, b) = (self.range_nm(), air.range_nm());

@@ -23,7 +23,7 @@ use std::sync::LazyLock;
 /// Hipparcos number of Vega, whose own spectrum is embedded.
 pub const VEGA_HIP: i64 = 91262;
 
-/// What the spectrum needs to know of a star.
+/// Properties of a star that its spectrum is made from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StarColours<'a> {
     /// Johnson V.
@@ -32,7 +32,7 @@ pub struct StarColours<'a> {
     pub b_minus_v_mag: Option<f64>,
     /// MK type as the catalogue writes it.
     pub spectral_type: Option<&'a str>,
-    /// What the catalogue's V counts from.
+    /// Zero point of the catalogue's V.
     pub zero: ZeroPoint,
 }
 
@@ -60,7 +60,7 @@ pub enum Origin {
     },
     /// Fallback: a black body of the colour's temperature.
     BlackBody {
-        /// Its temperature, K.
+        /// Temperature of the black body, K.
         temperature_k: f64,
     },
 }

@@ -37,13 +37,13 @@ pub enum StarTrackError {
 pub struct StarTrack {
     /// The star.
     pub star: Star,
-    /// Its light above the air.
+    /// Light of the star above the air.
     pub light: StarLight,
     /// The station.
     pub station: Station,
     /// The air above it.
     pub air: Air,
-    /// What the star's V counts from.
+    /// Zero point of the star's V.
     pub zero: ZeroPoint,
     /// The files that went in.
     pub inputs: Vec<Input>,
@@ -58,13 +58,13 @@ pub struct StarTrack {
 pub struct StarView {
     /// The star.
     pub star: Star,
-    /// Its light above the air.
+    /// Light of the star above the air.
     pub light: StarLight,
     /// The station.
     pub station: Station,
     /// The air above it.
     pub air: Air,
-    /// What the star's V counts from.
+    /// Zero point of the star's V.
     pub zero: ZeroPoint,
     /// Exposure time, s.
     pub exposure_s: f64,
@@ -97,7 +97,7 @@ pub struct StarSight {
     pub orientation: OrientationOrigin,
 }
 
-/// What a channel counts of a star.
+/// Count rate of a star in a channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChannelRate {
     /// Predicted rate at the detector, after the air, Hz; `None` below the horizon.

@@ -74,7 +74,7 @@ impl CardValue {
     }
 }
 
-/// As it would be said in an error.
+/// Formats the value for an error message.
 impl fmt::Display for CardValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -1,4 +1,4 @@
-//! What a header cannot hold: characters other than printable ASCII, as `\uXXXX`.
+//! Escapes for texts that a header cannot hold: characters other than printable ASCII, as `\uXXXX`.
 //!
 //! A header that holds such texts has a card [`KEYWORD`] with the keywords of the texts that are escaped; in those, and
 //! only in those, `\uXXXX` stands for a UTF-16 unit. Other programs see the escapes. A text of a foreign file that looks

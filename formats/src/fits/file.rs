@@ -24,7 +24,7 @@ pub struct Hdu {
     data: Range<usize>,
 }
 
-/// What an HDU holds.
+/// Kind of data that an HDU holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Kind {
@@ -46,7 +46,7 @@ impl Hdu {
         &self.header
     }
 
-    /// What it holds.
+    /// Returns the kind of data in this HDU.
     pub fn kind(&self) -> Kind {
         self.kind
     }

@@ -60,7 +60,7 @@ impl Writer {
     /// cards.
     ///
     /// # Errors
-    /// What FITS cannot hold: a column's name, unit or text that is not ASCII, nested metadata, columns of different
+    /// All that FITS cannot hold: a column's name, unit or text that is not ASCII, nested metadata, columns of different
     /// lengths. Other texts (titles, descriptions of columns, notes) are escaped where they are not ASCII: see
     /// [`fits`](super).
     pub fn table(&mut self, table: &Table, name: &str) -> Result<(), EncodeError> {

@@ -17,10 +17,10 @@ pub(super) struct Appender {
     /// Within the session's folder, with `/`.
     pub name: String,
     file: Box<dyn Growing>,
-    /// What is safe.
+    /// Mark up to which the file is safely on the disk.
     safe: Mark,
     hasher: flate2::Crc,
-    /// What came since, whole lines.
+    /// Bytes written since that mark, whole lines.
     tail: Vec<u8>,
     tail_rows: u64,
     /// How much of the tail the system has.

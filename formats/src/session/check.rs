@@ -1,4 +1,4 @@
-//! What of a session is there, and what is missing.
+//! Check of a session: the data that are there, and those that are missing.
 
 use super::counts::Counts;
 use super::event::{Event, Mark, What};
@@ -31,14 +31,14 @@ pub struct Finding {
     pub severity: Severity,
     /// The file, within the session's folder.
     pub file: String,
-    /// What is the matter, with the numbers.
+    /// Description of the finding, with the numbers.
     pub text: String,
 }
 
-/// What there is of a counter.
+/// Report on the data of a counter.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CounterReport {
-    /// Its name.
+    /// Name of the device.
     pub name: String,
     /// Whole rows.
     pub rows: u64,
@@ -56,10 +56,10 @@ pub struct CounterReport {
     pub from_to: Option<[Epoch; 2]>,
 }
 
-/// What there is of a camera.
+/// Report on the data of a camera.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CameraReport {
-    /// Its name.
+    /// Name of the device.
     pub name: String,
     /// Frames.
     pub frames: u64,
@@ -71,7 +71,7 @@ pub struct CameraReport {
     pub unfinished: u64,
 }
 
-/// What there is of a session.
+/// Report on the data of a session.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Report {
     /// The counters.
@@ -84,7 +84,7 @@ pub struct Report {
     pub safe_until: Option<Epoch>,
     /// Whether the session ended as it should.
     pub ended: bool,
-    /// What was found.
+    /// Findings of the check.
     pub findings: Vec<Finding>,
 }
 
@@ -402,7 +402,7 @@ fn check_rows(
     Ok(())
 }
 
-/// What is wrong with a file beside its marks.
+/// Difference between a file and its marks.
 enum Wrong {
     Short { length: u64 },
     Changed { from: u64, to: u64, at: Epoch },

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// The table's header: what [`CountSeries`] writes for no records, names of the columns included.
 ///
 /// # Errors
-/// As [`CountSeries::to_table`].
+/// The errors of [`CountSeries::to_table`].
 pub(super) fn header(channels: &[String], meta: &Meta) -> Result<String, EncodeError> {
     let series = CountSeries { channels: channels.to_vec(), records: vec![], meta: meta.clone() };
     crate::ecsv::to_string(&series.to_table()?)
@@ -107,7 +107,7 @@ impl Counts {
         &self.series.channels
     }
 
-    /// What is known about the series (device, identity …).
+    /// Returns the metadata of the series (device, identity …).
     pub fn meta(&self) -> &Meta {
         &self.series.meta
     }

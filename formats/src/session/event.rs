@@ -1,4 +1,4 @@
-//! What happened during a session: one JSON object a line.
+//! Events of a session: one JSON object a line.
 
 use crate::error::ParseError;
 use crate::time::{format_utc_shortest, parse_utc};
@@ -12,11 +12,11 @@ use std::path::Path;
 pub struct Event {
     /// When.
     pub utc: Epoch,
-    /// What.
+    /// The event itself, with its fields.
     pub what: What,
 }
 
-/// What happened. In the file the key `kind` names it (`target`, `device_lost` …), beside the keys of its fields.
+/// Kind of event. In the file the key `kind` names it (`target`, `device_lost` …), beside the keys of its fields.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 #[non_exhaustive]
@@ -30,25 +30,25 @@ pub enum What {
     Target(Target),
     /// A device was opened and says who it is.
     Device {
-        /// Its name in this session.
+        /// Name of the device in this session.
         device: String,
         /// Who it says it is: `vendor`, `model`, `serial`, `firmware`, `driver`.
         identity: Map<String, Value>,
-        /// Its settings, read back where it can be asked: names with their units.
+        /// Settings of the device, read back where it can be asked: names with their units.
         settings: Map<String, Value>,
     },
     /// A device failed.
     DeviceLost {
-        /// Its name in this session.
+        /// Name of the device in this session.
         device: String,
-        /// What it said.
+        /// Error that the device reported.
         error: String,
         /// When it is tried again, s from then.
         again_in_s: f64,
     },
     /// A device works again.
     DeviceBack {
-        /// Its name in this session.
+        /// Name of the device in this session.
         device: String,
         /// For how long it was away, s.
         after_s: f64,
@@ -57,7 +57,7 @@ pub enum What {
     Clock(ClockState),
     /// The computer's clock stepped against its own monotonic clock.
     ClockStep {
-        /// By how much, s: above zero where UTC jumped ahead.
+        /// Size of the step, s: above zero where UTC jumped ahead.
         step_s: f64,
         /// What the computer's clock shows since then, where the event's own time is the night's, which does not step.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -75,21 +75,21 @@ pub enum What {
     },
     /// A device will not be tried again: what was asked of it cannot be.
     DeviceFailed {
-        /// Its name in this session.
+        /// Name of the device in this session.
         device: String,
-        /// What it said.
+        /// Error that the device reported.
         error: String,
     },
     /// Frames of a camera were refused, because they are not what was asked for: another program uses it.
     FramesRefused {
-        /// Its name in this session.
+        /// Name of the device in this session.
         device: String,
         /// How many in all, so far.
         frames: u64,
         /// What differed in the last of them.
         error: String,
     },
-    /// What is safely on the disk from then on.
+    /// Marks of how much of each file is safely on the disk from then on.
     Sync {
         /// The files that have more than at the mark before.
         files: Vec<Mark>,
@@ -98,10 +98,10 @@ pub enum What {
     Error {
         /// The file or device that it is about.
         about: String,
-        /// What went wrong.
+        /// Description of the error.
         error: String,
     },
-    /// What had failed works again.
+    /// Recovery of a file or device that had failed.
     Recovered {
         /// The file or device that it is about.
         about: String,
@@ -115,12 +115,12 @@ pub enum What {
         /// Rows or frames that could not be written.
         lost: u64,
     },
-    /// What a later version of the program wrote.
+    /// Event of a kind that only a later version of the program knows.
     #[serde(skip)]
     Other {
-        /// Its kind.
+        /// Kind of the event, as the file names it.
         kind: String,
-        /// Its fields.
+        /// Fields of the event, as the file has them.
         fields: Map<String, Value>,
     },
 }
@@ -130,15 +130,15 @@ pub enum What {
 pub struct Mark {
     /// The file within the session's folder, with `/`.
     pub file: String,
-    /// Its bytes up to there.
+    /// Bytes of the file up to the mark.
     pub bytes: u64,
-    /// Its rows up to there, without the header; for a frame its sequence number.
+    /// Rows of the file up to the mark, without the header; for a frame its sequence number.
     pub rows: u64,
     /// CRC-32 (as zip has it) of these bytes.
     pub crc32: u32,
 }
 
-/// What a target is.
+/// Kind of a target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TargetKind {
@@ -157,9 +157,9 @@ pub enum TargetKind {
 /// A target, as the plan names it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Target {
-    /// Its name.
+    /// Name of the target.
     pub name: String,
-    /// What it is.
+    /// Kind of the target.
     pub target_kind: TargetKind,
     /// Whether there is a target in the beam: not for the sky, the dark and nothing.
     pub on: bool,

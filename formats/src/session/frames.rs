@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// The keyword of a frame's sequence number: counts each camera's frames from 1, whether they could be written or not.
 pub const FRAME_NUMBER: &str = "FRAMENO";
 
-/// What an unfinished frame's name ends with.
+/// Suffix of an unfinished frame's name.
 pub(super) const PART: &str = ".part";
 
 /// Folder and name of a frame within its camera's folder: `17/20201118T170503.123456Z_00000042.fits`.
@@ -29,7 +29,7 @@ fn sequence_of(name: &OsStr) -> Option<u64> {
 /// A frame on the disk.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FrameFile {
-    /// Its sequence number: counts from 1, and a number that lacks was lost.
+    /// Sequence number of the frame: counts from 1, and a missing number means a lost frame.
     pub sequence: u64,
     /// The file.
     pub path: PathBuf,
@@ -39,20 +39,20 @@ impl FrameFile {
     /// Reads the frame; its header has the target (`OBJECT`), the filter (`FILTER`) and the number ([`FRAME_NUMBER`]).
     ///
     /// # Errors
-    /// As [`Frame::read`].
+    /// The errors of [`Frame::read`].
     pub fn read(&self) -> Result<Frame, FileError> {
         Frame::read(&self.path)
     }
 }
 
-/// What lies in a camera's folder.
+/// Files in a camera's folder.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Frames {
     /// The frames, by their sequence numbers.
     pub files: Vec<FrameFile>,
     /// Frames that were being written when the program ended.
     pub unfinished: Vec<PathBuf>,
-    /// What else lies there.
+    /// Other files in the folder, which are no frames.
     pub foreign: Vec<PathBuf>,
 }
 
@@ -81,7 +81,7 @@ impl Frames {
     }
 }
 
-/// What lies in a folder, by name; nothing where the folder is not there.
+/// Returns the entries of a folder, by name; nothing where the folder is not there.
 fn entries(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
     let io = |error| FileError::io("read", folder, error);
     let list = match std::fs::read_dir(folder) {

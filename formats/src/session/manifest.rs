@@ -12,7 +12,7 @@ use std::path::Path;
 /// The version of the folder's format that this program writes and reads.
 pub const FORMAT: &str = "sunglint session 1";
 
-/// What a session is.
+/// Manifest of a session: format, program, station, start, clock, devices and configuration files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
@@ -35,7 +35,7 @@ pub struct Manifest {
     pub files: Vec<FileSum>,
 }
 
-/// What a device does.
+/// Kind of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DeviceKind {
@@ -49,13 +49,13 @@ pub enum DeviceKind {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Device {
-    /// Its name in this session: of its folder or file.
+    /// Name of the device in this session: of its folder or file.
     pub name: String,
-    /// What it does.
+    /// Kind of the device.
     pub kind: DeviceKind,
     /// Where it is: `DRIVER[:WHERE]`.
     pub address: String,
-    /// What its driver was told, `NAME=VALUE` each.
+    /// Options that its driver was given, `NAME=VALUE` each.
     #[serde(default)]
     pub options: Vec<String>,
     /// The channels of a counter.
@@ -105,7 +105,7 @@ impl Manifest {
     /// The system's, or a [`ParseError`]: another version of the format, a key that is missing or unknown.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
         let document = Document::read(path)?;
-        /// Of any version.
+        /// The format's key alone, which manifests of any version have.
         #[derive(Deserialize)]
         struct Version {
             format: String,

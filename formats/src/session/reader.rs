@@ -47,7 +47,7 @@ impl Session {
         &self.root
     }
 
-    /// What the session is.
+    /// Returns the session's manifest.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
     }
@@ -106,7 +106,7 @@ impl Session {
     /// The stays at targets, in time; the time between two planned ones is none ([`TargetKind::None`] is left out).
     ///
     /// # Errors
-    /// As [`Events`].
+    /// The errors of [`Events`].
     pub fn visits(&self) -> Result<Vec<Visit>, FileError> {
         let mut visits: Vec<Visit> = Vec::new();
         for event in self.events()? {

@@ -33,12 +33,12 @@ const MOST_TAGS_WAITING: usize = 32 << 20;
 /// Bytes of a tag.
 const TAG: usize = 16;
 
-/// What could not be written.
+/// A failure to write a file.
 #[derive(Debug)]
 pub struct Trouble {
     /// The file, within the session's folder.
     pub file: String,
-    /// What the system said.
+    /// Error that the system reported.
     pub error: io::Error,
     /// Whether the same file failed just before, too.
     pub again: bool,
@@ -63,7 +63,7 @@ pub struct SessionWriter {
     failing: BTreeMap<String, u64>,
     lost_frames: u64,
     marked_events: u64,
-    /// What went wrong in a sync that came early, for the next tick to tell.
+    /// Failures of a sync that came early, which the next tick reports.
     early: Vec<Trouble>,
 }
 
@@ -270,7 +270,7 @@ impl SessionWriter {
     /// Counts tags that were lost before they came here, and notes it.
     ///
     /// # Errors
-    /// As [`tags`](Self::tags).
+    /// The errors of [`tags`](Self::tags).
     pub fn lose_tags(&mut self, utc: Epoch, counter: &str, lost: u64) -> Result<(), EncodeError> {
         let tags = self.tags_of(counter)?;
         tags.lose(lost);
@@ -475,7 +475,7 @@ impl SessionWriter {
 pub struct Ended {
     /// Rows, tags, frames and events that are not on the disk.
     pub lost: u64,
-    /// What went wrong at the end.
+    /// Failures to write at the end.
     pub troubles: Vec<Trouble>,
 }
 

@@ -113,7 +113,7 @@ pub(super) enum Dropping {
     NotSince(i64),
 }
 
-/// What a piece of a file holds, to be added up in any number of threads: it grows with the number of records, never
+/// Counts from a piece of a file, to be added up in any number of threads: they grow with the number of records, never
 /// with the number of bins.
 #[derive(Debug)]
 pub(super) struct Piece<'a> {

@@ -42,7 +42,7 @@ impl Bins {
     }
 }
 
-/// What pieces add up to.
+/// Sums of the counts from all pieces.
 pub(super) struct Sums<'a> {
     binning: &'a Binning,
     counts: Vec<u64>,
@@ -191,7 +191,7 @@ impl Binned {
         &self.missed[bin * self.channels.len()..][..self.channels.len()]
     }
 
-    /// What is known to be wrong with a bin.
+    /// Returns the flags of a bin: all that is known to be wrong with it.
     ///
     /// # Panics
     /// If there is no such bin.

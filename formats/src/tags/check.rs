@@ -1,15 +1,15 @@
-//! What a recording holds, and what is odd about it.
+//! Contents of a recording, and what is odd about them.
 
 use super::tag::{RECORD_BYTES, Tag, TagKind, Tags};
 use std::collections::BTreeMap;
 
-/// Of each kind of oddity, this many are listed with their places; all are counted.
+/// Number of oddities of each kind that are listed with their places; all are counted.
 pub const MOST_LISTED: usize = 16;
 
 /// Virtual channels that are kept apart; a real counter has some dozens, a damaged file may seem to have billions.
 const MOST_CHANNELS: usize = 1024;
 
-/// What to look for.
+/// Options of a check: the oddities to look for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CheckOptions {
     /// List silences (of all channels together) longer than this, ps. `None` lists none; the longest is told anyway.
@@ -26,7 +26,7 @@ pub struct Gap {
 }
 
 impl Gap {
-    /// Its length, ps.
+    /// Returns the length of the recording, ps.
     pub fn length_ps(&self) -> u64 {
         self.to_ps.abs_diff(self.from_ps)
     }
@@ -41,7 +41,7 @@ pub struct Overflow {
     pub end_ps: Option<i64>,
 }
 
-/// What a channel delivered.
+/// Report on the tags of one channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ChannelReport {
     /// Time tags.
@@ -55,7 +55,7 @@ pub struct ChannelReport {
     last_ps: Option<i64>,
 }
 
-/// What a recording holds. All places are numbers of records, counted from 0; a record begins at byte 16 × its number.
+/// Contents of a recording. All places are numbers of records, counted from 0; a record begins at byte 16 × its number.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Report {
     /// All records.

@@ -1,4 +1,4 @@
-//! What can be wrong with a request about tags.
+//! Errors of a request about tags.
 
 use crate::FileError;
 
@@ -28,7 +28,7 @@ pub enum TagError {
     Unsorted {
         /// The record, counted from 0.
         record: u64,
-        /// Its time, ps.
+        /// Time of the tag, ps.
         time_ps: i64,
         /// The time of the record before it, ps.
         before_ps: i64,
@@ -50,7 +50,7 @@ pub enum TagError {
     /// No channel was asked for, or one twice.
     #[error("the channels {channels:?}: each has to be named once, and at least one")]
     Channels {
-        /// What was asked for.
+        /// Requested channels.
         channels: Vec<i32>,
     },
     /// The bins would not fit into memory.

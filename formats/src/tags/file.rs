@@ -27,7 +27,7 @@ pub struct TagFile {
     order: OnceLock<Result<(), (u64, i64, i64)>>,
 }
 
-/// What [`TagFile::recover`] left out.
+/// Numbers of records that [`TagFile::recover`] kept, and of records and bytes that it left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Recovered {
     /// Whole records that can be read.
@@ -126,7 +126,7 @@ impl TagFile {
     /// Hands the tags of a range of records over in views of some thousands, in order, until `take` says `Err`.
     ///
     /// # Errors
-    /// What `take` says, or a [`FileError`]: the range reaches beyond the file, or the file shrank since it was opened.
+    /// The errors of `take`, or a [`FileError`]: the range reaches beyond the file, or the file shrank since it was opened.
     pub fn for_each<E: From<FileError>>(
         &self,
         range: Range<u64>,

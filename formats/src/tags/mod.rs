@@ -62,7 +62,7 @@
 //! breaks what Rust promises about slices. So files are read in pieces that fit a core's cache. It costs one copy
 //! at memory speed, and a file that shrinks is an error with a name.
 //!
-//! What that costs, by `benches/tags.rs` on one core of a machine whose memory reads 28 GB/s (1,730 million tags/s): reading
+//! Cost of this reading, by `benches/tags.rs` on one core of a machine whose memory reads 28 GB/s (1,730 million tags/s): reading
 //! in pieces alone 28 GB/s, as fast as the memory; counting in 0.1 s bins 450 million tags/s (7.2 GB/s), in 100 µs bins
 //! 465, in 1 µs bins with three tags each 94 to 100; checking 265. A map could save a quarter of the time of 0.1 s bins
 //! at most, and none of it where the disk is the limit.

@@ -118,7 +118,7 @@ impl TagWriter {
     /// Writes through to the disk what has waited long enough (see [`SYNC_EVERY`]).
     ///
     /// # Errors
-    /// As [`TagWriter::write`].
+    /// The errors of [`TagWriter::write`].
     pub fn tick(&mut self, now: Duration) -> Result<(), FileError> {
         self.refuse_after_failure()?;
         let synced_at = *self.synced_at.get_or_insert(now);
@@ -132,7 +132,7 @@ impl TagWriter {
     /// Writes all that is left through to the disk.
     ///
     /// # Errors
-    /// As [`TagWriter::write`].
+    /// The errors of [`TagWriter::write`].
     pub fn finish(mut self) -> Result<u64, FileError> {
         self.refuse_after_failure()?;
         self.sync()?;

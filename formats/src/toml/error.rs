@@ -1,4 +1,4 @@
-//! What serde finds wrong, kept in pieces until the place is known.
+//! Errors that serde finds, kept in pieces until the place is known.
 
 use super::units::other_unit;
 use crate::error::{ParseError, nearest_names};
@@ -114,7 +114,7 @@ fn dotted(steps: &[Step]) -> String {
     text
 }
 
-/// What was expected instead of an unknown name, and the hint.
+/// Returns the names that were expected instead of an unknown one, and the hint.
 fn suggest(unknown: &str, known: &[&'static str]) -> (String, Option<String>) {
     if let Some((name, hint)) = other_unit(unknown, known) {
         return (format!("`{name}`"), Some(hint));

@@ -25,17 +25,17 @@ pub enum Sense {
     Left,
 }
 
-/// What is looked for, and how.
+/// Options of an attitude analysis: the unknowns, and how they are searched for.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct AnalysisOptions {
-    /// What the scene's attitude does not say.
+    /// Numbers of the spin that the scene's attitude does not give.
     pub unknowns: Unknowns,
     /// The shortest and the longest period to look for, s; from four steps of the data, without an upper bound, where there is none.
     pub period_s: Option<(f64, f64)>,
     /// The sense in which the body turns about its axis.
     pub sense: Sense,
-    /// What of the brightness is free.
+    /// Free factors of the brightness.
     pub scale: Scale,
     /// Only these channels; all where there is none.
     pub channels: Vec<String>,
@@ -62,7 +62,7 @@ impl Default for AnalysisOptions {
     }
 }
 
-/// What was asked, and what was found.
+/// Question and answer of an attitude analysis.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct AttitudeAnalysis {
@@ -78,9 +78,9 @@ pub struct AttitudeAnalysis {
     pub materials: Vec<String>,
     /// The curves with their scenes.
     pub curves: Vec<CurveOfScene>,
-    /// What was left out of each: why, and how many samples.
+    /// Samples left out of each curve: the reason, and how many.
     pub left_out: Vec<Vec<(String, usize)>>,
-    /// What a person should hear of.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
     /// How long it took, s.
     pub seconds: f64,

@@ -1,4 +1,4 @@
-//! What the minima mean: how probable each is, how uncertain, and which symmetry made it.
+//! Meaning of the minima: how probable each is, how uncertain, and which symmetry made it.
 
 use super::descent::{Descent, Sample, Space};
 use super::forward::Measured;
@@ -31,7 +31,7 @@ const CHANCE: f64 = 4.0;
 /// Noise beyond the stated of more than this says that the model is not that of the light.
 const NO_MODEL: f64 = 0.3;
 
-/// What the search says.
+/// Verdict of the search.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
     /// One attitude.
@@ -43,7 +43,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Its name, as results have it.
+    /// Returns the verdict's name, as results have it.
     pub fn name(&self) -> &'static str {
         match self {
             Self::One => "one",
@@ -56,7 +56,7 @@ impl Verdict {
 /// The answer.
 #[derive(Debug, Clone)]
 pub struct Answer {
-    /// What it comes to.
+    /// Verdict of the search.
     pub verdict: Verdict,
     /// Minima, the most probable first.
     pub minima: Vec<Minimum>,
@@ -72,7 +72,7 @@ pub struct Answer {
     pub correlation: f64,
     /// Noise beyond the stated, of the rate: what brings the middle residual to where noise has it.
     pub extra_noise: f64,
-    /// What the data span, s.
+    /// Time span of the data, s.
     pub span_s: f64,
     /// Turns of the best in that.
     pub turns: f64,
@@ -90,11 +90,11 @@ pub struct Answer {
     pub other_light: (f64, f64),
     /// All samples of the best.
     pub best: Vec<Sample>,
-    /// Of each epoch that has a sample the curve and the sample of that, from 0: what [`Sample::moment`] counts.
+    /// Curve and sample number, from 0, of each epoch that has a sample: the epochs that [`Sample::moment`] counts.
     pub moments: Vec<(usize, usize)>,
     /// The law, for [`Law::at`].
     pub law: Law,
-    /// What a person should hear of.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
@@ -241,10 +241,10 @@ fn answer(question: &Question, searched: Searched) -> Result<Answer, AttitudeErr
     })
 }
 
-/// By how much the variance of sums over blocks of neighbouring epochs, all channels together, exceeds that of independent residuals (batch means), or of the noise where residuals are
+/// Returns the factor by which the variance of sums over blocks of neighbouring epochs, all channels together, exceeds that of independent residuals (batch means), or of the noise where residuals are
 /// smaller than that; 1 where chance would do.
 ///
-/// What a model lacks is alike in all channels and from one epoch to the next, and counted as noise of independent samples it would make a wrong attitude certain.
+/// Model errors are alike in all channels and from one epoch to the next; counted as noise of independent samples, they would make a wrong attitude certain.
 fn correlation(samples: &[Sample], extra: f64) -> f64 {
     let mut epochs: Vec<(usize, f64)> = Vec::new();
     let mut all = 0.0;

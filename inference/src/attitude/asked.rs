@@ -1,4 +1,4 @@
-//! What is asked, by a scene and the options.
+//! Question of an attitude search, made from a scene and the options.
 
 use super::analysis::{AnalysisError, AnalysisOptions, Sense};
 use super::{Measured, Question, Turn};
@@ -10,7 +10,7 @@ use toml::Value;
 /// The shortest period that is looked for, in steps of the data.
 const LEAST_STEPS: f64 = 4.0;
 
-/// What is asked.
+/// Makes the question from the options, the scene and the curves.
 pub(super) fn asked(
     options: &AnalysisOptions,
     scene: &Scene,

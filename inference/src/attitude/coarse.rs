@@ -15,7 +15,7 @@ use std::f64::consts::TAU;
 
 /// Phases of a turn.
 pub const PHASES: usize = 48;
-/// What a grid that is a few degrees wide makes of the brightness, ln.
+/// Error of the brightness on a grid that is a few degrees wide, ln.
 const BRIGHTNESS: f64 = 0.35;
 /// The same of the colours.
 const COLOURS: f64 = 0.12;
@@ -39,7 +39,7 @@ pub struct Place {
     pub cost: f64,
 }
 
-/// What all axes share.
+/// Inputs of the first look at the sky, the same for all axes.
 pub struct Look<'a> {
     /// The light.
     pub forward: &'a Forward,
@@ -47,7 +47,7 @@ pub struct Look<'a> {
     pub compared: &'a Compared,
     /// The spin.
     pub law: &'a Law,
-    /// What is unknown of it.
+    /// Unknown numbers of the spin.
     pub unknowns: Unknowns,
     /// The epochs.
     pub moments: &'a [usize],
@@ -55,7 +55,7 @@ pub struct Look<'a> {
     pub rates: &'a [f64],
     /// The known phase, radians, where it is known.
     pub phase_rad: f64,
-    /// What of the brightness is free.
+    /// Free factors of the brightness.
     pub scale: Scale,
 }
 
@@ -132,7 +132,7 @@ impl Look<'_> {
         Ok(minima.into_iter().map(place).collect())
     }
 
-    /// What each epoch adds at each phase, twice over: epochs × 2 phases.
+    /// Computes the cost that each epoch adds at each phase, twice over: epochs × 2 phases.
     fn table(&self, axis: DVec3) -> Result<Vec<f32>, AttitudeError> {
         let (n, channels) = (PHASES, self.forward.channels);
         let upright = self.law.upright(axis)?;

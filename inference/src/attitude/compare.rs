@@ -95,12 +95,12 @@ impl Compared {
         if unit > 0.0 && rate > 0.0 { 1.0 / (rate + unit * self.floor[channel]) } else { 0.0 }
     }
 
-    /// What was measured; NaN where nothing counts.
+    /// Returns the logarithm of the measured light; NaN where nothing counts.
     pub fn measured(&self, moment: usize, channel: usize) -> f64 {
         self.measured[moment * self.channels + channel]
     }
 
-    /// Its stated standard uncertainty.
+    /// Returns the stated standard uncertainty of that logarithm.
     pub fn sigma(&self, moment: usize, channel: usize) -> f64 {
         self.sigma[moment * self.channels + channel]
     }

@@ -24,21 +24,21 @@ pub enum Space {
     },
 }
 
-/// What a descent works on.
+/// Inputs of a descent to a minimum.
 pub struct Descent<'a> {
     /// The light.
     pub forward: &'a Forward,
-    /// Its logarithms.
+    /// Logarithms of the measured light.
     pub compared: &'a Compared,
     /// The spin.
     pub law: &'a Law,
-    /// What of it is unknown.
+    /// Unknown numbers of the spin.
     pub unknowns: Unknowns,
     /// The epochs.
     pub moments: &'a [usize],
     /// How it is compared.
     pub space: Space,
-    /// What of the brightness is free.
+    /// Free factors of the brightness.
     pub scale: Scale,
     /// For each weight the material that it is of.
     pub materials: &'a [usize],
@@ -188,9 +188,9 @@ impl least_squares::Descent for Going<'_, '_, '_> {
 /// A sample beside its model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// Its epoch, by number in [`Forward::moments`].
+    /// Epoch of the sample, by number in [`Forward::moments`].
     pub moment: usize,
-    /// Its channel.
+    /// Channel of the sample.
     pub channel: usize,
     /// Measured.
     pub rate: f64,

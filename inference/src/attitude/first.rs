@@ -22,7 +22,7 @@ const FINER: usize = 2;
 /// Where more than this is left over of the light, the search is made again, finer.
 const POOR: f64 = 0.18;
 
-/// What the first curve says.
+/// Result of the search with the first curve alone.
 pub(super) struct First {
     pub minima: Vec<Found>,
     pub surface: Vec<(DVec3, f64)>,

@@ -1,6 +1,6 @@
 //! The forward model of the search: rates of a body whose turn is tried, at epochs whose geometry is known.
 //!
-//! What does not hang on the trial is computed once: the directions to Sun and observer at the moment at which the light left (light time, aberration), and what
+//! Everything that does not depend on the trial is computed once: the directions to Sun and observer at the moment at which the light left (light time, aberration), and the rate that
 //! a weight of each spectrum makes in each channel there (air, range, the Sun's distance, integrals over wavelength). A trial is then two rotated directions, the light
 //! engine's exact sum over facets with all shadows ([`Scene`]), and a product with a small matrix. It is the direct light under a collimated Sun, and, where a search by
 //! that alone has failed, the Earth's ([`Forward::with_earth`]); what else the scene needs is added at the end ([`super::search`]).
@@ -24,9 +24,9 @@ const EARTH_STEP: f64 = 1e-3;
 pub struct Measured {
     /// The scene at the curve's times; its attitude is not looked at.
     pub pass: Pass,
-    /// What the curve's channels are.
+    /// Unit of the curve's channels.
     pub unit: Unit,
-    /// What was measured.
+    /// Measured data.
     pub data: Data,
 }
 
@@ -70,9 +70,9 @@ pub struct Forward {
     pub rate: Vec<f64>,
     /// Their stated standard uncertainties.
     pub sigma: Vec<f64>,
-    /// What the Earth reflects, curve by curve.
+    /// Light that the Earth reflects, curve by curve.
     earths: Vec<Arc<EarthAlbedo>>,
-    /// Of each moment the directions of the Earth's light, where that is part of a trial's.
+    /// Directions of the Earth's light at each moment, where that is part of a trial's.
     shine: Vec<Vec<(DVec3, f64)>>,
 }
 
@@ -292,7 +292,7 @@ impl Eye<'_> {
     /// The weights for light from the lit Earth alone, of `order` points along each side of a panel of it.
     ///
     /// # Errors
-    /// As [`Eye::weights`].
+    /// The errors of [`Eye::weights`].
     pub fn earth(
         &mut self,
         moment: usize,
@@ -308,7 +308,7 @@ impl Eye<'_> {
     /// Fills `out` (one number a channel) with the rates there; 0 in channels without a sample.
     ///
     /// # Errors
-    /// As [`Eye::weights`].
+    /// The errors of [`Eye::weights`].
     pub fn rates(
         &mut self,
         moment: usize,
@@ -327,7 +327,7 @@ impl Eye<'_> {
     /// The weights and their derivatives by three turns of the body, about the x, y and z axes of the GCRS, per radian: `slopes[axis * weights + k]`.
     ///
     /// # Errors
-    /// As [`Eye::weights`].
+    /// The errors of [`Eye::weights`].
     pub fn weights_and_slopes(
         &mut self,
         moment: usize,

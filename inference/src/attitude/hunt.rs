@@ -1,4 +1,4 @@
-//! What all stages of the search share: descents from many trials side by side, minima that are told apart, twins.
+//! Parts that all stages of the search share: descents from many trials side by side, minima that are told apart, twins.
 
 use super::AttitudeError;
 use super::compare::Compared;
@@ -14,7 +14,7 @@ use sunglint_numerics::order::median;
 /// Trials nearer than this at both ends and in the middle of the data are one, radians.
 const SAME: f64 = 0.035;
 
-/// What all stages share.
+/// Inputs that all stages of the search share.
 #[derive(Clone, Copy)]
 pub(super) struct Hunt<'a> {
     pub question: &'a Question,
@@ -114,7 +114,7 @@ impl Hunt<'_> {
         kept
     }
 
-    /// What the symmetries make of some minima. A sense, an axis or a phase that is known stays so.
+    /// Returns the trials that the symmetries make of some minima. A sense, an axis or a phase that is known stays so.
     pub(super) fn twins_of(&self, law: &Law, minima: &[Found]) -> Vec<State> {
         let unknowns = self.question.unknowns;
         if !(unknowns.axis && unknowns.phase) {
@@ -129,7 +129,7 @@ impl Hunt<'_> {
         all.filter(|s| inside(s.turns_per_s)).collect()
     }
 
-    /// What is left over of the light, as a middle difference of logarithms beyond the stated noise.
+    /// Returns the light that the model leaves unexplained, as a median difference of logarithms beyond the stated noise.
     pub(super) fn left_over(&self, samples: &[Sample]) -> f64 {
         let off = samples.iter().map(|s| {
             let ln = |rate: f64| self.compared.ln(s.moment, s.channel, rate);

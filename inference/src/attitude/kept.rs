@@ -38,7 +38,7 @@ impl<'a> Kept<'a> {
         Ok(Self { to, path, from, last: Mutex::new((Instant::now(), false)) })
     }
 
-    /// What to go on from.
+    /// Returns the checkpoint to go on from.
     pub fn from(&self) -> Option<&Checkpoint> {
         self.from.as_ref()
     }

@@ -14,7 +14,7 @@ use sunglint_simulator::pass::Study;
 
 /// Points along each side of a panel of the lit Earth: 8 a panel.
 const ORDER: usize = 2;
-/// What all light is known to, a part of it: it is computed for whole passes, several times.
+/// Relative tolerance of all light: it is computed for whole passes, several times.
 const TOLERANCE: f64 = 0.01;
 
 /// Whether the scenes want the Earth's light.
@@ -74,7 +74,7 @@ fn earthshine(forward: &Forward, law: &Law, state: &State) -> Result<Vec<f64>, A
 /// All light that the scenes need, for any attitude, at some moments.
 pub(super) struct AllLight<'a> {
     curves: &'a [Measured],
-    /// Of each curve the moments that it is computed at, and the scene at these.
+    /// For each curve, the moments at which it is computed, and the scene at these.
     studies: Vec<(Vec<usize>, Study)>,
 }
 

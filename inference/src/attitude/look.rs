@@ -30,7 +30,7 @@ const CHUNK: usize = 64;
 /// Starts nearer than this are one, radians.
 const NEAR: f64 = 0.10;
 
-/// What the first look has seen.
+/// Result of the first look at all axes.
 pub(super) struct Seen {
     /// The axes of the closer look, and the best places of each.
     axes: Vec<DVec3>,
@@ -174,7 +174,7 @@ impl Hunt<'_> {
         Ok(starts)
     }
 
-    /// What question and data these are.
+    /// Returns a hash of the question and the data, by which a checkpoint is recognised.
     fn fingerprint(&self) -> u64 {
         let mut hasher = DefaultHasher::new();
         let mut number = |v: f64| v.to_bits().hash(&mut hasher);

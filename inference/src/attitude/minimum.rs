@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 /// An angle that is less certain than this is not determined, radians.
 pub(super) const UNDETERMINED: f64 = 0.5;
 
-/// What is known of an axis on the sphere: standard uncertainties along the two axes of its ellipse.
+/// Uncertainty of an axis on the sphere: standard uncertainties along the two axes of its ellipse.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ellipse {
     /// The longer one, degrees.
@@ -30,13 +30,13 @@ pub struct Minimum {
     pub state: State,
     /// The spin, as a scene file has it.
     pub turn: Turn,
-    /// Its axis' right ascension, degrees, 0 to 360.
+    /// Right ascension of the spin axis, degrees, 0 to 360.
     pub ra_deg: f64,
-    /// Its axis' declination, degrees.
+    /// Declination of the spin axis, degrees.
     pub dec_deg: f64,
-    /// Its period, s: negative is left-handed; infinite where it does not turn.
+    /// Period of the spin, s: negative is left-handed; infinite where the body does not turn.
     pub period_s: f64,
-    /// Its phase at the law's epoch, degrees, 0 to 360.
+    /// Phase of the spin at the law's epoch, degrees, 0 to 360.
     pub phase_deg: f64,
     /// χ² with noise that the best one has; large residuals count linearly.
     pub chi2: f64,

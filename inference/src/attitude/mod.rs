@@ -54,7 +54,7 @@ pub const LEAST_EPOCHS: usize = 8;
 /// Periods of the first look at most.
 pub const MOST_RATES: usize = 200_000;
 
-/// What of the brightness is free, and solved for.
+/// Factors of the brightness that are free, and solved for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
     /// Nothing: materials, sizes and calibration hold.
@@ -83,12 +83,12 @@ pub enum AttitudeError {
         /// How many are needed.
         least: usize,
     },
-    /// What does not go together.
+    /// Curve whose channels or samples do not match in number.
     #[error("{name}: {found} {what}, expected {expected}")]
     Shape {
-        /// Of which curve.
+        /// Name of the curve.
         name: String,
-        /// Of what.
+        /// Items that were counted.
         what: &'static str,
         /// How many.
         found: usize,
@@ -118,7 +118,7 @@ pub enum AttitudeError {
     /// An axis that is none.
     #[error("the axis of the spin in the body is ({}, {}, {}), expected finite numbers, not all 0", axis_body.x, axis_body.y, axis_body.z)]
     Axis {
-        /// What was given.
+        /// Given axis.
         axis_body: DVec3,
     },
     /// A spin that is none.

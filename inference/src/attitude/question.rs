@@ -1,24 +1,24 @@
-//! What is asked, how it is searched, who is told of it, and what a search that was cut off goes on from.
+//! Question of a search, its options, its progress, and the checkpoint from which a search that was cut off goes on.
 
 use super::state::{Turn, Unknowns};
 use super::{Scale, coarse};
 use glam::DVec3;
 use hifitime::Epoch;
 
-/// What is asked.
+/// Question of an attitude search.
 #[derive(Debug, Clone)]
 pub struct Question {
     /// The axis of the spin in the body.
     pub axis_body: DVec3,
     /// When the phase counts.
     pub epoch: Epoch,
-    /// What is unknown.
+    /// Unknown numbers of the spin.
     pub unknowns: Unknowns,
-    /// What is known: of it counts what is not unknown.
+    /// Known spin: only those of its numbers count that are not unknown.
     pub known: Turn,
     /// Turns a second between which the spin is looked for, pairs of a lower and an upper bound; negative ones are left-handed.
     pub rates: Vec<(f64, f64)>,
-    /// What of the brightness is free.
+    /// Free factors of the brightness.
     pub scale: Scale,
 }
 
@@ -42,18 +42,18 @@ impl Default for Options {
 /// How far the search is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
-    /// What is done.
+    /// Stage that the search is at.
     pub stage: &'static str,
     /// How much of it.
     pub done: usize,
-    /// Of how much.
+    /// Number of steps in the whole stage.
     pub of: usize,
 }
 
-/// What a search that was cut off can go on from.
+/// Checkpoint from which a search that was cut off can go on.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Checkpoint {
-    /// Of which question and which data.
+    /// Hash of the question and the data that it belongs to.
     pub of: u64,
     /// How many times the usual number of axes are looked at.
     pub times: usize,
@@ -67,7 +67,7 @@ pub struct Checkpoint {
 pub trait Watch: Sync {
     /// Something was done.
     fn tell(&self, progress: Progress);
-    /// What was done could be kept; called between chunks of the first look.
+    /// Keeps a checkpoint of the work so far, if wanted; called between chunks of the first look.
     fn keep(&self, checkpoint: &Checkpoint);
 }
 

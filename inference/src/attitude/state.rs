@@ -6,7 +6,7 @@ use hifitime::Epoch;
 use std::f64::consts::TAU;
 use sunglint_simulator::attitude::Spin;
 
-/// What is looked for; the rest is known.
+/// Unknown numbers of a spin; the others are known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Unknowns {
     /// The axis among the stars: two numbers.
@@ -35,7 +35,7 @@ pub struct Turn {
     pub phase_rad: f64,
 }
 
-/// What stays the same in all trials: the axis in the body, and from when the phase counts.
+/// Constants of all trials: the axis in the body, and from when the phase counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Law {
     axis_body: DVec3,
@@ -82,7 +82,7 @@ impl Law {
     /// The attitude of phase 0 for an axis.
     ///
     /// # Errors
-    /// As [`Spin::along`].
+    /// The errors of [`Spin::along`].
     pub fn upright(&self, axis_gcrs: DVec3) -> Result<DQuat, AttitudeError> {
         Ok(Spin::along(self.axis_body, axis_gcrs, 0.0, 0.0, self.epoch)?.body_to_gcrs(self.epoch))
     }
@@ -90,7 +90,7 @@ impl Law {
     /// The trial of a spin.
     ///
     /// # Errors
-    /// As [`Spin::along`].
+    /// The errors of [`Spin::along`].
     pub fn state(&self, turn: &Turn) -> Result<State, AttitudeError> {
         let Turn { axis_gcrs, turns_per_s, phase_rad } = *turn;
         let spin = Spin::along(self.axis_body, axis_gcrs, turns_per_s, phase_rad, self.epoch)?;
@@ -111,7 +111,7 @@ impl Law {
     /// The spin of a trial.
     ///
     /// # Errors
-    /// As [`Law::upright`].
+    /// The errors of [`Law::upright`].
     pub fn turn(&self, state: &State) -> Result<Turn, AttitudeError> {
         let axis_gcrs = (state.at_zero * self.axis_body).normalize();
         let there = self.at(state, self.epoch_s) * self.upright(axis_gcrs)?.conjugate();
@@ -136,7 +136,7 @@ impl Law {
     /// the turn about the axis alone, where one of them is; then the period, by the turn at the end of the data that its change makes.
     ///
     /// # Errors
-    /// As [`Law::state`].
+    /// The errors of [`Law::state`].
     pub fn moved(
         &self,
         state: &State,
@@ -167,7 +167,7 @@ impl Law {
         self.state(&turn)
     }
 
-    /// By how much two trials differ at most at the ends and in the middle of the data: the angle of the rotation between them, radians.
+    /// Returns the largest difference of two trials at the ends and in the middle of the data: the angle of the rotation between them, radians.
     pub fn apart(&self, a: &State, b: &State) -> f64 {
         [-1.0, 0.0, 1.0]
             .map(|end| self.middle_s + end * self.half_span_s)

@@ -35,7 +35,7 @@ pub struct Symmetry {
     pub unlike: f64,
 }
 
-/// What makes one attitude of another.
+/// Symmetry that makes one attitude of another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Twin {
     /// Whether Sun and observer are exchanged.
@@ -57,7 +57,7 @@ impl Twin {
         }
     }
 
-    /// By how much the light of the body's symmetry is unlike.
+    /// Returns the relative difference of the light under the body's symmetry.
     pub fn unlike(&self) -> f64 {
         self.body.map_or(0.0, |b| b.unlike)
     }

@@ -65,7 +65,7 @@ pub enum CompareError {
     Order {
         /// The measured file.
         path: PathBuf,
-        /// What is wrong.
+        /// Cause of the error.
         source: Box<ComparisonError>,
     },
     /// Rates that are not calibrated.
@@ -73,7 +73,7 @@ pub enum CompareError {
     NotCalibrated {
         /// The measured file.
         path: PathBuf,
-        /// What its rates are.
+        /// Kind of the curve's rates.
         kind: RateKind,
     },
     /// A column of magnitudes without any.

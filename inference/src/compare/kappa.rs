@@ -1,4 +1,4 @@
-//! What a calibrated curve says of its calibration.
+//! Calibration of a curve, as its metadata state it.
 
 use serde::Deserialize;
 use serde_json::Value;
@@ -6,9 +6,9 @@ use serde_json::Value;
 /// κ of the night, as a calibrated curve's metadata hold it.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Kappa {
-    /// What `sunglint calibrate` wrote.
+    /// File that `sunglint calibrate` wrote.
     pub file: String,
-    /// Its check sum.
+    /// Check sum of that file.
     pub sha256: String,
     /// The night whose κ it is.
     pub night: String,
@@ -31,12 +31,12 @@ pub struct KappaRow {
     pub kappa: f64,
     /// Standard uncertainty of ln κ.
     pub relative_sigma: f64,
-    /// Its interval.
+    /// Interval of κ.
     pub interval: [f64; 2],
 }
 
 impl Kappa {
-    /// Of a file's metadata; `None` where they are of another kind: a curve from elsewhere may have a note of its own under this key.
+    /// Reads κ from a file's metadata; `None` where they are of another kind: a curve from elsewhere may have a note of its own under this key.
     pub(super) fn of(value: &Value) -> Option<Self> {
         let kappa: Self = serde_json::from_value(value.clone()).ok()?;
         let n = kappa.channels.len();

@@ -1,4 +1,4 @@
-//! What was measured: a calibrated light curve, or a table of magnitudes.
+//! Measured data: a calibrated light curve, or a table of magnitudes.
 
 use super::{CompareError, Kappa, MissingColumn};
 use hifitime::Epoch;
@@ -35,11 +35,11 @@ pub struct MagnitudeColumns {
     pub magnitude: String,
     /// That of their standard uncertainties.
     pub sigma: Option<String>,
-    /// What they are.
+    /// Kind of the magnitudes.
     pub compared_as: MagnitudeKind,
 }
 
-/// What the values of a curve are.
+/// Quantity of a curve's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Rates at the detector, Hz.
@@ -51,24 +51,24 @@ pub enum Quantity {
 /// A channel as it was measured; the entries of its samples.
 #[derive(Debug, Clone)]
 pub struct MeasuredChannel {
-    /// Its name.
+    /// Name of the channel.
     pub name: String,
     /// The values; NaN where there is none.
     pub value: Vec<f64>,
     /// Their standard uncertainties; NaN where none is known.
     pub sigma: Vec<f64>,
-    /// What there is to say of each.
+    /// Flags of each sample.
     pub flags: Vec<Flags>,
 }
 
-/// What was measured.
+/// A measured pass.
 #[derive(Debug, Clone)]
 pub struct MeasuredPass {
     /// The file.
     pub path: PathBuf,
     /// The same with its check sum.
     pub input: Input,
-    /// What its values are.
+    /// Quantity of the values.
     pub quantity: Quantity,
     /// When: in order.
     pub times: Vec<Epoch>,
@@ -76,15 +76,15 @@ pub struct MeasuredPass {
     pub exposure_s: Option<Vec<f64>>,
     /// The channels; one of magnitudes.
     pub channels: Vec<MeasuredChannel>,
-    /// What calibrated it, as the file says.
+    /// Calibration of the curve, as the file says.
     pub kappa: Option<Kappa>,
     /// The target's name as the file has it; may be empty.
     pub target: String,
     /// The station's.
     pub station: String,
-    /// What went into it.
+    /// Input files of the pass.
     pub inputs: Vec<Input>,
-    /// What it says of itself.
+    /// Notes in the file about the curve.
     pub notes: Vec<String>,
 }
 
@@ -313,7 +313,7 @@ pub fn magnitude(flux: f64) -> f64 {
     if flux > 0.0 { -2.5 * flux.log10() } else { f64::NAN }
 }
 
-/// Of each measured channel what the simulation has, samples × channels; NaN where it has no such channel.
+/// Returns the simulation's values by measured channel, samples × channels; NaN where it has no such channel.
 fn by_channel(
     simulation: &Simulation<'_>,
     channels: &[MeasuredChannel],
@@ -328,7 +328,7 @@ fn by_channel(
 }
 
 impl Quantity {
-    /// What a simulation has of it, samples × channels.
+    /// Returns the simulated values of this quantity, samples × channels.
     pub fn of(self, simulation: &Simulation<'_>, channels: &[MeasuredChannel]) -> Array2<f64> {
         let n = simulation.places.len();
         match self {
@@ -353,7 +353,7 @@ impl Quantity {
         }
     }
 
-    /// Its unit in texts; empty of magnitudes' fluxes.
+    /// Returns the unit for texts: Hz for rates, mag for magnitudes' fluxes.
     pub fn unit(self) -> &'static str {
         match self {
             Quantity::Rate => "Hz",

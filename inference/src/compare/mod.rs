@@ -62,7 +62,7 @@ const STRETCH_ROWS: usize = 8;
 /// Bins of an angle or an airmass.
 const BINS: usize = 12;
 
-/// What a comparison took.
+/// Computing effort of a comparison.
 #[derive(Debug, Clone)]
 pub struct Effort {
     /// The simulation of the middles of the exposures.
@@ -74,11 +74,11 @@ pub struct Effort {
 /// A channel with all that is known of each sample, in the rows of the measured file.
 #[derive(Debug, Clone)]
 pub struct ComparedChannel {
-    /// What was measured.
+    /// Measured data.
     pub measured: MeasuredChannel,
-    /// What was simulated: means over the exposures; NaN outside the scene's times.
+    /// Simulated values: means over the exposures; NaN outside the scene's times.
     pub simulated: Vec<f64>,
-    /// Its stated error.
+    /// Stated error of the simulated values.
     pub model_error: Vec<f64>,
     /// Which samples count, and what they say.
     pub channel: Channel,
@@ -110,11 +110,11 @@ pub struct SceneAtTimes {
 
 /// A measured pass beside the simulated one.
 pub struct Comparison<'a> {
-    /// What was measured.
+    /// Measured data.
     pub measured: MeasuredPass,
-    /// What was simulated.
+    /// Simulation of the pass.
     pub simulation: Simulation<'a>,
-    /// Its means over the exposures, a row a simulated one.
+    /// Means of the simulation over the exposures, one row for each simulated exposure.
     pub means: ExposureMeans,
     /// The rows of the measured file that were simulated.
     pub rows: Vec<usize>,
@@ -126,9 +126,9 @@ pub struct Comparison<'a> {
     pub ratios: Vec<Ratio>,
     /// Where the target stood.
     pub course: Course,
-    /// What it took.
+    /// Computing effort.
     pub effort: Effort,
-    /// What a person should hear of.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
@@ -303,7 +303,7 @@ impl<'a> Comparison<'a> {
         })
     }
 
-    /// What it is, in a line.
+    /// Returns a title of the comparison, in a line.
     pub fn title(&self) -> String {
         let pass = self.simulation.pass;
         let name = if self.measured.target.is_empty() {

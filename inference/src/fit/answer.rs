@@ -1,4 +1,4 @@
-//! What a fit found, with everything that somebody might show of it.
+//! Result of a fit, with everything that somebody might show of it.
 
 use crate::measured::MeasuredCurve;
 use crate::solver::spectrum::Upsampled;
@@ -17,7 +17,7 @@ const PHASE_EDGES: [f64; 7] = [0.0, 30.0, 60.0, 90.0, 120.0, 150.0, 180.0];
 /// Edges of groups of airmasses.
 const AIRMASS_EDGES: [f64; 6] = [1.0, 1.25, 1.6, 2.1, 3.0, 40.0];
 
-/// What a fit found.
+/// Result of the fit of passes.
 #[derive(Debug, Clone, Serialize)]
 pub struct PassFit {
     /// The name of the first scene's file, without its extension.
@@ -30,7 +30,7 @@ pub struct PassFit {
     pub channels: Vec<String>,
     /// The fit.
     pub fit: Fit,
-    /// What the scene said of each parameter before the fit.
+    /// Value of each parameter in the scene before the fit.
     pub in_the_scene: Vec<f64>,
     /// Residuals in groups.
     pub groups: ResidualGroups,
@@ -46,7 +46,7 @@ pub struct PassFit {
     pub bounces: Option<Bounces>,
     /// How long it took, s.
     pub seconds: f64,
-    /// What a person should hear of.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
     /// The scene with what was found, as text.
     #[serde(skip)]
@@ -142,7 +142,7 @@ pub struct LeftOut {
 /// A track of magnitudes.
 #[derive(Debug, Clone, Serialize)]
 pub struct MagnitudeTrack {
-    /// Its first moment.
+    /// First moment of the track.
     #[serde(serialize_with = "utc")]
     pub from_utc: Epoch,
     /// Samples.

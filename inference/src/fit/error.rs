@@ -54,7 +54,7 @@ pub enum PassFitError {
     Study {
         /// The curve.
         path: PathBuf,
-        /// Its first and last moment.
+        /// First and last moment of the curve.
         ends: (Epoch, Epoch),
         /// Why.
         source: Box<PassError>,
@@ -70,7 +70,7 @@ pub enum PassFitError {
     /// A parameter of a scene's `[fit]` that is none.
     #[error("[fit] free: {why}")]
     FreeSyntax {
-        /// What is wrong with it.
+        /// Description of the error.
         why: String,
     },
     /// A name that is free twice.
@@ -99,7 +99,7 @@ pub enum PassFitError {
     NoRange {
         /// The parameter.
         name: String,
-        /// What the scene says.
+        /// Value in the scene.
         start: f64,
     },
     /// A start outside the range.
@@ -107,14 +107,14 @@ pub enum PassFitError {
     Outside {
         /// The parameter.
         name: String,
-        /// What the scene says.
+        /// Value in the scene.
         start: f64,
         /// The range's lower end.
         low: f64,
         /// The range's upper end.
         high: f64,
     },
-    /// What was found makes no scene.
+    /// Fitted values that make no valid scene.
     #[error("the scene with what was found is none: {why}")]
     FittedScene {
         /// Why.

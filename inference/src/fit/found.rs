@@ -1,4 +1,4 @@
-//! What a fit found, put back into scenes: spectra through albedos, light between the parts, the scene as text.
+//! Result of a fit, put back into scenes: spectra through albedos, light between the parts, the scene as text.
 
 use super::answer::{Bounces, MaterialSpectrum};
 use super::parameters::{self, Parameters};
@@ -21,18 +21,18 @@ const MOST_ROUNDS: usize = 12;
 /// A round that moves no parameter by more of its standard uncertainty is the last.
 const SETTLED_SIGMAS: f64 = 0.1;
 
-/// What is held of a curve's bounced light, on its way to the fixed point of h = G(h), G being what is computed for the fit with h held: the secant through the last
+/// Bounced light of a curve that is held, on its way to the fixed point of h = G(h), G being the light computed for the fit with h held: the secant through the last
 /// two rounds (Anderson's acceleration of depth 1; Walker and Ni 2011).
 #[derive(Default)]
 struct Held {
-    /// What was held last, and by how much what was computed then differed.
+    /// Light held in the last round, and how much the light computed then differed from it.
     last: Option<(Array2<f64>, Array2<f64>)>,
-    /// What is held now.
+    /// Light held now.
     now: Option<Array2<f64>>,
 }
 
 impl Held {
-    /// What to hold next, after `computed` was found for the fit with what is held now. Never below 0.
+    /// Returns the light to hold next, after `computed` was found for the fit with the light held now. Never below 0.
     fn next(&mut self, computed: Array2<f64>) -> Array2<f64> {
         // Channels are alike by their brightest sample.
         let mut unit = computed.clone();
@@ -60,10 +60,10 @@ impl Held {
     }
 }
 
-/// What light between the parts is computed of.
+/// Inputs for computing the light between the parts.
 pub(super) struct Bouncing<'a> {
     pub curves: &'a [CurveOfScene],
-    /// Of which curves.
+    /// True for the curves whose light between the parts is computed.
     pub of: &'a [bool],
     pub parameters: &'a Parameters,
     pub channels: &'a [String],

@@ -1,4 +1,4 @@
-//! What a simulation must be like for it to look as what was measured.
+//! Fit of a simulation: the parameters with which it looks as the measured curves.
 //!
 //! - [`FitOptions`]: what is free ([`FreeParameter`]) and how it is searched for, as `[fit]` of a scene says, or a caller;
 //! - [`fit`]: the search, light that is computed at few epochs and few moments of each exposure where that does not matter, light between the parts that is
@@ -48,9 +48,9 @@ use sunglint_simulator::light::engine::Switch;
 use sunglint_simulator::pass::{Averaged, Study, Thinned};
 use sunglint_simulator::target::Shape;
 
-/// Of the scene's tolerance, the part that light may err by that is computed at some epochs and is linear in time between them.
+/// Part of the scene's tolerance that the light may err by where it is computed at some epochs and is linear in time between them.
 const THINNED: f64 = 0.3;
-/// Of the best sample's uncertainty, the part that the light of an exposure's middle may be off from the mean.
+/// Part of the best sample's uncertainty that the light of an exposure's middle may be off from the mean.
 const AVERAGED_SIGMAS: f64 = 0.1;
 /// How often such epochs, and moments within exposures, are added where a fit ended.
 const REFINED: usize = 3;
@@ -86,7 +86,7 @@ struct Search<'a> {
     data: &'a [Data],
     parameters: &'a Parameters,
     options: Options,
-    /// By how much the middles of exposures may differ from the means, by curve.
+    /// Allowed difference between the middles of exposures and the means, by curve.
     middles: Vec<f64>,
     progress: &'a dyn Progress,
 }
@@ -310,7 +310,7 @@ fn inputs_of(curves: &[CurveOfScene], model: &StudyModel) -> Result<Vec<Input>, 
     Ok(all)
 }
 
-/// By how much, relative, the light of an exposure's middle may differ from the mean of a curve's samples: by what does not matter beside the best sample's
+/// Returns the relative difference allowed between the light of an exposure's middle and the mean, for a curve's samples: an amount that does not matter beside the best sample's
 /// uncertainty, or beside what light itself may err by.
 fn middle_may_err(data: &Data, tolerance: f64) -> f64 {
     let used = data.used.iter().zip(data.sigma.iter().zip(&data.rate)).filter(|(used, _)| **used);
@@ -325,7 +325,7 @@ fn searched(fit: &Fit) -> Vec<f64> {
     own.map(|p| p.value).collect()
 }
 
-/// What the lines between epochs at which light was computed err by, over what they may.
+/// Returns the error of the lines between epochs at which light was computed, over the allowed error.
 fn wrong_between(model: &mut StudyModel, fit: &Fit) -> Result<f64, PassFitError> {
     let thinned = model.thinned(&searched(fit))?;
     let own = thinned.iter().enumerate().filter_map(|(k, t)| {

@@ -1,4 +1,4 @@
-//! What is fitted, and how.
+//! Options of a fit: the free parameters, and how they are searched for.
 
 use super::{FreeParameter, PassFitError};
 use crate::solver::{Loss, Options};
@@ -7,11 +7,11 @@ use std::path::Path;
 use sunglint_calibration::stars::scintillation::USUAL_COEFFICIENT;
 use sunglint_formats::toml::{Document, NonNegative};
 
-/// What is fitted, and how.
+/// Options of a fit: the free parameters, and how they are searched for.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct FitOptions {
-    /// What is free; each name once.
+    /// Free parameters; each name once.
     pub free: Vec<FreeParameter>,
     /// Names of free parameters of which each curve has its own.
     pub per_pass: Vec<String>,
@@ -69,7 +69,7 @@ struct AnyFile {
 }
 
 impl FitOptions {
-    /// What `[fit]` of a scene file says, and the defaults for what it does not.
+    /// Reads the options in `[fit]` of a scene file, with the defaults for those that are not given.
     ///
     /// # Errors
     /// A file that cannot be read, keys that are none, a parameter that is none.
@@ -100,7 +100,7 @@ impl FitOptions {
         Ok(())
     }
 
-    /// What the solver takes of them.
+    /// Returns the options that the solver takes.
     pub(super) fn solver(&self) -> Options {
         Options {
             loss: self.loss,

@@ -1,4 +1,4 @@
-//! What is free, by name: numbers of the scene, reflectances of materials, offsets, extinction.
+//! Free parameters, by name: numbers of the scene, reflectances of materials, offsets, extinction.
 
 use super::PassFitError;
 use crate::scene::Scene;
@@ -18,9 +18,9 @@ const FACTORS: (f64, f64) = (0.5, 2.0);
 /// A parameter as it is asked for: by its name, or by name and range; written `NAME`, or `NAME=LO..HI`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreeParameter {
-    /// Its name.
+    /// Name of the parameter.
     pub name: String,
-    /// Its range.
+    /// Range of the parameter.
     pub range: Option<(f64, f64)>,
 }
 
@@ -45,9 +45,9 @@ impl FromStr for FreeParameter {
 
 /// One curve with its scene, as parameters see it.
 pub(super) struct CurveSide<'a> {
-    /// Its scene.
+    /// Scene of the curve.
     pub scene: &'a Scene,
-    /// Its study.
+    /// Study of the curve.
     pub study: &'a Study,
     /// The station's channel of each channel of the fit.
     pub unit: Unit,
@@ -72,11 +72,11 @@ pub(super) struct Parameters {
     pub free: Vec<Free>,
     /// Those that are solved for.
     pub linear: Vec<Linear>,
-    /// What these scale.
+    /// Components that the linear parameters scale.
     pub components: Vec<Component>,
-    /// What each that is searched for sets, and in which curves (all where `None`).
+    /// Role of each parameter that is searched for, and in which curves it acts (all where `None`).
     roles: Vec<(Role, Option<usize>)>,
-    /// Of each that is solved for: material, and channel (`None`: all alike).
+    /// Material of each parameter that is solved for, and its channel (`None`: all alike).
     pub scales: Vec<(String, Option<usize>)>,
 }
 
@@ -325,7 +325,7 @@ impl Parameters {
         )
     }
 
-    /// What the scene says of each parameter: where its search starts, or the value for which its light is as the scene has it.
+    /// Returns the value of each parameter in the scene: where its search starts, or the value for which its light is as the scene has it.
     pub fn in_the_scene(&self) -> Vec<f64> {
         let searched = self.free.iter().map(|f| f.start);
         searched.chain(self.linear.iter().map(|l| l.unit)).collect()

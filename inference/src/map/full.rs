@@ -15,7 +15,7 @@ use sunglint_simulator::light::{Faceted, Scene};
 use sunglint_simulator::pass::{Pass, Place};
 use sunglint_simulator::picture::Map;
 
-/// What is mapped over all directions.
+/// Options of a map over all directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MapOptions {
     /// The cells.

@@ -37,9 +37,9 @@ pub enum SpinQualityError {
         "{periods:.0} periods within {percent} % of {period_s} s over {span_s:.0} s, at most {MOST_PERIODS}"
     )]
     Periods {
-        /// As many periods as would have to be looked at.
+        /// Number of periods that would have to be looked at.
         periods: f64,
-        /// By how much they differ, percent.
+        /// Largest difference from the period in the middle, percent.
         percent: f64,
         /// The period in their middle, s.
         period_s: f64,
@@ -92,7 +92,7 @@ pub struct SpinQuality {
     pub alike: f64,
     /// Their periods from … to, s.
     pub alike_s: (f64, f64),
-    /// What a person should know of the result.
+    /// Warnings about the result, for the user.
     pub warnings: Vec<String>,
 }
 

@@ -110,7 +110,7 @@ impl Shortcut {
 /// Maps on the frame of a body.
 #[derive(Debug, Clone)]
 pub struct BodyMaps {
-    /// What they are of, for titles.
+    /// Subject of the maps, for titles.
     pub title: String,
     /// The phase angle of a map over all directions, degrees.
     pub phase_deg: Option<f64>,
@@ -120,6 +120,6 @@ pub struct BodyMaps {
     pub track: Option<Track>,
     /// The error of maps in place of the light engine along the pass, channel by channel.
     pub shortcut: Vec<Shortcut>,
-    /// What a person should know of the result.
+    /// Warnings about the result, for the user.
     pub warnings: Vec<String>,
 }

@@ -20,11 +20,11 @@ const MOST_BANDS: usize = 12;
 pub struct PlacedCurve {
     /// The curve.
     pub lit: LitCurve,
-    /// Its bands with the endmembers.
+    /// Bands of the curve with the endmembers.
     pub bands: Bands,
     /// Reflection factors and weights, sample by sample.
     pub found: Vec<Unmixed>,
-    /// What a person should know of curve and materials.
+    /// Warnings about the curve and the materials, for the user.
     pub warnings: Vec<String>,
 }
 
@@ -57,7 +57,7 @@ impl PlacedCurve {
 /// Maps the samples of a curve on the frame of the scene's body: reflection factors of its bands, and shares of `materials`.
 ///
 /// # Errors
-/// As [`PlacedCurve::read`]; no sample that counts.
+/// The errors of [`PlacedCurve::read`]; no sample that counts.
 pub fn map_samples(
     pass: &Pass,
     path: &Path,

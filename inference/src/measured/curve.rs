@@ -13,7 +13,7 @@ use sunglint_radiometry::light_curve::{Flags, LightCurve, RateKind};
 /// A measured curve, ready to be fitted.
 #[derive(Debug, Clone)]
 pub struct MeasuredCurve {
-    /// Its file.
+    /// File of the curve.
     pub path: PathBuf,
     /// Times of its samples.
     pub times: Vec<Epoch>,
@@ -29,13 +29,13 @@ pub struct MeasuredCurve {
     pub used: Array2<bool>,
     /// How many were left out, and why.
     pub left_out: BTreeMap<String, usize>,
-    /// What is known of the calibration.
+    /// Error of the calibration, where it is known.
     pub calibration: Option<CalibrationError>,
     /// Whether these are magnitudes.
     pub magnitudes: bool,
     /// White noise of each track of magnitudes, mag: first moment, noise, samples.
     pub tracks: Vec<(Epoch, f64, usize)>,
-    /// What a person should hear of.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 

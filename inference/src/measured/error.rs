@@ -67,7 +67,7 @@ pub enum MeasuredError {
     NotCalibrated {
         /// The curve.
         path: PathBuf,
-        /// What its rates are.
+        /// Kind of the curve's rates.
         kind: RateKind,
     },
     /// A curve without samples.

@@ -27,7 +27,7 @@ const _: () = assert!(V < BANDS.len());
 /// A curve with the scene that it is of.
 #[derive(Debug, Clone)]
 pub struct CurveOfScene {
-    /// What was measured.
+    /// Measured curve.
     pub measured: MeasuredCurve,
     /// The scene.
     pub scene: Scene,

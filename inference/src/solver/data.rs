@@ -1,4 +1,4 @@
-//! What was measured, as the fit wants it: numbers by epoch and channel, their noise, and what the channels share.
+//! Measured data as the fit wants them: numbers by epoch and channel, their noise, and what the channels share.
 
 use super::FitError;
 use ndarray::Array2;
@@ -9,7 +9,7 @@ const LEAST_VARIANCE: f64 = 0.1;
 /// One measured curve. All curves of a fit have the same channels in the same order; what a curve lacks is not `used`.
 #[derive(Debug, Clone)]
 pub struct Data {
-    /// Its name, in messages.
+    /// Name of the curve, in messages.
     pub name: String,
     /// Rates, epochs × channels, in the unit of the model's ([`super::Columns`]): Hz, or fluxes.
     pub rate: Array2<f64>,
@@ -19,9 +19,9 @@ pub struct Data {
     pub used: Array2<bool>,
     /// Relative variance that all channels of an epoch share: scintillation ([`sunglint_calibration::stars::scintillation::Aperture`]).
     pub common_variance: Vec<f64>,
-    /// By how much the variance grows with the rate, ∂σ²/∂rate, epochs × channels: photons. Zeros where the stated variances hold as they are.
+    /// Growth of the variance with the rate, ∂σ²/∂rate, epochs × channels: photons. Zeros where the stated variances hold as they are.
     pub variance_slope: Array2<f64>,
-    /// What is known of the calibration.
+    /// Error of the calibration, where it is known.
     pub calibration: Option<CalibrationError>,
 }
 

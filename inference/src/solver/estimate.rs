@@ -8,14 +8,14 @@ use std::collections::BTreeMap;
 
 /// Two-sided 95 % of a normal distribution.
 const Z95: f64 = 1.959_963_984_540_054;
-/// Its square: Δχ² of a 95 % interval of one parameter.
+/// Square of `Z95`: Δχ² of a 95 % interval of one parameter.
 const CHI95: f64 = 3.841_458_820_694_124;
-/// What is nearer to a bound than so many standard uncertainties gets a profile interval.
+/// Distance to a bound, in standard uncertainties, below which a parameter gets a profile interval.
 const NEAR: f64 = 2.0;
 /// Correlations above this are named.
 const CORRELATED: f64 = 0.98;
 
-/// What is known of the minimum.
+/// Estimates at the minimum, with their covariance and the warnings.
 pub(super) struct Known {
     pub estimates: Vec<Estimate>,
     /// Parameters × parameters, the calibration's part in it; NaN rows where a bound holds.
@@ -356,7 +356,7 @@ fn jacobian(
     Ok(jacobian)
 }
 
-/// What the calibration's errors make of the parameters: an error ε of ln κ changes the data by ε times the rate, and the parameters by the
+/// Returns the covariance of the parameters by the calibration's errors: an error ε of ln κ changes the data by ε times the rate, and the parameters by the
 /// same least squares as any other change of the data.
 fn calibration(
     problem: &Problem,

@@ -52,9 +52,9 @@ pub enum FitError {
     /// Input that makes no sense.
     #[error("{what}: {found}")]
     Input {
-        /// Of what.
+        /// Input that makes no sense.
         what: String,
-        /// What was found, and expected.
+        /// Value found, and value expected.
         found: String,
     },
     /// No sample counts.
@@ -124,13 +124,13 @@ pub enum IntervalMethod {
 /// A parameter's value and what is known of it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Estimate {
-    /// Its name, with its unit where it has one.
+    /// Name of the parameter, with its unit where it has one.
     pub name: String,
     /// Whether it was searched or solved for.
     pub kind: ParameterKind,
-    /// Its value.
+    /// Value of the parameter.
     pub value: f64,
-    /// Its standard uncertainty, the calibration's part in it; `None` where the data do not determine it.
+    /// Standard uncertainty of the value, the calibration's part in it; `None` where the data do not determine it.
     pub sigma: Option<f64>,
     /// The part that the calibration's errors have in it.
     pub sigma_calibration: Option<f64>,
@@ -150,7 +150,7 @@ impl Estimate {
     }
 }
 
-/// What a person should hear of before believing a fit.
+/// Warning that the user should read before believing a fit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "what")]
 #[non_exhaustive]
@@ -171,7 +171,7 @@ pub enum Warning {
     AtBound {
         /// Which.
         name: String,
-        /// Its value.
+        /// Value of the parameter.
         value: f64,
         /// Which bound.
         side: Side,
@@ -180,16 +180,16 @@ pub enum Warning {
     TooLarge {
         /// Which.
         name: String,
-        /// Its value.
+        /// Value of the parameter.
         value: f64,
-        /// Its standard uncertainty.
+        /// Standard uncertainty of the value.
         sigma: f64,
         /// The largest that makes sense.
         most: f64,
     },
     /// Another minimum that the data do not exclude.
     OtherMinimum {
-        /// Its χ² above that of the best one, over the scale of the errors.
+        /// Excess of this minimum's χ² over that of the best one, over the scale of the errors.
         delta_chi2: f64,
         /// The parameters there.
         at: Vec<(String, f64)>,
@@ -201,7 +201,7 @@ pub enum Warning {
     },
     /// The search ended before it was at a minimum.
     NotConverged {
-        /// What did not settle.
+        /// Description of what did not settle.
         why: String,
     },
 }
@@ -269,7 +269,7 @@ pub struct FittedCurve {
     pub weight: Array2<f64>,
 }
 
-/// What a fit found.
+/// Result of a fit.
 #[derive(Debug, Clone, Serialize)]
 pub struct Fit {
     /// The parameters: those that were searched for, then those that were solved for.
@@ -284,7 +284,7 @@ pub struct Fit {
     pub degrees_of_freedom: usize,
     /// χ² over the degrees of freedom.
     pub reduced_chi2: f64,
-    /// What the covariance of the stated noise was multiplied by.
+    /// Factor by which the covariance of the stated noise was multiplied.
     pub scaled_by: f64,
     /// The loss.
     pub loss: Loss,
@@ -294,7 +294,7 @@ pub struct Fit {
     pub minima: Vec<Minimum>,
     /// How often the model was computed.
     pub evaluations: usize,
-    /// What a person should hear of.
+    /// Warnings for the user.
     #[serde(skip)]
     pub warnings: Vec<Warning>,
     /// The curves.

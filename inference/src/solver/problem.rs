@@ -6,7 +6,7 @@ use super::{Data, FitError};
 use nalgebra::{DMatrix, DVector};
 use ndarray::{Array2, Array3};
 
-/// What a model says of one curve: rate = `fixed` + Σ_k coefficient_k `columns`_k. A component without a linear parameter has the coefficient 1.
+/// Prediction of a model for one curve: rate = `fixed` + Σ_k coefficient_k `columns`_k. A component without a linear parameter has the coefficient 1.
 #[derive(Debug, Clone)]
 pub struct Columns {
     /// Rates that nothing linear changes, epochs × channels, in the unit of the data.
@@ -20,7 +20,7 @@ pub struct Columns {
 #[error("{0}")]
 pub struct ModelError(pub String);
 
-/// What is fitted: curves for values of the parameters that are not linear.
+/// A model that is fitted: it gives curves for values of the parameters that are not linear.
 pub trait Model {
     /// One [`Columns`] for each measured curve, at its epochs.
     ///
@@ -32,13 +32,13 @@ pub trait Model {
 /// A parameter that is not linear.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Free {
-    /// Its name, with its unit.
+    /// Name of the parameter, with its unit.
     pub name: String,
     /// Where the search starts.
     pub start: f64,
-    /// Its least value.
+    /// Least value of the parameter.
     pub low: f64,
-    /// Its largest value.
+    /// Largest value of the parameter.
     pub high: f64,
     /// The step of differences.
     pub step: f64,
@@ -57,7 +57,7 @@ impl Free {
 /// A parameter that rates are proportional to: the coefficient of a component, not below 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Linear {
-    /// Its name.
+    /// Name of the parameter.
     pub name: String,
     /// Which component.
     pub component: usize,
@@ -86,7 +86,7 @@ pub(super) struct Problem<'a> {
     pub plausible: bool,
 }
 
-/// By how much the largest that makes sense may be exceeded in the search.
+/// Factor by which the search may exceed the largest value that makes sense.
 const PLAUSIBLE: f64 = 1.5;
 
 /// The sum of squares at one place.

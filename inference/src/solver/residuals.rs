@@ -6,13 +6,13 @@ use serde::Serialize;
 /// The residuals of a group of samples.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
-    /// What the samples have in common: a channel's name, a range of phase angles.
+    /// Common property of the samples: a channel's name, a range of phase angles.
     pub group: String,
     /// Samples.
     pub samples: usize,
     /// Mean of (measured − model)/model, weighted by the inverse square of the samples' noise.
     pub mean_relative: f64,
-    /// Its standard uncertainty by the noise of single samples, which takes them as independent.
+    /// Standard uncertainty of the mean by the noise of single samples, which takes them as independent.
     pub sigma_relative: f64,
     /// Root of the mean square of measured less model over the noise of a single sample: 1 where noise and model are as stated.
     pub rms_pull: f64,

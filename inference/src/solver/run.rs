@@ -106,7 +106,7 @@ impl Default for Options {
 /// How far a fit is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
-    /// What is being done.
+    /// Stage that the fit is at.
     pub stage: &'static str,
     /// How often the model was computed.
     pub evaluations: usize,

@@ -26,7 +26,7 @@ pub struct Band {
     pub weights: Vec<f64>,
     /// The albedo.
     pub albedo: f64,
-    /// Its standard uncertainty.
+    /// Standard uncertainty of the albedo.
     pub sigma: f64,
 }
 
@@ -37,7 +37,7 @@ pub struct Upsampled {
     pub wavelength_nm: Vec<f64>,
     /// The reflectance there.
     pub reflectance: Vec<f64>,
-    /// Its standard uncertainty by those of the bands, for spectra of this form; what the form excludes is not in it.
+    /// Standard uncertainty of the reflectance by those of the bands, for spectra of this form; what the form excludes is not in it.
     pub sigma: Vec<f64>,
     /// Whether a band constrains it there.
     pub constrained: Vec<bool>,
@@ -73,7 +73,7 @@ pub enum SpectrumFitError {
     Albedo {
         /// The band.
         band: String,
-        /// Its albedo.
+        /// Albedo of the band.
         albedo: f64,
     },
 }

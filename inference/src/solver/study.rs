@@ -9,7 +9,7 @@ use sunglint_simulator::light::{Source, Term};
 use sunglint_simulator::pass::{Averaged, Study, TermRates, Thinned};
 use sunglint_simulator::target::Target;
 
-/// What makes a thing from the parameters' values: called where one of those that it uses has changed.
+/// Function that makes a thing from the parameters' values: called where one of those that it uses has changed.
 type Make<T> = Box<dyn Fn(&[f64]) -> Result<T, String> + Send + Sync>;
 
 /// How a part of a pass follows the parameters.
@@ -41,9 +41,9 @@ pub enum Unit {
 /// How one pass follows the parameters.
 #[derive(Default)]
 pub struct Shaping {
-    /// Its attitude.
+    /// Attitude in the pass, as it follows the parameters.
     pub attitude: Option<Law<Attitude>>,
-    /// Its target.
+    /// Target in the pass, as it follows the parameters.
     pub target: Option<Law<Target>>,
     /// The parameter (s) that the model's times are later by than the data's.
     pub time_offset: Option<usize>,
@@ -159,7 +159,7 @@ impl StudyModel {
         self.passes.iter_mut().map(one).collect()
     }
 
-    /// What the lines between these epochs err by at the parameters' values; `None` of a pass whose light is computed at all of them.
+    /// Returns the error of the lines between these epochs at the parameters' values; `None` for a pass whose light is computed at all of them.
     ///
     /// # Errors
     /// Values for which there is no model.
@@ -171,7 +171,7 @@ impl StudyModel {
         self.passes.iter_mut().map(one).collect()
     }
 
-    /// What has a coefficient.
+    /// Returns the components, each of which has a coefficient.
     pub fn components(&self) -> &[Component] {
         &self.components
     }
@@ -301,7 +301,7 @@ pub fn airmasses(study: &Study) -> Vec<f64> {
     study.places().iter().map(|p| p.apparent_zenith_deg.map_or(f64::NAN, of)).collect()
 }
 
-/// What a channel makes of a reflectance that is linear between knots (vacuum nm): ∫ h E T P λ dλ / ∫ E T P λ dλ = Σ_a h_a w_a, exactly, with
+/// Returns the knots' weights in a channel's mean of a reflectance that is linear between knots (vacuum nm): ∫ h E T P λ dλ / ∫ E T P λ dλ = Σ_a h_a w_a, exactly, with
 /// weights w_a that add up to 1. `transmission` is the air's; outside the knots the reflectance is taken as 0, so that they should span the channel.
 ///
 /// # Errors
@@ -329,7 +329,7 @@ pub fn band_weights(
 /// The band albedo of a spectrum: its mean with the weights of a channel.
 ///
 /// # Errors
-/// As [`band_weights`].
+/// The errors of [`band_weights`].
 pub fn band_mean(
     study: &Study,
     channel: usize,

@@ -26,9 +26,9 @@ pub enum MaterialsError {
         nearest.as_ref().map_or(String::new(), |n| format!("; did you mean {n}?"))
     )]
     Unknown {
-        /// What was asked for.
+        /// Requested name.
         name: String,
-        /// What is built in.
+        /// Names of the built-in materials.
         known: Vec<&'static str>,
         /// The most similar of these.
         nearest: Option<&'static str>,
@@ -38,7 +38,7 @@ pub enum MaterialsError {
     Colour {
         /// The material's name.
         material: String,
-        /// What is wrong with it.
+        /// Cause of the error.
         source: SpectrumError,
     },
     /// A material that is given twice.
@@ -69,7 +69,7 @@ pub enum MaterialsError {
         path: PathBuf,
         /// The column's name.
         column: String,
-        /// What is wrong with it.
+        /// Cause of the error.
         source: SpectrumError,
     },
 }
@@ -81,7 +81,7 @@ pub struct Materials {
     pub endmembers: Vec<Endmember>,
     /// The files.
     pub inputs: Vec<Input>,
-    /// What a person should know of them.
+    /// Warnings about the materials, for the user.
     pub warnings: Vec<String>,
 }
 

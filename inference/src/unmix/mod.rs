@@ -45,7 +45,7 @@ pub enum UnmixCurveError {
         file: String,
         /// Why not, with numbers of samples.
         reasons: String,
-        /// What a person should know of curve and materials.
+        /// Warnings about the curve and the materials, for the user.
         warnings: Vec<String>,
     },
 }
@@ -53,7 +53,7 @@ pub enum UnmixCurveError {
 /// How a curve is unmixed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UnmixOptions {
-    /// What the weights add up to.
+    /// Constraint on the sum of the weights.
     pub constraint: Constraint,
     /// All bands count alike, whatever their uncertainties.
     pub unweighted: bool,
@@ -76,7 +76,7 @@ pub struct UnmixedCurve {
     pub time: Vec<Epoch>,
     /// The bands of the curve with the endmembers.
     pub bands: Bands,
-    /// What all bands together can tell, at the zenith angle of the first sample.
+    /// Mixing matrix of all bands together, and what it can tell apart, at the zenith angle of the first sample.
     pub mixing: Mixing,
     /// The weights, sample by sample.
     pub found: Vec<Unmixed>,
@@ -84,7 +84,7 @@ pub struct UnmixedCurve {
     pub is_absolute: bool,
     /// How the materials are taken for one another, where that was asked.
     pub confusion: Option<MaterialConfusion>,
-    /// What a person should know of the result.
+    /// Warnings about the result, for the user.
     pub warnings: Vec<String>,
     /// The files of the curve and of the materials.
     pub inputs: Vec<Input>,

@@ -10,7 +10,7 @@ use sunglint_inference::attitude::{
 use sunglint_simulator::attitude::Spin;
 use sunglint_testkit::{Campaign, cpu_s};
 
-/// What is kept of a seed. `axis_chi2` is the error of the axis over its stated uncertainty, squared, of two degrees of freedom; `verdict` 0 one, 1 several, 2 undetermined; `truth_above` of those not found the
+/// Columns that are kept of each seed. `axis_chi2` is the error of the axis over its stated uncertainty, squared, of two degrees of freedom; `verdict` 0 one, 1 several, 2 undetermined; `truth_above` of those not found the
 /// χ² of the true attitude above that of the answer (negative: the search has not seen it).
 const COLUMNS: [&str; 12] = [
     "period_s",

@@ -102,7 +102,7 @@ fn brightness_that_is_free_is_found() {
     }
 }
 
-/// What the scene knows of axis, phase and period, in every way: from one unknown to four.
+/// Searches with axis, phase and period known to the scene or not, in every combination: from one unknown to four.
 #[test]
 fn one_to_four_unknowns() {
     let pass = pass(BODY, "2020-11-18T16:22:00", "2020-11-18T16:30:00", 8.0);

@@ -148,7 +148,7 @@ pub fn question(spin_axis: DVec3, epoch: hifitime::Epoch, shortest_s: f64) -> Qu
     }
 }
 
-/// What a seed makes: a spin about the body's z axis with any axis, phase, sense and a period of 10 to 200 s.
+/// Makes a blind case from a seed: a spin about the body's z axis with any axis, phase, sense and a period of 10 to 200 s.
 pub fn blind(seed: u64) -> (Measured, Spin, Question, f64) {
     blind_in(usual(seed), seed)
 }

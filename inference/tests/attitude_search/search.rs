@@ -7,7 +7,7 @@ use rand_xoshiro::Xoshiro256PlusPlus as Random;
 use sunglint_inference::attitude::{Options, find};
 use sunglint_simulator::attitude::Spin;
 
-/// What a watch was given to keep.
+/// Checkpoints that a watch was given to keep.
 struct Keeping(std::sync::Mutex<Vec<sunglint_inference::attitude::Checkpoint>>);
 
 impl sunglint_inference::attitude::Watch for Keeping {

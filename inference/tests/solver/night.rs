@@ -78,7 +78,7 @@ pub fn visible(pass: &Pass) -> Vec<(Epoch, f64)> {
     found
 }
 
-/// What disturbs a pass.
+/// Disturbances of a pass.
 #[derive(Clone, Copy, Default)]
 pub struct Weather {
     /// A tenth of the samples fall out, in one gap.

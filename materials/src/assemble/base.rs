@@ -1,4 +1,4 @@
-//! What the NDF says of a sample, and how samples differ from it.
+//! Prediction of a sample by the NDF, and how samples differ from it.
 //!
 //! f₀(λ) = F(λ) D(h) G/(4 cosθ_i cosθ_o) + ρ(λ)/π is reciprocal, whatever D, and at most twice too dark or bright by its masking G. What was measured is f₀ q; ln q is smooth, so that it is interpolated between
 //! directions that are far apart, in coordinates that do not change when light and detector are swapped: of an isotropic sample the angles of bisector and difference and
@@ -18,7 +18,7 @@ const FLOOR: f64 = 1e-12;
 const NEIGHBOURS: usize = 24;
 /// Neighbours among which an anisotropic sample's direction lies or does not.
 const AROUND: usize = 96;
-/// What does not change by light and detector swapped, by half a turn, and (of a sample that is the same on both sides of its axes) by a mirror.
+/// Signs of the coordinates under the symmetries: light and detector swapped, half a turn, and (of a sample that is the same on both sides of its axes) a mirror.
 const IMAGES: [[f64; 4]; 8] = [
     [1.0, 1.0, 1.0, 1.0],
     [1.0, 1.0, -1.0, -1.0],
@@ -35,7 +35,7 @@ fn times(p: &Point, signs: &[f64; 4]) -> Point {
 }
 /// A direction this much further from the nearest sample than samples are from one another was not measured.
 const BEYOND: f64 = 1.5;
-/// What a file's grid is good for.
+/// Error of a file's grid, ln f.
 const OF_GRID: f64 = 0.01;
 /// Over this distance in the coordinates (each some 0 to 1) the law takes over from the measurement.
 const FADE: f64 = 0.25;
@@ -49,7 +49,7 @@ pub(super) struct Microfacets<'a> {
     ln_bound: Vec<f64>,
     /// √θ of the nodes.
     place: Vec<f64>,
-    /// What D is at least, sr⁻¹.
+    /// Least value of D, sr⁻¹.
     floor: f64,
 }
 
@@ -122,7 +122,7 @@ impl<'a> Microfacets<'a> {
         self.density((i + o).normalize()) * self.unmasked(i, o)
     }
 
-    /// By how much the lobe's logarithm may be off, by masking and by D's own bound: the largest of what masking gives that does not know of azimuths
+    /// Returns the possible error of the lobe's logarithm, by masking and by D's own bound: the largest change by a masking that does not know of azimuths
     /// (heights in common, or none at all), and D's bound.
     pub fn doubt(&self, i: DVec3, o: DVec3) -> f64 {
         let (area_i, area_o) = (self.area(i).max(i.z), self.area(o).max(o.z));
@@ -133,7 +133,7 @@ impl<'a> Microfacets<'a> {
         masking.hypot(self.at(&self.ln_bound, (i + o).normalize()).max(0.0))
     }
 
-    /// What the floor is of that.
+    /// Returns the lobe where D is at its floor.
     fn lobe_of_floor(&self, i: DVec3, o: DVec3) -> f64 {
         self.floor * self.unmasked(i, o)
     }
@@ -168,7 +168,7 @@ pub(super) struct Field<'a> {
     microfacets: &'a Microfacets<'a>,
     tree: Tree,
     points: Vec<Point>,
-    /// What a sample is the same as: signs of the coordinates.
+    /// Symmetries of the sample: signs of the coordinates that leave it the same.
     images: &'static [[f64; 4]],
     /// ln q by sample and wavelength.
     ln_q: Vec<f64>,
@@ -176,7 +176,7 @@ pub(super) struct Field<'a> {
     pub base: Vec<Base>,
     /// How far samples are from their nearest, but for the most lonely tenth.
     pub spacing: f64,
-    /// By how much ln q of two samples differs, by their distance in steps of [`APART`]: 95 % of all pairs by less, the largest over the wavelengths.
+    /// Difference of ln q between two samples, by their distance in steps of [`APART`]: 95 % of all pairs differ by less, the largest over the wavelengths.
     differs: Vec<f64>,
 }
 
@@ -252,7 +252,7 @@ impl<'a> Field<'a> {
         (field, left_out)
     }
 
-    /// By how much ln q differs over a distance; beyond the largest in the table it goes on as it went on the average.
+    /// Returns the difference of ln q over a distance; beyond the largest in the table it goes on at the average slope.
     fn differs(&self, distance: f64) -> f64 {
         let (x, last) = (distance / APART, self.differs.len() - 1);
         let k = x as usize;
@@ -391,7 +391,7 @@ impl<'a> Field<'a> {
         stencil.parts.iter().map(|(row, w)| w * at(*row)).sum()
     }
 
-    /// By how much ln f may be off where it was not measured, the largest over the wavelengths; 0 where it was. In quadrature: by how much samples differ that are as far
+    /// Returns the possible error of ln f where it was not measured, the largest over the wavelengths; 0 where it was. In quadrature: the difference of samples that are as far
     /// from one another as this direction is from the nearest, what was taken back of the nearest ones' difference from the law, what the lobe's share may be off
     /// by, and what the file's grid is good for.
     pub fn doubt(&self, stencil: &Stencil, i: DVec3, o: DVec3) -> f64 {
@@ -480,7 +480,7 @@ fn of_wavelength(lobe: &[f64], ln: &[f64]) -> Base {
     Base { specular: mean.exp(), diffuse: (mean + x).exp(), rms: square.sqrt() }
 }
 
-/// What does not change when light and detector are swapped.
+/// Returns coordinates that do not change when light and detector are swapped.
 fn coordinates(isotropic: bool, i: DVec3, o: DVec3) -> Point {
     let h = (i + o).normalize();
     let tilt = 2.0 * (0.5 * (h - DVec3::Z).length()).min(1.0).asin();

@@ -1,4 +1,4 @@
-//! By how much an assembled material may be off where it was not measured, by direction.
+//! Possible error of an assembled material where it was not measured, by direction.
 
 use super::base::Field;
 use super::{Coverage, spherical};
@@ -7,17 +7,17 @@ use serde::Serialize;
 /// A pair of directions.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Doubt {
-    /// Of the light, degrees from the normal.
+    /// Polar angle of the light, degrees from the normal.
     pub theta_i_deg: f64,
-    /// Of the light, degrees.
+    /// Azimuth of the light, degrees.
     pub phi_i_deg: f64,
-    /// Of the observer, degrees from the normal.
+    /// Polar angle of the observer, degrees from the normal.
     pub theta_o_deg: f64,
-    /// Of the observer, degrees; the light's + 180° is the mirrored side.
+    /// Azimuth of the observer, degrees; the light's + 180° is the mirrored side.
     pub phi_o_deg: f64,
     /// Whether it is extrapolated.
     pub extrapolated: bool,
-    /// By how much ln f may be off by that: 0.1 is 10 %, 0.7 a factor of 2; 0 where it was measured.
+    /// Possible error of ln f by the extrapolation: 0.1 is 10 %, 0.7 a factor of 2; 0 where it was measured.
     pub ln_doubt: f64,
 }
 

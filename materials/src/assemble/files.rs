@@ -10,10 +10,10 @@ use sunglint_radiometry::light_curve::Input;
 
 /// Sides of grids of values, finest first.
 const SIDES: [usize; 4] = [129, 97, 65, 33];
-/// What all values of a file take at most where nobody says their side, bytes.
+/// Largest size of all values of a file where nobody says the side of their grids, bytes.
 const MOST_BYTES: usize = 256_000_000;
 
-/// What so many grids of values take, bytes.
+/// Returns the size of so many grids of values, bytes.
 fn bytes(grids: usize, side: usize) -> usize {
     grids.saturating_mul(side * side * size_of::<f32>())
 }
@@ -27,7 +27,7 @@ fn usual_side(grids: usize) -> usize {
 /// How far a direction may lie from the one that was planned, degrees.
 pub const NEAR_DEG: f64 = 0.5;
 
-/// What a material is made of.
+/// Input files of a material.
 #[derive(Debug, Clone, Default)]
 pub struct AssemblyFiles {
     /// Measured values.
@@ -48,7 +48,7 @@ pub struct AssemblyFiles {
     pub normals: usize,
 }
 
-/// What became of a plan.
+/// Comparison of a plan with the measured directions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckedPlan {
     /// Directions that were planned.
@@ -66,7 +66,7 @@ pub struct Assembly {
     pub made: Assembled,
     /// The measured values.
     pub samples: Samples,
-    /// What became of the plan.
+    /// Comparison of the plan with the measured directions.
     pub plan: Option<CheckedPlan>,
     /// The files that went in.
     pub inputs: Vec<Input>,

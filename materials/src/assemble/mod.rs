@@ -27,7 +27,7 @@ use sunglint_simulator::surface::{Blend, Grid, Warp};
 const MOST_FLOOR: f64 = 10.0;
 /// The file's D and σ, of which it has one each, are finer than its warps, of which it has one for each incidence.
 const FINER: usize = 8;
-/// Of an isotropic sample the warps have so many times more nodes in azimuth than in elevation.
+/// Nodes in azimuth over nodes in elevation, in the warps of an isotropic sample.
 const ROWS: usize = 4;
 
 /// How finely a material is written.
@@ -60,9 +60,9 @@ pub enum AssembleError {
     Option {
         /// The option.
         name: &'static str,
-        /// Its value.
+        /// Value of the option.
         found: f64,
-        /// What it may be.
+        /// Allowed values.
         expected: &'static str,
     },
     /// Too few samples.
@@ -90,12 +90,12 @@ pub enum AssembleError {
     Azimuths,
 }
 
-/// What is known of a direction of incidence.
+/// Coverage of one direction of incidence by measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Coverage {
-    /// Of the light, degrees.
+    /// Angle of the light, degrees.
     pub theta_i_deg: f64,
-    /// Of the light, degrees.
+    /// Angle of the light, degrees.
     pub phi_i_deg: f64,
     /// Cells above the horizon.
     pub cells: usize,
@@ -107,9 +107,9 @@ pub struct Coverage {
     pub extrapolated_albedo: f64,
     /// The largest over the wavelengths.
     pub largest_albedo: f64,
-    /// By how much the albedo may be off by what is extrapolated, a part of it.
+    /// Possible error of the albedo by what is extrapolated, as a part of it.
     pub albedo_doubt: f64,
-    /// By how much extrapolated cells were lowered at most, for energy's sake: 1 where they were not.
+    /// Smallest factor that extrapolated cells were multiplied by, for energy's sake: 1 where they were not lowered.
     pub lowered: f64,
 }
 
@@ -122,13 +122,13 @@ pub struct Assembled {
     pub coverage: Vec<Coverage>,
     /// By direction, on a coarse grid.
     pub doubts: Vec<Doubt>,
-    /// What the NDF says by wavelength.
+    /// Specular and diffuse part by the NDF, for each wavelength.
     pub base: Vec<Base>,
     /// Samples that were used.
     pub used: usize,
     /// Samples that were not.
     pub left_out: usize,
-    /// What is to be known.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
@@ -147,7 +147,7 @@ struct Slice {
     /// By row, column and wavelength.
     values: Vec<f64>,
     extrapolated: Vec<u8>,
-    /// By how much ln f may be off, by row and column.
+    /// Possible error of ln f, by row and column.
     doubt: Vec<f32>,
     coverage: Coverage,
 }

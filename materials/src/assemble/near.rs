@@ -9,7 +9,7 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// Of points with their numbers.
+    /// Makes a tree of points with their numbers.
     pub fn new(mut points: Vec<(Point, usize)>) -> Self {
         split(&mut points, 0);
         Self { points }

@@ -33,7 +33,7 @@ pub enum LobeKind {
 /// A law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Law {
-    /// Its lobe.
+    /// Lobe of the law.
     pub lobe: LobeKind,
     /// Different roughnesses along and across the tangent (x).
     pub anisotropic: bool,
@@ -43,10 +43,10 @@ pub struct Law {
     pub diffuse: bool,
 }
 
-/// What a parameter is and where it may lie.
+/// Name of a parameter, and the range in which it may lie.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
-    /// Its key in a material's file.
+    /// Key of the parameter in a material's file.
     pub name: &'static str,
     /// The least value.
     pub least: f64,
@@ -88,7 +88,7 @@ impl Law {
         laws
     }
 
-    /// Its name for people: `ggx_anisotropic_schlick+lambert`.
+    /// Returns the law's name for people: `ggx_anisotropic_schlick+lambert`.
     pub fn name(&self) -> String {
         let lobe = match self.lobe {
             LobeKind::Lambert => return "lambert".into(),
@@ -105,7 +105,7 @@ impl Law {
         format!("{lobe}{anisotropic}{schlick}{diffuse}")
     }
 
-    /// Its parameters, the lobe's strength first and the Lambert term last.
+    /// Returns the law's parameters, the lobe's strength first and the Lambert term last.
     pub fn ranges(&self) -> Vec<Range> {
         let alpha = |name| range(name, ALPHA[0], ALPHA[1]);
         let mut ranges = match self.lobe {
@@ -282,10 +282,10 @@ pub struct Rise {
 }
 
 impl Rise {
-    /// Of an index at a wavelength, vacuum nm.
+    /// Makes the rise from a complex index at a wavelength, vacuum nm.
     ///
     /// # Errors
-    /// As [`Fresnel::conductor`].
+    /// The errors of [`Fresnel::conductor`].
     pub fn new(index: &ComplexIndex, wavelength_nm: f64) -> Result<Self, MaterialError> {
         const NODES: usize = 1024;
         let fresnel = Fresnel::conductor(index)?;

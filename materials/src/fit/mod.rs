@@ -210,7 +210,7 @@ fn correlation(residual: &[f64], width: f64, pairs: &[(usize, usize)]) -> f64 {
     if found < 2.5 / (pairs.len().max(1) as f64).sqrt() { 0.0 } else { found.min(0.999) }
 }
 
-/// As how many independent values `n` count whose neighbours are correlated (first-order autoregressive).
+/// Returns how many independent values `n` count for whose neighbours are correlated (first-order autoregressive).
 fn independent(n: usize, correlation: f64) -> f64 {
     n as f64 * (1.0 - correlation) / (1.0 + correlation)
 }
@@ -486,7 +486,7 @@ fn rank(fits: &mut [LawFit], n: usize) {
     }
 }
 
-/// What is to be said of the fits.
+/// Adds remarks on the fits to the notes.
 fn remarks(fits: &[LawFit], n: usize, notes: &mut Vec<Note>) {
     for fit in fits.iter().filter(|f| !f.conserves_energy()) {
         let most = fit.albedo.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1));
@@ -515,7 +515,7 @@ fn student_quantile(dof: f64) -> f64 {
         + (((3.0 * z2 + 19.0) * z2 + 17.0) * z2 - 15.0) / (384.0 * dof.powi(3)))
 }
 
-/// What a law says of a sample, sr⁻¹.
+/// Returns the value that a law predicts for a sample, sr⁻¹.
 pub fn predicted(law: &LawFit, rise: Option<&Rise>, sample: &Sample, anisotropic: bool) -> f64 {
     let (i, o) = sample.directions();
     let (i, o) = if anisotropic { (i, o) } else { turned(i, o) };

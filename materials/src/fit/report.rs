@@ -1,4 +1,4 @@
-//! What comes of fits, and what is to be known about them.
+//! Results of fits, and notes on them.
 
 use super::law::Law;
 use serde::Serialize;
@@ -12,9 +12,9 @@ pub enum FitError {
     /// Several wavelengths, or one that is not there.
     #[error("the table has {known}: say one of them{}", asked.map_or(String::new(), |nm| format!(" (it has no {nm} nm)")))]
     Wavelength {
-        /// What it has.
+        /// Wavelengths of the table.
         known: String,
-        /// What was asked for.
+        /// Requested wavelength.
         asked: Option<f64>,
     },
     /// Too few values.
@@ -30,7 +30,7 @@ pub enum FitError {
         left_out: String,
         /// The law with the fewest parameters.
         law: String,
-        /// Of it.
+        /// Number of the law's parameters.
         parameters: usize,
         /// The least number of values.
         needed: usize,
@@ -74,9 +74,9 @@ impl fmt::Display for LeftOut {
 /// One parameter of a fit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Parameter {
-    /// Its key in a material's file; `diffuse` and `volume` are reflectances.
+    /// Key of the parameter in a material's file; `diffuse` and `volume` are reflectances.
     pub name: &'static str,
-    /// Its value.
+    /// Value of the parameter.
     pub value: f64,
     /// The standard deviation of its logarithm; none where it lies at a bound or the values do not decide it.
     pub sigma_ln: Option<f64>,
@@ -91,7 +91,7 @@ pub struct Parameter {
 pub struct LawFit {
     /// Which.
     pub law: Law,
-    /// Its parameters.
+    /// Parameters of the law.
     pub parameters: Vec<Parameter>,
     /// The width of the residuals of ln f (Student's, or the standard deviation).
     pub width: f64,
@@ -133,7 +133,7 @@ impl LawFit {
     }
 }
 
-/// What is to be known about the fits.
+/// Note on the fits, for the user.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Note {
@@ -153,7 +153,7 @@ pub enum Note {
     Correlated {
         /// The correlation.
         correlation: f64,
-        /// As how many independent values they count.
+        /// Number of independent values that they count for.
         independent: f64,
         /// How many there are.
         values: usize,
@@ -222,8 +222,8 @@ pub struct Fit {
     pub left_out: LeftOut,
     /// The laws, the most likely first; those that reflect more than came at the end.
     pub laws: Vec<LawFit>,
-    /// As how many independent values those of the table count.
+    /// Number of independent values that those of the table count for.
     pub independent: f64,
-    /// What is to be known.
+    /// Notes for the user.
     pub notes: Vec<Note>,
 }

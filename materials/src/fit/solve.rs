@@ -21,7 +21,7 @@ pub(super) const A_LOOK: usize = 10;
 /// The weight of ln E where E exceeds 1, in units of the width.
 const PENALTY: f64 = 300.0;
 
-/// What is fitted.
+/// Data that a law is fitted to.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Data {
     pub i: Vec<DVec3>,
@@ -42,7 +42,7 @@ pub(super) struct Judge<'a> {
     pub energy_to_deg: f64,
 }
 
-/// What came of one start.
+/// Result of a search from one start.
 #[derive(Debug, Clone)]
 pub(super) struct Found {
     /// ln of the parameters.

@@ -40,12 +40,12 @@ pub enum IngestFileError {
     Dark {
         /// INGEST.toml.
         file: String,
-        /// What to look at.
+        /// Advice on what to look at.
         why: &'static str,
     },
 }
 
-/// What came of the files.
+/// Result of reading the files.
 #[derive(Debug, Clone)]
 pub struct IngestedFile {
     /// The values, with what the file says of them.

@@ -18,7 +18,7 @@ use serde_json::json;
 use spectrum::Onto;
 use sunglint_formats::Meta;
 
-/// What the light is compared with.
+/// Kind of reference that the light is compared with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ReferenceKind {
@@ -33,7 +33,7 @@ pub enum ReferenceKind {
 pub struct Reference {
     /// Which kind.
     pub kind: ReferenceKind,
-    /// Its reflectance by wavelength (vacuum nm).
+    /// Reflectance of the reference by wavelength (vacuum nm).
     pub reflectance: RawSpectrum,
     /// The angle under which a Lambert surface was seen, degrees.
     pub theta_o_deg: f64,
@@ -42,22 +42,22 @@ pub struct Reference {
 /// One detector's share of a measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channel {
-    /// Its name.
+    /// Name of the detector.
     pub name: String,
     /// The range that counts, vacuum nm.
     pub range_nm: (f64, f64),
     /// The reference, as this detector sees it.
     pub reference: RawSpectrum,
-    /// What it sees of the reference's setup without light.
+    /// Signal that the detector sees of the reference's setup without light.
     pub reference_dark: Option<RawSpectrum>,
 }
 
-/// What was recorded in one direction.
+/// Recording in one direction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Direction {
     /// θ_i, φ_i, θ_o, φ_o in degrees.
     pub angles_deg: [f64; 4],
-    /// What the signal is multiplied by (a filter in the reference's way, another exposure).
+    /// Factor that the signal is multiplied by (a filter in the reference's way, another exposure).
     pub scale: f64,
     /// For each channel, signal and dark; none where it was not recorded.
     pub signal: Vec<Option<(RawSpectrum, Option<RawSpectrum>)>>,
@@ -89,9 +89,9 @@ pub enum IngestError {
     Option {
         /// The option.
         name: &'static str,
-        /// Its value.
+        /// Value of the option.
         found: f64,
-        /// What it may be.
+        /// Allowed values.
         expected: &'static str,
     },
     /// A detector that sees nothing at the horizon or beyond.
@@ -101,9 +101,9 @@ pub enum IngestError {
     Horizon {
         /// Which, from 1.
         number: usize,
-        /// Of the light.
+        /// Angle of the light from the normal, degrees.
         theta_i_deg: f64,
-        /// Of the detector.
+        /// Angle of the detector from the normal, degrees.
         theta_o_deg: f64,
     },
     /// A reference without light.
@@ -115,7 +115,7 @@ pub enum IngestError {
         channel: String,
         /// At which wavelength.
         nm: f64,
-        /// What is left.
+        /// Light that is left of the reference less its dark signal.
         value: f64,
     },
     /// Detectors that do not meet.
@@ -157,7 +157,7 @@ pub struct Seam {
     pub channel: String,
     /// By which factor.
     pub scale: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the factor.
     pub sigma: f64,
     /// Wavelengths in the overlap.
     pub wavelengths: usize,
@@ -170,7 +170,7 @@ pub struct Pair {
     pub directions: [usize; 2],
     /// The median over the wavelengths of f(i, o)/f(o, i).
     pub ratio: f64,
-    /// What noise and seams leave open of it.
+    /// Standard deviation of the ratio by noise and seams.
     pub sigma: f64,
 }
 
@@ -181,7 +181,7 @@ pub struct Repeat {
     pub directions: Vec<usize>,
     /// The root mean square over the wavelengths of how far they lie about their mean, relative; a single value's, not the mean's.
     pub scatter: f64,
-    /// What their noise leads to expect of it.
+    /// Scatter to be expected from the noise of the values.
     pub expected: f64,
 }
 
@@ -196,7 +196,7 @@ pub struct Ingested {
     pub pairs: Vec<Pair>,
     /// Directions that were measured more than once.
     pub repeats: Vec<Repeat>,
-    /// What is to be known.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
@@ -463,7 +463,7 @@ fn ratio(a: &Piece, b: &Piece, shared: &[usize]) -> Option<(f64, f64)> {
     Some((scale, sigma))
 }
 
-/// Of a sample that was lit from one azimuth only, the azimuth between light and detector decides. `numbers` are those of the rows' directions.
+/// Finds pairs with light and detector swapped. If a sample was lit from one azimuth only, the azimuth between light and detector decides. `numbers` are those of the rows' directions.
 fn pairs(samples: &Samples, numbers: &[usize]) -> Vec<Pair> {
     let rows = &samples.rows;
     let anisotropic = samples.has_azimuths();

@@ -5,7 +5,7 @@ use std::path::Path;
 use sunglint_formats::toml::Document;
 use sunglint_formats::{FileError, ParseError, jcamp};
 
-/// What a file of Bruker's OPUS begins with.
+/// First bytes of a file of Bruker's OPUS.
 const OPUS: [u8; 4] = [0x0a, 0x0a, 0xfe, 0xfe];
 /// Columns that are an axis: name, factor to nm (of wavenumbers none).
 const AXES: [(&str, Option<f64>); 4] = [

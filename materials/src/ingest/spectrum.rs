@@ -10,13 +10,13 @@ const GAP: f64 = 6.0;
 pub struct RawSpectrum {
     /// Vacuum wavelengths, nm, increasing.
     pub nm: Vec<f64>,
-    /// As many values.
+    /// Values, as many as wavelengths.
     pub y: Vec<f64>,
     /// White noise of a single value, from the second differences.
     pub noise: f64,
 }
 
-/// What is wrong with an axis or its values; `row` counts from 0.
+/// Error in an axis or its values; `row` counts from 0.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AxisError {
@@ -25,7 +25,7 @@ pub enum AxisError {
     Number {
         /// Where.
         row: usize,
-        /// What is there.
+        /// Number in this row.
         found: f64,
     },
     /// Not above 0.
@@ -33,7 +33,7 @@ pub enum AxisError {
     NotPositive {
         /// Where.
         row: usize,
-        /// What is there.
+        /// Number in this row.
         found: f64,
     },
     /// Neither increasing nor decreasing.
@@ -41,9 +41,9 @@ pub enum AxisError {
     Order {
         /// Where.
         row: usize,
-        /// What is there.
+        /// Number in this row.
         found: f64,
-        /// What is before.
+        /// Number in the row before.
         before: f64,
     },
     /// A hole.
@@ -53,9 +53,9 @@ pub enum AxisError {
     Gap {
         /// Where.
         row: usize,
-        /// What is there.
+        /// Number in this row.
         found: f64,
-        /// What is before.
+        /// Number in the row before.
         before: f64,
         /// How many steps.
         steps: f64,

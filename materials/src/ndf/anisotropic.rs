@@ -142,7 +142,7 @@ impl Around {
         out
     }
 
-    /// What the value at each azimuth adds at `phi`.
+    /// Returns the weight that the value at each azimuth has at `phi`.
     fn weights(&self, phi: f64) -> Vec<f64> {
         let n = self.knots.len();
         let Some(bend) = &self.bend else {

@@ -66,7 +66,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 
 bitflags::bitflags! {
-    /// What is known about a node. In files the metadata `flag_bits` names the bits.
+    /// Flags of a node: all that is known about it. In files the metadata `flag_bits` names the bits.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
     pub struct NdfFlags: u32 {
         /// Beyond the last angle at which light was seen.
@@ -189,7 +189,7 @@ pub enum NdfError {
         "the power iteration did not converge: ‖Kv−F₀v‖/‖v‖ is {residual:.1e} after {iterations} iterations, the eigenvalue gap {eigenvalue_gap:.1e}"
     )]
     NotConverged {
-        /// What is left.
+        /// Residual that is left.
         residual: f64,
         /// Iterations done.
         iterations: usize,
@@ -201,9 +201,9 @@ pub enum NdfError {
     Option {
         /// The option.
         name: &'static str,
-        /// Its value.
+        /// Value that was found.
         found: f64,
-        /// What it may be.
+        /// Allowed values.
         expected: &'static str,
     },
     /// Azimuths that do not cover the circle.
@@ -225,7 +225,7 @@ fn too_coarse(
     )
 }
 
-/// What was done to the readings that a person should know.
+/// Note on a change to the readings, for the user.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Note {
@@ -233,9 +233,9 @@ pub enum Note {
     Sorted,
     /// A reading was left out.
     LeftOut {
-        /// Its angle.
+        /// Angle of the reading, degrees.
         angle_deg: f64,
-        /// Its value.
+        /// Value that was found.
         f_per_sr: f64,
         /// Why.
         reason: &'static str,
@@ -307,7 +307,7 @@ pub struct Convergence {
     pub eigenvalue_gap: f64,
 }
 
-/// What was found of the lobe in one plane of incidence.
+/// Properties of the lobe in one plane of incidence.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Profile {
     /// The plane's azimuth on the sample, degrees.
@@ -341,11 +341,11 @@ pub struct Ndf {
     pub density_sigma: Option<Vec<f64>>,
     /// How much D changes with other continuations beyond the last angle and across gaps, sr⁻¹: the largest difference.
     pub density_bound: Vec<f64>,
-    /// What is known about the nodes.
+    /// Flags of the nodes.
     pub flags: Vec<NdfFlags>,
     /// F₀, the eigenvalue; it may exceed 1 where microfacets are no mirrors (a Lambert sample of reflectance ρ has 2.0821 ρ).
     pub f0: f64,
-    /// Its standard deviation by the readings and by what they have in common.
+    /// Standard deviation of F₀ by the readings and by what they have in common.
     pub f0_sigma: Option<f64>,
     /// How much other continuations change it.
     pub f0_bound: f64,
@@ -357,7 +357,7 @@ pub struct Ndf {
     pub smallest_alpha: Option<f64>,
     /// Resamplings behind the standard deviations.
     pub resamplings: usize,
-    /// What was done to the readings.
+    /// Notes on what was done to the readings.
     pub notes: Vec<Note>,
 }
 

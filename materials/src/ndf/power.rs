@@ -8,7 +8,7 @@ use super::{Convergence, NdfError};
 
 /// More iterations than a lobe needs: GGX with a roughness of 0.6 takes 19.
 const MOST_ITERATIONS: usize = 500;
-/// What is left of K v − F₀ v, of F₀.
+/// Tolerance of the remainder K v − F₀ v, as a part of F₀.
 const TOLERANCE: f64 = 1e-13;
 
 /// The density of normals on the nodes.

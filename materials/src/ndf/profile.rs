@@ -167,7 +167,7 @@ fn places(readings: &[Reading]) -> Vec<f64> {
     readings.iter().map(|r| r.0).collect()
 }
 
-/// What a parametric lobe is fitted to: where f is above a thousandth of its largest, which the normal's neighbourhood decides.
+/// Returns the readings that a parametric lobe is fitted to: where f is above a thousandth of its largest, which the normal's neighbourhood decides.
 fn near_normal(readings: &[Reading]) -> Vec<Reading> {
     let top = readings.iter().fold(f64::NEG_INFINITY, |a, r| a.max(r.1));
     let near = readings.iter().filter(|r| r.1 >= top - 1000_f64.ln()).copied();

@@ -1,4 +1,4 @@
-//! What of a scan can be used: readings in the order of their angles, those left out with the reason.
+//! Usable readings of a scan: in the order of their angles, those left out with the reason.
 
 use super::{NdfError, Note};
 use crate::table::{Reading, RetroFlags};
@@ -16,7 +16,7 @@ pub(super) struct Scan {
     pub angle_deg: Vec<f64>,
     /// Retro-reflection, sr⁻¹, above 0.
     pub f: Vec<f64>,
-    /// Its standard deviation, sr⁻¹; 0 where it is not known.
+    /// Standard deviation of the retro-reflection, sr⁻¹; 0 where it is not known.
     pub sigma: Vec<f64>,
 }
 

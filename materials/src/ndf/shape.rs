@@ -10,7 +10,7 @@ use sunglint_simulator::surface::{Distribution, Lobe, Masking};
 pub struct ShapeFit {
     /// The roughness.
     pub alpha: f64,
-    /// Its standard deviation, by resampling; none where that of the readings is not known.
+    /// Standard deviation of the roughness, by resampling; none where that of the readings is not known.
     pub sigma: Option<f64>,
     /// F₀ of the fit.
     pub f0: f64,
@@ -18,7 +18,7 @@ pub struct ShapeFit {
     pub misfit: f64,
 }
 
-/// What readings say: angle from the normal (radians), ln f, weight.
+/// Numbers of a reading: angle from the normal (radians), ln f, weight.
 pub(super) type Reading = (f64, f64, f64);
 
 /// ln of D G₁/(4 cos²θ): retro-reflection with F₀ = 1.

@@ -8,9 +8,9 @@ use sunglint_simulator::surface::Distribution;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TailKind {
-    /// As of a GGX lobe.
+    /// Tail of a GGX lobe.
     Ggx,
-    /// As of a Beckmann lobe.
+    /// Tail of a Beckmann lobe.
     Beckmann,
     /// ln f straight on.
     Exponential,

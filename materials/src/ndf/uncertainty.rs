@@ -1,4 +1,4 @@
-//! What the readings' uncertainties make of D: the same again with readings drawn anew.
+//! Uncertainty of D by that of the readings: the same calculation again with readings drawn anew.
 
 use super::nodes::Hemisphere;
 use super::power::{Solution, solve};

@@ -18,7 +18,7 @@ const LEAST_MIRRORED: f64 = 0.5;
 pub enum ZeroOrigin {
     /// From the readings on both sides.
     Fitted,
-    /// As it was given.
+    /// Symmetry point that the user gave.
     Given,
     /// The stage's own zero: one side alone was measured, or what is the same everywhere has no symmetry point.
     Assumed,
@@ -29,7 +29,7 @@ pub enum ZeroOrigin {
 pub struct Zero {
     /// The stage's angle at normal incidence, degrees: the mount's offset.
     pub angle_deg: f64,
-    /// Its standard deviation, degrees; 0 where it was not fitted.
+    /// Standard deviation of the symmetry point, degrees; 0 where it was not fitted.
     pub sigma_deg: f64,
     /// Where it came from.
     pub origin: ZeroOrigin,
@@ -54,7 +54,7 @@ impl Judge<'_> {
         (zero - angles[0]).min(angles[angles.len() - 1] - zero)
     }
 
-    /// What is left of these readings by an even function, and how many readings more than freedoms there are.
+    /// Returns the residual of these readings from an even function, and how many readings more than freedoms there are.
     fn left(&self, zero: f64, part: &[usize]) -> Option<(f64, f64)> {
         let offset = |k: usize| self.scan.angle_deg[k] - zero;
         let reach = part.iter().fold(0.0_f64, |a, k| a.max(offset(*k).abs()));

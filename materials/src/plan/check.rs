@@ -8,15 +8,15 @@ use sunglint_formats::{ParseError, Table};
 /// A measurement of a plan.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Planned {
-    /// Its number, from 1.
+    /// Number of the step, from 1.
     pub step: usize,
-    /// Of the light, degrees from the normal.
+    /// Polar angle of the light, degrees from the normal.
     pub theta_i_deg: f64,
-    /// Of the light, degrees.
+    /// Azimuth of the light, degrees.
     pub phi_i_deg: f64,
-    /// Of the detector, degrees from the normal.
+    /// Polar angle of the detector, degrees from the normal.
     pub theta_o_deg: f64,
-    /// Of the detector, degrees.
+    /// Azimuth of the detector, degrees.
     pub phi_o_deg: f64,
 }
 
@@ -71,7 +71,7 @@ pub fn planned(path: &Path, table: &Table) -> Result<(Vec<Planned>, bool), Parse
     Ok((rows, quarter))
 }
 
-/// What was planned and has no sample with a value above 0 within `tolerance_deg` of both of its directions; and how many samples belong to nothing that was planned. Of an
+/// Returns the planned measurements that have no sample with a value above 0 within `tolerance_deg` of both directions, and the number of samples that belong to nothing that was planned. Of an
 /// `isotropic` sample the azimuth between light and detector counts alone.
 #[must_use]
 pub fn missing(

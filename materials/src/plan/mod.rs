@@ -72,9 +72,9 @@ pub enum PlanError {
     Option {
         /// The option.
         name: &'static str,
-        /// Its value.
+        /// Value of the option.
         found: f64,
-        /// What it may be.
+        /// Allowed values.
         expected: &'static str,
     },
     /// A density of nothing.
@@ -113,7 +113,7 @@ pub struct Step {
     pub incident: [usize; 2],
     /// Towards the detector, unit.
     pub outgoing: DVec3,
-    /// What a rig in one plane is set to: angles of incidence and of the detector, degrees; the detector's is negative on the lamp's side.
+    /// Settings of a rig in one plane: angles of incidence and of the detector, degrees; the detector's is negative on the lamp's side.
     pub marks_deg: Option<[f64; 2]>,
 }
 

@@ -5,7 +5,7 @@ use super::{Cell, PlanError, Step};
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// What a rig in the plane of incidence can reach.
+/// Reach of a rig in the plane of incidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rig {
     /// The least angle between lamp and detector, degrees: closer, the detector shades the sample.

@@ -66,7 +66,7 @@ pub struct Log {
     pub clock: DeviceClock,
     /// Lines, as they are shown while it goes on.
     watch: Option<Box<dyn Watch>>,
-    /// What was there before, and what came since.
+    /// Lines that were there before, and those that came since.
     pub lines: Vec<Line>,
 }
 
@@ -77,7 +77,7 @@ pub struct Begun {
     pub plan: String,
     /// The virtual rig's file as it was then.
     pub rig: Option<String>,
-    /// What was read.
+    /// Lines that were read so far.
     pub lines: Vec<Line>,
     /// When its first line was written.
     pub first_utc: Option<Epoch>,

@@ -22,7 +22,7 @@ pub enum Phase {
     Sample,
 }
 
-/// What became of a reading.
+/// State of a reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
     /// It has a power.
@@ -48,7 +48,7 @@ pub struct Line {
     pub angle_deg: f64,
     /// The power, W; not a number where there is none.
     pub power_w: f64,
-    /// What became of it.
+    /// State of the reading.
     pub state: State,
     /// The meter's range, as it names it.
     pub range: String,
@@ -143,7 +143,7 @@ pub enum RunError {
     Meter {
         /// Where the stage stood, deg.
         angle_deg: f64,
-        /// What it said, the last time.
+        /// Error that the meter reported, the last time.
         error: DeviceError,
     },
     /// The stage.
@@ -153,7 +153,7 @@ pub enum RunError {
         asked_deg: f64,
         /// Where it stands, deg, if it says so.
         at_deg: Option<f64>,
-        /// What it said.
+        /// Error that the stage reported.
         error: DeviceError,
     },
     /// The stage says that it arrived, but elsewhere.
@@ -168,7 +168,7 @@ pub enum RunError {
         /// How far off it may be, deg.
         tolerance_deg: f64,
     },
-    /// What was read cannot be kept.
+    /// Readings that cannot be kept.
     #[error(transparent)]
     Record(#[from] RecordError),
     /// Nobody puts things into the beam.

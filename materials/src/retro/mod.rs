@@ -39,7 +39,7 @@ use std::fmt;
 pub struct Known {
     /// The number.
     pub value: f64,
-    /// Its relative standard uncertainty.
+    /// Relative standard uncertainty of the number.
     pub relative_sigma: f64,
 }
 
@@ -50,7 +50,7 @@ impl Known {
     }
 }
 
-/// What turns a power into a reflectance.
+/// Reference that turns a power into a reflectance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reference {
     /// The incident power, read in the sample's place.
@@ -64,19 +64,19 @@ pub enum Reference {
     },
     /// Readings of a standard in the sample's place; solid angle, splitter and lens are in them.
     Standard {
-        /// Its f(ω, ω) at the angle at which it was read, sr⁻¹; ρ/π of a Lambert standard.
+        /// Retro-reflection f(ω, ω) of the standard at the angle at which it was read, sr⁻¹; ρ/π of a Lambert standard.
         f_per_sr: Known,
         /// The angle of incidence on it, degrees.
         angle_deg: f64,
     },
 }
 
-/// What is known of a rig.
+/// Setup of a rig: all that is known of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setup {
     /// Vacuum wavelength, nm.
     pub wavelength_nm: f64,
-    /// What turns a power into a reflectance.
+    /// Reference that turns a power into a reflectance.
     pub reference: Reference,
     /// The stop that limits the light to the meter, and the relative standard uncertainty of its solid angle.
     pub stop: (Stop, f64),
@@ -92,7 +92,7 @@ pub struct Setup {
     pub most_offset_deg: f64,
 }
 
-/// What a run read.
+/// Readings of a run.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Measured {
     /// The incident power, or the standard: once before, once after, and between if it was.
@@ -154,13 +154,13 @@ pub struct Row {
     pub angle_deg: f64,
     /// f̄, sr⁻¹; not a number where the meter was over its range.
     pub f_per_sr: f64,
-    /// Its uncertainties.
+    /// Uncertainties of the value, by their causes.
     pub components: Components,
-    /// What is wrong with it.
+    /// Flags for what is wrong with the value.
     pub flags: RetroFlags,
     /// The readings.
     pub power: Mean,
-    /// What there is without a sample, W.
+    /// Power without a sample, W.
     pub signature_w: f64,
     /// The incident power at the time (of a standard: the net power from it), W.
     pub incident_w: f64,
@@ -283,13 +283,13 @@ pub struct Retro {
     pub solid_angle_sr: f64,
     /// Half the angle of a round cone of that solid angle, degrees.
     pub cone_half_angle_deg: f64,
-    /// What all angles have in common.
+    /// Uncertainties that all angles have in common.
     pub scale: Scale,
     /// The stage's angle at normal incidence, degrees; its standard uncertainty; where it came from.
     pub zero: (f64, f64, ZeroOrigin),
     /// The incident readings: time s, power W (of a standard: net), its standard uncertainty W.
     pub incident: Vec<(f64, f64, f64)>,
-    /// What is worth a warning.
+    /// Notes that are worth a warning.
     pub notes: Vec<Note>,
 }
 
@@ -300,11 +300,11 @@ pub enum RetroError {
     /// A number that cannot be.
     #[error("{name}: found {found}, expected {expected}")]
     Number {
-        /// What it is of, with its unit.
+        /// Name of the quantity, with its unit.
         name: &'static str,
         /// It.
         found: f64,
-        /// What it has to be.
+        /// Allowed values.
         expected: &'static str,
     },
     /// Nothing was read.
@@ -317,7 +317,7 @@ pub enum RetroError {
     NoLight {
         /// Which, from 1.
         number: usize,
-        /// Its power, W.
+        /// Power of the incident reading, W.
         power_w: f64,
     },
     /// The incident power is more than the meter shows.

@@ -11,7 +11,7 @@ use sunglint_formats::{FileError, ParseError};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunPlanError {
-    /// What no run can be, with line and key.
+    /// Values that no run can have, with line and key.
     #[error(transparent)]
     Parse(#[from] ParseError),
     /// A file that cannot be read.
@@ -66,9 +66,9 @@ struct Written {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StagePlan {
-    /// Its address in the catalogue of drivers.
+    /// Address of the device in the catalogue of drivers.
     pub device: String,
-    /// What its driver has to be told, `NAME=VALUE` each.
+    /// Options for its driver, `NAME=VALUE` each.
     pub with: Vec<String>,
     /// Whether the reference is looked for first.
     pub home: bool,
@@ -108,9 +108,9 @@ impl Default for StagePlan {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MeterPlan {
-    /// Its address in the catalogue of drivers.
+    /// Address of the device in the catalogue of drivers.
     pub device: String,
-    /// What its driver has to be told, `NAME=VALUE` each.
+    /// Options for its driver, `NAME=VALUE` each.
     pub with: Vec<String>,
     /// A range by its name; as the meter stands without.
     pub range: Option<String>,
@@ -132,7 +132,7 @@ impl Default for MeterPlan {
     }
 }
 
-/// What is read.
+/// Scan: the angles that are read, and how often.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Scan {
@@ -256,14 +256,14 @@ struct Mount {
     most_offset_deg: Option<NonNegative>,
 }
 
-/// What is measured: a run that was begun can only be gone on with if this is the same.
+/// Planned measurement: a run that was begun can only be gone on with if this is the same.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measuring {
     /// The stage.
     pub stage: StagePlan,
     /// The meter.
     pub meter: MeterPlan,
-    /// What is read.
+    /// Scan: the angles that are read, and how often.
     pub scan: Scan,
     /// Vacuum wavelength, nm.
     pub wavelength_nm: f64,
@@ -274,11 +274,11 @@ pub struct Measuring {
 /// A run as it is planned.
 #[derive(Debug, Clone)]
 pub struct RunPlan {
-    /// What the sample is called.
+    /// Name of the sample.
     pub name: String,
-    /// What is measured.
+    /// Planned measurement.
     pub measuring: Measuring,
-    /// What is known of the rig.
+    /// Setup of the rig.
     pub setup: Setup,
     /// The file's text.
     pub source: String,
@@ -290,7 +290,7 @@ impl RunPlan {
     /// A plan from its document; `rig` is the text of the virtual rig where it does not come from the file that is named.
     ///
     /// # Errors
-    /// What no run can be, with line and key.
+    /// Values that no run can have, with line and key.
     pub fn new(document: &Document, rig: Option<&str>) -> Result<Self, RunPlanError> {
         let written: Written = document.parse()?;
         check(document, &written)?;

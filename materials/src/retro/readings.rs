@@ -22,7 +22,7 @@ pub struct AtAngle {
 pub struct Mean {
     /// The mean without outliers, W; not a number where there is none.
     pub power_w: f64,
-    /// Its standard uncertainty by the scatter, W.
+    /// Standard uncertainty of the mean by the scatter, W.
     pub sigma_w: f64,
     /// Readings in it.
     pub used: usize,

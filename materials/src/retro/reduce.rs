@@ -107,7 +107,7 @@ pub fn reduce(measured: &Measured, setup: &Setup) -> Result<Retro, RetroError> {
     })
 }
 
-/// What an angle says before its cosine.
+/// Result at an angle before the division by its cosine.
 struct Raw {
     /// f cosθ, sr⁻¹.
     f_cos: f64,
@@ -173,7 +173,7 @@ struct Signature {
     points: Vec<(f64, Mean, f64)>,
 }
 
-/// What there is without a sample at an angle.
+/// Power without a sample at an angle.
 struct Without {
     w: f64,
     sigma_w: f64,

@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 /// A stop whose middle is on the beam. Its plate may be tilted: the plate of a beam splitter at 45° is seen foreshortened.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Stop {
-    /// What it looks like.
+    /// Shape of the stop.
     pub shape: Shape,
     /// Angle between its normal and the beam, degrees.
     pub tilt_deg: f64,
@@ -21,7 +21,7 @@ pub struct Stop {
 pub enum Shape {
     /// A disc.
     Disc {
-        /// Its diameter, mm.
+        /// Diameter of the disc, mm.
         diameter_mm: f64,
     },
     /// A rectangle.
@@ -68,7 +68,7 @@ impl Stop {
         Ok(())
     }
 
-    /// Its solid angle from the sample, sr: exact, not the plate's area over the square of the distance.
+    /// Returns the solid angle of the stop from the sample, sr: exact, not the plate's area over the square of the distance.
     pub fn solid_angle_sr(&self) -> f64 {
         match self.shape {
             Shape::Rectangle { width_mm, height_mm } => self.rectangle_sr(width_mm, height_mm),

@@ -127,7 +127,7 @@ pub fn density(law: fn(DVec3, DVec3) -> f64) -> Ndf {
     extract(&run, &options).unwrap()
 }
 
-/// What is measured on a plan.
+/// Returns the samples that are measured on a plan.
 pub fn measured(law: fn(DVec3, DVec3) -> f64, ndf: &Ndf, options: &PlanOptions) -> Samples {
     let made = plan(ndf, options).unwrap();
     let deg =

@@ -10,7 +10,7 @@ use sunglint_materials::samples::Samples;
 
 const SOLID_ANGLE: f64 = 2e-3;
 
-/// What the sample reflects: reciprocal, with a band.
+/// Returns the reflection of the sample: reciprocal, with a band.
 fn truth(nm: f64, theta_i: f64, theta_o: f64) -> f64 {
     let band = 1.0 - 0.6 * (-((nm - 850.0) / 40.0).powi(2)).exp();
     band * (0.2 / PI + 0.5 * (-((theta_i - theta_o) / 20.0).powi(2)).exp())

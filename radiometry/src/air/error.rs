@@ -1,4 +1,4 @@
-//! What can be wrong with a request to the air.
+//! Errors of a request to the air.
 
 use crate::spectrum::SpectrumError;
 use sunglint_formats::TableError;
@@ -26,11 +26,11 @@ pub enum AirError {
     ProfileLevel {
         /// The level, counted from 0 at the ground.
         level: usize,
-        /// What is wrong, with its unit.
+        /// Name of the quantity that is wrong, with its unit.
         quantity: &'static str,
-        /// Its value.
+        /// Value that was given.
         value: f64,
-        /// What would be right.
+        /// Allowed values.
         expected: &'static str,
     },
     /// A profile needs at least two levels.
@@ -56,9 +56,9 @@ pub enum AirError {
     Option {
         /// The option, with its unit as suffix.
         option: &'static str,
-        /// Its value.
+        /// Value that was given.
         value: f64,
-        /// What would make sense.
+        /// Values that would make sense.
         expected: &'static str,
     },
     /// A column was given for a gas that the profile does not have.
@@ -68,7 +68,7 @@ pub enum AirError {
     EmptyColumn {
         /// The option, with its unit as suffix.
         option: &'static str,
-        /// Its value.
+        /// Value that was given.
         value: f64,
     },
     /// The air near the ground bends a ray more strongly than the Earth's curvature.
@@ -149,7 +149,7 @@ pub enum AirError {
     /// The output slice does not fit.
     #[error("the output holds {found} values; {expected} are needed (zenith angles × wavelengths)")]
     OutputLength {
-        /// Its length.
+        /// Length of the output.
         found: usize,
         /// The right length.
         expected: usize,
@@ -161,7 +161,7 @@ pub enum AirError {
     Tolerance {
         /// The tolerance that was asked for.
         tolerance: f64,
-        /// What was reached.
+        /// Interpolation error that was reached.
         error: f64,
         /// With that many nodes.
         nodes: usize,

@@ -1,4 +1,4 @@
-//! What the atmosphere leaves of a direct beam: T(λ; z) = exp(−Σ τ_s(λ) m_s(z)), for a station that looks at
+//! Transmission of the atmosphere for a direct beam: T(λ; z) = exp(−Σ τ_s(λ) m_s(z)), for a station that looks at
 //! something outside the air.
 //!
 //! In the order in which data flows through it:

@@ -45,7 +45,7 @@ pub(crate) mod amount {
 /// Path integrals.
 pub(crate) type Amounts = [f64; amount::COUNT];
 
-/// What is known of the air over a station. A column that was not measured is the profile's own.
+/// Description of the air over a station. A column that was not measured is the profile's own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AirOptions {
     /// The atmosphere.
@@ -122,7 +122,7 @@ impl AirOptions {
     }
 }
 
-/// What stands vertically above the station.
+/// Vertical columns above the station.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Columns {
     /// Pressure at the station \[hPa\].
@@ -144,13 +144,13 @@ pub struct Columns {
 /// Slant column over vertical column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AirMasses {
-    /// Of air: the relative air mass for Rayleigh scattering.
+    /// Air mass of air: the relative air mass for Rayleigh scattering.
     pub rayleigh: f64,
-    /// Of ozone (1 where there is none).
+    /// Air mass of ozone (1 where there is none).
     pub ozone: f64,
-    /// Of water vapour (1 where there is none).
+    /// Air mass of water vapour (1 where there is none).
     pub water: f64,
-    /// Of the low aerosol (1 where there is none).
+    /// Air mass of the low aerosol (1 where there is none).
     pub aerosol: f64,
 }
 
@@ -293,12 +293,12 @@ impl Air {
         Ok(Self { options, shells, layers, vertical, columns, terms })
     }
 
-    /// What it was made of.
+    /// Returns the options that the air was made from.
     pub fn options(&self) -> &AirOptions {
         &self.options
     }
 
-    /// What stands vertically above the station.
+    /// Vertical columns above the station.
     pub fn columns(&self) -> Columns {
         self.columns
     }
@@ -324,7 +324,7 @@ impl Air {
         self.shells.true_deg(90.0)
     }
 
-    /// What near targets need of the shells.
+    /// Returns the geometry of the shells that near targets need.
     pub(crate) fn outside(&self) -> Outside {
         self.shells.outside()
     }
@@ -345,7 +345,7 @@ impl Air {
     /// One-way transmission for one zenith angle: one value per wavelength or bin, in the sampling's order.
     ///
     /// # Errors
-    /// As [`Air::path`].
+    /// The errors of [`Air::path`].
     pub fn transmission(&self, zenith: Zenith, sampling: &Sampling) -> Result<Vec<f64>, AirError> {
         let path = self.path(zenith)?;
         Ok(self.sampled(&path, sampling, |_| true))
@@ -355,7 +355,7 @@ impl Air {
     /// integrals of [`crate::quadrature`]. Beyond the tables (294–1250 nm) it is missing, and the integrals say so.
     ///
     /// # Errors
-    /// As [`Air::path`]; a range outside the tables.
+    /// The errors of [`Air::path`]; a range outside the tables.
     pub fn spectrum(
         &self,
         zenith: Zenith,
@@ -369,7 +369,7 @@ impl Air {
     /// The same by species.
     ///
     /// # Errors
-    /// As [`Air::path`].
+    /// The errors of [`Air::path`].
     pub fn components(&self, zenith: Zenith, sampling: &Sampling) -> Result<Components, AirError> {
         let path = self.path(zenith)?;
         let of = |species| self.sampled(&path, sampling, |s| s == species);

@@ -12,7 +12,7 @@ use super::AirError;
 pub enum Zenith {
     /// Without refraction \[deg\].
     True(f64),
-    /// As seen from the station \[deg\].
+    /// Apparent angle, seen from the station \[deg\].
     Apparent(f64),
     /// Without refraction, of a target outside the air at a finite range.
     Near {
@@ -23,7 +23,7 @@ pub enum Zenith {
     },
 }
 
-/// What the ray to a near target is made of besides its bending: where it starts, and where the air ends.
+/// Geometry of the ray to a near target besides its bending: where it starts, and where the air ends.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Outside {
     /// Distance of the station from the Earth's centre \[km\].
@@ -233,7 +233,7 @@ impl Shells {
         apparent_deg + self.trace(apparent_deg, |_, _, _| ()).to_degrees()
     }
 
-    /// What near targets need.
+    /// Returns the geometry that near targets need.
     pub(crate) fn outside(&self) -> Outside {
         let top_km = self.layers.last().map_or(0.0, |layer| layer.top_km);
         Outside {

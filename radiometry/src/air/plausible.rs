@@ -1,4 +1,4 @@
-//! What of an air can hardly be meant.
+//! Warnings about an air that can hardly be meant.
 
 use super::{Aerosol, Air};
 

@@ -5,7 +5,7 @@ use crate::constants::BOLTZMANN_J_PER_K;
 use crate::tables::{self, Embedded};
 use sunglint_formats::{Table, nearest_names};
 
-/// What is known at one altitude.
+/// State of the air at one altitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
     /// Altitude above sea level \[km\].
@@ -124,7 +124,7 @@ impl Profile {
     /// A profile from levels, from the ground up.
     ///
     /// # Errors
-    /// As [`Profile::from_table`].
+    /// The errors of [`Profile::from_table`].
     pub fn from_levels(name: &str, levels: Vec<Level>) -> Result<Self, AirError> {
         if levels.len() < 2 {
             return Err(AirError::ProfileLength { levels: levels.len() });
@@ -171,7 +171,7 @@ impl Profile {
         &self.levels
     }
 
-    /// What the profile says at an altitude.
+    /// Returns the state of the air at an altitude.
     ///
     /// # Errors
     /// The altitude is more than 500 m below the lowest level, or not below the highest.

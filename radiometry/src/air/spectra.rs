@@ -12,7 +12,7 @@ pub(crate) const LAST_CM1: f64 = 34000.0;
 pub(crate) const STEP_CM1: f64 = 5.0;
 pub(crate) const NATIVE: usize = 5201;
 
-/// What takes light out of the beam.
+/// Species that takes light out of the beam.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Species {
     Rayleigh,

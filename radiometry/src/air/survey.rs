@@ -5,7 +5,7 @@ use crate::quadrature::Product;
 use crate::station::{Channel, Station};
 use rayon::prelude::*;
 
-/// What the absorption tables cover, nm.
+/// Range of the absorption tables, nm.
 pub const TABLES_NM: (f64, f64) = (1e7 / 34_000.0, 1250.0);
 
 /// Wavelengths, and what a value at one is.
@@ -17,7 +17,7 @@ pub struct AirGrid {
     pub mean_nm: Option<f64>,
 }
 
-/// What is asked of the air.
+/// Request for the transmission of the air.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AirQuestion {
     /// Zenith angles, degrees.
@@ -39,11 +39,11 @@ pub struct AirRow {
     pub total: Vec<f64>,
     /// Where they were asked for.
     pub components: Option<Components>,
-    /// What the air leaves in each channel of a station.
+    /// Transmission of the air in each channel of a station.
     pub channels: Vec<ChannelAir>,
 }
 
-/// What the air leaves in a channel of light flat in photons per nm: ∫T P dλ / ∫P dλ.
+/// Transmission of the air in a channel for light flat in photons per nm: ∫T P dλ / ∫P dλ.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChannelAir {
     /// The channel's name.
@@ -100,7 +100,7 @@ impl Air {
         rows.into_iter().collect()
     }
 
-    /// What the air leaves in each channel of a station.
+    /// Transmission of the air in each channel of a station.
     fn channels(&self, zenith: Zenith, station: &Station) -> Result<Vec<ChannelAir>, AirError> {
         // Drawn in to what the tables cover.
         let transmission = self.spectrum(zenith, (0.0, f64::INFINITY))?;
@@ -146,7 +146,7 @@ impl AirGrid {
         Sampling::means(&self.nm, half)
     }
 
-    /// What a value is, in words.
+    /// Returns the kind of the values, in words.
     pub fn kind(&self) -> String {
         match self.mean_nm {
             None => "value at the wavelength".into(),

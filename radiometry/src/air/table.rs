@@ -112,7 +112,7 @@ impl AirTable {
     /// Transmission for one zenith angle: one value per sample.
     ///
     /// # Errors
-    /// As [`Air::path`].
+    /// The errors of [`Air::path`].
     pub fn transmission(&self, zenith: Zenith) -> Result<Vec<f64>, AirError> {
         let mut row = vec![0.0; self.samples];
         self.row(self.t(zenith)?, &mut row);
@@ -122,7 +122,7 @@ impl AirTable {
     /// Transmissions for many zenith angles, row by row: `out[i * wavelengths + j]`.
     ///
     /// # Errors
-    /// As [`Air::path`], for the first angle that has no answer (rows before it are filled); an output of the wrong
+    /// The errors of [`Air::path`], for the first angle that has no answer (rows before it are filled); an output of the wrong
     /// length.
     pub fn transmissions_into(&self, zeniths: &[Zenith], out: &mut [f64]) -> Result<(), AirError> {
         let expected = zeniths.len() * self.samples;
@@ -138,7 +138,7 @@ impl AirTable {
     /// Transmissions for many zenith angles: zenith angles × wavelengths.
     ///
     /// # Errors
-    /// As [`Air::path`], for the first angle that has no answer.
+    /// The errors of [`Air::path`], for the first angle that has no answer.
     pub fn transmissions(&self, zeniths: &[Zenith]) -> Result<ndarray::Array2<f64>, AirError> {
         let mut all = ndarray::Array2::zeros((zeniths.len(), self.samples));
         for (zenith, mut row) in zeniths.iter().zip(all.rows_mut()) {
@@ -173,7 +173,7 @@ impl AirTable {
     /// than [`Air::path`], and as near to it as the transmissions' error asks for.
     ///
     /// # Errors
-    /// As [`Air::path`].
+    /// The errors of [`Air::path`].
     pub fn apparent_deg(&self, zenith: Zenith) -> Result<f64, AirError> {
         Ok(match zenith {
             Zenith::Apparent(z) => checked(z, "apparent", 90.0)?,

@@ -1,4 +1,4 @@
-//! What there is to say of a sample: one bit each, by name in files.
+//! Flags of a sample: one bit each, by name in files.
 
 bitflags::bitflags! {
     /// Flags of a sample. In files the metadata `flag_bits` names the bits, and the names decide.

@@ -28,7 +28,7 @@ use sunglint_formats::{Column, Meta, ParseError, Table};
 /// How far the rates of a light curve have come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RateKind {
-    /// As counted: dead time and background included.
+    /// Counted rates: dead time and background included.
     Raw,
     /// Linearised, background subtracted.
     Linear,
@@ -75,9 +75,9 @@ pub struct ChannelCurve {
     pub rate_hz: Vec<f64>,
     /// Standard uncertainty of the rate, Hz; `NaN` only where a flag says why.
     pub sigma_hz: Vec<f64>,
-    /// What there is to say of each sample.
+    /// Flags of each sample.
     pub flags: Vec<Flags>,
-    /// Of a predicted rate: how far off it may be by what the simulation does not model, Hz; `NaN` only where a flag says why. `None` where nothing is
+    /// Possible error of a predicted rate by what the simulation does not model, Hz; `NaN` only where a flag says why. `None` where nothing is
     /// said of it.
     pub model_error_hz: Option<Vec<f64>>,
 }
@@ -253,7 +253,7 @@ impl LightCurve {
         Ok(curve)
     }
 
-    /// What every curve must hold, read or made.
+    /// Checks the conditions that every curve must meet, read or made.
     fn check(&self, path: &Path) -> Result<(), ParseError> {
         self.samples.check(path)?;
         let n = self.len();

@@ -21,7 +21,7 @@ pub struct Provenance {
     pub inputs: Vec<Input>,
     /// Anything else that a reader must know: zero points, models, fallbacks.
     pub notes: Vec<String>,
-    /// What another version or program wrote besides, kept as it is.
+    /// Metadata that another version or program wrote besides, kept as they are.
     #[serde(flatten)]
     pub other: Map<String, Value>,
 }
@@ -37,13 +37,13 @@ pub struct Input {
 }
 
 impl Provenance {
-    /// As files hold it.
+    /// Returns the provenance as files hold it.
     pub fn to_json(&self) -> Value {
         // Maps with text keys always serialise.
         serde_json::to_value(self).unwrap_or(Value::Null)
     }
 
-    /// Of a file's metadata; a file without any has an unknown provenance, one that is wrong is refused.
+    /// Reads a file's metadata; a file without any has an unknown provenance, one that is wrong is refused.
     pub(super) fn from_json(path: &Path, value: Option<&Value>) -> Result<Self, ParseError> {
         let Some(value) = value else { return Ok(Self::default()) };
         serde_json::from_value(value.clone()).map_err(|error| {

@@ -15,7 +15,7 @@ const AU_KM: f64 = 149_597_870.7;
 /// d ln(flux)/d mag.
 const PER_MAG: f64 = 0.921_034_037_197_618_3;
 
-/// What published magnitudes are.
+/// Kind of published magnitudes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MagnitudeKind {
@@ -47,7 +47,7 @@ impl MagnitudeKind {
 pub struct MagnitudeOptions {
     /// The column of magnitudes; `magnitude` where nothing is said.
     pub column: Option<String>,
-    /// What these magnitudes are.
+    /// Kind of these magnitudes.
     pub kind: MagnitudeKind,
     /// Their noise, mag; else a column `sigma_mag`, else the differences between neighbours give it.
     pub sigma_mag: Option<f64>,
@@ -141,7 +141,7 @@ pub enum Unusable {
     NoNoise,
 }
 
-/// What a file holds.
+/// Contents of a file: rates or magnitudes.
 #[derive(Debug, Clone)]
 pub enum CurveFile {
     /// Rates: a table of the schema.
@@ -154,7 +154,7 @@ impl CurveFile {
     /// Reads ECSV or CSV with the schema's metadata or a column of magnitudes, and the formats of [`photometry`]: MMT-9's text, ALCDEF, TDM.
     ///
     /// # Errors
-    /// What is neither; rows that are none; magnitudes of another kind than the options say, or without the range or phase angle that their kind needs.
+    /// A file of neither kind; rows that are none; magnitudes of another kind than the options say, or without the range or phase angle that their kind needs.
     pub fn read(
         path: &Path,
         text: &str,
@@ -220,7 +220,7 @@ pub struct Brightness {
     pub exposure_s: Vec<f64>,
     /// Flux over that of magnitude 0, above the air and as seen from the station; NaN where there is no number.
     pub flux: Vec<f64>,
-    /// Its standard uncertainty.
+    /// Standard uncertainty of the flux.
     pub sigma: Vec<f64>,
     /// Distance, m.
     pub range_m: Option<Vec<f64>>,
@@ -378,7 +378,7 @@ impl Brightness {
         self.flux[i].is_finite() && self.sigma[i].is_finite() && self.sigma[i] > 0.0
     }
 
-    /// As a light curve of the one channel `V`, of the samples that count; rates are fluxes over that of magnitude 0.
+    /// Returns a light curve of the one channel `V`, of the samples that count; rates are fluxes over that of magnitude 0.
     pub fn light_curve(&self, name: &str) -> LightCurve {
         let kept: Vec<usize> = (0..self.times.len()).filter(|i| self.is_used(*i)).collect();
         let pick = |values: &[f64]| kept.iter().map(|i| values[*i]).collect::<Vec<f64>>();

@@ -1,4 +1,4 @@
-//! What light curves of every kind share: when each sample was taken, for how long, and from where the target was seen.
+//! Columns that light curves of every kind share: when each sample was taken, for how long, and from where the target was seen.
 
 use super::Flags;
 use hifitime::Epoch;

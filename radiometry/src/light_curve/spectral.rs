@@ -46,9 +46,9 @@ impl SpectralQuantity {
 /// `MODEL_ERROR` of 32-bit floats, of the same shape and unit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpectralLightCurve {
-    /// What is given, in words (`spectral radiant intensity`).
+    /// Name of the quantity, in words (`spectral radiant intensity`).
     pub quantity: String,
-    /// Its unit as astropy spells it (`W / (sr nm)`).
+    /// Unit of the quantity as astropy spells it (`W / (sr nm)`).
     pub unit: String,
     /// When, for how long, and from where.
     pub samples: Samples,
@@ -58,7 +58,7 @@ pub struct SpectralLightCurve {
     pub values: Array2<f64>,
     /// How far off they may be by what a simulation does not model, same unit and shape; `None` where nothing is said of it.
     pub model_errors: Option<Array2<f32>>,
-    /// What there is to say of each time.
+    /// Flags of each time.
     pub flags: Vec<Flags>,
     /// Where the curve came from.
     pub provenance: Provenance,
@@ -68,7 +68,7 @@ impl SpectralLightCurve {
     /// The curve as the bytes of a FITS file.
     ///
     /// # Errors
-    /// What could not be read back: edges that do not increase, arrays that do not match, numbers that are none and not flagged.
+    /// Anything that could not be read back: edges that do not increase, arrays that do not match, numbers that are none and not flagged.
     pub fn to_fits(&self) -> Result<Vec<u8>, EncodeError> {
         self.check(Path::new("spectral light curve")).map_err(|e| {
             EncodeError::new(

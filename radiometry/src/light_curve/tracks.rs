@@ -14,7 +14,7 @@ const MOST_TRACKS: usize = 4;
 /// A stretch of samples without a gap.
 #[derive(Debug, Clone)]
 pub struct Track {
-    /// Its samples.
+    /// Samples of the track.
     pub samples: Range<usize>,
     /// The first moment.
     pub from: Epoch,

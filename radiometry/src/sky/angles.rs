@@ -30,7 +30,7 @@ impl Equatorial {
         DVec3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
     }
 
-    /// Of a vector of any length; right ascension is 0 at the poles.
+    /// Converts a vector of any length; right ascension is 0 at the poles.
     pub fn of_direction(direction: DVec3) -> Self {
         let DVec3 { x, y, z } = direction;
         Self { ra_deg: circle_deg(y.atan2(x)), dec_deg: z.atan2(x.hypot(y)).to_degrees() }
@@ -53,12 +53,12 @@ impl Horizontal {
         Self { enu: DVec3::new(cos_alt * sin_az, cos_alt * cos_az, sin_alt) }
     }
 
-    /// Of a vector in east, north, up, of any length; `None` for one that has no direction.
+    /// Converts a vector in east, north, up, of any length; `None` for one that has no direction.
     pub fn of_enu(east_north_up: DVec3) -> Option<Self> {
         east_north_up.try_normalize().map(|enu| Self { enu })
     }
 
-    /// Of a vector in east, north, up that is known to be of unit length.
+    /// Converts a vector in east, north, up that is known to be of unit length.
     pub(super) fn of_unit_enu(enu: DVec3) -> Self {
         Self { enu }
     }

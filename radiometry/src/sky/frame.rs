@@ -14,7 +14,7 @@ use sofars::consts::{D2PI, DAS2R, DAYSEC};
 /// The Earth's rotation rate, rad per UT1 second (SOFA `pvtob`).
 pub const EARTH_ROTATION_RAD_S: f64 = 1.002_737_811_911_354_6 * D2PI / DAYSEC;
 
-/// What can go wrong in the sky.
+/// Error in a calculation of directions on the sky.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SkyError {
@@ -32,7 +32,7 @@ pub enum SkyError {
     /// The object has no direction.
     #[error("the object is at the observer ({range_m} m away): it has no direction")]
     AtObserver {
-        /// Its distance.
+        /// Distance of the object, m.
         range_m: f64,
     },
     /// A position or velocity that is not a number.
@@ -54,7 +54,7 @@ pub(super) struct StateAu {
     pub velocity: DVec3,
 }
 
-/// What of a frame moves slowly and costs much: precession, nutation, and the Earth about the Sun.
+/// Parts of a frame that move slowly and cost much: precession, nutation, and the Earth about the Sun.
 #[derive(Debug, Clone)]
 pub(super) struct Slow {
     /// GCRS → celestial intermediate system, row by row.
@@ -249,7 +249,7 @@ impl Observer {
     /// An observer at an epoch and a site: [`SkyFrame::new`] and [`Observer::new`] in one.
     ///
     /// # Errors
-    /// As [`SkyFrame::new`].
+    /// The errors of [`SkyFrame::new`].
     pub fn at(epoch: Epoch, site: &Site, earth: &EarthOrientation) -> Result<Self, SkyError> {
         Ok(Self::new(SkyFrame::new(epoch, earth)?, site))
     }

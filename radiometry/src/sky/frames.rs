@@ -11,7 +11,7 @@ const STEP_S: f64 = 3600.0;
 
 /// [`SkyFrame`]s at many epochs of a stretch of time.
 ///
-/// Of a frame, precession, nutation and the Earth's orbit cost 50 µs and move slowly: they are calculated every hour, the
+/// Precession, nutation and the Earth's orbit cost 50 µs a frame and move slowly: they are calculated every hour, the
 /// rotation's matrix is interpolated linearly and the orbit by cubics through positions and velocities. What turns fast, the
 /// Earth rotation angle, UT1 and the pole, is calculated for every epoch. That errs by 1e-10 rad at most (0.02 mas:
 /// nutation's terms of some days curve by 2e-7 rad/day²), and by 1 cm in the Sun's place. Outside the stretch a frame is
@@ -27,7 +27,7 @@ impl<'a> SkyFrames<'a> {
     /// Frames between two epochs: one knot an hour, each as expensive as a frame.
     ///
     /// # Errors
-    /// As [`SkyFrame::new`] anywhere in the stretch.
+    /// The errors of [`SkyFrame::new`] anywhere in the stretch.
     pub fn over(from: Epoch, to: Epoch, earth: &'a EarthOrientation) -> Result<Self, SkyError> {
         let tai_ns = tai_nanoseconds(from);
         let hours = ((tai_seconds(to) - tai_seconds(from)) / STEP_S).ceil().max(1.0) as i128;
@@ -46,7 +46,7 @@ impl<'a> SkyFrames<'a> {
     /// The frame at an epoch.
     ///
     /// # Errors
-    /// As [`SkyFrame::new`].
+    /// The errors of [`SkyFrame::new`].
     pub fn at(&self, epoch: Epoch) -> Result<SkyFrame, SkyError> {
         let hours = (tai_seconds(epoch) - self.first_tai_s) / STEP_S;
         let index = hours.floor();

@@ -25,7 +25,7 @@ pub struct OrientationRow {
     pub ut1_minus_utc_s: f64,
 }
 
-/// What is wrong with a table of Earth orientation.
+/// Error in a table of Earth orientation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OrientationError {
@@ -42,13 +42,13 @@ pub enum OrientationError {
     ImpossibleValue {
         /// The row, from 1.
         row: usize,
-        /// Its date.
+        /// Date of the row, MJD (UTC).
         mjd_utc: f64,
         /// The quantity.
         name: &'static str,
-        /// Its value.
+        /// Value of the quantity.
         value: f64,
-        /// What is still possible.
+        /// Largest possible size of the value.
         limit: f64,
         /// The unit of both.
         unit: &'static str,
@@ -66,7 +66,7 @@ pub enum OrientationError {
     NotIncreasing {
         /// The row, from 1.
         row: usize,
-        /// Its date.
+        /// Date of the row, MJD (UTC).
         mjd_utc: f64,
         /// The date of the row before.
         before: f64,
@@ -197,7 +197,7 @@ impl EarthOrientation {
     /// `title` names it.
     ///
     /// # Errors
-    /// As [`EarthOrientation::from_rows`], or a column that is not there.
+    /// The errors of [`EarthOrientation::from_rows`], or a column that is not there.
     pub fn from_table(table: &Table) -> Result<Self, OrientationError> {
         let (mjd, ut1) = (table.quantity("mjd_utc", "d")?, table.quantity("ut1_minus_utc_s", "s")?);
         let (x, y) = (

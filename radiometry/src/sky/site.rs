@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 /// The lowest and highest site, m above the ellipsoid: the shore of the Dead Sea and a balloon.
 const HEIGHT_RANGE_M: std::ops::RangeInclusive<f64> = -1_000.0..=100_000.0;
 
-/// What is wrong with a place on the Earth.
+/// Error in a place on the Earth.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SiteError {
@@ -125,7 +125,7 @@ impl Site {
     /// The site at a position in the ITRS, m.
     ///
     /// # Errors
-    /// As [`Site::new`] and [`Geodetic::from_itrs_m`].
+    /// The errors of [`Site::new`] and [`Geodetic::from_itrs_m`].
     pub fn from_itrs_m(itrs_m: DVec3) -> Result<Self, SiteError> {
         Self::new(Geodetic::from_itrs_m(itrs_m)?)
     }

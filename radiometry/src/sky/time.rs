@@ -15,7 +15,7 @@ const DAY_S: f64 = 86_400.0;
 const DAY_NS: i128 = 86_400_000_000_000;
 const SECOND_NS: i128 = 1_000_000_000;
 
-/// What is wrong with a time.
+/// Error in a time.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TimeError {

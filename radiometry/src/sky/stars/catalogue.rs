@@ -7,14 +7,14 @@ use crate::tables;
 use std::sync::OnceLock;
 use sunglint_formats::{Table, TableError, nearest_names};
 
-/// What is wrong with a star that was asked for.
+/// Error in a request for a star.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StarError {
     /// No star is called that.
     #[error("no star is called `{asked}`{}. {HOW_TO_NAME}", did_you_mean(nearest))]
     Unknown {
-        /// What was asked for.
+        /// Requested star.
         asked: String,
         /// The nearest names, best first.
         nearest: Vec<String>,
@@ -44,9 +44,9 @@ pub enum StarError {
     /// More than one star is called that.
     #[error("`{asked}` may mean {}: write one of these", candidates.join(" or "))]
     Ambiguous {
-        /// What was asked for.
+        /// Requested star.
         asked: String,
-        /// What each would be called without doubt, brightest first.
+        /// Unambiguous names of the candidates, brightest first.
         candidates: Vec<String>,
     },
     /// No star of that name stands at the place that was given with it.
@@ -56,7 +56,7 @@ pub enum StarError {
         place.ra_deg, place.dec_deg, catalogue.ra_deg, catalogue.dec_deg
     )]
     Elsewhere {
-        /// What was asked for.
+        /// Requested star.
         asked: String,
         /// Where.
         place: Equatorial,
@@ -177,7 +177,7 @@ impl Catalogue {
     /// recorded of a star with its place is found again, whatever it was called.
     ///
     /// # Errors
-    /// As [`Self::find`]; [`StarError::Elsewhere`] where no star of that name stands there.
+    /// The errors of [`Self::find`]; [`StarError::Elsewhere`] where no star of that name stands there.
     pub fn find_at(&self, asked: &str, place: Equatorial) -> Result<&Star, StarError> {
         let called = self.called(asked)?;
         let off_deg = |star: &Star| separation_deg(star.icrs.direction(), place.direction());

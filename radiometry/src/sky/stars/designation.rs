@@ -96,7 +96,7 @@ fn greek_letter(word: &str) -> String {
     }
 }
 
-/// What SIMBAD's main object type says to a calibrator (SIMBAD's older codes, which the table holds).
+/// Returns the notes for a calibrator by SIMBAD's main object type (SIMBAD's older codes, which the table holds).
 pub(super) fn notes_of_type(object_type: Option<&str>) -> Vec<StarNote> {
     use StarNote::{Double, Eclipsing, SpectroscopicBinary, UnknownType, Variable};
     let Some(code) = object_type else { return vec![UnknownType] };

@@ -45,11 +45,11 @@ pub struct Star {
     pub object_type: Option<String>,
 }
 
-/// What a calibrator should know of a star before trusting it.
+/// Note on a star that a calibrator should know before trusting it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum StarNote {
-    /// Its light varies; the table does not say by how much (Vega's millimagnitudes count too).
+    /// Light that varies; the table does not say by how much (Vega's millimagnitudes count too).
     Variable,
     /// It is eclipsed by a companion.
     Eclipsing,
@@ -136,7 +136,7 @@ impl Star {
             .unwrap_or_else(|| format!("{:.4}° {:+.4}°", self.icrs.ra_deg, self.icrs.dec_deg))
     }
 
-    /// What a calibrator should know of it, from SIMBAD's object type and from what is missing.
+    /// Returns the notes that a calibrator should know, from SIMBAD's object type and from what is missing.
     pub fn notes(&self) -> Vec<StarNote> {
         let mut notes = designation::notes_of_type(self.object_type.as_deref());
         if self.pm_ra_mas_yr.is_none() || self.pm_dec_mas_yr.is_none() {
