@@ -98,7 +98,7 @@ fn bins_and_tags_of_a_night_are_of_the_same_photons() {
         ("channels = { g = 1, r = 3 }", "channels = { g = 3, r = 1 }"),
     ]);
     std::fs::write(folder.0.join("night.toml"), plan).unwrap();
-    folder.done(&["observe", "night.toml", "-o", "s"]);
+    folder.done(&["observe", "night.toml", "--anyway", "-o", "s"]);
     let text = folder.done(&["session", "check", "s"]);
     assert!(text.contains("raw tags"), "{text}");
     let session = Session::open(folder.0.join("s")).unwrap();
