@@ -41,7 +41,7 @@ impl IntensityReport<'_> {
             tolerance: options.tolerance,
             budget_s: options.budget_s,
             light: self.light,
-            needs: explain::json(self.all.needs()),
+            needs: explain::json(&self.all.needs()),
         };
         let light = &self.light.light;
         let column = |name: &str, unit, f: &dyn Fn(usize) -> f64| {
@@ -62,7 +62,7 @@ impl IntensityReport<'_> {
     pub fn text(&self) -> String {
         let (light, options) = (self.light, self.all.options());
         let mut text = format!("{}, phase angle {:.4}°\n", self.target, light.phase_deg);
-        text.push_str(&explain::short(self.all.needs(), options.tolerance));
+        text.push_str(&explain::short(&self.all.needs(), options.tolerance));
         text.push_str("\n  wavelength     I/E, m²/sr          stated error        I, W/(sr nm)\n");
         for at in &light.light {
             let share = at.error_m2_per_sr / at.per_irradiance_m2_per_sr;
@@ -77,7 +77,7 @@ impl IntensityReport<'_> {
             );
         }
         text.push_str("\n  W, m²/sr              stated error  light of\n");
-        for weight in &light.weights {
+        for weight in light.weights.iter().filter(|weight| weight.material.is_some()) {
             let _ = writeln!(
                 text,
                 "  {:>16.9e}         {:>9.2e}  {}{}",
@@ -86,6 +86,17 @@ impl IntensityReport<'_> {
                 weight.source,
                 weight.material.as_ref().map_or(String::new(), |m| format!(", {m}"))
             );
+        }
+        // Light that went by several materials has a term for each product of their spectra.
+        let mut several: Vec<(&str, usize)> = Vec::new();
+        for weight in light.weights.iter().filter(|weight| weight.material.is_none()) {
+            match several.last_mut() {
+                Some((source, terms)) if *source == weight.source => *terms += 1,
+                _ => several.push((weight.source, 1)),
+            }
+        }
+        for (source, terms) in several {
+            let _ = writeln!(text, "  {terms} terms of {source}: --json has them");
         }
         for by in light.by_albedo.iter().flatten() {
             let values: Vec<String> =

@@ -15,7 +15,7 @@ use sunglint_materials::fit::surface::{
 use sunglint_materials::read;
 use sunglint_materials::samples::{Sample, Samples, direction, turned};
 use sunglint_numerics::progress::Silent;
-use sunglint_testkit::{Campaign, shared, skip};
+use sunglint_testkit::{shared, skip};
 
 type Truth<'a> = &'a dyn Fn(DVec3, DVec3) -> f64;
 
@@ -218,13 +218,12 @@ fn tables_that_do_not_suffice_say_why() {
 /// BRDF of two unit vectors, sr⁻¹.
 type Value = Box<dyn Fn(DVec3, DVec3) -> f64>;
 
-/// Truth: closed forms written from the papers, errors of 1 to 5 %, of surfaces of one lobe and Lambert light and of two lobes. The stated 95 % intervals hold 92 to 98 % of
-/// the parameters; the simplest true recipe is chosen in 90 % or more; nothing is NaN.
+/// Truth: closed forms written from the papers, errors of 1 to 5 %, of surfaces of one lobe and Lambert light and of two lobes, one of each kind (some 15 s of CPU each). The stated
+/// 95 % intervals hold the parameters as often as a binomial's three standard deviations allow; the simplest true recipe is chosen in three of four; nothing is NaN.
 #[test]
-fn campaign_brdf_surfaces() {
-    let mut campaign = Campaign::start("brdf_surfaces", 200);
+fn made_up_surfaces_are_found() {
     let (mut inside, mut all, mut chosen, mut count) = (0_u32, 0_u32, 0_u32, 0_u32);
-    for seed in campaign.seeds() {
+    for seed in 0..4_u64 {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(7000 + seed);
         let mut from = |a: f64, b: f64| a * (b / a).powf(rng.random::<f64>());
         let noise = from(0.01, 0.05);
@@ -288,14 +287,9 @@ fn campaign_brdf_surfaces() {
     }
     let share = f64::from(inside) / f64::from(all);
     eprintln!("inside {inside} of {all} ({share:.3}), chosen {chosen} of {count}");
-    // A tenth of the campaign has 70 parameters: 3 standard deviations of the binomial more.
-    let room = if campaign.is_whole() { 0.0 } else { 3.0 * (0.05 * 0.95 / f64::from(all)).sqrt() };
-    assert!((0.92 - room..=0.98 + room).contains(&share), "{share}");
-    let least = if campaign.is_whole() { 0.9 } else { 0.75 };
-    assert!(f64::from(chosen) >= least * f64::from(count), "{chosen} of {count}");
-    campaign.largest("part_inside", share);
-    campaign.largest("part_chosen", f64::from(chosen) / f64::from(count));
-    campaign.finish();
+    let room = 3.0 * (0.05 * 0.95 / f64::from(all)).sqrt();
+    assert!(share >= 0.95 - room, "{share}");
+    assert!(4 * chosen >= 3 * count, "{chosen} of {count}");
 }
 
 fn real(file: &str) -> Option<PathBuf> {

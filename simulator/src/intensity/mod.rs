@@ -341,9 +341,9 @@ impl Intensities {
         Ok(Self { engine, options, materials, tau, sun })
     }
 
-    /// What the target needs, effect by effect.
-    pub fn needs(&self) -> &[Need] {
-        self.engine.needs()
+    /// Returns the target's needs, effect by effect. The Earth's shadow is none of them: the body is in full sunlight.
+    pub fn needs(&self) -> Vec<Need> {
+        self.engine.needs().iter().filter(|need| need.effect != "eclipse").cloned().collect()
     }
 
     /// Warnings about the target.
