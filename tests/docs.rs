@@ -242,6 +242,41 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     }
     std::fs::write(folder.path("ingest.toml"), ingest).unwrap();
     keys(&folder.json(&["brdf", "ingest", "ingest.toml", "--json"]), &mut printed);
+    // A composite through a table with three incidences: a lobe over Lambert light, in the plane of incidence.
+    let mut table = String::from("theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,brdf_550nm_per_sr\n");
+    for theta_i in [10, 30, 50, 65] {
+        for signed in (-75..=75).step_by(3) {
+            let (theta_o, phi_o) = (i32::abs(signed), if signed < 0 { 0 } else { 180 });
+            let half = 0.5 * f64::from(signed - theta_i);
+            let value = 0.1 + 3.0 * (-(half / 8.0).powi(2)).exp();
+            table += &format!("{theta_i},0,{theta_o},{phi_o},{value}\n");
+        }
+    }
+    std::fs::write(folder.path("incidences.csv"), table).unwrap();
+    let fit = ["brdf", "fit", "incidences.csv", "--most-lobes", "1", "--accept", "--json", "-q"];
+    keys(&folder.json(&fit), &mut printed);
+    keys(&folder.json(&["brdf", "ingest", "incidences.csv", "--json"]), &mut printed);
+    let geometry = ["light", "box_wing", "--sun", "1,0,0.2", "--observer", "0.75,-0.5,0.45"];
+    keys(&folder.json(&[&geometry[..], &["--json"]].concat()), &mut printed);
+    let linear = ["--derivatives", "albedo", "--without", "inter_reflection", "--json", "-q"];
+    keys(&folder.json(&[&geometry[..], &linear].concat()), &mut printed);
+    // Sessions with a zero point each.
+    let mut nights = String::from("# synthetic\ntime_utc,magnitude,session,delta_au\n");
+    for (k, day) in [2, 3, 7, 9].into_iter().enumerate() {
+        for i in 0..90_u32 {
+            let minute = 4 * i + 17 * k as u32;
+            let turn = std::f64::consts::TAU
+                * (86_400.0 * f64::from(day) + 60.0 * f64::from(minute))
+                / (5.3 * 3600.0);
+            let m = 11.0 + 1.7 * k as f64 + 0.2 * (2.0 * turn).sin() + 0.1 * (3.0 * turn).cos();
+            let ripple = 0.03 * ((f64::from(i * i) * 0.618_033_988_75).fract() - 0.5);
+            let (hour, minute) = (minute / 60, minute % 60);
+            nights +=
+                &format!("2024-03-{day:02}T{hour:02}:{minute:02}:00Z,{:.4},{k},2.5\n", m + ripple);
+        }
+    }
+    std::fs::write(folder.path("nights.csv"), nights).unwrap();
+    keys(&folder.json(&["analyse", "period", "nights.csv", "--json", "-q"]), &mut printed);
     // Stars, and what they calibrate.
     crate::common::star_night::night(&folder, "2020-11-18", 1.0);
     crate::common::star_night::night(&folder, "2020-11-19", 1.0);
@@ -412,6 +447,11 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "endmembers",
         "map",
         // Values of keys.
+        "auto",
+        "fred",
+        "not_decided",
+        "single",
+        "zemax",
         "factor",
         "weight",
         "share",

