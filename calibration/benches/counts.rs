@@ -1,4 +1,4 @@
-//! What it costs to turn counts into rates. `cargo bench -p sunglint-calibration --bench counts`
+//! Benchmark of turning counts into rates. `cargo bench -p sunglint-calibration --bench counts`
 #![allow(missing_docs)]
 
 use divan::{Bencher, counter::ItemsCount};

@@ -1,4 +1,4 @@
-//! What the photometry of a frame costs on one core, beside photutils and SEP on the same frame in the same run (where `.venv` has them).
+//! Benchmark of the photometry of a frame on one core, beside photutils and SEP on the same frame in the same run (where `.venv` has them).
 //!
 //! `cargo bench -p sunglint-calibration --bench photometry`
 
@@ -27,7 +27,7 @@ fn star(bayer: Option<Bayer>) -> Frame {
     exposure.read()
 }
 
-/// As in `tests/peers/apertures.py`.
+/// Place of the aperture, as in `tests/peers/apertures.py`.
 const PLACE: [f64; 2] = [100.3, 99.8];
 
 fn reducer() -> FrameReducer {
@@ -108,7 +108,7 @@ fn searching_nearest_off(frame: &Frame) -> f64 {
     (x - 695.0).hypot(y - 519.0)
 }
 
-/// Of `field`, options that take the nearest to the middle or the brightest.
+/// Makes a reducer for `field` with options that take the source nearest to the middle or the brightest.
 fn searching(choice: Choice) -> FrameReducer {
     let mut options = PhotometryOptions::new([1391, 1039], 5.0);
     options.detection.choice = choice;

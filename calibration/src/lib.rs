@@ -5,7 +5,7 @@
 //! - [`reduction`]: a recorded session as one linear light curve for each visit;
 //! - [`apply`]: a linear light curve times the night's coefficient, magnitudes and irradiances.
 //!
-//! What they are made of; these work in memory:
+//! Modules of which they are made; these work in memory:
 //!
 //! - [`track`]: where the target stood on the camera's frame, and when;
 //! - [`photometry`]: from frames to rates of the target's planes, and its place: masks, detection, centroids, apertures, backgrounds;

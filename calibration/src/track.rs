@@ -36,7 +36,7 @@ pub struct Track {
 pub struct Interpolated {
     /// The place, with what the frames and the way between them leave open.
     pub place: Place,
-    /// Its drift, px/s.
+    /// Drift of the target, px/s.
     pub drift_px_per_s: [f64; 2],
 }
 

@@ -69,7 +69,7 @@ pub static DRIVERS: [&Driver; 18] = [
     &zwo::SIM_EFW,
 ];
 
-/// What a device does.
+/// Kind of a device: what it does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Counts photons.
@@ -99,11 +99,11 @@ impl fmt::Display for Kind {
 /// How the system shows a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bus {
-    /// As a USB device that a program speaks to by itself.
+    /// USB device that a program speaks to by itself.
     Usb,
-    /// As a HID device (`/dev/hidraw0`).
+    /// HID device (`/dev/hidraw0`).
     Hid,
-    /// As a serial port (`/dev/ttyACM0`).
+    /// Serial port (`/dev/ttyACM0`).
     Serial,
 }
 
@@ -126,7 +126,7 @@ pub struct UsbId {
     pub vendor: u16,
     /// The product's number; `None` for all of the vendor's.
     pub product: Option<u16>,
-    /// What it is.
+    /// Name of the device.
     pub name: &'static str,
 }
 
@@ -140,7 +140,7 @@ impl UsbId {
 /// How the part of an address behind the driver's name is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Place {
-    /// Its form (`[PORT]`); empty if there is none.
+    /// Form of the place (`[PORT]`); empty if there is none.
     pub form: &'static str,
     /// An example of a whole address.
     pub example: &'static str,
@@ -151,25 +151,25 @@ pub struct Place {
 /// A driver.
 #[derive(Debug)]
 pub struct Driver {
-    /// Its name in addresses.
+    /// Name of the driver in addresses.
     pub name: &'static str,
-    /// What it drives.
+    /// Kind of device that it drives.
     pub kind: Kind,
     /// Who makes the devices.
     pub vendor: &'static str,
     /// The devices, in a line.
     pub title: &'static str,
-    /// What it was tried with, in a line.
+    /// Devices that it was tried with, in a line.
     pub tried: &'static str,
     /// Whether the device is simulated by this program.
     pub simulated: bool,
     /// Where the device is.
     pub place: Place,
-    /// What the driver may have to be told.
+    /// Options that the driver may have to be given.
     pub options: &'static [OptionSpec],
     /// The numbers by which the device is recognised.
     pub ids: &'static [UsbId],
-    /// What goes over its line.
+    /// Traffic on its line: bytes or requests.
     pub wire: Wire,
     /// Opens the line. What it finds on the way (endpoints, the port) it may put into the address, so that a replay knows.
     pub(crate) connect: fn(&mut Address, &Deadline) -> Result<Line, DeviceError>,

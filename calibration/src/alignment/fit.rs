@@ -11,7 +11,7 @@ use sunglint_numerics::least_squares::{Descent, Limits, Normal, minimise};
 use sunglint_numerics::order::robust_sigma;
 use sunglint_radiometry::station::Fibre;
 
-/// What is fitted.
+/// Options of the fit: which parameters are fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitOptions {
     /// Whether the field's axes may turn against the frame's.
@@ -51,9 +51,9 @@ pub enum FitError {
 /// A fitted field.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FieldFit {
-    /// Its centre from the frame's centre, px.
+    /// Centre of the field from the frame's centre, px.
     pub offset_px: [f64; 2],
-    /// Its standard deviations along its own axes, px.
+    /// Standard deviations of the field along its own axes, px.
     pub sigma_px: [f64; 2],
     /// How far its first axis is turned from the frame's columns towards its rows, degrees, −45 to 45; 0 where no rotation was fitted.
     pub angle_deg: f64,
@@ -95,7 +95,7 @@ impl FieldFit {
         profile(&[x, y, u.ln(), v.ln(), self.angle_deg.to_radians()], point)
     }
 
-    /// What the fit says of a point, Hz; `None` for a star that was not in it.
+    /// Returns the rate that the fit gives at a point, Hz; `None` for a star that was not in it.
     pub fn rate_hz(&self, point: &FieldPoint) -> Option<f64> {
         let (_, [amplitude, _]) =
             self.amplitudes_hz.iter().find(|(star, _)| *star == point.star)?;
@@ -193,7 +193,7 @@ pub fn fit_field(points: &[FieldPoint], options: &FitOptions) -> Result<FieldFit
     problem.result(&at, &names, &Scores { scale2, psi, slope })
 }
 
-/// What the covariance is made of.
+/// Terms of which the covariance is made.
 struct Scores {
     /// The variance of an estimate from points that err each for itself, over that of unit variance.
     scale2: f64,

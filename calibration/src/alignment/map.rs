@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 /// A cell of the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell {
-    /// Its middle from the frame's centre, px.
+    /// Middle of the cell from the frame's centre, px.
     pub offset_px: [f64; 2],
     /// Mean of the normalised rates in it, weighted by their uncertainties.
     pub value: f64,
-    /// Its standard uncertainty: the stated one, or the points' scatter where that is larger.
+    /// Standard uncertainty of the mean: the stated one, or the points' scatter where that is larger.
     pub sigma: f64,
     /// The mean less what the fit says of the same points.
     pub residual: f64,

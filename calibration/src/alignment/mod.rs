@@ -25,7 +25,7 @@ pub struct FieldPoint {
     pub offset_px: [f64; 2],
     /// Variances of column and row and their covariance, px².
     pub covariance_px2: [f64; 3],
-    /// Its rate there, background subtracted, Hz.
+    /// Rate of the star there, background subtracted, Hz.
     pub rate_hz: f64,
     /// Standard uncertainty, Hz, above 0.
     pub sigma_hz: f64,

@@ -43,7 +43,7 @@ pub enum AlignError {
     /// A session that cannot be reduced.
     #[error("session {}", path.display())]
     Session {
-        /// Its folder.
+        /// Folder of the session.
         path: PathBuf,
         /// The reason.
         #[source]
@@ -56,7 +56,7 @@ pub enum AlignError {
     NoField {
         /// Visits to stars.
         stars: usize,
-        /// What a person should hear of, the reason of each channel among it.
+        /// Warnings for the user, the reason of each channel among them.
         warnings: Vec<String>,
     },
 }
@@ -68,7 +68,7 @@ pub struct Field {
     pub channel: String,
     /// The fit.
     pub fit: FieldFit,
-    /// What was measured, cell by cell.
+    /// Measured field, cell by cell.
     pub map: FieldMap,
     /// Visits to stars.
     pub stars: usize,
@@ -81,7 +81,7 @@ pub struct Field {
 pub struct Alignment {
     /// By channel.
     pub fields: Vec<Field>,
-    /// What a person should hear of.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 

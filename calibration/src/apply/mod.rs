@@ -29,7 +29,7 @@ pub enum ApplyError {
     NotLinear {
         /// The file.
         path: PathBuf,
-        /// What its rates are.
+        /// Kind of the curve's rates.
         kind: RateKind,
     },
     /// No sample.
@@ -65,7 +65,7 @@ pub enum ApplyError {
     /// A spectrum that is not known.
     #[error("the spectrum `{name}` is neither `sun`, nor a file, nor a star's type")]
     Spectrum {
-        /// Its name.
+        /// Name of the spectrum.
         name: String,
         /// Why it is no star's type.
         #[source]
@@ -76,7 +76,7 @@ pub enum ApplyError {
     SpectrumFile {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Error in the file.
         #[source]
         source: SpectrumError,
     },
@@ -108,10 +108,10 @@ impl From<ParseError> for ApplyError {
 /// Law of phase angle, 1 at 90°.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum PhaseLaw {
-    /// As a Lambert sphere: sin γ + (π − γ) cos γ
+    /// Lambert sphere: sin γ + (π − γ) cos γ
     #[default]
     Lambert,
-    /// As the illuminated fraction of the disc: 1 + cos γ
+    /// Illuminated fraction of the disc: 1 + cos γ
     Illuminated,
 }
 
@@ -186,7 +186,7 @@ pub struct Applied {
     pub air: String,
     /// Irradiances and magnitudes, where they were added.
     pub photometry: Option<Photometry>,
-    /// What a person should hear of.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
@@ -242,7 +242,7 @@ impl Applied {
     /// Adds irradiances and magnitudes above an air. An aerosol that was fitted with κ belongs to it, unless the options keep the air's own.
     ///
     /// # Errors
-    /// As [`Photometry::new`].
+    /// The errors of [`Photometry::new`].
     pub fn add_photometry(
         &mut self,
         station: &Station,

@@ -49,7 +49,7 @@ pub struct Photometry {
     pub spectrum: String,
     /// The band's name.
     pub band: String,
-    /// What magnitudes count from.
+    /// Zero point of the magnitudes.
     pub zero: ZeroPoint,
     /// The law of phase angle.
     pub law: PhaseLaw,
@@ -62,7 +62,7 @@ pub struct PhotometryOptions {
     pub spectrum: String,
     /// The band of magnitudes.
     pub band: String,
-    /// What magnitudes count from.
+    /// Zero point of the magnitudes.
     pub zero_point: ZeroPoint,
     /// The law of phase angle.
     pub phase_law: PhaseLaw,

@@ -3,7 +3,7 @@
 use super::Channel;
 use super::channel::Given;
 
-/// What residuals are put into bins by.
+/// Quantity by which residuals are put into bins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Axis {
     /// Phase angle, degrees.
@@ -23,7 +23,7 @@ pub struct Bin {
     pub samples: usize,
     /// Measured over simulated light in it, over the channel's scale: 1 where the model has the course right.
     pub ratio: f64,
-    /// Its standard uncertainty by the samples' σ; `None` where one has none.
+    /// Standard uncertainty of the ratio from the samples' σ; `None` where a sample has none.
     pub sigma: Option<f64>,
 }
 

@@ -15,7 +15,7 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// Of rows at times that do not decrease, s; blocks hold equal numbers of rows.
+    /// Divides rows, at times that do not decrease (s), into blocks with equal numbers of rows.
     pub fn new(rows: usize) -> Self {
         let count = BLOCKS.min(rows / LEAST_SAMPLES).max(1);
         Self { of: (0..rows).map(|i| i * count / rows.max(1)).collect(), count }

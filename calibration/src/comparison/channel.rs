@@ -12,21 +12,21 @@ const CENTRAL: f64 = 0.682_689_492_137_085_9;
 /// A channel as it comes: one entry a sample, all in one unit.
 #[derive(Debug, Clone, Copy)]
 pub struct Given<'a> {
-    /// Its name.
+    /// Name of the channel.
     pub name: &'a str,
     /// Exposures, s: the weights of samples.
     pub exposure_s: &'a [f64],
-    /// What was measured.
+    /// Measured value of each sample.
     pub measured: &'a [f64],
-    /// Its standard uncertainty; NaN or 0 where none is known.
+    /// Standard uncertainty of each measured value; NaN or 0 where none is known.
     pub sigma: &'a [f64],
-    /// What there is to say of it.
+    /// Flags of each measured value.
     pub flags: &'a [Flags],
-    /// What the simulation says; NaN where it says nothing.
+    /// Simulated value of each sample; NaN where the simulation gives none.
     pub simulated: &'a [f64],
     /// How far off that may be by its own stated error: a bound.
     pub model_error: &'a [f64],
-    /// What there is to say of the simulated one.
+    /// Flags of each simulated value.
     pub simulated_flags: &'a [Flags],
     /// Whether the sample lies within the times that are compared.
     pub within: &'a [bool],
@@ -52,7 +52,7 @@ pub enum Reason {
 }
 
 impl Reason {
-    /// As tables name it: a flag by its own name.
+    /// Returns the name of the reason in tables; a flag has its own name.
     pub fn name(self) -> String {
         match self {
             Reason::Flag(flag) => {
@@ -113,16 +113,16 @@ pub struct Chi2 {
     pub unscaled: f64,
 }
 
-/// What the samples of a channel say that count.
+/// Statistics of the samples of a channel that count.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Numbers {
     /// How many they are.
     pub samples: usize,
     /// Σ t m / Σ t s.
     pub scale: f64,
-    /// Its standard uncertainty by the samples' σ; `None` where one of them has none.
+    /// Standard uncertainty of the scale from the samples' σ; `None` where a sample has none.
     pub scale_sigma: Option<f64>,
-    /// Its standard uncertainty as blocks of time differ; `None` of too few samples.
+    /// Standard uncertainty of the scale from the scatter of blocks of time; `None` with too few samples.
     pub scale_sigma_blocks: Option<f64>,
     /// Blocks behind that, as many as equally bright ones would say as much: (Σ w)²/Σ w² of their light w, rounded down.
     pub blocks: usize,
@@ -149,7 +149,7 @@ pub struct Numbers {
 /// A channel, compared.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channel {
-    /// Its name.
+    /// Name of the channel.
     pub name: String,
     /// Samples with an exposure of this channel.
     pub samples: usize,
@@ -157,7 +157,7 @@ pub struct Channel {
     pub used: Vec<bool>,
     /// The others.
     pub left_out: LeftOut,
-    /// What those that count say; `None` where none does, or no light is simulated.
+    /// Statistics of the samples that count; `None` where none counts, or no light is simulated.
     pub numbers: Option<Numbers>,
 }
 
@@ -195,7 +195,7 @@ impl Channel {
 }
 
 impl Given<'_> {
-    /// What speaks against a sample.
+    /// Returns the reasons not to count a sample.
     fn against(&self, i: usize) -> Vec<Reason> {
         let mut reasons: Vec<Reason> =
             (self.flags[i] - TOLERATED).iter().map(Reason::Flag).collect();

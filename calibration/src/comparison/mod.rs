@@ -42,7 +42,7 @@ pub enum ComparisonError {
     OutOfOrder {
         /// The row, from 1.
         row: usize,
-        /// Its time.
+        /// Time of the row.
         time: String,
         /// That of the row before.
         before: String,

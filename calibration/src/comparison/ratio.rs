@@ -14,31 +14,31 @@ pub struct Ratio {
     pub reference: String,
     /// The measured ratio over the simulated one: the quotient of the scales.
     pub scale: f64,
-    /// Its standard uncertainty by the samples' σ; `None` where one has none.
+    /// Standard uncertainty of the ratio from the samples' σ; `None` where a sample has none.
     pub sigma: Option<f64>,
-    /// As blocks of time differ: what both channels share (twinkling, clouds) is not in it.
+    /// Standard uncertainty from the scatter of blocks of time: what both channels share (twinkling, clouds) is not in it.
     pub sigma_blocks: Option<f64>,
-    /// Its relative uncertainty by κ; `None` where that is not known.
+    /// Relative uncertainty of the ratio from κ; `None` where that is not known.
     pub common_sigma: Option<f64>,
-    /// Its course.
+    /// Course of the ratio in time.
     pub moments: Vec<Moment>,
 }
 
 /// A ratio in a stretch of time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Moment {
-    /// Its rows.
+    /// Rows of the stretch.
     pub rows: Range<usize>,
     /// Measured light of one over that of the other, means over the samples of each.
     pub measured: f64,
-    /// Its standard uncertainty by the samples' σ.
+    /// Standard uncertainty of the measured ratio from the samples' σ.
     pub sigma: Option<f64>,
     /// The same of the simulated light, over the same samples.
     pub simulated: f64,
 }
 
 impl Ratio {
-    /// Of a channel and the reference, over stretches of rows. `None` where one has no numbers. `common_sigma` is the relative uncertainty of κ's quotient.
+    /// Finds the ratio of a channel to the reference, over stretches of rows. `None` where one has no numbers. `common_sigma` is the relative uncertainty of κ's quotient.
     pub fn new(
         (given, channel): (&Given<'_>, &Channel),
         (other, reference): (&Given<'_>, &Channel),

@@ -9,12 +9,12 @@ use sunglint_radiometry::light_curve::{
     ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
 };
 
-/// What became of the samples of one channel.
+/// Numbers of samples of one channel, by what became of them.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct ChannelSummary {
     /// The channel.
     pub name: String,
-    /// Its samples.
+    /// Number of samples.
     pub samples: u64,
     /// Those with a rate.
     pub with_rate: u64,
@@ -28,7 +28,7 @@ pub struct ChannelSummary {
     pub flags: BTreeMap<&'static str, u64>,
 }
 
-/// What a [`Reduction`](super::Reduction) did.
+/// Summary of the work of a [`Reduction`](super::Reduction).
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Summary {
     /// Bins that were read.

@@ -23,12 +23,12 @@ impl Default for Gate {
     }
 }
 
-/// What a fibre couples of a target's light, against its centre.
+/// Coupling of a target's light into a fibre, relative to the fibre's centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coupling {
-    /// Its mean over the bin and over what is not known of the place.
+    /// Mean coupling over the bin and over the uncertainty of the place.
     pub mean: f64,
-    /// Its standard uncertainty from the place.
+    /// Standard uncertainty of the coupling from the place.
     pub sigma: f64,
 }
 

@@ -86,13 +86,13 @@ use sunglint_radiometry::station::{Counter, Fibre};
 /// A channel of a counter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CountChannel {
-    /// Its name in the station, and in light curves.
+    /// Name of the channel in the station, and in light curves.
     pub name: String,
     /// Which of the counter's channels it is, from 0.
     pub column: usize,
-    /// Its law.
+    /// Linearity law of the channel.
     pub linearity: Linearity,
-    /// Its dark rate, Hz, where nothing was measured.
+    /// Dark rate of the channel, Hz, where nothing was measured.
     pub dark_rate_hz: f64,
     /// Where its fibre looks; `None` for a detector that needs no gate.
     pub fibre: Option<Fibre>,
@@ -119,7 +119,7 @@ impl CountChannel {
 pub struct Bin {
     /// The counter's record.
     pub record: CountRecord,
-    /// Of each channel the tags in the bin, ps on the clock of [`CountRecord::start_ps`], in order; `None`, or no entry, without tags.
+    /// Tags of each channel in the bin, ps on the clock of [`CountRecord::start_ps`], in order; `None`, or no entry, without tags.
     pub tags_ps: Vec<Option<Vec<i64>>>,
 }
 

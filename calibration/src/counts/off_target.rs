@@ -1,4 +1,4 @@
-//! What a channel shows beside the targets: sky and dark counts, measured together.
+//! Rates of a channel beside the targets: sky and dark counts, measured together.
 
 use super::spans::{Seen, Spans, View};
 use super::{Bin, CountChannel};
@@ -49,7 +49,7 @@ impl Default for OffOptions {
 pub struct OffRate {
     /// The linear rate, Hz.
     pub rate_hz: f64,
-    /// Its standard uncertainty, Hz: counting, or the scatter of the bins where that is larger.
+    /// Standard uncertainty of the rate, Hz: from counting, or from the scatter of the bins where that is larger.
     pub sigma_hz: f64,
     /// Bins in it.
     pub bins: usize,
@@ -62,11 +62,11 @@ pub struct OffRate {
 /// A piece of an off-target stretch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OffPiece {
-    /// Its middle.
+    /// Middle of the piece.
     pub time: Epoch,
     /// Sky or dark.
     pub view: View,
-    /// Of each channel its rate; `None` where too few bins were left.
+    /// Rate of each channel; `None` where too few bins were left.
     pub rates: Vec<Option<OffRate>>,
 }
 
@@ -88,7 +88,7 @@ pub enum BackgroundSource {
 pub struct Background {
     /// It, Hz.
     pub rate_hz: f64,
-    /// Its standard uncertainty, Hz; nothing is known of that of a station's dark rate.
+    /// Standard uncertainty of the background, Hz; it is not known for a station's dark rate.
     pub sigma_hz: f64,
     /// Where it came from.
     pub source: BackgroundSource,
@@ -203,7 +203,7 @@ struct Open {
     channels: Vec<OpenChannel>,
 }
 
-/// Its bins of one channel.
+/// Bins of one channel in a piece that is still open.
 #[derive(Clone, Default)]
 struct OpenChannel {
     /// Rate, counts, exposure.

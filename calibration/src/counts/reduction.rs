@@ -26,13 +26,13 @@ pub struct Options {
 /// One channel's part of a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChannelSample {
-    /// As counted, Hz, and its standard uncertainty without regard to dead time; NaN where nothing was counted.
+    /// Rate as counted, Hz, and its standard uncertainty without regard to dead time; NaN where nothing was counted.
     pub measured_hz: [f64; 2],
     /// The target's rate, linear, background subtracted, divided by the coupling, Hz; NaN where a flag excludes it.
     pub rate_hz: f64,
-    /// Its standard uncertainty, Hz; NaN with it.
+    /// Standard uncertainty of `rate_hz`, Hz; NaN where that is NaN.
     pub sigma_hz: f64,
-    /// What was subtracted, and its standard uncertainty, Hz, before the coupling; NaN where nothing was.
+    /// Background that was subtracted, and its standard uncertainty, Hz, before the coupling; NaN where none was subtracted.
     pub background_hz: [f64; 2],
     /// The coupling and its standard uncertainty from the target's place; NaN where none was applied.
     pub coupling: [f64; 2],
@@ -40,7 +40,7 @@ pub struct ChannelSample {
     pub lost_fraction: f64,
     /// Whether it was linearised in fine bins, from tags.
     pub from_tags: bool,
-    /// What there is to say of it.
+    /// Flags of the channel in this sample.
     pub flags: Flags,
 }
 
@@ -49,7 +49,7 @@ pub struct ChannelSample {
 pub struct Sample {
     /// The middle of the bin.
     pub time: Epoch,
-    /// Its length, s.
+    /// Length of the bin, s.
     pub exposure_s: f64,
     /// Which visit it belongs to.
     pub visit: usize,
@@ -103,7 +103,7 @@ impl<'a, E, I: Iterator<Item = Result<Bin, E>>> Reduction<'a, I> {
         }
     }
 
-    /// What was done so far; all of it once the iterator has ended.
+    /// Returns the summary of the work so far; it is complete once the iterator has ended.
     pub fn summary(&self) -> &Summary {
         &self.summary
     }
@@ -307,7 +307,7 @@ fn hole_s(before: &Bin, bin: &Bin) -> Option<f64> {
     Some(bin.record.start_ps.checked_sub(before.end_ps())? as f64 * 1e-12)
 }
 
-/// What was counted in a bin right beside.
+/// Returns the counts of a bin right beside this one.
 fn counted_beside(bin: &Bin, other: &Bin, column: usize) -> Option<Counted> {
     let (first, second) =
         if other.record.start < bin.record.start { (other, bin) } else { (bin, other) };

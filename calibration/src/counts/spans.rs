@@ -3,7 +3,7 @@
 use crate::track::Track;
 use hifitime::{Duration, Epoch};
 
-/// What the telescope looked at.
+/// View of the telescope: a target, the sky or nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum View {
     /// A target, by the number of its visit.
@@ -17,11 +17,11 @@ pub enum View {
 /// A stretch of time with one view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
-    /// Its start.
+    /// Start of the span.
     pub from: Epoch,
-    /// Its end, which is not in it.
+    /// End of the span, which is not in it.
     pub to: Epoch,
-    /// What was seen.
+    /// View of the telescope in the span.
     pub view: View,
 }
 
@@ -92,7 +92,7 @@ impl Spans {
     }
 }
 
-/// What makes a stretch of frames one off the target.
+/// Conditions under which a stretch of frames is off the target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Away {
     /// The target is away where it stands further than this from the place that counts, px: far enough that no light of it is coupled.

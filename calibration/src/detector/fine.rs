@@ -31,13 +31,13 @@ pub struct FineLinear {
     pub bins: u64,
     /// Length of a fine bin, s.
     pub length_s: f64,
-    /// By how much the rate grows from bins of twice the length to these, Hz. Where light is resolved, a third of it is the error that is left.
+    /// Growth of the rate from bins of twice the length to these, Hz. Where light is resolved, a third of it is the error that is left.
     pub refined_hz: f64,
     /// Whether the light still changed within the fine bins by more than can be linearised to the tolerance.
     pub too_fast: bool,
 }
 
-/// By how many σ counts of a fine bin stand out of those beside it to be a glint: of constant light one bin in 30,000.
+/// Threshold for a glint, in σ, of the counts of a fine bin above those beside it: constant light exceeds it in one bin in 30,000.
 const STANDS_OUT: f64 = 4.0;
 
 /// Sums over fine bins.

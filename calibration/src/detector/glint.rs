@@ -1,6 +1,6 @@
 //! Light that changed within a bin, seen from the bins beside it.
 //!
-//! Of light that stays between l and h with the mean m, all as counted, the true mean lies between n(m) and the chord of n over l…h at m: nothing else is
+//! For light that stays between l and h with the mean m, all as counted, the true mean lies between n(m) and the chord of n over l…h at m: nothing else is
 //! sure, as n is convex. Neighbours tell l and h of light that passes through the bin. What stands above both of them may have lasted
 //! any part of the bin; [`Glints::shortest`] is the part that is thought of.
 

@@ -69,7 +69,7 @@ pub struct Afterpulses {
     /// Counts per count between the end of the recovery and the middle of the histogram beyond what the rate of its second half explains.
     /// Negative where there are fewer.
     pub probability: f64,
-    /// Its standard uncertainty.
+    /// Standard uncertainty of the probability.
     pub sigma: f64,
 }
 
@@ -80,7 +80,7 @@ impl Afterpulses {
     }
 }
 
-/// What the intervals tell.
+/// Dead time and recovery of a detector, estimated from the intervals between tags.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeadTimeEstimate {
     /// Dead time τ_d and its standard uncertainty, s.
@@ -98,7 +98,7 @@ pub struct DeadTimeEstimate {
 }
 
 impl DeadTimeEstimate {
-    /// As a station has it.
+    /// Returns the dead time in the form that a station has.
     pub fn dead_time(&self) -> DeadTime {
         let [dead_time_s, _] = self.dead_time_s;
         match self.recovery_s {

@@ -6,7 +6,7 @@ use super::{DetectorError, Limit, MOST_AMPLIFICATION};
 use std::f64::consts::E;
 use sunglint_radiometry::station::DeadTime;
 
-/// What a law says at a measured rate m.
+/// Values of a law at a measured rate m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct At {
     /// n, Hz.

@@ -1,4 +1,4 @@
-//! What a photon counter counted, turned into the rate that it saw: dead time and other non-linearity, inverted with its uncertainty.
+//! Rate that a photon counter saw, computed from its counts: dead time and other non-linearity, inverted with its uncertainty.
 //!
 //! A [`Linearity`] is made of the [`DeadTime`] of a station's counter. [`Linearity::linearise`] turns the counts of one bin into a rate;
 //! [`Linearity::linearise_tags`] does it in bins so fine that light which changes within the bin is right; an [`IntervalHistogram`]
@@ -51,13 +51,13 @@ use sunglint_radiometry::station::{Counter, DeadTime};
 /// The rate behind the counts of a bin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Linear {
-    /// As counted, Hz.
+    /// Rate as counted, Hz.
     pub measured_hz: f64,
     /// The rate that the detector saw, dark counts included, Hz.
     pub rate_hz: f64,
-    /// Its standard uncertainty from counting, Hz. Of no count at all that of one.
+    /// Standard uncertainty of the rate from counting, Hz. Without any count, it is that of one count.
     pub sigma_hz: f64,
-    /// What was taken off because the law is curved and counts are few, Hz.
+    /// Bias that was subtracted because the law is curved and counts are few, Hz.
     pub bias_hz: f64,
     /// dn/d ln τ, Hz: times the relative uncertainty of the dead time, what that adds to the uncertainty. It is common to all bins.
     pub dead_time_slope_hz: f64,
@@ -72,7 +72,7 @@ pub struct Linear {
 pub enum Limit {
     /// The saturation that the station states.
     Stated,
-    /// What the law of the dead time can count, or where it tells rates apart no more.
+    /// Limit of the dead-time law: the most that it can count, or where it no longer tells rates apart.
     Law,
     /// The last point of the table.
     TableEnd,
@@ -87,7 +87,7 @@ pub enum DetectorError {
         "{measured_hz} Hz counted, where {limit_hz} Hz ({limit:?}) is the most that tells a rate: the detector is saturated, leave the sample out"
     )]
     Saturated {
-        /// As counted, Hz.
+        /// Rate as counted, Hz.
         measured_hz: f64,
         /// The limit that it reached, Hz.
         limit_hz: f64,
@@ -104,7 +104,7 @@ pub enum DetectorError {
         field: &'static str,
         /// It.
         found: f64,
-        /// What it has to be.
+        /// Values that are allowed.
         expected: &'static str,
     },
     /// A law that has no inverse here.
@@ -117,7 +117,7 @@ pub enum DetectorError {
     Tag {
         /// Which tag of the bin, from 1.
         number: usize,
-        /// Its time, ps.
+        /// Time of the tag, ps.
         found_ps: i64,
         /// The earliest that it may have.
         from_ps: i64,
@@ -150,7 +150,7 @@ impl Linearity {
     /// The inverse of a counter's law, with its stated saturation.
     ///
     /// # Errors
-    /// As [`Linearity::new`]; a saturation that is not above 0.
+    /// The errors of [`Linearity::new`]; a saturation that is not above 0.
     pub fn of(counter: &Counter) -> Result<Self, DetectorError> {
         let found = counter.saturation_hz;
         if found.is_nan() || found <= 0.0 {
@@ -184,7 +184,7 @@ impl Linearity {
         self.follow(measured_hz, exposure_s)
     }
 
-    /// As [`Linearity::linearise`], whatever saturation is stated.
+    /// Inverts the law as [`Linearity::linearise`] does, whatever saturation is stated.
     fn follow(&self, measured_hz: f64, exposure_s: f64) -> Result<Linear, DetectorError> {
         let saturated =
             |(limit_hz, limit)| DetectorError::Saturated { measured_hz, limit_hz, limit };

@@ -23,7 +23,7 @@ use serde::Serialize;
 use std::fmt;
 
 bitflags::bitflags! {
-    /// What is wrong with an efficiency. In files the metadata `flag_bits` names the bits.
+    /// Faults of an efficiency. In files the metadata `flag_bits` names the bits.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
     pub struct EfficiencyFlags: u32 {
         /// The sensor counted more than tells a rate.
@@ -47,14 +47,14 @@ bitflags::bitflags! {
     }
 }
 
-/// What was read at one step of the monochromator.
+/// Values read at one step of the monochromator.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Reading {
     /// Vacuum wavelength, nm.
     pub wavelength_nm: f64,
     /// The photodiode's voltage, V; not a number where it is missing.
     pub photodiode_v: f64,
-    /// Its dark voltage, V.
+    /// Dark voltage of the photodiode, V.
     pub photodiode_dark_v: f64,
     /// The standard uncertainty of their difference, V.
     pub sigma_v: f64,
@@ -78,7 +78,7 @@ pub struct Lookup {
 /// A factor of the light with its relative standard uncertainty, the same at all wavelengths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Factor {
-    /// What it is, for messages.
+    /// Name of the factor, for messages.
     pub name: String,
     /// It.
     pub value: Lookup,
@@ -89,7 +89,7 @@ pub struct Factor {
 /// An area in the light and where it stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aperture {
-    /// Its area, mm².
+    /// Area of the aperture, mm².
     pub area_mm2: f64,
     /// Relative standard uncertainty of the area.
     pub area_relative_sigma: f64,
@@ -106,9 +106,9 @@ pub struct Photodiode {
     pub responsivity: Factor,
     /// Load or amplifier, V A⁻¹.
     pub load_ohm: f64,
-    /// Its relative standard uncertainty.
+    /// Relative standard uncertainty of the value before.
     pub load_relative_sigma: f64,
-    /// Its area and place.
+    /// Aperture in front of it: area and place.
     pub aperture: Aperture,
 }
 
@@ -141,7 +141,7 @@ pub enum Counting {
     Camera {
         /// Electrons per ADU.
         gain_e_per_adu: f64,
-        /// Its relative standard uncertainty.
+        /// Relative standard uncertainty of the value before.
         gain_relative_sigma: f64,
         /// ADU at and above which a reading is saturated.
         saturation_adu: f64,
@@ -153,7 +153,7 @@ pub enum Counting {
 pub struct Sensor {
     /// How its counts are a rate.
     pub counting: Counting,
-    /// Its area and place.
+    /// Aperture in front of it: area and place.
     pub aperture: Aperture,
 }
 
@@ -179,7 +179,7 @@ pub struct Components {
 }
 
 impl Components {
-    /// What each reading has for itself.
+    /// Returns the uncertainty that each reading has independently of the others.
     pub fn own(&self) -> f64 {
         self.counts.hypot(self.photodiode)
     }
@@ -199,7 +199,7 @@ pub struct Row {
     pub wavelength_nm: f64,
     /// η; not a number only beside a flag.
     pub efficiency: f64,
-    /// Its uncertainties.
+    /// Uncertainties of the efficiency, by where they come from.
     pub components: Components,
     /// Photons on the sensor, Hz.
     pub photons_hz: f64,
@@ -207,14 +207,14 @@ pub struct Row {
     pub rate_hz: f64,
     /// Readings behind it.
     pub readings: usize,
-    /// What is wrong with it.
+    /// Faults of the efficiency at this wavelength.
     pub flags: EfficiencyFlags,
 }
 
-/// What is worth a warning.
+/// Information for a warning: a fault and the wavelengths that have it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Note {
-    /// What is wrong.
+    /// Fault that the warning is about.
     pub flag: EfficiencyFlags,
     /// First and last wavelength, nm.
     pub range_nm: (f64, f64),
@@ -252,7 +252,7 @@ impl fmt::Display for Note {
 pub struct Efficiency {
     /// By wavelength, increasing.
     pub rows: Vec<Row>,
-    /// What is worth a warning.
+    /// Information for a warning: a fault and the wavelengths that have it.
     pub notes: Vec<Note>,
 }
 
@@ -263,11 +263,11 @@ pub enum EfficiencyError {
     /// A number that cannot be.
     #[error("{name}: found {found}, expected {expected}")]
     Number {
-        /// What it is of, with its unit.
+        /// Name of the quantity, with its unit.
         name: String,
         /// It.
         found: f64,
-        /// What it has to be.
+        /// Values that are allowed.
         expected: &'static str,
     },
     /// A reading that cannot be.
@@ -277,11 +277,11 @@ pub enum EfficiencyError {
         set: usize,
         /// Which of its readings, from 1.
         reading: usize,
-        /// What of it.
+        /// Name of the wrong value in the reading.
         name: &'static str,
         /// It.
         found: f64,
-        /// What it has to be.
+        /// Values that are allowed.
         expected: &'static str,
     },
     /// No reading at all.
@@ -322,7 +322,7 @@ impl Lookup {
         Self::new(name, vec![0.0, f64::MAX], vec![value, value])
     }
 
-    /// Its value; none beyond its ends.
+    /// Returns the value at a wavelength; none beyond the ends of the table.
     pub fn at(&self, nm: f64) -> Option<f64> {
         let (first, last) = (self.wavelength_nm.first()?, self.wavelength_nm.last()?);
         if !(*first..=*last).contains(&nm) {
@@ -341,7 +341,7 @@ impl Factor {
     /// An exact number at all wavelengths.
     ///
     /// # Errors
-    /// As [`Lookup::constant`].
+    /// The errors of [`Lookup::constant`].
     pub fn constant(name: &str, value: f64, relative_sigma: f64) -> Result<Self, EfficiencyError> {
         Ok(Self { name: name.to_owned(), value: Lookup::constant(name, value)?, relative_sigma })
     }

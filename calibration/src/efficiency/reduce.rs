@@ -103,7 +103,7 @@ fn check_reading(set: usize, reading: usize, r: &Reading) -> Result<(), Efficien
     Ok(())
 }
 
-/// What turns U/ν into η: products of all that the light meets, W V⁻¹ on the sensor for one volt; none beyond a table.
+/// Factor that turns U/ν into η: product of all that the light meets, W V⁻¹ on the sensor for one volt; none beyond a table.
 struct Way {
     watt_per_volt: f64,
     responsivity: f64,
@@ -230,7 +230,7 @@ fn one(set: &Set, sensor: &Sensor, r: &Reading) -> Row {
     row
 }
 
-/// What a wavelength that is off does: by the slope of η itself and by that of what it is divided by.
+/// Sets the uncertainty from a wavelength that is off: by the slope of η itself and by that of its divisor.
 fn wavelengths(rows: &mut [Row], set: &Set, sensor: &Sensor) {
     let sigma_nm = set.wavelength_sigma_nm;
     if sigma_nm == 0.0 {

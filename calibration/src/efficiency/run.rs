@@ -30,7 +30,7 @@ pub enum EfficiencyRunError {
     Readings {
         /// The run's file.
         path: PathBuf,
-        /// What is wrong.
+        /// Error in the readings.
         #[source]
         source: EfficiencyError,
     },
@@ -49,7 +49,7 @@ pub struct EfficiencyRun {
     pub name: String,
     /// The efficiency.
     pub efficiency: Efficiency,
-    /// Its curve for a station's file.
+    /// Efficiency curve in the form of a station's file.
     pub curve: String,
     /// Wavelengths that are not in that curve, nm.
     pub left_out_nm: Vec<f64>,
@@ -57,7 +57,7 @@ pub struct EfficiencyRun {
     pub plan: String,
     /// The files that it names.
     pub inputs: Vec<Input>,
-    /// What a person should hear of.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 

@@ -7,7 +7,7 @@ use super::overlap::Aperture;
 use super::window::{Plane, Window};
 use sunglint_radiometry::light_curve::Flags;
 
-/// What the sum over a plane needs besides its pixels.
+/// Inputs of the sum over a plane besides its pixels.
 #[derive(Clone, Copy)]
 pub(crate) struct Summing {
     pub aperture: Aperture,

@@ -5,7 +5,7 @@
 pub struct Background {
     /// Level of a pixel, ADU: the mean that the clipped median stands for.
     pub level_adu: f64,
-    /// Its standard error, ADU.
+    /// Standard error of the level, ADU.
     pub level_sigma_adu: f64,
     /// Scatter of a single pixel (sky, read-out, dark current, what the darks did not take off), ADU.
     pub pixel_sigma_adu: f64,

@@ -1,11 +1,11 @@
-//! What dark frames and a flat say about the sensor: pixels that are wrong, and what every frame has in common.
+//! Calibration of the sensor from dark frames and a flat: pixels that are wrong, and what every frame has in common.
 
 use super::PhotometryError;
 use ndarray::{Array2, ArrayView1, Zip, s};
 use sunglint_formats::frame::Frame;
 
 bitflags::bitflags! {
-    /// What is wrong with a pixel.
+    /// Faults of a pixel.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
     pub struct PixelFault: u8 {
         /// Brighter in the dark than the others.
@@ -51,7 +51,7 @@ impl MasterFrame {
     /// The flat of frames of an even light: their mean less the dark, over its median, for each colour by itself.
     ///
     /// # Errors
-    /// As [`MasterFrame::mean`]; [`PhotometryError::OtherRegion`] where the dark is not of the same region.
+    /// The errors of [`MasterFrame::mean`]; [`PhotometryError::OtherRegion`] where the dark is not of the same region.
     pub fn flat(frames: &[Frame], dark: &Self) -> Result<Self, PhotometryError> {
         let mut flat = Self::mean(frames)?;
         let first = &frames[0];
@@ -106,7 +106,7 @@ impl BadPixels {
     /// without faults it masks 0.27 % at 3.
     ///
     /// # Errors
-    /// As [`MasterFrame::mean`].
+    /// The errors of [`MasterFrame::mean`].
     pub fn from_darks(frames: &[Frame], k_sigma: f64) -> Result<Self, PhotometryError> {
         const FRAMES_TO_TELL_DEAD: usize = 5;
         let mean = MasterFrame::mean(frames)?;
@@ -164,7 +164,7 @@ impl BadPixels {
     }
 }
 
-/// What is taken off every frame, and which pixels are left out.
+/// Calibration of frames: what is subtracted from every frame, and which pixels are left out.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FrameCalibration {
     /// Pixels to leave out.

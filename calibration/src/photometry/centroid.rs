@@ -16,7 +16,7 @@ pub struct Centroid {
 }
 
 impl Centroid {
-    /// Its width as a point: the mean of both axes (geometric); of a trail, the width across it.
+    /// Returns the width of a point: the mean of both axes (geometric); of a trail, the width across it.
     pub fn point_fwhm_px(&self) -> f64 {
         let [narrow, wide] = self.fwhm_px;
         if wide.is_finite() { (narrow * wide).sqrt() } else { narrow }

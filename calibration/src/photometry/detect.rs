@@ -19,7 +19,7 @@ pub enum Rejection {
     Area,
     /// It does not fill its bounding box.
     Fill,
-    /// Its bounding box is long.
+    /// Bounding box too long.
     Aspect,
     /// Narrower than a point: a cosmic ray or a hot pixel.
     Sharp,
@@ -44,7 +44,7 @@ pub struct Candidate {
     pub fill: f64,
     /// The longer side of the bounding box over the shorter.
     pub aspect: f64,
-    /// Its signal to noise as something a third as wide as a point, over that as a point: 0.55 for a point, more than 1 for what is sharp; NaN
+    /// Signal to noise of the source as something a third as wide as a point, over that as a point: 0.55 for a point, more than 1 for what is sharp; NaN
     /// where it is so bright that its centroid tells its width.
     pub sharpness: f64,
     /// Place and widths, of those that pass the filters before.
@@ -55,7 +55,7 @@ pub struct Candidate {
     pub rejection: Option<Rejection>,
 }
 
-/// What a detection found.
+/// Result of a detection.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Detection {
     /// All sources of the part of the frame that was searched, those that passed and those that did not.
@@ -106,7 +106,7 @@ pub struct Detector {
     look: Look,
 }
 
-/// What a detection needs to know of the target.
+/// Inputs of a detection about the target.
 #[derive(Clone, Copy)]
 pub(crate) struct Sought<'a> {
     pub options: &'a DetectionOptions,

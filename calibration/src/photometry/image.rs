@@ -83,7 +83,7 @@ impl Image {
         &self.smoothed
     }
 
-    /// As [`Image::significance`] left it.
+    /// Returns the smoothed image as [`Image::significance`] left it.
     pub fn smoothed(&self) -> &[f32] {
         &self.smoothed
     }
@@ -131,7 +131,7 @@ pub(crate) struct Narrow {
     scale: f32,
 }
 
-/// As [`Image::take_out_sharp`]; `left_out` are the masked pixels, to which the sharp ones are added.
+/// Takes out sharp pixels as [`Image::take_out_sharp`] does; `left_out` are the masked pixels, to which the sharp ones are added.
 fn take_out_sharp(
     image: &mut [f32],
     left_out: &mut [bool],

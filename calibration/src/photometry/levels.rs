@@ -36,7 +36,7 @@ impl Default for Counter {
 }
 
 impl Counter {
-    /// Of the numbers among the values of these rows; `None` of fewer than three. Values that come in steps (1 for whole counts, else 0) are counted
+    /// Finds the level and scatter of the numbers in these rows; `None` with fewer than three. Values that come in steps (1 for whole counts, else 0) are counted
     /// step by step, and a quantile is taken within its step, as of grouped data.
     ///
     /// Bins are a thirtieth of a standard deviation wide or one step, and quantiles are taken evenly within a bin. Where the sample misjudged the

@@ -4,7 +4,7 @@ use super::background::{Background, Clipping, clipped_median};
 use super::overlap::Aperture;
 use super::window::{Plane, Reading, Window};
 
-/// What a look needs besides the frame.
+/// Settings of a look at a place of a frame, besides the frame.
 #[derive(Clone, Copy)]
 pub(crate) struct Setting {
     pub annulus_px: [f64; 2],

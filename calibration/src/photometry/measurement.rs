@@ -1,4 +1,4 @@
-//! What a frame gives.
+//! Measurement of a frame.
 
 use super::Aperture;
 use crate::track::TrackPoint;
@@ -49,9 +49,9 @@ pub struct PlaneMeasurement {
     /// Rate within the aperture above the background, ADU/s, standing for all pixels of the aperture (×4 for red and blue, ×2 for green).
     /// NaN beside [`Flags::SATURATED`], [`Flags::UNDETECTED`], [`Flags::EDGE`] or [`Flags::MASKED_PIXELS`] where there is none.
     pub rate_adu_per_s: f64,
-    /// Its standard deviation, in parts.
+    /// Standard deviation of the rate, in parts.
     pub sigma: SigmaParts,
-    /// What there is to say.
+    /// Flags of the measurement.
     pub flags: Flags,
     /// Background of a pixel, ADU.
     pub background_adu: f64,
@@ -76,7 +76,7 @@ pub struct SigmaParts {
     pub pixels: f64,
     /// The background's level.
     pub background: f64,
-    /// What lay on masked pixels.
+    /// Light that fell on masked pixels.
     pub masked: f64,
     /// Where the target fell between the pixels of its colour.
     pub sampling: f64,

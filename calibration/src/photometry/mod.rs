@@ -86,11 +86,11 @@ pub enum PhotometryError {
     /// An option is out of its range.
     #[error("photometry: {name} is {value}, expected {expected}")]
     Option {
-        /// Its name, with the unit.
+        /// Name of the option, with the unit.
         name: &'static str,
-        /// What it is.
+        /// Value of the option.
         value: f64,
-        /// What it must be.
+        /// Values that are allowed.
         expected: &'static str,
     },
     /// Neither the frame nor the options say how many electrons an ADU is.
@@ -101,7 +101,7 @@ pub enum PhotometryError {
     /// An exposure of no length has no rate.
     #[error("the frame's exposure is {exposure_s} s, expected more than 0")]
     Exposure {
-        /// What the frame says, s.
+        /// Exposure that the frame states, s.
         exposure_s: f64,
     },
     /// Fewer frames than a mask or a mean needs.
@@ -118,13 +118,13 @@ pub enum PhotometryError {
          columns {columns:?} and rows {rows:?} with binning {binning:?}: take calibration frames of the frame's own region and binning"
     )]
     OtherRegion {
-        /// What does not fit: `dark`, `flat` or `mask`.
+        /// Calibration frame that does not fit: `dark`, `flat` or `mask`.
         what: &'static str,
         /// Unbinned columns that it covers: first, and one past the last.
         covered_columns: [u32; 2],
         /// Unbinned rows that it covers.
         covered_rows: [u32; 2],
-        /// Its binning.
+        /// Binning of the calibration frame.
         covered_binning: [u32; 2],
         /// Unbinned columns of the frame.
         columns: [u32; 2],

@@ -1,4 +1,4 @@
-//! What the photometry of frames can be told.
+//! Options of the photometry of frames.
 
 use super::{PhotometryError, Scintillation};
 
@@ -28,9 +28,9 @@ pub struct PhotometryOptions {
     pub max_masked_light: f64,
     /// Whether and how a target may be drawn out in an exposure.
     pub trail: Trail,
-    /// What counts as a target.
+    /// Filters that decide which source is a target.
     pub detection: DetectionOptions,
-    /// What the twinkling depends on; `None` leaves it out.
+    /// Parameters of the scintillation (twinkling); `None` leaves it out.
     pub scintillation: Option<Scintillation>,
 }
 
@@ -65,7 +65,7 @@ pub struct DetectionOptions {
     pub min_fill: f64,
     /// Largest ratio of the bounding box's sides.
     pub max_aspect: f64,
-    /// Of sources below 2.5 thresholds: largest signal to noise of a source as something a third as wide as a point, over that as a point: above it is a cosmic ray. A point has
+    /// Largest sharpness of sources below 2.5 thresholds: the signal to noise of a source as something a third as wide as a point, over that as a point: above it is a cosmic ray. A point has
     /// 0.55, one hot pixel 3.3.
     pub max_sharpness: f64,
     /// Narrowest axis of a source over that of a point: below it is a cosmic ray or a hot pixel.

@@ -5,9 +5,9 @@
 /// Places are columns and rows; the middle of the first pixel is (0, 0).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aperture {
-    /// Its middle, px.
+    /// Middle of the aperture, px.
     pub centre_px: [f64; 2],
-    /// Its radius, px.
+    /// Radius of the aperture, px.
     pub radius_px: f64,
     /// From one end of the trail to the other, px; `[0.0, 0.0]` for a disc. (A pill, as in TRIPPy, Fraser et al. 2016.)
     pub trail_px: [f64; 2],
@@ -148,7 +148,7 @@ impl Polygon {
         (0..self.len).map(|i| (self.corners[i], self.corners[(i + 1) % self.len]))
     }
 
-    /// What lies where `normal`·p ≤ `bound`.
+    /// Returns the part of the polygon where `normal`·p ≤ `bound`.
     fn keep(&self, normal: [f64; 2], bound: f64) -> Self {
         let mut kept = Self { corners: [[0.0; 2]; 10], len: 0 };
         let height = |p: [f64; 2]| normal[0] * p[0] + normal[1] * p[1] - bound;

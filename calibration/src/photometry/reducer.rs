@@ -16,7 +16,7 @@ use hifitime::{Duration, Unit};
 use sunglint_formats::frame::Frame;
 use sunglint_radiometry::light_curve::Flags;
 
-/// What is known of a frame's target beforehand.
+/// Information about a frame's target that is known beforehand.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Expected {
     /// Column and row of the frame where it should be; `None` is the frame's middle.
@@ -69,7 +69,7 @@ impl FrameReducer {
         Ok(())
     }
 
-    /// What was removed so far.
+    /// Returns the numbers of what was removed so far.
     pub fn tally(&self) -> Tally {
         self.tally
     }
@@ -116,7 +116,7 @@ impl FrameReducer {
     /// looked for: [`measure_among`](Self::measure_among) does.
     ///
     /// # Errors
-    /// As [`FrameReducer::measure`].
+    /// The errors of [`FrameReducer::measure`].
     pub fn measure_at(
         &mut self,
         frame: &Frame,
@@ -129,11 +129,11 @@ impl FrameReducer {
         self.at(frame, Aperture { centre_px: place_px, radius_px, trail_px }, None, expected)
     }
 
-    /// As [`measure_at`](Self::measure_at), and searches around the place: where a source whose middle is more than a point's width away from it, or a cosmic
+    /// Measures like [`measure_at`](Self::measure_at), and searches around the place: where a source whose middle is more than a point's width away from it, or a cosmic
     /// ray, has light in the aperture, the planes are flagged [`Flags::CROWDED`].
     ///
     /// # Errors
-    /// As [`FrameReducer::measure`].
+    /// The errors of [`FrameReducer::measure`].
     pub fn measure_among(
         &mut self,
         frame: &Frame,
@@ -166,7 +166,7 @@ impl FrameReducer {
     /// The sources of a frame around where the target is expected, without a measurement; the tally stays as it is.
     ///
     /// # Errors
-    /// As [`FrameReducer::measure`].
+    /// The errors of [`FrameReducer::measure`].
     pub fn detect(
         &mut self,
         frame: &Frame,
@@ -351,7 +351,7 @@ fn prepare<'a>(
     Ok((reading, Setting { annulus_px: options.annulus_px, clipping, gain_e_per_adu }))
 }
 
-/// What a search needs to know.
+/// Returns the inputs of a search for the target.
 fn sought<'a>(
     frame: &Frame,
     options: &'a PhotometryOptions,

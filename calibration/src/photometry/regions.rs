@@ -5,7 +5,7 @@ use super::image::above;
 /// A region of pixels of an image, in image coordinates.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Region {
-    /// Its highest value.
+    /// Highest value in the region.
     pub peak: f64,
     /// Where that is: column and row.
     pub summit: [usize; 2],
@@ -149,7 +149,7 @@ impl Parting<'_> {
         self.share_out(whole, first_label);
     }
 
-    /// What is left of a connected region around its sources belongs to the nearest of them.
+    /// Assigns what is left of a connected region around its sources to the nearest of them.
     fn share_out(&mut self, whole: &[usize], first_label: u32) {
         self.maps.flood += 1;
         for &pixel in whole {

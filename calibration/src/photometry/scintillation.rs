@@ -1,6 +1,6 @@
 //! The twinkling of a target: noise that all channels share.
 
-/// What scintillation depends on at a station.
+/// Parameters of the scintillation at a station.
 ///
 /// Young's approximation (Young 1967) as Osborn et al. 2015 (MNRAS 452, 1707, eq. 7) write it, with their coefficient for the site:
 /// σ² = 10⁻⁵ C_Y² D^(−4/3) t⁻¹ X³ exp(−2 h / 8000 m). It holds for exposures longer than the wind takes to cross the mirror (some 20 ms for

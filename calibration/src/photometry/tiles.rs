@@ -22,7 +22,7 @@ struct Stretch {
 }
 
 impl Tiles {
-    /// Of an image, row by row; `step` is that of its values, or 0. What is no number does not count.
+    /// Measures the tiles of an image, row by row; `step` is the step of its values, or 0. Values that are not a number do not count.
     pub fn of(
         values: &[f32],
         [width, height]: [usize; 2],

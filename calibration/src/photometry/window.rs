@@ -104,7 +104,7 @@ impl Plane {
         Some((column + (column + parity) % 2, 2))
     }
 
-    /// What a sum over this plane is multiplied by to stand for all pixels: 1, 4 for red and blue, 2 for green.
+    /// Returns the factor by which a sum over this plane stands for all pixels: 1, 4 for red and blue, 2 for green.
     pub fn factor(&self) -> f64 {
         match self.colour {
             Colour::Mono => 1.0,

@@ -17,24 +17,24 @@ use sunglint_radiometry::station::{Detector, Fibre, Station};
 /// Progress is told of so many bins at once.
 const STEP: u64 = 256;
 
-/// What a counter gave.
+/// Results of a counter.
 #[derive(Debug)]
 pub struct CounterNight {
     /// The counter's name in the session.
     pub counter: String,
-    /// Of each stay, the raw and the linear curve of its channels; `None` without bins.
+    /// Raw and linear curve of the counter's channels for each stay; `None` without bins.
     pub curves: Vec<Option<[LightCurve; 2]>>,
-    /// What each rule did.
+    /// Summary of what each rule did.
     pub summary: Summary,
-    /// What the channels showed off the targets.
+    /// Rates of the channels off the targets.
     pub off: OffTarget,
     /// Channels of the counter that the station has not: they are not reduced.
     pub unknown: Vec<String>,
     /// Bytes of a last line without its end, which were left out.
     pub torn_bytes: u64,
-    /// What became of its raw tags; `None` where none were used.
+    /// Summary of the counter's raw tags; `None` where none were used.
     pub tags: Option<TagSummary>,
-    /// What a person should hear of them.
+    /// Warnings for the user about the tags.
     pub warnings: Vec<String>,
 }
 
@@ -150,7 +150,7 @@ pub fn counter_night(
     })
 }
 
-/// What became of a counter's tags, and of each stretch the bins that were compared and those that agree.
+/// Summary of a counter's tags, and for each stretch the bins that were compared and those that agree.
 type OfTags = (TagSummary, Vec<[u64; 2]>);
 
 /// Bins that are counted as they pass, with their tags.
@@ -164,7 +164,7 @@ struct Watched<'a> {
 }
 
 impl Watched<'_> {
-    /// What became of the tags.
+    /// Ends the reading of the tags and returns their summary.
     fn ended(self) -> Result<Option<OfTags>, Cancelled> {
         step(self.progress, self.passed)?;
         self.stopped.map_or_else(|| Ok(self.tags.map(Run::finish)), Err)

@@ -66,7 +66,7 @@ pub enum ReduceError {
     NoChannel {
         /// The counter's name in the session.
         counter: String,
-        /// Its channels.
+        /// Channels of the counter.
         channels: Vec<String>,
         /// The station's name.
         station: String,
@@ -91,7 +91,7 @@ pub enum ReduceError {
     Within {
         /// The part of the work: a session, a camera, a counter.
         part: String,
-        /// What went wrong there.
+        /// Error in that part.
         #[source]
         source: Box<ReduceError>,
     },

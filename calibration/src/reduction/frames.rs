@@ -26,24 +26,24 @@ const LEAST_DARKS: usize = 3;
 /// A pixel this many standard deviations of the dark frames' distribution off it is bad (thesis 4.1.1).
 const BAD_SIGMAS: f64 = 3.0;
 
-/// What the frames of a camera gave.
+/// Results from the frames of a camera.
 #[derive(Debug)]
 pub struct CameraNight {
     /// The camera's name in the session.
     pub camera: String,
-    /// Of each stay, where the target stood.
+    /// Track of the target for each stay.
     pub tracks: Vec<Track>,
-    /// Of each stay, the rates of the camera's channels; `None` without frames.
+    /// Rates of the camera's channels for each stay; `None` without frames.
     pub curves: Vec<Option<LightCurve>>,
-    /// Of each stay, what was measured last, with its frame: for figures.
+    /// Last measurements of each stay, with their frames: for figures.
     pub shown: Vec<Vec<Shown>>,
-    /// What each rule removed.
+    /// Numbers of what each rule removed.
     pub tally: Tally,
     /// Frames within no stay at a target: sky, dark, on the way.
     pub outside: u64,
     /// Frames whose exposure goes on after the stay: they have no rate.
     pub partly: u64,
-    /// Of each stay, how wide points were taken to be, px: as told, or as its own frames show them.
+    /// Width of points assumed for each stay, px: as told, or as its own frames show them.
     pub fwhm_px: Vec<f64>,
     /// Radius of the aperture, inner and outer radius of the annulus, px.
     pub aperture_px: [f64; 3],
@@ -62,7 +62,7 @@ pub struct Shown {
     pub pixels: Array2<u16>,
     /// The first of them, column and row of the frame.
     pub origin_px: [usize; 2],
-    /// What was measured on it.
+    /// Measurement of the frame.
     pub measured: FrameMeasurement,
     /// Inner and outer radius of the annulus, px.
     pub annulus_px: [f64; 2],
@@ -88,7 +88,7 @@ impl Shown {
     }
 }
 
-/// What the sensor's calibration is made of, where the session has no dark frames, or not the right ones.
+/// Files for the sensor's calibration, where the session has no dark frames, or not the right ones.
 #[derive(Debug, Clone, Default)]
 pub struct SensorFiles {
     /// Dark frames.
@@ -314,7 +314,7 @@ fn widen(options: &mut PhotometryOptions, fwhm_px: f64) {
     }
 }
 
-/// What is not the target's alone is no rate of it.
+/// Removes the rates of a frame whose light is not the target's alone.
 fn off_target(measured: &mut FrameMeasurement) {
     for plane in &mut measured.planes {
         plane.rate_adu_per_s = f64::NAN;

@@ -25,7 +25,7 @@ use sunglint_radiometry::station::Station;
 /// Visit of the telescope to a target, as the session's log has it, with an end.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stay {
-    /// What it looked at.
+    /// Target of the stay.
     pub target: Target,
     /// Which stay at a target of this name it is, from 1.
     pub number: u32,
@@ -54,7 +54,7 @@ pub type NamedCurve = (String, LightCurve);
 /// Reduces a recorded session with the usual options: the linear curve of each visit, with the name of its files, and warnings.
 ///
 /// # Errors
-/// As [`reduce`]; a session whose station is not known.
+/// The errors of [`reduce`]; a session whose station is not known.
 pub fn light_curves(
     folder: &Path,
     progress: &dyn Progress,

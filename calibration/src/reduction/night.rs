@@ -68,15 +68,15 @@ pub struct Visited {
 pub struct Reduced {
     /// All stays, at targets and beside them.
     pub stays: Vec<Stay>,
-    /// Of each stay, where the target stood.
+    /// Track of the target for each stay.
     tracks: Vec<Track>,
     /// The stay to be taken next.
     next: usize,
-    /// What the cameras' rules removed.
+    /// Results of the cameras, with what their rules removed.
     pub cameras: Vec<CameraNight>,
-    /// What the counters' rules did.
+    /// Results of the counters, with what their rules did.
     pub counters: Vec<CounterNight>,
-    /// What a person should hear of.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
@@ -112,10 +112,10 @@ pub fn reduce(
     reduce_with(session, station, options, progress, &mut |_, _, _| {})
 }
 
-/// As [`reduce`]; `each` sees every sample of every counter as it comes, with its stay.
+/// Reduces a session like [`reduce`]; `each` sees every sample of every counter as it comes, with its stay.
 ///
 /// # Errors
-/// As [`reduce`].
+/// The errors of [`reduce`].
 pub fn reduce_with(
     session: &Session,
     station: &Station,
@@ -214,7 +214,7 @@ fn chosen(stays: Vec<Stay>, target: Option<&str>) -> Result<Vec<Stay>, ReduceErr
     Ok(stays.into_iter().filter(|stay| !stay.target.on || stay.target.name == wanted).collect())
 }
 
-/// Of each stay the track of the camera that saw the target in most of its frames.
+/// Returns for each stay the track of the camera that saw the target in most of its frames.
 fn tracks(cameras: &[CameraNight], stays: usize) -> Vec<Track> {
     let detected = |track: &&Track| track.points.iter().filter(|p| p.place.is_some()).count();
     (0..stays)
@@ -326,7 +326,7 @@ impl Reduced {
     }
 }
 
-/// What light curves say of their target.
+/// Returns the description of the target for the metadata of light curves.
 fn target_json(stay: &Stay) -> serde_json::Value {
     let Target { name, target_kind, ra_deg, dec_deg, tle, .. } = &stay.target;
     let kind = if *target_kind == TargetKind::Star { "star" } else { "satellite" };

@@ -34,13 +34,13 @@ impl Stretch {
     }
 }
 
-/// Of each column of the counts the times of a bin's tags, ps.
+/// Times of a bin's tags for each column of the counts, ps.
 type Times = Vec<Option<Vec<i64>>>;
 
-/// What a bin's tags are.
+/// Result of the comparison of a bin's tags with its counts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Found {
-    /// As many as the counts, or none of either.
+    /// Same number of tags as counts, or none of either.
     Agree,
     /// Another number, on some channel.
     Differ,
@@ -50,7 +50,7 @@ enum Found {
     Incomplete,
 }
 
-/// What became of a counter's tags.
+/// Summary of what became of a counter's tags.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct TagSummary {
     /// Records in the file.
@@ -173,7 +173,7 @@ impl Tags {
         }
     }
 
-    /// What a person should hear of the tags.
+    /// Returns the warnings about the tags for the user.
     pub fn warnings(&self, counter: &str, summary: &TagSummary) -> Vec<String> {
         let mut warnings = Vec::new();
         let mut say = |text: String| warnings.push(format!("counter {counter}: {text}"));
@@ -250,13 +250,13 @@ pub struct Run<'a> {
     tags: &'a Tags,
     /// The present stretch.
     stretch: usize,
-    /// Its tags that were read, how many of them lie before the last bin, and the first record that was not read.
+    /// Tags of the stretch that were read, how many of them lie before the last bin, and the first record that was not read.
     ready: Vec<Tag>,
     taken: usize,
     next: u64,
     /// Begin of the last bin.
     before_ps: i64,
-    /// Of each stretch bins that were compared, and those that agree.
+    /// Numbers of bins that were compared in each stretch, and of those that agree.
     found: Vec<[u64; 2]>,
     summary: TagSummary,
 }
@@ -283,7 +283,7 @@ impl Run<'_> {
         Ok(Bin { record, tags_ps: if used { tags_ps } else { Vec::new() } })
     }
 
-    /// What it did.
+    /// Returns the summary, and for each stretch the bins that were compared and those that agree.
     pub fn finish(mut self) -> (TagSummary, Vec<[u64; 2]>) {
         let unused = self.tags.stretches.iter().filter(|stretch| !stretch.trusted()).count();
         self.summary.stretches = [self.tags.stretches.len(), unused];

@@ -1,4 +1,4 @@
-//! What the fit leaves: slopes against airmass and colour, ratios of channels, the variation over nights.
+//! Checks of what the fit leaves: slopes against airmass and colour, ratios of channels, the variation over nights.
 
 use super::gls::{Model, Scatter, fit};
 use super::sample::{Sample, stars};
@@ -8,7 +8,7 @@ use super::sample::{Sample, stars};
 pub struct Slope {
     /// Change of ln(predicted/measured) per unit.
     pub value: f64,
-    /// Its standard uncertainty.
+    /// Standard uncertainty of the slope.
     pub sigma: f64,
 }
 

@@ -12,17 +12,17 @@ const POLISHED: usize = 64;
 const ROUNDS: usize = 30;
 /// Slopes per airmass that candidates have where a slope is looked for: clear, hazy, thick. Each is polished to the slopes of its own channels.
 const SLOPES: [f64; 5] = [0.0, 0.1, 0.2, 0.35, 0.55];
-/// What of an aerosol's depth is missing, in the candidates where one is fitted; each is polished to its own.
+/// Missing parts of an aerosol's depth that the candidates try where one is fitted; each is polished to its own.
 const DEPTHS: [f64; 5] = [0.0, 0.06, 0.15, 0.3, 0.5];
-/// Of a normal distribution: one in ten thousand lies beyond; for the χ² of what channels do not have in common.
+/// Deviation of a normal distribution that one in ten thousand exceeds; for the χ² of what channels do not have in common.
 const ONE_IN_TEN_THOUSAND: f64 = 3.7190;
 
 /// A group of visits that agree.
 #[derive(Debug, Clone)]
 pub(super) struct Group {
-    /// Of each sample, whether it agrees.
+    /// True for each sample that agrees.
     pub agrees: Vec<bool>,
-    /// Of each sample: its residuals against the group, split.
+    /// Residuals of each sample against the group, split.
     pub splits: Vec<Split>,
     /// Residuals, by sample and channel.
     pub residuals: Vec<Vec<Option<f64>>>,

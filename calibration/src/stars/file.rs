@@ -23,7 +23,7 @@ pub struct Nights {
     pub station_files: Vec<Input>,
     /// The air that the predictions had, in words.
     pub air: String,
-    /// What magnitudes count from.
+    /// Zero point of the magnitudes.
     pub zero_point: String,
     /// Coverage of the intervals.
     pub confidence: f64,
@@ -40,11 +40,11 @@ pub struct NightFile {
     pub channels: Vec<ChannelRow>,
     /// Covariance of ln κ between these channels.
     pub covariance: Vec<Vec<f64>>,
-    /// What else is said of the night.
+    /// Other facts about the night.
     pub facts: Facts,
 }
 
-/// What is said of a night beside its coefficients.
+/// Facts about a night besides its coefficients.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Facts {
@@ -73,7 +73,7 @@ pub struct Facts {
 /// A channel of a night as the file has it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChannelRow {
-    /// Its name.
+    /// Name of the channel.
     pub channel: String,
     /// κ: predicted = κ · measured.
     pub kappa: f64,
@@ -153,7 +153,7 @@ impl NightFile {
 }
 
 impl Nights {
-    /// As a table, ready to be written as ECSV.
+    /// Converts the calibrations to a table, ready to be written as ECSV.
     pub fn to_table(&self) -> Table {
         let mut meta = Meta::new();
         meta.insert(KEY.into(), json!(VERSION));

@@ -58,7 +58,7 @@ impl Model {
         row
     }
 
-    /// What the model says of y.
+    /// Returns the model's value of y.
     pub fn value(&self, parameters: &DVector<f64>, sample: &Sample, channel: usize) -> f64 {
         self.row(sample, channel).iter().map(|(i, v)| parameters[*i] * v).sum()
     }

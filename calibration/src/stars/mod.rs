@@ -1,6 +1,6 @@
 //! The night's coefficient per channel from stars: predicted = κ · measured.
 //!
-//! What is fitted is y = ln(ν̂/ν) of every visit and channel, with a covariance of its own: counts (independent), scintillation (common to the channels
+//! The fitted quantity is y = ln(ν̂/ν) of every visit and channel, with a covariance of its own: counts (independent), scintillation (common to the channels
 //! of a visit), the catalogue's magnitude (common to all that was measured of a star) and its type, the fibre's coupling and what else is a channel's own.
 //! In the order in which data flow:
 //!
@@ -90,7 +90,7 @@ pub struct Measured {
     pub predicted_hz: f64,
     /// Mean linear rate, Hz (ADU/s of a camera).
     pub measured_hz: f64,
-    /// Its standard uncertainty by counts, sky and reading, without scintillation, in the same unit, above 0.
+    /// Standard uncertainty of the measured rate by counts, sky and reading, without scintillation, in the same unit, above 0.
     pub sigma_hz: f64,
     /// d ln(predicted)/dτ by an aerosol's optical depth, below 0; `None` where no aerosol is to be fitted.
     pub per_aerosol_depth: Option<f64>,
@@ -141,9 +141,9 @@ pub enum StarsError {
     Input {
         /// Which visit, from 1.
         visit: usize,
-        /// Its star.
+        /// Star of the visit.
         star: String,
-        /// What is wrong, with the number.
+        /// Description of the fault, with the number.
         what: String,
     },
     /// Options that cannot be.
@@ -151,9 +151,9 @@ pub enum StarsError {
     Option {
         /// Which.
         name: &'static str,
-        /// Its value.
+        /// Value of the option.
         value: f64,
-        /// What it may be.
+        /// Values that are allowed.
         expected: &'static str,
     },
     /// Not enough stars to tell a good one from a bad one.

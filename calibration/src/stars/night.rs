@@ -14,7 +14,7 @@ pub struct Night {
     pub channels: Vec<Result<ChannelKappa, String>>,
     /// Covariance of ln κ between the channels; `NaN` where a channel has none.
     pub covariance: Vec<Vec<f64>>,
-    /// What was found of each visit.
+    /// Judgement of each visit.
     pub visits: Vec<Judgement>,
     /// Stars that could decide.
     pub stars: usize,
@@ -62,13 +62,13 @@ pub struct ChannelKappa {
 /// An aerosol's optical depth fitted with κ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aerosol {
-    /// What is to be added to the depth that the prediction had.
+    /// Optical depth to add to the depth that the prediction had.
     pub depth: f64,
-    /// Its standard uncertainty.
+    /// Standard uncertainty of the depth.
     pub sigma: f64,
 }
 
-/// What was found of a visit.
+/// Judgement of a visit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judgement {
     /// Whether it agrees and went into κ. A visit that may not decide is judged all the same, and never goes in.
@@ -87,7 +87,7 @@ pub struct Judgement {
 const ROUNDS: usize = 3;
 /// χ² of the slopes over what one in a thousand exceeds is taken as a slope; this is for one channel, and grows with their number.
 const SLOPE_CHI2: [f64; 6] = [10.83, 13.82, 16.27, 18.47, 20.52, 22.46];
-/// What an aerosol's fit needs of the airmasses, and how well it must be known.
+/// Least range of airmasses that an aerosol's fit needs, and the largest uncertainty of its depth.
 const AEROSOL_AIRMASS_RANGE: f64 = 0.5;
 const AEROSOL_WORST_SIGMA: f64 = 0.1;
 

@@ -23,7 +23,7 @@ pub struct NightsOptions {
     pub fit: Options,
     /// Young's coefficient of the scintillation.
     pub scintillation: f64,
-    /// What magnitudes count from.
+    /// Zero point of the magnitudes.
     pub zero_point: ZeroPoint,
 }
 
@@ -146,11 +146,11 @@ impl From<sunglint_formats::ParseError> for NightsError {
 /// A night that is calibrated.
 #[derive(Debug, Clone)]
 pub struct CalibratedNight {
-    /// What a file says of it.
+    /// Calibration of the night as it goes into a file.
     pub file: NightFile,
     /// The fit.
     pub found: Night,
-    /// What went in, predicted beside measured.
+    /// Input of the fit: the visits, predicted beside measured.
     pub input: Vec<Visit>,
     /// The same visits as they were measured.
     pub visits: Vec<MeasuredVisit>,
@@ -165,7 +165,7 @@ impl CalibratedNight {
         self.found.channels[channel].as_ref().ok().map(|k| k.kappa)
     }
 
-    /// What a person should hear of before using κ.
+    /// Returns warnings that the user should read before using κ.
     pub fn warnings(&self) -> Vec<String> {
         let night = &self.file.night;
         let mut warnings = Vec::new();
@@ -191,11 +191,11 @@ impl CalibratedNight {
 /// Calibrated nights.
 #[derive(Debug, Clone)]
 pub struct CalibratedNights {
-    /// What the file says.
+    /// Content of the file.
     pub file: Nights,
     /// The nights, in the order of time.
     pub nights: Vec<CalibratedNight>,
-    /// What a person should hear of.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
@@ -268,7 +268,7 @@ fn chain(error: &dyn Error) -> String {
 /// A night's result, what went in, and the aerosol's depth with its uncertainty where it was fitted.
 type Fit = (Night, Vec<Visit>, Option<(f64, f64)>);
 
-/// What is the same for all nights.
+/// Inputs that are the same for all nights.
 struct Work<'a> {
     options: &'a NightsOptions,
     station: &'a Station,

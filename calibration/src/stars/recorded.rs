@@ -30,7 +30,7 @@ pub struct StarVisit {
     pub sha256: String,
     /// The light curve.
     pub curve: LightCurve,
-    /// Its target, as the file says.
+    /// Target of the visit, as the file describes it.
     pub target: Value,
 }
 
@@ -272,7 +272,7 @@ impl MeasuredVisit {
     }
 }
 
-/// What the air lets through on the way of a star's light; with a thicker air, and by how much it is thicker.
+/// Transmission of the air on the way of a star's light; with a thicker air, and how much thicker it is.
 struct Way {
     clear: Spectrum<Transmission>,
     hazy: Option<(Spectrum<Transmission>, f64)>,

@@ -5,7 +5,7 @@ use super::{Measured, Options, StarsError, Visit};
 /// A channel of a visit is used where its mean is expected to be known to this.
 const WORST_RELATIVE: f64 = 0.2;
 
-/// What is known of a visit in one channel.
+/// Data of a visit in one channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Point {
     /// ln(predicted/measured), its bias by noise taken off.

@@ -8,7 +8,7 @@ use super::sample::Sample;
 pub(super) struct Split {
     /// The common offset: the weighted mean of the residuals.
     pub offset: f64,
-    /// Its variance by counts and the channels' own scatter alone.
+    /// Variance of the common offset by counts and the channels' own scatter alone.
     pub own_variance: f64,
     /// Σ w (r − offset)², χ² of `channels − 1` degrees of freedom.
     pub chi2: f64,

@@ -8,7 +8,7 @@ use sunglint_radiometry::light_curve::{ChannelCurve, Flags, LightCurve, TOLERATE
 pub struct Mean {
     /// Mean rate over the exposed time, in the curve's unit.
     pub rate_hz: f64,
-    /// Its standard uncertainty without scintillation.
+    /// Standard uncertainty of the mean rate without scintillation.
     pub sigma_hz: f64,
     /// Samples that went in.
     pub used: usize,

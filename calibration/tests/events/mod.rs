@@ -4,7 +4,7 @@
 use rand::{RngExt as _, SeedableRng as _};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-/// What a detector does with a photon.
+/// Response of a detector to a photon.
 #[derive(Debug, Clone, Copy)]
 pub enum Detector {
     /// Counts all.

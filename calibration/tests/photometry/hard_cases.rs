@@ -1,4 +1,4 @@
-//! What frames may hold besides a well-behaved star.
+//! Difficult frames: what they may hold besides a well-behaved star.
 
 use crate::photometry::render::{Exposure, Sky, frame};
 use ndarray::Array2;

@@ -19,7 +19,7 @@ pub struct Sky {
     pub bias_adu: f64,
     pub fwhm_px: f64,
     pub bayer: Option<Bayer>,
-    /// What the colours let through: red, green, blue.
+    /// Transmission of the colours: red, green, blue.
     pub through: [f64; 3],
 }
 

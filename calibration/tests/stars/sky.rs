@@ -34,7 +34,7 @@ const fn counter(kappa: f64, wavelength_nm: f64, zero_hz: f64, dark_hz: f64) -> 
     Channel { kappa, wavelength_nm, zero_hz, dark_hz, read_adu: 0.0, electrons: 1.0 }
 }
 
-/// What a night is like.
+/// Conditions of a night.
 #[derive(Clone, Copy)]
 pub struct Conditions {
     pub stars: usize,
@@ -56,11 +56,11 @@ const DIAMETER_M: f64 = 0.43;
 
 pub struct VirtualNight {
     pub visits: Vec<Visit>,
-    /// Of each star, whether it is clean.
+    /// True for each star that is clean.
     pub clean: Vec<bool>,
-    /// Of each star and channel: the true variance of ln(predicted/measured) by counts.
+    /// True variance of ln(predicted/measured) by counts, for each star and channel.
     pub counts: Vec<[f64; 6]>,
-    /// Of each star: the true variance by scintillation.
+    /// True variance by scintillation, for each star.
     pub twinkle: Vec<f64>,
 }
 

@@ -5,7 +5,7 @@ use crate::picture::Picture;
 use sunglint_drivers::device::DeviceError;
 use sunglint_formats::Bayer;
 
-/// What a source says about itself.
+/// Description that a source gives of itself.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct About {
     /// The device or the file.
@@ -27,7 +27,7 @@ pub struct About {
 /// A source of pictures. It lives on a thread of its own and may block; the [`Grabber`](crate::Grabber) waits for it no longer
 /// than its caller's deadline.
 pub trait Capture {
-    /// What it is.
+    /// Returns the description of the source.
     fn about(&self) -> About;
 
     /// The next picture; `None` where there is none left.

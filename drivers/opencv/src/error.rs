@@ -4,7 +4,7 @@ use sunglint_drivers::device::DeviceError;
 
 pub(crate) const DEVICE: &str = "frame grabber";
 
-/// What is wrong, where, and what to do, in words.
+/// Makes an error from words that say what is wrong, where, and what to do.
 pub(crate) fn wrong(reason: impl Into<String>) -> DeviceError {
     DeviceError::Protocol { device: DEVICE, reason: reason.into() }
 }

@@ -19,7 +19,7 @@ use sunglint_drivers::device::{
 use sunglint_formats::fits::Header;
 use sunglint_formats::{Bayer, Frame};
 
-/// What is grabbed.
+/// Source of the pictures that are grabbed.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum Source {
@@ -35,7 +35,7 @@ pub enum Source {
     SequenceAt(PathBuf, Said),
 }
 
-/// What the user says about the frames of a recording that has no table.
+/// Statements of the user about the frames of a recording that has no table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Said {
     /// When the exposure of the first frame began.
@@ -59,7 +59,7 @@ pub enum FrameTimes {
     Said(Said),
 }
 
-/// What is done with pixels that are not those that the sensor delivered.
+/// Treatment of pixels that are not those that the sensor delivered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Lossy {
     /// They are refused.
@@ -76,7 +76,7 @@ pub struct GrabberSettings {
     pub plane: Plane,
     /// The pattern at the first pixel of a whole picture, where the source does not say it.
     pub bayer: Option<Bayer>,
-    /// What is done with lossy sources.
+    /// Treatment of lossy sources.
     pub lossy: Lossy,
     /// How many pictures are thrown away before a single exposure, as they may have begun before it was asked for. A live
     /// source has its own number.
@@ -94,7 +94,7 @@ pub struct Grabber {
     settings: GrabberSettings,
     window: Window,
     sensor_px: [u32; 2],
-    /// What a live source last said, s.
+    /// Exposure that a live source reported last, s.
     exposure_s: Option<f64>,
     /// How many pictures have become frames, or would have.
     taken: u64,
@@ -145,7 +145,7 @@ impl Grabber {
     /// Opens a source of the caller's own.
     ///
     /// # Errors
-    /// As [`open`](Self::open).
+    /// The errors of [`open`](Self::open).
     pub fn over(
         open: Open,
         times: FrameTimes,
@@ -174,7 +174,7 @@ impl Grabber {
         Ok(Self { worker, about, times, settings, window, sensor_px, exposure_s, taken: 0 })
     }
 
-    /// What the source says about itself.
+    /// Returns the source's description of itself.
     pub fn about(&self) -> &About {
         &self.about
     }

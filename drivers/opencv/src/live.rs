@@ -110,7 +110,7 @@ impl Live {
     }
 }
 
-/// Of Video4Linux' absolute exposure, s.
+/// Step of Video4Linux' absolute exposure, s.
 const STEP_S: f64 = 1e-4;
 /// Video4Linux' manual exposure.
 const MANUAL: f64 = 1.0;

@@ -1,4 +1,4 @@
-//! What a backend delivers.
+//! Pictures as a backend delivers them.
 
 use ndarray::Array2;
 
@@ -18,7 +18,7 @@ pub struct Picture {
     pub planes: Planes,
     /// Bits of a pixel: 8 or 16.
     pub bits: u8,
-    /// Its number, from 0, among all that the source has delivered.
+    /// Number of the picture, from 0, among all that the source has delivered.
     pub index: u64,
     /// Where it lies in the recording, or when the device's driver says that it was taken (on a clock of its own), ms.
     pub position_ms: Option<f64>,

@@ -1,6 +1,6 @@
 //! Frames into a lossless recording.
 //!
-//! What OpenCV's writer does not say is found out here: it reports no failed write, cuts odd rows and columns off, and does not keep
+//! This module makes up for what OpenCV's writer does not say: the writer reports no failed write, cuts odd rows and columns off, and does not keep
 //! times. So odd sides get a row or column of zeros, the times go into a table beside the recording, a row as each frame is written,
 //! and at the end the whole recording is read back and held against the check sums of what was given.
 
@@ -29,13 +29,13 @@ pub enum RecordError {
     Path {
         /// The path.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault of the path.
         reason: String,
     },
     /// Something is there already. A recording is never written over another.
     #[error("{} is there already: choose another name, or move it away", path.display())]
     Exists {
-        /// What is there.
+        /// Path of the file that is there.
         path: PathBuf,
     },
     /// A frame that does not belong with the first.
@@ -43,11 +43,11 @@ pub enum RecordError {
     Changed {
         /// Which frame, from 0.
         index: u64,
-        /// What differs.
+        /// Property that differs.
         what: &'static str,
-        /// What it has.
+        /// Value of the property in this frame.
         found: String,
-        /// What the first has.
+        /// Value of the property in the first frame.
         expected: String,
     },
     /// A pixel that the recording cannot hold.
@@ -61,7 +61,7 @@ pub enum RecordError {
         row: usize,
         /// The pixel's column.
         column: usize,
-        /// Its value.
+        /// Value of the pixel.
         value: u16,
     },
     /// OpenCV or the system did not write.
@@ -78,7 +78,7 @@ pub enum RecordError {
         /// The path.
         path: PathBuf,
     },
-    /// What was read back is not what was given.
+    /// Data read back are not the data that were given.
     #[error(
         "the recording does not hold what was given ({good} of {given} frames are good): {source}"
     )]
@@ -87,7 +87,7 @@ pub enum RecordError {
         good: u64,
         /// How many were given.
         given: u64,
-        /// What was found.
+        /// Error found in reading back.
         source: Box<DeviceError>,
     },
     /// A frame's metadata that no table holds.
@@ -95,7 +95,7 @@ pub enum RecordError {
     Encode {
         /// Which frame, from 0.
         index: u64,
-        /// What is wrong.
+        /// Error in the metadata.
         source: EncodeError,
     },
 }
@@ -111,7 +111,7 @@ pub struct Recorded {
     pub frames: u64,
 }
 
-/// What the frames go into.
+/// Kind of recording that the frames go into.
 enum Kind {
     /// FFV1, 8 bits.
     Film,
@@ -129,7 +129,7 @@ pub struct Recorder {
     begun: Option<Begun>,
 }
 
-/// What there is once the first frame has come.
+/// State of the recording once the first frame has come.
 struct Begun {
     like: Sidecar,
     first: Header,

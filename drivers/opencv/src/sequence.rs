@@ -29,7 +29,7 @@ impl Pattern {
     /// A path whose file name holds one `%d`, `%5d` or `%05d`; the number has at least so many digits, zeros before it.
     ///
     /// # Errors
-    /// What is wrong with it, in words.
+    /// A text that says what is wrong with the path.
     pub fn new(path: &Path) -> Result<Self, String> {
         let shown = path.display();
         let bad = || {

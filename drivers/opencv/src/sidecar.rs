@@ -12,25 +12,25 @@ use sunglint_drivers::device::DeviceError;
 use sunglint_formats::fits::{Card, CardValue, Header};
 use sunglint_formats::{Bayer, Column, Frame, Meta, Table, ecsv, time};
 
-/// What a metadata key must say for a table to be one of these.
+/// Value that the metadata key `quantity` must have for a table to be one of these.
 const QUANTITY: &str = "frames";
 
-/// What is known about the frames of a recording.
+/// Information about the frames of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sidecar {
     /// Columns and rows of a frame, px. The recording may have one more of each, of zeros.
     pub size_px: [u32; 2],
-    /// As [`Frame::origin`].
+    /// Origin of the frames on the sensor, as [`Frame::origin`].
     pub origin: [u32; 2],
-    /// As [`Frame::binning`].
+    /// Binning of the frames, as [`Frame::binning`].
     pub binning: [u32; 2],
-    /// As [`Frame::bayer`].
+    /// Colour pattern of the frames, as [`Frame::bayer`].
     pub bayer: Option<Bayer>,
     /// A row per frame.
     pub rows: Vec<Row>,
 }
 
-/// What is known about one frame.
+/// Information about one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// Start of the exposure.
@@ -39,13 +39,13 @@ pub struct Row {
     pub exposure_s: f64,
     /// CRC-32 (IEEE 802.3) of the pixels, row by row, each as two bytes, the lower first.
     pub crc32: u32,
-    /// As [`Frame::gain_e_per_adu`].
+    /// Gain in electrons per ADU, as [`Frame::gain_e_per_adu`].
     pub gain_e_per_adu: Option<f64>,
-    /// As [`Frame::temperature_c`].
+    /// Temperature, °C, as [`Frame::temperature_c`].
     pub temperature_c: Option<f64>,
-    /// As [`Frame::saturation_adu`].
+    /// Saturation, ADU, as [`Frame::saturation_adu`].
     pub saturation_adu: Option<f64>,
-    /// As [`Frame::header`].
+    /// Other cards of the frame, as [`Frame::header`].
     pub header: Header,
 }
 
@@ -83,7 +83,7 @@ impl Row {
 }
 
 impl Sidecar {
-    /// Of the frames that are like this one; without rows.
+    /// Makes the sidecar, without rows, for frames that are like this one.
     pub(crate) fn like(frame: &Frame) -> Self {
         let (rows, columns) = frame.pixels.dim();
         Self {
@@ -160,10 +160,10 @@ impl Sidecar {
             .map_err(|what| wrong(format!("{}: {what}", path.display())))
     }
 
-    /// What a table says.
+    /// Reads the sidecar from a table.
     ///
     /// # Errors
-    /// What is wrong with it, in words.
+    /// A text that says what is wrong with the table.
     pub fn from_table(table: &Table) -> Result<Self, String> {
         if table.meta_text("quantity") != Some(QUANTITY) {
             return Err(format!(

@@ -187,7 +187,7 @@ fn what_is_no_sequence_is_refused() {
     assert!(error.contains("a_%d.png.ecsv is not there"), "{error}");
 }
 
-/// What is read back at the end is what is on the disk, not what was meant to be there.
+/// Checks that what is read back at the end is what is on the disk, not what was meant to be there.
 #[test]
 fn a_recording_that_was_not_kept_is_found_at_its_end() {
     let folder = tempfile::tempdir().unwrap();

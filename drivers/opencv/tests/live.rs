@@ -1,4 +1,4 @@
-//! What is above OpenCV for live devices, on sources of our own; and devices that are not there. No live device is tried here.
+//! Tests of the code above OpenCV for live devices, on sources of our own; and of devices that are not there. No live device is tried here.
 #![cfg(feature = "opencv")]
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 

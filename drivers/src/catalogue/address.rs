@@ -7,15 +7,15 @@ use crate::device::DeviceError;
 use std::fmt;
 use sunglint_formats::nearest_names;
 
-/// What is wrong with an address or one of its options.
+/// Fault in an address or one of its options.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{field}: found `{found}`, expected {expected}")]
 pub struct AddressError {
-    /// What part of it.
+    /// Part of the address or option that is wrong.
     pub field: String,
-    /// What stands there.
+    /// Text that was found there.
     pub found: String,
-    /// What should.
+    /// Description of what should stand there.
     pub expected: String,
 }
 
@@ -45,7 +45,7 @@ impl AddressError {
 pub struct Address {
     /// The driver.
     pub driver: &'static Driver,
-    /// What stands behind its name.
+    /// Text behind the driver's name: where the device is.
     pub place: Option<String>,
     pub(super) options: Options,
 }
@@ -90,7 +90,7 @@ impl Address {
     /// Makes the device on a line, which may be recorded or a recording.
     ///
     /// # Errors
-    /// What the driver says; see [`DeviceError`].
+    /// The error of the driver; see [`DeviceError`].
     pub fn open(&self, line: Line, deadline: &Deadline) -> Result<AnyDevice, DeviceError> {
         (self.driver.open)(line, self, deadline)
     }

@@ -28,7 +28,7 @@ impl std::fmt::Debug for AnyDevice {
 }
 
 impl AnyDevice {
-    /// Its kind.
+    /// Returns the kind of the device.
     pub fn kind(&self) -> Kind {
         match self {
             Self::PhotonCounter(_) => Kind::PhotonCounter,
@@ -39,7 +39,7 @@ impl AnyDevice {
         }
     }
 
-    /// What every device can do.
+    /// Returns the device by the trait that every device has.
     pub fn device(&mut self) -> &mut dyn Device {
         match self {
             Self::PhotonCounter(device) => device.as_mut(),

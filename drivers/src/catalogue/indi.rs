@@ -136,7 +136,7 @@ fn connect(address: &mut Address, deadline: &Deadline) -> Result<Line, DeviceErr
 /// A device of a server, and the addresses by which drivers of ours open it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Listed {
-    /// Its name.
+    /// Name of the device.
     pub name: String,
     /// The program that drives it there, where it says so.
     pub driver: Option<String>,

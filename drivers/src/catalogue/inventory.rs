@@ -1,4 +1,4 @@
-//! What there is: what is plugged in, and what INDI servers have.
+//! Inventory of devices: what is plugged in, and what INDI servers have.
 
 use super::{Bus, Listed, Plugged, listed, plugged};
 use crate::clock::Deadline;
