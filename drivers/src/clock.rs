@@ -209,7 +209,7 @@ impl Deadline {
         self.now().saturating_sub(self.start)
     }
 
-    /// What is left, more than zero.
+    /// Returns the time left, more than zero.
     ///
     /// # Errors
     /// The time is over or the token was set.
@@ -225,10 +225,10 @@ impl Deadline {
         }
     }
 
-    /// What is left, at most the time that a blocking call may take before it has to look at the token again.
+    /// Returns the time left, at most the time that a blocking call may take before it has to look at the token again.
     ///
     /// # Errors
-    /// As [`remaining`](Self::remaining).
+    /// The errors of [`remaining`](Self::remaining).
     pub fn slice(&self) -> Result<Duration, Expired> {
         Ok(self.remaining()?.min(SLICE))
     }
@@ -252,7 +252,7 @@ impl Deadline {
 /// A monotonic clock, and UTC as it goes with it.
 #[derive(Debug, Clone)]
 pub struct DeviceClock {
-    /// What waits are on.
+    /// Clock that waits go by.
     pub clock: Arc<dyn Clock>,
     /// UTC where the clock shows zero; `None` for [`utc_now`].
     pub zero_utc: Option<Epoch>,

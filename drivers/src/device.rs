@@ -1,4 +1,4 @@
-//! What each kind of device can do, whoever made it.
+//! Abilities of each kind of device, whoever made it.
 //!
 //! One small trait a kind: [`PhotonCounter`], [`Camera`], [`PowerMeter`], [`RotationStage`], [`FilterWheel`], each a
 //! [`Device`]. Every call blocks until it is done, and takes a [`Deadline`] that says how long it may; the deadline's token
@@ -73,15 +73,15 @@ pub enum Origin {
 /// A setting, for metadata and for people.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setting {
-    /// Its name with its unit (`wavelength_nm`).
+    /// Name of the setting with its unit (`wavelength_nm`).
     pub name: &'static str,
-    /// Its value.
+    /// Value of the setting.
     pub value: Value,
     /// Who said so.
     pub origin: Origin,
 }
 
-/// What every device can do.
+/// Abilities that every device has.
 pub trait Device: Send {
     /// Asks the device who it is.
     ///
@@ -141,7 +141,7 @@ pub trait PhotonCounter: Device {
     /// Sets a channel's delay, ps, and gives the delay that the device then has.
     ///
     /// # Errors
-    /// As [`set_trigger_level_v`](Self::set_trigger_level_v).
+    /// The errors of [`set_trigger_level_v`](Self::set_trigger_level_v).
     fn set_input_delay_ps(
         &mut self,
         channel: usize,
@@ -152,7 +152,7 @@ pub trait PhotonCounter: Device {
     /// Sets the time after a pulse in which a channel does not count, ps, and gives the time that the device then has.
     ///
     /// # Errors
-    /// As [`set_trigger_level_v`](Self::set_trigger_level_v).
+    /// The errors of [`set_trigger_level_v`](Self::set_trigger_level_v).
     fn set_dead_time_ps(
         &mut self,
         channel: usize,
@@ -291,7 +291,7 @@ pub trait Camera: Device {
     }
 }
 
-/// What is in the beam of a goniometer.
+/// Object in the beam of a goniometer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum InBeam {
     /// The meter itself, in the sample's place.
@@ -305,7 +305,7 @@ pub enum InBeam {
     Standard,
 }
 
-/// What a power meter shows.
+/// Reading that a power meter shows.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Power {

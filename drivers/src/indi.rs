@@ -75,7 +75,7 @@ pub fn open_camera<T: Bytes>(
 /// Opens the rotator of that name.
 ///
 /// # Errors
-/// As [`open_camera`].
+/// The errors of [`open_camera`].
 pub fn open_rotator<T: Bytes>(
     line: T,
     device: &str,
@@ -88,7 +88,7 @@ pub fn open_rotator<T: Bytes>(
 /// Opens the filter wheel of that name.
 ///
 /// # Errors
-/// As [`open_camera`].
+/// The errors of [`open_camera`].
 pub fn open_wheel<T: Bytes>(
     line: T,
     device: &str,

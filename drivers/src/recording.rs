@@ -1,4 +1,4 @@
-//! What was said between host and device, as text: recorded live, replayed strictly, or spoilt on purpose.
+//! Conversations between host and device, as text: recorded live, replayed strictly, or spoilt on purpose.
 //!
 //! # The format
 //!
@@ -78,7 +78,7 @@ pub struct Recording {
     pub path: PathBuf,
     /// Who spoke.
     pub header: Header,
-    /// What was said, each with its line in the file (0 if it has none yet).
+    /// Events of the conversation, each with its line in the file (0 if it has none yet).
     pub events: Vec<(u64, Event)>,
 }
 

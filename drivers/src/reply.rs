@@ -4,9 +4,9 @@
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("found `{found}`, expected {expected}")]
 pub struct ReplyError {
-    /// What came.
+    /// Text that came.
     pub found: String,
-    /// What should have.
+    /// Description of what should have come.
     pub expected: &'static str,
 }
 

@@ -3,7 +3,7 @@
 //! They are ours, so that a driver that agrees with them is not yet a driver that agrees with the real thing; what they
 //! were checked against is said in each.
 //!
-//! What they measure comes from the caller ([`PowerSource`]: a power at a time), what goes wrong with them from a
+//! The caller gives the values that they measure ([`PowerSource`]: a power at a time); their faults come from a
 //! [`Script`](script::Script).
 
 pub mod apt;

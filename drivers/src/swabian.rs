@@ -56,7 +56,7 @@ pub fn spawn(python: impl AsRef<Path>) -> Result<Child, TransportError> {
 /// Starts the bridge with options of its own: `--module NAME --path FOLDER` takes a stand-in for the maker's package.
 ///
 /// # Errors
-/// As [`spawn`].
+/// The errors of [`spawn`].
 pub fn spawn_with(python: impl AsRef<Path>, options: &[&str]) -> Result<Child, TransportError> {
     Child::spawn(Command::new(python.as_ref()).args(["-c", BRIDGE]).args(options))
 }

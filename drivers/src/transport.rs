@@ -52,7 +52,7 @@ pub trait Bytes: Send {
     /// Fills `buffer`.
     ///
     /// # Errors
-    /// As [`receive`](Self::receive); what came before the deadline is in `got_so_far`.
+    /// The errors of [`receive`](Self::receive); what came before the deadline is in `got_so_far`.
     fn receive_exact(
         &mut self,
         buffer: &mut [u8],
@@ -71,7 +71,7 @@ pub trait Bytes: Send {
     /// Reads up to and including `end`, byte by byte, so that nothing behind it is taken from the stream.
     ///
     /// # Errors
-    /// As [`receive`](Self::receive); [`TransportError::TooLong`] after `most` bytes without `end`.
+    /// The errors of [`receive`](Self::receive); [`TransportError::TooLong`] after `most` bytes without `end`.
     fn receive_until(
         &mut self,
         end: u8,

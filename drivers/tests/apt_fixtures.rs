@@ -70,7 +70,7 @@ impl Bytes for Line {
     }
 }
 
-/// What the host does in every case: it opens the stage, homes it, turns to 10°. How that ended, in words.
+/// Does what the host does in every case: it opens the stage, homes it, turns to 10°. Returns how that ended, in words.
 fn session(line: impl Bytes, servo: bool, clock: &Arc<dyn Clock>) -> String {
     let within = |seconds| Deadline::after(clock.clone(), Duration::from_secs(seconds));
     let link = LinkSettings { reply_within: Duration::from_millis(150), ..LinkSettings::default() };

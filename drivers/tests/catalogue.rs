@@ -102,7 +102,7 @@ fn fake(bus: Bus, vendor: u16, product: u16) -> (String, String) {
     (text, path)
 }
 
-/// What `udevadm test` says of each device under these rules, in a /run of its own.
+/// Returns what `udevadm test` says of each device under these rules, in a /run of its own.
 fn udevadm(folder: &Path, rules: &str, devices: &[UsbId]) -> Vec<String> {
     std::fs::write(folder.join(udev::FILE), rules).unwrap();
     let mut script = String::from("mount -t tmpfs tmpfs /run && mkdir -p /run/udev/rules.d && ");

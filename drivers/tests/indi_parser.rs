@@ -243,7 +243,7 @@ proptest! {
         prop_assert!(held <= 2 * bytes.len() + 64);
     }
 
-    /// What we write we read. Truth: the text itself.
+    /// Checks that we read what we write. Truth: the text itself.
     #[test]
     fn texts_come_back(text in "\\PC{0,40}") {
         let escaped = sunglint_drivers::indi::xml::escaped(&text);

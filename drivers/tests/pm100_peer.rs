@@ -54,7 +54,7 @@ fn bytes_of(hex: &str) -> Vec<u8> {
     (0..hex.len() / 2).map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).unwrap()).collect()
 }
 
-/// What a line of the host asks for.
+/// Returns the request that a line of the host stands for.
 fn transfer(line: &str) -> Transfer {
     let words: Vec<&str> = line.split(' ').collect();
     let number = |i: usize| words[i].parse::<u16>().unwrap();

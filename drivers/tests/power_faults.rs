@@ -42,7 +42,7 @@ fn spoiling(faults: Faults) -> Faults {
     Faults { drop: 0.000_3, flip: 0.000_3, ..faults }
 }
 
-/// What the simulated meter does wrong by itself: answers that are missing, late or cut off, at commands that the seed picks.
+/// Makes the faults of the simulated meter itself: answers that are missing, late or cut off, at commands that the seed picks.
 fn slips(seed: u64) -> Script<Kind> {
     let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut pick = |most: u32| random.random_range(0..most);
@@ -102,7 +102,7 @@ fn light(grows: bool) -> impl Fn(Duration) -> f64 + Clone + Send + 'static {
     move |at| 5e-6 * if grows { 1.01_f64.powf(at.as_secs_f64()) } else { 1.0 }
 }
 
-/// What a life with a meter does: sets a wavelength and a range, reads five times. Panics on a wrong number.
+/// Goes through a life with a meter: sets a wavelength and a range, reads five times. Panics on a wrong number.
 fn measure(life: &Life, meter: &mut dyn PowerMeter, grows: bool) -> Result<(), DeviceError> {
     let seed = life.seed;
     assert_eq!(life.within(20, |d| meter.set_wavelength_nm(532.0, d))?, 532.0, "seed {seed}");
@@ -217,7 +217,7 @@ fn ophir_confirmed_readings_on_a_spoiling_line_are_right_or_errors() {
     assert!((300..1000).contains(&ends["right"]), "{ends:?}");
 }
 
-/// As for Ophir; parts of messages are cut off, too, which the length in their header shows.
+/// Checks the same as for Ophir; parts of messages are cut off, too, which the length in their header shows.
 #[test]
 fn thorlabs_readings_on_a_losing_line_are_right_or_errors() {
     let (ends, sum) = thousand(|seed| thorlabs(seed, losing(seed), false));

@@ -1,4 +1,4 @@
-//! What power meters and the wheel may send, spoilt at random: no panic, and what is read keeps its promises.
+//! Messages that power meters and the wheel may send, spoilt at random: no panic, and what is read keeps its promises.
 #![allow(clippy::unwrap_used, reason = "helper functions of tests")]
 
 use proptest::prelude::*;

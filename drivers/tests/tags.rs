@@ -42,7 +42,7 @@ fn poisson(seed: u64, channels: &[i32], mean_gap_ps: f64, from_ps: i64, tags: us
         .collect()
 }
 
-/// What the bins should be, bin by bin in i128: nothing is shared with the product.
+/// Expected bins, found bin by bin in i128: nothing is shared with the product.
 struct Naive {
     counts: Vec<Vec<u64>>,
     missed: Vec<Vec<u64>>,

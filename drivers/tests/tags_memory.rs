@@ -1,4 +1,4 @@
-//! What tags and PTU files need of memory, however many bins, records or promises a file has.
+//! Memory that tags and PTU files need, however many bins, records or promises a file has.
 
 // The counting allocator is the only unsafe code, and only in this test.
 #![allow(unsafe_code, reason = "an allocator that counts")]

@@ -64,7 +64,7 @@ fn settings() -> StageSettings {
     }
 }
 
-/// What the host does in every case: it opens the stage, homes it, turns to 10°. How that ended, in words.
+/// Does what the host does in every case: it opens the stage, homes it, turns to 10°. Returns how that ended, in words.
 fn session(line: impl Bytes, clock: &Arc<dyn Clock>) -> String {
     let within = |seconds| Deadline::after(clock.clone(), Duration::from_secs(seconds));
     let link = LinkSettings { reply_within: Duration::from_millis(100), ..LinkSettings::default() };

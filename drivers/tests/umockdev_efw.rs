@@ -91,7 +91,7 @@ fn recordings_end_the_same_through_hidapi() {
     assert_eq!(played, 5);
 }
 
-/// What a fake device cannot do is told, with the line.
+/// Checks that an error tells what a fake device cannot do, with the line.
 #[test]
 fn silence_and_hang_ups_are_not_converted() {
     let recording = |name: &str| Recording::read(fixture(&format!("efw/{name}.rec"))).unwrap();

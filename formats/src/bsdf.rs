@@ -276,7 +276,7 @@ struct Reader<'a> {
     path: &'a Path,
     bytes: &'a [u8],
     at: usize,
-    /// What is being read, for errors.
+    /// Name of the field that is being read, for errors.
     field: String,
 }
 

@@ -9,7 +9,7 @@ use serde_json::json;
 use std::path::Path;
 
 bitflags::bitflags! {
-    /// What is known to be wrong with a bin. In files the metadata `flag_bits` names the bits (see
+    /// Faults that a bin is known to have. In files the metadata `flag_bits` names the bits (see
     /// [`flag_bits`](crate::flag_bits)).
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
     pub struct CountFlags: u32 {
@@ -43,7 +43,7 @@ pub struct CountRecord {
     pub counts: Vec<u64>,
     /// Events of each channel that the counter says it missed.
     pub missed: Vec<u64>,
-    /// What is known to be wrong.
+    /// Faults that the bin is known to have.
     pub flags: CountFlags,
 }
 
@@ -54,7 +54,7 @@ pub struct CountSeries {
     pub channels: Vec<String>,
     /// The bins, in time.
     pub records: Vec<CountRecord>,
-    /// What is known about the series (device, serial number, session …).
+    /// Metadata of the series (device, serial number, session …).
     pub meta: Meta,
 }
 

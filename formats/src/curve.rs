@@ -211,7 +211,7 @@ fn value_column(
     })
 }
 
-/// What a value is multiplied with. Division by a whole number rounds once where multiplying by its inverse rounds
+/// Factor that a value is multiplied with. Division by a whole number rounds once where multiplying by its inverse rounds
 /// twice.
 #[derive(Clone, Copy)]
 enum Factor {

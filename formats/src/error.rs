@@ -1,4 +1,4 @@
-//! What a reader says when a file is not what it should be.
+//! Errors of a reader when a file is not what it should be.
 
 use std::fmt;
 use std::ops::{Deref, DerefMut};
@@ -23,11 +23,11 @@ pub struct ParseErrorParts {
     pub line: Option<u64>,
     /// The field, column, keyword or dotted key that is wrong.
     pub field: Option<String>,
-    /// What stands in the file.
+    /// Text that stands in the file.
     pub found: String,
-    /// What should stand there.
+    /// Description of what should stand there.
     pub expected: String,
-    /// What to do about it.
+    /// Advice on what to do about it.
     pub hint: Option<String>,
 }
 
@@ -114,18 +114,18 @@ pub enum FileError {
         action: &'static str,
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error that the operating system reported.
         source: std::io::Error,
     },
     /// The file was read and is not what it should be.
     #[error(transparent)]
     Parse(#[from] ParseError),
-    /// What should be written does not fit the format.
+    /// The data to be written do not fit the format.
     #[error("cannot write {}: {source}", path.display())]
     Encode {
         /// The file.
         path: PathBuf,
-        /// What does not fit.
+        /// Error that says what does not fit.
         source: EncodeError,
     },
     /// The file is there already, and the caller did not ask to overwrite it.
@@ -155,9 +155,9 @@ impl FileError {
 pub struct EncodeError {
     /// The column, keyword or field that does not fit.
     pub field: String,
-    /// What is there.
+    /// Value that was found.
     pub found: String,
-    /// What the format can hold.
+    /// Values that the format can hold.
     pub expected: String,
 }
 

@@ -8,13 +8,13 @@ use std::time::Duration;
 /// An INDI server that was asked.
 #[derive(Debug)]
 pub struct IndiServer {
-    /// Its address, `HOST[:PORT]`.
+    /// Address of the server, `HOST[:PORT]`.
     pub host: String,
-    /// Its devices, or why they are not known.
+    /// Devices of the server, or why they are not known.
     pub devices: Result<Vec<Listed>, DeviceError>,
 }
 
-/// What is plugged in, and what INDI servers have.
+/// Inventory: what is plugged in, and what INDI servers have.
 #[derive(Debug)]
 pub struct Inventory {
     /// Serial ports, and USB and HID devices.

@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use sunglint_formats::FileError;
 use sunglint_formats::atomic::Overwrite;
 
-/// What goes over a line.
+/// Kind of traffic over a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wire {
     /// Bytes.
@@ -24,9 +24,9 @@ pub enum Wire {
 
 /// An open line.
 pub enum Line {
-    /// Of bytes.
+    /// Line that carries bytes.
     Bytes(Box<dyn Bytes>),
-    /// Of requests.
+    /// Line that carries requests.
     Transfers(Box<dyn Transfers>),
 }
 
@@ -142,7 +142,7 @@ impl Shared {
     }
 }
 
-/// What the host has not said or read of a recording.
+/// Remainder of a recording that the host has not said or read.
 #[derive(Debug)]
 pub struct Rest(Arc<Mutex<Kept>>);
 

@@ -1,10 +1,10 @@
-//! What a driver may have to be told: `NAME=VALUE`.
+//! Options that a driver may have to be given: `NAME=VALUE`.
 
 use super::{AddressError, Driver};
 use std::collections::BTreeMap;
 use sunglint_formats::nearest_names;
 
-/// What values an option takes.
+/// Kind of values that an option takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum OptionKind {
     /// A number between two ends.
@@ -85,13 +85,13 @@ impl OptionKind {
 /// An option of a driver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OptionSpec {
-    /// Its name, with its unit.
+    /// Name of the option, with its unit.
     pub name: &'static str,
-    /// What it takes.
+    /// Kind of values that the option takes.
     pub kind: OptionKind,
-    /// What it is if it is not given; empty if it is then nothing.
+    /// Value of the option if it is not given; empty if it then has none.
     pub default: &'static str,
-    /// What it means.
+    /// Meaning of the option.
     pub about: &'static str,
 }
 

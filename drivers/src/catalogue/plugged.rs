@@ -1,4 +1,4 @@
-//! What is plugged in, which driver recognises it, and whether this user may have it.
+//! List of what is plugged in, which driver recognises it, and whether this user may have it.
 
 use super::{Bus, Driver};
 use hidapi::HidApi;
@@ -21,13 +21,13 @@ pub enum Access {
 pub struct Plugged {
     /// How the system shows it.
     pub bus: Bus,
-    /// Its file (`/dev/ttyACM0`), or what stands for it.
+    /// Device file (`/dev/ttyACM0`), or what stands for it.
     pub path: String,
     /// Vendor's and product's numbers, if it is on USB.
     pub ids: Option<[u16; 2]>,
-    /// What it says it is, as far as it could be asked.
+    /// Name that the device gives itself, as far as it could be asked.
     pub name: Option<String>,
-    /// Its serial number, as far as it could be asked.
+    /// Serial number of the device, as far as it could be asked.
     pub serial: Option<String>,
     /// Whether this user may have it.
     pub access: Access,
@@ -50,7 +50,7 @@ impl Plugged {
     }
 }
 
-/// What is plugged in on USB, HID and serial ports, in that order, and in words what could not be listed. Nothing is spoken to
+/// Lists what is plugged in on USB, HID and serial ports, in that order, and tells what could not be listed. Nothing is spoken to
 /// but the system; on USB the names and serial numbers of known devices are asked for.
 pub fn plugged() -> (Vec<Plugged>, Vec<String>) {
     let (mut all, mut trouble) = (Vec::new(), Vec::new());

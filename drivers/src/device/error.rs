@@ -1,4 +1,4 @@
-//! What can go wrong with a device, above its cable.
+//! Errors of a device, above its cable.
 
 use crate::clock::Expired;
 use crate::transport::TransportError;
@@ -13,15 +13,15 @@ pub enum DeviceError {
     Transport {
         /// The device.
         device: &'static str,
-        /// What the transport said.
+        /// Error of the transport.
         source: TransportError,
     },
-    /// What the device did took longer than it may.
+    /// The device took longer for its action than it may.
     #[error("{device}: {action} took longer than {:.3} s", after.as_secs_f64())]
     TooSlow {
         /// The device.
         device: &'static str,
-        /// What it was doing.
+        /// Action that the device was doing.
         action: &'static str,
         /// How long was waited.
         after: std::time::Duration,
@@ -31,7 +31,7 @@ pub enum DeviceError {
     Cancelled {
         /// The device.
         device: &'static str,
-        /// What it was doing.
+        /// Action that the device was doing.
         action: &'static str,
     },
     /// The device answered in a way that its protocol does not know.
@@ -39,7 +39,7 @@ pub enum DeviceError {
     Protocol {
         /// The device.
         device: &'static str,
-        /// What came, and what should have.
+        /// Description of what came, and of what should have come.
         reason: String,
     },
     /// The device understood and said no.
@@ -47,11 +47,11 @@ pub enum DeviceError {
     Refused {
         /// The device.
         device: &'static str,
-        /// What it was asked.
+        /// Request that the device refused.
         request: String,
         /// The device's own code.
         code: i64,
-        /// What the code means.
+        /// Meaning of the code.
         reason: &'static str,
     },
     /// The device understood and said no, in words of its own.
@@ -59,9 +59,9 @@ pub enum DeviceError {
     Rejected {
         /// The device.
         device: &'static str,
-        /// What it was asked.
+        /// Request that the device refused.
         request: String,
-        /// What it said.
+        /// Message of the device.
         said: String,
     },
     /// A value that this device cannot take.
@@ -69,7 +69,7 @@ pub enum DeviceError {
     OutOfRange {
         /// The value's name, with its unit.
         name: &'static str,
-        /// What was asked.
+        /// Requested value or name.
         asked: f64,
         /// The least that it takes.
         least: f64,
@@ -79,11 +79,11 @@ pub enum DeviceError {
     /// A name or number that this device does not have.
     #[error("{name}: found {asked}, expected one of {known}")]
     Unknown {
-        /// What is chosen.
+        /// Name of the setting or device that is chosen.
         name: &'static str,
-        /// What was asked.
+        /// Requested value or name.
         asked: String,
-        /// What there is.
+        /// Available values.
         known: String,
     },
     /// The device took the setting and has another value all the same.
@@ -93,9 +93,9 @@ pub enum DeviceError {
         device: &'static str,
         /// The setting, with its unit.
         name: &'static str,
-        /// What was asked.
+        /// Requested value or name.
         asked: String,
-        /// What it says.
+        /// Value that the device reports.
         got: String,
     },
     /// The device has to be prepared first.
@@ -103,7 +103,7 @@ pub enum DeviceError {
     NotReady {
         /// The device.
         device: &'static str,
-        /// What is missing, and what to do.
+        /// Description of what is missing, and what to do.
         reason: &'static str,
     },
     /// The device understood and said no in its own words.
@@ -111,21 +111,21 @@ pub enum DeviceError {
     Declined {
         /// The device.
         device: &'static str,
-        /// What it was asked.
+        /// Request that the device refused.
         request: String,
-        /// What it said.
+        /// Message of the device.
         message: String,
     },
-    /// What was waited for did not come, though the line is there.
+    /// The awaited event did not come, though the line is there.
     #[error("{device}: {awaited} did not come within {:.3} s; meanwhile: {seen}", after.as_secs_f64())]
     Awaited {
         /// The device.
         device: &'static str,
-        /// What should have come.
+        /// Event that should have come.
         awaited: String,
         /// How long was waited.
         after: std::time::Duration,
-        /// What came instead.
+        /// Events that came instead.
         seen: String,
     },
     /// A frame that is not the one that was asked for: another program uses the camera, too.
@@ -141,7 +141,7 @@ pub enum DeviceError {
     Lost {
         /// The device.
         device: &'static str,
-        /// What has gone.
+        /// Description of what has gone.
         what: String,
     },
     /// A stage ran into a limit switch.
@@ -177,7 +177,7 @@ pub enum DeviceError {
     NotStopped {
         /// The device.
         device: &'static str,
-        /// What had failed.
+        /// Error that came before the attempt to stop.
         source: Box<DeviceError>,
     },
 }
@@ -240,11 +240,11 @@ impl DeviceError {
     }
 }
 
-/// What a long call had done when it failed, with the error.
+/// Part of the work that a long call had done when it failed, with the error.
 #[derive(Debug, thiserror::Error)]
 #[error("{error}")]
 pub struct Interrupted<T: fmt::Debug> {
-    /// What was done.
+    /// Part of the work that was done.
     pub done: T,
     /// Why not all.
     #[source]

@@ -41,7 +41,7 @@ impl Scale {
         f64::from(counter) / self.signed() + self.zero_deg + 0.0
     }
 
-    /// What was configured of it, but for the counts of a degree: devices have them from elsewhere.
+    /// Returns the configured settings of the scale, except the counts of a degree: devices have them from elsewhere.
     pub fn settings(&self) -> Vec<Setting> {
         let configured = |name, value| Setting { name, value, origin: Origin::Configured };
         let mut settings = vec![

@@ -7,7 +7,7 @@ use std::fmt;
 pub struct TagSink(Box<dyn FnMut(Vec<[u8; RECORD_BYTES]>) + Send>);
 
 impl TagSink {
-    /// What does so with each block of records.
+    /// Makes a sink that calls `take` with each block of records.
     pub fn new(take: impl FnMut(Vec<[u8; RECORD_BYTES]>) + Send + 'static) -> Self {
         Self(Box::new(take))
     }

@@ -1,6 +1,6 @@
 //! Base64 as INDI sends BLOBs (RFC 4648, broken into lines), decoded while it arrives, so that the text is never held.
 
-/// What the decoder makes of a character: its six bits, or one of the others.
+/// Entries of the decoder's table for characters without six bits: white space, padding, all others.
 const SPACE: u8 = 64;
 const PAD: u8 = 65;
 const BAD: u8 = 66;
@@ -54,7 +54,7 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// What was decoded so far, bytes.
+    /// Returns the number of bytes decoded so far.
     pub fn len(&self) -> usize {
         self.bytes.len()
     }

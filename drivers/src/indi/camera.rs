@@ -46,7 +46,7 @@ impl Default for CameraSettings {
     }
 }
 
-/// What a frame is taken for; the driver closes a shutter, if there is one, and says it in the header.
+/// Purpose of a frame; the driver closes a shutter, if there is one, and says it in the header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrameType {
     /// The sky.
@@ -72,7 +72,7 @@ impl FrameType {
     }
 }
 
-/// What the user has set, to be set again after a reconnection.
+/// Settings that the user has made, to be set again after a reconnection.
 #[derive(Debug, Clone, Copy, Default)]
 struct Wishes {
     window: Option<Window>,
@@ -180,7 +180,7 @@ impl<T: Bytes> Camera<T> {
     /// and frame type are set again. Gives the old line.
     ///
     /// # Errors
-    /// As [`open`](Self::open).
+    /// The errors of [`open`](Self::open).
     pub fn reconnect(&mut self, line: T, deadline: &Deadline) -> Result<T, DeviceError> {
         let old = self.session.client.replace_line(line);
         self.session.define(deadline)?;
@@ -191,7 +191,7 @@ impl<T: Bytes> Camera<T> {
     /// The same on the same line, after the camera's driver ended and the server has started it again.
     ///
     /// # Errors
-    /// As [`open`](Self::open).
+    /// The errors of [`open`](Self::open).
     pub fn reopen(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
         self.session.redefine(deadline)?;
         self.prepare(deadline)

@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use std::fmt::Write as _;
 use std::time::Duration;
 
-/// What is read at once. Everything that came is looked at before anything is answered.
+/// Most bytes that are read at once. Everything that came is looked at before anything is answered.
 const CHUNK: usize = 256 << 10;
 /// The messages to people that are kept.
 const MOST_MESSAGES: usize = 64;
@@ -399,7 +399,7 @@ impl<T: Bytes> Client<T> {
     /// Waits for the definition of a vector, unless it is there.
     ///
     /// # Errors
-    /// As [`wait`](Self::wait).
+    /// The errors of [`wait`](Self::wait).
     pub fn await_defined(
         &mut self,
         device: &str,
@@ -420,7 +420,7 @@ impl<T: Bytes> Client<T> {
     /// Asks for a vector anew and gives it as it is now.
     ///
     /// # Errors
-    /// As [`wait`](Self::wait).
+    /// The errors of [`wait`](Self::wait).
     pub fn refresh(
         &mut self,
         device: &str,
@@ -474,7 +474,7 @@ impl<T: Bytes> Client<T> {
     /// Sets switches that spring back by themselves (an abort), and waits until the server has done it.
     ///
     /// # Errors
-    /// As [`change`](Self::change).
+    /// The errors of [`change`](Self::change).
     pub fn pulse(
         &mut self,
         device: &str,
@@ -568,7 +568,7 @@ pub(super) fn declined(device: &'static str, request: String, said: &[String]) -
     DeviceError::Declined { device, request, message }
 }
 
-/// What came during a wait: the last few things, for an error.
+/// Events that came during a wait: the last few, for an error.
 #[derive(Debug, Default)]
 struct Seen {
     last: VecDeque<String>,

@@ -7,7 +7,7 @@ use ndarray::Array2;
 use sunglint_formats::fits::{Fits, Header, inflate};
 use sunglint_formats::{Bayer, Frame, time};
 
-/// What the host knows about a frame beside its BLOB.
+/// Information that the host has about a frame besides its BLOB.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Taken {
     pub window: Window,

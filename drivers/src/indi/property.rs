@@ -39,7 +39,7 @@ impl fmt::Display for State {
     }
 }
 
-/// What a vector holds.
+/// Kind of the members of a vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Texts.
@@ -84,7 +84,7 @@ pub enum Value {
     Number(f64),
     /// On or off.
     Switch(bool),
-    /// What a light shows.
+    /// State that a light shows.
     Light(State),
     /// A BLOB's bytes are in its event, not in the store.
     Blob,
@@ -105,9 +105,9 @@ impl fmt::Display for Value {
 /// One member of a vector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Member {
-    /// Its name.
+    /// Name of the member.
     pub name: String,
-    /// Its value.
+    /// Value of the member.
     pub value: Value,
     /// The least and the most that a number may be; both 0, or not there, if the driver does not say.
     pub range: Option<[f64; 2]>,
@@ -116,13 +116,13 @@ pub struct Member {
 /// A vector: what INDI calls a property.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Vector {
-    /// What it holds.
+    /// Kind of the vector's members.
     pub kind: Kind,
-    /// Its state.
+    /// State of the vector.
     pub state: State,
     /// Whether a client may set it.
     pub writable: bool,
-    /// Its members, in the driver's order.
+    /// Members of the vector, in the driver's order.
     pub members: Vec<Member>,
     /// About how many bytes it takes.
     weight: usize,
@@ -176,7 +176,7 @@ impl Vector {
     }
 }
 
-/// What a server sent.
+/// Event that a server sent.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
     /// A vector is there (again).
@@ -216,11 +216,11 @@ pub struct Place {
 /// A BLOB.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Blob {
-    /// Its format (`.fits`).
+    /// Format of the BLOB (`.fits`).
     pub format: String,
-    /// Its size when unpacked, bytes, as the server says.
+    /// Size of the BLOB when unpacked, bytes, as the server says.
     pub size: Option<u64>,
-    /// Its bytes; as long as the server said that they are.
+    /// Bytes of the BLOB; as many as the server said that there are.
     pub bytes: Vec<u8>,
 }
 

@@ -29,14 +29,14 @@ impl Default for SessionSettings {
     }
 }
 
-/// What a kind of device must be and have.
+/// Requirements on a kind of device: what it must be and have.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Kind {
     /// The device in errors.
     pub label: &'static str,
-    /// What it is, in words.
+    /// Description of the kind, in words.
     pub what: &'static str,
-    /// Its bit in `DRIVER_INTERFACE`.
+    /// Bit of the kind in `DRIVER_INTERFACE`.
     pub interface: u32,
     /// The vectors without which it is none.
     pub required: &'static [&'static str],
@@ -204,7 +204,7 @@ pub(super) fn check_range(
 /// A device that a server has.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Listed {
-    /// Its name, by which it is opened.
+    /// Name of the device, by which it is opened.
     pub name: String,
     /// The program that drives it, where it says so.
     pub driver: Option<String>,

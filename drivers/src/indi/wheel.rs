@@ -44,7 +44,7 @@ impl<T: Bytes> Wheel<T> {
     /// Goes on over a new line to the server, from scratch; gives the old one.
     ///
     /// # Errors
-    /// As [`open`](Self::open).
+    /// The errors of [`open`](Self::open).
     pub fn reconnect(&mut self, line: T, deadline: &Deadline) -> Result<T, DeviceError> {
         let old = self.session.client.replace_line(line);
         self.session.define(deadline)?;

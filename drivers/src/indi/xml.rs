@@ -1,6 +1,6 @@
 //! The elements of an INDI stream, as they arrive: XML without a root, in pieces of any size, in bounded memory.
 //!
-//! What INDI needs of XML and no more: elements, attributes, text, comments and processing instructions (skipped), the
+//! Covers what INDI needs of XML and no more: elements, attributes, text, comments and processing instructions (skipped), the
 //! five named entities and characters by number. A document type is refused, so that nothing can expand. Bytes that are not
 //! UTF-8 become U+FFFD: some drivers send labels in Latin-1. The text of a `oneBLOB` is decoded while it arrives.
 
@@ -42,9 +42,9 @@ pub enum XmlError {
     Syntax {
         /// Where, bytes since the connection was made.
         at: u64,
-        /// What stands there.
+        /// Text that was found there.
         found: String,
-        /// What should.
+        /// Description of what should stand there.
         expected: &'static str,
     },
     /// More than the limits allow.
@@ -54,7 +54,7 @@ pub enum XmlError {
     TooMuch {
         /// Where.
         at: u64,
-        /// What there is too much of.
+        /// Name of what exceeds the limit.
         what: &'static str,
         /// How much there may be.
         most: usize,
@@ -64,7 +64,7 @@ pub enum XmlError {
     Blob {
         /// Where.
         at: u64,
-        /// What is wrong with it.
+        /// Error in the base64 text.
         source: Base64Error,
     },
 }
@@ -72,13 +72,13 @@ pub enum XmlError {
 /// An element, whole.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Element {
-    /// Its tag.
+    /// Tag of the element.
     pub tag: String,
-    /// Its attributes in their order.
+    /// Attributes of the element in their order.
     pub attributes: Vec<(String, String)>,
     /// The elements in it.
     pub children: Vec<Element>,
-    /// Its own text, without space around it.
+    /// Text of the element itself, without space around it.
     pub text: String,
     /// The bytes of a `oneBLOB`.
     pub blob: Option<Vec<u8>>,
@@ -103,7 +103,7 @@ struct Open {
 #[derive(Debug)]
 pub struct Parser {
     limits: Limits,
-    /// What was fed and not read yet, from `next` on.
+    /// Bytes that were fed and not read yet, from `next` on.
     buffer: Vec<u8>,
     next: usize,
     /// How far the tag at `next` was looked through for its end, and the quote that was open there.

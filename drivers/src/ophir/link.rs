@@ -30,7 +30,7 @@ impl Default for LinkSettings {
 pub struct Link<T> {
     line: T,
     settings: LinkSettings,
-    /// What the meter says of itself; known once it has said so.
+    /// Identity that the meter reports; known once it has done so.
     identity: Option<String>,
     in_step: bool,
 }
@@ -81,10 +81,10 @@ impl<T: Bytes> Link<T> {
         self.ask_as(command, |body| Ok(body.to_owned()), deadline)
     }
 
-    /// As [`ask`](Self::ask), with a parser: an answer that it does not understand is asked for once more.
+    /// Asks like [`ask`](Self::ask), with a parser: an answer that it does not understand is asked for once more.
     ///
     /// # Errors
-    /// As [`ask`](Self::ask).
+    /// The errors of [`ask`](Self::ask).
     pub fn ask_as<V>(
         &mut self,
         command: &str,

@@ -12,7 +12,7 @@ use crate::device::{
 use crate::transport::Bytes;
 use std::time::Duration;
 
-/// What the driver has to know about a meter.
+/// Settings that the driver needs for a meter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MeterSettings {
     /// How long the meter needs for its next measurement after a setting was changed.
@@ -137,7 +137,7 @@ impl<T: Bytes> Meter<T> {
         self.link.ask_as("$AW", Wavelengths::parse, deadline)
     }
 
-    /// What the meter believes of the filter; `None` for a head without.
+    /// Returns the filter setting that the meter assumes; `None` for a head without.
     ///
     /// # Errors
     /// See [`DeviceError`].

@@ -1,4 +1,4 @@
-//! What the meter answers, parsed strictly: what is not understood is an error that shows it, never a guess.
+//! Answers of the meter, parsed strictly: what is not understood is an error that shows it, never a guess.
 
 pub use crate::reply::ReplyError;
 use crate::reply::{integer, number, power_w};
@@ -65,11 +65,11 @@ impl Reading {
 /// The answer to `$II`: the instrument.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Instrument {
-    /// Its kind (`VEGA`, `NOVAII`).
+    /// Kind of the instrument (`VEGA`, `NOVAII`).
     pub id: String,
-    /// Its serial number.
+    /// Serial number.
     pub serial: String,
-    /// Its name; several words in some.
+    /// Name of the instrument; several words in some.
     pub name: String,
 }
 
@@ -98,13 +98,13 @@ impl Instrument {
 /// The answer to `$HI`: the head.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Head {
-    /// Its kind, two letters: `SI` photodiode, `TH` thermopile, `PY` pyroelectric, `XX` none …
+    /// Kind of the head, two letters: `SI` photodiode, `TH` thermopile, `PY` pyroelectric, `XX` none …
     pub kind: String,
-    /// Its serial number.
+    /// Serial number.
     pub serial: String,
-    /// Its name (`PD300`).
+    /// Name of the head (`PD300`).
     pub name: String,
-    /// What it can do, bit by bit: 0 power, 1 energy, 18 temperature, 31 frequency; others are reserved.
+    /// Capabilities of the head, bit by bit: 0 power, 1 energy, 18 temperature, 31 frequency; others are reserved.
     pub capabilities: u32,
 }
 

@@ -36,7 +36,7 @@ impl PtuFile {
     /// Opens a plain file that was cut short: as many whole records as are there, at most as many as promised.
     ///
     /// # Errors
-    /// As [`PtuFile::open`], but not for missing records.
+    /// The errors of [`PtuFile::open`], but not for missing records.
     pub fn recover(path: impl AsRef<Path>) -> Result<Self, FileError> {
         Self::of(BytesAt::open(path.as_ref())?, true)
     }
@@ -44,7 +44,7 @@ impl PtuFile {
     /// The bytes of a file; `name` stands for it in errors.
     ///
     /// # Errors
-    /// As [`PtuFile::open`].
+    /// The errors of [`PtuFile::open`].
     pub fn from_bytes(name: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Self, FileError> {
         Self::of(BytesAt::memory(name.as_ref(), bytes), false)
     }

@@ -12,7 +12,7 @@ pub const MOST_VALUE_BYTES: u64 = 64 << 20;
 const MAGIC: &[u8; 8] = b"PQTTTR\0\0";
 const ENTRY_BYTES: u64 = 48;
 
-/// What an entry holds.
+/// Value of an entry.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Value {
@@ -48,9 +48,9 @@ pub enum Value {
 pub struct Entry {
     /// The name, as in PicoQuant's tag dictionary.
     pub name: String,
-    /// Its place in a list of the same name, or −1.
+    /// Place of the entry in a list of the same name, or −1.
     pub index: i32,
-    /// What it holds.
+    /// Value of the entry.
     pub value: Value,
     /// Where it begins in the file.
     pub at_byte: u64,
@@ -199,7 +199,7 @@ impl Reader<'_> {
         Ok(bytes)
     }
 
-    /// What follows an entry.
+    /// Reads the bytes that follow an entry.
     fn more(&mut self, name: &str, claimed: i64) -> Result<Vec<u8>, FileError> {
         let length = self.length(name, claimed)?;
         self.kept = self.kept.saturating_add(length);

@@ -94,7 +94,7 @@ impl RecordType {
     }
 }
 
-/// What one record says. `count` is the unrolled clock: ticks of `MeasDesc_GlobalResolution` since the start in T2 mode, the
+/// Content of one record. `count` is the unrolled clock: ticks of `MeasDesc_GlobalResolution` since the start in T2 mode, the
 /// number of the sync period in T3 mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Record {
@@ -152,7 +152,7 @@ impl Decoder {
         Self { kind, base: 0 }
     }
 
-    /// What the next record says.
+    /// Decodes the next record.
     ///
     /// # Errors
     /// [`RolledTooFar`] if the unrolled clock no longer fits in 64 bits.

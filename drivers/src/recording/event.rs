@@ -1,4 +1,4 @@
-//! What a line of a recording says, and how it is written.
+//! Events in the lines of a recording, and how they are written.
 
 use super::{LONGEST_PAUSE_US, MOST_DATA};
 use crate::transport::Transfer;
@@ -45,7 +45,7 @@ impl Header {
     }
 }
 
-/// What went wrong.
+/// Fault in the conversation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
     /// The host waited in vain.

@@ -38,7 +38,7 @@ impl Faults {
     };
 }
 
-/// What was done to a transport so far.
+/// Faults injected into a transport so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Injected {
     /// Waits.
@@ -71,7 +71,7 @@ impl<T> Faulty<T> {
         Self { inner, faults, random, injected: Injected::default() }
     }
 
-    /// What was done so far.
+    /// Returns the faults injected so far.
     pub fn injected(&self) -> Injected {
         self.injected
     }

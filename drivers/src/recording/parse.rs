@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::Duration;
 use sunglint_formats::{ParseError, nearest_names};
 
-/// What is wrong in a line: field, found, expected.
+/// Fault in a line: field, found, expected.
 type Wrong = (&'static str, String, String);
 
 fn wrong(field: &'static str, found: &str, expected: impl Into<String>) -> Wrong {

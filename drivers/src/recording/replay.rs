@@ -6,18 +6,18 @@ use crate::transport::{Bytes, Transfer, Transfers, TransportError};
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// What the host did and what the recording holds instead.
+/// Difference between what the host did and what the recording holds instead.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}:{line}: the host {host}, the recording {recording}", path.display())]
 #[non_exhaustive]
 pub struct ReplayError {
     /// The recording.
     pub path: PathBuf,
-    /// Its line, counted from 1; 0 for a recording that is no file.
+    /// Line of the recording, counted from 1; 0 for a recording that is no file.
     pub line: u64,
-    /// What the host did.
+    /// Action of the host.
     pub host: String,
-    /// What the recording holds there.
+    /// Content of the recording at that line.
     pub recording: String,
 }
 
@@ -107,7 +107,7 @@ impl Replay {
         sum
     }
 
-    /// What comes after the pauses that are due next, and their sum.
+    /// Returns the event after the pauses that are due next, the sum of these pauses, and the event's index.
     fn after_pauses(&self) -> (Option<&Event>, Duration, usize) {
         let mut sum = Duration::ZERO;
         let mut index = self.next;

@@ -15,16 +15,16 @@ use super::{Event, Fault, Recording};
 use crate::transport::Transfer;
 use std::fmt::Write as _;
 
-/// What umockdev cannot show.
+/// Event that umockdev cannot show.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{path}:{line}: `{event}` cannot be shown by umockdev: {reason}")]
 #[non_exhaustive]
 pub struct UmockdevError {
     /// The recording.
     pub path: String,
-    /// Its line; 0 for a recording that is no file.
+    /// Line of the recording; 0 for a recording that is no file.
     pub line: u64,
-    /// What stands there.
+    /// Event in that line.
     pub event: String,
     /// Why not.
     pub reason: &'static str,
@@ -121,7 +121,7 @@ pub struct UsbDevice {
 impl UsbDevice {
     /// The device's file.
     pub const NODE: &'static str = "/dev/bus/usb/001/007";
-    /// Its folder in sysfs.
+    /// Folder of the device in sysfs.
     pub const SYSFS: &'static str = "/sys/devices/pci0000:00/0000:00:14.0/usb1/1-3";
     const BUS: u16 = 1;
     const DEVICE: u8 = 7;

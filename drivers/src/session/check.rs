@@ -27,7 +27,7 @@ impl Verdict {
     }
 }
 
-/// What a step of a self-test found.
+/// Finding of a step of a self-test.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Finding {
@@ -50,7 +50,7 @@ pub enum Finding {
 pub struct CheckStep {
     /// Name of the step: `open`, `identity`, `settings` or `reading`.
     pub name: &'static str,
-    /// What it found.
+    /// Finding of the step.
     pub finding: Finding,
 }
 

@@ -1,4 +1,4 @@
-//! What ends a session.
+//! Errors that end a session.
 
 use crate::catalogue::{AddressError, Kind};
 use crate::clock::Expired;
@@ -44,7 +44,7 @@ pub enum SessionError {
     Target {
         /// The text.
         found: String,
-        /// What it should be.
+        /// Targets that are allowed.
         expected: &'static str,
     },
     /// The target is one of another kind of device.

@@ -88,7 +88,7 @@ pub struct Readings {
     pub asked: u32,
     /// The readings.
     pub readings: Vec<Reading>,
-    /// What ended them early.
+    /// Error that ended the readings early.
     pub error: Option<SessionError>,
 }
 
@@ -96,7 +96,7 @@ impl OpenDevice {
     /// Reads what the device measures. A failure after the first reading is in the result, with the readings before it.
     ///
     /// # Errors
-    /// What failed before there was a reading.
+    /// A failure before the first reading.
     pub fn read(
         &mut self,
         options: &ReadOptions,

@@ -30,7 +30,7 @@ pub struct SettingsDone {
     pub done: Vec<SetValue>,
     /// The settings that the device takes: their names, and what they take, in words.
     pub settable: Vec<(&'static str, &'static str)>,
-    /// What ended them early.
+    /// Error that ended the changes early.
     pub error: Option<SessionError>,
 }
 

@@ -1,6 +1,6 @@
 //! A simulated Thorlabs rotation stage on the APT protocol, with a reference, limit switches, and faults of its own.
 //!
-//! Its messages are those of [`thorlabs::apt`](crate::thorlabs::apt), which are checked against thorlabs-apt-protocol. How it
+//! The stage's messages are those of [`thorlabs::apt`](crate::thorlabs::apt), which are checked against thorlabs-apt-protocol. How it
 //! behaves (both moving bits set while it moves, as seen on K10CR1; the end of a move told unasked; silence after 50
 //! messages about states without a sign of life of the host; its counter at zero after a search, lost with the power) is
 //! as Thorlabs' document and other drivers describe it, not as measured on one.
@@ -14,18 +14,18 @@ const FORGET: Duration = Duration::from_millis(20);
 /// Messages about states that it sends without a sign of life of the host.
 const MOST_UNHEARD: u32 = 50;
 
-/// What the stage is like.
+/// Properties of the stage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AptSettings {
-    /// Its address.
+    /// Address of the stage.
     pub address: u8,
-    /// Its model, as it names itself (8 characters).
+    /// Model of the stage, as it names itself (8 characters).
     pub model: String,
-    /// Its serial number.
+    /// Serial number of the stage.
     pub serial: u32,
     /// Whether it speaks as controllers of servo motors do.
     pub servo: bool,
-    /// Its speed, counts/s.
+    /// Speed of the stage, counts/s.
     pub speed: i64,
     /// Where the reference is, counts from where it stands at first.
     pub reference: i64,
@@ -54,7 +54,7 @@ impl Default for AptSettings {
     }
 }
 
-/// What is wrong with it.
+/// Faults of the stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Trouble {
     /// It answers nothing.
@@ -83,7 +83,7 @@ struct Leg {
 #[derive(Debug, Clone)]
 pub struct Apt {
     settings: AptSettings,
-    /// What is wrong with it; may be changed while it runs.
+    /// Faults of the stage; may be changed while it runs.
     pub trouble: Trouble,
     place: i64,
     /// The counter is the place less this.
@@ -224,7 +224,7 @@ impl Apt {
         Message::long(Id::RichResponse, &data, HOST, self.settings.address)
     }
 
-    /// What it does and says at `now` when it gets a message.
+    /// Handles a message that comes at `now`, and returns the messages that the stage sends.
     pub fn handle(&mut self, message: &Message, now: Duration) -> Vec<Message> {
         let mut said: Vec<Message> = self.advance(now).into_iter().collect();
         if self.trouble.dead {

@@ -9,7 +9,7 @@ use crate::transport::{Transfer, Transfers, TransportError};
 use crate::zwo::report::{FROM_WHEEL, Info, Position, ROOM, Request, State};
 use std::time::Duration;
 
-/// What the wheel is like.
+/// Properties of the wheel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EfwSettings {
     /// Who it says it is.
@@ -40,7 +40,7 @@ impl Default for EfwSettings {
     }
 }
 
-/// What goes wrong at a request (`info`, `position`, `move`).
+/// Faults at a request (`info`, `position`, `move`).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Kind {
     /// On the way to that slot it jams, and goes to its fault state.
@@ -68,7 +68,7 @@ enum Motion {
 #[derive(Debug, Clone)]
 pub struct Efw {
     settings: EfwSettings,
-    /// What goes wrong.
+    /// Faults of the wheel, and the requests at which they occur.
     pub faults: Script<Kind>,
     slot: u8,
     motion: Motion,

@@ -4,7 +4,7 @@
 //! [`serve`] behind any real one (a [`Tcp`](crate::transport::tcp::Tcp) connection that a listener accepted). What the camera
 //! sees comes from a [`Scene`]; [`Trouble`] makes the server fail as real ones do.
 //!
-//! What it says, and when, is modelled on the simulators of indi-bin 1.9.9: a change is answered, an unknown property is
+//! The server's answers and their times follow the simulators of indi-bin 1.9.9: a change is answered, an unknown property is
 //! not; an exposure counts as Busy until its BLOB; frames of a colour sensor say the sensor's pattern whatever their
 //! origin. It is not checked against a client that is not ours.
 
@@ -25,7 +25,7 @@ use hifitime::Epoch;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-/// What the server has.
+/// Devices of the server, and its times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ServerSettings {
     /// A camera.
@@ -65,7 +65,7 @@ pub enum Packing {
     Cut,
 }
 
-/// What is wrong with the server.
+/// Faults of the server.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Trouble {
     /// Changes of this property end in Alert, with this message.
@@ -85,7 +85,7 @@ pub struct Trouble {
 /// The server.
 pub struct Server {
     settings: ServerSettings,
-    /// What is wrong with it; may be changed while it runs.
+    /// Faults of the server; may be changed while it runs.
     pub trouble: Trouble,
     scene: Box<dyn Scene>,
     vectors: BTreeMap<Place, Vector>,
@@ -172,7 +172,7 @@ impl Server {
     /// Takes bytes of the client at `now`.
     ///
     /// # Errors
-    /// What is not INDI: a real server hangs up on it.
+    /// Bytes that are not INDI: a real server hangs up on them.
     pub fn hear(&mut self, bytes: &[u8], now: Duration) -> Result<(), crate::indi::xml::XmlError> {
         self.advance(now);
         if self.dead {

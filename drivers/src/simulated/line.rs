@@ -7,7 +7,7 @@ use std::time::Duration;
 
 /// A device that hears bytes and says some.
 pub trait Speaker: Send {
-    /// What it says at `now` to these bytes; each part with the time from which on it can be heard.
+    /// Returns what the device says at `now` to these bytes; each part with the time from which on it can be heard.
     fn hear(&mut self, bytes: &[u8], now: Duration) -> Vec<(Duration, Vec<u8>)>;
 }
 

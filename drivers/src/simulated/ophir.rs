@@ -29,7 +29,7 @@ pub enum HeadWavelengths {
     Discrete(Vec<&'static str>),
 }
 
-/// What the meter and its head are like.
+/// Properties of the meter and its head.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OphirSettings {
     /// The answer to `$II`: id, serial number, name.
@@ -48,7 +48,7 @@ pub struct OphirSettings {
     pub range: i32,
     /// Whether the filter is on the head: the truth, which the meter does not know.
     pub filter_is_on: bool,
-    /// What the head shows in the dark before it is zeroed, W.
+    /// Power that the head shows in the dark before it is zeroed, W.
     pub dark_w: f64,
     /// How long it takes to answer.
     pub latency: Duration,
@@ -87,7 +87,7 @@ impl Default for OphirSettings {
     }
 }
 
-/// What goes wrong at a command.
+/// Faults at a command.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Kind {
     /// The meter does not hear it.
@@ -105,7 +105,7 @@ pub struct Ophir {
     settings: OphirSettings,
     /// The light.
     source: Box<dyn PowerSource>,
-    /// What goes wrong.
+    /// Faults of the meter, and the commands at which they occur.
     pub faults: Script<Kind>,
     heard: Vec<u8>,
     range: i32,
@@ -162,7 +162,7 @@ impl Ophir {
         }
     }
 
-    /// What the head gives, as the meter believes it, W; the mean over its averaging time.
+    /// Returns the power that the head gives, as the meter believes it, W; the mean over its averaging time.
     pub fn shown_w(&mut self, now: Duration) -> f64 {
         let window = Duration::from_secs_f64(AVERAGING[self.averaging].1);
         let light_w = mean_w(self.source.as_mut(), now, window);
@@ -326,7 +326,7 @@ impl Ophir {
 
 impl Speaker for Ophir {
     fn hear(&mut self, bytes: &[u8], now: Duration) -> Vec<(Duration, Vec<u8>)> {
-        /// What a meter remembers of a line without end.
+        /// Most bytes that a meter remembers of a line without end.
         const MOST: usize = 128;
         let mut said = Vec::new();
         for byte in bytes {

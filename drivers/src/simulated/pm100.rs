@@ -15,7 +15,7 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::time::Duration;
 
-/// What the meter and its sensor are like.
+/// Properties of the meter and its sensor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pm100Settings {
     /// The answer to `*IDN?`.
@@ -26,7 +26,7 @@ pub struct Pm100Settings {
     pub ranges_w: Vec<f64>,
     /// The shortest and longest wavelength, nm.
     pub wavelengths_nm: [f64; 2],
-    /// What the sensor shows in the dark before it is zeroed, W.
+    /// Power that the sensor shows in the dark before it is zeroed, W.
     pub dark_w: f64,
     /// Whether a key has switched it to dBm.
     pub shows_dbm: bool,
@@ -58,7 +58,7 @@ impl Default for Pm100Settings {
     }
 }
 
-/// What goes wrong at a question.
+/// Faults at a question.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Kind {
     /// There is no answer.
@@ -81,7 +81,7 @@ pub enum Kind {
 pub struct Pm100 {
     settings: Pm100Settings,
     source: Box<dyn PowerSource>,
-    /// What goes wrong.
+    /// Faults of the meter, and the questions at which they occur.
     pub faults: Script<Kind>,
     complaints: VecDeque<&'static str>,
     wavelength_nm: f64,
@@ -92,7 +92,7 @@ pub struct Pm100 {
     relative: bool,
     zero_w: f64,
     zeroing: Option<Duration>,
-    /// What waits to be fetched, and from when on.
+    /// Answer that waits to be fetched, and the time from which on it can be.
     answer: Vec<u8>,
     ready: Duration,
     fault: Option<Kind>,
@@ -141,7 +141,7 @@ impl Pm100 {
         self.wavelength_nm
     }
 
-    /// What the sensor gives, W: the mean over its measurements.
+    /// Returns the power that the sensor gives, W: the mean over its measurements.
     pub fn shown_w(&mut self, now: Duration) -> f64 {
         let window = self.settings.measurement * (self.averaging - 1);
         mean_w(self.source.as_mut(), now, window) + self.settings.dark_w - self.zero_w

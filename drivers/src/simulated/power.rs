@@ -1,4 +1,4 @@
-//! What simulated power meters measure.
+//! Powers that simulated power meters measure.
 
 use std::time::Duration;
 

@@ -9,7 +9,7 @@ pub struct Fault<K> {
     pub on: String,
     /// At which of them, counted from 1; 0 is each.
     pub nth: u32,
-    /// What goes wrong.
+    /// Kind of the fault.
     pub kind: K,
 }
 

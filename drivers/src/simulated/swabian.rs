@@ -21,12 +21,12 @@ use std::time::Duration;
 /// How often the stream hands over tags.
 const STREAM_EVERY: Duration = Duration::from_millis(20);
 
-/// What the Time Tagger is like.
+/// Properties of the Time Tagger.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TaggerSpec {
-    /// Its serial number.
+    /// Serial number of the Time Tagger.
     pub serial: String,
-    /// Its inputs, rising edges.
+    /// Number of inputs of the Time Tagger, rising edges.
     pub inputs: i32,
     /// A step of its trigger levels, V.
     pub level_step_v: f64,
@@ -55,7 +55,7 @@ impl Default for TaggerSpec {
     }
 }
 
-/// What is wrong with it.
+/// Faults of the Time Tagger.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Trouble {
     /// Requests of this name are refused with this code and text.
@@ -94,7 +94,7 @@ struct Input {
 /// The Time Tagger and its bridge at the other end of a line in memory: a transport for the driver.
 pub struct Simulated {
     spec: TaggerSpec,
-    /// What is wrong with it; may be changed while it runs.
+    /// Faults of the Time Tagger; may be changed while it runs.
     pub trouble: Trouble,
     light: Box<dyn Light>,
     channels: Vec<i32>,

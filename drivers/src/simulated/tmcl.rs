@@ -1,6 +1,6 @@
 //! A simulated TMCL module with one motor, limit switches, a reference search, backlash, and faults of its own.
 //!
-//! Its frames are those of [`trinamic::tmcl`](crate::trinamic::tmcl), which are checked against pytrinamic. How a module
+//! The module's frames are those of [`trinamic::tmcl`](crate::trinamic::tmcl), which are checked against pytrinamic. How a module
 //! behaves (a switch stops the motor and the position is never reached; the search ends at the left switch with the counter
 //! at 0; an unfinished frame is forgotten after a pause) is as Trinamic's manuals describe it, not as measured on one.
 
@@ -13,14 +13,14 @@ use std::time::Duration;
 /// After this pause an unfinished frame is forgotten.
 const FORGET: Duration = Duration::from_millis(20);
 
-/// What the module is like.
+/// Properties of the module.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModuleSettings {
-    /// Its address.
+    /// Address of the module.
     pub address: u8,
     /// The host's address, which its replies carry.
     pub host: u8,
-    /// Its number and version, as command 136 gives them.
+    /// Number and version of the module, as command 136 gives them.
     pub version: u32,
     /// A full step has 2 to this power microsteps.
     pub microstep_exponent: i32,
@@ -51,7 +51,7 @@ impl Default for ModuleSettings {
     }
 }
 
-/// What is wrong with the module.
+/// Faults of the module.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Trouble {
     /// It does not answer requests whose sum is wrong, instead of saying so.
@@ -92,7 +92,7 @@ impl Leg {
 #[derive(Debug, Clone)]
 pub struct Module {
     settings: ModuleSettings,
-    /// What is wrong with it; may be changed while it runs.
+    /// Faults of the module; may be changed while it runs.
     pub trouble: Trouble,
     parameters: HashMap<u8, i32>,
     /// Where the motor, and the gear's output behind it, stand: microsteps from where they stood at first.
@@ -213,7 +213,7 @@ impl Module {
         self.leg = (end != self.motor && speed > 0).then_some(leg);
     }
 
-    /// What the module does and says at `now` when it gets a frame of nine bytes; `None` for silence.
+    /// Handles a frame of nine bytes that comes at `now`, and returns the module's reply; `None` for silence.
     pub fn handle(&mut self, bytes: &[u8], now: Duration) -> Option<[u8; LENGTH]> {
         self.advance(now);
         if self.trouble.dead {
@@ -333,7 +333,7 @@ pub struct Simulated {
     pub module: Module,
     heard: Vec<u8>,
     heard_at: Duration,
-    /// What it says, and from when on it can be heard.
+    /// Bytes that the module says, and the time from which on each can be heard.
     said: VecDeque<(Duration, u8)>,
 }
 

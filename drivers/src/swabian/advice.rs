@@ -1,9 +1,9 @@
-//! What the bridge's errors mean to the person at the desk.
+//! Advice for the person at the desk on the bridge's errors.
 
 use super::DEVICE;
 use crate::device::DeviceError;
 
-/// What to do, by the bridge's code.
+/// Returns advice on what to do, by the bridge's code.
 fn advice(code: &str) -> Option<&'static str> {
     Some(match code {
         "no_module" => {

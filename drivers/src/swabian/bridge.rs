@@ -8,7 +8,7 @@ use crate::device::DeviceError;
 use crate::transport::Bytes;
 use serde_json::{Map, Value, json};
 
-/// What is read from the line at once, bytes.
+/// Most bytes that are read from the line at once.
 const PIECE: usize = 64 << 10;
 
 /// A conversation with the bridge.
@@ -79,7 +79,7 @@ impl<T: Bytes> Bridge<T> {
         }
     }
 
-    /// What an answer says, if it is the one to the last request: older ones come late, after a deadline had passed.
+    /// Returns the content of an answer, if it is the one to the last request: older ones come late, after a deadline had passed.
     fn answer(
         &self,
         operation: &str,

@@ -54,7 +54,7 @@ pub enum Frame {
     Tags(Vec<[u8; RECORD_BYTES]>),
 }
 
-/// What is wrong with a frame.
+/// Fault in a frame.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FrameError {
@@ -63,7 +63,7 @@ pub enum FrameError {
     TooLong {
         /// The frame's number.
         number: u32,
-        /// What it announces, bytes.
+        /// Length that the frame announces, bytes.
         length: u32,
     },
     /// A kind that is not defined.
@@ -87,9 +87,9 @@ pub enum FrameError {
     Checksum {
         /// The frame's number.
         number: u32,
-        /// What came.
+        /// Checksum that came.
         found: u32,
-        /// What belongs to the bytes that came.
+        /// Checksum of the bytes that came.
         expected: u32,
     },
     /// A payload that is not what its kind says.
@@ -97,7 +97,7 @@ pub enum FrameError {
     Payload {
         /// The frame's number.
         number: u32,
-        /// What is wrong.
+        /// Description of the fault.
         reason: String,
     },
 }

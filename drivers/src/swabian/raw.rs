@@ -13,7 +13,7 @@ use std::path::Path;
 use std::time::Duration;
 use sunglint_formats::FileError;
 
-/// What was written. Everything that came is in the file as it came; [`TagFile::check`](crate::tags::TagFile::check) says
+/// Summary of the tags written. Everything that came is in the file as it came; [`TagFile::check`](crate::tags::TagFile::check) says
 /// where what is odd lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TagSummary {
@@ -56,7 +56,7 @@ impl TagSummary {
 /// A file that was converted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Converted {
-    /// What was written.
+    /// Summary of what was written.
     pub summary: TagSummary,
 }
 
@@ -86,7 +86,7 @@ impl<T: Bytes> TimeTagger<T> {
     /// are records among the tags. May be called again and again; nothing is lost in between while the computer keeps up.
     ///
     /// # Errors
-    /// What was written, with the error: the stream was not started, the file cannot be written, or see [`DeviceError`].
+    /// The summary so far, with the error: the stream was not started, the file cannot be written, or see [`DeviceError`].
     pub fn record(
         &mut self,
         writer: &mut TagWriter,
@@ -144,7 +144,7 @@ impl<T: Bytes> TimeTagger<T> {
 /// data (2.22.6); what it logs meanwhile is an error here.
 ///
 /// # Errors
-/// What was written, with the error: no package, no such file or a damaged one ([`DeviceError::Declined`]), or see
+/// The summary so far, with the error: no package, no such file or a damaged one ([`DeviceError::Declined`]), or see
 /// [`DeviceError`]. If it was stopped early the bridge ends with `line`.
 pub fn convert<T: Bytes>(
     line: T,

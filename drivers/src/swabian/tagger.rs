@@ -36,13 +36,13 @@ pub enum Source {
 /// An input.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Channel {
-    /// Its name in tables (`g`).
+    /// Name of the channel in tables (`g`).
     pub name: String,
     /// The maker's number: rising edges from 1 upwards, falling edges negative.
     pub number: i32,
 }
 
-/// What the driver has to know.
+/// Settings that the driver needs for a Time Tagger.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TaggerSettings {
     /// Where it is.
@@ -69,7 +69,7 @@ impl Default for TaggerSettings {
     }
 }
 
-/// What it is doing.
+/// Activity of the Time Tagger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Activity {
     Idle,

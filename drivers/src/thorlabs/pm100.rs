@@ -14,7 +14,7 @@ use std::time::Duration;
 /// The name of the range that the meter chooses by itself.
 const AUTO: &str = "AUTO";
 
-/// What the driver has to know about a meter.
+/// Settings that the driver needs for a meter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pm100Settings {
     /// Whether the unit is asked for after each reading, so that a key pressed on the meter (dBm) cannot go unseen.

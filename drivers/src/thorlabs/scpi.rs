@@ -1,4 +1,4 @@
-//! What a meter answers to SCPI questions, parsed strictly.
+//! Answers of a meter to SCPI questions, parsed strictly.
 
 pub use crate::reply::ReplyError;
 use crate::reply::{integer, number};
@@ -56,15 +56,15 @@ impl Instrument {
 /// The answer to `SYST:SENS:IDN?`: the sensor.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sensor {
-    /// Its name (`S120C`).
+    /// Name of the sensor (`S120C`).
     pub name: String,
-    /// Its serial number.
+    /// Serial number of the sensor.
     pub serial: String,
     /// When it was calibrated, as it says.
     pub calibration: String,
-    /// Its type and subtype, as the maker numbers them.
+    /// Type and subtype of the sensor, as the maker numbers them.
     pub kind: [i32; 2],
-    /// What it can do, bit by bit: 1 power, 2 energy, 16 response settable, 32 wavelength settable, 64 time constant
+    /// Capabilities of the sensor, bit by bit: 1 power, 2 energy, 16 response settable, 32 wavelength settable, 64 time constant
     /// settable, 256 temperature.
     pub flags: u32,
 }

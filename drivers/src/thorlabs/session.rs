@@ -14,7 +14,7 @@ use std::time::Duration;
 
 /// The bulk read's room, bytes: a multiple of every packet size, so that no packet overflows it.
 const ROOM: usize = 512;
-/// What is asked for at a time, bytes: with header and padding less than the room, so that a short packet ends each read.
+/// Most bytes asked for at a time: with header and padding less than the room, so that a short packet ends each read.
 const PART: u32 = 496;
 /// The longest answer, bytes.
 const LONGEST_ANSWER: usize = 4096;

@@ -25,11 +25,11 @@ pub const PRODUCTS: [(u16, &str); 8] = [
 /// A meter that is plugged in.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Found {
-    /// Its product number.
+    /// Product number of the meter.
     pub product: u16,
     /// The product's name.
     pub name: &'static str,
-    /// Its serial number, if this user may ask for it.
+    /// Serial number of the meter, if this user may ask for it.
     pub serial: Option<String>,
     /// Where it is spoken to; `None` if it has no USBTMC interface: the vendor's driver switcher can give it one.
     pub endpoints: Option<Endpoints>,

@@ -55,15 +55,15 @@ pub enum MessageError {
     /// Another kind of message.
     #[error("a message of kind {found}, expected {IN}")]
     WrongKind {
-        /// Its MsgID.
+        /// MsgID of the message.
         found: u8,
     },
     /// The answer to another request, or a spoilt header.
     #[error("a message with tag {found} and {inverse} as its inverse, expected {expected}")]
     WrongTag {
-        /// Its tag.
+        /// Tag of the message.
         found: u8,
-        /// What should be its inverse.
+        /// Byte that should be the inverse of the tag.
         inverse: u8,
         /// The request's tag.
         expected: u8,
@@ -73,7 +73,7 @@ pub enum MessageError {
     WrongLength {
         /// How many bytes came behind the header.
         found: usize,
-        /// What the header says.
+        /// Number of bytes that the header states.
         said: u32,
     },
 }
@@ -81,7 +81,7 @@ pub enum MessageError {
 /// A message from the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MessageIn<'a> {
-    /// What it carries, without padding.
+    /// Payload of the message, without padding.
     pub payload: &'a [u8],
     /// Whether it is the last part (EOM).
     pub end: bool,

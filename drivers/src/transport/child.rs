@@ -22,7 +22,7 @@ pub struct Child {
     process: Process,
     to_child: SyncSender<Vec<u8>>,
     from_child: Receiver<Vec<u8>>,
-    /// What came and was not asked for yet.
+    /// Bytes that came and were not asked for yet.
     left_over: Vec<u8>,
     log: Arc<Mutex<Vec<u8>>>,
     /// Reads the error output until it is closed.

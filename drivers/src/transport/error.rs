@@ -1,4 +1,4 @@
-//! What can go wrong between the host and a device, whatever the cable.
+//! Errors between the host and a device, whatever the cable.
 
 use crate::clock::Expired;
 use crate::recording::ReplayError;
@@ -15,7 +15,7 @@ pub enum TransportError {
     Timeout {
         /// How long was waited.
         after: Duration,
-        /// What had come by then; the rest is missing.
+        /// Bytes that had come by then; the rest is missing.
         got_so_far: Vec<u8>,
     },
     /// Somebody set the [`Cancel`](crate::clock::Cancel) token.
@@ -23,7 +23,7 @@ pub enum TransportError {
     Cancelled {
         /// How long was waited.
         after: Duration,
-        /// What had come by then.
+        /// Bytes that had come by then.
         got_so_far: Vec<u8>,
     },
     /// The device or the other end has gone; open it again once it is back.
@@ -31,7 +31,7 @@ pub enum TransportError {
     Disconnected {
         /// The port, address or program.
         what: String,
-        /// What had come by then.
+        /// Bytes that had come by then.
         got_so_far: Vec<u8>,
     },
     /// The device is there and this user or program may not have it.
@@ -39,17 +39,17 @@ pub enum TransportError {
     Refused {
         /// The port or device.
         what: String,
-        /// What the system said.
+        /// Error that the operating system reported.
         reason: String,
-        /// What to do.
+        /// Advice on what to do.
         hint: String,
     },
     /// No device by that name or number.
     #[error("{what} was not found: {hint}")]
     NotFound {
-        /// What was looked for.
+        /// Name of what was looked for.
         what: String,
-        /// What to do.
+        /// Advice on what to do.
         hint: String,
     },
     /// The device refused a USB transfer (a stalled endpoint).
@@ -63,7 +63,7 @@ pub enum TransportError {
     TooLong {
         /// The most that the message may have.
         most: usize,
-        /// What had come.
+        /// Bytes that had come.
         got_so_far: Vec<u8>,
     },
     /// This transport has no such transfer (a bulk transfer on HID).
@@ -81,13 +81,13 @@ pub enum TransportError {
         action: &'static str,
         /// The port, address or program.
         what: String,
-        /// What the system said.
+        /// Error that the operating system reported.
         source: io::Error,
     },
-    /// What the host did is not what the recording holds.
+    /// Difference between what the host did and what the recording holds.
     #[error(transparent)]
     Replay(Box<ReplayError>),
-    /// What was said cannot be written to the recording.
+    /// Error in writing the conversation to the recording.
     #[error(transparent)]
     Recording(Box<FileError>),
 }
@@ -98,7 +98,7 @@ impl TransportError {
         Self::Disconnected { what: what.into(), got_so_far: Vec::new() }
     }
 
-    /// What a read or write of `what` said: a device that has gone is told from other trouble.
+    /// Makes a transport error from that of a read or write of `what`: a device that has gone is told from other trouble.
     pub fn from_io(action: &'static str, what: &str, source: io::Error) -> Self {
         use io::ErrorKind as Kind;
         // EIO is what Linux says on a terminal whose other end has gone, ENXIO and ENODEV on an unplugged adapter.

@@ -34,7 +34,7 @@ impl Hid {
     /// Opens a device by its path (`/dev/hidraw0`).
     ///
     /// # Errors
-    /// As [`open`](Self::open).
+    /// The errors of [`open`](Self::open).
     pub fn open_path(path: &str) -> Result<Self, TransportError> {
         let raw = CString::new(path).map_err(|_| not_found(path))?;
         let api = HidApi::new().map_err(|error| explain(error, "list", "HID devices"))?;
@@ -55,7 +55,7 @@ fn not_found(what: &str) -> TransportError {
     }
 }
 
-/// What hidapi's answer means to the person at the desk.
+/// Explains hidapi's error to the person at the desk.
 pub(crate) fn explain(error: HidError, action: &'static str, what: &str) -> TransportError {
     let source = match error {
         HidError::IoError { error } => error,

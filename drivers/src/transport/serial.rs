@@ -44,7 +44,7 @@ impl Serial {
     }
 }
 
-/// What a failed opening means to the person at the desk.
+/// Explains a failed opening to the person at the desk.
 pub(crate) fn explain_open(path: &str, error: serialport::Error) -> TransportError {
     use serialport::ErrorKind as Kind;
     let reason = error.to_string();

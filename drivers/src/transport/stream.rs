@@ -1,4 +1,4 @@
-//! What serial ports and sockets share: waits in slices, so that the token is looked at and no call outlives its deadline.
+//! Code that serial ports and sockets share: waits in slices, so that the token is looked at and no call outlives its deadline.
 
 use super::{MOST_DISCARDED, TransportError};
 use crate::clock::Deadline;

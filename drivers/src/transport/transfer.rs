@@ -34,7 +34,7 @@ pub enum Transfer {
         value: u16,
         /// wIndex.
         index: u16,
-        /// What is sent.
+        /// Bytes that are sent.
         data: Vec<u8>,
     },
     /// A USB bulk transfer from the device, of at most `length` bytes.
@@ -48,7 +48,7 @@ pub enum Transfer {
     BulkOut {
         /// Endpoint address, bit 7 clear.
         endpoint: u8,
-        /// What is sent.
+        /// Bytes that are sent.
         data: Vec<u8>,
     },
     /// Clears a stalled USB endpoint.
@@ -63,7 +63,7 @@ pub enum Transfer {
     },
     /// Writes a HID output report; the first byte is the report's number (0 if the device has none).
     ReportOut {
-        /// What is sent.
+        /// Bytes that are sent.
         data: Vec<u8>,
     },
     /// Reads a HID feature report.
@@ -75,13 +75,13 @@ pub enum Transfer {
     },
     /// Writes a HID feature report; the first byte is the report's number.
     FeatureSet {
-        /// What is sent.
+        /// Bytes that are sent.
         data: Vec<u8>,
     },
 }
 
 impl Transfer {
-    /// What the host sends with it; `None` for requests that carry nothing.
+    /// Returns the bytes that the host sends with the request; `None` for requests that carry nothing.
     pub fn data(&self) -> Option<&[u8]> {
         match self {
             Self::ControlOut { data, .. }

@@ -127,7 +127,7 @@ fn whole(count: usize, data: &[u8]) -> Result<Vec<u8>, rusb::Error> {
     if count == data.len() { Ok(Vec::new()) } else { Err(rusb::Error::Timeout) }
 }
 
-/// What libusb's answer means to the person at the desk.
+/// Explains libusb's error to the person at the desk.
 pub(crate) fn explain(
     error: rusb::Error,
     action: &'static str,

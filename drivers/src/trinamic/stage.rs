@@ -41,7 +41,7 @@ pub struct Search {
     pub tolerance_deg: f64,
 }
 
-/// What the driver has to know about a stage.
+/// Settings that the driver needs for a stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StageSettings {
     /// The motor's number on the module.

@@ -38,7 +38,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// Its number.
+    /// Returns the number in the TMCL protocol.
     pub fn number(self) -> u8 {
         match self {
             Self::RotateRight => 1,
@@ -129,13 +129,13 @@ impl Axis {
         Self::SwitchSpeed,
     ];
 
-    /// Its number.
+    /// Returns the number in the TMCL protocol.
     pub fn number(self) -> u8 {
         self as u8
     }
 }
 
-/// What a module says about a request.
+/// Status of a request, as a module reports it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
     /// 100: done.
@@ -161,7 +161,7 @@ pub enum Status {
 }
 
 impl Status {
-    /// Its number.
+    /// Returns the number in the TMCL protocol.
     pub fn number(self) -> u8 {
         match self {
             Self::Success => 100,
@@ -177,7 +177,7 @@ impl Status {
         }
     }
 
-    /// What it means.
+    /// Returns the meaning of the status in words.
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Success => "done",
@@ -227,7 +227,7 @@ pub enum FrameError {
     Checksum {
         /// The last byte.
         found: u8,
-        /// What it should be.
+        /// Checksum that was expected: the sum of the other bytes.
         sum: u8,
     },
 }
@@ -279,14 +279,14 @@ impl Frame {
     }
 }
 
-/// What the host asks.
+/// Request of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Request {
     /// The module's address.
     pub module: u8,
     /// The command.
     pub command: Command,
-    /// Its kind, or the parameter's number.
+    /// Kind of the command, or the parameter's number.
     pub kind: u8,
     /// The motor, or the bank.
     pub motor: u8,
@@ -323,14 +323,14 @@ impl fmt::Display for Request {
     }
 }
 
-/// What the module answers.
+/// Reply of the module.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reply {
     /// The host's address.
     pub host: u8,
     /// The module's address.
     pub module: u8,
-    /// What it says about the request.
+    /// Status of the request.
     pub status: Status,
     /// The request's command.
     pub command: Command,

@@ -70,7 +70,7 @@ fn answer<'a>(
 pub struct Info {
     /// Three bytes that look like its firmware's version.
     pub version: [u8; 3],
-    /// Its name (`EFW-S-0`).
+    /// Name of the wheel (`EFW-S-0`).
     pub name: String,
 }
 

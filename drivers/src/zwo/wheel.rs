@@ -10,7 +10,7 @@ use crate::reply::ReplyError;
 use crate::transport::{Transfer, Transfers};
 use std::time::Duration;
 
-/// What the driver has to know about a wheel.
+/// Settings that the driver needs for a wheel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WheelSettings {
     /// How long an answer may take.
@@ -118,7 +118,7 @@ impl<T: Transfers> Wheel<T> {
     /// Where it says it stands.
     ///
     /// # Errors
-    /// Its fault state ([`DeviceError::Refused`] with the wheel's number), another number of slots than before, or see
+    /// The wheel's fault state ([`DeviceError::Refused`] with the wheel's number), another number of slots than before, or see
     /// [`DeviceError`].
     pub fn position(&mut self, deadline: &Deadline) -> Result<Position, DeviceError> {
         let count = self.count;

@@ -11,7 +11,7 @@ use sunglint_drivers::simulated::script::{Fault, Script};
 use sunglint_drivers::transport::Transfers;
 use sunglint_drivers::zwo::{Wheel, WheelSettings};
 
-/// What the host does in every case: it opens the wheel and turns it to slot 3. How that ended, in words.
+/// Does what the host does in every case: it opens the wheel and turns it to slot 3. Returns how that ended, in words.
 pub fn session(hid: impl Transfers, clock: &Arc<dyn Clock>) -> String {
     let within = |seconds| Deadline::after(clock.clone(), Duration::from_secs(seconds));
     // Short polls: a fake device answers at once, whatever time has passed.

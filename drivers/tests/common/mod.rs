@@ -1,4 +1,4 @@
-//! What the tests of transports share: both ends of a real line.
+//! Helpers that the tests of transports share: both ends of a real line.
 #![allow(dead_code, reason = "each test uses its part")]
 
 pub mod efw;

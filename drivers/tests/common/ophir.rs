@@ -14,7 +14,7 @@ use sunglint_drivers::transport::{Bytes, TransportError};
 
 pub const LINK: LinkSettings = LinkSettings { reply_within: Duration::from_millis(300) };
 
-/// What the host does in every case. How that ended, in words.
+/// Does what the host does in every case. Returns how that ended, in words.
 pub fn session(line: impl Bytes, clock: &Arc<dyn Clock>) -> String {
     let within = |seconds| Deadline::after(clock.clone(), Duration::from_secs(seconds));
     let settings = MeterSettings { settle: Duration::from_millis(50), ..MeterSettings::default() };

@@ -12,7 +12,7 @@ use sunglint_drivers::simulated::script::{Fault, Script};
 use sunglint_drivers::thorlabs::{Pm100, Pm100Settings, TmcSettings};
 use sunglint_drivers::transport::Transfers;
 
-/// What the host does in every case. How that ended, in words.
+/// Does what the host does in every case. Returns how that ended, in words.
 pub fn session(usb: impl Transfers, clear_first: bool, clock: &Arc<dyn Clock>) -> String {
     let within = |seconds| Deadline::after(clock.clone(), Duration::from_secs(seconds));
     let reply_within = Duration::from_millis(500);

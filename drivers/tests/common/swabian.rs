@@ -1,4 +1,4 @@
-//! What the tests of the Time Tagger share: a known light, a session, words for how it ended.
+//! Helpers that the tests of the Time Tagger share: a known light, a session, words for how it ended.
 #![allow(dead_code, clippy::unwrap_used, reason = "each test uses its part")]
 
 use std::sync::Arc;
@@ -59,7 +59,7 @@ fn flags(record: &CountRecord) -> String {
     names.collect::<Vec<_>>().join("+")
 }
 
-/// What the host does in every case: open, set, count five bins, stop, take tags for 60 ms. How that ended, in words.
+/// Runs the session of every case: open, set, count five bins, stop, take tags for 60 ms. Returns how that ended, in words.
 pub fn session(line: impl Bytes, clock: &Arc<dyn Clock>) -> String {
     let within = |ms| Deadline::after(clock.clone(), Duration::from_millis(ms));
     let mut tagger = match TimeTagger::open(line, settings(), &within(2000)) {

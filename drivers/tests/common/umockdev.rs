@@ -58,7 +58,7 @@ pub fn write(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> String {
     path.display().to_string()
 }
 
-/// What was said, without pauses.
+/// Returns the conversation, without pauses.
 pub fn said(recording: &Recording) -> Vec<String> {
     let lines = recording.events.iter().map(|(_, event)| event.to_string());
     lines.filter(|line| !line.starts_with('~')).collect()

@@ -225,7 +225,7 @@ fn check_names(
     }
 }
 
-/// What a datatype allows.
+/// Values that a datatype allows.
 #[derive(Clone, Copy)]
 enum Kind {
     Bool,

@@ -17,7 +17,7 @@ pub(super) struct Rows<'a> {
     line: u64,
 }
 
-/// What is wrong with a row, and where.
+/// Fault in a row, and where it is.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct BadRow {
     pub line: u64,

@@ -8,7 +8,7 @@ use sunglint_formats::Bayer;
 /// A camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraSpec {
-    /// Its name.
+    /// Name of the device.
     pub name: String,
     /// Columns and rows of its sensor, px.
     pub sensor_px: [u32; 2],
@@ -36,7 +36,7 @@ impl Default for CameraSpec {
 /// A rotator.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RotatorSpec {
-    /// Its name.
+    /// Name of the device.
     pub name: String,
     /// How fast it turns, deg/s.
     pub speed_deg_s: f64,
@@ -51,7 +51,7 @@ impl Default for RotatorSpec {
 /// A filter wheel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WheelSpec {
-    /// Its name.
+    /// Name of the device.
     pub name: String,
     /// The names of its filters, that of slot 1 first.
     pub filters: Vec<String>,
@@ -66,7 +66,7 @@ impl Default for WheelSpec {
     }
 }
 
-/// What a device has before it is connected.
+/// Returns the vectors that a device has before it is connected.
 pub(super) fn always(device: &str, interface: u32) -> Vec<(Place, Vector)> {
     let interface = interface.to_string();
     let info = texts(&[
@@ -84,7 +84,7 @@ fn place_all(device: &str, vectors: Vec<(&str, Vector)>) -> Vec<(Place, Vector)>
     vectors.into_iter().map(|(name, vector)| (place(name), vector)).collect()
 }
 
-/// What a camera has once it is connected.
+/// Returns the vectors that a camera has once it is connected.
 pub(super) fn camera(spec: &CameraSpec) -> Vec<(Place, Vector)> {
     let [columns, rows] = spec.sensor_px.map(f64::from);
     let frame = numbers(&[
@@ -130,7 +130,7 @@ pub(super) fn camera(spec: &CameraSpec) -> Vec<(Place, Vector)> {
     place_all(&spec.name, vectors)
 }
 
-/// What a rotator has once it is connected.
+/// Returns the vectors that a rotator has once it is connected.
 pub(super) fn rotator(spec: &RotatorSpec) -> Vec<(Place, Vector)> {
     let angle = numbers(&[("ANGLE", 0.0, [0.0, 360.0])]);
     let vectors = vec![
@@ -143,7 +143,7 @@ pub(super) fn rotator(spec: &RotatorSpec) -> Vec<(Place, Vector)> {
     place_all(&spec.name, vectors)
 }
 
-/// What a wheel has once it is connected.
+/// Returns the vectors that a wheel has once it is connected.
 pub(super) fn wheel(spec: &WheelSpec) -> Vec<(Place, Vector)> {
     let slots = spec.filters.len() as f64;
     let names: Vec<String> =

@@ -1,4 +1,4 @@
-//! What the simulated devices do when they are asked, and what happens by itself afterwards.
+//! Actions of the simulated devices when they are asked, and what happens by itself afterwards.
 
 use super::scene::Shot;
 use super::{Packing, Server, devices, wire};

@@ -1,4 +1,4 @@
-//! What a simulated camera sees.
+//! Scenes that a simulated camera sees.
 
 use crate::device::Window;
 use hifitime::Epoch;
@@ -77,7 +77,7 @@ pub struct OneColour {
     pub pattern: Bayer,
     /// `R`, `G` or `B`.
     pub colour: char,
-    /// What its pixels see, ADU.
+    /// Value that the pixels of this colour see, ADU.
     pub adu: u16,
 }
 

@@ -1,10 +1,10 @@
-//! What simulated photon counters count.
+//! Light that simulated photon counters count.
 
 use crate::tags::{Tag, TagKind};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-/// What a bin of a counter holds.
+/// Content of a bin of a counter.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct LightBin {
     /// Events of each channel.
@@ -27,7 +27,7 @@ pub trait Light: Send {
     /// counter reports between them, in the order in which it sends them.
     fn tags(&mut self, channels: &[i32], from_ps: i64, to_ps: i64, into: &mut Vec<Tag>);
 
-    /// What a bin holds: the tags, counted. For light that knows its counts without tags, write another.
+    /// Returns the content of a bin: the tags, counted. For light that knows its counts without tags, write another.
     fn bin(&mut self, channels: &[i32], from_ps: i64, to_ps: i64) -> LightBin {
         let mut tags = Vec::new();
         self.tags(channels, from_ps, to_ps, &mut tags);

@@ -49,7 +49,7 @@ pub struct Link<T> {
     homed: bool,
 }
 
-/// What the controller says about itself.
+/// Information that the controller gives about itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Info {
     pub serial: u32,
@@ -251,7 +251,7 @@ fn info(message: &Message) -> Result<Info, DeviceError> {
     })
 }
 
-/// What the controller complains about.
+/// Returns the error that a controller's complaint means; none for other messages.
 fn refusal(message: &Message) -> Option<DeviceError> {
     let words = match message.id {
         Id::Response => "an error without details".to_owned(),

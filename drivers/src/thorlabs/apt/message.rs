@@ -101,7 +101,7 @@ numbers! {
     Alive = 0x0492, &[0];
 }
 
-/// What a message carries.
+/// Payload of a message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Body {
     /// Two parameters.
@@ -119,7 +119,7 @@ pub struct Message {
     pub destination: u8,
     /// From whom.
     pub source: u8,
-    /// What it carries.
+    /// Payload of the message.
     pub body: Body,
 }
 
@@ -195,7 +195,7 @@ impl fmt::Display for Message {
 /// The first message of bytes to `whom`, and how many bytes it takes; `None` if more have to come.
 ///
 /// # Errors
-/// What cannot be a message: another number, length, destination or source.
+/// [`NoMessage`] for bytes that cannot be a message: another number, length, destination or source.
 pub fn parse(bytes: &[u8], whom: u8) -> Result<Option<(Message, usize)>, NoMessage> {
     let Some(header) = bytes.first_chunk::<HEADER>() else { return Ok(None) };
     let wrong = || NoMessage { header: *header, whom };
@@ -256,7 +256,7 @@ impl StateBits {
 pub struct State {
     /// The counter.
     pub counter: i32,
-    /// What it does.
+    /// Status bits of the stage: what it does.
     pub bits: StateBits,
 }
 

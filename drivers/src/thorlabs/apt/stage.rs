@@ -10,7 +10,7 @@ use crate::device::{
 use crate::transport::Bytes;
 use std::time::Duration;
 
-/// What turns, and how its controller counts.
+/// Model of a stage: what turns, and how its controller counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Model {
     /// K10CR1: a stepper with its controller, 409,600 microsteps for 3°.
@@ -61,10 +61,10 @@ impl Model {
     }
 }
 
-/// What the driver has to know about a stage.
+/// Settings that the driver needs for a stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StageSettings {
-    /// What turns.
+    /// Model of the stage: what turns.
     pub model: Model,
     /// Whether angles grow while the counter falls.
     pub inverted: bool,
