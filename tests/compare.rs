@@ -349,3 +349,87 @@ fn oneweb_0165_beside_its_measurements() {
         assert!(out(".png").exists() && out(".html").exists());
     }
 }
+
+/// The Sun's azimuth and altitude (radians) by the low-precision formulae of the Astronomical Almanac (page C5: 0.01°), at a site in degrees; days of UT from 2000-01-01 12h.
+fn almanac_sun(days: f64, latitude_deg: f64, longitude_deg: f64) -> (f64, f64) {
+    let g = (357.528 + 0.985_600_3 * days).to_radians();
+    let l = (280.460 + 0.985_647_4 * days + 1.915 * g.sin() + 0.020 * (2.0 * g).sin()).to_radians();
+    let e = (23.439 - 4e-7 * days).to_radians();
+    let (ra, dec) = ((e.cos() * l.sin()).atan2(l.cos()), (e.sin() * l.sin()).asin());
+    let sidereal = (280.460_618_37 + 360.985_647_366_29 * days + longitude_deg).to_radians();
+    let (h, phi) = (sidereal - ra, latitude_deg.to_radians());
+    let altitude = (phi.sin() * dec.sin() + phi.cos() * dec.cos() * h.cos()).asin();
+    let azimuth =
+        (-h.sin() * dec.cos()).atan2(dec.sin() * phi.cos() - dec.cos() * phi.sin() * h.cos());
+    (azimuth, altitude)
+}
+
+/// Single magnitudes of many spheres, as another program would have them. Truth: van de Hulst's closed form of the diffuse sphere at the phase angle that the almanac's Sun makes; the
+/// scatter that is left must be the almanac's 0.01° (2e-4 mag) and the magnitudes' last digit (3e-4 mag). The zero point is the Sun's V, -26.76 ± 0.02 (Willmer 2018; Torres 2010).
+#[test]
+fn single_magnitudes_of_many_bodies() {
+    let folder = Folder::new("compare-single");
+    let scene = "[target]\nsphere = { radius_m = 1.0, reflectance = 0.5 }\n[station]\nname = \"ufo\"\n\
+                 [effects]\nearthshine = \"off\"\nmoonshine = \"off\"\n[times]\ntable = \"obs.csv\"\n";
+    std::fs::write(folder.path("pass.toml"), scene).unwrap();
+    let (latitude, longitude): (f64, f64) = (48.0, 9.0);
+    let mut rows = Vec::new();
+    for i in 0..400_usize {
+        let days = 7_700.0 + (i / 2) as f64 * 1.37;
+        let (sun_az, sun_alt) = almanac_sun(days, latitude, longitude);
+        if !(-0.30..-0.1).contains(&sun_alt) {
+            continue;
+        }
+        // Two bodies in each moment, on the Sun's side, high enough to stand in its light.
+        let azimuth = sun_az + 0.9 * chance(i);
+        let (altitude, range_km) = (0.9 + 0.2 * chance(i + 7), 2_000.0 + 300.0 * chance(i + 3));
+        let to_sun = [sun_alt.cos() * sun_az.cos(), sun_alt.cos() * sun_az.sin(), sun_alt.sin()];
+        let seen = [altitude.cos() * azimuth.cos(), altitude.cos() * azimuth.sin(), altitude.sin()];
+        let cosine: f64 = -to_sun.iter().zip(seen).map(|(a, b)| a * b).sum::<f64>();
+        let phase = cosine.acos();
+        let lit = phase.sin() + (std::f64::consts::PI - phase) * phase.cos();
+        let intensity = 0.5 * 2.0 / (3.0 * std::f64::consts::PI) * lit;
+        let au = 1.000_14 - 0.016_71 * (357.528 + 0.985_600_3 * days).to_radians().cos();
+        let magnitude = -26.76 - 2.5 * (intensity / (1e3 * range_km * au).powi(2)).log10();
+        rows.push(format!(
+            "{:.9},{:.6},{:.6},{range_km:.6},{latitude},{longitude},300,S{i},{magnitude:.3}",
+            2_451_545.0 + days,
+            azimuth.to_degrees(),
+            altitude.to_degrees()
+        ));
+    }
+    assert!(rows.len() > 40, "{}", rows.len());
+    let header = "# synthetic\njd_utc,azimuth_deg,altitude_deg,range_km,site_lat_deg,site_lon_deg,site_height_m,object,magnitude";
+    let with = |rows: &[String]| {
+        std::fs::write(folder.path("obs.csv"), format!("{header}\n{}\n", rows.join("\n"))).unwrap();
+        folder.json(&["compare", "obs.csv", "pass.toml", "--json"])
+    };
+    let found = with(&rows);
+    let numbers = &found["channels"][0]["numbers"];
+    let number = |key: &str| numbers[key].as_f64().unwrap_or_else(|| panic!("{key}: {numbers:#}"));
+    assert!(number("scatter_mag") < 1.5e-3, "{numbers:#}");
+    assert!(number("mean_mag").abs() < 0.03, "{numbers:#}");
+    // Any order of the rows is the same table.
+    rows.reverse();
+    assert_eq!(with(&rows)["channels"], found["channels"]);
+    // A measurement at another moment has no place.
+    let odd = "# synthetic\njd_utc,magnitude\n2459300.5,5.0\n";
+    std::fs::write(folder.path("odd.csv"), odd).unwrap();
+    let said = folder.refused(1, &["compare", "odd.csv", "pass.toml"]);
+    assert!(said.contains("no row within 1 ms"), "{said}");
+    // The fit takes it too: V's scale is the reflectance.
+    let fit = folder.json(&[
+        "fit",
+        "obs.csv",
+        "pass.toml",
+        "--free",
+        "albedo",
+        "--sigma-mag",
+        "0.01",
+        "--json",
+    ]);
+    let found = &fit["fit"]["parameters"][0];
+    assert!(found["name"].as_str().is_some_and(|n| n.ends_with(".V")), "{found:#}");
+    let albedo = found["value"].as_f64().unwrap();
+    assert!((albedo / 0.5 - 1.0).abs() < 0.03, "{found:#}");
+}

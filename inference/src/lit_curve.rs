@@ -23,9 +23,8 @@ impl LitCurve {
     /// # Errors
     /// A time at which target, Sun or attitude have no place.
     pub fn of_scene(curve: SampledCurve, pass: Pass, above_air: bool) -> Result<Self, PassError> {
-        let mut moments = pass.clone();
-        moments.times.clone_from(&curve.samples().time);
-        moments.exposure_s.clone_from(&curve.samples().exposure_s);
+        let (own, rows) = (curve.samples(), (0..curve.samples().time.len()).collect::<Vec<_>>());
+        let moments = pass.clone().at_times(own.time.clone(), own.exposure_s.clone(), &rows)?;
         let places = Some(moments.moments()?);
         let air = pass.air.clone().filter(|_| !above_air);
         Ok(Self { curve, station: None, air, places, pass: Some(pass) })

@@ -10,7 +10,8 @@ use sunglint_simulator::target::Target;
 use toml::{Table, Value};
 
 /// Keys whose values are files, where there is one of that name.
-const FILES: [&str; 7] = [
+const FILES: [&str; 8] = [
+    "table",
     "tle",
     "file",
     "folder",
@@ -130,6 +131,11 @@ impl Scene {
     /// Whether the scene names a station.
     pub fn names_station(&self) -> bool {
         self.table.contains_key("station")
+    }
+
+    /// Returns true where the scene's times are rows of a table of observations, each with its target's place.
+    pub fn has_observations(&self) -> bool {
+        self.table.get("times").and_then(|t| t.get("table")).is_some()
     }
 
     /// The same with a body that costs nothing to read, for what is not about the body.

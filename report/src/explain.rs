@@ -33,7 +33,7 @@ pub fn text(pass: &Pass, explanation: &Explanation) -> String {
     let Explanation { needs, left_out, .. } = explanation;
     let mut text = format!(
         "{} as {} from {}: what it needs at a tolerance of {}\n\n",
-        pass.orbit.name(),
+        pass.object(),
         pass.target.name,
         pass.station.name,
         percent(pass.tolerance)

@@ -16,6 +16,7 @@ mod light_rays;
 mod materials;
 mod mesh_files;
 mod mesh_shapes;
+mod observations;
 mod pass;
 mod picture;
 mod ranging;

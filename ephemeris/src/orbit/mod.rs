@@ -5,7 +5,8 @@
 //! - [`tle`]: two-line elements from files and texts, checked column by column;
 //! - [`TleOrbit`]: SGP4 for one set of elements, TEME to GCRS;
 //! - [`Ephemeris`]: a table of GCRS positions in place of elements;
-//! - [`Orbit`]: either of them, asked for its [`State`] at an epoch;
+//! - [`Snapshot`]: a place at one moment, of a table of single observations;
+//! - [`Orbit`]: any of them, asked for its [`State`] at an epoch;
 //! - [`eclipse`]: how much of the Sun's disc the Earth leaves visible, and when that changes.
 
 pub mod eclipse;
@@ -14,11 +15,13 @@ mod ephemeris_file;
 mod error;
 mod interpolation;
 mod propagation;
+mod snapshot;
 pub mod tle;
 
 pub use ephemeris::{Ephemeris, EphemerisRow};
 pub use error::{DecayCause, OrbitError};
 pub use propagation::TleOrbit;
+pub use snapshot::Snapshot;
 pub use tle::Tle;
 
 use glam::DVec3;
@@ -43,6 +46,8 @@ pub enum Orbit {
     Tle(TleOrbit),
     /// A table of positions, interpolated.
     Ephemeris(Ephemeris),
+    /// A place at one moment.
+    Snapshot(Snapshot),
 }
 
 impl Orbit {
@@ -53,11 +58,12 @@ impl Orbit {
     /// move by 1e−11 rad/s: 0.1 mm in 1 s at a geostationary distance. An ephemeris is in the GCRS and does not need it.
     ///
     /// # Errors
-    /// The errors of [`TleOrbit::state`] and [`Ephemeris::state`].
+    /// The errors of [`TleOrbit::state`], [`Ephemeris::state`] and [`Snapshot::state`].
     pub fn state(&self, epoch: Epoch, frame: &SkyFrame) -> Result<State, OrbitError> {
         match self {
             Self::Tle(orbit) => orbit.state(epoch, frame),
             Self::Ephemeris(ephemeris) => ephemeris.state(epoch),
+            Self::Snapshot(snapshot) => snapshot.state(epoch),
         }
     }
 
@@ -66,7 +72,7 @@ impl Orbit {
     pub fn near(&self, from: Epoch, to: Epoch) -> Self {
         match self {
             Self::Tle(orbit) => Self::Tle(orbit.near(from, to)),
-            Self::Ephemeris(_) => self.clone(),
+            Self::Ephemeris(_) | Self::Snapshot(_) => self.clone(),
         }
     }
 
@@ -75,6 +81,7 @@ impl Orbit {
         match self {
             Self::Tle(orbit) => orbit.tle().label(),
             Self::Ephemeris(ephemeris) => ephemeris.name().to_owned(),
+            Self::Snapshot(snapshot) => snapshot.name().to_owned(),
         }
     }
 
@@ -84,6 +91,7 @@ impl Orbit {
         match self {
             Self::Tle(orbit) => orbit.warnings(from, to),
             Self::Ephemeris(ephemeris) => ephemeris.warnings(),
+            Self::Snapshot(_) => Vec::new(),
         }
     }
 }
@@ -91,6 +99,12 @@ impl Orbit {
 impl From<TleOrbit> for Orbit {
     fn from(orbit: TleOrbit) -> Self {
         Self::Tle(orbit)
+    }
+}
+
+impl From<Snapshot> for Orbit {
+    fn from(snapshot: Snapshot) -> Self {
+        Self::Snapshot(snapshot)
     }
 }
 

@@ -464,6 +464,10 @@ impl Bounds {
                 let step_s = ((to_s - from_s) / 4000.0).clamp(1.0, 10.0);
                 Self { from_s, to_s, rate_rad_s: 1.0, cap_rad: TAU, step_s }
             }
+            // One moment is no pass: nothing is looked for.
+            Orbit::Snapshot(_) => {
+                Self { from_s: 0.0, to_s: 0.0, rate_rad_s: 1.0, cap_rad: TAU, step_s: 1.0 }
+            }
         }
     }
 }

@@ -93,6 +93,7 @@ impl<'a> AllLight<'a> {
             let sample = |m: &usize| forward.moments[*m].sample;
             pass.times = own.iter().map(|m| curve.pass.times[sample(m)]).collect();
             pass.exposure_s = own.iter().map(|m| curve.pass.exposure_s[sample(m)]).collect();
+            pass.observations = curve.pass.observations_of(own.iter().map(sample));
             pass.tolerance = pass.tolerance.max(TOLERANCE);
             if own.is_empty() {
                 continue;

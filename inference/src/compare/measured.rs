@@ -86,6 +86,8 @@ pub struct MeasuredPass {
     pub inputs: Vec<Input>,
     /// Notes in the file about the curve.
     pub notes: Vec<String>,
+    /// Place of each sample in its file, from 0: samples are in the order of time.
+    pub file_rows: Vec<usize>,
 }
 
 impl MeasuredPass {
@@ -137,6 +139,7 @@ impl MeasuredPass {
             keys[*a].cmp(&keys[*b]).then_with(|| differ.next().unwrap_or(std::cmp::Ordering::Equal))
         });
         if order.windows(2).all(|p| p[0] < p[1]) {
+            self.file_rows = order;
             return;
         }
         let pick = |from: &[f64]| order.iter().map(|i| from[*i]).collect::<Vec<f64>>();
@@ -147,6 +150,7 @@ impl MeasuredPass {
             channel.flags = order.iter().map(|i| channel.flags[*i]).collect();
         }
         self.times = order.iter().map(|i| self.times[*i]).collect();
+        self.file_rows = order;
     }
 
     /// Magnitudes that another program wrote.
@@ -180,6 +184,7 @@ impl MeasuredPass {
             station: String::new(),
             inputs: Vec::new(),
             notes: read.notes,
+            file_rows: Vec::new(),
         })
     }
 
@@ -200,6 +205,7 @@ impl MeasuredPass {
             station: curve.provenance.station.clone(),
             inputs: curve.provenance.inputs.clone(),
             notes: curve.provenance.notes.clone(),
+            file_rows: Vec::new(),
             times: curve.samples.time,
             exposure_s: Some(curve.samples.exposure_s),
             channels: curve
@@ -271,6 +277,7 @@ impl MeasuredPass {
             station: String::new(),
             inputs: Vec::new(),
             notes,
+            file_rows: Vec::new(),
         })
     }
 

@@ -170,7 +170,9 @@ pub fn at_measured_times(
     let edges_nm = scene.edges_nm.iter().copied();
     // Rates and magnitudes need no bins.
     let edges_nm = edges_nm.clone().take(1).chain(edges_nm.last()).collect();
-    Ok(SceneAtTimes { pass: Pass { times, exposure_s, edges_nm, ..scene }, rows })
+    let file_rows: Vec<usize> = rows.iter().map(|i| measured.file_rows[*i]).collect();
+    let pass = Pass { edges_nm, ..scene }.at_times(times, exposure_s, &file_rows)?;
+    Ok(SceneAtTimes { pass, rows })
 }
 
 /// Simulates a scene at the measured times, averages it over the exposures, and sets it beside what was measured.
@@ -307,7 +309,7 @@ impl<'a> Comparison<'a> {
     pub fn title(&self) -> String {
         let pass = self.simulation.pass;
         let name = if self.measured.target.is_empty() {
-            pass.orbit.name().to_owned()
+            pass.object().to_owned()
         } else {
             self.measured.target.clone()
         };

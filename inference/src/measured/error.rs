@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use sunglint_formats::{FileError, ParseError};
 use sunglint_radiometry::light_curve::RateKind;
 use sunglint_radiometry::light_curve::published::PublishedError;
+use sunglint_simulator::pass::PassError;
 
 fn reasons(left_out: &[(String, usize)]) -> String {
     let all: Vec<String> = left_out.iter().map(|(why, n)| format!("{n} {why}")).collect();
@@ -41,6 +42,14 @@ pub enum MeasuredError {
     /// A file that is no curve.
     #[error(transparent)]
     Published(#[from] PublishedError),
+    /// Times that the scene does not know.
+    #[error("{}", path.display())]
+    Times {
+        /// The curve.
+        path: PathBuf,
+        /// Cause of the error.
+        source: Box<PassError>,
+    },
     /// A scene that is none.
     #[error(transparent)]
     Scene(#[from] SceneError),

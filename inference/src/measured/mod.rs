@@ -76,17 +76,21 @@ pub fn joined<P: AsRef<Path>>(
 pub fn pass_of(curve: &CurveOfScene, warnings: &mut Vec<String>) -> Result<Pass, MeasuredError> {
     let (first, last) = curve.measured.ends();
     let length_s = (tai_nanoseconds(last) - tai_nanoseconds(first)) as f64 * 1e-9;
-    let scene = curve.scene.between(&format_utc(first, 9), &format_utc(last, 9), length_s);
+    // A table of observations knows its own moments alone.
+    let scene = match curve.scene.has_observations() {
+        true => curve.scene.clone(),
+        false => curve.scene.between(&format_utc(first, 9), &format_utc(last, 9), length_s),
+    };
     let overrides = Overrides { station: curve.station.clone(), ..Overrides::default() };
-    let mut pass = scene.pass(overrides)?;
+    let pass = scene.pass(overrides)?;
     for warning in &pass.warnings {
         if !warnings.contains(warning) {
             warnings.push(warning.clone());
         }
     }
-    pass.times = curve.measured.times.clone();
-    pass.exposure_s = curve.measured.exposure_s.clone();
-    Ok(pass)
+    let own = &curve.measured;
+    pass.at_times(own.times.clone(), own.exposure_s.clone(), &own.file_rows)
+        .map_err(|source| MeasuredError::Times { path: own.path.clone(), source: Box::new(source) })
 }
 
 /// The place of a channel among a station's.

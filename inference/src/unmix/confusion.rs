@@ -64,9 +64,8 @@ impl MaterialConfusion {
                 known: known.into_iter().map(str::to_owned).collect(),
             });
         }
-        let mut pass = pass.clone();
-        pass.times.clone_from(&curve.samples().time);
-        pass.exposure_s.clone_from(&curve.samples().exposure_s);
+        let (own, rows) = (curve.samples(), (0..curve.samples().time.len()).collect::<Vec<_>>());
+        let mut pass = pass.clone().at_times(own.time.clone(), own.exposure_s.clone(), &rows)?;
         pass.effects = Switches::OFF;
         let simulation = pass.simulate(&|_| ())?;
         let mut truth = Array2::from_elem((found.len(), names.len()), f64::NAN);

@@ -197,6 +197,7 @@ impl CurveFile {
             sigma,
             exposure_s,
             labels: labels(&table),
+            file_rows: Vec::new(),
         };
         Ok(Self::Magnitudes(Box::new(Brightness::of_rows(path, rows, options)?)))
     }
@@ -232,6 +233,8 @@ pub struct Brightness {
     pub labels: Option<Vec<Label>>,
     /// Whether the zero point is unknown: differences alone mean something.
     pub is_relative: bool,
+    /// Place of each sample in its file, from 0: samples are in the order of time.
+    pub file_rows: Vec<usize>,
 }
 
 impl Brightness {
@@ -273,6 +276,7 @@ impl Brightness {
             sigma: read.sigma_mag,
             exposure_s: read.exposure_s,
             labels,
+            ..Rows::default()
         };
         let mut curve = Self::of_rows(path, rows, options)?;
         curve.is_relative = read.is_relative;
@@ -353,6 +357,7 @@ impl Brightness {
             tracks: noise,
             labels: rows.labels,
             is_relative: false,
+            file_rows: rows.file_rows,
         };
         if !(0..n).any(|i| curve.is_used(i)) {
             let numbers: Vec<f64> = apparent.iter().copied().filter(|m| m.is_finite()).collect();
@@ -413,6 +418,8 @@ struct Rows {
     sigma: Option<Vec<f64>>,
     exposure_s: Option<Vec<f64>>,
     labels: Option<Vec<Label>>,
+    /// Places in the file, once sorted.
+    file_rows: Vec<usize>,
 }
 
 impl Rows {
@@ -442,6 +449,7 @@ impl Rows {
             sigma: pick(self.sigma),
             exposure_s: pick(self.exposure_s),
             labels: self.labels.map(|l| order.iter().map(|i| l[*i].clone()).collect()),
+            file_rows: order,
         }
     }
 }

@@ -8,7 +8,7 @@ use serde_json::json;
 use std::fmt::Write as _;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_formats::{Column, Table};
-use sunglint_inference::fit::{CurveFit, MaterialSpectrum, PassFit};
+use sunglint_inference::fit::{CurveFit, MagnitudeTrack, MaterialSpectrum, PassFit};
 use sunglint_inference::solver::{Estimate, IntervalMethod, Side, Summary};
 use sunglint_simulator::pass::{Averaged, Thinned};
 
@@ -105,16 +105,8 @@ pub fn text(answer: &PassFit) -> String {
             format!("; left out: {}", lost.join(", "))
         };
         let _ = writeln!(text, "\n{}: {} samples fitted{left}", curve.path.display(), curve.fitted);
-        for track in &curve.tracks {
-            let _ = writeln!(
-                text,
-                "  track of {}: {} samples, rms {:.3} mag about the model (mean {:+.3}), white noise {:.3} mag",
-                format_utc_shortest(track.from_utc),
-                track.samples,
-                track.rms_mag,
-                track.mean_mag,
-                track.white_noise_mag
-            );
+        for track in of_tracks(&curve.tracks) {
+            let _ = writeln!(text, "  {track}");
         }
     }
     for curve in &answer.curves {
@@ -422,4 +414,39 @@ fn spectrum_figure(spectrum: &MaterialSpectrum) -> Figure {
 /// Where a band's albedo is drawn: the mean wavelength of its weights.
 fn answer_nm(spectrum: &MaterialSpectrum, band: usize) -> f64 {
     spectrum.found.band_nm.get(band).copied().unwrap_or(f64::NAN)
+}
+
+/// Tracks of fewer samples are told together.
+const LONG_TRACK: usize = 8;
+
+/// Lines on the tracks of magnitudes: one for each long one, one for all others.
+fn of_tracks(tracks: &[MagnitudeTrack]) -> Vec<String> {
+    let (long, short): (Vec<_>, Vec<_>) = (tracks.iter().filter(|t| t.samples > 0))
+        .partition(|t| t.samples >= LONG_TRACK || tracks.len() == 1);
+    let mut lines: Vec<String> = long
+        .iter()
+        .map(|t| {
+            format!(
+                "track of {}: {} samples, rms {:.3} mag about the model (mean {:+.3}), white noise {:.3} mag",
+                format_utc_shortest(t.from_utc),
+                t.samples,
+                t.rms_mag,
+                t.mean_mag,
+                t.white_noise_mag
+            )
+        })
+        .collect();
+    let samples: usize = short.iter().map(|t| t.samples).sum();
+    if samples > 0 {
+        let sum = |f: &dyn Fn(&MagnitudeTrack) -> f64| -> f64 {
+            short.iter().map(|t| t.samples as f64 * f(t)).sum::<f64>() / samples as f64
+        };
+        lines.push(format!(
+            "{} tracks of fewer than {LONG_TRACK} samples: {samples} samples, rms {:.3} mag about the model (mean {:+.3})",
+            short.len(),
+            sum(&|t| t.rms_mag * t.rms_mag).sqrt(),
+            sum(&|t| t.mean_mag)
+        ));
+    }
+    lines
 }

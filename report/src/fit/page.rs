@@ -332,11 +332,10 @@ fn residuals(answer: &PassFit) -> Section {
     add("channel", &answer.groups.by_channel);
     add("phase angle", &answer.groups.by_phase);
     add("airmass", &answer.groups.by_airmass);
-    let tracks = answer.curves.iter().flat_map(|c| &c.tracks).map(|t| {
-        format!(
-            "Track of {}: {} samples, rms {:.3} mag about the model (mean {:+.3}), white noise {:.3} mag.",
-            format_utc_shortest(t.from_utc), t.samples, t.rms_mag, t.mean_mag, t.white_noise_mag
-        )
+    let tracks = answer.curves.iter().flat_map(|c| super::of_tracks(&c.tracks)).map(|line| {
+        let mut line = format!("{line}.");
+        line[..1].make_ascii_uppercase();
+        line
     });
     let text = "Measured less fitted over fitted: the mean with the uncertainty that the samples' noise makes, and the root mean square over the noise of a sample, 1 where noise and model are as stated.";
     Section {

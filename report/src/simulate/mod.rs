@@ -60,7 +60,7 @@ fn stated(error: Option<StatedError>) -> Value {
 impl SimulationReport<'_> {
     fn title(&self) -> String {
         let pass = self.simulation.pass;
-        format!("{} as {} from {}", pass.orbit.name(), pass.target.name, pass.station.name)
+        format!("{} as {} from {}", pass.object(), pass.target.name, pass.station.name)
     }
 
     /// The light curve, with the geometry and the spectra beside it.
@@ -336,7 +336,7 @@ impl SimulationReport<'_> {
             .collect();
         json!({
             "pass": pass.name,
-            "orbit": { "name": pass.orbit.name(), "elements_epoch_utc": elements },
+            "orbit": { "name": pass.object(), "elements_epoch_utc": elements },
             "target": { "name": pass.target.name, "parts": parts, "material_spectra": simulation.weights.ncols() },
             "station": { "name": pass.station.name, "latitude_deg": site.latitude_deg, "longitude_deg": site.longitude_deg, "height_m": site.height_m },
             "air": { "description": pass.air.as_ref().map(Air::describe) },

@@ -25,7 +25,7 @@ impl Simulation<'_> {
             if let Some(best) = places.iter().max_by(|a, b| height(a).total_cmp(&height(b))) {
                 concerns.push(format!(
                 "{} is never above the horizon of {} in these times: at its highest, {}, it stands at {:+.2}° (the horizon there is at {:.1}°); take other times or another station",
-                pass.orbit.name(),
+                pass.object(),
                 pass.station.name,
                 sunglint_formats::time::format_utc(best.geometry.epoch, 1),
                 height(&best),
@@ -36,7 +36,7 @@ impl Simulation<'_> {
         if places.iter().all(|p| p.sunlit == 0.0) {
             concerns.push(format!(
             "{} is in the Earth's shadow all the time: the Sun stands behind the Earth, and every rate is 0 (flag eclipsed)",
-            pass.orbit.name()
+            pass.object()
         ));
         }
         let day = places.iter().filter(|p| !p.hidden && p.sun_altitude_deg > -6.0).count();

@@ -158,7 +158,9 @@ impl<'a> Averaging<'a> {
                 exposure_s.push(pass.exposure_s[*i]);
             }
         }
-        Pass { times, exposure_s, ..pass.clone() }
+        let own = samples.iter().flat_map(|i| offsets.iter().map(|_| *i));
+        let observations = pass.observations_of(own);
+        Pass { times, exposure_s, observations, ..pass.clone() }
     }
 
     /// Of some samples those of which it is known where everything is from the begin of the exposure to its end.
@@ -166,8 +168,12 @@ impl<'a> Averaging<'a> {
         let ends = self.at(&samples, &[-0.5, 0.5]);
         let (first, last) = ends.ends();
         let (frames, orbit) = (ends.frames(first, last)?, ends.orbit.near(first, last));
-        let known = |epoch: &hifitime::Epoch| ends.place(*epoch, &orbit, &frames).is_ok();
-        let both = ends.times.chunks_exact(2).map(|ends| ends.iter().all(known));
+        let known = |i: usize| {
+            let (orbit, site) = ends.of_sample(i, &orbit);
+            ends.place_from(site, ends.times[i], orbit, &frames).is_ok()
+        };
+        let both = (0..samples.len()).map(|k| known(2 * k) && known(2 * k + 1));
+        let both: Vec<bool> = both.collect();
         Ok(samples.into_iter().zip(both).filter(|(_, both)| *both).map(|(i, _)| i).collect())
     }
 

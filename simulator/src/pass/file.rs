@@ -17,7 +17,7 @@
 //! [times]
 //! from = 2026-03-01T20:00:00Z
 //! to = 2026-03-01T20:10:00Z
-//! step_s = 0.1
+//! step_s = 0.1                   # or table = "observations.csv", with the target's place in each row, and no [orbit]
 //! ```
 //!
 //! Paths are relative to the file.
@@ -59,6 +59,7 @@
 //! ```
 
 mod earth;
+mod observations;
 mod times;
 
 use super::Pass;
@@ -181,10 +182,16 @@ impl PassFile {
         let mut reader = Reader { document: &self.document, sources: self.sources.clone() };
         let keys = &self.keys;
         let target = reader.target(&keys.target)?;
-        let (times, exposure_s) = reader.times(&keys.times, &overrides)?;
-        let orbit = reader.orbit(keys, times[0])?;
+        let table = match &keys.times.table {
+            Some(file) => Some(reader.rows(&keys.times, file)?),
+            None => None,
+        };
+        let (mut times, mut exposure_s) = match &table {
+            Some(rows) => (rows.times.clone(), rows.exposure_s.clone()),
+            None => reader.times(&keys.times, &overrides)?,
+        };
         let attitude = reader.attitude(keys.attitude.as_ref())?;
-        let mut station = reader.station(keys.station.as_ref(), overrides.station)?;
+        let mut station = reader.station(keys.station.as_ref(), overrides.station.clone())?;
         let known = |name: &str| station.channel(name).is_some();
         let own = lasers(&self.document, &keys.laser, &station.lasers, &known)?;
         station.lasers.extend(own);
@@ -197,6 +204,23 @@ impl PassFile {
                 let read = EarthOrientation::from_table(&table);
                 Some(read.map_err(|e| ParseError::new(path, e.to_string(), "Earth orientation"))?)
             }
+        };
+        let (mut observations, table_warnings) = match &table {
+            Some(rows) => {
+                let of_earth = orientation.as_ref().unwrap_or_else(|| EarthOrientation::embedded());
+                reader.observations(rows, keys, &station.site, of_earth)?
+            }
+            None => Default::default(),
+        };
+        if table.is_some() {
+            let kept = reader.kept(&times, &overrides)?;
+            times = kept.iter().map(|i| times[*i]).collect();
+            exposure_s = kept.iter().map(|i| exposure_s[*i]).collect();
+            observations = kept.iter().map(|i| observations[*i].clone()).collect();
+        }
+        let orbit = match observations.first() {
+            Some(first) => first.orbit.clone(),
+            None => reader.orbit(keys, times[0])?,
         };
         let (sun, sun_name) = reader.sun(&keys.illumination)?;
         let shadow = reader.shadow(&keys.illumination)?;
@@ -224,7 +248,10 @@ impl PassFile {
             self.document.error_at("budget_s", expected)
         })?;
         let mut warnings = target.warnings.clone();
-        warnings.extend(orbit.warnings(times[0], times[times.len() - 1]));
+        if observations.is_empty() {
+            warnings.extend(orbit.warnings(times[0], times[times.len() - 1]));
+        }
+        warnings.extend(table_warnings);
         warnings.extend(attitude.warnings());
         warnings.extend(station.warnings.clone());
         warnings.extend(earth::warning(&earth, &keys.earth));
@@ -245,6 +272,7 @@ impl PassFile {
             air,
             times,
             exposure_s,
+            observations,
             edges_nm,
             spectral: keys.spectrum.quantity,
             sun,

@@ -99,6 +99,7 @@ pub struct TimesKeys {
     pub step_s: Option<Positive>,
     pub exposure_s: Option<Positive>,
     pub file: Option<String>,
+    pub table: Option<String>,
 }
 
 #[derive(Debug, Default, Deserialize)]

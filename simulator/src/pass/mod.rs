@@ -38,6 +38,7 @@ pub mod file;
 mod functionals;
 mod keys;
 mod moments;
+mod observation;
 mod promise;
 mod ready;
 mod result;
@@ -51,6 +52,7 @@ pub use error::PassError;
 pub use explain::Explanation;
 pub use exposure::ExposureMeans;
 pub use file::{Overrides, PassFile};
+pub use observation::Observation;
 pub(crate) use promise::light_name;
 pub use promise::{Limit, Promise};
 pub use ready::{Eye, Ready, Sample};
@@ -98,6 +100,8 @@ pub struct Pass {
     pub times: Vec<Epoch>,
     /// For how long, s; as many.
     pub exposure_s: Vec<f64>,
+    /// Target and site of each sample, where each has its own (`[times] table`); none where all have [`Pass::orbit`] and the station's site.
+    pub observations: Vec<Arc<Observation>>,
     /// Edges of the spectral bins, vacuum nm, increasing.
     pub edges_nm: Vec<f64>,
     /// What the spectra are.

@@ -160,7 +160,7 @@ impl Simulation<'_> {
             program: concat!("sunglint ", env!("CARGO_PKG_VERSION")).into(),
             command: command.into(),
             station: pass.station.name.clone(),
-            target: format!("{} as {}", pass.orbit.name(), pass.target.name),
+            target: format!("{} as {}", pass.object(), pass.target.name),
             inputs: pass.inputs.clone(),
             notes,
             ..Provenance::default()

@@ -17,7 +17,7 @@ use sunglint_ephemeris::orbit::Orbit;
 use sunglint_ephemeris::orbit::eclipse::Discs;
 use sunglint_formats::time::format_utc_shortest;
 use sunglint_radiometry::air::{AirError, Zenith};
-use sunglint_radiometry::sky::{LUNAR_RADIUS_M, Observer, OrientationOrigin, SkyFrames};
+use sunglint_radiometry::sky::{LUNAR_RADIUS_M, Observer, OrientationOrigin, Site, SkyFrames};
 use sunglint_radiometry::station::Predicted;
 
 /// Epochs that are done between two reports of progress.
@@ -263,6 +263,10 @@ impl Pass {
             let found = format!("{} for {} times", self.exposure_s.len(), self.times.len());
             return wrong("an exposure for each time", found);
         }
+        if !self.observations.is_empty() && self.observations.len() != self.times.len() {
+            let found = format!("{} for {} times", self.observations.len(), self.times.len());
+            return wrong("an observation for each time", found);
+        }
         if let Some(bad) = self.exposure_s.iter().find(|s| !(s.is_finite() && **s > 0.0)) {
             return wrong("exposures above 0 s", format!("{bad} s"));
         }
@@ -292,12 +296,13 @@ impl Pass {
         let (first, last) = self.ends();
         let frames = self.frames(first, last)?;
         let orbit = self.orbit.near(first, last);
-        let place = |epoch: &Epoch| {
-            let place = self.place(*epoch, &orbit, &frames);
+        let place = |(i, epoch): (usize, &Epoch)| {
+            let (orbit, site) = self.of_sample(i, &orbit);
+            let place = self.place_from(site, *epoch, orbit, &frames);
             tick();
             place
         };
-        first_error(self.times.par_iter().map(place).collect())
+        first_error(self.times.par_iter().enumerate().map(place).collect())
     }
 
     /// Where everything stands at an epoch; nothing is said of air and horizon yet.
@@ -307,7 +312,18 @@ impl Pass {
         orbit: &Orbit,
         frames: &SkyFrames<'_>,
     ) -> Result<Place, PassError> {
-        let observer = Observer::new(frames.at(epoch)?, &self.station.site);
+        self.place_from(&self.station.site, epoch, orbit, frames)
+    }
+
+    /// The same as seen from another site.
+    pub(super) fn place_from(
+        &self,
+        site: &Site,
+        epoch: Epoch,
+        orbit: &Orbit,
+        frames: &SkyFrames<'_>,
+    ) -> Result<Place, PassError> {
+        let observer = Observer::new(frames.at(epoch)?, site);
         let shape = self.shadow.unwrap_or_default();
         let geometry = Geometry::over(orbit, &observer, shape).map_err(|source| {
             PassError::Geometry { epoch_utc: format_utc_shortest(epoch), source: Box::new(source) }

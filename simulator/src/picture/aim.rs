@@ -101,7 +101,7 @@ impl Aim {
         let au = geometry.sun.distance_au();
         let title = format!(
             "{} as {} from {}, {}: range {:.1} km, altitude {:.1}°, phase angle {:.1}°",
-            pass.orbit.name(),
+            pass.object(),
             pass.target.name,
             pass.station.name,
             format_utc(geometry.epoch, 1),
@@ -227,14 +227,14 @@ fn concerns(pass: &Pass, place: &Place) -> Vec<String> {
     if altitude_deg < 0.0 {
         concerns.push(format!(
             "{} stands {altitude_deg:.1}° high then: the Earth hides it from {}",
-            pass.orbit.name(),
+            pass.object(),
             pass.station.name
         ));
     }
     if place.sunlit == 0.0 {
         concerns.push(format!(
             "{} is in the Earth's shadow then: no sunlight falls on it (--per-irradiance shows it all the same)",
-            pass.orbit.name()
+            pass.object()
         ));
     } else if place.sunlit < 1.0 {
         concerns.push(format!("only {:.3} of the Sun's disc is visible then", place.sunlit));

@@ -82,6 +82,7 @@ impl Model {
             air: Some(air.clone()),
             times: vec![from],
             exposure_s: vec![exposure_s],
+            observations: Vec::new(),
             // No spectrum is asked for; one bin is the least that there is.
             edges_nm: vec![500.0, 600.0],
             spectral: SpectralQuantity::Intensity,

@@ -200,7 +200,7 @@ impl ActiveReport<'_> {
     pub fn product(&self, name: &str) -> Result<Product, EncodeError> {
         let title = format!(
             "{} as {} from {}: laser returns",
-            self.simulation.pass.orbit.name(),
+            self.simulation.pass.object(),
             self.simulation.pass.target.name,
             self.simulation.pass.station.name
         );

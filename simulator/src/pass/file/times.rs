@@ -69,6 +69,27 @@ impl Reader<'_> {
         Ok((times, vec![exposure_s; n]))
     }
 
+    /// The rows of a table of observations that lie between the times that were asked for instead.
+    pub(super) fn kept(
+        &self,
+        times: &[Epoch],
+        overrides: &Overrides,
+    ) -> Result<Vec<usize>, FileError> {
+        if overrides.step_s.is_some() {
+            let expected = "no step, where a table has the moments";
+            return Err(self.error("times.table", expected).into());
+        }
+        let within = |t: &Epoch| {
+            overrides.from.is_none_or(|from| *t >= from) && overrides.to.is_none_or(|to| *t <= to)
+        };
+        let kept: Vec<usize> = (0..times.len()).filter(|i| within(&times[*i])).collect();
+        if kept.is_empty() {
+            let expected = "times between those that were asked for instead";
+            return Err(self.error("times.table", expected).into());
+        }
+        Ok(kept)
+    }
+
     /// The column `time_utc` of any table, and its `exposure_s` where it has one and the file does not say otherwise.
     fn times_of_table(
         &mut self,
@@ -111,7 +132,11 @@ impl Reader<'_> {
     }
 
     /// ECSV, or CSV with names in its first line.
-    fn any_table(&mut self, key: &str, name: &str) -> Result<(Table, PathBuf), FileError> {
+    pub(super) fn any_table(
+        &mut self,
+        key: &str,
+        name: &str,
+    ) -> Result<(Table, PathBuf), FileError> {
         let (text, path) = self.text(key, name)?;
         Ok((sunglint_formats::text_table::read_str(&path, &text)?, path))
     }

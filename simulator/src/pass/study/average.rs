@@ -105,6 +105,7 @@ impl Study {
         let mut pass = self.pass.direct_light()?;
         pass.times.truncate(n);
         pass.exposure_s.truncate(n);
+        pass.observations.truncate(n);
         let silent = |_| ();
         let simulation = pass.simulate(&silent)?;
         let found = simulation.exposure_means_to(tolerance, &light, &silent)?;
@@ -115,6 +116,7 @@ impl Study {
     fn set_pieces(&mut self, pieces: Vec<u32>) -> Result<(), PassError> {
         self.times.truncate(self.samples);
         self.pass.exposure_s.truncate(self.samples);
+        self.pass.observations.truncate(self.samples);
         let mut moments = Vec::with_capacity(self.samples);
         for (i, pieces) in pieces.iter().enumerate() {
             let (middle, length_s) = (self.times[i], self.pass.exposure_s[i]);
@@ -123,6 +125,8 @@ impl Study {
                 own.push((self.times.len(), weight));
                 self.times.push(middle + offset * length_s * Unit::Second);
                 self.pass.exposure_s.push(length_s);
+                let own = self.pass.observations.get(i).cloned();
+                self.pass.observations.extend(own);
             }
             moments.push(if own.is_empty() { vec![(i, 1.0)] } else { own });
         }

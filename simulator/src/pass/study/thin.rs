@@ -112,7 +112,8 @@ impl Study {
     /// [`PassError::Light`].
     pub fn thin(&mut self, tolerance: f64) -> Result<Thinned, PassError> {
         let epochs = self.places.len();
-        if epochs < 3 {
+        // Single observations lie on no line in time.
+        if epochs < 3 || !self.pass.observations.is_empty() {
             return Ok(Thinned { epochs, direct: epochs, indirect: epochs, error: 0.0 });
         }
         let times_s: Vec<f64> =
