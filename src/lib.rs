@@ -42,6 +42,7 @@ pub mod devices;
 pub mod efficiency;
 pub mod explain;
 pub mod fit;
+pub mod interrupt;
 pub mod light;
 pub mod observe;
 pub mod output;

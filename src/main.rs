@@ -3,7 +3,7 @@
 use clap::Parser as _;
 use std::process::ExitCode;
 use sunglint::cli::{Cli, run};
-use sunglint::output::Usage;
+use sunglint::output::{Usage, tell};
 
 fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
@@ -20,7 +20,7 @@ fn main() -> ExitCode {
         // Whoever reads the pipe has read enough.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("sunglint: {}", describe(&error));
+            tell(&format!("sunglint: {}", describe(&error)));
             // What the parser cannot see is usage all the same.
             if error.downcast_ref::<Usage>().is_some() {
                 ExitCode::from(2)

@@ -7,6 +7,7 @@ use std::collections::HashSet;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use sunglint_formats::atomic::{Overwrite, write_file};
+use sunglint_formats::text::{file_name, printable};
 use sunglint_formats::{FileError, ecsv};
 use sunglint_report::{Format, Product, ProductError};
 
@@ -39,6 +40,11 @@ pub struct Console {
     pub verbose: u8,
 }
 
+/// Writes a line on stderr, without what a foreign name may do to a terminal. Nobody may be there to read it any more: that ends nothing.
+pub fn tell(text: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "{}", printable(text));
+}
+
 impl Console {
     /// Prints a result on stdout.
     pub fn print(&self, text: &str) -> anyhow::Result<()> {
@@ -53,27 +59,31 @@ impl Console {
 
     /// Prints a result on stdout: JSON if asked for, else the text.
     pub fn result(&self, text: &str, json: &Value) -> anyhow::Result<()> {
-        if self.json { self.print(&serde_json::to_string_pretty(json)?) } else { self.print(text) }
+        if self.json {
+            self.print(&serde_json::to_string_pretty(json)?)
+        } else {
+            self.print(&printable(text))
+        }
     }
 
     /// Says something on stderr.
     pub fn say(&self, text: &str) {
         if !self.quiet {
-            eprintln!("{text}");
+            tell(text);
         }
     }
 
     /// Says something on stderr to whoever asked for more (`-v`).
     pub fn detail(&self, text: &str) {
         if self.verbose > 0 {
-            eprintln!("{text}");
+            tell(text);
         }
     }
 
     /// Warns on stderr.
     pub fn warn(&self, text: &str) {
         if !self.quiet {
-            eprintln!("warning: {text}");
+            tell(&format!("warning: {text}"));
         }
     }
 }
@@ -98,7 +108,7 @@ impl OutputArgs {
     /// Whether files of these names can be written into each folder, beside the files that are named: asked before work that takes long.
     pub fn check_names<S: AsRef<str>>(&self, names: &[S]) -> anyhow::Result<()> {
         let files = self.output.iter().filter(|p| p.as_os_str() != "-").flat_map(|target| {
-            let inside = || names.iter().map(|name| target.join(name.as_ref())).collect();
+            let inside = || names.iter().map(|name| target.join(named(name.as_ref()))).collect();
             if is_folder(target) { inside() } else { vec![target.clone()] }
         });
         let files: Vec<PathBuf> = files.collect();
@@ -189,7 +199,7 @@ impl OutputArgs {
             Err(error) => {
                 // What was found is not lost with the file that it cannot be written to; stdout is for what was done.
                 if !error.is::<Usage>() {
-                    eprintln!("{}\n", text.trim_end());
+                    tell(&format!("{}\n", text.trim_end()));
                 }
                 Err(error)
             }
@@ -202,7 +212,8 @@ impl OutputArgs {
         for target in self.output.iter().filter(|p| p.as_os_str() != "-") {
             if is_folder(target) {
                 for part in std::iter::once(product).chain(&product.others) {
-                    let file = |extension| target.join(format!("{}.{extension}", part.name));
+                    let file =
+                        |extension| target.join(named(&format!("{}.{extension}", part.name)));
                     wanted.extend(part.extensions().map(|extension| (file(extension), part)));
                 }
             } else {
@@ -260,6 +271,14 @@ impl OutputArgs {
             FileError::Exists { path } => there_already(&path),
             error => error.into(),
         })
+    }
+}
+
+/// The name of a file within its folder, whatever the name of a scene or a target holds.
+fn named(name: &str) -> String {
+    match name.rsplit_once('.') {
+        Some((stem, extension)) => format!("{}.{extension}", file_name(stem)),
+        None => file_name(name).into_owned(),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Progress of long work on a terminal.
 
-use crate::output::Console;
+use crate::output::{Console, tell};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -73,7 +73,7 @@ impl Bar {
         if bar.is_hidden() {
             if elapsed >= shown.said + LINES {
                 shown.said = elapsed;
-                eprintln!("{} in {:.0} s", shown.text(), elapsed.as_secs_f64());
+                tell(&format!("{} in {:.0} s", shown.text(), elapsed.as_secs_f64()));
             }
             return;
         }

@@ -264,6 +264,13 @@ fn what_does_not_fit_is_said() {
     curve(&folder, &[(f64::NAN, 0, 30.0, 0.0, 0.0)], false);
     let nan = folder.refused(1, &["apply", "k.ecsv", "c.ecsv"]);
     assert!(nan.contains("g_rate_hz, row 1: found NaN"), "{nan}");
+    // Two samples, both past saturation: no number is invented, and nobody takes the result for one.
+    curve(&folder, &[(1e6, 1, 30.0, 0.0, 0.0), (2e6, 3, 31.0, 0.0, 0.0)], false);
+    let flagged = folder.refused(1, &["apply", "k.ecsv", "c.ecsv", "--magnitudes", "V"]);
+    assert!(
+        flagged.contains("none of the 2 samples") && flagged.contains("2 saturated"),
+        "{flagged}"
+    );
 }
 
 /// Truth: Ångström's law and a plane air: light through a depth τ (550 nm, exponent 0: grey) at the zenith is e^−τ of that above: with the depth that was fitted

@@ -42,6 +42,46 @@ fn a_replayed_night_is_the_recorded_one() {
     folder.done(&["session", "check", "third"]);
 }
 
+/// A terminal that goes away (SIGHUP, its pipes closed) does not end a night unless that was asked for; then the session ends in good order.
+#[test]
+fn a_lost_terminal_ends_no_night() {
+    let folder = Folder::new("hangup");
+    let old = Recording { seconds: 4.0, ..Recording::default() }.write(&folder.0.join("old"));
+    for ends in [false, true] {
+        let root = folder.0.join(if ends { "ended" } else { "went-on" });
+        let mut arguments = vec!["observe", "--every", "0.05", "--replay"];
+        if ends {
+            arguments.push("--end-on-hangup");
+        }
+        // The session follows --replay.
+        arguments.sort_by_key(|a| *a == "--replay");
+        let mut program = Command::new(env!("CARGO_BIN_EXE_sunglint"))
+            .args(&arguments)
+            .arg(old.root())
+            .arg("-o")
+            .arg(&root)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let limit = Instant::now() + Duration::from_secs(60);
+        while !root.join("session.toml").exists() {
+            assert!(Instant::now() < limit, "the session's folder was not made within a minute");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        std::thread::sleep(Duration::from_millis(300));
+        // Nobody reads any more: every print fails from here on.
+        drop((program.stdout.take(), program.stderr.take()));
+        let id = program.id().to_string();
+        assert!(Command::new("kill").args(["-HUP", &id]).status().unwrap().success());
+        assert_eq!(program.wait().unwrap().code(), Some(0), "{ends}");
+        let session = Session::open(&root).unwrap();
+        assert!(session.check().unwrap().ended);
+        let all = bins(&session).len() == bins(&old).len();
+        assert_eq!(all, !ends, "{} bins", bins(&session).len());
+    }
+}
+
 /// Kills the program after `after` of a night that is played at speed, and gives how many bins and frames are lost that it had
 /// said to have for more than a second, and how many are doubled or changed.
 fn killed(folder: &Path, recorded: &Session, name: &str, after: Duration) -> [usize; 2] {

@@ -120,3 +120,48 @@ fn the_help_says_what_exit_codes_mean() {
     assert!(help.contains("1 failed") && help.contains("2 usage"), "{help}");
     assert!(help.contains("It counts for `brdf ndf`"), "{help}");
 }
+
+/// Names of others: what a terminal, a file of XML or a path would obey. Truth: none of it is left where it could be obeyed.
+#[test]
+fn a_name_does_no_harm() {
+    let names = [
+        "../../out",
+        "/tmp/x",
+        "a\u{1b}[31mb\u{7}",
+        "<b>&amp;\"'",
+        "new\nline",
+        "\u{202e}cod.exe",
+        "\u{9b}2J",
+        "-rf",
+        "ü🛰 \u{ffff}",
+    ];
+    for (i, name) in names.iter().enumerate() {
+        let folder = Folder::new(&format!("output-names-{i}"));
+        let quoted = serde_json::to_string(name).unwrap();
+        let scene = crate::common::SPHERE_PASS.replacen(
+            "[target]",
+            &format!("name = {quoted}\n[target]\nname = {quoted}"),
+            1,
+        );
+        std::fs::write(folder.path("pass.toml"), scene).unwrap();
+        let output = folder.run(&["simulate", "pass.toml", "--step-s", "120", "-o", "out/"]);
+        let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+        let obeyed = |c: char| (c.is_control() && c != '\n' && c != '\t') || c == '\u{202e}';
+        assert!(!said.iter().any(|text| text.contains(obeyed)), "{name:?}: {said:?}");
+        // A name that is refused with a word is as good.
+        if output.status.success() {
+            let written = files(&folder);
+            assert!(
+                written.iter().all(|f| f == "pass.toml" || f.starts_with("out/")),
+                "{written:?}"
+            );
+            for svg in written.iter().filter(|f| f.ends_with(".svg")) {
+                let text = std::fs::read_to_string(folder.path(svg)).unwrap();
+                assert!(!text.contains(|c: char| obeyed(c) || c == '\u{ffff}'), "{name:?}: {svg}");
+                assert!(!text.contains("<b>"), "{name:?}: {svg}");
+            }
+        } else {
+            assert!(said[1].contains("name"), "{name:?}: {}", said[1]);
+        }
+    }
+}

@@ -82,6 +82,7 @@ pub mod read;
 pub mod session;
 pub mod table;
 pub mod tags;
+pub mod text;
 pub mod text_table;
 pub mod time;
 pub mod toml;

@@ -63,6 +63,14 @@ fn writer(storage: &Arc<dyn Storage>, root: &Path) -> SessionWriter {
     SessionWriter::create(storage.clone(), root, &manifest(), &files).unwrap()
 }
 
+/// A session of the counter alone.
+fn counter_alone(storage: &Arc<dyn Storage>, root: &Path) -> SessionWriter {
+    let mut manifest = manifest();
+    manifest.devices.truncate(1);
+    let files = [("night.toml".to_owned(), b"station = \"ufo\"\n".to_vec())];
+    SessionWriter::create(storage.clone(), root, &manifest, &files).unwrap()
+}
+
 /// The bin of that number.
 fn bin(i: u64) -> CountRecord {
     CountRecord {
@@ -375,6 +383,103 @@ fn the_check_names_what_is_missing() {
 }
 
 /// Truth: a bin left out and one written twice, in the counter's own time; with its own flag a gap is none of the disk's.
+/// Truth: the byte that was changed. Half of the changes fall on a byte of all bytes, half on a file of all files: small files count as much as frames.
+#[test]
+fn a_changed_byte_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("night");
+    whole_night(&root);
+    assert!(Session::open(&root).unwrap().check().unwrap().is_whole());
+    let mut files = Vec::new();
+    let mut open = vec![root.clone()];
+    while let Some(folder) = open.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_dir() {
+                true => open.push(path),
+                false => files.push((path.clone(), std::fs::read(&path).unwrap())),
+            }
+        }
+    }
+    files.sort();
+    let all: usize = files.iter().map(|(_, bytes)| bytes.len()).sum();
+    let mut draw = draws(7);
+    let mut below = |n: usize| ((draw() * n as f64) as usize).min(n - 1);
+    let mut unfound = Vec::new();
+    for i in 0..1000 {
+        let (file, at) = if i % 2 == 0 {
+            let mut at = below(all);
+            let file = files.iter().position(|(_, bytes)| {
+                let here = at < bytes.len();
+                at -= if here { 0 } else { bytes.len() };
+                here
+            });
+            (file.unwrap(), at)
+        } else {
+            let file = below(files.len());
+            (file, below(files[file].1.len()))
+        };
+        let (path, bytes) = &files[file];
+        let mut changed = bytes.clone();
+        changed[at] ^= 1 << below(8);
+        std::fs::write(path, &changed).unwrap();
+        let found = match Session::open(&root) {
+            Ok(session) => session.check().map_or(true, |report| !report.is_whole()),
+            Err(_) => true,
+        };
+        if !found {
+            unfound.push((path.clone(), at));
+        }
+        std::fs::write(path, bytes).unwrap();
+    }
+    // Of a thousand one may slip through; none does.
+    assert!(unfound.is_empty(), "{unfound:?}");
+    assert!(Session::open(&root).unwrap().check().unwrap().is_whole());
+}
+
+/// A session of the former format is read, and the check says what it cannot find.
+#[test]
+fn the_former_format_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("night");
+    whole_night(&root);
+    let path = root.join("session.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace("sunglint session 2", "sunglint session 1")).unwrap();
+    let report = Session::open(&root).unwrap().check().unwrap();
+    assert!(missing(&report).iter().any(|t| t.contains("SHA-256")), "{report:?}");
+    // As the program of that time wrote it: no sum in the log, no mark of its end.
+    let log = root.join("events.jsonl");
+    let events = std::fs::read_to_string(&log).unwrap();
+    let without = |line: &str| match line.split_once(",\"manifest_sha256\"") {
+        Some((start, _)) => format!("{start}}}"),
+        None => line.to_owned(),
+    };
+    let lines: Vec<String> =
+        events.lines().filter(|l| !l.contains("\"sync\"")).map(without).collect();
+    std::fs::write(&log, lines.join("\n") + "\n").unwrap();
+    std::fs::remove_file(root.join("events.end")).unwrap();
+    let report = Session::open(&root).unwrap().check().unwrap();
+    assert!(report.is_whole(), "{:?}", report.findings);
+    assert!(report.findings.iter().any(|f| f.text.contains("format 1")), "{:?}", report.findings);
+    std::fs::write(&path, text.replace("sunglint session 2", "sunglint session 3")).unwrap();
+    let error = Session::open(&root).unwrap_err().to_string();
+    assert!(error.contains("later version"), "{error}");
+}
+
+/// A device that was planned and recorded nothing is missing from a night that ended in good order.
+#[test]
+fn a_device_without_data_is_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("night");
+    let storage: Arc<dyn Storage> = Arc::new(Disk);
+    let writer = writer(&storage, &root);
+    assert_eq!(writer.finish(later(1.0), "done").lost, 0);
+    let report = Session::open(&root).unwrap().check().unwrap();
+    let said = missing(&report).join("; ");
+    assert!(said.contains("recorded no frame") && said.contains("recorded no bin"), "{said}");
+}
+
 #[test]
 fn gaps_and_doubled_bins_are_told_apart() {
     for (bins, flag, expected) in [
@@ -385,7 +490,7 @@ fn gaps_and_doubled_bins_are_told_apart() {
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path().join("night");
         let storage: Arc<dyn Storage> = Arc::new(Fragile::new());
-        let mut writer = writer(&storage, &root);
+        let mut writer = counter_alone(&storage, &root);
         for &i in &bins {
             let flags = if i == 3 { flag } else { CountFlags::empty() };
             writer.count("tagger", &CountRecord { flags, ..bin(i) }).unwrap();
@@ -404,7 +509,7 @@ fn rows_that_come_faster_than_ticks_are_all_there() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("night");
     let storage: Arc<dyn Storage> = Arc::new(Fragile::new());
-    let mut writer = writer(&storage, &root);
+    let mut writer = counter_alone(&storage, &root);
     for i in 0..100_000 {
         writer.count("tagger", &bin(i)).unwrap();
     }

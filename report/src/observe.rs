@@ -6,16 +6,6 @@ use sunglint_formats::session::ClockState;
 use sunglint_formats::time::format_utc;
 use sunglint_observatory::{Snapshot, State, Summary, clock};
 
-/// Returns a text of others without control characters: a name cannot move the cursor, end a line or colour a terminal.
-pub fn plain(text: &str) -> String {
-    let harmful = |c: char| {
-        // Controls, and the marks that turn the direction of what follows.
-        c.is_control()
-            || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{2028}' | '\u{2029}')
-    };
-    text.chars().map(|c| if harmful(c) { '\u{fffd}' } else { c }).collect()
-}
-
 /// Returns the state of a night on one line.
 pub fn status_text(snapshot: &Snapshot) -> String {
     let mut text = format_utc(snapshot.utc, 1);

@@ -1,7 +1,7 @@
 //! Pre-flight of a night as a table.
 
-use crate::observe::plain;
 use std::fmt::Write as _;
+use sunglint_formats::text::plain;
 use sunglint_observatory::{Level, Preflight};
 
 /// Returns the findings, one a line, the worst first, and how many there are of each kind.

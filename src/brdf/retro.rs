@@ -4,6 +4,7 @@
 
 mod live;
 
+use crate::interrupt::{Hangup, listen as listen_for};
 use crate::output::{Console, OutputArgs, Usage};
 use anyhow::{Context as _, anyhow, bail};
 use clap::Args;
@@ -195,14 +196,13 @@ fn clock(is_virtual: bool, begun: Option<&Begun>, last_s: f64) -> (DeviceClock, 
 /// Ctrl-C stops the run in good order, twice at once; while a person is asked nothing moves and nothing is unsafe.
 fn listen(cancel: &Cancel, asking: &Arc<AtomicBool>, console: Console) -> anyhow::Result<()> {
     let (token, asking) = (cancel.clone(), asking.clone());
-    ctrlc::set_handler(move || {
+    listen_for(Hangup::Ends, move || {
         if token.is_cancelled() || asking.load(Ordering::SeqCst) {
             std::process::exit(1);
         }
         console.say("stopping the motor (Ctrl-C again ends the program at once)");
         token.cancel();
     })
-    .context("cannot listen for Ctrl-C")
 }
 
 struct Opened {

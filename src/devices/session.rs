@@ -1,7 +1,7 @@
 //! A session with one device as the command line asks for it: its address, its recording, and what its errors advise.
 
+use crate::interrupt::{Hangup, listen};
 use crate::output::Console;
-use anyhow::Context as _;
 use clap::Args;
 use indicatif::ProgressBar;
 use std::path::PathBuf;
@@ -78,14 +78,13 @@ impl TalkArgs {
 pub fn live(console: Console) -> anyhow::Result<Peer> {
     let cancel = Cancel::new();
     let token = cancel.clone();
-    ctrlc::set_handler(move || {
+    listen(Hangup::Ends, move || {
         if token.is_cancelled() {
             std::process::exit(1);
         }
         console.say("stopping (Ctrl-C again ends the program at once)");
         token.cancel();
-    })
-    .context("cannot listen for Ctrl-C")?;
+    })?;
     Ok(Peer::live(&cancel))
 }
 

@@ -5,8 +5,9 @@ mod virtual_night;
 pub use sunglint_drivers::clock::DeviceClock;
 pub use virtual_night::VirtualNight;
 
+use crate::interrupt::{Hangup, listen};
 use crate::output::{Console, Usage};
-use anyhow::{Context as _, anyhow, bail};
+use anyhow::{anyhow, bail};
 use clap::Args;
 use indicatif::ProgressBar;
 use std::io::IsTerminal as _;
@@ -14,6 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use sunglint_drivers::clock::Cancel;
+use sunglint_formats::text::printable;
 use sunglint_observatory::{
     Catalogue, Level, Night, Opener, Plan, Preflight, PreflightOptions, ReplayError, Snapshot,
     Summary, free_bytes, preflight,
@@ -48,6 +50,9 @@ pub struct ObserveArgs {
     /// The session's folder, to be made [default: the plan's `output` and `name`, with the date]
     #[arg(short, long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
+    /// Ends the night when the terminal goes away; without it the night goes on, as under nohup
+    #[arg(long)]
+    pub end_on_hangup: bool,
     /// Seconds between two lines that say how it goes [default: 1 on a terminal, else 10]
     #[arg(long, value_name = "S")]
     pub every: Option<f64>,
@@ -89,14 +94,14 @@ pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
     };
     let cancel = Cancel::new();
     let token = cancel.clone();
-    ctrlc::set_handler(move || {
+    let hangup = if args.end_on_hangup { Hangup::Ends } else { Hangup::GoesOn };
+    listen(hangup, move || {
         if token.is_cancelled() {
             std::process::exit(1);
         }
         console.say("ending the session (Ctrl-C again ends the program at once)");
         token.cancel();
-    })
-    .context("cannot listen for Ctrl-C")?;
+    })?;
     if args.replay.is_none() {
         console.say(&report::clock_text(&night.manifest.clock));
     }
@@ -188,7 +193,7 @@ impl Display {
     fn show(&mut self, snapshot: &Snapshot) {
         for message in &snapshot.messages {
             match &self.bar {
-                Some(bar) => bar.println(message),
+                Some(bar) => bar.println(printable(message)),
                 None if !self.console.json => self.console.say(message),
                 None => {}
             }
@@ -218,10 +223,13 @@ impl Display {
 
 /// Says how it went, and fails where something is missing.
 fn finish(summary: &Summary, console: Console) -> anyhow::Result<()> {
-    if console.json {
-        console.print(&report::summary_json(summary).to_string())?;
-    } else if !console.quiet {
-        console.print(&report::summary_text(summary))?;
-    }
+    // The night is on the disk, whether or not somebody still reads this.
+    let _ = if console.json {
+        console.print(&report::summary_json(summary).to_string())
+    } else if console.quiet {
+        Ok(())
+    } else {
+        console.print(&printable(&report::summary_text(summary)))
+    };
     Ok(summary.check()?)
 }

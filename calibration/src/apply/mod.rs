@@ -11,7 +11,9 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use sunglint_formats::{FileError, ParseError, Table};
 use sunglint_radiometry::air::{Aerosol, Air, AirError, AirOptions};
-use sunglint_radiometry::light_curve::{Flags, Input, LightCurve, RateKind, TOLERATED};
+use sunglint_radiometry::light_curve::{
+    ChannelCurve, Flags, Input, LightCurve, RateKind, TOLERATED,
+};
 use sunglint_radiometry::passband::PhotometryError;
 use sunglint_radiometry::spectrum::SpectrumError;
 use sunglint_radiometry::star_light::StarLightError;
@@ -35,6 +37,16 @@ pub enum ApplyError {
     /// No sample.
     #[error("the light curve has no sample")]
     NoSample,
+    /// Samples, none of which has a rate.
+    #[error(
+        "none of the {samples} samples has a valid rate in a channel with a kappa (flags: {flags}): nothing can be calibrated"
+    )]
+    NoneValid {
+        /// Samples of the curve.
+        samples: usize,
+        /// Flags of the samples over all channels, with their numbers.
+        flags: String,
+    },
     /// The night has no calibration.
     #[error(
         "no calibration of the night of {wanted}: the file has {}; kappa changes from night to night",
@@ -298,6 +310,21 @@ fn calibrated(
             known: night.channels.iter().map(|c| c.channel.clone()).collect(),
             asked: linear.channels.iter().map(|c| c.name.clone()).collect(),
         });
+    }
+    let valid = |c: &ChannelCurve, i: usize| {
+        let good = c.rate_hz[i].is_finite() && c.sigma_hz[i].is_finite();
+        good && c.flags[i].difference(TOLERATED).is_empty()
+    };
+    let any = curve.channels.iter().any(|c| (0..c.flags.len()).any(|i| valid(c, i)));
+    if !any {
+        let mut flags = std::collections::BTreeMap::<&str, usize>::new();
+        for (name, _) in curve.channels.iter().flat_map(|c| &c.flags).flat_map(|f| f.iter_names()) {
+            *flags.entry(name).or_default() += 1;
+        }
+        let flags: Vec<String> =
+            flags.iter().map(|(f, n)| format!("{n} {}", f.to_lowercase())).collect();
+        let flags = if flags.is_empty() { "none".into() } else { flags.join(", ") };
+        return Err(ApplyError::NoneValid { samples: curve.len(), flags });
     }
     for channel in &mut curve.channels {
         let Some(row) = night.channel(&channel.name) else { continue };

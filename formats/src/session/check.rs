@@ -5,7 +5,7 @@ use super::event::{Event, Mark, What};
 use super::frames::Frames;
 use super::manifest::FileSum;
 use super::reader::{Events, Session};
-use super::{COUNTS, EVENTS, FRAMES, TAGS};
+use super::{COUNTS, EVENTS, FRAMES, MANIFEST, SEAL, TAGS};
 use crate::counts::CountFlags;
 use crate::error::FileError;
 use crate::time::format_utc;
@@ -119,6 +119,7 @@ impl Session {
         let mut report = Report::default();
         self.check_configuration(&mut report);
         let marks = self.check_events(&mut report)?;
+        self.check_end(&mut report)?;
         for name in self.counters() {
             self.check_counter(name, &marks, &mut report)?;
         }
@@ -148,7 +149,7 @@ impl Session {
     }
 
     fn check_events(&self, report: &mut Report) -> Result<Marks, FileError> {
-        let mut marks = Marks::new();
+        let (mut marks, mut begun) = (Marks::new(), None);
         let mut events: Events = self.events()?;
         for event in events.by_ref() {
             let Event { utc, what } = match event {
@@ -161,6 +162,7 @@ impl Session {
             };
             report.events += 1;
             match what {
+                What::Start { manifest_sha256, .. } => begun = Some(manifest_sha256),
                 What::Sync { files } => {
                     report.safe_until = Some(utc);
                     for mark in files {
@@ -203,6 +205,7 @@ impl Session {
                 _ => {}
             }
         }
+        self.check_manifest(begun.flatten(), report)?;
         if events.torn_bytes() > 0 {
             let text = format!("its last line was cut off: {} bytes", events.torn_bytes());
             report.missing(EVENTS, text);
@@ -216,6 +219,53 @@ impl Session {
             self.check_marks(EVENTS, own, report)?;
         }
         Ok(marks)
+    }
+
+    /// Holds the manifest against its sum in the log.
+    fn check_manifest(&self, sum: Option<String>, report: &mut Report) -> Result<(), FileError> {
+        let Some(sum) = sum else {
+            if self.manifest().is_sealed() {
+                report.missing(MANIFEST, "the log has no sum of it (event `start`)");
+            } else {
+                let text = "a session of format 1: a change of this file, or of the log's last lines, cannot be found";
+                report.note(MANIFEST, text);
+            }
+            return Ok(());
+        };
+        let bytes = crate::read::bytes(self.file(MANIFEST))?;
+        if FileSum::of(MANIFEST, &bytes).sha256 != sum {
+            report.missing(MANIFEST, "its SHA-256 is not the one in events.jsonl");
+        }
+        Ok(())
+    }
+
+    /// Holds the log's end against its mark.
+    fn check_end(&self, report: &mut Report) -> Result<(), FileError> {
+        let (path, log) = (self.file(SEAL), self.file(EVENTS));
+        if !path.is_file() {
+            if report.ended && self.manifest().is_sealed() {
+                report.missing(SEAL, "it is not there");
+            }
+            return Ok(());
+        }
+        let said = crate::read::bytes(&path)?;
+        let mut crc = flate2::Crc::new();
+        let mut file = File::open(&log).map_err(|error| FileError::io("read", &log, error))?;
+        let mut room = vec![0; 1 << 16];
+        let mut bytes = 0;
+        loop {
+            let n = file.read(&mut room).map_err(|error| FileError::io("read", &log, error))?;
+            if n == 0 {
+                break;
+            }
+            crc.update(&room[..n]);
+            bytes += n as u64;
+        }
+        let found = Mark { file: EVENTS.into(), bytes, rows: 0, crc32: crc.sum() };
+        if said != super::seal(&found).as_bytes() {
+            report.missing(EVENTS, format!("{bytes} bytes are not those of {SEAL}"));
+        }
+        Ok(())
     }
 
     /// Holds a file against its marks.
@@ -275,6 +325,9 @@ impl Session {
             }
         } else if own.is_empty() {
             report.missing(&file, "it is not there");
+        }
+        if counter.rows == 0 && report.ended {
+            report.missing(&file, "the counter was planned and recorded no bin");
         }
         self.check_tags(name, marks, &mut counter, report)?;
         report.counters.push(counter);
@@ -341,6 +394,9 @@ impl Session {
                 report.missing(&folder, text);
             }
             before = frame.sequence.max(before);
+        }
+        if files.is_empty() && report.ended {
+            report.missing(&folder, "the camera was planned and recorded no frame");
         }
         if camera.unfinished > 0 {
             let text = format!("{} frames were being written at the end", camera.unfinished);

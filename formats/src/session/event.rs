@@ -25,6 +25,9 @@ pub enum What {
     Start {
         /// The program and its version.
         program: String,
+        /// SHA-256 of `session.toml`, in hexadecimal digits; sessions of format 1 lack it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        manifest_sha256: Option<String>,
     },
     /// The telescope goes to a target, and stays until the next such event.
     Target(Target),

@@ -9,8 +9,10 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::path::Path;
 
-/// The version of the folder's format that this program writes and reads.
-pub const FORMAT: &str = "sunglint session 1";
+/// The version of the folder's format that this program writes.
+pub const FORMAT: &str = "sunglint session 2";
+/// The version before, which it reads: without a sum of the manifest and a mark of the log's end.
+const FORMER: &str = "sunglint session 1";
 
 /// Manifest of a session: format, program, station, start, clock, devices and configuration files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -111,7 +113,7 @@ impl Manifest {
             format: String,
         }
         let version: Version = document.parse()?;
-        if version.format != FORMAT {
+        if ![FORMAT, FORMER].contains(&version.format.as_str()) {
             let hint = "a later version of the program wrote it: read it with that";
             let error = document.error_at("format", format!("`{FORMAT}`")).with_hint(hint);
             return Err(error.into());
@@ -129,6 +131,11 @@ impl Manifest {
             }
         }
         Ok(manifest)
+    }
+
+    /// Returns true where the session's files say enough to find a change in any of them: those of format 2 do.
+    pub fn is_sealed(&self) -> bool {
+        self.format != FORMER
     }
 
     /// The text of `session.toml`.

@@ -5,6 +5,7 @@
 //!   session.toml                what it is: station, devices, how the clock stood       [`Manifest`]
 //!   night.toml, station/ …      the configuration as used; session.toml has their SHA-256
 //!   events.jsonl                one JSON object a line: targets, devices, sync marks …  [`Event`]
+//!   events.end                  how long that log is at the session's end, and its CRC-32
 //!   counts/COUNTER.ecsv         a counter's bins, row by row                            [`Counts`]
 //!   tags/COUNTER.tags           its raw tags, if asked: rows of 16 bytes
 //!   frames/CAMERA/HH/START_NUMBER.fits   a camera's frames, HH the hour (UTC)           [`Frames`]
@@ -97,6 +98,8 @@ pub use writer::{Ended, SYNC_EVERY, SessionWriter, Trouble};
 
 /// The manifest.
 const MANIFEST: &str = "session.toml";
+/// The mark of the event log's end.
+const SEAL: &str = "events.end";
 /// The event log.
 const EVENTS: &str = "events.jsonl";
 /// The folder of the counters' tables.
@@ -105,3 +108,8 @@ const COUNTS: &str = "counts";
 const TAGS: &str = "tags";
 /// The folder of the cameras' folders.
 const FRAMES: &str = "frames";
+
+/// Text of the mark of the event log's end.
+fn seal(end: &Mark) -> String {
+    format!("{} bytes, CRC-32 {:08x}\n", end.bytes, end.crc32)
+}

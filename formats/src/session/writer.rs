@@ -3,9 +3,9 @@
 use super::append::{Appender, MOST_LINES};
 use super::event::{Event, Mark, What};
 use super::frames::{FRAME_NUMBER, PART, place};
-use super::manifest::{DeviceKind, Manifest};
+use super::manifest::{DeviceKind, FileSum, Manifest};
 use super::storage::{Growing, Storage};
-use super::{COUNTS, EVENTS, FRAMES, MANIFEST, TAGS, counts};
+use super::{COUNTS, EVENTS, FRAMES, MANIFEST, SEAL, TAGS, counts, seal};
 use crate::counts::CountRecord;
 use crate::error::{EncodeError, FileError};
 use crate::fits;
@@ -159,7 +159,8 @@ impl SessionWriter {
         if let Some(above) = root.parent().filter(|above| !above.as_os_str().is_empty()) {
             disk.sync_folder(above).map_err(io(above))?;
         }
-        let what = What::Start { program: manifest.program.clone() };
+        let sum = FileSum::of(MANIFEST, text.as_bytes()).sha256;
+        let what = What::Start { program: manifest.program.clone(), manifest_sha256: Some(sum) };
         writer.event(manifest.start_utc, what);
         writer.event(manifest.start_utc, What::Clock(manifest.clock.clone()));
         match writer.sync(manifest.start_utc).into_iter().next() {
@@ -455,6 +456,14 @@ impl SessionWriter {
         let lost = self.missing();
         self.event(utc, What::End { reason: reason.into(), lost });
         troubles.extend(self.sync(utc));
+        // The last mark does not cover its own line.
+        let sealed =
+            whole(self.storage.as_ref(), &self.root, SEAL, seal(self.events.mark()).as_bytes());
+        troubles.extend(sealed.err().map(|error| Trouble {
+            file: SEAL.into(),
+            error,
+            again: false,
+        }));
         Ended { lost: self.missing() + self.events.missing(), troubles }
     }
 

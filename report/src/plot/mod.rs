@@ -293,7 +293,8 @@ fn svg(figure: &impl Drawn) -> Result<String, PlotError> {
         figure.draw(&root, 1, &rasters)?;
         root.present().map_err(|e| PlotError::Draw(e.to_string()))?;
     }
-    Ok(rasters.put_into(text))
+    // Names are drawn as they are: XML forbids some characters even in quotes.
+    Ok(rasters.put_into(sunglint_formats::text::printable(&text).into_owned()))
 }
 
 fn png(figure: &impl Drawn) -> Result<Vec<u8>, PlotError> {
