@@ -2,7 +2,7 @@
 //!
 //! [`sunglint_inference::compare`] compares, [`sunglint_report::compare`] shows it.
 
-pub use crate::curve_file::ComparedAs;
+pub use crate::curve_file::{ComparedAs, TimeColumn};
 use crate::explain;
 use crate::output::{Console, OutputArgs};
 use crate::progress::Bar;
@@ -11,6 +11,7 @@ use crate::station::StationArgs;
 use anyhow::anyhow;
 use clap::Args;
 use std::path::{Path, PathBuf};
+use sunglint_formats::photometry::ColumnNames;
 use sunglint_inference::compare::{
     CompareError, MagnitudeColumns, MeasuredPass, MissingColumn, at_measured_times,
 };
@@ -27,9 +28,12 @@ pub struct CompareArgs {
     /// Compare this channel; may be given several times [default: all that were measured]
     #[arg(long, value_name = "NAME")]
     pub channel: Vec<String>,
-    /// Of a table of magnitudes: their column
-    #[arg(long, value_name = "NAME", default_value = "magnitude")]
-    pub column: String,
+    /// Which column has the times.
+    #[command(flatten)]
+    pub time: TimeColumn,
+    /// Of a table of magnitudes: their column [default: magnitude, mag, V …]
+    #[arg(long, value_name = "NAME")]
+    pub column: Option<String>,
     /// Of a table of magnitudes: the column of their standard uncertainties
     #[arg(long, value_name = "NAME")]
     pub sigma_column: Option<String>,
@@ -54,7 +58,8 @@ impl CompareArgs {
             measured,
             pass,
             channel: Vec::new(),
-            column: "magnitude".into(),
+            time: TimeColumn::default(),
+            column: None,
             sigma_column: None,
             compared_as: ComparedAs::default(),
             tolerance: None,
@@ -74,11 +79,11 @@ pub fn run(args: &CompareArgs, console: Console) -> anyhow::Result<()> {
 
 /// Returns the product of the comparison that arguments ask for, and its summary; says on stderr what a person should hear of.
 pub(crate) fn compare(args: &CompareArgs, console: Console) -> anyhow::Result<(Product, String)> {
-    let columns = MagnitudeColumns {
-        magnitude: args.column.clone(),
-        sigma: args.sigma_column.clone(),
-        compared_as: args.compared_as.into(),
-    };
+    let mut names = ColumnNames::default();
+    args.time.put_into(&mut names);
+    names.magnitude.clone_from(&args.column);
+    names.sigma.clone_from(&args.sigma_column);
+    let columns = MagnitudeColumns { names, compared_as: args.compared_as.into() };
     let told = |error| told(error, &args.pass);
     let mut measured = MeasuredPass::read(&args.measured, &columns).map_err(told)?;
     let overrides = Overrides { tolerance: args.tolerance, ..Overrides::default() };

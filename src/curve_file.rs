@@ -3,6 +3,7 @@
 use anyhow::anyhow;
 use clap::{Args, ValueEnum};
 use std::path::Path;
+use sunglint_formats::photometry::{ColumnNames, Scale};
 use sunglint_radiometry::light_curve::published::{
     CurveFile, MagnitudeKind, MagnitudeOptions, PublishedError, Unusable,
 };
@@ -33,10 +34,50 @@ impl From<ComparedAs> for MagnitudeKind {
     }
 }
 
+/// Which column has the times, and in which scale.
+#[derive(Debug, Clone, Default, Args)]
+pub struct TimeColumn {
+    /// Of a table: the column of times [default: time_utc, or one called jd…, mjd…, bjd…]
+    #[arg(long, value_name = "NAME")]
+    pub time_column: Option<String>,
+    /// Of times whose column and header name no scale: which it is; scales differ by more than a minute
+    #[arg(long, value_enum)]
+    pub time_scale: Option<TimeScale>,
+}
+
+/// Scale of times.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum TimeScale {
+    /// Coordinated universal time
+    Utc,
+    /// Atomic time
+    Tai,
+    /// Terrestrial time
+    Tt,
+    /// Barycentric dynamical time
+    Tdb,
+}
+
+impl TimeColumn {
+    /// Puts what was asked for into the names of columns.
+    pub fn put_into(&self, names: &mut ColumnNames) {
+        names.time.clone_from(&self.time_column);
+        names.scale = self.time_scale.map(|scale| match scale {
+            TimeScale::Utc => Scale::Utc,
+            TimeScale::Tai => Scale::Tai,
+            TimeScale::Tt => Scale::Tt,
+            TimeScale::Tdb => Scale::Tdb,
+        });
+    }
+}
+
 /// How a table of magnitudes is read.
 #[derive(Debug, Clone, Default, Args)]
 pub struct Magnitudes {
-    /// The column of magnitudes, where a table of them is given [default: magnitude]
+    /// Which column has the times.
+    #[command(flatten)]
+    pub time: TimeColumn,
+    /// The column of magnitudes, where a table of them is given [default: magnitude, mag, V … or flux]
     #[arg(long = "magnitude-column", value_name = "NAME")]
     pub column: Option<String>,
     /// What these magnitudes are
@@ -50,19 +91,18 @@ pub struct Magnitudes {
 impl Magnitudes {
     /// The options that were asked for.
     pub fn options(&self) -> MagnitudeOptions {
-        MagnitudeOptions {
-            column: self.column.clone(),
-            kind: self.law.into(),
-            sigma_mag: self.sigma_mag,
-        }
+        let mut columns = ColumnNames::default();
+        self.time.put_into(&mut columns);
+        columns.magnitude.clone_from(&self.column);
+        MagnitudeOptions { columns, kind: self.law.into(), sigma_mag: self.sigma_mag }
     }
 
     /// Reads a file of rates or magnitudes.
     ///
     /// # Errors
     /// The errors of [`CurveFile::read`], with the option that may help.
-    pub fn read(&self, path: &Path, text: &str) -> anyhow::Result<CurveFile> {
-        CurveFile::read(path, text, &self.options()).map_err(with_hint)
+    pub fn read(&self, path: &Path, bytes: Vec<u8>) -> anyhow::Result<CurveFile> {
+        CurveFile::read(path, bytes, &self.options()).map_err(with_hint)
     }
 }
 

@@ -151,9 +151,8 @@ fn read_curve(
     let bytes = sunglint_formats::read::bytes(path)?;
     let sha256 = sunglint_formats::sha256(&bytes);
     let input = Input { file: path.display().to_string(), sha256 };
-    let text = sunglint_formats::read::decode(path, bytes)?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let (mut curve, is_above_air, labels) = match CurveFile::read(path, &text, magnitudes)? {
+    let (mut curve, is_above_air, labels) = match CurveFile::read(path, bytes, magnitudes)? {
         CurveFile::Rates(table) => (LightCurve::from_table(path, &table)?, false, None),
         CurveFile::Magnitudes(b) => (b.light_curve(&stem), true, b.used_labels()),
     };

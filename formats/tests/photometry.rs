@@ -3,9 +3,12 @@
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 use std::path::Path;
-use sunglint_formats::photometry::{Format, Scale, column_times, moment, read_str, recognise};
+use sunglint_formats::photometry::{
+    ColumnNames, Format, Scale, Source, column_times, moment, open, read_str, recognise,
+};
 use sunglint_formats::text_table;
 use sunglint_formats::time::format_utc;
+use sunglint_testkit::{peer_python, run_python};
 
 /// Blocks by the specification of ALCDEF 2.1.1 (not from a real file). Truth: JD 2455000.0 is 2009-06-17T12:00 (Meeus, table 7.A: 2451545.0 is 2000-01-01T12:00).
 const ALCDEF: &str = "# made up by the standard\nSTARTMETADATA\nREVISEDDATA=FALSE\nOBJECTNUMBER=1\nOBJECTNAME=Ceres\nCONTACTNAME=A\nCONTACTINFO=b\nOBSERVERS=C\nSESSIONDATE=2009-06-17\nSESSIONTIME=12:00:00\n\
@@ -81,7 +84,8 @@ fn julian_dates_keep_their_scale() {
         let table =
             text_table::read_str(Path::new("t.csv"), &format!("{name},magnitude\n{value},1\n"))
                 .unwrap();
-        column_times(Path::new("t.csv"), &table).map(|t| format_utc(t.unwrap().time[0], 3))
+        column_times(Path::new("t.csv"), &table, &ColumnNames::default())
+            .map(|t| format_utc(t.unwrap().time[0], 3))
     };
     assert_eq!(utc("mjd_utc", "57754").unwrap(), "2017-01-01T00:00:00.000Z");
     assert_eq!(utc("jd_utc", "2457754.5").unwrap(), "2017-01-01T00:00:00.000Z");
@@ -91,4 +95,166 @@ fn julian_dates_keep_their_scale() {
     assert!(utc("jd", "2457754.5").unwrap_err().to_string().contains("jd_utc"));
     assert!(utc("mjd_utc", "2457754.5").unwrap_err().to_string().contains("1972 to 2100"));
     assert!(moment(57_754, f64::NAN, Scale::Utc).is_none());
+}
+
+/// The message above as ccsds-ndm 3.1.1 (PyPI) wrote it in XML: it read our KVN, which is the other half of this test.
+const TDM_XML: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<tdm id=\"CCSDS_TDM_VERS\" version=\"2.0\">\n  <header>\n    <COMMENT>made up by the standard</COMMENT>\n    <CREATION_DATE>2012-10-30T20:00</CREATION_DATE>\n    <ORIGINATOR>X</ORIGINATOR>\n  </header>\n  <body>\n    <segment>\n      <metadata>\n        <TIME_SYSTEM>UTC</TIME_SYSTEM>\n        <PARTICIPANT_1>SITE</PARTICIPANT_1>\n        <PARTICIPANT_2>2005-001A</PARTICIPANT_2>\n        <MODE>SEQUENTIAL</MODE>\n        <PATH>2,1</PATH>\n        <INTEGRATION_INTERVAL>2.0</INTEGRATION_INTERVAL>\n        <INTEGRATION_REF>START</INTEGRATION_REF>\n        <ANGLE_TYPE>RADEC</ANGLE_TYPE>\n        <REFERENCE_FRAME>EME2000</REFERENCE_FRAME>\n      </metadata>\n      <data>\n        <observation>\n          <EPOCH>2005-181T12:00:00.25</EPOCH>\n          <ANGLE_1>332.2298</ANGLE_1>\n        </observation>\n        <observation>\n          <EPOCH>2005-181T12:00:00.25</EPOCH>\n          <ANGLE_2>-16.3028</ANGLE_2>\n        </observation>\n        <observation>\n          <EPOCH>2005-181T12:00:00.25</EPOCH>\n          <MAG>12.1</MAG>\n        </observation>\n        <observation>\n          <EPOCH>2005-06-30T12:00:10.25</EPOCH>\n          <MAG>12.3</MAG>\n        </observation>\n      </data>\n    </segment>\n  </body>\n</tdm>\n";
+
+#[test]
+fn tdm_in_xml_says_the_same() {
+    assert_eq!(recognise(TDM_XML), Some(Format::TdmXml));
+    let read = read_str("a.xml", TDM_XML, Format::TdmXml).unwrap();
+    assert_eq!(read, read_str("a.tdm", TDM, Format::TdmKvn).unwrap());
+    for (from, to, words) in [
+        ("<MAG>12.1", "<MAG>bright", "a.xml:32"),
+        ("UTC</TIME", "MET</TIME", "TIME_SYSTEM `MET`"),
+        ("</tdm>", "", "well-formed"),
+        ("?>\n", "?>\n<!DOCTYPE tdm [<!ENTITY a \"aa\">]>\n", "without a DTD"),
+    ] {
+        let error = read_str("a.xml", &TDM_XML.replacen(from, to, 1), Format::TdmXml).unwrap_err();
+        assert!(error.to_string().contains(words), "{to}: {error}");
+    }
+}
+
+/// Truth: what was put into tables that astropy 8.0.2 wrote: FITS and ECSV with a column of Time, FITS with TIMESYS, VOTables, and EOSSA laid out as published writers do.
+#[test]
+fn tables_that_astropy_writes() {
+    let Some(python) = peer_python("tables_that_astropy_writes", &["astropy"]) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let script = "
+import sys, numpy as np
+from astropy.table import Table
+from astropy.time import Time
+from astropy.io import fits
+f = sys.argv[1] + '/'
+utc = Time(['2021-03-01T19:02:11.5', '2021-03-02T04:11:48.25', '2016-12-31T23:59:60.5'], scale='utc')
+Table({'time': utc, 'mag': [5.4, 6.0, 7.25], 'mag_err': [.1, .2, .3]}).write(f + 'time.fits')
+Table({'time': utc, 'mag': [5.4, 6.0, 7.25], 'mag_err': [.1, .2, .3]}).write(f + 'time.ecsv')
+t = Table({'MJD': utc.tt.mjd, 'Vmag': [5.4, 6.0, 7.25]}); t.meta['TIMESYS'] = 'TT'; t.write(f + 'tt.fits')
+Table({'jd': utc[:2].jd, 'Vmag': [5.4, 6.0]}).write(f + 'none.vot', format='votable')
+Table({'jd_utc': utc[:2].jd, 'flux': [100., 10.], 'flux_err': [1., 1.]}).write(f + 'flux.vot', format='votable')
+Table({'jd_utc': utc[:2].jd, 'mag': [1., 2.]}).write(f + 'binary.vot', format='votable', tabledata_format='binary2')
+c = lambda n, form, a, **k: fits.Column(n, form, array=a, **k)
+iso = lambda *a: np.array(a)
+h = fits.BinTableHDU.from_columns([
+  c('UTC_Begin_exp', '23A', iso('2021-03-01T19:02:10.500', 'NULLSTRING')), c('UTC_End_Exp', '23A', iso('2021-03-01T19:02:12.500', 'NULLSTRING')),
+  c('JD_Mid_Exp', 'D', np.array([2459275.5, utc[1].jd])), c('Exp_Duration', 'D', np.array([2.0, 2.0])), c('Cur_Spec_Filt_Num', 'J', np.array([1, 2])),
+  c('Mag_Exo_Atm', 'D', np.array([5.4, -9999.0])), c('Mag_Exo_Atm_Unc', 'D', np.array([0.05, -9999.0])), c('Tel_Obj_Range', 'D', np.array([36.0e6, -9999.0]), unit='m')])
+for k, v in dict(VERS='3.1.1', OBSEPH='GROUND', OBJECT='GALAXY 15', SPFNUM=2, SPFNAM1='V', SPFNAM2='R').items(): h.header[k] = v
+fits.HDUList([fits.PrimaryHDU(), h]).writeto(f + 'eossa.fits')
+";
+    run_python(&python, script, &[folder.path().to_str().unwrap()]);
+    let source = |name: &str| {
+        let path = folder.path().join(name);
+        let bytes = std::fs::read(&path).unwrap();
+        open(&path, bytes)
+    };
+    let table = |name: &str| match source(name).unwrap() {
+        Source::Table(_, table) => *table,
+        other => panic!("{name}: {other:?}"),
+    };
+    let truth = [
+        "2021-03-01T19:02:11.500000Z",
+        "2021-03-02T04:11:48.250000Z",
+        "2016-12-31T23:59:60.500000Z",
+    ];
+    let names = ColumnNames::default();
+    for (name, digits) in [("time.fits", 6), ("time.ecsv", 6), ("tt.fits", 4)] {
+        let table = table(name);
+        let times = column_times(Path::new(name), &table, &names).unwrap().unwrap();
+        for (time, truth) in times.time.iter().zip(truth) {
+            let found = format_utc(*time, digits);
+            // A date in one double is good to some microseconds.
+            assert_eq!(found[..found.len() - 1], truth[..found.len() - 1], "{name}");
+        }
+        let magnitude = names.magnitude_of(&table).unwrap();
+        assert_eq!(table.f64(magnitude).unwrap().to_vec(), [5.4, 6.0, 7.25], "{name}");
+        assert_eq!(names.sigma_of(&table, false).is_some(), name != "tt.fits");
+    }
+    // Nothing names the scale: it is not guessed, but it can be said.
+    let none = table("none.vot");
+    let error = column_times(Path::new("none.vot"), &none, &names).unwrap_err().to_string();
+    assert!(error.contains("--time-scale"), "{error}");
+    let mut said = ColumnNames::default();
+    said.scale = Some(Scale::Utc);
+    let times = column_times(Path::new("none.vot"), &none, &said).unwrap().unwrap();
+    assert_eq!(format_utc(times.time[1], 3), "2021-03-02T04:11:48.250Z");
+    let flux = table("flux.vot");
+    assert_eq!((names.magnitude_of(&flux), names.flux_of(&flux)), (None, Some("flux")));
+    assert_eq!(names.sigma_of(&flux, true), Some("flux_err"));
+    assert!(source("binary.vot").unwrap_err().to_string().contains("TABLEDATA"));
+    let Source::Samples(format, read) = source("eossa.fits").unwrap() else { panic!("a table") };
+    assert_eq!((format, read.target.as_str()), (Format::Eossa, "GALAXY 15"));
+    assert_eq!(format_utc(read.time[0], 3), "2021-03-01T19:02:11.500Z");
+    assert_eq!(format_utc(read.time[1], 3), "2021-03-02T04:11:48.250Z");
+    assert!(read.magnitude[0] == 5.4 && read.magnitude[1].is_nan());
+    assert_eq!(read.range_km.unwrap()[0], 36_000.0);
+    assert_eq!(read.filter.unwrap(), ["V", "R"]);
+}
+
+/// Truth: the samples that were written. Read back by us, by ccsds-ndm 3.1.1 (run by hand: this TDM, see docs/files.md), and by a reader of ALCDEF written here from the standard alone.
+#[test]
+fn what_is_written_is_read_back() {
+    use sunglint_formats::photometry::{Photometry, write};
+    let days = [(59_274, 0.793_188_657_4), (59_275, 0.174_864_004_6), (57_753, 0.25)];
+    let time = days.map(|(day, part)| moment(day, part, Scale::Utc).unwrap()).to_vec();
+    let mut made = Photometry::default();
+    made.time = time;
+    made.magnitude = vec![5.4, 6.0125, 7.25];
+    made.sigma_mag = Some(vec![0.05, f64::NAN, 0.1]);
+    made.session = Some(["1", "1", "2"].map(str::to_owned).to_vec());
+    made.filter = Some(["V", "V", "R"].map(str::to_owned).to_vec());
+    made.exposure_s = Some(vec![2.0, 2.0, 2.0]);
+    made.target = "2005-001A\nü".into();
+    let mut sender = write::Sender::default();
+    sender.originator = "A group".into();
+    sender.site = "UFO".into();
+    let text = write::tdm(&made, &sender).unwrap();
+    let read = read_str("a.tdm", &text, Format::TdmKvn).unwrap();
+    // The earlier session comes first.
+    assert_eq!(read.magnitude, [7.25, 5.4, 6.0125]);
+    assert_eq!(read.exposure_s, Some(vec![2.0; 3]));
+    for (k, i) in [2, 0, 1].into_iter().enumerate() {
+        let off = (read.time[k] - made.time[i]).to_seconds().abs();
+        assert!(off < 1e-6, "{off} s");
+    }
+    assert!(
+        text.contains("PARTICIPANT_2 = 2005-001A__\n") && text.contains("COMMENT filter: V\n"),
+        "{text}"
+    );
+    let text = write::alcdef(&made, &sender).unwrap();
+    let read = read_str("a.txt", &text, Format::Alcdef).unwrap();
+    assert_eq!(read.magnitude, [7.25, 5.4, 6.0125]);
+    for (k, i) in [2, 0, 1].into_iter().enumerate() {
+        let off = (read.time[k] - made.time[i]).to_seconds().abs();
+        assert!(off < 1e-5, "{off} s");
+    }
+    // By the standard's words: required keys, lines of at most 255 characters, no exponent, JD = MJD + 2400000.5.
+    let required = [
+        "CONTACTNAME",
+        "CONTACTINFO",
+        "DELIMITER",
+        "DIFFERMAGS",
+        "FILTER",
+        "LTCAPP",
+        "LTCTYPE",
+        "MAGBAND",
+        "OBJECTNUMBER",
+        "OBSERVERS",
+        "REDUCEDMAGS",
+        "SESSIONDATE",
+        "SESSIONTIME",
+    ];
+    assert_eq!(text.matches("STARTMETADATA").count(), 2);
+    for key in required {
+        assert_eq!(text.matches(&format!("\n{key}=")).count(), 2, "{key}: {text}");
+    }
+    assert!(text.lines().all(|l| l.len() <= 255 && l.is_ascii()));
+    assert!(text.contains("DATA=2457753.7500000000|7.2500|0.1000\n"), "{text}");
+    assert!(write::tdm(&Photometry::default(), &sender).is_err());
+    made.is_relative = true;
+    assert!(
+        write::tdm(&made, &sender).is_err()
+            && write::alcdef(&made, &sender).unwrap().contains("DIFFERMAGS=TRUE")
+    );
 }

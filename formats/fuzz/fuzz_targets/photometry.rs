@@ -3,11 +3,16 @@
 
 use libfuzzer_sys::fuzz_target;
 use std::path::Path;
-use sunglint_formats::photometry::{Format, column_times, read_str};
+use sunglint_formats::photometry::{ColumnNames, Format, Source, column_times, open, read_str};
 use sunglint_formats::text_table;
 
 fuzz_target!(|text: &str| {
-    for format in [Format::Mmt9, Format::Alcdef, Format::TdmKvn] {
+    if let Ok(Source::Table(_, table)) = open("x", text.as_bytes().to_vec())
+        && let Ok(Some(found)) = column_times(Path::new("x"), &table, &ColumnNames::default())
+    {
+        assert_eq!(found.time.len(), table.rows());
+    }
+    for format in [Format::Mmt9, Format::Alcdef, Format::TdmKvn, Format::TdmXml] {
         if let Ok(read) = read_str("x", text, format) {
             let n = read.time.len();
             assert!(n > 0 && read.magnitude.len() == n);
@@ -17,7 +22,7 @@ fuzz_target!(|text: &str| {
         }
     }
     if let Ok(table) = text_table::read_str(Path::new("x"), text)
-        && let Ok(Some(found)) = column_times(Path::new("x"), &table)
+        && let Ok(Some(found)) = column_times(Path::new("x"), &table, &ColumnNames::default())
     {
         assert_eq!(found.time.len(), table.rows());
     }

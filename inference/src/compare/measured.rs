@@ -4,8 +4,7 @@ use super::{CompareError, Kappa, MissingColumn};
 use hifitime::Epoch;
 use ndarray::Array2;
 use std::path::{Path, PathBuf};
-use sunglint_formats::photometry::{self, ColumnTimes, Photometry};
-use sunglint_formats::text_table;
+use sunglint_formats::photometry::{self, ColumnNames, ColumnTimes, Photometry, Source};
 use sunglint_formats::time::tai_nanoseconds;
 use sunglint_formats::{ParseError, Table, nearest_names};
 use sunglint_radiometry::light_curve::published::MagnitudeKind;
@@ -31,10 +30,8 @@ fn simulated(kind: MagnitudeKind, simulation: &Simulation<'_>) -> Vec<f64> {
 /// How a table of magnitudes is to be read.
 #[derive(Debug, Clone)]
 pub struct MagnitudeColumns {
-    /// The column of magnitudes.
-    pub magnitude: String,
-    /// That of their standard uncertainties.
-    pub sigma: Option<String>,
+    /// Which columns hold times, magnitudes and their standard uncertainties.
+    pub names: ColumnNames,
     /// Kind of the magnitudes.
     pub compared_as: MagnitudeKind,
 }
@@ -100,11 +97,9 @@ impl MeasuredPass {
         let bytes = sunglint_formats::read::bytes(path)?;
         let input =
             Input { file: path.display().to_string(), sha256: sunglint_formats::sha256(&bytes) };
-        let text = sunglint_formats::read::decode(path, bytes)?;
-        let mut measured = if let Some(format) = photometry::recognise(&text) {
-            Self::photometry(path, input, photometry::read_str(path, &text, format)?, columns)?
-        } else {
-            Self::table(path, input, &text_table::read_str(path, &text)?, columns)?
+        let mut measured = match photometry::open(path, bytes)? {
+            Source::Samples(_, read) => Self::photometry(path, input, *read, columns)?,
+            Source::Table(_, table) => Self::table(path, input, &table, columns)?,
         };
         measured.sort();
         sunglint_calibration::comparison::in_order(&measured.times).map_err(|source| {
@@ -237,24 +232,29 @@ impl MeasuredPass {
                 None => CompareError::NoColumn { column, error: Box::new(error) },
             }
         };
-        let Some(read) = photometry::column_times(path, table)? else {
+        let Some(read) = photometry::column_times(path, table, &columns.names)? else {
             return Err(missing("time_utc", "times, ISO 8601", MissingColumn::Times));
         };
         let ColumnTimes { time: times, notes } = read;
-        let column = |name: &str, which: MissingColumn| {
+        let asked = columns.names.magnitude.as_deref().unwrap_or("magnitude");
+        let Some(name) = columns.names.magnitude_of(table) else {
+            return Err(missing(asked, "magnitudes", MissingColumn::Magnitudes));
+        };
+        let numbers = |name: &str, which: MissingColumn| {
             let numbers = table.f64(name);
             numbers.map(|v| v.into_owned()).map_err(|_| missing(name, "magnitudes", which))
         };
-        let magnitude = column(&columns.magnitude, MissingColumn::Magnitudes)?;
+        let magnitude = numbers(name, MissingColumn::Magnitudes)?;
         if !magnitude.iter().any(|m| m.is_finite()) {
             return Err(CompareError::NoNumber {
                 path: path.to_path_buf(),
-                column: columns.magnitude.clone(),
+                column: name.to_owned(),
             });
         }
-        let sigma_mag = match &columns.sigma {
-            Some(name) => column(name, MissingColumn::Sigma)?,
-            None => vec![f64::NAN; times.len()],
+        let sigma_mag = match (columns.names.sigma_of(table, false), &columns.names.sigma) {
+            (Some(name), _) => numbers(name, MissingColumn::Sigma)?,
+            (None, Some(asked)) => return Err(missing(asked, "magnitudes", MissingColumn::Sigma)),
+            (None, None) => vec![f64::NAN; times.len()],
         };
         let value: Vec<f64> = magnitude.iter().map(|m| flux(*m)).collect();
         let to_relative = std::f64::consts::LN_10 / 2.5;
@@ -264,7 +264,7 @@ impl MeasuredPass {
             return Err(CompareError::Exposure { path: path.to_path_buf(), row: i + 1 });
         }
         let flags = vec![Flags::empty(); times.len()];
-        let name = columns.magnitude.clone();
+        let name = name.to_owned();
         Ok(Self {
             path: path.to_path_buf(),
             input,

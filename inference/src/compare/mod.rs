@@ -9,6 +9,7 @@
 //!
 //! ```no_run
 //! use std::path::Path;
+//! use sunglint_formats::photometry::ColumnNames;
 //! use sunglint_inference::compare::{MagnitudeColumns, MeasuredPass, at_measured_times, compare};
 //! use sunglint_numerics::progress::Silent;
 //! use sunglint_radiometry::light_curve::published::MagnitudeKind;
@@ -16,8 +17,7 @@
 //!
 //! // Of a table of magnitudes; a calibrated curve needs none of it.
 //! let columns = MagnitudeColumns {
-//!     magnitude: "magnitude".into(),
-//!     sigma: None,
+//!     names: ColumnNames::default(),
 //!     compared_as: MagnitudeKind::Apparent,
 //! };
 //! let mut measured = MeasuredPass::read(Path::new("calibrated.ecsv"), &columns)?;

@@ -47,8 +47,8 @@ impl MeasuredCurve {
     /// # Errors
     /// A file that is neither; rates that are not calibrated; no sample.
     pub fn read(path: &Path, options: &MagnitudeOptions) -> Result<Self, MeasuredError> {
-        let text = sunglint_formats::read::text(path)?;
-        match CurveFile::read(path, &text, options)? {
+        let bytes = sunglint_formats::read::bytes(path)?;
+        match CurveFile::read(path, bytes, options)? {
             CurveFile::Rates(table) => {
                 let mut curve = LightCurve::from_table(path, &table)?;
                 curve.sort();

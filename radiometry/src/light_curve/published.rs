@@ -3,9 +3,9 @@
 use super::{ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples, usual_step_s};
 use hifitime::Epoch;
 use std::path::{Path, PathBuf};
-use sunglint_formats::photometry::{self, Photometry};
+use sunglint_formats::photometry::{self, ColumnNames, Photometry, Source};
 use sunglint_formats::time::tai_nanoseconds;
-use sunglint_formats::{ParseError, Table, TableError, Values, text_table};
+use sunglint_formats::{ParseError, Table, TableError, Values};
 use sunglint_numerics::order::{median, robust_sigma};
 
 /// A gap of more than this parts one track from the next, s.
@@ -45,8 +45,8 @@ impl MagnitudeKind {
 /// How a table of magnitudes is read.
 #[derive(Debug, Clone, Default)]
 pub struct MagnitudeOptions {
-    /// The column of magnitudes; `magnitude` where nothing is said.
-    pub column: Option<String>,
+    /// Which columns of a table hold what; else those of usual names.
+    pub columns: ColumnNames,
     /// Kind of these magnitudes.
     pub kind: MagnitudeKind,
     /// Their noise, mag; else a column `sigma_mag`, else the differences between neighbours give it.
@@ -151,44 +151,62 @@ pub enum CurveFile {
 }
 
 impl CurveFile {
-    /// Reads ECSV or CSV with the schema's metadata or a column of magnitudes, and the formats of [`photometry`]: MMT-9's text, ALCDEF, TDM.
+    /// Reads a table (ECSV, CSV, FITS, VOTable) with the schema's metadata or a column of magnitudes or fluxes, and the formats of [`photometry`]: MMT-9's text, ALCDEF, TDM, EOSSA.
     ///
     /// # Errors
     /// A file of neither kind; rows that are none; magnitudes of another kind than the options say, or without the range or phase angle that their kind needs.
     pub fn read(
         path: &Path,
-        text: &str,
+        bytes: Vec<u8>,
         options: &MagnitudeOptions,
     ) -> Result<Self, PublishedError> {
-        if let Some(format) = photometry::recognise(text) {
-            let read = photometry::read_str(path, text, format)?;
-            return Ok(Self::Magnitudes(Box::new(Brightness::of_photometry(path, read, options)?)));
-        }
-        let table = text_table::read_str(path, text)?;
+        let table = match photometry::open(path, bytes)? {
+            Source::Samples(_, read) => {
+                let brightness = Brightness::of_photometry(path, *read, options)?;
+                return Ok(Self::Magnitudes(Box::new(brightness)));
+            }
+            Source::Table(_, table) => *table,
+        };
         if table.meta.contains_key("quantity") {
             return Ok(Self::Rates(Box::new(table)));
         }
-        let name = options.column.as_deref().unwrap_or("magnitude");
-        if !table.columns.iter().any(|c| c.name == name) {
-            let names: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
-            return Err(PublishedError::NoCurve {
+        let names = &options.columns;
+        let no_curve = || {
+            let found: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
+            PublishedError::NoCurve {
                 path: path.to_path_buf(),
-                column: name.to_owned(),
-                found: names.join(", "),
-            });
-        }
-        let Some(read) = photometry::column_times(path, &table)? else {
+                column: names.magnitude.clone().unwrap_or_else(|| "magnitude".into()),
+                found: found.join(", "),
+            }
+        };
+        let (name, is_flux) = match (names.magnitude_of(&table), names.flux_of(&table)) {
+            (Some(name), _) => (name, false),
+            (None, Some(name)) => (name, true),
+            (None, None) => return Err(no_curve()),
+        };
+        let Some(read) = photometry::column_times(path, &table, names)? else {
             let error = ParseError::new(path, "no column of times", photometry::TIME_COLUMNS);
             return Err(error.in_field("time_utc").into());
         };
         let times = read.time;
         let column = |name: &str| table.f64(name).ok().map(|c| c.into_owned());
-        let magnitudes = table.f64(name)?.into_owned();
+        let mut magnitudes = table.f64(name)?.into_owned();
         let range_km = column("range_km")
             .or_else(|| Some(column("range_m")?.iter().map(|r| r / 1e3).collect()))
             .or_else(|| Some(column("delta_au")?.iter().map(|r| r * AU_KM).collect()));
         let exposure_s = column("exposure_s");
-        let sigma = column("sigma_mag");
+        let mut sigma = match names.sigma_of(&table, is_flux) {
+            Some(name) => Some(table.f64(name)?.into_owned()),
+            None => None,
+        };
+        if is_flux {
+            // Fluxes in any unit: their magnitudes have a zero point of their own.
+            if let Some(sigma) = &mut sigma {
+                sigma.iter_mut().zip(&magnitudes).for_each(|(s, f)| *s /= PER_MAG * f.abs());
+            }
+            let of_flux = |f: f64| if f > 0.0 { -2.5 * f.log10() } else { f64::NAN };
+            magnitudes.iter_mut().for_each(|m| *m = of_flux(*m));
+        }
         let rows = Rows {
             times,
             magnitudes,
@@ -199,7 +217,9 @@ impl CurveFile {
             labels: labels(&table),
             file_rows: Vec::new(),
         };
-        Ok(Self::Magnitudes(Box::new(Brightness::of_rows(path, rows, options)?)))
+        let mut brightness = Brightness::of_rows(path, rows, options)?;
+        brightness.is_relative = is_flux;
+        Ok(Self::Magnitudes(Box::new(brightness)))
     }
 }
 
@@ -553,8 +573,9 @@ mod tests {
             );
         }
         let read = |law| {
-            let options = MagnitudeOptions { column: None, kind: law, sigma_mag: Some(0.1) };
-            match CurveFile::read(Path::new("m.txt"), &text, &options).unwrap() {
+            let options =
+                MagnitudeOptions { kind: law, sigma_mag: Some(0.1), ..Default::default() };
+            match CurveFile::read(Path::new("m.txt"), text.into_bytes(), &options).unwrap() {
                 CurveFile::Magnitudes(brightness) => *brightness,
                 CurveFile::Rates(_) => panic!("these are magnitudes"),
             }

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use sunglint_ephemeris::orbit::{Orbit, Snapshot, Tle, TleOrbit, seconds_between, tle};
-use sunglint_formats::photometry::{self, ColumnTimes};
+use sunglint_formats::photometry::{self, ColumnNames, ColumnTimes};
 use sunglint_formats::{FileError, ParseError, Table, Values};
 use sunglint_radiometry::constants::LIGHT_M_PER_S;
 use sunglint_radiometry::sky::{EarthOrientation, Geodetic, Horizontal, Observer, Site, SkyFrames};
@@ -60,7 +60,8 @@ impl Reader<'_> {
             return Err(self.error("times.table", expected).into());
         }
         let (table, path) = self.any_table("times.table", file)?;
-        let Some(ColumnTimes { time: times, notes }) = photometry::column_times(&path, &table)?
+        let Some(ColumnTimes { time: times, notes }) =
+            photometry::column_times(&path, &table, &ColumnNames::default())?
         else {
             let names: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
             let found = format!("the columns {}", names.join(", "));

@@ -1,15 +1,23 @@
-//! Magnitudes with their times as other programs write them: MMT-9's text, ALCDEF, CCSDS TDM (KVN), and times of tables as UTC or as Julian dates with their scale.
+//! Magnitudes with their times as other programs write them: MMT-9's text, ALCDEF, CCSDS TDM (KVN and XML), EOSSA's FITS tables; and tables of named columns (ECSV, CSV, FITS, VOTable) with
+//! their times as UTC or as Julian dates with their scale.
 //!
 //! A reader here knows the grammar of a format and keeps what it says: nothing is corrected, no time scale is guessed.
 //!
-//! - [`recognise`]: which of the formats a text is; [`read_str`]: its samples;
-//! - [`column_times`]: the times of a table with named columns.
+//! - [`open`]: the samples or the table of a file, by its content; [`recognise`], [`read_str`]: the same of texts alone;
+//! - [`column_times`], [`ColumnNames`]: times and values of a table with named columns.
 //!
 //! MMT-9: [`Format::Mmt9`], as the catalogue of Mini-MegaTORTORA exports tracks. ALCDEF: *Asteroid Lightcurve Data Exchange Format* 2.1.1 (Stephens and Warner, 2015). TDM: CCSDS 503.0-B-2,
 //! *Tracking Data Message*, of which magnitudes (`MAG`) are read.
 
+mod columns;
+mod tables;
+pub mod write;
+mod xml;
+
+pub use columns::{ColumnNames, ColumnTimes, TIME_COLUMNS, column_times};
+
 use crate::time::{UtcDay, parse_utc};
-use crate::{ParseError, Table, Values};
+use crate::{ParseError, Table};
 use hifitime::{Duration, Epoch};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -31,6 +39,10 @@ pub enum Format {
     Alcdef,
     /// Tracking data message, keyword = value.
     TdmKvn,
+    /// Tracking data message, XML.
+    TdmXml,
+    /// Electro-optical space situational awareness: a FITS table.
+    Eossa,
 }
 
 impl Format {
@@ -40,6 +52,8 @@ impl Format {
             Self::Mmt9 => "MMT-9 text",
             Self::Alcdef => "ALCDEF",
             Self::TdmKvn => "CCSDS TDM (KVN)",
+            Self::TdmXml => "CCSDS TDM (XML)",
+            Self::Eossa => "EOSSA (FITS)",
         }
     }
 }
@@ -98,6 +112,37 @@ pub struct Photometry {
     pub notes: Vec<String>,
 }
 
+/// Content of a file of photometry.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Source {
+    /// Samples of a format that says what they are.
+    Samples(Format, Box<Photometry>),
+    /// A table of named columns, and the words for what it came from.
+    Table(&'static str, Box<Table>),
+}
+
+/// Opens a file of photometry by its content, never by its name: a known format, or a table in ECSV, CSV, FITS (first binary table) or VOTable. Files packed with gzip are unpacked.
+///
+/// # Errors
+/// Bytes that are none of these; what a format does not allow, with its place.
+pub fn open(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Source, ParseError> {
+    let path = path.as_ref();
+    let most = (64_u64 << 20).max(bytes.len() as u64 * 256);
+    let bytes = crate::fits::inflate(path, bytes, most)?;
+    if bytes.starts_with(b"SIMPLE  =") {
+        return tables::of_fits(path, bytes);
+    }
+    let text = crate::read::decode(path, bytes)?;
+    if let Some(format) = recognise(&text) {
+        return Ok(Source::Samples(format, Box::new(read_str(path, &text, format)?)));
+    }
+    if xml::is_votable(&text) {
+        return Ok(Source::Table("VOTable", Box::new(xml::votable(path, &text)?)));
+    }
+    let name = if text.starts_with("# %ECSV") { "ECSV" } else { "CSV" };
+    Ok(Source::Table(name, Box::new(crate::text_table::read_str(path, &text)?)))
+}
+
 /// Returns the format of a text, where it is one of these.
 pub fn recognise(text: &str) -> Option<Format> {
     let head = || text.lines().take(60).map(str::trim);
@@ -106,6 +151,9 @@ pub fn recognise(text: &str) -> Option<Format> {
     }
     if head().any(|l| l.eq_ignore_ascii_case("STARTMETADATA")) {
         return Some(Format::Alcdef);
+    }
+    if xml::is_tdm(text) {
+        return Some(Format::TdmXml);
     }
     let is_tdm = |l: &str| l.split_once('=').is_some_and(|(key, _)| key.trim() == "CCSDS_TDM_VERS");
     head().any(is_tdm).then_some(Format::TdmKvn)
@@ -135,6 +183,10 @@ pub fn read_str(
         Format::Mmt9 => mmt9(path, text)?,
         Format::Alcdef => alcdef(path, text)?,
         Format::TdmKvn => tdm(path, text)?,
+        Format::TdmXml => xml::tdm(path, text)?,
+        Format::Eossa => {
+            return Err(ParseError::new(path, "a text", "a FITS file"));
+        }
     };
     if read.time.is_empty() {
         return Err(ParseError::new(path, "no magnitude", format!("samples of {}", format.name())));
@@ -178,84 +230,6 @@ fn of_julian_text(text: &str, scale: Scale) -> Option<Epoch> {
     }
     let part: f64 = format!("0.{part}").parse().ok()?;
     moment(whole.parse::<i64>().ok()?.checked_sub(MJD_OFFSET + 1)?, part + 0.5, scale)
-}
-
-/// Names of columns of times that are known, for messages.
-pub const TIME_COLUMNS: &str =
-    "time_utc (ISO 8601), jd_utc, mjd_utc, or jd_ and mjd_ with tai, tt or tdb; bjd_tdb";
-
-/// Times of a table, and what has to be known of them.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct ColumnTimes {
-    /// Times, row by row.
-    pub time: Vec<Epoch>,
-    /// Limits and meaning of the times, in words.
-    pub notes: Vec<String>,
-}
-
-/// Times of a table with named columns; `None` where no column is one of times.
-///
-/// # Errors
-/// A value that is no time; a Julian date whose column does not name its scale.
-pub fn column_times(path: &Path, table: &Table) -> Result<Option<ColumnTimes>, ParseError> {
-    let in_row = |error: ParseError, name: &str, row: usize| {
-        error.in_field(format!("{name}, row {}", row + 1))
-    };
-    if let Some(column) = table.columns.iter().find(|c| c.name == "time_utc") {
-        let Values::Text(texts) = &column.values else {
-            let error = ParseError::new(path, column.values.kind(), "ISO 8601");
-            return Err(error.in_field("time_utc"));
-        };
-        let time = |(i, text): (usize, &Option<String>)| {
-            parse_utc(text.as_deref().unwrap_or(""))
-                .map_err(|e| in_row(e.in_file(path), "time_utc", i))
-        };
-        let time = texts.iter().enumerate().map(time).collect::<Result<_, _>>()?;
-        return Ok(Some(ColumnTimes { time, notes: Vec::new() }));
-    }
-    for column in &table.columns {
-        let name = column.name.to_ascii_lowercase();
-        let (kind, scale) = name.split_once('_').unwrap_or((&name, ""));
-        if !matches!(kind, "jd" | "mjd" | "bjd") {
-            continue;
-        }
-        let Some(scale) = Scale::of(scale) else {
-            let found = format!("`{}`", column.name);
-            let error = ParseError::new(path, found, "a Julian date that names its time scale");
-            return Err(error.in_field(column.name.clone()).with_hint(format!(
-                "call the column {kind}_utc, {kind}_tai, {kind}_tt or {kind}_tdb: scales differ by more than a minute"
-            )));
-        };
-        let Ok(numbers) = table.f64(&column.name) else {
-            let error = ParseError::new(path, column.values.kind(), "numbers");
-            return Err(error.in_field(column.name.clone()));
-        };
-        let (offset, half) = if kind == "mjd" { (0, 0.0) } else { (MJD_OFFSET, 0.5) };
-        let moment_of = |number: f64| {
-            // Whole days beyond any of these are no date.
-            let day = Some(number.floor()).filter(|d| d.abs() < 1e7)?;
-            moment(day as i64 - offset, number - day - half, scale)
-        };
-        let time = numbers.iter().enumerate().map(|(row, number)| {
-            moment_of(*number).ok_or_else(|| {
-                let error = ParseError::new(path, number.to_string(), "a date from 1972 to 2100");
-                in_row(error, &column.name, row)
-            })
-        });
-        let time = time.collect::<Result<_, _>>()?;
-        let mut notes = Vec::new();
-        if kind != "mjd" {
-            notes.push(format!("{}: a Julian date in a double is good to 40 µs", column.name));
-        }
-        if kind == "bjd" {
-            notes.push(format!(
-                "{}: the light's way is counted to the barycentre of the solar system",
-                column.name
-            ));
-        }
-        return Ok(Some(ColumnTimes { time, notes }));
-    }
-    Ok(None)
 }
 
 /// Text of MMT-9: notes after `#`, then date, time, standard magnitude, magnitude, filter, penumbra, distance (km), phase (degrees), channel, track.
@@ -443,10 +417,8 @@ fn tdm(path: &Path, text: &str) -> Result<Photometry, ParseError> {
         Metadata,
         Data,
     }
-    let mut read = Photometry::default();
+    let mut message = Message::default();
     let mut part = Part::Header;
-    let mut meta: BTreeMap<String, String> = BTreeMap::new();
-    let (mut exposures, mut beside) = (Vec::new(), BTreeMap::<String, usize>::new());
     for (number, line) in text.lines().enumerate() {
         let line = line.trim();
         let wrong = |found: String, expected: &str| {
@@ -457,7 +429,7 @@ fn tdm(path: &Path, text: &str) -> Result<Photometry, ParseError> {
         }
         match line {
             "META_START" => {
-                meta.clear();
+                message.meta.clear();
                 part = Part::Metadata;
                 continue;
             }
@@ -476,24 +448,50 @@ fn tdm(path: &Path, text: &str) -> Result<Photometry, ParseError> {
         };
         let (key, value) = (key.trim(), value.trim());
         if part != Part::Data {
-            meta.insert(key.to_owned(), value.to_owned());
-            continue;
-        }
-        if key != "MAG" {
-            *beside.entry(shortened(key)).or_default() += 1;
+            message.meta.insert(key.to_owned(), value.to_owned());
             continue;
         }
         let mut words = value.split_whitespace();
-        let (Some(epoch), Some(magnitude), None) = (words.next(), words.next(), words.next())
-        else {
+        let (Some(epoch), Some(number), None) = (words.next(), words.next(), words.next()) else {
+            if key != "MAG" {
+                message.skip(key);
+                continue;
+            }
             return Err(wrong(format!("`{}`", shortened(value)), "an epoch and a magnitude"));
         };
+        message.datum(key, epoch, number).map_err(|(found, expected)| wrong(found, expected))?;
+    }
+    Ok(message.finish())
+}
+
+/// A tracking data message as it is read.
+#[derive(Default)]
+struct Message {
+    /// Metadata of the segment.
+    meta: BTreeMap<String, String>,
+    read: Photometry,
+    exposures: Vec<Option<f64>>,
+    /// Values of other keys, and how many.
+    beside: BTreeMap<String, usize>,
+}
+
+impl Message {
+    fn skip(&mut self, key: &str) {
+        *self.beside.entry(shortened(key)).or_default() += 1;
+    }
+
+    /// Takes a value of the segment's data; else gives what was found and what was expected.
+    fn datum(&mut self, key: &str, epoch: &str, value: &str) -> Result<(), (String, &'static str)> {
+        if key != "MAG" {
+            self.skip(key);
+            return Ok(());
+        }
+        let meta = &self.meta;
         let name = meta.get("TIME_SYSTEM").map_or("", String::as_str);
-        let scale = Scale::of(name).ok_or_else(|| {
-            wrong(format!("TIME_SYSTEM `{}`", shortened(name)), "UTC, TAI, TT or TDB")
-        })?;
+        let scale = Scale::of(name)
+            .ok_or_else(|| (format!("TIME_SYSTEM `{}`", shortened(name)), "UTC, TAI, TT or TDB"))?;
         let time = of_ccsds_text(epoch, scale).ok_or_else(|| {
-            wrong(
+            (
                 format!("`{}`", shortened(epoch)),
                 "an epoch such as 2005-06-30T12:00:00.5 or 2005-181T12:00:00.5, 1972 to 2100",
             )
@@ -506,30 +504,33 @@ fn tdm(path: &Path, text: &str) -> Result<Photometry, ParseError> {
             (Some("START"), Some(s)) => 0.5 * s,
             (Some("END"), Some(s)) => -0.5 * s,
             (Some("START" | "END"), None) => {
-                return Err(wrong(
-                    "INTEGRATION_REF without INTEGRATION_INTERVAL".into(),
-                    "how long a sample took, s",
-                ));
+                let found = "INTEGRATION_REF without INTEGRATION_INTERVAL".to_owned();
+                return Err((found, "how long a sample took, s"));
             }
             _ => 0.0,
         };
-        let magnitude: f64 = match magnitude.parse::<f64>() {
+        let magnitude: f64 = match value.parse::<f64>() {
             Ok(m) if m.is_finite() => m,
-            _ => return Err(wrong(format!("`{}`", shortened(magnitude)), "a magnitude")),
+            _ => return Err((format!("`{}`", shortened(value)), "a magnitude")),
         };
-        read.time.push(time + Duration::from_seconds(shift_s));
-        read.magnitude.push(magnitude);
-        exposures.push(exposure);
-        if let (true, Some(name)) = (read.target.is_empty(), meta.get("PARTICIPANT_2")) {
-            read.target.clone_from(name);
+        self.read.time.push(time + Duration::from_seconds(shift_s));
+        self.read.magnitude.push(magnitude);
+        self.exposures.push(exposure);
+        if let (true, Some(name)) = (self.read.target.is_empty(), meta.get("PARTICIPANT_2")) {
+            self.read.target.clone_from(name);
         }
+        Ok(())
     }
-    // Either all say how long they took, or nobody knows it.
-    read.exposure_s = exposures.into_iter().collect();
-    for (key, n) in beside {
-        read.notes.push(format!("{n} values of {key} are not read: magnitudes alone are"));
+
+    fn finish(self) -> Photometry {
+        let mut read = self.read;
+        // Either all say how long they took, or nobody knows it.
+        read.exposure_s = self.exposures.into_iter().collect();
+        for (key, n) in self.beside {
+            read.notes.push(format!("{n} values of {key} are not read: magnitudes alone are"));
+        }
+        read
     }
-    Ok(read)
 }
 
 /// An epoch of CCSDS, calendar or day of year, in a time scale.
