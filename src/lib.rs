@@ -54,3 +54,4 @@ pub mod simulate;
 pub mod star;
 pub mod station;
 pub mod tables;
+pub mod track;
