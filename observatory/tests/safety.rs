@@ -204,3 +204,52 @@ fn doubts_keep_a_mount_where_it_is() {
     assert!(matches!(guard.check_place(DVec3::NAN, noon), Err(Danger::NotFinite)));
     assert!(matches!(guard.check_place(-DVec3::Z, noon), Err(Danger::Low { .. })));
 }
+
+/// Truth: the promise in words: a mount that turns at 1 °/s stands within a second after the last heartbeat, though the tracker's end of the channel is still there; and a person's stop holds against
+/// a tracker that goes on.
+#[test]
+fn a_watchdog_stops_a_mount() {
+    use std::sync::{Arc, mpsc};
+    use std::time::{Duration, Instant};
+    use sunglint_drivers::clock::{Clock as _, Deadline, DeviceClock, VirtualClock};
+    use sunglint_drivers::device::{Mount as _, MountMotion};
+    use sunglint_observatory::telescope::watchdog::{Beat, Watched, watch};
+    use sunglint_virtual::telescope::{Telescope, TelescopeOptions};
+
+    let ticking = VirtualClock::new();
+    let zero = parse_utc("2026-11-23T00:00:00Z").unwrap();
+    let clock = DeviceClock { clock: Arc::new(ticking.clone()), zero_utc: Some(zero) };
+    let telescope = Telescope::new(TelescopeOptions::default(), clock, Arc::new(|_| None));
+    let mut mount = telescope.mount();
+    let soon = || Deadline::within(Duration::from_secs(1));
+    let standing = |ticking: &VirtualClock| {
+        ticking.sleep(Duration::from_secs(2));
+        telescope.mount().reading(&soon()).unwrap().motion
+    };
+    mount.set_rates([1.0, 0.0], &soon()).unwrap();
+    assert_eq!(standing(&ticking), MountMotion::Tracking);
+    let (beats, received) = mpsc::channel();
+    let tracker = std::thread::spawn(move || {
+        for _ in 0..10 {
+            beats.send(Beat::Alive).unwrap();
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        let last = Instant::now();
+        // It hangs.
+        std::thread::sleep(Duration::from_secs(2));
+        last
+    });
+    assert_eq!(watch(&mut mount, &received).unwrap(), Watched::Silent);
+    let stopped = Instant::now();
+    assert_eq!(standing(&ticking), MountMotion::Still);
+    let after = stopped.saturating_duration_since(tracker.join().unwrap());
+    assert!(after < Duration::from_secs(1), "{after:?}");
+
+    let (beats, received) = mpsc::channel();
+    mount.set_rates([1.0, 0.0], &soon()).unwrap();
+    for beat in [Beat::Stop, Beat::Alive, Beat::Done] {
+        beats.send(beat).unwrap();
+    }
+    assert_eq!(watch(&mut mount, &received).unwrap(), Watched::Stopped);
+    assert_eq!(standing(&ticking), MountMotion::Still);
+}

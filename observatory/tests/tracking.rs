@@ -102,7 +102,7 @@ fn pass(heights_km: [f64; 2], culmination: [f64; 2], dice: &mut Dice) -> Pass {
 /// How a pass went.
 #[derive(Debug, Clone)]
 struct Went {
-    /// Time from the begin of following to the lock, s.
+    /// Time from the begin of following until the target is locked and within 10″ of the telescope's axis, s.
     acquired_s: Option<f64>,
     /// Root mean square of the target's distance from the telescope's axis, arcsec, from 3 s after the lock (or the begin) on.
     rms_arcsec: f64,
@@ -165,7 +165,11 @@ fn follow(
         .unwrap();
     let truth = telescope.truth();
     let mut went = Went {
-        acquired_s: summary.locked_s.map(|locked| locked - summary.began_s),
+        acquired_s: summary.locked_s.and_then(|locked| {
+            let near = |row: &&TruthRow| row.time_s >= 60.0 + locked && row.off_arcsec < 10.0;
+            let first = truth.iter().find(near)?;
+            Some(first.time_s - 60.0 - summary.began_s)
+        }),
         rms_arcsec: f64::NAN,
         steps,
         truth,
