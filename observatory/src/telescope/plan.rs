@@ -171,8 +171,7 @@ impl PassPlan {
         }
         let mount_deg_s = abilities.continuous_deg_s();
         let horizontal = frame.axes == MountAxes::Horizontal;
-        let keyhole =
-            mount_deg_s.filter(|_| horizontal).and_then(|most| Keyhole::of(path, most[0]));
+        let keyhole = mount_deg_s.and_then(|most| Keyhole::of(path, most[0]));
         Self {
             target: target.to_owned(),
             from_utc: format_utc(utc, 1),

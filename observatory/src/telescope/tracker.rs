@@ -479,9 +479,8 @@ impl<'a> Tracker<'a> {
         if ago_s > 0.0 {
             return Err(TrackError::Over { ago_s });
         }
-        if abilities.axes == MountAxes::Horizontal {
-            self.keyhole = Keyhole::of(self.path, self.most_deg_s[0]);
-        }
+        // Near the pole of its axes: the zenith, or the pole of the sky.
+        self.keyhole = Keyhole::of(self.path, self.most_deg_s[0]);
         let mut summary = self.summary();
         if !self.slew(each)? {
             return Ok(TrackSummary { cancelled: true, ..summary });
