@@ -162,9 +162,8 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     for warning in orbit.warnings(from, from + seconds * Unit::Second) {
         console.warn(&warning);
     }
-    let virtual_axes = (args.mount == VIRTUAL[1])
-        .then_some(MountAxes::Equatorial)
-        .unwrap_or(MountAxes::Horizontal);
+    let virtual_axes =
+        if args.mount == VIRTUAL[1] { MountAxes::Equatorial } else { MountAxes::Horizontal };
     if args.is_virtual() {
         return rehearse(args, console, &station, &orbit, (from, seconds), virtual_axes);
     }

@@ -428,9 +428,8 @@ impl Tube {
             }) {
                 Some(spot) => {
                     let whole = spot.flux + flux;
-                    for i in 0..2 {
-                        spot.offset_arcsec[i] =
-                            (spot.offset_arcsec[i] * spot.flux + offset_arcsec[i] * flux) / whole;
+                    for (own, other) in spot.offset_arcsec.iter_mut().zip(offset_arcsec) {
+                        *own = (*own * spot.flux + other * flux) / whole;
                     }
                     spot.flux = whole;
                 }

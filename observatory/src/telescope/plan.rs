@@ -71,7 +71,7 @@ impl Keyhole {
     pub fn first_deg(&self, time_s: f64) -> Option<f64> {
         let part = (time_s - self.from_s) / (self.to_s - self.from_s);
         let [a, b] = self.first_deg;
-        (0.0..=1.0).contains(&part).then(|| a + part * (b - a))
+        (0.0..=1.0).contains(&part).then_some(a + part * (b - a))
     }
 }
 

@@ -374,8 +374,8 @@ impl<'a> Tracker<'a> {
             let begins = (sent_s + delay).max(from_s);
             let ends = self.commands.get(i + 1).map_or(to_s, |next| (next.0 + delay).min(to_s));
             if ends > begins {
-                for axis in 0..2 {
-                    angle[axis] += rate[axis] * (ends - begins);
+                for (angle, rate) in angle.iter_mut().zip(rate) {
+                    *angle += rate * (ends - begins);
                 }
             }
         }
@@ -648,13 +648,9 @@ impl<'a> Tracker<'a> {
         }
         *check = Some((read_s, angle));
         let told = self.carried(from_s, from, read_s);
-        let (mut asked, mut moved, mut off) = (0.0_f64, 0.0_f64, 0.0_f64);
-        for i in 0..2 {
-            asked += (told[i] - from[i]).powi(2);
-            moved += (angle[i] - from[i]).powi(2);
-            off += (angle[i] - told[i]).powi(2);
-        }
-        let (asked_deg, moved_deg, off) = (asked.sqrt(), moved.sqrt(), off.sqrt());
+        let length = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+        let (asked_deg, moved_deg, off) =
+            (length(told, from), length(angle, from), length(angle, told));
         // Acceleration, lost commands and a flip of the rates cost some: half of the way, and a tenth of a degree, is a fault.
         if off > 0.5 * asked_deg.max(moved_deg) + 0.1 {
             return Err(TrackError::DoesNotFollow { asked_deg, moved_deg });
