@@ -3,7 +3,7 @@
 use crate::output::{Console, OutputArgs};
 use crate::{
     air, align, analyse, apply, bench, brdf, calibrate, compare, demo, devices, efficiency,
-    explain, fit, light, observe, passes, picture, reduce, session, simulate, star, tables,
+    explain, fit, light, observe, passes, picture, reduce, session, simulate, star, tables, track,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -85,6 +85,11 @@ pub enum Command {
     Devices(Box<devices::DevicesCommand>),
     /// Observe a night: frames and photon counts into a session's folder, from a plan or from a recorded night
     Observe(Box<observe::ObserveArgs>),
+    /// A mount follows a satellite: from elements to a telescope that tracks, kept off the Sun; or a rehearsal with a virtual one
+    Track(Box<track::TrackArgs>),
+    /// Stops a mount when the program that moves it falls silent
+    #[command(hide = true)]
+    MountWatchdog(track::WatchdogArgs),
     /// Recorded nights: whether all of one is there
     #[command(subcommand)]
     Session(session::SessionCommand),
@@ -156,9 +161,11 @@ impl Command {
             Command::Apply(args) => Some(&args.out),
             Command::Fit(args) => Some(&args.out),
             Command::Analyse(command) => Some(command.output()),
+            Command::Track(args) => Some(&args.out),
             Command::Demo(_)
             | Command::Observe(_)
             | Command::Session(_)
+            | Command::MountWatchdog(_)
             | Command::Completions { .. }
             | Command::Man { .. } => None,
         }
@@ -170,6 +177,8 @@ impl Command {
             Command::Tables(args) => tables::run(args, console),
             Command::Air(args) => air::run(args, console),
             Command::Star(args) => star::run(args, console),
+            Command::Track(args) => track::run(args, console),
+            Command::MountWatchdog(args) => track::watchdog(args),
             Command::Simulate(args) => simulate::run(args, console),
             Command::Compare(args) => compare::run(args, console),
             Command::Explain(args) => explain::run(args, console),

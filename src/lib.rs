@@ -55,3 +55,4 @@ pub mod simulate;
 pub mod star;
 pub mod station;
 pub mod tables;
+pub mod track;

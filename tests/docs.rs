@@ -115,6 +115,12 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         keys(&folder.json(&[command, &["--json"]].concat()), &mut printed);
     }
     std::fs::write(folder.path("pass.toml"), SCENE).unwrap();
+    // A pass of the same elements, followed by a virtual telescope.
+    let lines = SCENE.lines().filter_map(|line| line.trim().strip_prefix('"')?.strip_suffix("\","));
+    std::fs::write(folder.path("iss.tle"), lines.collect::<Vec<_>>().join("\n")).unwrap();
+    let track = ["track", "iss.tle", "25544", "--mount", "virtual", "--station", "ufo"];
+    let at = ["--at", "2008-09-21T18:30:00", "--json"];
+    keys(&folder.json(&[&track[..], &at].concat()), &mut printed);
     keys(&folder.json(&["simulate", "pass.toml", "--json"]), &mut printed);
     // A comparison, with one sample left out for each of some reasons.
     let stretch =
@@ -391,7 +397,15 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "files",
         "pages",
         "commands",
+        "track",
+        // Of a pass over the zenith.
+        "from_s",
+        "to_s",
+        "first_deg",
+        "asked_deg_s",
         // Values of keys.
+        "equatorial",
+        "horizontal",
         "calibrated",
         "not_simulated",
         "null",

@@ -30,4 +30,5 @@ mod raw_tags;
 mod recorded_night;
 mod reduce;
 mod simulate;
+mod track;
 mod virtual_observatory;

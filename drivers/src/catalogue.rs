@@ -48,13 +48,14 @@ use crate::device::DeviceError;
 use std::fmt;
 
 /// Every driver, real ones first.
-pub static DRIVERS: [&Driver; 18] = [
+pub static DRIVERS: [&Driver; 19] = [
     &swabian::TIME_TAGGER,
     &trinamic::TMCL,
     &apt::APT,
     &indi::CAMERA,
     &indi::ROTATOR,
     &indi::WHEEL,
+    &indi::TELESCOPE,
     &meters::OPHIR,
     &meters::PM100,
     &zwo::EFW,
@@ -82,6 +83,8 @@ pub enum Kind {
     RotationStage,
     /// Turns filters into the beam.
     FilterWheel,
+    /// Points a telescope.
+    Mount,
 }
 
 impl fmt::Display for Kind {
@@ -92,6 +95,7 @@ impl fmt::Display for Kind {
             Self::PowerMeter => "power meter",
             Self::RotationStage => "rotation stage",
             Self::FilterWheel => "filter wheel",
+            Self::Mount => "mount",
         })
     }
 }

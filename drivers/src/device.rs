@@ -1,12 +1,13 @@
 //! Abilities of each kind of device, whoever made it.
 //!
-//! One small trait a kind: [`PhotonCounter`], [`Camera`], [`PowerMeter`], [`RotationStage`], [`FilterWheel`], each a
+//! One small trait a kind: [`PhotonCounter`], [`Camera`], [`PowerMeter`], [`RotationStage`], [`FilterWheel`], [`Mount`], each a
 //! [`Device`]. Every call blocks until it is done, and takes a [`Deadline`] that says how long it may; the deadline's token
 //! stops it early. Units are in the names. What was set is read back from the device, and what it then says is what the
 //! call returns. A long call that fails gives what it had done with the error ([`Interrupted`]).
 
 mod confirmed;
 mod error;
+mod mount;
 mod scale;
 mod sink;
 
@@ -15,6 +16,10 @@ pub(crate) use error::not_taken;
 pub use error::{DeviceError, Interrupted, Side};
 pub(crate) use scale::Scale;
 
+pub use mount::{
+    Finder, FinderFrame, Mount, MountAbilities, MountAxes, MountMotion, MountPlace, MountRates,
+    MountReading, MountSite, PierSide, Spot,
+};
 pub use sink::TagSink;
 
 use crate::clock::Deadline;

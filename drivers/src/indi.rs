@@ -2,7 +2,7 @@
 //!
 //! - [`xml`], [`base64`]: a stream's elements and BLOBs, as they arrive;
 //! - [`property`]: what a server defines and changes; [`Client`]: asking, setting, waiting;
-//! - [`Camera`], [`Rotator`], [`Wheel`]: the devices, each on a connection of its own.
+//! - [`Camera`], [`Rotator`], [`Wheel`], [`Mount`]: the devices, each on a connection of its own.
 //!
 //! A device is opened by its name on the server (`CCD Simulator`), over any [`Bytes`]: a [`Tcp`](crate::transport::tcp::Tcp)
 //! connection to port 7624 as a rule, wrapped in a recorder if so wished.
@@ -39,6 +39,7 @@ pub mod base64;
 mod camera;
 mod client;
 mod image;
+mod mount;
 pub mod property;
 mod rotator;
 mod session;
@@ -48,6 +49,7 @@ pub mod xml;
 
 pub use camera::{Camera, CameraSettings, FrameType};
 pub use client::{Blobs, Client, Wanted};
+pub use mount::{Mount, MountSettings};
 pub use rotator::{Rotator, RotatorSettings};
 pub use session::{Listed, SessionSettings, devices};
 pub use wheel::Wheel;
@@ -83,6 +85,19 @@ pub fn open_rotator<T: Bytes>(
     deadline: &Deadline,
 ) -> Result<Rotator<T>, DeviceError> {
     Rotator::open(line, device, settings, deadline)
+}
+
+/// Opens the telescope mount of that name.
+///
+/// # Errors
+/// The errors of [`open_camera`].
+pub fn open_mount<T: Bytes>(
+    line: T,
+    device: &str,
+    settings: MountSettings,
+    deadline: &Deadline,
+) -> Result<Mount<T>, DeviceError> {
+    Mount::open(line, device, settings, deadline)
 }
 
 /// Opens the filter wheel of that name.

@@ -288,7 +288,10 @@ fn a_rotator_and_a_wheel() {
         assert!(error.contains("INDI device: found Atik 414EX"), "{error}");
         let listed = devices(server.connect(), SessionSettings::default(), &within(20.0)).unwrap();
         let listed: Vec<_> = listed.iter().map(|d| (d.name.as_str(), d.is)).collect();
-        assert_eq!(listed, [(WHEEL, [false, true, false]), (ROTATOR, [false, false, true])]);
+        assert_eq!(
+            listed,
+            [(WHEEL, [false, true, false, false]), (ROTATOR, [false, false, true, false])]
+        );
         let error =
             open_camera(server.connect(), ROTATOR, CameraSettings::default(), &within(20.0));
         let error = error.unwrap_err().to_string();

@@ -2,6 +2,7 @@
 //!
 //! - [`orbit`]: TLE and SGP4, or a table of positions; eclipse by the Earth;
 //! - [`geometry`]: where target, Sun and station stand at one moment, light time included;
+//! - [`motion`]: how fast a target moves, in the axes of a mount;
 //! - [`passes`]: when a target can be seen at all.
 //!
 //! # A satellite over a station
@@ -40,5 +41,6 @@
 //! ```
 
 pub mod geometry;
+pub mod motion;
 pub mod orbit;
 pub mod passes;

@@ -1,6 +1,7 @@
 //! All tests of this crate: one program, so that one is linked.
 
 mod geometry;
+mod motion;
 mod orbit_eclipse;
 mod orbit_ephemeris;
 mod orbit_places;

@@ -2,7 +2,7 @@
 //!
 //! Each device has a thread of its own on a clock of its own, and waits for no other: not for a target to be found, not for the
 //! display. All data go to the one thread that writes. Where the telescope points is a function of time ([`Schedule`]); nothing
-//! waits for the mount.
+//! waits for the mount: [`telescope`] is not part of a night yet.
 //!
 //! - [`Plan`]: NIGHT.toml: station, devices, targets and their times;
 //! - [`preflight`]: whether a night can be what its plan says, before it begins;
@@ -10,6 +10,7 @@
 //! - [`Opener`]: the source of the devices: the [`Catalogue`] of drivers, a session that is played back ([`Playback`]), or anything
 //!   else that implements the trait, such as a virtual observatory;
 //! - [`Snapshot`]: the live status, twenty times a second; [`Summary`]: how the night went;
+//! - [`telescope`]: a mount that follows a satellite;
 //! - [`clock`]: how far the computer's clock is from UTC.
 //!
 //! # A night with simulated devices
@@ -60,6 +61,7 @@ mod replay;
 mod schedule;
 mod status;
 mod tags;
+pub mod telescope;
 mod worker;
 
 pub use night::{Incomplete, Night, NightError, Summary};

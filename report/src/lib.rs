@@ -63,6 +63,7 @@ pub mod session;
 pub mod simulate;
 pub mod star;
 pub mod tables;
+pub mod track;
 pub mod unmix;
 
 pub use lines::channel_line;

@@ -2,8 +2,10 @@
 //!
 //! - [`observatory`]: a night: photon events, frames, stars, weather;
 //! - [`rig`]: a sample with known reflectance on a stage, in a laser's beam, under a power meter;
+//! - [`telescope`]: a mount with motors and gears, and a finder;
 //! - [`options`]: what the tables of options of both have in common.
 
 pub mod observatory;
 pub mod options;
 pub mod rig;
+pub mod telescope;

@@ -3,8 +3,8 @@
 use super::Kind;
 use crate::clock::Deadline;
 use crate::device::{
-    Camera, Device, DeviceError, FilterWheel, PhotonCounter, PowerMeter, RotationStage, Value,
-    Window,
+    Camera, Device, DeviceError, FilterWheel, Mount, PhotonCounter, PowerMeter, RotationStage,
+    Value, Window,
 };
 
 /// A device of one of the kinds.
@@ -19,6 +19,8 @@ pub enum AnyDevice {
     RotationStage(Box<dyn RotationStage>),
     /// A filter wheel.
     FilterWheel(Box<dyn FilterWheel>),
+    /// A telescope mount.
+    Mount(Box<dyn Mount>),
 }
 
 impl std::fmt::Debug for AnyDevice {
@@ -36,6 +38,7 @@ impl AnyDevice {
             Self::PowerMeter(_) => Kind::PowerMeter,
             Self::RotationStage(_) => Kind::RotationStage,
             Self::FilterWheel(_) => Kind::FilterWheel,
+            Self::Mount(_) => Kind::Mount,
         }
     }
 
@@ -47,6 +50,7 @@ impl AnyDevice {
             Self::PowerMeter(device) => device.as_mut(),
             Self::RotationStage(device) => device.as_mut(),
             Self::FilterWheel(device) => device.as_mut(),
+            Self::Mount(device) => device.as_mut(),
         }
     }
 
@@ -68,7 +72,7 @@ impl AnyDevice {
                 ("range", "a range's name"),
                 ("zero", "now, with the head covered"),
             ],
-            Self::RotationStage(_) | Self::FilterWheel(_) => Vec::new(),
+            Self::RotationStage(_) | Self::FilterWheel(_) | Self::Mount(_) => Vec::new(),
         };
         settable.extend(self.device().own_settings());
         settable

@@ -4,7 +4,8 @@ use super::{Address, AddressError, AnyDevice, Driver, Kind, Line, OptionSpec, Pl
 use crate::clock::Deadline;
 use crate::device::DeviceError;
 use crate::indi::{
-    CameraSettings, PORT, RotatorSettings, SessionSettings, open_camera, open_rotator, open_wheel,
+    CameraSettings, MountSettings, PORT, RotatorSettings, SessionSettings, open_camera, open_mount,
+    open_rotator, open_wheel,
 };
 use crate::simulated::indi::{
     CameraSpec, Ramp, RotatorSpec, Server, ServerSettings, Simulated, WheelSpec,
@@ -62,6 +63,15 @@ pub(super) static WHEEL: Driver = real(
     "filter wheels behind an INDI server",
     "indi-wheel:localhost:7624/Filter Simulator",
     wheel,
+);
+
+/// Telescope mounts.
+pub(super) static TELESCOPE: Driver = real(
+    "indi-telescope",
+    Kind::Mount,
+    "telescope mounts behind an INDI server",
+    "indi-telescope:localhost:7624/Telescope Simulator",
+    mount,
 );
 
 const fn simulated(
@@ -140,7 +150,7 @@ pub struct Listed {
     pub name: String,
     /// The program that drives it there, where it says so.
     pub driver: Option<String>,
-    /// Addresses; none if it is no camera, rotator or filter wheel.
+    /// Addresses; none if it is no camera, rotator, filter wheel or telescope.
     pub addresses: Vec<String>,
 }
 
@@ -155,7 +165,7 @@ pub fn listed(host: &str, deadline: &Deadline) -> Result<Vec<Listed>, DeviceErro
     let line = line.map_err(|error| DeviceError::transport(SERVER, error))?;
     let devices = crate::indi::devices(line, SessionSettings::default(), deadline)?;
     let of = |device: crate::indi::Listed| {
-        let kinds = [&CAMERA, &WHEEL, &ROTATOR].into_iter().zip(device.is);
+        let kinds = [&CAMERA, &WHEEL, &ROTATOR, &TELESCOPE].into_iter().zip(device.is);
         let kinds = kinds.filter(|(_, is)| *is);
         let addresses = kinds.map(|(kind, _)| format!("{}:{server}/{}", kind.name, device.name));
         Listed { addresses: addresses.collect(), driver: device.driver, name: device.name }
@@ -205,6 +215,13 @@ fn wheel(line: Line, address: &Address, deadline: &Deadline) -> Result<AnyDevice
     let line = line.into_bytes(SERVER)?;
     let wheel = open_wheel(line, &name, SessionSettings::default(), deadline)?;
     Ok(AnyDevice::FilterWheel(Box::new(wheel)))
+}
+
+fn mount(line: Line, address: &Address, deadline: &Deadline) -> Result<AnyDevice, DeviceError> {
+    let name = name(address, "Telescope Simulator".to_owned())?;
+    let line = line.into_bytes(SERVER)?;
+    let mount = open_mount(line, &name, MountSettings::default(), deadline)?;
+    Ok(AnyDevice::Mount(Box::new(mount)))
 }
 
 #[cfg(test)]

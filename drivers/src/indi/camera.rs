@@ -19,6 +19,7 @@ const KIND: Kind = Kind {
     label: DEVICE,
     what: "camera",
     interface: 1 << 1,
+    talks: false,
     required: &["CCD_EXPOSURE", "CCD_FRAME", "CCD_INFO"],
 };
 

@@ -455,6 +455,31 @@ impl<T: Bytes> Client<T> {
         }
     }
 
+    /// Takes in what comes until nothing was defined for `quiet`: some devices never fall silent.
+    ///
+    /// # Errors
+    /// The transport; the deadline.
+    pub fn settle_definitions(
+        &mut self,
+        quiet: Duration,
+        deadline: &Deadline,
+    ) -> Result<(), DeviceError> {
+        let mut step = deadline.at_most(quiet);
+        loop {
+            match self.event(&step) {
+                Ok(Event::Defined(_)) => step = deadline.at_most(quiet),
+                Ok(_) => {}
+                Err(DeviceError::Transport { source: TransportError::Timeout { .. }, .. }) => {
+                    return match deadline.remaining() {
+                        Ok(_) => Ok(()),
+                        Err(expired) => Err(self.transport(expired.into())),
+                    };
+                }
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
     /// Sets a vector and waits until the server has done it; gives the vector as it is then, which may differ from what
     /// was asked.
     ///

@@ -38,6 +38,8 @@ pub(super) struct Kind {
     pub what: &'static str,
     /// Bit of the kind in `DRIVER_INTERFACE`.
     pub interface: u32,
+    /// Whether it says something all the time: a mount that stands still sees the stars go by.
+    pub talks: bool,
     /// The vectors without which it is none.
     pub required: &'static [&'static str],
 }
@@ -88,7 +90,10 @@ impl<T: Bytes> Session<T> {
         for name in self.kind.required {
             self.client.await_defined(&device, name, deadline)?;
         }
-        self.client.settle(self.settings.quiet, deadline)
+        match self.kind.talks {
+            true => self.client.settle_definitions(self.settings.quiet, deadline),
+            false => self.client.settle(self.settings.quiet, deadline),
+        }
     }
 
     /// A server says nothing about a device that it has not, and, once asked for one, nothing about the others.
@@ -208,8 +213,8 @@ pub struct Listed {
     pub name: String,
     /// The program that drives it, where it says so.
     pub driver: Option<String>,
-    /// Whether it says that it is a camera, a filter wheel, a rotator.
-    pub is: [bool; 3],
+    /// Whether it says that it is a camera, a filter wheel, a rotator, a telescope.
+    pub is: [bool; 4],
 }
 
 /// The devices of the server at the other end of `line`, by name. Nothing is connected or set.
@@ -231,7 +236,7 @@ pub fn devices<T: Bytes>(
         let info = client.property(&name, "DRIVER_INFO");
         let text = |member| info.and_then(|info| info.text(member));
         let bits = text("DRIVER_INTERFACE").and_then(|bits| bits.parse().ok()).unwrap_or(0_u32);
-        let is = [1, 4, 12].map(|bit| bits >> bit & 1 == 1);
+        let is = [1, 4, 12, 0].map(|bit| bits >> bit & 1 == 1);
         Listed { driver: text("DRIVER_EXEC").map(str::to_owned), is, name }
     });
     Ok(listed.collect())

@@ -2,7 +2,7 @@
 
 use super::{OpenDevice, Session, SessionError, utc_now};
 use crate::catalogue::{Address, AnyDevice};
-use crate::device::{Identity, Power};
+use crate::device::{Identity, MountPlace, Power};
 use hifitime::Epoch;
 use std::time::Duration;
 use sunglint_formats::{CountRecord, Frame};
@@ -51,6 +51,13 @@ pub enum Reading {
         time: Epoch,
         /// The slot, counted from 1.
         slot: u32,
+    },
+    /// Place to which a mount points.
+    Place {
+        /// When the mount stood there, UTC.
+        time: Epoch,
+        /// The place.
+        place: MountPlace,
     },
     /// Frame of a camera.
     Frame(Box<Frame>),
@@ -181,6 +188,10 @@ impl Counter {
             AnyDevice::FilterWheel(wheel) => {
                 let slot = wheel.slot(&soon)?;
                 Reading::Slot { time: utc_now()?, slot }
+            }
+            AnyDevice::Mount(mount) => {
+                let reading = mount.reading(&soon)?;
+                Reading::Place { time: reading.utc, place: reading.place }
             }
             AnyDevice::Camera(camera) => {
                 Reading::Frame(Box::new(camera.expose(exposure_s, &long)?))

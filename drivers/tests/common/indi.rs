@@ -43,9 +43,13 @@ pub fn live(test: &str, body: impl FnOnce()) {
 }
 
 fn possible() -> Result<(), String> {
-    for program in
-        ["indiserver", "indi_simulator_ccd", "indi_simulator_rotator", "indi_simulator_wheel"]
-    {
+    for program in [
+        "indiserver",
+        "indi_simulator_ccd",
+        "indi_simulator_rotator",
+        "indi_simulator_wheel",
+        "indi_simulator_telescope",
+    ] {
         let there = std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default())
             .any(|folder| folder.join(program).exists());
         if !there {

@@ -5,7 +5,7 @@ use crate::Product;
 use hifitime::Epoch;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use sunglint_drivers::device::Power;
+use sunglint_drivers::device::{MountPlace, Power};
 use sunglint_drivers::session::{Reading, Readings};
 use sunglint_formats::fits::Writer;
 use sunglint_formats::time::format_utc;
@@ -56,6 +56,17 @@ pub fn reading_text(reading: &Reading) -> String {
         Reading::Power { time, .. } => format!("{}  more than its range", utc(*time)),
         Reading::Angle { time, angle_deg } => format!("{}  {angle_deg:.4} deg", utc(*time)),
         Reading::Slot { time, slot } => format!("{}  slot {slot}", utc(*time)),
+        Reading::Place { time, place } => {
+            let text = match place {
+                MountPlace::Equatorial { ra_deg, dec_deg } => {
+                    format!("RA {ra_deg:.5} deg, declination {dec_deg:+.5} deg (of date)")
+                }
+                MountPlace::Horizontal { azimuth_deg, altitude_deg } => {
+                    format!("azimuth {azimuth_deg:.5} deg, altitude {altitude_deg:+.5} deg")
+                }
+            };
+            format!("{}  {text}", utc(*time))
+        }
         Reading::Frame(frame) => {
             let (mean, most) = (frame.mean_adu(), frame.most_adu());
             let (rows, columns) = frame.pixels.dim();
@@ -92,6 +103,14 @@ fn reading_json(reading: &Reading) -> Value {
             json!({ "time_utc": utc(*time), "angle_deg": angle_deg })
         }
         Reading::Slot { time, slot } => json!({ "time_utc": utc(*time), "slot": slot }),
+        Reading::Place { time, place } => match place {
+            MountPlace::Equatorial { ra_deg, dec_deg } => {
+                json!({ "time_utc": utc(*time), "ra_deg": ra_deg, "dec_deg": dec_deg })
+            }
+            MountPlace::Horizontal { azimuth_deg, altitude_deg } => {
+                json!({ "time_utc": utc(*time), "azimuth_deg": azimuth_deg, "altitude_deg": altitude_deg })
+            }
+        },
         Reading::Frame(frame) => {
             let (mean, most) = (frame.mean_adu(), frame.most_adu());
             let (rows, columns) = frame.pixels.dim();
@@ -124,9 +143,10 @@ fn product(readings: &[Reading]) -> Result<Product, EncodeError> {
     let mut product = Product { name: "readings".into(), ..Product::default() };
     let time = |time: Vec<String>| Column::text("time_utc", time);
     let texts = readings.iter().map(|reading| match reading {
-        Reading::Power { time, .. } | Reading::Angle { time, .. } | Reading::Slot { time, .. } => {
-            utc(*time)
-        }
+        Reading::Power { time, .. }
+        | Reading::Angle { time, .. }
+        | Reading::Slot { time, .. }
+        | Reading::Place { time, .. } => utc(*time),
         Reading::Frame(frame) => format_utc(frame.start, 6),
         Reading::Counts { record, .. } => format_utc(record.start, 6),
     });
@@ -162,6 +182,26 @@ fn product(readings: &[Reading]) -> Result<Product, EncodeError> {
                 _ => 0,
             };
             columns.push(Column::i64("slot", None, readings.iter().map(slot).collect()));
+        }
+        Some(Reading::Place { place, .. }) => {
+            let names = match place {
+                MountPlace::Equatorial { .. } => ["ra_deg", "dec_deg"],
+                MountPlace::Horizontal { .. } => ["azimuth_deg", "altitude_deg"],
+            };
+            let angle = |reading: &Reading, axis: usize| match reading {
+                Reading::Place { place: MountPlace::Equatorial { ra_deg, dec_deg }, .. } => {
+                    [*ra_deg, *dec_deg][axis]
+                }
+                Reading::Place {
+                    place: MountPlace::Horizontal { azimuth_deg, altitude_deg },
+                    ..
+                } => [*azimuth_deg, *altitude_deg][axis],
+                _ => f64::NAN,
+            };
+            for (axis, name) in names.into_iter().enumerate() {
+                let angles = readings.iter().map(|reading| angle(reading, axis)).collect();
+                columns.push(Column::f64(name, Some("deg"), angles));
+            }
         }
         Some(Reading::Frame(_)) => frames(readings, &mut columns, &mut product)?,
         Some(Reading::Counts { channels, .. }) => {

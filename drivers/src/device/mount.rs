@@ -1,0 +1,236 @@
+//! Telescope mounts, and cameras that say where a mount's target stands.
+
+use super::{Device, DeviceError};
+use crate::clock::Deadline;
+use hifitime::Epoch;
+
+/// Pair of axes about which a mount turns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MountAxes {
+    /// Hour angle, growing towards the west, and declination.
+    Equatorial,
+    /// Azimuth, growing from north towards east, and altitude.
+    Horizontal,
+}
+
+/// Rates at which a mount can be told to move.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum MountRates {
+    /// Any rate of both axes at once.
+    Continuous {
+        /// Largest rate of each axis, deg/s.
+        most_deg_s: [f64; 2],
+    },
+    /// A few rates only.
+    Discrete {
+        /// The rates, deg/s, from the slowest.
+        deg_s: Vec<f64>,
+    },
+    /// None: the mount is only sent to places.
+    Absent,
+}
+
+/// Side of the pier on which the telescope hangs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PierSide {
+    /// East of the pier: it looks west.
+    East,
+    /// West of the pier: it looks east.
+    West,
+}
+
+/// Abilities of a mount.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct MountAbilities {
+    /// The axes in which rates are given.
+    pub axes: MountAxes,
+    /// The rates that it takes.
+    pub rates: MountRates,
+    /// Whether it can be parked.
+    pub parks: bool,
+    /// Whether it can be told where it points.
+    pub syncs: bool,
+    /// Whether it says on which side of the pier it hangs: such a mount turns over at the meridian.
+    pub tells_pier_side: bool,
+    /// Lowest and highest altitude to which it goes, deg, where it says so.
+    pub altitude_deg: Option<[f64; 2]>,
+}
+
+impl MountAbilities {
+    /// Abilities of a mount with these axes and rates that does nothing else.
+    pub fn new(axes: MountAxes, rates: MountRates) -> Self {
+        Self { axes, rates, parks: false, syncs: false, tells_pier_side: false, altitude_deg: None }
+    }
+
+    /// The largest rates of the two axes, deg/s; `None` without continuous rates.
+    pub fn continuous_deg_s(&self) -> Option<[f64; 2]> {
+        match self.rates {
+            MountRates::Continuous { most_deg_s } => Some(most_deg_s),
+            _ => None,
+        }
+    }
+}
+
+/// Place on the sky, as mounts are told and tell it. Both are true (unrefracted) or not as the mount takes it: it is told what it should show.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum MountPlace {
+    /// Equator and equinox of date, topocentric.
+    Equatorial {
+        /// Right ascension, deg, 0 to 360.
+        ra_deg: f64,
+        /// Declination, deg.
+        dec_deg: f64,
+    },
+    /// At the site.
+    Horizontal {
+        /// Azimuth, deg, north 0, east 90.
+        azimuth_deg: f64,
+        /// Altitude, deg.
+        altitude_deg: f64,
+    },
+}
+
+/// State of a mount's motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MountMotion {
+    /// Parked: it takes no command but to unpark.
+    Parked,
+    /// Stands still on the ground.
+    Still,
+    /// On its way to a place.
+    Slewing,
+    /// Follows the stars, or rates that it was given.
+    Tracking,
+}
+
+/// Reading of a mount.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MountReading {
+    /// Time at which it stood there, as well as that is known: when its answer came.
+    pub utc: Epoch,
+    /// Where it points.
+    pub place: MountPlace,
+    /// Side of the pier, where it says it.
+    pub pier: Option<PierSide>,
+    /// Motion.
+    pub motion: MountMotion,
+}
+
+/// Site that a mount believes to stand at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MountSite {
+    /// Geodetic latitude, deg.
+    pub latitude_deg: f64,
+    /// Longitude, deg, positive in the east, −180 to 180.
+    pub longitude_deg: f64,
+    /// Height, m.
+    pub height_m: f64,
+}
+
+/// A telescope mount. No call waits for a motion to end: what it does is in its [`reading`](Self::reading), so that whoever moves it can watch it.
+///
+/// A call that sets something in motion is not safe by itself: it knows nothing of the Sun or of the horizon. `sunglint_observatory::telescope`
+/// asks before it calls.
+pub trait Mount: Device {
+    /// Abilities of the mount.
+    fn abilities(&self) -> &MountAbilities;
+
+    /// Reads where it points. The call may wait for the mount's next report, so that the time is that of the place.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn reading(&mut self, deadline: &Deadline) -> Result<MountReading, DeviceError>;
+
+    /// Sends it to a place, on which it then follows the stars (equatorial places) or stands (horizontal ones).
+    ///
+    /// # Errors
+    /// It refuses, or see [`DeviceError`].
+    fn begin_goto(&mut self, place: MountPlace, deadline: &Deadline) -> Result<(), DeviceError>;
+
+    /// Tells it that it points there now.
+    ///
+    /// # Errors
+    /// It cannot, or see [`DeviceError`].
+    fn sync(&mut self, place: MountPlace, deadline: &Deadline) -> Result<(), DeviceError>;
+
+    /// Switches the following of the stars on or off.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn set_tracking(&mut self, on: bool, deadline: &Deadline) -> Result<(), DeviceError>;
+
+    /// Finds out which way the axes turn, by a short move where this has to be tried. To be called after each goto and before the first
+    /// [`set_rates`](Self::set_rates); it ends with rates of zero.
+    ///
+    /// # Errors
+    /// The mount does not move as it is told, or see [`DeviceError`].
+    fn learn_senses(&mut self, deadline: &Deadline) -> Result<(), DeviceError>;
+
+    /// Moves both axes at these rates from now on, deg/s: hour angle and declination, or azimuth and altitude, as the place grows.
+    ///
+    /// # Errors
+    /// Rates that it does not take, senses that are not known, or see [`DeviceError`].
+    fn set_rates(&mut self, deg_s: [f64; 2], deadline: &Deadline) -> Result<(), DeviceError>;
+
+    /// Stops every motion, the following of the stars among it.
+    ///
+    /// # Errors
+    /// See [`DeviceError`]; it may still be moving.
+    fn stop(&mut self, deadline: &Deadline) -> Result<(), DeviceError>;
+
+    /// Sends it to its park position, or frees it from there.
+    ///
+    /// # Errors
+    /// It cannot, or see [`DeviceError`].
+    fn set_parked(&mut self, parked: bool, deadline: &Deadline) -> Result<(), DeviceError>;
+
+    /// Site that it believes to stand at; `None` if it says none.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn site(&mut self, deadline: &Deadline) -> Result<Option<MountSite>, DeviceError>;
+
+    /// Tells it site and time.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn set_site(
+        &mut self,
+        site: MountSite,
+        utc: Epoch,
+        deadline: &Deadline,
+    ) -> Result<(), DeviceError>;
+}
+
+/// Spot of light in a frame of a [`Finder`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spot {
+    /// Offset from the telescope's axis, arcsec, in the tangent plane: towards growing first axis (hour angle or azimuth), and towards growing second axis
+    /// (declination or altitude).
+    pub offset_arcsec: [f64; 2],
+    /// Brightness, in any unit.
+    pub flux: f64,
+}
+
+/// Frame of a [`Finder`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct FinderFrame {
+    /// Middle of the exposure.
+    pub middle: Epoch,
+    /// The spots in it, the brightest first.
+    pub spots: Vec<Spot>,
+}
+
+/// A camera on a mount that says where the lights stand that it sees.
+pub trait Finder: Send {
+    /// Half the width of its field, deg.
+    fn half_width_deg(&self) -> f64;
+
+    /// The last frame that is finished, if it was not given yet. The call does not wait.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    fn frame(&mut self, deadline: &Deadline) -> Result<Option<FinderFrame>, DeviceError>;
+}

@@ -1,0 +1,292 @@
+//! Estimator of where a target is beside its prediction, and the choice of the target among spots.
+
+use super::path::Place;
+use glam::DVec3;
+
+/// One radian in arcsec.
+pub(super) const ARCSEC: f64 = 206_264.806_247_096_36;
+
+/// A number and its rate, with covariance: a Kalman filter with a rate that wanders.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Drift {
+    pub value: f64,
+    pub rate: f64,
+    covariance: [f64; 3],
+}
+
+impl Drift {
+    /// Nothing known but the spread of value and rate.
+    pub fn new(sigma: f64, rate_sigma: f64) -> Self {
+        Self { value: 0.0, rate: 0.0, covariance: [sigma * sigma, 0.0, rate_sigma * rate_sigma] }
+    }
+
+    pub fn sigma(&self) -> f64 {
+        self.covariance[0].max(0.0).sqrt()
+    }
+
+    pub fn after(&self, dt_s: f64) -> f64 {
+        self.value + self.rate * dt_s
+    }
+
+    /// Goes on by a time; `noise` is what the rate wanders by, in a second.
+    pub fn advance(&mut self, dt_s: f64, noise: f64) {
+        let [vv, vr, rr] = self.covariance;
+        let q = noise * noise;
+        self.value += self.rate * dt_s;
+        self.covariance = [
+            vv + 2.0 * dt_s * vr + dt_s * dt_s * rr + q * dt_s.powi(3) / 3.0,
+            vr + dt_s * rr + q * dt_s * dt_s / 2.0,
+            rr + q * dt_s,
+        ];
+    }
+
+    /// Learns from a measurement of the value's error.
+    pub fn learn(&mut self, innovation: f64, sigma: f64) {
+        let [vv, vr, rr] = self.covariance;
+        let total = vv + sigma * sigma;
+        let (kv, kr) = (vv / total, vr / total);
+        self.value += kv * innovation;
+        self.rate += kr * innovation;
+        self.covariance = [vv * (1.0 - kv), vr * (1.0 - kv), rr - kr * vr];
+    }
+}
+
+/// How the estimator works.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct EstimatorOptions {
+    /// Doubt of the elements along the track at the start, s (1 σ).
+    pub along_s: f64,
+    /// Doubt of elements and pointing across the track and along it, arcsec (1 σ).
+    pub across_arcsec: f64,
+    /// Error of one measurement of the place, arcsec per axis.
+    pub measured_arcsec: f64,
+    /// What the rate of the error wanders by, arcsec/s in a second.
+    pub wander_arcsec_s: f64,
+    /// Gate of a measurement, in σ, once locked.
+    pub gate: f64,
+    /// How much brighter or fainter a spot may become from one frame to the next and still be the target: a star that it crosses is not.
+    pub flux_ratio: f64,
+    /// How long a lock is kept without the target, s.
+    pub coast_s: f64,
+}
+
+impl Default for EstimatorOptions {
+    fn default() -> Self {
+        Self {
+            along_s: 2.0,
+            across_arcsec: 40.0,
+            measured_arcsec: 0.6,
+            wander_arcsec_s: 5.0,
+            gate: 5.0,
+            flux_ratio: 2.0,
+            coast_s: 60.0,
+        }
+    }
+}
+
+/// Error of a target along its track (as time) and across it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Offset {
+    /// By how much later the prediction is asked, s.
+    pub along: Drift,
+    /// To the left of the track, arcsec.
+    pub across: Drift,
+}
+
+/// A spot that may be the target: where it was against the prediction when it was first seen, and last.
+#[derive(Debug, Clone, Copy)]
+struct Trail {
+    first_s: f64,
+    first: [f64; 2],
+    last: [f64; 2],
+    last_s: f64,
+    flux: f64,
+    seen: u32,
+}
+
+/// What became of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Found {
+    /// The target, and the offset has learnt from it.
+    Target,
+    /// Locked just now.
+    Locked,
+    /// Nothing that can be the target.
+    Nothing,
+}
+
+/// Follows one target through frames.
+#[derive(Debug, Clone)]
+pub(super) struct Estimator {
+    pub offset: Offset,
+    options: EstimatorOptions,
+    at_s: Option<f64>,
+    trails: Vec<Trail>,
+    flux: Option<f64>,
+    pub locked: bool,
+    pub seen_s: Option<f64>,
+    /// Since when spots are passed over for their brightness, s.
+    odd_since: Option<f64>,
+}
+
+impl Estimator {
+    pub fn new(options: EstimatorOptions) -> Self {
+        let offset = Offset {
+            along: Drift::new(options.along_s, 0.01 * options.along_s),
+            across: Drift::new(options.across_arcsec, 0.1 * options.across_arcsec),
+        };
+        let (trails, flux, seen_s, odd_since) = (Vec::new(), None, None, None);
+        Self { offset, options, at_s: None, trails, flux, locked: false, seen_s, odd_since }
+    }
+
+    /// Goes on to a time of the path, with the target's speed, rad/s.
+    pub fn advance(&mut self, time_s: f64, speed_rad_s: f64) {
+        let dt = self.at_s.map_or(0.0, |at| time_s - at);
+        self.at_s = Some(time_s);
+        if dt <= 0.0 {
+            return;
+        }
+        let noise = self.options.wander_arcsec_s;
+        let speed = (speed_rad_s * ARCSEC).max(1.0);
+        // Before the lock nothing is learnt: the doubt stays what it was.
+        if self.locked {
+            self.offset.along.advance(dt, noise / speed);
+            self.offset.across.advance(dt, noise);
+        }
+        if self.seen_s.is_some_and(|seen| time_s - seen > self.options.coast_s) && self.locked {
+            self.locked = false;
+            self.trails.clear();
+            self.flux = None;
+        }
+    }
+
+    /// The predicted direction at a path's place, displaced by what is known across the track, `ahead_s` after the last frame.
+    pub fn displaced(&self, place: &Place, ahead_s: f64) -> DVec3 {
+        let [_, left] = place.track();
+        (place.direction + left * (self.offset.across.after(ahead_s) / ARCSEC)).normalize()
+    }
+
+    /// Learns from a frame: directions in the mount's axes with their brightness, at a time of the path. `place` is the path's place at that time and the known
+    /// offset, `stars_rad_s` the speed of the target against the stars.
+    pub fn learn(
+        &mut self,
+        spots: &[(DVec3, f64)],
+        time_s: f64,
+        place: &Place,
+        stars_rad_s: f64,
+    ) -> Found {
+        let speed = (place.speed_rad_s() * ARCSEC).max(1.0);
+        let [along, left] = place.track();
+        let here = self.displaced(place, 0.0);
+        let beside = |x: DVec3| {
+            let off = x - here * x.dot(here);
+            [off.dot(along) * ARCSEC, off.dot(left) * ARCSEC]
+        };
+        let options = self.options;
+        let sigma = [
+            (self.offset.along.sigma() * speed).hypot(if self.locked {
+                0.0
+            } else {
+                options.across_arcsec
+            }),
+            self.offset.across.sigma(),
+        ]
+        .map(|sigma| sigma.hypot(options.measured_arcsec));
+        let gate = sigma.map(|sigma| options.gate * sigma);
+        let inside = |off: [f64; 2]| off[0].abs() < gate[0] && off[1].abs() < gate[1];
+        let seen: Vec<([f64; 2], f64)> = spots
+            .iter()
+            .map(|(x, flux)| (beside(*x), *flux))
+            .filter(|(off, _)| inside(*off))
+            .collect();
+        let fresh = self.seen_s.is_some_and(|seen| time_s - seen < 1.0);
+        if self.locked && fresh {
+            let distance = |off: &[f64; 2]| (off[0] / sigma[0]).hypot(off[1] / sigma[1]);
+            let nearest = seen.iter().min_by(|a, b| distance(&a.0).total_cmp(&distance(&b.0)));
+            let Some((off, flux)) = nearest else { return Found::Nothing };
+            // Two lights in the gate, or one that is too bright: a star passes.
+            let odd = self.flux.is_some_and(|usual| {
+                let ratio = flux / usual;
+                ratio > options.flux_ratio || ratio < 1.0 / options.flux_ratio
+            });
+            let crossing = odd || seen.len() > 1;
+            if crossing && time_s - *self.odd_since.get_or_insert(time_s) < 1.0 {
+                return Found::Nothing;
+            }
+            if !crossing {
+                self.odd_since = None;
+            }
+            self.take(*off, *flux, time_s, speed);
+            return Found::Target;
+        }
+        self.trails(&seen, time_s, stars_rad_s * ARCSEC).map_or(Found::Nothing, |(off, flux)| {
+            // The first frames of a lock come after many without: what was known is old.
+            self.locked = true;
+            self.odd_since = None;
+            self.flux = Some(flux);
+            self.take(off, flux, time_s, speed);
+            Found::Locked
+        })
+    }
+
+    fn take(&mut self, off: [f64; 2], flux: f64, time_s: f64, speed: f64) {
+        let sigma = self.options.measured_arcsec;
+        self.offset.along.learn(off[0] / speed, sigma / speed);
+        self.offset.across.learn(off[1], sigma);
+        self.seen_s = Some(time_s);
+        self.flux = Some(self.flux.map_or(flux, |usual| usual + 0.2 * (flux - usual)));
+        self.trails.clear();
+    }
+
+    /// Goes on with the trails of all spots, and gives the one that stands still against the prediction while the stars went by.
+    fn trails(
+        &mut self,
+        seen: &[([f64; 2], f64)],
+        time_s: f64,
+        stars_arcsec_s: f64,
+    ) -> Option<([f64; 2], f64)> {
+        // Spots of noise make trails too: those that nobody saw for a second go.
+        const MOST: usize = 500;
+        self.trails.retain(|trail| time_s - trail.last_s < 1.0);
+        let mut found = None;
+        let mut fresh = Vec::new();
+        for (off, flux) in seen.iter().take(MOST) {
+            let near = |trail: &&mut Trail| {
+                let step = (off[0] - trail.last[0]).hypot(off[1] - trail.last[1]);
+                let dt = time_s - trail.last_s;
+                dt > 0.0 && step < 4.0 + 0.25 * stars_arcsec_s * dt
+            };
+            match self.trails.iter_mut().find(near) {
+                Some(trail) => {
+                    trail.last = *off;
+                    trail.last_s = time_s;
+                    trail.flux = *flux;
+                    trail.seen += 1;
+                    let dt = time_s - trail.first_s;
+                    let moved = (off[0] - trail.first[0]).hypot(off[1] - trail.first[1]);
+                    let stars = stars_arcsec_s * dt;
+                    if trail.seen >= 3 && stars > 25.0 && moved < 0.2 * stars + 3.0 {
+                        let better = |(_, least): &([f64; 2], f64)| moved < *least;
+                        if found.as_ref().is_none_or(better) {
+                            found = Some((*off, moved));
+                        }
+                    }
+                }
+                None => fresh.push(Trail {
+                    first_s: time_s,
+                    first: *off,
+                    last: *off,
+                    last_s: time_s,
+                    flux: *flux,
+                    seen: 1,
+                }),
+            }
+        }
+        fresh.truncate(MOST.saturating_sub(self.trails.len()));
+        self.trails.extend(fresh);
+        let (off, _) = found?;
+        let flux = self.trails.iter().find(|trail| trail.last == off).map(|trail| trail.flux)?;
+        Some((off, flux))
+    }
+}

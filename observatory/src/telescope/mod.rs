@@ -1,0 +1,20 @@
+//! The telescope follows: from the path of a target to a mount that tracks, within limits that keep it off the Sun.
+//!
+//! - [`TargetPath`]: where a target stands, in the axes of a mount;
+//! - [`PassPlan`]: slew, flip, keyhole, distance from the Sun, before anything moves;
+//! - [`Guard`]: what a mount may point at, and which ways it may take;
+//! - [`Tracker`]: feed-forward of place and rate, an estimator of the target's error along and across its track, search and coasting;
+//! - [`watchdog`]: stops the mount when the tracker dies.
+
+mod estimate;
+mod path;
+mod plan;
+mod safety;
+mod tracker;
+pub mod watchdog;
+
+pub use estimate::EstimatorOptions;
+pub use path::{Frame, PathError, Place, TargetPath, angles, direction};
+pub use plan::{Keyhole, PassPlan};
+pub use safety::{Certainty, Danger, Guard, SunCone, SunNow, sun};
+pub use tracker::{TrackError, TrackOptions, TrackState, TrackStep, TrackSummary, Tracker};

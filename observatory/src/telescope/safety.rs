@@ -1,0 +1,407 @@
+//! Guard of a mount: what it may point at, and which ways it may take.
+//!
+//! The Sun's place does not come through the modules that make targets: it is the low-precision formula of the Astronomical Almanac (page C5: 0.01° from 1950 to 2050),
+//! from UTC, latitude and longitude alone. What both have in common are clock and site; these are checked on their own ([`Certainty`]).
+
+use super::path::{Frame, angles, direction, wrapped};
+use glam::DVec3;
+use hifitime::Epoch;
+use sunglint_drivers::device::{MountAxes, MountSite};
+use sunglint_radiometry::sky::Site;
+use sunglint_radiometry::station::Horizon;
+
+/// Steps in which the edges of a mount's ways are looked at, deg; half of it is added to the cone.
+const STEP_DEG: f64 = 1.0;
+
+/// Reason why a mount must not go, or must stop.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Danger {
+    /// The Sun is near the place.
+    #[error(
+        "the place is {separation_deg:.1}° from the Sun, which stands at {sun_altitude_deg:.1}° altitude: nearer than {limit_deg:.1}°; wait for another pass, or until the Sun is down"
+    )]
+    Sun {
+        /// Distance of the Sun, deg.
+        separation_deg: f64,
+        /// Least distance, deg.
+        limit_deg: f64,
+        /// Altitude of the Sun, deg.
+        sun_altitude_deg: f64,
+    },
+    /// The Sun is near a way that the mount may take to the place.
+    #[error(
+        "on its way the mount could come within {separation_deg:.1}° of the Sun, nearer than {limit_deg:.1}°, and no detour over one other place is free; move it by hand, or wait until the Sun is down"
+    )]
+    Way {
+        /// Least distance of the Sun from the ways, deg.
+        separation_deg: f64,
+        /// Least distance allowed, deg.
+        limit_deg: f64,
+    },
+    /// The place is too low.
+    #[error(
+        "the place is at {altitude_deg:.1}° altitude, lower than the limit of {limit_deg:.1}° there"
+    )]
+    Low {
+        /// Altitude of the place, deg.
+        altitude_deg: f64,
+        /// Lowest altitude at that azimuth, deg.
+        limit_deg: f64,
+    },
+    /// Not a place.
+    #[error("the place is not a number: the mount stays where it is")]
+    NotFinite,
+    /// Clock in doubt.
+    #[error(
+        "it is not known how far this computer's clock is from UTC ({why}): the Sun's place would be a guess; set up chrony, or say --trust-clock if you know it to be right"
+    )]
+    Clock {
+        /// Finding.
+        why: String,
+    },
+    /// Sites differ.
+    #[error(
+        "the mount believes to stand at latitude {mount_deg:?} (latitude, longitude, deg), the station is at {station_deg:?}: set one of them right (--set-site tells the mount)"
+    )]
+    Site {
+        /// Latitude and longitude of the mount, deg.
+        mount_deg: [f64; 2],
+        /// Latitude and longitude of the station, deg.
+        station_deg: [f64; 2],
+    },
+    /// The clock was set.
+    #[error(
+        "the computer's clock stepped by {step_ms:.1} ms, more than 10 ms: what the prediction says is not where the target is"
+    )]
+    ClockStep {
+        /// The step, ms.
+        step_ms: f64,
+    },
+}
+
+/// The Sun over a site.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SunNow {
+    /// Direction of its centre in east, north, up, true.
+    pub enu: DVec3,
+    /// True altitude of its centre, deg.
+    pub altitude_deg: f64,
+}
+
+/// The Sun from UTC, latitude and longitude (deg, east): Astronomical Almanac, low-precision formulas.
+pub fn sun(utc: Epoch, latitude_deg: f64, longitude_deg: f64) -> SunNow {
+    let days = utc.to_mjd_utc_days() - 51_544.5;
+    let mean = (280.460 + 0.985_647_4 * days).to_radians();
+    let anomaly = (357.528 + 0.985_600_3 * days).to_radians();
+    let longitude = mean + (1.915 * anomaly.sin() + 0.020 * (2.0 * anomaly).sin()).to_radians();
+    let obliquity = (23.439 - 4e-7 * days).to_radians();
+    let (sin, cos) = longitude.sin_cos();
+    let (x, y, z) = (cos, obliquity.cos() * sin, obliquity.sin() * sin);
+    let sidereal = (280.460_618 + 360.985_647_37 * days + longitude_deg).to_radians();
+    // Towards the meridian, the west, the pole.
+    let meridian = x * sidereal.cos() + y * sidereal.sin();
+    let west = x * sidereal.sin() - y * sidereal.cos();
+    let (sin_lat, cos_lat) = latitude_deg.to_radians().sin_cos();
+    let enu = DVec3::new(-west, z * cos_lat - meridian * sin_lat, z * sin_lat + meridian * cos_lat);
+    SunNow { enu, altitude_deg: enu.z.clamp(-1.0, 1.0).asin().to_degrees() }
+}
+
+/// Rules about the Sun.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct SunCone {
+    /// Least distance of the telescope's axis from the Sun, deg.
+    pub limit_deg: f64,
+    /// Error of the mount's pointing, deg, by which the cone is wider.
+    pub pointing_deg: f64,
+    /// Whether it holds when the Sun is down, too.
+    pub at_night: bool,
+}
+
+impl Default for SunCone {
+    fn default() -> Self {
+        Self { limit_deg: 30.0, pointing_deg: 5.0, at_night: false }
+    }
+}
+
+impl SunCone {
+    /// The cone with another limit, deg.
+    #[must_use]
+    pub fn with_limit_deg(mut self, limit_deg: f64) -> Self {
+        self.limit_deg = limit_deg;
+        self
+    }
+
+    /// The cone for a mount whose pointing is known to so much, deg.
+    #[must_use]
+    pub fn with_pointing_deg(mut self, pointing_deg: f64) -> Self {
+        self.pointing_deg = pointing_deg;
+        self
+    }
+
+    fn whole_deg(&self) -> f64 {
+        self.limit_deg + self.pointing_deg
+    }
+}
+
+/// Guard of one mount at one site.
+#[derive(Debug, Clone)]
+pub struct Guard {
+    latitude_deg: f64,
+    longitude_deg: f64,
+    height_m: f64,
+    cone: SunCone,
+    horizon: Horizon,
+    least_altitude_deg: f64,
+    /// The mount's axes.
+    frame: Frame,
+    /// Whether the mount turns over at the meridian.
+    turns_over: bool,
+}
+
+impl Guard {
+    /// A guard of a mount with these axes.
+    pub fn new(site: &Site, axes: MountAxes, turns_over: bool, cone: SunCone) -> Self {
+        let place = site.geodetic();
+        Self {
+            latitude_deg: place.latitude_deg,
+            longitude_deg: place.longitude_deg,
+            height_m: place.height_m,
+            cone,
+            horizon: Horizon::Flat(0.0),
+            least_altitude_deg: 0.0,
+            frame: Frame { axes, latitude_deg: place.latitude_deg },
+            turns_over,
+        }
+    }
+
+    /// The guard with a horizon, and a lowest altitude, deg.
+    #[must_use]
+    pub fn with_horizon(mut self, horizon: Horizon, least_altitude_deg: f64) -> Self {
+        (self.horizon, self.least_altitude_deg) = (horizon, least_altitude_deg);
+        self
+    }
+
+    /// The cone.
+    pub fn cone(&self) -> SunCone {
+        self.cone
+    }
+
+    /// The Sun now.
+    pub fn sun(&self, utc: Epoch) -> SunNow {
+        sun(utc, self.latitude_deg, self.longitude_deg)
+    }
+
+    /// Whether the cone holds: some of the Sun's disc can be seen from the site (16′ of radius, 34′ of refraction, the dip of the horizon), and down to −1° in any case.
+    pub fn cone_holds(&self, sun: &SunNow) -> bool {
+        let dip_deg = 1.76 / 60.0 * self.height_m.max(0.0).sqrt();
+        // A hundredth of a degree for the formula.
+        let on = self.cone.whole_deg() > 0.0;
+        on && (self.cone.at_night || sun.altitude_deg > (-0.844 - dip_deg).min(-1.0) - 0.01)
+    }
+
+    /// Distance of a direction (east, north, up) from the Sun, deg.
+    pub fn sun_distance_deg(&self, enu: DVec3, utc: Epoch) -> f64 {
+        let sun = self.sun(utc).enu;
+        sun.cross(enu).length().atan2(sun.dot(enu)).to_degrees()
+    }
+
+    /// Whether the telescope may point there: Sun, horizon, lowest altitude.
+    ///
+    /// # Errors
+    /// The reason why not.
+    pub fn check_place(&self, enu: DVec3, utc: Epoch) -> Result<(), Danger> {
+        self.check_sun(enu, utc)?;
+        let azimuth = enu.x.atan2(enu.y).to_degrees();
+        let altitude_deg = enu.z.clamp(-1.0, 1.0).asin().to_degrees();
+        let limit_deg = self.horizon.elevation_deg(azimuth).max(self.least_altitude_deg);
+        if altitude_deg < limit_deg {
+            return Err(Danger::Low { altitude_deg, limit_deg });
+        }
+        Ok(())
+    }
+
+    /// Whether the telescope may point there for the Sun.
+    ///
+    /// # Errors
+    /// The reason why not.
+    pub fn check_sun(&self, enu: DVec3, utc: Epoch) -> Result<(), Danger> {
+        if !enu.is_finite() || (enu.length() - 1.0).abs() > 1e-3 {
+            return Err(Danger::NotFinite);
+        }
+        let sun = self.sun(utc);
+        let separation_deg = self.sun_distance_deg(enu, utc);
+        let limit_deg = self.cone.whole_deg();
+        if self.cone_holds(&sun) && separation_deg < limit_deg {
+            let sun_altitude_deg = sun.altitude_deg;
+            return Err(Danger::Sun { separation_deg, limit_deg, sun_altitude_deg });
+        }
+        Ok(())
+    }
+
+    /// Stations on the way from one direction to another (east, north, up), the end among them: one, or two with a detour. Each leg keeps off the Sun whichever way
+    /// the mount takes it: the axes at any speeds (all of the rectangle between the ends), the great circle, over the meridian's flip and round either way.
+    /// The Sun moves by less than `slew_s` seconds meanwhile.
+    ///
+    /// # Errors
+    /// The end is no place to point at, or every way to it leads by the Sun.
+    pub fn way(
+        &self,
+        from: DVec3,
+        to: DVec3,
+        utc: Epoch,
+        slew_s: f64,
+    ) -> Result<Vec<DVec3>, Danger> {
+        self.check_place(to, utc)?;
+        let sun = self.sun(utc);
+        if !from.is_finite() {
+            return Err(Danger::NotFinite);
+        }
+        let later = utc + hifitime::Duration::from_seconds(slew_s.max(0.0));
+        let holds = self.cone_holds(&sun) || self.cone_holds(&self.sun(later));
+        if !holds {
+            return Ok(vec![to]);
+        }
+        // The Sun goes on by 15″ a second.
+        let limit_deg = self.cone.whole_deg() + 0.0042 * slew_s.max(0.0);
+        let direct = self.least_distance_deg(from, to, sun.enu);
+        if direct >= limit_deg {
+            return Ok(vec![to]);
+        }
+        let mut best: Option<(f64, DVec3)> = None;
+        for altitude in [25.0, 50.0, 75.0] {
+            for i in 0..12 {
+                let by = direction([f64::from(i) * 30.0, altitude]);
+                if self.check_place(by, utc).is_err() {
+                    continue;
+                }
+                let length = from.angle_between(by) + by.angle_between(to);
+                if best.is_some_and(|(least, _)| length >= least) {
+                    continue;
+                }
+                let least = |a, b| self.least_distance_deg(a, b, sun.enu);
+                if least(from, by) >= limit_deg && least(by, to) >= limit_deg {
+                    best = Some((length, by));
+                }
+            }
+        }
+        match best {
+            Some((_, by)) => Ok(vec![by, to]),
+            None => Err(Danger::Way { separation_deg: direct, limit_deg }),
+        }
+    }
+
+    /// The least distance of the Sun from all ways of the mount between two directions, deg; never more than it is.
+    fn least_distance_deg(&self, from: DVec3, to: DVec3, sun: DVec3) -> f64 {
+        let [a, b, sun] = [from, to, sun].map(|enu| self.frame.of_enu(enu));
+        let mut least = great_circle_deg(a, b, sun);
+        let (a, b) = (angles(a), angles(b));
+        let first = wrapped(b[0] - a[0]);
+        let mut ends = vec![[a[0] + first, b[1]]];
+        let round = match self.frame.axes {
+            // Where the cable's middle lies is not known.
+            MountAxes::Horizontal => true,
+            MountAxes::Equatorial => first.abs() > 150.0,
+        };
+        if round {
+            ends.push([a[0] + first - 360.0 * first.signum(), b[1]]);
+        }
+        if self.turns_over {
+            // The same direction on the other side of the pier.
+            ends.push([a[0] + first - 180.0, 180.0 - b[1]]);
+            ends.push([a[0] + first + 180.0, 180.0 - b[1]]);
+        }
+        for end in ends {
+            least = least.min(rectangle_deg(a, end, sun));
+        }
+        least
+    }
+
+    /// Whether a mount believes to stand where the station is, within 0.1°.
+    ///
+    /// # Errors
+    /// It does not.
+    pub fn check_site(&self, mount: Option<MountSite>) -> Result<(), Danger> {
+        let Some(site) = mount else { return Ok(()) };
+        let off = wrapped(site.longitude_deg - self.longitude_deg);
+        let near = (site.latitude_deg - self.latitude_deg).abs() <= 0.1
+            && off.abs() * self.latitude_deg.to_radians().cos() <= 0.1;
+        if near {
+            return Ok(());
+        }
+        Err(Danger::Site {
+            mount_deg: [site.latitude_deg, site.longitude_deg],
+            station_deg: [self.latitude_deg, self.longitude_deg],
+        })
+    }
+}
+
+/// Certainty of the time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Certainty {
+    /// Whether the clock follows UTC, as far as is known.
+    pub synchronised: Option<bool>,
+    /// Largest error of the clock, s, where it is known.
+    pub error_s: Option<f64>,
+}
+
+impl Certainty {
+    /// Whether the clock is known to be right within a second: in that time the fastest target of a low orbit moves by a degree, the Sun by 15″.
+    ///
+    /// # Errors
+    /// It is not known.
+    pub fn check(&self) -> Result<(), Danger> {
+        let why = match (self.synchronised, self.error_s) {
+            (Some(true), Some(error_s)) if error_s > 1.0 => format!("up to {error_s:.1} s wrong"),
+            (Some(true), _) => return Ok(()),
+            (Some(false), _) => "not synchronised".to_owned(),
+            (None, _) => "no chrony or timesyncd answers".to_owned(),
+        };
+        Err(Danger::Clock { why })
+    }
+}
+
+/// The least angle of the Sun from the great circle's part between two directions, deg.
+fn great_circle_deg(a: DVec3, b: DVec3, sun: DVec3) -> f64 {
+    let angle = |x: DVec3| x.cross(sun).length().atan2(x.dot(sun)).to_degrees();
+    let ends = angle(a).min(angle(b));
+    let Some(normal) = a.cross(b).try_normalize() else { return ends };
+    let foot = sun - normal * sun.dot(normal);
+    let between = a.cross(foot).dot(normal) >= 0.0 && foot.cross(b).dot(normal) >= 0.0;
+    if between { normal.dot(sun).abs().min(1.0).asin().to_degrees() } else { ends }
+}
+
+/// The least angle of the Sun from all directions whose angles lie between those of two ends, deg: nothing where the Sun is among them. An axis that is turned beyond its pole
+/// points to the other side.
+fn rectangle_deg(a: [f64; 2], b: [f64; 2], sun: DVec3) -> f64 {
+    let low = [a[0].min(b[0]), a[1].min(b[1])];
+    let high = [a[0].max(b[0]), a[1].max(b[1])];
+    let s = angles(sun);
+    for s in [s, [s[0] + 180.0, 180.0 - s[1]]] {
+        let within = (low[1]..=high[1]).contains(&s[1]);
+        let turns = [-2.0, -1.0, 0.0, 1.0, 2.0]
+            .iter()
+            .any(|turn| (low[0]..=high[0]).contains(&(s[0] + 360.0 * turn)));
+        if within && turns {
+            return 0.0;
+        }
+    }
+    let count = |axis: usize| ((high[axis] - low[axis]) / STEP_DEG).ceil().max(1.0) as usize;
+    let mut least = f64::INFINITY;
+    let mut look = |angle: [f64; 2]| {
+        let x = direction(angle);
+        least = least.min(x.cross(sun).length().atan2(x.dot(sun)).to_degrees());
+    };
+    for i in 0..=count(0) {
+        let first = low[0] + (high[0] - low[0]) * i as f64 / count(0) as f64;
+        look([first, low[1]]);
+        look([first, high[1]]);
+    }
+    for i in 0..=count(1) {
+        let second = low[1] + (high[1] - low[1]) * i as f64 / count(1) as f64;
+        look([low[0], second]);
+        look([high[0], second]);
+    }
+    least - 0.5 * STEP_DEG
+}

@@ -1,0 +1,671 @@
+//! Tracker: follows a path with a mount, learns from a finder, and watches itself.
+
+use super::estimate::{ARCSEC, Estimator, EstimatorOptions, Found};
+use super::path::{TargetPath, angles, direction, wrapped};
+use super::plan::Keyhole;
+use super::safety::{Danger, Guard};
+use glam::DVec3;
+use serde::Serialize;
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+use std::time::Duration;
+use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, clock_offset_s};
+use sunglint_drivers::device::{
+    DeviceError, Finder, Mount, MountAxes, MountMotion, PierSide, Spot,
+};
+
+/// A step of the clock that stops the tracking, s.
+const CLOCK_STEP_S: f64 = 0.010;
+/// How far ahead of its place the target's way is held against the Sun, s: what stopping takes, and two seconds.
+const AHEAD_S: f64 = 3.0;
+/// Turn of the stars in the axes of the Earth, rad/s.
+const STARS_RAD_S: f64 = 7.292_115e-5;
+
+/// How a mount follows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct TrackOptions {
+    /// Time between two commands, s.
+    pub period_s: f64,
+    /// Time from a command to the mount's doing it, motor lag included, s.
+    pub latency_s: f64,
+    /// Gain of the position's error, 1/s.
+    pub gain_per_s: f64,
+    /// Acceleration that the mount can do, deg/s²: it brakes in time.
+    pub acceleration_deg_s2: f64,
+    /// Estimator of the target's offset.
+    pub estimator: EstimatorOptions,
+    /// How much before the target the mount is sent to a place, s.
+    pub lead_s: f64,
+    /// Longest time that a slew may take, s.
+    pub slew_within_s: f64,
+    /// Whether the mount follows the prediction alone, finder or not.
+    pub open_loop: bool,
+    /// Offset along the track that a person gives, s: later is positive.
+    pub nudge_s: f64,
+    /// Whether the program checks that the clock does not step: not for a virtual clock.
+    pub watch_clock: bool,
+}
+
+impl Default for TrackOptions {
+    fn default() -> Self {
+        Self {
+            period_s: 0.1,
+            latency_s: 0.25,
+            gain_per_s: 3.0,
+            acceleration_deg_s2: 2.0,
+            estimator: EstimatorOptions::default(),
+            lead_s: 10.0,
+            slew_within_s: 120.0,
+            open_loop: false,
+            nudge_s: 0.0,
+            watch_clock: true,
+        }
+    }
+}
+
+/// State of a tracker.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TrackState {
+    /// On the way to the place where the path begins.
+    Slewing,
+    /// There, before the target.
+    Waiting,
+    /// Follows the prediction: there is no finder, or it is not used.
+    Predicted,
+    /// Looks for the target along the track.
+    Searching,
+    /// Sees the target.
+    Locked,
+    /// Goes on with what it learnt, without the target: cloud, shadow, a star.
+    Coasting,
+}
+
+/// One step of a tracker.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct TrackStep {
+    /// Seconds of the path.
+    pub time_s: f64,
+    /// State.
+    pub state: TrackState,
+    /// Angles at which the target is believed to be, deg.
+    pub target_deg: [f64; 2],
+    /// Angles that the mount says, deg.
+    pub mount_deg: [f64; 2],
+    /// Rates that were commanded, deg/s.
+    pub commanded_deg_s: [f64; 2],
+    /// Distance of the mount from where the target is believed to be, arcsec.
+    pub error_arcsec: f64,
+    /// Distance of the target from the finder's middle, arcsec, when it was seen last.
+    pub seen_arcsec: Option<f64>,
+    /// What was learnt: by how much the target is ahead of its prediction, s.
+    pub ahead_s: f64,
+    /// What was learnt: by how much it is left of its track, arcsec.
+    pub left_arcsec: f64,
+    /// Distance of the Sun from the mount's direction, deg.
+    pub sun_deg: f64,
+    /// Altitude of the mount's direction, deg.
+    pub altitude_deg: f64,
+}
+
+/// Reason why a tracking ended before its path did.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TrackError {
+    /// The mount or the finder.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// Not safe.
+    #[error(transparent)]
+    Danger(#[from] Danger),
+    /// A mount that only goes to places.
+    #[error("this mount takes no rates ({what}): it can be sent to places, not follow a satellite")]
+    NoRates {
+        /// Rates that it has.
+        what: &'static str,
+    },
+    /// Nothing to follow.
+    #[error("the path ended {ago_s:.0} s ago")]
+    Over {
+        /// Since when, s.
+        ago_s: f64,
+    },
+    /// The mount did not end its slew.
+    #[error("the mount was still on its way after {after_s:.0} s: it was stopped")]
+    SlewTooLong {
+        /// How long was waited, s.
+        after_s: f64,
+    },
+    /// The mount says yes and does something else.
+    #[error(
+        "the mount does not do what it is told: {asked_deg:.3}° were asked for in 2 s, it moved by {moved_deg:.3}°; it was stopped (is its tracking on? are its motors?)"
+    )]
+    DoesNotFollow {
+        /// Way that it should have gone, deg.
+        asked_deg: f64,
+        /// Way that it went, deg.
+        moved_deg: f64,
+    },
+}
+
+/// How a tracking went.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct TrackSummary {
+    /// Steps that were done.
+    pub steps: u64,
+    /// Time of the path at which the target was locked first, s.
+    pub locked_s: Option<f64>,
+    /// Time of the path at which it began to follow, s.
+    pub began_s: f64,
+    /// Steps with the target in the finder.
+    pub seen: u64,
+    /// Whether it was stopped by a person.
+    pub cancelled: bool,
+}
+
+/// A mount that follows a path.
+pub struct Tracker<'a> {
+    path: &'a TargetPath,
+    guard: &'a Guard,
+    mount: &'a mut dyn Mount,
+    finder: Option<&'a mut dyn Finder>,
+    clock: DeviceClock,
+    options: TrackOptions,
+    keyhole: Option<Keyhole>,
+    cancel: Cancel,
+    estimator: Estimator,
+    /// The last commands: when, and the rates, deg/s.
+    commands: VecDeque<(f64, [f64; 2])>,
+    /// The last readings: when, and the angles, deg; the first unwrapped.
+    readings: VecDeque<(f64, [f64; 2])>,
+    pier: Option<PierSide>,
+    most_deg_s: [f64; 2],
+    seen_arcsec: Option<f64>,
+    search_from_s: Option<f64>,
+    zero_step_s: f64,
+}
+
+impl std::fmt::Debug for Tracker<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Tracker").field("options", &self.options).finish_non_exhaustive()
+    }
+}
+
+impl<'a> Tracker<'a> {
+    /// A tracker of a path. Nothing moves yet.
+    pub fn new(
+        path: &'a TargetPath,
+        guard: &'a Guard,
+        mount: &'a mut dyn Mount,
+        finder: Option<&'a mut dyn Finder>,
+        clock: DeviceClock,
+        options: TrackOptions,
+    ) -> Self {
+        let estimator = Estimator::new(options.estimator);
+        Self {
+            path,
+            guard,
+            mount,
+            finder,
+            clock,
+            options,
+            keyhole: None,
+            cancel: Cancel::new(),
+            estimator,
+            commands: VecDeque::new(),
+            readings: VecDeque::new(),
+            pier: None,
+            most_deg_s: [0.0; 2],
+            seen_arcsec: None,
+            search_from_s: None,
+            zero_step_s: 0.0,
+        }
+    }
+
+    /// Follows until the path ends, `each` breaks, or the token is set; in every case the mount is stopped at the end.
+    ///
+    /// # Errors
+    /// See [`TrackError`]. The mount was told to stop; where even that failed, the error is [`DeviceError::NotStopped`].
+    pub fn run(
+        &mut self,
+        cancel: &Cancel,
+        each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
+    ) -> Result<TrackSummary, TrackError> {
+        self.cancel = cancel.clone();
+        let ended = self.follow(each);
+        let grace = Deadline::after(self.clock.clock.clone(), Duration::from_secs(2));
+        let stopped = self.mount.stop(&grace);
+        match (ended, stopped) {
+            (Ok(summary), Ok(())) => Ok(summary),
+            (Err(TrackError::Device(DeviceError::Cancelled { .. })), Ok(())) => {
+                Ok(TrackSummary { cancelled: true, ..self.summary() })
+            }
+            (Err(error), Ok(())) => Err(error),
+            (_, Err(source)) => Err(TrackError::Device(DeviceError::NotStopped {
+                device: "mount",
+                source: Box::new(source),
+            })),
+        }
+    }
+
+    fn summary(&self) -> TrackSummary {
+        TrackSummary { steps: 0, locked_s: None, began_s: self.now_s(), seen: 0, cancelled: false }
+    }
+
+    fn now_s(&self) -> f64 {
+        self.path.time_s(self.clock.utc())
+    }
+
+    fn soon(&self) -> Deadline {
+        self.within(2.0)
+    }
+
+    fn within(&self, seconds: f64) -> Deadline {
+        let time = Duration::from_secs_f64(seconds.max(0.0));
+        Deadline::after(self.clock.clock.clone(), time).with_cancel(&self.cancel)
+    }
+
+    fn sleep(&self, seconds: f64) -> Result<(), TrackError> {
+        let long = self.within(seconds + 60.0);
+        let slept = long.sleep(Duration::from_secs_f64(seconds.max(0.0)));
+        slept.map_err(|_| DeviceError::Cancelled { device: "mount", action: "following" }.into())
+    }
+
+    fn check_clock(&self) -> Result<(), TrackError> {
+        if !self.options.watch_clock {
+            return Ok(());
+        }
+        let step_s = clock_offset_s() - self.zero_step_s;
+        if step_s.abs() > CLOCK_STEP_S {
+            return Err(Danger::ClockStep { step_ms: step_s * 1e3 }.into());
+        }
+        Ok(())
+    }
+
+    /// Where the target should be shown at a time, with what was learnt.
+    fn target(&self, time_s: f64) -> DVec3 {
+        let learnt_s = self.estimator.seen_s.map_or(0.0, |seen| (time_s - seen).clamp(0.0, 5.0));
+        let ahead_s = if self.estimator.locked { learnt_s } else { 0.0 };
+        let along = self.estimator.offset.along.after(ahead_s) + self.search_s(time_s)
+            - self.options.nudge_s;
+        self.estimator.displaced(&self.path.at(time_s + along), ahead_s)
+    }
+
+    /// Offset of the search along the track, s: sweeps that grow, at a pace that the finder's field allows.
+    fn search_s(&self, time_s: f64) -> f64 {
+        let (Some(from_s), Some(finder)) = (self.search_from_s, self.finder.as_ref()) else {
+            return 0.0;
+        };
+        let speed = self.path.at(time_s).speed_rad_s().to_degrees().max(1e-4);
+        let most_s = 3.0 * self.options.estimator.along_s;
+        let pace = 0.5 * finder.half_width_deg() / speed;
+        let mut way = (time_s - from_s).max(0.0) * pace;
+        let mut reach = (0.5 * self.options.estimator.along_s).min(most_s);
+        loop {
+            // Out, back over the middle to the other side, and home.
+            for (length, at, sign) in
+                [(reach, 0.0, 1.0), (2.0 * reach, reach, -1.0), (reach, -reach, 1.0)]
+            {
+                if way < length {
+                    return at + sign * way;
+                }
+                way -= length;
+            }
+            if reach >= most_s {
+                way = way.rem_euclid(4.0 * most_s);
+            }
+            reach = (2.0 * reach).min(most_s);
+        }
+    }
+
+    /// The angles to be shown at a time, deg; the first within 180° of `near`.
+    fn target_deg(&self, time_s: f64, near: f64) -> [f64; 2] {
+        let mut angle = angles(self.target(time_s));
+        if let Some(keyhole) = &self.keyhole
+            && let Some(first) = keyhole.first_deg(time_s)
+        {
+            angle[0] = first;
+        }
+        angle[0] = near + wrapped(angle[0] - near);
+        angle
+    }
+
+    fn read(&mut self) -> Result<[f64; 2], TrackError> {
+        let reading = self.mount.reading(&self.soon())?;
+        let mut angle = self.path.angles_of(&reading);
+        let time_s = self.path.time_s(reading.utc);
+        if let Some((_, last)) = self.readings.back() {
+            angle[0] = last[0] + wrapped(angle[0] - last[0]);
+        }
+        if self.readings.back().is_none_or(|(last_s, _)| time_s > *last_s) {
+            self.readings.push_back((time_s, angle));
+        }
+        if self.readings.len() > 50 {
+            self.readings.pop_front();
+        }
+        self.pier = reading.pier;
+        Ok(angle)
+    }
+
+    /// Angles that a mount had at a time, from its readings; the commands carry the last one on.
+    fn angles_then(&self, time_s: f64) -> Option<[f64; 2]> {
+        let (last_s, last) = *self.readings.back()?;
+        if time_s >= last_s {
+            return Some(self.carried(last_s, last, time_s));
+        }
+        let after = self.readings.iter().position(|(s, _)| *s >= time_s)?;
+        let (b_s, b) = self.readings[after];
+        if after == 0 {
+            return (b_s - time_s < 0.05).then_some(b);
+        }
+        let (a_s, a) = self.readings[after - 1];
+        let part = (time_s - a_s) / (b_s - a_s);
+        Some([0, 1].map(|i| a[i] + part * (b[i] - a[i])))
+    }
+
+    /// Where the mount will be: its reading, and the commands that act between.
+    fn carried(&self, from_s: f64, angle: [f64; 2], to_s: f64) -> [f64; 2] {
+        let mut angle = angle;
+        let delay = self.options.latency_s;
+        for (i, (sent_s, rate)) in self.commands.iter().enumerate() {
+            let begins = (sent_s + delay).max(from_s);
+            let ends = self.commands.get(i + 1).map_or(to_s, |next| (next.0 + delay).min(to_s));
+            if ends > begins {
+                for (angle, rate) in angle.iter_mut().zip(rate) {
+                    *angle += rate * (ends - begins);
+                }
+            }
+        }
+        angle
+    }
+
+    fn slew(
+        &mut self,
+        each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
+    ) -> Result<bool, TrackError> {
+        let frame = self.path.frame();
+        let start_s = self.now_s().max(0.0);
+        let mut meet_s = start_s + if start_s > 0.0 { self.options.lead_s } else { 0.0 };
+        let here = self.read()?;
+        self.mount.set_parked(false, &self.soon()).or_else(|error| match error {
+            DeviceError::NotReady { .. } => Ok(()),
+            error => Err(error),
+        })?;
+        let goal = |tracker: &Self, meet_s: f64| tracker.target_deg(meet_s, here[0]);
+        let to = goal(self, meet_s);
+        let way = self.guard.way(
+            frame.to_enu(direction(here)),
+            frame.to_enu(direction(to)),
+            self.clock.utc(),
+            self.options.slew_within_s,
+        )?;
+        for (i, by) in way.iter().enumerate() {
+            let last = i + 1 == way.len();
+            if last {
+                meet_s = meet_s
+                    .max(self.now_s() + if self.now_s() > 0.0 { self.options.lead_s } else { 0.0 });
+            }
+            let angle = if last { goal(self, meet_s) } else { angles(frame.of_enu(*by)) };
+            let now_s = self.now_s();
+            // A mount that follows the stars afterwards should stand where the target comes.
+            let place = self.path.place_of(angle, now_s);
+            let soon = self.soon();
+            self.mount.begin_goto(place, &soon)?;
+            let begun_s = self.now_s();
+            loop {
+                self.sleep(self.options.period_s)?;
+                self.check_clock()?;
+                let angle = self.read()?;
+                let step = self.step(TrackState::Slewing, angle, to, [0.0; 2]);
+                self.guard.check_sun(frame.to_enu(direction(angle)), self.clock.utc())?;
+                if each(&step).is_break() {
+                    return Ok(false);
+                }
+                let reading = self.mount.reading(&self.soon())?;
+                if reading.motion != MountMotion::Slewing {
+                    break;
+                }
+                let after_s = self.now_s() - begun_s;
+                if after_s > self.options.slew_within_s {
+                    return Err(TrackError::SlewTooLong { after_s });
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    fn step(
+        &self,
+        state: TrackState,
+        mount: [f64; 2],
+        target: [f64; 2],
+        rates: [f64; 2],
+    ) -> TrackStep {
+        let enu = self.path.frame().to_enu(direction(mount));
+        let error = direction(mount).angle_between(direction(target)) * ARCSEC;
+        TrackStep {
+            time_s: self.now_s(),
+            state,
+            target_deg: target,
+            mount_deg: mount,
+            commanded_deg_s: rates,
+            error_arcsec: error,
+            seen_arcsec: self.seen_arcsec,
+            ahead_s: self.estimator.offset.along.value,
+            left_arcsec: self.estimator.offset.across.value,
+            sun_deg: self.guard.sun_distance_deg(enu, self.clock.utc()),
+            altitude_deg: enu.z.clamp(-1.0, 1.0).asin().to_degrees(),
+        }
+    }
+
+    fn follow(
+        &mut self,
+        each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
+    ) -> Result<TrackSummary, TrackError> {
+        self.zero_step_s = clock_offset_s();
+        let abilities = self.mount.abilities().clone();
+        let Some(most) = abilities.continuous_deg_s() else {
+            let what = match abilities.rates {
+                sunglint_drivers::device::MountRates::Discrete { .. } => "a few steps only",
+                _ => "none",
+            };
+            return Err(TrackError::NoRates { what });
+        };
+        self.most_deg_s = most.map(|rate| 0.98 * rate);
+        let ago_s = self.now_s() - self.path.seconds();
+        if ago_s > 0.0 {
+            return Err(TrackError::Over { ago_s });
+        }
+        // Near the pole of its axes: the zenith, or the pole of the sky.
+        self.keyhole = Keyhole::of(self.path, self.most_deg_s[0]);
+        let mut summary = self.summary();
+        if !self.slew(each)? {
+            return Ok(TrackSummary { cancelled: true, ..summary });
+        }
+        self.mount.learn_senses(&self.within(20.0))?;
+        let mut pier = self.pier;
+        // Before the target comes, the mount stands.
+        while self.now_s() < 0.0 {
+            self.sleep(self.options.period_s.min(-self.now_s()).max(0.001))?;
+            self.check_clock()?;
+            let angle = self.read()?;
+            self.check_ahead(angle)?;
+            let target = self.target_deg(0.0, angle[0]);
+            if self.now_s() < -2.0 {
+                // It keeps the place of the first moment: a mount that follows the stars would leave it.
+                let wanted = self.rates(angle, target, [0.0; 2]);
+                self.command(wanted)?;
+            }
+            if each(&self.step(TrackState::Waiting, angle, target, [0.0; 2])).is_break() {
+                return Ok(TrackSummary { cancelled: true, ..summary });
+            }
+        }
+        summary.began_s = self.now_s();
+        let mut next_s = self.now_s();
+        let mut check: Option<(f64, [f64; 2])> = None;
+        while self.now_s() < self.path.seconds() {
+            self.check_clock()?;
+            let angle = self.read()?;
+            if self.pier != pier {
+                // Turned over: which way is up has to be tried again.
+                self.command([0.0; 2])?;
+                self.mount.learn_senses(&self.within(20.0))?;
+                pier = self.pier;
+                (self.readings, self.commands) = (VecDeque::new(), VecDeque::new());
+                check = None;
+                continue;
+            }
+            self.check_ahead(angle)?;
+            let state = self.look(&mut summary)?;
+            let now_s = self.now_s();
+            let (read_s, _) = self.readings.back().copied().unwrap_or((now_s, angle));
+            let acts_s = now_s + self.options.latency_s;
+            let then = self.carried(read_s, angle, acts_s);
+            let target = self.target_deg(acts_s, then[0]);
+            let half = 0.5 * self.options.period_s;
+            let (before, after) =
+                (self.target_deg(acts_s, then[0]), self.target_deg(acts_s + 2.0 * half, then[0]));
+            let ahead = [0, 1].map(|i| (after[i] - before[i]) / (2.0 * half));
+            let rates = self.rates(then, target, ahead);
+            self.command(rates)?;
+            self.check_follows(&mut check, read_s, angle)?;
+            let shown = self.target_deg(read_s, angle[0]);
+            summary.steps += 1;
+            let mut step = self.step(state, angle, shown, rates);
+            step.time_s = read_s;
+            if each(&step).is_break() {
+                summary.cancelled = true;
+                return Ok(summary);
+            }
+            next_s = (next_s + self.options.period_s).max(self.now_s());
+            self.sleep(next_s - self.now_s())?;
+        }
+        Ok(summary)
+    }
+
+    /// Stops before the place comes near the Sun, or too low.
+    fn check_ahead(&self, angle: [f64; 2]) -> Result<(), TrackError> {
+        let frame = self.path.frame();
+        let utc = self.clock.utc();
+        self.guard.check_sun(frame.to_enu(direction(angle)), utc)?;
+        let now_s = self.now_s();
+        for ahead_s in [0.0, AHEAD_S] {
+            let target = self.target((now_s + ahead_s).clamp(0.0, self.path.seconds()));
+            self.guard.check_sun(frame.to_enu(target), utc)?;
+        }
+        // The mount itself, at the rates that it has.
+        if let Some((_, rates)) = self.commands.back() {
+            let coming = [0, 1].map(|i| angle[i] + rates[i] * AHEAD_S);
+            self.guard.check_sun(frame.to_enu(direction(coming)), utc)?;
+        }
+        Ok(())
+    }
+
+    /// Rates that bring the mount from where it will be to the target.
+    fn rates(&self, then: [f64; 2], target: [f64; 2], ahead: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|i| {
+            let error = target[i] - then[i];
+            let brakes = (2.0 * self.options.acceleration_deg_s2 * error.abs()).sqrt();
+            let back = (self.options.gain_per_s * error.abs()).min(brakes);
+            (ahead[i] + back.copysign(error)).clamp(-self.most_deg_s[i], self.most_deg_s[i])
+        })
+    }
+
+    fn command(&mut self, rates: [f64; 2]) -> Result<(), TrackError> {
+        let sent_s = self.now_s();
+        self.mount.set_rates(rates, &self.soon())?;
+        self.commands.push_back((sent_s, rates));
+        if self.commands.len() > 100 {
+            self.commands.pop_front();
+        }
+        Ok(())
+    }
+
+    /// Takes the finder's frame, if there is one, and says how things stand.
+    fn look(&mut self, summary: &mut TrackSummary) -> Result<TrackState, TrackError> {
+        let soon = self.soon();
+        let Some(finder) = self.finder.as_mut().filter(|_| !self.options.open_loop) else {
+            return Ok(TrackState::Predicted);
+        };
+        if let Some(frame) = finder.frame(&soon)? {
+            let time_s = self.path.time_s(frame.middle);
+            if let Some(angle) = self.angles_then(time_s) {
+                let spots: Vec<(DVec3, f64)> =
+                    frame.spots.iter().map(|spot| (seen_at(angle, spot), spot.flux)).collect();
+                let speed = self.path.at(time_s).speed_rad_s();
+                self.estimator.advance(time_s, speed);
+                let place = self.path.at(time_s + self.estimator.offset.along.value);
+                let pole = match self.path.frame().axes {
+                    MountAxes::Equatorial => DVec3::Z,
+                    MountAxes::Horizontal => {
+                        let (sin, cos) = self.path.frame().latitude_deg.to_radians().sin_cos();
+                        DVec3::new(0.0, cos, sin)
+                    }
+                };
+                // The stars turn about the pole, from east to west.
+                let stars = -pole.cross(place.direction) * STARS_RAD_S;
+                let against = (place.per_s - stars).length();
+                let found = self.estimator.learn(&spots, time_s, &place, against);
+                if found == Found::Locked && summary.locked_s.is_none() {
+                    summary.locked_s = Some(self.now_s());
+                }
+                if found != Found::Nothing {
+                    summary.seen += 1;
+                    let target = self.target(time_s);
+                    self.seen_arcsec = Some(direction(angle).angle_between(target) * ARCSEC);
+                }
+            }
+        }
+        let now_s = self.now_s();
+        if self.estimator.locked {
+            self.search_from_s = None;
+            let fresh = self.estimator.seen_s.is_some_and(|seen| now_s - seen < 0.5);
+            return Ok(if fresh { TrackState::Locked } else { TrackState::Coasting });
+        }
+        // Where the field holds the doubt of the elements, the target is in it.
+        if now_s - summary.began_s > 3.0 {
+            self.search_from_s.get_or_insert(now_s);
+        }
+        Ok(TrackState::Searching)
+    }
+
+    /// Holds what the mount did in two seconds against what it was told.
+    fn check_follows(
+        &self,
+        check: &mut Option<(f64, [f64; 2])>,
+        read_s: f64,
+        angle: [f64; 2],
+    ) -> Result<(), TrackError> {
+        let Some((from_s, from)) = *check else {
+            *check = Some((read_s, angle));
+            return Ok(());
+        };
+        if read_s - from_s < 2.0 {
+            return Ok(());
+        }
+        *check = Some((read_s, angle));
+        let told = self.carried(from_s, from, read_s);
+        let length = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+        let (asked_deg, moved_deg, off) =
+            (length(told, from), length(angle, from), length(angle, told));
+        // Acceleration, lost commands and a flip of the rates cost some: half of the way, and a tenth of a degree, is a fault.
+        if off > 0.5 * asked_deg.max(moved_deg) + 0.1 {
+            return Err(TrackError::DoesNotFollow { asked_deg, moved_deg });
+        }
+        Ok(())
+    }
+}
+
+/// Direction of a spot in the axes of a mount that stands at two angles.
+fn seen_at(angle_deg: [f64; 2], spot: &Spot) -> DVec3 {
+    let (sin1, cos1) = angle_deg[0].to_radians().sin_cos();
+    let (sin2, cos2) = angle_deg[1].to_radians().sin_cos();
+    let middle = DVec3::new(cos2 * sin1, cos2 * cos1, sin2);
+    let first = DVec3::new(cos1, -sin1, 0.0);
+    let second = DVec3::new(-sin2 * sin1, -sin2 * cos1, cos2);
+    let [x, y] = spot.offset_arcsec.map(|offset| offset / ARCSEC);
+    (middle + x * first + y * second).normalize()
+}

@@ -1,0 +1,255 @@
+//! The Sun's cone, on every way.
+#![allow(clippy::unwrap_used, reason = "helper functions of tests")]
+
+use glam::DVec3;
+use hifitime::Unit;
+use rayon::prelude::*;
+use sunglint_drivers::device::{MountAxes, MountSite};
+use sunglint_ephemeris::motion::{AxisMotion, equatorial_axes, horizontal_axes};
+use sunglint_formats::time::parse_utc;
+use sunglint_observatory::telescope::{Certainty, Danger, Guard, SunCone, direction, sun};
+use sunglint_radiometry::sky::{EarthOrientation, Geodetic, Observer, Site};
+use sunglint_testkit::Campaign;
+
+fn site(latitude_deg: f64, longitude_deg: f64) -> Site {
+    Site::new(Geodetic { latitude_deg, longitude_deg, height_m: 400.0 }).unwrap()
+}
+
+struct Dice(u64);
+
+impl Dice {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn place(&mut self) -> DVec3 {
+        let z = self.next();
+        let turn = self.next() * std::f64::consts::TAU;
+        let flat = (1.0 - z * z).sqrt();
+        DVec3::new(flat * turn.cos(), flat * turn.sin(), z)
+    }
+}
+
+fn angle_deg(a: DVec3, b: DVec3) -> f64 {
+    a.cross(b).length().atan2(a.dot(b)).to_degrees()
+}
+
+/// Truth: the Sun by SOFA's `epv00` with the whole chain of frames (radiometry, held against astropy elsewhere), at sites and times all over. The Almanac promises 0.01°; aberration, UT1
+/// and parallax stand beside it.
+#[test]
+fn the_guards_sun_is_the_sun() {
+    let mut dice = Dice(5);
+    let from = parse_utc("2020-01-01T00:00:00Z").unwrap();
+    let mut worst = 0.0_f64;
+    for _ in 0..300 {
+        let epoch = from + dice.next() * 3650.0 * Unit::Day;
+        let (latitude, longitude) = (dice.next() * 160.0 - 80.0, dice.next() * 360.0 - 180.0);
+        let observer =
+            Observer::at(epoch, &site(latitude, longitude), EarthOrientation::embedded()).unwrap();
+        let truth = observer.sun().horizontal.east_north_up();
+        worst = worst.max(angle_deg(truth, sun(epoch, latitude, longitude).enu));
+    }
+    println!("worst {worst:.4}°");
+    assert!(worst < 0.03, "{worst}");
+}
+
+/// The ways that mounts take between two directions, at random speeds of the axes, over the flip, round either way; and the great circle.
+fn ways(from: DVec3, to: DVec3, axes: MountAxes, turns_over: bool, dice: &mut Dice) -> Vec<DVec3> {
+    const LATITUDE: f64 = 48.78;
+    let base = |enu: DVec3| match axes {
+        MountAxes::Equatorial => equatorial_axes(enu, LATITUDE),
+        MountAxes::Horizontal => enu,
+    };
+    let [a, b] = [from, to].map(|enu| AxisMotion::of(base(enu), DVec3::ZERO).angle_deg);
+    let wrapped = (b[0] - a[0] + 180.0).rem_euclid(360.0) - 180.0;
+    let mut turns = vec![[wrapped, b[1] - a[1]]];
+    if axes == MountAxes::Horizontal {
+        turns.push([wrapped - 360.0 * wrapped.signum(), b[1] - a[1]]);
+    }
+    if turns_over {
+        for side in [-180.0, 180.0] {
+            turns.push([wrapped + side, 180.0 - b[1] - a[1]]);
+        }
+    }
+    let turn = turns[(dice.next() * turns.len() as f64) as usize % turns.len()];
+    // Each axis at its own speed and after its own delay.
+    let speeds = [0.3 + dice.next(), 0.3 + dice.next()];
+    let waits = [
+        dice.next() * 60.0 * f64::from(dice.next() < 0.5),
+        dice.next() * 60.0 * f64::from(dice.next() < 0.5),
+    ];
+    let mut all = Vec::new();
+    for i in 0..=600 {
+        let t = f64::from(i);
+        let done = |axis: usize| {
+            let went = (speeds[axis] * (t - waits[axis])).max(0.0);
+            turn[axis].signum() * went.min(turn[axis].abs())
+        };
+        let angle = [a[0] + done(0), a[1] + done(1)];
+        let x = direction(angle);
+        all.push(match axes {
+            MountAxes::Equatorial => horizontal_axes(x, LATITUDE),
+            MountAxes::Horizontal => x,
+        });
+    }
+    for i in 0..=200 {
+        let part = f64::from(i) / 200.0;
+        all.extend((from * (1.0 - part) + to * part).try_normalize());
+    }
+    all
+}
+
+/// Truth: the Sun by SOFA, and ways of mounts that this test makes up. Random places, times and mounts: what the guard lets through never comes within 30° of the Sun while the Sun is up.
+#[test]
+fn campaign_sun_cone() {
+    let mut campaign = Campaign::start("sun_cone", 100_000);
+    let whole = campaign.seeds().end == 100_000;
+    // A command costs milliseconds where detours are looked for.
+    let seeds = 0..if whole { 100_000 } else { 2_000 };
+    let from = parse_utc("2026-01-01T00:00:00Z").unwrap();
+    let rows: Vec<(u64, u64, f64)> = seeds
+        .into_par_iter()
+        .map(|seed| {
+            let mut dice = Dice(seed * 104_729 + 17);
+            let epoch = from + dice.next() * 365.0 * Unit::Day;
+            let axes =
+                if dice.next() < 0.5 { MountAxes::Equatorial } else { MountAxes::Horizontal };
+            let turns_over = axes == MountAxes::Equatorial && dice.next() < 0.5;
+            let site = site(48.78, 9.18);
+            let cone = SunCone::default().with_pointing_deg(0.5);
+            let guard = Guard::new(&site, axes, turns_over, cone);
+            let observer = Observer::at(epoch, &site, EarthOrientation::embedded()).unwrap();
+            let sighting = observer.sun().horizontal;
+            let truth = sighting.east_north_up();
+            // Where it stands now may be anything that is allowed.
+            let mut here = dice.place();
+            while guard.check_place(here, epoch).is_err() {
+                here = dice.place();
+            }
+            let to = dice.place();
+            match guard.way(here, to, epoch, 60.0) {
+                Err(_) => (1, 0, 180.0),
+                Ok(way) => {
+                    let mut least = 180.0_f64;
+                    // The disc's upper limb is above the horizon: 16′ of radius, 34′ of refraction.
+                    if sighting.altitude_deg() > -0.833 {
+                        for to in way {
+                            for x in ways(here, to, axes, turns_over, &mut dice) {
+                                least = least.min(angle_deg(x, truth));
+                            }
+                            here = to;
+                        }
+                    }
+                    (0, 1, least)
+                }
+            }
+        })
+        .collect();
+    let refused: u64 = rows.iter().map(|row| row.0).sum();
+    let allowed: u64 = rows.iter().map(|row| row.1).sum();
+    let least = rows.iter().map(|row| row.2).fold(180.0, f64::min);
+    println!("{allowed} commands allowed, {refused} refused, least distance {least:.2}°");
+    assert!(least >= 30.0, "{least}");
+    assert!(allowed > refused, "{allowed} {refused}");
+    campaign.largest("inside", rows.iter().filter(|row| row.2 < 30.0).count() as f64);
+    campaign.finish();
+}
+
+/// Truth: with the Sun at −2° to −18° no place is refused for it (the figure).
+#[test]
+fn the_cone_is_off_in_the_night() {
+    let site = site(48.78, 9.18);
+    let guard = Guard::new(&site, MountAxes::Equatorial, true, SunCone::default());
+    let from = parse_utc("2026-11-23T00:00:00Z").unwrap();
+    let (mut seen, mut dice) = (0, Dice(9));
+    for minute in 0..2000 {
+        let epoch = from + f64::from(minute) * Unit::Minute;
+        let now = guard.sun(epoch);
+        if (-18.0..-2.0).contains(&now.altitude_deg) {
+            seen += 1;
+            guard.check_place(dice.place(), epoch).unwrap();
+            guard.way(dice.place(), dice.place(), epoch, 10.0).unwrap();
+        }
+    }
+    assert!(seen > 200, "{seen}");
+}
+
+/// Truth: the rules in words.
+#[test]
+fn doubts_keep_a_mount_where_it_is() {
+    let site = site(48.78, 9.18);
+    let guard = Guard::new(&site, MountAxes::Equatorial, true, SunCone::default());
+    let near = MountSite { latitude_deg: 48.8, longitude_deg: 9.1, height_m: 0.0 };
+    guard.check_site(Some(near)).unwrap();
+    guard.check_site(None).unwrap();
+    let far = MountSite { latitude_deg: 48.8, longitude_deg: -9.18, height_m: 0.0 };
+    assert!(matches!(guard.check_site(Some(far)), Err(Danger::Site { .. })));
+    for (synchronised, error_s, good) in [
+        (Some(true), Some(0.001), true),
+        (Some(true), None, true),
+        (Some(true), Some(3.0), false),
+        (Some(false), None, false),
+        (None, None, false),
+    ] {
+        assert_eq!(Certainty { synchronised, error_s }.check().is_ok(), good);
+    }
+    let noon = parse_utc("2026-06-21T11:25:00Z").unwrap();
+    let sun = guard.sun(noon);
+    assert!((64.0..65.5).contains(&sun.altitude_deg), "{}", sun.altitude_deg);
+    assert!(matches!(guard.check_place(sun.enu, noon), Err(Danger::Sun { .. })));
+    assert!(matches!(guard.check_place(DVec3::NAN, noon), Err(Danger::NotFinite)));
+    assert!(matches!(guard.check_place(-DVec3::Z, noon), Err(Danger::Low { .. })));
+}
+
+/// Truth: the promise in words: a mount that turns at 1 °/s stands within a second after the last heartbeat, though the tracker's end of the channel is still there; and a person's stop holds against
+/// a tracker that goes on.
+#[test]
+fn a_watchdog_stops_a_mount() {
+    use std::sync::{Arc, mpsc};
+    use std::time::{Duration, Instant};
+    use sunglint_drivers::clock::{Clock as _, Deadline, DeviceClock, VirtualClock};
+    use sunglint_drivers::device::{Mount as _, MountMotion};
+    use sunglint_observatory::telescope::watchdog::{Beat, Watched, watch};
+    use sunglint_virtual::telescope::{Telescope, TelescopeOptions};
+
+    let ticking = VirtualClock::new();
+    let zero = parse_utc("2026-11-23T00:00:00Z").unwrap();
+    let clock = DeviceClock { clock: Arc::new(ticking.clone()), zero_utc: Some(zero) };
+    let telescope = Telescope::new(TelescopeOptions::default(), clock, Arc::new(|_| None));
+    let mut mount = telescope.mount();
+    let soon = || Deadline::within(Duration::from_secs(1));
+    let standing = |ticking: &VirtualClock| {
+        ticking.sleep(Duration::from_secs(2));
+        telescope.mount().reading(&soon()).unwrap().motion
+    };
+    mount.set_rates([1.0, 0.0], &soon()).unwrap();
+    assert_eq!(standing(&ticking), MountMotion::Tracking);
+    let (beats, received) = mpsc::channel();
+    let tracker = std::thread::spawn(move || {
+        for _ in 0..10 {
+            beats.send(Beat::Alive).unwrap();
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        let last = Instant::now();
+        // It hangs.
+        std::thread::sleep(Duration::from_secs(2));
+        last
+    });
+    assert_eq!(watch(&mut mount, &received).unwrap(), Watched::Silent);
+    let stopped = Instant::now();
+    assert_eq!(standing(&ticking), MountMotion::Still);
+    let after = stopped.saturating_duration_since(tracker.join().unwrap());
+    assert!(after < Duration::from_secs(1), "{after:?}");
+
+    let (beats, received) = mpsc::channel();
+    mount.set_rates([1.0, 0.0], &soon()).unwrap();
+    for beat in [Beat::Stop, Beat::Alive, Beat::Done] {
+        beats.send(beat).unwrap();
+    }
+    assert_eq!(watch(&mut mount, &received).unwrap(), Watched::Stopped);
+    assert_eq!(standing(&ticking), MountMotion::Still);
+}

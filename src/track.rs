@@ -1,0 +1,479 @@
+//! `sunglint track`: a mount follows a satellite, for the eye at the eyepiece.
+
+use crate::output::{Console, OutputArgs, Usage};
+use crate::star::when;
+use crate::station::StationArgs;
+use anyhow::{Context as _, anyhow, bail};
+use clap::Args;
+use hifitime::{Epoch, Unit};
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, mpsc};
+use std::time::{Duration, Instant};
+use sunglint_drivers::catalogue::{Address, AnyDevice};
+use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, VirtualClock};
+use sunglint_drivers::device::{Finder, Mount, MountAxes, MountSite};
+use sunglint_ephemeris::geometry::Geometry;
+use sunglint_ephemeris::orbit::{Orbit, TleOrbit, tle};
+use sunglint_ephemeris::passes::{Conditions, Search};
+use sunglint_observatory::clock;
+use sunglint_observatory::telescope::watchdog::{Beat, Watched, watch};
+use sunglint_observatory::telescope::{
+    Certainty, Guard, PassPlan, SunCone, TargetPath, TrackError, TrackOptions, TrackStep, Tracker,
+};
+use sunglint_radiometry::sky::{EarthOrientation, Observer, SkyFrames};
+use sunglint_radiometry::station::Station;
+use sunglint_report::track::{TrackReport, plan_text, step_text};
+use sunglint_virtual::telescope::{Telescope, TelescopeOptions};
+
+/// Names of the virtual telescopes.
+const VIRTUAL: [&str; 2] = ["virtual", "virtual-equatorial"];
+/// How long a mount may take to be opened.
+const OPEN: Duration = Duration::from_secs(30);
+/// A tracker that has said nothing for so long hangs.
+const HANGS: Duration = Duration::from_secs(4);
+
+/// Arguments of `sunglint track`.
+#[derive(Debug, Args)]
+pub struct TrackArgs {
+    /// File of two-line elements, any number of sets
+    #[arg(value_name = "ELEMENTS")]
+    pub elements: PathBuf,
+    /// The object: its catalogue number, or part of its name
+    #[arg(value_name = "OBJECT")]
+    pub object: String,
+    /// The mount: `indi-telescope:HOST:PORT/NAME` (see `sunglint devices list`), or a rehearsal with `virtual` (azimuth and altitude) or `virtual-equatorial`
+    #[arg(long, value_name = "ADDRESS")]
+    pub mount: String,
+    /// Which station.
+    #[command(flatten)]
+    pub station: StationArgs,
+    /// The pass that is on at this time, or the first after it: UTC, ISO 8601, or `now`
+    #[arg(long, value_name = "TIME", default_value = "now")]
+    pub at: String,
+    /// Only says what would be done: slew, flip, keyhole, distance from the Sun; nothing moves
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Lowest altitude at which the target is followed, degrees; the station's horizon may ask for more
+    #[arg(long, value_name = "DEG", default_value_t = 10.0)]
+    pub min_elevation: f64,
+    /// Stops after so many seconds of the pass
+    #[arg(long, value_name = "S")]
+    pub for_s: Option<f64>,
+    /// Least distance from the Sun while it is up, degrees; 5° are added for the mount's pointing
+    #[arg(long, value_name = "DEG", default_value_t = 30.0)]
+    pub sun_limit: f64,
+    /// Time from a command to the mount's doing it, s
+    #[arg(long, value_name = "S", default_value_t = 0.25)]
+    pub latency_s: f64,
+    /// How much later than predicted the target comes, s
+    #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub late_s: f64,
+    /// The mount's own software lifts places by refraction: leave that to it
+    #[arg(long)]
+    pub no_refraction: bool,
+    /// You know that this computer's clock is right, though nothing says so
+    #[arg(long)]
+    pub trust_clock: bool,
+    /// Tell the mount the station's site, and UTC, first
+    #[arg(long)]
+    pub set_site: bool,
+    /// Seconds between two lines that say how it goes
+    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    pub every: f64,
+    /// Where the result goes.
+    #[command(flatten)]
+    pub out: OutputArgs,
+}
+
+/// Arguments of the watchdog's process.
+#[derive(Debug, Args)]
+pub struct WatchdogArgs {
+    /// The mount
+    pub mount: String,
+}
+
+impl TrackArgs {
+    fn check(&self) -> anyhow::Result<()> {
+        self.out.check()?;
+        let within = |name: &str, value: f64, least: f64, most: f64| {
+            if (least..=most).contains(&value) {
+                Ok(())
+            } else {
+                Err(Usage(format!("--{name} is {value}, expected {least} to {most}")))
+            }
+        };
+        within("min-elevation", self.min_elevation, 0.0, 89.0)?;
+        within("sun-limit", self.sun_limit, 10.0, 90.0)?;
+        within("latency-s", self.latency_s, 0.0, 5.0)?;
+        within("late-s", self.late_s, -60.0, 60.0)?;
+        within("every", self.every, 0.05, 3600.0)?;
+        within("for-s", self.for_s.unwrap_or(1.0), 0.1, 86_400.0)?;
+        Ok(())
+    }
+
+    fn is_virtual(&self) -> bool {
+        VIRTUAL.contains(&self.mount.as_str())
+    }
+
+    fn orbit(&self, at: Epoch) -> anyhow::Result<Orbit> {
+        let sets = tle::read(&self.elements)?;
+        let chosen = tle::choose(&sets, Some(&self.object), Some(at))
+            .map_err(|error| Usage(format!("{}: {error}", self.elements.display())))?;
+        Ok(Orbit::from(TleOrbit::new(chosen.clone())?))
+    }
+
+    /// Begin and length of the pass, s.
+    fn span(&self, orbit: &Orbit, station: &Station, at: Epoch) -> anyhow::Result<(Epoch, f64)> {
+        let conditions =
+            Conditions { min_altitude_deg: self.min_elevation + 0.2, sun_below_deg: 90.0 };
+        let window = (at, at + 1.0 * Unit::Day);
+        let earth = EarthOrientation::embedded();
+        let search = Search::new(&station.site, &station.horizon, window, conditions, earth)?;
+        let found = search.passes(orbit);
+        let Some(pass) = found.passes.first() else {
+            bail!(
+                "{} is not above {:.0}° at {} within a day: look for its passes with `sunglint passes`",
+                orbit.name(),
+                self.min_elevation,
+                station.name
+            );
+        };
+        let seconds = pass.span.seconds();
+        // A path is at most four hours: a target that stays is followed until then.
+        let most_s = self.for_s.unwrap_or(14_400.0);
+        Ok((pass.span.from, seconds.min(most_s)))
+    }
+}
+
+/// Follows.
+///
+/// # Errors
+/// What is not safe, a mount that does not do what it is told, elements without a pass.
+pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
+    args.check()?;
+    let at = when(&args.at).context("--at")?;
+    let station = args.station.get()?;
+    let orbit = args.orbit(at)?;
+    let (from, seconds) = args.span(&orbit, &station, at)?;
+    for warning in orbit.warnings(from, from + seconds * Unit::Second) {
+        console.warn(&warning);
+    }
+    let virtual_axes =
+        if args.mount == VIRTUAL[1] { MountAxes::Equatorial } else { MountAxes::Horizontal };
+    if args.is_virtual() {
+        return rehearse(args, console, &station, &orbit, (from, seconds), virtual_axes);
+    }
+    let ahead_s = (from - Epoch::now().context("the system has no clock")?).to_seconds();
+    if !args.dry_run && ahead_s > 3600.0 {
+        bail!(
+            "the pass begins in {:.1} h: start this within the hour before, or look at it with --dry-run",
+            ahead_s / 3600.0
+        );
+    }
+    let mut mount = open(&args.mount)?;
+    let abilities = mount.abilities().clone();
+    let cone = SunCone::default().with_limit_deg(args.sun_limit);
+    let guard = Guard::new(&station.site, abilities.axes, abilities.tells_pier_side, cone)
+        .with_horizon(station.horizon.clone(), args.min_elevation);
+    let soon = || Deadline::within(Duration::from_secs(5));
+    if args.set_site && !args.dry_run {
+        let place = station.site.geodetic();
+        let site = MountSite {
+            latitude_deg: place.latitude_deg,
+            longitude_deg: place.longitude_deg,
+            height_m: place.height_m,
+        };
+        mount.set_site(site, Epoch::now().context("the system has no clock")?, &soon())?;
+    }
+    let site = mount.site(&soon())?;
+    let state = clock::measured();
+    let certainty = Certainty { synchronised: state.synchronised, error_s: state.error_s };
+    let doubts =
+        [guard.check_site(site).err(), certainty.check().err().filter(|_| !args.trust_clock)];
+    let earth = EarthOrientation::embedded();
+    let path = TargetPath::new(
+        &orbit,
+        &station.site,
+        earth,
+        (from, seconds),
+        abilities.axes,
+        !args.no_refraction,
+    )?;
+    let stands = path.angles_of(&mount.reading(&soon())?);
+    let plan = PassPlan::new(&orbit.name(), &path, &guard, &abilities, Some(stands));
+    let mut report = TrackReport::planned(plan, args.mount.clone());
+    if args.dry_run {
+        for doubt in doubts.into_iter().flatten() {
+            console.warn(&format!("it would not move: {doubt}"));
+        }
+        return args.out.finish(&report.product(&[])?, &report.text(), console);
+    }
+    if let Some(doubt) = doubts.into_iter().flatten().next() {
+        return Err(doubt.into());
+    }
+    if let Some(why) = &report.plan.refused {
+        bail!("{why}");
+    }
+    console.say(&plan_text(&report.plan, &args.mount));
+    let cancel = Cancel::new();
+    let token = cancel.clone();
+    ctrlc::set_handler(move || token.cancel()).context("cannot listen to Ctrl-C")?;
+    let dog = Watchdog::start(&args.mount)?;
+    let mut options = options(args);
+    options.watch_clock = true;
+    let mut tracker =
+        Tracker::new(&path, &guard, mount.as_mut(), None, DeviceClock::live(), options);
+    let mut lines = Lines::new(args.every, console);
+    let ended = tracker.run(&cancel, &mut |step| {
+        dog.tick();
+        lines.show(step);
+        ControlFlow::Continue(())
+    });
+    dog.done();
+    finish(args, console, &mut report, ended, &lines.steps)
+}
+
+fn options(args: &TrackArgs) -> TrackOptions {
+    let mut options = TrackOptions::default();
+    options.latency_s = args.latency_s;
+    options.nudge_s = args.late_s;
+    options
+}
+
+fn finish(
+    args: &TrackArgs,
+    console: Console,
+    report: &mut TrackReport,
+    ended: Result<sunglint_observatory::telescope::TrackSummary, TrackError>,
+    steps: &[TrackStep],
+) -> anyhow::Result<()> {
+    let failed = match ended {
+        Ok(summary) => {
+            report.ended = summary.cancelled.then(|| "stopped by hand".to_owned());
+            report.went(summary, steps);
+            None
+        }
+        Err(error) => {
+            report.ended = Some(error.to_string());
+            Some(error)
+        }
+    };
+    args.out.finish(&report.product(steps)?, &report.text(), console)?;
+    match failed {
+        None => Ok(()),
+        Some(error) => Err(error.into()),
+    }
+}
+
+/// A rehearsal: the target comes 1 s late and 20″ beside its track, the telescope is a virtual one, and time passes as fast as it can.
+fn rehearse(
+    args: &TrackArgs,
+    console: Console,
+    station: &Station,
+    orbit: &Orbit,
+    span: (Epoch, f64),
+    axes: MountAxes,
+) -> anyhow::Result<()> {
+    let earth = EarthOrientation::embedded();
+    let (from, seconds) = span;
+    let path = TargetPath::new(orbit, &station.site, earth, span, axes, false)?;
+    let start = from - 60.0 * Unit::Second;
+    let clock = DeviceClock { clock: Arc::new(VirtualClock::new()), zero_utc: Some(start) };
+    let frames =
+        SkyFrames::over(start - 1.0 * Unit::Minute, from + (seconds + 60.0) * Unit::Second, earth)?;
+    let (site, sky_orbit) = (station.site, orbit.clone());
+    let sky = move |epoch: Epoch| {
+        let at = |epoch: Epoch| {
+            let observer = Observer::new(frames.at(epoch).ok()?, &site);
+            Some(Geometry::at(&sky_orbit, &observer).ok()?.horizontal.east_north_up())
+        };
+        let late = epoch - 1.0 * Unit::Second;
+        let (here, soon) = (at(late)?, at(late + 0.1 * Unit::Second)?);
+        let across = here.cross(soon).try_normalize()?;
+        (here + across * (20.0 / 206_264.8)).try_normalize()
+    };
+    let place = station.site.geodetic();
+    let made = TelescopeOptions::default().with(|o| {
+        o.axes = axes;
+        o.site_deg = [place.latitude_deg, place.longitude_deg];
+    });
+    let telescope = Telescope::new(made, clock.clone(), Arc::new(sky));
+    let (mut mount, mut finder) = (telescope.mount(), telescope.finder());
+    let cone = SunCone::default().with_limit_deg(args.sun_limit);
+    let guard = Guard::new(&station.site, axes, false, cone)
+        .with_horizon(station.horizon.clone(), args.min_elevation);
+    let plan = PassPlan::new(&orbit.name(), &path, &guard, mount.abilities(), None);
+    let mut report = TrackReport::planned(plan, args.mount.clone());
+    if args.dry_run {
+        return args.out.finish(&report.product(&[])?, &report.text(), console);
+    }
+    if let Some(why) = &report.plan.refused {
+        bail!("{why}");
+    }
+    let mut options = options(args);
+    options.watch_clock = false;
+    let finder: Option<&mut dyn Finder> = Some(&mut finder);
+    let mut tracker = Tracker::new(&path, &guard, &mut mount, finder, clock, options);
+    let mut steps = Vec::new();
+    let ended = tracker.run(&Cancel::new(), &mut |step| {
+        steps.push(*step);
+        ControlFlow::Continue(())
+    });
+    let every = (args.every / 0.1).round().max(1.0) as usize;
+    if console.verbose > 0 {
+        steps.iter().step_by(every).for_each(|step| console.detail(&step_text(step)));
+    }
+    if let Ok(summary) = &ended
+        && let Some(locked_s) = summary.locked_s
+    {
+        let late = telescope.truth().into_iter().filter(|row| row.time_s - 60.0 > locked_s + 5.0);
+        let squares: Vec<f64> = late.map(|row| row.off_arcsec.powi(2)).collect();
+        if !squares.is_empty() {
+            report.true_rms_arcsec =
+                Some((squares.iter().sum::<f64>() / squares.len() as f64).sqrt());
+        }
+    }
+    finish(args, console, &mut report, ended, &steps)
+}
+
+fn open(address: &str) -> anyhow::Result<Box<dyn Mount>> {
+    let mut address = Address::parse(address, &[])
+        .map_err(|error| anyhow!("--mount: {error}; or {} for a rehearsal", VIRTUAL.join(", ")))?;
+    let deadline = Deadline::within(OPEN);
+    let line = address.connect(&deadline)?;
+    match address.open(line, &deadline)? {
+        AnyDevice::Mount(mount) => Ok(mount),
+        other => bail!("--mount: this is a {}, no mount", other.kind()),
+    }
+}
+
+/// Lines on stderr while it goes.
+struct Lines {
+    every: Duration,
+    shown: Option<Instant>,
+    console: Console,
+    steps: Vec<TrackStep>,
+}
+
+impl Lines {
+    fn new(every_s: f64, console: Console) -> Self {
+        Self { every: Duration::from_secs_f64(every_s), shown: None, console, steps: Vec::new() }
+    }
+
+    fn show(&mut self, step: &TrackStep) {
+        // Four hours of ten a second.
+        const MOST: usize = 200_000;
+        if self.steps.len() < MOST {
+            self.steps.push(*step);
+        }
+        if self.shown.is_none_or(|shown| shown.elapsed() >= self.every) {
+            self.shown = Some(Instant::now());
+            self.console.say(&step_text(step));
+        }
+    }
+}
+
+/// The watchdog's process, and the thread that tells it that we live.
+struct Watchdog {
+    child: Child,
+    last_ms: Arc<AtomicU64>,
+    done: Arc<AtomicBool>,
+    begun: Instant,
+    thread: Option<std::thread::JoinHandle<()>>,
+}
+
+impl Watchdog {
+    /// Starts it and waits until it holds its own connection.
+    fn start(mount: &str) -> anyhow::Result<Self> {
+        let program = std::env::current_exe().context("cannot find this program")?;
+        let mut child = Command::new(program)
+            .args(["mount-watchdog", mount])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .context("cannot start the watchdog")?;
+        let (Some(stdout), Some(mut stdin)) = (child.stdout.take(), child.stdin.take()) else {
+            bail!("the watchdog has no pipes");
+        };
+        let mut line = String::new();
+        let read = BufReader::new(stdout).read_line(&mut line);
+        if read.is_err() || line.trim() != "ready" {
+            let _ = child.wait();
+            bail!(
+                "the watchdog cannot reach the mount over a connection of its own: nothing is moved"
+            );
+        }
+        let begun = Instant::now();
+        let (last_ms, done) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
+        let (last, end) = (last_ms.clone(), done.clone());
+        let thread = std::thread::spawn(move || {
+            while !end.load(Ordering::SeqCst) {
+                let age = begun
+                    .elapsed()
+                    .saturating_sub(Duration::from_millis(last.load(Ordering::SeqCst)));
+                // A tracker that hangs is as good as dead.
+                if age < HANGS && stdin.write_all(b"a\n").and_then(|()| stdin.flush()).is_err() {
+                    return;
+                }
+                std::thread::sleep(Duration::from_millis(100));
+            }
+            let _ = stdin.write_all(b"d\n").and_then(|()| stdin.flush());
+        });
+        Ok(Self { child, last_ms, done, begun, thread: Some(thread) })
+    }
+
+    fn tick(&self) {
+        let now = u64::try_from(self.begun.elapsed().as_millis()).unwrap_or(u64::MAX);
+        self.last_ms.store(now, Ordering::SeqCst);
+    }
+
+    fn done(mut self) {
+        self.done.store(true, Ordering::SeqCst);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+        let _ = self.child.wait();
+    }
+}
+
+/// The watchdog's process.
+///
+/// # Errors
+/// The mount cannot be reached, or not be stopped.
+pub fn watchdog(args: &WatchdogArgs) -> anyhow::Result<()> {
+    let mut mount = open(&args.mount)?;
+    let (beats, received) = mpsc::channel();
+    let by_hand = beats.clone();
+    ctrlc::set_handler(move || {
+        let _ = by_hand.send(Beat::Stop);
+    })
+    .context("cannot listen to Ctrl-C")?;
+    let tell = beats;
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines() {
+            let beat = match line.as_deref() {
+                Ok("a") => Beat::Alive,
+                Ok("d") => Beat::Done,
+                _ => break,
+            };
+            if tell.send(beat).is_err() {
+                break;
+            }
+        }
+        // The other end has gone: no beat comes any more.
+    });
+    println!("ready");
+    std::io::stdout().flush()?;
+    match watch(mount.as_mut(), &received)? {
+        Watched::Silent => {
+            eprintln!("sunglint: the watchdog stopped the mount: its tracker was silent for 0.5 s");
+        }
+        Watched::Stopped => eprintln!("sunglint: the watchdog stopped the mount by hand"),
+        Watched::Done => {}
+    }
+    Ok(())
+}

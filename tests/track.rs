@@ -1,0 +1,39 @@
+//! `sunglint track`: rehearsals and refusals.
+
+#![allow(clippy::unwrap_used, reason = "a test says what it expects")]
+
+use crate::common::Folder;
+
+const ISS: &str = "ISS (ZARYA)
+1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927
+2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537
+";
+
+/// Truth: the virtual telescope's own: its target is 1 s late and 20″ beside its track, and stands within 5″ of the axis.
+#[test]
+fn a_rehearsal_follows() {
+    let folder = Folder::new("track");
+    std::fs::write(folder.path("iss.tle"), ISS).unwrap();
+    for mount in ["virtual", "virtual-equatorial"] {
+        let track = ["track", "iss.tle", "ISS", "--mount", mount, "--station", "ufo"];
+        let at = ["--at", "2008-09-21T18:30:00", "--json"];
+        let json = folder.json(&[&track[..], &at].concat());
+        let rms = json["true_rms_arcsec"].as_f64().unwrap();
+        assert!(rms < 5.0, "{mount} {rms}");
+        assert!(json["went"]["locked_s"].as_f64().unwrap() < 10.0);
+        assert!(json["ended"].is_null());
+    }
+}
+
+/// Truth: the rules in words; a plan alone follows nothing.
+#[test]
+fn what_cannot_be_is_refused() {
+    let folder = Folder::new("track-refused");
+    std::fs::write(folder.path("iss.tle"), ISS).unwrap();
+    let track = ["track", "iss.tle", "ISS", "--station", "ufo", "--at", "2008-09-21T18:30:00"];
+    let wrong = |code, more: &[&str]| folder.refused(code, &[&track[..], more].concat());
+    assert!(wrong(2, &["--mount", "virtual", "--sun-limit", "3"]).contains("10 to 90"));
+    assert!(wrong(2, &["--mount", "virtual", "--for-s=0"]).contains("for-s"));
+    let plan = folder.json(&[&track[..], &["--mount", "virtual", "--dry-run", "--json"]].concat());
+    assert!(plan["went"].is_null() && plan["plan"]["refused"].is_null());
+}
