@@ -38,6 +38,7 @@ pub mod cli;
 pub mod compare;
 pub mod curve_file;
 pub mod demo;
+pub mod detect;
 pub mod devices;
 pub mod efficiency;
 pub mod explain;

@@ -24,6 +24,7 @@
 //! - [`calibrate`]: nights calibrated from stars;
 //! - [`efficiency`]: a detector's efficiency;
 //! - [`mod@reduce`]: a night's reduction;
+//! - [`detect`]: points and streaks of frames;
 //! - [`devices`]: instruments, and what they gave;
 //! - [`observe`]: a night as it runs;
 //! - [`plot`]: figures as PNG or SVG;
@@ -39,6 +40,7 @@ pub mod bench;
 pub mod brdf;
 pub mod calibrate;
 pub mod compare;
+pub mod detect;
 pub mod devices;
 pub mod efficiency;
 pub mod endmembers;

@@ -1,6 +1,6 @@
 //! Report of a reduction: per visit and channel how many samples there are and what each rule removed.
 
-mod figure;
+pub(crate) mod figure;
 
 use crate::{Product, rounded};
 use hifitime::Epoch;
