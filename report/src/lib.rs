@@ -24,6 +24,7 @@
 //! - [`calibrate`]: nights calibrated from stars;
 //! - [`efficiency`]: a detector's efficiency;
 //! - [`mod@reduce`]: a night's reduction;
+//! - [`folder`]: frames of any program, reduced;
 //! - [`detect`]: points and streaks of frames;
 //! - [`devices`]: instruments, and what they gave;
 //! - [`observe`]: a night as it runs;
@@ -47,6 +48,7 @@ pub mod endmembers;
 pub mod explain;
 pub mod fit;
 pub mod fold;
+pub mod folder;
 mod inputs;
 pub mod intensity;
 mod lines;

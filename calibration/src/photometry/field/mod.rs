@@ -57,7 +57,7 @@ impl Default for FieldOptions {
         Self {
             fwhm_px: None,
             point_sigmas: 6.0,
-            streak_sigmas: 7.5,
+            streak_sigmas: 8.0,
             shortest_px: 14.0,
             saturation_adu: None,
             gain_e_per_adu: None,

@@ -345,7 +345,7 @@ fn fitted_line(corridor: &Corridor, line: &Line, sigma: f64) -> Option<([f64; 4]
                 for sign in [-1.0, 1.0] {
                     let mut moved = at;
                     moved[parameter] += sign * step;
-                    if moved[3] < 0.6 * sigma || moved[3] > 1.9 * sigma {
+                    if moved[3] < 0.6 * sigma || moved[3] > 1.4 * sigma {
                         continue;
                     }
                     if let Some(fit) = corridor.fit(moved[0], moved[1], moved[2], moved[3])
@@ -395,8 +395,14 @@ fn verify(prepared: &Prepared, search: &Search<'_>, line: Line) -> Option<Fitted
     let moved =
         Line { origin: [moved.origin[0] + across[0], moved.origin[1] + across[1]], ..moved };
     let length = moved.length();
-    // Short ones are what faint stars in a row look like.
-    let asked = options.streak_sigmas * if length < 22.0 * sigma { 1.3 } else { 1.0 };
+    // Faint stars in a row look like a short one; beyond the frame's edge, or where stars hide much of it, less is known of it.
+    let [columns, rows] = prepared.size.map(|n| n as f64 - 1.0);
+    let is_beyond = moved
+        .ends()
+        .iter()
+        .any(|[x, y]| *x < -1.0 || *y < -1.0 || *x > columns + 1.0 || *y > rows + 1.0);
+    let doubtful = length < 22.0 * sigma || is_beyond || masked > 0.2;
+    let asked = options.streak_sigmas * if doubtful { 1.35 } else { 1.0 };
     if significance < asked || length < options.shortest_px || width > 1.8 * sigma {
         return None;
     }
