@@ -36,7 +36,7 @@ pub fn along(
     if parts == 0 {
         return bad("parts", 0.0, "1 or more");
     }
-    if !(streak.length_px > 1.0) {
+    if streak.length_px.is_nan() || streak.length_px <= 1.0 {
         return bad("length_px", streak.length_px, "more than 1");
     }
     let parts = parts.min((streak.length_px / streak.fwhm_px.max(1.0)).floor().max(1.0) as usize);

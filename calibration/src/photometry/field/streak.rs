@@ -320,7 +320,7 @@ impl Corridor {
             d1 += value;
         }
         let determinant = mm * n - m1 * m1;
-        if !(determinant > 1e-12 * mm * n) {
+        if determinant.is_nan() || determinant <= 1e-12 * mm * n {
             return None;
         }
         let flux = (md * n - m1 * d1) / determinant;
