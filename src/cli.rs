@@ -2,7 +2,7 @@
 
 use crate::output::{Console, OutputArgs};
 use crate::{
-    air, align, analyse, apply, bench, brdf, calibrate, compare, demo, devices, efficiency,
+    air, align, analyse, apply, bench, brdf, calibrate, compare, demo, detect, devices, efficiency,
     explain, fit, light, observe, passes, picture, reduce, session, simulate, star, tables, track,
 };
 use anyhow::Context as _;
@@ -69,6 +69,8 @@ pub enum Command {
     Picture(Box<picture::PictureArgs>),
     /// Visible passes of satellites: when, where, how bright, what each channel counts
     Passes(Box<passes::PassesArgs>),
+    /// Points and streaks of frames (FITS of any program): where, how bright, how significant, and a picture with marks
+    Detect(Box<detect::DetectArgs>),
     /// A recorded session as linear light curves, visit by visit
     Reduce(Box<reduce::ReduceArgs>),
     /// The fields of the fibres on the camera image, from a session's stars
@@ -151,6 +153,7 @@ impl Command {
             Command::Light(args) => Some(&args.out),
             Command::Picture(args) => Some(&args.out),
             Command::Passes(args) => Some(&args.out),
+            Command::Detect(args) => Some(&args.out),
             Command::Reduce(args) => Some(&args.out),
             Command::Align(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
@@ -185,6 +188,7 @@ impl Command {
             Command::Light(args) => light::run(args, console),
             Command::Picture(args) => picture::run(args, console),
             Command::Passes(args) => passes::run(args, console),
+            Command::Detect(args) => detect::run(args, console),
             Command::Reduce(args) => reduce::run(args, console),
             Command::Align(args) => align::run(args, console),
             Command::Bench(args) => bench::run(args, console),

@@ -5,7 +5,8 @@
 //! - [`air`]: the transmission of the air;
 //! - [`star`]: a star's place, airmass and expected rates;
 //! - [`explain`]: what a pass needs, and what error that leaves;
-//! - [`reduce`]: from a session to linear light curves;
+//! - [`detect`]: points and streaks of frames of any program;
+//! - [`reduce`]: from a session, or from frames of other programs, to linear light curves;
 //! - [`align`]: the fibres' fields on the camera image, from stars;
 //! - [`simulate`]: what a pass should look like in every channel;
 //! - [`compare`]: a measured pass beside the simulated one;
@@ -38,6 +39,7 @@ pub mod cli;
 pub mod compare;
 pub mod curve_file;
 pub mod demo;
+pub mod detect;
 pub mod devices;
 pub mod efficiency;
 pub mod explain;

@@ -1,4 +1,4 @@
-//! `sunglint reduce`: a session's frames and counts, visit by visit, as linear light curves.
+//! `sunglint reduce`: a session's frames and counts, visit by visit, as linear light curves; or frames of any other program.
 
 use crate::output::{Console, OutputArgs, Usage};
 use crate::progress::Bar;
@@ -7,8 +7,10 @@ use anyhow::Context as _;
 use clap::Args;
 use std::path::PathBuf;
 use sunglint_calibration::alignment::read_fibres;
+use sunglint_calibration::photometry::field::FieldOptions;
 use sunglint_calibration::photometry::{Choice, Trail};
 use sunglint_calibration::reduction::counts::gate;
+use sunglint_calibration::reduction::folder::{FolderOptions, reduce_frames};
 use sunglint_calibration::reduction::frames::{DETECT_SIGMAS, FrameOptions, SensorFiles};
 use sunglint_calibration::reduction::night::OFF_SIGMAS;
 use sunglint_calibration::reduction::{ReduceError, ReduceOptions, reduce, stays};
@@ -16,13 +18,14 @@ use sunglint_formats::Frame;
 use sunglint_formats::session::Session;
 use sunglint_numerics::progress::Progress as _;
 use sunglint_radiometry::station::Station;
-use sunglint_report::reduce as report;
+use sunglint_report::{Product, folder, reduce as report};
 
 /// Arguments of `sunglint reduce`.
 #[derive(Debug, Args)]
 pub struct ReduceArgs {
-    /// The session's folder, as `sunglint observe` made it
-    pub session: PathBuf,
+    /// The session's folder, as `sunglint observe` made it; or frames (FITS) of any program, or folders of them
+    #[arg(required = true, value_name = "SESSION|FRAMES")]
+    pub inputs: Vec<PathBuf>,
     /// Only the visits of this target
     #[arg(long, value_name = "NAME")]
     pub target: Option<String>,
@@ -35,6 +38,9 @@ pub struct ReduceArgs {
     /// How counts become rates.
     #[command(flatten)]
     pub counts: CountArgs,
+    /// Frames of other programs.
+    #[command(flatten)]
+    pub others: OtherArgs,
     /// Which station.
     #[command(flatten)]
     pub station: StationArgs,
@@ -74,6 +80,21 @@ pub struct FrameArgs {
     /// Flats (FITS); they need dark frames
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub flat: Vec<PathBuf>,
+}
+
+/// Frames of other programs.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Frames of other programs")]
+pub struct OtherArgs {
+    /// Place of the target in the first frame: column and row, px [default: chosen by its motion]
+    #[arg(long, value_name = "PX", num_args = 2, allow_negative_numbers = true)]
+    pub place_px: Option<Vec<f64>>,
+    /// Samples along each streak, where its direction of motion is known
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub along: usize,
+    /// Streaks have at least so much light, in standard deviations of it
+    #[arg(long, value_name = "K", default_value_t = FieldOptions::default().streak_sigmas, allow_negative_numbers = true)]
+    pub streak_sigma: f64,
 }
 
 /// How counts become rates.
@@ -173,10 +194,14 @@ pub(crate) fn station(args: &StationArgs, session: &Session) -> anyhow::Result<S
 pub fn run(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
     args.out.check_with(console)?;
     args.out.check()?;
+    let [folder] = args.inputs.as_slice() else { return run_frames(args, console) };
+    if !folder.join("session.toml").exists() && (!folder.is_dir() || has_frames(folder)) {
+        return run_frames(args, console);
+    }
     if args.raw && args.out.output.is_empty() {
         return Err(Usage("--raw writes files: give -o FOLDER/".into()).into());
     }
-    let session = Session::open(&args.session)?;
+    let session = Session::open(folder)?;
     let station = station(&args.station, &session)?;
     let options = args.options(&station)?;
     let progress = Bar::new(console);
@@ -196,7 +221,63 @@ pub fn run(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
     for warning in station.warnings.iter().chain(&night.warnings) {
         console.warn(warning);
     }
-    let name = args.session.display().to_string();
+    let name = folder.display().to_string();
     let product = report::product(&night, &visits, &name, &station.name);
     args.out.finish(&product, &report::text(&night, &visits, &name, &station.name), console)
+}
+
+/// Whether a folder that is no session has frames of another program.
+fn has_frames(folder: &std::path::Path) -> bool {
+    crate::detect::files_of(&[folder.to_path_buf()]).is_ok()
+}
+
+/// Reduces frames of other programs.
+fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
+    let mut inputs = Vec::new();
+    for path in &args.inputs {
+        if !path.exists() {
+            // The error of a session's folder that is not there.
+            Session::open(path)?;
+        }
+        if path.join("session.toml").exists() {
+            let path = path.display();
+            return Err(Usage(format!(
+                "{path} is a session: reduce it by itself, without other files or folders"
+            ))
+            .into());
+        }
+        inputs.push(path.clone());
+    }
+    if args.raw || args.target.is_some() {
+        return Err(Usage(
+            "--raw and --target are about sessions, not frames of other programs".into(),
+        )
+        .into());
+    }
+    let files = crate::detect::files_of(&inputs)?;
+    let mut options = FolderOptions::default();
+    options.field.fwhm_px = args.frames.fwhm_px;
+    options.field.aperture_px = args.frames.aperture_px;
+    options.field.point_sigmas = args.frames.detect_sigma;
+    options.field.streak_sigmas = args.others.streak_sigma;
+    options.place_px =
+        args.others.place_px.as_deref().and_then(|p| Some([*p.first()?, *p.get(1)?]));
+    options.parts = args.others.along;
+    options.darks.clone_from(&args.frames.dark);
+    options.flats.clone_from(&args.frames.flat);
+    let progress = Bar::new(console);
+    progress.begin("frames", Some(files.len() as u64));
+    let reduced = reduce_frames(&files, &options, &progress)?;
+    progress.end();
+    let names: Vec<String> = args.inputs.iter().map(|p| p.display().to_string()).collect();
+    let name = names.join(", ");
+    let mut product = folder::product(&reduced, &name)?;
+    let curve = folder::curve(&reduced, &name)?;
+    // A single file is the light curve; a folder has both.
+    let table = std::mem::replace(&mut product.table, curve.table.clone());
+    let frames = Product { name: product.name.clone(), table, ..Product::default() };
+    product.name.clone_from(&curve.name);
+    product.figure = curve.figure;
+    product.others.push(frames);
+    args.out.finish(&product, &folder::text(&reduced, &name), console)
 }

@@ -1,5 +1,6 @@
 //! `sunglint track`: a mount follows a satellite, for the eye at the eyepiece.
 
+use crate::interrupt::{Hangup, listen};
 use crate::output::{Console, OutputArgs, Usage};
 use crate::star::when;
 use crate::station::StationArgs;
@@ -221,7 +222,7 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     console.say(&plan_text(&report.plan, &args.mount));
     let cancel = Cancel::new();
     let token = cancel.clone();
-    ctrlc::set_handler(move || token.cancel()).context("cannot listen to Ctrl-C")?;
+    listen(Hangup::Ends, move || token.cancel())?;
     let dog = Watchdog::start(&args.mount)?;
     let mut options = options(args);
     options.watch_clock = true;
@@ -448,10 +449,9 @@ pub fn watchdog(args: &WatchdogArgs) -> anyhow::Result<()> {
     let mut mount = open(&args.mount)?;
     let (beats, received) = mpsc::channel();
     let by_hand = beats.clone();
-    ctrlc::set_handler(move || {
+    listen(Hangup::Ends, move || {
         let _ = by_hand.send(Beat::Stop);
-    })
-    .context("cannot listen to Ctrl-C")?;
+    })?;
     let tell = beats;
     std::thread::spawn(move || {
         for line in std::io::stdin().lock().lines() {

@@ -180,6 +180,10 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     }
     let listed = folder.run(&["devices", "list", "--indi", "127.0.0.1:1", "--json"]);
     keys(&serde_json::from_slice(&listed.stdout).unwrap(), &mut printed);
+    // Frames of another program.
+    crate::frames::made_up(&folder.path("others"));
+    keys(&folder.json(&["detect", "others/light_0.fits", "--json"]), &mut printed);
+    keys(&folder.json(&["reduce", "others", "--along", "3", "--json"]), &mut printed);
     // A sample on a goniometer: a lobe that falls by 2 % a degree squared.
     let mut retro = String::from("angle_deg,f_per_sr,sigma_f_per_sr\n");
     for k in -10_i32..60 {
@@ -491,6 +495,17 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "pipeline",
         "stored",
         "none",
+        // Values of keys; where the header has a place.
+        "detect",
+        "light",
+        "dark",
+        "bias",
+        "flat",
+        "point",
+        "streak",
+        "latitude_deg",
+        "longitude_deg",
+        "height_m",
     ];
     let gone: Vec<&String> = quoted
         .difference(&printed)

@@ -14,6 +14,7 @@ mod devices;
 mod docs;
 mod explain;
 mod fit;
+mod frames;
 mod hard_curves;
 mod house;
 mod lab;

@@ -10,3 +10,4 @@ mod glints;
 mod intervals;
 mod photometry;
 mod stars;
+mod streaks;

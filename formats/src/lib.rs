@@ -11,6 +11,7 @@
 //! - [`fred`], [`zemax`]: scattered light as optical design programs tabulate it;
 //! - [`photometry`]: magnitudes as catalogues, observers and tracking stations publish them;
 //! - [`counts`] and [`frame`]: what instruments deliver, a bin of a photon counter and a frame of a camera;
+//! - [`image_frame`]: a frame of any other program, its header in one form;
 //! - [`tags`]: photon time tags on disk, binned into counts;
 //! - [`flag_bits`]: flags as bits of a number, which files name;
 //! - [`table`]: columns with units and metadata, in memory;
@@ -76,6 +77,7 @@ pub mod fits;
 pub mod flag_bits;
 pub mod frame;
 pub mod fred;
+pub mod image_frame;
 pub mod jcamp;
 pub mod photometry;
 pub mod read;

@@ -56,6 +56,23 @@ impl Image {
         true
     }
 
+    /// An image of values (row by row) above the background of its tiles, which are of the same values; NaN is masked.
+    pub fn above(mut values: Vec<f32>, size: [usize; 2], tiles: &Tiles) -> Self {
+        let left_out = values.iter().map(|value| value.is_nan()).collect();
+        tiles.take_off(&mut values, size[0]);
+        Self { values, size, left_out, ..Self::default() }
+    }
+
+    /// Values above the background, in standard deviations of a pixel.
+    pub fn values(&self) -> &[f32] {
+        &self.values
+    }
+
+    /// The values and the pixels that are left out: masked ones, and what was too sharp.
+    pub fn into_parts(self) -> (Vec<f32>, Vec<bool>) {
+        (self.values, self.left_out)
+    }
+
     /// Takes out what is sharper than a point of this width could be: cosmic rays, hot pixels. Gives their pixels.
     ///
     /// A pixel is sharp that is 5 σ above what the fifth highest of its eight neighbours allows: beside a point at least half of them have 35 % of what a

@@ -8,6 +8,8 @@
 //! - [`Aperture`], [`Background`]: sums with exact areas, less the clipped median of an annulus, for each plane of a colour mosaic;
 //! - [`FrameReducer`]: all of it for frame after frame: a [`FrameMeasurement`] each, and a [`Tally`] of what each rule removed.
 //!
+//! [`field`] finds points and streaks on a single frame of any program.
+//!
 //! Places on a frame are `[column, row]` in pixels of the frame, the middle of its first pixel at (0, 0) (as in photutils and SEP).
 //! Colours are measured on the pixels that sampled them; nothing is interpolated between colours.
 //!
@@ -56,6 +58,7 @@ mod background;
 mod calibrate;
 mod centroid;
 mod detect;
+pub mod field;
 mod image;
 mod levels;
 mod look;

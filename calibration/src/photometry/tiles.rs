@@ -12,6 +12,8 @@ pub(crate) struct Tiles {
     size: [f64; 2],
     level: Vec<f32>,
     sigma: Vec<f32>,
+    /// Tiles beyond the middles of the outer ones into which levels are continued.
+    beyond: f64,
 }
 
 /// Columns between two tiles' middles with one nearest tile: the tile to the left of them, and the nearest.
@@ -51,7 +53,45 @@ impl Tiles {
             size,
             level: around(&level, count, 0.0),
             sigma: around(&sigma, count, least).iter().map(|s| s.max(least)).collect(),
+            beyond: 0.0,
         }
+    }
+
+    /// The same with levels that go on evenly to the image's edges: those of the outer tiles, which are medians of one side only, from the two tiles within, and beyond
+    /// their middles as well.
+    #[must_use]
+    pub fn continued(mut self) -> Self {
+        let [columns, rows] = self.count;
+        if columns.min(rows) < 4 {
+            return self;
+        }
+        for row in 0..rows {
+            let line = &mut self.level[row * columns..][..columns];
+            line[0] = 2.0 * line[1] - line[2];
+            line[columns - 1] = 2.0 * line[columns - 2] - line[columns - 3];
+        }
+        for column in 0..columns {
+            let at = |row: usize| row * columns + column;
+            self.level[at(0)] = 2.0 * self.level[at(1)] - self.level[at(2)];
+            let last = rows - 1;
+            self.level[at(last)] = 2.0 * self.level[at(last - 1)] - self.level[at(last - 2)];
+        }
+        self.beyond = 0.5;
+        self
+    }
+
+    /// Scatter of a pixel in the tile nearest to a place.
+    pub fn sigma_at(&self, x: f64, y: f64) -> f32 {
+        let tile = |at: f64, axis: usize| {
+            (((at + 0.5) / self.size[axis]).max(0.0) as usize).min(self.count[axis] - 1)
+        };
+        self.sigma[tile(y, 1) * self.count[0] + tile(x, 0)]
+    }
+
+    /// Median of the tiles' levels.
+    pub fn middle_level(&self) -> f64 {
+        sunglint_numerics::order::median(self.level.iter().copied().map(f64::from))
+            .unwrap_or(f64::NAN)
     }
 
     /// The stretches of a row of this width.
@@ -80,11 +120,13 @@ impl Tiles {
         let stretches = self.stretches(width);
         let mut levels = vec![0.0; columns];
         let inverse_size = (1.0 / self.size[0]) as f32;
+        let (low, high) = (-self.beyond as f32, 1.0 + self.beyond as f32);
         for (y, line) in values.chunks_exact_mut(width.max(1)).enumerate() {
             let place = (y as f64 + 0.5) / self.size[1];
             let nearest = (place as usize).min(rows - 1);
-            let between = (place - 0.5).clamp(0.0, (rows - 1) as f64);
-            let (upper, v) = (between as usize, between.fract() as f32);
+            let between = (place - 0.5).clamp(-self.beyond, (rows - 1) as f64 + self.beyond);
+            let upper = (between as usize).min(if self.beyond > 0.0 { rows - 2 } else { rows - 1 });
+            let v = (between - upper as f64) as f32;
             let lower = (upper + 1).min(rows - 1);
             for (column, level) in levels.iter_mut().enumerate() {
                 *level = self.level[upper * columns + column] * (1.0 - v)
@@ -97,7 +139,7 @@ impl Tiles {
                 let start = (range.start as f64 + 0.5) / self.size[0] - 0.5 - *left as f64;
                 let start = start as f32;
                 for (i, value) in line[range.clone()].iter_mut().enumerate() {
-                    let u = (start + i as u32 as f32 * inverse_size).clamp(0.0, 1.0);
+                    let u = (start + i as u32 as f32 * inverse_size).clamp(low, high);
                     let above = (*value - (level + u * rise)) * scale;
                     *value = if above.is_nan() { 0.0 } else { above };
                 }

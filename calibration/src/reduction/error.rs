@@ -37,6 +37,12 @@ pub enum ReduceError {
     /// An epoch for which the sky is not known.
     #[error(transparent)]
     Sky(#[from] SkyError),
+    /// No frame that can be measured.
+    #[error("no frame of the sky can be measured; left out: {left_out}")]
+    NoFrame {
+        /// Numbers of frames and why they were left out.
+        left_out: String,
+    },
     /// No target in the session's log.
     #[error("its log has no target")]
     NoTarget,

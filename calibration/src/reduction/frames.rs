@@ -49,6 +49,8 @@ pub struct CameraNight {
     pub aperture_px: [f64; 3],
     /// Dark frames that the mask was made of.
     pub darks: usize,
+    /// Dark frames of the session that were left out: of another exposure, gain, temperature or part of the sensor than its frames of targets.
+    pub other_darks: usize,
     /// Pixels that are left out.
     pub bad_pixels: usize,
     /// Frames that could not be read or measured, and why.
@@ -200,8 +202,7 @@ pub fn camera_night(
     let mut failed = Vec::new();
     let mut options = how.photometry.clone();
     let calibration = calibration(&files, &stay_of, stays, &how.sensor, &mut failed)?;
-    let darks = calibration.1;
-    let calibration = calibration.0;
+    let (calibration, [darks, other_darks]) = calibration;
     let bad_pixels = calibration.bad.as_ref().map_or(0, bad_count);
     let zeniths = zeniths(&starts, &stay_of, stays, station)?;
     let mut fwhm_px = vec![options.fwhm_px; stays.len()];
@@ -224,6 +225,7 @@ pub fn camera_night(
         fwhm_px,
         aperture_px: [options.aperture_radius_px, options.annulus_px[0], options.annulus_px[1]],
         darks,
+        other_darks,
         bad_pixels,
         failed: Vec::new(),
     };
@@ -332,15 +334,62 @@ fn bad_count(bad: &BadPixels) -> usize {
     bad.faults.iter().filter(|fault| !fault.is_empty()).count()
 }
 
-/// Mask, dark and flat: of the files that were given, else of the session's dark frames; and how many dark frames that were.
+/// Temperatures of a dark and a frame differ by at most this, °C.
+const NEAR_C: f64 = 2.0;
+
+/// Whether a dark fits a frame: exposure (1 %), part of the sensor, binning, gain and temperature, as far as both say them.
+fn fits(dark: &Frame, frame: &Frame) -> bool {
+    let gain = |frame: &Frame| frame.header.real("GAIN");
+    let same_gain =
+        gain(dark).zip(gain(frame)).is_none_or(|(a, b)| (a - b).abs() < 1e-6 * a.abs().max(1.0));
+    let temperatures = dark.temperature_c.zip(frame.temperature_c);
+    (dark.exposure_s - frame.exposure_s).abs() <= 0.01 * frame.exposure_s
+        && dark.origin == frame.origin
+        && dark.binning == frame.binning
+        && dark.pixels.dim() == frame.pixels.dim()
+        && same_gain
+        && temperatures.is_none_or(|(a, b)| (a - b).abs() <= NEAR_C)
+}
+
+/// The dark frames that fit most of some frames of targets, spread over the night; all of them where no frame can be read.
+fn fitting(
+    darks: Vec<Frame>,
+    files: &[FrameFile],
+    stay_of: &[Option<usize>],
+    stays: &[Stay],
+) -> Vec<Frame> {
+    const SAMPLE: usize = 9;
+    let on: Vec<&FrameFile> = files
+        .iter()
+        .zip(stay_of)
+        .filter(|(_, stay)| stay.is_some_and(|stay| stays[stay].target.on))
+        .map(|(file, _)| file)
+        .collect();
+    let step = on.len().div_ceil(SAMPLE).max(1);
+    let lights: Vec<Frame> = on.iter().step_by(step).filter_map(|file| file.read().ok()).collect();
+    let like = |frame: &Frame| darks.iter().filter(|dark| fits(dark, frame)).count();
+    // The frames that the most others are alike; of equal ones those with the most darks.
+    let usual =
+        lights.iter().max_by_key(|a| (lights.iter().filter(|b| fits(a, b)).count(), like(a)));
+    match usual {
+        None => darks,
+        Some(usual) => {
+            let usual = usual.clone();
+            darks.into_iter().filter(|dark| fits(dark, &usual)).collect()
+        }
+    }
+}
+
+/// Mask, dark and flat: of the files that were given, else of the session's dark frames that fit its frames; and how many dark frames that were, and were left out.
 fn calibration(
     files: &[FrameFile],
     stay_of: &[Option<usize>],
     stays: &[Stay],
     sensor: &SensorFiles,
     failed: &mut Vec<(FrameFile, String)>,
-) -> Result<(FrameCalibration, usize), ReduceError> {
+) -> Result<(FrameCalibration, [usize; 2]), ReduceError> {
     let mut darks = sensor.darks.clone();
+    let mut other_darks = 0;
     if darks.is_empty() {
         let is_dark = |stay: &Option<usize>| {
             stay.is_some_and(|stay| stays[stay].target.target_kind == TargetKind::Dark)
@@ -352,9 +401,14 @@ fn calibration(
                 Err(error) => failed.push((file.clone(), error.to_string())),
             }
         }
+        let all = darks.len();
+        if all >= LEAST_DARKS {
+            darks = fitting(darks, files, stay_of, stays);
+        }
+        other_darks = all - darks.len();
     }
     if darks.len() < LEAST_DARKS {
-        return Ok((FrameCalibration::default(), 0));
+        return Ok((FrameCalibration::default(), [0, other_darks]));
     }
     let mut bad = BadPixels::from_darks(&darks, BAD_SIGMAS).within(|| "the dark frames".into())?;
     let dark = MasterFrame::mean(&darks).within(|| "the dark frames".into())?;
@@ -366,7 +420,7 @@ fn calibration(
     }
     calibration.bad = Some(bad);
     calibration.dark = Some(dark);
-    Ok((calibration, darks.len()))
+    Ok((calibration, [darks.len(), other_darks]))
 }
 
 /// The true zenith angle of each frame's target, deg, where it has a place.

@@ -1,10 +1,11 @@
 //! Reduction of a recorded session: frames and counts, visit by visit, as linear light curves.
 //!
 //! [`reduce`] reads a session's cameras and counters, [`Reduced::take`] gives its visits one after the other, so that a night of any length fits into
-//! memory. [`light_curves`] is the short way for a whole session with the usual options.
+//! memory. [`folder::reduce_frames`] takes frames of any program in a folder. [`light_curves`] is the short way for a whole session with the usual options.
 
 pub mod counts;
 mod error;
+pub mod folder;
 pub mod frames;
 pub mod join;
 pub mod night;

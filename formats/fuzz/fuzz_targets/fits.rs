@@ -3,11 +3,13 @@
 
 use libfuzzer_sys::fuzz_target;
 use sunglint_formats::Frame;
+use sunglint_formats::image_frame::ImageFrame;
 use sunglint_formats::fits::{Fits, Writer};
 
 fuzz_target!(|bytes: &[u8]| {
     let Ok(fits) = Fits::from_bytes("x", bytes.to_vec()) else { return };
     let _ = Frame::from_fits(&fits);
+    let _ = ImageFrame::from_fits(&fits);
     for i in 0..fits.hdus().len() {
         if let Ok(image) = fits.image(i) {
             let mut writer = Writer::new();

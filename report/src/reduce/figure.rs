@@ -115,7 +115,7 @@ fn picture(shown: &Shown) -> (RgbaImage, (f64, f64)) {
 }
 
 /// The outline of a circle, or of a pill along a trail, on a picture that is `scale` times its frame.
-fn ring(
+pub(crate) fn ring(
     image: &mut RgbaImage,
     centre_px: [f64; 2],
     trail_px: [f64; 2],

@@ -1,6 +1,6 @@
 //! Report of a reduction: per visit and channel how many samples there are and what each rule removed.
 
-mod figure;
+pub(crate) mod figure;
 
 use crate::{Product, rounded};
 use hifitime::Epoch;
@@ -213,6 +213,12 @@ fn camera_text(camera: &CameraNight) -> String {
         0 => "no dark frames: no mask, no dark subtracted".to_owned(),
         darks => format!("{} bad pixels by {darks} dark frames", camera.bad_pixels),
     };
+    let sensor = match camera.other_darks {
+        0 => sensor,
+        n => format!(
+            "{sensor}; {n} dark frames left out: other exposure, gain, temperature or window"
+        ),
+    };
     let rules = [
         ("too small or large", tally.rejected_area),
         ("ragged", tally.rejected_fill),
@@ -320,6 +326,7 @@ pub fn json(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
             "crowded": tally.crowded,
             "failed": camera.failed.len(),
             "dark_frames": camera.darks,
+            "other_dark_frames": camera.other_darks,
             "bad_pixels": camera.bad_pixels,
         })
     });

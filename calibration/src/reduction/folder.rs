@@ -1,0 +1,892 @@
+//! Frames of any program in a folder, reduced: sorted by their headers, dark and flat applied, the target found, one light curve.
+//!
+//! The target is chosen by its motion, never by its brightness:
+//!
+//! - a place that the user gives in the first frame, if there is one;
+//! - among trailed stars, a point (or a streak of another length) that moves evenly through the frames;
+//! - among stars that are points, a streak; without one, a point that moves against the stars.
+//!
+//! A rate is in ADU/s: light over the time in which the target was in the frame. A streak with both ends inside was there for the whole exposure; one that the edge cuts was there
+//! for its length over its rate of motion, where that is known from the other frames.
+
+use super::{ReduceError, step};
+use crate::photometry::field::{Along, Field, FieldOptions, along, find};
+use hifitime::{Epoch, Unit};
+use ndarray::Array2;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use sunglint_formats::image_frame::{FrameHeader, FrameKind, ImageFrame};
+use sunglint_numerics::order::median;
+use sunglint_numerics::progress::Progress;
+use sunglint_radiometry::light_curve::{
+    ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
+};
+
+/// How a folder of frames is reduced.
+#[derive(Debug, Clone, Default)]
+#[non_exhaustive]
+pub struct FolderOptions {
+    /// How sources are found.
+    pub field: FieldOptions,
+    /// Place of the target in the first frame, column and row, px.
+    pub place_px: Option<[f64; 2]>,
+    /// Parts of a streak that become samples of their own; 0 and 1 for none.
+    pub parts: usize,
+    /// Dark frames in place of those in the folder.
+    pub darks: Vec<PathBuf>,
+    /// Flats in place of those in the folder.
+    pub flats: Vec<PathBuf>,
+}
+
+/// Kind of image that the target has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Shape {
+    /// A point.
+    Point,
+    /// A streak.
+    Streak,
+}
+
+/// The target in one frame.
+#[derive(Debug, Clone, Serialize)]
+pub struct TargetFrame {
+    /// The file.
+    pub file: String,
+    /// Name of the filter, or `none`.
+    pub filter: String,
+    /// Middle of the time in which its light fell.
+    #[serde(skip)]
+    pub time: Epoch,
+    /// Exposure, s.
+    pub exposure_s: f64,
+    /// Time in the frame, s; `None` where it is not known.
+    pub dwell_s: Option<f64>,
+    /// Kind of image; `None` where no target was found.
+    pub shape: Option<Shape>,
+    /// Its middle, column and row.
+    pub place_px: Option<[f64; 2]>,
+    /// Length of the streak, px; 0 of a point.
+    pub length_px: f64,
+    /// Light over dwell time, ADU/s.
+    pub rate_adu_per_s: Option<f64>,
+    /// Standard deviation of the rate.
+    pub sigma_adu_per_s: Option<f64>,
+    /// Significance with which it was found.
+    pub significance: f64,
+    /// −2.5 lg of the rate; no zero point is in it.
+    pub instrumental_mag: Option<f64>,
+    /// Standard deviation of the magnitude.
+    pub instrumental_sigma_mag: Option<f64>,
+    /// What is to be known of it.
+    pub remark: String,
+    /// Flags of the sample.
+    #[serde(skip)]
+    pub flags: Flags,
+    /// Parts of the streak in the order of time.
+    pub along: Vec<Part>,
+}
+
+/// Part of a streak with its time.
+#[derive(Debug, Clone, Serialize)]
+pub struct Part {
+    /// Middle of the time.
+    #[serde(skip)]
+    pub time: Epoch,
+    /// Length of time, s.
+    pub exposure_s: f64,
+    /// Rate, ADU/s.
+    pub rate_adu_per_s: f64,
+    /// Standard deviation of the rate.
+    pub sigma_adu_per_s: f64,
+}
+
+/// A reduced folder.
+#[derive(Debug, Serialize)]
+pub struct Folder {
+    /// The target, frame by frame, in the order of time.
+    pub frames: Vec<TargetFrame>,
+    /// Numbers of frames by kind that went in.
+    pub used: BTreeMap<&'static str, usize>,
+    /// Reasons and numbers of what was left out.
+    pub left_out: BTreeMap<String, usize>,
+    /// The files that were left out, each with why.
+    pub left_out_files: Vec<[String; 2]>,
+    /// How the target was told.
+    pub chosen_by: String,
+    /// Its motion through the frames, px/s, where several tell.
+    pub motion_px_per_s: Option<[f64; 2]>,
+    /// Notes of the headers, each once, with the number of frames.
+    pub notes: BTreeMap<String, usize>,
+}
+
+/// Temperature of a dark differs from its frame's by at most this, °C.
+const NEAR_C: f64 = 2.0;
+
+/// A frame by its header.
+struct Entry {
+    header: FrameHeader,
+    kind: FrameKind,
+}
+
+fn near(a: f64, b: f64, share: f64) -> bool {
+    (a - b).abs() <= share * a.abs().max(b.abs())
+}
+
+/// Whether frames come from the same settings of the camera.
+fn same_camera(a: &FrameHeader, b: &FrameHeader) -> bool {
+    let both = |x: Option<f64>, y: Option<f64>| match (x, y) {
+        (Some(x), Some(y)) => near(x, y, 1e-6),
+        _ => true,
+    };
+    a.size == b.size
+        && a.binning == b.binning
+        && a.origin == b.origin
+        && both(a.gain_setting, b.gain_setting)
+        && both(a.offset_setting, b.offset_setting)
+}
+
+fn same_temperature(a: &FrameHeader, b: &FrameHeader) -> bool {
+    match (a.temperature_c, b.temperature_c) {
+        (Some(a), Some(b)) => (a - b).abs() <= NEAR_C,
+        _ => true,
+    }
+}
+
+/// What is subtracted and divided for one group of frames.
+#[derive(Default)]
+struct Masters {
+    dark: Option<Array2<f32>>,
+    flat: Option<Array2<f32>>,
+}
+
+/// Reduces frames of any program.
+///
+/// # Errors
+/// No usable frame of the sky; options out of their range; a cancelled run. A frame that cannot be read is left out with a count.
+pub fn reduce_frames(
+    files: &[PathBuf],
+    options: &FolderOptions,
+    progress: &dyn Progress,
+) -> Result<Folder, ReduceError> {
+    let mut folder = Folder {
+        frames: Vec::new(),
+        used: BTreeMap::new(),
+        left_out: BTreeMap::new(),
+        left_out_files: Vec::new(),
+        chosen_by: String::new(),
+        motion_px_per_s: None,
+        notes: BTreeMap::new(),
+    };
+    let mut entries = Vec::new();
+    let given = options.darks.iter().map(|p| (p, Some(FrameKind::Dark)));
+    let given = given.chain(options.flats.iter().map(|p| (p, Some(FrameKind::Flat))));
+    for (path, kind) in files.iter().map(|p| (p, None)).chain(given) {
+        step(progress, 0)?;
+        match ImageFrame::read(path) {
+            Err(error) => folder.leave(path, "cannot be read", &error.to_string()),
+            Ok(frame) => {
+                let kind = kind.or(frame.header.kind).unwrap_or(FrameKind::Light);
+                entries.push(Entry { header: frame.header, kind });
+            }
+        }
+    }
+    if !options.darks.is_empty() {
+        let given = |e: &Entry| options.darks.contains(&e.header.path);
+        entries.retain(|e| e.kind != FrameKind::Dark || given(e));
+    }
+    if !options.flats.is_empty() {
+        let given = |e: &Entry| options.flats.contains(&e.header.path);
+        entries.retain(|e| e.kind != FrameKind::Flat || given(e));
+    }
+    let mut lights = folder.lights(&entries);
+    if lights.is_empty() {
+        return Err(ReduceError::NoFrame { left_out: folder.summary() });
+    }
+    lights.sort_by(|a, b| a.0.cmp(&b.0).then_with(|| a.1.path.cmp(&b.1.path)));
+    let mut fields = Vec::new();
+    let mut masters: Vec<(&FrameHeader, Masters)> = Vec::new();
+    for (time, header) in &lights {
+        step(progress, 1)?;
+        let alike = |of: &FrameHeader| {
+            same_camera(of, header)
+                && same_temperature(of, header)
+                && of.filter == header.filter
+                && of.exposure_s == header.exposure_s
+                && of.is_without_dark() == header.is_without_dark()
+        };
+        if !masters.iter().any(|(of, _)| alike(of)) {
+            let made = folder.masters(header, &entries);
+            masters.push((header, made));
+        }
+        let Some(number) = masters.iter().position(|(of, _)| alike(of)) else { continue };
+        let made = &masters[number].1;
+        let mut frame = match ImageFrame::read(&header.path) {
+            Ok(frame) => frame,
+            Err(error) => {
+                folder.leave(&header.path, "cannot be read", &error.to_string());
+                continue;
+            }
+        };
+        let mut how = options.field.clone();
+        let lowered = made.apply(&mut frame.pixels);
+        how.saturation_adu = frame.header.saturation_adu.map(|adu| adu - lowered);
+        how.gain_e_per_adu = frame.header.gain_e_per_adu;
+        how.is_mosaic = frame.header.bayer.is_some();
+        let field = find(frame.pixels.view(), &how)?;
+        for note in &frame.header.notes {
+            *folder.notes.entry(note.clone()).or_default() += 1;
+        }
+        fields.push(Seen { time: *time, header, field, masters: number });
+    }
+    *folder.used.entry("light").or_default() += fields.len();
+    let chosen = choose(&fields, options.place_px);
+    folder.chosen_by = chosen.by;
+    folder.motion_px_per_s = chosen.motion;
+    let speed = speed_px_per_s(&fields, &chosen.of);
+    for (seen, which) in fields.iter().zip(&chosen.of) {
+        let made = &masters[seen.masters].1;
+        folder.frames.push(measured(seen, *which, speed, chosen.motion, made, options)?);
+    }
+    Ok(folder)
+}
+
+impl Masters {
+    /// Takes the dark off and divides by the flat; gives the middle of the dark, ADU.
+    fn apply(&self, pixels: &mut Array2<f32>) -> f64 {
+        let mut lowered = 0.0;
+        if let Some(dark) = &self.dark {
+            *pixels -= dark;
+            lowered = median(dark.iter().step_by(101).map(|v| f64::from(*v))).unwrap_or(0.0);
+        }
+        if let Some(flat) = &self.flat {
+            ndarray::Zip::from(pixels).and(flat).for_each(|value, &response| {
+                *value = if response > 0.1 { *value / response } else { f32::NAN };
+            });
+        }
+        lowered
+    }
+}
+
+/// Mean of frames, pixel by pixel.
+fn mean(headers: &[&FrameHeader]) -> Option<Array2<f32>> {
+    const MOST: usize = 64;
+    let mut sum: Option<Array2<f32>> = None;
+    let mut n = 0_u16;
+    for header in headers.iter().take(MOST) {
+        let Ok(frame) = ImageFrame::read(&header.path) else { continue };
+        match &mut sum {
+            None => sum = Some(frame.pixels),
+            Some(sum) if sum.dim() == frame.pixels.dim() => *sum += &frame.pixels,
+            Some(_) => continue,
+        }
+        n += 1;
+    }
+    sum.map(|sum| sum / f32::from(n.max(1)))
+}
+
+impl Folder {
+    fn leave(&mut self, path: &Path, why: &str, detail: &str) {
+        *self.left_out.entry(why.to_owned()).or_default() += 1;
+        let detail = if detail.is_empty() { why } else { detail };
+        self.left_out_files.push([path.display().to_string(), detail.to_owned()]);
+    }
+
+    /// What was left out, in words.
+    pub fn summary(&self) -> String {
+        let parts: Vec<String> =
+            self.left_out.iter().map(|(why, n)| format!("{n} {why}")).collect();
+        if parts.is_empty() { "nothing".into() } else { parts.join(", ") }
+    }
+
+    /// The usable frames of the sky with the middle of their exposure; others are left out with a count.
+    fn lights<'a>(&mut self, entries: &'a [Entry]) -> Vec<(Epoch, &'a FrameHeader)> {
+        let mut lights = Vec::new();
+        let mut sizes: BTreeMap<([usize; 2], [u32; 2]), usize> = BTreeMap::new();
+        for entry in entries.iter().filter(|e| e.kind == FrameKind::Light) {
+            *sizes.entry((entry.header.size, entry.header.binning)).or_default() += 1;
+        }
+        let usual = sizes.iter().max_by_key(|(_, n)| **n).map(|(size, _)| *size);
+        for entry in entries.iter().filter(|e| e.kind == FrameKind::Light) {
+            let header = &entry.header;
+            if Some((header.size, header.binning)) != usual {
+                self.leave(&header.path, "of another size or binning", "");
+            } else if header.stacked > 1 {
+                self.leave(&header.path, "stacks of several exposures", "");
+            } else if header.exposure_s.is_none_or(|s| s <= 0.0) {
+                self.leave(&header.path, "without an exposure (EXPTIME)", "");
+            } else if let Some(time) = &header.time {
+                lights.push((time.middle, header));
+            } else {
+                self.leave(&header.path, "without a time (DATE-OBS)", "");
+            }
+        }
+        lights
+    }
+
+    /// Dark and flat for frames like this one.
+    fn masters(&mut self, light: &FrameHeader, entries: &[Entry]) -> Masters {
+        let of_kind = |kind: FrameKind, like: &FrameHeader| -> Vec<&FrameHeader> {
+            let fits = |e: &&Entry| e.kind == kind && same_camera(&e.header, like);
+            entries.iter().filter(fits).map(|e| &e.header).collect()
+        };
+        // The dark of frames of this exposure, else the bias.
+        let dark_of = |like: &FrameHeader| {
+            let exposure = like.exposure_s.unwrap_or(0.0);
+            let mut fitting = of_kind(FrameKind::Dark, like);
+            fitting.retain(|d| {
+                d.exposure_s.is_some_and(|s| near(s, exposure, 0.01)) && same_temperature(d, like)
+            });
+            if fitting.is_empty() {
+                fitting = of_kind(FrameKind::Bias, like);
+                fitting.retain(|d| same_temperature(d, like));
+            }
+            fitting
+        };
+        let mut masters = Masters::default();
+        if !light.is_without_dark() {
+            let darks = dark_of(light);
+            let kinds = |kind| entries.iter().filter(|e| e.kind == kind).count();
+            if darks.is_empty() {
+                let there = kinds(FrameKind::Dark) + kinds(FrameKind::Bias);
+                if there > 0 {
+                    *self
+                        .left_out
+                        .entry("dark frames of other exposure, gain, temperature or binning".into())
+                        .or_default() += there;
+                }
+                *self.notes.entry("no dark frame fits: none was subtracted".into()).or_default() +=
+                    1;
+            } else {
+                *self.used.entry("dark").or_default() += darks.len();
+                let others = kinds(FrameKind::Dark).saturating_sub(darks.len());
+                if others > 0 {
+                    *self
+                        .left_out
+                        .entry("dark frames of other exposure, gain, temperature or binning".into())
+                        .or_default() += others;
+                }
+            }
+            masters.dark = mean(&darks);
+        }
+        if light.reduced.contains('F') {
+            return masters;
+        }
+        let mut flats = of_kind(FrameKind::Flat, light);
+        let all = flats.len();
+        flats.retain(|flat| flat.filter == light.filter);
+        if all > flats.len() {
+            *self.left_out.entry("flats of another filter".into()).or_default() +=
+                all - flats.len();
+        }
+        if let Some(first) = flats.first()
+            && let Some(mut flat) = mean(&flats)
+        {
+            if let Some(dark) = mean(&dark_of(first)).filter(|dark| dark.dim() == flat.dim()) {
+                flat -= &dark;
+            } else {
+                *self
+                    .notes
+                    .entry("no dark or bias for the flats: their own level is in them".into())
+                    .or_default() += 1;
+            }
+            *self.used.entry("flat").or_default() += flats.len();
+            let middle = median(flat.iter().map(|v| f64::from(*v)).filter(|v| v.is_finite()));
+            if let Some(middle) = middle.filter(|m| *m > 0.0) {
+                flat /= middle as f32;
+                masters.flat = Some(flat);
+            }
+        }
+        masters
+    }
+
+    /// The light curve: a channel for each filter.
+    pub fn light_curve(&self, target: &str) -> LightCurve {
+        let mut rows: Vec<(Epoch, f64, &str, f64, f64, Flags)> = Vec::new();
+        for frame in &self.frames {
+            if frame.along.is_empty() {
+                rows.push((
+                    frame.time,
+                    frame.dwell_s.unwrap_or(frame.exposure_s),
+                    &frame.filter,
+                    frame.rate_adu_per_s.unwrap_or(f64::NAN),
+                    frame.sigma_adu_per_s.unwrap_or(f64::NAN),
+                    frame.flags,
+                ));
+            }
+            for part in &frame.along {
+                rows.push((
+                    part.time,
+                    part.exposure_s,
+                    &frame.filter,
+                    part.rate_adu_per_s,
+                    part.sigma_adu_per_s,
+                    frame.flags,
+                ));
+            }
+        }
+        let mut filters: Vec<&str> = rows.iter().map(|row| row.2).collect();
+        filters.sort_unstable();
+        filters.dedup();
+        let channels = filters.iter().map(|filter| {
+            let mut curve = ChannelCurve {
+                name: channel_name(filter),
+                rate_hz: Vec::new(),
+                sigma_hz: Vec::new(),
+                flags: Vec::new(),
+                model_error_hz: None,
+            };
+            for (_, _, of, rate, sigma, flags) in &rows {
+                let here = of == filter;
+                let whole = here && rate.is_finite() && sigma.is_finite();
+                curve.rate_hz.push(if whole { *rate } else { f64::NAN });
+                curve.sigma_hz.push(if whole { *sigma } else { f64::NAN });
+                curve.flags.push(match (here, whole) {
+                    (false, _) => Flags::NOT_SAMPLED,
+                    (true, true) => *flags,
+                    (true, false) if flags.is_empty() => Flags::UNDETECTED,
+                    (true, false) => *flags,
+                });
+            }
+            curve
+        });
+        let mut curve = LightCurve {
+            kind: RateKind::Linear,
+            samples: Samples {
+                time: rows.iter().map(|row| row.0).collect(),
+                exposure_s: rows.iter().map(|row| row.1).collect(),
+                ..Samples::default()
+            },
+            channels: channels.collect(),
+            provenance: Provenance {
+                target: target.to_owned(),
+                notes: vec![
+                    "rates are ADU/s; there is no zero point: magnitudes of them are instrumental"
+                        .into(),
+                ],
+                ..Provenance::default()
+            },
+            other: sunglint_formats::Meta::default(),
+        };
+        curve.sort();
+        curve
+    }
+}
+
+/// Name of a filter's channel: letters, digits and `_`.
+fn channel_name(filter: &str) -> String {
+    let name: String = filter
+        .chars()
+        .map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' })
+        .collect();
+    if name.is_empty() { "none".into() } else { name }
+}
+
+/// A frame with its sources.
+struct Seen<'a> {
+    time: Epoch,
+    header: &'a FrameHeader,
+    field: Field,
+    /// Number of its dark and flat.
+    masters: usize,
+}
+
+/// A source that may be the target.
+#[derive(Debug, Clone, Copy)]
+enum Which {
+    Streak(usize),
+    Point(usize),
+}
+
+/// The target in each frame, and why.
+struct Chosen {
+    of: Vec<Option<Which>>,
+    by: String,
+    motion: Option<[f64; 2]>,
+}
+
+impl Seen<'_> {
+    fn place(&self, which: Which) -> [f64; 2] {
+        match which {
+            Which::Point(i) => self.field.points[i].place_px,
+            Which::Streak(i) => {
+                let [a, b] = self.field.streaks[i].ends_px;
+                [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
+            }
+        }
+    }
+
+    fn streaks(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.field.streaks.len()).filter(|&i| !self.field.streaks[i].is_star_trail)
+    }
+}
+
+/// Frames are this near to a straight even motion, px.
+const REACH_PX: f64 = 4.0;
+/// Sources of a frame that are tried as the target at most.
+const MOST_CANDIDATES: usize = 400;
+
+/// Chooses the target in all frames.
+fn choose(fields: &[Seen<'_>], place: Option<[f64; 2]>) -> Chosen {
+    let trailed = fields.iter().filter(|f| f.field.star_trails.is_some()).count();
+    let streaks = fields.iter().filter(|f| f.streaks().next().is_some()).count();
+    let n = fields.len();
+    let (kind, candidates): (&str, Vec<Vec<Which>>) = if 2 * trailed > n {
+        let of = |f: &Seen<'_>| {
+            let points = (0..f.field.points.len()).filter(|&i| !f.field.points[i].is_cut);
+            f.streaks()
+                .map(Which::Streak)
+                .chain(points.map(Which::Point))
+                .take(MOST_CANDIDATES)
+                .collect()
+        };
+        ("among trailed stars", fields.iter().map(of).collect())
+    } else if 2 * streaks > n || streaks > 0 && n < 3 {
+        (
+            "a streak among point-like stars",
+            fields.iter().map(|f| f.streaks().map(Which::Streak).collect()).collect(),
+        )
+    } else {
+        ("a point that moves against the stars", moving(fields))
+    };
+    if n >= 3
+        && place.is_none()
+        && let Some((of, motion)) = linked(fields, &candidates, None)
+    {
+        let count = of.iter().flatten().count();
+        let by = format!("even motion in {count} of {n} frames: {kind}");
+        return Chosen { of, by, motion: Some(motion) };
+    }
+    if let Some(place) = place {
+        if n >= 3
+            && let Some((of, motion)) = linked(fields, &candidates, Some(place))
+        {
+            let by = format!("the place that was given and even motion: {kind}");
+            return Chosen { of, by, motion: Some(motion) };
+        }
+        let first = |(f, c): (&Seen<'_>, &Vec<Which>)| {
+            let from = |w: &Which| {
+                let at = f.place(*w);
+                (at[0] - place[0]).hypot(at[1] - place[1])
+            };
+            c.iter().copied().min_by(|a, b| from(a).total_cmp(&from(b)))
+        };
+        let of = fields.iter().zip(&candidates).map(first).collect();
+        return Chosen {
+            of,
+            by: format!("nearest to the place that was given: {kind}"),
+            motion: None,
+        };
+    }
+    // One or two frames: the longest streak, or the point nearest to the middle where the stars are trailed.
+    let single = |(f, c): (&Seen<'_>, &Vec<Which>)| {
+        let middle = f.field.size_px.map(|n| 0.5 * n as f64);
+        let rank = |w: &Which| match w {
+            Which::Streak(i) => -1e6 - f.field.streaks[*i].length_px,
+            Which::Point(_) => {
+                let at = f.place(*w);
+                (at[0] - middle[0]).hypot(at[1] - middle[1])
+            }
+        };
+        c.iter().copied().min_by(|a, b| rank(a).total_cmp(&rank(b)))
+    };
+    let of: Vec<Option<Which>> = match kind {
+        "a point that moves against the stars" => vec![None; n],
+        _ => fields.iter().zip(&candidates).map(single).collect(),
+    };
+    let by = match of.iter().flatten().count() {
+        0 => format!("no target found ({kind} was looked for)"),
+        _ => format!(
+            "the longest streak, or the point nearest to the middle, frame by frame ({kind}; no even motion links the frames)"
+        ),
+    };
+    Chosen { of, by, motion: None }
+}
+
+/// Points that do not stay with the stars, frame by frame.
+fn moving(fields: &[Seen<'_>]) -> Vec<Vec<Which>> {
+    let mut shift = [0.0; 2];
+    let mut shifts = Vec::new();
+    for (i, seen) in fields.iter().enumerate() {
+        if i > 0 {
+            let step = shift_between(&fields[i - 1].field, &seen.field);
+            shift = [shift[0] + step[0], shift[1] + step[1]];
+        }
+        shifts.push(shift);
+    }
+    // A grid of places on the sky, with the number of frames that have a point there.
+    const CELL: f64 = 3.0;
+    let cell = |p: [f64; 2], s: [f64; 2]| [0, 1].map(|k| ((p[k] - s[k]) / CELL).floor() as i64);
+    let mut seen_at: BTreeMap<[i64; 2], Vec<usize>> = BTreeMap::new();
+    for (i, (seen, shift)) in fields.iter().zip(&shifts).enumerate() {
+        for point in &seen.field.points {
+            let at = seen_at.entry(cell(point.place_px, *shift)).or_default();
+            if at.last() != Some(&i) {
+                at.push(i);
+            }
+        }
+    }
+    let stays = |p: [f64; 2], s: [f64; 2]| {
+        let [x, y] = cell(p, s);
+        let mut frames: Vec<usize> = Vec::new();
+        for dx in -1..=1 {
+            for dy in -1..=1 {
+                frames.extend(seen_at.get(&[x + dx, y + dy]).into_iter().flatten());
+            }
+        }
+        frames.sort_unstable();
+        frames.dedup();
+        2 * frames.len() >= fields.len().max(3)
+    };
+    let of = |(seen, shift): (&Seen<'_>, &[f64; 2])| {
+        let points = seen.field.points.iter().enumerate();
+        let free = points.filter(|(_, p)| !p.is_cut && !stays(p.place_px, *shift));
+        let streaks = seen.streaks().map(Which::Streak);
+        streaks.chain(free.map(|(i, _)| Which::Point(i))).take(MOST_CANDIDATES).collect()
+    };
+    fields.iter().zip(&shifts).map(of).collect()
+}
+
+/// By how much the stars of one frame are displaced in the next, px: the most frequent difference of places of the brightest points.
+fn shift_between(a: &Field, b: &Field) -> [f64; 2] {
+    const BRIGHT: usize = 60;
+    const CELL: f64 = 4.0;
+    let mut votes: BTreeMap<[i64; 2], Vec<[f64; 2]>> = BTreeMap::new();
+    for p in a.points.iter().take(BRIGHT) {
+        for q in b.points.iter().take(BRIGHT) {
+            let d = [0, 1].map(|k| q.place_px[k] - p.place_px[k]);
+            let [x, y] = d.map(|v| (v / CELL).round() as i64);
+            for dx in -1..=1 {
+                for dy in -1..=1 {
+                    votes.entry([x + dx, y + dy]).or_default().push(d);
+                }
+            }
+        }
+    }
+    // Of equal numbers the smallest displacement.
+    let best = votes
+        .iter()
+        .max_by_key(|(cell, all)| (all.len(), -(cell[0] * cell[0] + cell[1] * cell[1])));
+    match best {
+        Some((_, all)) if all.len() >= 3 => {
+            [0, 1].map(|k| median(all.iter().map(|d| d[k])).unwrap_or(0.0))
+        }
+        _ => [0.0; 2],
+    }
+}
+
+/// Candidates that move evenly, if at least three frames and half of all have one: the motion that links most.
+fn linked(
+    fields: &[Seen<'_>],
+    candidates: &[Vec<Which>],
+    place: Option<[f64; 2]>,
+) -> Option<(Vec<Option<Which>>, [f64; 2])> {
+    let n = fields.len();
+    let first = fields.first()?.time;
+    let time = |i: usize| (fields[i].time - first).to_seconds();
+    let mut best: Option<(usize, f64, [f64; 2], [f64; 2])> = None;
+    let mut tried = 0_u64;
+    // Pairs of frames that are not far apart in number, so that one is in both.
+    for i in 0..n {
+        for j in [i + 1, i + 2, i + n / 2] {
+            if j >= n || j == i || time(j) <= time(i) {
+                continue;
+            }
+            for a in &candidates[i] {
+                for b in &candidates[j] {
+                    tried += 1;
+                    if tried > 400_000 {
+                        break;
+                    }
+                    let (p, q) = (fields[i].place(*a), fields[j].place(*b));
+                    let motion = [0, 1].map(|k| (q[k] - p[k]) / (time(j) - time(i)));
+                    let start = [0, 1].map(|k| p[k] - motion[k] * time(i));
+                    if let Some(place) = place
+                        && (start[0] - place[0]).hypot(start[1] - place[1]) > 25.0
+                    {
+                        continue;
+                    }
+                    let (mut count, mut miss) = (0, 0.0);
+                    for (k, seen) in fields.iter().enumerate() {
+                        if let Some(d) =
+                            nearest(seen, &candidates[k], start, motion, time(k)).map(|(_, d)| d)
+                            && d < REACH_PX
+                        {
+                            count += 1;
+                            miss += d;
+                        }
+                    }
+                    let better =
+                        best.is_none_or(|(c, m, _, _)| count > c || count == c && miss < m);
+                    if better {
+                        best = Some((count, miss, start, motion));
+                    }
+                }
+            }
+        }
+    }
+    let (count, _, start, motion) = best?;
+    // Frames in which it should be seen at all.
+    let inside = (0..n)
+        .filter(|&k| {
+            let [x, y] = [0, 1].map(|i| start[i] + motion[i] * time(k));
+            let [w, h] = fields[k].field.size_px;
+            x > 0.0 && y > 0.0 && x < w as f64 && y < h as f64
+        })
+        .count();
+    if count < 3 || 2 * count < inside {
+        return None;
+    }
+    let of = (0..n).map(|k| {
+        let (which, d) = nearest(&fields[k], &candidates[k], start, motion, time(k))?;
+        (d < REACH_PX).then_some(which)
+    });
+    Some((of.collect(), motion))
+}
+
+fn nearest(
+    seen: &Seen<'_>,
+    candidates: &[Which],
+    start: [f64; 2],
+    motion: [f64; 2],
+    time: f64,
+) -> Option<(Which, f64)> {
+    let at = [0, 1].map(|k| start[k] + motion[k] * time);
+    let away = |w: &Which| {
+        let p = seen.place(*w);
+        (p[0] - at[0]).hypot(p[1] - at[1])
+    };
+    candidates.iter().map(|w| (*w, away(w))).min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// Speed of the streaks whose both ends are inside, px/s: the middle of length over exposure.
+fn speed_px_per_s(fields: &[Seen<'_>], of: &[Option<Which>]) -> Option<f64> {
+    median(fields.iter().zip(of).filter_map(|(seen, which)| {
+        let Some(Which::Streak(i)) = which else { return None };
+        let streak = &seen.field.streaks[*i];
+        let exposure = seen.header.exposure_s.filter(|s| *s > 0.0)?;
+        (!streak.is_cut && !streak.is_end_hidden).then(|| streak.length_px / exposure)
+    }))
+}
+
+/// The target of one frame, measured.
+fn measured(
+    seen: &Seen<'_>,
+    which: Option<Which>,
+    speed: Option<f64>,
+    motion: Option<[f64; 2]>,
+    masters: &Masters,
+    options: &FolderOptions,
+) -> Result<TargetFrame, ReduceError> {
+    let exposure_s = seen.header.exposure_s.unwrap_or(0.0);
+    let mut out = TargetFrame {
+        file: seen.header.path.display().to_string(),
+        filter: seen.header.filter.clone().unwrap_or_else(|| "none".into()),
+        time: seen.time,
+        exposure_s,
+        dwell_s: None,
+        shape: None,
+        place_px: which.map(|w| seen.place(w)),
+        length_px: 0.0,
+        rate_adu_per_s: None,
+        sigma_adu_per_s: None,
+        significance: 0.0,
+        instrumental_mag: None,
+        instrumental_sigma_mag: None,
+        remark: String::new(),
+        flags: Flags::empty(),
+        along: Vec::new(),
+    };
+    let mut remarks: Vec<&str> = Vec::new();
+    let (flux, sigma, is_saturated) = match which {
+        None => {
+            out.flags |= Flags::UNDETECTED;
+            out.remark = "no target found".into();
+            return Ok(out);
+        }
+        Some(Which::Point(i)) => {
+            let point = &seen.field.points[i];
+            (out.shape, out.dwell_s, out.significance) =
+                (Some(Shape::Point), Some(exposure_s), point.significance);
+            (point.flux_adu, point.sigma_adu, point.is_saturated)
+        }
+        Some(Which::Streak(i)) => {
+            let streak = &seen.field.streaks[i];
+            (out.shape, out.length_px, out.significance) =
+                (Some(Shape::Streak), streak.length_px, streak.significance);
+            out.flags |= Flags::TRAILED;
+            if streak.is_cut {
+                remarks.push("cut by the edge: length over the rate of motion counts as its time");
+                // When it was in the frame is not known from one frame: the middle of the exposure stands.
+                out.dwell_s = speed.map(|speed| (streak.length_px / speed).min(exposure_s));
+                out.flags |= Flags::EDGE;
+            } else {
+                out.dwell_s = Some(exposure_s);
+            }
+            if streak.is_end_hidden {
+                remarks.push("an end is hidden: the light may be more");
+                out.flags |= Flags::CROWDED;
+            }
+            if options.parts > 1 && !streak.is_cut && !streak.is_saturated {
+                out.along = parts(seen, i, motion, masters, options)?;
+                if out.along.is_empty() {
+                    remarks.push(
+                        "the direction of motion is not known: no light curve along the streak",
+                    );
+                }
+            }
+            (streak.flux_adu, streak.sigma_adu, streak.is_saturated)
+        }
+    };
+    if is_saturated {
+        remarks.push("saturated");
+        out.flags |= Flags::SATURATED;
+    } else if let Some(dwell) = out.dwell_s.filter(|s| *s > 0.0) {
+        let (rate, sigma) = (flux / dwell, sigma / dwell);
+        out.rate_adu_per_s = Some(rate);
+        out.sigma_adu_per_s = Some(sigma);
+        if rate > 0.0 {
+            out.instrumental_mag = Some(-2.5 * rate.log10());
+            out.instrumental_sigma_mag = Some(2.5 / std::f64::consts::LN_10 * sigma / rate);
+        }
+    } else {
+        remarks.push("its time in the frame is not known: no rate");
+    }
+    out.remark = remarks.join("; ");
+    Ok(out)
+}
+
+/// The light along a streak in the order of time; empty where the direction of motion is not known.
+fn parts(
+    seen: &Seen<'_>,
+    streak: usize,
+    motion: Option<[f64; 2]>,
+    masters: &Masters,
+    options: &FolderOptions,
+) -> Result<Vec<Part>, ReduceError> {
+    let streak = &seen.field.streaks[streak];
+    let Some(motion) = motion else { return Ok(Vec::new()) };
+    let mut frame = ImageFrame::read(&seen.header.path)?;
+    masters.apply(&mut frame.pixels);
+    let gain = frame.header.gain_e_per_adu;
+    let parts: Vec<Along> = along(frame.pixels.view(), streak, options.parts, gain)?;
+    let [a, b] = streak.ends_px;
+    let is_forward = (b[0] - a[0]) * motion[0] + (b[1] - a[1]) * motion[1] >= 0.0;
+    let exposure = seen.header.exposure_s.unwrap_or(0.0);
+    let mut out: Vec<Part> = parts
+        .iter()
+        .map(|part| {
+            let at = if is_forward { part.at } else { 1.0 - part.at };
+            let length = part.width * exposure;
+            Part {
+                time: seen.time + (at - 0.5) * exposure * Unit::Second,
+                exposure_s: length,
+                rate_adu_per_s: part.flux_adu / length,
+                sigma_adu_per_s: part.sigma_adu / length,
+            }
+        })
+        .collect();
+    out.sort_by_key(|part| part.time);
+    Ok(out)
+}

@@ -1,0 +1,206 @@
+//! Streaks on synthetic frames: stars, cosmic rays and a gradient beside them. The frames share no formula with the search but the normal profile of a point.
+
+use ndarray::Array2;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_distr::{Distribution as _, Normal};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use sunglint_calibration::photometry::field::{Field, FieldOptions, Streak, find};
+use sunglint_testkit::Campaign;
+
+const SIDE: usize = 512;
+const NOISE: f64 = 8.0;
+
+/// A drawn line of even light.
+#[derive(Debug, Clone, Copy)]
+struct Truth {
+    ends: [[f64; 2]; 2],
+    length: f64,
+    flux: f64,
+    /// Light over the noise that a filter of its own shape has.
+    significance: f64,
+    stars: usize,
+}
+
+/// Adds a point by its mean over each pixel at the resolution of a fifth.
+fn add_point(frame: &mut Array2<f64>, [x, y]: [f64; 2], flux: f64, sigma: f64) {
+    let (rows, columns) = frame.dim();
+    let reach = 6.0 * sigma + 1.0;
+    let range = |at: f64, n: usize| {
+        (at - reach).max(0.0) as usize..((at + reach + 1.0).max(0.0) as usize).min(n)
+    };
+    let norm = flux / (std::f64::consts::TAU * sigma * sigma);
+    for row in range(y, rows) {
+        for column in range(x, columns) {
+            let r2 = (column as f64 - x).powi(2) + (row as f64 - y).powi(2);
+            frame[[row, column]] += norm * (-0.5 * r2 / (sigma * sigma)).exp();
+        }
+    }
+}
+
+/// Adds a line as points a fifth of a pixel apart.
+fn add_line(frame: &mut Array2<f64>, [a, b]: [[f64; 2]; 2], flux: f64, sigma: f64) {
+    let n = ((b[0] - a[0]).hypot(b[1] - a[1]) * 5.0).ceil().max(1.0) as usize;
+    for i in 0..n {
+        let t = (i as f64 + 0.5) / n as f64;
+        let place = [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])];
+        add_point(frame, place, flux / n as f64, sigma);
+    }
+}
+
+/// A frame of the campaign, and the streak in it.
+fn frame(seed: u64) -> (Array2<f32>, Option<Truth>) {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(0x57EC_0000 + seed);
+    let sigma = rng.random_range(1.0..1.8);
+    let mut light = Array2::from_elem((SIDE, SIDE), 300.0);
+    let slope = [rng.random_range(-0.2..0.2), rng.random_range(-0.2..0.2)];
+    for ((row, column), value) in light.indexed_iter_mut() {
+        *value += slope[0] * column as f64 + slope[1] * row as f64;
+    }
+    let stars = [0, 20, 100, 250, 500][rng.random_range(0..5_usize)];
+    for _ in 0..stars {
+        let place = [rng.random_range(0.0..512.0), rng.random_range(0.0..512.0)];
+        // Numbers as flux^-1, from 3 to 3,000 standard deviations.
+        let flux = 3.0 * 1000_f64.powf(rng.random_range(0.0..1.0)) * NOISE * 3.54 * sigma;
+        add_point(&mut light, place, flux, sigma);
+    }
+    let truth = rng.random_bool(0.8).then(|| {
+        let length: f64 = 10.0 * 50_f64.powf(rng.random_range(0.0..1.0));
+        let a_pixel: f64 = 0.3 * (10.0_f64 / 0.3).powf(rng.random_range(0.0..1.0));
+        let ends = loop {
+            let angle = rng.random_range(0.0..std::f64::consts::TAU);
+            let a: [f64; 2] = [rng.random_range(5.0..507.0), rng.random_range(5.0..507.0)];
+            let b = [a[0] + length * angle.cos(), a[1] + length * angle.sin()];
+            if b.iter().all(|v| (5.0..507.0).contains(v)) {
+                break [a, b];
+            }
+        };
+        // The crest of a long line is flux / (length √(2π) σ).
+        let flux = a_pixel * NOISE * length * (std::f64::consts::TAU).sqrt() * sigma;
+        let mut own = Array2::zeros((SIDE, SIDE));
+        add_line(&mut own, ends, flux, sigma);
+        let significance = own.iter().map(|v| v * v).sum::<f64>().sqrt() / NOISE;
+        light += &own;
+        Truth { ends, length, flux, significance, stars }
+    });
+    let normal = Normal::new(0.0, NOISE).unwrap();
+    for value in &mut light {
+        *value += normal.sample(&mut rng);
+    }
+    // Cosmic rays: single pixels and tracks one pixel wide.
+    for _ in 0..rng.random_range(0..15_usize) {
+        let (mut x, mut y) = (rng.random_range(2.0..510.0), rng.random_range(2.0..510.0_f64));
+        let angle: f64 = rng.random_range(0.0..std::f64::consts::TAU);
+        let bright = rng.random_range(20.0..200.0) * NOISE;
+        for _ in 0..rng.random_range(1..8_usize) {
+            let (column, row) = (x as usize, y as usize);
+            if column < SIDE && row < SIDE {
+                light[[row, column]] += bright;
+            }
+            x += angle.cos();
+            y += angle.sin();
+            if x < 0.0 || y < 0.0 {
+                break;
+            }
+        }
+    }
+    (light.mapv(|v| v.round().clamp(0.0, 65_535.0) as f32), truth)
+}
+
+/// Whether a streak is the drawn one: its middle lies on it, and its direction is that.
+fn is_it(streak: &Streak, truth: &Truth) -> bool {
+    let [a, b] = truth.ends;
+    let along = [(b[0] - a[0]) / truth.length, (b[1] - a[1]) / truth.length];
+    let of = |p: [f64; 2]| {
+        let d = [p[0] - a[0], p[1] - a[1]];
+        [d[0] * along[0] + d[1] * along[1], d[1] * along[0] - d[0] * along[1]]
+    };
+    let [p, q] = streak.ends_px.map(of);
+    p[1].abs() < 4.0
+        && q[1].abs() < 4.0
+        && 0.5 * (p[0] + q[0]) > 0.0
+        && 0.5 * (p[0] + q[0]) < truth.length
+}
+
+fn found(pixels: &Array2<f32>) -> Field {
+    find(pixels.view(), &FieldOptions::default()).unwrap()
+}
+
+/// Truth: the line that was drawn. What is asked (issue "frames of others"): at least 95 % of those of at least 20 px with a total significance of at least 15 found, short
+/// ones (below 40 px) in crowded fields (250 stars and more in 512²) left out, as two stars are one such streak; a false one in at most 1 % of the frames; light within 5 %
+/// besides its own noise (3 σ).
+#[test]
+fn campaign_streaks() {
+    let mut campaign = Campaign::start("streaks", 100);
+    let (mut asked, mut missed, mut frames, mut false_frames, mut off) = (0, 0, 0, 0, 0);
+    let (mut faint, mut faint_missed, mut short, mut short_missed) = (0, 0, 0, 0);
+    let (mut crowded, mut crowded_missed) = (0, 0);
+    let (mut split, mut pulls, mut relative) = (0, Vec::new(), Vec::new());
+    for seed in campaign.seeds() {
+        let (pixels, truth) = frame(seed);
+        let field = found(&pixels);
+        frames += 1;
+        let hits: Vec<&Streak> = match &truth {
+            None => Vec::new(),
+            Some(truth) => field.streaks.iter().filter(|s| is_it(s, truth)).collect(),
+        };
+        if field.streaks.len() > hits.len() {
+            false_frames += 1;
+            println!("{seed}: false {:?} beside {truth:?}", field.streaks);
+        }
+        split += usize::from(hits.len() > 1);
+        let Some(truth) = truth else { continue };
+        let (all, lost) = match (truth.length >= 20.0, truth.significance >= 15.0) {
+            (true, true) if truth.length < 40.0 && truth.stars >= 250 => {
+                (&mut crowded, &mut crowded_missed)
+            }
+            (true, true) => (&mut asked, &mut missed),
+            (true, false) if truth.significance >= 10.0 => (&mut faint, &mut faint_missed),
+            (false, true) => (&mut short, &mut short_missed),
+            _ => continue,
+        };
+        *all += 1;
+        *lost += usize::from(hits.is_empty());
+        if hits.is_empty() && truth.length >= 20.0 && truth.significance >= 15.0 {
+            println!("{seed}: missed {truth:?}");
+        }
+        let Some(hit) = hits.first().filter(|_| truth.length >= 20.0 && truth.significance >= 15.0)
+        else {
+            continue;
+        };
+        let error = hit.flux_adu - truth.flux;
+        pulls.push(error / hit.sigma_adu);
+        relative.push(error / truth.flux);
+        if error.abs() > 0.05 * truth.flux + 3.0 * hit.sigma_adu {
+            off += 1;
+            println!(
+                "{seed}: light {:+.3} ({:+.1} σ) {hit:?} {truth:?}",
+                error / truth.flux,
+                error / hit.sigma_adu
+            );
+        }
+    }
+    relative.sort_by(f64::total_cmp);
+    pulls.sort_by(f64::total_cmp);
+    let at = |v: &[f64], q: f64| v.get((q * v.len() as f64) as usize).copied().unwrap_or(f64::NAN);
+    println!(
+        "asked: missed {missed} of {asked}; 10 to 15 σ: {faint_missed} of {faint}; below 20 px: {short_missed} of {short}; short and crowded: {crowded_missed} of {crowded}"
+    );
+    println!("frames with a false one: {false_frames} of {frames}; split {split}; light off {off}");
+    println!(
+        "light: {:+.3} {:+.3} {:+.3}; pulls {:+.2} {:+.2} {:+.2}",
+        at(&relative, 0.05),
+        at(&relative, 0.5),
+        at(&relative, 0.95),
+        at(&pulls, 0.05),
+        at(&pulls, 0.5),
+        at(&pulls, 0.95)
+    );
+    campaign.largest("asked", f64::from(asked));
+    campaign.largest("missed", missed as f64);
+    campaign.largest("false_frames", f64::from(false_frames));
+    campaign.largest("light_off", f64::from(off));
+    campaign.largest("missed_10_to_15_sigmas", faint_missed as f64);
+    campaign.largest("missed_below_20_px", short_missed as f64);
+    campaign.largest("missed_short_and_crowded", crowded_missed as f64);
+    campaign.finish();
+}

@@ -1,0 +1,845 @@
+//! Frames of any program: what the headers of N.I.N.A., Ekos and INDI, MaximDL, SharpCap, APT, SGP, ZWO's ASIAIR and Seestar say, in one form.
+//!
+//! [`ImageFrame`] holds the pixels of the first image of a FITS file (packed with gzip too) and a [`FrameHeader`]: when the light fell, how long, through what, at which
+//! gain and temperature, where. What the header leaves open is `None`; what it contradicts, or what had to be assumed, stands in [`FrameHeader::notes`].
+//!
+//! **Time.** `DATE-AVG` or `MJD-AVG` is the middle. Else it is `DATE-BEG` or `DATE-OBS` plus half of the exposure (minus half of it where the card says that it is the
+//! end, as SharpCap's "Frame Grabbed" does), else `DATE-END`, `MJD-OBS`, `JD`, or the old pair of a date with `TIME-OBS` or `UT`. `TIMESYS` counts; without one times are UTC.
+//! `DATE-LOC` is local and not read. Two cards that differ by more than a millisecond are noted.
+//!
+//! Headers were taken from the real ones that the project PhotonFinder keeps as its tests (SGP, MaximDL, APT, SharpCap, N.I.N.A., Dwarf, Seestar), and from the documents of
+//! INDI and SBFITSEXT.
+
+use crate::error::{FileError, ParseError};
+use crate::fits::{CardValue, Fits, Header, Image, Kind, Pixels};
+use crate::frame::Bayer;
+use crate::photometry::{Scale, moment};
+use crate::time::{UtcDay, format_utc, parse_utc, tai_nanoseconds};
+use hifitime::{Epoch, Unit};
+use ndarray::{Array2, Ix2};
+use std::path::{Path, PathBuf};
+
+/// Role of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FrameKind {
+    /// A frame of the sky.
+    Light,
+    /// A frame without light, as long as those that it is subtracted from.
+    Dark,
+    /// A frame without light and without time.
+    Bias,
+    /// A frame of an even light.
+    Flat,
+}
+
+impl FrameKind {
+    /// The name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Light => "light",
+            Self::Dark => "dark",
+            Self::Bias => "bias",
+            Self::Flat => "flat",
+        }
+    }
+
+    /// The kind that words such as `Light Frame`, `FLAT`, `masterDark` or `flat-dark` mean; `None` of others.
+    ///
+    /// ```
+    /// use sunglint_formats::image_frame::FrameKind;
+    ///
+    /// assert_eq!(FrameKind::from_words("Light Frame"), Some(FrameKind::Light));
+    /// assert_eq!(FrameKind::from_words("DARKFLAT"), Some(FrameKind::Dark));
+    /// assert_eq!(FrameKind::from_words("Sky Flat"), Some(FrameKind::Flat));
+    /// assert_eq!(FrameKind::from_words("focus"), None);
+    /// ```
+    pub fn from_words(words: &str) -> Option<Self> {
+        let words = words.to_ascii_lowercase();
+        let has = |word: &str| words.contains(word);
+        // A dark of flats is a dark.
+        if has("dark") {
+            return Some(Self::Dark);
+        }
+        if has("bias") || has("offset") || has("zero") {
+            return Some(Self::Bias);
+        }
+        if has("flat") {
+            return Some(Self::Flat);
+        }
+        (has("light") || has("object") || has("science")).then_some(Self::Light)
+    }
+}
+
+/// Time of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameTime {
+    /// Middle of the exposure.
+    pub middle: Epoch,
+    /// The cards that it was taken from, in words.
+    pub source: String,
+    /// The step in which the card counts, s: 1 where it has whole seconds only.
+    pub step_s: f64,
+}
+
+/// Place of the telescope, as the header says it.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct FrameSite {
+    /// Geodetic latitude, deg, north positive.
+    pub latitude_deg: f64,
+    /// Longitude, deg, east positive.
+    pub longitude_deg: f64,
+    /// Height, m.
+    pub height_m: Option<f64>,
+}
+
+/// Meaning of a frame's header.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameHeader {
+    /// The file.
+    pub path: PathBuf,
+    /// Columns and rows.
+    pub size: [usize; 2],
+    /// Role of the frame, where the header or the file's name says it.
+    pub kind: Option<FrameKind>,
+    /// The program that wrote it.
+    pub program: Option<String>,
+    /// When the light fell.
+    pub time: Option<FrameTime>,
+    /// Length of the exposure, s.
+    pub exposure_s: Option<f64>,
+    /// Name of the filter.
+    pub filter: Option<String>,
+    /// The camera's gain in its own units.
+    pub gain_setting: Option<f64>,
+    /// The camera's offset in its own units.
+    pub offset_setting: Option<f64>,
+    /// Electrons for one ADU.
+    pub gain_e_per_adu: Option<f64>,
+    /// Temperature of the sensor, °C.
+    pub temperature_c: Option<f64>,
+    /// Sensor columns and rows in a pixel.
+    pub binning: [u32; 2],
+    /// First column and row on the sensor, in unbinned pixels.
+    pub origin: [u32; 2],
+    /// Colours of the first 2 × 2 pixels, where it is a colour sensor's.
+    pub bayer: Option<Bayer>,
+    /// ADU from which a pixel is saturated.
+    pub saturation_adu: Option<f64>,
+    /// ADU to be added to each pixel (MaximDL's PEDESTAL).
+    pub pedestal_adu: f64,
+    /// Steps of the reduction that the file has behind it (CALSTAT): B, D, F.
+    pub reduced: String,
+    /// Frames that were added up in this one; more than 1 for a stack.
+    pub stacked: u32,
+    /// Name of the object.
+    pub object: Option<String>,
+    /// Name of the camera.
+    pub camera: Option<String>,
+    /// Place of the telescope.
+    pub site: Option<FrameSite>,
+    /// Assumptions and contradictions.
+    pub notes: Vec<String>,
+    /// All cards.
+    pub cards: Header,
+}
+
+/// A frame of any program.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ImageFrame {
+    /// Meaning of the header.
+    pub header: FrameHeader,
+    /// Values, ADU, `[row, column]`; NaN where the file has none.
+    pub pixels: Array2<f32>,
+}
+
+impl ImageFrame {
+    /// Reads the first image of a FITS file, packed with gzip or not.
+    ///
+    /// # Errors
+    /// A file that cannot be read; no plane of pixels; a card that is there and makes no sense.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        Ok(Self::from_fits(&Fits::read(path)?)?)
+    }
+
+    /// The first image of a FITS file in memory.
+    ///
+    /// # Errors
+    /// A [`ParseError`] with the keyword. A tile-compressed image and a colour cube are refused by name.
+    pub fn from_fits(fits: &Fits) -> Result<Self, ParseError> {
+        let path = fits.path();
+        let index = fits.first(Kind::Image).or_else(|| fits.first(Kind::CompressedImage));
+        let index =
+            index.ok_or_else(|| ParseError::new(path, "no image", "a FITS file with a frame"))?;
+        let Image { header, pixels } = fits.image(index)?;
+        // The primary header holds what an image in an extension leaves out.
+        let mut cards = header;
+        if let Some(primary) = fits.hdus().first().filter(|_| index > 0) {
+            let more: Vec<_> = primary
+                .header()
+                .cards
+                .iter()
+                .filter(|card| cards.get(&card.keyword).is_none() && card.keyword != "EXTEND")
+                .cloned()
+                .collect();
+            cards.cards.extend(more);
+        }
+        let (pixels, full) = plane(path, pixels)?;
+        let size = [pixels.ncols(), pixels.nrows()];
+        let mut header = FrameHeader::of(path, cards, size)?;
+        header.saturation_adu = header.saturation_adu.or(full);
+        let mut pixels = pixels;
+        if header.pedestal_adu != 0.0 {
+            let add = header.pedestal_adu as f32;
+            pixels.mapv_inplace(|value| value + add);
+        }
+        Ok(Self { header, pixels })
+    }
+}
+
+/// Pixels of one plane, and the highest value that their type holds.
+fn plane(path: &Path, pixels: Pixels) -> Result<(Array2<f32>, Option<f64>), ParseError> {
+    let full = match &pixels {
+        Pixels::U8(_) => Some(255.0),
+        Pixels::U16(_) => Some(65_535.0),
+        Pixels::I16(_) => Some(32_767.0),
+        _ => None,
+    };
+    let shape = pixels.shape().to_vec();
+    let bad = |found: String| ParseError::new(path, found, "one plane of pixels").in_field("NAXIS");
+    // Axes of length 1 are no planes.
+    let long: Vec<usize> = shape.iter().copied().filter(|&n| n != 1).collect();
+    let [rows, columns] = match (shape.as_slice(), long.as_slice()) {
+        ([rows, columns], _) | (_, [rows, columns]) => [*rows, *columns],
+        ([.., 3, _, _] | [_, _, 3], _) => {
+            return Err(bad("a colour cube (three planes)".into())
+                .with_hint("write raw frames; debayered or stacked colours are no measurement"));
+        }
+        _ => return Err(bad(format!("{} axes of lengths {shape:?}", shape.len()))),
+    };
+    if rows == 0 || columns == 0 {
+        return Err(bad("an image without pixels".into()));
+    }
+    macro_rules! flat {
+        ($($variant:ident),*) => {
+            match pixels {
+                $(Pixels::$variant(array) => array.mapv(|value| value as f32),)*
+            }
+        };
+    }
+    let array = flat!(U8, I8, I16, U16, I32, U32, I64, U64, F32, F64);
+    let array =
+        array.into_shape_with_order((rows, columns)).map(|a| a.into_dimensionality::<Ix2>());
+    match array {
+        Ok(Ok(array)) => Ok((array, full)),
+        _ => Err(bad(format!("axes of lengths {shape:?}"))),
+    }
+}
+
+impl FrameHeader {
+    /// Understands the cards of a frame.
+    ///
+    /// # Errors
+    /// A [`ParseError`] with the keyword for a number out of its range, a time that is none, a `TIMESYS` that is not known.
+    pub fn of(path: &Path, cards: Header, size: [usize; 2]) -> Result<Self, ParseError> {
+        let mut reading = Reading { path, cards: &cards, notes: Vec::new() };
+        let exposure_s = reading.exposure()?;
+        let time = reading.time(exposure_s)?;
+        let kind = reading.kind();
+        let program = ["SWCREATE", "CREATOR", "PROGRAM", "SOFTWARE", "ORIGIN"]
+            .into_iter()
+            .find_map(|keyword| reading.words(keyword));
+        let binning = reading.binning()?;
+        let origin = [reading.whole("XORGSUBF", 0)?, reading.whole("YORGSUBF", 0)?];
+        let origin = [0, 1].map(|axis| origin[axis].saturating_mul(binning[axis]));
+        let (gain_setting, gain_e_per_adu) = reading.gain()?;
+        let bayer = reading.bayer(binning)?;
+        let temperature_c =
+            reading.first(&["CCD-TEMP", "CCDTEMP", "DET-TEMP", "TEMPERAT"], -273.15)?;
+        let stacked = reading.stacked();
+        let header = Self {
+            path: path.to_path_buf(),
+            size,
+            kind,
+            program,
+            time,
+            exposure_s,
+            filter: reading.words("FILTER").or_else(|| reading.words("FILTER1")),
+            gain_setting,
+            offset_setting: reading.number("OFFSET", f64::NEG_INFINITY)?,
+            gain_e_per_adu,
+            temperature_c,
+            binning,
+            origin,
+            bayer,
+            saturation_adu: reading.first(&["SATURATE", "DATAMAX"], 0.0)?.filter(|adu| *adu > 0.0),
+            pedestal_adu: reading.number("PEDESTAL", f64::NEG_INFINITY)?.unwrap_or(0.0),
+            reduced: reading.words("CALSTAT").unwrap_or_default(),
+            stacked,
+            object: reading.words("OBJECT"),
+            camera: reading.words("INSTRUME"),
+            site: reading.site(),
+            notes: std::mem::take(&mut reading.notes),
+            cards: Header::default(),
+        };
+        Ok(Self { cards, ..header })
+    }
+
+    /// Whether the dark was taken off before the file was written.
+    pub fn is_without_dark(&self) -> bool {
+        self.reduced.contains('D')
+    }
+}
+
+/// Cards of a frame as they are understood.
+struct Reading<'a> {
+    path: &'a Path,
+    cards: &'a Header,
+    notes: Vec<String>,
+}
+
+impl Reading<'_> {
+    fn bad(&self, keyword: &str, found: impl Into<String>, expected: &str) -> ParseError {
+        ParseError::new(self.path, found, expected).in_field(keyword)
+    }
+
+    /// A text that says something.
+    fn words(&self, keyword: &str) -> Option<String> {
+        let text = self.cards.text(keyword)?.trim();
+        (!text.is_empty()).then(|| text.to_owned())
+    }
+
+    /// A number, or a text that is one (some programs quote them).
+    fn number(&self, keyword: &str, least: f64) -> Result<Option<f64>, ParseError> {
+        let value = match self.cards.get(keyword) {
+            None | Some(CardValue::Undefined) => return Ok(None),
+            Some(CardValue::Text(text)) if text.trim().is_empty() => return Ok(None),
+            Some(value) => value,
+        };
+        let number = match value {
+            CardValue::Text(text) => text.trim().parse().ok(),
+            other => other.real(),
+        };
+        match number.filter(|n: &f64| n.is_finite() && *n >= least) {
+            Some(number) => Ok(Some(number)),
+            None if least.is_finite() => {
+                Err(self.bad(keyword, value.to_string(), &format!("a number of {least} or above")))
+            }
+            // A card that is beside the point (OFFSET, PEDESTAL) may hold anything.
+            None => Ok(None),
+        }
+    }
+
+    fn first(&self, keywords: &[&str], least: f64) -> Result<Option<f64>, ParseError> {
+        for keyword in keywords {
+            if let Some(number) = self.number(keyword, least)? {
+                return Ok(Some(number));
+            }
+        }
+        Ok(None)
+    }
+
+    fn whole(&self, keyword: &str, default: u32) -> Result<u32, ParseError> {
+        let Some(number) = self.number(keyword, 0.0)? else { return Ok(default) };
+        if number.fract() != 0.0 || number > 1e6 {
+            return Err(self.bad(keyword, number.to_string(), "a whole number"));
+        }
+        Ok(number as u32)
+    }
+
+    fn exposure(&mut self) -> Result<Option<f64>, ParseError> {
+        let first = self.number("EXPTIME", 0.0)?;
+        let second = self.number("EXPOSURE", 0.0)?;
+        if let (Some(a), Some(b)) = (first, second)
+            && (a - b).abs() > 1e-3 * a.max(b)
+        {
+            self.notes.push(format!("EXPTIME is {a} s and EXPOSURE {b} s; EXPTIME is taken"));
+        }
+        if first.or(second).is_some() {
+            return Ok(first.or(second));
+        }
+        if let Some(seconds) = self.number("EXP", 0.0)? {
+            return Ok(Some(seconds));
+        }
+        Ok(self.number("EXPOINUS", 0.0)?.map(|microseconds| microseconds * 1e-6))
+    }
+
+    fn scale(&self) -> Result<Scale, ParseError> {
+        let Some(name) = self.words("TIMESYS") else { return Ok(Scale::Utc) };
+        Ok(match name.to_ascii_uppercase().as_str() {
+            "UTC" => Scale::Utc,
+            "TAI" => Scale::Tai,
+            "TT" | "TDT" | "ET" => Scale::Tt,
+            "TDB" => Scale::Tdb,
+            _ => return Err(self.bad("TIMESYS", name, "UTC, TAI, TT or TDB")),
+        })
+    }
+
+    /// A date with its time of day from a card, and the step of the card, s; a date alone looks for the time beside it.
+    fn date(&self, keyword: &str, scale: Scale) -> Result<Option<(Epoch, f64)>, ParseError> {
+        let Some(mut text) = self.words(keyword) else { return Ok(None) };
+        if !text.contains(['T', 't', ' ', ':']) {
+            let beside = ["TIME-OBS", "UT", "UTSTART", "TIME"];
+            let Some(time) = beside.iter().find_map(|k| self.words(k)).filter(|t| t.contains(':'))
+            else {
+                let found = format!("{text}, a date without a time of day");
+                return Err(self
+                    .bad(keyword, found, "UTC as 2026-03-04T05:06:07.89")
+                    .with_hint("no TIME-OBS and no UT stands beside it"));
+            };
+            text = format!("{}T{time}", modern(&text).unwrap_or(text));
+        }
+        let decimals =
+            text.split_once('.').map_or(0, |(_, d)| d.trim_end_matches(['Z', 'z']).len());
+        if decimals > 9 {
+            text.truncate(text.len() - (decimals - 9));
+        }
+        let epoch = parse_utc(&text).map_err(|error| error.in_file(self.path).in_field(keyword))?;
+        let step = 10f64.powi(-(decimals.min(9) as i32));
+        let epoch = match scale {
+            Scale::Utc => Some(epoch),
+            // The same digits in another scale.
+            _ => UtcDay::containing(epoch).and_then(|day| {
+                let ns = tai_nanoseconds(epoch) - day.start_tai_ns;
+                moment(day.mjd, ns as f64 / 86_400e9, scale)
+            }),
+        };
+        let out = || self.bad(keyword, text.clone(), "a year from 1972 to 2100");
+        Ok(Some((epoch.ok_or_else(out)?, step)))
+    }
+
+    /// A Julian date from a card.
+    fn julian(&self, keyword: &str, zero: f64, scale: Scale) -> Result<Option<Epoch>, ParseError> {
+        let Some(value) = self.number(keyword, 0.0)? else { return Ok(None) };
+        let mjd = value - zero;
+        let epoch = moment(mjd.floor() as i64, mjd - mjd.floor(), scale);
+        epoch.map(Some).ok_or_else(|| {
+            self.bad(keyword, value.to_string(), "a Julian date of the years 1972 to 2100")
+        })
+    }
+
+    fn time(&mut self, exposure_s: Option<f64>) -> Result<Option<FrameTime>, ParseError> {
+        const JD_ZERO: f64 = 2_400_000.5;
+        const JULIAN_STEP_S: f64 = 1e-3;
+        let scale = self.scale()?;
+        let half = exposure_s.map(|s| 0.5 * s);
+        let start = if self.cards.get("DATE-BEG").is_some() { "DATE-BEG" } else { "DATE-OBS" };
+        let grabbed = self.cards.cards.iter().any(|card| {
+            card.keyword == start && card.comment.to_ascii_lowercase().contains("frame grabbed")
+        });
+        let mut found: Vec<(Epoch, String, f64)> = Vec::new();
+        if let Some((middle, step)) = self.date("DATE-AVG", scale)? {
+            found.push((middle, "DATE-AVG".into(), step));
+        }
+        if let Some(middle) = self.julian("MJD-AVG", 0.0, scale)? {
+            found.push((middle, "MJD-AVG".into(), JULIAN_STEP_S));
+        }
+        let begin = match self.date(start, scale) {
+            // A card that is no date is no reason to refuse where another tells.
+            Err(error)
+                if found.is_empty()
+                    && self.cards.get("MJD-OBS").is_none()
+                    && self.cards.get("JD").is_none() =>
+            {
+                return Err(error);
+            }
+            Err(error) => {
+                self.notes.push(format!("{start} is not read: found {}", error.found));
+                None
+            }
+            Ok(begin) => begin,
+        };
+        if let Some((time, step)) = begin {
+            let (sign, words) = if grabbed { (-1.0, "minus") } else { (1.0, "plus") };
+            if grabbed {
+                self.notes.push(format!(
+                    "{start} says \"Frame Grabbed\": it is taken as the end of the exposure"
+                ));
+            }
+            match half {
+                Some(half) => found.push((
+                    time + sign * half * Unit::Second,
+                    format!("{start} {words} half of the exposure"),
+                    step,
+                )),
+                None => found.push((time, format!("{start}; no exposure, so the start"), step)),
+            }
+        }
+        if let (Some((end, step)), Some(half)) = (self.date("DATE-END", scale)?, half) {
+            found.push((
+                end - half * Unit::Second,
+                "DATE-END minus half of the exposure".into(),
+                step,
+            ));
+        }
+        for (keyword, zero) in [("MJD-OBS", 0.0), ("MJD-BEG", 0.0), ("JD", JD_ZERO)] {
+            if let (Some(time), Some(half)) = (self.julian(keyword, zero, scale)?, half) {
+                let sign = if grabbed { -1.0 } else { 1.0 };
+                let source = format!("{keyword} and half of the exposure");
+                found.push((time + sign * half * Unit::Second, source, JULIAN_STEP_S));
+            }
+        }
+        let Some((middle, source, step_s)) = found.first().cloned() else { return Ok(None) };
+        for (other, name, step) in &found[1..] {
+            let apart = (*other - middle).to_seconds();
+            if apart.abs() > (1e-3_f64).max(1.01 * step.max(step_s)) {
+                self.notes.push(format!(
+                    "{source} gives {}, {name} {apart:+.4} s from it; the first is taken",
+                    format_utc(middle, 3)
+                ));
+            }
+        }
+        if step_s >= 1.0 {
+            self.notes
+                .push(format!("{source}: whole seconds only, the time may be up to 1 s late"));
+        }
+        Ok(Some(FrameTime { middle, source, step_s }))
+    }
+
+    /// Kind of frame: by the header, else by the names of file and folder.
+    fn kind(&mut self) -> Option<FrameKind> {
+        let said = ["IMAGETYP", "FRAME", "OBSTYPE", "IMGTYPE", "FRAMETYP"]
+            .into_iter()
+            .find_map(|keyword| self.words(keyword));
+        if let Some(kind) = said.as_deref().and_then(FrameKind::from_words) {
+            return Some(kind);
+        }
+        if let Some(said) = said {
+            self.notes.push(format!("the frame's type is `{said}`, which is not known"));
+            return None;
+        }
+        let file = self.path.file_stem().map(|s| s.to_string_lossy().into_owned());
+        let folder = self.path.parent().and_then(Path::file_name);
+        let folder = folder.map(|s| s.to_string_lossy().into_owned());
+        for name in [file, folder].into_iter().flatten() {
+            // Words of a name: `Dark_001`, `darks`, `2026-flat`.
+            let words = name.split(|c: char| !c.is_ascii_alphabetic());
+            let whole = words.filter(|w| {
+                let w = w.to_ascii_lowercase();
+                ["dark", "flat", "bias", "light"]
+                    .iter()
+                    .any(|k| w.strip_suffix('s').unwrap_or(&w) == *k)
+            });
+            if let Some(kind) = whole.filter_map(FrameKind::from_words).next() {
+                self.notes.push(format!("no IMAGETYP: a {} by the name {name}", kind.name()));
+                return Some(kind);
+            }
+        }
+        None
+    }
+
+    fn binning(&self) -> Result<[u32; 2], ParseError> {
+        if let Some(text) = self.words("BINNING") {
+            let mut parts = text.split(['*', 'x', 'X', ' ']).filter(|p| !p.is_empty());
+            if let (Some(Ok(x)), Some(Ok(y))) =
+                (parts.next().map(str::parse::<u32>), parts.next().map(str::parse::<u32>))
+                && x > 0
+                && y > 0
+            {
+                return Ok([x, y]);
+            }
+        }
+        let mut binning = [1; 2];
+        for (axis, keywords) in
+            [["XBINNING", "CCDXBIN"], ["YBINNING", "CCDYBIN"]].iter().enumerate()
+        {
+            for keyword in keywords.iter().rev() {
+                binning[axis] = self.whole(keyword, binning[axis])?;
+            }
+            if binning[axis] == 0 {
+                return Err(self.bad(keywords[0], "0", "1 or more"));
+            }
+        }
+        Ok(binning)
+    }
+
+    /// The gain's setting and the electrons for an ADU.
+    fn gain(&self) -> Result<(Option<f64>, Option<f64>), ParseError> {
+        let electrons = self.number("EGAIN", 0.0)?.filter(|gain| *gain > 0.0);
+        let Some(gain) = self.number("GAIN", f64::NEG_INFINITY)? else {
+            return Ok((None, electrons));
+        };
+        let is_electrons = self.cards.cards.iter().any(|card| {
+            let comment = card.comment.to_ascii_lowercase();
+            card.keyword == "GAIN" && (comment.contains("e-/adu") || comment.contains("electron"))
+        });
+        if is_electrons && electrons.is_none() && gain > 0.0 {
+            return Ok((None, Some(gain)));
+        }
+        Ok((Some(gain), electrons))
+    }
+
+    fn bayer(&mut self, binning: [u32; 2]) -> Result<Option<Bayer>, ParseError> {
+        let Some(name) = self.words("BAYERPAT").or_else(|| self.words("COLORTYP")) else {
+            return Ok(None);
+        };
+        let Some(pattern) = Bayer::from_name(&name.to_ascii_uppercase()) else {
+            self.notes
+                .push(format!("the pattern of colours `{name}` is not known: taken as monochrome"));
+            return Ok(None);
+        };
+        if binning != [1, 1] {
+            return Ok(None);
+        }
+        let shift = [self.whole("XBAYROFF", 0)?, self.whole("YBAYROFF", 0)?];
+        if self.words("ROWORDER").is_some_and(|order| order.eq_ignore_ascii_case("BOTTOM-UP")) {
+            self.notes.push(
+                "BAYERPAT beside ROWORDER BOTTOM-UP: it is not clear to which row the pattern belongs".into(),
+            );
+        }
+        Ok(Some(pattern.shifted(shift[0], shift[1])))
+    }
+
+    fn stacked(&mut self) -> u32 {
+        let count =
+            ["STACKCNT", "NCOMBINE", "SNAPSHOT"].into_iter().find_map(|k| self.cards.real(k));
+        let count = count.filter(|n| *n >= 1.0 && *n < 1e9).map_or(1, |n| n as u32);
+        if count > 1 {
+            self.notes
+                .push(format!("a stack of {count} frames: its time is not that of its light"));
+        }
+        count
+    }
+
+    fn site(&mut self) -> Option<FrameSite> {
+        const PAIRS: [[&str; 3]; 4] = [
+            ["LAT-OBS", "LONG-OBS", "ALT-OBS"],
+            ["SITELAT", "SITELONG", "SITEELEV"],
+            ["OBSGEO-B", "OBSGEO-L", "OBSGEO-H"],
+            ["LATITUDE", "LONGITUD", "ALTITUDE"],
+        ];
+        let mut found: Vec<(FrameSite, &str)> = Vec::new();
+        for [latitude, longitude, height] in PAIRS {
+            let angle = |keyword: &str, most: f64| {
+                let value = self.cards.get(keyword)?;
+                let angle = value.real().or_else(|| sexagesimal(value.text()?))?;
+                (angle.abs() <= most).then_some(angle)
+            };
+            if let (Some(latitude_deg), Some(longitude_deg)) =
+                (angle(latitude, 90.0), angle(longitude, 360.0))
+            {
+                let longitude_deg =
+                    if longitude_deg > 180.0 { longitude_deg - 360.0 } else { longitude_deg };
+                let height_m = self.cards.real(height).filter(|h| h.is_finite());
+                found.push((FrameSite { latitude_deg, longitude_deg, height_m }, longitude));
+            }
+        }
+        let (site, name) = *found.first()?;
+        for (other, other_name) in &found[1..] {
+            if (other.longitude_deg - site.longitude_deg).abs() > 0.01 {
+                self.notes.push(format!(
+                    "{name} is {}° and {other_name} {}°; the first is taken, east positive",
+                    site.longitude_deg, other.longitude_deg
+                ));
+            }
+        }
+        Some(site)
+    }
+}
+
+/// A date of the form `31/12/99`, which the standard used for the years 1972 to 1999, in today's.
+fn modern(date: &str) -> Option<String> {
+    let mut parts = date.split('/');
+    let [day, month, year] = [parts.next()?, parts.next()?, parts.next()?];
+    let year: u32 = year.parse().ok().filter(|y| (72..100).contains(y))?;
+    Some(format!("19{year}-{month:0>2}-{day:0>2}"))
+}
+
+/// Degrees of a text as `-31 16 24`, `51:03:00.0`, `+03d41m00s` or `12.5`.
+///
+/// ```
+/// use sunglint_formats::image_frame::sexagesimal;
+///
+/// assert_eq!(sexagesimal("-00 30 00"), Some(-0.5));
+/// assert_eq!(sexagesimal("149:03:36"), Some(149.06));
+/// assert_eq!(sexagesimal("12.25"), Some(12.25));
+/// assert_eq!(sexagesimal("north"), None);
+/// ```
+pub fn sexagesimal(text: &str) -> Option<f64> {
+    let text = text.trim();
+    let (sign, body) = match text.strip_prefix('-') {
+        Some(body) => (-1.0, body),
+        None => (1.0, text.strip_prefix('+').unwrap_or(text)),
+    };
+    let parts = body.split(|c: char| !(c.is_ascii_digit() || c == '.')).filter(|p| !p.is_empty());
+    let parts: Vec<f64> = parts.map(|p| p.parse().ok()).collect::<Option<_>>()?;
+    // Only what stands between numbers of an angle.
+    let plain = body.chars().all(|c| c.is_ascii_digit() || ".: dhms'\"°".contains(c));
+    match (plain, parts.as_slice()) {
+        (true, [d]) => Some(sign * d),
+        (true, [d, m]) if *m < 60.0 => Some(sign * (d + m / 60.0)),
+        (true, [d, m, s]) if *m < 60.0 && *s < 60.0 => Some(sign * (d + m / 60.0 + s / 3600.0)),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fits::Writer;
+    use ndarray::{ArrayD, IxDyn};
+
+    fn header(cards: &str, path: &str) -> FrameHeader {
+        try_header(cards, path).unwrap()
+    }
+
+    /// Cards as a real program wrote them, one a line, in a FITS file.
+    fn try_header(cards: &str, path: &str) -> Result<FrameHeader, ParseError> {
+        let mut image =
+            Image { header: Header::default(), pixels: Pixels::U16(ArrayD::zeros(IxDyn(&[4, 6]))) };
+        image.header.set("XXMARK", 1_i64, "");
+        let mut writer = Writer::new();
+        writer.image(&image).unwrap();
+        let mut bytes = writer.into_bytes();
+        let text: String = cards.lines().map(|line| format!("{line:<80}")).collect();
+        let mark = bytes.windows(6).position(|w| w == b"XXMARK").unwrap();
+        let data = bytes.len() - 2880;
+        let mut whole = bytes[..mark].to_vec();
+        whole.extend_from_slice(text.as_bytes());
+        whole.extend_from_slice(format!("{:<80}", "END").as_bytes());
+        whole.resize(whole.len().next_multiple_of(2880), b' ');
+        whole.extend(bytes.drain(data..));
+        Ok(ImageFrame::from_fits(&Fits::from_bytes(path, whole)?)?.header)
+    }
+
+    fn middle(header: &FrameHeader) -> String {
+        format_utc(header.time.as_ref().unwrap().middle, 4)
+    }
+
+    /// Cards of real headers (PhotonFinder's tests/sample_headers.py). Truth: by hand, DATE-OBS and half of the exposure.
+    #[test]
+    fn headers_of_programs_are_understood() {
+        let sgp = header(
+            "DATE-LOC= '2020-05-30T02:22:49.0968820' / Local observation date\n\
+             DATE-OBS= '2020-05-30T00:22:49.0968820' / UTC observation date\n\
+             IMAGETYP= 'LIGHT   '           / Type of frame\n\
+             CREATOR = 'Sequence Generator Pro v3.1.0.479' / Capture software\n\
+             SITEELEV=                   10 / Elevation\n\
+             SITELAT = '51 3 0.000'         / Latitude\n\
+             SITELONG= '3 43 0.000'         / Longitude\n\
+             FILTER  = 'HaOIII  '           / Filter name\n\
+             EXPOSURE=                   30 / Exposure time in seconds\n\
+             CCD-TEMP=                -17.5 / Camera cooler temperature\n\
+             GAIN    =                  120 / Camera gain\n\
+             EGAIN   =     3.99000000953674 / Electrons Per ADU\n\
+             OFFSET  =                   30 / Camera offset",
+            "sgp.fits",
+        );
+        assert_eq!(middle(&sgp), "2020-05-30T00:23:04.0969Z");
+        assert_eq!((sgp.kind, sgp.gain_setting), (Some(FrameKind::Light), Some(120.0)));
+        assert_eq!(sgp.gain_e_per_adu, Some(3.990_000_009_536_74));
+        let site = sgp.site.unwrap();
+        assert!(
+            (site.latitude_deg - 51.05).abs() < 1e-12
+                && (site.longitude_deg - (3.0 + 43.0 / 60.0)).abs() < 1e-12
+        );
+        assert_eq!(
+            (site.height_m, sgp.temperature_c, sgp.filter.as_deref()),
+            (Some(10.0), Some(-17.5), Some("HaOIII"))
+        );
+
+        let maxim = header(
+            "DATE-OBS= '2018-07-04T14:03:03' / [ISO 8601] UTC date/time of exposure start\n\
+             EXPTIME =   3.00000000000E+002 / [sec] Duration of exposure\n\
+             EXPOSURE=   3.00000000000E+002 / [sec] Duration of exposure\n\
+             IMAGETYP= 'Light Frame' /       Type of image\n\
+             SITELAT = '-31 16 24' /         Latitude of the imaging location\n\
+             SITELONG= '149 03 52' /         Longitude of the imaging location\n\
+             JD      =   2458304.0854513887 /Julian Date at start of exposure\n\
+             PEDESTAL=                 -100 /Correction to add for zero-based ADU\n\
+             SWCREATE= 'MaxIm DL Version 5.24 140126 0KJR5' /Name of software that created\n\
+             CALSTAT = 'BDF     '\n\
+             DATE    = '04/07/18'           / [old format] UTC date of exposure start\n\
+             TIME-OBS= '14:03:03'           / [old format] UTC time of exposure start\n\
+             TIMESYS = 'UTC     '           / Default time system\n\
+             LAT-OBS =  -3.12736111111E+001 / [deg +N WGS84] Geodetic latitude\n\
+             LONG-OBS=   1.49064444444E+002 / [deg +E WGS84] Geodetic longitude\n\
+             ALT-OBS =   1.16500000000E+003 / [metres] Altitude above mean sea level",
+            "maxim.fit",
+        );
+        assert_eq!(middle(&maxim), "2018-07-04T14:05:33.0000Z");
+        assert!(maxim.is_without_dark());
+        assert_eq!(
+            (maxim.pedestal_adu, maxim.site.unwrap().longitude_deg),
+            (-100.0, 149.064_444_444)
+        );
+        // JD agrees to its digits, so only the whole seconds are noted.
+        assert_eq!(maxim.notes.len(), 1, "{:?}", maxim.notes);
+
+        let sharpcap = header(
+            "SWCREATE= 'SharpCap'           /\n\
+             CCD-TEMP=                 12.7 /\n\
+             EXPTIME =                    2 /\n\
+             DATE-OBS= '2019-04-29T20:25:29.8219583' / System Clock-Frame Grabbed\n\
+             INSTRUME= 'ZWO ASI290MM Mini'  /",
+            "sharpcap.fits",
+        );
+        assert_eq!(middle(&sharpcap), "2019-04-29T20:25:28.8220Z");
+        assert_eq!((sharpcap.kind, sharpcap.gain_e_per_adu), (None, None));
+
+        let apt = header(
+            "DATE-OBS= '2018-09-17T21:04:46' / The UTC date and time at the start of the expo\n\
+             EXPTIME =                 240. / The total exposure time in seconds\n\
+             EGAIN   =     1.00224268436432 / Electronic gain in e-/ADU\n\
+             JD      =     2458379.38114583 / Julian Date\n\
+             SNAPSHOT=                    1 / Number of images combined\n\
+             IMAGETYP= 'Light Frame'        / The type of image\n\
+             SITELAT = '+51 03 00.000'      / The site Latitude\n\
+             SITELONG= '+03 41 00.000'      / The site Longitude\n\
+             GAIN    =                  120 / The gain set (if supported)",
+            "apt.fits",
+        );
+        assert_eq!(middle(&apt), "2018-09-17T21:06:46.0000Z");
+        assert_eq!(apt.stacked, 1);
+    }
+
+    /// Truth: by hand. INDI's and N.I.N.A.'s newer cards as their documents have them.
+    #[test]
+    fn times_that_mislead_are_told_apart() {
+        let nina = header(
+            "IMAGETYP= 'LIGHT'\n\
+             EXPTIME = 10.0\n\
+             DATE-OBS= '2024-02-29T23:59:58.500'\n\
+             DATE-AVG= '2024-03-01T00:00:03.600'\n\
+             SWCREATE= 'N.I.N.A. 3.1.2'",
+            "n.fits",
+        );
+        assert_eq!(middle(&nina), "2024-03-01T00:00:03.6000Z");
+        // 0.1 s apart: said.
+        assert!(nina.notes[0].contains("-0.1000 s"), "{:?}", nina.notes);
+        let tt =
+            header("TIMESYS = 'TT'\nEXPTIME = 0\nDATE-OBS= '2024-01-01T00:01:09.184'", "t.fits");
+        assert_eq!(middle(&tt), "2024-01-01T00:00:00.0000Z");
+        let mjd = header("EXPTIME = 4\nMJD-OBS = 60310.5", "m.fits");
+        assert_eq!(middle(&mjd), "2024-01-01T12:00:02.0000Z");
+        let old = header("EXPTIME = 2\nDATE-OBS= '31/12/98'\nUT      = '23:59:59'", "o.fits");
+        // A leap second ended that day.
+        assert_eq!(middle(&old), "1998-12-31T23:59:60.0000Z");
+        let error = try_header("EXPTIME = 1\nDATE-OBS= '2024-01-01'", "d.fits").unwrap_err();
+        assert!(error.to_string().contains("a date without a time of day"), "{error}");
+        let error =
+            try_header("TIMESYS = 'LOCAL'\nDATE-OBS= '2024-01-01T00:00:00'", "d.fits").unwrap_err();
+        assert_eq!(error.to_string(), "d.fits: TIMESYS: found LOCAL, expected UTC, TAI, TT or TDB");
+        assert_eq!(header("EXPTIME = 1", "none.fits").time, None);
+        let stack = header("EXPTIME = 10\nSTACKCNT= 187\nTOTALEXP= 1870", "Seestar.fit");
+        assert_eq!(stack.stacked, 187);
+        let named = header("EXPTIME = 10", "night/darks/0001.fits");
+        assert_eq!(named.kind, Some(FrameKind::Dark));
+        assert_eq!(header("EXPTIME = 10", "darkness/flatiron_1.fits").kind, None);
+    }
+
+    #[test]
+    fn cubes_and_lines_are_refused() {
+        for shape in [&[3_usize, 4, 4][..], &[5], &[2, 4, 4]] {
+            let image = Image {
+                header: Header::default(),
+                pixels: Pixels::U16(ArrayD::zeros(IxDyn(shape))),
+            };
+            let mut writer = Writer::new();
+            writer.image(&image).unwrap();
+            let fits = Fits::from_bytes("c.fits", writer.into_bytes()).unwrap();
+            let error = ImageFrame::from_fits(&fits).unwrap_err().to_string();
+            assert!(error.contains("expected one plane of pixels"), "{error}");
+        }
+    }
+}

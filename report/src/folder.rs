@@ -1,0 +1,181 @@
+//! A reduced folder of frames: text, table, figure, JSON.
+
+use crate::Product;
+use crate::plot::{Axis, Figure, Panel, Series};
+use serde::Serialize;
+use std::fmt::Write as _;
+use sunglint_calibration::reduction::folder::{Folder, Shape, TargetFrame};
+use sunglint_formats::time::format_utc;
+use sunglint_formats::{Column, ParseError, Table};
+
+/// Name of the light curve's file in a folder.
+pub const CURVE: &str = "light_curve";
+
+/// The light curve as the other commands read it.
+///
+/// # Errors
+/// A curve that cannot be written as a table.
+pub fn curve(folder: &Folder, target: &str) -> Result<Product, ParseError> {
+    let curve = folder.light_curve(target);
+    let first = curve.samples.time.first().copied();
+    let panels = curve.channels.iter().filter_map(|channel| {
+        let first = first?;
+        let points: Vec<(f64, f64)> = curve
+            .samples
+            .time
+            .iter()
+            .zip(&channel.rate_hz)
+            .filter(|(_, rate)| rate.is_finite())
+            .map(|(time, rate)| ((*time - first).to_seconds(), *rate))
+            .collect();
+        (!points.is_empty()).then(|| {
+            Panel::new(
+                Axis::linear(format!("seconds after {} UTC", format_utc(first, 1))),
+                Axis::linear(format!("{}, ADU/s", channel.name)),
+                vec![Series::dots(channel.name.clone(), 0, points)],
+            )
+        })
+    });
+    let panels: Vec<Panel> = panels.collect();
+    let figure = (!panels.is_empty())
+        .then(|| Figure { title: format!("{target}: rates without a zero point"), panels });
+    Ok(Product { name: CURVE.into(), table: curve.to_table()?, figure, ..Product::default() })
+}
+
+#[derive(Serialize)]
+struct Row<'a> {
+    time_utc: String,
+    along_utc: Vec<String>,
+    #[serde(flatten)]
+    frame: &'a TargetFrame,
+}
+
+/// A number of frames of some kind.
+#[derive(Serialize)]
+struct Count<'a> {
+    what: &'a str,
+    count: usize,
+}
+
+fn counts<K: AsRef<str>>(map: &std::collections::BTreeMap<K, usize>) -> Vec<Count<'_>> {
+    map.iter().map(|(what, count)| Count { what: what.as_ref(), count: *count }).collect()
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    target: &'a str,
+    chosen_by: &'a str,
+    motion_px_per_s: Option<[f64; 2]>,
+    zero_point: Option<f64>,
+    used: Vec<Count<'a>>,
+    left_out: Vec<Count<'a>>,
+    left_out_files: &'a [[String; 2]],
+    notes: Vec<Count<'a>>,
+    frames: Vec<Row<'a>>,
+}
+
+/// The frames in all their forms: the table has instrumental magnitudes.
+///
+/// # Errors
+/// None in practice: a document of numbers and texts.
+pub fn product(folder: &Folder, target: &str) -> Result<Product, serde_json::Error> {
+    let row = |frame| {
+        let frame: &TargetFrame = frame;
+        Row {
+            time_utc: format_utc(frame.time, 4),
+            along_utc: frame.along.iter().map(|part| format_utc(part.time, 4)).collect(),
+            frame,
+        }
+    };
+    let document = Document {
+        target,
+        chosen_by: &folder.chosen_by,
+        motion_px_per_s: folder.motion_px_per_s,
+        zero_point: None,
+        used: counts(&folder.used),
+        left_out: counts(&folder.left_out),
+        left_out_files: &folder.left_out_files,
+        notes: counts(&folder.notes),
+        frames: folder.frames.iter().map(row).collect(),
+    };
+    let json = serde_json::to_value(document)?;
+    Ok(Product { name: "frames".into(), table: table(folder), json, ..Product::default() })
+}
+
+fn table(folder: &Folder) -> Table {
+    let frames = &folder.frames;
+    let number = |name: &str, unit, f: &dyn Fn(&TargetFrame) -> Option<f64>| {
+        Column::f64(name, unit, frames.iter().map(|x| f(x).unwrap_or(f64::NAN)).collect())
+    };
+    let text = |name: &str, f: &dyn Fn(&TargetFrame) -> String| {
+        Column::text(name, frames.iter().map(f).collect())
+    };
+    Table {
+        columns: vec![
+            text("time_utc", &|f| format_utc(f.time, 4)),
+            number("exposure_s", Some("s"), &|f| Some(f.exposure_s)),
+            number("dwell_s", Some("s"), &|f| f.dwell_s),
+            text("filter", &|f| f.filter.clone()),
+            text("shape", &|f| {
+                match f.shape {
+                    Some(Shape::Point) => "point",
+                    Some(Shape::Streak) => "streak",
+                    None => "none",
+                }
+                .into()
+            }),
+            number("column_px", Some("pix"), &|f| f.place_px.map(|p| p[0])),
+            number("row_px", Some("pix"), &|f| f.place_px.map(|p| p[1])),
+            number("length_px", Some("pix"), &|f| Some(f.length_px)),
+            number("significance", None, &|f| Some(f.significance)),
+            number("rate_adu_per_s", Some("adu / s"), &|f| f.rate_adu_per_s),
+            number("sigma_adu_per_s", Some("adu / s"), &|f| f.sigma_adu_per_s),
+            number("instrumental_mag", Some("mag"), &|f| f.instrumental_mag),
+            number("instrumental_sigma_mag", Some("mag"), &|f| f.instrumental_sigma_mag),
+            text("remark", &|f| f.remark.clone()),
+            text("file", &|f| f.file.clone()),
+        ],
+        ..Table::default()
+    }
+}
+
+/// The frames as text.
+pub fn text(folder: &Folder, name: &str) -> String {
+    let mut text = format!("{name}\n");
+    let used: Vec<String> = folder.used.iter().map(|(kind, n)| format!("{n} {kind}")).collect();
+    let _ = writeln!(text, "frames used: {}; left out: {}", used.join(", "), folder.summary());
+    for [file, why] in folder.left_out_files.iter().take(10) {
+        let _ = writeln!(text, "  {file}: {why}");
+    }
+    for (note, n) in &folder.notes {
+        let _ = writeln!(text, "  note ({n} of the frames): {note}");
+    }
+    let _ = writeln!(text, "target chosen by {}", folder.chosen_by);
+    if let Some([x, y]) = folder.motion_px_per_s {
+        let _ = writeln!(text, "motion {x:.4} columns and {y:.4} rows a second");
+    }
+    text.push_str("  time (middle), UTC        filter   shape   length       ADU/s        ±  instrumental mag\n");
+    for frame in &folder.frames {
+        let shape = match frame.shape {
+            Some(Shape::Point) => "point",
+            Some(Shape::Streak) => "streak",
+            None => "-",
+        };
+        let rate = frame.rate_adu_per_s.map_or_else(|| "-".into(), |r| format!("{r:.4e}"));
+        let sigma = frame.sigma_adu_per_s.map_or_else(|| "-".into(), |r| format!("{r:.1e}"));
+        let magnitude = match (frame.instrumental_mag, frame.instrumental_sigma_mag) {
+            (Some(m), Some(s)) => format!("{m:.3} ± {s:.3}"),
+            _ => "-".into(),
+        };
+        let _ = writeln!(
+            text,
+            "  {:<25} {:<8} {shape:<7} {:6.1} {rate:>11} {sigma:>8}  {magnitude}  {}",
+            format_utc(frame.time, 3),
+            frame.filter,
+            frame.length_px,
+            frame.remark
+        );
+    }
+    text.push_str("rates and magnitudes are instrumental: no zero point is known\n");
+    text
+}

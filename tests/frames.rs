@@ -1,0 +1,174 @@
+//! Frames of other programs: `sunglint detect` and `sunglint reduce` on a folder that N.I.N.A. could have left (synthetic).
+
+use crate::common::Folder;
+use ndarray::Array2;
+use std::path::Path;
+use sunglint_formats::atomic::Overwrite;
+use sunglint_formats::fits::{Header, Image, Pixels, Writer};
+
+/// Light of the target, ADU in an exposure, and the exposure, s.
+const LIGHT: f64 = 24_000.0;
+const EXPOSURE_S: f64 = 10.0;
+const SIGMA_PX: f64 = 1.4;
+const SIZE: [usize; 2] = [420, 300];
+
+/// Whole numbers that look like chance (the same everywhere): a normal variate by the sum of twelve even ones.
+struct Chance(u64);
+
+impl Chance {
+    fn even(&mut self) -> f64 {
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as f64 / f64::from(1_u32 << 31)
+    }
+
+    fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.even()).sum::<f64>() - 6.0
+    }
+}
+
+fn point(frame: &mut Array2<f64>, [x, y]: [f64; 2], flux: f64) {
+    let norm = flux / (std::f64::consts::TAU * SIGMA_PX * SIGMA_PX);
+    for row in (y - 8.0).max(0.0) as usize..((y + 9.0) as usize).min(SIZE[1]) {
+        for column in (x - 8.0).max(0.0) as usize..((x + 9.0) as usize).min(SIZE[0]) {
+            let r2 = (column as f64 - x).powi(2) + (row as f64 - y).powi(2);
+            frame[[row, column]] += norm * (-0.5 * r2 / (SIGMA_PX * SIGMA_PX)).exp();
+        }
+    }
+}
+
+fn write(path: &Path, frame: Array2<f64>, chance: &mut Chance, cards: &[(&str, &str)]) {
+    let pixels = frame.mapv(|v| (v + 7.0 * chance.normal()).round().clamp(0.0, 65_535.0) as u16);
+    let mut header = Header::default();
+    header.set("SWCREATE", "N.I.N.A. 3.1.2.9001 (x64)", "synthetic");
+    header.set("FILTER", "V", "");
+    header.set("GAIN", 100_i64, "Sensor gain");
+    header.set("EGAIN", 0.8, "[e-/ADU] Electrons per A/D unit");
+    header.set("CCD-TEMP", -10.0, "");
+    header.set("EXPTIME", EXPOSURE_S, "");
+    for (keyword, value) in cards {
+        match value.parse::<f64>() {
+            Ok(number) => header.set(keyword, number, ""),
+            Err(_) => header.set(keyword, *value, ""),
+        }
+    }
+    let mut writer = Writer::new();
+    writer.image(&Image { header, pixels: Pixels::U16(pixels.into_dyn()) }).unwrap();
+    writer.write_file(path, Overwrite::Refuse).unwrap();
+}
+
+/// Makes six frames of a streak of 40 px that moves 4 px/s among 30 stars, some of them brighter; darks that fit and that do not; frames that cannot be used.
+pub fn made_up(folder: &Path) {
+    std::fs::create_dir_all(folder.join("darks")).unwrap();
+    let mut chance = Chance(7);
+    let stars: Vec<([f64; 2], f64)> = (0..30)
+        .map(|i| {
+            let place = [410.0 * chance.even() + 5.0, 290.0 * chance.even() + 5.0];
+            (place, 2000.0 * 1.25_f64.powi(i))
+        })
+        .collect();
+    for i in 0..6_u32 {
+        let mut frame = Array2::from_elem((SIZE[1], SIZE[0]), 500.0);
+        for (place, flux) in &stars {
+            point(&mut frame, *place, *flux);
+        }
+        // 4 px/s along 30°, 12 s from one frame to the next.
+        let (sin, cos) = 30_f64.to_radians().sin_cos();
+        let start = [30.0 + 48.0 * cos * f64::from(i), 40.0 + 48.0 * sin * f64::from(i)];
+        for step in 0..200 {
+            let t = 40.0 * (f64::from(step) + 0.5) / 200.0;
+            point(&mut frame, [start[0] + t * cos, start[1] + t * sin], LIGHT / 200.0);
+        }
+        let time = format!("2026-03-04T20:{:02}:{:02}.250", i * 12 / 60, i * 12 % 60);
+        let cards = [("IMAGETYP", "LIGHT"), ("DATE-OBS", time.as_str())];
+        write(&folder.join(format!("light_{i}.fits")), frame, &mut chance, &cards);
+    }
+    let flat = || Array2::from_elem((SIZE[1], SIZE[0]), 100.0);
+    for i in 0..4 {
+        let exposure = if i == 3 { "5" } else { "10" };
+        let cards = [("IMAGETYP", "DARK"), ("EXPTIME", exposure)];
+        write(&folder.join(format!("darks/dark_{i}.fits")), flat(), &mut chance, &cards);
+    }
+    write(&folder.join("timeless.fits"), flat(), &mut chance, &[("IMAGETYP", "LIGHT")]);
+    std::fs::write(folder.join("torn.fits"), "SIMPLE  = ").unwrap();
+}
+
+/// Truth: what was drawn: a place in each frame, 2,400 ADU/s, 4 px/s; ten of the stars are brighter than the target. Tolerance: 3 % of the light (noise 1 %), 0.3 px.
+#[test]
+fn a_folder_of_another_program_becomes_a_light_curve() {
+    let folder = Folder::new("others");
+    made_up(&folder.path("night"));
+    let result = folder.json(&["reduce", "night", "--along", "4", "--json", "-o", "curve.ecsv"]);
+    let frames = result["frames"].as_array().unwrap();
+    assert_eq!(frames.len(), 6);
+    for (i, frame) in frames.iter().enumerate() {
+        assert_eq!(frame["shape"], "streak", "{frame}");
+        let rate = frame["rate_adu_per_s"].as_f64().unwrap();
+        assert!((rate / 2400.0 - 1.0).abs() < 0.03, "{i}: {rate}");
+        let length = frame["length_px"].as_f64().unwrap();
+        assert!((length - 40.0).abs() < 1.0, "{i}: {length}");
+        let (sin, cos) = 30_f64.to_radians().sin_cos();
+        let at = 20.0 + 48.0 * i as f64;
+        let truth = [30.0 + at * cos, 40.0 + at * sin];
+        for axis in 0..2 {
+            let place = frame["place_px"][axis].as_f64().unwrap();
+            assert!((place - truth[axis]).abs() < 0.4, "{i}: {place} {}", truth[axis]);
+        }
+        // Even light: each quarter a quarter of the time and the same rate.
+        let along = frame["along"].as_array().unwrap();
+        assert_eq!(along.len(), 4);
+        for part in along {
+            let rate = part["rate_adu_per_s"].as_f64().unwrap();
+            assert!((rate / 2400.0 - 1.0).abs() < 0.2, "{i}: {part}");
+        }
+    }
+    // Middle of the exposure: 5 s after DATE-OBS; the first of four parts 1.25 s after it.
+    assert_eq!(frames[0]["time_utc"], "2026-03-04T20:00:05.2500Z");
+    let first = frames[0]["along_utc"][0].as_str().unwrap();
+    assert!(first.starts_with("2026-03-04T20:00:01.50"), "{first}");
+    let motion = &result["motion_px_per_s"];
+    let speed = motion[0].as_f64().unwrap().hypot(motion[1].as_f64().unwrap());
+    assert!((speed - 4.0).abs() < 0.05, "{speed}");
+    let left = result["left_out"].to_string();
+    for words in ["cannot be read", "without a time", "dark frames of other exposure"] {
+        assert!(left.contains(words), "{left}");
+    }
+    assert_eq!(result["zero_point"], serde_json::Value::Null);
+    let curve = std::fs::read_to_string(folder.path("curve.ecsv")).unwrap();
+    assert!(curve.contains("v_rate_hz") && curve.contains("no zero point"), "{curve}");
+    let text = folder.done(&["reduce", "night"]);
+    assert!(text.contains("3 dark") && text.contains("instrumental: no zero point"), "{text}");
+    // A place that was given finds the same.
+    let given = folder.json(&["reduce", "night", "--place-px", "47", "50", "--json"]);
+    assert_eq!(given["frames"][5]["place_px"], frames[5]["place_px"]);
+}
+
+#[test]
+fn a_frame_is_searched_and_drawn() {
+    let folder = Folder::new("detect");
+    made_up(&folder.path("night"));
+    let found = folder.json(&[
+        "detect",
+        "night/light_2.fits",
+        "--json",
+        "-o",
+        "marked.png",
+        "-o",
+        "marked.svg",
+    ]);
+    let frame = &found["frames"][0];
+    let streaks = frame["streaks"].as_array().unwrap();
+    assert_eq!(streaks.len(), 1, "{streaks:?}");
+    assert!((streaks[0]["angle_deg"].as_f64().unwrap() - 30.0).abs() < 1.0);
+    assert!(frame["points"].as_array().unwrap().len() >= 25);
+    assert_eq!(frame["program"], "N.I.N.A. 3.1.2.9001 (x64)");
+    assert!(folder.path("marked.png").metadata().unwrap().len() > 10_000);
+    assert!(folder.path("marked.svg").exists());
+    let table = folder.done(&["detect", "night/light_2.fits", "-o", "-"]);
+    assert!(table.contains("streak") && table.contains("point"), "{table}");
+    folder.refused(2, &["detect"]);
+    let nothing = folder.refused(1, &["detect", "night/torn.fits"]);
+    assert!(nothing.contains("torn.fits"), "{nothing}");
+    let wrong = folder.refused(1, &["detect", "night/light_2.fits", "--streak-sigma", "1"]);
+    assert!(wrong.contains("streak_sigmas is 1, expected 5 or above"), "{wrong}");
+}
