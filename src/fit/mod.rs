@@ -30,6 +30,9 @@ pub struct FitArgs {
     /// Of these each curve has its own
     #[arg(long, value_name = "NAME")]
     pub per_pass: Vec<String>,
+    /// Largest albedo that is solved for, and largest reflectance that a scale may lead to [default: 1]
+    #[arg(long, value_name = "A")]
+    pub largest_albedo: Option<f64>,
     /// Only these channels
     #[arg(long, value_name = "NAME")]
     pub channel: Vec<String>,
@@ -153,6 +156,7 @@ fn options(args: &FitArgs, of_scene: FitOptions, seed: u64) -> FitOptions {
     all.per_pass = of_scene.per_pass;
     all.per_pass.extend(args.per_pass.iter().cloned());
     all.channels = if args.channel.is_empty() { of_scene.channels } else { args.channel.clone() };
+    all.largest_albedo = args.largest_albedo.unwrap_or(of_scene.largest_albedo);
     all.loss = args.loss.map_or(of_scene.loss, Loss::from);
     all.scintillation = args.scintillation.unwrap_or(of_scene.scintillation);
     all.places = args.places.map_or(of_scene.places, |n| n as usize);
@@ -166,7 +170,7 @@ fn options(args: &FitArgs, of_scene: FitOptions, seed: u64) -> FitOptions {
 fn told(error: PassFitError) -> anyhow::Error {
     match error {
         PassFitError::Measured(error) => inputs::told(error),
-        PassFitError::FreeTwice { .. } => Usage(error.to_string()).into(),
+        PassFitError::FreeTwice { .. } | PassFitError::LargestAlbedo { .. } => Usage(error.to_string()).into(),
         PassFitError::NothingFree => Usage(format!(
             "{error}: say what with --free NAME[=LO..HI], or in [fit] of the scene: free = [\"albedo\"]"
         ))

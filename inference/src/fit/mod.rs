@@ -286,7 +286,7 @@ fn parameters_of(
             has: data.used.columns().into_iter().map(|c| c.iter().any(|u| *u)).collect(),
         })
         .collect();
-    Parameters::new(&options.free, &options.per_pass, channels, &sides)
+    Parameters::new(&options.free, &options.per_pass, options.largest_albedo, channels, &sides)
 }
 
 /// The files that a fit was made of.

@@ -78,6 +78,8 @@ pub(super) struct Parameters {
     roles: Vec<(Role, Option<usize>)>,
     /// Material of each parameter that is solved for, and its channel (`None`: all alike).
     pub scales: Vec<(String, Option<usize>)>,
+    /// Largest albedo, and largest reflectance of what is scaled.
+    largest_albedo: f64,
 }
 
 /// Names that are no numbers of the scene.
@@ -111,10 +113,11 @@ impl Parameters {
     pub fn new(
         wanted: &[FreeParameter],
         per_pass: &[String],
+        largest_albedo: f64,
         channels: &[String],
         sides: &[CurveSide],
     ) -> Result<Self, PassFitError> {
-        let mut all = Self::default();
+        let mut all = Self { largest_albedo, ..Self::default() };
         if wanted.is_empty() {
             return Err(PassFitError::NothingFree);
         }
@@ -177,7 +180,7 @@ impl Parameters {
                 channels: (0..channels.len()).collect(),
                 curves: curve.map(|c| vec![c]),
                 unit: 1.0,
-                most: None,
+                most: self.largest_scale(&material, curve, sides),
             });
             self.scales.push((material, None));
             return Ok(());
@@ -232,6 +235,20 @@ impl Parameters {
         }
     }
 
+    /// The scale at which a material's largest reflectance is the largest albedo; `None` for one that reflects nothing.
+    fn largest_scale(
+        &self,
+        material: &str,
+        curve: Option<usize>,
+        sides: &[CurveSide],
+    ) -> Option<f64> {
+        let own = sides.iter().enumerate().filter(|(k, _)| curve.is_none_or(|own| own == *k));
+        let materials = own.flat_map(|(_, s)| &s.study.pass().target.materials);
+        let spectra = materials.filter(|m| m.name == material).flat_map(|m| m.spectra());
+        let most = spectra.flat_map(|s| s.value().iter().copied()).fold(0.0, f64::max);
+        (most > 0.0).then(|| self.largest_albedo / most)
+    }
+
     /// Albedos of a material: one for each channel that was measured, or for one.
     fn albedos(
         &mut self,
@@ -267,7 +284,10 @@ impl Parameters {
                 channels: vec![c],
                 curves: curve.map(|c| vec![c]),
                 unit: unit.unwrap_or(1.0),
-                most: unit.map(|_| 1.0),
+                most: match unit {
+                    Some(_) => Some(self.largest_albedo),
+                    None => self.largest_scale(material, curve, sides),
+                },
             });
             self.scales.push((material.to_owned(), Some(c)));
         }
