@@ -450,3 +450,66 @@ fn a_flash_within_an_exposure_is_fitted() {
     println!("middles: reduced chi-square {misfit}, {found:?}");
     assert!(misfit > 100.0, "{misfit}");
 }
+
+/// Rates of the page's sphere, changed by a factor for each channel and by a clock that is ahead, as a measured curve.
+fn changed(folder: &Folder, name: &str, factor: &dyn Fn(usize) -> f64, ahead_s: f64) {
+    let mut moved = curve(folder, "p.ecsv");
+    moved.kind = RateKind::Calibrated;
+    moved.samples.time.iter_mut().for_each(|t| *t -= hifitime::Unit::Second * ahead_s);
+    for (c, channel) in moved.channels.iter_mut().enumerate() {
+        channel.rate_hz.iter_mut().for_each(|r| *r *= factor(c));
+        channel.sigma_hz.iter_mut().for_each(|s| *s *= factor(c));
+    }
+    write(folder, name, &moved);
+}
+
+/// Truth: curves that are the simulation's, times factors and moved by a clock, which the fit explains wholly: `compare` of the scene that the fit wrote with the curve must find
+/// the scale 1 and nothing left. Tolerance 1e-3, which the program promises; 2e-3 for the sphere's light itself in `the_page_gives_back_what_was_put_in`.
+#[test]
+fn the_fitted_scene_is_the_fit() {
+    let folder = folder("fit-scene");
+    folder.done(&["simulate", "sphere.toml", "-o", "p.ecsv", "-q"]);
+    let grey = |_: usize| 0.8;
+    let cases: [(&str, &dyn Fn(usize) -> f64, f64, &[&str]); 6] = [
+        ("scale", &grey, 0.0, &["--free", "scale.surface"]),
+        ("albedo", &grey, 0.0, &["--free", "albedo"]),
+        ("gain", &grey, 0.0, &["--free", "gain"]),
+        ("size", &grey, 0.0, &["--free", "size"]),
+        ("clock", &grey, 0.4, &["--free", "time_offset_s=-2..2", "--free", "scale.surface"]),
+        ("air", &grey, 0.0, &["--free", "extinction", "--free", "scale.surface"]),
+    ];
+    for (name, factor, ahead_s, free) in cases {
+        let page = page_scene().replace("free = [\"albedo\"]", "free = []");
+        std::fs::write(folder.path(&format!("{name}.toml")), page).unwrap();
+        changed(&folder, "m.ecsv", factor, ahead_s);
+        let scene = format!("{name}.toml");
+        let mut fit = vec!["fit", "m.ecsv", &scene, "--loss", "squares", "--places", "4"];
+        fit.extend(["--starts", "1", "--json", "-o", name]);
+        fit.extend(free);
+        std::fs::create_dir_all(folder.path(name)).unwrap();
+        let found = folder.json(&fit);
+        assert_eq!(found["scenes"][0]["same"], true, "{name}: {}", found["scenes"]);
+        let written = format!("{name}/{name}.fitted.toml");
+        let compared = folder.json(&["compare", "m.ecsv", &written, "--json"]);
+        for channel in compared["channels"].as_array().unwrap() {
+            let numbers = &channel["numbers"];
+            let [scale, rms] = ["scale", "rms"].map(|k| numbers[k].as_f64().unwrap());
+            assert!((scale - 1.0).abs() < 1e-3 && rms < 1e-3, "{name}: {channel}");
+        }
+    }
+    // Two curves with a gain each: two scenes, each of its own curve.
+    changed(&folder, "a.ecsv", &|_| 0.8, 0.0);
+    changed(&folder, "b.ecsv", &|_| 1.2, 0.0);
+    let fit = ["fit", "a.ecsv", "b.ecsv", "gain.toml", "--free", "gain", "--per-pass", "gain"];
+    let fit: Vec<&str> = fit.into_iter().chain(["--json", "-o", "gain", "--force"]).collect();
+    let found = folder.json(&fit);
+    assert_eq!(found["scenes"].as_array().unwrap().len(), 2, "{}", found["scenes"]);
+    for (file, curve) in [("gain", "a.ecsv"), ("gain_2", "b.ecsv")] {
+        let compared =
+            folder.json(&["compare", curve, &format!("gain/{file}.fitted.toml"), "--json"]);
+        for channel in compared["channels"].as_array().unwrap() {
+            let scale = channel["numbers"]["scale"].as_f64().unwrap();
+            assert!((scale - 1.0).abs() < 1e-3, "{file}: {channel}");
+        }
+    }
+}

@@ -116,13 +116,23 @@ pub fn run(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<()> {
 pub fn write(answer: &PassFit, args: &FitArgs, console: Console) -> anyhow::Result<()> {
     let product = report::product(answer)?;
     let mut files = Vec::new();
-    if let Some(scene) = &answer.scene {
+    for (number, scene) in answer.scenes.iter().enumerate() {
         let folders = args.out.folders();
-        let name = format!("{}.fitted.toml", answer.name);
-        let into = folders.output.iter().map(|f| f.join(&name)).chain(args.scene_out.clone());
-        files.extend(into.map(|path| (path, scene.clone().into_bytes())));
+        let name = format!("{}.fitted.toml", scene.name);
+        let alone = args.scene_out.clone().map(|path| numbered(path, number));
+        let into = folders.output.iter().map(|f| f.join(&name)).chain(alone);
+        files.extend(into.map(|path| (path, scene.text.clone().into_bytes())));
     }
     args.out.finish_with(&product, files, &report::text(answer), console)
+}
+
+/// The file of a scene that is not the first: `found.toml`, `found_2.toml`, …
+fn numbered(path: PathBuf, number: usize) -> PathBuf {
+    if number == 0 {
+        return path;
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    path.with_file_name(format!("{stem}_{}.toml", number + 1))
 }
 
 /// Does all of `sunglint fit` but write: for other commands that show a fit.

@@ -351,12 +351,40 @@ impl Parameters {
         searched.chain(self.linear.iter().map(|l| l.unit)).collect()
     }
 
-    /// Parameters that no scene file can hold.
-    pub fn beyond_the_scene(&self) -> Vec<String> {
-        let of = self.free.iter().zip(&self.roles);
-        of.filter(|(_, (role, _))| !matches!(role, Role::Key(_)))
-            .map(|(f, _)| f.name.clone())
-            .collect()
+    /// Puts what is no number of the scene into its `[correction]`. Returns the names of what no key holds.
+    pub fn correct(
+        &self,
+        curve: usize,
+        values: &[f64],
+        channels: &[String],
+        magnitudes: bool,
+        scene: &mut Scene,
+    ) -> Vec<String> {
+        let mut beyond = Vec::new();
+        let all = self.roles.iter().zip(&self.free).zip(values);
+        for (((role, _), free), value) in
+            all.filter(|(((_, c), _), _)| c.is_none_or(|c| c == curve))
+        {
+            match role {
+                Role::Key(_) => {}
+                Role::TimeOffset => scene.correct(&["time_offset_s"], 0.0, &|t| t + value),
+                Role::Size => scene.correct(&["size"], 1.0, &|f| f * value),
+                Role::Gain => scene.correct(&["gain"], 1.0, &|f| f * value),
+                Role::Extinction(_) if magnitudes => beyond.push(free.name.clone()),
+                Role::Extinction(None) => scene.correct(&["extinction"], 0.0, &|k| k + value),
+                Role::Extinction(Some(c)) => {
+                    let keys = ["extinction_by_channel", channels[*c].as_str()];
+                    scene.correct(&keys, 0.0, &|k| k + value);
+                }
+            }
+        }
+        beyond
+    }
+
+    /// Whether a curve has values of its own.
+    pub fn differ(&self) -> bool {
+        let searched = self.roles.iter().any(|(_, curve)| curve.is_some());
+        searched || self.linear.iter().any(|l| l.curves.is_some())
     }
 }
 
@@ -399,9 +427,8 @@ fn usual_range(name: &str, start: f64) -> Option<(f64, f64)> {
         "reflectance" | "share" => Some((0.0, 1.0)),
         "phase_deg" | "axis_ra_deg" | "omega_deg" => Some((start - 180.0, start + 180.0)),
         "axis_dec_deg" => Some((-90.0, 90.0)),
-        "yaw_deg" | "pitch_deg" | "roll_deg" | "euler_zyx_deg" => {
-            Some((start - 30.0, start + 30.0))
-        }
+        "pitch_deg" => Some((start - 90.0, start + 90.0)),
+        "yaw_deg" | "roll_deg" | "euler_zyx_deg" => Some((start - 180.0, start + 180.0)),
         "period_s" | "rate_rpm" | "rate_deg_s" => factors(0.9, 1.1),
         "offset_m" => Some((start - 1.0, start + 1.0)),
         _ if start > 0.0 => factors(FACTORS.0, FACTORS.1),

@@ -289,11 +289,13 @@ impl Pass {
 
     /// Where everything stands at all epochs, before any air.
     pub(super) fn places(&self, tick: &(dyn Fn() + Sync)) -> Result<Vec<Place>, PassError> {
+        let later = hifitime::Duration::from_seconds(self.correction.time_offset_s);
         let (first, last) = self.ends();
+        let (first, last) = (first + later, last + later);
         let frames = self.frames(first, last)?;
         let orbit = self.orbit.near(first, last);
         let place = |epoch: &Epoch| {
-            let place = self.place(*epoch, &orbit, &frames);
+            let place = self.place(*epoch + later, &orbit, &frames);
             tick();
             place
         };
