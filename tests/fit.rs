@@ -150,30 +150,56 @@ fn a_clock_that_is_ahead_is_found() {
     assert!((value("albedo.surface.g") - 0.5).abs() < 1e-3);
 }
 
-/// A box of 1 × 1 × 1.3 m with two panels that follow the Sun, its z axis to the Earth: diffuse, each side of the box, the cells and the panels' backs of a material
-/// of its own; turned about all axes by what is free.
+/// A box of 1 × 1 × 1.3 m with two panels that follow the Sun, its z axis to the Earth. Of each side of the box, of the cells and of the panels' backs one half is diffuse and one glossy (GGX of
+/// roughness 0.3; the sky's side and the backs are diffuse alone), so that how much of both there is, is solved for; turned about all axes by what is free.
 fn oneweb_body() -> String {
     let mut text = "[target]\nname = \"box and two panels\"\n".to_owned();
-    let sides = ["ram +x", "wake -x", "north +y", "south -y", "earth +z", "sky -z"];
-    for (name, face) in sides.iter().filter_map(|s| s.split_once(' ')) {
-        writeln!(text, "[[target.part]]\nname = \"{name}\"\nshape = \"box\"\nsize_m = [1, 1, 1.3]\nfaces = [\"{face}\"]\nmaterial = \"{name}\"")
+    let mut materials: Vec<String> = Vec::new();
+    let mut part = |name: &str, half: usize, own: String| {
+        let gloss = half == 1 && !["sky", "backs"].contains(&name);
+        let material = if gloss { format!("{name} gloss") } else { name.to_owned() };
+        writeln!(text, "[[target.part]]\n{own}\nmaterial = \"{material}\"").unwrap();
+        if !materials.contains(&material) {
+            let model = match gloss {
+                true => "\"microfacet\"\ndistribution = \"ggx\"\nalpha = 0.3",
+                false => "\"lambert\"",
+            };
+            writeln!(
+                text,
+                "[[target.material]]\nname = \"{material}\"\nmodel = {model}\nreflectance = 0.3"
+            )
             .unwrap();
-        writeln!(
-            text,
-            "[[target.material]]\nname = \"{name}\"\nmodel = \"lambert\"\nreflectance = 0.5"
-        )
-        .unwrap();
+            materials.push(material);
+        }
+    };
+    for (name, face) in [
+        ("ram", "+x"),
+        ("wake", "-x"),
+        ("north", "+y"),
+        ("south", "-y"),
+        ("earth", "+z"),
+        ("sky", "-z"),
+    ] {
+        for (half, sign) in [0.25, -0.25].into_iter().enumerate() {
+            let (size, offset) = match face {
+                "+y" | "-y" => ("[0.5, 1, 1.3]", format!("[{sign}, 0, 0]")),
+                _ => ("[1, 0.5, 1.3]", format!("[0, {sign}, 0]")),
+            };
+            let own = format!(
+                "name = \"{name} {half}\"\nshape = \"box\"\nsize_m = {size}\noffset_m = {offset}\nfaces = [\"{face}\"]"
+            );
+            part(name, half, own);
+        }
     }
     for (name, face) in [("cells", "+z"), ("backs", "-z")] {
         for side in [1.6, -1.6] {
-            writeln!(text, "[[target.part]]\nname = \"{name} at {side}\"\nshape = \"plate\"\nsize_m = [1, 1.7]\nfaces = [\"{face}\"]\nmaterial = \"{name}\"\noffset_m = [0, {side}, 0]\nhinge = \"boom\"")
-                .unwrap();
+            for (half, x) in [0.25, -0.25].into_iter().enumerate() {
+                let own = format!(
+                    "name = \"{name} {half} at {side}\"\nshape = \"plate\"\nsize_m = [0.5, 1.7]\nfaces = [\"{face}\"]\noffset_m = [{x}, {side}, 0]\nhinge = \"boom\""
+                );
+                part(name, half, own);
+            }
         }
-        writeln!(
-            text,
-            "[[target.material]]\nname = \"{name}\"\nmodel = \"lambert\"\nreflectance = 0.5"
-        )
-        .unwrap();
     }
     text += "[[target.hinge]]\nname = \"boom\"\npoint_m = [0, 0, 0]\naxis = [0, 1, 0]\nface = [0, 0, 1]\n\
         [attitude]\nlaw = \"orbit\"\neuler_zyx_deg = [0, 0, 0]\n[air]\nnone = true\n[effects]\ninter_reflection = \"off\"\n\
@@ -183,7 +209,8 @@ fn oneweb_body() -> String {
 
 /// Two tracks of ONEWEB-0165 as MMT-9 published them, ten samples a second: the fit tells the tracks' own noise apart from what is left. docs/fit.md has the figures.
 /// Truth: the tracks' white noise as it was found before this program (0.09 and 0.21 mag), ± 0.03; the diffuse sphere's residual, found for each track
-/// alone in the same way (0.18 and 0.38 mag about its mean), ± 0.015. What a body of eleven numbers leaves is held against the noise: within a tenth of it, which no sphere reaches. Light is
+/// alone in the same way (0.18 and 0.38 mag about its mean), ± 0.015. What the body leaves, with albedos from 0 to 1, is held against the noise: at most 1.3 times it, which no sphere reaches; and `compare` of the scene that the fit wrote finds
+/// the same residuals to 1e-3. Light is
 /// computed at few epochs: what that errs by is stated, below 3e-4.
 #[test]
 fn oneweb_0165_is_fitted() {
@@ -239,7 +266,16 @@ fn oneweb_0165_is_fitted() {
         assert!((white - noise).abs() < 0.03, "{of_sphere:?}");
         let about_its_mean = (rms * rms - mean * mean).sqrt();
         assert!((about_its_mean - round).abs() < 0.015, "{of_sphere:?}");
-        assert!(of_body[k][1] < 1.1 * of_body[k][0], "{of_body:?}");
+        assert!(of_body[k][1] < 1.3 * of_body[k][0], "{of_body:?}");
+        let (track, scene) =
+            (format!("track{}.txt", k + 1), format!("box/box{}.fitted.toml", k + 1));
+        let compared = folder.json(&["compare", &track, &scene, "--json"]);
+        let left = compared["channels"][0]["numbers"]["rms_mag"].as_f64().unwrap();
+        assert!((left - of_body[k][1]).abs() < 1e-3, "{left} {of_body:?}");
+    }
+    for p in body["fit"]["parameters"].as_array().unwrap() {
+        let (name, value) = (p["name"].as_str().unwrap(), p["value"].as_f64().unwrap());
+        assert!(!name.starts_with("albedo") || (0.0..=1.0).contains(&value), "{p}");
     }
     assert_eq!(body["fit"]["converged"], true);
     for curve in body["curves"].as_array().unwrap() {
@@ -449,4 +485,67 @@ fn a_flash_within_an_exposure_is_fitted() {
     let (misfit, found) = fitted("middles.ecsv");
     println!("middles: reduced chi-square {misfit}, {found:?}");
     assert!(misfit > 100.0, "{misfit}");
+}
+
+/// Rates of the page's sphere, changed by a factor for each channel and by a clock that is ahead, as a measured curve.
+fn changed(folder: &Folder, name: &str, factor: &dyn Fn(usize) -> f64, ahead_s: f64) {
+    let mut moved = curve(folder, "p.ecsv");
+    moved.kind = RateKind::Calibrated;
+    moved.samples.time.iter_mut().for_each(|t| *t -= hifitime::Unit::Second * ahead_s);
+    for (c, channel) in moved.channels.iter_mut().enumerate() {
+        channel.rate_hz.iter_mut().for_each(|r| *r *= factor(c));
+        channel.sigma_hz.iter_mut().for_each(|s| *s *= factor(c));
+    }
+    write(folder, name, &moved);
+}
+
+/// Truth: curves that are the simulation's, times factors and moved by a clock, which the fit explains wholly: `compare` of the scene that the fit wrote with the curve must find
+/// the scale 1 and nothing left. Tolerance 1e-3, which the program promises; 2e-3 for the sphere's light itself in `the_page_gives_back_what_was_put_in`.
+#[test]
+fn the_fitted_scene_is_the_fit() {
+    let folder = folder("fit-scene");
+    folder.done(&["simulate", "sphere.toml", "-o", "p.ecsv", "-q"]);
+    let grey = |_: usize| 0.8;
+    let cases: [(&str, &dyn Fn(usize) -> f64, f64, &[&str]); 6] = [
+        ("scale", &grey, 0.0, &["--free", "scale.surface"]),
+        ("albedo", &grey, 0.0, &["--free", "albedo"]),
+        ("gain", &grey, 0.0, &["--free", "gain"]),
+        ("size", &grey, 0.0, &["--free", "size"]),
+        ("clock", &grey, 0.4, &["--free", "time_offset_s=-2..2", "--free", "scale.surface"]),
+        ("air", &grey, 0.0, &["--free", "extinction", "--free", "scale.surface"]),
+    ];
+    for (name, factor, ahead_s, free) in cases {
+        let page = page_scene().replace("free = [\"albedo\"]", "free = []");
+        std::fs::write(folder.path(&format!("{name}.toml")), page).unwrap();
+        changed(&folder, "m.ecsv", factor, ahead_s);
+        let scene = format!("{name}.toml");
+        let mut fit = vec!["fit", "m.ecsv", &scene, "--loss", "squares", "--places", "4"];
+        fit.extend(["--starts", "1", "--json", "-o", name]);
+        fit.extend(free);
+        std::fs::create_dir_all(folder.path(name)).unwrap();
+        let found = folder.json(&fit);
+        assert_eq!(found["scenes"][0]["same"], true, "{name}: {}", found["scenes"]);
+        let written = format!("{name}/{name}.fitted.toml");
+        let compared = folder.json(&["compare", "m.ecsv", &written, "--json"]);
+        for channel in compared["channels"].as_array().unwrap() {
+            let numbers = &channel["numbers"];
+            let [scale, rms] = ["scale", "rms"].map(|k| numbers[k].as_f64().unwrap());
+            assert!((scale - 1.0).abs() < 1e-3 && rms < 1e-3, "{name}: {channel}");
+        }
+    }
+    // Two curves with a gain each: two scenes, each of its own curve.
+    changed(&folder, "a.ecsv", &|_| 0.8, 0.0);
+    changed(&folder, "b.ecsv", &|_| 1.2, 0.0);
+    let fit = ["fit", "a.ecsv", "b.ecsv", "gain.toml", "--free", "gain", "--per-pass", "gain"];
+    let fit: Vec<&str> = fit.into_iter().chain(["--json", "-o", "gain", "--force"]).collect();
+    let found = folder.json(&fit);
+    assert_eq!(found["scenes"].as_array().unwrap().len(), 2, "{}", found["scenes"]);
+    for (file, curve) in [("gain", "a.ecsv"), ("gain_2", "b.ecsv")] {
+        let compared =
+            folder.json(&["compare", curve, &format!("gain/{file}.fitted.toml"), "--json"]);
+        for channel in compared["channels"].as_array().unwrap() {
+            let scale = channel["numbers"]["scale"].as_f64().unwrap();
+            assert!((scale - 1.0).abs() < 1e-3, "{file}: {channel}");
+        }
+    }
 }

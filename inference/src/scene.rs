@@ -1,6 +1,7 @@
 //! A scene file with everything in it that can be fitted: the target's own file taken in, built-in materials written out, paths made whole. Numbers
 //! are set in it by name, and it is written again with what was found.
 
+use hifitime::Epoch;
 use std::path::{Path, PathBuf};
 use sunglint_formats::{FileError, nearest_names};
 use sunglint_simulator::attitude::Attitude;
@@ -99,6 +100,46 @@ impl Scene {
         axis_as_angles(&mut table);
         table.remove("fit");
         Ok(Self { path: path.to_path_buf(), table })
+    }
+
+    /// A scene from a text that [`Scene::text`] wrote, as if it were in the file of `path`.
+    ///
+    /// # Errors
+    /// A text that is no scene.
+    pub fn parse(path: &Path, text: &str) -> Result<Self, SceneError> {
+        PassFile::parse(path, text)?;
+        Ok(Self { path: path.to_path_buf(), table: parsed(path, text)? })
+    }
+
+    /// First and last moment of its own times; `None` where its file of times or a station is missing.
+    pub fn ends(&self, overrides: Overrides) -> Option<(Epoch, Epoch)> {
+        let times = self.pass(overrides).ok()?.times;
+        let first = *times.first()?;
+        Some(times.iter().fold((first, first), |(a, b), t| (a.min(*t), b.max(*t))))
+    }
+
+    /// Gives it times from a first to a last moment (UTC) in steps, and an exposure, s.
+    pub fn set_times(&mut self, from: &str, to: &str, step_s: f64, exposure_s: f64) {
+        let mut times = Table::new();
+        times.insert("from".into(), Value::String(from.into()));
+        times.insert("to".into(), Value::String(to.into()));
+        times.insert("step_s".into(), Value::Float(step_s));
+        times.insert("exposure_s".into(), Value::Float(exposure_s));
+        self.table.insert("times".into(), Value::Table(times));
+    }
+
+    /// Changes a number of `[correction]`: what is there (`usual` where there is nothing) becomes `change` of it.
+    pub fn correct(&mut self, keys: &[&str], usual: f64, change: &dyn Fn(f64) -> f64) {
+        let Some((last, tables)) = keys.split_last() else { return };
+        let mut table = &mut self.table;
+        for key in std::iter::once(&"correction").chain(tables) {
+            let entry = table.entry(*key).or_insert_with(|| Value::Table(Table::new()));
+            let Value::Table(inner) = entry else { return };
+            table = inner;
+        }
+        let number = |v: &Value| v.as_float().or_else(|| v.as_integer().map(|i| i as f64));
+        let before = table.get(*last).and_then(number).unwrap_or(usual);
+        table.insert((*last).to_owned(), Value::Float(change(before)));
     }
 
     /// The name of its file, without the extension.

@@ -1,5 +1,7 @@
 //! Numerical methods that several crates need.
 //!
+//! - [`basis`]: an orthonormal basis that grows column by column;
+//! - [`bounded`]: linear least squares with lower and upper bounds;
 //! - [`gauss`]: Gauss–Legendre nodes;
 //! - [`least_squares`]: fits by the steps of Levenberg and Marquardt;
 //! - [`measured`]: values with their uncertainty, intervals;
@@ -8,6 +10,8 @@
 //! - [`progress`]: what long work tells whoever watches it;
 //! - [`sphere`]: directions over the whole sphere.
 
+pub mod basis;
+pub mod bounded;
 pub mod gauss;
 pub mod least_squares;
 pub mod measured;

@@ -30,6 +30,9 @@ pub struct FitArgs {
     /// Of these each curve has its own
     #[arg(long, value_name = "NAME")]
     pub per_pass: Vec<String>,
+    /// Largest albedo that is solved for, and largest reflectance that a scale may lead to [default: 1]
+    #[arg(long, value_name = "A")]
+    pub largest_albedo: Option<f64>,
     /// Only these channels
     #[arg(long, value_name = "NAME")]
     pub channel: Vec<String>,
@@ -113,13 +116,23 @@ pub fn run(args: &FitArgs, seed: u64, console: Console) -> anyhow::Result<()> {
 pub fn write(answer: &PassFit, args: &FitArgs, console: Console) -> anyhow::Result<()> {
     let product = report::product(answer)?;
     let mut files = Vec::new();
-    if let Some(scene) = &answer.scene {
+    for (number, scene) in answer.scenes.iter().enumerate() {
         let folders = args.out.folders();
-        let name = format!("{}.fitted.toml", answer.name);
-        let into = folders.output.iter().map(|f| f.join(&name)).chain(args.scene_out.clone());
-        files.extend(into.map(|path| (path, scene.clone().into_bytes())));
+        let name = format!("{}.fitted.toml", scene.name);
+        let alone = args.scene_out.clone().map(|path| numbered(path, number));
+        let into = folders.output.iter().map(|f| f.join(&name)).chain(alone);
+        files.extend(into.map(|path| (path, scene.text.clone().into_bytes())));
     }
     args.out.finish_with(&product, files, &report::text(answer), console)
+}
+
+/// The file of a scene that is not the first: `found.toml`, `found_2.toml`, …
+fn numbered(path: PathBuf, number: usize) -> PathBuf {
+    if number == 0 {
+        return path;
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    path.with_file_name(format!("{stem}_{}.toml", number + 1))
 }
 
 /// Does all of `sunglint fit` but write: for other commands that show a fit.
@@ -153,6 +166,7 @@ fn options(args: &FitArgs, of_scene: FitOptions, seed: u64) -> FitOptions {
     all.per_pass = of_scene.per_pass;
     all.per_pass.extend(args.per_pass.iter().cloned());
     all.channels = if args.channel.is_empty() { of_scene.channels } else { args.channel.clone() };
+    all.largest_albedo = args.largest_albedo.unwrap_or(of_scene.largest_albedo);
     all.loss = args.loss.map_or(of_scene.loss, Loss::from);
     all.scintillation = args.scintillation.unwrap_or(of_scene.scintillation);
     all.places = args.places.map_or(of_scene.places, |n| n as usize);
@@ -166,7 +180,7 @@ fn options(args: &FitArgs, of_scene: FitOptions, seed: u64) -> FitOptions {
 fn told(error: PassFitError) -> anyhow::Error {
     match error {
         PassFitError::Measured(error) => inputs::told(error),
-        PassFitError::FreeTwice { .. } => Usage(error.to_string()).into(),
+        PassFitError::FreeTwice { .. } | PassFitError::LargestAlbedo { .. } => Usage(error.to_string()).into(),
         PassFitError::NothingFree => Usage(format!(
             "{error}: say what with --free NAME[=LO..HI], or in [fit] of the scene: free = [\"albedo\"]"
         ))

@@ -1,8 +1,8 @@
 //! Orthogonal subspace projection, and endmembers that nobody knew.
 
-use super::basis::{Basis, dot, norm};
 use super::nnls::NnlsError;
 use ndarray::{ArrayView2, Axis};
+use sunglint_numerics::basis::{Basis, dot, norm};
 
 /// Share of the longest spectrum below which a residual is rounding.
 const EXHAUSTED: f64 = 1e-12;

@@ -1,10 +1,10 @@
 //! Mixture of materials that makes the light of a sample, and its uncertainty.
 
 use super::atgp::osp;
-use super::basis::{Basis, dot, norm};
 use super::nnls::{Constraint, Nnls, NnlsError};
 use nalgebra::DMatrix;
 use ndarray::{Array2, ArrayView2};
+use sunglint_numerics::basis::{Basis, dot, norm};
 
 /// Spectra that differ by less than this (sine of the angle between them) are one.
 const SAME: f64 = 1e-10;

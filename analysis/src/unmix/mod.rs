@@ -43,7 +43,6 @@
 
 mod atgp;
 mod bands;
-mod basis;
 mod concerns;
 mod confusion;
 mod curve;
@@ -53,9 +52,9 @@ pub mod nnls;
 
 pub use atgp::{AtgpError, AtgpOptions, Target, Targets, atgp, osp, spectral_angle_rad};
 pub use bands::{Bands, BandsError, Factors};
-pub use basis::Basis;
 pub use concerns::{concerns, reasons};
 pub use confusion::{Confusion, ConfusionError};
 pub use curve::{Light, State, UnmixError, Unmixed, Values, unmix};
 pub use endmember::{Endmember, column_name};
 pub use mixture::{Mixing, MixingError, Mixture, Noise, Twins};
+pub use sunglint_numerics::basis::Basis;

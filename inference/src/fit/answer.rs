@@ -48,9 +48,26 @@ pub struct PassFit {
     pub seconds: f64,
     /// Warnings for the user.
     pub warnings: Vec<String>,
-    /// The scene with what was found, as text.
+    /// The scenes with what was found: one for each scene, one for each curve where curves have values of their own.
+    pub scenes: Vec<FittedScene>,
+}
+
+/// A scene with what was found. It was read again and simulated at the measured times, and set beside the fit.
+#[derive(Debug, Clone, Serialize)]
+pub struct FittedScene {
+    /// Name of its file, before `.fitted.toml`.
+    pub name: String,
+    /// The curves that it is of.
+    pub curves: Vec<String>,
+    /// Root of the mean square difference of its light from the fitted light, at the fitted samples: mag for magnitudes, else a part of the root mean square rate.
+    pub difference: f64,
+    /// Whether that is at most 1e-3: the scene is the fit.
+    pub same: bool,
+    /// Parameters that no key of a scene holds.
+    pub incomplete: Vec<String>,
+    /// The scene as text.
     #[serde(skip)]
-    pub scene: Option<String>,
+    pub text: String,
 }
 
 /// Light that came by way of another part: computed for what was found, held, the rest fitted again, until nothing moved.

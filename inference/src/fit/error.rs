@@ -79,6 +79,12 @@ pub enum PassFitError {
         /// The name.
         name: String,
     },
+    /// A largest albedo that is none.
+    #[error("the largest albedo is {largest_albedo}, expected a number above 0")]
+    LargestAlbedo {
+        /// Value that was given.
+        largest_albedo: f64,
+    },
     /// Nothing that is free.
     #[error("nothing is free")]
     NothingFree,
@@ -89,7 +95,9 @@ pub enum PassFitError {
         name: String,
     },
     /// A range of what is solved for.
-    #[error("{name}: what is solved for has no range but that it is not below 0")]
+    #[error(
+        "{name}: what is solved for has no range of its own: it lies between 0 and the largest albedo"
+    )]
     Solved {
         /// The parameter.
         name: String,

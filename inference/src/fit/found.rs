@@ -1,20 +1,30 @@
 //! Result of a fit, put back into scenes: spectra through albedos, light between the parts, the scene as text.
 
-use super::answer::{Bounces, MaterialSpectrum};
+use super::answer::{Bounces, FittedScene, MaterialSpectrum};
 use super::parameters::{self, Parameters};
 use super::{PassFitError, THINNED};
 use crate::measured::{CurveOfScene, V, pass_of, place};
 use crate::scene::Scene;
 use crate::solver::spectrum::{Band, upsample};
-use crate::solver::{Fit, StudyModel, band_weights};
+use crate::solver::{Fit, FittedCurve, StudyModel, band_weights};
+use hifitime::Epoch;
 use ndarray::Array2;
+use sunglint_formats::time::{format_utc, tai_nanoseconds};
+use sunglint_numerics::order::median;
 use sunglint_numerics::progress::Progress;
 use sunglint_simulator::light::Source;
 use sunglint_simulator::light::engine::Switch;
-use sunglint_simulator::pass::{Study, Thinned};
+use sunglint_simulator::pass::{Overrides, Study, Thinned};
 
 /// Knots of reflectance spectra: first, last, step, nm.
 const KNOTS_NM: (u32, u32, u32) = (300, 1240, 5);
+
+/// A band albedo that its spectrum meets within this part needs no factor of its own.
+const MET: f64 = 1e-5;
+/// Difference (mag, or relative) up to which a scene gives the fit again.
+const SAME: f64 = 1e-3;
+/// Steps of the times of a scene that gets new ones, at most.
+const MOST_STEPS: f64 = 1e5;
 
 /// Rounds of fitting and computing the light between the parts at most.
 const MOST_ROUNDS: usize = 12;
@@ -133,7 +143,8 @@ impl Bouncing<'_> {
         }
         let Some(study) = model.study(k) else { return Ok(None) };
         let magnitudes = curve.measured.magnitudes;
-        for spectrum in spectra_of(parameters, fit, channels, study, magnitudes, &mut idle)? {
+        let of = OfCurve { number: k, parameters, fit, channels, study, magnitudes };
+        for spectrum in spectra_of(&of, &mut idle)?.0 {
             let found = &spectrum.found;
             scene.set_reflectance(&spectrum.material, &found.wavelength_nm, &found.reflectance);
         }
@@ -179,15 +190,25 @@ impl Bouncing<'_> {
     }
 }
 
-/// Reflectance spectra through the albedos, by the air of a curve.
+/// A curve, in whose scene something is to be put.
+pub(super) struct OfCurve<'a> {
+    pub number: usize,
+    pub parameters: &'a Parameters,
+    pub fit: &'a Fit,
+    pub channels: &'a [String],
+    pub study: &'a Study,
+    pub magnitudes: bool,
+}
+
+/// Factor of a material's light in a channel; in all where there is none.
+pub(super) type LightFactors = Vec<(String, Option<String>, f64)>;
+
+/// Reflectance spectra through the albedos, by the air of a curve, and factors of what no spectrum holds.
 pub(super) fn spectra_of(
-    parameters: &Parameters,
-    fit: &Fit,
-    channels: &[String],
-    study: &Study,
-    magnitudes: bool,
+    of: &OfCurve<'_>,
     warnings: &mut Vec<String>,
-) -> Result<Vec<MaterialSpectrum>, PassFitError> {
+) -> Result<(Vec<MaterialSpectrum>, LightFactors), PassFitError> {
+    let OfCurve { number, parameters, fit, channels, study, magnitudes } = *of;
     let (first, last, step) = KNOTS_NM;
     let knots: Vec<f64> = (first..=last).step_by(step as usize).map(f64::from).collect();
     let air = parameters::transmission(study)?;
@@ -198,95 +219,238 @@ pub(super) fn spectra_of(
             materials.push(material);
         }
     }
-    let mut found = Vec::new();
+    let (mut found, mut factors) = (Vec::new(), Vec::new());
     for material in materials {
         let Some(own) = study.pass().target.materials.iter().find(|m| m.name == material) else {
             continue;
         };
-        let [before] = own.spectra() else {
-            warnings.push(format!(
-                "{material} is more than one reflectance: what was found scales its light, and is in no spectrum"
-            ));
-            continue;
-        };
         let mut bands = Vec::new();
         let mut grey = None;
+        // By channel, over the light of the scene as it was.
+        let mut over: Vec<(String, f64)> = Vec::new();
         for (k, (of, channel)) in parameters.scales.iter().enumerate() {
-            if of != material || parameters.linear[k].curves.as_ref().is_some_and(|c| c != &[0]) {
+            let elsewhere = |curves: &Vec<usize>| -> bool { !curves.contains(&number) };
+            if of != material || parameters.linear[k].curves.as_ref().is_some_and(elsewhere) {
                 continue;
             }
-            let p = &solved[k];
+            let (value, unit) = (solved[k].value, parameters.linear[k].unit);
             match channel {
-                None => grey = Some(p.value),
-                Some(_) if magnitudes => grey = Some(p.value / parameters.linear[k].unit),
+                None => grey = Some(value),
+                Some(_) if magnitudes => grey = Some(value / unit),
                 Some(c) => {
                     let Some(station) = place(&study.pass().station, &channels[*c]) else {
                         continue;
                     };
-                    let Some(sigma) = p.sigma.or(p.at_bound.map(|_| 0.0)) else { continue };
+                    over.push((channels[*c].clone(), value / unit));
                     bands.push(Band {
                         name: channels[*c].clone(),
                         weights: band_weights(study, station, air.as_ref(), &knots)?,
-                        albedo: p.value,
-                        sigma,
+                        albedo: value,
+                        sigma: solved[k].sigma.unwrap_or(0.0),
                     });
                 }
             }
         }
+        let one = |(channel, factor): (String, f64)| (material.to_owned(), Some(channel), factor);
+        let [before] = own.spectra() else {
+            factors.extend(grey.map(|factor| (material.to_owned(), None, factor)));
+            factors.extend(over.into_iter().map(one));
+            continue;
+        };
         if let Some(factor) = grey {
             let reflectance: Vec<f64> = knots.iter().map(|nm| factor * before.at(*nm)).collect();
-            if reflectance.iter().any(|r| *r > 1.0) {
+            if reflectance.iter().any(|r| *r > 1.0 + 1e-9) {
                 warnings.push(format!(
-                    "{material} would reflect more than came ({factor:.3} times the file's reflectance): the scene with what was found keeps the file's"
+                    "{material} would reflect more than came ({factor:.3} times the file's reflectance): the scene with what was found has that as a factor of its light"
                 ));
+                factors.push((material.to_owned(), None, factor));
                 continue;
             }
+            let reflectance: Vec<f64> = reflectance.iter().map(|r| r.min(1.0)).collect();
             found.push(MaterialSpectrum::scaled(material, &knots, &reflectance));
         } else if !bands.is_empty() {
             match upsample(&knots, &bands) {
-                Ok(spectrum) => found.push(MaterialSpectrum { material: material.into(), found: spectrum, upsampled: true }),
-                Err(error) => warnings.push(format!(
-                    "{material}: no spectrum: {error}; the scene with what was found keeps the file's"
-                )),
+                Ok(spectrum) => {
+                    // What a smooth spectrum does not meet is left to a factor.
+                    for (channel, wanted, has) in &spectrum.bands {
+                        if *has > 0.0 && (wanted / has - 1.0).abs() > MET {
+                            factors.push(one((channel.clone(), wanted / has)));
+                        }
+                    }
+                    found.push(MaterialSpectrum {
+                        material: material.into(),
+                        found: spectrum,
+                        upsampled: true,
+                    });
+                }
+                Err(error) => {
+                    warnings.push(format!(
+                        "{material}: no spectrum: {error}; the scene with what was found keeps the file's, with a factor for each channel"
+                    ));
+                    factors.extend(over.into_iter().map(one));
+                }
             }
         }
     }
-    Ok(found)
+    Ok((found, factors))
 }
 
-/// The scene with what was found, as text.
-pub(super) fn fitted_scene(
-    scene: &Scene,
+/// Scenes with what was found, and how well each gives the fitted curves again. Curves of one scene share one unless they have values of their own.
+pub(super) fn fitted_scenes(
+    curves: &[CurveOfScene],
     parameters: &Parameters,
     fit: &Fit,
-    spectra: &[MaterialSpectrum],
+    channels: &[String],
+    model: &StudyModel,
     warnings: &mut Vec<String>,
-) -> Result<Option<String>, PassFitError> {
-    let mut scene = scene.clone();
+) -> Result<Vec<FittedScene>, PassFitError> {
     let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
-    for (key, value) in parameters.keys(0, &values) {
-        scene.set(key, value);
-    }
-    for spectrum in spectra {
-        let found = &spectrum.found;
-        if !scene.set_reflectance(&spectrum.material, &found.wavelength_nm, &found.reflectance) {
-            warnings.push(format!(
-                "the scene with what was found keeps the reflectance of {}: its model has none that could be set",
-                spectrum.material
-            ));
+    let mut all: Vec<FittedScene> = Vec::new();
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for k in 0..curves.len() {
+        let same = |g: &&mut Vec<usize>| curves[g[0]].scene.path == curves[k].scene.path;
+        match groups.iter_mut().find(same).filter(|_| !parameters.differ()) {
+            Some(group) => group.push(k),
+            None => groups.push(vec![k]),
         }
     }
-    let beyond = parameters.beyond_the_scene();
-    if !beyond.is_empty() {
-        warnings.push(format!(
-            "the scene with what was found does not hold {}: no key of a scene says that",
-            beyond.join(", ")
-        ));
+    let mut said = Vec::new();
+    for group in groups {
+        let (number, curve) = (group[0], &curves[group[0]]);
+        let Some(study) = model.study(number) else { continue };
+        let magnitudes = curve.measured.magnitudes;
+        let mut scene = curve.scene.clone();
+        for (key, value) in parameters.keys(number, &values) {
+            scene.set(key, value);
+        }
+        let of = OfCurve { number, parameters, fit, channels, study, magnitudes };
+        let (spectra, factors) = spectra_of(&of, &mut said)?;
+        for spectrum in spectra {
+            let found = &spectrum.found;
+            if !scene.set_reflectance(&spectrum.material, &found.wavelength_nm, &found.reflectance)
+            {
+                said.push(format!(
+                    "the scene with what was found keeps the reflectance of {}: its model has none that could be set",
+                    spectrum.material
+                ));
+            }
+        }
+        for (material, channel, factor) in factors {
+            let keys = match &channel {
+                Some(channel) => vec!["light", material.as_str(), "channel", channel.as_str()],
+                None => vec!["light", material.as_str(), "all"],
+            };
+            scene.correct(&keys, 1.0, &|f| f * factor);
+        }
+        let beyond = parameters.correct(number, &values, channels, magnitudes, &mut scene);
+        if !beyond.is_empty() {
+            said.push(format!(
+                "the scene with what was found does not hold {}: no key of a scene says that of magnitudes above the air",
+                beyond.join(", ")
+            ));
+        }
+        cover(&mut scene, &group, curves);
+        scene.remark("Fitted by sunglint fit.");
+        let text = scene.text()?;
+        let again = Scene::parse(&curve.scene.path, &text)?;
+        // It must be one that can be read.
+        again.target().map_err(|why| PassFitError::FittedScene { why })?;
+        let mut difference = 0.0_f64;
+        for k in &group {
+            difference =
+                difference.max(apart(&curves[*k], again.clone(), &fit.curves[*k], channels)?);
+        }
+        let stem = curve.scene.name();
+        let name = match all.iter().any(|s| s.name == stem) {
+            true => format!("{stem}_{}", number + 1),
+            false => stem,
+        };
+        let same = difference <= SAME;
+        let measured = group.iter().map(|k| curves[*k].measured.name()).collect();
+        all.push(FittedScene {
+            name,
+            curves: measured,
+            difference,
+            same,
+            incomplete: beyond,
+            text,
+        });
     }
-    scene.remark("Fitted by sunglint fit.");
-    // It must be one that can be read.
-    scene.target().map_err(|why| PassFitError::FittedScene { why })?;
-    Ok(Some(scene.text()?))
+    for word in said {
+        if !warnings.contains(&word) {
+            warnings.push(word);
+        }
+    }
+    Ok(all)
+}
+
+/// Gives a scene times that hold those of its curves, where its own do not.
+fn cover(scene: &mut Scene, group: &[usize], curves: &[CurveOfScene]) {
+    let ends: Vec<(Epoch, Epoch)> = group.iter().map(|k| curves[*k].measured.ends()).collect();
+    let Some(first) = ends.iter().map(|e| e.0).min() else { return };
+    let Some(last) = ends.iter().map(|e| e.1).max() else { return };
+    let station = curves[group[0]].station.clone();
+    let own = scene.ends(Overrides { station, ..Overrides::default() });
+    if own.is_some_and(|(a, b)| a <= first && last <= b) {
+        return;
+    }
+    let measured = &curves[group[0]].measured;
+    let seconds: Vec<f64> =
+        measured.times.iter().map(|t| tai_nanoseconds(*t) as f64 * 1e-9).collect();
+    let length = (tai_nanoseconds(last) - tai_nanoseconds(first)) as f64 * 1e-9;
+    let usual = sunglint_radiometry::light_curve::usual_step_s(&seconds);
+    let usual = if usual > 0.0 { usual } else { 1.0 };
+    let steps = (length / usual).ceil().clamp(1.0, MOST_STEPS);
+    let exposure = median(measured.exposure_s.clone()).filter(|e| *e > 0.0).unwrap_or(0.1);
+    // Up to a nanosecond each way, so that rounding loses no sample.
+    let step = ((length / steps) * 1e6).ceil().max(1.0) * 1e-6;
+    let to = first + hifitime::Duration::from_seconds(steps * step);
+    scene.set_times(&format_utc(first, 9), &format_utc(to, 9), step, exposure);
+}
+
+/// Root of the mean square difference of a curve that a scene gives from the fitted one: mag for magnitudes, else over the root of the mean square rate.
+fn apart(
+    curve: &CurveOfScene,
+    scene: Scene,
+    fitted: &FittedCurve,
+    channels: &[String],
+) -> Result<f64, PassFitError> {
+    let mut idle = Vec::new();
+    let pass = pass_of(&CurveOfScene { scene, ..curve.clone() }, &mut idle)?;
+    let tolerance = THINNED * pass.tolerance;
+    let mut study = Study::new(pass)?;
+    study.average(tolerance)?;
+    study.thin(tolerance)?;
+    let rates = study.term_rates()?;
+    let station = &study.pass().station;
+    let places: Vec<Option<usize>> = channels.iter().map(|c| place(station, c)).collect();
+    let (mut square, mut size, mut count) = (0.0, 0.0, 0.0);
+    for ((i, c), model) in fitted.model.indexed_iter() {
+        let row = match (curve.measured.magnitudes, places[c]) {
+            (true, _) => rates.fluxes.slice(ndarray::s![i, V, ..]),
+            (false, Some(own)) => rates.rates_hz.slice(ndarray::s![i, own, ..]),
+            (false, None) => continue,
+        };
+        let all: f64 = row.iter().sum();
+        if fitted.pull[[i, c]].is_nan() || !all.is_finite() {
+            continue;
+        }
+        count += 1.0;
+        if curve.measured.magnitudes {
+            let apart = 2.5 * (all / model).log10();
+            if apart.is_finite() {
+                square += apart * apart;
+                size += 1.0;
+            }
+        } else {
+            square += (all - model).powi(2);
+            size += model * model;
+        }
+    }
+    if curve.measured.magnitudes {
+        size = count;
+    }
+    Ok(if size > 0.0 { (square / size).sqrt() } else { 0.0 })
 }
 
 #[cfg(test)]

@@ -31,7 +31,8 @@ mod options;
 mod parameters;
 
 pub use answer::{
-    Bounces, CurveFit, LeftOut, MagnitudeTrack, MaterialSpectrum, PassFit, ResidualGroups,
+    Bounces, CurveFit, FittedScene, LeftOut, MagnitudeTrack, MaterialSpectrum, PassFit,
+    ResidualGroups,
 };
 pub use error::PassFitError;
 pub use options::FitOptions;
@@ -39,7 +40,7 @@ pub use parameters::FreeParameter;
 
 use crate::measured::{CurveOfScene, V, channels, pass_of, place, prepared};
 use crate::solver::{self, Data, Fit, Free, Options, ParameterKind, StudyModel, Unit};
-use found::{Bouncing, fitted_scene, spectra_of};
+use found::{Bouncing, OfCurve, fitted_scenes, spectra_of};
 use parameters::{CurveSide, Parameters};
 use std::time::Instant;
 use sunglint_numerics::progress::{Cancelled, Progress};
@@ -222,11 +223,25 @@ pub fn fit(
     let spectra = match model.study(0) {
         Some(study) => {
             let magnitudes = first.measured.magnitudes;
-            spectra_of(&parameters, &fit, &channels, study, magnitudes, &mut warnings)?
+            let of = OfCurve {
+                number: 0,
+                parameters: &parameters,
+                fit: &fit,
+                channels: &channels,
+                study,
+                magnitudes,
+            };
+            spectra_of(&of, &mut Vec::new())?.0
         }
         None => Vec::new(),
     };
-    let scene = fitted_scene(&first.scene, &parameters, &fit, &spectra, &mut warnings)?;
+    let scenes = fitted_scenes(curves, &parameters, &fit, &channels, &model, &mut warnings)?;
+    for scene in scenes.iter().filter(|s| !s.same) {
+        warnings.push(format!(
+            "{}.fitted.toml does not give the fit again: its light differs by {:.1e} (root mean square, mag or relative; at most 1e-3 is the same)",
+            scene.name, scene.difference
+        ));
+    }
     let fitted = curves
         .iter()
         .enumerate()
@@ -252,7 +267,7 @@ pub fn fit(
         inputs: inputs_of(curves, &model)?,
         fit,
         spectra,
-        scene,
+        scenes,
         in_the_scene: parameters.in_the_scene(),
         scintillation: options.scintillation,
         bounces,
@@ -286,7 +301,7 @@ fn parameters_of(
             has: data.used.columns().into_iter().map(|c| c.iter().any(|u| *u)).collect(),
         })
         .collect();
-    Parameters::new(&options.free, &options.per_pass, channels, &sides)
+    Parameters::new(&options.free, &options.per_pass, options.largest_albedo, channels, &sides)
 }
 
 /// The files that a fit was made of.

@@ -5,7 +5,7 @@ use crate::solver::{Loss, Options};
 use serde::Deserialize;
 use std::path::Path;
 use sunglint_calibration::stars::scintillation::USUAL_COEFFICIENT;
-use sunglint_formats::toml::{Document, NonNegative};
+use sunglint_formats::toml::{Document, NonNegative, Positive};
 
 /// Options of a fit: the free parameters, and how they are searched for.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +15,8 @@ pub struct FitOptions {
     pub free: Vec<FreeParameter>,
     /// Names of free parameters of which each curve has its own.
     pub per_pass: Vec<String>,
+    /// Largest albedo that is solved for, and largest reflectance that a scale may lead to: 1, unless the light is not of the body's own size or brightness.
+    pub largest_albedo: f64,
     /// Only these channels; all where there is none.
     pub channels: Vec<String>,
     /// How residuals count.
@@ -37,6 +39,7 @@ impl Default for FitOptions {
         Self {
             free: Vec::new(),
             per_pass: Vec::new(),
+            largest_albedo: 1.0,
             channels: Vec::new(),
             loss,
             scintillation: USUAL_COEFFICIENT,
@@ -54,6 +57,7 @@ impl Default for FitOptions {
 struct FitKeys {
     free: Vec<String>,
     per_pass: Vec<String>,
+    largest_albedo: Option<Positive>,
     channels: Vec<String>,
     loss: Option<Loss>,
     scintillation: Option<NonNegative>,
@@ -81,6 +85,7 @@ impl FitOptions {
         Ok(Self {
             free: free.map_err(|why| PassFitError::FreeSyntax { why })?,
             per_pass: keys.per_pass,
+            largest_albedo: keys.largest_albedo.map_or(usual.largest_albedo, Positive::get),
             channels: keys.channels,
             loss: keys.loss.unwrap_or_default(),
             scintillation: keys.scintillation.map_or(usual.scintillation, NonNegative::get),
@@ -90,8 +95,12 @@ impl FitOptions {
         })
     }
 
-    /// Whether each name is free once.
+    /// Whether each name is free once, and the largest albedo one.
     pub(super) fn check(&self) -> Result<(), PassFitError> {
+        let largest_albedo = self.largest_albedo;
+        if !(largest_albedo.is_finite() && largest_albedo > 0.0) {
+            return Err(PassFitError::LargestAlbedo { largest_albedo });
+        }
         for (k, want) in self.free.iter().enumerate() {
             if self.free[..k].iter().any(|w| w.name == want.name) {
                 return Err(PassFitError::FreeTwice { name: want.name.clone() });

@@ -78,6 +78,8 @@ pub(super) struct Parameters {
     roles: Vec<(Role, Option<usize>)>,
     /// Material of each parameter that is solved for, and its channel (`None`: all alike).
     pub scales: Vec<(String, Option<usize>)>,
+    /// Largest albedo, and largest reflectance of what is scaled.
+    largest_albedo: f64,
 }
 
 /// Names that are no numbers of the scene.
@@ -111,10 +113,11 @@ impl Parameters {
     pub fn new(
         wanted: &[FreeParameter],
         per_pass: &[String],
+        largest_albedo: f64,
         channels: &[String],
         sides: &[CurveSide],
     ) -> Result<Self, PassFitError> {
-        let mut all = Self::default();
+        let mut all = Self { largest_albedo, ..Self::default() };
         if wanted.is_empty() {
             return Err(PassFitError::NothingFree);
         }
@@ -177,7 +180,7 @@ impl Parameters {
                 channels: (0..channels.len()).collect(),
                 curves: curve.map(|c| vec![c]),
                 unit: 1.0,
-                most: None,
+                most: self.largest_scale(&material, curve, sides),
             });
             self.scales.push((material, None));
             return Ok(());
@@ -232,6 +235,20 @@ impl Parameters {
         }
     }
 
+    /// The scale at which a material's largest reflectance is the largest albedo; `None` for one that reflects nothing.
+    fn largest_scale(
+        &self,
+        material: &str,
+        curve: Option<usize>,
+        sides: &[CurveSide],
+    ) -> Option<f64> {
+        let own = sides.iter().enumerate().filter(|(k, _)| curve.is_none_or(|own| own == *k));
+        let materials = own.flat_map(|(_, s)| &s.study.pass().target.materials);
+        let spectra = materials.filter(|m| m.name == material).flat_map(|m| m.spectra());
+        let most = spectra.flat_map(|s| s.value().iter().copied()).fold(0.0, f64::max);
+        (most > 0.0).then(|| self.largest_albedo / most)
+    }
+
     /// Albedos of a material: one for each channel that was measured, or for one.
     fn albedos(
         &mut self,
@@ -267,7 +284,10 @@ impl Parameters {
                 channels: vec![c],
                 curves: curve.map(|c| vec![c]),
                 unit: unit.unwrap_or(1.0),
-                most: unit.map(|_| 1.0),
+                most: match unit {
+                    Some(_) => Some(self.largest_albedo),
+                    None => self.largest_scale(material, curve, sides),
+                },
             });
             self.scales.push((material.to_owned(), Some(c)));
         }
@@ -331,12 +351,40 @@ impl Parameters {
         searched.chain(self.linear.iter().map(|l| l.unit)).collect()
     }
 
-    /// Parameters that no scene file can hold.
-    pub fn beyond_the_scene(&self) -> Vec<String> {
-        let of = self.free.iter().zip(&self.roles);
-        of.filter(|(_, (role, _))| !matches!(role, Role::Key(_)))
-            .map(|(f, _)| f.name.clone())
-            .collect()
+    /// Puts what is no number of the scene into its `[correction]`. Returns the names of what no key holds.
+    pub fn correct(
+        &self,
+        curve: usize,
+        values: &[f64],
+        channels: &[String],
+        magnitudes: bool,
+        scene: &mut Scene,
+    ) -> Vec<String> {
+        let mut beyond = Vec::new();
+        let all = self.roles.iter().zip(&self.free).zip(values);
+        for (((role, _), free), value) in
+            all.filter(|(((_, c), _), _)| c.is_none_or(|c| c == curve))
+        {
+            match role {
+                Role::Key(_) => {}
+                Role::TimeOffset => scene.correct(&["time_offset_s"], 0.0, &|t| t + value),
+                Role::Size => scene.correct(&["size"], 1.0, &|f| f * value),
+                Role::Gain => scene.correct(&["gain"], 1.0, &|f| f * value),
+                Role::Extinction(_) if magnitudes => beyond.push(free.name.clone()),
+                Role::Extinction(None) => scene.correct(&["extinction"], 0.0, &|k| k + value),
+                Role::Extinction(Some(c)) => {
+                    let keys = ["extinction_by_channel", channels[*c].as_str()];
+                    scene.correct(&keys, 0.0, &|k| k + value);
+                }
+            }
+        }
+        beyond
+    }
+
+    /// Whether a curve has values of its own.
+    pub fn differ(&self) -> bool {
+        let searched = self.roles.iter().any(|(_, curve)| curve.is_some());
+        searched || self.linear.iter().any(|l| l.curves.is_some())
     }
 }
 
@@ -379,9 +427,8 @@ fn usual_range(name: &str, start: f64) -> Option<(f64, f64)> {
         "reflectance" | "share" => Some((0.0, 1.0)),
         "phase_deg" | "axis_ra_deg" | "omega_deg" => Some((start - 180.0, start + 180.0)),
         "axis_dec_deg" => Some((-90.0, 90.0)),
-        "yaw_deg" | "pitch_deg" | "roll_deg" | "euler_zyx_deg" => {
-            Some((start - 30.0, start + 30.0))
-        }
+        "pitch_deg" => Some((start - 90.0, start + 90.0)),
+        "yaw_deg" | "roll_deg" | "euler_zyx_deg" => Some((start - 180.0, start + 180.0)),
         "period_s" | "rate_rpm" | "rate_deg_s" => factors(0.9, 1.1),
         "offset_m" => Some((start - 1.0, start + 1.0)),
         _ if start > 0.0 => factors(FACTORS.0, FACTORS.1),

@@ -1,15 +1,16 @@
 //! From the minimum to what it means: covariances, intervals, what is not determined.
 
-use super::bounded::{inverse, solve_bounded};
+use super::normal::{Quadratic, inverse};
 use super::problem::{Problem, State};
 use super::{Estimate, FitError, IntervalMethod, ParameterKind, Side, Warning};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
+use sunglint_numerics::bounded::BoundedError;
 
 /// Two-sided 95 % of a normal distribution.
 const Z95: f64 = 1.959_963_984_540_054;
 /// Square of `Z95`: Δχ² of a 95 % interval of one parameter.
-const CHI95: f64 = 3.841_458_820_694_124;
+pub(super) const CHI95: f64 = 3.841_458_820_694_124;
 /// Distance to a bound, in standard uncertainties, below which a parameter gets a profile interval.
 const NEAR: f64 = 2.0;
 /// Correlations above this are named.
@@ -43,6 +44,10 @@ pub(super) fn estimate(
             if f.wraps { (f64::NEG_INFINITY, f64::INFINITY) } else { (f.low, f.high) };
     }
     at[n_free..].copy_from_slice(state.x.as_slice());
+    for p in 0..n_linear {
+        high[n_free + p] = problem.highest(p);
+    }
+    let kept = |i: usize| i >= n_free && problem.kept[i - n_free];
     let unit = |i: usize| if i < n_free { 1.0 } else { problem.linear[i - n_free].unit };
     let name = |i: usize| match i < n_free {
         true => problem.free[i].name.clone(),
@@ -51,7 +56,9 @@ pub(super) fn estimate(
     let held: Vec<Option<Side>> = (0..n)
         .map(|i| {
             let room = if high[i].is_finite() { 1e-6 * (high[i] - low[i]) } else { 0.0 };
-            if at[i] <= low[i] + room {
+            if kept(i) {
+                None
+            } else if at[i] <= low[i] + room {
                 Some(Side::Low)
             } else if at[i] >= high[i] - room {
                 Some(Side::High)
@@ -62,9 +69,15 @@ pub(super) fn estimate(
         .collect();
 
     let mut warnings = Vec::new();
-    let mut free: Vec<usize> = (0..n).filter(|i| held[*i].is_none()).collect();
+    let mut free: Vec<usize> = (0..n).filter(|i| held[*i].is_none() && !kept(*i)).collect();
     let root = |i: usize| normal[(i, i)].sqrt();
-    let mut undetermined = vec![false; n];
+    let mut undetermined: Vec<bool> = (0..n).map(kept).collect();
+    if undetermined.contains(&true) {
+        let names = (0..n).filter(|i| undetermined[*i]).map(name).collect();
+        warnings.push(Warning::Unconstrained { names });
+    }
+    // What stands at a bound may leave it elsewhere: then no interval follows from the covariance alone.
+    let bounded = (n_free..n).any(|i| held[i].is_some() || kept(i));
     // What is searched for and has, here, no effect of its own is held as it stands, and gone through below; with whom it goes is kept.
     let mut loose: Vec<(usize, Vec<usize>)> = Vec::new();
     let inverse = loop {
@@ -156,8 +169,10 @@ pub(super) fn estimate(
         };
         let calibrated = of_calibration[(i, i)].max(0.0).sqrt();
         let mut sigma = own.hypot(calibrated);
-        let near =
-            held[i].is_some() || at[i] - low[i] < NEAR * sigma || high[i] - at[i] < NEAR * sigma;
+        let near = bounded
+            || held[i].is_some()
+            || at[i] - low[i] < NEAR * sigma
+            || high[i] - at[i] < NEAR * sigma;
         let walked = match i.checked_sub(n_free) {
             None => gone[i],
             Some(p) if reach_low[p] < reach_high[p] && held[i].is_none() => {
@@ -181,7 +196,7 @@ pub(super) fn estimate(
             let high = (at[i] + (ends[1] - at[i]).hypot(Z95 * calibrated)).min(high[i]);
             ([low * size, high * size], IntervalMethod::Profile)
         } else if near {
-            let ends = profile(&normal, &gradient, &at, &low, &high, i, scale * CHI95);
+            let ends = profile(&normal, &gradient, &at, &low, &high, i, scale * CHI95)?;
             let widened = [Side::Low, Side::High].map(|side| match side {
                 Side::Low => (at[i] - (at[i] - ends[0]).hypot(Z95 * calibrated)).max(low[i]),
                 Side::High => (at[i] + (ends[1] - at[i]).hypot(Z95 * calibrated)).min(high[i]),
@@ -191,15 +206,14 @@ pub(super) fn estimate(
             let ends = [at[i] - Z95 * sigma, at[i] + Z95 * sigma];
             (ends.map(|v| v * size), IntervalMethod::Covariance)
         };
-        if let Some(side) = held[i] {
-            warnings.push(Warning::AtBound { name: name(i), value: at[i] * size, side });
-        }
-        if i >= n_free
-            && let Some(most) = problem.linear[i - n_free].most
-            && at[i] * size > most
-        {
-            let sigma = sigma * size;
-            warnings.push(Warning::TooLarge { name: name(i), value: at[i] * size, sigma, most });
+        match (held[i], i.checked_sub(n_free).and_then(|p| problem.linear[p].most)) {
+            (Some(Side::High), Some(most)) => {
+                warnings.push(Warning::TooLarge { name: name(i), most });
+            }
+            (Some(side), _) => {
+                warnings.push(Warning::AtBound { name: name(i), value: at[i] * size, side });
+            }
+            (None, _) => {}
         }
         estimates.push(Estimate {
             name: name(i),
@@ -405,42 +419,44 @@ fn profile(
     high: &[f64],
     which: usize,
     most: f64,
-) -> [f64; 2] {
+) -> Result<[f64; 2], FitError> {
     let n = at.len();
     let others: Vec<usize> = (0..n).filter(|i| *i != which).collect();
     let part = DMatrix::from_fn(others.len(), others.len(), |a, b| normal[(others[a], others[b])]);
     let room = |ends: &[f64]| -> Vec<f64> { others.iter().map(|i| ends[*i] - at[*i]).collect() };
     let (least, largest) = (room(low), room(high));
-    let rise = |t: f64| {
+    let search = |e: BoundedError| FitError::Search { why: e.to_string() };
+    let form = Quadratic::new(&part).map_err(search)?;
+    let rise = |t: f64| -> Result<f64, FitError> {
         let right = DVector::from_fn(others.len(), |a, _| {
             gradient[others[a]] - normal[(others[a], which)] * t
         });
-        let (y, _) = solve_bounded(&part, &right, &least, &largest);
+        let y = form.least(&right, &least, &largest).map_err(search)?;
         let across = DVector::from_fn(others.len(), |a, _| normal[(others[a], which)]).dot(&y);
         let own = normal[(which, which)] * t * t - 2.0 * gradient[which] * t;
         let rest = (&part * &y).dot(&y) + 2.0 * t * across;
         let pulled: f64 = others.iter().zip(y.iter()).map(|(i, y)| 2.0 * gradient[*i] * y).sum();
-        own + rest - pulled
+        Ok(own + rest - pulled)
     };
-    let base = rise(0.0);
+    let base = rise(0.0)?;
     let unit = 1.0 / normal[(which, which)].sqrt();
-    let end = |sign: f64, bound: f64| {
+    let end = |sign: f64, bound: f64| -> Result<f64, FitError> {
         if !unit.is_finite() {
-            return bound;
+            return Ok(bound);
         }
         let (mut inside, mut outside) = (0.0, sign * unit * most.sqrt());
-        while rise(outside) - base < most {
+        while rise(outside)? - base < most {
             if (at[which] + outside - bound) * sign >= 0.0 || outside.abs() > 1e12 * unit {
-                return bound;
+                return Ok(bound);
             }
             (inside, outside) = (outside, 2.0 * outside);
         }
         for _ in 0..60 {
             let middle = 0.5 * (inside + outside);
-            if rise(middle) - base < most { inside = middle } else { outside = middle }
+            if rise(middle)? - base < most { inside = middle } else { outside = middle }
         }
         let found = at[which] + 0.5 * (inside + outside);
-        if (found - bound) * sign > 0.0 { bound } else { found }
+        Ok(if (found - bound) * sign > 0.0 { bound } else { found })
     };
-    [end(-1.0, low[which]), end(1.0, high[which])]
+    Ok([end(-1.0, low[which])?, end(1.0, high[which])?])
 }

@@ -20,11 +20,12 @@
 //! # Intervals
 //! 95 % by the covariance, which is that of the stated noise times max(1, reduced χ²): noise that is stated too small widens them, noise that is
 //! stated too large does not narrow them. With a robust loss the factor is that of an M-estimate, Σψ²/(n−p) over the square of the mean of ψ'
-//! (Huber 1981). Within two standard uncertainties of a bound the interval is where the profile of χ² stays below 3.84 (times that factor).
+//! (Huber 1981). What is solved for lies between 0 and its largest value. Where one stands at a bound it has no standard uncertainty, those of the others hold while it stays there, and all intervals
+//! are profiles within the bounds, so that they tell what happens when it leaves. What may be anything between its bounds (χ² rises by less than 3.84 times that factor) keeps the model's own value and is named. Within two standard uncertainties of a bound the interval is where the profile of χ² stays below 3.84 (times that factor).
 
-mod bounded;
 mod data;
 mod estimate;
+mod normal;
 mod problem;
 mod residuals;
 mod run;
@@ -176,16 +177,17 @@ pub enum Warning {
         /// Which bound.
         side: Side,
     },
-    /// A parameter is larger than it can be by physics.
+    /// A parameter that is solved for stands at its upper bound: the data ask for more light.
     TooLarge {
         /// Which.
         name: String,
-        /// Value of the parameter.
-        value: f64,
-        /// Standard uncertainty of the value.
-        sigma: f64,
-        /// The largest that makes sense.
+        /// The bound.
         most: f64,
+    },
+    /// Parameters that may be anything between their bounds: they are kept at the values that the model has.
+    Unconstrained {
+        /// Which.
+        names: Vec<String>,
     },
     /// Another minimum that the data do not exclude.
     OtherMinimum {
@@ -225,9 +227,14 @@ impl fmt::Display for Warning {
                 let side = if *side == Side::Low { "lower" } else { "upper" };
                 write!(f, "{name} stands at its {side} bound, {value:.6}")
             }
-            Self::TooLarge { name, value, sigma, most } => write!(
+            Self::TooLarge { name, most } => write!(
                 f,
-                "{name} is {value:.4} ± {sigma:.4}, above {most}: the body is larger, shinier or calibrated otherwise than the file says"
+                "{name} stands at its upper bound, {most:.6}: the data ask for more light than that; the body is larger, shinier, turned or calibrated otherwise than the file says"
+            ),
+            Self::Unconstrained { names } => write!(
+                f,
+                "not constrained by these data, and kept as the file has them: {}",
+                names.join(", ")
             ),
             Self::OtherMinimum { delta_chi2, at } => {
                 let at: Vec<String> = at.iter().map(|(n, v)| format!("{n} = {v:.6}")).collect();

@@ -1,10 +1,10 @@
 //! The fit's sum of squares: what is linear is solved in closed form wherever the rest stands (variable projection: Golub and Pereyra 1973).
 
-use super::bounded::solve_bounded;
 use super::whiten::{PerSample, Whitener};
 use super::{Data, FitError};
 use nalgebra::{DMatrix, DVector};
 use ndarray::{Array2, Array3};
+use sunglint_numerics::bounded::{BoundedSystem, Region};
 
 /// Prediction of a model for one curve: rate = `fixed` + Σ_k coefficient_k `columns`_k. A component without a linear parameter has the coefficient 1.
 #[derive(Debug, Clone)]
@@ -54,7 +54,7 @@ impl Free {
     }
 }
 
-/// A parameter that rates are proportional to: the coefficient of a component, not below 0.
+/// A parameter that rates are proportional to: the coefficient of a component, not below 0. Where the data do not say how large it is, it keeps the value for which the coefficient is 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Linear {
     /// Name of the parameter.
@@ -67,7 +67,7 @@ pub struct Linear {
     pub curves: Option<Vec<usize>>,
     /// The parameter's value for a coefficient of 1: the band albedo that the model was computed with.
     pub unit: f64,
-    /// A value above which a person should be warned; nothing is clamped there.
+    /// Largest value; none where `None`.
     pub most: Option<f64>,
 }
 
@@ -81,21 +81,15 @@ pub(super) struct Problem<'a> {
     /// The linear parameter of each curve's channel and component.
     owner: Vec<Array2<Option<usize>>>,
     pub evaluations: usize,
-    /// Whether coefficients stay below [`PLAUSIBLE`] times what makes sense: while places are looked for, so that no wrong attitude is made good by
-    /// a surface that reflects a thousandfold.
-    pub plausible: bool,
+    /// Linear parameters that are kept at the model's own values, since the data do not constrain them.
+    pub kept: Vec<bool>,
 }
-
-/// Factor by which the search may exceed the largest value that makes sense.
-const PLAUSIBLE: f64 = 1.5;
 
 /// The sum of squares at one place.
 #[derive(Clone)]
 pub(super) struct State {
     /// Coefficients of the linear parameters.
     pub x: DVector<f64>,
-    /// Which of them are held at 0.
-    pub bound: Vec<bool>,
     pub residual: DVector<f64>,
     pub chi2: f64,
     /// Whitened columns.
@@ -158,7 +152,16 @@ impl<'a> Problem<'a> {
             }
         }
         let whitener = Whitener::new(data, None, None);
-        Ok(Self { data, free, linear, model, whitener, owner, evaluations: 0, plausible: false })
+        Ok(Self {
+            data,
+            free,
+            linear,
+            model,
+            whitener,
+            owner,
+            evaluations: 0,
+            kept: vec![false; linear.len()],
+        })
     }
 
     /// The model's columns, seen to fit the data.
@@ -241,21 +244,80 @@ impl<'a> Problem<'a> {
                 }
             }
         }
-        let (x, bound) = if count == 0 {
-            (DVector::zeros(0), Vec::new())
+        let x = if count == 0 {
+            DVector::zeros(0)
         } else {
-            let (matrix, g) = (design.tr_mul(&design), design.tr_mul(&right));
-            let most = |l: &Linear| match l.most {
-                Some(most) if self.plausible => PLAUSIBLE * most / l.unit,
-                _ => f64::INFINITY,
+            let columns = design.column_iter().map(|c| c.iter().copied().collect()).collect();
+            let high: Vec<f64> = (0..count).map(|p| self.highest(p)).collect();
+            let rest: Vec<f64> = high.iter().map(|h| h.min(1.0)).collect();
+            let pick = |kept: &[f64], free: &[f64]| -> Vec<f64> {
+                let both = kept.iter().zip(free).zip(&self.kept);
+                both.map(|((kept, free), keep)| if *keep { *kept } else { *free }).collect()
             };
-            let high: Vec<f64> = self.linear.iter().map(most).collect();
-            solve_bounded(&matrix, &g, &vec![0.0; count], &high)
+            let (low, high) = (pick(&rest, &vec![0.0; count]), pick(&rest, &high));
+            let region = Region::Between { low: &low, high: &high, rest: &rest };
+            let found = BoundedSystem::new(columns, false)
+                .and_then(|system| system.solve(right.as_slice(), &region))
+                .map_err(|e| FitError::Search { why: e.to_string() })?;
+            DVector::from_vec(found.weights)
         };
         let residual = right - &design * &x;
         let chi2 = residual.norm_squared();
         let rates = self.rates(&columns, x.as_slice());
-        Ok(State { x, bound, residual, chi2, design, rates })
+        Ok(State { x, residual, chi2, design, rates })
+    }
+
+    /// The largest coefficient of a linear parameter.
+    pub fn highest(&self, parameter: usize) -> f64 {
+        let l = &self.linear[parameter];
+        l.most.map_or(f64::INFINITY, |most| most / l.unit)
+    }
+
+    /// Marks linear parameters that may be anything between their bounds without χ² rising by `most`, all of them together at the model's own values
+    /// included. What is not linear is taken as it stands. Returns whether there are new ones.
+    pub fn keep_unconstrained(&mut self, state: &State, most: f64) -> Result<bool, FitError> {
+        let n = self.linear.len();
+        let high: Vec<f64> = (0..n).map(|p| self.highest(p)).collect();
+        let own: Vec<f64> = high.iter().map(|h| h.min(1.0)).collect();
+        let columns: Vec<Vec<f64>> =
+            state.design.column_iter().map(|c| c.iter().copied().collect()).collect();
+        let system = BoundedSystem::new(columns, false);
+        let system = system.map_err(|e| FitError::Search { why: e.to_string() })?;
+        let mut kept = self.kept.clone();
+        // χ² above the best where some are at given coefficients, the others following.
+        let rise = |at: &[Option<f64>]| -> Result<f64, FitError> {
+            let end = |free: &dyn Fn(usize) -> f64| -> Vec<f64> {
+                (0..n).map(|p| at[p].unwrap_or_else(|| free(p)) - state.x[p]).collect()
+            };
+            let (low, high) = (end(&|_| 0.0), end(&|p| high[p]));
+            let region = Region::Between { low: &low, high: &high, rest: &vec![0.0; n] };
+            let found = system.solve(state.residual.as_slice(), &region);
+            let found = found.map_err(|e| FitError::Search { why: e.to_string() })?;
+            Ok(found.residual.iter().map(|r| r * r).sum::<f64>() - state.chi2)
+        };
+        loop {
+            let at: Vec<Option<f64>> = (0..n).map(|p| kept[p].then_some(own[p])).collect();
+            let mut best: Option<(f64, usize)> = None;
+            for p in (0..n).filter(|p| !kept[*p] && high[*p].is_finite()) {
+                let mut worst = 0.0_f64;
+                for value in [0.0, high[p], own[p]] {
+                    let mut at = at.clone();
+                    at[p] = Some(value);
+                    worst = worst.max(rise(&at)?);
+                    if worst >= most {
+                        break;
+                    }
+                }
+                if worst < most && best.is_none_or(|(least, _)| worst < least) {
+                    best = Some((worst, p));
+                }
+            }
+            let Some((_, p)) = best else { break };
+            kept[p] = true;
+        }
+        let new = kept != self.kept;
+        self.kept = kept;
+        Ok(new)
     }
 
     /// The model's rates with coefficients of the linear parameters.

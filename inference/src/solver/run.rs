@@ -1,6 +1,6 @@
 //! The way through a fit.
 
-use super::estimate::estimate;
+use super::estimate::{CHI95, estimate};
 use super::problem::{Problem, State};
 use super::search::{self, Found};
 use super::whiten::{PerSample, Whitener};
@@ -142,7 +142,6 @@ pub fn fit(
     if free.is_empty() {
         minima.push(Found { at: Vec::new(), chi2: first.chi2, converged: true });
     } else {
-        problem.plausible = true;
         let mut near = Vec::new();
         for place in starts(&mut problem, &start, options, &mut tell) {
             // Where there is no model on the way a simplex finds one.
@@ -175,7 +174,6 @@ pub fn fit(
         minima = distinct;
     }
 
-    problem.plausible = false;
     // The noise by the model's rates, and what the loss makes of outliers, until both stand still.
     let mut best = minima[0].clone();
     if options.loss == Loss::Tukey {
@@ -195,6 +193,10 @@ pub fn fit(
     if let Some(k) = (0..others.len()).find(|k| others[*k].chi2 < state.chi2 - 1e-3) {
         others.push(std::mem::replace(&mut best, others[k].clone()));
         others.swap_remove(k);
+        (state, settled) = settle(&mut problem, &mut best, options.loss, most, &mut tell)?;
+    }
+    let scale = (state.chi2 / freedom(&problem) as f64).max(1.0);
+    if problem.keep_unconstrained(&state, scale * CHI95)? {
         (state, settled) = settle(&mut problem, &mut best, options.loss, most, &mut tell)?;
     }
     finish(problem, best, state, settled, others, options)
@@ -432,7 +434,7 @@ fn finish(
         _ => m_factor(&counted, loss, degrees_of_freedom),
     };
     let scaled_by = factor.max(1.0);
-    let solution = State { x: state.x, bound: state.bound, residual, rates: state.rates, ..alike };
+    let solution = State { x: state.x, residual, rates: state.rates, ..alike };
     let known = estimate(&mut problem, &values, &solution, scaled_by)?;
 
     let mut warnings = Vec::new();

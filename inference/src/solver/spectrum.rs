@@ -238,7 +238,7 @@ pub fn upsample(knots_nm: &[f64], bands: &[Band]) -> Result<Upsampled, SpectrumF
     let Some((_, c)) = best else { return Err(SpectrumFitError::NoBand) };
     let (h, dh) = shape.spectrum(&c);
     let (r, j) = shape.residuals(&c);
-    let (covariance, _) = super::bounded::inverse(&j.tr_mul(&j));
+    let (covariance, _) = super::normal::inverse(&j.tr_mul(&j));
     let sigma = (0..knots_nm.len()).map(|a| {
         let row = DVector::from_fn(count, |i, _| dh[a] * shape.basis[(a, i)]);
         (&covariance * &row).dot(&row).max(0.0).sqrt()

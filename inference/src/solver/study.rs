@@ -6,7 +6,7 @@ use sunglint_radiometry::quadrature::Product;
 use sunglint_radiometry::spectrum::{Factor, Spectrum, SpectrumError};
 use sunglint_simulator::attitude::Attitude;
 use sunglint_simulator::light::{Source, Term};
-use sunglint_simulator::pass::{Averaged, Study, TermRates, Thinned};
+use sunglint_simulator::pass::{Averaged, Study, TermRates, Thinned, airmass};
 use sunglint_simulator::target::Target;
 
 /// Function that makes a thing from the parameters' values: called where one of those that it uses has changed.
@@ -296,9 +296,7 @@ fn owners<'a>(
 
 /// Relative air masses by Kasten and Young 1989, of apparent zenith angles; NaN below the horizon.
 pub fn airmasses(study: &Study) -> Vec<f64> {
-    let of =
-        |deg: f64| 1.0 / (deg.to_radians().cos() + 0.505_72 * (96.079_95 - deg).powf(-1.636_4));
-    study.places().iter().map(|p| p.apparent_zenith_deg.map_or(f64::NAN, of)).collect()
+    study.places().iter().map(|p| p.apparent_zenith_deg.map_or(f64::NAN, airmass)).collect()
 }
 
 /// Returns the knots' weights in a channel's mean of a reflectance that is linear between knots (vacuum nm): ∫ h E T P λ dλ / ∫ E T P λ dλ = Σ_a h_a w_a, exactly, with

@@ -68,8 +68,10 @@ impl Pass {
                 let above_air_hz = here * above;
                 return ChannelCounts { rate_hz, error_hz, above_air_hz, predicted, uncovered_nm };
             };
+            let above_air_hz = here * above;
             let below = sums.below(c, weights, &transmissions);
             let of_air = sums.air_error(c, weights);
+            let here = here * self.correction.dimming(place, Some(&channel.name));
             let (rate_hz, air_hz) = (here * below, here * of_air);
             if rate_hz > 0.0 && !place.hidden {
                 relative = relative.max(air_hz / rate_hz);
@@ -79,7 +81,7 @@ impl Pass {
             ChannelCounts {
                 rate_hz,
                 error_hz: here * of_weights,
-                above_air_hz: here * above,
+                above_air_hz,
                 predicted: self.station.predict(channel, rate_hz, exposure_s),
                 uncovered_nm: sums.uncovered(c, weights),
             }
@@ -92,8 +94,9 @@ impl Pass {
             let flux = above(b);
             magnitude_error(flux, sums.error_above(first + b, errors))
         });
+        let dim = self.correction.dimming(place, None);
         let ground = |b: usize| match visible {
-            Some(_) => magnitude(here * sums.below(first + b, weights, &transmissions)),
+            Some(_) => magnitude(here * dim * sums.below(first + b, weights, &transmissions)),
             None => f64::NAN,
         };
         let (ground, magnitudes) =
@@ -108,7 +111,7 @@ impl Pass {
                         let share = share(below, set.above(bin, weights));
                         let of_weights = set.error_below(bin, errors, &transmissions, share);
                         let of_weights = of_weights + set.air_error(bin, weights);
-                        (here * below, (here * of_weights) as f32)
+                        (here * dim * below, (here * dim * of_weights) as f32)
                     })
                     .unzip()
             }

@@ -168,9 +168,10 @@ impl<'a> Averaging<'a> {
         let ends = self.at(&samples, &[-0.5, 0.5]);
         let (first, last) = ends.ends();
         let (frames, orbit) = (ends.frames(first, last)?, ends.orbit.near(first, last));
+        let later = hifitime::Duration::from_seconds(ends.correction.time_offset_s);
         let known = |i: usize| {
             let (orbit, site) = ends.of_sample(i, &orbit);
-            ends.place_from(site, ends.times[i], orbit, &frames).is_ok()
+            ends.place_from(site, ends.times[i] + later, orbit, &frames).is_ok()
         };
         let both = (0..samples.len()).map(|k| known(2 * k) && known(2 * k + 1));
         let both: Vec<bool> = both.collect();

@@ -62,11 +62,11 @@ mod earth;
 mod observations;
 mod times;
 
-use super::Pass;
 use super::keys::{
     AirKeys, EclipseWord, FileKey, IlluminationKeys, PassKeys, SpectrumKeys, StationKeys,
     TargetKeys,
 };
+use super::{Correction, LightFactor, Pass};
 use crate::attitude::{self, Attitude, file::AttitudeFile};
 use crate::light::engine::{Options, check_budget, check_tolerance};
 use crate::surface::Material;
@@ -77,7 +77,7 @@ use sha2::{Digest as _, Sha256};
 use std::path::{Path, PathBuf};
 use sunglint_ephemeris::orbit::eclipse::{EARTH_EQUATORIAL_RADIUS_M, EarthShape};
 use sunglint_ephemeris::orbit::{Ephemeris, Orbit, OrbitError, TleOrbit, tle};
-use sunglint_formats::toml::{Document, Positive};
+use sunglint_formats::toml::{Document, Finite, NonNegative, Positive};
 use sunglint_formats::{FileError, ParseError, Table, curve, ecsv, nearest_names};
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::light;
@@ -225,6 +225,7 @@ impl PassFile {
         let (sun, sun_name) = reader.sun(&keys.illumination)?;
         let shadow = reader.shadow(&keys.illumination)?;
         let earth = reader.earth(&keys.earth)?;
+        let correction = self.correction(&target, &station)?;
         let zero = match &keys.magnitudes.zero_point {
             None => ZeroPoint::default(),
             Some(text) => text.parse().map_err(|expected: String| {
@@ -285,10 +286,53 @@ impl PassFile {
             budget_s,
             air_tolerance: (AIR_SHARE * tolerance).max(LEAST_AIR_TOLERANCE),
             effects: keys.effects.into(),
+            correction,
             inputs,
             notes: keys.note.iter().cloned().collect(),
             warnings,
         })
+    }
+}
+
+impl PassFile {
+    /// The corrections, whose names must be those of the target and the station.
+    fn correction(&self, target: &Target, station: &Station) -> Result<Correction, ParseError> {
+        let keys = &self.keys.correction;
+        let channel = |key: &str, name: &str| match station.channel(name) {
+            Some(_) => Ok(()),
+            None => {
+                let names: Vec<&str> = station.channels.iter().map(|c| c.name.as_str()).collect();
+                let expected = format!("a channel of the station ({})", names.join(", "));
+                Err(self.document.error_at(key, expected))
+            }
+        };
+        let mut correction = Correction {
+            time_offset_s: keys.time_offset_s.map_or(0.0, Finite::get),
+            gain: keys.gain.map_or(1.0, Positive::get),
+            size: keys.size.map_or(1.0, Positive::get),
+            extinction: keys.extinction.map_or(0.0, Finite::get),
+            ..Correction::default()
+        };
+        for (name, k) in &keys.extinction_by_channel {
+            channel(&format!("correction.extinction_by_channel.{name}"), name)?;
+            correction.extinction_by_channel.insert(name.clone(), k.get());
+        }
+        for (material, factors) in &keys.light {
+            let key = format!("correction.light.{material}");
+            if !target.materials.iter().any(|m| m.name == *material) {
+                let names: Vec<&str> = target.materials.iter().map(|m| m.name.as_str()).collect();
+                let expected = format!("a material of the target ({})", names.join(", "));
+                return Err(self.document.error_at(&key, expected));
+            }
+            let all = factors.all.map_or(1.0, NonNegative::get);
+            let mut light = LightFactor { all, ..LightFactor::default() };
+            for (name, factor) in &factors.channel {
+                channel(&format!("{key}.channel.{name}"), name)?;
+                light.channel.insert(name.clone(), factor.get());
+            }
+            correction.light.insert(material.clone(), light);
+        }
+        Ok(correction)
     }
 }
 

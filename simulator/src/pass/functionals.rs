@@ -128,6 +128,20 @@ impl Set {
         Ok(set)
     }
 
+    /// Multiplies what each term has in `i`.
+    fn scale(&mut self, factor: &dyn Fn(usize, usize) -> f64) {
+        for i in 0..self.len() {
+            for j in 0..self.k {
+                let by = factor(i, self.of[j].0);
+                self.above[i * self.k + j] *= by;
+                self.through[i * self.k + j] *= by;
+            }
+            for j in 0..self.unlit {
+                self.unknown[i * self.unlit + j] *= factor(i, self.lit + j);
+            }
+        }
+    }
+
     pub fn len(&self) -> usize {
         self.above.len() / self.k.max(1)
     }
@@ -279,7 +293,7 @@ impl Functionals {
                 if photons { product.times_wavelength() } else { product }
             }));
         }
-        let sums = Set::new(pass, &columns, &with)?;
+        let mut sums = Set::new(pass, &columns, &with)?;
 
         let (bins, k) = (pass.bins(), terms.len());
         let mut spectral = vec![0.0; bins * k];
@@ -293,7 +307,7 @@ impl Functionals {
                 spectral_uncovered[j] |= !integral.is_covered();
             }
         }
-        let at_telescope = match pass.spectral {
+        let mut at_telescope = match pass.spectral {
             SpectralQuantity::Intensity => None,
             SpectralQuantity::Irradiance => {
                 let boxes: Vec<Spectrum<Response>> = pass
@@ -308,6 +322,20 @@ impl Functionals {
                 Some(Set::new(pass, &columns, &with)?)
             }
         };
+        let correction = &pass.correction;
+        if !correction.is_none() {
+            let channels = &pass.station.channels;
+            let named = |i: usize| channels.get(i).map(|c| c.name.as_str());
+            sums.scale(&|i, k| correction.factor(&terms[k], &pass.target, named(i)));
+            let grey: Vec<f64> =
+                terms.iter().map(|t| correction.factor(t, &pass.target, None)).collect();
+            spectral.chunks_exact_mut(k.max(1)).for_each(|row| {
+                row.iter_mut().zip(&grey).for_each(|(v, factor)| *v *= factor);
+            });
+            if let Some(set) = &mut at_telescope {
+                set.scale(&|_, k| grey[k]);
+            }
+        }
         let sources = terms.iter().map(|t| t.source).collect();
         Ok(Self { sums, spectral, spectral_uncovered, at_telescope, sources })
     }

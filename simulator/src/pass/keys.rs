@@ -6,6 +6,7 @@ use crate::light::engine::{Switch, Switches};
 use crate::target::file::{HingeFile, MaterialFile, PartFile};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
+use std::collections::BTreeMap;
 use sunglint_formats::time::Utc;
 use sunglint_formats::toml::{Finite, Fraction, NonNegative, Positive};
 use sunglint_radiometry::station::LaserFile;
@@ -35,6 +36,8 @@ pub struct PassKeys {
     pub magnitudes: MagnitudeKeys,
     #[serde(default)]
     pub effects: EffectKeys,
+    #[serde(default)]
+    pub correction: CorrectionKeys,
     #[serde(default)]
     pub laser: Vec<LaserFile>,
     /// What `sunglint fit` reads; nothing here.
@@ -154,6 +157,27 @@ pub enum EclipseWord {
     Sphere,
     Ellipsoid,
     None,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CorrectionKeys {
+    pub time_offset_s: Option<Finite>,
+    pub gain: Option<Positive>,
+    pub size: Option<Positive>,
+    pub extinction: Option<Finite>,
+    #[serde(default)]
+    pub extinction_by_channel: BTreeMap<String, Finite>,
+    #[serde(default)]
+    pub light: BTreeMap<String, LightKeys>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LightKeys {
+    pub all: Option<NonNegative>,
+    #[serde(default)]
+    pub channel: BTreeMap<String, NonNegative>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -28,6 +28,7 @@
 //! air) is a mean transmission, tabulated with a measured error ([`sunglint_radiometry::air::AirTable`]).
 
 mod concerns;
+mod correction;
 mod cost;
 mod counts;
 mod elsewhere;
@@ -46,6 +47,7 @@ mod shadow;
 mod simulate;
 mod study;
 
+pub use correction::{Correction, LightFactor, airmass};
 pub use cost::{Cost, Stopwatch};
 pub use elsewhere::Elsewhere;
 pub use error::PassError;
@@ -126,6 +128,8 @@ pub struct Pass {
     pub air_tolerance: f64,
     /// Which effects are switched on or off.
     pub effects: Switches,
+    /// Factors and an offset that a fit found beside the scene.
+    pub correction: Correction,
     /// Files that went in.
     pub inputs: Vec<Input>,
     /// What the file says besides.

@@ -293,12 +293,14 @@ impl Pass {
 
     /// Where everything stands at all epochs, before any air.
     pub(super) fn places(&self, tick: &(dyn Fn() + Sync)) -> Result<Vec<Place>, PassError> {
+        let later = hifitime::Duration::from_seconds(self.correction.time_offset_s);
         let (first, last) = self.ends();
+        let (first, last) = (first + later, last + later);
         let frames = self.frames(first, last)?;
         let orbit = self.orbit.near(first, last);
         let place = |(i, epoch): (usize, &Epoch)| {
             let (orbit, site) = self.of_sample(i, &orbit);
-            let place = self.place_from(site, *epoch, orbit, &frames);
+            let place = self.place_from(site, *epoch + later, orbit, &frames);
             tick();
             place
         };

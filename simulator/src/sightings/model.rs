@@ -96,6 +96,7 @@ impl Model {
             budget_s: Options::BUDGET_S,
             air_tolerance: AIR_TOLERANCE,
             effects: Default::default(),
+            correction: Default::default(),
             inputs: Vec::new(),
             notes: Vec::new(),
             warnings,

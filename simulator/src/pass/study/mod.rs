@@ -182,7 +182,12 @@ impl Study {
         let sums = &self.functionals.sums;
         for (i, terms) in row.chunks_exact_mut(lit.max(1)).enumerate() {
             match &self.transmissions[epoch] {
-                Some(through) if i < channels => sums.add_terms_below(i, &scaled, through, terms),
+                Some(through) if i < channels => {
+                    sums.add_terms_below(i, &scaled, through, terms);
+                    let channel = Some(self.pass.station.channels[i].name.as_str());
+                    let dim = self.pass.correction.dimming(&self.places[epoch], channel);
+                    terms.iter_mut().for_each(|t| *t *= dim);
+                }
                 None if i < channels => terms.fill(f64::NAN),
                 _ => sums.add_terms_above(i, &scaled, terms),
             }

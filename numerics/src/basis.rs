@@ -9,11 +9,13 @@ pub struct Basis {
     r: Vec<Vec<f64>>,
 }
 
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+/// Sum of products.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-pub(super) fn norm(a: &[f64]) -> f64 {
+/// Length, without overflow.
+pub fn norm(a: &[f64]) -> f64 {
     let most = a.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     if most == 0.0 || !most.is_finite() {
         return most;
