@@ -12,7 +12,7 @@ use sunglint_radiometry::air::{Aerosol, AerosolModel, Air, AirOptions, Profile};
 use sunglint_radiometry::station::Station;
 use sunglint_report::air::AirReport;
 
-/// What is known of the air; what is not given is the station's, or the profile's own.
+/// Known properties of the air; what is not given is the station's, or the profile's own.
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "The air")]
 pub struct AirModelArgs {
@@ -138,7 +138,7 @@ pub struct AirArgs {
     /// Also the transmission of each constituent
     #[arg(long)]
     pub components: bool,
-    /// What is known of the air.
+    /// Known properties of the air.
     #[command(flatten)]
     pub model: AirModelArgs,
     /// Where the result goes.

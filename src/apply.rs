@@ -13,7 +13,7 @@ use sunglint_report::apply as report;
 /// Arguments of `sunglint apply`.
 #[derive(Debug, Args)]
 pub struct ApplyArgs {
-    /// What `sunglint calibrate` wrote
+    /// Calibration that `sunglint calibrate` wrote
     pub calibration: PathBuf,
     /// A linear light curve
     pub curve: PathBuf,
@@ -38,7 +38,7 @@ pub struct ApplyArgs {
     /// Which station.
     #[command(flatten)]
     pub station: StationArgs,
-    /// What is known of the air.
+    /// Known properties of the air.
     #[command(flatten)]
     pub model: AirModelArgs,
     /// Where the result goes.
@@ -49,10 +49,10 @@ pub struct ApplyArgs {
 /// A law of phase angle, 1 at 90°.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub enum PhaseLaw {
-    /// As a Lambert sphere: sin γ + (π − γ) cos γ
+    /// Lambert sphere: sin γ + (π − γ) cos γ
     #[default]
     Lambert,
-    /// As the illuminated fraction of the disc: 1 + cos γ
+    /// Illuminated fraction of the disc: 1 + cos γ
     Illuminated,
 }
 

@@ -40,7 +40,7 @@ pub struct CalibrateArgs {
     /// Which station.
     #[command(flatten)]
     pub station: StationArgs,
-    /// What is known of the air.
+    /// Known properties of the air.
     #[command(flatten)]
     pub model: AirModelArgs,
     /// Where the result goes.

@@ -20,7 +20,7 @@ pub struct Cli {
     /// Options of every command.
     #[command(flatten)]
     pub global: Global,
-    /// What to do.
+    /// Command to run.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -46,7 +46,7 @@ pub struct Global {
     pub json: bool,
 }
 
-/// What a person does.
+/// Command of the program.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// The main job on embedded input: a virtual night observed, reduced, calibrated, and two passes compared with their simulation
@@ -61,7 +61,7 @@ pub enum Command {
     Simulate(Box<simulate::SimulateArgs>),
     /// A measured pass beside the simulated one: curves, residuals, ratios, what both claim of their errors
     Compare(Box<compare::CompareArgs>),
-    /// What a scene needs: which effects are modelled, what each could add, what error is left
+    /// Show what a scene needs: which effects are modelled, what each could add, what error is left
     Explain(Box<explain::ExplainArgs>),
     /// The light of a body for directions that are given: one geometry or a table of them, all effects, stated error
     Light(Box<light::LightArgs>),
@@ -99,9 +99,9 @@ pub enum Command {
     Calibrate(Box<calibrate::CalibrateArgs>),
     /// Calibrated rates, magnitudes and irradiances of a light curve
     Apply(Box<apply::ApplyArgs>),
-    /// What a simulation must be like for it to look as what was measured: albedos, roughness, attitude, with intervals
+    /// Fit a simulation to what was measured: albedos, roughness, attitude, with intervals
     Fit(Box<fit::FitArgs>),
-    /// What a light curve says about a body: its period, its folded curve, its materials, its map
+    /// Find what a light curve says about a body: its period, its folded curve, its materials, its map
     #[command(subcommand, visible_alias = "analyze")]
     Analyse(analyse::AnalyseCommand),
     /// Print the completions of a shell

@@ -21,7 +21,7 @@ use sunglint_simulator::pass::Overrides;
 /// Arguments of `sunglint compare`.
 #[derive(Debug, Args)]
 pub struct CompareArgs {
-    /// What was measured: a calibrated light curve (`sunglint apply`), or ECSV or CSV with `time_utc` and a column of magnitudes
+    /// Measurement: a calibrated light curve (`sunglint apply`), or ECSV or CSV with `time_utc` and a column of magnitudes
     pub measured: PathBuf,
     /// The scene: target, orbit, attitude, station, times (docs/pass.md)
     pub pass: PathBuf,
@@ -34,10 +34,10 @@ pub struct CompareArgs {
     /// Of a table of magnitudes: their column [default: magnitude, mag, V …]
     #[arg(long, value_name = "NAME")]
     pub column: Option<String>,
-    /// Of a table of magnitudes: the column of their standard uncertainties
+    /// Column of their standard uncertainties, in a table of magnitudes
     #[arg(long, value_name = "NAME")]
     pub sigma_column: Option<String>,
-    /// Of a table of magnitudes: what they are
+    /// Kind of the magnitudes, in a table of magnitudes
     #[arg(long = "as", value_enum, default_value_t)]
     pub compared_as: ComparedAs,
     /// Model what may change the light by more than this: `0.2%` or `0.002`, in place of the file's [default: 0.1%]

@@ -8,7 +8,7 @@ use sunglint_radiometry::light_curve::published::{
     CurveFile, MagnitudeKind, MagnitudeOptions, PublishedError, Unusable,
 };
 
-/// What measured magnitudes are.
+/// Kind of measured magnitudes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub enum ComparedAs {
     /// Apparent, above the air: what a catalogue's stars give
@@ -80,7 +80,7 @@ pub struct Magnitudes {
     /// The column of magnitudes, where a table of them is given [default: magnitude, mag, V … or flux]
     #[arg(long = "magnitude-column", value_name = "NAME")]
     pub column: Option<String>,
-    /// What these magnitudes are
+    /// Kind of these magnitudes
     #[arg(long = "magnitudes-as", value_enum, default_value_t)]
     pub law: ComparedAs,
     /// Their noise, mag [default: a column sigma_mag, else from the differences between neighbours]

@@ -31,7 +31,7 @@ pub enum Effect {
     FiniteDistance,
 }
 
-/// What to differentiate by.
+/// Variable to differentiate by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum By {
     /// The logarithm of each material's albedo

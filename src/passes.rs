@@ -43,7 +43,7 @@ pub struct PassesArgs {
     /// Until when [default: a day after --from]
     #[arg(long, value_name = "TIME")]
     pub to: Option<String>,
-    /// What a pass must be.
+    /// Conditions on a pass.
     #[command(flatten)]
     pub filter: FilterArgs,
     /// How bright.
@@ -61,7 +61,7 @@ pub struct PassesArgs {
     /// Which station.
     #[command(flatten)]
     pub station: StationArgs,
-    /// What is known of the air.
+    /// Known properties of the air.
     #[command(flatten)]
     pub model: AirModelArgs,
     /// Where the result goes.
@@ -69,7 +69,7 @@ pub struct PassesArgs {
     pub out: OutputArgs,
 }
 
-/// What a pass must be to be listed.
+/// Conditions that a pass must meet to be listed.
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Which passes")]
 pub struct FilterArgs {
@@ -121,7 +121,7 @@ pub struct BrightnessArgs {
     /// How the model is turned: orbit (z to nadir, x along the velocity), yaw_steering, or a file with `[attitude]` [default: orbit]
     #[arg(long, value_name = "LAW|FILE", requires = "model")]
     pub attitude: Option<String>,
-    /// What a model's light may err by: of effects that it needs no more is modelled, `1%` or `0.01`
+    /// Error allowed in a model's light, for which no more effects are modelled than needed, `1%` or `0.01`
     #[arg(long, value_name = "SHARE", default_value = "1%", requires = "model", allow_negative_numbers = true, value_parser = crate::explain::tolerance)]
     pub tolerance: f64,
 }

@@ -15,7 +15,7 @@ use sunglint_simulator::picture::{
     self, Aim, Blur, ModelView, ReflectionMaps, Shot, ShotOptions, ViewError,
 };
 
-/// What a picture shows.
+/// Content of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum What {
     /// Radiant intensity of each pixel, one picture a wavelength
@@ -24,11 +24,11 @@ pub enum What {
     Material,
     /// Distance from the observer against that of the body's origin
     Depth,
-    /// As an eye might see it: 640, 550 and 450 nm over sunlight's own colour
+    /// Colours as an eye might see them: 640, 550 and 450 nm over sunlight's own colour
     Rgb,
 }
 
-/// What is up in a picture.
+/// Upward direction in a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Up {
     /// The celestial pole
@@ -63,7 +63,7 @@ pub struct PictureArgs {
     /// With --model: distance of the observer, for angles on the sky
     #[arg(long, value_name = "KM", allow_negative_numbers = true)]
     pub range_km: Option<f64>,
-    /// What to show, separated by commas [default: all four]
+    /// Contents to show, separated by commas [default: all four]
     #[arg(long, value_enum, value_delimiter = ',')]
     pub what: Vec<What>,
     /// Wavelengths of the intensity, vacuum nm, separated by commas
@@ -103,7 +103,7 @@ pub struct PictureArgs {
         conflicts_with = "station_optics"
     )]
     pub psf_arcsec: Option<f64>,
-    /// What is up [default: north, of a model body-z]
+    /// Upward direction [default: north, of a model body-z]
     #[arg(long, value_enum)]
     pub up: Option<Up>,
     /// The reflection map: intensity over all directions of the phase vector (the bisector of Sun and observer), body axes
@@ -112,7 +112,7 @@ pub struct PictureArgs {
     /// Step of the map, degrees
     #[arg(long, value_name = "DEG", default_value_t = 1.0, allow_negative_numbers = true)]
     pub step_deg: f64,
-    /// What a sphere reflects against phase angle: rough mirrors beside Lambert's law and a mirror
+    /// Reflection by a sphere against phase angle: rough mirrors beside Lambert's law and a mirror
     #[arg(long, conflicts_with_all = ["pass", "model", "map", "at"])]
     pub sphere: bool,
     /// Beckmann roughnesses α of the spheres

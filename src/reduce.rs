@@ -68,7 +68,7 @@ pub struct FrameArgs {
     /// A target stands out of the background by so many standard deviations
     #[arg(long, value_name = "K", default_value_t = DETECT_SIGMAS, allow_negative_numbers = true)]
     pub detect_sigma: f64,
-    /// Of several sources take the brightest, not the one nearest to the middle
+    /// Take the brightest of several sources, not the one nearest to the middle
     #[arg(long)]
     pub brightest: bool,
     /// Targets are drawn out by their motion: find the trail, and sum along it

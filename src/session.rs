@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use sunglint_formats::session::{Session, Severity};
 use sunglint_report::session::{json, text};
 
-/// What to do with a session.
+/// Command for a session.
 #[derive(Debug, Subcommand)]
 pub enum SessionCommand {
     /// Read all of a session and say what is missing; the exit code is 1 where something is

@@ -43,7 +43,7 @@ pub struct SimulateArgs {
     /// Add the returns of the station's lasers (`[[laser]]` in station.toml or PASS.toml, docs/active.md)
     #[arg(long)]
     pub active: bool,
-    /// Of this laser alone; may be given several times
+    /// Only this laser; may be given several times
     #[arg(long, value_name = "NAME", requires = "active")]
     pub laser: Vec<String>,
     /// Which station, in place of the file's.

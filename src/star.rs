@@ -66,7 +66,7 @@ pub struct StarArgs {
     /// Which station.
     #[command(flatten)]
     pub station: StationArgs,
-    /// What is known of the air.
+    /// Known properties of the air.
     #[command(flatten)]
     pub model: AirModelArgs,
     /// Where the result goes.
@@ -74,7 +74,7 @@ pub struct StarArgs {
     pub out: OutputArgs,
 }
 
-/// What is known of a star that the catalogue lacks, or better than the catalogue.
+/// Known properties of a star that the catalogue lacks, or that are better known than in the catalogue.
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "A star of one's own, or better known than in the catalogue")]
 pub struct OwnStarArgs {

@@ -506,7 +506,8 @@ fn the_fitted_scene_is_the_fit() {
     let folder = folder("fit-scene");
     folder.done(&["simulate", "sphere.toml", "-o", "p.ecsv", "-q"]);
     let grey = |_: usize| 0.8;
-    let cases: [(&str, &dyn Fn(usize) -> f64, f64, &[&str]); 6] = [
+    type Case<'a> = (&'a str, &'a dyn Fn(usize) -> f64, f64, &'a [&'a str]);
+    let cases: [Case<'_>; 6] = [
         ("scale", &grey, 0.0, &["--free", "scale.surface"]),
         ("albedo", &grey, 0.0, &["--free", "albedo"]),
         ("gain", &grey, 0.0, &["--free", "gain"]),

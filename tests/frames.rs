@@ -1,5 +1,7 @@
 //! Frames of other programs: `sunglint detect` and `sunglint reduce` on a folder that N.I.N.A. could have left (synthetic).
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use crate::common::Folder;
 use ndarray::Array2;
 use std::path::Path;

@@ -29,7 +29,7 @@ pub struct FredRow {
 pub struct FredIncidence {
     /// Angle of the incident light from the normal, degrees.
     pub theta_deg: f64,
-    /// Its azimuth, degrees.
+    /// Azimuth of the incidence, degrees.
     pub phi_deg: f64,
     /// In the order of the file.
     pub rows: Vec<FredRow>,

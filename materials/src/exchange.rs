@@ -40,7 +40,7 @@ impl Exchange {
         }
     }
 
-    /// Its name for people.
+    /// Returns the name of the format for people.
     pub fn name(self) -> &'static str {
         match self {
             Self::Fred => "FRED",
@@ -53,7 +53,7 @@ impl Exchange {
 /// Reads measured values from a text in one of these formats. `wavelength_nm` is that of a file that does not say it.
 ///
 /// # Errors
-/// What the format's reader refuses; light that was transmitted; a wavelength that nobody says.
+/// The errors of the format's reader; light that was transmitted; a wavelength that neither file nor caller gives.
 pub fn read_str(
     path: &Path,
     text: &str,

@@ -43,11 +43,11 @@ pub struct PlanFinding {
     pub level: Level,
     /// The visit, the device, or what else it is about.
     pub about: String,
-    /// What was found, with the numbers, and what to do.
+    /// Finding in words, with the numbers and the next step for the user.
     pub text: String,
 }
 
-/// What the pre-flight of a plan found.
+/// Result of the pre-flight of a plan.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Preflight {
     /// When it was looked, UTC.
@@ -495,7 +495,7 @@ fn check_channels(plan: &Plan, found: &mut Preflight) {
     }
 }
 
-/// What a device said of itself.
+/// Answer of a device about itself.
 enum Said {
     Camera { sensor_px: [u32; 2], limits: Option<Limits> },
     Counter { channels: Vec<String>, tags: bool },

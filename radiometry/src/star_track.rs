@@ -106,10 +106,10 @@ pub struct ChannelRate {
     pub above_air_hz: f64,
     /// Width of the channel for which light or air was not tabulated, nm.
     pub uncovered_nm: f64,
-    /// What arrives of it: the predicted rate over the channel's typical κ. Hz of a counter, counts of the converter per second (ADU/s) of a camera.
+    /// Arriving rate: the predicted rate over the channel's typical κ. Hz for a counter, counts of the converter per second (ADU/s) for a camera.
     /// `None` without a κ.
     pub arriving: Option<f64>,
-    /// What a counter makes of that and its dark rate by its dead time, Hz; `None` where its law or its κ is not known.
+    /// Rate that a counter reports for the arriving and its dark rate with its dead time, Hz; `None` where its law or its κ is not known.
     pub counted_hz: Option<f64>,
     /// Standard uncertainty of the predicted rate in one exposure, Hz: photons, dark counts and the statistics of the dead time of a counter; of a camera
     /// the photons alone. No scintillation. Without a κ, photons and dark counts alone.
@@ -177,7 +177,7 @@ impl StarTrack {
         self.air.spectrum(zenith, self.light.irradiance.range_nm()).ok()
     }
 
-    /// What a person should hear of before believing the numbers.
+    /// Returns the warnings to read before believing the numbers.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = self.station.warnings.clone();
         let outside = self.sights.iter().map(|s| s.orientation).find(|o| o.is_outside());
@@ -257,7 +257,7 @@ impl StarTrack {
     }
 }
 
-/// What is the same at every moment.
+/// Inputs that are the same at every moment.
 struct Scene<'a> {
     star: &'a Star,
     light: &'a StarLight,

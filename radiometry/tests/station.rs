@@ -250,7 +250,7 @@ fn a_horizon_goes_around_north() {
     assert!((read.horizon.elevation_deg(90.0) - 10.0).abs() < 1e-12);
 }
 
-/// What is wrong in a station's files, and what is said of it.
+/// Checks faulty files of a station, and the message that each fault gets.
 #[test]
 fn wrong_files_are_refused_with_file_line_and_field() {
     for (from, to, expected) in [

@@ -12,7 +12,7 @@ use sunglint_simulator::light::percent;
 pub struct IntensityReport<'a> {
     /// The target's name.
     pub target: &'a str,
-    /// What was prepared.
+    /// Target, prepared for its aspects.
     pub all: &'a Intensities,
     /// The light.
     pub light: &'a Intensity,

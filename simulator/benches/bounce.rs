@@ -1,4 +1,4 @@
-//! What inter-reflected light costs on one core: one epoch at a tolerance of 0.2 %, and making the scene ready for it.
+//! Benchmark of inter-reflected light on one core: the cost of one epoch at a tolerance of 0.2 %, and of making the scene ready for it.
 //!
 //! `cargo bench -p sunglint-simulator --bench bounce`
 

@@ -1,4 +1,4 @@
-//! What curved surfaces cost on one core: alone, and behind a straight edge at several tolerances.
+//! Benchmark of curved surfaces on one core: alone, and behind a straight edge at several tolerances.
 //!
 //! `cargo bench -p sunglint-simulator --bench curved`
 

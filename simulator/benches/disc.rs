@@ -1,4 +1,4 @@
-//! What the Sun's disc costs on one core: a facet by the width of its lobe, box-wing, spheres, an eclipse's fractions. Before it measures,
+//! Benchmark of the Sun's disc on one core: a facet by the width of its lobe, box-wing, spheres, an eclipse's fractions. Before it measures,
 //! it prints the error of each facet at several tolerances, against the finest.
 //!
 //! `cargo bench -p sunglint-simulator --bench disc`

@@ -1,4 +1,4 @@
-//! What a big mesh costs on one core at a tolerance: a body with hills that shade each other, of ten thousand to a million triangles.
+//! Benchmark of a big mesh on one core at a tolerance: a body with hills that shade each other, of ten thousand to a million triangles.
 //!
 //! `cargo bench -p sunglint-simulator --bench large`. First it says, once for each size: the time to prepare the scene, the points of an
 //! epoch, and the most memory that the process has held so far (Linux).

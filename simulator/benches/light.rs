@@ -1,4 +1,4 @@
-//! What the exact direct light costs on one core: one epoch of the built-in scenes, with and without 188 bins, and of dense bodies.
+//! Benchmark of the exact direct light on one core: one epoch of the built-in scenes, with and without 188 bins, and of dense bodies.
 //!
 //! `cargo bench -p sunglint-simulator --bench light`
 

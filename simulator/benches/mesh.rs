@@ -1,4 +1,4 @@
-//! What a mesh of 1.3 million triangles costs: to read from each format, to examine, to export.
+//! Benchmark of a mesh of 1.3 million triangles: to read from each format, to examine, to export.
 
 use std::path::PathBuf;
 use sunglint_simulator::mesh::shapes::{Faceting, icosphere};

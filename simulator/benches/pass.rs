@@ -1,4 +1,4 @@
-//! What a pass costs: 6,001 epochs, six channels, 188 bins, a body with panels; on one and two threads, whole and its stages apart.
+//! Benchmark of a pass: 6,001 epochs, six channels, 188 bins, a body with panels; on one and two threads, whole and its stages apart.
 //!
 //! `cargo bench -p sunglint-simulator --bench pass`
 

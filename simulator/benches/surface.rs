@@ -1,4 +1,4 @@
-//! What a reflection costs on one core.
+//! Benchmark of a reflection on one core.
 //!
 //! `cargo bench -p sunglint-simulator --bench surface`
 

@@ -1,4 +1,4 @@
-//! What sampling a big mesh costs and errs by, over many draws: `dense_satellite` from 48 pairs of directions within 2 mrad of the scene's own, so that no single
+//! Cost and error of sampling a big mesh, over many draws: `dense_satellite` from 48 pairs of directions within 2 mrad of the scene's own, so that no single
 //! draw's luck counts. The truth of each is the exact sum, which at the scene's own directions is another program's to 1e-13 (`sunglint bench`).
 //!
 //! `cargo run --release -p sunglint-simulator --example dense_rms`

@@ -1,4 +1,4 @@
-//! What the engine's effects cost, for `benches/effects.py`: one JSON line for each tolerance.
+//! Cost of the engine's effects, for `benches/effects.py`: one JSON line for each tolerance.
 //!
 //! `cargo run --release -p sunglint-simulator --example effects -- SCENE SECONDS [FILE.bsdf]` with SCENE one of `corner_all_orders`, `box_wing_all_orders`,
 //! `box_wing_disc`, `bsdf_sphere` and `collimated_box_wing` (what the disc is beside).

@@ -1,4 +1,4 @@
-//! What a satellite pass should look like in every spectral channel. Stands on `sunglint-radiometry`.
+//! Simulation of a satellite pass in every spectral channel. Stands on `sunglint-radiometry`.
 //!
 //! In the order in which data flows through it:
 //!

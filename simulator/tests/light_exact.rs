@@ -220,7 +220,7 @@ fn slivers_and_small_parts() {
     assert!((w[1] * PI / sun.z / 1e-6 - 1.0).abs() < 1e-9, "{w:?}");
 }
 
-/// What cannot be evaluated is refused.
+/// Checks that inputs that cannot be evaluated are refused.
 #[test]
 fn refusals() {
     let cube = target(vec![(boxed(1.0), DVec3::ZERO)]);

@@ -149,7 +149,7 @@ fn other_readers_agree() {
     assert_eq!(ours, theirs);
 }
 
-/// What a file of this text or these bytes is answered with.
+/// Returns the message that refuses a file of this text or these bytes.
 fn refusal(name: &str, bytes: impl AsRef<[u8]>) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);

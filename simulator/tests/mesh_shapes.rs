@@ -317,7 +317,7 @@ fn a_soup_is_examined_too() {
 proptest::proptest! {
     #![proptest_config(proptest::prelude::ProptestConfig::with_cases(64))]
 
-    /// What a body is does not depend on where it stands, in which order its triangles come, or where each of them begins.
+    /// Checks that the nature of a body does not depend on where it stands, in which order its triangles come, or where each of them begins.
     #[test]
     fn an_examination_does_not_depend_on_place_and_order(
         turn in proptest::array::uniform4(-1.0..1.0_f64),

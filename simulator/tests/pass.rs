@@ -522,7 +522,7 @@ fn elements_that_are_old_are_warned_of_or_fail() {
     assert!(large.warnings.iter().any(|w| w.contains("millimetres")), "{:?}", large.warnings);
 }
 
-/// What the air's table over the zenith angle may err by is said for rates, where it matters most: at the horizon, where blue light is weak.
+/// Checks the error stated for rates from the air's table over the zenith angle, where it matters most: at the horizon, where blue light is weak.
 /// Truth: the mean transmission of each channel through the exact air at the epoch's zenith angle, by trapezoids (good to 1e-5), with tables of
 /// three tolerances: no sample errs by more than is said. What is said is a bound, 70 to 280 times what is found here: the table's error is one
 /// number for all zenith angles, the largest, and the bound sets it against the weakest rate. A bound ten times looser would be none.

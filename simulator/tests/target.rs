@@ -195,7 +195,7 @@ fn a_hinge_faces_the_sun_as_well_as_it_can() {
     }
 }
 
-/// What a text is answered with, where it differs from [`WING`] in one place.
+/// Returns the message that refuses a text which differs from [`WING`] in one place.
 fn refusal(from: &str, to: &str) -> String {
     assert!(WING.contains(from), "{from}");
     Target::parse("a.toml", WING.replacen(from, to, 1)).expect_err(to).to_string()

@@ -20,7 +20,7 @@ pub struct AttitudeArgs {
     /// the axis in the body
     #[arg(required = true, num_args = 2.., value_name = "FILE")]
     pub inputs: Vec<PathBuf>,
-    /// What the scene's attitude says and is not looked for; may be given several times
+    /// Known parts of the scene's attitude, which are not searched for; may be given several times
     #[arg(long, value_name = "WHAT", value_delimiter = ',')]
     pub known: Vec<Known>,
     /// The shortest and the longest period to look for, s (`LO..HI`; `LO..` without an upper bound) [default: from four steps of the data, without]
@@ -29,7 +29,7 @@ pub struct AttitudeArgs {
     /// The sense in which the body turns about its axis
     #[arg(long, value_enum, default_value_t)]
     pub sense: Sense,
-    /// What of the brightness is free: nothing, a factor for all, for each channel, for each material
+    /// Free part of the brightness: nothing, a factor for all, for each channel, for each material
     #[arg(long, value_enum, default_value_t)]
     pub scale: ScaleName,
     /// Only these channels
@@ -58,7 +58,7 @@ pub struct AttitudeArgs {
     pub out: OutputArgs,
 }
 
-/// What may be known of a spin.
+/// Part of a spin that may be known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Known {
     /// The axis among the stars
@@ -81,7 +81,7 @@ pub enum Sense {
     Left,
 }
 
-/// What of the brightness is free.
+/// Free part of the brightness.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum ScaleName {
     /// Nothing

@@ -21,7 +21,7 @@ pub struct CurveArgs {
     /// Several are taken together: each with brightnesses of its own, one period for all
     #[arg(required = true, value_name = "CURVE")]
     pub curves: Vec<PathBuf>,
-    /// Of this channel alone; may be given several times [default: all]
+    /// Only this channel; may be given several times [default: all]
     #[arg(long, value_name = "NAME")]
     pub channel: Vec<String>,
     /// Do not remove this from the light: `air`, `range`, `phase` (the slow change with phase angle); may be given several times [default: all is removed that the
@@ -34,12 +34,12 @@ pub struct CurveArgs {
     /// Which station: its channels and its air.
     #[command(flatten)]
     pub station: StationArgs,
-    /// What is known of the air.
+    /// Known properties of the air.
     #[command(flatten)]
     pub model: AirModelArgs,
 }
 
-/// What may stay in the light.
+/// Effect that may stay in the light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Keep {
     /// The air's extinction

@@ -16,10 +16,10 @@ use sunglint_report::endmembers;
 pub struct EndmembersArgs {
     /// The curve: calibrated or predicted rates (ECSV), or spectra of `simulate` (FITS)
     pub curve: PathBuf,
-    /// As many at most
+    /// Largest number of endmembers
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..))]
     pub most: u32,
-    /// What of a sample is taken for noise, as a share of it [default: by the curve's own uncertainties]
+    /// Noise of a sample, as a share of it [default: by the curve's own uncertainties]
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     pub noise: Option<f64>,
     /// Known materials to hold them against: built-in ones, all of a target, or the columns of a file, as in `unmix`

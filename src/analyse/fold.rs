@@ -19,7 +19,7 @@ pub struct FoldArgs {
     /// The period, s
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub period: f64,
-    /// Its standard uncertainty, s
+    /// Standard uncertainty of the period, s
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub period_sigma: Option<f64>,
     /// The moment of phase 0 [default: the first sample]

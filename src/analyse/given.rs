@@ -10,7 +10,7 @@ use sunglint_analysis::samples::{NO_RANGE, SampledCurve, SamplesError};
 use sunglint_inference::lit_curve::LitCurve;
 use sunglint_simulator::pass::Overrides;
 
-/// What is known of the light: a scene, or a station and its air.
+/// Known facts about the light: a scene, or a station and its air.
 #[derive(Debug, Args)]
 pub struct GivenArgs {
     /// The scene of the curve: where target and Sun stood, its air and station
@@ -22,7 +22,7 @@ pub struct GivenArgs {
     /// Which station, in place of the scene's.
     #[command(flatten)]
     pub station: StationArgs,
-    /// What is known of the air, where no scene says.
+    /// Known properties of the air, where no scene says.
     #[command(flatten)]
     pub model: AirModelArgs,
 }

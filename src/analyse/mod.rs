@@ -19,7 +19,7 @@ pub use unmix::UnmixArgs;
 use crate::output::{Console, OutputArgs};
 use clap::Subcommand;
 
-/// What can be asked of a light curve.
+/// Analysis of a light curve.
 #[derive(Debug, Subcommand)]
 pub enum AnalyseCommand {
     /// The period of a curve, from all channels together: one, a family of which the data cannot choose, or not enough data

@@ -19,7 +19,7 @@ pub struct UnmixArgs {
     /// The materials, separated by commas: built-in ones (`white`), all of a target (`box_wing`, a target.toml), or the columns of a file (.csv, .ecsv with wavelength_nm)
     #[arg(long, value_name = "NAME|FILE", value_delimiter = ',', required = true)]
     pub endmembers: Vec<String>,
-    /// What all weights add up to, m² sr⁻¹; without it they are free
+    /// Sum of all weights, m² sr⁻¹; without it they are free
     #[arg(long, value_name = "M2_SR", allow_negative_numbers = true)]
     pub total: Option<f64>,
     /// All channels count alike, whatever their uncertainties

@@ -54,7 +54,7 @@ pub(super) fn run(args: &IngestArgs, console: Console) -> anyhow::Result<()> {
     args.out.finish(&product, &text(&found), console)
 }
 
-/// What is no list of spectrometer's files: values.
+/// True where a file holds values and is no list of spectrometer's files.
 fn is_table(path: &std::path::Path) -> bool {
     let is_toml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
     !is_toml && path.is_file()

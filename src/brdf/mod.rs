@@ -34,7 +34,7 @@ pub enum BrdfCommand {
     Fit(FitArgs),
     /// Measured values and NDF as a material: a .bsdf file, what of it is extrapolated, and the TOML that a scene takes
     Assemble(AssembleArgs),
-    /// What a material does: slices, lobes, hemispherical reflectance, reciprocity
+    /// Show what a material does: slices, lobes, hemispherical reflectance, reciprocity
     Show(ShowArgs),
     /// How two materials differ, by direction
     Compare(CompareArgs),

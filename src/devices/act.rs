@@ -13,7 +13,7 @@ pub struct SetArgs {
     /// The device.
     #[command(flatten)]
     pub talk: TalkArgs,
-    /// What to set, in this order, such as wavelength_nm=532; without any, what can be set is listed
+    /// Settings to make, in this order, such as wavelength_nm=532; without any, what can be set is listed
     #[arg(value_name = "NAME=VALUE")]
     pub settings: Vec<String>,
     /// Where the result goes.

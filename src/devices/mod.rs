@@ -19,12 +19,12 @@ use sunglint_drivers::catalogue::udev;
 use sunglint_drivers::session::Peer;
 use sunglint_report::Product;
 
-/// What is done with instruments.
+/// Command for instruments.
 #[derive(Debug, Subcommand)]
 pub enum DevicesCommand {
-    /// What is plugged in, which driver recognises it, and whether you may use it
+    /// List what is plugged in, which driver recognises it, and whether you may use it
     List(ListArgs),
-    /// What is said to one device.
+    /// Command to one device.
     #[command(flatten)]
     Talk(Talk),
     /// Do one of check, read, set, move and write down every byte that is said
@@ -35,7 +35,7 @@ pub enum DevicesCommand {
     Udev,
 }
 
-/// What is said to one device.
+/// Command to one device.
 #[derive(Debug, Subcommand)]
 pub enum Talk {
     /// A self-test that moves and changes nothing: identity, settings, one reading

@@ -23,7 +23,7 @@ pub struct RecordArgs {
     /// Overwrite a recording that is there
     #[arg(long)]
     pub force: bool,
-    /// What to do, such as `-- move 45`: check, read, set or move without the address
+    /// Command to record, such as `-- move 45`: check, read, set or move without the address
     #[arg(last = true, required = true, value_name = "COMMAND")]
     pub command: Vec<String>,
 }
@@ -36,7 +36,7 @@ pub struct ReplayArgs {
     /// The driver that speaks, `DRIVER[:WHERE]`, for a recording that does not name the command it was made by
     #[arg(long, value_name = "DRIVER")]
     pub driver: Option<String>,
-    /// What to do with --driver, without the address [default: check]
+    /// Command to run with --driver, without the address [default: check]
     #[arg(last = true, value_name = "COMMAND")]
     pub command: Vec<String>,
     /// Where the result goes.

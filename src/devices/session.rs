@@ -21,7 +21,7 @@ use sunglint_numerics::progress::Progress;
 pub struct TalkArgs {
     /// The device: `DRIVER[:WHERE]`, such as tmcl:/dev/ttyACM0 or sim-tmcl; `devices list` and `devices list --drivers` name them
     pub address: String,
-    /// What the driver has to be told, such as gear=10; `devices list --drivers` names all
+    /// Options of the driver, such as gear=10; `devices list --drivers` names all
     #[arg(long = "with", value_name = "NAME=VALUE")]
     pub options: Vec<String>,
     /// Write down every byte that is said, for `devices replay`

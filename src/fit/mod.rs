@@ -23,11 +23,11 @@ pub struct FitArgs {
     /// its own curves
     #[arg(required = true, num_args = 2.., value_name = "FILE")]
     pub inputs: Vec<PathBuf>,
-    /// What is free: `NAME` or `NAME=LO..HI`, beside what `[fit]` of the scene says. `albedo`, `albedo.MATERIAL[.CHANNEL]`, `scale.MATERIAL`,
+    /// Free parameters: `NAME` or `NAME=LO..HI`, beside those that `[fit]` of the scene names. `albedo`, `albedo.MATERIAL[.CHANNEL]`, `scale.MATERIAL`,
     /// `time_offset_s`, `size`, `gain`, `extinction[.CHANNEL]`, and every number of the scene's attitude, parts, hinges and materials
     #[arg(long, value_name = "NAME")]
     pub free: Vec<FreeParameter>,
-    /// Of these each curve has its own
+    /// Parameters of which each curve has its own
     #[arg(long, value_name = "NAME")]
     pub per_pass: Vec<String>,
     /// Largest albedo that is solved for, and largest reflectance that a scale may lead to [default: 1]
@@ -72,7 +72,7 @@ pub enum LossName {
     Squares,
     /// Beyond 1.345 standard deviations linearly (Huber)
     Huber,
-    /// As of Student's t with four degrees of freedom
+    /// Student's t with four degrees of freedom
     Student,
     /// Beyond 4.685 standard deviations not at all, and clouds left out (Tukey)
     Tukey,

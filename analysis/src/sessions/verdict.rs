@@ -209,7 +209,7 @@ pub struct Member {
 /// A session as the search took it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SessionFound {
-    /// Its name.
+    /// Name of the session.
     pub name: String,
     /// Samples that count.
     pub samples: usize,

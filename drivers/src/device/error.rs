@@ -133,7 +133,7 @@ pub enum DeviceError {
     NotOurs {
         /// The device.
         device: &'static str,
-        /// What differs, with both values.
+        /// Difference between the frame and the request, with both values.
         what: String,
     },
     /// The device behind a server has gone, though the line is there.

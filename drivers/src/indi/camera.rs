@@ -94,7 +94,7 @@ pub struct Camera<T> {
     others: Others,
 }
 
-/// What is known of other programs that use the same camera.
+/// Evidence of other programs that use the same camera.
 #[derive(Debug, Clone, Copy, Default)]
 struct Others {
     /// Whether any was seen.

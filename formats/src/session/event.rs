@@ -62,13 +62,13 @@ pub enum What {
     ClockStep {
         /// Size of the step, s: above zero where UTC jumped ahead.
         step_s: f64,
-        /// What the computer's clock shows since then, where the event's own time is the night's, which does not step.
+        /// Time that the computer's clock shows since then; the event's own time is the night's, which does not step.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         computer_utc: Option<String>,
     },
     /// The night's time follows the computer's clock after a step, because a synchronised source confirms it.
     ClockAdopted {
-        /// By how much the night's time changed, s.
+        /// Step of the night's time, s.
         step_s: f64,
     },
     /// The whole process stood still.
@@ -89,7 +89,7 @@ pub enum What {
         device: String,
         /// How many in all, so far.
         frames: u64,
-        /// What differed in the last of them.
+        /// Difference found in the last of these frames.
         error: String,
     },
     /// Marks of how much of each file is safely on the disk from then on.

@@ -386,6 +386,10 @@ pub(super) fn fitted_scenes(
 
 /// Gives a scene times that hold those of its curves, where its own do not.
 fn cover(scene: &mut Scene, group: &[usize], curves: &[CurveOfScene]) {
+    // A table of observations is what was fitted.
+    if scene.has_observations() {
+        return;
+    }
     let ends: Vec<(Epoch, Epoch)> = group.iter().map(|k| curves[*k].measured.ends()).collect();
     let Some(first) = ends.iter().map(|e| e.0).min() else { return };
     let Some(last) = ends.iter().map(|e| e.1).max() else { return };

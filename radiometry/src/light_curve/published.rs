@@ -575,7 +575,8 @@ mod tests {
         let read = |law| {
             let options =
                 MagnitudeOptions { kind: law, sigma_mag: Some(0.1), ..Default::default() };
-            match CurveFile::read(Path::new("m.txt"), text.into_bytes(), &options).unwrap() {
+            match CurveFile::read(Path::new("m.txt"), text.clone().into_bytes(), &options).unwrap()
+            {
                 CurveFile::Magnitudes(brightness) => *brightness,
                 CurveFile::Rates(_) => panic!("these are magnitudes"),
             }

@@ -1,4 +1,4 @@
-//! What a file says of the air above a station.
+//! Keys of a file that describe the air above a station.
 
 use super::AirDefaults;
 use crate::air::{Aerosol, AerosolModel, AirError, AirOptions, Profile};
@@ -24,7 +24,7 @@ pub struct AirFile {
     pub aerosol: Option<String>,
     /// Ångström's law: optical depth above the site at 550 nm.
     pub aerosol_optical_depth_550: Option<NonNegative>,
-    /// Its exponent (1.3).
+    /// Exponent of Ångström's law (1.3).
     pub aerosol_exponent: Option<Finite>,
     /// A remark.
     pub note: Option<String>,

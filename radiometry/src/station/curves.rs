@@ -7,7 +7,7 @@ use sunglint_formats::curve::Curve;
 use sunglint_formats::toml::{Document, Within};
 use sunglint_formats::{FileError, ParseError};
 
-/// What stands in the way, degrees: a little below the horizontal on a mountain, never overhead.
+/// Elevation of an obstacle, degrees: a little below the horizontal on a mountain, never overhead.
 pub(super) type Elevation = Within<-10, 89>;
 
 /// Reads a curve that the file names, and says under which path it was found.

@@ -1,4 +1,4 @@
-//! What stands in a `station.toml`, and how it becomes a [`Station`].
+//! Keys of a `station.toml`, and how the file becomes a [`Station`].
 
 use super::air_file::{AirFile, air_error};
 use super::curves::{Elevation, Loader, curves_that_end_high, fractions, horizon, linearity, load};

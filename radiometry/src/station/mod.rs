@@ -27,27 +27,27 @@ use sunglint_formats::toml::Document;
 /// A station.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Station {
-    /// Its name: letters, digits, `_` and `-`.
+    /// Name of the station: letters, digits, `_` and `-`.
     pub name: String,
     /// A sentence about it.
     pub description: String,
     /// Where it stands.
     pub site: Site,
-    /// What stands in the way near the horizon.
+    /// Obstacles near the horizon.
     pub horizon: Horizon,
-    /// What gathers the light.
+    /// Telescope that gathers the light.
     pub telescope: Telescope,
     /// The air above it, unless the user says otherwise.
     pub air: AirDefaults,
-    /// Its channels, at least one, names unique.
+    /// Channels of the station, at least one, names unique.
     pub channels: Vec<Channel>,
-    /// Its camera.
+    /// Camera of the station.
     pub camera: Option<Camera>,
-    /// Its ranging lasers.
+    /// Ranging lasers of the station.
     pub lasers: Vec<Laser>,
     /// Notes of the file on values that contradict each other or are not measured, by the table that they stand in.
     pub notes: Vec<(String, String)>,
-    /// What the program noticed in the files that may not be meant: a curve that ends high.
+    /// Warnings about entries of the files that may be mistakes: a curve that ends high.
     pub warnings: Vec<String>,
     /// The files that it was read from, with the SHA-256 of the bytes that were read; none of a built-in station, which the program's version names.
     pub sources: Vec<(PathBuf, String)>,
@@ -78,7 +78,7 @@ impl Horizon {
     }
 }
 
-/// What gathers the light.
+/// Telescope that gathers the light.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Telescope {
     /// Diameter of the primary mirror, m.
@@ -130,21 +130,21 @@ pub struct AirDefaults {
 /// One spectral channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channel {
-    /// Its name: letters, digits and `_`; columns of light curves start with it.
+    /// Name of the channel: letters, digits and `_`; columns of light curves start with it.
     pub name: String,
-    /// What is in the light's way: transmissions, 0 beyond their tables.
+    /// Transmissions of the optics in the light's path, 0 beyond their tables.
     pub optics: Vec<Spectrum<Response>>,
-    /// What else is in its way, the same at all wavelengths: a fraction above 0.
+    /// Transmission of everything else in the path, the same at all wavelengths: a fraction above 0.
     pub transmission: f64,
     /// Counts per photon, 0 beyond its table.
     pub efficiency: Spectrum<Response>,
-    /// What counts.
+    /// Detector that counts the photons.
     pub detector: Detector,
     /// The star calibration's κ on a usual night (predicted = κ × measured): for planning, never for calibrating.
     pub typical_kappa: Option<f64>,
 }
 
-/// What counts the photons of a channel.
+/// Detector that counts the photons of a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Detector {
     /// A single-photon counter.
@@ -169,7 +169,7 @@ pub enum Plane {
 /// A single-photon counter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Counter {
-    /// What its rates are rates of.
+    /// Quantity that the counter's rates count.
     pub quantity: CounterQuantity,
     /// How it loses counts.
     pub dead_time: DeadTime,
@@ -183,7 +183,7 @@ pub struct Counter {
     pub fibre: Option<Fibre>,
 }
 
-/// What a counter's rates are rates of.
+/// Quantity that a counter's rates count: counts or photons.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CounterQuantity {
@@ -227,7 +227,7 @@ pub enum DeadTime {
 }
 
 impl DeadTime {
-    /// What the detector counts of a true rate, both Hz, by the law of its model; `None` past the end of a table. It is for planning: the inverse, with its uncertainty, is the calibration's.
+    /// Returns the rate that the detector counts for a true rate, both Hz, by its model; `None` past the end of a table. It is for planning: the inverse, with its uncertainty, is the calibration's.
     pub fn counted_hz(&self, true_hz: f64) -> Option<f64> {
         match self {
             DeadTime::None => Some(true_hz),
@@ -325,7 +325,7 @@ pub struct Fibre {
 /// A camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
-    /// Its name.
+    /// Name of the instrument.
     pub name: String,
     /// Pixels across and down.
     pub size_px: [u32; 2],
@@ -355,7 +355,7 @@ impl Camera {
 /// A ranging laser.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Laser {
-    /// Its name.
+    /// Name of the instrument.
     pub name: String,
     /// Wavelength, vacuum nm.
     pub wavelength_nm: f64,

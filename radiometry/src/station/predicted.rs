@@ -1,14 +1,14 @@
-//! What a channel makes of a rate: what arrives, what is counted of it, with which uncertainty.
+//! Response of a channel to a rate: the arriving rate, the counted rate, and the uncertainty.
 
 use super::{Channel, Detector, Station};
 
-/// What a channel makes of a predicted rate in one exposure.
+/// Response of a channel to a predicted rate in one exposure.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Predicted {
-    /// What arrives: the predicted rate over the channel's typical κ. Hz of a counter, counts of the converter per second (ADU/s) of a
+    /// Arriving rate: the predicted rate over the channel's typical κ. Hz for a counter, counts of the converter per second (ADU/s) for a
     /// camera. `None` without a κ.
     pub arriving: Option<f64>,
-    /// What a counter makes of that and its dark rate by its dead time, Hz; `None` where its law or its κ is not known.
+    /// Rate that a counter reports for the arriving and its dark rate with its dead time, Hz; `None` where its law or its κ is not known.
     pub counted_hz: Option<f64>,
     /// Standard uncertainty of the predicted rate, Hz: photons, dark counts and the statistics of the dead time of a counter; of a camera the
     /// photons alone. No scintillation. Without a κ, photons and dark counts alone. `None` where the counter is saturated past its law.
@@ -18,7 +18,7 @@ pub struct Predicted {
 }
 
 impl Station {
-    /// What a channel of this station makes of a predicted rate (Hz, not below 0) in an exposure (s, above 0).
+    /// Computes the response of a channel of this station to a predicted rate (Hz, not below 0) in an exposure (s, above 0).
     pub fn predict(&self, channel: &Channel, rate_hz: f64, exposure_s: f64) -> Predicted {
         let arriving = channel.typical_kappa.map(|kappa| rate_hz / kappa);
         let mut found = Predicted { arriving, ..Predicted::default() };

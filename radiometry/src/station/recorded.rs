@@ -9,7 +9,7 @@ use sunglint_formats::session::Session;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordedError {
-    /// Its file cannot be read.
+    /// Station file that cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
     /// The session has no copy of the station's file, and no built-in station has its name.

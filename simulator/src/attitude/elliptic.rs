@@ -18,7 +18,7 @@ pub(super) struct Modulus {
 }
 
 impl Modulus {
-    /// Of a complementary parameter k'², above 0 and at most 1.
+    /// Returns the modulus for a complementary parameter k'², above 0 and at most 1.
     pub fn of_complement(complement: f64) -> Self {
         let (mut a, mut b) = (1.0, complement.sqrt());
         let mut ratios = [(0.0, 1.0); MOST_STEPS];

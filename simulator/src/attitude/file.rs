@@ -61,7 +61,7 @@ struct AnyFile {
     attitude: AttitudeFile,
 }
 
-/// What stands in a file; see the module.
+/// Contents of an attitude file; see the module.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AttitudeFile {
@@ -219,7 +219,7 @@ impl Place<'_> {
         self.document.error_at(&self.key(key), expected)
     }
 
-    /// What a law refuses, at the key that is most likely wrong.
+    /// Returns the error for an attitude that a law refuses, at the key that is most likely wrong.
     fn refused(&self, key: &str, error: &AttitudeError) -> ParseError {
         self.error(key, "an attitude that can be").with_hint(error.to_string())
     }

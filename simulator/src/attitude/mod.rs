@@ -24,7 +24,7 @@ pub use spin::Spin;
 pub use table::{AttitudeTable, Interpolation};
 pub use tumble::{Inertia, Tumble};
 
-/// What an attitude law may look at.
+/// Circumstances of one moment that an attitude law may use.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
     /// When (at the target).
@@ -56,7 +56,7 @@ pub enum Attitude {
 /// The fastest spin, 1/s: a day later its phase still has four digits, and nothing larger than dust turns faster.
 const MOST_TURNS_PER_S: f64 = 1e6;
 
-/// What is wrong with an attitude.
+/// Fault of an attitude.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AttitudeError {
@@ -87,7 +87,7 @@ pub enum AttitudeError {
     /// A number that is none.
     #[error("{what} is not finite, or zero where it must not be")]
     NotFinite {
-        /// What.
+        /// Name of the quantity.
         what: &'static str,
     },
     /// A spin that no body survives, and of which no phase would be left.
@@ -95,7 +95,7 @@ pub enum AttitudeError {
         "{what} is {turns_per_s:e} turns a second; at most {MOST_TURNS_PER_S:e} have a phase that means something"
     )]
     TooFast {
-        /// What.
+        /// Name of the quantity.
         what: &'static str,
         /// The rate, 1/s.
         turns_per_s: f64,
@@ -109,7 +109,7 @@ pub enum AttitudeError {
     /// A quaternion that is no rotation.
     #[error("the quaternion has the length {length}, not 1 (to 1e-6): it is no rotation")]
     NotUnit {
-        /// Its length.
+        /// Length of the quaternion.
         length: f64,
     },
     /// A table without rows, or with columns of several lengths.
@@ -125,7 +125,7 @@ pub enum AttitudeError {
     TableOrder {
         /// The row, from 1.
         row: usize,
-        /// Its time.
+        /// Time of the row.
         epoch: String,
     },
     /// A quaternion of a table that is no rotation.
@@ -133,7 +133,7 @@ pub enum AttitudeError {
     TableNotUnit {
         /// The row, from 1.
         row: usize,
-        /// Its length.
+        /// Length of the quaternion.
         length: f64,
     },
 }
@@ -157,7 +157,7 @@ impl Attitude {
         }
     }
 
-    /// What a person should hear of: steps of a table so large that the way between rows is a guess.
+    /// Returns warnings about steps of a table so large that the way between rows is a guess.
     pub fn warnings(&self) -> Vec<String> {
         const LARGE_STEP_DEG: f64 = 90.0;
         match self {

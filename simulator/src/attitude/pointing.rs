@@ -21,7 +21,7 @@ pub fn orbit_to_gcrs(moment: &Moment) -> Result<DQuat, AttitudeError> {
     )
 }
 
-/// What a body's axis can point at.
+/// Direction that a body's axis can point in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {

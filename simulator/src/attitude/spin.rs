@@ -41,7 +41,7 @@ impl Spin {
     /// The same about an axis of the body.
     ///
     /// # Errors
-    /// As [`Spin::new`].
+    /// The errors of [`Spin::new`].
     pub fn about_body_axis(
         axis_body: DVec3,
         turns_per_s: f64,
@@ -56,7 +56,7 @@ impl Spin {
     /// body's x–y plane, or about its x for an axis along z), turned further by `phase_rad` about the axis.
     ///
     /// # Errors
-    /// As [`Spin::new`].
+    /// The errors of [`Spin::new`].
     pub fn along(
         axis_body: DVec3,
         axis_gcrs: DVec3,

@@ -27,7 +27,7 @@ pub struct AttitudeTable {
 }
 
 impl AttitudeTable {
-    /// Of times (strictly increasing) and rotations from body axes to the GCRS.
+    /// Creates a table from times (strictly increasing) and rotations from body axes to the GCRS.
     ///
     /// # Errors
     /// No rows, times that do not increase (with the row, from 1), quaternions that are not of unit length.

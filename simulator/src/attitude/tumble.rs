@@ -31,7 +31,7 @@ pub struct Inertia {
 }
 
 impl Inertia {
-    /// Of a tensor in the body's axes, kg m². Only its ratios matter for the motion.
+    /// Creates the inertia from a tensor in the body's axes, kg m². Only the tensor's ratios matter for the motion.
     ///
     /// # Errors
     /// A tensor that is not finite, not symmetric (beyond 1e-6 of its trace), not positive, or whose largest principal moment
@@ -59,10 +59,10 @@ impl Inertia {
         Self::of_sorted(moments, axes)
     }
 
-    /// Of principal moments, kg m², about the axes of the body turned by `principal_to_body`; in any order.
+    /// Creates the inertia from principal moments, kg m², about the axes of the body turned by `principal_to_body`; in any order.
     ///
     /// # Errors
-    /// As [`Inertia::of_tensor`].
+    /// The errors of [`Inertia::of_tensor`].
     pub fn of_principal(moments: DVec3, principal_to_body: DQuat) -> Result<Self, AttitudeError> {
         let axes = DMat3::from_quat(principal_to_body);
         let (moments, axes) = sorted(moments, axes);
@@ -133,7 +133,7 @@ struct Periodic {
     amplitude: DVec3,
     /// The mean of φ̇, rad/s.
     mean_rad_s: f64,
-    /// What φ is besides: Σ sines_n sin(nπu/K), radians, from n = 1.
+    /// Coefficients of the periodic part of φ: Σ sines_n sin(nπu/K), radians, from n = 1.
     sines: Vec<f64>,
     /// The sum at the epoch, radians.
     sum_at_epoch: f64,
@@ -256,7 +256,7 @@ impl Motion {
 }
 
 impl Periodic {
-    /// Of principal moments about a, b (the middle one) and c, and an angular velocity whose part along c is not negative.
+    /// Creates the motion from principal moments about a, b (the middle one) and c, and an angular velocity whose part along c is not negative.
     fn new(moments: DVec3, omega: DVec3) -> Self {
         let [ia, ib, ic] = moments.to_array();
         let [wa2, wb2, wc2] = (omega * omega).to_array();

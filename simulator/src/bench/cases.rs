@@ -1,4 +1,4 @@
-//! What is measured: engines on scenes.
+//! Cases of the benchmark: engines on scenes.
 
 use super::timing::{self, Timing};
 use super::{BenchRow, CaseError};

@@ -96,9 +96,9 @@ pub enum BenchError {
     /// A scene of one's own that cannot be measured.
     #[error("{name}")]
     Pass {
-        /// Its place in the list, from 0.
+        /// Index of the scene in the list, from 0.
         index: usize,
-        /// Its name.
+        /// Name of the scene.
         name: String,
         /// Why not.
         source: CaseError,

@@ -106,7 +106,7 @@ impl Aspect {
     }
 }
 
-/// What many aspects have in common: it decides which effects are modelled.
+/// Common properties of many aspects, which decide which effects are modelled.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
     course: Course,
@@ -163,7 +163,7 @@ impl Span {
     }
 }
 
-/// What is wanted.
+/// Options of an intensity computation.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct IntensityOptions {
@@ -217,7 +217,7 @@ pub enum IntensityError {
         from_nm: f64,
         /// The last.
         to_nm: f64,
-        /// What was asked for.
+        /// Requested wavelength, nm.
         nm: f64,
     },
     /// Derivatives of light that is not linear in an albedo.
@@ -239,7 +239,7 @@ pub struct Weight {
     pub material: Option<String>,
     /// W, m² sr⁻¹, before the term's spectrum.
     pub weight_m2_per_sr: f64,
-    /// Its stated error.
+    /// Stated error of the weight.
     pub error_m2_per_sr: f64,
 }
 
@@ -250,7 +250,7 @@ pub struct At {
     pub wavelength_nm: f64,
     /// Radiant intensity over the Sun's irradiance, m² sr⁻¹.
     pub per_irradiance_m2_per_sr: f64,
-    /// Its stated error, a bound.
+    /// Stated error of the light, a bound.
     pub error_m2_per_sr: f64,
     /// Spectral radiant intensity under the Sun's irradiance (ASTM G173-03) at its distance, W sr⁻¹ nm⁻¹.
     pub intensity_w_per_sr_nm: f64,
@@ -263,7 +263,7 @@ pub struct ByAlbedo {
     pub material: String,
     /// d(I/E)/d ln ρ at each wavelength, m² sr⁻¹.
     pub derivative_m2_per_sr: Vec<f64>,
-    /// Its stated error, of the light that is modelled.
+    /// Stated error of the derivative, for the light that is modelled.
     pub error_m2_per_sr: Vec<f64>,
 }
 

@@ -62,7 +62,7 @@ pub fn components(places: &[DVec3], triangles: &[[u32; 3]], tolerance_m: f64) ->
     Components { of, closed }
 }
 
-/// Of edges that no single other edge matches: those that no row of others on the same line matches either. Joins those that do match.
+/// Returns the triangles of edges that neither a single other edge nor a row of others on the same line matches. Joins those that do match.
 fn open_triangles(
     mut unpaired: Vec<Unpaired>,
     joined: &mut Disjoint,

@@ -1,4 +1,4 @@
-//! What the parts of the engine have in common: light that is described once, terms that are summed, and what a scene needs.
+//! Common types of the engine's parts: light that is described once, terms that are summed, and what a scene needs.
 //!
 //! A simulation knows a list of [`Term`]s: each a spectrum, fixed for the whole pass, before a weight, found for each epoch. The radiant
 //! intensity is I(λ) = E(λ)/d² Σ_k τ_k(λ) W_k, with τ_k the term's spectrum; so rates, magnitudes and bins are sums over k, whatever
@@ -20,7 +20,7 @@ pub struct Lighting {
     pub sun_body: DVec3,
     /// Angular radius of the Sun's disc, radians; 0 for a collimated Sun.
     pub sun_radius_rad: f64,
-    /// What stands before a part of the Sun's disc: the Earth as its shadow has it; `None` in full light and in full shadow.
+    /// Globe that stands before a part of the Sun's disc: the Earth as its shadow has it; `None` in full light and in full shadow.
     pub shadow: Option<Globe>,
     /// The visible part of the Sun's light (of a grey, limb-darkened disc): 1 in full light.
     pub sunlit: f64,
@@ -41,7 +41,7 @@ pub struct Globe {
     pub toward: DVec3,
     /// Distance of its middle, m.
     pub distance_m: f64,
-    /// Its radius, m.
+    /// Radius of the globe, m.
     pub radius_m: f64,
     /// Unit vector from its middle to the Sun, body axes.
     pub sun: DVec3,
@@ -72,7 +72,7 @@ pub struct Term {
     pub source: Source,
     /// The material that sent it to the observer (index in the target), where it is one.
     pub material: Option<usize>,
-    /// What it has been multiplied by since it left the Sun, but for geometry. Known where it is tabulated: where it is known to be 0, it
+    /// Product of all that has multiplied the light since it left the Sun, but for geometry. Known where it is tabulated: where it is known to be 0, it
     /// says so.
     pub spectrum: Spectrum<Factor>,
 }
@@ -91,7 +91,7 @@ pub trait Effect: Send {
     ) -> Result<(), super::DirectionError>;
 }
 
-/// What one effect could add to a scene, found before it is simulated.
+/// Need for one effect: what it could add to a scene, found before it is simulated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Need {
     /// The effect in a word or two (`shadows`, `solar disc`).
@@ -104,7 +104,7 @@ pub struct Need {
     pub bound: Option<f64>,
     /// Why, in words, with the numbers that decide.
     pub why: String,
-    /// What it costs per epoch, s, estimated; `None` where it is not modelled.
+    /// Estimated cost per epoch, s; `None` where the effect is not modelled.
     pub cost_s: Option<f64>,
 }
 
@@ -114,7 +114,7 @@ impl Need {
         self.needed && self.cost_s.is_some()
     }
 
-    /// What became of the effect, in a word or two.
+    /// Returns the decision on the effect, in a word or two.
     pub fn decision(&self) -> &'static str {
         match (self.needed, self.cost_s.is_some()) {
             (true, true) => "modelled",
@@ -124,7 +124,7 @@ impl Need {
         }
     }
 
-    /// Its bound as people read it; `-` where nothing is known of it.
+    /// Returns the bound as people read it; `-` where nothing is known of it.
     pub fn bound_text(&self) -> String {
         self.bound.map_or("-".into(), percent)
     }
@@ -143,7 +143,7 @@ pub fn percent(share: f64) -> String {
     }
 }
 
-/// What a person should hear of: what is needed and not modelled.
+/// Returns warnings about effects that are needed and not modelled.
 pub fn concerns(needs: &[Need]) -> Vec<String> {
     let missing = needs.iter().filter(|n| n.needed && !n.is_modelled());
     let say = |need: &Need| {

@@ -1,4 +1,4 @@
-//! What a scene sends to an observer.
+//! Light that a scene sends to an observer.
 
 use super::clip::{self, P2, Polygons, Scratch};
 use super::curved::{self, Curves, Light, outline::Outline, sight::Sight};
@@ -14,19 +14,19 @@ use std::borrow::Cow;
 /// Cosines below this are those of a direction in the facet's plane, to rounding: such a facet counts as unlit (or unseen).
 pub(super) const GRAZING: f64 = 1e-15;
 
-/// What faces of several parts in one plane leave open, of the W of all area in white paint, square to the light. Calibrated: random scenes of
+/// Error by faces of several parts in one plane, as a share of the W of all area in white paint, square to the light. Calibrated: random scenes of
 /// such faces split into T-junctions and slivers of 1e-6 change by 0.4 of it (test `splitting_and_order_change_nothing`).
 pub(super) const COVERING: f64 = 10.0 * Scene::TOUCHING;
 
 /// More occluders than this over one facet are shared out among parts of it.
 const MANY: usize = 12;
 
-/// What was done for one evaluation.
+/// Report of one evaluation.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Direct {
     /// Facets that face both the Sun and the observer.
     pub facets: usize,
-    /// Of them, those of which something was taken away.
+    /// Facets among them from which something was taken away.
     pub shadowed: usize,
     /// Pairs of a facet and an occluder looked at.
     pub occluder_tests: usize,
@@ -55,15 +55,15 @@ pub enum DirectionError {
     NoDirection {
         /// Towards the Sun, or to the observer.
         what: &'static str,
-        /// What was given.
+        /// Given value.
         value: DVec3,
     },
     /// Room for another number of weights.
     #[error("room for {found} weights, expected {expected}")]
     Room {
-        /// What was given.
+        /// Given value.
         found: usize,
-        /// What is needed.
+        /// Required number.
         expected: usize,
     },
 }
@@ -79,11 +79,11 @@ pub struct Evaluator<'a> {
     pub(super) near: near::Quadrature,
     pub(super) disc: super::disc::Room,
     pub(super) curves: Curves,
-    /// Of curved parts, towards the Sun and towards the observer.
+    /// Outlines of curved parts, towards the Sun and towards the observer.
     pub(super) outlines: [Vec<Outline>; 2],
     pub(super) large: large::Room,
     pub(super) errors: Vec<f64>,
-    /// Of each facet how many of its first weights sums leave out; empty where none are ([`Evaluator::leave_out`]).
+    /// Number of first weights of each facet that sums leave out; empty where none are ([`Evaluator::leave_out`]).
     pub(super) apart: Vec<usize>,
     pub(super) rates: super::derivative::Room,
 }
@@ -94,7 +94,7 @@ pub(super) struct Work {
     pub(super) grids: [Grid; 2],
     chosen: Vec<u32>,
     pub(super) shadows: Polygons,
-    /// Of each shadow the occluder, and whose it is: 0 the Sun's, 1 the observer's.
+    /// Occluder of each shadow, and whose it is: 0 the Sun's, 1 the observer's.
     pub(super) casters: Vec<(u32, u8)>,
     pieces: Polygons,
     next: Polygons,
@@ -105,7 +105,7 @@ pub(super) struct Work {
     pub(super) margin_m: f64,
     pub(super) shaded: bool,
     pub(super) done: Direct,
-    /// What the outlines of round bodies on the facet at hand leave open, m².
+    /// Error of the area by the outlines of round bodies on the facet at hand, m².
     pub(super) outlines_m2: f64,
 }
 
@@ -156,10 +156,10 @@ impl<'a> Evaluator<'a> {
         self.direct_from(sun_body, sun_body, view, out)
     }
 
-    /// As [`Evaluator::direct`] for collimated light from another direction than the Sun's, to which hinged parts turn.
+    /// Computes the weights of [`Evaluator::direct`] for collimated light from another direction than the Sun's, to which hinged parts turn.
     ///
     /// # Errors
-    /// As there.
+    /// The errors of [`Evaluator::direct`].
     pub fn direct_from(
         &mut self,
         light_body: DVec3,
@@ -171,10 +171,10 @@ impl<'a> Evaluator<'a> {
         self.sum(light_body, sun_body, view, 0, out)
     }
 
-    /// As [`Evaluator::direct`], each part for itself: `out[part * weight_count + k]`.
+    /// Computes the weights of [`Evaluator::direct`], each part for itself: `out[part * weight_count + k]`.
     ///
     /// # Errors
-    /// As there, with room for [`Scene::part_count`] times [`Scene::weight_count`].
+    /// The errors of [`Evaluator::direct`], with room for [`Scene::part_count`] times [`Scene::weight_count`].
     pub fn direct_by_part(
         &mut self,
         sun_body: DVec3,
@@ -284,7 +284,7 @@ impl<'a> Evaluator<'a> {
         }
     }
 
-    /// What of a facet is open to one direction alone, in its own axes; `None` where nothing is taken away. Hinges stay as they are.
+    /// Returns the part of a facet that is open to one direction alone, in its own axes; `None` where nothing is taken away. Hinges stay as they are.
     pub(super) fn open(&mut self, facet: usize, toward: Toward) -> Option<&Polygons> {
         let (scene, work) = (self.scene, &mut self.work);
         if scene.report().no_occlusion {
@@ -414,7 +414,7 @@ impl<'a> Evaluator<'a> {
 }
 
 impl Evaluator<'_> {
-    /// What the area of the facet that was cut last may be off by, m².
+    /// Returns the error of the area of the facet that was cut last, m².
     pub(super) fn cut_rounding_m2(&self, facet: &Facet) -> f64 {
         let width = self.scene.touching_m.max(1e-15 * facet.radius);
         1e-15 * facet.area + 1e-4 * width * facet.radius + self.work.outlines_m2
@@ -427,7 +427,7 @@ pub(super) fn is_open(cos: f64) -> bool {
 }
 
 impl Work {
-    /// What [`Work::visible`] left of a facet from which something was taken.
+    /// Returns the part that [`Work::visible`] left of a facet from which something was taken.
     pub(super) fn kept(&self) -> &Polygons {
         &self.kept
     }

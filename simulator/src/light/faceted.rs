@@ -20,7 +20,7 @@ const SUBDIVISIONS: u32 = 5;
 pub struct Faceted {
     exact: Scene,
     flat: Scene,
-    /// Of each part whether it is curved.
+    /// Flags of the curved parts, one for each part.
     curved: Vec<bool>,
     radius_m: f64,
 }
@@ -37,9 +37,9 @@ pub struct FacetedEye<'a> {
 /// The one point of a mirror sphere that sends light to the observer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Glint {
-    /// Its part.
+    /// Index of the part.
     pub part: usize,
-    /// Its material.
+    /// Index of the material.
     pub material: usize,
     /// Where it is, body axes, m.
     pub point_m: DVec3,
@@ -51,7 +51,7 @@ impl Faceted {
     /// Prepares a target.
     ///
     /// # Errors
-    /// As [`Scene::new`].
+    /// The errors of [`Scene::new`].
     pub fn new(target: &Target) -> Result<Self, SceneError> {
         let exact = Scene::new(target)?;
         let mut twin = target.clone();

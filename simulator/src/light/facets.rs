@@ -59,7 +59,7 @@ pub struct Triangle {
     pub part: usize,
     /// The component that it belongs to.
     pub component: usize,
-    /// Its unit normals, where it is bent.
+    /// Unit normals at the corners, where the triangle is bent.
     pub normals: Option<[DVec3; 3]>,
 }
 

@@ -1,4 +1,4 @@
-//! What moves with hinges: the places of facets and of what hides.
+//! Places that move with hinges: those of facets and of occluders.
 
 use glam::{DQuat, DVec3};
 

@@ -1,4 +1,4 @@
-//! What flat faces mirror to an observer: light from a wide source whose place on that source is known beforehand.
+//! Mirroring by flat faces towards an observer: light from a wide source whose place on that source is known beforehand.
 //!
 //! A face with a narrow lobe makes a sharp answer of a source that is smooth. Seen from the face it is the other way round: its microfacets are spread smoothly about its own
 //! normal, and each of them mirrors one place of the source. So such faces are taken apart from the rest, and the sum over the source is one over their microfacets
@@ -39,11 +39,11 @@ const NEAR_TOLERANCE: f64 = 1e-4;
 pub(super) struct Sky<'a> {
     /// Whether light comes from a direction.
     pub shines: &'a dyn Fn(DVec3) -> bool,
-    /// Its angular radius.
+    /// Angular radius of the source.
     pub radius_rad: f64,
 }
 
-/// What an observer sees that mirrors.
+/// Faces and lobes that mirror light to an observer.
 #[derive(Debug, Default)]
 pub(super) struct Mirroring {
     /// Faces with a lobe of microfacets.
@@ -78,7 +78,7 @@ pub(super) struct Glint {
     pub width_rad: f64,
     /// The wider one.
     pub reach_rad: f64,
-    /// What its light would come from if all of it were as bright as the peak, sr.
+    /// Solid angle that its light would come from if all of it were as bright as the peak, sr.
     pub solid_angle: f64,
 }
 
@@ -156,7 +156,7 @@ impl Face {
 }
 
 impl Evaluator<'_> {
-    /// What of flat faces mirrors to the observer, hidden or not, by lobes that are narrow; nothing in a big mesh. Hinged parts turn to `facing`.
+    /// Finds the flat faces that mirror to the observer, hidden or not, by lobes that are narrow; none in a big mesh. Hinged parts turn to `facing`.
     ///
     /// # Errors
     /// A direction that is none.
@@ -293,7 +293,7 @@ impl Evaluator<'_> {
         brought
     }
 
-    /// As [`Evaluator::direct_from`], of the lobe of a face alone. Gives the relative error.
+    /// Computes the weights of [`Evaluator::direct_from`] for the lobe of a face alone. Gives the relative error.
     ///
     /// # Errors
     /// A direction that is none.

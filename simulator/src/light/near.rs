@@ -8,12 +8,12 @@ use glam::DVec3;
 pub const TOLERANCE: f64 = 1e-10;
 /// Areas of pieces are differences of the facet's coordinates: rounding in units of the facet's area. Slivers would be halved in vain.
 const ROUNDING: f64 = 4e-15;
-/// What a square metre sends that is worth being found to the tolerance, sr⁻¹: of a lobe that has fallen to 1e-4 of white paint nothing is seen.
+/// Light of a square metre that is worth being found to the tolerance, sr⁻¹: a lobe that has fallen to 1e-4 of white paint is not seen.
 const WORTH: f64 = 1e-4 * std::f64::consts::FRAC_1_PI;
 /// Halvings at most.
 const DEPTH: u32 = 10;
 
-/// What is integrated.
+/// Integral to compute.
 pub struct Task<'a> {
     /// Adds w_k cosθ_i for a direction to the observer (the facet's axes), times a number, to a row of weights.
     pub weigh: &'a mut dyn FnMut(DVec3, f64, &mut [f64]),

@@ -7,10 +7,10 @@ use super::geometry::Geometry;
 use glam::DVec3;
 use std::ops::Range;
 
-/// What hides.
+/// Occluder: a body or face that may hide others.
 #[derive(Debug, Clone)]
 pub struct Occluder {
-    /// Its corners in [`Geometry::corners`].
+    /// Corners of the occluder in [`Geometry::corners`].
     pub corners: Range<usize>,
     /// Radius of its ball, m.
     pub radius: f64,
@@ -89,13 +89,13 @@ enum Throw {
 }
 
 impl Plane {
-    /// Of facet `i`, for light that goes `toward`; heights below `touching` count as 0.
+    /// Creates the plane of facet `i`, for light that goes `toward`; heights below `touching` count as 0.
     pub fn new(now: &Geometry, i: usize, toward: Toward, touching: f64) -> Self {
         let axes = [now.tangent[i], now.bitangent[i]];
         Self::at(now.origin[i], now.normal[i], axes, toward, touching)
     }
 
-    /// Of any plane.
+    /// Creates any plane.
     pub fn at(
         origin: DVec3,
         normal: DVec3,

@@ -1,4 +1,4 @@
-//! What is asked of a target's parts while a scene is made.
+//! Questions about a target's parts that arise while a scene is made.
 
 use super::closed;
 use crate::target::{Shape, Target};

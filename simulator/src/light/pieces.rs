@@ -1,4 +1,4 @@
-//! What is lit and seen of a body, piece by piece: for whoever needs more of it than its weights.
+//! Lit and seen part of a body, piece by piece: for whoever needs more of it than its weights.
 
 use super::View;
 use super::clip::{P2, Polygons};
@@ -10,11 +10,11 @@ use glam::DVec3;
 pub struct Piece<'a> {
     /// The part that it belongs to.
     pub part: usize,
-    /// Its material.
+    /// Index of the material.
     pub material: usize,
     /// The origin of the plane's coordinates, body axes, m.
     pub origin: DVec3,
-    /// Its axes: tangent, bitangent, normal; body axes.
+    /// Axes of the plane: tangent, bitangent, normal; body axes.
     pub axes: [DVec3; 3],
     /// Unit vector towards the light, in those axes.
     pub to_light: DVec3,

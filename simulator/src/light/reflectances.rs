@@ -1,4 +1,4 @@
-//! What the weights of a scene count at one wavelength.
+//! Reflectances by which the weights of a scene count at one wavelength.
 
 use super::Scene;
 

@@ -82,7 +82,7 @@ pub struct SceneOptions {
     /// Facets times occluders up to which every pair is looked at once and for all: with fewer the scene takes less memory and looks for what hides what
     /// anew in each direction.
     pub most_pairs: usize,
-    /// What sums may be off by, of ΣW: big meshes that hide parts of themselves are then sampled for distant observers
+    /// Error allowed in sums, as a share of ΣW: big meshes that hide parts of themselves are then sampled for distant observers
     /// ([`SceneReport::sampling`]); all else stays exact ([`SceneReport::why_exact`]), and with 0 all.
     pub tolerance: f64,
     /// The Sun's disc; `None` for a collimated Sun.
@@ -106,7 +106,7 @@ pub enum SceneError {
     FlatMirror {
         /// The part.
         part: String,
-        /// Its material.
+        /// Name of the material.
         material: String,
     },
     /// A perfect mirror that is curved one way only, or a bowl.
@@ -116,7 +116,7 @@ pub enum SceneError {
     CurvedMirror {
         /// The part.
         part: String,
-        /// Its material.
+        /// Name of the material.
         material: String,
     },
     /// A part names what is not there.
@@ -156,13 +156,13 @@ pub enum SceneError {
     Tangent {
         /// The part.
         part: String,
-        /// Its material.
+        /// Name of the material.
         material: String,
     },
     /// A tolerance that is none.
     #[error("the tolerance is {tolerance}, expected a number from 0 to 1, a part of the whole")]
     Tolerance {
-        /// What was given.
+        /// Given tolerance.
         tolerance: f64,
     },
     /// A material whose reflectance cannot be summed.
@@ -173,7 +173,7 @@ pub enum SceneError {
     Radius {
         /// The part.
         part: String,
-        /// Its radius, m.
+        /// Radius of the sphere, m.
         radius_m: f64,
     },
     /// A cylinder, a cone or a dish without a size.
@@ -181,11 +181,11 @@ pub enum SceneError {
     Size {
         /// The part.
         part: String,
-        /// Of what.
+        /// Name of the size.
         what: &'static str,
-        /// What was given, m.
+        /// Given value, m.
         value_m: f64,
-        /// What would do.
+        /// Values that are allowed.
         expected: &'static str,
     },
     /// Normals that do not belong to the vertices.
@@ -200,14 +200,14 @@ pub enum SceneError {
     },
 }
 
-/// What a scene needs.
+/// Report on a prepared scene.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SceneReport {
     /// Triangles that came in.
     pub triangles: usize,
     /// Facets after merging triangles of one plane and part.
     pub facets: usize,
-    /// Of them, triangles that are bent by their normals.
+    /// Facets among them that are triangles bent by their normals.
     pub bent: usize,
     /// Facets left out because they lie inside a convex body that moves with them.
     pub buried: usize,
@@ -231,7 +231,7 @@ pub struct SceneReport {
     pub sampling: Option<Sampling>,
     /// Why the sums are exact although a tolerance was given.
     pub why_exact: Option<String>,
-    /// What a person should hear of.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
@@ -257,7 +257,7 @@ impl Scene {
     /// what anew in each direction. The weights are the same but for the rounding of sums in another order.
     ///
     /// # Errors
-    /// As [`Scene::new`].
+    /// The errors of [`Scene::new`].
     pub fn with_most_pairs(target: &Target, most_pairs: usize) -> Result<Self, SceneError> {
         Self::with_options(target, SceneOptions { most_pairs, ..SceneOptions::default() })
     }
@@ -265,7 +265,7 @@ impl Scene {
     /// Prepares a target as [`SceneOptions`] say.
     ///
     /// # Errors
-    /// As [`Scene::new`] (flat mirrors are welcome under the Sun's disc), and a tolerance that is no number from 0 to 1.
+    /// The errors of [`Scene::new`] (flat mirrors are welcome under the Sun's disc), and a tolerance that is no number from 0 to 1.
     pub fn with_options(target: &Target, options: SceneOptions) -> Result<Self, SceneError> {
         let SceneOptions { most_pairs, tolerance, sun } = options;
         if !(0.0..=1.0).contains(&tolerance) {
@@ -316,7 +316,7 @@ impl Scene {
         self.parts
     }
 
-    /// What it needs.
+    /// Returns the report on the scene.
     pub fn report(&self) -> &SceneReport {
         &self.report
     }

@@ -26,16 +26,16 @@ pub const MOON_GEOMETRIC_ALBEDO: f64 = 0.12;
 const ORDERS: [usize; 2] = [3, 2];
 /// Cells err in different ways: of their distances the root of the sum of squares counts, so many times, and never more than their sum.
 const CLAIMED: f64 = 2.0;
-/// What a cell may hide from both its rules (a glint, a slit of light): this, times the square of its share of the irradiance, of all earthshine. It says which cell
+/// Light that a cell may hide from both its rules (a glint, a slit of light): this, times the square of its share of the irradiance, of all earthshine. It says which cell
 /// is halved and when that ends, and is no part of the claim.
 const HIDDEN: f64 = 0.1;
 /// A cell whose radius is more than so many times the width of a glint may have it between its points.
 const NOTICED: f64 = 2.0;
 /// So many widths from a cell a glint is none of its own.
 const BEYOND: f64 = 1.5;
-/// What it costs to light one of the scene's facets alone, of what it costs to light it among all, and at least of what all cost.
+/// Cost of lighting one of the scene's facets alone, relative to its cost among all, and the least, relative to what all cost.
 const ALONE: (f64, f64) = (2.0, 0.05);
-/// Of itself, what earthshine may be off: the Earth is known to half of its light.
+/// Error allowed in earthshine, as a share of itself: the Earth is known to half of its light.
 const OF_ITSELF: f64 = 0.03;
 /// Light that is less than this of what the body's facets would send if all of them were white and squarely lit is not looked for.
 const FAINT: f64 = 1e-8;
@@ -68,7 +68,7 @@ pub fn moonlight(moon: &Globe) -> f64 {
 /// rules over all of it agree by chance. So the cap falls into cells, each with two rules; the cell whose rules are farthest apart is halved until what all of them
 /// claim together is within the tolerance.
 ///
-/// What flat glossy faces mirror is too narrow for cells of the cap: it is summed over their microfacets, in cells of the same kind (`super::glint`), and flat mirrors send the radiance of
+/// Reflections by flat glossy faces are too narrow for cells of the cap: they are summed over their microfacets, in cells of the same kind (`super::glint`), and flat mirrors send the radiance of
 /// the one place that they mirror. As long as a cell is wide beside the glint of some other narrow lobe, all of that is open.
 #[derive(Debug)]
 pub struct Earthshine<'a> {
@@ -90,7 +90,7 @@ pub struct Earthshine<'a> {
 /// The middles of the first cells of a panel, or of a face's microfacets.
 const QUARTERS: [[f64; 2]; 4] = [[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5]];
 
-/// What is claimed of cells whose rules are so far apart.
+/// Returns the claimed error of cells whose rules are so far apart.
 fn claimed(apart: impl Iterator<Item = f64>) -> f64 {
     let (sum, squares) = apart.fold((0.0, 0.0), |(s, q), a| (s + a, q + a * a));
     sum.min(CLAIMED * f64::sqrt(squares))
@@ -123,7 +123,7 @@ struct Bright {
     light: [f64; WEIGHED],
 }
 
-/// What cells are made of.
+/// Inputs that cells are made from.
 #[derive(Debug)]
 struct Ground<'a> {
     cap: LitCap<'a>,
@@ -163,7 +163,7 @@ pub fn terms(
 /// The terms of a body's materials in light from the Earth: for each layer of it those of all materials ([`terms`]).
 ///
 /// # Errors
-/// As [`terms`].
+/// The errors of [`terms`].
 pub fn terms_of(
     earth: &EarthAlbedo,
     materials: &[crate::surface::Material],
@@ -175,7 +175,7 @@ pub fn terms_of(
     Ok(all)
 }
 
-/// What a product of two tables may differ from the line between its own rows.
+/// Largest difference allowed between a product of two tables and the line between its own rows.
 const PRODUCT_TOLERANCE: f64 = 1e-6;
 
 /// Between two wavelengths the product of two lines is a parabola: n chords stay within Δa Δb/(4n²) of it. It is known where both are.

@@ -9,13 +9,13 @@ pub const MOST_CORNERS: usize = 64;
 /// A convex body.
 #[derive(Debug, Clone)]
 pub struct Solid {
-    /// Its corners, m.
+    /// Corners of the body, m.
     pub corners: Vec<DVec3>,
     /// Pairs of corners.
     pub edges: Vec<(u16, u16)>,
 }
 
-/// What a closed component is.
+/// Shape of a closed component.
 #[derive(Debug, Clone)]
 pub enum Shape {
     /// Convex, few corners.

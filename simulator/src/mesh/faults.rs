@@ -1,4 +1,4 @@
-//! What is wrong with a mesh: named and counted, never repaired unasked.
+//! Faults of a mesh: named and counted, never repaired unasked.
 
 use super::overlap::overlaps;
 use super::topology::Topology;
@@ -178,7 +178,7 @@ pub struct Component {
 /// The outcome of an examination.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Report {
-    /// What is wrong, in the order of [`Fault`]'s variants.
+    /// Faults of the mesh, in the order of [`Fault`]'s variants.
     pub faults: Vec<Fault>,
     /// The pieces that hang together, in the order of their first triangles.
     pub components: Vec<Component>,

@@ -143,7 +143,7 @@ fn percent_decode(uri: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-/// What follows `data:` (RFC 2397), in base64 (RFC 4648, padded or not).
+/// Decodes the text after `data:` (RFC 2397), in base64 (RFC 4648, padded or not).
 fn base64(data: &str) -> Option<Vec<u8>> {
     // As readers of glTF do: padding may lack, and bits that belong to no byte are passed by.
     let config = GeneralPurposeConfig::new()

@@ -48,7 +48,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Of points; `None` without any.
+    /// Returns the bounding box of points; `None` without any.
     pub fn of(points: impl IntoIterator<Item = DVec3>) -> Option<Self> {
         let mut points = points.into_iter();
         let first = points.next()?;
@@ -56,12 +56,12 @@ impl Bounds {
         Some(points.fold(start, |b, p| Self { least: b.least.min(p), most: b.most.max(p) }))
     }
 
-    /// Its edges, m.
+    /// Returns the lengths of the box's edges, m.
     pub fn size_m(&self) -> DVec3 {
         self.most - self.least
     }
 
-    /// Its middle, m.
+    /// Returns the middle of the box, m.
     pub fn centre(&self) -> DVec3 {
         0.5 * (self.least + self.most)
     }
@@ -187,7 +187,7 @@ impl Mesh {
         Self { vertices, triangles, normals: Vec::new() }
     }
 
-    /// What is wrong with it, and which of its parts are closed.
+    /// Finds the faults of the mesh, and which of its parts are closed.
     pub fn examine(&self) -> Report {
         Report::of(self)
     }

@@ -13,9 +13,9 @@ const LARGEST_FILE: u64 = 2 << 30;
 /// A piece of a mesh file that has a name of its own.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct NamedMesh {
-    /// What the file calls it: OBJ groups, object and `usemtl`; the solid of an STL; node, mesh and material of glTF.
+    /// Names of the piece in the file: OBJ groups, object and `usemtl`; the solid of an STL; node, mesh and material of glTF.
     pub names: Vec<String>,
-    /// Its triangles; none where the file opens a group and puts nothing into it.
+    /// Triangles of the piece; none where the file opens a group and puts nothing into it.
     pub mesh: Mesh,
 }
 
@@ -55,7 +55,7 @@ pub(crate) fn bytes(path: &Path) -> Result<Vec<u8>, FileError> {
 /// Gives the bytes of a file: the mesh itself, or a buffer beside it.
 pub(crate) type Load<'a> = &'a mut dyn FnMut(&Path) -> Result<Vec<u8>, FileError>;
 
-/// As [`read()`], from wherever the bytes come.
+/// Reads a mesh like [`read()`], from wherever the bytes come.
 pub(crate) fn read_with(path: &Path, load: Load) -> Result<Vec<NamedMesh>, FileError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_lowercase();
     let pieces = match extension.as_str() {

@@ -87,7 +87,7 @@ pub fn plate(size_m: DVec2, front: bool, back: bool) -> Mesh {
 
 /// A sphere about the origin: an icosahedron whose triangles are split into four `subdivisions` times, 20·4ⁿ triangles.
 ///
-/// Its facets differ in area by less than a factor 1.9, and none is a sliver.
+/// The facets differ in area by less than a factor 1.9, and none is a sliver.
 pub fn icosphere(radius_m: f64, subdivisions: u32, faceting: Faceting) -> Mesh {
     // The corners of an icosahedron: cyclic permutations of (0, ±1, ±golden ratio).
     let golden = 0.5 * (1.0 + 5.0_f64.sqrt());

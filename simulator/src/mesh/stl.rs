@@ -1,6 +1,6 @@
 //! STL, binary and text: a soup of triangles, whose equal corners are made one here.
 //!
-//! Its normals are not used: the order of the corners says what is outside, and programs that write zeros for normals are many.
+//! Normals of the file are not used: the order of the corners says what is outside, and many programs write zeros for normals.
 
 use super::Mesh;
 use super::obj::shorten;

@@ -20,7 +20,7 @@ struct HalfEdge {
     sign: i32,
 }
 
-/// What remains of a component's outline on an edge: how often it runs from `low` to `high`, less how often back.
+/// Rest of a component's outline on an edge: how often it runs from `low` to `high`, less how often back.
 struct Rest {
     low: u32,
     high: u32,
@@ -49,7 +49,7 @@ pub(super) struct Topology {
 }
 
 impl Topology {
-    /// Of a mesh whose indices are good and whose coordinates are finite.
+    /// Finds the topology of a mesh whose indices are good and whose coordinates are finite.
     pub fn of(mesh: &Mesh, tolerance: f64) -> Self {
         let mut this = Self::default();
         let to = weld(&mesh.vertices, tolerance);

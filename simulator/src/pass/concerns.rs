@@ -1,4 +1,4 @@
-//! What a person should hear of before believing the numbers of a simulated pass.
+//! Warnings to read before believing the numbers of a simulated pass.
 
 use super::{Pass, Place, Simulation};
 use crate::attitude::Attitude;
@@ -6,7 +6,7 @@ use crate::light;
 use crate::target::Shape;
 
 impl Simulation<'_> {
-    /// What a person should hear of before believing the numbers.
+    /// Returns the warnings to read before believing the numbers.
     pub fn concerns(&self) -> Vec<String> {
         let (pass, simulation) = (self.pass, self);
         let mut concerns = simulation.scene.warnings.clone();

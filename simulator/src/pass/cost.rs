@@ -1,10 +1,10 @@
-//! What a simulation costs.
+//! Cost of a simulation.
 
 use super::{Progress, Stage};
 use std::sync::Mutex;
 use std::time::Instant;
 
-/// What a simulation cost.
+/// Cost of a simulation.
 #[derive(Debug, Clone)]
 pub struct Cost {
     /// Stages in their order, with the seconds that each took.

@@ -1,4 +1,4 @@
-//! What an epoch yields: sums over the terms of its light, and over their errors.
+//! Results of an epoch: sums over the terms of its light, and over their errors.
 
 use super::functionals::Functionals;
 use super::simulate::Place;
@@ -17,7 +17,7 @@ pub(super) struct Light<'a> {
     pub errors: &'a [f64],
 }
 
-/// What a channel has at an epoch.
+/// Results of a channel at an epoch.
 pub(super) struct ChannelCounts {
     pub rate_hz: f64,
     pub error_hz: f64,
@@ -26,7 +26,7 @@ pub(super) struct ChannelCounts {
     pub uncovered_nm: f64,
 }
 
-/// What an epoch yields.
+/// Results of an epoch.
 pub(super) struct Counts {
     pub spectrum: Vec<f64>,
     pub spectrum_errors: Vec<f32>,
@@ -161,7 +161,7 @@ fn share(below: f64, above: f64) -> f64 {
     if above > 0.0 { (below / above).clamp(0.0, 1.0) } else { 1.0 }
 }
 
-/// By how much a magnitude grows if the flux is less by its error; infinite where nothing may be left, NaN without light.
+/// Returns the increase of a magnitude if the flux is less by its error; infinite where nothing may be left, NaN without light.
 fn magnitude_error(flux: f64, error: f64) -> f64 {
     if flux > 0.0 {
         let left = 1.0 - error / flux;

@@ -34,7 +34,7 @@ pub enum PassError {
     /// The target is none that light can be computed of.
     #[error("the target {target}: {source}")]
     Target {
-        /// Its name.
+        /// Name of the target.
         target: String,
         /// Why.
         source: Box<SceneError>,
@@ -59,9 +59,9 @@ pub enum PassError {
     /// A list of times and one of exposures that do not belong together, or bins that are none.
     #[error("a pass needs {needs}, found {found}")]
     Input {
-        /// What it needs.
+        /// Requirement of the pass.
         needs: &'static str,
-        /// What there is.
+        /// Input that was found.
         found: String,
     },
 }

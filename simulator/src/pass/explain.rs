@@ -1,4 +1,4 @@
-//! What a pass needs, found before it is simulated.
+//! Needs of a pass, found before it is simulated.
 
 use super::simulate::Place;
 use super::{Pass, PassError};
@@ -9,26 +9,26 @@ use glam::DVec3;
 use std::collections::HashSet;
 use sunglint_ephemeris::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
 
-/// What a pass needs.
+/// Needs of a pass.
 #[derive(Debug, Clone)]
 pub struct Explanation {
     /// Effect by effect.
     pub needs: Vec<Need>,
     /// The sum of the bounds of what is not modelled, of the light of the same surfaces in full sunlight.
     pub left_out: f64,
-    /// What is known of the way.
+    /// Known facts about the target's trajectory.
     pub course: Course,
-    /// What the light engine made of the target.
+    /// Report of the light engine on the target.
     pub scene: SceneReport,
     /// Terms that the light is a sum of.
     pub terms: usize,
 }
 
 impl Pass {
-    /// What the pass needs, effect by effect, without its light.
+    /// Finds the needs of the pass, effect by effect, without its light.
     ///
     /// # Errors
-    /// As [`Pass::simulate`], for places and target.
+    /// The errors of [`Pass::simulate`], for places and target.
     pub fn explain(&self) -> Result<Explanation, PassError> {
         self.check()?;
         let course = self.course(&self.places(&|| ())?);
@@ -43,7 +43,7 @@ impl Pass {
         })
     }
 
-    /// What is known of the way that the target takes.
+    /// Returns the known facts about the trajectory that the target takes.
     pub(super) fn course(&self, places: &[Place]) -> Course {
         let mut course = Course {
             epochs: places.len(),

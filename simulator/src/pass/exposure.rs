@@ -43,7 +43,7 @@ pub struct ExposureMeans {
     pub moments: usize,
 }
 
-/// What is the same for all samples.
+/// Inputs that are the same for all samples.
 struct Averaging<'a> {
     /// The pass with the direct light alone, and one spectral bin.
     direct: Pass,
@@ -58,7 +58,7 @@ impl Simulation<'_> {
     /// The means over the exposures of what `values` takes from a simulation (samples × columns, each additive, such as rates), to the pass's tolerance.
     ///
     /// # Errors
-    /// As [`Pass::simulate`] at the moments within the exposures.
+    /// The errors of [`Pass::simulate`] at the moments within the exposures.
     pub fn exposure_means(
         &self,
         values: &dyn Fn(&Simulation<'_>) -> Array2<f64>,
@@ -70,7 +70,7 @@ impl Simulation<'_> {
     /// The same to a tolerance of its own, relative.
     ///
     /// # Errors
-    /// As [`Simulation::exposure_means`].
+    /// The errors of [`Simulation::exposure_means`].
     pub fn exposure_means_to(
         &self,
         tolerance: f64,
@@ -163,7 +163,7 @@ impl<'a> Averaging<'a> {
         Pass { times, exposure_s, observations, ..pass.clone() }
     }
 
-    /// Of some samples those of which it is known where everything is from the begin of the exposure to its end.
+    /// Returns those samples for which it is known where everything is from the beginning of the exposure to its end.
     fn known(&self, samples: Vec<usize>) -> Result<Vec<usize>, PassError> {
         let ends = self.at(&samples, &[-0.5, 0.5]);
         let (first, last) = ends.ends();

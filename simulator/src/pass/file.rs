@@ -1,4 +1,4 @@
-//! What stands in a `PASS.toml`, the one scene file, and how it becomes a [`Pass`].
+//! Keys of a `PASS.toml`, the one scene file, and how the file becomes a [`Pass`].
 //!
 //! ```toml
 //! [target]                      # file = "target.toml", built_in = "box_wing", [[target.part]] …, or
@@ -102,7 +102,7 @@ const AIR_SHARE: f64 = 1e-4;
 /// No finer table of the air is made.
 const LEAST_AIR_TOLERANCE: f64 = 1e-10;
 
-/// What takes the place of what the file says.
+/// Values that replace those of the file.
 #[derive(Debug, Clone, Default)]
 pub struct Overrides {
     /// The station.
@@ -144,7 +144,7 @@ impl PassFile {
     /// The same from a text; `path` names it in errors, and other files are found beside it.
     ///
     /// # Errors
-    /// As [`PassFile::read`], but for the reading.
+    /// The errors of [`PassFile::read`], but for the reading.
     pub fn parse(path: impl AsRef<Path>, text: &str) -> Result<Self, FileError> {
         let path = path.as_ref();
         let document = Document::new(path, text)?;
@@ -160,7 +160,7 @@ impl PassFile {
     /// The target alone.
     ///
     /// # Errors
-    /// As [`PassFile::resolve`].
+    /// The errors of [`PassFile::resolve`].
     pub fn target(&self) -> Result<Target, FileError> {
         Reader { document: &self.document, sources: Vec::new() }.target(&self.keys.target)
     }
@@ -168,7 +168,7 @@ impl PassFile {
     /// The attitude alone.
     ///
     /// # Errors
-    /// As [`PassFile::resolve`].
+    /// The errors of [`PassFile::resolve`].
     pub fn attitude(&self) -> Result<Attitude, FileError> {
         let mut reader = Reader { document: &self.document, sources: Vec::new() };
         reader.attitude(self.keys.attitude.as_ref())
@@ -177,7 +177,7 @@ impl PassFile {
     /// Reads everything that the file names and makes the pass.
     ///
     /// # Errors
-    /// What cannot be read or makes no sense, with the file, the line and the key that is at fault.
+    /// An input that cannot be read or makes no sense, with the file, the line and the key that is at fault.
     pub fn resolve(&self, overrides: Overrides) -> Result<Pass, FileError> {
         let mut reader = Reader { document: &self.document, sources: self.sources.clone() };
         let keys = &self.keys;
@@ -352,7 +352,7 @@ impl Reader<'_> {
         Ok((sunglint_formats::read::decode(&path, bytes)?, path))
     }
 
-    /// Its bytes, likewise.
+    /// Reads the bytes of such a file, likewise.
     fn bytes(&mut self, key: &str, name: &str) -> Result<(Vec<u8>, PathBuf), FileError> {
         let path = self.document.resolve(name);
         let bytes = sunglint_formats::read::bytes(&path).map_err(|e| self.not_there(key, e))?;

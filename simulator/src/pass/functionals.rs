@@ -66,7 +66,7 @@ fn one_sign(spectrum: &Spectrum<Factor>, sign: f64) -> Result<Spectrum<Factor>, 
     Spectrum::new(nm, value)
 }
 
-/// What the light is multiplied by.
+/// Function that multiplies the light by something.
 type With<'b> = Box<dyn Fn(Product<'b>) -> Product<'b> + 'b>;
 
 /// A set of products p_ik of E τ_k with something i, and their integrals with and without the air.
@@ -87,7 +87,7 @@ pub(super) struct Set {
     through: Vec<f64>,
     /// Mean transmissions; `None` where there is no air.
     air: Option<AirTable>,
-    /// What is not covered, the air counted too.
+    /// Widths that are not covered, the air counted too.
     uncovered_nm: Vec<f64>,
 }
 
@@ -190,20 +190,20 @@ impl Set {
         row.for_each(|(p, (k, sign))| terms[*k] += sign * weights[*k] * p);
     }
 
-    /// By how much [`Set::below`] may err through the interpolation over the zenith angle.
+    /// Returns the error of [`Set::below`] through the interpolation over the zenith angle.
     pub fn air_error(&self, i: usize, weights: &[f64]) -> f64 {
         let row = self.row(&self.through, i).iter().zip(&self.of);
         let sum: f64 = row.map(|(p, (k, _))| (weights[*k] * p).abs()).sum();
         sum * self.interpolation_error()
     }
 
-    /// By how much [`Set::above`] may err through the errors of the weights.
+    /// Returns the error of [`Set::above`] through the errors of the weights.
     pub fn error_above(&self, i: usize, errors: &[f64]) -> f64 {
         let row = self.row(&self.above, i).iter().zip(&self.of);
         row.map(|(p, (k, _))| errors[*k] * p.abs()).sum::<f64>() + self.unknown(i, errors)
     }
 
-    /// By how much [`Set::below`] may err through the errors of the weights. What is unknown goes through the air as the light does:
+    /// Returns the error of [`Set::below`] through the errors of the weights. What is unknown goes through the air as the light does:
     /// `transmitted` of it.
     pub fn error_below(
         &self,

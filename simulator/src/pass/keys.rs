@@ -40,7 +40,7 @@ pub struct PassKeys {
     pub correction: CorrectionKeys,
     #[serde(default)]
     pub laser: Vec<LaserFile>,
-    /// What `sunglint fit` reads; nothing here.
+    /// Table that `sunglint fit` reads; it has no effect here.
     #[serde(rename = "fit", default)]
     pub _fit: Option<IgnoredAny>,
     pub note: Option<String>,

@@ -84,9 +84,9 @@ pub const BANDS: [&str; 5] = ["U", "B", "V", "R", "I"];
 /// Everything that a pass is made of; nothing is read any more.
 #[derive(Debug, Clone)]
 pub struct Pass {
-    /// Its name.
+    /// Name of the pass.
     pub name: String,
-    /// What reflects.
+    /// Target that reflects the light.
     pub target: Target,
     /// Where it is.
     pub orbit: Orbit,
@@ -106,7 +106,7 @@ pub struct Pass {
     pub observations: Vec<Arc<Observation>>,
     /// Edges of the spectral bins, vacuum nm, increasing.
     pub edges_nm: Vec<f64>,
-    /// What the spectra are.
+    /// Quantity of the spectra.
     pub spectral: SpectralQuantity,
     /// The Sun's spectral irradiance at 1 au.
     pub sun: Spectrum<Irradiance>,
@@ -114,17 +114,17 @@ pub struct Pass {
     pub sun_name: String,
     /// The Earth that casts the shadow; `None` for no eclipse at all.
     pub shadow: Option<EarthShape>,
-    /// What the Earth reflects.
+    /// Albedo of the Earth.
     pub earth: Arc<EarthAlbedo>,
     /// UT1 and the pole; the embedded table where `None`.
     pub orientation: Option<EarthOrientation>,
-    /// What magnitudes count from.
+    /// Zero point of the magnitudes.
     pub zero: ZeroPoint,
     /// An effect that may change the light by more than this, relative, is modelled ([`crate::light::engine`]).
     pub tolerance: f64,
     /// The work that an epoch's light between surfaces may cost, CPU seconds ([`crate::light::engine::Options::budget_s`]).
     pub budget_s: f64,
-    /// What the air's tables over the zenith angle may err by in transmission (absolute).
+    /// Error allowed in transmission (absolute) by the air's tables over the zenith angle.
     pub air_tolerance: f64,
     /// Which effects are switched on or off.
     pub effects: Switches,
@@ -132,9 +132,9 @@ pub struct Pass {
     pub correction: Correction,
     /// Files that went in.
     pub inputs: Vec<Input>,
-    /// What the file says besides.
+    /// Further notes of the file.
     pub notes: Vec<String>,
-    /// What a person should hear of before believing the result.
+    /// Warnings to read before believing the result.
     pub warnings: Vec<String>,
 }
 

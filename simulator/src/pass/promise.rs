@@ -5,7 +5,7 @@ use crate::light::{Need, Source, percent};
 use serde::Serialize;
 use sunglint_numerics::order::median;
 
-/// What keeps samples from the error that was asked for.
+/// Cause that keeps samples from the requested error.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Limit {
     /// Which light has most of the stated error: `direct light`, `light between surfaces`, `earthshine`, `moonshine` or `what is left out`.
@@ -16,7 +16,7 @@ pub struct Limit {
     pub why: String,
 }
 
-/// What was asked, what is stated, and why it was not met: over the visible samples with light.
+/// Requested error, stated error, and why the request was not met: over the visible samples with light.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Promise {
     /// The relative error that was asked for.
@@ -31,7 +31,7 @@ pub struct Promise {
     pub stated_median: Option<f64>,
     /// The largest.
     pub stated_largest: Option<f64>,
-    /// What limits the samples that did not meet it, the most frequent first.
+    /// Causes that limit the samples that did not meet it, the most frequent first.
     pub limited_by: Vec<Limit>,
 }
 

@@ -28,7 +28,7 @@ pub struct Eye<'a> {
     errors: Vec<f64>,
 }
 
-/// What one moment yields.
+/// Results of one moment.
 #[derive(Debug, Clone)]
 pub struct Sample {
     /// Where everything stands.
@@ -70,7 +70,7 @@ impl Pass {
 }
 
 impl Ready<'_> {
-    /// What the light engine made of the target.
+    /// Returns the report of the light engine on the target.
     pub fn report(&self) -> &SceneReport {
         self.engine.scene().report()
     }
@@ -78,7 +78,7 @@ impl Ready<'_> {
     /// Frames of the pass's Earth over a stretch of time.
     ///
     /// # Errors
-    /// As [`SkyFrames::over`].
+    /// The errors of [`SkyFrames::over`].
     pub fn frames(&self, from: Epoch, to: Epoch) -> Result<SkyFrames<'_>, SkyError> {
         SkyFrames::over(from, to, self.pass.orientation())
     }
@@ -98,10 +98,10 @@ impl Ready<'_> {
 }
 
 impl Eye<'_> {
-    /// What the station records of an orbit's target at an epoch, in an exposure (s, above 0).
+    /// Computes what the station records of an orbit's target at an epoch, in an exposure (s, above 0).
     ///
     /// # Errors
-    /// As [`Pass::simulate`] at that epoch.
+    /// The errors of [`Pass::simulate`] at that epoch.
     pub fn sample(
         &mut self,
         orbit: &Orbit,

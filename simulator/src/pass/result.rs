@@ -14,17 +14,17 @@ const STANDARD_RANGE_M: f64 = 1e6;
 /// The place of V in [`BANDS`].
 const V: usize = 2;
 
-/// What no simulation holds by itself; [`Simulation::exposure_means`] does.
+/// Effect that no simulation holds by itself; [`Simulation::exposure_means`] does.
 pub const WITHIN_AN_EXPOSURE: &str = "change within an exposure (values are those of its middle)";
 
-/// What no simulation holds, for whoever compares it with a measurement. It is not in the stated error.
+/// Effects that no simulation holds, for whoever compares it with a measurement. They are not in the stated error.
 const NEVER_MODELLED: [&str; 3] = [
     "scintillation, sky background",
     WITHIN_AN_EXPOSURE,
     "wavelengths that a material's tables do not cover (flag extrapolated)",
 ];
 
-/// What the stated error of a simulation is made of, in short.
+/// Summary of a simulation's stated error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StatedError {
     /// The median over the samples with light, of the value.
@@ -34,7 +34,7 @@ pub struct StatedError {
 }
 
 impl StatedError {
-    /// Of values and their errors: of those above 0 that are visible.
+    /// Summarises values and their errors: those above 0 that are visible.
     fn of(pairs: impl Iterator<Item = (f64, f64)>) -> Option<Self> {
         let good = pairs.filter(|(value, error)| *value > 0.0 && error.is_finite());
         let shares: Vec<f64> = good.map(|(value, error)| error / value).collect();
@@ -79,7 +79,7 @@ impl StandardMagnitude {
 }
 
 impl Simulation<'_> {
-    /// What is not in the simulation, for whoever compares it with a measurement: what this scene was not given, with the most that it could be, and
+    /// Returns the effects that are not in the simulation, for comparing it with a measurement: what this scene was not given, with the most that it could be, and
     /// what no simulation holds.
     pub fn not_modelled(&self) -> Vec<String> {
         let missing = self.needs.iter().filter(|n| !n.is_modelled());

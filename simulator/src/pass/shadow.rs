@@ -1,4 +1,4 @@
-//! What the edge of the Earth's shadow may be off by.
+//! Error by the edge of the Earth's shadow.
 //!
 //! The visible part of the Sun's limb-darkened disc is found behind a sharp limb. The Earth's air dims and bends the light that passes within some
 //! tens of kilometres of the ground (a ray at 15 km is already spread to half its brightness as far as a low orbit lies behind the limb;

@@ -23,7 +23,7 @@ use sunglint_radiometry::station::Predicted;
 /// Epochs that are done between two reports of progress.
 const REPORT_EVERY: usize = 256;
 
-/// What is being done.
+/// Stage of the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
     /// Orbit, frames, Sun, attitude: for every epoch.
@@ -54,11 +54,11 @@ impl Stage {
 /// How far a simulation is: told at the start of every stage, and within it now and then.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// What is being done.
+    /// Stage of the work.
     pub stage: Stage,
     /// Epochs that are done.
     pub done: usize,
-    /// Of so many.
+    /// Number of all epochs.
     pub of: usize,
 }
 
@@ -93,7 +93,7 @@ pub struct Place {
     pub orientation: OrientationOrigin,
 }
 
-/// What a channel does along the pass.
+/// Samples of a channel along the pass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChannelSamples {
     /// The channel.
@@ -104,13 +104,13 @@ pub struct ChannelSamples {
     pub error_hz: Vec<f64>,
     /// Rate without the air, Hz.
     pub above_air_hz: Vec<f64>,
-    /// What the detector makes of it.
+    /// Response of the detector to the rate.
     pub predicted: Vec<Predicted>,
     /// Width of the channel for which light, material or air was not tabulated, nm.
     pub uncovered_nm: Vec<f64>,
 }
 
-/// What is known of the errors of a simulation, apart from those of its models and tables.
+/// Known errors of a simulation, apart from those of its models and tables.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Bounds {
     /// Largest error of a mean transmission by its table over the zenith angle: measured between its nodes.
@@ -126,7 +126,7 @@ pub struct Bounds {
 /// A simulated pass.
 #[derive(Debug, Clone)]
 pub struct Simulation<'a> {
-    /// What was simulated.
+    /// Pass that was simulated.
     pub pass: &'a Pass,
     /// Where everything stood.
     pub places: Vec<Place>,
@@ -154,13 +154,13 @@ pub struct Simulation<'a> {
     pub ground_magnitudes: Array2<f64>,
     /// Angles of the target's hinges, epochs × hinges, degrees.
     pub hinges_deg: Array2<f64>,
-    /// What is known of the errors.
+    /// Known errors of the simulation.
     pub bounds: Bounds,
     /// For each epoch, which way of the light has most of the stated error of the worst channel (of V without any channel).
     pub limits: Vec<Option<Source>>,
-    /// What the light engine made of the target.
+    /// Report of the light engine on the target.
     pub scene: SceneReport,
-    /// What the scene needs, effect by effect.
+    /// Needs of the scene, effect by effect.
     pub needs: Vec<Need>,
 }
 

@@ -1,4 +1,4 @@
-//! What a picture is of: a target, where the Sun and the observer stand, and what is up.
+//! Subject of a picture: a target, where the Sun and the observer stand, and what is up.
 
 use super::ViewError;
 use crate::pass::{Pass, Place};
@@ -10,7 +10,7 @@ use sunglint_radiometry::light::sun_at_1_au;
 use sunglint_radiometry::spectrum::{Irradiance, Spectrum};
 use sunglint_radiometry::station::Station;
 
-/// What is up in a picture.
+/// Upward direction in a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Up {
@@ -42,7 +42,7 @@ const OBSERVER: DVec3 = DVec3::new(0.75, -0.5, 0.45);
 /// The phase angle unless somebody says, degrees.
 const PHASE_DEG: f64 = 40.0;
 
-/// What a picture is of.
+/// Subject of a picture.
 #[derive(Debug, Clone)]
 pub struct Aim {
     /// The body.
@@ -51,7 +51,7 @@ pub struct Aim {
     pub sun_body: DVec3,
     /// Unit vector to the observer, body axes.
     pub observer_body: DVec3,
-    /// What is up, body axes.
+    /// Upward direction, body axes.
     pub up: DVec3,
     /// The same in words.
     pub up_name: &'static str,
@@ -59,7 +59,7 @@ pub struct Aim {
     pub compass: Vec<(&'static str, DVec3)>,
     /// Sunlight at the body.
     pub sun: Spectrum<Irradiance>,
-    /// What part of the Sun's disc is visible, over the square of its distance in au: the factor of that spectrum.
+    /// Visible part of the Sun's disc, over the square of its distance in au: the factor of that spectrum.
     pub sunlight: f64,
     /// When, of a pass.
     pub time: Option<Epoch>,
@@ -67,9 +67,9 @@ pub struct Aim {
     pub range_m: Option<f64>,
     /// Who looks, of a pass.
     pub station: Option<Station>,
-    /// What it is, in a line.
+    /// Title of the picture, in a line.
     pub title: String,
-    /// What a person should hear of.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
@@ -181,7 +181,7 @@ impl Aim {
     /// Right and up in the picture, body axes.
     ///
     /// # Errors
-    /// What is up lies along the line of sight.
+    /// An upward direction along the line of sight.
     pub fn axes(&self) -> Result<(DVec3, DVec3), ViewError> {
         let along = self.observer_body;
         let up = (self.up - self.up.dot(along) * along).try_normalize();

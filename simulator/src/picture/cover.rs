@@ -2,7 +2,7 @@
 
 /// Sums of value times covered share of each pixel.
 ///
-/// What a polygon covers of a row of pixels is what lies right of its left edges less what lies right of its right ones. Each edge
+/// The part of a row of pixels that a polygon covers is what lies right of its left edges less what lies right of its right ones. Each edge
 /// is entered as a difference along its row, so that a running sum along the rows gives all polygons at once.
 #[derive(Debug, Clone)]
 pub struct Cover {

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 /// The most directions of a map.
 const MOST: usize = 10_000_000;
 
-/// What a body sends back over the directions of the phase vector: the bisector of Sun and observer, in the body's axes.
+/// Map of the light that a body sends back over the directions of the phase vector: the bisector of Sun and observer, in the body's axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Map {
     /// Phase angle, radians.
@@ -31,13 +31,13 @@ pub enum MapError {
     /// A phase angle that is none.
     #[error("the phase angle is {phase_rad} rad, expected one from 0 to less than π")]
     Phase {
-        /// What was given.
+        /// Given angle.
         phase_rad: f64,
     },
     /// Too many directions, or none.
     #[error("steps of {step_deg}°: expected from 0.1° to 90°")]
     Step {
-        /// What was given.
+        /// Given angle.
         step_deg: f64,
     },
     /// Directions that are none.

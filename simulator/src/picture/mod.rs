@@ -31,7 +31,7 @@ pub enum ViewError {
     /// A setting that is out of range, or does not go with another.
     #[error("{0}")]
     Setting(String),
-    /// What the body, the pass or the tables do not allow.
+    /// Picture that the body, the pass or the tables do not allow.
     #[error("{0}")]
     Impossible(String),
     /// No places of the pass.
@@ -40,7 +40,7 @@ pub enum ViewError {
     /// A target that is none.
     #[error("the target {name}")]
     Target {
-        /// Its name.
+        /// Name of the target.
         name: String,
         /// Why.
         source: SceneError,

@@ -12,7 +12,7 @@ const MOST_PIXELS: usize = 100_000_000;
 pub struct Camera {
     /// Unit vector from the body to the observer, body axes.
     pub toward: DVec3,
-    /// What is up in the picture, body axes; its part along the line of sight does not count.
+    /// Upward direction in the picture, body axes; its part along the line of sight does not count.
     pub up: DVec3,
     /// Width of a pixel at the body, m.
     pub pixel_m: f64,
@@ -37,7 +37,7 @@ pub enum PictureError {
     /// Up along the line of sight.
     #[error("up is ({}, {}, {}), along the line of sight: expected a direction across it", up.x, up.y, up.z)]
     Up {
-        /// What was given.
+        /// Given direction.
         up: DVec3,
     },
     /// Directions that are none.

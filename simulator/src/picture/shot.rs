@@ -5,7 +5,7 @@ use super::aim::Aim;
 use super::render::{Camera, Picture};
 use crate::light::Faceted;
 
-/// What a picture shows.
+/// Content of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum What {
@@ -15,11 +15,11 @@ pub enum What {
     Material,
     /// Distance from the observer against that of the body's origin.
     Depth,
-    /// As an eye might see it: 640, 550 and 450 nm over sunlight's own colour.
+    /// Colours as an eye might see them: 640, 550 and 450 nm over sunlight's own colour.
     Rgb,
 }
 
-/// What blurs a picture.
+/// Blur of a picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[non_exhaustive]
 pub enum Blur {
@@ -35,7 +35,7 @@ pub enum Blur {
 /// How a picture is taken.
 #[derive(Debug, Clone)]
 pub struct ShotOptions {
-    /// What to show; empty for all.
+    /// Contents to show; empty for all.
     pub what: Vec<What>,
     /// Wavelengths of the intensity, vacuum nm.
     pub wavelength_nm: Vec<f64>,
@@ -45,7 +45,7 @@ pub struct ShotOptions {
     pub size_px: Option<usize>,
     /// Width of a pixel at the body, m (default so that the body fits).
     pub pixel_m: Option<f64>,
-    /// What blurs it.
+    /// Blur of the picture.
     pub blur: Blur,
 }
 
@@ -89,7 +89,7 @@ pub struct Optics {
 /// A picture, ready to be shown.
 #[derive(Debug, Clone)]
 pub struct Shot<'a> {
-    /// What it is of.
+    /// Subject of the picture.
     pub aim: &'a Aim,
     /// The camera.
     pub camera: Camera,
@@ -103,9 +103,9 @@ pub struct Shot<'a> {
     pub picture: Picture,
     /// The intensity of each band before the blur, all pixels.
     pub totals: Vec<f64>,
-    /// What blurs it.
+    /// Blur of the picture.
     pub optics: Optics,
-    /// What to show.
+    /// Contents to show.
     pub what: Vec<What>,
     /// Whether intensities are over the irradiance.
     pub per_irradiance: bool,
@@ -225,7 +225,7 @@ impl<'a> Shot<'a> {
         if total > 0.0 { (1.0 - left / total).max(0.0) } else { 0.0 }
     }
 
-    /// What a person should hear of before believing the picture.
+    /// Returns the warnings to read before believing the picture.
     pub fn concerns(&self) -> Vec<String> {
         let mut concerns = Vec::new();
         let reach = 0.5 * self.camera.pixel_m * self.camera.size_px[0] as f64;

@@ -1,4 +1,4 @@
-//! What a sphere reflects against phase angle, rough mirrors beside Lambert's law and a mirror (thesis fig. G.4).
+//! Reflection by a sphere against phase angle, rough mirrors beside Lambert's law and a mirror (thesis fig. G.4).
 
 use crate::surface::{Distribution, Fresnel, Lobe, Masking, Material, MaterialError};
 use std::f64::consts::PI;

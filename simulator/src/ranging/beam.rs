@@ -20,7 +20,7 @@ pub struct Beam {
     pub divergence_rad: f64,
     /// Radius R₀ at the telescope, m.
     pub radius_m: f64,
-    /// Its shape.
+    /// Shape of the beam.
     pub shape: BeamShape,
 }
 

@@ -1,4 +1,4 @@
-//! What the surfaces of a body scatter to each other of a pulse: photons that come later than their last surface says.
+//! Photons of a pulse that the surfaces of a body scatter to each other: they come later than their last surface says.
 //!
 //! Light paths of two scatterings and more, of all orders, between the laser and the telescope: those of [`crate::light::bounce`] with their
 //! lengths. Half of a path's whole length is the depth at which a ranging station records it, and the fluence is that where the path meets the
@@ -11,13 +11,13 @@ use crate::light::engine::{Options, Switch};
 use crate::light::{Need, Scene, SceneError};
 use crate::target::Target;
 
-/// What it is called in reports.
+/// Name of the effect in reports.
 const EFFECT: &str = "inter-reflection of laser light";
 /// Paths of each scramble to begin with.
 const LEAST: u32 = 64;
 /// Standard errors that are claimed: Student's t of 7 degrees of freedom at 99 %, since paths end where the error happens to look small.
 const CLAIMED: f64 = 3.5;
-/// Of the tolerance, the part that the claimed error may take.
+/// Share of the tolerance that the claimed error may take.
 const OF_TOLERANCE: f64 = 0.7;
 /// Cost of a path, s, for the report.
 const PATH_S: f64 = 1e-6;
@@ -52,7 +52,7 @@ pub struct Bounces {
     wavelength_nm: f64,
     options: BounceOptions,
     need: Need,
-    /// What these facets may change, relative.
+    /// Relative change that these facets may make.
     shape_error: f64,
 }
 
@@ -132,7 +132,7 @@ pub struct Bounced {
     pub total: f64,
     /// The claimed error of that.
     pub error: f64,
-    /// Of the total, those that come from beyond the first or the last bin.
+    /// Photons of the total that come from beyond the first or the last bin.
     pub outside: f64,
 }
 
@@ -187,7 +187,7 @@ struct Tally<'a> {
     shot: Shot<'a>,
     bins: super::DepthBins,
     counts: f64,
-    /// Of each scramble: in front, in each bin, behind.
+    /// Sums of each scramble: in front, in each bin, behind.
     rows: Vec<Vec<f64>>,
     points: f64,
 }

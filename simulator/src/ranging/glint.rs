@@ -17,15 +17,15 @@ const POINTS: usize = 24;
 /// A flat mirror: a convex outline, counter-clockwise about its normal, all in one frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Mirror<'a> {
-    /// Its corners, m.
+    /// Corners of the mirror, m.
     pub corners: &'a [DVec3],
-    /// Its unit normal.
+    /// Unit normal of the mirror.
     pub normal: DVec3,
     /// The reflectance at the laser's wavelength and angle.
     pub reflectance: f64,
 }
 
-/// What the receiver gets of one pulse by a mirror, J m⁻², without the air: the laser at one point, its axis along a unit vector, the
+/// Returns the fluence of one pulse at the receiver by a mirror, J m⁻², without the air: the laser at one point, its axis along a unit vector, the
 /// receiver at another point, in the mirror's frame, m.
 pub fn fluence_j_m2(
     mirror: &Mirror,

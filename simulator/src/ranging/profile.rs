@@ -51,7 +51,7 @@ pub enum DepthError {
     /// A range that is none.
     #[error("the range is {range_m} m, expected more than the body's own size")]
     Range {
-        /// What was given, m.
+        /// Given range, m.
         range_m: f64,
     },
     /// Directions that are none.
@@ -59,7 +59,7 @@ pub enum DepthError {
     Direction(#[from] DirectionError),
 }
 
-/// What a body returns of one shot, over depth.
+/// Return of one shot from a body, over depth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
     /// The bins.
@@ -70,9 +70,9 @@ pub struct Profile {
     pub area_m2: Vec<f64>,
     /// Mean number of detected photons per shot, in and out of the bins.
     pub total: f64,
-    /// Of them, those that come from beyond the first or the last bin.
+    /// Photons of the total that come from beyond the first or the last bin.
     pub outside: f64,
-    /// Of all these, those that were scattered more than once; `None` where they are not asked for ([`Shot::add_bounces`]).
+    /// Photons among all these that were scattered more than once; `None` where they are not asked for ([`Shot::add_bounces`]).
     pub bounced: Option<Bounced>,
 }
 
@@ -81,7 +81,7 @@ pub struct Profile {
 pub struct Stand {
     /// Unit vector from the body towards it, body axes.
     pub toward: DVec3,
-    /// Its distance from the body's origin, m.
+    /// Distance from the body's origin, m.
     pub range_m: f64,
 }
 
@@ -103,7 +103,7 @@ pub struct Shot<'a> {
 }
 
 impl Shot<'_> {
-    /// What comes back of it, scattered once, without the air. `reflectance[k]` is the spectrum of weight k at the laser's wavelength.
+    /// Computes the return of the shot, scattered once, without the air. `reflectance[k]` is the spectrum of weight k at the laser's wavelength.
     ///
     /// # Errors
     /// Bins, a range or directions that are none.

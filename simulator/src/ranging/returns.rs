@@ -52,7 +52,7 @@ pub enum ReturnsError {
     /// A target that is none.
     #[error("the target {name}")]
     Target {
-        /// Its name.
+        /// Name of the target.
         name: String,
         /// Why.
         source: SceneError,
@@ -86,7 +86,7 @@ pub enum ReturnsError {
     Air {
         /// The laser.
         laser: String,
-        /// Its wavelength.
+        /// Wavelength of the laser.
         wavelength_nm: f64,
         /// Why.
         source: AirError,
@@ -206,7 +206,7 @@ fn knows(earth: &EarthAlbedo, nm: f64) -> bool {
     (first..=last).contains(&nm)
 }
 
-/// What is the same for all shots of a laser.
+/// Inputs that are the same for all shots of a laser.
 struct Aim<'a> {
     pass: &'a Pass,
     beam: Beam,
@@ -259,7 +259,7 @@ impl Aim<'_> {
     }
 }
 
-/// What the body's surfaces do with the laser's light among each other, to the tolerance of the pass.
+/// Prepares the inter-reflection of the laser's light between the body's surfaces, to the tolerance of the pass.
 fn bounces(pass: &Pass, nm: f64) -> Result<Bounces, BouncesError> {
     let options = BounceOptions { tolerance: pass.tolerance, ..BOUNCES };
     Bounces::new(&pass.target, nm, pass.effects.inter_reflection, &options)
@@ -424,7 +424,7 @@ impl<'a> Returns<'a> {
         good.max_by(|a, b| self.photons[*a].total_cmp(&self.photons[*b]))
     }
 
-    /// What a person should hear of before believing the numbers.
+    /// Returns the warnings to read before believing the numbers.
     pub fn concerns(&self) -> Vec<String> {
         let mut concerns = Vec::new();
         let name = &self.laser.name;

@@ -34,7 +34,7 @@ const SUN_K: f64 = 5772.0;
 pub struct BenchScene {
     /// One of [`NAMES`].
     pub name: &'static str,
-    /// What it is.
+    /// Description of the scene.
     pub description: &'static str,
     /// The body.
     pub target: Target,
@@ -67,7 +67,7 @@ impl TruthSource {
     }
 }
 
-/// What a scene sends to its observer, by another way than ours.
+/// Light that a scene sends to its observer, found by another way than ours.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Truth {
     /// Where it is from.

@@ -57,7 +57,7 @@ pub struct SightingCounts {
     pub always_up: usize,
     /// Stays above the horizon.
     pub stays: usize,
-    /// Of them, those in the Earth's shadow all the time.
+    /// Stays among them that are in the Earth's shadow all the time.
     pub in_shadow: usize,
     /// Those under a bright sky all the time.
     pub in_daylight: usize,
@@ -67,7 +67,7 @@ pub struct SightingCounts {
     pub filtered: usize,
 }
 
-/// What is not an orbit, or ends.
+/// Object without a valid orbit, or with an orbit that ends.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SightingFailure {
     /// The object, or the place in a file.
@@ -76,14 +76,14 @@ pub struct SightingFailure {
     pub why: String,
 }
 
-/// What a visible pass must be to be listed.
+/// Conditions that a visible pass must meet to be listed.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SightingFilter {
     /// The altitude that it reaches while it is visible, degrees.
     pub min_culmination_deg: f64,
     /// How long it is visible, s.
     pub min_duration_s: f64,
-    /// As bright as this V at the station, at least.
+    /// Faintest V at the station that is listed.
     pub brighter_than: Option<f64>,
     /// So many at most: the brightest.
     pub limit: Option<usize>,

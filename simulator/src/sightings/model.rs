@@ -16,7 +16,7 @@ use sunglint_radiometry::station::Station;
 
 /// A model's brightness is looked at no more than so many seconds apart.
 pub(super) const MODEL_STEP_S: f64 = 10.0;
-/// What the air's tables may err by in transmission.
+/// Error allowed in transmission by the air's tables.
 const AIR_TOLERANCE: f64 = 1e-6;
 
 /// How bright the targets are taken to be.
@@ -32,9 +32,9 @@ pub enum SightingLight<'a> {
 pub struct ModelWords {
     /// The target's name.
     pub target: String,
-    /// Its attitude as it was asked for.
+    /// Attitude of the target, as it was requested.
     pub attitude: String,
-    /// What its light may err by, relative.
+    /// Relative error allowed in the model's light.
     pub tolerance: f64,
 }
 
@@ -47,7 +47,7 @@ pub struct Model {
     pub attitude: Attitude,
     /// The attitude as it was asked for.
     pub attitude_name: String,
-    /// What its light may err by, relative.
+    /// Relative error allowed in the model's light.
     pub tolerance: f64,
 }
 

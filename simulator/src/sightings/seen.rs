@@ -25,7 +25,7 @@ pub struct SeenPass {
     pub norad_id: u32,
     /// The stay above the horizon.
     pub pass: Pass,
-    /// Its orbit, for figures.
+    /// Orbit of the target, for figures.
     pub orbit: Orbit,
     /// The first moment at which it can be seen.
     pub start: SightingEvent,
@@ -35,7 +35,7 @@ pub struct SeenPass {
     pub brightest: SightingEvent,
     /// The last moment at which it can be seen.
     pub end: SightingEvent,
-    /// What is expected at the brightest moment.
+    /// Expected light at the brightest moment.
     pub expected: ExpectedLight,
     /// Whether a mount of the station's kind is interrupted: meridian crossing while visible (equatorial).
     pub meridian_flip: bool,
@@ -62,7 +62,7 @@ pub struct SightingEvent {
     pub twilight: Twilight,
 }
 
-/// What arrives and is counted at one moment.
+/// Light that arrives and is counted at one moment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExpectedLight {
     /// Johnson V at the station, after the air; `None` where no light comes through.

@@ -162,7 +162,7 @@ impl<'a> Ellipse<'a> {
         }
     }
 
-    /// What microfacets of one slope reflect.
+    /// Adds the reflection by microfacets of one slope.
     fn facet(&self, fresnel: &Fresnel, (x, y): (f64, f64), scale: f64, sum: &mut [f64]) {
         let lobe = self.lobe;
         let slope_x = lobe.alpha_x * (self.cos * x - self.sin * y);

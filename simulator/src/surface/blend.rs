@@ -1,6 +1,6 @@
 //! A coat of microfacets over a Lambert surface, as paints have it.
 //!
-//! What the coat lets through reaches the base and leaves it again through the coat:
+//! Light that passes the coat reaches the base and leaves it again through the coat:
 //! f = f_coat + ρ/π (1 − E(i))(1 − E(o))/(1 − E_avg), with E the coat's albedo and E_avg = 2∫E μ dμ (Ashikhmin et al. 2000; Kelemen and
 //! Szirmay-Kalos 2001). It is reciprocal, and reflects E(i) + ρ (1 − E(i)), never more than came.
 //!
@@ -28,11 +28,11 @@ const MOST_WAVELENGTHS: usize = 50_000;
 /// The Lambert surface below a coat.
 #[derive(Debug, Clone)]
 pub(super) struct Base {
-    /// What passes the coat: p(μ) and, where E has a spectrum, e(μ): 1 − E = p + d(λ) e.
+    /// Transmission of the coat: p(μ) and, where E has a spectrum, e(μ): 1 − E = p + d(λ) e.
     pass: Curve,
     /// ∫ of them over the hemisphere: 2∫ p μ dμ.
     mean: [f64; 2],
-    /// What the spectra were divided by to be at most 1.
+    /// Divisor of the spectra, which makes them at most 1.
     scale: f64,
     /// Whether E has a spectrum.
     tinted: bool,

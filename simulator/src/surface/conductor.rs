@@ -25,7 +25,7 @@ const MOST_PARTS: usize = 4096;
 /// The refractive index n + ik of a material by vacuum wavelength, linear between.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ComplexIndex {
-    /// What it is the index of.
+    /// Name of the material.
     pub name: String,
     wavelength_nm: Vec<f64>,
     n: Vec<f64>,
@@ -157,7 +157,7 @@ impl Conductor {
         self.error
     }
 
-    /// Of what it is.
+    /// Returns the name of the material.
     pub fn name(&self) -> &str {
         &self.name
     }

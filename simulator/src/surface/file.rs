@@ -26,13 +26,13 @@ use sunglint_formats::toml::{Document, Finite, Fraction};
 use sunglint_formats::{FileError, ParseError, curve};
 use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
 
-/// What stands in a file about a material.
+/// Keys of a file that describe a material.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialFile {
-    /// Its name.
+    /// Name of the material.
     pub name: String,
-    /// What it is.
+    /// Model of the material.
     pub model: ModelName,
     /// One reflectance for all wavelengths; of a blend, its coat's.
     pub reflectance: Option<Fraction>,
@@ -50,13 +50,13 @@ pub struct MaterialFile {
     pub alpha_y: Option<Finite>,
     /// How they hide one another.
     pub masking: Option<Masking>,
-    /// What each reflects.
+    /// Reflectance of each microfacet against the angle of incidence.
     pub fresnel: Option<FresnelName>,
     /// A material of the table of refractive indices, or a file with `wavelength_nm,n,k`.
     pub refractive_index: Option<String>,
     /// The refractive index of a dielectric Fresnel term.
     pub n: Option<Finite>,
-    /// What is below the coat of a blend: a Lambert surface.
+    /// Base below the coat of a blend: a Lambert surface.
     pub base: Option<BaseFile>,
     /// A `.bsdf` file, or a table of a BRDF.
     pub file: Option<String>,
@@ -98,7 +98,7 @@ pub struct MaterialFile {
     pub slope_rms_x: Option<Finite>,
     /// The same across it.
     pub slope_rms_y: Option<Finite>,
-    /// What a foil is made of.
+    /// Material that a foil is made of.
     pub of: Option<Box<Self>>,
     /// A remark.
     pub note: Option<String>,
@@ -108,7 +108,7 @@ pub struct MaterialFile {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MirrorFile {
-    /// What part of the surface it is.
+    /// Share of the surface.
     pub share: Fraction,
     /// g of exp(−(g cosθ)²); 0 where it is left out.
     pub g: Option<Finite>,
@@ -126,12 +126,12 @@ pub struct DoubtFile {
     pub wings_ln: Finite,
     /// Where light or detector graze.
     pub grazing_ln: Finite,
-    /// What else is doubtful, in words.
+    /// Further doubts, in words.
     #[serde(default)]
     pub said: Vec<String>,
 }
 
-/// What a lobe is.
+/// Kind of a lobe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LobeName {
@@ -147,7 +147,7 @@ pub enum LobeName {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LobeFile {
-    /// What part of the microfacets it is.
+    /// Share of the microfacets.
     pub share: Option<Finite>,
     /// How they are tilted.
     pub distribution: LobeName,
@@ -171,7 +171,7 @@ pub struct LobeFile {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LobeMasking {
-    /// As V-shaped grooves (Cook and Torrance 1982).
+    /// Masking by V-shaped grooves (Cook and Torrance 1982).
     #[default]
     VCavity,
     /// Smith's, as if independent.
@@ -180,7 +180,7 @@ pub enum LobeMasking {
     HeightCorrelated,
 }
 
-/// What a material is.
+/// Model of a material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ModelName {
@@ -253,7 +253,7 @@ pub enum FresnelName {
 pub struct ReflectanceTable {
     /// Vacuum wavelengths in nm, increasing.
     pub wavelength_nm: Vec<Finite>,
-    /// As many reflectances, from 0 to 1.
+    /// Reflectances, one for each wavelength, from 0 to 1.
     pub reflectance: Vec<Fraction>,
 }
 
@@ -301,7 +301,7 @@ struct Reader<'a> {
 
 /// Where a reflectance may stand.
 struct ReflectanceKeys<'a> {
-    /// What its keys begin with.
+    /// Prefix of the keys.
     prefix: &'static str,
     number: Option<Fraction>,
     file: Option<&'a str>,

@@ -34,7 +34,7 @@ pub fn read(name: impl Into<String>, path: impl AsRef<Path>) -> Result<Material,
 /// The material of a file that is in memory; `path` names it in errors.
 ///
 /// # Errors
-/// As [`read`].
+/// The errors of [`read`].
 pub fn material(
     name: impl Into<String>,
     path: impl AsRef<Path>,

@@ -32,7 +32,7 @@ pub enum Distribution {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Masking {
-    /// As if independent: G = G₁(i) G₁(o).
+    /// Independent masking and shadowing: G = G₁(i) G₁(o).
     #[default]
     Separable,
     /// At heights in common: G = 1/(1 + Λ(i) + Λ(o)) (Heitz 2014, eq. 99).

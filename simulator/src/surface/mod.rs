@@ -52,7 +52,7 @@ use sunglint_radiometry::spectrum::{Reflectance, Spectrum, SpectrumError};
 /// A material.
 #[derive(Debug, Clone)]
 pub struct Material {
-    /// Its name.
+    /// Name of the material.
     pub name: String,
     /// The spectra ρ_k.
     spectra: Vec<Spectrum<Reflectance>>,
@@ -101,7 +101,7 @@ pub enum MaterialError {
         "the roughness is {alpha}, expected a number from 1e-5 to 2: what is smoother is a mirror"
     )]
     Roughness {
-        /// What was asked for.
+        /// Requested value.
         alpha: f64,
     },
     /// More light than came.
@@ -125,7 +125,7 @@ pub enum MaterialError {
         "the reflectance of {name} is not smooth enough in angle for {angles} angles: n < 1 with k near 0 reflects totally, which no metal does"
     )]
     NotSmooth {
-        /// Of what.
+        /// Name of the material or quantity.
         name: String,
         /// The number of angles that did not do.
         angles: usize,
@@ -147,7 +147,7 @@ pub enum MaterialError {
         nodes: usize,
         /// The error between them.
         error: f64,
-        /// What it should be.
+        /// Required value.
         expected: f64,
     },
     /// Two reflectances without a common range of wavelengths.
@@ -179,7 +179,7 @@ pub enum MaterialError {
     /// A phase angle out of range.
     #[error("the phase angle is {phase_rad} rad, expected one from 0 to π")]
     Phase {
-        /// What was asked for.
+        /// Requested value.
         phase_rad: f64,
     },
     /// A material with a tangent where there is none.
@@ -203,9 +203,9 @@ pub enum MaterialError {
     Parameter {
         /// Which.
         name: &'static str,
-        /// What was asked for.
+        /// Requested value.
         value: f64,
-        /// What it should be.
+        /// Required value.
         expected: String,
     },
     /// A material that makes light.
@@ -223,11 +223,11 @@ pub enum MaterialError {
     /// Measured values that cannot be.
     #[error("{found} in {what}, expected {expected}")]
     Data {
-        /// Of what.
+        /// Name of the material or quantity.
         what: String,
-        /// What is there.
+        /// Value that was found.
         found: String,
-        /// What should be there.
+        /// Value that was expected.
         expected: String,
     },
     /// Numbers that make no spectrum.

@@ -18,7 +18,7 @@ pub struct CookTorranceLobe {
     pub lobe: Lobe,
     /// Whether microfacets hide one another as V-shaped grooves do (Cook and Torrance 1982).
     pub grooves: bool,
-    /// What part of the microfacets it is, 0 to 1.
+    /// Share of the microfacets, 0 to 1.
     pub share: f64,
 }
 
@@ -37,7 +37,7 @@ pub enum Gloss {
         alpha_x: f64,
         /// Across the tangent.
         alpha_y: f64,
-        /// Its denominator.
+        /// Denominator of the lobe.
         form: WardForm,
     },
     /// A/(B + x^g).
@@ -72,7 +72,7 @@ pub enum CompositeLobe {
     Facets {
         /// Tilts and masking.
         lobe: Lobe,
-        /// What they are multiplied by: a part of the surface, or more where roughness within roughness sends more light there.
+        /// Factor on the microfacets: a part of the surface, or more where roughness within roughness sends more light there.
         share: f64,
     },
     /// A/(B + x^g) before the Fresnel term.
@@ -86,11 +86,11 @@ pub enum CompositeLobe {
     },
 }
 
-/// What a surface of [`Material::composite`] reflects coherently, as a mirror does: share · F(θ_d) · exp(−(g cosθ_d)²), in a lobe of Beckmann microfacets that is as narrow as
+/// Coherent reflection by a surface of [`Material::composite`], like that of a mirror: share · F(θ_d) · exp(−(g cosθ_d)²), in a lobe of Beckmann microfacets that is as narrow as
 /// the mirror is flat.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MirrorTerm {
-    /// What part of the surface it is, 0 to 1.
+    /// Share of the surface, 0 to 1.
     pub share: f64,
     /// g = 4πσ/λ of the heights' root mean square σ; 0 for a perfect one.
     pub g: f64,

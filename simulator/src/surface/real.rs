@@ -2,7 +2,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// What a formula needs of its numbers.
+/// Operations that a formula needs of its numbers.
 pub(crate) trait Real:
     Copy
     + Add<Output = Self>

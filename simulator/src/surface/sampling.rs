@@ -25,15 +25,15 @@ pub(super) struct Mixture {
 /// A way to draw a direction.
 #[derive(Debug, Clone)]
 pub(super) enum Proposal {
-    /// As a Lambert surface.
+    /// Directions of a Lambert surface.
     Cosine,
-    /// As microfacets of perfect mirrors.
+    /// Directions of microfacets that are perfect mirrors.
     Facets(Lobe),
     /// cosⁿ around the mirrored direction.
     Phong(f64),
     /// Around the mirrored direction in direction cosines, with the density x/(knee² + x²).
     Shift(f64),
-    /// As a measured material's file knows.
+    /// Directions that a measured material's file knows.
     Tensor(Arc<Tensor>),
 }
 

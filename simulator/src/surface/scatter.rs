@@ -1,4 +1,4 @@
-//! What a reflection law must know of itself, and what follows numerically from that: albedo, spheres, and whether it loses energy.
+//! Properties that a reflection law must tell of itself, and what follows numerically from them: albedo, spheres, and whether it loses energy.
 
 use super::sampling::Mixture;
 use super::{Material, MaterialError, Model, cubature};
@@ -14,7 +14,7 @@ pub(super) struct Effort {
     pub most: usize,
 }
 
-/// Of the look at energy.
+/// Effort of the look at energy.
 const LOOK: Effort = Effort { tolerance: 1e-3, most: 6_000 };
 /// The error above which an integral is no result.
 const REFUSED: f64 = 2e-2;
@@ -36,7 +36,7 @@ pub(super) trait Scatter: std::fmt::Debug + Send + Sync {
     fn describe(&self) -> String;
     /// The narrowest half-width of its lobes, radians of the outgoing direction.
     fn lobe_width_rad(&self) -> f64;
-    /// What its integrals are worth.
+    /// Returns the effort that the law's integrals are worth.
     fn effort(&self) -> Effort {
         Effort { tolerance: 1e-5, most: 60_000 }
     }
@@ -248,7 +248,7 @@ impl Material {
         }
     }
 
-    /// What whoever uses the material should know: light that it would make, data that are not reciprocal, geometries without data.
+    /// Returns notes for whoever uses the material: light that it would make, data that are not reciprocal, geometries without data.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }

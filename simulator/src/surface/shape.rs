@@ -19,7 +19,7 @@ use super::{Distribution, Lobe, Masking};
 use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 
-/// What a lobe of Ward's model is divided by.
+/// Denominator of a lobe of Ward's model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum WardForm {
@@ -53,7 +53,7 @@ pub enum Shape {
         alpha_x: f64,
         /// Across it.
         alpha_y: f64,
-        /// Its denominator.
+        /// Denominator of the lobe.
         form: WardForm,
     },
     /// The ABg model.

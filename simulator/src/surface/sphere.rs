@@ -1,6 +1,6 @@
-//! What a sphere reflects: ∫ f_r cosθ_i cosθ_o dA over all that is lit and seen, under a collimated Sun and a distant observer.
+//! Reflection by a sphere: ∫ f_r cosθ_i cosθ_o dA over all that is lit and seen, under a collimated Sun and a distant observer.
 //!
-//! Of microfacets the bisector h, and so the angle of incidence on the microfacets (half the phase angle γ), is the same all over the
+//! For microfacets the bisector h, and so the angle of incidence on the microfacets (half the phase angle γ), is the same all over the
 //! sphere: F stands before the integral, the two cosines cancel, and W = F/4 ∫ D(n·h) G dω_n. With the slopes x, y of the
 //! normal n against h in units of α, x in the plane of Sun and observer, D becomes a fixed bell and W = F/(4π) ∫∫ p(r) √(1+α²r²) G dx dy
 //! over the strip |x| < cot(γ/2)/α, where the normal is lit and seen. That holds for every α: the bell has no narrow peak, and the strip no

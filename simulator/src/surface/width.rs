@@ -2,7 +2,7 @@
 
 use super::{Fresnel, Lobe, Material, Model};
 
-/// What there is to resolve.
+/// Angular structure of a material that there is to resolve.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Width<'a> {
     /// Nothing: f is the same in all directions.

@@ -28,7 +28,7 @@ pub enum Curved {
         radius_m: f64,
         /// Height of its rim, m.
         depth_m: f64,
-        /// What it is a part of.
+        /// Surface that the dish is a part of.
         form: DishForm,
         /// Whether its inside reflects.
         inside: bool,
@@ -37,7 +37,7 @@ pub enum Curved {
     },
 }
 
-/// What a dish is a part of.
+/// Surface that a dish is a part of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DishForm {

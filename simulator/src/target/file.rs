@@ -1,4 +1,4 @@
-//! What stands in a `target.toml`, and how it becomes a [`Target`].
+//! Keys of a `target.toml`, and how the file becomes a [`Target`].
 //!
 //! ```
 //! let text = r#"
@@ -129,7 +129,7 @@ pub enum LengthUnit {
 }
 
 impl LengthUnit {
-    /// Its length, m.
+    /// Returns the length of the unit, m.
     pub fn metres(self) -> f64 {
         match self {
             Self::M => 1.0,

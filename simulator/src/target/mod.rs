@@ -22,18 +22,18 @@ use std::path::Path;
 use sunglint_formats::FileError;
 use sunglint_formats::toml::Document;
 
-/// What reflects: parts, their materials and hinges, in the body's own axes, metres.
+/// Reflecting body: parts, their materials and hinges, in the body's own axes, metres.
 #[derive(Debug, Clone, Default)]
 pub struct Target {
-    /// Its name.
+    /// Name in files and reports.
     pub name: String,
-    /// Its parts.
+    /// Parts of the target.
     pub parts: Vec<Part>,
     /// The materials that the parts name.
     pub materials: Vec<Material>,
     /// The hinges that the parts name.
     pub hinges: Vec<Hinge>,
-    /// What a person should hear of: faults of meshes, sizes that look like millimetres.
+    /// Warnings for the user: faults of meshes, sizes that look like millimetres.
     pub warnings: Vec<String>,
     /// The files that went in, with their SHA-256.
     pub sources: Vec<(std::path::PathBuf, String)>,
@@ -67,9 +67,9 @@ impl Target {
 /// One part of a target.
 #[derive(Debug, Clone)]
 pub struct Part {
-    /// Its name, unique in the target.
+    /// Name of the part, unique in the target.
     pub name: String,
-    /// Its shape, in the part's own axes.
+    /// Shape of the part, in its own axes.
     pub shape: Shape,
     /// Index into [`Target::materials`].
     pub material: usize,
@@ -83,7 +83,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// What to say of a part that is larger than anything in orbit: somebody may have written millimetres.
+    /// Returns a warning about a part that is larger than anything in orbit: somebody may have written millimetres.
     pub fn size_warning(&self) -> Option<String> {
         let size_m = match &self.shape {
             Shape::Mesh(mesh) => mesh.bounds()?.size_m().max_element(),
@@ -135,7 +135,7 @@ impl Placement {
 /// An axis about which parts turn towards the Sun.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hinge {
-    /// Its name.
+    /// Name in files and reports.
     pub name: String,
     /// A point of the axis in the body's axes, m.
     pub point_m: DVec3,

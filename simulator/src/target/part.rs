@@ -27,7 +27,7 @@ pub(super) struct Files {
     read: Vec<(PathBuf, Vec<NamedMesh>)>,
     /// The parts taken from them, as they are used: file, group, mesh, whether its unit was given.
     taken: Vec<Taken>,
-    /// What was read, with its SHA-256.
+    /// Files that were read, with their SHA-256.
     pub sources: Vec<(PathBuf, String)>,
 }
 
@@ -57,7 +57,7 @@ impl Files {
         Ok(&self.read[index].1)
     }
 
-    /// What is wrong with the meshes: the parts of one file together, since its groups may close only with each other.
+    /// Returns the faults of the meshes: the parts of one file together, since its groups may close only with each other.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         for (path, _) in &self.read {

@@ -1,4 +1,4 @@
-//! What physics says must not change, and hard cases.
+//! Invariants that physics demands, and hard cases.
 
 use super::scenes::*;
 use glam::DVec3;

@@ -7,7 +7,7 @@ use sunglint_simulator::light::bounce::{Bounce, BounceOptions};
 use sunglint_simulator::light::{Scene, View};
 use sunglint_simulator::surface::{Distribution, Fresnel, Lobe, Masking, Material};
 
-/// As many paths as an epoch of a pass may take.
+/// Number of paths that an epoch of a pass may take.
 const MOST_PATHS: u32 = 4096;
 
 fn options(tolerance: f64) -> BounceOptions {

@@ -20,7 +20,7 @@ struct Triangle {
     corner: DVec3,
     edges: [DVec3; 2],
     normal: DVec3,
-    /// Of light that falls on it, the part with which a path goes on; the reflectance of a Lambert surface.
+    /// Share of the light that falls on it with which a path goes on; the reflectance of a Lambert surface.
     rho: f64,
     /// Where it is not Lambert.
     law: Option<Law>,
@@ -74,7 +74,7 @@ impl Rays {
         found
     }
 
-    /// What of fronts a direction sees, across it, m²; by rays from a square about the origin.
+    /// Returns the area of fronts that a direction sees, across it, m²; by rays from a square about the origin.
     pub fn across(&self, d: DVec3, half: f64, n: usize) -> f64 {
         let (x, y) = d.any_orthonormal_pair();
         let at = |k: usize| half * (2.0 * (k as f64 + 0.5) / n as f64 - 1.0);
@@ -117,7 +117,7 @@ impl Rays {
         (sum, square.sqrt())
     }
 
-    /// What one ray brings to the observer after the first scattering.
+    /// Returns the light that one ray brings to the observer after the first scattering.
     fn path(&self, mut from: DVec3, mut along: DVec3, to: DVec3, rng: &mut Rng) -> f64 {
         let (mut light, mut got) = (1.0, 0.0);
         for order in 1.. {
@@ -182,7 +182,7 @@ fn bodies(seed: u64) -> Target {
     target
 }
 
-/// What was found and what is true.
+/// Found light and true light.
 struct Trial {
     found: f64,
     claimed: f64,

@@ -73,7 +73,7 @@ pub fn grey_light(bounce: &Bounce, sun: DVec3, view: View) -> (f64, f64) {
     (at(&weights), at(&errors))
 }
 
-/// What is scattered once, at 550 nm.
+/// Returns the light that is scattered once, at 550 nm.
 pub fn direct(scene: &Scene, sun: DVec3, view: View) -> f64 {
     let mut out = vec![0.0; scene.weight_count()];
     scene.evaluator().direct(sun, view, &mut out).unwrap();

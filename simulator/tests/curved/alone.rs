@@ -24,7 +24,7 @@ fn a_lambert_cylinder_broadside() {
 }
 
 /// Truth: Sun and observer on the axis: the wall of a cone sends cos²/π times its area (all of it has one angle), an end 1/π of its own.
-/// Of a frustum seen from its wide end nothing but that end is seen. 1e-12.
+/// A frustum seen from its wide end shows nothing but that end. 1e-12.
 #[test]
 fn cones_along_their_axis() {
     let (low, high, height) = (1.2, 0.3, 2.0_f64);

@@ -1,4 +1,4 @@
-//! What the Earth leaves of the disc.
+//! Light of the disc that the Earth leaves.
 
 use super::kit::*;
 use glam::DVec3;

@@ -273,7 +273,7 @@ fn bounced_earthshine_follows_the_table() {
     }
 }
 
-/// What the Earth below the north pole of its axes sends by a body: scattered once, and more often; bounces are found in some way.
+/// Returns the light that the Earth below the north pole of its axes sends by a body: scattered once, and more often; bounces are found in some way.
 fn sent(target: &Target, (way, tolerance): (&str, f64), earth: EarthAlbedo) -> [f64; 2] {
     let sun = DVec3::new(-0.9, -0.3, -0.4).normalize();
     let toward = DVec3::ONE.normalize();

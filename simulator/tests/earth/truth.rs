@@ -8,7 +8,7 @@ pub fn vertical(lat: f64, lon: f64) -> DVec3 {
     DVec3::new(lat.cos() * lon.cos(), lat.cos() * lon.sin(), lat.sin())
 }
 
-/// What a sphere of `radius_m` with some albedo (of latitude and longitude, radians) sends a body at `position_m` under a distant Sun, of the Sun's irradiance: the sum of
+/// Returns light from a sphere of `radius_m` with some albedo (of latitude and longitude, radians) at a body at `position_m` under a distant Sun, of its irradiance: the sum of
 /// ρ/π cosθ☉ cosθ dA/d² times what the body makes of the direction, over cells of `step_deg`. All vectors are in Earth-fixed axes.
 pub fn shine(
     position_m: DVec3,

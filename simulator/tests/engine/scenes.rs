@@ -12,7 +12,7 @@ use sunglint_simulator::target::{Hinge, Part, Placement, Shape, Target};
 
 pub type Rng = Xoshiro256PlusPlus;
 
-/// What a part is painted with: its reflectance and its lobe, `None` for a Lambert surface.
+/// Paint of a part: its reflectance and its lobe, `None` for a Lambert surface.
 #[derive(Debug, Clone, Copy)]
 pub struct Paint {
     pub reflectance: f64,

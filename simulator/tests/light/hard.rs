@@ -12,7 +12,7 @@ fn boxed(size: f64) -> Mesh {
     cuboid(DVec3::splat(size), &Side::ALL)
 }
 
-/// What is no direction is refused, with its numbers.
+/// Checks that a vector that is no direction is refused, with its numbers.
 #[test]
 fn no_directions() {
     let one = scene(0);

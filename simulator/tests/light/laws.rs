@@ -1,4 +1,4 @@
-//! What physics and geometry say must not change.
+//! Invariants that physics and geometry demand.
 
 use super::scenes::*;
 use glam::DVec3;

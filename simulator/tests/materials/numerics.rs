@@ -1,4 +1,4 @@
-//! What follows from every law: drawn directions, spheres, widths.
+//! Consequences of every law: drawn directions, spheres, widths.
 
 use crate::materials::laws;
 use crate::materials::{direction, flat, hemisphere};

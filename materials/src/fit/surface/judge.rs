@@ -1,4 +1,4 @@
-//! What is measured at each incidence, and how far a surface is from it.
+//! Measured quantities at each incidence, and the misfit of a surface to them.
 
 use super::hemisphere;
 use super::model::{Cone, Recipe, Surface, disc};
@@ -81,7 +81,7 @@ pub(super) struct Incidence {
     /// Weights of the hemispherical reflectance.
     pub weight: Vec<f64>,
     pub hemispherical: f64,
-    /// What its hemispherical reflectance and peak count: less where the table reflects more than a surface can.
+    /// Weight of the hemispherical reflectance and the peak: less where the table reflects more than a surface can.
     trust: f64,
     /// The samples at the peak.
     pub peak: Vec<usize>,
@@ -183,7 +183,7 @@ fn partners(i: DVec3, o: &[DVec3]) -> Vec<Option<usize>> {
 pub(super) struct Judge<'a> {
     pub recipe: &'a Recipe,
     pub incidences: Vec<&'a Incidence>,
-    /// Of each sample, incidence by incidence: 1 but of outliers.
+    /// Weight of each sample, incidence by incidence: 1 except for outliers.
     pub weight: Vec<f64>,
     /// 2 × the variance of the instrument's disc along one axis.
     pub blur2: f64,
@@ -285,7 +285,7 @@ impl<'a> Judge<'a> {
         DVector::from_vec(rows)
     }
 
-    /// What hemispherical reflectance and peak of an incidence cost beside the mean square of ln f.
+    /// Returns the cost of an incidence's hemispherical reflectance and peak, to be added to the mean square of ln f.
     pub fn figures(&self, incidence: &Incidence, hemispherical: f64, peak: Option<f64>) -> f64 {
         const MOST_LN: f64 = 4.0;
         let ln = |ratio: f64| ratio.max(1e-9).ln().clamp(-MOST_LN, MOST_LN);

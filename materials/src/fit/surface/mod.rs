@@ -3,12 +3,12 @@
 //! f = F(θ_d) [Σ sₖ Lₖ + m exp(−(g cosθ_d)²) L_m] + diffuse, with θ_d the angle between light and bisector. Lobes are GGX, Beckmann or ABg; the mirror is a lobe of Beckmann
 //! microfacets as narrow as the surface is flat. F is constant, Schlick's, or a dielectric's. Every part is the same with light and detector exchanged.
 //!
-//! What is compared with the table is what an instrument would see: the law through the detector's cone and the source's disc. The cost is the mean square of ln f, plus
+//! The quantity compared with the table is what an instrument would see: the law through the detector's cone and the source's disc. The cost is the mean square of ln f, plus
 //! (½ ln E)² + (¼ ln P)² of each incidence, with E the hemispherical reflectance and P the peak, law over table ([`hemisphere`] says what both are). An albedo above 1 costs more than
 //! any misfit. A sample counts less only if it lies apart from its partner on the other side of the mirrored direction: where both sides are off alike it is the law that is wrong.
 //!
 //! Recipes are chosen by what they say of incidences that they were not fitted to, one left out at a time, and the simplest is taken that is not worse by more than chance.
-//! What they were off there is the doubt of ln f, by region.
+//! The residuals at the incidences left out give the doubt of ln f, by region.
 
 pub mod hemisphere;
 mod judge;
@@ -78,11 +78,11 @@ impl Default for SurfaceOptions {
 /// A number of the surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Number {
-    /// Its key in a material's file.
+    /// Key of the number in a material's file.
     pub name: &'static str,
     /// The lobe that it belongs to, counted from 1.
     pub lobe: Option<usize>,
-    /// Its value.
+    /// Value of the number.
     pub value: f64,
     /// The standard deviation of its logarithm; none where it lies at a bound or the values do not decide it.
     pub sigma_ln: Option<f64>,
@@ -95,7 +95,7 @@ pub struct Number {
 /// Root mean square of ln f, measured over law, by region; none without a sample there.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Rms {
-    /// Of all samples.
+    /// Root mean square over all samples.
     pub all: f64,
     /// Up to 3° from the mirrored direction.
     pub peak: Option<f64>,
@@ -121,7 +121,7 @@ pub struct Doubt {
 pub struct Peak {
     /// The sample's angle from the mirrored direction, degrees.
     pub off_deg: f64,
-    /// Its value, sr⁻¹.
+    /// Peak in the table, sr⁻¹.
     pub table_per_sr: f64,
     /// Law over table.
     pub ratio: f64,
@@ -170,7 +170,7 @@ pub struct AtIncidence {
 /// A recipe that was tried.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Tried {
-    /// Its name.
+    /// Name of the recipe.
     pub recipe: String,
     /// Number of its parameters.
     pub parameters: usize,
@@ -182,7 +182,7 @@ pub struct Tried {
     pub left_out: Option<f64>,
 }
 
-/// What is wrong with a fit, or with the table.
+/// Fault of a fit, or of the table.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "what", rename_all = "snake_case")]
 #[non_exhaustive]
@@ -276,7 +276,7 @@ pub struct SurfaceFit {
     pub numbers: Vec<Number>,
     /// How many samples were used.
     pub values: usize,
-    /// As how many independent values they count.
+    /// Number of independent values that these samples amount to.
     pub independent_values: f64,
     /// The others.
     pub left_out: LeftOut,
@@ -292,7 +292,7 @@ pub struct SurfaceFit {
     pub incidences: Vec<AtIncidence>,
     /// Directional–hemispherical reflectance by angle of incidence, degrees.
     pub albedo: Vec<(f64, f64)>,
-    /// What is wrong.
+    /// Faults of the fit and of the table.
     pub flaws: Vec<Flaw>,
     /// All recipes that were tried, the chosen one first.
     pub tried: Vec<Tried>,
@@ -313,7 +313,7 @@ impl SurfaceFit {
         !self.flaws.iter().any(Flaw::needs_consent)
     }
 
-    /// What an instrument with this cone sees of the law, sr⁻¹.
+    /// Returns the law as an instrument with this cone sees it, sr⁻¹.
     pub fn seen(&self, i: glam::DVec3, o: glam::DVec3, cone: &Cone) -> f64 {
         let (i, o) = turned(i, o);
         let radius = cone.radius_rad();
@@ -505,7 +505,7 @@ fn incidences(
     Ok((made.collect(), left_out))
 }
 
-/// What the chosen one is worth.
+/// Evaluates the chosen candidate: its numbers, its errors and its faults.
 fn finish(
     samples: &Samples,
     column: usize,

@@ -53,13 +53,13 @@ pub enum Floor {
 /// The parts of a surface.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Recipe {
-    /// Its lobes, up to three.
+    /// Lobes of the surface, up to three.
     pub lobes: Vec<Kind>,
     /// Whether it mirrors coherently.
     pub mirror: bool,
     /// The Fresnel term of lobes and mirror.
     pub rise: Rise,
-    /// Its diffuse light.
+    /// Diffuse light of the surface.
     pub floor: Floor,
 }
 
@@ -90,7 +90,7 @@ impl Cone {
 }
 
 impl Recipe {
-    /// Its name: `ggx²+lambert+mirror, schlick`.
+    /// Returns the name of the recipe: `ggx²+lambert+mirror, schlick`.
     pub fn name(&self) -> String {
         let mut parts: Vec<String> = Vec::new();
         for kind in [Kind::Beckmann, Kind::Ggx, Kind::Abg] {
@@ -251,7 +251,7 @@ pub struct Surface {
 const MIRROR_REACH: f64 = 6.0;
 
 impl Surface {
-    /// What an instrument sees of light from `i` at `o` \[sr⁻¹\]: the mean of f cosθ over its disc, over cosθ_o. `disc` are the directions of that disc with their weights, of
+    /// Returns f as an instrument sees it, with light from `i`, at `o` \[sr⁻¹\]: the mean of f cosθ over its disc, over cosθ_o. `disc` holds the disc's directions with weights, of
     /// which the lobes are the mean; the mirror, which may be narrower than their distances, is blurred in closed form.
     pub(super) fn seen(&self, i: DVec3, o: DVec3, disc: &[(DVec3, f64)], blur2: f64) -> f64 {
         let mut sum = self.mirrored(i, o, blur2) + self.broad(i.z, o.z);

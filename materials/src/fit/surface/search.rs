@@ -37,7 +37,7 @@ pub(super) struct Candidate {
     pub folds: Vec<Fold>,
 }
 
-/// What a recipe says of an incidence that it was not fitted to.
+/// Prediction of a recipe for an incidence that it was not fitted to.
 #[derive(Debug, Clone)]
 pub(super) struct Fold {
     pub incidence: usize,
@@ -46,12 +46,12 @@ pub(super) struct Fold {
     pub residual: Vec<f64>,
     pub hemispherical: f64,
     pub peak: Option<f64>,
-    /// What both cost.
+    /// Cost of the hemispherical reflectance and of the peak.
     figures: f64,
 }
 
 impl Fold {
-    /// Its score, by blocks of neighbours: mean squares of ln f, and what its figures cost.
+    /// Returns the score by blocks of neighbours: mean squares of ln f, and the cost of reflectance and peak.
     fn blocks(&self) -> Vec<f64> {
         let figures = self.figures;
         let size = self.residual.len().div_ceil(BLOCKS).max(1);

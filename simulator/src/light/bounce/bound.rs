@@ -1,4 +1,4 @@
-//! What inter-reflection can add at most, from the places and normals of the surfaces alone.
+//! Upper bound of inter-reflection, from the places and normals of the surfaces alone.
 
 use super::surfaces::Surface;
 use crate::light::Scene;
@@ -20,7 +20,7 @@ pub struct Bound {
 }
 
 impl Bound {
-    /// Of a scene's surfaces (hinges at any angle).
+    /// Computes the bound for a scene's surfaces (hinges at any angle).
     pub fn new(scene: &Scene, surfaces: &[Surface]) -> Self {
         let all = || (0..surfaces.len()).collect::<Vec<_>>();
         let (active, filled) = if scene.report().convex || surfaces.len() < 2 {

@@ -18,7 +18,7 @@ pub struct Ray {
     pub leaves: usize,
 }
 
-/// What was met.
+/// Intersection of a ray with a surface.
 #[derive(Debug, Clone, Copy)]
 pub struct Hit {
     pub surface: usize,
@@ -39,7 +39,7 @@ struct Node {
 
 #[derive(Debug, Clone, Copy)]
 struct Solid {
-    /// Of a polygon; 0 for a sphere.
+    /// Normal of a polygon; 0 for a sphere.
     normal: DVec3,
     origin: DVec3,
     tangent: DVec3,
@@ -61,7 +61,7 @@ pub struct Caster {
 }
 
 impl Caster {
-    /// Of these surfaces; what is nearer than `least_m` to where a ray begins is not met.
+    /// Creates an index of these surfaces for rays; surfaces nearer than `least_m` to where a ray begins are not met.
     pub fn new(surfaces: &[Surface], least_m: f64) -> Self {
         let mut caster = Self { least: least_m, ..Self::default() };
         let mut boxes = Vec::with_capacity(surfaces.len());
@@ -140,7 +140,7 @@ impl Caster {
         }
     }
 
-    /// What a ray meets first.
+    /// Returns the first surface that a ray meets.
     pub fn first(&self, ray: &Ray) -> Option<Hit> {
         let mut found: Option<Hit> = None;
         self.walk(ray, |hit| {

@@ -60,7 +60,7 @@ pub struct Weights {
     near: bool,
 }
 
-/// What a patch meets along a direction.
+/// Patch that another patch meets along a direction.
 #[derive(Debug, Clone, Copy)]
 struct Meeting {
     direction: u32,
@@ -70,7 +70,7 @@ struct Meeting {
     arrives: [f32; 2],
 }
 
-/// What an end brings to diffuse patches by one rough surface, E or of what is seen.
+/// Gain of an end at diffuse patches by one rough surface: irradiance E, or the share that is seen.
 #[derive(Debug, Clone, Default)]
 pub struct Gain {
     /// For each channel and patch.
@@ -87,7 +87,7 @@ pub struct Pairs {
 }
 
 impl Gain {
-    /// Of so many channels, diffuse patches and larger ones: nothing yet.
+    /// Creates an empty gain for so many channels, diffuse patches and larger ones.
     pub fn new(channels: usize, [fine, coarse]: [usize; 2]) -> Self {
         Self {
             fine: vec![vec![0.0; fine]; channels],
@@ -115,7 +115,7 @@ impl Pairs {
 }
 
 impl Chords {
-    /// Of the patches after the diffuse ones.
+    /// Traces the directions of the rough patches, which come after the diffuse ones.
     pub fn new(between: &Between, optics: &Optics, (each, seed): (u32, u32)) -> Self {
         let Between { surfaces, patches, .. } = *between;
         let mut chords = Self { each, ..Self::default() };
@@ -222,13 +222,13 @@ impl Chords {
         self.meets.iter().flatten().map(Vec::len).sum()
     }
 
-    /// Of each rough patch, the part that is inside of another body.
+    /// Returns the part of each rough patch that is inside of another body.
     pub fn buried(&self) -> impl Iterator<Item = f64> + '_ {
         let rays = f64::from(self.each) * SCRAMBLES as f64;
         self.buried.iter().map(move |b| f64::from(*b) / rays)
     }
 
-    /// What a patch of an area sends along each of its directions under E = 1 before a weight of 1 sr⁻¹, m².
+    /// Returns the light that a patch of this area sends along each of its directions under E = 1 before a weight of 1 sr⁻¹, m².
     fn each_m2(&self, area: f64) -> f64 {
         PI * area / (f64::from(self.each) * SCRAMBLES as f64)
     }

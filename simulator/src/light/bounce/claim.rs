@@ -1,6 +1,6 @@
-//! What the size of patches leaves open: the difference that patches of twice the size make, held against light paths.
+//! Error by the size of patches: the difference that patches of twice the size make, compared with light paths.
 
-/// Of the difference in the mean, what every direction's error is at least: its own may be small by chance.
+/// Least error of every direction, as a share of the difference in the mean: a direction's own difference may be small by chance.
 const LEAST_OF_TYPICAL: f64 = 0.5;
 /// Standard errors of the paths by which all light together may differ beyond the claims.
 const APART: f64 = 3.0;

@@ -25,7 +25,7 @@ const AGREEING: u32 = 512;
 const MOST_CHORDS: usize = 1 << 20;
 /// Rays of all diffuse patches at most, where some are followed further: a second.
 const MOST_FOLLOWED: usize = 1 << 21;
-/// Of the former those that meet anything: what an epoch takes its time for, some nanoseconds each.
+/// Rays of rough patches that meet anything, at most: they take most of the time of an epoch, some nanoseconds each.
 const MOST_MEETINGS: usize = 200_000;
 
 /// Patches on trial.
@@ -41,10 +41,10 @@ pub struct Draft<'a> {
     node: usize,
 }
 
-/// What a look at all pairs of directions shows, relative to all light: roots of the mean squares.
+/// Errors over all pairs of directions, relative to all light: roots of the mean squares.
 #[derive(Debug, Clone, Copy)]
 pub struct Look {
-    /// What patches of twice the size change.
+    /// Change of the light with patches of twice the size.
     pub coarseness: f64,
     /// The claimed error of form factors, and of the directions of rough surfaces.
     pub factors: f64,
@@ -177,7 +177,7 @@ impl<'a> Draft<'a> {
         Look { coarseness, factors, chords }
     }
 
-    /// What patches may claim, held against light paths over all pairs, and the error stated then, relative to all light (root of the mean square);
+    /// Returns the claim of the patches, held against light paths over all pairs, and the error stated then, relative to all light (root of the mean square);
     /// `None` where paths find other light by more than the patches' size explains. `plan` is of as many paths as the rest may take.
     pub fn held(
         &self,

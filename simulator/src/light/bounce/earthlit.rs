@@ -32,9 +32,9 @@ const POINTS: u32 = 2;
 const LEAST: u32 = 4;
 /// Standard errors that are claimed: Student's t of 7 degrees of freedom at 99 %, since paths end where the error happens to look small.
 const CLAIMED: f64 = 3.5;
-/// Of the tolerance, the part that the claimed error of the paths may take.
+/// Share of the tolerance that the claimed error of the paths may take.
 const OF_TOLERANCE: f64 = 0.5;
-/// What wavelengths between nodes may change of it: it is a part of a part of all light.
+/// Relative error allowed between nodes of wavelength: this light is a part of a part of all light.
 const BETWEEN_NODES: f64 = 0.01;
 /// Cost of a path, s, estimated for the report.
 const PATH_S: f64 = 1e-6;
@@ -42,12 +42,12 @@ const PATH_S: f64 = 1e-6;
 const ORDERS: [usize; 3] = [1, 2, 3];
 /// Directions of the rules that mostly do.
 const DIRECTIONS: f64 = 20.0;
-/// Of the tolerance, what patches may take, and two rules over the cap may differ by.
+/// Share of the tolerance that patches may take, and by which two rules over the cap may differ.
 const OF_PATCHES: f64 = 0.5;
 /// The coarsest patches that are trusted, relative to the Earth's own light.
 const COARSEST: f64 = 0.05;
 
-/// What does not change from epoch to epoch.
+/// Preparation that stays the same from epoch to epoch.
 #[derive(Debug)]
 pub(in crate::light) struct Earthlit {
     surfaces: Surfaces,
@@ -61,7 +61,7 @@ pub(in crate::light) struct Earthlit {
 }
 
 impl Earthlit {
-    /// Of a scene; `shape_error` is that of the facets of a [`super::StandIn`], relative, `share` the most that earthshine is of sunlight. `None` where
+    /// Prepares a scene; `shape_error` is that of the facets of a [`super::StandIn`], relative, `share` the most that earthshine is of sunlight. `None` where
     /// no surface sees another.
     ///
     /// # Errors
@@ -96,7 +96,7 @@ impl Earthlit {
         Ok(Some(Self { surfaces, active, nodes, options, shape_error, earth, patches }))
     }
 
-    /// Its terms: those of all nodes for each layer of the Earth.
+    /// Returns the terms: those of all nodes for each layer of the Earth.
     ///
     /// # Errors
     /// Spectra that have no product.
@@ -160,7 +160,7 @@ enum Room<'a> {
 }
 
 impl<'a> EarthlitLight<'a> {
-    /// Of the scene that the plan was made for.
+    /// Creates the light of the scene that the plan was made for.
     pub fn new(scene: &'a Scene, plan: Arc<Earthlit>) -> Self {
         let room = match &plan.patches {
             Some((still, _)) => Room::Patches {
@@ -295,7 +295,7 @@ impl Earthlit {
     }
 }
 
-/// What was found so far.
+/// Sums over the batches so far.
 #[derive(Debug)]
 struct Tally {
     nodes: usize,
@@ -335,7 +335,7 @@ impl Tally {
         (mean, (square / (n * (n - 1.0))).sqrt())
     }
 
-    /// What may be missing where few paths found anything, m² sr⁻¹.
+    /// Returns the light that may be missing where few paths found anything, m² sr⁻¹.
     fn missing(&self) -> f64 {
         let irradiance = self.irradiance / (BATCHES as f64 * f64::from(self.points.max(1)));
         irradiance * Sums::missing_of(&self.sums)

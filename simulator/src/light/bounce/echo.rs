@@ -10,7 +10,7 @@ use crate::light::Scene;
 use crate::light::occlude::Toward;
 use glam::DVec3;
 
-/// What one path of two scatterings or more adds.
+/// Contribution of one path of two scatterings or more.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Echo {
     /// Which of the scrambles that do not know of each other it belongs to.
@@ -20,12 +20,12 @@ pub(crate) struct Echo {
     pub last_m: DVec3,
     /// The way between them, m.
     pub between_m: f64,
-    /// Its light at the first node, m² sr⁻¹: the sum over a scramble's paths is that many times its light.
+    /// Light of the path at the first node, m² sr⁻¹: the sum over a scramble's paths is their number times the scramble's light.
     pub light: f64,
 }
 
 impl Echo {
-    /// Of a path that began at the light, or at the observer.
+    /// Creates the echo of a path that began at the light, or at the observer.
     pub(super) fn new(
         from_light: bool,
         [start, end]: [DVec3; 2],
@@ -37,7 +37,7 @@ impl Echo {
     }
 }
 
-/// What takes the echoes of a round: see [`Echoes::trace`].
+/// Callback that takes the echoes of a round: see [`Echoes::trace`].
 type Take<'a> = dyn FnMut(&[Echo], u32, f64) -> Option<u32> + 'a;
 
 /// The paths of a scene at one wavelength, for one thread.

@@ -58,15 +58,15 @@ use tracing::{Plan, Tracing};
 
 /// Nodes of a first look, relative error between them.
 const ROUGH: f64 = 0.1;
-/// Of the tolerance, the part that the wavelengths between nodes may take.
+/// Share of the tolerance that the wavelengths between nodes may take.
 const BETWEEN_NODES: f64 = 0.3;
 
-/// What inter-reflected light is wanted for.
+/// Options for computing inter-reflected light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BounceOptions {
     /// The relative error of the whole signal that inter-reflection may bring: above 0, below 1.
     pub tolerance: f64,
-    /// What all random points come from.
+    /// Seed of all random points.
     pub seed: u32,
     /// Light paths of an epoch at most, where there are paths: what is then left of the tolerance is in the errors.
     pub most_paths: u32,
@@ -122,7 +122,7 @@ enum Way {
     Paths(Arc<Plan>),
 }
 
-/// What was prepared for a scene.
+/// Prepared inter-reflection of a scene.
 #[derive(Debug, Clone)]
 pub(in crate::light) struct Prepared {
     way: Way,
@@ -241,7 +241,7 @@ impl<'a> Bounce<'a> {
         self
     }
 
-    /// What it needs, and why. The bound is on the light over all directions, relative to what is scattered once; where it was left out after a measurement, the
+    /// Returns the need, with its reason. The bound is over the light in all directions, relative to what is scattered once; where it was left out after measuring, the
     /// largest share of the signal that was met.
     pub fn need(&self) -> &Need {
         &self.need
@@ -262,13 +262,13 @@ impl<'a> Bounce<'a> {
         self.prepared().light(self.scene)
     }
 
-    /// What was prepared, for whoever keeps the scene elsewhere.
+    /// Returns the preparation, for a caller that keeps the scene elsewhere.
     pub(in crate::light) fn prepared(&self) -> Prepared {
         Prepared { way: self.way.clone(), terms: self.terms.len(), shape_error: self.shape_error }
     }
 }
 
-/// What the need is called.
+/// Name of the effect in the list of needs.
 const EFFECT: &str = "inter-reflection";
 
 /// Inter-reflected light of a scene, for one thread.

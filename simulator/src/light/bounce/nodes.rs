@@ -92,7 +92,7 @@ fn grid(tables: &[&[f64]], (first, last): (f64, f64)) -> Vec<f64> {
     grid
 }
 
-/// What light may have been multiplied by.
+/// Returns the products of reflectances that light may have been multiplied by.
 fn products(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
     // Many spectra: each with itself and its neighbours in the list alone.
     let reach = if rows.len() <= 12 { rows.len() } else { 3 };

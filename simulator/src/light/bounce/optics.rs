@@ -6,7 +6,7 @@ use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, PI};
 use std::sync::Arc;
 
-/// Of a material with a lobe, the share of directions that are drawn from it; the others are spread as over a Lambert surface.
+/// Share of directions drawn from the lobe of a material that has one; the others are spread as over a Lambert surface.
 const FROM_LOBE: f64 = 0.8;
 /// The same with a Lambert base below.
 const FROM_COAT: f64 = 0.5;
@@ -26,7 +26,7 @@ pub struct Optics {
 pub struct Drawn {
     /// In the surface's axes.
     pub to: DVec3,
-    /// Its density, sr⁻¹; `None` of a mirror.
+    /// Probability density of the direction, sr⁻¹; `None` for a mirror.
     pub density: Option<f64>,
 }
 

@@ -19,7 +19,7 @@ use std::f64::consts::FRAC_1_PI;
 const WHITEST: f64 = 1.0 - 1e-7;
 /// Standard errors that are claimed: Student's t of 7 degrees of freedom at 96 %.
 const CLAIMED: f64 = 2.5;
-/// Of what wavelengths between the nodes may change, what few matrices in place of one a node may.
+/// Error that few matrices in place of one a node may make, as a share of the error between the nodes.
 const OF_NODES: f64 = 0.03;
 /// No less than this: numbers are stored to 6e-8.
 const LEAST_SPECTRAL: f64 = 1e-6;
@@ -51,7 +51,7 @@ struct Node {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Found {
     pub light: f64,
-    /// What patches of twice the size change.
+    /// Change of the light with patches of twice the size.
     pub left: f64,
     /// The claimed error of the form factors.
     pub factors: f64,
@@ -212,7 +212,7 @@ impl Node {
         }
     }
 
-    /// What one diffuse patch alone scatters between rough surfaces.
+    /// Returns the light that one diffuse patch alone scatters between rough surfaces.
     fn once(&self, level: usize, [e, v]: [&[f64]; 2], [e0, v0]: [&Vec<f64>; 2]) -> f64 {
         if self.rho.is_empty() {
             return 0.0;
@@ -221,14 +221,14 @@ impl Node {
         self.once[level].iter().enumerate().map(|(k, q)| q * more(k)).sum()
     }
 
-    /// What is scattered twice, by a rough surface at least once.
+    /// Returns the light that is scattered twice, by a rough surface at least once.
     fn paired(&self, pairs: &[f64]) -> f64 {
         let n = self.rho.len();
         pairs.iter().enumerate().map(|(k, w)| self.rho[k / n] * self.rho[k % n] * w).sum()
     }
 }
 
-/// Of the diffuse patches and the larger ones.
+/// Returns the reflectances of the diffuse patches and of the larger ones.
 fn reflectances(patched: &Patched, optics: &Optics, node: usize) -> [Vec<f64>; 2] {
     let Patched { surfaces, patches, .. } = patched;
     let [fine, coarse] = patches.diffuse;

@@ -215,7 +215,7 @@ impl Cells {
         &room.cell
     }
 
-    /// What of a convex ring lies in one column (axis 0) or row (axis 1) of cells.
+    /// Cuts a convex ring to its part in one column (axis 0) or row (axis 1) of cells.
     fn between(&self, axis: usize, k: usize, ring: &mut Vec<P2>, spare: &mut Vec<P2>) {
         let from = self.low[axis] + k as f64 * self.step[axis];
         // The first and the last reach beyond: nothing is lost to rounding.

@@ -28,7 +28,7 @@ const FEW: f64 = 12.0;
 /// The longest path; of what is white all over 0.99⁴⁰⁰ is left, and a path ends by chance long before.
 const LONGEST: u32 = 400;
 
-/// What is traced.
+/// Inputs for tracing light paths.
 #[derive(Debug)]
 pub struct Paths<'a> {
     pub surfaces: &'a Surfaces,
@@ -37,7 +37,7 @@ pub struct Paths<'a> {
     /// The surfaces on which light may fall that comes from another, or from which it may go to another.
     pub active: &'a [usize],
     pub both_ends: bool,
-    /// Of each surface whether it is rough, where only paths of three scatterings and more count that begin or end with two rough surfaces.
+    /// Flags of the rough surfaces, one for each surface, where only paths of three scatterings and more count that begin or end with two rough surfaces.
     pub rest_of: Option<&'a [bool]>,
     pub seed: u32,
 }
@@ -63,7 +63,7 @@ pub struct Sums {
     starts: f64,
     /// Paths that found anything.
     found: u32,
-    /// What the active surfaces fill across both ends at most, m².
+    /// Upper bound of the active surfaces' projected area towards both ends, m².
     across: f64,
     /// Each path's own light, where it is wanted.
     pub echoes: Option<Vec<Echo>>,
@@ -89,7 +89,7 @@ impl Sums {
         mean(&self.bounced, self.nodes, node, f64::from(self.points.max(1)))
     }
 
-    /// What may be missing where few paths found anything, m² sr⁻¹: one more that sends all its light to the other end, white and diffuse; the less
+    /// Bounds the light missed where few paths found anything, m² sr⁻¹: one more path that sends all its light to the other end, white and diffuse; the less
     /// the more have found something.
     pub fn missing(&self) -> f64 {
         Self::missing_of(std::slice::from_ref(self))

@@ -24,13 +24,13 @@ const FAINT: f64 = 0.05;
 /// Cosine of the largest phase angle.
 const LARGEST_PHASE_COS: f64 = -0.5;
 
-/// What was seen.
+/// Result of a first look at some pairs of directions.
 #[derive(Debug, Clone)]
 pub struct Pilot {
     pub pairs: Vec<Pair>,
-    /// Of all light of all pairs.
+    /// Share of inter-reflected light in all light of all pairs.
     pub mean: f64,
-    /// Of any pair that is not faint at any node, two standard errors above what was found.
+    /// Largest share of any pair that is not faint at any node, two standard errors above what was found.
     pub largest: f64,
 }
 

@@ -1,6 +1,6 @@
 //! Exchange matrices of many wavelengths, in few.
 //!
-//! Of a body with a handful of materials the matrices Q_n of all wavelengths n differ by a handful of reflectances: they are rational functions of them,
+//! The matrices Q_n of a body with a handful of materials differ over all wavelengths n by a handful of reflectances: they are rational functions of them,
 //! and combinations of a few matrices B_k give all of them. So an epoch reads a few matrices and not one for each wavelength. The B_k are found
 //! by Gram–Schmidt among the Q_n, each number relative to its mean over the wavelengths Q̄, so that what is left is known of every number: |Q_n − Σ_k c_nk B_k| ≤ ε_n Q̄.
 //! All numbers of both ends are positive, hence the error of the light is at most ε_n v Q̄ e.
@@ -83,7 +83,7 @@ impl Spectral {
         self.basis.len()
     }
 
-    /// What both ends bring, the Sun's or the Earth's and the observer's, through each matrix: each is read once.
+    /// Returns the light that both ends bring, the Sun or the Earth and the observer, through each matrix: each is read once.
     pub fn between(&self, [sun, eye]: [&End; 2]) -> Products {
         let [suns, eyes] = [sun, eye]
             .map(|end| std::iter::once(&end.straight[0]).chain(&end.gain.fine).collect::<Vec<_>>());

@@ -27,7 +27,7 @@ const MOST_NUMBERS: usize = 16_000_000;
 /// Rays of each patch and scramble to begin with, and directions of a rough surface and scramble.
 const LEAST_RAYS: u32 = 32;
 const LEAST_CHORDS: u32 = 16;
-/// Of what the patches' size leaves open, what rays may leave open.
+/// Error that rays may leave, as a share of the error by the patches' size.
 const OF_COARSENESS: f64 = 0.3;
 /// The first cells, of which there are about as many as this; then cells this much smaller.
 const FIRST_CELLS: f64 = 24.0;
@@ -38,17 +38,17 @@ const DIFFUSE: f64 = 4.0;
 const USUAL_PATHS: (u32, u32) = (4096, 1 << 17);
 const LEAST_PATCHES: f64 = 64.0;
 const MOST_PATCHES: f64 = 2000.0;
-/// Of the tolerance, the part that patches and rays may take each.
+/// Share of the tolerance that patches and rays may take each.
 const OF_TOLERANCE: f64 = 0.5;
 
-/// What an epoch of one direction may cost, and when that is worth it.
+/// Limits of the cost of an epoch of one direction, and when this cost is worth it.
 #[derive(Debug, Clone, Copy)]
 pub struct Effort {
     /// Patches at most.
     pub patches: usize,
     /// Directions for which materials are asked at most.
     pub asked: usize,
-    /// Of the error that paths would state, what patches with lobes may state where they do not meet the tolerance.
+    /// Error that patches with lobes may state where they do not meet the tolerance, as a share of the error that paths would state.
     pub of_paths: f64,
 }
 
@@ -67,7 +67,7 @@ impl Effort {
     pub const EARTH: Self = Self { patches: 100, asked: 800, of_paths: f64::INFINITY };
 }
 
-/// What is done once.
+/// Preparation that is done once.
 #[derive(Debug)]
 pub struct Still {
     nodes: Nodes,
@@ -240,7 +240,7 @@ impl Still {
         Views::new(scene, &self.patched)
     }
 
-    /// What patches find of the light of some directions, each times its irradiance, and its claimed error, at each node, m² sr⁻¹.
+    /// Returns the light that patches find for some directions, each times its irradiance, and its claimed error, at each node, m² sr⁻¹.
     pub fn found(&self, views: &mut Views, from: &[(DVec3, f64)], eye: Toward) -> Vec<(f64, f64)> {
         let found = views.between(&self.patched, &self.orders, from, eye);
         found.iter().map(|f| (f.light, self.claimed(f))).collect()

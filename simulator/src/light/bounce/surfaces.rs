@@ -12,11 +12,11 @@ use std::f64::consts::PI;
 pub struct Surface {
     /// The facet's number in the scene; for a sphere that of the sphere.
     pub number: usize,
-    /// Its material.
+    /// Index of the material.
     pub material: usize,
     /// The group that it moves with (0: the body, else hinge + 1).
     pub group: usize,
-    /// Its area, m².
+    /// Area of the surface, m².
     pub area: f64,
     /// A point of it (of a sphere the middle), m.
     pub origin: DVec3,
@@ -31,7 +31,7 @@ pub struct Surface {
     pub sheet: bool,
 }
 
-/// What it looks like.
+/// Outline of a surface.
 #[derive(Debug, Clone)]
 pub enum Outline {
     /// Corners in the plane's axes.
@@ -93,7 +93,7 @@ impl Surface {
         other.corners().map(height).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// What is about a point of the surface.
+    /// Returns a point of the surface with its normal and tangents.
     pub fn place(&self, surface: usize, at: DVec3) -> Place {
         if self.is_sphere() {
             let normal = (at - self.origin).normalize_or(DVec3::Z);
@@ -120,7 +120,7 @@ impl Surface {
         }
     }
 
-    /// What the surface fills across a direction, before anything hides it, m².
+    /// Returns the projected area of the surface across a direction, before anything hides it, m².
     pub fn across(&self, toward: DVec3) -> f64 {
         match self.shape {
             Outline::Polygon(_) => self.area * self.normal.dot(toward).max(0.0),

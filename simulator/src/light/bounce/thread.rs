@@ -1,4 +1,4 @@
-//! What a thread needs to follow paths through a scene.
+//! Working set of a thread that follows paths through a scene.
 
 use super::cast::Caster;
 use super::optics::Optics;
@@ -19,12 +19,12 @@ pub(super) struct Thread<'a> {
     direct: Direct<'a>,
     /// Whether some surface that sees another is not Lambertian: its paths are followed from both ends.
     both_ends: bool,
-    /// Of each surface whether it is not Lambertian.
+    /// Flags of the surfaces that are not Lambertian, one for each surface.
     rough: Vec<bool>,
 }
 
 impl<'a> Thread<'a> {
-    /// Of a scene, for wavelengths; `active` are the surfaces that see another.
+    /// Creates the working set for a scene and wavelengths; `active` are the surfaces that see another.
     pub fn new(scene: &'a Scene, surfaces: &Surfaces, active: &[usize], nm: &[f64]) -> Self {
         let surfaces = surfaces.clone();
         let caster = Caster::new(&surfaces.list, scene.touching_m);

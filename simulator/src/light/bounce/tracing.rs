@@ -15,16 +15,16 @@ use std::sync::Arc;
 const LEAST: u32 = 64;
 /// Standard errors that are claimed: Student's t of 7 degrees of freedom at 99 %, since paths end where the error happens to look small.
 const CLAIMED: f64 = 3.5;
-/// Of the tolerance, the part that the claimed error of the paths may take.
+/// Share of the tolerance that the claimed error of the paths may take.
 const OF_TOLERANCE: f64 = 0.7;
 /// Scenes of more facets leave the direct light to the paths.
 const MOST_EXACT: usize = 2000;
-/// What the direct light may be off by beside which bounced light is weighed.
+/// Relative error allowed in the direct light with which bounced light is compared.
 const ROUGH_DIRECT: f64 = 1e-2;
 /// Cost of a path, s, estimated for the report.
 const PATH_S: f64 = 1e-6;
 
-/// What does not change from epoch to epoch.
+/// Preparation that stays the same from epoch to epoch.
 #[derive(Debug)]
 pub struct Plan {
     surfaces: Surfaces,
@@ -64,7 +64,7 @@ impl Plan {
         "light paths for each epoch".into()
     }
 
-    /// By how many paths the first look would have wanted in the mean of its pairs.
+    /// Estimates the cost of an epoch, s, from the paths that the first look would have wanted in the mean of its pairs.
     pub fn cost_s(&self, pilot: &Pilot) -> f64 {
         let (mut paths, mut pairs) = (0.0, 0.0_f64);
         for pair in pilot.pairs.iter().filter(|p| p.counts) {

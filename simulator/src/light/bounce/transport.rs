@@ -41,17 +41,17 @@ pub struct Exchange {
     pub rays: u32,
     /// Rays from one patch to another, all scrambles.
     hits: Vec<u32>,
-    /// What rays brought from one patch to another by rough surfaces, for each node; none where there are no rough surfaces.
+    /// Light that rays brought from one patch to another by rough surfaces, for each node; none where there are no rough surfaces.
     through: Vec<Matrix>,
     /// Rays that began inside of another body.
     buried: Vec<u32>,
-    /// What was brought between the larger patches in any way at one node, of each scramble, times the patch's area, m².
+    /// Light brought between the larger patches in any way at one node, for each scramble, times the patch's area, m².
     scrambles: Vec<Vec<f64>>,
     /// That node.
     node: usize,
 }
 
-/// What the rays of one patch bring.
+/// Result of the rays of one patch.
 struct Shot {
     /// For each patch.
     hits: Vec<u32>,
@@ -68,7 +68,7 @@ pub type Matrix = Vec<f64>;
 /// The same in half of the memory, which is what a product waits for: 6e-8 of each number.
 pub type Stored = Vec<f32>;
 
-/// What rays go through.
+/// Scene that rays go through.
 #[derive(Debug, Clone, Copy)]
 pub struct Between<'a> {
     pub surfaces: &'a Surfaces,
@@ -79,7 +79,7 @@ pub struct Between<'a> {
 }
 
 impl Exchange {
-    /// Of the diffuse patches, with light at `nodes` wavelengths where there are rough ones; the error is known of `node`.
+    /// Creates an empty exchange of the diffuse patches, with light at `nodes` wavelengths where there are rough ones; the error is known of `node`.
     pub fn new(patches: &Patches, nodes: usize, node: usize) -> Self {
         let [count, coarse] = patches.diffuse;
         let nodes = if patches.list.len() > count { nodes } else { 0 };
@@ -125,7 +125,7 @@ impl Exchange {
         }
     }
 
-    /// What the rays of one patch bring, from those that it has sent until `until` of each scramble.
+    /// Traces the rays of one patch, from those that it has sent up to `until` of each scramble.
     fn shot(
         &self,
         between: &Between,
@@ -218,13 +218,13 @@ impl Exchange {
         None
     }
 
-    /// Of each diffuse patch, the part that is inside of another body.
+    /// Returns the part of each diffuse patch that is inside of another body.
     pub fn buried(&self) -> impl Iterator<Item = f64> + '_ {
         let each = f64::from(self.rays) * SCRAMBLES as f64;
         self.buried.iter().map(move |buried| f64::from(*buried) / each)
     }
 
-    /// What goes by rough surfaces at a node, from both directions; `None` where there are none.
+    /// Returns the exchange by rough surfaces at a node, from both directions; `None` where there are none.
     fn through(&self, patches: &Patches, node: usize) -> Option<Matrix> {
         let (n, rows) = (self.count, self.through.get(node)?);
         let each = 2.0 * f64::from(self.rays) * SCRAMBLES as f64;

@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 /// Corners around at least, and at most.
 const LEAST_AROUND: u32 = 24;
 const MOST_AROUND: u32 = 256;
-/// What a facet may be tilted against the surface it stands for, of the width of the material's lobe.
+/// Largest tilt of a facet against the surface it stands for, as a share of the width of the material's lobe.
 const TILTED: f64 = 0.15;
 
 /// A target of flat facets (and spheres) that stands for another.
@@ -16,7 +16,7 @@ const TILTED: f64 = 0.15;
 pub struct StandIn {
     /// The same parts, materials and hinges.
     pub target: Target,
-    /// What the facets may change of the inter-reflected light, relative: (δ/w)² with δ the largest angle between a facet and what it stands for
+    /// Largest relative change of the inter-reflected light by the facets: (δ/w)² with δ the largest angle between a facet and what it stands for
     /// and w the half-width of the material's lobe (1 rad where it has none), at most 1. For [`super::Bounce::with_shape_error`].
     pub error: f64,
 }

@@ -1,4 +1,4 @@
-//! What one end of all paths, Sun, Earth or observer, gives to patches, or sees of them.
+//! Light that one end of all paths, Sun, Earth or observer, gives to patches or sees of them.
 
 use super::chords::{Chords, Gain, Pairs, Weights};
 use super::orders::{Found, Orders, Vectors};
@@ -9,7 +9,7 @@ use crate::light::occlude::Toward;
 use crate::light::{Evaluator, Scene};
 use glam::DVec3;
 
-/// What of a patch is open at least that counts as all of it.
+/// Least open share of a patch that counts as all of it.
 const WHOLE: f64 = 1.0 - 1e-9;
 
 /// The surfaces that exchange light, in patches.
@@ -17,12 +17,12 @@ const WHOLE: f64 = 1.0 - 1e-9;
 pub struct Patched {
     pub surfaces: Surfaces,
     pub patches: Patches,
-    /// What of the patches and of the larger ones is not inside of another body, m².
+    /// Areas of the patches and of the larger ones outside of other bodies, m².
     pub areas: [Vec<f64>; 2],
     pub chords: Chords,
 }
 
-/// What of each patch and larger patch is open to an end, times the cosine, of what is open at all.
+/// Share of each patch and larger patch that is open to an end, times the cosine, of what is open at all.
 #[derive(Debug, Clone)]
 pub struct Shares {
     pub toward: Toward,
@@ -32,9 +32,9 @@ pub struct Shares {
     cosine: Vec<f64>,
     /// Whether only a part of a patch is open.
     partly: Vec<bool>,
-    /// What of each surface is open where something is not, in its axes.
+    /// Open part of each surface that is partly hidden, in its axes.
     open: Vec<Vec<Vec<P2>>>,
-    /// What rough surfaces send along their directions.
+    /// Light that rough surfaces send along their directions.
     pub weights: Weights,
 }
 
@@ -148,7 +148,7 @@ impl<'a> Viewer<'a> {
     }
 }
 
-/// What an end, of one direction or of many, brings to diffuse patches.
+/// Light that an end, of one direction or of many, brings to diffuse patches.
 #[derive(Debug, Clone)]
 pub struct End {
     /// Straight, of the patches and of the larger ones.

@@ -28,7 +28,7 @@ pub struct Patch {
     twice: f64,
 }
 
-/// What is integrated, in the facet's axes.
+/// Integral to compute, in the facet's axes.
 pub struct Task<'a> {
     /// The triangle.
     pub patch: &'a Patch,

@@ -12,11 +12,11 @@ use std::f64::consts::{PI, TAU};
 /// Facets of a dish that hides what stands within it: around and along.
 const DISH_FACETS: [usize; 2] = [64, 12];
 
-/// What a curved part brings.
+/// Result of building a curved part.
 pub struct Made {
     /// Itself, with its ball.
     pub round: Round,
-    /// Its flat faces, in the body's axes.
+    /// Flat faces of the part, in the body's axes.
     pub ends: Vec<Polygon>,
     /// Sheets that stand for it as an occluder, in the body's axes, where its outline does not do.
     pub sheets: Vec<Vec<DVec3>>,
@@ -82,7 +82,7 @@ pub fn make(target: &Target, number: usize, component: usize, touching_m: f64) -
     Some(made)
 }
 
-/// What is wrong with the sizes of a curved shape: of what, its value in m, what would do.
+/// Returns the fault in the sizes of a curved shape: the size at fault, its value in m, the values that are allowed.
 pub fn fault(shape: &Curved) -> Option<(&'static str, f64, &'static str)> {
     let positive = |what, value: f64| {
         (!(value > 0.0 && value.is_finite())).then_some((what, value, "more than 0"))

@@ -29,7 +29,7 @@ use zone::{Pole, Zone};
 /// A curved part.
 #[derive(Debug, Clone)]
 pub struct Round {
-    /// Its surfaces that reflect.
+    /// Surfaces of the part that reflect.
     pub zones: Vec<Zone>,
     /// The radius where it is a whole sphere.
     pub sphere: Option<f64>,

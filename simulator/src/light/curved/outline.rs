@@ -15,7 +15,7 @@ pub const CORNERS: usize = 256;
 /// Points of each half of the curve along which a dish turns away.
 const TURNS: usize = 96;
 
-/// What hides: a zone seen from outside, between plane rims.
+/// Occluding form: a zone seen from outside, between plane rims.
 #[derive(Debug, Clone)]
 pub struct Form {
     /// The outside.
@@ -36,7 +36,7 @@ pub struct Outline {
 }
 
 impl Form {
-    /// Of the outside of a zone.
+    /// Creates the form of the outside of a zone.
     pub fn new(zone: Zone, dish: bool) -> Self {
         let n = CORNERS as u16;
         let mut edges: Vec<(u16, u16)> = Vec::new();

@@ -1,6 +1,6 @@
 //! Curved surfaces that something shades or hides: cells, divided where it matters.
 //!
-//! What is lit and seen of a cell is found on a plane through it, with shadows thrown onto it as onto a facet; how much light that is of the
+//! The lit and seen part of a cell is found on a plane through it, with shadows thrown onto it as onto a facet; how much light that is of the
 //! whole cell's, from the true normals. A cell that a shadow's edge crosses is then off by the edge's length times the cell's bulge, so
 //! that all of them together gain a factor four when cells are halved, at twice their number. That length times the bulge, times the
 //! tangent of the light's angle, is the error of a cell, or what it changed by when it came from its parent if that is more; the worst
@@ -66,7 +66,7 @@ impl Ord for Node {
 }
 
 impl Refiner {
-    /// What of other components may stand before a ball, towards the Sun and towards the observer; `None` where it is dark.
+    /// Finds the occluders of other components that may stand before a ball, towards the Sun and towards the observer; `None` where it is dark.
     pub fn before(
         &mut self,
         sight: &Sight,
@@ -93,7 +93,7 @@ impl Refiner {
         Some(near)
     }
 
-    /// What is known of one point, to a radius.
+    /// Determines whether one point is lit and seen, to a radius.
     pub fn point(
         &mut self,
         sight: &Sight,
@@ -204,7 +204,7 @@ impl Refiner {
         size
     }
 
-    /// What is lit and seen of a cell; what it would send with nothing before it is added to `full`.
+    /// Computes the lit and seen light of a cell; the light that it would send with nothing before it is added to `full`.
     #[expect(clippy::too_many_arguments, reason = "one use, split from its caller")]
     fn cell(
         &mut self,
@@ -326,15 +326,15 @@ impl Refiner {
     }
 }
 
-/// What was found of a cell.
+/// Result for a cell.
 struct Found {
     kept: Vec<f64>,
     /// The smaller of what is kept and what is lost.
     between: Vec<f64>,
-    /// What the plane leaves open of it.
+    /// Error from taking the cell as a plane.
     coarse: Vec<f64>,
     quadrature: f64,
-    /// What may stand before it; `None` where it is done.
+    /// Occluders that may stand before the cell; `None` where it is done.
     near: Option<[Candidates; 2]>,
 }
 

@@ -28,10 +28,10 @@ const GAUSS_5: [(f64, f64); 5] = [
 /// Rules for whole zones.
 static FINE: LazyLock<[Vec<(f64, f64)>; 2]> =
     LazyLock::new(|| [1, 2].map(|order| panels::panel(-1.0, 1.0, order).collect()));
-/// What the material's lobe may be narrower than: panels shrink towards it, radians.
+/// Widths below which the material's lobe may lie: panels shrink towards it, radians.
 const NARROW: [f64; 3] = [0.4, 0.08, 0.016];
 
-/// What is integrated, in the part's axes.
+/// Integral to compute, in the part's axes.
 #[derive(Debug)]
 pub struct Task<'a> {
     /// The side of the zone.
@@ -46,11 +46,11 @@ pub struct Task<'a> {
     pub eye: Pole,
     /// The square of the observer's distance from the body's origin, m²; not used for one far away.
     pub range_squared: f64,
-    /// What it leaves of itself.
+    /// Half-spaces that the part's own shape leaves open.
     pub halves: Vec<Half>,
     /// Relative error at which panels are no longer halved.
     pub precision: f64,
-    /// What precision is measured by where the integral is less: this times the area, sr⁻¹.
+    /// Reference of the precision where the integral is less: this times the area, sr⁻¹.
     pub floor: f64,
 }
 

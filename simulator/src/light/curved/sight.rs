@@ -1,4 +1,4 @@
-//! What stands between a part of a curved surface and the Sun or the observer.
+//! Obstacles between a part of a curved surface and the Sun or the observer.
 
 use super::outline::Outline;
 use crate::light::clip::{P2, Polygons};
@@ -15,13 +15,13 @@ pub type Candidates = Vec<u32>;
 pub struct Sight<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// Its places.
+    /// Places of the scene's facets and occluders.
     pub now: &'a Geometry,
     /// For each curved part, towards the Sun and towards the observer.
     pub outlines: &'a [Vec<Outline>; 2],
 }
 
-/// What is known of the light between a ball and a direction.
+/// State of the light between a ball and a direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fate {
     /// Nothing is in its way.
@@ -70,7 +70,7 @@ impl Sight<'_> {
         }
     }
 
-    /// Of the occluders `from`, those that may stand between a ball and a direction go to `keep`.
+    /// Sifts the occluders `from`: those that may stand between a ball and a direction go to `keep`.
     #[expect(
         clippy::too_many_arguments,
         reason = "a ball, a direction, and where to put what is found"

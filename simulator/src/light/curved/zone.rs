@@ -52,7 +52,7 @@ pub struct Ring {
 /// One side of a zone.
 #[derive(Debug, Clone, Copy)]
 pub struct Zone {
-    /// Its profile.
+    /// Profile of the zone.
     pub profile: Profile,
     /// Where the profile's parameter begins.
     pub from: f64,
@@ -212,7 +212,7 @@ impl Zone {
         [root.sqrt(), -root.sqrt()].map(|r| at((r - first) / second)).to_vec()
     }
 
-    /// Its area, m², between two parameters and two azimuths `turn` apart: by Simpson's rule, for sizes and shares only.
+    /// Returns the area of the zone, m², between two parameters and two azimuths `turn` apart: by Simpson's rule, for sizes and shares only.
     pub fn area(&self, from: f64, to: f64, turn: f64) -> f64 {
         let density = |t: f64| {
             let ring = self.profile.at(t);

@@ -64,7 +64,7 @@ fn exact(scene: &Scene) -> Option<Scene> {
     Some(whole)
 }
 
-/// What a step of 1 is, in units of the parameter, the other way round: rad, m of range, α.
+/// Returns the size of a parameter's step of 1 against its natural unit: rad, m of range, α.
 fn length(scene: &Scene, parameter: &Parameter, view: View) -> f64 {
     match (parameter, view) {
         (Parameter::Observer(v), View::At(q)) => v.length() / q.length(),

@@ -5,7 +5,7 @@ use crate::light::clip::{self, P2, Polygons};
 /// Lines nearer than this to one another, of the numbers that they were made of, are one line.
 const COINCIDENT: f64 = 1e-13;
 
-/// What counts as within a convex polygon of an edge that runs along its border.
+/// Rule for edges along the border of a convex polygon: which of them count as within it.
 #[derive(Clone, Copy)]
 struct Border {
     /// Whether one that runs the same way does.

@@ -5,7 +5,7 @@ use crate::light::evaluate::{Evaluator, is_open};
 use crate::light::occlude::Toward;
 use glam::DVec3;
 
-/// Of the terms of a derivative, rounding.
+/// Rounding error, as a share of the terms of a derivative.
 const ROUNDING: f64 = 4e-15;
 
 impl Evaluator<'_> {

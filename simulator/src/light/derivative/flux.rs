@@ -47,7 +47,7 @@ fn hinge_of(group: usize) -> Option<usize> {
 }
 
 impl Flux {
-    /// Of the shadows that stand in `work` of facet `i`, seen from afar.
+    /// Finds the flux of the shadows that stand in `work` of facet `i`, seen from afar.
     pub(super) fn find(&mut self, now: &Evaluator<'_>, i: usize, sun: DVec3, eye: DVec3) {
         let (scene, facet) = (now.scene, &now.scene.facets[i]);
         (self.slope, self.edges, self.size) = ([[0.0; 2]; 2], 0, 0.0);
@@ -126,7 +126,7 @@ impl Flux {
         }
     }
 
-    /// What moves a corner of a shadow: its source is the one that is thrown there.
+    /// Returns the motion of a corner of a shadow: its source is the one that is thrown there.
     fn corner(
         &self,
         now: &Evaluator<'_>,

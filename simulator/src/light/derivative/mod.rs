@@ -93,7 +93,7 @@ pub enum Roughness {
 }
 
 impl Roughness {
-    /// What of α_x and α_y changes.
+    /// Returns the shares of α_x and α_y that change.
     fn share(self) -> [f64; 2] {
         match self {
             Self::Alpha => [1.0, 1.0],
@@ -112,12 +112,12 @@ pub enum Method {
     Differences,
 }
 
-/// What was done.
+/// Report of a differentiation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Derivation {
     /// How the derivatives were found.
     pub method: Method,
-    /// Of the sum itself.
+    /// Report of the sum itself.
     pub direct: Direct,
     /// Parts of shadows' edges that were integrated over.
     pub edges: usize,
@@ -127,7 +127,7 @@ pub struct Derivation {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DerivativeError {
-    /// As of the sum.
+    /// Fault of a direction, as in the sum itself.
     #[error(transparent)]
     Direction(#[from] DirectionError),
     /// Room for another number of derivatives.
@@ -135,25 +135,25 @@ pub enum DerivativeError {
         "room for {found} derivatives, expected {expected}: as many as there are weights, for each parameter"
     )]
     Room {
-        /// What was given.
+        /// Given value.
         found: usize,
-        /// What is needed.
+        /// Required number.
         expected: usize,
     },
     /// A vector that is none.
     #[error("parameter {parameter} is a vector of ({}, {}, {}), expected finite numbers", value.x, value.y, value.z)]
     NotFinite {
-        /// Its number, from 0.
+        /// Number of the parameter, from 0.
         parameter: usize,
-        /// What was given.
+        /// Given value.
         value: DVec3,
     },
     /// A material that is not there.
     #[error("parameter {parameter} names material {material}, there are {count}")]
     Missing {
-        /// Its number, from 0.
+        /// Number of the parameter, from 0.
         parameter: usize,
-        /// What it names.
+        /// Number of the material that it names.
         material: usize,
         /// How many there are.
         count: usize,
@@ -163,9 +163,9 @@ pub enum DerivativeError {
         "parameter {parameter} is the roughness of material {material}, which is no material of microfacets alone: its derivative is not known"
     )]
     NoRoughness {
-        /// Its number, from 0.
+        /// Number of the parameter, from 0.
         parameter: usize,
-        /// What it names.
+        /// Number of the material that it names.
         material: usize,
     },
 }
@@ -186,10 +186,10 @@ pub(super) struct Room {
 struct Unknown;
 
 impl Evaluator<'_> {
-    /// As [`Evaluator::direct`], and sets `derivatives[p * weight_count + k]` to ∂W_k/∂p \[m² sr⁻¹ per unit of the parameter\].
+    /// Computes the weights of [`Evaluator::direct`], and sets `derivatives[p * weight_count + k]` to ∂W_k/∂p \[m² sr⁻¹ per unit of the parameter\].
     ///
     /// # Errors
-    /// As there; a vector that is not finite, a material that is not there or has no roughness.
+    /// The errors of [`Evaluator::direct`]; a vector that is not finite, a material that is not there or has no roughness.
     pub fn direct_derivatives(
         &mut self,
         sun_body: DVec3,

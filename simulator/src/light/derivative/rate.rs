@@ -8,18 +8,18 @@ use glam::DVec3;
 /// Rates of change in the body's axes.
 #[derive(Debug, Clone)]
 pub(super) struct Rate {
-    /// Of the direction to the Sun, and so of the light.
+    /// Rate of the direction to the Sun, and so of the light.
     pub sun: DVec3,
-    /// Of the direction to the observer.
+    /// Rate of the direction to the observer.
     pub eye: DVec3,
-    /// Of each hinge's angle.
+    /// Rate of each hinge's angle.
     pub hinges: Vec<f64>,
-    /// Of a material's two roughnesses.
+    /// Rates of a material's two roughnesses.
     pub roughness: Option<(usize, [f64; 2])>,
 }
 
 impl Rate {
-    /// Of a parameter, for a distant observer.
+    /// Returns the rates for a parameter, for a distant observer.
     pub fn of(scene: &Scene, parameter: &Parameter, sun: DVec3, eye: DVec3) -> Self {
         let across = |d: DVec3, v: DVec3| v - v.dot(d) * d;
         let mut rate =
@@ -36,7 +36,7 @@ impl Rate {
     }
 }
 
-/// Of a hinge's angle, for a rate of the direction to the Sun; 0 at a stop, and where the Sun stands on the axis.
+/// Returns the rate of a hinge's angle for a rate of the direction to the Sun; 0 at a stop, and where the Sun stands on the axis.
 fn hinge_rate(hinge: &Hinge, sun: DVec3, rate: DVec3) -> f64 {
     let across = hinge.axis.cross(hinge.face);
     let (x, y) = (sun.dot(hinge.face), sun.dot(across));

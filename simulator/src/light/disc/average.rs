@@ -21,7 +21,7 @@ pub struct Averager {
     pub sums: Sums,
     /// Estimated error of the sum of all values, sr⁻¹.
     pub error: f64,
-    /// What was done.
+    /// Way in which the average was found.
     pub way: Way,
     look: Vec<Vec<f64>>,
 }

@@ -1,4 +1,4 @@
-//! What hides a part of the Sun's disc: a facet's own horizon, the Earth.
+//! Cuts that hide a part of the Sun's disc: a facet's own horizon, the Earth.
 //!
 //! Places on the disc are x, y in units of its radius, as they are seen on a plane across the line to its middle: of the direction
 //! s √(1 − sin²δ r²) + sin δ (x u + y v), with δ the Sun's angular radius. There dω cos ψ = sin²δ dx dy, and μ = √(1 − r²).
@@ -51,7 +51,7 @@ pub struct Cut {
     d: f64,
 }
 
-/// What a cut leaves of the disc.
+/// Part of the disc that a cut leaves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Left {
     /// All of it.
@@ -87,7 +87,7 @@ impl Cut {
         }
     }
 
-    /// What it leaves.
+    /// Returns the part of the disc that the cut leaves.
     pub fn left(&self) -> Left {
         let mut kinks = Vec::new();
         self.kinks(&mut kinks);

@@ -1,4 +1,4 @@
-//! What the Earth leaves of the Sun's light, profile by profile.
+//! Part of the Sun's light that the Earth leaves, profile by profile.
 //!
 //! In a partial eclipse the limb-darkened disc gives E(λ) (s_0 + Σ_j L_j(λ) s_j) in place of E(λ), with L_j of
 //! [`profile::factors`](super::profile::factors): s_0 is the visible part of the grey disc's light, and the others, 0 for a whole disc and for none, make

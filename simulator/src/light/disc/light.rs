@@ -1,4 +1,4 @@
-//! What a scene sends under the Sun's disc: facet by facet, sphere by sphere.
+//! Light that a scene sends under the Sun's disc: facet by facet, sphere by sphere.
 
 use super::Sun;
 use super::average::Averager;
@@ -14,18 +14,18 @@ use crate::surface::Material;
 use glam::{DVec2, DVec3};
 use std::f64::consts::FRAC_1_PI;
 
-/// What the areas at five places leave open of the range that they span.
+/// Error of the areas at five places, as a share of the range that they span.
 const OPEN: f64 = 0.02;
 
 /// Room to average in.
 #[derive(Debug, Default)]
 pub struct Room {
     averager: Averager,
-    /// As far as anything is from anything, m.
+    /// Greatest distance of anything from anything, m.
     extent_m: f64,
 }
 
-/// What is curved.
+/// Curved surface of a scene.
 #[derive(Debug, Clone, Copy)]
 enum Bent {
     /// A triangle with normals.
@@ -90,7 +90,7 @@ impl Evaluator<'_> {
         Ok(done)
     }
 
-    /// As [`Evaluator::direct`], with the errors of each weight.
+    /// Computes the weights of [`Evaluator::direct`], with the errors of each weight.
     fn collimated(
         &mut self,
         sun: DVec3,
@@ -181,7 +181,7 @@ impl Evaluator<'_> {
         }
     }
 
-    /// What is curved and no sphere: by the middle of the disc, or by four places with the disc's second moments where the material needs it. A
+    /// Adds a curved surface that is no sphere: by the middle of the disc, or by four places with the disc's second moments where the material needs it. A
     /// curved surface turns its lobe past the disc by itself, so that more is not asked of it; what four places differ from one is the scale of the
     /// error. Of a partly hidden disc the share that is left counts.
     fn curved_under(&mut self, now: &Now<'_>, what: Bent, weights: &mut [f64], errors: &mut [f64]) {
@@ -239,7 +239,7 @@ impl Evaluator<'_> {
         }
     }
 
-    /// What faces of several parts in one plane leave open.
+    /// Returns the error of a facet by faces of several parts in one plane.
     fn covering(&self, i: usize) -> f64 {
         let open = if self.scene.covers { COVERING * FRAC_1_PI } else { 0.0 };
         open * self.scene.facets[i].area
@@ -474,7 +474,7 @@ impl Evaluator<'_> {
     }
 }
 
-/// By how much the middle of the disc alone may be wrong, relative: (δ/α)² of a lobe is several times what its middle differs by
+/// Estimates the relative error of the middle of the disc alone: (δ/α)² of a lobe is several times what its middle differs by
 /// (physics of the disc: (δ²/8)∇²f/f), for its wings.
 fn middle_alone(material: &Material, sine: f64) -> f64 {
     match material.width() {

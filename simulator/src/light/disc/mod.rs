@@ -104,7 +104,7 @@ impl Scene {
     /// Prepares a target for [`Evaluator::light`](super::Evaluator::light) under the Sun's disc: flat mirrors are welcome.
     ///
     /// # Errors
-    /// As [`Scene::new`], but for flat mirrors.
+    /// The errors of [`Scene::new`], except for flat mirrors.
     pub fn with_sun(target: &Target, options: SunOptions) -> Result<Self, SceneError> {
         let sun = Some(options);
         Self::with_options(target, SceneOptions { sun, ..SceneOptions::default() })

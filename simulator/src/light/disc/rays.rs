@@ -13,7 +13,7 @@ use sunglint_numerics::panels;
 
 /// Points of a panel along a ray: the second of [`panels::ORDERS`].
 const ALONG: usize = 1;
-/// What the panels along a ray leave open, relative (test `a_lobe_of_every_width_against_brute_force`).
+/// Relative error of the panels along a ray (test `a_lobe_of_every_width_against_brute_force`).
 const ALONG_ERROR: f64 = 2e-6;
 /// Panels of angles at most.
 const MOST_PANELS: usize = 160;
@@ -21,7 +21,7 @@ const MOST_PANELS: usize = 160;
 /// A lobe on the disc.
 #[derive(Debug, Clone, Copy)]
 pub struct Bell {
-    /// Its peak, which may lie beyond the disc.
+    /// Peak of the lobe, which may lie beyond the disc.
     pub peak: DVec2,
     /// From its own units, in which it is round and 1 wide, to the disc's.
     pub axes: DMat2,

@@ -92,7 +92,7 @@ fn radii(cuts: &[Cut], order: usize) -> Vec<(f64, f64, f64)> {
     radii
 }
 
-/// What a cut leaves of the light of each profile: 1, 0, 0 … of the whole disc.
+/// Returns the share of the light of each profile that cuts leave: 1, 0, 0 … for the whole disc.
 pub fn fractions(cuts: &[Cut]) -> [f64; PROFILES] {
     let mut left = Vec::new();
     let mut sum = [0.0; PROFILES];

@@ -1,9 +1,9 @@
-//! What is summed over the disc: values before each profile, and where the light comes from.
+//! Sums over the disc: values before each profile, and where the light comes from.
 
 use super::profile::{PROFILES, profiles};
 use glam::DVec2;
 
-/// What is averaged: some values at a place of the disc.
+/// Function to average: some values at a place of the disc.
 pub type Integrand<'a> = dyn FnMut(DVec2, &mut [f64]) + 'a;
 
 /// Sums over places: `values[profile * count + k]`, and the first two moments of the grey light's place.

@@ -22,7 +22,7 @@ const BINS: [usize; 2] = [40, 80];
 const FINER: usize = 4;
 /// A piece in which the light ends falls into so many more along each side.
 const DIVIDED: usize = 4;
-/// Of the light of such pieces, what a side of them has on the wrong side of the edge: half of it at most, 0.29 in the mean square where all err alike.
+/// Share of the light of such pieces that a side of them has on the wrong side of the edge: half of it at most, 0.29 in the mean square where all err alike.
 const EDGE: f64 = 0.15;
 /// A table's mean is taken over no more than a square of this side, radians.
 const LARGEST_SIDE_RAD: f64 = 0.5;
@@ -82,7 +82,7 @@ impl Piece {
 /// Where a piece of the cap stands in the sky of the body.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::light) struct Span {
-    /// Its middle, a unit vector in the body's axes.
+    /// Middle of the piece, a unit vector in the body's axes.
     pub toward: DVec3,
     /// How far its corners are from there at most, radians.
     pub radius_rad: f64,
@@ -131,11 +131,11 @@ struct Bins {
     layers: usize,
 }
 
-/// What a piece of a panel has of a table.
+/// Values of a table for a piece of a panel.
 struct OfTable {
     /// Mean of the table over the piece, by light, in each layer.
     mean: Vec<f64>,
-    /// What the light at each point of two rules is off that of a globe of the mean: `[(polar * around points + around) * layers + layer]`.
+    /// Difference of the light at each point of two rules from that of a globe of the mean: `[(polar * around points + around) * layers + layer]`.
     parts: Vec<f64>,
 }
 
@@ -151,10 +151,10 @@ struct Seen {
 
 /// A circle of the cap about the point below the body.
 struct Ring {
-    /// Of the angle at the middle of the globe.
+    /// Sine and cosine of the angle at the middle of the globe.
     sin: f64,
     cos: f64,
-    /// Of the angle at the body.
+    /// Sine and cosine of the angle at the body.
     sin_body: f64,
     cos_body: f64,
     /// Solid angle for each unit of the polar coordinate and radian around.
@@ -164,7 +164,7 @@ struct Ring {
 }
 
 impl<'a> LitCap<'a> {
-    /// Of a globe with some albedo.
+    /// Creates the lit cap of a globe with some albedo.
     pub fn new(globe: &Globe, earth: &'a EarthAlbedo) -> Self {
         let mut cap = Self::even(globe);
         (cap.earth, cap.layers) = (Some(earth), earth.layers());
@@ -174,7 +174,7 @@ impl<'a> LitCap<'a> {
         cap
     }
 
-    /// Of a globe that reflects all; no panels where the body sees nothing lit, or is not outside the globe.
+    /// Creates the lit cap of a globe that reflects all; no panels where the body sees nothing lit, or is not outside the globe.
     pub(in crate::light) fn even(globe: &Globe) -> Self {
         let up = -globe.toward;
         let across = globe.sun - up.dot(globe.sun) * up;
@@ -481,7 +481,7 @@ impl Ring {
 }
 
 impl Bins {
-    /// What the points of two rules have of a piece; `None` where no bin lies in it, or none that is lit.
+    /// Returns the table's values for a piece at the points of two rules; `None` where no bin lies in it, or none that is lit.
     fn of(&self, piece: &Piece, [polar, around]: [&[(f64, f64)]; 2]) -> Option<OfTable> {
         let (layers, [rows, columns]) = (self.layers, piece.bins());
         let at = |i: usize, j: usize| i * BINS[1] + j;

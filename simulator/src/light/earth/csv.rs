@@ -115,7 +115,7 @@ fn spectrum(path: &Path, text: &str) -> Result<EarthAlbedo, ParseError> {
     Ok(EarthAlbedo::coloured(spectrum))
 }
 
-/// What is wrong, with the file's name.
+/// Returns the fault as an error with the file's name.
 pub(super) fn at(path: &Path, wrong: WrongCell) -> ParseError {
     let error = ParseError::new(path, wrong.found, wrong.expected).in_field(wrong.field);
     match wrong.hint {

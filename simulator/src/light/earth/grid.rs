@@ -40,18 +40,18 @@ pub struct Cells {
     pub albedo: Vec<f64>,
 }
 
-/// What is wrong with a table: which cell of it (its number in the list), in which column, and why.
+/// Fault of a table: which cell of it (its number in the list), in which column, and why.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WrongCell {
     /// Number of the cell in the list, where it is one.
     pub cell: Option<usize>,
     /// The quantity: `lat_deg`, `lon_deg`, `albedo`, `wavelength_nm`.
     pub field: &'static str,
-    /// What was found.
+    /// Value that was found.
     pub found: String,
-    /// What was expected.
+    /// Value that was expected.
     pub expected: String,
-    /// What to do.
+    /// Advice on what to do.
     pub hint: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What the Earth reflects: one albedo everywhere, or a table of it over latitude and longitude.
+//! Albedo of the Earth: one value everywhere, or a table of it over latitude and longitude.
 //!
 //! Either is a Lambert surface. The albedo is ρ(x, λ) = Σ_l τ_l(λ) a_l(x): *layers*, each a spectrum before a share that depends on the place. An Earth that is
 //! the same everywhere has one layer with a share of 1; a table of grey albedos one with a spectrum of 1; a table at several wavelengths one for each of them,
@@ -23,7 +23,7 @@ pub const EARTH_UNCERTAINTY: f64 = 0.5;
 /// Where a grey albedo is taken as known, nm: all that sunlight is tabulated for.
 pub(super) const GREY_NM: (f64, f64) = (200.0, 4000.0);
 
-/// What the Earth reflects, and how well that is known.
+/// Albedo of the Earth, and how well it is known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EarthAlbedo {
     ground: Ground,
@@ -89,7 +89,7 @@ impl EarthAlbedo {
         self.uncertainty
     }
 
-    /// Its table, where it has one.
+    /// Returns the table of the albedo, where there is one.
     pub fn grid(&self) -> Option<&AlbedoGrid> {
         match &self.ground {
             Ground::Table { grid, .. } => Some(grid),
@@ -147,7 +147,7 @@ impl EarthAlbedo {
         }
     }
 
-    /// Its mean over the globe at a wavelength; beyond [`EarthAlbedo::known_nm`] the nearest that is known.
+    /// Returns the mean albedo over the globe at a wavelength; beyond [`EarthAlbedo::known_nm`] the nearest that is known.
     pub fn mean_at(&self, nm: f64) -> f64 {
         let factors = self.factors(nm);
         match self.grid() {

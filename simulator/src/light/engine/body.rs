@@ -35,7 +35,7 @@ pub struct Patch {
 pub struct Gloss {
     /// The kind and the smaller roughness of its lobe; `None` for a diffuse one, roughness 0 for a mirror.
     pub lobe: Option<(Distribution, f64)>,
-    /// Its largest reflectance over all wavelengths.
+    /// Largest reflectance over all wavelengths.
     pub most: f64,
     /// The largest reflectance at each wavelength over angles of incidence.
     pub envelope: Spectrum<Factor>,

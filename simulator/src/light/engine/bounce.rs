@@ -1,6 +1,6 @@
 //! Light that is reflected more than once.
 //!
-//! Of what a body gets from the Sun it reflects at most ρ, and of that at most a fraction F falls on the body again: F is taken from the geometry
+//! A body reflects at most ρ of what it gets from the Sun, and of that at most a fraction F falls on the body again: F is taken from the geometry
 //! alone ([`super::fill`]), under the Sun from where it is most. So the first bounce has at most ρF of the sunlight that the body gets, and all of them
 //! ρF/(1 − ρF'), with F' that of the facet that sees most of the others. What a surface sends of it to an observer is at most that of its whole
 //! reflectance. This bounds the light of the body as a whole, for facets whose light is even; a lobe sends its light to one side, and F is right for
@@ -39,10 +39,10 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     Ok(Answer { need, part: None, doubt: left(bound) })
 }
 
-/// What the need is called.
+/// Name of the effect in the list of needs.
 pub(super) const EFFECT: &str = "inter-reflection";
 
-/// What all bounces have at most of the light of the body as a whole.
+/// Returns the largest share that all bounces may have in the light of the body as a whole.
 pub(super) fn share(question: &Question) -> f64 {
     of(question.body.most_reflectance(), &Fill::of(question.scene))
 }
@@ -55,7 +55,7 @@ fn left(share: f64) -> Option<Box<dyn Doubt>> {
     (share > 0.0).then(|| Box::new(Left { share }) as Box<dyn Doubt>)
 }
 
-/// What looking closer says; `None` where the materials have no wavelengths in common.
+/// Returns the answer of a closer look; `None` where the materials have no wavelengths in common.
 fn modelled(question: &Question) -> Result<Option<Answer>, SceneError> {
     let options = BounceOptions {
         tolerance: question.options.tolerance,

@@ -6,7 +6,7 @@ use crate::light::{DirectionError, Effect, Evaluator, Lighting, Need, Scene, Sce
 /// Seconds for a facet, for a pair of a facet and what may hide it, for a sphere: of a core of about 3 GHz.
 const COSTS_S: [f64; 3] = [5e-8, 2e-8, 1e-7];
 
-/// Of the tolerance, the part that the quadrature over facets may take that are seen from a point.
+/// Share of the tolerance that the quadrature over facets seen from a point may take.
 const OF_TOLERANCE: f64 = 1e-3;
 
 pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
@@ -40,26 +40,26 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     })
 }
 
-/// What one direction of light costs, shadows and all.
+/// Estimates the cost of one direction of light, s, shadows included.
 pub(super) fn cost_s(question: &Question) -> f64 {
     let report = question.scene.report();
     let facets = COSTS_S[0] * report.facets as f64 + COSTS_S[2] * report.spheres as f64;
     facets + cost_of_pairs_s(question)
 }
 
-/// What looking at pairs costs.
+/// Estimates the cost of looking at pairs, s.
 pub(super) fn cost_of_pairs_s(question: &Question) -> f64 {
     let report = question.scene.report();
     // Where no list is kept, an index finds some ten for each facet.
     COSTS_S[1] * report.occluder_pairs.unwrap_or(10 * report.facets) as f64
 }
 
-/// What is scattered once, of the Sun's disc where the scene has one.
+/// Light that is scattered once, under the Sun's disc where the scene has one.
 #[derive(Debug)]
 struct Direct {
     /// Whether the disc is wanted in full light too, not only in partial eclipses.
     disc: bool,
-    /// Of facets that are seen from a point.
+    /// Tolerance for facets that are seen from a point.
     near_tolerance: f64,
 }
 

@@ -1,6 +1,6 @@
 //! Light from the Earth that is reflected more than once.
 //!
-//! What inter-reflection adds at most to sunlight ([`super::bounce`]) it adds at most to earthshine: that share of the largest irradiance by the
+//! The share that inter-reflection adds at most to sunlight ([`super::bounce`]) it adds at most to earthshine: that share of the largest irradiance by the
 //! Earth bounds it. Where that is more than the tolerance, and bounces and earthshine are modelled, it is found by patches, or by light paths
 //! from the cap.
 
@@ -49,7 +49,7 @@ pub(super) fn assess(question: &Question) -> Result<Answer, SceneError> {
     Ok(Answer { need, part: None, doubt })
 }
 
-/// Its terms and what adds to them; `None` where the materials have no wavelengths in common.
+/// Returns the terms and the part that adds to them; `None` where the materials have no wavelengths in common.
 fn paths(question: &Question) -> Result<Option<(Vec<crate::light::Term>, Bounced)>, SceneError> {
     let tolerance = question.options.tolerance;
     // From each panel of the cap (two at most).

@@ -12,12 +12,12 @@ const ANGLES: usize = 12;
 const DIRECTIONS: usize = 64;
 
 /// How much of what the facets of a body send falls on other facets, as fractions of the hemisphere weighted with the cosine: means over facets.
-/// What hides what is not looked at, so that the true fractions are no larger.
+/// Occluders are ignored, so that the true fractions are no larger.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Fill {
     /// The largest of any facet.
     pub facet: f64,
-    /// Of the whole body under the Sun from where that is most, weighted by what each facet gets.
+    /// Fraction for the whole body under the Sun from where that is most, weighted by what each facet gets.
     pub body: f64,
 }
 

@@ -15,14 +15,14 @@ use std::sync::Arc;
 
 /// The error at which the division of curved parts stops that something shades or hides, of the light of one direction.
 const CURVED: f64 = 2e-3;
-/// Of the tolerance, the part that the quadrature over the Earth's lit cap may take.
+/// Share of the tolerance that the quadrature over the Earth's lit cap may take.
 const OF_TOLERANCE: f64 = 0.5;
 /// Geometries on which it is counted from how many directions the Earth's light is taken.
 const COUNTED: u32 = 16;
 /// Scenes of more facets are not counted on, and that many directions are taken for granted.
 const MOST_FACETS: usize = 1000;
 const DIRECTIONS: f64 = 150.0;
-/// What a table's light over the cap costs an epoch, s.
+/// Cost of a table's light over the cap for one epoch, s.
 const TABLE_S: f64 = 3e-4;
 /// Irradiance of the full Moon over that of the Sun.
 const MOON: f64 = 2.5e-6;

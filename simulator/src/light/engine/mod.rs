@@ -37,7 +37,7 @@ use body::Body;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// What an effect is asked with.
+/// Question to an effect: the scene, and what is known and wanted of it.
 #[derive(Debug)]
 pub struct Question<'a> {
     /// The target, as it was given.
@@ -46,24 +46,24 @@ pub struct Question<'a> {
     pub scene: &'a Scene,
     /// Facts of the target that decide.
     pub body: &'a Body,
-    /// What is wanted.
+    /// Options of the engine.
     pub options: &'a Options,
-    /// What is known of the way.
+    /// Known facts about the target's trajectory.
     pub course: &'a Course,
-    /// What the Earth reflects.
+    /// Albedo of the Earth.
     pub earth: &'a Arc<EarthAlbedo>,
-    /// What the effects before have answered.
+    /// Answers of the effects before this one.
     pub answered: &'a [Need],
 }
 
-/// What an effect answers.
+/// Answer of an effect.
 #[derive(Debug)]
 pub struct Answer {
     /// Whether it is needed, and why.
     pub need: Need,
-    /// What adds its light, with the terms that it adds to; none where it is not modelled or a part of another effect.
+    /// Part that adds the effect's light, with the terms that it adds to; none where it is not modelled or a part of another effect.
     pub part: Option<(Vec<Term>, Box<dyn Part>)>,
-    /// What leaving it out (or modelling it in part) may err by; none where that is nothing.
+    /// Possible error of leaving the effect out (or modelling it in part); none where there is no error.
     pub doubt: Option<Box<dyn Doubt>>,
 }
 
@@ -72,11 +72,11 @@ pub trait Part: Send + Sync + std::fmt::Debug {
     /// Which way its light came.
     fn source(&self) -> Source;
 
-    /// What adds its light, with room to work in: one for each thread.
+    /// Creates a worker that adds the light, with room to work in: one for each thread.
     fn worker<'a>(&'a self, scene: &'a Scene) -> Box<dyn Effect + 'a>;
 }
 
-/// What an effect that is left out could have added at an epoch.
+/// Bound on the light that an effect could have added at an epoch, had it not been left out.
 pub trait Doubt: Send + Sync + std::fmt::Debug {
     /// Whether it is about the Sun's own light, and so less in the Earth's shadow.
     fn of_sun(&self) -> bool {
@@ -129,7 +129,7 @@ impl Engine {
     /// Prepares a target, and finds what it needs over an Earth that is the same everywhere.
     ///
     /// # Errors
-    /// As [`Scene::new`].
+    /// The errors of [`Scene::new`].
     pub fn new(target: &Target, options: &Options, course: &Course) -> Result<Self, SceneError> {
         Self::over(target, options, course, &Arc::default())
     }
@@ -137,7 +137,7 @@ impl Engine {
     /// The same over an Earth of some albedo.
     ///
     /// # Errors
-    /// As [`Engine::new`].
+    /// The errors of [`Engine::new`].
     pub fn over(
         target: &Target,
         options: &Options,
@@ -172,7 +172,7 @@ impl Engine {
         &self.scene
     }
 
-    /// What stands before the weights: first [`Engine::lit_terms`] terms that have light, then for each material what is unknown of it:
+    /// Returns the spectra that stand before the weights: first [`Engine::lit_terms`] terms that have light, then for each material what is unknown of it:
     /// an envelope of its reflectance, which has errors alone.
     pub fn terms(&self) -> &[Term] {
         &self.terms
@@ -183,7 +183,7 @@ impl Engine {
         self.lit
     }
 
-    /// What the scene needs, effect by effect.
+    /// Returns the needs of the scene, effect by effect.
     pub fn needs(&self) -> &[Need] {
         &self.needs
     }
@@ -292,7 +292,7 @@ impl Worker<'_> {
     /// The same of light that came by some ways only, with its own errors: those of what is left out are not looked for.
     ///
     /// # Errors
-    /// As [`Worker::light`].
+    /// The errors of [`Worker::light`].
     pub fn light_of(
         &mut self,
         lighting: &Lighting,
@@ -342,7 +342,7 @@ impl Worker<'_> {
     }
 }
 
-/// What the Earth's shadow leaves of the Sun's light, with what is not known of that.
+/// Scales weights and errors to the light that the Earth's shadow leaves, and adds the uncertainty of that part to the errors.
 fn in_shadow(lighting: &Lighting, weights: &mut [f64], errors: &mut [f64]) {
     if lighting.sunlit == 1.0 && lighting.sunlit_error == 0.0 {
         return;

@@ -1,4 +1,4 @@
-//! What is wanted of the engine, and what it is told of the way that the target takes.
+//! Options of the engine, and known facts about the target's trajectory.
 
 use crate::light::EarthAlbedo;
 
@@ -41,12 +41,12 @@ impl Switches {
     };
 }
 
-/// What is wanted of the engine.
+/// Options of the engine.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// An effect that may change the light by more than this, relative, is modelled.
     pub tolerance: f64,
-    /// What is switched on or off.
+    /// Effects that are switched on or off.
     pub switches: Switches,
     /// The work that an epoch's light between surfaces may cost, CPU seconds of a usual core ([`check_budget`]). It is spent as patches and light paths
     /// that are counted, not timed, so that results do not depend on the machine.
@@ -83,7 +83,7 @@ impl Options {
         (Self::PATHS_PER_S * self.budget_s).round() as u32
     }
 
-    /// What decided, in words.
+    /// Returns what decided about the effect, in words.
     pub fn reason(switch: Switch) -> &'static str {
         match switch {
             Switch::Auto => "",
@@ -103,7 +103,7 @@ pub struct WrongTolerance(pub f64);
 /// A tolerance, if it is one.
 ///
 /// # Errors
-/// What is not a number from 1e-9 to 0.1.
+/// A value that is not a number from 1e-9 to 0.1.
 pub fn check_tolerance(tolerance: f64) -> Result<f64, WrongTolerance> {
     if (1e-9..=0.1).contains(&tolerance) { Ok(tolerance) } else { Err(WrongTolerance(tolerance)) }
 }
@@ -116,12 +116,12 @@ pub struct WrongBudget(pub f64);
 /// A budget of an epoch's light between surfaces, s, if it is one.
 ///
 /// # Errors
-/// What is not a number from 1e-4 to 100.
+/// A value that is not a number from 1e-4 to 100.
 pub fn check_budget(budget_s: f64) -> Result<f64, WrongBudget> {
     if (1e-4..=100.0).contains(&budget_s) { Ok(budget_s) } else { Err(WrongBudget(budget_s)) }
 }
 
-/// What is known of the way that a target takes. [`Course::default`] knows nothing, and takes the worst that an orbit has.
+/// Known facts about the trajectory of a target. [`Course::default`] knows nothing, and takes the worst that an orbit has.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Course {
     /// Epochs; 0 where they are not known.

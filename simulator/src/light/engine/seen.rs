@@ -1,4 +1,4 @@
-//! What can be said of an epoch before any light is computed: how much of each material could be seen at all, by what.
+//! Visible areas of an epoch before any light is computed: how much of each material could be seen at all, by what.
 
 use super::body::Body;
 use super::globes;
@@ -6,7 +6,7 @@ use crate::light::{Lighting, View};
 use crate::surface::Distribution;
 use glam::DQuat;
 
-/// What the doubts of an epoch are made of. Areas are bounds: what hides is not looked at.
+/// Visible areas that the doubts of an epoch are made of. Areas are upper bounds: occluders are ignored.
 #[derive(Debug, Clone, Default)]
 pub struct Seen {
     /// For each material the area that the observer could see, projected, m².

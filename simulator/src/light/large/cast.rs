@@ -28,7 +28,7 @@ impl Frame {
 #[derive(Debug, Clone, Copy)]
 struct Turned {
     frame: Frame,
-    /// What the turn moves, m.
+    /// Shift by the turn, m.
     shift: [f64; 3],
 }
 
@@ -88,13 +88,13 @@ impl Cast {
     }
 }
 
-/// What holds the facets of a cluster.
+/// Ball that holds the facets of a cluster.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ball {
     /// Across the direction, cells.
     pub x: f64,
     pub y: f64,
-    /// Its highest point along the direction, m.
+    /// Highest point of the ball along the direction, m.
     pub high: f64,
     /// Cells.
     pub radius: f64,

@@ -9,10 +9,10 @@ use std::ops::Range;
 /// Facets of a cluster at most: two registers of four.
 pub(super) const MOST: usize = 4 * HALVES;
 const HALVES: usize = 2;
-/// What single precision may lose of places within a ball, of its radius: more than ten roundings.
+/// Rounding error of places within a ball in single precision, as a share of the radius: more than ten roundings.
 const ROUNDING: f32 = 2e-6;
 
-/// What the facets of a cluster have in common.
+/// Properties that the facets of a cluster have in common.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Kind {
     pub part: u32,
@@ -97,7 +97,7 @@ impl Balls {
 }
 
 impl Cluster {
-    /// Of facets that end at `end`: normals, and balls that hold them, about places in their planes.
+    /// Creates a cluster of facets that end at `end`: normals, and balls that hold them, about places in their planes.
     fn new(kind: Kind, normals: &[DVec3], balls: &[(DVec3, f64)], end: usize) -> Self {
         let (mut low, mut high) = (DVec3::MAX, DVec3::MIN);
         for (place, _) in balls {

@@ -28,9 +28,9 @@ pub(super) trait Canvas {
 /// A point of a canvas.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Spot {
-    /// Its number there.
+    /// Number of the point on the canvas.
     pub number: u32,
-    /// Its place in cells.
+    /// Place of the point in cells.
     pub x: f64,
     pub y: f64,
 }
@@ -142,7 +142,7 @@ impl Flat {
 pub(super) struct Room {
     flat: Flat,
     spots: Vec<Spot>,
-    /// Of each point which facets of the cluster at hand may lie over it.
+    /// Facets of the cluster at hand that may lie over each point.
     over: Vec<u32>,
 }
 

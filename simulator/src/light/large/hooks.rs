@@ -11,7 +11,7 @@ impl Scene {
     /// distant observers ([`sampling`](crate::light::SceneReport::sampling)); all else stays exact ([`why_exact`](crate::light::SceneReport::why_exact)), and with a tolerance of 0 all.
     ///
     /// # Errors
-    /// As [`Scene::new`], and a tolerance that is no number from 0 to 1.
+    /// The errors of [`Scene::new`], and a tolerance that is no number from 0 to 1.
     pub fn with_tolerance(target: &Target, tolerance: f64) -> Result<Self, SceneError> {
         Self::with_options(target, SceneOptions { tolerance, ..SceneOptions::default() })
     }

@@ -8,7 +8,7 @@ use std::ops::RangeInclusive;
 /// Points sorted into cells across the direction of the Sun.
 #[derive(Debug, Default)]
 pub(super) struct Room {
-    /// As they come.
+    /// Points in the order in which they come.
     found: Vec<Sorted>,
     /// The cell of each.
     cells: Vec<u32>,

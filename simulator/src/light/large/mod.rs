@@ -60,17 +60,17 @@ pub struct Sampling {
 /// A scene's facets in an order in which neighbours stand together.
 #[derive(Debug, Clone)]
 pub struct Large {
-    /// What is asked for.
+    /// Requested sampling.
     pub sampling: Sampling,
     /// Relative to `centre`, hinges at 0, m.
     vertices: Vec<DVec3>,
     centre: DVec3,
-    /// Of the facets, among the vertices.
+    /// Corners of the facets, as indices into the vertices.
     corners: Vec<u32>,
     /// Where each facet's corners end; they begin where those of the facet before end.
     ends: Vec<u32>,
     clusters: Vec<cluster::Cluster>,
-    /// Of each cluster.
+    /// Balls of each cluster.
     balls: Vec<cluster::Balls>,
     facets: Vec<Ordered>,
     looks: Vec<Look>,
@@ -85,7 +85,7 @@ struct Ordered {
     area: f64,
 }
 
-/// What else is asked of a facet that faces Sun and observer.
+/// Further data of a facet that faces Sun and observer.
 #[derive(Debug, Clone)]
 struct Look {
     /// Unit tangent, hinges at 0.
@@ -93,18 +93,18 @@ struct Look {
     radius: f64,
 }
 
-/// What one evaluation found.
+/// Result of one evaluation.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Found {
     /// Facets that face Sun and observer.
     pub facets: usize,
-    /// Of them, those with a point that is hidden or dark.
+    /// Facets among them with a point that is hidden or dark.
     pub shadowed: usize,
     /// Points on them.
     pub points: usize,
     /// ΣW, m² sr⁻¹.
     pub total: f64,
-    /// Its error, m² sr⁻¹.
+    /// Error of the total, m² sr⁻¹.
     pub error: f64,
 }
 
@@ -131,7 +131,7 @@ pub struct Room {
     sums: sums::Room,
 }
 
-/// What is asked of one evaluation.
+/// Inputs of one evaluation.
 #[derive(Debug, Clone, Copy)]
 pub struct Question<'a> {
     /// The scene.

@@ -29,7 +29,7 @@ pub fn why_exact(scene: &Scene) -> Option<String> {
 }
 
 impl Large {
-    /// Of a scene that [`why_exact`] has nothing against; `None` where the tolerance takes too many points for most directions.
+    /// Prepares a scene that [`why_exact`] has nothing against; `None` where the tolerance takes too many points for most directions.
     pub fn new(scene: &Scene, tolerance: f64) -> Option<Self> {
         let sampling = Sampling { tolerance, points: TRIAL_POINTS };
         let mut large = Self::ordered(scene, sampling);

@@ -11,7 +11,7 @@ use std::ops::RangeInclusive;
 pub(super) struct Point {
     /// Across the line of sight and along it, m.
     pub place: [f64; 3],
-    /// Its cell.
+    /// Cell of the point.
     pub cell: u32,
     /// Whether it is seen, then whether it is seen and lit.
     pub open: bool,

@@ -43,7 +43,7 @@ impl Reader<'_> {
     }
 }
 
-/// What a person should hear of a table.
+/// Returns the warning about a table with missing cells.
 pub(super) fn warning(earth: &EarthAlbedo, keys: &EarthKeys) -> Option<String> {
     let (grid, missing) = (earth.grid()?, keys.missing?);
     let (rows, columns) = grid.size();

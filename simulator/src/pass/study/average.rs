@@ -8,7 +8,7 @@ use crate::pass::{ExposureMeans, Simulation};
 use hifitime::Unit;
 use ndarray::Array2;
 
-/// Of a column's largest mean what counts as light where there is less.
+/// Share of a column's largest mean that counts as light where there is less.
 const FAINT: f64 = 1e-3;
 
 /// At how many moments means over exposures are taken, and what they err by.
@@ -22,7 +22,7 @@ pub struct Averaged {
     pub moments: usize,
     /// Samples whose exposures reach beyond a table of positions or attitudes: the middle stands for them.
     pub beyond: usize,
-    /// What direct light may be off in any channel or band, of the mean or of a thousandth of the brightest: by the largest difference between middle and mean of a
+    /// Error of direct light in any channel or band, of the mean or of a thousandth of the brightest: by the largest difference between middle and mean of a
     /// sample that has the light of its middle; by what was tolerated, or by the last two refinements' difference where that is more, of the others.
     pub error: f64,
 }
@@ -58,7 +58,7 @@ impl Study {
     /// light) as the pass stands now. Moments that there were before stay.
     ///
     /// # Errors
-    /// As [`crate::pass::Pass::simulate`] at the moments within the exposures.
+    /// The errors of [`crate::pass::Pass::simulate`] at the moments within the exposures.
     pub fn average(&mut self, tolerance: f64) -> Result<Averaged, PassError> {
         let (middles, found) = self.exposure_means(tolerance)?;
         let means = &found.values;

@@ -20,11 +20,11 @@ use sunglint_radiometry::air::Zenith;
 /// A pass with everything that does not change from one simulation to the next: places as long as the times stay, the engine as long as the
 /// body stays, integrals over wavelength as long as the reflectances do. For fits.
 pub struct Study {
-    /// Its times are those of the samples (their middles), then those of the moments within their exposures.
+    /// Pass whose times are those of the samples (their middles), then those of the moments within their exposures.
     pass: Pass,
     /// How many samples there are.
     samples: usize,
-    /// What the samples' light is the mean of.
+    /// Exposures over which the samples' light is averaged.
     exposures: average::Exposures,
     /// The times without an offset.
     times: Vec<hifitime::Epoch>,
@@ -53,7 +53,7 @@ impl Study {
     /// Makes a pass ready.
     ///
     /// # Errors
-    /// As [`Pass::simulate`].
+    /// The errors of [`Pass::simulate`].
     pub fn new(mut pass: Pass) -> Result<Self, PassError> {
         // Nobody asks for spectra here.
         if let (Some(first), Some(last)) = (pass.edges_nm.first(), pass.edges_nm.last()) {
@@ -136,7 +136,7 @@ impl Study {
     /// Simulates all times later by an offset, s (negative: earlier), against those that the study was made with.
     ///
     /// # Errors
-    /// As [`Pass::simulate`], for places.
+    /// The errors of [`Pass::simulate`], for places.
     pub fn set_time_offset_s(&mut self, offset_s: f64) -> Result<(), PassError> {
         if offset_s == self.offset_s {
             return Ok(());
@@ -153,7 +153,7 @@ impl Study {
         self.look_through_air()
     }
 
-    /// What the light of each term makes in each channel and band: linear in the term's reflectance.
+    /// Returns the rates that the light of each term makes in each channel and band: linear in the term's reflectance.
     ///
     /// # Errors
     /// [`PassError::Light`].
@@ -164,7 +164,7 @@ impl Study {
         Ok(self.gathered(&self.exposures.means(rows.collect())))
     }
 
-    /// What a weight of 1 m² sr⁻¹ of each term would make in the middle of each sample, in full sunlight: the light of any attitude is the sum over the terms of this
+    /// Returns the rates of a weight of 1 m² sr⁻¹ of each term in the middle of each sample, in full sunlight: the light of any attitude is the sum over the terms of this
     /// times the attitude's weights (and the visible part of the Sun).
     pub fn unit_rates(&self) -> TermRates {
         let unit = vec![1.0; self.engine.lit_terms()];
@@ -172,7 +172,7 @@ impl Study {
         self.gathered(&rows.collect::<Vec<_>>())
     }
 
-    /// What the weights of all terms make at an epoch: channels, then bands, each × terms.
+    /// Returns the rates that the weights of all terms make at an epoch: channels, then bands, each × terms.
     fn row(&self, epoch: usize, weights: &[f64]) -> Vec<f64> {
         let (lit, channels) = (weights.len(), self.pass.station.channels.len());
         let geometry = &self.places[epoch].geometry;

@@ -15,10 +15,10 @@ use sunglint_formats::time::{format_utc_shortest, tai_nanoseconds};
 const TURN_RAD: f64 = 0.01;
 /// The same of indirect light, which is only looked at in the middle between nodes.
 const INDIRECT_TURN_RAD: f64 = 0.2;
-/// What lies off the line in the middle between two nodes is there by a half of the most at least, where the light has one bend in between: at a fraction
+/// Largest distance from the line over that in the middle between two nodes, where the light has one bend in between, at most: at a fraction
 /// t of the way t/2 against t (1 − t).
 const AWAY: f64 = 2.0;
-/// Of the brightest epoch's light what counts as light where there is less.
+/// Share of the brightest epoch's light that counts as light where there is less.
 const FAINT: f64 = 0.01;
 /// More nodes than this part of all epochs spare nothing.
 const WORTH: f64 = 0.5;
@@ -212,7 +212,7 @@ impl Study {
         Ok((Some(Nodes::new(way.order.to_vec(), nodes, way.times_s)), error))
     }
 
-    /// What the lines between the nodes err by, as the pass stands now. `None` where light is computed at all epochs.
+    /// Returns the error of the lines between the nodes, as the pass stands now. `None` where light is computed at all epochs.
     ///
     /// # Errors
     /// [`PassError::Light`].
@@ -321,7 +321,7 @@ impl Study {
         Ok(rows)
     }
 
-    /// What all channels and bands get of direct light at each epoch, and at least of a hundredth of the most.
+    /// Returns the direct light in all channels and bands at each epoch, at least a hundredth of the most.
     fn all_light(&self, rows: &[Row]) -> Vec<Vec<f64>> {
         let mut rows: Vec<Vec<f64>> = rows.iter().map(|(w, _)| self.summed(w)).collect();
         for q in 0..self.quantities() {
@@ -352,13 +352,13 @@ impl Study {
         self.pass.station.channels.len() + BANDS.len()
     }
 
-    /// What weights make in each channel and band above the air, distances aside.
+    /// Returns the light of weights in each channel and band above the air, distances aside.
     fn summed(&self, weights: &[f64]) -> Vec<f64> {
         (0..self.quantities()).map(|q| self.functionals.sums.above(q, weights)).collect()
     }
 }
 
-/// What nodes are looked for with.
+/// Inputs for finding nodes.
 struct Way<'a> {
     /// Epochs in the order of their times.
     order: &'a [usize],
@@ -366,7 +366,7 @@ struct Way<'a> {
     times_s: &'a [f64],
     /// All light of each epoch, by quantity.
     light: &'a [Vec<f64>],
-    /// What the lines may err by, of that.
+    /// Error allowed on the lines, as a share of that light.
     tolerance: f64,
 }
 

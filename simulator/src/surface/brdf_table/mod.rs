@@ -30,11 +30,11 @@ const SAME_DEG: f64 = 1e-4;
 pub struct Row {
     /// The light's angle from the normal, degrees; where it is negative, on the other side.
     pub theta_i_deg: f64,
-    /// Its azimuth, degrees.
+    /// Azimuth of the incident direction, degrees.
     pub phi_i_deg: f64,
     /// The outgoing direction's angle from the normal, degrees.
     pub theta_o_deg: f64,
-    /// Its azimuth, degrees: that of the mirrored light is φ_i + 180°.
+    /// Azimuth of the outgoing direction, degrees: that of the mirrored light is φ_i + 180°.
     pub phi_o_deg: f64,
     /// The BRDF, sr⁻¹, one value for each wavelength.
     pub brdf_per_sr: Vec<f64>,

@@ -1,4 +1,4 @@
-//! What was measured for one direction of incidence: values over outgoing directions, in the plane of incidence, on a grid or scattered.
+//! Measured values for one direction of incidence, over outgoing directions, in the plane of incidence, on a grid or scattered.
 
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
@@ -63,7 +63,7 @@ enum Kind {
 }
 
 impl Slice {
-    /// Of rows with their outgoing directions (elevation, azimuth in radians). `isotropic`: `i` has the azimuth 0, and azimuths go from 0 to π.
+    /// Creates a slice from rows with their outgoing directions (elevation, azimuth in radians). `isotropic`: `i` has the azimuth 0, and azimuths go from 0 to π.
     pub fn new(i: DVec3, rows: &[(usize, f64, f64)], isotropic: bool) -> Self {
         let kind = if isotropic { plane(rows) } else { None };
         let kind = kind.or_else(|| grid(rows, isotropic)).unwrap_or_else(|| scattered(rows));

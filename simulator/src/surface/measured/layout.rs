@@ -38,7 +38,7 @@ const BEYOND: f64 = 1.2;
 const MOVING: f64 = 0.6;
 /// The share of azimuths around the light's own, where the light is at the horizon, and how far around, radians.
 const TOWARDS: (f64, f64) = (0.1, 0.12);
-/// Of what is left of the azimuths' shares: all alike; the rest by the lobe.
+/// Even part of what is left of the azimuths' shares; the rest goes by the lobe.
 const EVEN: f64 = 0.43;
 /// The cosine of what stands for all directions at or below the horizon.
 const LEAST_COSINE: f64 = 2e-3;
@@ -227,7 +227,7 @@ impl Layout {
         sums[1]
     }
 
-    /// What each row gets of the nodes, 1 on the average; the last row is the first.
+    /// Returns the share of the nodes that each row gets, 1 on the average; the last row is the first.
     fn shares(&self, light: &Light, lobes: &[f64]) -> Vec<f64> {
         let n = lobes.len() - 1;
         let low = light.cosine.acos() / FRAC_PI_2;

@@ -72,7 +72,7 @@ impl Tensor {
         [(elevation(m) * 2.0 / PI).sqrt(), turn - turn.floor()]
     }
 
-    /// What the values in s are multiplied by: ndf/(4 sigma).
+    /// Returns the factor on the values in s: ndf/(4 sigma).
     pub fn jacobian(&self, u_m: [f64; 2], u_i: [f64; 2]) -> f64 {
         if self.jacobian { self.ndf.at(u_m) / (4.0 * self.sigma.at(u_i)) } else { 1.0 }
     }
