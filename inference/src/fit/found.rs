@@ -143,7 +143,8 @@ impl Bouncing<'_> {
         }
         let Some(study) = model.study(k) else { return Ok(None) };
         let magnitudes = curve.measured.magnitudes;
-        let of = OfCurve { number: k, parameters, fit, channels, study, magnitudes };
+        let of =
+            OfCurve { number: k, parameters, fit, channels, study, magnitudes, as_factors: false };
         for spectrum in spectra_of(&of, &mut idle)?.0 {
             let found = &spectrum.found;
             scene.set_reflectance(&spectrum.material, &found.wavelength_nm, &found.reflectance);
@@ -198,6 +199,8 @@ pub(super) struct OfCurve<'a> {
     pub channels: &'a [String],
     pub study: &'a Study,
     pub magnitudes: bool,
+    /// True where albedos of channels become factors of the file's light, not a smooth spectrum.
+    pub as_factors: bool,
 }
 
 /// Factor of a material's light in a channel; in all where there is none.
@@ -208,7 +211,7 @@ pub(super) fn spectra_of(
     of: &OfCurve<'_>,
     warnings: &mut Vec<String>,
 ) -> Result<(Vec<MaterialSpectrum>, LightFactors), PassFitError> {
-    let OfCurve { number, parameters, fit, channels, study, magnitudes } = *of;
+    let OfCurve { number, parameters, fit, channels, study, magnitudes, as_factors } = *of;
     let (first, last, step) = KNOTS_NM;
     let knots: Vec<f64> = (first..=last).step_by(step as usize).map(f64::from).collect();
     let air = parameters::transmission(study)?;
@@ -268,6 +271,8 @@ pub(super) fn spectra_of(
             }
             let reflectance: Vec<f64> = reflectance.iter().map(|r| r.min(1.0)).collect();
             found.push(MaterialSpectrum::scaled(material, &knots, &reflectance));
+        } else if !bands.is_empty() && as_factors {
+            factors.extend(over.into_iter().map(one));
         } else if !bands.is_empty() {
             match upsample(&knots, &bands) {
                 Ok(spectrum) => {
@@ -319,46 +324,59 @@ pub(super) fn fitted_scenes(
         let (number, curve) = (group[0], &curves[group[0]]);
         let Some(study) = model.study(number) else { continue };
         let magnitudes = curve.measured.magnitudes;
-        let mut scene = curve.scene.clone();
-        for (key, value) in parameters.keys(number, &values) {
-            scene.set(key, value);
-        }
-        let of = OfCurve { number, parameters, fit, channels, study, magnitudes };
-        let (spectra, factors) = spectra_of(&of, &mut said)?;
-        for spectrum in spectra {
-            let found = &spectrum.found;
-            if !scene.set_reflectance(&spectrum.material, &found.wavelength_nm, &found.reflectance)
-            {
+        let written = |as_factors: bool, said: &mut Vec<String>| {
+            let mut scene = curve.scene.clone();
+            for (key, value) in parameters.keys(number, &values) {
+                scene.set(key, value);
+            }
+            let of = OfCurve { number, parameters, fit, channels, study, magnitudes, as_factors };
+            let (spectra, factors) = spectra_of(&of, said)?;
+            for spectrum in spectra {
+                let (name, found) = (&spectrum.material, &spectrum.found);
+                if !scene.set_reflectance(name, &found.wavelength_nm, &found.reflectance) {
+                    said.push(format!(
+                        "the scene with what was found keeps the reflectance of {name}: its model has none that could be set"
+                    ));
+                }
+            }
+            for (material, channel, factor) in factors {
+                let keys = match &channel {
+                    Some(channel) => vec!["light", material.as_str(), "channel", channel.as_str()],
+                    None => vec!["light", material.as_str(), "all"],
+                };
+                scene.correct(&keys, 1.0, &|f| f * factor);
+            }
+            let beyond = parameters.correct(number, &values, channels, magnitudes, &mut scene);
+            cover(&mut scene, &group, curves);
+            scene.remark("Fitted by sunglint fit.");
+            let text = scene.text()?;
+            let again = Scene::parse(&curve.scene.path, &text)?;
+            // It must be one that can be read.
+            again.target().map_err(|why| PassFitError::FittedScene { why })?;
+            let mut difference = 0.0_f64;
+            for k in &group {
+                difference =
+                    difference.max(apart(&curves[*k], again.clone(), &fit.curves[*k], channels)?);
+            }
+            Ok::<_, PassFitError>((text, difference, beyond))
+        };
+        let (mut text, mut difference, beyond) = written(false, &mut said)?;
+        if difference > SAME {
+            // A smooth spectrum has the albedo of a channel, but not how the air colours it from airmass to airmass: that is the file's spectrum's.
+            let mut words = Vec::new();
+            let other = written(true, &mut words)?;
+            if other.1 < difference {
                 said.push(format!(
-                    "the scene with what was found keeps the reflectance of {}: its model has none that could be set",
-                    spectrum.material
+                    "smooth spectra through the albedos would miss the fit by {difference:.1e}: the scene with what was found keeps the file's spectra, with a factor for each channel"
                 ));
+                (text, difference) = (other.0, other.1);
             }
         }
-        for (material, channel, factor) in factors {
-            let keys = match &channel {
-                Some(channel) => vec!["light", material.as_str(), "channel", channel.as_str()],
-                None => vec!["light", material.as_str(), "all"],
-            };
-            scene.correct(&keys, 1.0, &|f| f * factor);
-        }
-        let beyond = parameters.correct(number, &values, channels, magnitudes, &mut scene);
         if !beyond.is_empty() {
             said.push(format!(
                 "the scene with what was found does not hold {}: no key of a scene says that of magnitudes above the air",
                 beyond.join(", ")
             ));
-        }
-        cover(&mut scene, &group, curves);
-        scene.remark("Fitted by sunglint fit.");
-        let text = scene.text()?;
-        let again = Scene::parse(&curve.scene.path, &text)?;
-        // It must be one that can be read.
-        again.target().map_err(|why| PassFitError::FittedScene { why })?;
-        let mut difference = 0.0_f64;
-        for k in &group {
-            difference =
-                difference.max(apart(&curves[*k], again.clone(), &fit.curves[*k], channels)?);
         }
         let stem = curve.scene.name();
         let name = match all.iter().any(|s| s.name == stem) {

@@ -230,6 +230,7 @@ pub fn fit(
                 channels: &channels,
                 study,
                 magnitudes,
+                as_factors: false,
             };
             spectra_of(&of, &mut Vec::new())?.0
         }
