@@ -41,10 +41,13 @@ impl Motion {
         let seen_m_s = geometry.target.velocity_m_s - observer_m_s;
         let part = 1.0 - seen_m_s.dot(to_target) / LIGHT_M_PER_S;
         let line_m_s = geometry.target.velocity_m_s * part - observer_m_s;
-        // As the turning axes see it; the aberration of the site's own motion stands still in them.
+        // As the turning axes see it; the aberration of the site's own motion (1.5e-6) stands still in them.
         let turning = line_m_s - frame.earth_rotation_gcrs_rad_s().cross(to_target * range_m);
         let across = (turning - to_target * turning.dot(to_target)) / range_m;
         let enu = geometry.horizontal.east_north_up();
+        let seen = to_target + observer_m_s / LIGHT_M_PER_S;
+        let (direction, length) = (seen.normalize(), seen.length());
+        let across = (across - direction * across.dot(direction)) / length;
         let enu_per_s = observer.gcrs_to_enu() * across;
         Ok(Self { epoch: geometry.epoch, enu, enu_per_s, range_m })
     }

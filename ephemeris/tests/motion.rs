@@ -37,7 +37,8 @@ fn moments(orbit: &Orbit, from: Epoch) -> Vec<Epoch> {
     times.collect()
 }
 
-/// Truth: central differences of the places that `Geometry` gives, ±50 ms. Their own error is ω³ dt²/6 = 2e-9 rad/s at 1°/s; 1e-8 rad/s is 0.002″/s.
+/// Truth: central differences of the places that `Geometry` gives, ±50 ms. Their own error is 1e-8 rad/s at 1.2 °/s (the third derivative times dt²/6), and SGP4's velocity is not quite the
+/// derivative of its place (a centimetre a second, 4e-8 rad/s at 400 km). 1e-7 rad/s is 0.02″/s.
 #[test]
 fn rates_are_the_differences_of_places() {
     let elements = tle::parse("iss.tle", ISS).unwrap().remove(0);
@@ -73,7 +74,7 @@ fn rates_are_the_differences_of_places() {
         }
     }
     eprintln!("worst {worst:.1e} rad/s of at most {fastest:.4} rad/s");
-    assert!(worst < 1e-8, "{worst:e}");
+    assert!(worst < 1e-7, "{worst:e}");
 }
 
 /// Truth: arithmetic: the celestial pole stands at the site's latitude in the north; the way back is the way there.
@@ -91,8 +92,8 @@ fn axes_of_the_equator_turn_back() {
     assert!((horizontal_axes(equatorial_axes(any, latitude), latitude) - any).length() < 1e-15);
 }
 
-/// Truth: Skyfield with sgp4: altitude and azimuth and their rates (`frame_latlon_and_rates`) and hour angle and declination (differences of `hadec`). Skyfield's rates
-/// are geometric; light time and aberration change them by v/c = 3e-5 of themselves.
+/// Truth: Skyfield's places of station and satellite (with sgp4), the light taken back along the line: differences of the angles over ±20 ms. Places differ by some arcsec (UT1, the
+/// microseconds of Skyfield's times, aberration), and a rate of the first axis with them, by that over the distance from the pole of the axes: 3e-4 of itself at 8°.
 #[test]
 fn rates_are_skyfields() {
     let Some(python) = peer_python("rates_are_skyfields", &["skyfield", "sgp4"]) else { return };
@@ -105,6 +106,7 @@ fn rates_are_skyfields() {
     let lines: Vec<&str> = ISS.lines().collect();
     let script = r#"
 import sys
+import numpy as np
 from datetime import datetime, timedelta, timezone
 from skyfield.api import EarthSatellite, load, wgs84
 ts = load.timescale(builtin=True)
@@ -115,14 +117,18 @@ for days in times.split(','):
     def at(s):
         base = datetime(1970, 1, 1, tzinfo=timezone.utc)
         return ts.from_datetime(base + timedelta(days=float(days), seconds=s))
-    pos = (sat - site).at(at(0))
-    alt, az, d, alt_r, az_r, d_r = pos.frame_latlon_and_rates(site)
-    def hadec(s):
-        ha, dec, _ = (sat - site).at(at(s)).hadec()
-        return ha._degrees, dec.degrees
-    (h0, d0), (h1, d1) = hadec(-0.05), hadec(0.05)
-    dh = (h1 - h0 + 180) % 360 - 180
-    print(az.degrees, alt.degrees, az_r.degrees.per_second, alt_r.degrees.per_second, dh / 0.1, (d1 - d0) / 0.1)
+    def seen(s):
+        t = at(s)
+        here = site.at(t).xyz.km
+        line = sat.at(t).xyz.km - here
+        line = sat.at(at(s - np.linalg.norm(line) / 299792.458)).xyz.km - here
+        n, e, u = site.rotation_at(t) @ (line / np.linalg.norm(line))
+        lat = np.radians(48.78)
+        m, w, p = u * np.cos(lat) - n * np.sin(lat), -e, u * np.sin(lat) + n * np.cos(lat)
+        return np.degrees([np.arctan2(e, n), np.arcsin(u), np.arctan2(w, m), np.arcsin(p)])
+    h = 0.02
+    rate = ((seen(h) - seen(-h) + 180) % 360 - 180) / (2 * h)
+    print(*seen(0)[:2], *rate)
 "#;
     let out = run_python(&python, script, &[lines[1], lines[2], &times.join(",")]);
     let rows: Vec<Vec<f64>> = out
@@ -138,30 +144,14 @@ for days in times.split(','):
         let flat = horizontal.angle_deg[1].to_radians().cos();
         assert!(wrapped(horizontal.angle_deg[0] - row[0]).abs() * flat < 0.01, "{epoch}");
         assert!((horizontal.angle_deg[1] - row[1]).abs() < 0.01, "{epoch}");
-        let near = |got: f64, truth: f64| (got - truth).abs() < 2e-4 * truth.abs() + 1e-4;
-        assert!(
-            near(horizontal.deg_s[0], row[2]),
-            "{epoch} azimuth {} {}",
-            horizontal.deg_s[0],
-            row[2]
-        );
-        assert!(
-            near(horizontal.deg_s[1], row[3]),
-            "{epoch} altitude {} {}",
-            horizontal.deg_s[1],
-            row[3]
-        );
-        assert!(
-            near(equatorial.deg_s[0], row[4]),
-            "{epoch} hour angle {} {}",
-            equatorial.deg_s[0],
-            row[4]
-        );
-        assert!(
-            near(equatorial.deg_s[1], row[5]),
-            "{epoch} declination {} {}",
-            equatorial.deg_s[1],
-            row[5]
-        );
+        // 20″ of place move the first axis' rate by that over the distance from the axes' pole, and the second's by so much of the whole rate.
+        let near = |got: [f64; 2], truth: &[f64], second_deg: f64| {
+            let part = 1e-4 + 20.0 / 206_265.0 / second_deg.to_radians().cos();
+            let whole = truth[0].hypot(truth[1]);
+            (0..2).all(|i| (got[i] - truth[i]).abs() < part * whole)
+        };
+        let [h, e] = [horizontal, equatorial];
+        assert!(near(h.deg_s, &row[2..4], h.angle_deg[1]), "{epoch} {h:?} {row:?}");
+        assert!(near(e.deg_s, &row[4..6], e.angle_deg[1]), "{epoch} {e:?} {row:?}");
     }
 }
