@@ -106,8 +106,8 @@ pub fn product(frames: &[Detected]) -> Result<Product, serde_json::Error> {
                 is_dark: true,
                 key: Key::Bar {
                     label: vec![
-                        format!("{} streaks", frame.field.streaks.len()),
-                        format!("{} points", frame.field.points.len()),
+                        counted(frame.field.streaks.len(), "streak"),
+                        counted(frame.field.points.len(), "point"),
                         "ADU".into(),
                     ],
                     range: (low, low + 12.0 * noise),
@@ -370,4 +370,9 @@ fn picture(pixels: ArrayView2<'_, f32>, field: &Field) -> RgbaImage {
         );
     }
     image
+}
+
+/// A count with its noun.
+fn counted(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
