@@ -225,8 +225,12 @@ fn magnitudes_are_compared_as_they_are_said_to_be() {
     }
     folder.done(&["compare", "m.csv", "pass.toml", "--column", "v", "-o", "m.html", "-o", "m.svg"]);
     assert!(std::fs::read_to_string(folder.path("m.svg")).unwrap().contains("measured"));
-    let message = folder.refused(1, &["compare", "m.csv", "pass.toml"]);
-    assert!(message.contains("magnitude") && message.contains("time_utc, v, error"), "{message}");
+    // `v` is a name that others use, and is found; another is not.
+    folder.done(&["compare", "m.csv", "pass.toml"]);
+    let named = std::fs::read_to_string(folder.path("m.csv")).unwrap().replace(",v,", ",seen,");
+    std::fs::write(folder.path("seen.csv"), named).unwrap();
+    let message = folder.refused(1, &["compare", "seen.csv", "pass.toml"]);
+    assert!(message.contains("magnitude") && message.contains("time_utc, seen, error"), "{message}");
 }
 
 /// Truth: Chromium: the page draws its charts, switches a channel, zooms, reads values, is no wider than its window, has no error and asks nothing of any network.
