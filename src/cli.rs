@@ -3,7 +3,8 @@
 use crate::output::{Console, OutputArgs};
 use crate::{
     air, align, analyse, apply, bench, brdf, calibrate, compare, demo, detect, devices, efficiency,
-    explain, fit, light, observe, passes, picture, reduce, session, simulate, star, tables, track,
+    explain, fit, import, light, observe, passes, picture, reduce, session, simulate, star, tables,
+    track,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -97,6 +98,8 @@ pub enum Command {
     Session(session::SessionCommand),
     /// The coefficient of every channel and night from visits to stars
     Calibrate(Box<calibrate::CalibrateArgs>),
+    /// What a light curve of another program says, and the same as ECSV, TDM or ALCDEF
+    Import(Box<import::ImportArgs>),
     /// Calibrated rates, magnitudes and irradiances of a light curve
     Apply(Box<apply::ApplyArgs>),
     /// Fit a simulation to what was measured: albedos, roughness, attitude, with intervals
@@ -162,6 +165,7 @@ impl Command {
             Command::Devices(command) => command.output(),
             Command::Calibrate(args) => Some(&args.out),
             Command::Apply(args) => Some(&args.out),
+            Command::Import(args) => Some(&args.out),
             Command::Fit(args) => Some(&args.out),
             Command::Analyse(command) => Some(command.output()),
             Command::Track(args) => Some(&args.out),
@@ -199,6 +203,7 @@ impl Command {
             Command::Session(command) => session::run(command, console),
             Command::Calibrate(args) => calibrate::run(args, seed, console),
             Command::Apply(args) => apply::run(args, console),
+            Command::Import(args) => import::run(args, console),
             Command::Fit(args) => fit::run(args, seed, console),
             Command::Analyse(command) => analyse::run(command, seed, console),
             Command::Completions { shell } => {

@@ -44,6 +44,7 @@ pub mod devices;
 pub mod efficiency;
 pub mod explain;
 pub mod fit;
+pub mod import;
 pub mod interrupt;
 pub mod light;
 pub mod observe;

@@ -230,7 +230,10 @@ fn magnitudes_are_compared_as_they_are_said_to_be() {
     let named = std::fs::read_to_string(folder.path("m.csv")).unwrap().replace(",v,", ",seen,");
     std::fs::write(folder.path("seen.csv"), named).unwrap();
     let message = folder.refused(1, &["compare", "seen.csv", "pass.toml"]);
-    assert!(message.contains("magnitude") && message.contains("time_utc, seen, error"), "{message}");
+    assert!(
+        message.contains("magnitude") && message.contains("time_utc, seen, error"),
+        "{message}"
+    );
 }
 
 /// Truth: Chromium: the page draws its charts, switches a channel, zooms, reads values, is no wider than its window, has no error and asks nothing of any network.

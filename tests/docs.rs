@@ -114,6 +114,9 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     ] {
         keys(&folder.json(&[command, &["--json"]].concat()), &mut printed);
     }
+    let foreign = "jd_utc,flux,filter,seeing\n2459275.5,100,V,2.1\n2459275.6,110,V,2.0\n";
+    std::fs::write(folder.path("foreign.csv"), foreign).unwrap();
+    keys(&folder.json(&["import", "foreign.csv", "--json"]), &mut printed);
     std::fs::write(folder.path("pass.toml"), SCENE).unwrap();
     // A pass of the same elements, followed by a virtual telescope.
     let lines = SCENE.lines().filter_map(|line| line.trim().strip_prefix('"')?.strip_suffix("\","));
@@ -388,6 +391,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     // An embedded station has no files.
     let titles = [
         "tables",
+        "import",
         "air",
         "star",
         "passes",

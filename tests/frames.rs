@@ -161,7 +161,7 @@ fn a_frame_is_searched_and_drawn() {
     let frame = &found["frames"][0];
     let streaks = frame["streaks"].as_array().unwrap();
     assert_eq!(streaks.len(), 1, "{streaks:?}");
-    assert!((streaks[0]["angle_deg"].as_f64().unwrap() - 30.0).abs() < 1.0);
+    assert!((streaks[0]["angle_deg"].as_f64().unwrap() - 30.0).abs() < 1.0, "{streaks:?}");
     assert!(frame["points"].as_array().unwrap().len() >= 25);
     assert_eq!(frame["program"], "N.I.N.A. 3.1.2.9001 (x64)");
     assert!(folder.path("marked.png").metadata().unwrap().len() > 10_000);

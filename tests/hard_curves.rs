@@ -115,3 +115,44 @@ fn hard_curves_get_an_answer_or_a_reason() {
         }
     }
 }
+
+/// What another program's table says is shown and written again. Truth: the numbers of the table; a Julian date of 2459275.5 is 2021-03-02T00:00 (Meeus, table 7.A: 2451545.0 is 2000-01-01T12:00).
+#[test]
+fn a_foreign_table_is_imported() {
+    let folder = Folder::new("import");
+    let table = "# synthetic\nJD,Vmag,Mag_Err,Filter,seeing\n2459275.5,5.25,0.05,V,2.1\n2459275.75,6.5,0.1,V,2.0\n";
+    std::fs::write(folder.path("night.csv"), table).unwrap();
+    let refused = folder.refused(1, &["import", "night.csv"]);
+    assert!(refused.contains("--time-scale") && refused.contains("JD"), "{refused}");
+    let said = ["import", "night.csv", "--time-scale", "utc", "--target", "COSMOS 1"];
+    let text = folder
+        .done(&[&said[..], &["-o", "n.ecsv", "--tdm", "n.tdm", "--alcdef", "n.txt"]].concat());
+    for part in [
+        "`Vmag` is the magnitude",
+        "`Mag_Err` is the standard uncertainty",
+        "not used    seeing",
+        "2021-03-02T00:00:00.000Z to 2021-03-02T06:00:00.000Z",
+    ] {
+        assert!(text.contains(part), "`{part}` is not in {text}");
+    }
+    let tdm = std::fs::read_to_string(folder.path("n.tdm")).unwrap();
+    assert!(
+        tdm.contains("PARTICIPANT_2 = COSMOS 1\n")
+            && tdm.contains("MAG = 2021-03-02T06:00:00.000000 6.5\n"),
+        "{tdm}"
+    );
+    // Each of the files that were written says the same again.
+    for file in ["n.ecsv", "n.tdm", "n.txt"] {
+        let again = folder.json(&["import", file, "--json"]);
+        assert_eq!(
+            (&again["rows"], &again["from_utc"]),
+            (&2.into(), &"2021-03-02T00:00:00.000Z".into()),
+            "{file}"
+        );
+        assert_eq!(again["magnitudes"], serde_json::json!([5.25, 6.5]), "{file}");
+    }
+    folder.refused(1, &[&said[..], &["--tdm", "n.tdm"]].concat());
+    std::fs::write(folder.path("flux.csv"), "mjd_utc,flux\n59275.0,100\n59275.1,10\n").unwrap();
+    let none = folder.refused(1, &["import", "flux.csv", "--tdm", "f.tdm"]);
+    assert!(none.contains("zero point"), "{none}");
+}

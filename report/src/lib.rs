@@ -49,6 +49,7 @@ pub mod explain;
 pub mod fit;
 pub mod fold;
 pub mod folder;
+pub mod import;
 mod inputs;
 pub mod intensity;
 mod lines;

@@ -131,32 +131,37 @@ pub fn column_times(
     table: &Table,
     names: &ColumnNames,
 ) -> Result<Option<ColumnTimes>, ParseError> {
+    Ok(named_times(path, table, names)?.map(|(_, times)| times))
+}
+
+/// The same with the name of the column.
+pub(super) fn named_times<'a>(
+    path: &Path,
+    table: &'a Table,
+    names: &ColumnNames,
+) -> Result<Option<(&'a str, ColumnTimes)>, ParseError> {
     let stated = || {
         let keys = ["timesys", "TIMESYS", "time_scale"];
         keys.iter().find_map(|key| Scale::of(table.meta_text(key)?.trim()))
     };
-    if let Some(asked) = &names.time {
+    let is_date = |name: &str| {
+        let name = name.to_ascii_lowercase();
+        matches!(name.split(['_', ' ', '(']).next(), Some("jd" | "mjd" | "bjd" | "hjd"))
+    };
+    let name = if let Some(asked) = &names.time {
         let Some(name) = find(table, asked) else {
             let all: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
             let found = format!("the columns {}", all.join(", "));
             return Err(ParseError::new(path, found, format!("a column `{asked}` of times")));
         };
-        return times(path, table, name, names.scale, stated()).map(Some);
-    }
-    if let Some(name) = find(table, TEXT_TIMES[0]) {
-        return times(path, table, name, names.scale, stated()).map(Some);
-    }
-    let is_date = |name: &str| {
-        let name = name.to_ascii_lowercase();
-        matches!(name.split(['_', ' ', '(']).next(), Some("jd" | "mjd" | "bjd" | "hjd"))
+        Some(name)
+    } else {
+        find(table, TEXT_TIMES[0])
+            .or_else(|| table.columns.iter().map(|c| c.name.as_str()).find(|n| is_date(n)))
+            .or_else(|| TEXT_TIMES.iter().find_map(|name| find(table, name)))
     };
-    if let Some(column) = table.columns.iter().find(|c| is_date(&c.name)) {
-        return times(path, table, &column.name, names.scale, stated()).map(Some);
-    }
-    match TEXT_TIMES.iter().find_map(|name| find(table, name)) {
-        Some(name) => times(path, table, name, names.scale, stated()).map(Some),
-        None => Ok(None),
-    }
+    let Some(name) = name else { return Ok(None) };
+    Ok(Some((name, times(path, table, name, names.scale, stated())?)))
 }
 
 /// Times of one column.

@@ -4,17 +4,20 @@
 //! A reader here knows the grammar of a format and keeps what it says: nothing is corrected, no time scale is guessed.
 //!
 //! - [`open`]: the samples or the table of a file, by its content; [`recognise`], [`read_str`]: the same of texts alone;
+//! - [`import`]: what a file says, as far as it is understood;
 //! - [`column_times`], [`ColumnNames`]: times and values of a table with named columns.
 //!
 //! MMT-9: [`Format::Mmt9`], as the catalogue of Mini-MegaTORTORA exports tracks. ALCDEF: *Asteroid Lightcurve Data Exchange Format* 2.1.1 (Stephens and Warner, 2015). TDM: CCSDS 503.0-B-2,
 //! *Tracking Data Message*, of which magnitudes (`MAG`) are read.
 
 mod columns;
+mod import;
 mod tables;
 pub mod write;
 mod xml;
 
 pub use columns::{ColumnNames, ColumnTimes, TIME_COLUMNS, column_times};
+pub use import::{Import, import};
 
 use crate::time::{UtcDay, parse_utc};
 use crate::{ParseError, Table};

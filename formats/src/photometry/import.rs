@@ -1,0 +1,137 @@
+//! What a file of photometry says, as far as it is understood.
+
+use super::{ColumnNames, Photometry, Source, open};
+use crate::{ParseError, Table, Values};
+use std::path::Path;
+
+/// A file of photometry as it is understood.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Import {
+    /// Format, in words.
+    pub format: &'static str,
+    /// Meaning of columns and the columns that were taken for it; none for formats whose columns have no choice.
+    pub columns: Vec<(&'static str, String)>,
+    /// Columns that nothing was taken from.
+    pub unused: Vec<String>,
+    /// True where the numbers are fluxes in an unknown unit, turned into magnitudes with an unknown zero point.
+    pub of_flux: bool,
+    /// Samples.
+    pub samples: Photometry,
+}
+
+/// Reads a file of photometry and tells what was taken for what.
+///
+/// # Errors
+/// The errors of [`open`] and [`super::column_times`]; a table without times, or without magnitudes and fluxes.
+pub fn import(
+    path: impl AsRef<Path>,
+    bytes: Vec<u8>,
+    names: &ColumnNames,
+) -> Result<Import, ParseError> {
+    let path = path.as_ref();
+    match open(path, bytes)? {
+        Source::Samples(format, samples) => Ok(Import {
+            format: format.name(),
+            columns: Vec::new(),
+            unused: Vec::new(),
+            of_flux: false,
+            samples: *samples,
+        }),
+        Source::Table(format, table) => of_table(path, format, &table, names),
+    }
+}
+
+fn of_table(
+    path: &Path,
+    format: &'static str,
+    table: &Table,
+    names: &ColumnNames,
+) -> Result<Import, ParseError> {
+    let all: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
+    let lacks = |expected: &str| {
+        Err(ParseError::new(path, format!("the columns {}", all.join(", ")), expected))
+    };
+    if table.meta_text("quantity").is_some() {
+        let error = ParseError::new(path, "a light curve of this program", "another program's");
+        return Err(error.with_hint("every command reads it as it is"));
+    }
+    let Some((time_column, times)) = super::columns::named_times(path, table, names)? else {
+        return lacks(super::TIME_COLUMNS);
+    };
+    let (column, of_flux) = match (names.magnitude_of(table), names.flux_of(table)) {
+        (Some(name), _) => (name, false),
+        (None, Some(name)) => (name, true),
+        (None, None) => return lacks("a column of magnitudes or fluxes (--magnitude-column NAME)"),
+    };
+    let mut columns = vec![("time", time_column.to_owned())];
+    columns.push((if of_flux { "flux" } else { "magnitude" }, column.to_owned()));
+    let numbers = |name: &str| table.f64(name).map(|v| v.into_owned()).map_err(|e| e.in_file(path));
+    let mut samples = Photometry { time: times.time, notes: times.notes, ..Photometry::default() };
+    samples.magnitude = numbers(column)?;
+    if let Some(name) = names.sigma_of(table, of_flux) {
+        columns.push(("standard uncertainty", name.to_owned()));
+        samples.sigma_mag = Some(numbers(name)?);
+    }
+    if of_flux {
+        samples.is_relative = true;
+        let flux = samples.magnitude.clone();
+        if let Some(sigma) = &mut samples.sigma_mag {
+            let to_mag = 2.5 / std::f64::consts::LN_10;
+            sigma.iter_mut().zip(&flux).for_each(|(s, f)| *s *= to_mag / f.abs());
+        }
+        let of_flux = |f: &f64| if *f > 0.0 { -2.5 * f.log10() } else { f64::NAN };
+        samples.magnitude = flux.iter().map(of_flux).collect();
+    }
+    let mut optional = |meaning: &'static str, usual: &[(&str, f64)]| {
+        let (name, factor) = usual.iter().find(|(name, _)| table.column(name).is_ok())?;
+        let values = table.f64(name).ok()?;
+        columns.push((meaning, (*name).to_owned()));
+        Some(values.iter().map(|v| factor * v).collect::<Vec<f64>>())
+    };
+    samples.range_km =
+        optional("range", &[("range_km", 1.0), ("range_m", 1e-3), ("delta_au", 149_597_870.7)]);
+    samples.phase_deg = optional("phase angle", &[("phase_deg", 1.0)]);
+    samples.exposure_s = optional("exposure", &[("exposure_s", 1.0)]);
+    let mut texts = |meaning: &'static str, usual: &[&str]| {
+        let name = usual.iter().find(|name| table.column(name).is_ok())?;
+        let found = match &table.column(name).ok()?.values {
+            Values::Text(v) => v.iter().map(|t| t.clone().unwrap_or_default()).collect(),
+            Values::F64(v) => v.iter().map(f64::to_string).collect(),
+            Values::I64(v) => {
+                v.iter().map(|n| n.map(|n| n.to_string()).unwrap_or_default()).collect()
+            }
+            _ => return None,
+        };
+        columns.push((meaning, (*name).to_owned()));
+        Some(found)
+    };
+    samples.session = texts("session", &["session"]);
+    samples.filter = texts("filter", &["filter", "band"]);
+    let used: Vec<&String> = columns.iter().map(|(_, name)| name).collect();
+    let unused = all.iter().filter(|n| !used.iter().any(|u| u.as_str() == **n));
+    let unused = unused.map(|n| (*n).to_owned()).collect();
+    Ok(Import { format, columns, unused, of_flux, samples })
+}
+
+impl Import {
+    /// What each command would need beyond what the file says: pairs of the command and the words; empty where it takes the file as it is.
+    pub fn needs(&self) -> Vec<(&'static str, String)> {
+        let mut needs = Vec::new();
+        let s = &self.samples;
+        if s.is_relative {
+            let words = "a zero point: its magnitudes are relative".to_owned();
+            needs.push(("compare, fit", words));
+        }
+        let known = |c: &Option<Vec<f64>>| c.as_ref().is_some_and(|v| v.iter().any(|s| *s > 0.0));
+        if !known(&s.sigma_mag) {
+            let words = "uncertainties (--sigma-mag), or eight samples or more without a long gap: then neighbours show the noise".to_owned();
+            needs.push(("fit, analyse", words));
+        }
+        if s.range_km.is_none() || s.phase_deg.is_none() {
+            let words = "range_km and phase_deg, where magnitudes at 1,000 km or 90° are given (--magnitudes-as)".to_owned();
+            needs.push(("analyse period", words));
+        }
+        needs
+    }
+}
