@@ -58,7 +58,7 @@ pub struct ColumnNames {
 }
 
 /// A column by its name, letter case aside; an exact one first.
-fn find<'a>(table: &'a Table, name: &str) -> Option<&'a str> {
+pub(super) fn find<'a>(table: &'a Table, name: &str) -> Option<&'a str> {
     let names = || table.columns.iter().map(|c| c.name.as_str());
     names().find(|n| *n == name).or_else(|| names().find(|n| n.eq_ignore_ascii_case(name)))
 }

@@ -1,5 +1,6 @@
 //! What a file of photometry says, as far as it is understood.
 
+use super::columns::find;
 use super::{ColumnNames, Photometry, Source, open};
 use crate::{ParseError, Table, Values};
 use std::path::Path;
@@ -84,9 +85,9 @@ fn of_table(
         samples.magnitude = flux.iter().map(of_flux).collect();
     }
     let mut optional = |meaning: &'static str, usual: &[(&str, f64)]| {
-        let (name, factor) = usual.iter().find(|(name, _)| table.column(name).is_ok())?;
+        let (name, factor) = usual.iter().find_map(|(name, f)| Some((find(table, name)?, f)))?;
         let values = table.f64(name).ok()?;
-        columns.push((meaning, (*name).to_owned()));
+        columns.push((meaning, name.to_owned()));
         Some(values.iter().map(|v| factor * v).collect::<Vec<f64>>())
     };
     samples.range_km =
@@ -94,7 +95,7 @@ fn of_table(
     samples.phase_deg = optional("phase angle", &[("phase_deg", 1.0)]);
     samples.exposure_s = optional("exposure", &[("exposure_s", 1.0)]);
     let mut texts = |meaning: &'static str, usual: &[&str]| {
-        let name = usual.iter().find(|name| table.column(name).is_ok())?;
+        let name = usual.iter().find_map(|name| find(table, name))?;
         let found = match &table.column(name).ok()?.values {
             Values::Text(v) => v.iter().map(|t| t.clone().unwrap_or_default()).collect(),
             Values::F64(v) => v.iter().map(f64::to_string).collect(),
@@ -103,7 +104,7 @@ fn of_table(
             }
             _ => return None,
         };
-        columns.push((meaning, (*name).to_owned()));
+        columns.push((meaning, name.to_owned()));
         Some(found)
     };
     samples.session = texts("session", &["session"]);
