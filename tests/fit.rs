@@ -508,7 +508,7 @@ fn the_fitted_scene_is_the_fit() {
     let grey = |_: usize| 0.8;
     type Case<'a> = (&'a str, &'a dyn Fn(usize) -> f64, f64, &'a [&'a str]);
     let rising = |c: usize| 0.7 + 0.1 * c as f64;
-    let steps = |c: usize| if c % 2 == 0 { 0.3 } else { 1.7 };
+    let steps = |c: usize| if c.is_multiple_of(2) { 0.3 } else { 1.7 };
     let cases: [Case<'_>; 8] = [
         ("rising", &rising, 0.0, &["--free", "albedo"]),
         ("steps", &steps, 0.0, &["--free", "albedo"]),
