@@ -108,6 +108,9 @@ impl Wcs {
         let reference_px = [need("CRPIX1".into())? - 1.0, need("CRPIX2".into())? - 1.0];
         let mut matrix = linear(header)?;
         if is_swapped {
+            if header.real("CROTA1").or_else(|| header.real("CROTA2")).is_some_and(|v| v != 0.0) {
+                return Err("CROTA with the declination first is not read".into());
+            }
             reference_deg.swap(0, 1);
             matrix.swap(0, 1);
         }

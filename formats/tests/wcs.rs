@@ -23,7 +23,7 @@ for n in range(120):
     h = fits.Header()
     names = ['RA---', 'DEC--']
     crval = [ra, dec]
-    swap = code in ('TAN', 'ARC') and n % 5 == 0
+    swap = code in ('TAN', 'ARC') and n % 5 == 0 and n % 3 < 2
     cd = scale * np.array([[flip*np.cos(turn), -np.sin(turn)], [flip*np.sin(turn), np.cos(turn)]])
     if swap: names, crval, cd = names[::-1], crval[::-1], cd[::-1]
     for i in (0, 1):

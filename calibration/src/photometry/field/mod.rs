@@ -12,10 +12,12 @@
 //! The significance of a streak is its fitted light over the standard deviation that the sky's noise gives that light.
 
 mod along;
+mod growth;
 mod radon;
 mod streak;
 
 pub use along::{Along, along};
+pub use growth::Growth;
 
 use super::PhotometryError;
 use super::image::Image;
@@ -135,6 +137,27 @@ pub struct Field {
     pub points: Vec<PointSource>,
     /// Length and direction of the stars' trails, px and deg, where stars are trailed.
     pub star_trails: Option<[f64; 2]>,
+    /// Growth of a point's light with the radius, where bright lone points tell it.
+    #[serde(skip)]
+    pub growth: Option<Growth>,
+}
+
+impl Field {
+    /// All of a point's light, ADU: what its aperture found over the part that it catches.
+    pub fn whole_point_adu(&self, point: &PointSource) -> [f64; 2] {
+        let part = self.growth.as_ref().map_or(1.0, Growth::of_point);
+        [point.flux_adu / part, point.sigma_adu / part]
+    }
+
+    /// All of a streak's light and its standard deviation, ADU.
+    pub fn whole_streak_adu(&self, streak: &Streak) -> [f64; 2] {
+        let half = 5.0 * self.fwhm_px / FWHM_PER_SIGMA + 2.0;
+        let part = self
+            .growth
+            .as_ref()
+            .map_or(1.0, |growth| growth.of_streak(streak.fwhm_px / FWHM_PER_SIGMA, half));
+        [streak.flux_adu / part, streak.sigma_adu / part]
+    }
 }
 
 /// Full width at half maximum over the standard deviation of a normal profile.
@@ -208,6 +231,11 @@ pub fn find(pixels: ArrayView2<'_, f32>, options: &FieldOptions) -> Result<Field
     points.sort_by(|a, b| {
         b.flux_adu.total_cmp(&a.flux_adu).then(a.place_px[0].total_cmp(&b.place_px[0]))
     });
+    let ends: Vec<[[f64; 2]; 2]> = fitted.iter().map(|fit| fit.ends).collect();
+    let growth = match star_trails {
+        None => growth::growth(&raw, size, &points, &ends, sigma_px, unit),
+        Some(_) => growth::of_trails(&raw, size, &streaks, &points, sigma_px, aperture_px),
+    };
     let middle = [0.5 * size[0] as f64, 0.5 * size[1] as f64];
     Ok(Field {
         size_px: size,
@@ -219,6 +247,7 @@ pub fn find(pixels: ArrayView2<'_, f32>, options: &FieldOptions) -> Result<Field
         streaks,
         points,
         star_trails,
+        growth,
     })
 }
 

@@ -37,7 +37,7 @@ impl Fitted {
     }
 }
 
-fn distance([a, b]: [[f64; 2]; 2], place: [f64; 2]) -> f64 {
+pub(super) fn distance([a, b]: [[f64; 2]; 2], place: [f64; 2]) -> f64 {
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
     let (x, y) = (place[0] - a[0], place[1] - a[1]);
     let square = dx * dx + dy * dy;
