@@ -135,7 +135,10 @@ fn a_folder_of_another_program_becomes_a_light_curve() {
     for words in ["cannot be read", "without a time", "dark frames of other exposure"] {
         assert!(left.contains(words), "{left}");
     }
-    assert_eq!(result["zero_point"], serde_json::Value::Null);
+    assert_eq!(
+        (&result["is_instrumental"], &result["stars"]),
+        (&true.into(), &serde_json::Value::Null)
+    );
     let curve = std::fs::read_to_string(folder.path("curve.ecsv")).unwrap();
     assert!(curve.contains("v_rate_hz") && curve.contains("no zero point"), "{curve}");
     let text = folder.done(&["reduce", "night"]);
@@ -173,4 +176,88 @@ fn a_frame_is_searched_and_drawn() {
     assert!(nothing.contains("torn.fits"), "{nothing}");
     let wrong = folder.refused(1, &["detect", "night/light_2.fits", "--streak-sigma", "1"]);
     assert!(wrong.contains("streak_sigmas is 1, expected 5 or above"), "{wrong}");
+}
+
+/// Truth: what `tests/peers/star_frames.py` drew with numpy and placed with astropy: magnitudes of the target, zero points, places on the sky; profiles with wings, clouds, a colour
+/// term, stars that are off by 0.015 mag each.
+///
+/// Tolerance: 3.5 of the stated standard deviations for each of the 6 frames and 0.05 mag for their median (the target's colour, drawn with 0.2, shifts all of them by 0.016 mag); 4″ (1.7 px) for places.
+#[test]
+fn stars_of_a_list_make_magnitudes() {
+    let Some(python) =
+        sunglint_testkit::peer_python("stars_of_a_list_make_magnitudes", &["astropy", "numpy"])
+    else {
+        return;
+    };
+    let script = sunglint_testkit::repository().join("tests/peers/star_frames.py");
+    let folder = Folder::new("star_frames");
+    for (kind, coordinates, brightness) in
+        [("sidereal", "none", "9.5"), ("sidereal", "header", "10"), ("tracked", "shifted", "11")]
+    {
+        let name = format!("{kind}_{coordinates}");
+        let path = folder.path(&name);
+        std::fs::create_dir_all(&path).unwrap();
+        let made = std::process::Command::new(&python)
+            .arg(&script)
+            .arg(&path)
+            .args([kind, coordinates, "6", "5", brightness])
+            .output()
+            .unwrap();
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+        let list = format!("{name}/stars.csv");
+        let result = folder.json(&[
+            "reduce",
+            &name,
+            "--catalogue",
+            &list,
+            "--json",
+            "-o",
+            &format!("{name}.ecsv"),
+        ]);
+        let truth: serde_json::Value =
+            serde_json::from_str(&std::fs::read_to_string(path.join("truth.json")).unwrap())
+                .unwrap();
+        let band = &result["stars"]["bands"][0];
+        assert_eq!((&band["column"], &band["system"]), (&"Vmag".into(), &"Vega".into()));
+        let mut off = Vec::new();
+        for (frame, truth) in
+            result["frames"].as_array().unwrap().iter().zip(truth.as_array().unwrap())
+        {
+            let number = |v: &serde_json::Value| v.as_f64().unwrap_or(f64::NAN);
+            let d = number(&frame["magnitude"]) - number(&truth["magnitude"]);
+            let sigma = number(&frame["sigma_mag"]);
+            assert!(d.abs() < 3.5 * sigma && sigma < 0.15, "{name}: {frame}");
+            off.push(d);
+            let place = |k: usize| number(&frame["sky_deg"][k]) - number(&truth["sky"][k]);
+            let dec = number(&truth["sky"][1]).to_radians();
+            let away = 3600.0 * (place(0) * dec.cos()).hypot(place(1));
+            assert!(away < 4.0, "{name}: {away} arcsec, {frame}");
+        }
+        off.sort_by(f64::total_cmp);
+        assert_eq!(off.len(), 6);
+        assert!((0.5 * (off[2] + off[3])).abs() < 0.05, "{name}: {off:?}");
+        // What was written is a light curve of magnitudes to the others.
+        let import = folder.done(&["import", &format!("{name}.ecsv")]);
+        assert!(import.contains("6 samples") && import.contains("mag"), "{import}");
+    }
+    // A filter without a column, a list of another field, a column that is not there.
+    let error = folder.refused(
+        1,
+        &[
+            "reduce",
+            "sidereal_none",
+            "--catalogue",
+            "sidereal_none/stars.csv",
+            "--catalogue-mag",
+            "Gmag",
+        ],
+    );
+    assert!(error.contains("Gmag") && error.contains("Vmag"), "{error}");
+    let elsewhere =
+        folder.done(&["reduce", "sidereal_none", "--catalogue", "tracked_shifted/stars.csv"]);
+    assert!(
+        elsewhere.contains("no zero point: its pattern of stars is not found")
+            && elsewhere.contains("instrumental: no zero point"),
+        "{elsewhere}"
+    );
 }

@@ -16,7 +16,7 @@ use crate::field_stars::{
     self, Approximate, Catalogue, CatalogueOptions, ColourTerm, Coordinates, InFrame,
     StarMeasurement, System, ZeroPoint,
 };
-use crate::photometry::field::{Along, Field, FieldOptions, along, find};
+use crate::photometry::field::{Along, Field, FieldOptions, Growth, along, find};
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
 use serde::Serialize;
@@ -193,6 +193,9 @@ pub struct Folder {
     pub stars: Option<StarsUse>,
 }
 
+/// Frames before and after one whose profiles count for it.
+const PROFILES: usize = 5;
+
 /// Temperature of a dark differs from its frame's by at most this, °C.
 const NEAR_C: f64 = 2.0;
 
@@ -307,6 +310,7 @@ pub fn reduce_frames(
         let lowered = made.apply(&mut frame.pixels);
         how.saturation_adu = frame.header.saturation_adu.map(|adu| adu - lowered);
         how.gain_e_per_adu = frame.header.gain_e_per_adu;
+        how.fit_growth = true;
         how.is_mosaic = frame.header.bayer.is_some();
         let field = find(frame.pixels.view(), &how)?;
         for note in &frame.header.notes {
@@ -315,6 +319,13 @@ pub fn reduce_frames(
         fields.push(Seen { time: *time, header, field, masters: number });
     }
     *folder.used.entry("light").or_default() += fields.len();
+    let growths: Vec<Option<Growth>> = fields.iter().map(|f| f.field.growth.clone()).collect();
+    for (i, seen) in fields.iter_mut().enumerate() {
+        // Single profiles are noisy, and the air changes slowly: the middle of the frames around, or of all.
+        let near = &growths[i.saturating_sub(PROFILES)..(i + PROFILES + 1).min(growths.len())];
+        let middle = Growth::middle(near.iter().flatten());
+        seen.field.growth = middle.or_else(|| Growth::middle(growths.iter().flatten()));
+    }
     let chosen = choose(&fields, options.place_px);
     folder.chosen_by = chosen.by;
     folder.motion_px_per_s = chosen.motion;
@@ -499,7 +510,7 @@ impl Folder {
                 (0..fields.len()).filter(|&i| self.frames[i].filter == filter).collect();
             let mut found: Vec<Result<InFrame, String>> = Vec::new();
             for &i in &of_it {
-                step(progress, 1)?;
+                step(progress, 0)?;
                 let seen = &fields[i];
                 let in_it = seen.stars(list, &band, options, before.as_ref());
                 if let Ok(in_it) = &in_it {
@@ -533,8 +544,14 @@ impl Folder {
                     Ok(in_it) => {
                         frame.sky_deg = frame.place_px.and_then(|place| in_it.wcs.sky(place));
                         match field_stars::of_stars(&in_it.stars, term.as_ref()) {
-                            Some(zero) => {
+                            Some(mut zero) => {
                                 with_zero += 1;
+                                // A streak among points, or a point among trails, loses another part of its light.
+                                let is_trailed = fields[i].field.star_trails.is_some();
+                                if frame.shape.is_some_and(|s| (s == Shape::Streak) != is_trailed) {
+                                    let profile = fields[i].field.profile_sigma_mag();
+                                    zero.sigma_mag = zero.sigma_mag.hypot(profile);
+                                }
                                 frame.calibrate(zero);
                             }
                             None => frame.note(&format!(

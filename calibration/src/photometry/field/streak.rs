@@ -392,7 +392,7 @@ fn verify(prepared: &Prepared, search: &Search<'_>, line: Line) -> Option<Fitted
     {
         return None;
     }
-    let half = 5.0 * sigma + 2.0;
+    let half = super::half_width(sigma);
     let corridor = Corridor::of(prepared, &line, half, 4.0 * sigma);
     let ([from, to, at_from, at_to, width], [flux, flux_sigma, explained]) =
         fitted_line(&corridor, &line, sigma)?;
