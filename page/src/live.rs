@@ -112,7 +112,7 @@ impl LiveNight {
         Ok(frame::encode(&frame, number, self.start()?, request))
     }
 
-    fn marks(&self, request: &Request, camera: &str) -> Result<Answer, Answer> {
+    fn marks(&self, camera: &str) -> Result<Answer, Answer> {
         let (number, frame) = self.state.last_frame(camera).ok_or_else(Answer::missing)?;
         let mut marked = self.marked.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((name, of, answer)) = &*marked
@@ -121,7 +121,7 @@ impl LiveNight {
         {
             return Ok(answer.clone());
         }
-        let answer = marks(&frame, &self.station()?, request)?;
+        let answer = marks(&frame, &self.station()?)?;
         *marked = Some((camera.to_owned(), number, answer.clone()));
         Ok(answer)
     }
@@ -180,7 +180,7 @@ impl Source for LiveNight {
             (false, ["about"]) => self.about(),
             (false, ["live"]) => self.live(request),
             (false, ["frame", camera]) => self.frame(request, camera),
-            (false, ["marks", camera, "last"]) => self.marks(request, camera),
+            (false, ["marks", camera, "last"]) => self.marks(camera),
             (false, ["sky"]) => self.sky(request),
             (false, ["tracks"]) => self.tracks(),
             _ => Err(Answer::missing()),

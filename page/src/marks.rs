@@ -1,6 +1,6 @@
 //! Marks on a frame: where the reduction would find its target, and what it would measure there.
 
-use crate::request::{Answer, Request};
+use crate::request::Answer;
 use serde::Serialize;
 use sunglint_calibration::photometry::{Expected, FrameCalibration, FrameReducer, PhotometryError};
 use sunglint_calibration::reduction::frames::FrameOptions;
@@ -29,22 +29,17 @@ struct PlaneView {
     flags: Vec<String>,
 }
 
-/// Finds and measures the target of a frame as the reduction does with the station's usual options, but without dark frames. A request may name another aperture.
-pub(crate) fn marks(frame: &Frame, station: &Station, request: &Request) -> Result<Answer, Answer> {
+/// Finds and measures the target of a frame as the reduction does with the station's usual options, but without dark frames and with an aperture of 8 px.
+pub(crate) fn marks(frame: &Frame, station: &Station) -> Result<Answer, Answer> {
     let wrong = |text: &str| Answer::error(422, text);
-    let mut options = FrameOptions::for_station(station)
+    let options = FrameOptions::for_station(station)
         .ok_or_else(|| wrong("the station of this session has no camera"))?;
-    if let Some(radius_px) = request.number("aperture_px") {
-        options.set_aperture(radius_px);
-    }
     let (aperture_px, annulus_px) =
         (options.photometry.aperture_radius_px, options.photometry.annulus_px);
     let said = |error: PhotometryError| wrong(&error.to_string());
     let mut reducer =
         FrameReducer::new(options.photometry, FrameCalibration::default()).map_err(said)?;
-    let place = request.number("column").zip(request.number("row"));
-    let expected = Expected { place_px: place.map(|(x, y)| [x, y]), ..Expected::default() };
-    let measured = reducer.measure(frame, &expected).map_err(said)?;
+    let measured = reducer.measure(frame, &Expected::default()).map_err(said)?;
     let finite = |value: f64| value.is_finite().then_some(value);
     let planes = measured.planes.iter().map(|plane| PlaneView {
         colour: format!("{:?}", plane.colour).to_lowercase(),

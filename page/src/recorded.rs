@@ -339,11 +339,11 @@ impl Recording {
         Ok(frame::encode(&frame, film.files[index].sequence, self.start, request))
     }
 
-    fn marks(&self, request: &Request, camera: &str, index: &str) -> Result<Answer, Answer> {
+    fn marks(&self, camera: &str, index: &str) -> Result<Answer, Answer> {
         let film = self.film(camera).ok_or_else(Answer::missing)?;
         let frame = self.read(film, index.parse().map_err(|_| Answer::missing())?)?;
         let station = self.station.as_ref().map_err(|error| Answer::error(422, error))?;
-        marks(&frame, station, request)
+        marks(&frame, station)
     }
 
     fn counts(&self, request: &Request, counter: &str) -> Result<Answer, Answer> {
@@ -470,7 +470,7 @@ impl Source for Recording {
                 Answer::json(&FilmView { start_s: &film.start_s, number })
             }),
             ["frame", camera, index] => self.frame(request, camera, index),
-            ["marks", camera, index] => self.marks(request, camera, index),
+            ["marks", camera, index] => self.marks(camera, index),
             ["counts", counter] => self.counts(request, counter),
             ["sky"] => self.sky(request),
             ["tracks"] => self.tracks(),

@@ -64,7 +64,7 @@ function latest(work) {
 
 const S = {
   about: null, live: null, t: 0, playing: false, film: null, frame: null, marks: null, counts: {}, shown: null, sky: null, tracks: [], events: [], seen: { events: 0, counts: {} },
-  view: null, off: new Set(), hover: null, since: 0, lag: [],
+  view: null, off: new Set(), hover: null, since: 0, lag: {},
 };
 window.sunglint = S; // for those who look into it with the browser's console, and for tests
 
@@ -102,8 +102,9 @@ const visitAt = (t) => S.about.visits.findLast((v) => v.from_s <= t && t < v.to_
 const LINES = {
   light: ["#0b5cad", "#b3261e", "#1c6b3a", "#8a5a00", "#6a3fb5", "#006d77"],
   dark: ["#7cb7ff", "#ff8a80", "#7fd49b", "#ffcc66", "#c6a6ff", "#70d6e0"],
-  red: ["#ff4a4a", "#a82424", "#ff9090", "#7d1b1b", "#d63a3a", "#ffb0b0"],
+  red: ["#ff2a2a", "#ff2a2a", "#ff2a2a", "#ff2a2a", "#ff2a2a", "#ff2a2a"],
 };
+const STROKES = [[], [7, 3], [2, 3], [9, 3, 2, 3]];
 const system = matchMedia("(prefers-color-scheme: dark)");
 function theme() {
   const wanted = $("theme").value;
@@ -131,6 +132,15 @@ function fit(canvas) {
   const size = parseFloat(getComputedStyle(root).fontSize);
   c.font = `${0.8125 * size}px system-ui, "DejaVu Sans", sans-serif`;
   return { c, w: canvas.clientWidth, h: canvas.clientHeight, em: size };
+}
+
+// How old what is new was when it was drawn, s: by this computer's clock, which in tests is the night's.
+function drawn(what, end_s) {
+  const list = (S.lag[what] ??= []);
+  if (list.last === end_s) return;
+  list.last = end_s;
+  list.push((Date.now() - S.about.start_unix_ms) / 1000 - end_s);
+  if (list.length > 600) list.splice(0, 300);
 }
 
 const dirty = new Set();
@@ -198,8 +208,8 @@ function stretch(pixels) {
   if (kind === "zscale") [low, high] = zscale(pixels);
   if (kind === "asinh") {
     const spread = Math.max(1, 1.4826 * (at(0.5) - at(0.16)));
-    low = at(0.5) - 2 * spread;
-    high = Math.max(low + 10 * spread, sample[sample.length - 1]);
+    low = Math.max(0, at(0.5) - 2 * spread);
+    high = clamp(sample[sample.length - 1], low + 10 * spread, Math.max(65535, low + 1));
     const soft = (6 * spread) / (high - low);
     const top = Math.asinh(1 / soft);
     curve = (x) => Math.asinh(x / soft) / top;
@@ -250,6 +260,7 @@ function drawImage() {
   const [x, y, pw, ph] = f.header.part_px;
   c.imageSmoothingEnabled = each > 1;
   c.drawImage(f.canvas, (x - x0) / each, (y - y0) / each, (f.header.shape[0] * f.header.bin) / each, (f.header.shape[1] * f.header.bin) / each);
+  if (S.live) drawn("image", f.header.start_s + f.header.exposure_s);
   if (!$("marks").checked) return;
   const red = theme() === "red";
   const place = ([px, py]) => [(px + 0.5 - x0) / each, (py + 0.5 - y0) / each];
@@ -263,14 +274,15 @@ function drawImage() {
   };
   c.lineWidth = 1.5;
   const sensor = S.about.sensor_px ?? f.header.size_px;
-  S.about.fibres.forEach((fibre) => {
-    const at = [0, 1].map((i) => ((sensor[i] - 1) / 2 + fibre.offset_px[i] - f.header.origin_px[i]) / f.header.binning[i]);
-    const [a, b] = [0, 1].map((i) => fibre.sigma_px[i] / f.header.binning[i]);
+  S.about.fibres.forEach((fibre, i) => {
+    const at = [0, 1].map((k) => ((sensor[k] - 1) / 2 + fibre.offset_px[k] - f.header.origin_px[k]) / f.header.binning[k]);
+    const [a, b] = [0, 1].map((k) => fibre.sigma_px[k] / f.header.binning[k]);
     ring(at, a, b, red ? "#802020" : "#5fd0e0", [4, 4]);
     if (each < 3) {
       c.fillStyle = red ? "#a03030" : "#5fd0e0";
       const [tx, ty] = place(at);
-      c.fillText(fibre.channel, tx + a / each + 0.2 * em, ty - b / each);
+      // Each name at another height: the fields lie within one another.
+      c.fillText(fibre.channel, tx + a / each + 0.6 * em, ty + (i - (S.about.fibres.length - 1) / 2) * 1.2 * em);
     }
   });
   const m = S.marks;
@@ -340,6 +352,7 @@ const loadFrame = latest(async ({ camera, of, again }) => {
   frameText();
   redraw("image");
   loadMarks({ camera, of: S.frame.of });
+  if (!S.live) later();
 });
 
 function zoom(factor, at) {
@@ -451,7 +464,7 @@ function drawCounts() {
     c.fillRect(a, box.t, b - a, box.b - box.t);
     c.globalAlpha = 1;
     const name = visit.name;
-    if (c.measureText(name).width < b - a - 0.4 * em) { c.fillStyle = css("--soft"); c.fillText(name, a + 0.2 * em, box.t + 0.1 * em); }
+    if (c.measureText(name).width < b - a - 0.4 * em) { c.fillStyle = css("--soft"); c.fillText(name, a + 0.2 * em, box.t + 0.7 * em); }
   }
   const canvas = $("counts");
   if (!data || !data.start_s.length) {
@@ -495,6 +508,8 @@ function drawCounts() {
       c.globalAlpha = 1;
     }
     c.strokeStyle = colour;
+    // Red light has one colour: the channels differ by their strokes.
+    c.setLineDash(theme() === "red" ? STROKES[k % 4] : []);
     c.lineWidth = 1.5;
     c.beginPath();
     let end = NaN;
@@ -507,6 +522,7 @@ function drawCounts() {
       end = data.start_s[i] + data.length_s[i];
     }
     c.stroke();
+    c.setLineDash([]);
   }
   // Bins with faults: a mark at the top, whatever the channel. A free clock is no fault.
   c.fillStyle = css("--bad");
@@ -530,6 +546,7 @@ function drawCounts() {
     c.setLineDash([]);
   }
   canvas.plot = { from, to, l: box.l, r: box.r };
+  if (S.live) drawn("counts", data.start_s.at(-1) + data.length_s.at(-1));
   readCounts(data, inside, faults);
 }
 
@@ -555,7 +572,11 @@ function legend() {
     input.addEventListener("change", () => { input.checked ? S.off.delete(name) : S.off.add(name); redraw("counts"); });
     const swatch = document.createElement("span");
     swatch.className = "swatch";
-    swatch.style.background = lineColour(k);
+    const colour = lineColour(k);
+    const dash = theme() === "red" ? STROKES[k % 4] : [];
+    let [at, stops] = [0, []];
+    dash.forEach((length, i) => { stops.push(`${i % 2 ? "transparent" : colour} ${at}px ${at + length}px`); at += length; });
+    swatch.style.background = dash.length ? `repeating-linear-gradient(90deg, ${stops.join(", ")})` : colour;
     label.append(input, swatch, name);
     return label;
   }));
@@ -592,7 +613,10 @@ function drawSky() {
     for (const star of sky.stars) {
       const [x, y] = place(star.at_deg);
       c.beginPath(); c.arc(x, y, Math.max(0.6, (4.5 - star.v_mag) * 0.055 * em), 0, 7); c.fill();
-      if (star.name && star.v_mag < 1.3) c.fillText(star.name, x + 0.4 * em, y);
+      if (star.name && star.v_mag < 1.3) {
+        const wide = c.measureText(star.name).width;
+        c.fillText(star.name, x + 0.4 * em + wide < w ? x + 0.4 * em : x - 0.4 * em - wide, y);
+      }
     }
     const disc = (name, at, r) => {
       if (at[1] < 0) return;
@@ -601,7 +625,8 @@ function drawSky() {
       c.beginPath(); c.arc(x, y, r, 0, 7); c.stroke();
       c.lineWidth = 1;
       c.fillStyle = css("--warn");
-      c.fillText(name, x + r + 0.2 * em, y);
+      const wide = c.measureText(name).width;
+      c.fillText(name, x + r + 0.2 * em + wide < w ? x + r + 0.2 * em : x - r - 0.2 * em - wide, y);
     };
     disc("Sun", sky.sun_deg, 0.6 * em);
     disc(`Moon ${Math.round(100 * sky.moon_lit)} %`, sky.moon_deg, 0.5 * em);
@@ -881,7 +906,6 @@ async function recorded({ camera, counter }) {
 const KEEP = 6000;
 function take(view) {
   const again = S.live && S.live.run !== view.run;
-  const before = S.live;
   S.live = view;
   if (again) {
     S.seen = { events: 0, counts: {} };
@@ -910,10 +934,6 @@ function take(view) {
   }
   S.since = Date.now();
   if (view.events.some((e) => e.kind === "target" || e.kind === "control")) schedule();
-  const lagging = Object.values(view.counts)[0];
-  if (lagging?.start_s.length) S.lag.push(view.now_s - lagging.start_s.at(-1) - lagging.length_s.at(-1));
-  if (S.lag.length > 600) S.lag.splice(0, 300);
-  return before;
 }
 
 const schedule = latest(async () => {

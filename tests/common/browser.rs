@@ -105,7 +105,7 @@ impl Browser {
         // Another fragment alone would load nothing.
         self.call("Page.navigate", json!({"url": "about:blank"}));
         self.call("Page.navigate", json!({"url": url}));
-        self.until("document.documentElement.dataset.ready === 'yes'");
+        self.until("document.documentElement?.dataset.ready === 'yes'");
     }
 
     /// Value of an expression, of a promise too.
@@ -142,7 +142,8 @@ impl Browser {
         let at = self.run(&script);
         assert!(at.is_array(), "{selector} is covered by another element");
         for kind in ["mouseMoved", "mousePressed", "mouseReleased"] {
-            let params = json!({"type": kind, "x": at[0], "y": at[1], "button": "left", "clickCount": 1});
+            let params =
+                json!({"type": kind, "x": at[0], "y": at[1], "button": "left", "clickCount": 1});
             self.call("Input.dispatchMouseEvent", params);
         }
     }
@@ -156,7 +157,8 @@ impl Browser {
 
     /// Sets the window, px.
     pub fn size(&mut self, width: u32, height: u32) {
-        let params = json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": false});
+        let params =
+            json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": false});
         self.call("Emulation.setDeviceMetricsOverride", params);
     }
 
@@ -168,7 +170,8 @@ impl Browser {
     /// The whole page as PNG, into a file.
     pub fn shot(&mut self, path: &Path) {
         let taken = self.call("Page.captureScreenshot", json!({"captureBeyondViewport": true}));
-        let script = "import base64, sys; open(sys.argv[1], 'wb').write(base64.b64decode(sys.stdin.read()))";
+        let script =
+            "import base64, sys; open(sys.argv[1], 'wb').write(base64.b64decode(sys.stdin.read()))";
         let mut python = Command::new("python3")
             .args(["-c", script])
             .arg(path)
