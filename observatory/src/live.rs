@@ -680,3 +680,75 @@ fn counts_since(ring: &Ring, seen: u64) -> LiveCounts {
         flags: points().map(|p| p.flags).collect(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sunglint_formats::CountFlags;
+    use sunglint_formats::time::parse_utc;
+
+    fn record(i: u64, length_ps: i64) -> CountRecord {
+        let start = parse_utc("2026-11-21T18:00:00Z").unwrap();
+        CountRecord {
+            start: start + hifitime::Duration::from_seconds(i as f64 * length_ps as f64 * 1e-12),
+            start_ps: i as i64 * length_ps,
+            length_ps,
+            counts: vec![i],
+            missed: vec![0],
+            flags: if i == 5 { CountFlags::GAP } else { CountFlags::empty() },
+        }
+    }
+
+    /// Truth: by hand: bins of 10 ms become points of 0.1 s with their sums and flags; bins of 1 s stay; a reader gets each point once, and is told of those that are gone.
+    #[test]
+    fn counts_become_points() {
+        let mut ring = Ring { channels: vec!["g".into()], ..Ring::default() };
+        for i in 0..25 {
+            ring.add(0.01 * i as f64, &record(i, 10_000_000_000));
+        }
+        let all = counts_since(&ring, 0);
+        assert_eq!((all.last, all.missed, all.start_s.len()), (2, 0, 2));
+        // 0 + … + 9 = 45 and 10 + … + 19 = 145 in 0.1 s.
+        for (found, expected) in all.rate_hz[0].iter().zip([450.0, 1450.0]) {
+            assert!((found - expected).abs() < 1e-6, "{found}");
+        }
+        assert_eq!(all.flags, [CountFlags::GAP.bits(), 0]);
+        assert_eq!(counts_since(&ring, 1).start_s, [0.1]);
+        assert_eq!(counts_since(&ring, 2).start_s.len(), 0);
+        // A reader of another run begins anew.
+        assert_eq!(counts_since(&ring, 99).start_s.len(), 2);
+        let mut long = Ring { channels: vec!["g".into()], ..Ring::default() };
+        for i in 0..7000 {
+            long.add(i as f64, &record(i, 1_000_000_000_000));
+        }
+        assert_eq!(long.points.len(), POINTS);
+        let late = counts_since(&long, 100);
+        assert_eq!(
+            (late.last, late.start_s.len(), late.missed),
+            (7000, ANSWER, 6900 - ANSWER as u64)
+        );
+        assert_eq!(counts_since(&long, 6999).start_s, [6999.0]);
+    }
+
+    /// Truth: by hand: capture that nobody empties loses what finds no room, and counts it; it never waits. A frame that somebody holds is left.
+    #[test]
+    fn capture_never_waits() {
+        let state = LiveState::new();
+        for i in 0..WAITING as u64 + 10 {
+            state.counts("tagger", &[record(i, 1)]);
+        }
+        assert_eq!(state.dropped.load(Ordering::Relaxed), 10);
+        assert!(state.since(&Seen::default()).is_none());
+        let note = |text: &str| state.ask(Control::Note(text.to_owned()));
+        assert!(matches!(note(" "), Err(ControlError::Refused(_))));
+        assert!(matches!(note(&"x".repeat(LONGEST_NOTE + 1)), Err(ControlError::Refused(_))));
+        for _ in 0..COMMANDS {
+            assert!(state.ask(Control::Stop).is_ok());
+        }
+        assert_eq!(state.ask(Control::Stop).unwrap_err(), ControlError::Busy);
+        let asked = state.next_command().unwrap();
+        asked.answer(Ok("nobody hears it".into()));
+        state.end("done");
+        assert_eq!(state.ask(Control::Stop).unwrap_err(), ControlError::Ended);
+    }
+}
