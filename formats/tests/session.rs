@@ -681,7 +681,6 @@ fn an_index_finds_any_stretch() {
     let without: Vec<What> =
         session.events().unwrap().without_marks().map(|event| event.unwrap().what).collect();
     assert!(marks > 0 && without == rest && rest.iter().any(|w| matches!(w, What::Control { .. })));
-    assert!(session.check().unwrap().is_whole());
     // A broken row, and half a last one.
     let path = root.join("counts/tagger.ecsv");
     let text = std::fs::read_to_string(&path).unwrap();
