@@ -475,6 +475,32 @@ fn a_night_is_steered_from_the_page() {
     assert_eq!((report.counters[0].unflagged_gaps, report.counters[0].flagged_gaps), (0, 0));
 }
 
+/// A camera that cannot be opened: an alarm at the top, its error beside names that stay in one piece, and the counts go on.
+#[test]
+fn a_lost_camera_is_an_alarm() {
+    let Some(mut browser) = Browser::start("a_lost_camera_is_an_alarm") else { return };
+    let folder = Folder::new("page-alarm");
+    let plan = LIVE_PLAN.replace("\"sim-camera\"", "\"indi-camera:localhost:1/None\"");
+    std::fs::write(folder.path("night.toml"), plan).unwrap();
+    let arguments = ["observe", "night.toml", "-o", "session", "--anyway", "--page", "127.0.0.1:0"];
+    let mut serving = Serving::start(&folder, &arguments);
+    browser.open(&serving.url);
+    browser.until("document.getElementById('alarm').innerText.startsWith('cam is lost: ')");
+    browser.until("sunglint.counts.tagger?.start_s.length > 5");
+    looks_good(&mut browser, "alarm");
+    browser.size(400, 800);
+    browser.settle();
+    let lines = "[...document.querySelectorAll('#devices td:first-child, #devices th, #visits th')].map((e) => { const r = document.createRange(); r.selectNodeContents(e); return [...new Set([...r.getClientRects()].map((b) => b.top))].length; })";
+    let lines = browser.run(lines);
+    assert!(lines.as_array().unwrap().iter().all(|n| *n == 1), "{lines}");
+    assert_eq!(browser.complaints, Vec::<String>::new());
+    browser.click("#stop");
+    // Data are missing: the program says so.
+    assert!(serving.child.wait().unwrap().code().is_some());
+    let events = std::fs::read_to_string(folder.path("session/events.jsonl")).unwrap();
+    assert!(events.contains("\"action\":\"stop\""));
+}
+
 /// The server ends and another begins at the same place: the page comes back by itself, to the new night.
 #[test]
 fn the_page_survives_a_restart() {

@@ -594,6 +594,8 @@ function drawSky() {
     const a = (azimuth * Math.PI) / 180;
     return [cx - r * Math.sin(a), cy - r * Math.cos(a)];
   };
+  // A page that is not laid out yet, or not any more, has no room for a sky.
+  if (radius <= 0) return;
   c.fillStyle = css("--sky");
   c.beginPath(); c.arc(cx, cy, radius, 0, 7); c.fill();
   c.strokeStyle = css("--line");
@@ -1074,7 +1076,8 @@ function wire() {
   $("note-form").addEventListener("submit", async (event) => { event.preventDefault(); if (await steer("note", $("note").value)) $("note").value = ""; });
   const help = () => { $("help").hidden = !$("help").hidden; $("help-button").setAttribute("aria-expanded", String(!$("help").hidden)); };
   $("help-button").addEventListener("click", help);
-  addEventListener("resize", drawAll);
+  const sizes = new ResizeObserver(drawAll);
+  for (const canvas of document.querySelectorAll("canvas")) sizes.observe(canvas);
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey || !S.about) return;
     if (event.target.matches("input[type=text], select")) return;
