@@ -475,7 +475,7 @@ fn a_night_is_steered_from_the_page() {
     assert_eq!((report.counters[0].unflagged_gaps, report.counters[0].flagged_gaps), (0, 0));
 }
 
-/// A camera that cannot be opened: an alarm at the top, its error beside names that stay in one piece, and the counts go on.
+/// A camera that cannot be opened: an alarm at the top, names in the tables stay in one piece, and the counts go on.
 #[test]
 fn a_lost_camera_is_an_alarm() {
     let Some(mut browser) = Browser::start("a_lost_camera_is_an_alarm") else { return };

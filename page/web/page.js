@@ -705,7 +705,7 @@ function devices() {
     const live = S.live?.devices[device.name];
     let [state, taken, now] = ["–", device.taken, ""];
     if (live) {
-      state = live.error ? `${live.state}: ${live.error}` : live.state;
+      state = live.state; // its error is the alarm at the top
       taken = live.taken;
       now = live.frame ? `${live.frame.mean_adu.toFixed(0)} … ${live.frame.most_adu} ADU` : live.rates_hz.map(([name, rate]) => `${name} ${hertz(rate)}`).join(" ");
       if (live.refused) now += ` ${live.refused} refused`;
