@@ -23,6 +23,7 @@ mod long_night;
 mod long_reduce;
 mod observe;
 mod output;
+mod page;
 mod passes;
 mod period;
 mod picture;
