@@ -7,6 +7,7 @@ use ndarray::Array2;
 use std::path::Path;
 use sunglint_formats::atomic::Overwrite;
 use sunglint_formats::fits::{Header, Image, Pixels, Writer};
+use sunglint_testkit::Campaign;
 
 /// Light of the target, ADU in an exposure, and the exposure, s.
 const LIGHT: f64 = 24_000.0;
@@ -178,10 +179,70 @@ fn a_frame_is_searched_and_drawn() {
     assert!(wrong.contains("streak_sigmas is 1, expected 5 or above"), "{wrong}");
 }
 
+/// What came of a night that `tests/peers/star_frames.py` drew.
+struct Night {
+    /// Differences of magnitudes from the truth, and their standard deviations.
+    off: Vec<[f64; 2]>,
+    /// Frames without a magnitude.
+    without: usize,
+    /// Largest distance of a place from the truth, arcsec.
+    away: f64,
+    list: String,
+}
+
+fn star_night(
+    python: &Path,
+    folder: &Folder,
+    [kind, coordinates, brightness]: [&str; 3],
+    frames: &str,
+    seed: u64,
+) -> Night {
+    let script = sunglint_testkit::repository().join("tests/peers/star_frames.py");
+    let name = format!("{kind}_{coordinates}_{seed}");
+    let path = folder.path(&name);
+    std::fs::create_dir_all(&path).unwrap();
+    let made = std::process::Command::new(python)
+        .arg(&script)
+        .arg(&path)
+        .args([kind, coordinates, frames, &seed.to_string(), brightness])
+        .output()
+        .unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let list = format!("{name}/stars.csv");
+    let curve = format!("{name}.ecsv");
+    let result = folder.json(&["reduce", &name, "--catalogue", &list, "--json", "-o", &curve]);
+    let truth = std::fs::read_to_string(path.join("truth.json")).unwrap();
+    let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
+    let band = &result["stars"]["bands"][0];
+    assert_eq!((&band["column"], &band["system"]), (&"Vmag".into(), &"Vega".into()));
+    let mut night = Night { off: Vec::new(), without: 0, away: 0.0, list };
+    let number = |v: &serde_json::Value| v.as_f64().unwrap_or(f64::NAN);
+    for (frame, truth) in result["frames"].as_array().unwrap().iter().zip(truth.as_array().unwrap())
+    {
+        let magnitude = number(&frame["magnitude"]);
+        if magnitude.is_nan() {
+            assert!(!frame["remark"].as_str().unwrap().is_empty(), "{frame}");
+            night.without += 1;
+            continue;
+        }
+        night.off.push([magnitude - number(&truth["magnitude"]), number(&frame["sigma_mag"])]);
+        let place = |k: usize| number(&frame["sky_deg"][k]) - number(&truth["sky"][k]);
+        let dec = number(&truth["sky"][1]).to_radians();
+        night.away = night.away.max(3600.0 * (place(0) * dec.cos()).hypot(place(1)));
+    }
+    night
+}
+
+fn middle(night: &Night) -> f64 {
+    let mut off: Vec<f64> = night.off.iter().map(|o| o[0]).collect();
+    off.sort_by(f64::total_cmp);
+    off[off.len() / 2]
+}
+
 /// Truth: what `tests/peers/star_frames.py` drew with numpy and placed with astropy: magnitudes of the target, zero points, places on the sky; profiles with wings, clouds, a colour
 /// term, stars that are off by 0.015 mag each.
 ///
-/// Tolerance: 3.5 of the stated standard deviations for each of the 6 frames and 0.05 mag for their median (the target's colour, drawn with 0.2, shifts all of them by 0.016 mag); 4″ (1.7 px) for places.
+/// Tolerance: 3.5 of the stated standard deviations; 0.06 mag for the middle (the target's colour, drawn with 0.2, shifts all of a night by 0.016 mag); 4″ (1.7 px) for places.
 #[test]
 fn stars_of_a_list_make_magnitudes() {
     let Some(python) =
@@ -189,75 +250,68 @@ fn stars_of_a_list_make_magnitudes() {
     else {
         return;
     };
-    let script = sunglint_testkit::repository().join("tests/peers/star_frames.py");
     let folder = Folder::new("star_frames");
-    for (kind, coordinates, brightness) in
-        [("sidereal", "none", "9.5"), ("sidereal", "header", "10"), ("tracked", "shifted", "11")]
-    {
-        let name = format!("{kind}_{coordinates}");
-        let path = folder.path(&name);
-        std::fs::create_dir_all(&path).unwrap();
-        let made = std::process::Command::new(&python)
-            .arg(&script)
-            .arg(&path)
-            .args([kind, coordinates, "6", "5", brightness])
-            .output()
-            .unwrap();
-        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
-        let list = format!("{name}/stars.csv");
-        let result = folder.json(&[
-            "reduce",
-            &name,
-            "--catalogue",
-            &list,
-            "--json",
-            "-o",
-            &format!("{name}.ecsv"),
-        ]);
-        let truth: serde_json::Value =
-            serde_json::from_str(&std::fs::read_to_string(path.join("truth.json")).unwrap())
-                .unwrap();
-        let band = &result["stars"]["bands"][0];
-        assert_eq!((&band["column"], &band["system"]), (&"Vmag".into(), &"Vega".into()));
-        let mut off = Vec::new();
-        for (frame, truth) in
-            result["frames"].as_array().unwrap().iter().zip(truth.as_array().unwrap())
-        {
-            let number = |v: &serde_json::Value| v.as_f64().unwrap_or(f64::NAN);
-            let d = number(&frame["magnitude"]) - number(&truth["magnitude"]);
-            let sigma = number(&frame["sigma_mag"]);
-            assert!(d.abs() < 3.5 * sigma && sigma < 0.15, "{name}: {frame}");
-            off.push(d);
-            let place = |k: usize| number(&frame["sky_deg"][k]) - number(&truth["sky"][k]);
-            let dec = number(&truth["sky"][1]).to_radians();
-            let away = 3600.0 * (place(0) * dec.cos()).hypot(place(1));
-            assert!(away < 4.0, "{name}: {away} arcsec, {frame}");
-        }
-        off.sort_by(f64::total_cmp);
-        assert_eq!(off.len(), 6);
-        assert!((0.5 * (off[2] + off[3])).abs() < 0.05, "{name}: {off:?}");
-        // What was written is a light curve of magnitudes to the others.
-        let import = folder.done(&["import", &format!("{name}.ecsv")]);
-        assert!(import.contains("6 samples") && import.contains("mag"), "{import}");
-    }
-    // A filter without a column, a list of another field, a column that is not there.
-    let error = folder.refused(
-        1,
-        &[
-            "reduce",
-            "sidereal_none",
-            "--catalogue",
-            "sidereal_none/stars.csv",
-            "--catalogue-mag",
-            "Gmag",
-        ],
-    );
-    assert!(error.contains("Gmag") && error.contains("Vmag"), "{error}");
-    let elsewhere =
-        folder.done(&["reduce", "sidereal_none", "--catalogue", "tracked_shifted/stars.csv"]);
+    let night = star_night(&python, &folder, ["sidereal", "header", "10"], "6", 5);
+    assert_eq!((night.off.len(), night.without), (6, 0));
+    assert!(night.off.iter().all(|[d, s]| d.abs() < 3.5 * s && *s < 0.15), "{:?}", night.off);
+    assert!(middle(&night).abs() < 0.06 && night.away < 4.0, "{:?} {}", night.off, night.away);
+    // What was written is a light curve of magnitudes to the others.
+    let import = folder.done(&["import", "sidereal_header_5.ecsv"]);
     assert!(
-        elsewhere.contains("no zero point: its pattern of stars is not found")
-            && elsewhere.contains("instrumental: no zero point"),
+        import.contains("6 rows") && import.contains("`magnitude` is the magnitude"),
+        "{import}"
+    );
+    // A column that is not there; a list of another field.
+    let frames = "sidereal_header_5";
+    let error = folder
+        .refused(1, &["reduce", frames, "--catalogue", &night.list, "--catalogue-mag", "Gmag"]);
+    assert!(error.contains("Gmag") && error.contains("Vmag"), "{error}");
+    std::fs::write(
+        folder.path("elsewhere.csv"),
+        "ra,dec,V\n10,20,9\n10.1,20,9.5\n10.2,20.1,10\n10.3,20.2,11\n10.4,20.1,12\n",
+    )
+    .unwrap();
+    let elsewhere = folder.done(&["reduce", frames, "--catalogue", "elsewhere.csv"]);
+    assert!(
+        elsewhere.contains("no zero point: ") && elsewhere.contains("instrumental: no zero point"),
         "{elsewhere}"
     );
+}
+
+/// Nights of 8 frames as above, in turn with stars as points without coordinates in the headers, and with trailed stars and coordinates that are 25 px off.
+///
+/// What is asked (issue "folder to magnitudes"): 95 % within 2 standard deviations, no more than 0.02 mag of bias over all nights. Tolerance: 90 % of 160 (the target's colour is one
+/// draw a night, so that there are 20 independent parts).
+#[test]
+fn campaign_star_frames() {
+    let Some(python) = sunglint_testkit::peer_python("campaign_star_frames", &["astropy", "numpy"])
+    else {
+        return;
+    };
+    let mut campaign = Campaign::start("star_frames", 20);
+    let folder = Folder::new("star_frames_campaign");
+    let (mut beyond, mut without, mut frames) = (0, 0, 0);
+    let (mut middles, mut away) = (Vec::new(), 0.0_f64);
+    for seed in campaign.seeds() {
+        let how = [["sidereal", "none", "9.5"], ["tracked", "shifted", "11"]][seed as usize % 2];
+        let night = star_night(&python, &folder, how, "8", 300 + seed);
+        println!("{seed}: {how:?} {:?} {} {}", night.off, night.without, night.away);
+        beyond += night.off.iter().filter(|[d, s]| d.abs() > 2.0 * s).count();
+        without += night.without;
+        frames += night.off.len() + night.without;
+        middles.push(middle(&night));
+        away = away.max(night.away);
+    }
+    let bias = (middles.iter().sum::<f64>() / middles.len() as f64).abs();
+    if frames > 100 {
+        assert!(10 * beyond <= frames && 20 * without <= frames, "{beyond} {without} of {frames}");
+        assert!(bias < 0.02, "{bias} {middles:?}");
+    }
+    let spread = middles.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    campaign.largest("frames", frames as f64);
+    campaign.largest("without_a_magnitude", without as f64);
+    campaign.largest("beyond_two_sigmas", beyond as f64);
+    campaign.largest("largest_middle_of_a_night_mag", spread);
+    campaign.largest("largest_distance_arcsec", away);
+    campaign.finish();
 }
