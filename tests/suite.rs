@@ -31,5 +31,6 @@ mod raw_tags;
 mod recorded_night;
 mod reduce;
 mod simulate;
+mod thesis;
 mod track;
 mod virtual_observatory;

@@ -285,9 +285,13 @@ fn laws_that_no_detector_has_are_refused() {
 /// times the slope. The slope is held by differences.
 #[test]
 fn pulses_of_pixels_are_told_apart_again() {
-    for (pulse_s, true_hz, share) in
-        [(10e-9, 1e6, 0.990), (10e-9, 1e7, 0.904), (20e-9, 3e6, 0.941), (20e-9, 1e7, 0.819), (30e-9, 1e7, 0.741)]
-    {
+    for (pulse_s, true_hz, share) in [
+        (10e-9, 1e6, 0.990),
+        (10e-9, 1e7, 0.904),
+        (20e-9, 3e6, 0.941),
+        (20e-9, 1e7, 0.819),
+        (30e-9, 1e7, 0.741),
+    ] {
         let law = DeadTime::MultiPixel { pixels: 667, recovery_s: 50e-9, pulse_s };
         let law = Linearity::new(&law).unwrap();
         let found = law.linearise((share * true_hz) as u64, 1.0).unwrap();
@@ -296,7 +300,9 @@ fn pulses_of_pixels_are_told_apart_again() {
         let slope = (at(share * true_hz + step) - at(share * true_hz - step)) / (2.0 * step);
         let within = 2.5e-3 * true_hz * slope;
         assert!((found.rate_hz - true_hz).abs() < within, "{pulse_s}: {found:?}");
-        assert!((found.dead_time_slope_hz + found.rate_hz) / (found.measured_hz * slope) - 1.0 < 1e-3);
+        assert!(
+            (found.dead_time_slope_hz + found.rate_hz) / (found.measured_hz * slope) - 1.0 < 1e-3
+        );
     }
     let wrong = DeadTime::MultiPixel { pixels: 0, recovery_s: 50e-9, pulse_s: 0.0 };
     assert!(Linearity::new(&wrong).unwrap_err().to_string().contains("pixels: found 0"));

@@ -165,8 +165,7 @@ impl Law {
             Law::MultiPixel { pixel, pixels, pulse_s } => {
                 // First the pulses that merged, then what the pixels lost: each chain of derivatives is that of both.
                 let fired = Law::Paralysable { tau_s: *pulse_s }.invert(m)?;
-                let at =
-                    pixel.invert(fired.rate_hz / pixels).ok_or((limit_hz, Limit::Law))?;
+                let at = pixel.invert(fired.rate_hz / pixels).ok_or((limit_hz, Limit::Law))?;
                 Ok(At {
                     rate_hz: pixels * at.rate_hz,
                     slope: at.slope * fired.slope,
