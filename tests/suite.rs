@@ -32,5 +32,6 @@ mod raw_tags;
 mod recorded_night;
 mod reduce;
 mod simulate;
+mod thesis;
 mod track;
 mod virtual_observatory;
