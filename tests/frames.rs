@@ -179,7 +179,7 @@ fn a_frame_is_searched_and_drawn() {
     assert!(wrong.contains("streak_sigmas is 1, expected 5 or above"), "{wrong}");
 }
 
-/// What came of a night that `tests/peers/star_frames.py` drew.
+/// Result of a night that `tests/peers/star_frames.py` drew.
 struct Night {
     /// Differences of magnitudes from the truth, and their standard deviations.
     off: Vec<[f64; 2]>,
@@ -280,7 +280,7 @@ fn stars_of_a_list_make_magnitudes() {
 
 /// Nights of 8 frames as above, in turn with stars as points without coordinates in the headers, and with trailed stars and coordinates that are 25 px off.
 ///
-/// What is asked (issue "folder to magnitudes"): 95 % within 2 standard deviations, no more than 0.02 mag of bias over all nights. Tolerance: 90 % of 160 (the target's colour is one
+/// Asked (issue "folder to magnitudes"): 95 % within 2 standard deviations, no more than 0.02 mag of bias over all nights. Tolerance: 90 % of 160 (the target's colour is one
 /// draw a night, so that there are 20 independent parts).
 #[test]
 fn campaign_star_frames() {

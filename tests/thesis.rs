@@ -150,9 +150,9 @@ fn read(document: &Value, pointer: &str) -> Option<f64> {
         at = match part.strip_prefix('[').and_then(|p| p.strip_suffix(']')) {
             Some(pick) => {
                 let (key, wanted) = pick.split_once('=')?;
-                at.as_array()?.iter().find(|one| {
-                    one[key].as_str() == Some(wanted) || one[key].to_string() == wanted
-                })?
+                at.as_array()?
+                    .iter()
+                    .find(|one| one[key].as_str() == Some(wanted) || one[key] == *wanted)?
             }
             None => match part.parse::<usize>() {
                 Ok(i) if at.is_array() => at.get(i)?,

@@ -22,12 +22,15 @@ enum Projection {
     Stg,
 }
 
+/// Powers of u and v, and their coefficient.
+type Term = (i32, i32, f64);
+
 /// Displacement of pixels or of intermediate coordinates.
 #[derive(Debug, Clone, PartialEq)]
 enum Distortion {
     None,
     /// Coefficients of u^p v^q of both axes, px.
-    Sip([Vec<(i32, i32, f64)>; 2]),
+    Sip([Vec<Term>; 2]),
     /// Coefficients of both axes, deg.
     Tpv(Box<[[f64; TPV_TERMS]; 2]>),
 }
@@ -255,8 +258,8 @@ fn linear(header: &Header) -> Result<[[f64; 2]; 2], String> {
 }
 
 /// The terms of SIP from pixels to the sky.
-fn sip(header: &Header) -> Result<[Vec<(i32, i32, f64)>; 2], String> {
-    let of = |name: char| -> Result<Vec<(i32, i32, f64)>, String> {
+fn sip(header: &Header) -> Result<[Vec<Term>; 2], String> {
+    let of = |name: char| -> Result<Vec<Term>, String> {
         let order = header.integer(&format!("{name}_ORDER")).unwrap_or(0);
         let order = usize::try_from(order).ok().filter(|n| *n <= MOST_SIP);
         let order = order.ok_or_else(|| format!("{name}_ORDER is not 0 to {MOST_SIP}"))?;
@@ -292,7 +295,7 @@ fn tpv(header: &Header) -> Result<[[f64; TPV_TERMS]; 2], String> {
     Ok(terms)
 }
 
-fn polynomial(terms: &[(i32, i32, f64)], u: [f64; 2]) -> f64 {
+fn polynomial(terms: &[Term], u: [f64; 2]) -> f64 {
     terms.iter().map(|(p, q, value)| value * u[0].powi(*p) * u[1].powi(*q)).sum()
 }
 

@@ -30,7 +30,7 @@ pub struct Watch {
     steps: Arc<Mutex<Steps>>,
 }
 
-/// What a callback has not yet been told.
+/// Steps that a callback has not yet been told.
 #[derive(Default)]
 struct Steps {
     stage: String,

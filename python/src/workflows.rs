@@ -169,7 +169,7 @@ fn simulate(
     })
 }
 
-/// What a pass needs.
+/// Effects that a pass needs.
 #[pyfunction]
 #[pyo3(signature = (scene, station=None, tolerance=None))]
 fn needs(

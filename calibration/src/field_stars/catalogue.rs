@@ -101,7 +101,7 @@ const BANDS: [Band; 9] = [
     },
 ];
 
-/// What a user says of a list of stars.
+/// Columns and system of a list of stars, as a user says them.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
 pub struct CatalogueOptions {

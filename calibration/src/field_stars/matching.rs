@@ -227,7 +227,7 @@ fn tangent(reference_deg: [f64; 2], sky_deg: [f64; 2]) -> Option<[f64; 2]> {
     })
 }
 
-/// What is known of a frame's place on the sky without coordinates.
+/// A frame's place on the sky as far as it is known without coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Approximate {
     /// Right ascension and declination near the frame's middle, deg.

@@ -18,7 +18,7 @@ use sunglint_formats::wcs::Wcs;
 pub enum Coordinates {
     /// Those of its header, or of the frame before.
     Known(Box<Wcs>),
-    /// Its middle and scale.
+    /// The middle and scale of the frame.
     Near(Approximate),
 }
 

@@ -229,7 +229,7 @@ fn same_temperature(a: &FrameHeader, b: &FrameHeader) -> bool {
     }
 }
 
-/// What is subtracted and divided for one group of frames.
+/// Dark and flat for one group of frames.
 #[derive(Default)]
 struct Masters {
     dark: Option<Array2<f32>>,
@@ -381,7 +381,7 @@ impl Folder {
         self.left_out_files.push([path.display().to_string(), detail.to_owned()]);
     }
 
-    /// What was left out, in words.
+    /// Words for what was left out.
     pub fn summary(&self) -> String {
         let parts: Vec<String> =
             self.left_out.iter().map(|(why, n)| format!("{n} {why}")).collect();

@@ -24,7 +24,7 @@ const BETA: f64 = 3.5;
 pub struct Growth {
     /// Scale of the profile, px.
     alpha_px: f64,
-    /// Its exponent.
+    /// The profile's exponent.
     beta: f64,
     /// Points or trails that it was taken from; 0 where it is assumed.
     pub sources: usize,
