@@ -52,7 +52,7 @@ pub struct FieldOptions {
     pub aperture_px: Option<f64>,
     /// Points that are measured at most, the brightest first.
     pub most_points: usize,
-    /// Whether the profile of points is fitted, wings and all: [`Field::growth`].
+    /// Whether the profile of points is fitted, wings and all (`growth`).
     pub fit_growth: bool,
 }
 
