@@ -140,7 +140,7 @@ impl Work {
     }
 }
 
-/// A number of a document: `/a/0/b`; a part `[key=value]` picks from a list, `1/` at the begin takes the reciprocal, `off N ` the difference from N.
+/// A number of a document: `/a/0/b`; a part `[key=value]` picks from a list, `1/` at the begin takes the reciprocal.
 fn read(document: &Value, pointer: &str) -> Option<f64> {
     if let Some(rest) = pointer.strip_prefix('1') {
         return read(document, rest).map(f64::recip);
@@ -150,9 +150,7 @@ fn read(document: &Value, pointer: &str) -> Option<f64> {
         at = match part.strip_prefix('[').and_then(|p| p.strip_suffix(']')) {
             Some(pick) => {
                 let (key, wanted) = pick.split_once('=')?;
-                at.as_array()?
-                    .iter()
-                    .find(|one| one[key].as_str() == Some(wanted) || one[key] == *wanted)?
+                at.as_array()?.iter().find(|one| one[key].as_str() == Some(wanted))?
             }
             None => match part.parse::<usize>() {
                 Ok(i) if at.is_array() => at.get(i)?,
