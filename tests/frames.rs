@@ -60,7 +60,8 @@ fn write(path: &Path, frame: Array2<f64>, chance: &mut Chance, cards: &[(&str, &
     writer.write_file(path, Overwrite::Refuse).unwrap();
 }
 
-/// Makes six frames of a streak of 40 px that moves 4 px/s among 30 stars, some of them brighter; darks that fit and that do not; frames that cannot be used.
+/// Makes six frames of a streak of 40 px that moves 4 px/s among 30 stars, some of them brighter; darks that fit and that do not; frames that cannot be used; a list of the stars about
+/// right ascension 150° on the equator, 3.6″ a pixel, with a zero point of 20.
 pub fn made_up(folder: &Path) {
     std::fs::create_dir_all(folder.join("darks")).unwrap();
     let mut chance = Chance(7);
@@ -70,6 +71,15 @@ pub fn made_up(folder: &Path) {
             (place, 2000.0 * 1.25_f64.powi(i))
         })
         .collect();
+    let mut list = String::from("ra,dec,Vmag,Bmag\n");
+    for (i, ([x, y], flux)) in stars.iter().enumerate() {
+        let [east, north] = [210.0 - x, y - 150.0].map(|px| (px * 3.6 / 3600.0).to_radians());
+        let (ra, dec) = (east.atan(), (north * east.atan().cos()).atan());
+        let v = 20.0 - 2.5 * (flux / EXPOSURE_S).log10();
+        let b = v + 0.5 + 0.1 * (i % 4) as f64;
+        list += &format!("{},{},{v:.4},{b:.4}\n", 150.0 + ra.to_degrees(), dec.to_degrees());
+    }
+    std::fs::write(folder.join("stars.csv"), list).unwrap();
     for i in 0..6_u32 {
         let mut frame = Array2::from_elem((SIZE[1], SIZE[0]), 500.0);
         for (place, flux) in &stars {
@@ -144,6 +154,13 @@ fn a_folder_of_another_program_becomes_a_light_curve() {
     assert!(curve.contains("v_rate_hz") && curve.contains("no zero point"), "{curve}");
     let text = folder.done(&["reduce", "night"]);
     assert!(text.contains("3 dark") && text.contains("instrumental: no zero point"), "{text}");
+    // With the list of its stars: 2,400 ADU/s at a zero point of 20 are 11.55 mag; the pattern of the stars is found without a coordinate in the headers.
+    let mut with_stars = vec!["reduce", "night", "--catalogue", "night/stars.csv", "--json"];
+    with_stars.extend(["--near", "150", "0", "--scale-arcsec", "3.6"]);
+    for frame in folder.json(&with_stars)["frames"].as_array().unwrap() {
+        let magnitude = frame["magnitude"].as_f64().unwrap();
+        assert!((magnitude - 11.55).abs() < 0.06, "{frame}");
+    }
     // A place that was given finds the same.
     let given = folder.json(&["reduce", "night", "--place-px", "47", "50", "--json"]);
     assert_eq!(given["frames"][5]["place_px"], frames[5]["place_px"]);
