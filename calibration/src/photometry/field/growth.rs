@@ -243,13 +243,13 @@ impl Growth {
 mod tests {
     use super::*;
 
-    /// β of 40 is a normal profile to 1 %: found whole by a line of its own width; by one fitted with t times its width √(2t²/(1 + t²)) is found, by hand. Half of the light of
+    /// β of 4,000 is a normal profile: found whole by a line of its own width; by one fitted with t times its width √(2t²/(1 + t²)) is found, by hand. Half of the light of
     /// β = 2 is within α, by hand; that of β = 3 within 2α is 1 − 1/25.
     #[test]
     fn parts_are_those_of_closed_forms() {
         let sigma = 1.5;
         let normal =
-            Growth { alpha_px: alpha_of(FWHM_PER_SIGMA * sigma, 40.0), beta: 40.0, sources: 9 };
+            Growth { alpha_px: alpha_of(FWHM_PER_SIGMA * sigma, 4e3), beta: 4e3, sources: 9 };
         let whole = normal.of_streak(sigma, 5.0 * sigma + 2.0);
         assert!((whole - 1.0).abs() < 0.01, "{whole}");
         let narrow = normal.of_streak(0.5 * sigma, 200.0);
