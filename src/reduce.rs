@@ -19,7 +19,7 @@ use sunglint_formats::Frame;
 use sunglint_formats::session::Session;
 use sunglint_numerics::progress::Progress as _;
 use sunglint_radiometry::station::Station;
-use sunglint_report::{Product, folder, reduce as report};
+use sunglint_report::{folder, reduce as report};
 
 /// Arguments of `sunglint reduce`.
 #[derive(Debug, Args)]
@@ -359,19 +359,6 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
     progress.end();
     let names: Vec<String> = args.inputs.iter().map(|p| p.display().to_string()).collect();
     let name = names.join(", ");
-    let mut product = folder::product(&reduced, &name)?;
-    let curve = folder::curve(&reduced, &name)?;
-    // A single file is the light curve: magnitudes where there is a zero point, else rates. A folder has all.
-    let frames = Product {
-        name: product.name.clone(),
-        table: std::mem::take(&mut product.table),
-        ..Product::default()
-    };
-    let (first, others) = match folder::magnitudes(&reduced, &name) {
-        Some(magnitudes) => (magnitudes, vec![curve, frames]),
-        None => (curve, vec![frames]),
-    };
-    (product.name, product.table, product.figure) = (first.name, first.table, first.figure);
-    product.others.extend(others);
+    let product = folder::whole(&reduced, &name)?;
     args.out.finish(&product, &folder::text(&reduced, &name), console)
 }

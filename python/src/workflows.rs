@@ -469,19 +469,7 @@ fn reduce(
         }
         let reduced = reduce_frames(&files, &options, watch)?;
         let name = name.unwrap_or_else(|| "frames".into());
-        let mut product = folder::product(&reduced, &name)?;
-        let curve = folder::curve(&reduced, &name)?;
-        let frames = Product {
-            name: product.name.clone(),
-            table: std::mem::take(&mut product.table),
-            ..Product::default()
-        };
-        let (first, others) = match folder::magnitudes(&reduced, &name) {
-            Some(magnitudes) => (magnitudes, vec![curve, frames]),
-            None => (curve, vec![frames]),
-        };
-        (product.name, product.table, product.figure) = (first.name, first.table, first.figure);
-        product.others.extend(others);
+        let product = folder::whole(&reduced, &name)?;
         Ok(Outcome::new(product, folder::text(&reduced, &name), watch.warnings()))
     })
 }

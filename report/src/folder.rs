@@ -124,6 +124,39 @@ pub fn magnitudes(folder: &Folder, target: &str) -> Option<Product> {
     Some(Product { name: MAGNITUDES.into(), table, figure: Some(figure), ..Product::default() })
 }
 
+/// Why the forms of a reduced folder cannot be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FolderFilesError {
+    /// A light curve that the schema does not hold.
+    #[error(transparent)]
+    Curve(#[from] ParseError),
+    /// The document cannot be written.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+}
+
+/// All forms of a reduced folder. A single file is the light curve: magnitudes where there is a zero point, else rates; a folder has all tables.
+///
+/// # Errors
+/// The errors of [`product`] and [`curve`].
+pub fn whole(folder: &Folder, target: &str) -> Result<Product, FolderFilesError> {
+    let mut product = product(folder, target)?;
+    let curve = curve(folder, target)?;
+    let frames = Product {
+        name: product.name.clone(),
+        table: std::mem::take(&mut product.table),
+        ..Product::default()
+    };
+    let (first, others) = match magnitudes(folder, target) {
+        Some(magnitudes) => (magnitudes, vec![curve, frames]),
+        None => (curve, vec![frames]),
+    };
+    (product.name, product.table, product.figure) = (first.name, first.table, first.figure);
+    product.others.extend(others);
+    Ok(product)
+}
+
 /// Where the zero points come from, in words.
 fn origin(stars: &StarsUse) -> String {
     let bands = stars.bands.iter().map(|band| {

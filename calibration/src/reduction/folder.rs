@@ -830,7 +830,20 @@ fn choose(fields: &[Seen<'_>], place: Option<[f64; 2]>) -> Chosen {
     } else {
         ("a point that moves against the stars", moving(fields))
     };
-    let reach_px = if 2 * trailed > n { FOLLOWED_REACH_PX } else { REACH_PX };
+    let is_trailed = 2 * trailed > n;
+    let reach_px = if is_trailed { FOLLOWED_REACH_PX } else { REACH_PX };
+    // Trails that merge have another length and stay with the stars: a point that is there counts more.
+    if is_trailed && n >= 3 {
+        let points: Vec<Vec<Which>> = candidates
+            .iter()
+            .map(|all| all.iter().copied().filter(|w| matches!(w, Which::Point(_))).collect())
+            .collect();
+        if let Some((of, motion)) = linked(fields, &points, place, reach_px) {
+            let count = of.iter().flatten().count();
+            let by = format!("even motion in {count} of {n} frames: a point {kind}");
+            return Chosen { of, by, motion: Some(motion) };
+        }
+    }
     if n >= 3
         && place.is_none()
         && let Some((of, motion)) = linked(fields, &candidates, None, reach_px)
