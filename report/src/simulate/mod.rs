@@ -250,13 +250,14 @@ impl SimulationReport<'_> {
         let bounds = self.simulation.bounds;
         let _ = write!(
             text,
-            "\ncost: {:.3} s on {} threads ({} s), {:.1} µs an epoch with {} bins and {} channels\nerror: ",
+            "\ncost: {:.3} s on {} threads ({} s), {:.1} µs an epoch with {} bins and {} channels{}\nerror: ",
             cost.total_s,
             cost.threads,
             stages.join(", "),
             1e6 * cost.total_s / cost.epochs as f64,
             self.simulation.pass.bins(),
             self.simulation.channels.len(),
+            self.sparse(),
         );
         if self.simulation.pass.air.is_some() {
             let _ = write!(
@@ -270,6 +271,16 @@ impl SimulationReport<'_> {
         text.push_str("not modelled:\n");
         for what in self.simulation.not_modelled() {
             let _ = writeln!(text, "  - {what}");
+        }
+    }
+
+    /// Epochs at which indirect light was computed, where those are not all.
+    fn sparse(&self) -> String {
+        match (self.simulation.bounds.indirect_epochs, self.cost.epochs) {
+            (some, all) if some < all => format!(
+                "; light between surfaces and of the Earth computed at {some} of {all} epochs, interpolated between them (in the stated error)"
+            ),
+            _ => String::new(),
         }
     }
 
@@ -355,7 +366,7 @@ impl SimulationReport<'_> {
             "v_standard": magnitude(&simulation.standard_magnitudes(StandardMagnitude::IlluminatedFraction)),
             "standard_law": StandardMagnitude::IlluminatedFraction.law(),
             "channels": channels,
-            "cost": { "total_s": rounded(self.cost.total_s), "us_per_epoch": rounded(1e6 * self.cost.total_s / n as f64), "threads": self.cost.threads,
+            "cost": { "total_s": rounded(self.cost.total_s), "us_per_epoch": rounded(1e6 * self.cost.total_s / n as f64), "threads": self.cost.threads, "indirect_epochs": simulation.bounds.indirect_epochs,
                 "stages": self.cost.stages.iter().map(|(s, t)| json!({ "stage": s.name(), "seconds": rounded(*t) })).collect::<Vec<_>>() },
             "error_bound": { "transmission": simulation.bounds.transmission, "transmission_nodes": simulation.bounds.transmission_nodes,
                 "rate_relative": simulation.bounds.rate_relative, "light_relative": simulation.bounds.light_relative },

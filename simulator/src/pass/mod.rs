@@ -27,6 +27,7 @@
 //! The integrals are taken on the union of all tables, once, exactly for piecewise-linear tables; over the zenith angle K_ck/K_ck(no
 //! air) is a mean transmission, tabulated with a measured error ([`sunglint_radiometry::air::AirTable`]).
 
+mod along;
 mod concerns;
 mod correction;
 mod cost;

@@ -5,7 +5,7 @@ use super::functionals::Functionals;
 use super::simulate::Place;
 use super::{BANDS, Pass, PassError};
 use crate::light::engine::Worker;
-use crate::light::{Course, Engine, Options, SceneReport};
+use crate::light::{Course, DirectionError, Engine, Options, SceneReport, Source};
 use hifitime::Epoch;
 use sunglint_ephemeris::orbit::Orbit;
 use sunglint_formats::time::format_utc_shortest;
@@ -126,10 +126,38 @@ impl Eye<'_> {
     /// The weights W_k of a place and their errors, m² sr⁻¹.
     pub(super) fn weigh(&mut self, place: &Place) -> Result<(&[f64], &[f64]), PassError> {
         let lit = self.worker.light(&place.lighting(), &mut self.weights, &mut self.errors);
-        lit.map_err(|source| PassError::Light {
-            epoch_utc: format_utc_shortest(place.geometry.epoch),
-            source: Box::new(source),
-        })?;
+        lit.map_err(|source| failed(place, source))?;
         Ok((&self.weights, &self.errors))
+    }
+
+    /// The same where `beside` adds the light that came by another way than straight from the Sun.
+    pub(super) fn weigh_beside(
+        &mut self,
+        place: &Place,
+        beside: &dyn Fn(&mut [f64], &mut [f64]),
+    ) -> Result<(&[f64], &[f64]), PassError> {
+        let (weights, errors) = (&mut self.weights, &mut self.errors);
+        let lit = self.worker.light_beside(&place.lighting(), beside, weights, errors);
+        lit.map_err(|source| failed(place, source))?;
+        Ok((&self.weights, &self.errors))
+    }
+
+    /// Light that came by some ways, with its own errors.
+    pub(super) fn weigh_some(
+        &mut self,
+        place: &Place,
+        wanted: &dyn Fn(Source) -> bool,
+    ) -> Result<(Vec<f64>, Vec<f64>), PassError> {
+        let (weights, errors) = (&mut self.weights, &mut self.errors);
+        let lit = self.worker.light_of(&place.lighting(), wanted, weights, errors);
+        lit.map_err(|source| failed(place, source))?;
+        Ok((weights.clone(), errors.clone()))
+    }
+}
+
+fn failed(place: &Place, source: DirectionError) -> PassError {
+    PassError::Light {
+        epoch_utc: format_utc_shortest(place.geometry.epoch),
+        source: Box::new(source),
     }
 }

@@ -1,5 +1,6 @@
 //! The way through a pass: places, light, counts.
 
+use super::along::Along;
 use super::counts::{Counts, Light};
 use super::functionals::Functionals;
 use super::{BANDS, Pass, PassError, Ready, shadow};
@@ -121,6 +122,8 @@ pub struct Bounds {
     pub rate_relative: f64,
     /// The largest relative error of ΣW that the light engine estimates of itself.
     pub light_relative: f64,
+    /// Epochs at which light between surfaces, of the Earth and of the Moon was computed; it is interpolated in time between them.
+    pub indirect_epochs: usize,
 }
 
 /// A simulated pass.
@@ -195,10 +198,15 @@ impl Pass {
 
         begin(Stage::Light);
         counter.store(0, Ordering::Relaxed);
-        let lit = places.par_iter().map_init(
+        let along = Along::new(&ready, &places, &|| tick(Stage::Light))?;
+        let lit = places.par_iter().enumerate().map_init(
             || ready.eye(),
-            |eye, place| {
-                let lit = eye.weigh(place).map(|(w, e)| (w.to_vec(), e.to_vec()));
+            |eye, (i, place)| {
+                let lit = match &along {
+                    None => eye.weigh(place),
+                    Some(along) => eye.weigh_beside(place, &|w, e| along.add(i, w, e)),
+                };
+                let lit = lit.map(|(w, e)| (w.to_vec(), e.to_vec()));
                 tick(Stage::Light);
                 lit
             },
@@ -224,6 +232,7 @@ impl Pass {
             transmission: functionals.sums.interpolation_error(),
             transmission_nodes: functionals.sums.nodes(),
             rate_relative: counts.iter().fold(0.0, |most, c| c.relative.max(most)),
+            indirect_epochs: along.as_ref().map_or(of, Along::computed),
             light_relative: lit.iter().fold(0.0, |most, (w, e)| most.max(ready.relative(w, e))),
         };
         let simulation = self.gathered(places, &lit, counts, bounds, &ready);

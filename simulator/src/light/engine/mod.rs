@@ -188,6 +188,11 @@ impl Engine {
         &self.needs
     }
 
+    /// Facts of the target that decide what it needs.
+    pub(crate) fn body(&self) -> &Body {
+        &self.body
+    }
+
     /// The sum of the bounds of all that is not modelled: a share of the light of the same surfaces in full sunlight.
     pub fn left_out(&self) -> f64 {
         left_out(&self.needs)
@@ -271,6 +276,29 @@ impl Worker<'_> {
         errors: &mut [f64],
     ) -> Result<(), DirectionError> {
         self.light_of(lighting, &|_| true, weights, errors)?;
+        self.doubt(lighting, weights, errors);
+        Ok(())
+    }
+
+    /// The same where only light straight from the Sun is looked for: `beside` adds all other light to weights and errors.
+    ///
+    /// # Errors
+    /// The errors of [`Worker::light`].
+    pub fn light_beside(
+        &mut self,
+        lighting: &Lighting,
+        beside: &dyn Fn(&mut [f64], &mut [f64]),
+        weights: &mut [f64],
+        errors: &mut [f64],
+    ) -> Result<(), DirectionError> {
+        self.light_of(lighting, &|source| source == Source::Direct, weights, errors)?;
+        beside(weights, errors);
+        self.doubt(lighting, weights, errors);
+        Ok(())
+    }
+
+    /// Adds what is left out to the errors.
+    fn doubt(&mut self, lighting: &Lighting, weights: &[f64], errors: &mut [f64]) {
         let (engine, lighting) = (self.engine, self.viewed(lighting));
         if !engine.doubts.is_empty() {
             self.seen.look(&engine.body, &lighting);
@@ -286,7 +314,6 @@ impl Worker<'_> {
                 }
             }
         }
-        Ok(())
     }
 
     /// The same of light that came by some ways only, with its own errors: those of what is left out are not looked for.
