@@ -10,7 +10,9 @@ use super::bench::Bench;
 use super::line::Line;
 use super::overlap::Sizes;
 use super::pose::{Angles, Kinematics, Pose};
-use super::signature::{Point, Signature, fwhm_deg, measured, optional, peak, signature};
+use super::signature::{
+    Point, Signature, fwhm_deg, lobe_fwhm_deg, measured, optional, peak, signature,
+};
 use super::tasks::{Part, RESUMED, Task};
 use crate::plan::Planned;
 use crate::reading::{Seen, State, kept};
@@ -28,8 +30,9 @@ use sunglint_numerics::order::median;
 pub const WITHOUT_SIGNATURE: f64 = 0.05;
 /// A change between the beam's readings at both ends, beyond what the reference direction says, that is worth a warning.
 const MUCH: f64 = 0.02;
-/// A lobe whose variance exceeds the instrument's by less than this part of it is not told from it.
-const BELOW: f64 = 0.3;
+/// A lobe whose width is not known to this part of it is not told from the instrument, nor one that is narrower than this part of the instrument's.
+const BELOW: f64 = 0.04;
+const LEAST: f64 = 0.8;
 
 /// Why there are no values.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -97,12 +100,13 @@ pub struct Floor {
 pub struct Mirrored {
     /// Angle of incidence, degrees.
     pub theta_i_deg: f64,
-    /// Full width at half maximum of the Gaussian that has the curvature of the lobe as it was seen, degrees.
+    /// Full width at half maximum as it was seen, in the plane of incidence, degrees.
     pub seen_fwhm_deg: f64,
-    /// The same of the instrument.
+    /// The same of the beam without a sample.
     pub instrument_fwhm_deg: f64,
     /// The same of the sample alone; none where it is below the instrument.
-    pub sample_fwhm_deg: Option<f64>,
+    #[serde(serialize_with = "optional")]
+    pub sample_fwhm_deg: Option<Measured>,
 }
 
 /// The lamp at a look at the reference direction.
@@ -125,7 +129,7 @@ pub struct Instrument {
     pub solid_angle_sr: f64,
     /// Half-angle of its cone, degrees.
     pub cone_half_angle_deg: f64,
-    /// Incident power at the begin, W.
+    /// Incident power at the first look at the reference direction, W.
     #[serde(serialize_with = "measured")]
     pub incident_w: Measured,
     /// Reading of the meter without light, W.
@@ -319,9 +323,9 @@ pub fn reduce(
     if of(Part::Beam).iter().any(|read| read.mean.over > 0) && beams.is_empty() {
         return Err(GoniometerError::BeamOver);
     }
-    let Some(first) = beams.first() else {
+    if beams.is_empty() {
         return Err(GoniometerError::Missing("the beam"));
-    };
+    }
     if let Some((_, power_w, _)) = beams.iter().find(|b| b.1.is_nan() || b.1 <= 5.0 * b.2) {
         return Err(GoniometerError::NoLight { power_w: *power_w });
     }
@@ -418,7 +422,7 @@ pub fn reduce(
         .stop_sigma
         .hypot(bench.beam.filter_relative_sigma.get())
         .hypot(beam_sigma)
-        .hypot(first.2 / first.1)
+        .hypot(lamp.scale_sigma)
         .hypot(0.5 * lamp.disagree);
     let mean = |all: &dyn Fn(&Read) -> f64| {
         let dark = of(Part::Dark);
@@ -428,7 +432,7 @@ pub fn reduce(
         wavelength_nm: bench.wavelength_nm,
         solid_angle_sr,
         cone_half_angle_deg,
-        incident_w: Measured::new(first.1, first.2.hypot(first.1 * beam_sigma)),
+        incident_w: Measured::new(lamp.scale_w, lamp.scale_w * lamp.scale_sigma.hypot(beam_sigma)),
         dark_w: Measured::new(mean(&|r| r.mean.power_w), dark.sigma_w),
         signature: found,
         floor: floor.summary(),
@@ -481,9 +485,11 @@ struct Row {
 /// The incident power through the run.
 struct Lamp {
     looks: Vec<Look>,
-    /// Incident power over the first look's light, W; or the power itself by time where there is no reference.
+    track: Track,
+    /// Incident power over the first look's light, W; the power itself where there is no reference.
     scale_w: f64,
-    points: Vec<(f64, f64)>,
+    /// Relative standard uncertainty of that.
+    scale_sigma: f64,
     /// How far the two ends of the beam and the reference direction disagree, relative.
     disagree: f64,
 }
@@ -500,13 +506,14 @@ impl Lamp {
         all.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         let net = |r: &Read| r.mean.power_w - dark.at(r.time_s);
         let light = |r: &&Read| net(r) > 10.0 * r.mean.sigma_w.hypot(dark.sigma_w);
-        let usable = !all.is_empty() && all.iter().all(|r| light(r));
-        if !usable {
-            let points: Vec<(f64, f64)> = beams.iter().map(|b| (b.0, b.1)).collect();
+        if all.is_empty() || !all.iter().all(|r| light(r)) {
             if !missing.iter().any(|m| m.starts_with("the reference")) {
                 missing.push("the reference direction (no light there): the lamp's drift is taken as even between both readings of the beam".into());
             }
-            return Self { looks: vec![], scale_w: 1.0, points, disagree: 0.0 };
+            let points = beams.iter().map(|b| (b.0, b.1 / beams[0].1, b.2 / beams[0].1));
+            let track = Track::new(points.collect());
+            let (scale_w, scale_sigma) = (beams[0].1, beams[0].2 / beams[0].1);
+            return Self { looks: vec![], track, scale_w, scale_sigma, disagree: 0.0 };
         }
         let first = net(all[0]);
         let looks: Vec<Look> = all
@@ -517,29 +524,97 @@ impl Lamp {
                 sigma: r.mean.sigma_w.hypot(dark.sigma_w) / first,
             })
             .collect();
-        let points: Vec<(f64, f64)> = looks.iter().map(|l| (l.time_s, l.relative)).collect();
-        let gains: Vec<f64> = beams.iter().map(|b| b.1 / between(&points, b.0)).collect();
-        let scale_w = gains.iter().sum::<f64>() / gains.len() as f64;
-        let spread = gains.iter().map(|g| (g / scale_w - 1.0).abs()).fold(0.0, f64::max);
-        Self { looks, scale_w, points, disagree: 2.0 * spread }
+        let track = Track::new(looks.iter().map(|l| (l.time_s, l.relative, l.sigma)).collect());
+        let gains: Vec<(f64, f64)> = beams
+            .iter()
+            .map(|b| {
+                let (here, sigma) = track.at(b.0);
+                (b.1 / here, (b.2 / b.1).hypot(sigma / here))
+            })
+            .collect();
+        // Those next to a look weigh more: the lamp has walked less.
+        let weight = |g: &(f64, f64)| 1.0 / (g.1 * g.1).max(1e-18);
+        let weights: f64 = gains.iter().map(weight).sum();
+        let scale_w = gains.iter().map(|g| weight(g) * g.0).sum::<f64>() / weights;
+        let scale_sigma = weights.sqrt().recip();
+        // Of the beam just before the sample came and the one after it went.
+        let ends = gains.len().saturating_sub(2);
+        let of_ends = &gains[ends..];
+        let high = of_ends.iter().map(|g| g.0).fold(f64::NEG_INFINITY, f64::max);
+        let low = of_ends.iter().map(|g| g.0).fold(f64::INFINITY, f64::min);
+        Self { looks, track, scale_w, scale_sigma, disagree: (high - low) / scale_w }
     }
 
-    /// Incident power at a time, W, and its relative uncertainty by drift and the looks' noise.
+    /// Incident power at a time, W, and its relative uncertainty by the drift and the looks' noise.
     fn at(&self, time_s: f64) -> (f64, f64) {
-        let here = between(&self.points, time_s);
-        let k = self.looks.partition_point(|l| l.time_s < time_s);
-        let sigma = match (k.checked_sub(1).map(|j| self.looks[j]), self.looks.get(k)) {
-            (Some(a), Some(b)) if b.time_s > a.time_s => {
-                let t = (time_s - a.time_s) / (b.time_s - a.time_s);
-                let noise = ((1.0 - t) * a.sigma).hypot(t * b.sigma);
-                // A random walk between two ends that differ as these do.
-                noise.hypot((b.relative - a.relative).abs() * (t * (1.0 - t)).max(0.0).sqrt())
-            }
-            (Some(a), _) => a.sigma,
-            (None, Some(b)) => b.sigma,
-            (None, None) => 0.0,
-        };
+        let (here, sigma) = self.track.at(time_s);
         (self.scale_w * here, sigma / here.abs().max(f64::MIN_POSITIVE))
+    }
+}
+
+/// A number that walks at random and is seen now and then with noise: what it was meanwhile, after Rauch, Tung and Striebel (AIAA Journal 3, 1445, 1965). How fast it walks is
+/// what looks differ by beyond their noise, over the number of steps where that is most.
+struct Track {
+    /// Time, value, variance.
+    points: Vec<(f64, f64, f64)>,
+    /// Variance that it gains in a second.
+    walk: f64,
+}
+
+impl Track {
+    /// From times, values and standard uncertainties.
+    fn new(seen: Vec<(f64, f64, f64)>) -> Self {
+        // Over any number of steps: a slow drift shows over many alone.
+        let over = |lag: usize| {
+            let pairs = || seen.iter().zip(&seen[lag..]);
+            let beyond: f64 =
+                pairs().map(|(a, b)| (b.1 - a.1).powi(2) - a.2 * a.2 - b.2 * b.2).sum();
+            let time: f64 = pairs().map(|(a, b)| b.0 - a.0).sum();
+            if time > 0.0 { beyond / time } else { 0.0 }
+        };
+        let walk = (1..seen.len()).map(over).fold(0.0, f64::max);
+        // Forwards.
+        let mut forwards: Vec<(f64, f64, f64, f64)> = Vec::with_capacity(seen.len());
+        for (time_s, value, sigma) in &seen {
+            let noise = (sigma * sigma).max(1e-18);
+            let (value, variance, before) = match forwards.last() {
+                None => (*value, noise, noise),
+                Some((t, x, p, _)) => {
+                    let before = p + walk * (time_s - t);
+                    let gain = before / (before + noise);
+                    (x + gain * (value - x), before * (1.0 - gain), before)
+                }
+            };
+            forwards.push((*time_s, value, variance, before));
+        }
+        // Backwards.
+        let mut points: Vec<(f64, f64, f64)> =
+            forwards.iter().map(|(t, x, p, _)| (*t, *x, *p)).collect();
+        for k in (0..points.len().saturating_sub(1)).rev() {
+            let (_, x, p, _) = forwards[k];
+            let before = forwards[k + 1].3;
+            let back = p / before;
+            let (_, next, variance) = points[k + 1];
+            points[k].1 = x + back * (next - x);
+            points[k].2 = p + back * back * (variance - before);
+        }
+        Self { points, walk }
+    }
+
+    /// Value at a time and its standard uncertainty.
+    fn at(&self, time_s: f64) -> (f64, f64) {
+        let k = self.points.partition_point(|p| p.0 < time_s);
+        match (k.checked_sub(1).map(|j| self.points[j]), self.points.get(k)) {
+            (Some(a), Some(b)) if b.0 > a.0 => {
+                let t = (time_s - a.0) / (b.0 - a.0);
+                let bridge = self.walk * (b.0 - a.0) * t * (1.0 - t);
+                let known = ((1.0 - t) * a.2.sqrt() + t * b.2.sqrt()).powi(2);
+                (a.1 + t * (b.1 - a.1), (known + bridge).sqrt())
+            }
+            (Some(a), _) => (a.1, (a.2 + self.walk * (time_s - a.0)).sqrt()),
+            (None, Some(b)) => (b.1, (b.2 + self.walk * (b.0 - time_s)).sqrt()),
+            (None, None) => (f64::NAN, f64::NAN),
+        }
     }
 }
 
@@ -673,21 +748,19 @@ fn mirrored(
     cone_deg: f64,
     scan: &Scan<'_>,
 ) -> Option<Mirrored> {
-    const FWHM: f64 = 2.354_820_045_030_949;
     let signature = signature?;
     let theta_i_deg = bench.zero.theta_i_deg.get();
     let points = scan(Part::ZeroPlus, &|b| b[1] - theta_i_deg);
-    let seen = peak(&points)?.sigma_deg;
     // A lobe that does not fall to half in the scan has no width there.
-    fwhm_deg(&points)?;
-    // The disc's variance along an axis is a quarter of its radius squared.
-    let instrument = signature.sigma_in_deg.powi(2) + 0.25 * cone_deg * cone_deg;
-    let variance = seen * seen - instrument;
+    let seen_fwhm_deg = fwhm_deg(&points)?;
+    let own = lobe_fwhm_deg(&points, signature, cone_deg, theta_i_deg);
+    let widest = signature.fwhm_in_deg.max(signature.fwhm_out_deg.unwrap_or(0.0));
+    let told = |own: &Measured| own.sigma < BELOW * own.value && own.value > LEAST * widest;
     Some(Mirrored {
         theta_i_deg,
-        seen_fwhm_deg: FWHM * seen,
-        instrument_fwhm_deg: FWHM * instrument.sqrt(),
-        sample_fwhm_deg: (variance > BELOW * instrument).then(|| FWHM * variance.sqrt()),
+        seen_fwhm_deg,
+        instrument_fwhm_deg: signature.fwhm_in_deg,
+        sample_fwhm_deg: own.filter(told),
     })
 }
 
@@ -730,4 +803,29 @@ fn widen(rows: &mut [Row], zeros: &Zeros) {
 #[must_use]
 pub fn is_resumed(number: u32) -> bool {
     number >= RESUMED
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: closed forms. Without a walk all looks are one mean, σ/√n; without noise they stand as they are, and half way between two the bridge of a random walk
+    /// has the variance q dt/4.
+    #[test]
+    fn a_lamp_is_followed() {
+        let still: Vec<(f64, f64, f64)> =
+            (0..16).map(|k| (f64::from(k), 1.0 + [0.001, -0.001][k as usize % 2], 0.004)).collect();
+        let track = Track::new(still);
+        assert_eq!(track.walk, 0.0);
+        for time in [0.0, 3.3, 15.0, 40.0] {
+            let (value, sigma) = track.at(time);
+            assert!((value - 1.0).abs() < 1e-12 && (sigma - 0.001).abs() < 1e-9, "{value} {sigma}");
+        }
+        let walk = [(0.0, 1.0, 0.0), (10.0, 1.02, 0.0), (20.0, 1.0, 0.0)];
+        let track = Track::new(walk.to_vec());
+        assert!((track.walk - 0.0004 / 10.0).abs() < 1e-9);
+        assert!((track.at(10.0).0 - 1.02).abs() < 1e-9);
+        let (value, sigma) = track.at(15.0);
+        assert!((value - 1.01).abs() < 1e-9 && (sigma / 1e-2 - 1.0).abs() < 1e-6, "{sigma}");
+    }
 }

@@ -189,10 +189,17 @@ pub fn signature(along: &[Point], across: &[Point], radius_deg: f64) -> Option<S
     let across_width = if is_round { n[3] } else { n[4] };
     let part =
         |sx: f64, sy: f64| captured(-n[1], -n[2], sx.exp(), sy.exp(), radius_deg, &model.rule);
-    let here = part(n[3], across_width);
-    // The edges of the disc decide, hence the widths.
-    let change = [part(n[3] + sigma(3), across_width), part(n[3], across_width + sigma(4))];
-    let captured_sigma = (change[0] - here).hypot(change[1] - here) / here.max(1e-9);
+    let (here, captured_sigma) = if is_round {
+        // The width across is not known: from nothing to half as much again.
+        let narrow = part(n[3], n[3] + 0.05_f64.ln());
+        let wide = part(n[3], n[3] + 1.5_f64.ln());
+        (0.5 * (narrow + wide), 0.5 * (narrow - wide).abs() / (0.5 * (narrow + wide)).max(1e-9))
+    } else {
+        let here = part(n[3], across_width);
+        // The edges of the disc decide, hence the widths.
+        let change = [part(n[3] + sigma(3), across_width), part(n[3], across_width + sigma(4))];
+        (here, (change[0] - here).hypot(change[1] - here) / here.max(1e-9))
+    };
     let (sx, sy) = (n[3].exp(), across_width.exp());
     Some(Signature {
         sigma_in_deg: sx,
@@ -208,24 +215,27 @@ pub fn signature(along: &[Point], across: &[Point], radius_deg: f64) -> Option<S
     })
 }
 
-/// Peak of a scan through a lobe: its place with its uncertainty, and the standard deviation of the Gaussian that has its curvature, degrees.
+/// Peak of a scan through a lobe.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peak {
     /// Place, degrees.
     pub place_deg: Measured,
-    /// Standard deviation, degrees.
+    /// Standard deviation of the Gaussian that has the lobe's curvature, degrees.
     pub sigma_deg: f64,
 }
+
+/// The curvature of a lobe is more than this many times its standard uncertainty.
+const BENDS: f64 = 5.0;
 
 /// Finds the peak of a scan: a parabola through the logarithm of what is above half of the largest power. None where there is no lobe within the scan.
 #[must_use]
 pub fn peak(scan: &[Point]) -> Option<Peak> {
     let largest = scan.iter().map(|p| p.power_w).fold(0.0, f64::max);
-    let least = scan.iter().map(|p| p.power_w).fold(f64::INFINITY, f64::min);
-    if largest <= 0.0 || least > largest / 1.5 {
+    if largest <= 0.0 {
         return None;
     }
-    let half = (0.5_f64).max(least / largest * 1.05) * largest;
+    // Of a wide lobe all of the scan lies above half.
+    let half = 0.5 * largest;
     let points: Vec<&Point> = scan.iter().filter(|p| p.power_w > half).collect();
     if points.len() < 5 {
         return None;
@@ -243,9 +253,6 @@ pub fn peak(scan: &[Point]) -> Option<Peak> {
     }
     let inverse = matrix.try_inverse()?;
     let [a, b, c]: [f64; 3] = (inverse * right).into();
-    if c >= 0.0 {
-        return None;
-    }
     let left: f64 = points
         .iter()
         .map(|p| {
@@ -254,6 +261,10 @@ pub fn peak(scan: &[Point]) -> Option<Peak> {
         })
         .sum();
     let scatter = (left / (points.len() - 3).max(1) as f64).max(1.0);
+    // A lobe bends more than its noise does.
+    if c + BENDS * (inverse[(2, 2)] * scatter).sqrt() >= 0.0 {
+        return None;
+    }
     let slope = nalgebra::Vector3::new(0.0, -0.5 / c, 0.5 * b / (c * c));
     let variance = (slope.transpose() * inverse * slope)[0] * scatter;
     let place = about - 0.5 * b / c;
@@ -262,6 +273,103 @@ pub fn peak(scan: &[Point]) -> Option<Peak> {
         place_deg: Measured::new(place, variance.sqrt()),
         sigma_deg: (-0.5 / c).sqrt(),
     })
+}
+
+/// A lobe as an instrument sees it: (1 + (x² + y²/c²)/(g w²))^(−g), through the beam's Gaussian and the detector's disc. g is 2 for GGX's core and large for Beckmann's.
+struct Lobe<'a> {
+    scan: &'a [Point],
+    /// Deviations of the rays and of the disc's points together, degrees, and their parts.
+    kernel: Vec<(f64, f64, f64)>,
+    /// How much narrower the lobe is across the plane of incidence.
+    across: f64,
+    error_w: f64,
+}
+
+impl Residuals for Lobe<'_> {
+    type Error = Infallible;
+
+    fn residuals(&mut self, n: &[f64]) -> Result<DVector<f64>, Infallible> {
+        let (a, place, w, g) = (n[0].exp(), n[1], n[2].exp(), n[3].exp());
+        let scale = 1.0 / (g * w * w);
+        let one = |p: &Point| {
+            let seen = |(x, y, part): &(f64, f64, f64)| {
+                let (x, y) = (p.offset_deg - place + x, y / self.across);
+                part * (-g * ((x * x + y * y) * scale).ln_1p()).exp()
+            };
+            let model = a * self.kernel.iter().map(seen).sum::<f64>();
+            (model - p.power_w) / p.sigma_w.hypot(self.error_w)
+        };
+        Ok(DVector::from_iterator(self.scan.len(), self.scan.iter().map(one)))
+    }
+}
+
+/// Finds the full width at half maximum of the sample's own lobe (degrees) from a scan through it at an angle of incidence. None where the fit does not tell it, or where the scan
+/// does not fall to half.
+#[must_use]
+pub fn lobe_fwhm_deg(
+    scan: &[Point],
+    signature: &Signature,
+    radius_deg: f64,
+    theta_i_deg: f64,
+) -> Option<Measured> {
+    let seen = fwhm_deg(scan)?;
+    let found = peak(scan)?;
+    let largest = scan.iter().map(|p| p.power_w).fold(0.0, f64::max);
+    // Gauss–Hermite's three points twice: exact to the fifth moment, as the disc's rings are.
+    let hermite = [(-3.0_f64.sqrt(), 1.0 / 6.0), (0.0, 2.0 / 3.0), (3.0_f64.sqrt(), 1.0 / 6.0)];
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let mut rays = vec![(0.0, 0.0, 1.0)];
+    for _ in 0..2 {
+        let mut next = Vec::new();
+        for (x, y, part) in &rays {
+            for (u, v) in &hermite {
+                for (p, q) in &hermite {
+                    let x = x + u * half * signature.sigma_in_deg;
+                    let y = y + p * half * signature.sigma_out_deg;
+                    next.push((x, y, part * v * q));
+                }
+            }
+        }
+        rays = next;
+    }
+    let mut kernel = Vec::new();
+    const AROUND: usize = 8;
+    for (node, weight) in legendre(3) {
+        // Even in r².
+        let r = radius_deg * (0.5 * (1.0 + node)).sqrt();
+        for k in 0..AROUND {
+            let (sin, cos) = (2.0 * PI * (k as f64 + 0.5) / AROUND as f64).sin_cos();
+            let part = 0.5 * weight / AROUND as f64;
+            kernel.extend(rays.iter().map(|(x, y, p)| (x + r * cos, y + r * sin, p * part)));
+        }
+    }
+    let across = theta_i_deg.to_radians().cos();
+    let mut model = Lobe { scan, kernel, across, error_w: 2e-3 * largest };
+    let free = |low: f64, high: f64| Bounded { low, high, step: 1e-5, fixed: false };
+    let numbers = [
+        free(largest.ln() - 2.0, largest.ln() + 8.0),
+        free(-seen, seen),
+        free((0.02 * seen).ln(), (5.0 * seen).ln()),
+        free(1.2_f64.ln(), 40.0_f64.ln()),
+    ];
+    let start = [largest.ln(), found.place_deg.value, (0.4 * seen).ln(), 2.0_f64.ln()];
+    let limits = Limits { steps: 60, gain: 1e-8, step: 1e-7 };
+    let Ok(found) =
+        minimise_residuals(&mut model, &numbers, &start, Differences::OneSided, &limits);
+    let Ok(spread) = covariance(&mut model, &numbers, &found.place, Differences::OneSided);
+    let spread = spread?;
+    let width = |w: f64, g: f64| {
+        let g = g.exp();
+        2.0 * w.exp() * (g * (2.0_f64.powf(1.0 / g) - 1.0)).sqrt()
+    };
+    let (w, g) = (found.place.at[2], found.place.at[3]);
+    let here = width(w, g);
+    let slope = [width(w + 1e-4, g), width(w, g + 1e-4)].map(|v| (v - here) / 1e-4);
+    let variance = slope[0] * slope[0] * spread[(2, 2)]
+        + 2.0 * slope[0] * slope[1] * spread[(2, 3)]
+        + slope[1] * slope[1] * spread[(3, 3)];
+    let scatter = found.place.chi2() / (scan.len().saturating_sub(4)).max(1) as f64;
+    Some(Measured::new(here, (variance * scatter.max(1.0)).sqrt()))
 }
 
 #[cfg(test)]

@@ -147,6 +147,21 @@ pub fn tasks(bench: &Bench, kinematics: &Kinematics, planned: &[Planned]) -> Tas
     } else {
         list.missing.push("stray light".into());
     }
+    // Once more just before the sample comes: the lamp may have changed.
+    list.tasks.push(Task { part: Part::Beam, number: 1, stages: beam });
+    let reference = kinematics
+        .of(&Pose::in_plane(bench.reference.theta_i_deg.get(), bench.reference.theta_o_deg.get()));
+    if reference.is_none() {
+        list.missing.push("the reference direction (out of reach): the lamp's drift".into());
+    }
+    let mut looks = 0;
+    let mut look = |list: &mut List<'_>| {
+        if let Some(stages) = reference {
+            list.tasks.push(Task { part: Part::Reference, number: looks, stages });
+            looks += 1;
+        }
+    };
+    look(&mut list);
     if bench.zero.measure {
         let theta = bench.zero.theta_i_deg.get();
         let (half, step) = (bench.zero.half_width_deg.get(), bench.zero.step_deg.get());
@@ -167,20 +182,8 @@ pub fn tasks(bench: &Bench, kinematics: &Kinematics, planned: &[Planned]) -> Tas
     }
     let (places, unreachable) = reachable(bench, kinematics, planned);
     let unordered_s = places.windows(2).map(|pair| way(&pair[0].1, &pair[1].1)).sum();
-    let reference = kinematics
-        .of(&Pose::in_plane(bench.reference.theta_i_deg.get(), bench.reference.theta_o_deg.get()));
-    if reference.is_none() {
-        list.missing.push("the reference direction (out of reach): the lamp's drift".into());
-    }
     let mut moving_s = 0.0;
     let mut stands = reference.unwrap_or(beam);
-    let mut looks = 0;
-    let mut look = |list: &mut List<'_>| {
-        if let Some(stages) = reference {
-            list.tasks.push(Task { part: Part::Reference, number: looks, stages });
-            looks += 1;
-        }
-    };
     look(&mut list);
     let mut first = 0;
     let mut since = 0;
@@ -208,7 +211,7 @@ pub fn tasks(bench: &Bench, kinematics: &Kinematics, planned: &[Planned]) -> Tas
         first += group.len();
     }
     look(&mut list);
-    list.tasks.push(Task { part: Part::Beam, number: 1, stages: beam });
+    list.tasks.push(Task { part: Part::Beam, number: 2, stages: beam });
     list.tasks.push(Task { part: Part::Dark, number: 1, stages: beam });
     let List { tasks, missing, .. } = list;
     let reading_s = bench.meter.settle_s.get()

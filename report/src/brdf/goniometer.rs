@@ -172,9 +172,9 @@ pub fn text(found: &Reduced) -> String {
         );
     }
     if let Some(m) = &it.mirrored {
-        let own = m
-            .sample_fwhm_deg
-            .map_or("below the instrument".to_owned(), |w| format!("{w:.3}° of the sample's own"));
+        let own = m.sample_fwhm_deg.map_or("below the instrument".to_owned(), |w| {
+            format!("{:.3}° ± {:.3}° of the sample's own", w.value, w.sigma)
+        });
         let _ = writeln!(
             text,
             "lobe      {:.3}° wide at {:.0}° of incidence, the instrument {:.3}°: {own}",

@@ -38,7 +38,7 @@ pub struct Bench {
 const RINGS: usize = 6;
 const AROUND: usize = 16;
 /// Rays across the beam in each plane, and places in its cross-section.
-const RAYS: usize = 7;
+const RAYS: usize = 11;
 const PLACES: usize = 121;
 /// Gaussians end here, in standard deviations.
 const END: f64 = 3.5;
