@@ -3,8 +3,8 @@
 use crate::output::{Console, OutputArgs};
 use crate::{
     air, align, analyse, apply, bench, brdf, calibrate, compare, demo, detect, devices, efficiency,
-    explain, fit, import, light, observe, passes, picture, reduce, session, simulate, star, tables,
-    track,
+    explain, fit, import, light, observe, page, passes, picture, reduce, session, simulate, star,
+    tables, track,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -93,6 +93,8 @@ pub enum Command {
     /// Stops a mount when the program that moves it falls silent
     #[command(hide = true)]
     MountWatchdog(track::WatchdogArgs),
+    /// A recorded session in the browser: its images, counts, sky and events, scrubbed like a film
+    Page(page::PageArgs),
     /// Recorded nights: whether all of one is there
     #[command(subcommand)]
     Session(session::SessionCommand),
@@ -172,6 +174,7 @@ impl Command {
             Command::Demo(_)
             | Command::Observe(_)
             | Command::Session(_)
+            | Command::Page(_)
             | Command::MountWatchdog(_)
             | Command::Completions { .. }
             | Command::Man { .. } => None,
@@ -201,6 +204,7 @@ impl Command {
             Command::Devices(command) => devices::run(command, console),
             Command::Observe(args) => observe::run(args, console),
             Command::Session(command) => session::run(command, console),
+            Command::Page(args) => page::run(args, console),
             Command::Calibrate(args) => calibrate::run(args, seed, console),
             Command::Apply(args) => apply::run(args, console),
             Command::Import(args) => import::run(args, console),

@@ -28,7 +28,7 @@ pub struct ImportArgs {
     /// Write ALCDEF as well
     #[arg(long, value_name = "FILE")]
     pub alcdef: Option<PathBuf>,
-    /// Of what is written: the target, in place of the file's
+    /// Target of what is written, in place of the file's
     #[arg(long, value_name = "NAME")]
     pub target: Option<String>,
     /// Of TDM and ALCDEF: who writes

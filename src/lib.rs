@@ -17,6 +17,7 @@
 //! - [`mod@efficiency`]: a detector's efficiency, in the lab;
 //! - [`devices`]: the instruments;
 //! - [`observe`]: a night from its plan to its session's folder;
+//! - [`page`]: a recorded session in the browser, and the address of a live one;
 //! - [`session`]: what of a recorded night is there;
 //! - [`mod@calibrate`]: the coefficient of every channel and night from stars;
 //! - [`apply`]: a light curve times that coefficient, magnitudes, irradiances;
@@ -49,6 +50,7 @@ pub mod interrupt;
 pub mod light;
 pub mod observe;
 pub mod output;
+pub mod page;
 pub mod passes;
 pub mod picture;
 pub mod progress;

@@ -7,10 +7,11 @@ use anyhow::Context as _;
 use clap::Args;
 use std::path::PathBuf;
 use sunglint_calibration::alignment::read_fibres;
+use sunglint_calibration::field_stars::System;
 use sunglint_calibration::photometry::field::FieldOptions;
 use sunglint_calibration::photometry::{Choice, Trail};
 use sunglint_calibration::reduction::counts::gate;
-use sunglint_calibration::reduction::folder::{FolderOptions, reduce_frames};
+use sunglint_calibration::reduction::folder::{FolderOptions, StarsOptions, reduce_frames};
 use sunglint_calibration::reduction::frames::{DETECT_SIGMAS, FrameOptions, SensorFiles};
 use sunglint_calibration::reduction::night::OFF_SIGMAS;
 use sunglint_calibration::reduction::{ReduceError, ReduceOptions, reduce, stays};
@@ -18,7 +19,7 @@ use sunglint_formats::Frame;
 use sunglint_formats::session::Session;
 use sunglint_numerics::progress::Progress as _;
 use sunglint_radiometry::station::Station;
-use sunglint_report::{Product, folder, reduce as report};
+use sunglint_report::{folder, reduce as report};
 
 /// Arguments of `sunglint reduce`.
 #[derive(Debug, Args)]
@@ -95,6 +96,92 @@ pub struct OtherArgs {
     /// Streaks have at least so much light, in standard deviations of it
     #[arg(long, value_name = "K", default_value_t = FieldOptions::default().streak_sigmas, allow_negative_numbers = true)]
     pub streak_sigma: f64,
+    /// Stars for the zero point: a list with right ascension, declination and magnitudes (CSV, ECSV, VOTable or FITS table)
+    #[arg(long, value_name = "FILE")]
+    pub catalogue: Option<PathBuf>,
+    /// The list's column of magnitudes [default: that of the frames' filter]
+    #[arg(long, value_name = "COLUMN", requires = "catalogue")]
+    pub catalogue_mag: Option<String>,
+    /// The two columns of the list whose difference is the colour [default: the usual of the band, where they are there]
+    #[arg(long, value_name = "COLUMN", num_args = 2, requires = "catalogue")]
+    pub catalogue_colour: Option<Vec<String>>,
+    /// System of the list's magnitudes, where the column's name does not tell
+    #[arg(long, value_enum, value_name = "SYSTEM", requires = "catalogue")]
+    pub catalogue_system: Option<MagnitudeSystem>,
+    /// Right ascension and declination near the frames' middle, deg [default: as their headers say]
+    #[arg(
+        long,
+        value_name = "DEG",
+        num_args = 2,
+        allow_negative_numbers = true,
+        requires = "catalogue"
+    )]
+    pub near: Option<Vec<f64>>,
+    /// Width of a pixel, arcsec [default: as their headers say]
+    #[arg(long, value_name = "ARCSEC", requires = "catalogue")]
+    pub scale_arcsec: Option<f64>,
+    /// Colour of the target and its standard deviation, mag [default: the Sun's ± 0.2]
+    #[arg(
+        long,
+        value_name = "MAG",
+        num_args = 2,
+        allow_negative_numbers = true,
+        requires = "catalogue"
+    )]
+    pub target_colour: Option<Vec<f64>>,
+    /// Colour term of the filter: magnitudes for a magnitude of colour [default: from the stars]
+    #[arg(long, value_name = "K", allow_negative_numbers = true, requires = "catalogue")]
+    pub colour_term: Option<f64>,
+}
+
+/// System of magnitudes.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub enum MagnitudeSystem {
+    /// Vega has 0 in all bands
+    Vega,
+    /// AB: the same flux for each frequency has the same magnitude
+    #[value(name = "AB", alias = "ab")]
+    Ab,
+}
+
+impl OtherArgs {
+    fn stars(&self) -> anyhow::Result<Option<StarsOptions>> {
+        let Some(path) = &self.catalogue else { return Ok(None) };
+        let pair =
+            |of: &Option<Vec<f64>>| of.as_deref().and_then(|v| Some([*v.first()?, *v.get(1)?]));
+        let mut stars = StarsOptions::default();
+        stars.list.path.clone_from(path);
+        stars.list.magnitude.clone_from(&self.catalogue_mag);
+        stars.list.colour = self
+            .catalogue_colour
+            .as_deref()
+            .and_then(|v| Some([v.first()?.clone(), v.get(1)?.clone()]));
+        stars.list.system = self.catalogue_system.map(|system| match system {
+            MagnitudeSystem::Vega => System::Vega,
+            MagnitudeSystem::Ab => System::AB,
+        });
+        stars.near_deg = pair(&self.near);
+        if let Some([ra, dec]) = stars.near_deg
+            && !((-360.0..=360.0).contains(&ra) && (-90.0..=90.0).contains(&dec))
+        {
+            return Err(Usage(format!(
+                "--near is {ra} {dec}, expected a right ascension and a declination in degrees"
+            ))
+            .into());
+        }
+        stars.scale_arcsec = self.scale_arcsec;
+        if let Some(scale) = self.scale_arcsec.filter(|s| !(1e-3..=1e4).contains(s)) {
+            return Err(Usage(format!("--scale-arcsec is {scale}, expected 0.001 to 10000")).into());
+        }
+        stars.target_colour = pair(&self.target_colour);
+        if let Some([colour, sigma]) = stars.target_colour
+            && !(colour.abs() < 20.0 && (0.0..5.0).contains(&sigma))
+        {
+            return Err(Usage(format!("--target-colour is {colour} {sigma}, expected a colour and a standard deviation of 0 or above, mag")).into());
+        }
+        stars.colour_term = self.colour_term.filter(|k| k.is_finite());
+        Ok(Some(stars))
+    }
 }
 
 /// How counts become rates.
@@ -263,6 +350,7 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
     options.place_px =
         args.others.place_px.as_deref().and_then(|p| Some([*p.first()?, *p.get(1)?]));
     options.parts = args.others.along;
+    options.stars = args.others.stars()?;
     options.darks.clone_from(&args.frames.dark);
     options.flats.clone_from(&args.frames.flat);
     let progress = Bar::new(console);
@@ -271,13 +359,6 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
     progress.end();
     let names: Vec<String> = args.inputs.iter().map(|p| p.display().to_string()).collect();
     let name = names.join(", ");
-    let mut product = folder::product(&reduced, &name)?;
-    let curve = folder::curve(&reduced, &name)?;
-    // A single file is the light curve; a folder has both.
-    let table = std::mem::replace(&mut product.table, curve.table.clone());
-    let frames = Product { name: product.name.clone(), table, ..Product::default() };
-    product.name.clone_from(&curve.name);
-    product.figure = curve.figure;
-    product.others.push(frames);
+    let product = folder::whole(&reduced, &name)?;
     args.out.finish(&product, &folder::text(&reduced, &name), console)
 }

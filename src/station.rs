@@ -10,7 +10,7 @@ use sunglint_radiometry::station::{RecordedError, Station};
 /// Which station.
 #[derive(Debug, Clone, Default, Args)]
 pub struct StationArgs {
-    /// The station: a built-in name (`ufo`), a station.toml, or its folder [default: $SUNGLINT_STATION, else ./station.toml]
+    /// The station: a built-in name (`ufo`, `gauss6`), a station.toml, or its folder [default: $SUNGLINT_STATION, else ./station.toml]
     #[arg(long, value_name = "NAME|FILE|FOLDER")]
     pub station: Option<String>,
 }

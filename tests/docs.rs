@@ -186,7 +186,10 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     // Frames of another program.
     crate::frames::made_up(&folder.path("others"));
     keys(&folder.json(&["detect", "others/light_0.fits", "--json"]), &mut printed);
-    keys(&folder.json(&["reduce", "others", "--along", "3", "--json"]), &mut printed);
+    let mut reduce = vec!["reduce", "others", "--along", "3", "--json"];
+    reduce.extend(["--catalogue", "others/stars.csv", "--near", "150", "0"]);
+    reduce.extend(["--scale-arcsec", "3.6"]);
+    keys(&folder.json(&reduce), &mut printed);
     // A sample on a goniometer: a lobe that falls by 2 % a degree squared.
     let mut retro = String::from("angle_deg,f_per_sr,sigma_f_per_sr\n");
     for k in -10_i32..60 {

@@ -312,7 +312,7 @@ fn a_plan_says_what_is_wrong_with_it() {
         ("star = \"Vega\"", "star = \"Vega\"\noff = \"sky\"", "expected one target"),
         ("for_s = 30", "for_s = 30\nto = \"now\"", "either `to` or `for_s`"),
         ("for_s = 20", "", "a time: the visit before has no end"),
-        ("station = \"ufo\"", "station = \"ofu\"", "a built-in station (ufo)"),
+        ("station = \"ufo\"", "station = \"ofu\"", "a built-in station (ufo, gauss6)"),
     ] {
         assert!(good.contains(from), "{from}");
         std::fs::write(&path, good.replacen(from, to, 1)).unwrap();

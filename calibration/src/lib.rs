@@ -22,6 +22,7 @@ pub mod comparison;
 pub mod counts;
 pub mod detector;
 pub mod efficiency;
+pub mod field_stars;
 pub mod photometry;
 pub mod reduction;
 pub mod stars;

@@ -280,3 +280,35 @@ fn laws_that_no_detector_has_are_refused() {
     assert!(table(&[1.0, 2.0], &[3.0, 2.0]).contains("true_hz: found 2"));
     assert!(table(&[-1.0, 2.0], &[1.0, 2.0]).contains("measured_hz: found -1"));
 }
+
+/// Truth: event-level simulations by an independent program (numpy) of 667 pixels that recover with 50 ns behind a comparator, counted over true rate; the law inverted has to give the true rate. Tolerance: 2e-3 of the share, its noise,
+/// times the slope. The slope is held by differences.
+#[test]
+fn pulses_of_pixels_are_told_apart_again() {
+    for (pulse_s, true_hz, share) in [
+        (10e-9, 1e6, 0.990),
+        (10e-9, 1e7, 0.904),
+        (20e-9, 3e6, 0.941),
+        (20e-9, 1e7, 0.819),
+        (30e-9, 1e7, 0.741),
+    ] {
+        let law = DeadTime::MultiPixel { pixels: 667, recovery_s: 50e-9, pulse_s };
+        let law = Linearity::new(&law).unwrap();
+        let found = law.linearise((share * true_hz) as u64, 1.0).unwrap();
+        let step = 1e-3 * true_hz;
+        let at = |hz: f64| law.linearise(hz as u64, 1.0).unwrap().rate_hz;
+        let slope = (at(share * true_hz + step) - at(share * true_hz - step)) / (2.0 * step);
+        let within = 2.5e-3 * true_hz * slope;
+        assert!((found.rate_hz - true_hz).abs() < within, "{pulse_s}: {found:?}");
+        assert!(
+            (found.dead_time_slope_hz + found.rate_hz) / (found.measured_hz * slope) - 1.0 < 1e-3
+        );
+    }
+    let wrong = DeadTime::MultiPixel { pixels: 0, recovery_s: 50e-9, pulse_s: 0.0 };
+    assert!(Linearity::new(&wrong).unwrap_err().to_string().contains("pixels: found 0"));
+    let dark = DeadTime::MultiPixel { pixels: 400, recovery_s: 50e-9, pulse_s: 20e-9 };
+    let law = Linearity::new(&dark).unwrap();
+    assert_eq!(law.linearise(0, 1.0).unwrap().rate_hz, 0.0);
+    // The peak of the comparator: 1/(e w).
+    assert!(matches!(law.linearise(18_500_000, 1.0), Err(DetectorError::Saturated { .. })));
+}

@@ -1,5 +1,7 @@
 //! Streaks on synthetic frames: stars, cosmic rays and a gradient beside them. The frames share no formula with the search but the normal profile of a point.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use ndarray::Array2;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_distr::{Distribution as _, Normal};

@@ -138,6 +138,10 @@ pub struct FrameHeader {
     pub camera: Option<String>,
     /// Place of the telescope.
     pub site: Option<FrameSite>,
+    /// Right ascension and declination that the telescope pointed at, deg, as the mount or the user said them; of date or of J2000.
+    pub pointing_deg: Option<[f64; 2]>,
+    /// Width of a pixel, arcsec, from the focal length or as a program wrote it.
+    pub scale_arcsec: Option<f64>,
     /// Assumptions and contradictions.
     pub notes: Vec<String>,
     /// All cards.
@@ -279,6 +283,8 @@ impl FrameHeader {
             object: reading.words("OBJECT"),
             camera: reading.words("INSTRUME"),
             site: reading.site(),
+            pointing_deg: reading.pointing(),
+            scale_arcsec: reading.scale_arcsec(),
             notes: std::mem::take(&mut reading.notes),
             cards: Header::default(),
         };
@@ -634,6 +640,41 @@ impl Reading<'_> {
             }
         }
         Some(site)
+    }
+}
+
+impl Reading<'_> {
+    /// Where the telescope pointed: texts of right ascension are hours, numbers degrees.
+    fn pointing(&self) -> Option<[f64; 2]> {
+        const PAIRS: [[&str; 2]; 4] =
+            [["OBJCTRA", "OBJCTDEC"], ["RA", "DEC"], ["CRVAL1", "CRVAL2"], ["TELRA", "TELDEC"]];
+        PAIRS.into_iter().find_map(|[ra, dec]| {
+            let angle = |keyword: &str, hours: f64| {
+                let value = self.cards.get(keyword)?;
+                match value.text() {
+                    Some(text) if text.trim().parse::<f64>().is_err() => {
+                        Some(hours * sexagesimal(text)?)
+                    }
+                    Some(text) => text.trim().parse().ok(),
+                    None => value.real(),
+                }
+            };
+            let place = [angle(ra, 15.0)?, angle(dec, 1.0)?];
+            let good = (-360.0..=360.0).contains(&place[0]) && place[1].abs() <= 90.0;
+            good.then_some(place)
+        })
+    }
+
+    /// Width of a pixel: as a program wrote it, or its size (after binning) over the focal length.
+    fn scale_arcsec(&self) -> Option<f64> {
+        let real = |keyword: &str| self.cards.real(keyword).filter(|v| v.is_finite() && *v > 0.0);
+        let of_focus = || {
+            let (pixel_um, focus_mm) =
+                (real("XPIXSZ").or_else(|| real("PIXSIZE1"))?, real("FOCALLEN")?);
+            Some((pixel_um * 1e-3 / focus_mm).to_degrees() * 3600.0)
+        };
+        let scale = ["PIXSCALE", "SECPIX", "SCALE"].into_iter().find_map(real).or_else(of_focus)?;
+        (1e-3..1e4).contains(&scale).then_some(scale)
     }
 }
 

@@ -88,6 +88,7 @@ pub mod text;
 pub mod text_table;
 pub mod time;
 pub mod toml;
+pub mod wcs;
 pub mod zemax;
 
 pub use counts::{CountFlags, CountRecord, CountSeries};

@@ -198,14 +198,16 @@ fn what_is_written_is_read_back() {
     use sunglint_formats::photometry::{Photometry, write};
     let days = [(59_274, 0.793_188_657_4), (59_275, 0.174_864_004_6), (57_753, 0.25)];
     let time = days.map(|(day, part)| moment(day, part, Scale::Utc).unwrap()).to_vec();
-    let mut made = Photometry::default();
-    made.time = time;
-    made.magnitude = vec![5.4, 6.0125, 7.25];
-    made.sigma_mag = Some(vec![0.05, f64::NAN, 0.1]);
-    made.session = Some(["1", "1", "2"].map(str::to_owned).to_vec());
-    made.filter = Some(["V", "V", "R"].map(str::to_owned).to_vec());
-    made.exposure_s = Some(vec![2.0, 2.0, 2.0]);
-    made.target = "2005-001A\nü".into();
+    let mut made = Photometry {
+        time,
+        magnitude: vec![5.4, 6.0125, 7.25],
+        sigma_mag: Some(vec![0.05, f64::NAN, 0.1]),
+        session: Some(["1", "1", "2"].map(str::to_owned).to_vec()),
+        filter: Some(["V", "V", "R"].map(str::to_owned).to_vec()),
+        exposure_s: Some(vec![2.0, 2.0, 2.0]),
+        target: "2005-001A\nü".into(),
+        ..Photometry::default()
+    };
     let mut sender = write::Sender::default();
     sender.originator = "A group".into();
     sender.site = "UFO".into();

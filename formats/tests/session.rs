@@ -612,3 +612,100 @@ proptest! {
         let _ = session.check().unwrap();
     }
 }
+
+fn bin_at(i: i64, gap_s: f64) -> CountRecord {
+    CountRecord {
+        start: later(0.1 * i as f64 + gap_s),
+        start_ps: i * BIN_PS,
+        length_ps: BIN_PS,
+        counts: vec![i as u64, 1000 - i as u64],
+        missed: vec![0, 0],
+        flags: if i == 77 { CountFlags::OVERFLOW } else { CountFlags::empty() },
+    }
+}
+
+/// Truth: the reader of whole tables, and sums by hand: 300 bins over a leap second, with a gap, in blocks that do not bridge it; any stretch is the same as
+/// from the reader; a row that is none ends the index there; what is written later is found.
+#[test]
+fn an_index_finds_any_stretch() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("night");
+    let files = [("night.toml".to_owned(), b"station = \"ufo\"\n".to_vec())];
+    let mut writer = SessionWriter::create(Arc::new(Disk), &root, &manifest(), &files).unwrap();
+    let all: Vec<CountRecord> =
+        (0..300).map(|i| bin_at(i, if i < 150 { 0.0 } else { 7.0 })).collect();
+    for record in &all[..200] {
+        writer.count("tagger", record).unwrap();
+    }
+    writer.sync(later(20.0));
+    let session = Session::open(&root).unwrap();
+    let mut index = session.count_index("tagger").unwrap();
+    assert_eq!((index.rows(), index.fault()), (200, None));
+    for record in &all[200..] {
+        writer.count("tagger", record).unwrap();
+    }
+    writer.event(later(30.0), What::Control { action: "note".into(), text: "clouds".into() });
+    assert_eq!(writer.finish(later(40.0), "done").lost, 0);
+    index.refresh().unwrap();
+    assert_eq!((index.rows(), index.fault()), (300, None));
+    assert_eq!(index.span(), Some([later(0.0), all[299].start + 0.1 * hifitime::Unit::Second]));
+    let read: Vec<CountRecord> =
+        session.counts("tagger").unwrap().collect::<Result<_, _>>().unwrap();
+    assert_eq!(read, all);
+    for (from, to) in
+        [(-5.0, 100.0), (0.0, 0.1), (3.35, 9.0), (14.0, 23.0), (15.5, 21.0), (30.0, 20.0)]
+    {
+        let (from, to) = (later(from), later(to));
+        let expected: Vec<&CountRecord> =
+            all.iter().filter(|r| r.start >= from && r.start < to).collect();
+        let found = index.records(from, to, 1000).unwrap();
+        assert_eq!(found.iter().collect::<Vec<_>>(), expected, "{from} {to}");
+    }
+    assert_eq!(index.records(later(0.0), later(100.0), 7).unwrap(), all[..7]);
+    let sum: u64 = index.blocks().iter().map(|block| block.counts[0]).sum();
+    assert_eq!(sum, 299 * 300 / 2);
+    let block = index.blocks().iter().find(|b| b.flags.contains(CountFlags::OVERFLOW)).unwrap();
+    assert!(block.start <= all[77].start && block.end > all[77].start);
+    let first = &index.blocks()[0];
+    let rates = [0.0, 10.0 * (first.rows - 1) as f64];
+    assert!((first.range_hz[0][1] - rates[1]).abs() < 1e-6 && first.range_hz[0][0] == rates[0]);
+    assert!(index.blocks().iter().all(|b| b.end <= all[150].start || b.start >= all[150].start));
+    // The log without its marks.
+    let (mut marks, mut rest) = (0, Vec::new());
+    for event in session.events().unwrap() {
+        match event.unwrap().what {
+            What::Sync { .. } => marks += 1,
+            what => rest.push(what),
+        }
+    }
+    let without: Vec<What> =
+        session.events().unwrap().without_marks().map(|event| event.unwrap().what).collect();
+    assert!(marks > 0 && without == rest && rest.iter().any(|w| matches!(w, What::Control { .. })));
+    // A broken row, and half a last one.
+    let path = root.join("counts/tagger.ecsv");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let mut lines: Vec<&str> = text.lines().collect();
+    let at = lines.len() - 100;
+    lines[at] = "2016-12-31T24:61:00Z,1,2,x";
+    std::fs::write(&path, lines.join("\n")).unwrap();
+    let broken = session.count_index("tagger").unwrap();
+    assert_eq!(broken.rows(), 200);
+    assert!(broken.fault().unwrap().starts_with("row 201"), "{:?}", broken.fault());
+    std::fs::write(&path, text.trim_end()).unwrap();
+    assert_eq!(session.count_index("tagger").unwrap().rows(), 299);
+    std::fs::write(&path, text.replace("start_utc,start_ps", "start_ps,start_utc")).unwrap();
+    assert!(session.count_index("tagger").is_err());
+}
+
+/// Truth: the names that the writer gives.
+#[test]
+fn frames_names_tell_when() {
+    let file = |name: &str| sunglint_formats::session::FrameFile {
+        sequence: 1,
+        path: Path::new("17").join(name),
+    };
+    assert_eq!(file("20161231T235960.500000Z_00000001.fits").start(), Some(later(1.5)));
+    for bad in ["x.fits", "2016_1.fits", "20161232T000000.0Z_1.fits", "é20161231T235960Z_1.fits"] {
+        assert_eq!(file(bad).start(), None, "{bad}");
+    }
+}

@@ -6,3 +6,4 @@ mod hostile;
 mod photometry;
 mod session;
 mod toml;
+mod wcs;

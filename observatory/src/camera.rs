@@ -89,7 +89,8 @@ impl CameraWork {
         worker: &mut Worker,
     ) -> Result<(), DeviceError> {
         const NAME: &str = "frame_type";
-        let target = worker.schedule.at(worker.clock.utc());
+        let schedule = worker.schedule.get();
+        let target = schedule.at(worker.clock.utc());
         let dark = target.is_some_and(|target| target.target_kind == TargetKind::Dark);
         let wanted = if dark { "dark" } else { "light" };
         if self.told == Some(wanted) || !camera.own_settings().iter().any(|(n, _)| *n == NAME) {
@@ -167,7 +168,8 @@ impl CameraWork {
                 "the camera's name in this session",
             );
             self.say_settings(&mut frame);
-            self.pointing.describe(worker.schedule.at(middle), middle, self.told, &mut frame);
+            let schedule = worker.schedule.get();
+            self.pointing.describe(schedule.at(middle), middle, self.told, &mut frame);
         }
         worker.status.frame(&worker.name, self.number, &frame);
         worker.reached(frame.start + half * 2);

@@ -1,5 +1,6 @@
 //! The one thread that writes: devices hand over what they have and go on.
 
+use super::live::LiveState;
 use super::status::Status;
 use super::tags::{Loss, TagBudget};
 use hifitime::Epoch;
@@ -21,7 +22,7 @@ const POLL: Duration = Duration::from_millis(50);
 /// Message to the writer, with the data to be written.
 enum Message {
     Counts(String, Vec<CountRecord>),
-    Frame(String, u64, Box<Frame>),
+    Frame(String, u64, Arc<Frame>),
     Event(Epoch, What),
     Tags(String, Option<Loss>, Vec<[u8; RECORD_BYTES]>),
 }
@@ -34,6 +35,8 @@ pub struct Disk {
     pixels: Arc<Pixels>,
     tag_budget: Arc<TagBudget>,
     live: bool,
+    /// Who looks on.
+    watcher: Option<Arc<LiveState>>,
 }
 
 impl std::fmt::Debug for Message {
@@ -82,11 +85,13 @@ pub fn start(
     writer: SessionWriter,
     status: Arc<Status>,
     live: bool,
+    watcher: Option<Arc<LiveState>>,
 ) -> std::io::Result<(Disk, std::thread::JoinHandle<Writing>)> {
     let (sender, receiver) = sync_channel(MESSAGES);
     let pixels = Arc::new(Pixels::default());
     let tag_budget = Arc::new(TagBudget::default());
-    let disk = Disk { sender, pixels: pixels.clone(), tag_budget: tag_budget.clone(), live };
+    let disk =
+        Disk { sender, pixels: pixels.clone(), tag_budget: tag_budget.clone(), live, watcher };
     let writing = Writing { writer, status, pixels, tag_budget, tags_lost: HashMap::new() };
     let thread = std::thread::Builder::new().name("disk".into());
     let handle = thread.spawn(move || writing.run(&receiver))?;
@@ -96,13 +101,20 @@ pub fn start(
 impl Disk {
     /// Hands over bins.
     pub fn counts(&self, counter: &str, records: Vec<CountRecord>) {
+        if let Some(watcher) = &self.watcher {
+            watcher.counts(counter, &records);
+        }
         self.send(Message::Counts(counter.to_owned(), records));
     }
 
     /// Hands over a frame.
     pub fn frame(&self, camera: &str, number: u64, frame: Frame) {
+        let frame = Arc::new(frame);
+        if let Some(watcher) = &self.watcher {
+            watcher.frame(camera, number, &frame);
+        }
         self.pixels.add(bytes_of(&frame));
-        self.send(Message::Frame(camera.to_owned(), number, Box::new(frame)));
+        self.send(Message::Frame(camera.to_owned(), number, frame));
     }
 
     /// Hands over tags; of a live device without ever waiting: where there is no room they are lost. `loss` is what was lost before and is not told yet;
@@ -138,6 +150,9 @@ impl Disk {
 
     /// Hands over an event.
     pub fn event(&self, utc: Epoch, what: What) {
+        if let Some(watcher) = &self.watcher {
+            watcher.event(utc, &what);
+        }
         self.send(Message::Event(utc, what));
     }
 
@@ -263,8 +278,13 @@ mod tests {
     fn a_recording_waits_for_room() {
         let (sender, receiver) = sync_channel(2);
         let tag_budget = Arc::new(TagBudget::default());
-        let disk =
-            Disk { sender, pixels: Arc::default(), tag_budget: tag_budget.clone(), live: false };
+        let disk = Disk {
+            sender,
+            pixels: Arc::default(),
+            tag_budget: tag_budget.clone(),
+            live: false,
+            watcher: None,
+        };
         let writing = std::thread::spawn(move || {
             std::thread::sleep(POLL);
             let take = |message: Message| match message {
@@ -293,8 +313,13 @@ mod tests {
     fn tags_that_find_no_room_are_counted_and_told() {
         let (sender, receiver) = sync_channel(MESSAGES);
         let tag_budget = Arc::new(TagBudget::default());
-        let disk =
-            Disk { sender, pixels: Arc::default(), tag_budget: tag_budget.clone(), live: true };
+        let disk = Disk {
+            sender,
+            pixels: Arc::default(),
+            tag_budget: tag_budget.clone(),
+            live: true,
+            watcher: None,
+        };
         let mut loss = None;
         for number in 0..80 {
             loss = disk.tags("tagger", loss, a_mebibyte(number));

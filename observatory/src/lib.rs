@@ -10,6 +10,7 @@
 //! - [`Opener`]: the source of the devices: the [`Catalogue`] of drivers, a session that is played back ([`Playback`]), or anything
 //!   else that implements the trait, such as a virtual observatory;
 //! - [`Snapshot`]: the live status, twenty times a second; [`Summary`]: how the night went;
+//! - [`live`]: the state of a running night for other threads, and the queue of their commands;
 //! - [`telescope`]: a mount that follows a satellite;
 //! - [`clock`]: how far the computer's clock is from UTC.
 //!
@@ -51,6 +52,7 @@ mod camera;
 pub mod clock;
 mod counter;
 mod disk;
+pub mod live;
 mod night;
 mod opener;
 mod plan;
@@ -64,12 +66,14 @@ mod tags;
 pub mod telescope;
 mod worker;
 
+pub use live::{Control, ControlError, LiveState};
 pub use night::{Incomplete, Night, NightError, Summary};
 pub use opener::{Catalogue, Opener};
 pub use plan::{
     CameraPlan, CounterPlan, MakeVirtual, Plan, PlanError, VIRTUAL_ADDRESS, VirtualRequest,
 };
 pub use playback::Playback;
+pub use pointing::Pointing;
 pub use preflight::{Level, PlanFinding, Preflight, PreflightOptions, preflight};
 pub use replay::ReplayError;
 pub use schedule::{Schedule, Slot};

@@ -4,10 +4,11 @@ use super::camera::CameraWork;
 use super::clock::{self, STEP_S};
 use super::counter::CounterWork;
 use super::disk;
+use super::live::{Asked, Control, ControlError, LiveState};
 use super::opener::Opener;
 use super::plan::{CameraPlan, CounterPlan, Plan};
 use super::pointing::Pointing;
-use super::schedule::Schedule;
+use super::schedule::{Schedule, SharedSchedule};
 use super::status::{Snapshot, State, Status};
 use super::worker::Worker;
 use hifitime::Epoch;
@@ -61,6 +62,8 @@ pub struct Night {
     pub ended: Option<Epoch>,
     /// Whether the plan names times of day in UTC (passes): it then follows the computer's clock after a step that a synchronised source confirms.
     pub in_utc: bool,
+    /// Where it tells how it goes and takes commands; `None`: nobody looks on.
+    pub live: Option<Arc<LiveState>>,
 }
 
 /// Why a night cannot run, or did not end in good order.
@@ -229,6 +232,7 @@ impl Night {
             end: plan.to,
             ended: None,
             in_utc: plan.in_utc,
+            live: None,
         }
     }
 
@@ -252,9 +256,12 @@ impl Night {
         let status = Arc::new(Status::new(start, live));
         let writer =
             SessionWriter::create(self.storage.clone(), &self.root, &self.manifest, &self.files)?;
-        let (disk, writing) =
-            disk::start(writer, status.clone(), live).map_err(NightError::WriterThread)?;
-        let schedule = Arc::new(self.schedule.clone());
+        let (disk, writing) = disk::start(writer, status.clone(), live, self.live.clone())
+            .map_err(NightError::WriterThread)?;
+        if let Some(state) = &self.live {
+            state.begin(&self, live);
+        }
+        let schedule = Arc::new(SharedSchedule::new(self.schedule.clone()));
         let worker = |name: &str| Worker {
             name: name.to_owned(),
             clock: self.opener.clock(name),
@@ -286,6 +293,9 @@ impl Night {
             told: 0,
             offset_s: clock_offset_s(),
             asked: None,
+            cancel,
+            schedule: schedule.clone(),
+            before_pause: None,
         };
         let utc = watch.until_all_end(&threads, live, show);
         let crashed = threads.into_iter().filter_map(|thread| thread.join().err()).count();
@@ -300,6 +310,10 @@ impl Night {
         status.set_lost(ended.lost, !ended.troubles.is_empty());
         let last = status.snapshot();
         show(last.clone());
+        if let Some(state) = &self.live {
+            state.collect(&last, schedule.get().slots(), false);
+            state.end(if stopped { "stopped" } else { "done" });
+        }
         if crashed > 0 {
             return Err(NightError::Crashed { crashed });
         }
@@ -355,6 +369,12 @@ struct Watch<'a> {
     offset_s: f64,
     /// When it was asked last whether the computer's clock is synchronised.
     asked: Option<Instant>,
+    /// Ends the night.
+    cancel: &'a Cancel,
+    /// Where the telescope looks, as it stands now.
+    schedule: Arc<SharedSchedule>,
+    /// The schedule that a pause interrupts.
+    before_pause: Option<Arc<Schedule>>,
 }
 
 impl Watch<'_> {
@@ -368,17 +388,28 @@ impl Watch<'_> {
         let begun = Instant::now();
         let utc = || DeviceClock::live().utc();
         let mut looked = Duration::ZERO;
+        let mut room_at: Option<Duration> = None;
         while !threads.iter().all(JoinHandle::is_finished) {
-            self.tell_targets(self.status.utc());
+            let night_utc = self.status.utc();
+            self.tell_targets(night_utc);
+            self.obey(night_utc, live);
             let now = begun.elapsed();
             if live && now.saturating_sub(looked) >= CLOCK {
                 looked = now;
                 self.look_at_clock();
             }
             let mut snapshot = self.status.snapshot();
-            let target = self.night.schedule.at(snapshot.utc);
+            let schedule = self.schedule.get();
+            let target = schedule.at(snapshot.utc);
             snapshot.target =
                 target.filter(|t| t.target_kind != TargetKind::None).map(|t| t.name.clone());
+            if let Some(state) = &self.night.live {
+                state.collect(&snapshot, schedule.slots(), self.before_pause.is_some());
+                if room_at.is_none_or(|at| now.saturating_sub(at) >= CLOCK) {
+                    room_at = Some(now);
+                    state.room(now.as_secs_f64());
+                }
+            }
             show(snapshot);
             let slept = Instant::now();
             std::thread::sleep(POLL);
@@ -434,7 +465,8 @@ impl Watch<'_> {
 
     /// After a correction of the night's time from `before` to `now`: names the visits that are past without having been, and tells the present one.
     fn time_again(&mut self, before: Epoch, now: Epoch) {
-        let slots = self.night.schedule.slots();
+        let schedule = self.schedule.get();
+        let slots = schedule.slots();
         let missed = slots.iter().filter(|slot| {
             let planned = slot.target.target_kind != TargetKind::None;
             planned && slot.from > before && slot.to.is_some_and(|to| to <= now)
@@ -452,8 +484,73 @@ impl Watch<'_> {
         }
     }
 
+    /// Does what was asked since the last look; each command is an event of the log.
+    fn obey(&mut self, utc: Epoch, live: bool) {
+        let Some(state) = &self.night.live else { return };
+        while let Some(asked) = state.next_command() {
+            let done = self.steer(&asked, utc, live);
+            if done.is_ok() {
+                let action = asked.control.word().to_owned();
+                let text = match &asked.control {
+                    Control::Note(text) => text.clone(),
+                    _ => String::new(),
+                };
+                self.status.say(match text.is_empty() {
+                    true => format!("{action}, by the page"),
+                    false => format!("note: {text}"),
+                });
+                self.disk.event(utc, What::Control { action, text });
+            }
+            self.tell_targets(utc);
+            asked.answer(done);
+        }
+    }
+
+    fn steer(&mut self, asked: &Asked, utc: Epoch, live: bool) -> Result<String, ControlError> {
+        let refused = |text: &str| Err(ControlError::Refused(text.to_owned()));
+        if !live && !matches!(asked.control, Control::Stop | Control::Note(_)) {
+            return refused("this night is virtual or played back: its visits are fixed");
+        }
+        let schedule = self.schedule.get();
+        match &asked.control {
+            Control::Note(_) => Ok("noted".into()),
+            Control::Stop => {
+                self.cancel.cancel();
+                Ok("the night ends in good order".into())
+            }
+            Control::Pause if self.before_pause.is_some() => refused("it is paused already"),
+            Control::Pause => {
+                self.before_pause = Some(schedule.clone());
+                self.exchange(schedule.paused(utc), utc);
+                Ok("paused: what is recorded now belongs to no visit".into())
+            }
+            Control::Resume => match self.before_pause.take() {
+                None => refused("it is not paused"),
+                Some(plan) => {
+                    self.exchange(schedule.resumed(&plan, utc), utc);
+                    Ok("the plan goes on as it stands now".into())
+                }
+            },
+            Control::Skip if self.before_pause.is_some() => refused("it is paused: resume first"),
+            Control::Skip => match schedule.skipped(utc) {
+                None => refused("no visit is under way"),
+                Some(after) => {
+                    self.exchange(after, utc);
+                    Ok("the visit is over".into())
+                }
+            },
+        }
+    }
+
+    /// Another schedule from `utc` on: what began before was told.
+    fn exchange(&mut self, schedule: Schedule, utc: Epoch) {
+        self.told = schedule.slots().iter().filter(|slot| slot.from < utc).count();
+        self.schedule.set(schedule);
+    }
+
     fn tell_targets(&mut self, utc: Epoch) {
-        while let Some(slot) = self.night.schedule.slots().get(self.told) {
+        let schedule = self.schedule.get();
+        while let Some(slot) = schedule.slots().get(self.told) {
             if slot.from > utc {
                 break;
             }

@@ -107,6 +107,11 @@ impl Pointing {
         }
     }
 
+    /// Azimuth and true altitude of a target at a time, deg; `None` for one without a place.
+    pub fn horizontal_deg(&mut self, target: &Target, utc: Epoch) -> Option<[f64; 2]> {
+        self.place(target, utc).map(|[azimuth, altitude, ..]| [azimuth, altitude])
+    }
+
     /// Azimuth, altitude, right ascension and declination (ICRS, without aberration), deg.
     fn place(&mut self, target: &Target, utc: Epoch) -> Option<[f64; 4]> {
         if self.known.as_ref().is_none_or(|(known, _)| known != target) {

@@ -67,6 +67,7 @@ impl Night {
             end: Some(playback.end()),
             ended,
             in_utc: false,
+            live: None,
             opener: Arc::new(playback),
             manifest: Manifest { program: program.to_owned(), ..old },
             files,

@@ -2,6 +2,7 @@
 
 use hifitime::Epoch;
 use std::cmp::Ordering;
+use std::sync::{Arc, PoisonError, RwLock};
 use sunglint_formats::FileError;
 use sunglint_formats::session::{Session, Target, TargetKind, What};
 
@@ -66,5 +67,139 @@ impl Schedule {
     /// The slots, in time.
     pub fn slots(&self) -> &[Slot] {
         &self.slots
+    }
+
+    /// The slots that begin before a time, the last of them cut off there.
+    fn until(&self, utc: Epoch) -> Vec<Slot> {
+        let count = self.slots.partition_point(|slot| slot.from < utc);
+        let mut slots = self.slots[..count].to_vec();
+        if let Some(last) = slots.last_mut().filter(|last| last.to.is_none_or(|to| to > utc)) {
+            last.to = Some(utc);
+        }
+        slots
+    }
+
+    /// The slots from a time on; one that it lies in begins there.
+    fn after(&self, utc: Epoch) -> Vec<Slot> {
+        let rest = self.slots.iter().filter(|slot| slot.to.is_none_or(|to| to > utc));
+        rest.map(|slot| Slot { from: slot.from.max(utc), ..slot.clone() }).collect()
+    }
+
+    /// The schedule with no target from a time on.
+    pub(crate) fn paused(&self, utc: Epoch) -> Self {
+        let mut slots = self.until(utc);
+        slots.push(nothing(utc, None));
+        Self { slots }
+    }
+
+    /// A paused schedule that goes on, from a time, as the plan stands then.
+    pub(crate) fn resumed(&self, plan: &Self, utc: Epoch) -> Self {
+        let mut slots = self.until(utc);
+        slots.extend(plan.after(utc));
+        Self { slots }
+    }
+
+    /// The schedule without the rest of the present visit: the next begins at once, unless it is a satellite's, which keeps its time. `None` where no visit is
+    /// under way.
+    pub(crate) fn skipped(&self, utc: Epoch) -> Option<Self> {
+        let at = self.slots.partition_point(|slot| slot.from <= utc).checked_sub(1)?;
+        if self.slots[at].target.target_kind == TargetKind::None {
+            return None;
+        }
+        let mut later = self.slots[at + 1..].to_vec();
+        match later.first_mut() {
+            Some(next) if next.target.target_kind != TargetKind::Satellite => next.from = utc,
+            Some(next) => {
+                let gap = nothing(utc, Some(next.from));
+                later.insert(0, gap);
+            }
+            None => later.push(nothing(utc, None)),
+        }
+        let mut slots = self.until(utc);
+        slots.extend(later);
+        Some(Self { slots })
+    }
+}
+
+fn nothing(from: Epoch, to: Option<Epoch>) -> Slot {
+    Slot { target: Target::off(TargetKind::None), from, to }
+}
+
+/// A schedule that is exchanged while the night runs. Who reads it takes the whole of it, and never waits for long: only a pointer changes.
+#[derive(Debug)]
+pub struct SharedSchedule(RwLock<Arc<Schedule>>);
+
+impl SharedSchedule {
+    /// Shares a schedule.
+    pub fn new(schedule: Schedule) -> Self {
+        Self(RwLock::new(Arc::new(schedule)))
+    }
+
+    /// The schedule as it stands.
+    pub fn get(&self) -> Arc<Schedule> {
+        self.0.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Exchanges it.
+    pub fn set(&self, schedule: Schedule) {
+        *self.0.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(schedule);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sunglint_formats::time::parse_utc;
+
+    fn at(s: f64) -> Epoch {
+        parse_utc("2026-11-21T18:00:00Z").unwrap() + hifitime::Duration::from_seconds(s)
+    }
+
+    fn visit(name: &str, kind: TargetKind, from: f64, to: f64) -> Slot {
+        let target = Target { name: name.into(), on: true, ..Target::off(kind) };
+        Slot { target, from: at(from), to: Some(at(to)) }
+    }
+
+    fn told(schedule: &Schedule) -> Vec<(String, f64)> {
+        let one = |slot: &Slot| (slot.target.name.clone(), (slot.from - at(0.0)).to_seconds());
+        schedule.slots().iter().map(one).collect()
+    }
+
+    /// Truth: by hand: the times of each target after a pause, its end, and skips before a star and before a satellite.
+    #[test]
+    fn a_night_is_steered() {
+        let plan = Schedule::new(vec![
+            visit("Vega", TargetKind::Star, 0.0, 100.0),
+            visit("Deneb", TargetKind::Star, 100.0, 200.0),
+            visit("ISS", TargetKind::Satellite, 250.0, 300.0),
+        ]);
+        let expect = |schedule: &Schedule, expected: &[(&str, f64)]| {
+            let expected: Vec<_> = expected.iter().map(|(n, s)| ((*n).to_owned(), *s)).collect();
+            assert_eq!(told(schedule), expected);
+        };
+        let paused = plan.paused(at(50.0));
+        expect(&paused, &[("Vega", 0.0), ("none", 50.0)]);
+        assert_eq!(paused.at(at(1e6)).unwrap().target_kind, TargetKind::None);
+        let went_on = paused.resumed(&plan, at(130.0));
+        let after = [("Deneb", 130.0), ("none", 200.0), ("ISS", 250.0), ("none", 300.0)];
+        expect(&went_on, &[&[("Vega", 0.0), ("none", 50.0)][..], &after].concat());
+        let skipped = plan.skipped(at(40.0)).unwrap();
+        let after = [("Deneb", 40.0), ("none", 200.0), ("ISS", 250.0), ("none", 300.0)];
+        expect(&skipped, &[&[("Vega", 0.0)][..], &after].concat());
+        let skipped = skipped.skipped(at(60.0)).unwrap();
+        expect(
+            &skipped,
+            &[("Vega", 0.0), ("Deneb", 40.0), ("none", 60.0), ("ISS", 250.0), ("none", 300.0)],
+        );
+        assert_eq!(skipped.skipped(at(70.0)), None);
+        // A pass that follows directly keeps its time.
+        let close = Schedule::new(vec![
+            visit("Vega", TargetKind::Star, 0.0, 100.0),
+            visit("ISS", TargetKind::Satellite, 100.0, 300.0),
+        ]);
+        expect(
+            &close.skipped(at(10.0)).unwrap(),
+            &[("Vega", 0.0), ("none", 10.0), ("ISS", 100.0), ("none", 300.0)],
+        );
     }
 }

@@ -2,7 +2,7 @@
 
 use super::disk::Disk;
 use super::opener::Opener;
-use super::schedule::Schedule;
+use super::schedule::SharedSchedule;
 use super::status::{State, Status};
 use hifitime::Epoch;
 use serde_json::{Map, Value as Json, json};
@@ -32,7 +32,7 @@ pub struct Worker {
     /// Where its data go.
     pub disk: Disk,
     /// Where the telescope looks.
-    pub schedule: Arc<Schedule>,
+    pub schedule: Arc<SharedSchedule>,
     /// When the night ends; `None`: when it is stopped.
     pub end: Option<Epoch>,
     /// Where it says how it goes.

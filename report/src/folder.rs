@@ -4,12 +4,14 @@ use crate::Product;
 use crate::plot::{Axis, Figure, Panel, Series};
 use serde::Serialize;
 use std::fmt::Write as _;
-use sunglint_calibration::reduction::folder::{Folder, Shape, TargetFrame};
+use sunglint_calibration::reduction::folder::{Folder, Shape, StarsUse, TargetFrame};
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, ParseError, Table};
 
 /// Name of the light curve's file in a folder.
 pub const CURVE: &str = "light_curve";
+/// Name of the file of magnitudes in a folder.
+pub const MAGNITUDES: &str = "magnitudes";
 
 /// The light curve as the other commands read it.
 ///
@@ -42,6 +44,138 @@ pub fn curve(folder: &Folder, target: &str) -> Result<Product, ParseError> {
     Ok(Product { name: CURVE.into(), table: curve.to_table()?, figure, ..Product::default() })
 }
 
+/// The magnitudes as the other commands read them; `None` without any.
+pub fn magnitudes(folder: &Folder, target: &str) -> Option<Product> {
+    struct Line<'a> {
+        time: hifitime::Epoch,
+        exposure_s: f64,
+        filter: &'a str,
+        magnitude: f64,
+        sigma_mag: f64,
+        own_sigma_mag: f64,
+        zero_sigma_mag: f64,
+        sky_deg: Option<[f64; 2]>,
+    }
+    let mut lines = Vec::new();
+    for frame in &folder.frames {
+        let Some(zero) = frame.zero_point else { continue };
+        let mut line = |time, exposure_s, magnitude: Option<f64>, sigma: Option<f64>, sky_deg| {
+            let (Some(magnitude), Some(sigma_mag)) = (magnitude, sigma) else { return };
+            let own = (sigma_mag * sigma_mag - zero.sigma_mag * zero.sigma_mag).max(0.0).sqrt();
+            lines.push(Line {
+                time,
+                exposure_s,
+                filter: &frame.filter,
+                magnitude,
+                sigma_mag,
+                own_sigma_mag: own,
+                zero_sigma_mag: zero.sigma_mag,
+                sky_deg,
+            });
+        };
+        if frame.along.is_empty() {
+            let exposure = frame.dwell_s.unwrap_or(frame.exposure_s);
+            line(frame.time, exposure, frame.magnitude, frame.sigma_mag, frame.sky_deg);
+        }
+        for part in &frame.along {
+            line(part.time, part.exposure_s, part.magnitude, part.sigma_mag, None);
+        }
+    }
+    let first = lines.first()?.time;
+    let number = |name: &str, unit, f: &dyn Fn(&Line<'_>) -> f64| {
+        Column::f64(name, Some(unit), lines.iter().map(f).collect())
+    };
+    let mut table = Table {
+        columns: vec![
+            Column::text("time_utc", lines.iter().map(|l| format_utc(l.time, 6)).collect()),
+            number("exposure_s", "s", &|l| l.exposure_s),
+            Column::text("filter", lines.iter().map(|l| l.filter.to_owned()).collect()),
+            number("magnitude", "mag", &|l| l.magnitude),
+            number("sigma_mag", "mag", &|l| l.sigma_mag),
+            number("photon_sigma_mag", "mag", &|l| l.own_sigma_mag),
+            number("zero_point_sigma_mag", "mag", &|l| l.zero_sigma_mag),
+            number("ra_deg", "deg", &|l| l.sky_deg.map_or(f64::NAN, |s| s[0])),
+            number("dec_deg", "deg", &|l| l.sky_deg.map_or(f64::NAN, |s| s[1])),
+        ],
+        ..Table::default()
+    };
+    table.meta.insert("target".into(), target.into());
+    if let Some(stars) = &folder.stars {
+        table.meta.insert("zero_point".into(), origin(stars).into());
+    }
+    let mut filters: Vec<&str> = lines.iter().map(|l| l.filter).collect();
+    filters.sort_unstable();
+    filters.dedup();
+    let panels = filters.iter().map(|filter| {
+        let points: Vec<(f64, f64)> = lines
+            .iter()
+            .filter(|l| l.filter == *filter)
+            .map(|l| ((l.time - first).to_seconds(), l.magnitude))
+            .collect();
+        let mut axis = Axis::linear(format!("{filter}, mag"));
+        axis.inverted = true;
+        Panel::new(
+            Axis::linear(format!("seconds after {} UTC", format_utc(first, 1))),
+            axis,
+            vec![Series::dots((*filter).to_owned(), 0, points)],
+        )
+    });
+    let figure = Figure { title: format!("{target}: magnitudes"), panels: panels.collect() };
+    Some(Product { name: MAGNITUDES.into(), table, figure: Some(figure), ..Product::default() })
+}
+
+/// Why the forms of a reduced folder cannot be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FolderFilesError {
+    /// A light curve that the schema does not hold.
+    #[error(transparent)]
+    Curve(#[from] ParseError),
+    /// The document cannot be written.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+}
+
+/// All forms of a reduced folder. A single file is the light curve: magnitudes where there is a zero point, else rates; a folder has all tables.
+///
+/// # Errors
+/// The errors of [`product`] and [`curve`].
+pub fn whole(folder: &Folder, target: &str) -> Result<Product, FolderFilesError> {
+    let mut product = product(folder, target)?;
+    let curve = curve(folder, target)?;
+    let frames = Product {
+        name: product.name.clone(),
+        table: std::mem::take(&mut product.table),
+        ..Product::default()
+    };
+    let (first, others) = match magnitudes(folder, target) {
+        Some(magnitudes) => (magnitudes, vec![curve, frames]),
+        None => (curve, vec![frames]),
+    };
+    (product.name, product.table, product.figure) = (first.name, first.table, first.figure);
+    product.others.extend(others);
+    Ok(product)
+}
+
+/// Where the zero points come from, in words.
+fn origin(stars: &StarsUse) -> String {
+    let bands = stars.bands.iter().map(|band| {
+        let system = match band.system {
+            Some(system) => format!("{system:?}"),
+            None => "of an unknown system".into(),
+        };
+        let term = band.term.map_or_else(String::new, |term| {
+            let colour = band.colour.as_deref().unwrap_or("colour");
+            format!(
+                ", colour term {:.3} ± {:.3} in {colour}, the target's colour taken as {:.2} ± {:.2}",
+                term.value, term.sigma, term.target_colour, term.target_sigma
+            )
+        });
+        format!("{}: {} ({system}{term})", band.filter, band.column)
+    });
+    format!("stars of {}: {}", stars.list, bands.collect::<Vec<_>>().join("; "))
+}
+
 #[derive(Serialize)]
 struct Row<'a> {
     time_utc: String,
@@ -66,11 +200,12 @@ struct Document<'a> {
     target: &'a str,
     chosen_by: &'a str,
     motion_px_per_s: Option<[f64; 2]>,
-    zero_point: Option<f64>,
+    is_instrumental: bool,
     used: Vec<Count<'a>>,
     left_out: Vec<Count<'a>>,
     left_out_files: &'a [[String; 2]],
     notes: Vec<Count<'a>>,
+    stars: Option<&'a StarsUse>,
     frames: Vec<Row<'a>>,
 }
 
@@ -91,10 +226,11 @@ pub fn product(folder: &Folder, target: &str) -> Result<Product, serde_json::Err
         target,
         chosen_by: &folder.chosen_by,
         motion_px_per_s: folder.motion_px_per_s,
-        zero_point: None,
+        is_instrumental: !folder.has_magnitudes(),
         used: counts(&folder.used),
         left_out: counts(&folder.left_out),
         left_out_files: &folder.left_out_files,
+        stars: folder.stars.as_ref(),
         notes: counts(&folder.notes),
         frames: folder.frames.iter().map(row).collect(),
     };
@@ -130,6 +266,11 @@ fn table(folder: &Folder) -> Table {
             number("significance", None, &|f| Some(f.significance)),
             number("rate_adu_per_s", Some("adu / s"), &|f| f.rate_adu_per_s),
             number("sigma_adu_per_s", Some("adu / s"), &|f| f.sigma_adu_per_s),
+            number("ra_deg", Some("deg"), &|f| f.sky_deg.map(|s| s[0])),
+            number("dec_deg", Some("deg"), &|f| f.sky_deg.map(|s| s[1])),
+            number("zero_point_mag", Some("mag"), &|f| f.zero_point.map(|z| z.mag)),
+            number("zero_point_sigma_mag", Some("mag"), &|f| f.zero_point.map(|z| z.sigma_mag)),
+            number("zero_point_stars", None, &|f| f.zero_point.map(|z| z.stars as f64)),
             number("instrumental_mag", Some("mag"), &|f| f.instrumental_mag),
             number("instrumental_sigma_mag", Some("mag"), &|f| f.instrumental_sigma_mag),
             text("remark", &|f| f.remark.clone()),
@@ -154,7 +295,12 @@ pub fn text(folder: &Folder, name: &str) -> String {
     if let Some([x, y]) = folder.motion_px_per_s {
         let _ = writeln!(text, "motion {x:.4} columns and {y:.4} rows a second");
     }
-    text.push_str("  time (middle), UTC        filter   shape   length       ADU/s        ±  instrumental mag\n");
+    let has = folder.has_magnitudes();
+    let head = if has { "mag       zero point (stars)" } else { "instrumental mag" };
+    let _ = writeln!(
+        text,
+        "  time (middle), UTC        filter   shape   length       ADU/s        ±  {head}"
+    );
     for frame in &folder.frames {
         let shape = match frame.shape {
             Some(Shape::Point) => "point",
@@ -163,9 +309,18 @@ pub fn text(folder: &Folder, name: &str) -> String {
         };
         let rate = frame.rate_adu_per_s.map_or_else(|| "-".into(), |r| format!("{r:.4e}"));
         let sigma = frame.sigma_adu_per_s.map_or_else(|| "-".into(), |r| format!("{r:.1e}"));
-        let magnitude = match (frame.instrumental_mag, frame.instrumental_sigma_mag) {
+        let pair = |m: Option<f64>, s: Option<f64>| match (m, s) {
             (Some(m), Some(s)) => format!("{m:.3} ± {s:.3}"),
             _ => "-".into(),
+        };
+        let magnitude = if has {
+            let zero = frame.zero_point.map_or_else(
+                || "-".into(),
+                |z| format!("{:.3} ± {:.3} ({})", z.mag, z.sigma_mag, z.stars),
+            );
+            format!("{:<15}  {zero}", pair(frame.magnitude, frame.sigma_mag))
+        } else {
+            pair(frame.instrumental_mag, frame.instrumental_sigma_mag)
         };
         let _ = writeln!(
             text,
@@ -176,6 +331,11 @@ pub fn text(folder: &Folder, name: &str) -> String {
             frame.remark
         );
     }
-    text.push_str("rates and magnitudes are instrumental: no zero point is known\n");
+    if let Some(stars) = &folder.stars {
+        let _ = writeln!(text, "zero points: {}", origin(stars));
+    }
+    if !has {
+        text.push_str("rates and magnitudes are instrumental: no zero point is known\n");
+    }
     text
 }

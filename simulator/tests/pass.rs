@@ -480,7 +480,9 @@ fn what_makes_no_sense_is_refused_with_its_place() {
             &["earth_radius_m", "metres"],
         ),
         (
-            refuse("[target]\nbuilt_in = \"box_wing\"\n[times]\nfrom = 2008-09-21T18:46:00Z\n"),
+            refuse(
+                "[target]\nbuilt_in = \"box_wing\"\n[station]\nname = \"ufo\"\n[times]\nfrom = 2008-09-21T18:46:00Z\n",
+            ),
             &["orbit", "[ephemeris]"],
         ),
         (

@@ -17,9 +17,10 @@ use std::time::{Duration, Instant};
 use sunglint_drivers::clock::Cancel;
 use sunglint_formats::text::printable;
 use sunglint_observatory::{
-    Catalogue, Level, Night, Opener, Plan, Preflight, PreflightOptions, ReplayError, Snapshot,
-    Summary, free_bytes, preflight,
+    Catalogue, Level, LiveState, Night, Opener, Plan, Preflight, PreflightOptions, ReplayError,
+    Snapshot, Summary, free_bytes, preflight,
 };
+use sunglint_page::{LiveNight, Server};
 use sunglint_radiometry::station::RecordedError;
 use sunglint_report::observe as report;
 use sunglint_report::preflight::text as preflight_text;
@@ -53,6 +54,9 @@ pub struct ObserveArgs {
     /// Ends the night when the terminal goes away; without it the night goes on, as under nohup
     #[arg(long)]
     pub end_on_hangup: bool,
+    /// Shows the night in a browser and takes commands from it: prints the address [default: 127.0.0.1 and the first free port from 8650 on]
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "", conflicts_with = "check")]
+    pub page: Option<String>,
     /// Seconds between two lines that say how it goes [default: 1 on a terminal, else 10]
     #[arg(long, value_name = "S")]
     pub every: Option<f64>,
@@ -87,10 +91,22 @@ pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
             refuse(plan, &found.0)?;
         }
     }
-    let night = match (&args.night, &args.replay) {
+    let page = args.page.as_deref().map(crate::page::address_of).transpose()?;
+    let mut night = match (&args.night, &args.replay) {
         (_, Some(session)) => replayed(session, args.fast, args.output.as_deref())?,
         (Some(plan), None) => planned(plan, args.output.as_deref())?.0,
         (None, None) => return Err(Usage("give a NIGHT.toml, or --replay SESSION".into()).into()),
+    };
+    // The page's server lives as long as this.
+    let _server = match page {
+        None => None,
+        Some(address) => {
+            let state = Arc::new(LiveState::new());
+            night.live = Some(state.clone());
+            let server = Server::start(address, Arc::new(LiveNight::new(state, PROGRAM)))?;
+            crate::page::announce(&server, true, console);
+            Some(server)
+        }
     };
     let cancel = Cancel::new();
     let token = cancel.clone();

@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "each test binary uses its part")]
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
+pub mod browser;
 pub mod night;
 pub mod tagged;
 pub mod virtual_night;

@@ -276,6 +276,7 @@ impl Fakes {
             schedule: plan.schedule,
             ended: None,
             in_utc: false,
+            live: None,
         }
     }
 

@@ -81,7 +81,7 @@ fn bin(bencher: Bencher) {
 }
 
 /// A tenth of a second of photons, one by one, 1 MHz.
-#[divan::bench(args = ["none", "non-paralysable", "paralysable", "recovery", "pixels"])]
+#[divan::bench(args = ["none", "non-paralysable", "paralysable", "recovery", "pixels", "comparator"])]
 fn photons(bencher: Bencher, kind: &str) {
     let dead_time_s = 1e-7;
     let dead_time = match kind {
@@ -89,6 +89,7 @@ fn photons(bencher: Bencher, kind: &str) {
         "paralysable" => DeadTime::Paralysable { dead_time_s },
         "recovery" => DeadTime::ExponentialRecovery { dead_time_s, recovery_s: 1e-7 },
         "pixels" => DeadTime::MultiPixel { pixels: 1000, dead_time_s },
+        "comparator" => DeadTime::Comparator { pixels: 400, recovery_s: 5e-8, pulse_s: 2e-8 },
         _ => DeadTime::None,
     };
     let detector = Detector { dead_time, ..Detector::IDEAL };

@@ -37,6 +37,7 @@ pub(super) enum Law {
     NonParalysable { tau_s: f64 },
     Paralysable { tau_s: f64 },
     Recovery(Recovery),
+    MultiPixel { pixel: Recovery, pixels: f64, pulse_s: f64 },
     Table(MonotoneCubic),
 }
 
@@ -66,6 +67,18 @@ impl Law {
                     recovery_s => Law::Recovery(Recovery { dead_s, recovery_s }),
                 }
             }
+            DeadTime::MultiPixel { pixels, recovery_s, pulse_s } => {
+                let recovery_s = time("recovery_s", *recovery_s)?;
+                let found = f64::from(*pixels);
+                for (field, found) in [("pixels", found), ("recovery_s", recovery_s)] {
+                    if found <= 0.0 {
+                        let expected = "more than 0";
+                        return Err(DetectorError::Law { field, found, expected });
+                    }
+                }
+                let pixel = Recovery { dead_s: 0.0, recovery_s };
+                Law::MultiPixel { pixel, pixels: found, pulse_s: time("pulse_s", *pulse_s)? }
+            }
             DeadTime::Table { measured_hz, true_hz } => {
                 Law::Table(MonotoneCubic::new(measured_hz, true_hz)?)
             }
@@ -80,6 +93,7 @@ impl Law {
             Law::NonParalysable { tau_s } => 1.0 / tau_s,
             Law::Paralysable { tau_s } => 1.0 / (E * tau_s),
             Law::Recovery(law) => 1.0 / law.dead_s,
+            Law::MultiPixel { pulse_s, .. } => 1.0 / (E * pulse_s),
             Law::Table(table) => table.last().0,
         }
     }
@@ -89,6 +103,7 @@ impl Law {
             Law::Linear => 0.0,
             Law::NonParalysable { tau_s } | Law::Paralysable { tau_s } => *tau_s,
             Law::Recovery(law) => law.dead_s + law.recovery_s,
+            Law::MultiPixel { pixel, pulse_s, .. } => pixel.recovery_s.max(*pulse_s),
             Law::Table(table) => {
                 let (measured_hz, true_hz) = table.last();
                 (1.0 / measured_hz - table.slope_at_zero() / true_hz).max(0.0)
@@ -99,7 +114,10 @@ impl Law {
     /// How many times more counts the law needs than that without prolonged dead time, for as little noise against its own curvature;
     /// a table's pixels are dead for longer than the loss of all of them tells.
     pub fn stiffness(&self) -> f64 {
-        if matches!(self, Law::Paralysable { .. } | Law::Table(_)) { 16.0 } else { 1.0 }
+        match self {
+            Law::Paralysable { .. } | Law::MultiPixel { .. } | Law::Table(_) => 16.0,
+            _ => 1.0,
+        }
     }
 
     /// The law at a measured rate, or the limit that it has reached.
@@ -144,6 +162,20 @@ impl Law {
                 })
             }
             Law::Recovery(law) => law.invert(m).ok_or((limit_hz, Limit::Law)),
+            Law::MultiPixel { pixel, pixels, pulse_s } => {
+                // First the pulses that merged, then what the pixels lost: each chain of derivatives is that of both.
+                let fired = Law::Paralysable { tau_s: *pulse_s }.invert(m)?;
+                let at = pixel.invert(fired.rate_hz / pixels).ok_or((limit_hz, Limit::Law))?;
+                Ok(At {
+                    rate_hz: pixels * at.rate_hz,
+                    slope: at.slope * fired.slope,
+                    curvature_s: at.curvature_s / pixels * fired.slope.powi(2)
+                        + at.slope * fired.curvature_s,
+                    fano: at.fano * fired.fano,
+                    slope_at_zero: 1.0,
+                    trusted: at.trusted && fired.trusted,
+                })
+            }
             Law::Table(table) => {
                 let at = table.at(m).ok_or((limit_hz, Limit::TableEnd))?;
                 Ok(At { trusted: true, ..at })

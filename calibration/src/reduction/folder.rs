@@ -8,15 +8,22 @@
 //!
 //! A rate is in ADU/s: light over the time in which the target was in the frame. A streak with both ends inside was there for the whole exposure; one that the edge cuts was there
 //! for its length over its rate of motion, where that is known from the other frames.
+//!
+//! With a list of stars ([`StarsOptions`]) each frame gets coordinates and a zero point of its own, and the target a place and a magnitude ([`crate::field_stars`]).
 
 use super::{ReduceError, step};
-use crate::photometry::field::{Along, Field, FieldOptions, along, find};
+use crate::field_stars::{
+    self, Approximate, Catalogue, CatalogueOptions, ColourTerm, Coordinates, InFrame,
+    StarMeasurement, System, ZeroPoint,
+};
+use crate::photometry::field::{Along, Field, FieldOptions, Growth, along, find};
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use sunglint_formats::image_frame::{FrameHeader, FrameKind, ImageFrame};
+use sunglint_formats::wcs::Wcs;
 use sunglint_numerics::order::median;
 use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::{
@@ -37,7 +44,58 @@ pub struct FolderOptions {
     pub darks: Vec<PathBuf>,
     /// Flats in place of those in the folder.
     pub flats: Vec<PathBuf>,
+    /// Stars that make rates magnitudes.
+    pub stars: Option<StarsOptions>,
 }
+
+/// How stars of a list make rates magnitudes.
+#[derive(Debug, Clone, Default)]
+#[non_exhaustive]
+pub struct StarsOptions {
+    /// The list and its columns.
+    pub list: CatalogueOptions,
+    /// Right ascension and declination near the middle of the frames, deg, where their headers do not say it.
+    pub near_deg: Option<[f64; 2]>,
+    /// Width of a pixel, arcsec, where their headers do not say it.
+    pub scale_arcsec: Option<f64>,
+    /// The target's colour and its standard deviation; `None` takes the Sun's ± 0.2.
+    pub target_colour: Option<[f64; 2]>,
+    /// The filter's colour term; `None` finds it from the stars.
+    pub colour_term: Option<f64>,
+}
+
+/// Stars of a list as the frames of one filter used them.
+#[derive(Debug, Clone, Serialize)]
+pub struct BandUse {
+    /// The filter.
+    pub filter: String,
+    /// The list's column of magnitudes.
+    pub column: String,
+    /// Their system.
+    pub system: Option<System>,
+    /// The colour's columns.
+    pub colour: Option<String>,
+    /// The colour term.
+    pub term: Option<ColourTerm>,
+    /// Frames with a zero point.
+    pub frames: usize,
+}
+
+/// A list of stars as it was used.
+#[derive(Debug, Clone, Serialize)]
+pub struct StarsUse {
+    /// The file.
+    pub list: String,
+    /// Stars in it.
+    pub stars: usize,
+    /// The filters.
+    pub bands: Vec<BandUse>,
+}
+
+/// Standard deviation of a target's colour that is not known, mag: satellites are sunlight, reddened by some of their materials.
+const TARGET_COLOUR_SIGMA: f64 = 0.2;
+/// Part by which the scale of a header may be wrong (focal lengths are nominal), and one that the user told.
+const SCALE_TOLERANCE: [f64; 2] = [0.1, 0.04];
 
 /// Kind of image that the target has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -79,6 +137,14 @@ pub struct TargetFrame {
     pub instrumental_mag: Option<f64>,
     /// Standard deviation of the magnitude.
     pub instrumental_sigma_mag: Option<f64>,
+    /// Right ascension and declination of its middle, deg, where the stars of a list give coordinates.
+    pub sky_deg: Option<[f64; 2]>,
+    /// The frame's zero point.
+    pub zero_point: Option<ZeroPoint>,
+    /// Magnitude, where the frame has a zero point.
+    pub magnitude: Option<f64>,
+    /// Standard deviation of the magnitude: that of the light and that of the zero point.
+    pub sigma_mag: Option<f64>,
     /// What is to be known of it.
     pub remark: String,
     /// Flags of the sample.
@@ -100,6 +166,10 @@ pub struct Part {
     pub rate_adu_per_s: f64,
     /// Standard deviation of the rate.
     pub sigma_adu_per_s: f64,
+    /// Magnitude, where the frame has a zero point.
+    pub magnitude: Option<f64>,
+    /// Standard deviation of the magnitude.
+    pub sigma_mag: Option<f64>,
 }
 
 /// A reduced folder.
@@ -119,7 +189,12 @@ pub struct Folder {
     pub motion_px_per_s: Option<[f64; 2]>,
     /// Notes of the headers, each once, with the number of frames.
     pub notes: BTreeMap<String, usize>,
+    /// The list of stars, if one was given.
+    pub stars: Option<StarsUse>,
 }
+
+/// Frames before and after one whose profiles count for it.
+const PROFILES: usize = 5;
 
 /// Temperature of a dark differs from its frame's by at most this, °C.
 const NEAR_C: f64 = 2.0;
@@ -154,7 +229,7 @@ fn same_temperature(a: &FrameHeader, b: &FrameHeader) -> bool {
     }
 }
 
-/// What is subtracted and divided for one group of frames.
+/// Dark and flat for one group of frames.
 #[derive(Default)]
 struct Masters {
     dark: Option<Array2<f32>>,
@@ -178,7 +253,9 @@ pub fn reduce_frames(
         chosen_by: String::new(),
         motion_px_per_s: None,
         notes: BTreeMap::new(),
+        stars: None,
     };
+    let list = options.stars.as_ref().map(|stars| Catalogue::read(&stars.list.path)).transpose()?;
     let mut entries = Vec::new();
     let given = options.darks.iter().map(|p| (p, Some(FrameKind::Dark)));
     let given = given.chain(options.flats.iter().map(|p| (p, Some(FrameKind::Flat))));
@@ -233,6 +310,7 @@ pub fn reduce_frames(
         let lowered = made.apply(&mut frame.pixels);
         how.saturation_adu = frame.header.saturation_adu.map(|adu| adu - lowered);
         how.gain_e_per_adu = frame.header.gain_e_per_adu;
+        how.fit_growth = true;
         how.is_mosaic = frame.header.bayer.is_some();
         let field = find(frame.pixels.view(), &how)?;
         for note in &frame.header.notes {
@@ -241,6 +319,13 @@ pub fn reduce_frames(
         fields.push(Seen { time: *time, header, field, masters: number });
     }
     *folder.used.entry("light").or_default() += fields.len();
+    let growths: Vec<Option<Growth>> = fields.iter().map(|f| f.field.growth.clone()).collect();
+    for (i, seen) in fields.iter_mut().enumerate() {
+        // Single profiles are noisy, and the air changes slowly: the middle of the frames around, or of all.
+        let near = &growths[i.saturating_sub(PROFILES)..(i + PROFILES + 1).min(growths.len())];
+        let middle = Growth::middle(near.iter().flatten());
+        seen.field.growth = middle.or_else(|| Growth::middle(growths.iter().flatten()));
+    }
     let chosen = choose(&fields, options.place_px);
     folder.chosen_by = chosen.by;
     folder.motion_px_per_s = chosen.motion;
@@ -248,6 +333,9 @@ pub fn reduce_frames(
     for (seen, which) in fields.iter().zip(&chosen.of) {
         let made = &masters[seen.masters].1;
         folder.frames.push(measured(seen, *which, speed, chosen.motion, made, options)?);
+    }
+    if let (Some(list), Some(stars)) = (list, &options.stars) {
+        folder.put_on_stars(&fields, &list, stars, progress)?;
     }
     Ok(folder)
 }
@@ -293,7 +381,7 @@ impl Folder {
         self.left_out_files.push([path.display().to_string(), detail.to_owned()]);
     }
 
-    /// What was left out, in words.
+    /// Words for what was left out.
     pub fn summary(&self) -> String {
         let parts: Vec<String> =
             self.left_out.iter().map(|(why, n)| format!("{n} {why}")).collect();
@@ -401,6 +489,105 @@ impl Folder {
         masters
     }
 
+    /// Coordinates and zero points of the frames, places and magnitudes of the target.
+    fn put_on_stars(
+        &mut self,
+        fields: &[Seen<'_>],
+        list: &Catalogue,
+        options: &StarsOptions,
+        progress: &dyn Progress,
+    ) -> Result<(), ReduceError> {
+        let mut filters: Vec<String> = self.frames.iter().map(|f| f.filter.clone()).collect();
+        filters.sort_unstable();
+        filters.dedup();
+        let mut bands = Vec::new();
+        let mut before: Option<Wcs> = None;
+        for filter in filters {
+            let band = list
+                .band(&filter, &options.list)
+                .map_err(sunglint_formats::error::FileError::from)?;
+            let of_it: Vec<usize> =
+                (0..fields.len()).filter(|&i| self.frames[i].filter == filter).collect();
+            let mut found: Vec<Result<InFrame, String>> = Vec::new();
+            for &i in &of_it {
+                step(progress, 0)?;
+                let seen = &fields[i];
+                let in_it = seen.stars(list, &band, options, before.as_ref());
+                if let Ok(in_it) = &in_it {
+                    before = Some(in_it.wcs.clone());
+                }
+                found.push(in_it);
+            }
+            let term = band.colour.as_ref().map(|_| {
+                let target = options
+                    .target_colour
+                    .or(band.sun_colour.map(|sun| [sun, TARGET_COLOUR_SIGMA]))
+                    .unwrap_or_else(|| [middle_colour(&found), 0.3]);
+                match options.colour_term {
+                    Some(value) => ColourTerm {
+                        value,
+                        sigma: 0.0,
+                        target_colour: target[0],
+                        target_sigma: target[1],
+                    },
+                    None => {
+                        let frames: Vec<Vec<StarMeasurement>> =
+                            found.iter().flatten().map(|f| f.stars.clone()).collect();
+                        field_stars::colour_term(&frames, target)
+                    }
+                }
+            });
+            let mut with_zero = 0;
+            for (&i, in_it) in of_it.iter().zip(&found) {
+                let frame = &mut self.frames[i];
+                match in_it {
+                    Ok(in_it) => {
+                        frame.sky_deg = frame.place_px.and_then(|place| in_it.wcs.sky(place));
+                        match field_stars::of_stars(&in_it.stars, term.as_ref()) {
+                            Some(mut zero) => {
+                                with_zero += 1;
+                                // A streak among points, or a point among trails, loses another part of its light.
+                                let is_trailed = fields[i].field.star_trails.is_some();
+                                if frame.shape.is_some_and(|s| (s == Shape::Streak) != is_trailed) {
+                                    let profile = fields[i].field.profile_sigma_mag();
+                                    zero.sigma_mag = zero.sigma_mag.hypot(profile);
+                                }
+                                frame.calibrate(zero);
+                            }
+                            None => frame.note(&format!(
+                                "no zero point: {} of {} stars can be measured",
+                                in_it.stars.len(),
+                                in_it.found
+                            )),
+                        }
+                    }
+                    Err(why) => frame.note(&format!("no zero point: {why}")),
+                }
+            }
+            bands.push(BandUse {
+                filter,
+                column: band.column.clone(),
+                system: band.system,
+                colour: band.colour.as_ref().map(|(name, _)| name.clone()),
+                term,
+                frames: with_zero,
+            });
+        }
+        self.stars = Some(StarsUse {
+            list: options.list.path.display().to_string(),
+            stars: list.len(),
+            bands,
+        });
+        Ok(())
+    }
+
+    /// Whether any frame has a magnitude.
+    pub fn has_magnitudes(&self) -> bool {
+        self.frames
+            .iter()
+            .any(|f| f.magnitude.is_some() || f.along.iter().any(|p| p.magnitude.is_some()))
+    }
+
     /// The light curve: a channel for each filter.
     pub fn light_curve(&self, target: &str) -> LightCurve {
         let mut rows: Vec<(Epoch, f64, &str, f64, f64, Flags)> = Vec::new();
@@ -474,6 +661,45 @@ impl Folder {
     }
 }
 
+/// Middle of the stars' colours; 0 where none has one.
+fn middle_colour(found: &[Result<InFrame, String>]) -> f64 {
+    let stars = found.iter().flatten().flat_map(|f| &f.stars);
+    median(stars.filter_map(|s| s.colour).filter(|c| c.is_finite())).unwrap_or(0.0)
+}
+
+/// Magnitude and its standard deviation of a rate.
+fn magnitude_of(rate: f64, sigma: f64, zero: &ZeroPoint) -> Option<(f64, f64)> {
+    (rate > 0.0 && sigma.is_finite()).then(|| {
+        let own = 2.5 / std::f64::consts::LN_10 * sigma / rate;
+        (zero.mag - 2.5 * rate.log10(), own.hypot(zero.sigma_mag))
+    })
+}
+
+impl TargetFrame {
+    fn note(&mut self, words: &str) {
+        if !self.remark.is_empty() {
+            self.remark.push_str("; ");
+        }
+        self.remark.push_str(words);
+    }
+
+    fn calibrate(&mut self, zero: ZeroPoint) {
+        self.zero_point = Some(zero);
+        if let (Some(rate), Some(sigma)) = (self.rate_adu_per_s, self.sigma_adu_per_s)
+            && let Some((magnitude, sigma)) = magnitude_of(rate, sigma, &zero)
+        {
+            (self.magnitude, self.sigma_mag) = (Some(magnitude), Some(sigma));
+        }
+        for part in &mut self.along {
+            if let Some((magnitude, sigma)) =
+                magnitude_of(part.rate_adu_per_s, part.sigma_adu_per_s, &zero)
+            {
+                (part.magnitude, part.sigma_mag) = (Some(magnitude), Some(sigma));
+            }
+        }
+    }
+}
+
 /// Name of a filter's channel: letters, digits and `_`.
 fn channel_name(filter: &str) -> String {
     let name: String = filter
@@ -517,6 +743,53 @@ impl Seen<'_> {
         }
     }
 
+    /// Stars of a list in the frame: by its header's coordinates, by those of the frame before, or by the pattern of its stars.
+    fn stars(
+        &self,
+        list: &Catalogue,
+        band: &field_stars::BandColumns,
+        options: &StarsOptions,
+        before: Option<&Wcs>,
+    ) -> Result<InFrame, String> {
+        let mut ways = Vec::new();
+        let mut why = match Wcs::from_header(&self.header.cards) {
+            Ok(Some(wcs)) => {
+                ways.push(Coordinates::Known(Box::new(wcs)));
+                String::new()
+            }
+            Ok(None) => String::new(),
+            Err(why) => format!("coordinates of the header are not used: {why}; "),
+        };
+        ways.extend(before.map(|wcs| Coordinates::Known(Box::new(wcs.clone()))));
+        let centre = options.near_deg.or(self.header.pointing_deg);
+        let scale = match (options.scale_arcsec, self.header.scale_arcsec) {
+            (Some(scale), _) => Some((scale, SCALE_TOLERANCE[1])),
+            (None, scale) => scale.map(|scale| (scale, SCALE_TOLERANCE[0])),
+        };
+        if let (Some(centre_deg), Some((scale_arcsec, scale_tolerance))) = (centre, scale) {
+            let near = Approximate { centre_deg, scale_arcsec, scale_tolerance };
+            ways.push(Coordinates::Near(near));
+        } else if ways.is_empty() {
+            let missing = match (centre, scale) {
+                (None, None) => "neither place on the sky nor scale (--near, --scale-arcsec)",
+                (None, _) => "no place on the sky (--near)",
+                _ => "no scale (--scale-arcsec)",
+            };
+            return Err(format!("{why}its header has no coordinates, and {missing}"));
+        }
+        let exposure = self.header.exposure_s.unwrap_or(0.0);
+        let is_trailed = self.field.star_trails.is_some();
+        let year = year_of(self.time);
+        for way in &ways {
+            match field_stars::in_frame(&self.field, is_trailed, exposure, year, way, list, band) {
+                Ok(in_it) => return Ok(in_it),
+                Err(reason) if why.ends_with(&reason) => {}
+                Err(reason) => why = reason,
+            }
+        }
+        Err(why)
+    }
+
     fn streaks(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.field.streaks.len()).filter(|&i| !self.field.streaks[i].is_star_trail)
     }
@@ -524,6 +797,13 @@ impl Seen<'_> {
 
 /// Frames are this near to a straight even motion, px.
 const REACH_PX: f64 = 4.0;
+/// The same of a target that the telescope follows: it is moved by what the following misses.
+const FOLLOWED_REACH_PX: f64 = 15.0;
+/// Julian year of a moment.
+fn year_of(time: Epoch) -> f64 {
+    2000.0 + (time.to_jde_tt_days() - 2_451_545.0) / 365.25
+}
+
 /// Sources of a frame that are tried as the target at most.
 const MOST_CANDIDATES: usize = 400;
 
@@ -550,9 +830,23 @@ fn choose(fields: &[Seen<'_>], place: Option<[f64; 2]>) -> Chosen {
     } else {
         ("a point that moves against the stars", moving(fields))
     };
+    let is_trailed = 2 * trailed > n;
+    let reach_px = if is_trailed { FOLLOWED_REACH_PX } else { REACH_PX };
+    // Trails that merge have another length and stay with the stars: a point that is there counts more.
+    if is_trailed && n >= 3 {
+        let points: Vec<Vec<Which>> = candidates
+            .iter()
+            .map(|all| all.iter().copied().filter(|w| matches!(w, Which::Point(_))).collect())
+            .collect();
+        if let Some((of, motion)) = linked(fields, &points, place, reach_px) {
+            let count = of.iter().flatten().count();
+            let by = format!("even motion in {count} of {n} frames: a point {kind}");
+            return Chosen { of, by, motion: Some(motion) };
+        }
+    }
     if n >= 3
         && place.is_none()
-        && let Some((of, motion)) = linked(fields, &candidates, None)
+        && let Some((of, motion)) = linked(fields, &candidates, None, reach_px)
     {
         let count = of.iter().flatten().count();
         let by = format!("even motion in {count} of {n} frames: {kind}");
@@ -560,7 +854,7 @@ fn choose(fields: &[Seen<'_>], place: Option<[f64; 2]>) -> Chosen {
     }
     if let Some(place) = place {
         if n >= 3
-            && let Some((of, motion)) = linked(fields, &candidates, Some(place))
+            && let Some((of, motion)) = linked(fields, &candidates, Some(place), reach_px)
         {
             let by = format!("the place that was given and even motion: {kind}");
             return Chosen { of, by, motion: Some(motion) };
@@ -681,6 +975,7 @@ fn linked(
     fields: &[Seen<'_>],
     candidates: &[Vec<Which>],
     place: Option<[f64; 2]>,
+    reach_px: f64,
 ) -> Option<(Vec<Option<Which>>, [f64; 2])> {
     let n = fields.len();
     let first = fields.first()?.time;
@@ -711,7 +1006,7 @@ fn linked(
                     for (k, seen) in fields.iter().enumerate() {
                         if let Some(d) =
                             nearest(seen, &candidates[k], start, motion, time(k)).map(|(_, d)| d)
-                            && d < REACH_PX
+                            && d < reach_px
                         {
                             count += 1;
                             miss += d;
@@ -740,7 +1035,7 @@ fn linked(
     }
     let of = (0..n).map(|k| {
         let (which, d) = nearest(&fields[k], &candidates[k], start, motion, time(k))?;
-        (d < REACH_PX).then_some(which)
+        (d < reach_px).then_some(which)
     });
     Some((of.collect(), motion))
 }
@@ -794,6 +1089,10 @@ fn measured(
         significance: 0.0,
         instrumental_mag: None,
         instrumental_sigma_mag: None,
+        sky_deg: None,
+        zero_point: None,
+        magnitude: None,
+        sigma_mag: None,
         remark: String::new(),
         flags: Flags::empty(),
         along: Vec::new(),
@@ -809,7 +1108,8 @@ fn measured(
             let point = &seen.field.points[i];
             (out.shape, out.dwell_s, out.significance) =
                 (Some(Shape::Point), Some(exposure_s), point.significance);
-            (point.flux_adu, point.sigma_adu, point.is_saturated)
+            let [flux, sigma] = seen.field.whole_point_adu(point);
+            (flux, sigma, point.is_saturated)
         }
         Some(Which::Streak(i)) => {
             let streak = &seen.field.streaks[i];
@@ -836,7 +1136,8 @@ fn measured(
                     );
                 }
             }
-            (streak.flux_adu, streak.sigma_adu, streak.is_saturated)
+            let [flux, sigma] = seen.field.whole_streak_adu(streak);
+            (flux, sigma, streak.is_saturated)
         }
     };
     if is_saturated {
@@ -884,6 +1185,8 @@ fn parts(
                 exposure_s: length,
                 rate_adu_per_s: part.flux_adu / length,
                 sigma_adu_per_s: part.sigma_adu / length,
+                magnitude: None,
+                sigma_mag: None,
             }
         })
         .collect();

@@ -161,23 +161,6 @@ impl FrameOptions {
 /// Frames per stay that are kept for figures.
 const SHOWN: usize = 4;
 
-/// The start of a frame's exposure by its file's name (`20201118T170503.123456Z_00000042.fits`); `None` for another name.
-fn start_of(file: &FrameFile) -> Option<Epoch> {
-    let name = file.path.file_name()?.to_str()?;
-    let (utc, _) = name.rsplit_once('_')?;
-    let (date, time) = (utc.get(..8)?, utc.get(9..)?);
-    let text = format!(
-        "{}-{}-{}T{}:{}:{}",
-        date.get(..4)?,
-        date.get(4..6)?,
-        date.get(6..)?,
-        time.get(..2)?,
-        time.get(2..4)?,
-        time.get(4..)?
-    );
-    sunglint_formats::time::parse_utc(&text).ok()
-}
-
 /// The stay that a time lies in.
 fn stay_at(stays: &[Stay], time: Epoch) -> Option<usize> {
     stays.iter().position(|stay| stay.from <= time && time < stay.to)
@@ -196,7 +179,7 @@ pub fn camera_night(
     progress: &dyn Progress,
 ) -> Result<CameraNight, ReduceError> {
     let files = session.frames(camera)?.files;
-    let starts: Vec<Option<Epoch>> = files.iter().map(start_of).collect();
+    let starts: Vec<Option<Epoch>> = files.iter().map(FrameFile::start).collect();
     let stay_of: Vec<Option<usize>> =
         starts.iter().map(|start| start.and_then(|start| stay_at(stays, start))).collect();
     let mut failed = Vec::new();
@@ -507,7 +490,7 @@ mod tests {
     #[test]
     fn a_frames_name_has_its_start() {
         let named = |name: &str| {
-            start_of(&FrameFile { sequence: 42, path: format!("frames/c/17/{name}").into() })
+            FrameFile { sequence: 42, path: format!("frames/c/17/{name}").into() }.start()
         };
         assert_eq!(
             named("20201118T170503.123456Z_00000042.fits"),

@@ -111,6 +111,14 @@ pub enum What {
         /// Rows or frames that were lost meanwhile.
         lost: u64,
     },
+    /// Somebody steered the night, or left a note in its log.
+    Control {
+        /// `pause`, `resume`, `skip`, `stop` or `note`.
+        action: String,
+        /// Text of a note; who or what asked for the rest, where that is known.
+        #[serde(default, skip_serializing_if = "String::is_empty")]
+        text: String,
+    },
     /// The session ended as it should.
     End {
         /// `done` or `stopped`.
@@ -261,7 +269,7 @@ impl Event {
     }
 }
 
-const KINDS: [&str; 15] = [
+const KINDS: [&str; 16] = [
     "start",
     "target",
     "device",
@@ -276,5 +284,6 @@ const KINDS: [&str; 15] = [
     "sync",
     "error",
     "recovered",
+    "control",
     "end",
 ];

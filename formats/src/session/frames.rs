@@ -2,7 +2,7 @@
 
 use crate::error::FileError;
 use crate::frame::Frame;
-use crate::time::format_utc;
+use crate::time::{format_utc, parse_utc};
 use hifitime::Epoch;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -36,6 +36,15 @@ pub struct FrameFile {
 }
 
 impl FrameFile {
+    /// Start of the exposure by the file's name; `None` for a name that holds no time.
+    pub fn start(&self) -> Option<Epoch> {
+        let (utc, _) = self.path.file_name()?.to_str()?.rsplit_once('_')?;
+        let (date, time) = (utc.get(..8)?, utc.get(9..)?);
+        let [year, month, day] = [date.get(..4)?, date.get(4..6)?, date.get(6..)?];
+        let [hour, minute, second] = [time.get(..2)?, time.get(2..4)?, time.get(4..)?];
+        parse_utc(&format!("{year}-{month}-{day}T{hour}:{minute}:{second}")).ok()
+    }
+
     /// Reads the frame; its header has the target (`OBJECT`), the filter (`FILTER`) and the number ([`FRAME_NUMBER`]).
     ///
     /// # Errors

@@ -75,6 +75,8 @@ struct CounterFile {
     dead_time_model: DeadTimeModel,
     dead_time_ns: Option<NonNegative>,
     recovery_ns: Option<Positive>,
+    pixels: Option<u32>,
+    pulse_ns: Option<NonNegative>,
     linearity: Option<String>,
     saturation_hz: Positive,
     dark_rate_hz: NonNegative,
@@ -90,6 +92,7 @@ enum DeadTimeModel {
     NonParalysable,
     Paralysable,
     ExponentialRecovery,
+    MultiPixel,
     Table,
 }
 
@@ -328,6 +331,8 @@ fn counter(
     let given = [
         ("dead_time_ns", file.dead_time_ns.is_some()),
         ("recovery_ns", file.recovery_ns.is_some()),
+        ("pixels", file.pixels.is_some()),
+        ("pulse_ns", file.pulse_ns.is_some()),
         ("linearity", file.linearity.is_some()),
     ];
     let (model, wanted): (&str, &[&str]) = match file.dead_time_model {
@@ -337,6 +342,7 @@ fn counter(
         DeadTimeModel::ExponentialRecovery => {
             ("exponential_recovery", &["dead_time_ns", "recovery_ns"])
         }
+        DeadTimeModel::MultiPixel => ("multi_pixel", &["pixels", "recovery_ns", "pulse_ns"]),
         DeadTimeModel::Table => ("table", &["linearity"]),
     };
     for (name, is_given) in given {
@@ -359,6 +365,17 @@ fn counter(
             let recovery_s = seconds(file.recovery_ns.map(Positive::get));
             DeadTime::ExponentialRecovery { dead_time_s, recovery_s }
         }
+        DeadTimeModel::MultiPixel => {
+            let pixels = file.pixels.unwrap_or_default();
+            if pixels == 0 {
+                return Err(document.error_at(&key("pixels"), "at least 1 pixel").into());
+            }
+            DeadTime::MultiPixel {
+                pixels,
+                recovery_s: seconds(file.recovery_ns.map(Positive::get)),
+                pulse_s: seconds(file.pulse_ns.map(NonNegative::get)),
+            }
+        }
         DeadTimeModel::Table => linearity(load(
             document,
             &key("linearity"),
@@ -372,12 +389,15 @@ fn counter(
         DeadTime::Paralysable { dead_time_s } => 1.0 / (std::f64::consts::E * dead_time_s),
         // Its recovery only slows it further.
         DeadTime::ExponentialRecovery { dead_time_s, .. } => 1.0 / dead_time_s,
+        // Pixels alone count more and more slowly, but without an end.
+        DeadTime::MultiPixel { pulse_s, .. } => 1.0 / (std::f64::consts::E * pulse_s),
         DeadTime::None | DeadTime::Table { .. } => f64::INFINITY,
     };
     // A saturation at the limit itself is meant, whatever the last digit of its reciprocal.
     if file.saturation_hz.get() > limit_hz * (1.0 + 1e-9) {
-        let ns = file.dead_time_ns.map_or(0.0, NonNegative::get);
-        let expected = format!("at most {limit_hz:.6e} Hz, which a dead time of {ns} ns allows");
+        let ns = file.dead_time_ns.as_ref().or(file.pulse_ns.as_ref()).map_or(0.0, |ns| ns.get());
+        let what = if file.pulse_ns.is_some() { "pulses" } else { "a dead time" };
+        let expected = format!("at most {limit_hz:.6e} Hz, which {what} of {ns} ns allows");
         return Err(document.error_at(&key("saturation_hz"), expected).into());
     }
     if let DeadTime::Table { measured_hz, .. } = &dead_time {

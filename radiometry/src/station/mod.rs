@@ -217,6 +217,15 @@ pub enum DeadTime {
         /// The recovery's time constant, s.
         recovery_s: f64,
     },
+    /// Many pixels, each of which recovers exponentially after a count of its own, behind one comparator: pulses that overlap are counted as one.
+    MultiPixel {
+        /// Number of pixels.
+        pixels: u32,
+        /// Time constant of a pixel's recovery, s.
+        recovery_s: f64,
+        /// Width of a pulse at the comparator, s.
+        pulse_s: f64,
+    },
     /// A tabulated curve from measured to true rate, both Hz and increasing.
     Table {
         /// Measured rates, Hz.
@@ -239,6 +248,10 @@ impl DeadTime {
                 let counts = |n| recovery::interval(n, *dead_time_s, *recovery_s).0.recip();
                 Some(if true_hz > 0.0 { counts(true_hz) } else { 0.0 })
             }
+            DeadTime::MultiPixel { pixels, recovery_s, pulse_s } => {
+                let fired = recovery::fired(true_hz, *pixels, *recovery_s).0;
+                Some(fired * (-fired * pulse_s).exp())
+            }
             DeadTime::Table { measured_hz, true_hz: truth } => {
                 let i = truth.partition_point(|t| *t <= true_hz);
                 if i == 0 {
@@ -258,7 +271,7 @@ impl DeadTime {
     }
 
     /// Standard uncertainty of a true rate n that was linearised from the counts of an exposure t, Hz: √(n(1+nτ)/t) of a renewal process without, and
-    /// √(n e^(nτ)(1−2nτe^(−nτ))/t)/(1−nτ) with prolonged dead time; the same of the exponential recovery's own intervals; |dn/dm| √(m/t)
+    /// √(n e^(nτ)(1−2nτe^(−nτ))/t)/(1−nτ) with prolonged dead time; the same of the exponential recovery's own intervals, and of many pixels with the pulses that merge; |dn/dm| √(m/t)
     /// of a table; √(n/t) without a law. `None` where counts tell nothing of the rate.
     pub fn sigma_hz(&self, true_hz: f64, exposure_s: f64) -> Option<f64> {
         let variance = match self {
@@ -274,6 +287,22 @@ impl DeadTime {
                 let (up, down) = (interval(true_hz + step).0, interval(true_hz - step).0);
                 let slope = (up.recip() - down.recip()) / (2.0 * step);
                 variance / mean.powi(3) / (slope * slope * exposure_s)
+            }
+            DeadTime::MultiPixel { pixels, recovery_s, pulse_s } => {
+                let (fired, fano) = recovery::fired(true_hz, *pixels, *recovery_s);
+                let x = fired * pulse_s;
+                if x >= 1.0 {
+                    return None;
+                }
+                let step = 1e-4 * true_hz;
+                let rate = |n| recovery::fired(n, *pixels, *recovery_s).0;
+                let slope = if step > 0.0 {
+                    (rate(true_hz + step) - rate(true_hz - step)) / (2.0 * step)
+                } else {
+                    1.0
+                };
+                let merged = x.exp() * (1.0 - 2.0 * x * (-x).exp()) / (1.0 - x).powi(2);
+                fired * fano * merged / (slope * slope * exposure_s)
             }
             DeadTime::Paralysable { dead_time_s } => {
                 let x = true_hz * dead_time_s;
@@ -304,6 +333,9 @@ impl Counter {
             DeadTime::NonParalysable { dead_time_s } => true_hz * dead_time_s >= 9.0,
             DeadTime::Paralysable { dead_time_s } => true_hz * dead_time_s >= 1.0,
             DeadTime::ExponentialRecovery { dead_time_s, .. } => true_hz * dead_time_s >= 9.0,
+            DeadTime::MultiPixel { pixels, recovery_s, pulse_s } => {
+                recovery::fired(true_hz, *pixels, *recovery_s).0 * pulse_s >= 1.0
+            }
             DeadTime::Table { true_hz: truth, .. } => {
                 truth.last().is_some_and(|last| true_hz > *last)
             }
@@ -407,10 +439,13 @@ macro_rules! built_in {
     };
 }
 
-const BUILT_IN: &[BuiltIn] = &[built_in!(
-    "ufo":
-    "efficiency_r.csv", "efficiency_g.csv", "efficiency_b.csv", "efficiency_id400.csv", "efficiency_spcm.csv", "efficiency_mppc.csv", "optics_camera.csv", "optics_id400.csv", "optics_spcm.csv", "optics_mppc.csv"
-)];
+const BUILT_IN: &[BuiltIn] = &[
+    built_in!(
+        "ufo":
+        "efficiency_r.csv", "efficiency_g.csv", "efficiency_b.csv", "efficiency_id400.csv", "efficiency_spcm.csv", "efficiency_mppc.csv", "optics_camera.csv", "optics_id400.csv", "optics_spcm.csv", "optics_mppc.csv"
+    ),
+    built_in!("gauss6": "g531.csv", "g639.csv", "g746.csv", "g854.csv", "g961.csv", "g1069.csv"),
+];
 
 impl Station {
     /// The names of the built-in stations.

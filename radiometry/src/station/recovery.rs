@@ -22,6 +22,17 @@ pub(super) fn interval(true_hz: f64, dead_time_s: f64, recovery_s: f64) -> (f64,
     (dead_time_s + mean_s, 2.0 * recovery_s * recovery_s * square - mean_s * mean_s)
 }
 
+/// Rate at which pixels fire, Hz, that share a true rate and recover exponentially after each count of their own, and the variance of their number over its mean: the sum of as many independent
+/// renewal processes of the interval above.
+pub(super) fn fired(true_hz: f64, pixels: u32, recovery_s: f64) -> (f64, f64) {
+    if true_hz <= 0.0 {
+        return (0.0, 1.0);
+    }
+    let pixels = f64::from(pixels.max(1));
+    let (mean_s, variance_s2) = interval(true_hz / pixels, 0.0, recovery_s);
+    (pixels / mean_s, variance_s2 / (mean_s * mean_s))
+}
+
 #[cfg(test)]
 mod tests {
     use crate::station::DeadTime;

@@ -384,6 +384,7 @@ impl Reader<'_> {
                 built_in: keys.built_in.clone(),
                 part: keys.part.clone(),
                 hinge: keys.hinge.clone(),
+                retro: keys.retro.clone(),
                 material: keys.material.clone(),
             };
             return target::file::target(self.document, "target", &file);

@@ -61,6 +61,8 @@ pub struct TargetKeys {
     pub hinge: Vec<HingeFile>,
     #[serde(default)]
     pub material: Vec<MaterialFile>,
+    #[serde(default)]
+    pub retro: Vec<crate::ranging::cubes::RetroFile>,
 }
 
 #[derive(Debug, Deserialize)]

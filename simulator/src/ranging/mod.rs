@@ -18,10 +18,11 @@
 //! - [`Returns`]: all of it along a simulated pass, beside the sunlight that the same channel counts;
 //! - [`glint`]: a flat mirror, which returns the beam from the laser's image at twice the range.
 //!
-//! Retro-reflectors are not modelled: a body that carries them returns far more.
+//! - [`cubes`]: corner cubes, which return far more than all of a body's surface, beside where they were lit from.
 
 mod beam;
 mod bounces;
+pub mod cubes;
 pub mod glint;
 mod profile;
 mod returns;

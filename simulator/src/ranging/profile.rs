@@ -1,6 +1,7 @@
 //! How what a body returns is spread over depth.
 
 use super::bounces::Bounced;
+use super::cubes::{Array, velocity_aberration};
 use super::{Beam, BeamShape, Receiver};
 use crate::light::{DirectionError, FacetedEye, Piece, View};
 use glam::DVec3;
@@ -72,6 +73,8 @@ pub struct Profile {
     pub total: f64,
     /// Photons of the total that come from beyond the first or the last bin.
     pub outside: f64,
+    /// Photons among all these that corner cubes returned ([`Shot::add_cubes`]).
+    pub retro: f64,
     /// Photons among all these that were scattered more than once; `None` where they are not asked for ([`Shot::add_bounces`]).
     pub bounced: Option<Bounced>,
 }
@@ -148,8 +151,43 @@ impl Shot<'_> {
             area_m2: sums.area[1..=count].to_vec(),
             total,
             outside,
+            retro: 0.0,
             bounced: None,
         })
+    }
+
+    /// Adds the returns of corner cubes to a profile, each at its own depth, and gives their cross-section, m². `velocity_m_s` is the body's against the telescope, body axes. Cubes do not hide one another, and the body hides none.
+    ///
+    /// # Errors
+    /// A range or directions that are none.
+    pub fn add_cubes(
+        &self,
+        array: &Array,
+        velocity_m_s: DVec3,
+        profile: &mut Profile,
+    ) -> Result<f64, DepthError> {
+        let shot = self.checked()?;
+        let (laser, telescope) = (shot.laser.toward, shot.telescope.toward);
+        let offset = velocity_aberration(velocity_m_s, laser) + (telescope - laser);
+        let nm = shot.beam.wavelength_nm;
+        let counts = shot.counts() / (4.0 * std::f64::consts::PI);
+        let mut sum_m2 = 0.0;
+        for cube in &array.cubes {
+            let sigma = cube.cross_section_m2(nm, laser, offset);
+            if sigma <= 0.0 {
+                continue;
+            }
+            sum_m2 += sigma;
+            let photons = counts * shot.fluence(cube.position_m) * sigma;
+            let row = profile.bins.row(cube.depth_m(nm, laser));
+            match profile.photons.get_mut(row.wrapping_sub(1)) {
+                Some(bin) => *bin += photons,
+                None => profile.outside += photons,
+            }
+            profile.total += photons;
+            profile.retro += photons;
+        }
+        Ok(sum_m2)
     }
 
     /// The same with unit vectors.
@@ -196,6 +234,7 @@ impl Profile {
         self.photons.iter_mut().for_each(|p| *p *= up * down);
         self.total *= up * down;
         self.outside *= up * down;
+        self.retro *= up * down;
         self.bounced = self.bounced.map(|b| b.times(up * down));
         self
     }

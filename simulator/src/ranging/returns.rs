@@ -1,8 +1,8 @@
 //! The returns of one laser along a pass.
 
+use super::cubes::{none_of_speckled, velocity_aberration};
 use super::{
     Beam, Bounces, BouncesError, BouncesEye, DepthBins, DepthError, Profile, Receiver, Shot, Stand,
-    detection_probability,
 };
 use crate::light::bounce::BounceOptions;
 use crate::light::{
@@ -139,6 +139,14 @@ pub struct Returns<'a> {
     pub bounced: Vec<f64>,
     /// Claimed error of these.
     pub bounced_error: Vec<f64>,
+    /// Photons per shot that corner cubes returned; 0 without them.
+    pub retro: Vec<f64>,
+    /// Cross-section of the corner cubes towards the telescope, m².
+    pub cross_section_m2: Vec<f64>,
+    /// Angle of the telescope from the middle of the beam that they return, radians: velocity aberration.
+    pub aberration_rad: Vec<f64>,
+    /// Cells of speckle that share the telescope: 1 where it sees one.
+    pub speckles: Vec<f64>,
     /// Radius of the spot at the target, m.
     pub spot_m: Vec<f64>,
     /// Sunlight over laser light at the target, within the line and a pulse.
@@ -222,6 +230,9 @@ struct Return {
     /// Transmissions of the air up and down.
     air: [f64; 2],
     laser_range_m: f64,
+    cross_section_m2: f64,
+    aberration_rad: f64,
+    speckles: f64,
 }
 
 impl Aim<'_> {
@@ -254,8 +265,22 @@ impl Aim<'_> {
         };
         let mut profile = shot.profile(&mut eyes.0, &self.rho, self.bins)?;
         shot.add_bounces(&mut eyes.1, &mut profile)?;
+        let array = &self.pass.target.retros;
+        let velocity = place.body_to_gcrs.conjugate() * geometry.target.velocity_m_s;
+        let cross_section_m2 = shot.add_cubes(array, velocity, &mut profile)?;
+        let nm = self.beam.wavelength_nm;
+        // The array is as wide as a cell of speckle is narrow: λr/D.
+        let across_m = if array.cubes.is_empty() { 0.0 } else { array.across_m(nm, laser.toward) };
+        let cell_m2 = (nm * 1e-9 * telescope.range_m / across_m).powi(2);
         let profile = profile.through(up, down);
-        Ok(Some(Return { profile, air: [up, down], laser_range_m: laser.range_m }))
+        Ok(Some(Return {
+            profile,
+            air: [up, down],
+            laser_range_m: laser.range_m,
+            cross_section_m2,
+            aberration_rad: velocity_aberration(velocity, laser.toward).length(),
+            speckles: 1.0 + self.receiver.area_m2 / cell_m2,
+        }))
     }
 }
 
@@ -286,7 +311,7 @@ impl<'a> Returns<'a> {
             .map_err(|source| ReturnsError::Uncovered { laser: name(), source })?;
         let bounces =
             bounces(pass, nm).map_err(|source| ReturnsError::Bounces { laser: name(), source })?;
-        let half_m = 1.02 * body.radius_m().max(1e-6);
+        let half_m = 1.02 * body.radius_m().max(pass.target.retros.reach_m()).max(1e-6);
         // Light from one side of a ball to the other is late by up to √2 of its radius.
         let far_m = if bounces.need().needed { SQRT_2 * half_m } else { half_m };
         let aim = Aim {
@@ -354,6 +379,10 @@ impl<'a> Returns<'a> {
             up: unknown.clone(),
             bounced: unknown.clone(),
             bounced_error: unknown.clone(),
+            retro: unknown.clone(),
+            cross_section_m2: unknown.clone(),
+            aberration_rad: unknown.clone(),
+            speckles: unknown.clone(),
             spot_m: unknown.clone(),
             sun_ratio: unknown.clone(),
             earth_ratio: unknown.clone(),
@@ -365,14 +394,23 @@ impl<'a> Returns<'a> {
     }
 
     fn set(&mut self, i: usize, found: Return, aim: &Aim<'_>, place: &Place) {
-        let Return { profile, air: [up, down], laser_range_m } = found;
+        let Return { profile, air, laser_range_m, cross_section_m2, aberration_rad, speckles } =
+            found;
+        let [up, down] = air;
         let (pass, nm) = (aim.pass, self.laser.wavelength_nm);
         let (first_nm, last_nm) = pass.sun.range_nm();
         let sun = if (first_nm..=last_nm).contains(&nm) { pass.sun.at(nm) } else { f64::NAN };
         let laser_light = up * aim.beam.peak_spectral_irradiance(laser_range_m);
         let au = place.geometry.sun.distance_au();
         self.photons[i] = profile.total;
-        self.probability[i] = detection_probability(profile.total);
+        // What surfaces send is shared by many cells of speckle, what few cubes return by few.
+        let scattered = profile.total - profile.retro;
+        let none = none_of_speckled(profile.retro, speckles, 0.0).ln() - scattered;
+        self.probability[i] = -none.exp_m1();
+        self.retro[i] = profile.retro;
+        self.cross_section_m2[i] = cross_section_m2;
+        self.aberration_rad[i] = aberration_rad;
+        self.speckles[i] = speckles;
         self.rate_hz[i] = profile.total * aim.beam.repetition_rate_hz;
         self.transmission[i] = down;
         self.up[i] = up;

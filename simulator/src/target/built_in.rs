@@ -3,7 +3,7 @@
 use super::Target;
 
 /// Name and text of each, in the order in which they are listed.
-const TARGETS: [(&str, &str); 7] = [
+const TARGETS: [(&str, &str); 14] = [
     ("box_wing", include_str!("../../targets/box_wing.toml")),
     ("box_wing_diffuse", include_str!("../../targets/box_wing_diffuse.toml")),
     ("hexagon", include_str!("../../targets/hexagon.toml")),
@@ -11,6 +11,13 @@ const TARGETS: [(&str, &str); 7] = [
     ("corner", include_str!("../../targets/corner.toml")),
     ("lambert_sphere", include_str!("../../targets/lambert_sphere.toml")),
     ("mirror_sphere", include_str!("../../targets/mirror_sphere.toml")),
+    ("cube", include_str!("../../targets/cube.toml")),
+    ("calsphere_4a", include_str!("../../targets/calsphere_4a.toml")),
+    ("lcs_1", include_str!("../../targets/lcs_1.toml")),
+    ("ajisai", include_str!("../../targets/ajisai.toml")),
+    ("lageos", include_str!("../../targets/lageos.toml")),
+    ("topex", include_str!("../../targets/topex.toml")),
+    ("flying_laptop", include_str!("../../targets/flying_laptop.toml")),
 ];
 
 impl Target {

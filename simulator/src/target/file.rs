@@ -74,6 +74,7 @@ use super::{DishForm, Hinge, Part, Placement, Target};
 use crate::attitude::{euler_zyx, quaternion_wxyz};
 use crate::mesh::faults::FARTHEST_M;
 use crate::mesh::shapes::Faceting;
+use crate::ranging::cubes::RetroFile;
 use glam::{DQuat, DVec3};
 use serde::Deserialize;
 use sha2::{Digest as _, Sha256};
@@ -100,6 +101,9 @@ pub struct TargetFile {
     pub hinge: Vec<HingeFile>,
     #[serde(default)]
     pub material: Vec<MaterialFile>,
+    /// Rings of corner cubes.
+    #[serde(default)]
+    pub retro: Vec<RetroFile>,
 }
 
 /// The shapes that a part can have.
@@ -197,7 +201,10 @@ pub struct HingeFile {
 /// [`FileError`] with file, line and key: keys that a shape does not use or lacks, names that are unknown or there twice, a mesh or
 /// a spectrum that cannot be read.
 pub fn target(document: &Document, at: &str, file: &TargetFile) -> Result<Target, FileError> {
-    let parts_too = !file.part.is_empty() || !file.hinge.is_empty() || !file.material.is_empty();
+    let parts_too = !file.part.is_empty()
+        || !file.hinge.is_empty()
+        || !file.material.is_empty()
+        || !file.retro.is_empty();
     match (&file.file, &file.built_in) {
         (None, None) => {}
         (Some(_), None) if at.is_empty() => {
@@ -252,6 +259,10 @@ fn build(document: &Document, at: &str, file: &TargetFile) -> Result<Target, Fil
         let hinge = hinge(document, &at, hinge_file)?;
         check_name(document, &at, &hinge.name, target.hinges.iter().map(|h| h.name.as_str()))?;
         target.hinges.push(hinge);
+    }
+    for (i, ring) in file.retro.iter().enumerate() {
+        let at = key(at, &format!("retro[{i}]"));
+        target.retros.cubes.extend(ring.cubes(document, &at)?);
     }
     let mut shelf = Shelf::new(document, at, &file.material)?;
     let mut files = Files::default();

@@ -16,6 +16,7 @@ pub use file::TargetFile;
 
 use crate::mesh::Mesh;
 use crate::mesh::faults::LARGE_M;
+use crate::ranging::cubes::Array;
 use crate::surface::Material;
 use glam::{DQuat, DVec3};
 use std::path::Path;
@@ -33,6 +34,8 @@ pub struct Target {
     pub materials: Vec<Material>,
     /// The hinges that the parts name.
     pub hinges: Vec<Hinge>,
+    /// Corner cubes, which answer lasers alone.
+    pub retros: Array,
     /// Warnings for the user: faults of meshes, sizes that look like millimetres.
     pub warnings: Vec<String>,
     /// The files that went in, with their SHA-256.

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 mod bounces;
+mod cubes;
 
 use glam::DVec3;
 use rand::{RngExt as _, SeedableRng as _};
@@ -310,7 +311,7 @@ fn the_bins_hold_what_the_engine_sums() {
 
 fn recorded(bins: DepthBins, photons: Vec<f64>) -> Profile {
     let (total, area_m2) = (photons.iter().sum(), vec![0.0; photons.len()]);
-    Profile { bins, photons, area_m2, total, outside: 0.0, bounced: None }
+    Profile { bins, photons, area_m2, total, outside: 0.0, retro: 0.0, bounced: None }
 }
 
 /// Truth: Poisson statistics in closed form: P = 1 − e^{−n̄}; of two equal bins of n the first photon falls into the near one with 1 − e^{−n}, into the far one with

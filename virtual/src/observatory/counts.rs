@@ -12,7 +12,8 @@
 //! - **many pixels**: the sum of as many independent non-paralysable detectors, each with its part of the light;
 //! - **paralysable**: no renewal process of its counts that would be simple, but a count at t wants no arrival in the τ before it: the
 //!   density of pairs at a lag beyond τ is m², within τ nothing, so that the mean is m = n e^(−nτ) and the variance m − 2τm² per second.
-//!   With afterpulses there is no such form: those counts are drawn photon by photon.
+//!   With afterpulses there is no such form: those counts are drawn photon by photon;
+//! - **comparator**: the same of the pulses that all pixels fire together, each of which recovers exponentially.
 
 use super::events::{Arrival, DeadTime, Detector, PS, Running, arrivals};
 use super::random::{Purpose, stream};
@@ -75,6 +76,18 @@ impl Detector {
             }
             DeadTime::ExponentialRecovery { dead_time_s, recovery_s } => {
                 self.recovering(arriving_hz, dead_time_s, recovery_s)
+            }
+            DeadTime::Comparator { pixels, recovery_s, pulse_s } => {
+                if self.afterpulsing.is_some_and(|trap| trap.probability > 0.0) {
+                    return None;
+                }
+                let pixels = f64::from(pixels.max(1));
+                let one = self.recovering(arriving_hz / pixels, 0.0, recovery_s);
+                // The pulses of many pixels are as random as photons but for what one pixel's own spacing adds.
+                let fired_hz = pixels * one.mean_hz;
+                let mean_hz = fired_hz * (-fired_hz * pulse_s).exp();
+                let spaced = one.variance_hz / one.mean_hz;
+                Moments { mean_hz, variance_hz: spaced * mean_hz * (1.0 - 2.0 * pulse_s * mean_hz) }
             }
             DeadTime::Paralysable { dead_time_s } => {
                 if self.afterpulsing.is_some_and(|trap| trap.probability > 0.0) {

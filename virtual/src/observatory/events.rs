@@ -47,6 +47,15 @@ pub enum DeadTime {
         /// τ of a pixel, s.
         dead_time_s: f64,
     },
+    /// Many pixels, each of which recovers after its own counts with the probability 1 − exp(−t/τ_r), behind one comparator: a pulse within a width of the one before is not told from it.
+    Comparator {
+        /// How many, at least 1.
+        pixels: u32,
+        /// τ_r of a pixel, s.
+        recovery_s: f64,
+        /// Width of a pulse, s.
+        pulse_s: f64,
+    },
 }
 
 /// Charges that are trapped by a count and come back. Each count fills the trap anew, and what was in it is gone.
@@ -78,6 +87,7 @@ impl DeadTime {
             | Self::Paralysable { dead_time_s }
             | Self::MultiPixel { dead_time_s, .. } => dead_time_s,
             Self::ExponentialRecovery { dead_time_s, recovery_s } => dead_time_s + 8.0 * recovery_s,
+            Self::Comparator { recovery_s, pulse_s, .. } => pulse_s + 8.0 * recovery_s,
         }
     }
 }
@@ -168,6 +178,8 @@ pub struct Running {
     detector: Detector,
     dead_ps: i64,
     pixels: Vec<Pixel>,
+    /// The last pulse of any pixel, ps.
+    pulse_ps: i64,
     /// Charges that may come: those that were replaced in the meantime are still among them.
     due: BinaryHeap<Reverse<(Arrival, u32)>>,
 }
@@ -181,10 +193,12 @@ impl Running {
             | DeadTime::Paralysable { dead_time_s }
             | DeadTime::ExponentialRecovery { dead_time_s, .. } => (1, dead_time_s),
             DeadTime::MultiPixel { pixels, dead_time_s } => (pixels.max(1), dead_time_s),
+            DeadTime::Comparator { pixels, .. } => (pixels.max(1), 0.0),
         };
         let pixel = Pixel { last_ps: i64::MIN / 4, trapped: None };
         let dead_ps = (dead_time_s * PS).round() as i64;
-        Self { detector, dead_ps, pixels: vec![pixel; pixels as usize], due: BinaryHeap::new() }
+        let pixels = vec![pixel; pixels as usize];
+        Self { detector, dead_ps, pixels, pulse_ps: i64::MIN / 4, due: BinaryHeap::new() }
     }
 
     /// Takes an arrival, not earlier than the one before, and appends the counts up to it.
@@ -211,7 +225,8 @@ impl Running {
         let pixel = &mut self.pixels[number as usize];
         let awake_ps = arrival.time_ps - pixel.last_ps - self.dead_ps;
         let counted = match self.detector.dead_time {
-            DeadTime::ExponentialRecovery { recovery_s, .. } => {
+            DeadTime::ExponentialRecovery { recovery_s, .. }
+            | DeadTime::Comparator { recovery_s, .. } => {
                 let recovered = -(-(awake_ps as f64) / (recovery_s * PS)).exp_m1();
                 awake_ps >= 0 && fraction(mix(arrival.mark ^ 0x7265_636f)) < recovered
             }
@@ -223,7 +238,16 @@ impl Running {
         if !counted {
             return;
         }
-        counts.push(arrival.time_ps);
+        let merged = match self.detector.dead_time {
+            DeadTime::Comparator { pulse_s, .. } => {
+                arrival.time_ps - self.pulse_ps < (pulse_s * PS).round() as i64
+            }
+            _ => false,
+        };
+        self.pulse_ps = arrival.time_ps;
+        if !merged {
+            counts.push(arrival.time_ps);
+        }
         let Some(trap) = self.detector.afterpulsing else { return };
         let mark = mix(arrival.mark ^ 0x7472_6170);
         pixel.trapped = (fraction(mark) < trap.probability).then(|| {

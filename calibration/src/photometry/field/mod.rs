@@ -12,10 +12,12 @@
 //! The significance of a streak is its fitted light over the standard deviation that the sky's noise gives that light.
 
 mod along;
+mod growth;
 mod radon;
 mod streak;
 
 pub use along::{Along, along};
+pub use growth::Growth;
 
 use super::PhotometryError;
 use super::image::Image;
@@ -50,6 +52,8 @@ pub struct FieldOptions {
     pub aperture_px: Option<f64>,
     /// Points that are measured at most, the brightest first.
     pub most_points: usize,
+    /// Whether the profile of points is fitted, wings and all (`growth`).
+    pub fit_growth: bool,
 }
 
 impl Default for FieldOptions {
@@ -64,6 +68,7 @@ impl Default for FieldOptions {
             is_mosaic: false,
             aperture_px: None,
             most_points: 20_000,
+            fit_growth: false,
         }
     }
 }
@@ -135,6 +140,46 @@ pub struct Field {
     pub points: Vec<PointSource>,
     /// Length and direction of the stars' trails, px and deg, where stars are trailed.
     pub star_trails: Option<[f64; 2]>,
+    /// Radius of the points' aperture, px.
+    #[serde(skip)]
+    pub aperture_px: f64,
+    /// Growth of a point's light with the radius, where bright lone points or trails tell it.
+    #[serde(skip)]
+    pub growth: Option<Growth>,
+}
+
+impl Field {
+    /// Standard deviation of the ratio of a point's and a streak's light by what is not known of the profile, mag.
+    pub fn profile_sigma_mag(&self) -> f64 {
+        self.growth().sigma_mag()
+    }
+
+    fn growth(&self) -> Growth {
+        self.growth.clone().unwrap_or_else(|| Growth::assumed(self.fwhm_px))
+    }
+
+    /// All of a point's light and its standard deviation, ADU: what its aperture found over the part that it catches.
+    pub fn whole_point_adu(&self, point: &PointSource) -> [f64; 2] {
+        let part = self.growth().of_point(self.aperture_px).clamp(0.5, 1.0);
+        [point.flux_adu / part, point.sigma_adu / part]
+    }
+
+    /// All of a streak's light and its standard deviation, ADU.
+    pub fn whole_streak_adu(&self, streak: &Streak) -> [f64; 2] {
+        let half = half_width(self.fwhm_px / FWHM_PER_SIGMA);
+        let part = self.growth().of_streak(streak.fwhm_px / FWHM_PER_SIGMA, half).clamp(0.5, 1.05);
+        [streak.flux_adu / part, streak.sigma_adu / part]
+    }
+}
+
+/// Half of the width of the corridor in which a streak is fitted, px.
+pub(crate) fn half_width(sigma_px: f64) -> f64 {
+    5.0 * sigma_px + 2.0
+}
+
+/// Inner and outer radius of the ring for the background of an aperture, px.
+pub(crate) fn ring(radius_px: f64) -> [f64; 2] {
+    [(1.6 * radius_px).max(radius_px + 1.5), (2.5 * radius_px).max(radius_px + 4.0)]
 }
 
 /// Full width at half maximum over the standard deviation of a normal profile.
@@ -208,6 +253,11 @@ pub fn find(pixels: ArrayView2<'_, f32>, options: &FieldOptions) -> Result<Field
     points.sort_by(|a, b| {
         b.flux_adu.total_cmp(&a.flux_adu).then(a.place_px[0].total_cmp(&b.place_px[0]))
     });
+    let growth = match star_trails {
+        _ if !options.fit_growth => None,
+        None => growth::of_points(&raw, size, &points, &streaks, sigma_px),
+        Some(_) => growth::of_trails(&raw, size, &streaks, &points, sigma_px),
+    };
     let middle = [0.5 * size[0] as f64, 0.5 * size[1] as f64];
     Ok(Field {
         size_px: size,
@@ -219,6 +269,8 @@ pub fn find(pixels: ArrayView2<'_, f32>, options: &FieldOptions) -> Result<Field
         streaks,
         points,
         star_trails,
+        aperture_px,
+        growth,
     })
 }
 
@@ -521,8 +573,7 @@ fn point(
     gain: Option<f64>,
     full: f32,
 ) -> Option<PointSource> {
-    let outer = (2.5 * radius).max(radius + 4.0);
-    let inner = (1.6 * radius).max(radius + 1.5);
+    let [inner, outer] = ring(radius);
     let aperture = Aperture::disc(place, radius);
     let range = |at: f64, n: usize| {
         (at - outer).floor().max(0.0) as usize..((at + outer).ceil() as usize + 1).min(n)

@@ -37,7 +37,7 @@ impl Fitted {
     }
 }
 
-fn distance([a, b]: [[f64; 2]; 2], place: [f64; 2]) -> f64 {
+pub(super) fn distance([a, b]: [[f64; 2]; 2], place: [f64; 2]) -> f64 {
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
     let (x, y) = (place[0] - a[0], place[1] - a[1]);
     let square = dx * dx + dy * dy;
@@ -297,7 +297,9 @@ impl Corridor {
     }
 
     /// Light, its standard deviation and how much χ² it explains, of a line of even light between two ends with this width, beside an even background.
-    fn fit(&self, from: f64, to: f64, offset: f64, sigma: f64) -> Option<[f64; 3]> {
+    ///
+    /// The line's distance from the corridor's axis goes evenly from the first value of `offsets` at its beginning to the second at its end.
+    fn fit(&self, from: f64, to: f64, offsets: [f64; 2], sigma: f64) -> Option<[f64; 3]> {
         let length = to - from;
         if length <= 0.5 {
             return None;
@@ -305,6 +307,8 @@ impl Corridor {
         let norm = 1.0 / ((2.0 * PI).sqrt() * sigma * length);
         let (mut mm, mut m1, mut n, mut md, mut d1) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for [along, across, value] in &self.pixels {
+            let part = (along - from) / length;
+            let offset = offsets[0] + (offsets[1] - offsets[0]) * part;
             let u = (across - offset) / sigma;
             let (a, b) = ((along - from) / sigma, (along - to) / sigma);
             let model = if a < -5.0 || b > 5.0 || u.abs() > 6.0 {
@@ -329,26 +333,29 @@ impl Corridor {
     }
 }
 
-/// Ends, place and width that explain most, by halving steps.
-fn fitted_line(corridor: &Corridor, line: &Line, sigma: f64) -> Option<([f64; 4], [f64; 3])> {
-    let mut at = [line.from, line.to, 0.0, sigma];
-    let mut best = corridor.fit(at[0], at[1], at[2], at[3])?;
-    for step in [2.0, 1.0, 0.5, 0.25] {
-        for _ in 0..2 {
+/// Ends along the axis, both ends' distances from it, and the width, that explain most; by halving steps.
+fn fitted_line(corridor: &Corridor, line: &Line, sigma: f64) -> Option<([f64; 5], [f64; 3])> {
+    const WIDTH: usize = 4;
+    let fit = |at: [f64; 5]| corridor.fit(at[0], at[1], [at[2], at[3]], at[WIDTH]);
+    let mut at = [line.from, line.to, 0.0, 0.0, sigma];
+    let mut best = fit(at)?;
+    for step in [2.0, 1.0, 0.5, 0.25, 0.12] {
+        for _ in 0..3 {
             let before = best[2];
-            for parameter in 0..4 {
+            for parameter in 0..5 {
                 // A width is told by a bright streak only.
-                if parameter == 3 && best[0] / best[1] < 12.0 {
+                if parameter == WIDTH && best[0] / best[1] < 12.0 {
                     continue;
                 }
-                let step = [step, step, 0.3 * step, 0.15 * step * sigma][parameter];
+                let across = 0.3 * step;
+                let step = [step, step, across, across, 0.15 * step * sigma][parameter];
                 for sign in [-1.0, 1.0] {
                     let mut moved = at;
                     moved[parameter] += sign * step;
-                    if moved[3] < 0.6 * sigma || moved[3] > 1.4 * sigma {
+                    if moved[WIDTH] < 0.6 * sigma || moved[WIDTH] > 1.4 * sigma {
                         continue;
                     }
-                    if let Some(fit) = corridor.fit(moved[0], moved[1], moved[2], moved[3])
+                    if let Some(fit) = fit(moved)
                         && fit[2] > best[2]
                     {
                         (best, at) = (fit, moved);
@@ -385,15 +392,12 @@ fn verify(prepared: &Prepared, search: &Search<'_>, line: Line) -> Option<Fitted
     {
         return None;
     }
-    let half = 5.0 * sigma + 2.0;
+    let half = super::half_width(sigma);
     let corridor = Corridor::of(prepared, &line, half, 4.0 * sigma);
-    let ([from, to, offset, width], [flux, flux_sigma, explained]) =
+    let ([from, to, at_from, at_to, width], [flux, flux_sigma, explained]) =
         fitted_line(&corridor, &line, sigma)?;
     let significance = flux / flux_sigma;
-    let moved = Line { from, to, ..line };
-    let across = [-line.along[1] * offset, line.along[0] * offset];
-    let moved =
-        Line { origin: [moved.origin[0] + across[0], moved.origin[1] + across[1]], ..moved };
+    let moved = Line { from, to, ..line }.moved(at_from, at_to);
     let length = moved.length();
     // Faint stars in a row look like a short one; beyond the frame's edge, or where stars hide much of it, less is known of it.
     let [columns, rows] = prepared.size.map(|n| n as f64 - 1.0);

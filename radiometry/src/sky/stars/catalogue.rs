@@ -90,6 +90,32 @@ fn did_you_mean(nearest: &[String]) -> String {
     if nearest.is_empty() { String::new() } else { format!("; nearest: {}", nearest.join(", ")) }
 }
 
+/// Names of the IAU's list (Working Group on Star Names, 2016 to 2018) that the table gives to several stars or spells otherwise, in lower case, with the Hipparcos number of the star that the
+/// list gives each to.
+const IAU: [(&str, i64); 15] = [
+    ("alnair", 109_268),
+    ("angetenar", 13_288),
+    ("atik", 17_448),
+    ("beemim", 20_535),
+    ("castula", 4422),
+    ("fawaris", 97_165),
+    ("markab", 113_963),
+    ("markeb", 45_941),
+    ("menkar", 14_135),
+    ("nembus", 7607),
+    ("propus", 29_655),
+    ("schedar", 3179),
+    ("tarazed", 97_278),
+    ("terebellum", 98_066),
+    ("ukdah", 47_431),
+];
+
+/// The Hipparcos number of the star to which the IAU's list gives a name; `None` for names that need no such word.
+fn by_the_iau(name: &str) -> Option<i64> {
+    let name = name.trim().to_lowercase();
+    IAU.iter().find(|(known, _)| *known == name).map(|(_, hip)| *hip)
+}
+
 /// Stars that can be found by name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Catalogue {
@@ -157,19 +183,23 @@ impl Catalogue {
     /// The star of that name. Read in this order, blanks at the ends ignored:
     ///
     /// 1. `HIP 91262`, `HIP91262`, `hip:91262` and `HD 172167`: by number;
-    /// 2. a proper name, case ignored: `Vega`, `rigil kentaurus`;
+    /// 2. a proper name, case ignored: `Vega`, `rigil kentaurus`; where the table gives it to several stars, the one to which the IAU's list gives it (`Menkar` is α Cet);
     /// 3. a designation as the table spells it: `alp Lyr`, also `alpha Lyr` and `α Lyr`, with an index `alp1 Cen`,
     ///    `α² Cen`. Case decides only where it must: `A Cen` and `a Cen` are two stars, `nu Pav` and `NU Pav` too;
     /// 4. a Greek letter without its index (`gamma Vel`), where only one star carries the letter in that constellation.
     ///
     /// # Errors
     /// [`StarError::Unknown`] with the nearest names, [`StarError::NotInCatalogue`] for a number that the catalogue
-    /// does not hold, [`StarError::Ambiguous`] for a name that several stars carry (`Alnair` is α Gru and ζ Cen in old lists),
+    /// does not hold, [`StarError::Ambiguous`] for a name that several stars carry and the IAU's list does not decide (`Grafias`),
     /// [`StarError::BareNumber`] for a number alone.
     pub fn find(&self, asked: &str) -> Result<&Star, StarError> {
         match self.called(asked)?[..] {
             [star] => Ok(star),
-            ref several => Err(ambiguous(asked.trim(), several)),
+            ref several => {
+                let number = by_the_iau(asked);
+                let meant = several.iter().find(|star| number.is_some() && star.hip == number);
+                meant.copied().ok_or_else(|| ambiguous(asked.trim(), several))
+            }
         }
     }
 
@@ -218,6 +248,11 @@ impl Catalogue {
             if !found.is_empty() {
                 return Ok(found);
             }
+        }
+        // A name that the table spells otherwise (`Schedar`).
+        let listed = by_the_iau(&plain);
+        if let Some(star) = self.stars.iter().find(|s| listed.is_some() && s.hip == listed) {
+            return Ok(vec![star]);
         }
         Err(StarError::Unknown { asked: asked.to_owned(), nearest: self.nearest(asked, &spelled) })
     }

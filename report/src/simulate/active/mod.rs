@@ -59,11 +59,20 @@ impl ActiveReport<'_> {
         &self.simulation.channels[returns.channel].name
     }
 
+    /// Corner cubes of the target, in words.
+    fn cubes(&self) -> String {
+        match self.simulation.pass.target.retros.cubes.len() {
+            0 => "corner cubes: the target has none".into(),
+            n => format!(
+                "corner cubes: {n}; none hides another, and the body hides none; the polarisation is averaged"
+            ),
+        }
+    }
+
     /// The text.
     pub fn text(&self) -> String {
-        let mut text = String::from(
-            "\nlaser returns, per shot and in the mean (retro-reflectors are not modelled)\n",
-        );
+        let mut text = String::from("\nlaser returns, per shot and in the mean\n");
+        let _ = writeln!(text, "  {}", self.cubes());
         for r in self.returns {
             self.say(&mut text, r);
         }
@@ -115,6 +124,16 @@ impl ActiveReport<'_> {
             "    most       {:.3e} photons per shot at {time}: detection {:.4} of shots, {:.4e} Hz in the mean; sunlight {:.4e} Hz",
             r.photons[best], r.probability[best], r.rate_hz[best], r.passive_hz[best]
         );
+        if r.cross_section_m2[best] > 0.0 {
+            let _ = writeln!(
+                text,
+                "    cubes      {:.3} Mm² at {:.1} µrad of velocity aberration: {:.3e} of these photons; {:.2} cells of speckle",
+                1e-6 * r.cross_section_m2[best],
+                1e6 * r.aberration_rad[best],
+                r.retro[best],
+                r.speckles[best]
+            );
+        }
         let _ = writeln!(
             text,
             "    range      mean return {:+.4} m, first photon {:+.4} m against the body's origin at that time",
@@ -165,6 +184,7 @@ impl ActiveReport<'_> {
                 "counts_per_photon": rounded(r.efficiency),
                 "repetition_rate_hz": l.repetition_rate_hz,
                 "apart": l.site.is_some(),
+                "cubes": self.simulation.pass.target.retros.cubes.len(),
                 "bounces": {
                     "traced": r.need.needed,
                     "bound": r.need.bound.map(rounded),
@@ -176,6 +196,10 @@ impl ActiveReport<'_> {
                     "photons_per_shot": at(&r.photons),
                     "bounced_photons_per_shot": at(&r.bounced),
                     "bounced_error": at(&r.bounced_error),
+                    "retro_photons_per_shot": at(&r.retro),
+                    "cross_section_m2": at(&r.cross_section_m2),
+                    "aberration_rad": at(&r.aberration_rad),
+                    "speckles": at(&r.speckles),
                     "detection_probability": at(&r.probability),
                     "rate_hz": at(&r.rate_hz),
                     "passive_rate_hz": at(&r.passive_hz),
@@ -239,7 +263,7 @@ impl ActiveReport<'_> {
         notes.extend(
             self.returns.iter().map(|r| format!("{}: bounces: {}", r.laser.name, bounces(r))),
         );
-        notes.push("retro-reflectors are not modelled".into());
+        notes.push(self.cubes());
         table.meta.insert("comments".into(), json!(notes));
         table
     }
@@ -327,6 +351,30 @@ impl ActiveReport<'_> {
                     &r.earth_ratio,
                 ),
             ]);
+            if !self.simulation.pass.target.retros.cubes.is_empty() {
+                let urad: Vec<f64> = r.aberration_rad.iter().map(|a| 1e6 * a).collect();
+                table.columns.extend([
+                    number(name("retro_photons"), None, "of them, from corner cubes", &r.retro),
+                    number(
+                        name("cross_section_m2"),
+                        Some("m2"),
+                        "of the corner cubes towards the telescope",
+                        &r.cross_section_m2,
+                    ),
+                    number(
+                        name("aberration_urad"),
+                        Some("urad"),
+                        "2v/c across the line of sight",
+                        &urad,
+                    ),
+                    number(
+                        name("speckles"),
+                        None,
+                        "cells of speckle that share the telescope",
+                        &r.speckles,
+                    ),
+                ]);
+            }
             if let Some(apart) = &r.apart_deg {
                 table.columns.extend([
                     number(name("apart_deg"), Some("deg"), "laser, target, telescope", apart),

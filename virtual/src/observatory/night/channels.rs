@@ -108,6 +108,9 @@ fn detector(
         (None, &station::DeadTime::ExponentialRecovery { dead_time_s, recovery_s }) => {
             DeadTime::ExponentialRecovery { dead_time_s, recovery_s }
         }
+        (None, &station::DeadTime::MultiPixel { pixels, recovery_s, pulse_s }) => {
+            DeadTime::Comparator { pixels, recovery_s, pulse_s }
+        }
         (None, _) => return Err(NightError::Table { channel: channel.name.clone() }),
     };
     let dark_rate_hz = own.and_then(|own| own.dark_rate_hz).unwrap_or(counter.dark_rate_hz);

@@ -1,0 +1,33 @@
+//! A night in the browser: one page over a running night or a recorded session, and its server.
+//!
+//! - [`Server`]: HTTP in a thread of its own, for this computer alone unless it is told otherwise; no path of a request leads to the disk;
+//! - [`Source`]: what answers it: [`Recording`] for a session's folder, [`LiveNight`] for a night that runs;
+//! - [`frame`]: frames on their way to a canvas;
+//! - [`sky`]: the sky above the station.
+//!
+//! # A recorded session
+//!
+//! ```no_run
+//! use std::sync::Arc;
+//! use sunglint_page::{Recording, Server};
+//!
+//! let server = Server::start(None, Arc::new(Recording::open("2026-11-21_ufo")?))?;
+//! println!("{}", server.url());
+//! std::thread::park();
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+pub mod frame;
+mod gate;
+mod live;
+mod marks;
+mod recorded;
+mod request;
+mod server;
+pub mod sky;
+
+pub use gate::Token;
+pub use live::LiveNight;
+pub use recorded::{About, CountsView, DeviceView, FibreView, Recording, VisitView};
+pub use request::{Answer, Request, Source};
+pub use server::{Server, ServerError};

@@ -1,0 +1,190 @@
+//! A running night on the page: its live state, and the commands to it.
+
+use crate::frame;
+use crate::marks::marks;
+use crate::recorded::{About, DeviceView, VisitView, fibres, flag_names, unix_ms};
+use crate::request::{Answer, Request, Source};
+use crate::sky::{Sky, SkyTrack};
+use hifitime::{Duration, Epoch};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration as Wait;
+use sunglint_formats::session::{DeviceKind, TargetKind};
+use sunglint_formats::time::format_utc;
+use sunglint_observatory::live::{Control, ControlError, LiveState, Seen};
+use sunglint_observatory::{Schedule, Slot};
+use sunglint_radiometry::station::Station;
+
+/// Time that a command may take.
+const COMMAND: Wait = Wait::from_secs(2);
+
+/// A running night as a source of the page.
+#[derive(Debug)]
+pub struct LiveNight {
+    state: Arc<LiveState>,
+    program: String,
+    /// Marks of the last frame that somebody asked for: one measurement for all pages.
+    marked: Mutex<Option<(String, u64, Answer)>>,
+}
+
+/// Command of a page.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Asked {
+    action: String,
+    #[serde(default)]
+    text: String,
+}
+
+#[derive(Serialize)]
+struct Done<'a> {
+    done: &'a str,
+}
+
+impl LiveNight {
+    /// Shows a night's live state; `program` is the name and version of the program that runs it.
+    pub fn new(state: Arc<LiveState>, program: &str) -> Self {
+        Self { state, program: program.to_owned(), marked: Mutex::default() }
+    }
+
+    fn start(&self) -> Result<Epoch, Answer> {
+        self.state.start().ok_or_else(|| Answer::error(503, "the night has not begun"))
+    }
+
+    fn station(&self) -> Result<Station, Answer> {
+        self.state.station().ok_or_else(|| Answer::error(503, "the night has not begun"))
+    }
+
+    fn about(&self) -> Result<Answer, Answer> {
+        let (start, station) = (self.start()?, self.station()?);
+        let mut numbers: HashMap<String, u32> = HashMap::new();
+        let slots = self.state.slots();
+        let visit = |slot: &Slot| {
+            let number = numbers.entry(slot.target.name.clone()).or_default();
+            *number += 1;
+            let to = slot.to.unwrap_or(slot.from + Duration::from_hours(24.0));
+            VisitView {
+                name: slot.target.name.clone(),
+                kind: slot.target.target_kind,
+                number: *number,
+                from_s: (slot.from - start).to_seconds(),
+                to_s: (to - start).to_seconds(),
+            }
+        };
+        let planned = slots.iter().filter(|slot| slot.target.target_kind != TargetKind::None);
+        let devices = self.state.devices().into_iter().map(|device| DeviceView {
+            kind: if device.kind == "camera" { DeviceKind::Camera } else { DeviceKind::Counter },
+            name: device.name,
+            channels: device.channels,
+            exposure_s: 0.0,
+            taken: 0,
+        });
+        Ok(Answer::json(&About {
+            mode: "live",
+            name: self.state.name(),
+            station: station.name.clone(),
+            program: self.program.clone(),
+            start_utc: format_utc(start, 3),
+            start_unix_ms: unix_ms(start),
+            length_s: None,
+            ended: false,
+            devices: devices.collect(),
+            visits: planned.map(visit).collect(),
+            fibres: fibres(&station),
+            sensor_px: station.camera.as_ref().map(|camera| camera.size_px),
+            flag_names: flag_names(),
+            warnings: station.warnings.clone(),
+        }))
+    }
+
+    fn live(&self, request: &Request) -> Result<Answer, Answer> {
+        let counts =
+            request.prefixed("c.").filter_map(|(name, n)| Some((name.to_owned(), n.parse().ok()?)));
+        let seen = Seen { events: request.whole("events").unwrap_or(0), counts: counts.collect() };
+        let view = self.state.since(&seen);
+        view.map(|view| Answer::json(&view))
+            .ok_or_else(|| Answer::error(503, "the night has not begun"))
+    }
+
+    fn frame(&self, request: &Request, camera: &str) -> Result<Answer, Answer> {
+        let (number, frame) = self.state.last_frame(camera).ok_or_else(Answer::missing)?;
+        Ok(frame::encode(&frame, number, self.start()?, request))
+    }
+
+    fn marks(&self, camera: &str) -> Result<Answer, Answer> {
+        let (number, frame) = self.state.last_frame(camera).ok_or_else(Answer::missing)?;
+        let mut marked = self.marked.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((name, of, answer)) = &*marked
+            && name == camera
+            && *of == number
+        {
+            return Ok(answer.clone());
+        }
+        let answer = marks(&frame, &self.station()?)?;
+        *marked = Some((camera.to_owned(), number, answer.clone()));
+        Ok(answer)
+    }
+
+    fn sky(&self, request: &Request) -> Result<Answer, Answer> {
+        let (start, station) = (self.start()?, self.station()?);
+        let at_s = request.number("at_s").unwrap_or(0.0).clamp(-1e9, 1e9);
+        let utc = start + Duration::from_seconds(at_s);
+        let schedule = Schedule::new(self.state.slots());
+        Sky::at(&station, start, utc, schedule.at(utc))
+            .map(|sky| Answer::json(&sky))
+            .ok_or_else(|| Answer::error(422, "no sky is known for that time"))
+    }
+
+    fn tracks(&self) -> Result<Answer, Answer> {
+        let (start, station) = (self.start()?, self.station()?);
+        let of = |slot: &Slot| {
+            let to = slot.to.unwrap_or(slot.from + Duration::from_hours(1.0));
+            SkyTrack::over(&station, start, &slot.target, slot.from, to)
+        };
+        let tracks: Vec<SkyTrack> = self.state.slots().iter().filter_map(of).collect();
+        Ok(Answer::json(&tracks))
+    }
+
+    fn control(&self, request: &Request) -> Result<Answer, Answer> {
+        let asked: Asked = serde_json::from_slice(&request.body)
+            .map_err(|error| Answer::error(400, &format!("no command: {error}")))?;
+        let control = match asked.action.as_str() {
+            "pause" => Control::Pause,
+            "resume" => Control::Resume,
+            "skip" => Control::Skip,
+            "stop" => Control::Stop,
+            "note" => Control::Note(asked.text),
+            _ => {
+                let text = "expected the action pause, resume, skip, stop or note";
+                return Err(Answer::error(400, text));
+            }
+        };
+        let said = |error: ControlError| match error {
+            ControlError::Busy => Answer::error(503, &error.to_string()),
+            _ => Answer::error(409, &error.to_string()),
+        };
+        let answer = self.state.ask(control).map_err(said)?.recv_timeout(COMMAND);
+        let answer = answer
+            .map_err(|_| Answer::error(503, "the night did not answer: look at its state"))?;
+        answer.map(|done| Answer::json(&Done { done: &done })).map_err(said)
+    }
+}
+
+impl Source for LiveNight {
+    fn answer(&self, request: &Request) -> Answer {
+        let parts = request.parts();
+        let answer = match (request.post, parts.as_slice()) {
+            (true, ["control"]) => self.control(request),
+            (true, _) => Err(Answer::error(405, "only `control` takes a POST")),
+            (false, ["about"]) => self.about(),
+            (false, ["live"]) => self.live(request),
+            (false, ["frame", camera]) => self.frame(request, camera),
+            (false, ["marks", camera, "last"]) => self.marks(camera),
+            (false, ["sky"]) => self.sky(request),
+            (false, ["tracks"]) => self.tracks(),
+            _ => Err(Answer::missing()),
+        };
+        answer.unwrap_or_else(|answer| answer)
+    }
+}

@@ -1,0 +1,114 @@
+//! The sky above a station at a moment: stars, Sun, Moon, horizon, and where the telescope pointed.
+
+use hifitime::{Duration, Epoch};
+use serde::Serialize;
+use sunglint_formats::session::Target;
+use sunglint_observatory::Pointing;
+use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Horizontal, Observer};
+use sunglint_radiometry::station::Station;
+
+/// Faintest star that is drawn, V mag.
+const FAINTEST: f64 = 4.0;
+/// Points of a track at most.
+const POINTS: usize = 120;
+
+/// A star above the horizon.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SkyStar {
+    /// Proper name, or empty.
+    pub name: String,
+    /// Azimuth and altitude, deg, true.
+    pub at_deg: [f64; 2],
+    /// V magnitude.
+    pub v_mag: f64,
+}
+
+/// The sky at a moment.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Sky {
+    /// Seconds after the session's start.
+    pub at_s: f64,
+    /// Stars to magnitude 4.
+    pub stars: Vec<SkyStar>,
+    /// Azimuth and altitude of the Sun, deg.
+    pub sun_deg: [f64; 2],
+    /// The same of the Moon.
+    pub moon_deg: [f64; 2],
+    /// Sunlit part of the Moon.
+    pub moon_lit: f64,
+    /// Name of the target and where it stands, deg.
+    pub target: Option<(String, [f64; 2])>,
+    /// Elevation of the horizon at each tenth degree of azimuth from north, deg.
+    pub horizon_deg: Vec<f64>,
+}
+
+/// Course of a target over a visit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SkyTrack {
+    /// Name of the target.
+    pub name: String,
+    /// Seconds after the session's start.
+    pub at_s: Vec<f64>,
+    /// Azimuth and altitude, deg.
+    pub at_deg: Vec<[f64; 2]>,
+}
+
+fn degrees(horizontal: Horizontal) -> [f64; 2] {
+    [horizontal.azimuth_deg(), horizontal.altitude_deg()]
+}
+
+impl Sky {
+    /// The sky at a time; `None` outside the range of the Earth's orientation.
+    pub fn at(
+        station: &Station,
+        start: Epoch,
+        utc: Epoch,
+        target: Option<&Target>,
+    ) -> Option<Self> {
+        let observer = Observer::at(utc, &station.site, EarthOrientation::embedded()).ok()?;
+        let stars = Catalogue::embedded().stars().iter().filter_map(|star| {
+            let v_mag = star.v_mag.filter(|v_mag| *v_mag <= FAINTEST)?;
+            let at_deg = degrees(observer.star(star).horizontal);
+            let name = star.name.clone().unwrap_or_default();
+            (at_deg[1] > 0.0).then_some(SkyStar { name, at_deg, v_mag })
+        });
+        let moon = observer.moon();
+        let place = target.and_then(|target| {
+            let place = Pointing::new(station.clone()).horizontal_deg(target, utc)?;
+            Some((target.name.clone(), place))
+        });
+        Some(Self {
+            at_s: (utc - start).to_seconds(),
+            stars: stars.collect(),
+            sun_deg: degrees(observer.sun().horizontal),
+            moon_deg: degrees(moon.horizontal),
+            moon_lit: moon.place.illuminated_fraction(),
+            target: place,
+            horizon_deg: (0..36)
+                .map(|i| station.horizon.elevation_deg(10.0 * f64::from(i)))
+                .collect(),
+        })
+    }
+}
+
+impl SkyTrack {
+    /// The course of a target; `None` for one without a place.
+    pub fn over(
+        station: &Station,
+        start: Epoch,
+        target: &Target,
+        from: Epoch,
+        to: Epoch,
+    ) -> Option<Self> {
+        let length_s = (to - from).to_seconds().max(0.0);
+        let steps = ((length_s / 5.0).ceil() as usize).clamp(1, POINTS);
+        let mut pointing = Pointing::new(station.clone());
+        let mut track = Self { name: target.name.clone(), at_s: vec![], at_deg: vec![] };
+        for i in 0..=steps {
+            let utc = from + Duration::from_seconds(length_s * i as f64 / steps as f64);
+            track.at_deg.push(pointing.horizontal_deg(target, utc)?);
+            track.at_s.push((utc - start).to_seconds());
+        }
+        Some(track)
+    }
+}

@@ -1,0 +1,3 @@
+//! All tests of this crate: one program, so that one is linked.
+
+mod attacks;

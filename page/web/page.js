@@ -1,0 +1,1135 @@
+// The page of a night: live (it polls the state ten times a second) or recorded (a film over a session's folder).
+// All texts of files and devices go into the page by textContent: they are text, never markup.
+
+const $ = (id) => document.getElementById(id);
+const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
+const root = document.documentElement;
+
+// --- the server ---------------------------------------------------------------------------------------------------------
+
+const TOKEN = "sunglint-token";
+const told = new URLSearchParams(location.hash.slice(1)).get("token");
+if (told) {
+  sessionStorage.setItem(TOKEN, told);
+  // Out of the address, so that it is in no screenshot and no bookmark.
+  history.replaceState(null, "", location.pathname);
+}
+const token = () => sessionStorage.getItem(TOKEN);
+
+class Refused extends Error {
+  constructor(status, text) {
+    super(text);
+    this.status = status;
+  }
+}
+
+async function ask(path, body) {
+  const headers = {};
+  if (token()) headers.authorization = `Bearer ${token()}`;
+  if (body) headers["content-type"] = "application/json";
+  const options = { headers, signal: AbortSignal.timeout(8000), cache: "no-store" };
+  if (body) Object.assign(options, { method: "POST", body: JSON.stringify(body) });
+  const answer = await fetch(`api/${path}`, options);
+  if (!answer.ok) {
+    const said = await answer.json().catch(() => ({ error: `the server answered ${answer.status}` }));
+    throw new Refused(answer.status, said.error);
+  }
+  return answer;
+}
+const get = async (path) => (await ask(path)).json();
+const part = encodeURIComponent;
+
+// Runs one at a time, the last wish wins: nothing piles up behind a slow answer.
+function latest(work) {
+  let busy = false;
+  let wish;
+  return async function want(value) {
+    wish = { value };
+    if (busy) return;
+    busy = true;
+    while (wish) {
+      const now = wish.value;
+      wish = undefined;
+      try {
+        await work(now);
+      } catch (error) {
+        complain(error);
+      }
+    }
+    busy = false;
+  };
+}
+
+// --- what is known ------------------------------------------------------------------------------------------------------
+
+const S = {
+  about: null, live: null, t: 0, playing: false, film: null, frame: null, marks: null, counts: {}, shown: null, sky: null, tracks: [], events: [], seen: { events: 0, counts: {} },
+  view: null, off: new Set(), hover: null, since: 0, lag: {},
+};
+window.sunglint = S; // for those who look into it with the browser's console, and for tests
+
+function notice(text) {
+  $("notice").textContent = text;
+  $("notice").hidden = !text;
+}
+function complain(error) {
+  if (error instanceof Refused) notice(error.message);
+  else if (error.name === "TypeError" || error.name === "TimeoutError" || error.name === "AbortError") notice("the program that serves this page does not answer");
+  else throw error;
+}
+
+const two = (n) => String(n).padStart(2, "0");
+function utc(seconds, digits = 1) {
+  const date = new Date(S.about.start_unix_ms + seconds * 1000 + (digits ? 0 : 500));
+  const fraction = digits ? "." + String(date.getUTCMilliseconds()).padStart(3, "0").slice(0, digits) : "";
+  return `${two(date.getUTCHours())}:${two(date.getUTCMinutes())}:${two(date.getUTCSeconds())}${fraction}`;
+}
+function span(seconds) {
+  const s = Math.max(0, Math.round(seconds));
+  if (s >= 3600) return `${Math.floor(s / 3600)} h ${two(Math.floor(s / 60) % 60)} min`;
+  return s >= 60 ? `${Math.floor(s / 60)} min ${two(s % 60)} s` : `${s} s`;
+}
+function hertz(rate) {
+  if (!Number.isFinite(rate)) return "–";
+  const [value, unit] = rate >= 1e6 ? [rate / 1e6, "MHz"] : rate >= 1e3 ? [rate / 1e3, "kHz"] : [rate, "Hz"];
+  return `${value >= 100 || unit === "Hz" ? value.toFixed(0) : value.toPrecision(3)} ${unit}`;
+}
+const flagNames = (bits) => S.about.flag_names.filter(([bit]) => bits & bit).map(([, name]) => name.replaceAll("_", " "));
+const visitAt = (t) => S.about.visits.findLast((v) => v.from_s <= t && t < v.to_s);
+
+// --- colours ------------------------------------------------------------------------------------------------------------
+
+const LINES = {
+  light: ["#0b5cad", "#b3261e", "#1c6b3a", "#8a5a00", "#6a3fb5", "#006d77"],
+  dark: ["#7cb7ff", "#ff8a80", "#7fd49b", "#ffcc66", "#c6a6ff", "#70d6e0"],
+  red: ["#ff2a2a", "#ff2a2a", "#ff2a2a", "#ff2a2a", "#ff2a2a", "#ff2a2a"],
+};
+const STROKES = [[], [7, 3], [2, 3], [9, 3, 2, 3]];
+const system = matchMedia("(prefers-color-scheme: dark)");
+function theme() {
+  const wanted = $("theme").value;
+  return wanted === "auto" ? (system.matches ? "dark" : "light") : wanted;
+}
+function css(name) {
+  return getComputedStyle(root).getPropertyValue(name).trim();
+}
+const lineColour = (i) => LINES[theme()][i % 6];
+function paintTheme() {
+  root.dataset.theme = theme();
+  drawAll();
+  legend();
+}
+
+// --- canvases -----------------------------------------------------------------------------------------------------------
+
+function fit(canvas) {
+  const scale = Math.min(devicePixelRatio || 1, 3);
+  const [w, h] = [Math.max(1, Math.round(canvas.clientWidth * scale)), Math.max(1, Math.round(canvas.clientHeight * scale))];
+  if (canvas.width !== w || canvas.height !== h) Object.assign(canvas, { width: w, height: h });
+  const c = canvas.getContext("2d");
+  c.setTransform(scale, 0, 0, scale, 0, 0);
+  c.clearRect(0, 0, canvas.clientWidth, canvas.clientHeight);
+  const size = parseFloat(getComputedStyle(root).fontSize);
+  c.font = `${0.8125 * size}px system-ui, "DejaVu Sans", sans-serif`;
+  return { c, w: canvas.clientWidth, h: canvas.clientHeight, em: size };
+}
+
+// How old what is new was when it was drawn, s: by this computer's clock, which in tests is the night's.
+function drawn(what, end_s) {
+  const list = (S.lag[what] ??= []);
+  if (list.last === end_s) return;
+  list.last = end_s;
+  list.push((Date.now() - S.about.start_unix_ms) / 1000 - end_s);
+  if (list.length > 600) list.splice(0, 300);
+}
+
+const dirty = new Set();
+function redraw(name) {
+  if (!dirty.size) requestAnimationFrame(() => { const now = [...dirty]; dirty.clear(); for (const one of now) DRAW[one](); });
+  dirty.add(name);
+}
+function drawAll() {
+  for (const name of Object.keys(DRAW)) redraw(name);
+}
+
+// --- image --------------------------------------------------------------------------------------------------------------
+
+function decode(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  return { header, pixels: new Uint16Array(buffer, 4 + length) };
+}
+
+// Range of colours as IRAF's zscale has it: a line through the sorted sample, outliers left out, contrast 0.25.
+export function zscale(values) {
+  const n = Math.min(values.length, 1000);
+  const step = Math.max(1, Math.floor(values.length / n));
+  const sample = Float64Array.from({ length: Math.floor((values.length - 1) / step) + 1 }, (_, i) => values[i * step]).sort().subarray(0, 1000);
+  const size = sample.length;
+  const [low, high] = [sample[0], sample[size - 1]];
+  const least = Math.max(5, Math.floor(size * 0.5));
+  let good = new Uint8Array(size).fill(1);
+  let [kept, before, slope, offset] = [size, size + 1, 0, 0];
+  for (let round = 0; round < 5 && kept < before && kept >= least; round++) {
+    let [sw, sx, sy, sxx, sxy] = [0, 0, 0, 0, 0];
+    for (let i = 0; i < size; i++) if (good[i]) { sw++; sx += i; sy += sample[i]; sxx += i * i; sxy += i * sample[i]; }
+    slope = (sw * sxy - sx * sy) / (sw * sxx - sx * sx || 1);
+    offset = (sy - slope * sx) / sw;
+    let [mean, square] = [0, 0];
+    for (let i = 0; i < size; i++) if (good[i]) mean += sample[i] - slope * i - offset;
+    mean /= sw;
+    for (let i = 0; i < size; i++) if (good[i]) square += (sample[i] - slope * i - offset - mean) ** 2;
+    const limit = 2.5 * Math.sqrt(square / sw);
+    const bad = good.map((_, i) => (Math.abs(sample[i] - slope * i - offset) > limit ? 1 : 0));
+    // A bad pixel takes its neighbours with it.
+    const grow = Math.max(1, Math.floor(size * 0.01));
+    const out = new Uint8Array(size);
+    const half = Math.floor(grow / 2);
+    for (let i = 0; i < size; i++) if (bad[i] || !good[i]) out.fill(1, Math.max(0, i - half), i + half + 1);
+    good = good.map((_, i) => 1 - out[i]);
+    before = kept;
+    kept = good.reduce((sum, g) => sum + g, 0);
+  }
+  if (kept < least) return [low, high];
+  const middle = Math.floor((size - 1) / 2);
+  const median = size % 2 ? sample[middle] : (sample[middle] + sample[middle + 1]) / 2;
+  const wide = slope / 0.25;
+  return [Math.max(low, median - (middle - 1) * wide), Math.min(high, median + (size - middle) * wide)];
+}
+
+function stretch(pixels) {
+  const kind = $("stretch").value;
+  const step = Math.max(1, Math.floor(pixels.length / 20000));
+  const sample = [];
+  for (let i = 0; i < pixels.length; i += step) sample.push(pixels[i]);
+  sample.sort((a, b) => a - b);
+  const at = (q) => sample[Math.round(q * (sample.length - 1))] ?? 0;
+  let [low, high, curve] = [at(0.002), Math.max(at(0.9998), at(0.002) + 1), (x) => x];
+  if (kind === "zscale") [low, high] = zscale(pixels);
+  if (kind === "asinh") {
+    const spread = Math.max(1, 1.4826 * (at(0.5) - at(0.16)));
+    low = Math.max(0, at(0.5) - 2 * spread);
+    high = clamp(sample[sample.length - 1], low + 10 * spread, Math.max(65535, low + 1));
+    const soft = (6 * spread) / (high - low);
+    const top = Math.asinh(1 / soft);
+    curve = (x) => Math.asinh(x / soft) / top;
+  }
+  const red = theme() === "red";
+  const table = new Uint32Array(65536);
+  for (let v = 0; v < 65536; v++) {
+    const g = Math.round(255 * curve(clamp((v - low) / (high - low || 1), 0, 1)));
+    table[v] = 0xff000000 | (red ? g : (g << 16) | (g << 8) | g);
+  }
+  return { table, low, high };
+}
+
+function develop() {
+  const f = S.frame;
+  if (!f) return;
+  const [w, h] = f.header.shape;
+  const { table, low, high } = stretch(f.pixels);
+  Object.assign(f, { low, high });
+  f.canvas ??= Object.assign(document.createElement("canvas"), { width: w, height: h });
+  const image = new ImageData(w, h);
+  const out = new Uint32Array(image.data.buffer);
+  for (let i = 0; i < out.length; i++) out[i] = table[f.pixels[i]];
+  f.canvas.getContext("2d").putImageData(image, 0, 0);
+}
+
+// The window of the frame that is shown, in its pixels, with the shape of the canvas.
+function windowOf(w, h) {
+  const [columns, rows] = S.frame.header.size_px;
+  const whole = Math.max(columns / w, rows / h);
+  const view = S.view ?? { x: columns / 2, y: rows / 2, scale: 1 };
+  const each = whole / view.scale; // frame pixels in one of the canvas
+  return { each, x0: view.x - (each * w) / 2, y0: view.y - (each * h) / 2 };
+}
+
+function drawImage() {
+  const canvas = $("image");
+  if (S.frame) {
+    const [columns, rows] = S.frame.header.size_px;
+    canvas.style.aspectRatio = String(clamp(columns / rows, 0.8, 2));
+  }
+  const { c, w, h, em } = fit(canvas);
+  c.fillStyle = "#000";
+  c.fillRect(0, 0, w, h);
+  const f = S.frame;
+  if (!f) return;
+  const { each, x0, y0 } = windowOf(w, h);
+  const [x, y, pw, ph] = f.header.part_px;
+  c.imageSmoothingEnabled = each > 1;
+  c.drawImage(f.canvas, (x - x0) / each, (y - y0) / each, (f.header.shape[0] * f.header.bin) / each, (f.header.shape[1] * f.header.bin) / each);
+  if (S.live) drawn("image", f.header.start_s + f.header.exposure_s);
+  if (!$("marks").checked) return;
+  const red = theme() === "red";
+  const place = ([px, py]) => [(px + 0.5 - x0) / each, (py + 0.5 - y0) / each];
+  const ring = (at, a, b, colour, dash = []) => {
+    c.strokeStyle = colour;
+    c.setLineDash(dash);
+    c.beginPath();
+    c.ellipse(...place(at), a / each, b / each, 0, 0, 7);
+    c.stroke();
+    c.setLineDash([]);
+  };
+  c.lineWidth = 1.5;
+  const sensor = S.about.sensor_px ?? f.header.size_px;
+  S.about.fibres.forEach((fibre, i) => {
+    const at = [0, 1].map((k) => ((sensor[k] - 1) / 2 + fibre.offset_px[k] - f.header.origin_px[k]) / f.header.binning[k]);
+    const [a, b] = [0, 1].map((k) => fibre.sigma_px[k] / f.header.binning[k]);
+    ring(at, a, b, red ? "#802020" : "#5fd0e0", [4, 4]);
+    if (each < 3) {
+      c.fillStyle = red ? "#a03030" : "#5fd0e0";
+      const [tx, ty] = place(at);
+      // Each name at another height: the fields lie within one another.
+      c.fillText(fibre.channel, tx + a / each + 0.6 * em, ty + (i - (S.about.fibres.length - 1) / 2) * 1.2 * em);
+    }
+  });
+  const m = S.marks;
+  if (m?.place_px && m.of === f.of) {
+    ring(m.place_px, m.aperture_px, m.aperture_px, red ? "#ff6060" : "#ffffff");
+    for (const radius of m.annulus_px) ring(m.place_px, radius, radius, red ? "#c03030" : "#ff9060", [6, 4]);
+  }
+}
+
+function frameText() {
+  const f = S.frame;
+  if (!f) return;
+  const h = f.header;
+  const age = S.live ? `, ${span(S.live.now_s - h.start_s - h.exposure_s)} old` : "";
+  const parts = [`frame ${h.number}`, `${utc(h.start_s, 3)} UTC`, `${h.exposure_s} s${age}`];
+  if (h.target) parts.push(h.target);
+  if (h.filter) parts.push(`filter ${h.filter}`);
+  if (h.bin > 1) parts.push(`shown ${h.bin} × ${h.bin} binned`);
+  parts.push(`${Math.round(f.low)} to ${Math.round(f.high)} ADU`);
+  $("frame-text").textContent = parts.join(" · ");
+  $("image").setAttribute("aria-label", `frame ${h.number} of camera ${S.camera} at ${utc(h.start_s)} UTC, target ${h.target ?? "none"}`);
+}
+
+function measuredText() {
+  const m = S.marks;
+  if (!m) { $("measured").textContent = "\u00a0"; return; }
+  if (!m.place_px) { $("measured").textContent = "no target found on this frame"; return; }
+  const planes = m.planes.map((p) => {
+    const rate = p.rate_adu_per_s === null ? "no rate" : `${p.rate_adu_per_s.toFixed(0)} ± ${p.sigma_adu_per_s?.toFixed(0) ?? "–"} ADU/s`;
+    const flags = p.flags.length ? ` (${p.flags.join(", ").replaceAll("_", " ")})` : "";
+    return `${p.colour === "mono" ? "" : p.colour + " "}${rate}${flags}`;
+  });
+  const width = m.fwhm_px === null ? "" : `, ${m.fwhm_px.toFixed(1)} px wide`;
+  $("measured").textContent = `target at ${m.place_px[0].toFixed(1)}, ${m.place_px[1].toFixed(1)} px${width}: ${planes.join("; ")}`;
+}
+
+const loadMarks = latest(async ({ camera, of }) => {
+  if (!$("marks").checked) return;
+  try {
+    const marks = await get(`marks/${part(camera)}/${S.live ? "last" : of}`);
+    S.marks = { ...marks, of };
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    S.marks = null;
+    $("measured").textContent = error.message;
+    return;
+  }
+  measuredText();
+  redraw("image");
+});
+
+const loadFrame = latest(async ({ camera, of, again }) => {
+  if (!again && S.frame?.of === of && S.frame.camera === camera) return;
+  const canvas = $("image");
+  const query = new URLSearchParams({ most: String(clamp(Math.round(canvas.clientWidth * (devicePixelRatio || 1)), 200, 1280)) });
+  const size = S.frame?.header.size_px;
+  if (S.view && size && Math.max(...size) > 1280) {
+    const { each, x0, y0 } = windowOf(canvas.clientWidth, canvas.clientHeight);
+    const [w, h] = [each * canvas.clientWidth, each * canvas.clientHeight];
+    const values = { x: Math.max(0, x0), y: Math.max(0, y0), w: w + 1, h: h + 1 };
+    for (const [key, value] of Object.entries(values)) query.set(key, String(Math.floor(value)));
+  }
+  const buffer = await (await ask(`frame/${part(camera)}${S.live ? "" : `/${of}`}?${query}`)).arrayBuffer();
+  const frame = decode(buffer);
+  S.frame = { ...frame, of: S.live ? frame.header.number : of, camera };
+  develop();
+  frameText();
+  redraw("image");
+  loadMarks({ camera, of: S.frame.of });
+  if (!S.live) later();
+});
+
+function zoom(factor, at) {
+  if (!S.frame) return;
+  const [columns, rows] = S.frame.header.size_px;
+  const now = S.view ?? { x: columns / 2, y: rows / 2, scale: 1 };
+  const scale = clamp(now.scale * factor, 1, 64);
+  const [ax, ay] = at ?? [now.x, now.y];
+  const keep = now.scale / scale;
+  S.view = scale === 1 ? null : { x: ax + (now.x - ax) * keep, y: ay + (now.y - ay) * keep, scale };
+  redraw("image");
+  if (Math.max(columns, rows) > 1280) loadFrame({ camera: S.camera, of: S.frame.of, again: true });
+}
+
+function pixelUnder(event) {
+  const canvas = $("image");
+  const box = canvas.getBoundingClientRect();
+  const { each, x0, y0 } = windowOf(canvas.clientWidth, canvas.clientHeight);
+  return [x0 + (event.clientX - box.left) * each, y0 + (event.clientY - box.top) * each];
+}
+function readPixel(event) {
+  if (!S.frame) return;
+  const [fx, fy] = pixelUnder(event);
+  const h = S.frame.header;
+  const [column, row] = [Math.floor(fx), Math.floor(fy)];
+  const [i, j] = [Math.floor((fx - h.part_px[0]) / h.bin), Math.floor((fy - h.part_px[1]) / h.bin)];
+  if (i < 0 || j < 0 || i >= h.shape[0] || j >= h.shape[1]) { $("pixel").textContent = "\u00a0"; return; }
+  const value = S.frame.pixels[j * h.shape[0] + i];
+  const saturated = h.saturation_adu !== null && value >= h.saturation_adu ? ", saturated" : "";
+  $("pixel").textContent = `column ${column}, row ${row}: ${value} ADU${h.bin > 1 ? ` (mean of ${h.bin} × ${h.bin})` : ""}${saturated}`;
+}
+
+// --- counts -------------------------------------------------------------------------------------------------------------
+
+function range() {
+  const wanted = $("span").value;
+  const now = S.live ? S.live.now_s : S.t;
+  if (wanted === "all") return S.live ? [Math.max(0, now - 600), now] : [0, S.about.length_s];
+  if (wanted === "visit") {
+    const visit = S.live ? S.live.target && { from_s: S.live.target.from_s, to_s: Math.min(now, S.live.target.to_s ?? now) } : visitAt(now);
+    if (visit) return [visit.from_s, Math.max(visit.to_s, visit.from_s + 1)];
+  }
+  const length = Number(wanted) || 60;
+  return S.live ? [now - length, now] : [now - length / 2, now + length / 2];
+}
+
+const loadCounts = latest(async ({ counter, from, to }) => {
+  // A little more than is seen, so that play needs no request for each picture.
+  const more = (to - from) * 0.5;
+  const points = Math.round(clamp($("counts").clientWidth * 2, 300, 3000));
+  const query = new URLSearchParams({ from_s: String(from - more), to_s: String(to + more), points: String(points) });
+  const counts = await get(`counts/${part(counter)}?${query}`);
+  S.shown = { ...counts, counter, from: from - more, to: to + more, span: to - from };
+  redraw("counts");
+});
+
+function needCounts() {
+  if (S.live || !S.counter) return;
+  const [from, to] = range();
+  const have = S.shown;
+  const near = have?.counter === S.counter && have.from <= from && have.to >= to && Math.abs(have.span - (to - from)) < 0.01 * (to - from);
+  if (!near) loadCounts({ counter: S.counter, from, to });
+}
+
+function countsNow() {
+  return S.live ? S.counts[S.counter] : S.shown;
+}
+
+function ticks(low, high, most) {
+  const raw = (high - low) / most;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= raw);
+  const out = [];
+  for (let v = Math.ceil(low / step) * step; v <= high * (1 + 1e-9); v += step) out.push(v);
+  return out;
+}
+function timeTicks(low, high, most) {
+  const steps = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400];
+  const step = steps.find((s) => (high - low) / s <= most) ?? 28800;
+  const phase = (((S.about.start_unix_ms / 1000) % 86400) + 86400) % 86400;
+  const out = [];
+  for (let v = Math.ceil((low + phase) / step) * step - phase; v <= high; v += step) out.push(v);
+  return { at: out, digits: step < 1 ? 1 : 0, short: step >= 60 };
+}
+
+function drawCounts() {
+  const { c, w, h, em } = fit($("counts"));
+  const data = countsNow();
+  const [from, to] = range();
+  const box = { l: 4.2 * em, r: w - 0.6 * em, t: 0.8 * em, b: h - 1.7 * em };
+  const x = (t) => box.l + ((t - from) / (to - from)) * (box.r - box.l);
+  c.fillStyle = css("--soft");
+  c.strokeStyle = css("--line");
+  c.lineWidth = 1;
+  c.textBaseline = "top";
+  const time = timeTicks(from, to, Math.max(2, (box.r - box.l) / (6 * em)));
+  for (const t of time.at) {
+    c.beginPath(); c.moveTo(x(t), box.t); c.lineTo(x(t), box.b); c.stroke();
+    const text = time.short ? utc(t, 0).slice(0, 5) : utc(t, time.digits);
+    const half = c.measureText(text).width / 2;
+    if (x(t) - half > box.l - 2 * em && x(t) + half < w) c.fillText(text, x(t) - half, box.b + 0.35 * em);
+  }
+  // Visits as strips, with their names.
+  for (const visit of S.about.visits) {
+    if (visit.to_s <= from || visit.from_s >= to) continue;
+    const [a, b] = [Math.max(box.l, x(visit.from_s)), Math.min(box.r, x(visit.to_s))];
+    c.globalAlpha = visit.kind === "star" || visit.kind === "satellite" ? 0.12 : 0.05;
+    c.fillStyle = css("--accent");
+    c.fillRect(a, box.t, b - a, box.b - box.t);
+    c.globalAlpha = 1;
+    const name = visit.name;
+    if (c.measureText(name).width < b - a - 0.4 * em) { c.fillStyle = css("--soft"); c.fillText(name, a + 0.2 * em, box.t + 0.7 * em); }
+  }
+  const canvas = $("counts");
+  if (!data || !data.start_s.length) {
+    c.fillStyle = css("--soft");
+    c.fillText(S.about.devices.some((d) => d.kind === "counter") ? "no counts in this stretch" : "this session has no counter", box.l + em, (box.t + box.b) / 2);
+    canvas.setAttribute("aria-label", "no counts in this stretch");
+    return;
+  }
+  const inside = [];
+  for (let i = 0; i < data.start_s.length; i++) if (data.start_s[i] + data.length_s[i] >= from && data.start_s[i] <= to) inside.push(i);
+  const on = data.channels.map((_, k) => k).filter((k) => !S.off.has(data.channels[k]));
+  const highs = data.high_hz ?? data.rate_hz;
+  const lows = data.low_hz ?? data.rate_hz;
+  let [least, most] = [Infinity, -Infinity];
+  for (const k of on) for (const i of inside) { if (lows[k][i] !== null) least = Math.min(least, lows[k][i]); if (highs[k][i] !== null) most = Math.max(most, highs[k][i]); }
+  if (!(most > -Infinity)) [least, most] = [0, 1];
+  const log = $("log").checked;
+  let [bottom, top] = log ? [Math.log10(Math.max(least, 0.5)), Math.log10(Math.max(most, 1))] : [Math.min(0, least), most];
+  if (!log && least > 0.7 * most) bottom = least - 0.2 * (most - least + 1e-9 * most);
+  const room = 0.06 * (top - bottom) || 1;
+  top += room;
+  if (log) bottom -= room;
+  const y = (rate) => box.b - ((log ? Math.log10(Math.max(rate, 1e-3)) : rate) - bottom) / (top - bottom) * (box.b - box.t);
+  c.textBaseline = "middle";
+  c.fillStyle = css("--soft");
+  for (const v of ticks(bottom, top, Math.max(2, (box.b - box.t) / (2.4 * em)))) {
+    const rate = log ? 10 ** v : v;
+    if (y(rate) < box.t - 1 || y(rate) > box.b + 1) continue;
+    c.beginPath(); c.moveTo(box.l, y(rate)); c.lineTo(box.r, y(rate)); c.stroke();
+    const text = hertz(rate);
+    c.fillText(text, box.l - c.measureText(text).width - 0.4 * em, y(rate));
+  }
+  c.save();
+  c.beginPath(); c.rect(box.l, box.t, box.r - box.l, box.b - box.t); c.clip();
+  for (const k of on) {
+    const colour = lineColour(k);
+    if (data.bins > 1) {
+      c.globalAlpha = 0.3;
+      c.fillStyle = colour;
+      for (const i of inside) if (lows[k][i] !== null) c.fillRect(x(data.start_s[i]), y(highs[k][i]), Math.max(1, x(data.start_s[i] + data.length_s[i]) - x(data.start_s[i])), Math.max(1, y(lows[k][i]) - y(highs[k][i])));
+      c.globalAlpha = 1;
+    }
+    c.strokeStyle = colour;
+    // Red light has one colour: the channels differ by their strokes.
+    c.setLineDash(theme() === "red" ? STROKES[k % 4] : []);
+    c.lineWidth = 1.5;
+    c.beginPath();
+    let end = NaN;
+    for (const i of inside) {
+      const rate = data.rate_hz[k][i];
+      const middle = data.start_s[i] + data.length_s[i] / 2;
+      // A gap stays a gap.
+      if (rate === null || Math.abs(data.start_s[i] - end) > 0.5 * data.length_s[i]) c.moveTo(x(middle), y(rate ?? 0));
+      else c.lineTo(x(middle), y(rate));
+      end = data.start_s[i] + data.length_s[i];
+    }
+    c.stroke();
+    c.setLineDash([]);
+  }
+  // Bins with faults: a mark at the top, whatever the channel. A free clock is no fault.
+  c.fillStyle = css("--bad");
+  let faults = 0;
+  const free = S.about.flag_names.find(([, name]) => name === "clock_free")?.[0] ?? 0;
+  for (const i of inside) if (data.flags[i] & ~free) {
+    faults++;
+    const at = x(data.start_s[i] + data.length_s[i] / 2);
+    c.beginPath(); c.moveTo(at - 0.25 * em, box.t); c.lineTo(at + 0.25 * em, box.t); c.lineTo(at, box.t + 0.5 * em); c.fill();
+  }
+  c.restore();
+  const now = S.live ? null : S.t;
+  if (now !== null && now >= from && now <= to) {
+    c.strokeStyle = css("--ink");
+    c.beginPath(); c.moveTo(x(now), box.t); c.lineTo(x(now), box.b); c.stroke();
+  }
+  if (S.hover !== null) {
+    c.strokeStyle = css("--accent");
+    c.setLineDash([3, 3]);
+    c.beginPath(); c.moveTo(x(S.hover), box.t); c.lineTo(x(S.hover), box.b); c.stroke();
+    c.setLineDash([]);
+  }
+  canvas.plot = { from, to, l: box.l, r: box.r };
+  if (S.live) drawn("counts", data.start_s.at(-1) + data.length_s.at(-1));
+  readCounts(data, inside, faults);
+}
+
+function readCounts(data, inside, faults) {
+  const want = S.hover ?? (S.live ? Infinity : S.t);
+  let best = inside[inside.length - 1];
+  for (const i of inside) if (data.start_s[i] <= want && want < data.start_s[i] + data.length_s[i]) best = i;
+  if (best === undefined) return;
+  const rates = data.channels.map((name, k) => `${name} ${hertz(data.rate_hz[k][best])}`).join(" · ");
+  const flags = flagNames(data.flags[best]).filter((name) => name !== "clock free");
+  const bins = data.bins > 1 ? ` · mean of ${data.bins} bins` : "";
+  $("counts-text").textContent = `${utc(data.start_s[best], 1)} UTC · ${rates}${bins}${flags.length ? ` · ${flags.join(", ")}` : ""}`;
+  $("counts").setAttribute("aria-label", `counts of ${S.counter}: ${rates}; ${faults} points with faults in view`);
+}
+
+function legend() {
+  const box = $("legend");
+  const data = countsNow();
+  const channels = data?.channels ?? S.about?.devices.find((d) => d.name === S.counter)?.channels ?? [];
+  box.replaceChildren(...channels.map((name, k) => {
+    const label = document.createElement("label");
+    const input = Object.assign(document.createElement("input"), { type: "checkbox", checked: !S.off.has(name) });
+    input.addEventListener("change", () => { input.checked ? S.off.delete(name) : S.off.add(name); redraw("counts"); });
+    const swatch = document.createElement("span");
+    swatch.className = "swatch";
+    const colour = lineColour(k);
+    const dash = theme() === "red" ? STROKES[k % 4] : [];
+    let [at, stops] = [0, []];
+    dash.forEach((length, i) => { stops.push(`${i % 2 ? "transparent" : colour} ${at}px ${at + length}px`); at += length; });
+    swatch.style.background = dash.length ? `repeating-linear-gradient(90deg, ${stops.join(", ")})` : colour;
+    label.append(input, swatch, name);
+    return label;
+  }));
+}
+
+// --- sky ----------------------------------------------------------------------------------------------------------------
+
+function drawSky() {
+  const { c, w, h, em } = fit($("sky"));
+  const radius = Math.min(w, h) / 2 - 1.4 * em;
+  const [cx, cy] = [w / 2, h / 2];
+  // As one looks up: north above, east on the left.
+  const place = ([azimuth, altitude]) => {
+    const r = (radius * (90 - altitude)) / 90;
+    const a = (azimuth * Math.PI) / 180;
+    return [cx - r * Math.sin(a), cy - r * Math.cos(a)];
+  };
+  // A page that is not laid out yet, or not any more, has no room for a sky.
+  if (radius <= 0) return;
+  c.fillStyle = css("--sky");
+  c.beginPath(); c.arc(cx, cy, radius, 0, 7); c.fill();
+  c.strokeStyle = css("--line");
+  for (const altitude of [0, 30, 60]) { c.beginPath(); c.arc(cx, cy, (radius * (90 - altitude)) / 90, 0, 7); c.stroke(); }
+  c.beginPath(); c.moveTo(cx, cy - radius); c.lineTo(cx, cy + radius); c.moveTo(cx - radius, cy); c.lineTo(cx + radius, cy); c.stroke();
+  c.fillStyle = css("--soft");
+  c.textAlign = "center"; c.textBaseline = "middle";
+  for (const [name, azimuth] of [["N", 0], ["E", 90], ["S", 180], ["W", 270]]) c.fillText(name, ...place([azimuth, -90 * (0.75 * em) / radius]));
+  c.textAlign = "left";
+  const sky = S.sky;
+  if (sky) {
+    c.strokeStyle = css("--soft");
+    c.beginPath();
+    sky.horizon_deg.concat(sky.horizon_deg[0]).forEach((altitude, i) => c.lineTo(...place([10 * i, altitude])));
+    c.stroke();
+    c.fillStyle = css("--star");
+    for (const star of sky.stars) {
+      const [x, y] = place(star.at_deg);
+      c.beginPath(); c.arc(x, y, Math.max(0.6, (4.5 - star.v_mag) * 0.055 * em), 0, 7); c.fill();
+      if (star.name && star.v_mag < 1.3) {
+        const wide = c.measureText(star.name).width;
+        c.fillText(star.name, x + 0.4 * em + wide < w ? x + 0.4 * em : x - 0.4 * em - wide, y);
+      }
+    }
+    const disc = (name, at, r) => {
+      if (at[1] < 0) return;
+      const [x, y] = place(at);
+      c.strokeStyle = css("--warn"); c.lineWidth = 2;
+      c.beginPath(); c.arc(x, y, r, 0, 7); c.stroke();
+      c.lineWidth = 1;
+      c.fillStyle = css("--warn");
+      const wide = c.measureText(name).width;
+      c.fillText(name, x + r + 0.2 * em + wide < w ? x + r + 0.2 * em : x - r - 0.2 * em - wide, y);
+    };
+    disc("Sun", sky.sun_deg, 0.6 * em);
+    disc(`Moon ${Math.round(100 * sky.moon_lit)} %`, sky.moon_deg, 0.5 * em);
+  }
+  const now = S.live ? S.live.now_s : S.t;
+  for (const track of S.tracks) {
+    const last = track.at_s[track.at_s.length - 1];
+    const present = track.at_s[0] <= now && now <= last;
+    c.strokeStyle = present ? css("--accent") : css("--soft");
+    c.lineWidth = present ? 2.5 : 1;
+    c.beginPath();
+    let before = false;
+    track.at_deg.forEach((at) => { if (at[1] > 0) { before ? c.lineTo(...place(at)) : c.moveTo(...place(at)); before = true; } else before = false; });
+    c.stroke();
+  }
+  c.lineWidth = 1;
+  if (sky?.target && sky.target[1][1] > 0) {
+    const [x, y] = place(sky.target[1]);
+    c.strokeStyle = css("--bad");
+    c.lineWidth = 2;
+    c.beginPath(); c.arc(x, y, 0.55 * em, 0, 7); c.moveTo(x - em, y); c.lineTo(x + em, y); c.moveTo(x, y - em); c.lineTo(x, y + em); c.stroke();
+    c.lineWidth = 1;
+    c.fillStyle = css("--ink");
+    const name = sky.target[0];
+    const wide = c.measureText(name).width;
+    c.fillText(name, clamp(x + 1.1 * em, 0, w - wide), clamp(y - 0.9 * em, em, h - em));
+  }
+}
+
+const loadSky = latest(async (at) => {
+  if (S.sky && Math.abs(S.sky.at_s - at) < 1) return;
+  try {
+    S.sky = await get(`sky?at_s=${at}`);
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    $("sky-text").textContent = error.message;
+    return;
+  }
+  const target = S.sky.target;
+  const text = target ? `${target[0]} at azimuth ${target[1][0].toFixed(1)}°, altitude ${target[1][1].toFixed(1)}°` : "no target with a place";
+  $("sky-text").textContent = `${text}; Sun at ${S.sky.sun_deg[1].toFixed(1)}°. North is up, east is left.`;
+  $("sky").setAttribute("aria-label", `sky over ${S.about.station}: ${text}`);
+  redraw("sky");
+  await new Promise((done) => setTimeout(done, 200));
+});
+
+// --- state --------------------------------------------------------------------------------------------------------------
+
+function row(...cells) {
+  const tr = document.createElement("tr");
+  for (const cell of cells) {
+    const td = document.createElement("td");
+    cell instanceof Node ? td.append(cell) : (td.textContent = cell);
+    tr.append(td);
+  }
+  return tr;
+}
+
+function stateAt(device, t) {
+  let state = "not opened";
+  for (const event of S.events) {
+    if (event.at_s > t) break;
+    if (event.kind === "end") state = "ended";
+    else if (event.device !== device) continue;
+    else if (event.kind === "device" || event.kind === "device_back") state = "running";
+    else if (event.kind === "device_lost") state = "lost";
+    else if (event.kind === "device_failed") state = "given up";
+  }
+  return state;
+}
+
+function devices() {
+  const rows = S.about.devices.map((device) => {
+    const live = S.live?.devices[device.name];
+    let [state, taken, now] = ["–", device.taken, ""];
+    if (live) {
+      state = live.state; // its error is the alarm at the top
+      taken = live.taken;
+      now = live.frame ? `${live.frame.mean_adu.toFixed(0)} … ${live.frame.most_adu} ADU` : live.rates_hz.map(([name, rate]) => `${name} ${hertz(rate)}`).join(" ");
+      if (live.refused) now += ` ${live.refused} refused`;
+    } else if (!S.live) {
+      state = stateAt(device.name, S.t);
+      if (device.kind === "camera") now = S.film && S.camera === device.name && S.frame ? `frame ${S.frame.header.number}` : "";
+      else now = `${device.channels.length} channels`;
+    }
+    return row(device.name, state, String(taken), now);
+  });
+  const text = rows.map((r) => r.textContent).join("\n");
+  if (devices.text === text) return;
+  devices.text = text;
+  $("devices").tBodies[0].replaceChildren(...rows);
+}
+
+function visits() {
+  const body = $("visits").tBodies[0];
+  body.replaceChildren(...S.about.visits.map((visit) => {
+    let name = visit.number > 1 ? `${visit.name} (${visit.number})` : visit.name;
+    if (!S.live) {
+      const button = Object.assign(document.createElement("button"), { type: "button", textContent: name });
+      button.addEventListener("click", () => seek(visit.from_s));
+      name = button;
+    }
+    const tr = row(name, visit.kind, utc(visit.from_s, 0), visit.to_s - visit.from_s > 80000 ? "end" : utc(visit.to_s, 0));
+    for (const cell of [...tr.cells].slice(2)) cell.className = "number";
+    return tr;
+  }));
+}
+function markVisits(t) {
+  const body = $("visits").tBodies[0];
+  S.about.visits.forEach((visit, i) => body.rows[i]?.classList.toggle("now", visit.from_s <= t && t < visit.to_s));
+}
+
+const SHOWN = 600;
+function eventItem(event) {
+  const li = document.createElement("li");
+  li.classList.toggle("alarming", event.alarm);
+  let time = document.createElement(S.live ? "span" : "button");
+  time.className = "number";
+  time.textContent = event.utc.slice(11, 19);
+  if (!S.live) {
+    time.type = "button";
+    time.addEventListener("click", () => seek(event.at_s));
+  }
+  const text = document.createElement("span");
+  text.textContent = `${event.kind.replaceAll("_", " ")}${event.text ? `: ${event.text}` : ""}`;
+  li.append(time, text);
+  return li;
+}
+function addEvents(events) {
+  S.events.push(...events);
+  if (S.live && S.events.length > 2000) S.events.splice(0, S.events.length - 2000);
+  const list = $("events");
+  if (S.live) list.prepend(...events.map(eventItem).reverse());
+  else list.append(...events.slice(-SHOWN).map(eventItem));
+  while (list.children.length > SHOWN) (S.live ? list.lastChild : list.firstChild).remove();
+}
+function markEvents(t) {
+  const list = $("events").children;
+  const first = S.events.length - list.length;
+  for (let i = 0; i < list.length; i++) list[i].classList.toggle("later", S.events[first + i].at_s > t);
+}
+
+function present(t) {
+  const now = S.live ? S.live.target : visitAt(t);
+  $("clock").textContent = `${S.live ? S.live.utc.slice(0, 10) : new Date(S.about.start_unix_ms + t * 1000).toISOString().slice(0, 10)} ${utc(t, 1)} UTC`;
+  const paused = S.live?.paused ? "paused: what is recorded belongs to no visit" : null;
+  const named = now && now.kind !== "none";
+  const left = named && now.to_s !== null ? `, ${span(now.to_s - t)} left` : "";
+  $("target").textContent = paused ?? (named ? `${now.name}${left}` : "no target");
+  const next = S.live ? S.live.next : S.about.visits.find((visit) => visit.from_s > t);
+  $("next").textContent = next ? `next ${next.name} in ${span(next.from_s - t)}` : "";
+}
+
+// --- recorded -----------------------------------------------------------------------------------------------------------
+
+function frameAt(t) {
+  const starts = S.film?.start_s ?? [];
+  let [low, high] = [0, starts.length];
+  while (low < high) { const middle = (low + high) >> 1; starts[middle] <= t ? (low = middle + 1) : (high = middle); }
+  return low - 1;
+}
+
+function seek(t) {
+  S.t = clamp(t, 0, S.about.length_s);
+  $("slider").value = String(S.t);
+  $("slider").setAttribute("aria-valuetext", `${utc(S.t, 0)} UTC`);
+  $("at").textContent = `${utc(S.t, 1)} · ${span(S.t)} of ${span(S.about.length_s)}`;
+  const index = frameAt(S.t);
+  if (S.camera && index >= 0) loadFrame({ camera: S.camera, of: index });
+  present(S.t);
+  markVisits(S.t);
+  needCounts();
+  redraw("counts");
+  redraw("sky");
+  later();
+}
+// What need not follow each picture of the film.
+let laterAt = 0;
+function later() {
+  if (laterAt) return;
+  laterAt = setTimeout(() => { laterAt = 0; loadSky(S.t); devices(); markEvents(S.t); }, 120);
+}
+
+function play(on) {
+  S.playing = on;
+  $("play").textContent = on ? "Hold" : "Play";
+  $("play").setAttribute("aria-pressed", String(on));
+  if (!on) return;
+  if (S.t >= S.about.length_s) seek(0);
+  let before = performance.now();
+  const step = (now) => {
+    if (!S.playing) return;
+    seek(S.t + ((now - before) / 1000) * Number($("speed").value));
+    before = now;
+    if (S.t >= S.about.length_s) play(false);
+    else requestAnimationFrame(step);
+  };
+  requestAnimationFrame(step);
+}
+
+function stepFrame(by) {
+  const next = clamp(frameAt(S.t) + by, 0, (S.film?.start_s.length ?? 1) - 1);
+  const start = S.film?.start_s[next];
+  if (start !== undefined) seek(start + 1e-6);
+  else seek(S.t + by);
+}
+
+function drawStrip() {
+  if (S.live || !S.about) return;
+  const { c, w, h } = fit($("strip"));
+  const x = (t) => (t / S.about.length_s) * w;
+  c.fillStyle = css("--line");
+  c.fillRect(0, h / 3, w, h / 3);
+  for (const visit of S.about.visits) {
+    c.fillStyle = visit.kind === "star" || visit.kind === "satellite" ? css("--accent") : css("--soft");
+    c.fillRect(x(visit.from_s), h / 4, Math.max(1, x(visit.to_s) - x(visit.from_s) - 1), h / 2);
+  }
+  c.fillStyle = css("--bad");
+  for (const event of S.events) if (event.alarm) c.fillRect(x(event.at_s), 0, 2, h);
+}
+
+async function chooseCamera(name) {
+  S.camera = name;
+  S.frame = S.marks = S.film = null;
+  if (!name) return;
+  if (!S.live) {
+    S.film = await get(`frames/${part(name)}`);
+    // Before the first frame there is none: show the first.
+    const index = Math.max(0, frameAt(S.t));
+    if (S.film.start_s.length) loadFrame({ camera: name, of: index });
+  }
+}
+function chooseCounter(name) {
+  S.counter = name;
+  S.shown = null;
+  legend();
+  needCounts();
+  redraw("counts");
+}
+
+function options(select, names) {
+  select.replaceChildren(...names.map((name) => Object.assign(document.createElement("option"), { value: name, textContent: name })));
+  select.closest("label").hidden = names.length < 2;
+}
+
+async function about() {
+  S.about = await get("about");
+  document.title = `${S.about.name} – sunglint`;
+  $("name").textContent = S.about.name;
+  const names = (kind) => S.about.devices.filter((d) => d.kind === kind).map((d) => d.name);
+  options($("camera"), names("camera"));
+  options($("counter"), names("counter"));
+  visits();
+  notice(S.about.warnings.slice(0, 3).join(" · "));
+  get("tracks").then((tracks) => { S.tracks = tracks; redraw("sky"); }, () => {});
+  return { camera: names("camera")[0], counter: names("counter")[0] };
+}
+
+async function recorded({ camera, counter }) {
+  $("mode").textContent = S.about.ended ? "recorded" : "recorded, no good end";
+  $("film").hidden = false;
+  $("span").value = "visit";
+  $("slider").max = String(S.about.length_s);
+  const { events } = await get("events");
+  addEvents(events);
+  await chooseCamera(camera);
+  chooseCounter(counter);
+  const first = S.about.visits.find((v) => v.kind === "star" || v.kind === "satellite");
+  seek(first ? Math.min(first.from_s + 1, first.to_s) : 0);
+  devices();
+  drawAll();
+  root.dataset.ready = "yes";
+}
+
+// --- live ---------------------------------------------------------------------------------------------------------------
+
+const KEEP = 6000;
+function take(view) {
+  const again = S.live && S.live.run !== view.run;
+  S.live = view;
+  if (again) {
+    S.seen = { events: 0, counts: {} };
+    S.counts = {};
+    S.events = [];
+    $("events").replaceChildren();
+    throw "again";
+  }
+  addEvents(view.events);
+  if (view.events.length) S.seen.events = view.events[view.events.length - 1].number;
+  let missed = view.events_missed;
+  for (const [name, new_] of Object.entries(view.counts)) {
+    const have = (S.counts[name] ??= { channels: new_.channels, start_s: [], length_s: [], flags: [], rate_hz: new_.channels.map(() => []), bins: 1 });
+    for (const key of ["start_s", "length_s", "flags"]) have[key].push(...new_[key]);
+    new_.rate_hz.forEach((rates, k) => have.rate_hz[k].push(...rates));
+    const over = have.start_s.length - KEEP;
+    if (over > 0) for (const list of [have.start_s, have.length_s, have.flags, ...have.rate_hz]) list.splice(0, over);
+    if (S.seen.counts[name] !== undefined) missed += new_.missed;
+    S.seen.counts[name] = new_.last;
+  }
+  const gone = S.since && Date.now() - S.since > 3000 ? (Date.now() - S.since) / 1000 : 0;
+  if (gone || missed) {
+    const caught = view.events.length ? `, ${view.events.length} events came meanwhile` : "";
+    const lost = missed ? `; ${missed} points or events are not on this page (the session has them)` : "";
+    notice(gone ? `back after ${span(gone)} without the night${caught}${lost}` : `this page was too slow${lost}`);
+  }
+  S.since = Date.now();
+  if (view.events.some((e) => e.kind === "target" || e.kind === "control")) schedule();
+}
+
+const schedule = latest(async () => {
+  const { visits: list } = await get("about");
+  S.about.visits = list;
+  visits();
+  S.tracks = await get("tracks");
+});
+
+let ringing = "";
+function alarms(view) {
+  const all = [];
+  for (const [name, device] of Object.entries(view.devices)) if (device.error) all.push(`${name} ${device.state === "failed" ? "was given up" : "is lost"}: ${device.error}`);
+  if (view.disk_error) all.push(view.disk_error);
+  if (view.not_written) all.push(`${view.not_written} rows or frames are not written`);
+  if (view.bytes_per_s && view.free_bytes / view.bytes_per_s < 3600) all.push(`the disk is full in ${span(view.free_bytes / view.bytes_per_s)}`);
+  const text = all.join(" · ");
+  $("alarm").textContent = text;
+  $("alarm").hidden = !text;
+  if (text && text !== ringing && $("sound").checked) beep();
+  ringing = text;
+}
+function beep() {
+  const audio = new AudioContext();
+  const tone = audio.createOscillator();
+  tone.frequency.value = 880;
+  tone.connect(audio.destination);
+  tone.start();
+  tone.stop(audio.currentTime + 0.4);
+}
+
+function showLive(view) {
+  $("mode").textContent = view.ended ? `ended: ${view.ended}` : view.paused ? "paused" : "live";
+  $("mode").className = view.ended ? "badge" : view.paused ? "badge bad" : "badge good";
+  present(view.now_s);
+  devices();
+  markVisits(view.now_s);
+  alarms(view);
+  const free = view.free_bytes === null ? "" : `disk: ${(view.free_bytes * 1e-9).toFixed(1)} GB free`;
+  const fills = view.bytes_per_s ? `, full in ${span(view.free_bytes / view.bytes_per_s)} at this rate` : "";
+  $("disk").textContent = free + fills;
+  $("pause").textContent = view.paused ? "Resume" : "Pause";
+  for (const id of ["pause", "skip"]) { $(id).disabled = Boolean(view.ended) || !view.can_pause; $(id).title = view.can_pause ? "" : "the visits of a night that is virtual or played back are fixed"; }
+  $("stop").disabled = Boolean(view.ended);
+  const frame = view.devices[S.camera]?.frame;
+  if (frame && frame.number !== S.frame?.of) loadFrame({ camera: S.camera, of: frame.number });
+  else frameText();
+  if (!S.sky || Math.abs(S.sky.at_s - view.now_s) > 5) loadSky(view.now_s);
+  redraw("counts");
+}
+
+async function live() {
+  $("steer").hidden = !token();
+  $("note-form").hidden = !token();
+  $("sound-label").hidden = false;
+  document.body.classList.add("live");
+  $("span").value = "60";
+  let failed = 0;
+  for (;;) {
+    const begun = performance.now();
+    try {
+      const query = new URLSearchParams({ events: String(S.seen.events) });
+      for (const [name, number] of Object.entries(S.seen.counts)) query.set(`c.${name}`, String(number));
+      const view = await get(`live?${query}`);
+      if (failed) { failed = 0; notice(""); }
+      try {
+        take(view);
+      } catch (again) {
+        if (again !== "again") throw again;
+        const chosen = await about();
+        notice("the program was started again: this is the new night");
+        await chooseCamera(chosen.camera);
+        chooseCounter(chosen.counter);
+        continue;
+      }
+      showLive(view);
+      root.dataset.ready = "yes";
+      if (view.ended) failed = 0;
+    } catch (error) {
+      failed++;
+      $("mode").textContent = S.live?.ended ? `ended: ${S.live.ended}` : "no connection";
+      $("mode").className = "badge bad";
+      // An ended night's program is gone: nothing is wrong.
+      if (!S.live?.ended) complain(error);
+    }
+    const pause = failed ? Math.min(1000, 200 * failed) : document.hidden ? 1000 : 100;
+    await new Promise((done) => setTimeout(done, Math.max(0, pause - (performance.now() - begun))));
+  }
+}
+
+async function steer(action, text = "") {
+  try {
+    const { done } = await (await ask("control", { action, text })).json();
+    notice(done);
+    return true;
+  } catch (error) {
+    complain(error);
+    return false;
+  }
+}
+
+// --- the person ---------------------------------------------------------------------------------------------------------
+
+const DRAW = { image: drawImage, counts: () => S.about && drawCounts(), sky: () => S.about && drawSky(), strip: drawStrip };
+
+function wire() {
+  $("theme").value = localStorage.getItem("sunglint-theme") ?? "auto";
+  $("theme").addEventListener("change", () => { localStorage.setItem("sunglint-theme", $("theme").value); develop(); paintTheme(); });
+  system.addEventListener("change", () => { develop(); paintTheme(); });
+  $("stretch").addEventListener("change", () => { develop(); frameText(); redraw("image"); });
+  $("marks").addEventListener("change", () => { redraw("image"); if ($("marks").checked && S.frame) loadMarks({ camera: S.camera, of: S.frame.of }); });
+  $("zoom-in").addEventListener("click", () => zoom(2));
+  $("zoom-out").addEventListener("click", () => zoom(0.5));
+  $("zoom-all").addEventListener("click", () => zoom(0));
+  $("image").addEventListener("pointermove", readPixel);
+  $("image").addEventListener("pointerleave", () => { $("pixel").textContent = "\u00a0"; });
+  $("image").addEventListener("dblclick", (event) => S.frame && zoom(2, pixelUnder(event)));
+  $("image").addEventListener("wheel", (event) => { if (S.frame && event.ctrlKey) { event.preventDefault(); zoom(event.deltaY < 0 ? 1.25 : 0.8, pixelUnder(event)); } }, { passive: false });
+  $("camera").addEventListener("change", () => chooseCamera($("camera").value).catch(complain));
+  $("counter").addEventListener("change", () => chooseCounter($("counter").value));
+  $("span").addEventListener("change", () => { needCounts(); redraw("counts"); });
+  $("log").addEventListener("change", () => redraw("counts"));
+  const counts = $("counts");
+  const timeUnder = (event) => {
+    const { from, to, l, r } = counts.plot ?? {};
+    return from === undefined ? null : from + (clamp(event.clientX - counts.getBoundingClientRect().left, l, r) - l) / (r - l) * (to - from);
+  };
+  counts.addEventListener("pointermove", (event) => { S.hover = timeUnder(event); redraw("counts"); });
+  counts.addEventListener("pointerleave", () => { S.hover = null; redraw("counts"); });
+  counts.addEventListener("click", (event) => { const t = timeUnder(event); if (!S.live && t !== null) seek(t); });
+  $("slider").addEventListener("input", () => seek(Number($("slider").value)));
+  $("play").addEventListener("click", () => play(!S.playing));
+  $("before").addEventListener("click", () => stepFrame(-1));
+  $("after").addEventListener("click", () => stepFrame(1));
+  $("pause").addEventListener("click", () => steer(S.live?.paused ? "resume" : "pause"));
+  $("skip").addEventListener("click", () => steer("skip"));
+  $("stop").addEventListener("click", () => steer("stop"));
+  $("note-form").addEventListener("submit", async (event) => { event.preventDefault(); if (await steer("note", $("note").value)) $("note").value = ""; });
+  const help = () => { $("help").hidden = !$("help").hidden; $("help-button").setAttribute("aria-expanded", String(!$("help").hidden)); };
+  $("help-button").addEventListener("click", help);
+  const sizes = new ResizeObserver(drawAll);
+  for (const canvas of document.querySelectorAll("canvas")) sizes.observe(canvas);
+  addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey || !S.about) return;
+    if (event.target.matches("input[type=text], select")) return;
+    const film = !S.live;
+    const onSlider = event.target === $("slider");
+    const onButton = event.target.matches("button, input[type=checkbox]");
+    const visitStart = (by) => {
+      const list = S.about.visits;
+      const next = by > 0 ? list.find((v) => v.from_s > S.t + 0.01) : list.findLast((v) => v.from_s < S.t - 1);
+      if (next) seek(next.from_s);
+    };
+    const act = {
+      " ": film && !onButton && (() => play(!S.playing)),
+      ArrowLeft: film && (() => (event.shiftKey ? seek(S.t - 60) : stepFrame(-1))),
+      ArrowRight: film && (() => (event.shiftKey ? seek(S.t + 60) : stepFrame(1))),
+      Home: film && !onSlider && (() => seek(0)),
+      End: film && !onSlider && (() => seek(S.about.length_s)),
+      "[": film && (() => visitStart(-1)),
+      "]": film && (() => visitStart(1)),
+      "+": () => zoom(2), "-": () => zoom(0.5), 0: () => zoom(0),
+      s: () => { $("stretch").selectedIndex = ($("stretch").selectedIndex + 1) % 3; $("stretch").dispatchEvent(new Event("change")); },
+      r: () => { const now = $("theme").value; $("theme").value = now === "red" ? (wire.before ?? "auto") : "red"; if (now !== "red") wire.before = now; $("theme").dispatchEvent(new Event("change")); },
+      "?": help,
+    }[event.key];
+    if (!act) return;
+    event.preventDefault();
+    act();
+  });
+}
+
+async function begin() {
+  wire();
+  root.dataset.theme = theme();
+  for (;;) {
+    try {
+      const chosen = await about();
+      S.live = S.about.mode === "live" ? S.live : null;
+      if (S.about.mode === "live") {
+        S.camera = chosen.camera;
+        S.counter = chosen.counter;
+        S.live = await get("live");
+        S.live.counts = {};
+        legend();
+        await live();
+      } else await recorded(chosen);
+      return;
+    } catch (error) {
+      // The night has not begun, or the program is not there yet.
+      $("mode").textContent = error.status === 401 ? "no token" : "waiting";
+      complain(error);
+      await new Promise((done) => setTimeout(done, 1000));
+    }
+  }
+}
+begin();

@@ -1,0 +1,244 @@
+//! Light of bodies and BRDFs on arrays of directions.
+
+use crate::watch::{Error, Failure, run};
+use glam::DVec3;
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::Path;
+use std::sync::Arc;
+use sunglint_formats::nearest_names;
+use sunglint_materials::look;
+use sunglint_simulator::intensity::{Aspect, Intensities, IntensityOptions, Span};
+use sunglint_simulator::surface::Material;
+use sunglint_simulator::target::Target;
+
+/// Geometries that are evaluated between two looks for Ctrl-C.
+const TOGETHER: usize = 4096;
+
+/// A body whose light is asked for: a built-in target or one of a file.
+#[pyclass(frozen, module = "sunglint._core")]
+pub struct Body {
+    target: Arc<Target>,
+}
+
+fn target(model: &str) -> Result<Target, Failure> {
+    if let Some(target) = Target::built_in(model) {
+        return Ok(target);
+    }
+    if Path::new(model).exists() {
+        return Ok(Target::read(Path::new(model))?);
+    }
+    let names = Target::built_in_names();
+    let near = nearest_names(model, names.iter().copied(), 1);
+    let hint = near.first().map_or(String::new(), |near| format!("; did you mean {near}?"));
+    Err(format!(
+        "there is no target `{model}`: it is neither a built-in name ({}) nor a file{hint}",
+        names.join(", ")
+    )
+    .into())
+}
+
+fn directions(of: &PyReadonlyArray2<'_, f64>, name: &str) -> PyResult<Vec<DVec3>> {
+    let array = of.as_array();
+    if array.ncols() != 3 {
+        let text = format!("{name} has the shape {:?}, expected (n, 3)", array.shape());
+        return Err(Error::new_err(text));
+    }
+    Ok(array.rows().into_iter().map(|row| DVec3::new(row[0], row[1], row[2])).collect())
+}
+
+#[pymethods]
+impl Body {
+    #[new]
+    fn new(py: Python<'_>, model: String) -> PyResult<Self> {
+        let target = run(py, None, move |_| target(&model))?;
+        Ok(Self { target: Arc::new(target) })
+    }
+
+    /// Name of the body.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.target.name
+    }
+
+    /// Names of its materials.
+    #[getter]
+    fn materials(&self) -> Vec<String> {
+        self.target.materials.iter().map(|m| m.name.clone()).collect()
+    }
+
+    /// Warnings of its file.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.target.warnings.clone()
+    }
+
+    /// The light for (n, 3) unit vectors to Sun and observer in body axes.
+    #[pyo3(signature = (sun, observer, wavelength_nm, range_m=None, sun_distance_au=None, tolerance=None, budget_s=None, progress=None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
+    fn light<'py>(
+        &self,
+        py: Python<'py>,
+        sun: PyReadonlyArray2<'py, f64>,
+        observer: PyReadonlyArray2<'py, f64>,
+        wavelength_nm: Vec<f64>,
+        range_m: Option<PyReadonlyArray1<'py, f64>>,
+        sun_distance_au: Option<f64>,
+        tolerance: Option<f64>,
+        budget_s: Option<f64>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let (sun, observer) = (directions(&sun, "sun")?, directions(&observer, "observer")?);
+        if sun.len() != observer.len() {
+            let text = format!("sun has {} rows and observer {}", sun.len(), observer.len());
+            return Err(Error::new_err(text));
+        }
+        let range: Option<Vec<f64>> = range_m.map(|r| r.as_array().to_vec());
+        if let Some(range) = range.as_ref().filter(|r| r.len() != sun.len()) {
+            let text = format!("range_m has {} values, expected {}", range.len(), sun.len());
+            return Err(Error::new_err(text));
+        }
+        let mut aspects: Vec<Aspect> = Vec::with_capacity(sun.len());
+        for (i, (sun, observer)) in sun.into_iter().zip(observer).enumerate() {
+            let mut aspect = Aspect::new(sun, observer);
+            aspect.range_m = range.as_ref().map(|r| r[i]).filter(|r| r.is_finite());
+            aspect.sun_distance_au = sun_distance_au.unwrap_or(aspect.sun_distance_au);
+            aspects.push(aspect);
+        }
+        let mut options = IntensityOptions::default();
+        options.tolerance = tolerance.unwrap_or(options.tolerance);
+        options.budget_s = budget_s.unwrap_or(options.budget_s);
+        options.wavelength_nm = wavelength_nm;
+        let target = self.target.clone();
+        let wavelengths = options.wavelength_nm.len();
+        let n = aspects.len();
+        let (columns, warnings) = run(py, progress, move |watch| {
+            let mut span = Span::default();
+            for (i, aspect) in aspects.iter().enumerate() {
+                span.add(aspect).map_err(|e| format!("row {i}: {e}"))?;
+            }
+            let mut columns = Columns::with_capacity(n, wavelengths);
+            if n == 0 {
+                return Ok((columns, Vec::new()));
+            }
+            let all = Intensities::new(&target, options, &span)?;
+            for (chunk, part) in aspects.chunks(TOGETHER).enumerate() {
+                watch.at("light", chunk * TOGETHER, n);
+                for light in all.many(part)? {
+                    columns.phase_deg.push(light.phase_deg);
+                    columns.met.push(light.met);
+                    for at in &light.light {
+                        columns.per_irradiance.push(at.per_irradiance_m2_per_sr);
+                        columns.error.push(at.error_m2_per_sr);
+                        columns.intensity.push(at.intensity_w_per_sr_nm);
+                    }
+                }
+            }
+            Ok((columns, all.warnings().to_vec()))
+        })?;
+        let out = PyDict::new(py);
+        let shaped = |values: Vec<f64>| -> PyResult<Bound<'py, PyArray2<f64>>> {
+            PyArray1::from_vec(py, values).reshape([n, wavelengths])
+        };
+        out.set_item("per_irradiance_m2_per_sr", shaped(columns.per_irradiance)?)?;
+        out.set_item("error_m2_per_sr", shaped(columns.error)?)?;
+        out.set_item("intensity_w_per_sr_nm", shaped(columns.intensity)?)?;
+        out.set_item("phase_deg", PyArray1::from_vec(py, columns.phase_deg))?;
+        out.set_item("met", PyArray1::from_vec(py, columns.met))?;
+        out.set_item("warnings", warnings)?;
+        Ok(out)
+    }
+}
+
+/// Columns of the light.
+struct Columns {
+    per_irradiance: Vec<f64>,
+    error: Vec<f64>,
+    intensity: Vec<f64>,
+    phase_deg: Vec<f64>,
+    met: Vec<bool>,
+}
+
+impl Columns {
+    fn with_capacity(n: usize, wavelengths: usize) -> Self {
+        let room = || Vec::with_capacity(n * wavelengths);
+        Self {
+            per_irradiance: room(),
+            error: room(),
+            intensity: room(),
+            phase_deg: Vec::with_capacity(n),
+            met: Vec::with_capacity(n),
+        }
+    }
+}
+
+/// A material whose BRDF is asked for, as `sunglint brdf show` takes it.
+#[pyclass(frozen, module = "sunglint._core")]
+pub struct Brdf {
+    material: Arc<Material>,
+    name: String,
+}
+
+#[pymethods]
+impl Brdf {
+    #[new]
+    #[pyo3(signature = (name, wavelength_nm=550.0))]
+    fn new(py: Python<'_>, name: String, wavelength_nm: f64) -> PyResult<Self> {
+        let own = name.clone();
+        let material = run(py, None, move |_| Ok(look::read(&own, wavelength_nm)?))?;
+        if material.is_mirror() {
+            return Err(Error::new_err(format!("{name} is a mirror: it has no BRDF")));
+        }
+        Ok(Self { material: Arc::new(material), name })
+    }
+
+    /// The file, and the material in it.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The BRDF, 1/sr, for (n, 3) unit vectors to light and observer; z is the normal, x the tangent.
+    fn evaluate<'py>(
+        &self,
+        py: Python<'py>,
+        wavelength_nm: f64,
+        light: PyReadonlyArray2<'py, f64>,
+        observer: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (light, observer) = (directions(&light, "light")?, directions(&observer, "observer")?);
+        if light.len() != observer.len() {
+            let text = format!("light has {} rows and observer {}", light.len(), observer.len());
+            return Err(Error::new_err(text));
+        }
+        let material = self.material.clone();
+        let values = run(py, None, move |watch| {
+            let mut values = Vec::with_capacity(light.len());
+            for (row, (i, o)) in light.iter().zip(&observer).enumerate() {
+                if row % TOGETHER == 0 {
+                    watch.at("brdf", row, light.len());
+                }
+                let is_unit = |v: &DVec3| (v.length() - 1.0).abs() < 1e-6;
+                if !is_unit(i) || !is_unit(o) {
+                    return Err(format!("row {row}: {i}, {o}: expected unit vectors").into());
+                }
+                values.push(if i.z > 0.0 && o.z > 0.0 {
+                    material.brdf(wavelength_nm, *i, *o)
+                } else {
+                    0.0
+                });
+            }
+            Ok(values)
+        })?;
+        Ok(PyArray1::from_vec(py, values))
+    }
+
+    /// Hemispherical reflectance for light at an angle of incidence, deg, along the tangent.
+    #[pyo3(signature = (wavelength_nm, theta_i_deg=0.0))]
+    fn albedo(&self, py: Python<'_>, wavelength_nm: f64, theta_i_deg: f64) -> PyResult<f64> {
+        let material = self.material.clone();
+        let (sin, cos) = theta_i_deg.to_radians().sin_cos();
+        run(py, None, move |_| Ok(material.albedo(wavelength_nm, DVec3::new(sin, 0.0, cos))?))
+    }
+}

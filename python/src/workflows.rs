@@ -1,0 +1,506 @@
+//! Workflows: the same calls of the libraries as the program's commands.
+
+use crate::product::{Outcome, columns};
+use crate::watch::{Error, Failure, Watch, exception, run};
+use numpy::PyReadonlyArray2;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use sunglint_analysis::curves::{Curves, Trends};
+use sunglint_analysis::period::{Options as Search, PeriodOptions, find_period};
+use sunglint_analysis::sessions::{self, find_over_sessions};
+use sunglint_calibration::field_stars::System;
+use sunglint_calibration::photometry::field::{FieldOptions, find};
+use sunglint_calibration::reduction::folder::{FolderOptions, StarsOptions, reduce_frames};
+use sunglint_formats::photometry::{self, ColumnNames, Scale};
+use sunglint_inference::compare::{MagnitudeColumns, MeasuredPass, at_measured_times, compare};
+use sunglint_inference::fit::{FitOptions, FreeParameter, fit};
+use sunglint_inference::measured::joined;
+use sunglint_radiometry::air::{Air, AirOptions};
+use sunglint_radiometry::light_curve::published::{MagnitudeKind, MagnitudeOptions};
+use sunglint_radiometry::station::Station;
+use sunglint_report::{Product, explain, folder, import, period};
+use sunglint_simulator::pass::{Overrides, Pass, PassFile, Stopwatch};
+
+/// A keyword's value that is not one of those that are known.
+fn unknown(what: &str, given: &str, known: &str) -> Failure {
+    format!("{what} is `{given}`, expected {known}").into()
+}
+
+/// The station that was named: built in, a file or its folder.
+fn station(name: Option<&str>) -> Result<Option<Station>, Failure> {
+    let Some(name) = name else { return Ok(None) };
+    if let Some(station) = Station::built_in(name) {
+        return Ok(Some(station?));
+    }
+    if Path::new(name).exists() {
+        return Ok(Some(Station::read(Path::new(name))?));
+    }
+    let names = Station::built_in_names().join(", ");
+    Err(format!(
+        "there is no station `{name}`: it is neither a built-in name ({names}) nor a file or folder"
+    )
+    .into())
+}
+
+fn pass(path: &Path, named: Option<&str>, mut overrides: Overrides) -> Result<Pass, Failure> {
+    let file = PassFile::read(path)?;
+    overrides.station = station(named)?;
+    if overrides.station.is_none() && !file.names_station() {
+        return Err(format!(
+            "{}: no station: the scene names none in [station]; give station= with a built-in name ({}) or a file",
+            path.display(),
+            Station::built_in_names().join(", ")
+        )
+        .into());
+    }
+    Ok(file.resolve(overrides)?)
+}
+
+fn moment(name: &str, text: Option<&str>) -> Result<Option<hifitime::Epoch>, Failure> {
+    let Some(text) = text else { return Ok(None) };
+    sunglint_formats::time::parse_utc(text)
+        .map(Some)
+        .map_err(|e| format!("{name} is `{text}`: {e}").into())
+}
+
+fn scale(name: Option<&str>) -> Result<Option<Scale>, Failure> {
+    Ok(match name {
+        None => None,
+        Some("utc") => Some(Scale::Utc),
+        Some("tai") => Some(Scale::Tai),
+        Some("tt") => Some(Scale::Tt),
+        Some("tdb") => Some(Scale::Tdb),
+        Some(other) => return Err(unknown("time_scale", other, "utc, tai, tt or tdb")),
+    })
+}
+
+/// How tables of magnitudes are read.
+#[derive(Debug, Default, FromPyObject)]
+#[pyo3(from_item_all)]
+struct Reading {
+    time_column: Option<String>,
+    time_scale: Option<String>,
+    magnitude_column: Option<String>,
+    sigma_column: Option<String>,
+    magnitudes_as: Option<String>,
+    sigma_mag: Option<f64>,
+}
+
+impl Reading {
+    fn names(&self) -> Result<ColumnNames, Failure> {
+        let mut names = ColumnNames::default();
+        names.time.clone_from(&self.time_column);
+        names.scale = scale(self.time_scale.as_deref())?;
+        names.magnitude.clone_from(&self.magnitude_column);
+        names.sigma.clone_from(&self.sigma_column);
+        Ok(names)
+    }
+
+    fn kind(&self) -> Result<MagnitudeKind, Failure> {
+        Ok(match self.magnitudes_as.as_deref() {
+            None | Some("apparent") => MagnitudeKind::Apparent,
+            Some("ground") => MagnitudeKind::Ground,
+            Some("1000km") => MagnitudeKind::Range,
+            Some("standard") => MagnitudeKind::Standard,
+            Some(other) => {
+                return Err(unknown(
+                    "magnitudes_as",
+                    other,
+                    "apparent, ground, 1000km or standard",
+                ));
+            }
+        })
+    }
+
+    fn options(&self) -> Result<MagnitudeOptions, Failure> {
+        let mut columns = self.names()?;
+        columns.sigma = None;
+        Ok(MagnitudeOptions { columns, kind: self.kind()?, sigma_mag: self.sigma_mag })
+    }
+}
+
+/// Simulates a pass.
+#[pyfunction]
+#[pyo3(signature = (scene, station=None, start=None, end=None, step_s=None, tolerance=None, budget_s=None, progress=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
+fn simulate(
+    py: Python<'_>,
+    scene: PathBuf,
+    station: Option<String>,
+    start: Option<String>,
+    end: Option<String>,
+    step_s: Option<f64>,
+    tolerance: Option<f64>,
+    budget_s: Option<f64>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Outcome> {
+    run(py, progress, move |watch| {
+        if let Some(step) = step_s.filter(|s| !(s.is_finite() && *s > 0.0)) {
+            return Err(format!("step_s is {step}, expected seconds above 0").into());
+        }
+        let overrides = Overrides {
+            station: None,
+            from: moment("start", start.as_deref())?,
+            to: moment("end", end.as_deref())?,
+            step_s,
+            tolerance,
+            budget_s,
+        };
+        let pass = pass(&scene, station.as_deref(), overrides)?;
+        let clock = Stopwatch::new(pass.times.len());
+        let simulation = pass
+            .simulate(&|progress| {
+                clock.tell(progress);
+                watch.at(progress.stage.name(), progress.done, progress.of);
+            })
+            .map_err(|e| format!("{}: {e}", scene.display()))?;
+        let mut warnings = pass.warnings.clone();
+        warnings.extend(simulation.concerns());
+        warnings.extend(pass.concerns_of_times());
+        let report = sunglint_report::simulate::SimulationReport {
+            simulation: &simulation,
+            cost: clock.cost(),
+            warnings: &warnings,
+        };
+        let (product, text) = (report.product()?, report.text());
+        Ok(Outcome::new(product, text, warnings.clone()))
+    })
+}
+
+/// Effects that a pass needs.
+#[pyfunction]
+#[pyo3(signature = (scene, station=None, tolerance=None))]
+fn needs(
+    py: Python<'_>,
+    scene: PathBuf,
+    station: Option<String>,
+    tolerance: Option<f64>,
+) -> PyResult<Outcome> {
+    run(py, None, move |_| {
+        let overrides = Overrides { tolerance, ..Overrides::default() };
+        let pass = pass(&scene, station.as_deref(), overrides)?;
+        let explanation = pass.explain()?;
+        let mut warnings = pass.warnings.clone();
+        warnings.extend(explanation.scene.warnings.iter().cloned());
+        let product = Product {
+            name: format!("{}_needs", pass.name),
+            table: explain::table(&pass, &explanation),
+            json: explain::document(&pass, &explanation),
+            ..Product::default()
+        };
+        Ok(Outcome::new(product, explain::text(&pass, &explanation), warnings))
+    })
+}
+
+/// A measured pass beside the simulated one.
+#[pyfunction]
+#[pyo3(name = "compare", signature = (measured, scene, reading, station=None, channels=Vec::new(), tolerance=None, progress=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
+fn compare_pass(
+    py: Python<'_>,
+    measured: PathBuf,
+    scene: PathBuf,
+    reading: Reading,
+    station: Option<String>,
+    channels: Vec<String>,
+    tolerance: Option<f64>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Outcome> {
+    run(py, progress, move |watch: &Watch| {
+        let columns = MagnitudeColumns { names: reading.names()?, compared_as: reading.kind()? };
+        let mut measured = MeasuredPass::read(&measured, &columns)?;
+        let overrides = Overrides { tolerance, ..Overrides::default() };
+        let scene = pass(&scene, station.as_deref(), overrides)?;
+        measured.keep(&channels, &scene.station)?;
+        let scene = at_measured_times(scene, &measured)?;
+        let compared = compare(&scene, measured, watch)?;
+        let product = sunglint_report::compare::product(&compared);
+        let text = sunglint_report::compare::text(&compared);
+        Ok(Outcome::new(product, text, compared.warnings.clone()))
+    })
+}
+
+/// Fits scenes to measured passes.
+#[pyfunction]
+#[pyo3(name = "fit", signature = (inputs, reading, free=Vec::new(), per_pass=Vec::new(), channels=Vec::new(), station=None, largest_albedo=None, scintillation=None, places=None, starts=None, iterations=None, seed=0, progress=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
+fn fit_passes(
+    py: Python<'_>,
+    inputs: Vec<PathBuf>,
+    reading: Reading,
+    free: Vec<String>,
+    per_pass: Vec<String>,
+    channels: Vec<String>,
+    station: Option<String>,
+    largest_albedo: Option<f64>,
+    scintillation: Option<f64>,
+    places: Option<usize>,
+    starts: Option<usize>,
+    iterations: Option<usize>,
+    seed: u64,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(Outcome, bool)> {
+    run(py, progress, move |watch: &Watch| {
+        let mut curves = joined(&inputs, &reading.options()?)?;
+        let of_scene = FitOptions::of_scene(&curves[0].scene.path)?;
+        let wanted: Vec<FreeParameter> =
+            free.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
+        let given = |name: &str| wanted.iter().any(|w| w.name == name);
+        let mut options = FitOptions::default();
+        options.free = of_scene.free.into_iter().filter(|w| !given(&w.name)).collect();
+        options.free.extend(wanted.iter().cloned());
+        options.per_pass = of_scene.per_pass;
+        options.per_pass.extend(per_pass);
+        options.channels = if channels.is_empty() { of_scene.channels } else { channels };
+        options.largest_albedo = largest_albedo.unwrap_or(of_scene.largest_albedo);
+        options.loss = of_scene.loss;
+        options.scintillation = scintillation.unwrap_or(of_scene.scintillation);
+        if !(0.0..=10.0).contains(&options.scintillation) {
+            return Err(
+                format!("scintillation is {}, expected 0 to 10", options.scintillation).into()
+            );
+        }
+        options.places = places.unwrap_or(of_scene.places);
+        options.starts = starts.unwrap_or(of_scene.starts);
+        options.iterations = iterations.unwrap_or(of_scene.iterations).min(10_000);
+        options.seed = seed;
+        for curve in &mut curves {
+            curve.station = match self::station(station.as_deref())? {
+                Some(station) => Some(station),
+                None if curve.scene.names_station() => None,
+                None => {
+                    return Err(format!(
+                        "{}: no station: give station=",
+                        curve.scene.path.display()
+                    )
+                    .into());
+                }
+            };
+        }
+        let answer = fit(&curves, &options, watch)?;
+        let product = sunglint_report::fit::product(&answer)?;
+        let text = sunglint_report::fit::text(&answer);
+        let scenes = answer
+            .scenes
+            .iter()
+            .map(|scene| (format!("{}.fitted.toml", scene.name), scene.text.clone()))
+            .collect();
+        let outcome = Outcome::new(product, text, answer.warnings.clone()).with_files(scenes);
+        Ok((outcome, answer.fit.converged))
+    })
+}
+
+/// The period of curves, all channels and files together.
+#[pyfunction]
+#[pyo3(name = "period", signature = (curves, reading, channels=Vec::new(), shortest_s=None, longest_s=None, gap_s=None, harmonics=1, sessions=None, station=None, progress=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
+fn period_of(
+    py: Python<'_>,
+    curves: Vec<PathBuf>,
+    reading: Reading,
+    channels: Vec<String>,
+    shortest_s: Option<f64>,
+    longest_s: Option<f64>,
+    gap_s: Option<f64>,
+    harmonics: usize,
+    sessions: Option<String>,
+    station: Option<String>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Outcome> {
+    run(py, progress, move |watch: &Watch| {
+        for (name, value) in
+            [("shortest_s", shortest_s), ("longest_s", longest_s), ("gap_s", gap_s)]
+        {
+            if let Some(value) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
+                return Err(format!("{name} is {value}, expected seconds above 0").into());
+            }
+        }
+        if !(1..=8).contains(&harmonics) {
+            return Err(format!("harmonics is {harmonics}, expected 1 to 8").into());
+        }
+        let mut all = Curves::read(&curves, &reading.options()?, &channels)?;
+        let is_joined = match sessions.as_deref() {
+            None | Some("auto") => gap_s.is_none() && all.are_sessions(),
+            Some("joined") => true,
+            Some("apart") => false,
+            Some(other) => return Err(unknown("sessions", other, "auto, joined or apart")),
+        };
+        let station = self::station(station.as_deref())?;
+        if station.is_none() && all.has_rates() {
+            all.warnings.push(
+                "the air is not removed: no station says through which air and with which channels"
+                    .into(),
+            );
+        }
+        let air = match &station {
+            Some(station) => {
+                let known = station.air_options()?;
+                let altitude_m = station.site.geodetic().height_m;
+                Some(Air::new(&AirOptions { altitude_m, refraction: true, ..known })?)
+            }
+            None => None,
+        };
+        all.remove(&Trends {
+            air: station.as_ref().zip(air.as_ref()),
+            range: true,
+            phase: !is_joined,
+        });
+        if is_joined {
+            let options = sessions::Options::between(shortest_s, longest_s);
+            let found = find_over_sessions(all, &options, watch)?;
+            let product = period::sessions::product(&found);
+            let text = period::sessions::text(&found);
+            return Ok(Outcome::new(product, text, found.found.warnings.clone()));
+        }
+        let options = PeriodOptions { search: Search { shortest_s, longest_s }, gap_s, harmonics };
+        let found = find_period::<Failure>(all, &options, None, watch)?;
+        Ok(Outcome::new(period::product(&found), period::text(&found), found.warnings.clone()))
+    })
+}
+
+/// Samples of a file of photometry, whatever program wrote it.
+#[pyfunction]
+fn read_photometry<'py>(
+    py: Python<'py>,
+    path: PathBuf,
+    reading: Reading,
+) -> PyResult<Bound<'py, PyDict>> {
+    let own = path.clone();
+    let (read, outcome) = run(py, None, move |_| {
+        let bytes = sunglint_formats::read::bytes(&own)?;
+        let read = photometry::import(&own, bytes, &reading.names()?)?;
+        let summary = import::Summary::new(&read);
+        let stem = own.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let product = summary.product(&stem, &read)?;
+        let text = summary.text(&own);
+        Ok((read, Outcome::new(product, text, Vec::new())))
+    })?;
+    let out = PyDict::new(py);
+    out.set_item("format", read.format)?;
+    out.set_item("target", &read.samples.target)?;
+    out.set_item("is_relative", read.samples.is_relative)?;
+    out.set_item("notes", &read.samples.notes)?;
+    out.set_item("outcome", Py::new(py, outcome)?)?;
+    Ok(out)
+}
+
+/// Points and streaks of a frame.
+#[pyfunction]
+#[pyo3(signature = (pixels, fwhm_px=None, point_sigma=None, streak_sigma=None, shortest_px=None, aperture_px=None, saturation_adu=None, gain_e_per_adu=None, is_mosaic=false))]
+#[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
+fn detect(
+    py: Python<'_>,
+    pixels: PyReadonlyArray2<'_, f32>,
+    fwhm_px: Option<f64>,
+    point_sigma: Option<f64>,
+    streak_sigma: Option<f64>,
+    shortest_px: Option<f64>,
+    aperture_px: Option<f64>,
+    saturation_adu: Option<f64>,
+    gain_e_per_adu: Option<f64>,
+    is_mosaic: bool,
+) -> PyResult<String> {
+    let mut options = FieldOptions::default();
+    options.fwhm_px = fwhm_px;
+    options.point_sigmas = point_sigma.unwrap_or(options.point_sigmas);
+    options.streak_sigmas = streak_sigma.unwrap_or(options.streak_sigmas);
+    options.shortest_px = shortest_px.unwrap_or(options.shortest_px);
+    options.aperture_px = aperture_px;
+    options.saturation_adu = saturation_adu;
+    options.gain_e_per_adu = gain_e_per_adu;
+    options.is_mosaic = is_mosaic;
+    // The array is the caller's, and its pages may change under another thread: one copy.
+    let own = pixels.as_array().to_owned();
+    run(py, None, move |_| Ok(serde_json::to_string(&find(own.view(), &options)?)?))
+}
+
+/// Frames of any program, reduced to a light curve.
+#[pyfunction]
+#[pyo3(signature = (files, place_px=None, along=1, darks=Vec::new(), flats=Vec::new(), fwhm_px=None, aperture_px=None, streak_sigma=None, catalogue=None, catalogue_mag=None, catalogue_colour=None, catalogue_system=None, near_deg=None, scale_arcsec=None, target_colour=None, colour_term=None, name=None, progress=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
+fn reduce(
+    py: Python<'_>,
+    files: Vec<PathBuf>,
+    place_px: Option<[f64; 2]>,
+    along: usize,
+    darks: Vec<PathBuf>,
+    flats: Vec<PathBuf>,
+    fwhm_px: Option<f64>,
+    aperture_px: Option<f64>,
+    streak_sigma: Option<f64>,
+    catalogue: Option<PathBuf>,
+    catalogue_mag: Option<String>,
+    catalogue_colour: Option<[String; 2]>,
+    catalogue_system: Option<String>,
+    near_deg: Option<[f64; 2]>,
+    scale_arcsec: Option<f64>,
+    target_colour: Option<[f64; 2]>,
+    colour_term: Option<f64>,
+    name: Option<String>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Outcome> {
+    run(py, progress, move |watch: &Watch| {
+        let mut options = FolderOptions::default();
+        options.field.fwhm_px = fwhm_px;
+        options.field.aperture_px = aperture_px;
+        options.field.streak_sigmas = streak_sigma.unwrap_or(options.field.streak_sigmas);
+        options.place_px = place_px;
+        options.parts = along;
+        options.darks = darks;
+        options.flats = flats;
+        if let Some(path) = catalogue {
+            let mut stars = StarsOptions::default();
+            stars.list.path = path;
+            stars.list.magnitude = catalogue_mag;
+            stars.list.colour = catalogue_colour;
+            stars.list.system = match catalogue_system.as_deref() {
+                None => None,
+                Some("Vega" | "vega") => Some(System::Vega),
+                Some("AB" | "ab") => Some(System::AB),
+                Some(other) => return Err(unknown("catalogue_system", other, "Vega or AB")),
+            };
+            stars.near_deg = near_deg;
+            stars.scale_arcsec = scale_arcsec;
+            stars.target_colour = target_colour;
+            stars.colour_term = colour_term;
+            options.stars = Some(stars);
+        }
+        let reduced = reduce_frames(&files, &options, watch)?;
+        let name = name.unwrap_or_else(|| "frames".into());
+        let product = folder::whole(&reduced, &name)?;
+        Ok(Outcome::new(product, folder::text(&reduced, &name), watch.warnings()))
+    })
+}
+
+/// A table file (ECSV, CSV) as columns.
+#[pyfunction]
+fn read_table<'py>(py: Python<'py>, path: PathBuf) -> PyResult<Bound<'py, PyAny>> {
+    let table = sunglint_formats::ecsv::read(&path).map_err(|e| exception(py, &e))?;
+    let meta = serde_json::to_string(&table.meta).map_err(|e| Error::new_err(e.to_string()))?;
+    Ok((columns(py, &table)?, meta).into_pyobject(py)?.into_any())
+}
+
+/// Measures nothing but the time that a call costs; for tests of overhead.
+#[pyfunction]
+fn _nothing(py: Python<'_>) -> PyResult<f64> {
+    let start = Instant::now();
+    run(py, None, |_| Ok(()))?;
+    Ok(start.elapsed().as_secs_f64())
+}
+
+/// Adds the functions to the module.
+pub fn add(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(needs, module)?)?;
+    module.add_function(wrap_pyfunction!(compare_pass, module)?)?;
+    module.add_function(wrap_pyfunction!(fit_passes, module)?)?;
+    module.add_function(wrap_pyfunction!(period_of, module)?)?;
+    module.add_function(wrap_pyfunction!(read_photometry, module)?)?;
+    module.add_function(wrap_pyfunction!(detect, module)?)?;
+    module.add_function(wrap_pyfunction!(reduce, module)?)?;
+    module.add_function(wrap_pyfunction!(read_table, module)?)?;
+    module.add_function(wrap_pyfunction!(_nothing, module)?)?;
+    Ok(())
+}

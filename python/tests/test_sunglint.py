@@ -1,0 +1,263 @@
+"""The wheel beside the program: the same numbers to the last bit; errors, Ctrl-C, threads, pickles (python/check runs this)."""
+
+import json
+import math
+import os
+import pathlib
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import sunglint as sg
+
+PROGRAM = os.environ.get("SUNGLINT", "sunglint")
+HERE = pathlib.Path(__file__).parent
+ROOT = HERE.parent.parent
+
+def program(*arguments, cwd=None):
+    done = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="session")
+def demo(tmp_path_factory):
+    """The folder of the program's own demonstration: scenes, elements, calibrated curves."""
+    folder = tmp_path_factory.mktemp("demo") / "demo"
+    program("demo", "-o", folder, "-q")
+    return folder
+
+
+@pytest.fixture
+def scene(demo):
+    return demo / "pass.toml"
+
+
+def same(mine, theirs, ignore=()):
+    """Equal to the last bit, but for keys that are costs."""
+    if isinstance(theirs, dict):
+        assert set(mine) == set(theirs)
+        for key in theirs:
+            if key not in ignore:
+                same(mine[key], theirs[key], ignore)
+    elif isinstance(theirs, list):
+        assert len(mine) == len(theirs)
+        for a, b in zip(mine, theirs):
+            same(a, b, ignore)
+    else:
+        assert mine == theirs, (mine, theirs)
+
+
+COSTS = ("cost", "seconds", "cpu_s", "command", "provenance")
+
+
+def directions(n, seed):
+    rng = np.random.default_rng(seed)
+    v = rng.normal(size=(n, 3))
+    return v / np.linalg.norm(v, axis=1)[:, None]
+
+
+def test_light_is_the_programs(tmp_path):
+    sun, observer = directions(40, 1), directions(40, 2)
+    rows = ["sun_x,sun_y,sun_z,observer_x,observer_y,observer_z"]
+    rows += [",".join(repr(float(v)) for v in [*a, *b]) for a, b in zip(sun, observer)]
+    (tmp_path / "rows.csv").write_text("\n".join(rows) + "\n")
+    lines = program("light", "box_wing", "--table", tmp_path / "rows.csv", "--wavelength-nm", "450,700", "--json")
+    theirs = [json.loads(line) for line in lines.splitlines()]
+    mine = sg.Body("box_wing").light(sun, observer, wavelength_nm=[450, 700])
+    assert len(mine) == len(theirs) == 40
+    for i, row in enumerate(theirs):
+        for k in range(2):
+            assert mine.per_irradiance_m2_per_sr[i, k] == row["light"][k]["per_irradiance_m2_per_sr"]
+            assert mine.error_m2_per_sr[i, k] == row["light"][k]["error_m2_per_sr"]
+        assert mine.phase_deg[i] == row["phase_deg"]
+        assert mine.met[i] == row["met"]
+
+
+def test_scenes_are_the_programs(scene):
+    theirs = json.loads(program("simulate", scene, "--station", "ufo", "--json", "-q"))
+    told = []
+    result = sg.Scene(scene, station="ufo").simulate(progress=lambda *a: told.append(a))
+    same(result.summary, theirs, COSTS)
+    assert result.table.rows == len(result.table["time_utc"]) > 10
+    assert result.table.times().dtype == "datetime64[ns]"
+    assert told and told[-1][1] <= told[-1][2]
+    theirs = json.loads(program("explain", scene, "--station", "ufo", "--json", "-q"))
+    same(sg.Scene(scene, station="ufo").explain().summary, theirs, COSTS)
+    # Another table, and back.
+    frame = result.to_pandas()
+    assert len(frame) == result.table.rows
+    again = pickle.loads(pickle.dumps(result))
+    assert again.to_json() == result.to_json() and again.text == result.text
+    assert list(again.table) == list(result.table)
+    assert "<svg" in again._repr_html_()
+
+
+def synthetic(tmp_path, name="curve"):
+    """A curve with a period of 7.3 s (synthetic)."""
+    rng = np.random.default_rng(5)
+    t = np.sort(rng.uniform(0, 240, 500))
+    phase = 2 * np.pi * t / 7.3
+    m = 6 + 0.4 * np.sin(phase) + 0.2 * np.sin(2 * phase + 1) + rng.normal(0, 0.02, t.size)
+    start = np.datetime64("2026-01-01T20:00:00", "ns")
+    times = [str(start + np.timedelta64(int(s * 1e9), "ns")) + "Z" for s in t]
+    path = tmp_path / f"{name}.csv"
+    with open(path, "w") as file:
+        file.write("time_utc,magnitude,sigma_mag\n")
+        file.writelines(f"{a},{float(b)!r},0.02\n" for a, b in zip(times, m))
+    return path, times, m
+
+
+def test_periods_are_the_programs_and_the_truth(tmp_path):
+    path, times, m = synthetic(tmp_path)
+    theirs = json.loads(program("analyse", "period", path, "--json", "-q"))
+    mine = sg.period(path)
+    same(mine.summary, theirs, COSTS)
+    curve = sg.Curve.from_arrays(times, m, sigma_mag=0.02, target="made up")
+    text = sg.period(curve).text
+    assert "7.3" in text, text
+
+
+def test_curves_of_others(tmp_path):
+    path, times, m = synthetic(tmp_path)
+    curve = sg.read_photometry(path)
+    theirs = json.loads(program("import", path, "--json", "-q"))
+    same(curve._result.summary, theirs, COSTS)
+    # To the last bit, whatever the order of the rows.
+    assert np.array_equal(np.sort(curve.table["magnitude"]), np.sort(m))
+    assert not curve.is_relative
+    from astropy.time import Time
+
+    again = sg.Curve.from_arrays(Time(np.array([t.rstrip("Z") for t in times]), scale="utc"), m)
+    assert np.array_equal(again.table["magnitude"], curve.table["magnitude"])
+
+
+def test_comparisons_and_fits_are_the_programs(demo):
+    curve, scene = demo / "sphere.ecsv", demo / "sphere.toml"
+    theirs = json.loads(program("compare", curve, scene, "--station", "ufo", "--json", "-q"))
+    mine = sg.compare(curve, sg.Scene(scene, station="ufo"))
+    same(mine.summary, theirs, COSTS)
+    arguments = ["--station", "ufo", "--free", "gain", "--json", "-q"]
+    theirs = json.loads(program("fit", curve, scene, *arguments))
+    fitted = sg.fit(sg.Scene(scene, station="ufo"), curve, free=["gain"])
+    same(fitted.summary, theirs, COSTS)
+    assert fitted.converged and len(fitted.scenes) == 1
+    assert pickle.loads(pickle.dumps(fitted)).converged
+
+
+def test_detect_is_the_programs(tmp_path):
+    from astropy.io import fits
+
+    rng = np.random.default_rng(3)
+    image = rng.normal(500, 8, (200, 260))
+    y, x = np.mgrid[0:200, 0:260]
+    for k in range(12):
+        px, py = rng.uniform(20, 240), rng.uniform(20, 180)
+        image += 900 * np.exp(-((x - px) ** 2 + (y - py) ** 2) / (2 * 1.6**2))
+    pixels = np.clip(np.round(image), 0, 65535).astype("u2")
+    fits.PrimaryHDU(pixels).writeto(tmp_path / "frame.fits")
+    theirs = json.loads(program("detect", tmp_path / "frame.fits", "--json", "-q"))["frames"][0]
+    mine = sg.detect(pixels, saturation_adu=65535)
+    assert len(mine.points) == len(theirs["points"]) >= 8
+    same(mine.points, theirs["points"])
+    same(mine.streaks, theirs["streaks"])
+
+
+def test_a_brdf_keeps_helmholtz_and_its_albedo(tmp_path):
+    """Truth: a Lambert surface has f = ρ/π; ∫ f cos over the hemisphere by 20,000 directions of our own is its albedo (1 %: their noise)."""
+    (tmp_path / "m.toml").write_text('[[material]]\nname = "white"\nmodel = "lambert"\nreflectance = 0.6\n')
+    white = sg.Brdf(tmp_path / "m.toml")
+    up = np.array([[0.0, 0.0, 1.0]])
+    assert white.evaluate(550, up, up)[0] == pytest.approx(0.6 / math.pi, rel=1e-12)
+    assert white.albedo(550) == pytest.approx(0.6, rel=1e-6)
+    assert white.evaluate(550, up, -up)[0] == 0.0
+    o = directions(40_000, 9)
+    o = o[o[:, 2] > 0]
+    i = np.repeat([[math.sin(0.5), 0.0, math.cos(0.5)]], len(o), axis=0)
+    assert 2 * math.pi * np.mean(white.evaluate(550, i, o) * o[:, 2]) == pytest.approx(0.6, rel=0.02)
+
+
+def test_errors_say_where(tmp_path):
+    with pytest.raises(sg.Error, match="did you mean box_wing"):
+        sg.Body("box_wings")
+    with pytest.raises(sg.Error, match=r"shape \[2, 2\]"):
+        sg.Body("box_wing").light(np.zeros((2, 2)), np.zeros((2, 2)))
+    with pytest.raises(sg.Error, match="row 0"):
+        sg.Body("box_wing").light([[math.nan, 0, 0]], [[0.0, 1, 0]])
+    (tmp_path / "bad.toml").write_text("[target]\nmodel = 3\n")
+    with pytest.raises(sg.Error) as caught:
+        sg.Scene(tmp_path / "bad.toml", station="ufo").simulate()
+    assert caught.value.file.endswith("bad.toml") and caught.value.line == 2
+    with pytest.raises(sg.Error, match="no such file"):
+        sg.Scene(tmp_path / "none.toml")
+    with pytest.raises(sg.Error, match="utc, tai, tt or tdb"):
+        sg.read_photometry(synthetic(tmp_path)[0], time_scale="gps")
+
+
+def test_a_callback_that_fails_ends_the_work():
+    n = 60_000
+
+    def fails(stage, done, of):
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        sg.Body("box_wing").light(directions(n, 1), directions(n, 2), progress=fails)
+
+
+def test_ctrl_c_is_heard():
+    code = (
+        "import numpy as np, sunglint as sg\n"
+        "v = np.repeat([[1.0, 0, 0]], 3_000_000, axis=0); o = np.repeat([[0.0, 1, 0]], 3_000_000, axis=0)\n"
+        "print('ready', flush=True)\n"
+        "try:\n    sg.Body('box_wing').light(v, o, wavelength_nm=list(range(400, 500)))\n"
+        "except KeyboardInterrupt:\n    print('heard', flush=True)\n"
+    )
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert child.stdout.readline() == "ready\n"
+    time.sleep(0.4)
+    start = time.monotonic()
+    child.send_signal(signal.SIGINT)
+    assert child.stdout.readline() == "heard\n"
+    assert time.monotonic() - start < 5
+    child.wait(20)
+
+
+def test_the_interpreter_goes_on_beside_long_work():
+    ticks = []
+    stop = threading.Event()
+
+    def count():
+        while not stop.is_set():
+            ticks.append(1)
+            time.sleep(0.005)
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    n = 40_000
+    begun = len(ticks)
+    sg.Body("box_wing").light(directions(n, 1), directions(n, 2))
+    ended = len(ticks)
+    stop.set()
+    thread.join()
+    assert ended > begun
+
+
+def test_importing_takes_nothing_but_numpy():
+    code = "import sys, sunglint; print([m for m in ('pandas', 'astropy', 'matplotlib') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"
+
+
+def test_the_guides_examples_run(tmp_path, scene):
+    """The blocks of docs/python.md, one after the other, where the demonstration's files lie."""
+    page = (ROOT / "docs" / "python.md").read_text()
+    blocks = [b.split("```", 1)[0] for b in page.split("```python\n")[1:]]
+    assert blocks
+    code = "import matplotlib; matplotlib.use('Agg')\n" + "\n".join(blocks)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=scene.parent)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,97 @@
+//! `sunglint page`: a recorded session in the browser; and the address of a page, for `sunglint observe --page` too.
+
+use crate::interrupt::{Hangup, listen};
+use crate::output::{Console, Usage};
+use clap::Args;
+use std::net::{IpAddr, SocketAddr};
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::mpsc::channel;
+use sunglint_page::{Recording, Server};
+
+/// Arguments of `sunglint page`.
+#[derive(Debug, Args)]
+pub struct PageArgs {
+    /// The session's folder, as `sunglint observe` made it
+    pub session: PathBuf,
+    /// Where the page is served: an address of this computer and a port [default: 127.0.0.1 and the first free port from 8650 on]
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "", hide_default_value = true)]
+    pub address: String,
+    /// Print the address and open no browser
+    #[arg(long)]
+    pub no_open: bool,
+}
+
+/// Serves a recorded session until Ctrl-C.
+///
+/// # Errors
+/// A folder that is no session; an address that cannot be listened at.
+pub fn run(args: &PageArgs, console: Console) -> anyhow::Result<()> {
+    let address = address_of(&args.address)?;
+    let recording = Recording::open(&args.session)?;
+    let server = Server::start(address, Arc::new(recording))?;
+    let url = announce(&server, false, console);
+    let (end, ended) = channel();
+    listen(Hangup::Ends, move || {
+        let _ = end.send(());
+    })?;
+    if !args.no_open {
+        open(&url, console);
+    }
+    console.say("Ctrl-C ends it");
+    // Until somebody asks it to end.
+    let _ = ended.recv();
+    Ok(())
+}
+
+/// The address and port of a page: `ADDRESS:PORT`, an address or a port alone; `None` for an empty text.
+///
+/// # Errors
+/// Any other text.
+pub fn address_of(text: &str) -> Result<Option<SocketAddr>, Usage> {
+    if text.is_empty() {
+        return Ok(None);
+    }
+    let here = IpAddr::from([127, 0, 0, 1]);
+    let numbers = if text == "localhost" { "127.0.0.1" } else { text };
+    let numbers = numbers.replace("localhost:", "127.0.0.1:");
+    let both = numbers.parse::<SocketAddr>().ok();
+    let port = numbers.parse::<u16>().ok().map(|port| SocketAddr::new(here, port));
+    let host = numbers.parse::<IpAddr>().ok().map(|ip| SocketAddr::new(ip, 8650));
+    both.or(port).or(host).map(Some).ok_or_else(|| {
+        Usage(format!(
+            "the page's address is `{text}`, expected an address and a port such as 127.0.0.1:8650"
+        ))
+    })
+}
+
+/// Prints where a page is, and gives the address to open. `steers`: whether its token allows more than to look.
+pub fn announce(server: &Server, steers: bool, console: Console) -> String {
+    let url = if steers || server.is_open() { server.url_with_token() } else { server.url() };
+    if server.is_open() {
+        console.warn(&format!(
+            "the page is open to other computers at {}, without encryption: whoever has the address with its token sees {}; use it in a network that you trust",
+            server.address(),
+            if steers { "and steers the night" } else { "the session" }
+        ));
+    }
+    console.say(&format!("page: {url}"));
+    if steers && !server.is_open() {
+        console.say(&format!("page that only shows: {}", server.url()));
+    }
+    url
+}
+
+/// Shows a page in the browser; without one the address is printed all the same.
+fn open(url: &str, console: Console) {
+    let browser = Command::new("xdg-open")
+        .arg(url)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn();
+    if let Err(error) = browser {
+        console.say(&format!("cannot start xdg-open ({error}): open the address in a browser"));
+    }
+}

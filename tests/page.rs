@@ -1,0 +1,528 @@
+//! The page in a real browser: a recorded session, a night that runs and is steered, a server that goes and comes back; and a night of ten hours.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+use crate::common::Folder;
+use crate::common::browser::Browser;
+use crate::common::night::{Recording, at, bins, frame};
+use serde_json::{Value, json};
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use sunglint_formats::session::{Session, What};
+use sunglint_formats::time::format_utc;
+
+/// A program that serves a page, ended with the test.
+struct Serving {
+    child: Child,
+    /// Address with the token, where there is one.
+    url: String,
+}
+
+impl Serving {
+    fn start(folder: &Folder, arguments: &[&str]) -> Self {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_sunglint"))
+            .args(arguments)
+            .current_dir(&folder.0)
+            .env_remove("SUNGLINT_STATION")
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+        let mut said = String::new();
+        let url = loop {
+            let Some(Ok(line)) = lines.next() else { panic!("it ended: {said}") };
+            if let Some(url) = line.strip_prefix("page: ") {
+                break url.to_owned();
+            }
+            said += &line;
+        };
+        // Somebody goes on reading, or the pipe fills.
+        std::thread::spawn(move || lines.for_each(drop));
+        Self { child, url }
+    }
+
+    fn host(&self) -> String {
+        let rest = self.url.strip_prefix("http://").unwrap();
+        rest.split('/').next().unwrap().to_owned()
+    }
+
+    /// An answer of the program, by plain TCP.
+    fn get(&self, path: &str) -> (u16, Vec<u8>) {
+        let host = self.host();
+        let mut stream = TcpStream::connect(&host).unwrap();
+        let request = format!("GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        let head = answer.windows(4).position(|part| part == b"\r\n\r\n").unwrap();
+        let status = std::str::from_utf8(&answer[9..12]).unwrap().parse().unwrap();
+        (status, answer[head + 4..].to_vec())
+    }
+
+    fn json(&self, path: &str) -> Value {
+        let (status, body) = self.get(path);
+        assert_eq!(status, 200, "{path}: {}", String::from_utf8_lossy(&body));
+        serde_json::from_slice(&body).unwrap()
+    }
+
+    fn interrupt(&mut self) -> Option<i32> {
+        let id = self.child.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        self.child.wait().unwrap().code()
+    }
+}
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Where pictures of the page go, for people to look at.
+fn pictures() -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("page");
+    std::fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// Elements whose text is cut off, and pairs of elements that lie over one another; and how much wider the page is than its window.
+const LAYOUT: &str = "(() => {
+  const seen = (e) => { const r = e.getBoundingClientRect(); return r.width > 1 && r.height > 1 && !e.closest('.skip') && getComputedStyle(e).visibility === 'visible'; };
+  const cut = [...document.querySelectorAll('button, label, h1, h2, td, th, p, li, dt, dd, span, caption')].filter(seen)
+    .filter((e) => e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).display !== 'inline').map((e) => e.outerHTML.slice(0, 90));
+  const over = [];
+  for (const group of ['header > *, header .tools > *', 'main > *', '.image > *', '.counts > *', '.state > *', '.log > *', 'footer > *', '.image .head > *', '.counts .head > *']) {
+    const all = [...document.querySelectorAll(group)].filter(seen);
+    for (const a of all) for (const b of all) if (a !== b && !a.contains(b) && !b.contains(a) && getComputedStyle(a).position !== 'fixed' && getComputedStyle(b).position !== 'fixed') {
+      const [r, s] = [a.getBoundingClientRect(), b.getBoundingClientRect()];
+      if (Math.min(r.right, s.right) - Math.max(r.left, s.left) > 1 && Math.min(r.bottom, s.bottom) - Math.max(r.top, s.top) > 1) over.push(a.outerHTML.slice(0, 60) + ' over ' + b.outerHTML.slice(0, 60));
+    }
+  }
+  const bare = [...document.querySelectorAll('button, input, select, canvas[tabindex]')].filter(seen)
+    .filter((e) => !(e.labels?.length || e.textContent.trim() || e.getAttribute('aria-label'))).map((e) => e.outerHTML.slice(0, 90));
+  return { cut, over, bare, wider: document.documentElement.scrollWidth - innerWidth };
+})()";
+
+/// Contrast of every text with what lies behind it, at least as WCAG 2 AA asks; and whether red light has any other colour in it.
+const COLOURS: &str = "(() => {
+  const parse = (text) => text.match(/[\\d.]+/g).map(Number);
+  const light = ([r, g, b]) => [r, g, b].map((v) => v / 255).map((v) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4).reduce((s, v, i) => s + v * [0.2126, 0.7152, 0.0722][i], 0);
+  const behind = (e) => { for (; e; e = e.parentElement) { const c = parse(getComputedStyle(e).backgroundColor); if (c.length < 4 || c[3] > 0.99) return c; } return [255, 255, 255]; };
+  const poor = [], other = [];
+  for (const e of document.querySelectorAll('body, body *')) {
+    const r = e.getBoundingClientRect();
+    if (r.width < 2 || r.height < 2 || e.closest('.skip, option') || e.disabled) continue;
+    const style = getComputedStyle(e);
+    for (const key of ['color', 'backgroundColor', 'borderTopColor']) { const c = parse(style[key]); if ((c[3] ?? 1) > 0 && (c[1] > 0.45 * c[0] || c[2] > 0.45 * c[0]) && c[1] + c[2] > 12) other.push(e.tagName + '#' + e.id + ' ' + key + ' ' + style[key]); }
+    if (![...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim())) continue;
+    const [a, b] = [light(parse(style.color)), light(behind(e))];
+    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    if (ratio < 4.5) poor.push(ratio.toFixed(2) + ' ' + e.outerHTML.slice(0, 70));
+  }
+  return { poor, other };
+})()";
+
+/// Looks at all sizes and colours, and keeps a picture of each.
+fn looks_good(browser: &mut Browser, name: &str) {
+    for (width, height) in [(400, 800), (1280, 900), (2560, 1440)] {
+        browser.size(width, height);
+        for mode in ["light", "dark", "red"] {
+            browser.run(&format!("(() => {{ const t = document.getElementById('theme'); t.value = '{mode}'; t.dispatchEvent(new Event('change')); }})()"));
+            browser.settle();
+            browser.settle();
+            let layout = browser.run(LAYOUT);
+            let empty = json!({"cut": [], "over": [], "bare": [], "wider": 0});
+            assert_eq!(layout, empty, "{name} at {width} px, {mode}");
+            let colours = browser.run(COLOURS);
+            assert_eq!(colours["poor"], json!([]), "{name}, {mode}");
+            if mode == "red" {
+                assert_eq!(colours["other"], json!([]), "{name}");
+            }
+            browser.shot(&pictures().join(format!("{name}_{width}_{mode}.png")));
+        }
+    }
+    browser.size(1280, 900);
+}
+
+/// A session whose names are markup.
+fn hostile_session(folder: &Folder) -> Session {
+    let session = Recording { seconds: 120.0, frame_px: 120, ..Recording::default() }
+        .write(&folder.0.join("night"));
+    let log = session.root().join("events.jsonl");
+    let text = std::fs::read_to_string(&log).unwrap();
+    let name = r#"<img src=x onerror=alert(1)><b>Vega</b>"#;
+    let note = r#"{"utc":"2020-11-18T17:00:30Z","kind":"control","action":"note","text":"<script>alert(2)</script>"}"#;
+    let lost = r#"{"utc":"2020-11-18T17:00:40Z","kind":"device_lost","device":"cam","error":"no cable","again_in_s":1.0}"#;
+    let mut lines: Vec<String> =
+        text.lines().map(|line| line.replace("\"Vega\"", &json!(name).to_string())).collect();
+    lines.insert(lines.len() - 2, note.into());
+    lines.insert(lines.len() - 2, lost.into());
+    std::fs::write(&log, lines.join("\n") + "\n").unwrap();
+    session
+}
+
+/// Truth: the session's own files, read by the library: pixels, counts, times of visits and frames that the page shows; names of targets and notes are text.
+#[test]
+fn a_recorded_session_in_a_browser() {
+    let Some(mut browser) = Browser::start("a_recorded_session_in_a_browser") else { return };
+    let folder = Folder::new("page-recorded");
+    let session = hostile_session(&folder);
+    let mut serving =
+        Serving::start(&folder, &["page", "night", "--no-open", "--address", "127.0.0.1:0"]);
+    assert!(!serving.url.contains("token"), "{}", serving.url);
+    browser.open(&serving.url);
+    // The first frame of Vega's visit, which begins at 48 s.
+    browser.until("sunglint.frame?.header.number === 50");
+    assert_eq!(browser.text("#name"), "night");
+    let frame = session.frames("cam").unwrap().files[49].read().unwrap();
+    let pixels: Vec<Value> = frame.pixels.iter().map(|p| json!(p)).collect();
+    assert_eq!(browser.run("Array.from(sunglint.frame.pixels)"), Value::Array(pixels));
+    // Every bin of the visit, where all fit.
+    browser.until("sunglint.shown?.bins === 1");
+    let all = bins(&session);
+    let found =
+        browser.run("[sunglint.shown.start_s, sunglint.shown.rate_hz[1], sunglint.shown.flags]");
+    let first = (found[0][0].as_f64().unwrap() * 10.0).round() as usize;
+    assert!(first < 480 && found[0].as_array().unwrap().len() > 1000);
+    for (i, rate) in found[1].as_array().unwrap().iter().enumerate() {
+        let bin = &all[first + i];
+        assert!((rate.as_f64().unwrap() - 10.0 * bin.counts[1] as f64).abs() < 1e-6);
+        assert_eq!(found[2][i], bin.flags.bits());
+    }
+    // Names are text.
+    let target = "<img src=x onerror=alert(1)><b>Vega</b>";
+    assert!(browser.text("#target").starts_with(target), "{}", browser.text("#target"));
+    assert!(browser.text("#events").contains("note: <script>alert(2)</script>"));
+    assert_eq!(browser.run("document.querySelectorAll('main img, main b, main script').length"), 0);
+    // A pixel under the pointer.
+    let script = "(() => { const e = document.getElementById('image'); const r = e.getBoundingClientRect(); return [r.left + r.width * 10.5 / 120, r.top + r.height * 20.5 / 120]; })()";
+    let place = browser.run(script);
+    let moved = json!({"type": "mouseMoved", "x": place[0], "y": place[1]});
+    browser.call("Input.dispatchMouseEvent", moved);
+    browser.settle();
+    let expected = format!("column 10, row 20: {} ADU", frame.pixels[[20, 10]]);
+    assert_eq!(browser.text("#pixel"), expected);
+    // Keys: one frame on, one back, the end; the device that was lost at 40 s.
+    browser.run("document.activeElement.blur()");
+    browser.key("ArrowRight");
+    browser.until("sunglint.frame.header.number === 51");
+    browser.key("ArrowLeft");
+    browser.until("sunglint.frame.header.number === 50");
+    browser.until("document.querySelector('#devices tbody').innerText.includes('lost')");
+    browser.key("Home");
+    browser.until("sunglint.frame.header.number === 1");
+    browser.until("!document.querySelector('#devices tbody').innerText.includes('lost')");
+    // A film at ×100 passes a minute in well under two seconds.
+    browser.run("(() => { const s = document.getElementById('speed'); s.value = '100'; })()");
+    browser.click("#play");
+    browser.until("sunglint.t > 60");
+    browser.until("sunglint.t === sunglint.about.length_s && !sunglint.playing");
+    for stretch in ["linear", "zscale", "asinh"] {
+        browser.run(&format!("(() => {{ const s = document.getElementById('stretch'); s.value = '{stretch}'; s.dispatchEvent(new Event('change')); }})()"));
+    }
+    browser.click("#visits tbody tr:nth-child(2) button");
+    browser.until("Math.abs(sunglint.t - 48) < 1e-6");
+    browser.until("sunglint.sky?.target?.[1][1] > 30");
+    looks_good(&mut browser, "recorded");
+    assert_eq!(browser.complaints, Vec::<String>::new());
+    assert_eq!(serving.interrupt(), Some(0));
+    // A control is refused: nothing here can be steered.
+    let message = folder.refused(1, &["page", "nowhere", "--no-open"]);
+    assert!(message.contains("nowhere"), "{message}");
+    let message = folder.refused(2, &["page", "night", "--no-open", "--address", "here:x"]);
+    assert!(message.contains("127.0.0.1:8650"), "{message}");
+}
+
+/// The same zscale as astropy's, on the page. Truth: astropy 7's `ZScaleInterval` (its own implementation of IRAF's rule), to a thousandth of the range: it samples alike.
+#[test]
+fn zscale_is_astropys() {
+    let test = "zscale_is_astropys";
+    let Some(python) = sunglint_testkit::peer_python(test, &["astropy"]) else { return };
+    let Some(mut browser) = Browser::start(test) else { return };
+    let folder = Folder::new("page-zscale");
+    Recording { frame_px: 16, ..Recording::default() }.write(&folder.0.join("night"));
+    let serving =
+        Serving::start(&folder, &["page", "night", "--no-open", "--address", "127.0.0.1:0"]);
+    browser.open(&serving.url);
+    let script = "import json, numpy as np\nfrom astropy.visualization import ZScaleInterval\nout = []\n\
+        for seed in range(5):\n r = np.random.default_rng(seed)\n a = r.normal(500 + 100 * seed, 10, (200, 200)).clip(0).round()\n\
+        \x20a[90:110, 90:110] += 5000\n a += np.arange(200) * seed\n\
+        \x20out.append([a.ravel().tolist(), [float(v) for v in ZScaleInterval().get_limits(a)]])\nprint(json.dumps(out))";
+    let cases: Value =
+        serde_json::from_str(&sunglint_testkit::run_python(&python, script, &[])).unwrap();
+    for case in cases.as_array().unwrap() {
+        let found = browser.run(&format!(
+            "import('/page.js').then((page) => page.zscale(Uint16Array.from({})))",
+            case[0]
+        ));
+        let [low, high] = [0, 1].map(|i| case[1][i].as_f64().unwrap());
+        for i in [0, 1] {
+            let (found, expected) = (found[i].as_f64().unwrap(), case[1][i].as_f64().unwrap());
+            assert!((found - expected).abs() < 1e-3 * (high - low), "{found} for {expected}");
+        }
+    }
+}
+
+/// A night of ten hours opens within a second and is sought in 200 ms: 360,000 bins, 18,000 frames, 144,000 marks in the log. The limits of the test are three
+/// times wider, because the computers of tests are busy; it prints what it measured.
+#[test]
+fn ten_hours_open_at_once() {
+    let folder = Folder::new("page-long");
+    let seconds = 36_000.0;
+    let root = folder.0.join("night");
+    Recording { seconds, frame_s: 1e6, frame_px: 200, ..Recording::default() }.write(&root);
+    let manifest = root.join("session.toml");
+    let text = std::fs::read_to_string(&manifest).unwrap();
+    std::fs::write(&manifest, text.replace("exposure_s = 500000.0", "exposure_s = 0.5")).unwrap();
+    // One frame under the names of all.
+    let one = folder.path("one.fits");
+    frame(at(0.0), 0.5, 200, 1)
+        .write_file(&one, sunglint_formats::atomic::Overwrite::Refuse)
+        .unwrap();
+    for i in 0..18_000_u32 {
+        let start = at(2.0 * f64::from(i));
+        let utc: String =
+            format_utc(start, 6).chars().filter(|c| !matches!(c, '-' | ':')).collect();
+        let hour = root.join("frames/cam").join(&utc[9..11]);
+        if !hour.exists() {
+            std::fs::create_dir_all(&hour).unwrap();
+        }
+        std::fs::hard_link(&one, hour.join(format!("{utc}_{:08}.fits", i + 1))).unwrap();
+    }
+    let log = root.join("events.jsonl");
+    let text = std::fs::read_to_string(&log).unwrap();
+    let (first, end) = text.trim_end().rsplit_once('\n').unwrap();
+    let mut lines = first.to_owned() + "\n";
+    for i in 0..144_000_u32 {
+        let utc = format_utc(at(0.25 * f64::from(i)), 2);
+        lines += &format!(
+            "{{\"utc\":\"{utc}\",\"kind\":\"sync\",\"files\":[{{\"file\":\"counts/tagger.ecsv\",\"bytes\":{i},\"rows\":{i},\"crc32\":7}},{{\"file\":\"events.jsonl\",\"bytes\":{i},\"rows\":{i},\"crc32\":7}}]}}\n"
+        );
+    }
+    std::fs::write(&log, lines + end + "\n").unwrap();
+    let begun = Instant::now();
+    let serving =
+        Serving::start(&folder, &["page", "night", "--no-open", "--address", "127.0.0.1:0"]);
+    let about = serving.json("/api/about");
+    let opened = begun.elapsed();
+    assert_eq!(about["length_s"], seconds);
+    assert_eq!(
+        (&about["devices"][0]["taken"], &about["devices"][1]["taken"]),
+        (&json!(18_000), &json!(360_000))
+    );
+    let mut slowest = Duration::ZERO;
+    for k in 0..20_u32 {
+        let at_s = f64::from(k * 7919 % 36_000);
+        let begun = Instant::now();
+        let counts = serving
+            .json(&format!("/api/counts/tagger?from_s={at_s}&to_s={}&points=1000", at_s + 60.0));
+        let (status, frame) = serving.get(&format!("/api/frame/cam/{}", (at_s / 2.0) as u32));
+        slowest = slowest.max(begun.elapsed());
+        assert_eq!((status, frame.len() > 80_000), (200, true));
+        let rates = counts["rate_hz"][0].as_array().unwrap();
+        // Truth: the bin's number is its count (`night::bin`).
+        let first = (counts["start_s"][0].as_f64().unwrap() * 10.0).round();
+        assert_eq!(rates[0].as_f64().unwrap().round(), first * 10.0);
+    }
+    let begun = Instant::now();
+    let whole = serving.json("/api/counts/tagger?points=2000");
+    let whole_in = begun.elapsed();
+    assert!(whole["start_s"].as_array().unwrap().len() <= 2000);
+    println!("opened in {opened:?}, sought in {slowest:?} at most, all counts in {whole_in:?}");
+    assert!(
+        opened < Duration::from_secs(3) && slowest < Duration::from_millis(600),
+        "{opened:?} {slowest:?}"
+    );
+    if let Some(mut browser) = Browser::start("ten_hours_open_at_once") {
+        let begun = Instant::now();
+        browser.open(&serving.url);
+        println!("in the browser after {:?}", begun.elapsed());
+        for t in [30_000.0, 100.0, 17_000.5] {
+            let script = format!(
+                "(() => {{ const s = document.getElementById('slider'); s.value = '{t}'; s.dispatchEvent(new Event('input')); }})()"
+            );
+            let begun = Instant::now();
+            browser.run(&script);
+            browser.until(&format!("sunglint.frame?.of === {}", (t / 2.0) as u32));
+            println!("sought in the browser in {:?}", begun.elapsed());
+        }
+    }
+}
+
+const LIVE_PLAN: &str = r#"
+station = "ufo"
+for_s = 600
+
+[[camera]]
+name = "cam"
+device = "sim-camera"
+exposure_s = 0.1
+interval_s = 0.3
+
+[[counter]]
+name = "tagger"
+device = "sim-timetagger"
+channels = { g = 1, r = 3 }
+bin_s = 0.1
+
+[[visit]]
+off = "sky"
+for_s = 300
+
+[[visit]]
+star = "Polaris"
+for_s = 300
+"#;
+
+fn controls(session: &Session) -> Vec<(String, String)> {
+    let events = session.events().unwrap().map(|event| event.unwrap().what);
+    let one = |what| match what {
+        What::Control { action, text } => Some((action, text)),
+        _ => None,
+    };
+    events.filter_map(one).collect()
+}
+
+fn targets(session: &Session) -> Vec<String> {
+    let events = session.events().unwrap().map(|event| event.unwrap().what);
+    let one = |what| match what {
+        What::Target(target) => Some(target.name),
+        _ => None,
+    };
+    events.filter_map(one).collect()
+}
+
+/// A night that runs, looked at and steered by clicks. Truth: the session that it leaves: every click is an event of its log, in order, and the targets change by them; it is whole, no bin is
+/// missing though two pages and 500 silent clients look on.
+#[test]
+fn a_night_is_steered_from_the_page() {
+    let Some(mut browser) = Browser::start("a_night_is_steered_from_the_page") else { return };
+    let folder = Folder::new("page-live");
+    std::fs::write(folder.path("night.toml"), LIVE_PLAN).unwrap();
+    let arguments = ["observe", "night.toml", "-o", "session", "--anyway", "--page", "127.0.0.1:0"];
+    let mut serving = Serving::start(&folder, &arguments);
+    let silent: Vec<TcpStream> =
+        (0..500).filter_map(|_| TcpStream::connect(serving.host()).ok()).collect();
+    assert!(silent.len() > 400);
+    browser.open(&serving.url);
+    assert_eq!(browser.run("location.hash"), "", "the token stays in the address");
+    browser.until("sunglint.counts.tagger?.start_s.length > 20");
+    browser.until("sunglint.frame !== null");
+    assert_eq!(browser.text("#mode"), "live");
+    assert!(browser.text("#target").starts_with("sky"), "{}", browser.text("#target"));
+    assert!(browser.text("#next").contains("Polaris"));
+    looks_good(&mut browser, "live");
+    browser.until("document.querySelector('#disk').innerText.includes('free')");
+    // From the end of a bin and of an exposure to the picture on the screen: the browser and the night share a clock.
+    let lags = browser.run(
+        "(() => { sunglint.lag = {}; return new Promise(done => setTimeout(() => done(['counts', 'image'].map((key) => [...sunglint.lag[key]].sort((a, b) => a - b))), 4000)); })()",
+    );
+    for (lags, what) in lags.as_array().unwrap().iter().zip(["bin", "frame"]) {
+        let lags: Vec<f64> = lags.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+        let (median, longest) = (lags[lags.len() / 2], lags[lags.len() - 1]);
+        println!(
+            "from a {what}'s end to the screen: median {median:.3} s, longest {longest:.3} s of {}",
+            lags.len()
+        );
+        assert!(lags.len() > 5 && median < 0.9, "{what}: {lags:?}");
+    }
+    browser.click("#pause");
+    browser.until("document.getElementById('mode').innerText === 'paused'");
+    browser.click("#pause");
+    browser.until("document.getElementById('mode').innerText === 'live'");
+    browser.click("#skip");
+    browser.until("document.getElementById('target').innerText.startsWith('Polaris')");
+    browser.run("document.getElementById('note').value = '<i>a</i> cloud'");
+    browser.click("#note-form button");
+    browser.until("document.getElementById('events').innerText.includes('note: <i>a</i> cloud')");
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+    // A page without the token shows and steers nothing.
+    let bare = serving.url.split('#').next().unwrap().to_owned();
+    browser.run("sessionStorage.clear()");
+    browser.open(&bare);
+    assert_eq!(browser.run("document.getElementById('steer').hidden"), true);
+    let refused = "fetch('api/control', {method: 'POST', headers: {'content-type': 'application/json'}, body: '{\"action\":\"stop\"}'}).then(a => a.status)";
+    assert_eq!(browser.run(refused), 401);
+    // Asleep for a while, then back to the present, and it says so.
+    browser.until("sunglint.counts.tagger?.start_s.length > 2");
+    let id = serving.child.id().to_string();
+    let signal =
+        |name: &str| assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
+    browser.run("sunglint.since = Date.now() - 60000");
+    browser.until("document.getElementById('notice').innerText.startsWith('back after 1 min')");
+    signal("-CONT");
+    // Stop is one click.
+    let with_token = serving.url.clone();
+    browser.open(&with_token);
+    browser.complaints.clear();
+    browser.click("#stop");
+    assert!(serving.child.wait().unwrap().success());
+    browser.until("document.getElementById('mode').innerText.startsWith('ended') || document.getElementById('mode').innerText === 'no connection'");
+    let session = Session::open(folder.path("session")).unwrap();
+    let expected =
+        [("pause", ""), ("resume", ""), ("skip", ""), ("note", "<i>a</i> cloud"), ("stop", "")];
+    let expected: Vec<_> =
+        expected.iter().map(|(a, t)| ((*a).to_owned(), (*t).to_owned())).collect();
+    assert_eq!(controls(&session), expected);
+    assert_eq!(targets(&session), ["sky", "none", "sky", "Polaris"]);
+    let report = session.check().unwrap();
+    assert!(report.is_whole(), "{:?}", report.findings);
+    assert_eq!((report.counters[0].unflagged_gaps, report.counters[0].flagged_gaps), (0, 0));
+}
+
+/// A camera that cannot be opened: an alarm at the top, names in the tables stay in one piece, and the counts go on.
+#[test]
+fn a_lost_camera_is_an_alarm() {
+    let Some(mut browser) = Browser::start("a_lost_camera_is_an_alarm") else { return };
+    let folder = Folder::new("page-alarm");
+    let plan = LIVE_PLAN.replace("\"sim-camera\"", "\"indi-camera:localhost:1/None\"");
+    std::fs::write(folder.path("night.toml"), plan).unwrap();
+    let arguments = ["observe", "night.toml", "-o", "session", "--anyway", "--page", "127.0.0.1:0"];
+    let mut serving = Serving::start(&folder, &arguments);
+    browser.open(&serving.url);
+    browser.until("document.getElementById('alarm').innerText.startsWith('cam is lost: ')");
+    browser.until("sunglint.counts.tagger?.start_s.length > 5");
+    looks_good(&mut browser, "alarm");
+    browser.size(400, 800);
+    browser.settle();
+    let lines = "[...document.querySelectorAll('#devices td:first-child, #devices th, #visits th')].map((e) => { const r = document.createRange(); r.selectNodeContents(e); return [...new Set([...r.getClientRects()].map((b) => b.top))].length; })";
+    let lines = browser.run(lines);
+    assert!(lines.as_array().unwrap().iter().all(|n| *n == 1), "{lines}");
+    assert_eq!(browser.complaints, Vec::<String>::new());
+    browser.click("#stop");
+    // Data are missing: the program says so.
+    assert!(serving.child.wait().unwrap().code().is_some());
+    let events = std::fs::read_to_string(folder.path("session/events.jsonl")).unwrap();
+    assert!(events.contains("\"action\":\"stop\""));
+}
+
+/// The server ends and another begins at the same place: the page comes back by itself, to the new night.
+#[test]
+fn the_page_survives_a_restart() {
+    let Some(mut browser) = Browser::start("the_page_survives_a_restart") else { return };
+    let folder = Folder::new("page-restart");
+    std::fs::write(folder.path("night.toml"), LIVE_PLAN).unwrap();
+    let mut first = Serving::start(
+        &folder,
+        &["observe", "night.toml", "-o", "one", "--anyway", "--page", "127.0.0.1:0"],
+    );
+    browser.open(&first.url);
+    browser.until("sunglint.counts.tagger?.start_s.length > 5");
+    let host = first.host();
+    assert_eq!(first.interrupt(), Some(0));
+    browser.until(
+        "['no connection', 'ended: stopped'].includes(document.getElementById('mode').innerText)",
+    );
+    let _second = Serving::start(
+        &folder,
+        &["observe", "night.toml", "-o", "two", "--anyway", "--page", &host],
+    );
+    browser.until("document.getElementById('name').innerText === 'two'");
+    browser.until("document.getElementById('mode').innerText === 'live' && sunglint.counts.tagger?.start_s.length > 5");
+    assert!(browser.text("#notice").contains("started again"), "{}", browser.text("#notice"));
+}
