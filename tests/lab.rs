@@ -12,7 +12,7 @@ use sunglint_formats::ecsv;
 use sunglint_formats::toml::Document;
 use sunglint_materials::ndf::{NdfOptions, ZeroOrigin, extract};
 use sunglint_materials::retro::measure::{
-    Hands, HandsError, InMemory, Rig, RunError, State, measure, measured,
+    Hands, HandsError, InMemory, Line, Rig, RunError, State, measure, measured,
 };
 use sunglint_materials::retro::plan::RunPlan;
 use sunglint_materials::retro::{reduce, to_table};
@@ -48,7 +48,7 @@ impl Hands for Robot {
 }
 
 /// A whole run in memory, on a clock that takes no time.
-fn in_memory(plan: &RunPlan, options: &Options) -> Result<InMemory, RunError> {
+fn in_memory(plan: &RunPlan, options: &Options) -> Result<InMemory<Line>, RunError> {
     let virtual_rig = VirtualRig::new(options.clone(), 0).unwrap();
     let (mut stage, mut meter) = (virtual_rig.stage(), virtual_rig.meter());
     let mut hands = Robot(virtual_rig);
