@@ -221,6 +221,10 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         std::fs::write(folder.path(file), text).unwrap();
     }
     keys(&folder.json(&["brdf", "retro", "run.toml", "--json", "-o", "run/"]), &mut printed);
+    folder.done(&["brdf", "plan", "ndf.ecsv", "--side", "9", "-q", "-o", "everywhere.ecsv"]);
+    let run = ["brdf", "run", "everywhere.ecsv", "--virtual", "-o", "bench/", "--json"];
+    keys(&folder.json(&run), &mut printed);
+    keys(&folder.json(&["brdf", "ingest", "bench/", "--json"]), &mut printed);
     keys(&folder.json(&["efficiency", "efficiency.toml", "--json"]), &mut printed);
     // Values of a lobe, a law and a material of them; spectra of a detector that joins another.
     let mut values =

@@ -308,6 +308,10 @@ pub enum InBeam {
     Sample,
     /// The Lambert standard.
     Standard,
+    /// No sample: the beam goes on straight, to a detector that stands there.
+    Through,
+    /// The beam is blocked before it reaches the sample.
+    Blocked,
 }
 
 /// Reading that a power meter shows.

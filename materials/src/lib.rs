@@ -15,13 +15,17 @@
 //! - [`fit`]: laws with few parameters through measured values.
 
 pub mod assemble;
+pub mod axis;
 pub mod exchange;
 pub mod fit;
+pub mod goniometer;
 pub mod ingest;
+pub mod log;
 pub mod look;
 pub mod ndf;
 pub mod plan;
 pub mod read;
+pub mod reading;
 pub mod retro;
 pub mod samples;
 pub mod table;

@@ -6,14 +6,16 @@ use anyhow::Context as _;
 use clap::Args;
 use std::path::PathBuf;
 use sunglint_formats::{fred, zemax};
+use sunglint_materials::goniometer::folder;
 use sunglint_materials::ingest::file::ingest_file;
 use sunglint_materials::{exchange, read};
+use sunglint_report::brdf::goniometer as show;
 use sunglint_report::brdf::ingest::{MOST_IN_TEXT, product, table_product, table_text, text};
 
 /// Arguments of `sunglint brdf ingest`.
 #[derive(Debug, Args)]
 pub struct IngestArgs {
-    /// Which file is which direction and role (INGEST.toml); or a table of FRED's or Zemax's, known by its content
+    /// The folder of a run (`sunglint brdf run`); or which file is which direction and role (INGEST.toml); or a table of FRED's or Zemax's, known by its content
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// The wavelength of a table that does not say it
@@ -32,6 +34,9 @@ pub struct IngestArgs {
 
 pub(super) fn run(args: &IngestArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
+    if args.file.is_dir() {
+        return goniometer(args, console);
+    }
     if is_table(&args.file) {
         return table(args, console);
     }
@@ -52,6 +57,22 @@ pub(super) fn run(args: &IngestArgs, console: Console) -> anyhow::Result<()> {
         console.warn(&format!("{values} values: too many for a text, a folder gets samples.fits"));
     }
     args.out.finish(&product, &text(&found), console)
+}
+
+/// The folder of a run.
+fn goniometer(args: &IngestArgs, console: Console) -> anyhow::Result<()> {
+    if !folder::is_run(&args.file) {
+        anyhow::bail!(
+            "{}: this folder holds no run of a goniometer (bench.toml, readings.ecsv): `sunglint brdf run PLAN -o FOLDER/` makes one",
+            args.file.display()
+        );
+    }
+    let (found, inputs) = folder::ingest(&args.file)?;
+    for warning in &found.warnings {
+        console.warn(warning);
+    }
+    let product = show::product(&found, &inputs)?;
+    args.out.finish(&product, &show::text(&found), console)
 }
 
 /// True where a file holds values and is no list of spectrometer's files.

@@ -6,6 +6,8 @@ mod ingest;
 mod ndf;
 mod plan;
 pub mod retro;
+mod rig;
+mod run;
 mod show;
 
 pub use assemble::AssembleArgs;
@@ -14,6 +16,7 @@ pub use ingest::IngestArgs;
 pub use ndf::NdfArgs;
 pub use plan::PlanArgs;
 pub use retro::RetroArgs;
+pub use run::RunArgs;
 pub use show::{CompareArgs, ShowArgs};
 
 use crate::output::{Console, OutputArgs};
@@ -28,7 +31,9 @@ pub enum BrdfCommand {
     Ndf(NdfArgs),
     /// Where to measure a sample: incident elevations and outgoing directions by its microfacets
     Plan(PlanArgs),
-    /// A spectrometer's files, direction by direction, as BRDF values: dark and reference, detectors joined, reciprocity checked
+    /// Drive a goniometer through a plan, beginning with the instrument itself; a virtual one to try it
+    Run(RunArgs),
+    /// A run's folder, or a spectrometer's files direction by direction, as BRDF values
     Ingest(IngestArgs),
     /// Laws with few parameters through measured values: Lambert, Phong, ABg, Ward, Cook–Torrance, Maxwell–Beard
     Fit(FitArgs),
@@ -47,6 +52,7 @@ impl BrdfCommand {
             Self::Retro(args) => Some(&args.out),
             Self::Ndf(args) => Some(&args.out),
             Self::Plan(args) => Some(&args.out),
+            Self::Run(args) => Some(&args.out),
             Self::Ingest(args) => Some(&args.out),
             Self::Fit(args) => Some(&args.out),
             Self::Show(args) => Some(&args.out),
@@ -65,6 +71,7 @@ pub fn run(command: &BrdfCommand, console: Console, seed: u64) -> anyhow::Result
         BrdfCommand::Retro(args) => retro::run(args, console),
         BrdfCommand::Ndf(args) => ndf::run(args, console, seed),
         BrdfCommand::Plan(args) => plan::run(args, console),
+        BrdfCommand::Run(args) => run::run(args, console),
         BrdfCommand::Ingest(args) => ingest::run(args, console),
         BrdfCommand::Fit(args) => fit::run(args, console),
         BrdfCommand::Assemble(args) => assemble::run(args, console),

@@ -4,20 +4,18 @@
 
 mod live;
 
-use crate::interrupt::{Hangup, listen as listen_for};
-use crate::output::{Console, OutputArgs, Usage};
+use super::rig::{self, HOME, OPEN};
+use crate::output::{Console, OutputArgs};
 use anyhow::{Context as _, anyhow, bail};
 use clap::Args;
-use serde_json::{Map, Value, json};
-use std::io::IsTerminal as _;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
-use sunglint_drivers::catalogue::{Address, AnyDevice};
-use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, DeviceClock, VirtualClock};
-use sunglint_drivers::device::{Device, InBeam, PowerMeter, RotationStage, Value as SettingValue};
+use std::sync::atomic::AtomicBool;
+use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
+use sunglint_drivers::device::{InBeam, PowerMeter, RotationStage};
 use sunglint_formats::toml::Document;
+use sunglint_materials::log::refuse_begun;
 use sunglint_materials::retro::log::{self, Begun, Log};
 use sunglint_materials::retro::measure::{
     Hands, HandsError, Line, Phase, Rig, State, measure, measured,
@@ -52,27 +50,27 @@ pub struct RetroArgs {
     pub out: OutputArgs,
 }
 
-/// How long opening a device, and finding a stage's reference, may take.
-const OPEN: Duration = Duration::from_secs(30);
-const HOME: Duration = Duration::from_secs(300);
-
 pub(super) fn run(args: &RetroArgs, console: Console) -> anyhow::Result<()> {
-    let folder = folder(&args.out)?;
-    args.out.check()?;
+    let (folder, out) = rig::folder(&args.out, "aluminium")?;
+    let folder = folder.as_path();
+    out.check()?;
     let names = ["retro.ecsv", "retro.png", "retro.svg"].map(str::to_owned);
-    args.out.check_names(&names)?;
+    out.check_names(&names)?;
     let document = Document::read(&args.plan)?;
     let goes_on = args.resume || args.reduce;
     if !goes_on {
-        log::refuse_begun(folder)?;
+        refuse_begun::<Line>(folder)?;
     }
-    let begun = goes_on.then(|| Begun::read(folder)).transpose()?;
+    let begun = goes_on.then(|| Begun::read(folder, &[log::PLAN, log::RIG])).transpose()?;
     // A run goes on with the rig that it was begun with.
-    let rig = begun.as_ref().and_then(|begun| begun.rig.as_deref());
+    let rig = begun.as_ref().and_then(|begun| begun.file(log::RIG));
     let plan = RunPlan::new(&document, rig)?;
     let options = plan.rig.as_ref().map(Options::read).transpose()?;
     if let Some(begun) = &begun {
-        let old = Document::new(folder.join("run.toml"), begun.plan.clone())?;
+        let text = begun.file(log::PLAN).with_context(|| {
+            format!("{}: {} is missing; the folder of a run holds it", folder.display(), log::PLAN)
+        })?;
+        let old = Document::new(folder.join(log::PLAN), text)?;
         let old = RunPlan::new(&old, rig)?;
         let same = old.measuring == plan.measuring
             && old.rig.as_ref().map(Options::read).transpose()? == options;
@@ -95,18 +93,7 @@ pub(super) fn run(args: &RetroArgs, console: Console) -> anyhow::Result<()> {
         Some(begun) if args.reduce => (begun.lines, begun.devices),
         begun => take(args, (&plan, options), folder, begun, console)?,
     };
-    finish(args, &plan, folder, &lines, &devices, console)
-}
-
-/// The one folder that is asked for.
-fn folder(out: &OutputArgs) -> anyhow::Result<&Path> {
-    match out.folders().output.len() {
-        1 if out.output.len() == 1 => Ok(&out.output[0]),
-        _ => Err(Usage(
-            "give one folder for the run, such as -o aluminium/ (its name ends with `/`)".into(),
-        )
-        .into()),
-    }
+    finish(&out, &plan, folder, &lines, &devices, console)
 }
 
 /// Measures what is missing.
@@ -119,22 +106,24 @@ fn take(
 ) -> anyhow::Result<(Vec<Line>, Value)> {
     let cancel = Cancel::new();
     let asking = Arc::new(AtomicBool::new(false));
-    listen(&cancel, &asking, console)?;
+    rig::listen(&cancel, &asking, console)?;
     let before = begun.as_ref().map_or(&[][..], |begun| &begun.lines);
-    let read = before.iter().filter(|l| matches!(l.state, State::Read | State::Over)).count();
+    let read = before.iter().filter(|l| l.state.is_reading()).count();
     let virtual_rig = match options {
         None => None,
         Some(options) => Some(VirtualRig::new(options, read as u64)?),
     };
     let last_s = before.last().map_or(0.0, |line| line.time_s);
-    let (clock, zero_s) = clock(virtual_rig.is_some(), begun.as_ref(), last_s);
+    let first_utc = begun.as_ref().and_then(|begun| begun.first_utc);
+    let (clock, zero_s) = rig::clock(virtual_rig.is_some(), begun.is_some(), first_utc, last_s);
     // A device that is not there leaves no run behind.
     let mut opened = open(plan, virtual_rig.as_ref(), &clock, &cancel)?;
     let devices = opened.describe(&clock)?;
     let mut log = match &begun {
         None => {
-            let rig = plan.rig.as_ref().map(Document::source);
-            Log::create(folder, &plan.source, rig, clock.clone())?
+            let mut files = vec![(log::PLAN, plan.source.as_str())];
+            files.extend(plan.rig.as_ref().map(|rig| (log::RIG, rig.source())));
+            Log::create(folder, &files, clock.clone())?
         }
         Some(begun) => Log::resume(folder, begun, clock.clone())?,
     };
@@ -146,8 +135,7 @@ fn take(
     let done = before.iter().filter(|line| line.state == State::Kept).count();
     let live = live::Live::new((scans * angles + 2) as u64, done as u64, console);
     log.watch(Box::new(live));
-    let mut person =
-        Person { yes: args.yes, asking, console, standard: plan.measuring.standard_deg };
+    let mut person = rig::Person { yes: args.yes, asking, console, words };
     let mut robot = virtual_rig.map(Robot);
     let hands: &mut dyn Hands = match &mut robot {
         Some(robot) => robot,
@@ -158,7 +146,7 @@ fn take(
     let result = measure(&mut rig, &plan.measuring, before, args.incident, zero_s, &mut log);
     if let Err(error) = result {
         let kept = log.lines.iter().filter(|line| line.state == State::Kept).count();
-        let readings = log.lines.iter().filter(|l| matches!(l.state, State::Read | State::Over));
+        let readings = log.lines.iter().filter(|l| l.state.is_reading());
         let (readings, folder) = (readings.count(), folder.display());
         // The bar goes before the error comes.
         drop(log);
@@ -173,36 +161,6 @@ fn take(
     let devices = json!({ "begin": devices, "end": at_end });
     log.write_event("devices", devices.clone())?;
     Ok((std::mem::take(&mut log.lines), devices))
-}
-
-/// The clock, and where the run's zero is on it. A virtual run goes on a minute after it broke off.
-fn clock(is_virtual: bool, begun: Option<&Begun>, last_s: f64) -> (DeviceClock, f64) {
-    if is_virtual {
-        let clock = VirtualClock::new();
-        if begun.is_some() {
-            clock.sleep(Duration::from_secs_f64((last_s + 60.0).max(0.0)));
-        }
-        // Any night will do, as long as the same run has the same times.
-        let zero = hifitime::Epoch::from_gregorian_utc_at_midnight(2026, 1, 1);
-        return (DeviceClock { clock: Arc::new(clock), zero_utc: Some(zero) }, 0.0);
-    }
-    let clock = DeviceClock::live();
-    let now_s = clock.clock.now().as_secs_f64();
-    let since = begun.and_then(|begun| begun.first_utc);
-    let elapsed_s = since.map_or(0.0, |first| (clock.utc() - first).to_seconds().max(last_s));
-    (clock, now_s - elapsed_s)
-}
-
-/// Ctrl-C stops the run in good order, twice at once; while a person is asked nothing moves and nothing is unsafe.
-fn listen(cancel: &Cancel, asking: &Arc<AtomicBool>, console: Console) -> anyhow::Result<()> {
-    let (token, asking) = (cancel.clone(), asking.clone());
-    listen_for(Hangup::Ends, move || {
-        if token.is_cancelled() || asking.load(Ordering::SeqCst) {
-            std::process::exit(1);
-        }
-        console.say("stopping the motor (Ctrl-C again ends the program at once)");
-        token.cancel();
-    })
 }
 
 struct Opened {
@@ -221,19 +179,12 @@ fn open(
     let mut opened = match virtual_rig {
         Some(rig) => Opened { stage: Box::new(rig.stage()), meter: Box::new(rig.meter()) },
         None => {
-            let device = |address: &str, with: &[String]| -> anyhow::Result<AnyDevice> {
-                let mut address = Address::parse(address, with)?;
-                let line = address.connect(&within(OPEN))?;
-                Ok(address.open(line, &within(OPEN))?)
-            };
             let (stage, meter) = (&measuring.stage, &measuring.meter);
-            let AnyDevice::RotationStage(found) = device(&stage.device, &stage.with)? else {
-                bail!("stage.device: {} is no rotation stage", stage.device);
-            };
-            let AnyDevice::PowerMeter(head) = device(&meter.device, &meter.with)? else {
-                bail!("meter.device: {} is no power meter", meter.device);
-            };
-            Opened { stage: found, meter: head }
+            let open = || within(OPEN);
+            Opened {
+                stage: rig::stage("stage.device", &stage.device, &stage.with, &open)?,
+                meter: rig::meter(&meter.device, &meter.with, &open)?,
+            }
         }
     };
     opened.meter.set_wavelength_nm(measuring.wavelength_nm, &within(OPEN))?;
@@ -249,29 +200,8 @@ fn open(
 impl Opened {
     /// Who the devices say they are, with all their settings.
     fn describe(&mut self, clock: &DeviceClock) -> anyhow::Result<Value> {
-        let within = || Deadline::after(clock.clock.clone(), OPEN);
-        let one = |device: &mut dyn Device| -> anyhow::Result<Value> {
-            let identity = device.identity(&within())?;
-            let settings = device.settings(&within())?.into_iter().map(|setting| {
-                let value = match setting.value {
-                    SettingValue::Number(number) => json!(number),
-                    SettingValue::Integer(number) => json!(number),
-                    SettingValue::Text(text) => json!(text),
-                    SettingValue::Flag(flag) => json!(flag),
-                };
-                (setting.name.to_owned(), value)
-            });
-            Ok(json!({
-                "vendor": identity.vendor,
-                "model": identity.model,
-                "serial": identity.serial,
-                "firmware": identity.firmware,
-                "driver": identity.driver,
-                "settings": settings.collect::<Map<_, _>>(),
-            }))
-        };
-        let stage = one(self.stage.as_mut())?;
-        Ok(json!({ "stage": stage, "meter": one(self.meter.as_mut())? }))
+        let stage = rig::describe(self.stage.as_mut(), clock)?;
+        Ok(json!({ "stage": stage, "meter": rig::describe(self.meter.as_mut(), clock)? }))
     }
 }
 
@@ -285,53 +215,21 @@ impl Hands for Robot {
     }
 }
 
-/// Somebody at the rig.
-struct Person {
-    yes: bool,
-    asking: Arc<AtomicBool>,
-    console: Console,
-    standard: Option<f64>,
-}
-
-impl Hands for Person {
-    fn put(&mut self, place: InBeam) -> Result<(), HandsError> {
-        self.ask(place).map_err(Into::into)
-    }
-}
-
-impl Person {
-    fn ask(&mut self, place: InBeam) -> anyhow::Result<()> {
-        if self.yes {
-            return Ok(());
+/// What a person is asked for.
+fn words(place: InBeam) -> &'static str {
+    match place {
+        InBeam::Head => "put the meter into the beam, in the sample's place",
+        InBeam::Nothing | InBeam::Through => {
+            "the meter behind the lens, take the sample away, let the beam go into a trap"
         }
-        let behind = "the meter behind the lens";
-        let what = match (place, self.standard) {
-            (InBeam::Head, _) => "put the meter into the beam, in the sample's place".to_owned(),
-            (InBeam::Nothing, _) => {
-                format!("{behind}, take the sample away, let the beam go into a trap")
-            }
-            (InBeam::Sample, _) => format!("{behind}, put the sample onto its mount"),
-            (InBeam::Standard, _) => format!("{behind}, put the standard in the sample's place"),
-        };
-        if !std::io::stdin().is_terminal() {
-            bail!(
-                "the run needs a hand: {what}; there is no terminal to ask on: start it on one, or give --yes where something else does it"
-            );
-        }
-        self.console.say(&format!("{what}, then press Enter"));
-        self.asking.store(true, Ordering::SeqCst);
-        let mut line = String::new();
-        let answered = std::io::stdin().read_line(&mut line);
-        self.asking.store(false, Ordering::SeqCst);
-        match answered.context("cannot read from the terminal")? {
-            0 => bail!("nobody pressed Enter: {what}, and go on with --resume"),
-            _ => Ok(()),
-        }
+        InBeam::Sample => "the meter behind the lens, put the sample onto its mount",
+        InBeam::Standard => "the meter behind the lens, put the standard in the sample's place",
+        InBeam::Blocked => "block the beam before the sample",
     }
 }
 
 fn finish(
-    args: &RetroArgs,
+    out: &OutputArgs,
     plan: &RunPlan,
     folder: &Path,
     lines: &[Line],
@@ -362,5 +260,5 @@ fn finish(
         table,
         ..Product::default()
     };
-    args.out.finish(&product, &show::text(&retro, left), console)
+    out.finish(&product, &show::text(&retro, left), console)
 }

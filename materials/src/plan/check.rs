@@ -65,10 +65,19 @@ pub fn planned(path: &Path, table: &Table) -> Result<(Vec<Planned>, bool), Parse
         }
         rows.push(one);
     }
+    let flag = |name: &str| table.meta.get(name).and_then(serde_json::Value::as_bool);
+    if flag("isotropic").unwrap_or(false) && marks.is_none() {
+        // One of a direction and its mirror images is measured.
+        for one in &mut rows {
+            let i = direction(one.theta_i_deg, 0.0);
+            let o = direction(one.theta_o_deg, one.phi_o_deg - one.phi_i_deg);
+            let o = super::representative(o, i.x.atan2(i.z));
+            one.phi_o_deg = one.phi_i_deg + o.y.atan2(o.x).to_degrees();
+        }
+    }
     rows.sort_by_key(|p| p.step);
     rows.dedup_by_key(|p| p.step);
-    let quarter = table.meta.get("quarter").and_then(serde_json::Value::as_bool).unwrap_or(false);
-    Ok((rows, quarter))
+    Ok((rows, flag("quarter").unwrap_or(false)))
 }
 
 /// Returns the planned measurements that have no sample with a value above 0 within `tolerance_deg` of both directions, and the number of samples that belong to nothing that was planned. Of an
@@ -81,7 +90,14 @@ pub fn missing(
     tolerance_deg: f64,
 ) -> (Vec<Planned>, usize) {
     let near = 2.0 * (0.5 * tolerance_deg.to_radians()).sin();
-    let turned = |i: DVec3, o: DVec3| if isotropic { crate::samples::turned(i, o) } else { (i, o) };
+    let turned = |i: DVec3, o: DVec3| {
+        if !isotropic {
+            return (i, o);
+        }
+        // An isotropic sample is the same on both sides of the plane of incidence.
+        let (i, o) = crate::samples::turned(i, o);
+        (i, DVec3::new(o.x, o.y.abs(), o.z))
+    };
     let wanted: Vec<(DVec3, DVec3)> = planned
         .iter()
         .map(|p| {

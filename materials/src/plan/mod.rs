@@ -6,7 +6,7 @@
 
 mod check;
 mod density;
-mod order;
+pub(crate) mod order;
 mod rig;
 mod table;
 
@@ -156,7 +156,7 @@ pub fn plan(ndf: &Ndf, options: &PlanOptions) -> Result<Plan, PlanError> {
             let here = &mut cells[first..];
             let found = match &options.rig {
                 Some(rig) => rig.steps(here, [p, t], [*phi, *theta]),
-                None => everywhere(here, [p, t]),
+                None => everywhere(here, [p, t], ndf.is_isotropic(), *theta),
             };
             let directions: Vec<DVec3> = found.iter().map(|s| s.outgoing).collect();
             unordered_travel_deg += order::travel_deg(&directions);
@@ -270,17 +270,36 @@ fn outgoing(
 
 /// Directions closer than this are one, radians.
 const SAME: f64 = 1e-5;
+/// Mirror images of an isotropic sample that are closer than this are one, radians: a hundredth of a degree is nothing to a goniometer.
+const SAME_IMAGE: f64 = 2e-4;
 
-/// One measurement for each direction above the horizon; cells get its number among them.
-fn everywhere(cells: &mut [Cell], incident: [usize; 2]) -> Vec<Step> {
+/// The direction that stands for a direction and its images: an isotropic sample is the same on both sides of the plane of incidence, and seen from the light's own
+/// azimuth all around where the light comes along the normal.
+pub(crate) fn representative(outgoing: DVec3, theta_i_rad: f64) -> DVec3 {
+    if theta_i_rad.abs() < 1e-6 {
+        return DVec3::new(-outgoing.x.hypot(outgoing.y), 0.0, outgoing.z);
+    }
+    DVec3::new(outgoing.x, outgoing.y.abs(), outgoing.z)
+}
+
+/// One measurement for each direction above the horizon, and of an isotropic sample for each with its images; cells get its number among them.
+fn everywhere(
+    cells: &mut [Cell],
+    incident: [usize; 2],
+    isotropic: bool,
+    theta_i_rad: f64,
+) -> Vec<Step> {
     let mut steps: Vec<Step> = Vec::new();
+    let near = if isotropic { SAME_IMAGE } else { SAME };
     for cell in cells {
         if cell.outgoing.z <= 1e-6 {
             continue;
         }
-        let same = |s: &Step| (s.outgoing - cell.outgoing).length() < SAME;
+        let outgoing =
+            if isotropic { representative(cell.outgoing, theta_i_rad) } else { cell.outgoing };
+        let same = |s: &Step| (s.outgoing - outgoing).length() < near;
         let at = steps.iter().position(same).unwrap_or_else(|| {
-            steps.push(Step { incident, outgoing: cell.outgoing, marks_deg: None });
+            steps.push(Step { incident, outgoing, marks_deg: None });
             steps.len() - 1
         });
         cell.step = Some(at);

@@ -17,18 +17,26 @@ pub(super) fn travel_deg(way: &[DVec3]) -> f64 {
 
 /// An order of directions that begins near `from`.
 pub(super) fn shortest(directions: &[DVec3], from: DVec3) -> Vec<usize> {
-    let n = directions.len();
-    let mut left: Vec<usize> = (0..n).collect();
-    let mut order = Vec::with_capacity(n);
-    let mut here = from;
-    while !left.is_empty() {
-        let far = |k: &usize| (directions[left[*k]] - here).length_squared();
-        let Some(next) = (0..left.len()).min_by(|a, b| far(a).total_cmp(&far(b))) else { break };
-        let next = left.swap_remove(next);
-        here = directions[next];
-        order.push(next);
-    }
     let between = |a: usize, b: usize| angle(directions[a], directions[b]);
+    shortest_by(directions.len(), &|k| angle(directions[k], from), &between)
+}
+
+/// An order of `n` places that begins near the start, by what the way to a place costs from the start, and between two.
+pub(crate) fn shortest_by(
+    n: usize,
+    start: &dyn Fn(usize) -> f64,
+    between: &dyn Fn(usize, usize) -> f64,
+) -> Vec<usize> {
+    let mut left: Vec<usize> = (0..n).collect();
+    let mut order: Vec<usize> = Vec::with_capacity(n);
+    while !left.is_empty() {
+        let far = |k: &usize| match order.last() {
+            None => start(left[*k]),
+            Some(here) => between(left[*k], *here),
+        };
+        let Some(next) = (0..left.len()).min_by(|a, b| far(a).total_cmp(&far(b))) else { break };
+        order.push(left.swap_remove(next));
+    }
     for _ in 0..ROUNDS {
         let mut shorter = false;
         for i in 0..n.saturating_sub(1) {

@@ -76,6 +76,7 @@ pub fn to_table(plan: &Plan) -> Table {
         ("normals", json!(options.normals)),
         ("wide", json!(options.wide)),
         ("quarter", json!(options.quarter)),
+        ("isotropic", json!(plan.phi_i_rad.len() == 1)),
         ("rig", json!(rig)),
         ("steps", json!(plan.steps.len())),
         ("travel_deg", json!(plan.travel_deg)),

@@ -2,14 +2,16 @@
 //!
 //! Nothing is kept in memory alone: each reading goes to a [`Record`] as it comes, and is safe before the stage moves on.
 
+use super::Measured;
 use super::plan::Measuring;
-use super::{AtAngle, Measured};
-use std::collections::BTreeMap;
+use crate::axis::{self, Approach, AxisError};
+use crate::reading::{Keep, ReadError, Reader, Seen, kept};
 use std::time::Duration;
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
-use sunglint_drivers::device::{
-    Device, DeviceError, InBeam, Power, PowerMeter, RotationStage, Value,
-};
+use sunglint_drivers::device::{DeviceError, InBeam, PowerMeter, RotationStage};
+
+pub use crate::log::{InMemory, Record, RecordError};
+pub use crate::reading::State;
 
 /// A part of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -20,19 +22,6 @@ pub enum Phase {
     Signature,
     /// The scan of the sample.
     Sample,
-}
-
-/// State of a reading.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum State {
-    /// It has a power.
-    Read,
-    /// The meter was over its range.
-    Over,
-    /// The readings since the last such line are all of this angle: they count.
-    Kept,
-    /// They do not count: the range changed between them.
-    Again,
 }
 
 /// A line of what was read.
@@ -54,70 +43,8 @@ pub struct Line {
     pub range: String,
 }
 
-/// Why a line is not kept.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum RecordError {
-    /// A file of the run cannot be written.
-    #[error("cannot write {file}")]
-    Write {
-        /// The file.
-        file: &'static str,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// A file of the run cannot be made safe on the disk.
-    #[error("cannot write {file} through")]
-    Sync {
-        /// The file.
-        file: &'static str,
-        /// Why.
-        source: std::io::Error,
-    },
-}
-
 /// Why something is not put into the beam.
 pub type HandsError = Box<dyn std::error::Error + Send + Sync>;
-
-/// Where lines go.
-pub trait Record {
-    /// Takes a line.
-    ///
-    /// # Errors
-    /// It cannot be written.
-    fn line(&mut self, line: &Line) -> Result<(), RecordError>;
-
-    /// All lines so far are safe when it returns.
-    ///
-    /// # Errors
-    /// The disk refuses.
-    fn sync(&mut self) -> Result<(), RecordError>;
-
-    /// Something happened that is worth a line of its own.
-    ///
-    /// # Errors
-    /// It cannot be written.
-    fn event(&mut self, text: &str) -> Result<(), RecordError>;
-}
-
-/// Lines in memory: for runs on a virtual rig that nobody wants to keep.
-#[derive(Debug, Clone, Default)]
-pub struct InMemory(pub Vec<Line>);
-
-impl Record for InMemory {
-    fn line(&mut self, line: &Line) -> Result<(), RecordError> {
-        self.0.push(line.clone());
-        Ok(())
-    }
-
-    fn sync(&mut self) -> Result<(), RecordError> {
-        Ok(())
-    }
-
-    fn event(&mut self, _: &str) -> Result<(), RecordError> {
-        Ok(())
-    }
-}
 
 /// Who puts things into the beam.
 pub trait Hands {
@@ -147,37 +74,14 @@ pub enum RunError {
         error: DeviceError,
     },
     /// The stage.
-    #[error("on the way to {asked_deg:.3}°: {error}{}", stands(*at_deg))]
-    Stage {
-        /// Where it was sent, deg.
-        asked_deg: f64,
-        /// Where it stands, deg, if it says so.
-        at_deg: Option<f64>,
-        /// Error that the stage reported.
-        error: DeviceError,
-    },
-    /// The stage says that it arrived, but elsewhere.
-    #[error(
-        "the stage was sent to {asked_deg:.3}° and stands at {at_deg:.3}°: more than {tolerance_deg}° off (is the axis blocked, does the motor lose steps?)"
-    )]
-    Elsewhere {
-        /// Where it was sent, deg.
-        asked_deg: f64,
-        /// Where it stands, deg.
-        at_deg: f64,
-        /// How far off it may be, deg.
-        tolerance_deg: f64,
-    },
+    #[error(transparent)]
+    Axis(AxisError),
     /// Readings that cannot be kept.
     #[error(transparent)]
     Record(#[from] RecordError),
     /// Nobody puts things into the beam.
     #[error(transparent)]
     Hands(#[from] HandsError),
-}
-
-fn stands(at_deg: Option<f64>) -> String {
-    at_deg.map_or(String::new(), |at| format!("; it stands at {at:.3}°"))
 }
 
 /// The devices of a run, their clock, and what stops them.
@@ -194,25 +98,8 @@ pub struct Rig<'a> {
     pub cancel: Cancel,
 }
 
-/// Reads of the meter that may fail one after the other, and the wait between them.
-const TRIES: u32 = 3;
-const TRY_AGAIN: Duration = Duration::from_secs(1);
-/// Times that an angle is read anew because the range changed.
-const RANGES: u32 = 5;
 /// How long stopping the motor may take.
 const STOP: Duration = Duration::from_secs(5);
-
-impl Rig<'_> {
-    fn within(&self, s: f64) -> Deadline {
-        Deadline::after(self.clock.clock.clone(), Duration::from_secs_f64(s))
-            .with_cancel(&self.cancel)
-    }
-
-    fn wait(&self, s: f64, angle_deg: f64) -> Result<(), RunError> {
-        let wait = self.within(s + 1.0).sleep(Duration::from_secs_f64(s));
-        wait.map_err(|_| RunError::Stopped { angle_deg })
-    }
-}
 
 /// Measures what is not in `before` yet, in the order of the run; `again` reads the incident power anew before it goes on. `zero_s` is when the run's first line was, on the rig's clock
 /// (below 0 where that was before it began). The motor is stopped whatever happens.
@@ -225,7 +112,7 @@ pub fn measure(
     before: &[Line],
     again: bool,
     zero_s: f64,
-    record: &mut dyn Record,
+    record: &mut dyn Record<Line>,
 ) -> Result<(), RunError> {
     let result = all_phases(rig, plan, before, again, zero_s, record);
     // Whatever is wrong with it is said by the result already.
@@ -262,7 +149,7 @@ fn all_phases(
     before: &[Line],
     again: bool,
     zero_s: f64,
-    record: &mut dyn Record,
+    record: &mut dyn Record<Line>,
 ) -> Result<(), RunError> {
     let angles = plan.scan.angles();
     let left = |phase: Phase| -> Vec<f64> {
@@ -281,7 +168,7 @@ fn all_phases(
     let nothing_left = signature.is_empty() && sample.is_empty();
     let mut run = Run { rig, plan, zero_s, record, at_deg: None };
     // Readings that were broken off do not mix with those that follow.
-    if let Some(last) = before.last().filter(|l| matches!(l.state, State::Read | State::Over)) {
+    if let Some(last) = before.last().filter(|l| l.state.is_reading()) {
         let (asked, angle) = (last.asked_deg, last.angle_deg);
         run.line(last.phase, asked, angle, f64::NAN, State::Again, &last.range)?;
     }
@@ -307,7 +194,7 @@ struct Run<'a, 'b> {
     rig: &'a mut Rig<'b>,
     plan: &'a Measuring,
     zero_s: f64,
-    record: &'a mut dyn Record,
+    record: &'a mut dyn Record<Line>,
     at_deg: Option<f64>,
 }
 
@@ -341,64 +228,49 @@ impl Run<'_, '_> {
 
     /// Turns to an angle, from below.
     fn turn(&mut self, asked_deg: f64) -> Result<f64, RunError> {
-        let stage = &self.plan.stage;
-        let below = asked_deg - stage.approach_deg.get();
-        let is_down = self.at_deg.is_none_or(|at| at > asked_deg);
-        let reaches = self.rig.stage.travel_deg().is_none_or(|[least, _]| below >= least);
-        if is_down && below < asked_deg && reaches {
-            self.move_to(below)?;
-        }
-        let at_deg = self.move_to(asked_deg)?;
+        let plan = &self.plan.stage;
+        let approach = Approach {
+            approach_deg: plan.approach_deg.get(),
+            tolerance_deg: plan.tolerance_deg.get(),
+        };
+        let (clock, cancel) = (self.rig.clock.clone(), self.rig.cancel.clone());
+        let time = Duration::from_secs_f64(plan.timeout_s.get());
+        let deadline = || Deadline::after(clock.clock.clone(), time).with_cancel(&cancel);
+        let turned = axis::turn(&mut *self.rig.stage, self.at_deg, asked_deg, &approach, &deadline);
+        let at_deg = turned.map_err(|error| match error {
+            AxisError::Stopped { asked_deg } => RunError::Stopped { angle_deg: asked_deg },
+            error => RunError::Axis(error),
+        })?;
         self.at_deg = Some(at_deg);
-        if (at_deg - asked_deg).abs() > stage.tolerance_deg.get() {
-            let tolerance_deg = stage.tolerance_deg.get();
-            return Err(RunError::Elsewhere { asked_deg, at_deg, tolerance_deg });
-        }
         Ok(at_deg)
-    }
-
-    fn move_to(&mut self, asked_deg: f64) -> Result<f64, RunError> {
-        let deadline = self.rig.within(self.plan.stage.timeout_s.get());
-        self.rig.stage.move_to(asked_deg, &deadline).map_err(|failed| match *failed.error {
-            DeviceError::Cancelled { .. } => RunError::Stopped { angle_deg: asked_deg },
-            error => RunError::Stage { asked_deg, at_deg: failed.done, error },
-        })
     }
 
     /// All readings at an angle; anew after a change of range, until it stays.
     fn readings(&mut self, phase: Phase, asked_deg: f64, angle_deg: f64) -> Result<(), RunError> {
-        let settle_s = self.plan.meter.settle_s.get();
-        self.rig.wait(settle_s, angle_deg)?;
-        let mut range = self.range(angle_deg)?;
-        for take in 1..=RANGES {
-            for number in 0..self.plan.scan.readings {
-                if number > 0 {
-                    self.rig.wait(self.plan.scan.interval_s.get(), angle_deg)?;
-                }
-                let (power_w, state) = match self.read(angle_deg)? {
-                    Power::Watts(power_w) => (power_w, State::Read),
-                    _ => (f64::NAN, State::Over),
-                };
-                self.line(phase, asked_deg, angle_deg, power_w, state, &range)?;
-            }
-            let now = self.range(angle_deg)?;
-            let stays = now == range || take == RANGES;
-            if stays && now != range {
-                let text = format!(
-                    "at {angle_deg:.3}° the meter's range does not settle after {RANGES} times: choose a fixed one"
-                );
-                self.record.event(&text)?;
-            }
-            let state = if stays { State::Kept } else { State::Again };
-            self.line(phase, asked_deg, angle_deg, f64::NAN, state, &range)?;
-            self.record.sync()?;
-            if stays {
-                return Ok(());
-            }
-            range = now;
-            self.rig.wait(settle_s, angle_deg)?;
-        }
-        Ok(())
+        let Rig { meter, clock, cancel, .. } = &mut *self.rig;
+        let mut reader = Reader {
+            meter: &mut **meter,
+            clock,
+            cancel,
+            settle_s: self.plan.meter.settle_s.get(),
+            timeout_s: self.plan.meter.timeout_s.get(),
+            readings: self.plan.scan.readings,
+            interval_s: self.plan.scan.interval_s.get(),
+        };
+        let clock = reader.clock.clone();
+        let mut at = At {
+            clock,
+            zero_s: self.zero_s,
+            record: &mut *self.record,
+            phase,
+            asked_deg,
+            angle_deg,
+        };
+        reader.take(&format!("at {angle_deg:.3}°"), &mut at).map_err(|error| match error {
+            ReadError::Stopped => RunError::Stopped { angle_deg },
+            ReadError::Meter(error) => RunError::Meter { angle_deg, error },
+            ReadError::Record(error) => RunError::Record(error),
+        })
     }
 
     fn line(
@@ -414,78 +286,47 @@ impl Run<'_, '_> {
         let line = Line { time_s, phase, asked_deg, angle_deg, power_w, state, range };
         Ok(self.record.line(&line)?)
     }
+}
 
-    /// One reading; a meter that fails is asked again a little later.
-    fn read(&mut self, angle_deg: f64) -> Result<Power, RunError> {
-        self.ask(angle_deg, |meter, deadline| meter.power(deadline))
+/// The keeper of the readings at an angle.
+struct At<'a> {
+    clock: DeviceClock,
+    zero_s: f64,
+    record: &'a mut dyn Record<Line>,
+    phase: Phase,
+    asked_deg: f64,
+    angle_deg: f64,
+}
+
+impl Keep for At<'_> {
+    fn reading(&mut self, power_w: f64, state: State, range: &str) -> Result<(), RecordError> {
+        let time_s = self.clock.clock.now().as_secs_f64() - self.zero_s;
+        let (phase, asked_deg, angle_deg) = (self.phase, self.asked_deg, self.angle_deg);
+        let range = range.to_owned();
+        self.record.line(&Line { time_s, phase, asked_deg, angle_deg, power_w, state, range })
     }
 
-    /// The range, as the meter names it; empty where it does not.
-    fn range(&mut self, angle_deg: f64) -> Result<String, RunError> {
-        let settings = self.ask(angle_deg, |meter, deadline| Device::settings(meter, deadline))?;
-        let range = settings.iter().find(|s| matches!(s.name, "range_w" | "range"));
-        Ok(range.map_or(String::new(), |s| match &s.value {
-            Value::Number(end_w) => format!("{end_w:e}W"),
-            value => value.to_string(),
-        }))
+    fn sync(&mut self) -> Result<(), RecordError> {
+        self.record.sync()
     }
 
-    fn ask<T>(
-        &mut self,
-        angle_deg: f64,
-        mut what: impl FnMut(&mut dyn PowerMeter, &Deadline) -> Result<T, DeviceError>,
-    ) -> Result<T, RunError> {
-        for attempt in 1.. {
-            let deadline = self.rig.within(self.plan.meter.timeout_s.get());
-            match what(&mut *self.rig.meter, &deadline) {
-                Ok(found) => return Ok(found),
-                Err(DeviceError::Cancelled { .. }) => return Err(RunError::Stopped { angle_deg }),
-                Err(error) if attempt >= TRIES => return Err(RunError::Meter { angle_deg, error }),
-                Err(error) => {
-                    let text = format!("at {angle_deg:.3}°, try {attempt} of {TRIES}: {error}");
-                    self.record.event(&text)?;
-                    self.rig.wait(TRY_AGAIN.as_secs_f64(), angle_deg)?;
-                }
-            }
-        }
-        Err(RunError::Stopped { angle_deg })
+    fn event(&mut self, text: &str) -> Result<(), RecordError> {
+        self.record.event(text)
     }
 }
 
 /// The readings that count: of each part and angle those before the last line that keeps them.
 pub fn measured(lines: &[Line]) -> Measured {
-    let mut angles: BTreeMap<(Phase, u64), (usize, AtAngle)> = BTreeMap::new();
-    let mut now: Vec<&Line> = Vec::new();
-    for (place, line) in lines.iter().enumerate() {
-        let belongs =
-            |first: &&&Line| first.phase == line.phase && first.asked_deg == line.asked_deg;
-        // An angle whose reading was broken off, and then another one.
-        if now.first().filter(belongs).is_none() {
-            now.clear();
-        }
-        match line.state {
-            State::Read | State::Over => now.push(line),
-            State::Again => now.clear(),
-            State::Kept => {
-                let n = now.len().max(1) as f64;
-                let at = AtAngle {
-                    angle_deg: line.angle_deg,
-                    time_s: now.iter().map(|l| l.time_s).sum::<f64>() / n,
-                    power_w: (now.iter().filter(|l| l.state == State::Read))
-                        .map(|l| l.power_w)
-                        .collect(),
-                    over: now.iter().filter(|l| l.state == State::Over).count(),
-                    range: line.range.clone(),
-                };
-                angles.insert((line.phase, line.asked_deg.to_bits()), (place, at));
-                now.clear();
-            }
-        }
-    }
-    let mut found: Vec<((Phase, u64), (usize, AtAngle))> = angles.into_iter().collect();
-    found.sort_by_key(|(_, (place, _))| *place);
+    let seen = lines.iter().map(|line| Seen {
+        key: (line.phase, line.asked_deg.to_bits()),
+        angle_deg: line.angle_deg,
+        time_s: line.time_s,
+        power_w: line.power_w,
+        state: line.state,
+        range: &line.range,
+    });
     let mut measured = Measured::default();
-    for ((phase, _), (_, at)) in found {
+    for ((phase, _), at) in kept(seen) {
         match phase {
             Phase::Incident(_) => measured.incident.push(at),
             Phase::Signature => measured.signature.push(at),

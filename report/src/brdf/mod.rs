@@ -2,6 +2,7 @@
 
 pub mod assemble;
 pub mod fit;
+pub mod goniometer;
 mod hemispheres;
 pub mod ingest;
 pub mod ndf;

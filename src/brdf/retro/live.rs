@@ -3,7 +3,7 @@
 use crate::output::Console;
 use indicatif::ProgressBar;
 use std::io::IsTerminal as _;
-use sunglint_materials::retro::log::Watch;
+use sunglint_materials::log::Watch;
 use sunglint_materials::retro::measure::{Line, Phase, State};
 use sunglint_report::brdf::retro::curve;
 
@@ -36,7 +36,7 @@ impl Live {
     }
 }
 
-impl Watch for Live {
+impl Watch<Line> for Live {
     fn line(&mut self, line: &Line) {
         if self.phase != Some(line.phase) {
             (self.phase, self.curve) = (Some(line.phase), vec![]);

@@ -74,7 +74,8 @@ impl Bench {
         let stray = optics.stray * (1.0 + optics.stray_slope_per_deg * turned_deg).max(0.0);
         match place {
             InBeam::Head => laser,
-            InBeam::Nothing => laser * stray,
+            InBeam::Nothing | InBeam::Through => laser * stray,
+            InBeam::Blocked => 0.0,
             InBeam::Sample => {
                 laser * (stray + through * self.through_stop(&self.options.sample, theta))
             }

@@ -1,0 +1,21 @@
+//! A goniometer's run: from a plan to BRDF values, beginning with the instrument itself.
+//!
+//! - [`bench`]: BENCH.toml, the axes, the meter and the optics of a bench;
+//! - [`pose`]: directions as angles of the axes;
+//! - [`tasks`]: all that a run measures, in its order;
+//! - [`mod@measure`]: the run itself, resumable after any reading;
+//! - [`line`](mod@line): what was read, as the run's folder holds it;
+//! - [`signature`]: the beam without a sample, and what it tells of the instrument;
+//! - [`overlap`]: how much of the beam lies on the sample and in the detector's field;
+//! - [`mod@reduce`]: readings as values;
+//! - [`folder`]: a run's folder as values.
+
+pub mod bench;
+pub mod folder;
+pub mod line;
+pub mod measure;
+pub mod overlap;
+pub mod pose;
+pub mod reduce;
+pub mod signature;
+pub mod tasks;

@@ -1,0 +1,831 @@
+//! A goniometer's run as BRDF values.
+//!
+//! f = (Φ − Φ_dark − s(δ) Φ_i(t) Ω) / (Φ_i(t) Ω cosθ_o p)
+//!
+//! with the incident power Φ_i from the readings of the beam, carried through the run by the reference direction; s the stray light by the detector's angle; Ω the
+//! stop's solid angle; p the part of the beam that lies on the sample and in the detector's field ([`super::overlap`]); and all angles less the axes' zeros, which come from the beam
+//! straight through and from the sample's lobe seen from both sides.
+
+use super::bench::Bench;
+use super::line::Line;
+use super::overlap::Sizes;
+use super::pose::{Angles, Kinematics, Pose};
+use super::signature::{
+    Point, Signature, fwhm_deg, lobe_fwhm_deg, measured, optional, peak, signature,
+};
+use super::tasks::{Part, RESUMED, Task};
+use crate::plan::Planned;
+use crate::reading::{Seen, State, kept};
+use crate::retro::AtAngle;
+use crate::retro::readings::{Mean, means};
+use crate::samples::{Sample, Samples, direction};
+use serde::Serialize;
+use serde_json::json;
+use std::collections::{BTreeMap, HashSet};
+use sunglint_formats::Meta;
+use sunglint_numerics::measured::Measured;
+use sunglint_numerics::order::median;
+
+/// What is taken as the relative uncertainty of the incident power where the signature was not measured: the part of the beam that the detector takes in is not known.
+pub const WITHOUT_SIGNATURE: f64 = 0.05;
+/// A change between the beam's readings at both ends, beyond what the reference direction says, that is worth a warning.
+const MUCH: f64 = 0.02;
+/// A lobe whose width is not known to this part of it is not told from the instrument, nor one that is narrower than this part of the instrument's.
+const BELOW: f64 = 0.04;
+const LEAST: f64 = 0.8;
+
+/// Why there are no values.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum GoniometerError {
+    /// A part that the reduction cannot do without.
+    #[error("there are no readings of {0}: go on with the run (sunglint brdf run … --resume)")]
+    Missing(&'static str),
+    /// The beam is none.
+    #[error(
+        "the beam is {power_w:e} W above the dark reading: expected light (is the shutter open, does the detector stand in the beam?)"
+    )]
+    NoLight {
+        /// Net power, W.
+        power_w: f64,
+    },
+    /// The beam is more than the meter shows.
+    #[error(
+        "the meter is over its range in the beam: choose a higher range, or put a filter into the beam and name it in [beam] filter_transmission"
+    )]
+    BeamOver,
+    /// No direction has a value.
+    #[error(
+        "none of {directions} directions has a value: {over} are over the meter's range, {refused} have less than the least part of the beam on the sample and in the detector's field"
+    )]
+    Nothing {
+        /// Directions that were read.
+        directions: usize,
+        /// Directions over range.
+        over: usize,
+        /// Directions that are refused.
+        refused: usize,
+    },
+}
+
+/// Zeros of the axes: what the bench's angles are too large by, degrees with their standard uncertainty.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Zeros {
+    /// Of the sample's axis.
+    #[serde(serialize_with = "measured")]
+    pub sample_deg: Measured,
+    /// Of the detector's axis.
+    #[serde(serialize_with = "measured")]
+    pub detector_deg: Measured,
+    /// Of the azimuth's axis.
+    #[serde(serialize_with = "optional")]
+    pub azimuth_deg: Option<Measured>,
+    /// True where they were measured.
+    pub measured: bool,
+}
+
+/// Stray light, as BRDF times cosθ_o, sr⁻¹.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Floor {
+    /// Mean over the detector's angles.
+    pub mean_per_sr: f64,
+    /// Least.
+    pub least_per_sr: f64,
+    /// Largest.
+    pub largest_per_sr: f64,
+}
+
+/// The sample's lobe in the mirrored direction beside the instrument's own width.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Mirrored {
+    /// Angle of incidence, degrees.
+    pub theta_i_deg: f64,
+    /// Full width at half maximum as it was seen, in the plane of incidence, degrees.
+    pub seen_fwhm_deg: f64,
+    /// The same of the beam without a sample.
+    pub instrument_fwhm_deg: f64,
+    /// The same of the sample alone; none where it is below the instrument.
+    #[serde(serialize_with = "optional")]
+    pub sample_fwhm_deg: Option<Measured>,
+}
+
+/// The lamp at a look at the reference direction.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Look {
+    /// Seconds since the run's begin.
+    pub time_s: f64,
+    /// Light over that at the first look.
+    pub relative: f64,
+    /// Standard uncertainty of that.
+    pub sigma: f64,
+}
+
+/// The instrument, as a run found it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Instrument {
+    /// Vacuum wavelength, nm.
+    pub wavelength_nm: f64,
+    /// Solid angle of the detector, sr.
+    pub solid_angle_sr: f64,
+    /// Half-angle of its cone, degrees.
+    pub cone_half_angle_deg: f64,
+    /// Incident power at the first look at the reference direction, W.
+    #[serde(serialize_with = "measured")]
+    pub incident_w: Measured,
+    /// Reading of the meter without light, W.
+    #[serde(serialize_with = "measured")]
+    pub dark_w: Measured,
+    /// The beam straight through.
+    pub signature: Option<Signature>,
+    /// Stray light.
+    pub floor: Option<Floor>,
+    /// Zeros of the axes.
+    pub zeros: Zeros,
+    /// Looks at the reference direction.
+    pub drift: Vec<Look>,
+    /// The mirrored lobe.
+    pub mirrored: Option<Mirrored>,
+    /// The part of the beam on the sample and in the field, least of all directions that have a value.
+    pub least_part: f64,
+    /// Polarisation of source and detector, in words.
+    pub polarisation: [Option<String>; 2],
+    /// What was not measured, and what is assumed instead.
+    pub missing: Vec<String>,
+}
+
+/// Values of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reduced {
+    /// The values, one row for each direction that has one, in the order of the run.
+    pub samples: Samples,
+    /// The instrument.
+    pub instrument: Instrument,
+    /// Scans through the beam: in the plane of incidence and across.
+    pub scans: [Vec<Point>; 2],
+    /// Relative uncertainty that all values share.
+    pub scale_sigma: f64,
+    /// Directions of the plan that the bench does not reach.
+    pub unreachable: usize,
+    /// Directions that are not measured yet.
+    pub left: usize,
+    /// Directions over the meter's range.
+    pub over: usize,
+    /// Directions with too small a part of the beam on the sample and in the field.
+    pub refused: usize,
+    /// Warnings for the user.
+    pub warnings: Vec<String>,
+}
+
+/// Readings at a place as one.
+#[derive(Debug, Clone)]
+struct Read {
+    number: u32,
+    stages: Angles,
+    time_s: f64,
+    mean: Mean,
+}
+
+/// The readings of all parts.
+fn reads(lines: &[Line]) -> BTreeMap<Part, Vec<Read>> {
+    let seen = lines.iter().map(|line| Seen {
+        key: (line.part, line.number),
+        angle_deg: line.stages[1].unwrap_or(f64::NAN),
+        time_s: line.time_s,
+        power_w: line.power_w,
+        state: line.state,
+        range: &line.range,
+    });
+    let mut stages: BTreeMap<(Part, u32), Angles> = BTreeMap::new();
+    for line in lines.iter().filter(|line| line.state == State::Kept) {
+        stages.insert((line.part, line.number), line.stages);
+    }
+    let mut parts: BTreeMap<Part, (Vec<u32>, Vec<AtAngle>)> = BTreeMap::new();
+    for ((part, number), at) in kept(seen) {
+        let (numbers, all) = parts.entry(part).or_default();
+        numbers.push(number);
+        all.push(at);
+    }
+    let read = |(part, (numbers, all)): (Part, (Vec<u32>, Vec<AtAngle>))| {
+        let means = means(&all);
+        let each = numbers.into_iter().zip(all).zip(means).map(|((number, at), mean)| Read {
+            number,
+            stages: stages.get(&(part, number)).copied().unwrap_or([None; 4]),
+            time_s: at.time_s,
+            mean,
+        });
+        (part, each.collect())
+    };
+    parts.into_iter().map(read).collect()
+}
+
+/// A value at a time: on a straight line between, held beyond the ends.
+fn between(points: &[(f64, f64)], at: f64) -> f64 {
+    let k = points.partition_point(|p| p.0 < at);
+    match (k.checked_sub(1).and_then(|j| points.get(j)), points.get(k)) {
+        (Some(a), Some(b)) if b.0 > a.0 => a.1 + (b.1 - a.1) * (at - a.0) / (b.0 - a.0),
+        (Some(a), None) => a.1,
+        (_, Some(b)) => b.1,
+        (None, None) => f64::NAN,
+    }
+}
+
+/// The dark reading.
+struct Dark {
+    points: Vec<(f64, f64)>,
+    sigma_w: f64,
+}
+
+impl Dark {
+    fn new(reads: Option<&Vec<Read>>) -> Self {
+        let all: Vec<&Read> =
+            reads.into_iter().flatten().filter(|r| r.mean.power_w.is_finite()).collect();
+        let points: Vec<(f64, f64)> = all.iter().map(|r| (r.time_s, r.mean.power_w)).collect();
+        let n = all.len().max(1) as f64;
+        let noise = all.iter().map(|r| r.mean.sigma_w.powi(2)).sum::<f64>().sqrt() / n;
+        // What changed between two of them may have changed unevenly.
+        let change = points.windows(2).map(|w| (w[1].1 - w[0].1).abs()).fold(0.0, f64::max);
+        Self { points, sigma_w: noise.hypot(change / 12.0_f64.sqrt()) }
+    }
+
+    fn at(&self, time_s: f64) -> f64 {
+        if self.points.is_empty() { 0.0 } else { between(&self.points, time_s) }
+    }
+}
+
+/// Values of a run's lines. `tasks` is all that was to be measured, `unreachable` the directions that it has not.
+///
+/// # Errors
+/// Parts without which there are no values, a beam that is no light or over range.
+pub fn reduce(
+    lines: &[Line],
+    bench: &Bench,
+    kinematics: &Kinematics,
+    tasks: &[Task],
+    missing: &[String],
+    unreachable: &[Planned],
+) -> Result<Reduced, GoniometerError> {
+    let reads = reads(lines);
+    let of = |part: Part| reads.get(&part).map_or(&[][..], Vec::as_slice);
+    let directions = of(Part::Direction);
+    if directions.is_empty() {
+        return Err(GoniometerError::Missing("directions"));
+    }
+    let dark = Dark::new(reads.get(&Part::Dark));
+    if dark.points.is_empty() {
+        return Err(GoniometerError::Missing("the dark (the beam blocked)"));
+    }
+    let solid_angle_sr = bench.stop.solid_angle_sr();
+    let cone_half_angle_deg = bench.stop.cone_half_angle_deg();
+    let mut missing: Vec<String> = missing.to_vec();
+    let mut warnings = Vec::new();
+    let net = |read: &Read| Point {
+        offset_deg: f64::NAN,
+        power_w: read.mean.power_w - dark.at(read.time_s),
+        sigma_w: read.mean.sigma_w.hypot(dark.sigma_w),
+    };
+    // The scans' offsets are what the stages stood off from where the beam should be.
+    let scan = |part: Part, offset: &dyn Fn([f64; 4]) -> f64| -> Vec<Point> {
+        let point = |read: &Read| {
+            let offset_deg = offset(kinematics.bench(&read.stages, [0.0; 4]));
+            Point { offset_deg, ..net(read) }
+        };
+        let mut points: Vec<Point> =
+            of(part).iter().map(point).filter(|p| p.power_w.is_finite()).collect();
+        points.sort_by(|a, b| a.offset_deg.total_cmp(&b.offset_deg));
+        points
+    };
+    let along = scan(Part::SignatureIn, &|b| b[0] + b[1] - 180.0);
+    let across = scan(Part::SignatureOut, &|b| b[2]);
+    let found =
+        if along.len() < 5 { None } else { signature(&along, &across, cone_half_angle_deg) };
+    if found.is_none() {
+        if !missing.iter().any(|m| m.starts_with("the signature")) {
+            missing.push("the signature (no beam in its scans)".into());
+        }
+        if !along.is_empty() {
+            warnings.push(
+                "the scans straight through show no beam that falls to half on both sides: look at [signature] half_width_deg and at the zeros of the axes".into(),
+            );
+        }
+    }
+    let captured = found.map_or(1.0, |s| s.captured);
+    // The incident power at both ends.
+    let filter = bench.beam.filter_transmission.get();
+    let beams: Vec<(f64, f64, f64)> = of(Part::Beam)
+        .iter()
+        .filter(|read| read.mean.power_w.is_finite() && read.mean.over == 0)
+        .map(|read| {
+            let point = net(read);
+            let factor = 1.0 / (captured * filter);
+            (read.time_s, point.power_w * factor, point.sigma_w * factor)
+        })
+        .collect();
+    if of(Part::Beam).iter().any(|read| read.mean.over > 0) && beams.is_empty() {
+        return Err(GoniometerError::BeamOver);
+    }
+    if beams.is_empty() {
+        return Err(GoniometerError::Missing("the beam"));
+    }
+    if let Some((_, power_w, _)) = beams.iter().find(|b| b.1.is_nan() || b.1 <= 5.0 * b.2) {
+        return Err(GoniometerError::NoLight { power_w: *power_w });
+    }
+    let lamp = Lamp::new(of(Part::Reference), &beams, &dark, &mut missing);
+    if lamp.disagree > MUCH {
+        warnings.push(format!(
+            "the beam changed by {:.2} % more than the reference direction says between both ends of the run: half of it is in scale_sigma",
+            100.0 * lamp.disagree
+        ));
+    }
+    let zeros = zeros(bench, kinematics, found.as_ref(), &scan, &mut missing);
+    let floor = FloorScan::new(of(Part::Floor), kinematics, &dark, &lamp, solid_angle_sr);
+    let mirrored = mirrored(bench, found.as_ref(), cone_half_angle_deg, &scan);
+    // All directions.
+    let sizes = Sizes {
+        beam_mm: bench.beam.diameter_mm.get(),
+        width_mm: bench.sample.width_mm.get(),
+        height_mm: bench.sample.height_mm.get(),
+        field_mm: bench.field_mm,
+    };
+    let errors = [
+        zeros.sample_deg.value,
+        zeros.detector_deg.value,
+        zeros.azimuth_deg.map_or(0.0, |z| z.value),
+        0.0,
+    ];
+    let least_part = bench.sample.least_part.get();
+    let (mut rows, mut over, mut refused) = (Vec::new(), 0, 0);
+    let mut smallest_part = 1.0_f64;
+    for read in directions {
+        if read.mean.over > 0 || !read.mean.power_w.is_finite() {
+            over += 1;
+            continue;
+        }
+        let angles = kinematics.bench(&read.stages, errors);
+        let pose = Kinematics::pose(angles);
+        let o = direction(pose.theta_o_deg, pose.phi_o_deg - pose.phi_i_deg);
+        let part = sizes.part(pose.theta_i_deg, pose.phi_i_deg, o);
+        if part < least_part || pose.theta_i_deg >= 90.0 || o.z <= 0.0 {
+            refused += 1;
+            continue;
+        }
+        smallest_part = smallest_part.min(part);
+        let (incident, drift) = lamp.at(read.time_s);
+        let point = net(read);
+        let (stray, stray_sigma) = floor.at(angles[1]);
+        let per_watt = 1.0 / (incident * solid_angle_sr * o.z * part);
+        let value = (point.power_w - stray * incident * solid_angle_sr) * per_watt;
+        let noise = point.sigma_w * per_watt;
+        let from_floor = stray_sigma / (o.z * part);
+        rows.push(Row {
+            pose,
+            value,
+            sigma: noise.hypot(from_floor).hypot(value * drift),
+            cos: o.z * part,
+        });
+    }
+    if rows.is_empty() {
+        return Err(GoniometerError::Nothing { directions: directions.len(), over, refused });
+    }
+    if over > 0 {
+        warnings.push(format!("{over} directions were over the meter's range: they have no value"));
+    }
+    if refused > 0 {
+        warnings.push(format!(
+            "{refused} directions have less than {:.0} % of the beam on the sample and in the detector's field: they are left out (a narrower beam, or [sample] least_part)",
+            100.0 * least_part
+        ));
+    }
+    if floor.points.is_empty() {
+        // Stray light is not more than the least that was seen.
+        let least = rows.iter().map(|r| r.value * r.cos).fold(f64::INFINITY, f64::min).max(0.0);
+        for row in &mut rows {
+            row.sigma = row.sigma.hypot(least / row.cos);
+        }
+        for text in missing.iter_mut().filter(|m| m.starts_with("stray light")) {
+            *text += &format!(": up to {least:.2e} /sr, the least that was seen, is in σ");
+        }
+    }
+    widen(&mut rows, &zeros);
+    for text in missing.iter_mut().filter(|m| m.starts_with("the signature")) {
+        if found.is_none() && !text.contains(':') {
+            *text += &format!(
+                ": the detector is taken to hold the whole beam, ± {:.0} % in scale_sigma",
+                100.0 * WITHOUT_SIGNATURE
+            );
+        }
+    }
+    for what in &missing {
+        warnings.push(format!("not measured: {what}"));
+    }
+    let beam_sigma = found.map_or(WITHOUT_SIGNATURE, |s| s.captured_sigma);
+    let scale_sigma = bench
+        .stop_sigma
+        .hypot(bench.beam.filter_relative_sigma.get())
+        .hypot(beam_sigma)
+        .hypot(lamp.scale_sigma)
+        .hypot(0.5 * lamp.disagree);
+    let mean = |all: &dyn Fn(&Read) -> f64| {
+        let dark = of(Part::Dark);
+        dark.iter().map(all).sum::<f64>() / dark.len() as f64
+    };
+    let instrument = Instrument {
+        wavelength_nm: bench.wavelength_nm,
+        solid_angle_sr,
+        cone_half_angle_deg,
+        incident_w: Measured::new(lamp.scale_w, lamp.scale_w * lamp.scale_sigma.hypot(beam_sigma)),
+        dark_w: Measured::new(mean(&|r| r.mean.power_w), dark.sigma_w),
+        signature: found,
+        floor: floor.summary(),
+        zeros,
+        drift: lamp.looks,
+        mirrored,
+        least_part: smallest_part,
+        polarisation: [bench.beam.polarisation.clone(), bench.detector_polarisation.clone()],
+        missing,
+    };
+    let known: HashSet<u32> = directions.iter().map(|read| read.number).collect();
+    let left = |task: &&Task| task.part == Part::Direction && !known.contains(&task.number);
+    let left = tasks.iter().filter(left).count();
+    if left > 0 {
+        warnings.push(format!("{left} directions are not measured yet: go on with --resume"));
+    }
+    let mut meta = Meta::new();
+    meta.insert("solid_angle_sr".into(), json!(solid_angle_sr));
+    meta.insert("scale_sigma".into(), json!(scale_sigma));
+    meta.insert("instrument".into(), json!(instrument));
+    let rows = rows.into_iter().map(|row| Sample {
+        theta_i_deg: row.pose.theta_i_deg,
+        phi_i_deg: row.pose.phi_i_deg,
+        theta_o_deg: row.pose.theta_o_deg,
+        phi_o_deg: row.pose.phi_o_deg,
+        brdf_per_sr: vec![row.value],
+        sigma_per_sr: vec![row.sigma],
+    });
+    let samples = Samples { wavelength_nm: vec![bench.wavelength_nm], rows: rows.collect(), meta };
+    Ok(Reduced {
+        samples,
+        instrument,
+        scans: [along, across],
+        scale_sigma,
+        unreachable: unreachable.len(),
+        left,
+        over,
+        refused,
+        warnings,
+    })
+}
+
+struct Row {
+    pose: Pose,
+    value: f64,
+    sigma: f64,
+    cos: f64,
+}
+
+/// The incident power through the run.
+struct Lamp {
+    looks: Vec<Look>,
+    track: Track,
+    /// Incident power over the first look's light, W; the power itself where there is no reference.
+    scale_w: f64,
+    /// Relative standard uncertainty of that.
+    scale_sigma: f64,
+    /// How far the two ends of the beam and the reference direction disagree, relative.
+    disagree: f64,
+}
+
+impl Lamp {
+    fn new(
+        references: &[Read],
+        beams: &[(f64, f64, f64)],
+        dark: &Dark,
+        missing: &mut Vec<String>,
+    ) -> Self {
+        let mut all: Vec<&Read> =
+            references.iter().filter(|r| r.mean.over == 0 && r.mean.power_w.is_finite()).collect();
+        all.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        let net = |r: &Read| r.mean.power_w - dark.at(r.time_s);
+        let light = |r: &&Read| net(r) > 10.0 * r.mean.sigma_w.hypot(dark.sigma_w);
+        if all.is_empty() || !all.iter().all(|r| light(r)) {
+            if !missing.iter().any(|m| m.starts_with("the reference")) {
+                missing.push("the reference direction (no light there): the lamp's drift is taken as even between both readings of the beam".into());
+            }
+            let points = beams.iter().map(|b| (b.0, b.1 / beams[0].1, b.2 / beams[0].1));
+            let track = Track::new(points.collect());
+            let (scale_w, scale_sigma) = (beams[0].1, beams[0].2 / beams[0].1);
+            return Self { looks: vec![], track, scale_w, scale_sigma, disagree: 0.0 };
+        }
+        let first = net(all[0]);
+        let looks: Vec<Look> = all
+            .iter()
+            .map(|r| Look {
+                time_s: r.time_s,
+                relative: net(r) / first,
+                sigma: r.mean.sigma_w.hypot(dark.sigma_w) / first,
+            })
+            .collect();
+        let track = Track::new(looks.iter().map(|l| (l.time_s, l.relative, l.sigma)).collect());
+        let gains: Vec<(f64, f64)> = beams
+            .iter()
+            .map(|b| {
+                let (here, sigma) = track.at(b.0);
+                (b.1 / here, (b.2 / b.1).hypot(sigma / here))
+            })
+            .collect();
+        // Those next to a look weigh more: the lamp has walked less.
+        let weight = |g: &(f64, f64)| 1.0 / (g.1 * g.1).max(1e-18);
+        let weights: f64 = gains.iter().map(weight).sum();
+        let scale_w = gains.iter().map(|g| weight(g) * g.0).sum::<f64>() / weights;
+        let scale_sigma = weights.sqrt().recip();
+        // Of the beam just before the sample came and the one after it went.
+        let ends = gains.len().saturating_sub(2);
+        let of_ends = &gains[ends..];
+        let high = of_ends.iter().map(|g| g.0).fold(f64::NEG_INFINITY, f64::max);
+        let low = of_ends.iter().map(|g| g.0).fold(f64::INFINITY, f64::min);
+        Self { looks, track, scale_w, scale_sigma, disagree: (high - low) / scale_w }
+    }
+
+    /// Incident power at a time, W, and its relative uncertainty by the drift and the looks' noise.
+    fn at(&self, time_s: f64) -> (f64, f64) {
+        let (here, sigma) = self.track.at(time_s);
+        (self.scale_w * here, sigma / here.abs().max(f64::MIN_POSITIVE))
+    }
+}
+
+/// A number that walks at random and is seen now and then with noise: what it was meanwhile, after Rauch, Tung and Striebel (AIAA Journal 3, 1445, 1965). How fast it walks is
+/// what looks differ by beyond their noise, over the number of steps where that is most.
+struct Track {
+    /// Time, value, variance.
+    points: Vec<(f64, f64, f64)>,
+    /// Variance that it gains in a second.
+    walk: f64,
+}
+
+impl Track {
+    /// From times, values and standard uncertainties.
+    fn new(seen: Vec<(f64, f64, f64)>) -> Self {
+        // Over any number of steps: a slow drift shows over many alone.
+        let over = |lag: usize| {
+            let pairs = || seen.iter().zip(&seen[lag..]);
+            let beyond: f64 =
+                pairs().map(|(a, b)| (b.1 - a.1).powi(2) - a.2 * a.2 - b.2 * b.2).sum();
+            let time: f64 = pairs().map(|(a, b)| b.0 - a.0).sum();
+            if time > 0.0 { beyond / time } else { 0.0 }
+        };
+        let walk = (1..seen.len()).map(over).fold(0.0, f64::max);
+        // Forwards.
+        let mut forwards: Vec<(f64, f64, f64, f64)> = Vec::with_capacity(seen.len());
+        for (time_s, value, sigma) in &seen {
+            let noise = (sigma * sigma).max(1e-18);
+            let (value, variance, before) = match forwards.last() {
+                None => (*value, noise, noise),
+                Some((t, x, p, _)) => {
+                    let before = p + walk * (time_s - t);
+                    let gain = before / (before + noise);
+                    (x + gain * (value - x), before * (1.0 - gain), before)
+                }
+            };
+            forwards.push((*time_s, value, variance, before));
+        }
+        // Backwards.
+        let mut points: Vec<(f64, f64, f64)> =
+            forwards.iter().map(|(t, x, p, _)| (*t, *x, *p)).collect();
+        for k in (0..points.len().saturating_sub(1)).rev() {
+            let (_, x, p, _) = forwards[k];
+            let before = forwards[k + 1].3;
+            let back = p / before;
+            let (_, next, variance) = points[k + 1];
+            points[k].1 = x + back * (next - x);
+            points[k].2 = p + back * back * (variance - before);
+        }
+        Self { points, walk }
+    }
+
+    /// Value at a time and its standard uncertainty.
+    fn at(&self, time_s: f64) -> (f64, f64) {
+        let k = self.points.partition_point(|p| p.0 < time_s);
+        match (k.checked_sub(1).map(|j| self.points[j]), self.points.get(k)) {
+            (Some(a), Some(b)) if b.0 > a.0 => {
+                let t = (time_s - a.0) / (b.0 - a.0);
+                let bridge = self.walk * (b.0 - a.0) * t * (1.0 - t);
+                let known = ((1.0 - t) * a.2.sqrt() + t * b.2.sqrt()).powi(2);
+                (a.1 + t * (b.1 - a.1), (known + bridge).sqrt())
+            }
+            (Some(a), _) => (a.1, (a.2 + self.walk * (time_s - a.0)).sqrt()),
+            (None, Some(b)) => (b.1, (b.2 + self.walk * (b.0 - time_s)).sqrt()),
+            (None, None) => (f64::NAN, f64::NAN),
+        }
+    }
+}
+
+/// Stray light by the detector's angle.
+struct FloorScan {
+    /// Angle, light over incident power and solid angle, its uncertainty.
+    points: Vec<(f64, f64, f64)>,
+}
+
+impl FloorScan {
+    fn new(
+        reads: &[Read],
+        kinematics: &Kinematics,
+        dark: &Dark,
+        lamp: &Lamp,
+        solid_angle_sr: f64,
+    ) -> Self {
+        let good = reads.iter().filter(|r| r.mean.over == 0 && r.mean.power_w.is_finite());
+        let mut points: Vec<(f64, f64, f64)> = good
+            .map(|r| {
+                let per_watt = 1.0 / (lamp.at(r.time_s).0 * solid_angle_sr);
+                let net = r.mean.power_w - dark.at(r.time_s);
+                let angle = kinematics.bench(&r.stages, [0.0; 4])[1];
+                (angle, net * per_watt, r.mean.sigma_w.hypot(dark.sigma_w) * per_watt)
+            })
+            .collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Self { points }
+    }
+
+    /// Stray light at an angle of the detector, and its uncertainty: noise, and half of the change to the next angle that was read.
+    fn at(&self, detector_deg: f64) -> (f64, f64) {
+        if self.points.is_empty() {
+            return (0.0, 0.0);
+        }
+        let values: Vec<(f64, f64)> = self.points.iter().map(|p| (p.0, p.1)).collect();
+        let k = self.points.partition_point(|p| p.0 < detector_deg);
+        let a = self.points[k.saturating_sub(1)];
+        let b = self.points[k.min(self.points.len() - 1)];
+        (between(&values, detector_deg), a.2.max(b.2).hypot(0.5 * (a.1 - b.1)))
+    }
+
+    fn summary(&self) -> Option<Floor> {
+        let values = || self.points.iter().map(|p| p.1);
+        (!self.points.is_empty()).then(|| Floor {
+            mean_per_sr: values().sum::<f64>() / self.points.len() as f64,
+            least_per_sr: values().fold(f64::INFINITY, f64::min),
+            largest_per_sr: values().fold(f64::NEG_INFINITY, f64::max),
+        })
+    }
+}
+
+/// Points of a part's scan by an offset of the bench's angles.
+type Scan<'a> = dyn Fn(Part, &dyn Fn([f64; 4]) -> f64) -> Vec<Point> + 'a;
+
+/// The peaks of the lobe seen from both sides: offsets of the detector's stage from where the mirrored direction should be, degrees.
+fn peaks(
+    bench: &Bench,
+    kinematics: &Kinematics,
+    scan: &Scan<'_>,
+) -> Option<[super::signature::Peak; 2]> {
+    let theta = bench.zero.theta_i_deg.get();
+    // The stage's offset, not the angle from the normal: an arm on the table does not turn with the sample.
+    let offset = |sign: f64| {
+        move |b: [f64; 4]| {
+            if kinematics.is_from_lamp() {
+                b[0] + b[1] - 2.0 * sign * theta
+            } else {
+                b[1] - sign * theta
+            }
+        }
+    };
+    let plus = peak(&scan(Part::ZeroPlus, &offset(1.0)))?;
+    let minus = peak(&scan(Part::ZeroMinus, &offset(-1.0)))?;
+    Some([plus, minus])
+}
+
+fn zeros(
+    bench: &Bench,
+    kinematics: &Kinematics,
+    signature: Option<&Signature>,
+    scan: &Scan<'_>,
+    missing: &mut Vec<String>,
+) -> Zeros {
+    let unknown = Measured::new(0.0, bench.zero.sigma_deg.get());
+    let mut zeros = Zeros {
+        sample_deg: unknown,
+        detector_deg: unknown,
+        azimuth_deg: kinematics.has(2).then_some(unknown),
+        measured: false,
+    };
+    if let Some(centre) = signature.and_then(|s| s.centre_out_deg) {
+        zeros.azimuth_deg = Some(centre);
+    }
+    let named = missing.iter().any(|m| m.starts_with("the axes' zeros"));
+    let found = peaks(bench, kinematics, scan).zip(signature);
+    let Some(([plus, minus], signature)) = found else {
+        if named {
+            for text in missing.iter_mut().filter(|m| m.starts_with("the axes' zeros")) {
+                *text += &format!(": ± {}° of each is in σ", unknown.sigma);
+            }
+        } else {
+            let why = if signature.is_none() {
+                "they need the signature"
+            } else {
+                "the sample has no lobe there"
+            };
+            missing.push(format!("the axes' zeros ({why}): ± {}° of each is in σ", unknown.sigma));
+        }
+        return zeros;
+    };
+    // Lit from both sides a lobe that is off its mirrored direction is so to both sides: the mean does not know of it.
+    let c = 0.5 * (plus.place_deg.value + minus.place_deg.value);
+    let sigma = 0.5 * plus.place_deg.sigma.hypot(minus.place_deg.sigma);
+    let x = signature.centre_in_deg;
+    if kinematics.is_from_lamp() {
+        zeros.detector_deg = x;
+        zeros.sample_deg = Measured::new(0.5 * (x.value - c), 0.5 * x.sigma.hypot(sigma));
+    } else {
+        let half = 0.5 * x.sigma.hypot(sigma);
+        zeros.detector_deg = Measured::new(0.5 * (x.value + c), half);
+        zeros.sample_deg = Measured::new(0.5 * (x.value - c), half);
+    }
+    zeros.measured = true;
+    zeros
+}
+
+fn mirrored(
+    bench: &Bench,
+    signature: Option<&Signature>,
+    cone_deg: f64,
+    scan: &Scan<'_>,
+) -> Option<Mirrored> {
+    let signature = signature?;
+    let theta_i_deg = bench.zero.theta_i_deg.get();
+    let points = scan(Part::ZeroPlus, &|b| b[1] - theta_i_deg);
+    // A lobe that does not fall to half in the scan has no width there.
+    let seen_fwhm_deg = fwhm_deg(&points)?;
+    let own = lobe_fwhm_deg(&points, signature, cone_deg, theta_i_deg);
+    let widest = signature.fwhm_in_deg.max(signature.fwhm_out_deg.unwrap_or(0.0));
+    let told = |own: &Measured| own.sigma < BELOW * own.value && own.value > LEAST * widest;
+    Some(Mirrored {
+        theta_i_deg,
+        seen_fwhm_deg,
+        instrument_fwhm_deg: signature.fwhm_in_deg,
+        sample_fwhm_deg: own.filter(told),
+    })
+}
+
+/// Adds the uncertainty of the axes' zeros: the slope of ln f to the nearest directions of the same incidence, times the zeros' uncertainty.
+fn widen(rows: &mut [Row], zeros: &Zeros) {
+    const NEAREST: usize = 4;
+    let sigma_deg = zeros.sample_deg.sigma.hypot(zeros.detector_deg.sigma);
+    if sigma_deg <= 0.0 {
+        return;
+    }
+    let place: Vec<glam::DVec3> =
+        rows.iter().map(|r| direction(r.pose.theta_o_deg, r.pose.phi_o_deg)).collect();
+    let mut order: Vec<usize> = (0..rows.len()).collect();
+    order.sort_by(|a, b| rows[*a].pose.theta_i_deg.total_cmp(&rows[*b].pose.theta_i_deg));
+    let mut slopes = vec![0.0; rows.len()];
+    for (at, k) in order.iter().enumerate() {
+        let here = &rows[*k];
+        let same = |j: &&usize| (rows[**j].pose.theta_i_deg - here.pose.theta_i_deg).abs() < 0.01;
+        let up = order[at + 1..].iter().take_while(same);
+        let down = order[..at].iter().rev().take_while(same);
+        let mut near: Vec<(f64, f64)> = up
+            .chain(down)
+            .filter(|j| rows[**j].value > 0.0 && here.value > 0.0)
+            .map(|j| {
+                let away = (place[*j] - place[*k]).length().to_degrees();
+                (away, (rows[*j].value / here.value).ln().abs())
+            })
+            .collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let steep = near.iter().take(NEAREST).map(|(away, ratio)| ratio / away.max(1e-3));
+        slopes[*k] = median(steep).unwrap_or(0.0);
+    }
+    for (row, slope) in rows.iter_mut().zip(slopes) {
+        let cosine = row.pose.theta_o_deg.to_radians().tan() * sigma_deg.to_radians();
+        row.sigma = row.sigma.hypot(row.value * slope * sigma_deg).hypot(row.value * cosine);
+    }
+}
+
+/// Whether a reference was read because a run went on.
+#[must_use]
+pub fn is_resumed(number: u32) -> bool {
+    number >= RESUMED
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: closed forms. Without a walk all looks are one mean, σ/√n; without noise they stand as they are, and half way between two the bridge of a random walk
+    /// has the variance q dt/4.
+    #[test]
+    fn a_lamp_is_followed() {
+        let still: Vec<(f64, f64, f64)> =
+            (0..16).map(|k| (f64::from(k), 1.0 + [0.001, -0.001][k as usize % 2], 0.004)).collect();
+        let track = Track::new(still);
+        assert_eq!(track.walk, 0.0);
+        for time in [0.0, 3.3, 15.0, 40.0] {
+            let (value, sigma) = track.at(time);
+            assert!((value - 1.0).abs() < 1e-12 && (sigma - 0.001).abs() < 1e-9, "{value} {sigma}");
+        }
+        let walk = [(0.0, 1.0, 0.0), (10.0, 1.02, 0.0), (20.0, 1.0, 0.0)];
+        let track = Track::new(walk.to_vec());
+        assert!((track.walk - 0.0004 / 10.0).abs() < 1e-9);
+        assert!((track.at(10.0).0 - 1.02).abs() < 1e-9);
+        let (value, sigma) = track.at(15.0);
+        assert!((value - 1.01).abs() < 1e-9 && (sigma / 1e-2 - 1.0).abs() < 1e-6, "{sigma}");
+    }
+}

@@ -1,0 +1,174 @@
+//! Devices, clock and hands of a run on a lab rig: what `retro` and `run` have in common.
+
+use crate::interrupt::{Hangup, listen as listen_for};
+use crate::output::{Console, OutputArgs, Usage};
+use anyhow::{Context as _, bail};
+use hifitime::Epoch;
+use serde_json::{Map, Value, json};
+use std::io::IsTerminal as _;
+use std::path::{MAIN_SEPARATOR, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use sunglint_drivers::catalogue::{Address, AnyDevice};
+use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, DeviceClock, VirtualClock};
+use sunglint_drivers::device::{Device, InBeam, PowerMeter, RotationStage, Value as SettingValue};
+use sunglint_materials::retro::measure::{Hands, HandsError};
+
+/// How long opening a device, and finding a stage's reference, may take.
+pub(super) const OPEN: Duration = Duration::from_secs(30);
+pub(super) const HOME: Duration = Duration::from_secs(300);
+
+/// The one folder that is asked for, whether its name ends with `/` or not, and the same as the place for results.
+pub(super) fn folder(out: &OutputArgs, example: &str) -> anyhow::Result<(PathBuf, OutputArgs)> {
+    let [folder] = &out.output[..] else {
+        let text = format!("give one folder for the run, such as -o {example}/");
+        return Err(Usage(text).into());
+    };
+    let has_extension = folder.extension().is_some() && !folder.is_dir();
+    let named = folder.as_os_str().to_string_lossy().ends_with(['/', MAIN_SEPARATOR]);
+    if folder.as_os_str() == "-" || (has_extension && !named) {
+        let text = format!(
+            "-o {}: a run needs a folder for its readings, such as -o {example}/",
+            folder.display()
+        );
+        return Err(Usage(text).into());
+    }
+    let out = OutputArgs { output: vec![folder.join("")], force: out.force };
+    Ok((folder.clone(), out))
+}
+
+/// The clock, and where the run's zero is on it. A virtual run goes on a minute after it broke off.
+pub(super) fn clock(
+    is_virtual: bool,
+    begun: bool,
+    first_utc: Option<Epoch>,
+    last_s: f64,
+) -> (DeviceClock, f64) {
+    if is_virtual {
+        let clock = VirtualClock::new();
+        if begun {
+            clock.sleep(Duration::from_secs_f64((last_s + 60.0).max(0.0)));
+        }
+        // Any night will do, as long as the same run has the same times.
+        let zero = Epoch::from_gregorian_utc_at_midnight(2026, 1, 1);
+        return (DeviceClock { clock: Arc::new(clock), zero_utc: Some(zero) }, 0.0);
+    }
+    let clock = DeviceClock::live();
+    let now_s = clock.clock.now().as_secs_f64();
+    let elapsed_s = first_utc.map_or(0.0, |first| (clock.utc() - first).to_seconds().max(last_s));
+    (clock, now_s - elapsed_s)
+}
+
+/// Ctrl-C stops the run in good order, twice at once; while a person is asked nothing moves and nothing is unsafe.
+pub(super) fn listen(
+    cancel: &Cancel,
+    asking: &Arc<AtomicBool>,
+    console: Console,
+) -> anyhow::Result<()> {
+    let (token, asking) = (cancel.clone(), asking.clone());
+    listen_for(Hangup::Ends, move || {
+        if token.is_cancelled() || asking.load(Ordering::SeqCst) {
+            std::process::exit(1);
+        }
+        console.say("stopping the motors (Ctrl-C again ends the program at once)");
+        token.cancel();
+    })
+}
+
+fn device(
+    address: &str,
+    with: &[String],
+    within: &dyn Fn() -> Deadline,
+) -> anyhow::Result<AnyDevice> {
+    let mut address = Address::parse(address, with)?;
+    let line = address.connect(&within())?;
+    Ok(address.open(line, &within())?)
+}
+
+/// Opens the rotation stage of an address; `key` names it in errors.
+pub(super) fn stage(
+    key: &str,
+    address: &str,
+    with: &[String],
+    within: &dyn Fn() -> Deadline,
+) -> anyhow::Result<Box<dyn RotationStage>> {
+    match device(address, with, within).with_context(|| format!("{key} = \"{address}\""))? {
+        AnyDevice::RotationStage(stage) => Ok(stage),
+        _ => bail!("{key}: {address} is no rotation stage"),
+    }
+}
+
+/// Opens the power meter of an address.
+pub(super) fn meter(
+    address: &str,
+    with: &[String],
+    within: &dyn Fn() -> Deadline,
+) -> anyhow::Result<Box<dyn PowerMeter>> {
+    let found = device(address, with, within);
+    match found.with_context(|| format!("meter.device = \"{address}\""))? {
+        AnyDevice::PowerMeter(meter) => Ok(meter),
+        _ => bail!("meter.device: {address} is no power meter"),
+    }
+}
+
+/// Who a device says it is, with all its settings.
+pub(super) fn describe(device: &mut dyn Device, clock: &DeviceClock) -> anyhow::Result<Value> {
+    let within = || Deadline::after(clock.clock.clone(), OPEN);
+    let identity = device.identity(&within())?;
+    let settings = device.settings(&within())?.into_iter().map(|setting| {
+        let value = match setting.value {
+            SettingValue::Number(number) => json!(number),
+            SettingValue::Integer(number) => json!(number),
+            SettingValue::Text(text) => json!(text),
+            SettingValue::Flag(flag) => json!(flag),
+        };
+        (setting.name.to_owned(), value)
+    });
+    Ok(json!({
+        "vendor": identity.vendor,
+        "model": identity.model,
+        "serial": identity.serial,
+        "firmware": identity.firmware,
+        "driver": identity.driver,
+        "settings": settings.collect::<Map<_, _>>(),
+    }))
+}
+
+/// Somebody at the rig.
+pub(super) struct Person {
+    pub yes: bool,
+    pub asking: Arc<AtomicBool>,
+    pub console: Console,
+    /// What is asked for, in words.
+    pub words: fn(InBeam) -> &'static str,
+}
+
+impl Hands for Person {
+    fn put(&mut self, place: InBeam) -> Result<(), HandsError> {
+        self.ask(place).map_err(Into::into)
+    }
+}
+
+impl Person {
+    fn ask(&mut self, place: InBeam) -> anyhow::Result<()> {
+        if self.yes {
+            return Ok(());
+        }
+        let what = (self.words)(place);
+        if !std::io::stdin().is_terminal() {
+            bail!(
+                "the run needs a hand: {what}; there is no terminal to ask on: start it on one, or give --yes where something else does it"
+            );
+        }
+        self.console.say(&format!("{what}, then press Enter"));
+        self.asking.store(true, Ordering::SeqCst);
+        let mut line = String::new();
+        let answered = std::io::stdin().read_line(&mut line);
+        self.asking.store(false, Ordering::SeqCst);
+        match answered.context("cannot read from the terminal")? {
+            0 => bail!("nobody pressed Enter: {what}, and go on with --resume"),
+            _ => Ok(()),
+        }
+    }
+}

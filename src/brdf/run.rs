@@ -1,0 +1,341 @@
+//! `sunglint brdf run`: a goniometer driven through a plan.
+//!
+//! The run itself is [`sunglint_materials::goniometer`]'s; here are its devices, the person at the bench, and what is shown.
+
+use super::rig::{self, HOME, OPEN};
+use crate::output::{Console, OutputArgs, Usage};
+use crate::progress::Bar;
+use anyhow::{Context as _, anyhow, bail};
+use clap::Args;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
+use sunglint_drivers::device::{Device, InBeam, PowerMeter, RotationStage};
+use sunglint_formats::ecsv;
+use sunglint_formats::toml::Document;
+use sunglint_materials::goniometer::bench::{AXES, Bench, VIRTUAL_BENCH};
+use sunglint_materials::goniometer::folder::travel_of;
+use sunglint_materials::goniometer::line::{BENCH, Begun, FILES, Line, Log, PLAN, VIRTUAL};
+use sunglint_materials::goniometer::measure::{Rig, done, measure};
+use sunglint_materials::goniometer::pose::Kinematics;
+use sunglint_materials::goniometer::tasks::{Part, Tasks, tasks};
+use sunglint_materials::log::{Watch, refuse_begun};
+use sunglint_materials::plan::{Planned, planned};
+use sunglint_materials::reading::State;
+use sunglint_materials::retro::measure::{Hands, HandsError};
+use sunglint_numerics::progress::Progress as _;
+use sunglint_report::brdf::goniometer::{RunSummary, hours, run_text};
+use sunglint_virtual::goniometer::devices::VirtualGoniometer;
+use sunglint_virtual::goniometer::options::Options;
+
+/// Arguments of `sunglint brdf run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// The plan, as `sunglint brdf plan` writes it
+    #[arg(value_name = "PLAN")]
+    pub plan: PathBuf,
+    /// The bench: axes, meter, optics (docs/lab-run.md); it is written once, not for each run
+    #[arg(long, value_name = "BENCH.toml", conflicts_with = "virtual_bench")]
+    pub bench: Option<PathBuf>,
+    /// A virtual goniometer with everything as usual, to try it without a bench
+    #[arg(long = "virtual")]
+    pub virtual_bench: bool,
+    /// Go on with the run in the folder: what is there is not measured again
+    #[arg(long)]
+    pub resume: bool,
+    /// Do not ask before what needs a hand (beam blocked, sample away): something else does it
+    #[arg(long)]
+    pub yes: bool,
+    /// Where the run goes: one folder, with the readings in it.
+    #[command(flatten)]
+    pub out: OutputArgs,
+}
+
+/// The bench that is asked for: its document, and the text of the virtual one.
+fn document(args: &RunArgs, begun: Option<&Begun>, folder: &Path) -> anyhow::Result<Document> {
+    let asked = match (&args.bench, args.virtual_bench) {
+        (Some(path), _) => Some(Document::read(path)?),
+        (None, true) => Some(Document::new(BENCH, VIRTUAL_BENCH)?),
+        (None, false) => None,
+    };
+    let Some(begun) = begun else {
+        return asked.ok_or_else(|| {
+            let text = "name the bench with --bench BENCH.toml (docs/lab-run.md has one to start from), or try a run without one: --virtual";
+            Usage(text.into()).into()
+        });
+    };
+    let lacks =
+        || format!("{}: {BENCH} is missing; the folder of a run holds it", folder.display());
+    let text = begun.file(BENCH).with_context(lacks)?;
+    if asked.is_some_and(|asked| asked.source() != text) {
+        bail!(
+            "the bench is not that with which the run in {} was begun (its {BENCH}): leave --bench out, the folder holds it",
+            folder.display()
+        );
+    }
+    Ok(Document::new(folder.join(BENCH), text)?)
+}
+
+/// The virtual goniometer's options: from the folder of the run, from the file that the bench names, or as usual.
+fn virtual_text(args: &RunArgs, begun: Option<&Begun>) -> Option<String> {
+    match begun {
+        Some(begun) => begun.file(VIRTUAL).map(str::to_owned),
+        None => args.virtual_bench.then(|| "# All as usual: docs/lab-run.md\n".to_owned()),
+    }
+}
+
+pub(super) fn run(args: &RunArgs, console: Console) -> anyhow::Result<()> {
+    let (folder, _) = rig::folder(&args.out, "run")?;
+    let folder = folder.as_path();
+    if !args.resume {
+        refuse_begun::<Line>(folder)?;
+    }
+    let begun = args.resume.then(|| Begun::read(folder, &FILES)).transpose()?;
+    let plan_text = sunglint_formats::read::text(&args.plan)?;
+    let (all, _) = planned(&args.plan, &ecsv::read_str(&args.plan, &plan_text)?)?;
+    let document = document(args, begun.as_ref(), folder)?;
+    let bench = Bench::new(&document, virtual_text(args, begun.as_ref()).as_deref())?;
+    let options = bench.virtual_bench.as_ref().map(Options::read).transpose()?;
+    if let Some(begun) = &begun {
+        if begun.file(PLAN) != Some(plan_text.as_str()) {
+            bail!(
+                "{} is not the plan with which the run in {} was begun (its {PLAN}): go on with that one",
+                args.plan.display(),
+                folder.display()
+            );
+        }
+        if begun.torn_bytes > 0 {
+            console.warn(&format!(
+                "{}: a last line of {} bytes was cut off as it was written; it is read again",
+                folder.display(),
+                begun.torn_bytes
+            ));
+        }
+    }
+    let made = take(args, (&plan_text, &all), (&bench, options), folder, begun, console)?;
+    console.result(&run_text(&made), &serde_json::to_value(&made)?)
+}
+
+/// Shows how a run goes.
+#[derive(Debug)]
+struct Live {
+    bar: Arc<Shown>,
+    console: Console,
+}
+
+struct Shown(Bar);
+
+impl std::fmt::Debug for Shown {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Shown")
+    }
+}
+
+impl Watch<Line> for Live {
+    fn line(&mut self, line: &Line) {
+        if line.state == State::Kept {
+            self.bar.0.status(&format!("{} {}", line.part.name(), line.number));
+            self.bar.0.advance(1);
+        }
+    }
+
+    fn say(&self, text: &str) {
+        self.bar.0.suspend(|| self.console.say(text));
+    }
+}
+
+/// What a person is asked for.
+fn words(place: InBeam) -> &'static str {
+    match place {
+        InBeam::Blocked => "block the beam before the sample (or close the shutter)",
+        InBeam::Through | InBeam::Head => {
+            "open the beam, take the sample away: the beam goes on straight, to the detector behind"
+        }
+        InBeam::Nothing => {
+            "no sample: put a trap where the beam ends, out of the way of the detector's arm"
+        }
+        InBeam::Sample => "open the beam, put the sample onto its mount",
+        InBeam::Standard => "put the standard in the sample's place",
+    }
+}
+
+/// The virtual bench's hands.
+struct Robot(VirtualGoniometer);
+
+impl Hands for Robot {
+    fn put(&mut self, place: InBeam) -> Result<(), HandsError> {
+        self.0.place(place);
+        Ok(())
+    }
+}
+
+struct Opened {
+    stages: [Option<Box<dyn RotationStage>>; 4],
+    meter: Box<dyn PowerMeter>,
+}
+
+fn open(
+    bench: &Bench,
+    virtual_bench: Option<&VirtualGoniometer>,
+    clock: &DeviceClock,
+    cancel: &Cancel,
+) -> anyhow::Result<Opened> {
+    let within = |time| Deadline::after(clock.clock.clone(), time).with_cancel(cancel);
+    let mut stages: [Option<Box<dyn RotationStage>>; 4] = [None, None, None, None];
+    for (k, axis) in bench.all_axes().into_iter().enumerate() {
+        let Some(axis) = axis else { continue };
+        let mut stage: Box<dyn RotationStage> = match virtual_bench {
+            Some(virtual_bench) => Box::new(virtual_bench.stage(k)),
+            None => {
+                let key = format!("axis.{}.device", AXES[k]);
+                rig::stage(&key, &axis.device, &axis.with, &|| within(OPEN))?
+            }
+        };
+        if axis.home {
+            let name = AXES[k];
+            let homed = stage.home(&within(HOME));
+            homed.with_context(|| format!("the axis `{name}` did not find its reference"))?;
+        }
+        stages[k] = Some(stage);
+    }
+    let mut meter: Box<dyn PowerMeter> = match virtual_bench {
+        Some(virtual_bench) => Box::new(virtual_bench.meter()),
+        None => rig::meter(&bench.meter.device, &bench.meter.with, &|| within(OPEN))?,
+    };
+    meter.set_wavelength_nm(bench.wavelength_nm, &within(OPEN))?;
+    if let Some(range) = &bench.meter.range {
+        meter.set_range(range, &within(OPEN))?;
+    }
+    Ok(Opened { stages, meter })
+}
+
+impl Opened {
+    /// Who the devices say they are, with all their settings, and how far the stages turn.
+    fn describe(&mut self, clock: &DeviceClock) -> anyhow::Result<Value> {
+        let mut made = json!({});
+        for (name, stage) in AXES.iter().zip(&mut self.stages) {
+            if let Some(stage) = stage {
+                let device: &mut dyn Device = stage.as_mut();
+                made[*name] = rig::describe(device, clock)?;
+            }
+        }
+        made["meter"] = rig::describe(self.meter.as_mut(), clock)?;
+        let travel = self.stages.each_ref().map(|s| s.as_ref().and_then(|s| s.travel_deg()));
+        made["travel_deg"] = json!(travel);
+        Ok(made)
+    }
+}
+
+/// Measures what is missing.
+fn take(
+    args: &RunArgs,
+    (plan_text, all): (&str, &[Planned]),
+    (bench, options): (&Bench, Option<Options>),
+    folder: &Path,
+    begun: Option<Begun>,
+    console: Console,
+) -> anyhow::Result<RunSummary> {
+    let cancel = Cancel::new();
+    let asking = Arc::new(AtomicBool::new(false));
+    rig::listen(&cancel, &asking, console)?;
+    let before = begun.as_ref().map_or(&[][..], |begun| &begun.lines);
+    let read = before.iter().filter(|line| line.state.is_reading()).count();
+    let virtual_bench = match options {
+        None => None,
+        Some(options) => Some(VirtualGoniometer::new(options, read as u64)?),
+    };
+    let last_s = before.last().map_or(0.0, |line| line.time_s);
+    let first_utc = begun.as_ref().and_then(|begun| begun.first_utc);
+    let (clock, zero_s) = rig::clock(virtual_bench.is_some(), begun.is_some(), first_utc, last_s);
+    // A device that is not there leaves no run behind.
+    let mut opened = open(bench, virtual_bench.as_ref(), &clock, &cancel)?;
+    let devices = opened.describe(&clock)?;
+    let mut kinematics = Kinematics::new(bench);
+    kinematics.travel_deg = travel_of(&devices);
+    let list = tasks(bench, &kinematics, all);
+    let Tasks { tasks: all_tasks, unreachable, missing, .. } = &list;
+    let directions = all_tasks.iter().filter(|task| task.part == Part::Direction).count();
+    if directions == 0 {
+        bail!(
+            "{}: the bench reaches none of {} directions: look at [reach] and at the axes (one without [axis.azimuth] measures in the plane of incidence alone: sunglint brdf plan --rig)",
+            args.plan.display(),
+            all.len()
+        );
+    }
+    let mut log = match &begun {
+        None => {
+            let mut files = vec![(PLAN, plan_text), (BENCH, bench.source.as_str())];
+            files.extend(bench.virtual_bench.as_ref().map(|v| (VIRTUAL, v.source())));
+            Log::create(folder, &files, clock.clone())?
+        }
+        Some(begun) => Log::resume(folder, begun, clock.clone())?,
+    };
+    let what = if begun.is_some() { "resume" } else { "begin" };
+    log.write_event(what, json!({ "lines": before.len() }))?;
+    log.write_event("devices", devices.clone())?;
+    for what in missing {
+        console.warn(&format!("not measured: {what}"));
+    }
+    if !unreachable.is_empty() {
+        let first = unreachable[0];
+        console.warn(&format!(
+            "{} of {} directions are out of the bench's reach, the first θ_i {:.2}°, θ_o {:.2}°, φ_o {:.2}°",
+            unreachable.len(),
+            all.len(),
+            first.theta_i_deg,
+            first.theta_o_deg,
+            first.phi_o_deg
+        ));
+    }
+    let finished = done(before).len();
+    let left = all_tasks.len().saturating_sub(finished);
+    console.say(&format!(
+        "{left} of {} measurements are left, about {} (settling, readings, axes)",
+        all_tasks.len(),
+        hours(list.estimate_s * left as f64 / all_tasks.len() as f64)
+    ));
+    let bar = Arc::new(Shown(Bar::new(console)));
+    bar.0.begin("run", Some(left as u64));
+    log.watch(Box::new(Live { bar: bar.clone(), console }));
+    let mut person = rig::Person { yes: args.yes, asking, console, words };
+    let mut robot = virtual_bench.map(Robot);
+    let hands: &mut dyn Hands = match &mut robot {
+        Some(robot) => robot,
+        None => &mut person,
+    };
+    let Opened { stages, meter } = &mut opened;
+    let stages = stages.each_mut().map(|stage| match stage {
+        Some(stage) => Some(stage.as_mut() as &mut dyn RotationStage),
+        None => None,
+    });
+    let began_s = clock.clock.now().as_secs_f64();
+    let mut bench_rig = Rig { stages, meter: meter.as_mut(), hands, clock: clock.clone(), cancel };
+    let result = measure(&mut bench_rig, bench, all_tasks, before, zero_s, &mut log);
+    bar.0.end();
+    let kept = done(&log.lines);
+    let measured = kept.iter().filter(|(part, _)| *part == Part::Direction).count();
+    if let Err(error) = result {
+        let (folder, kept) = (folder.display(), kept.len());
+        return Err(anyhow!(error)).with_context(|| {
+            format!(
+                "the run cannot go on; the motors are stopped, {kept} measurements ({measured} of {directions} directions) are safe in {folder}: go on with --resume"
+            )
+        });
+    }
+    log.write_event("end", json!({ "lines": log.lines.len() }))?;
+    Ok(RunSummary {
+        run: folder.display().to_string(),
+        directions,
+        measured,
+        unreachable: unreachable.len(),
+        measurements: kept.len(),
+        readings: log.lines.iter().filter(|line| line.state.is_reading()).count(),
+        took_s: clock.clock.now().as_secs_f64() - began_s,
+        estimate_s: list.estimate_s,
+        moving_s: list.moving_s,
+        unordered_moving_s: list.unordered_s,
+        missing: missing.clone(),
+    })
+}

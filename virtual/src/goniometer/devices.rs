@@ -1,0 +1,279 @@
+//! The virtual goniometer behind the drivers' traits: up to four stages and a power meter.
+//!
+//! All take the time from the deadlines that they are given, so that on a [`VirtualClock`](sunglint_drivers::clock::VirtualClock) a run of hours takes no time.
+
+use super::light::{Arms, Bench};
+use super::options::Options;
+use crate::options::OptionError;
+use crate::rig::meter::{Meter, Shown};
+use crate::rig::options::Options as RigOptions;
+use crate::rig::stage::Stage;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use sunglint_drivers::clock::Deadline;
+use sunglint_drivers::device::{
+    Device, DeviceError, Identity, InBeam, Interrupted, Origin, Power, PowerMeter, RotationStage,
+    Setting, Value,
+};
+
+const STAGES: [&str; 4] = [
+    "virtual sample stage",
+    "virtual detector stage",
+    "virtual azimuth stage",
+    "virtual turning stage",
+];
+const METER: &str = "virtual detector";
+/// The range in which the meter chooses by itself.
+const AUTO: &str = "AUTO";
+
+/// A goniometer; clones are the same one.
+#[derive(Debug, Clone)]
+pub struct VirtualGoniometer(Arc<Mutex<State>>);
+
+#[derive(Debug)]
+struct State {
+    bench: Bench,
+    rig: RigOptions,
+    stages: [Stage; 4],
+    meter: Meter,
+    place: InBeam,
+    wavelength_nm: f64,
+    /// Readings so far: each has its own chance.
+    readings: u64,
+    /// The light over the lamp's power, for where all stands now.
+    light: Option<f64>,
+}
+
+impl State {
+    /// Where the arms stand.
+    fn arms(&self) -> Arms {
+        let options = self.bench.options();
+        let [sample, detector, azimuth, turn_deg] = self.stages.map(|stage| stage.sample_deg());
+        let incidence_deg = sample - options.zero.sample_deg;
+        let detector = detector - options.zero.detector_deg;
+        let from_normal =
+            if options.detector.from_lamp { detector - incidence_deg } else { detector };
+        Arms {
+            incidence_deg,
+            detector_deg: from_normal,
+            azimuth_deg: azimuth - options.zero.azimuth_deg,
+            turn_deg,
+        }
+    }
+
+    fn part(&mut self) -> f64 {
+        let (place, arms) = (self.place, self.arms());
+        let bench = &self.bench;
+        *self.light.get_or_insert_with(|| bench.part(place, &arms))
+    }
+}
+
+impl VirtualGoniometer {
+    /// A goniometer whose next reading is the `readings`-th, from 0.
+    ///
+    /// # Errors
+    /// Options of which none can be made.
+    pub fn new(options: Options, readings: u64) -> Result<Self, OptionError> {
+        let rig = options.rig();
+        let (meter, wavelength_nm) = (Meter::new(&rig), options.lamp.wavelength_nm);
+        let bench = Bench::new(options)?;
+        Ok(Self(Arc::new(Mutex::new(State {
+            bench,
+            rig,
+            stages: [Stage::new(); 4],
+            meter,
+            place: InBeam::Nothing,
+            wavelength_nm,
+            readings,
+            light: None,
+        }))))
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Puts something into the beam.
+    pub fn place(&self, place: InBeam) {
+        let mut state = self.state();
+        (state.place, state.light) = (place, None);
+    }
+
+    /// A stage: sample, detector, azimuth, turn.
+    ///
+    /// # Panics
+    /// There is no such stage.
+    #[must_use]
+    pub fn stage(&self, axis: usize) -> VirtualStage {
+        assert!(axis < STAGES.len(), "four stages");
+        let travel_deg = self.state().rig.stage.travel_deg;
+        VirtualStage { bench: self.clone(), axis, travel_deg }
+    }
+
+    /// The meter behind the detector's stop.
+    #[must_use]
+    pub fn meter(&self) -> VirtualDetector {
+        VirtualDetector(self.clone())
+    }
+}
+
+fn identity(model: &str, seed: u64) -> Identity {
+    Identity {
+        vendor: "sunglint".into(),
+        model: model.into(),
+        serial: Some(format!("seed {seed}")),
+        firmware: Some(env!("CARGO_PKG_VERSION").into()),
+        driver: "virtual",
+    }
+}
+
+fn setting(name: &'static str, value: Value) -> Setting {
+    Setting { name, value, origin: Origin::ReadBack }
+}
+
+/// A stage of a virtual goniometer.
+#[derive(Debug)]
+pub struct VirtualStage {
+    bench: VirtualGoniometer,
+    axis: usize,
+    travel_deg: [f64; 2],
+}
+
+impl Device for VirtualStage {
+    fn identity(&mut self, _: &Deadline) -> Result<Identity, DeviceError> {
+        Ok(identity(STAGES[self.axis], self.bench.state().bench.options().seed))
+    }
+
+    fn settings(&mut self, _: &Deadline) -> Result<Vec<Setting>, DeviceError> {
+        let state = self.bench.state();
+        let stage = &state.rig.stage;
+        Ok(vec![
+            setting("step_deg", Value::Number(stage.step_deg)),
+            setting("speed_deg_per_s", Value::Number(stage.speed_deg_per_s)),
+        ])
+    }
+}
+
+impl RotationStage for VirtualStage {
+    fn travel_deg(&self) -> Option<[f64; 2]> {
+        Some(self.travel_deg)
+    }
+
+    fn angle_deg(&mut self, _: &Deadline) -> Result<f64, DeviceError> {
+        Ok(self.bench.state().stages[self.axis].motor_deg())
+    }
+
+    fn home(&mut self, deadline: &Deadline) -> Result<f64, Interrupted<Option<f64>>> {
+        self.move_to(0.0, deadline)
+    }
+
+    fn move_to(
+        &mut self,
+        angle_deg: f64,
+        deadline: &Deadline,
+    ) -> Result<f64, Interrupted<Option<f64>>> {
+        let [least, most] = self.travel_deg;
+        let mut state = self.bench.state();
+        let at = state.stages[self.axis].motor_deg();
+        if !(least..=most).contains(&angle_deg) {
+            let error =
+                DeviceError::OutOfRange { name: "angle_deg", asked: angle_deg, least, most };
+            return Err(Interrupted::new(Some(at), error));
+        }
+        let state_ref = &mut *state;
+        let (took_s, arrived) = state_ref.stages[self.axis].turn(&state_ref.rig, angle_deg);
+        state_ref.light = None;
+        let at = state_ref.stages[self.axis].motor_deg();
+        drop(state);
+        let name = STAGES[self.axis];
+        let expired = |e| Interrupted::new(Some(at), DeviceError::expired(name, "turning", e));
+        deadline.sleep(Duration::from_secs_f64(took_s)).map_err(expired)?;
+        if arrived {
+            return Ok(at);
+        }
+        // It never says that it has arrived.
+        match deadline.sleep(Duration::MAX) {
+            Err(e) => Err(expired(e)),
+            Ok(()) => Ok(at),
+        }
+    }
+
+    fn stop(&mut self, _: &Deadline) -> Result<(), DeviceError> {
+        Ok(())
+    }
+}
+
+/// The power meter of a virtual goniometer.
+#[derive(Debug)]
+pub struct VirtualDetector(VirtualGoniometer);
+
+impl Device for VirtualDetector {
+    fn identity(&mut self, _: &Deadline) -> Result<Identity, DeviceError> {
+        Ok(identity(METER, self.0.state().bench.options().seed))
+    }
+
+    fn settings(&mut self, _: &Deadline) -> Result<Vec<Setting>, DeviceError> {
+        let state = self.0.state();
+        Ok(vec![
+            setting("range_auto", Value::Flag(state.meter.is_automatic())),
+            setting("range_w", Value::Number(state.meter.range_w(&state.rig))),
+            setting("wavelength_nm", Value::Number(state.wavelength_nm)),
+        ])
+    }
+}
+
+impl PowerMeter for VirtualDetector {
+    fn power(&mut self, deadline: &Deadline) -> Result<Power, DeviceError> {
+        let reading_s = self.0.state().rig.meter.reading_s;
+        deadline
+            .sleep(Duration::from_secs_f64(reading_s))
+            .map_err(|expired| DeviceError::expired(METER, "reading", expired))?;
+        let mut state = self.0.state();
+        let state = &mut *state;
+        let unplugged = state.bench.options().fault.unplugged_at_reading;
+        if unplugged.is_some_and(|number| state.readings >= number) {
+            let what = "it does not answer: its cable is out".to_owned();
+            return Err(DeviceError::Lost { device: METER, what });
+        }
+        let at_s = deadline.now().as_secs_f64();
+        let light_w = state.part() * state.bench.lamp_w(at_s);
+        let shown = state.meter.read(&state.rig, light_w, at_s, state.readings);
+        state.readings += 1;
+        Ok(match shown {
+            Shown::Watts(power_w) => Power::Watts(power_w),
+            Shown::Over(range_w) => Power::Over { range_w: Some(range_w) },
+        })
+    }
+
+    fn set_wavelength_nm(&mut self, nm: f64, _: &Deadline) -> Result<f64, DeviceError> {
+        self.0.state().wavelength_nm = nm;
+        Ok(nm)
+    }
+
+    fn ranges(&mut self, _: &Deadline) -> Result<Vec<String>, DeviceError> {
+        let state = self.0.state();
+        let names = state.rig.meter.ranges_w.iter().map(|end| format!("{end:e}W"));
+        Ok(std::iter::once(AUTO.to_owned()).chain(names).collect())
+    }
+
+    fn set_range(&mut self, range: &str, deadline: &Deadline) -> Result<String, DeviceError> {
+        let names = self.ranges(deadline)?;
+        let unknown = || DeviceError::Unknown {
+            name: "range",
+            asked: range.to_owned(),
+            known: names.join(", "),
+        };
+        let place = names.iter().position(|name| name == range).ok_or_else(unknown)?;
+        let mut state = self.0.state();
+        let state = &mut *state;
+        let at_s = deadline.now().as_secs_f64();
+        state.meter.set_range(&state.rig, place.checked_sub(1), at_s);
+        Ok(range.to_owned())
+    }
+
+    /// Nothing: the virtual head is never covered.
+    fn zero(&mut self, _: &Deadline) -> Result<(), DeviceError> {
+        let reason = "its head cannot be covered: the run blocks the beam instead";
+        Err(DeviceError::NotReady { device: METER, reason })
+    }
+}
