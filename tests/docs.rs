@@ -222,7 +222,10 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     }
     keys(&folder.json(&["brdf", "retro", "run.toml", "--json", "-o", "run/"]), &mut printed);
     folder.done(&["brdf", "plan", "ndf.ecsv", "--side", "9", "-q", "-o", "everywhere.ecsv"]);
-    let run = ["brdf", "run", "everywhere.ecsv", "--virtual", "-o", "bench/", "--json"];
+    std::fs::write(folder.path("bench.toml"), "virtual = \"goniometer.toml\"\n[axis.azimuth]\n")
+        .unwrap();
+    std::fs::write(folder.path("goniometer.toml"), "[sample]\nalpha = 0.02\n").unwrap();
+    let run = ["brdf", "run", "everywhere.ecsv", "--bench", "bench.toml", "-o", "bench/", "--json"];
     keys(&folder.json(&run), &mut printed);
     keys(&folder.json(&["brdf", "ingest", "bench/", "--json"]), &mut printed);
     keys(&folder.json(&["efficiency", "efficiency.toml", "--json"]), &mut printed);
