@@ -5,19 +5,25 @@ use crate::progress::Bar;
 use crate::station::{StationArgs, of_session, with_hint};
 use anyhow::Context as _;
 use clap::Args;
+use hifitime::Epoch;
 use std::path::PathBuf;
 use sunglint_calibration::alignment::read_fibres;
 use sunglint_calibration::field_stars::System;
 use sunglint_calibration::photometry::field::FieldOptions;
 use sunglint_calibration::photometry::{Choice, Trail};
 use sunglint_calibration::reduction::counts::gate;
-use sunglint_calibration::reduction::folder::{FolderOptions, StarsOptions, reduce_frames};
+use sunglint_calibration::reduction::folder::{
+    self as folder_of_frames, FolderOptions, StarsOptions, reduce_frames,
+};
 use sunglint_calibration::reduction::frames::{DETECT_SIGMAS, FrameOptions, SensorFiles};
 use sunglint_calibration::reduction::night::OFF_SIGMAS;
 use sunglint_calibration::reduction::{ReduceError, ReduceOptions, reduce, stays};
+use sunglint_ephemeris::orbit::tle::{self, Tle};
 use sunglint_formats::Frame;
+use sunglint_formats::image_frame::ImageFrame;
 use sunglint_formats::session::Session;
 use sunglint_numerics::progress::Progress as _;
+use sunglint_radiometry::sky::Site;
 use sunglint_radiometry::station::Station;
 use sunglint_report::{folder, reduce as report};
 
@@ -129,6 +135,18 @@ pub struct OtherArgs {
         requires = "catalogue"
     )]
     pub target_colour: Option<Vec<f64>>,
+    /// Elements of the target (two lines), for its range, phase angle and magnitude at 1,000 km; they need --station
+    #[arg(long, value_name = "FILE")]
+    pub elements: Option<PathBuf>,
+    /// Which object of the elements: number or name [default: the only one]
+    #[arg(long, value_name = "OBJECT", requires = "elements")]
+    pub object: Option<String>,
+    /// Also write the magnitudes as the IAU CPS's SCORE takes them (CSV)
+    #[arg(long, value_name = "FILE", requires = "elements", requires = "catalogue")]
+    pub score: Option<PathBuf>,
+    /// E-mail, ORCID and instrument of the observer for --score
+    #[arg(long, value_name = "TEXT", num_args = 3, requires = "score")]
+    pub observer: Option<Vec<String>>,
     /// Colour term of the filter: magnitudes for a magnitude of colour [default: from the stars]
     #[arg(long, value_name = "K", allow_negative_numbers = true, requires = "catalogue")]
     pub colour_term: Option<f64>,
@@ -181,6 +199,23 @@ impl OtherArgs {
         }
         stars.colour_term = self.colour_term.filter(|k| k.is_finite());
         Ok(Some(stars))
+    }
+}
+
+impl OtherArgs {
+    /// Elements and site of the target.
+    fn seen_from(
+        &self,
+        station: &StationArgs,
+        first: Option<Epoch>,
+    ) -> anyhow::Result<Option<(Tle, Site)>> {
+        let Some(path) = &self.elements else { return Ok(None) };
+        let sets = tle::read(path)?;
+        let chosen = tle::choose(&sets, self.object.as_deref(), first)
+            .map_err(|error| Usage(format!("{}: {error} (--object)", path.display())))?;
+        let station =
+            station.get_or("(--elements needs the place that the target was seen from)")?;
+        Ok(Some((chosen.clone(), station.site)))
     }
 }
 
@@ -351,6 +386,7 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
         args.others.place_px.as_deref().and_then(|p| Some([*p.first()?, *p.get(1)?]));
     options.parts = args.others.along;
     options.stars = args.others.stars()?;
+    options.seen_from = args.others.seen_from(&args.station, first_time(&files))?;
     options.darks.clone_from(&args.frames.dark);
     options.flats.clone_from(&args.frames.flat);
     let progress = Bar::new(console);
@@ -359,6 +395,47 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
     progress.end();
     let names: Vec<String> = args.inputs.iter().map(|p| p.display().to_string()).collect();
     let name = names.join(", ");
+    if let Some(object) = reduced.object.as_ref().filter(|o| o.elements_age_days.abs() > OLD_DAYS) {
+        console.warn(&format!(
+            "the elements of {} are {:.1} days from the frames: ranges of low orbits may be off by kilometres",
+            object.object, object.elements_age_days
+        ));
+    }
     let product = folder::whole(&reduced, &name)?;
+    if let Some(path) = &args.others.score {
+        score(&reduced, path, args, console)?;
+    }
     args.out.finish(&product, &folder::text(&reduced, &name), console)
+}
+
+/// Elements farther from the frames than this are warned of.
+const OLD_DAYS: f64 = 7.0;
+
+/// Time of the first file that has one: of several sets of an object the nearest is taken.
+fn first_time(files: &[PathBuf]) -> Option<Epoch> {
+    files.iter().find_map(|file| ImageFrame::read(file).ok()?.header.time.map(|time| time.middle))
+}
+
+/// Writes the magnitudes as SCORE takes them.
+fn score(
+    reduced: &folder_of_frames::Folder,
+    path: &std::path::Path,
+    args: &ReduceArgs,
+    console: Console,
+) -> anyhow::Result<()> {
+    let mut observer = folder::Observer::default();
+    if let Some([email, orcid, instrument]) = args.others.observer.as_deref() {
+        (observer.email, observer.orcid, observer.instrument) =
+            (email.clone(), orcid.clone(), instrument.clone());
+    } else {
+        console
+            .warn("SCORE asks for e-mail, ORCID and instrument: --observer EMAIL ORCID INSTRUMENT");
+    }
+    match folder::score(reduced, &observer)? {
+        Some(bytes) => args.out.write_files(&[(path.to_path_buf(), bytes)], console).map(|_| ()),
+        None => {
+            console.warn(&format!("no frame has a magnitude: {} was not written", path.display()));
+            Ok(())
+        }
+    }
 }

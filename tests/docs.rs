@@ -189,6 +189,11 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     let mut reduce = vec!["reduce", "others", "--along", "3", "--json"];
     reduce.extend(["--catalogue", "others/stars.csv", "--near", "150", "0"]);
     reduce.extend(["--scale-arcsec", "3.6"]);
+    let elements = sunglint_testkit::repository().join("fixtures/passes/satellites.tle");
+    let elements = elements.display().to_string();
+    let text = read("fixtures/passes/satellites.tle");
+    let number = text.lines().find_map(|l| l.strip_prefix("1 ")).unwrap()[..5].to_owned();
+    reduce.extend(["--station", "ufo", "--elements", &elements, "--object", &number]);
     keys(&folder.json(&reduce), &mut printed);
     // A sample on a goniometer: a lobe that falls by 2 % a degree squared.
     let mut retro = String::from("angle_deg,f_per_sr,sigma_f_per_sr\n");

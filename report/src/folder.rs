@@ -5,6 +5,7 @@ use crate::plot::{Axis, Figure, Panel, Series};
 use serde::Serialize;
 use std::fmt::Write as _;
 use sunglint_calibration::reduction::folder::{Folder, Shape, StarsUse, TargetFrame};
+use sunglint_calibration::reduction::sight::{Sight, SightedObject};
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, ParseError, Table};
 
@@ -55,11 +56,12 @@ pub fn magnitudes(folder: &Folder, target: &str) -> Option<Product> {
         own_sigma_mag: f64,
         zero_sigma_mag: f64,
         sky_deg: Option<[f64; 2]>,
+        sight: Option<Sight>,
     }
     let mut lines = Vec::new();
     for frame in &folder.frames {
         let Some(zero) = frame.zero_point else { continue };
-        let mut line = |time, exposure_s, magnitude: Option<f64>, sigma: Option<f64>, sky_deg| {
+        let mut line = |time, exposure_s, [magnitude, sigma]: [Option<f64>; 2], sky_deg, sight| {
             let (Some(magnitude), Some(sigma_mag)) = (magnitude, sigma) else { return };
             let own = (sigma_mag * sigma_mag - zero.sigma_mag * zero.sigma_mag).max(0.0).sqrt();
             lines.push(Line {
@@ -71,14 +73,16 @@ pub fn magnitudes(folder: &Folder, target: &str) -> Option<Product> {
                 own_sigma_mag: own,
                 zero_sigma_mag: zero.sigma_mag,
                 sky_deg,
+                sight,
             });
         };
         if frame.along.is_empty() {
             let exposure = frame.dwell_s.unwrap_or(frame.exposure_s);
-            line(frame.time, exposure, frame.magnitude, frame.sigma_mag, frame.sky_deg);
+            let magnitude = [frame.magnitude, frame.sigma_mag];
+            line(frame.time, exposure, magnitude, frame.sky_deg, frame.sight);
         }
         for part in &frame.along {
-            line(part.time, part.exposure_s, part.magnitude, part.sigma_mag, None);
+            line(part.time, part.exposure_s, [part.magnitude, part.sigma_mag], None, part.sight);
         }
     }
     let first = lines.first()?.time;
@@ -100,6 +104,22 @@ pub fn magnitudes(folder: &Folder, target: &str) -> Option<Product> {
         ..Table::default()
     };
     table.meta.insert("target".into(), target.into());
+    if let Some(object) = &folder.object {
+        let sight = |name: &str, unit, f: &dyn Fn(&Line<'_>, &Sight) -> f64| {
+            let value = |l: &Line<'_>| l.sight.map_or(f64::NAN, |sight| f(l, &sight));
+            number(name, unit, &value)
+        };
+        table.columns.extend([
+            sight("range_km", "km", &|_, s| s.range_km),
+            sight("phase_angle_deg", "deg", &|_, s| s.phase_angle_deg),
+            sight("altitude_deg", "deg", &|_, s| s.altitude_deg),
+            sight("azimuth_deg", "deg", &|_, s| s.azimuth_deg),
+            sight("magnitude_1000km", "mag", &|l, s| s.standard(l.magnitude)),
+        ]);
+        table.meta.insert("object".into(), object.object.clone().into());
+        table.meta.insert("norad_id".into(), object.norad_id.into());
+        table.meta.insert("elements_age_days".into(), object.elements_age_days.into());
+    }
     if let Some(stars) = &folder.stars {
         table.meta.insert("zero_point".into(), origin(stars).into());
     }
@@ -122,6 +142,104 @@ pub fn magnitudes(folder: &Folder, target: &str) -> Option<Product> {
     });
     let figure = Figure { title: format!("{target}: magnitudes"), panels: panels.collect() };
     Some(Product { name: MAGNITUDES.into(), table, figure: Some(figure), ..Product::default() })
+}
+
+/// Who reports observations, for [`score`].
+#[derive(Debug, Clone, Default)]
+#[non_exhaustive]
+pub struct Observer {
+    /// Electronic mail.
+    pub email: String,
+    /// ORCID, several separated by commas.
+    pub orcid: String,
+    /// Telescope and detector, in words.
+    pub instrument: String,
+}
+
+/// Magnitudes with their object as the IAU CPS's Satellite Constellation Observations Repository (SCORE) takes them: CSV with all of its columns
+/// (data format of July 2025). Empty cells are what is not known here; `None` without an object or a magnitude.
+///
+/// A magnitude of a frame is that of its filter; the time is the middle of the exposure.
+///
+/// # Errors
+/// None in practice: text into memory.
+pub fn score(folder: &Folder, observer: &Observer) -> Result<Option<Vec<u8>>, csv::Error> {
+    let Some(object) = &folder.object else { return Ok(None) };
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record([
+        "satellite_name",
+        "norad_cat_id",
+        "observation_time_utc",
+        "observation_time_uncertainty_sec",
+        "apparent_magnitude",
+        "apparent_magnitude_uncertainty",
+        "observer_latitude_deg",
+        "observer_longitude_deg",
+        "observer_altitude_m",
+        "limiting_magnitude",
+        "instrument",
+        "observing_mode",
+        "observing_filter",
+        "observer_email",
+        "observer_orcid",
+        "satellite_right_ascension_deg",
+        "satellite_declination_deg",
+        "sigma_2_ra",
+        "sigma_ra_sigma_dec",
+        "sigma_2_dec",
+        "range_to_satellite_km",
+        "range_to_satellite_uncertainty_km",
+        "range_rate_of_satellite_km_per_sec",
+        "range_rate_of_satellite_uncertainty_km_per_sec",
+        "comments",
+        "data_archive_link",
+        "mpc_code",
+    ])?;
+    let mut any = false;
+    let [latitude, longitude, height] = object.site;
+    let comments = folder.stars.as_ref().map(origin).unwrap_or_default();
+    for frame in &folder.frames {
+        let (Some(magnitude), Some(sigma), Some(sight)) =
+            (frame.magnitude, frame.sigma_mag, frame.sight)
+        else {
+            continue;
+        };
+        any = true;
+        let place = |k: usize| frame.sky_deg.map_or(String::new(), |sky| format!("{:.6}", sky[k]));
+        let half = 0.5 * frame.dwell_s.unwrap_or(frame.exposure_s);
+        let empty = String::new;
+        writer.write_record([
+            object.object.clone(),
+            object.norad_id.to_string(),
+            format_utc(frame.time, 3),
+            format!("{half:.3}"),
+            format!("{magnitude:.3}"),
+            format!("{sigma:.3}"),
+            format!("{latitude:.6}"),
+            format!("{longitude:.6}"),
+            format!("{height:.1}"),
+            empty(),
+            observer.instrument.clone(),
+            "CMOS/CCD".to_owned(),
+            frame.filter.clone(),
+            observer.email.clone(),
+            observer.orcid.clone(),
+            place(0),
+            place(1),
+            empty(),
+            empty(),
+            empty(),
+            format!("{:.3}", sight.range_km),
+            empty(),
+            format!("{:.5}", sight.range_rate_km_s),
+            empty(),
+            comments.clone(),
+            empty(),
+            empty(),
+        ])?;
+    }
+    let bytes = writer.into_inner().map_err(|error| error.into_error().into());
+    bytes.map(|bytes| any.then_some(bytes))
 }
 
 /// Why the forms of a reduced folder cannot be made.
@@ -206,6 +324,7 @@ struct Document<'a> {
     left_out_files: &'a [[String; 2]],
     notes: Vec<Count<'a>>,
     stars: Option<&'a StarsUse>,
+    object: Option<&'a SightedObject>,
     frames: Vec<Row<'a>>,
 }
 
@@ -231,6 +350,7 @@ pub fn product(folder: &Folder, target: &str) -> Result<Product, serde_json::Err
         left_out: counts(&folder.left_out),
         left_out_files: &folder.left_out_files,
         stars: folder.stars.as_ref(),
+        object: folder.object.as_ref(),
         notes: counts(&folder.notes),
         frames: folder.frames.iter().map(row).collect(),
     };

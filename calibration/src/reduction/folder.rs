@@ -11,6 +11,7 @@
 //!
 //! With a list of stars ([`StarsOptions`]) each frame gets coordinates and a zero point of its own, and the target a place and a magnitude ([`crate::field_stars`]).
 
+use super::sight::{Sight, SightedObject, sights};
 use super::{ReduceError, step};
 use crate::field_stars::{
     self, Approximate, Catalogue, CatalogueOptions, ColourTerm, Coordinates, InFrame,
@@ -22,6 +23,7 @@ use ndarray::Array2;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use sunglint_ephemeris::orbit::tle::Tle;
 use sunglint_formats::image_frame::{FrameHeader, FrameKind, ImageFrame};
 use sunglint_formats::wcs::Wcs;
 use sunglint_numerics::order::median;
@@ -29,6 +31,7 @@ use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::{
     ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
 };
+use sunglint_radiometry::sky::Site;
 
 /// How a folder of frames is reduced.
 #[derive(Debug, Clone, Default)]
@@ -46,6 +49,8 @@ pub struct FolderOptions {
     pub flats: Vec<PathBuf>,
     /// Stars that make rates magnitudes.
     pub stars: Option<StarsOptions>,
+    /// Elements of the target and the site that it was seen from, for range and phase angle.
+    pub seen_from: Option<(Tle, Site)>,
 }
 
 /// How stars of a list make rates magnitudes.
@@ -145,6 +150,10 @@ pub struct TargetFrame {
     pub magnitude: Option<f64>,
     /// Standard deviation of the magnitude: that of the light and that of the zero point.
     pub sigma_mag: Option<f64>,
+    /// Where the target stood by its elements.
+    pub sight: Option<Sight>,
+    /// The magnitude brought to a range of 1,000 km.
+    pub magnitude_1000km: Option<f64>,
     /// What is to be known of it.
     pub remark: String,
     /// Flags of the sample.
@@ -170,6 +179,10 @@ pub struct Part {
     pub magnitude: Option<f64>,
     /// Standard deviation of the magnitude.
     pub sigma_mag: Option<f64>,
+    /// Where the target stood by its elements.
+    pub sight: Option<Sight>,
+    /// The magnitude brought to a range of 1,000 km.
+    pub magnitude_1000km: Option<f64>,
 }
 
 /// A reduced folder.
@@ -191,6 +204,8 @@ pub struct Folder {
     pub notes: BTreeMap<String, usize>,
     /// The list of stars, if one was given.
     pub stars: Option<StarsUse>,
+    /// The satellite whose elements were given.
+    pub object: Option<SightedObject>,
 }
 
 /// Frames before and after one whose profiles count for it.
@@ -254,6 +269,7 @@ pub fn reduce_frames(
         motion_px_per_s: None,
         notes: BTreeMap::new(),
         stars: None,
+        object: None,
     };
     let list = options.stars.as_ref().map(|stars| Catalogue::read(&stars.list.path)).transpose()?;
     let mut entries = Vec::new();
@@ -337,6 +353,9 @@ pub fn reduce_frames(
     if let (Some(list), Some(stars)) = (list, &options.stars) {
         folder.put_on_stars(&fields, &list, stars, progress)?;
     }
+    if let Some((tle, site)) = &options.seen_from {
+        folder.put_in_orbit(tle, site)?;
+    }
     Ok(folder)
 }
 
@@ -375,6 +394,29 @@ fn mean(headers: &[&FrameHeader]) -> Option<Array2<f32>> {
 }
 
 impl Folder {
+    /// Adds where the target stood at each moment.
+    fn put_in_orbit(&mut self, tle: &Tle, site: &Site) -> Result<(), ReduceError> {
+        let times: Vec<Epoch> = self
+            .frames
+            .iter()
+            .flat_map(|f| std::iter::once(f.time).chain(f.along.iter().map(|part| part.time)))
+            .collect();
+        let (object, found) = sights(tle, site, &times)?;
+        let mut found = found.into_iter();
+        let mut next = |magnitude: Option<f64>| {
+            let sight = found.next();
+            (sight, sight.zip(magnitude).map(|(sight, magnitude)| sight.standard(magnitude)))
+        };
+        for frame in &mut self.frames {
+            (frame.sight, frame.magnitude_1000km) = next(frame.magnitude);
+            for part in &mut frame.along {
+                (part.sight, part.magnitude_1000km) = next(part.magnitude);
+            }
+        }
+        self.object = Some(object);
+        Ok(())
+    }
+
     fn leave(&mut self, path: &Path, why: &str, detail: &str) {
         *self.left_out.entry(why.to_owned()).or_default() += 1;
         let detail = if detail.is_empty() { why } else { detail };
@@ -1093,6 +1135,8 @@ fn measured(
         zero_point: None,
         magnitude: None,
         sigma_mag: None,
+        sight: None,
+        magnitude_1000km: None,
         remark: String::new(),
         flags: Flags::empty(),
         along: Vec::new(),
@@ -1187,6 +1231,8 @@ fn parts(
                 sigma_adu_per_s: part.sigma_adu / length,
                 magnitude: None,
                 sigma_mag: None,
+                sight: None,
+                magnitude_1000km: None,
             }
         })
         .collect();

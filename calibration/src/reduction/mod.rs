@@ -10,6 +10,7 @@ pub mod frames;
 pub mod join;
 pub mod night;
 mod seeing;
+pub mod sight;
 pub mod sky;
 pub mod tags;
 
