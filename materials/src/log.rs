@@ -125,7 +125,7 @@ pub enum LogError {
     Begun {
         /// The folder.
         folder: String,
-        /// What to do.
+        /// Advice.
         go_on: &'static str,
     },
     /// The folder holds no run.

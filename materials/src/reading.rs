@@ -89,7 +89,7 @@ const RANGES: u32 = 5;
 pub struct Reader<'a> {
     /// The meter.
     pub meter: &'a mut dyn PowerMeter,
-    /// Its clock.
+    /// The meter's clock.
     pub clock: &'a DeviceClock,
     /// Stops it.
     pub cancel: &'a Cancel,

@@ -309,7 +309,7 @@ fn an_overfilled_sample_is_corrected_or_refused() {
     assert!(found.warnings.iter().any(|w| w.contains("the sample has no lobe there")));
 }
 
-/// What is missing is named each time, and widens the doubt.
+/// A missing quantity is named each time, and widens the uncertainty.
 #[test]
 fn a_missing_signature_is_named() {
     let options = Options { seed: 2, ..Options::default() };

@@ -103,7 +103,7 @@ enum Update {
 /// A device of a night.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LiveDevice {
-    /// Its name in the session.
+    /// Name in the session.
     pub name: String,
     /// `camera` or `counter`.
     pub kind: &'static str,

@@ -26,7 +26,7 @@ const EVENTS: usize = 5000;
 /// A device, as the page shows it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DeviceView {
-    /// Its name in the session.
+    /// Name in the session.
     pub name: String,
     /// Camera or counter.
     pub kind: DeviceKind,

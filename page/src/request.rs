@@ -123,7 +123,7 @@ impl Answer {
         Self { status, kind: "application/json", body }
     }
 
-    /// What is not there.
+    /// A resource that is not there.
     pub fn missing() -> Self {
         Self::error(404, "there is no such thing in this session")
     }

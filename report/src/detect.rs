@@ -44,9 +44,9 @@ pub struct Detected {
     pub gain_e_per_adu: Option<f64>,
     /// Place of the telescope.
     pub site: Option<FrameSite>,
-    /// What was assumed, or contradicts itself.
+    /// Assumptions, and contradictions in the file.
     pub notes: Vec<String>,
-    /// What was found.
+    /// Findings.
     #[serde(flatten)]
     pub field: Field,
     /// The picture with marks.

@@ -118,7 +118,7 @@ pub type TargetSky = Arc<dyn Fn(Epoch) -> Option<DVec3> + Send + Sync>;
 struct Motor {
     /// Where the motor's side of the gear stands, rad; what its encoder counts.
     angle: f64,
-    /// Its speed, rad/s.
+    /// Speed, rad/s.
     speed: f64,
     /// Where the axis itself stands within the play of the gear, rad.
     axis: f64,

@@ -128,7 +128,7 @@ pub struct TargetFrame {
     pub dwell_s: Option<f64>,
     /// Kind of image; `None` where no target was found.
     pub shape: Option<Shape>,
-    /// Its middle, column and row.
+    /// Middle of the image, column and row.
     pub place_px: Option<[f64; 2]>,
     /// Length of the streak, px; 0 of a point.
     pub length_px: f64,
@@ -154,7 +154,7 @@ pub struct TargetFrame {
     pub sight: Option<Sight>,
     /// The magnitude brought to a range of 1,000 km.
     pub magnitude_1000km: Option<f64>,
-    /// What is to be known of it.
+    /// Remark for the reader.
     pub remark: String,
     /// Flags of the sample.
     #[serde(skip)]
@@ -198,7 +198,7 @@ pub struct Folder {
     pub left_out_files: Vec<[String; 2]>,
     /// How the target was told.
     pub chosen_by: String,
-    /// Its motion through the frames, px/s, where several tell.
+    /// Motion of the target through the frames, px/s, where several tell.
     pub motion_px_per_s: Option<[f64; 2]>,
     /// Notes of the headers, each once, with the number of frames.
     pub notes: BTreeMap<String, usize>,
@@ -984,7 +984,7 @@ fn moving(fields: &[Seen<'_>]) -> Vec<Vec<Which>> {
     fields.iter().zip(&shifts).map(of).collect()
 }
 
-/// By how much the stars of one frame are displaced in the next, px: the most frequent difference of places of the brightest points.
+/// Displacement of the stars from one frame to the next, px: the most frequent difference of places of the brightest points.
 fn shift_between(a: &Field, b: &Field) -> [f64; 2] {
     const BRIGHT: usize = 60;
     const CELL: f64 = 4.0;

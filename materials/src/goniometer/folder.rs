@@ -17,13 +17,13 @@ use sunglint_radiometry::light_curve::Input;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FolderError {
-    /// Its files are not those of a run.
+    /// Files that are not those of a run.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// Its bench.
+    /// A bench that cannot be used.
     #[error(transparent)]
     Bench(#[from] BenchError),
-    /// Its plan.
+    /// A plan that cannot be read.
     #[error(transparent)]
     Parse(#[from] ParseError),
     /// A file that cannot be read.
@@ -58,7 +58,7 @@ pub struct Run {
     pub tasks: Tasks,
     /// Whether the plan is of a quarter of the circle.
     pub quarter: bool,
-    /// What it has.
+    /// Readings so far.
     pub begun: Begun,
 }
 

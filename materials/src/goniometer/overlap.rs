@@ -1,6 +1,6 @@
 //! The part of the beam that lies on the sample and in the detector's field.
 //!
-//! Its footprint becomes longer as the sample turns away (1/cosθ_i), and so does the field on the sample as the detector turns (1/cosθ_o). While the footprint lies
+//! The beam's footprint becomes longer as the sample turns away (1/cosθ_i), and so does the field on the sample as the detector turns (1/cosθ_o). While the footprint lies
 //! within both, all of it counts (underfilled). Beyond that the light that is seen is f cosθ_o Ω times the incident power on the place where the three overlap.
 
 use glam::DVec3;

@@ -26,7 +26,7 @@ use sunglint_formats::Meta;
 use sunglint_numerics::measured::Measured;
 use sunglint_numerics::order::median;
 
-/// What is taken as the relative uncertainty of the incident power where the signature was not measured: the part of the beam that the detector takes in is not known.
+/// Relative uncertainty assumed for the incident power where the signature was not measured: the part of the beam that the detector takes in is not known.
 pub const WITHOUT_SIGNATURE: f64 = 0.05;
 /// A change between the beam's readings at both ends, beyond what the reference direction says, that is worth a warning.
 const MUCH: f64 = 0.02;
@@ -71,13 +71,13 @@ pub enum GoniometerError {
 /// Zeros of the axes: what the bench's angles are too large by, degrees with their standard uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Zeros {
-    /// Of the sample's axis.
+    /// Zero of the sample's axis.
     #[serde(serialize_with = "measured")]
     pub sample_deg: Measured,
-    /// Of the detector's axis.
+    /// Zero of the detector's axis.
     #[serde(serialize_with = "measured")]
     pub detector_deg: Measured,
-    /// Of the azimuth's axis.
+    /// Zero of the azimuth's axis.
     #[serde(serialize_with = "optional")]
     pub azimuth_deg: Option<Measured>,
     /// True where they were measured.
@@ -149,7 +149,7 @@ pub struct Instrument {
     pub least_part: f64,
     /// Polarisation of source and detector, in words.
     pub polarisation: [Option<String>; 2],
-    /// What was not measured, and what is assumed instead.
+    /// Quantities that were not measured, and what is assumed instead.
     pub missing: Vec<String>,
 }
 

@@ -56,7 +56,7 @@ impl Part {
         Self::ALL.iter().find(|(_, known)| *known == name).map(|(part, _)| *part)
     }
 
-    /// What is in the beam meanwhile.
+    /// State of the beam during this part.
     #[must_use]
     pub fn place(self) -> InBeam {
         match self {

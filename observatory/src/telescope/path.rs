@@ -102,7 +102,7 @@ fn refracted(enu: DVec3, height_m: f64) -> DVec3 {
 pub struct Place {
     /// Unit vector in the mount's axes.
     pub direction: DVec3,
-    /// Its rate, 1/s.
+    /// Rate, 1/s.
     pub per_s: DVec3,
 }
 

@@ -47,7 +47,7 @@ pub(super) struct Along {
     rows: Vec<Row>,
     /// For each interval the number of its error in `off`; none where there is no epoch between its ends.
     of_interval: Vec<Option<usize>>,
-    /// What the cubic was off in the middle, each term, m² sr⁻¹.
+    /// Error of the cubic in the middle of the interval, each term, m² sr⁻¹.
     off: Vec<Vec<f64>>,
 }
 

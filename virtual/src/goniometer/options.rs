@@ -56,11 +56,11 @@ section!(
 section!(
     /// Where the stages stand when the arms are at 0, degrees.
     Zero {
-        /// Of the sample's stage.
+        /// Reading of the sample's stage.
         sample_deg: f64 = 0.0,
-        /// Of the detector's stage.
+        /// Reading of the detector's stage.
         detector_deg: f64 = 0.0,
-        /// Of the azimuth's stage.
+        /// Reading of the azimuth's stage.
         azimuth_deg: f64 = 0.0,
     }
 );
