@@ -278,7 +278,7 @@ impl Scene {
         }
     }
 
-    /// Gives a material another reflectance; false where it has none that would be its only factor.
+    /// Gives a material another reflectance, a single number where it is the same at every wavelength; false where it has none that would be its only factor.
     pub fn set_reflectance(&mut self, material: &str, nm: &[f64], reflectance: &[f64]) -> bool {
         let name = format!("material.{material}");
         let Some(Value::Table(table)) = place(&mut self.table, &name) else { return false };
@@ -289,9 +289,12 @@ impl Scene {
         known.iter().for_each(|key| {
             table.remove(*key);
         });
-        let list = |values: &[f64]| {
-            Value::Array(values.iter().map(|v| Value::Float((v * 1e6).round() / 1e6)).collect())
-        };
+        let rounded = |v: f64| Value::Float((v * 1e6).round() / 1e6);
+        if let Some(first) = reflectance.first().filter(|first| reflectance.iter().all(|v| v == *first)) {
+            table.insert("reflectance".into(), rounded(*first));
+            return true;
+        }
+        let list = |values: &[f64]| Value::Array(values.iter().copied().map(rounded).collect());
         let mut own = Table::new();
         own.insert("wavelength_nm".into(), list(nm));
         own.insert("reflectance".into(), list(reflectance));

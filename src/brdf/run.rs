@@ -306,10 +306,9 @@ fn take(
         None => &mut person,
     };
     let Opened { stages, meter } = &mut opened;
-    let stages = stages.each_mut().map(|stage| match stage {
-        Some(stage) => Some(stage.as_mut() as &mut dyn RotationStage),
-        None => None,
-    });
+    let stages = stages
+        .each_mut()
+        .map(|stage| stage.as_mut().map(|stage| stage.as_mut() as &mut dyn RotationStage));
     let began_s = clock.clock.now().as_secs_f64();
     let mut bench_rig = Rig { stages, meter: meter.as_mut(), hands, clock: clock.clone(), cancel };
     let result = measure(&mut bench_rig, bench, all_tasks, before, zero_s, &mut log);

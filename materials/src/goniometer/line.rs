@@ -104,7 +104,7 @@ impl LogLine for Line {
                 ParseError::new(path, found, expected).in_field(field)
             };
             let text = |column: &[Option<String>]| column[row].clone().unwrap_or_default();
-            let (part, state) = (text(&part), text(&state));
+            let (part, state) = (text(part), text(state));
             let line = Line {
                 time_s: time_s[row],
                 part: Part::named(&part)
@@ -118,7 +118,7 @@ impl LogLine for Line {
                 power_w: power[row],
                 state: State::named(&state)
                     .ok_or_else(|| wrong("state", &state, "read, over, kept or again"))?,
-                range: text(&range),
+                range: text(range),
             };
             let angles = line.stages.iter().flatten().all(|deg| deg.is_finite());
             if !(line.time_s.is_finite() && angles && line.stages[0].is_some()) {

@@ -45,7 +45,7 @@ pub enum RunError {
         /// Name of the axis.
         axis: &'static str,
         /// Error of the axis.
-        error: AxisError,
+        error: Box<AxisError>,
     },
     /// An axis of the bench that was not opened.
     #[error("the axis `{axis}` was not opened")]
@@ -190,7 +190,7 @@ impl Run<'_, '_> {
             let turned = axis::turn(stage, self.at[k], asked, &approach, &deadline);
             let at = turned.map_err(|error| match error {
                 AxisError::Stopped { .. } => RunError::Stopped { part, number },
-                error => RunError::Axis { part, number, axis, error },
+                error => RunError::Axis { part, number, axis, error: error.into() },
             })?;
             (self.asked[k], self.at[k]) = (Some(asked), Some(at));
         }

@@ -1,6 +1,6 @@
 //! A goniometer's run: from a plan to BRDF values, beginning with the instrument itself.
 //!
-//! - [`bench`]: BENCH.toml, the axes, the meter and the optics of a bench;
+//! - [`mod@bench`]: BENCH.toml, the axes, the meter and the optics of a bench;
 //! - [`pose`]: directions as angles of the axes;
 //! - [`tasks`]: all that a run measures, in its order;
 //! - [`mod@measure`]: the run itself, resumable after any reading;

@@ -506,7 +506,7 @@ impl Lamp {
         all.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         let net = |r: &Read| r.mean.power_w - dark.at(r.time_s);
         let light = |r: &&Read| net(r) > 10.0 * r.mean.sigma_w.hypot(dark.sigma_w);
-        if all.is_empty() || !all.iter().all(|r| light(r)) {
+        if all.is_empty() || !all.iter().all(light) {
             if !missing.iter().any(|m| m.starts_with("the reference")) {
                 missing.push("the reference direction (no light there): the lamp's drift is taken as even between both readings of the beam".into());
             }

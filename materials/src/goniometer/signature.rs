@@ -380,8 +380,8 @@ mod tests {
     #[test]
     fn a_disc_takes_its_part_of_a_gaussian() {
         let rule = legendre(48);
-        for sigma in [0.2, 0.5, 1.0, 3.0] {
-            let exact = 1.0 - (-0.5 / (sigma * sigma) as f64).exp();
+        for sigma in [0.2_f64, 0.5, 1.0, 3.0] {
+            let exact = 1.0 - (-0.5 / (sigma * sigma)).exp();
             let found = captured(0.0, 0.0, sigma, sigma, 1.0, &rule);
             assert!((found - exact).abs() < 2e-5, "{sigma}: {found} {exact}");
         }

@@ -145,12 +145,12 @@ impl Bench {
     }
 
     /// The part of the beam's power that the sample sends into the detector.
-    fn from_sample(&self, arms: &Arms) -> f64 {
+    fn sample_light(&self, arms: &Arms) -> f64 {
         let (i, o) = Self::directions(arms);
         if self.sample.kind == SampleKind::Mirror {
             // The mirrored beam, straight into the detector.
             let mirrored = DVec3::new(-i.x, -i.y, i.z);
-            return self.on_both(arms) * self.sample.reflectance * self.into_disc(mirrored, o);
+            return self.on_both(arms) * self.sample.reflectance * self.disc_light(mirrored, o);
         }
         let part = self.on_both(arms);
         if part == 0.0 || o.z <= 0.0 || i.z <= 0.0 {
@@ -170,7 +170,7 @@ impl Bench {
     }
 
     /// The part of a beam along a unit vector that a detector on the axis `o` takes in: the beam's Gaussian over the detector's disc, the beam's own width in it.
-    fn into_disc(&self, beam: DVec3, o: DVec3) -> f64 {
+    fn disc_light(&self, beam: DVec3, o: DVec3) -> f64 {
         if beam.dot(o) <= 0.0 {
             return 0.0;
         }
@@ -211,8 +211,8 @@ impl Bench {
             InBeam::Blocked => 0.0,
             InBeam::Head => 1.0,
             InBeam::Nothing => around,
-            InBeam::Through => around + self.into_disc(-i, o),
-            InBeam::Sample => around + self.from_sample(arms),
+            InBeam::Through => around + self.disc_light(-i, o),
+            InBeam::Sample => around + self.sample_light(arms),
             InBeam::Standard => {
                 let lambert = o.z.max(0.0) / PI * sr;
                 around + 0.99 * lambert * self.on_both(arms)
