@@ -290,7 +290,9 @@ impl Scene {
             table.remove(*key);
         });
         let rounded = |v: f64| Value::Float((v * 1e6).round() / 1e6);
-        if let Some(first) = reflectance.first().filter(|first| reflectance.iter().all(|v| v == *first)) {
+        if let Some(first) =
+            reflectance.first().filter(|first| reflectance.iter().all(|v| v == *first))
+        {
             table.insert("reflectance".into(), rounded(*first));
             return true;
         }
