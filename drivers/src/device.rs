@@ -403,6 +403,11 @@ pub trait FilterWheel: Device {
     /// How many slots it has.
     fn slots(&self) -> u32;
 
+    /// Names of the filters, that of slot 1 first, as the driver has them; empty where it has none.
+    fn names(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// The slot in the beam.
     ///
     /// # Errors

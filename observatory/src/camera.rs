@@ -1,15 +1,19 @@
-//! A camera's thread: frames from start to start, whatever else happens.
+//! A camera's thread: frames from start to start, set as each visit asks.
 
+use super::movers::Before;
 use super::plan::CameraPlan;
 use super::pointing::Pointing;
+use super::sequence::Exposing;
 use super::worker::{READY, SOON, Worker};
 use hifitime::Epoch;
+use serde_json::json;
+use std::collections::HashMap;
 use std::time::Duration;
 use sunglint_drivers::clock::clock_offset_s;
-use sunglint_drivers::device::{Camera, DeviceError, Window};
+use sunglint_drivers::device::{Camera, DeviceError, Limits, Window};
 use sunglint_formats::Frame;
 use sunglint_formats::session::{FRAME_NUMBER, TargetKind, What};
-use sunglint_formats::toml::Positive;
+use sunglint_formats::toml::{Finite, Positive};
 
 /// How much longer than its exposure and the longest readout so far a frame may take.
 const LATE: Duration = Duration::from_secs(5);
@@ -18,51 +22,112 @@ const READOUT: Duration = Duration::from_secs(10);
 /// A difference between clocks that is no step, s.
 const STEP_S: f64 = super::clock::STEP_S;
 
+/// Shortest and longest exposure of flats that follow the light, s.
+const FLAT_S: [f64; 2] = [1e-3, 60.0];
+/// A flat counts where its median is within these parts of its level.
+const FLAT_NEAR: [f64; 2] = [0.6, 1.5];
+/// How often a camera that has nothing to do looks at the schedule.
+const LOOK: Duration = Duration::from_millis(20);
+/// How long a camera waits for a wheel or rotator that is lost, before it takes frames all the same.
+const LOST: Duration = Duration::from_secs(5);
+
 /// A camera at work.
 #[derive(Debug)]
 pub struct CameraWork {
     plan: CameraPlan,
     pointing: Pointing,
+    /// The wheel and the rotators that it waits for.
+    before: Before,
     /// The last frame's number.
     number: u64,
     /// The longest time from the end of an exposure to its frame so far.
     readout: Option<Duration>,
     /// The frame type that the camera was told.
     told: Option<&'static str>,
+    /// As the camera is set.
+    set: Option<CameraPlan>,
+    /// Frames of each step so far.
+    taken: HashMap<u32, u32>,
+    /// The step whose settings the camera cannot have.
+    barred: Option<u32>,
+    /// Exposures of flats, s, by filter: as the light asked for last.
+    flat_s: HashMap<Option<String>, f64>,
+}
+
+/// What a camera does next.
+#[derive(Debug, Clone, PartialEq)]
+struct Now {
+    exposing: Exposing,
+    /// Number of the step, within one.
+    step: Option<u32>,
+    /// When it ends.
+    to: Option<Epoch>,
+    /// Whether the camera takes frames in another way then.
+    changes: bool,
+    /// Angle of the rotators, degrees.
+    angle_deg: Option<f64>,
 }
 
 impl CameraWork {
     /// A camera as planned.
-    pub fn new(plan: CameraPlan, pointing: Pointing) -> Self {
-        Self { plan, pointing, number: 0, readout: None, told: None }
+    pub fn new(plan: CameraPlan, pointing: Pointing, before: Before) -> Self {
+        Self {
+            plan,
+            pointing,
+            before,
+            number: 0,
+            readout: None,
+            told: None,
+            set: None,
+            taken: HashMap::new(),
+            barred: None,
+            flat_s: HashMap::new(),
+        }
     }
 
     /// Opens the camera and takes frames until the night is over.
     pub fn run(&mut self, worker: &mut Worker) -> Result<(), DeviceError> {
         let mut camera = worker.opener.camera(&self.plan, &worker.within(READY))?;
-        self.prepare(camera.as_mut(), worker).map_err(|error| worker.setting(error))?;
+        let base = self.plan.clone();
+        self.set = None;
+        self.prepare(camera.as_mut(), &base, worker).map_err(|error| worker.setting(error))?;
         worker.opened(camera.as_mut())?;
         self.told = None;
-        let first = worker.clock.clock.now();
-        let mut begun = None;
+        let mut grid = Grid::default();
+        let mut works = false;
+        let mut before: Option<Now> = None;
         while !worker.is_over() {
-            if let Some(interval) = self.plan.interval_s.map(Positive::get) {
-                wait_for_turn(worker, first, interval, &mut begun)?;
-                if worker.is_over() {
-                    break;
-                }
+            let now = self.now(worker);
+            if let Some(before) = before.replace(now.clone()).filter(|b| b.step != now.step) {
+                self.tell_short(&before, worker);
+                grid = Grid::default();
             }
-            let exposure_s = self.plan.exposure_s.get();
-            self.tell_type(camera.as_mut(), worker)?;
+            if self.rests(&now, worker) {
+                self.rest(now.to, worker);
+                continue;
+            }
+            if !self.is_set(camera.as_mut(), &now, worker)? {
+                continue;
+            }
+            if !self.is_ready(&now, worker) {
+                continue;
+            }
+            if let Some(interval) = now.exposing.plan.interval_s.map(Positive::get)
+                && (grid.wait(worker, interval, now.to) || self.now(worker) != now)
+            {
+                continue;
+            }
+            self.tell_type(camera.as_mut(), now.exposing.frame_type, worker)?;
+            let exposure_s = self.exposure_s(&now);
             let readout = self.readout.unwrap_or(READOUT);
             let most = seconds(exposure_s).saturating_add(readout).saturating_add(LATE);
             let (asked, asked_at) = (worker.clock.utc(), worker.clock.clock.now());
+            let moves = self.before.moves();
             let mut frame = match camera.expose(exposure_s, &worker.within(most)) {
                 Err(error @ DeviceError::NotOurs { .. }) => {
                     self.refuse(&error.to_string(), worker);
                     // Whoever took it may have set it, too.
-                    self.prepare(camera.as_mut(), worker).map_err(|error| worker.setting(error))?;
-                    self.told = None;
+                    (self.set, self.told) = (None, None);
                     continue;
                 }
                 taken => taken?,
@@ -73,26 +138,158 @@ impl CameraWork {
             if worker.clock.is_live() {
                 without_step(&mut frame, asked, clock_offset_s());
             }
-            if begun.is_none() || worker.lost_at.is_some() {
+            if !works || worker.lost_at.is_some() {
+                works = true;
                 worker.works();
             }
-            begun.get_or_insert(0);
-            self.hand_over(frame, worker);
+            if self.before.moves() != moves {
+                self.refuse("the wheel or the rotator before it moved during the exposure", worker);
+                continue;
+            }
+            let counts = self.follow_light(&now, exposure_s, &frame, camera.limits());
+            self.hand_over(frame, &now.exposing, worker);
+            if let Some(step) = now.step.filter(|_| counts) {
+                *self.taken.entry(step).or_default() += 1;
+            }
+        }
+        if let Some(before) = before {
+            self.tell_short(&before, worker);
         }
         Ok(())
+    }
+
+    /// What the schedule asks for now.
+    fn now(&self, worker: &Worker) -> Now {
+        let (schedule, utc) = (worker.schedule.get(), worker.clock.utc());
+        let exposing = schedule.exposing(&self.plan, utc);
+        let slot = schedule.slot(utc);
+        let planned = slot.filter(|slot| slot.target.target_kind != TargetKind::None);
+        let step = planned.and_then(|slot| slot.step.as_ref()).map(|step| step.number);
+        let to = slot.and_then(|slot| slot.to);
+        let changes = to.is_some_and(|to| {
+            let next = schedule.exposing(&self.plan, to);
+            next.plan != exposing.plan || next.frame_type != exposing.frame_type
+        });
+        let setting = schedule.setting(utc).and_then(|slot| slot.step.as_ref());
+        let angle_deg = setting.and_then(|step| step.rotator_deg);
+        Now { exposing, step, to, changes, angle_deg }
+    }
+
+    /// Whether it takes no frame now: it has all of the step, cannot be set for it, or the next would not end before something else begins.
+    fn rests(&self, now: &Now, worker: &Worker) -> bool {
+        if now.step.is_some() && now.step == self.barred {
+            return true;
+        }
+        let taken = now.step.and_then(|step| self.taken.get(&step)).copied().unwrap_or(0);
+        if let (Some(step), Some(frames)) = (now.step, now.exposing.frames)
+            && taken >= frames
+        {
+            worker.schedule.finish(&self.plan.name, step);
+            return true;
+        }
+        let sharp = now.changes || now.exposing.frames.is_some();
+        let ends = worker.clock.utc() + hifitime::Duration::from_seconds(self.exposure_s(now));
+        sharp && now.to.is_some_and(|to| ends > to)
+    }
+
+    /// Waits: with a live clock only a moment, because the schedule may change.
+    fn rest(&self, to: Option<Epoch>, worker: &Worker) {
+        let until = [to, worker.end].into_iter().flatten().min();
+        let left = until.map_or(Duration::MAX, |until| worker.clock.until(until));
+        let wait = if worker.clock.is_live() || until.is_none() { left.min(LOOK) } else { left };
+        // Cut short by Ctrl-C alone. At least a moment: the end may lie within the clock's last digit.
+        let _ = worker.within(Duration::MAX).sleep(wait.max(Duration::from_micros(1)));
+    }
+
+    /// Sets the camera as the schedule asks; false where it cannot be set so.
+    fn is_set(
+        &mut self,
+        camera: &mut dyn Camera,
+        now: &Now,
+        worker: &mut Worker,
+    ) -> Result<bool, DeviceError> {
+        match self.prepare(camera, &now.exposing.plan, worker) {
+            Ok(()) => Ok(true),
+            Err(error) if error.is_permanent_setting() && now.step.is_some() => {
+                self.barred = now.step;
+                let error = format!("no frames in step {}: {error}", now.step.unwrap_or(0));
+                worker.status.say(format!("{}: {error}", worker.name));
+                let about = worker.name.clone();
+                worker.disk.event(worker.clock.utc(), What::Error { about, error });
+                Ok(false)
+            }
+            Err(error) => Err(worker.setting(error)),
+        }
+    }
+
+    /// Waits for the wheel and the rotators; false where the schedule went on meanwhile.
+    fn is_ready(&self, now: &Now, worker: &Worker) -> bool {
+        let begun = worker.clock.clock.now();
+        loop {
+            match self.before.is_ready(&now.exposing, now.angle_deg) {
+                Some(true) => return true,
+                None if worker.clock.clock.now().saturating_sub(begun) >= LOST => return true,
+                _ => {}
+            }
+            self.rest(now.to, worker);
+            if worker.is_over() || self.now(worker) != *now || self.rests(now, worker) {
+                return false;
+            }
+        }
+    }
+
+    /// The next frame's exposure, s.
+    fn exposure_s(&self, now: &Now) -> f64 {
+        let planned = now.exposing.plan.exposure_s.get();
+        match now.exposing.level_adu {
+            Some(_) => *self.flat_s.get(&now.exposing.plan.filter).unwrap_or(&planned),
+            None => planned,
+        }
+    }
+
+    /// Brings the exposure of flats to their level. True for a frame that counts: of a flat one that is near its level.
+    fn follow_light(
+        &mut self,
+        now: &Now,
+        exposure_s: f64,
+        frame: &Frame,
+        limits: Option<Limits>,
+    ) -> bool {
+        let Some(level) = now.exposing.level_adu else { return true };
+        let mut pixels: Vec<u16> = frame.pixels.iter().copied().collect();
+        let middle = pixels.len() / 2;
+        if pixels.is_empty() {
+            return false;
+        }
+        let median = f64::from(*pixels.select_nth_unstable(middle).1);
+        let [least, most] = limits.and_then(|limits| limits.exposure_s).unwrap_or(FLAT_S);
+        let (least, most) = (least.max(FLAT_S[0]), most.min(FLAT_S[1]));
+        let wanted = exposure_s * (level / median.max(1.0)).clamp(0.1, 10.0);
+        let next = wanted.max(least).min(most);
+        self.flat_s.insert(now.exposing.plan.filter.clone(), next);
+        (FLAT_NEAR[0]..=FLAT_NEAR[1]).contains(&(median / level))
+    }
+
+    /// A step that ended with fewer frames than it should have.
+    fn tell_short(&self, before: &Now, worker: &Worker) {
+        let (Some(step), Some(frames)) = (before.step, before.exposing.frames) else { return };
+        let taken = self.taken.get(&step).copied().unwrap_or(0);
+        if taken < frames {
+            let (about, error) =
+                (worker.name.clone(), format!("{taken} of {frames} frames in step {step}"));
+            worker.status.say(format!("{about}: {error}"));
+            worker.disk.event(worker.clock.utc(), What::Error { about, error });
+        }
     }
 
     /// Tells the camera what the next frame is taken for, so that its driver closes the shutter for a dark one.
     fn tell_type(
         &mut self,
         camera: &mut dyn Camera,
-        worker: &mut Worker,
+        wanted: &'static str,
+        worker: &Worker,
     ) -> Result<(), DeviceError> {
         const NAME: &str = "frame_type";
-        let schedule = worker.schedule.get();
-        let target = schedule.at(worker.clock.utc());
-        let dark = target.is_some_and(|target| target.target_kind == TargetKind::Dark);
-        let wanted = if dark { "dark" } else { "light" };
         if self.told == Some(wanted) || !camera.own_settings().iter().any(|(n, _)| *n == NAME) {
             return Ok(());
         }
@@ -111,25 +308,65 @@ impl CameraWork {
         }
     }
 
-    fn prepare(&self, camera: &mut dyn Camera, worker: &Worker) -> Result<(), DeviceError> {
-        let plan = &self.plan;
-        if let Some([x, y, columns, rows]) = plan.window_px {
+    /// Sets the camera: all of it at first, then what differs. A window that a visit set is opened again where the next has none.
+    fn prepare(
+        &mut self,
+        camera: &mut dyn Camera,
+        plan: &CameraPlan,
+        worker: &Worker,
+    ) -> Result<(), DeviceError> {
+        if self.set.as_ref() == Some(plan) {
+            return Ok(());
+        }
+        let before = self.set.take();
+        let window = |plan: &CameraPlan| (plan.window_px, plan.binning);
+        let was = before.as_ref().map(window).unwrap_or_default();
+        if window(plan) != was || (before.is_none() && plan.window_px.is_some()) {
+            let [columns, rows] = camera.sensor_px();
+            let [x, y, columns, rows] = plan.window_px.unwrap_or([0, 0, columns, rows]);
             let binning = [plan.binning.unwrap_or(1); 2];
             let window = Window { origin_px: [x, y], size_px: [columns, rows], binning };
             camera.set_window(window, &worker.within(SOON))?;
         }
-        if let Some(gain) = plan.gain {
-            camera.set_gain(gain.get(), &worker.within(SOON))?;
+        let differs = |of: &dyn Fn(&CameraPlan) -> Option<f64>| {
+            of(plan).filter(|value| before.as_ref().and_then(of) != Some(*value))
+        };
+        if let Some(gain) = differs(&|plan| plan.gain.map(Finite::get)) {
+            camera.set_gain(gain, &worker.within(SOON))?;
         }
-        if let Some(temperature) = plan.temperature_c {
-            camera.set_temperature_c(temperature.get(), &worker.within(SOON))?;
+        if let Some(temperature) = differs(&|plan| plan.temperature_c.map(Finite::get)) {
+            camera.set_temperature_c(temperature, &worker.within(SOON))?;
         }
+        if before.is_some() {
+            self.tell_settings(plan, worker);
+        }
+        self.set = Some(plan.clone());
         Ok(())
     }
 
+    fn tell_settings(&self, plan: &CameraPlan, worker: &Worker) {
+        let all = json!({
+            "exposure_s": plan.exposure_s.get(),
+            "window_px": plan.window_px,
+            "binning": plan.binning,
+            "gain": plan.gain.map(Finite::get),
+            "filter": plan.filter,
+        });
+        let serde_json::Value::Object(mut settings) = all else { return };
+        settings.retain(|_, value| !value.is_null());
+        let device = worker.name.clone();
+        worker.disk.event(worker.clock.utc(), What::Set { device, settings });
+    }
+
     /// Puts the filter, the cooler's and the converter's settings into a header: as the device says them, else as planned.
-    fn say_settings(&self, frame: &mut Frame) {
-        if let Some(planned) = &self.plan.filter {
+    fn say_settings(&self, plan: &CameraPlan, frame: &mut Frame) {
+        if let Some(filter) = self.before.filter() {
+            frame.header.set("FILTER", filter.as_str(), "where the wheel stood");
+        }
+        if let Some(angle_deg) = self.before.angle_deg() {
+            frame.header.set("ROTATANG", angle_deg, "deg, where the rotator stood");
+        }
+        if let Some(planned) = &plan.filter {
             match frame.header.text("FILTER").map(str::to_owned) {
                 Some(wheel) if wheel.trim() == planned => {}
                 Some(_) => frame.header.set(
@@ -142,19 +379,19 @@ impl CameraWork {
                 }
             }
         }
-        if let Some(temperature) = self.plan.temperature_c {
+        if let Some(temperature) = plan.temperature_c {
             frame.header.set("SET-TEMP", temperature.get(), "deg C, asked of the cooler");
         }
-        if let Some(gain) = self.plan.gain.filter(|_| frame.header.get("GAIN").is_none()) {
+        if let Some(gain) = plan.gain.filter(|_| frame.header.get("GAIN").is_none()) {
             frame.header.set("GAIN", gain.get(), "in the camera's own steps");
         }
         // In another gain the station's number says nothing.
-        if frame.gain_e_per_adu.is_none() && self.plan.gain.is_none() {
+        if frame.gain_e_per_adu.is_none() && plan.gain.is_none() {
             frame.gain_e_per_adu = self.pointing.gain_e_per_adu();
         }
     }
 
-    fn hand_over(&mut self, mut frame: Frame, worker: &Worker) {
+    fn hand_over(&mut self, mut frame: Frame, exposing: &Exposing, worker: &Worker) {
         let half = hifitime::Duration::from_seconds(0.5 * frame.exposure_s);
         let middle: Epoch = frame.start + half;
         if worker.opener.keeps_numbers() {
@@ -167,7 +404,7 @@ impl CameraWork {
                 self.plan.name.as_str(),
                 "the camera's name in this session",
             );
-            self.say_settings(&mut frame);
+            self.say_settings(&exposing.plan, &mut frame);
             let schedule = worker.schedule.get();
             self.pointing.describe(schedule.at(middle), middle, self.told, &mut frame);
         }
@@ -189,29 +426,38 @@ fn without_step(frame: &mut Frame, asked: Epoch, step_s: f64) {
     frame.header.set("CLKSTEP", step_s, comment);
 }
 
-/// Waits for the next frame's turn on a grid of `interval_s` from `first`; turns that have passed are left out.
-fn wait_for_turn(
-    worker: &Worker,
-    first: Duration,
-    interval_s: f64,
-    begun: &mut Option<u64>,
-) -> Result<(), DeviceError> {
-    let Some(turn) = *begun else {
-        *begun = None;
-        return Ok(());
-    };
-    let passed_s = worker.clock.clock.now().saturating_sub(first).as_secs_f64();
-    // A turn that is a thousandth late is still this one.
-    let next = (turn + 1).max((passed_s / interval_s - 1e-3).ceil() as u64);
-    let at = first.saturating_add(seconds(next as f64 * interval_s));
-    let mut wait = at.saturating_sub(worker.clock.clock.now());
-    if let Some(end) = worker.end {
-        wait = wait.min(worker.clock.until(end));
+/// Turns of frames at an even distance.
+#[derive(Debug, Clone, Copy, Default)]
+struct Grid {
+    /// When the first of them was, and the number of the last one.
+    begun: Option<(Duration, u64)>,
+}
+
+impl Grid {
+    /// Waits for the next turn, turns that have passed are left out. True where the night or the stay (`to`) ended before it.
+    fn wait(&mut self, worker: &Worker, interval_s: f64, to: Option<Epoch>) -> bool {
+        let now = worker.clock.clock.now();
+        let Some((first, last)) = self.begun else {
+            self.begun = Some((now, 0));
+            return false;
+        };
+        let passed_s = now.saturating_sub(first).as_secs_f64();
+        // A turn that is a thousandth late is still this one.
+        let next = (last + 1).max((passed_s / interval_s - 1e-3).ceil() as u64);
+        let mut wait = first.saturating_add(seconds(next as f64 * interval_s)).saturating_sub(now);
+        let mut ends = false;
+        if let Some(end) = [worker.end, to].into_iter().flatten().min() {
+            let left = worker.clock.until(end);
+            ends = left < wait;
+            wait = wait.min(left);
+        }
+        // Cut short by Ctrl-C alone, which the caller sees.
+        let _ = worker.within(Duration::MAX).sleep(wait);
+        if !ends {
+            self.begun = Some((first, next));
+        }
+        ends || worker.is_over()
     }
-    *begun = Some(next);
-    // Cut short by Ctrl-C alone, which the caller sees.
-    let _ = worker.within(Duration::MAX).sleep(wait);
-    Ok(())
 }
 
 /// Seconds that a plan gives: above zero.

@@ -1,8 +1,8 @@
 //! A night of observation as it runs: from its plan to the folder of its session.
 //!
 //! Each device has a thread of its own on a clock of its own, and waits for no other: not for a target to be found, not for the
-//! display. All data go to the one thread that writes. Where the telescope points is a function of time ([`Schedule`]); nothing
-//! waits for the mount: [`telescope`] is not part of a night yet.
+//! display; a camera waits for the wheel before it. All data go to the one thread that writes. Where the telescope points is a function of time
+//! ([`Schedule`]); nothing waits for the mount: [`telescope`] is not part of a night yet.
 //!
 //! - [`Plan`]: NIGHT.toml: station, devices, targets and their times;
 //! - [`preflight`]: whether a night can be what its plan says, before it begins;
@@ -53,6 +53,7 @@ pub mod clock;
 mod counter;
 mod disk;
 pub mod live;
+mod movers;
 mod night;
 mod opener;
 mod plan;
@@ -61,6 +62,7 @@ mod pointing;
 mod preflight;
 mod replay;
 mod schedule;
+mod sequence;
 mod status;
 mod tags;
 pub mod telescope;
@@ -70,11 +72,13 @@ pub use live::{Control, ControlError, LiveState};
 pub use night::{Incomplete, Night, NightError, Summary};
 pub use opener::{Catalogue, Opener};
 pub use plan::{
-    CameraPlan, CounterPlan, MakeVirtual, Plan, PlanError, VIRTUAL_ADDRESS, VirtualRequest,
+    CameraPlan, CounterPlan, MakeVirtual, Plan, PlanError, RotatorPlan, VIRTUAL_ADDRESS,
+    VirtualRequest, WheelPlan,
 };
 pub use playback::Playback;
 pub use pointing::Pointing;
 pub use preflight::{Level, PlanFinding, Preflight, PreflightOptions, preflight};
 pub use replay::ReplayError;
 pub use schedule::{Schedule, Slot};
+pub use sequence::{CameraSetup, Exposing, Step};
 pub use status::{DeviceStatus, LastFrame, Snapshot, State, free_bytes};

@@ -5,10 +5,12 @@ use super::clock::{self, STEP_S};
 use super::counter::CounterWork;
 use super::disk;
 use super::live::{Asked, Control, ControlError, LiveState};
+use super::movers::{Before, RotatorWork, Stands, WheelWork};
 use super::opener::Opener;
-use super::plan::{CameraPlan, CounterPlan, Plan};
+use super::plan::{CameraPlan, CounterPlan, Plan, RotatorPlan, WheelPlan};
 use super::pointing::Pointing;
 use super::schedule::{Schedule, SharedSchedule};
+use super::sequence::Exposing;
 use super::status::{Snapshot, State, Status};
 use super::worker::Worker;
 use hifitime::Epoch;
@@ -22,7 +24,9 @@ use sunglint_drivers::clock::{
     Cancel, DeviceClock, adopt_computer_clock, clock_offset_s, computer_utc,
 };
 use sunglint_formats::FileError;
-use sunglint_formats::session::{Disk, FORMAT, Manifest, SessionWriter, Storage, TargetKind, What};
+use sunglint_formats::session::{
+    Disk, FORMAT, Manifest, SessionWriter, Storage, Target, TargetKind, What,
+};
 use sunglint_formats::time::format_utc;
 use sunglint_radiometry::station::Station;
 
@@ -52,12 +56,18 @@ pub struct Night {
     pub cameras: Vec<CameraPlan>,
     /// The counters.
     pub counters: Vec<CounterPlan>,
+    /// The filter wheels.
+    pub wheels: Vec<WheelPlan>,
+    /// The rotators.
+    pub rotators: Vec<RotatorPlan>,
     /// Where they come from.
     pub opener: Arc<dyn Opener>,
     /// Where the telescope looks.
     pub schedule: Schedule,
     /// When it ends; `None`: when it is stopped.
     pub end: Option<Epoch>,
+    /// Whether it ends with its last visit, also where that is over early.
+    pub ends_with_visits: bool,
     /// When it ended, for one that is played back.
     pub ended: Option<Epoch>,
     /// Whether the plan names times of day in UTC (passes): it then follows the computer's clock after a step that a synchronised source confirms.
@@ -227,9 +237,12 @@ impl Night {
             station: plan.station,
             cameras: plan.cameras,
             counters: plan.counters,
+            wheels: plan.wheels,
+            rotators: plan.rotators,
             opener,
             schedule: plan.schedule,
             end: plan.to,
+            ends_with_visits: plan.ends_with_visits,
             ended: None,
             in_utc: plan.in_utc,
             live: None,
@@ -276,8 +289,28 @@ impl Night {
             permanent: false,
         };
         let mut threads: Vec<JoinHandle<()>> = Vec::new();
+        let stands = Arc::new(Stands::default());
+        for plan in &self.wheels {
+            let mut work = WheelWork::new(plan.clone(), &self.cameras, stands.clone());
+            let worker = worker(&plan.name);
+            threads.push(thread(&plan.name, move || worker.supervise(|worker| work.run(worker)))?);
+        }
+        for plan in &self.rotators {
+            let mut work = RotatorWork::new(plan.clone(), stands.clone());
+            let worker = worker(&plan.name);
+            threads.push(thread(&plan.name, move || worker.supervise(|worker| work.run(worker)))?);
+        }
         for plan in &self.cameras {
-            let mut work = CameraWork::new(plan.clone(), Pointing::new(self.station.clone()));
+            let is_before = |cameras: &[String]| cameras.is_empty() || cameras.contains(&plan.name);
+            let wheel = self.wheels.iter().find(|wheel| is_before(&wheel.cameras));
+            let rotators = self.rotators.iter().filter(|rotator| is_before(&rotator.cameras));
+            let before = Before {
+                wheel: wheel.map(|wheel| wheel.name.clone()),
+                rotators: rotators.map(|rotator| rotator.name.clone()).collect(),
+                stands: stands.clone(),
+            };
+            let pointing = Pointing::new(self.station.clone());
+            let mut work = CameraWork::new(plan.clone(), pointing, before);
             let worker = worker(&plan.name);
             threads.push(thread(&plan.name, move || worker.supervise(|worker| work.run(worker)))?);
         }
@@ -291,6 +324,7 @@ impl Night {
             status: &status,
             disk: &disk,
             told: 0,
+            target: None,
             offset_s: clock_offset_s(),
             asked: None,
             cancel,
@@ -336,7 +370,12 @@ impl Night {
             taken: each(&|name| of(name).taken),
             losses: each(&|name| of(name).losses),
             refused: each(&|name| of(name).refused),
-            failed: self.names().filter_map(|name| failure(name, of(name).state)).collect(),
+            failed: {
+                let wheels = self.wheels.iter().map(|wheel| wheel.name.as_str());
+                let movers = wheels.chain(self.rotators.iter().map(|r| r.name.as_str()));
+                let all = self.names().chain(movers);
+                all.filter_map(|name| failure(name, of(name).state)).collect()
+            },
             silent: self.names().filter(|n| of(n).taken == 0).map(str::to_owned).collect(),
             not_written: last.missing,
             disk_error: last.disk_error.clone(),
@@ -365,6 +404,8 @@ struct Watch<'a> {
     disk: &'a disk::Disk,
     /// Slots of the schedule that the log has.
     told: usize,
+    /// The target that was told last.
+    target: Option<Target>,
     /// How far the computer's clock was from the night's time at the last look, s.
     offset_s: f64,
     /// When it was asked last whether the computer's clock is synchronised.
@@ -393,6 +434,9 @@ impl Watch<'_> {
             let night_utc = self.status.utc();
             self.tell_targets(night_utc);
             self.obey(night_utc, live);
+            if live {
+                self.step_on(night_utc);
+            }
             let now = begun.elapsed();
             if live && now.saturating_sub(looked) >= CLOCK {
                 looked = now;
@@ -481,6 +525,7 @@ impl Watch<'_> {
         self.told = begun;
         if let Some(slot) = begun.checked_sub(1).and_then(|last| slots.get(last)) {
             self.disk.event(now, What::Target(slot.target.clone()));
+            self.target = Some(slot.target.clone());
         }
     }
 
@@ -557,9 +602,43 @@ impl Watch<'_> {
             // A slot that had ended before the night began is none of it.
             if slot.to.is_none_or(|to| to > self.night.manifest.start_utc) {
                 let from = slot.from.max(self.night.manifest.start_utc);
-                self.disk.event(from, What::Target(slot.target.clone()));
+                // The steps of a visit are one stay.
+                if !slot.continues() || self.target.as_ref() != Some(&slot.target) {
+                    self.disk.event(from, What::Target(slot.target.clone()));
+                    self.target = Some(slot.target.clone());
+                }
             }
             self.told += 1;
+        }
+    }
+
+    /// Goes on to the next step once each camera with a number of frames has them all.
+    fn step_on(&mut self, utc: Epoch) {
+        let schedule = self.schedule.get();
+        let Some((slot, step)) = schedule.slot(utc).and_then(|s| Some((s, s.step.as_ref()?)))
+        else {
+            return;
+        };
+        let kind = Some(slot.target.target_kind);
+        let mut counted = self
+            .night
+            .cameras
+            .iter()
+            .filter(|camera| Exposing::of(camera, kind, Some(step)).frames.is_some());
+        let done = |camera: &CameraPlan| self.schedule.has_finished(&camera.name, step.number);
+        let any = counted.clone().next().is_some();
+        if any
+            && counted.all(done)
+            && let Some(after) = schedule.stepped(utc)
+        {
+            let last = after.slots().last();
+            let nothing_left = last.is_some_and(|slot| {
+                slot.from <= utc && slot.target.target_kind == TargetKind::None
+            });
+            self.exchange(after, utc);
+            if nothing_left && self.night.ends_with_visits {
+                self.schedule.end();
+            }
         }
     }
 }

@@ -1,10 +1,10 @@
 //! Source of a night's devices: the catalogue of drivers, or anything else that stands in for them.
 
-use super::plan::{CameraPlan, CounterPlan};
+use super::plan::{CameraPlan, CounterPlan, RotatorPlan, WheelPlan};
 use std::fmt;
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Deadline, DeviceClock};
-use sunglint_drivers::device::{Camera, DeviceError, PhotonCounter};
+use sunglint_drivers::device::{Camera, DeviceError, FilterWheel, PhotonCounter, RotationStage};
 
 /// Makes the devices of a night. A device that fails is asked for again, so that each call opens it anew.
 ///
@@ -32,6 +32,32 @@ pub trait Opener: Send + Sync + fmt::Debug {
         plan: &CounterPlan,
         deadline: &Deadline,
     ) -> Result<Box<dyn PhotonCounter>, DeviceError>;
+
+    /// Opens a filter wheel.
+    ///
+    /// # Errors
+    /// See [`DeviceError`]; of an opener without wheels always.
+    fn wheel(
+        &self,
+        plan: &WheelPlan,
+        deadline: &Deadline,
+    ) -> Result<Box<dyn FilterWheel>, DeviceError> {
+        let _ = deadline;
+        Err(another_kind(&plan.device, "device of this night, which has no wheels"))
+    }
+
+    /// Opens a rotator.
+    ///
+    /// # Errors
+    /// See [`DeviceError`]; of an opener without rotators always.
+    fn rotator(
+        &self,
+        plan: &RotatorPlan,
+        deadline: &Deadline,
+    ) -> Result<Box<dyn RotationStage>, DeviceError> {
+        let _ = deadline;
+        Err(another_kind(&plan.device, "device of this night, which has no rotators"))
+    }
 
     /// Whether a counter can hand over its time tags; asked before the night begins.
     fn streams_tags(&self, plan: &CounterPlan) -> bool {
@@ -97,6 +123,28 @@ impl Opener for Catalogue {
         match Self::open(&plan.device, &options, deadline)? {
             AnyDevice::PhotonCounter(counter) => Ok(counter),
             _ => Err(another_kind(&plan.device, "photon counter")),
+        }
+    }
+
+    fn wheel(
+        &self,
+        plan: &WheelPlan,
+        deadline: &Deadline,
+    ) -> Result<Box<dyn FilterWheel>, DeviceError> {
+        match Self::open(&plan.device, &plan.with, deadline)? {
+            AnyDevice::FilterWheel(wheel) => Ok(wheel),
+            _ => Err(another_kind(&plan.device, "filter wheel")),
+        }
+    }
+
+    fn rotator(
+        &self,
+        plan: &RotatorPlan,
+        deadline: &Deadline,
+    ) -> Result<Box<dyn RotationStage>, DeviceError> {
+        match Self::open(&plan.device, &plan.with, deadline)? {
+            AnyDevice::RotationStage(stage) => Ok(stage),
+            _ => Err(another_kind(&plan.device, "rotator")),
         }
     }
 

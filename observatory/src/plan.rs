@@ -1,11 +1,13 @@
 //! Plan of a night (NIGHT.toml): station, devices, targets and their times.
 
 use super::schedule::{Schedule, Slot};
+use super::sequence::{CameraSetup, Exposing, Step};
 use hifitime::Epoch;
 use serde::Deserialize;
 use std::collections::{BTreeMap, HashSet};
 use std::error::Error;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use sunglint_drivers::catalogue::{Address, Kind};
 use sunglint_drivers::clock::utc_now;
 use sunglint_ephemeris::orbit::tle::{self, ChoiceError};
@@ -83,8 +85,49 @@ struct PlanFile {
     cameras: Vec<CameraPlan>,
     #[serde(default, rename = "counter")]
     counters: Vec<CounterPlan>,
+    #[serde(default, rename = "wheel")]
+    wheels: Vec<WheelPlan>,
+    #[serde(default, rename = "rotator")]
+    rotators: Vec<RotatorPlan>,
     #[serde(default, rename = "visit")]
     visits: Vec<Visit>,
+}
+
+/// A filter wheel in the plan.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct WheelPlan {
+    /// Name of the wheel.
+    pub name: String,
+    /// Address of the device in the catalogue of drivers.
+    pub device: String,
+    /// Options for its driver, `NAME=VALUE` each.
+    #[serde(default)]
+    pub with: Vec<String>,
+    /// Names of its filters, that of slot 1 first; those that its driver has without.
+    #[serde(default)]
+    pub filters: Vec<String>,
+    /// The cameras behind it; all without.
+    #[serde(default)]
+    pub cameras: Vec<String>,
+}
+
+/// A rotator in the plan.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct RotatorPlan {
+    /// Name of the rotator.
+    pub name: String,
+    /// Address of the device in the catalogue of drivers.
+    pub device: String,
+    /// Options for its driver, `NAME=VALUE` each.
+    #[serde(default)]
+    pub with: Vec<String>,
+    /// The cameras that it turns; all without.
+    #[serde(default)]
+    pub cameras: Vec<String>,
 }
 
 /// A camera in the plan.
@@ -225,14 +268,70 @@ struct Visit {
     to: Option<String>,
     #[serde(default)]
     for_s: Option<Positive>,
+    #[serde(default)]
+    exposure_s: Option<Positive>,
+    #[serde(default)]
+    interval_s: Option<Positive>,
+    #[serde(default)]
+    window_px: Option<[u32; 4]>,
+    #[serde(default)]
+    binning: Option<u32>,
+    #[serde(default)]
+    gain: Option<Finite>,
+    #[serde(default)]
+    filter: Option<String>,
+    #[serde(default)]
+    frames: Option<u32>,
+    #[serde(default)]
+    level_adu: Option<Positive>,
+    #[serde(default)]
+    filters: Vec<String>,
+    #[serde(default)]
+    repeat: Option<u32>,
+    #[serde(default)]
+    rotator_deg: Option<Within<-360, 360>>,
+    /// Settings of one camera, by its name.
+    #[serde(default)]
+    camera: BTreeMap<String, CameraSetup>,
 }
 
-#[derive(Debug, Clone, Copy, Deserialize)]
+impl Visit {
+    /// Settings of all cameras in a step with one of its filters.
+    fn setup(&self, filter: Option<&String>) -> CameraSetup {
+        CameraSetup {
+            exposure_s: self.exposure_s,
+            interval_s: self.interval_s,
+            window_px: self.window_px,
+            binning: self.binning,
+            gain: self.gain,
+            filter: filter.or(self.filter.as_ref()).cloned(),
+            frames: self.frames,
+            level_adu: self.level_adu,
+        }
+    }
+
+    /// How many steps it has.
+    fn steps(&self) -> u32 {
+        let filters = u32::try_from(self.filters.len().max(1)).unwrap_or(u32::MAX);
+        self.repeat.unwrap_or(1).saturating_mul(filters)
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Off {
     Sky,
     Dark,
+    Bias,
+    Flat,
 }
+
+/// More steps than any visit has.
+const MOST_STEPS: u32 = 10_000;
+/// Time for the readout of a frame, and for a wheel or rotator before a step, that a number of frames is planned with, s. In a night with live devices a step
+/// ends as soon as its frames are there.
+const READOUT_S: f64 = 2.0;
+const TURN_S: f64 = 10.0;
 
 /// A night as it is planned.
 #[derive(Debug, Clone)]
@@ -247,10 +346,16 @@ pub struct Plan {
     pub from: Epoch,
     /// When it ends; `None`: until it is stopped.
     pub to: Option<Epoch>,
+    /// Whether it ends with its last visit, also where that is over early.
+    pub ends_with_visits: bool,
     /// The cameras.
     pub cameras: Vec<CameraPlan>,
     /// The counters.
     pub counters: Vec<CounterPlan>,
+    /// The filter wheels.
+    pub wheels: Vec<WheelPlan>,
+    /// The rotators.
+    pub rotators: Vec<RotatorPlan>,
     /// Where the telescope looks, and when.
     pub schedule: Schedule,
     /// Whether a virtual night stands in for the devices.
@@ -326,9 +431,17 @@ impl Plan {
                     return Err(document.error_at(&key("from"), expected).into());
                 }
             }
-            let to = end(document, &key, begins, time(&key("to"), &visit.to)?, visit.for_s)?;
-            slots.push(Slot { target, from: begins, to });
+            let to = time(&key("to"), &visit.to)?;
+            let length_s = match (to, visit.for_s) {
+                (None, None) => length_s(&written, visit).and_then(Positive::new),
+                _ => visit.for_s,
+            };
+            let to = end(document, &key, begins, to, length_s)?;
+            let first =
+                slots.last().and_then(|last| last.step.as_ref()).map_or(1, |s| s.number + 1);
+            slots.extend(steps(document, i, visit, first, Slot::new(target, begins, to))?);
         }
+        check_settings(document, &written, &slots)?;
         if let Some(file) = &written.virtual_night {
             let file = document.resolve(file);
             let (slots, files) = (&mut slots, &mut files);
@@ -343,6 +456,7 @@ impl Plan {
             .any(|text| !text.eq_ignore_ascii_case("now"));
         let top = |name: &str| name.to_owned();
         let to = end(document, &top, from, time("to", &written.to)?, written.for_s)?;
+        let ends_with_visits = to.is_none();
         let to = to.or_else(|| slots.last().and_then(|last| last.to));
         let stem = document.path().file_stem().unwrap_or_default().to_string_lossy();
         Ok(Self {
@@ -351,8 +465,11 @@ impl Plan {
             station,
             from,
             to,
+            ends_with_visits,
             cameras: written.cameras,
             counters: written.counters,
+            wheels: written.wheels,
+            rotators: written.rotators,
             schedule: Schedule::new(slots),
             is_virtual: written.virtual_night.is_some(),
             in_utc,
@@ -386,7 +503,22 @@ impl Plan {
             interval_s: None,
             filter: None,
         });
-        cameras.chain(counters).collect()
+        let wheels = self.wheels.iter().map(|w| (DeviceKind::Wheel, &w.name, &w.device, &w.with));
+        let rotators =
+            self.rotators.iter().map(|r| (DeviceKind::Rotator, &r.name, &r.device, &r.with));
+        let movers = wheels.chain(rotators).map(|(kind, name, address, options)| Device {
+            name: name.clone(),
+            kind,
+            address: address.clone(),
+            options: options.clone(),
+            channels: vec![],
+            inputs: vec![],
+            raw_tags: false,
+            exposure_s: 0.0,
+            interval_s: None,
+            filter: None,
+        });
+        cameras.chain(counters).chain(movers).collect()
     }
 
     /// The sums of the configuration for the manifest.
@@ -441,15 +573,22 @@ fn check_devices(document: &Document, written: &PlanFile) -> Result<(), ParseErr
         let expected = "a device: [[camera]] or [[counter]]";
         return Err(document.error_at("camera", expected));
     }
+    let wheels = written.wheels.iter().map(|d| ("wheel", &d.name, &d.device, &d.with));
+    let rotators = written.rotators.iter().map(|d| ("rotator", &d.name, &d.device, &d.with));
     let mut index = BTreeMap::<&str, usize>::new();
-    for (table, name, address, options) in cameras.chain(counters) {
+    for (table, name, address, options) in cameras.chain(counters).chain(wheels).chain(rotators) {
         let i = index.entry(table).or_insert(0);
         let key = format!("{table}[{i}]");
         *i += 1;
         if !is_name(name) || !names.insert(name) {
             return Err(document.error_at(&format!("{key}.name"), NAMES));
         }
+        let moves = matches!(table, "wheel" | "rotator");
         if written.virtual_night.is_some() {
+            if moves {
+                let expected = "no wheel or rotator: a virtual night has none";
+                return Err(document.error_at(&key, expected));
+            }
             if address != VIRTUAL_ADDRESS {
                 let expected = format!("{VIRTUAL_ADDRESS}, as the night is");
                 return Err(document.error_at(&format!("{key}.device"), expected));
@@ -460,7 +599,12 @@ fn check_devices(document: &Document, written: &PlanFile) -> Result<(), ParseErr
             let field = if error.field.starts_with("option") { "with" } else { "device" };
             document.error_at(&format!("{key}.{field}"), error.expected)
         })?;
-        let kind = if table == "camera" { Kind::Camera } else { Kind::PhotonCounter };
+        let kind = match table {
+            "camera" => Kind::Camera,
+            "counter" => Kind::PhotonCounter,
+            "wheel" => Kind::FilterWheel,
+            _ => Kind::RotationStage,
+        };
         if parsed.driver.kind != kind {
             let expected = format!("a {kind}; this is a {}", parsed.driver.kind);
             return Err(document.error_at(&format!("{key}.device"), expected));
@@ -468,6 +612,17 @@ fn check_devices(document: &Document, written: &PlanFile) -> Result<(), ParseErr
     }
     for (i, counter) in written.counters.iter().enumerate() {
         check_channels(document, i, counter)?;
+    }
+    let before = written.wheels.iter().map(|wheel| ("wheel", &wheel.cameras));
+    let behind = written.rotators.iter().map(|rotator| ("rotator", &rotator.cameras));
+    let mut index = BTreeMap::<&str, usize>::new();
+    for (table, cameras) in before.chain(behind) {
+        let i = index.entry(table).or_insert(0);
+        if let Some(name) = cameras.iter().find(|name| !has_camera(written, name)) {
+            let error = document.error_at(&format!("{table}[{i}].cameras"), CAMERAS);
+            return Err(error.with_hint(format!("there is no camera `{name}`")));
+        }
+        *i += 1;
     }
     for (i, camera) in written.cameras.iter().enumerate() {
         if camera.binning.is_some_and(|binning| binning == 0 || camera.window_px.is_none()) {
@@ -481,6 +636,177 @@ fn check_devices(document: &Document, written: &PlanFile) -> Result<(), ParseErr
         }
     }
     Ok(())
+}
+
+const CAMERAS: &str = "names of cameras of the plan";
+
+fn has_camera(written: &PlanFile, name: &str) -> bool {
+    written.cameras.iter().any(|camera| camera.name == name)
+}
+
+/// The length that the frames of a visit take, s, where it has a number of them.
+fn length_s(written: &PlanFile, visit: &Visit) -> Option<f64> {
+    let step = Step { all: visit.setup(None), cameras: visit.camera.clone(), ..Step::default() };
+    let of_camera = |camera: &CameraPlan| {
+        let exposing = Exposing::of(camera, None, Some(&step));
+        let frame_s = exposing.plan.exposure_s.get() + READOUT_S;
+        let every_s = exposing.plan.interval_s.map_or(frame_s, |i| i.get().max(frame_s));
+        Some(every_s * f64::from(exposing.frames?))
+    };
+    let longest = written.cameras.iter().map(of_camera).collect::<Option<Vec<_>>>()?;
+    let longest = longest.into_iter().reduce(f64::max)?;
+    Some((longest + TURN_S) * f64::from(visit.steps()))
+}
+
+/// The steps of a visit: each filter, so often as it is repeated, all of one length.
+fn steps(
+    document: &Document,
+    i: usize,
+    visit: &Visit,
+    first: u32,
+    stay: Slot,
+) -> Result<Vec<Slot>, ParseError> {
+    let wrong =
+        |key: &str, expected: &str| document.error_at(&format!("visit[{i}].{key}"), expected);
+    if visit.repeat == Some(0) {
+        return Err(wrong("repeat", "1 or more"));
+    }
+    let steps = visit.steps();
+    if steps > MOST_STEPS {
+        return Err(wrong(
+            "repeat",
+            &format!("at most {MOST_STEPS} steps (repeats times filters)"),
+        ));
+    }
+    if visit.filter.is_some() && !visit.filters.is_empty() {
+        return Err(wrong("filters", "either `filter` or `filters`, not both"));
+    }
+    let length = stay.to.map(|to| (to - stay.from).to_seconds() / f64::from(steps));
+    if length.is_none() && steps > 1 {
+        return Err(wrong("repeat", "`for_s`, `to` or `frames` beside it"));
+    }
+    let step = |number: u32| {
+        let at = |part: u32| {
+            length.map(|s| stay.from + hifitime::Duration::from_seconds(s * f64::from(part)))
+        };
+        let filter = visit.filters.get(number as usize % visit.filters.len().max(1));
+        Slot {
+            target: stay.target.clone(),
+            from: at(number).unwrap_or(stay.from),
+            to: if number + 1 == steps { stay.to } else { at(number + 1) },
+            step: Some(Arc::new(Step {
+                number: first + number,
+                continues: number > 0,
+                all: visit.setup(filter),
+                cameras: visit.camera.clone(),
+                rotator_deg: visit.rotator_deg.map(Within::get),
+            })),
+        }
+    };
+    Ok((0..steps).map(step).collect())
+}
+
+/// Settings of visits that the plan's devices cannot follow.
+fn check_settings(
+    document: &Document,
+    written: &PlanFile,
+    slots: &[Slot],
+) -> Result<(), ParseError> {
+    for (i, visit) in written.visits.iter().enumerate() {
+        let wrong = |key: &str, expected: &str| {
+            Err(document.error_at(&format!("visit[{i}].{key}"), expected))
+        };
+        if let Some(name) = visit.camera.keys().find(|name| !has_camera(written, name)) {
+            return wrong(&format!("camera.{name}"), CAMERAS);
+        }
+        if written.cameras.is_empty() && visit.setup(None) != CameraSetup::default() {
+            return wrong("exposure_s", "a [[camera]] that takes it: the plan has none");
+        }
+        if visit.rotator_deg.is_some() && written.rotators.is_empty() {
+            return wrong("rotator_deg", "a [[rotator]] that turns: the plan has none");
+        }
+        let flat = visit.off == Some(Off::Flat);
+        let own = visit.camera.values().any(|camera| camera.level_adu.is_some());
+        if (visit.level_adu.is_some() || own) && !flat {
+            return wrong(
+                "level_adu",
+                "`off = \"flat\"` beside it: only exposures of flats follow the light",
+            );
+        }
+        if visit.off == Some(Off::Bias) && visit.exposure_s.is_none() {
+            return wrong("exposure_s", "the shortest exposure of the camera, for bias frames");
+        }
+        for camera in &written.cameras {
+            let step = Step {
+                all: visit.setup(visit.filters.first()),
+                cameras: visit.camera.clone(),
+                ..Step::default()
+            };
+            let set = Exposing::of(camera, None, Some(&step));
+            if set.plan.gain.is_some() && camera.gain.is_none() {
+                let expected =
+                    format!("a `gain` of camera `{}` itself, to which it returns", camera.name);
+                return wrong("gain", &expected);
+            }
+            if set.plan.filter != camera.filter && wheel_of(written, &camera.name).is_none() {
+                let expected = format!(
+                    "a [[wheel]] before camera `{}`: without one nothing turns the filter",
+                    camera.name
+                );
+                return wrong("filter", &expected);
+            }
+            if set.plan.binning == Some(0) || set.frames == Some(0) {
+                return wrong(
+                    if set.frames == Some(0) { "frames" } else { "binning" },
+                    "1 or more",
+                );
+            }
+            let asked = visit.interval_s.filter(|i| i.get() < set.plan.exposure_s.get());
+            if asked.is_some() {
+                let expected = format!("the exposure or more, {} s", set.plan.exposure_s.get());
+                return wrong("interval_s", &expected);
+            }
+        }
+    }
+    for (i, wheel) in written.wheels.iter().enumerate() {
+        let behind =
+            |camera: &&CameraPlan| wheel.cameras.is_empty() || wheel.cameras.contains(&camera.name);
+        for slot in slots {
+            let wanted =
+                |camera: &CameraPlan| Exposing::of(camera, None, slot.step.as_deref()).plan.filter;
+            let mut filters: Vec<String> =
+                written.cameras.iter().filter(behind).filter_map(wanted).collect();
+            filters.sort();
+            filters.dedup();
+            if filters.len() > 1 {
+                let error = document
+                    .error_at(&format!("wheel[{i}]"), "one filter at a time before its cameras");
+                return Err(error.with_hint(format!(
+                    "{} asks for {}",
+                    slot.target.name,
+                    filters.join(" and ")
+                )));
+            }
+            if let Some(filter) =
+                filters.first().filter(|f| !wheel.filters.is_empty() && !wheel.filters.contains(f))
+            {
+                let error = document.error_at(
+                    &format!("wheel[{i}].filters"),
+                    format!("`{filter}` among them, which {} asks for", slot.target.name),
+                );
+                return Err(error.with_hint(format!("it has {}", wheel.filters.join(", "))));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The wheel before a camera.
+fn wheel_of<'a>(written: &'a PlanFile, camera: &str) -> Option<&'a WheelPlan> {
+    let before = |wheel: &&WheelPlan| {
+        wheel.cameras.is_empty() || wheel.cameras.iter().any(|name| name == camera)
+    };
+    written.wheels.iter().find(before)
 }
 
 fn check_channels(document: &Document, i: usize, counter: &CounterPlan) -> Result<(), ParseError> {
@@ -546,6 +872,8 @@ fn target(
         Target::off(match off {
             Off::Sky => TargetKind::Sky,
             Off::Dark => TargetKind::Dark,
+            Off::Bias => TargetKind::Bias,
+            Off::Flat => TargetKind::Flat,
         })
     } else if let Some(path) = &visit.tle {
         let path = document.resolve(path);

@@ -3,10 +3,12 @@
 //! Each visit is held against the sky, each device's settings against its own ranges, the bytes of the night against the disk. Nothing is set or moved.
 
 use super::clock;
+use super::movers::behind;
 use super::opener::Opener;
-use super::plan::{CameraPlan, CounterPlan, Plan};
+use super::plan::{CameraPlan, CounterPlan, Plan, RotatorPlan, WheelPlan};
 use super::pointing::{Body, airmass};
 use super::schedule::Slot;
+use super::sequence::Exposing;
 use super::status::free_bytes;
 use hifitime::Epoch;
 use serde::Serialize;
@@ -15,7 +17,9 @@ use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 use sunglint_drivers::clock::{Deadline, utc_now};
-use sunglint_drivers::device::{Camera, DeviceError, Limits, PhotonCounter};
+use sunglint_drivers::device::{
+    Camera, DeviceError, FilterWheel, Limits, PhotonCounter, RotationStage,
+};
 use sunglint_ephemeris::geometry::Geometry;
 use sunglint_ephemeris::orbit::tle;
 use sunglint_formats::session::{ClockState, TargetKind};
@@ -147,14 +151,8 @@ pub fn preflight(plan: &Plan, opener: &Arc<dyn Opener>, options: &PreflightOptio
         (options.open_devices && !plan.is_virtual).then(|| Opened::start(plan, opener, options));
     check_clock(plan, &mut found);
     check_times(plan, options, &mut found);
-    let slots: Vec<&Slot> = plan
-        .schedule
-        .slots()
-        .iter()
-        .filter(|slot| slot.target.target_kind != TargetKind::None)
-        .collect();
-    for (number, slot) in slots.iter().enumerate() {
-        check_visit(number + 1, slot, plan, options, &mut found);
+    for (number, visit) in plan.schedule.visits().iter().enumerate() {
+        check_visit(number + 1, visit, plan, options, &mut found);
     }
     check_channels(plan, &mut found);
     let sensors = opened.map_or_else(Vec::new, |opened| opened.finish(plan, options, &mut found));
@@ -262,16 +260,7 @@ fn check_visit(
         }
     }
     let length_s = seconds(slot.from, to);
-    for camera in &plan.cameras {
-        let exposure_s = camera.exposure_s.get();
-        if exposure_s > length_s {
-            let text = format!(
-                "no frame of {} lies within it: {exposure_s} s of exposure in {length_s:.1} s",
-                camera.name
-            );
-            found.warning(&about, text);
-        }
-    }
+    check_exposures(&about, slot.from, to, plan, found);
     for counter in plan.counters.iter().filter(|counter| counter.bin_s.get() > length_s) {
         let (bin_s, name) = (counter.bin_s.get(), &counter.name);
         found.warning(
@@ -279,13 +268,71 @@ fn check_visit(
             format!("no bin of {name} lies within it: {bin_s} s in {length_s:.1} s"),
         );
     }
-    if slot.target.target_kind != TargetKind::Dark {
+    let kind = slot.target.target_kind;
+    if kind == TargetKind::Flat {
+        let from = if plan.is_virtual { slot.from } else { slot.from.max(options.now.min(to)) };
+        check_twilight(&about, slot, (from, to), &plan.station, found);
+    } else if !matches!(kind, TargetKind::Dark | TargetKind::Bias) {
         // A visit that has begun is looked at from now on.
         let from = if plan.is_virtual { slot.from } else { slot.from.max(options.now.min(to)) };
         check_sky(&about, slot, (from, to), &plan.station, options, found);
     }
     if found.findings.len() == before {
         found.fine(&about, "no light is needed");
+    }
+}
+
+/// Exposures of each step of a visit against its length.
+fn check_exposures(about: &str, from: Epoch, to: Epoch, plan: &Plan, found: &mut Preflight) {
+    let steps = plan.schedule.slots().iter().filter(|slot| slot.from >= from && slot.from < to);
+    let mut told: Vec<&str> = Vec::new();
+    for step in steps {
+        let length_s = seconds(step.from, step.to.unwrap_or(to));
+        let kind = Some(step.target.target_kind);
+        for camera in plan.cameras.iter() {
+            let exposing = Exposing::of(camera, kind, step.step.as_deref());
+            let exposure_s = exposing.plan.exposure_s.get();
+            let every_s = exposing.plan.interval_s.map_or(exposure_s, Positive::get);
+            let frames = f64::from(exposing.frames.unwrap_or(1));
+            if told.contains(&camera.name.as_str()) {
+                continue;
+            }
+            let name = &camera.name;
+            if exposure_s > length_s {
+                told.push(name);
+                let text = format!(
+                    "no frame of {name} lies within it: {exposure_s} s of exposure in {length_s:.1} s"
+                );
+                found.warning(about, text);
+            } else if (frames - 1.0) * every_s + exposure_s > length_s {
+                told.push(name);
+                let text = format!(
+                    "{frames} frames of {name} take {:.1} s or more, each step has {length_s:.1} s",
+                    (frames - 1.0) * every_s + exposure_s
+                );
+                found.warning(about, text);
+            }
+        }
+    }
+}
+
+/// Flats of the sky need twilight; a screen may be lit at any time.
+fn check_twilight(
+    about: &str,
+    slot: &Slot,
+    span: (Epoch, Epoch),
+    station: &Station,
+    found: &mut Preflight,
+) {
+    let Ok(course) = course(slot, span, station) else { return };
+    let (low, high) = (least(&course.sun_altitude_deg), most(&course.sun_altitude_deg));
+    if high > 0.0 || low < -10.0 {
+        let text = format!(
+            "the Sun stands at {low:+.0}° to {high:+.0}°: the sky of twilight (0° to −10°) is missing, if these are no flats of a screen"
+        );
+        found.warning(about, text);
+    } else {
+        found.fine(about, format!("twilight: the Sun stands at {low:+.0}° to {high:+.0}°"));
     }
 }
 
@@ -498,6 +545,8 @@ fn check_channels(plan: &Plan, found: &mut Preflight) {
 /// Answer of a device about itself.
 enum Said {
     Camera { sensor_px: [u32; 2], limits: Option<Limits> },
+    Wheel { names: Vec<String>, slots: u32 },
+    Rotator { travel_deg: Option<[f64; 2]> },
     Counter { channels: Vec<String>, tags: bool },
 }
 
@@ -534,6 +583,22 @@ impl Opened {
             let open = move |deadline: &Deadline| opener.counter(&plan, deadline).map(counter_said);
             spawn(&counter.name, Box::new(open));
         }
+        for wheel in &plan.wheels {
+            let (plan, opener) = (wheel.clone(), opener.clone());
+            let said = |wheel: Box<dyn FilterWheel>| Said::Wheel {
+                names: wheel.names(),
+                slots: wheel.slots(),
+            };
+            let open = move |deadline: &Deadline| opener.wheel(&plan, deadline).map(said);
+            spawn(&wheel.name, Box::new(open));
+        }
+        for rotator in &plan.rotators {
+            let (plan, opener) = (rotator.clone(), opener.clone());
+            let said =
+                |stage: Box<dyn RotationStage>| Said::Rotator { travel_deg: stage.travel_deg() };
+            let open = move |deadline: &Deadline| opener.rotator(&plan, deadline).map(said);
+            spawn(&rotator.name, Box::new(open));
+        }
         // A driver that holds out for a little longer than its deadline is not waited for.
         let until = Instant::now() + within + Duration::from_millis(200);
         Self { receiver, until }
@@ -546,7 +611,8 @@ impl Opened {
         options: &PreflightOptions,
         found: &mut Preflight,
     ) -> Vec<(String, [u32; 2])> {
-        let count = plan.cameras.len() + plan.counters.len();
+        let count =
+            plan.cameras.len() + plan.counters.len() + plan.wheels.len() + plan.rotators.len();
         let mut answers = Vec::new();
         while answers.len() < count {
             let left = self.until.saturating_duration_since(Instant::now());
@@ -566,6 +632,7 @@ impl Opened {
                 Some(Ok(Said::Camera { sensor_px, limits })) => {
                     sensors.push((name.clone(), sensor_px));
                     check_camera(camera, sensor_px, limits.as_ref(), found);
+                    check_steps(camera, plan, sensor_px, limits.as_ref(), found);
                 }
                 other => not_there(name, other, options, found),
             }
@@ -577,6 +644,22 @@ impl Opened {
                     check_counter(counter, &channels, tags, found);
                 }
                 other => not_there(name, other, options, found),
+            }
+        }
+        for wheel in &plan.wheels {
+            match answer(&wheel.name) {
+                Some(Ok(Said::Wheel { names, slots })) => {
+                    check_wheel(wheel, plan, &names, slots, found);
+                }
+                other => not_there(&wheel.name, other, options, found),
+            }
+        }
+        for rotator in &plan.rotators {
+            match answer(&rotator.name) {
+                Some(Ok(Said::Rotator { travel_deg })) => {
+                    check_rotator(rotator, plan, travel_deg, found);
+                }
+                other => not_there(&rotator.name, other, options, found),
             }
         }
         sensors
@@ -692,6 +775,80 @@ fn check_camera(
     }
 }
 
+/// What each step asks of a camera, each difference once.
+fn check_steps(
+    camera: &CameraPlan,
+    plan: &Plan,
+    sensor_px: [u32; 2],
+    limits: Option<&Limits>,
+    found: &mut Preflight,
+) {
+    let mut seen = vec![camera.clone()];
+    for slot in plan.schedule.slots() {
+        let set = Exposing::of(camera, None, slot.step.as_deref()).plan;
+        if seen.contains(&set) {
+            continue;
+        }
+        let mut own = Preflight { utc: String::new(), findings: Vec::new() };
+        check_camera(&set, sensor_px, limits, &mut own);
+        for finding in own.findings.into_iter().filter(|finding| finding.level != Level::Fine) {
+            let about = format!("{} at {}", camera.name, slot.target.name);
+            found.find(finding.level, &about, finding.text);
+        }
+        seen.push(set);
+    }
+}
+
+fn check_wheel(
+    wheel: &WheelPlan,
+    plan: &Plan,
+    names: &[String],
+    slots: u32,
+    found: &mut Preflight,
+) {
+    let name = wheel.name.as_str();
+    if wheel.filters.len() > slots as usize {
+        let text = format!("`filters` names {}, the wheel has {slots} slots", wheel.filters.len());
+        found.error(name, text);
+        return;
+    }
+    let names = if wheel.filters.is_empty() { names } else { &wheel.filters };
+    let has =
+        if names.is_empty() { "no names: give its `filters`".into() } else { names.join(", ") };
+    let mut missing: Vec<String> = Vec::new();
+    for slot in plan.schedule.slots() {
+        for camera in behind(&wheel.cameras, &plan.cameras) {
+            let filter = Exposing::of(camera, None, slot.step.as_deref()).plan.filter;
+            missing.extend(filter.filter(|filter| !names.contains(filter)));
+        }
+    }
+    missing.sort();
+    missing.dedup();
+    for filter in &missing {
+        found.error(name, format!("filter `{filter}` is asked for, it has {has}"));
+    }
+    if missing.is_empty() {
+        found.fine(name, format!("{slots} slots: {has}"));
+    }
+}
+
+fn check_rotator(
+    rotator: &RotatorPlan,
+    plan: &Plan,
+    travel_deg: Option<[f64; 2]>,
+    found: &mut Preflight,
+) {
+    let name = rotator.name.as_str();
+    let asked = plan.schedule.slots().iter().filter_map(|slot| slot.step.as_ref()?.rotator_deg);
+    let (low, high) =
+        asked.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), a| (l.min(a), h.max(a)));
+    let good = low > high
+        || [low, high].iter().all(|a| check_value(name, "rotator_deg", *a, travel_deg, found));
+    if good {
+        found.fine(name, "it is there");
+    }
+}
+
 fn check_counter(plan: &CounterPlan, known: &[String], tags: bool, found: &mut Preflight) {
     let name = plan.name.as_str();
     let before = found.findings.len();
@@ -724,14 +881,25 @@ fn existing(path: &Path) -> Option<PathBuf> {
 /// Bytes a second that the plan's devices give; raw tags are not among them.
 fn bytes_per_s(plan: &Plan, sensors: &[(String, [u32; 2])]) -> Option<f64> {
     let mut sum = 0.0;
-    for camera in &plan.cameras {
+    let settings = |camera: &CameraPlan| {
+        let step = |slot: &Slot| Exposing::of(camera, None, slot.step.as_deref()).plan;
+        let mut all: Vec<CameraPlan> = plan.schedule.slots().iter().map(step).collect();
+        all.push(camera.clone());
+        all
+    };
+    let rate = |camera: &CameraPlan| -> Option<f64> {
         let binning = f64::from(camera.binning.unwrap_or(1).max(1));
         let size = camera.window_px.map(|[_, _, columns, rows]| [columns, rows]).or_else(|| {
             sensors.iter().find(|(name, _)| *name == camera.name).map(|(_, size)| *size)
         })?;
         let pixels = f64::from(size[0]) * f64::from(size[1]) / (binning * binning);
         let every_s = camera.interval_s.map_or(camera.exposure_s.get(), Positive::get);
-        sum += (2.0 * pixels + FRAME_BYTES) / every_s.max(0.01);
+        Some((2.0 * pixels + FRAME_BYTES) / every_s.max(0.01))
+    };
+    // As much as the most demanding of its settings gives, for all of the night.
+    for camera in &plan.cameras {
+        let rates = settings(camera).iter().map(rate).collect::<Option<Vec<f64>>>()?;
+        sum += rates.into_iter().fold(0.0, f64::max);
     }
     for counter in &plan.counters {
         let row = ROW_BYTES + 2.0 * COLUMN_BYTES * counter.channels.len() as f64;
@@ -830,8 +998,12 @@ mod tests {
             ("channel", channel, visit("star = \"Capella\"", late), "no channel `nosuch`"),
         ];
         for (name, devices, visits, expected) in cases {
-            let top = if name == "day" { "to = \"2026-11-24T12:00:00Z\"" } else { NIGHT };
-            let top = if name == "past" { "to = \"2026-11-23T23:00:00Z\"" } else { top };
+            // Each with its own beginning: without one it is the present, whatever the day of the test.
+            let top = match name {
+                "day" => "from = \"2026-11-23T20:05:00Z\"\nto = \"2026-11-24T12:00:00Z\"",
+                "past" => "from = \"2020-11-18T19:00:00Z\"\nto = \"2026-11-23T23:00:00Z\"",
+                _ => NIGHT,
+            };
             let found = findings(name, top, devices, &visits);
             let named = |level| found.of(level).any(|finding| finding.text.contains(expected));
             let level = if name == "channel" { Level::Warning } else { Level::Error };

@@ -73,6 +73,9 @@ impl Night {
             files,
             cameras,
             counters,
+            wheels: vec![],
+            ends_with_visits: false,
+            rotators: vec![],
         })
     }
 }
@@ -81,6 +84,10 @@ impl Night {
 fn devices(manifest: &Manifest) -> Result<(Vec<CameraPlan>, Vec<CounterPlan>), ReplayError> {
     let (mut cameras, mut counters) = (Vec::new(), Vec::new());
     for device in &manifest.devices {
+        // Where wheels and rotators stood is in the headers of the frames.
+        if matches!(device.kind, DeviceKind::Wheel | DeviceKind::Rotator) {
+            continue;
+        }
         let (name, address) = (device.name.clone(), device.address.clone());
         let wrong = || ReplayError::Time { key: "exposure_s", value_s: device.exposure_s };
         let exposure_s = Positive::new(device.exposure_s).ok_or_else(wrong)?;
@@ -98,6 +105,7 @@ fn devices(manifest: &Manifest) -> Result<(Vec<CameraPlan>, Vec<CounterPlan>), R
                 plan.raw_tags = device.raw_tags;
                 counters.push(plan);
             }
+            DeviceKind::Wheel | DeviceKind::Rotator => {}
         }
     }
     Ok((cameras, counters))

@@ -1,8 +1,12 @@
 //! Where the telescope looks, as a function of time: nothing waits for it.
 
+use super::plan::CameraPlan;
+use super::sequence::{Exposing, Step};
 use hifitime::Epoch;
 use std::cmp::Ordering;
-use std::sync::{Arc, PoisonError, RwLock};
+use std::collections::HashSet;
+use std::sync::atomic::{self, AtomicBool};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use sunglint_formats::FileError;
 use sunglint_formats::session::{Session, Target, TargetKind, What};
 
@@ -15,6 +19,20 @@ pub struct Slot {
     pub from: Epoch,
     /// When it ends; `None`: with the night.
     pub to: Option<Epoch>,
+    /// How the instruments are set; `None`: as the plan's devices say.
+    pub step: Option<Arc<Step>>,
+}
+
+impl Slot {
+    /// A stay with the instruments as the plan's devices say.
+    pub fn new(target: Target, from: Epoch, to: Option<Epoch>) -> Self {
+        Self { target, from, to, step: None }
+    }
+
+    /// Whether the same visit had a step before this one.
+    pub fn continues(&self) -> bool {
+        self.step.as_ref().is_some_and(|step| step.continues)
+    }
 }
 
 /// The targets of a night, in time.
@@ -27,15 +45,14 @@ impl Schedule {
     /// The stays in time; between them, and behind the last, there is no target.
     pub fn new(visits: Vec<Slot>) -> Self {
         let mut slots: Vec<Slot> = Vec::new();
-        let none = |from, to| Slot { target: Target::off(TargetKind::None), from, to };
         for visit in visits {
             if let Some(gap) = slots.last().and_then(|last| last.to).filter(|to| *to < visit.from) {
-                slots.push(none(gap, Some(visit.from)));
+                slots.push(nothing(gap, Some(visit.from)));
             }
             slots.push(visit);
         }
         if let Some(end) = slots.last().and_then(|last| last.to) {
-            slots.push(none(end, None));
+            slots.push(nothing(end, None));
         }
         Self { slots }
     }
@@ -52,7 +69,7 @@ impl Schedule {
                 if let Some(last) = slots.last_mut() {
                     last.to = Some(event.utc);
                 }
-                slots.push(Slot { target, from: event.utc, to: None });
+                slots.push(Slot::new(target, event.utc, None));
             }
         }
         Ok(Self { slots })
@@ -60,8 +77,51 @@ impl Schedule {
 
     /// The target at a time; none before the first.
     pub fn at(&self, utc: Epoch) -> Option<&Target> {
-        let next = self.slots.partition_point(|slot| slot.from.cmp(&utc) != Ordering::Greater);
-        self.slots[..next].last().map(|slot| &slot.target)
+        self.slot(utc).map(|slot| &slot.target)
+    }
+
+    /// The slot at a time; none before the first.
+    pub fn slot(&self, utc: Epoch) -> Option<&Slot> {
+        self.slots[..self.begun(utc)].last()
+    }
+
+    /// How many slots have begun at a time.
+    fn begun(&self, utc: Epoch) -> usize {
+        self.slots.partition_point(|slot| slot.from.cmp(&utc) != Ordering::Greater)
+    }
+
+    /// The slot by which the instruments are set at a time: between two visits that of the next one.
+    pub fn setting(&self, utc: Epoch) -> Option<&Slot> {
+        let begun = self.begun(utc);
+        let now = self.slots[..begun].last();
+        if now.is_some_and(|slot| slot.target.target_kind != TargetKind::None) {
+            return now;
+        }
+        self.slots[begun..].iter().find(|slot| slot.target.target_kind != TargetKind::None)
+    }
+
+    /// How a camera takes frames at a time. Between two visits it is set as for the next one, and takes frames of no number.
+    pub fn exposing(&self, camera: &CameraPlan, utc: Epoch) -> Exposing {
+        let now = self.slot(utc);
+        let setting = self.setting(utc);
+        let step = setting.and_then(|slot| slot.step.as_deref());
+        let mut exposing = Exposing::of(camera, now.map(|slot| slot.target.target_kind), step);
+        if now != setting {
+            (exposing.frames, exposing.level_adu) = (None, None);
+        }
+        exposing
+    }
+
+    /// The visits: each with its steps as one stay.
+    pub fn visits(&self) -> Vec<Slot> {
+        let mut visits: Vec<Slot> = Vec::new();
+        for slot in self.slots.iter().filter(|s| s.target.target_kind != TargetKind::None) {
+            match visits.last_mut() {
+                Some(last) if slot.continues() => last.to = slot.to,
+                _ => visits.push(Slot { step: None, ..slot.clone() }),
+            }
+        }
+        visits
     }
 
     /// The slots, in time.
@@ -102,13 +162,27 @@ impl Schedule {
     /// The schedule without the rest of the present visit: the next begins at once, unless it is a satellite's, which keeps its time. `None` where no visit is
     /// under way.
     pub(crate) fn skipped(&self, utc: Epoch) -> Option<Self> {
-        let at = self.slots.partition_point(|slot| slot.from <= utc).checked_sub(1)?;
+        let next = self.slots[self.begun(utc)..].iter().position(|slot| !slot.continues());
+        self.without(utc, next.unwrap_or(self.slots.len() - self.begun(utc)))
+    }
+
+    /// The schedule without the rest of the present step: the visit goes on with its next one, or is over.
+    pub(crate) fn stepped(&self, utc: Epoch) -> Option<Self> {
+        self.without(utc, 0)
+    }
+
+    /// The schedule without the rest of the present slot and so many after it.
+    fn without(&self, utc: Epoch, more: usize) -> Option<Self> {
+        let at = self.begun(utc).checked_sub(1)?;
         if self.slots[at].target.target_kind == TargetKind::None {
             return None;
         }
-        let mut later = self.slots[at + 1..].to_vec();
+        let mut later = self.slots[at + 1 + more..].to_vec();
         match later.first_mut() {
-            Some(next) if next.target.target_kind != TargetKind::Satellite => next.from = utc,
+            // A pass keeps its time; within one, a step follows another.
+            Some(next) if next.continues() || next.target.target_kind != TargetKind::Satellite => {
+                next.from = utc;
+            }
             Some(next) => {
                 let gap = nothing(utc, Some(next.from));
                 later.insert(0, gap);
@@ -122,27 +196,56 @@ impl Schedule {
 }
 
 fn nothing(from: Epoch, to: Option<Epoch>) -> Slot {
-    Slot { target: Target::off(TargetKind::None), from, to }
+    Slot::new(Target::off(TargetKind::None), from, to)
 }
 
 /// A schedule that is exchanged while the night runs. Who reads it takes the whole of it, and never waits for long: only a pointer changes.
 #[derive(Debug)]
-pub struct SharedSchedule(RwLock<Arc<Schedule>>);
+pub struct SharedSchedule {
+    schedule: RwLock<Arc<Schedule>>,
+    /// Cameras that have all frames of a step, each with the step's number.
+    finished: Mutex<HashSet<(String, u32)>>,
+    /// Whether the night is over, because its last visit is.
+    over: AtomicBool,
+}
 
 impl SharedSchedule {
     /// Shares a schedule.
     pub fn new(schedule: Schedule) -> Self {
-        Self(RwLock::new(Arc::new(schedule)))
+        let schedule = RwLock::new(Arc::new(schedule));
+        Self { schedule, finished: Mutex::default(), over: AtomicBool::new(false) }
+    }
+
+    /// Ends the night for all who look.
+    pub fn end(&self) {
+        self.over.store(true, atomic::Ordering::SeqCst);
+    }
+
+    /// Whether it was ended.
+    pub fn is_over(&self) -> bool {
+        self.over.load(atomic::Ordering::SeqCst)
+    }
+
+    /// A camera has all frames of a step.
+    pub fn finish(&self, camera: &str, step: u32) {
+        let mut finished = self.finished.lock().unwrap_or_else(PoisonError::into_inner);
+        finished.insert((camera.to_owned(), step));
+    }
+
+    /// Whether a camera has all frames of a step.
+    pub fn has_finished(&self, camera: &str, step: u32) -> bool {
+        let finished = self.finished.lock().unwrap_or_else(PoisonError::into_inner);
+        finished.contains(&(camera.to_owned(), step))
     }
 
     /// The schedule as it stands.
     pub fn get(&self) -> Arc<Schedule> {
-        self.0.read().unwrap_or_else(PoisonError::into_inner).clone()
+        self.schedule.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Exchanges it.
     pub fn set(&self, schedule: Schedule) {
-        *self.0.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(schedule);
+        *self.schedule.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(schedule);
     }
 }
 
@@ -157,7 +260,7 @@ mod tests {
 
     fn visit(name: &str, kind: TargetKind, from: f64, to: f64) -> Slot {
         let target = Target { name: name.into(), on: true, ..Target::off(kind) };
-        Slot { target, from: at(from), to: Some(at(to)) }
+        Slot::new(target, at(from), Some(at(to)))
     }
 
     fn told(schedule: &Schedule) -> Vec<(String, f64)> {

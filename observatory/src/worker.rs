@@ -48,7 +48,9 @@ pub struct Worker {
 impl Worker {
     /// Whether the night is over, by the device's own time.
     pub fn is_over(&self) -> bool {
-        self.cancel.is_cancelled() || self.end.is_some_and(|end| self.clock.utc() >= end)
+        self.cancel.is_cancelled()
+            || self.schedule.is_over()
+            || self.end.is_some_and(|end| self.clock.utc() >= end)
     }
 
     /// A deadline on the device's clock, which Ctrl-C ends.

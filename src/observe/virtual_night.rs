@@ -21,11 +21,15 @@ impl VirtualNight {
     /// The files that it was made of, and its truth, come with the configuration's files.
     pub(super) fn make(request: VirtualRequest<'_>) -> Result<Self, ObservatoryError> {
         let VirtualRequest { file, station, from, slots, files } = request;
-        let stays = std::mem::take(slots).into_iter();
-        let stays = stays.map(|Slot { target, from, to }| Stay { target, from, to }).collect();
+        let planned = std::mem::take(slots);
+        let stay = |slot: &Slot| Stay { target: slot.target.clone(), from: slot.from, to: slot.to };
+        let stays = planned.iter().map(stay).collect();
         let made = VirtualObservatory::scheduled(file, station, from, stays)?;
         let Scheduled { observatory, stays, files: own } = made;
-        slots.extend(stays.into_iter().map(|Stay { target, from, to }| Slot { target, from, to }));
+        // The plan's own visits come back in their order, with the settings of their steps.
+        let steps = planned.into_iter().map(|slot| slot.step).chain(std::iter::repeat(None));
+        let slot = |(Stay { target, from, to }, step)| Slot { target, from, to, step };
+        slots.extend(stays.into_iter().zip(steps).map(slot));
         files.extend(own);
         Ok(Self { observatory, clocks: Arc::default() })
     }

@@ -134,18 +134,26 @@ impl Browser {
 
     /// Clicks in the middle of an element, as a hand would.
     pub fn click(&mut self, selector: &str) {
+        // What comes in meanwhile may move the element away between the look and the click: then again, as a person would.
         let script = format!(
             "(() => {{ const e = document.querySelector({}); e.scrollIntoView({{block: 'center'}}); const r = e.getBoundingClientRect();
+             window.clicked = false; e.addEventListener('click', () => {{ window.clicked = true; }}, {{once: true, capture: true}});
              const at = [r.left + r.width / 2, r.top + r.height / 2]; return e.contains(document.elementFromPoint(...at)) ? at : null; }})()",
             json!(selector)
         );
-        let at = self.run(&script);
-        assert!(at.is_array(), "{selector} is covered by another element");
-        for kind in ["mouseMoved", "mousePressed", "mouseReleased"] {
-            let params =
-                json!({"type": kind, "x": at[0], "y": at[1], "button": "left", "clickCount": 1});
-            self.call("Input.dispatchMouseEvent", params);
+        for _ in 0..5 {
+            let at = self.run(&script);
+            assert!(at.is_array(), "{selector} is covered by another element");
+            for kind in ["mouseMoved", "mousePressed", "mouseReleased"] {
+                let params = json!({"type": kind, "x": at[0], "y": at[1], "button": "left", "clickCount": 1});
+                self.call("Input.dispatchMouseEvent", params);
+            }
+            // A click may have led to another page, which knows of none.
+            if self.run("window.clicked") != false {
+                return;
+            }
         }
+        panic!("{selector} could not be clicked");
     }
 
     /// Presses a key.

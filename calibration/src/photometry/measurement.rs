@@ -142,3 +142,27 @@ pub struct Tally {
     /// Frames with a point narrower than three pixels.
     pub undersampled: u64,
 }
+
+impl std::ops::AddAssign for Tally {
+    fn add_assign(&mut self, other: Self) {
+        self.frames += other.frames;
+        self.undetected += other.undetected;
+        self.ambiguous += other.ambiguous;
+        self.rejected_area += other.rejected_area;
+        self.rejected_fill += other.rejected_fill;
+        self.rejected_aspect += other.rejected_aspect;
+        self.rejected_sharp += other.rejected_sharp;
+        self.rejected_wide += other.rejected_wide;
+        self.rejected_edge += other.rejected_edge;
+        self.rejected_streak += other.rejected_streak;
+        self.cosmic_ray_pixels += other.cosmic_ray_pixels;
+        self.rejected_offset += other.rejected_offset;
+        self.saturated += other.saturated;
+        self.edge += other.edge;
+        self.masked += other.masked;
+        self.no_background += other.no_background;
+        self.with_masked_pixels += other.with_masked_pixels;
+        self.crowded += other.crowded;
+        self.undersampled += other.undersampled;
+    }
+}

@@ -77,7 +77,8 @@ pub fn spans(stays: &[Stay], seen_off: &[Span]) -> Spans {
         let view = match stay.target.target_kind {
             TargetKind::Star | TargetKind::Satellite if stay.target.on => View::Target(number),
             TargetKind::Dark => View::Dark,
-            TargetKind::None => return None,
+            // A camera's own bias frames and flats say nothing of what its neighbours see.
+            TargetKind::None | TargetKind::Bias | TargetKind::Flat => return None,
             _ => View::Sky,
         };
         Some(Span { from: stay.from, to: stay.to, view })

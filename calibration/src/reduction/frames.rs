@@ -1,30 +1,27 @@
 //! The frames of a night: the sensor's faults from its dark frames, the target's place and rates from the others.
 
-use super::error::Within as _;
 use super::seeing::{self, Width};
+use super::sensor::{Sensor, Taken, Used, bad_count, filter_of};
 use super::sky::Body;
 use super::{ReduceError, Stay, step};
 use crate::photometry::{
-    BadPixels, Colour, Expected, FrameCalibration, FrameMeasurement, FrameReducer, MasterFrame,
-    PhotometryOptions, Scintillation, SigmaParts, Tally,
+    Colour, Expected, FrameMeasurement, FrameReducer, PhotometryError, PhotometryOptions,
+    Scintillation, SigmaParts, Tally,
 };
 use crate::track::Track;
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
+use std::collections::BTreeMap;
 use sunglint_formats::Frame;
-use sunglint_formats::session::{FrameFile, Session, TargetKind};
+use sunglint_formats::session::{FrameFile, Session};
 use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::{
     ChannelCurve, Flags, LightCurve, Provenance, RateKind, Samples,
 };
 use sunglint_radiometry::station::{Channel, Detector, Plane, Station};
 
-/// More dark frames add nothing to the mask, and are left out.
-const MOST_DARKS: usize = 64;
-/// Fewer make neither mask nor dark.
-const LEAST_DARKS: usize = 3;
-/// A pixel this many standard deviations of the dark frames' distribution off it is bad (thesis 4.1.1).
-const BAD_SIGMAS: f64 = 3.0;
+/// Settings of a camera whose calibrations are held at a time.
+const SETTINGS: usize = 16;
 
 /// Results from the frames of a camera.
 #[derive(Debug)]
@@ -47,12 +44,14 @@ pub struct CameraNight {
     pub fwhm_px: Vec<f64>,
     /// Radius of the aperture, inner and outer radius of the annulus, px.
     pub aperture_px: [f64; 3],
-    /// Dark frames that the mask was made of.
-    pub darks: usize,
-    /// Dark frames of the session that were left out: of another exposure, gain, temperature or part of the sensor than its frames of targets.
-    pub other_darks: usize,
-    /// Pixels that are left out.
+    /// Calibration frames that were used.
+    pub sensor: Used,
+    /// Settings of exposure, gain, binning, window and filter that the frames of targets have.
+    pub settings: usize,
+    /// Pixels that are left out, of the setting with the most of them.
     pub bad_pixels: usize,
+    /// Warnings for the user.
+    pub warnings: Vec<String>,
     /// Frames that could not be read or measured, and why.
     pub failed: Vec<(FrameFile, String)>,
 }
@@ -184,19 +183,17 @@ pub fn camera_night(
         starts.iter().map(|start| start.and_then(|start| stay_at(stays, start))).collect();
     let mut failed = Vec::new();
     let mut options = how.photometry.clone();
-    let calibration = calibration(&files, &stay_of, stays, &how.sensor, &mut failed)?;
-    let (calibration, [darks, other_darks]) = calibration;
-    let bad_pixels = calibration.bad.as_ref().map_or(0, bad_count);
+    let mut sensor = Sensor::of(&files, &stay_of, stays, &how.sensor, &mut failed);
     let zeniths = zeniths(&starts, &stay_of, stays, station)?;
     let mut fwhm_px = vec![options.fwhm_px; stays.len()];
     let mut widest_px = options.fwhm_px;
     if how.fwhm_from_frames {
-        (fwhm_px, widest_px) = widths(&files, &stay_of, stays, &options, &calibration)?;
+        (fwhm_px, widest_px) = widths(&files, &stay_of, stays, &options, &mut sensor)?;
     }
     if how.aperture_from_frames {
         widen(&mut options, widest_px);
     }
-    let mut reducer = FrameReducer::new(options.clone(), calibration)?;
+    let mut reducers = Reducers::new(options.clone(), sensor, camera, station);
     let mut night = CameraNight {
         camera: camera.to_owned(),
         tracks: vec![Track::default(); stays.len()],
@@ -207,36 +204,32 @@ pub fn camera_night(
         partly: 0,
         fwhm_px,
         aperture_px: [options.aperture_radius_px, options.annulus_px[0], options.annulus_px[1]],
-        darks,
-        other_darks,
-        bad_pixels,
+        sensor: Used::default(),
+        settings: 0,
+        bad_pixels: 0,
+        warnings: Vec::new(),
         failed: Vec::new(),
     };
-    let mut rows: Vec<Vec<FrameMeasurement>> = vec![Vec::new(); stays.len()];
+    let mut rows: Vec<Vec<Row>> = vec![Vec::new(); stays.len()];
     let mut of_stay = vec![0_usize; stays.len()];
     for stay in stay_of.iter().flatten() {
         of_stay[*stay] += 1;
     }
     let mut seen = vec![0_usize; stays.len()];
-    let mut before = None;
     for (i, file) in files.iter().enumerate() {
         step(progress, 1)?;
         let Some(stay) = stay_of[i].filter(|stay| stays[*stay].target.on) else {
             night.outside += 1;
             continue;
         };
-        if before != Some(stay) {
-            reducer.set_fwhm_px(night.fwhm_px[stay])?;
-            before = Some(stay);
-        }
         let expected = Expected { airmass: zeniths[i].and_then(airmass), ..Expected::default() };
-        let measured =
-            file.read().map_err(|error| error.to_string()).and_then(|frame| {
-                match reducer.measure(&frame, &expected) {
-                    Ok(measured) => Ok((frame, measured)),
-                    Err(error) => Err(error.to_string()),
-                }
-            });
+        let measured = match file.read() {
+            Ok(frame) => match reducers.measure(&frame, stay, night.fwhm_px[stay], &expected)? {
+                Ok(measured) => Ok((frame, measured)),
+                Err(error) => Err(error.to_string()),
+            },
+            Err(error) => Err(error.to_string()),
+        };
         match measured {
             Ok((frame, mut measured)) => {
                 let end = frame.start + frame.exposure_s * Unit::Second;
@@ -251,20 +244,151 @@ pub fn camera_night(
                 if due && seen[stay] * SHOWN / of_stay[stay].max(1) >= night.shown[stay].len() {
                     night.shown[stay].push(Shown::of(&frame, &measured, options.annulus_px));
                 }
-                rows[stay].push(measured);
+                rows[stay].push(Row { filter: filter_of(&frame), measured });
             }
             Err(error) => failed.push((file.clone(), error)),
         }
         seen[stay] += 1;
     }
     for (stay, mut rows) in rows.into_iter().enumerate() {
-        rows.sort_by_key(|row| row.time);
+        rows.sort_by_key(|row| row.measured.time);
         night.tracks[stay].points.sort_by_key(|point| point.time);
         night.curves[stay] = (!rows.is_empty()).then(|| curve(&rows, station));
     }
-    night.tally = reducer.tally();
+    reducers.finish(&mut night);
     night.failed = failed;
     Ok(night)
+}
+
+/// A frame that was measured.
+#[derive(Debug, Clone)]
+struct Row {
+    measured: FrameMeasurement,
+    /// The filter before the camera, where the header says it.
+    filter: Option<String>,
+}
+
+/// A reducer for each setting of the camera.
+#[derive(Debug)]
+struct Reducers<'a> {
+    options: PhotometryOptions,
+    sensor: Sensor<'a>,
+    camera: &'a str,
+    /// The latest last.
+    held: Vec<Held>,
+    /// All settings so far.
+    settings: Vec<Taken>,
+    tally: Tally,
+    bad_pixels: usize,
+    /// The filters of the station's channels; empty where they name none.
+    filters: Vec<String>,
+    /// Frames behind filters that no channel has, by filter.
+    unknown: BTreeMap<String, u64>,
+}
+
+#[derive(Debug)]
+struct Held {
+    taken: Taken,
+    reducer: FrameReducer,
+    stay: usize,
+}
+
+impl<'a> Reducers<'a> {
+    fn new(
+        options: PhotometryOptions,
+        sensor: Sensor<'a>,
+        camera: &'a str,
+        station: &Station,
+    ) -> Self {
+        let all = station.channels.iter();
+        let camera_channels = all.filter(|c| matches!(c.detector, Detector::CameraPlane(_)));
+        // One channel without a filter takes all frames.
+        let filters: Option<Vec<String>> = camera_channels.map(|c| c.filter.clone()).collect();
+        Self {
+            options,
+            sensor,
+            camera,
+            held: Vec::new(),
+            settings: Vec::new(),
+            tally: Tally::default(),
+            bad_pixels: 0,
+            filters: filters.unwrap_or_default(),
+            unknown: BTreeMap::new(),
+        }
+    }
+
+    /// Measures a frame; the outer error ends the night's reduction.
+    fn measure(
+        &mut self,
+        frame: &Frame,
+        stay: usize,
+        fwhm_px: f64,
+        expected: &Expected,
+    ) -> Result<Result<FrameMeasurement, PhotometryError>, ReduceError> {
+        let taken = Taken::of(frame);
+        if !self.filters.is_empty()
+            && !taken.filter.as_ref().is_some_and(|f| self.filters.contains(f))
+        {
+            let name = taken.filter.clone().unwrap_or_else(|| "(none)".into());
+            *self.unknown.entry(name).or_default() += 1;
+        }
+        let found = self.held.iter().position(|held| held.taken.is_like(&taken));
+        let mut held = match found {
+            Some(place) => self.held.remove(place),
+            None => {
+                if !self.settings.iter().any(|known| known.is_like(&taken)) {
+                    self.settings.push(taken.clone());
+                }
+                let calibration = self.sensor.calibration(&taken)?;
+                let bad = calibration.bad.as_ref().map_or(0, bad_count);
+                self.bad_pixels = self.bad_pixels.max(bad);
+                let reducer = FrameReducer::new(self.options.clone(), calibration)?;
+                Held { taken, reducer, stay: usize::MAX }
+            }
+        };
+        if held.stay != stay {
+            held.reducer.set_fwhm_px(fwhm_px)?;
+            held.stay = stay;
+        }
+        let measured = held.reducer.measure(frame, expected);
+        self.held.push(held);
+        if self.held.len() > SETTINGS {
+            self.tally += self.held.remove(0).reducer.tally();
+        }
+        Ok(measured)
+    }
+
+    fn finish(mut self, night: &mut CameraNight) {
+        for held in &self.held {
+            self.tally += held.reducer.tally();
+        }
+        night.tally = self.tally;
+        night.sensor = self.sensor.used();
+        night.settings = self.settings.len();
+        night.bad_pixels = self.bad_pixels;
+        let camera = self.camera;
+        let mut gains: Vec<f64> = self.settings.iter().filter_map(Taken::gain).collect();
+        gains.sort_by(f64::total_cmp);
+        gains.dedup();
+        if gains.len() > 1 {
+            let gains: Vec<String> = gains.iter().map(ToString::to_string).collect();
+            night.warnings.push(format!(
+                "camera {camera}: frames of targets were taken with gains of {}: their rates, in ADU/s, are of different sizes; take one gain for a night, or calibrate each by itself",
+                gains.join(", ")
+            ));
+        }
+        if self.settings.iter().any(|taken| taken.binning() != self.settings[0].binning()) {
+            night.warnings.push(format!(
+                "camera {camera}: frames of targets have different binnings: the aperture has as many pixels in all of them, and covers different parts of the sky"
+            ));
+        }
+        for (filter, frames) in self.unknown {
+            night.warnings.push(format!(
+                "camera {camera}: {frames} frames behind filter {filter} are of no channel: the station's channels have {}",
+                self.filters.join(", ")
+            ));
+        }
+    }
 }
 
 /// How wide points are at each stay, px, and the widest of those with frames that give a rate; a stay that does not tell has the median of those, or what the
@@ -274,19 +398,33 @@ fn widths(
     stay_of: &[Option<usize>],
     stays: &[Stay],
     options: &PhotometryOptions,
-    calibration: &FrameCalibration,
+    sensor: &mut Sensor<'_>,
 ) -> Result<(Vec<f64>, f64), ReduceError> {
     let mut widths: Vec<Option<Width>> = vec![None; stays.len()];
+    let mut known = None;
     for (number, width) in widths.iter_mut().enumerate().filter(|(i, _)| stays[*i].target.on) {
         let of_it = files.iter().zip(stay_of).filter(|(_, stay)| **stay == Some(number));
         let of_it: Vec<&FrameFile> = of_it.map(|(file, _)| file).collect();
-        *width = seeing::fwhm_px(&of_it, options, calibration)?;
+        // As the first of its frames was taken.
+        let first = of_it.iter().find_map(|file| file.read().ok());
+        let Some(first) = first else { continue };
+        let taken = Taken::of(&first);
+        if known.as_ref().is_none_or(|(of, _): &(Taken, _)| !of.is_like(&taken)) {
+            known = Some((taken.clone(), sensor.calibration(&taken)?));
+        }
+        let of_one =
+            |file: &&&FrameFile| file.read().is_ok_and(|frame| Taken::of(&frame).is_like(&taken));
+        let mixed = of_it.last().is_some_and(|last| !of_one(&last));
+        let of_it = if mixed { of_it.iter().filter(of_one).copied().collect() } else { of_it };
+        if let Some((_, calibration)) = &known {
+            *width = seeing::fwhm_px(&of_it, options, calibration)?;
+        }
     }
-    let mut known: Vec<f64> =
+    let mut sharp: Vec<f64> =
         widths.iter().flatten().filter(|w| !w.saturated).map(|w| w.fwhm_px).collect();
-    known.sort_by(f64::total_cmp);
-    let median = known.get(known.len() / 2).copied().unwrap_or(options.fwhm_px);
-    let widest = known.last().copied().unwrap_or(options.fwhm_px);
+    sharp.sort_by(f64::total_cmp);
+    let median = sharp.get(sharp.len() / 2).copied().unwrap_or(options.fwhm_px);
+    let widest = sharp.last().copied().unwrap_or(options.fwhm_px);
     Ok((widths.into_iter().map(|width| width.map_or(median, |w| w.fwhm_px)).collect(), widest))
 }
 
@@ -311,99 +449,6 @@ fn off_target(measured: &mut FrameMeasurement) {
 /// Airmass of a plane-parallel air, as the law of scintillation is written for; `None` where that has no meaning.
 fn airmass(zenith_deg: f64) -> Option<f64> {
     (zenith_deg < 85.0).then(|| 1.0 / zenith_deg.to_radians().cos())
-}
-
-fn bad_count(bad: &BadPixels) -> usize {
-    bad.faults.iter().filter(|fault| !fault.is_empty()).count()
-}
-
-/// Temperatures of a dark and a frame differ by at most this, °C.
-const NEAR_C: f64 = 2.0;
-
-/// Whether a dark fits a frame: exposure (1 %), part of the sensor, binning, gain and temperature, as far as both say them.
-fn fits(dark: &Frame, frame: &Frame) -> bool {
-    let gain = |frame: &Frame| frame.header.real("GAIN");
-    let same_gain =
-        gain(dark).zip(gain(frame)).is_none_or(|(a, b)| (a - b).abs() < 1e-6 * a.abs().max(1.0));
-    let temperatures = dark.temperature_c.zip(frame.temperature_c);
-    (dark.exposure_s - frame.exposure_s).abs() <= 0.01 * frame.exposure_s
-        && dark.origin == frame.origin
-        && dark.binning == frame.binning
-        && dark.pixels.dim() == frame.pixels.dim()
-        && same_gain
-        && temperatures.is_none_or(|(a, b)| (a - b).abs() <= NEAR_C)
-}
-
-/// The dark frames that fit most of some frames of targets, spread over the night; all of them where no frame can be read.
-fn fitting(
-    darks: Vec<Frame>,
-    files: &[FrameFile],
-    stay_of: &[Option<usize>],
-    stays: &[Stay],
-) -> Vec<Frame> {
-    const SAMPLE: usize = 9;
-    let on: Vec<&FrameFile> = files
-        .iter()
-        .zip(stay_of)
-        .filter(|(_, stay)| stay.is_some_and(|stay| stays[stay].target.on))
-        .map(|(file, _)| file)
-        .collect();
-    let step = on.len().div_ceil(SAMPLE).max(1);
-    let lights: Vec<Frame> = on.iter().step_by(step).filter_map(|file| file.read().ok()).collect();
-    let like = |frame: &Frame| darks.iter().filter(|dark| fits(dark, frame)).count();
-    // The frames that the most others are alike; of equal ones those with the most darks.
-    let usual =
-        lights.iter().max_by_key(|a| (lights.iter().filter(|b| fits(a, b)).count(), like(a)));
-    match usual {
-        None => darks,
-        Some(usual) => {
-            let usual = usual.clone();
-            darks.into_iter().filter(|dark| fits(dark, &usual)).collect()
-        }
-    }
-}
-
-/// Mask, dark and flat: of the files that were given, else of the session's dark frames that fit its frames; and how many dark frames that were, and were left out.
-fn calibration(
-    files: &[FrameFile],
-    stay_of: &[Option<usize>],
-    stays: &[Stay],
-    sensor: &SensorFiles,
-    failed: &mut Vec<(FrameFile, String)>,
-) -> Result<(FrameCalibration, [usize; 2]), ReduceError> {
-    let mut darks = sensor.darks.clone();
-    let mut other_darks = 0;
-    if darks.is_empty() {
-        let is_dark = |stay: &Option<usize>| {
-            stay.is_some_and(|stay| stays[stay].target.target_kind == TargetKind::Dark)
-        };
-        let found = files.iter().zip(stay_of).filter(|(_, stay)| is_dark(stay));
-        for (file, _) in found.take(MOST_DARKS) {
-            match file.read() {
-                Ok(frame) => darks.push(frame),
-                Err(error) => failed.push((file.clone(), error.to_string())),
-            }
-        }
-        let all = darks.len();
-        if all >= LEAST_DARKS {
-            darks = fitting(darks, files, stay_of, stays);
-        }
-        other_darks = all - darks.len();
-    }
-    if darks.len() < LEAST_DARKS {
-        return Ok((FrameCalibration::default(), [0, other_darks]));
-    }
-    let mut bad = BadPixels::from_darks(&darks, BAD_SIGMAS).within(|| "the dark frames".into())?;
-    let dark = MasterFrame::mean(&darks).within(|| "the dark frames".into())?;
-    let mut calibration = FrameCalibration::default();
-    if !sensor.flats.is_empty() {
-        let flat = MasterFrame::flat(&sensor.flats, &dark).within(|| "the flats".into())?;
-        bad.add_blind(&flat, 0.5).within(|| "the flats".into())?;
-        calibration.flat = Some(flat);
-    }
-    calibration.bad = Some(bad);
-    calibration.dark = Some(dark);
-    Ok((calibration, [darks.len(), other_darks]))
 }
 
 /// The true zenith angle of each frame's target, deg, where it has a place.
@@ -442,7 +487,7 @@ fn is_of(channel: &Channel, colour: Colour) -> bool {
 }
 
 /// The rates of a stay as a light curve of the station's channels.
-fn curve(rows: &[FrameMeasurement], station: &Station) -> LightCurve {
+fn curve(rows: &[Row], station: &Station) -> LightCurve {
     let channels = station.channels.iter().filter_map(|channel| {
         let mut curve = ChannelCurve {
             name: channel.name.clone(),
@@ -453,7 +498,9 @@ fn curve(rows: &[FrameMeasurement], station: &Station) -> LightCurve {
         };
         let mut found = false;
         for row in rows {
-            let plane = row.planes.iter().find(|plane| is_of(channel, plane.colour));
+            let through = channel.filter.is_none() || channel.filter == row.filter;
+            let mut planes = row.measured.planes.iter();
+            let plane = planes.find(|plane| through && is_of(channel, plane.colour));
             found |= plane.is_some();
             let (rate, sigma, flags) = match plane {
                 Some(plane) => (plane.rate_adu_per_s, plane.sigma.total(), plane.flags),
@@ -470,8 +517,8 @@ fn curve(rows: &[FrameMeasurement], station: &Station) -> LightCurve {
     LightCurve {
         kind: RateKind::Linear,
         samples: Samples {
-            time: rows.iter().map(|row| row.time).collect(),
-            exposure_s: rows.iter().map(|row| row.exposure_s).collect(),
+            time: rows.iter().map(|row| row.measured.time).collect(),
+            exposure_s: rows.iter().map(|row| row.measured.exposure_s).collect(),
             ..Samples::default()
         },
         channels: channels.collect(),

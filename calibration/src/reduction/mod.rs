@@ -10,12 +10,14 @@ pub mod frames;
 pub mod join;
 pub mod night;
 mod seeing;
+mod sensor;
 pub mod sight;
 pub mod sky;
 pub mod tags;
 
 pub use error::ReduceError;
 pub use night::{ReduceOptions, Reduced, Visited, reduce, reduce_with, stays};
+pub use sensor::Used;
 
 use hifitime::Epoch;
 use std::path::Path;

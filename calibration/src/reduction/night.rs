@@ -145,6 +145,7 @@ pub fn reduce_with(
         for (file, error) in &night.failed {
             warnings.push(format!("{} is left out: {error}", file.path.display()));
         }
+        warnings.extend(night.warnings.iter().cloned());
         cameras.push(night);
     }
     let tracks = tracks(&cameras, stays.len());

@@ -141,6 +141,10 @@ impl<T: Bytes> FilterWheel for Wheel<T> {
         self.slots
     }
 
+    fn names(&self) -> Vec<String> {
+        Wheel::names(self)
+    }
+
     fn slot(&mut self, deadline: &Deadline) -> Result<u32, DeviceError> {
         let soon = deadline.at_most(self.session.settings.answer_within);
         self.session.require(SLOT)?;

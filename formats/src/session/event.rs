@@ -40,6 +40,13 @@ pub enum What {
         /// Settings of the device, read back where it can be asked: names with their units.
         settings: Map<String, Value>,
     },
+    /// A device was set anew, for a visit.
+    Set {
+        /// Name of the device in this session.
+        device: String,
+        /// Settings of the device, as they were asked for: names with their units.
+        settings: Map<String, Value>,
+    },
     /// A device failed.
     DeviceLost {
         /// Name of the device in this session.
@@ -161,6 +168,10 @@ pub enum TargetKind {
     Sky,
     /// No light: a cap or a shutter is closed.
     Dark,
+    /// No light and no time: frames of the shortest exposure.
+    Bias,
+    /// Even light: the sky in twilight, or a screen.
+    Flat,
     /// Nothing that was planned: the telescope may be on its way.
     None,
 }
@@ -191,6 +202,8 @@ impl Target {
         let name = match kind {
             TargetKind::Sky => "sky",
             TargetKind::Dark => "dark",
+            TargetKind::Bias => "bias",
+            TargetKind::Flat => "flat",
             _ => "none",
         };
         let (ra_deg, dec_deg, tle) = (None, None, None);

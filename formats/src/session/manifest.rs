@@ -45,6 +45,10 @@ pub enum DeviceKind {
     Camera,
     /// Counts photons.
     Counter,
+    /// Turns filters into the beam; where it stood is in the headers of the frames.
+    Wheel,
+    /// Turns the camera.
+    Rotator,
 }
 
 /// A device, as the plan names it.
@@ -69,7 +73,8 @@ pub struct Device {
     /// Whether a counter's raw tags are recorded.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub raw_tags: bool,
-    /// Exposure of a camera's frames, or length of a counter's bins, s.
+    /// Exposure of a camera's frames, or length of a counter's bins, s; 0 of what takes neither.
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub exposure_s: f64,
     /// Time from the start of one frame to that of the next, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -77,6 +82,10 @@ pub struct Device {
     /// The filter before a camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub filter: Option<String>,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// A file of the configuration.

@@ -62,6 +62,7 @@ struct ChannelFile {
     transmission: Option<Fraction>,
     efficiency: String,
     camera_plane: Option<Plane>,
+    filter: Option<String>,
     counter: Option<CounterFile>,
     typical_kappa: Option<Positive>,
     note: Option<String>,
@@ -277,10 +278,16 @@ fn channel(
             return Err(document.error_at(at, expected).into());
         }
     };
+    if file.filter.is_some() && file.camera_plane.is_none() {
+        let expected = "a camera_plane beside it: it names the filter before the camera";
+        return Err(document.error_at(&format!("{at}.filter"), expected).into());
+    }
     let typical_kappa = file.typical_kappa.map(Positive::get);
     let transmission = file.transmission.map_or(1.0, Fraction::get);
     let name = file.name.clone();
-    let channel = Channel { name, optics, transmission, efficiency, detector, typical_kappa };
+    let filter = file.filter.clone();
+    let channel =
+        Channel { name, optics, transmission, efficiency, detector, filter, typical_kappa };
     if channel.counts_photons() && channel.optics.is_empty() {
         let expected = "at least one curve: the efficiency is left out of photons, so that optics alone bound the channel";
         return Err(document.error_at(&format!("{at}.optics"), expected).into());

@@ -140,6 +140,8 @@ pub struct Channel {
     pub efficiency: Spectrum<Response>,
     /// Detector that counts the photons.
     pub detector: Detector,
+    /// Name of the filter before the camera, as headers have it: only frames behind it are of this channel. `None`: all frames.
+    pub filter: Option<String>,
     /// The star calibration's κ on a usual night (predicted = κ × measured): for planning, never for calibrating.
     pub typical_kappa: Option<f64>,
 }

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use sunglint_calibration::reduction::frames::CameraNight;
 use sunglint_calibration::reduction::tags::TagSummary;
-use sunglint_calibration::reduction::{Reduced, Stay, Visited};
+use sunglint_calibration::reduction::{Reduced, Stay, Used, Visited};
 use sunglint_formats::time::{format_utc, format_utc_shortest};
 use sunglint_formats::{Column, ParseError, Table};
 use sunglint_radiometry::light_curve::{ChannelCurve, Flags};
@@ -209,11 +209,21 @@ pub fn text(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
 
 fn camera_text(camera: &CameraNight) -> String {
     let tally = &camera.tally;
-    let sensor = match camera.darks {
-        0 => "no dark frames: no mask, no dark subtracted".to_owned(),
-        darks => format!("{} bad pixels by {darks} dark frames", camera.bad_pixels),
+    let Used { darks: [darks, other_darks], bias, flats, .. } = camera.sensor;
+    let sensor = match (darks, bias) {
+        (0, 0) => "no dark frames: no mask, no dark subtracted".to_owned(),
+        (0, bias) => format!("no dark frames: no mask; {bias} bias frames subtracted"),
+        (darks, _) => format!("{} bad pixels by {darks} dark frames", camera.bad_pixels),
     };
-    let sensor = match camera.other_darks {
+    let sensor = match flats {
+        0 => sensor,
+        flats => format!("{sensor}; {flats} flats"),
+    };
+    let sensor = match camera.settings {
+        0 | 1 => sensor,
+        n => format!("{n} settings of the camera, each calibrated by itself: {sensor}"),
+    };
+    let sensor = match other_darks {
         0 => sensor,
         n => format!(
             "{sensor}; {n} dark frames left out: other exposure, gain, temperature or window"
@@ -325,8 +335,11 @@ pub fn json(night: &Reduced, visits: &[VisitLine], session: &str, station: &str)
             "ambiguous": tally.ambiguous,
             "crowded": tally.crowded,
             "failed": camera.failed.len(),
-            "dark_frames": camera.darks,
-            "other_dark_frames": camera.other_darks,
+            "settings": camera.settings,
+            "dark_frames": camera.sensor.darks[0],
+            "other_dark_frames": camera.sensor.darks[1],
+            "bias_frames": camera.sensor.bias,
+            "flats": camera.sensor.flats,
             "bad_pixels": camera.bad_pixels,
         })
     });

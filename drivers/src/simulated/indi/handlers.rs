@@ -325,7 +325,12 @@ impl Server {
         header.set("CCD-TEMP", temperature_c, "CCD Temperature (Celsius)");
         header.set("XBINNING", i64::from(shot.window.binning[0]), "Binning factor in width");
         header.set("YBINNING", i64::from(shot.window.binning[1]), "Binning factor in height");
-        header.set("FRAME", "Light", "Frame Type");
+        let types = self.settings.camera.as_ref();
+        let types = types.and_then(|camera| self.vector(&camera.name, "CCD_FRAME_TYPE"));
+        let is = |member| types.and_then(|types| types.is_on(member)).unwrap_or(false);
+        let kinds = [("FRAME_BIAS", "Bias"), ("FRAME_DARK", "Dark"), ("FRAME_FLAT", "Flat")];
+        let kind = kinds.into_iter().find(|(member, _)| is(member));
+        header.set("FRAME", kind.map_or("Light", |(_, kind)| kind), "Frame Type");
         if let Some(slot) = self.filter() {
             header.set("FILTER", slot.as_str(), "Filter");
         }

@@ -108,7 +108,7 @@ fn visits_of(
                 let curve = plan::Curve::of_light_curve(&curve, start, station);
                 plan::Target::Curve(plan::Curve { name: name.clone(), ..curve })
             }
-            TargetKind::Dark => plan::Target::Dark,
+            TargetKind::Dark | TargetKind::Bias => plan::Target::Dark,
             TargetKind::Sky => plan::Target::Sky { beside: String::new() },
             _ => continue,
         };
