@@ -9,5 +9,6 @@ mod events;
 mod glints;
 mod intervals;
 mod photometry;
+mod settings;
 mod stars;
 mod streaks;

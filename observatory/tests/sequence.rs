@@ -1,5 +1,7 @@
 //! Sequences through simulated devices behind their protocols: what the frames' headers and the log say against the plan.
 
+#![allow(clippy::unwrap_used, reason = "helper functions of tests")]
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use sunglint_drivers::clock::Cancel;
@@ -53,27 +55,20 @@ fn a_sequence_is_what_the_frames_say() {
                   [[visit]]\noff = \"bias\"\nexposure_s = 0.001\nframes = 2\nwindow_px = [8, 4, 64, 32]\nbinning = 2\n";
     let (summary, session) = run(&folder, &format!("{CAMERA}{WHEEL}{visits}"));
     summary.check().unwrap();
-    let said: Vec<(String, String, f64, f64, (usize, usize))> = frames(&session)
-        .iter()
-        .map(|frame| {
-            let words = (text(frame, "IMAGETYP").to_owned(), text(frame, "FILTER").to_owned());
-            (
-                words.0,
-                words.1,
-                frame.exposure_s,
-                frame.header.real("GAIN").unwrap(),
-                frame.pixels.dim(),
-            )
-        })
-        .collect();
+    let one = |frame: &Frame| {
+        let gain = frame.header.real("GAIN").unwrap();
+        let words = [text(frame, "IMAGETYP"), text(frame, "FILTER")].join(", ");
+        (words, frame.exposure_s, gain, frame.pixels.dim())
+    };
+    let said: Vec<_> = frames(&session).iter().map(one).collect();
     let mut expected = Vec::new();
     for filter in ["Blue", "Green", "Red", "Blue", "Green", "Red"] {
         for _ in 0..3 {
-            expected.push(("Light Frame".to_owned(), filter.to_owned(), 0.02, 10.0, (120, 160)));
+            expected.push((format!("Light Frame, {filter}"), 0.02, 10.0, (120, 160)));
         }
     }
-    let dark = ("Dark Frame".to_owned(), "Red".to_owned(), 0.05, 50.0, (120, 160));
-    let bias = ("Bias Frame".to_owned(), "Red".to_owned(), 0.001, 50.0, (16, 32));
+    let dark = ("Dark Frame, Red".to_owned(), 0.05, 50.0, (120, 160));
+    let bias = ("Bias Frame, Red".to_owned(), 0.001, 50.0, (16, 32));
     expected.extend([dark.clone(), dark, bias.clone(), bias]);
     assert_eq!(said, expected);
     // The steps of a visit are one stay, and the night ends with its last visit.

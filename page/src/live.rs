@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration as Wait;
-use sunglint_formats::session::{DeviceKind, TargetKind};
+use sunglint_formats::session::DeviceKind;
 use sunglint_formats::time::format_utc;
 use sunglint_observatory::live::{Control, ControlError, LiveState, Seen};
 use sunglint_observatory::{Schedule, Slot};
@@ -59,7 +59,7 @@ impl LiveNight {
     fn about(&self) -> Result<Answer, Answer> {
         let (start, station) = (self.start()?, self.station()?);
         let mut numbers: HashMap<String, u32> = HashMap::new();
-        let slots = self.state.slots();
+        let slots = Schedule::new(self.state.slots()).visits();
         let visit = |slot: &Slot| {
             let number = numbers.entry(slot.target.name.clone()).or_default();
             *number += 1;
@@ -72,7 +72,6 @@ impl LiveNight {
                 to_s: (to - start).to_seconds(),
             }
         };
-        let planned = slots.iter().filter(|slot| slot.target.target_kind != TargetKind::None);
         let devices = self.state.devices().into_iter().map(|device| DeviceView {
             kind: if device.kind == "camera" { DeviceKind::Camera } else { DeviceKind::Counter },
             name: device.name,
@@ -90,7 +89,7 @@ impl LiveNight {
             length_s: None,
             ended: false,
             devices: devices.collect(),
-            visits: planned.map(visit).collect(),
+            visits: slots.iter().map(visit).collect(),
             fibres: fibres(&station),
             sensor_px: station.camera.as_ref().map(|camera| camera.size_px),
             flag_names: flag_names(),

@@ -282,10 +282,11 @@ impl Event {
     }
 }
 
-const KINDS: [&str; 16] = [
+const KINDS: [&str; 17] = [
     "start",
     "target",
     "device",
+    "set",
     "device_lost",
     "device_back",
     "clock",
