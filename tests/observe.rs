@@ -346,3 +346,87 @@ fn the_program_observes_with_simulated_devices() {
     let devices = kinds.iter().filter(|what| matches!(what, What::Device { .. })).count();
     assert_eq!(devices, 2);
 }
+
+/// A night that is killed in a visit goes on in its own folder: one visit, one series of bins and of frame numbers, nothing twice. Truth: by hand: the plan's visit ends
+/// 14 s after its beginning with 60 frames at most; what was there before the kill is there byte by byte; the hole in the bins lasts from the kill to the resumption
+/// and 3 s at most (simulated devices open at once).
+#[test]
+fn a_killed_night_goes_on_in_its_folder() {
+    let folder = Folder::new("resume");
+    let plan = "station = \"ufo\"\nfor_s = 16\n\
+        [[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.1\n\
+        [[counter]]\nname = \"tagger\"\ndevice = \"sim-timetagger\"\nchannels = { g = 1, r = 2 }\nbin_s = 0.1\nraw_tags = true\n\
+        [[visit]]\nstar = \"Polaris\"\nfor_s = 14\nframes = 60\nexposure_s = 0.05\ninterval_s = 0.2\n";
+    std::fs::write(folder.0.join("night.toml"), plan).unwrap();
+    let start = |arguments: &[&str]| {
+        let program = Command::new(env!("CARGO_BIN_EXE_sunglint"))
+            .args(arguments)
+            .current_dir(&folder.0)
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn();
+        program.unwrap()
+    };
+    let mut program = start(&["observe", "night.toml", "--anyway", "-o", "night"]);
+    std::thread::sleep(Duration::from_secs(5));
+    // Nobody else writes into a night that is being written.
+    let error = folder.refused(1, &["observe", "--resume", "night"]);
+    assert!(error.contains("another process writes it"), "{error}");
+    program.kill().unwrap();
+    program.wait().unwrap();
+    let killed = Instant::now();
+    let root = folder.0.join("night");
+    let (log, table) = (root.join("events.jsonl"), root.join("counts/tagger.ecsv"));
+    let before = Session::open(&root).unwrap();
+    let [old_bins, old_frames] = [bins(&before).len(), frames(&before).len()];
+    assert!(old_bins > 20 && old_frames > 10, "{old_bins} bins, {old_frames} frames");
+    // As a kill may leave them: half a line at the end.
+    for path in [&log, &table] {
+        let mut text = std::fs::read(path).unwrap();
+        text.extend_from_slice(b"2026-11-2");
+        std::fs::write(path, text).unwrap();
+    }
+    let old_tags = std::fs::read(root.join("tags/tagger.tags")).unwrap();
+    let down = killed.elapsed();
+    let mut program = start(&["observe", "--resume", "night"]);
+    assert!(program.wait().unwrap().success());
+    folder.done(&["session", "check", "night"]);
+    let session = Session::open(&root).unwrap();
+    let visits = session.visits().unwrap();
+    assert_eq!(
+        visits.iter().map(|v| (v.target.name.as_str(), v.number)).collect::<Vec<_>>(),
+        [("Polaris", 1)]
+    );
+    let all = bins(&session);
+    assert_eq!(all[..old_bins], bins(&before)[..old_bins]);
+    let gaps: Vec<f64> = all
+        .windows(2)
+        .map(|pair| (pair[1].start - pair[0].start).to_seconds())
+        .filter(|step| *step > 0.15)
+        .collect();
+    assert_eq!(gaps.len(), 1, "{gaps:?}");
+    assert!(gaps[0] < down.as_secs_f64() + 1.0 + 3.0, "{gaps:?} s, down for {down:?}");
+    let marked: Vec<usize> =
+        (0..all.len()).filter(|k| all[*k].flags.contains(CountFlags::GAP)).collect();
+    assert!(marked.contains(&old_bins), "{marked:?}, {old_bins} before");
+    let numbers: Vec<u64> = frames(&session).iter().map(|(number, _)| *number).collect();
+    let mut alone = numbers.clone();
+    alone.dedup();
+    assert_eq!(alone, numbers);
+    // Sixty of the visit, not sixty more.
+    let vega = |frame: &&(u64, sunglint_formats::Frame)| {
+        frame.1.header.text("OBJECT").is_some_and(|name| name.trim() == "Polaris")
+    };
+    assert_eq!(frames(&session).iter().filter(vega).count(), 60);
+    let tags = std::fs::read(root.join("tags/tagger.tags")).unwrap();
+    let whole = old_tags.len() / 16 * 16;
+    assert!(tags.len() > whole && tags[..whole] == old_tags[..whole]);
+    let resumed = session.events().unwrap().filter(|event| {
+        matches!(event.as_ref().unwrap().what, What::Resume { cut_bytes, .. } if cut_bytes >= 18)
+    });
+    assert_eq!(resumed.count(), 1);
+    // By its plan it is over now.
+    std::thread::sleep(Duration::from_secs(6));
+    let error = folder.refused(1, &["observe", "--resume", "night"]);
+    assert!(error.contains("nothing is left"), "{error}");
+}

@@ -85,6 +85,12 @@ impl CameraWork {
         }
     }
 
+    /// Goes on after the frame of a number; of the step in its course it has so many frames.
+    pub fn go_on(&mut self, number: u64, taken: Option<(u32, u32)>) {
+        self.number = number;
+        self.taken.extend(taken);
+    }
+
     /// Opens the camera and takes frames until the night is over.
     pub fn run(&mut self, worker: &mut Worker) -> Result<(), DeviceError> {
         let mut camera = worker.opener.camera(&self.plan, &worker.within(READY))?;

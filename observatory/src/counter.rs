@@ -26,10 +26,10 @@ pub struct CounterWork {
 }
 
 impl CounterWork {
-    /// A counter as planned.
-    pub fn new(plan: CounterPlan) -> Self {
+    /// A counter as planned; `taken`: whether the session has bins of it from before.
+    pub fn new(plan: CounterPlan, taken: bool) -> Self {
         let names = plan.channel_names();
-        Self { plan, names, gap_before: false, taken: false }
+        Self { plan, names, gap_before: false, taken }
     }
 
     /// Opens the counter and counts until the night is over.

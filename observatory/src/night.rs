@@ -7,7 +7,7 @@ use super::disk;
 use super::live::{Asked, Control, ControlError, LiveState};
 use super::movers::{Before, RotatorWork, Stands, WheelWork};
 use super::opener::Opener;
-use super::plan::{CameraPlan, CounterPlan, Plan, RotatorPlan, WheelPlan};
+use super::plan::{CameraPlan, CounterPlan, Plan, PlanError, RotatorPlan, WheelPlan};
 use super::pointing::Pointing;
 use super::schedule::{Schedule, SharedSchedule};
 use super::sequence::Exposing;
@@ -25,7 +25,7 @@ use sunglint_drivers::clock::{
 };
 use sunglint_formats::FileError;
 use sunglint_formats::session::{
-    Disk, FORMAT, Manifest, SessionWriter, Storage, Target, TargetKind, What,
+    Disk, FORMAT, Manifest, Session, SessionWriter, Storage, Target, TargetKind, What,
 };
 use sunglint_formats::time::format_utc;
 use sunglint_radiometry::station::Station;
@@ -74,6 +74,8 @@ pub struct Night {
     pub in_utc: bool,
     /// Where it tells how it goes and takes commands; `None`: nobody looks on.
     pub live: Option<Arc<LiveState>>,
+    /// Whether it goes on with the session in `root`.
+    pub resumes: bool,
 }
 
 /// Why a night cannot run, or did not end in good order.
@@ -246,7 +248,30 @@ impl Night {
             ended: None,
             in_utc: plan.in_utc,
             live: None,
+            resumes: false,
         }
+    }
+
+    /// Prepares to go on with a night that was cut off or ended, in the folder of its session, as its plan stands now.
+    ///
+    /// # Errors
+    /// A folder that is no session, or whose plan cannot be followed: a virtual night, one that is over.
+    pub fn resumed(
+        session: &Path,
+        opener: Arc<dyn Opener>,
+        program: &str,
+    ) -> Result<Self, PlanError> {
+        let session = Session::open(session)?;
+        let plan = Plan::of_session(&session)?;
+        let now = DeviceClock::live().utc();
+        if let Some(to) = plan.to.filter(|to| *to <= now) {
+            let (root, at) = (session.root().to_path_buf(), format_utc(to, 0));
+            return Err(PlanError::Over { session: root, at });
+        }
+        let mut night = Self::planned(plan, opener, Some(session.root()), program);
+        night.manifest = session.manifest().clone();
+        night.resumes = true;
+        Ok(night)
     }
 
     /// Runs until the night's end, or until `cancel` is set. `show` is called every twentieth of a second.
@@ -264,17 +289,31 @@ impl Night {
             let (counter, device) = (plan.name.clone(), plan.device.clone());
             return Err(NightError::NoTags { counter, device });
         }
+        let mut schedule = self.schedule.clone();
         let start = self.manifest.start_utc;
         let live = self.names().all(|name| self.opener.clock(name).is_live());
         let status = Arc::new(Status::new(start, live));
-        let writer =
-            SessionWriter::create(self.storage.clone(), &self.root, &self.manifest, &self.files)?;
+        let storage = self.storage.clone();
+        let (writer, before) = match self.resumes {
+            false => {
+                let made = SessionWriter::create(storage, &self.root, &self.manifest, &self.files);
+                (made?, None)
+            }
+            true => {
+                let (program, utc) = (&self.manifest.program, DeviceClock::live().utc());
+                let (writer, resumed) = SessionWriter::resume(storage, &self.root, program, utc)?;
+                (writer, Some(resumed))
+            }
+        };
+        if let Some((begun, number)) = before.as_ref().and_then(|before| before.step) {
+            schedule = schedule.gone_on(begun, number);
+        }
         let (disk, writing) = disk::start(writer, status.clone(), live, self.live.clone())
             .map_err(NightError::WriterThread)?;
         if let Some(state) = &self.live {
             state.begin(&self, live);
         }
-        let schedule = Arc::new(SharedSchedule::new(self.schedule.clone()));
+        let schedule = Arc::new(SharedSchedule::new(schedule));
         let worker = |name: &str| Worker {
             name: name.to_owned(),
             clock: self.opener.clock(name),
@@ -304,22 +343,28 @@ impl Night {
             let is_before = |cameras: &[String]| cameras.is_empty() || cameras.contains(&plan.name);
             let wheel = self.wheels.iter().find(|wheel| is_before(&wheel.cameras));
             let rotators = self.rotators.iter().filter(|rotator| is_before(&rotator.cameras));
-            let before = Before {
+            let standing = Before {
                 wheel: wheel.map(|wheel| wheel.name.clone()),
                 rotators: rotators.map(|rotator| rotator.name.clone()).collect(),
                 stands: stands.clone(),
             };
             let pointing = Pointing::new(self.station.clone());
-            let mut work = CameraWork::new(plan.clone(), pointing, before);
+            let mut work = CameraWork::new(plan.clone(), pointing, standing);
+            if let Some(before) = &before {
+                let number = before.numbers.get(&plan.name).copied().unwrap_or(0);
+                work.go_on(number, self.taken_in(&plan.name, before.step));
+            }
             let worker = worker(&plan.name);
             threads.push(thread(&plan.name, move || worker.supervise(|worker| work.run(worker)))?);
         }
         for plan in &self.counters {
-            let mut work = CounterWork::new(plan.clone());
+            let counted = before.as_ref().is_some_and(|b| b.counted.contains(&plan.name));
+            let mut work = CounterWork::new(plan.clone(), counted);
             let worker = worker(&plan.name);
             threads.push(thread(&plan.name, move || worker.supervise(|worker| work.run(worker)))?);
         }
-        let watch = Watch {
+        let told = before.and_then(|before| before.target);
+        let mut watch = Watch {
             night: &self,
             status: &status,
             disk: &disk,
@@ -330,7 +375,11 @@ impl Night {
             cancel,
             schedule: schedule.clone(),
             before_pause: None,
+            sequence: self.schedule.has_sequences(),
         };
+        if let Some((_, target)) = told {
+            watch.go_on(target);
+        }
         let utc = watch.until_all_end(&threads, live, show);
         let crashed = threads.into_iter().filter_map(|thread| thread.join().err()).count();
         // The writer ends once nobody can send to it any more.
@@ -352,6 +401,21 @@ impl Night {
             return Err(NightError::Crashed { crashed });
         }
         Ok(self.summary(utc, &last, stopped))
+    }
+
+    /// The frames that a camera has of a step, by the files of the session.
+    fn taken_in(&self, camera: &str, step: Option<(Epoch, u32)>) -> Option<(u32, u32)> {
+        let (from, number) = step?;
+        let slots = self.schedule.slots().iter();
+        let mut numbered = slots.filter(|s| s.step.as_ref().is_some_and(|s| s.number == number));
+        let slot = numbered.next()?;
+        let plan = self.cameras.iter().find(|plan| plan.name == camera)?;
+        let exposing = Exposing::of(plan, Some(slot.target.target_kind), slot.step.as_deref());
+        exposing.frames?;
+        let session = Session::open(&self.root).ok()?;
+        let frames = session.frames(camera).ok()?.files.into_iter();
+        let of_it = frames.filter(|frame| frame.start().is_some_and(|start| start >= from));
+        Some((number, u32::try_from(of_it.count()).unwrap_or(u32::MAX)))
     }
 
     fn names(&self) -> impl Iterator<Item = &str> {
@@ -416,9 +480,21 @@ struct Watch<'a> {
     schedule: Arc<SharedSchedule>,
     /// The schedule that a pause interrupts.
     before_pause: Option<Arc<Schedule>>,
+    /// Whether visits have settings of their own: then steps are told.
+    sequence: bool,
 }
 
 impl Watch<'_> {
+    /// Goes on where the log had told `target` last: the visit is the same one where it still goes on.
+    fn go_on(&mut self, target: Target) {
+        let (schedule, utc) = (self.schedule.get(), self.status.utc());
+        let begun = schedule.slots().iter().filter(|slot| slot.from <= utc).count();
+        let now = begun.checked_sub(1).and_then(|at| schedule.slots().get(at));
+        let same = now.is_some_and(|slot| slot.target == target);
+        self.told = if same { begun } else { begun.saturating_sub(1) };
+        self.target = Some(target);
+    }
+
     /// Waits for the devices' threads; gives the time at which the last of them ended.
     fn until_all_end(
         mut self,
@@ -606,6 +682,9 @@ impl Watch<'_> {
                 if !slot.continues() || self.target.as_ref() != Some(&slot.target) {
                     self.disk.event(from, What::Target(slot.target.clone()));
                     self.target = Some(slot.target.clone());
+                }
+                if let Some(step) = slot.step.as_ref().filter(|_| self.sequence) {
+                    self.disk.event(from, What::Step { number: step.number });
                 }
             }
             self.told += 1;

@@ -11,12 +11,14 @@ use std::sync::Arc;
 use sunglint_drivers::catalogue::{Address, Kind};
 use sunglint_drivers::clock::utc_now;
 use sunglint_ephemeris::orbit::tle::{self, ChoiceError};
-use sunglint_formats::session::{Device, DeviceKind, FileSum, Target, TargetKind, is_name};
+use sunglint_formats::session::{
+    Device, DeviceKind, FileSum, Session, Target, TargetKind, is_name,
+};
 use sunglint_formats::time::parse_utc;
 use sunglint_formats::toml::{Document, Finite, Positive, Within};
 use sunglint_formats::{FileError, ParseError};
 use sunglint_radiometry::sky::Catalogue;
-use sunglint_radiometry::station::Station;
+use sunglint_radiometry::station::{RecordedError, Station};
 
 /// Address of the devices of a virtual night in NIGHT.toml.
 pub const VIRTUAL_ADDRESS: &str = "virtual";
@@ -43,6 +45,17 @@ pub enum PlanError {
     /// The virtual night that stands in for the devices cannot be made.
     #[error(transparent)]
     Virtual(Box<dyn Error + Send + Sync>),
+    /// The night of a session is over by its plan.
+    #[error("{}: nothing is left to go on with: by its plan the night ended at {at}", session.display())]
+    Over {
+        /// The session's folder.
+        session: PathBuf,
+        /// When it ended, UTC.
+        at: String,
+    },
+    /// The station of a recorded session is not known.
+    #[error(transparent)]
+    Station(#[from] RecordedError),
 }
 
 /// A plan's request for a virtual night: what is known when the file that `virtual` names is to be read.
@@ -375,7 +388,19 @@ impl Plan {
         let document = Document::read(path)?;
         let expected = "no such key: this program makes no virtual nights";
         let refuse = document.error_at("virtual", expected);
-        Self::of(&document, utc_now(), &mut |_| Err(refuse.clone().into()))
+        Self::of(&document, utc_now(), None, &mut |_| Err(refuse.clone().into()))
+    }
+
+    /// The plan of a session as it was recorded: its own files, and `now` is when it began.
+    ///
+    /// # Errors
+    /// The errors of [`Plan::read`]; a session of a virtual night, or whose station is not known.
+    pub fn of_session(session: &Session) -> Result<Self, PlanError> {
+        let document = Document::read(session.file("night.toml"))?;
+        let expected = "no virtual night: those are made anew, not gone on with";
+        let refuse = document.error_at("virtual", expected);
+        let begun = session.manifest().start_utc;
+        Self::of(&document, begun, Some(session), &mut |_| Err(refuse.clone().into()))
     }
 
     /// Reads NIGHT.toml. Where it names a virtual night `make_virtual` makes the devices.
@@ -383,19 +408,23 @@ impl Plan {
     /// # Errors
     /// The errors of [`Plan::read`], and those of `make_virtual`.
     pub fn read_with(path: &Path, make_virtual: &mut MakeVirtual<'_>) -> Result<Self, PlanError> {
-        Self::of(&Document::read(path)?, utc_now(), make_virtual)
+        Self::of(&Document::read(path)?, utc_now(), None, make_virtual)
     }
 
-    /// The plan in a document; `now` stands for `now` in it.
+    /// The plan in a document; `now` stands for `now` in it. Of a `session` the station and the elements are those that were recorded.
     fn of(
         document: &Document,
         now: Epoch,
+        session: Option<&Session>,
         make_virtual: &mut MakeVirtual<'_>,
     ) -> Result<Self, PlanError> {
         let written: PlanFile = document.parse()?;
         check_devices(document, &written)?;
         let mut files = vec![("night.toml".to_owned(), document.source().as_bytes().to_vec())];
-        let station = station(document, &written.station)?;
+        let station = match session {
+            Some(session) => Station::of_session(session)?,
+            None => station(document, &written.station)?,
+        };
         for (path, _) in &station.sources {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             files.push((format!("station/{name}"), sunglint_formats::read::bytes(path)?));
@@ -413,7 +442,7 @@ impl Plan {
         let mut slots: Vec<Slot> = Vec::new();
         for (i, visit) in written.visits.iter().enumerate() {
             let key = |name: &str| format!("visit[{i}].{name}");
-            let target = target(document, i, visit, &mut files, from)?;
+            let target = target(document, i, visit, &mut files, from, session)?;
             let begins = match time(&key("from"), &visit.from)? {
                 Some(begins) => begins,
                 None => match slots.last() {
@@ -843,6 +872,7 @@ fn target(
     visit: &Visit,
     files: &mut Vec<(String, Vec<u8>)>,
     near: Epoch,
+    session: Option<&Session>,
 ) -> Result<Target, PlanError> {
     let error =
         |key: &str, expected: String| document.error_at(&format!("visit[{i}]{key}"), expected);
@@ -876,7 +906,13 @@ fn target(
             Off::Flat => TargetKind::Flat,
         })
     } else if let Some(path) = &visit.tle {
-        let path = document.resolve(path);
+        let path = match session {
+            Some(session) => {
+                let name = path.file_name().unwrap_or_default().to_string_lossy();
+                session.file(&format!("tle/{name}"))
+            }
+            None => document.resolve(path),
+        };
         let bytes = sunglint_formats::read::bytes(&path)?;
         let text = sunglint_formats::read::decode(&path, bytes.clone())?;
         let sets = tle::parse(&path, &text)?;

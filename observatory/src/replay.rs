@@ -75,6 +75,7 @@ impl Night {
             counters,
             wheels: vec![],
             ends_with_visits: false,
+            resumes: false,
             rotators: vec![],
         })
     }

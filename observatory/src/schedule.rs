@@ -124,6 +124,15 @@ impl Schedule {
         visits
     }
 
+    /// Whether any visit has several steps or settings of its own.
+    pub fn has_sequences(&self) -> bool {
+        let own = |step: &Step| {
+            let plain = Step { number: step.number, ..Step::default() };
+            *step != plain
+        };
+        self.slots.iter().any(|slot| slot.step.as_deref().is_some_and(own))
+    }
+
     /// The slots, in time.
     pub fn slots(&self) -> &[Slot] {
         &self.slots
@@ -156,6 +165,27 @@ impl Schedule {
     pub(crate) fn resumed(&self, plan: &Self, utc: Epoch) -> Self {
         let mut slots = self.until(utc);
         slots.extend(plan.after(utc));
+        Self { slots }
+    }
+
+    /// The schedule as a night that was cut off had come to it: so many seconds after its plan, the step that was told last had begun.
+    pub(crate) fn gone_on(&self, begun: Epoch, number: u32) -> Self {
+        let is_it = |slot: &Slot| slot.step.as_ref().is_some_and(|step| step.number == number);
+        let Some(place) = self.slots.iter().position(is_it) else { return self.clone() };
+        // Only an early end of the step before moves a step: never later than planned.
+        if self.slots[place].from <= begun {
+            return self.clone();
+        }
+        let mut slots = self.until(begun);
+        slots.extend(self.slots[place..].iter().cloned());
+        if let Some(slot) = slots.iter_mut().find(|slot| is_it(slot)) {
+            slot.from = begun;
+        }
+        // What was skipped lies before.
+        let of_it = slots.iter().position(is_it).unwrap_or(0);
+        for before in &mut slots[..of_it] {
+            before.to = before.to.map(|to| to.min(begun));
+        }
         Self { slots }
     }
 

@@ -34,7 +34,7 @@ const PROGRAM: &str = concat!("sunglint ", env!("CARGO_PKG_VERSION"));
 #[derive(Debug, Args)]
 pub struct ObserveArgs {
     /// The plan: station, devices, targets and when (docs/night.md)
-    #[arg(value_name = "NIGHT.toml", required_unless_present = "replay")]
+    #[arg(value_name = "NIGHT.toml", required_unless_present_any = ["replay", "resume"])]
     pub night: Option<PathBuf>,
     /// Only says whether the night can be what the plan says: each visit against the sky, each device's ranges, the disk
     #[arg(long, conflicts_with_all = ["replay", "output", "every"])]
@@ -42,6 +42,9 @@ pub struct ObserveArgs {
     /// Begins in spite of errors of the check
     #[arg(long, conflicts_with = "check")]
     pub anyway: bool,
+    /// Goes on with a night that was cut off, or ended too early: the same folder, its own plan as it stands now
+    #[arg(long, value_name = "SESSION", conflicts_with_all = ["night", "check", "anyway", "replay", "output"])]
+    pub resume: Option<PathBuf>,
     /// Plays a session's frames and counts back as devices, into a new session
     #[arg(long, value_name = "SESSION", conflicts_with = "night")]
     pub replay: Option<PathBuf>,
@@ -95,6 +98,9 @@ pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
     let mut night = match (&args.night, &args.replay) {
         (_, Some(session)) => replayed(session, args.fast, args.output.as_deref())?,
         (Some(plan), None) => planned(plan, args.output.as_deref())?.0,
+        (None, None) if let Some(session) = &args.resume => {
+            Night::resumed(session, Arc::new(Catalogue), PROGRAM)?
+        }
         (None, None) => return Err(Usage("give a NIGHT.toml, or --replay SESSION".into()).into()),
     };
     // The page's server lives as long as this.
@@ -121,7 +127,8 @@ pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
     if args.replay.is_none() {
         console.say(&report::clock_text(&night.manifest.clock));
     }
-    console.say(&format!("writing into {}", night.root.display()));
+    let word = if night.resumes { "going on in" } else { "writing into" };
+    console.say(&format!("{word} {}", night.root.display()));
     let mut display = Display::new(every, night.root.clone(), console);
     let summary = night.run(&cancel, &mut |snapshot| display.show(&snapshot))?;
     display.end();

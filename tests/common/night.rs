@@ -274,6 +274,7 @@ impl Fakes {
             wheels: vec![],
             rotators: vec![],
             ends_with_visits: false,
+            resumes: false,
             end: if self.real_time { None } else { plan.to },
             opener: Arc::new(self),
             schedule: plan.schedule,

@@ -2,7 +2,7 @@
 
 use super::event::Mark;
 use super::storage::{Growing, Storage};
-use std::io;
+use std::io::{self, Read as _};
 use std::path::Path;
 
 /// Bytes that wait in memory while the disk takes none; what comes then is lost, and counted.
@@ -57,6 +57,42 @@ impl Appender {
         };
         appender.flush()?;
         Ok(appender)
+    }
+
+    /// Goes on with a file that is there, behind its first `keep` bytes with `rows` rows; the rest is cut off. What is kept is written through to the disk.
+    pub fn reopen(
+        storage: &dyn Storage,
+        root: &Path,
+        name: &str,
+        (keep, rows): (u64, u64),
+        most: usize,
+    ) -> io::Result<Self> {
+        let path = root.join(name);
+        let mut hasher = flate2::Crc::new();
+        let mut left = std::fs::File::open(&path)?.take(keep);
+        let mut room = vec![0; 1 << 16];
+        loop {
+            match left.read(&mut room)? {
+                0 => break,
+                n => hasher.update(&room[..n]),
+            }
+        }
+        let mut file = storage.reopen(&path)?;
+        file.cut(keep)?;
+        file.sync()?;
+        let safe = Mark { file: name.to_owned(), bytes: keep, rows, crc32: hasher.sum() };
+        Ok(Self {
+            name: name.to_owned(),
+            file,
+            safe,
+            hasher,
+            tail: Vec::new(),
+            tail_rows: 0,
+            handed: 0,
+            torn: false,
+            most,
+            lost: 0,
+        })
     }
 
     /// Takes a whole line, with its end. Whether there was room for it; the system gets it when it takes any.

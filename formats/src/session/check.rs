@@ -163,6 +163,18 @@ impl Session {
             report.events += 1;
             match what {
                 What::Start { manifest_sha256, .. } => begun = Some(manifest_sha256),
+                What::Resume { gap_s, cut_bytes, .. } => {
+                    report.ended = false;
+                    let at = format_utc(utc, 3);
+                    let cut = match cut_bytes {
+                        0 => String::new(),
+                        n => format!(", {n} bytes of half lines were cut off"),
+                    };
+                    report.note(
+                        EVENTS,
+                        format!("it was resumed at {at}, {gap_s:.1} s after its last mark{cut}"),
+                    );
+                }
                 What::Sync { files } => {
                     report.safe_until = Some(utc);
                     for mark in files {

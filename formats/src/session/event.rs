@@ -40,6 +40,20 @@ pub enum What {
         /// Settings of the device, read back where it can be asked: names with their units.
         settings: Map<String, Value>,
     },
+    /// The session goes on after it ended, or was cut off.
+    Resume {
+        /// The program and its version.
+        program: String,
+        /// Time without a session since its last mark, s.
+        gap_s: f64,
+        /// Bytes of half lines that were cut off.
+        cut_bytes: u64,
+    },
+    /// A step of a visit began.
+    Step {
+        /// Number of the step in the plan, from 1.
+        number: u32,
+    },
     /// A device was set anew, for a visit.
     Set {
         /// Name of the device in this session.
@@ -282,11 +296,13 @@ impl Event {
     }
 }
 
-const KINDS: [&str; 17] = [
+const KINDS: [&str; 19] = [
     "start",
     "target",
     "device",
     "set",
+    "resume",
+    "step",
     "device_lost",
     "device_back",
     "clock",

@@ -96,7 +96,7 @@ pub use index::{CountBlock, CountIndex};
 pub use manifest::{Device, DeviceKind, FORMAT, FileSum, Manifest, is_name};
 pub use reader::{Events, Session, Visit};
 pub use storage::{Disk, Growing, Storage};
-pub use writer::{Ended, SYNC_EVERY, SessionWriter, Trouble};
+pub use writer::{Ended, Resumed, SYNC_EVERY, SessionWriter, Trouble};
 
 /// The manifest.
 const MANIFEST: &str = "session.toml";

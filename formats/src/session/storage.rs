@@ -1,7 +1,7 @@
 //! The few things that a session asks of a disk, so that a test can stand in for one.
 
 use std::fmt;
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Write as _};
 use std::path::Path;
 
@@ -14,6 +14,24 @@ pub trait Storage: Send + Sync + fmt::Debug {
     /// # Errors
     /// It is there already, or the system refuses.
     fn create(&self, path: &Path) -> io::Result<Box<dyn Growing>>;
+
+    /// A file that is there already, to grow on at its end.
+    ///
+    /// # Errors
+    /// It is not there, or the system refuses; a storage that cannot go on with a file.
+    fn reopen(&self, path: &Path) -> io::Result<Box<dyn Growing>> {
+        let _ = path;
+        Err(io::ErrorKind::Unsupported.into())
+    }
+
+    /// Keeps a file for this process alone, until the result is dropped or the process ends. `None` where the system knows no such thing.
+    ///
+    /// # Errors
+    /// Another process has it ([`io::ErrorKind::WouldBlock`]), or the system refuses.
+    fn lock(&self, path: &Path) -> io::Result<Option<File>> {
+        let _ = path;
+        Ok(None)
+    }
 
     /// A new folder; nothing where it is there already.
     ///
@@ -74,6 +92,24 @@ impl Storage for Disk {
         // Opened to append: after a cut the next bytes follow at the new end.
         let file = OpenOptions::new().append(true).create_new(true).open(path)?;
         Ok(Box::new(Plain(file)))
+    }
+
+    fn reopen(&self, path: &Path) -> io::Result<Box<dyn Growing>> {
+        Ok(Box::new(Plain(OpenOptions::new().append(true).open(path)?)))
+    }
+
+    fn lock(&self, path: &Path) -> io::Result<Option<File>> {
+        // Elsewhere a lock would keep readers away, too.
+        if !cfg!(unix) {
+            return Ok(None);
+        }
+        let file = File::open(path)?;
+        match file.try_lock() {
+            Ok(()) => Ok(Some(file)),
+            Err(TryLockError::WouldBlock) => Err(io::ErrorKind::WouldBlock.into()),
+            // Some network file systems know no locks.
+            Err(TryLockError::Error(_)) => Ok(None),
+        }
     }
 
     fn create_folder(&self, path: &Path) -> io::Result<()> {

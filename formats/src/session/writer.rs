@@ -1,18 +1,20 @@
 //! A session as it grows.
 
 use super::append::{Appender, MOST_LINES};
-use super::event::{Event, Mark, What};
+use super::event::{Event, Mark, Target, What};
 use super::frames::{FRAME_NUMBER, PART, place};
-use super::manifest::{DeviceKind, FileSum, Manifest};
+use super::manifest::{DeviceKind, FORMAT, FileSum, Manifest};
+use super::reader::Session;
 use super::storage::{Growing, Storage};
 use super::{COUNTS, EVENTS, FRAMES, MANIFEST, SEAL, TAGS, counts, seal};
 use crate::counts::CountRecord;
-use crate::error::{EncodeError, FileError};
+use crate::error::{EncodeError, FileError, ParseError};
 use crate::fits;
 use crate::frame::Frame;
 use crate::table::Meta;
 use hifitime::Epoch;
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -65,6 +67,23 @@ pub struct SessionWriter {
     marked_events: u64,
     /// Failures of a sync that came early, which the next tick reports.
     early: Vec<Trouble>,
+    /// Keeps every other process from going on with this session.
+    _lock: Option<File>,
+}
+
+/// State of a session that goes on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Resumed {
+    /// When its last mark was set, or when it began.
+    pub safe_until: Epoch,
+    /// The target that was told last.
+    pub target: Option<(Epoch, Target)>,
+    /// The step that was told last, and when.
+    pub step: Option<(Epoch, u32)>,
+    /// The last frame's number, by camera.
+    pub numbers: BTreeMap<String, u64>,
+    /// Counters with rows.
+    pub counted: BTreeSet<String>,
 }
 
 #[derive(Debug)]
@@ -130,6 +149,7 @@ impl SessionWriter {
         }
         let events = Appender::create(storage.as_ref(), root, EVENTS, &[], MOST_LINES)
             .map_err(io(&root.join(EVENTS)))?;
+        let lock = storage.clone();
         let mut writer = Self {
             storage,
             root: root.to_path_buf(),
@@ -143,6 +163,7 @@ impl SessionWriter {
             lost_frames: 0,
             marked_events: 0,
             early: Vec::new(),
+            _lock: storage_lock(&lock, root)?,
         };
         for device in &manifest.devices {
             match device.kind {
@@ -167,6 +188,128 @@ impl SessionWriter {
         match writer.sync(manifest.start_utc).into_iter().next() {
             None => Ok(writer),
             Some(trouble) => Err(FileError::io("write", root.join(trouble.file), trouble.error)),
+        }
+    }
+
+    /// Goes on with a session that ended or was cut off: half lines at the ends of its files are cut off, and what comes is written behind the rest.
+    ///
+    /// # Errors
+    /// A folder that is no session of this format, or that another process writes; rows that are none; the system's.
+    pub fn resume(
+        storage: Arc<dyn Storage>,
+        root: impl AsRef<Path>,
+        program: &str,
+        utc: Epoch,
+    ) -> Result<(Self, Resumed), FileError> {
+        let session = Session::open(root.as_ref())?;
+        let root = session.root().to_path_buf();
+        let io = |path: &Path| {
+            let path = path.to_path_buf();
+            move |error| FileError::io("go on with", path, error)
+        };
+        let manifest = session.manifest().clone();
+        if !manifest.is_sealed() {
+            let found = manifest.format.clone();
+            let error = ParseError::new(root.join(MANIFEST), found, format!("`{FORMAT}`"));
+            return Err(error.in_field("format").into());
+        }
+        let _lock = storage_lock(&storage, &root)?;
+        let mut resumed = Resumed {
+            safe_until: manifest.start_utc,
+            target: None,
+            step: None,
+            numbers: BTreeMap::new(),
+            counted: BTreeSet::new(),
+        };
+        let mut lines = 0;
+        let mut events = session.events()?;
+        for event in events.by_ref() {
+            let Event { utc, what } = event?;
+            lines += 1;
+            match what {
+                What::Sync { .. } => resumed.safe_until = utc,
+                What::Target(target) => resumed.target = Some((utc, target)),
+                What::Step { number } => resumed.step = Some((utc, number)),
+                _ => {}
+            }
+        }
+        let mut cut_bytes = events.torn_bytes();
+        let length = |name: &str, torn: u64| -> Result<u64, FileError> {
+            let path = root.join(name);
+            let length = path.metadata().map_err(io(&path))?.len();
+            Ok(length.saturating_sub(torn))
+        };
+        let again = |name: &str, keep, rows, most| {
+            Appender::reopen(storage.as_ref(), &root, name, (keep, rows), most)
+                .map_err(io(&root.join(name)))
+        };
+        let events = again(EVENTS, length(EVENTS, cut_bytes)?, lines, MOST_LINES)?;
+        let mut counters = BTreeMap::new();
+        for name in session.counters() {
+            let mut table = session.counts(name)?;
+            let mut rows = 0;
+            for row in table.by_ref() {
+                row?;
+                rows += 1;
+            }
+            let torn = table.torn_bytes();
+            cut_bytes += torn;
+            let file = format!("{COUNTS}/{name}.ecsv");
+            let channels = table.channels().to_vec();
+            drop(table);
+            let table = again(&file, length(&file, torn)?, rows, MOST_LINES)?;
+            if rows > 0 {
+                resumed.counted.insert(name.to_owned());
+            }
+            let raw = manifest.devices.iter().any(|device| device.name == name && device.raw_tags);
+            let tags = match raw {
+                false => None,
+                true => {
+                    let file = format!("{TAGS}/{name}.tags");
+                    let torn = length(&file, 0)? % TAG as u64;
+                    cut_bytes += torn;
+                    let keep = length(&file, torn)?;
+                    Some(again(&file, keep, keep / TAG as u64, MOST_TAGS_WAITING)?)
+                }
+            };
+            counters.insert(name.to_owned(), Counter { channels, table, tags });
+        }
+        let mut cameras = BTreeMap::new();
+        for name in session.cameras() {
+            let frames = session.frames(name)?.files;
+            let last = frames.iter().map(|frame| frame.sequence).max().unwrap_or(0);
+            resumed.numbers.insert(name.to_owned(), last);
+            cameras.insert(name.to_owned(), Camera::default());
+        }
+        // The mark of an end that is none any more.
+        match storage.remove(&root.join(SEAL)) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                return Err(io(&root.join(SEAL))(error));
+            }
+            _ => {}
+        }
+        let mut writer = Self {
+            storage,
+            marked_events: events.mark().bytes,
+            root,
+            events,
+            counters,
+            cameras,
+            waiting: Vec::new(),
+            waiting_bytes: 0,
+            synced_at: None,
+            failing: BTreeMap::new(),
+            lost_frames: 0,
+            early: Vec::new(),
+            _lock,
+        };
+        let gap_s = (utc - resumed.safe_until).to_seconds();
+        writer.event(utc, What::Resume { program: program.to_owned(), gap_s, cut_bytes });
+        match writer.sync(utc).into_iter().next() {
+            None => Ok((writer, resumed)),
+            Some(trouble) => {
+                Err(FileError::io("write", writer.root.join(trouble.file), trouble.error))
+            }
         }
     }
 
@@ -478,6 +621,18 @@ impl SessionWriter {
         }
         Trouble { file: about, error, again }
     }
+}
+
+/// Keeps a session for this process alone.
+fn storage_lock(storage: &Arc<dyn Storage>, root: &Path) -> Result<Option<File>, FileError> {
+    storage.lock(&root.join(EVENTS)).map_err(|error| match error.kind() {
+        io::ErrorKind::WouldBlock => {
+            let found = "another process writes it".to_owned();
+            let error = ParseError::new(root, found, "a session that nobody records just now");
+            error.with_hint("end that one first").into()
+        }
+        _ => FileError::io("lock", root.join(EVENTS), error),
+    })
 }
 
 /// How a session ended.
