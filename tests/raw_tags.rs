@@ -13,7 +13,7 @@ use sunglint::observe::replayed;
 use sunglint_calibration::reduction::tags::TagSummary;
 use sunglint_calibration::reduction::{ReduceOptions, reduce};
 use sunglint_drivers::clock::Cancel;
-use sunglint_drivers::tags::{Tag, TagFile};
+use sunglint_drivers::tags::{Tag, TagFile, TagKind};
 use sunglint_formats::CountRecord;
 use sunglint_formats::session::{
     ClockState, Device, DeviceKind, Disk, FORMAT, Manifest, Session, SessionWriter,
@@ -138,7 +138,7 @@ fn a_replay_has_the_same_tags() {
     assert!(text.contains("tags/tagger.tags") && text.contains("CRC-32"), "{text}");
 }
 
-/// A disk that is full in the middle of the night (a small tmpfs). Truth: the recorded night: what is on the disk is its beginning, tags and bins; that some are missing is
+/// A disk that is too small for the night (a small tmpfs). Truth: the recorded night: of the bins its beginning is on the disk, of the tags some, with a mark in place of the others; that some are missing is
 /// said by the program and by `session check`.
 #[test]
 fn a_full_disk_leaves_the_tags_before_it() {
@@ -161,13 +161,22 @@ fn a_full_disk_leaves_the_tags_before_it() {
     assert!(system(&["umount"]), "the test's tmpfs could not be taken away");
     let message = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{message}");
-    assert!(message.contains("No space left") && message.contains("not be written"), "{message}");
+    assert!(message.contains("tags of tagger are left out"), "{message}");
+    assert!(message.contains("not be written"), "{message}");
     assert_eq!(check.status.code(), Some(1));
     let (new_bins, new_tags) = read.unwrap();
     let (old_bins, old_tags) = (bins(&old), tags(&old));
-    assert!(new_tags.len() > 1000 && new_tags.len() < old_tags.len(), "{}", new_tags.len());
-    assert_eq!(new_tags[..], old_tags[..new_tags.len()]);
-    assert_eq!(new_bins[..], old_bins[..new_bins.len()]);
+    assert!(new_tags.len() < old_tags.len(), "{}: {message}", new_tags.len());
+    // Those that found room, behind a mark of those that did not.
+    let kept: Vec<&Tag> = new_tags.iter().filter(|t| t.kind() == Some(TagKind::TimeTag)).collect();
+    assert!(kept.iter().all(|tag| old_tags.contains(tag)));
+    assert!(kept.len() < new_tags.len() || new_tags.is_empty(), "{message}");
+    // The bins come first. Not even they have room here: 12,000 rows of 70 bytes.
+    assert!(
+        new_bins.len() > 3000 && new_bins[..] == old_bins[..new_bins.len()],
+        "{}",
+        new_bins.len()
+    );
 }
 
 /// Truth: the recorded night, played at speed, and when it was killed (SIGKILL): all tags older than a second are there, as they were.

@@ -1,6 +1,7 @@
 //! The one thread that writes: devices hand over what they have and go on.
 
 use super::live::LiveState;
+use super::room::{Bulk, Room};
 use super::status::Status;
 use super::tags::{Loss, TagBudget};
 use hifitime::Epoch;
@@ -16,6 +17,8 @@ use sunglint_formats::{CountRecord, EncodeError, Frame};
 const MESSAGES: usize = 1024;
 /// Pixels that wait at most, bytes.
 const PIXELS: u64 = 64 << 20;
+/// Bytes of a frame's header, and of the rest of its last block.
+const HEADER: u64 = 3 * 2880;
 /// How often the writer looks at its clock.
 const POLL: Duration = Duration::from_millis(50);
 
@@ -86,13 +89,22 @@ pub fn start(
     status: Arc<Status>,
     live: bool,
     watcher: Option<Arc<LiveState>>,
+    room: Room,
 ) -> std::io::Result<(Disk, std::thread::JoinHandle<Writing>)> {
     let (sender, receiver) = sync_channel(MESSAGES);
     let pixels = Arc::new(Pixels::default());
     let tag_budget = Arc::new(TagBudget::default());
     let disk =
         Disk { sender, pixels: pixels.clone(), tag_budget: tag_budget.clone(), live, watcher };
-    let writing = Writing { writer, status, pixels, tag_budget, tags_lost: HashMap::new() };
+    let writing = Writing {
+        writer,
+        status,
+        pixels,
+        tag_budget,
+        tags_lost: HashMap::new(),
+        room,
+        left_out: HashMap::new(),
+    };
     let thread = std::thread::Builder::new().name("disk".into());
     let handle = thread.spawn(move || writing.run(&receiver))?;
     Ok((disk, handle))
@@ -171,6 +183,10 @@ pub struct Writing {
     tag_budget: Arc<TagBudget>,
     /// Tags that found no room on the disk, and that the file does not tell of yet.
     tags_lost: HashMap<String, Loss>,
+    /// Room of the disk.
+    room: Room,
+    /// What finds no room, with how many frames or tags by now.
+    left_out: HashMap<String, u64>,
 }
 
 impl Writing {
@@ -202,8 +218,17 @@ impl Writing {
                 errors.fold(None, |first, error| first.or(Some(error))).map(|e| (counter, e))
             }
             Message::Frame(camera, number, frame) => {
+                let bytes = bytes_of(&frame);
+                let found = self.room.take(Bulk::Frame, bytes + HEADER, self.status.utc());
+                if let Err(kept) = found {
+                    self.pixels.take(bytes);
+                    self.leave_out(&format!("frames of {camera}"), 1, kept);
+                    self.writer.lose_frame();
+                    return;
+                }
+                self.has_room(&format!("frames of {camera}"));
                 let written = self.writer.frame(&camera, number, &frame);
-                self.pixels.take(bytes_of(&frame));
+                self.pixels.take(bytes);
                 match written {
                     Ok(fault) => {
                         if let Some(fault) = fault {
@@ -231,6 +256,30 @@ impl Writing {
         }
     }
 
+    /// Data that are left out so that others find room: told once, and counted.
+    fn leave_out(&mut self, what: &str, count: u64, (free, kept): (u64, u64)) {
+        let so_far = self.left_out.entry(what.to_owned()).or_insert(0);
+        *so_far += count;
+        if *so_far > count {
+            return;
+        }
+        let [free, kept] = [free, kept].map(|bytes| 1e-6 * bytes as f64);
+        let error = format!(
+            "{what} are left out from here on: {free:.1} MB are free, {kept:.1} MB are kept for what comes first (the log and bins, then frames, then tags)"
+        );
+        self.status.say(error.clone());
+        self.writer.event(self.status.utc(), What::Error { about: what.to_owned(), error });
+    }
+
+    /// There is room for them again.
+    fn has_room(&mut self, about: &str) {
+        if let Some(lost) = self.left_out.remove(about) {
+            self.status.say(format!("{about} find room again; {lost} were left out"));
+            let what = What::Recovered { about: about.to_owned(), lost };
+            self.writer.event(self.status.utc(), what);
+        }
+    }
+
     fn write_tags(
         &mut self,
         counter: &str,
@@ -244,6 +293,17 @@ impl Writing {
             self.status.say(text);
         }
         let before = Loss::and(self.tags_lost.remove(counter), loss);
+        let bytes = records.as_flattened().len() as u64;
+        let about = format!("tags of {counter}");
+        if let Err(kept) = self.room.take(Bulk::Tags, bytes, utc) {
+            self.leave_out(&about, records.len() as u64, kept);
+            self.writer.lose_counted_tags(counter, records.len() as u64)?;
+            if let Some(lost) = Loss::and(before, Loss::of(records)) {
+                self.tags_lost.insert(counter.to_owned(), lost);
+            }
+            return Ok(());
+        }
+        self.has_room(&about);
         let marks = before.map(Loss::marks);
         let mut bytes = marks.as_ref().map_or(&[][..], |marks| marks.as_flattened()).to_vec();
         bytes.extend_from_slice(records.as_flattened());

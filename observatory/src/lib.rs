@@ -61,6 +61,7 @@ mod playback;
 mod pointing;
 mod preflight;
 mod replay;
+mod room;
 mod schedule;
 mod sequence;
 mod status;

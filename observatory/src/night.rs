@@ -9,6 +9,7 @@ use super::movers::{Before, RotatorWork, Stands, WheelWork};
 use super::opener::Opener;
 use super::plan::{CameraPlan, CounterPlan, Plan, PlanError, RotatorPlan, WheelPlan};
 use super::pointing::Pointing;
+use super::room::Room;
 use super::schedule::{Schedule, SharedSchedule};
 use super::sequence::Exposing;
 use super::status::{Snapshot, State, Status};
@@ -308,7 +309,10 @@ impl Night {
         if let Some((begun, number)) = before.as_ref().and_then(|before| before.step) {
             schedule = schedule.gone_on(begun, number);
         }
-        let (disk, writing) = disk::start(writer, status.clone(), live, self.live.clone())
+        // The end of one that is played back is no time of it.
+        let end = self.ended.or(self.end);
+        let room = Room::new(self.root.clone(), (start, end), &self.cameras, &self.counters);
+        let (disk, writing) = disk::start(writer, status.clone(), live, self.live.clone(), room)
             .map_err(NightError::WriterThread)?;
         if let Some(state) = &self.live {
             state.begin(&self, live);

@@ -112,9 +112,9 @@ const HORIZON_REFRACTION_DEG: f64 = 34.0 / 60.0;
 /// Part of the free room that a night may take without a warning.
 const ROOM: f64 = 0.8;
 /// Bytes of a frame beside its pixels, and of a counter's row beside its channels' columns, about.
-const FRAME_BYTES: f64 = 5760.0;
-const ROW_BYTES: f64 = 50.0;
-const COLUMN_BYTES: f64 = 14.0;
+pub(crate) const FRAME_BYTES: f64 = 5760.0;
+pub(crate) const ROW_BYTES: f64 = 50.0;
+pub(crate) const COLUMN_BYTES: f64 = 14.0;
 
 impl Preflight {
     /// The findings of a level.

@@ -425,6 +425,20 @@ impl SessionWriter {
         Ok(())
     }
 
+    /// Counts tags that are left out, without a word in the log.
+    ///
+    /// # Errors
+    /// The errors of [`tags`](Self::tags).
+    pub fn lose_counted_tags(&mut self, counter: &str, lost: u64) -> Result<(), EncodeError> {
+        self.tags_of(counter)?.lose(lost);
+        Ok(())
+    }
+
+    /// Counts a frame that is left out, without a word in the log.
+    pub fn lose_frame(&mut self) {
+        self.lost_frames += 1;
+    }
+
     fn tags_of(&mut self, counter: &str) -> Result<&mut Appender, EncodeError> {
         let tags = self.counters.get_mut(counter).and_then(|counter| counter.tags.as_mut());
         let expected = "a counter of the manifest with `raw_tags`";
