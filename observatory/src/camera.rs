@@ -118,10 +118,13 @@ impl CameraWork {
             if !self.is_ready(&now, worker) {
                 continue;
             }
-            if let Some(interval) = now.exposing.plan.interval_s.map(Positive::get)
-                && (grid.wait(worker, interval, now.to) || self.now(worker) != now)
-            {
-                continue;
+            if let Some(interval) = now.exposing.plan.interval_s.map(Positive::get) {
+                let turn = grid.wait(worker, interval, now.to);
+                if self.now(worker) != now {
+                    continue;
+                }
+                let Some(turn) = turn else { continue };
+                grid.begun = Some(turn);
             }
             self.tell_type(camera.as_mut(), now.exposing.frame_type, worker)?;
             let exposure_s = self.exposure_s(&now);
@@ -440,13 +443,11 @@ struct Grid {
 }
 
 impl Grid {
-    /// Waits for the next turn, turns that have passed are left out. True where the night or the stay (`to`) ended before it.
-    fn wait(&mut self, worker: &Worker, interval_s: f64, to: Option<Epoch>) -> bool {
+    /// Waits for the next turn, turns that have passed are left out. It is taken only when it is put into `begun`: a turn at the very time at which another
+    /// stay begins belongs to that one. `None` where the night or the stay (`to`) ended before it.
+    fn wait(&self, worker: &Worker, interval_s: f64, to: Option<Epoch>) -> Option<(Duration, u64)> {
         let now = worker.clock.clock.now();
-        let Some((first, last)) = self.begun else {
-            self.begun = Some((now, 0));
-            return false;
-        };
+        let Some((first, last)) = self.begun else { return Some((now, 0)) };
         let passed_s = now.saturating_sub(first).as_secs_f64();
         // A turn that is a thousandth late is still this one.
         let next = (last + 1).max((passed_s / interval_s - 1e-3).ceil() as u64);
@@ -459,10 +460,7 @@ impl Grid {
         }
         // Cut short by Ctrl-C alone, which the caller sees.
         let _ = worker.within(Duration::MAX).sleep(wait);
-        if !ends {
-            self.begun = Some((first, next));
-        }
-        ends || worker.is_over()
+        (!ends && !worker.is_over()).then_some((first, next))
     }
 }
 
