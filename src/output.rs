@@ -126,6 +126,13 @@ impl OutputArgs {
         self.check_targets(files)
     }
 
+    /// The other outputs, and those of a kind.
+    pub fn parted(&self, is_it: impl Fn(&Path) -> bool) -> (Self, Self) {
+        let (of_kind, others) = self.output.iter().cloned().partition(|path| is_it(path));
+        let of = |output| Self { output, force: self.force };
+        (of(others), of(of_kind))
+    }
+
     /// Refuses options that do not go together.
     pub fn check_with(&self, console: Console) -> anyhow::Result<()> {
         if self.is_stdout() && console.json {

@@ -8,20 +8,27 @@ use crate::station::StationArgs;
 use anyhow::{Context as _, bail};
 use clap::Args;
 use hifitime::{Epoch, Unit};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use sunglint_ephemeris::orbit::tle::{self, Tle};
 use sunglint_ephemeris::orbit::{Orbit, TleOrbit};
 use sunglint_ephemeris::passes::brightness::Brightness;
 use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_formats::nearest_names;
+use sunglint_observatory::planner::{
+    NightPlan, PassOffer, PlannerOptions, Surroundings, plan_night,
+};
+use sunglint_observatory::{Catalogue, Plan, Preflight, PreflightOptions, preflight};
+use sunglint_radiometry::air::Air;
 use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{EarthOrientation, SkyFrames};
 use sunglint_report::passes::PassesReport;
+use sunglint_report::preflight::{plan_text, text as preflight_text};
 use sunglint_simulator::attitude::Attitude;
 use sunglint_simulator::sightings::{
-    Model, Photometer, SightingFailure, SightingFilter, SightingLight, find,
+    Model, Photometer, SeenPass, SightingFailure, SightingFilter, SightingLight, find,
 };
 use sunglint_simulator::target::Target;
 
@@ -64,9 +71,54 @@ pub struct PassesArgs {
     /// Known properties of the air.
     #[command(flatten)]
     pub model: AirModelArgs,
+    /// A plan for `observe`.
+    #[command(flatten)]
+    pub night: NightArgs,
     /// Where the result goes.
     #[command(flatten)]
     pub out: OutputArgs,
+}
+
+/// What the plan of a night gets besides the passes.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "A plan for observe (-o NIGHT.toml)")]
+pub struct NightArgs {
+    /// The instruments: a NIGHT.toml without times and visits, beside which the plan is written; its station is taken
+    #[arg(long, value_name = "DEVICES.toml", conflicts_with = "station")]
+    pub devices: Option<PathBuf>,
+    /// Visits to stars to calibrate by, as near to the passes as can be
+    #[arg(long, value_name = "N", default_value_t = 6, requires = "devices", value_parser = clap::value_parser!(u32).range(0..=200))]
+    pub stars: u32,
+    /// Length of a visit to a star with one filter, s
+    #[arg(long, value_name = "S", default_value_t = 60.0, requires = "devices")]
+    pub star_s: f64,
+    /// Length of the sky beside each star, s
+    #[arg(long, value_name = "S", default_value_t = 20.0, requires = "devices")]
+    pub sky_s: f64,
+    /// Time from one place of the sky to another, s
+    #[arg(long, value_name = "S", default_value_t = 30.0, requires = "devices")]
+    pub slew_s: f64,
+    /// Length of the dark frames at each end, s
+    #[arg(long, value_name = "S", default_value_t = 60.0, requires = "devices")]
+    pub dark_s: f64,
+    /// Johnson V of the stars: brightest and faintest
+    #[arg(
+        long,
+        value_name = "MIN,MAX",
+        default_value = "0,5",
+        requires = "devices",
+        allow_hyphen_values = true
+    )]
+    pub star_mag: String,
+    /// The most air to a star
+    #[arg(long, value_name = "AIRMASS", default_value_t = 2.5, requires = "devices")]
+    pub max_airmass: f64,
+    /// Width of a star's image at half of its height, arcsec: for what saturates
+    #[arg(long, value_name = "ARCSEC", default_value_t = 2.5, requires = "devices")]
+    pub seeing_arcsec: f64,
+    /// Flats in the evening's twilight, made to reach this median, ADU
+    #[arg(long, value_name = "ADU", requires = "devices")]
+    pub flats: Option<f64>,
 }
 
 /// Conditions that a pass must meet to be listed.
@@ -131,14 +183,20 @@ const MOST_DAYS: f64 = 40.0;
 
 /// Finds passes.
 pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
-    args.out.check()?;
+    let (out, plans) = args.out.parted(is_plan);
+    out.check()?;
+    plans.check_targets(plans.output.iter().map(PathBuf::as_path))?;
     let (from, to) = args.window()?;
     args.filter.check()?;
     let brightness = args.brightness()?;
     if !(1e-9..=86_400.0).contains(&args.exposure_s) {
         bail!("--exposure-s is {:e}, expected 1e-9 to 86400 s", args.exposure_s);
     }
-    let station = args.station.get()?;
+    let devices = args.devices()?;
+    let station = match &devices {
+        Some((plan, _)) => plan.station.clone(),
+        None => args.station.get()?,
+    };
     let mut inputs: Vec<Input> = station
         .sources
         .iter()
@@ -208,6 +266,14 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
     if let Some(more) = failures.len().checked_sub(MOST_WARNED).filter(|more| *more > 0) {
         console.warn(&format!("… and {more} more objects left out (failures in --json)"));
     }
+    let planned = match &devices {
+        None => None,
+        Some((plan, text)) => {
+            let around = Around { plan, search: &search, air: &air, orientation };
+            let planned = args.plan(&found.passes, around, text, &plans, console)?;
+            Some(planned)
+        }
+    };
     let report = PassesReport {
         search: &search,
         station: &station,
@@ -219,11 +285,16 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
         inputs,
         orientation,
     };
-    finish(&report, &args.out, console)
+    finish(&report, planned.as_ref(), &out, console)
 }
 
 /// Writes and prints it. The sky plot is no figure of panels: its files are written beside the product's, all or none.
-fn finish(report: &PassesReport<'_>, out: &OutputArgs, console: Console) -> anyhow::Result<()> {
+fn finish(
+    report: &PassesReport<'_>,
+    planned: Option<&Planned>,
+    out: &OutputArgs,
+    console: Console,
+) -> anyhow::Result<()> {
     let is_picture = |p: &PathBuf| {
         p.extension().is_some_and(|e| {
             let e = e.to_string_lossy().to_ascii_lowercase();
@@ -254,13 +325,153 @@ fn finish(report: &PassesReport<'_>, out: &OutputArgs, console: Console) -> anyh
             others.push((path, bytes));
         }
     }
-    rest.finish_with(&report.product(out.wants_json(console)), others, &report.text(), console)
+    let mut product = report.product(out.wants_json(console) || planned.is_some());
+    let mut text = report.text();
+    if let Some(planned) = planned {
+        if let Some(result) = product.json.as_object_mut() {
+            result.insert("plan".into(), planned.json()?);
+        }
+        text = format!("{}\n\n{}", text.trim_end(), planned.text());
+    }
+    rest.finish_with(&product, others, &text, console)
+}
+
+fn is_plan(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"))
+}
+
+/// A plan that was written: its files, and whether such a night can be.
+struct Planned {
+    files: Vec<PathBuf>,
+    night: NightPlan,
+    check: Preflight,
+}
+
+impl Planned {
+    fn json(&self) -> anyhow::Result<serde_json::Value> {
+        let mut json = serde_json::to_value(&self.night)?;
+        if let Some(plan) = json.as_object_mut() {
+            let files = self.files.iter().map(|path| path.display().to_string());
+            plan.insert("files".into(), files.collect());
+            plan.insert("check".into(), serde_json::to_value(&self.check)?);
+        }
+        Ok(json)
+    }
+
+    fn text(&self) -> String {
+        let files: Vec<String> = self.files.iter().map(|path| path.display().to_string()).collect();
+        let (plan, check) = (plan_text(&self.night), preflight_text(&self.check));
+        format!(
+            "plan: {}\n\n{plan}\ncheck of the plan, without its devices:\n{check}",
+            files.join(", ")
+        )
+    }
+}
+
+/// Where and how a plan is made.
+struct Around<'a> {
+    plan: &'a Plan,
+    search: &'a Search,
+    air: &'a Air,
+    orientation: &'a EarthOrientation,
 }
 
 /// More objects left out than this are counted, not named.
 const MOST_WARNED: usize = 5;
 
 impl PassesArgs {
+    /// The plan of the instruments, and its text; with a place for what is made of it.
+    fn devices(&self) -> anyhow::Result<Option<(Plan, String)>> {
+        let plans = self.out.parted(is_plan).1.output;
+        let Some(devices) = &self.night.devices else {
+            return match plans.first() {
+                None => Ok(None),
+                Some(path) => {
+                    let path = path.display();
+                    Err(Usage(format!(
+                        "-o {path}: a plan needs its instruments: give --devices DEVICES.toml"
+                    ))
+                    .into())
+                }
+            };
+        };
+        let [output] = &plans[..] else {
+            return Err(
+                Usage("--devices goes with one -o NIGHT.toml, which is written".into()).into()
+            );
+        };
+        let folder = |path: &Path| {
+            let parent = path.parent().filter(|p| !p.as_os_str().is_empty());
+            std::fs::canonicalize(parent.unwrap_or(Path::new("."))).ok()
+        };
+        if folder(output) != folder(devices) {
+            bail!(
+                "{}: the plan is written beside {}, whose paths it keeps",
+                output.display(),
+                devices.display()
+            );
+        }
+        let text = sunglint_formats::read::text(devices)?;
+        if let Ok(table) = text.parse::<toml::Table>() {
+            let own = ["from", "to", "for_s", "visit", "virtual"];
+            if let Some(key) = own.into_iter().find(|key| table.contains_key(*key)) {
+                bail!("{}: expected no `{key}`: it comes with the plan", devices.display());
+            }
+        }
+        Ok(Some((Plan::read(devices)?, text)))
+    }
+
+    /// A plan for these passes, and the file of their elements.
+    fn plan(
+        &self,
+        passes: &[SeenPass],
+        around: Around<'_>,
+        devices: &str,
+        plans: &OutputArgs,
+        console: Console,
+    ) -> anyhow::Result<Planned> {
+        let path = plans.output.first().cloned().unwrap_or_default();
+        let elements = path.with_extension("tle");
+        let name = elements.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let offers: Vec<PassOffer> = passes.iter().filter_map(offer).collect();
+        let dark: Vec<(Epoch, Epoch)> =
+            around.search.dark().iter().map(|span| (span.from, span.to)).collect();
+        let surroundings = Surroundings {
+            devices: around.plan,
+            air: around.air,
+            orientation: around.orientation,
+            zero: self.zero_point,
+            dark: &dark,
+            elements: &name,
+        };
+        let night = plan_night(&offers, surroundings, &self.night.options()?)?;
+        for warning in &night.warnings {
+            console.warn(warning);
+        }
+        let mut sets = String::new();
+        let mut told = BTreeSet::new();
+        for pass in passes {
+            let Orbit::Tle(orbit) = &pass.orbit else { continue };
+            let tle = orbit.tle();
+            if told.insert(tle.norad_id) {
+                let name = tle.name.clone().unwrap_or_default();
+                let _ = writeln!(sets, "{name}\n{}\n{}", tle.line1, tle.line2);
+            }
+        }
+        let files = [
+            (elements, sets.trim_start().to_owned().into_bytes()),
+            (path.clone(), night.toml(devices).into_bytes()),
+        ];
+        let files = plans.write_files(&files, console)?;
+        // As `observe` will, but without its devices, which may be elsewhere.
+        let plan = Plan::read(&path)?;
+        let mut options = PreflightOptions::default();
+        options.open_devices = false;
+        options.now = options.now.min(plan.from);
+        let check = preflight(&plan, &Catalogue::of(&plan), &options);
+        Ok(Planned { files, night, check })
+    }
+
     /// The body whose light is calculated, where one was asked for.
     fn model(&self) -> anyhow::Result<Option<Model>> {
         let Some(model) = &self.brightness.model else { return Ok(None) };
@@ -349,6 +560,53 @@ impl PassesArgs {
             }
         }
         Ok(nearest.into_values().collect())
+    }
+}
+
+/// A pass for the plan: its first stretch in the light; none of an object without elements.
+fn offer(pass: &SeenPass) -> Option<PassOffer> {
+    let span = pass.pass.visible.first()?;
+    Some(PassOffer {
+        label: pass.target.clone(),
+        norad_id: pass.norad_id,
+        span: (span.from, span.to),
+        v_mag: pass.brightest.v_mag,
+        highest_deg: pass.highest_visible_deg(),
+    })
+}
+
+impl NightArgs {
+    fn options(&self) -> anyhow::Result<PlannerOptions> {
+        for (option, value, [least, most]) in [
+            ("--star-s", self.star_s, [1.0, 7200.0]),
+            ("--sky-s", self.sky_s, [0.0, 7200.0]),
+            ("--slew-s", self.slew_s, [0.0, 3600.0]),
+            ("--dark-s", self.dark_s, [0.0, 7200.0]),
+            ("--max-airmass", self.max_airmass, [1.05, 10.0]),
+            ("--seeing-arcsec", self.seeing_arcsec, [0.1, 60.0]),
+            ("--flats", self.flats.unwrap_or(1.0), [1.0, 1e6]),
+        ] {
+            if !(least..=most).contains(&value) {
+                bail!("{option} is {value}, expected {least} to {most}");
+            }
+        }
+        let numbers: Option<Vec<f64>> =
+            self.star_mag.split(',').map(|part| part.trim().parse().ok()).collect();
+        let star_mag = match numbers.as_deref() {
+            Some([least, most]) if least < most => [*least, *most],
+            _ => bail!("--star-mag is {}, expected BRIGHTEST,FAINTEST such as 0,5", self.star_mag),
+        };
+        let mut options = PlannerOptions::default();
+        options.stars = self.stars as usize;
+        options.star_s = self.star_s;
+        options.sky_s = self.sky_s;
+        options.slew_s = self.slew_s;
+        options.dark_s = self.dark_s;
+        options.star_mag = star_mag;
+        options.airmass = self.max_airmass;
+        options.seeing_arcsec = self.seeing_arcsec;
+        options.flats_adu = self.flats;
+        Ok(options)
     }
 }
 

@@ -28,6 +28,7 @@ mod indi;
 mod inventory;
 mod line;
 mod meters;
+pub mod opencv;
 mod options;
 mod plugged;
 mod swabian;
@@ -48,7 +49,7 @@ use crate::device::DeviceError;
 use std::fmt;
 
 /// Every driver, real ones first.
-pub static DRIVERS: [&Driver; 19] = [
+pub static DRIVERS: [&Driver; 20] = [
     &swabian::TIME_TAGGER,
     &trinamic::TMCL,
     &apt::APT,
@@ -56,6 +57,7 @@ pub static DRIVERS: [&Driver; 19] = [
     &indi::ROTATOR,
     &indi::WHEEL,
     &indi::TELESCOPE,
+    &opencv::OPENCV,
     &meters::OPHIR,
     &meters::PM100,
     &zwo::EFW,

@@ -7,8 +7,9 @@
 //! - [`Plan`]: NIGHT.toml: station, devices, targets and their times;
 //! - [`preflight`]: whether a night can be what its plan says, before it begins;
 //! - [`Night`]: a night that is ready to run, and [`Night::run`];
-//! - [`Opener`]: the source of the devices: the [`Catalogue`] of drivers, a session that is played back ([`Playback`]), or anything
-//!   else that implements the trait, such as a virtual observatory;
+//! - [`planner`]: a plan out of passes, with stars to calibrate by;
+//! - [`Opener`]: the source of the devices: the [`Catalogue`] of drivers, a session that is played back ([`Playback`]), recordings of
+//!   a frame grabber ([`Films`]), or anything else that implements the trait, such as a virtual observatory;
 //! - [`Snapshot`]: the live status, twenty times a second; [`Summary`]: how the night went;
 //! - [`live`]: the state of a running night for other threads, and the queue of their commands;
 //! - [`telescope`]: a mount that follows a satellite;
@@ -52,11 +53,13 @@ mod camera;
 pub mod clock;
 mod counter;
 mod disk;
+mod films;
 pub mod live;
 mod movers;
 mod night;
 mod opener;
 mod plan;
+pub mod planner;
 mod playback;
 mod pointing;
 mod preflight;
@@ -69,12 +72,13 @@ mod tags;
 pub mod telescope;
 mod worker;
 
+pub use films::Films;
 pub use live::{Control, ControlError, LiveState};
 pub use night::{Incomplete, Night, NightError, Summary};
 pub use opener::{Catalogue, Opener};
 pub use plan::{
-    CameraPlan, CounterPlan, MakeVirtual, Plan, PlanError, RotatorPlan, VIRTUAL_ADDRESS,
-    VirtualRequest, WheelPlan,
+    CameraPlan, CounterPlan, MakeVirtual, NightClock, Plan, PlanError, RotatorPlan,
+    VIRTUAL_ADDRESS, VirtualRequest, WheelPlan,
 };
 pub use playback::Playback;
 pub use pointing::Pointing;

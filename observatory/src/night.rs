@@ -4,10 +4,11 @@ use super::camera::CameraWork;
 use super::clock::{self, STEP_S};
 use super::counter::CounterWork;
 use super::disk;
+use super::films::Films;
 use super::live::{Asked, Control, ControlError, LiveState};
 use super::movers::{Before, RotatorWork, Stands, WheelWork};
 use super::opener::Opener;
-use super::plan::{CameraPlan, CounterPlan, Plan, PlanError, RotatorPlan, WheelPlan};
+use super::plan::{CameraPlan, CounterPlan, NightClock, Plan, PlanError, RotatorPlan, WheelPlan};
 use super::pointing::Pointing;
 use super::room::Room;
 use super::schedule::{Schedule, SharedSchedule};
@@ -227,8 +228,15 @@ impl Night {
             format: FORMAT.into(),
             program: program.to_owned(),
             station: plan.station.name.clone(),
-            start_utc: if plan.is_virtual { plan.from } else { DeviceClock::live().utc() },
-            clock: if plan.is_virtual { clock::exact() } else { clock::measured() },
+            start_utc: match plan.clock {
+                NightClock::Computer => DeviceClock::live().utc(),
+                NightClock::Virtual | NightClock::Recording => plan.from,
+            },
+            clock: match plan.clock {
+                NightClock::Computer => clock::measured(),
+                NightClock::Virtual => clock::exact(),
+                NightClock::Recording => clock::recorded(),
+            },
             devices: plan.devices(),
             files: plan.sums(),
         };
@@ -244,7 +252,10 @@ impl Night {
             rotators: plan.rotators,
             opener,
             schedule: plan.schedule,
-            end: plan.to,
+            end: match plan.clock {
+                NightClock::Recording => Some(plan.to.unwrap_or_else(|| Films::end(plan.from))),
+                NightClock::Computer | NightClock::Virtual => plan.to,
+            },
             ends_with_visits: plan.ends_with_visits,
             ended: None,
             in_utc: plan.in_utc,
@@ -264,6 +275,9 @@ impl Night {
     ) -> Result<Self, PlanError> {
         let session = Session::open(session)?;
         let plan = Plan::of_session(&session)?;
+        if plan.clock == NightClock::Recording {
+            return Err(PlanError::Recorded { session: session.root().to_path_buf() });
+        }
         let now = DeviceClock::live().utc();
         if let Some(to) = plan.to.filter(|to| *to <= now) {
             let (root, at) = (session.root().to_path_buf(), format_utc(to, 0));

@@ -1,7 +1,9 @@
 //! Source of a night's devices: the catalogue of drivers, or anything else that stands in for them.
 
-use super::plan::{CameraPlan, CounterPlan, RotatorPlan, WheelPlan};
+use super::films::Films;
+use super::plan::{CameraPlan, CounterPlan, NightClock, Plan, RotatorPlan, WheelPlan};
 use std::fmt;
+use std::sync::Arc;
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Deadline, DeviceClock};
 use sunglint_drivers::device::{Camera, DeviceError, FilterWheel, PhotonCounter, RotationStage};
@@ -76,6 +78,14 @@ pub trait Opener: Send + Sync + fmt::Debug {
 pub struct Catalogue;
 
 impl Catalogue {
+    /// The opener for a plan's devices: [`Films`] where its cameras are recordings.
+    pub fn of(plan: &Plan) -> Arc<dyn Opener> {
+        match plan.clock {
+            NightClock::Recording => Arc::new(Films::new(plan)),
+            NightClock::Computer | NightClock::Virtual => Arc::new(Self),
+        }
+    }
+
     fn open(
         address: &str,
         options: &[String],

@@ -53,6 +53,12 @@ pub enum PlanError {
         /// When it ended, UTC.
         at: String,
     },
+    /// A night of recordings is over with them.
+    #[error("{}: nothing is left to go on with: its cameras are recordings", session.display())]
+    Recorded {
+        /// The session's folder.
+        session: PathBuf,
+    },
     /// The station of a recorded session is not known.
     #[error(transparent)]
     Station(#[from] RecordedError),
@@ -76,6 +82,18 @@ pub struct VirtualRequest<'a> {
 /// Maker of virtual nights, for plans that ask for one.
 pub type MakeVirtual<'a> =
     dyn FnMut(VirtualRequest<'_>) -> Result<(), Box<dyn Error + Send + Sync>> + 'a;
+
+/// Clock that a night runs on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum NightClock {
+    /// The computer's.
+    Computer,
+    /// A virtual night's own, which is UTC.
+    Virtual,
+    /// That of the recordings that are its cameras, as far as it is known.
+    Recording,
+}
 
 /// The file as it is written.
 #[derive(Debug, Clone, Deserialize)]
@@ -371,8 +389,8 @@ pub struct Plan {
     pub rotators: Vec<RotatorPlan>,
     /// Where the telescope looks, and when.
     pub schedule: Schedule,
-    /// Whether a virtual night stands in for the devices.
-    pub is_virtual: bool,
+    /// Clock that the night runs on.
+    pub clock: NightClock,
     /// Whether it names times in UTC, not only `now` and durations.
     pub in_utc: bool,
     /// The files of the configuration: names within the session's folder, and bytes.
@@ -418,8 +436,9 @@ impl Plan {
         session: Option<&Session>,
         make_virtual: &mut MakeVirtual<'_>,
     ) -> Result<Self, PlanError> {
-        let written: PlanFile = document.parse()?;
+        let mut written: PlanFile = document.parse()?;
         check_devices(document, &written)?;
+        let clock = clock_of(document, &mut written)?;
         let mut files = vec![("night.toml".to_owned(), document.source().as_bytes().to_vec())];
         let station = match session {
             Some(session) => Station::of_session(session)?,
@@ -500,7 +519,7 @@ impl Plan {
             wheels: written.wheels,
             rotators: written.rotators,
             schedule: Schedule::new(slots),
-            is_virtual: written.virtual_night.is_some(),
+            clock,
             in_utc,
             files,
         })
@@ -665,6 +684,45 @@ fn check_devices(document: &Document, written: &PlanFile) -> Result<(), ParseErr
         }
     }
     Ok(())
+}
+
+/// Clock of a night: recordings and live devices do not go together. The paths of recordings are as seen from the plan.
+fn clock_of(document: &Document, written: &mut PlanFile) -> Result<NightClock, ParseError> {
+    if written.virtual_night.is_some() {
+        return Ok(NightClock::Virtual);
+    }
+    let address = |camera: &CameraPlan| Address::parse(&camera.device, &camera.with).ok();
+    let is_recording =
+        |camera: &CameraPlan| address(camera).is_some_and(|address| address.is_recording());
+    let Some(first) = written.cameras.iter().position(is_recording) else {
+        return Ok(NightClock::Computer);
+    };
+    let others = [
+        written.cameras.iter().position(|camera| !is_recording(camera)).map(|i| ("camera", i)),
+        (!written.counters.is_empty()).then_some(("counter", 0)),
+        (!written.wheels.is_empty()).then_some(("wheel", 0)),
+        (!written.rotators.is_empty()).then_some(("rotator", 0)),
+    ];
+    if let Some((table, i)) = others.into_iter().flatten().next() {
+        let expected = "a recording, as the other cameras are: those have times of their own";
+        let error = document.error_at(&format!("{table}[{i}].device"), expected);
+        return Err(error.with_hint(format!("camera {} is one", written.cameras[first].name)));
+    }
+    if written.from.is_none() {
+        let expected = "the time of the recording's first frame, or a little before it";
+        return Err(document.error_at("from", expected));
+    }
+    for (i, camera) in written.cameras.iter_mut().enumerate() {
+        if camera.interval_s.is_some() {
+            let expected = "none: the frames of a recording come when they were taken";
+            return Err(document.error_at(&format!("camera[{i}].interval_s"), expected));
+        }
+        if let Some((driver, place)) = camera.device.split_once(':') {
+            let place = document.resolve(place.trim());
+            camera.device = format!("{driver}:{}", place.display());
+        }
+    }
+    Ok(NightClock::Recording)
 }
 
 const CAMERAS: &str = "names of cameras of the plan";

@@ -5,7 +5,7 @@
 use super::clock;
 use super::movers::behind;
 use super::opener::Opener;
-use super::plan::{CameraPlan, CounterPlan, Plan, RotatorPlan, WheelPlan};
+use super::plan::{CameraPlan, CounterPlan, NightClock, Plan, RotatorPlan, WheelPlan};
 use super::pointing::{Body, airmass};
 use super::schedule::Slot;
 use super::sequence::Exposing;
@@ -147,8 +147,8 @@ impl Preflight {
 /// Checks a plan. The opener's devices are opened, asked, and let go; nothing is set.
 pub fn preflight(plan: &Plan, opener: &Arc<dyn Opener>, options: &PreflightOptions) -> Preflight {
     let mut found = Preflight { utc: format_utc(options.now, 3), findings: Vec::new() };
-    let opened =
-        (options.open_devices && !plan.is_virtual).then(|| Opened::start(plan, opener, options));
+    let opened = (options.open_devices && plan.clock != NightClock::Virtual)
+        .then(|| Opened::start(plan, opener, options));
     check_clock(plan, &mut found);
     check_times(plan, options, &mut found);
     for (number, visit) in plan.schedule.visits().iter().enumerate() {
@@ -176,7 +176,7 @@ fn span(s: f64) -> String {
 }
 
 fn check_clock(plan: &Plan, found: &mut Preflight) {
-    if plan.is_virtual {
+    if plan.clock != NightClock::Computer {
         return;
     }
     match clock::measured() {
@@ -205,7 +205,7 @@ fn check_times(plan: &Plan, options: &PreflightOptions, found: &mut Preflight) {
         );
         return;
     };
-    if plan.is_virtual {
+    if plan.clock != NightClock::Computer {
         return;
     }
     let past_s = seconds(to, options.now);
@@ -235,7 +235,7 @@ fn check_visit(
     let end = slot.to.or(plan.to);
     let to = end.unwrap_or(slot.from + hifitime::Duration::from_seconds(OPEN_S));
     let before = found.findings.len();
-    if !plan.is_virtual {
+    if plan.clock == NightClock::Computer {
         let late_s = seconds(slot.from, options.now);
         if slot.to.is_some_and(|to| to <= options.now) {
             let text = format!(
@@ -270,11 +270,19 @@ fn check_visit(
     }
     let kind = slot.target.target_kind;
     if kind == TargetKind::Flat {
-        let from = if plan.is_virtual { slot.from } else { slot.from.max(options.now.min(to)) };
+        let from = if plan.clock != NightClock::Computer {
+            slot.from
+        } else {
+            slot.from.max(options.now.min(to))
+        };
         check_twilight(&about, slot, (from, to), &plan.station, found);
     } else if !matches!(kind, TargetKind::Dark | TargetKind::Bias) {
         // A visit that has begun is looked at from now on.
-        let from = if plan.is_virtual { slot.from } else { slot.from.max(options.now.min(to)) };
+        let from = if plan.clock != NightClock::Computer {
+            slot.from
+        } else {
+            slot.from.max(options.now.min(to))
+        };
         check_sky(&about, slot, (from, to), &plan.station, options, found);
     }
     if found.findings.len() == before {
@@ -928,7 +936,7 @@ fn check_room(
         found.fine("disk", format!("room for {hours:.0} h at {:.2} MB/s{tags}", 1e-6 * rate));
         return;
     };
-    let from = if plan.is_virtual { plan.from } else { options.now };
+    let from = if plan.clock != NightClock::Computer { plan.from } else { options.now };
     let bytes = rate * seconds(from, to).max(0.0);
     let [need, room] = [bytes, free].map(|bytes| format!("{:.3} GB", 1e-9 * bytes));
     let text = format!("the night takes up to {need}, {room} are free{tags}");

@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 use sunglint_drivers::clock::Cancel;
 use sunglint_formats::text::printable;
 use sunglint_observatory::{
-    Catalogue, Level, LiveState, Night, Opener, Plan, Preflight, PreflightOptions, ReplayError,
-    Snapshot, Summary, free_bytes, preflight,
+    Catalogue, Level, LiveState, Night, NightClock, Opener, Plan, Preflight, PreflightOptions,
+    ReplayError, Snapshot, Summary, free_bytes, preflight,
 };
 use sunglint_page::{LiveNight, Server};
 use sunglint_radiometry::station::RecordedError;
@@ -144,11 +144,11 @@ fn checked(path: &Path, output: Option<&Path>) -> anyhow::Result<(Preflight, boo
     })?;
     let opener: Arc<dyn Opener> = match made {
         Some(night) => Arc::new(night),
-        None => Arc::new(Catalogue),
+        None => Catalogue::of(&plan),
     };
     let mut options = PreflightOptions::default();
     options.folder = output.map(Path::to_path_buf);
-    Ok((preflight(&plan, &opener, &options), plan.is_virtual))
+    Ok((preflight(&plan, &opener, &options), plan.clock == NightClock::Virtual))
 }
 
 fn refuse(plan: &Path, found: &Preflight) -> anyhow::Result<()> {
@@ -175,7 +175,7 @@ pub fn planned(
     })?;
     let opener: Arc<dyn Opener> = match &made {
         Some(night) => Arc::new(night.clone()),
-        None => Arc::new(Catalogue),
+        None => Catalogue::of(&plan),
     };
     Ok((Night::planned(plan, opener, output, PROGRAM), made))
 }

@@ -78,6 +78,8 @@ pub struct GrabberSettings {
     pub bayer: Option<Bayer>,
     /// Treatment of lossy sources.
     pub lossy: Lossy,
+    /// Frames of a recording are taken whatever exposure was asked for: each says its own. Else another one is refused.
+    pub any_exposure: bool,
     /// How many pictures are thrown away before a single exposure, as they may have begun before it was asked for. A live
     /// source has its own number.
     pub held: u32,
@@ -319,8 +321,10 @@ impl Grabber {
                     Some(self.worker.call("setting the exposure", deadline, set)??);
                 Ok(())
             }
-            (_, Some(recorded)) => same_exposure(exposure_s, recorded),
-            (_, None) => Ok(()),
+            (_, Some(recorded)) if !self.settings.any_exposure => {
+                same_exposure(exposure_s, recorded)
+            }
+            _ => Ok(()),
         }
     }
 
@@ -330,7 +334,8 @@ impl Grabber {
         deadline: &Deadline,
     ) -> Result<Option<Frame>, DeviceError> {
         let frame = self.next_frame(deadline)?;
-        if let (Some(frame), false) = (&frame, self.times == FrameTimes::Host) {
+        let any = self.settings.any_exposure || self.times == FrameTimes::Host;
+        if let (Some(frame), false) = (&frame, any) {
             same_exposure(exposure_s, frame.exposure_s)?;
         }
         Ok(frame)

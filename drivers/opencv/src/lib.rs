@@ -9,7 +9,8 @@
 //! - `worker`: the thread on which OpenCV blocks, so that a deadline ends the caller's wait all the same;
 //! - `grabber`: any of them as a [`device::Camera`](sunglint_drivers::device::Camera), with an honest time for each frame;
 //! - `recorder`: frames into a lossless recording, with their times, exposures and check sums in a table beside it (`sidecar`);
-//! - `bayer`: colours out of a mosaic.
+//! - `bayer`: colours out of a mosaic;
+//! - `address`: all of it by an address of the catalogue, for programs.
 //!
 //! # How far it is tried
 //!
@@ -17,6 +18,8 @@
 //! **No live device has been at the other end**: what is above OpenCV is tried with sources of our own, what lies between OpenCV
 //! and Video4Linux is not tried but for a device that is not there.
 
+#[cfg(feature = "opencv")]
+mod address;
 #[cfg(feature = "opencv")]
 pub mod bayer;
 #[cfg(feature = "opencv")]
@@ -42,6 +45,8 @@ pub mod sidecar;
 #[cfg(feature = "opencv")]
 mod worker;
 
+#[cfg(feature = "opencv")]
+pub use address::{open, provide};
 #[cfg(feature = "opencv")]
 pub use grabber::{FrameTimes, Grabber, GrabberSettings, Lossy, Source};
 #[cfg(feature = "opencv")]

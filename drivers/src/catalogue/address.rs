@@ -1,7 +1,7 @@
 //! Addresses of devices: a driver, where, and what it has to be told.
 
 use super::options::{OptionKind, Options};
-use super::{AnyDevice, DRIVERS, Driver, Line};
+use super::{AnyDevice, DRIVERS, Driver, Line, opencv};
 use crate::clock::Deadline;
 use crate::device::DeviceError;
 use std::fmt;
@@ -95,21 +95,29 @@ impl Address {
         (self.driver.open)(line, self, deadline)
     }
 
+    /// Whether it names what was recorded before: it has times of its own, and an end.
+    pub fn is_recording(&self) -> bool {
+        self.driver.name == opencv::OPENCV.name
+            && self.place.as_deref().is_some_and(opencv::is_recording)
+    }
+
     /// An option's number, its default where it was not given; `None` if it has neither.
-    pub(super) fn number(&self, name: &str) -> Option<f64> {
+    pub fn number(&self, name: &str) -> Option<f64> {
         self.text(name)?.parse().ok()
     }
 
     /// An option's whole number, which its range lets fit.
-    pub(super) fn integer<N: TryFrom<i64>>(&self, name: &str) -> Option<N> {
+    pub fn integer<N: TryFrom<i64>>(&self, name: &str) -> Option<N> {
         N::try_from(self.text(name)?.parse::<i64>().ok()?).ok()
     }
 
-    pub(super) fn flag(&self, name: &str) -> bool {
+    /// An option's yes; `false` where it was not given and has no default.
+    pub fn flag(&self, name: &str) -> bool {
         self.text(name).and_then(OptionKind::flag).unwrap_or(false)
     }
 
-    pub(super) fn text(&self, name: &str) -> Option<&str> {
+    /// An option's text, its default where it was not given; `None` if it has neither.
+    pub fn text(&self, name: &str) -> Option<&str> {
         self.options.get(name).or_else(|| {
             let spec = self.driver.options.iter().find(|spec| spec.name == name)?;
             Some(spec.default).filter(|default| !default.is_empty())

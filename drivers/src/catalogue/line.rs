@@ -20,6 +20,8 @@ pub enum Wire {
     Bytes,
     /// Requests one by one.
     Transfers,
+    /// None of ours: a library speaks to the device.
+    Library,
 }
 
 /// An open line.
@@ -28,6 +30,8 @@ pub enum Line {
     Bytes(Box<dyn Bytes>),
     /// Line that carries requests.
     Transfers(Box<dyn Transfers>),
+    /// No line of ours: a library speaks to the device.
+    Library,
 }
 
 impl fmt::Debug for Line {
@@ -35,6 +39,7 @@ impl fmt::Debug for Line {
         f.write_str(match self {
             Self::Bytes(_) => "Line::Bytes",
             Self::Transfers(_) => "Line::Transfers",
+            Self::Library => "Line::Library",
         })
     }
 }
@@ -53,7 +58,7 @@ impl Line {
     /// The line, written down as it is used.
     ///
     /// # Errors
-    /// See [`Recorded::create`].
+    /// See [`Recorded::create`]; a library's device, of which nothing can be written down.
     pub fn recorded(
         self,
         path: impl AsRef<Path>,
@@ -65,6 +70,11 @@ impl Line {
             Self::Transfers(line) => {
                 Self::transfers(Recorded::create(line, path, header, overwrite)?)
             }
+            Self::Library => {
+                let unheard = "a library speaks to this device: nothing of it can be written down";
+                let error = std::io::Error::new(std::io::ErrorKind::Unsupported, unheard);
+                return Err(FileError::io("record to", path, error));
+            }
         })
     }
 
@@ -73,6 +83,7 @@ impl Line {
         match self {
             Self::Bytes(line) => Self::bytes(Faulty::new(line, faults, seed)),
             Self::Transfers(line) => Self::transfers(Faulty::new(line, faults, seed)),
+            Self::Library => Self::Library,
         }
     }
 
@@ -84,6 +95,7 @@ impl Line {
         let line = match wire {
             Wire::Bytes => Self::bytes(Shared(replay)),
             Wire::Transfers => Self::transfers(Shared(replay)),
+            Wire::Library => Self::Library,
         };
         (line, rest)
     }
@@ -92,7 +104,7 @@ impl Line {
     pub(super) fn into_bytes(self, device: &'static str) -> Result<Box<dyn Bytes>, DeviceError> {
         match self {
             Self::Bytes(line) => Ok(line),
-            Self::Transfers(_) => Err(wrong(device, "bytes")),
+            Self::Transfers(_) | Self::Library => Err(wrong(device, "bytes")),
         }
     }
 
@@ -103,7 +115,7 @@ impl Line {
     ) -> Result<Box<dyn Transfers>, DeviceError> {
         match self {
             Self::Transfers(line) => Ok(line),
-            Self::Bytes(_) => Err(wrong(device, "requests (USB, HID)")),
+            Self::Bytes(_) | Self::Library => Err(wrong(device, "requests (USB, HID)")),
         }
     }
 }

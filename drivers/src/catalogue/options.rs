@@ -15,6 +15,8 @@ pub enum OptionKind {
     Flag,
     /// Two numbers, the smaller first, with a comma between.
     Pair,
+    /// A time in UTC (`2026-11-24T21:00:00Z`).
+    Utc,
     /// One of these words, or one of them with a positive number behind a colon where it ends with one.
     Word(&'static [&'static str]),
 }
@@ -59,6 +61,10 @@ impl OptionKind {
             Self::Pair => {
                 (Self::pair(text).is_some(), "two numbers FROM,TO, FROM the smaller".to_owned())
             }
+            Self::Utc => (
+                sunglint_formats::time::parse_utc(text).is_ok(),
+                "a time in UTC, such as 2026-11-24T21:00:00Z".to_owned(),
+            ),
             Self::Word(words) => {
                 let (word, number) = Self::word(text);
                 let is = |known: &&str| match known.strip_suffix(':') {

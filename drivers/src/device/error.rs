@@ -136,6 +136,22 @@ pub enum DeviceError {
         /// Difference between the frame and the request, with both values.
         what: String,
     },
+    /// A driver that this program does not have.
+    #[error("{device}: {reason}")]
+    Unavailable {
+        /// The device.
+        device: &'static str,
+        /// Description of what is missing, and what to do.
+        reason: &'static str,
+    },
+    /// A recording that cannot be read on.
+    #[error("{device}: it is damaged, or cut off: {reason}")]
+    Damaged {
+        /// The device.
+        device: &'static str,
+        /// Error of the reader, and how far it came.
+        reason: String,
+    },
     /// The device behind a server has gone, though the line is there.
     #[error("{device}: {what}; connect again once it is back")]
     Lost {
@@ -211,9 +227,9 @@ impl fmt::Display for Side {
 }
 
 impl DeviceError {
-    /// Whether the same request will fail for ever: a value beyond the device's range.
+    /// Whether the same request will fail for ever: a value beyond the device's range, a driver that is not there, a recording that is damaged.
     pub fn is_permanent(&self) -> bool {
-        matches!(self, Self::OutOfRange { .. })
+        matches!(self, Self::OutOfRange { .. } | Self::Unavailable { .. } | Self::Damaged { .. })
     }
 
     /// Whether the same setting will fail for ever: [`is_permanent`](Self::is_permanent), a name that the device does not have, something that it cannot do.

@@ -146,6 +146,7 @@ fn takes(spec: &OptionSpec) -> String {
         OptionKind::Integer(least, most) => format!("whole, {least} to {most}"),
         OptionKind::Flag => "yes or no".into(),
         OptionKind::Pair => "FROM,TO".into(),
+        OptionKind::Utc => "a time in UTC".into(),
         OptionKind::Word(words) => words
             .iter()
             .map(|w| if w.ends_with(':') { format!("{w}NUMBER") } else { (*w).into() })

@@ -1,0 +1,551 @@
+//! A plan out of passes: stars to calibrate by before and after them, dark frames, flats in the twilight.
+//!
+//! The passes that are brightest and do not overlap are taken; the stars between them stand at altitudes as far apart as can be, have different colours, and saturate
+//! nothing that the plan's cameras and counters record.
+
+use super::plan::{CameraPlan, CounterPlan, Plan};
+use hifitime::{Epoch, Unit};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use sunglint_formats::time::format_utc;
+use sunglint_radiometry::air::Air;
+use sunglint_radiometry::passband::ZeroPoint;
+use sunglint_radiometry::sky::{
+    Catalogue, EarthOrientation, Observer, SkyError, Star, StarNote, separation_rad,
+};
+use sunglint_radiometry::star_light::{self, StarColours, VEGA_HIP};
+use sunglint_radiometry::star_track::{StarTrack, StarTrackError, StarView};
+use sunglint_radiometry::station::Detector;
+
+/// How long visits take, and which stars are taken.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct PlannerOptions {
+    /// Visits to stars in all.
+    pub stars: usize,
+    /// Length of a visit to a star with one filter, s.
+    pub star_s: f64,
+    /// Length of the sky beside each star, s; 0 for none.
+    pub sky_s: f64,
+    /// Time from one place of the sky to another, s.
+    pub slew_s: f64,
+    /// Length of the dark frames at each end, s; 0 for none.
+    pub dark_s: f64,
+    /// Johnson V of the stars, brightest and faintest.
+    pub star_mag: [f64; 2],
+    /// The most air to a star.
+    pub airmass: f64,
+    /// Width of a star's image at half of its height, arcsec.
+    pub seeing_arcsec: f64,
+    /// Median that flats in the evening's twilight are made to reach, ADU; `None`: no flats.
+    pub flats_adu: Option<f64>,
+}
+
+impl Default for PlannerOptions {
+    fn default() -> Self {
+        Self {
+            stars: 6,
+            star_s: 60.0,
+            sky_s: 20.0,
+            slew_s: 30.0,
+            dark_s: 60.0,
+            star_mag: [0.0, 5.0],
+            airmass: 2.5,
+            seeing_arcsec: 2.5,
+            flats_adu: None,
+        }
+    }
+}
+
+/// A pass that may be observed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PassOffer {
+    /// Name and number of the object.
+    pub label: String,
+    /// Its number, by which the elements' file is searched.
+    pub norad_id: u32,
+    /// When it can be seen.
+    pub span: (Epoch, Epoch),
+    /// Johnson V at its brightest.
+    pub v_mag: f64,
+    /// Its highest altitude, degrees.
+    pub highest_deg: f64,
+}
+
+/// A visit of the plan.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PlannedVisit {
+    /// Name of the target, or `dark`, `sky`, `flat`, `bias`.
+    pub name: String,
+    /// Start, UTC.
+    pub from_utc: String,
+    /// Length, s.
+    pub for_s: f64,
+    /// Altitude in its middle, degrees; of a pass the highest.
+    pub altitude_deg: Option<f64>,
+    /// Johnson V; of a pass at its brightest.
+    pub v_mag: Option<f64>,
+    /// B−V of a star.
+    pub bv_mag: Option<f64>,
+    /// The lines of NIGHT.toml.
+    #[serde(skip)]
+    lines: String,
+}
+
+/// A night that is planned.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NightPlan {
+    /// Start, UTC.
+    pub from_utc: String,
+    /// The visits, in time.
+    pub visits: Vec<PlannedVisit>,
+    /// Passes that are not in it, and why.
+    pub left_out: Vec<String>,
+    /// What it could not do as asked.
+    pub warnings: Vec<String>,
+}
+
+/// Why no night can be planned.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlannerError {
+    /// No pass to plan for.
+    #[error("there is no pass to plan for: widen --from and --to, or what a pass must be")]
+    NoPass,
+    /// A moment outside of the tables.
+    #[error(transparent)]
+    Sky(#[from] SkyError),
+    /// Light or air of a star that cannot be had.
+    #[error(transparent)]
+    Star(#[from] StarTrackError),
+}
+
+/// Surroundings of a plan.
+#[derive(Debug, Clone, Copy)]
+pub struct Surroundings<'a> {
+    /// The plan's devices and station; it has no visits.
+    pub devices: &'a Plan,
+    /// The air.
+    pub air: &'a Air,
+    /// The Earth's orientation.
+    pub orientation: &'a EarthOrientation,
+    /// Zero of the magnitudes.
+    pub zero: ZeroPoint,
+    /// The dark hours, each from its beginning to its end.
+    pub dark: &'a [(Epoch, Epoch)],
+    /// Name of the file of the elements, beside the plan.
+    pub elements: &'a str,
+}
+
+fn seconds(from: Epoch, to: Epoch) -> f64 {
+    (to - from).to_seconds()
+}
+
+fn later(epoch: Epoch, s: f64) -> Epoch {
+    epoch + s * Unit::Second
+}
+
+/// Plans the night that has the brightest pass.
+///
+/// # Errors
+/// No pass within the dark hours; places or light that cannot be computed.
+pub fn plan_night(
+    offers: &[PassOffer],
+    around: Surroundings<'_>,
+    options: &PlannerOptions,
+) -> Result<NightPlan, PlannerError> {
+    let mut planner = Planner { around, options, seen: BTreeMap::new(), warnings: Vec::new() };
+    planner.plan(offers)
+}
+
+struct Planner<'a> {
+    around: Surroundings<'a>,
+    options: &'a PlannerOptions,
+    /// Visits so far of stars, by their place in the catalogue.
+    seen: BTreeMap<usize, usize>,
+    warnings: Vec<String>,
+}
+
+/// The golden section: multiples of it, without their whole parts, are spread as evenly as can be.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+/// A star nearer to the Moon is not taken, degrees.
+const MOON_DEG: f64 = 15.0;
+/// A star in the brightest pixel or counter comes so near to saturation at most: seeing and focus change.
+const MARGIN: f64 = 0.7;
+/// Altitudes of the Sun between which flats of the sky are taken, degrees.
+const FLATS_DEG: [f64; 2] = [-2.0, -7.0];
+/// Frames of flats behind each filter, and of bias.
+const FLAT_FRAMES: u32 = 9;
+const BIAS_FRAMES: u32 = 20;
+/// Exposure of bias frames, s: one that nearly every camera can take.
+const BIAS_S: f64 = 0.01;
+
+impl Planner<'_> {
+    fn plan(&mut self, offers: &[PassOffer]) -> Result<NightPlan, PlannerError> {
+        let mut by_light: Vec<&PassOffer> = offers.iter().collect();
+        by_light.sort_by(|a, b| a.v_mag.total_cmp(&b.v_mag));
+        let brightest = by_light.first().ok_or(PlannerError::NoPass)?;
+        let holds = |night: &&(Epoch, Epoch), offer: &PassOffer| {
+            offer.span.0 >= night.0 && offer.span.1 <= night.1
+        };
+        let night = self.around.dark.iter().find(|night| holds(night, brightest));
+        let night = *night.ok_or(PlannerError::NoPass)?;
+        let mut left_out = Vec::new();
+        let mut passes: Vec<&PassOffer> = Vec::new();
+        for offer in by_light {
+            let out =
+                |why: String| format!("{} at {}: {why}", offer.label, format_utc(offer.span.0, 0));
+            let free = |other: &&PassOffer| {
+                seconds(offer.span.1, other.span.0) >= self.options.slew_s
+                    || seconds(other.span.1, offer.span.0) >= self.options.slew_s
+            };
+            if !holds(&&night, offer) {
+                left_out.push(out("another night".into()));
+            } else if let Some(other) = passes.iter().find(|other| !free(other)) {
+                left_out.push(out(format!("{} is brighter then", other.label)));
+            } else {
+                passes.push(offer);
+            }
+        }
+        passes.sort_by(|a, b| seconds(b.span.0, a.span.0).total_cmp(&0.0));
+        let mut visits: Vec<(Epoch, PlannedVisit)> =
+            passes.iter().map(|pass| (pass.span.0, self.pass(pass))).collect();
+        let [block_s, ends_s] = [self.star_block_s(), self.options.dark_s];
+        // Stars, shared among the stretches before, between and after the passes: as near to a pass as they can be.
+        let stretches = passes.len() + 1;
+        let mut place = 0;
+        let (mut first, mut last) = (passes[0].span.0, passes[passes.len() - 1].span.1);
+        for i in 0..stretches {
+            let wanted = (self.options.stars + stretches - 1 - i) / stretches;
+            let from = if i == 0 { later(night.0, ends_s) } else { passes[i - 1].span.1 };
+            let to = passes.get(i).map_or(later(night.1, -ends_s), |pass| pass.span.0);
+            let room_s = seconds(from, to) - self.options.slew_s;
+            let count = wanted.min((room_s / block_s).floor().max(0.0) as usize);
+            if count < wanted {
+                self.warnings.push(format!(
+                    "{count} of {wanted} stars fit between {} and {}",
+                    format_utc(from, 0),
+                    format_utc(to, 0)
+                ));
+            }
+            let after = if i == 0 { 0 } else { count.div_ceil(2) };
+            let after = if i + 1 == stretches { count } else { after };
+            for j in 0..count {
+                let begin = match j < after {
+                    true => later(from, j as f64 * block_s),
+                    false => later(to, -self.options.slew_s - (count - j) as f64 * block_s),
+                };
+                visits.extend(self.star(later(begin, self.options.slew_s), place)?);
+                place += 1;
+                let end = later(begin, block_s);
+                first = if begin < first { begin } else { first };
+                last = if end > last { end } else { last };
+            }
+        }
+        if self.options.dark_s > 0.0 {
+            let begin = later(first, -self.options.dark_s);
+            visits.push((begin, self.off("dark", begin, self.options.dark_s, "")));
+            visits.push((last, self.off("dark", last, self.options.dark_s, "")));
+        }
+        self.flats(night.0, &mut visits)?;
+        visits.sort_by(|a, b| seconds(b.0, a.0).total_cmp(&0.0));
+        let from_utc = visits.first().map_or_else(String::new, |(begin, _)| format_utc(*begin, 0));
+        let visits = visits.into_iter().map(|(_, visit)| visit).collect();
+        Ok(NightPlan { from_utc, visits, left_out, warnings: std::mem::take(&mut self.warnings) })
+    }
+
+    /// Filters that stars are seen through, one after the other: those of the wheel that a channel of the station names.
+    fn filters(&self) -> Vec<String> {
+        let station = &self.around.devices.station;
+        let named = |name: &&String| {
+            station.channels.iter().any(|channel| channel.filter.as_ref() == Some(*name))
+        };
+        let wheels = self.around.devices.wheels.iter();
+        wheels.flat_map(|wheel| wheel.filters.iter()).filter(named).cloned().collect()
+    }
+
+    fn star_s(&self) -> f64 {
+        self.options.star_s * self.filters().len().max(1) as f64
+    }
+
+    /// A star, the sky beside it, and the way there.
+    fn star_block_s(&self) -> f64 {
+        self.options.slew_s + self.star_s() + self.options.sky_s
+    }
+
+    fn pass(&self, pass: &PassOffer) -> PlannedVisit {
+        let (from, to) = (format_utc(pass.span.0, 0), format_utc(pass.span.1, 0));
+        let mut lines = format!(
+            "tle = \"{}\"\nobject = \"{}\"\nfrom = \"{from}\"\nto = \"{to}\"\n",
+            self.around.elements, pass.norad_id
+        );
+        // The wheel does not turn during a pass.
+        if let Some(filter) = self.filters().first() {
+            let _ = writeln!(lines, "filter = \"{filter}\"");
+        }
+        PlannedVisit {
+            name: pass.label.clone(),
+            from_utc: from,
+            for_s: seconds(pass.span.0, pass.span.1).round(),
+            altitude_deg: Some(pass.highest_deg),
+            v_mag: Some(pass.v_mag),
+            bv_mag: None,
+            lines,
+        }
+    }
+
+    fn off(&self, kind: &str, begin: Epoch, for_s: f64, more: &str) -> PlannedVisit {
+        let from = format_utc(begin, 0);
+        PlannedVisit {
+            name: kind.to_owned(),
+            lines: format!("off = \"{kind}\"\nfrom = \"{from}\"\nfor_s = {for_s}\n{more}"),
+            from_utc: from,
+            for_s,
+            altitude_deg: None,
+            v_mag: None,
+            bv_mag: None,
+        }
+    }
+
+    /// The visit to the star number `place` of the night, which begins then, and the sky beside it; none where no star will do.
+    fn star(
+        &mut self,
+        begin: Epoch,
+        place: usize,
+    ) -> Result<Vec<(Epoch, PlannedVisit)>, PlannerError> {
+        let station = &self.around.devices.station;
+        let middle = later(begin, 0.5 * self.star_s());
+        let observer = Observer::at(middle, &station.site, self.around.orientation)?;
+        let moon = observer.moon();
+        let moon_up = moon.horizontal.altitude_deg() > 0.0;
+        let low = self.options.airmass.recip();
+        let wanted = low + (1.0 - low) * (0.5 + GOLDEN * place as f64).fract();
+        let [brightest, faintest] = self.options.star_mag;
+        let mut offers: Vec<(usize, &Star, f64, f64)> = Vec::new();
+        for (i, star) in Catalogue::embedded().stars().iter().enumerate() {
+            let bright = star.v_mag.is_some_and(|v| (brightest..=faintest).contains(&v));
+            if !bright || star.spectral_type.is_none() || star.notes().iter().any(spoils) {
+                continue;
+            }
+            let view = observer.star(star);
+            let altitude_deg = view.horizontal.altitude_deg();
+            let sine = altitude_deg.to_radians().sin();
+            let horizon = station.horizon.elevation_deg(view.horizontal.azimuth_deg());
+            let apart = separation_rad(view.direction_gcrs, moon.place.direction_gcrs).to_degrees();
+            if sine < low || altitude_deg < horizon || (moon_up && apart < MOON_DEG) {
+                continue;
+            }
+            // Repeats last; then the altitude, the colour in its turn, the light.
+            let repeats = self.seen.get(&i).copied().unwrap_or(0) as f64;
+            let colour = colour_class(star).abs_diff(place % 3) as f64;
+            let faint = star.v_mag.unwrap_or(faintest) - brightest;
+            let cost = 100.0 * repeats + (sine - wanted).abs() + 0.1 * colour + 0.02 * faint;
+            offers.push((i, star, altitude_deg, cost));
+        }
+        offers.sort_by(|a, b| a.3.total_cmp(&b.3));
+        let mut too_bright = None;
+        for (i, star, altitude_deg, _) in offers {
+            if let Some(what) = self.saturates(star, middle)? {
+                too_bright.get_or_insert(what);
+                continue;
+            }
+            *self.seen.entry(i).or_default() += 1;
+            return Ok(self.star_visits(star, altitude_deg, begin));
+        }
+        let at = format_utc(middle, 0);
+        self.warnings.push(match too_bright {
+            Some(what) => {
+                format!("no star at {at}: each would saturate {what}; shorten its exposure")
+            }
+            None => {
+                format!("no star at {at}: none of V {brightest} to {faintest} stands high enough")
+            }
+        });
+        Ok(Vec::new())
+    }
+
+    fn star_visits(
+        &self,
+        star: &Star,
+        altitude_deg: f64,
+        begin: Epoch,
+    ) -> Vec<(Epoch, PlannedVisit)> {
+        let (from, for_s) = (format_utc(begin, 0), self.star_s());
+        let found = Catalogue::embedded().find(&star.label());
+        let name = match (found, star.hip) {
+            (Ok(same), _) if same == star => star.label(),
+            (_, Some(hip)) => format!("HIP {hip}"),
+            _ => star.label(),
+        };
+        let mut lines = format!("star = \"{name}\"\nfrom = \"{from}\"\nfor_s = {for_s}\n");
+        let filters = self.filters();
+        if !filters.is_empty() {
+            let _ = writeln!(lines, "filters = {filters:?}");
+        }
+        let visit = PlannedVisit {
+            name,
+            from_utc: from,
+            for_s,
+            altitude_deg: Some(altitude_deg),
+            v_mag: star.v_mag,
+            bv_mag: star.bv_mag,
+            lines,
+        };
+        let mut visits = vec![(begin, visit)];
+        if self.options.sky_s > 0.0 {
+            let begin = later(begin, for_s);
+            visits.push((begin, self.off("sky", begin, self.options.sky_s, "")));
+        }
+        visits
+    }
+
+    /// What of the plan's instruments a star would saturate.
+    fn saturates(&self, star: &Star, epoch: Epoch) -> Result<Option<String>, PlannerError> {
+        let plan = self.around.devices;
+        let Some(v_mag) = star.v_mag else { return Ok(None) };
+        let colours = StarColours {
+            v_mag,
+            b_minus_v_mag: star.bv_mag,
+            spectral_type: star.spectral_type.as_deref(),
+            zero: self.around.zero,
+        };
+        let light = match star.hip {
+            Some(VEGA_HIP) => star_light::vega(colours),
+            _ => star_light::of(colours),
+        };
+        // A star without a spectrum is no calibrator.
+        let Ok(light) = light else { return Ok(Some("nothing: its light is not known".into())) };
+        let view = StarView {
+            star: star.clone(),
+            light,
+            station: plan.station.clone(),
+            air: self.around.air.clone(),
+            zero: self.around.zero,
+            exposure_s: 1.0,
+        };
+        let track = StarTrack::new(view, self.around.orientation, vec![epoch])?;
+        let Some(sight) = track.sights.first() else { return Ok(None) };
+        for (channel, rate) in plan.station.channels.iter().zip(&sight.rates) {
+            let counts = |counter: &&CounterPlan| counter.channels.contains_key(&channel.name);
+            match &channel.detector {
+                Detector::Counter(_) => {
+                    if let Some(counter) =
+                        plan.counters.iter().find(counts).filter(|_| rate.saturated)
+                    {
+                        return Ok(Some(format!("{} of {}", channel.name, counter.name)));
+                    }
+                }
+                Detector::CameraPlane(_) => {
+                    let Some(station) = &plan.station.camera else { continue };
+                    let gain = station.gain_e_per_adu;
+                    let adu_s = rate.arriving.or(rate.rate_hz.map(|hz| hz / gain)).unwrap_or(0.0);
+                    let over = |camera: &&CameraPlan| {
+                        let side_arcsec =
+                            station.pixel_scale_arcsec * f64::from(camera.binning.unwrap_or(1));
+                        let peak = central_share(side_arcsec, self.options.seeing_arcsec);
+                        let adu = adu_s * peak * camera.exposure_s.get();
+                        adu > MARGIN * station.saturation_adu()
+                    };
+                    if let Some(camera) = plan.cameras.iter().find(over) {
+                        return Ok(Some(format!("{} of {}", channel.name, camera.name)));
+                    }
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// Flats while the Sun goes down, and bias frames for them.
+    fn flats(
+        &mut self,
+        night: Epoch,
+        visits: &mut Vec<(Epoch, PlannedVisit)>,
+    ) -> Result<(), PlannerError> {
+        let Some(level) = self.options.flats_adu else { return Ok(()) };
+        let site = &self.around.devices.station.site;
+        let mut twilight: Option<(Epoch, Epoch)> = None;
+        // From two hours before the dark, minute by minute.
+        for minute in 0..180 {
+            let epoch = later(night, 60.0 * f64::from(minute) - 7200.0);
+            let sun = Observer::at(epoch, site, self.around.orientation)?.sun();
+            let altitude = sun.horizontal.altitude_deg();
+            if (FLATS_DEG[1]..=FLATS_DEG[0]).contains(&altitude) {
+                twilight = Some((twilight.map_or(epoch, |(from, _)| from), epoch));
+            }
+        }
+        let first = visits.iter().map(|(begin, _)| *begin).min();
+        let (Some((from, to)), Some(first)) = (twilight, first) else {
+            self.warnings.push("no flats: there is no evening twilight before the night".into());
+            return Ok(());
+        };
+        let bias_s = 60.0;
+        let to = if seconds(to, first) < bias_s { later(first, -bias_s) } else { to };
+        let for_s = seconds(from, to).floor();
+        if for_s < 60.0 {
+            self.warnings.push("no flats: other visits fill the twilight".into());
+            return Ok(());
+        }
+        let filters = self.filters();
+        let mut more = format!("level_adu = {level}\nexposure_s = 0.1\nframes = {FLAT_FRAMES}\n");
+        if !filters.is_empty() {
+            let _ = writeln!(more, "filters = {filters:?}");
+        }
+        visits.push((from, self.off("flat", from, for_s, &more)));
+        let more = format!("exposure_s = {BIAS_S}\nframes = {BIAS_FRAMES}\n");
+        visits.push((to, self.off("bias", to, bias_s, &more)));
+        Ok(())
+    }
+}
+
+/// Whether a star with this note is no calibrator.
+fn spoils(note: &StarNote) -> bool {
+    matches!(
+        note,
+        StarNote::Variable
+            | StarNote::Eclipsing
+            | StarNote::Double
+            | StarNote::SpectroscopicBinary
+            | StarNote::UnknownType
+    )
+}
+
+/// Blue, white to yellow, red.
+fn colour_class(star: &Star) -> usize {
+    match star.bv_mag {
+        Some(bv) if bv < 0.2 => 0,
+        Some(bv) if bv > 0.9 => 2,
+        _ => 1,
+    }
+}
+
+/// The share of a round normal image's light in the pixel that it is centred on.
+fn central_share(side_arcsec: f64, seeing_arcsec: f64) -> f64 {
+    let sigma = seeing_arcsec / (8.0 * 2.0_f64.ln()).sqrt();
+    libm::erf(0.5 * side_arcsec / (sigma * std::f64::consts::SQRT_2)).powi(2)
+}
+
+impl NightPlan {
+    /// The text of NIGHT.toml: that of the devices as it stands, with the visits.
+    pub fn toml(&self, devices: &str) -> String {
+        let mut text = format!("from = \"{}\"\n{}\n", self.from_utc, devices.trim_end());
+        for visit in &self.visits {
+            let mut about = Vec::new();
+            if let Some(v) = visit.v_mag {
+                about.push(format!("V {v:.1}"));
+            }
+            if let Some(bv) = visit.bv_mag {
+                about.push(format!("B−V {bv:+.2}"));
+            }
+            if let Some(altitude) = visit.altitude_deg {
+                about.push(format!("altitude {altitude:.0}°"));
+            }
+            let about = match about.is_empty() {
+                true => String::new(),
+                false => format!("   # {}", about.join(", ")),
+            };
+            let _ = write!(text, "\n[[visit]]{about}\n{}", visit.lines);
+        }
+        text
+    }
+}
