@@ -105,7 +105,7 @@ pub struct NightArgs {
     #[arg(
         long,
         value_name = "MIN,MAX",
-        default_value = "0,5",
+        default_value = "0,6",
         requires = "devices",
         allow_hyphen_values = true
     )]
@@ -570,7 +570,7 @@ fn offer(pass: &SeenPass) -> Option<PassOffer> {
         label: pass.target.clone(),
         norad_id: pass.norad_id,
         span: (span.from, span.to),
-        v_mag: pass.brightest.v_mag,
+        v_mag: pass.expected.v_station.unwrap_or(pass.brightest.v_mag),
         highest_deg: pass.highest_visible_deg(),
     })
 }
@@ -594,7 +594,7 @@ impl NightArgs {
             self.star_mag.split(',').map(|part| part.trim().parse().ok()).collect();
         let star_mag = match numbers.as_deref() {
             Some([least, most]) if least < most => [*least, *most],
-            _ => bail!("--star-mag is {}, expected BRIGHTEST,FAINTEST such as 0,5", self.star_mag),
+            _ => bail!("--star-mag is {}, expected BRIGHTEST,FAINTEST such as 0,6", self.star_mag),
         };
         let mut options = PlannerOptions::default();
         options.stars = self.stars as usize;

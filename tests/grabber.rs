@@ -41,11 +41,12 @@ fn a_program_without_opencv_says_so() {
     let folder = Folder::new("no-opencv");
     let film = film();
     let address = format!("opencv:{}", film.display());
-    let message = folder.refused(1, &["devices", "info", &address]);
+    let message = folder.refused(1, &["devices", "check", &address]);
     assert!(message.contains("--features opencv"), "{message}");
     std::fs::write(folder.path("night.toml"), plan(film.to_str().unwrap(), "")).unwrap();
-    let message = folder.refused(1, &["observe", "night.toml", "-o", "session"]);
-    assert!(message.contains("--features opencv"), "{message}");
+    let output = folder.run(&["observe", "night.toml", "-o", "session"]);
+    let message = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+    assert!(!output.status.success() && message.contains("--features opencv"), "{message}");
 }
 
 #[cfg(feature = "opencv")]
@@ -107,8 +108,10 @@ mod with_opencv {
         assert_eq!((first.origin, bytes(&first)), ([8, 16], expected));
         let address = format!("opencv:{}", film().display());
         let with = ["--with", "first_utc=2026-11-24T21:00:00Z", "--with", "exposure_s=0.04"];
-        let info = folder.json(&[&["devices", "info", &address, "--json"][..], &with].concat());
-        assert_eq!(info["identity"]["driver"], "opencv");
+        let text = folder.done(&[&["devices", "check", &address][..], &with].concat());
+        assert!(text.contains("identity  OpenCV (") && text.contains("at most 217 ADU"), "{text}");
+        let film = ["devices", "record", &address, "-o", "film.rec", "--", "check"];
+        assert!(folder.refused(1, &film).contains("nothing of it can be written down"));
     }
 
     /// Each of these is said, with what to do, and no exit code calls it a night: another exposure than the film's, a film that is cut
@@ -121,7 +124,11 @@ mod with_opencv {
         let good = plan(at, "");
         let tried = |name: &str, text: &str, code: i32| {
             std::fs::write(folder.path(&format!("{name}.toml")), text).unwrap();
-            folder.refused(code, &["observe", &format!("{name}.toml"), "-o", name])
+            let output = folder.run(&["observe", &format!("{name}.toml"), "-o", name]);
+            let message = [output.stdout, output.stderr].concat();
+            let message = String::from_utf8(message).unwrap();
+            assert_eq!(output.status.code(), Some(code), "{name}: {message}");
+            message
         };
         let other = good.replace("exposure_s = 0.04", "exposure_s = 0.02");
         let message = tried("exposure", &other, 1);
@@ -143,8 +150,7 @@ mod with_opencv {
         assert!(tried("from", &from, 1).contains("the recording's first frame"));
         let interval = plan(at, "interval_s = 1.0\n");
         assert!(tried("interval", &interval, 1).contains("come when they were taken"));
-        let counter =
-            "\n[[counter]]\nname = \"tagger\"\ndevice = \"sim-timetagger\"\nbin_s = 0.1\n";
+        let counter = "\n[[counter]]\nname = \"tagger\"\ndevice = \"sim-timetagger\"\nchannels = { g = 1 }\nbin_s = 0.1\n";
         let beside = tried("beside", &plan(at, counter), 1);
         assert!(beside.contains("counter[0].device") && beside.contains("cam is one"), "{beside}");
         for (option, expected) in [
@@ -153,7 +159,7 @@ mod with_opencv {
             ("first_utc=yesterday", "a time in UTC"),
         ] {
             let address = format!("opencv:{at}");
-            let arguments = ["devices", "info", &address, "--with", option];
+            let arguments = ["devices", "check", &address, "--with", option];
             let message = folder.run(&arguments);
             let message = String::from_utf8(message.stderr).unwrap();
             assert!(message.contains(expected), "{option}: {message}");

@@ -8,7 +8,7 @@ use hifitime::{Epoch, Unit};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use sunglint_formats::time::format_utc;
+use sunglint_formats::time::{format_utc, parse_utc};
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{
@@ -50,7 +50,7 @@ impl Default for PlannerOptions {
             sky_s: 20.0,
             slew_s: 30.0,
             dark_s: 60.0,
-            star_mag: [0.0, 5.0],
+            star_mag: [0.0, 6.0],
             airmass: 2.5,
             seeing_arcsec: 2.5,
             flats_adu: None,
@@ -144,6 +144,12 @@ fn seconds(from: Epoch, to: Epoch) -> f64 {
 
 fn later(epoch: Epoch, s: f64) -> Epoch {
     epoch + s * Unit::Second
+}
+
+/// A whole second of UTC beside an epoch.
+fn whole(epoch: Epoch, to: impl Fn(f64) -> f64) -> Epoch {
+    let near = parse_utc(&format_utc(epoch, 0)).unwrap_or(epoch);
+    later(near, to(seconds(near, epoch)))
 }
 
 /// Plans the night that has the brightest pass.
@@ -275,7 +281,10 @@ impl Planner<'_> {
     }
 
     fn pass(&self, pass: &PassOffer) -> PlannedVisit {
-        let (from, to) = (format_utc(pass.span.0, 0), format_utc(pass.span.1, 0));
+        // Whole seconds within it.
+        let (begin, end) =
+            (whole(pass.span.0, |s| (s - 1e-6).ceil()), whole(pass.span.1, |s| (s + 1e-6).floor()));
+        let (from, to) = (format_utc(begin, 0), format_utc(end, 0));
         let mut lines = format!(
             "tle = \"{}\"\nobject = \"{}\"\nfrom = \"{from}\"\nto = \"{to}\"\n",
             self.around.elements, pass.norad_id
@@ -287,7 +296,7 @@ impl Planner<'_> {
         PlannedVisit {
             name: pass.label.clone(),
             from_utc: from,
-            for_s: seconds(pass.span.0, pass.span.1).round(),
+            for_s: seconds(begin, end).round(),
             altitude_deg: Some(pass.highest_deg),
             v_mag: Some(pass.v_mag),
             bv_mag: None,
@@ -340,7 +349,7 @@ impl Planner<'_> {
             let repeats = self.seen.get(&i).copied().unwrap_or(0) as f64;
             let colour = colour_class(star).abs_diff(place % 3) as f64;
             let faint = star.v_mag.unwrap_or(faintest) - brightest;
-            let cost = 100.0 * repeats + (sine - wanted).abs() + 0.1 * colour + 0.02 * faint;
+            let cost = 100.0 * repeats + (sine - wanted).abs() + 0.3 * colour + 0.1 * faint;
             offers.push((i, star, altitude_deg, cost));
         }
         offers.sort_by(|a, b| a.3.total_cmp(&b.3));

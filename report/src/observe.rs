@@ -114,6 +114,9 @@ pub fn clock_text(state: &ClockState) -> String {
     if *state == clock::exact() {
         return "a virtual night: its clock is UTC".into();
     }
+    if who == "recording" {
+        return "a night of recordings: its times are theirs".into();
+    }
     match (state.synchronised, state.offset_s, state.error_s) {
         (None, ..) => "nobody here knows how far the computer's clock is from UTC (neither chrony nor systemd-timesyncd)".into(),
         (Some(false), ..) => format!("{who} says that the computer's clock does not follow UTC"),
