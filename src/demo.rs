@@ -37,10 +37,11 @@ pub struct DemoArgs {
 }
 
 /// The files that a person may change and use again.
-const FILES: [(&str, &str); 5] = [
+const FILES: [(&str, &str); 6] = [
     ("pass.toml", include_str!("demo/pass.toml")),
     ("sphere.toml", include_str!("demo/sphere.toml")),
     ("night.toml", include_str!("demo/night.toml")),
+    ("devices.toml", include_str!("demo/devices.toml")),
     ("virtual.toml", include_str!("demo/virtual.toml")),
     ("satellites.tle", include_str!("demo/satellites.tle")),
 ];

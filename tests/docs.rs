@@ -165,6 +165,11 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     for law in [&[][..], &["--standard-magnitude", "4"], &["--model", "box_wing"]] {
         keys(&folder.json(&[&passes[..], &window, law].concat()), &mut printed);
     }
+    let devices = read("src/demo/devices.toml");
+    std::fs::write(folder.path("instruments.toml"), devices).unwrap();
+    let plan =
+        ["passes", "--tle", "some.tle", "--json", "--name", "leo", "--devices", "instruments.toml"];
+    keys(&folder.json(&[&plan[..], &window, &["-o", "planned.toml"]].concat()), &mut printed);
     // Instruments: the simulated ones; a server that is not there.
     folder.done(&["devices", "record", "sim-wheel", "-o", "w.rec", "-q", "--", "check"]);
     for command in [

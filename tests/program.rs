@@ -19,6 +19,7 @@ fn the_demonstration_needs_no_input_and_overwrites_nothing() {
     for file in [
         "README.txt",
         "night.toml",
+        "devices.toml",
         "virtual.toml",
         "pass.toml",
         "sphere.toml",

@@ -65,6 +65,7 @@ mod pointing;
 mod preflight;
 mod replay;
 mod room;
+mod saturation;
 mod schedule;
 mod sequence;
 mod status;

@@ -3,7 +3,9 @@
 //! The passes that are brightest and do not overlap are taken; the stars between them stand at altitudes as far apart as can be, have different colours, and saturate
 //! nothing that the plan's cameras and counters record.
 
-use super::plan::{CameraPlan, CounterPlan, Plan};
+use super::plan::Plan;
+use super::saturation::Judge;
+use super::sequence::Exposing;
 use hifitime::{Epoch, Unit};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -14,9 +16,7 @@ use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{
     Catalogue, EarthOrientation, Observer, SkyError, Star, StarNote, separation_rad,
 };
-use sunglint_radiometry::star_light::{self, StarColours, VEGA_HIP};
-use sunglint_radiometry::star_track::{StarTrack, StarTrackError, StarView};
-use sunglint_radiometry::station::Detector;
+use sunglint_radiometry::star_track::StarTrackError;
 
 /// How long visits take, and which stars are taken.
 #[derive(Debug, Clone, PartialEq)]
@@ -214,6 +214,13 @@ impl Planner<'_> {
                 passes.push(offer);
             }
         }
+        for camera in self.around.devices.cameras.iter().filter(|camera| camera.gain.is_some()) {
+            let name = &camera.name;
+            let text = format!(
+                "{name} has a gain in steps of its own: whether stars saturate it is not known"
+            );
+            self.warnings.push(text);
+        }
         passes.sort_by(|a, b| seconds(b.span.0, a.span.0).total_cmp(&0.0));
         let mut visits: Vec<(Epoch, PlannedVisit)> =
             passes.iter().map(|pass| (pass.span.0, self.pass(pass))).collect();
@@ -409,60 +416,33 @@ impl Planner<'_> {
         visits
     }
 
-    /// What of the plan's instruments a star would saturate.
+    /// What of the plan's instruments a star would saturate, or nearly.
     fn saturates(&self, star: &Star, epoch: Epoch) -> Result<Option<String>, PlannerError> {
         let plan = self.around.devices;
-        let Some(v_mag) = star.v_mag else { return Ok(None) };
-        let colours = StarColours {
-            v_mag,
-            b_minus_v_mag: star.bv_mag,
-            spectral_type: star.spectral_type.as_deref(),
+        let judge = Judge {
+            station: &plan.station,
+            air: self.around.air,
+            orientation: self.around.orientation,
             zero: self.around.zero,
+            seeing_arcsec: self.options.seeing_arcsec,
         };
-        let light = match star.hip {
-            Some(VEGA_HIP) => star_light::vega(colours),
-            _ => star_light::of(colours),
-        };
-        // A star without a spectrum is no calibrator.
-        let Ok(light) = light else { return Ok(Some("nothing: its light is not known".into())) };
-        let view = StarView {
-            star: star.clone(),
-            light,
-            station: plan.station.clone(),
-            air: self.around.air.clone(),
-            zero: self.around.zero,
-            exposure_s: 1.0,
-        };
-        let track = StarTrack::new(view, self.around.orientation, vec![epoch])?;
-        let Some(sight) = track.sights.first() else { return Ok(None) };
-        for (channel, rate) in plan.station.channels.iter().zip(&sight.rates) {
-            let counts = |counter: &&CounterPlan| counter.channels.contains_key(&channel.name);
-            match &channel.detector {
-                Detector::Counter(_) => {
-                    if let Some(counter) =
-                        plan.counters.iter().find(counts).filter(|_| rate.saturated)
-                    {
-                        return Ok(Some(format!("{} of {}", channel.name, counter.name)));
-                    }
-                }
-                Detector::CameraPlane(_) => {
-                    let Some(station) = &plan.station.camera else { continue };
-                    let gain = station.gain_e_per_adu;
-                    let adu_s = rate.arriving.or(rate.rate_hz.map(|hz| hz / gain)).unwrap_or(0.0);
-                    let over = |camera: &&CameraPlan| {
-                        let side_arcsec =
-                            station.pixel_scale_arcsec * f64::from(camera.binning.unwrap_or(1));
-                        let peak = central_share(side_arcsec, self.options.seeing_arcsec);
-                        let adu = adu_s * peak * camera.exposure_s.get();
-                        adu > MARGIN * station.saturation_adu()
-                    };
-                    if let Some(camera) = plan.cameras.iter().find(over) {
-                        return Ok(Some(format!("{} of {}", channel.name, camera.name)));
-                    }
-                }
-            }
-        }
-        Ok(None)
+        let filters = self.filters();
+        let exposings: Vec<Exposing> = plan
+            .cameras
+            .iter()
+            .flat_map(|camera| {
+                let bare = Exposing::of(camera, None, None);
+                let mut all = vec![bare.clone()];
+                all.extend(filters.iter().map(|filter| {
+                    let mut behind = bare.clone();
+                    behind.plan.filter = Some(filter.clone());
+                    behind
+                }));
+                all
+            })
+            .collect();
+        let near = judge.star(star, epoch, &exposings, &plan.counters)?;
+        Ok(near.filter(|near| near.part > MARGIN).map(|near| near.what))
     }
 
     /// Flats while the Sun goes down, and bias frames for them.
@@ -526,12 +506,6 @@ fn colour_class(star: &Star) -> usize {
         Some(bv) if bv > 0.9 => 2,
         _ => 1,
     }
-}
-
-/// The share of a round normal image's light in the pixel that it is centred on.
-fn central_share(side_arcsec: f64, seeing_arcsec: f64) -> f64 {
-    let sigma = seeing_arcsec / (8.0 * 2.0_f64.ln()).sqrt();
-    libm::erf(0.5 * side_arcsec / (sigma * std::f64::consts::SQRT_2)).powi(2)
 }
 
 impl NightPlan {

@@ -7,6 +7,7 @@ use super::movers::behind;
 use super::opener::Opener;
 use super::plan::{CameraPlan, CounterPlan, NightClock, Plan, RotatorPlan, WheelPlan};
 use super::pointing::{Body, airmass};
+use super::saturation::Judge;
 use super::schedule::Slot;
 use super::sequence::Exposing;
 use super::status::free_bytes;
@@ -25,7 +26,9 @@ use sunglint_ephemeris::orbit::tle;
 use sunglint_formats::session::{ClockState, TargetKind};
 use sunglint_formats::time::format_utc;
 use sunglint_formats::toml::Positive;
-use sunglint_radiometry::sky::{EarthOrientation, Observer, separation_rad};
+use sunglint_radiometry::air::Air;
+use sunglint_radiometry::passband::ZeroPoint;
+use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Observer, separation_rad};
 use sunglint_radiometry::station::{Detector, Station};
 
 /// How bad a finding is.
@@ -80,10 +83,12 @@ pub struct PreflightOptions {
     pub moon_deg: f64,
     /// The distance from the Sun below which nothing is looked at, degrees.
     pub sun_deg: f64,
+    /// Width of a star's image at half of its height, arcsec: for what saturates.
+    pub seeing_arcsec: f64,
 }
 
 impl Default for PreflightOptions {
-    /// Devices within 1.5 s; elements of 7 and 60 days; 10° high, 10° from the Moon, 30° from the Sun.
+    /// Devices within 1.5 s; elements of 7 and 60 days; 10° high, 10° from the Moon, 30° from the Sun; images 2.5″ wide.
     fn default() -> Self {
         Self {
             now: utc_now(),
@@ -93,6 +98,7 @@ impl Default for PreflightOptions {
             elements_days: [7.0, 60.0],
             low_deg: 10.0,
             moon_deg: 10.0,
+            seeing_arcsec: 2.5,
             sun_deg: 30.0,
         }
     }
@@ -154,6 +160,7 @@ pub fn preflight(plan: &Plan, opener: &Arc<dyn Opener>, options: &PreflightOptio
     for (number, visit) in plan.schedule.visits().iter().enumerate() {
         check_visit(number + 1, visit, plan, options, &mut found);
     }
+    check_saturation(plan, options, &mut found);
     check_channels(plan, &mut found);
     let sensors = opened.map_or_else(Vec::new, |opened| opened.finish(plan, options, &mut found));
     check_room(plan, &sensors, options, &mut found);
@@ -320,6 +327,55 @@ fn check_exposures(about: &str, from: Epoch, to: Epoch, plan: &Plan, found: &mut
                 );
                 found.warning(about, text);
             }
+        }
+    }
+}
+
+/// A star that comes so near to the end of a range is worth a word.
+const NEAR: f64 = 0.7;
+
+/// What the stars of the plan saturate, at the typical κ of the station.
+fn check_saturation(plan: &Plan, options: &PreflightOptions, found: &mut Preflight) {
+    let known = plan.station.air_options().and_then(|known| Air::new(&known));
+    let air = match known {
+        Ok(air) => air,
+        Err(error) => {
+            return found.warning("saturation", format!("not checked, without air: {error}"));
+        }
+    };
+    let judge = Judge {
+        station: &plan.station,
+        air: &air,
+        orientation: EarthOrientation::embedded(),
+        zero: ZeroPoint::default(),
+        seeing_arcsec: options.seeing_arcsec,
+    };
+    let visits = plan.schedule.visits();
+    for (number, visit) in visits.iter().enumerate() {
+        let target = &visit.target;
+        let (Some(ra_deg), Some(dec_deg)) = (target.ra_deg, target.dec_deg) else { continue };
+        if target.target_kind != TargetKind::Star {
+            continue;
+        }
+        let place = Equatorial { ra_deg, dec_deg };
+        let Ok(star) = Catalogue::embedded().find_at(&target.name, place) else { continue };
+        let to = visit.to.or(plan.to).unwrap_or(visit.from);
+        let steps = plan.schedule.slots().iter().filter(|s| s.from >= visit.from && s.from < to);
+        let mut exposings: Vec<Exposing> = Vec::new();
+        for slot in steps {
+            for camera in &plan.cameras {
+                let kind = Some(TargetKind::Star);
+                exposings.push(Exposing::of(camera, kind, slot.step.as_deref()));
+            }
+        }
+        let middle = visit.from + (to - visit.from) * 0.5;
+        let Ok(Some(near)) = judge.star(star, middle, &exposings, &plan.counters) else { continue };
+        let about = format!("visit {} ({})", number + 1, target.name);
+        let range = format!("{:.0} % of its range", 100.0 * near.part);
+        if near.part >= 1.0 {
+            found.warning(&about, format!("it saturates {}: {range}", near.what));
+        } else if near.part > NEAR {
+            found.warning(&about, format!("it comes near the end of {}: {range}", near.what));
         }
     }
 }
@@ -994,7 +1050,10 @@ mod tests {
         let window = format!("{DEVICES}window_px = [100, 100, 200, 200]\n");
         let long = DEVICES.replace("0.3", "1e7");
         let channel = "[[counter]]\nname = \"tagger\"\ndevice = \"sim-timetagger\"\nchannels = { nosuch = 1 }\nbin_s = 0.1\n";
-        let cases: [(&str, &str, String, &str); 9] = [
+        let bright = DEVICES.replace("0.3", "30");
+        let cases: [(&str, &str, String, &str); 10] = [
+            // Vega is 10^4 times brighter than a star of V 10; 30 s at a 43 cm telescope.
+            ("saturated", &bright, visit("star = \"Capella\"", late), "it saturates"),
             ("canopus", DEVICES, visit("star = \"Canopus\"", late), "never rises"),
             ("arcturus", DEVICES, visit("star = \"Arcturus\"", late), "not up"),
             ("past", DEVICES, visit("star = \"Vega\"", "2020-11-18T20:00:00Z"), "is past"),
@@ -1014,7 +1073,11 @@ mod tests {
             };
             let found = findings(name, top, devices, &visits);
             let named = |level| found.of(level).any(|finding| finding.text.contains(expected));
-            let level = if name == "channel" { Level::Warning } else { Level::Error };
+            let level = if ["channel", "saturated"].contains(&name) {
+                Level::Warning
+            } else {
+                Level::Error
+            };
             assert!(named(level), "{name}: {found:?}");
         }
     }

@@ -35,8 +35,12 @@ pub fn plan_text(plan: &NightPlan) -> String {
         let what = plain(&visit.name);
         let _ = writeln!(text, "{from:<20}  {for_s:>6.0}  {what:<width$}  {v:>4}  {altitude:>8}");
     }
-    for left_out in &plan.left_out {
+    const MOST: usize = 8;
+    for left_out in plan.left_out.iter().take(MOST) {
         let _ = writeln!(text, "left out: {}", plain(left_out));
+    }
+    if let Some(more) = plan.left_out.len().checked_sub(MOST).filter(|more| *more > 0) {
+        let _ = writeln!(text, "left out: {more} more passes");
     }
     text
 }

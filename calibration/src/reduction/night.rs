@@ -277,7 +277,7 @@ impl Reduced {
             match self.visited(number, &stay, track, session, station)? {
                 Some(visited) => return Ok(Some(visited)),
                 None => self.warnings.push(format!(
-                    "{} (visit {}): neither frames nor bins were recorded",
+                    "{} (visit {}): no frames or bins of a channel of the station: nothing was recorded, or behind other filters or in other colours than its channels have",
                     stay.target.name, stay.number
                 )),
             }
