@@ -79,7 +79,7 @@ pub struct PassesArgs {
     pub out: OutputArgs,
 }
 
-/// What the plan of a night gets besides the passes.
+/// Visits of a plan besides the passes.
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "A plan for observe (-o NIGHT.toml)")]
 pub struct NightArgs {

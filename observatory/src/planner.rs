@@ -63,13 +63,13 @@ impl Default for PlannerOptions {
 pub struct PassOffer {
     /// Name and number of the object.
     pub label: String,
-    /// Its number, by which the elements' file is searched.
+    /// Number by which the elements' file is searched.
     pub norad_id: u32,
     /// When it can be seen.
     pub span: (Epoch, Epoch),
     /// Johnson V at its brightest.
     pub v_mag: f64,
-    /// Its highest altitude, degrees.
+    /// Highest altitude, degrees.
     pub highest_deg: f64,
 }
 
@@ -102,7 +102,7 @@ pub struct NightPlan {
     pub visits: Vec<PlannedVisit>,
     /// Passes that are not in it, and why.
     pub left_out: Vec<String>,
-    /// What it could not do as asked.
+    /// Things that it could not do as asked.
     pub warnings: Vec<String>,
 }
 
@@ -416,7 +416,7 @@ impl Planner<'_> {
         visits
     }
 
-    /// What of the plan's instruments a star would saturate, or nearly.
+    /// The channel of the plan's instruments that a star would saturate, or nearly.
     fn saturates(&self, star: &Star, epoch: Epoch) -> Result<Option<String>, PlannerError> {
         let plan = self.around.devices;
         let judge = Judge {

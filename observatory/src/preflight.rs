@@ -334,7 +334,7 @@ fn check_exposures(about: &str, from: Epoch, to: Epoch, plan: &Plan, found: &mut
 /// A star that comes so near to the end of a range is worth a word.
 const NEAR: f64 = 0.7;
 
-/// What the stars of the plan saturate, at the typical κ of the station.
+/// Finds the stars of the plan that saturate a channel, at the typical κ of the station.
 fn check_saturation(plan: &Plan, options: &PreflightOptions, found: &mut Preflight) {
     let known = plan.station.air_options().and_then(|known| Air::new(&known));
     let air = match known {
