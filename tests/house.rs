@@ -80,3 +80,34 @@ fn crates_see_only_whom_they_may_see() {
         assert!(seen.is_empty(), "{name} sees {seen:?}");
     }
 }
+
+/// Packages with the features that they are built with, where `arguments` choose what is built.
+fn built_with(arguments: &[&str]) -> BTreeSet<String> {
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
+    let output = Command::new(cargo)
+        .args(["tree", "--locked", "--prefix", "none", "-f", "{p} {f}"])
+        .args(arguments)
+        .current_dir(repository())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    let lines = text.lines().map(|l| l.replace(" (*)", "").trim().to_owned());
+    lines.filter(|l| !l.is_empty() && !l.starts_with("sunglint v")).collect()
+}
+
+/// The program, the wheel and the tests share one build: no package has other features in one of them. Truth: cargo's own tree.
+#[test]
+fn what_is_built_once_serves_the_program_the_wheel_and_the_tests() {
+    let tests = built_with(&["--workspace", "--features", "sunglint/opencv"]);
+    for package in ["sunglint", "sunglint-python"] {
+        let own = built_with(&["-p", package, "-e", "no-dev"]);
+        assert!(own.len() > 100, "{own:?}");
+        let apart: Vec<_> = own.difference(&tests).collect();
+        assert!(
+            apart.is_empty(),
+            "{package} builds these once more: give it the features that the tests ask of them \
+             (see the build-dependencies in Cargo.toml): {apart:?}"
+        );
+    }
+}
