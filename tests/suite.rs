@@ -33,6 +33,7 @@ mod program;
 mod raw_tags;
 mod recorded_night;
 mod reduce;
+mod served;
 mod simulate;
 mod thesis;
 mod track;

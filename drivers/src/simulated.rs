@@ -14,8 +14,9 @@ pub mod ophir;
 pub mod pm100;
 pub mod power;
 pub mod script;
+pub mod served;
 pub mod swabian;
 pub mod tmcl;
 
-pub use line::{InMemory, Speaker, serve};
+pub use line::{InMemory, Speaker, bridge, serve};
 pub use power::{PowerSource, Steady};

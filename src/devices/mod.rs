@@ -5,6 +5,7 @@ mod check;
 mod list;
 mod read;
 mod replay;
+mod serve;
 mod session;
 
 pub use act::{MoveArgs, SetArgs};
@@ -12,6 +13,7 @@ pub use check::CheckArgs;
 pub use list::ListArgs;
 pub use read::ReadArgs;
 pub use replay::{RecordArgs, ReplayArgs};
+pub use serve::ServeArgs;
 
 use crate::output::{Console, OutputArgs};
 use clap::Subcommand;
@@ -31,6 +33,8 @@ pub enum DevicesCommand {
     Record(RecordArgs),
     /// Let a driver speak to a recording instead of a device, and show the first difference
     Replay(ReplayArgs),
+    /// Serve a simulated device on a serial port or a TCP port, for other programs
+    Serve(ServeArgs),
     /// Print the udev rules that let users reach the instruments
     Udev,
 }
@@ -62,7 +66,7 @@ impl DevicesCommand {
             Self::List(args) => Some(&args.out),
             Self::Talk(talk) => Some(talk.out()),
             Self::Replay(args) => Some(&args.out),
-            Self::Record(_) | Self::Udev => None,
+            Self::Record(_) | Self::Serve(_) | Self::Udev => None,
         }
     }
 }
@@ -106,6 +110,7 @@ pub fn run(command: &DevicesCommand, console: Console) -> anyhow::Result<()> {
         DevicesCommand::Talk(talk) => talk.run(console),
         DevicesCommand::Record(args) => replay::record(args, console),
         DevicesCommand::Replay(args) => replay::replay(args, console),
+        DevicesCommand::Serve(args) => serve::run(args, console),
         DevicesCommand::Udev => console.result(
             &udev::rules(),
             &serde_json::json!({ "file": udev::FILE, "folder": udev::FOLDER, "rules": udev::rules() }),

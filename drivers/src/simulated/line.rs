@@ -78,34 +78,60 @@ pub fn serve<D: Speaker>(
     line: &mut impl Bytes,
     deadline: &Deadline,
 ) -> Result<D, TransportError> {
-    /// How long it listens at most before it says what is due.
-    const LISTEN: Duration = Duration::from_millis(20);
     let mut end = InMemory::new(device);
-    let mut buffer = [0; 256];
+    bridge(&mut end, line, deadline, || {})?;
+    Ok(end.device)
+}
+
+/// Carries bytes between a line to a device and the device's end of a real line, until the deadline passes, the token is set, or
+/// one of both hangs up. `meanwhile` is called some hundred times a second.
+///
+/// # Errors
+/// One of the lines failed.
+pub fn bridge(
+    device: &mut (impl Bytes + ?Sized),
+    line: &mut (impl Bytes + ?Sized),
+    deadline: &Deadline,
+    mut meanwhile: impl FnMut(),
+) -> Result<(), TransportError> {
+    /// How long it listens to either side before it looks at the other.
+    const LISTEN: Duration = Duration::from_millis(2);
+    let mut buffer = [0; 65_536];
     loop {
-        let due = end.said.front().map_or(LISTEN, |(due, _)| due.saturating_sub(deadline.now()));
-        let step = deadline.at_most(due.clamp(Duration::from_millis(1), LISTEN));
-        let heard = match line.receive(&mut buffer, &step) {
-            Ok(count) => {
-                end.hear(&buffer[..count], deadline.now());
-                Ok(())
-            }
-            Err(error) if error.is_timeout() => Ok(()),
-            Err(error) => Err(error),
-        };
-        let said = heard.and_then(|()| {
-            deadline.remaining()?;
-            let said = end.take(usize::MAX, deadline.now());
-            if said.is_empty() { Ok(()) } else { line.send(&said, deadline) }
-        });
-        match said {
-            Ok(()) => {}
+        meanwhile();
+        let turn =
+            carry(line, device, &mut buffer, &deadline.at_most(LISTEN), deadline).and_then(|_| {
+                loop {
+                    // All that is due: a frame is many pieces.
+                    let step = deadline.at_most(Duration::from_millis(1));
+                    if !carry(device, line, &mut buffer, &step, deadline)? {
+                        return deadline.remaining().map_err(TransportError::from);
+                    }
+                }
+            });
+        match turn {
+            Ok(_) => {}
             Err(
                 TransportError::Timeout { .. }
                 | TransportError::Cancelled { .. }
                 | TransportError::Disconnected { .. },
-            ) => return Ok(end.device),
+            ) => return Ok(()),
             Err(error) => return Err(error),
         }
+    }
+}
+
+/// Hands on what `from` has said within the step; whether there was anything.
+fn carry(
+    from: &mut (impl Bytes + ?Sized),
+    to: &mut (impl Bytes + ?Sized),
+    buffer: &mut [u8],
+    step: &Deadline,
+    deadline: &Deadline,
+) -> Result<bool, TransportError> {
+    match from.receive(buffer, step) {
+        Ok(count) => to.send(&buffer[..count], deadline).map(|()| true),
+        Err(error) if error.is_timeout() => Ok(false),
+        Err(error) => Err(error),
     }
 }
