@@ -62,6 +62,8 @@ pub struct Material {
     /// The largest albedo, where it was looked for.
     largest: Option<scatter::LargestAlbedo>,
     notes: Vec<String>,
+    /// How well f is known, as a file says it.
+    stated: Option<scatter::Stated>,
 }
 
 /// A wavelength below all others, nm: a spectrum of nothing else covers nothing.
@@ -294,7 +296,7 @@ impl Material {
         ways: Vec<(f64, sampling::Proposal)>,
     ) -> Self {
         let proposals = sampling::Mixture::new(ways);
-        Self { name, spectra, model, proposals, largest: None, notes: Vec::new() }
+        Self { name, spectra, model, proposals, largest: None, notes: Vec::new(), stated: None }
     }
 
     /// The spectra ρ_k: as many as there are weights.
@@ -327,11 +329,8 @@ impl Material {
             }
             Model::Mirror { .. } => {}
             Model::Law(law) => {
-                law.add_weights(i, o, scale, sum);
-                if law.has_gaps()
-                    && !law.covers(i, o)
-                    && let Some(last) = sum.last_mut()
-                {
+                let covered = law.add_and_cover(i, o, scale, sum);
+                if !covered && let Some(last) = sum.last_mut() {
                     *last += scale;
                 }
             }
