@@ -133,7 +133,9 @@ pub enum MaterialError {
         angles: usize,
     },
     /// An integral over all directions that did not converge.
-    #[error("the albedo at {theta_deg}° of incidence is known to {error:.1e} only, expected 1e-5")]
+    #[error(
+        "the albedo at {theta_deg}° of incidence is known to {error:.1e} only, expected 1e-5 (of a table: floor_per_sr leaves out values that are the detector's floor)"
+    )]
     Albedo {
         /// The angle of incidence.
         theta_deg: f64,
