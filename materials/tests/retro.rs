@@ -352,7 +352,7 @@ fn campaign_diffuse_rigs() {
         let table = RetroTable::from_table("run", &to_table(&found)).unwrap();
         let ndf_options = sunglint_materials::ndf::NdfOptions {
             zero_deg: Some(options.mount.offset_deg),
-            resamplings: 60,
+            resamplings: 20,
             seed,
             ..Default::default()
         };

@@ -3,7 +3,7 @@
 //! Diffuse light is no microfacets': taken for them it makes the lobe far too wide. A Lambert sample of reflectance ρ throws ρ/π back at all angles, so that it
 //! shows where the lobe has ended. It is taken off only where it is seen: where retro-reflection stays the same over a stretch of angles that the lobe has left.
 
-use super::shape::{EVERY_ALPHA, Reading, golden, ln_shape};
+use super::shape::{EVERY_ALPHA, Reading, fit, golden, ln_shape};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use sunglint_simulator::surface::Distribution;
@@ -49,6 +49,9 @@ const BETTER: f64 = 0.5;
 const SOME: f64 = 0.8;
 /// The lobe's peak over the diffuse light, at least.
 const LEAST_PEAK: f64 = 0.2;
+/// Diffuse light is this many times as bright as the tail of a lobe that has the peak's core, at least; and the core is above this part of the peak.
+const LEAST_OVER_TAIL: f64 = 3.0;
+const CORE: f64 = 3.0;
 /// It is seen where it is this part of the whole, over so many readings and degrees.
 const SEEN: f64 = 0.8;
 const LEAST_READINGS: usize = 6;
@@ -129,11 +132,30 @@ pub(super) fn find(readings: &[Reading], alone: f64) -> DiffuseLight {
         if other.misfit < 2.0 * best.misfit { (other.diffuse - best.diffuse).abs() } else { 0.0 };
     let bound_per_sr = off.max(2.0 * by_scatter);
     let is_fitted = best.misfit < BETTER * alone
+        && best.diffuse > LEAST_OVER_TAIL * tail_of_core(readings, &seen, best.diffuse)
         && peak > LEAST_PEAK * best.diffuse
         && level <= LEVEL + 2.0 * scatter / (seen.len().max(1) as f64).sqrt()
         && off < 0.5 * best.diffuse;
     let origin = if is_fitted { DiffuseOrigin::Fitted } else { DiffuseOrigin::Unknown };
     DiffuseLight { f_per_sr: best.diffuse, bound_per_sr, origin }
+}
+
+/// Mean retro-reflection over `seen` of a GGX lobe that is as the peak is: its tail, (α/sin²θ)² F₀/(4π cos²θ), is as level between 40 and 65° as diffuse light.
+fn tail_of_core(readings: &[Reading], seen: &[&Reading], diffuse: f64) -> f64 {
+    let top = readings.iter().map(|r| r.1.exp() - diffuse).fold(0.0, f64::max);
+    let rest = |r: &Reading| (r.0, r.1.exp() - diffuse, r.2);
+    let core: Vec<Reading> = readings
+        .iter()
+        .map(rest)
+        .filter(|r| r.1 > top / CORE)
+        .map(|(theta, f, _)| (theta, f.ln(), 1.0))
+        .collect();
+    if core.len() < 4 || seen.is_empty() {
+        return 0.0;
+    }
+    let fit = fit(Distribution::Ggx, &core, EVERY_ALPHA);
+    let tail = |r: &&Reading| fit.f0 * ln_shape(Distribution::Ggx, fit.alpha, r.0).exp();
+    seen.iter().map(tail).sum::<f64>() / seen.len() as f64
 }
 
 /// Change of ln f over readings by a straight line in the angle, and their scatter about it; infinite where they are too few or too near one another.

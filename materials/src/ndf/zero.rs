@@ -12,7 +12,7 @@ const LEAST_A_SIDE: usize = 4;
 /// A symmetry point is not known where the readings allow another one that is farther from it, degrees.
 const MOST_UNSURE_DEG: f64 = 1.5;
 /// Standard deviations by which a sum of squares exceeds its mean before a trial is refused, and by which the middle is darker than elsewhere.
-const REFUSED: f64 = 3.0;
+const REFUSED: f64 = 4.0;
 const DARKER: f64 = 4.0;
 /// Readings that are looked at in the middle.
 const MIDDLE: usize = 5;
@@ -95,14 +95,16 @@ impl Judge<'_> {
     /// Variance of ln f by the scatter of neighbours about straight lines, times the weights; at least 1 where standard deviations are known.
     fn noise(&self) -> f64 {
         let ln: Vec<f64> = self.scan.f.iter().map(|f| f.ln()).collect();
-        let bends = (1..ln.len().saturating_sub(1)).map(|k| {
-            let (a, b) = (self.scan.angle_deg[k - 1], self.scan.angle_deg[k + 1]);
-            let t = if b > a { (self.scan.angle_deg[k] - a) / (b - a) } else { 0.5 };
-            let off = ln[k] - (1.0 - t) * ln[k - 1] - t * ln[k + 1];
-            self.weights[k] * off * off / (1.0 + t * t + (1.0 - t) * (1.0 - t))
-        });
-        // The median of the square of a normal deviate is 0.455.
-        let scatter = sunglint_numerics::order::median(bends).unwrap_or(0.0) / 0.455;
+        let bends: Vec<f64> = (1..ln.len().saturating_sub(1))
+            .map(|k| {
+                let (a, b) = (self.scan.angle_deg[k - 1], self.scan.angle_deg[k + 1]);
+                let t = if b > a { (self.scan.angle_deg[k] - a) / (b - a) } else { 0.5 };
+                let off = ln[k] - (1.0 - t) * ln[k - 1] - t * ln[k + 1];
+                self.weights[k] * off * off / (1.0 + t * t + (1.0 - t) * (1.0 - t))
+            })
+            .collect();
+        // The mean, not the median: standard deviations from few readings each are often far too small.
+        let scatter = bends.iter().sum::<f64>() / bends.len().max(1) as f64;
         if self.scan.sigma.iter().all(|s| *s > 0.0) { scatter.max(1.0) } else { scatter }
     }
 
