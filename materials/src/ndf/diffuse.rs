@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use sunglint_simulator::surface::Distribution;
 
-/// How it is known.
+/// Origin of what is known of diffuse light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
 #[serde(rename_all = "snake_case")]
 pub enum DiffuseOrigin {
@@ -26,14 +26,14 @@ pub enum DiffuseOrigin {
 pub struct DiffuseLight {
     /// Retro-reflection of the diffuse part, sr⁻¹: ρ/π of Lambert's law; what it may be at most where it is not decided.
     pub f_per_sr: f64,
-    /// How far it may be off, sr⁻¹: by the kind of the lobe, and by the readings.
+    /// Largest error of it, sr⁻¹: by the kind of the lobe, and by the readings.
     pub bound_per_sr: f64,
-    /// How it is known.
+    /// Origin of the number.
     pub origin: DiffuseOrigin,
 }
 
 impl DiffuseLight {
-    /// ρ of a Lambert surface.
+    /// Reflectance ρ of a Lambert surface that throws as much back.
     pub fn reflectance(&self) -> f64 {
         PI * self.f_per_sr
     }

@@ -274,14 +274,14 @@ pub enum Note {
     Diffuse {
         /// Reflectance of a Lambert surface that throws as much back.
         reflectance: f64,
-        /// How far the reflectance may be off.
+        /// Largest error of the reflectance.
         bound: f64,
         /// The angle to which the lobe is followed, degrees.
         followed_to_deg: f64,
     },
     /// Whether there is diffuse light is not decided.
     DiffuseUnknown {
-        /// The reflectance that the readings would allow.
+        /// Reflectance that the readings would allow.
         most: f64,
     },
 }

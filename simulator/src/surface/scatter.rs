@@ -117,8 +117,8 @@ impl Material {
         }
     }
 
-    /// How well f is known for light from `i` to `o`: the half-width of the 95 % interval of ln f. Of a table it was measured by leaving values out, of a fitted material it
-    /// is what its file says; `None` of a law whose numbers somebody chose, and at or below the horizon.
+    /// Half-width of the 95 % interval of ln f for light from `i` to `o`. Of a table it was measured by leaving values out, of a fitted material it is what its file says; `None` of a
+    /// law whose numbers somebody chose, and at or below the horizon.
     pub fn ln_doubt(&self, i: DVec3, o: DVec3) -> Option<f64> {
         if !(i.z > 0.0 && o.z > 0.0) {
             return None;
