@@ -5,50 +5,15 @@
 use crate::fit::surface::hemisphere;
 use crate::samples::{Sample, Samples, direction, turned};
 use glam::DVec3;
-use serde::Serialize;
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::Path;
-use sunglint_formats::fred::{self, FredIncidence, FredRow, FredScatter};
-use sunglint_formats::zemax::{self, ZemaxBsdf};
+use sunglint_formats::fred::{FredIncidence, FredRow, FredScatter};
+use sunglint_formats::zemax::ZemaxBsdf;
 use sunglint_formats::{Meta, ParseError};
+use sunglint_simulator::surface::brdf_table::Row;
 
-/// A format.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-#[non_exhaustive]
-pub enum Exchange {
-    /// FRED's tabular scatter data.
-    Fred,
-    /// Zemax OpticStudio's tabular BSDF.
-    Zemax,
-    /// Columns `phi_i theta_i phi_o theta_o brdf`, where phi is the angle from the normal.
-    Columns,
-}
-
-impl Exchange {
-    /// The format of a text, if it is one of these.
-    pub fn of(text: &str) -> Option<Self> {
-        if fred::is_fred(text) {
-            Some(Self::Fred)
-        } else if zemax::is_zemax(text) {
-            Some(Self::Zemax)
-        } else if columns_header(text) {
-            Some(Self::Columns)
-        } else {
-            None
-        }
-    }
-
-    /// Returns the name of the format for people.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Fred => "FRED",
-            Self::Zemax => "Zemax",
-            Self::Columns => "columns phi_i theta_i phi_o theta_o brdf",
-        }
-    }
-}
+pub use sunglint_simulator::surface::brdf_table::Exchange;
 
 /// Reads measured values from a text in one of these formats. `wavelength_nm` is that of a file that does not say it.
 ///
@@ -60,51 +25,25 @@ pub fn read_str(
     format: Exchange,
     wavelength_nm: Option<f64>,
 ) -> Result<Samples, ParseError> {
-    let (rows, of_file, missing) = match format {
-        Exchange::Fred => (from_fred(&fred::read_str(path, text)?), None, 0),
-        Exchange::Zemax => {
-            let (rows, missing) = from_zemax(path, &zemax::read_str(path, text)?)?;
-            (rows, None, missing)
-        }
-        Exchange::Columns => (from_columns(path, text)?, said_wavelength(text), 0),
-    };
-    let Some(nm) = wavelength_nm.or(of_file) else {
-        let error = ParseError::new(path, "no wavelength", "the wavelength of its values");
-        return Err(error.with_hint("say it: --wavelength-nm 650"));
-    };
-    if !(nm.is_finite() && nm > 1.0) {
-        return Err(ParseError::new(path, format!("{nm} nm"), "a wavelength in nm"));
-    }
-    if rows.is_empty() {
-        return Err(ParseError::new(path, "no value", "measured values"));
-    }
+    let found = format.read(path, text, wavelength_nm)?;
     let mut meta = Meta::new();
     meta.insert("read_from".into(), json!(format.name()));
-    if missing > 0 {
-        meta.insert("without_value".into(), json!(missing));
+    if found.missing > 0 {
+        meta.insert("without_value".into(), json!(found.missing));
     }
-    Ok(Samples { wavelength_nm: vec![nm], rows, meta })
+    let rows = found.rows.into_iter().map(sample).collect();
+    Ok(Samples { wavelength_nm: vec![found.wavelength_nm], rows, meta })
 }
 
-fn sample(theta_i_deg: f64, phi_i_deg: f64, theta_o_deg: f64, phi_o_deg: f64, f: f64) -> Sample {
+fn sample(row: Row) -> Sample {
     Sample {
-        theta_i_deg,
-        phi_i_deg,
-        theta_o_deg,
-        phi_o_deg,
-        brdf_per_sr: vec![f],
+        theta_i_deg: row.theta_i_deg,
+        phi_i_deg: row.phi_i_deg,
+        theta_o_deg: row.theta_o_deg,
+        phi_o_deg: row.phi_o_deg,
+        brdf_per_sr: row.brdf_per_sr,
         sigma_per_sr: Vec::new(),
     }
-}
-
-/// FRED has the azimuth of scattered light 0 on the mirrored side; ours is the light's + 180° there.
-fn from_fred(file: &FredScatter) -> Vec<Sample> {
-    let of = |i: &FredIncidence| {
-        let (theta, phi) = (i.theta_deg, i.phi_deg + 180.0);
-        let row = move |r: &FredRow| sample(theta, phi, r.theta_deg, r.phi_deg, r.bsdf_per_sr);
-        i.rows.iter().map(row).collect::<Vec<_>>()
-    };
-    file.incidences.iter().flat_map(of).collect()
 }
 
 /// Values of one wavelength as FRED reads them. Values that are no numbers or negative are left out.
@@ -149,43 +88,6 @@ fn of_mirrored(theta_i_deg: f64, o: DVec3) -> (f64, f64) {
     let to_normal = DVec3::new(-cos_i, 0.0, sin_i);
     let (x, y, z) = (o.dot(to_normal), o.y, o.dot(mirrored));
     (y.atan2(x).to_degrees(), x.hypot(y).atan2(z).to_degrees())
-}
-
-/// Angle from the normal and azimuth, degrees.
-fn angles(o: DVec3) -> (f64, f64) {
-    (o.x.hypot(o.y).atan2(o.z).to_degrees(), o.y.atan2(o.x).to_degrees())
-}
-
-/// The values, and how many directions above the horizon have none.
-fn from_zemax(path: &Path, file: &ZemaxBsdf) -> Result<(Vec<Sample>, usize), ParseError> {
-    if file.transmitted {
-        let error = ParseError::new(path, "BTDF", "BRDF").in_field("ScatterType");
-        return Err(error.with_hint("transmitted light has no place in a table of reflected light"));
-    }
-    let (mut rows, mut missing, mut at) = (Vec::new(), 0, 0);
-    for theta_i in &file.incidence_deg {
-        for (k, azimuth) in file.azimuth_deg.iter().enumerate() {
-            for radial in &file.radial_deg {
-                let value = file.value_per_sr[at];
-                at += 1;
-                // On the mirrored ray all azimuths are one direction.
-                if *radial == 0.0 && k > 0 {
-                    continue;
-                }
-                let o = about_mirrored(*theta_i, *azimuth, *radial);
-                if o.z <= 1e-9 {
-                    continue;
-                }
-                if value == 0.0 {
-                    missing += 1;
-                    continue;
-                }
-                let (theta_o, phi_o) = angles(o);
-                rows.push(sample(*theta_i, 180.0, theta_o, phi_o, value));
-            }
-        }
-    }
-    Ok((rows, missing))
 }
 
 /// Why values cannot be written for Zemax.
@@ -288,67 +190,4 @@ pub fn to_zemax(samples: &Samples, column: usize) -> Result<ZemaxBsdf, WriteErro
         tis,
         value_per_sr,
     })
-}
-
-/// Whether the last comment line before the values names the columns.
-fn columns_header(text: &str) -> bool {
-    let mut last = "";
-    for line in text.lines().map(str::trim).filter(|l| !l.is_empty()) {
-        match line.strip_prefix('#') {
-            Some(comment) if !comment.trim().is_empty() => last = comment,
-            Some(_) => {}
-            None => break,
-        }
-    }
-    let names: Vec<String> = last.split_whitespace().map(str::to_lowercase).collect();
-    let is = |k: usize, all: [&str; 2]| names.get(k).is_some_and(|n| all.contains(&n.as_str()));
-    names.len() == 5
-        && is(0, ["phi_i", "phi_in"])
-        && is(1, ["theta_i", "theta_in"])
-        && is(2, ["phi_o", "phi_out"])
-        && is(3, ["theta_o", "theta_out"])
-        && is(4, ["brdf", "bsdf"])
-}
-
-/// A wavelength that a comment says: `lambda = 532 nm`.
-fn said_wavelength(text: &str) -> Option<f64> {
-    let comments = text.lines().map(str::trim).take_while(|l| l.is_empty() || l.starts_with('#'));
-    for comment in comments.filter(|c| c.contains("wavelength") || c.contains("lambda")) {
-        let Some((_, value)) = comment.split_once('=') else { continue };
-        let mut words = value.split_whitespace();
-        let number = words.next().and_then(|w| w.parse::<f64>().ok());
-        if words.next() == Some("nm") {
-            return number;
-        }
-    }
-    None
-}
-
-/// In these tables phi is the angle from the normal and theta the azimuth.
-fn from_columns(path: &Path, text: &str) -> Result<Vec<Sample>, ParseError> {
-    let mut rows = Vec::new();
-    for (k, line) in text.lines().enumerate() {
-        let line = line.trim();
-        if line.is_empty() || line.starts_with('#') {
-            continue;
-        }
-        let bad = |expected: &str| {
-            let shown: String = line.chars().take(60).collect();
-            ParseError::new(path, shown, expected).at_line(k as u64 + 1)
-        };
-        let numbers: Option<Vec<f64>> = line
-            .split_whitespace()
-            .map(|w| w.parse::<f64>().ok().filter(|v| v.is_finite()))
-            .collect();
-        match numbers.as_deref() {
-            Some([theta_i, phi_i, theta_o, phi_o, f]) => {
-                if theta_i.abs() > 90.0 || theta_o.abs() > 90.0 {
-                    return Err(bad("angles from the normal of up to 90°"));
-                }
-                rows.push(sample(*theta_i, *phi_i, *theta_o, *phi_o, *f));
-            }
-            _ => return Err(bad("five numbers: phi_i, theta_i, phi_o, theta_o, brdf")),
-        }
-    }
-    Ok(rows)
 }

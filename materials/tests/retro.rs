@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 use glam::DVec3;
+use rand::{RngExt as _, SeedableRng as _};
 use sunglint_drivers::device::InBeam;
 use sunglint_materials::ndf::ZeroOrigin;
 use sunglint_materials::retro::readings::means;
@@ -319,4 +320,51 @@ fn what_is_wrong_is_flagged_and_said() {
     assert_eq!(reduce(&dark, &setup), Err(RetroError::IncidentOver { number: 1 }));
     let bad = Setup { wavelength_nm: f64::NAN, ..setup.clone() };
     assert!(matches!(reduce(&measured, &bad), Err(RetroError::Number { .. })));
+}
+
+/// Truth: the rig's own offset (up to 2°) and the closed form F₀ = 2.0821 ρ of a Lambert sample (reflectance of the rig's). 1 % noise on each angle; −10° to 65° of the stage.
+///
+/// Promises: no normal is off by more than 1.5° that is not said to be assumed; with the normal given, F₀ inside 2σ in 95 % of the seeds.
+#[test]
+fn campaign_diffuse_rigs() {
+    let mut campaign = sunglint_testkit::Campaign::start("diffuse_rigs", 200);
+    let (mut wrong, mut outside, mut all, mut unknown) = (0, 0, 0, 0);
+    for seed in campaign.seeds() {
+        let mut options = Options::default();
+        options.sample.kind = SampleKind::Lambert;
+        options.mount.offset_deg = 2.0 * (seed as f64 * 2.39996).sin();
+        let mut measured = run(&options);
+        let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(seed);
+        for at in &mut measured.sample {
+            for power in &mut at.power_w {
+                let (u, v): (f64, f64) = (1.0 - random.random::<f64>(), random.random());
+                let normal = (-2.0 * u.ln()).sqrt() * (2.0 * std::f64::consts::PI * v).cos();
+                *power *= 1.0 + 0.01 * 3_f64.sqrt() * normal;
+            }
+        }
+        let setup = setup(&options);
+        let found = reduce(&measured, &setup).unwrap();
+        let off = (found.zero.0 - options.mount.offset_deg).abs();
+        wrong += i32::from(off > 1.5 && found.zero.2 == ZeroOrigin::Fitted);
+        unknown += i32::from(found.zero.2 == ZeroOrigin::Assumed);
+        let given = Setup { zero_deg: Some(options.mount.offset_deg), ..setup };
+        let found = reduce(&measured, &given).unwrap();
+        let table = RetroTable::from_table("run", &to_table(&found)).unwrap();
+        let ndf_options = sunglint_materials::ndf::NdfOptions {
+            zero_deg: Some(options.mount.offset_deg),
+            resamplings: 20,
+            seed,
+            ..Default::default()
+        };
+        let ndf = sunglint_materials::ndf::extract(&table, &ndf_options).unwrap();
+        let rho = std::f64::consts::PI * options.sample.retro(0.0).unwrap();
+        let sigma = ndf.f0_sigma.unwrap() + ndf.f0_bound;
+        all += 1;
+        outside += i32::from((ndf.f0 - 2.0821 * rho).abs() > 2.0 * sigma);
+    }
+    println!("{all} rigs: {wrong} normals wrong, {unknown} not known, F₀ outside {outside}");
+    campaign.largest("normals_wrong", f64::from(wrong));
+    campaign.largest("f0_outside", f64::from(outside));
+    campaign.finish();
+    assert!(wrong == 0 && 20 * outside <= all + 19, "{wrong} {outside} of {all}");
 }

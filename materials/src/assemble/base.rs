@@ -9,6 +9,7 @@ use crate::ndf::Ndf;
 use crate::samples::{Samples, turned};
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
 
 /// D is at least this part of its peak, in the file and in what samples are compared with: the values in the file are what was measured over D, which
@@ -35,6 +36,8 @@ fn times(p: &Point, signs: &[f64; 4]) -> Point {
 }
 /// A direction this much further from the nearest sample than samples are from one another was not measured.
 const BEYOND: f64 = 1.5;
+/// Samples that are left out, at most.
+const MOST_LEFT_OUT: usize = 4000;
 /// Error of a file's grid, ln f.
 const OF_GRID: f64 = 0.01;
 /// Over this distance in the coordinates (each some 0 to 1) the law takes over from the measurement.
@@ -178,6 +181,10 @@ pub(super) struct Field<'a> {
     pub spacing: f64,
     /// Difference of ln q between two samples, by their distance in steps of [`APART`]: 95 % of all pairs differ by less, the largest over the wavelengths.
     differs: Vec<f64>,
+    /// By sample: how far it is from what the samples around it say without it, ln f, the largest over the wavelengths; NaN of those that were not left out.
+    left_out: Vec<f64>,
+    /// The root mean square of that.
+    left_out_rms: f64,
 }
 
 /// How a direction's value comes from samples.
@@ -247,9 +254,56 @@ impl<'a> Field<'a> {
         gaps.sort_by(f64::total_cmp);
         let spacing = gaps.get(gaps.len() * 9 / 10).copied().unwrap_or(0.0).max(1e-3);
         let differs = differences(&points, &ln_q, wavelengths);
-        let field =
-            Self { microfacets, tree, points, images, ln_q, wavelengths, base, spacing, differs };
+        let mut field = Self {
+            microfacets,
+            tree,
+            points,
+            images,
+            ln_q,
+            wavelengths,
+            base,
+            spacing,
+            differs,
+            left_out: Vec::new(),
+            left_out_rms: 0.0,
+        };
+        field.leave_out(&directions);
         (field, left_out)
+    }
+
+    /// Leaves samples out, one at a time, and predicts them by the others.
+    fn leave_out(&mut self, directions: &[(DVec3, DVec3)]) {
+        let step = directions.len().div_ceil(MOST_LEFT_OUT).max(1);
+        let error = |row: usize| {
+            if !row.is_multiple_of(step) {
+                return f64::NAN;
+            }
+            let (i, o) = directions[row];
+            let stencil = self.stencil_without(i, o, Some(row));
+            let off = |k: usize| {
+                let found = stencil.keep * self.ln_q(&stencil, k);
+                (found - self.ln_q[row * self.wavelengths + k]).abs()
+            };
+            (0..self.wavelengths).map(off).fold(0.0, f64::max)
+        };
+        let errors: Vec<f64> = (0..directions.len()).into_par_iter().map(error).collect();
+        let known: Vec<f64> = errors.iter().copied().filter(|e| e.is_finite()).collect();
+        let square = known.iter().map(|e| e * e).sum::<f64>() / known.len().max(1) as f64;
+        (self.left_out, self.left_out_rms) = (errors, square.sqrt());
+    }
+
+    /// Half-width of the 95 % interval of ln f between samples: what leaving out those around says.
+    fn between(&self, stencil: &Stencil) -> f64 {
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for (row, w) in &stencil.parts {
+            let error = self.left_out[*row];
+            let error = if error.is_finite() { error } else { self.left_out_rms };
+            sum += w.abs() * error * error;
+            weight += w.abs();
+        }
+        // A sample that stands alone may meet its neighbours by chance.
+        let near = if weight > 0.0 { sum / weight } else { self.left_out_rms.powi(2) };
+        2.0 * (0.9 * near + 0.1 * self.left_out_rms.powi(2)).sqrt()
     }
 
     /// Returns the difference of ln q over a distance; beyond the largest in the table it goes on at the average slope.
@@ -269,10 +323,23 @@ impl<'a> Field<'a> {
 
     /// Around a pair of directions.
     pub fn stencil(&self, i: DVec3, o: DVec3) -> Stencil {
+        self.stencil_without(i, o, None)
+    }
+
+    /// The same, as if a sample had not been measured.
+    fn stencil_without(&self, i: DVec3, o: DVec3, without: Option<usize>) -> Stencil {
         let isotropic = self.microfacets.is_isotropic();
         let (i, o) = if isotropic { turned(i, o) } else { (i, o) };
         let at = coordinates(isotropic, i, o);
-        let near = self.tree.nearest(&at, NEIGHBOURS);
+        let near = match without {
+            None => self.tree.nearest(&at, NEIGHBOURS),
+            Some(row) => {
+                let mut near = self.tree.nearest(&at, NEIGHBOURS + self.images.len());
+                near.retain(|(_, k)| *k != row);
+                near.truncate(NEIGHBOURS);
+                near
+            }
+        };
         let Some(first) = near.first() else {
             return Stencil {
                 parts: Vec::new(),
@@ -391,12 +458,12 @@ impl<'a> Field<'a> {
         stencil.parts.iter().map(|(row, w)| w * at(*row)).sum()
     }
 
-    /// Returns the possible error of ln f where it was not measured, the largest over the wavelengths; 0 where it was. In quadrature: the difference of samples that are as far
-    /// from one another as this direction is from the nearest, what was taken back of the nearest ones' difference from the law, what the lobe's share may be off
-    /// by, and what the file's grid is good for.
+    /// Returns the possible error of ln f, the largest over the wavelengths. Between samples: what those around are off by when they are left out, and what the file's grid is good
+    /// for. Beyond them, in quadrature: the difference of samples that are as far from one another as this direction is from the nearest, what was taken back of the nearest ones'
+    /// difference from the law, what the lobe's share may be off by, and the file's grid.
     pub fn doubt(&self, stencil: &Stencil, i: DVec3, o: DVec3) -> f64 {
         if stencil.measured {
-            return 0.0;
+            return self.between(stencil).hypot(OF_GRID);
         }
         let (lobe, of_lobe) = (self.microfacets.lobe(i, o), self.microfacets.doubt(i, o));
         let differs = self.differs(stencil.distance.min(2.0));

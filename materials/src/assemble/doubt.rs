@@ -1,4 +1,4 @@
-//! Possible error of an assembled material where it was not measured, by direction.
+//! Possible error of an assembled material, by direction.
 
 use super::base::Field;
 use super::{Coverage, spherical};
@@ -17,7 +17,7 @@ pub struct Doubt {
     pub phi_o_deg: f64,
     /// Whether it is extrapolated.
     pub extrapolated: bool,
-    /// Possible error of ln f by the extrapolation: 0.1 is 10 %, 0.7 a factor of 2; 0 where it was measured.
+    /// Possible error of ln f: 0.1 is 10 %, 0.7 a factor of 2. Between samples it comes from leaving samples out, beyond them from the extrapolation.
     pub ln_doubt: f64,
 }
 

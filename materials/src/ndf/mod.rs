@@ -5,7 +5,7 @@
 //!
 //! From a table of angles to D: readings that are no light are left out ([`Note`]), the symmetry point is found from both sides of the normal, a cubic spline of
 //! ln f, even about it, leads to the nodes; beyond the last angle the lobe is continued and flagged, and how much the choice of the continuation changes is said
-//! beside the uncertainty that comes from the readings (by resampling).
+//! beside the uncertainty that comes from the readings (by resampling). Diffuse light is no microfacets': where it is seen it is taken off first ([`DiffuseLight`]).
 //!
 //! # From retro-reflection to the density of normals
 //!
@@ -41,6 +41,7 @@
 //! ```
 
 mod anisotropic;
+mod diffuse;
 mod nodes;
 mod power;
 mod profile;
@@ -52,6 +53,7 @@ mod tail;
 mod uncertainty;
 mod zero;
 
+pub use diffuse::{DiffuseLight, DiffuseOrigin};
 pub use nodes::{Anisotropic, Elevations, Hemisphere, Isotropic};
 pub use power::{Solution, solve};
 pub use shape::ShapeFit;
@@ -91,6 +93,8 @@ pub struct NdfOptions {
     pub most_offset_deg: f64,
     /// How the lobe goes on beyond the last angle; the one that follows the last readings best where not given.
     pub tail: Option<TailKind>,
+    /// Whether all light is taken for the microfacets', diffuse light too.
+    pub lobe_only: bool,
     /// Resamplings for the uncertainties; 0 leaves them out.
     pub resamplings: usize,
     /// Seed of the resamplings.
@@ -106,6 +110,7 @@ impl Default for NdfOptions {
             zero_deg: None,
             most_offset_deg: 5.0,
             tail: None,
+            lobe_only: false,
             resamplings: 200,
             seed: 0,
         }
@@ -265,6 +270,20 @@ pub enum Note {
     },
     /// Quarters of the circle are taken as mirror images of what was measured.
     Mirrored,
+    /// Diffuse light was taken off.
+    Diffuse {
+        /// Reflectance of a Lambert surface that throws as much back.
+        reflectance: f64,
+        /// Largest error of the reflectance.
+        bound: f64,
+        /// The angle to which the lobe is followed, degrees.
+        followed_to_deg: f64,
+    },
+    /// Whether there is diffuse light is not decided.
+    DiffuseUnknown {
+        /// Reflectance that the readings would allow.
+        most: f64,
+    },
 }
 
 impl fmt::Display for Note {
@@ -288,6 +307,14 @@ impl fmt::Display for Note {
             Self::Blurred { alpha, smallest_alpha } => write!(
                 f,
                 "α is {alpha:.4}, the smallest that the cone of light can tell {smallest_alpha:.4}: the lobe is the rig's, at least in part"
+            ),
+            Self::Diffuse { reflectance, bound, followed_to_deg } => write!(
+                f,
+                "diffuse light of reflectance {reflectance:.3} ± {bound:.3} was taken off; the lobe is followed to {followed_to_deg:.1}° and continued beyond"
+            ),
+            Self::DiffuseUnknown { most } => write!(
+                f,
+                "it is not decided whether there is diffuse light (of reflectance {most:.3} or less): nothing was taken off. Measure to larger angles, where the lobe has ended"
             ),
             Self::Mirrored => {
                 f.write_str("azimuths beyond a quarter of the circle: mirror images of those measured")
@@ -324,6 +351,9 @@ pub struct Profile {
     pub beckmann: ShapeFit,
     /// The best GGX lobe.
     pub ggx: ShapeFit,
+    /// Diffuse light beside the lobe, taken off before D was found.
+    #[serde(default)]
+    pub diffuse: DiffuseLight,
 }
 
 /// The density of microfacet normals of a sample.

@@ -1,5 +1,6 @@
 //! One plane of incidence, from readings to ln f on the nodes.
 
+use super::diffuse::{self, DiffuseLight, DiffuseOrigin};
 use super::scan::Scan;
 use super::shape::{EVERY_ALPHA, Reading, ShapeFit, fit, ln_shape};
 use super::spline::{EvenSpline, Knots, knots_of};
@@ -83,7 +84,8 @@ impl Traced {
             notes.push(Note::ZeroAssumed);
         }
         let too_few = || NdfError::TooFew { found: scan.f.len(), least: 8 };
-        let readings = off_normal(scan, zero.angle_deg);
+        let all = off_normal(scan, zero.angle_deg);
+        let (readings, diffuse) = lobe_of(&all, scan.knows_sigma(), options, notes);
         let shape = |d: Distribution| fit(d, &near_normal(&readings), EVERY_ALPHA);
         let (beckmann, ggx) = (shape(Distribution::Beckmann), shape(Distribution::Ggx));
         let reference = Reference::of(beckmann, ggx, scan.step_deg());
@@ -102,6 +104,7 @@ impl Traced {
             tail: best.kind,
             beckmann,
             ggx,
+            diffuse,
         };
         let along = |theta: f64, tail: &Tail| {
             if theta > end { tail.at(theta) } else { spline.at(theta) }
@@ -140,7 +143,11 @@ impl Traced {
         if profile.zero.origin == ZeroOrigin::Fitted {
             profile.zero.angle_deg = zero::refined(scan, profile.zero.angle_deg)?;
         }
-        let readings = off_normal(scan, profile.zero.angle_deg);
+        let all = off_normal(scan, profile.zero.angle_deg);
+        let shapes = [(Distribution::Beckmann, profile.beckmann), (Distribution::Ggx, profile.ggx)];
+        let near = shapes.into_iter().min_by(|a, b| a.1.misfit.total_cmp(&b.1.misfit))?;
+        profile.diffuse = diffuse::again(&profile.diffuse, &all, (near.0, near.1.alpha));
+        let readings = diffuse::taken_off(&all, &profile.diffuse, scan.knows_sigma());
         let knots = Knots::new(knots_of(&places(&readings)))?;
         let spline = Curve::through(&knots, self.reference, &readings)?;
         let end = knots.end();
@@ -156,6 +163,41 @@ impl Traced {
         Some(Self { profile, reference: self.reference, ln_f, flags: Vec::new() })
     }
 }
+
+/// The readings of the lobe, and the diffuse light that was taken off them.
+fn lobe_of(
+    all: &[Reading],
+    knows_sigma: bool,
+    options: &NdfOptions,
+    notes: &mut Vec<Note>,
+) -> (Vec<Reading>, DiffuseLight) {
+    if options.lobe_only {
+        return (all.to_vec(), DiffuseLight::default());
+    }
+    let alone = |d: Distribution| fit(d, all, EVERY_ALPHA).misfit;
+    let mut found = diffuse::find(all, alone(Distribution::Beckmann).min(alone(Distribution::Ggx)));
+    if found.origin == DiffuseOrigin::Fitted {
+        let readings = diffuse::taken_off(all, &found, knows_sigma);
+        let ends = [readings.first(), readings.last()].into_iter().flatten();
+        let followed_to = ends.fold(0.0_f64, |a, r| a.max(r.0.abs()));
+        if readings.len() >= LEAST_OF_LOBE {
+            notes.push(Note::Diffuse {
+                reflectance: found.reflectance(),
+                bound: std::f64::consts::PI * found.bound_per_sr,
+                followed_to_deg: followed_to.to_degrees(),
+            });
+            return (readings, found);
+        }
+        found.origin = DiffuseOrigin::Unknown;
+    }
+    if found.origin == DiffuseOrigin::Unknown {
+        notes.push(Note::DiffuseUnknown { most: found.reflectance() });
+    }
+    (all.to_vec(), found)
+}
+
+/// Readings that a lobe needs beside diffuse light.
+const LEAST_OF_LOBE: usize = 8;
 
 /// Angle off the normal (radians), ln f, weight, in the order of the angles.
 fn off_normal(scan: &Scan, zero_deg: f64) -> Vec<Reading> {

@@ -82,9 +82,14 @@ impl Scan {
         median(steps).unwrap_or(f64::INFINITY)
     }
 
+    /// Whether all standard deviations are known.
+    pub fn knows_sigma(&self) -> bool {
+        self.sigma.iter().all(|s| *s > 0.0)
+    }
+
     /// Weights in ln f: 1/σ² where it is known, else 1 for all.
     pub fn weights(&self) -> Vec<f64> {
-        if self.sigma.iter().any(|s| *s <= 0.0) {
+        if !self.knows_sigma() {
             return vec![1.0; self.f.len()];
         }
         self.f.iter().zip(&self.sigma).map(|(f, s)| (f / s).powi(2)).collect()

@@ -9,6 +9,13 @@ use serde::{Deserialize, Serialize};
 
 /// Readings that each side needs.
 const LEAST_A_SIDE: usize = 4;
+/// A symmetry point is not known where the readings allow another one that is farther from it, degrees.
+const MOST_UNSURE_DEG: f64 = 1.5;
+/// Standard deviations by which a sum of squares exceeds its mean before a trial is refused, and by which the middle is darker than elsewhere.
+const REFUSED: f64 = 4.0;
+const DARKER: f64 = 4.0;
+/// Readings that are looked at in the middle.
+const MIDDLE: usize = 5;
 /// The part of the readings that need others at the same angle on the other side.
 const LEAST_MIRRORED: f64 = 0.5;
 
@@ -85,6 +92,48 @@ impl Judge<'_> {
         (count as f64 / part.len().max(1) as f64, widest.map_or((0.0, 0.0), |w| (w[0], w[1])))
     }
 
+    /// Variance of ln f by the scatter of neighbours about straight lines, times the weights; at least 1 where standard deviations are known.
+    fn noise(&self) -> f64 {
+        let ln: Vec<f64> = self.scan.f.iter().map(|f| f.ln()).collect();
+        let bends: Vec<f64> = (1..ln.len().saturating_sub(1))
+            .map(|k| {
+                let (a, b) = (self.scan.angle_deg[k - 1], self.scan.angle_deg[k + 1]);
+                let t = if b > a { (self.scan.angle_deg[k] - a) / (b - a) } else { 0.5 };
+                let off = ln[k] - (1.0 - t) * ln[k - 1] - t * ln[k + 1];
+                self.weights[k] * off * off / (1.0 + t * t + (1.0 - t) * (1.0 - t))
+            })
+            .collect();
+        // The mean, not the median: standard deviations from few readings each are often far too small.
+        let scatter = bends.iter().sum::<f64>() / bends.len().max(1) as f64;
+        if self.scan.sigma.iter().all(|s| *s > 0.0) { scatter.max(1.0) } else { scatter }
+    }
+
+    /// The trial that leaves least, among those that noise allows the one with the most readings, and what it leaves.
+    fn best(&self, tried: &[(f64, f64, f64)], noise: f64) -> Option<(f64, f64)> {
+        let least = tried.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let same = |t: &&(f64, f64, f64)| {
+            t.1 <= noise.max(least.1) * (1.0 + (2.0 / t.2).sqrt()) && t.2 > 1.5 * least.2
+        };
+        let more = tried.iter().filter(same).min_by(|a, b| a.1.total_cmp(&b.1));
+        let chosen = more.copied().unwrap_or(least);
+        Some((chosen.0, chosen.1))
+    }
+
+    /// Whether retro-reflection at `zero` is weaker than at `than` by more than noise: a lobe is brightest towards the normal.
+    fn is_darker(&self, zero: f64, than: f64, noise: f64) -> bool {
+        let middle = |at: f64| {
+            let mut near: Vec<(f64, usize)> =
+                (0..self.scan.f.len()).map(|k| ((self.scan.angle_deg[k] - at).abs(), k)).collect();
+            near.sort_by(|a, b| a.0.total_cmp(&b.0));
+            near.truncate(MIDDLE);
+            let all: f64 = near.iter().map(|(_, k)| self.weights[*k]).sum();
+            let sum: f64 = near.iter().map(|(_, k)| self.weights[*k] * self.scan.f[*k].ln()).sum();
+            (sum / all, noise / all)
+        };
+        let (here, there) = (middle(zero), middle(than));
+        there.0 - here.0 > DARKER * (here.1 + there.1).sqrt()
+    }
+
     fn both_sides(&self, zero: f64, part: &[usize]) -> bool {
         let right = part.iter().filter(|k| self.scan.angle_deg[**k] >= zero).count();
         right >= LEAST_A_SIDE && part.len() - right >= LEAST_A_SIDE
@@ -114,11 +163,16 @@ pub(super) fn find(scan: &Scan, most_deg: f64) -> Result<Zero, NdfError> {
     let mean = |zero: f64| {
         let part = judge.within(zero, judge.reach(zero) + 1e-9);
         let (square, free) = judge.both_sides(zero, &part).then(|| judge.left(zero, &part))??;
-        (free >= 3.0).then(|| square / free)
+        (free >= 3.0).then(|| (square / free, free))
     };
-    let tried: Vec<(f64, f64)> =
-        (-count..=count).filter_map(|k| Some((trial(k), mean(trial(k))?))).collect();
-    let Some((best, least)) = tried.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)) else {
+    let tried: Vec<(f64, f64, f64)> = (-count..=count)
+        .filter_map(|k| mean(trial(k)).map(|(mean, free)| (trial(k), mean, free)))
+        .collect();
+    let noise = judge.noise();
+    // Few readings are even about any angle by chance: of those that noise allows the one with the most of them.
+    let allowed =
+        |mean: f64, free: f64, least: f64| mean <= least * (1.0 + REFUSED * (2.0 / free).sqrt());
+    let Some((best, least)) = judge.best(&tried, noise) else {
         return Ok(assumed);
     };
     // From here on the same readings for all zeros.
@@ -133,11 +187,18 @@ pub(super) fn find(scan: &Scan, most_deg: f64) -> Result<Zero, NdfError> {
     // The bend of the sum of squares over as wide a stretch as the readings are apart.
     let bend = (square(angle_deg - step) + square(angle_deg + step) - 2.0 * lowest) / (step * step);
     let sigma_deg = if bend > 0.0 { (2.0 * variance / bend).sqrt() } else { f64::INFINITY };
-    let worst = tried.iter().fold(0.0_f64, |a, (_, m)| a.max(*m));
+    let worst = tried.iter().fold(0.0_f64, |a, (_, m, _)| a.max(*m));
     let weight = judge.weights.iter().sum::<f64>() / judge.weights.len() as f64;
-    // A sample that is the same at all angles has no symmetry point; neither has one that noise hides.
+    // A sample that is the same at all angles has no symmetry point; neither has one that noise hides: about which angles else may the readings be even?
     let is_flat = (worst / weight).sqrt() < 1e-9 || worst < 2.0 * least;
-    if is_flat || sigma_deg.is_nan() || sigma_deg >= 0.25 * judge.reach(angle_deg) {
+    let floor = noise.max(variance);
+    let others = tried.iter().filter(|(zero, mean, free)| {
+        allowed(*mean, *free, floor) && !judge.is_darker(*zero, angle_deg, floor)
+    });
+    let unsure_deg = others.fold(0.0_f64, |a, (zero, ..)| a.max((zero - angle_deg).abs()));
+    let sigma_deg = sigma_deg.max((unsure_deg - step).max(0.0) / REFUSED);
+    let is_unsure = unsure_deg > MOST_UNSURE_DEG.max(2.0 * step);
+    if is_flat || is_unsure || sigma_deg.is_nan() || sigma_deg >= 0.25 * judge.reach(angle_deg) {
         return Ok(assumed);
     }
     let (mirrored, (from_deg, to_deg)) = judge.mirrored(angle_deg, &part);

@@ -11,9 +11,6 @@ use crate::table::{Reading, RetroFlags, RetroTable};
 const DETECTED: f64 = 3.0;
 /// A change of the laser between two incident readings that is worth a warning.
 const MUCH_DRIFT: f64 = 0.02;
-/// The mount's offset and the cosine with it: rounds, and when they agree, degrees.
-const ROUNDS: usize = 8;
-const AGREE_DEG: f64 = 1e-5;
 
 /// Retro-reflection of a run.
 ///
@@ -272,7 +269,7 @@ fn laser(incident: &[Incident], time_s: f64) -> (f64, Option<f64>) {
     (power_w, Some(change.abs() * (part * (1.0 - part)).max(0.0).sqrt()))
 }
 
-/// The stage's angle at normal incidence. The cosine that f is divided by needs it, and it is found from f: so by turns, until they agree.
+/// The stage's angle at normal incidence. The cosine that f is divided by needs it; it is found from f cosθ, which is even about the normal as f is.
 fn zero(
     setup: &Setup,
     sample: &[AtAngle],
@@ -292,41 +289,30 @@ fn zero(
         resamplings: 0,
         ..NdfOptions::default()
     };
-    let mut zero_deg = 0.0_f64;
-    let mut found = None;
-    for _ in 0..ROUNDS {
-        let reading = |(at, raw): (&AtAngle, &Raw)| {
-            let theta_deg = at.angle_deg - zero_deg;
-            let cos = theta_deg.to_radians().cos();
-            let mut flags = RetroFlags::empty();
-            flags.set(RetroFlags::OVER_RANGE, raw.f_cos.is_nan());
-            flags.set(RetroFlags::EDGE, spilled(setup, theta_deg).1);
-            let sigma_w = raw.readout_w.hypot(raw.signature_w);
-            (cos > 0.0).then(|| Reading {
-                angle_deg: at.angle_deg,
-                azimuth_deg: 0.0,
-                f_per_sr: raw.f_cos / cos,
-                sigma_f_per_sr: sigma_w * raw.per_watt / cos,
-                flags,
-            })
-        };
-        let readings = sample.iter().zip(raw).filter_map(reading).collect();
-        let run = RetroTable { readings, ..RetroTable::default() };
-        let fitted = match extract(&run, &options) {
-            Ok(ndf) => ndf.profiles.first().map(|profile| profile.zero),
-            Err(error) => return assumed(error.to_string()),
-        };
-        let Some(fitted) = fitted.filter(|zero| zero.origin == ZeroOrigin::Fitted) else {
-            return assumed("the readings on both sides of the normal do not decide it".into());
-        };
-        let moved = (fitted.angle_deg - zero_deg).abs();
-        zero_deg = fitted.angle_deg;
-        found = Some(fitted.sigma_deg);
-        if moved < AGREE_DEG {
-            break;
+    let reading = |(at, raw): (&AtAngle, &Raw)| {
+        let mut flags = RetroFlags::empty();
+        flags.set(RetroFlags::OVER_RANGE, raw.f_cos.is_nan());
+        flags.set(RetroFlags::EDGE, spilled(setup, at.angle_deg).1);
+        let sigma_w = raw.readout_w.hypot(raw.signature_w);
+        Reading {
+            angle_deg: at.angle_deg,
+            azimuth_deg: 0.0,
+            f_per_sr: raw.f_cos,
+            sigma_f_per_sr: sigma_w * raw.per_watt,
+            flags,
         }
+    };
+    let readings = sample.iter().zip(raw).map(reading).collect();
+    let run = RetroTable { readings, ..RetroTable::default() };
+    match extract(&run, &options) {
+        Ok(ndf) => match ndf.profiles.first().map(|profile| profile.zero) {
+            Some(zero) if zero.origin == ZeroOrigin::Fitted => {
+                (zero.angle_deg, zero.sigma_deg, ZeroOrigin::Fitted)
+            }
+            _ => assumed("the readings on both sides of the normal do not decide it".into()),
+        },
+        Err(error) => assumed(error.to_string()),
     }
-    (zero_deg, found.unwrap_or(setup.zero_sigma_deg), ZeroOrigin::Fitted)
 }
 
 /// The part of the beam that passes beside the sample, and whether that is too much.

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use std::f64::consts::FRAC_PI_2;
 use std::fmt::Write as _;
 use sunglint_materials::ndf::{
-    Ndf, NdfFlags, NdfOptions, Profile, ShapeFit, TailKind, ZeroOrigin, to_table,
+    DiffuseOrigin, Ndf, NdfFlags, NdfOptions, Profile, ShapeFit, TailKind, ZeroOrigin, to_table,
 };
 use sunglint_materials::table::RetroTable;
 use sunglint_radiometry::light_curve::Input;
@@ -92,6 +92,10 @@ pub fn text(ndf: &Ndf, run: &RetroTable) -> String {
             );
         }
     }
+    for p in ndf.profiles.iter().filter(|p| p.diffuse.origin == DiffuseOrigin::Fitted) {
+        let (rho, bound) = (p.diffuse.reflectance(), std::f64::consts::PI * p.diffuse.bound_per_sr);
+        let _ = writeln!(text, "diffuse light of reflectance {rho:.4} ± {bound:.4}, taken off");
+    }
     if let Some(least) = ndf.smallest_alpha {
         let cone = run.cone_half_angle_deg.unwrap_or_default();
         let _ = writeln!(
@@ -124,6 +128,7 @@ fn summary(ndf: &Ndf, run: &RetroTable, inputs: &Value, warnings: &[String], see
             "step_deg": rounded(p.step_deg),
             "tail": p.tail,
             "fits": { "beckmann": fit(&p.beckmann), "ggx": fit(&p.ggx) },
+            "diffuse": { "reflectance": rounded(p.diffuse.reflectance()), "bound": rounded(std::f64::consts::PI * p.diffuse.bound_per_sr), "origin": p.diffuse.origin },
         })
     };
     let beyond = ndf.flags.iter().filter(|f| f.contains(NdfFlags::EXTRAPOLATED)).count();

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
 use sunglint_materials::look::{Look, Ratios, Slice};
+use sunglint_materials::samples::direction;
 use sunglint_numerics::order::median;
 use sunglint_simulator::surface::Material;
 
@@ -47,11 +48,20 @@ pub fn product(material: &Material, look: &Look, nm: f64, phi_i_deg: f64) -> Pro
         "reciprocity": { "median_ln": rounded(typical), "largest_ln": rounded(most) }, "warnings": look.warnings,
     });
     let all = || slices.iter().flat_map(|(t, points)| points.iter().map(move |p| (*t, *p)));
-    let columns = vec![
+    let mut columns = vec![
         Column::f64("theta_i_deg", Some("deg"), all().map(|v| v.0).collect()),
         Column::f64("theta_o_deg", Some("deg"), all().map(|v| v.1.0).collect()),
         Column::f64("brdf_per_sr", Some("1 / sr"), all().map(|v| v.1.1).collect()),
     ];
+    let doubt = |(theta, (angle, _)): (f64, (f64, f64))| {
+        material.ln_doubt(direction(theta, phi_i_deg), direction(angle, phi_i_deg + 180.0))
+    };
+    let doubts: Vec<Option<f64>> = all().map(doubt).collect();
+    if doubts.iter().any(Option::is_some) {
+        let values = doubts.iter().map(|d| d.unwrap_or(f64::NAN)).collect();
+        let column = Column::f64("ln_doubt", None, values);
+        columns.push(column.described("half-width of the 95 % interval of ln f"));
+    }
     let meta = [
         ("kind", json!("brdf_slices")),
         ("wavelength_nm", json!(nm)),

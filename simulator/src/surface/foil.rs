@@ -61,6 +61,7 @@ impl Material {
             proposals: Mixture::new(ways),
             largest: Some(largest),
             notes,
+            stated: None,
         })
     }
 }

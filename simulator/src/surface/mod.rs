@@ -62,6 +62,8 @@ pub struct Material {
     /// The largest albedo, where it was looked for.
     largest: Option<scatter::LargestAlbedo>,
     notes: Vec<String>,
+    /// How well f is known, as a file says it.
+    stated: Option<scatter::Stated>,
 }
 
 /// A wavelength below all others, nm: a spectrum of nothing else covers nothing.
@@ -131,7 +133,9 @@ pub enum MaterialError {
         angles: usize,
     },
     /// An integral over all directions that did not converge.
-    #[error("the albedo at {theta_deg}° of incidence is known to {error:.1e} only, expected 1e-5")]
+    #[error(
+        "the albedo at {theta_deg}° of incidence is known to {error:.1e} only, expected 1e-5 (of a table: floor_per_sr leaves out values that are the detector's floor)"
+    )]
     Albedo {
         /// The angle of incidence.
         theta_deg: f64,
@@ -294,7 +298,7 @@ impl Material {
         ways: Vec<(f64, sampling::Proposal)>,
     ) -> Self {
         let proposals = sampling::Mixture::new(ways);
-        Self { name, spectra, model, proposals, largest: None, notes: Vec::new() }
+        Self { name, spectra, model, proposals, largest: None, notes: Vec::new(), stated: None }
     }
 
     /// The spectra ρ_k: as many as there are weights.
@@ -327,11 +331,8 @@ impl Material {
             }
             Model::Mirror { .. } => {}
             Model::Law(law) => {
-                law.add_weights(i, o, scale, sum);
-                if law.has_gaps()
-                    && !law.covers(i, o)
-                    && let Some(last) = sum.last_mut()
-                {
+                let covered = law.add_and_cover(i, o, scale, sum);
+                if !covered && let Some(last) = sum.last_mut() {
                     *last += scale;
                 }
             }

@@ -30,6 +30,15 @@ const LOOKED_DEG: [f64; 13] =
 pub(super) trait Scatter: std::fmt::Debug + Send + Sync {
     /// Adds `scale` times the weights \[sr⁻¹\] for unit vectors above the horizon.
     fn add_weights(&self, i: DVec3, o: DVec3, scale: f64, sum: &mut [f64]);
+    /// Adds the weights as [`Self::add_weights`] does, and gives what [`Self::covers`] does.
+    fn add_and_cover(&self, i: DVec3, o: DVec3, scale: f64, sum: &mut [f64]) -> bool {
+        self.add_weights(i, o, scale, sum);
+        !self.has_gaps() || self.covers(i, o)
+    }
+    /// Half-width of the 95 % interval of ln f, where it is known.
+    fn ln_doubt(&self, _i: DVec3, _o: DVec3) -> Option<f64> {
+        None
+    }
     /// Whether it is the same for every tangent.
     fn is_isotropic(&self) -> bool;
     /// In a few words.
@@ -49,6 +58,34 @@ pub(super) trait Scatter: std::fmt::Debug + Send + Sync {
         true
     }
 }
+
+/// Doubt of ln f that a fitted material's file states: half-widths of 95 % intervals by region.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Stated {
+    /// Up to 3° from the mirrored direction.
+    pub peak_ln: f64,
+    /// Elsewhere.
+    pub wings_ln: f64,
+    /// Where light or detector are more than 75° from the normal.
+    pub grazing_ln: f64,
+}
+
+impl Stated {
+    fn at(self, i: DVec3, o: DVec3) -> f64 {
+        let mirrored = DVec3::new(-i.x, -i.y, i.z);
+        if (o - mirrored).length() <= 2.0 * (0.5 * PEAK_RAD).sin() {
+            self.peak_ln
+        } else if i.z.min(o.z) < GRAZING_COS {
+            self.grazing_ln
+        } else {
+            self.wings_ln
+        }
+    }
+}
+
+/// The regions of `brdf fit`: 3° about the mirrored direction, and beyond 75° from the normal.
+const PEAK_RAD: f64 = 0.052_36;
+const GRAZING_COS: f64 = 0.258_819;
 
 /// The largest albedo that was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,6 +115,19 @@ impl Material {
             Model::Law(law) => law.covers(i, o),
             _ => true,
         }
+    }
+
+    /// Half-width of the 95 % interval of ln f for light from `i` to `o`. Of a table it was measured by leaving values out, of a fitted material it is what its file says; `None` of a
+    /// law whose numbers somebody chose, and at or below the horizon.
+    pub fn ln_doubt(&self, i: DVec3, o: DVec3) -> Option<f64> {
+        if !(i.z > 0.0 && o.z > 0.0) {
+            return None;
+        }
+        let of_law = match &self.model {
+            Model::Law(law) => law.ln_doubt(i, o),
+            _ => None,
+        };
+        self.stated.map(|stated| stated.at(i, o)).or(of_law)
     }
 
     /// [`Material::add_weights`] above the horizon, but for the weight that says that there are no data.
@@ -182,8 +232,15 @@ impl Material {
         proposals: Mixture,
         measured: bool,
     ) -> Result<Self, MaterialError> {
-        let mut made =
-            Self { name, spectra, model: Model::Law(law), proposals, largest: None, notes: vec![] };
+        let mut made = Self {
+            name,
+            spectra,
+            model: Model::Law(law),
+            proposals,
+            largest: None,
+            notes: vec![],
+            stated: None,
+        };
         let (largest, gain_from) = made.look_at_energy();
         if let Some((theta_deg, wavelength_nm, albedo)) = gain_from {
             if !measured && theta_deg <= STRICT_DEG {

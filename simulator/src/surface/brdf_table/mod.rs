@@ -2,23 +2,30 @@
 //!
 //! Between the measured directions of incidence the values are taken at the same bisector: that of light and outgoing direction, which keeps a lobe where it
 //! is; and their logarithms are interpolated, so that nine decades do no harm (where a value is 0, the values). For each incidence the outgoing directions may
-//! lie in the plane of incidence, on a grid, or anywhere. What is measured both ways, from i to o and from o to i, is averaged (geometrically), so that the
-//! result is reciprocal; how far the two differ is in [`Material::notes`]. A table that knows but one azimuth of incidence is taken as isotropic.
+//! lie in the plane of incidence, on a grid about the normal or the mirrored ray, or anywhere. Light and detector are swapped, too, and of the two ways the one counts more whose
+//! incidence was measured nearer by: so reciprocity tells what was not measured, a measured value stays, and what was measured both ways is averaged
+//! (geometrically). How far the two differ is in [`Material::notes`]. A table that knows but one azimuth of incidence is taken as isotropic.
 //!
 //! Geometries outside what was measured are extrapolated from the nearest, and said to be ([`Material::covers`]). For a table in the plane of incidence that is
-//! all of what is out of that plane: there, the value is that in the plane at the same tilt of the bisector.
+//! all of what is out of that plane: there, the value is that in the plane with the same tilt of the bisector and the same angle between light and bisector.
+//!
+//! The error of interpolation is measured ([`Material::ln_doubt`]): each incidence but the first and the last is left out in turn, and so is each value between its neighbours.
 
+mod doubt;
+mod foreign;
 mod read;
 mod slice;
 
+pub use foreign::{Exchange, ForeignRows};
 pub use read::read;
 
 use super::measured::hats;
 use super::sampling::{Mixture, Proposal};
 use super::scatter::{Effort, Scatter};
 use super::{Distribution, Lobe, Masking, Material, MaterialError, uncovered};
+use doubt::Doubts;
 use glam::DVec3;
-use slice::{Slice, Stencil, between};
+use slice::{Slice, Stencil};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
 
@@ -69,6 +76,13 @@ pub fn material(
     Ok(made)
 }
 
+/// A geometry this near a measured incidence was measured, radians.
+const MEASURED_RAD: f64 = 1.75e-3;
+/// An incidence beyond the last measured one is this many times as far as one between two.
+const BEYOND_ENDS: f64 = 2.0;
+/// Largest angle from the normal that stands for what lies beyond, radians (89.5°).
+const GRAZING_RAD: f64 = 1.562;
+
 #[derive(Debug)]
 struct Table {
     wavelengths: usize,
@@ -82,8 +96,20 @@ struct Table {
     value: Vec<f64>,
     log: Vec<f64>,
     width_rad: f64,
+    /// Whether all of it lies in the plane of incidence.
+    flat: bool,
     /// The directions of each row.
     directions: Vec<(DVec3, DVec3)>,
+    doubts: Doubts,
+}
+
+/// The rows around a geometry.
+struct Around {
+    stencil: Stencil,
+    /// Whether it lies between rows.
+    covered: bool,
+    /// How far it is from a measured incidence, radians: 0 at one.
+    distance: f64,
 }
 
 /// A row with angles that are none negative, radians.
@@ -154,22 +180,34 @@ impl Table {
         if isotropic {
             phi = vec![0.0];
         }
-        let slices = slices(&placed, &theta, &phi, isotropic)
+        let mut mixed = slice::Mixed::new();
+        let slices = slices(&placed, &theta, &phi, isotropic, &mut mixed)
             .ok_or_else(|| data("too few rows".to_owned(), "3 or more for each direction of incidence, and for each elevation of incidence the same azimuths"))?;
         let directions = placed.iter().map(|p| p.directions(isotropic)).collect();
-        let log = value.iter().map(|v: &f64| v.ln()).collect();
+        let mut log: Vec<f64> = value.iter().map(|v: &f64| v.ln()).collect();
+        // Values at nodes stand behind the rows'.
+        for stencil in &mixed {
+            for k in 0..wavelengths {
+                let (ln, plain) = mean(stencil, &log, &value, wavelengths, k);
+                log.push(ln);
+                value.push(plain);
+            }
+        }
         let mut made = Self {
             wavelengths,
             isotropic,
             theta,
             phi,
+            flat: isotropic && slices.iter().all(Slice::is_plane),
             slices,
             value,
             log,
             width_rad: FRAC_PI_2,
             directions,
+            doubts: Doubts::default(),
         };
         made.width_rad = made.width();
+        made.doubts = Doubts::of(&made);
         Ok((made, notes))
     }
 
@@ -192,25 +230,104 @@ impl Table {
         least
     }
 
-    /// The rows around a geometry, and whether it lies between them.
-    fn stencil(&self, i: DVec3, o: DVec3, stencil: &mut Stencil) -> bool {
+    /// The rows around a geometry, from the slices but one elevation that is left out.
+    fn around(&self, i: DVec3, o: DVec3, without: Option<usize>) -> Around {
+        let in_plane = if self.flat { self.in_plane(i, o) } else { None };
+        let (i, o) = in_plane.map_or((i, o), |(i, o, _)| (i, o));
+        let mut stencil = Stencil::new();
+        let (there, covered_there) = self.one_way(i, o, without, &mut stencil);
+        let first = stencil.len();
+        let (back, covered_back) = self.one_way(o, i, without, &mut stencil);
+        let weight = |distance: f64| 1.0 / (MEASURED_RAD * MEASURED_RAD + distance * distance);
+        let (a, b) = (weight(there), weight(back));
+        // What was not measured says nothing against what was.
+        let (a, b) = match [covered_there, covered_back] {
+            [true, false] => (a, 1e-3 * b),
+            [false, true] => (1e-3 * a, b),
+            _ => (a, b),
+        };
+        stencil.scale_from(first, b / (a + b));
+        let mut both = Stencil::new();
+        for (k, (row, w)) in stencil.parts().iter().enumerate() {
+            both.push(*row, if k < first { w * a / (a + b) } else { *w });
+        }
+        let covered = (covered_there || covered_back) && in_plane.is_none_or(|(.., flat)| flat);
+        Around { stencil: both, covered, distance: there.min(back) }
+    }
+
+    /// Light and detector in the plane of incidence with the same tilt of the bisector and the same angle to it, and whether they were there before.
+    fn in_plane(&self, i: DVec3, o: DVec3) -> Option<(DVec3, DVec3, bool)> {
+        let h = i + o;
+        let (length, apart) = (h.length(), (i - o).length());
+        if length < 1e-9 {
+            return None;
+        }
+        let tilt = h.x.hypot(h.y).atan2(h.z);
+        let half = apart.atan2(length);
+        // Out of the plane light or detector would be below the horizon of the plane's.
+        let place = |a: f64| {
+            let (sin, cos) = a.clamp(-GRAZING_RAD, GRAZING_RAD).sin_cos();
+            DVec3::new(sin, 0.0, cos)
+        };
+        let flat = i.x * o.y - i.y * o.x;
+        Some((place(tilt - half), place(tilt + half), flat.abs() < 2e-3 * i.z.max(o.z).max(0.1)))
+    }
+
+    /// Adds the rows for light from `i`; gives how far its incidence is from measured ones, and whether it lies between rows.
+    fn one_way(
+        &self,
+        i: DVec3,
+        o: DVec3,
+        without: Option<usize>,
+        stencil: &mut Stencil,
+    ) -> (f64, bool) {
         let (i, o) = if self.isotropic { turned(i, o) } else { (i, o) };
         let h = (i + o).normalize();
         let theta = super::tensor::elevation(i);
-        let (j, t, mut within) = match self.theta.len() {
-            1 => (0, 0.0, (theta - self.theta[0]).abs() < SAME_DEG.to_radians()),
-            _ => between(&self.theta, theta),
-        };
-        let (k, next, f) = self.azimuth(i);
         let rows = self.theta.len();
+        let (low, high) = self.beside(theta, without);
+        let (t, mut distance) = if low == high {
+            (0.0, (theta - self.theta[low]).abs())
+        } else {
+            let t = (theta - self.theta[low]) / (self.theta[high] - self.theta[low]);
+            let apart = (theta - self.theta[low]).abs().min((theta - self.theta[high]).abs());
+            (t.clamp(0.0, 1.0), apart)
+        };
+        let mut covered = distance < SAME_DEG.to_radians()
+            || (theta >= self.theta[low] && theta <= self.theta[high] && low != high);
+        if !covered {
+            distance *= BEYOND_ENDS;
+        }
+        let (k, next, f) = self.azimuth(i);
+        if self.phi.len() > 1 {
+            distance =
+                distance.hypot(f.min(1.0 - f) * TAU / self.phi.len() as f64 * i.x.hypot(i.y));
+        }
         for (k, around) in [(k, 1.0 - f), (next, f)] {
-            for (j, up) in [(j, 1.0 - t), ((j + 1).min(rows - 1), t)] {
-                if around * up > 1e-12 {
-                    within &= self.slices[k * rows + j].add(h, around * up, stencil);
+            for (j, up) in [(low, 1.0 - t), (high, t)] {
+                let share = around * up;
+                if share > 1e-12 {
+                    let beyond = self.slices[k * rows + j].add(h, share, stencil);
+                    covered &= beyond < 1e-6;
+                    distance += share * beyond;
                 }
             }
         }
-        within
+        (distance, covered)
+    }
+
+    /// The elevations below and above one, but that left out; the same twice beyond the ends.
+    fn beside(&self, theta: f64, without: Option<usize>) -> (usize, usize) {
+        let last = self.theta.len() - 1;
+        let up = self.theta.partition_point(|v| *v <= theta);
+        let keep = |k: &usize| Some(*k) != without;
+        let low = (0..up).rev().find(keep);
+        let high = (up..=last).find(keep);
+        match (low, high) {
+            (Some(low), Some(high)) => (low, high),
+            (Some(one), None) | (None, Some(one)) => (one, one),
+            (None, None) => (last, last),
+        }
     }
 
     /// The azimuth before that of `i`, the one after, and how far it is between.
@@ -224,22 +341,13 @@ impl Table {
             let gap = TAU - (self.phi[last] - self.phi[0]);
             return (last, 0, (phi - self.phi[last]) / gap);
         }
-        let (k, f, _) = between(&self.phi, phi);
-        (k, k + 1, f)
+        let k = self.phi.partition_point(|v| *v <= phi).clamp(1, last) - 1;
+        (k, k + 1, (phi - self.phi[k]) / (self.phi[k + 1] - self.phi[k]))
     }
 
-    fn both(&self, i: DVec3, o: DVec3) -> (Stencil, Stencil, [bool; 2]) {
-        let (mut there, mut back) = (Stencil::new(), Stencil::new());
-        let covered = [self.stencil(i, o, &mut there), self.stencil(o, i, &mut back)];
-        (there, back, covered)
-    }
-
-    fn at(&self, stencil: &Stencil, wavelength: usize) -> f64 {
-        let of = |list: &[f64]| -> f64 {
-            stencil.parts().iter().map(|(k, w)| w * list[k * self.wavelengths + wavelength]).sum()
-        };
-        let log = of(&self.log);
-        if log == f64::NEG_INFINITY { of(&self.value) } else { log.exp() }
+    /// ln f at a stencil.
+    fn ln_at(&self, stencil: &Stencil, wavelength: usize) -> f64 {
+        mean(stencil, &self.log, &self.value, self.wavelengths, wavelength).0
     }
 
     /// How well the table is met at its own rows.
@@ -265,17 +373,41 @@ impl Table {
     }
 }
 
+/// Mean of ln f and of f over a stencil; where a value is 0 the logarithm is that of the mean.
+fn mean(
+    stencil: &Stencil,
+    log: &[f64],
+    value: &[f64],
+    wavelengths: usize,
+    wavelength: usize,
+) -> (f64, f64) {
+    let of = |list: &[f64]| -> f64 {
+        stencil.parts().iter().map(|(k, w)| w * list[k * wavelengths + wavelength]).sum()
+    };
+    let ln = of(log);
+    if ln == f64::NEG_INFINITY {
+        let plain = of(value);
+        (plain.ln(), plain)
+    } else {
+        (ln, ln.exp())
+    }
+}
+
 impl Scatter for Table {
     fn add_weights(&self, i: DVec3, o: DVec3, scale: f64, sum: &mut [f64]) {
-        let (there, back, covered) = self.both(i, o);
+        self.add_and_cover(i, o, scale, sum);
+    }
+
+    fn add_and_cover(&self, i: DVec3, o: DVec3, scale: f64, sum: &mut [f64]) -> bool {
+        let around = self.around(i, o, None);
         for (k, sum) in sum[..self.wavelengths].iter_mut().enumerate() {
-            *sum += scale
-                * match covered {
-                    [true, false] => self.at(&there, k),
-                    [false, true] => self.at(&back, k),
-                    _ => (self.at(&there, k) * self.at(&back, k)).sqrt(),
-                };
+            *sum += scale * self.ln_at(&around.stencil, k).exp();
         }
+        around.covered
+    }
+
+    fn ln_doubt(&self, i: DVec3, o: DVec3) -> Option<f64> {
+        Some(self.doubts.at(self, i, o))
     }
 
     fn is_isotropic(&self) -> bool {
@@ -297,8 +429,8 @@ impl Scatter for Table {
     }
 
     fn effort(&self) -> Effort {
-        // Pieces that are linear or bilinear have kinks everywhere.
-        Effort { tolerance: 1e-3, most: 12_000 }
+        // Pieces that are linear or bilinear have kinks everywhere, and a real peak may be a degree wide at nine decades.
+        Effort { tolerance: 1e-3, most: 60_000 }
     }
 
     fn has_gaps(&self) -> bool {
@@ -306,8 +438,7 @@ impl Scatter for Table {
     }
 
     fn covers(&self, i: DVec3, o: DVec3) -> bool {
-        let (_, _, [there, back]) = self.both(i, o);
-        there || back
+        self.around(i, o, None).covered
     }
 }
 
@@ -338,7 +469,13 @@ impl Placed {
 }
 
 /// For each azimuth and elevation of incidence; `None` where one lacks rows.
-fn slices(placed: &[Placed], theta: &[f64], phi: &[f64], isotropic: bool) -> Option<Vec<Slice>> {
+fn slices(
+    placed: &[Placed],
+    theta: &[f64],
+    phi: &[f64],
+    isotropic: bool,
+    mixed: &mut slice::Mixed,
+) -> Option<Vec<Slice>> {
     let same = |a: f64, b: f64| (a - b).abs() < 2.0 * SAME_DEG.to_radians();
     let mut made = Vec::new();
     for phi in phi {
@@ -355,7 +492,8 @@ fn slices(placed: &[Placed], theta: &[f64], phi: &[f64], isotropic: bool) -> Opt
             if rows.len() < 3 {
                 return None;
             }
-            made.push(Slice::new(spherical(*theta, *phi), &rows, isotropic));
+            let i = spherical(*theta, *phi);
+            made.push(Slice::new(i, &rows, isotropic, placed.len(), mixed));
         }
     }
     (!made.is_empty()).then_some(made)

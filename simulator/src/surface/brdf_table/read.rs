@@ -1,4 +1,4 @@
-//! Reading a table: a header line with the names of the columns, then numbers, separated by commas.
+//! Reading a table: a header line with the names of the columns, then numbers, separated by commas; or a file of another program ([`Exchange`]), which its content tells.
 //!
 //! ```text
 //! # what it is, where it comes from
@@ -6,7 +6,7 @@
 //! 30,0,28,180,1.25,1.31
 //! ```
 
-use super::Row;
+use super::{Exchange, Row};
 use std::path::Path;
 use sunglint_formats::ParseError;
 
@@ -22,6 +22,10 @@ pub fn read(
     text: &str,
     wavelength_nm: Option<f64>,
 ) -> Result<(Vec<f64>, Vec<Row>), ParseError> {
+    if let Some(format) = Exchange::of(text) {
+        let found = format.read(path, text, wavelength_nm)?;
+        return Ok((vec![found.wavelength_nm], found.rows));
+    }
     let mut lines = text
         .lines()
         .enumerate()

@@ -3,6 +3,7 @@
 use super::{
     BaseFile, DoubtFile, LobeFile, LobeMasking, LobeName, MaterialFile, ModelName, Reader, coat,
 };
+use crate::surface::scatter::Stated;
 use crate::surface::{
     CompositeLobe, CookTorranceLobe, Diffuse, Distribution, Gloss, Lobe, Masking, Material,
     MaterialError, MaxwellBeard, MirrorTerm, brdf_table, measured,
@@ -26,6 +27,11 @@ const FRESNEL: [ModelName; 5] = [Microfacet, Mirror, Blend, CookTorrance, Compos
 impl Material {
     /// Notes how well a fitted material is known.
     pub(super) fn doubt(&mut self, doubt: &DoubtFile) {
+        self.stated = Some(Stated {
+            peak_ln: doubt.peak_ln.get(),
+            wings_ln: doubt.wings_ln.get(),
+            grazing_ln: doubt.grazing_ln.get(),
+        });
         let percent = |ln: Finite| 100.0 * ln.get().exp_m1();
         self.notes.push(format!(
             "it was fitted: f is known to {:.0} % about the mirrored direction, {:.0} % elsewhere, {:.0} % at grazing angles (95 %)",
