@@ -18,7 +18,7 @@ use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, VirtualClock};
 use sunglint_drivers::device::{Finder, Mount, MountAxes, MountSite};
 use sunglint_ephemeris::geometry::Geometry;
-use sunglint_ephemeris::orbit::{Orbit, TleOrbit, tle};
+use sunglint_ephemeris::orbit::{Orbit, ReadError};
 use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_observatory::clock;
 use sunglint_observatory::telescope::watchdog::{Beat, Watched, watch};
@@ -40,7 +40,7 @@ const HANGS: Duration = Duration::from_secs(4);
 /// Arguments of `sunglint track`.
 #[derive(Debug, Args)]
 pub struct TrackArgs {
-    /// File of two-line elements, any number of sets
+    /// File of elements (two lines, or OMM in JSON, CSV, XML or KVN), or of positions (OEM, CPF, ECSV)
     #[arg(value_name = "ELEMENTS")]
     pub elements: PathBuf,
     /// The object: its catalogue number, or part of its name
@@ -121,10 +121,10 @@ impl TrackArgs {
     }
 
     fn orbit(&self, at: Epoch) -> anyhow::Result<Orbit> {
-        let sets = tle::read(&self.elements)?;
-        let chosen = tle::choose(&sets, Some(&self.object), Some(at))
-            .map_err(|error| Usage(format!("{}: {error}", self.elements.display())))?;
-        Ok(Orbit::from(TleOrbit::new(chosen.clone())?))
+        match Orbit::read(&self.elements, Some(&self.object), Some(at)) {
+            Err(error @ ReadError::Choice { .. }) => Err(Usage(error.to_string()).into()),
+            other => Ok(other?),
+        }
     }
 
     /// Begin and length of the pass, s.
