@@ -34,6 +34,7 @@ mod raw_tags;
 mod recorded_night;
 mod reduce;
 mod simulate;
+mod sky;
 mod thesis;
 mod track;
 mod virtual_observatory;

@@ -287,3 +287,82 @@ fn a_file_gives_one_orbit() {
     assert!(matches!(Orbit::read(&path, None, None), Err(ReadError::Choice { .. })));
     assert!(matches!(Orbit::read(folder.path().join("none"), None, None), Err(ReadError::File(_))));
 }
+
+/// A server on the loopback that gives out one text, and counts how often it was asked.
+struct Server {
+    address: String,
+    asked: std::sync::Arc<std::sync::atomic::AtomicUsize>,
+}
+
+impl Server {
+    fn start(status: &'static str, body: String) -> Self {
+        use std::io::{Read as _, Write as _};
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = format!("http://{}/gp.php?GROUP=active&FORMAT=JSON", listener.local_addr().unwrap());
+        let asked = std::sync::Arc::new(std::sync::atomic::AtomicUsize::new(0));
+        let count = asked.clone();
+        std::thread::spawn(move || {
+            for stream in listener.incoming() {
+                let Ok(mut stream) = stream else { return };
+                count.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
+                let mut head = Vec::new();
+                let mut piece = [0; 1024];
+                while !head.windows(4).any(|w| w == b"\r\n\r\n") {
+                    match stream.read(&mut piece) {
+                        Ok(n) if n > 0 => head.extend_from_slice(&piece[..n]),
+                        _ => break,
+                    }
+                }
+                let answer = format!(
+                    "HTTP/1.1 {status}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}",
+                    body.len()
+                );
+                let _ = stream.write_all(answer.as_bytes());
+            }
+        });
+        Self { address, asked }
+    }
+
+    fn asked(&self) -> usize {
+        self.asked.load(std::sync::atomic::Ordering::SeqCst)
+    }
+}
+
+#[test]
+fn a_server_is_asked_no_more_than_once_in_two_hours() {
+    use sunglint_ephemeris::orbit::update::update;
+    if std::process::Command::new("curl").arg("--version").output().is_err() {
+        sunglint_testkit::skip("a_server_is_asked_no_more_than_once_in_two_hours", "no curl");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let now = parse_utc("2026-11-24T12:00:00").unwrap();
+    let good = Server::start("200 OK", OMM.to_owned());
+    let first = update(&good.address, folder.path(), now).unwrap();
+    assert_eq!((first.text.as_str(), first.sets, first.kept_since), (OMM, 1, None));
+    for seconds in [0.0, 10.0, 7199.0] {
+        let again = update(&good.address, folder.path(), now + seconds * Unit::Second).unwrap();
+        assert_eq!((again.text.as_str(), again.kept_since), (OMM, Some(now)));
+    }
+    assert_eq!(good.asked(), 1);
+    update(&good.address, folder.path(), now + 7201.0 * Unit::Second).unwrap();
+    assert_eq!(good.asked(), 2);
+    // A stamp of the future (a clock that was wrong) locks nothing up.
+    update(&good.address, folder.path(), now - 90_000.0 * Unit::Second).unwrap();
+    assert_eq!(good.asked(), 3);
+    // Refusals and web pages count as well, and are not asked again.
+    for (status, body, expected) in [
+        ("403 Forbidden", "no", "403"),
+        ("200 OK", "<!DOCTYPE html><html>Invalid query</html>", "has no elements"),
+    ] {
+        let server = Server::start(status, body.to_owned());
+        let error = update(&server.address, folder.path(), now).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+        let later = now + 600.0 * Unit::Second;
+        let error = update(&server.address, folder.path(), later).unwrap_err().to_string();
+        assert!(error.contains("is not asked again before 2026-11-24T14:00:00Z"), "{error}");
+        assert_eq!(server.asked(), 1);
+    }
+    let error = update("--output=x", folder.path(), now).unwrap_err().to_string();
+    assert!(error.contains("expected http://"), "{error}");
+}
