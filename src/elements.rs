@@ -95,8 +95,9 @@ fn show(args: &ElementsArgs, console: Console) -> anyhow::Result<()> {
 }
 
 fn fetch(args: &UpdateArgs, console: Console) -> anyhow::Result<()> {
-    let folder = update::cache_folder()
-        .context("neither HOME nor XDG_CACHE_HOME is set: there is no place for what was fetched")?;
+    let folder = update::cache_folder().context(
+        "neither HOME nor XDG_CACHE_HOME is set: there is no place for what was fetched",
+    )?;
     let fetched = update::update(&args.from, &folder, now()?)?;
     write_file(&args.output, fetched.text.as_bytes(), Overwrite::Allow)?;
     for error in fetched.bad.iter().take(3) {

@@ -561,7 +561,9 @@ fn flown(passes: &[SeenPass]) -> Vec<&Tle> {
     let mut told = BTreeSet::new();
     let mut sets = Vec::new();
     for pass in passes {
-        if let Orbit::Tle(orbit) = &pass.orbit && told.insert(orbit.tle().norad_id) {
+        if let Orbit::Tle(orbit) = &pass.orbit
+            && told.insert(orbit.tle().norad_id)
+        {
             sets.push(orbit.tle());
         }
     }

@@ -18,8 +18,8 @@ use sunglint_calibration::reduction::folder::{
 use sunglint_calibration::reduction::frames::{DETECT_SIGMAS, FrameOptions, SensorFiles};
 use sunglint_calibration::reduction::night::OFF_SIGMAS;
 use sunglint_calibration::reduction::{ReduceError, ReduceOptions, reduce, stays};
-use sunglint_ephemeris::orbit::tle::{self, Tle};
 use sunglint_ephemeris::orbit::elements;
+use sunglint_ephemeris::orbit::tle::{self, Tle};
 use sunglint_formats::Frame;
 use sunglint_formats::image_frame::ImageFrame;
 use sunglint_formats::session::Session;

@@ -268,7 +268,12 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
 const PARKS: Duration = Duration::from_secs(180);
 
 /// Parks a mount that stands. Where it parks, and on which way, only the mount knows: while the Sun is up it stays where it is.
-fn park(mount: &mut dyn Mount, guard: &Guard, dog: &Watchdog, console: Console) -> anyhow::Result<()> {
+fn park(
+    mount: &mut dyn Mount,
+    guard: &Guard,
+    dog: &Watchdog,
+    console: Console,
+) -> anyhow::Result<()> {
     let now = Epoch::now().context("the system has no clock")?;
     let later = now + 3.0 * Unit::Minute;
     if guard.cone_holds(&guard.sun(now)) || guard.cone_holds(&guard.sun(later)) {
@@ -280,7 +285,8 @@ fn park(mount: &mut dyn Mount, guard: &Guard, dog: &Watchdog, console: Console) 
     let begun = Instant::now();
     loop {
         dog.tick();
-        let reading = mount.reading(&soon()).context("it is not known whether the mount is parked")?;
+        let reading =
+            mount.reading(&soon()).context("it is not known whether the mount is parked")?;
         if reading.motion == MountMotion::Parked {
             console.say("the mount is parked");
             return Ok(());

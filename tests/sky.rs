@@ -4,7 +4,7 @@
 
 use crate::common::Folder;
 use ndarray::Array2;
-use sunglint_formats::fits::{Fits, FitsWriter, Header, Image, Pixels};
+use sunglint_formats::fits::{Fits, Header, Image, Pixels, Writer};
 use sunglint_formats::wcs::Wcs;
 use sunglint_radiometry::tables::BRIGHT_STARS;
 
@@ -59,7 +59,7 @@ pub fn draw(folder: &Folder, name: &str) {
     header.set("DATE-OBS", "2000-01-01T12:00:00", "");
     header.set("EXPTIME", 1.0, "");
     header.set("OBJECT", "synthetic", "");
-    let mut writer = FitsWriter::new();
+    let mut writer = Writer::new();
     writer.image(&Image { header, pixels: Pixels::F32(pixels.into_dyn()) }).unwrap();
     std::fs::write(folder.path(name), writer.into_bytes()).unwrap();
 }
@@ -96,13 +96,18 @@ fn messages_are_taken_where_elements_are() {
     write_elements(&folder);
     let json = folder.json(&["elements", "iss.json", "--at", "2020-07-13", "--json"]);
     let object = &json["objects"][0];
-    assert_eq!((object["norad_id"].as_u64(), object["sets"].as_u64()), (Some(123_456_789), Some(2)));
+    assert_eq!(
+        (object["norad_id"].as_u64(), object["sets"].as_u64()),
+        (Some(123_456_789), Some(2))
+    );
     assert!((object["furthest"]["along_s"].as_f64().unwrap().abs() - 3.0).abs() < 0.05, "{object}");
     // Passes of a message, a rehearsal, a scene, a plan.
-    let window = ["--from", "2020-07-12T00:00:00", "--to", "2020-07-13T00:00:00", "--station", "ufo"];
+    let window =
+        ["--from", "2020-07-12T00:00:00", "--to", "2020-07-13T00:00:00", "--station", "ufo"];
     let passes = folder.json(&[&["passes", "iss.json", "--json"][..], &window].concat());
     assert!(!passes["passes"].as_array().unwrap().is_empty(), "{passes}");
-    let track = ["track", "iss.json", "123456789", "--mount", "virtual", "--station", "ufo", "--dry-run"];
+    let track =
+        ["track", "iss.json", "123456789", "--mount", "virtual", "--station", "ufo", "--dry-run"];
     folder.json(&[&track[..], &["--at", "2020-07-12T00:00:00", "--json"]].concat());
     let bad = OMM.replace("0.0001771", "1.0001771") + "]";
     std::fs::write(folder.path("bad.json"), bad).unwrap();

@@ -33,7 +33,12 @@ fn truth(folder: &Path) -> Vec<Value> {
     serde_json::from_str::<Value>(&text).unwrap().as_array().unwrap().clone()
 }
 
-fn solve(patterns: &Patterns, folder: &Path, entry: &Value, width: Option<(f64, f64)>) -> Option<Solved> {
+fn solve(
+    patterns: &Patterns,
+    folder: &Path,
+    entry: &Value,
+    width: Option<(f64, f64)>,
+) -> Option<Solved> {
     let frame = ImageFrame::read(folder.join(format!("{}.fits", entry["number"]))).unwrap();
     let field = find(frame.pixels.view(), &FieldOptions::default()).unwrap();
     patterns.solve(&field, field.star_trails.is_some(), width)
@@ -66,7 +71,8 @@ impl Count {
         // Another place is wrong, a large error is not right.
         self.right += usize::from(off < (0.2 * solved.scale_arcsec).max(2.0));
         self.wrong += usize::from(off > 20.0 * solved.scale_arcsec);
-        let turned = (solved.up_deg - entry["up"].as_f64().unwrap() + 540.0).rem_euclid(360.0) - 180.0;
+        let turned =
+            (solved.up_deg - entry["up"].as_f64().unwrap() + 540.0).rem_euclid(360.0) - 180.0;
         if off < 20.0 * solved.scale_arcsec {
             assert!(turned.abs() < 0.1, "{turned}°: {solved:?}");
             assert_eq!(solved.is_mirrored, entry["mirrored"].as_bool().unwrap());
@@ -83,7 +89,12 @@ impl Count {
         };
         println!(
             "{what}: {} frames, {} solved, {} right, {} wrong; off by {:.2}″ (median), {:.2}″ (95 %)",
-            self.frames, self.solved, self.right, self.wrong, at(0.5), at(0.95)
+            self.frames,
+            self.solved,
+            self.right,
+            self.wrong,
+            at(0.5),
+            at(0.95)
         );
     }
 }
@@ -174,7 +185,8 @@ fn coordinates_are_written_into_a_header() {
 fn lists_and_widths_that_make_no_patterns_are_refused() {
     let embedded = Catalogue::embedded().unwrap();
     let brightness = embedded.brightness(None).unwrap();
-    let refused = |widths| Patterns::new(&embedded, &brightness, YEAR, widths).unwrap_err().to_string();
+    let refused =
+        |widths| Patterns::new(&embedded, &brightness, YEAR, widths).unwrap_err().to_string();
     assert!(refused([2.0, 3.0]).contains("too few for fields of 3.00°"), "{}", refused([2.0, 3.0]));
     assert!(refused([0.01, 3.0]).contains("expected 0.2° to 45°"));
     assert!(refused([30.0, 20.0]).contains("fields of 30.000° to 20.000°"));

@@ -55,7 +55,9 @@ fn bits(set: &Tle, minutes: f64) -> [u64; 6] {
 /// epoch as a Julian date (0.04 ms of rounding would be 0.3 m; both halves of the date keep 1e-11 day).
 #[test]
 fn every_form_gives_the_orbit_that_sgp4_gives() {
-    let Some(folder) = written_by_others("every_form_gives_the_orbit_that_sgp4_gives") else { return };
+    let Some(folder) = written_by_others("every_form_gives_the_orbit_that_sgp4_gives") else {
+        return;
+    };
     let truth = json(&folder.path().join("truth.json"));
     let truth = truth.as_array().unwrap();
     assert_eq!(truth.len(), 5);
@@ -96,10 +98,14 @@ fn every_form_gives_the_orbit_that_sgp4_gives() {
 /// message's microseconds keep.
 #[test]
 fn the_passes_of_a_message_are_those_of_its_two_lines() {
-    let Some(folder) = written_by_others("the_passes_of_a_message_are_those_of_its_two_lines") else { return };
+    let Some(folder) = written_by_others("the_passes_of_a_message_are_those_of_its_two_lines")
+    else {
+        return;
+    };
     let truth = json(&folder.path().join("truth.json"));
     let sets = elements::read(folder.path().join("sets.json")).unwrap();
-    let site = Site::new(Geodetic { latitude_deg: 48.78, longitude_deg: 9.2, height_m: 399.0 }).unwrap();
+    let site =
+        Site::new(Geodetic { latitude_deg: 48.78, longitude_deg: 9.2, height_m: 399.0 }).unwrap();
     let earth = EarthOrientation::zero();
     let mut passes = 0;
     for (set, object) in sets.iter().zip(truth.as_array().unwrap()) {
@@ -143,7 +149,11 @@ fn a_bad_message_is_refused_with_line_and_key() {
         elements::parse("e.json", &OMM.replace(from, to)).unwrap_err().to_string()
     };
     for (from, to, expected) in [
-        ("15.49560532", "-15.5", "e.json:3: MEAN_MOTION: found `-15.5`, expected more than 0 and at most 20 revolutions a day"),
+        (
+            "15.49560532",
+            "-15.5",
+            "e.json:3: MEAN_MOTION: found `-15.5`, expected more than 0 and at most 20 revolutions a day",
+        ),
         ("15.49560532", "\"NaN\"", "e.json:3: MEAN_MOTION: found `NaN`"),
         ("15.49560532", "[1]", "e.json:3: MEAN_MOTION: found `[1]`, expected a number or a text"),
         ("0.0001771", "1.5", "e.json:3: ECCENTRICITY: found `1.5`, expected 0 to less than 1"),
@@ -152,9 +162,21 @@ fn a_bad_message_is_refused_with_line_and_key() {
         ("25544", "1234567890", "e.json:4: NORAD_CAT_ID: found `1234567890`"),
         ("25544", "\"I0001\"", "e.json:4: NORAD_CAT_ID: found `I0001`"),
         ("\"EPHEMERIS_TYPE\": 0", "\"EPHEMERIS_TYPE\": 4", "e.json:4: EPHEMERIS_TYPE: found `4`"),
-        ("2020-07-12T", "2020-07-32T", "e.json:2: EPOCH: found `2020-07-32T01:19:07.402656`, expected a day of the calendar"),
-        ("\"OBJECT_ID\"", "\"REF_FRAME\": \"ICRF\", \"OBJECT_ID\"", "e.json:2: REF_FRAME: found `ICRF`, expected TEME"),
-        ("\"OBJECT_ID\"", "\"MEAN_MOTION\": 15, \"OBJECT_ID\"", "e.json:3: MEAN_MOTION: found the key twice"),
+        (
+            "2020-07-12T",
+            "2020-07-32T",
+            "e.json:2: EPOCH: found `2020-07-32T01:19:07.402656`, expected a day of the calendar",
+        ),
+        (
+            "\"OBJECT_ID\"",
+            "\"REF_FRAME\": \"ICRF\", \"OBJECT_ID\"",
+            "e.json:2: REF_FRAME: found `ICRF`, expected TEME",
+        ),
+        (
+            "\"OBJECT_ID\"",
+            "\"MEAN_MOTION\": 15, \"OBJECT_ID\"",
+            "e.json:3: MEAN_MOTION: found the key twice",
+        ),
         ("15.49560532,", "15.49560532", "e.json:3: found expected `,` or `}`"),
         ("]", "", "e.json:7: found EOF while parsing a list"),
     ] {
@@ -173,8 +195,14 @@ fn a_bad_message_is_refused_with_line_and_key() {
         ("<!DOCTYPE html><html><body>Too many requests</body></html>", "this is a web page"),
         ("<html></html>", "root element: found `html`"),
         ("<ndm><omm><segment/></omm></ndm>", "EPOCH: found no such key"),
-        ("CCSDS_OMM_VERS = 2.0\nMEAN_MOTION 15\n", "x:2: found `MEAN_MOTION 15`, expected KEY = value"),
-        ("CCSDS_OMM_VERS = 2.0\nEPOCH = 2020-01-01T00:00:00\nMEAN_MOTION = 0.1 [rad/s]\n", "x:3: MEAN_MOTION: found the unit `rad/s`, expected rev/day"),
+        (
+            "CCSDS_OMM_VERS = 2.0\nMEAN_MOTION 15\n",
+            "x:2: found `MEAN_MOTION 15`, expected KEY = value",
+        ),
+        (
+            "CCSDS_OMM_VERS = 2.0\nEPOCH = 2020-01-01T00:00:00\nMEAN_MOTION = 0.1 [rad/s]\n",
+            "x:3: MEAN_MOTION: found the unit `rad/s`, expected rev/day",
+        ),
         ("CCSDS_OEM_VERS = 2.0\n", "expected CCSDS_OMM_VERS, the first key"),
         ("MEAN_MOTION,EPOCH\n15\n", "x:2: found CSV error"),
         ("MEAN_MOTION,MEAN_MOTION\n15,15\n", "MEAN_MOTION: found the key twice"),
@@ -185,7 +213,8 @@ fn a_bad_message_is_refused_with_line_and_key() {
     }
     // A day of the year, and a leap second.
     let at = |epoch: &str| {
-        elements::parse("e", &OMM.replace("2020-07-12T01:19:07.402656", epoch)).map(|sets| sets[0].epoch)
+        elements::parse("e", &OMM.replace("2020-07-12T01:19:07.402656", epoch))
+            .map(|sets| sets[0].epoch)
     };
     assert_eq!(at("2020-194T01:19:07.402656").unwrap(), at("2020-07-12T01:19:07.402656").unwrap());
     assert_eq!(format_utc_shortest(at("2016-12-31T23:59:60.5").unwrap()), "2016-12-31T23:59:60.5Z");
@@ -220,7 +249,9 @@ fn sets_of_one_object_are_held_beside_each_other() {
 /// precession and nutation by less than 1 mas (4 cm): 0.3 m.
 #[test]
 fn ephemerides_of_others_are_turned_into_the_gcrs() {
-    let Some(folder) = written_by_others("ephemerides_of_others_are_turned_into_the_gcrs") else { return };
+    let Some(folder) = written_by_others("ephemerides_of_others_are_turned_into_the_gcrs") else {
+        return;
+    };
     let truth = json(&folder.path().join("gcrs.json"));
     let mut read = 0;
     for frame in ["GCRF", "EME2000", "TEME", "ITRF2014", "cbers2"] {
@@ -255,15 +286,30 @@ fn a_bad_ephemeris_is_refused_with_its_line() {
                10 0 59658 72000.0 0 7000000 0 0\n20 0 0 7000 0\n10 0 59658 72060.0 0 6985000 450000 0\n20 0 -500 7000 0\n";
     assert!(Ephemeris::parse("a.cpf", cpf).is_ok());
     for (text, from, to, expected) in [
-        (oem, "GCRF", "TOD", "x:5: REF_FRAME: found `TOD`, expected GCRF, ICRF, EME2000, TEME or an ITRF"),
+        (
+            oem,
+            "GCRF",
+            "TOD",
+            "x:5: REF_FRAME: found `TOD`, expected GCRF, ICRF, EME2000, TEME or an ITRF",
+        ),
         (oem, "EARTH", "MOON", "x:4: CENTER_NAME: found `MOON`, expected EARTH"),
-        (oem, "TIME_SYSTEM = UTC", "TIME_SYSTEM = UT1", "x:8: EPOCH: found `UT1`, expected UTC, TAI, TT or GPS"),
+        (
+            oem,
+            "TIME_SYSTEM = UTC",
+            "TIME_SYSTEM = UT1",
+            "x:8: EPOCH: found `UT1`, expected UTC, TAI, TT or GPS",
+        ),
         (oem, "REF_FRAME = GCRF\n", "", "x:7: REF_FRAME: found no such key"),
         (oem, "7000 0 0", "7000 0 nan", "x:8: found `nan`, expected a finite number"),
         (oem, "7000 0 0 0", "7000 0 0", "x:8: found 5 numbers"),
         (oem, "20:01:00 6985", "19:01:00 6985", "x:9: time_utc"),
         (oem, "7000 0 0 0", "70 0 0 0", "x:8: x_km"),
-        (oem, "2022-03-20T20:01", "META_START\nMETA_STOP\n2022-03-20T20:01", "x:9: found a second segment, expected one segment"),
+        (
+            oem,
+            "2022-03-20T20:01",
+            "META_START\nMETA_STOP\n2022-03-20T20:01",
+            "x:9: found a second segment, expected one segment",
+        ),
         (cpf, "60 1 1 0 0", "60 1 1 1 0", "x:2: reference frame (H2): found `1`"),
         (cpf, "10 0 59658 72060", "10 1 59658 72060", "x:5: direction flag: found `1`"),
         (cpf, "72060.0 0 6985000", "99999.0 0 6985000", "x:5: MJD and seconds of day"),
@@ -298,7 +344,8 @@ impl Server {
     fn start(status: &'static str, body: String) -> Self {
         use std::io::{Read as _, Write as _};
         let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-        let address = format!("http://{}/gp.php?GROUP=active&FORMAT=JSON", listener.local_addr().unwrap());
+        let address =
+            format!("http://{}/gp.php?GROUP=active&FORMAT=JSON", listener.local_addr().unwrap());
         let asked = std::sync::Arc::new(std::sync::atomic::AtomicUsize::new(0));
         let count = asked.clone();
         std::thread::spawn(move || {

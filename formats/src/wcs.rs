@@ -47,7 +47,9 @@ pub fn is_coordinate(keyword: &str) -> bool {
         || INDEXED.iter().any(|k| keyword.strip_prefix(k).is_some_and(digits))
         || MATRICES.iter().any(|k| keyword.strip_prefix(k).is_some_and(pair))
         || SIP.iter().any(|k| {
-            keyword.strip_prefix(k).is_some_and(|rest| rest == "ORDER" || rest == "DMAX" || pair(rest))
+            keyword
+                .strip_prefix(k)
+                .is_some_and(|rest| rest == "ORDER" || rest == "DMAX" || pair(rest))
         })
 }
 

@@ -107,7 +107,10 @@ impl Contents {
                     self.objects.iter().map(|o| i64::from(o.norad_id)).collect(),
                 ),
                 Column::text("name", names.collect()),
-                Column::text("epoch_utc", self.objects.iter().map(|o| o.epoch_utc.clone()).collect()),
+                Column::text(
+                    "epoch_utc",
+                    self.objects.iter().map(|o| o.epoch_utc.clone()).collect(),
+                ),
                 Column::i64("sets", None, self.objects.iter().map(|o| o.sets as i64).collect()),
                 Column::f64("age_days", Some("d"), of(|o| o.age_days)),
                 Column::f64("period_min", Some("min"), of(|o| o.period_min)),
@@ -127,7 +130,12 @@ impl Contents {
     pub fn text(&self) -> String {
         let mut text = String::new();
         let several = self.objects.iter().map(|o| o.sets).sum::<usize>();
-        let _ = writeln!(text, "{} objects, {several} sets; ages at {}", self.objects.len(), self.at_utc);
+        let _ = writeln!(
+            text,
+            "{} objects, {several} sets; ages at {}",
+            self.objects.len(),
+            self.at_utc
+        );
         let _ = writeln!(
             text,
             "{:>9}  {:<24} {:<19}  {:>9}  {:>8}  {:>8}  {:>4}  spread",

@@ -195,13 +195,15 @@ impl Patterns {
                 let steps = ((most / least).ln() / STEP.ln()).ceil().max(1.0);
                 let ratio = (most / least).powf(steps.recip());
                 // The widest first: fewest stars, soonest done.
-                (0..=steps as u32).rev().map(|i| (least * ratio.powf(f64::from(i)), TOLERANCE)).collect()
+                (0..=steps as u32)
+                    .rev()
+                    .map(|i| (least * ratio.powf(f64::from(i)), TOLERANCE))
+                    .collect()
             }
         };
         let size = [size_px[0] as u32, size_px[1] as u32];
         for (width, tolerance) in widths.iter().copied() {
-            let mut config =
-                tetra3::SolveConfig::new(width.to_radians() as f32, size[0], size[1]);
+            let mut config = tetra3::SolveConfig::new(width.to_radians() as f32, size[0], size[1]);
             config.fov_max_error_rad = Some((width * tolerance).to_radians() as f32);
             config.match_threshold = CHANCE / widths.len() as f64;
             config.solve_timeout_ms = Some(TIME_MS);
@@ -238,8 +240,7 @@ impl Patterns {
         };
         let column = slope(sky(arm, 0.0), sky(-arm, 0.0))?;
         let row = slope(sky(0.0, arm), sky(0.0, -arm))?;
-        let first =
-            Wcs::tangential(reference, middle, [[column[0], row[0]], [column[1], row[1]]])?;
+        let first = Wcs::tangential(reference, middle, [[column[0], row[0]], [column[1], row[1]]])?;
         let once = pair(&first, &self.stars, places, size_px)?;
         // Once more from the better place: stars at the corners come within reach.
         let pairs = pair(&once.wcs, &self.stars, places, size_px)?;
@@ -255,7 +256,8 @@ impl Patterns {
         let scale_deg = (right[0] * up[1] - right[1] * up[0]).abs().sqrt();
         Some(Solved {
             centre_deg: centre,
-            size_deg: size_px.map(|n| 2.0 * (0.5 * n as f64 * scale_deg.to_radians()).atan().to_degrees()),
+            size_deg: size_px
+                .map(|n| 2.0 * (0.5 * n as f64 * scale_deg.to_radians()).atan().to_degrees()),
             scale_arcsec: scale_deg * 3600.0,
             up_deg: up[0].atan2(up[1]).to_degrees().rem_euclid(360.0),
             is_mirrored: right[0] * up[1] - right[1] * up[0] > 0.0,

@@ -27,7 +27,20 @@ const PM_DEC: [&str; 5] = ["pmdec", "pmde", "pm_dec", "pm_de", "pm_dec_mas_yr"];
 const EPOCH: [&str; 3] = ["ref_epoch", "epoch", "epra-1900"];
 /// Columns that tell which stars are bright, whatever the band, the usual first.
 const BRIGHTNESS: [&str; 14] = [
-    "phot_g_mean_mag", "gmag", "vmag", "v", "v_mag", "hpmag", "hp", "vtmag", "vt", "rmag", "r_mag", "phot_rp_mean_mag", "mag", "magnitude",
+    "phot_g_mean_mag",
+    "gmag",
+    "vmag",
+    "v",
+    "v_mag",
+    "hpmag",
+    "hp",
+    "vtmag",
+    "vt",
+    "rmag",
+    "r_mag",
+    "phot_rp_mean_mag",
+    "mag",
+    "magnitude",
 ];
 /// Rows that are read at most.
 const MOST_ROWS: usize = 5_000_000;

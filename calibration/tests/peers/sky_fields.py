@@ -110,7 +110,7 @@ for index in range(first, first + count):
             image += 300 * np.exp(-0.5 * (distance / sigma) ** 2)
         where = seen(centre[None, :], -1.0)[0]
         entry |= {"width_deg": width, "centre_deg": [math.degrees(math.atan2(where[1], where[0])) % 360, math.degrees(math.asin(where[2]))],
-                  "up": float(math.degrees(math.atan2(up @ east, up @ north)) % 360), "mirrored": bool(mirrored), "clouds": bool(index % 2), "trail": index % 3 == 0}
+                  "up": float(math.degrees(math.atan2(up @ east, up @ north)) % 360), "mirrored": not mirrored, "clouds": bool(index % 2), "trail": index % 3 == 0}
     header = fits.Header()
     header["DATE-OBS"], header["EXPTIME"], header["OBJECT"] = "2026-11-24T12:00:00", 1.0, "synthetic"
     fits.writeto(f"{folder}/{index}.fits", image.astype(np.float32), header, overwrite=True)

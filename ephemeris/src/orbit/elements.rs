@@ -29,7 +29,8 @@ impl Form {
     /// Returns the form of a text: that of what it begins with.
     pub fn of(text: &str) -> Self {
         let text = text.trim_start();
-        let mut lines = text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#'));
+        let mut lines =
+            text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#'));
         let first = lines.next().unwrap_or_default();
         // A name may begin with anything.
         let is_first_line = |line: &str| line.starts_with("1 ") && (65..75).contains(&line.len());

@@ -180,7 +180,11 @@ impl Meta {
         Ok(())
     }
 
-    fn row(&self, when: &str, numbers: &[f64]) -> Result<EphemerisRow, (&'static str, String, String)> {
+    fn row(
+        &self,
+        when: &str,
+        numbers: &[f64],
+    ) -> Result<EphemerisRow, (&'static str, String, String)> {
         let missing = |key| (key, "no such key".to_owned(), "a value in the metadata".to_owned());
         let axes = self.axes.ok_or_else(|| missing("REF_FRAME"))?;
         let scale = self.scale.as_deref().ok_or_else(|| missing("TIME_SYSTEM"))?;
@@ -205,9 +209,8 @@ fn oem_kvn(path: &Path, text: &str) -> Result<Positions, ParseError> {
     let (mut in_meta, mut in_covariance) = (false, false);
     for (index, line) in text.lines().enumerate() {
         let (number, line) = (index as u64 + 1, line.trim());
-        let wrong = |found: String, expected: &str| {
-            ParseError::new(path, found, expected).at_line(number)
-        };
+        let wrong =
+            |found: String, expected: &str| ParseError::new(path, found, expected).at_line(number);
         if line.is_empty() || line.starts_with("COMMENT") || line.starts_with('#') {
             continue;
         }
@@ -224,9 +227,8 @@ fn oem_kvn(path: &Path, text: &str) -> Result<Positions, ParseError> {
                 if let Some((key, value)) = line.split_once('=') {
                     let (key, value) = (key.trim(), value.trim());
                     if in_meta {
-                        meta.take(key, value).map_err(|expected| {
-                            wrong(excerpt(value), &expected).in_field(key)
-                        })?;
+                        meta.take(key, value)
+                            .map_err(|expected| wrong(excerpt(value), &expected).in_field(key))?;
                     }
                     continue;
                 }
@@ -241,9 +243,9 @@ fn oem_kvn(path: &Path, text: &str) -> Result<Positions, ParseError> {
                     let expected = "a time and 3, 6 or 9 numbers (km, km/s, km/s²)";
                     return Err(wrong(format!("{} numbers", numbers.len()), expected));
                 }
-                let row = meta.row(when, &numbers).map_err(|(key, found, expected)| {
-                    wrong(found, &expected).in_field(key)
-                })?;
+                let row = meta
+                    .row(when, &numbers)
+                    .map_err(|(key, found, expected)| wrong(found, &expected).in_field(key))?;
                 rows.push(row);
                 lines.push(number);
             }
@@ -300,9 +302,9 @@ fn oem_xml(path: &Path, text: &str) -> Result<Positions, ParseError> {
             let number = value.parse::<f64>().ok().filter(|v| v.is_finite());
             numbers.push(number.ok_or_else(|| wrong(node, excerpt(&value), "a finite number"))?);
         }
-        let row = meta.row(&when, &numbers).map_err(|(key, found, expected)| {
-            wrong(vector, found, &expected).in_field(key)
-        })?;
+        let row = meta
+            .row(&when, &numbers)
+            .map_err(|(key, found, expected)| wrong(vector, found, &expected).in_field(key))?;
         rows.push(row);
         starts.push(vector.range().start);
     }

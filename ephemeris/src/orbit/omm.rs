@@ -64,7 +64,8 @@ pub(super) fn json(path: &Path, text: &str) -> Result<Sets, ParseError> {
         let mut why = error.to_string();
         // The place stands before the message already.
         why.truncate(why.find(" at line").unwrap_or(why.len()));
-        ParseError::new(path, why, "OMM in JSON: an object of keys, or a list of such").at_line(line)
+        ParseError::new(path, why, "OMM in JSON: an object of keys, or a list of such")
+            .at_line(line)
     })?;
     Ok(objects.0.into_iter().map(|pairs| of_pairs(source, pairs)).collect())
 }
@@ -173,7 +174,11 @@ pub(super) fn csv(path: &Path, text: &str) -> Result<Sets, ParseError> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
     let of_csv = |error: csv::Error| {
         let byte = error.position().map_or(0, |at| at.byte() as usize);
-        source.error(byte, error.to_string(), "OMM in CSV: as many fields as keys in the first line")
+        source.error(
+            byte,
+            error.to_string(),
+            "OMM in CSV: as many fields as keys in the first line",
+        )
     };
     let keys = reader.headers().map_err(of_csv)?.clone();
     for (index, key) in keys.iter().enumerate() {
@@ -207,9 +212,15 @@ pub(super) fn xml(path: &Path, text: &str) -> Result<Sets, ParseError> {
         ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options).map_err(|error| {
         let line = u64::from(error.pos().row);
-        let error = ParseError::new(path, error.to_string(), "OMM in well-formed XML").at_line(line);
-        let page = text.get(..2000.min(text.len())).unwrap_or(text).to_lowercase().contains("<html");
-        if page { error.with_hint("this is a web page, perhaps an error of the server") } else { error }
+        let error =
+            ParseError::new(path, error.to_string(), "OMM in well-formed XML").at_line(line);
+        let page =
+            text.get(..2000.min(text.len())).unwrap_or(text).to_lowercase().contains("<html");
+        if page {
+            error.with_hint("this is a web page, perhaps an error of the server")
+        } else {
+            error
+        }
     })?;
     let messages = document.descendants().filter(|n| n.tag_name().name() == "omm");
     let sets = messages.map(|message| {
@@ -245,7 +256,8 @@ pub(super) fn kvn(path: &Path, text: &str) -> Result<Sets, ParseError> {
     for line in text.split_inclusive('\n') {
         let (start, line) = (byte, line.trim());
         byte += text[byte..].find('\n').map_or(text.len() - byte, |n| n + 1);
-        let comment = line.strip_prefix("COMMENT").is_some_and(|rest| !rest.starts_with(['_', '=']));
+        let comment =
+            line.strip_prefix("COMMENT").is_some_and(|rest| !rest.starts_with(['_', '=']));
         if line.is_empty() || comment || line.starts_with('#') {
             continue;
         }
@@ -399,8 +411,9 @@ fn set(source: Source<'_>, message: &Message<'_>) -> Result<Tle, ParseError> {
     };
     let angle = |key| of(key, "an angle from -360 to 360 degrees", &|v: f64| v.abs() <= 360.0);
     let (epoch, datetime) = epoch(source, message.required(source, "EPOCH")?)?;
-    let mean_motion =
-        of("MEAN_MOTION", "more than 0 and at most 20 revolutions a day", &|v| v > 0.0 && v <= 20.0)?;
+    let mean_motion = of("MEAN_MOTION", "more than 0 and at most 20 revolutions a day", &|v| {
+        v > 0.0 && v <= 20.0
+    })?;
     let eccentricity = of("ECCENTRICITY", "0 to less than 1", &|v| (0.0..1.0).contains(&v))?;
     let inclination = of("INCLINATION", "0 to 180 degrees", &|v| (0.0..=180.0).contains(&v))?;
     let right_ascension = angle("RA_OF_ASC_NODE")?;

@@ -42,7 +42,9 @@ pub enum UpdateError {
     #[error("{0}: expected http://…, https://… or a file that is there")]
     Address(String),
     /// The program that fetches is missing, or did not start.
-    #[error("cannot start curl, which fetches from servers: {0}; install it, or fetch the file yourself and give its name")]
+    #[error(
+        "cannot start curl, which fetches from servers: {0}; install it, or fetch the file yourself and give its name"
+    )]
     NoCurl(std::io::Error),
     /// The server did not give the data.
     #[error("{address}: {reason}")]
@@ -53,7 +55,9 @@ pub enum UpdateError {
         reason: String,
     },
     /// It was asked shortly before, and gave nothing then.
-    #[error("{address} was asked at {at_utc} and gave no elements then: it is not asked again before {next_utc}")]
+    #[error(
+        "{address} was asked at {at_utc} and gave no elements then: it is not asked again before {next_utc}"
+    )]
     TooSoon {
         /// Address.
         address: String,
