@@ -3,8 +3,8 @@
 use crate::output::{Console, OutputArgs};
 use crate::{
     air, align, analyse, apply, bench, brdf, calibrate, compare, demo, detect, devices, efficiency,
-    explain, fit, import, light, observe, page, passes, picture, reduce, session, simulate, star,
-    tables, track,
+    elements, explain, fit, import, light, observe, page, passes, picture, reduce, session,
+    simulate, solve, star, tables, track,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};

@@ -178,7 +178,7 @@ fn a_bad_message_is_refused_with_line_and_key() {
             "e.json:3: MEAN_MOTION: found the key twice",
         ),
         ("15.49560532,", "15.49560532", "e.json:3: found expected `,` or `}`"),
-        ("]", "", "e.json:7: found EOF while parsing a list"),
+        ("]", "", "e.json:6: found EOF while parsing a list"),
     ] {
         let error = refused(from, to);
         assert!(error.contains(expected), "{error}\nshould have: {expected}");
