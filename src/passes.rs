@@ -9,7 +9,6 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use hifitime::{Epoch, Unit};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use sunglint_ephemeris::orbit::elements;
 use sunglint_ephemeris::orbit::tle::{self, Tle};
