@@ -3,8 +3,8 @@
 use crate::output::{Console, OutputArgs};
 use crate::{
     air, align, analyse, apply, bench, brdf, calibrate, compare, demo, detect, devices, efficiency,
-    explain, fit, import, light, observe, page, passes, picture, reduce, session, simulate, star,
-    tables, track,
+    elements, explain, fit, import, light, observe, page, passes, picture, reduce, session,
+    simulate, solve, star, tables, track,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -70,6 +70,10 @@ pub enum Command {
     Picture(Box<picture::PictureArgs>),
     /// Visible passes of satellites: when, where, how bright, what each channel counts
     Passes(Box<passes::PassesArgs>),
+    /// Files of elements: which objects, how old, how far several sets are apart; and fresh ones
+    Elements(Box<elements::ElementsArgs>),
+    /// A frame's place on the sky by the pattern of its stars, written into its header
+    Solve(Box<solve::SolveArgs>),
     /// Points and streaks of frames (FITS of any program): where, how bright, how significant, and a picture with marks
     Detect(Box<detect::DetectArgs>),
     /// A recorded session as linear light curves, visit by visit
@@ -161,6 +165,8 @@ impl Command {
             Command::Picture(args) => Some(&args.out),
             Command::Passes(args) => Some(&args.out),
             Command::Detect(args) => Some(&args.out),
+            Command::Elements(args) => Some(&args.out),
+            Command::Solve(args) => Some(&args.out),
             Command::Reduce(args) => Some(&args.out),
             Command::Align(args) => Some(&args.out),
             Command::Bench(args) => Some(&args.out),
@@ -198,6 +204,8 @@ impl Command {
             Command::Picture(args) => picture::run(args, console),
             Command::Passes(args) => passes::run(args, console),
             Command::Detect(args) => detect::run(args, console),
+            Command::Elements(args) => elements::run(args, console),
+            Command::Solve(args) => solve::run(args, console),
             Command::Reduce(args) => reduce::run(args, console),
             Command::Align(args) => align::run(args, console),
             Command::Bench(args) => bench::run(args, console),

@@ -9,8 +9,8 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use hifitime::{Epoch, Unit};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use sunglint_ephemeris::orbit::elements;
 use sunglint_ephemeris::orbit::tle::{self, Tle};
 use sunglint_ephemeris::orbit::{Orbit, TleOrbit};
 use sunglint_ephemeris::passes::brightness::Brightness;
@@ -35,7 +35,7 @@ use sunglint_simulator::target::Target;
 /// Arguments of `sunglint passes`.
 #[derive(Debug, Args)]
 pub struct PassesArgs {
-    /// Files of two-line elements, any number of sets in each
+    /// Files of elements, any number of sets in each: two lines, or OMM in JSON, CSV, XML or KVN
     #[arg(long, value_name = "FILE", required = true, num_args = 1..)]
     pub tle: Vec<PathBuf>,
     /// Only the objects with these catalogue numbers
@@ -431,8 +431,10 @@ impl PassesArgs {
         console: Console,
     ) -> anyhow::Result<Planned> {
         let path = plans.output.first().cloned().unwrap_or_default();
-        let elements = path.with_extension("tle");
-        let name = elements.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let sets = flown(passes);
+        let two_lines = sets.iter().all(|set| set.lines().is_some());
+        let file = path.with_extension(if two_lines { "tle" } else { "omm" });
+        let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let offers: Vec<PassOffer> = passes.iter().filter_map(offer).collect();
         let dark: Vec<(Epoch, Epoch)> =
             around.search.dark().iter().map(|span| (span.from, span.to)).collect();
@@ -448,18 +450,8 @@ impl PassesArgs {
         for warning in &night.warnings {
             console.warn(warning);
         }
-        let mut sets = String::new();
-        let mut told = BTreeSet::new();
-        for pass in passes {
-            let Orbit::Tle(orbit) = &pass.orbit else { continue };
-            let tle = orbit.tle();
-            if told.insert(tle.norad_id) {
-                let name = tle.name.clone().unwrap_or_default();
-                let _ = writeln!(sets, "{name}\n{}\n{}", tle.line1, tle.line2);
-            }
-        }
         let files = [
-            (elements, sets.trim_start().to_owned().into_bytes()),
+            (file, elements::text(sets).into_bytes()),
             (path.clone(), night.toml(devices).into_bytes()),
         ];
         let files = plans.write_files(&files, console)?;
@@ -563,6 +555,20 @@ impl PassesArgs {
     }
 }
 
+/// The elements of the objects that pass, each once.
+fn flown(passes: &[SeenPass]) -> Vec<&Tle> {
+    let mut told = BTreeSet::new();
+    let mut sets = Vec::new();
+    for pass in passes {
+        if let Orbit::Tle(orbit) = &pass.orbit
+            && told.insert(orbit.tle().norad_id)
+        {
+            sets.push(orbit.tle());
+        }
+    }
+    sets
+}
+
 /// A pass for the plan: its first stretch in the light; none of an object without elements.
 fn offer(pass: &SeenPass) -> Option<PassOffer> {
     let span = pass.pass.visible.first()?;
@@ -649,7 +655,7 @@ fn read_all(
 ) -> anyhow::Result<(Vec<Tle>, Vec<SightingFailure>)> {
     let (mut tles, mut failures) = (Vec::new(), Vec::new());
     for path in paths {
-        let (good, mut bad) = tle::parse_lenient(path, &text_of(path, inputs)?);
+        let (good, mut bad) = elements::parse_lenient(path, &text_of(path, inputs)?);
         if good.is_empty() && !bad.is_empty() {
             return Err(bad.swap_remove(0).into());
         }

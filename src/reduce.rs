@@ -18,6 +18,7 @@ use sunglint_calibration::reduction::folder::{
 use sunglint_calibration::reduction::frames::{DETECT_SIGMAS, FrameOptions, SensorFiles};
 use sunglint_calibration::reduction::night::OFF_SIGMAS;
 use sunglint_calibration::reduction::{ReduceError, ReduceOptions, reduce, stays};
+use sunglint_ephemeris::orbit::elements;
 use sunglint_ephemeris::orbit::tle::{self, Tle};
 use sunglint_formats::Frame;
 use sunglint_formats::image_frame::ImageFrame;
@@ -210,7 +211,7 @@ impl OtherArgs {
         first: Option<Epoch>,
     ) -> anyhow::Result<Option<(Tle, Site)>> {
         let Some(path) = &self.elements else { return Ok(None) };
-        let sets = tle::read(path)?;
+        let sets = elements::read(path)?;
         let chosen = tle::choose(&sets, self.object.as_deref(), first)
             .map_err(|error| Usage(format!("{}: {error} (--object)", path.display())))?;
         let station =

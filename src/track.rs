@@ -16,14 +16,15 @@ use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, VirtualClock};
-use sunglint_drivers::device::{Finder, Mount, MountAxes, MountSite};
+use sunglint_drivers::device::{Finder, Mount, MountAxes, MountMotion, MountSite};
 use sunglint_ephemeris::geometry::Geometry;
-use sunglint_ephemeris::orbit::{Orbit, TleOrbit, tle};
+use sunglint_ephemeris::orbit::{Orbit, ReadError};
 use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_observatory::clock;
 use sunglint_observatory::telescope::watchdog::{Beat, Watched, watch};
 use sunglint_observatory::telescope::{
     Certainty, Guard, PassPlan, SunCone, TargetPath, TrackError, TrackOptions, TrackStep, Tracker,
+    Weather, WeatherFile,
 };
 use sunglint_radiometry::sky::{EarthOrientation, Observer, SkyFrames};
 use sunglint_radiometry::station::Station;
@@ -40,7 +41,7 @@ const HANGS: Duration = Duration::from_secs(4);
 /// Arguments of `sunglint track`.
 #[derive(Debug, Args)]
 pub struct TrackArgs {
-    /// File of two-line elements, any number of sets
+    /// File of elements (two lines, or OMM in JSON, CSV, XML or KVN), or of positions (OEM, CPF, ECSV)
     #[arg(value_name = "ELEMENTS")]
     pub elements: PathBuf,
     /// The object: its catalogue number, or part of its name
@@ -82,6 +83,15 @@ pub struct TrackArgs {
     /// Tell the mount the station's site, and UTC, first
     #[arg(long)]
     pub set_site: bool,
+    /// Park the mount at the end, where the Sun is down
+    #[arg(long)]
+    pub park: bool,
+    /// Stop, and park, when this file says that the weather is bad, or is older than --weather-age-s: a Boltwood line, or `safe` and `unsafe`
+    #[arg(long, value_name = "FILE")]
+    pub weather: Option<PathBuf>,
+    /// Age at which the file of the weather counts as bad weather, s
+    #[arg(long, value_name = "S", default_value_t = 300.0, requires = "weather")]
+    pub weather_age_s: f64,
     /// Seconds between two lines that say how it goes
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     pub every: f64,
@@ -111,6 +121,7 @@ impl TrackArgs {
         within("sun-limit", self.sun_limit, 10.0, 90.0)?;
         within("latency-s", self.latency_s, 0.0, 5.0)?;
         within("late-s", self.late_s, -60.0, 60.0)?;
+        within("weather-age-s", self.weather_age_s, 10.0, 3600.0)?;
         within("every", self.every, 0.05, 3600.0)?;
         within("for-s", self.for_s.unwrap_or(1.0), 0.1, 86_400.0)?;
         Ok(())
@@ -121,10 +132,10 @@ impl TrackArgs {
     }
 
     fn orbit(&self, at: Epoch) -> anyhow::Result<Orbit> {
-        let sets = tle::read(&self.elements)?;
-        let chosen = tle::choose(&sets, Some(&self.object), Some(at))
-            .map_err(|error| Usage(format!("{}: {error}", self.elements.display())))?;
-        Ok(Orbit::from(TleOrbit::new(chosen.clone())?))
+        match Orbit::read(&self.elements, Some(&self.object), Some(at)) {
+            Err(error @ ReadError::Choice { .. }) => Err(Usage(error.to_string()).into()),
+            other => Ok(other?),
+        }
     }
 
     /// Begin and length of the pass, s.
@@ -219,6 +230,10 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     if let Some(why) = &report.plan.refused {
         bail!("{why}");
     }
+    let mut sky = Sky::new(args);
+    if let Some(why) = sky.unfit() {
+        bail!("the weather is not fit: {why}");
+    }
     console.say(&plan_text(&report.plan, &args.mount));
     let cancel = Cancel::new();
     let token = cancel.clone();
@@ -232,10 +247,85 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     let ended = tracker.run(&cancel, &mut |step| {
         dog.tick();
         lines.show(step);
-        ControlFlow::Continue(())
+        if sky.unfit().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
+    let weather = sky.unfit();
+    let parked = if args.park || weather.is_some() {
+        park(mount.as_mut(), &guard, &dog, console)
+    } else {
+        Ok(())
+    };
     dog.done();
-    finish(args, console, &mut report, ended, &lines.steps)
+    finish(args, console, &mut report, ended, &lines.steps)?;
+    parked?;
+    match weather {
+        Some(why) => Err(anyhow!("it was stopped, because the weather is not fit: {why}")),
+        None => Ok(()),
+    }
+}
+
+/// Longest time that parking may take.
+const PARKS: Duration = Duration::from_secs(180);
+
+/// Parks a mount that stands. Where it parks, and on which way, only the mount knows: while the Sun is up it stays where it is.
+fn park(
+    mount: &mut dyn Mount,
+    guard: &Guard,
+    dog: &Watchdog,
+    console: Console,
+) -> anyhow::Result<()> {
+    let now = Epoch::now().context("the system has no clock")?;
+    let later = now + 3.0 * Unit::Minute;
+    if guard.cone_holds(&guard.sun(now)) || guard.cone_holds(&guard.sun(later)) {
+        console.warn("the mount stands and is not parked: the Sun is up, and the way to its park is not known; park it by hand");
+        return Ok(());
+    }
+    let soon = || Deadline::within(Duration::from_secs(5));
+    mount.set_parked(true, &soon()).context("it was not parked")?;
+    let begun = Instant::now();
+    loop {
+        dog.tick();
+        let reading =
+            mount.reading(&soon()).context("it is not known whether the mount is parked")?;
+        if reading.motion == MountMotion::Parked {
+            console.say("the mount is parked");
+            return Ok(());
+        }
+        if begun.elapsed() > PARKS {
+            mount.stop(&soon())?;
+            bail!("the mount was not parked within {:.0} s: it was stopped", PARKS.as_secs_f64());
+        }
+        std::thread::sleep(Duration::from_millis(200));
+    }
+}
+
+/// The weather, looked at every five seconds; bad weather stays.
+struct Sky {
+    file: Option<WeatherFile>,
+    looked: Option<Instant>,
+    bad: Option<String>,
+}
+
+impl Sky {
+    fn new(args: &TrackArgs) -> Self {
+        let age = Duration::from_secs_f64(args.weather_age_s);
+        let file = args.weather.as_ref().map(|path| WeatherFile::new(path, age));
+        Self { file, looked: None, bad: None }
+    }
+
+    fn unfit(&mut self) -> Option<String> {
+        const EVERY: Duration = Duration::from_secs(5);
+        if let Some(file) = &self.file
+            && self.bad.is_none()
+            && self.looked.is_none_or(|looked| looked.elapsed() >= EVERY)
+        {
+            self.looked = Some(Instant::now());
+            if let Weather::Unfit(why) = file.look(std::time::SystemTime::now()) {
+                self.bad = Some(why);
+            }
+        }
+        self.bad.clone()
+    }
 }
 
 fn options(args: &TrackArgs) -> TrackOptions {

@@ -117,6 +117,10 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     let foreign = "jd_utc,flux,filter,seeing\n2459275.5,100,V,2.1\n2459275.6,110,V,2.0\n";
     std::fs::write(folder.path("foreign.csv"), foreign).unwrap();
     keys(&folder.json(&["import", "foreign.csv", "--json"]), &mut printed);
+    crate::sky::write_elements(&folder);
+    keys(&folder.json(&["elements", "iss.json", "--at", "2020-07-13", "--json"]), &mut printed);
+    crate::sky::draw(&folder, "sky.fits");
+    keys(&folder.json(&["solve", "sky.fits", "--width-deg", "25", "--json"]), &mut printed);
     std::fs::write(folder.path("pass.toml"), SCENE).unwrap();
     // A pass of the same elements, followed by a virtual telescope.
     let lines = SCENE.lines().filter_map(|line| line.trim().strip_prefix('"')?.strip_suffix("\","));

@@ -35,6 +35,7 @@ mod recorded_night;
 mod reduce;
 mod served;
 mod simulate;
+mod sky;
 mod thesis;
 mod track;
 mod virtual_observatory;

@@ -172,6 +172,7 @@ fn session(root: &Path, made: &Made) -> Session {
         ra_deg: Some(279.2347),
         dec_deg: Some(38.7837),
         tle: None,
+        omm: None,
     };
     writer.event(now, What::Target(star));
     for _ in 0..3 {

@@ -1,6 +1,7 @@
 //! All tests of this crate: one program, so that one is linked.
 
 mod alignment;
+mod blind;
 mod comparison;
 mod counts;
 mod dead_time;

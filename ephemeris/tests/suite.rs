@@ -3,6 +3,7 @@
 mod geometry;
 mod motion;
 mod orbit_eclipse;
+mod orbit_elements;
 mod orbit_ephemeris;
 mod orbit_places;
 mod orbit_tle;

@@ -35,6 +35,24 @@ enum Distortion {
     Tpv(Box<[[f64; TPV_TERMS]; 2]>),
 }
 
+/// Returns true for a keyword of celestial world coordinates of a header, its distortions included.
+pub fn is_coordinate(keyword: &str) -> bool {
+    const PLAIN: [&str; 6] = ["WCSAXES", "RADESYS", "EQUINOX", "LONPOLE", "LATPOLE", "EPOCH"];
+    const INDEXED: [&str; 7] = ["CTYPE", "CUNIT", "CRVAL", "CRPIX", "CDELT", "CROTA", "CNAME"];
+    const MATRICES: [&str; 3] = ["CD", "PC", "PV"];
+    const SIP: [&str; 4] = ["A_", "B_", "AP_", "BP_"];
+    let digits = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    let pair = |text: &str| text.split_once('_').is_some_and(|(a, b)| digits(a) && digits(b));
+    PLAIN.contains(&keyword)
+        || INDEXED.iter().any(|k| keyword.strip_prefix(k).is_some_and(digits))
+        || MATRICES.iter().any(|k| keyword.strip_prefix(k).is_some_and(pair))
+        || SIP.iter().any(|k| {
+            keyword
+                .strip_prefix(k)
+                .is_some_and(|rest| rest == "ORDER" || rest == "DMAX" || pair(rest))
+        })
+}
+
 /// World coordinates of a frame, ICRS or FK5 of J2000 (they differ by 0.02″).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wcs {
@@ -142,6 +160,31 @@ impl Wcs {
             distortion,
             pole_deg,
         }))
+    }
+
+    /// The cards of a tangential projection without distortion; `None` for any other.
+    pub fn cards(&self) -> Option<Header> {
+        if self.projection != Projection::Tan || self.distortion != Distortion::None {
+            return None;
+        }
+        let mut header = Header::default();
+        header.set("WCSAXES", 2_i64, "");
+        header.set("RADESYS", "ICRS", "");
+        header.set("CTYPE1", "RA---TAN", "");
+        header.set("CTYPE2", "DEC--TAN", "");
+        header.set("CUNIT1", "deg", "");
+        header.set("CUNIT2", "deg", "");
+        header.set("CRVAL1", self.reference_deg[0], "right ascension of the reference");
+        header.set("CRVAL2", self.reference_deg[1], "declination of the reference");
+        header.set("CRPIX1", self.reference_px[0] + 1.0, "the first pixel's middle is 1");
+        header.set("CRPIX2", self.reference_px[1] + 1.0, "");
+        for (i, row) in self.matrix.iter().enumerate() {
+            for (j, value) in row.iter().enumerate() {
+                header.set(&format!("CD{}_{}", i + 1, j + 1), *value, "deg/px");
+            }
+        }
+        header.set("LONPOLE", self.pole_deg, "");
+        Some(header)
     }
 
     /// Right ascension (0 to 360) and declination of a place in pixels, deg; `None` where the projection has none.

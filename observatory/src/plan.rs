@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use sunglint_drivers::catalogue::{Address, Kind};
 use sunglint_drivers::clock::utc_now;
+use sunglint_ephemeris::orbit::elements;
 use sunglint_ephemeris::orbit::tle::{self, ChoiceError};
 use sunglint_formats::session::{
     Device, DeviceKind, FileSum, Session, Target, TargetKind, is_name,
@@ -973,7 +974,7 @@ fn target(
         };
         let bytes = sunglint_formats::read::bytes(&path)?;
         let text = sunglint_formats::read::decode(&path, bytes.clone())?;
-        let sets = tle::parse(&path, &text)?;
+        let sets = elements::parse(&path, &text)?;
         let chosen = tle::choose(&sets, visit.object.as_deref(), Some(near)).map_err(|source| {
             PlanError::Object { at: error(".object", "one object".into()), source }
         })?;
@@ -989,7 +990,8 @@ fn target(
         Target {
             name: chosen.name.clone().unwrap_or_else(|| chosen.norad_id.to_string()),
             on: true,
-            tle: Some([chosen.line1.clone(), chosen.line2.clone()]),
+            tle: chosen.lines().map(|lines| lines.map(str::to_owned)),
+            omm: chosen.lines().is_none().then(|| chosen.kvn()),
             ..Target::off(TargetKind::None)
         }
     } else {
@@ -1001,7 +1003,7 @@ fn target(
         };
         star(name, ra.get(), dec.get())
     };
-    if target.tle.is_some() {
+    if target.elements().is_some() {
         target.target_kind = TargetKind::Satellite;
     }
     if let Some(name) = &visit.name {

@@ -1,7 +1,7 @@
 //! Where a target stands: for the headers of frames.
 
 use hifitime::Epoch;
-use sunglint_ephemeris::orbit::{Orbit, TleOrbit, tle};
+use sunglint_ephemeris::orbit::{Orbit, TleOrbit, elements};
 use sunglint_formats::Frame;
 use sunglint_formats::session::{Target, TargetKind};
 use sunglint_formats::time::format_utc_shortest;
@@ -29,9 +29,9 @@ pub(crate) enum Body {
 impl Body {
     /// The body of a target; `None` where its place or elements are none.
     pub(crate) fn of(target: &Target) -> Option<Self> {
-        match (&target.tle, target.ra_deg, target.dec_deg) {
-            (Some([line1, line2]), ..) => {
-                let sets = tle::parse("the session's elements", &format!("{line1}\n{line2}\n"));
+        match (target.elements(), target.ra_deg, target.dec_deg) {
+            (Some(text), ..) => {
+                let sets = elements::parse("the session's elements", &text);
                 let orbit = TleOrbit::new(sets.ok()?.into_iter().next()?).ok()?;
                 Some(Self::Orbit(Box::new(orbit.into())))
             }

@@ -22,7 +22,7 @@ use sunglint_drivers::device::{
     Camera, DeviceError, FilterWheel, Limits, PhotonCounter, RotationStage,
 };
 use sunglint_ephemeris::geometry::Geometry;
-use sunglint_ephemeris::orbit::tle;
+use sunglint_ephemeris::orbit::elements;
 use sunglint_formats::session::{ClockState, TargetKind};
 use sunglint_formats::time::format_utc;
 use sunglint_formats::toml::Positive;
@@ -565,8 +565,8 @@ fn check_elements(
     options: &PreflightOptions,
     found: &mut Preflight,
 ) {
-    let Some([line1, line2]) = &slot.target.tle else { return };
-    let sets = tle::parse("the plan's elements", &format!("{line1}\n{line2}\n"));
+    let Some(text) = slot.target.elements() else { return };
+    let sets = elements::parse("the plan's elements", &text);
     let Some(elements) = sets.ok().and_then(|sets| sets.into_iter().next()) else { return };
     let age_s = seconds(elements.epoch, from);
     let days = age_s.abs() / 86_400.0;

@@ -130,23 +130,34 @@ fn campaign_sun_cone() {
             while guard.check_place(here, epoch).is_err() {
                 here = dice.place();
             }
-            let to = dice.place();
-            match guard.way(here, to, epoch, 60.0) {
-                Err(_) => (1, 0, 180.0),
-                Ok(way) => {
-                    let mut least = 180.0_f64;
+            let (mut refused, mut allowed, mut least) = (0, 0, 180.0_f64);
+            // Three commands, each of which may fail half-way (an abort, a lost command of a detour): the mount stands there, and the next command
+            // begins from there.
+            for _ in 0..3 {
+                let to = dice.place();
+                let Ok(way) = guard.way(here, to, epoch, 60.0) else {
+                    refused += 1;
+                    continue;
+                };
+                allowed += 1;
+                let fails = (dice.next() < 0.5).then(|| (dice.next() * way.len() as f64) as usize);
+                for (leg, to) in way.into_iter().enumerate() {
+                    let on_the_way = ways(here, to, axes, turns_over, &mut dice);
                     // The disc's upper limb is above the horizon: 16′ of radius, 34′ of refraction.
                     if sighting.altitude_deg() > -0.833 {
-                        for to in way {
-                            for x in ways(here, to, axes, turns_over, &mut dice) {
-                                least = least.min(angle_deg(x, truth));
-                            }
-                            here = to;
+                        for x in &on_the_way {
+                            least = least.min(angle_deg(*x, truth));
                         }
                     }
-                    (0, 1, least)
+                    here = to;
+                    if fails == Some(leg) && !on_the_way.is_empty() {
+                        let last = on_the_way.len() - 1;
+                        here = on_the_way[(dice.next() * last as f64) as usize];
+                        break;
+                    }
                 }
             }
+            (refused, allowed, least)
         })
         .collect();
     let refused: u64 = rows.iter().map(|row| row.0).sum();

@@ -157,6 +157,7 @@ impl Recording {
             ra_deg: Some(279.2347),
             dec_deg: Some(38.7837),
             tle: None,
+            omm: None,
         };
         writer.event(at(0.4 * self.seconds), What::Target(star));
         for i in 0..(self.seconds / self.bin_s).round() as u64 {

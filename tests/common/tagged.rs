@@ -114,6 +114,7 @@ impl Tagged {
             ra_deg: Some(279.2347),
             dec_deg: Some(38.7837),
             tle: None,
+            omm: None,
         };
         writer.event(at(TARGET_FROM_S), What::Target(star));
         for bin in &self.bins {

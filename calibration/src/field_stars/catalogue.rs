@@ -22,9 +22,26 @@ const DEC: [&str; 9] = [
     "de",
     "declination",
 ];
-const PM_RA: [&str; 4] = ["pmra", "pm_ra", "pmra_cosdec", "pm_ra_cosdec"];
-const PM_DEC: [&str; 4] = ["pmdec", "pmde", "pm_dec", "pm_de"];
+const PM_RA: [&str; 5] = ["pmra", "pm_ra", "pmra_cosdec", "pm_ra_cosdec", "pm_ra_mas_yr"];
+const PM_DEC: [&str; 5] = ["pmdec", "pmde", "pm_dec", "pm_de", "pm_dec_mas_yr"];
 const EPOCH: [&str; 3] = ["ref_epoch", "epoch", "epra-1900"];
+/// Columns that tell which stars are bright, whatever the band, the usual first.
+const BRIGHTNESS: [&str; 14] = [
+    "phot_g_mean_mag",
+    "gmag",
+    "vmag",
+    "v",
+    "v_mag",
+    "hpmag",
+    "hp",
+    "vtmag",
+    "vt",
+    "rmag",
+    "r_mag",
+    "phot_rp_mean_mag",
+    "mag",
+    "magnitude",
+];
 /// Rows that are read at most.
 const MOST_ROWS: usize = 5_000_000;
 
@@ -165,6 +182,37 @@ impl Catalogue {
                 ));
             }
         };
+        Self::of_table(path, table)
+    }
+
+    /// The stars to V = 5.0 that come with the program (Hipparcos; places and motions of the year 2000).
+    ///
+    /// # Errors
+    /// None that a user can cause: those of [`Catalogue::read`].
+    pub fn embedded() -> Result<Self, ParseError> {
+        let table = sunglint_radiometry::tables::BRIGHT_STARS.table().clone();
+        Self::of_table(Path::new("embedded:bright_stars"), table)
+    }
+
+    /// A magnitude of every star by which they may be put in order: the column that was named, else the first that is known; NaN where a
+    /// star has none.
+    ///
+    /// # Errors
+    /// No such column, or none that is known, with the names that are there.
+    pub fn brightness(&self, column: Option<&str>) -> Result<Vec<f64>, ParseError> {
+        let found = match column {
+            Some(name) => exact(&self.table, name),
+            None => find(&self.table, &BRIGHTNESS),
+        };
+        let values = found.and_then(|column| self.table.f64(&column.name).ok());
+        values.map(|v| v.into_owned()).ok_or_else(|| {
+            let found = format!("the columns {}", list(&self.table));
+            let error = ParseError::new(&self.path, found, "a column of magnitudes");
+            error.with_hint(format!("names that are known: {}", BRIGHTNESS.join(", ")))
+        })
+    }
+
+    fn of_table(path: &Path, table: Table) -> Result<Self, ParseError> {
         if table.rows() == 0 || table.rows() > MOST_ROWS {
             let found = format!("{} rows", table.rows());
             return Err(ParseError::new(path, found, format!("1 to {MOST_ROWS} stars")));

@@ -217,7 +217,7 @@ fn shifted(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<[[f64; 3]; 2]> {
 }
 
 /// Tangential coordinates (east, north) of a place about a reference, deg; `None` on the other half of the sky.
-fn tangent(reference_deg: [f64; 2], sky_deg: [f64; 2]) -> Option<[f64; 2]> {
+pub(super) fn tangent(reference_deg: [f64; 2], sky_deg: [f64; 2]) -> Option<[f64; 2]> {
     let (sin_a, cos_a) = (sky_deg[0] - reference_deg[0]).to_radians().sin_cos();
     let (sin_d, cos_d) = reference_deg[1].to_radians().sin_cos();
     let (sin_b, cos_b) = sky_deg[1].to_radians().sin_cos();

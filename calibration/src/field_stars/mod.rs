@@ -1,7 +1,8 @@
 //! Stars of a list in a frame: its coordinates, its zero point, the places and magnitudes of what else is in it.
 //!
-//! [`catalogue`] reads the list, [`matching`] says which source is which star, [`zero_point`] turns them into the frame's zero point. [`in_frame`] does it for one frame.
+//! [`blind`] finds a frame anywhere on the sky, [`catalogue`] reads the list, [`matching`] says which source is which star, [`zero_point`] turns them into the frame's zero point. [`in_frame`] does it for one frame.
 
+pub mod blind;
 pub mod catalogue;
 pub mod matching;
 pub mod zero_point;
@@ -36,8 +37,8 @@ pub struct InFrame {
 }
 
 /// A source whose light may be a star's.
-struct Source {
-    place: [f64; 2],
+pub(crate) struct Source {
+    pub(crate) place: [f64; 2],
     flux: f64,
     sigma: f64,
     is_good: bool,
@@ -125,7 +126,7 @@ pub fn in_frame(
 }
 
 /// The sources that stars can be, the brightest first.
-fn sources(field: &Field, is_trailed: bool) -> Vec<Source> {
+pub(crate) fn sources(field: &Field, is_trailed: bool) -> Vec<Source> {
     let mut sources: Vec<Source> = if is_trailed {
         let trails = field.streaks.iter().filter(|s| s.is_star_trail && !s.is_cut);
         trails

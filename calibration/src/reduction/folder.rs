@@ -13,6 +13,7 @@
 
 use super::sight::{Sight, SightedObject, sights};
 use super::{ReduceError, step};
+use crate::field_stars::blind::{EMBEDDED_DEG, Patterns, narrowest_deg};
 use crate::field_stars::{
     self, Approximate, Catalogue, CatalogueOptions, ColourTerm, Coordinates, InFrame,
     StarMeasurement, System, ZeroPoint,
@@ -544,6 +545,7 @@ impl Folder {
         filters.dedup();
         let mut bands = Vec::new();
         let mut before: Option<Wcs> = None;
+        let anywhere = Anywhere::default();
         for filter in filters {
             let band = list
                 .band(&filter, &options.list)
@@ -554,7 +556,7 @@ impl Folder {
             for &i in &of_it {
                 step(progress, 0)?;
                 let seen = &fields[i];
-                let in_it = seen.stars(list, &band, options, before.as_ref());
+                let in_it = seen.stars(list, &band, options, before.as_ref(), &anywhere);
                 if let Ok(in_it) = &in_it {
                     before = Some(in_it.wcs.clone());
                 }
@@ -767,6 +769,49 @@ enum Which {
     Point(usize),
 }
 
+/// Patterns of the whole sky's stars for frames whose place nobody knows, made when the first of them comes.
+#[derive(Default)]
+struct Anywhere {
+    patterns: std::cell::OnceCell<Option<Patterns>>,
+}
+
+/// Part by which the width of a frame may be wrong where a header tells its scale.
+const WIDTH_TOLERANCE: f64 = 0.15;
+
+impl Anywhere {
+    /// Coordinates of a frame; of a scale that is known with the part by which it may be wrong.
+    fn solve(
+        &self,
+        seen: &Seen<'_>,
+        list: &Catalogue,
+        options: &StarsOptions,
+        scale: Option<(f64, f64)>,
+    ) -> Option<Wcs> {
+        let columns = seen.field.size_px[0] as f64;
+        let width = scale.map(|(arcsec, tolerance)| {
+            let half = 0.5 * columns * (arcsec / 3600.0).to_radians();
+            (2.0 * half.atan().to_degrees(), tolerance.max(WIDTH_TOLERANCE))
+        });
+        let make = || {
+            let widths = width.map_or(EMBEDDED_DEG, |(width, tolerance)| {
+                [width * (1.0 - tolerance), width * (1.0 + tolerance)]
+            });
+            let embedded = Catalogue::embedded().ok()?;
+            // A list of a part of the sky has too few stars for it.
+            let whole = narrowest_deg(list.len()) <= widths[0] && width.is_some();
+            let (stars, column) = match whole {
+                true => (list, options.list.magnitude.as_deref()),
+                false => (&embedded, None),
+            };
+            let brightness = stars.brightness(column).ok()?;
+            Patterns::new(stars, &brightness, year_of(seen.time), widths).ok()
+        };
+        let patterns = self.patterns.get_or_init(make).as_ref()?;
+        let is_trailed = seen.field.star_trails.is_some();
+        Some(patterns.solve(&seen.field, is_trailed, width)?.wcs)
+    }
+}
+
 /// The target in each frame, and why.
 struct Chosen {
     of: Vec<Option<Which>>,
@@ -792,6 +837,7 @@ impl Seen<'_> {
         band: &field_stars::BandColumns,
         options: &StarsOptions,
         before: Option<&Wcs>,
+        anywhere: &Anywhere,
     ) -> Result<InFrame, String> {
         let mut ways = Vec::new();
         let mut why = match Wcs::from_header(&self.header.cards) {
@@ -811,13 +857,19 @@ impl Seen<'_> {
         if let (Some(centre_deg), Some((scale_arcsec, scale_tolerance))) = (centre, scale) {
             let near = Approximate { centre_deg, scale_arcsec, scale_tolerance };
             ways.push(Coordinates::Near(near));
+        } else if ways.is_empty()
+            && let Some(wcs) = anywhere.solve(self, list, options, scale)
+        {
+            ways.push(Coordinates::Known(Box::new(wcs)));
         } else if ways.is_empty() {
             let missing = match (centre, scale) {
                 (None, None) => "neither place on the sky nor scale (--near, --scale-arcsec)",
                 (None, _) => "no place on the sky (--near)",
                 _ => "no scale (--scale-arcsec)",
             };
-            return Err(format!("{why}its header has no coordinates, and {missing}"));
+            return Err(format!(
+                "{why}its header has no coordinates, and {missing}; nor is its pattern of stars found on the whole sky, which fields from 15° (of a list of the whole sky, from less) allow"
+            ));
         }
         let exposure = self.header.exposure_s.unwrap_or(0.0);
         let is_trailed = self.field.star_trails.is_some();

@@ -329,7 +329,7 @@ impl Reduced {
 
 /// Returns the description of the target for the metadata of light curves.
 fn target_json(stay: &Stay) -> serde_json::Value {
-    let Target { name, target_kind, ra_deg, dec_deg, tle, .. } = &stay.target;
+    let Target { name, target_kind, ra_deg, dec_deg, tle, omm, .. } = &stay.target;
     let kind = if *target_kind == TargetKind::Star { "star" } else { "satellite" };
     let mut target = json!({"name": name, "kind": kind, "visit": stay.number});
     for (key, value) in [("ra_deg", ra_deg), ("dec_deg", dec_deg)] {
@@ -339,6 +339,9 @@ fn target_json(stay: &Stay) -> serde_json::Value {
     }
     if let Some(tle) = tle {
         target["tle"] = json!(tle);
+    }
+    if let Some(omm) = omm {
+        target["omm"] = json!(omm);
     }
     target
 }

@@ -129,6 +129,7 @@ mod tests {
             ra_deg: Some(279.234_735),
             dec_deg: Some(38.783_689),
             tle: None,
+            omm: None,
         };
         let start = parse_utc("2020-11-18T17:00:00").unwrap();
         let times: Vec<Epoch> =

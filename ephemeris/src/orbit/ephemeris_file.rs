@@ -1,7 +1,7 @@
-//! An ephemeris from an ECSV or CSV file.
+//! An ephemeris from an ECSV or CSV file, an OEM or a CPF.
 
 use super::ephemeris::{Fault, fault};
-use super::{Ephemeris, EphemerisRow};
+use super::{Ephemeris, EphemerisRow, messages};
 use glam::DVec3;
 use std::path::Path;
 use sunglint_formats::time::parse_utc;
@@ -18,12 +18,21 @@ impl Ephemeris {
     /// `vx_km_s`, `vy_km_s`, `vz_km_s`. ECSV, or CSV with the names in its first line and notes after `#`. An ECSV's
     /// `name` in the metadata names the target, else the file does; its `frame`, if it has one, must be the GCRS.
     ///
+    /// Orbit ephemeris messages (OEM, CCSDS 502.0-B-3, KVN and XML; one segment) and predictions of the laser ranging service (CPF) are
+    /// known by their first line and turned into the GCRS.
+    ///
     /// # Errors
     /// A file that cannot be read, or a [`ParseError`] with line and field: a column that is missing or unknown, a value
     /// that is no number, times that do not increase, a place inside the Earth or absurdly far, another frame, too few rows.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
         let path = path.as_ref();
         Ok(Self::parse(path, &sunglint_formats::read::text(path)?)?)
+    }
+
+    /// Returns true for a text that begins as a table of positions and not as elements.
+    pub fn is_one(text: &str) -> bool {
+        let header = body(text).next().map_or("", |(_, line)| line);
+        messages::is_one(text) || text.starts_with("# %ECSV") || header.contains(POSITION[0])
     }
 
     /// The same from a text. `path` names it in errors, and gives the target's name.
@@ -33,7 +42,10 @@ impl Ephemeris {
     pub fn parse(path: impl AsRef<Path>, text: &str) -> Result<Self, ParseError> {
         let path = path.as_ref();
         let stem = path.file_stem().map_or_else(|| "target".into(), |s| s.to_string_lossy());
-        let (name, rows, lines) = if text.starts_with("# %ECSV") {
+        let (name, rows, lines) = if messages::is_one(text) {
+            let found = messages::read(path, text)?;
+            (found.name.unwrap_or_else(|| stem.into_owned()), found.rows, found.lines)
+        } else if text.starts_with("# %ECSV") {
             let table = ecsv::read_str(path, text)?;
             if let Some(frame) = table.meta_text("frame")
                 && !FRAMES.contains(&frame.to_uppercase().as_str())

@@ -2,6 +2,7 @@
 //!
 //! In the order in which data flows through it:
 //!
+//! - [`elements`]: sets of elements from any file that gives them out: two lines, or OMM in JSON, CSV, XML and KVN;
 //! - [`tle`]: two-line elements from files and texts, checked column by column;
 //! - [`TleOrbit`]: SGP4 for one set of elements, TEME to GCRS;
 //! - [`Ephemeris`]: a table of GCRS positions in place of elements;
@@ -10,13 +11,17 @@
 //! - [`eclipse`]: how much of the Sun's disc the Earth leaves visible, and when that changes.
 
 pub mod eclipse;
+pub mod elements;
 mod ephemeris;
 mod ephemeris_file;
 mod error;
 mod interpolation;
+mod messages;
+mod omm;
 mod propagation;
 mod snapshot;
 pub mod tle;
+pub mod update;
 
 pub use ephemeris::{Ephemeris, EphemerisRow};
 pub use error::{DecayCause, OrbitError};
@@ -26,6 +31,7 @@ pub use tle::Tle;
 
 use glam::DVec3;
 use hifitime::{Duration, Epoch};
+use sunglint_formats::FileError;
 use sunglint_formats::time::tai_nanoseconds;
 use sunglint_radiometry::sky::SkyFrame;
 
@@ -94,6 +100,54 @@ impl Orbit {
             Self::Snapshot(_) => Vec::new(),
         }
     }
+}
+
+impl Orbit {
+    /// The orbit of one object of a file: a table of positions ([`Ephemeris::parse`]: OEM, CPF, ECSV, CSV), or elements in any form
+    /// ([`elements::parse_lenient`]), of which `which` names the object and the set nearest to `near` is taken.
+    ///
+    /// # Errors
+    /// A file that cannot be read or is none of these; no such object, or several ([`tle::ChoiceError`]); elements from which SGP4 cannot
+    /// start.
+    pub fn read(
+        path: impl AsRef<std::path::Path>,
+        which: Option<&str>,
+        near: Option<Epoch>,
+    ) -> Result<Self, ReadError> {
+        let path = path.as_ref();
+        let text = sunglint_formats::read::text(path)?;
+        if Ephemeris::is_one(&text) {
+            return Ok(Ephemeris::parse(path, &text).map_err(FileError::from)?.into());
+        }
+        let (good, mut bad) = elements::parse_lenient(path, &text);
+        if good.is_empty() && !bad.is_empty() {
+            return Err(FileError::from(bad.swap_remove(0)).into());
+        }
+        let chosen = tle::choose(&good, which, near);
+        let chosen = chosen
+            .map_err(|source| ReadError::Choice { file: path.display().to_string(), source })?;
+        Ok(TleOrbit::new(chosen.clone())?.into())
+    }
+}
+
+/// Why a file gave no orbit.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadError {
+    /// The file cannot be read, or is not what it should be.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// No single object could be chosen.
+    #[error("{file}: {source}")]
+    Choice {
+        /// The file.
+        file: String,
+        /// Reason.
+        source: tle::ChoiceError,
+    },
+    /// SGP4 cannot start.
+    #[error(transparent)]
+    Orbit(#[from] OrbitError),
 }
 
 impl From<TleOrbit> for Orbit {

@@ -226,7 +226,7 @@ impl TleOrbit {
 /// motion; from there the frame's own rotation leads to the GCRS. Polar motion cancels, and of UT1 only the difference of
 /// the two angles remains, GMST82 − ERA, which 1 s of UT1 changes by 8e−12 rad: written so, the rotation does not feel
 /// whether UT1 and the pole are known. (Celestial pole offsets are left out, below 1 mas.)
-fn teme_to_gcrs(frame: &SkyFrame) -> DMat3 {
+pub(super) fn teme_to_gcrs(frame: &SkyFrame) -> DMat3 {
     let ut1 = frame.times().ut1;
     let sidereal = sofars::erst::gmst82(ut1.midnight, ut1.fraction);
     let angle = sidereal - frame.earth_rotation_angle_rad();

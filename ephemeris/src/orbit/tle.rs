@@ -40,10 +40,12 @@ pub struct Tle {
     pub mean_motion_rev_day: f64,
     /// Drag term B*, per Earth radius.
     pub bstar: f64,
-    /// The first line as it stands in the file.
+    /// The first line as it stands in the file; empty for elements from an OMM.
     pub line1: String,
-    /// The second line.
+    /// The second line; empty for elements from an OMM.
     pub line2: String,
+    /// The message in KVN, of elements from an OMM.
+    pub(super) omm: Option<Box<str>>,
     pub(super) elements: sgp4::Elements,
 }
 
@@ -53,6 +55,19 @@ impl Tle {
         match &self.name {
             Some(name) => format!("{name} ({})", self.norad_id),
             None => format!("object {}", self.norad_id),
+        }
+    }
+
+    /// The two lines, of elements that came in two lines.
+    pub fn lines(&self) -> Option<[&str; 2]> {
+        self.omm.is_none().then_some([self.line1.as_str(), self.line2.as_str()])
+    }
+
+    /// The elements as an OMM in KVN, digits for digits of the same numbers.
+    pub fn kvn(&self) -> String {
+        match &self.omm {
+            Some(kvn) => kvn.to_string(),
+            None => super::omm::written(&self.elements, self.epoch),
         }
     }
 
@@ -238,7 +253,7 @@ fn unknown(tles: &[Tle], wanted: &str) -> ChoiceError {
 }
 
 /// The number of five columns, alpha-5 included.
-fn catalogue_number(columns: &str) -> Option<u32> {
+pub(super) fn catalogue_number(columns: &str) -> Option<u32> {
     if columns.len() != 5 || !columns.is_ascii() {
         return None;
     }
@@ -500,6 +515,10 @@ fn set(
             "a year (57 to 99 are 1957 to 1999) and a day in it, since 1972, where UTC begins";
         wrong(first, "epoch (columns 19-32)", &first.text[18..32], expected)
     })?;
+    if first.text.as_bytes()[62] == b'4' {
+        let error = wrong(first, "ephemeris type (column 63)", "4", "0: elements for SGP4");
+        return Err(error.with_hint("elements of SGP4-XP are not for SGP4: fetch the others"));
+    }
     // What SGP4 does not use is replaced where the crate's reader would refuse it: blanks count as zeros in the checksum too.
     let mut line1 = first.text.as_bytes().to_vec();
     line1[7] = b'U';
@@ -542,6 +561,7 @@ fn set(
         bstar: elements.drag_term,
         line1: first.text.to_owned(),
         line2: second.text.to_owned(),
+        omm: None,
         elements,
     })
 }
@@ -570,7 +590,7 @@ fn epoch(year: &str, day: &str) -> Option<Epoch> {
 }
 
 /// A piece of a line for a message.
-fn excerpt(text: &str) -> String {
+pub(super) fn excerpt(text: &str) -> String {
     const MOST: usize = 40;
     let mut short: String = text.chars().take(MOST).flat_map(char::escape_debug).collect();
     if text.chars().nth(MOST).is_some() {

@@ -1,7 +1,7 @@
 //! A file in memory: where its HDUs lie.
 
 use super::header::Header;
-use super::{BLOCK, Image};
+use super::{BLOCK, CARD, Image};
 use crate::error::{FileError, ParseError, excerpt};
 use crate::table::Table;
 use std::ops::Range;
@@ -122,6 +122,42 @@ impl Fits {
             return Err(ParseError::new(&fits.path, "no bytes", "a FITS file"));
         }
         Ok(fits)
+    }
+
+    /// The file's bytes with other cards in its first header: those that `is_gone` names are taken out, the new ones stand before END. All else,
+    /// the pixels too, stays as it is, byte for byte.
+    ///
+    /// # Errors
+    /// A card that FITS cannot hold; a file whose first header is not the image's.
+    pub fn with_cards(
+        &self,
+        is_gone: impl Fn(&str) -> bool,
+        cards: &Header,
+    ) -> Result<Vec<u8>, crate::error::EncodeError> {
+        let first = self.hdus.first().filter(|hdu| hdu.kind == Kind::Image).ok_or_else(|| {
+            crate::error::EncodeError::new("NAXIS", "no image", "an image in the first header")
+        })?;
+        let mut out = Vec::with_capacity(self.bytes.len() + BLOCK);
+        let mut goes_on = false;
+        for card in self.bytes[..first.data.start].chunks_exact(CARD) {
+            let keyword = String::from_utf8_lossy(&card[..8]);
+            let keyword = keyword.trim_end();
+            if keyword == "END" {
+                break;
+            }
+            // Long texts go on in cards of their own.
+            goes_on = is_gone(keyword) || goes_on && keyword == "CONTINUE";
+            if !goes_on {
+                out.extend_from_slice(card);
+            }
+        }
+        for card in &cards.cards {
+            card.encode(false, &mut out)?;
+        }
+        out.extend_from_slice(b"END");
+        out.resize(out.len().next_multiple_of(BLOCK), b' ');
+        out.extend_from_slice(&self.bytes[first.data.start..]);
+        Ok(out)
     }
 
     /// The HDUs, the primary one first.

@@ -208,6 +208,9 @@ pub struct Target {
     /// The two lines of a satellite's elements.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tle: Option<[String; 2]>,
+    /// A satellite's elements as an orbit mean-elements message in KVN, where they did not come in two lines.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub omm: Option<String>,
 }
 
 impl Target {
@@ -220,8 +223,16 @@ impl Target {
             TargetKind::Flat => "flat",
             _ => "none",
         };
-        let (ra_deg, dec_deg, tle) = (None, None, None);
-        Self { name: name.into(), target_kind: kind, on: false, ra_deg, dec_deg, tle }
+        let (ra_deg, dec_deg, tle, omm) = (None, None, None, None);
+        Self { name: name.into(), target_kind: kind, on: false, ra_deg, dec_deg, tle, omm }
+    }
+
+    /// The text of a satellite's elements, in the form in which they came.
+    pub fn elements(&self) -> Option<String> {
+        match (&self.tle, &self.omm) {
+            (Some([line1, line2]), _) => Some(format!("{line1}\n{line2}\n")),
+            (None, omm) => omm.clone(),
+        }
     }
 }
 

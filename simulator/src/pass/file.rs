@@ -76,7 +76,7 @@ use hifitime::Epoch;
 use sha2::{Digest as _, Sha256};
 use std::path::{Path, PathBuf};
 use sunglint_ephemeris::orbit::eclipse::{EARTH_EQUATORIAL_RADIUS_M, EarthShape};
-use sunglint_ephemeris::orbit::{Ephemeris, Orbit, OrbitError, TleOrbit, tle};
+use sunglint_ephemeris::orbit::{Ephemeris, Orbit, OrbitError, TleOrbit, elements, tle};
 use sunglint_formats::toml::{Document, Finite, NonNegative, Positive};
 use sunglint_formats::{FileError, ParseError, Table, curve, ecsv, nearest_names};
 use sunglint_radiometry::air::Air;
@@ -484,7 +484,7 @@ impl Reader<'_> {
             (None, None) => None,
         };
         // The sets beside the wanted one are nobody's concern here, unless the wanted one is not found.
-        let (good, mut bad) = tle::parse_lenient(&path, &text);
+        let (good, mut bad) = elements::parse_lenient(&path, &text);
         if good.is_empty() || which.is_none() && !bad.is_empty() {
             return Err(bad.swap_remove(0).into());
         }

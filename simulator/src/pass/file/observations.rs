@@ -8,7 +8,7 @@ use hifitime::Epoch;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use sunglint_ephemeris::orbit::{Orbit, Snapshot, Tle, TleOrbit, seconds_between, tle};
+use sunglint_ephemeris::orbit::{Orbit, Snapshot, Tle, TleOrbit, elements, seconds_between};
 use sunglint_formats::photometry::{self, ColumnNames, ColumnTimes};
 use sunglint_formats::{FileError, ParseError, Table, Values};
 use sunglint_radiometry::constants::LIGHT_M_PER_S;
@@ -263,7 +263,7 @@ impl Reader<'_> {
             return Err(self.error("orbit", expected).into());
         }
         let (text, path) = self.text("orbit.tle", file)?;
-        let (good, mut bad) = tle::parse_lenient(&path, &text);
+        let (good, mut bad) = elements::parse_lenient(&path, &text);
         if good.is_empty() && !bad.is_empty() {
             return Err(bad.swap_remove(0).into());
         }

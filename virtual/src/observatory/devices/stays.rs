@@ -131,6 +131,7 @@ fn stay(visit: &plan::Visit, start: Epoch) -> Stay {
         ra_deg: place.map(|place| place[0]),
         dec_deg: place.map(|place| place[1]),
         tle: None,
+        omm: None,
     };
     let target = match &visit.target {
         plan::Target::Star(star) => {
