@@ -437,6 +437,24 @@ fn a_night_is_steered_from_the_page() {
     browser.until("document.getElementById('mode').innerText === 'live'");
     browser.click("#skip");
     browser.until("document.getElementById('target').innerText.startsWith('Polaris')");
+    // Exposure of the next frames, and as planned again.
+    let planned = browser.run("sunglint.frame.header.exposure_s").as_f64().unwrap();
+    type_into(&mut browser, "#expose-s", "0.05");
+    browser.click("#expose-form button");
+    browser.until("sunglint.frame.header.exposure_s === 0.05");
+    type_into(&mut browser, "#expose-s", "0");
+    browser.click("#expose-form button");
+    browser.until("document.getElementById('notice').innerText.includes('above 0')");
+    type_into(&mut browser, "#expose-s", "");
+    type_into(&mut browser, "#expose-gain", "3");
+    browser.click("#expose-form button");
+    browser
+        .until("document.getElementById('notice').innerText.includes('gives this camera no gain')");
+    type_into(&mut browser, "#expose-gain", "");
+    browser.click("#expose-form button");
+    browser.until(&format!("sunglint.frame.header.exposure_s === {planned}"));
+    // A refusal is an answer, and the browser's own log tells of it.
+    browser.complaints.retain(|text| !text.contains("422") && !text.contains("409"));
     browser.run("document.getElementById('note').value = '<i>a</i> cloud'");
     browser.click("#note-form button");
     browser.until("document.getElementById('events').innerText.includes('note: <i>a</i> cloud')");
@@ -464,8 +482,15 @@ fn a_night_is_steered_from_the_page() {
     assert!(serving.child.wait().unwrap().success());
     browser.until("document.getElementById('mode').innerText.startsWith('ended') || document.getElementById('mode').innerText === 'no connection'");
     let session = Session::open(folder.path("session")).unwrap();
-    let expected =
-        [("pause", ""), ("resume", ""), ("skip", ""), ("note", "<i>a</i> cloud"), ("stop", "")];
+    let expected = [
+        ("pause", ""),
+        ("resume", ""),
+        ("skip", ""),
+        ("expose", "cam: 0.05 s"),
+        ("expose", "cam: as planned"),
+        ("note", "<i>a</i> cloud"),
+        ("stop", ""),
+    ];
     let expected: Vec<_> =
         expected.iter().map(|(a, t)| ((*a).to_owned(), (*t).to_owned())).collect();
     assert_eq!(controls(&session), expected);
@@ -735,4 +760,217 @@ fn a_pass_that_locked_on_a_star_is_rescued() {
     let message = folder.refused(2, &["reduce", "session", "--recipe", "other", "-o", "out2/"]);
     assert!(message.contains("it has rescued"), "{message}");
     assert_eq!(serving.interrupt(), Some(0));
+}
+
+const PLANNED: &str = r#"station = "ufo"
+
+[[camera]]
+name = "cam"
+device = "sim-camera"
+exposure_s = 0.5
+interval_s = 2.0
+
+[[counter]]
+name = "tagger"
+device = "sim-timetagger"
+channels = { id400 = 1, spcm = 2, mppc = 3 }
+bin_s = 0.1
+"#;
+
+/// Three passes and eight stars, clicked on the sky and put into order. Truth: the plan's own text, read by another TOML reader: what was clicked, in that order, each pass from its
+/// beginning to its end as `passes` lists it; and `observe --check`, which finds nothing but that the night is past.
+#[test]
+fn a_night_is_planned_by_clicks() {
+    let Some(mut browser) = Browser::start("a_night_is_planned_by_clicks") else { return };
+    let folder = Folder::new("page-plan");
+    std::fs::write(folder.path("devices.toml"), PLANNED).unwrap();
+    let tle = sunglint_testkit::fixture("passes/satellites.tle").display().to_string();
+    let command = [
+        "passes",
+        "--tle",
+        &tle,
+        "--from",
+        "2024-08-12T17:00",
+        "--to",
+        "2024-08-13T05:00",
+        "--norad",
+        "90002,90004,90006,90007",
+        "--devices",
+        "devices.toml",
+        "-o",
+        "night.toml",
+        "--page",
+        "127.0.0.1:0",
+        "--no-open",
+    ];
+    let mut serving = Serving::start(&folder, &command);
+    browser.open(&serving.url);
+    browser.until("sunglint.planning.plan?.visits.length > 3");
+    // Three passes, not at the same time, by the sky or, where another lies over it, by the list.
+    let passes = browser.run("sunglint.about.passes.map((p) => [p.from_s, p.to_s, p.label])");
+    let passes = passes.as_array().unwrap().clone();
+    let mut chosen: Vec<usize> = Vec::new();
+    let span = |i: usize| [0, 1].map(|k| passes[i][k].as_f64().unwrap());
+    for i in 0..passes.len() {
+        let free =
+            |j: &usize| span(i)[0] > span(*j)[1] + 1200.0 || span(*j)[0] > span(i)[1] + 1200.0;
+        if chosen.len() < 3 && chosen.iter().all(free) {
+            chosen.push(i);
+        }
+    }
+    assert_eq!(chosen.len(), 3, "{passes:?}");
+    chosen.sort_by(|a, b| span(*a)[0].total_cmp(&span(*b)[0]));
+    let mut by_sky = 0;
+    // The last first: the list keeps the order of time.
+    for &n in chosen.iter().rev() {
+        let at = browser.run(&format!("(() => {{ const e = document.getElementById('sky'); e.scrollIntoView({{block: 'center'}}); const b = e.getBoundingClientRect(); const p = sunglint.about.passes[{n}];
+            const at = p.at_deg.reduce((a, c) => (c[1] > a[1] ? c : a)); const [x, y] = sunglint.planning.place(at); return [b.left + x, b.top + y]; }})()"));
+        click_at(&mut browser, [0, 1].map(|i| at[i].as_f64().unwrap()));
+        match browser.run("sunglint.planning.chosen") == json!(n) {
+            true => by_sky += 1,
+            false => browser.click(&format!("#passes tbody tr:nth-child({}) button", n + 1)),
+        }
+        browser.until(&format!("sunglint.planning.chosen === {n}"));
+        assert!(browser.text("#pass-rates").contains("spcm"), "{}", browser.text("#pass-rates"));
+        browser.click("#pass-add");
+    }
+    assert!(by_sky > 0);
+    browser.until("sunglint.planning.picks.filter((p) => 'pass' in p).length === 3");
+    // Eight stars that stand high when the last pass is over, of which two are brought before it.
+    let after = span(chosen[2])[1] + 600.0;
+    browser.run(&format!("(() => {{ const s = document.getElementById('plan-time'); s.value = '{after}'; s.dispatchEvent(new Event('input')); }})()"));
+    browser.until(&format!("Math.abs((sunglint.sky?.at_s ?? 0) - {after}) < 11"));
+    browser.run("document.querySelectorAll('#picks li').length");
+    let stars = browser.run("(() => { const far = (s, at) => { const [a, b] = sunglint.planning.place(s.at_deg); const [x, y] = sunglint.planning.place(at); return Math.hypot(a - x, b - y); };
+        const tracks = sunglint.about.passes.flatMap((p) => p.at_deg).filter((at) => at[1] > 0);
+        const good = sunglint.sky.stars.filter((s) => s.v_mag < 3.6 && s.at_deg[1] > 40 && s.at_deg[1] < 80 && tracks.every((at) => far(s, at) > 13) && sunglint.sky.stars.every((o) => o === s || far(s, o.at_deg) > 4));
+        return good.slice(0, 8).map((s) => s.plan_name); })()");
+    let stars: Vec<String> =
+        stars.as_array().unwrap().iter().map(|s| s.as_str().unwrap().to_owned()).collect();
+    assert_eq!(stars.len(), 8, "{stars:?}");
+    for star in &stars {
+        let at = browser.run(&format!("(() => {{ const e = document.getElementById('sky'); e.scrollIntoView({{block: 'center'}}); const b = e.getBoundingClientRect(); const s = sunglint.sky.stars.find((s) => s.plan_name === {}); const [x, y] = sunglint.planning.place(s.at_deg); return [b.left + x, b.top + y]; }})()", json!(star)));
+        click_at(&mut browser, [0, 1].map(|i| at[i].as_f64().unwrap()));
+        browser.until(&format!("sunglint.planning.picks.some((p) => p.star === {})", json!(star)));
+    }
+    // The first two stars go before the last pass, by its own arrow: down twice.
+    browser.click("#picks li:nth-child(3) button:nth-of-type(2)");
+    browser.click("#picks li:nth-child(4) button:nth-of-type(2)");
+    browser
+        .until("sunglint.planning.plan !== null && !document.getElementById('plan-save').disabled");
+    let titles = browser.text("#plan-title-line");
+    assert_eq!(titles, "3 passes, 8 stars");
+    browser.until("sunglint.planning.plan?.visits.filter((v) => v.bv_mag !== null).length === 8");
+    looks_good(&mut browser, "plan");
+    browser.click("#plan-save");
+    browser.until("sunglint.planning.saved !== null");
+    let saved = browser.run("sunglint.planning.saved");
+    assert_eq!(saved["errors"], 0, "{}", saved["check"]);
+    assert_eq!(browser.complaints, Vec::<String>::new());
+    let text = std::fs::read_to_string(folder.path("night.toml")).unwrap();
+    assert!(text.contains(PLANNED.trim_end()));
+    let table: toml::Table = text.parse().unwrap();
+    let visits = table["visit"].as_array().unwrap();
+    let of = |key: &str| {
+        let named = visits.iter().filter_map(|visit| visit.get(key)?.as_str());
+        named.map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(of("star"), stars);
+    let order: Vec<&str> = visits
+        .iter()
+        .filter_map(|visit| ["star", "tle"].into_iter().find(|key| visit.get(*key).is_some()))
+        .collect();
+    let expected = [&["tle"; 2][..], &["star"; 2], &["tle"], &["star"; 6]].concat();
+    assert_eq!(order, expected);
+    let listed = folder.json(&[&command[..9], &["--json"]].concat());
+    for visit in visits.iter().filter(|visit| visit.get("tle").is_some()) {
+        let object: u64 = visit["object"].as_str().unwrap().parse().unwrap();
+        let from = visit["from"].as_str().unwrap();
+        let found = listed["passes"].as_array().unwrap().iter().any(|pass| {
+            let begins = pass["start"]["utc"].as_str().or(pass["start"]["time_utc"].as_str());
+            pass["norad_id"] == object
+                && begins.is_some_and(|begins| {
+                    let [a, b] =
+                        [from, begins].map(|t| sunglint_formats::time::parse_utc(t).unwrap());
+                    (a - b).to_seconds().abs() < 1.001
+                })
+        });
+        assert!(found, "{object} {from}: {}", listed["passes"][0]["start"]);
+    }
+    let check = folder.run(&["observe", "night.toml", "--check", "--json"]);
+    let check: Value = serde_json::from_slice(&check.stdout).unwrap();
+    let errors: Vec<&Value> = check["findings"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|finding| finding["level"] == "error")
+        .collect();
+    assert!(
+        errors.iter().all(|error| ["ago", "elements are"]
+            .iter()
+            .any(|text| error["text"].to_string().contains(text))),
+        "{errors:?}"
+    );
+    // Without the token the page shows, and writes nothing.
+    let refused = "fetch('api/save', {method: 'POST', headers: {'content-type': 'application/json'}, body: '{\"picks\":[]}'}).then((a) => a.status)";
+    assert_eq!(browser.run(refused), 401);
+    assert_eq!(serving.interrupt(), Some(0));
+}
+
+/// A run in the lab with the drivers' simulated devices, which answer at their own pace: paused and stopped by clicks. Truth: the readings in the run's folder are those of the page.
+#[test]
+fn a_lab_run_on_the_page() {
+    let Some(mut browser) = Browser::start("a_lab_run_on_the_page") else { return };
+    let folder = Folder::new("page-lab");
+    let run = crate::common::page_toml("lab.md", "[scan]")
+        .replace("virtual = \"rig.toml\"", "")
+        .replace("tolerance_deg", "device = \"sim-tmcl\"\ntolerance_deg")
+        .replace("settle_s", "device = \"sim-pm100\"\nsettle_s")
+        .replace("from_deg = -10", "from_deg = 0")
+        .replace("settle_s = 1.0", "settle_s = 0.05");
+    std::fs::write(folder.path("run.toml"), run).unwrap();
+    let command = ["brdf", "retro", "run.toml", "--yes", "-o", "out/", "--page", "127.0.0.1:0"];
+    let mut serving = Serving::start(&folder, &command);
+    browser.open(&serving.url);
+    browser.until("sunglint.lab.places.length > 2");
+    browser.click("#pause");
+    browser.until("document.getElementById('mode').innerText === 'paused'");
+    let count = |browser: &mut Browser| browser.run("sunglint.lab.view.readings").as_u64().unwrap();
+    std::thread::sleep(Duration::from_millis(300));
+    browser.until("sunglint.lab.view.paused");
+    let before = count(&mut browser);
+    std::thread::sleep(Duration::from_millis(700));
+    assert_eq!(count(&mut browser), before, "a paused run reads");
+    looks_good(&mut browser, "lab");
+    browser.click("#pause");
+    browser.until(&format!("sunglint.lab.view.readings > {before}"));
+    browser.until("document.getElementById('target').innerText.includes('left')");
+    browser.click("#pause");
+    browser.until("document.getElementById('mode').innerText === 'paused'");
+    std::thread::sleep(Duration::from_millis(300));
+    let places = browser.run("sunglint.lab.places.map((p) => [p.angle_deg, p.mean_w])");
+    browser.click("#stop");
+    assert_eq!(serving.child.wait().unwrap().code(), Some(1));
+    let table = sunglint_formats::ecsv::read(folder.path("out/readings.ecsv")).unwrap();
+    let (angles, powers) = (table.f64("angle_deg").unwrap(), table.f64("power_w").unwrap());
+    let states = table.text("state").unwrap();
+    let (mut found, mut now) = (Vec::new(), Vec::new());
+    for ((angle, power), state) in angles.iter().zip(powers).zip(states) {
+        match state.as_str() {
+            "read" => now.push(*power),
+            "kept" => {
+                let mean = now.iter().sum::<f64>() / now.len() as f64;
+                found.push((*angle, mean));
+                now.clear();
+            }
+            _ => now.clear(),
+        }
+    }
+    let places = places.as_array().unwrap();
+    assert!(places.len() > 3 && found.len() >= places.len());
+    for (place, (angle, mean)) in places.iter().zip(found) {
+        assert_eq!(place[0].as_f64().unwrap(), angle);
+        assert!((place[1].as_f64().unwrap() - mean).abs() <= 1e-12 * mean.abs());
+    }
+    assert_eq!(browser.complaints, Vec::<String>::new());
 }

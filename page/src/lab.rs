@@ -155,6 +155,15 @@ fn moments(readings: &[f64]) -> (Option<f64>, Option<f64>) {
     (Some(mean), (readings.len() > 1 && scatter.is_finite()).then_some(scatter))
 }
 
+impl Inner {
+    /// Counts no time until it goes on.
+    fn rest(&mut self) {
+        if let Some(since) = self.since.take() {
+            self.worked += since.elapsed();
+        }
+    }
+}
+
 impl LabRun {
     /// A run of so many places, of which some were measured before; `angle` names the curve's axis.
     pub fn new(name: &str, program: &str, angle: &str, places: u64, before: u64) -> Self {
@@ -226,7 +235,7 @@ impl LabRun {
     /// Takes how the run ended.
     pub fn end(&self, how: &str) {
         let mut inner = self.inner();
-        inner.worked += inner.since.take().map_or(Duration::ZERO, |since| since.elapsed());
+        inner.rest();
         inner.ended = Some(how.to_owned());
     }
 
@@ -274,7 +283,7 @@ impl LabRun {
         let done = match (asked.action.as_str(), inner.paused) {
             ("pause", false) => {
                 inner.paused = true;
-                inner.worked += inner.since.take().map_or(Duration::ZERO, |since| since.elapsed());
+                inner.rest();
                 "paused before the next reading"
             }
             ("resume", true) => {

@@ -1350,6 +1350,7 @@ function showLive(view) {
 async function live() {
   $("steer").hidden = !token();
   $("note-form").hidden = !token();
+  $("expose-form").hidden = !token() || !S.camera;
   $("sound-label").hidden = false;
   document.body.classList.add("live");
   $("span").value = "60";
@@ -1386,9 +1387,9 @@ async function live() {
   }
 }
 
-async function steer(action, text = "") {
+async function steer(action, text = "", more = {}) {
   try {
-    const { done } = await (await ask("control", { action, text })).json();
+    const { done } = await (await ask("control", { action, text, ...more })).json();
     notice(done);
     return true;
   } catch (error) {
@@ -1436,6 +1437,17 @@ function wire() {
   $("skip").addEventListener("click", () => steer("skip"));
   $("stop").addEventListener("click", () => steer("stop"));
   $("note-form").addEventListener("submit", async (event) => { event.preventDefault(); if (await steer("note", $("note").value)) $("note").value = ""; });
+  $("expose-form").addEventListener("submit", (event) => {
+    event.preventDefault();
+    const more = { camera: S.camera };
+    for (const [key, id] of [["exposure_s", "expose-s"], ["gain", "expose-gain"]]) {
+      const text = $(id).value.trim();
+      if (text === "") continue;
+      if (!Number.isFinite(Number(text))) { notice(`${text} is no number`); return; }
+      more[key] = Number(text);
+    }
+    steer("expose", "", more);
+  });
   const help = () => { $("help").hidden = !$("help").hidden; $("help-button").setAttribute("aria-expanded", String(!$("help").hidden)); };
   $("help-button").addEventListener("click", help);
   const sizes = new ResizeObserver(drawAll);
