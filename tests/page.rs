@@ -911,6 +911,31 @@ fn a_night_is_planned_by_clicks() {
             .any(|text| error["text"].to_string().contains(text))),
         "{errors:?}"
     );
+    // What cannot be is said: a pass twice, a star that is none, more stars than the time between two passes has.
+    for (picks, text) in [
+        (json!([{"pass": chosen[1]}, {"pass": chosen[0]}]), "cannot follow each other"),
+        (json!([{"star": "Vegas"}]), "Vegas"),
+        (json!([{"pass": 99}]), "there is no pass 99"),
+        (
+            Value::Array(
+                [
+                    vec![json!({"pass": chosen[0]})],
+                    vec![json!({"star": "Vega"}); 400],
+                    vec![json!({"pass": chosen[1]})],
+                ]
+                .concat(),
+            ),
+            "400 stars need",
+        ),
+        (json!([{"moon": 1}]), "no plan"),
+    ] {
+        let ask = format!(
+            "fetch('api/plan', {{method: 'POST', headers: {{authorization: 'Bearer ' + sessionStorage.getItem('sunglint-token'), 'content-type': 'application/json'}}, body: {}}}).then((a) => a.text())",
+            json!(json!({"picks": picks}).to_string())
+        );
+        let said = browser.run(&ask);
+        assert!(said.as_str().unwrap().contains(text), "{said} for {text}");
+    }
     // Without the token the page shows, and writes nothing.
     let refused = "fetch('api/save', {method: 'POST', headers: {'content-type': 'application/json'}, body: '{\"picks\":[]}'}).then((a) => a.status)";
     assert_eq!(browser.run(refused), 401);

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
+use sunglint_calibration::reduction::frames::FrameLook;
 use sunglint_calibration::reduction::recipe::Recipe;
 use sunglint_calibration::reduction::{ReduceError, ReduceOptions, Reduced, Visited, reduce};
 use sunglint_formats::atomic::{Overwrite, write_file};
@@ -253,12 +254,26 @@ impl CurveView {
             }
             view
         });
-        let channels = channels.collect();
+        let mut channels: Vec<ChannelView> = channels.collect();
         let found = visited.track.points.iter();
         let found = found.filter_map(|point| Some((seconds(point.time), point.place?.offset_px)));
         let (track_s, track_px) = found.unzip();
         let camera = night.cameras.first();
         let number = night.stays.iter().position(|stay| stay.target.on);
+        let looks = camera.zip(number).and_then(|(camera, number)| camera.looks.get(number));
+        if let Some(looks) = looks.filter(|looks| !looks.is_empty()) {
+            let finite = |value: f64| value.is_finite().then_some(value);
+            let of = |name: &str, unit, value: &dyn Fn(&FrameLook) -> Option<f64>| ChannelView {
+                name: name.to_owned(),
+                unit,
+                time_s: looks.iter().map(|look| seconds(look.time)).collect(),
+                rate: looks.iter().map(value).collect(),
+                sigma: vec![None; looks.len()],
+                flags: vec![0; looks.len()],
+            };
+            channels.push(of("focus (width of the target)", "px", &|look| look.fwhm_px));
+            channels.push(of("background", "ADU", &|look| finite(look.background_adu)));
+        }
         let tally = camera.map(|camera| camera.tally).unwrap_or_default();
         Self {
             channels,

@@ -994,7 +994,7 @@ function curveText() {
   const removed = curve.removed.filter(([, n]) => n).map(([why, n]) => `${n} by ${why}`).join(", ");
   const [aperture, inner, outer] = curve.aperture_px ?? [];
   $("curve-text").textContent = [
-    channel && `${channel.name}: ${rates.length} of ${channel.time_s.length} samples have a rate, the median is ${median === undefined ? "–" : median.toPrecision(5)} ${channel.unit}`,
+    channel && `${channel.name}: ${rates.length} of ${channel.time_s.length} samples have a value, the median is ${median === undefined ? "–" : median.toPrecision(5)} ${channel.unit}`,
     `${frames} frames, ${lost} without a target`,
     aperture && `aperture ${aperture.toFixed(1)} px, annulus ${inner.toFixed(1)} to ${outer.toFixed(1)} px, points ${curve.fwhm_px?.toFixed(1) ?? "–"} px wide`,
     removed && `sources left out: ${removed}`,

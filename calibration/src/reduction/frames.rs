@@ -35,6 +35,8 @@ pub struct CameraNight {
     pub curves: Vec<Option<LightCurve>>,
     /// Last measurements of each stay, with their frames: for figures.
     pub shown: Vec<Vec<Shown>>,
+    /// Focus and background of each stay's frames, in the order of time.
+    pub looks: Vec<Vec<FrameLook>>,
     /// Numbers of what each rule removed.
     pub tally: Tally,
     /// Frames within no stay at a target: sky, dark, on the way.
@@ -55,6 +57,17 @@ pub struct CameraNight {
     pub warnings: Vec<String>,
     /// Frames that could not be read or measured, and why.
     pub failed: Vec<(FrameFile, String)>,
+}
+
+/// Focus and background of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameLook {
+    /// The middle of the exposure.
+    pub time: Epoch,
+    /// Full width at half maximum of the target, px, without the pixel's own; `None` where no target was found.
+    pub fwhm_px: Option<f64>,
+    /// Background of a pixel of the first plane, ADU; NaN where there is none.
+    pub background_adu: f64,
 }
 
 /// A frame to be drawn, or its part about the target.
@@ -211,6 +224,7 @@ pub fn camera_night(
         tracks: vec![Track::default(); stays.len()],
         curves: vec![None; stays.len()],
         shown: vec![Vec::new(); stays.len()],
+        looks: vec![Vec::new(); stays.len()],
         tally: Tally::default(),
         outside: 0,
         partly: 0,
@@ -287,6 +301,12 @@ pub fn camera_night(
     }
     for (stay, mut rows) in rows.into_iter().enumerate() {
         rows.sort_by_key(|row| row.measured.time);
+        let look = |row: &Row| FrameLook {
+            time: row.measured.time,
+            fwhm_px: row.measured.fwhm_px,
+            background_adu: row.measured.planes.first().map_or(f64::NAN, |p| p.background_adu),
+        };
+        night.looks[stay] = rows.iter().map(look).collect();
         night.tracks[stay].points.sort_by_key(|point| point.time);
         night.shown[stay].sort_by_key(|shown| shown.measured.time);
         night.curves[stay] = (!rows.is_empty()).then(|| curve(&rows, station));
