@@ -677,7 +677,7 @@ fn a_pass_that_locked_on_a_star_is_rescued() {
     seek(&mut browser, number);
     browser.run("document.activeElement.blur()");
     browser.key("x");
-    browser.until("document.getElementById('by-hand').innerText.includes('1 frames refused')");
+    browser.until("document.getElementById('by-hand').innerText.includes('1 frame refused')");
     let ends = browser.run(&format!("(() => {{ const e = document.getElementById('curve'); e.scrollIntoView({{block: 'center'}}); const b = e.getBoundingClientRect(); const p = e.plot;
         return [{}, {}].map((n, k) => {{ const i = sunglint.film.number.indexOf(n); const t = sunglint.film.start_s[i] + (k ? 0.19 : 0.01); return [b.left + p.l + (t - p.from) / (p.to - p.from) * (p.r - p.l), b.top + b.height / 2]; }}); }})()", lit[1], lit[4]));
     // A pixel of the curve is a frame wide or more: the stretch is chosen on a wide window.
@@ -911,7 +911,7 @@ fn a_night_is_planned_by_clicks() {
             .any(|text| error["text"].to_string().contains(text))),
         "{errors:?}"
     );
-    // What cannot be is said: a pass twice, a star that is none, more stars than the time between two passes has.
+    // What cannot be is said: passes in the wrong order, a star that is none, more stars than the time between two passes has.
     for (picks, text) in [
         (json!([{"pass": chosen[1]}, {"pass": chosen[0]}]), "cannot follow each other"),
         (json!([{"star": "Vegas"}]), "Vegas"),

@@ -1007,7 +1007,7 @@ function byHandText() {
   const frames = [...R.refused.values()].reduce((sum, set) => sum + set.size, 0);
   const parts = [];
   if (R.places.length) parts.push(`followed from frame ${R.places.map((p) => p.frame).join(", ")}`);
-  if (frames) parts.push(`${frames} frames refused`);
+  if (frames) parts.push(`${frames} ${frames > 1 ? "frames" : "frame"} refused`);
   $("by-hand").textContent = parts.join(" · ");
   const [from, to] = R.range ?? [];
   const chosen = framesIn(R.range);
@@ -1015,7 +1015,7 @@ function byHandText() {
   const all = R.range ? chosen : here === null ? [] : [here];
   const set = R.refused.get(S.camera);
   const taken = all.length > 0 && all.every((n) => set?.has(n));
-  $("refuse").textContent = `${taken ? "Take" : "Refuse"} ${R.range ? `${chosen.length} frames from ${utc(from, 0)} to ${utc(to, 0)}` : "this frame"}${taken ? " again" : ""}`;
+  $("refuse").textContent = `${taken ? "Take" : "Refuse"} ${R.range ? `${chosen.length} ${chosen.length === 1 ? "frame" : "frames"} from ${utc(from, 0)} to ${utc(to, 0)}` : "this frame"}${taken ? " again" : ""}`;
   $("refuse").disabled = !all.length;
 }
 
@@ -1074,6 +1074,7 @@ async function beginRework() {
     const usual = await (await ask("reduction", { target: visit.name, visit: visit.number }, 120000)).json();
     R.old = R.now = usual;
     $("rework-body").hidden = false;
+    $("rework-channel").parentElement.hidden = false;
     $("curve-why").textContent = usual.warnings.join(" · ");
     byHandText();
     curveShown();

@@ -173,7 +173,7 @@ async function save() {
   try {
     const saved = await (await ask("save", { picks: P.picks }, 60000)).json();
     P.saved = saved;
-    const lines = [`saved: ${saved.files.join(", ")}`, saved.errors ? `the check finds ${saved.errors} errors` : "the check finds no error"];
+    const lines = [`saved: ${saved.files.join(", ")}`, saved.errors ? `the check finds ${saved.errors} error${saved.errors > 1 ? "s" : ""}` : "the check finds no error"];
     lines.push(...saved.check.findings.filter((f) => f.level === "error" || f.level === "warning").map((f) => `${f.level}: ${f.about}: ${f.text}`));
     $("plan-result").replaceChildren(...lines.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
   } catch (error) { complain(error); }
