@@ -809,12 +809,15 @@ fn a_night_is_planned_by_clicks() {
     // Three passes, not at the same time, by the sky or, where another lies over it, by the list.
     let passes = browser.run("sunglint.about.passes.map((p) => [p.from_s, p.to_s, p.label])");
     let passes = passes.as_array().unwrap().clone();
+    let night_s = browser.run("sunglint.about.length_s").as_f64().unwrap();
     let mut chosen: Vec<usize> = Vec::new();
     let span = |i: usize| [0, 1].map(|k| passes[i][k].as_f64().unwrap());
     for i in 0..passes.len() {
         let free =
             |j: &usize| span(i)[0] > span(*j)[1] + 1200.0 || span(*j)[0] > span(i)[1] + 1200.0;
-        if chosen.len() < 3 && chosen.iter().all(free) {
+        // Six stars follow the last one before the sky is bright.
+        let early = span(i)[1] < night_s - 3600.0 - 1500.0;
+        if chosen.len() < 3 && early && chosen.iter().all(free) {
             chosen.push(i);
         }
     }
@@ -836,26 +839,33 @@ fn a_night_is_planned_by_clicks() {
     }
     assert!(by_sky > 0);
     browser.until("sunglint.planning.picks.filter((p) => 'pass' in p).length === 3");
-    // Eight stars that stand high when the last pass is over, of which two are brought before it.
-    let after = span(chosen[2])[1] + 600.0;
-    browser.run(&format!("(() => {{ const s = document.getElementById('plan-time'); s.value = '{after}'; s.dispatchEvent(new Event('input')); }})()"));
-    browser.until(&format!("Math.abs((sunglint.sky?.at_s ?? 0) - {after}) < 11"));
-    browser.run("document.querySelectorAll('#picks li').length");
-    let stars = browser.run("(() => { const far = (s, at) => { const [a, b] = sunglint.planning.place(s.at_deg); const [x, y] = sunglint.planning.place(at); return Math.hypot(a - x, b - y); };
-        const tracks = sunglint.about.passes.flatMap((p) => p.at_deg).filter((at) => at[1] > 0);
-        const good = sunglint.sky.stars.filter((s) => s.v_mag < 3.6 && s.at_deg[1] > 40 && s.at_deg[1] < 80 && tracks.every((at) => far(s, at) > 13) && sunglint.sky.stars.every((o) => o === s || far(s, o.at_deg) > 4));
-        return good.slice(0, 8).map((s) => s.plan_name); })()");
-    let stars: Vec<String> =
-        stars.as_array().unwrap().iter().map(|s| s.as_str().unwrap().to_owned()).collect();
-    assert_eq!(stars.len(), 8, "{stars:?}");
-    for star in &stars {
-        let at = browser.run(&format!("(() => {{ const e = document.getElementById('sky'); e.scrollIntoView({{block: 'center'}}); const b = e.getBoundingClientRect(); const s = sunglint.sky.stars.find((s) => s.plan_name === {}); const [x, y] = sunglint.planning.place(s.at_deg); return [b.left + x, b.top + y]; }})()", json!(star)));
-        click_at(&mut browser, [0, 1].map(|i| at[i].as_f64().unwrap()));
-        browser.until(&format!("sunglint.planning.picks.some((p) => p.star === {})", json!(star)));
+    // Two stars that stand high when the second pass is over, brought before the third by its own arrow; six when the third is over.
+    let mut stars: Vec<String> = Vec::new();
+    for (pass, count) in [(chosen[1], 2), (chosen[2], 6)] {
+        let after = span(pass)[1] + 300.0;
+        browser.run(&format!("(() => {{ const s = document.getElementById('plan-time'); s.value = '{after}'; s.dispatchEvent(new Event('input')); }})()"));
+        browser.until(&format!("Math.abs((sunglint.sky?.at_s ?? 0) - {after}) < 11"));
+        browser.settle();
+        let found = browser.run(&format!("(() => {{ const far = (s, at) => {{ const [a, b] = sunglint.planning.place(s.at_deg); const [x, y] = sunglint.planning.place(at); return Math.hypot(a - x, b - y); }};
+            const tracks = sunglint.about.passes.flatMap((p) => p.at_deg).filter((at) => at[1] > 0);
+            const good = sunglint.sky.stars.filter((s) => s.v_mag > 1 && s.v_mag < 3.9 && s.at_deg[1] > 42 && s.at_deg[1] < 80 && sunglint.planning.picks.every((p) => p.star !== s.plan_name) && tracks.every((at) => far(s, at) > 13) && sunglint.sky.stars.every((o) => o === s || far(s, o.at_deg) > 4));
+            return good.slice(0, {count}).map((s) => s.plan_name); }})()"));
+        let found: Vec<String> =
+            found.as_array().unwrap().iter().map(|s| s.as_str().unwrap().to_owned()).collect();
+        assert_eq!(found.len(), count, "{found:?}");
+        for star in found {
+            let at = browser.run(&format!("(() => {{ const e = document.getElementById('sky'); e.scrollIntoView({{block: 'center'}}); const b = e.getBoundingClientRect(); const s = sunglint.sky.stars.find((s) => s.plan_name === {}); const [x, y] = sunglint.planning.place(s.at_deg); return [b.left + x, b.top + y]; }})()", json!(star)));
+            click_at(&mut browser, [0, 1].map(|i| at[i].as_f64().unwrap()));
+            browser
+                .until(&format!("sunglint.planning.picks.some((p) => p.star === {})", json!(star)));
+            stars.push(star);
+        }
+        if count == 2 {
+            browser.click("#picks li:nth-child(3) button:nth-of-type(2)");
+            browser.click("#picks li:nth-child(4) button:nth-of-type(2)");
+            browser.until("'pass' in sunglint.planning.picks[4]");
+        }
     }
-    // The first two stars go before the last pass, by its own arrow: down twice.
-    browser.click("#picks li:nth-child(3) button:nth-of-type(2)");
-    browser.click("#picks li:nth-child(4) button:nth-of-type(2)");
     browser
         .until("sunglint.planning.plan !== null && !document.getElementById('plan-save').disabled");
     let titles = browser.text("#plan-title-line");
@@ -882,7 +892,7 @@ fn a_night_is_planned_by_clicks() {
         .collect();
     let expected = [&["tle"; 2][..], &["star"; 2], &["tle"], &["star"; 6]].concat();
     assert_eq!(order, expected);
-    let listed = folder.json(&[&command[..9], &["--json"]].concat());
+    let listed = folder.json(&[&command[..9], &["--station", "ufo", "--json"]].concat());
     for visit in visits.iter().filter(|visit| visit.get("tle").is_some()) {
         let object: u64 = visit["object"].as_str().unwrap().parse().unwrap();
         let from = visit["from"].as_str().unwrap();
