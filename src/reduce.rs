@@ -316,7 +316,7 @@ impl FrameArgs {
         Ok(Some(options))
     }
 
-    /// What is said about frames, as a recipe.
+    /// Returns what was said about frames, as a recipe.
     fn recipe(&self) -> Recipe {
         let pair = |values: &[f64]| Some([*values.first()?, *values.get(1)?]);
         Recipe {

@@ -26,11 +26,11 @@ pub struct LabReading {
     pub power_w: f64,
     /// The meter's range.
     pub range: String,
-    /// What the line says.
+    /// Meaning of the line.
     pub state: LabState,
 }
 
-/// What a line of a run says.
+/// Meaning of a line of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LabState {
     /// A reading with a power.

@@ -51,9 +51,9 @@ pub struct PlanRate {
 /// A pass that may be picked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanPass {
-    /// What the planner needs of it.
+    /// Description of it for the planner.
     pub offer: PassOffer,
-    /// Its course, in the order of time.
+    /// Course over the sky, in the order of time.
     pub track: Vec<PlanPoint>,
     /// Predicted light.
     pub rates: Vec<PlanRate>,
@@ -95,7 +95,7 @@ pub struct PlanDesk {
     around: PlanSurroundings,
     start: Epoch,
     end: Epoch,
-    /// What the next writing may replace: after the first these are our own files.
+    /// Files that the next writing may replace: after the first they are our own.
     overwrite: Mutex<Overwrite>,
 }
 

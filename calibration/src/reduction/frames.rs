@@ -316,7 +316,7 @@ pub fn camera_night(
     Ok(night)
 }
 
-/// What a person chose for the frames of a camera.
+/// Choices of a person for the frames of a camera.
 #[derive(Debug, Default)]
 struct ByHand {
     /// Places of targets, by the index of their frames.
