@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::mpsc::channel;
-use sunglint_page::{Recording, Server};
+use sunglint_page::{Recording, Server, Source};
 
 /// Arguments of `sunglint page`.
 #[derive(Debug, Args)]
@@ -30,13 +30,28 @@ pub struct PageArgs {
 pub fn run(args: &PageArgs, console: Console) -> anyhow::Result<()> {
     let address = address_of(&args.address)?;
     let recording = Recording::open(&args.session)?;
-    let server = Server::start(address, Arc::new(recording))?;
-    let url = announce(&server, false, console);
+    let may = "sees the session and saves reductions";
+    serve(address, Arc::new(recording), may, !args.no_open, console)
+}
+
+/// Serves a page until Ctrl-C. `may` says what whoever has the address with the token does; `opens`: in a browser, too.
+///
+/// # Errors
+/// An address that cannot be listened at.
+pub fn serve(
+    address: Option<SocketAddr>,
+    source: Arc<dyn Source>,
+    may: &str,
+    opens: bool,
+    console: Console,
+) -> anyhow::Result<()> {
+    let server = Server::start(address, source)?;
+    let url = announce(&server, may, console);
     let (end, ended) = channel();
     listen(Hangup::Ends, move || {
         let _ = end.send(());
     })?;
-    if !args.no_open {
+    if opens {
         open(&url, console);
     }
     console.say("Ctrl-C ends it");
@@ -66,21 +81,19 @@ pub fn address_of(text: &str) -> Result<Option<SocketAddr>, Usage> {
     })
 }
 
-/// Prints where a page is, and gives the address to open. `steers`: whether its token allows more than to look.
-pub fn announce(server: &Server, steers: bool, console: Console) -> String {
-    let url = if steers || server.is_open() { server.url_with_token() } else { server.url() };
+/// Prints where a page is, and gives the address to open, with the token. `may` says what whoever has it does.
+pub fn announce(server: &Server, may: &str, console: Console) -> String {
     if server.is_open() {
         console.warn(&format!(
-            "the page is open to other computers at {}, without encryption: whoever has the address with its token sees {}; use it in a network that you trust",
-            server.address(),
-            if steers { "and steers the night" } else { "the session" }
+            "the page is open to other computers at {}, without encryption: whoever has the address with its token {may}; use it in a network that you trust",
+            server.address()
         ));
     }
-    console.say(&format!("page: {url}"));
-    if steers && !server.is_open() {
+    console.say(&format!("page: {}", server.url_with_token()));
+    if !server.is_open() {
         console.say(&format!("page that only shows: {}", server.url()));
     }
-    url
+    server.url_with_token()
 }
 
 /// Shows a page in the browser; without one the address is printed all the same.

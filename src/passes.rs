@@ -10,20 +10,24 @@ use clap::Args;
 use hifitime::{Epoch, Unit};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use sunglint_ephemeris::orbit::elements;
 use sunglint_ephemeris::orbit::tle::{self, Tle};
 use sunglint_ephemeris::orbit::{Orbit, TleOrbit};
 use sunglint_ephemeris::passes::brightness::Brightness;
 use sunglint_ephemeris::passes::{Conditions, Search};
+use sunglint_formats::atomic::Overwrite;
 use sunglint_formats::nearest_names;
 use sunglint_observatory::planner::{
     NightPlan, PassOffer, PlannerOptions, Surroundings, plan_night,
 };
 use sunglint_observatory::{Catalogue, Plan, Preflight, PreflightOptions, preflight};
+use sunglint_page::{PlanDesk, PlanPass, PlanPoint, PlanRate, PlanSurroundings};
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::light_curve::Input;
 use sunglint_radiometry::passband::ZeroPoint;
 use sunglint_radiometry::sky::{EarthOrientation, SkyFrames};
+use sunglint_radiometry::station::{Channel, Detector, Predicted};
 use sunglint_report::passes::PassesReport;
 use sunglint_report::preflight::{plan_text, text as preflight_text};
 use sunglint_simulator::attitude::Attitude;
@@ -116,6 +120,12 @@ pub struct NightArgs {
     /// Width of a star's image at half of its height, arcsec: for what saturates
     #[arg(long, value_name = "ARCSEC", default_value_t = 2.5, requires = "devices")]
     pub seeing_arcsec: f64,
+    /// Plan by hand in a browser: pick passes and stars on the sky, order them, save -o NIGHT.toml; prints the address [default: 127.0.0.1 and the first free port from 8650 on]
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "", requires = "devices")]
+    pub page: Option<String>,
+    /// With --page: print the address and open no browser
+    #[arg(long, requires = "page")]
+    pub no_open: bool,
     /// Flats in the evening's twilight, made to reach this median, ADU
     #[arg(long, value_name = "ADU", requires = "devices")]
     pub flats: Option<f64>,
@@ -265,6 +275,18 @@ pub fn run(args: &PassesArgs, console: Console) -> anyhow::Result<()> {
     }
     if let Some(more) = failures.len().checked_sub(MOST_WARNED).filter(|more| *more > 0) {
         console.warn(&format!("… and {more} more objects left out (failures in --json)"));
+    }
+    if let (Some(address), Some((plan, text))) = (&args.night.page, &devices) {
+        let around = Around { plan, search: &search, air: &air, orientation };
+        let desk = args.desk(&found.passes, around, text, &plans, warnings)?;
+        let address = crate::page::address_of(address)?;
+        return crate::page::serve(
+            address,
+            Arc::new(desk),
+            "sees and changes the plan",
+            !args.night.no_open,
+            console,
+        );
     }
     let planned = match &devices {
         None => None,
@@ -421,6 +443,37 @@ impl PassesArgs {
         Ok(Some((Plan::read(devices)?, text)))
     }
 
+    /// A desk at which a person plans with these passes.
+    fn desk(
+        &self,
+        passes: &[SeenPass],
+        around: Around<'_>,
+        devices: &str,
+        plans: &OutputArgs,
+        warnings: Vec<String>,
+    ) -> anyhow::Result<PlanDesk> {
+        let path = plans.output.first().cloned().unwrap_or_default();
+        let dark = around.search.dark().iter().map(|span| (span.from, span.to)).collect();
+        let shown = passes.iter().filter_map(|pass| shown(pass, &around)).collect();
+        let sets = flown(passes);
+        let surroundings = PlanSurroundings {
+            devices: around.plan.clone(),
+            text: devices.to_owned(),
+            air: around.air.clone(),
+            orientation: around.orientation.clone(),
+            zero: self.zero_point,
+            dark,
+            options: self.night.options()?,
+            elements: (elements_file(&path, &sets), elements::text(sets)),
+            path,
+            overwrite: if plans.force { Overwrite::Allow } else { Overwrite::Refuse },
+            program: concat!("sunglint ", env!("CARGO_PKG_VERSION")).to_owned(),
+            warnings,
+        };
+        PlanDesk::new(shown, surroundings)
+            .context("no dark hour between --from and --to: there is no night to plan")
+    }
+
     /// A plan for these passes, and the file of their elements.
     fn plan(
         &self,
@@ -432,8 +485,7 @@ impl PassesArgs {
     ) -> anyhow::Result<Planned> {
         let path = plans.output.first().cloned().unwrap_or_default();
         let sets = flown(passes);
-        let two_lines = sets.iter().all(|set| set.lines().is_some());
-        let file = path.with_extension(if two_lines { "tle" } else { "omm" });
+        let file = elements_file(&path, &sets);
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let offers: Vec<PassOffer> = passes.iter().filter_map(offer).collect();
         let dark: Vec<(Epoch, Epoch)> =
@@ -555,6 +607,12 @@ impl PassesArgs {
     }
 }
 
+/// The file beside a plan that holds its elements: two lines where they can be written so, else OMM.
+fn elements_file(plan: &Path, sets: &[&Tle]) -> PathBuf {
+    let two_lines = sets.iter().all(|set| set.lines().is_some());
+    plan.with_extension(if two_lines { "tle" } else { "omm" })
+}
+
 /// The elements of the objects that pass, each once.
 fn flown(passes: &[SeenPass]) -> Vec<&Tle> {
     let mut told = BTreeSet::new();
@@ -567,6 +625,42 @@ fn flown(passes: &[SeenPass]) -> Vec<&Tle> {
         }
     }
     sets
+}
+
+/// Steps of a pass's course on the page.
+const STEPS: u32 = 60;
+
+/// A pass as the page shows it; none of an object without elements.
+fn shown(pass: &SeenPass, around: &Around<'_>) -> Option<PlanPass> {
+    let (search, span) = (around.search, pass.pass.span);
+    let point = |i: u32| {
+        let at = span.from + span.seconds() * f64::from(i) / f64::from(STEPS) * Unit::Second;
+        let seen = search.look(&pass.orbit, at).ok()?;
+        let h = seen.horizontal;
+        Some(PlanPoint {
+            at,
+            at_deg: [h.azimuth_deg(), h.altitude_deg()],
+            lit: seen.lit_rad > 0.0,
+            dark: search.dark().iter().any(|d| d.from <= at && at <= d.to),
+        })
+    };
+    let rates = around.plan.station.channels.iter().zip(&pass.expected.channels);
+    let rate = |(channel, expected): (&Channel, &Option<(f64, Predicted)>)| {
+        let (_, predicted) = expected.as_ref()?;
+        let camera = matches!(channel.detector, Detector::CameraPlane(_));
+        Some(PlanRate {
+            channel: channel.name.clone(),
+            unit: if camera { "ADU/s" } else { "Hz" },
+            arriving: predicted.arriving,
+            counted_hz: predicted.counted_hz,
+            saturated: predicted.saturated,
+        })
+    };
+    Some(PlanPass {
+        offer: offer(pass)?,
+        track: (0..=STEPS).filter_map(point).collect(),
+        rates: rates.filter_map(rate).collect(),
+    })
 }
 
 /// A pass for the plan: its first stretch in the light; none of an object without elements.

@@ -10,14 +10,12 @@ use std::path::PathBuf;
 use sunglint_calibration::alignment::read_fibres;
 use sunglint_calibration::field_stars::System;
 use sunglint_calibration::photometry::field::FieldOptions;
-use sunglint_calibration::photometry::{Choice, Trail};
-use sunglint_calibration::reduction::counts::gate;
 use sunglint_calibration::reduction::folder::{
     self as folder_of_frames, FolderOptions, StarsOptions, reduce_frames,
 };
 use sunglint_calibration::reduction::frames::{DETECT_SIGMAS, FrameOptions, SensorFiles};
 use sunglint_calibration::reduction::night::OFF_SIGMAS;
-use sunglint_calibration::reduction::{ReduceError, ReduceOptions, reduce, stays};
+use sunglint_calibration::reduction::{Recipe, ReduceError, ReduceOptions, reduce, stays};
 use sunglint_ephemeris::orbit::elements;
 use sunglint_ephemeris::orbit::tle::{self, Tle};
 use sunglint_formats::Frame;
@@ -37,6 +35,13 @@ pub struct ReduceArgs {
     /// Only the visits of this target
     #[arg(long, value_name = "NAME")]
     pub target: Option<String>,
+    /// A reduction that was saved: the name that the page gave it, or its file; nothing else may be said about frames, gate and target
+    #[arg(
+        long,
+        value_name = "NAME|FILE",
+        conflicts_with_all = ["target", "aperture_px", "annulus_px", "fwhm_px", "max_offset_px", "detect_sigma", "brightest", "trailed", "gate", "no_coupling"]
+    )]
+    pub recipe: Option<PathBuf>,
     /// Also write the rates as they were counted (`NAME_raw.ecsv`)
     #[arg(long)]
     pub raw: bool,
@@ -247,16 +252,45 @@ pub(crate) fn hint(error: ReduceError) -> anyhow::Error {
 }
 
 impl ReduceArgs {
-    fn options(&self, station: &Station) -> anyhow::Result<ReduceOptions> {
+    fn options(&self, station: &Station, session: &Session) -> anyhow::Result<ReduceOptions> {
         let mut options = ReduceOptions::for_station(station);
-        options.counts.bins.gate = gate(self.counts.most_q()?, !self.counts.no_coupling);
         options.frames = self.frames.options(station)?;
         if let Some(path) = &self.counts.fibre {
             options.fibres = read_fibres(path)?;
         }
         options.off_sigmas = (self.counts.off_sigma > 0.0).then_some(self.counts.off_sigma);
-        options.target.clone_from(&self.target);
+        self.recipe(session)?.apply(&mut options);
         Ok(options)
+    }
+
+    /// The recipe that was saved, or what the options say.
+    fn recipe(&self, session: &Session) -> anyhow::Result<Recipe> {
+        if let Some(wanted) = &self.recipe {
+            let named = wanted.to_str().and_then(|name| Recipe::path(session, name));
+            let path = named.filter(|path| path.exists()).unwrap_or_else(|| wanted.clone());
+            if !path.exists() {
+                let names = Recipe::names(session);
+                let known = match names.is_empty() {
+                    true => "it has none".into(),
+                    false => format!("it has {}", names.join(", ")),
+                };
+                return Err(Usage(format!(
+                    "--recipe: there is no file {0}, and session {1} has no reduction {0}: {known}",
+                    wanted.display(),
+                    session.root().display()
+                ))
+                .into());
+            }
+            return Ok(Recipe::read(&path)?);
+        }
+        let most_q = self.counts.most_q()?;
+        Ok(Recipe {
+            target: self.target.clone(),
+            gate: most_q,
+            no_gate: most_q.is_none(),
+            no_coupling: self.counts.no_coupling,
+            ..self.frames.recipe()
+        })
     }
 }
 
@@ -279,22 +313,23 @@ impl FrameArgs {
             SensorFiles { darks: read_frames(&self.dark)?, flats: read_frames(&self.flat)? };
         let Some(mut options) = FrameOptions::for_station(station) else { return Ok(None) };
         options.sensor = sensor;
-        options.fwhm_from_frames = self.fwhm_px.is_none();
-        options.aperture_from_frames = self.aperture_px.is_none() && self.annulus_px.is_none();
-        if let Some(radius_px) = self.aperture_px {
-            options.set_aperture(radius_px);
-        }
-        let photometry = &mut options.photometry;
-        if let Some([inner, outer, ..]) = self.annulus_px.as_deref() {
-            photometry.annulus_px = [*inner, *outer];
-        }
-        photometry.fwhm_px = self.fwhm_px.unwrap_or(photometry.fwhm_px);
-        photometry.trail = if self.trailed { Trail::Estimated } else { Trail::Point };
-        photometry.detection.threshold_sigma = self.detect_sigma;
-        photometry.detection.max_offset_px = self.max_offset_px.unwrap_or(f64::INFINITY);
-        photometry.detection.choice =
-            if self.brightest { Choice::Brightest } else { Choice::Nearest };
+        self.recipe().apply_to_frames(&mut options);
         Ok(Some(options))
+    }
+
+    /// Returns what was said about frames, as a recipe.
+    fn recipe(&self) -> Recipe {
+        let pair = |values: &[f64]| Some([*values.first()?, *values.get(1)?]);
+        Recipe {
+            aperture_px: self.aperture_px,
+            annulus_px: self.annulus_px.as_deref().and_then(pair),
+            fwhm_px: self.fwhm_px,
+            detect_sigma: Some(self.detect_sigma),
+            max_offset_px: self.max_offset_px,
+            brightest: self.brightest,
+            trailed: self.trailed,
+            ..Recipe::default()
+        }
     }
 }
 
@@ -326,7 +361,7 @@ pub fn run(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
     }
     let session = Session::open(folder)?;
     let station = station(&args.station, &session)?;
-    let options = args.options(&station)?;
+    let options = args.options(&station, &session)?;
     let progress = Bar::new(console);
     progress.begin("frames and bins", None);
     let folders = args.out.folders();
@@ -371,9 +406,9 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
         }
         inputs.push(path.clone());
     }
-    if args.raw || args.target.is_some() {
+    if args.raw || args.target.is_some() || args.recipe.is_some() {
         return Err(Usage(
-            "--raw and --target are about sessions, not frames of other programs".into(),
+            "--raw, --target and --recipe are about sessions, not frames of other programs".into(),
         )
         .into());
     }

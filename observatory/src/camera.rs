@@ -3,6 +3,7 @@
 use super::movers::Before;
 use super::plan::CameraPlan;
 use super::pointing::Pointing;
+use super::schedule::CameraWish;
 use super::sequence::Exposing;
 use super::worker::{READY, SOON, Worker};
 use hifitime::Epoch;
@@ -170,13 +171,16 @@ impl CameraWork {
     /// What the schedule asks for now.
     fn now(&self, worker: &Worker) -> Now {
         let (schedule, utc) = (worker.schedule.get(), worker.clock.utc());
-        let exposing = schedule.exposing(&self.plan, utc);
+        let mut exposing = schedule.exposing(&self.plan, utc);
+        let wish = worker.schedule.wished(&self.plan.name);
+        wish.over(&mut exposing);
         let slot = schedule.slot(utc);
         let planned = slot.filter(|slot| slot.target.target_kind != TargetKind::None);
         let step = planned.and_then(|slot| slot.step.as_ref()).map(|step| step.number);
         let to = slot.and_then(|slot| slot.to);
         let changes = to.is_some_and(|to| {
-            let next = schedule.exposing(&self.plan, to);
+            let mut next = schedule.exposing(&self.plan, to);
+            wish.over(&mut next);
             next.plan != exposing.plan || next.frame_type != exposing.frame_type
         });
         let setting = schedule.setting(utc).and_then(|slot| slot.step.as_ref());
@@ -217,8 +221,18 @@ impl CameraWork {
         now: &Now,
         worker: &mut Worker,
     ) -> Result<bool, DeviceError> {
+        let wish = worker.schedule.wished(&self.plan.name);
         match self.prepare(camera, &now.exposing.plan, worker) {
             Ok(()) => Ok(true),
+            // A wish that the camera refuses costs no night: it is forgotten.
+            Err(error) if error.is_permanent_setting() && wish != CameraWish::default() => {
+                worker.schedule.wish(&self.plan.name, CameraWish::default());
+                let error = format!("exposure and gain are as planned again: {error}");
+                worker.status.say(format!("{}: {error}", worker.name));
+                let about = worker.name.clone();
+                worker.disk.event(worker.clock.utc(), What::Error { about, error });
+                Ok(false)
+            }
             Err(error) if error.is_permanent_setting() && now.step.is_some() => {
                 self.barred = now.step;
                 let error = format!("no frames in step {}: {error}", now.step.unwrap_or(0));

@@ -15,6 +15,7 @@ use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use sunglint_formats::session::{Event, TargetKind, What};
 use sunglint_formats::time::format_utc;
+use sunglint_formats::toml::{Finite, Positive};
 use sunglint_formats::{CountRecord, Frame};
 use sunglint_radiometry::station::Station;
 
@@ -34,7 +35,7 @@ const COMMANDS: usize = 16;
 pub const LONGEST_NOTE: usize = 500;
 
 /// Command to a running night.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Control {
     /// What is recorded from now on belongs to no visit, until `Resume`. Capture goes on.
@@ -47,6 +48,15 @@ pub enum Control {
     Stop,
     /// A line of text for the log.
     Note(String),
+    /// Exposure and gain of the next frames of the sky that a camera takes, until it is told otherwise; without either: as planned.
+    Expose {
+        /// Name of the camera.
+        camera: String,
+        /// Exposure, s.
+        exposure_s: Option<Positive>,
+        /// Gain in the camera's own steps.
+        gain: Option<Finite>,
+    },
 }
 
 impl Control {
@@ -58,6 +68,24 @@ impl Control {
             Self::Skip => "skip",
             Self::Stop => "stop",
             Self::Note(_) => "note",
+            Self::Expose { .. } => "expose",
+        }
+    }
+
+    /// The rest of its line in the log.
+    pub fn text(&self) -> String {
+        match self {
+            Self::Note(text) => text.clone(),
+            Self::Expose { camera, exposure_s: None, gain: None } => {
+                format!("{camera}: as planned")
+            }
+            Self::Expose { camera, exposure_s, gain } => {
+                let exposure = exposure_s.map(|exposure| format!("{} s", exposure.get()));
+                let gain = gain.map(|gain| format!("gain {}", gain.get()));
+                let parts: Vec<String> = exposure.into_iter().chain(gain).collect();
+                format!("{camera}: {}", parts.join(", "))
+            }
+            _ => String::new(),
         }
     }
 }

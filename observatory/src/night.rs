@@ -11,7 +11,7 @@ use super::opener::Opener;
 use super::plan::{CameraPlan, CounterPlan, NightClock, Plan, PlanError, RotatorPlan, WheelPlan};
 use super::pointing::Pointing;
 use super::room::Room;
-use super::schedule::{Schedule, SharedSchedule};
+use super::schedule::{CameraWish, Schedule, SharedSchedule};
 use super::sequence::Exposing;
 use super::status::{Snapshot, State, Status};
 use super::worker::Worker;
@@ -34,6 +34,8 @@ use sunglint_radiometry::station::Station;
 
 /// Time between two looks at the devices.
 const POLL: Duration = Duration::from_millis(50);
+/// Longest exposure that may be wished, s.
+const LONGEST_S: f64 = 3600.0;
 /// Time between two looks at the clock.
 const CLOCK: Duration = Duration::from_secs(1);
 /// Time between two questions whether a clock that stepped is synchronised now.
@@ -630,13 +632,10 @@ impl Watch<'_> {
             let done = self.steer(&asked, utc, live);
             if done.is_ok() {
                 let action = asked.control.word().to_owned();
-                let text = match &asked.control {
-                    Control::Note(text) => text.clone(),
-                    _ => String::new(),
-                };
+                let text = asked.control.text();
                 self.status.say(match text.is_empty() {
                     true => format!("{action}, by the page"),
-                    false => format!("note: {text}"),
+                    false => format!("{action}: {text}"),
                 });
                 self.disk.event(utc, What::Control { action, text });
             }
@@ -656,6 +655,20 @@ impl Watch<'_> {
             Control::Stop => {
                 self.cancel.cancel();
                 Ok("the night ends in good order".into())
+            }
+            Control::Expose { camera, exposure_s, gain } => {
+                let Some(plan) = self.night.cameras.iter().find(|plan| plan.name == *camera) else {
+                    return refused("there is no camera of this name");
+                };
+                if exposure_s.is_some_and(|exposure| exposure.get() > LONGEST_S) {
+                    return refused("an exposure has at most 3600 s");
+                }
+                if gain.is_some() && plan.gain.is_none() {
+                    let text = "the plan gives this camera no gain, to which it could return";
+                    return refused(text);
+                }
+                self.schedule.wish(camera, CameraWish { exposure_s: *exposure_s, gain: *gain });
+                Ok("from the next frame of the sky on".into())
             }
             Control::Pause if self.before_pause.is_some() => refused("it is paused already"),
             Control::Pause => {

@@ -73,6 +73,15 @@ pub struct PassOffer {
     pub highest_deg: f64,
 }
 
+/// Choice of a person for a night.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Pick {
+    /// The offer of this number, from 0.
+    Pass(usize),
+    /// A star, as the catalogue finds it.
+    Star(String),
+}
+
 /// A visit of the plan.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PlannedVisit {
@@ -113,6 +122,37 @@ pub enum PlannerError {
     /// No pass to plan for.
     #[error("there is no pass to plan for: widen --from and --to, or what a pass must be")]
     NoPass,
+    /// A choice that is none of the offers, or no star.
+    #[error("{0}")]
+    Unknown(String),
+    /// Passes that overlap, or leave no time to slew between them, or are not in their order.
+    #[error(
+        "{first} and {second} cannot follow each other: between them are {gap_s:.0} s, and a slew takes {slew_s:.0} s"
+    )]
+    Overlap {
+        /// The pass that comes first in the list.
+        first: String,
+        /// The next one.
+        second: String,
+        /// Time from the end of the first to the begin of the second, s; below 0 where they overlap, or are in the wrong order.
+        gap_s: f64,
+        /// Time of a slew, s.
+        slew_s: f64,
+    },
+    /// More stars than fit.
+    #[error(
+        "{stars} stars need {needed_s:.0} s {place}, and there are {room_s:.0} s: move or leave out some"
+    )]
+    NoRoom {
+        /// Number of stars.
+        stars: usize,
+        /// Where: `before …`, `after …`.
+        place: String,
+        /// Time that they need, s.
+        needed_s: f64,
+        /// Time that there is, s.
+        room_s: f64,
+    },
     /// A moment outside of the tables.
     #[error(transparent)]
     Sky(#[from] SkyError),
@@ -165,6 +205,31 @@ pub fn plan_night(
     planner.plan(offers)
 }
 
+/// Plans the night that a person picked: passes at their times, and between them the stars in the order of the list: before the first pass as late as can be, after
+/// each pass as soon as can be.
+///
+/// # Errors
+/// Picks that are none; passes that cannot follow each other; stars that do not fit; places or light that cannot be computed. What a star may lack (height, light) is a
+/// warning.
+pub fn plan_picks(
+    picks: &[Pick],
+    offers: &[PassOffer],
+    around: Surroundings<'_>,
+    options: &PlannerOptions,
+) -> Result<NightPlan, PlannerError> {
+    let mut planner = Planner { around, options, seen: BTreeMap::new(), warnings: Vec::new() };
+    planner.picks(picks, offers)
+}
+
+/// Name of a star that the catalogue finds again: its label, else its number of Hipparcos.
+pub fn star_name(star: &Star) -> String {
+    match (Catalogue::embedded().find(&star.label()), star.hip) {
+        (Ok(same), _) if same == star => star.label(),
+        (_, Some(hip)) => format!("HIP {hip}"),
+        _ => star.label(),
+    }
+}
+
 struct Planner<'a> {
     around: Surroundings<'a>,
     options: &'a PlannerOptions,
@@ -214,13 +279,7 @@ impl Planner<'_> {
                 passes.push(offer);
             }
         }
-        for camera in self.around.devices.cameras.iter().filter(|camera| camera.gain.is_some()) {
-            let name = &camera.name;
-            let text = format!(
-                "{name} has a gain in steps of its own: whether stars saturate it is not known"
-            );
-            self.warnings.push(text);
-        }
+        self.warn_of_gains();
         passes.sort_by(|a, b| seconds(b.span.0, a.span.0).total_cmp(&0.0));
         let mut visits: Vec<(Epoch, PlannedVisit)> =
             passes.iter().map(|pass| (pass.span.0, self.pass(pass))).collect();
@@ -256,16 +315,135 @@ impl Planner<'_> {
                 last = if end > last { end } else { last };
             }
         }
+        self.whole(visits, [first, last], night.0, left_out)
+    }
+
+    fn warn_of_gains(&mut self) {
+        for camera in self.around.devices.cameras.iter().filter(|camera| camera.gain.is_some()) {
+            let name = &camera.name;
+            let text = format!(
+                "{name} has a gain in steps of its own: whether stars saturate it is not known"
+            );
+            self.warnings.push(text);
+        }
+    }
+
+    /// A night of these visits, with dark frames before the first and after the last moment, and flats before the night.
+    fn whole(
+        &mut self,
+        mut visits: Vec<(Epoch, PlannedVisit)>,
+        [first, last]: [Epoch; 2],
+        night: Epoch,
+        left_out: Vec<String>,
+    ) -> Result<NightPlan, PlannerError> {
         if self.options.dark_s > 0.0 {
             let begin = later(first, -self.options.dark_s);
             visits.push((begin, self.off("dark", begin, self.options.dark_s, "")));
             visits.push((last, self.off("dark", last, self.options.dark_s, "")));
         }
-        self.flats(night.0, &mut visits)?;
+        self.flats(night, &mut visits)?;
         visits.sort_by(|a, b| seconds(b.0, a.0).total_cmp(&0.0));
         let from_utc = visits.first().map_or_else(String::new, |(begin, _)| format_utc(*begin, 0));
         let visits = visits.into_iter().map(|(_, visit)| visit).collect();
         Ok(NightPlan { from_utc, visits, left_out, warnings: std::mem::take(&mut self.warnings) })
+    }
+
+    fn picks(&mut self, picks: &[Pick], offers: &[PassOffer]) -> Result<NightPlan, PlannerError> {
+        // Passes in the order of the list, and the stars before the first and after each.
+        let mut passes: Vec<&PassOffer> = Vec::new();
+        let mut stars: Vec<Vec<&Star>> = vec![Vec::new()];
+        for pick in picks {
+            match pick {
+                Pick::Pass(number) => {
+                    let none = || PlannerError::Unknown(format!("there is no pass {number}"));
+                    passes.push(offers.get(*number).ok_or_else(none)?);
+                    stars.push(Vec::new());
+                }
+                Pick::Star(name) => {
+                    let star = Catalogue::embedded().find(name);
+                    let star = star.map_err(|error| PlannerError::Unknown(error.to_string()))?;
+                    if let Some(group) = stars.last_mut() {
+                        group.push(star);
+                    }
+                }
+            }
+        }
+        let slew_s = self.options.slew_s;
+        for pair in passes.windows(2) {
+            let gap_s = seconds(pair[0].span.1, pair[1].span.0);
+            if gap_s < slew_s {
+                let (first, second) = (pair[0].label.clone(), pair[1].label.clone());
+                return Err(PlannerError::Overlap { first, second, gap_s, slew_s });
+            }
+        }
+        let holds = |night: &&(Epoch, Epoch)| {
+            passes.first().is_none_or(|pass| night.0 <= pass.span.0 && pass.span.1 <= night.1)
+        };
+        let night = *self.around.dark.iter().find(holds).ok_or(PlannerError::NoPass)?;
+        self.warn_of_gains();
+        let (block_s, dark_s) = (self.star_block_s(), self.options.dark_s);
+        let mut visits: Vec<(Epoch, PlannedVisit)> =
+            passes.iter().map(|pass| (pass.span.0, self.pass(pass))).collect();
+        let begins = later(night.0, dark_s);
+        let (mut first, mut last) = match (passes.first(), passes.last()) {
+            (Some(one), Some(other)) => (one.span.0, other.span.1),
+            _ => (begins, begins),
+        };
+        for (i, group) in stars.iter().enumerate().filter(|(_, group)| !group.is_empty()) {
+            // Visits begin at whole seconds.
+            let needed_s = group.len() as f64 * block_s;
+            let before = i.checked_sub(1).map(|i| passes[i]);
+            let after = passes.get(i);
+            let from = before.map_or(begins, |pass| pass.span.1);
+            let to = after.map_or(later(night.1, -dark_s), |pass| later(pass.span.0, -slew_s));
+            let room_s = seconds(from, to);
+            if needed_s + 1.0 > room_s {
+                let place = match (before, after) {
+                    (_, Some(pass)) => format!("before {}", pass.label),
+                    (Some(pass), None) => format!("after {}", pass.label),
+                    (None, None) => "in the night".into(),
+                };
+                let stars = group.len();
+                return Err(PlannerError::NoRoom { stars, place, needed_s, room_s });
+            }
+            let start = match (before, after) {
+                (None, Some(_)) => whole(later(to, -needed_s), |s| (s + 1e-6).floor()),
+                _ => whole(from, |s| (s - 1e-6).ceil()),
+            };
+            for (j, star) in group.iter().enumerate() {
+                let begin = later(start, j as f64 * block_s);
+                visits.extend(self.picked(star, later(begin, slew_s))?);
+            }
+            first = if start < first { start } else { first };
+            let end = later(start, needed_s);
+            last = if end > last { end } else { last };
+        }
+        self.whole(visits, [first, last], night.0, Vec::new())
+    }
+
+    /// The visits to a star that somebody picked, with a warning where it is too low or too bright.
+    fn picked(
+        &mut self,
+        star: &Star,
+        begin: Epoch,
+    ) -> Result<Vec<(Epoch, PlannedVisit)>, PlannerError> {
+        let station = &self.around.devices.station;
+        let middle = later(begin, 0.5 * self.star_s());
+        let view = Observer::at(middle, &station.site, self.around.orientation)?.star(star);
+        let altitude_deg = view.horizontal.altitude_deg();
+        let horizon = station.horizon.elevation_deg(view.horizontal.azimuth_deg());
+        let (name, at) = (star_name(star), format_utc(middle, 0));
+        if altitude_deg < horizon.max(0.0) {
+            self.warnings.push(format!(
+                "{name} is below the horizon at {at}: altitude {altitude_deg:.1}°, the horizon there {horizon:.1}°"
+            ));
+        } else if altitude_deg.to_radians().sin() < self.options.airmass.recip() {
+            self.warnings.push(format!("{name} is low at {at}: altitude {altitude_deg:.1}°"));
+        }
+        if let Some(what) = self.saturates(star, middle)? {
+            self.warnings.push(format!("{name} saturates {what}, or nearly, at {at}"));
+        }
+        Ok(self.star_visits(star, altitude_deg, begin))
     }
 
     /// Filters that stars are seen through, one after the other: those of the wheel that a channel of the station names.
@@ -388,12 +566,7 @@ impl Planner<'_> {
         begin: Epoch,
     ) -> Vec<(Epoch, PlannedVisit)> {
         let (from, for_s) = (format_utc(begin, 0), self.star_s());
-        let found = Catalogue::embedded().find(&star.label());
-        let name = match (found, star.hip) {
-            (Ok(same), _) if same == star => star.label(),
-            (_, Some(hip)) => format!("HIP {hip}"),
-            _ => star.label(),
-        };
+        let name = star_name(star);
         let mut lines = format!("star = \"{name}\"\nfrom = \"{from}\"\nfor_s = {for_s}\n");
         let filters = self.filters();
         if !filters.is_empty() {

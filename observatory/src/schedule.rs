@@ -4,11 +4,12 @@ use super::plan::CameraPlan;
 use super::sequence::{Exposing, Step};
 use hifitime::Epoch;
 use std::cmp::Ordering;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{self, AtomicBool};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use sunglint_formats::FileError;
 use sunglint_formats::session::{Session, Target, TargetKind, What};
+use sunglint_formats::toml::{Finite, Positive};
 
 /// A stay at a target, or none.
 #[derive(Debug, Clone, PartialEq)]
@@ -229,12 +230,40 @@ fn nothing(from: Epoch, to: Option<Epoch>) -> Slot {
     Slot::new(Target::off(TargetKind::None), from, to)
 }
 
+/// Exposure and gain that a person wished for the next frames of a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CameraWish {
+    /// Exposure, s; `None`: as planned.
+    pub exposure_s: Option<Positive>,
+    /// Gain in the camera's own steps; `None`: as planned.
+    pub gain: Option<Finite>,
+}
+
+impl CameraWish {
+    /// Changes how a camera takes frames of the sky; dark frames, bias frames and flats stay as they are.
+    pub(crate) fn over(self, exposing: &mut Exposing) {
+        if exposing.frame_type != "light" {
+            return;
+        }
+        let plan = &mut exposing.plan;
+        plan.exposure_s = self.exposure_s.unwrap_or(plan.exposure_s);
+        plan.gain = self.gain.or(plan.gain);
+        // From start to start is at least the exposure.
+        plan.interval_s = plan.interval_s.map(|interval| match interval < plan.exposure_s {
+            true => plan.exposure_s,
+            false => interval,
+        });
+    }
+}
+
 /// A schedule that is exchanged while the night runs. Who reads it takes the whole of it, and never waits for long: only a pointer changes.
 #[derive(Debug)]
 pub struct SharedSchedule {
     schedule: RwLock<Arc<Schedule>>,
     /// Cameras that have all frames of a step, each with the step's number.
     finished: Mutex<HashSet<(String, u32)>>,
+    /// Exposure and gain of a camera's next frames of the sky, as a person wished.
+    wishes: Mutex<HashMap<String, CameraWish>>,
     /// Whether the night is over, because its last visit is.
     over: AtomicBool,
 }
@@ -243,7 +272,12 @@ impl SharedSchedule {
     /// Shares a schedule.
     pub fn new(schedule: Schedule) -> Self {
         let schedule = RwLock::new(Arc::new(schedule));
-        Self { schedule, finished: Mutex::default(), over: AtomicBool::new(false) }
+        Self {
+            schedule,
+            finished: Mutex::default(),
+            wishes: Mutex::default(),
+            over: AtomicBool::new(false),
+        }
     }
 
     /// Ends the night for all who look.
@@ -266,6 +300,18 @@ impl SharedSchedule {
     pub fn has_finished(&self, camera: &str, step: u32) -> bool {
         let finished = self.finished.lock().unwrap_or_else(PoisonError::into_inner);
         finished.contains(&(camera.to_owned(), step))
+    }
+
+    /// Takes a wish for a camera's next frames of the sky; an empty one: as planned.
+    pub fn wish(&self, camera: &str, wish: CameraWish) {
+        let mut wishes = self.wishes.lock().unwrap_or_else(PoisonError::into_inner);
+        wishes.insert(camera.to_owned(), wish);
+    }
+
+    /// The wish for a camera.
+    pub fn wished(&self, camera: &str) -> CameraWish {
+        let wishes = self.wishes.lock().unwrap_or_else(PoisonError::into_inner);
+        wishes.get(camera).copied().unwrap_or_default()
     }
 
     /// The schedule as it stands.

@@ -12,6 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration as Wait;
 use sunglint_formats::session::DeviceKind;
 use sunglint_formats::time::format_utc;
+use sunglint_formats::toml::{Finite, Positive};
 use sunglint_observatory::live::{Control, ControlError, LiveState, Seen};
 use sunglint_observatory::{Schedule, Slot};
 use sunglint_radiometry::station::Station;
@@ -35,6 +36,9 @@ struct Asked {
     action: String,
     #[serde(default)]
     text: String,
+    camera: Option<String>,
+    exposure_s: Option<f64>,
+    gain: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -154,8 +158,9 @@ impl LiveNight {
             "skip" => Control::Skip,
             "stop" => Control::Stop,
             "note" => Control::Note(asked.text),
+            "expose" => expose(&asked)?,
             _ => {
-                let text = "expected the action pause, resume, skip, stop or note";
+                let text = "expected the action pause, resume, skip, stop, note or expose";
                 return Err(Answer::error(400, text));
             }
         };
@@ -168,6 +173,20 @@ impl LiveNight {
             .map_err(|_| Answer::error(503, "the night did not answer: look at its state"))?;
         answer.map(|done| Answer::json(&Done { done: &done })).map_err(said)
     }
+}
+
+/// Exposure and gain of a camera's next frames.
+fn expose(asked: &Asked) -> Result<Control, Answer> {
+    let wrong = |text: &str| Answer::error(422, text);
+    let exposure = |exposure_s| {
+        Positive::new(exposure_s).ok_or_else(|| wrong("an exposure is a number above 0, s"))
+    };
+    let gain = |gain| Finite::new(gain).ok_or_else(|| wrong("a gain is a number"));
+    Ok(Control::Expose {
+        camera: asked.camera.clone().ok_or_else(|| wrong("expected the name of a camera"))?,
+        exposure_s: asked.exposure_s.map(exposure).transpose()?,
+        gain: asked.gain.map(gain).transpose()?,
+    })
 }
 
 impl Source for LiveNight {

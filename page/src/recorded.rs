@@ -3,6 +3,7 @@
 use crate::frame;
 use crate::marks::marks;
 use crate::request::{Answer, Request, Source};
+use crate::rework::Rework;
 use crate::sky::{Sky, SkyTrack};
 use hifitime::{Duration, Epoch};
 use serde::Serialize;
@@ -179,6 +180,7 @@ pub struct Recording {
     station: Result<Station, String>,
     tracks: Mutex<Option<Arc<Vec<SkyTrack>>>>,
     last: Mutex<LastFrame>,
+    rework: Rework,
     warnings: Vec<String>,
 }
 
@@ -258,6 +260,7 @@ impl Recording {
             station,
             tracks: Mutex::default(),
             last: Mutex::default(),
+            rework: Rework::default(),
             warnings,
         })
     }
@@ -399,6 +402,16 @@ impl Recording {
         Ok(Answer::json(&**made))
     }
 
+    /// A visit reduced again, or a recipe saved.
+    fn reworked(&self, what: &str, body: &[u8]) -> Result<Answer, Answer> {
+        let station = self.station.as_ref().map_err(|error| Answer::error(422, error))?;
+        match what {
+            "reduction" => self.rework.curve(&self.session, station, body),
+            "reduction.ecsv" => self.rework.file(&self.session, station, body),
+            _ => Rework::save(&self.session, body),
+        }
+    }
+
     fn all_events(&self) -> Answer {
         let left_out = self.events.len().saturating_sub(EVENTS);
         Answer::json(&EventsView { events: &self.events[left_out..], left_out })
@@ -462,7 +475,12 @@ impl CountsView {
 impl Source for Recording {
     fn answer(&self, request: &Request) -> Answer {
         let answer = match request.parts().as_slice() {
+            [what @ ("reduction" | "reduction.ecsv" | "recipes")] if request.post => {
+                self.reworked(what, &request.body)
+            }
             _ if request.post => Err(Answer::error(405, "a recorded session cannot be steered")),
+            ["recipes"] => Ok(Rework::names(&self.session)),
+            ["recipes", name] => Rework::recipe(&self.session, name),
             ["about"] => Ok(Answer::json(&self.about())),
             ["events"] => Ok(self.all_events()),
             ["frames", camera] => self.film(camera).ok_or_else(Answer::missing).map(|film| {

@@ -1,6 +1,6 @@
 //! HTTP server in a thread of its own: few clients, bounded in all that they may cost.
 //!
-//! It speaks HTTP/1.1 by hyper, without a router: the page is three files, and all else goes to a [`Source`]. State is polled, so that a slow page holds nothing
+//! It speaks HTTP/1.1 by hyper, without a router: the page is a few files, and all else goes to a [`Source`]. State is polled, so that a slow page holds nothing
 //! but its own answer, and a page that comes back after a break simply asks again.
 
 use crate::gate::{Gate, Refusal, Token};
@@ -41,10 +41,12 @@ const PORTS: std::ops::Range<u16> = 8650..8670;
 const CSP: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; \
                    frame-ancestors 'none'; require-trusted-types-for 'script'";
 
-const FILES: [(&str, &str, &str); 4] = [
+const FILES: [(&str, &str, &str); 6] = [
     ("/", "text/html; charset=utf-8", include_str!("../web/index.html")),
     ("/page.css", "text/css; charset=utf-8", include_str!("../web/page.css")),
     ("/page.js", "text/javascript; charset=utf-8", include_str!("../web/page.js")),
+    ("/plan.js", "text/javascript; charset=utf-8", include_str!("../web/plan.js")),
+    ("/lab.js", "text/javascript; charset=utf-8", include_str!("../web/lab.js")),
     ("/icon.svg", "image/svg+xml", include_str!("../web/icon.svg")),
 ];
 

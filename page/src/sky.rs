@@ -4,6 +4,7 @@ use hifitime::{Duration, Epoch};
 use serde::Serialize;
 use sunglint_formats::session::Target;
 use sunglint_observatory::Pointing;
+use sunglint_observatory::planner::star_name;
 use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Horizontal, Observer};
 use sunglint_radiometry::station::Station;
 
@@ -17,6 +18,8 @@ const POINTS: usize = 120;
 pub struct SkyStar {
     /// Proper name, or empty.
     pub name: String,
+    /// Name by which a plan finds it.
+    pub plan_name: String,
     /// Azimuth and altitude, deg, true.
     pub at_deg: [f64; 2],
     /// V magnitude.
@@ -70,7 +73,8 @@ impl Sky {
             let v_mag = star.v_mag.filter(|v_mag| *v_mag <= FAINTEST)?;
             let at_deg = degrees(observer.star(star).horizontal);
             let name = star.name.clone().unwrap_or_default();
-            (at_deg[1] > 0.0).then_some(SkyStar { name, at_deg, v_mag })
+            let plan_name = star_name(star);
+            (at_deg[1] > 0.0).then_some(SkyStar { name, plan_name, at_deg, v_mag })
         });
         let moon = observer.moon();
         let place = target.and_then(|target| {

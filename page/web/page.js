@@ -23,11 +23,11 @@ class Refused extends Error {
   }
 }
 
-async function ask(path, body) {
+async function ask(path, body, patience_ms = 8000) {
   const headers = {};
   if (token()) headers.authorization = `Bearer ${token()}`;
   if (body) headers["content-type"] = "application/json";
-  const options = { headers, signal: AbortSignal.timeout(8000), cache: "no-store" };
+  const options = { headers, signal: AbortSignal.timeout(patience_ms), cache: "no-store" };
   if (body) Object.assign(options, { method: "POST", body: JSON.stringify(body) });
   const answer = await fetch(`api/${path}`, options);
   if (!answer.ok) {
@@ -285,8 +285,14 @@ function drawImage() {
       c.fillText(fibre.channel, tx + a / each + 0.6 * em, ty + (i - (S.about.fibres.length - 1) / 2) * 1.2 * em);
     }
   });
+  const by_hand = reworkedPlace();
+  if (by_hand && R.now.aperture_px) {
+    const [aperture, ...annulus] = R.now.aperture_px;
+    ring(by_hand, aperture, aperture, red ? "#ff4040" : "#ffd24a");
+    for (const radius of annulus) ring(by_hand, radius, radius, red ? "#c03030" : "#ffd24a", [6, 4]);
+  }
   const m = S.marks;
-  if (m?.place_px && m.of === f.of) {
+  if (m?.place_px && m.of === f.of && !by_hand) {
     ring(m.place_px, m.aperture_px, m.aperture_px, red ? "#ff6060" : "#ffffff");
     for (const radius of m.annulus_px) ring(m.place_px, radius, radius, red ? "#c03030" : "#ff9060", [6, 4]);
   }
@@ -645,6 +651,7 @@ function drawSky() {
     c.stroke();
   }
   c.lineWidth = 1;
+  S.overlay?.({ c, place, em });
   if (sky?.target && sky.target[1][1] > 0) {
     const [x, y] = place(sky.target[1]);
     c.strokeStyle = css("--bad");
@@ -667,6 +674,7 @@ const loadSky = latest(async (at) => {
     $("sky-text").textContent = error.message;
     return;
   }
+  if (S.overlay) { redraw("sky"); await new Promise((done) => setTimeout(done, 50)); return; }
   const target = S.sky.target;
   const text = target ? `${target[0]} at azimuth ${target[1][0].toFixed(1)}°, altitude ${target[1][1].toFixed(1)}°` : "no target with a place";
   $("sky-text").textContent = `${text}; Sun at ${S.sky.sun_deg[1].toFixed(1)}°. North is up, east is left.`;
@@ -803,13 +811,14 @@ function seek(t) {
   needCounts();
   redraw("counts");
   redraw("sky");
+  if (R.on) redraw("curve");
   later();
 }
 // What need not follow each picture of the film.
 let laterAt = 0;
 function later() {
   if (laterAt) return;
-  laterAt = setTimeout(() => { laterAt = 0; loadSky(S.t); devices(); markEvents(S.t); }, 120);
+  laterAt = setTimeout(() => { laterAt = 0; loadSky(S.t); devices(); markEvents(S.t); if (R.on) byHandText(); }, 120);
 }
 
 function play(on) {
@@ -896,11 +905,363 @@ async function recorded({ camera, counter }) {
   addEvents(events);
   await chooseCamera(camera);
   chooseCounter(counter);
+  showRework();
   const first = S.about.visits.find((v) => v.kind === "star" || v.kind === "satellite");
   seek(first ? Math.min(first.from_s + 1, first.to_s) : 0);
   devices();
   drawAll();
   root.dataset.ready = "yes";
+}
+
+// --- reduction by hand --------------------------------------------------------------------------------------------------
+
+const R = { on: false, visit: null, places: [], refused: new Map(), old: null, now: null, range: null, pointing: false, drag: null };
+window.sunglint.rework = R;
+
+const choices = () => [...document.querySelectorAll(".choices [data-key]")];
+
+// The recipe, as the program reads it; null where a field is no number.
+function recipe() {
+  const out = { target: R.visit.name, visit: R.visit.number };
+  let good = true;
+  for (const input of choices()) {
+    const [key, part] = input.dataset.key.split(".");
+    if (input.type === "checkbox") { if (input.checked) out[key] = true; continue; }
+    const text = input.value.trim();
+    const number = Number(text);
+    const wrong = text !== "" && !Number.isFinite(number);
+    input.classList.toggle("wrong", wrong);
+    good &&= !wrong;
+    if (text === "" || wrong) continue;
+    if (part === undefined) out[key] = number;
+    else (out[key] ??= [null, null])[Number(part)] = number;
+  }
+  // One of two: the other is as usual.
+  if (out.annulus_px?.includes(null)) {
+    const usual = R.old.aperture_px ?? [8, 12, 20];
+    const radius = out.aperture_px ?? usual[0];
+    out.annulus_px = out.annulus_px.map((v, i) => v ?? [1.5, 2.5][i] * radius);
+  }
+  if (out.area_px) out.area_px = out.area_px.map((v, i) => v ?? [4, 2000][i]);
+  if (R.places.length) out.place = R.places;
+  const refused = [...R.refused].filter(([, frames]) => frames.size).map(([camera, frames]) => ({ camera, frames: [...frames].sort((a, b) => a - b) }));
+  if (refused.length) out.refused = refused;
+  return good ? out : null;
+}
+
+const loadCurve = latest(async (wanted) => {
+  try {
+    const curve = await (await ask("reduction", wanted, 120000)).json();
+    if (wanted.target !== R.visit.name || wanted.visit !== R.visit.number) return;
+    R.now = curve;
+    $("curve-why").textContent = curve.warnings.join(" · ");
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    // The curve that is there stays.
+    $("curve-why").textContent = error.message;
+  }
+  curveShown();
+});
+
+let reducing = 0;
+function reduceSoon() {
+  clearTimeout(reducing);
+  byHandText();
+  reducing = setTimeout(() => { const wanted = recipe(); if (wanted) loadCurve(wanted); }, 150);
+}
+
+function curveShown() {
+  const curve = R.now;
+  const select = $("rework-channel");
+  const names = curve.channels.map((c) => c.name);
+  if (names.join() !== [...select.options].map((o) => o.value).join()) {
+    const before = select.value;
+    select.replaceChildren(...names.map((name) => Object.assign(document.createElement("option"), { value: name, textContent: name })));
+    const camera = curve.channels.find((c) => c.unit === "ADU/s");
+    select.value = names.includes(before) ? before : (camera ?? curve.channels[0])?.name ?? "";
+  }
+  curveText();
+  redraw("curve");
+  redraw("image");
+}
+
+function curveText() {
+  const curve = R.now;
+  const channel = curve.channels.find((c) => c.name === $("rework-channel").value);
+  const rates = (channel?.rate ?? []).filter((rate) => rate !== null).sort((a, b) => a - b);
+  const median = rates[rates.length >> 1];
+  const [frames, lost] = curve.frames;
+  const removed = curve.removed.filter(([, n]) => n).map(([why, n]) => `${n} by ${why}`).join(", ");
+  const [aperture, inner, outer] = curve.aperture_px ?? [];
+  $("curve-text").textContent = [
+    channel && `${channel.name}: ${rates.length} of ${channel.time_s.length} samples have a value, the median is ${median === undefined ? "–" : median.toPrecision(5)} ${channel.unit}`,
+    `${frames} frames, ${lost} without a target`,
+    aperture && `aperture ${aperture.toFixed(1)} px, annulus ${inner.toFixed(1)} to ${outer.toFixed(1)} px, points ${curve.fwhm_px?.toFixed(1) ?? "–"} px wide`,
+    removed && `sources left out: ${removed}`,
+    `${curve.took_s.toFixed(2)} s`,
+  ].filter(Boolean).join(" · ");
+  $("curve").setAttribute("aria-label", `light curve of ${R.visit.name}: ${$("curve-text").textContent}`);
+}
+
+function byHandText() {
+  const frames = [...R.refused.values()].reduce((sum, set) => sum + set.size, 0);
+  const parts = [];
+  if (R.places.length) parts.push(`followed from frame ${R.places.map((p) => p.frame).join(", ")}`);
+  if (frames) parts.push(`${frames} ${frames > 1 ? "frames" : "frame"} refused`);
+  $("by-hand").textContent = parts.join(" · ");
+  const [from, to] = R.range ?? [];
+  const chosen = framesIn(R.range);
+  const here = presentFrame();
+  const all = R.range ? chosen : here === null ? [] : [here];
+  const set = R.refused.get(S.camera);
+  const taken = all.length > 0 && all.every((n) => set?.has(n));
+  $("refuse").textContent = `${taken ? "Take" : "Refuse"} ${R.range ? `${chosen.length} ${chosen.length === 1 ? "frame" : "frames"} from ${utc(from, 0)} to ${utc(to, 0)}` : "this frame"}${taken ? " again" : ""}`;
+  $("refuse").disabled = !all.length;
+}
+
+// Numbers of the visit's frames whose middle lies in a stretch.
+function framesIn(range) {
+  if (!range || !S.film || !R.visit) return [];
+  const half = (S.about.devices.find((d) => d.name === S.camera)?.exposure_s ?? 0) / 2;
+  const [from, to] = range;
+  return S.film.number.filter((_, i) => { const t = S.film.start_s[i]; return t + half >= from && t + half <= to && t >= R.visit.from_s && t < R.visit.to_s; });
+}
+function presentFrame() {
+  const f = S.frame;
+  return f && R.visit && f.header.start_s >= R.visit.from_s && f.header.start_s < R.visit.to_s ? f.header.number : null;
+}
+
+function refuse() {
+  if (!R.on) return;
+  const here = presentFrame();
+  const frames = R.range ? framesIn(R.range) : here === null ? [] : [here];
+  if (!frames.length) return;
+  const set = R.refused.get(S.camera) ?? new Set();
+  R.refused.set(S.camera, set);
+  const all = frames.every((n) => set.has(n));
+  for (const n of frames) all ? set.delete(n) : set.add(n);
+  R.range = null;
+  reduceSoon();
+  redraw("curve");
+}
+
+function pointAt(event) {
+  const frame = presentFrame();
+  if (frame === null) { notice("this frame is not of the visit that is reduced"); return; }
+  const place = pixelUnder(event).map((v) => Math.round((v - 0.5) * 100) / 100);
+  R.places = R.places.filter((p) => p.frame !== frame || p.camera !== S.camera);
+  R.places.push({ camera: S.camera, frame, place_px: place });
+  R.places.sort((a, b) => a.frame - b.frame);
+  pointing(false);
+  reduceSoon();
+}
+function pointing(on) {
+  R.pointing = on;
+  $("point").setAttribute("aria-pressed", String(on));
+  if (on) notice("click on the target in the image");
+  else if ($("notice").textContent === "click on the target in the image") notice("");
+}
+
+async function beginRework() {
+  const visit = S.about.visits[Number($("rework-visit").value)];
+  if (!visit) return;
+  Object.assign(R, { on: true, visit, places: [], refused: new Map(), old: null, now: null, range: null });
+  for (const input of choices()) input.type === "checkbox" ? (input.checked = false) : (input.value = "");
+  pointing(false);
+  if (S.t < visit.from_s || S.t >= visit.to_s) seek(Math.min(visit.from_s + 1, visit.to_s));
+  $("rework-begin").disabled = true;
+  try {
+    const usual = await (await ask("reduction", { target: visit.name, visit: visit.number }, 120000)).json();
+    R.old = R.now = usual;
+    $("rework-body").hidden = false;
+    $("rework-channel").parentElement.hidden = false;
+    $("curve-why").textContent = usual.warnings.join(" · ");
+    byHandText();
+    curveShown();
+    recipes();
+  } catch (error) {
+    complain(error);
+  } finally {
+    $("rework-begin").disabled = false;
+  }
+}
+
+async function recipes() {
+  const { names } = await get("recipes");
+  $("recipes").replaceChildren(...names.map((name) => Object.assign(document.createElement("option"), { value: name })));
+}
+
+async function saveRecipe(event) {
+  event.preventDefault();
+  const wanted = recipe();
+  if (!wanted) return;
+  const name = $("recipe-name").value.trim();
+  const replace = saveRecipe.again === name;
+  saveRecipe.again = "";
+  try {
+    const saved = await (await ask("recipes", { name, recipe: wanted, replace })).json();
+    $("saved-text").textContent = `saved as ${saved.file}; the same curve again: ${saved.repeat}`;
+    recipes();
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    if (error.status === 409) saveRecipe.again = name;
+    $("saved-text").textContent = error.message + (error.status === 409 ? ": Save again replaces it" : "");
+  }
+}
+
+// A recipe that was saved, into the fields.
+async function openRecipe() {
+  let saved;
+  try {
+    saved = await get(`recipes/${part($("recipe-name").value.trim())}`);
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    $("saved-text").textContent = error.status === 404 ? "there is no reduction of this name" : error.message;
+    return;
+  }
+  const at = S.about.visits.findIndex((v) => v.name === saved.target && v.number === saved.visit);
+  if (at < 0) { $("saved-text").textContent = "this reduction is not of one visit: open it with sunglint reduce"; return; }
+  if (S.about.visits[at] !== R.visit) { $("rework-visit").value = String(at); await beginRework(); }
+  for (const input of choices()) {
+    const [key, index] = input.dataset.key.split(".");
+    const value = index === undefined ? saved[key] : saved[key]?.[Number(index)];
+    if (input.type === "checkbox") input.checked = Boolean(value);
+    else input.value = value ?? "";
+  }
+  R.places = saved.place;
+  R.refused = new Map(saved.refused.map(({ camera, frames }) => [camera, new Set(frames)]));
+  $("saved-text").textContent = "";
+  reduceSoon();
+}
+
+async function curveFile() {
+  const wanted = recipe();
+  if (!wanted) return;
+  try {
+    const bytes = await (await ask("reduction.ecsv", wanted, 120000)).blob();
+    const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(bytes), download: `${$("recipe-name").value.trim() || "curve"}.ecsv` });
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  } catch (error) { complain(error); }
+}
+
+function drawCurve() {
+  if (!R.now || $("rework-body").hidden) return;
+  const canvas = $("curve");
+  const { c, w, h, em } = fit(canvas);
+  const name = $("rework-channel").value;
+  const both = [R.old, R.now].map((curve) => curve.channels.find((channel) => channel.name === name));
+  const [from, to] = [R.visit.from_s, Math.max(R.visit.to_s, R.visit.from_s + 1)];
+  const box = { l: 5 * em, r: w - 0.6 * em, t: 0.8 * em, b: h - 1.7 * em };
+  const x = (t) => box.l + ((t - from) / (to - from)) * (box.r - box.l);
+  canvas.plot = { from, to, l: box.l, r: box.r };
+  let [least, most] = [Infinity, -Infinity];
+  for (const channel of both) for (const rate of channel?.rate ?? []) if (rate !== null) [least, most] = [Math.min(least, rate), Math.max(most, rate)];
+  if (!(most > -Infinity)) [least, most] = [0, 1];
+  least = Math.min(least, 0.9 * least, least - 0.05 * (most - least));
+  const room = 0.05 * (most - least) || 1;
+  const y = (rate) => box.b - ((rate - least) / (most + room - least)) * (box.b - box.t);
+  c.fillStyle = css("--soft");
+  c.strokeStyle = css("--line");
+  c.lineWidth = 1;
+  c.textBaseline = "top";
+  const time = timeTicks(from, to, Math.max(2, (box.r - box.l) / (6 * em)));
+  for (const t of time.at) {
+    c.beginPath(); c.moveTo(x(t), box.t); c.lineTo(x(t), box.b); c.stroke();
+    const text = time.short ? utc(t, 0).slice(0, 5) : utc(t, time.digits);
+    const half = c.measureText(text).width / 2;
+    if (x(t) - half > box.l - 2 * em && x(t) + half < w) c.fillText(text, x(t) - half, box.b + 0.35 * em);
+  }
+  c.textBaseline = "middle";
+  for (const v of ticks(least, most + room, Math.max(2, (box.b - box.t) / (2.4 * em)))) {
+    if (y(v) < box.t - 1 || y(v) > box.b + 1) continue;
+    c.beginPath(); c.moveTo(box.l, y(v)); c.lineTo(box.r, y(v)); c.stroke();
+    const text = Math.abs(v) >= 1e5 ? v.toExponential(1) : String(Math.round(v * 100) / 100);
+    c.fillText(text, box.l - c.measureText(text).width - 0.4 * em, y(v));
+  }
+  const same = R.old === R.now;
+  both.forEach((channel, k) => {
+    if (!channel || (same && k === 0)) return;
+    c.fillStyle = k === 0 ? css("--soft") : css("--accent");
+    const size = k === 0 ? 2 : 2.5;
+    channel.rate.forEach((rate, i) => {
+      if (rate === null) return;
+      const [px, py] = [x(channel.time_s[i]), y(rate)];
+      // Red light has one colour: what was there before is hollow.
+      if (k === 0) { c.strokeStyle = css("--soft"); c.strokeRect(px - size, py - size, 2 * size, 2 * size); }
+      else { c.beginPath(); c.arc(px, py, size, 0, 7); c.fill(); }
+    });
+  });
+  // Refused frames: a cross at the bottom.
+  c.strokeStyle = css("--bad");
+  const half = (S.about.devices.find((d) => d.name === S.camera)?.exposure_s ?? 0) / 2;
+  const refused = R.refused.get(S.camera);
+  if (refused?.size) S.film?.number.forEach((n, i) => {
+    if (!refused.has(n)) return;
+    const px = x(S.film.start_s[i] + half);
+    c.beginPath(); c.moveTo(px - 3, box.b - 9); c.lineTo(px + 3, box.b - 3); c.moveTo(px + 3, box.b - 9); c.lineTo(px - 3, box.b - 3); c.stroke();
+  });
+  const chosen = R.drag ?? R.range;
+  if (chosen) {
+    c.globalAlpha = 0.2;
+    c.fillStyle = css("--accent");
+    c.fillRect(x(Math.min(...chosen)), box.t, Math.abs(x(chosen[1]) - x(chosen[0])), box.b - box.t);
+    c.globalAlpha = 1;
+  }
+  if (S.t >= from && S.t <= to) {
+    c.strokeStyle = css("--ink");
+    c.beginPath(); c.moveTo(x(S.t), box.t); c.lineTo(x(S.t), box.b); c.stroke();
+  }
+}
+
+// Where the present reduction has its target on this frame, px of the frame.
+function reworkedPlace() {
+  const curve = R.now;
+  const f = S.frame;
+  if (!R.on || !curve || !f) return null;
+  const { start_s, exposure_s, origin_px, binning } = f.header;
+  const i = curve.track_s.findIndex((t) => t >= start_s && t <= start_s + exposure_s);
+  const sensor = S.about.sensor_px;
+  if (i < 0 || !sensor) return null;
+  return [0, 1].map((k) => (curve.track_px[i][k] + sensor[k] / 2 - origin_px[k]) / binning[k] - 0.5);
+}
+
+function wireRework() {
+  $("rework-begin").addEventListener("click", beginRework);
+  $("rework-channel").addEventListener("change", () => { curveText(); redraw("curve"); });
+  for (const input of choices()) input.addEventListener("input", reduceSoon);
+  $("point").addEventListener("click", () => pointing(!R.pointing));
+  $("refuse").addEventListener("click", refuse);
+  $("usual").addEventListener("click", () => {
+    for (const input of choices()) input.type === "checkbox" ? (input.checked = false) : (input.value = "");
+    Object.assign(R, { places: [], refused: new Map(), range: null });
+    reduceSoon();
+  });
+  $("save-form").addEventListener("submit", (event) => saveRecipe(event).catch(complain));
+  $("recipe-load").addEventListener("click", () => openRecipe().catch(complain));
+  $("curve-file").addEventListener("click", curveFile);
+  const canvas = $("curve");
+  const timeUnder = (event) => {
+    const { from, to, l, r } = canvas.plot ?? {};
+    return from === undefined ? null : from + (clamp(event.clientX - canvas.getBoundingClientRect().left, l, r) - l) / (r - l) * (to - from);
+  };
+  canvas.addEventListener("pointerdown", (event) => { const t = timeUnder(event); if (t !== null) { R.drag = [t, t]; R.dragX = event.clientX; canvas.setPointerCapture(event.pointerId); } });
+  canvas.addEventListener("pointermove", (event) => { if (R.drag) { R.drag[1] = timeUnder(event); redraw("curve"); } });
+  canvas.addEventListener("pointerup", (event) => {
+    if (!R.drag) return;
+    const [a, b] = [...R.drag].sort((p, q) => p - q);
+    R.drag = null;
+    R.range = Math.abs(event.clientX - R.dragX) < 4 ? null : [a, b];
+    if (!R.range) seek(a);
+    byHandText();
+    redraw("curve");
+  });
+}
+
+function showRework() {
+  const list = S.about.visits.map((v, i) => [v, i]).filter(([v]) => v.kind === "star" || v.kind === "satellite");
+  $("rework").hidden = !token() || !list.length;
+  $("rework-visit").replaceChildren(...list.map(([v, i]) => Object.assign(document.createElement("option"), { value: String(i), textContent: v.number > 1 ? `${v.name} (${v.number})` : v.name })));
 }
 
 // --- live ---------------------------------------------------------------------------------------------------------------
@@ -990,6 +1351,7 @@ function showLive(view) {
 async function live() {
   $("steer").hidden = !token();
   $("note-form").hidden = !token();
+  $("expose-form").hidden = !token() || !S.camera;
   $("sound-label").hidden = false;
   document.body.classList.add("live");
   $("span").value = "60";
@@ -1026,9 +1388,9 @@ async function live() {
   }
 }
 
-async function steer(action, text = "") {
+async function steer(action, text = "", more = {}) {
   try {
-    const { done } = await (await ask("control", { action, text })).json();
+    const { done } = await (await ask("control", { action, text, ...more })).json();
     notice(done);
     return true;
   } catch (error) {
@@ -1039,7 +1401,7 @@ async function steer(action, text = "") {
 
 // --- the person ---------------------------------------------------------------------------------------------------------
 
-const DRAW = { image: drawImage, counts: () => S.about && drawCounts(), sky: () => S.about && drawSky(), strip: drawStrip };
+const DRAW = { image: drawImage, counts: () => S.about && drawCounts(), sky: () => S.about && drawSky(), strip: drawStrip, curve: drawCurve };
 
 function wire() {
   $("theme").value = localStorage.getItem("sunglint-theme") ?? "auto";
@@ -1050,6 +1412,8 @@ function wire() {
   $("zoom-in").addEventListener("click", () => zoom(2));
   $("zoom-out").addEventListener("click", () => zoom(0.5));
   $("zoom-all").addEventListener("click", () => zoom(0));
+  $("image").addEventListener("click", (event) => { if (R.pointing && S.frame) pointAt(event); });
+  wireRework();
   $("image").addEventListener("pointermove", readPixel);
   $("image").addEventListener("pointerleave", () => { $("pixel").textContent = "\u00a0"; });
   $("image").addEventListener("dblclick", (event) => S.frame && zoom(2, pixelUnder(event)));
@@ -1074,6 +1438,17 @@ function wire() {
   $("skip").addEventListener("click", () => steer("skip"));
   $("stop").addEventListener("click", () => steer("stop"));
   $("note-form").addEventListener("submit", async (event) => { event.preventDefault(); if (await steer("note", $("note").value)) $("note").value = ""; });
+  $("expose-form").addEventListener("submit", (event) => {
+    event.preventDefault();
+    const more = { camera: S.camera };
+    for (const [key, id] of [["exposure_s", "expose-s"], ["gain", "expose-gain"]]) {
+      const text = $(id).value.trim();
+      if (text === "") continue;
+      if (!Number.isFinite(Number(text))) { notice(`${text} is no number`); return; }
+      more[key] = Number(text);
+    }
+    steer("expose", "", more);
+  });
   const help = () => { $("help").hidden = !$("help").hidden; $("help-button").setAttribute("aria-expanded", String(!$("help").hidden)); };
   $("help-button").addEventListener("click", help);
   const sizes = new ResizeObserver(drawAll);
@@ -1098,6 +1473,7 @@ function wire() {
       "[": film && (() => visitStart(-1)),
       "]": film && (() => visitStart(1)),
       "+": () => zoom(2), "-": () => zoom(0.5), 0: () => zoom(0),
+      x: film && R.on && refuse,
       s: () => { $("stretch").selectedIndex = ($("stretch").selectedIndex + 1) % 3; $("stretch").dispatchEvent(new Event("change")); },
       r: () => { const now = $("theme").value; $("theme").value = now === "red" ? (wire.before ?? "auto") : "red"; if (now !== "red") wire.before = now; $("theme").dispatchEvent(new Event("change")); },
       "?": help,
@@ -1122,7 +1498,9 @@ async function begin() {
         S.live.counts = {};
         legend();
         await live();
-      } else await recorded(chosen);
+      } else if (S.about.mode === "plan") await (await import("./plan.js")).planning();
+      else if (S.about.mode === "lab") await (await import("./lab.js")).lab();
+      else await recorded(chosen);
       return;
     } catch (error) {
       // The night has not begun, or the program is not there yet.
@@ -1132,4 +1510,6 @@ async function begin() {
     }
   }
 }
+const setDraw = (name, draw) => { DRAW[name] = draw; };
+export { $, S, Refused, STROKES, ask, clamp, complain, css, fit, get, latest, lineColour, loadSky, notice, redraw, row, setDraw, span, theme, ticks, token, utc };
 begin();

@@ -3,6 +3,7 @@
 mod assemble;
 mod fit;
 mod ingest;
+mod lab;
 mod ndf;
 mod plan;
 pub mod retro;

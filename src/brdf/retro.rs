@@ -4,6 +4,7 @@
 
 mod live;
 
+use super::lab::{self, LabPage};
 use super::rig::{self, HOME, OPEN};
 use crate::output::{Console, OutputArgs};
 use anyhow::{Context as _, anyhow, bail};
@@ -22,6 +23,7 @@ use sunglint_materials::retro::measure::{
 };
 use sunglint_materials::retro::plan::RunPlan;
 use sunglint_materials::retro::{reduce, to_table};
+use sunglint_page::LabReading;
 use sunglint_report::Product;
 use sunglint_report::brdf::retro as show;
 use sunglint_virtual::rig::devices::VirtualRig;
@@ -45,6 +47,9 @@ pub struct RetroArgs {
     /// Do not ask before what needs a hand (meter into the beam, sample away): something else does it
     #[arg(long)]
     pub yes: bool,
+    /// Show the run in a browser, where it can be paused and stopped: prints the address [default: 127.0.0.1 and the first free port from 8650 on]
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "", conflicts_with = "reduce")]
+    pub page: Option<String>,
     /// Where the result goes: one folder, with the readings in it.
     #[command(flatten)]
     pub out: OutputArgs,
@@ -133,8 +138,10 @@ fn take(
     let angles = plan.measuring.scan.angles().len();
     let scans = if plan.measuring.scan.signature { 2 } else { 1 };
     let done = before.iter().filter(|line| line.state == State::Kept).count();
-    let live = live::Live::new((scans * angles + 2) as u64, done as u64, console);
-    log.watch(Box::new(live));
+    let places = [(scans * angles + 2) as u64, done as u64];
+    let live = live::Live::new(places[0], places[1], console);
+    let page = LabPage::start(args.page.as_deref(), folder, "angle of the stage", places, console)?;
+    log.watch(LabPage::watch(page.as_ref(), Box::new(live), reading, &cancel));
     let mut person = rig::Person { yes: args.yes, asking, console, words };
     let mut robot = virtual_rig.map(Robot);
     let hands: &mut dyn Hands = match &mut robot {
@@ -144,6 +151,9 @@ fn take(
     let Opened { stage, meter } = &mut opened;
     let mut rig = Rig { stage: stage.as_mut(), meter: meter.as_mut(), hands, clock, cancel };
     let result = measure(&mut rig, &plan.measuring, before, args.incident, zero_s, &mut log);
+    if let Some(page) = &page {
+        page.end(if result.is_ok() { "done" } else { "stopped" });
+    }
     if let Err(error) = result {
         let kept = log.lines.iter().filter(|line| line.state == State::Kept).count();
         let readings = log.lines.iter().filter(|l| l.state.is_reading());
@@ -161,6 +171,23 @@ fn take(
     let devices = json!({ "begin": devices, "end": at_end });
     log.write_event("devices", devices.clone())?;
     Ok((std::mem::take(&mut log.lines), devices))
+}
+
+/// A line of the run as the page shows it.
+fn reading(line: &Line) -> LabReading {
+    LabReading {
+        part: match line.phase {
+            Phase::Incident(_) => "incident",
+            Phase::Signature => "no sample",
+            Phase::Sample => "sample",
+        }
+        .to_owned(),
+        angle_deg: line.angle_deg,
+        place: format!("{:.3}°", line.angle_deg),
+        power_w: line.power_w,
+        range: line.range.clone(),
+        state: lab::state(line.state),
+    }
 }
 
 struct Opened {

@@ -2,6 +2,7 @@
 //!
 //! The run itself is [`sunglint_materials::goniometer`]'s; here are its devices, the person at the bench, and what is shown.
 
+use super::lab::{self, LabPage};
 use super::rig::{self, HOME, OPEN};
 use crate::output::{Console, OutputArgs, Usage};
 use crate::progress::Bar;
@@ -26,6 +27,7 @@ use sunglint_materials::plan::{Planned, planned};
 use sunglint_materials::reading::State;
 use sunglint_materials::retro::measure::{Hands, HandsError};
 use sunglint_numerics::progress::Progress as _;
+use sunglint_page::LabReading;
 use sunglint_report::brdf::goniometer::{RunSummary, hours, run_text};
 use sunglint_virtual::goniometer::devices::VirtualGoniometer;
 use sunglint_virtual::goniometer::options::Options;
@@ -48,6 +50,9 @@ pub struct RunArgs {
     /// Do not ask before what needs a hand (beam blocked, sample away): something else does it
     #[arg(long)]
     pub yes: bool,
+    /// Show the run in a browser, where it can be paused and stopped: prints the address [default: 127.0.0.1 and the first free port from 8650 on]
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "")]
+    pub page: Option<String>,
     /// Where the run goes: one folder, with the readings in it.
     #[command(flatten)]
     pub out: OutputArgs,
@@ -143,6 +148,21 @@ impl Watch<Line> for Live {
 
     fn say(&self, text: &str) {
         self.bar.0.suspend(|| self.console.say(text));
+    }
+}
+
+/// A line of the run as the page shows it.
+fn reading(line: &Line) -> LabReading {
+    let names = ["sample", "detector", "azimuth", "turn"].iter().zip(line.stages);
+    let places: Vec<String> =
+        names.filter_map(|(name, at)| Some(format!("{name} {:.2}°", at?))).collect();
+    LabReading {
+        part: line.part.name().to_owned(),
+        angle_deg: line.stages[1].unwrap_or(0.0),
+        place: places.join(", "),
+        power_w: line.power_w,
+        range: line.range.clone(),
+        state: lab::state(line.state),
     }
 }
 
@@ -298,7 +318,11 @@ fn take(
     ));
     let bar = Arc::new(Shown(Bar::new(console)));
     bar.0.begin("run", Some(left as u64));
-    log.watch(Box::new(Live { bar: bar.clone(), console }));
+    let places = [all_tasks.len() as u64, finished as u64];
+    let page =
+        LabPage::start(args.page.as_deref(), folder, "angle of the detector", places, console)?;
+    let live = Box::new(Live { bar: bar.clone(), console });
+    log.watch(LabPage::watch(page.as_ref(), live, reading, &cancel));
     let mut person = rig::Person { yes: args.yes, asking, console, words };
     let mut robot = virtual_bench.map(Robot);
     let hands: &mut dyn Hands = match &mut robot {
@@ -312,6 +336,9 @@ fn take(
     let began_s = clock.clock.now().as_secs_f64();
     let mut bench_rig = Rig { stages, meter: meter.as_mut(), hands, clock: clock.clone(), cancel };
     let result = measure(&mut bench_rig, bench, all_tasks, before, zero_s, &mut log);
+    if let Some(page) = &page {
+        page.end(if result.is_ok() { "done" } else { "stopped" });
+    }
     bar.0.end();
     let kept = done(&log.lines);
     let measured = kept.iter().filter(|(part, _)| *part == Part::Direction).count();

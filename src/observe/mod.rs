@@ -110,7 +110,7 @@ pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
             let state = Arc::new(LiveState::new());
             night.live = Some(state.clone());
             let server = Server::start(address, Arc::new(LiveNight::new(state, PROGRAM)))?;
-            crate::page::announce(&server, true, console);
+            crate::page::announce(&server, "sees and steers the night", console);
             Some(server)
         }
     };

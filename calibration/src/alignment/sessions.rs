@@ -103,6 +103,7 @@ pub fn align(
         // A star beside the fibre is what shows the field's rim.
         off_sigmas: None,
         target: None,
+        visit: None,
     };
     for path in sessions {
         stars.add(path, station, &reduce, progress)?;

@@ -69,6 +69,24 @@ impl FrameReducer {
         Ok(())
     }
 
+    /// Takes sources at most this far from where the target is expected from now on, px.
+    ///
+    /// # Errors
+    /// [`PhotometryError::Option`] for a distance below 0.
+    pub fn set_max_offset_px(&mut self, max_offset_px: f64) -> Result<(), PhotometryError> {
+        let mut options = self.options.clone();
+        options.detection.max_offset_px = max_offset_px;
+        options.check()?;
+        self.options = options;
+        Ok(())
+    }
+
+    /// A frame that is not measured: no place, and planes without a rate, which have these flags.
+    pub fn unmeasured(&self, frame: &Frame, flags: Flags) -> FrameMeasurement {
+        let planes = Plane::of(frame.bayer).map(|plane| aperture::empty(plane.colour, flags));
+        FrameMeasurement { planes: planes.collect(), ..without_target(frame, None) }
+    }
+
     /// Returns the numbers of what was removed so far.
     pub fn tally(&self) -> Tally {
         self.tally

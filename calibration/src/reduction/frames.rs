@@ -1,5 +1,6 @@
 //! The frames of a night: the sensor's faults from its dark frames, the target's place and rates from the others.
 
+use super::recipe::{PointedPlace, RefusedFrames};
 use super::seeing::{self, Width};
 use super::sensor::{Sensor, Taken, Used, bad_count, filter_of};
 use super::sky::Body;
@@ -11,7 +12,7 @@ use crate::photometry::{
 use crate::track::Track;
 use hifitime::{Epoch, Unit};
 use ndarray::Array2;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use sunglint_formats::Frame;
 use sunglint_formats::session::{FrameFile, Session};
 use sunglint_numerics::progress::Progress;
@@ -34,6 +35,8 @@ pub struct CameraNight {
     pub curves: Vec<Option<LightCurve>>,
     /// Last measurements of each stay, with their frames: for figures.
     pub shown: Vec<Vec<Shown>>,
+    /// Focus and background of each stay's frames, in the order of time.
+    pub looks: Vec<Vec<FrameLook>>,
     /// Numbers of what each rule removed.
     pub tally: Tally,
     /// Frames within no stay at a target: sky, dark, on the way.
@@ -54,6 +57,17 @@ pub struct CameraNight {
     pub warnings: Vec<String>,
     /// Frames that could not be read or measured, and why.
     pub failed: Vec<(FrameFile, String)>,
+}
+
+/// Focus and background of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameLook {
+    /// The middle of the exposure.
+    pub time: Epoch,
+    /// Full width at half maximum of the target, px, without the pixel's own; `None` where no target was found.
+    pub fwhm_px: Option<f64>,
+    /// Background of a pixel of the first plane, ADU; NaN where there is none.
+    pub background_adu: f64,
 }
 
 /// A frame to be drawn, or its part about the target.
@@ -116,7 +130,15 @@ pub struct FrameOptions {
     pub aperture_from_frames: bool,
     /// Dark frames and flats in place of the session's.
     pub sensor: SensorFiles,
+    /// Places at which a person saw targets. In a visit with one the target is followed from frame to frame: on from each place to the next, and back from the
+    /// first. Each frame's source nearest to the last place is taken, at most [`FOLLOW_APERTURES`] apertures away where the options allow any distance.
+    pub places: Vec<PointedPlace>,
+    /// Frames that a person refused: their rows have the flag [`Flags::GAP`] and no rate, and their places gate no counts.
+    pub refused: Vec<RefusedFrames>,
 }
+
+/// A target that is followed moves from frame to frame by at most so many radii of its aperture: further away is another source.
+pub const FOLLOW_APERTURES: f64 = 3.0;
 
 /// Young's coefficient of the scintillation: the middle of the sites of Osborn et al. 2015.
 const SCINTILLATION: f64 = 1.5;
@@ -145,6 +167,8 @@ impl FrameOptions {
             fwhm_from_frames: true,
             aperture_from_frames: true,
             sensor: SensorFiles::default(),
+            places: Vec::new(),
+            refused: Vec::new(),
         };
         options.set_aperture(APERTURE_PX);
         Some(options)
@@ -187,8 +211,9 @@ pub fn camera_night(
     let zeniths = zeniths(&starts, &stay_of, stays, station)?;
     let mut fwhm_px = vec![options.fwhm_px; stays.len()];
     let mut widest_px = options.fwhm_px;
+    let by_hand = ByHand::of(how, camera, &files, &stay_of, stays);
     if how.fwhm_from_frames {
-        (fwhm_px, widest_px) = widths(&files, &stay_of, stays, &options, &mut sensor)?;
+        (fwhm_px, widest_px) = widths(&files, &stay_of, stays, &options, &by_hand, &mut sensor)?;
     }
     if how.aperture_from_frames {
         widen(&mut options, widest_px);
@@ -199,6 +224,7 @@ pub fn camera_night(
         tracks: vec![Track::default(); stays.len()],
         curves: vec![None; stays.len()],
         shown: vec![Vec::new(); stays.len()],
+        looks: vec![Vec::new(); stays.len()],
         tally: Tally::default(),
         outside: 0,
         partly: 0,
@@ -207,7 +233,7 @@ pub fn camera_night(
         sensor: Used::default(),
         settings: 0,
         bad_pixels: 0,
-        warnings: Vec::new(),
+        warnings: by_hand.warnings.clone(),
         failed: Vec::new(),
     };
     let mut rows: Vec<Vec<Row>> = vec![Vec::new(); stays.len()];
@@ -216,27 +242,50 @@ pub fn camera_night(
         of_stay[*stay] += 1;
     }
     let mut seen = vec![0_usize; stays.len()];
-    for (i, file) in files.iter().enumerate() {
+    let most_px = follows_within(&options);
+    // Where the target of the present visit was last, on the sensor, and at the first place that was pointed at.
+    let mut following = Following::default();
+    for i in by_hand.order(&stay_of) {
+        let file = &files[i];
         step(progress, 1)?;
         let Some(stay) = stay_of[i].filter(|stay| stays[*stay].target.on) else {
             night.outside += 1;
             continue;
         };
-        let expected = Expected { airmass: zeniths[i].and_then(airmass), ..Expected::default() };
+        let mut expected =
+            Expected { airmass: zeniths[i].and_then(airmass), ..Expected::default() };
+        let refused = by_hand.refused.contains(&i);
         let measured = match file.read() {
-            Ok(frame) => match reducers.measure(&frame, stay, night.fwhm_px[stay], &expected)? {
-                Ok(measured) => Ok((frame, measured)),
-                Err(error) => Err(error.to_string()),
-            },
+            Ok(frame) => {
+                let within_px = by_hand.first.get(&stay).map(|first| {
+                    let placed = Placed { sensor_px: options.sensor_px, frame: &frame };
+                    expected.place_px =
+                        following.place(stay, i < *first, by_hand.places.get(&i), placed);
+                    most_px
+                });
+                let how = match refused {
+                    true => Measuring::Refused,
+                    false => Measuring::Around(&expected, within_px),
+                };
+                match reducers.measure(&frame, stay, night.fwhm_px[stay], how)? {
+                    Ok(measured) => Ok((frame, measured)),
+                    Err(error) => Err(error.to_string()),
+                }
+            }
             Err(error) => Err(error.to_string()),
         };
+        if let Ok((_, FrameMeasurement { track, .. })) = &measured
+            && let Some(place) = &track.place
+        {
+            following.last_px = Some(place.offset_px);
+        }
         match measured {
             Ok((frame, mut measured)) => {
                 let end = frame.start + frame.exposure_s * Unit::Second;
                 if end > stays[stay].to {
                     night.partly += 1;
                     off_target(&mut measured);
-                } else {
+                } else if !refused {
                     night.tracks[stay].points.push(measured.track);
                 }
                 // Spread over the stay, so that a figure shows its course.
@@ -252,12 +301,166 @@ pub fn camera_night(
     }
     for (stay, mut rows) in rows.into_iter().enumerate() {
         rows.sort_by_key(|row| row.measured.time);
+        let look = |row: &Row| FrameLook {
+            time: row.measured.time,
+            fwhm_px: row.measured.fwhm_px,
+            background_adu: row.measured.planes.first().map_or(f64::NAN, |p| p.background_adu),
+        };
+        night.looks[stay] = rows.iter().map(look).collect();
         night.tracks[stay].points.sort_by_key(|point| point.time);
+        night.shown[stay].sort_by_key(|shown| shown.measured.time);
         night.curves[stay] = (!rows.is_empty()).then(|| curve(&rows, station));
     }
     reducers.finish(&mut night);
     night.failed = failed;
     Ok(night)
+}
+
+/// Choices of a person for the frames of a camera.
+#[derive(Debug, Default)]
+struct ByHand {
+    /// Places of targets, by the index of their frames.
+    places: BTreeMap<usize, [f64; 2]>,
+    /// The first frame of each visit that has a place.
+    first: BTreeMap<usize, usize>,
+    /// Indices of refused frames.
+    refused: BTreeSet<usize>,
+    warnings: Vec<String>,
+}
+
+impl ByHand {
+    fn of(
+        how: &FrameOptions,
+        camera: &str,
+        files: &[FrameFile],
+        stay_of: &[Option<usize>],
+        stays: &[Stay],
+    ) -> Self {
+        let mut by_hand = Self::default();
+        let mut foreign = Vec::new();
+        // Each number with the frames that have it, for a camera that began anew has a number twice.
+        let mut find = |number: u64| {
+            let from = files.partition_point(|file| file.sequence < number);
+            let same = files[from..].iter().take_while(|file| file.sequence == number).count();
+            let on = |i: &usize| stay_of[*i].is_some_and(|stay| stays[stay].target.on);
+            let found: Vec<usize> = (from..from + same).filter(on).collect();
+            if found.is_empty() {
+                foreign.push(number);
+            }
+            found
+        };
+        for place in how.places.iter().filter(|place| place.camera == camera) {
+            for i in find(place.frame) {
+                by_hand.places.insert(i, place.place_px);
+            }
+        }
+        for refused in how.refused.iter().filter(|refused| refused.camera == camera) {
+            for number in &refused.frames {
+                by_hand.refused.extend(find(*number));
+            }
+        }
+        for i in by_hand.places.keys() {
+            if let Some(stay) = stay_of[*i] {
+                by_hand.first.entry(stay).or_insert(*i);
+            }
+        }
+        if !foreign.is_empty() {
+            let some: Vec<String> = foreign.iter().take(5).map(ToString::to_string).collect();
+            by_hand.warnings.push(format!(
+                "camera {camera}: {} frames that were pointed at or refused are of no visit that is reduced: {}{}",
+                foreign.len(),
+                some.join(", "),
+                if foreign.len() > 5 { ", …" } else { "" }
+            ));
+        }
+        by_hand
+    }
+
+    /// Indices of all frames in the order in which they are measured: in a visit with places from the first place on, then back from it.
+    fn order(&self, stay_of: &[Option<usize>]) -> Vec<usize> {
+        let mut order = Vec::with_capacity(stay_of.len());
+        let mut back: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (i, stay) in stay_of.iter().enumerate() {
+            match stay.and_then(|stay| Some((stay, *self.first.get(&stay)?))) {
+                Some((stay, first)) if i < first => back.entry(stay).or_default().push(i),
+                _ => order.push(i),
+            }
+        }
+        order.extend(back.into_values().flat_map(|frames| frames.into_iter().rev()));
+        order
+    }
+}
+
+/// How far from its last place a target that is followed is looked for, px.
+fn follows_within(options: &PhotometryOptions) -> f64 {
+    let most = options.detection.max_offset_px;
+    if most.is_finite() { most } else { FOLLOW_APERTURES * options.aperture_radius_px }
+}
+
+/// A frame on the sensor.
+#[derive(Clone, Copy)]
+struct Placed<'a> {
+    sensor_px: [u32; 2],
+    frame: &'a Frame,
+}
+
+impl Placed<'_> {
+    /// Columns and rows from the sensor's middle, unbinned, of a place in the frame.
+    fn on_sensor(self, place_px: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|i| {
+            let binning = f64::from(self.frame.binning[i]);
+            f64::from(self.frame.origin[i]) + (place_px[i] + 0.5) * binning
+                - 0.5 * f64::from(self.sensor_px[i])
+        })
+    }
+
+    /// The reverse of [`on_sensor`](Self::on_sensor).
+    fn in_frame(self, offset_px: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|i| {
+            let on_sensor = offset_px[i] + 0.5 * f64::from(self.sensor_px[i]);
+            (on_sensor - f64::from(self.frame.origin[i])) / f64::from(self.frame.binning[i]) - 0.5
+        })
+    }
+}
+
+/// Way of a target that is followed, on the sensor.
+#[derive(Debug, Default)]
+struct Following {
+    /// The visit, and whether it is followed back from its first place.
+    of: Option<(usize, bool)>,
+    first_px: BTreeMap<usize, [f64; 2]>,
+    last_px: Option<[f64; 2]>,
+}
+
+impl Following {
+    /// Where the target of a frame is expected, px of the frame.
+    fn place(
+        &mut self,
+        stay: usize,
+        back: bool,
+        pointed: Option<&[f64; 2]>,
+        placed: Placed<'_>,
+    ) -> Option<[f64; 2]> {
+        if self.of != Some((stay, back)) {
+            self.of = Some((stay, back));
+            self.last_px = self.first_px.get(&stay).copied();
+        }
+        if let Some(place_px) = pointed {
+            let offset_px = placed.on_sensor(*place_px);
+            self.first_px.entry(stay).or_insert(offset_px);
+            self.last_px = Some(offset_px);
+        }
+        self.last_px.map(|offset_px| placed.in_frame(offset_px))
+    }
+}
+
+/// How a frame is measured.
+#[derive(Clone, Copy)]
+enum Measuring<'a> {
+    /// Not at all.
+    Refused,
+    /// Around an expected place, at most so far from it where the target is followed.
+    Around(&'a Expected, Option<f64>),
 }
 
 /// A frame that was measured.
@@ -323,7 +526,7 @@ impl<'a> Reducers<'a> {
         frame: &Frame,
         stay: usize,
         fwhm_px: f64,
-        expected: &Expected,
+        how: Measuring<'_>,
     ) -> Result<Result<FrameMeasurement, PhotometryError>, ReduceError> {
         let taken = Taken::of(frame);
         if !self.filters.is_empty()
@@ -348,9 +551,16 @@ impl<'a> Reducers<'a> {
         };
         if held.stay != stay {
             held.reducer.set_fwhm_px(fwhm_px)?;
-            held.stay = stay;
+            if let Measuring::Around(_, within_px) = how {
+                let usual = self.options.detection.max_offset_px;
+                held.reducer.set_max_offset_px(within_px.unwrap_or(usual))?;
+                held.stay = stay;
+            }
         }
-        let measured = held.reducer.measure(frame, expected);
+        let measured = match how {
+            Measuring::Refused => Ok(held.reducer.unmeasured(frame, Flags::GAP)),
+            Measuring::Around(expected, _) => held.reducer.measure(frame, expected),
+        };
         self.held.push(held);
         if self.held.len() > SETTINGS {
             self.tally += self.held.remove(0).reducer.tally();
@@ -398,13 +608,17 @@ fn widths(
     stay_of: &[Option<usize>],
     stays: &[Stay],
     options: &PhotometryOptions,
+    by_hand: &ByHand,
     sensor: &mut Sensor<'_>,
 ) -> Result<(Vec<f64>, f64), ReduceError> {
     let mut widths: Vec<Option<Width>> = vec![None; stays.len()];
     let mut known = None;
     for (number, width) in widths.iter_mut().enumerate().filter(|(i, _)| stays[*i].target.on) {
-        let of_it = files.iter().zip(stay_of).filter(|(_, stay)| **stay == Some(number));
-        let of_it: Vec<&FrameFile> = of_it.map(|(file, _)| file).collect();
+        let is_of_it = |i: &usize| stay_of[*i] == Some(number) && !by_hand.refused.contains(i);
+        let of_it: Vec<&FrameFile> = (0..files.len()).filter(is_of_it).map(|i| &files[i]).collect();
+        // The first place will do: other sources are points as wide as the target.
+        let place_px = by_hand.first.get(&number).and_then(|first| by_hand.places.get(first));
+        let expected = Expected { place_px: place_px.copied(), ..Expected::default() };
         // As the first of its frames was taken.
         let first = of_it.iter().find_map(|file| file.read().ok());
         let Some(first) = first else { continue };
@@ -417,7 +631,7 @@ fn widths(
         let mixed = of_it.last().is_some_and(|last| !of_one(&last));
         let of_it = if mixed { of_it.iter().filter(of_one).copied().collect() } else { of_it };
         if let Some((_, calibration)) = &known {
-            *width = seeing::fwhm_px(&of_it, options, calibration)?;
+            *width = seeing::fwhm_px(&of_it, options, calibration, &expected)?;
         }
     }
     let mut sharp: Vec<f64> =

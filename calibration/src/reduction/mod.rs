@@ -9,6 +9,7 @@ pub mod folder;
 pub mod frames;
 pub mod join;
 pub mod night;
+pub mod recipe;
 mod seeing;
 mod sensor;
 pub mod sight;
@@ -17,6 +18,7 @@ pub mod tags;
 
 pub use error::ReduceError;
 pub use night::{ReduceOptions, Reduced, Visited, reduce, reduce_with, stays};
+pub use recipe::Recipe;
 pub use sensor::Used;
 
 use hifitime::Epoch;

@@ -4,6 +4,7 @@ use super::counts::{CountOptions, CounterNight, Fibres, counter_night, gate, of_
 use super::error::Within as _;
 use super::frames::{CameraNight, FrameOptions, Shown, camera_night};
 use super::join::join;
+use super::recipe::Recipe;
 use super::sky::Body;
 use super::{ReduceError, Stay};
 use crate::counts::{Away, CountChannel, Sample, Span, away};
@@ -28,6 +29,8 @@ pub struct ReduceOptions {
     pub off_sigmas: Option<f64>,
     /// Only this target.
     pub target: Option<String>,
+    /// Only this one of the target's visits, from 1.
+    pub visit: Option<u32>,
 }
 
 /// Standard deviations of the widest fibre's field beyond which a target counts as sky, where nothing is said.
@@ -44,6 +47,7 @@ impl ReduceOptions {
             fibres: Fibres::new(),
             off_sigmas: Some(OFF_SIGMAS),
             target: None,
+            visit: None,
         }
     }
 }
@@ -78,6 +82,8 @@ pub struct Reduced {
     pub counters: Vec<CounterNight>,
     /// Warnings for the user.
     pub warnings: Vec<String>,
+    /// A sentence about what was chosen by hand, for the provenance.
+    by_hand: Option<String>,
 }
 
 /// A stay that the log does not end lasts at most so long, hours: longer than any night.
@@ -124,8 +130,8 @@ pub fn reduce_with(
     each: &mut dyn FnMut(&[CountChannel], &Stay, &Sample),
 ) -> Result<Reduced, ReduceError> {
     let root = session.root().display();
-    let stays =
-        chosen(stays(session)?, options.target.as_deref()).within(|| format!("session {root}"))?;
+    let stays = chosen(stays(session)?, options.target.as_deref(), options.visit)
+        .within(|| format!("session {root}"))?;
     let mut warnings = Vec::new();
     if session.manifest().station != station.name {
         warnings.push(format!(
@@ -195,11 +201,16 @@ pub fn reduce_with(
     if cameras.is_empty() && counters.is_empty() {
         return Err(ReduceError::NoInstrument { session: root.to_string() });
     }
-    Ok(Reduced { stays, tracks, next: 0, cameras, counters, warnings })
+    let by_hand = options.frames.as_ref().and_then(Recipe::note);
+    Ok(Reduced { stays, tracks, next: 0, cameras, counters, warnings, by_hand })
 }
 
-/// The stays of one target, with all that is off it; all stays without a name.
-fn chosen(stays: Vec<Stay>, target: Option<&str>) -> Result<Vec<Stay>, ReduceError> {
+/// The stays of one target, or one of them, with all that is off it; all stays without a name.
+fn chosen(
+    stays: Vec<Stay>,
+    target: Option<&str>,
+    visit: Option<u32>,
+) -> Result<Vec<Stay>, ReduceError> {
     let names: Vec<&str> =
         stays.iter().filter(|stay| stay.target.on).map(|stay| stay.target.name.as_str()).collect();
     if names.is_empty() {
@@ -212,7 +223,16 @@ fn chosen(stays: Vec<Stay>, target: Option<&str>) -> Result<Vec<Stay>, ReduceErr
         let known = known.into_iter().map(str::to_owned).collect();
         return Err(ReduceError::UnknownTarget { wanted: wanted.to_owned(), known });
     }
-    Ok(stays.into_iter().filter(|stay| !stay.target.on || stay.target.name == wanted).collect())
+    let is_wanted =
+        |stay: &Stay| stay.target.name == wanted && visit.is_none_or(|visit| visit == stay.number);
+    if !stays.iter().any(|stay| stay.target.on && is_wanted(stay)) {
+        let wanted = format!("{wanted}, visit {}", visit.unwrap_or(0));
+        let known = stays.iter().filter(|stay| stay.target.on);
+        let known =
+            known.map(|stay| format!("{}, visit {}", stay.target.name, stay.number)).collect();
+        return Err(ReduceError::UnknownTarget { wanted, known });
+    }
+    Ok(stays.into_iter().filter(|stay| !stay.target.on || is_wanted(stay)).collect())
 }
 
 /// Returns for each stay the track of the camera that saw the target in most of its frames.
@@ -318,6 +338,7 @@ impl Reduced {
                 body.locate(&mut curve.samples, &station.site)?;
             }
             curve.provenance = provenance(&stay.target, session, station);
+            curve.provenance.notes.extend(self.by_hand.clone());
             curve.other.insert("target".into(), target_json(stay));
             Ok::<_, ReduceError>(curve)
         };

@@ -24,7 +24,7 @@ pub struct Width {
 }
 
 /// The median full width at half maximum of the target on some frames of a stay, those without a saturated pixel if there are any; `None` where fewer
-/// than half of the frames show a target of a width that is tried.
+/// than half of the frames show a target of a width that is tried. `expected` says where it should be.
 ///
 /// # Errors
 /// Options out of their range.
@@ -32,6 +32,7 @@ pub fn fwhm_px(
     files: &[&FrameFile],
     options: &PhotometryOptions,
     calibration: &FrameCalibration,
+    expected: &Expected,
 ) -> Result<Option<Width>, PhotometryError> {
     let step = files.len().div_ceil(LOOKS).max(1);
     // What cannot be read is told of when it is measured.
@@ -42,7 +43,7 @@ pub fn fwhm_px(
         let found: Vec<(f64, bool)> = frames
             .iter()
             .filter_map(|frame| {
-                let measured = reducer.measure(frame, &Expected::default()).ok()?;
+                let measured = reducer.measure(frame, expected).ok()?;
                 let saturated = measured.planes.iter().any(|plane| plane.saturated_pixels > 0);
                 measured.fwhm_px.map(|fwhm_px| (fwhm_px, saturated))
             })
@@ -107,7 +108,8 @@ mod tests {
         let width = |peaks: &[f64]| {
             let files = files(peaks, &folder);
             let files: Vec<&FrameFile> = files.iter().collect();
-            fwhm_px(&files, &PhotometryOptions::new([100, 100], 2.0), &FrameCalibration::default())
+            let options = PhotometryOptions::new([100, 100], 2.0);
+            fwhm_px(&files, &options, &FrameCalibration::default(), &Expected::default())
                 .unwrap()
                 .unwrap()
         };

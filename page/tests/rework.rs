@@ -1,0 +1,253 @@
+//! A recorded visit reduced again: asked of the source as the page asks, and held against the light that was put in.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+use hifitime::Epoch;
+use ndarray::Array2;
+use serde_json::{Value, json};
+use std::path::Path;
+use std::sync::Arc;
+use sunglint_calibration::reduction::{Recipe, ReduceOptions, reduce};
+use sunglint_formats::session::{
+    ClockState, Device, DeviceKind, Disk, FORMAT, Manifest, Session, SessionWriter, Target,
+    TargetKind, What,
+};
+use sunglint_formats::time::parse_utc;
+use sunglint_formats::{Frame, ecsv};
+use sunglint_numerics::progress::Silent;
+use sunglint_page::{Recording, Request, Source as _};
+use sunglint_radiometry::station::Station;
+
+const FRAMES: u64 = 1000;
+const EXPOSURE_S: f64 = 0.1;
+const SIDE: usize = 120;
+
+fn at(s: f64) -> Epoch {
+    parse_utc("2020-11-18T17:00:00Z").unwrap() + hifitime::Duration::from_seconds(s)
+}
+
+/// Where the target of a frame stands: it drifts to and fro by 12 px, past nothing.
+fn target_px(number: u64) -> [f64; 2] {
+    let turn = 0.02 * number as f64;
+    [84.0 + 6.0 * turn.sin(), 80.0 + 6.0 * turn.cos()]
+}
+
+const LAMP: std::ops::Range<u64> = 500..505;
+const STAR_ADU: f64 = 40_000.0;
+const TARGET_ADU: f64 = 100_000.0;
+
+/// A synthetic frame: flat sky with noise of ±8 ADU, a star 6 px from the middle, the target further away, both 4 px wide; a lamp in five frames.
+fn frame(number: u64) -> Frame {
+    let [tx, ty] = target_px(number);
+    let norm = 4.0 * 2_f64.ln() / std::f64::consts::PI / 16.0;
+    let value = |(row, column): (usize, usize)| {
+        let point = |x: f64, y: f64, adu: f64| {
+            let r2 = (column as f64 - x).powi(2) + (row as f64 - y).powi(2);
+            adu * norm * (-4.0 * 2_f64.ln() * r2 / 16.0).exp()
+        };
+        let hash = ((number << 32) ^ ((row << 16) as u64) ^ column as u64)
+            .wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        let noise = (hash >> 60) as f64;
+        let lamp = if LAMP.contains(&number) { point(tx + 3.0, ty, 5e5) } else { 0.0 };
+        let light = point(55.0, 56.0, STAR_ADU) + point(tx, ty, TARGET_ADU) + lamp;
+        (500.0 + noise + light).min(65_535.0).round() as u16
+    };
+    Frame {
+        pixels: Array2::from_shape_fn((SIDE, SIDE), value),
+        origin: [636, 460],
+        binning: [1, 1],
+        bayer: None,
+        start: at(0.2 * number as f64),
+        exposure_s: EXPOSURE_S,
+        gain_e_per_adu: Some(0.3),
+        temperature_c: Some(-10.0),
+        saturation_adu: Some(65_535.0),
+        header: sunglint_formats::fits::Header::default(),
+    }
+}
+
+/// A monochrome station, so that every pixel counts.
+const STATION: &str = r#"name = "mono"
+description = "synthetic"
+[site]
+latitude_deg = 48.7822
+longitude_deg = 9.1956
+height_m = 355
+horizon_deg = 10
+[telescope]
+primary_diameter_m = 0.1
+obstruction_diameter_m = 0
+focal_length_m = 1
+mount = "equatorial"
+[air]
+profile = "us_standard"
+[camera]
+name = "mono"
+width_px = 1392
+height_px = 1040
+pixel_scale_arcsec = 2
+gain_e_per_adu = 0.3
+read_noise_e = 2
+full_well_e = 60000
+adc_bits = 16
+dark_e_per_s = 0.01
+[[channel]]
+name = "v"
+camera_plane = "L"
+transmission = 0.3
+efficiency = "qe.csv"
+"#;
+
+fn session(root: &Path) -> Session {
+    let none =
+        || ClockState { method: "none".into(), synchronised: None, offset_s: None, error_s: None };
+    let camera = Device {
+        name: "cam".into(),
+        kind: DeviceKind::Camera,
+        address: "synthetic".into(),
+        options: vec![],
+        channels: vec![],
+        inputs: vec![],
+        raw_tags: false,
+        exposure_s: EXPOSURE_S,
+        interval_s: None,
+        filter: None,
+    };
+    let mut files = Vec::new();
+    let qe = "wavelength_nm,efficiency\n400,0.4\n900,0.4\n";
+    for (name, text) in [("station/station.toml", STATION), ("station/qe.csv", qe)] {
+        let sha256 = sunglint_formats::sha256(text.as_bytes());
+        files.push((sunglint_formats::session::FileSum { path: name.into(), sha256 }, text));
+    }
+    let manifest = Manifest {
+        format: FORMAT.into(),
+        program: "a test".into(),
+        station: "mono".into(),
+        start_utc: at(0.0),
+        clock: none(),
+        devices: vec![camera],
+        files: files.iter().map(|(sum, _)| sum.clone()).collect(),
+    };
+    let own: Vec<(String, Vec<u8>)> =
+        files.iter().map(|(sum, text)| (sum.path.clone(), text.as_bytes().to_vec())).collect();
+    let mut writer = SessionWriter::create(Arc::new(Disk), root, &manifest, &own).unwrap();
+    let star = Target {
+        name: "Vega".into(),
+        target_kind: TargetKind::Star,
+        on: true,
+        ra_deg: Some(279.2347),
+        dec_deg: Some(38.7837),
+        tle: None,
+    };
+    writer.event(at(0.0), What::Target(star));
+    for number in 1..=FRAMES {
+        assert!(writer.frame("cam", number, &frame(number)).unwrap().is_none());
+    }
+    assert_eq!(writer.finish(at(0.2 * FRAMES as f64 + 1.0), "done").lost, 0);
+    Session::open(root).unwrap()
+}
+
+fn asked(recording: &Recording, path: &str, body: &Value) -> (u16, Vec<u8>) {
+    let request = Request::new(true, path, "", body.to_string().into_bytes()).unwrap();
+    let answer = recording.answer(&request);
+    (answer.status, answer.body)
+}
+
+fn curve(recording: &Recording, recipe: &Value) -> Value {
+    let (status, body) = asked(recording, "reduction", recipe);
+    assert_eq!(status, 200, "{}", String::from_utf8_lossy(&body));
+    serde_json::from_slice(&body).unwrap()
+}
+
+/// Mean rate over the frames that have one, and how many have none.
+fn mean(curve: &Value) -> (f64, usize) {
+    let rates = curve["channels"][0]["rate"].as_array().unwrap();
+    let found: Vec<f64> = rates.iter().filter_map(Value::as_f64).collect();
+    (found.iter().sum::<f64>() / found.len() as f64, rates.len() - found.len())
+}
+
+/// Truth: the light that was put into the frames (synthetic points, 4 px wide): 400 kADU/s of a star near the middle, 1 MADU/s of the target. An aperture of 6 px
+/// leaves out 2^(−(2·6/4)²) = 0.2 %; the star's wings add nothing at 38 px. Within 0.5 %. Five frames with a lamp have ten times as much light: refused, they have no rate,
+/// and the mean is the target's. The page's file is that of the library's `reduce` with the recipe that was saved, byte for byte.
+#[test]
+fn a_target_is_followed_from_where_somebody_saw_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("night");
+    let session = session(&root);
+    let recording = Recording::open(&root).unwrap();
+    let mut recipe = json!({"target": "Vega", "visit": 1});
+    let usual = curve(&recording, &recipe);
+    let (star, _) = mean(&usual);
+    assert!((star / (STAR_ADU / EXPOSURE_S) - 1.0).abs() < 0.02, "{star}");
+    recipe["aperture_px"] = 6.0.into();
+    // Seen in the middle of the visit: it is followed on and back.
+    recipe["place"] =
+        json!([{"camera": "cam", "frame": 400, "place_px": target_px(400).map(f64::round)}]);
+    let followed = curve(&recording, &recipe);
+    let (with_lamp, lost) = mean(&followed);
+    println!("{FRAMES} frames in {:.2} s", followed["took_s"].as_f64().unwrap());
+    let refused: Vec<u64> = LAMP.collect();
+    recipe["refused"] = json!([{"camera": "cam", "frames": refused}]);
+    let rescued = curve(&recording, &recipe);
+    let (target, without) = mean(&rescued);
+    let truth = TARGET_ADU / EXPOSURE_S;
+    assert!(
+        (target / truth - 1.0).abs() < 0.005,
+        "{target} for {truth}, with the lamp {with_lamp}"
+    );
+    assert_eq!(without, 5);
+    assert!(with_lamp > 1.01 * truth || lost == 5, "{with_lamp}, {lost} lost");
+    let track = rescued["track_px"].as_array().unwrap();
+    assert_eq!(track.len() as u64, FRAMES - 5);
+    let first = [0, 1].map(|i| track[0][i].as_f64().unwrap());
+    let expected = [636.0, 460.0].map(|o: f64| o + 0.5);
+    for i in 0..2 {
+        let place = target_px(1)[i] + expected[i] - 0.5 * [1392.0, 1040.0][i];
+        assert!((first[i] - place).abs() < 0.1, "{first:?} for {place}");
+    }
+    // The filters do what they say: nothing is as large as 5,000 px, and nothing stands out by 1e6 sigma.
+    for (key, value) in [("area_px", json!([5000, 6000])), ("detect_sigma", json!(1e6))] {
+        let mut none = recipe.clone();
+        none[key] = value;
+        let (_, without) = mean(&curve(&recording, &none));
+        assert_eq!(without as u64, FRAMES, "{key}");
+    }
+    // A frame that is no frame of the visit is told of.
+    let mut foreign = recipe.clone();
+    foreign["refused"] = json!([{"camera": "cam", "frames": [99_999]}]);
+    let warnings = curve(&recording, &foreign)["warnings"].to_string();
+    assert!(warnings.contains("99999"), "{warnings}");
+    for (bad, text) in [
+        (json!({"target": "Vega", "visit": 2}), "there is no target Vega, visit 2"),
+        (json!({"target": "Vega", "visit": 1, "aperture_px": -1}), "aperture_px"),
+        (json!({"target": "Vega"}), "no target and visit"),
+    ] {
+        let (status, body) = asked(&recording, "reduction", &bad);
+        let body = String::from_utf8(body).unwrap();
+        assert!(status == 422 && body.contains(text), "{status} {body}");
+    }
+    assert_eq!(asked(&recording, "reduction", &json!({"colour": 1})).0, 400);
+    // Saved, and reduced by the library with what was saved.
+    let (status, body) =
+        asked(&recording, "recipes", &json!({"name": "rescued", "recipe": recipe}));
+    assert_eq!(status, 200, "{}", String::from_utf8_lossy(&body));
+    let path = Recipe::path(&session, "rescued").unwrap();
+    assert_eq!(path, root.join("reductions/rescued.toml"));
+    let station = Station::of_session(&session).unwrap();
+    let mut options = ReduceOptions::for_station(&station);
+    Recipe::read(&path).unwrap().apply(&mut options);
+    let mut night = reduce(&session, &station, &options, &Silent).unwrap();
+    let visited = night.take(&session, &station).unwrap().unwrap();
+    let text = ecsv::to_string(&visited.linear.to_table().unwrap()).unwrap();
+    let (_, on_page) = asked(&recording, "reduction.ecsv", &recipe);
+    assert!(text.as_bytes() == on_page);
+    assert!(
+        text.contains("by hand: target followed from 1 places, 5 frames refused"),
+        "{}",
+        &text[..2000]
+    );
+    // The session is as whole as before.
+    assert!(session.check().unwrap().is_whole(), "{:?}", session.check().unwrap().findings);
+    let again = asked(&recording, "recipes", &json!({"name": "rescued", "recipe": recipe}));
+    assert_eq!(again.0, 409);
+}

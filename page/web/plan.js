@@ -1,0 +1,228 @@
+// A night that is planned by hand: passes and stars, picked on the sky or from the list, in an order; saved as NIGHT.toml.
+import { $, S, Refused, ask, clamp, complain, css, get, latest, loadSky, notice, redraw, row, span, theme, token, utc } from "./page.js";
+
+const P = { picks: [], chosen: null, plan: null, saved: null };
+window.sunglint.planning = P;
+
+// Bright is warm, faint is cold; red light has one colour, and its width alone.
+function lightColour(v) {
+  if (theme() === "red") return css("--accent");
+  const part = clamp((7 - v) / 7, 0, 1);
+  return `hsl(${220 - 190 * part} 85% ${theme() === "dark" ? 65 : 38}%)`;
+}
+const thickness = (v) => clamp(4.5 - 0.5 * v, 1.2, 4.5);
+const words = (pass) => `${pass.label}, ${utc(pass.from_s, 0)} to ${utc(pass.to_s, 0)}, V ${pass.v_mag.toFixed(1)}, up to ${Math.round(pass.highest_deg)}°`;
+
+// What lies on the sky: tracks with a tick each minute, and a ring where the shadow begins or ends.
+function overlay({ c, place, em }) {
+  P.place = place;
+  const picked = new Set(P.picks.filter((p) => "pass" in p).map((p) => p.pass));
+  S.about.passes.forEach((pass, n) => {
+    const colour = lightColour(pass.v_mag);
+    const wide = thickness(pass.v_mag) * (n === P.chosen ? 1.8 : 1);
+    const faded = picked.size && !picked.has(n) && n !== P.chosen;
+    c.globalAlpha = faded ? 0.45 : 1;
+    for (let i = 1; i < pass.at_s.length; i++) {
+      if (pass.at_deg[i][1] < 0 || pass.at_deg[i - 1][1] < 0) continue;
+      const seen = pass.lit[i] && pass.lit[i - 1] && pass.dark[i];
+      c.strokeStyle = colour;
+      c.lineWidth = seen ? wide : 1;
+      c.setLineDash(seen ? [] : [2, 4]);
+      c.beginPath(); c.moveTo(...place(pass.at_deg[i - 1])); c.lineTo(...place(pass.at_deg[i])); c.stroke();
+      if (pass.lit[i] !== pass.lit[i - 1]) {
+        c.setLineDash([]);
+        c.lineWidth = 1.5;
+        c.strokeStyle = css("--ink");
+        c.beginPath(); c.arc(...place(pass.at_deg[i]), 0.3 * em, 0, 7); c.stroke();
+      }
+    }
+    c.setLineDash([]);
+    c.lineWidth = 1;
+    const phase = S.about.start_unix_ms / 1000;
+    c.fillStyle = c.strokeStyle = css("--ink");
+    for (let t = Math.ceil((pass.from_s + phase) / 60) * 60 - phase; t < pass.to_s; t += 60) {
+      const at = where(pass, t);
+      if (!at) continue;
+      const [x, y] = place(at);
+      c.beginPath(); c.arc(x, y, 1.8, 0, 7); c.fill();
+      if (n === P.chosen) c.fillText(utc(t, 0).slice(0, 5), x + 0.4 * em, y - 0.4 * em);
+    }
+    const now = where(pass, S.t);
+    if (now) { c.fillStyle = css("--bad"); const [x, y] = place(now); c.beginPath(); c.arc(x, y, 0.35 * em, 0, 7); c.fill(); }
+    c.globalAlpha = 1;
+  });
+  // Stars that are picked: a ring, with the place in the list.
+  c.strokeStyle = c.fillStyle = css("--accent");
+  P.picks.forEach((pick, i) => {
+    const star = "star" in pick && S.sky?.stars.find((s) => s.plan_name === pick.star);
+    if (!star) return;
+    const [x, y] = place(star.at_deg);
+    c.lineWidth = 1.5;
+    c.beginPath(); c.arc(x, y, 0.5 * em, 0, 7); c.stroke();
+    c.fillText(String(i + 1), x - 0.3 * em, y - 0.9 * em);
+  });
+}
+
+// Where a pass is at a time, deg; null where it is not up.
+function where(pass, t) {
+  const i = pass.at_s.findIndex((s) => s >= t);
+  if (i <= 0) return null;
+  const part = (t - pass.at_s[i - 1]) / (pass.at_s[i] - pass.at_s[i - 1]);
+  const [a, b] = [pass.at_deg[i - 1], pass.at_deg[i]];
+  const turn = ((b[0] - a[0] + 540) % 360) - 180;
+  return [a[0] + part * turn, a[1] + part * (b[1] - a[1])];
+}
+
+// What lies under the pointer: a star that a plan finds, or a pass.
+function under(event) {
+  if (!P.place) return null;
+  const box = $("sky").getBoundingClientRect();
+  const [x, y] = [event.clientX - box.left, event.clientY - box.top];
+  const far = (at) => { const [px, py] = P.place(at); return Math.hypot(px - x, py - y); };
+  let best = null;
+  const offer = (distance, what) => { if (distance < 12 && (!best || distance < best.distance)) best = { distance, ...what }; };
+  for (const star of S.sky?.stars ?? []) offer(far(star.at_deg), { star: star.plan_name });
+  S.about.passes.forEach((pass, n) => pass.at_deg.forEach((at) => { if (at[1] > 0) offer(far(at), { pass: n }); }));
+  return best;
+}
+
+const has = (pick) => P.picks.findIndex((p) => ("star" in pick ? p.star === pick.star : p.pass === pick.pass));
+
+function add(pick) {
+  if (has(pick) >= 0 && "pass" in pick) return;
+  if ("pass" in pick) {
+    // Passes keep the order of time.
+    const from = S.about.passes[pick.pass].from_s;
+    const at = P.picks.findIndex((p) => "pass" in p && S.about.passes[p.pass].from_s > from);
+    P.picks.splice(at < 0 ? P.picks.length : at, 0, pick);
+  } else P.picks.push(pick);
+  changed();
+}
+function move(i, by) {
+  const j = i + by;
+  if (j < 0 || j >= P.picks.length) return;
+  [P.picks[i], P.picks[j]] = [P.picks[j], P.picks[i]];
+  changed();
+}
+
+function choose(n) {
+  P.chosen = n;
+  const pass = S.about.passes[n];
+  $("pass-title").textContent = words(pass);
+  $("pass-rates").replaceChildren(...pass.rates.map((rate) => row(
+    rate.channel,
+    rate.arriving === null ? "not known" : `${rate.arriving.toPrecision(3)} ${rate.unit}`,
+    rate.counted_hz === null ? "–" : `${rate.counted_hz.toPrecision(3)} Hz`,
+    rate.saturated ? "saturated" : "",
+  )));
+  $("pass-details").hidden = false;
+  $("pass-add").disabled = has({ pass: n }) >= 0;
+  seek(clamp((pass.from_s + pass.to_s) / 2, 0, S.about.length_s));
+}
+
+const plan = latest(async (picks) => {
+  try {
+    P.plan = await (await ask("plan", { picks })).json();
+    $("plan-why").textContent = [...P.plan.warnings, ...P.plan.left_out.map((what) => `left out: ${what}`)].join(" · ");
+    $("plan-save").disabled = false;
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    P.plan = null;
+    $("plan-why").textContent = error.message;
+    $("plan-save").disabled = true;
+  }
+  list();
+  root();
+});
+
+function changed() {
+  P.saved = null;
+  $("plan-result").replaceChildren();
+  if (P.chosen !== null) $("pass-add").disabled = has({ pass: P.chosen }) >= 0;
+  list();
+  redraw("sky");
+  plan(P.picks);
+}
+
+// The visits with their times; where there is no plan the picks alone.
+function list() {
+  $("plan-title-line").textContent = P.picks.length ? `${P.picks.filter((p) => "pass" in p).length} passes, ${P.picks.filter((p) => "star" in p).length} stars` : "nothing picked: this is the night that the program would choose";
+  $("picks").replaceChildren(...P.picks.map((pick, i) => {
+    const li = document.createElement("li");
+    const text = document.createElement("span");
+    text.textContent = "star" in pick ? pick.star : words(S.about.passes[pick.pass]);
+    li.append(text, ...[["↑", -1, "earlier"], ["↓", 1, "later"]].map(([sign, by, name]) => {
+      const button = Object.assign(document.createElement("button"), { type: "button", textContent: sign, disabled: i + by < 0 || i + by >= P.picks.length });
+      button.setAttribute("aria-label", `${text.textContent}: ${name}`);
+      button.addEventListener("click", () => move(i, by));
+      return button;
+    }));
+    const out = Object.assign(document.createElement("button"), { type: "button", textContent: "×" });
+    out.setAttribute("aria-label", `leave out ${text.textContent}`);
+    out.addEventListener("click", () => { P.picks.splice(i, 1); changed(); });
+    li.append(out);
+    return li;
+  }));
+  $("planned").tBodies[0].replaceChildren(...(P.plan?.visits ?? []).map((visit) => row(
+    visit.name, visit.from_utc.slice(11, 19), span(visit.for_s), visit.altitude_deg === null ? "" : `${Math.round(visit.altitude_deg)}°`, visit.v_mag === null ? "" : visit.v_mag.toFixed(1),
+  )));
+}
+const root = () => { document.documentElement.dataset.planned = String(P.picks.length); };
+
+async function save() {
+  try {
+    const saved = await (await ask("save", { picks: P.picks }, 60000)).json();
+    P.saved = saved;
+    const lines = [`saved: ${saved.files.join(", ")}`, saved.errors ? `the check finds ${saved.errors} error${saved.errors > 1 ? "s" : ""}` : "the check finds no error"];
+    lines.push(...saved.check.findings.filter((f) => f.level === "error" || f.level === "warning").map((f) => `${f.level}: ${f.about}: ${f.text}`));
+    $("plan-result").replaceChildren(...lines.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+  } catch (error) { complain(error); }
+}
+
+function seek(t) {
+  S.t = t;
+  $("plan-time").value = String(t);
+  $("plan-time").setAttribute("aria-valuetext", `${utc(t, 0)} UTC`);
+  $("plan-at").textContent = `${utc(t, 0)} UTC`;
+  $("clock").textContent = `${new Date(S.about.start_unix_ms + t * 1000).toISOString().slice(0, 10)} ${utc(t, 0)} UTC`;
+  loadSky(t);
+  redraw("sky");
+}
+
+export async function planning() {
+  for (const panel of document.querySelectorAll("main > .panel")) panel.hidden = !panel.matches(".sky, .planner");
+  document.body.classList.add("plans");
+  $("mode").textContent = "plan";
+  $("target").textContent = `night at ${S.about.station}`;
+  $("next").textContent = "";
+  S.overlay = overlay;
+  S.tracks = [];
+  $("plan-time").max = String(S.about.length_s);
+  $("plan-time").addEventListener("input", () => seek(Number($("plan-time").value)));
+  $("passes").tBodies[0].replaceChildren(...S.about.passes.map((pass, n) => {
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: pass.label });
+    button.addEventListener("click", () => choose(n));
+    return row(button, utc(pass.from_s, 0), span(pass.to_s - pass.from_s), `${Math.round(pass.highest_deg)}°`, pass.v_mag.toFixed(1));
+  }));
+  $("sky").addEventListener("click", (event) => {
+    const what = under(event);
+    if (!what) return;
+    if ("pass" in what) choose(what.pass);
+    else if (token()) add({ star: what.star });
+  });
+  $("sky").addEventListener("pointermove", (event) => {
+    const what = under(event);
+    $("sky").style.cursor = what ? "pointer" : "";
+    $("sky-text").textContent = what ? ("pass" in what ? words(S.about.passes[what.pass]) : what.star) : "click a star to add it, a pass to see what it gives; north is up, east is left";
+  });
+  $("pass-add").addEventListener("click", () => add({ pass: P.chosen }));
+  $("plan-clear").addEventListener("click", () => { P.picks = []; changed(); });
+  $("plan-save").addEventListener("click", save);
+  for (const id of ["pass-add", "plan-save", "plan-clear"]) $(id).hidden = !token();
+  notice(S.about.warnings.slice(0, 3).join(" · "));
+  if (!token()) { list(); $("plan-why").textContent = "open the whole address that the start printed to make a plan"; }
+  else changed();
+  const first = S.about.passes[0];
+  seek(first ? first.from_s : S.about.length_s / 2);
+  document.documentElement.dataset.ready = "yes";
+}
