@@ -193,7 +193,7 @@ fn pitch_librates_at_its_closed_frequency() {
 }
 
 /// Truth: s⁴ + (1 + 3k_x + k_xk_z)s² + 4k_xk_z = 0 with k_x = (I_y − I_z)/I_x, k_z = (I_y − I_x)/I_z (Wertz 1978, 18-3): the small motion of roll and yaw
-/// has two frequencies and no others: what is left beside four fitted amplitudes is below 1e-6 of the motion. And Jacobi's integral
+/// has two frequencies and no others: what is left beside four fitted amplitudes is second order, 2e-5 of the motion of 1e-5 rad (so over 71 rad a frequency is right to 3e-7). And Jacobi's integral
 /// ½ω_r·Iω_r − ½n²ĥ·Iĥ + (3/2)n²r̂·Ir̂ of a large motion is constant to 1e-9.
 #[test]
 fn roll_and_yaw_librate_and_jacobis_integral_stands() {
