@@ -4,6 +4,7 @@ use crate::rounded;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table};
+use sunglint_simulator::attitude::torques::{Sizes, TORQUES};
 use sunglint_simulator::light::earth::grid::AlbedoGrid;
 use sunglint_simulator::light::{EarthAlbedo, Need, engine, percent};
 use sunglint_simulator::pass::{Explanation, Pass};
@@ -59,7 +60,23 @@ pub fn text(pass: &Pass, explanation: &Explanation) -> String {
     );
     text.push_str("each sample, channel and bin from what could be seen and lit at that moment.\n");
     text.push_str("could add: the most, as a share of the light of the same surfaces in full sunlight; -: no bound, therefore modelled.\n");
+    if let Some(sizes) = &explanation.torques {
+        torques(&mut text, sizes);
+    }
     text
+}
+
+/// Torques on the body along the pass.
+fn torques(text: &mut String, sizes: &[Sizes; 5]) {
+    text.push_str("\n  torque on the body     largest        mean (N m)\n");
+    for (name, size) in TORQUES.iter().zip(sizes) {
+        if size.modelled {
+            let (most, mean) = (size.largest_n_m, size.mean_n_m);
+            let _ = writeln!(text, "  {name:<19} {most:>10.2e}  {mean:>10.2e}");
+        } else {
+            let _ = writeln!(text, "  {name:<19} not modelled: [attitude.torques] leaves it out");
+        }
+    }
 }
 
 fn duration(seconds: f64) -> String {
@@ -134,7 +151,11 @@ pub fn json(needs: &[Need]) -> Value {
 
 /// The explanation with documented keys.
 pub fn document(pass: &Pass, explanation: &Explanation) -> Value {
-    let Explanation { needs, left_out, course, scene, terms } = explanation;
+    let Explanation { needs, left_out, course, scene, terms, torques } = explanation;
+    let torque = |(name, size): (&&str, &Sizes)| {
+        json!({ "torque": name, "modelled": size.modelled,
+            "largest_n_m": rounded(size.largest_n_m), "mean_n_m": rounded(size.mean_n_m) })
+    };
     let finite = |x: f64| x.is_finite().then(|| rounded(x));
     json!({
         "pass": pass.name,
@@ -144,6 +165,7 @@ pub fn document(pass: &Pass, explanation: &Explanation) -> Value {
         "needs": json(needs),
         "left_out": finite(*left_out),
         "terms": terms,
+        "torques": torques.as_ref().map(|sizes| TORQUES.iter().zip(sizes).map(torque).collect::<Vec<_>>()),
         "scene": { "triangles": scene.triangles, "facets": scene.facets, "spheres": scene.spheres, "closed": scene.closed,
             "convex": scene.convex, "hides_nothing": scene.no_occlusion, "solids": scene.solids, "occluder_pairs": scene.occluder_pairs },
         "course": { "epochs": course.epochs, "geometries": course.geometries, "least_range_m": finite(course.range_m),

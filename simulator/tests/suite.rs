@@ -26,3 +26,4 @@ mod surface_sphere;
 mod target;
 mod target_peer;
 mod thin;
+mod torques;

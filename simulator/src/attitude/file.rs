@@ -21,6 +21,15 @@
 //! epoch_utc = 2026-03-01T20:00:00Z
 //!
 //! [attitude]
+//! law = "torques"                     # a rigid body under torques: integrated over the times of the scene
+//! inertia_kg_m2 = [[2, 0, 0], [0, 3, 0], [0, 0, 4]]    # absolute here; or principal_moments_kg_m2; or mass_kg, of uniform density
+//! omega_body_deg_s = [0.1, 20, 0]
+//! body_to_gcrs = [1, 0, 0, 0]
+//! epoch_utc = 2026-03-01T20:00:00Z
+//! [attitude.torques]                  # see TorquesFile
+//! magnetic_moment_a_m2 = [0, 0, 0.1]
+//!
+//! [attitude]
 //! law = "orbit"                       # z to nadir, y against the orbit's normal, x along the velocity
 //! body_to_orbit = [1, 0, 0, 0]        # or euler_zyx_deg; the default is none
 //!
@@ -40,6 +49,7 @@
 //! `law = "sun"` is `pointing` with `first = "sun"`; `yaw_steering` is `pointing` with `first = "nadir"` and `second = "sun"`,
 //! by default z to nadir and x on the Sun's side, so that panels that turn about y face the Sun.
 
+use super::torques::{Along, Body, Conductor, Density, Driven, Skin, Start, mass};
 use super::{
     Attitude, AttitudeError, AttitudeTable, Direction, Inertia, Interpolation, Pointing, Spin,
     Tumble, euler_zyx, quaternion_wxyz,
@@ -48,9 +58,16 @@ use glam::{DMat3, DQuat, DVec3};
 use hifitime::Epoch;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use sunglint_ephemeris::orbit::eclipse::EarthShape;
+use sunglint_ephemeris::orbit::{Orbit, seconds_between};
 use sunglint_formats::time::{Utc, parse_utc};
 use sunglint_formats::toml::{Document, Finite, Positive, Within};
 use sunglint_formats::{FileError, ParseError, Table};
+use sunglint_radiometry::sky::EarthOrientation;
+
+use crate::mesh::Mesh;
+use crate::target::Target;
 
 /// Reads a table that the file names, and says under which path it was found.
 pub type Loader<'a> = &'a mut dyn FnMut(&str) -> Result<(Table, PathBuf), FileError>;
@@ -88,6 +105,71 @@ pub struct AttitudeFile {
     second: Option<Direction>,
     file: Option<String>,
     interpolation: Option<Interpolation>,
+    mass_kg: Option<Positive>,
+    centre_of_mass_m: Option<[Finite; 3]>,
+    torques: Option<TorquesFile>,
+}
+
+/// Torques of a file, all but the gravity gradient off unless given:
+///
+/// ```toml
+/// [attitude.torques]
+/// gravity_gradient = true
+/// magnetic_moment_a_m2 = [0, 0, 0.1]
+/// conductor = { shape = "sphere", radius_m = 0.12, conductivity_s_m = 1.5e7 }   # or "shell" with thickness_m; or coefficient_s_m4 = 2e3
+/// radiation_pressure = true
+/// drag = { coefficient = 2.2, density_kg_m3 = 1.5e-13, height_km = 600, scale_height_km = 72 }
+/// ```
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TorquesFile {
+    gravity_gradient: Option<bool>,
+    magnetic_moment_a_m2: Option<[Finite; 3]>,
+    conductor: Option<ConductorFile>,
+    #[serde(default)]
+    radiation_pressure: bool,
+    drag: Option<DragFile>,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ConductorFile {
+    shape: Option<ConductorShape>,
+    radius_m: Option<Positive>,
+    thickness_m: Option<Positive>,
+    conductivity_s_m: Option<Positive>,
+    coefficient_s_m4: Option<Positive>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum ConductorShape {
+    Sphere,
+    Shell,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DragFile {
+    coefficient: Positive,
+    density_kg_m3: Positive,
+    height_km: Option<Positive>,
+    scale_height_km: Option<Positive>,
+}
+
+/// Circumstances of a scene that a motion under torques depends on.
+#[derive(Debug, Clone, Copy)]
+pub struct Circumstances<'a> {
+    /// The body.
+    pub target: &'a Target,
+    /// Its way.
+    pub orbit: &'a Orbit,
+    /// UT1 and the pole.
+    pub earth: &'a EarthOrientation,
+    /// The Earth that hides the Sun; `None` for no eclipse.
+    pub shadow: Option<EarthShape>,
+    /// The first and the last moment at which the attitude is wanted.
+    pub window: (Epoch, Epoch),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -101,6 +183,7 @@ enum Law {
     Sun,
     YawSteering,
     Table,
+    Torques,
 }
 
 impl Attitude {
@@ -142,6 +225,7 @@ impl Law {
             Law::Sun => "sun",
             Law::YawSteering => "yaw_steering",
             Law::Table => "table",
+            Law::Torques => "torques",
         }
     }
 
@@ -175,6 +259,19 @@ impl Law {
             Law::Sun => &["first_axis_body", "second_axis_body", "second"],
             Law::YawSteering => &["first_axis_body", "second_axis_body"],
             Law::Table => &["file", "interpolation"],
+            Law::Torques => &[
+                "inertia_kg_m2",
+                "principal_moments_kg_m2",
+                "principal_to_body",
+                "mass_kg",
+                "centre_of_mass_m",
+                "omega_body_deg_s",
+                "omega_gcrs_deg_s",
+                "body_to_gcrs",
+                "euler_zyx_deg",
+                "epoch_utc",
+                "torques",
+            ],
         }
     }
 }
@@ -201,7 +298,43 @@ pub fn attitude(
         ),
         Law::Pointing | Law::Sun | Law::YawSteering => Attitude::Pointing(place.pointing(file)?),
         Law::Table => Attitude::Table(place.table(file, table)?),
+        Law::Torques => {
+            let expected = "a law that needs no orbit: a motion under torques needs the orbit, the target and the times of a scene";
+            return Err(place.error("law", expected).into());
+        }
     })
+}
+
+impl AttitudeFile {
+    /// Whether the law is a motion under torques, which [`under_torques`] makes.
+    pub fn is_under_torques(&self) -> bool {
+        self.law == Law::Torques
+    }
+}
+
+/// The motion under torques that stands at the dotted key `at` of a document, followed over the window of its scene.
+///
+/// # Errors
+/// Keys that are missing or of no use here; a body without an inertia; a motion that cannot be followed: with line and field.
+pub fn under_torques(
+    document: &Document,
+    at: &str,
+    file: &AttitudeFile,
+    scene: &Circumstances<'_>,
+) -> Result<Attitude, ParseError> {
+    let place = Place { document, at };
+    place.check_keys(file)?;
+    let (body, start, density) = place.body(file, scene)?;
+    let span_s = [scene.window.0, scene.window.1].map(|t| seconds_between(start.epoch, t));
+    let (from_s, to_s) = (span_s[0].min(0.0), span_s[1].max(0.0));
+    let along =
+        Along::new(scene.orbit, start.epoch, (from_s, to_s), scene.earth, scene.shadow, density);
+    let along = along.map_err(|error| {
+        place.error("epoch_utc", "a motion that can be followed").with_hint(error.to_string())
+    })?;
+    let driven = Driven::new(&body, &start, &along, (span_s[0], span_s[1]));
+    let driven = driven.map_err(|error| place.refused("omega_body_deg_s", &error))?;
+    Ok(Attitude::Torques(Arc::new(driven)))
 }
 
 /// Where the file's table stands, for errors.
@@ -252,6 +385,9 @@ impl Place<'_> {
             ("second", file.second.is_some()),
             ("file", file.file.is_some()),
             ("interpolation", file.interpolation.is_some()),
+            ("mass_kg", file.mass_kg.is_some()),
+            ("centre_of_mass_m", file.centre_of_mass_m.is_some()),
+            ("torques", file.torques.is_some()),
         ];
         let known = file.law.keys();
         match given.iter().find(|(key, is_given)| *is_given && !known.contains(key)) {
@@ -361,6 +497,13 @@ impl Place<'_> {
     }
 
     fn tumble(&self, file: &AttitudeFile) -> Result<Tumble, ParseError> {
+        let inertia = self.inertia(file)?;
+        let (omega, body_to_gcrs) = self.omega(file)?;
+        Tumble::new(&inertia, omega, body_to_gcrs, self.epoch(file)?)
+            .map_err(|error| self.refused("omega_body_deg_s", &error))
+    }
+
+    fn inertia(&self, file: &AttitudeFile) -> Result<Inertia, ParseError> {
         let (key, inertia) = match (&file.inertia_kg_m2, &file.principal_moments_kg_m2) {
             (Some(rows), None) => {
                 if file.principal_to_body.is_some() {
@@ -383,9 +526,12 @@ impl Place<'_> {
                 return Err(self.error("inertia_kg_m2", expected));
             }
         };
-        let inertia = inertia.map_err(|error| {
-            self.error(key, "the inertia of a body").with_hint(error.to_string())
-        })?;
+        inertia
+            .map_err(|error| self.error(key, "the inertia of a body").with_hint(error.to_string()))
+    }
+
+    /// The angular velocity in the body's axes, rad/s, and the attitude at the epoch.
+    fn omega(&self, file: &AttitudeFile) -> Result<(DVec3, DQuat), ParseError> {
         let body_to_gcrs = self.body_to_gcrs(file)?;
         let radians = |v: &[Finite; 3]| vector(v) * 1_f64.to_radians();
         let omega = match (&file.omega_body_deg_s, &file.omega_gcrs_deg_s) {
@@ -396,8 +542,115 @@ impl Place<'_> {
                 return Err(self.error("omega_body_deg_s", expected));
             }
         };
-        Tumble::new(&inertia, omega, body_to_gcrs, self.epoch(file)?)
-            .map_err(|error| self.refused("omega_body_deg_s", &error))
+        Ok((omega, body_to_gcrs))
+    }
+
+    fn body(
+        &self,
+        file: &AttitudeFile,
+        scene: &Circumstances<'_>,
+    ) -> Result<(Body, Start, Option<Density>), ParseError> {
+        let filled = file.mass_kg.map(|mass| self.filled(scene.target, mass.get())).transpose()?;
+        let inertia = match &filled {
+            None => self.inertia(file)?,
+            Some(_) if file.inertia_kg_m2.is_some() || file.principal_moments_kg_m2.is_some() => {
+                let expected = "either mass_kg (a body of uniform density) or its inertia";
+                return Err(self.error("mass_kg", expected));
+            }
+            Some(filled) => Inertia::of_tensor(filled.inertia_kg_m2).map_err(|error| {
+                self.error("mass_kg", "a body with an inertia").with_hint(error.to_string())
+            })?,
+        };
+        let centre_m = match (&file.centre_of_mass_m, &filled) {
+            (Some(centre), _) => vector(centre),
+            (None, Some(filled)) => filled.centre_m,
+            (None, None) => DVec3::ZERO,
+        };
+        let (omega_body_rad_s, body_to_gcrs) = self.omega(file)?;
+        let start = Start { epoch: self.epoch(file)?, body_to_gcrs, omega_body_rad_s };
+        let keys = file.torques.clone().unwrap_or_default();
+        let mut body = Body::new(&inertia);
+        body.gravity_gradient = keys.gravity_gradient.unwrap_or(true);
+        body.moment_a_m2 = keys.magnetic_moment_a_m2.as_ref().map_or(DVec3::ZERO, vector);
+        body.conductor = keys.conductor.as_ref().map(|c| self.conductor(c)).transpose()?;
+        body.radiation = keys.radiation_pressure;
+        body.drag = keys.drag.as_ref().map(|d| d.coefficient.get());
+        if body.radiation || body.drag.is_some() {
+            let skin = Skin::new(scene.target, centre_m).map_err(|error| {
+                self.error("torques", "a target with a surface").with_hint(error.to_string())
+            })?;
+            body.skin = Some(Arc::new(skin));
+        }
+        let density = keys.drag.as_ref().map(|d| self.density(d)).transpose()?;
+        Ok((body, start, density))
+    }
+
+    /// Mass properties of the target's closed parts, hinges at rest.
+    fn filled(&self, target: &Target, mass_kg: f64) -> Result<mass::MassProperties, ParseError> {
+        let meshes: Vec<Mesh> = (0..target.parts.len()).map(|p| target.part_mesh(p, &[])).collect();
+        let whole = Mesh::merged(&meshes);
+        let expected = "inertia_kg_m2 or principal_moments_kg_m2 in its place";
+        // Parts of one closed surface close only together.
+        if !whole.welded(1e-9).examine().all_closed() {
+            let hint = format!("{} has surfaces that enclose no volume", target.name);
+            return Err(self.error("mass_kg", expected).with_hint(hint));
+        }
+        mass::of_mesh(&whole, mass_kg).ok_or_else(|| {
+            self.error("mass_kg", expected).with_hint(format!("{} encloses no volume", target.name))
+        })
+    }
+
+    fn conductor(&self, file: &ConductorFile) -> Result<Conductor, ParseError> {
+        let idle = |key: &str, given: Option<Positive>, why: &str| match given {
+            Some(_) => {
+                Err(self.error(&format!("torques.conductor.{key}"), format!("no {key} {why}")))
+            }
+            None => Ok(()),
+        };
+        let needs = |key: &str, given: Option<Positive>| {
+            self.needs(&format!("torques.conductor.{key}"), given).map(Positive::get)
+        };
+        if let (Some(k), None) = (file.coefficient_s_m4, file.shape) {
+            let why = "beside coefficient_s_m4";
+            idle("radius_m", file.radius_m, why)?;
+            idle("thickness_m", file.thickness_m, why)?;
+            idle("conductivity_s_m", file.conductivity_s_m, why)?;
+            return Ok(Conductor::Tensor(DMat3::from_diagonal(DVec3::splat(k.get()))));
+        }
+        idle("coefficient_s_m4", file.coefficient_s_m4, "beside a shape")?;
+        let radius_m = needs("radius_m", file.radius_m)?;
+        let conductivity_s_m = needs("conductivity_s_m", file.conductivity_s_m)?;
+        match file.shape {
+            Some(ConductorShape::Sphere) => {
+                idle("thickness_m", file.thickness_m, "for a solid sphere")?;
+                Ok(Conductor::Sphere { radius_m, conductivity_s_m })
+            }
+            Some(ConductorShape::Shell) => {
+                let thickness_m = needs("thickness_m", file.thickness_m)?;
+                Ok(Conductor::Shell { radius_m, thickness_m, conductivity_s_m })
+            }
+            None => {
+                let expected = "shape = \"sphere\" or \"shell\", or coefficient_s_m4";
+                Err(self.error("torques.conductor", expected))
+            }
+        }
+    }
+
+    fn density(&self, file: &DragFile) -> Result<Density, ParseError> {
+        let kg_m3 = file.density_kg_m3.get();
+        match (file.height_km, file.scale_height_km) {
+            (None, None) => Ok(Density { kg_m3, height_m: 0.0, scale_height_m: f64::INFINITY }),
+            (Some(height), Some(scale)) => Ok(Density {
+                kg_m3,
+                height_m: 1e3 * height.get(),
+                scale_height_m: 1e3 * scale.get(),
+            }),
+            _ => {
+                let expected =
+                    "height_km and scale_height_km together, or neither (one density everywhere)";
+                Err(self.error("torques.drag", expected))
+            }
+        }
     }
 
     fn pointing(&self, file: &AttitudeFile) -> Result<Pointing, ParseError> {

@@ -1,6 +1,7 @@
 //! How a body is turned: the rotation from its own axes to the GCRS at a moment.
 //!
-//! Every law is a function of the moment alone: any moment costs the same, in any order, and nothing drifts.
+//! Every law is a function of the moment alone: any moment costs the same, in any order, and nothing drifts. A motion under torques is integrated once,
+//! over the time that is asked for ([`torques`]), and is then read like a table.
 //!
 //! # Conventions
 //! A rotation `a_to_b` takes the coordinates of a vector in axes a to its coordinates in axes b. In files it is `[w, x, y, z]`, or
@@ -12,6 +13,7 @@ pub mod file;
 mod pointing;
 mod spin;
 mod table;
+pub mod torques;
 mod tumble;
 
 use glam::{DQuat, DVec3};
@@ -51,6 +53,8 @@ pub enum Attitude {
     Pointing(Pointing),
     /// A table of attitudes.
     Table(AttitudeTable),
+    /// A rigid body under torques, integrated over a span of time.
+    Torques(std::sync::Arc<torques::Driven>),
 }
 
 /// The fastest spin, 1/s: a day later its phase still has four digits, and nothing larger than dust turns faster.
@@ -112,6 +116,24 @@ pub enum AttitudeError {
         /// Length of the quaternion.
         length: f64,
     },
+    /// A time to which a motion under torques was not followed.
+    #[error(
+        "the attitude is asked for at {epoch}, but the motion under torques was followed from {first} to {last}"
+    )]
+    NotFollowed {
+        /// The time.
+        epoch: String,
+        /// The first time.
+        first: String,
+        /// The last time.
+        last: String,
+    },
+    /// A motion under torques that cannot be followed.
+    #[error("the motion under torques cannot be followed: {why}")]
+    Torques {
+        /// Why, with the numbers.
+        why: String,
+    },
     /// A table without rows, or with columns of several lengths.
     #[error("the table has {times} times and {attitudes} attitudes: as many of both, at least one")]
     TableSize {
@@ -154,6 +176,7 @@ impl Attitude {
             }
             Attitude::Pointing(pointing) => pointing.body_to_gcrs(moment),
             Attitude::Table(table) => table.body_to_gcrs(moment.epoch),
+            Attitude::Torques(driven) => driven.body_to_gcrs(moment.epoch),
         }
     }
 

@@ -2,6 +2,8 @@
 
 use super::simulate::Place;
 use super::{Pass, PassError};
+use crate::attitude::Attitude;
+use crate::attitude::torques::Sizes;
 use crate::light::disc::eclipse as fractions;
 use crate::light::engine::left_out;
 use crate::light::{Course, Globe, Lighting, Need, SceneReport, View};
@@ -22,6 +24,8 @@ pub struct Explanation {
     pub scene: SceneReport,
     /// Terms that the light is a sum of.
     pub terms: usize,
+    /// Sizes of the torques ([`TORQUES`](crate::attitude::torques::TORQUES)), where the attitude is a motion under torques.
+    pub torques: Option<[Sizes; 5]>,
 }
 
 impl Pass {
@@ -40,6 +44,10 @@ impl Pass {
             course,
             scene: engine.scene().report().clone(),
             terms: engine.lit_terms(),
+            torques: match &self.attitude {
+                Attitude::Torques(driven) => Some(*driven.sizes()),
+                _ => None,
+            },
         })
     }
 

@@ -76,7 +76,7 @@ use hifitime::Epoch;
 use sha2::{Digest as _, Sha256};
 use std::path::{Path, PathBuf};
 use sunglint_ephemeris::orbit::eclipse::{EARTH_EQUATORIAL_RADIUS_M, EarthShape};
-use sunglint_ephemeris::orbit::{Ephemeris, Orbit, OrbitError, TleOrbit, elements, tle};
+use sunglint_ephemeris::orbit::{Ephemeris, Orbit, OrbitError, TleOrbit, elements, in_tai, tle};
 use sunglint_formats::toml::{Document, Finite, NonNegative, Positive};
 use sunglint_formats::{FileError, ParseError, Table, curve, ecsv, nearest_names};
 use sunglint_radiometry::air::Air;
@@ -95,6 +95,8 @@ pub const MOST_BINS: usize = 100_000;
 pub const MOST_VALUES: usize = 200_000_000;
 /// The bins unless the file has others: first edge, last edge, width, nm.
 const BINS_NM: (f64, f64, f64) = (300.0, 1240.0, 5.0);
+/// A motion under torques is followed so long before and after the exposures, s.
+const MARGIN_S: f64 = 30.0;
 /// Exposure unless the file says otherwise, s.
 const EXPOSURE_S: f64 = 0.1;
 /// The air's tables cost next to nothing: they get so much of the tolerance, and no less than [`LEAST_AIR_TOLERANCE`].
@@ -190,7 +192,11 @@ impl PassFile {
             Some(rows) => (rows.times.clone(), rows.exposure_s.clone()),
             None => reader.times(&keys.times, &overrides)?,
         };
-        let attitude = reader.attitude(keys.attitude.as_ref())?;
+        let under_torques = keys.attitude.as_ref().filter(|a| a.is_under_torques());
+        let attitude = match under_torques {
+            None => Some(reader.attitude(keys.attitude.as_ref())?),
+            Some(_) => None,
+        };
         let mut station = reader.station(keys.station.as_ref(), overrides.station.clone())?;
         let known = |name: &str| station.channel(name).is_some();
         let own = lasers(&self.document, &keys.laser, &station.lasers, &known)?;
@@ -226,6 +232,25 @@ impl PassFile {
         let shadow = reader.shadow(&keys.illumination)?;
         let earth = reader.earth(&keys.earth)?;
         let correction = self.correction(&target, &station)?;
+        let attitude = match (attitude, under_torques) {
+            (Some(attitude), _) => attitude,
+            (None, None) => Attitude::Inertial(DQuat::IDENTITY),
+            (None, Some(_)) if table.is_some() => {
+                let expected = "times without a table: a motion under torques needs one [orbit]";
+                return Err(self.document.error_at("times.table", expected).into());
+            }
+            (None, Some(file)) => {
+                let offset_s = correction.time_offset_s;
+                let scene = attitude::file::Circumstances {
+                    target: &target,
+                    orbit: &orbit,
+                    earth: orientation.as_ref().unwrap_or_else(|| EarthOrientation::embedded()),
+                    shadow,
+                    window: window(&times, &exposure_s, offset_s),
+                };
+                attitude::file::under_torques(&self.document, "attitude", file, &scene)?
+            }
+        };
         let zero = match &keys.magnitudes.zero_point {
             None => ZeroPoint::default(),
             Some(text) => text.parse().map_err(|expected: String| {
@@ -649,6 +674,16 @@ impl Reader<'_> {
             EclipseWord::None => None,
         })
     }
+}
+
+/// The moments between which an attitude may be asked for: the exposures, earlier by the light's time (10 s from beyond the Moon), and some seconds
+/// for a fit that shifts the clock.
+fn window(times: &[Epoch], exposure_s: &[f64], offset_s: f64) -> (Epoch, Epoch) {
+    let later = |t: Epoch, s: f64| in_tai(t) + hifitime::Duration::from_seconds(s);
+    let half_s = 0.5 * exposure_s.iter().copied().fold(0.0, f64::max) + MARGIN_S;
+    let first = times.iter().copied().fold(times[0], |a, b| a.min(b));
+    let last = times.iter().copied().fold(times[0], |a, b| a.max(b));
+    (later(first, offset_s - half_s), later(last, offset_s + half_s))
 }
 
 fn input(path: &Path, bytes: &[u8]) -> Input {

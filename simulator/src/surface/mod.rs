@@ -25,6 +25,7 @@ mod foil;
 pub mod fresnel;
 pub mod measured;
 pub mod microfacet;
+mod momentum;
 mod parametric;
 mod real;
 mod sampling;
