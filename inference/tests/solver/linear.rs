@@ -32,7 +32,7 @@ impl Model for Fixed {
 
 fn linear(component: usize, channels: Vec<usize>) -> Linear {
     let name = format!("x{component}{channels:?}");
-    Linear { name, component, channels, curves: None, unit: 1.0, most: None }
+    Linear { name, component, channels, curves: None, unit: 1.0, most: None, prior: None }
 }
 
 const PLAIN: Options =
