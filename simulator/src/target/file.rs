@@ -410,7 +410,10 @@ fn hinge(document: &Document, at: &str, file: &HingeFile) -> Result<Hinge, Parse
         return Err(document.error_at(&key(at, "parked_deg"), expected));
     }
     // The direction that is turned to the Sun lies before the face by the offset.
-    let face = DQuat::from_axis_angle(axis, -offset.unwrap_or(0.0)) * face;
+    let face = match offset {
+        Some(offset) => DQuat::from_axis_angle(axis, -offset) * face,
+        None => face,
+    };
     let range_rad = match file.range_deg.map(|range| range.map(Finite::get)) {
         None => None,
         Some([least, most]) if -360.0 <= least && least <= most && most <= 360.0 => {
