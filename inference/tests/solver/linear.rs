@@ -228,7 +228,7 @@ fn what_cannot_be_fitted_is_said() {
 }
 
 /// Truth: the closed form of one coefficient with a normal prior, (Σ a y/σ² + m/s²)/(Σ a²/σ² + 1/s²), and the root of the denominator's inverse; and for a parameter
-/// that changes no sample its prior itself, which is said. Tolerance: 1e-9 of the coefficient's uncertainty; 1e-6 of the prior's.
+/// that changes no sample its prior itself, which is said. Tolerance: 1e-9 of the coefficient's uncertainty; 1e-3 of the prior's, where a search of χ² to 1e-9 of itself ends.
 #[test]
 fn a_prior_is_one_more_sample() {
     let n = 20;
@@ -239,7 +239,7 @@ fn a_prior_is_one_more_sample() {
     });
     let sigma = Array2::from_elem((n, 1), 0.5);
     let data = [Data::new("a", rate.clone(), sigma)];
-    let (mean, width) = (0.9, 0.02);
+    let (mean, width) = (0.65, 0.02);
     let prior = Some(Prior { mean, sigma: width });
     let linear = [Linear { prior, ..linear(0, vec![0]) }];
     let idle =
@@ -256,9 +256,9 @@ fn a_prior_is_one_more_sample() {
     let (truth, error) = (up / down, down.sqrt().recip());
     assert!((x.value - truth).abs() < 1e-9 * error, "{} {truth}", x.value);
     assert!((x.sigma.unwrap() - error).abs() < 1e-6 * error, "{:?} {error}", x.sigma);
-    assert!((0.6..0.9).contains(&x.value) && x.prior == prior);
+    assert!((0.6..0.65).contains(&x.value) && x.prior == prior);
     let v = found.parameter("v").unwrap();
-    assert!((v.value - 0.3).abs() < 1e-7 && (v.sigma.unwrap() - 0.1).abs() < 1e-7, "{v:?}");
+    assert!((v.value - 0.3).abs() < 1e-4 && (v.sigma.unwrap() - 0.1).abs() < 1e-7, "{v:?}");
     let said = |w: &Warning| matches!(w, Warning::ByPrior { names } if names.iter().eq(["v"]));
     assert!(found.warnings.iter().any(said), "{:?}", found.warnings);
     let bad =

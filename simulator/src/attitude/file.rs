@@ -424,8 +424,10 @@ impl Place<'_> {
             };
             self.refused(key, &error)
         });
-        let bias = self.rotation("euler_zyx_deg", &None, file)?.unwrap_or_default();
-        pointing.map(|pointing| pointing.with_bias(bias))
+        match self.rotation("euler_zyx_deg", &None, file)? {
+            Some(bias) => pointing.map(|pointing| pointing.with_bias(bias)),
+            None => pointing,
+        }
     }
 
     fn table(&self, file: &AttitudeFile, read: Loader) -> Result<AttitudeTable, FileError> {
