@@ -554,3 +554,35 @@ fn the_fitted_scene_is_the_fit() {
         }
     }
 }
+
+/// Truth: two spheres that were simulated alike but for their reflectance, 0.5 and 0.25: the one predicts the other too bright, or too faint, by 2.5 lg 2 = 0.7526 mag.
+/// Tolerance: 2e-3, as spectra match bands. Names that are none, and all curves at once, are refused.
+#[test]
+fn a_curve_that_is_left_out_is_predicted_by_the_others() {
+    let folder = folder("fit-leave-out");
+    let dark = page_scene().replace("reflectance = 0.5", "reflectance = 0.25");
+    std::fs::write(folder.path("dark.toml"), dark).unwrap();
+    folder.done(&["simulate", "sphere.toml", "-o", "bright.ecsv"]);
+    folder.done(&["simulate", "dark.toml", "-o", "dark.ecsv"]);
+    let fit = ["fit", "bright.ecsv", "dark.ecsv", "sphere.toml", "--leave-out"];
+    let json = folder.json(&[&fit[..], &["each", "--json"]].concat());
+    let predicted = json["predicted"].as_array().unwrap();
+    assert_eq!(predicted.len(), 2);
+    for (one, (name, sign)) in predicted.iter().zip([("bright.ecsv", -1.0), ("dark.ecsv", 1.0)]) {
+        let curve = &one["curves"][0];
+        assert_eq!(curve["name"], name);
+        let [rms, mean] = ["rms_mag", "mean_mag"].map(|k| curve[k].as_f64().unwrap());
+        let truth = 2.5 * 2_f64.log10();
+        assert!((rms - truth).abs() < 2e-3 && (mean - sign * truth).abs() < 2e-3, "{curve}");
+    }
+    let text = folder.done(&[&fit[..], &["dark.ecsv"]].concat());
+    assert!(text.contains("predicted by fits of the other curves"), "{text}");
+    for (wrong, why) in
+        [("none.ecsv", "no curve none.ecsv"), ("bright.ecsv,dark.ecsv", "no curve is left")]
+    {
+        let output = folder.run(&[&fit[..], &[wrong]].concat());
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(why), "{said}");
+    }
+}

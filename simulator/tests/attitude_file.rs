@@ -94,6 +94,27 @@ fn every_law_is_read() {
 }
 
 /// Each message: the file, the line, the key, what stands there and what should.
+/// Truth: by hand. Without a bias z points to the Earth (−x of the GCRS) and x to the Sun (z). Rolled by 30° about its own x, the body has its z 30° off nadir, turned
+/// right-handed about the direction to the Sun, from −x towards −y. Tolerance: rounding.
+#[test]
+fn a_body_that_points_has_a_bias() {
+    for law in ["yaw_steering", "pointing"] {
+        let axes = match law {
+            "pointing" => {
+                "first_axis_body = [0, 0, 1]\nfirst = \"nadir\"\nsecond_axis_body = [1, 0, 0]\nsecond = \"sun\"\n"
+            }
+            _ => "",
+        };
+        let text = format!("law = \"{law}\"\n{axes}euler_zyx_deg = [0, 0, 30]");
+        let at = read(&text).unwrap().body_to_gcrs(&moment(0.0)).unwrap();
+        let (x, z) = (at * DVec3::X, at * DVec3::Z);
+        assert!(x.distance(DVec3::Z) < 1e-12, "{x}");
+        // The right-handed turn about x (the Sun's z) takes −x towards −y.
+        let truth = DVec3::new(-(30_f64.to_radians().cos()), -0.5, 0.0);
+        assert!(z.distance(truth) < 1e-12, "{z}");
+    }
+}
+
 #[test]
 fn mistakes_are_named() {
     let epoch = "epoch_utc = 2026-03-01T20:00:00Z";

@@ -141,6 +141,35 @@ fn hinge(range_deg: Option<[f64; 2]>) -> Hinge {
     }
 }
 
+/// Truth: by definition, from vectors alone: the wing's normal, projected on the plane across the axis, stands the offset past the Sun's projection; a parked wing stands
+/// at its angle. Tolerance: rounding.
+#[test]
+fn a_wing_lags_shows_its_back_or_stands() {
+    let with = |line: &str| WING.replace("range_deg = [-90, 45]", line);
+    for offset in [-12.0_f64, 0.0, 40.0, 180.0] {
+        let text = with(&format!("offset_deg = {offset}"));
+        let target = Target::parse("wing.toml", text).unwrap();
+        for k in 0..36 {
+            let azimuth = f64::from(10 * k).to_radians();
+            let sun = DVec3::new(azimuth.cos(), 0.4, azimuth.sin()).normalize();
+            let normal = target.part_mesh(0, &target.hinge_angles_rad(sun)).normal(0).unwrap();
+            let (flat, normal) =
+                (DVec3::new(sun.x, 0.0, sun.z), DVec3::new(normal.x, 0.0, normal.z));
+            let past = flat.cross(normal).y.atan2(flat.dot(normal)).to_degrees();
+            let miss = (past - offset + 180.0).rem_euclid(360.0) - 180.0;
+            assert!(miss.abs() < 1e-5, "{offset} {azimuth}: {past}");
+        }
+    }
+    let parked = Target::parse("wing.toml", with("parked_deg = 30")).unwrap();
+    for sun in [DVec3::X, DVec3::NEG_Z, DVec3::new(-0.6, 0.0, 0.8)] {
+        assert!((parked.hinge_angles_rad(sun)[0].to_degrees() - 30.0).abs() < 1e-12);
+    }
+    let both = Target::parse("wing.toml", with("parked_deg = 30\noffset_deg = 1"));
+    assert!(both.unwrap_err().to_string().contains("parked_deg"));
+    let far = Target::parse("wing.toml", with("offset_deg = 1e9"));
+    assert!(far.unwrap_err().to_string().contains("offset_deg"));
+}
+
 /// Truth: the best of a fine grid of angles in the range, by the cosine between face and Sun. Tolerance: the grid's 0.01°, as a cosine.
 #[test]
 fn a_hinge_faces_the_sun_as_well_as_it_can() {

@@ -12,7 +12,7 @@ use anyhow::{anyhow, bail};
 use clap::{Args, ValueEnum};
 use inputs::with_stations;
 use std::path::PathBuf;
-use sunglint_inference::fit::{FitOptions, FreeParameter, PassFit, PassFitError};
+use sunglint_inference::fit::{FitOptions, FreeParameter, LeaveOut, PassFit, PassFitError};
 use sunglint_inference::solver::Loss;
 use sunglint_report::fit as report;
 
@@ -23,13 +23,16 @@ pub struct FitArgs {
     /// its own curves
     #[arg(required = true, num_args = 2.., value_name = "FILE")]
     pub inputs: Vec<PathBuf>,
-    /// Free parameters: `NAME` or `NAME=LO..HI`, beside those that `[fit]` of the scene names. `albedo`, `albedo.MATERIAL[.CHANNEL]`, `scale.MATERIAL`,
-    /// `time_offset_s`, `size`, `gain`, `extinction[.CHANNEL]`, and every number of the scene's attitude, parts, hinges and materials
+    /// Free parameters: `NAME`, `NAME=LO..HI`, with a prior `NAME~MEAN+-SIGMA` or `NAME=LO..HI~MEAN+-SIGMA`, beside those that `[fit]` of the scene names. `albedo`, `albedo.MATERIAL[.CHANNEL]`, `scale.MATERIAL`,
+    /// `time_offset_s`, `size`, `gain`, `extinction[.CHANNEL]`, `zero_point`, and every number of the scene's attitude, parts, hinges and materials
     #[arg(long, value_name = "NAME")]
     pub free: Vec<FreeParameter>,
     /// Parameters of which each curve has its own
     #[arg(long, value_name = "NAME")]
     pub per_pass: Vec<String>,
+    /// Predict these curves by fits of the others: `each` in turn, or files with commas between them (all tracks of one satellite) that are left out together
+    #[arg(long, value_name = "each|FILES")]
+    pub leave_out: Vec<LeaveOut>,
     /// Largest albedo that is solved for, and largest reflectance that a scale may lead to [default: 1]
     #[arg(long, value_name = "A")]
     pub largest_albedo: Option<f64>,
@@ -167,6 +170,7 @@ fn options(args: &FitArgs, of_scene: FitOptions, seed: u64) -> FitOptions {
     all.per_pass.extend(args.per_pass.iter().cloned());
     all.channels = if args.channel.is_empty() { of_scene.channels } else { args.channel.clone() };
     all.largest_albedo = args.largest_albedo.unwrap_or(of_scene.largest_albedo);
+    all.leave_out = args.leave_out.clone();
     all.loss = args.loss.map_or(of_scene.loss, Loss::from);
     all.scintillation = args.scintillation.unwrap_or(of_scene.scintillation);
     all.places = args.places.map_or(of_scene.places, |n| n as usize);
@@ -180,7 +184,10 @@ fn options(args: &FitArgs, of_scene: FitOptions, seed: u64) -> FitOptions {
 fn told(error: PassFitError) -> anyhow::Error {
     match error {
         PassFitError::Measured(error) => inputs::told(error),
-        PassFitError::FreeTwice { .. } | PassFitError::LargestAlbedo { .. } => Usage(error.to_string()).into(),
+        PassFitError::FreeTwice { .. }
+        | PassFitError::NotACurve { .. }
+        | PassFitError::AllLeftOut { .. }
+        | PassFitError::LargestAlbedo { .. } => Usage(error.to_string()).into(),
         PassFitError::NothingFree => Usage(format!(
             "{error}: say what with --free NAME[=LO..HI], or in [fit] of the scene: free = [\"albedo\"]"
         ))

@@ -107,6 +107,8 @@ pub struct Photometry {
     pub session: Option<Vec<String>>,
     /// Filters.
     pub filter: Option<Vec<String>>,
+    /// Cameras of an instrument that has several: each may have a zero point of its own.
+    pub camera: Option<Vec<String>>,
     /// Whether the zero point is unknown: differences alone mean something.
     pub is_relative: bool,
     /// Name of the target; may be empty.
@@ -238,6 +240,7 @@ fn of_julian_text(text: &str, scale: Scale) -> Option<Epoch> {
 /// Text of MMT-9: notes after `#`, then date, time, standard magnitude, magnitude, filter, penumbra, distance (km), phase (degrees), channel, track.
 fn mmt9(path: &Path, text: &str) -> Result<Photometry, ParseError> {
     let (mut standard, mut ranges, mut phases, mut filter) = (vec![], vec![], vec![], vec![]);
+    let mut camera = Vec::new();
     let mut read = Photometry::default();
     for (number, line) in text.lines().enumerate() {
         if line.starts_with('#') || line.trim().is_empty() {
@@ -263,11 +266,13 @@ fn mmt9(path: &Path, text: &str) -> Result<Photometry, ParseError> {
         ranges.push(value(6, "a distance, km")?);
         phases.push(value(7, "a phase angle, degrees")?);
         filter.push(fields[4].to_owned());
+        camera.push(fields[8].to_owned());
     }
     read.standard = Some(standard);
     read.range_km = Some(ranges);
     read.phase_deg = Some(phases);
     read.filter = Some(filter);
+    read.camera = Some(camera);
     Ok(read)
 }
 

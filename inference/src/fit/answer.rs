@@ -50,6 +50,53 @@ pub struct PassFit {
     pub warnings: Vec<String>,
     /// The scenes with what was found: one for each scene, one for each curve where curves have values of their own.
     pub scenes: Vec<FittedScene>,
+    /// Curves predicted by a fit of the others.
+    pub predicted: Vec<Prediction>,
+}
+
+/// Curves that were left out, beside what a fit of the others says of them. What each curve has of its own (attitude, zero points) is as its scene has it.
+#[derive(Debug, Clone, Serialize)]
+pub struct Prediction {
+    /// Curves that were left out.
+    pub curves: Vec<PredictedCurve>,
+    /// Whether the fit of the others converged.
+    pub converged: bool,
+    /// Reduced χ² of the others.
+    pub reduced_chi2: f64,
+    /// How long it took, s.
+    pub seconds: f64,
+}
+
+/// Curve beside its prediction.
+#[derive(Debug, Clone, Serialize)]
+pub struct PredictedCurve {
+    /// The file's name.
+    pub name: String,
+    /// Samples that were compared.
+    pub samples: usize,
+    /// Root of the mean square of measured less predicted, mag (2.5 times the decimal logarithm of rates too).
+    pub rms_mag: f64,
+    /// Mean of measured less predicted, mag.
+    pub mean_mag: f64,
+}
+
+impl PredictedCurve {
+    /// Compares measured and predicted rates of the samples that count.
+    pub(super) fn new(curve: &CurveFit) -> Self {
+        let pairs = curve.rate.iter().zip(&curve.model.model).zip(&curve.used);
+        let apart: Vec<f64> = pairs
+            .filter(|(_, used)| **used)
+            .map(|((rate, model), _)| -2.5 * (rate / model).log10())
+            .filter(|d| d.is_finite())
+            .collect();
+        let n = apart.len() as f64;
+        Self {
+            name: curve.name.clone(),
+            samples: apart.len(),
+            rms_mag: (apart.iter().map(|d| d * d).sum::<f64>() / n).sqrt(),
+            mean_mag: apart.iter().sum::<f64>() / n,
+        }
+    }
 }
 
 /// A scene with what was found. It was read again and simulated at the measured times, and set beside the fit.

@@ -102,6 +102,25 @@ pub enum PassFitError {
         /// The parameter.
         name: String,
     },
+    /// Zero points of rates.
+    #[error(
+        "zero_point: rates of the schema have none: free `gain` (with --per-pass), or fit magnitudes"
+    )]
+    NoZeroPoint,
+    /// Curves to leave out that are none.
+    #[error("there is no curve {name} to leave out; there are {known}")]
+    NotACurve {
+        /// The name that was given.
+        name: String,
+        /// Names of all curves.
+        known: String,
+    },
+    /// All curves left out.
+    #[error("no curve is left to be fitted without {names}")]
+    AllLeftOut {
+        /// The curves that were to be left out.
+        names: String,
+    },
     /// A number that nobody gave a range.
     #[error("{name}: it starts at {start}, which says nothing of where to search")]
     NoRange {

@@ -320,6 +320,7 @@ pub(super) fn fitted_scenes(
         }
     }
     let mut said = Vec::new();
+    let mut of_zero_points = 0;
     for group in groups {
         let (number, curve) = (group[0], &curves[group[0]]);
         let Some(study) = model.study(number) else { continue };
@@ -355,8 +356,10 @@ pub(super) fn fitted_scenes(
             again.target().map_err(|why| PassFitError::FittedScene { why })?;
             let mut difference = 0.0_f64;
             for k in &group {
+                let zero = parameters.zero_factors(*k, &values, curves[*k].measured.times.len());
+                let of = &fit.curves[*k];
                 difference =
-                    difference.max(apart(&curves[*k], again.clone(), &fit.curves[*k], channels)?);
+                    difference.max(apart(&curves[*k], again.clone(), of, &zero, channels)?);
             }
             Ok::<_, PassFitError>((text, difference, beyond))
         };
@@ -373,10 +376,14 @@ pub(super) fn fitted_scenes(
             }
         }
         if !beyond.is_empty() {
-            said.push(format!(
+            let (zero, rest): (Vec<&str>, Vec<&str>) =
+                beyond.iter().map(String::as_str).partition(|name| name.starts_with("zero_point"));
+            of_zero_points += zero.len();
+            let beyond = rest;
+            said.extend((!beyond.is_empty()).then(|| format!(
                 "the scene with what was found does not hold {}: no key of a scene says that of magnitudes above the air",
                 beyond.join(", ")
-            ));
+            )));
         }
         let stem = curve.scene.name();
         let name = match all.iter().any(|s| s.name == stem) {
@@ -393,6 +400,11 @@ pub(super) fn fitted_scenes(
             incomplete: beyond,
             text,
         });
+    }
+    if of_zero_points > 0 {
+        said.push(format!(
+            "no scene holds the {of_zero_points} errors of zero points: `compare` of a scene with what was found leaves them in the residuals"
+        ));
     }
     for word in said {
         if !warnings.contains(&word) {
@@ -435,6 +447,7 @@ fn apart(
     curve: &CurveOfScene,
     scene: Scene,
     fitted: &FittedCurve,
+    zero: &[f64],
     channels: &[String],
 ) -> Result<f64, PassFitError> {
     let mut idle = Vec::new();
@@ -459,7 +472,8 @@ fn apart(
         }
         count += 1.0;
         if curve.measured.magnitudes {
-            let apart = 2.5 * (all / model).log10();
+            // No key of a scene holds an error of a zero point.
+            let apart = 2.5 * (all * zero[i] / model).log10();
             if apart.is_finite() {
                 square += apart * apart;
                 size += 1.0;

@@ -32,10 +32,10 @@ mod parameters;
 
 pub use answer::{
     Bounces, CurveFit, FittedScene, LeftOut, MagnitudeTrack, MaterialSpectrum, PassFit,
-    ResidualGroups,
+    PredictedCurve, Prediction, ResidualGroups,
 };
 pub use error::PassFitError;
-pub use options::FitOptions;
+pub use options::{FitOptions, LeaveOut};
 pub use parameters::FreeParameter;
 
 use crate::measured::{CurveOfScene, V, channels, pass_of, place, prepared};
@@ -159,13 +159,68 @@ impl Search<'_> {
 }
 
 /// Fits what is free in scenes, so that their simulation looks as the curves that were measured. Results depend on `options.seed`, not on the number of
-/// threads. A search that ends before it is at a minimum is no error: [`Fit::converged`] is false, and what was reached is there.
+/// threads. Curves that `options.leave_out` names are predicted by further fits, of the others. A search that ends before it is at a minimum is no error: [`Fit::converged`] is false, and what was reached is there.
 ///
 /// # Errors
 /// Curves and scenes that do not go together; parameters that are none; no sample that is left; a start at which there is no model.
 pub fn fit(
     curves: &[CurveOfScene],
     options: &FitOptions,
+    progress: &dyn Progress,
+) -> Result<PassFit, PassFitError> {
+    let left_out = left_out(curves, &options.leave_out)?;
+    let mut all = fit_without(curves, options, &[], progress)?;
+    for (k, without) in left_out.iter().enumerate() {
+        progress.status(&format!("without {} of {}", k + 1, left_out.len()));
+        let others = fit_without(curves, options, without, progress)?;
+        all.predicted.push(Prediction {
+            curves: without.iter().map(|k| PredictedCurve::new(&others.curves[*k])).collect(),
+            converged: others.fit.converged,
+            reduced_chi2: others.fit.reduced_chi2,
+            seconds: others.seconds,
+        });
+    }
+    Ok(all)
+}
+
+/// Numbers of the curves that are left out together, for each time.
+fn left_out(curves: &[CurveOfScene], wanted: &[LeaveOut]) -> Result<Vec<Vec<usize>>, PassFitError> {
+    let names: Vec<String> = curves.iter().map(|c| c.measured.name()).collect();
+    let mut all = Vec::new();
+    for want in wanted {
+        match want {
+            LeaveOut::Each => all.extend((0..curves.len()).map(|k| vec![k])),
+            LeaveOut::Together(files) => {
+                let mut own = Vec::new();
+                for file in files {
+                    let before = own.len();
+                    let is = |k: &usize| {
+                        names[*k] == *file || curves[*k].measured.path.as_os_str() == file.as_str()
+                    };
+                    own.extend((0..curves.len()).filter(is));
+                    if own.len() == before {
+                        let known = names.join(", ");
+                        return Err(PassFitError::NotACurve { name: file.clone(), known });
+                    }
+                }
+                own.sort_unstable();
+                own.dedup();
+                all.push(own);
+            }
+        }
+    }
+    if let Some(own) = all.iter().find(|own| own.len() == curves.len()) {
+        let names: Vec<&str> = own.iter().map(|k| names[*k].as_str()).collect();
+        return Err(PassFitError::AllLeftOut { names: names.join(", ") });
+    }
+    Ok(all)
+}
+
+/// A fit in which no sample of some curves counts: what their scenes share with the others' predicts them.
+fn fit_without(
+    curves: &[CurveOfScene],
+    options: &FitOptions,
+    without: &[usize],
     progress: &dyn Progress,
 ) -> Result<PassFit, PassFitError> {
     let start = Instant::now();
@@ -180,6 +235,8 @@ pub fn fit(
         left_out.push(lost);
         data.push(own);
     }
+    let shown: Vec<Data> = data.clone();
+    without.iter().for_each(|k| data[*k].used.fill(false));
     let parameters = parameters_of(curves, &studies, &data, &channels, options)?;
     let with = curves
         .iter()
@@ -236,7 +293,10 @@ pub fn fit(
         }
         None => Vec::new(),
     };
-    let scenes = fitted_scenes(curves, &parameters, &fit, &channels, &model, &mut warnings)?;
+    let scenes = match without.is_empty() {
+        true => fitted_scenes(curves, &parameters, &fit, &channels, &model, &mut warnings)?,
+        false => Vec::new(),
+    };
     for scene in scenes.iter().filter(|s| !s.same) {
         warnings.push(format!(
             "{}.fitted.toml does not give the fit again: its light differs by {:.1e} (root mean square, mag or relative; at most 1e-3 is the same)",
@@ -250,7 +310,7 @@ pub fn fit(
             Some(CurveFit::new(
                 &curve.measured,
                 model.study(k)?,
-                &data[k],
+                &shown[k],
                 &fit.curves[k],
                 left_out[k].clone(),
                 averaged[k],
@@ -269,6 +329,7 @@ pub fn fit(
         fit,
         spectra,
         scenes,
+        predicted: Vec::new(),
         in_the_scene: parameters.in_the_scene(),
         scintillation: options.scintillation,
         bounces,
@@ -300,6 +361,8 @@ fn parameters_of(
             study,
             unit: unit(curve, study, channels),
             has: data.used.columns().into_iter().map(|c| c.iter().any(|u| *u)).collect(),
+            cameras: curve.measured.cameras.as_deref(),
+            used: data.used.rows().into_iter().map(|r| r.iter().any(|u| *u)).collect(),
         })
         .collect();
     Parameters::new(&options.free, &options.per_pass, options.largest_albedo, channels, &sides)

@@ -4,8 +4,33 @@ use super::{FreeParameter, PassFitError};
 use crate::solver::{Loss, Options};
 use serde::Deserialize;
 use std::path::Path;
+use std::str::FromStr;
 use sunglint_calibration::stars::scintillation::USUAL_COEFFICIENT;
 use sunglint_formats::toml::{Document, NonNegative, Positive};
+
+/// Curves that are left out of a fit and predicted by it; written `each`, or files with commas between them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum LeaveOut {
+    /// Each curve in turn.
+    Each,
+    /// These files, together: the tracks of one satellite, for example.
+    Together(Vec<String>),
+}
+
+impl FromStr for LeaveOut {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text.trim() == "each" {
+            return Ok(Self::Each);
+        }
+        let files: Vec<String> = text.split(',').map(|f| f.trim().to_owned()).collect();
+        match files.iter().any(String::is_empty) {
+            true => Err(format!("`{text}`: expected `each`, or files with commas between them")),
+            false => Ok(Self::Together(files)),
+        }
+    }
+}
 
 /// Options of a fit: the free parameters, and how they are searched for.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,6 +42,8 @@ pub struct FitOptions {
     pub per_pass: Vec<String>,
     /// Largest albedo that is solved for, and largest reflectance that a scale may lead to: 1, unless the light is not of the body's own size or brightness.
     pub largest_albedo: f64,
+    /// Curves that are predicted by fits of the others, one fit an entry.
+    pub leave_out: Vec<LeaveOut>,
     /// Only these channels; all where there is none.
     pub channels: Vec<String>,
     /// How residuals count.
@@ -40,6 +67,7 @@ impl Default for FitOptions {
             free: Vec::new(),
             per_pass: Vec::new(),
             largest_albedo: 1.0,
+            leave_out: Vec::new(),
             channels: Vec::new(),
             loss,
             scintillation: USUAL_COEFFICIENT,

@@ -3,8 +3,10 @@
 use super::PassFitError;
 use crate::scene::Scene;
 use crate::solver::{
-    Component, Extinction, Free, Law, Linear, Shaping, StudyModel, Unit, band_mean,
+    Component, Extinction, Free, Law, Linear, Prior, Shaping, StudyModel, Unit, ZeroPoint,
+    band_mean,
 };
+use std::collections::BTreeSet;
 use std::str::FromStr;
 use sunglint_radiometry::air::Zenith;
 use sunglint_radiometry::spectrum::{Spectrum, Transmission};
@@ -15,30 +17,53 @@ const STEP: f64 = 1e-5;
 /// The largest range over which a number of the scene is searched where nobody says otherwise, as factors of its start.
 const FACTORS: (f64, f64) = (0.5, 2.0);
 
-/// A parameter as it is asked for: by its name, or by name and range; written `NAME`, or `NAME=LO..HI`.
+/// Range of the error of a zero point, mag.
+const ZERO_POINT_RANGE: (f64, f64) = (-1.0, 1.0);
+/// Standard deviation of the error of a zero point unless somebody says otherwise, mag: what unfiltered photometry against a catalogue leaves.
+const ZERO_POINT_SIGMA: f64 = 0.1;
+
+/// A parameter as it is asked for: by its name, perhaps with a range and a prior; written `NAME`, `NAME=LO..HI`, `NAME~MEAN+-SIGMA` or
+/// `NAME=LO..HI~MEAN+-SIGMA`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreeParameter {
     /// Name of the parameter.
     pub name: String,
     /// Range of the parameter.
     pub range: Option<(f64, f64)>,
+    /// Knowledge of it from elsewhere.
+    pub prior: Option<Prior>,
 }
 
 impl FromStr for FreeParameter {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let Some((name, range)) = text.split_once('=') else {
-            return Ok(Self { name: text.trim().to_owned(), range: None });
+        let form = || {
+            format!(
+                "`{text}`: expected NAME, NAME=LO..HI with LO below HI, either perhaps with ~MEAN+-SIGMA, SIGMA above 0"
+            )
+        };
+        let (rest, prior) = match text.split_once('~') {
+            None => (text, None),
+            Some((rest, prior)) => {
+                let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+                let both = prior.split_once("+-").or_else(|| prior.split_once('±'));
+                let both = both.and_then(|(m, s)| Some((number(m)?, number(s)?)));
+                let (mean, sigma) = both.filter(|(_, sigma)| *sigma > 0.0).ok_or_else(form)?;
+                (rest, Some(Prior { mean, sigma }))
+            }
+        };
+        let Some((name, range)) = rest.split_once('=') else {
+            return Ok(Self { name: rest.trim().to_owned(), range: None, prior });
         };
         let ends = range.split_once("..").and_then(|(a, b)| {
             Some((a.trim().parse::<f64>().ok()?, b.trim().parse::<f64>().ok()?))
         });
         match ends {
             Some((low, high)) if low < high && low.is_finite() && high.is_finite() => {
-                Ok(Self { name: name.trim().to_owned(), range: Some((low, high)) })
+                Ok(Self { name: name.trim().to_owned(), range: Some((low, high)), prior })
             }
-            _ => Err(format!("`{text}`: expected NAME or NAME=LO..HI with LO below HI")),
+            _ => Err(form()),
         }
     }
 }
@@ -53,6 +78,10 @@ pub(super) struct CurveSide<'a> {
     pub unit: Unit,
     /// Whether a channel of the fit has a sample here.
     pub has: Vec<bool>,
+    /// Camera of each sample of magnitudes, where there are several.
+    pub cameras: Option<&'a [String]>,
+    /// Which samples are fitted, in any channel.
+    pub used: Vec<bool>,
 }
 
 /// A parameter that sets something of a curve.
@@ -63,6 +92,7 @@ enum Role {
     Size,
     Gain,
     Extinction(Option<usize>),
+    ZeroPoint(Vec<bool>),
 }
 
 /// All parameters of a fit.
@@ -85,7 +115,9 @@ pub(super) struct Parameters {
 /// Names that are no numbers of the scene.
 fn special(channels: &[String], sides: &[CurveSide]) -> Vec<String> {
     let mut names: Vec<String> =
-        ["albedo", "time_offset_s", "size", "gain", "extinction"].map(str::to_owned).to_vec();
+        ["albedo", "time_offset_s", "size", "gain", "extinction", "zero_point"]
+            .map(str::to_owned)
+            .to_vec();
     for material in materials(sides) {
         names.push(format!("albedo.{material}"));
         names.extend(channels.iter().map(|c| format!("albedo.{material}.{c}")));
@@ -128,8 +160,12 @@ impl Parameters {
         }
         for want in wanted {
             let each = per_pass.contains(&want.name);
-            let curves: Vec<Option<usize>> =
-                if each { (0..sides.len()).map(Some).collect() } else { vec![None] };
+            // A curve without a sample says nothing of values of its own: the scene's stand.
+            let sampled = |k: &usize| sides[*k].has.contains(&true);
+            let curves: Vec<Option<usize>> = match each {
+                true => (0..sides.len()).filter(sampled).map(Some).collect(),
+                false => vec![None],
+            };
             for curve in curves {
                 all.add(want, curve, channels, sides)?;
             }
@@ -155,6 +191,9 @@ impl Parameters {
             let left = rest.strip_prefix(found.as_str())?.strip_prefix('.');
             Some((found.clone(), left.map(str::to_owned)))
         };
+        if name == "zero_point" {
+            return self.zero_points(want, sides);
+        }
         if name == "albedo" {
             for m in &known {
                 self.albedos(m, None, curve, channels, sides, want)?;
@@ -181,6 +220,7 @@ impl Parameters {
                 curves: curve.map(|c| vec![c]),
                 unit: 1.0,
                 most: self.largest_scale(&material, curve, sides),
+                prior: want.prior,
             });
             self.scales.push((material, None));
             return Ok(());
@@ -219,9 +259,59 @@ impl Parameters {
             high,
             step: STEP * (high - low),
             wraps: turn,
+            prior: want.prior,
+            local: false,
         });
         self.roles.push((role, curve));
         Ok(())
+    }
+
+    /// Errors of zero points: one for each camera of each curve of magnitudes.
+    fn zero_points(
+        &mut self,
+        want: &FreeParameter,
+        sides: &[CurveSide],
+    ) -> Result<(), PassFitError> {
+        let (low, high) = want.range.unwrap_or(ZERO_POINT_RANGE);
+        if !(low..=high).contains(&0.0) {
+            return Err(PassFitError::Outside { name: want.name.clone(), start: 0.0, low, high });
+        }
+        let prior = want.prior.unwrap_or(Prior { mean: 0.0, sigma: ZERO_POINT_SIGMA });
+        for (k, side) in sides.iter().enumerate() {
+            if !matches!(side.unit, Unit::Band(_)) {
+                return Err(PassFitError::NoZeroPoint);
+            }
+            let camera = |i: usize| side.cameras.and_then(|c| c.get(i)).map_or("", String::as_str);
+            let n = side.used.len();
+            let own: BTreeSet<&str> = (0..n).filter(|i| side.used[*i]).map(camera).collect();
+            for one in own {
+                let name = match one {
+                    "" => "zero_point".to_owned(),
+                    one => format!("zero_point.{one}"),
+                };
+                let step = STEP * (high - low);
+                let name = per_curve(&name, Some(k));
+                let prior = Some(prior);
+                let free =
+                    Free { name, start: 0.0, low, high, step, wraps: false, prior, local: true };
+                self.free.push(free);
+                let samples = (0..n).map(|i| camera(i) == one).collect();
+                self.roles.push((Role::ZeroPoint(samples), Some(k)));
+            }
+        }
+        Ok(())
+    }
+
+    /// Factors by which the zero points' errors change the light of a curve's samples.
+    pub fn zero_factors(&self, curve: usize, values: &[f64], samples: usize) -> Vec<f64> {
+        let own = |(p, (role, of)): (usize, &(Role, Option<usize>))| match role {
+            Role::ZeroPoint(samples) if *of == Some(curve) => {
+                Some(ZeroPoint { parameter: p, samples: samples.clone() })
+            }
+            _ => None,
+        };
+        let all: Vec<ZeroPoint> = self.roles.iter().enumerate().filter_map(own).collect();
+        ZeroPoint::factors(&all, values, samples)
     }
 
     fn component(&mut self, material: &str) -> usize {
@@ -288,6 +378,7 @@ impl Parameters {
                     Some(_) => Some(self.largest_albedo),
                     None => self.largest_scale(material, curve, sides),
                 },
+                prior: want.prior,
             });
             self.scales.push((material.to_owned(), Some(c)));
         }
@@ -314,6 +405,9 @@ impl Parameters {
                     Role::TimeOffset => shaping.time_offset = Some(p),
                     Role::Size => shaping.size = Some(p),
                     Role::Gain => shaping.gain = Some(p),
+                    Role::ZeroPoint(samples) => shaping
+                        .zero_points
+                        .push(ZeroPoint { parameter: p, samples: samples.clone() }),
                     Role::Extinction(c) => shaping
                         .extinction
                         .push(Extinction { parameter: p, channels: c.map(|c| vec![c]) }),
@@ -370,6 +464,7 @@ impl Parameters {
                 Role::TimeOffset => scene.correct(&["time_offset_s"], 0.0, &|t| t + value),
                 Role::Size => scene.correct(&["size"], 1.0, &|f| f * value),
                 Role::Gain => scene.correct(&["gain"], 1.0, &|f| f * value),
+                Role::ZeroPoint(_) => beyond.push(free.name.clone()),
                 Role::Extinction(_) if magnitudes => beyond.push(free.name.clone()),
                 Role::Extinction(None) => scene.correct(&["extinction"], 0.0, &|k| k + value),
                 Role::Extinction(Some(c)) => {
@@ -428,7 +523,9 @@ fn usual_range(name: &str, start: f64) -> Option<(f64, f64)> {
         "phase_deg" | "axis_ra_deg" | "omega_deg" => Some((start - 180.0, start + 180.0)),
         "axis_dec_deg" => Some((-90.0, 90.0)),
         "pitch_deg" => Some((start - 90.0, start + 90.0)),
-        "yaw_deg" | "roll_deg" | "euler_zyx_deg" => Some((start - 180.0, start + 180.0)),
+        "yaw_deg" | "roll_deg" | "euler_zyx_deg" | "offset_deg" | "parked_deg" => {
+            Some((start - 180.0, start + 180.0))
+        }
         "period_s" | "rate_rpm" | "rate_deg_s" => factors(0.9, 1.1),
         "offset_m" => Some((start - 1.0, start + 1.0)),
         _ if start > 0.0 => factors(FACTORS.0, FACTORS.1),

@@ -35,6 +35,8 @@ pub struct MeasuredCurve {
     pub magnitudes: bool,
     /// White noise of each track of magnitudes, mag: first moment, noise, samples.
     pub tracks: Vec<(Epoch, f64, usize)>,
+    /// Camera of each sample, of an instrument that has several.
+    pub cameras: Option<Vec<String>>,
     /// Place of each sample in its file, from 0: samples are in the order of time.
     pub file_rows: Vec<usize>,
     /// Warnings for the user.
@@ -78,6 +80,7 @@ impl MeasuredCurve {
             calibration: None,
             magnitudes: true,
             tracks: curve.tracks.clone(),
+            cameras: curve.cameras.clone(),
             file_rows: curve.file_rows.clone(),
             warnings: Vec::new(),
         }
@@ -139,6 +142,7 @@ impl MeasuredCurve {
             calibration: calibration(curve, &mut warnings),
             magnitudes: false,
             tracks: Vec::new(),
+            cameras: None,
             file_rows: (0..curve.len()).collect(),
             warnings,
         })

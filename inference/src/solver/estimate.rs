@@ -1,7 +1,7 @@
 //! From the minimum to what it means: covariances, intervals, what is not determined.
 
 use super::normal::{Quadratic, inverse};
-use super::problem::{Problem, State};
+use super::problem::{Problem, State, Which};
 use super::{Estimate, FitError, IntervalMethod, ParameterKind, Side, Warning};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
@@ -13,6 +13,8 @@ const Z95: f64 = 1.959_963_984_540_054;
 pub(super) const CHI95: f64 = 3.841_458_820_694_124;
 /// Distance to a bound, in standard uncertainties, below which a parameter gets a profile interval.
 const NEAR: f64 = 2.0;
+/// Part of its prior's standard deviation above which an uncertainty is the prior's.
+const PRIOR_ALONE: f64 = 0.95;
 /// Correlations above this are named.
 const CORRELATED: f64 = 0.98;
 
@@ -224,6 +226,10 @@ pub(super) fn estimate(
             interval_95: interval.map(finite),
             interval_method: method,
             at_bound: held[i],
+            prior: match i.checked_sub(n_free) {
+                None => problem.free[i].prior,
+                Some(p) => problem.linear[p].prior,
+            },
         });
     }
     for i in 0..n {
@@ -234,6 +240,17 @@ pub(super) fn estimate(
                 warnings.push(Warning::Correlated { names, correlation: r });
             }
         }
+    }
+    let by_prior: Vec<String> = (problem.priors().iter())
+        .map(|known| match known.which {
+            Which::Free(k) => (k, known.prior.sigma),
+            Which::Linear(p) => (n_free + p, known.prior.sigma),
+        })
+        .filter(|(i, sigma)| estimates[*i].sigma.is_some_and(|own| own >= PRIOR_ALONE * sigma))
+        .map(|(i, _)| name(i))
+        .collect();
+    if !by_prior.is_empty() {
+        warnings.push(Warning::ByPrior { names: by_prior });
     }
     let covariance = DMatrix::from_fn(n, n, |i, j| total[(i, j)] * unit(i) * unit(j));
     Ok(Known { estimates, covariance, warnings })
@@ -345,7 +362,8 @@ fn jacobian(
     state: &State,
 ) -> Result<DMatrix<f64>, FitError> {
     let (n_free, n_linear) = (problem.free.len(), problem.linear.len());
-    let mut jacobian = DMatrix::zeros(problem.whitener.rows, n_free + n_linear);
+    let mut jacobian = DMatrix::zeros(problem.rows(), n_free + n_linear);
+    let priors = problem.priors();
     for k in 0..n_free {
         let (low, high, wraps, step) = {
             let f = &problem.free[k];
@@ -361,7 +379,12 @@ fn jacobian(
             let rates = problem.rates(&columns, state.x.as_slice());
             sides.push(problem.whitened(&rates));
         }
-        let slope = (&sides[1] - &sides[0]) / (ends[1] - ends[0]);
+        let mut slope = (&sides[1] - &sides[0]) / (ends[1] - ends[0]);
+        for (row, known) in (problem.whitener.rows..).zip(&priors) {
+            if known.which == Which::Free(k) {
+                slope[row] = known.prior.sigma.recip();
+            }
+        }
         jacobian.set_column(k, &slope);
     }
     for p in 0..n_linear {

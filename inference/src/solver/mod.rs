@@ -17,6 +17,9 @@
 //! channels share. After a first solution by the measured rates it follows the model's. Errors of calibration, the same in all samples, do not
 //! enter the weights; they are carried into the covariance of the parameters.
 //!
+//! # Priors
+//! A parameter that is known from elsewhere (a [`Prior`]) counts as one more sample, (mean − value)/σ, in χ² and in the degrees of freedom.
+//!
 //! # Intervals
 //! 95 % by the covariance, which is that of the stated noise times max(1, reduced χ²): noise that is stated too small widens them, noise that is
 //! stated too large does not narrow them. With a robust loss the factor is that of an M-estimate, Σψ²/(n−p) over the square of the mean of ψ'
@@ -35,11 +38,12 @@ mod study;
 mod whiten;
 
 pub use data::{CalibrationError, Data};
-pub use problem::{Columns, Free, Linear, Model, ModelError};
+pub use problem::{Columns, Free, Linear, Model, ModelError, Prior};
 pub use residuals::{Summary, summaries};
 pub use run::{Loss, Options, Progress, fit};
 pub use study::{
-    Component, Extinction, Law, Shaping, StudyModel, Unit, airmasses, band_mean, band_weights,
+    Component, Extinction, Law, Shaping, StudyModel, Unit, ZeroPoint, airmasses, band_mean,
+    band_weights,
 };
 
 use ndarray::Array2;
@@ -141,6 +145,8 @@ pub struct Estimate {
     pub interval_method: IntervalMethod,
     /// The bound at which it stands.
     pub at_bound: Option<Side>,
+    /// Knowledge of it from elsewhere that was counted; `None` where there was none.
+    pub prior: Option<Prior>,
 }
 
 impl Estimate {
@@ -189,6 +195,11 @@ pub enum Warning {
         /// Which.
         names: Vec<String>,
     },
+    /// Parameters whose uncertainty is that of their prior: the data say nothing more.
+    ByPrior {
+        /// Which.
+        names: Vec<String>,
+    },
     /// Another minimum that the data do not exclude.
     OtherMinimum {
         /// Excess of this minimum's χ² over that of the best one, over the scale of the errors.
@@ -234,6 +245,11 @@ impl fmt::Display for Warning {
             Self::Unconstrained { names } => write!(
                 f,
                 "not constrained by these data, and kept as the file has them: {}",
+                names.join(", ")
+            ),
+            Self::ByPrior { names } => write!(
+                f,
+                "known by their priors alone, to which these data add nothing: {}",
                 names.join(", ")
             ),
             Self::OtherMinimum { delta_chi2, at } => {

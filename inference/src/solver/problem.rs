@@ -44,13 +44,36 @@ pub struct Free {
     pub step: f64,
     /// Whether `low` and `high` are the same state, as of an angle over a full turn.
     pub wraps: bool,
+    /// Knowledge of the parameter from elsewhere, beside its bounds.
+    pub prior: Option<Prior>,
+    /// Whether it keeps its start while places over the box are looked at: a small correction, which is found wherever the rest stands.
+    pub local: bool,
+}
+
+/// Normal distribution of a parameter that is known from elsewhere: it counts as one more sample.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Prior {
+    /// Mean, in the parameter's unit.
+    pub mean: f64,
+    /// Standard deviation, above 0.
+    pub sigma: f64,
+}
+
+impl Prior {
+    fn check(self, name: &str) -> Result<(), FitError> {
+        if self.mean.is_finite() && self.sigma.is_finite() && self.sigma > 0.0 {
+            return Ok(());
+        }
+        let found = format!("{} ± {}, expected finite numbers, σ above 0", self.mean, self.sigma);
+        Err(FitError::Input { what: format!("the prior of {name}"), found })
+    }
 }
 
 impl Free {
     /// A parameter between bounds, with steps of a 10,000th of their distance.
     pub fn new(name: impl Into<String>, start: f64, low: f64, high: f64) -> Self {
         let step = 1e-4 * (high - low);
-        Self { name: name.into(), start, low, high, step, wraps: false }
+        Self { name: name.into(), start, low, high, step, wraps: false, prior: None, local: false }
     }
 }
 
@@ -69,6 +92,22 @@ pub struct Linear {
     pub unit: f64,
     /// Largest value; none where `None`.
     pub most: Option<f64>,
+    /// Knowledge of the parameter from elsewhere, beside its bounds.
+    pub prior: Option<Prior>,
+}
+
+/// Parameter by its number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Which {
+    Free(usize),
+    Linear(usize),
+}
+
+/// Parameter with a prior.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Known {
+    pub which: Which,
+    pub prior: Prior,
 }
 
 /// Everything that a sum of squares needs.
@@ -122,6 +161,10 @@ impl<'a> Problem<'a> {
                 let found = format!("{} within {} to {}, step {}", f.start, f.low, f.high, f.step);
                 return wrong(f.name.clone(), found);
             }
+            f.prior.map_or(Ok(()), |prior| prior.check(&f.name))?;
+        }
+        for l in linear {
+            l.prior.map_or(Ok(()), |prior| prior.check(&l.name))?;
         }
         let counted: usize = data.iter().map(Data::count).sum();
         if counted == 0 {
@@ -198,8 +241,8 @@ impl<'a> Problem<'a> {
     pub fn evaluate(&mut self, values: &[f64]) -> Result<State, FitError> {
         let columns = self.columns(values)?;
         let count = self.linear.len();
-        let mut design = DMatrix::zeros(self.whitener.rows, count);
-        let mut right = DVector::zeros(self.whitener.rows);
+        let mut design = DMatrix::zeros(self.rows(), count);
+        let mut right = DVector::zeros(self.rows());
         let mut buffer = Vec::new();
         for epoch in &self.whitener.epochs {
             let (model, owner) = (&columns[epoch.pass], &self.owner[epoch.pass]);
@@ -241,6 +284,19 @@ impl<'a> Problem<'a> {
                     } else {
                         right[epoch.row + j] = *v;
                     }
+                }
+            }
+        }
+        for (row, known) in (self.whitener.rows..).zip(self.priors()) {
+            let sigma = known.prior.sigma;
+            match known.which {
+                Which::Free(k) => {
+                    right[row] =
+                        (known.prior.mean - self.nearest(k, values[k], known.prior.mean)) / sigma
+                }
+                Which::Linear(p) => {
+                    right[row] = known.prior.mean / sigma;
+                    design[(row, p)] = self.linear[p].unit / sigma;
                 }
             }
         }
@@ -335,9 +391,41 @@ impl<'a> Problem<'a> {
         columns.iter().zip(&self.owner).map(of).collect()
     }
 
-    /// Numbers of all samples that count, whitened.
+    /// Parameters with a prior, each of which has a row after those of the samples.
+    pub fn priors(&self) -> Vec<Known> {
+        let free =
+            self.free.iter().enumerate().filter_map(|(k, f)| Some((Which::Free(k), f.prior?)));
+        let linear = self.linear.iter().enumerate();
+        let linear = linear.filter_map(|(p, l)| Some((Which::Linear(p), l.prior?)));
+        free.chain(linear).map(|(which, prior)| Known { which, prior }).collect()
+    }
+
+    /// Rows of samples and priors.
+    pub fn rows(&self) -> usize {
+        self.whitener.rows + self.priors().len()
+    }
+
+    /// The value of a parameter, of one that wraps in the turn that is nearest to a mean.
+    pub fn nearest(&self, free: usize, value: f64, mean: f64) -> f64 {
+        let f = &self.free[free];
+        let turn = f.high - f.low;
+        if f.wraps { value - turn * ((value - mean) / turn).round() } else { value }
+    }
+
+    /// Puts the priors' part into whitened residuals of the samples.
+    pub fn add_priors(&self, values: &[f64], x: &[f64], residual: &mut DVector<f64>) {
+        for (row, known) in (self.whitener.rows..).zip(self.priors()) {
+            let value = match known.which {
+                Which::Free(k) => self.nearest(k, values[k], known.prior.mean),
+                Which::Linear(p) => self.linear[p].unit * x[p],
+            };
+            residual[row] = (known.prior.mean - value) / known.prior.sigma;
+        }
+    }
+
+    /// Numbers of all samples that count, whitened; 0 in the rows of priors.
     pub fn whitened(&self, values: &PerSample) -> DVector<f64> {
-        let mut white = DVector::zeros(self.whitener.rows);
+        let mut white = DVector::zeros(self.rows());
         let mut buffer = Vec::new();
         for epoch in &self.whitener.epochs {
             buffer.clear();

@@ -250,7 +250,7 @@ fn starts(
 
 fn freedom(problem: &Problem) -> usize {
     let parameters = problem.free.len() + problem.linear.len();
-    problem.whitener.rows.saturating_sub(parameters).max(1)
+    problem.rows().saturating_sub(parameters).max(1)
 }
 
 /// Goes on from a minimum until noise and weights, which follow the model, stand still. Leaves the problem with them.
@@ -412,7 +412,9 @@ fn finish(
     let alike = problem.evaluate(&values)?;
     let residual = {
         let left: PerSample = data.iter().zip(&state.rates).map(|(d, m)| &d.rate - m).collect();
-        problem.whitened(&left)
+        let mut residual = problem.whitened(&left);
+        problem.add_priors(&values, state.x.as_slice(), &mut residual);
+        residual
     };
     let chi2 = residual.norm_squared();
     let degrees_of_freedom = freedom(&problem);

@@ -40,17 +40,21 @@ pub(super) fn start(problem: &Problem) -> Vec<f64> {
 
 /// Places over the box: the multiples of an irrational vector (the generalised golden ratio: Roberts 2018), shifted by the seed.
 pub(super) fn places(problem: &Problem, count: usize, seed: u64) -> Vec<Vec<f64>> {
-    let n = problem.free.len();
+    let drawn: Vec<usize> = (0..problem.free.len()).filter(|k| !problem.free[*k].local).collect();
+    let n = drawn.len();
     let mut ratio = 2.0_f64;
     for _ in 0..64 {
         ratio = (1.0 + ratio).powf(1.0 / (n as f64 + 1.0));
     }
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let shift: Vec<f64> = (0..n).map(|_| random.random::<f64>()).collect();
+    let begin = start(problem);
     let place = |i: usize| {
-        (0..n)
-            .map(|k| (shift[k] + i as f64 * ratio.powi(-(k as i32 + 1))).rem_euclid(1.0))
-            .collect()
+        let mut at = begin.clone();
+        for (k, own) in drawn.iter().enumerate() {
+            at[*own] = (shift[k] + i as f64 * ratio.powi(-(k as i32 + 1))).rem_euclid(1.0);
+        }
+        at
     };
     (1..=count).map(place).collect()
 }
@@ -140,7 +144,7 @@ pub(super) fn polish(
         Bounded { low, high, step: f.step / (f.high - f.low), fixed: held == Some(k) }
     };
     let numbers: Vec<Bounded> = problem.free.iter().enumerate().map(number).collect();
-    if problem.whitener.rows < numbers.iter().filter(|n| !n.fixed).count() {
+    if problem.rows() < numbers.iter().filter(|n| !n.fixed).count() {
         return Err(FitError::Search { why: "fewer samples than parameters".into() });
     }
     let differences = if both { Differences::TwoSided } else { Differences::OneSided };

@@ -53,6 +53,28 @@ pub struct Shaping {
     pub gain: Option<usize>,
     /// Extinction.
     pub extinction: Vec<Extinction>,
+    /// Errors of zero points, mag.
+    pub zero_points: Vec<ZeroPoint>,
+}
+
+/// Error of the zero point of some samples of a pass: measured less true, mag.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ZeroPoint {
+    /// The parameter, by number.
+    pub parameter: usize,
+    /// Which samples it concerns.
+    pub samples: Vec<bool>,
+}
+
+impl ZeroPoint {
+    /// Factors of the light of `samples` samples, one each, at the parameters' values.
+    pub fn factors(all: &[Self], values: &[f64], samples: usize) -> Vec<f64> {
+        let of = |i: usize| -> f64 {
+            let own = all.iter().filter(|z| z.samples.get(i).copied().unwrap_or(false));
+            10_f64.powf(-0.4 * own.map(|z| values[z.parameter]).sum::<f64>())
+        };
+        (0..samples).map(of).collect()
+    }
 }
 
 /// A pass, and the values of its laws' parameters the last time that they were followed.
@@ -244,6 +266,7 @@ impl Pass {
             fixed: Array2::zeros((n, channels)),
             columns: Array3::zeros((n, channels, components.len())),
         };
+        let zero = ZeroPoint::factors(&self.shaping.zero_points, values, n);
         for c in 0..channels {
             let extinction: f64 = (self.shaping.extinction.iter())
                 .filter(|e| e.channels.as_ref().is_none_or(|all| all.contains(&c)))
@@ -260,7 +283,7 @@ impl Pass {
                 let factor = match extinction {
                     0.0 => grey,
                     k => grey * 10_f64.powf(-0.4 * k * self.airmass[i]),
-                };
+                } * zero[i];
                 if let Some(held) = &self.held {
                     columns.fixed[[i, c]] += factor * held[[i, c]];
                 }

@@ -80,6 +80,7 @@ fn linear() -> Vec<Linear> {
                 curves: None,
                 unit: 1.0,
                 most: Some(3.0),
+                prior: None,
             });
         }
     }

@@ -4,7 +4,8 @@ use ndarray::{Array2, Array3};
 use rand::RngExt as _;
 use serde_json::{Value, json};
 use sunglint_inference::solver::{
-    CalibrationError, Columns, Data, FitError, Free, Linear, Loss, Model, ModelError, Options, fit,
+    CalibrationError, Columns, Data, FitError, Free, Linear, Loss, Model, ModelError, Options,
+    Prior, Warning, fit,
 };
 use sunglint_testkit::{peer_python, run_python};
 
@@ -32,7 +33,7 @@ impl Model for Fixed {
 
 fn linear(component: usize, channels: Vec<usize>) -> Linear {
     let name = format!("x{component}{channels:?}");
-    Linear { name, component, channels, curves: None, unit: 1.0, most: None }
+    Linear { name, component, channels, curves: None, unit: 1.0, most: None, prior: None }
 }
 
 const PLAIN: Options =
@@ -224,4 +225,44 @@ fn what_cannot_be_fitted_is_said() {
     assert!(error.to_string().contains("evening"), "{error}");
     data.used[[0, 0]] = true;
     assert!(matches!(refuse(&data, &[linear(0, vec![0])]), FitError::TooFew { samples: 1, .. }));
+}
+
+/// Truth: the closed form of one coefficient with a normal prior, (Σ a y/σ² + m/s²)/(Σ a²/σ² + 1/s²), and the root of the denominator's inverse; and for a parameter
+/// that changes no sample its prior itself, which is said. Tolerance: 1e-9 of the coefficient's uncertainty; 1e-3 of the prior's, where a search of χ² to 1e-9 of itself ends.
+#[test]
+fn a_prior_is_one_more_sample() {
+    let n = 20;
+    let columns = Array3::from_shape_fn((n, 1, 1), |(i, _, _)| 2.0 + (i as f64 * 0.3).sin());
+    // Small residuals, so that nothing is widened.
+    let rate = Array2::from_shape_fn((n, 1), |(i, _)| {
+        0.6 * columns[[i, 0, 0]] + 0.03 * if i % 2 == 0 { 1.0 } else { -1.0 }
+    });
+    let sigma = Array2::from_elem((n, 1), 0.5);
+    let data = [Data::new("a", rate.clone(), sigma)];
+    let (mean, width) = (0.65, 0.02);
+    let prior = Some(Prior { mean, sigma: width });
+    let linear = [Linear { prior, ..linear(0, vec![0]) }];
+    let idle =
+        Free { prior: Some(Prior { mean: 0.3, sigma: 0.1 }), ..Free::new("v", 0.0, -1.0, 1.0) };
+    let mut model = Fixed { columns: vec![columns.clone()], times: None };
+    let found = fit(&data, &mut model, &[idle], &linear, &PLAIN, &mut |_| ()).unwrap();
+    let (mut up, mut down) = (mean / width.powi(2), width.powi(-2));
+    for i in 0..n {
+        let a = columns[[i, 0, 0]];
+        up += a * rate[[i, 0]] / 0.25;
+        down += a * a / 0.25;
+    }
+    let x = found.parameter("x0[0]").unwrap();
+    let (truth, error) = (up / down, down.sqrt().recip());
+    assert!((x.value - truth).abs() < 1e-9 * error, "{} {truth}", x.value);
+    assert!((x.sigma.unwrap() - error).abs() < 1e-6 * error, "{:?} {error}", x.sigma);
+    assert!((0.6..0.65).contains(&x.value) && x.prior == prior);
+    let v = found.parameter("v").unwrap();
+    assert!((v.value - 0.3).abs() < 1e-4 && (v.sigma.unwrap() - 0.1).abs() < 1e-7, "{v:?}");
+    let said = |w: &Warning| matches!(w, Warning::ByPrior { names } if names.iter().eq(["v"]));
+    assert!(found.warnings.iter().any(said), "{:?}", found.warnings);
+    let bad =
+        Free { prior: Some(Prior { mean: 0.3, sigma: 0.0 }), ..Free::new("v", 0.0, -1.0, 1.0) };
+    let refused = fit(&data, &mut model, &[bad], &[], &PLAIN, &mut |_| ());
+    assert!(refused.unwrap_err().to_string().contains("the prior of v"));
 }

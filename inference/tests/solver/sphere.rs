@@ -100,6 +100,7 @@ fn albedos(channels: &[usize]) -> Vec<Linear> {
         curves: None,
         unit: 1.0,
         most: Some(1.0),
+        prior: None,
     };
     channels.iter().map(one).collect()
 }

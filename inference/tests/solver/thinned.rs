@@ -33,6 +33,7 @@ fn solved(data: &[Data], model: &mut StudyModel, from: f64, places: usize) -> Fi
         curves: None,
         unit: 1.0,
         most: None,
+        prior: None,
     }];
     let mut pitch = Free::new("pitch_deg", from, -15.0, 15.0);
     // Where the Earth's quadrature goes from one order to the next its light steps by 2e-3: differences are taken over more than that.

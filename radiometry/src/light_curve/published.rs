@@ -215,6 +215,7 @@ impl CurveFile {
             sigma,
             exposure_s,
             labels: labels(&table),
+            cameras: None,
             file_rows: Vec::new(),
         };
         let mut brightness = Brightness::of_rows(path, rows, options)?;
@@ -251,6 +252,8 @@ pub struct Brightness {
     pub tracks: Vec<(Epoch, f64, usize)>,
     /// Session and filter of each sample, where the file says them.
     pub labels: Option<Vec<Label>>,
+    /// Camera of each sample, of an instrument that has several.
+    pub cameras: Option<Vec<String>>,
     /// Whether the zero point is unknown: differences alone mean something.
     pub is_relative: bool,
     /// Place of each sample in its file, from 0: samples are in the order of time.
@@ -296,6 +299,7 @@ impl Brightness {
             sigma: read.sigma_mag,
             exposure_s: read.exposure_s,
             labels,
+            cameras: read.camera,
             ..Rows::default()
         };
         let mut curve = Self::of_rows(path, rows, options)?;
@@ -376,6 +380,7 @@ impl Brightness {
             phase_deg: rows.phase_deg,
             tracks: noise,
             labels: rows.labels,
+            cameras: rows.cameras,
             is_relative: false,
             file_rows: rows.file_rows,
         };
@@ -438,6 +443,7 @@ struct Rows {
     sigma: Option<Vec<f64>>,
     exposure_s: Option<Vec<f64>>,
     labels: Option<Vec<Label>>,
+    cameras: Option<Vec<String>>,
     /// Places in the file, once sorted.
     file_rows: Vec<usize>,
 }
@@ -458,7 +464,10 @@ impl Rows {
                 differ.into_iter().find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
             };
             let by_value = self.magnitudes[*a].total_cmp(&self.magnitudes[*b]);
-            keys[*a].cmp(&keys[*b]).then(by_value).then_with(by_number).then_with(by_label)
+            let by_camera =
+                || self.cameras.as_ref().map_or(std::cmp::Ordering::Equal, |c| c[*a].cmp(&c[*b]));
+            let of_samples = keys[*a].cmp(&keys[*b]).then(by_value).then_with(by_number);
+            of_samples.then_with(by_label).then_with(by_camera)
         });
         let pick = |v: Option<Vec<f64>>| v.map(|v| order.iter().map(|i| v[*i]).collect());
         Self {
@@ -469,6 +478,7 @@ impl Rows {
             sigma: pick(self.sigma),
             exposure_s: pick(self.exposure_s),
             labels: self.labels.map(|l| order.iter().map(|i| l[*i].clone()).collect()),
+            cameras: self.cameras.map(|c| order.iter().map(|i| c[*i].clone()).collect()),
             file_rows: order,
         }
     }

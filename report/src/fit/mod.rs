@@ -126,6 +126,7 @@ pub fn text(answer: &PassFit) -> String {
             bounces.moved_sigmas
         );
     }
+    text += &predictions(answer);
     for spectrum in answer.spectra.iter().filter(|s| s.upsampled) {
         let range = constrained(spectrum);
         let _ = writeln!(
@@ -133,6 +134,31 @@ pub fn text(answer: &PassFit) -> String {
             "\n{}: a reflectance spectrum through its band albedos, one of many that have them; the bands say something from {:.0} to {:.0} nm (largest miss {:.2} sigma)",
             spectrum.material, range.0, range.1, spectrum.found.largest_pull
         );
+    }
+    text
+}
+
+/// Lines on curves that fits of the others predicted.
+fn predictions(answer: &PassFit) -> String {
+    let mut text = String::new();
+    let all: Vec<_> = answer.predicted.iter().flat_map(|p| &p.curves).collect();
+    if all.is_empty() {
+        return text;
+    }
+    text.push_str("\npredicted by fits of the other curves, attitudes and zero points as the scenes have them\n");
+    for fit in &answer.predicted {
+        let open = if fit.converged { "" } else { ", the fit did NOT converge" };
+        for curve in &fit.curves {
+            let _ = writeln!(
+                text,
+                "  {}: rms {:.3} mag (mean {:+.3}), {} samples{open}",
+                curve.name, curve.rms_mag, curve.mean_mag, curve.samples
+            );
+        }
+    }
+    let middle = sunglint_numerics::order::median(all.iter().map(|c| c.rms_mag));
+    if let Some(middle) = middle {
+        let _ = writeln!(text, "  median of {}: {middle:.3} mag", all.len());
     }
     text
 }

@@ -39,6 +39,7 @@
 //! first = "nadir"                     # sun, nadir, velocity, orbit_normal, north
 //! second_axis_body = [1, 0, 0]
 //! second = "sun"
+//! euler_zyx_deg = [0, 0, 0]           # a constant bias of the body against that attitude; also of sun and yaw_steering
 //!
 //! [attitude]
 //! law = "table"
@@ -255,9 +256,11 @@ impl Law {
                 "epoch_utc",
             ],
             Law::Orbit => &["body_to_orbit", "euler_zyx_deg"],
-            Law::Pointing => &["first_axis_body", "first", "second_axis_body", "second"],
-            Law::Sun => &["first_axis_body", "second_axis_body", "second"],
-            Law::YawSteering => &["first_axis_body", "second_axis_body"],
+            Law::Pointing => {
+                &["first_axis_body", "first", "second_axis_body", "second", "euler_zyx_deg"]
+            }
+            Law::Sun => &["first_axis_body", "second_axis_body", "second", "euler_zyx_deg"],
+            Law::YawSteering => &["first_axis_body", "second_axis_body", "euler_zyx_deg"],
             Law::Table => &["file", "interpolation"],
             Law::Torques => &[
                 "inertia_kg_m2",
@@ -667,13 +670,17 @@ impl Place<'_> {
             Law::Sun => (Direction::Sun, self.needs("second", file.second)?),
             _ => (self.needs("first", file.first)?, self.needs("second", file.second)?),
         };
-        Pointing::new(first_axis, first, second_axis, second).map_err(|error| {
+        let pointing = Pointing::new(first_axis, first, second_axis, second).map_err(|error| {
             let key = match error {
                 AttitudeError::SameDirection { .. } => "second",
                 _ => "second_axis_body",
             };
             self.refused(key, &error)
-        })
+        });
+        match self.rotation("euler_zyx_deg", &None, file)? {
+            Some(bias) => pointing.map(|pointing| pointing.with_bias(bias)),
+            None => pointing,
+        }
     }
 
     fn table(&self, file: &AttitudeFile, read: Loader) -> Result<AttitudeTable, FileError> {

@@ -89,6 +89,12 @@ impl Pointing {
         Ok(Self { first, second, body_to_frame: frame_to_body.inverse() })
     }
 
+    /// The same for a body that is turned by a constant bias against the attitude that it should have: `bias` takes its axes to those of the body that points exactly.
+    #[must_use]
+    pub fn with_bias(self, bias: DQuat) -> Self {
+        Self { body_to_frame: (self.body_to_frame * bias).normalize(), ..self }
+    }
+
     /// The rotation from body axes to the GCRS.
     ///
     /// # Errors

@@ -26,6 +26,8 @@
 //! axis = [0, 1, 0]
 //! face = [1, 0, 0]              # turned to the Sun; perpendicular to the axis
 //! range_deg = [-180, 180]       # left out where it turns freely
+//! # offset_deg = 5              # turned past the Sun by so much: a lag or a bias; 180 for a wing that shows its back
+//! # parked_deg = 30             # stands at this angle and follows nothing
 //!
 //! [[material]]                  # see surface::file
 //! name = "cells"
@@ -191,6 +193,8 @@ pub struct HingeFile {
     pub axis: [Finite; 3],
     pub face: [Finite; 3],
     pub range_deg: Option<[Finite; 2]>,
+    pub offset_deg: Option<Finite>,
+    pub parked_deg: Option<Finite>,
     #[serde(default)]
     pub note: String,
 }
@@ -392,6 +396,24 @@ fn hinge(document: &Document, at: &str, file: &HingeFile) -> Result<Hinge, Parse
     }
     // What is left of the lean is rounding of the file's digits.
     let face = (face - lean * axis).normalize();
+    let turns = |name: &str, angle: Option<Finite>| match angle.map(Finite::get) {
+        Some(deg) if !(-360.0..=360.0).contains(&deg) => {
+            let hint = format!("it is {deg}");
+            Err(document.error_at(&key(at, name), "-360 to 360 degrees").with_hint(hint))
+        }
+        deg => Ok(deg.map(f64::to_radians)),
+    };
+    let offset = turns("offset_deg", file.offset_deg)?;
+    let parked = turns("parked_deg", file.parked_deg)?;
+    if parked.is_some() && (offset.is_some() || file.range_deg.is_some()) {
+        let expected = "parked_deg alone: a hinge that stands follows nothing, so that it has neither offset_deg nor range_deg";
+        return Err(document.error_at(&key(at, "parked_deg"), expected));
+    }
+    // The direction that is turned to the Sun lies before the face by the offset.
+    let face = match offset {
+        Some(offset) => DQuat::from_axis_angle(axis, -offset) * face,
+        None => face,
+    };
     let range_rad = match file.range_deg.map(|range| range.map(Finite::get)) {
         None => None,
         Some([least, most]) if -360.0 <= least && least <= most && most <= 360.0 => {
@@ -403,6 +425,7 @@ fn hinge(document: &Document, at: &str, file: &HingeFile) -> Result<Hinge, Parse
         }
     };
     let point_m = near(document, &key(at, "point_m"), vector(file.point_m))?;
+    let range_rad = parked.map(|angle| (angle, angle)).or(range_rad);
     Ok(Hinge { name: file.name.clone(), point_m, axis, face, range_rad })
 }
 
