@@ -6,11 +6,13 @@
 //! - [`refine`]: where something else shades or hides them: cells, divided where a shadow's edge crosses, until the error is small enough;
 //! - [`sight`]: which occluders stand between a cell and the Sun or the observer;
 //! - [`outline`]: how curved bodies hide others;
-//! - [`bent`]: triangles with normals.
+//! - [`bent`]: triangles with normals;
+//! - [`phase`]: light of whole spheres by phase angle, in tables.
 
 pub mod bent;
 pub mod build;
 pub mod outline;
+pub mod phase;
 pub mod refine;
 pub mod ring;
 pub mod sight;
@@ -176,9 +178,12 @@ impl Curves {
         let mut full = vec![0.0; out.len()];
         let scale = radius * radius * nearness;
         // Neither a tangent nor an angle out of range is left to refuse: the scene was checked, the angle is made here.
-        let error = material
-            .add_sphere_weights(phase.min(std::f64::consts::PI), scale, &mut full)
-            .unwrap_or(f64::INFINITY);
+        let error = sight.scene.add_sphere(
+            round.material,
+            phase.min(std::f64::consts::PI),
+            scale,
+            &mut full,
+        );
         let mut error = error + bend;
         if material.is_mirror() {
             let glint = middle + radius * (light.sun + to).normalize_or_zero();
