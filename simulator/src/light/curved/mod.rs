@@ -28,6 +28,10 @@ use ring::Task;
 use sight::{Candidates, Sight};
 use zone::{Pole, Zone};
 
+/// Precision of whole zones where only a rough sum is asked for ([`Curves::tolerance`]), as a share of its tolerance, and where zones send next to nothing, sr⁻¹.
+const OF_MANY: f64 = 1e-2;
+const OF_MANY_FLOOR: f64 = 1e-2;
+
 /// A curved part.
 #[derive(Debug, Clone)]
 pub struct Round {
@@ -121,6 +125,10 @@ impl Curves {
             let task = Task::new(*zone, material, round.tangent, sun, eye, range_squared);
             let Some(mut task) = task else { continue };
             if free {
+                // Of one of many directions no more is asked than of what something hides.
+                if self.tolerance > Scene::CURVED_TOLERANCE {
+                    (task.floor, task.precision) = (OF_MANY_FLOOR, OF_MANY * self.tolerance);
+                }
                 let whole = task.whole();
                 let error = task.cell(&whole, out);
                 let sum: f64 = out.iter().sum();
