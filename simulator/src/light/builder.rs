@@ -105,6 +105,7 @@ impl<'a> Builder<'a> {
             touching_m: size * Scene::TOUCHING,
             covers: false,
             sun: None,
+            phases: Vec::new(),
             large: None,
             report,
         };

@@ -2,7 +2,7 @@
 
 use super::builder::{Builder, check};
 use super::clip;
-use super::curved::{Round, bent::Patch};
+use super::curved::{Round, bent::Patch, phase::PhaseCurve};
 use super::evaluate::Evaluator;
 use super::geometry::Geometry;
 use super::large::{Large, Sampling};
@@ -56,6 +56,8 @@ pub struct Scene {
     pub(super) covers: bool,
     /// The Sun's disc, where it is modelled.
     pub(super) sun: Option<super::disc::Sun>,
+    /// For each material its light on spheres by phase angle; empty where integrals are taken anew each time.
+    pub(super) phases: Vec<PhaseCurve>,
     /// The same once more, where it is sampled.
     pub(super) large: Option<Box<Large>>,
     pub(super) report: SceneReport,
@@ -280,6 +282,23 @@ impl Scene {
             scene.sample(tolerance);
         }
         Ok(scene)
+    }
+
+    /// Takes what spheres send from tables by phase angle ([`PhaseCurve`]), which are made where they are needed: for many directions.
+    pub(super) fn tabulate_spheres(&mut self) {
+        if self.rounds.iter().any(|r| r.sphere.is_some()) {
+            self.phases = vec![PhaseCurve::default(); self.materials.len()];
+        }
+    }
+
+    /// Adds `scale` times the weights of a sphere of 1 m at a phase angle; gives the relative error.
+    pub(super) fn add_sphere(&self, material: u32, phase: f64, scale: f64, sum: &mut [f64]) -> f64 {
+        let of = &self.materials[material as usize];
+        match self.phases.get(material as usize) {
+            Some(curve) => curve.add(of, phase, scale, sum),
+            // Neither a tangent nor an angle out of range is left to refuse: the scene was checked, the angle was made.
+            None => of.add_sphere_weights(phase, scale, sum).unwrap_or(f64::INFINITY),
+        }
     }
 
     /// Room to evaluate in: one for each thread.

@@ -5,6 +5,8 @@
 //! the cubic by more than a tenth of the tolerance of all light, or the interval beside it is, it falls in two. A middle that was computed is a node in either case, so what is left is mostly less
 //! than what was seen: a half of it where the light has a kink, a sixteenth where it is smooth. What was seen is added to the stated error.
 //!
+//! Each way of the light has nodes of its own: what lobes bounce needs many, what the wide Earth sends needs few and costs more.
+//!
 //! In time: weights of terms in the body's axes are interpolated; distances, air and channels are those of each epoch. What comes out depends on the epochs of the pass
 //! and on no number of threads.
 
@@ -24,7 +26,7 @@ const FARTHEST: usize = 32;
 const TURN_RAD: f64 = 0.2;
 /// The same where light between surfaces has lobes, or the Moon shines: a share of the narrowest lobe's α. Half of that, with the middle, is in a half vector a quarter of α.
 const OF_LOBE: f64 = 1.0;
-/// Share of the tolerance of all light that the cubic may be off in the middle.
+/// Share of the tolerance of all light that the cubics of all ways may be off in the middle.
 const OF_TOLERANCE: f64 = 0.1;
 /// Share of the light's own stated error that it may be off as well: light paths are drawn, and need be no smoother than they are known.
 const OF_STATED: f64 = 0.25;
@@ -34,16 +36,23 @@ const FAR: f64 = 8.0;
 /// Weights of one epoch, m² sr⁻¹, and their errors.
 type Row = (Vec<f64>, Vec<f64>);
 
-/// Indirect light at the nodes.
+/// Indirect light along a pass.
 #[derive(Debug)]
 pub(super) struct Along {
     /// For each epoch its place in the order of time.
     place: Vec<usize>,
     /// Times of the places, s.
     times_s: Vec<f64>,
+    /// The light of each way that it came by.
+    ways: Vec<Nodes>,
+}
+
+/// Light that came by one way, at the nodes.
+#[derive(Debug)]
+struct Nodes {
     /// Places that are nodes, increasing; the first and the last are among them.
     nodes: Vec<usize>,
-    /// Light at each node.
+    /// Terms at each node.
     rows: Vec<Row>,
     /// For each interval the number of its error in `off`; none where there is no epoch between its ends.
     of_interval: Vec<Option<usize>>,
@@ -79,33 +88,43 @@ impl Along {
         if times_s.windows(2).any(|t| t[1] <= t[0]) {
             return Ok(None);
         }
-        let lobes = has(&|s| matches!(s, Source::Bounce | Source::Moonshine));
-        let turn_rad = match engine.narrowest_lobe() {
-            Some(alpha) if lobes => TURN_RAD.min(OF_LOBE * alpha),
-            _ => TURN_RAD,
-        };
-        let course = Course { ready, places, order: &order, times_s: &times_s, tick };
-        let (rows, off) = course.refined(course.first(turn_rad))?;
-        let (nodes, rows): (Vec<usize>, Vec<Row>) =
-            rows.into_iter().map(|(k, (row, _))| (k, row)).unzip();
-        let numbers: BTreeMap<usize, usize> =
-            off.iter().enumerate().map(|(number, (k, _))| (*k, number)).collect();
-        let own = |ends: &[usize]| (ends[1] > ends[0] + 1).then(|| numbers.get(&ends[0]).copied());
-        let of_interval = nodes.windows(2).map(|ends| own(ends).flatten()).collect();
+        let mut ways = Vec::new();
+        let sources: Vec<Source> = [Source::Bounce, Source::Earthshine, Source::Moonshine]
+            .into_iter()
+            .filter(|source| has(&|of| of == *source))
+            .collect();
+        let of_tolerance = OF_TOLERANCE / sources.len() as f64;
+        for source in sources {
+            // The Earth is far wider than any lobe that counts.
+            let turn_rad = match engine.narrowest_lobe() {
+                Some(alpha) if source != Source::Earthshine => TURN_RAD.min(OF_LOBE * alpha),
+                _ => TURN_RAD,
+            };
+            let (order, times_s) = (&order[..], &times_s[..]);
+            let course = Course { ready, places, source, of_tolerance, order, times_s, tick };
+            ways.push(course.nodes(turn_rad)?);
+        }
         let mut place = vec![0; places.len()];
         order.iter().enumerate().for_each(|(k, i)| place[*i] = k);
-        let off = off.into_values().collect();
-        Ok(Some(Self { place, times_s, nodes, rows, of_interval, off }))
+        Ok(Some(Self { place, times_s, ways }))
     }
 
-    /// How many epochs are nodes.
+    /// How many epochs are nodes, of the way that has most.
     pub fn computed(&self) -> usize {
-        self.nodes.len()
+        self.ways.iter().map(|way| way.nodes.len()).max().unwrap_or(0)
     }
 
     /// Adds the light of an epoch to its weights and their errors.
     pub fn add(&self, epoch: usize, weights: &mut [f64], errors: &mut [f64]) {
-        let k = self.place[epoch];
+        for way in &self.ways {
+            way.add(&self.times_s, self.place[epoch], weights, errors);
+        }
+    }
+}
+
+impl Nodes {
+    /// Adds the light at a place.
+    fn add(&self, times_s: &[f64], k: usize, weights: &mut [f64], errors: &mut [f64]) {
         let interval = self.nodes.partition_point(|n| *n <= k).max(1) - 1;
         if self.nodes[interval] == k {
             let (row, own) = &self.rows[interval];
@@ -113,8 +132,8 @@ impl Along {
             errors.iter_mut().zip(own).for_each(|(e, r)| *e += r);
             return;
         }
-        let at = |n: usize| self.times_s[self.nodes[n]];
-        let time = self.times_s[k];
+        let at = |n: usize| times_s[self.nodes[n]];
+        let time = times_s[k];
         let support = support(&at, self.nodes.len(), interval, time);
         let rows: Vec<(f64, &[f64])> =
             support.into_iter().map(|(n, part)| (part, &self.rows[n].0[..])).collect();
@@ -164,6 +183,10 @@ fn cubic(rows: &[(f64, &[f64])], term: usize) -> f64 {
 struct Course<'a> {
     ready: &'a Ready<'a>,
     places: &'a [Place],
+    /// The way that the light came.
+    source: Source,
+    /// Share of the tolerance of all light that the cubic may be off.
+    of_tolerance: f64,
     order: &'a [usize],
     times_s: &'a [f64],
     tick: &'a (dyn Fn() + Sync),
@@ -175,6 +198,18 @@ type Rows = BTreeMap<usize, (Row, Vec<f64>)>;
 impl Course<'_> {
     fn at(&self, k: usize) -> &Place {
         &self.places[self.order[k]]
+    }
+
+    /// The light at all nodes, from first ones that are so far apart.
+    fn nodes(&self, turn_rad: f64) -> Result<Nodes, PassError> {
+        let (rows, off) = self.refined(self.first(turn_rad))?;
+        let (nodes, rows): (Vec<usize>, Vec<Row>) =
+            rows.into_iter().map(|(k, (row, _))| (k, row)).unzip();
+        let numbers: BTreeMap<usize, usize> =
+            off.iter().enumerate().map(|(number, (k, _))| (*k, number)).collect();
+        let own = |ends: &[usize]| (ends[1] > ends[0] + 1).then(|| numbers.get(&ends[0]).copied());
+        let of_interval = nodes.windows(2).map(|ends| own(ends).flatten()).collect();
+        Ok(Nodes { nodes, rows, of_interval, off: off.into_values().collect() })
     }
 
     /// The first nodes: as far apart as the body's turning and the Earth's shadow allow.
@@ -258,19 +293,19 @@ impl Course<'_> {
     /// Whether that is little of all light in every channel and band, or of what is stated.
     fn is_near(&self, away: &[f64], (_, errors): &Row, light: &[f64]) -> bool {
         let sum = |row: &[f64], q: usize| self.ready.functionals.sums.above(q, row);
-        let wanted = OF_TOLERANCE * self.ready.pass.tolerance;
+        let wanted = self.of_tolerance * self.ready.pass.tolerance;
         light.iter().enumerate().all(|(q, light)| {
             sum(away, q).abs() <= (wanted * light).max(OF_STATED * sum(errors, q).abs())
         })
     }
 
-    /// Indirect light at some places, with all light in each channel and band.
+    /// The light of the way at some places, with what is straight from the Sun beside it in each channel and band.
     fn rows(&self, places: &[usize]) -> Result<Vec<(Row, Vec<f64>)>, PassError> {
         let rows = places.par_iter().map_init(
             || self.ready.eye(),
             |eye, k| {
                 let place = self.at(*k);
-                let row = eye.weigh_some(place, &indirect)?;
+                let row = eye.weigh_some(place, &|source| source == self.source)?;
                 let (straight, _) = eye.weigh_some(place, &|source| source == Source::Direct)?;
                 let all: Vec<f64> = straight.iter().zip(&row.0).map(|(a, b)| a + b).collect();
                 (self.tick)();

@@ -35,33 +35,65 @@ impl Material {
         if phase_rad == PI {
             return Ok(0.0);
         }
-        let cos_half = (0.5 * (PI - phase_rad)).sin();
-        Ok(match &self.model {
-            Model::Lambert => {
-                sum[0] += scale * lambert(phase_rad);
-                0.0
-            }
-            Model::Mirror { fresnel } => {
-                fresnel.add_weights(cos_half, 0.25 * scale, sum);
-                0.0
-            }
-            Model::Microfacet { lobe, fresnel } => {
+        let (integrals, error) = self.sphere_integrals(phase_rad);
+        self.add_sphere_integrals(phase_rad, &integrals, scale, sum);
+        Ok(error)
+    }
+
+    /// Whether its weights on a sphere are closed forms: [`Material::sphere_integrals`] then has nothing.
+    pub(crate) fn has_closed_sphere(&self) -> bool {
+        matches!(self.model, Model::Lambert | Model::Mirror { .. })
+    }
+
+    /// The integrals over a sphere of 1 m that stand in its weights, at a phase angle from 0 to below π, and their estimated relative error: smooth functions of
+    /// the phase angle, without Fresnel factors. Of an isotropic material.
+    pub(crate) fn sphere_integrals(&self, phase_rad: f64) -> (Vec<f64>, f64) {
+        match &self.model {
+            Model::Lambert | Model::Mirror { .. } => (Vec::new(), 0.0),
+            Model::Microfacet { lobe, .. } => {
                 let (value, error) = microfacet(lobe, phase_rad);
-                fresnel.add_weights(cos_half, scale * value, sum);
-                error
+                (vec![value], error)
             }
-            Model::Blend { lobe, fresnel, base } => {
-                let (coat, below) = sum.split_at_mut(fresnel.spectra().len());
+            Model::Blend { lobe, base, .. } => {
                 let (value, error) = microfacet(lobe, phase_rad);
-                fresnel.add_weights(cos_half, scale * value, coat);
                 let (weights, base_error) = diffuse(phase_rad, |cos_i, cos_o, scale, sum| {
                     base.add_weights(cos_i, cos_o, scale, sum);
                 });
-                below.iter_mut().zip(weights).for_each(|(sum, w)| *sum += scale * w);
-                error.max(base_error)
+                let all = std::iter::once(value).chain(weights).collect();
+                (all, error.max(base_error))
             }
-            Model::Law(law) => self.numerical_sphere(&**law, phase_rad, scale, sum),
-        })
+            Model::Law(law) => {
+                let mut weights = vec![0.0; self.spectra.len()];
+                let error = self.numerical_sphere(&**law, phase_rad, 1.0, &mut weights);
+                (weights, error)
+            }
+        }
+    }
+
+    /// Adds `scale` times the weights of a sphere of 1 m from its integrals.
+    pub(crate) fn add_sphere_integrals(
+        &self,
+        phase_rad: f64,
+        integrals: &[f64],
+        scale: f64,
+        sum: &mut [f64],
+    ) {
+        let cos_half = (0.5 * (PI - phase_rad)).sin();
+        match &self.model {
+            Model::Lambert => sum[0] += scale * lambert(phase_rad),
+            Model::Mirror { fresnel } => fresnel.add_weights(cos_half, 0.25 * scale, sum),
+            Model::Microfacet { fresnel, .. } => {
+                fresnel.add_weights(cos_half, scale * integrals[0], sum);
+            }
+            Model::Blend { fresnel, .. } => {
+                let (coat, below) = sum.split_at_mut(fresnel.spectra().len());
+                fresnel.add_weights(cos_half, scale * integrals[0], coat);
+                below.iter_mut().zip(&integrals[1..]).for_each(|(sum, w)| *sum += scale * w);
+            }
+            Model::Law(_) => {
+                sum.iter_mut().zip(integrals).for_each(|(sum, w)| *sum += scale * w);
+            }
+        }
     }
 }
 

@@ -6,11 +6,13 @@
 //! - [`refine`]: where something else shades or hides them: cells, divided where a shadow's edge crosses, until the error is small enough;
 //! - [`sight`]: which occluders stand between a cell and the Sun or the observer;
 //! - [`outline`]: how curved bodies hide others;
-//! - [`bent`]: triangles with normals.
+//! - [`bent`]: triangles with normals;
+//! - [`phase`]: light of whole spheres by phase angle, in tables.
 
 pub mod bent;
 pub mod build;
 pub mod outline;
+pub mod phase;
 pub mod refine;
 pub mod ring;
 pub mod sight;
@@ -25,6 +27,10 @@ use refine::Refiner;
 use ring::Task;
 use sight::{Candidates, Sight};
 use zone::{Pole, Zone};
+
+/// Precision of whole zones where only a rough sum is asked for ([`Curves::tolerance`]), as a share of its tolerance, and where zones send next to nothing, sr⁻¹.
+const OF_MANY: f64 = 1e-2;
+const OF_MANY_FLOOR: f64 = 1e-2;
 
 /// A curved part.
 #[derive(Debug, Clone)]
@@ -119,6 +125,10 @@ impl Curves {
             let task = Task::new(*zone, material, round.tangent, sun, eye, range_squared);
             let Some(mut task) = task else { continue };
             if free {
+                // Of one of many directions no more is asked than of what something hides.
+                if self.tolerance > Scene::CURVED_TOLERANCE {
+                    (task.floor, task.precision) = (OF_MANY_FLOOR, OF_MANY * self.tolerance);
+                }
                 let whole = task.whole();
                 let error = task.cell(&whole, out);
                 let sum: f64 = out.iter().sum();
@@ -176,9 +186,12 @@ impl Curves {
         let mut full = vec![0.0; out.len()];
         let scale = radius * radius * nearness;
         // Neither a tangent nor an angle out of range is left to refuse: the scene was checked, the angle is made here.
-        let error = material
-            .add_sphere_weights(phase.min(std::f64::consts::PI), scale, &mut full)
-            .unwrap_or(f64::INFINITY);
+        let error = sight.scene.add_sphere(
+            round.material,
+            phase.min(std::f64::consts::PI),
+            scale,
+            &mut full,
+        );
         let mut error = error + bend;
         if material.is_mirror() {
             let glint = middle + radius * (light.sun + to).normalize_or_zero();

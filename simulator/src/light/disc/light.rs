@@ -449,7 +449,7 @@ impl Evaluator<'_> {
         let scale = radius * radius * nearness;
         let averager = &mut self.disc.averager;
         let tolerance = now.sun.options.tolerance;
-        let full = averager.sphere(material, &now.disc, to, now.earth, tolerance);
+        let full = averager.sphere((scene, round.material), &now.disc, to, now.earth, tolerance);
         // The share that is left, found towards the middle of the Sun, holds for all of it.
         let left: f64 = plain.iter().sum();
         let whole = scale * full;

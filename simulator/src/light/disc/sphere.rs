@@ -4,7 +4,7 @@ use super::average::{Averager, FLOOR, LOOK, Way};
 use super::cut::{Cut, Disc};
 use super::profile::{PROFILES, second_moments};
 use super::rings;
-use crate::surface::Material;
+use crate::light::Scene;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -15,13 +15,13 @@ impl Averager {
     /// Averages W_k of a sphere of radius 1 (m² sr⁻¹) over the phase angles of the disc's places; gives what a collimated Sun yields.
     pub fn sphere(
         &mut self,
-        material: &Material,
+        (scene, material): (&Scene, u32),
         disc: &Disc,
         to: DVec3,
         earth: Option<Cut>,
         tolerance: f64,
     ) -> f64 {
-        let count = material.spectra().len();
+        let count = scene.weights_of(material as usize).len();
         self.sums.clear(count);
         // Right at all angles (Kahan), where the arc cosine is not.
         let phase_of = |sun: DVec3| (2.0 * (sun - to).length().atan2((sun + to).length())).min(PI);
@@ -29,9 +29,8 @@ impl Averager {
         let mut own = 0.0_f64;
         let mut at = |phase: f64| {
             let mut out = vec![0.0; count];
-            // At 180° itself a mirror's closed form ends. The scene was checked for tangents, the angle is made here.
-            let error = material.add_sphere_weights(phase.abs().min(PI - 1e-9), 1.0, &mut out);
-            own = own.max(error.unwrap_or(f64::INFINITY));
+            // At 180° itself a mirror's closed form ends.
+            own = own.max(scene.add_sphere(material, phase.abs().min(PI - 1e-9), 1.0, &mut out));
             out
         };
         let middle = at(phase);

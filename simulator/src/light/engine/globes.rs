@@ -17,11 +17,13 @@ use std::sync::Arc;
 const CURVED: f64 = 2e-3;
 /// Share of the tolerance that the quadrature over the Earth's lit cap may take.
 const OF_TOLERANCE: f64 = 0.5;
-/// Geometries on which it is counted from how many directions the Earth's light is taken.
-const COUNTED: u32 = 16;
-/// Scenes of more facets are not counted on, and that many directions are taken for granted.
-const MOST_FACETS: usize = 1000;
-const DIRECTIONS: f64 = 150.0;
+/// Geometries on which it is counted from how many directions the Earth's light is taken, at most.
+const COUNTED: usize = 16;
+/// What counting may look at: directions times facets, pairs of these and what may hide them, and so many for a curved part. Where that is not enough for one
+/// geometry, that many directions are taken for granted.
+const MOST_LOOKS: usize = 4_000_000;
+const OF_CURVED: usize = 2000;
+const DIRECTIONS: f64 = 500.0;
 /// Cost of a table's light over the cap for one epoch, s.
 const TABLE_S: f64 = 3e-4;
 /// Irradiance of the full Moon over that of the Sun.
@@ -107,7 +109,11 @@ impl Lit {
     /// is lowest.
     fn directions(&self, question: &Question) -> f64 {
         let scene = question.scene;
-        if scene.report().facets > MOST_FACETS {
+        let report = scene.report();
+        let Some(pairs) = report.occluder_pairs else { return DIRECTIONS };
+        let looks = report.facets + pairs + OF_CURVED * (report.curved + report.bent);
+        let geometries = (MOST_LOOKS / (DIRECTIONS as usize * looks.max(1))).min(COUNTED) as u32;
+        if geometries == 0 {
             return DIRECTIONS;
         }
         let mut shine = self.shine(scene);
@@ -115,7 +121,7 @@ impl Lit {
         let (mut weights, mut errors) = (none.clone(), none);
         let radius_m = sunglint_ephemeris::orbit::eclipse::EARTH_EQUATORIAL_RADIUS_M;
         let mut counted = 0;
-        for k in 0..COUNTED {
+        for k in 0..geometries {
             let [a, b, c] = [0, 1, 2].map(|set| {
                 let u = sobol_burley::sample_4d(k, set, 0xea).map(f64::from);
                 on_sphere(u[0], u[1])

@@ -144,7 +144,8 @@ impl Engine {
         course: &Course,
         earth: &Arc<EarthAlbedo>,
     ) -> Result<Self, SceneError> {
-        let scene = prepared(target, options, course, earth)?;
+        let mut scene = prepared(target, options, course, earth)?;
+        scene.tabulate_spheres();
         let body = Body::new(&scene)?;
         let question =
             Question { target, scene: &scene, body: &body, options, course, earth, answered: &[] };
