@@ -21,7 +21,7 @@ const WINDOW: usize = 101;
 const NODE: usize = 25;
 /// Samples that many standard deviations above the median are candidates; those beyond the second are flashes without doubt.
 const CANDIDATE: f64 = 2.5;
-const FLASH: f64 = 5.0;
+const FLASH: f64 = 4.0;
 /// Strengths above this do not count for more.
 const FULL: f64 = 6.0;
 /// Fewer flashes are no train.
@@ -548,7 +548,7 @@ fn difference(kinds: &[Vec<f64>]) -> f64 {
 /// Looks for the period at which flashes come. `None` where the light has no flashes that stand out, or is in them for more than 30 % of the time.
 ///
 /// ```
-/// use sunglint_analysis::period::verdict::{Options, Outcome};
+/// use sunglint_analysis::period::verdict::Options;
 /// use sunglint_analysis::period::flash_train;
 /// use sunglint_analysis::series::Series;
 ///
