@@ -29,7 +29,6 @@ const KIND: Kind = Kind {
     label: DEVICE,
     what: "telescope",
     interface: 1,
-    talks: true,
     required: &[PLACE, ABORT.0],
 };
 

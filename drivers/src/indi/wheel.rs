@@ -16,7 +16,6 @@ const KIND: Kind = Kind {
     label: DEVICE,
     what: "filter wheel",
     interface: 1 << 4,
-    talks: false,
     required: &[SLOT],
 };
 /// More slots than any wheel has.
