@@ -63,11 +63,14 @@ fn manifest(bytes: &[u8]) {
     let _ = Manifest::read(file("manifest.toml", bytes)).map_err(|error| error.to_string());
 }
 
+/// Name of a target, further folders of seeds, and the target.
+type Reader = (&'static str, &'static [&'static str], fn(&[u8]));
+
 /// Truth: what each target itself holds: no panic. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let scenes: &[&str] = &["fixtures/scenes", "fixtures/thesis"];
-    let targets: [(&str, &[&str], fn(&[u8])); 6] = [
+    let scenes: &'static [&'static str] = &["fixtures/scenes", "fixtures/thesis"];
+    let targets: [Reader; 6] = [
         ("elements", &[], elements),
         ("ephemeris", &[], ephemeris),
         ("meshes", &["fixtures/meshes"], meshes),

@@ -19,10 +19,13 @@ mod thorlabs;
 #[path = "../fuzz/targets/zwo.rs"]
 mod zwo;
 
+/// Name of a target, further folders of seeds, and the target.
+type Target = (&'static str, &'static [&'static str], fn(&[u8]));
+
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [(&str, &[&str], fn(&[u8])); 8] = [
+    let targets: [Target; 8] = [
         ("apt", &[], apt::run),
         ("indi", &[], indi::run),
         ("ophir", &[], ophir::run),

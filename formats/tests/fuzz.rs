@@ -29,10 +29,13 @@ mod wcs;
 #[path = "../fuzz/targets/zemax.rs"]
 mod zemax;
 
+/// Name of a target, further folders of seeds, and the target.
+type Target = (&'static str, &'static [&'static str], fn(&[u8]));
+
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [(&str, &[&str], fn(&[u8])); 13] = [
+    let targets: [Target; 13] = [
         ("bsdf", &["fixtures/formats/hostile"], bsdf::run),
         ("curve", &["fixtures/formats/hostile"], curve::run),
         ("ecsv", &["fixtures/formats/hostile"], ecsv::run),

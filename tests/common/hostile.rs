@@ -376,7 +376,7 @@ fn first_command(heard: &str) -> Option<(String, usize)> {
     Some((rest[..end].to_owned(), begin + end))
 }
 
-/// What a camera defines.
+/// Definitions that a camera sends.
 fn definitions(kind: &str) -> String {
     let sensor = match kind {
         "huge_sensor" => [1_000_000; 2],

@@ -12,7 +12,7 @@ pub fn run(bytes: &[u8]) {
     let whole = &bytes[..records.len() * RECORD_BYTES];
     let Ok(tags) = Tags::new(whole) else { return };
     for (width_ps, from_ps, to_ps) in
-        [(1_000, 0, 1_000_000), (1 << 40, i64::MIN / 4, i64::MAX / 4), (7, -700, 700)]
+        [(1_000, 0, 1_000_000), (1 << 40, -(1 << 50), 1 << 50), (7, -700, 700)]
     {
         if let Ok(binning) = Binning::new(&[1, -2, 3], width_ps, from_ps, to_ps) {
             let _ = tags.bin(&binning);
