@@ -8,6 +8,7 @@ mod catalogue;
 mod common;
 mod efw_fixtures;
 mod efw_wheel;
+mod fuzz;
 mod indi_faults;
 mod indi_fixtures;
 mod indi_live;

@@ -2,6 +2,7 @@
 
 mod astropy;
 mod ecsv;
+mod fuzz;
 mod hostile;
 mod photometry;
 mod session;

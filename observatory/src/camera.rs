@@ -131,9 +131,10 @@ impl CameraWork {
             let exposure_s = self.exposure_s(&now);
             let readout = self.readout.unwrap_or(READOUT);
             let most = seconds(exposure_s).saturating_add(readout).saturating_add(LATE);
+            let busy = seconds(exposure_s).saturating_add(self.readout.unwrap_or_default());
             let (asked, asked_at) = (worker.clock.utc(), worker.clock.clock.now());
             let moves = self.before.moves();
-            let mut frame = match camera.expose(exposure_s, &worker.within(most)) {
+            let mut frame = match camera.expose(exposure_s, &worker.within_of(most, busy)) {
                 Err(error @ DeviceError::NotOurs { .. }) => {
                     self.refuse(&error.to_string(), worker);
                     // Whoever took it may have set it, too.

@@ -47,11 +47,12 @@ impl CounterWork {
             counter.start(bin_ps, &soon)?;
         }
         let bins = ((STRETCH_S / bin_s) as usize).clamp(1, 10_000);
-        let most = BIN.saturating_add(seconds(bins as f64 * bin_s));
+        let stretch = seconds(bins as f64 * bin_s);
+        let most = BIN.saturating_add(stretch);
         self.gap_before = self.taken;
         let mut first = true;
         while !worker.is_over() {
-            let (records, error) = match counter.read(bins, &worker.within(most)) {
+            let (records, error) = match counter.read(bins, &worker.within_of(most, stretch)) {
                 Ok(records) => (records, None),
                 Err(interrupted) => (interrupted.done, Some(*interrupted.error)),
             };

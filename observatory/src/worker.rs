@@ -15,6 +15,8 @@ use sunglint_formats::session::What;
 /// How long opening a device may take, and an answer.
 pub(crate) const READY: Duration = Duration::from_secs(30);
 pub(crate) const SOON: Duration = Duration::from_secs(10);
+/// How much longer than the night, or than what was begun in it, a call to a device may take.
+const AFTER: Duration = Duration::from_millis(300);
 /// The waits before a device is tried again: the first, and the longest.
 const AGAIN: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(5)];
 
@@ -53,8 +55,16 @@ impl Worker {
             || self.end.is_some_and(|end| self.clock.utc() >= end)
     }
 
-    /// A deadline on the device's clock, which Ctrl-C ends.
+    /// A deadline on the device's clock, which Ctrl-C and the night's end cut short.
     pub fn within(&self, time: Duration) -> Deadline {
+        self.within_of(time, Duration::ZERO)
+    }
+
+    /// The same for what takes `busy` by itself, such as an exposure: that may end after the night.
+    pub fn within_of(&self, time: Duration, busy: Duration) -> Deadline {
+        let end = self.end.filter(|_| self.clock.is_live());
+        let most = end.map_or(Duration::MAX, |end| self.clock.until(end).max(busy));
+        let time = time.min(most.saturating_add(AFTER));
         Deadline::after(self.clock.clock.clone(), time).with_cancel(&self.cancel)
     }
 

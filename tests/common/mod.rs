@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 pub mod browser;
+pub mod hostile;
 pub mod night;
 pub mod tagged;
 pub mod virtual_night;

@@ -1,6 +1,8 @@
 //! Devices behind an INDI server, and a simulated server's.
 
-use super::{Address, AddressError, AnyDevice, Driver, Kind, Line, OptionSpec, Place, Wire};
+use super::{
+    Address, AddressError, AnyDevice, Driver, Kind, Line, OptionKind, OptionSpec, Place, Wire,
+};
 use crate::clock::Deadline;
 use crate::device::DeviceError;
 use crate::indi::{
@@ -30,7 +32,10 @@ const fn real(
         tried: "the simulators of indi-bin 1.9.9, live; no real device yet",
         simulated: false,
         place: Place { form: "[HOST[:PORT]/]DEVICE", example, optional: false },
-        options: NONE,
+        options: match kind {
+            Kind::Camera => CAMERA_OPTIONS,
+            _ => NONE,
+        },
         ids: &[],
         wire: Wire::Bytes,
         connect,
@@ -39,6 +44,14 @@ const fn real(
 }
 
 const NONE: &[OptionSpec] = &[];
+/// Largest frame, MiB.
+const FRAME_MIB: &str = "frame_mib";
+const CAMERA_OPTIONS: &[OptionSpec] = &[OptionSpec {
+    name: FRAME_MIB,
+    kind: OptionKind::Integer(1, 4096),
+    default: "128",
+    about: "the largest frame that is taken, MiB: memory that a server can claim",
+}];
 
 /// Cameras.
 pub(super) static CAMERA: Driver = real(
@@ -199,7 +212,11 @@ fn name(address: &Address, simulated: String) -> Result<String, DeviceError> {
 fn camera(line: Line, address: &Address, deadline: &Deadline) -> Result<AnyDevice, DeviceError> {
     let name = name(address, CameraSpec::default().name)?;
     let line = line.into_bytes(SERVER)?;
-    let camera = open_camera(line, &name, CameraSettings::default(), deadline)?;
+    let mut settings = CameraSettings::default();
+    if let Some(mib) = address.integer::<usize>(FRAME_MIB) {
+        settings.session.limits.blob_bytes = mib << 20;
+    }
+    let camera = open_camera(line, &name, settings, deadline)?;
     Ok(AnyDevice::Camera(Box::new(camera)))
 }
 

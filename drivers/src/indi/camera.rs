@@ -19,7 +19,6 @@ const KIND: Kind = Kind {
     label: DEVICE,
     what: "camera",
     interface: 1 << 1,
-    talks: false,
     required: &["CCD_EXPOSURE", "CCD_FRAME", "CCD_INFO"],
 };
 
@@ -41,7 +40,7 @@ impl Default for CameraSettings {
         Self {
             session: SessionSettings::default(),
             packed: false,
-            abort_within: Duration::from_secs(2),
+            abort_within: Duration::from_secs(1),
             utc: utc_now,
         }
     }
@@ -720,7 +719,7 @@ impl<T: Bytes> device::Camera for Camera<T> {
             return Err(DeviceError::NotOurs { device: DEVICE, what });
         }
         let not_ours = |what| DeviceError::NotOurs { device: DEVICE, what };
-        let mut frame = match from_blob(blob, self.settings.session.limits.blob_bytes, &taken) {
+        let mut frame = match from_blob(blob, self.session.client.blob_limit(), &taken) {
             Ok(frame) => frame,
             Err(Unfit::Unreadable(reason)) => return Err(self.session.protocol(reason)),
             Err(Unfit::NotOurs(what)) => return Err(not_ours(what)),

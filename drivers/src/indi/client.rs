@@ -137,6 +137,11 @@ impl<T: Bytes> Client<T> {
         self.parser.limit_blobs(bytes);
     }
 
+    /// Most bytes of a BLOB that are taken.
+    pub fn blob_limit(&self) -> usize {
+        self.limits.blob_bytes
+    }
+
     /// The line.
     pub fn line(&self) -> &T {
         &self.line
@@ -436,34 +441,11 @@ impl<T: Bytes> Client<T> {
         })
     }
 
-    /// Takes in what comes until nothing has come for `quiet`.
+    /// Takes in what comes until nothing was defined for `quiet`. Other things may come all the time: some devices never fall silent.
     ///
     /// # Errors
-    /// The transport; the deadline, if the server never falls silent.
+    /// The transport; the deadline, if the server never ends to define.
     pub fn settle(&mut self, quiet: Duration, deadline: &Deadline) -> Result<(), DeviceError> {
-        loop {
-            match self.event(&deadline.at_most(quiet)) {
-                Ok(_) => {}
-                Err(DeviceError::Transport { source: TransportError::Timeout { .. }, .. }) => {
-                    return match deadline.remaining() {
-                        Ok(_) => Ok(()),
-                        Err(expired) => Err(self.transport(expired.into())),
-                    };
-                }
-                Err(error) => return Err(error),
-            }
-        }
-    }
-
-    /// Takes in what comes until nothing was defined for `quiet`: some devices never fall silent.
-    ///
-    /// # Errors
-    /// The transport; the deadline.
-    pub fn settle_definitions(
-        &mut self,
-        quiet: Duration,
-        deadline: &Deadline,
-    ) -> Result<(), DeviceError> {
         let mut step = deadline.at_most(quiet);
         loop {
             match self.event(&step) {

@@ -25,13 +25,8 @@ const TRACK: &str = "TELESCOPE_TRACK_STATE";
 const PARK: &str = "TELESCOPE_PARK";
 const PIER: &str = "TELESCOPE_PIER_SIDE";
 const SITE: &str = "GEOGRAPHIC_COORD";
-const KIND: Kind = Kind {
-    label: DEVICE,
-    what: "telescope",
-    interface: 1,
-    talks: true,
-    required: &[PLACE, ABORT.0],
-};
+const KIND: Kind =
+    Kind { label: DEVICE, what: "telescope", interface: 1, required: &[PLACE, ABORT.0] };
 
 /// The rate of a mount that follows the stars, arcsec/s of hour angle.
 const SIDEREAL_ARCSEC_S: f64 = 15.041_067;

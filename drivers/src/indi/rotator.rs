@@ -16,7 +16,7 @@ const SYNC: (&str, &str) = ("SYNC_ROTATOR_ANGLE", "ANGLE");
 const HOME: (&str, &str) = ("ROTATOR_HOME", "HOME");
 const ABORT: (&str, &str) = ("ROTATOR_ABORT_MOTION", "ABORT");
 const KIND: Kind =
-    Kind { label: DEVICE, what: "rotator", interface: 1 << 12, talks: false, required: &[ANGLE.0] };
+    Kind { label: DEVICE, what: "rotator", interface: 1 << 12, required: &[ANGLE.0] };
 
 /// How a rotator is used.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -38,8 +38,6 @@ pub(super) struct Kind {
     pub what: &'static str,
     /// Bit of the kind in `DRIVER_INTERFACE`.
     pub interface: u32,
-    /// Whether it says something all the time: a mount that stands still sees the stars go by.
-    pub talks: bool,
     /// The vectors without which it is none.
     pub required: &'static [&'static str],
 }
@@ -90,10 +88,7 @@ impl<T: Bytes> Session<T> {
         for name in self.kind.required {
             self.client.await_defined(&device, name, deadline)?;
         }
-        match self.kind.talks {
-            true => self.client.settle_definitions(self.settings.quiet, deadline),
-            false => self.client.settle(self.settings.quiet, deadline),
-        }
+        self.client.settle(self.settings.quiet, deadline)
     }
 
     /// A server says nothing about a device that it has not, and, once asked for one, nothing about the others.

@@ -12,13 +12,8 @@ use crate::transport::Bytes;
 const DEVICE: &str = "INDI filter wheel";
 const SLOT: &str = "FILTER_SLOT";
 const VALUE: &str = "FILTER_SLOT_VALUE";
-const KIND: Kind = Kind {
-    label: DEVICE,
-    what: "filter wheel",
-    interface: 1 << 4,
-    talks: false,
-    required: &[SLOT],
-};
+const KIND: Kind =
+    Kind { label: DEVICE, what: "filter wheel", interface: 1 << 4, required: &[SLOT] };
 /// More slots than any wheel has.
 const MOST_SLOTS: f64 = 1000.0;
 

@@ -9,7 +9,7 @@ use super::base64::{Base64Error, Decoder};
 /// How much of what the parser takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
-    /// The BLOBs of one element, bytes when decoded. A frame of 150 Mpx has 300 MB.
+    /// The BLOBs of one element, bytes when decoded. A frame of 67 Mpx of 16 bits has 128 MiB.
     pub blob_bytes: usize,
     /// One element without its BLOBs, bytes of XML.
     pub element_bytes: usize,
@@ -24,7 +24,7 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            blob_bytes: 512 << 20,
+            blob_bytes: 128 << 20,
             element_bytes: 1 << 20,
             tag_bytes: 64 << 10,
             children: 4096,

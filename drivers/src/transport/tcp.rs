@@ -5,7 +5,8 @@ use super::{Bytes, TransportError};
 use crate::clock::Deadline;
 use std::io::{self, Read as _, Write as _};
 use std::net::{TcpStream, ToSocketAddrs as _};
-use std::time::Duration;
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
 
 /// A TCP connection.
 #[derive(Debug)]
@@ -15,40 +16,31 @@ pub struct Tcp {
 }
 
 impl Tcp {
-    /// Connects to `host:port`. The system looks the name up, which no deadline can shorten; an address in numbers needs
-    /// no look-up.
+    /// Connects to `host:port`. Neither a name that is looked up slowly nor a host that does not answer outlives the deadline or its token:
+    /// the system is asked on a thread of its own, which is left to its end.
     ///
     /// # Errors
     /// [`TransportError::NotFound`] if the name is unknown, [`TransportError::Refused`] if nobody listens there, the
     /// deadline, or [`TransportError::Io`].
     pub fn connect(address: &str, deadline: &Deadline) -> Result<Self, TransportError> {
-        let candidates = address.to_socket_addrs().map_err(|error| TransportError::NotFound {
-            what: address.to_owned(),
-            hint: format!("{error}; give HOST:PORT"),
-        })?;
-        let mut last = None;
-        for candidate in candidates {
-            // One attempt takes what is left; a token is looked at between attempts.
-            match TcpStream::connect_timeout(&candidate, deadline.remaining()?) {
-                Ok(stream) => return Self::from_stream(stream),
-                Err(error) => last = Some(error),
-            }
-        }
-        deadline.remaining()?;
-        Err(match last {
-            Some(error) if error.kind() == io::ErrorKind::ConnectionRefused => {
-                TransportError::Refused {
-                    what: address.to_owned(),
-                    reason: error.to_string(),
-                    hint: "start the server, or check the port".to_owned(),
+        let (sender, answer) = mpsc::sync_channel(1);
+        let (asked, left) = (address.to_owned(), deadline.remaining()?);
+        let thread = std::thread::Builder::new().name("connect".into());
+        thread
+            .spawn(move || {
+                // Nobody waits for the answer any more where the deadline has passed.
+                let _ = sender.send(connect_within(&asked, left));
+            })
+            .map_err(|error| TransportError::from_io("connect to", address, error))?;
+        loop {
+            match answer.recv_timeout(deadline.slice()?) {
+                Ok(stream) => return Self::from_stream(stream?),
+                Err(mpsc::RecvTimeoutError::Timeout) => {}
+                Err(mpsc::RecvTimeoutError::Disconnected) => {
+                    return Err(TransportError::disconnected(address));
                 }
             }
-            Some(error) => TransportError::from_io("connect to", address, error),
-            None => TransportError::NotFound {
-                what: address.to_owned(),
-                hint: "the name has no address".to_owned(),
-            },
-        })
+        }
     }
 
     /// A connection that is there already, such as one that a listener accepted.
@@ -71,6 +63,41 @@ impl Tcp {
     pub fn name(&self) -> &str {
         &self.name
     }
+}
+
+/// Looks a name up and tries its addresses, each within what is left of `time`.
+fn connect_within(address: &str, time: Duration) -> Result<TcpStream, TransportError> {
+    let begun = Instant::now();
+    let candidates = address.to_socket_addrs().map_err(|error| TransportError::NotFound {
+        what: address.to_owned(),
+        hint: format!("{error}; give HOST:PORT"),
+    })?;
+    let mut last = None;
+    for candidate in candidates {
+        // Not zero, which the system refuses.
+        let left = time.saturating_sub(begun.elapsed()).max(Duration::from_millis(1));
+        match TcpStream::connect_timeout(&candidate, left) {
+            Ok(stream) => return Ok(stream),
+            Err(error) => last = Some(error),
+        }
+    }
+    Err(match last {
+        Some(error) if error.kind() == io::ErrorKind::ConnectionRefused => {
+            TransportError::Refused {
+                what: address.to_owned(),
+                reason: error.to_string(),
+                hint: "start the server, or check the port".to_owned(),
+            }
+        }
+        Some(error) if error.kind() == io::ErrorKind::TimedOut => {
+            TransportError::Timeout { after: begun.elapsed(), got_so_far: Vec::new() }
+        }
+        Some(error) => TransportError::from_io("connect to", address, error),
+        None => TransportError::NotFound {
+            what: address.to_owned(),
+            hint: "the name has no address".to_owned(),
+        },
+    })
 }
 
 impl Blocking for Tcp {

@@ -10,57 +10,21 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::transport::tcp::Tcp;
-use sunglint_testkit::skip;
 
 pub const CAMERA: &str = "CCD Simulator";
 pub const ROTATOR: &str = "Rotator Simulator";
 pub const WHEEL: &str = "Filter Simulator";
 
-const INSIDE: &str = "SUNGLINT_IN_NAMESPACE";
-const UNSHARE: [&str; 5] = ["-rn", "--pid", "--fork", "--kill-child", "sh"];
-
 /// Runs `body` in namespaces of its own, or records the skip of the test, which has that name.
 pub fn live(test: &str, body: impl FnOnce()) {
-    if std::env::var_os(INSIDE).is_some() {
-        return body();
-    }
-    if let Err(reason) = possible() {
-        return skip(test, &reason);
-    }
-    let (program, arguments) = sunglint_testkit::again(test);
-    let output = Command::new("unshare")
-        .args(UNSHARE)
-        .args(["-c", "ip link set lo up && exec \"$@\"", "sh"])
-        .arg(program)
-        .args(arguments)
-        .env(INSIDE, "yes")
-        .output()
-        .unwrap();
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    let (out, err) = (text(&output.stdout), text(&output.stderr));
-    eprintln!("{err}");
-    assert!(output.status.success() && out.contains("1 passed"), "in the namespace:\n{out}\n{err}");
-}
-
-fn possible() -> Result<(), String> {
-    for program in [
+    let programs = [
         "indiserver",
         "indi_simulator_ccd",
         "indi_simulator_rotator",
         "indi_simulator_wheel",
         "indi_simulator_telescope",
-    ] {
-        let there = std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default())
-            .any(|folder| folder.join(program).exists());
-        if !there {
-            return Err(format!("no {program} (Debian package indi-bin)"));
-        }
-    }
-    let tried = Command::new("unshare").args(UNSHARE).args(["-c", "ip link set lo up"]).output();
-    match tried {
-        Ok(output) if output.status.success() => Ok(()),
-        _ => Err("no network namespaces for this user (unshare, ip)".to_owned()),
-    }
+    ];
+    sunglint_testkit::live(test, &programs, body);
 }
 
 pub fn within(seconds: f64) -> Deadline {

@@ -1,15 +1,7 @@
 //! Tensor files: no panic, bounded memory, and what is written reads the same.
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
-use sunglint_formats::bsdf::TensorFile;
+#[path = "../targets/bsdf.rs"]
+mod target;
 
-fuzz_target!(|bytes: &[u8]| {
-    if let Ok(file) = TensorFile::from_bytes("x", bytes) {
-        let _ = file.check_material("x");
-        if let Ok(written) = file.to_bytes() {
-            let again = TensorFile::from_bytes("x", &written).expect("what we write, we read");
-            assert_eq!(format!("{again:?}"), format!("{file:?}"));
-        }
-    }
-});
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| target::run(bytes));

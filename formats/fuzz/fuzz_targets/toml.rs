@@ -1,45 +1,7 @@
 //! TOML into structs: no panic.
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
-use serde::Deserialize;
-use sunglint_formats::time::Utc;
-use sunglint_formats::toml::{Document, Fraction, LatitudeDeg, NonNegative};
+#[path = "../targets/toml.rs"]
+mod target;
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[expect(dead_code, reason = "only read")]
-struct Root {
-    a: Option<String>,
-    b: Option<NonNegative>,
-    c: Option<Vec<Part>>,
-    d: Option<Mode>,
-    e: Option<Utc>,
-    f: Option<(u8, i64, f32)>,
-    g: Option<std::collections::BTreeMap<String, LatitudeDeg>>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[expect(dead_code, reason = "only read")]
-struct Part {
-    dead_time_ns: Fraction,
-    x: Option<u64>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[expect(dead_code, reason = "only read")]
-enum Mode {
-    A,
-    B { x: bool },
-    C(i8, u16),
-    D(char),
-}
-
-fuzz_target!(|text: &str| {
-    if let Ok(document) = Document::new("x", text) {
-        let _ = document.parse::<Root>().map_err(|error| error.to_string());
-        let _ = document.error_at("c[0].x", "something else");
-    }
-});
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| target::run(bytes));

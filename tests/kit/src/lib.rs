@@ -1,9 +1,13 @@
 //! Common parts of the workspace's tests: skips that are counted, the Python of the peer programs, campaigns, and the folders.
 
 mod campaign;
+mod fuzz;
+mod namespace;
 mod rows;
 
 pub use campaign::Campaign;
+pub use fuzz::{Fuzz, Tried};
+pub use namespace::live;
 
 use std::io::Write as _;
 use std::path::PathBuf;

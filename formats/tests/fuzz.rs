@@ -1,0 +1,57 @@
+//! Every reader of this crate, with seeds that are changed at random: the targets of `fuzz/` without its compiler.
+
+use sunglint_testkit::Fuzz;
+
+#[path = "../fuzz/targets/bsdf.rs"]
+mod bsdf;
+#[path = "../fuzz/targets/curve.rs"]
+mod curve;
+#[path = "../fuzz/targets/ecsv.rs"]
+mod ecsv;
+#[path = "../fuzz/targets/events.rs"]
+mod events;
+#[path = "../fuzz/targets/fits.rs"]
+mod fits;
+#[path = "../fuzz/targets/fred.rs"]
+mod fred;
+#[path = "../fuzz/targets/jcamp.rs"]
+mod jcamp;
+#[path = "../fuzz/targets/photometry.rs"]
+mod photometry;
+#[path = "../fuzz/targets/tags.rs"]
+mod tags;
+#[path = "../fuzz/targets/toml.rs"]
+mod toml;
+#[path = "../fuzz/targets/utc.rs"]
+mod utc;
+#[path = "../fuzz/targets/wcs.rs"]
+mod wcs;
+#[path = "../fuzz/targets/zemax.rs"]
+mod zemax;
+
+/// Name of a target, further folders of seeds, and the target.
+type Target = (&'static str, &'static [&'static str], fn(&[u8]));
+
+/// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
+#[test]
+fn campaign_fuzz() {
+    let targets: [Target; 13] = [
+        ("bsdf", &["fixtures/formats/hostile"], bsdf::run),
+        ("curve", &["fixtures/formats/hostile"], curve::run),
+        ("ecsv", &["fixtures/formats/hostile"], ecsv::run),
+        ("events", &[], events::run),
+        ("fits", &["fixtures/formats/hostile"], fits::run),
+        ("fred", &[], fred::run),
+        ("jcamp", &[], jcamp::run),
+        ("photometry", &[], photometry::run),
+        ("tags", &["fixtures/tags"], tags::run),
+        ("toml", &["fixtures/formats/hostile"], toml::run),
+        ("utc", &[], utc::run),
+        ("wcs", &[], wcs::run),
+        ("zemax", &[], zemax::run),
+    ];
+    for (name, folders, target) in targets {
+        let fuzz = folders.iter().fold(Fuzz::of(name), |fuzz, folder| fuzz.with(folder));
+        fuzz.run(target);
+    }
+}

@@ -1,0 +1,341 @@
+//! Nights on gear that others use, set wrongly, or whose computer's clock steps.
+
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
+use crate::common::Folder;
+use crate::common::hostile::{DEVICE, Hostile};
+use crate::common::night::bins;
+use std::io::{Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+use sunglint_formats::session::{Session, What};
+use sunglint_formats::{CountFlags, Frame};
+use sunglint_testkit::live;
+
+fn plan(seconds: f64, cameras: &str) -> String {
+    format!(
+        "station = \"ufo\"\nfor_s = {seconds}\n{cameras}\
+         [[counter]]\nname = \"tagger\"\ndevice = \"sim-timetagger\"\nchannels = {{ g = 1, r = 2 }}\nbin_s = 0.1\n\
+         [[visit]]\noff = \"sky\"\nfor_s = {seconds}\n"
+    )
+}
+
+fn events(session: &Session) -> Vec<What> {
+    session.events().unwrap().map(|event| event.unwrap().what).collect()
+}
+
+/// Waits until the session is there.
+fn begun(root: &Path) {
+    let limit = Instant::now() + Duration::from_secs(60);
+    while !root.join("session.toml").exists() {
+        assert!(Instant::now() < limit, "the session's folder was not made within a minute");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn observe(folder: &Folder, name: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sunglint"));
+    command
+        .args(["observe", "night.toml", "--anyway", "-o", name])
+        .current_dir(&folder.0)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    command
+}
+
+/// Checks that bins follow one another without a hole in the counter's time or in UTC.
+fn assert_steady(session: &Session, least: usize) {
+    let bins = bins(session);
+    assert!(bins.len() >= least, "{} bins", bins.len());
+    for pair in bins.windows(2) {
+        assert_eq!(pair[1].start_ps, pair[0].start_ps + pair[0].length_ps);
+        let step_s = (pair[1].start - pair[0].start).to_seconds();
+        assert!((step_s - 0.1).abs() < 0.05, "{step_s} s between two bins of 0.1 s");
+        assert!(!pair[1].flags.contains(CountFlags::GAP));
+    }
+    let whole_s = (bins[bins.len() - 1].start - bins[0].start).to_seconds();
+    let expected_s = 0.1 * (bins.len() - 1) as f64;
+    assert!((whole_s - expected_s).abs() < 0.1, "{whole_s} s for {expected_s} s");
+}
+
+/// A gain of 120 where the camera has 0 to 100. Truth: by hand: the camera is tried once, told to have failed with its range, and the program ends with code 1; the counter counts
+/// to the night's end. The same from the check of the plan before the night, where nothing is overruled.
+#[test]
+fn a_setting_beyond_its_range_is_no_passing_fault() {
+    let folder = Folder::new("permanent");
+    let server = Hostile::start("honest");
+    let camera = format!(
+        "[[camera]]\nname = \"cam\"\ndevice = \"indi-camera:{}/{DEVICE}\"\nexposure_s = 0.1\ngain = 120\n",
+        server.place
+    );
+    std::fs::write(folder.0.join("night.toml"), plan(4.0, &camera)).unwrap();
+    let error = folder.refused(1, &["observe", "night.toml", "-o", "refused"]);
+    assert!(error.contains("gain") && error.contains("100"), "{error}");
+    assert!(!folder.0.join("refused").exists());
+    let output = folder.run(&["observe", "night.toml", "--anyway", "-o", "s"]);
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert!(error.contains("cam was given up") && error.contains("120"), "{error}");
+    let session = Session::open(folder.0.join("s")).unwrap();
+    let events = events(&session);
+    let failed: Vec<&String> = events
+        .iter()
+        .filter_map(|what| match what {
+            What::DeviceFailed { device, error } if device == "cam" => Some(error),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(failed.len(), 1, "{events:?}");
+    assert!(failed[0].contains("gain") && failed[0].contains("100"), "{failed:?}");
+    assert!(!events.iter().any(|what| matches!(what, What::DeviceLost { .. })), "{events:?}");
+    assert_steady(&session, 25);
+    let check = folder.run(&["session", "check", "s"]);
+    assert_eq!(check.status.code(), Some(1), "a planned camera has no frame");
+}
+
+/// Where Debian puts libfaketime, which lies to a program about the time of day.
+fn faketime() -> Option<PathBuf> {
+    let folders = std::fs::read_dir("/usr/lib").ok()?;
+    let library = |folder: std::fs::DirEntry| folder.path().join("faketime/libfaketimeMT.so.1");
+    folders.filter_map(Result::ok).map(library).find(|path| path.exists())
+}
+
+/// Nights of 6 s in which the computer's clock is set by ±1 h and ±1 s (libfaketime 0.9.10, the monotonic clock left alone). Truth: the step itself: it stands once in the log to 20 ms; bins
+/// and frames go on in the old time without a hole; the session lasts as long as it was to last.
+#[test]
+fn a_step_of_the_clock_changes_no_time() {
+    let test = "a_step_of_the_clock_changes_no_time";
+    let Some(library) = faketime() else {
+        return sunglint_testkit::skip(test, "no libfaketime (Debian package libfaketime)");
+    };
+    std::thread::scope(|scope| {
+        for (name, step_s) in [("h", 3600.0), ("hb", -3600.0), ("s", 1.0), ("sb", -1.0)] {
+            let library = &library;
+            scope.spawn(move || {
+                let folder = Folder::new("step");
+                let camera = "[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.1\ninterval_s = 0.5\n";
+                std::fs::write(folder.0.join("night.toml"), plan(6.0, camera)).unwrap();
+                let file = folder.0.join("offset");
+                std::fs::write(&file, "+0").unwrap();
+                let mut program = observe(&folder, name)
+                    .env("LD_PRELOAD", library)
+                    .env("FAKETIME_TIMESTAMP_FILE", &file)
+                    .env("FAKETIME_NO_CACHE", "1")
+                    .env("FAKETIME_DONT_FAKE_MONOTONIC", "1")
+                    .env("DONT_FAKE_MONOTONIC", "1")
+                    .spawn()
+                    .unwrap();
+                let root = folder.0.join(name);
+                begun(&root);
+                std::thread::sleep(Duration::from_secs(2));
+                // Whole or not at all: a file that is read while it is empty says nothing.
+                let next = folder.0.join("next");
+                std::fs::write(&next, format!("{step_s:+}")).unwrap();
+                std::fs::rename(&next, &file).unwrap();
+                assert_eq!(program.wait().unwrap().code(), Some(0), "{step_s}");
+                let session = Session::open(&root).unwrap();
+                let steps: Vec<f64> = events(&session)
+                    .iter()
+                    .filter_map(|what| match what {
+                        What::ClockStep { step_s, .. } => Some(*step_s),
+                        _ => None,
+                    })
+                    .collect();
+                assert_eq!(steps.len(), 1, "{steps:?}");
+                assert!((steps[0] - step_s).abs() < 0.02, "{steps:?}, {step_s}");
+                assert_steady(&session, 35);
+                let files = session.frames("cam").unwrap().files;
+                let starts: Vec<_> = files.iter().map(|f| f.read().unwrap().start).collect();
+                assert!(starts.len() >= 5, "{}", starts.len());
+                for pair in starts.windows(2) {
+                    let turn_s = (pair[1] - pair[0]).to_seconds();
+                    assert!((0.3..3.0).contains(&turn_s), "{turn_s} s between two frames");
+                }
+                let all: Vec<_> = session.events().unwrap().map(Result::unwrap).collect();
+                let lasted_s = (all[all.len() - 1].utc - all[0].utc).to_seconds();
+                assert!((5.5..12.0).contains(&lasted_s), "{lasted_s} s, {step_s}");
+                let check = folder.done(&["session", "check", name]);
+                assert!(check.contains("clock"), "{check}");
+            });
+        }
+    });
+}
+
+/// The process stands still for 3 s (SIGSTOP). Truth: the stop's own length: it stands once in the log to half a second; the counter's bins carry on, or say that they do not.
+#[test]
+fn a_stopped_process_is_told() {
+    let folder = Folder::new("stopped");
+    let camera =
+        "[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.1\ninterval_s = 0.5\n";
+    std::fs::write(folder.0.join("night.toml"), plan(7.0, camera)).unwrap();
+    let mut program = observe(&folder, "s").spawn().unwrap();
+    let root = folder.0.join("s");
+    begun(&root);
+    std::thread::sleep(Duration::from_millis(1500));
+    let id = program.id().to_string();
+    let signal =
+        |name: &str| assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
+    signal("-STOP");
+    let stopped = Instant::now();
+    std::thread::sleep(Duration::from_secs(3));
+    signal("-CONT");
+    let stood_s = stopped.elapsed().as_secs_f64();
+    assert_eq!(program.wait().unwrap().code(), Some(0));
+    let session = Session::open(&root).unwrap();
+    let stalls: Vec<f64> = events(&session)
+        .iter()
+        .filter_map(|what| match what {
+            What::Stall { stall_s } if *stall_s > 2.0 => Some(*stall_s),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(stalls.len(), 1, "{stalls:?}");
+    assert!((stalls[0] - stood_s).abs() < 0.5, "{stalls:?}, {stood_s}");
+    let bins = bins(&session);
+    let holes = bins.windows(2).filter(|pair| {
+        let apart_s = (pair[1].start - pair[0].start).to_seconds();
+        (apart_s - 0.1).abs() > 0.05 && !pair[1].flags.contains(CountFlags::GAP)
+    });
+    assert_eq!(holes.count(), 0, "holes that no bin says");
+    // By the plan's 7 s, of which the counter takes at most two to open on a busy machine.
+    let last = bins[bins.len() - 1].start - session.manifest().start_utc;
+    assert!((5.0..9.0).contains(&last.to_seconds()), "{last}");
+}
+
+/// An INDI server of others with its simulated camera.
+struct Server {
+    child: Child,
+    port: u16,
+    /// The driver keeps its settings in the user's home: here it is nobody's.
+    _home: tempfile::TempDir,
+}
+
+impl Server {
+    fn start() -> Self {
+        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let home = tempfile::tempdir().unwrap();
+        let child = Command::new("indiserver")
+            .args(["-p", &port.to_string(), "indi_simulator_ccd"])
+            .env("HOME", home.path())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let limit = Instant::now() + Duration::from_secs(20);
+        while TcpStream::connect(("127.0.0.1", port)).is_err() {
+            assert!(Instant::now() < limit, "no server within 20 s");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        Self { child, port, _home: home }
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Another program that uses the same camera: exposures of 0.5 s, now of another window, another gain, another type.
+fn other_client(port: u16, stop: &AtomicBool, asked: &AtomicU64) {
+    let mut line = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    line.set_read_timeout(Some(Duration::from_millis(5))).unwrap();
+    let device = "device=\"CCD Simulator\"";
+    let number = |name: &str, members: &[(&str, &str)]| {
+        let members: String = members
+            .iter()
+            .map(|(name, value)| format!("<oneNumber name=\"{name}\">{value}</oneNumber>"))
+            .collect();
+        format!("<newNumberVector {device} name=\"{name}\">{members}</newNumberVector>\n")
+    };
+    line.write_all(b"<getProperties version=\"1.7\"/>\n").unwrap();
+    let mut turn = 0;
+    while !stop.load(Ordering::Relaxed) {
+        let setting = match turn % 4 {
+            0 => String::new(),
+            1 => number("CCD_GAIN", &[("GAIN", "77")]),
+            2 => number("CCD_FRAME", &[("X", "0"), ("Y", "0"), ("WIDTH", "100"), ("HEIGHT", "80")]),
+            _ => format!(
+                "<newSwitchVector {device} name=\"CCD_FRAME_TYPE\"><oneSwitch name=\"FRAME_DARK\">On</oneSwitch></newSwitchVector>\n"
+            ),
+        };
+        let exposure = number("CCD_EXPOSURE", &[("CCD_EXPOSURE_VALUE", "0.5")]);
+        line.write_all(format!("{setting}{exposure}").as_bytes()).unwrap();
+        asked.fetch_add(1, Ordering::Relaxed);
+        turn += 1;
+        let until = Instant::now() + Duration::from_millis(900);
+        let mut heard = [0; 65536];
+        while Instant::now() < until {
+            // What the server says is of no interest; it hangs up on who does not read.
+            let _ = line.read(&mut heard);
+        }
+    }
+}
+
+/// Two programs on one camera of others (`indi_simulator_ccd`): ours asks for 0.3 s, gain 10, a window of 320 × 256, light frames; the other exposes for 0.5 s and
+/// sets what it likes. Truth: what ours asked for: no frame of the session has another exposure, size, gain or type; those taken after the other one came say that the camera is shared; what was refused is
+/// counted.
+#[test]
+fn two_programs_on_one_camera() {
+    let programs = ["indiserver", "indi_simulator_ccd"];
+    live("two_programs_on_one_camera", &programs, || {
+        let folder = Folder::new("two");
+        let server = Server::start();
+        let camera = format!(
+            "[[camera]]\nname = \"cam\"\ndevice = \"indi-camera:127.0.0.1:{}/CCD Simulator\"\nexposure_s = 0.3\ngain = 10\nwindow_px = [0, 0, 320, 256]\n",
+            server.port
+        );
+        std::fs::write(folder.0.join("night.toml"), plan(16.0, &camera)).unwrap();
+        let mut program = observe(&folder, "s").spawn().unwrap();
+        let root = folder.0.join("s");
+        begun(&root);
+        std::thread::sleep(Duration::from_secs(5));
+        let (stop, asked) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
+        let came = sunglint_drivers::clock::computer_utc();
+        let other = {
+            let (port, stop, asked) = (server.port, stop.clone(), asked.clone());
+            std::thread::spawn(move || other_client(port, &stop, &asked))
+        };
+        let code = program.wait().unwrap().code();
+        stop.store(true, Ordering::Relaxed);
+        other.join().unwrap();
+        assert_eq!(code, Some(0));
+        let session = Session::open(&root).unwrap();
+        let files = session.frames("cam").unwrap().files;
+        let frames: Vec<Frame> = files.iter().map(|file| file.read().unwrap()).collect();
+        let refused = events(&session)
+            .iter()
+            .filter_map(|what| match what {
+                What::FramesRefused { frames, .. } => Some(*frames),
+                _ => None,
+            })
+            .max()
+            .unwrap_or(0);
+        let shared = |frame: &Frame| frame.header.get("SHARED").is_some();
+        let before = frames.iter().filter(|frame| frame.start < came);
+        let marked = frames.iter().filter(|frame| shared(frame)).count();
+        eprintln!(
+            "{} frames, {} before the other came, {marked} marked, {refused} refused, {} exposures of the other",
+            frames.len(),
+            before.clone().count(),
+            asked.load(Ordering::Relaxed)
+        );
+        assert!(before.clone().count() >= 3 && !before.clone().any(shared));
+        assert!(refused >= 1 && asked.load(Ordering::Relaxed) >= 5);
+        for frame in &frames {
+            assert_eq!(frame.exposure_s, 0.3);
+            assert_eq!(frame.pixels.dim(), (256, 320));
+            assert_eq!(frame.header.real("GAIN"), Some(10.0));
+            assert_eq!(frame.header.text("FRAME").map(str::trim), Some("Light"));
+            // The first frames after it came may be ours from before.
+            let surely = (frame.start - came).to_seconds() > 3.0;
+            assert!(!surely || shared(frame), "{} is not said to be shared", frame.start);
+        }
+        folder.done(&["session", "check", "s"]);
+    });
+}
