@@ -148,7 +148,7 @@ pub fn fit(
             let found = match search::polish(&mut problem, &place, FIRST.min(most), false, None) {
                 Ok(found) => found,
                 Err(_) => {
-                    let rounds = SIMPLEX * free.len() as u64;
+                    let rounds = SIMPLEX * search::over_the_box(&problem) as u64;
                     search::simplex(&mut problem, &place, SIMPLEX_SIZE, rounds)?
                 }
             };
@@ -159,7 +159,7 @@ pub fn fit(
         for (k, near) in near.iter().take(POLISHED).enumerate() {
             let mut found = search::polish(&mut problem, &near.at, most, false, None)?;
             tell("search", &problem, found.chi2);
-            if k == 0 && free.len() > 1 {
+            if k == 0 && search::over_the_box(&problem) > 1 {
                 found = shaken(&mut problem, found, most, &mut tell)?;
             }
             minima.push(found);
@@ -209,7 +209,7 @@ fn shaken(
     most: usize,
     tell: &mut dyn FnMut(&'static str, &Problem, f64),
 ) -> Result<Found, FitError> {
-    let rounds = SIMPLEX * problem.free.len() as u64 / 2;
+    let rounds = SIMPLEX * search::over_the_box(problem) as u64 / 2;
     for _ in 0..SHAKES {
         let before = best.chi2;
         for size in SHAKEN {

@@ -87,7 +87,12 @@ impl CostFunction for Simplex<'_, '_> {
     }
 }
 
-/// A simplex (Nelder and Mead) of a size about a place, for some iterations.
+/// Parameters that are searched for over the box: all but the local ones.
+pub(super) fn over_the_box(problem: &Problem) -> usize {
+    problem.free.iter().filter(|f| !f.local).count()
+}
+
+/// A simplex (Nelder and Mead) of a size about a place, for some iterations. Local parameters stay as they are.
 pub(super) fn simplex(
     problem: &mut Problem,
     at: &[f64],
@@ -95,10 +100,13 @@ pub(super) fn simplex(
     iterations: u64,
 ) -> Result<Found, FitError> {
     let mut corners = vec![at.to_vec()];
-    for k in 0..at.len() {
+    for k in (0..at.len()).filter(|k| !problem.free[*k].local) {
         let mut corner = at.to_vec();
         corner[k] += if corner[k] + size <= 1.0 { size } else { -size };
         corners.push(corner);
+    }
+    if corners.len() < 2 {
+        return Err(FitError::Search { why: "there is no model where it starts".into() });
     }
     let search = |why: argmin::core::Error| FitError::Search { why: why.to_string() };
     let solver = NelderMead::new(corners).with_sd_tolerance(1e-3).map_err(search)?;
