@@ -990,7 +990,7 @@ fn a_lab_run_on_the_page() {
     let (angles, powers) = (table.f64("angle_deg").unwrap(), table.f64("power_w").unwrap());
     let states = table.text("state").unwrap();
     let (mut found, mut now) = (Vec::new(), Vec::new());
-    for ((angle, power), state) in angles.iter().zip(powers).zip(states) {
+    for ((angle, power), state) in angles.iter().zip(powers.iter()).zip(states.iter()) {
         match state.as_str() {
             "read" => now.push(*power),
             "kept" => {
