@@ -815,8 +815,8 @@ fn a_night_is_planned_by_clicks() {
     for i in 0..passes.len() {
         let free =
             |j: &usize| span(i)[0] > span(*j)[1] + 1200.0 || span(*j)[0] > span(i)[1] + 1200.0;
-        // Six stars follow the last one before the sky is bright.
-        let early = span(i)[1] < night_s - 3600.0 - 1500.0;
+        // Six stars follow the last one before the sky is bright; none fills half of the night.
+        let early = span(i)[1] < night_s - 3600.0 - 1500.0 && span(i)[1] - span(i)[0] < 1500.0;
         if chosen.len() < 3 && early && chosen.iter().all(free) {
             chosen.push(i);
         }
