@@ -991,7 +991,7 @@ fn a_lab_run_on_the_page() {
     let states = table.text("state").unwrap();
     let (mut found, mut now) = (Vec::new(), Vec::new());
     for ((angle, power), state) in angles.iter().zip(powers.iter()).zip(states.iter()) {
-        match state.as_str() {
+        match state.as_deref().unwrap_or_default() {
             "read" => now.push(*power),
             "kept" => {
                 let mean = now.iter().sum::<f64>() / now.len() as f64;
