@@ -7,7 +7,25 @@ window.sunglint.lab = L;
 const watts = (power) => (power === null || power === undefined ? "over the range" : `${power.toExponential(3)} W`);
 const percent = (part) => (part === null || part === undefined ? "–" : `${(100 * part).toPrecision(2)} %`);
 
+let legendOf = "";
+function swatches() {
+  const parts = [...new Set(L.places.map((p) => p.part))];
+  const key = parts.join() + theme();
+  if (key !== legendOf) {
+    legendOf = key;
+    $("lab-legend").replaceChildren(...parts.map((part, k) => {
+      const item = document.createElement("span");
+      const swatch = document.createElement("span");
+      swatch.className = "swatch";
+      swatch.style.background = lineColour(k);
+      item.append(swatch, ` ${part.replaceAll("_", " ")}`);
+      return item;
+    }));
+  }
+}
+
 function drawLab() {
+  swatches();
   const canvas = $("lab");
   const { c, w, h, em } = fit(canvas);
   const good = L.places.filter((p) => p.mean_w !== null);
@@ -55,7 +73,6 @@ function drawLab() {
   });
 }
 
-let legendOf = "";
 function show(view) {
   L.view = view;
   $("mode").textContent = view.ended ? `ended: ${view.ended}` : view.paused ? "paused" : "running";
@@ -71,19 +88,6 @@ function show(view) {
   $("lab-said").replaceChildren(...view.messages.slice(-50).reverse().map((text) => Object.assign(document.createElement("li"), { textContent: text })));
   $("pause").textContent = view.paused ? "Resume" : "Pause";
   for (const id of ["pause", "stop"]) $(id).disabled = Boolean(view.ended);
-  const parts = [...new Set(L.places.map((p) => p.part))];
-  const key = parts.join() + theme();
-  if (key !== legendOf) {
-    legendOf = key;
-    $("lab-legend").replaceChildren(...parts.map((part, k) => {
-      const item = document.createElement("span");
-      const swatch = document.createElement("span");
-      swatch.className = "swatch";
-      swatch.style.background = lineColour(k);
-      item.append(swatch, ` ${part.replaceAll("_", " ")}`);
-      return item;
-    }));
-  }
   redraw("lab");
 }
 
