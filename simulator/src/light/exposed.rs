@@ -58,7 +58,7 @@ impl Evaluator<'_> {
                 None => add(scene.outlines.get(i)),
             }
             // Written so that NaN is left out too.
-            if !(area_m2 > 0.0) {
+            if area_m2.is_nan() || area_m2 <= 0.0 {
                 continue;
             }
             let (x, y) = (moment[0] / area_m2, moment[1] / area_m2);

@@ -14,7 +14,7 @@ impl Material {
     pub fn momentum(&self, i: DVec3) -> Vec<DVec3> {
         let count = self.spectra.len();
         // Written so that NaN is nothing too.
-        if !(i.z > 0.0) {
+        if i.z.is_nan() || i.z <= 0.0 {
             return vec![DVec3::ZERO; count];
         }
         if let Model::Mirror { fresnel } = &self.model {
@@ -33,7 +33,7 @@ impl Material {
             let Some(o) = self.proposals.sample(i, u) else { return };
             let density = self.proposals.density(i, o);
             // Written so that NaN is left out too.
-            if !(density > 0.0) {
+            if density.is_nan() || density <= 0.0 {
                 return;
             }
             weights.fill(0.0);

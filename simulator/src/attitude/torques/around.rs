@@ -128,7 +128,7 @@ impl Along {
         let first_s = from_s - SIDE as f64 * STEP_S;
         let nodes = ((to_s - first_s) / STEP_S).ceil() + SIDE as f64 + 1.0;
         // Written so that NaN is refused too.
-        if !(nodes <= MOST_NODES as f64) {
+        if nodes.is_nan() || nodes > MOST_NODES as f64 {
             let most = MOST_NODES as f64 * STEP_S / 86_400.0;
             return Err(AroundError::Span { days: (to_s - from_s) / 86_400.0, most });
         }

@@ -60,7 +60,7 @@ impl MainField {
         let after = years.iter().position(|y| *y >= year)?;
         let first = after.max(1) - 1;
         // Written so that NaN is outside too.
-        if !(year >= years[first]) {
+        if year.is_nan() || year < years[first] {
             return None;
         }
         let part = (year - years[first]) / (years[first + 1] - years[first]);

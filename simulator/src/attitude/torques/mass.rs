@@ -28,7 +28,7 @@ pub fn of_mesh(mesh: &Mesh, mass_kg: f64) -> Option<MassProperties> {
         second += (outer(a) + outer(b) + outer(c) + outer(a + b + c)) * (six / 120.0);
     }
     // Written so that NaN is refused too.
-    if !(volume > 0.0) {
+    if volume.is_nan() || volume <= 0.0 {
         return None;
     }
     let middle = first / volume;

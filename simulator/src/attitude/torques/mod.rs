@@ -289,7 +289,7 @@ impl Driven {
         }
         let turns_per_s = start.omega_body_rad_s.length() / std::f64::consts::TAU;
         // Written so that a length that overflows is refused too.
-        if !(turns_per_s <= super::MOST_TURNS_PER_S) {
+        if turns_per_s.is_nan() || turns_per_s > super::MOST_TURNS_PER_S {
             return Err(AttitudeError::TooFast { what: "the angular velocity", turns_per_s });
         }
         if !(span_s.0.is_finite() && span_s.1.is_finite() && span_s.0 <= span_s.1) {
