@@ -1,6 +1,6 @@
 //! Spin of a near body over several passes: each pass measured by itself, then joined by the way of the bisector of Sun and observer.
 //!
-//! What is seen of a body that spins at f (turns per second of a frame that does not turn) has the phase φ = f t + ḟ t²/2 − λ(t), with the longitude λ (in turns) of the bisector of Sun and
+//! The light that is seen of a body that spins at f (turns per second of a frame that does not turn) has the phase φ = f t + ḟ t²/2 − λ(t), with the longitude λ (in turns) of the bisector of Sun and
 //! observer about the spin axis ([`crate::synodic`]). In a pass λ bends, so that the synodic period slides. So of each pass the phase's slope, bend and twist are measured, with their covariance:
 //! harmonics are fitted together with a phase that is a cubic of time, by Gauss-Newton. Over all passes these are f + ḟ τ − λ′, (ḟ − λ″)/2 and −λ‴/6, which is linear in f and ḟ for each axis of the spin. Axes over the whole
 //! sphere are tried; an axis and its opposite are the two senses. Intervals are those of the profile likelihood over all axes (95 %: 3.84 above the best), widened by the scatter that the best axis leaves.
@@ -64,9 +64,9 @@ pub struct PassPeriod {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
-    /// As it is seen, against the bisector of Sun and observer.
+    /// Apparent period, against the bisector of Sun and observer.
     Synodic,
-    /// Of the spin, against the stars.
+    /// The spin's own period, against the stars.
     Sidereal,
 }
 

@@ -107,7 +107,7 @@ struct Flash {
     spread_s: f64,
     /// Sum of its samples above the median, in standard deviations.
     sum: f64,
-    /// Its brightest sample.
+    /// Brightest sample of the flash.
     peak: f64,
 }
 

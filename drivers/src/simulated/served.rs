@@ -51,7 +51,7 @@ pub enum ServeError {
     /// The system refused a pty, a link or a port.
     #[error("cannot {action} {what}: {source}")]
     System {
-        /// What was tried.
+        /// Action that was tried.
         action: &'static str,
         /// With what.
         what: String,
@@ -78,7 +78,7 @@ impl std::fmt::Debug for Served {
     }
 }
 
-/// What happens at a port.
+/// Visit of a host at a port.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Visit {

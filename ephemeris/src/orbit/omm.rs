@@ -53,7 +53,7 @@ impl Source<'_> {
     }
 }
 
-/// What stands for one set of elements: the set, or why it is none.
+/// Result for one set of elements: the set, or why it is none.
 type Sets = Vec<Result<Tle, ParseError>>;
 
 /// Returns the sets of JSON.

@@ -1,7 +1,7 @@
 //! Fresh elements from a server or a file: kept, and asked for no more than once in two hours.
 //!
 //! CelesTrak and Space-Track close their doors to those who ask for the same data again and again; elements change a few times a day.
-//! What was fetched is kept in a folder, and the time of every request beside it, also of those that failed.
+//! The answer is kept in a folder, and the time of every request beside it, also of those that failed.
 
 use super::elements;
 use hifitime::{Duration, Epoch};
@@ -25,7 +25,7 @@ pub struct Fetched {
     pub text: String,
     /// Number of good sets.
     pub sets: usize,
-    /// What is wrong with others.
+    /// Faults of the others.
     pub bad: Vec<ParseError>,
     /// When the server was asked, if this answer is from before.
     pub kept_since: Option<Epoch>,

@@ -18,7 +18,7 @@ pub struct WeatherFile {
     most_age: Duration,
 }
 
-/// What the weather is.
+/// State of the weather.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Weather {
     /// Fit.

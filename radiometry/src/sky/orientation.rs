@@ -17,7 +17,7 @@ const DRIFT_DAYS: f64 = 365.25;
 const FORECAST_S: [f64; 3] = [0.01, 6e-4, 2e-7];
 /// The same for each day where the rows span less than a year: UT1 has gained or lost no more than 3 ms a day since 1962.
 const WITHOUT_DRIFT_S: f64 = 3e-3;
-/// By how much UT1−UTC may differ from 0 at most, s, as leap seconds are set: a forecast that may err by more is none.
+/// Largest difference of UT1−UTC from 0, s, as leap seconds are set: a forecast that may err by more is none.
 const MOST_S: f64 = 0.9;
 /// Speed of the equator's ground, m s⁻¹, and the Earth's rotation in a second, arcseconds.
 const GROUND_M_S: f64 = 465.0;

@@ -200,7 +200,7 @@ fn over_passes(spin: &Spin) -> String {
     text
 }
 
-/// What flashes there are and how they fall together.
+/// Flashes, and how they fall together.
 fn flashes(f: &FlashTrain) -> String {
     let mut text = format!(
         "{} flashes in {} of the samples, {} of the variance",

@@ -58,7 +58,7 @@ pub struct Body {
     pub gravity_gradient: bool,
     /// Magnetic moment, A m², body axes.
     pub moment_a_m2: DVec3,
-    /// What eddy currents flow in.
+    /// Body that eddy currents flow in.
     pub conductor: Option<Conductor>,
     /// Surface on which sunlight and air press.
     pub skin: Option<Arc<Skin>>,

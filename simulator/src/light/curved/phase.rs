@@ -16,7 +16,7 @@ const DEGREE: usize = 16;
 const LAST: usize = 3;
 /// Relative error at which halving stops, unless the integrals themselves are worse.
 const TOLERANCE: f64 = 1e-10;
-/// What is left of the error of an integral does not make a polynomial worse than that.
+/// Error that is left of an integral; it does not make a polynomial worse than that.
 const OF_OWN: f64 = 0.3;
 /// Panels narrower than this are not halved, radians.
 const NARROWEST_RAD: f64 = 2e-3;

@@ -19,7 +19,7 @@ const CURVED: f64 = 2e-3;
 const OF_TOLERANCE: f64 = 0.5;
 /// Geometries on which it is counted from how many directions the Earth's light is taken, at most.
 const COUNTED: usize = 16;
-/// What counting may look at: directions times facets, pairs of these and what may hide them, and so many for a curved part. Where that is not enough for one
+/// Most that counting may look at: directions times facets, pairs of these and what may hide them, and so many for a curved part. Where that is not enough for one
 /// geometry, that many directions are taken for granted.
 const MOST_LOOKS: usize = 4_000_000;
 const OF_CURVED: usize = 2000;
