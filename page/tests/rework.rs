@@ -138,6 +138,7 @@ fn session(root: &Path) -> Session {
         ra_deg: Some(279.2347),
         dec_deg: Some(38.7837),
         tle: None,
+        omm: None,
     };
     writer.event(at(0.0), What::Target(star));
     for number in 1..=FRAMES {
