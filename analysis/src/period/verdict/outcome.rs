@@ -65,12 +65,6 @@ pub enum Reason {
     /// No light that changes.
     #[error("the light is constant in every channel")]
     Constant,
-    /// All samples at one moment.
-    #[error("all {samples} samples have the same time: no time passes between them")]
-    Moment {
-        /// Samples of the longest channel.
-        samples: usize,
-    },
     /// No period between sampling and span.
     #[error(
         "samples every {step_s:.4} s (exposures up to {exposure_s:.4} s) over {span_s:.4} s leave no period to look for: the shortest that they show is {shortest_s:.4} s, the longest {longest_s:.4} s"

@@ -55,9 +55,6 @@ impl Range {
 
     pub fn reason(series: &[&Series], options: &Options) -> Reason {
         let (span_s, _, shortest_s, longest_s) = Self::ends(series, options);
-        if span_s <= 0.0 {
-            return Reason::Moment { samples: series.iter().map(|s| s.len()).max().unwrap_or(0) };
-        }
         let step_s = series.iter().filter_map(|s| median_step(s)).fold(f64::INFINITY, f64::min);
         let exposure_s = series.iter().map(|s| s.exposure_s).fold(f64::INFINITY, f64::min);
         Reason::Range { step_s, exposure_s, span_s, shortest_s, longest_s }
