@@ -141,6 +141,10 @@ impl CameraWork {
                     (self.set, self.told) = (None, None);
                     continue;
                 }
+                Err(error) if error.is_permanent_setting() && self.is_wished(worker) => {
+                    self.forget_wish(&error, worker);
+                    continue;
+                }
                 taken => taken?,
             };
             let took = worker.clock.clock.now().saturating_sub(asked_at);
@@ -222,16 +226,11 @@ impl CameraWork {
         now: &Now,
         worker: &mut Worker,
     ) -> Result<bool, DeviceError> {
-        let wish = worker.schedule.wished(&self.plan.name);
         match self.prepare(camera, &now.exposing.plan, worker) {
             Ok(()) => Ok(true),
             // A wish that the camera refuses costs no night: it is forgotten.
-            Err(error) if error.is_permanent_setting() && wish != CameraWish::default() => {
-                worker.schedule.wish(&self.plan.name, CameraWish::default());
-                let error = format!("exposure and gain are as planned again: {error}");
-                worker.status.say(format!("{}: {error}", worker.name));
-                let about = worker.name.clone();
-                worker.disk.event(worker.clock.utc(), What::Error { about, error });
+            Err(error) if error.is_permanent_setting() && self.is_wished(worker) => {
+                self.forget_wish(&error, worker);
                 Ok(false)
             }
             Err(error) if error.is_permanent_setting() && now.step.is_some() => {
@@ -244,6 +243,20 @@ impl CameraWork {
             }
             Err(error) => Err(worker.setting(error)),
         }
+    }
+
+    /// Whether a person wants another exposure or gain than the plan.
+    fn is_wished(&self, worker: &Worker) -> bool {
+        worker.schedule.wished(&self.plan.name) != CameraWish::default()
+    }
+
+    /// Goes back to the plan's exposure and gain after the camera refused a person's wish, and says so.
+    fn forget_wish(&self, error: &DeviceError, worker: &mut Worker) {
+        worker.schedule.wish(&self.plan.name, CameraWish::default());
+        let error = format!("exposure and gain are as planned again: {error}");
+        worker.status.say(format!("{}: {error}", worker.name));
+        let about = worker.name.clone();
+        worker.disk.event(worker.clock.utc(), What::Error { about, error });
     }
 
     /// Waits for the wheel and the rotators; false where the schedule went on meanwhile.

@@ -3,7 +3,7 @@
 use crate::request::{Answer, Request, Source};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Places of the curve that are kept; what is older is in the run's folder.
@@ -75,6 +75,15 @@ struct Inner {
     since: Option<Instant>,
 }
 
+/// Action that ends a run at once, as Ctrl-C does.
+struct Stop(Box<dyn Fn() + Send + Sync>);
+
+impl std::fmt::Debug for Stop {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Stop")
+    }
+}
+
 /// A run in the lab as a source of the page. Whoever measures tells it of each line, and waits while it is paused.
 #[derive(Debug)]
 pub struct LabRun {
@@ -85,6 +94,7 @@ pub struct LabRun {
     before: u64,
     inner: Mutex<Inner>,
     changed: Condvar,
+    stop: OnceLock<Stop>,
 }
 
 #[derive(Serialize)]
@@ -176,7 +186,13 @@ impl LabRun {
             before,
             inner: Mutex::new(inner),
             changed: Condvar::new(),
+            stop: OnceLock::new(),
         }
+    }
+
+    /// Takes what ends the run at once when somebody stops it on the page, such as a token that is set. The first one holds.
+    pub fn on_stop(&self, stop: impl Fn() + Send + Sync + 'static) {
+        let _ = self.stop.set(Stop(Box::new(stop)));
     }
 
     fn inner(&self) -> MutexGuard<'_, Inner> {
@@ -284,7 +300,7 @@ impl LabRun {
             ("pause", false) => {
                 inner.paused = true;
                 inner.rest();
-                "paused before the next reading"
+                "paused before the next place"
             }
             ("resume", true) => {
                 inner.paused = false;
@@ -299,8 +315,12 @@ impl LabRun {
             }
             _ => return Err(Answer::error(400, "expected the action pause, resume or stop")),
         };
+        let stopped = inner.stopped;
         drop(inner);
         self.changed.notify_all();
+        if stopped && let Some(stop) = self.stop.get() {
+            (stop.0)();
+        }
         Ok(Answer::json(&Done { done }))
     }
 }

@@ -153,7 +153,7 @@ struct SavedView {
 
 impl PlanDesk {
     /// A desk for these passes; `None` where there is no dark hour.
-    pub fn new(passes: Vec<PlanPass>, around: PlanSurroundings) -> Option<Self> {
+    pub fn new(passes: Vec<PlanPass>, mut around: PlanSurroundings) -> Option<Self> {
         let hour = Duration::from_hours(1.0);
         // The night of the brightest pass; without passes the first.
         let by_light = |a: &&PlanPass, b: &&PlanPass| a.offer.v_mag.total_cmp(&b.offer.v_mag);
@@ -163,7 +163,17 @@ impl PlanDesk {
         let (from, to) = *around.dark.iter().find(holds).or(around.dark.first())?;
         let overwrite = Mutex::new(around.overwrite);
         let in_night = |pass: &PlanPass| pass.offer.span.1 > from && pass.offer.span.0 < to;
-        let passes = passes.into_iter().filter(in_night).collect();
+        let all = passes.len();
+        let passes: Vec<PlanPass> = passes.into_iter().filter(in_night).collect();
+        let left_out = all - passes.len();
+        if left_out > 0 {
+            let text = format!(
+                "passes of other nights are not shown: {left_out}; narrow --from and --to for one of them"
+            );
+            around.warnings.insert(0, text);
+        }
+        // What is planned belongs to the night that is shown, also where only stars are chosen.
+        around.dark = vec![(from, to)];
         Some(Self { passes, around, start: from - hour, end: to + hour, overwrite })
     }
 

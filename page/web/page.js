@@ -972,6 +972,7 @@ function reduceSoon() {
 
 function curveShown() {
   const curve = R.now;
+  if (!curve) return;
   const select = $("rework-channel");
   const names = curve.channels.map((c) => c.name);
   if (names.join() !== [...select.options].map((o) => o.value).join()) {
@@ -1065,6 +1066,8 @@ function pointing(on) {
 async function beginRework() {
   const visit = S.about.visits[Number($("rework-visit").value)];
   if (!visit) return;
+  clearTimeout(reducing);
+  $("rework-body").hidden = true;
   Object.assign(R, { on: true, visit, places: [], refused: new Map(), old: null, now: null, range: null });
   for (const input of choices()) input.type === "checkbox" ? (input.checked = false) : (input.value = "");
   pointing(false);
@@ -1456,7 +1459,7 @@ function wire() {
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey || !S.about) return;
     if (event.target.matches("input[type=text], select")) return;
-    const film = !S.live;
+    const film = S.about.mode === "recorded";
     const onSlider = event.target === $("slider");
     const onButton = event.target.matches("button, input[type=checkbox]");
     const visitStart = (by) => {

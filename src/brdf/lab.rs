@@ -61,7 +61,11 @@ impl LabPage {
     ) -> Box<dyn Watch<L>> {
         match page {
             None => own,
-            Some(page) => Box::new(Both { own, run: page.run.clone(), of, cancel: cancel.clone() }),
+            Some(page) => {
+                let token = cancel.clone();
+                page.run.on_stop(move || token.cancel());
+                Box::new(Both { own, run: page.run.clone(), of, cancel: cancel.clone() })
+            }
         }
     }
 }
@@ -77,8 +81,11 @@ struct Both<L> {
 impl<L: std::fmt::Debug> Watch<L> for Both<L> {
     fn line(&mut self, line: &L) {
         self.own.line(line);
-        self.run.line((self.of)(line));
-        if self.run.wait(|| self.cancel.is_cancelled()) {
+        let reading = (self.of)(line);
+        // A pause holds between places: the readings of one are averaged, and belong together.
+        let is_end = matches!(reading.state, LabState::Kept | LabState::Again);
+        self.run.line(reading);
+        if is_end && self.run.wait(|| self.cancel.is_cancelled()) {
             self.cancel.cancel();
         }
     }
