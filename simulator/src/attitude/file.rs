@@ -163,7 +163,7 @@ struct DragFile {
 pub struct Circumstances<'a> {
     /// The body.
     pub target: &'a Target,
-    /// Orbit of the body.
+    /// Way of the direction.
     pub orbit: &'a Orbit,
     /// UT1 and the pole.
     pub earth: &'a EarthOrientation,
