@@ -163,7 +163,7 @@ impl Recipe {
             let found = self.visit.map_or(String::new(), |number| number.to_string());
             return Err(RecipeError { key: "visit", found, expected: "a target beside it" });
         }
-        let far = |place: &f64| !(place.abs() <= 1e6);
+        let far = |place: &f64| place.is_nan() || place.abs() > 1e6;
         if let Some(place) = self.places.iter().find(|place| place.place_px.iter().any(far)) {
             let [x, y] = place.place_px;
             let expected = "a column and a row in each place_px";

@@ -163,7 +163,7 @@ struct DragFile {
 pub struct Circumstances<'a> {
     /// The body.
     pub target: &'a Target,
-    /// Way of the direction.
+    /// Orbit of the body.
     pub orbit: &'a Orbit,
     /// UT1 and the pole.
     pub earth: &'a EarthOrientation,

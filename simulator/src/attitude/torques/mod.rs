@@ -232,9 +232,10 @@ impl Rule {
                 integrals: [[0.0; STAGES]; STAGES],
                 onward: [[0.0; STAGES]; STAGES],
             };
-            for i in 0..STAGES {
-                rule.integrals[i] = rule.integrals_to(nodes[i]);
-                rule.onward[i] = rule.cardinal(1.0 + nodes[i]);
+            for (i, node) in nodes.iter().enumerate() {
+                let (integrals, onward) = (rule.integrals_to(*node), rule.cardinal(1.0 + node));
+                rule.integrals[i] = integrals;
+                rule.onward[i] = onward;
             }
             rule
         })
@@ -340,7 +341,7 @@ impl Driven {
         let x = (after_s - step.from_s) / step.length_s;
         let (mut attitude, mut momentum) = (step.attitude, step.momentum);
         for (w, (q, l)) in Rule::get().integrals_to(x).iter().zip(&step.slopes) {
-            attitude = attitude + *q * (w * step.length_s);
+            attitude += *q * (w * step.length_s);
             momentum += *l * (w * step.length_s);
         }
         Some(Motion { body_to_gcrs: attitude.normalize(), momentum })
@@ -591,7 +592,7 @@ fn product(a: DQuat, b: DQuat) -> DQuat {
 fn combined(weights: &[f64; STAGES], slopes: &[(DQuat, DVec3); STAGES]) -> (DQuat, DVec3) {
     let mut sum = (DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0), DVec3::ZERO);
     for (w, (q, l)) in weights.iter().zip(slopes) {
-        sum.0 = sum.0 + *q * *w;
+        sum.0 += *q * *w;
         sum.1 += *l * *w;
     }
     sum

@@ -93,7 +93,7 @@ fn divide(material: &Material, [from, to]: [f64; 2], pieces: &mut Vec<Piece>) {
     let most = rows.iter().flatten().fold(0.0_f64, |most, v| most.max(v.abs()));
     let least = rows.iter().map(|row| row.iter().map(|v| v.abs()).sum::<f64>());
     let least = least.fold(f64::INFINITY, f64::min).max(1e-6 * most);
-    for k in 0..rows[0].len() {
+    (0..rows[0].len()).for_each(|k| {
         let row: Vec<f64> = (0..count)
             .map(|n| {
                 let angle = |j: usize| PI * n as f64 * (j as f64 + 0.5) / count as f64;
@@ -103,7 +103,7 @@ fn divide(material: &Material, [from, to]: [f64; 2], pieces: &mut Vec<Piece>) {
             .collect();
         error += row[count - LAST..].iter().map(|c| c.abs()).sum::<f64>();
         coefficients.extend(row);
-    }
+    });
     let relative = if most > 0.0 { error / least } else { 0.0 };
     // Towards 180° all light ends, and with it every relative error.
     let ends = to >= PI;
