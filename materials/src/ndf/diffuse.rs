@@ -127,10 +127,15 @@ pub(super) fn find(readings: &[Reading], alone: f64) -> DiffuseLight {
     let is_seen = |r: &&Reading| best.diffuse >= SEEN * (best.diffuse + lobe(r.0));
     let seen: Vec<&Reading> = readings.iter().filter(is_seen).collect();
     let (level, scatter) = level(&seen);
-    let by_scatter = best.diffuse * scatter / (seen.len().max(1) as f64).sqrt();
+    // Where no reading is of the diffuse light alone, nothing bounds it.
+    let by_scatter = if scatter.is_finite() && !seen.is_empty() {
+        best.diffuse * scatter / (seen.len() as f64).sqrt()
+    } else {
+        best.diffuse
+    };
     let off =
         if other.misfit < 2.0 * best.misfit { (other.diffuse - best.diffuse).abs() } else { 0.0 };
-    let bound_per_sr = off.max(2.0 * by_scatter);
+    let bound_per_sr = if off.is_finite() { off.max(2.0 * by_scatter) } else { best.diffuse };
     let is_fitted = best.misfit < BETTER * alone
         && best.diffuse > LEAST_OVER_TAIL * tail_of_core(readings, &seen, best.diffuse)
         && peak > LEAST_PEAK * best.diffuse

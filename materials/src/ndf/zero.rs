@@ -92,20 +92,44 @@ impl Judge<'_> {
         (count as f64 / part.len().max(1) as f64, widest.map_or((0.0, 0.0), |w| (w[0], w[1])))
     }
 
-    /// Variance of ln f by the scatter of neighbours about straight lines, times the weights; at least 1 where standard deviations are known.
+    /// Variance of ln f by the scatter about what neighbours say, times the weights; at least 1 where standard deviations are known.
+    ///
+    /// Two neighbours say a straight line and four a cubic; both take a bend of the lobe for scatter, so that the smaller one is nearer to the noise.
     fn noise(&self) -> f64 {
-        let ln: Vec<f64> = self.scan.f.iter().map(|f| f.ln()).collect();
-        let bends: Vec<f64> = (1..ln.len().saturating_sub(1))
-            .map(|k| {
-                let (a, b) = (self.scan.angle_deg[k - 1], self.scan.angle_deg[k + 1]);
-                let t = if b > a { (self.scan.angle_deg[k] - a) / (b - a) } else { 0.5 };
-                let off = ln[k] - (1.0 - t) * ln[k - 1] - t * ln[k + 1];
-                self.weights[k] * off * off / (1.0 + t * t + (1.0 - t) * (1.0 - t))
+        let scatter = self.scatter(1).min(self.scatter(2));
+        if self.scan.sigma.iter().all(|s| *s > 0.0) { scatter.max(1.0) } else { scatter }
+    }
+
+    /// Mean square of the weighted differences of ln f from the polynomial through `aside` neighbours on each side, over the factor by which noise of the
+    /// neighbours adds to it; readings beside a gap are left out.
+    fn scatter(&self, aside: usize) -> f64 {
+        let angles = &self.scan.angle_deg;
+        let wide = |k: usize| angles[k + aside] - angles[k - aside];
+        let places = aside..angles.len().saturating_sub(aside);
+        let mut widths: Vec<f64> = places.clone().map(wide).collect();
+        widths.sort_by(f64::total_cmp);
+        let usual = widths.get(widths.len() / 2).copied().unwrap_or(0.0);
+        let offs: Vec<f64> = places
+            .filter(|k| wide(*k) > 0.0 && wide(*k) < 1.5 * usual)
+            .filter_map(|k| {
+                let near: Vec<usize> = (k - aside..=k + aside).filter(|j| *j != k).collect();
+                let (mut off, mut factor) = (self.scan.f[k].ln(), 1.0);
+                for j in &near {
+                    // Lagrange's weight of this neighbour.
+                    let others = near.iter().filter(|m| *m != j);
+                    let weight: f64 = others
+                        .map(|m| (angles[k] - angles[*m]) / (angles[*j] - angles[*m]))
+                        .product();
+                    off -= weight * self.scan.f[*j].ln();
+                    factor += weight * weight;
+                }
+                // Two readings at one angle have no polynomial.
+                let square = self.weights[k] * off * off / factor;
+                square.is_finite().then_some(square)
             })
             .collect();
         // The mean, not the median: standard deviations from few readings each are often far too small.
-        let scatter = bends.iter().sum::<f64>() / bends.len().max(1) as f64;
-        if self.scan.sigma.iter().all(|s| *s > 0.0) { scatter.max(1.0) } else { scatter }
+        if offs.is_empty() { f64::INFINITY } else { offs.iter().sum::<f64>() / offs.len() as f64 }
     }
 
     /// The trial that leaves least, among those that noise allows the one with the most readings, and what it leaves.
