@@ -86,8 +86,8 @@ meter.close()
     }
     let read = folder.json(&["devices", "read", "ophir:meter", "-n", "2", "--json"]);
     assert_eq!(read["readings"][1]["power_w"], 0.0025);
-    let set = folder.json(&["devices", "set", "ophir:meter", "--json"]);
-    assert!(set.to_string().contains("700"), "{set}");
+    let check = folder.json(&["devices", "check", "ophir:meter", "--json"]);
+    assert!(check["settings"].to_string().contains("700"), "{check}");
     let (status, _) = server.end();
     assert_eq!(status.code(), Some(0));
     assert!(!folder.path("meter").is_symlink(), "the link is gone with the device");

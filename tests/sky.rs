@@ -104,7 +104,7 @@ fn messages_are_taken_where_elements_are() {
     // Passes of a message, a rehearsal, a scene, a plan.
     let window =
         ["--from", "2020-07-12T00:00:00", "--to", "2020-07-13T00:00:00", "--station", "ufo"];
-    let passes = folder.json(&[&["passes", "iss.json", "--json"][..], &window].concat());
+    let passes = folder.json(&[&["passes", "--tle", "iss.json", "--json"][..], &window].concat());
     assert!(!passes["passes"].as_array().unwrap().is_empty(), "{passes}");
     let track =
         ["track", "iss.json", "123456789", "--mount", "virtual", "--station", "ufo", "--dry-run"];
