@@ -430,6 +430,15 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "pages",
         "commands",
         "track",
+        "elements",
+        "solve",
+        // Of a device that is served until somebody ends it.
+        "tcp",
+        "pty",
+        // Of a body under torques.
+        "torque",
+        "largest_n_m",
+        "mean_n_m",
         // Of a pass over the zenith.
         "from_s",
         "to_s",

@@ -103,8 +103,12 @@ fn an_hour_without_torque_keeps_energy_and_momentum() {
             continue;
         }
         let body = principal([n[0], n[1], n[2]]);
-        let driven =
-            Driven::new(&body, &from(omega, DQuat::IDENTITY), &nothing(), (0.0, 3600.0)).unwrap();
+        // Bodies that turn more than some 20,000 times in the hour are refused: too many steps.
+        let begin = from(omega, DQuat::IDENTITY);
+        let Ok(driven) = Driven::new(&body, &begin, &nothing(), (0.0, 3600.0)) else {
+            assert!(omega.length() > 30.0, "{line}");
+            continue;
+        };
         let (first, last) = (driven.motion(0.0).unwrap(), driven.motion(3600.0).unwrap());
         let truth = DQuat::from_xyzw(n[7], n[8], n[9], n[6]);
         let error = angle_rad(last.body_to_gcrs, truth);
