@@ -34,7 +34,7 @@ pub(super) fn run(args: &ServeArgs, console: Console) -> anyhow::Result<()> {
     let name = served.name();
     if let Some(place) = &args.tcp {
         let place = if place.contains(':') { place.clone() } else { format!("127.0.0.1:{place}") };
-        if !place.rsplit(':').next().is_some_and(|port| port.parse::<u16>().is_ok()) {
+        if place.rsplit(':').next().is_none_or(|port| port.parse::<u16>().is_err()) {
             return Err(Usage(format!(
                 "--tcp: found {place}, expected [ADDRESS:]PORT, such as 5025"
             ))
