@@ -36,9 +36,9 @@ pub struct NdfArgs {
     /// Resamplings of the readings for the uncertainties
     #[arg(long, value_name = "N", default_value_t = 200)]
     pub resamplings: usize,
-    /// Take all light for the microfacets', diffuse light too
+    /// Look for diffuse light, and take it off where it is seen
     #[arg(long)]
-    pub lobe_only: bool,
+    pub diffuse: bool,
     /// Where the result goes.
     #[command(flatten)]
     pub out: OutputArgs,
@@ -80,7 +80,7 @@ pub(super) fn run(args: &NdfArgs, console: Console, seed: u64) -> anyhow::Result
         zero_deg: args.zero_deg,
         most_offset_deg: args.most_offset_deg,
         tail: args.tail.map(Into::into),
-        lobe_only: args.lobe_only,
+        diffuse: args.diffuse,
         resamplings: args.resamplings,
         seed,
     };

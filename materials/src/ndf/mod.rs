@@ -5,7 +5,7 @@
 //!
 //! From a table of angles to D: readings that are no light are left out ([`Note`]), the symmetry point is found from both sides of the normal, a cubic spline of
 //! ln f, even about it, leads to the nodes; beyond the last angle the lobe is continued and flagged, and how much the choice of the continuation changes is said
-//! beside the uncertainty that comes from the readings (by resampling). Diffuse light is no microfacets': where it is seen it is taken off first ([`DiffuseLight`]).
+//! beside the uncertainty that comes from the readings (by resampling). Diffuse light is no microfacets': where it is asked for and seen it is taken off first ([`DiffuseLight`]).
 //!
 //! # From retro-reflection to the density of normals
 //!
@@ -93,8 +93,8 @@ pub struct NdfOptions {
     pub most_offset_deg: f64,
     /// How the lobe goes on beyond the last angle; the one that follows the last readings best where not given.
     pub tail: Option<TailKind>,
-    /// Whether all light is taken for the microfacets', diffuse light too.
-    pub lobe_only: bool,
+    /// Whether diffuse light is looked for and taken off where it is seen; else all light is taken for the microfacets'.
+    pub diffuse: bool,
     /// Resamplings for the uncertainties; 0 leaves them out.
     pub resamplings: usize,
     /// Seed of the resamplings.
@@ -110,7 +110,7 @@ impl Default for NdfOptions {
             zero_deg: None,
             most_offset_deg: 5.0,
             tail: None,
-            lobe_only: false,
+            diffuse: false,
             resamplings: 200,
             seed: 0,
         }

@@ -171,7 +171,7 @@ fn lobe_of(
     options: &NdfOptions,
     notes: &mut Vec<Note>,
 ) -> (Vec<Reading>, DiffuseLight) {
-    if options.lobe_only {
+    if !options.diffuse {
         return (all.to_vec(), DiffuseLight::default());
     }
     let alone = |d: Distribution| fit(d, all, EVERY_ALPHA).misfit;

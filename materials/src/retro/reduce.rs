@@ -287,6 +287,7 @@ fn zero(
         elevations: Some(32),
         most_offset_deg: setup.most_offset_deg,
         resamplings: 0,
+        diffuse: true,
         ..NdfOptions::default()
     };
     let reading = |(at, raw): (&AtAngle, &Raw)| {

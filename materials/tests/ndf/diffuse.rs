@@ -10,7 +10,7 @@ fn angles(to: f64) -> Vec<f64> {
 }
 
 fn options() -> NdfOptions {
-    NdfOptions { resamplings: 0, ..NdfOptions::default() }
+    NdfOptions { resamplings: 0, diffuse: true, ..NdfOptions::default() }
 }
 
 /// Truth: closed forms: a lobe of microfacets (Walter et al. 2007) and ρ/π, without noise. Tolerance: α 1 %, ρ and F₀ 2 %.
@@ -32,7 +32,7 @@ fn gloss_over_paint() {
         assert!((fit.alpha / alpha - 1.0).abs() < 0.01);
         assert!((ndf.f0 / f0 - 1.0).abs() < 0.02, "{}", ndf.f0);
         assert!(ndf.notes.iter().any(|n| matches!(n, Note::Diffuse { .. })));
-        let whole = NdfOptions { lobe_only: true, ..options() };
+        let whole = NdfOptions { diffuse: false, ..options() };
         let whole = extract(&table, &whole).unwrap();
         assert!(whole.profiles[0].ggx.alpha > 1.5 * alpha, "as it was without a diffuse part");
     }

@@ -26,8 +26,8 @@
 //! axis = [0, 1, 0]
 //! face = [1, 0, 0]              # turned to the Sun; perpendicular to the axis
 //! range_deg = [-180, 180]       # left out where it turns freely
-//! # offset_deg = 5              # turned past the Sun by so much: a lag or a bias; 180 for a wing that shows its back
-//! # parked_deg = 30             # stands at this angle and follows nothing
+//! ## offset_deg = 5              # turned past the Sun by so much: a lag or a bias; 180 for a wing that shows its back
+//! ## parked_deg = 30             # stands at this angle and follows nothing
 //!
 //! [[material]]                  # see surface::file
 //! name = "cells"
