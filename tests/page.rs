@@ -712,7 +712,8 @@ fn a_pass_that_locked_on_a_star_is_rescued() {
     let expected = truth.visits[of].arriving_hz(number, truth_s);
     println!("locked on a star: {locked:.0}, rescued: {rescued:.0}, truth: {expected:.0} ADU/s");
     assert!((locked / expected - 1.0).abs() > 0.2, "{locked} beside {expected}");
-    // The median over a visit in which the light changes, in an aperture of 6 px that leaves wings out, beside the truth at its middle.
+    // 1 % was wanted and 4.8 % too little is measured. The wings beyond 6 px, or the median over a visit in which the light changes beside the truth at
+    // its middle: which of both it is was not told apart.
     assert!((rescued / expected - 1.0).abs() < 0.1, "{rescued} beside {expected}");
     // What is wrong is said, and the curve stays.
     type_into(&mut browser, "[data-key='annulus_px.0']", "2");

@@ -391,7 +391,7 @@ impl ByHand {
     }
 }
 
-/// How far from its last place a target that is followed is looked for, px.
+/// Distance from its last place within which a target that is followed is looked for, px.
 fn follows_within(options: &PhotometryOptions) -> f64 {
     let most = options.detection.max_offset_px;
     if most.is_finite() { most } else { FOLLOW_APERTURES * options.aperture_radius_px }
@@ -454,7 +454,7 @@ impl Following {
     }
 }
 
-/// How a frame is measured.
+/// Choices by which a frame is measured.
 #[derive(Clone, Copy)]
 enum Measuring<'a> {
     /// Not at all.

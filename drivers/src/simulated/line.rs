@@ -94,7 +94,7 @@ pub fn bridge(
     deadline: &Deadline,
     mut meanwhile: impl FnMut(),
 ) -> Result<(), TransportError> {
-    /// How long it listens to either side before it looks at the other.
+    /// Time for which it listens to either side before it looks at the other.
     const LISTEN: Duration = Duration::from_millis(2);
     let mut buffer = [0; 65_536];
     loop {

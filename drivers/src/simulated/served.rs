@@ -17,9 +17,9 @@ use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// How long opening the simulated device may take.
+/// Longest time for opening the simulated device.
 const OPEN: Duration = Duration::from_secs(5);
-/// How long one host is served at most before the deadline is made anew.
+/// Longest time for which one host is served before the deadline is made anew.
 const DAY: Duration = Duration::from_secs(86_400);
 
 /// Reasons why a device cannot be served.
