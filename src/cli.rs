@@ -4,7 +4,7 @@ use crate::output::{Console, OutputArgs};
 use crate::{
     air, align, analyse, apply, bench, brdf, calibrate, compare, demo, detect, devices, efficiency,
     elements, explain, fit, import, light, observe, page, passes, picture, reduce, session,
-    simulate, solve, star, tables, track,
+    simulate, solve, star, study, tables, track,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -110,6 +110,8 @@ pub enum Command {
     Apply(Box<apply::ApplyArgs>),
     /// Fit a simulation to what was measured: albedos, roughness, attitude, with intervals
     Fit(Box<fit::FitArgs>),
+    /// A scene simulated for many values of its keys and the passes of many objects, in shards that a cluster may run
+    Study(Box<study::StudyArgs>),
     /// Find what a light curve says about a body: its period, its folded curve, its materials, its map
     #[command(subcommand, visible_alias = "analyze")]
     Analyse(analyse::AnalyseCommand),
@@ -182,6 +184,7 @@ impl Command {
             Command::Demo(_)
             | Command::Observe(_)
             | Command::Session(_)
+            | Command::Study(_)
             | Command::Page(_)
             | Command::MountWatchdog(_)
             | Command::Completions { .. }
@@ -219,6 +222,7 @@ impl Command {
             Command::Apply(args) => apply::run(args, console),
             Command::Import(args) => import::run(args, console),
             Command::Fit(args) => fit::run(args, seed, console),
+            Command::Study(args) => study::run(args, console),
             Command::Analyse(command) => analyse::run(command, seed, console),
             Command::Completions { shell } => {
                 let mut script = Vec::new();

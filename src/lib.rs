@@ -63,5 +63,6 @@ pub mod simulate;
 pub mod solve;
 pub mod star;
 pub mod station;
+pub mod study;
 pub mod tables;
 pub mod track;

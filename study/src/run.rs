@@ -1,0 +1,281 @@
+//! Shards and their files.
+
+use crate::table::{notes, write};
+use crate::task::{self, Scene, sample_columns, summary_columns};
+use crate::{Study, StudyError};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use sunglint_formats::FileError;
+use sunglint_formats::atomic::{Overwrite, write_file};
+use sunglint_formats::sha256;
+use sunglint_numerics::progress::{Cancelled, Progress};
+
+/// File that says which study a folder holds.
+const MARK: &str = "study.json";
+/// File that lists the shards of a study that is done.
+pub const MANIFEST: &str = "manifest.json";
+/// Folder of the summaries: their files together are one table.
+pub const SUMMARY: &str = "summary";
+/// Folder of the samples.
+pub const SAMPLES: &str = "samples";
+
+/// Part of a study's shards: every `of`-th, from the `part`-th, counted from 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Part {
+    /// Which, from 1.
+    pub part: usize,
+    /// Of how many.
+    pub of: usize,
+}
+
+impl Part {
+    /// All shards.
+    pub const ALL: Self = Self { part: 1, of: 1 };
+
+    fn holds(self, shard: usize) -> bool {
+        shard % self.of == self.part - 1
+    }
+
+    /// Refuses a part that is none.
+    ///
+    /// # Errors
+    /// [`StudyError::NoSuchPart`].
+    pub fn check(self) -> Result<Self, StudyError> {
+        match (1..=self.of).contains(&self.part) {
+            true => Ok(self),
+            false => Err(StudyError::NoSuchPart { part: self.part, of: self.of }),
+        }
+    }
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Mark {
+    id: String,
+}
+
+/// A file of a shard.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ShardFile {
+    /// Name in the study's folder.
+    pub file: String,
+    /// Size.
+    pub bytes: u64,
+    /// SHA-256.
+    pub sha256: String,
+    /// Rows.
+    pub rows: u64,
+}
+
+/// Report of a run.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Report {
+    /// Name of the study.
+    pub study: String,
+    /// Its identity.
+    pub id: String,
+    /// Program that made it.
+    pub program: String,
+    /// Keys that change.
+    pub parameters: Vec<String>,
+    /// Points.
+    pub points: usize,
+    /// Objects; 0 where the scene's own orbit is used.
+    pub objects: usize,
+    /// Tasks.
+    pub tasks: usize,
+    /// Tasks that failed, of the shards that are there: their rows say why.
+    pub failed: u64,
+    /// Shards.
+    pub shards: usize,
+    /// Shards that are not there yet.
+    pub missing: usize,
+    /// Files of the shards, in their order.
+    pub files: Vec<ShardFile>,
+}
+
+/// A run of a study, or of a part of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ran {
+    /// Shards that were made now.
+    pub made: usize,
+    /// Shards of the part that were there before.
+    pub found: usize,
+    /// State of the whole study after it.
+    pub report: Report,
+    /// Where the manifest is, once no shard is missing.
+    pub manifest: Option<PathBuf>,
+}
+
+fn file(folder: &str, shard: usize) -> String {
+    format!("{folder}/part-{shard:06}.parquet")
+}
+
+/// Makes what is missing of a part of a study, and the manifest once no shard is missing.
+///
+/// A shard that is there, whole and of this study, is left alone. Every shard is written at once, under its own name: two runs that make the same one write
+/// the same bytes.
+///
+/// # Errors
+/// [`StudyError`]: the folder holds another study; a file cannot be written; the work was stopped. Tasks that fail are rows, not errors.
+pub fn run(
+    study: &Study,
+    folder: &Path,
+    part: Part,
+    progress: &dyn Progress,
+) -> Result<Ran, StudyError> {
+    let part = part.check()?;
+    prepare(study, folder)?;
+    let wanted: Vec<usize> = (0..study.shards()).filter(|s| part.holds(*s)).collect();
+    let missing: Vec<usize> =
+        wanted.iter().copied().filter(|s| done(study, folder, *s).is_none()).collect();
+    let steps: usize = missing.iter().map(|s| study.shard(*s).len()).sum();
+    progress.begin("tasks", Some(steps as u64));
+    for shard in &missing {
+        make(study, folder, *shard, progress)?;
+    }
+    let report = report(study, folder)?;
+    let manifest = match report.missing {
+        0 => {
+            let path = folder.join(MANIFEST);
+            let text = serde_json::to_string_pretty(&report).map_err(std::io::Error::other);
+            let text = text.map_err(|e| FileError::io("write", &path, e))?;
+            write_file(&path, format!("{text}\n").as_bytes(), Overwrite::Allow)?;
+            Some(path)
+        }
+        _ => None,
+    };
+    Ok(Ran { made: missing.len(), found: wanted.len() - missing.len(), report, manifest })
+}
+
+/// Makes the folders, and marks them as this study's.
+///
+/// # Errors
+/// The folder holds another study, or cannot be made.
+pub fn prepare(study: &Study, folder: &Path) -> Result<(), StudyError> {
+    let io = |path: &Path| {
+        let path = path.to_path_buf();
+        move |e| FileError::io("create", &path, e)
+    };
+    std::fs::create_dir_all(folder).map_err(io(folder))?;
+    let mark = folder.join(MARK);
+    if mark.exists() {
+        let text = sunglint_formats::read::text(&mark)?;
+        let found = serde_json::from_str::<Mark>(&text).map(|m| m.id).unwrap_or_default();
+        if found != study.id {
+            let short = |id: &str| id.chars().take(12).collect::<String>();
+            return Err(StudyError::OtherStudy {
+                path: folder.to_path_buf(),
+                found: if found.is_empty() { "unreadable".into() } else { short(&found) },
+                id: short(&study.id),
+            });
+        }
+    }
+    let tables = [SUMMARY].into_iter().chain(study.keeps_samples.then_some(SAMPLES));
+    for table in tables {
+        let table = folder.join(table);
+        std::fs::create_dir_all(&table).map_err(io(&table))?;
+    }
+    let text = format!("{}\n", serde_json::json!({ "id": study.id, "study": study.name }));
+    write_file(&mark, text.as_bytes(), Overwrite::Allow)?;
+    Ok(())
+}
+
+/// Shards that are missing.
+pub fn missing(study: &Study, folder: &Path) -> Vec<usize> {
+    (0..study.shards()).filter(|s| done(study, folder, *s).is_none()).collect()
+}
+
+/// Failed tasks of a shard that is there, whole and of this study, and its files' rows.
+fn done(study: &Study, folder: &Path, shard: usize) -> Option<(u64, Vec<(String, u64)>)> {
+    let mut files = Vec::new();
+    let mut failed = 0;
+    for table in [SUMMARY].into_iter().chain(study.keeps_samples.then_some(SAMPLES)) {
+        let name = file(table, shard);
+        let (notes, rows) = notes(&folder.join(&name))?;
+        let note = |key: &str| notes.iter().find(|(k, _)| k == key).map(|(_, v)| v.as_str());
+        if note("study") != Some(study.id.as_str()) || note("shard") != Some(&shard.to_string()) {
+            return None;
+        }
+        failed = note("failed")?.parse().ok()?;
+        files.push((name, rows));
+    }
+    Some((failed, files))
+}
+
+fn make(
+    study: &Study,
+    folder: &Path,
+    shard: usize,
+    progress: &dyn Progress,
+) -> Result<(), StudyError> {
+    let tasks = study.shard(shard);
+    let first = study.task(tasks.start).0;
+    let points = study.task(tasks.end - 1).0 - first + 1;
+    let scenes: Vec<OnceLock<Result<Scene, String>>> =
+        std::iter::repeat_with(OnceLock::new).take(points).collect();
+    let outcomes = tasks
+        .into_par_iter()
+        .map(|task| {
+            if progress.is_cancelled() {
+                return Err(Cancelled);
+            }
+            let point = study.task(task).0;
+            let scene = scenes[point - first].get_or_init(|| Scene::new(study, point));
+            let outcome = task::run(study, task, scene);
+            progress.advance(1);
+            Ok(outcome)
+        })
+        .collect::<Result<Vec<_>, Cancelled>>()?;
+    let failed = outcomes.iter().filter(|o| o.failed).count().to_string();
+    let number = shard.to_string();
+    let notes = [("study", study.id.as_str()), ("shard", &number), ("failed", &failed)];
+    let (mut summary, mut samples) = (Vec::new(), Vec::new());
+    for outcome in outcomes {
+        summary.extend(outcome.summary);
+        samples.extend(outcome.samples);
+    }
+    if study.keeps_samples {
+        write(&folder.join(file(SAMPLES, shard)), &sample_columns(study), &samples, &notes)?;
+    }
+    // Last: where it is, the shard is done.
+    write(&folder.join(file(SUMMARY, shard)), &summary_columns(study), &summary, &notes)
+}
+
+/// State of a study in its folder.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn report(study: &Study, folder: &Path) -> Result<Report, StudyError> {
+    let mut report = Report {
+        study: study.name.clone(),
+        id: study.id.clone(),
+        program: concat!("sunglint ", env!("CARGO_PKG_VERSION")).into(),
+        parameters: study.parameters.clone(),
+        points: study.points.len(),
+        objects: study.passes.as_ref().map_or(0, |p| p.objects.len()),
+        tasks: study.tasks(),
+        failed: 0,
+        shards: study.shards(),
+        missing: 0,
+        files: Vec::new(),
+    };
+    for shard in 0..study.shards() {
+        let Some((failed, files)) = done(study, folder, shard) else {
+            report.missing += 1;
+            continue;
+        };
+        report.failed += failed;
+        for (file, rows) in files {
+            let bytes = sunglint_formats::read::bytes(folder.join(&file))?;
+            report.files.push(ShardFile {
+                file,
+                bytes: bytes.len() as u64,
+                sha256: sha256(&bytes),
+                rows,
+            });
+        }
+    }
+    Ok(report)
+}
