@@ -99,7 +99,7 @@ fn built_with(arguments: &[&str]) -> BTreeSet<String> {
 /// The program, the wheel and the tests share one build: no package has other features in one of them. Truth: cargo's own tree.
 #[test]
 fn what_is_built_once_serves_the_program_the_wheel_and_the_tests() {
-    let tests = built_with(&["--workspace", "--features", "sunglint/opencv"]);
+    let tests = built_with(&["--workspace", "--features", "sunglint/opencv,sunglint/study"]);
     for package in ["sunglint", "sunglint-python"] {
         let own = built_with(&["-p", package, "-e", "no-dev"]);
         assert!(own.len() > 100, "{own:?}");

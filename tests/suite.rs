@@ -40,6 +40,8 @@ mod reduce;
 mod served;
 mod simulate;
 mod sky;
+#[cfg(feature = "study")]
+mod study;
 mod thesis;
 mod track;
 mod virtual_observatory;

@@ -22,6 +22,8 @@ use sunglint_radiometry::light_curve::published::{MagnitudeKind, MagnitudeOption
 use sunglint_radiometry::station::Station;
 use sunglint_report::{Product, explain, folder, import, period};
 use sunglint_simulator::pass::{Overrides, Pass, PassFile, Stopwatch};
+use sunglint_study::run::Part;
+use sunglint_study::{Stations, Study};
 
 /// A keyword's value that is not one of those that are known.
 fn unknown(what: &str, given: &str, known: &str) -> Failure {
@@ -167,6 +169,43 @@ fn simulate(
         let (product, text) = (report.product()?, report.text());
         Ok(Outcome::new(product, text, warnings.clone()))
     })
+}
+
+/// What is missing of a study, or of a part of it; the report as JSON.
+#[pyfunction]
+#[pyo3(signature = (study, output, station=None, part=1, of=1, progress=None))]
+fn run_study(
+    py: Python<'_>,
+    study: PathBuf,
+    output: PathBuf,
+    station: Option<String>,
+    part: usize,
+    of: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    run(py, progress, move |watch| {
+        let study = read_study(&study, station.as_deref())?;
+        let ran = sunglint_study::run::run(&study, &output, Part { part, of }, watch)?;
+        Ok(serde_json::to_string(&ran.report)?)
+    })
+}
+
+/// Points, tasks and shards of a study.
+#[pyfunction]
+#[pyo3(signature = (study, station=None))]
+fn size_of_study(
+    py: Python<'_>,
+    study: PathBuf,
+    station: Option<String>,
+) -> PyResult<(usize, usize, usize)> {
+    run(py, None, move |_| {
+        let study = read_study(&study, station.as_deref())?;
+        Ok((study.points.len(), study.tasks(), study.shards()))
+    })
+}
+
+fn read_study(path: &Path, named: Option<&str>) -> Result<Study, Failure> {
+    Ok(Study::read(path, Stations { instead: station(named)?, usual: None })?)
 }
 
 /// Effects that a pass needs.
@@ -494,6 +533,8 @@ fn _nothing(py: Python<'_>) -> PyResult<f64> {
 pub fn add(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(simulate, module)?)?;
     module.add_function(wrap_pyfunction!(needs, module)?)?;
+    module.add_function(wrap_pyfunction!(run_study, module)?)?;
+    module.add_function(wrap_pyfunction!(size_of_study, module)?)?;
     module.add_function(wrap_pyfunction!(compare_pass, module)?)?;
     module.add_function(wrap_pyfunction!(fit_passes, module)?)?;
     module.add_function(wrap_pyfunction!(period_of, module)?)?;

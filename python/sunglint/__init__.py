@@ -34,6 +34,7 @@ __all__ = [
     "Light",
     "Result",
     "Scene",
+    "StudyResult",
     "Table",
     "compare",
     "detect",
@@ -42,6 +43,7 @@ __all__ = [
     "read_photometry",
     "read_table",
     "reduce",
+    "study",
     "__version__",
 ]
 
@@ -853,3 +855,83 @@ def reduce(frames, place_px=None, along=1, darks=(), flats=(), fwhm_px=None, ape
             _callback(progress),
         )
     )
+
+
+class StudyResult:
+    """A study in its folder.
+
+    Attributes
+    ----------
+    folder : str
+    report : dict
+        Points, tasks, shards, how many of them are missing, failed tasks, files with their SHA-256.
+    """
+
+    def __init__(self, folder, report):
+        self.folder = folder
+        self.report = report
+
+    def __repr__(self):
+        made = self.report["shards"] - self.report["missing"]
+        return f"<study {self.report['study']}: {made} of {self.report['shards']} shards in {self.folder}>"
+
+    def _table(self, name):
+        import pandas
+
+        return pandas.read_parquet(_os.path.join(self.folder, name))
+
+    def summary(self):
+        """A row a pass (or a task), as a pandas.DataFrame; needs pandas and pyarrow."""
+        return self._table("summary")
+
+    def samples(self):
+        """A row a sample, as a pandas.DataFrame, of a study that keeps them; needs pandas and pyarrow."""
+        return self._table("samples")
+
+
+def _study_part(study, output, station, part, of):
+    """One part, in a worker: the results are in the folder, so that nothing has to travel."""
+    _core.run_study(study, output, station, part, of, None)
+    return part
+
+
+def study(study, output, station=None, part=None, client=None, parts=None, progress=None):
+    """Runs a study (STUDY.toml), or goes on with it.
+
+    Parameters
+    ----------
+    study : path
+    output : folder
+        What is there of the same study is kept.
+    station : str, optional
+        Built-in name, file or folder, in place of the scene's.
+    part : (k, n), optional
+        Only the k-th of n parts.
+    client : dask.distributed.Client, optional
+        Its workers make the parts; they must see the same files under the same names.
+    parts : int, optional
+        Parts with a client: as many as the study has shards, at most 4 a thread of the workers.
+    progress : callable (stage, done, of) or tqdm bar, optional
+
+    Returns
+    -------
+    StudyResult
+
+    Notes
+    -----
+    The bytes of the results do not depend on who makes them. A worker that dies loses at most the shard it was at: its part is made again.
+    """
+    path, folder = _os.path.abspath(_path(study)), _os.path.abspath(_path(output))
+    if client is not None:
+        if part is not None:
+            raise Error("part= goes without client=: the client's workers make all parts")
+        _, _, shards = _core.size_of_study(path, station)
+        if parts is None:
+            threads = sum(client.nthreads().values())
+            parts = max(1, min(shards, 4 * threads))
+        numbers = range(1, parts + 1)
+        work = client.map(lambda k: _study_part(path, folder, station, k, parts), numbers, pure=False, retries=5)
+        client.gather(work)
+    k, n = part or (1, 1)
+    report = _json.loads(_core.run_study(path, folder, station, k, n, _callback(progress)))
+    return StudyResult(folder, report)

@@ -1,0 +1,127 @@
+//! `sunglint study`: the page's commands, parts, kills, refusals. Numbers are tested in the crate `study`.
+
+use crate::common::{Folder, page_toml};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// Elements of the scene's object (the example of Spacetrack Report 3).
+const ELEMENTS: &str = "ISS
+1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927
+2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537
+";
+
+/// Folder with the files of docs/study.md.
+fn guide(name: &str) -> Folder {
+    let folder = Folder::new(name);
+    std::fs::write(folder.path("sphere.toml"), crate::common::SPHERE_PASS).unwrap();
+    std::fs::write(folder.path("catalogue.tle"), ELEMENTS).unwrap();
+    std::fs::write(folder.path("spheres.toml"), page_toml("study.md", "design = \"sobol\""))
+        .unwrap();
+    std::fs::write(folder.path("night.toml"), page_toml("study.md", "[passes]")).unwrap();
+    folder
+}
+
+fn tables(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    for table in ["summary", "samples"] {
+        let Ok(entries) = std::fs::read_dir(folder.join(table)) else { continue };
+        for entry in entries {
+            let path = entry.unwrap().path();
+            let name = Path::new(table).join(path.file_name().unwrap());
+            found.push((name, std::fs::read(path).unwrap()));
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn the_commands_of_the_page_run() {
+    let folder = guide("study-page");
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/study.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let mut ran = 0;
+    for command in page.lines().filter_map(|l| l.strip_prefix("sunglint ")) {
+        folder.done(&command.split(' ').collect::<Vec<_>>());
+        ran += 1;
+    }
+    assert_eq!(ran, 5);
+    let manifest = std::fs::read_to_string(folder.path("spheres/manifest.json")).unwrap();
+    let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
+    assert_eq!(
+        (&manifest["tasks"], &manifest["missing"], &manifest["failed"]),
+        (&64.into(), &0.into(), &0.into())
+    );
+    assert_eq!(tables(&folder.path("night")), tables(&folder.path("parts")));
+    assert!(!tables(&folder.path("night")).is_empty());
+}
+
+/// A run that is killed at any moment loses nothing that it had made, and the next gives the bytes of one that was left alone.
+#[cfg(unix)]
+#[test]
+fn killed_runs_are_gone_on_with() {
+    let folder = guide("study-kill");
+    folder.done(&["study", "spheres.toml", "-o", "alone", "--threads", "1"]);
+    for wait_ms in [30, 90, 150, 250, 400] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_sunglint"))
+            .args(["study", "spheres.toml", "-o", "killed"])
+            .current_dir(&folder.0)
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(wait_ms));
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    folder.done(&["study", "spheres.toml", "-o", "killed"]);
+    assert_eq!(tables(&folder.path("alone")), tables(&folder.path("killed")));
+}
+
+#[test]
+fn the_batch_script_names_what_every_node_finds() {
+    let folder = guide("study-slurm");
+    let told = folder.done(&[
+        "study",
+        "spheres.toml",
+        "-o",
+        "out",
+        "--slurm-script",
+        "--slurm-tasks",
+        "7",
+        "--slurm-option",
+        "--mem=2G",
+    ]);
+    assert!(told.contains("--array=1-7"), "{told}");
+    let script = std::fs::read_to_string(folder.path("out/study.sbatch")).unwrap();
+    assert!(script.contains("#SBATCH --mem=2G\n"), "{script}");
+    let root = std::fs::canonicalize(&folder.0).unwrap();
+    assert!(script.contains(&format!("{}/spheres.toml", root.display())), "{script}");
+    // It is a script: a shell that plays the array makes the study.
+    for task in 1..=7 {
+        let run = Command::new("sh")
+            .arg(folder.path("out/study.sbatch"))
+            .env("SLURM_ARRAY_TASK_ID", task.to_string())
+            .output()
+            .unwrap();
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    }
+    assert!(folder.path("out/manifest.json").exists());
+}
+
+#[test]
+fn mistakes_are_refused() {
+    let folder = guide("study-refused");
+    for part in ["0/3", "4/3", "x", "1"] {
+        let error = folder.refused(2, &["study", "spheres.toml", "--part", part]);
+        assert!(error.contains("--part"), "{error}");
+    }
+    folder.refused(2, &["study", "spheres.toml", "--part", "1/2", "--slurm"]);
+    let error = folder.refused(1, &["study", "missing.toml"]);
+    assert!(error.contains("missing.toml"), "{error}");
+    folder.done(&["study", "spheres.toml", "-o", "out", "--part", "1/8"]);
+    let text = std::fs::read_to_string(folder.path("spheres.toml")).unwrap();
+    std::fs::write(folder.path("spheres.toml"), text.replace("seed = 1", "seed = 2")).unwrap();
+    let error = folder.refused(1, &["study", "spheres.toml", "-o", "out"]);
+    assert!(error.contains("holds another study"), "{error}");
+}
