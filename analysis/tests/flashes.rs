@@ -51,7 +51,7 @@ fn made(seed: u64) -> Made {
     // Photons of the strongest flash over the noise of a bin.
     let ratio = 10_f64.powf(random.random_range(0.9..1.8));
     let most = ratio * (sky + diffuse).sqrt();
-    let scatter = random.random_range(0.03..0.35);
+    let scatter: f64 = random.random_range(0.03..0.35);
     let missing = random.random_range(0.0..0.15);
     let phase = |t: f64| {
         let u = 2.0 * t / span_s - 1.0;
@@ -174,7 +174,11 @@ fn without(seed: u64) -> (&'static str, Series) {
 
 fn whole(series: &Series) -> (Verdict, Verdict, Option<FlashTrain>) {
     let all = std::slice::from_ref(series);
+    let a = std::time::Instant::now();
     let harmonic = verdict(all, &Options::default()).unwrap();
+    let b = std::time::Instant::now();
+    let _ = flash_train(all, &Options::default());
+    eprintln!("TIMES {:?} {:?} {}", b - a, b.elapsed(), series.len());
     let (found, train) = with_flashes(all, &Options::default(), harmonic.clone());
     (harmonic, found, train)
 }
@@ -300,7 +304,8 @@ fn three_flashes_of_ajisai() {
         let mut value: Vec<f64> =
             time.iter().map(|_| 100.0 + 2.0 * normal.sample(&mut random)).collect();
         for k in 0..219_usize {
-            let own = 60.0 * strengths[k % 3] * (0.1 * normal.sample(&mut random)).exp();
+            let scatter: f64 = 0.1 * normal.sample(&mut random);
+            let own = 60.0 * strengths[k % 3] * scatter.exp();
             let (from, to) = (0.4 + 0.825 * k as f64 - 0.006, 0.4 + 0.825 * k as f64 + 0.006);
             for (i, v) in value
                 .iter_mut()
