@@ -20,12 +20,12 @@ const LEAST_WIDTHS: f64 = 5.0;
 const WIDTHS: [f64; 3] = [1.0, 2.0, 4.0];
 /// Shift over the whole span from one period to the next, in widths.
 const STEP: f64 = 0.5;
-/// Flashes that are folded at most, the strongest: others do not change a period.
-const MOST_FOLDED: usize = 600;
-/// Periods times flashes at most; a search that needs more begins at a longer period.
-const MOST_FOLDS: f64 = 3e8;
+/// Flashes that are folded at least and at most, the strongest: the others do not change a period.
+const FOLDED: (f64, f64) = (80.0, 300.0);
+/// Periods times flashes at most, all copies together; a search that needs more begins at a longer period.
+const MOST_FOLDS: f64 = 1e9;
 /// Displaced copies of the flashes.
-const COPIES: usize = 24;
+const COPIES: usize = 16;
 /// Combs that are looked at closely.
 const LOOKED_AT: usize = 40;
 
@@ -98,33 +98,53 @@ impl Grid {
         self.lowest_hz * (self.step * i as f64).exp()
     }
 
-    /// What combs are worth at each frequency, by bins of twice the width at two offsets: flashes that fall together are whole in one of them.
+    /// Hands out what combs are worth at each frequency, by bins of twice the width at two offsets: flashes that fall together are whole in one of them.
     fn scores(&self, times: &[f64], mut keep: impl FnMut(usize, f64)) {
         let all = times.len() as f64;
-        let mut counts: Vec<u32> = Vec::new();
+        let most = (1.0 / (self.lowest_hz * self.width_s)) as usize + 2;
+        // Counts of half bins with the frequency for which they hold: nothing is cleared.
+        let mut counts: Vec<(u32, u32)> = vec![(u32::MAX, 0); most];
+        let mut full: Vec<usize> = Vec::new();
         for i in 0..self.n {
             let f = self.frequency_hz(i);
             let places = 1.0 / (f * self.width_s);
-            // Twice as many half bins, each counted in two neighbours.
-            let halves = (places.floor() as usize).max(2);
-            counts.clear();
-            counts.resize(halves, 0);
+            let halves = (places as usize).clamp(2, most);
+            let stamp = i as u32;
+            full.clear();
             for t in times {
                 let turn = f * t;
-                let at = ((turn - turn.floor()) * halves as f64) as usize;
-                counts[at.min(halves - 1)] += 1;
+                let at = (((turn - turn.floor()) * halves as f64) as usize).min(halves - 1);
+                let own = &mut counts[at];
+                if own.0 != stamp {
+                    *own = (stamp, 0);
+                }
+                own.1 += 1;
+                // Of the two halves of a full bin one has half of its flashes.
+                if own.1 as usize == LEAST_ON_TOOTH / 2 {
+                    full.push(at);
+                }
             }
+            if full.is_empty() {
+                continue;
+            }
+            full.sort_unstable();
             let expected = 2.0 * all / halves as f64;
+            let count = |k: usize| if counts[k].0 == stamp { counts[k].1 as usize } else { 0 };
             let mut best = 0.0_f64;
             for offset in 0..2 {
                 let mut sum = 0.0;
-                let mut k = offset;
-                while k + 1 < halves + offset {
-                    let n = counts[k] + counts[(k + 1) % halves];
-                    if n as usize >= LEAST_ON_TOOTH {
-                        sum += worth(n as usize, expected, places, all);
+                let mut done = usize::MAX;
+                for at in &full {
+                    // The first half of the bin that holds this one; an odd number of halves leaves one alone.
+                    let first = (at + halves - offset) % halves / 2 * 2;
+                    if first == done || first + 1 >= halves {
+                        continue;
                     }
-                    k += 2;
+                    done = first;
+                    let n = count((first + offset) % halves) + count((first + offset + 1) % halves);
+                    if n >= LEAST_ON_TOOTH {
+                        sum += worth(n, expected, places, all);
+                    }
                 }
                 best = best.max(sum);
             }
@@ -171,14 +191,8 @@ fn teeth(times: &[f64], period_s: f64, width_s: f64) -> (Vec<Tooth>, f64) {
         let flashes: Vec<(f64, f64)> =
             members.iter().map(|(_, t)| (((t - place) / period_s).round(), *t)).collect();
         teeth.push(Tooth { time_s: place, flashes });
-        let taken: Vec<usize> = (best.0..best.0 + best.1).map(|i| i % n).collect();
-        let mut kept = Vec::with_capacity(n - taken.len());
-        for (i, flash) in left.iter().enumerate() {
-            if !taken.contains(&i) {
-                kept.push(*flash);
-            }
-        }
-        left = kept;
+        let is_taken = |i: usize| (i + n - best.0) % n < best.1;
+        left = (0..n).filter(|i| !is_taken(*i)).map(|i| left[i]).collect();
         if left.is_empty() {
             break;
         }
@@ -268,17 +282,19 @@ fn strongest(light: &Light, most: usize) -> Vec<f64> {
 
 /// The best combs, and how likely chance makes one as good. `None` where no period can be looked for.
 pub(super) fn search(light: &Light, options: &Options) -> Option<Found> {
-    let times = strongest(light, MOST_FOLDED);
     let longest_s = options.longest_s.unwrap_or(f64::INFINITY).min(light.span_s / LEAST_TURNS);
     let mut shortest_s = options.shortest_s.unwrap_or(0.0).max(LEAST_WIDTHS * light.width_s);
     if longest_s.is_nan() || shortest_s >= longest_s {
         return None;
     }
-    // What all copies at all widths cost: ln(longest/shortest) of the periods.
-    let by_log = (COPIES + 1) as f64 * times.len() as f64 * light.span_s / (STEP * light.width_s);
-    let total: f64 = WIDTHS.iter().map(|w| 1.0 / w).sum();
-    let affordable_s = longest_s * (-MOST_FOLDS * 8.0 / (by_log * total)).exp();
-    shortest_s = shortest_s.max(affordable_s);
+    // What each flash costs in all copies at all widths, for a factor e of periods.
+    let widths: f64 = WIDTHS.iter().map(|w| 1.0 / w).sum();
+    let by_log = (COPIES + 1) as f64 * light.span_s / (STEP * light.width_s) * widths;
+    let affordable = MOST_FOLDS / (by_log * (longest_s / shortest_s).ln());
+    let folded = affordable.clamp(FOLDED.0, FOLDED.1);
+    let times = strongest(light, folded as usize);
+    let reach = MOST_FOLDS / (by_log * times.len() as f64);
+    shortest_s = shortest_s.max(longest_s * (-reach).exp());
     let grids = WIDTHS.map(|w| Grid::new(w * light.width_s, light.span_s, (shortest_s, longest_s)));
     // Times on the raster of the samples would fall together at all its multiples: each is moved within its sample by a part that only its number decides.
     let golden = 0.618_033_988_749_894_9_f64;
@@ -354,6 +370,14 @@ pub(super) fn search(light: &Light, options: &Options) -> Option<Found> {
         if comb.score > 0.0 && own.iter().all(apart) {
             own.push(comb);
         }
+    }
+    // All flashes sharpen the best; what the strongest left out counts for whether it holds most of them.
+    if let Some(best) = own.first_mut()
+        && times.len() < light.flashes.len()
+    {
+        let every = strongest(light, usize::MAX);
+        let whole = Comb::new(&every, best.period_s, best.width_s).sharpened(&every);
+        *best = Comb { score: best.score, ..whole };
     }
     let beyond = (highest.0 - mode) / scale;
     let is_above = largest.iter().all(|l| highest.0 > *l);
