@@ -204,7 +204,7 @@ fn judged(found: &Outcome, made: &Made) -> Judged {
 /// comb's period, its double and its triple where flashes alone decide.
 #[test]
 fn campaign_flash_trains() {
-    let mut campaign = Campaign::start("flash_trains", 100);
+    let mut campaign = Campaign::start("flash_trains", 60);
     let mut counts = [0_usize; 5];
     let (mut by_harmonics, mut single_kept, mut threefold, mut decided) = (0, 0, 0, 0);
     for seed in campaign.seeds() {
@@ -263,7 +263,7 @@ fn campaign_flash_trains() {
 /// Truth: these curves have no period. Tolerance: flashes never give a period that harmonics do not, alone or in a family; what harmonics say is as it was.
 #[test]
 fn campaign_flashes_without_period() {
-    let mut campaign = Campaign::start("flashes_without_period", 200);
+    let mut campaign = Campaign::start("flashes_without_period", 150);
     let (mut told, mut trains, mut singles) = (0, 0, 0);
     for seed in campaign.seeds() {
         let (kind, series) = without(seed);
