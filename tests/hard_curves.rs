@@ -156,3 +156,122 @@ fn a_foreign_table_is_imported() {
     let none = folder.refused(1, &["import", "flux.csv", "--tdm", "f.tdm"]);
     assert!(none.contains("zero point"), "{none}");
 }
+
+/// Takes out of a summary what tells files and seconds apart, not light.
+fn same_light(mut value: serde_json::Value) -> serde_json::Value {
+    fn strip(value: &mut serde_json::Value) {
+        match value {
+            serde_json::Value::Object(map) => {
+                map.retain(|key, _| {
+                    !matches!(key.as_str(), "sha256" | "inputs" | "provenance" | "created")
+                        && !key.contains("seconds")
+                });
+                map.values_mut().for_each(strip);
+            }
+            serde_json::Value::Array(all) => all.iter_mut().for_each(strip),
+            _ => {}
+        }
+    }
+    strip(&mut value);
+    value
+}
+
+/// Truth: the same rows sorted by time, every fifteenth moment measured twice with unlike values, and a gap of a tenth. Every command that reads curves answers the same with the rows in any order, to the last bit.
+#[test]
+fn every_command_reads_rows_in_any_order() {
+    let folder = Folder::new("any-order");
+    let scene = format!(
+        "{SPHERE_PASS}[attitude]\nlaw = \"spin\"\naxis_body = [0, 0, 1]\naxis_gcrs = [0, 0, 1]\nperiod_s = 20\nepoch_utc = 2008-09-21T18:45:00Z\n[fit]\nfree = [\"albedo\"]\n"
+    );
+    std::fs::write(folder.path("pass.toml"), scene).unwrap();
+    let text = crate::common::turning_curve();
+    let (head, rows): (Vec<&str>, Vec<&str>) =
+        text.lines().partition(|l| l.starts_with('#') || l.starts_with("time_utc"));
+    let mut sorted: Vec<String> = Vec::new();
+    for (i, row) in rows.iter().enumerate().filter(|(i, _)| !(200..260).contains(i)) {
+        if i % 15 == 0 {
+            let mut other: Vec<&str> = row.split(' ').collect();
+            (other[2], other[3]) = ("9000.5", "140");
+            sorted.push(other.join(" "));
+        }
+        sorted.push((*row).to_owned());
+    }
+    let n = sorted.len();
+    // 7919 is a prime that is no part of the number of rows: it visits all.
+    assert!(!n.is_multiple_of(7919));
+    let shuffled: Vec<String> = (0..n).map(|i| sorted[(i * 7919 + 13) % n].clone()).collect();
+    let reversed: Vec<String> = sorted.iter().rev().cloned().collect();
+    assert_ne!(sorted, shuffled);
+    let magnitudes = |rows: &[String]| -> String {
+        let line = |row: &String| {
+            let all: Vec<&str> = row.split(' ').collect();
+            let rate: f64 = all[2].parse().unwrap();
+            format!("{},{:.6},0.02\n", all[0], 18.0 - 2.5 * rate.log10())
+        };
+        format!(
+            "# synthetic\ntime_utc,mag_v,sigma_mag\n{}",
+            rows.iter().map(line).collect::<String>()
+        )
+    };
+    let write = |rows: &[String]| {
+        for (file, quantity) in [
+            ("linear.ecsv", "linear"),
+            ("calibrated.ecsv", "calibrated"),
+            ("predicted.ecsv", "predicted"),
+        ] {
+            let head =
+                head.join("\n").replace("quantity: linear", &format!("quantity: {quantity}"));
+            std::fs::write(folder.path(file), format!("{head}\n{}\n", rows.join("\n"))).unwrap();
+        }
+        std::fs::write(folder.path("v.csv"), magnitudes(rows)).unwrap();
+    };
+    let commands: [&[&str]; 14] = [
+        &["analyse", "period", "linear.ecsv", "--station", "ufo"],
+        &["analyse", "period", "predicted.ecsv", "--pass", "pass.toml"],
+        &["analyse", "period", "v.csv", "--sessions", "joined"],
+        &["analyse", "period", "v.csv", "--magnitudes-as", "observed"],
+        &["analyse", "fold", "linear.ecsv", "--period", "20", "--station", "ufo"],
+        &["analyse", "unmix", "calibrated.ecsv", "--endmembers", "white", "--station", "ufo"],
+        &["analyse", "endmembers", "calibrated.ecsv", "--station", "ufo"],
+        &["analyse", "map", "pass.toml", "--curve", "calibrated.ecsv"],
+        &["compare", "calibrated.ecsv", "pass.toml"],
+        &["compare", "v.csv", "pass.toml", "--magnitudes-as", "observed"],
+        &["fit", "calibrated.ecsv", "pass.toml"],
+        &["fit", "v.csv", "pass.toml", "--magnitudes-as", "observed"],
+        &[
+            "analyse",
+            "attitude",
+            "v.csv",
+            "pass.toml",
+            "--magnitudes-as",
+            "observed",
+            "--period",
+            "20",
+        ],
+        &["import", "v.csv"],
+    ];
+    let answers = || -> Vec<(Option<i32>, serde_json::Value, String)> {
+        let one = |args: &&[&str]| {
+            let out = folder.run(&[args, &["--json"][..]].concat());
+            let said = String::from_utf8_lossy(&out.stderr).into_owned();
+            let json = serde_json::from_slice(&out.stdout).unwrap_or_default();
+            (out.status.code(), same_light(json), said)
+        };
+        commands.iter().map(one).collect()
+    };
+    write(&sorted);
+    let known = answers();
+    for (command, (code, json, said)) in commands.iter().zip(&known) {
+        assert_eq!(*code, Some(0), "{command:?}: {said}");
+        assert!(json.is_object(), "{command:?}: {json}");
+    }
+    for rows in [&shuffled, &reversed] {
+        write(rows);
+        for ((command, (_, known, _)), (code, json, said)) in
+            commands.iter().zip(&known).zip(answers())
+        {
+            assert_eq!(code, Some(0), "{command:?}: {said}");
+            assert_eq!(json, *known, "{command:?}");
+        }
+    }
+}

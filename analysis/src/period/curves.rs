@@ -2,8 +2,8 @@
 
 use super::verdict::{Along, Outcome, verdict_along};
 use super::{
-    FrequencyGrid, Options, PeriodError, Spectrum, Verdict, lomb_scargle, pdm, spectrum, verdict,
-    window,
+    FlashTrain, FrequencyGrid, Options, PeriodError, Spectrum, Verdict, lomb_scargle, pdm,
+    spectrum, verdict, window, with_flashes,
 };
 use crate::curves::Curves;
 use crate::series::{Series, SeriesError};
@@ -71,6 +71,8 @@ pub struct FoundPeriod {
     pub sidereal: Option<Sidereal>,
     /// The clock that goes with the body, where one was found.
     pub along: Option<Along>,
+    /// The flashes, where the light of a single track has a train of them.
+    pub flashes: Option<FlashTrain>,
     /// Warnings to the user about the result.
     pub warnings: Vec<String>,
     /// Harmonics of the periodograms.
@@ -113,6 +115,7 @@ where
         window: Vec::new(),
         sidereal: None,
         along: None,
+        flashes: None,
         warnings,
         harmonics: options.harmonics,
     };
@@ -121,6 +124,12 @@ where
     {
         progress.begin("looking for a clock that goes with the body", None);
         found.follow(&bisectors, &options.search)?;
+    }
+    // A clock that bends with the body is chosen by harmonics, whose verdict stands then.
+    if tracks == 1 && found.along.is_none() {
+        progress.begin("folding flashes", None);
+        let by_harmonics = found.verdict.clone();
+        (found.verdict, found.flashes) = with_flashes(&found.series, &options.search, by_harmonics);
     }
     progress.begin("drawing the periodograms", None);
     found.draw()?;

@@ -6,10 +6,12 @@
 //! - [`pdm()`]: phase dispersion minimisation;
 //! - [`false_alarm()`]: how often noise alone gives such a peak;
 //! - [`mod@verdict`]: one period, a family, or not enough data;
+//! - [`flash_train`], [`with_flashes`]: the period of short flashes, beside the harmonics;
 //! - [`find_period()`]: all of it for the curves of some files.
 
 mod curves;
 mod fit;
+mod flashes;
 mod lines;
 pub(crate) mod lomb_scargle;
 mod pdm;
@@ -21,6 +23,7 @@ pub mod verdict;
 
 pub use curves::{Drawn, FoundPeriod, GEOMETRY_NOT_USED, Geometry, PeriodOptions, find_period};
 pub use fit::{HarmonicFit, fit};
+pub use flashes::{FlashPhase, FlashTrain, flash_train, with_flashes};
 pub use lomb_scargle::{lomb_scargle, window};
 pub use pdm::{Dispersion, dispersion_test, pdm};
 pub use significance::{false_alarm, joint_gain};

@@ -128,6 +128,10 @@ pub(super) fn estimate(
     let (mut reach_low, mut reach_high) =
         (vec![f64::INFINITY; n_linear], vec![f64::NEG_INFINITY; n_linear]);
     for k in 0..n_free {
+        // The logarithm of the light is linear in a local parameter with its prior: the covariance is enough.
+        if problem.free[k].local && problem.free[k].prior.is_some() {
+            continue;
+        }
         // At a bound, and where nothing changes at first, there is no covariance: steps of a part of the range do.
         let variance = covariance[(k, k)];
         let span = problem.free[k].high - problem.free[k].low;
@@ -316,7 +320,8 @@ fn walk(
                 .zip(&bounds)
                 .map(|(v, (low, high, _))| (v - low) / (high - low))
                 .collect();
-            let found = super::search::polish(problem, &unit, 12, false, Some(k))?;
+            let found =
+                super::search::polish(problem, &unit, 12, false, super::search::Held::One(k))?;
             at = super::search::values(problem, &found.at);
         }
         let state = problem.evaluate(&at)?;

@@ -2,7 +2,7 @@
 
 use super::estimate::{CHI95, estimate};
 use super::problem::{Problem, State};
-use super::search::{self, Found};
+use super::search::{self, Found, Held};
 use super::whiten::{PerSample, Whitener};
 use super::{
     Data, Estimate, Fit, FitError, FittedCurve, Free, IntervalMethod, Linear, Minimum, Model,
@@ -145,22 +145,27 @@ pub fn fit(
         let mut near = Vec::new();
         for place in starts(&mut problem, &start, options, &mut tell) {
             // Where there is no model on the way a simplex finds one.
-            let found = match search::polish(&mut problem, &place, FIRST.min(most), false, None) {
-                Ok(found) => found,
-                Err(_) => {
-                    let rounds = SIMPLEX * search::over_the_box(&problem) as u64;
-                    search::simplex(&mut problem, &place, SIMPLEX_SIZE, rounds)?
-                }
-            };
+            let found =
+                match search::polish(&mut problem, &place, FIRST.min(most), false, Held::Local) {
+                    Ok(found) => found,
+                    Err(_) => {
+                        let rounds = SIMPLEX * search::over_the_box(&problem) as u64;
+                        search::simplex(&mut problem, &place, SIMPLEX_SIZE, rounds)?
+                    }
+                };
             tell("search", &problem, found.chi2);
             near.push(found);
         }
         near.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
         for (k, near) in near.iter().take(POLISHED).enumerate() {
-            let mut found = search::polish(&mut problem, &near.at, most, false, None)?;
+            let mut found = search::polish(&mut problem, &near.at, most, false, Held::None)?;
             tell("search", &problem, found.chi2);
             if k == 0 && search::over_the_box(&problem) > 1 {
                 found = shaken(&mut problem, found, most, &mut tell)?;
+                if problem.free.iter().any(|f| f.local) {
+                    let all = search::polish(&mut problem, &found.at, most, false, Held::None)?;
+                    found = if all.chi2 <= found.chi2 { all } else { found };
+                }
             }
             minima.push(found);
         }
@@ -184,7 +189,7 @@ pub fn fit(
     let scale = (state.chi2 / freedom(&problem) as f64).max(1.0);
     let mut others = Vec::new();
     for found in minima.iter().skip(1).filter(|m| m.chi2 - minima[0].chi2 < 4.0 * WORTH * scale) {
-        let found = search::polish(&mut problem, &found.at, most, false, None)?;
+        let found = search::polish(&mut problem, &found.at, most, false, Held::None)?;
         tell("other minima", &problem, found.chi2);
         if search::apart(&problem, &found.at, &best.at) > SAME {
             others.push(found);
@@ -215,7 +220,7 @@ fn shaken(
         for size in SHAKEN {
             let near = search::simplex(problem, &best.at, size, rounds)?;
             if near.chi2 < best.chi2 - 0.1 {
-                let found = search::polish(problem, &near.at, most, false, None)?;
+                let found = search::polish(problem, &near.at, most, false, Held::Local)?;
                 tell("search", problem, found.chi2);
                 if found.chi2 < best.chi2 {
                     best = found;
@@ -272,7 +277,7 @@ fn settle(
         problem.whitener = whitener;
         if !problem.free.is_empty() {
             let converged = best.converged;
-            *best = search::polish(problem, &best.at, most, true, None)?;
+            *best = search::polish(problem, &best.at, most, true, Held::None)?;
             // What was at a minimum and cannot go lower is still there.
             best.converged |= converged && round > 0;
         }

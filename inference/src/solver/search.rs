@@ -135,21 +135,38 @@ impl Residuals for Polish<'_, '_> {
     }
 }
 
-/// Goes down to a minimum within the box; one of the parameters may be held. Differences are taken to both sides where `both` says so.
+/// Parameters that stay as they are on the way down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Held {
+    None,
+    /// One, by its number.
+    One(usize),
+    /// The local ones: many of them follow the others closely, and ask for an evaluation each.
+    Local,
+}
+
+/// Goes down to a minimum within the box; some parameters may be held. Differences are taken to both sides where `both` says so.
 pub(super) fn polish(
     problem: &mut Problem,
     at: &[f64],
     iterations: usize,
     both: bool,
-    held: Option<usize>,
+    held: Held,
 ) -> Result<Found, FitError> {
     if iterations == 0 {
         let chi2 = problem.evaluate(&values(problem, at))?.chi2;
         return Ok(Found { at: at.to_vec(), chi2, converged: false });
     }
+    // Where all are local, nothing would be left.
+    let searched = over_the_box(problem) > 0;
     let number = |(k, f): (usize, &super::Free)| {
         let (low, high) = if f.wraps { (f64::NEG_INFINITY, f64::INFINITY) } else { (0.0, 1.0) };
-        Bounded { low, high, step: f.step / (f.high - f.low), fixed: held == Some(k) }
+        let fixed = match held {
+            Held::None => false,
+            Held::One(one) => one == k,
+            Held::Local => f.local && searched,
+        };
+        Bounded { low, high, step: f.step / (f.high - f.low), fixed }
     };
     let numbers: Vec<Bounded> = problem.free.iter().enumerate().map(number).collect();
     if problem.rows() < numbers.iter().filter(|n| !n.fixed).count() {

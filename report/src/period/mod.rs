@@ -9,8 +9,8 @@ use crate::{Product, inputs, rounded};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_analysis::map::longitude_latitude;
-use sunglint_analysis::period::FoundPeriod;
 use sunglint_analysis::period::verdict::{Along, Estimate, Member, Membership, Outcome, Question};
+use sunglint_analysis::period::{FlashTrain, FoundPeriod};
 use sunglint_formats::{Column, Table};
 
 /// A period to the second digit of its uncertainty.
@@ -64,13 +64,12 @@ pub fn text(found: &FoundPeriod) -> String {
     }
     if let Some(best) = &v.best {
         let span = found.series.iter().map(|s| s.span_s()).fold(0.0, f64::max);
-        let _ = writeln!(
-            text,
-            "best      {}: {:.2} turns, {} harmonics stand out",
-            with_sigma(best),
-            span / best.period_s,
-            v.harmonics
-        );
+        let by = match found.flashes.as_ref().filter(|f| f.decides) {
+            Some(f) => format!("by {} phases at which it flashes", f.phases.len()),
+            None => format!("{} harmonics stand out", v.harmonics),
+        };
+        let turns = span / best.period_s;
+        let _ = writeln!(text, "best      {}: {turns:.2} turns, {by}", with_sigma(best));
     }
     if let (Some(alarm), beside) = (v.false_alarm, v.beside) {
         let beside = beside.map_or("not known, too few turns".to_owned(), |b| format!("{b:.1e}"));
@@ -79,8 +78,13 @@ pub fn text(found: &FoundPeriod) -> String {
             "chance    that noise does as well: at most {alarm:.1e} (white noise, correlation counted), {beside} (noise as beside its harmonics)"
         );
     }
+    if let Some(f) = &found.flashes {
+        let _ = writeln!(text, "flashes   {}", flashes(f));
+    }
+    let by_flashes = found.flashes.as_ref().is_some_and(|f| f.decides);
     for q in &v.questions {
-        let _ = writeln!(text, "question  {}", words(q));
+        let told = if by_flashes { of_flashes(q) } else { words(q) };
+        let _ = writeln!(text, "question  {told}");
     }
     if let Some((shortest, longest)) = v.searched_s {
         let _ = writeln!(text, "searched  periods from {shortest:.5} s to {longest:.5} s");
@@ -144,7 +148,50 @@ pub fn text(found: &FoundPeriod) -> String {
     text
 }
 
+/// Flashes, and how they fall together.
+fn flashes(f: &FlashTrain) -> String {
+    let mut text = format!("{} flashes in {} of the samples", f.flashes, percent(f.lit));
+    let Some(best) = f.best.filter(|_| !f.periods.is_empty()) else {
+        return text + ": no period at which they fall together";
+    };
+    let phases: Vec<String> = f
+        .phases
+        .iter()
+        .map(|p| format!("{:.3} ({} of {} turns)", p.phase, p.flashed, p.seen))
+        .collect();
+    let _ = write!(
+        text,
+        "; {} of them fall together within {:.4} s on {} at phases {}",
+        percent(f.held),
+        f.width_s,
+        with_sigma(&best),
+        phases.join(", ")
+    );
+    if let Some(chance) = f.chance {
+        let _ = write!(text, "; displaced at random they would with a chance of {chance:.1e}");
+    }
+    text
+}
+
+/// A question that flashes answered.
+fn of_flashes(q: &Question) -> String {
+    let answer = match (q.chance, q.unlike) {
+        (Some(c), _) if c < 1e-6 => format!("the flashes differ (chance {c:.1e})"),
+        (Some(c), Some(u)) => {
+            format!("no sure difference (chance {c:.1e}), turns alike within {}", percent(u))
+        }
+        _ => "too few turns to tell".into(),
+    };
+    format!("do flashes ask for {:.5} s more than for {:.5} s? {answer}", q.longer_s, q.shorter_s)
+}
+
 fn why(found: &FoundPeriod, member: &Member) -> String {
+    let train = found.flashes.as_ref().filter(|f| f.decides);
+    if let (Some(_), Membership::Multiple(n)) = (train, member.membership) {
+        return format!(
+            "{n} times the best: flashes that are alike do not say how many like mirrors the body has; stronger flashes or more turns may"
+        );
+    }
     let question = |longer: f64, shorter: f64| {
         let near = |a: f64, b: f64| (a - b).abs() < 0.05 * b;
         found
@@ -176,6 +223,7 @@ fn why(found: &FoundPeriod, member: &Member) -> String {
                 "1/{q} of the best: may be enough; more turns would show whether its turns differ"
             )
         }
+        Membership::Flashes => "asked for by the flashes, not by the harmonics".into(),
         Membership::Alias => "another peak, nearly as high; samples in the gaps would tell".into(),
         _ => String::new(),
     }
@@ -223,6 +271,12 @@ pub fn json(found: &FoundPeriod) -> Value {
         "along": found.along.as_ref().map(|a| json!({
             "stretches": a.stretches, "way_deg": rounded(a.way_deg), "ra_deg": rounded(axis_deg(a).0), "dec_deg": rounded(axis_deg(a).1),
             "synodic_s": rounded(a.clock.synodic_s), "bend_turns": rounded(a.clock.bend_turns), "even_share": rounded(a.even_share), "sidereal_s": [rounded(a.sidereal_s.0), rounded(a.sidereal_s.1)], "sky_share": rounded(a.alike),
+        })),
+        "flashes": found.flashes.as_ref().map(|f| json!({
+            "flashes": f.flashes, "lit": rounded(f.lit), "held": rounded(f.held), "width_s": rounded(f.width_s), "decides": f.decides,
+            "best": f.best.as_ref().map(estimate), "chance": f.chance,
+            "periods": f.periods.iter().map(|m| json!({ "period_s": rounded(m.estimate.period_s), "sigma_s": finite(m.estimate.sigma_s), "turns": rounded(m.turns) })).collect::<Vec<_>>(),
+            "phases": f.phases.iter().map(|p| json!({ "phase": rounded(p.phase), "seen": p.seen, "flashed": p.flashed, "strength": rounded(p.strength) })).collect::<Vec<_>>(),
         })),
         "channels": found.series.iter().map(|s| json!({
             "name": s.name, "samples": s.len(), "flagged": s.left_out.flagged, "not_finite": s.left_out.not_finite, "same_time": s.left_out.same_time,

@@ -32,6 +32,8 @@ pub enum Membership {
     Part(usize),
     /// Another peak of the periodogram, nearly as high.
     Alias,
+    /// Not among the periods that harmonics give: flashes ask for it.
+    Flashes,
 }
 
 /// A period that the data leave possible.
