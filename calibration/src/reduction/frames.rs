@@ -4,9 +4,10 @@ use super::recipe::{PointedPlace, RefusedFrames};
 use super::seeing::{self, Width};
 use super::sensor::{Sensor, Taken, Used, bad_count, filter_of};
 use super::sky::Body;
+use super::wings::{self, Wings, WingsBuilder};
 use super::{ReduceError, Stay, step};
 use crate::photometry::{
-    Colour, Expected, FrameMeasurement, FrameReducer, PhotometryError, PhotometryOptions,
+    Colour, Expected, FrameCalibration, FrameMeasurement, FrameReducer, PhotometryError, PhotometryOptions,
     Scintillation, SigmaParts, Tally,
 };
 use crate::track::Track;
@@ -35,6 +36,8 @@ pub struct CameraNight {
     pub curves: Vec<Option<LightCurve>>,
     /// Last measurements of each stay, with their frames: for figures.
     pub shown: Vec<Vec<Shown>>,
+    /// Light outside of an aperture that was set by hand, of each stay and setting of the camera where it is less than [`APERTURE_FWHM`] widths of a point.
+    pub wings: Vec<Vec<Wings>>,
     /// Focus and background of each stay's frames, in the order of time.
     pub looks: Vec<Vec<FrameLook>>,
     /// Numbers of what each rule removed.
@@ -224,6 +227,7 @@ pub fn camera_night(
         tracks: vec![Track::default(); stays.len()],
         curves: vec![None; stays.len()],
         shown: vec![Vec::new(); stays.len()],
+        wings: vec![Vec::new(); stays.len()],
         looks: vec![Vec::new(); stays.len()],
         tally: Tally::default(),
         outside: 0,
@@ -293,7 +297,8 @@ pub fn camera_night(
                 if due && seen[stay] * SHOWN / of_stay[stay].max(1) >= night.shown[stay].len() {
                     night.shown[stay].push(Shown::of(&frame, &measured, options.annulus_px));
                 }
-                rows[stay].push(Row { filter: filter_of(&frame), measured });
+                let setting = reducers.setting(&Taken::of(&frame));
+                rows[stay].push(Row { filter: filter_of(&frame), measured, file: i, setting });
             }
             Err(error) => failed.push((file.clone(), error)),
         }
@@ -301,6 +306,12 @@ pub fn camera_night(
     }
     for (stay, mut rows) in rows.into_iter().enumerate() {
         rows.sort_by_key(|row| row.measured.time);
+        night.wings[stay] = wings_of(&mut rows, &files, how, night.fwhm_px[stay], &mut reducers)?;
+        for wings in night.wings[stay].iter().filter(|wings| wings.factors.is_empty()) {
+            let Stay { target, number, .. } = &stays[stay];
+            let note = wings.note();
+            night.warnings.push(format!("camera {camera}: {} (visit {number}): {note}", target.name));
+        }
         let look = |row: &Row| FrameLook {
             time: row.measured.time,
             fwhm_px: row.measured.fwhm_px,
@@ -469,6 +480,43 @@ struct Row {
     measured: FrameMeasurement,
     /// The filter before the camera, where the header says it.
     filter: Option<String>,
+    /// Index of its file.
+    file: usize,
+    /// Setting of the camera.
+    setting: usize,
+}
+
+/// Measures the light outside of an aperture that was set by hand, for each setting of a visit's frames, and multiplies their rates.
+fn wings_of(
+    rows: &mut [Row],
+    files: &[FrameFile],
+    how: &FrameOptions,
+    fwhm_px: f64,
+    reducers: &mut Reducers<'_>,
+) -> Result<Vec<Wings>, ReduceError> {
+    let Some(wide) = wings::wide(how, fwhm_px) else { return Ok(Vec::new()) };
+    let settings: BTreeSet<usize> = rows.iter().map(|row| row.setting).collect();
+    let mut found = Vec::new();
+    for setting in settings {
+        let of_it = |row: &&Row| row.setting == setting && WingsBuilder::takes(&row.measured);
+        let telling: Vec<&Row> = rows.iter().filter(of_it).collect();
+        let calibration = reducers.calibration(setting)?;
+        let mut builder =
+            WingsBuilder::new(how.photometry.aperture_radius_px, wide.clone(), calibration)?;
+        for row in telling.iter().step_by(telling.len().div_ceil(wings::FRAMES).max(1)) {
+            // What cannot be read any more was read a moment ago: it tells nothing.
+            if let Ok(frame) = files[row.file].read() {
+                builder.add(&frame, &row.measured);
+            }
+        }
+        let of_it = rows.iter_mut().filter(|row| row.setting == setting);
+        let mut of_it = of_it.map(|row| &mut row.measured).peekable();
+        let colours = of_it.peek().map(|m| m.planes.iter().map(|p| p.colour).collect());
+        let wings = builder.finish(&colours.unwrap_or_else(Vec::new));
+        of_it.for_each(|measured| wings.apply(measured));
+        found.push(wings);
+    }
+    Ok(found)
 }
 
 /// A reducer for each setting of the camera.
@@ -566,6 +614,22 @@ impl<'a> Reducers<'a> {
             self.tally += self.held.remove(0).reducer.tally();
         }
         Ok(measured)
+    }
+
+    /// Number of a setting among those that were measured.
+    fn setting(&self, taken: &Taken) -> usize {
+        self.settings.iter().position(|known| known.is_like(taken)).unwrap_or(self.settings.len())
+    }
+
+    /// Calibration of the frames of a setting.
+    fn calibration(&mut self, setting: usize) -> Result<FrameCalibration, ReduceError> {
+        let Some(taken) = self.settings.get(setting) else {
+            return Ok(FrameCalibration::default());
+        };
+        match self.held.iter().find(|held| held.taken.is_like(taken)) {
+            Some(held) => Ok(held.reducer.calibration().clone()),
+            None => self.sensor.calibration(taken),
+        }
     }
 
     fn finish(mut self, night: &mut CameraNight) {

@@ -15,6 +15,7 @@ mod sensor;
 pub mod sight;
 pub mod sky;
 pub mod tags;
+pub mod wings;
 
 pub use error::ReduceError;
 pub use night::{ReduceOptions, Reduced, Visited, reduce, reduce_with, stays};

@@ -331,6 +331,8 @@ impl Reduced {
             return Ok(None);
         }
         let body = Body::of(&stay.target)?;
+        let wings = self.cameras.iter().flat_map(|camera| &camera.wings[number]);
+        let wings: Vec<String> = wings.map(super::wings::Wings::note).collect();
         let complete = |curves: &[LightCurve]| {
             let mut curve =
                 join(curves).map_err(|channel| ReduceError::TwoInstruments { channel })?;
@@ -339,6 +341,7 @@ impl Reduced {
             }
             curve.provenance = provenance(&stay.target, session, station);
             curve.provenance.notes.extend(self.by_hand.clone());
+            curve.provenance.notes.extend(wings.iter().cloned());
             curve.other.insert("target".into(), target_json(stay));
             Ok::<_, ReduceError>(curve)
         };
