@@ -7,8 +7,8 @@ use super::sky::Body;
 use super::wings::{self, Wings, WingsBuilder};
 use super::{ReduceError, Stay, step};
 use crate::photometry::{
-    Colour, Expected, FrameCalibration, FrameMeasurement, FrameReducer, PhotometryError, PhotometryOptions,
-    Scintillation, SigmaParts, Tally,
+    Colour, Expected, FrameCalibration, FrameMeasurement, FrameReducer, PhotometryError,
+    PhotometryOptions, Scintillation, SigmaParts, Tally,
 };
 use crate::track::Track;
 use hifitime::{Epoch, Unit};
@@ -165,6 +165,11 @@ impl FrameOptions {
             altitude_m: station.site.geodetic().height_m,
             coefficient: SCINTILLATION,
         });
+        Some(Self::new(photometry))
+    }
+
+    /// Options that take the usual aperture, and the width of points from the frames.
+    pub(super) fn new(photometry: PhotometryOptions) -> Self {
         let mut options = Self {
             photometry,
             fwhm_from_frames: true,
@@ -174,7 +179,7 @@ impl FrameOptions {
             refused: Vec::new(),
         };
         options.set_aperture(APERTURE_PX);
-        Some(options)
+        options
     }
 
     /// Sets the aperture's radius, px, and in proportion to it the annulus for the background.
@@ -310,7 +315,9 @@ pub fn camera_night(
         for wings in night.wings[stay].iter().filter(|wings| wings.factors.is_empty()) {
             let Stay { target, number, .. } = &stays[stay];
             let note = wings.note();
-            night.warnings.push(format!("camera {camera}: {} (visit {number}): {note}", target.name));
+            night
+                .warnings
+                .push(format!("camera {camera}: {} (visit {number}): {note}", target.name));
         }
         let look = |row: &Row| FrameLook {
             time: row.measured.time,
