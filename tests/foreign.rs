@@ -376,10 +376,11 @@ fn two_programs_on_one_camera() {
             "[[camera]]\nname = \"cam\"\ndevice = \"indi-camera:127.0.0.1:{}/CCD Simulator\"\nexposure_s = 0.3\ngain = 10\nwindow_px = [0, 0, 320, 256]\n",
             server.port
         );
-        let plan = plan(16.0, &camera).replace(
-            "off = \"sky\"\nfor_s = 16",
-            "off = \"sky\"\nfor_s = 2\n[[visit]]\nstar = \"Polaris\"\nfor_s = 14",
-        );
+        let plan =
+            plan(16.0, &camera).replace("{ g = 1, r = 2 }", "{ id400 = 1, spcm = 2 }").replace(
+                "off = \"sky\"\nfor_s = 16",
+                "off = \"sky\"\nfor_s = 2\n[[visit]]\nstar = \"Polaris\"\nfor_s = 14",
+            );
         std::fs::write(folder.0.join("night.toml"), plan).unwrap();
         let mut program = observe(&folder, "s").spawn().unwrap();
         let root = folder.0.join("s");

@@ -201,6 +201,13 @@ fn a_target_is_followed_from_where_somebody_saw_it() {
     small["aperture_px"] = 3.0.into();
     let narrow = curve(&recording, &small);
     let (corrected, _) = mean(&narrow);
+    println!(
+        "small: {} {} {} {:?}",
+        narrow["fwhm_px"],
+        narrow["notes"],
+        narrow["warnings"],
+        &narrow["channels"][0]["flags"].as_array().unwrap()[..3]
+    );
     assert!((corrected / truth - 1.0).abs() < 0.005, "{corrected} for {truth}");
     let notes = narrow["notes"].to_string();
     assert!(notes.contains("aperture of 3.0 px set by hand"), "{notes}");
