@@ -3,7 +3,10 @@
 use crate::interrupt::{Hangup, listen};
 use crate::output::{Console, Usage};
 use clap::Args;
+use std::fs::OpenOptions;
+use std::io::Write as _;
 use std::net::{IpAddr, SocketAddr};
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -51,9 +54,8 @@ pub fn serve(
     listen(Hangup::Ends, move || {
         let _ = end.send(());
     })?;
-    if opens {
-        open(&url, console);
-    }
+    // It lies there until the page ends.
+    let _door = if opens { open(&url, console) } else { None };
     console.say("Ctrl-C ends it");
     // Until somebody asks it to end.
     let _ = ended.recv();
@@ -96,10 +98,50 @@ pub fn announce(server: &Server, may: &str, console: Console) -> String {
     server.url_with_token()
 }
 
+/// File that leads a browser to the page, for this user's eyes alone, removed in the end. Every user of the computer can read a command line, so that the token must not
+/// stand in one.
+#[derive(Debug)]
+struct Door(PathBuf);
+
+impl Door {
+    fn make(url: &str) -> std::io::Result<Self> {
+        let own = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
+        let folder = own.filter(|folder| folder.is_dir()).unwrap_or_else(std::env::temp_dir);
+        let name = format!("sunglint-page-{}.html", std::process::id());
+        let path = folder.join(name);
+        // Left by a program of this number that was killed.
+        let _ = std::fs::remove_file(&path);
+        let mut options = OpenOptions::new();
+        // A file or a link that somebody else put there is refused.
+        let mut file = options.write(true).create_new(true).mode(0o600).open(&path)?;
+        let door = Self(path);
+        write!(
+            file,
+            "<!doctype html><meta charset=\"utf-8\"><title>sunglint</title>\n<meta http-equiv=\"refresh\" content=\"0; url={url}\">\n<a href=\"{url}\">the page</a>\n"
+        )?;
+        Ok(door)
+    }
+}
+
+impl Drop for Door {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
 /// Shows a page in the browser; without one the address is printed all the same.
-fn open(url: &str, console: Console) {
+fn open(url: &str, console: Console) -> Option<Door> {
+    let door = match Door::make(url) {
+        Ok(door) => door,
+        Err(error) => {
+            console.say(&format!(
+                "cannot write a file for the browser ({error}): open the address in a browser"
+            ));
+            return None;
+        }
+    };
     let browser = Command::new("xdg-open")
-        .arg(url)
+        .arg(&door.0)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
@@ -107,4 +149,5 @@ fn open(url: &str, console: Console) {
     if let Err(error) = browser {
         console.say(&format!("cannot start xdg-open ({error}): open the address in a browser"));
     }
+    Some(door)
 }

@@ -456,6 +456,9 @@ impl PassesArgs {
         let dark = around.search.dark().iter().map(|span| (span.from, span.to)).collect();
         let shown = passes.iter().filter_map(|pass| shown(pass, &around)).collect();
         let sets = flown(passes);
+        let beside = elements_file(&path, &sets);
+        // Said now, not when the night is planned.
+        plans.check_targets([beside.as_path()])?;
         let surroundings = PlanSurroundings {
             devices: around.plan.clone(),
             text: devices.to_owned(),
@@ -464,7 +467,7 @@ impl PassesArgs {
             zero: self.zero_point,
             dark,
             options: self.night.options()?,
-            elements: (elements_file(&path, &sets), elements::text(sets)),
+            elements: (beside, elements::text(sets)),
             path,
             overwrite: if plans.force { Overwrite::Allow } else { Overwrite::Refuse },
             program: concat!("sunglint ", env!("CARGO_PKG_VERSION")).to_owned(),

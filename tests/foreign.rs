@@ -165,6 +165,92 @@ fn a_step_of_the_clock_changes_no_time() {
     });
 }
 
+/// A computer without a real-time clock, 20 s behind, whose clock is set 3 s after the night's begin, and whose chrony (a synthetic one) then says that it is right. Truth: the true time, which the test's own clock
+/// has: the pass planned in UTC is in the log while it goes on, and not before; what was past by then is named; the night ends at its true end. 2 s: the program looks at the clock once a second, and writes once a second.
+#[test]
+fn a_pass_is_timed_again_once_a_step_is_confirmed() {
+    use std::os::unix::fs::PermissionsExt as _;
+    use sunglint_drivers::clock::computer_utc;
+    use sunglint_formats::time::format_utc;
+    let test = "a_pass_is_timed_again_once_a_step_is_confirmed";
+    let Some(library) = faketime() else {
+        return sunglint_testkit::skip(test, "no libfaketime (Debian package libfaketime)");
+    };
+    let folder = Folder::new("retimed");
+    let chrony = folder.path("chronyc");
+    let line = "A29FC87B,162.159.200.123,4,1731952345.1,-0.00001,0.00001,0.00002,1.2,-0.001,0.05,0.01,0.002,64.2,Normal";
+    std::fs::write(&chrony, format!("#!/bin/sh\necho '{line}'\n")).unwrap();
+    std::fs::set_permissions(&chrony, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let begin = computer_utc();
+    let after = |s: f64| begin + hifitime::Duration::from_seconds(s);
+    let utc = |s: f64| format_utc(after(s), 3);
+    let visit = |name: &str, from: f64, to: f64| {
+        format!(
+            "[[visit]]\nname = \"{name}\"\nra_deg = 37.95\ndec_deg = 89.26\nfrom = \"{}\"\nto = \"{}\"\n",
+            utc(from),
+            utc(to)
+        )
+    };
+    let plan = format!(
+        "station = \"ufo\"\nto = \"{}\"\n[[counter]]\nname = \"tagger\"\ndevice = \"sim-timetagger\"\nchannels = {{ g = 1, r = 2 }}\nbin_s = 0.1\n{}{}",
+        utc(22.0),
+        visit("Early", -8.0, -4.0),
+        visit("Pass", 12.0, 18.0)
+    );
+    std::fs::write(folder.path("night.toml"), plan).unwrap();
+    let file = folder.path("offset");
+    std::fs::write(&file, "-20").unwrap();
+    let path = format!("{}:{}", folder.0.display(), std::env::var("PATH").unwrap());
+    let mut program = observe(&folder, "s")
+        .env("PATH", path)
+        .env("LD_PRELOAD", library)
+        .env("FAKETIME_TIMESTAMP_FILE", &file)
+        .env("FAKETIME_NO_CACHE", "1")
+        .env("FAKETIME_DONT_FAKE_MONOTONIC", "1")
+        .env("DONT_FAKE_MONOTONIC", "1")
+        .spawn()
+        .unwrap();
+    let root = folder.path("s");
+    begun(&root);
+    let until = |s: f64| {
+        let left = (after(s) - computer_utc()).to_seconds();
+        std::thread::sleep(Duration::from_secs_f64(left.max(0.0)));
+    };
+    until(3.0);
+    let next = folder.path("next");
+    std::fs::write(&next, "+0").unwrap();
+    std::fs::rename(&next, &file).unwrap();
+    let told = || {
+        let text = std::fs::read_to_string(root.join("events.jsonl")).unwrap();
+        text.lines().any(|line| line.contains("\"target\"") && line.contains("\"Pass\""))
+    };
+    until(11.0);
+    assert!(!told(), "the pass was told before it began");
+    until(15.5);
+    assert!(told(), "the pass goes on, and the log does not know it");
+    assert_eq!(program.wait().unwrap().code(), Some(0));
+    let late_s = (computer_utc() - after(22.0)).to_seconds();
+    assert!((-0.5..5.0).contains(&late_s), "it ended {late_s} s after its end");
+    let session = Session::open(&root).unwrap();
+    let all = events(&session);
+    let adopted: Vec<f64> = all
+        .iter()
+        .filter_map(|what| match what {
+            What::ClockAdopted { step_s } => Some(*step_s),
+            _ => None,
+        })
+        .collect();
+    assert!(adopted.len() == 1 && (adopted[0] - 20.0).abs() < 0.1, "{adopted:?}");
+    let missed = |what: &What| matches!(what, What::Error { about, error } if about == "Early" && error.contains("missed"));
+    assert_eq!(all.iter().filter(|what| missed(what)).count(), 1, "{all:?}");
+    let visits = session.visits().unwrap();
+    let pass = visits.iter().find(|visit| visit.target.name == "Pass").unwrap();
+    for (found, expected) in [(Some(pass.from), 12.0), (pass.to, 18.0)] {
+        let off_s = (found.unwrap() - after(expected)).to_seconds();
+        assert!(off_s.abs() < 0.01, "{off_s} s off");
+    }
+}
+
 /// The process stands still for 3 s (SIGSTOP). Truth: the stop's own length: it stands once in the log to half a second; the counter's bins carry on, or say that they do not.
 #[test]
 fn a_stopped_process_is_told() {
@@ -290,7 +376,12 @@ fn two_programs_on_one_camera() {
             "[[camera]]\nname = \"cam\"\ndevice = \"indi-camera:127.0.0.1:{}/CCD Simulator\"\nexposure_s = 0.3\ngain = 10\nwindow_px = [0, 0, 320, 256]\n",
             server.port
         );
-        std::fs::write(folder.0.join("night.toml"), plan(16.0, &camera)).unwrap();
+        let plan =
+            plan(16.0, &camera).replace("{ g = 1, r = 2 }", "{ id400 = 1, spcm = 2 }").replace(
+                "off = \"sky\"\nfor_s = 16",
+                "off = \"sky\"\nfor_s = 2\n[[visit]]\nstar = \"Polaris\"\nfor_s = 14",
+            );
+        std::fs::write(folder.0.join("night.toml"), plan).unwrap();
         let mut program = observe(&folder, "s").spawn().unwrap();
         let root = folder.0.join("s");
         begun(&root);
@@ -337,5 +428,16 @@ fn two_programs_on_one_camera() {
             assert!(!surely || shared(frame), "{} is not said to be shared", frame.start);
         }
         folder.done(&["session", "check", "s"]);
+        // What is left is reduced: a row of each frame of ours in the visit, and nothing of the other's.
+        folder.done(&["reduce", "s", "-o", "out/"]);
+        let visits = session.visits().unwrap();
+        let visit = visits.iter().find(|visit| visit.target.on).unwrap();
+        let of_it =
+            |start: hifitime::Epoch| visit.from <= start && visit.to.is_none_or(|to| start < to);
+        let table = sunglint_formats::ecsv::read(folder.path("out/Polaris_1.ecsv")).unwrap();
+        let rows = table.f64("exposure_s").unwrap();
+        let ours = rows.iter().filter(|s| **s == 0.3).count();
+        assert_eq!(ours, frames.iter().filter(|frame| of_it(frame.start)).count());
+        assert!(ours > 3 && !rows.iter().any(|s| *s == 0.5), "{ours} rows");
     });
 }

@@ -3,16 +3,19 @@
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
 use crate::common::Folder;
-use crate::common::night::{Fakes, Recording, at, bins, frames, lost_between, plan_of};
+use crate::common::night::{Fakes, Recording, at, bins, frames, lost_between, plan_of, positive};
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use sunglint::observe::replayed;
 use sunglint_drivers::clock::Cancel;
 use sunglint_formats::session::{Session, Severity, What};
+use sunglint_formats::toml::Finite;
 use sunglint_formats::{CountFlags, CountRecord};
-use sunglint_observatory::{Plan, Summary};
+use sunglint_observatory::live::Seen;
+use sunglint_observatory::{Control, LiveState, Plan, Summary};
 use sunglint_testkit::Campaign;
 
 fn run_replay(session: &Path, output: &Path) -> Summary {
@@ -435,4 +438,54 @@ fn a_killed_night_goes_on_in_its_folder() {
     std::thread::sleep(Duration::from_secs(6));
     let error = folder.refused(1, &["observe", "--resume", "night"]);
     assert!(error.contains("nothing is left"), "{error}");
+}
+
+/// A person wishes for a gain that the camera refuses: the camera goes on as planned, and says so. Truth: the log and the frames: the gain of the plan before and after, frames of the
+/// wish where it can be had, none lost.
+#[test]
+fn a_wish_that_the_camera_refuses_costs_no_night() {
+    let folder = Folder::new("wish");
+    let fakes = Fakes { real_time: true, most_gain: 100.0, ..Fakes::new(600.0) };
+    let mut night = fakes.night(&folder.path("session"));
+    let camera = &mut night.cameras[0];
+    camera.gain = Finite::new(10.0);
+    camera.exposure_s = positive(0.02);
+    camera.interval_s = Some(positive(0.05));
+    let live = Arc::new(LiveState::new());
+    night.live = Some(live.clone());
+    let cancel = Cancel::new();
+    let token = cancel.clone();
+    let running = std::thread::spawn(move || night.run(&token, &mut |_| {}).unwrap());
+    let until = |what: &str, is_it: &dyn Fn() -> bool| {
+        let begun = Instant::now();
+        while !is_it() {
+            assert!(begun.elapsed() < Duration::from_secs(60), "{what}");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    };
+    let last = || live.last_frame("cam").map_or((0, None), |(n, f)| (n, f.header.real("GAIN")));
+    let wish = |gain: f64| {
+        let (camera, gain) = ("cam".to_owned(), Finite::new(gain));
+        let asked = live.ask(Control::Expose { camera, exposure_s: None, gain }).unwrap();
+        asked.recv_timeout(Duration::from_secs(30)).unwrap().unwrap();
+    };
+    until("the first frames", &|| last().0 >= 3 && last().1 == Some(10.0));
+    wish(50.0);
+    until("frames of the wish", &|| last().1 == Some(50.0));
+    wish(500.0);
+    let told = || {
+        let view = live.since(&Seen::default()).unwrap();
+        view.events.iter().any(|event| event.text.contains("as planned again"))
+    };
+    until("the refusal", &told);
+    let then = last().0;
+    until("frames as planned", &|| last().0 > then + 3 && last().1 == Some(10.0));
+    cancel.cancel();
+    let summary = running.join().unwrap();
+    assert_eq!((summary.failed.len(), summary.losses["cam"], summary.refused["cam"]), (0, 0, 0));
+    assert!(summary.check().is_ok());
+    let session = Session::open(folder.path("session")).unwrap();
+    let numbers: Vec<u64> = frames(&session).into_iter().map(|(number, _)| number).collect();
+    assert_eq!(numbers, (1..=numbers.len() as u64).collect::<Vec<_>>());
+    assert!(session.check().unwrap().is_whole());
 }

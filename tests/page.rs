@@ -2,9 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-use crate::common::Folder;
 use crate::common::browser::Browser;
 use crate::common::night::{Recording, at, bins, frame};
+use crate::common::{DEVICES, Folder};
 use serde_json::{Value, json};
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
@@ -23,10 +23,16 @@ struct Serving {
 
 impl Serving {
     fn start(folder: &Folder, arguments: &[&str]) -> Self {
+        Self::with(folder, arguments, &[])
+    }
+
+    /// The same with these variables of the environment.
+    fn with(folder: &Folder, arguments: &[&str], variables: &[(&str, &str)]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_sunglint"))
             .args(arguments)
             .current_dir(&folder.0)
             .env_remove("SUNGLINT_STATION")
+            .envs(variables.iter().copied())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()
@@ -497,6 +503,181 @@ fn a_night_is_steered_from_the_page() {
     assert_eq!((report.counters[0].unflagged_gaps, report.counters[0].flagged_gaps), (0, 0));
 }
 
+/// A virtual star of the hour over the station, alone: no scintillation, nothing that crosses.
+const DRIVEN: &str = r#"
+seed = 7
+[plan]
+stars = 1
+visit_s = 30
+sky_s = 5
+slew_s = 1
+dark_s = 3
+v_mag = [2.0, 4.0]
+[scintillation]
+strength = 0.0
+[seeing]
+moffat_beta = 100.0
+[camera]
+response_scatter = 0.0
+[passing]
+streaks_per_h = 0.0
+cosmic_rays_per_mpx_s = 0.0
+"#;
+
+/// A whole virtual night that is driven by clicks: shown before it begins, started, paused, told of, stopped. Truth: the log, which has each click in its order; the
+/// virtual night's own light, which shares no formula with the reduction: each channel's median before and after the pause within 3 % of it (the fibres' coupling under the
+/// telescope's jitter is taken out to 2 %, photons leave less than 1 %), the same as without the page; and no sample of the pause.
+#[test]
+fn a_virtual_night_is_driven_from_the_page() {
+    let Some(mut browser) = Browser::start("a_virtual_night_is_driven_from_the_page") else {
+        return;
+    };
+    let folder = Folder::new("page-driven");
+    let plan = crate::common::virtual_night::plan_of(&[
+        ("from = \"2020-11-18T18:00:00Z\"\n", ""),
+        ("exposure_s = 0.5\ninterval_s = 2.0", "exposure_s = 0.2\ninterval_s = 0.5"),
+    ]);
+    crate::common::virtual_night::write(&folder.0, &plan, DRIVEN);
+    let arguments = [
+        "observe",
+        "night.toml",
+        "-o",
+        "session",
+        "--real-time",
+        "--wait",
+        "--page",
+        "127.0.0.1:0",
+    ];
+    let mut serving = Serving::start(&folder, &arguments);
+    browser.open(&serving.url);
+    browser.until("document.getElementById('mode').innerText === 'waiting for Start'");
+    // The plan is seen, nothing is recorded, and nothing else is taken.
+    browser.until("sunglint.about.visits.some((v) => v.kind === 'star')");
+    assert!(!folder.path("session").exists());
+    browser.run("document.getElementById('note').value = 'too early'");
+    browser.click("#note-form button");
+    browser.until("document.getElementById('notice').innerText.includes('has not been started')");
+    browser.run("document.getElementById('note').value = ''");
+    looks_good(&mut browser, "waiting");
+    browser.complaints.retain(|text| !text.contains("409"));
+    browser.click("#start");
+    browser.until("document.getElementById('mode').innerText === 'live'");
+    browser.until("sunglint.live.target?.kind === 'star'");
+    browser.until("sunglint.live.now_s - sunglint.live.target.from_s > 8");
+    browser.click("#pause");
+    browser.until("document.getElementById('mode').innerText === 'paused'");
+    browser.until("sunglint.live.target?.kind === 'none' && sunglint.live.now_s - sunglint.live.target.from_s > 3");
+    browser.click("#pause");
+    browser.until("document.getElementById('mode').innerText === 'live'");
+    browser.run("document.getElementById('note').value = 'clear'");
+    browser.click("#note-form button");
+    browser.until("document.getElementById('events').innerText.includes('note: clear')");
+    browser.until("sunglint.live.target?.kind === 'star' && sunglint.live.now_s - sunglint.live.target.from_s > 8");
+    assert_eq!(browser.complaints, Vec::<String>::new());
+    browser.click("#stop");
+    assert!(serving.child.wait().unwrap().success());
+    let session = Session::open(folder.path("session")).unwrap();
+    let expected = ["start", "pause", "resume", "note", "stop"];
+    let found: Vec<String> = controls(&session).into_iter().map(|(action, _)| action).collect();
+    assert_eq!(found, expected);
+    let at = |word: &str| {
+        let events = session.events().unwrap().map(Result::unwrap);
+        let mut of =
+            events.filter(|e| matches!(&e.what, What::Control { action, .. } if action == word));
+        of.next().unwrap().utc
+    };
+    let pause = (at("pause"), at("resume"));
+    let report = session.check().unwrap();
+    assert!(report.is_whole(), "{:?}", report.findings);
+    let truth: Value =
+        serde_json::from_slice(&std::fs::read(folder.path("session/virtual/truth.json")).unwrap())
+            .unwrap();
+    let visits = truth["visits"].as_array().unwrap();
+    let star = visits.iter().find(|visit| visit["kind"] == "star").unwrap();
+    folder.done(&["reduce", "session", "-o", "out/"]);
+    let mut curves = 0;
+    for entry in std::fs::read_dir(folder.path("out")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|kind| kind != "ecsv") {
+            continue;
+        }
+        curves += 1;
+        let table = sunglint_formats::ecsv::read(&path).unwrap();
+        let curve =
+            sunglint_radiometry::light_curve::LightCurve::from_table(&path, &table).unwrap();
+        for (i, time) in curve.samples.time.iter().enumerate() {
+            let half = hifitime::Duration::from_seconds(0.5 * curve.samples.exposure_s[i]);
+            let within = *time - half >= pause.0 && *time + half <= pause.1;
+            assert!(!within, "{time} is in the pause");
+            // A frame that goes on into the pause is there, without a rate.
+            let crosses = *time + half > pause.0 && *time - half < pause.0;
+            let planes = curve
+                .channels
+                .iter()
+                .filter(|channel| ["r", "g", "b"].contains(&channel.name.as_str()));
+            assert!(
+                !crosses || planes.into_iter().all(|plane| plane.rate_hz[i].is_nan()),
+                "{time} goes on into the pause"
+            );
+        }
+        for channel in &curve.channels {
+            let mut rates: Vec<f64> =
+                channel.rate_hz.iter().copied().filter(|rate| rate.is_finite()).collect();
+            rates.sort_by(f64::total_cmp);
+            assert!(rates.len() > 10, "{}: {} rates", channel.name, rates.len());
+            let median = rates[rates.len() / 2];
+            let expected = star["arriving_hz"][&channel.name].as_f64().unwrap();
+            println!("{}: {median:.0} for {expected:.0}", channel.name);
+            assert!(
+                (median / expected - 1.0).abs() < 0.03,
+                "{}: {median} for {expected}",
+                channel.name
+            );
+        }
+    }
+    assert_eq!(curves, 2);
+}
+
+/// The browser is led to the page by a file: the token stands in no command line. Truth: what a program in place of `xdg-open` was called with, the file's mode and text, a browser
+/// that opens it; and that it is gone in the end.
+#[test]
+fn the_token_is_in_no_command_line() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let folder = Folder::new("page-door");
+    Recording { frame_px: 16, ..Recording::default() }.write(&folder.path("night"));
+    let bin = folder.path("bin");
+    let run = folder.path("run");
+    for made in [&bin, &run] {
+        std::fs::create_dir(made).unwrap();
+    }
+    let fake = bin.join("xdg-open");
+    std::fs::write(&fake, "#!/bin/sh\necho \"$@\" > \"$XDG_RUNTIME_DIR/called.tmp\"; mv \"$XDG_RUNTIME_DIR/called.tmp\" \"$XDG_RUNTIME_DIR/called\"\n").unwrap();
+    std::fs::set_permissions(&fake, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
+    let variables = [("PATH", path.as_str()), ("XDG_RUNTIME_DIR", run.to_str().unwrap())];
+    let mut serving =
+        Serving::with(&folder, &["page", "night", "--address", "127.0.0.1:0"], &variables);
+    let begun = Instant::now();
+    while !run.join("called").exists() {
+        assert!(begun.elapsed() < Duration::from_secs(60));
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let called = std::fs::read_to_string(run.join("called")).unwrap();
+    let door = PathBuf::from(called.trim());
+    let token = serving.url.split("#token=").nth(1).unwrap().to_owned();
+    assert!(token.len() == 32 && !called.contains(&token), "{called}");
+    assert_eq!(std::fs::metadata(&door).unwrap().permissions().mode() & 0o777, 0o600);
+    assert!(std::fs::read_to_string(&door).unwrap().contains(&serving.url));
+    if let Some(mut browser) = Browser::start("the_token_is_in_no_command_line") {
+        browser.call("Page.navigate", json!({"url": format!("file://{}", door.display())}));
+        browser.until("document.documentElement?.dataset.ready === 'yes'");
+        assert_eq!(browser.run("sessionStorage.getItem('sunglint-token')"), token);
+        assert_eq!(browser.complaints, Vec::<String>::new());
+    }
+    assert_eq!(serving.interrupt(), Some(0));
+    assert!(!door.exists());
+}
+
 /// A camera that cannot be opened: an alarm at the top, names in the tables stay in one piece, and the counts go on.
 #[test]
 fn a_lost_camera_is_an_alarm() {
@@ -612,7 +793,8 @@ fn type_into(browser: &mut Browser, selector: &str, text: &str) {
 
 /// A pass whose automatic choice locks on a star (synthetic: drawn into the frames of a virtual night, nearer to the middle than the target), and in five of whose
 /// frames an aeroplane's lamp shines into the aperture (drawn, too). Truth: what arrives of the target by the virtual night, which shares no formula with the
-/// reduction; the mean of 1,000 frames within 1 % of it, which covers what the wings of a Gaussian point leave outside of 6 px, and the gain's rounding.
+/// reduction; the median of 1,000 frames within 1 % of it, which covers how the light changes with the airmass in 200 s. The aperture of 6 px on points 5.7 px wide leaves out 4.8 %
+/// (2^(−(12/5.7)²) of a normal profile): the reduction measures that on the frames, adds it and says so.
 #[test]
 fn a_pass_that_locked_on_a_star_is_rescued() {
     let Some(mut browser) = Browser::start("a_pass_that_locked_on_a_star_is_rescued") else {
@@ -712,9 +894,9 @@ fn a_pass_that_locked_on_a_star_is_rescued() {
     let expected = truth.visits[of].arriving_hz(number, truth_s);
     println!("locked on a star: {locked:.0}, rescued: {rescued:.0}, truth: {expected:.0} ADU/s");
     assert!((locked / expected - 1.0).abs() > 0.2, "{locked} beside {expected}");
-    // 1 % was wanted and 4.8 % too little is measured. The wings beyond 6 px, or the median over a visit in which the light changes beside the truth at
-    // its middle: which of both it is was not told apart.
-    assert!((rescued / expected - 1.0).abs() < 0.1, "{rescued} beside {expected}");
+    assert!((rescued / expected - 1.0).abs() < 0.01, "{rescued} beside {expected}");
+    let how = browser.text("#curve-how");
+    assert!(how.contains("aperture of 6.0 px set by hand: rates are multiplied by"), "{how}");
     // What is wrong is said, and the curve stays.
     type_into(&mut browser, "[data-key='annulus_px.0']", "2");
     browser.until("document.getElementById('curve-why').innerText.includes('annulus_px')");
@@ -761,28 +943,13 @@ fn a_pass_that_locked_on_a_star_is_rescued() {
     assert_eq!(serving.interrupt(), Some(0));
 }
 
-const PLANNED: &str = r#"station = "ufo"
-
-[[camera]]
-name = "cam"
-device = "sim-camera"
-exposure_s = 0.5
-interval_s = 2.0
-
-[[counter]]
-name = "tagger"
-device = "sim-timetagger"
-channels = { id400 = 1, spcm = 2, mppc = 3 }
-bin_s = 0.1
-"#;
-
 /// Three passes and eight stars, clicked on the sky and put into order. Truth: the plan's own text, read by another TOML reader: what was clicked, in that order, each pass from its
 /// beginning to its end as `passes` lists it; and `observe --check`, which finds nothing but that the night is past.
 #[test]
 fn a_night_is_planned_by_clicks() {
     let Some(mut browser) = Browser::start("a_night_is_planned_by_clicks") else { return };
     let folder = Folder::new("page-plan");
-    std::fs::write(folder.path("devices.toml"), PLANNED).unwrap();
+    std::fs::write(folder.path("devices.toml"), DEVICES).unwrap();
     let tle = sunglint_testkit::fixture("passes/satellites.tle").display().to_string();
     let command = [
         "passes",
@@ -885,7 +1052,7 @@ fn a_night_is_planned_by_clicks() {
     assert_eq!(saved["errors"], 0, "{}", saved["check"]);
     assert_eq!(browser.complaints, Vec::<String>::new());
     let text = std::fs::read_to_string(folder.path("night.toml")).unwrap();
-    assert!(text.contains(PLANNED.trim_end()));
+    assert!(text.contains(DEVICES.trim_end()));
     let table: toml::Table = text.parse().unwrap();
     let visits = table["visit"].as_array().unwrap();
     let of = |key: &str| {
@@ -953,6 +1120,20 @@ fn a_night_is_planned_by_clicks() {
         let said = browser.run(&ask);
         assert!(said.as_str().unwrap().contains(text), "{said} for {text}");
     }
+    // A plan that somebody edited meanwhile is not replaced; as it was saved it is.
+    let save = "fetch('api/save', {method: 'POST', headers: {authorization: 'Bearer ' + sessionStorage.getItem('sunglint-token'), 'content-type': 'application/json'}, body: JSON.stringify({picks: sunglint.planning.picks})}).then(async (a) => `${a.status} ${await a.text()}`)";
+    let edited = format!("# by hand\n{text}");
+    std::fs::write(folder.path("night.toml"), &edited).unwrap();
+    let said = browser.run(save);
+    let said = said.as_str().unwrap();
+    assert!(said.starts_with("409") && said.contains("night.toml was changed since"), "{said}");
+    assert_eq!(std::fs::read_to_string(folder.path("night.toml")).unwrap(), edited);
+    std::fs::write(folder.path("night.toml"), &text).unwrap();
+    assert!(browser.run(save).as_str().unwrap().starts_with("200"));
+    // Elements of that name that are there are told of before anybody plans.
+    std::fs::remove_file(folder.path("night.toml")).unwrap();
+    let message = folder.refused(1, &command);
+    assert!(message.contains("night.tle"), "{message}");
     // Without the token the page shows, and writes nothing.
     let refused = "fetch('api/save', {method: 'POST', headers: {'content-type': 'application/json'}, body: '{\"picks\":[]}'}).then((a) => a.status)";
     assert_eq!(browser.run(refused), 401);

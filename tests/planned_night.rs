@@ -2,29 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
-use crate::common::Folder;
 use crate::common::night::frames;
+use crate::common::{DEVICES, Folder};
 use serde_json::Value;
 use std::fmt::Write as _;
 use sunglint_formats::session::Session;
 use sunglint_formats::time::parse_utc;
 use sunglint_testkit::fixture;
-
-const DEVICES: &str = r#"# The instruments.
-station = "ufo"
-
-[[camera]]
-name = "cam"
-device = "sim-camera"
-exposure_s = 0.5
-interval_s = 2.0
-
-[[counter]]
-name = "tagger"
-device = "sim-timetagger"
-channels = { id400 = 1, spcm = 2, mppc = 3 }
-bin_s = 0.1
-"#;
 
 /// A small telescope with a monochrome camera behind a wheel.
 const STATION: &str = r#"name = "small"

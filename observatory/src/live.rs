@@ -6,13 +6,14 @@
 
 use super::night::Night;
 use super::schedule::Slot;
-use super::status::Snapshot;
+use super::status::{Snapshot, Status};
 use hifitime::Epoch;
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use sunglint_drivers::clock::Cancel;
 use sunglint_formats::session::{Event, TargetKind, What};
 use sunglint_formats::time::format_utc;
 use sunglint_formats::toml::{Finite, Positive};
@@ -31,6 +32,8 @@ const ANSWER: usize = 1200;
 const EVENTS: usize = 500;
 /// Commands that wait at most.
 const COMMANDS: usize = 16;
+/// Time between two looks for a start.
+const LOOK: std::time::Duration = std::time::Duration::from_millis(50);
 /// Longest note, characters.
 pub const LONGEST_NOTE: usize = 500;
 
@@ -38,6 +41,8 @@ pub const LONGEST_NOTE: usize = 500;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Control {
+    /// A night that waits begins.
+    Start,
     /// What is recorded from now on belongs to no visit, until `Resume`. Capture goes on.
     Pause,
     /// The plan goes on as it stands at that time.
@@ -63,6 +68,7 @@ impl Control {
     /// Name of the command in the log.
     pub fn word(&self) -> &'static str {
         match self {
+            Self::Start => "start",
             Self::Pause => "pause",
             Self::Resume => "resume",
             Self::Skip => "skip",
@@ -365,6 +371,8 @@ pub struct LiveView {
     pub paused: bool,
     /// Whether pause and skip can be done: not in a night that is played back or virtual.
     pub can_pause: bool,
+    /// Whether it waits for somebody to start it.
+    pub waiting: bool,
     /// Why it ended, once it has: `done` or `stopped`.
     pub ended: Option<String>,
     /// Devices by name.
@@ -408,6 +416,9 @@ struct Inner {
     snapshot: Option<Snapshot>,
     paused: bool,
     can_pause: bool,
+    waiting: bool,
+    /// Whether it was started by somebody who looked on.
+    started: bool,
     ended: Option<String>,
     rings: BTreeMap<String, Ring>,
     events: VecDeque<LiveEvent>,
@@ -485,6 +496,7 @@ impl LiveState {
         let name = night.root.file_name().unwrap_or_default();
         inner.name = name.to_string_lossy().into_owned();
         inner.can_pause = can_pause;
+        inner.waiting = false;
         inner.devices.clear();
         for camera in &night.cameras {
             let (name, channels) = (camera.name.clone(), Vec::new());
@@ -546,6 +558,44 @@ impl LiveState {
 
     pub(crate) fn next_command(&self) -> Option<Asked> {
         lock(&self.asked).try_recv().ok()
+    }
+
+    /// Whether somebody who looked on started it.
+    pub(crate) fn was_started(&self) -> bool {
+        lock(&self.inner).started
+    }
+
+    /// Shows a night that does not run yet, and waits until somebody starts it. Returns false where it was stopped, or `cancel` was set. Nothing is recorded meanwhile.
+    pub fn wait(&self, night: &Night, cancel: &Cancel) -> bool {
+        self.begin(night, false);
+        lock(&self.inner).waiting = true;
+        let status = Status::new(night.manifest.start_utc, false);
+        loop {
+            self.collect(&status.snapshot(), night.schedule.slots(), false);
+            while let Some(asked) = self.next_command() {
+                match asked.control {
+                    Control::Start => {
+                        lock(&self.inner).started = true;
+                        asked.answer(Ok("the night begins".into()));
+                        return true;
+                    }
+                    Control::Stop => {
+                        self.end("stopped");
+                        asked.answer(Ok("nothing was recorded".into()));
+                        return false;
+                    }
+                    _ => {
+                        let text = "the night has not been started".to_owned();
+                        asked.answer(Err(ControlError::Refused(text)));
+                    }
+                }
+            }
+            if cancel.is_cancelled() {
+                self.end("stopped");
+                return false;
+            }
+            std::thread::sleep(LOOK);
+        }
     }
 }
 
@@ -638,6 +688,7 @@ impl LiveState {
             next: next.map(slot),
             paused: inner.paused,
             can_pause: inner.can_pause,
+            waiting: inner.waiting,
             ended: inner.ended.clone(),
             devices: devices.collect(),
             free_bytes: inner.free.back().map(|(_, free)| *free),

@@ -526,6 +526,10 @@ impl Watch<'_> {
         let utc = || DeviceClock::live().utc();
         let mut looked = Duration::ZERO;
         let mut room_at: Option<Duration> = None;
+        if self.night.live.as_ref().is_some_and(|state| state.was_started()) {
+            let (action, text) = (Control::Start.word().to_owned(), String::new());
+            self.disk.event(self.status.utc(), What::Control { action, text });
+        }
         while !threads.iter().all(JoinHandle::is_finished) {
             let night_utc = self.status.utc();
             self.tell_targets(night_utc);
@@ -651,6 +655,7 @@ impl Watch<'_> {
         }
         let schedule = self.schedule.get();
         match &asked.control {
+            Control::Start => refused("it has begun already"),
             Control::Note(_) => Ok("noted".into()),
             Control::Stop => {
                 self.cancel.cancel();

@@ -126,9 +126,12 @@ struct NowView<'a> {
 #[derive(Serialize)]
 struct View<'a> {
     places: Vec<&'a Place>,
-    /// Places since that are not kept any more, or too many for this answer.
+    /// Places since that are not kept any more.
     missed: u64,
+    /// Number of the last place that is in this answer, or was seen.
     last: u64,
+    /// Whether there are more.
+    more: bool,
     done: u64,
     of: u64,
     readings: u64,
@@ -258,8 +261,12 @@ impl LabRun {
     fn view(&self, request: &Request) -> Answer {
         let inner = self.inner();
         let seen = request.whole("seen").unwrap_or(0).min(inner.last_number);
-        let new = usize::try_from(inner.last_number - seen).unwrap_or(usize::MAX);
-        let give = new.min(inner.places.len()).min(ANSWER);
+        // The oldest first: a page that was loaded again asks until it has all that is kept.
+        let gone = inner.last_number - inner.places.len() as u64;
+        let from = seen.max(gone);
+        let skip = usize::try_from(from - gone).unwrap_or(usize::MAX);
+        let given = inner.places.iter().skip(skip).take(ANSWER);
+        let last = given.clone().last().map_or(from, |place| place.number);
         let worked = inner.worked + inner.since.map_or(Duration::ZERO, |since| since.elapsed());
         let done = self.before + inner.last_number;
         let left = self.places.saturating_sub(done);
@@ -273,9 +280,10 @@ impl LabRun {
             scatter: moments(&inner.now).1,
         });
         Answer::json(&View {
-            places: inner.places.iter().skip(inner.places.len() - give).collect(),
-            missed: (new - give) as u64,
-            last: inner.last_number,
+            places: given.collect(),
+            missed: from - seen,
+            last,
+            more: last < inner.last_number,
             done,
             of: self.places,
             readings: inner.readings,
@@ -402,9 +410,22 @@ mod tests {
             asked(&run, false, "lab", "seen=1", "").1["places"].as_array().unwrap().len(),
             1
         );
+        // More than one answer holds: all come, the oldest first.
+        for number in 2..12_002 {
+            run.line(reading(f64::from(number), 1.0, LabState::Read));
+            run.line(reading(f64::from(number), f64::NAN, LabState::Kept));
+        }
+        let (mut seen, mut found) = (0, 0);
+        for more in [true, true, false] {
+            let (_, view) = asked(&run, false, "lab", &format!("seen={seen}"), "");
+            assert_eq!((&view["more"], &view["missed"]), (&more.into(), &0.into()));
+            (seen, found) =
+                (view["last"].as_u64().unwrap(), found + view["places"].as_array().unwrap().len());
+        }
+        assert_eq!((seen, found), (12_002, 12_002));
         // Whoever has seen more was at another run.
         assert_eq!(
-            asked(&run, false, "lab", "seen=99", "").1["places"].as_array().unwrap().len(),
+            asked(&run, false, "lab", "seen=99000", "").1["places"].as_array().unwrap().len(),
             0
         );
     }

@@ -153,6 +153,7 @@ impl LiveNight {
         let asked: Asked = serde_json::from_slice(&request.body)
             .map_err(|error| Answer::error(400, &format!("no command: {error}")))?;
         let control = match asked.action.as_str() {
+            "start" => Control::Start,
             "pause" => Control::Pause,
             "resume" => Control::Resume,
             "skip" => Control::Skip,
@@ -160,7 +161,7 @@ impl LiveNight {
             "note" => Control::Note(asked.text),
             "expose" => expose(&asked)?,
             _ => {
-                let text = "expected the action pause, resume, skip, stop, note or expose";
+                let text = "expected the action start, pause, resume, skip, stop, note or expose";
                 return Err(Answer::error(400, text));
             }
         };

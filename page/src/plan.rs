@@ -5,7 +5,7 @@ use crate::request::{Answer, Request, Source};
 use crate::sky::Sky;
 use hifitime::{Duration, Epoch};
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use sunglint_formats::atomic::{Overwrite, write_file};
 use sunglint_formats::time::format_utc;
@@ -95,8 +95,8 @@ pub struct PlanDesk {
     around: PlanSurroundings,
     start: Epoch,
     end: Epoch,
-    /// Files that the next writing may replace: after the first they are our own.
-    overwrite: Mutex<Overwrite>,
+    /// Texts that were written last, of the elements and the plan: only files that still have them are our own.
+    written: Mutex<Option<[String; 2]>>,
 }
 
 /// Something picked, as the page names it.
@@ -161,7 +161,6 @@ impl PlanDesk {
         let holds =
             |night: &&(Epoch, Epoch)| brightest.is_none_or(|at| night.0 <= at && at <= night.1);
         let (from, to) = *around.dark.iter().find(holds).or(around.dark.first())?;
-        let overwrite = Mutex::new(around.overwrite);
         let in_night = |pass: &PlanPass| pass.offer.span.1 > from && pass.offer.span.0 < to;
         let all = passes.len();
         let passes: Vec<PlanPass> = passes.into_iter().filter(in_night).collect();
@@ -174,7 +173,8 @@ impl PlanDesk {
         }
         // What is planned belongs to the night that is shown, also where only stars are chosen.
         around.dark = vec![(from, to)];
-        Some(Self { passes, around, start: from - hour, end: to + hour, overwrite })
+        let written = Mutex::default();
+        Some(Self { passes, around, start: from - hour, end: to + hour, written })
     }
 
     fn seconds(&self, epoch: Epoch) -> f64 {
@@ -257,18 +257,51 @@ impl PlanDesk {
         made.map_err(|error| Answer::error(422, &error.to_string()))
     }
 
+    /// Refuses to replace a file that is not as it was written from here.
+    fn may_write(&self, path: &Path, ours: Option<&str>) -> Result<(), Answer> {
+        let found = match std::fs::read(path) {
+            Ok(found) => found,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+            Err(error) => {
+                let text = format!("cannot read {}: {error}", path.display());
+                return Err(Answer::error(409, &text));
+            }
+        };
+        let path = path.display();
+        match ours {
+            Some(ours) if found == ours.as_bytes() => Ok(()),
+            Some(_) => Err(Answer::error(
+                409,
+                &format!(
+                    "{path} was changed since it was saved here: nothing is written; move it away or give it another name, then save again"
+                ),
+            )),
+            None if self.around.overwrite == Overwrite::Allow => Ok(()),
+            None => Err(Answer::error(
+                409,
+                &format!(
+                    "{path} is there already: nothing is written; move it away, or start with --force"
+                ),
+            )),
+        }
+    }
+
     /// Writes the plan and its elements, and checks it as `observe --check` does, without the devices.
     fn save(&self, body: &[u8]) -> Result<Answer, Answer> {
         let plan = self.planned(body)?;
         let (elements, sets) = &self.around.elements;
-        let mut overwrite = self.overwrite.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         let path = &self.around.path;
         let text = plan.toml(&self.around.text);
+        // Both are looked at before one is written.
+        for (i, path) in [elements, path].into_iter().enumerate() {
+            self.may_write(path, written.as_ref().map(|texts| texts[i].as_str()))?;
+        }
         for (path, text) in [(elements, sets), (path, &text)] {
-            write_file(path, text.as_bytes(), *overwrite)
+            write_file(path, text.as_bytes(), Overwrite::Allow)
                 .map_err(|error| Answer::error(409, &error.to_string()))?;
         }
-        *overwrite = Overwrite::Allow;
+        *written = Some([sets.clone(), text]);
         let read = Plan::read(path).map_err(|error| Answer::error(422, &error.to_string()))?;
         let mut options = PreflightOptions::default();
         options.open_devices = false;

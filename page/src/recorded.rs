@@ -478,6 +478,7 @@ impl Source for Recording {
             [what @ ("reduction" | "reduction.ecsv" | "recipes")] if request.post => {
                 self.reworked(what, &request.body)
             }
+            ["reduction", "cancel"] if request.post => Ok(self.rework.cancel()),
             _ if request.post => Err(Answer::error(405, "a recorded session cannot be steered")),
             ["recipes"] => Ok(Rework::names(&self.session)),
             ["recipes", name] => Rework::recipe(&self.session, name),

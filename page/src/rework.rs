@@ -8,15 +8,16 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 use sunglint_calibration::reduction::frames::FrameLook;
 use sunglint_calibration::reduction::recipe::Recipe;
+use sunglint_calibration::reduction::wings::Wings;
 use sunglint_calibration::reduction::{ReduceError, ReduceOptions, Reduced, Visited, reduce};
 use sunglint_formats::atomic::{Overwrite, write_file};
 use sunglint_formats::ecsv;
 use sunglint_formats::session::Session;
-use sunglint_numerics::progress::Progress;
+use sunglint_numerics::progress::{Cancelled, Progress};
 use sunglint_radiometry::light_curve::Flags;
 use sunglint_radiometry::station::{Detector, Station};
 
-/// Samples of each channel in an answer at most: more are left out and counted.
+/// Samples of each channel in an answer at most: of more the lowest and the highest of each few are shown.
 const SAMPLES: usize = 50_000;
 
 /// Reductions of one session, one at a time; a newer wish ends the older one.
@@ -49,6 +50,11 @@ struct NamesView {
     names: Vec<String>,
 }
 
+#[derive(Serialize)]
+struct CancelledView {
+    done: &'static str,
+}
+
 /// Light curve of a visit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 struct CurveView {
@@ -68,8 +74,8 @@ struct CurveView {
     /// Sources that each filter removed.
     removed: Vec<(&'static str, u64)>,
     warnings: Vec<String>,
-    /// Samples that did not fit into the answer.
-    left_out: usize,
+    /// Sentences about how the curve was made.
+    notes: Vec<String>,
     took_s: f64,
 }
 
@@ -119,9 +125,14 @@ impl Rework {
             Wish { number: self.wishes.fetch_add(1, Ordering::Relaxed) + 1, wishes: &self.wishes };
         let _one = self.one.lock().unwrap_or_else(PoisonError::into_inner);
         let said = |error: ReduceError| match deepest(&error) {
-            ReduceError::Cancelled(_) => Answer::error(409, "a newer reduction was asked for"),
+            ReduceError::Cancelled(_) => {
+                Answer::error(409, "cancelled, or a newer reduction was asked for")
+            }
             _ => Answer::error(422, &whole(&error)),
         };
+        if wish.is_cancelled() {
+            return Err(said(ReduceError::Cancelled(Cancelled)));
+        }
         let mut options = ReduceOptions::for_station(station);
         recipe.apply(&mut options);
         let mut night = reduce(session, station, &options, &wish).map_err(said)?;
@@ -162,6 +173,12 @@ impl Rework {
         let table = visited.linear.to_table().map_err(|error| refused(&error))?;
         let text = ecsv::to_string(&table).map_err(|error| refused(&error))?;
         Ok(Answer { status: 200, kind: "text/plain; charset=utf-8", body: text.into_bytes() })
+    }
+
+    /// Ends the reduction that is under way.
+    pub fn cancel(&self) -> Answer {
+        self.wishes.fetch_add(1, Ordering::Relaxed);
+        Answer::json(&CancelledView { done: "the reduction ends" })
     }
 
     /// Writes a recipe into the session's folder.
@@ -220,11 +237,29 @@ fn whole(error: &dyn std::error::Error) -> String {
     }
 }
 
+/// The samples that are drawn: all, or of each bunch of neighbours the lowest and the highest rate, so that no flash is lost. A bunch without a rate keeps its first.
+fn thinned(sampled: &[usize], rates: &[f64]) -> Vec<usize> {
+    if sampled.len() <= SAMPLES {
+        return sampled.to_vec();
+    }
+    let mut shown = Vec::with_capacity(SAMPLES);
+    for bunch in sampled.chunks(sampled.len().div_ceil(SAMPLES / 2)) {
+        let known = || bunch.iter().copied().filter(|i| rates[*i].is_finite());
+        let low = known().min_by(|a, b| rates[*a].total_cmp(&rates[*b]));
+        let high = known().max_by(|a, b| rates[*a].total_cmp(&rates[*b]));
+        match (low, high) {
+            (Some(low), Some(high)) if low != high => shown.extend([low.min(high), low.max(high)]),
+            (found, _) => shown.extend(found.or(bunch.first().copied())),
+        }
+    }
+    shown
+}
+
 impl CurveView {
     fn of(night: &Reduced, visited: &Visited, station: &Station, start: Epoch) -> Self {
         let seconds = |time: Epoch| (time - start).to_seconds();
         let samples = &visited.linear.samples;
-        let mut left_out = 0;
+        let mut notes = Vec::new();
         let channels = visited.linear.channels.iter().map(|channel| {
             let detector = station.channel(&channel.name).map(|channel| &channel.detector);
             let mut view = ChannelView {
@@ -239,18 +274,23 @@ impl CurveView {
                 flags: Vec::new(),
             };
             let finite = |value: f64| value.is_finite().then_some(value);
-            for (i, flags) in channel.flags.iter().enumerate() {
-                if flags.contains(Flags::NOT_SAMPLED) {
-                    continue;
-                }
-                if view.time_s.len() >= SAMPLES {
-                    left_out += 1;
-                    continue;
-                }
+            let sampled: Vec<usize> = (0..channel.flags.len())
+                .filter(|i| !channel.flags[*i].contains(Flags::NOT_SAMPLED))
+                .collect();
+            let shown = thinned(&sampled, &channel.rate_hz);
+            if shown.len() < sampled.len() {
+                notes.push(format!(
+                    "{}: {} of {} samples are drawn, the lowest and the highest of each few; the file has all",
+                    channel.name,
+                    shown.len(),
+                    sampled.len()
+                ));
+            }
+            for i in shown {
                 view.time_s.push(seconds(samples.time[i]));
                 view.rate.push(finite(channel.rate_hz[i]));
                 view.sigma.push(finite(channel.sigma_hz[i]));
-                view.flags.push(flags.bits());
+                view.flags.push(channel.flags[i].bits());
             }
             view
         });
@@ -274,6 +314,10 @@ impl CurveView {
             channels.push(of("focus (width of the target)", "px", &|look| look.fwhm_px));
             channels.push(of("background", "ADU", &|look| finite(look.background_adu)));
         }
+        let wings = camera.zip(number).and_then(|(camera, number)| camera.wings.get(number));
+        // What the frames do not tell is a warning already.
+        let told = wings.into_iter().flatten().filter(|wings| !wings.factors.is_empty());
+        notes.extend(told.map(Wings::note));
         let tally = camera.map(|camera| camera.tally).unwrap_or_default();
         Self {
             channels,
@@ -297,8 +341,29 @@ impl CurveView {
                 ("offset", tally.rejected_offset),
             ],
             warnings: night.warnings.clone(),
-            left_out,
+            notes,
             took_s: 0.0,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: by hand: of 120,000 samples every fifth bunch's lowest and highest are drawn: a flash of one sample and an eclipse of one are among them, in the order of time;
+    /// a stretch without a rate keeps its place.
+    #[test]
+    fn a_long_curve_keeps_its_flashes() {
+        let mut rates: Vec<f64> = (0..120_000).map(|i| 100.0 + f64::from(i % 7)).collect();
+        (rates[70_001], rates[90_002]) = (1e6, 0.0);
+        rates[10_000..10_050].fill(f64::NAN);
+        let sampled: Vec<usize> = (0..rates.len()).collect();
+        let shown = thinned(&sampled, &rates);
+        assert!(shown.len() <= SAMPLES && shown.len() > SAMPLES - 5000, "{}", shown.len());
+        assert!(shown.is_sorted() && shown.windows(2).all(|pair| pair[0] < pair[1]));
+        assert!(shown.contains(&70_001) && shown.contains(&90_002));
+        assert_eq!(shown.iter().filter(|i| rates[**i].is_nan()).count(), 10);
+        assert_eq!(thinned(&sampled[..SAMPLES], &rates).len(), SAMPLES);
     }
 }

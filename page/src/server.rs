@@ -27,8 +27,10 @@ use tokio::time::Sleep;
 const SEATS: usize = 128;
 /// Requests of one connection in a second at most.
 const REQUESTS: u32 = 100;
-/// Longest body of a request, bytes.
-const BODY: usize = 64 << 10;
+/// Longest body of a request that asks for a change, which has the token, bytes: a recipe with 100,000 refused frames.
+const BODY: usize = 2 << 20;
+/// Longest body of any other request, bytes.
+const LITTLE: usize = 4 << 10;
 /// Longest head of a request, bytes.
 const HEAD: usize = 16 << 10;
 /// Time for a request to come, and for an answer to go on.
@@ -283,9 +285,12 @@ async fn answer(request: hyper::Request<Incoming>, gate: &Gate, source: Arc<dyn 
     };
     let path = path.to_owned();
     let post = head.method == Method::POST;
-    let body = match tokio::time::timeout(PATIENCE, Limited::new(body, BODY).collect()).await {
+    let most = if post { BODY } else { LITTLE };
+    let body = match tokio::time::timeout(PATIENCE, Limited::new(body, most).collect()).await {
         Ok(Ok(body)) => body.to_bytes().to_vec(),
-        Ok(Err(_)) => return Answer::error(413, "a request has at most 64 KiB"),
+        Ok(Err(_)) => {
+            return Answer::error(413, "a request has at most 2 MiB: refuse fewer frames by hand");
+        }
         Err(_) => return Answer::error(408, "the request did not come to its end"),
     };
     let Some(request) = Request::new(post, &path, head.uri.query().unwrap_or(""), body) else {

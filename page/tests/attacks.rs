@@ -177,6 +177,13 @@ fn attacks_are_refused() {
     huge.resize(huge.len() + 3_000_000, b' ');
     let answer = send(at, &huge);
     assert!(["413", "none"].contains(&status(&answer)), "{answer}");
+    // A long recipe is read: 1.5 MB.
+    let length = length.replace("3000000", "1500000");
+    let mut big =
+        format!("POST /api/control HTTP/1.1\r\nHost: {at}\r\nConnection: close\r\n{length}\r\n")
+            .into_bytes();
+    big.resize(big.len() + 1_500_000, b' ');
+    assert_eq!(status(&send(at, &big)), "405");
     let long = format!("GET /{} HTTP/1.1\r\nHost: {at}\r\n\r\n", "a".repeat(100_000));
     let answer = send(at, long.as_bytes());
     assert!(["414", "431", "none"].contains(&status(&answer)), "{answer}");

@@ -113,6 +113,7 @@ export async function lab() {
       if (view.missed) notice(`${view.missed} places are not on this page (the run's folder has them)`);
       show(view);
       document.documentElement.dataset.ready = "yes";
+      if (view.more) continue;
     } catch (error) {
       failed++;
       const over = L.view && (L.view.ended || L.view.done >= L.view.of);

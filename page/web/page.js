@@ -949,9 +949,20 @@ function recipe() {
   return good ? out : null;
 }
 
+// A reduction may take minutes: it can be ended.
+async function reduction(wanted) {
+  const shown = setTimeout(() => { $("rework-cancel").hidden = false; }, 500);
+  try {
+    return await (await ask("reduction", wanted, 3600000)).json();
+  } finally {
+    clearTimeout(shown);
+    $("rework-cancel").hidden = true;
+  }
+}
+
 const loadCurve = latest(async (wanted) => {
   try {
-    const curve = await (await ask("reduction", wanted, 120000)).json();
+    const curve = await reduction(wanted);
     if (wanted.target !== R.visit.name || wanted.visit !== R.visit.number) return;
     R.now = curve;
     $("curve-why").textContent = curve.warnings.join(" · ");
@@ -1001,6 +1012,7 @@ function curveText() {
     removed && `sources left out: ${removed}`,
     `${curve.took_s.toFixed(2)} s`,
   ].filter(Boolean).join(" · ");
+  $("curve-how").textContent = curve.notes.join(" · ");
   $("curve").setAttribute("aria-label", `light curve of ${R.visit.name}: ${$("curve-text").textContent}`);
 }
 
@@ -1074,7 +1086,7 @@ async function beginRework() {
   if (S.t < visit.from_s || S.t >= visit.to_s) seek(Math.min(visit.from_s + 1, visit.to_s));
   $("rework-begin").disabled = true;
   try {
-    const usual = await (await ask("reduction", { target: visit.name, visit: visit.number }, 120000)).json();
+    const usual = await reduction({ target: visit.name, visit: visit.number });
     R.old = R.now = usual;
     $("rework-body").hidden = false;
     $("rework-channel").parentElement.hidden = false;
@@ -1231,6 +1243,7 @@ function reworkedPlace() {
 
 function wireRework() {
   $("rework-begin").addEventListener("click", beginRework);
+  $("rework-cancel").addEventListener("click", () => ask("reduction/cancel", {}).catch(complain));
   $("rework-channel").addEventListener("change", () => { curveText(); redraw("curve"); });
   for (const input of choices()) input.addEventListener("input", reduceSoon);
   $("point").addEventListener("click", () => pointing(!R.pointing));
@@ -1332,7 +1345,7 @@ function beep() {
 }
 
 function showLive(view) {
-  $("mode").textContent = view.ended ? `ended: ${view.ended}` : view.paused ? "paused" : "live";
+  $("mode").textContent = view.ended ? `ended: ${view.ended}` : view.waiting ? "waiting for Start" : view.paused ? "paused" : "live";
   $("mode").className = view.ended ? "badge" : view.paused ? "badge bad" : "badge good";
   present(view.now_s);
   devices();
@@ -1344,6 +1357,8 @@ function showLive(view) {
   $("pause").textContent = view.paused ? "Resume" : "Pause";
   for (const id of ["pause", "skip"]) { $(id).disabled = Boolean(view.ended) || !view.can_pause; $(id).title = view.can_pause ? "" : "the visits of a night that is virtual or played back are fixed"; }
   $("stop").disabled = Boolean(view.ended);
+  $("start").hidden = !view.waiting || Boolean(view.ended);
+  for (const id of ["pause", "skip"]) $(id).hidden = Boolean(view.waiting);
   const frame = view.devices[S.camera]?.frame;
   if (frame && frame.number !== S.frame?.of) loadFrame({ camera: S.camera, of: frame.number });
   else frameText();
@@ -1366,6 +1381,13 @@ async function live() {
       for (const [name, number] of Object.entries(S.seen.counts)) query.set(`c.${name}`, String(number));
       const view = await get(`live?${query}`);
       if (failed) { failed = 0; notice(""); }
+      if (S.live?.waiting && !view.waiting && !view.ended && S.live.run === view.run) {
+        // What was shown was the plan; now it is the night, which begins at another time.
+        const chosen = await about();
+        notice("the night has begun");
+        await chooseCamera(chosen.camera);
+        chooseCounter(chosen.counter);
+      }
       try {
         take(view);
       } catch (again) {
@@ -1439,6 +1461,7 @@ function wire() {
   $("after").addEventListener("click", () => stepFrame(1));
   $("pause").addEventListener("click", () => steer(S.live?.paused ? "resume" : "pause"));
   $("skip").addEventListener("click", () => steer("skip"));
+  $("start").addEventListener("click", () => steer("start"));
   $("stop").addEventListener("click", () => steer("stop"));
   $("note-form").addEventListener("submit", async (event) => { event.preventDefault(); if (await steer("note", $("note").value)) $("note").value = ""; });
   $("expose-form").addEventListener("submit", (event) => {

@@ -14,7 +14,7 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use sunglint_drivers::clock::Cancel;
+use sunglint_drivers::clock::{Cancel, utc_now};
 use sunglint_formats::text::printable;
 use sunglint_observatory::{
     Catalogue, Level, LiveState, Night, NightClock, Opener, Plan, Preflight, PreflightOptions,
@@ -60,6 +60,12 @@ pub struct ObserveArgs {
     /// Shows the night in a browser and takes commands from it: prints the address [default: 127.0.0.1 and the first free port from 8650 on]
     #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "", conflicts_with = "check")]
     pub page: Option<String>,
+    /// With --page: shows the plan and records nothing until somebody presses Start on the page
+    #[arg(long, requires = "page", conflicts_with_all = ["replay", "resume"])]
+    pub wait: bool,
+    /// A virtual night goes at the speed of time, so that it can be paused and steered; it begins now
+    #[arg(long, conflicts_with_all = ["replay", "resume", "check"])]
+    pub real_time: bool,
     /// Seconds between two lines that say how it goes [default: 1 on a terminal, else 10]
     #[arg(long, value_name = "S")]
     pub every: Option<f64>,
@@ -97,7 +103,7 @@ pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
     let page = args.page.as_deref().map(crate::page::address_of).transpose()?;
     let mut night = match (&args.night, &args.replay) {
         (_, Some(session)) => replayed(session, args.fast, args.output.as_deref())?,
-        (Some(plan), None) => planned(plan, args.output.as_deref())?.0,
+        (Some(plan), None) => from_plan(plan, args)?,
         (None, None) if let Some(session) = &args.resume => {
             Night::resumed(session, Arc::new(Catalogue), PROGRAM)?
         }
@@ -124,6 +130,16 @@ pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
         console.say("ending the session (Ctrl-C again ends the program at once)");
         token.cancel();
     })?;
+    if let (true, Some(plan), Some(state)) = (args.wait, &args.night, night.live.clone()) {
+        console.say("waiting for Start on the page; nothing is recorded yet");
+        if !state.wait(&night, &cancel) {
+            console.say("stopped before the start: nothing was recorded");
+            return Ok(());
+        }
+        // From the plan as it stands now: what begins `now` begins now.
+        night = from_plan(plan, args)?;
+        night.live = Some(state);
+    }
     if args.replay.is_none() {
         console.say(&report::clock_text(&night.manifest.clock));
     }
@@ -178,6 +194,41 @@ pub fn planned(
         None => Catalogue::of(&plan),
     };
     Ok((Night::planned(plan, opener, output, PROGRAM), made))
+}
+
+/// The night of a plan, as the arguments want it.
+fn from_plan(plan: &Path, args: &ObserveArgs) -> anyhow::Result<Night> {
+    if args.real_time {
+        return planned_in_real_time(plan, args.output.as_deref());
+    }
+    Ok(planned(plan, args.output.as_deref())?.0)
+}
+
+/// Time by which a virtual night's begin may lie before now, s: its light was computed meanwhile.
+const BEHIND_S: f64 = 120.0;
+
+/// A virtual night whose devices' clock is the computer's: it begins now, and takes its time.
+fn planned_in_real_time(path: &Path, output: Option<&Path>) -> anyhow::Result<Night> {
+    let mut made = None;
+    let plan = Plan::read_with(path, &mut |request| {
+        made = Some(VirtualNight::make(request)?.in_real_time());
+        Ok(())
+    })?;
+    let path = path.display();
+    let Some(made) = made else {
+        return Err(Usage(format!(
+            "--real-time: {path} is no virtual night, and takes its time anyway"
+        ))
+        .into());
+    };
+    let behind_s = (utc_now() - plan.from).to_seconds();
+    if !(0.0..BEHIND_S).contains(&behind_s) {
+        return Err(Usage(format!(
+            "--real-time: {path} begins at another time: leave out its `from`, or write \"now\""
+        ))
+        .into());
+    }
+    Ok(Night::planned(plan, Arc::new(made), output, PROGRAM))
 }
 
 /// A night that is played back: the same devices by the same names, the same configuration, targets and times.

@@ -1,18 +1,36 @@
 //! A virtual observatory in place of a night's devices: as fast as it can, its truth in the session.
 
+use hifitime::Epoch;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
-use sunglint_drivers::clock::{Deadline, DeviceClock, VirtualClock};
+use std::time::Duration;
+use sunglint_drivers::clock::{Clock, Deadline, DeviceClock, VirtualClock, utc_now};
 use sunglint_drivers::device::{Camera, DeviceError, PhotonCounter};
 use sunglint_observatory::{CameraPlan, CounterPlan, Opener, Slot, VirtualRequest};
 use sunglint_virtual::observatory::devices::{
     ObservatoryError, Scheduled, Stay, VirtualObservatory,
 };
 
+/// The computer's clock, counted from a moment.
+#[derive(Debug)]
+struct Since(Epoch);
+
+impl Clock for Since {
+    fn now(&self) -> Duration {
+        let passed = (utc_now() - self.0).total_nanoseconds();
+        Duration::from_nanos(u64::try_from(passed.max(0)).unwrap_or(u64::MAX))
+    }
+
+    fn sleep(&self, time: Duration) {
+        std::thread::sleep(time);
+    }
+}
+
 /// The devices of a virtual night, each on a clock of its own.
 #[derive(Debug, Clone)]
 pub struct VirtualNight {
     observatory: VirtualObservatory,
+    real_time: bool,
     clocks: Arc<Mutex<HashMap<String, Arc<VirtualClock>>>>,
 }
 
@@ -31,7 +49,12 @@ impl VirtualNight {
         let slot = |(Stay { target, from, to }, step)| Slot { target, from, to, step };
         slots.extend(stays.into_iter().zip(steps).map(slot));
         files.extend(own);
-        Ok(Self { observatory, clocks: Arc::default() })
+        Ok(Self { observatory, real_time: false, clocks: Arc::default() })
+    }
+
+    /// The same night on the computer's clock: it must begin about now.
+    pub(super) fn in_real_time(self) -> Self {
+        Self { real_time: true, ..self }
     }
 
     /// The night behind the devices.
@@ -42,6 +65,12 @@ impl VirtualNight {
 
 impl Opener for VirtualNight {
     fn clock(&self, device: &str) -> DeviceClock {
+        if self.real_time {
+            return DeviceClock {
+                clock: Arc::new(Since(self.observatory.night().start)),
+                zero_utc: None,
+            };
+        }
         let mut clocks = self.clocks.lock().unwrap_or_else(PoisonError::into_inner);
         let clock = clocks.entry(device.to_owned()).or_default().clone();
         DeviceClock { clock, zero_utc: Some(self.observatory.night().start) }

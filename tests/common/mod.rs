@@ -19,6 +19,23 @@ use std::sync::atomic::{AtomicU32, Ordering};
 /// A star that most tests ask for.
 pub const VEGA: [&str; 6] = ["star", "Vega", "--station", "ufo", "--at", "2020-11-18T18:00:00"];
 
+/// The instruments of a night that is planned: a `NIGHT.toml` without visits.
+pub const DEVICES: &str = r#"# The instruments.
+station = "ufo"
+
+[[camera]]
+name = "cam"
+device = "sim-camera"
+exposure_s = 0.5
+interval_s = 2.0
+
+[[counter]]
+name = "tagger"
+device = "sim-timetagger"
+channels = { id400 = 1, spcm = 2, mppc = 3 }
+bin_s = 0.1
+"#;
+
 /// A scene: a diffuse sphere on the orbit that many texts print, over the built-in station.
 pub const SPHERE_PASS: &str = r#"
 [target]

@@ -228,6 +228,8 @@ pub struct Fakes {
     /// On the computer's clock.
     pub real_time: bool,
     pub frame_px: usize,
+    /// The camera takes no gain above this.
+    pub most_gain: f64,
     pub clocks: Mutex<HashMap<String, Arc<VirtualClock>>>,
     pub state: Arc<Mutex<State>>,
 }
@@ -247,6 +249,7 @@ impl Fakes {
             no_camera: false,
             real_time: false,
             frame_px: 16,
+            most_gain: f64::INFINITY,
             clocks: Mutex::default(),
             state: Arc::default(),
         }
@@ -291,6 +294,7 @@ impl Fakes {
             next: 0,
             bin_ps: 0,
             frame_px: self.frame_px,
+            most_gain: self.most_gain,
             fail_after: self.fail_after,
             state: self.state.clone(),
             names: vec!["c1".into(), "c2".into(), "c3".into()],
@@ -334,6 +338,7 @@ struct Fake {
     next: u64,
     bin_ps: i64,
     frame_px: usize,
+    most_gain: f64,
     fail_after: Option<u64>,
     state: Arc<Mutex<State>>,
     names: Vec<String>,
@@ -363,6 +368,10 @@ impl Camera for Fake {
         Ok(window)
     }
     fn set_gain(&mut self, gain: f64, _: &Deadline) -> Result<f64, DeviceError> {
+        if gain > self.most_gain {
+            let (least, most) = (0.0, self.most_gain);
+            return Err(DeviceError::OutOfRange { name: "gain", asked: gain, least, most });
+        }
         Ok(gain)
     }
     fn set_temperature_c(&mut self, temperature: f64, _: &Deadline) -> Result<f64, DeviceError> {

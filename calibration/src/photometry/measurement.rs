@@ -18,6 +18,18 @@ pub enum Colour {
     Blue,
 }
 
+impl Colour {
+    /// Name of it in a sentence.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mono => "all",
+            Self::Red => "red",
+            Self::Green => "green",
+            Self::Blue => "blue",
+        }
+    }
+}
+
 /// The target in one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameMeasurement {
@@ -91,6 +103,17 @@ impl SigmaParts {
         masked: f64::NAN,
         sampling: f64::NAN,
     };
+
+    /// Those of a rate that is so many times as large.
+    pub fn times(self, factor: f64) -> Self {
+        Self {
+            target: factor * self.target,
+            pixels: factor * self.pixels,
+            background: factor * self.background,
+            masked: factor * self.masked,
+            sampling: factor * self.sampling,
+        }
+    }
 
     /// All of them together, ADU/s; without scintillation, which is common to the channels.
     pub fn total(&self) -> f64 {

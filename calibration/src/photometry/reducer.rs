@@ -87,6 +87,11 @@ impl FrameReducer {
         FrameMeasurement { planes: planes.collect(), ..without_target(frame, None) }
     }
 
+    /// Calibration of the sensor.
+    pub fn calibration(&self) -> &FrameCalibration {
+        &self.calibration
+    }
+
     /// Returns the numbers of what was removed so far.
     pub fn tally(&self) -> Tally {
         self.tally

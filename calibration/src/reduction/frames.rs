@@ -1,13 +1,15 @@
 //! The frames of a night: the sensor's faults from its dark frames, the target's place and rates from the others.
 
+use super::library::Library;
 use super::recipe::{PointedPlace, RefusedFrames};
 use super::seeing::{self, Width};
 use super::sensor::{Sensor, Taken, Used, bad_count, filter_of};
 use super::sky::Body;
+use super::wings::{self, Wings, WingsBuilder};
 use super::{ReduceError, Stay, step};
 use crate::photometry::{
-    Colour, Expected, FrameMeasurement, FrameReducer, PhotometryError, PhotometryOptions,
-    Scintillation, SigmaParts, Tally,
+    Colour, Expected, FrameCalibration, FrameMeasurement, FrameReducer, PhotometryError,
+    PhotometryOptions, Scintillation, SigmaParts, Tally,
 };
 use crate::track::Track;
 use hifitime::{Epoch, Unit};
@@ -35,6 +37,8 @@ pub struct CameraNight {
     pub curves: Vec<Option<LightCurve>>,
     /// Last measurements of each stay, with their frames: for figures.
     pub shown: Vec<Vec<Shown>>,
+    /// Light outside of an aperture that was set by hand, of each stay and setting of the camera where it is less than [`APERTURE_FWHM`] widths of a point.
+    pub wings: Vec<Vec<Wings>>,
     /// Focus and background of each stay's frames, in the order of time.
     pub looks: Vec<Vec<FrameLook>>,
     /// Numbers of what each rule removed.
@@ -49,6 +53,10 @@ pub struct CameraNight {
     pub aperture_px: [f64; 3],
     /// Calibration frames that were used.
     pub sensor: Used,
+    /// Names of the masters that were taken from the library.
+    pub from_library: Vec<String>,
+    /// Names of the masters that were added to it.
+    pub to_library: Vec<String>,
     /// Settings of exposure, gain, binning, window and filter that the frames of targets have.
     pub settings: usize,
     /// Pixels that are left out, of the setting with the most of them.
@@ -130,6 +138,8 @@ pub struct FrameOptions {
     pub aperture_from_frames: bool,
     /// Dark frames and flats in place of the session's.
     pub sensor: SensorFiles,
+    /// Masters that nights share: for what the session lacks, and of what it has.
+    pub library: Option<Library>,
     /// Places at which a person saw targets. In a visit with one the target is followed from frame to frame: on from each place to the next, and back from the
     /// first. Each frame's source nearest to the last place is taken, at most [`FOLLOW_APERTURES`] apertures away where the options allow any distance.
     pub places: Vec<PointedPlace>,
@@ -162,16 +172,22 @@ impl FrameOptions {
             altitude_m: station.site.geodetic().height_m,
             coefficient: SCINTILLATION,
         });
+        Some(Self::new(photometry))
+    }
+
+    /// Options that take the usual aperture, and the width of points from the frames.
+    pub(super) fn new(photometry: PhotometryOptions) -> Self {
         let mut options = Self {
             photometry,
             fwhm_from_frames: true,
             aperture_from_frames: true,
             sensor: SensorFiles::default(),
+            library: None,
             places: Vec::new(),
             refused: Vec::new(),
         };
         options.set_aperture(APERTURE_PX);
-        Some(options)
+        options
     }
 
     /// Sets the aperture's radius, px, and in proportion to it the annulus for the background.
@@ -183,6 +199,14 @@ impl FrameOptions {
 
 /// Frames per stay that are kept for figures.
 const SHOWN: usize = 4;
+
+/// The name by which a library knows a camera: its own, where its frames say one, else the session's.
+fn instrument(files: &[FrameFile], camera: &str) -> String {
+    let first = files.iter().find_map(|file| file.read().ok());
+    let own =
+        first.and_then(|frame| frame.header.text("INSTRUME").map(|name| name.trim().to_owned()));
+    own.filter(|name| !name.is_empty()).unwrap_or_else(|| camera.to_owned())
+}
 
 /// The stay that a time lies in.
 fn stay_at(stays: &[Stay], time: Epoch) -> Option<usize> {
@@ -207,7 +231,8 @@ pub fn camera_night(
         starts.iter().map(|start| start.and_then(|start| stay_at(stays, start))).collect();
     let mut failed = Vec::new();
     let mut options = how.photometry.clone();
-    let mut sensor = Sensor::of(&files, &stay_of, stays, &how.sensor, &mut failed);
+    let library = how.library.as_ref().map(|library| (library, instrument(&files, camera)));
+    let mut sensor = Sensor::of(&files, &stay_of, stays, &how.sensor, library, &mut failed);
     let zeniths = zeniths(&starts, &stay_of, stays, station)?;
     let mut fwhm_px = vec![options.fwhm_px; stays.len()];
     let mut widest_px = options.fwhm_px;
@@ -224,6 +249,7 @@ pub fn camera_night(
         tracks: vec![Track::default(); stays.len()],
         curves: vec![None; stays.len()],
         shown: vec![Vec::new(); stays.len()],
+        wings: vec![Vec::new(); stays.len()],
         looks: vec![Vec::new(); stays.len()],
         tally: Tally::default(),
         outside: 0,
@@ -231,6 +257,8 @@ pub fn camera_night(
         fwhm_px,
         aperture_px: [options.aperture_radius_px, options.annulus_px[0], options.annulus_px[1]],
         sensor: Used::default(),
+        from_library: Vec::new(),
+        to_library: Vec::new(),
         settings: 0,
         bad_pixels: 0,
         warnings: by_hand.warnings.clone(),
@@ -293,7 +321,8 @@ pub fn camera_night(
                 if due && seen[stay] * SHOWN / of_stay[stay].max(1) >= night.shown[stay].len() {
                     night.shown[stay].push(Shown::of(&frame, &measured, options.annulus_px));
                 }
-                rows[stay].push(Row { filter: filter_of(&frame), measured });
+                let setting = reducers.setting(&Taken::of(&frame));
+                rows[stay].push(Row { filter: filter_of(&frame), measured, file: i, setting });
             }
             Err(error) => failed.push((file.clone(), error)),
         }
@@ -301,6 +330,14 @@ pub fn camera_night(
     }
     for (stay, mut rows) in rows.into_iter().enumerate() {
         rows.sort_by_key(|row| row.measured.time);
+        night.wings[stay] = wings_of(&mut rows, &files, how, night.fwhm_px[stay], &mut reducers)?;
+        for wings in night.wings[stay].iter().filter(|wings| wings.factors.is_empty()) {
+            let Stay { target, number, .. } = &stays[stay];
+            let note = wings.note();
+            night
+                .warnings
+                .push(format!("camera {camera}: {} (visit {number}): {note}", target.name));
+        }
         let look = |row: &Row| FrameLook {
             time: row.measured.time,
             fwhm_px: row.measured.fwhm_px,
@@ -469,6 +506,43 @@ struct Row {
     measured: FrameMeasurement,
     /// The filter before the camera, where the header says it.
     filter: Option<String>,
+    /// Index of its file.
+    file: usize,
+    /// Setting of the camera.
+    setting: usize,
+}
+
+/// Measures the light outside of an aperture that was set by hand, for each setting of a visit's frames, and multiplies their rates.
+fn wings_of(
+    rows: &mut [Row],
+    files: &[FrameFile],
+    how: &FrameOptions,
+    fwhm_px: f64,
+    reducers: &mut Reducers<'_>,
+) -> Result<Vec<Wings>, ReduceError> {
+    let Some(wide) = wings::wide(how, fwhm_px) else { return Ok(Vec::new()) };
+    let settings: BTreeSet<usize> = rows.iter().map(|row| row.setting).collect();
+    let mut found = Vec::new();
+    for setting in settings {
+        let of_it = |row: &&Row| row.setting == setting && WingsBuilder::takes(&row.measured);
+        let telling: Vec<&Row> = rows.iter().filter(of_it).collect();
+        let calibration = reducers.calibration(setting)?;
+        let mut builder =
+            WingsBuilder::new(how.photometry.aperture_radius_px, wide.clone(), calibration)?;
+        for row in telling.iter().step_by(telling.len().div_ceil(wings::FRAMES).max(1)) {
+            // What cannot be read any more was read a moment ago: it tells nothing.
+            if let Ok(frame) = files[row.file].read() {
+                builder.add(&frame, &row.measured);
+            }
+        }
+        let of_it = rows.iter_mut().filter(|row| row.setting == setting);
+        let mut of_it = of_it.map(|row| &mut row.measured).peekable();
+        let colours = of_it.peek().map(|m| m.planes.iter().map(|p| p.colour).collect());
+        let wings = builder.finish(&colours.unwrap_or_else(Vec::new));
+        of_it.for_each(|measured| wings.apply(measured));
+        found.push(wings);
+    }
+    Ok(found)
 }
 
 /// A reducer for each setting of the camera.
@@ -568,12 +642,31 @@ impl<'a> Reducers<'a> {
         Ok(measured)
     }
 
+    /// Number of a setting among those that were measured.
+    fn setting(&self, taken: &Taken) -> usize {
+        self.settings.iter().position(|known| known.is_like(taken)).unwrap_or(self.settings.len())
+    }
+
+    /// Calibration of the frames of a setting.
+    fn calibration(&mut self, setting: usize) -> Result<FrameCalibration, ReduceError> {
+        let Some(taken) = self.settings.get(setting) else {
+            return Ok(FrameCalibration::default());
+        };
+        match self.held.iter().find(|held| held.taken.is_like(taken)) {
+            Some(held) => Ok(held.reducer.calibration().clone()),
+            None => self.sensor.calibration(taken),
+        }
+    }
+
     fn finish(mut self, night: &mut CameraNight) {
         for held in &self.held {
             self.tally += held.reducer.tally();
         }
         night.tally = self.tally;
         night.sensor = self.sensor.used();
+        night.from_library = std::mem::take(&mut self.sensor.from_library).into_iter().collect();
+        night.to_library = std::mem::take(&mut self.sensor.to_library).into_iter().collect();
+        night.warnings.append(&mut self.sensor.warnings);
         night.settings = self.settings.len();
         night.bad_pixels = self.bad_pixels;
         let camera = self.camera;

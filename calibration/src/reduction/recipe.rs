@@ -6,7 +6,7 @@
 use super::counts::gate;
 use super::frames::FrameOptions;
 use super::night::ReduceOptions;
-use crate::photometry::{Choice, Trail};
+use crate::photometry::{Choice, PhotometryError, PhotometryOptions, Trail};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -94,6 +94,23 @@ pub struct RecipeError {
     pub expected: &'static str,
 }
 
+impl RecipeError {
+    /// An option of the photometry that is out of its range, by its key in a recipe.
+    fn of(error: PhotometryError) -> Self {
+        let PhotometryError::Option { name, value, expected } = error else {
+            let (key, found) = ("aperture_px", error.to_string());
+            return Self { key, found, expected: "an aperture that can be measured in" };
+        };
+        let key = match name {
+            "aperture_radius_px" => "aperture_px",
+            "annulus_px (inner)" | "annulus_px (outer)" => "annulus_px",
+            "threshold_sigma" => "detect_sigma",
+            name => name,
+        };
+        Self { key, found: format!("{value}"), expected }
+    }
+}
+
 impl Recipe {
     /// Path of a session's recipe of that name; `None` for a text that is no name: letters, digits, `_` and `-`, at most 64.
     pub fn path(session: &Session, name: &str) -> Option<PathBuf> {
@@ -134,21 +151,11 @@ impl Recipe {
             }
             _ => Ok(()),
         };
-        within("aperture_px", self.aperture_px, [0.1, 1000.0], "0.1 to 1000 px")?;
-        within("fwhm_px", self.fwhm_px, [0.5, 100.0], "0.5 to 100 px")?;
-        within("detect_sigma", self.detect_sigma, [0.1, 1e6], "0.1 to 1000000")?;
-        within("min_fill", self.min_fill, [0.0, 1.0], "0 to 1")?;
-        within("max_aspect", self.max_aspect, [1.0, 1e6], "1 to 1000000")?;
-        within("max_offset_px", self.max_offset_px, [0.0, 1e6], "0 to 1000000 px")?;
         within("gate", self.gate, [1e-6, 1e6], "a number above 0, to 1000000")?;
-        if let Some([inner, outer]) = self.annulus_px {
-            let expected = "inner and outer radius, px: the inner from the aperture's to 1000, the outer at least 1 more, to 2000";
-            let least = self.aperture_px.unwrap_or(0.0);
-            if !(inner >= least && inner <= 1000.0 && outer >= inner + 1.0 && outer <= 2000.0) {
-                let found = format!("{inner}, {outer}");
-                return Err(RecipeError { key: "annulus_px", found, expected });
-            }
-        }
+        // What the measurement itself refuses, with the recipe's names.
+        let mut options = FrameOptions::new(PhotometryOptions::new([1, 1], 0.0));
+        self.apply_to_frames(&mut options);
+        options.photometry.check().map_err(RecipeError::of)?;
         if let Some([least, most]) = self.area_px
             && least > most
         {
@@ -320,6 +327,9 @@ mod tests {
             ("aperture_px = 0\n", ":1", "aperture_px"),
             ("gate = 1\naperture_px = nan\n", ":2", "aperture_px"),
             ("aperture_px = 8\nannulus_px = [7, 12]\n", ":2", "annulus_px"),
+            // Beside the usual aperture of 8 px.
+            ("annulus_px = [7, 12]\n", ":1", "annulus_px"),
+            ("detect_sigma = 0\n", ":1", "detect_sigma"),
             ("area_px = [9, 3]\n", ":1", "area_px"),
             ("visit = 1\n", ":1", "visit"),
             ("apertur_px = 8\n", ":1", "apertur_px"),
