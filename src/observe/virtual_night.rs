@@ -1,37 +1,41 @@
 //! A virtual observatory in place of a night's devices: as fast as it can, its truth in the session.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use sunglint_drivers::clock::{Deadline, DeviceClock, VirtualClock};
-use sunglint_drivers::device::{Camera, DeviceError, PhotonCounter};
-use sunglint_observatory::{CameraPlan, CounterPlan, Opener, Slot, VirtualRequest};
+use sunglint_drivers::device::{Camera, DeviceError, Mount, PhotonCounter};
+use sunglint_observatory::{CameraPlan, CounterPlan, MountPlan, Opener, Slot, VirtualRequest};
 use sunglint_virtual::observatory::devices::{
     ObservatoryError, Scheduled, Stay, VirtualObservatory,
 };
+use sunglint_virtual::together::{JoinedClock, Together};
 
 /// The devices of a virtual night, each on a clock of its own.
 #[derive(Debug, Clone)]
 pub struct VirtualNight {
     observatory: VirtualObservatory,
     clocks: Arc<Mutex<HashMap<String, Arc<VirtualClock>>>>,
+    /// Clocks that wait for each other, in a night with a mount.
+    together: Option<(Together, Arc<Mutex<HashMap<String, Weak<JoinedClock>>>>)>,
 }
 
 impl VirtualNight {
     /// The night of a `virtual.toml` with the visits of a plan, or, where that has none, with its own, which the plan then gets.
     /// The files that it was made of, and its truth, come with the configuration's files.
     pub(super) fn make(request: VirtualRequest<'_>) -> Result<Self, ObservatoryError> {
-        let VirtualRequest { file, station, from, slots, files } = request;
+        let VirtualRequest { file, station, from, slots, mounted, files } = request;
         let planned = std::mem::take(slots);
         let stay = |slot: &Slot| Stay { target: slot.target.clone(), from: slot.from, to: slot.to };
         let stays = planned.iter().map(stay).collect();
-        let made = VirtualObservatory::scheduled(file, station, from, stays)?;
+        let made = VirtualObservatory::scheduled(file, station, from, stays, mounted)?;
         let Scheduled { observatory, stays, files: own } = made;
         // The plan's own visits come back in their order, with the settings of their steps.
         let steps = planned.into_iter().map(|slot| slot.step).chain(std::iter::repeat(None));
         let slot = |(Stay { target, from, to }, step)| Slot { target, from, to, step };
         slots.extend(stays.into_iter().zip(steps).map(slot));
         files.extend(own);
-        Ok(Self { observatory, clocks: Arc::default() })
+        let together = mounted.then(|| (Together::new(), Arc::default()));
+        Ok(Self { observatory, clocks: Arc::default(), together })
     }
 
     /// The night behind the devices.
@@ -42,9 +46,30 @@ impl VirtualNight {
 
 impl Opener for VirtualNight {
     fn clock(&self, device: &str) -> DeviceClock {
+        let zero_utc = Some(self.observatory.night().start);
+        if let Some((group, members)) = &self.together {
+            let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
+            let known = members.get(device).and_then(Weak::upgrade);
+            let clock = known.unwrap_or_else(|| {
+                let clock = Arc::new(group.join());
+                members.insert(device.to_owned(), Arc::downgrade(&clock));
+                clock
+            });
+            return DeviceClock { clock, zero_utc };
+        }
         let mut clocks = self.clocks.lock().unwrap_or_else(PoisonError::into_inner);
         let clock = clocks.entry(device.to_owned()).or_default().clone();
-        DeviceClock { clock, zero_utc: Some(self.observatory.night().start) }
+        DeviceClock { clock, zero_utc }
+    }
+
+    fn mount(&self, _: &MountPlan, _: &Deadline) -> Result<Box<dyn Mount>, DeviceError> {
+        match self.observatory.mount() {
+            Some(mount) => Ok(Box::new(mount)),
+            None => Err(DeviceError::NotReady {
+                device: "virtual mount",
+                reason: "the plan of this night has no mount",
+            }),
+        }
     }
 
     fn camera(&self, _: &CameraPlan, _: &Deadline) -> Result<Box<dyn Camera>, DeviceError> {
