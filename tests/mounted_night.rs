@@ -213,6 +213,27 @@ fn a_virtual_night_with_a_mount_sees_the_same_light() {
     assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
 }
 
+/// The night of the guide runs as it stands there. Truth: in words: both stars are found, nothing is left out, the mount is parked at the end.
+#[test]
+fn the_guides_night_with_a_mount_runs() {
+    let folder = Folder::new("mounted-guide");
+    let plan = crate::common::page_toml("night.md", "mounted-virtual.toml");
+    std::fs::write(folder.path("mounted.toml"), plan).unwrap();
+    std::fs::write(folder.path("mounted-virtual.toml"), "").unwrap();
+    folder.done(&["observe", "--check", "mounted.toml"]);
+    folder.done(&["observe", "mounted.toml", "-o", "mounted", "-q"]);
+    let session = Session::open(folder.path("mounted")).unwrap();
+    let lines = mount_lines(&session);
+    for (from, to) in [(20.0, 110.0), (140.0, 230.0)] {
+        let locked = |(at, state, _): &&(f64, String, Option<f64>)| {
+            (from..to).contains(at) && state == "locked"
+        };
+        assert!(lines.iter().filter(locked).count() > 30, "{lines:?}");
+    }
+    assert_eq!(lines.last().unwrap().1, "parked");
+    folder.done(&["reduce", "mounted", "-q"]);
+}
+
 /// Truth: the rules in words.
 #[test]
 fn plans_with_a_mount_that_cannot_be() {
