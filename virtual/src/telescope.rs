@@ -282,14 +282,19 @@ impl Telescope {
         let tube = self.lock();
         let history = tube.history.as_ref()?;
         let after = history.partition_point(|(at, _)| *at <= time_s);
-        let (last_s, last) = history.get(after.checked_sub(1)?)?;
-        let angle = match history.get(after) {
-            Some((next_s, next)) => {
-                let part = (time_s - last_s) / (next_s - last_s);
-                [0, 1].map(|i| last[i] + part * (next[i] - last[i]))
+        let (last_s, last) = *history.get(after.checked_sub(1)?)?;
+        // Beyond the last place the motors' own, with their speed for the part of a step that is left.
+        let (next_s, next) = match history.get(after) {
+            Some((next_s, next)) => (*next_s, *next),
+            None => {
+                let left_s = (time_s - tube.now_s).max(0.0);
+                let now = tube.true_angles();
+                let angle = [0, 1].map(|i| now[i] + tube.motors[i].speed * left_s);
+                (tube.now_s.max(time_s), angle)
             }
-            None => *last,
         };
+        let part = if next_s > last_s { (time_s - last_s) / (next_s - last_s) } else { 1.0 };
+        let angle = [0, 1].map(|i| last[i] + part * (next[i] - last[i]));
         Some(tube.axes(angle))
     }
 
