@@ -30,7 +30,7 @@ virtual = "virtual.toml"
 [[camera]]
 name = "cam"
 device = "virtual"
-exposure_s = 0.1
+exposure_s = 0.01
 interval_s = 0.5
 window_px = [595, 419, 200, 200]
 
@@ -49,7 +49,7 @@ off = "dark"
 for_s = 20
 
 [[visit]]
-star = "Vega"
+star = "Sadr"
 for_s = 100
 
 [[visit]]
@@ -142,7 +142,7 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Truth: the same virtual night without a mount, whose targets stand where they should: the light of the star in its frames is the same within 2 % (the scintillation of 100 s, and what lies outside of 15 px in another seeing).
+/// Truth: the same virtual night without a mount, whose targets stand where they should: the light of the star in its frames is the same within 4 % (exposures of 0.01 s twinkle by some 10 %, the mean of 150 of them by 1 %).
 /// The virtual telescope shares no formula with the tracker. The satellite comes 0.05 s (some 150″) late and 20″ beside its elements, and stands within 25 px (11″) of the fibres' middle in nine of ten frames after
 /// the lock; its light, too, is that of the night without a mount, in the frames that both have, within 5 %.
 #[test]
@@ -183,7 +183,7 @@ fn a_virtual_night_with_a_mount_sees_the_same_light() {
     assert!(stars[0].iter().all(|frame| frame.1 == (200, 200)), "not windowed");
     let light = |frames: &[Seen]| mean(frames.iter().map(|frame| frame.2));
     let ratio = light(&stars[0]) / light(&stars[1]);
-    assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
+    assert!((ratio - 1.0).abs() < 0.04, "{ratio}");
 
     let passes = [&with, &without].map(|session| seen(session, TargetKind::Satellite));
     let station = Station::built_in("ufo").unwrap().unwrap();
@@ -308,7 +308,6 @@ fn star_of_now() -> String {
     let station = Station::built_in("ufo").unwrap().unwrap();
     let place = station.site.geodetic();
     let (now, earth) = (utc_now(), EarthOrientation::embedded());
-    let observer = Observer::at(now, &station.site, earth).unwrap();
     let sun = sun(now, place.latitude_deg, place.longitude_deg).enu;
     let fit = |epoch: Epoch| {
         let later = Observer::at(epoch, &station.site, earth).unwrap();
@@ -318,7 +317,6 @@ fn star_of_now() -> String {
         }
     };
     let (now_fits, soon_fits) = (fit(now), fit(now + 5.0 * Unit::Minute));
-    drop(observer);
     let stars = Catalogue::embedded().stars().iter();
     let named = stars.filter(|star| star.v_mag.is_some_and(|v| v < 4.5) && star.hip.is_some());
     let found = named
