@@ -155,10 +155,10 @@ pub enum What {
         /// Distance of the target from where it should stand in the camera's last frame, arcsec.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         seen_arcsec: Option<f64>,
-        /// What was learnt of a satellite: by how much it is ahead of its prediction, s.
+        /// Learnt time by which a satellite is ahead of its prediction, s.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         ahead_s: Option<f64>,
-        /// What was learnt of a satellite: by how much it is left of its track, arcsec.
+        /// Learnt distance of a satellite to the left of its track, arcsec.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         left_arcsec: Option<f64>,
         /// Whether this is a change of the state, not one of the lines of each second.

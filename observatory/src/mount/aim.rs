@@ -1,4 +1,4 @@
-//! What the mount's thread tells the cameras: whether the telescope is on its target.
+//! State of the telescope for the cameras: whether it is on its target.
 
 use hifitime::Epoch;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -40,7 +40,7 @@ pub struct Aim {
 }
 
 impl Aim {
-    /// Of a mount that has a camera, or none.
+    /// Makes the state of a mount that has a camera, or none.
     pub fn new(camera: Option<String>, wait: bool, acquire_s: f64) -> Self {
         Self { state: Mutex::default(), camera, wait, acquire_s }
     }
@@ -64,7 +64,7 @@ pub struct Waiting {
 }
 
 impl Waiting {
-    /// What a camera does at a target. A visit that was on its target once goes on while the mount looks for it again: a cloud costs no frames.
+    /// Decides how a camera goes on at a target. A visit that was on its target once goes on while the mount looks for it again: a cloud costs no frames.
     pub fn decide(
         &mut self,
         aim: &Aim,

@@ -1,4 +1,4 @@
-//! What the mount has to do next: the target of a visit, as a path over the site.
+//! Next thing that the mount has to do: the target of a visit, as a path over the site.
 
 use super::aim::needs_mount;
 use super::plan::MountPlan;

@@ -150,7 +150,7 @@ impl MountWork {
         done.and(stopped)
     }
 
-    /// What is in doubt is said, and nothing moves for the rest of the night.
+    /// Says a doubt; nothing moves for the rest of the night.
     fn refuse(&self, why: &str, worker: &mut Worker) -> DeviceError {
         self.tell(why, worker);
         worker.permanent = true;

@@ -1,4 +1,4 @@
-//! What the mount's camera sees, on its way from the camera's thread to the mount's.
+//! Lights that the camera of a mount sees, on their way from the thread of the camera to that of the mount.
 
 use super::plan::View;
 use crate::spots::lights;

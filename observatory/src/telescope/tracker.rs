@@ -109,7 +109,7 @@ pub struct TrackStep {
     pub error_arcsec: f64,
     /// Distance of the target from the finder's middle, arcsec, when it was seen last.
     pub seen_arcsec: Option<f64>,
-    /// What was learnt of a star: its offset from the prediction along the growing axes, arcsec.
+    /// Learnt offset of a star from the prediction along the growing axes, arcsec.
     pub held_arcsec: Option<[f64; 2]>,
     /// What was learnt: by how much the target is ahead of its prediction, s.
     pub ahead_s: f64,
