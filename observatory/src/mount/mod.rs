@@ -145,7 +145,9 @@ impl MountWork {
         // The night is over, or the mount was lost: it does not go on turning by itself.
         let stopped = mount.stop(&worker.even_so(SOON));
         if self.plan.park && stopped.is_ok() {
-            self.park(mount.as_mut(), &guard, dog.as_ref(), worker);
+            // Ctrl-C reaches the watchdog, too, which stops every motion from then on. Parking ends by itself.
+            drop(dog.take());
+            self.park(mount.as_mut(), &guard, None, worker);
         }
         done.and(stopped)
     }
