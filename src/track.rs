@@ -7,24 +7,22 @@ use crate::station::StationArgs;
 use anyhow::{Context as _, anyhow, bail};
 use clap::Args;
 use hifitime::{Epoch, Unit};
-use std::io::{BufRead as _, BufReader, Write as _};
+use std::io::{BufRead as _, Write as _};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, VirtualClock};
-use sunglint_drivers::device::{Finder, Mount, MountAxes, MountMotion, MountSite};
+use sunglint_drivers::device::{Finder, Mount, MountAxes, MountSite};
 use sunglint_ephemeris::geometry::Geometry;
 use sunglint_ephemeris::orbit::{Orbit, ReadError};
 use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_observatory::clock;
-use sunglint_observatory::telescope::watchdog::{Beat, Watched, watch};
+use sunglint_observatory::telescope::watchdog::{Beat, Process, Watched, watch};
 use sunglint_observatory::telescope::{
-    Certainty, Guard, PassPlan, SunCone, TargetPath, TrackError, TrackOptions, TrackStep, Tracker,
-    Weather, WeatherFile,
+    Certainty, Guard, Parked, PassPlan, SunCone, TargetPath, TrackError, TrackOptions, TrackStep,
+    Tracker, Weather, WeatherFile, park,
 };
 use sunglint_radiometry::sky::{EarthOrientation, Observer, SkyFrames};
 use sunglint_radiometry::station::Station;
@@ -35,8 +33,6 @@ use sunglint_virtual::telescope::{Telescope, TelescopeOptions};
 const VIRTUAL: [&str; 2] = ["virtual", "virtual-equatorial"];
 /// How long a mount may take to be opened.
 const OPEN: Duration = Duration::from_secs(30);
-/// A tracker that has said nothing for so long hangs.
-const HANGS: Duration = Duration::from_secs(4);
 
 /// Arguments of `sunglint track`.
 #[derive(Debug, Args)]
@@ -238,7 +234,8 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
     let cancel = Cancel::new();
     let token = cancel.clone();
     listen(Hangup::Ends, move || token.cancel())?;
-    let dog = Watchdog::start(&args.mount)?;
+    let program = std::env::current_exe().context("cannot find this program")?;
+    let dog = Process::start(&program, &args.mount)?;
     let mut options = options(args);
     options.watch_clock = true;
     let mut tracker =
@@ -250,53 +247,34 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
         if sky.unfit().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     let weather = sky.unfit();
-    let parked = if args.park || weather.is_some() {
-        park(mount.as_mut(), &guard, &dog, console)
+    let done = if args.park || weather.is_some() {
+        parked(mount.as_mut(), &guard, &dog, console)
     } else {
         Ok(())
     };
-    dog.done();
+    drop(dog);
     finish(args, console, &mut report, ended, &lines.steps)?;
-    parked?;
+    done?;
     match weather {
         Some(why) => Err(anyhow!("it was stopped, because the weather is not fit: {why}")),
         None => Ok(()),
     }
 }
 
-/// Longest time that parking may take.
-const PARKS: Duration = Duration::from_secs(180);
-
-/// Parks a mount that stands. Where it parks, and on which way, only the mount knows: while the Sun is up it stays where it is.
-fn park(
+/// Parks a mount that stands, and says how that went.
+fn parked(
     mount: &mut dyn Mount,
     guard: &Guard,
-    dog: &Watchdog,
+    dog: &Process,
     console: Console,
 ) -> anyhow::Result<()> {
-    let now = Epoch::now().context("the system has no clock")?;
-    let later = now + 3.0 * Unit::Minute;
-    if guard.cone_holds(&guard.sun(now)) || guard.cone_holds(&guard.sun(later)) {
-        console.warn("the mount stands and is not parked: the Sun is up, and the way to its park is not known; park it by hand");
-        return Ok(());
+    let done = park(mount, guard, &DeviceClock::live(), &mut || dog.tick());
+    match done.context("it is not known whether the mount is parked")? {
+        Parked::Parked => console.say(Parked::Parked.text()),
+        Parked::SunIsUp => console.warn(Parked::SunIsUp.text()),
+        Parked::TooSlow => bail!("{}", Parked::TooSlow.text()),
     }
-    let soon = || Deadline::within(Duration::from_secs(5));
-    mount.set_parked(true, &soon()).context("it was not parked")?;
-    let begun = Instant::now();
-    loop {
-        dog.tick();
-        let reading =
-            mount.reading(&soon()).context("it is not known whether the mount is parked")?;
-        if reading.motion == MountMotion::Parked {
-            console.say("the mount is parked");
-            return Ok(());
-        }
-        if begun.elapsed() > PARKS {
-            mount.stop(&soon())?;
-            bail!("the mount was not parked within {:.0} s: it was stopped", PARKS.as_secs_f64());
-        }
-        std::thread::sleep(Duration::from_millis(200));
-    }
+    Ok(())
 }
 
 /// The weather, looked at every five seconds; bad weather stays.
@@ -465,69 +443,6 @@ impl Lines {
             self.shown = Some(Instant::now());
             self.console.say(&step_text(step));
         }
-    }
-}
-
-/// The watchdog's process, and the thread that tells it that we live.
-struct Watchdog {
-    child: Child,
-    last_ms: Arc<AtomicU64>,
-    done: Arc<AtomicBool>,
-    begun: Instant,
-    thread: Option<std::thread::JoinHandle<()>>,
-}
-
-impl Watchdog {
-    /// Starts it and waits until it holds its own connection.
-    fn start(mount: &str) -> anyhow::Result<Self> {
-        let program = std::env::current_exe().context("cannot find this program")?;
-        let mut child = Command::new(program)
-            .args(["mount-watchdog", mount])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .context("cannot start the watchdog")?;
-        let (Some(stdout), Some(mut stdin)) = (child.stdout.take(), child.stdin.take()) else {
-            bail!("the watchdog has no pipes");
-        };
-        let mut line = String::new();
-        let read = BufReader::new(stdout).read_line(&mut line);
-        if read.is_err() || line.trim() != "ready" {
-            let _ = child.wait();
-            bail!(
-                "the watchdog cannot reach the mount over a connection of its own: nothing is moved"
-            );
-        }
-        let begun = Instant::now();
-        let (last_ms, done) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
-        let (last, end) = (last_ms.clone(), done.clone());
-        let thread = std::thread::spawn(move || {
-            while !end.load(Ordering::SeqCst) {
-                let age = begun
-                    .elapsed()
-                    .saturating_sub(Duration::from_millis(last.load(Ordering::SeqCst)));
-                // A tracker that hangs is as good as dead.
-                if age < HANGS && stdin.write_all(b"a\n").and_then(|()| stdin.flush()).is_err() {
-                    return;
-                }
-                std::thread::sleep(Duration::from_millis(100));
-            }
-            let _ = stdin.write_all(b"d\n").and_then(|()| stdin.flush());
-        });
-        Ok(Self { child, last_ms, done, begun, thread: Some(thread) })
-    }
-
-    fn tick(&self) {
-        let now = u64::try_from(self.begun.elapsed().as_millis()).unwrap_or(u64::MAX);
-        self.last_ms.store(now, Ordering::SeqCst);
-    }
-
-    fn done(mut self) {
-        self.done.store(true, Ordering::SeqCst);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-        let _ = self.child.wait();
     }
 }
 

@@ -25,6 +25,7 @@ mod lab;
 mod licences;
 mod long_night;
 mod long_reduce;
+mod mounted_night;
 mod names;
 mod observe;
 mod output;

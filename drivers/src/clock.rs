@@ -18,6 +18,10 @@ pub trait Clock: Send + Sync + fmt::Debug {
     fn now(&self) -> Duration;
     /// Returns once `time` has passed.
     fn sleep(&self, time: Duration);
+    /// Longest sleep between two looks at a cancel token.
+    fn longest_sleep(&self) -> Duration {
+        SLICE
+    }
 }
 
 /// UTC of the computer's clock as it stands now: it steps when somebody sets it.
@@ -244,7 +248,7 @@ impl Deadline {
             if left.is_zero() {
                 return Ok(());
             }
-            self.clock.sleep(left.min(self.slice()?));
+            self.clock.sleep(left.min(self.remaining()?).min(self.clock.longest_sleep()));
         }
     }
 }

@@ -1,5 +1,6 @@
 //! A camera's thread: frames from start to start, set as each visit asks.
 
+use super::mount::{Aim, Ready, Sights, Waiting};
 use super::movers::Before;
 use super::plan::CameraPlan;
 use super::pointing::Pointing;
@@ -9,11 +10,12 @@ use super::worker::{READY, SOON, Worker};
 use hifitime::Epoch;
 use serde_json::json;
 use std::collections::HashMap;
+use std::sync::Arc;
 use std::time::Duration;
 use sunglint_drivers::clock::clock_offset_s;
 use sunglint_drivers::device::{Camera, DeviceError, Limits, Window};
 use sunglint_formats::Frame;
-use sunglint_formats::session::{FRAME_NUMBER, TargetKind, What};
+use sunglint_formats::session::{FRAME_NUMBER, Target, TargetKind, What};
 use sunglint_formats::toml::{Finite, Positive};
 
 /// How much longer than its exposure and the longest readout so far a frame may take.
@@ -31,6 +33,8 @@ const FLAT_NEAR: [f64; 2] = [0.6, 1.5];
 const LOOK: Duration = Duration::from_millis(20);
 /// How long a camera waits for a wheel or rotator that is lost, before it takes frames all the same.
 const LOST: Duration = Duration::from_secs(5);
+/// How often a camera that waits for the mount looks at it.
+const AIM: Duration = Duration::from_millis(100);
 
 /// A camera at work.
 #[derive(Debug)]
@@ -53,6 +57,11 @@ pub struct CameraWork {
     barred: Option<u32>,
     /// Exposures of flats, s, by filter: as the light asked for last.
     flat_s: HashMap<Option<String>, f64>,
+    /// The mount that it waits for, and what it remembers of it.
+    aim: Option<Arc<Aim>>,
+    waiting: Waiting,
+    /// Where its frames go for the mount.
+    sights: Option<Arc<Sights>>,
 }
 
 /// What a camera does next.
@@ -67,6 +76,8 @@ struct Now {
     changes: bool,
     /// Angle of the rotators, degrees.
     angle_deg: Option<f64>,
+    /// The visit's target.
+    target: Option<Target>,
 }
 
 impl CameraWork {
@@ -83,7 +94,15 @@ impl CameraWork {
             taken: HashMap::new(),
             barred: None,
             flat_s: HashMap::new(),
+            aim: None,
+            waiting: Waiting::default(),
+            sights: None,
         }
+    }
+
+    /// Waits for a mount, and shows it its frames where `sights` are given.
+    pub fn behind_mount(&mut self, aim: Arc<Aim>, sights: Option<Arc<Sights>>) {
+        (self.aim, self.sights) = (Some(aim), sights);
     }
 
     /// Goes on after the frame of a number; of the step in its course it has so many frames.
@@ -99,6 +118,9 @@ impl CameraWork {
         self.set = None;
         self.prepare(camera.as_mut(), &base, worker).map_err(|error| worker.setting(error))?;
         worker.opened(camera.as_mut())?;
+        if let Some(sights) = &self.sights {
+            sights.sensor(camera.sensor_px());
+        }
         self.told = None;
         let mut grid = Grid::default();
         let mut works = false;
@@ -112,6 +134,17 @@ impl CameraWork {
             if self.rests(&now, worker) {
                 self.rest(now.to, worker);
                 continue;
+            }
+            match self.aims(&now, worker) {
+                Ready::Record => {}
+                Ready::Wait => {
+                    let _ = worker.within(Duration::MAX).sleep(AIM);
+                    continue;
+                }
+                Ready::Look => {
+                    self.look(camera.as_mut(), &now, worker)?;
+                    continue;
+                }
             }
             if !self.is_set(camera.as_mut(), &now, worker)? {
                 continue;
@@ -161,6 +194,11 @@ impl CameraWork {
                 self.refuse("the wheel or the rotator before it moved during the exposure", worker);
                 continue;
             }
+            if let Some(sights) =
+                self.sights.as_ref().filter(|_| now.exposing.frame_type == "light")
+            {
+                sights.see(&frame, camera.sensor_px());
+            }
             let counts = self.follow_light(&now, exposure_s, &frame, camera.limits());
             self.hand_over(frame, &now.exposing, worker);
             if let Some(step) = now.step.filter(|_| counts) {
@@ -170,6 +208,49 @@ impl CameraWork {
         if let Some(before) = before {
             self.tell_short(&before, worker);
         }
+        Ok(())
+    }
+
+    /// Whether the telescope is on the visit's target.
+    fn aims(&mut self, now: &Now, worker: &Worker) -> Ready {
+        let Some(aim) = &self.aim else { return Ready::Record };
+        self.waiting.decide(aim, &self.plan.name, now.target.as_ref(), worker.clock.utc())
+    }
+
+    /// Takes a frame of the whole sensor for the mount, which looks for its target. It is not recorded.
+    fn look(
+        &mut self,
+        camera: &mut dyn Camera,
+        now: &Now,
+        worker: &mut Worker,
+    ) -> Result<(), DeviceError> {
+        let mut whole = now.exposing.plan.clone();
+        if whole.binning.is_none_or(|binning| binning == 1) {
+            (whole.window_px, whole.binning) = (None, None);
+        }
+        self.prepare(camera, &whole, worker).map_err(|error| worker.setting(error))?;
+        self.tell_type(camera, now.exposing.frame_type, worker)?;
+        let exposure_s = whole.exposure_s.get();
+        let readout = self.readout.unwrap_or(READOUT);
+        let most = seconds(exposure_s).saturating_add(readout).saturating_add(LATE);
+        let busy = seconds(exposure_s).saturating_add(self.readout.unwrap_or_default());
+        let begun = worker.clock.clock.now();
+        match camera.expose(exposure_s, &worker.within_of(most, busy)) {
+            Ok(frame) => {
+                if let Some(sights) = &self.sights {
+                    sights.see(&frame, camera.sensor_px());
+                }
+            }
+            Err(error @ DeviceError::NotOurs { .. }) => {
+                self.refuse(&error.to_string(), worker);
+                (self.set, self.told) = (None, None);
+            }
+            Err(error) => return Err(error),
+        }
+        // As often as the visit asks for frames.
+        let took = worker.clock.clock.now().saturating_sub(begun);
+        let left = whole.interval_s.map(|interval| seconds(interval.get()).saturating_sub(took));
+        let _ = worker.within(Duration::MAX).sleep(left.unwrap_or_default());
         Ok(())
     }
 
@@ -190,7 +271,8 @@ impl CameraWork {
         });
         let setting = schedule.setting(utc).and_then(|slot| slot.step.as_ref());
         let angle_deg = setting.and_then(|step| step.rotator_deg);
-        Now { exposing, step, to, changes, angle_deg }
+        let target = planned.map(|slot| slot.target.clone());
+        Now { exposing, step, to, changes, angle_deg, target }
     }
 
     /// Whether it takes no frame now: it has all of the step, cannot be set for it, or the next would not end before something else begins.

@@ -2,7 +2,7 @@
 //!
 //! Each device has a thread of its own on a clock of its own, and waits for no other: not for a target to be found, not for the
 //! display; a camera waits for the wheel before it. All data go to the one thread that writes. Where the telescope points is a function of time
-//! ([`Schedule`]); nothing waits for the mount: [`telescope`] is not part of a night yet.
+//! ([`Schedule`]); a [`mount`] is brought there, and cameras wait until it is on its target.
 //!
 //! - [`Plan`]: NIGHT.toml: station, devices, targets and their times;
 //! - [`preflight`]: whether a night can be what its plan says, before it begins;
@@ -55,6 +55,7 @@ mod counter;
 mod disk;
 mod films;
 pub mod live;
+pub mod mount;
 mod movers;
 mod night;
 mod opener;
@@ -68,6 +69,7 @@ mod room;
 mod saturation;
 mod schedule;
 mod sequence;
+mod spots;
 mod status;
 mod tags;
 pub mod telescope;
@@ -75,6 +77,7 @@ mod worker;
 
 pub use films::Films;
 pub use live::{Control, ControlError, LiveState};
+pub use mount::MountPlan;
 pub use night::{Incomplete, Night, NightError, Summary};
 pub use opener::{Catalogue, Opener};
 pub use plan::{
@@ -87,4 +90,4 @@ pub use preflight::{Level, PlanFinding, Preflight, PreflightOptions, preflight};
 pub use replay::ReplayError;
 pub use schedule::{Schedule, Slot};
 pub use sequence::{CameraSetup, Exposing, Step};
-pub use status::{DeviceStatus, LastFrame, Snapshot, State, free_bytes};
+pub use status::{DeviceStatus, LastFrame, MountStatus, Snapshot, State, free_bytes};

@@ -199,6 +199,7 @@ fn device_of(what: &What) -> Option<String> {
         | What::DeviceLost { device, .. }
         | What::DeviceBack { device, .. }
         | What::DeviceFailed { device, .. }
+        | What::Mount { device, .. }
         | What::FramesRefused { device, .. } => Some(device.clone()),
         _ => None,
     }
@@ -237,6 +238,7 @@ fn event_text(event: &Event) -> (String, String) {
         What::FramesRefused { device, frames, error } => {
             format!("{frames} frames of {device} refused so far: {error}")
         }
+        What::Mount { device, state, .. } => format!("{device}: {state}"),
         What::Error { about, error } => format!("{about}: {error}"),
         What::Control { action, text } if text.is_empty() => action.clone(),
         What::Control { action, text } => format!("{action}: {text}"),
@@ -350,6 +352,19 @@ pub struct LiveHealth {
     pub rates_hz: Vec<(String, f64)>,
     /// Last frame of a camera.
     pub frame: Option<LiveFrame>,
+    /// Where a mount stands.
+    pub mount: Option<LiveMount>,
+}
+
+/// Where a mount stands.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LiveMount {
+    /// State: `slewing`, `waiting`, `predicted`, `searching`, `locked`, `coasting`, `stopped`, `parking` or `parked`.
+    pub state: String,
+    /// Distance of the mount from where the target is believed to be, arcsec.
+    pub error_arcsec: Option<f64>,
+    /// Distance of the target from where it should stand in the last frame, arcsec.
+    pub seen_arcsec: Option<f64>,
 }
 
 /// State of a night, and what came since a reader asked last.
@@ -469,6 +484,10 @@ impl LiveState {
     }
 
     pub(crate) fn event(&self, utc: Epoch, what: &What) {
+        // The lines of each second are in the state of the mount.
+        if matches!(what, What::Mount { changed: false, .. }) {
+            return;
+        }
         self.hand_over(Update::Event(Event { utc, what: what.clone() }));
     }
 
@@ -673,6 +692,11 @@ impl LiveState {
                 refused: device.refused,
                 rates_hz: device.rates_hz.clone(),
                 frame,
+                mount: device.mount.as_ref().map(|mount| LiveMount {
+                    state: mount.state.clone(),
+                    error_arcsec: mount.error_arcsec,
+                    seen_arcsec: mount.seen_arcsec,
+                }),
             };
             (name.clone(), health)
         });

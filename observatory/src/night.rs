@@ -6,6 +6,7 @@ use super::counter::CounterWork;
 use super::disk;
 use super::films::Films;
 use super::live::{Asked, Control, ControlError, LiveState};
+use super::mount::{Aim, MountPlan, MountWork, Sights};
 use super::movers::{Before, RotatorWork, Stands, WheelWork};
 use super::opener::Opener;
 use super::plan::{CameraPlan, CounterPlan, NightClock, Plan, PlanError, RotatorPlan, WheelPlan};
@@ -64,6 +65,10 @@ pub struct Night {
     pub wheels: Vec<WheelPlan>,
     /// The rotators.
     pub rotators: Vec<RotatorPlan>,
+    /// The mount, where one points the telescope.
+    pub mount: Option<MountPlan>,
+    /// This program, which is the mount's watchdog, too: `PROGRAM mount-watchdog ADDRESS`. Without it no real mount is moved.
+    pub watchdog: Option<PathBuf>,
     /// Where they come from.
     pub opener: Arc<dyn Opener>,
     /// Where the telescope looks.
@@ -252,6 +257,8 @@ impl Night {
             counters: plan.counters,
             wheels: plan.wheels,
             rotators: plan.rotators,
+            mount: plan.mount,
+            watchdog: None,
             opener,
             schedule: plan.schedule,
             end: match plan.clock {
@@ -347,7 +354,24 @@ impl Night {
             again_in: Duration::ZERO,
             permanent: false,
         };
+        // All clocks are there before the first of them runs: of some nights they wait for each other.
+        let clocks: Vec<DeviceClock> = self.all_names().map(|n| self.opener.clock(n)).collect();
         let mut threads: Vec<JoinHandle<()>> = Vec::new();
+        let aim = self
+            .mount
+            .as_ref()
+            .map(|mount| Arc::new(Aim::new(mount.camera.clone(), mount.wait, mount.acquire_s())));
+        let view = self.mount.as_ref().and_then(|mount| mount.view(&self.station));
+        let sights = view.map(|view| Arc::new(Sights::new(view)));
+        if let (Some(mount), Some(aim)) = (&self.mount, &aim) {
+            let (station, aim, program) =
+                (self.station.clone(), aim.clone(), self.watchdog.clone());
+            let frame_s = self.frame_s(mount.camera.as_deref());
+            let mut work =
+                MountWork::new(mount.clone(), station, aim, sights.clone(), frame_s, program);
+            let worker = worker(&mount.name);
+            threads.push(thread(&mount.name, move || worker.supervise(|worker| work.run(worker)))?);
+        }
         let stands = Arc::new(Stands::default());
         for plan in &self.wheels {
             let mut work = WheelWork::new(plan.clone(), &self.cameras, stands.clone());
@@ -370,6 +394,10 @@ impl Night {
             };
             let pointing = Pointing::new(self.station.clone());
             let mut work = CameraWork::new(plan.clone(), pointing, standing);
+            if let (Some(aim), Some(mount)) = (&aim, &self.mount) {
+                let own = mount.camera.as_ref() == Some(&plan.name);
+                work.behind_mount(aim.clone(), sights.clone().filter(|_| own));
+            }
             if let Some(before) = &before {
                 let number = before.numbers.get(&plan.name).copied().unwrap_or(0);
                 work.go_on(number, self.taken_in(&plan.name, before.step));
@@ -383,6 +411,7 @@ impl Night {
             let worker = worker(&plan.name);
             threads.push(thread(&plan.name, move || worker.supervise(|worker| work.run(worker)))?);
         }
+        drop(clocks);
         let told = before.and_then(|before| before.target);
         let mut watch = Watch {
             night: &self,
@@ -438,6 +467,26 @@ impl Night {
         Some((number, u32::try_from(of_it.count()).unwrap_or(u32::MAX)))
     }
 
+    /// Longest time from one frame of a camera to the next, s, as planned.
+    fn frame_s(&self, camera: Option<&str>) -> f64 {
+        let of_it = |plan: &&CameraPlan| Some(plan.name.as_str()) == camera;
+        let Some(plan) = self.cameras.iter().find(of_it) else { return 1.0 };
+        let steps = self.schedule.slots().iter().map(|slot| slot.step.as_deref());
+        let every_s = |step| {
+            let set = Exposing::of(plan, None, step).plan;
+            set.interval_s.map_or(set.exposure_s.get() + 0.5, |interval| interval.get())
+        };
+        steps.map(every_s).fold(every_s(None), f64::max)
+    }
+
+    /// Names of all devices.
+    fn all_names(&self) -> impl Iterator<Item = &str> {
+        let wheels = self.wheels.iter().map(|plan| plan.name.as_str());
+        let rotators = self.rotators.iter().map(|plan| plan.name.as_str());
+        let mount = self.mount.iter().map(|plan| plan.name.as_str());
+        self.names().chain(wheels).chain(rotators).chain(mount)
+    }
+
     fn names(&self) -> impl Iterator<Item = &str> {
         let cameras = self.cameras.iter().map(|plan| plan.name.as_str());
         cameras.chain(self.counters.iter().map(|plan| plan.name.as_str()))
@@ -457,6 +506,7 @@ impl Night {
             failed: {
                 let wheels = self.wheels.iter().map(|wheel| wheel.name.as_str());
                 let movers = wheels.chain(self.rotators.iter().map(|r| r.name.as_str()));
+                let movers = movers.chain(self.mount.iter().map(|mount| mount.name.as_str()));
                 let all = self.names().chain(movers);
                 all.filter_map(|name| failure(name, of(name).state)).collect()
             },

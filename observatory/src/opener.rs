@@ -1,12 +1,15 @@
 //! Source of a night's devices: the catalogue of drivers, or anything else that stands in for them.
 
 use super::films::Films;
+use super::mount::MountPlan;
 use super::plan::{CameraPlan, CounterPlan, NightClock, Plan, RotatorPlan, WheelPlan};
 use std::fmt;
 use std::sync::Arc;
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Deadline, DeviceClock};
-use sunglint_drivers::device::{Camera, DeviceError, FilterWheel, PhotonCounter, RotationStage};
+use sunglint_drivers::device::{
+    Camera, DeviceError, FilterWheel, Mount, PhotonCounter, RotationStage,
+};
 
 /// Makes the devices of a night. A device that fails is asked for again, so that each call opens it anew.
 ///
@@ -59,6 +62,15 @@ pub trait Opener: Send + Sync + fmt::Debug {
     ) -> Result<Box<dyn RotationStage>, DeviceError> {
         let _ = deadline;
         Err(another_kind(&plan.device, "device of this night, which has no rotators"))
+    }
+
+    /// Opens the mount.
+    ///
+    /// # Errors
+    /// See [`DeviceError`]; of an opener without a mount always.
+    fn mount(&self, plan: &MountPlan, deadline: &Deadline) -> Result<Box<dyn Mount>, DeviceError> {
+        let _ = deadline;
+        Err(another_kind(&plan.device, "device of this night, which has no mount"))
     }
 
     /// Whether a counter can hand over its time tags; asked before the night begins.
@@ -155,6 +167,13 @@ impl Opener for Catalogue {
         match Self::open(&plan.device, &plan.with, deadline)? {
             AnyDevice::RotationStage(stage) => Ok(stage),
             _ => Err(another_kind(&plan.device, "rotator")),
+        }
+    }
+
+    fn mount(&self, plan: &MountPlan, deadline: &Deadline) -> Result<Box<dyn Mount>, DeviceError> {
+        match Self::open(&plan.device, &plan.with, deadline)? {
+            AnyDevice::Mount(mount) => Ok(mount),
+            _ => Err(another_kind(&plan.device, "mount")),
         }
     }
 

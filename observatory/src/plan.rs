@@ -1,5 +1,6 @@
 //! Plan of a night (NIGHT.toml): station, devices, targets and their times.
 
+use super::mount::MountPlan;
 use super::schedule::{Schedule, Slot};
 use super::sequence::{CameraSetup, Exposing, Step};
 use hifitime::Epoch;
@@ -76,6 +77,8 @@ pub struct VirtualRequest<'a> {
     pub from: Epoch,
     /// The stays of the plan, in time. Where there are none the virtual night's own go here.
     pub slots: &'a mut Vec<Slot>,
+    /// Whether the plan has a mount, which then decides where the telescope points.
+    pub mounted: bool,
     /// The files of the configuration: the virtual night adds its own.
     pub files: &'a mut Vec<(String, Vec<u8>)>,
 }
@@ -121,6 +124,8 @@ struct PlanFile {
     wheels: Vec<WheelPlan>,
     #[serde(default, rename = "rotator")]
     rotators: Vec<RotatorPlan>,
+    #[serde(default)]
+    mount: Option<MountPlan>,
     #[serde(default, rename = "visit")]
     visits: Vec<Visit>,
 }
@@ -388,6 +393,8 @@ pub struct Plan {
     pub wheels: Vec<WheelPlan>,
     /// The rotators.
     pub rotators: Vec<RotatorPlan>,
+    /// The mount, where one points the telescope.
+    pub mount: Option<MountPlan>,
     /// Where the telescope looks, and when.
     pub schedule: Schedule,
     /// Clock that the night runs on.
@@ -445,6 +452,15 @@ impl Plan {
             Some(session) => Station::of_session(session)?,
             None => station(document, &written.station)?,
         };
+        let names: Vec<String> = written.cameras.iter().map(|camera| camera.name.clone()).collect();
+        if let Some(mount) = &mut written.mount {
+            if clock == NightClock::Recording {
+                let expected = "no mount: the cameras are recordings";
+                return Err(document.error_at("mount", expected).into());
+            }
+            let is_virtual = written.virtual_night.is_some();
+            mount.check(document, &names, is_virtual, station.camera.is_some())?;
+        }
         for (path, _) in &station.sources {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             files.push((format!("station/{name}"), sunglint_formats::read::bytes(path)?));
@@ -494,7 +510,9 @@ impl Plan {
         if let Some(file) = &written.virtual_night {
             let file = document.resolve(file);
             let (slots, files) = (&mut slots, &mut files);
-            let request = VirtualRequest { file: &file, station: &station, from, slots, files };
+            let mounted = written.mount.is_some();
+            let station = &station;
+            let request = VirtualRequest { file: &file, station, from, slots, mounted, files };
             make_virtual(request).map_err(PlanError::Virtual)?;
         }
         let visits = written.visits.iter().flat_map(|visit| [&visit.from, &visit.to]);
@@ -519,6 +537,7 @@ impl Plan {
             counters: written.counters,
             wheels: written.wheels,
             rotators: written.rotators,
+            mount: written.mount,
             schedule: Schedule::new(slots),
             clock,
             in_utc,
@@ -555,18 +574,20 @@ impl Plan {
         let wheels = self.wheels.iter().map(|w| (DeviceKind::Wheel, &w.name, &w.device, &w.with));
         let rotators =
             self.rotators.iter().map(|r| (DeviceKind::Rotator, &r.name, &r.device, &r.with));
-        let movers = wheels.chain(rotators).map(|(kind, name, address, options)| Device {
-            name: name.clone(),
-            kind,
-            address: address.clone(),
-            options: options.clone(),
-            channels: vec![],
-            inputs: vec![],
-            raw_tags: false,
-            exposure_s: 0.0,
-            interval_s: None,
-            filter: None,
-        });
+        let mounts = self.mount.iter().map(|m| (DeviceKind::Mount, &m.name, &m.device, &m.with));
+        let movers =
+            wheels.chain(rotators).chain(mounts).map(|(kind, name, address, options)| Device {
+                name: name.clone(),
+                kind,
+                address: address.clone(),
+                options: options.clone(),
+                channels: vec![],
+                inputs: vec![],
+                raw_tags: false,
+                exposure_s: 0.0,
+                interval_s: None,
+                filter: None,
+            });
         cameras.chain(counters).chain(movers).collect()
     }
 

@@ -3,6 +3,7 @@
 //! Each visit is held against the sky, each device's settings against its own ranges, the bytes of the night against the disk. Nothing is set or moved.
 
 use super::clock;
+use super::mount::check_mount;
 use super::movers::behind;
 use super::opener::Opener;
 use super::plan::{CameraPlan, CounterPlan, NightClock, Plan, RotatorPlan, WheelPlan};
@@ -133,19 +134,19 @@ impl Preflight {
         self.of(Level::Error).next().is_none()
     }
 
-    fn find(&mut self, level: Level, about: &str, text: impl Into<String>) {
+    pub(crate) fn find(&mut self, level: Level, about: &str, text: impl Into<String>) {
         self.findings.push(PlanFinding { level, about: about.to_owned(), text: text.into() });
     }
 
-    fn error(&mut self, about: &str, text: impl Into<String>) {
+    pub(crate) fn error(&mut self, about: &str, text: impl Into<String>) {
         self.find(Level::Error, about, text);
     }
 
-    fn warning(&mut self, about: &str, text: impl Into<String>) {
+    pub(crate) fn warning(&mut self, about: &str, text: impl Into<String>) {
         self.find(Level::Warning, about, text);
     }
 
-    fn fine(&mut self, about: &str, text: impl Into<String>) {
+    pub(crate) fn fine(&mut self, about: &str, text: impl Into<String>) {
         self.find(Level::Fine, about, text);
     }
 }
@@ -160,6 +161,7 @@ pub fn preflight(plan: &Plan, opener: &Arc<dyn Opener>, options: &PreflightOptio
     for (number, visit) in plan.schedule.visits().iter().enumerate() {
         check_visit(number + 1, visit, plan, options, &mut found);
     }
+    check_mount(plan, opener, options, &mut found);
     check_saturation(plan, options, &mut found);
     check_channels(plan, &mut found);
     let sensors = opened.map_or_else(Vec::new, |opened| opened.finish(plan, options, &mut found));

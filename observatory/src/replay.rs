@@ -76,6 +76,8 @@ impl Night {
             wheels: vec![],
             ends_with_visits: false,
             resumes: false,
+            mount: None,
+            watchdog: None,
             rotators: vec![],
         })
     }
@@ -86,7 +88,7 @@ fn devices(manifest: &Manifest) -> Result<(Vec<CameraPlan>, Vec<CounterPlan>), R
     let (mut cameras, mut counters) = (Vec::new(), Vec::new());
     for device in &manifest.devices {
         // Where wheels and rotators stood is in the headers of the frames.
-        if matches!(device.kind, DeviceKind::Wheel | DeviceKind::Rotator) {
+        if matches!(device.kind, DeviceKind::Wheel | DeviceKind::Rotator | DeviceKind::Mount) {
             continue;
         }
         let (name, address) = (device.name.clone(), device.address.clone());
@@ -106,7 +108,7 @@ fn devices(manifest: &Manifest) -> Result<(Vec<CameraPlan>, Vec<CounterPlan>), R
                 plan.raw_tags = device.raw_tags;
                 counters.push(plan);
             }
-            DeviceKind::Wheel | DeviceKind::Rotator => {}
+            DeviceKind::Wheel | DeviceKind::Rotator | DeviceKind::Mount => {}
         }
     }
     Ok((cameras, counters))

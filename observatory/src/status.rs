@@ -61,6 +61,17 @@ pub struct LastFrame {
     pub brightest_px: Option<[f64; 2]>,
 }
 
+/// Where a mount stands.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct MountStatus {
+    /// State, as the log has it.
+    pub state: String,
+    /// Distance of the mount from where the target is believed to be, arcsec.
+    pub error_arcsec: Option<f64>,
+    /// Distance of the target from where it should stand in the last frame, arcsec.
+    pub seen_arcsec: Option<f64>,
+}
+
 /// Status of a device.
 #[derive(Debug, Clone, Default)]
 pub struct DeviceStatus {
@@ -76,6 +87,8 @@ pub struct DeviceStatus {
     pub rates_hz: Vec<(String, f64)>,
     /// The last frame of a camera.
     pub frame: Option<LastFrame>,
+    /// Where a mount stands.
+    pub mount: Option<MountStatus>,
     recent: VecDeque<CountRecord>,
 }
 
@@ -147,6 +160,11 @@ impl Status {
         let status = shared.devices.entry(camera.to_owned()).or_default();
         status.taken += 1;
         status.frame = Some(last);
+    }
+
+    /// A mount's state.
+    pub fn mount(&self, device: &str, mount: MountStatus) {
+        self.shared().devices.entry(device.to_owned()).or_default().mount = Some(mount);
     }
 
     /// A counter's bins came.

@@ -27,6 +27,12 @@ pub fn status_text(snapshot: &Snapshot) -> String {
                 let _ = write!(text, " at {x:+.1} {y:+.1} px");
             }
         }
+        if let Some(mount) = &device.mount {
+            let _ = write!(text, " {}", mount.state);
+            if let Some(error) = mount.seen_arcsec.or(mount.error_arcsec) {
+                let _ = write!(text, " {error:.1}″");
+            }
+        }
     }
     if let Some(free) = snapshot.free_bytes {
         let _ = write!(text, "  | {:.1} GB free", free as f64 * 1e-9);
@@ -58,6 +64,13 @@ pub fn status_json(snapshot: &Snapshot) -> Value {
                 "brightest_px": frame.brightest_px,
             })
         });
+        let mount = device.mount.as_ref().map(|mount| {
+            json!({
+                "state": mount.state,
+                "error_arcsec": mount.error_arcsec,
+                "seen_arcsec": mount.seen_arcsec,
+            })
+        });
         let value = json!({
             "state": device.state.word(),
             "error": error,
@@ -66,6 +79,7 @@ pub fn status_json(snapshot: &Snapshot) -> Value {
             "refused": device.refused,
             "rates_hz": rates,
             "frame": frame,
+            "mount": mount,
         });
         (name.clone(), value)
     });

@@ -109,6 +109,7 @@ pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
         }
         (None, None) => return Err(Usage("give a NIGHT.toml, or --replay SESSION".into()).into()),
     };
+    night.watchdog = std::env::current_exe().ok();
     // The page's server lives as long as this.
     let _server = match page {
         None => None,

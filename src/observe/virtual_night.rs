@@ -2,14 +2,15 @@
 
 use hifitime::Epoch;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::Duration;
 use sunglint_drivers::clock::{Clock, Deadline, DeviceClock, VirtualClock, utc_now};
-use sunglint_drivers::device::{Camera, DeviceError, PhotonCounter};
-use sunglint_observatory::{CameraPlan, CounterPlan, Opener, Slot, VirtualRequest};
+use sunglint_drivers::device::{Camera, DeviceError, Mount, PhotonCounter};
+use sunglint_observatory::{CameraPlan, CounterPlan, MountPlan, Opener, Slot, VirtualRequest};
 use sunglint_virtual::observatory::devices::{
     ObservatoryError, Scheduled, Stay, VirtualObservatory,
 };
+use sunglint_virtual::together::{JoinedClock, Together};
 
 /// The computer's clock, counted from a moment.
 #[derive(Debug)]
@@ -32,24 +33,27 @@ pub struct VirtualNight {
     observatory: VirtualObservatory,
     real_time: bool,
     clocks: Arc<Mutex<HashMap<String, Arc<VirtualClock>>>>,
+    /// Clocks that wait for each other, in a night with a mount.
+    together: Option<(Together, Arc<Mutex<HashMap<String, Weak<JoinedClock>>>>)>,
 }
 
 impl VirtualNight {
     /// The night of a `virtual.toml` with the visits of a plan, or, where that has none, with its own, which the plan then gets.
     /// The files that it was made of, and its truth, come with the configuration's files.
     pub(super) fn make(request: VirtualRequest<'_>) -> Result<Self, ObservatoryError> {
-        let VirtualRequest { file, station, from, slots, files } = request;
+        let VirtualRequest { file, station, from, slots, mounted, files } = request;
         let planned = std::mem::take(slots);
         let stay = |slot: &Slot| Stay { target: slot.target.clone(), from: slot.from, to: slot.to };
         let stays = planned.iter().map(stay).collect();
-        let made = VirtualObservatory::scheduled(file, station, from, stays)?;
+        let made = VirtualObservatory::scheduled(file, station, from, stays, mounted)?;
         let Scheduled { observatory, stays, files: own } = made;
         // The plan's own visits come back in their order, with the settings of their steps.
         let steps = planned.into_iter().map(|slot| slot.step).chain(std::iter::repeat(None));
         let slot = |(Stay { target, from, to }, step)| Slot { target, from, to, step };
         slots.extend(stays.into_iter().zip(steps).map(slot));
         files.extend(own);
-        Ok(Self { observatory, real_time: false, clocks: Arc::default() })
+        let together = mounted.then(|| (Together::new(), Arc::default()));
+        Ok(Self { observatory, real_time: false, clocks: Arc::default(), together })
     }
 
     /// The same night on the computer's clock: it must begin about now.
@@ -71,9 +75,30 @@ impl Opener for VirtualNight {
                 zero_utc: None,
             };
         }
+        let zero_utc = Some(self.observatory.night().start);
+        if let Some((group, members)) = &self.together {
+            let mut members = members.lock().unwrap_or_else(PoisonError::into_inner);
+            let known = members.get(device).and_then(Weak::upgrade);
+            let clock = known.unwrap_or_else(|| {
+                let clock = Arc::new(group.join());
+                members.insert(device.to_owned(), Arc::downgrade(&clock));
+                clock
+            });
+            return DeviceClock { clock, zero_utc };
+        }
         let mut clocks = self.clocks.lock().unwrap_or_else(PoisonError::into_inner);
         let clock = clocks.entry(device.to_owned()).or_default().clone();
-        DeviceClock { clock, zero_utc: Some(self.observatory.night().start) }
+        DeviceClock { clock, zero_utc }
+    }
+
+    fn mount(&self, _: &MountPlan, _: &Deadline) -> Result<Box<dyn Mount>, DeviceError> {
+        match self.observatory.mount() {
+            Some(mount) => Ok(Box::new(mount)),
+            None => Err(DeviceError::NotReady {
+                device: "virtual mount",
+                reason: "the plan of this night has no mount",
+            }),
+        }
     }
 
     fn camera(&self, _: &CameraPlan, _: &Deadline) -> Result<Box<dyn Camera>, DeviceError> {

@@ -277,6 +277,8 @@ impl Fakes {
             counters: plan.counters,
             wheels: vec![],
             rotators: vec![],
+            mount: None,
+            watchdog: None,
             ends_with_visits: false,
             resumes: false,
             end: if self.real_time { None } else { plan.to },

@@ -11,3 +11,4 @@ pub mod observatory;
 pub mod options;
 pub mod rig;
 pub mod telescope;
+pub mod together;

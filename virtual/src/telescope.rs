@@ -148,7 +148,13 @@ struct Tube {
     next_frame_s: f64,
     frames: VecDeque<(f64, FinderFrame)>,
     stars: Vec<DVec3>,
+    /// Where the axes stood, s from the start and rad, where that is kept.
+    history: Option<VecDeque<(f64, [f64; 2])>>,
 }
+
+/// Time between two places of the history, s, and how far it goes back, places: an hour.
+const HISTORY_S: f64 = 0.02;
+const HISTORY: usize = 185_000;
 
 #[derive(Debug, Clone, Copy)]
 enum Command {
@@ -230,6 +236,7 @@ impl Telescope {
             next_frame_s: 0.0,
             frames: VecDeque::new(),
             stars,
+            history: None,
         })))
     }
 
@@ -256,6 +263,39 @@ impl Telescope {
     /// Truth of all frames so far.
     pub fn truth(&self) -> Vec<TruthRow> {
         self.lock().truth.clone()
+    }
+
+    /// The telescope, which remembers for an hour where it pointed.
+    #[must_use]
+    pub fn with_history(self) -> Self {
+        self.lock().history = Some(VecDeque::new());
+        self
+    }
+
+    /// Moves the motors on to the clock's time.
+    pub fn advance(&self) {
+        self.lock().advance();
+    }
+
+    /// The tube's directions in east, north, up at a time, s from the start: to the right of it (growing first angle), up (growing second), ahead. `None` where that is not remembered.
+    pub fn axes_at(&self, time_s: f64) -> Option<DMat3> {
+        let tube = self.lock();
+        let history = tube.history.as_ref()?;
+        let after = history.partition_point(|(at, _)| *at <= time_s);
+        let (last_s, last) = *history.get(after.checked_sub(1)?)?;
+        // Beyond the last place the motors' own, with their speed for the part of a step that is left.
+        let (next_s, next) = match history.get(after) {
+            Some((next_s, next)) => (*next_s, *next),
+            None => {
+                let left_s = (time_s - tube.now_s).max(0.0);
+                let now = tube.true_angles();
+                let angle = [0, 1].map(|i| now[i] + tube.motors[i].speed * left_s);
+                (tube.now_s.max(time_s), angle)
+            }
+        };
+        let part = if next_s > last_s { (time_s - last_s) / (next_s - last_s) } else { 1.0 };
+        let angle = [0, 1].map(|i| last[i] + part * (next[i] - last[i]));
+        Some(tube.axes(angle))
     }
 
     /// Moment from which its seconds count.
@@ -310,6 +350,17 @@ impl Tube {
     fn advance(&mut self) {
         let until_s = (self.clock.utc() - self.start).to_seconds();
         while self.now_s + STEP_S <= until_s + 1e-9 {
+            if let Some(history) = &self.history
+                && history.back().is_none_or(|(at, _)| self.now_s >= at + HISTORY_S - 1e-9)
+            {
+                let place = (self.now_s, self.true_angles());
+                if let Some(history) = &mut self.history {
+                    history.push_back(place);
+                    while history.len() > HISTORY {
+                        history.pop_front();
+                    }
+                }
+            }
             self.one_step();
             self.now_s += STEP_S;
             if self.now_s + 1e-9 >= self.next_frame_s {

@@ -132,6 +132,39 @@ pub enum What {
         /// Rows or frames that were lost meanwhile.
         lost: u64,
     },
+    /// Where the mount points: each second, and when its state changes.
+    Mount {
+        /// Name of the mount in this session.
+        device: String,
+        /// State: `slewing`, `waiting`, `predicted`, `searching`, `locked`, `coasting`, `stopped`, `parking` or `parked`.
+        state: String,
+        /// Kind of the axes: `equatorial` (hour angle, declination) or `horizontal` (azimuth, altitude).
+        axes: String,
+        /// Angles at which the target is believed to be, deg.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        target_deg: Option<[f64; 2]>,
+        /// Angles that the mount says, deg.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        read_deg: Option<[f64; 2]>,
+        /// Rates that were commanded, deg/s.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        commanded_deg_s: Option<[f64; 2]>,
+        /// Distance of the mount from where the target is believed to be, arcsec.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        error_arcsec: Option<f64>,
+        /// Distance of the target from where it should stand in the camera's last frame, arcsec.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        seen_arcsec: Option<f64>,
+        /// Learnt time by which a satellite is ahead of its prediction, s.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        ahead_s: Option<f64>,
+        /// Learnt distance of a satellite to the left of its track, arcsec.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        left_arcsec: Option<f64>,
+        /// Whether this is a change of the state, not one of the lines of each second.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        changed: bool,
+    },
     /// Somebody steered the night, or left a note in its log.
     Control {
         /// `pause`, `resume`, `skip`, `stop` or `note`.
@@ -307,7 +340,7 @@ impl Event {
     }
 }
 
-const KINDS: [&str; 19] = [
+const KINDS: [&str; 20] = [
     "start",
     "target",
     "device",
@@ -325,6 +358,7 @@ const KINDS: [&str; 19] = [
     "sync",
     "error",
     "recovered",
+    "mount",
     "control",
     "end",
 ];

@@ -49,6 +49,8 @@ pub enum DeviceKind {
     Wheel,
     /// Turns the camera.
     Rotator,
+    /// Points the telescope; where it pointed is in the event log.
+    Mount,
 }
 
 /// A device, as the plan names it.

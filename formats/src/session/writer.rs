@@ -172,7 +172,7 @@ impl SessionWriter {
                     writer.add_counter(&device.name, &device.channels, tags.transpose()?)?;
                 }
                 DeviceKind::Camera => writer.add_camera(&device.name).map_err(io(root))?,
-                DeviceKind::Wheel | DeviceKind::Rotator => {}
+                DeviceKind::Wheel | DeviceKind::Rotator | DeviceKind::Mount => {}
             }
         }
         // Last: a folder with a manifest has all that it names.

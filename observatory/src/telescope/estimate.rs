@@ -69,6 +69,8 @@ pub struct EstimatorOptions {
     pub flux_ratio: f64,
     /// How long a lock is kept without the target, s.
     pub coast_s: f64,
+    /// Longest time between two frames, s.
+    pub frame_s: f64,
 }
 
 impl Default for EstimatorOptions {
@@ -81,6 +83,7 @@ impl Default for EstimatorOptions {
             gate: 5.0,
             flux_ratio: 2.0,
             coast_s: 60.0,
+            frame_s: 0.1,
         }
     }
 }
@@ -200,7 +203,7 @@ impl Estimator {
             .map(|(x, flux)| (beside(*x), *flux))
             .filter(|(off, _)| inside(*off))
             .collect();
-        let fresh = self.seen_s.is_some_and(|seen| time_s - seen < 1.0);
+        let fresh = self.seen_s.is_some_and(|seen| time_s - seen < self.kept_s());
         if self.locked && fresh {
             let distance = |off: &[f64; 2]| (off[0] / sigma[0]).hypot(off[1] / sigma[1]);
             let nearest = seen.iter().min_by(|a, b| distance(&a.0).total_cmp(&distance(&b.0)));
@@ -211,7 +214,7 @@ impl Estimator {
                 ratio > options.flux_ratio || ratio < 1.0 / options.flux_ratio
             });
             let crossing = odd || seen.len() > 1;
-            if crossing && time_s - *self.odd_since.get_or_insert(time_s) < 1.0 {
+            if crossing && time_s - *self.odd_since.get_or_insert(time_s) < self.kept_s() {
                 return Found::Nothing;
             }
             if !crossing {
@@ -228,6 +231,11 @@ impl Estimator {
             self.take(off, flux, time_s, speed);
             Found::Locked
         })
+    }
+
+    /// How long a light may be missing and still be the one that was followed, s: three frames, a second at least.
+    fn kept_s(&self) -> f64 {
+        (3.0 * self.options.frame_s).max(1.0)
     }
 
     fn take(&mut self, off: [f64; 2], flux: f64, time_s: f64, speed: f64) {
@@ -248,7 +256,8 @@ impl Estimator {
     ) -> Option<([f64; 2], f64)> {
         // Spots of noise make trails too: those that nobody saw for a second go.
         const MOST: usize = 500;
-        self.trails.retain(|trail| time_s - trail.last_s < 1.0);
+        let kept_s = self.kept_s();
+        self.trails.retain(|trail| time_s - trail.last_s < kept_s);
         let mut found = None;
         let mut fresh = Vec::new();
         for (off, flux) in seen.iter().take(MOST) {

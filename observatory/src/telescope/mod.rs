@@ -8,6 +8,8 @@
 //! - [`watchdog`]: stops the mount when the tracker dies.
 
 mod estimate;
+mod hold;
+mod park;
 mod path;
 mod plan;
 mod safety;
@@ -16,6 +18,7 @@ pub mod watchdog;
 mod weather;
 
 pub use estimate::EstimatorOptions;
+pub use park::{Parked, park};
 pub use path::{Frame, PathError, Place, TargetPath, angles, direction};
 pub use plan::{Keyhole, PassPlan};
 pub use safety::{Certainty, Danger, Guard, SunCone, SunNow, sun};

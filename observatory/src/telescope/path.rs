@@ -6,7 +6,7 @@ use sunglint_drivers::device::{MountAxes, MountPlace, MountReading};
 use sunglint_ephemeris::geometry::GeometryError;
 use sunglint_ephemeris::motion::{AxisMotion, Motion, equatorial_axes, horizontal_axes};
 use sunglint_ephemeris::orbit::Orbit;
-use sunglint_radiometry::sky::{EarthOrientation, Observer, Site, SkyError, SkyFrames};
+use sunglint_radiometry::sky::{EarthOrientation, Observer, Site, SkyError, SkyFrames, Star};
 
 /// Time between two points of a path, s. Between them a cubic through places and rates errs by (1 s · ω)⁴/384: 5e-5″ at 1 °/s.
 const STEP_S: f64 = 0.5;
@@ -142,6 +142,57 @@ impl TargetPath {
         axes: MountAxes,
         refraction: bool,
     ) -> Result<Self, PathError> {
+        let near = orbit.near(span.0, span.0 + span.1.clamp(0.0, MOST_S) * Unit::Second);
+        Self::of(site, earth, span, axes, refraction, &mut |observer| {
+            let motion = Motion::at(&near, observer)?;
+            Ok((motion.enu, motion.enu_per_s))
+        })
+    }
+
+    /// The path of a star, as [`TargetPath::new`] has it of an orbit.
+    ///
+    /// # Errors
+    /// See [`PathError`].
+    pub fn star(
+        star: &Star,
+        site: &Site,
+        earth: &EarthOrientation,
+        span: (Epoch, f64),
+        axes: MountAxes,
+        refraction: bool,
+    ) -> Result<Self, PathError> {
+        let (sin, cos) = site.geodetic().latitude_deg.to_radians().sin_cos();
+        let pole = DVec3::new(0.0, cos, sin);
+        Self::of(site, earth, span, axes, refraction, &mut |observer| {
+            let enu = observer.star(star).horizontal.east_north_up();
+            Ok((enu, enu.cross(pole) * SIDEREAL_DEG_S.to_radians()))
+        })
+    }
+
+    /// The path of a place that stands over the horizon: azimuth and altitude, deg, as the mount should show them.
+    ///
+    /// # Errors
+    /// See [`PathError`].
+    pub fn fixed(
+        horizontal_deg: [f64; 2],
+        site: &Site,
+        earth: &EarthOrientation,
+        span: (Epoch, f64),
+        axes: MountAxes,
+    ) -> Result<Self, PathError> {
+        let enu = direction(horizontal_deg);
+        Self::of(site, earth, span, axes, false, &mut |_| Ok((enu, DVec3::ZERO)))
+    }
+
+    /// The path of a direction in east, north, up and its rate (1/s), by what an observer sees.
+    fn of(
+        site: &Site,
+        earth: &EarthOrientation,
+        span: (Epoch, f64),
+        axes: MountAxes,
+        refraction: bool,
+        seen: &mut dyn FnMut(&Observer) -> Result<(DVec3, DVec3), PathError>,
+    ) -> Result<Self, PathError> {
         let (from, seconds) = span;
         if !(seconds > 0.0 && seconds <= MOST_S) {
             return Err(PathError::Span { found_s: seconds, most_s: MOST_S });
@@ -151,19 +202,18 @@ impl TargetPath {
         let count = (seconds / STEP_S).ceil() as usize + 1;
         let at = |i: usize| from + (i as f64 * STEP_S) * Unit::Second;
         let frames = SkyFrames::over(from, at(count), earth)?;
-        let near = orbit.near(from, at(count));
         let mut points = Vec::with_capacity(count);
         for i in 0..count {
             let observer = Observer::new(frames.at(at(i))?, site);
-            let motion = Motion::at(&near, &observer)?;
+            let (enu, per_s) = seen(&observer)?;
             let (enu, per_s) = if refraction {
                 let height_m = place.height_m;
                 let part_s = 0.01;
-                let [before, after] = [-part_s, part_s]
-                    .map(|s| refracted((motion.enu + motion.enu_per_s * s).normalize(), height_m));
-                (refracted(motion.enu, height_m), (after - before) / (2.0 * part_s))
+                let [before, after] =
+                    [-part_s, part_s].map(|s| refracted((enu + per_s * s).normalize(), height_m));
+                (refracted(enu, height_m), (after - before) / (2.0 * part_s))
             } else {
-                (motion.enu, motion.enu_per_s)
+                (enu, per_s)
             };
             points.push(Place { direction: frame.of_enu(enu), per_s: frame.of_enu(per_s) });
         }

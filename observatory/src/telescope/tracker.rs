@@ -1,6 +1,7 @@
 //! Tracker: follows a path with a mount, learns from a finder, and watches itself.
 
 use super::estimate::{ARCSEC, Estimator, EstimatorOptions, Found};
+use super::hold::Hold;
 use super::path::{TargetPath, angles, direction, wrapped};
 use super::plan::Keyhole;
 use super::safety::{Danger, Guard};
@@ -45,6 +46,8 @@ pub struct TrackOptions {
     pub nudge_s: f64,
     /// Whether the program checks that the clock does not step: not for a virtual clock.
     pub watch_clock: bool,
+    /// How far from its prediction a star is looked for in the frames, arcsec.
+    pub reach_arcsec: f64,
 }
 
 impl Default for TrackOptions {
@@ -60,9 +63,15 @@ impl Default for TrackOptions {
             open_loop: false,
             nudge_s: 0.0,
             watch_clock: true,
+            reach_arcsec: 1800.0,
         }
     }
 }
+
+/// Speed against the stars below which a target is one of them, rad/s: 2″/s.
+const AMONG_STARS_RAD_S: f64 = 1e-5;
+/// Readings that are kept: a minute of ten a second, for frames with long exposures.
+const READINGS: usize = 600;
 
 /// State of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -100,6 +109,8 @@ pub struct TrackStep {
     pub error_arcsec: f64,
     /// Distance of the target from the finder's middle, arcsec, when it was seen last.
     pub seen_arcsec: Option<f64>,
+    /// Learnt offset of a star from the prediction along the growing axes, arcsec.
+    pub held_arcsec: Option<[f64; 2]>,
     /// What was learnt: by how much the target is ahead of its prediction, s.
     pub ahead_s: f64,
     /// What was learnt: by how much it is left of its track, arcsec.
@@ -186,6 +197,8 @@ pub struct Tracker<'a> {
     seen_arcsec: Option<f64>,
     search_from_s: Option<f64>,
     zero_step_s: f64,
+    /// Offset of a target that stands among the stars.
+    hold: Option<Hold>,
 }
 
 impl std::fmt::Debug for Tracker<'_> {
@@ -222,6 +235,8 @@ impl<'a> Tracker<'a> {
             seen_arcsec: None,
             search_from_s: None,
             zero_step_s: 0.0,
+            hold: among_stars(path)
+                .then(|| Hold::new(options.reach_arcsec, options.estimator.coast_s)),
         }
     }
 
@@ -287,6 +302,9 @@ impl<'a> Tracker<'a> {
 
     /// Where the target should be shown at a time, with what was learnt.
     fn target(&self, time_s: f64) -> DVec3 {
+        if let Some(hold) = &self.hold {
+            return shifted(self.path.at(time_s - self.options.nudge_s).direction, hold.off);
+        }
         let learnt_s = self.estimator.seen_s.map_or(0.0, |seen| (time_s - seen).clamp(0.0, 5.0));
         let ahead_s = if self.estimator.locked { learnt_s } else { 0.0 };
         let along = self.estimator.offset.along.after(ahead_s) + self.search_s(time_s)
@@ -343,7 +361,7 @@ impl<'a> Tracker<'a> {
         if self.readings.back().is_none_or(|(last_s, _)| time_s > *last_s) {
             self.readings.push_back((time_s, angle));
         }
-        if self.readings.len() > 50 {
+        if self.readings.len() > READINGS {
             self.readings.pop_front();
         }
         self.pier = reading.pier;
@@ -454,6 +472,7 @@ impl<'a> Tracker<'a> {
             commanded_deg_s: rates,
             error_arcsec: error,
             seen_arcsec: self.seen_arcsec,
+            held_arcsec: self.hold.as_ref().filter(|hold| hold.locked).map(|hold| hold.off),
             ahead_s: self.estimator.offset.along.value,
             left_arcsec: self.estimator.offset.across.value,
             sun_deg: self.guard.sun_distance_deg(enu, self.clock.utc()),
@@ -592,6 +611,9 @@ impl<'a> Tracker<'a> {
         };
         if let Some(frame) = finder.frame(&soon)? {
             let time_s = self.path.time_s(frame.middle);
+            if let (Some(angle), true) = (self.angles_then(time_s), self.hold.is_some()) {
+                return Ok(self.look_at_star(&frame.spots, time_s, angle, summary));
+            }
             if let Some(angle) = self.angles_then(time_s) {
                 let spots: Vec<(DVec3, f64)> =
                     frame.spots.iter().map(|spot| (seen_at(angle, spot), spot.flux)).collect();
@@ -620,9 +642,15 @@ impl<'a> Tracker<'a> {
             }
         }
         let now_s = self.now_s();
+        if let Some(hold) = &self.hold {
+            return Ok(held(hold, now_s));
+        }
         if self.estimator.locked {
             self.search_from_s = None;
-            let fresh = self.estimator.seen_s.is_some_and(|seen| now_s - seen < 0.5);
+            let fresh = self
+                .estimator
+                .seen_s
+                .is_some_and(|seen| now_s - seen < (3.0 * self.options.estimator.frame_s).max(0.5));
             return Ok(if fresh { TrackState::Locked } else { TrackState::Coasting });
         }
         // Where the field holds the doubt of the elements, the target is in it.
@@ -630,6 +658,32 @@ impl<'a> Tracker<'a> {
             self.search_from_s.get_or_insert(now_s);
         }
         Ok(TrackState::Searching)
+    }
+
+    /// Takes a finder's frame of a target that stands among the stars.
+    fn look_at_star(
+        &mut self,
+        spots: &[Spot],
+        time_s: f64,
+        angle: [f64; 2],
+        summary: &mut TrackSummary,
+    ) -> TrackState {
+        let now_s = self.now_s();
+        let predicted = self.path.at(time_s - self.options.nudge_s).direction;
+        let seen: Vec<([f64; 2], f64)> =
+            spots.iter().map(|spot| (off_of(predicted, seen_at(angle, spot)), spot.flux)).collect();
+        let Some(hold) = self.hold.as_mut() else { return TrackState::Predicted };
+        let found = hold.learn(&seen, time_s);
+        let state = held(hold, now_s);
+        if found == Found::Locked && summary.locked_s.is_none() {
+            summary.locked_s = Some(now_s);
+        }
+        if found != Found::Nothing {
+            summary.seen += 1;
+            let target = self.target(time_s);
+            self.seen_arcsec = Some(direction(angle).angle_between(target) * ARCSEC);
+        }
+        state
     }
 
     /// Holds what the mount did in two seconds against what it was told.
@@ -657,6 +711,44 @@ impl<'a> Tracker<'a> {
         }
         Ok(())
     }
+}
+
+/// Whether a path's target stands among the stars.
+fn among_stars(path: &TargetPath) -> bool {
+    let frame = path.frame();
+    let (sin, cos) = frame.latitude_deg.to_radians().sin_cos();
+    let pole = frame.of_enu(DVec3::new(0.0, cos, sin));
+    let place = path.at(0.5 * path.seconds());
+    (place.per_s + pole.cross(place.direction) * STARS_RAD_S).length() < AMONG_STARS_RAD_S
+}
+
+/// State of a tracker that holds a star.
+fn held(hold: &Hold, now_s: f64) -> TrackState {
+    // Exposures of stars are long.
+    match (hold.locked, hold.seen_s.is_some_and(|seen| now_s - seen < 10.0)) {
+        (true, true) => TrackState::Locked,
+        (true, false) => TrackState::Coasting,
+        _ => TrackState::Searching,
+    }
+}
+
+/// Directions of growing first and second angle at a direction.
+fn tangent(at: DVec3) -> [DVec3; 2] {
+    let flat = at.x.hypot(at.y).max(1e-9);
+    let first = DVec3::new(at.y / flat, -at.x / flat, 0.0);
+    [first, first.cross(at)]
+}
+
+/// A direction that is displaced along the growing axes, arcsec.
+fn shifted(at: DVec3, off: [f64; 2]) -> DVec3 {
+    let [first, second] = tangent(at);
+    (at + (first * off[0] + second * off[1]) / ARCSEC).normalize()
+}
+
+/// Offset of a direction from another along the growing axes, arcsec.
+fn off_of(at: DVec3, seen: DVec3) -> [f64; 2] {
+    let [first, second] = tangent(at);
+    [seen.dot(first) * ARCSEC, seen.dot(second) * ARCSEC]
 }
 
 /// Direction of a spot in the axes of a mount that stands at two angles.

@@ -2,7 +2,13 @@
 //!
 //! It is meant to run in a process of its own, so that it outlives the tracker. What it cannot do: reach a mount whose cable is cut. Then the last rates go on.
 
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::device::{DeviceError, Mount};
@@ -70,5 +76,94 @@ fn stop(mount: &mut dyn Mount) -> Result<(), DeviceError> {
             }
             Err(_) => tries += 1,
         }
+    }
+}
+
+/// A tracker that has said nothing for so long hangs.
+const HANGS: Duration = Duration::from_secs(4);
+/// Time between two beats.
+const BEAT: Duration = Duration::from_millis(100);
+
+/// The watchdog as a process of its own, and the thread that tells it that the tracker lives.
+#[derive(Debug)]
+pub struct Process {
+    child: Child,
+    last_ms: Arc<AtomicU64>,
+    done: Arc<AtomicBool>,
+    begun: Instant,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Why there is no watchdog.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ProcessError {
+    /// The system starts no process.
+    #[error("cannot start the watchdog")]
+    Start(#[from] std::io::Error),
+    /// It does not reach the mount.
+    #[error("the watchdog cannot reach the mount over a connection of its own: nothing is moved")]
+    Unreached,
+}
+
+impl Process {
+    /// Starts `PROGRAM mount-watchdog MOUNT` and waits until it holds its own connection.
+    ///
+    /// # Errors
+    /// It cannot be started, or cannot reach the mount.
+    pub fn start(program: &Path, mount: &str) -> Result<Self, ProcessError> {
+        let mut child = Command::new(program)
+            .args(["mount-watchdog", mount])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()?;
+        let (Some(stdout), Some(mut stdin)) = (child.stdout.take(), child.stdin.take()) else {
+            return Err(ProcessError::Unreached);
+        };
+        let mut line = String::new();
+        let read = BufReader::new(stdout).read_line(&mut line);
+        if read.is_err() || line.trim() != "ready" {
+            let _ = child.wait();
+            return Err(ProcessError::Unreached);
+        }
+        let begun = Instant::now();
+        let (last_ms, done) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
+        let (last, end) = (last_ms.clone(), done.clone());
+        let thread = std::thread::spawn(move || {
+            while !end.load(Ordering::SeqCst) {
+                let age = begun
+                    .elapsed()
+                    .saturating_sub(Duration::from_millis(last.load(Ordering::SeqCst)));
+                // A tracker that hangs is as good as dead.
+                if age < HANGS && stdin.write_all(b"a\n").and_then(|()| stdin.flush()).is_err() {
+                    return;
+                }
+                std::thread::sleep(BEAT);
+            }
+            let _ = stdin.write_all(b"d\n").and_then(|()| stdin.flush());
+        });
+        Ok(Self { child, last_ms, done, begun, thread: Some(thread) })
+    }
+
+    /// The tracker lives.
+    pub fn tick(&self) {
+        let now = u64::try_from(self.begun.elapsed().as_millis()).unwrap_or(u64::MAX);
+        self.last_ms.store(now, Ordering::SeqCst);
+    }
+
+    /// Whether it still watches; false once it has ended, because it stopped the mount or was killed.
+    pub fn watches(&mut self) -> bool {
+        matches!(self.child.try_wait(), Ok(None))
+    }
+}
+
+impl Drop for Process {
+    /// Nothing is to be watched any more.
+    fn drop(&mut self) {
+        self.done.store(true, Ordering::SeqCst);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+        let _ = self.child.wait();
     }
 }

@@ -54,6 +54,7 @@ pub mod counts;
 pub mod devices;
 pub mod events;
 pub mod frame;
+pub mod mount;
 pub mod night;
 pub mod options;
 pub mod plan;

@@ -72,6 +72,24 @@
 //! afterpulse_probability = 0.01
 //! afterpulse_time_ns = 50
 //!
+//! [mount]                             # where the plan has a [mount]: then it decides where the target stands, and not [pointing]
+//! equatorial = false                  # azimuth and altitude without
+//! fastest_deg_s = 10.0
+//! acceleration_deg_s2 = 10.0
+//! backlash_arcsec = 10.0
+//! periodic_arcsec = 2.0               # amplitude of the worm's error, which repeats each
+//! worm_deg = 2.0
+//! encoder_arcsec = 0.3                # noise of its readings
+//! tilt_arcsec = 60.0                  # of the first axis
+//! wind_arcsec = 0.6
+//! latency_s = 0.2                     # from a command to its effect
+//! latency_jitter_s = 0.02
+//! dropped = 0.0                       # part of the commands that are lost
+//! camera_angle_deg = 0.0              # turn of the camera, as the plan's `camera_angle_deg`
+//! camera_mirrored = false
+//! late_s = 0.0                        # satellites come so much later than their elements say,
+//! across_arcsec = 0.0                 # and so far beside their track
+//!
 //! [[visit]]                           # in place of [plan]
 //! kind = "star"                       # star, satellite, sky, dark
 //! name = "Vega"
@@ -113,6 +131,8 @@ section!(
         kappa: BTreeMap<String, f64> = BTreeMap::new(),
         /// Counters by channel, in place of the station's.
         counter: BTreeMap<String, CounterOptions> = BTreeMap::new(),
+        /// The mount, where a plan has one.
+        mount: MountOptions = MountOptions::default(),
         /// Visits in place of the plan.
         visit: Vec<VisitOptions> = Vec::new(),
     }
@@ -342,6 +362,44 @@ impl CounterOptions {
     }
 }
 
+section!(
+    /// The mount.
+    MountOptions {
+        /// Whether its axes are those of the sky; azimuth and altitude else.
+        equatorial: bool = false,
+        /// Fastest rate of both axes, deg/s.
+        fastest_deg_s: f64 = 10.0,
+        /// Strongest acceleration, deg/s².
+        acceleration_deg_s2: f64 = 10.0,
+        /// Backlash of each gear, arcsec.
+        backlash_arcsec: f64 = 10.0,
+        /// Amplitude of the worm's error, arcsec.
+        periodic_arcsec: f64 = 2.0,
+        /// Turn of an axis in which that error repeats, deg.
+        worm_deg: f64 = 2.0,
+        /// Noise of an encoder's reading, arcsec.
+        encoder_arcsec: f64 = 0.3,
+        /// Tilt of the first axis, arcsec.
+        tilt_arcsec: f64 = 60.0,
+        /// Shaking by the wind, arcsec rms on each axis.
+        wind_arcsec: f64 = 0.6,
+        /// Time from a command to its effect, s.
+        latency_s: f64 = 0.2,
+        /// Jitter of that time (1 σ), s.
+        latency_jitter_s: f64 = 0.02,
+        /// Part of the commands that are lost.
+        dropped: f64 = 0.0,
+        /// Turn of the camera, deg.
+        camera_angle_deg: f64 = 0.0,
+        /// Whether the camera's columns run the other way.
+        camera_mirrored: bool = false,
+        /// Time by which satellites come later than their elements say, s.
+        late_s: f64 = 0.0,
+        /// Distance of satellites from their track, arcsec.
+        across_arcsec: f64 = 0.0,
+    }
+);
+
 impl Options {
     /// Refuses what no night can be.
     ///
@@ -399,7 +457,25 @@ impl Options {
             ("passing.cosmic_rays_per_mpx_s", passing.cosmic_rays_per_mpx_s, SIZE),
             ("passing.cosmic_ray_e_per_px", passing.cosmic_ray_e_per_px, SIZE),
         ];
-        for (key, value, range) in checks {
+        let mount = &self.mount;
+        let speed = (0.001, 100.0, "0.001 to 100");
+        let mount_checks = [
+            ("mount.fastest_deg_s", mount.fastest_deg_s, speed),
+            ("mount.acceleration_deg_s2", mount.acceleration_deg_s2, speed),
+            ("mount.backlash_arcsec", mount.backlash_arcsec, SIZE),
+            ("mount.periodic_arcsec", mount.periodic_arcsec, SIZE),
+            ("mount.worm_deg", mount.worm_deg, POSITIVE),
+            ("mount.encoder_arcsec", mount.encoder_arcsec, SIZE),
+            ("mount.tilt_arcsec", mount.tilt_arcsec, SIZE),
+            ("mount.wind_arcsec", mount.wind_arcsec, SIZE),
+            ("mount.latency_s", mount.latency_s, (0.0, 5.0, "0 to 5 s")),
+            ("mount.latency_jitter_s", mount.latency_jitter_s, (0.0, 1.0, "0 to 1 s")),
+            ("mount.dropped", mount.dropped, PART),
+            ("mount.camera_angle_deg", mount.camera_angle_deg, (-360.0, 360.0, "-360 to 360")),
+            ("mount.late_s", mount.late_s, (-60.0, 60.0, "-60 to 60 s")),
+            ("mount.across_arcsec", mount.across_arcsec, (-3600.0, 3600.0, "-3600 to 3600")),
+        ];
+        for (key, value, range) in checks.into_iter().chain(mount_checks) {
             within(key, value, range)?;
         }
         for (channel, kappa) in &self.kappa {

@@ -4,6 +4,7 @@ use super::events::{Detector, PS};
 use super::frame::{
     CosmicRays, Exposure, Pattern, PointSpread, Scene, Sensor, Sky, Source, Streak, streak,
 };
+use super::mount::Driven;
 use super::night::{Instrument, Night, VisitTruth};
 use super::plan::Target;
 use super::random::{Purpose, seed_of, stream};
@@ -59,6 +60,7 @@ pub struct Watch {
     seeing: Wander,
     pattern: Option<Pattern>,
     rates_hz: Vec<Vec<f64>>,
+    driven: Option<Driven>,
 }
 
 impl Watch {
@@ -72,7 +74,15 @@ impl Watch {
             (wander(0, options.scintillation.time_s), wander(3, options.clouds.time_s));
         let pointing = [1, 2].map(|axis| wander(axis, options.pointing.jitter_time_s));
         let seeing = wander(4, options.seeing.time_s);
-        Self { scintillation, pointing, clouds, seeing, night, pattern: None, rates_hz: Vec::new() }
+        let (pattern, rates_hz, driven) = (None, Vec::new(), None);
+        Self { scintillation, pointing, clouds, seeing, night, pattern, rates_hz, driven }
+    }
+
+    /// The look at a night whose telescope is on a mount: that decides where the target stands.
+    #[must_use]
+    pub fn driven_by(mut self, mount: Option<Driven>) -> Self {
+        self.driven = mount;
+        self
     }
 
     /// The night.
@@ -104,8 +114,14 @@ impl Watch {
             1.0
         };
         let mut offset_px = truth.map_or([0.0; 2], |truth| truth.aim_px);
-        for (offset, wander) in offset_px.iter_mut().zip(&mut self.pointing) {
-            *offset += options.pointing.jitter_px * wander.at(time_s);
+        let mount = self.driven.as_mut().zip(visit);
+        match mount.and_then(|(driven, visit)| driven.offset_px(visit, time_s)) {
+            Some(offset) => offset_px = offset,
+            None => {
+                for (offset, wander) in offset_px.iter_mut().zip(&mut self.pointing) {
+                    *offset += options.pointing.jitter_px * wander.at(time_s);
+                }
+            }
         }
         let dark = truth.is_some_and(|truth| truth.visit.target == Target::Dark);
         Moment { visit, dark, offset_px, scintillation, clouds }

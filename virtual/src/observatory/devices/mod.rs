@@ -17,6 +17,7 @@ pub use counter::VirtualCounter;
 pub use stays::{Scheduled, Stay};
 pub use through::{ThroughLight, ThroughScene};
 
+use super::mount::{Driven, DrivenMount};
 use super::night::{Night, NightError};
 use super::options::Options;
 use super::plan::{Visit, visits};
@@ -28,7 +29,7 @@ use sunglint_drivers::device::DeviceError;
 use sunglint_formats::toml::Document;
 use sunglint_formats::{FileError, ParseError, ecsv};
 use sunglint_radiometry::light_curve::LightCurve;
-use sunglint_radiometry::sky::{EarthOrientation, StarError};
+use sunglint_radiometry::sky::{EarthOrientation, SkyError, StarError};
 use sunglint_radiometry::station::Station;
 
 /// Why a virtual observatory cannot be made.
@@ -74,6 +75,9 @@ pub enum ObservatoryError {
         /// The file that should say it.
         file: PathBuf,
     },
+    /// The sky over a night with a mount cannot be calculated.
+    #[error(transparent)]
+    Sky(#[from] SkyError),
     /// A stay of a schedule that has no end.
     #[error("visit of {name}: in a virtual night each visit ends (`to`, `for_s`)")]
     Endless {
@@ -90,6 +94,7 @@ pub enum ObservatoryError {
 pub struct VirtualObservatory {
     night: Arc<Night>,
     gain_e_per_adu: Option<f64>,
+    driven: Option<Driven>,
 }
 
 impl VirtualObservatory {
@@ -124,7 +129,7 @@ impl VirtualObservatory {
         let night = Night::new(options, station, start, visits, orientation)
             .map_err(ObservatoryError::Night)?;
         let gain_e_per_adu = station.camera.as_ref().map(|camera| camera.gain_e_per_adu);
-        Ok(Self { night: Arc::new(night), gain_e_per_adu })
+        Ok(Self { night: Arc::new(night), gain_e_per_adu, driven: None })
     }
 
     /// The night.
@@ -135,7 +140,7 @@ impl VirtualObservatory {
     /// Camera; `None` if the station has none.
     pub fn camera(&self) -> Option<VirtualCamera> {
         let sensor = self.night.sensor?;
-        Some(VirtualCamera::new(Watch::new(self.night.clone()), sensor, self.gain_e_per_adu))
+        Some(VirtualCamera::new(self.watch(), sensor, self.gain_e_per_adu))
     }
 
     /// A counter of these channels, in this order.
@@ -143,7 +148,16 @@ impl VirtualObservatory {
     /// # Errors
     /// [`DeviceError::Unknown`] for a channel that the station does not count.
     pub fn counter(&self, channels: &[String]) -> Result<VirtualCounter, DeviceError> {
-        VirtualCounter::new(Watch::new(self.night.clone()), channels)
+        VirtualCounter::new(self.watch(), channels)
+    }
+
+    /// The mount; `None` in a night without one.
+    pub fn mount(&self) -> Option<DrivenMount> {
+        self.driven.as_ref().map(Driven::mount)
+    }
+
+    fn watch(&self) -> Watch {
+        Watch::new(self.night.clone()).driven_by(self.driven.clone())
     }
 
     /// The names of all channels that are counted.

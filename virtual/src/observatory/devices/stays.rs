@@ -1,6 +1,7 @@
 //! A virtual night of an observer's own schedule, and the files that a session keeps of it.
 
 use super::{ObservatoryError, VirtualObservatory, light_curve, options};
+use crate::observatory::mount::Driven;
 use crate::observatory::options::{Options, VisitKind, VisitOptions};
 use crate::observatory::plan;
 use hifitime::{Epoch, Unit};
@@ -33,7 +34,8 @@ pub struct Scheduled {
 }
 
 impl VirtualObservatory {
-    /// Makes the night of a `virtual.toml` for a schedule. A schedule without stays becomes the night's own.
+    /// Makes the night of a `virtual.toml` for a schedule. A schedule without stays becomes the night's own. Of a night that is `mounted` the mount decides where
+    /// the telescope points; its clocks then have to wait for each other ([`Together`](crate::together::Together)).
     ///
     /// # Errors
     /// A file that cannot be read or holds what no night can be; a stay whose light is not known, or without end.
@@ -42,6 +44,7 @@ impl VirtualObservatory {
         station: &Station,
         start: Epoch,
         mut stays: Vec<Stay>,
+        mounted: bool,
     ) -> Result<Scheduled, ObservatoryError> {
         let document = Document::read(path)?;
         let mut files =
@@ -65,13 +68,27 @@ impl VirtualObservatory {
         if stays.is_empty() {
             stays.extend(visits.iter().map(|visit| stay(visit, start)));
         }
-        let observatory =
+        let (mount, seed) = (options.mount.clone(), options.seed);
+        let mut observatory =
             Self::new(options, station, start, visits, earth).map_err(|error| match error {
                 ObservatoryError::Night(source) => {
                     ObservatoryError::NightOf { file: document.path().to_path_buf(), source }
                 }
                 error => error,
             })?;
+        if mounted {
+            // As `visits_of` and `stay` have them: flats and stays without a target are none.
+            let is_visit = |stay: &&Stay| {
+                !matches!(stay.target.target_kind, TargetKind::Flat | TargetKind::None)
+            };
+            let targets: Vec<Target> =
+                stays.iter().filter(is_visit).map(|stay| stay.target.clone()).collect();
+            let night = &observatory.night;
+            let span = (start, start + night.length_s() * Unit::Second);
+            let scale = night.pixel_scale_arcsec;
+            let driven = Driven::new(&mount, &station.site, span, &targets, scale, seed)?;
+            observatory.driven = Some(driven);
+        }
         files.push(("virtual/truth.json".into(), observatory.truth()?.into_bytes()));
         Ok(Scheduled { observatory, stays, files })
     }

@@ -1,0 +1,231 @@
+//! Pre-flight of the mount: is it there, does it agree about the site, can each visit be pointed at, and is there time to get there.
+
+use super::job::next_job;
+use super::plan::MountPlan;
+use crate::clock;
+use crate::opener::Opener;
+use crate::plan::{NightClock, Plan};
+use crate::preflight::{Preflight, PreflightOptions};
+use crate::telescope::{
+    Certainty, Guard, PassPlan, SunCone, TargetPath, Weather, WeatherFile, angles,
+};
+use hifitime::{Epoch, Unit};
+use std::sync::Arc;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::{Duration, SystemTime};
+use sunglint_drivers::clock::Deadline;
+use sunglint_drivers::device::{
+    DeviceError, MountAbilities, MountAxes, MountRates, MountReading, MountSite,
+};
+use sunglint_formats::toml::Positive;
+
+/// Time that a mount needs beside its motion: to begin, to brake, and to be found on its target, s.
+const SETTLE_S: f64 = 10.0;
+/// Time that a German mount needs to turn over, s.
+const FLIP_S: f64 = 30.0;
+
+/// Answers of a mount that was asked.
+struct Said {
+    abilities: MountAbilities,
+    site: Option<MountSite>,
+    reading: MountReading,
+}
+
+/// Opens the mount and asks it; it is let go afterwards. `None` where it does not answer in time.
+fn ask(
+    mount: &MountPlan,
+    opener: &Arc<dyn Opener>,
+    within: Duration,
+) -> Option<Result<Said, DeviceError>> {
+    let (sender, answer) = channel();
+    let (plan, opener) = (mount.clone(), opener.clone());
+    let ask = move || {
+        let deadline = Deadline::within(within);
+        let said = opener.mount(&plan, &deadline).and_then(|mut mount| {
+            let (site, reading) = (mount.site(&deadline)?, mount.reading(&deadline)?);
+            Ok(Said { abilities: mount.abilities().clone(), site, reading })
+        });
+        let _ = sender.send(said);
+    };
+    std::thread::Builder::new().name("mount".into()).spawn(ask).ok()?;
+    match answer.recv_timeout(within + Duration::from_millis(200)) {
+        Ok(said) => Some(said),
+        Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
+    }
+}
+
+/// Checks the mount of a plan. Nothing moves.
+pub(crate) fn check_mount(
+    plan: &Plan,
+    opener: &Arc<dyn Opener>,
+    options: &PreflightOptions,
+    found: &mut Preflight,
+) {
+    let Some(mount) = &plan.mount else { return };
+    let about = mount.name.as_str();
+    let live = plan.clock == NightClock::Computer;
+    let said = match options.open_devices && live {
+        false => None,
+        true => match ask(mount, opener, options.open_within) {
+            None => {
+                let text = format!("{} does not answer; the night tries it again", mount.device);
+                found.warning(about, text);
+                None
+            }
+            Some(Err(error)) => {
+                let text = format!("{}: {error}; the night tries it again", mount.device);
+                found.warning(about, text);
+                None
+            }
+            Some(Ok(said)) => Some(said),
+        },
+    };
+    // Of a mount that does not answer the rules of the strictest kind hold.
+    let (axes, turns_over) = said.as_ref().map_or((MountAxes::Equatorial, true), |said| {
+        (said.abilities.axes, said.abilities.tells_pier_side)
+    });
+    let cone = SunCone::default().with_limit_deg(mount.sun_limit_deg());
+    let guard = Guard::new(&plan.station.site, axes, turns_over, cone)
+        .with_horizon(plan.station.horizon.clone(), mount.min_elevation_deg());
+    if let Some(said) = &said {
+        match guard.check_site(said.site).err().filter(|_| !mount.set_site) {
+            Some(danger) => {
+                found.error(about, format!("{danger} (`set_site = true` in the plan)"));
+            }
+            None if said.site.is_none() => {
+                found.warning(about, "it does not say at which site it believes to stand");
+            }
+            None => found.fine(about, "it is there, and its site is the station's"),
+        }
+        if said.abilities.continuous_deg_s().is_none() {
+            let has = match said.abilities.rates {
+                MountRates::Discrete { .. } => "a few rates",
+                _ => "no rates",
+            };
+            found.error(about, format!("it takes {has}, no continuous ones: it follows nothing"));
+        }
+        if mount.park && !said.abilities.parks {
+            found.warning(about, "it cannot be parked: at the end it stands where it is");
+        }
+    }
+    if live {
+        let state = clock::measured();
+        let certainty = Certainty { synchronised: state.synchronised, error_s: state.error_s };
+        if let Err(danger) = certainty.check()
+            && !mount.trust_clock
+        {
+            found.error(about, format!("it will not move: {danger} (`trust_clock` in the plan)"));
+        }
+    }
+    if let Some(path) = &mount.weather {
+        let age = Duration::from_secs_f64(mount.weather_age_s.map_or(300.0, Positive::get));
+        match WeatherFile::new(path, age).look(SystemTime::now()) {
+            Weather::Unfit(why) => found.warning(about, format!("nothing would move now: {why}")),
+            Weather::Fit => found.fine(about, "the weather is fit"),
+        }
+    }
+    check_visits(plan, mount, &guard, axes, said.as_ref(), options, found);
+}
+
+fn check_visits(
+    plan: &Plan,
+    mount: &MountPlan,
+    guard: &Guard,
+    axes: MountAxes,
+    said: Option<&Said>,
+    options: &PreflightOptions,
+    found: &mut Preflight,
+) {
+    let plain = MountAbilities::new(axes, MountRates::Absent);
+    let abilities = said.map_or(&plain, |said| &said.abilities);
+    // Where the telescope stands when the visit before ends.
+    let mut stands: Option<([f64; 2], Epoch)> = None;
+    for (number, visit) in plan.schedule.visits().iter().enumerate() {
+        let about = format!("visit {} ({})", number + 1, visit.target.name);
+        let now = match plan.clock {
+            NightClock::Computer => visit.from.max(options.now),
+            _ => visit.from,
+        };
+        let job = next_job(&plan.schedule, now, plan.to, &|_, _| false);
+        let Some(job) = job.filter(|job| job.visit.target == visit.target) else { continue };
+        let path = match job.path(mount, &plan.station, axes, guard, now) {
+            Ok(path) => path,
+            Err(error) => {
+                found.error(&about, format!("the mount will not follow it: {error}"));
+                continue;
+            }
+        };
+        let from = stands
+            .map(|(angle, _)| angle)
+            .or_else(|| said.map(|said| path.angles_of(&said.reading)).filter(|_| number == 0));
+        let pass = PassPlan::new(&visit.target.name, &path, guard, abilities, from);
+        if let Some(why) = &pass.refused {
+            found.error(&about, format!("the mount will not follow it: {why}"));
+            continue;
+        }
+        tell_cut(&about, &path, now, job.to, guard, found);
+        if let (Some([a, b]), Some((_, ended))) = (pass.slew_deg, stands) {
+            let slew_s = a.abs().max(b.abs()) / mount.slew_deg_s() + SETTLE_S;
+            let left_s = (visit.from - ended).to_seconds();
+            let lost_s = slew_s - left_s;
+            let length_s = (job.to - visit.from).to_seconds();
+            if lost_s >= length_s {
+                found.error(&about, format!(
+                    "the way there takes about {slew_s:.0} s ({:.0}° and {:.0}° at {} °/s): nothing is left of its {length_s:.0} s",
+                    a.abs(), b.abs(), mount.slew_deg_s()
+                ));
+            } else if lost_s > 1.0 {
+                found.warning(&about, format!(
+                    "the way there takes about {slew_s:.0} s, and there are {left_s:.0} s: {lost_s:.0} s of it are lost"
+                ));
+            }
+        }
+        if pass.turns_over && !pass.meridian_s.is_empty() {
+            let at = pass.meridian_s.iter().map(|s| format!("{s:.0} s")).collect::<Vec<_>>();
+            found.warning(&about, format!(
+                "it crosses the meridian {} after it begins: a German mount turns over there and loses about {FLIP_S:.0} s",
+                at.join(" and ")
+            ));
+        }
+        if let Some(keyhole) = &pass.keyhole {
+            found.warning(&about, format!(
+                "the mount cannot follow through the pole of its axes from {:.0} s to {:.0} s: {:.0} s are lost ({:.1} °/s would be needed)",
+                keyhole.from_s, keyhole.to_s, keyhole.lost_s(), keyhole.asked_deg_s
+            ));
+        }
+        let [a, b] = pass.fastest_deg_s;
+        let sun = if pass.sun_cone_holds {
+            format!(", {:.0}° from the Sun", pass.sun_deg)
+        } else {
+            String::new()
+        };
+        found.fine(&about, format!("the mount can follow it: up to {:.2} °/s{sun}", a.max(b)));
+        stands = Some((angles(path.at(path.seconds()).direction), job.to));
+    }
+}
+
+/// Parts of a visit in which the telescope may not point at the target.
+fn tell_cut(
+    about: &str,
+    path: &TargetPath,
+    now: Epoch,
+    to: Epoch,
+    guard: &Guard,
+    found: &mut Preflight,
+) {
+    let ends = path.epoch(path.seconds());
+    let (late_s, early_s) = ((path.from() - now).to_seconds(), (to - ends).to_seconds());
+    let why = |epoch: Epoch| {
+        let time_s = path.time_s(epoch);
+        let enu = path.frame().to_enu(path.at(time_s).direction);
+        guard.check_place(enu, epoch).err().map(|danger| danger.to_string())
+    };
+    if late_s > 2.0 {
+        let why = why(path.from() - 2.0 * Unit::Second).unwrap_or_default();
+        found.warning(about, format!("the mount waits {late_s:.0} s for it: {why}"));
+    }
+    if early_s > 2.0 {
+        let why = why(ends + 2.0 * Unit::Second).unwrap_or_default();
+        found.warning(about, format!("the mount leaves it {early_s:.0} s before its end: {why}"));
+    }
+}

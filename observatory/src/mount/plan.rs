@@ -1,0 +1,237 @@
+//! The mount in a plan: `[mount]` of NIGHT.toml.
+
+use crate::plan::VIRTUAL_ADDRESS;
+use serde::Deserialize;
+use std::path::PathBuf;
+use sunglint_drivers::catalogue::{Address, Kind};
+use sunglint_drivers::device::MountAxes;
+use sunglint_formats::ParseError;
+use sunglint_formats::toml::{Document, Finite, Positive, Within};
+use sunglint_radiometry::station::{Detector, Station};
+
+fn yes() -> bool {
+    true
+}
+
+fn name() -> String {
+    "mount".to_owned()
+}
+
+/// A mount that points the telescope in a night.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct MountPlan {
+    /// Name of the mount in the session.
+    #[serde(default = "name")]
+    pub name: String,
+    /// Address of the device in the catalogue of drivers.
+    pub device: String,
+    /// Options for its driver, `NAME=VALUE` each.
+    #[serde(default)]
+    pub with: Vec<String>,
+    /// The camera whose frames correct the pointing; the prediction alone without.
+    #[serde(default)]
+    pub camera: Option<String>,
+    /// Turn of that camera, deg: 0 where columns grow with the first axis (hour angle, azimuth) and rows against the second (declination, altitude); counter-clockwise in
+    /// the frame.
+    #[serde(default)]
+    pub camera_angle_deg: Option<Within<-360, 360>>,
+    /// Whether its columns run the other way.
+    #[serde(default)]
+    pub camera_mirrored: bool,
+    /// Angle that a pixel sees, arcsec; the station's without.
+    #[serde(default)]
+    pub pixel_scale_arcsec: Option<Positive>,
+    /// Where the target is kept, px from the middle of the sensor; without it the middle of the station's fibres.
+    #[serde(default)]
+    pub aim_px: Option<[Finite; 2]>,
+    /// How far from its prediction a star is looked for in the frames, arcsec; half of the sensor without.
+    #[serde(default)]
+    pub reach_arcsec: Option<Positive>,
+    /// Whether cameras wait until the telescope is on its target.
+    #[serde(default = "yes")]
+    pub wait: bool,
+    /// How long they wait from a visit's begin on, s.
+    #[serde(default)]
+    pub acquire_s: Option<Positive>,
+    /// Distance from the target at which the telescope is on it, arcsec.
+    #[serde(default)]
+    pub on_target_arcsec: Option<Positive>,
+    /// Lowest altitude, deg.
+    #[serde(default)]
+    pub min_elevation_deg: Option<Within<0, 89>>,
+    /// Least distance from the Sun, deg.
+    #[serde(default)]
+    pub sun_limit_deg: Option<Within<10, 90>>,
+    /// Time from a command to the mount's doing it, s.
+    #[serde(default)]
+    pub latency_s: Option<Within<0, 5>>,
+    /// Speed of a slew, deg/s: for the time between two visits.
+    #[serde(default)]
+    pub slew_deg_s: Option<Positive>,
+    /// Whether places are lifted by refraction; not where the mount's own software does it.
+    #[serde(default = "yes")]
+    pub refraction: bool,
+    /// How far beside its neighbour a visit of the sky looks, arcmin.
+    #[serde(default)]
+    pub sky_beside_arcmin: Option<Positive>,
+    /// Whether somebody knows that the computer's clock is right, though nothing says so.
+    #[serde(default)]
+    pub trust_clock: bool,
+    /// Whether the mount is told the station's site, and UTC.
+    #[serde(default)]
+    pub set_site: bool,
+    /// Whether it is parked at the end, at dawn, in bad weather and after errors.
+    #[serde(default = "yes")]
+    pub park: bool,
+    /// Altitude of the rising Sun's centre at which it is parked, deg.
+    #[serde(default)]
+    pub dawn_deg: Option<Within<-18, -2>>,
+    /// File that tells the weather.
+    #[serde(default)]
+    pub weather: Option<PathBuf>,
+    /// Age at which that file counts as bad weather, s.
+    #[serde(default)]
+    pub weather_age_s: Option<Positive>,
+}
+
+impl MountPlan {
+    /// Time that cameras wait for the target, s.
+    pub fn acquire_s(&self) -> f64 {
+        self.acquire_s.map_or(60.0, Positive::get)
+    }
+
+    /// Distance from the target at which the telescope is on it, arcsec.
+    pub fn on_target_arcsec(&self) -> f64 {
+        self.on_target_arcsec.map_or(30.0, Positive::get)
+    }
+
+    /// Lowest altitude, deg.
+    pub fn min_elevation_deg(&self) -> f64 {
+        self.min_elevation_deg.map_or(10.0, Within::get)
+    }
+
+    /// Least distance from the Sun, deg.
+    pub fn sun_limit_deg(&self) -> f64 {
+        self.sun_limit_deg.map_or(30.0, Within::get)
+    }
+
+    /// Speed of a slew, deg/s.
+    pub fn slew_deg_s(&self) -> f64 {
+        self.slew_deg_s.map_or(2.0, Positive::get)
+    }
+
+    /// Altitude of the rising Sun's centre at which it is parked, deg.
+    pub fn dawn_deg(&self) -> f64 {
+        self.dawn_deg.map_or(-6.0, Within::get)
+    }
+
+    /// Where the target is kept, px from the middle of the sensor: columns, rows.
+    pub fn aim_px(&self, station: &Station) -> [f64; 2] {
+        if let Some(aim) = self.aim_px {
+            return aim.map(Finite::get);
+        }
+        let fibres: Vec<[f64; 2]> = station
+            .channels
+            .iter()
+            .filter_map(|channel| match &channel.detector {
+                Detector::Counter(counter) => counter.fibre.map(|fibre| fibre.offset_px),
+                _ => None,
+            })
+            .collect();
+        let count = fibres.len().max(1) as f64;
+        [0, 1].map(|axis| fibres.iter().map(|offset| offset[axis]).sum::<f64>() / count)
+    }
+
+    /// How the camera sees the mount's axes; `None` without a camera.
+    pub fn view(&self, station: &Station) -> Option<View> {
+        self.camera.as_ref()?;
+        let own = self.pixel_scale_arcsec.map(Positive::get);
+        let scale_arcsec =
+            own.or(station.camera.as_ref().map(|camera| camera.pixel_scale_arcsec))?;
+        Some(View {
+            scale_arcsec,
+            angle_deg: self.camera_angle_deg.map_or(0.0, Within::get),
+            mirrored: self.camera_mirrored,
+            aim_px: self.aim_px(station),
+        })
+    }
+
+    /// Checks what no night can have, with its line; the file of the weather is found beside the plan.
+    ///
+    /// # Errors
+    /// The key that is wrong.
+    pub(crate) fn check(
+        &mut self,
+        document: &Document,
+        cameras: &[String],
+        virtual_night: bool,
+        station_scale: bool,
+    ) -> Result<(), ParseError> {
+        let wrong =
+            |key: &str, expected: &str| document.error_at(&format!("mount.{key}"), expected);
+        if !sunglint_formats::session::is_name(&self.name) || cameras.contains(&self.name) {
+            return Err(wrong("name", "a name of its own out of letters, digits, - and _"));
+        }
+        if virtual_night {
+            if self.device != VIRTUAL_ADDRESS {
+                return Err(wrong("device", &format!("{VIRTUAL_ADDRESS}, as the night is")));
+            }
+        } else {
+            let parsed = Address::parse(&self.device, &self.with).map_err(|error| {
+                let field = if error.field.starts_with("option") { "with" } else { "device" };
+                wrong(field, &error.expected)
+            })?;
+            if parsed.driver.kind != Kind::Mount {
+                let expected = format!("a {}; this is a {}", Kind::Mount, parsed.driver.kind);
+                return Err(wrong("device", &expected));
+            }
+        }
+        if let Some(camera) = &self.camera {
+            if !cameras.contains(camera) {
+                return Err(wrong("camera", "the name of a [[camera]] of the plan"));
+            }
+            if self.pixel_scale_arcsec.is_none() && !station_scale {
+                let expected =
+                    "the angle of a pixel, arcsec: the station has no camera that says it";
+                return Err(wrong("pixel_scale_arcsec", expected));
+            }
+        } else if self.camera_angle_deg.is_some() || self.camera_mirrored {
+            return Err(wrong("camera", "the name of the camera that these keys are about"));
+        }
+        self.weather = self.weather.take().map(|path| document.resolve(path));
+        Ok(())
+    }
+}
+
+/// How a camera sees a mount's axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// Angle that a pixel sees, arcsec.
+    pub scale_arcsec: f64,
+    /// Turn of the camera, deg.
+    pub angle_deg: f64,
+    /// Whether columns run the other way.
+    pub mirrored: bool,
+    /// Where the target is kept, px from the middle of the sensor.
+    pub aim_px: [f64; 2],
+}
+
+impl View {
+    /// Offset along the growing axes of a light at a place of the sensor from where the target is kept, arcsec. The place counts from the middle of the sensor: columns, rows.
+    pub fn offset_arcsec(&self, from_middle_px: [f64; 2]) -> [f64; 2] {
+        let [column, row] = [0, 1].map(|i| from_middle_px[i] - self.aim_px[i]);
+        let (right, up) = (if self.mirrored { -column } else { column }, -row);
+        let (sin, cos) = self.angle_deg.to_radians().sin_cos();
+        [self.scale_arcsec * (cos * right - sin * up), self.scale_arcsec * (sin * right + cos * up)]
+    }
+}
+
+/// Word for the axes of a mount.
+pub(crate) fn axes_word(axes: MountAxes) -> &'static str {
+    match axes {
+        MountAxes::Equatorial => "equatorial",
+        MountAxes::Horizontal => "horizontal",
+    }
+}

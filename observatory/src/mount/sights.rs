@@ -1,0 +1,148 @@
+//! Lights that the camera of a mount sees, on their way from the thread of the camera to that of the mount.
+
+use super::plan::View;
+use crate::spots::lights;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use sunglint_drivers::clock::Deadline;
+use sunglint_drivers::device::{DeviceError, Finder, FinderFrame, Spot};
+use sunglint_formats::Frame;
+
+/// Frames that wait at most: the newest count.
+const MOST: usize = 8;
+
+/// The lights of the last frames.
+#[derive(Debug)]
+pub struct Sights {
+    view: View,
+    frames: Mutex<VecDeque<FinderFrame>>,
+    /// Half of the sensor's smaller side, px.
+    half_px: Mutex<f64>,
+}
+
+impl Sights {
+    /// For a camera that sees the axes so.
+    pub fn new(view: View) -> Self {
+        Self { view, frames: Mutex::default(), half_px: Mutex::new(0.0) }
+    }
+
+    fn frames(&self) -> MutexGuard<'_, VecDeque<FinderFrame>> {
+        self.frames.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The camera's sensor, px.
+    pub fn sensor(&self, size_px: [u32; 2]) {
+        let half = 0.5 * f64::from(size_px[0].min(size_px[1]));
+        *self.half_px.lock().unwrap_or_else(PoisonError::into_inner) = half;
+    }
+
+    /// Half of the sensor's smaller side on the sky, arcsec.
+    pub fn half_arcsec(&self) -> f64 {
+        self.view.scale_arcsec * *self.half_px.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes a frame of a sensor of this size.
+    pub fn see(&self, frame: &Frame, sensor_px: [u32; 2]) {
+        let spots = lights(frame.pixels.view()).into_iter().map(|light| {
+            let from_middle = [0, 1].map(|i| {
+                let bins = f64::from(frame.binning[i]);
+                // The first pixel's middle lies half a pixel from the edge.
+                let at = f64::from(frame.origin[i]) + (light.at_px[i] + 0.5) * bins;
+                at - 0.5 * f64::from(sensor_px[i])
+            });
+            let offset_arcsec = self.view.offset_arcsec(from_middle);
+            Spot { offset_arcsec, flux: light.flux_adu / frame.exposure_s.max(1e-6) }
+        });
+        let middle = frame.start + hifitime::Duration::from_seconds(0.5 * frame.exposure_s);
+        let seen = FinderFrame { middle, spots: spots.collect() };
+        let mut frames = self.frames();
+        frames.push_back(seen);
+        while frames.len() > MOST {
+            frames.pop_front();
+        }
+    }
+
+    /// Forgets what was seen of another target.
+    pub fn clear(&self) {
+        self.frames().clear();
+    }
+}
+
+/// The camera as the mount's finder.
+#[derive(Debug)]
+pub struct CameraFinder(pub Arc<Sights>);
+
+impl Finder for CameraFinder {
+    fn half_width_deg(&self) -> f64 {
+        (self.0.half_arcsec() / 3600.0).max(1.0 / 60.0)
+    }
+
+    fn frame(&mut self, _: &Deadline) -> Result<Option<FinderFrame>, DeviceError> {
+        Ok(self.0.frames().pop_front())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+    use sunglint_formats::fits::Header;
+    use sunglint_formats::time::parse_utc;
+
+    /// Truth: by hand: a light 10 columns right of the aim and 20 rows above it, at 2″ a pixel; the same light in a window and in bins; turned by 90°, mirrored.
+    #[test]
+    fn pixels_become_offsets_of_the_axes() {
+        let view = |angle_deg, mirrored| View {
+            scale_arcsec: 2.0,
+            angle_deg,
+            mirrored,
+            aim_px: [5.0, -3.0],
+        };
+        let place = [15.0, -23.0];
+        let near = |found: [f64; 2], expected: [f64; 2]| {
+            let off = (found[0] - expected[0]).hypot(found[1] - expected[1]);
+            assert!(off < 1e-9, "{found:?} {expected:?}");
+        };
+        near(view(0.0, false).offset_arcsec(place), [20.0, 40.0]);
+        near(view(0.0, true).offset_arcsec(place), [-20.0, 40.0]);
+        near(view(90.0, false).offset_arcsec(place), [-40.0, 20.0]);
+
+        let sensor_px = [100, 80];
+        let seen = |origin: [u32; 2], size: [usize; 2], bins: u32, at: [f64; 2]| {
+            let pixels = Array2::from_shape_fn((size[1], size[0]), |(row, column)| {
+                let (dx, dy) = (column as f64 - at[0], row as f64 - at[1]);
+                (100.0 + 9000.0 * (-(dx * dx + dy * dy) / 4.5).exp()) as u16
+            });
+            let frame = Frame {
+                pixels,
+                origin,
+                binning: [bins; 2],
+                bayer: None,
+                start: parse_utc("2026-11-21T18:00:00Z").unwrap(),
+                exposure_s: 2.0,
+                gain_e_per_adu: None,
+                temperature_c: None,
+                saturation_adu: None,
+                header: Header::default(),
+            };
+            let sights = Arc::new(Sights::new(view(0.0, false)));
+            sights.sensor(sensor_px);
+            sights.see(&frame, sensor_px);
+            let mut finder = CameraFinder(sights);
+            let deadline = Deadline::within(std::time::Duration::from_secs(1));
+            let found = finder.frame(&deadline).unwrap().unwrap();
+            assert!(finder.frame(&deadline).unwrap().is_none());
+            assert_eq!(found.middle, parse_utc("2026-11-21T18:00:01Z").unwrap());
+            found.spots[0].offset_arcsec
+        };
+        // The middle of a sensor of 100 by 80 lies at column 49.5, row 39.5.
+        let close = |found: [f64; 2]| {
+            let off = (found[0] - 20.0).hypot(found[1] - 40.0);
+            assert!(off < 0.3, "{found:?}");
+        };
+        close(seen([0, 0], [100, 80], 1, [64.5, 16.5]));
+        close(seen([40, 4], [50, 40], 1, [24.5, 12.5]));
+        // In bins of two, the middle of sensor pixel 64.5 is that of bin 32.
+        close(seen([0, 0], [50, 40], 2, [32.0, 8.0]));
+    }
+}
