@@ -14,8 +14,8 @@ mod sink;
 
 pub use confirmed::Confirmed;
 pub(crate) use error::not_taken;
-pub(crate) use focuser::check_steps;
 pub use error::{DeviceError, Interrupted, Side};
+pub(crate) use focuser::check_steps;
 pub(crate) use scale::Scale;
 
 pub use focuser::Focuser;

@@ -44,7 +44,8 @@ pub(super) fn run(args: &ListArgs, console: Console) -> anyhow::Result<()> {
     args.out.finish(&product, &report::inventory_text(&found), console)?;
     let indi = found.servers.into_iter().map(|server| ("--indi", server));
     let all = indi.chain(found.alpaca.into_iter().map(|server| ("--alpaca", server)));
-    let silent = all.into_iter().find_map(|(o, server)| Some((o, server.host, server.devices.err()?)));
+    let silent =
+        all.into_iter().find_map(|(o, server)| Some((o, server.host, server.devices.err()?)));
     match silent {
         Some((option, host, error)) => anyhow::bail!("{option} {host}: {error}"),
         None => Ok(()),

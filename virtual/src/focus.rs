@@ -325,7 +325,12 @@ impl Camera for FocusCamera {
     fn expose(&mut self, exposure_s: f64, deadline: &Deadline) -> Result<Frame, DeviceError> {
         if !(0.0..=600.0).contains(&exposure_s) {
             let name = "exposure, s";
-            return Err(DeviceError::OutOfRange { name, asked: exposure_s, least: 0.0, most: 600.0 });
+            return Err(DeviceError::OutOfRange {
+                name,
+                asked: exposure_s,
+                least: 0.0,
+                most: 600.0,
+            });
         }
         let start = self.0.clock.utc();
         deadline

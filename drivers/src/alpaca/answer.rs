@@ -107,6 +107,11 @@ impl Fail {
         }
     }
 
+    /// Whether the device has the member and no value of it yet.
+    pub fn is_not_yet(&self) -> bool {
+        matches!(self, Self::Said { code: 0x402 | 0x40B | 0x40D, is_status: false, .. })
+    }
+
     /// Whether the device said no with this code of ASCOM.
     pub fn has_code(&self, wanted: i64) -> bool {
         matches!(self, Self::Said { code, is_status: false, .. } if *code == wanted)

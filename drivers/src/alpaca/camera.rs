@@ -5,9 +5,7 @@ use super::http::Response;
 use super::image::{AlpacaImage, HEADER_BYTES, ImageError, image_bytes, image_json};
 use super::session::{Place, Session, SessionSettings};
 use crate::clock::{Deadline, utc_now};
-use crate::device::{
-    self, Device, DeviceError, Identity, Limits, Origin, Setting, Value, Window,
-};
+use crate::device::{self, Device, DeviceError, Identity, Limits, Origin, Setting, Value, Window};
 use crate::transport::Bytes;
 use hifitime::Epoch;
 use std::time::Duration;
@@ -77,8 +75,7 @@ impl<T: Bytes> Camera<T> {
         };
         let aborts = session.can("canabortexposure", deadline)?;
         let window = Window { origin_px: [0, 0], size_px: sensor_px, binning: [1, 1] };
-        let mut camera =
-            Self { session, sensor_px, window, bayer, limits, aborts, running: false };
+        let mut camera = Self { session, sensor_px, window, bayer, limits, aborts, running: false };
         camera.window = camera.read_window(deadline)?;
         Ok(camera)
     }
@@ -173,7 +170,8 @@ impl<T: Bytes> Camera<T> {
     fn read_image(&mut self, deadline: &Deadline) -> Result<AlpacaImage, DeviceError> {
         let size = self.size();
         let pixels = (size[0] as usize).saturating_mul(size[1] as usize);
-        let most = pixels.saturating_mul(JSON_PIXEL_BYTES).saturating_add(HEADER_BYTES + (64 << 10));
+        let most =
+            pixels.saturating_mul(JSON_PIXEL_BYTES).saturating_add(HEADER_BYTES + (64 << 10));
         let most = most.min(self.session.settings.frame_bytes);
         let request = "the frame";
         let (response, transaction) =
@@ -225,7 +223,9 @@ fn bayer<T: Bytes>(
         Some(2) => {
             let offset = |session: &mut Session<T>, member: &str| {
                 let number = session.optional_number(member, deadline)?;
-                Ok::<_, DeviceError>(number.filter(|n| (0.0..=3.0).contains(n)).unwrap_or(0.0) as u32)
+                Ok::<_, DeviceError>(
+                    number.filter(|n| (0.0..=3.0).contains(n)).unwrap_or(0.0) as u32
+                )
             };
             let (x, y) = (offset(session, "bayeroffsetx")?, offset(session, "bayeroffsety")?);
             Ok(Some(Bayer::Rggb.shifted(x, y)))
@@ -366,7 +366,9 @@ impl<T: Bytes> device::Camera for Camera<T> {
             let late = (began - asked).to_seconds();
             header.set("HOSTDIFF", late, "s, DATE-OBS less HOSTDATE");
         } else {
-            header.comment("DATE-OBS: when the host asked; the server tells no time that is fine enough");
+            header.comment(
+                "DATE-OBS: when the host asked; the server tells no time that is fine enough",
+            );
         }
         let Window { origin_px, binning, .. } = self.window;
         Ok(Frame {

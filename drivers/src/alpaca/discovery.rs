@@ -46,7 +46,8 @@ struct Port {
 pub fn discover(port: u16, time: Duration) -> Result<Vec<String>, std::io::Error> {
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
     socket.set_broadcast(true)?;
-    let asked = [Ipv4Addr::BROADCAST, Ipv4Addr::LOCALHOST].map(|to| socket.send_to(QUESTION, (to, port)));
+    let asked =
+        [Ipv4Addr::BROADCAST, Ipv4Addr::LOCALHOST].map(|to| socket.send_to(QUESTION, (to, port)));
     // A computer without a network still has itself.
     let [network, own] = asked;
     if network.is_err() {

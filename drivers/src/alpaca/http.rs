@@ -125,8 +125,7 @@ impl ResponseParser {
             State::Head => self.head(),
             State::Length(left) => {
                 let count = self.take(left)?;
-                self.state =
-                    if count == left { State::Done } else { State::Length(left - count) };
+                self.state = if count == left { State::Done } else { State::Length(left - count) };
                 Ok(false)
             }
             State::UntilEnd => {
@@ -216,9 +215,8 @@ impl ResponseParser {
             let value = value.trim();
             match name.trim().to_ascii_lowercase().as_str() {
                 "content-length" => {
-                    let number: usize = value
-                        .parse()
-                        .map_err(|_| format!("a Content-Length of `{value}`"))?;
+                    let number: usize =
+                        value.parse().map_err(|_| format!("a Content-Length of `{value}`"))?;
                     if length.is_some_and(|known| known != number) {
                         return Err("two different Content-Lengths".into());
                     }

@@ -125,8 +125,7 @@ pub fn image_json(body: &[u8], expected: [u32; 2]) -> Result<AlpacaImage, ImageE
     let wrong = |error: serde_json::Error| {
         format!("the image is no JSON of Alpaca ({error}): {}", super::answer::excerpt(body))
     };
-    let envelope: Envelope<serde::de::IgnoredAny> =
-        serde_json::from_slice(body).map_err(wrong)?;
+    let envelope: Envelope<serde::de::IgnoredAny> = serde_json::from_slice(body).map_err(wrong)?;
     if envelope.error_number != 0 {
         let message = envelope.error_message.unwrap_or_default();
         return Err(ImageError::Said(envelope.error_number, message));

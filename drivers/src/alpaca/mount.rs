@@ -238,7 +238,12 @@ impl<T: Bytes> Mount<T> {
         Ok(())
     }
 
-    fn move_axis(&mut self, axis: usize, deg_s: f64, deadline: &Deadline) -> Result<(), DeviceError> {
+    fn move_axis(
+        &mut self,
+        axis: usize,
+        deg_s: f64,
+        deadline: &Deadline,
+    ) -> Result<(), DeviceError> {
         let parameters = [("Axis", axis.to_string()), ("Rate", (deg_s + 0.0).to_string())];
         let put = self.session.put("moveaxis", &parameters, deadline);
         put.map_err(|fail| fail.error(DEVICE, &format!("{deg_s} deg/s of axis {axis}")))
@@ -283,7 +288,8 @@ impl<T: Bytes> Mount<T> {
         for axis in 0..2 {
             let part = found[axis] / rates[axis];
             if !(0.5..=1.5).contains(&part.abs()) {
-                let name = ["rate of the first axis, deg/s", "rate of the second axis, deg/s"][axis];
+                let name =
+                    ["rate of the first axis, deg/s", "rate of the second axis, deg/s"][axis];
                 let (asked, got) = (rates[axis].to_string(), format!("{:.4}", found[axis]));
                 return Err(DeviceError::NotTaken { device: DEVICE, name, asked, got });
             }
@@ -512,9 +518,7 @@ impl<T: Bytes> device::Mount for Mount<T> {
         let mut failed = None;
         let moves = !matches!(self.abilities.rates, MountRates::Absent);
         // After a failure the rest is tried all the same, each in its share of the time.
-        let share = |left: u32| {
-            deadline.at_most(deadline.remaining().unwrap_or_default() / left)
-        };
+        let share = |left: u32| deadline.at_most(deadline.remaining().unwrap_or_default() / left);
         for axis in (0..2).filter(|_| moves) {
             let parameters = [("Axis", axis.to_string()), ("Rate", "0".to_owned())];
             match self.session.put("moveaxis", &parameters, &share(4 - axis)) {
@@ -553,10 +557,8 @@ impl<T: Bytes> device::Mount for Mount<T> {
             Err(fail) => fail.error(DEVICE, request),
         };
         // Some answer only once they are parked, which takes minutes: that it has begun is enough.
-        let late = matches!(
-            &error,
-            DeviceError::Transport { source: TransportError::Timeout { .. }, .. }
-        );
+        let late =
+            matches!(&error, DeviceError::Transport { source: TransportError::Timeout { .. }, .. });
         let grace = deadline.grace(self.settings.session.answer_within);
         let begun = late
             && (self.session.flag("slewing", &grace)?

@@ -36,7 +36,12 @@ impl<T: Bytes> Rotator<T> {
     fn turn_to(&mut self, angle_deg: f64, deadline: &Deadline) -> Result<f64, DeviceError> {
         if !(0.0..360.0).contains(&angle_deg) {
             let name = "angle, deg";
-            return Err(DeviceError::OutOfRange { name, asked: angle_deg, least: 0.0, most: 360.0 });
+            return Err(DeviceError::OutOfRange {
+                name,
+                asked: angle_deg,
+                least: 0.0,
+                most: 360.0,
+            });
         }
         let parameters = [("Position", angle_deg.to_string())];
         let put = self.session.put("moveabsolute", &parameters, deadline);

@@ -60,9 +60,12 @@ impl<T: Bytes> Session<T> {
         let mut session = Self::new(line, place, [label, kind], settings);
         let connected = match session.get("connected", &[], deadline) {
             Ok(value) => value == Value::Bool(true),
-            Err(Fail::Said { code: 400 | 404, is_status: true, .. }) => {
+            Err(fail) if fail.is_absent() => {
                 let asked = format!("{kind} {}", place.number);
-                let known = format!("the devices of {} (list them: devices list --alpaca {})", place.server, place.server);
+                let known = format!(
+                    "the devices of {} (list them: devices list --alpaca {})",
+                    place.server, place.server
+                );
                 return Err(DeviceError::Unknown { name: "Alpaca device", asked, known });
             }
             Err(fail) => return Err(fail.error(label, "connected")),
@@ -252,7 +255,8 @@ impl<T: Bytes> Session<T> {
         let label = self.label;
         match self.get(member, &[], deadline) {
             Ok(value) => Ok(Some(value)),
-            Err(fail) if fail.is_absent() => Ok(None),
+            // What it has not measured or set yet is nothing, too.
+            Err(fail) if fail.is_absent() || fail.is_not_yet() => Ok(None),
             Err(fail) => Err(fail.error(label, member)),
         }
     }
@@ -287,8 +291,9 @@ impl<T: Bytes> Session<T> {
     ) -> Result<i64, DeviceError> {
         let value = self.value(member, deadline)?;
         let number = value.as_i64().filter(|number| (least..=most).contains(number));
-        number
-            .ok_or_else(|| self.wrong(member, &format!("a whole number, {least} to {most}"), &value))
+        number.ok_or_else(|| {
+            self.wrong(member, &format!("a whole number, {least} to {most}"), &value)
+        })
     }
 
     pub fn flag(&mut self, member: &str, deadline: &Deadline) -> Result<bool, DeviceError> {
@@ -327,9 +332,16 @@ impl<T: Bytes> Session<T> {
         let name = self.text("name", deadline)?;
         let description = self.text("description", deadline)?;
         let version = self.text("driverversion", deadline)?;
-        let model = name.or(description).unwrap_or_else(|| format!("{} {}", self.kind, self.number));
+        let model =
+            name.or(description).unwrap_or_else(|| format!("{} {}", self.kind, self.number));
         let firmware = version.map(|version| format!("driver {version}"));
-        Ok(Identity { vendor: "ASCOM Alpaca".into(), model, serial: None, firmware, driver: "alpaca" })
+        Ok(Identity {
+            vendor: "ASCOM Alpaca".into(),
+            model,
+            serial: None,
+            firmware,
+            driver: "alpaca",
+        })
     }
 
     /// Waits until a question is answered with yes.

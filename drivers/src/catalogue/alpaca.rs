@@ -4,8 +4,7 @@ use super::{
     Address, AddressError, AnyDevice, Driver, Kind, Line, Listed, OptionKind, OptionSpec, Wire,
 };
 use crate::alpaca::{
-    Camera, Focuser, Mount, MountSettings, PORT, Place, Rotator, SessionSettings, Wheel,
-    configured,
+    Camera, Focuser, Mount, MountSettings, PORT, Place, Rotator, SessionSettings, Wheel, configured,
 };
 use crate::clock::Deadline;
 use crate::device::DeviceError;
@@ -198,7 +197,9 @@ mod tests {
         assert_eq!(of("lab:99/2"), ("lab:99".into(), 2));
         assert_eq!(of("[::1]/1"), ("[::1]:11111".into(), 1));
         assert_eq!(of("[::1]:5/1"), ("[::1]:5".into(), 1));
-        for wrong in ["", "/0", "lab:0/0", "lab:99999", "lab/x", "lab/-1", "lab/", "a b/0", "a\r\nb/0"] {
+        for wrong in
+            ["", "/0", "lab:0/0", "lab:99999", "lab/x", "lab/-1", "lab/", "a b/0", "a\r\nb/0"]
+        {
             assert!(parse(wrong).is_err(), "{wrong}");
         }
     }

@@ -3,8 +3,8 @@
 use super::Kind;
 use crate::clock::Deadline;
 use crate::device::{
-    Camera, Device, DeviceError, FilterWheel, Focuser, Mount, PhotonCounter, PowerMeter, RotationStage,
-    Value, Window,
+    Camera, Device, DeviceError, FilterWheel, Focuser, Mount, PhotonCounter, PowerMeter,
+    RotationStage, Value, Window,
 };
 
 /// A device of one of the kinds.
@@ -76,10 +76,9 @@ impl AnyDevice {
                 ("range", "a range's name"),
                 ("zero", "now, with the head covered"),
             ],
-            Self::RotationStage(_)
-            | Self::FilterWheel(_)
-            | Self::Focuser(_)
-            | Self::Mount(_) => Vec::new(),
+            Self::RotationStage(_) | Self::FilterWheel(_) | Self::Focuser(_) | Self::Mount(_) => {
+                Vec::new()
+            }
         };
         settable.extend(self.device().own_settings());
         settable

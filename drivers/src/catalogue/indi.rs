@@ -6,8 +6,8 @@ use super::{
 use crate::clock::Deadline;
 use crate::device::DeviceError;
 use crate::indi::{
-    CameraSettings, MountSettings, PORT, RotatorSettings, SessionSettings, open_camera, open_mount,
-    open_rotator, open_wheel, Focuser,
+    CameraSettings, Focuser, MountSettings, PORT, RotatorSettings, SessionSettings, open_camera,
+    open_mount, open_rotator, open_wheel,
 };
 use crate::simulated::indi::{
     CameraSpec, Ramp, RotatorSpec, Server, ServerSettings, Simulated, WheelSpec,

@@ -61,7 +61,6 @@ pub fn inventory(
         }
     }
     hosts.dedup();
-    let ask =
-        |host: String| ServerAsked { devices: alpaca::listed(&host, &within()), host };
+    let ask = |host: String| ServerAsked { devices: alpaca::listed(&host, &within()), host };
     Inventory { plugged: found, faults, servers, alpaca: hosts.into_iter().map(ask).collect() }
 }

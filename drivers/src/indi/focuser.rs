@@ -134,10 +134,8 @@ impl<T: Bytes> crate::device::Focuser for Focuser<T> {
         deadline: &Deadline,
     ) -> Result<i64, Interrupted<Option<i64>>> {
         self.go(position, deadline).map_err(|error| {
-            let harmless = matches!(
-                error,
-                DeviceError::OutOfRange { .. } | DeviceError::Lost { .. }
-            );
+            let harmless =
+                matches!(error, DeviceError::OutOfRange { .. } | DeviceError::Lost { .. });
             if harmless {
                 return Interrupted::new(None, error);
             }

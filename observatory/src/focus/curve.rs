@@ -78,11 +78,14 @@ impl Curve {
 pub enum CurveError {
     /// Too few points.
     #[error(
-        "{found} points have stars, {FEWEST} at least are needed: expose longer, or take smaller steps around the focus"
+        "{found} points have stars, {FEWEST} at least are needed: expose longer, or take smaller steps around the focus{}",
+        sharpest.map_or_else(String::new, |at| format!(" (the sharpest was at {at:.0}: --center)"))
     )]
     TooFew {
         /// Points with stars.
         found: usize,
+        /// Position of the sharpest, steps.
+        sharpest: Option<f64>,
     },
     /// The lowest point is not within the points.
     #[error(
@@ -151,7 +154,8 @@ fn quadratic(points: &[(f64, f64, f64)]) -> Option<([f64; 3], [[f64; 3]; 3], f64
     for (i, c) in c.iter_mut().enumerate() {
         *c = (0..3).map(|j| covariance[i][j] * v[j]).sum();
     }
-    let off = |&(u, y, sigma): &(f64, f64, f64)| ((y - c[0] - u * (c[1] + u * c[2])) / sigma).powi(2);
+    let off =
+        |&(u, y, sigma): &(f64, f64, f64)| ((y - c[0] - u * (c[1] + u * c[2])) / sigma).powi(2);
     let chi2 = points.iter().map(off).sum();
     Some((c, covariance, chi2))
 }
@@ -175,8 +179,9 @@ pub fn fit(points: &[Point]) -> Result<Curve, CurveError> {
     let good = |p: &&Point| p.hfr_px > 0.0 && p.sigma_px > 0.0 && p.hfr_px.is_finite();
     let mut all: Vec<Point> = points.iter().filter(good).copied().collect();
     all.sort_by(|a, b| a.position.total_cmp(&b.position).then(a.hfr_px.total_cmp(&b.hfr_px)));
+    let lowest = all.iter().min_by(|a, b| a.hfr_px.total_cmp(&b.hfr_px)).map(|p| p.position);
     if all.len() < FEWEST {
-        return Err(CurveError::TooFew { found: all.len() });
+        return Err(CurveError::TooFew { found: all.len(), sharpest: lowest });
     }
     let of = |fold: fn(f64, f64) -> f64, start| all.iter().map(|p| p.hfr_px).fold(start, fold);
     let (least, most) = (of(f64::min, f64::INFINITY), of(f64::max, 0.0));
@@ -186,7 +191,7 @@ pub fn fit(points: &[Point]) -> Result<Curve, CurveError> {
     let middle = used.iter().map(|p| p.position).sum::<f64>() / used.len() as f64;
     let scale = used.iter().map(|p| (p.position - middle).abs()).fold(0.0, f64::max);
     if scale <= 0.0 {
-        return Err(CurveError::TooFew { found: 1 });
+        return Err(CurveError::TooFew { found: 1, sharpest: lowest });
     }
     let freedom = used.len() - 3;
     let shape = |shape: Shape| {
@@ -242,12 +247,14 @@ pub fn fit(points: &[Point]) -> Result<Curve, CurveError> {
         .filter(|(curve, bends)| *bends > 3.0 && curve.least_px > 0.0)
         .map(|(curve, _)| curve);
     let best = usable.min_by(|a, b| a.chi2.total_cmp(&b.chi2));
-    let lowest = all.iter().min_by(|a, b| a.hfr_px.total_cmp(&b.hfr_px)).map_or(middle, |p| p.position);
+    let lowest = lowest.unwrap_or(middle);
     let edge = |best: f64, next: f64| CurveError::AtEdge { best, from, to, next };
     let Some(curve) = best else {
-        let ends = all.iter().filter(|p| p.position < lowest).count().min(
-            all.iter().filter(|p| p.position > lowest).count(),
-        );
+        let ends = all
+            .iter()
+            .filter(|p| p.position < lowest)
+            .count()
+            .min(all.iter().filter(|p| p.position > lowest).count());
         let noise = used.iter().map(|p| p.sigma_px).fold(0.0, f64::max);
         return Err(if most - least > 6.0 * noise && ends < EACH_SIDE {
             edge(lowest, lowest)

@@ -60,7 +60,9 @@ impl Drift {
     /// See [`DriftError`].
     pub fn of(runs: &[At]) -> Result<Self, DriftError> {
         let mut runs = runs.to_vec();
-        runs.retain(|run| run.sigma > 0.0 && run.temperature_c.is_finite() && run.position.is_finite());
+        runs.retain(|run| {
+            run.sigma > 0.0 && run.temperature_c.is_finite() && run.position.is_finite()
+        });
         runs.sort_by(|a, b| {
             a.temperature_c.total_cmp(&b.temperature_c).then(a.position.total_cmp(&b.position))
         });

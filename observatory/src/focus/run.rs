@@ -303,7 +303,8 @@ fn go(
     let mut positions: Vec<i64> =
         (0..options.points as i64).map(|i| center - half + i * options.step).collect();
     let [least, most] = runner.focuser.range();
-    let (mut from, mut to) = (center - half, center - half + options.step * (options.points as i64 - 1));
+    let (mut from, mut to) =
+        (center - half, center - half + options.step * (options.points as i64 - 1));
     match options.approach {
         Approach::Up => from -= options.overshoot,
         Approach::Down => {

@@ -111,7 +111,8 @@ fn find(frame: &Frame, middle: f64, sigma: f64) -> Vec<(f64, f64, f64)> {
             (lowest[0], lowest[1]) = (lowest[0].min(c), lowest[1].min(r));
             (highest[0], highest[1]) = (highest[0].max(c), highest[1].max(r));
             for (dr, dc) in [(0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)] {
-                let (Some(r), Some(c)) = (r.checked_add_signed(dr), c.checked_add_signed(dc)) else {
+                let (Some(r), Some(c)) = (r.checked_add_signed(dr), c.checked_add_signed(dc))
+                else {
                     continue;
                 };
                 if r < rows && c < columns && !seen[r * columns + c] && smooth(r, c) >= limit {
@@ -179,7 +180,8 @@ fn measure(frame: &Frame, place: (f64, f64, f64), sigma: f64) -> Option<Star> {
             flux += f;
             (sx, sy, sr) = (sx + f * dx, sy + f * dy, sr + f * distance);
         }
-        let noise = sigma * (within.len() as f64 * (1.0 + within.len() as f64 / part.len() as f64)).sqrt();
+        let noise =
+            sigma * (within.len() as f64 * (1.0 + within.len() as f64 / part.len() as f64)).sqrt();
         if flux < LEAST_SNR * noise.max(1e-9) {
             return None;
         }

@@ -5,7 +5,7 @@ use hifitime::Epoch;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_drivers::catalogue::{
-    Access, Bus, DRIVERS, Driver, Inventory, ServerAsked, OptionKind, OptionSpec, Plugged, udev,
+    Access, Bus, DRIVERS, Driver, Inventory, OptionKind, OptionSpec, Plugged, ServerAsked, udev,
 };
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, Table};
