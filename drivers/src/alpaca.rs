@@ -6,7 +6,7 @@
 //! - [`discover`], [`configured`]: servers in the network, and the devices of a server.
 //!
 //! After anything that went wrong (a time that ran out, a broken answer) the connection is made anew, so that no answer is taken for that of a later request.
-//! What must not happen twice (an exposure) is never repeated.
+//! A request that must not be done twice (an exposure) is never repeated.
 //!
 //! # Tried with
 //! `alpaca-simulators` 1.3.2 (PyPI), live and recorded. No real device yet.

@@ -46,7 +46,7 @@ fn measured(mount: &mut Mount<Tcp>) -> [f64; 2] {
 }
 
 /// Truth: what was asked for, against what the simulator says of its place: 0.02° for a slew, 3 % and 10″/s for rates (its clock advances in steps of 0.1 s).
-/// Its own right ascension grows with a positive rate of its axis; the driver's hour angle grows where it is told to.
+/// The simulator's right ascension grows with a positive rate of its axis; the driver's hour angle grows where it is told to.
 #[test]
 fn a_visit_slews_syncs_follows_rates_stops_and_parks() {
     let Some(server) = Simulators::start("a_visit_slews_syncs_follows_rates_stops_and_parks", 300)

@@ -10,6 +10,7 @@ mod catalogue;
 mod common;
 mod efw_fixtures;
 mod efw_wheel;
+mod focuser_live;
 mod fuzz;
 mod indi_faults;
 mod indi_fixtures;

@@ -91,7 +91,7 @@ impl FocusOptions {
 #[derive(Debug)]
 struct State {
     options: FocusOptions,
-    /// What the counter shows, steps.
+    /// Reading of the counter, steps.
     counter: i64,
     /// Where the moving part is, steps.
     place: f64,

@@ -17,7 +17,7 @@ pub(super) const PARKED: i64 = 0x408;
 /// Frame of every answer.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct Envelope<V> {
-    /// What was asked for; absent after a `PUT`, and where there is an error.
+    /// The value; absent after a `PUT`, and where there is an error.
     #[serde(rename = "Value")]
     pub value: Option<V>,
     /// Zero, or ASCOM's code of the error.

@@ -304,7 +304,7 @@ pub(super) struct Request<'a> {
 pub(super) struct Http<T> {
     line: T,
     host: String,
-    /// What is on the line is not known: it has to be connected again.
+    /// Whether the line's content is unknown: it has to be connected again.
     broken: bool,
     last: Option<Duration>,
 }

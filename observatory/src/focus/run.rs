@@ -110,7 +110,7 @@ pub enum RunError {
     Option {
         /// Option.
         what: &'static str,
-        /// Its value.
+        /// Value that was given.
         found: String,
         /// Values that it may have.
         expected: String,
@@ -160,7 +160,7 @@ pub enum RunError {
 #[derive(Debug, thiserror::Error)]
 #[error("{error}")]
 pub struct FailedRun {
-    /// What was seen.
+    /// Positions and stars that were seen.
     pub run: Box<FocusRun>,
     /// Why it failed.
     #[source]
