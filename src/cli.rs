@@ -3,7 +3,7 @@
 use crate::output::{Console, OutputArgs};
 use crate::{
     air, align, analyse, apply, bench, brdf, calibrate, compare, demo, detect, devices, efficiency,
-    elements, explain, fit, import, light, observe, page, passes, picture, reduce, session,
+    elements, explain, fit, focus, import, light, observe, page, passes, picture, reduce, session,
     simulate, solve, star, study, tables, track,
 };
 use anyhow::Context as _;
@@ -30,7 +30,7 @@ pub struct Cli {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Options of every command")]
 pub struct Global {
-    /// Seed of everything random; the same seed gives the same result. It counts for `brdf ndf` (readings drawn anew), `calibrate` (the bootstrap of its intervals), `fit` (where its search begins) and `demo` (its night)
+    /// Seed of everything random; the same seed gives the same result. It counts for `brdf ndf` (readings drawn anew), `calibrate` (the bootstrap of its intervals), `fit` (where its search begins), `focus run` (its virtual telescope) and `demo` (its night)
     #[arg(long, global = true, default_value_t = 0, value_name = "N")]
     pub seed: u64,
     /// Threads to use at most [default: as many as there are cores]; results do not depend on it
@@ -94,6 +94,9 @@ pub enum Command {
     Observe(Box<observe::ObserveArgs>),
     /// A mount follows a satellite: from elements to a telescope that tracks, kept off the Sun; or a rehearsal with a virtual one
     Track(Box<track::TrackArgs>),
+    /// The telescope's focus: the best position of a focuser by the stars' half-flux radius, and its drift with temperature
+    #[command(subcommand)]
+    Focus(Box<focus::FocusCommand>),
     /// Stops a mount when the program that moves it falls silent
     #[command(hide = true)]
     MountWatchdog(track::WatchdogArgs),
@@ -181,6 +184,7 @@ impl Command {
             Command::Fit(args) => Some(&args.out),
             Command::Analyse(command) => Some(command.output()),
             Command::Track(args) => Some(&args.out),
+            Command::Focus(command) => Some(command.output()),
             Command::Demo(_)
             | Command::Observe(_)
             | Command::Session(_)
@@ -199,6 +203,7 @@ impl Command {
             Command::Air(args) => air::run(args, console),
             Command::Star(args) => star::run(args, console),
             Command::Track(args) => track::run(args, console),
+            Command::Focus(command) => focus::run(command, console, seed),
             Command::MountWatchdog(args) => track::watchdog(args),
             Command::Simulate(args) => simulate::run(args, console),
             Command::Compare(args) => compare::run(args, console),

@@ -48,6 +48,7 @@ pub mod efficiency;
 pub mod elements;
 pub mod explain;
 pub mod fit;
+pub mod focus;
 pub mod import;
 pub mod interrupt;
 pub mod light;

@@ -128,6 +128,13 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     let track = ["track", "iss.tle", "25544", "--mount", "virtual", "--station", "ufo"];
     let at = ["--at", "2008-09-21T18:30:00", "--json"];
     keys(&folder.json(&[&track[..], &at].concat()), &mut printed);
+    let focus = ["focus", "run", "--focuser", "virtual", "--camera", "virtual", "--step", "500"];
+    keys(&folder.json(&[&focus[..], &["--json"]].concat()), &mut printed);
+    for (name, celsius) in [("a", 0), ("b", 1), ("c", 2)] {
+        let run = format!(r#"{{"curve":{{"best":9,"sigma":1}},"temperature_c":{celsius}}}"#);
+        std::fs::write(folder.path(&format!("{name}.json")), run).unwrap();
+    }
+    keys(&folder.json(&["focus", "drift", "a.json", "b.json", "c.json", "--json"]), &mut printed);
     keys(&folder.json(&["simulate", "pass.toml", "--json"]), &mut printed);
     // A comparison, with one sample left out for each of some reasons.
     let stretch =
@@ -441,6 +448,12 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
         "track",
         "elements",
         "solve",
+        "focus",
+        // Values of keys.
+        "up",
+        "down",
+        "hyperbola",
+        "parabola",
         // Of a device that is served until somebody ends it.
         "tcp",
         "pty",

@@ -14,6 +14,7 @@ mod devices;
 mod docs;
 mod explain;
 mod fit;
+mod focus;
 mod foreign;
 mod frames;
 mod fuzz;

@@ -22,6 +22,7 @@
 //! ```
 
 mod address;
+mod alpaca;
 mod any;
 mod apt;
 mod indi;
@@ -37,9 +38,10 @@ pub mod udev;
 mod zwo;
 
 pub use address::{Address, AddressError};
+pub use alpaca::listed as alpaca_listed;
 pub use any::AnyDevice;
 pub use indi::{Listed, listed};
-pub use inventory::{IndiServer, Inventory, inventory};
+pub use inventory::{Inventory, ServerAsked, inventory};
 pub use line::{Line, Rest, Wire};
 pub use options::{OptionKind, OptionSpec};
 pub use plugged::{Access, Plugged, plugged};
@@ -49,14 +51,20 @@ use crate::device::DeviceError;
 use std::fmt;
 
 /// Every driver, real ones first.
-pub static DRIVERS: [&Driver; 20] = [
+pub static DRIVERS: [&Driver; 26] = [
     &swabian::TIME_TAGGER,
     &trinamic::TMCL,
     &apt::APT,
     &indi::CAMERA,
     &indi::ROTATOR,
     &indi::WHEEL,
+    &indi::FOCUSER,
     &indi::TELESCOPE,
+    &alpaca::CAMERA,
+    &alpaca::ROTATOR,
+    &alpaca::WHEEL,
+    &alpaca::FOCUSER,
+    &alpaca::TELESCOPE,
     &opencv::OPENCV,
     &meters::OPHIR,
     &meters::PM100,
@@ -85,6 +93,8 @@ pub enum Kind {
     RotationStage,
     /// Turns filters into the beam.
     FilterWheel,
+    /// Moves a telescope's focus.
+    Focuser,
     /// Points a telescope.
     Mount,
 }
@@ -97,6 +107,7 @@ impl fmt::Display for Kind {
             Self::PowerMeter => "power meter",
             Self::RotationStage => "rotation stage",
             Self::FilterWheel => "filter wheel",
+            Self::Focuser => "focuser",
             Self::Mount => "mount",
         })
     }

@@ -1,12 +1,13 @@
 //! Abilities of each kind of device, whoever made it.
 //!
-//! One small trait a kind: [`PhotonCounter`], [`Camera`], [`PowerMeter`], [`RotationStage`], [`FilterWheel`], [`Mount`], each a
-//! [`Device`]. Every call blocks until it is done, and takes a [`Deadline`] that says how long it may; the deadline's token
+//! One small trait a kind: [`PhotonCounter`], [`Camera`], [`PowerMeter`], [`RotationStage`], [`FilterWheel`], [`Focuser`],
+//! [`Mount`], each a [`Device`]. Every call blocks until it is done, and takes a [`Deadline`] that says how long it may; the deadline's token
 //! stops it early. Units are in the names. What was set is read back from the device, and what it then says is what the
 //! call returns. A long call that fails gives what it had done with the error ([`Interrupted`]).
 
 mod confirmed;
 mod error;
+mod focuser;
 mod mount;
 mod scale;
 mod sink;
@@ -14,8 +15,10 @@ mod sink;
 pub use confirmed::Confirmed;
 pub(crate) use error::not_taken;
 pub use error::{DeviceError, Interrupted, Side};
+pub(crate) use focuser::check_steps;
 pub(crate) use scale::Scale;
 
+pub use focuser::Focuser;
 pub use mount::{
     Finder, FinderFrame, Mount, MountAbilities, MountAxes, MountMotion, MountPlace, MountRates,
     MountReading, MountSite, PierSide, Spot,

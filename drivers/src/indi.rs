@@ -1,8 +1,8 @@
-//! INDI: cameras, rotators and filter wheels behind a server (`indiserver`, or any that speaks INDI 1.7).
+//! INDI: cameras, rotators, filter wheels, focusers and mounts behind a server (`indiserver`, or any that speaks INDI 1.7).
 //!
 //! - [`xml`], [`base64`]: a stream's elements and BLOBs, as they arrive;
 //! - [`property`]: what a server defines and changes; [`Client`]: asking, setting, waiting;
-//! - [`Camera`], [`Rotator`], [`Wheel`], [`Mount`]: the devices, each on a connection of its own.
+//! - [`Camera`], [`Rotator`], [`Wheel`], [`Focuser`], [`Mount`]: the devices, each on a connection of its own.
 //!
 //! A device is opened by its name on the server (`CCD Simulator`), over any [`Bytes`]: a [`Tcp`](crate::transport::tcp::Tcp)
 //! connection to port 7624 as a rule, wrapped in a recorder if so wished.
@@ -38,6 +38,7 @@
 pub mod base64;
 mod camera;
 mod client;
+mod focuser;
 mod image;
 mod mount;
 pub mod property;
@@ -49,6 +50,7 @@ pub mod xml;
 
 pub use camera::{Camera, CameraSettings, FrameType};
 pub use client::{Blobs, Client, Wanted};
+pub use focuser::Focuser;
 pub use mount::{Mount, MountSettings};
 pub use rotator::{Rotator, RotatorSettings};
 pub use session::{Listed, SessionSettings, devices};

@@ -9,9 +9,9 @@
 //! - [`recording`]: what was said, as text; [`Recorded`](recording::Recorded), [`Replay`](recording::Replay) and
 //!   [`Faulty`](recording::Faulty) around any transport; [the same as fake devices](recording::umockdev) under real libraries;
 //! - [`reply`]: answers as text, parsed strictly;
-//! - [`device`]: photon counter, camera, power meter, rotation stage, filter wheel, one small trait each;
+//! - [`device`]: photon counter, camera, power meter, rotation stage, filter wheel, focuser, mount, one small trait each;
 //! - [`trinamic`]: a rotation stage on a TMCL motor controller;
-//! - [`indi`]: cameras, rotators and filter wheels behind an INDI server;
+//! - [`indi`], [`alpaca`]: cameras, rotators, filter wheels, focusers and mounts behind an INDI server, and behind one of ASCOM Alpaca;
 //! - [`ophir`], [`thorlabs`]: power meters on a serial line and on USB; [rotation stages](thorlabs::apt) on the APT protocol;
 //! - [`zwo`]: a filter wheel on HID;
 //! - [`swabian`]: photon counters (Time Taggers), through a bridge in the user's Python;
@@ -53,6 +53,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod alpaca;
 pub mod catalogue;
 pub mod clock;
 pub mod device;

@@ -49,6 +49,16 @@ pub trait Bytes: Send {
     /// The transport. At most [`MOST_DISCARDED`] bytes are dropped.
     fn discard(&mut self, deadline: &Deadline) -> Result<Vec<u8>, TransportError>;
 
+    /// Makes the connection anew, where the transport can: nothing of before is on it then.
+    ///
+    /// # Errors
+    /// [`TransportError::Unsupported`] for a transport that cannot; the errors of connecting.
+    fn reconnect(&mut self, deadline: &Deadline) -> Result<(), TransportError> {
+        let _ = deadline;
+        let (what, transfer) = ("this line".to_owned(), "a new connection".to_owned());
+        Err(TransportError::Unsupported { what, transfer })
+    }
+
     /// Fills `buffer`.
     ///
     /// # Errors
@@ -105,6 +115,10 @@ impl<T: Bytes + ?Sized> Bytes for Box<T> {
     fn discard(&mut self, deadline: &Deadline) -> Result<Vec<u8>, TransportError> {
         (**self).discard(deadline)
     }
+
+    fn reconnect(&mut self, deadline: &Deadline) -> Result<(), TransportError> {
+        (**self).reconnect(deadline)
+    }
 }
 
 impl<T: Bytes + ?Sized> Bytes for &mut T {
@@ -118,6 +132,10 @@ impl<T: Bytes + ?Sized> Bytes for &mut T {
 
     fn discard(&mut self, deadline: &Deadline) -> Result<Vec<u8>, TransportError> {
         (**self).discard(deadline)
+    }
+
+    fn reconnect(&mut self, deadline: &Deadline) -> Result<(), TransportError> {
+        (**self).reconnect(deadline)
     }
 }
 

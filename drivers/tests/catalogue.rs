@@ -35,6 +35,9 @@ fn ask(name: &str, faults: Faults, seed: u64) -> (Result<usize, DeviceError>, Du
             AnyDevice::Camera(camera) => {
                 camera.expose(0.1, &within(10))?;
             }
+            AnyDevice::Focuser(focuser) => {
+                focuser.position(&within(10))?;
+            }
             AnyDevice::Mount(mount) => {
                 mount.reading(&within(10))?;
             }

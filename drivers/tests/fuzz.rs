@@ -2,6 +2,8 @@
 
 use sunglint_testkit::Fuzz;
 
+#[path = "../fuzz/targets/alpaca.rs"]
+mod alpaca;
 #[path = "../fuzz/targets/apt.rs"]
 mod apt;
 #[path = "../fuzz/targets/indi.rs"]
@@ -25,7 +27,8 @@ type Target = (&'static str, &'static [&'static str], fn(&[u8]));
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [Target; 8] = [
+    let targets: [Target; 9] = [
+        ("alpaca", &[], alpaca::run),
         ("apt", &[], apt::run),
         ("indi", &[], indi::run),
         ("ophir", &[], ophir::run),

@@ -290,7 +290,10 @@ fn a_rotator_and_a_wheel() {
         let listed: Vec<_> = listed.iter().map(|d| (d.name.as_str(), d.is)).collect();
         assert_eq!(
             listed,
-            [(WHEEL, [false, true, false, false]), (ROTATOR, [false, false, true, false])]
+            [
+                (WHEEL, [false, true, false, false, false]),
+                (ROTATOR, [false, false, true, false, false])
+            ]
         );
         let error =
             open_camera(server.connect(), ROTATOR, CameraSettings::default(), &within(20.0));

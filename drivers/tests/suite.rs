@@ -1,5 +1,7 @@
 //! All tests of this crate: one program, so that one is linked.
 
+mod alpaca_hostile;
+mod alpaca_live;
 mod apt_faults;
 mod apt_fixtures;
 mod apt_peer;
@@ -8,6 +10,7 @@ mod catalogue;
 mod common;
 mod efw_fixtures;
 mod efw_wheel;
+mod focuser_live;
 mod fuzz;
 mod indi_faults;
 mod indi_fixtures;

@@ -54,6 +54,7 @@ pub mod clock;
 mod counter;
 mod disk;
 mod films;
+pub mod focus;
 pub mod live;
 pub mod mount;
 mod movers;

@@ -186,21 +186,25 @@ pub fn moves(moves: &Moves, error: Option<&str>) -> Product {
             "target": one.target,
             "angle_deg": one.at.angle_deg(),
             "slot": one.at.slot(),
+            "position_steps": one.at.steps(),
             "took_s": one.took_s,
         })
     });
     json.insert("moves".into(), reached.collect());
-    let at = json!({ "angle_deg": moves.at.angle_deg(), "slot": moves.at.slot() });
+    let at = json!({ "angle_deg": moves.at.angle_deg(), "slot": moves.at.slot(), "position_steps": moves.at.steps() });
     json.insert("at".into(), at);
     json.insert("complete".into(), json!(error.is_none()));
     json.insert("error".into(), json!(error));
     let all = &moves.moves;
     let angle = all.iter().map(|one| one.at.angle_deg().unwrap_or(f64::NAN)).collect();
     let slot = all.iter().map(|one| one.at.slot().map_or(f64::NAN, f64::from)).collect();
+    // Steps are far below 2^53.
+    let steps = all.iter().map(|one| one.at.steps().map_or(f64::NAN, |n| n as f64)).collect();
     let columns = vec![
         Column::text("target", all.iter().map(|one| one.target.clone()).collect()),
         Column::f64("angle_deg", Some("deg"), angle),
         Column::f64("slot", None, slot),
+        Column::f64("position_steps", None, steps),
         Column::f64("took_s", Some("s"), all.iter().map(|one| one.took_s).collect()),
     ];
     product("moves", columns, json)

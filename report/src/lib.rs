@@ -50,6 +50,7 @@ pub mod elements;
 pub mod endmembers;
 pub mod explain;
 pub mod fit;
+pub mod focus;
 pub mod fold;
 pub mod folder;
 pub mod import;

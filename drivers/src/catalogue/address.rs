@@ -61,6 +61,8 @@ impl Address {
             Some((name, place)) => (name.trim(), Some(place.trim())),
             None => (text.trim(), None),
         };
+        // The mount is what `alpaca:HOST/0` means most often.
+        let name = if name == "alpaca" { "alpaca-telescope" } else { name };
         let driver = Driver::named(name)?;
         let place = place.filter(|place| !place.is_empty()).map(str::to_owned);
         let form = || format!("{} (such as {})", driver.form(), driver.place.example);

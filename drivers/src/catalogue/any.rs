@@ -3,8 +3,8 @@
 use super::Kind;
 use crate::clock::Deadline;
 use crate::device::{
-    Camera, Device, DeviceError, FilterWheel, Mount, PhotonCounter, PowerMeter, RotationStage,
-    Value, Window,
+    Camera, Device, DeviceError, FilterWheel, Focuser, Mount, PhotonCounter, PowerMeter,
+    RotationStage, Value, Window,
 };
 
 /// A device of one of the kinds.
@@ -19,6 +19,8 @@ pub enum AnyDevice {
     RotationStage(Box<dyn RotationStage>),
     /// A filter wheel.
     FilterWheel(Box<dyn FilterWheel>),
+    /// A focuser.
+    Focuser(Box<dyn Focuser>),
     /// A telescope mount.
     Mount(Box<dyn Mount>),
 }
@@ -38,6 +40,7 @@ impl AnyDevice {
             Self::PowerMeter(_) => Kind::PowerMeter,
             Self::RotationStage(_) => Kind::RotationStage,
             Self::FilterWheel(_) => Kind::FilterWheel,
+            Self::Focuser(_) => Kind::Focuser,
             Self::Mount(_) => Kind::Mount,
         }
     }
@@ -50,6 +53,7 @@ impl AnyDevice {
             Self::PowerMeter(device) => device.as_mut(),
             Self::RotationStage(device) => device.as_mut(),
             Self::FilterWheel(device) => device.as_mut(),
+            Self::Focuser(device) => device.as_mut(),
             Self::Mount(device) => device.as_mut(),
         }
     }
@@ -72,7 +76,9 @@ impl AnyDevice {
                 ("range", "a range's name"),
                 ("zero", "now, with the head covered"),
             ],
-            Self::RotationStage(_) | Self::FilterWheel(_) | Self::Mount(_) => Vec::new(),
+            Self::RotationStage(_) | Self::FilterWheel(_) | Self::Focuser(_) | Self::Mount(_) => {
+                Vec::new()
+            }
         };
         settable.extend(self.device().own_settings());
         settable

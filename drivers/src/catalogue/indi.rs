@@ -6,8 +6,8 @@ use super::{
 use crate::clock::Deadline;
 use crate::device::DeviceError;
 use crate::indi::{
-    CameraSettings, MountSettings, PORT, RotatorSettings, SessionSettings, open_camera, open_mount,
-    open_rotator, open_wheel,
+    CameraSettings, Focuser, MountSettings, PORT, RotatorSettings, SessionSettings, open_camera,
+    open_mount, open_rotator, open_wheel,
 };
 use crate::simulated::indi::{
     CameraSpec, Ramp, RotatorSpec, Server, ServerSettings, Simulated, WheelSpec,
@@ -76,6 +76,15 @@ pub(super) static WHEEL: Driver = real(
     "filter wheels behind an INDI server",
     "indi-wheel:localhost:7624/Filter Simulator",
     wheel,
+);
+
+/// Focusers.
+pub(super) static FOCUSER: Driver = real(
+    "indi-focuser",
+    Kind::Focuser,
+    "focusers behind an INDI server",
+    "indi-focuser:localhost:7624/Focuser Simulator",
+    focuser,
 );
 
 /// Telescope mounts.
@@ -163,7 +172,7 @@ pub struct Listed {
     pub name: String,
     /// The program that drives it there, where it says so.
     pub driver: Option<String>,
-    /// Addresses; none if it is no camera, rotator, filter wheel or telescope.
+    /// Addresses; none if it is no camera, rotator, filter wheel, focuser or telescope.
     pub addresses: Vec<String>,
 }
 
@@ -178,7 +187,7 @@ pub fn listed(host: &str, deadline: &Deadline) -> Result<Vec<Listed>, DeviceErro
     let line = line.map_err(|error| DeviceError::transport(SERVER, error))?;
     let devices = crate::indi::devices(line, SessionSettings::default(), deadline)?;
     let of = |device: crate::indi::Listed| {
-        let kinds = [&CAMERA, &WHEEL, &ROTATOR, &TELESCOPE].into_iter().zip(device.is);
+        let kinds = [&CAMERA, &WHEEL, &ROTATOR, &TELESCOPE, &FOCUSER].into_iter().zip(device.is);
         let kinds = kinds.filter(|(_, is)| *is);
         let addresses = kinds.map(|(kind, _)| format!("{}:{server}/{}", kind.name, device.name));
         Listed { addresses: addresses.collect(), driver: device.driver, name: device.name }
@@ -232,6 +241,13 @@ fn wheel(line: Line, address: &Address, deadline: &Deadline) -> Result<AnyDevice
     let line = line.into_bytes(SERVER)?;
     let wheel = open_wheel(line, &name, SessionSettings::default(), deadline)?;
     Ok(AnyDevice::FilterWheel(Box::new(wheel)))
+}
+
+fn focuser(line: Line, address: &Address, deadline: &Deadline) -> Result<AnyDevice, DeviceError> {
+    let name = name(address, "Focuser Simulator".to_owned())?;
+    let line = line.into_bytes(SERVER)?;
+    let focuser = Focuser::open(line, &name, SessionSettings::default(), deadline)?;
+    Ok(AnyDevice::Focuser(Box::new(focuser)))
 }
 
 fn mount(line: Line, address: &Address, deadline: &Deadline) -> Result<AnyDevice, DeviceError> {

@@ -208,8 +208,8 @@ pub struct Listed {
     pub name: String,
     /// The program that drives it, where it says so.
     pub driver: Option<String>,
-    /// Whether it says that it is a camera, a filter wheel, a rotator, a telescope.
-    pub is: [bool; 4],
+    /// Whether it says that it is a camera, a filter wheel, a rotator, a telescope, a focuser.
+    pub is: [bool; 5],
 }
 
 /// The devices of the server at the other end of `line`, by name. Nothing is connected or set.
@@ -231,7 +231,7 @@ pub fn devices<T: Bytes>(
         let info = client.property(&name, "DRIVER_INFO");
         let text = |member| info.and_then(|info| info.text(member));
         let bits = text("DRIVER_INTERFACE").and_then(|bits| bits.parse().ok()).unwrap_or(0_u32);
-        let is = [1, 4, 12, 0].map(|bit| bits >> bit & 1 == 1);
+        let is = [1, 4, 12, 0, 3].map(|bit| bits >> bit & 1 == 1);
         Listed { driver: text("DRIVER_EXEC").map(str::to_owned), is, name }
     });
     Ok(listed.collect())

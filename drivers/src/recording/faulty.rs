@@ -164,6 +164,12 @@ impl<T: Bytes> Bytes for Faulty<T> {
         self.start_call()?;
         self.inner.discard(deadline)
     }
+
+    /// A line that is cut stays cut.
+    fn reconnect(&mut self, deadline: &Deadline) -> Result<(), TransportError> {
+        self.start_call()?;
+        self.inner.reconnect(deadline)
+    }
 }
 
 impl<T: Transfers> Transfers for Faulty<T> {

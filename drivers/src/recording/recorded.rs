@@ -137,6 +137,12 @@ impl<T: Bytes> Bytes for Recorded<T> {
             Err(error) => Err(self.write_error(error, deadline)?),
         }
     }
+
+    /// A recording holds one connection: what is said on the next is not part of it.
+    fn reconnect(&mut self, deadline: &Deadline) -> Result<(), TransportError> {
+        self.write(&Event::Fault(Fault::Disconnect), deadline)?;
+        self.inner.reconnect(deadline)
+    }
 }
 
 impl<T: Transfers> Transfers for Recorded<T> {

@@ -34,7 +34,7 @@ pub enum SessionError {
     #[error("the counter gave no bin")]
     NoBin,
     /// This kind of device does not move.
-    #[error("a {kind} does not move; stages and filter wheels do")]
+    #[error("a {kind} does not move; stages, filter wheels and focusers do")]
     Immovable {
         /// The kind.
         kind: Kind,

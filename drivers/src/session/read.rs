@@ -52,6 +52,15 @@ pub enum Reading {
         /// The slot, counted from 1.
         slot: u32,
     },
+    /// Position of a focuser.
+    Steps {
+        /// When the answer was there, UTC.
+        time: Epoch,
+        /// The position, steps.
+        steps: i64,
+        /// Temperature at the focuser, °C, where it measures one.
+        temperature_c: Option<f64>,
+    },
     /// Place to which a mount points.
     Place {
         /// When the mount stood there, UTC.
@@ -188,6 +197,11 @@ impl Counter {
             AnyDevice::FilterWheel(wheel) => {
                 let slot = wheel.slot(&soon)?;
                 Reading::Slot { time: utc_now()?, slot }
+            }
+            AnyDevice::Focuser(focuser) => {
+                let steps = focuser.position(&soon)?;
+                let temperature_c = focuser.temperature_c(&soon)?;
+                Reading::Steps { time: utc_now()?, steps, temperature_c }
             }
             AnyDevice::Mount(mount) => {
                 let reading = mount.reading(&soon)?;

@@ -21,6 +21,8 @@ pub enum Destination {
     Stop,
     /// A slot, counted from 1.
     Slot(u32),
+    /// A position of a focuser, steps.
+    Steps(i64),
 }
 
 /// A destination with the text that named it.
@@ -33,7 +35,7 @@ pub struct Target {
 }
 
 impl Target {
-    /// Reads a target of a device of this kind: an angle in degrees, `home` or `stop` for a stage, a slot for a wheel.
+    /// Reads a target of a device of this kind: an angle in degrees, `home` or `stop` for a stage, a slot for a wheel, steps or `stop` for a focuser.
     ///
     /// # Errors
     /// The kind of device does not move, or the text names no target of it.
@@ -50,6 +52,11 @@ impl Target {
                 Ok(slot) if slot > 0 => return to(Destination::Slot(slot)),
                 _ => "a slot, counted from 1",
             },
+            (Kind::Focuser, "stop") => return to(Destination::Stop),
+            (Kind::Focuser, text) => match text.parse() {
+                Ok(steps) => return to(Destination::Steps(steps)),
+                _ => "a position in whole steps, or `stop`",
+            },
             (kind, _) => return Err(SessionError::Immovable { kind }),
         };
         Err(SessionError::Target { found: text.to_owned(), expected })
@@ -63,6 +70,8 @@ pub enum Position {
     Angle(f64),
     /// At a slot, counted from 1.
     Slot(u32),
+    /// At a position of a focuser, steps.
+    Steps(i64),
     /// The device does not say.
     Unknown,
 }
@@ -79,11 +88,19 @@ impl Position {
     }
 }
 
+impl Position {
+    /// Returns the position of a focuser, steps.
+    pub fn steps(self) -> Option<i64> {
+        if let Self::Steps(steps) = self { Some(steps) } else { None }
+    }
+}
+
 impl fmt::Display for Position {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Angle(deg) => write!(f, "{deg:.4} deg"),
             Self::Slot(slot) => write!(f, "slot {slot}"),
+            Self::Steps(steps) => write!(f, "position {steps}"),
             Self::Unknown => f.write_str("unknown"),
         }
     }
@@ -159,6 +176,7 @@ fn stands(device: &mut AnyDevice, session: &Session) -> Position {
     match device {
         AnyDevice::RotationStage(stage) => stage.angle_deg(&grace).map(Position::Angle),
         AnyDevice::FilterWheel(wheel) => wheel.slot(&grace).map(Position::Slot),
+        AnyDevice::Focuser(focuser) => focuser.position(&grace).map(Position::Steps),
         _ => return Position::Unknown,
     }
     .unwrap_or(Position::Unknown)
@@ -190,6 +208,15 @@ fn go(
             wheel.select(slot, &deadline).map(Position::Slot).map_err(|failed| {
                 (failed.done.map_or(Position::Unknown, Position::Slot), (*failed.error).into())
             })
+        }
+        (AnyDevice::Focuser(focuser), Destination::Steps(steps)) => {
+            focuser.move_to(steps, &deadline).map(Position::Steps).map_err(|failed| {
+                (failed.done.map_or(Position::Unknown, Position::Steps), (*failed.error).into())
+            })
+        }
+        (AnyDevice::Focuser(focuser), Destination::Stop) => {
+            focuser.stop(&deadline).map_err(|error| (Position::Unknown, error.into()))?;
+            Ok(focuser.position(&session.soon()).map_or(Position::Unknown, Position::Steps))
         }
         (device, _) => Err((Position::Unknown, SessionError::NoSuchPlace { kind: device.kind() })),
     }

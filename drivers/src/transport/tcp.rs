@@ -12,6 +12,8 @@ use std::time::{Duration, Instant};
 #[derive(Debug)]
 pub struct Tcp {
     name: String,
+    /// Address that it was connected to; `None` for a connection that came from elsewhere.
+    address: Option<String>,
     stream: TcpStream,
 }
 
@@ -34,7 +36,10 @@ impl Tcp {
             .map_err(|error| TransportError::from_io("connect to", address, error))?;
         loop {
             match answer.recv_timeout(deadline.slice()?) {
-                Ok(stream) => return Self::from_stream(stream?),
+                Ok(stream) => {
+                    let tcp = Self::from_stream(stream?)?;
+                    return Ok(Self { address: Some(address.to_owned()), ..tcp });
+                }
                 Err(mpsc::RecvTimeoutError::Timeout) => {}
                 Err(mpsc::RecvTimeoutError::Disconnected) => {
                     return Err(TransportError::disconnected(address));
@@ -56,7 +61,7 @@ impl Tcp {
         stream
             .set_nodelay(true)
             .map_err(|error| TransportError::from_io("set up", &name, error))?;
-        Ok(Self { name, stream })
+        Ok(Self { name, address: None, stream })
     }
 
     /// The other end's address.
@@ -127,5 +132,15 @@ impl Bytes for Tcp {
 
     fn discard(&mut self, deadline: &Deadline) -> Result<Vec<u8>, TransportError> {
         stream::discard(self, deadline)
+    }
+
+    fn reconnect(&mut self, deadline: &Deadline) -> Result<(), TransportError> {
+        let Some(address) = self.address.clone() else {
+            return Err(TransportError::disconnected(&self.name));
+        };
+        // The old one is closed first: some servers hold one client only.
+        let _ = self.stream.shutdown(std::net::Shutdown::Both);
+        *self = Self::connect(&address, deadline)?;
+        Ok(())
     }
 }

@@ -1,6 +1,7 @@
 //! Helpers that the tests of transports share: both ends of a real line.
 #![allow(dead_code, reason = "each test uses its part")]
 
+pub mod alpaca;
 pub mod efw;
 pub mod indi;
 pub mod ophir;

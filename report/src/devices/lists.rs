@@ -5,7 +5,7 @@ use hifitime::Epoch;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_drivers::catalogue::{
-    Access, Bus, DRIVERS, Driver, IndiServer, Inventory, OptionKind, OptionSpec, Plugged, udev,
+    Access, Bus, DRIVERS, Driver, Inventory, OptionKind, OptionSpec, Plugged, ServerAsked, udev,
 };
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{Column, Table};
@@ -18,7 +18,7 @@ fn hint_of(found: &[Plugged]) -> Option<String> {
 /// Returns what is there as text.
 pub fn inventory_text(inventory: &Inventory) -> String {
     let hint = hint_of(&inventory.plugged);
-    text(&inventory.plugged, &inventory.servers, hint.as_deref())
+    text(inventory, hint.as_deref())
 }
 
 /// Returns what is there as a table of what is plugged in, and as JSON; `time` is when it was asked.
@@ -28,6 +28,7 @@ pub fn inventory(inventory: &Inventory, time: Epoch) -> Product {
         "time_utc": format_utc(time, 3),
         "plugged": found.iter().map(plugged_json).collect::<Value>(),
         "indi": inventory.servers.iter().map(server_json).collect::<Value>(),
+        "alpaca": inventory.alpaca.iter().map(server_json).collect::<Value>(),
         "trouble": inventory.faults,
         "hint": hint_of(found),
     });
@@ -56,7 +57,8 @@ fn id(found: &Plugged) -> String {
     found.ids.map_or_else(String::new, |[vendor, product]| format!("{vendor:04x}:{product:04x}"))
 }
 
-fn text(found: &[Plugged], servers: &[IndiServer], hint: Option<&str>) -> String {
+fn text(inventory: &Inventory, hint: Option<&str>) -> String {
+    let found = &inventory.plugged;
     let mut text = String::new();
     if found.is_empty() {
         text.push_str("no serial port and no instrument that a driver recognises is plugged in\n");
@@ -76,21 +78,24 @@ fn text(found: &[Plugged], servers: &[IndiServer], hint: Option<&str>) -> String
             access(one.access)
         );
     }
-    for IndiServer { host, devices } in servers {
+    let servers = inventory.servers.iter().map(|server| ("indi  ", server));
+    for (kind, ServerAsked { host, devices }) in
+        servers.chain(inventory.alpaca.iter().map(|server| ("alpaca", server)))
+    {
         match devices {
             Ok(devices) if devices.is_empty() => {
-                let _ = writeln!(text, "indi   {host} has no device");
+                let _ = writeln!(text, "{kind} {host} has no device");
             }
             Ok(devices) => {
                 for device in devices {
                     let addresses = device.addresses.join("  ");
-                    let none = "(no camera, rotator or wheel)";
+                    let none = "(no camera, rotator, wheel, focuser or mount)";
                     let addresses = if addresses.is_empty() { none } else { &addresses };
-                    let _ = writeln!(text, "indi   {:<28} {addresses}", device.name);
+                    let _ = writeln!(text, "{kind} {:<28} {addresses}", device.name);
                 }
             }
             Err(error) => {
-                let _ = writeln!(text, "indi   {host}: {error}");
+                let _ = writeln!(text, "{kind} {host}: {error}");
             }
         }
     }
@@ -117,7 +122,7 @@ fn plugged_json(one: &Plugged) -> Value {
     })
 }
 
-fn server_json(IndiServer { host, devices: listed }: &IndiServer) -> Value {
+fn server_json(ServerAsked { host, devices: listed }: &ServerAsked) -> Value {
     let devices = listed.iter().flatten().map(|device| {
         json!({ "name": device.name, "driver": device.driver, "addresses": device.addresses })
     });

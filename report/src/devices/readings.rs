@@ -56,6 +56,10 @@ pub fn reading_text(reading: &Reading) -> String {
         Reading::Power { time, .. } => format!("{}  more than its range", utc(*time)),
         Reading::Angle { time, angle_deg } => format!("{}  {angle_deg:.4} deg", utc(*time)),
         Reading::Slot { time, slot } => format!("{}  slot {slot}", utc(*time)),
+        Reading::Steps { time, steps, temperature_c } => {
+            let temperature = temperature_c.map(|c| format!(", {c:.1} °C")).unwrap_or_default();
+            format!("{}  position {steps}{temperature}", utc(*time))
+        }
         Reading::Place { time, place } => {
             let text = match place {
                 MountPlace::Equatorial { ra_deg, dec_deg } => {
@@ -103,6 +107,9 @@ fn reading_json(reading: &Reading) -> Value {
             json!({ "time_utc": utc(*time), "angle_deg": angle_deg })
         }
         Reading::Slot { time, slot } => json!({ "time_utc": utc(*time), "slot": slot }),
+        Reading::Steps { time, steps, temperature_c } => {
+            json!({ "time_utc": utc(*time), "position_steps": steps, "temperature_c": temperature_c })
+        }
         Reading::Place { time, place } => match place {
             MountPlace::Equatorial { ra_deg, dec_deg } => {
                 json!({ "time_utc": utc(*time), "ra_deg": ra_deg, "dec_deg": dec_deg })
@@ -146,6 +153,7 @@ fn product(readings: &[Reading]) -> Result<Product, EncodeError> {
         Reading::Power { time, .. }
         | Reading::Angle { time, .. }
         | Reading::Slot { time, .. }
+        | Reading::Steps { time, .. }
         | Reading::Place { time, .. } => utc(*time),
         Reading::Frame(frame) => format_utc(frame.start, 6),
         Reading::Counts { record, .. } => format_utc(record.start, 6),
@@ -182,6 +190,16 @@ fn product(readings: &[Reading]) -> Result<Product, EncodeError> {
                 _ => 0,
             };
             columns.push(Column::i64("slot", None, readings.iter().map(slot).collect()));
+        }
+        Some(Reading::Steps { .. }) => {
+            let of = |reading: &Reading| match reading {
+                Reading::Steps { steps, temperature_c, .. } => (*steps, *temperature_c),
+                _ => (0, None),
+            };
+            let all = || readings.iter().map(of);
+            columns.push(Column::i64("position_steps", None, all().map(|one| one.0).collect()));
+            let temperature = all().map(|one| one.1.unwrap_or(f64::NAN)).collect();
+            columns.push(Column::f64("temperature_c", Some("deg_C"), temperature));
         }
         Some(Reading::Place { place, .. }) => {
             let names = match place {

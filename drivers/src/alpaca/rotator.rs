@@ -1,0 +1,111 @@
+//! A rotator.
+
+use super::session::{Place, Session, SessionSettings};
+use crate::clock::Deadline;
+use crate::device::{
+    Device, DeviceError, Identity, Interrupted, Origin, RotationStage, Setting, Value,
+};
+use crate::transport::Bytes;
+use std::time::Duration;
+
+const DEVICE: &str = "Alpaca rotator";
+/// How far from its target it may stand, deg.
+const TOLERANCE_DEG: f64 = 0.1;
+
+/// A rotator of an Alpaca server. Its angles are the server's position angles, 0 to 360.
+#[derive(Debug)]
+pub struct Rotator<T> {
+    session: Session<T>,
+}
+
+impl<T: Bytes> Rotator<T> {
+    /// Opens the rotator.
+    ///
+    /// # Errors
+    /// See [`DeviceError`].
+    pub fn open(
+        line: T,
+        place: &Place,
+        settings: SessionSettings,
+        deadline: &Deadline,
+    ) -> Result<Self, DeviceError> {
+        let session = Session::open(line, place, [DEVICE, "rotator"], settings, deadline)?;
+        Ok(Self { session })
+    }
+
+    fn turn_to(&mut self, angle_deg: f64, deadline: &Deadline) -> Result<f64, DeviceError> {
+        if !(0.0..360.0).contains(&angle_deg) {
+            let name = "angle, deg";
+            return Err(DeviceError::OutOfRange {
+                name,
+                asked: angle_deg,
+                least: 0.0,
+                most: 360.0,
+            });
+        }
+        let parameters = [("Position", angle_deg.to_string())];
+        let put = self.session.put("moveabsolute", &parameters, deadline);
+        put.map_err(|fail| fail.error(DEVICE, &format!("{angle_deg} deg")))?;
+        self.session
+            .wait("turning", deadline, |session, d| session.flag("ismoving", d).map(|m| !m))?;
+        let got = self.angle_deg(deadline)?;
+        let off = (got - angle_deg).rem_euclid(360.0);
+        if off.min(360.0 - off) > TOLERANCE_DEG {
+            let (asked, got) = (angle_deg.to_string(), got.to_string());
+            return Err(DeviceError::NotTaken { device: DEVICE, name: "angle, deg", asked, got });
+        }
+        Ok(got)
+    }
+}
+
+impl<T: Bytes> Device for Rotator<T> {
+    fn identity(&mut self, deadline: &Deadline) -> Result<Identity, DeviceError> {
+        self.session.identity(deadline)
+    }
+
+    fn settings(&mut self, deadline: &Deadline) -> Result<Vec<Setting>, DeviceError> {
+        let origin = Origin::ReadBack;
+        let angle = self.angle_deg(deadline)?;
+        let mut settings = vec![Setting { name: "angle_deg", value: Value::Number(angle), origin }];
+        if let Some(reverse) = self.session.optional("reverse", deadline)?.and_then(|v| v.as_bool())
+        {
+            settings.push(Setting { name: "reversed", value: Value::Flag(reverse), origin });
+        }
+        Ok(settings)
+    }
+}
+
+impl<T: Bytes> RotationStage for Rotator<T> {
+    fn travel_deg(&self) -> Option<[f64; 2]> {
+        None
+    }
+
+    fn angle_deg(&mut self, deadline: &Deadline) -> Result<f64, DeviceError> {
+        self.session.number("position", [-360.0, 360.0], deadline)
+    }
+
+    fn home(&mut self, _: &Deadline) -> Result<f64, Interrupted<Option<f64>>> {
+        let reason = "Alpaca rotators have no home: turn it to a mark and sync it there";
+        Err(Interrupted::new(None, DeviceError::NotReady { device: DEVICE, reason }))
+    }
+
+    fn move_to(
+        &mut self,
+        angle_deg: f64,
+        deadline: &Deadline,
+    ) -> Result<f64, Interrupted<Option<f64>>> {
+        self.turn_to(angle_deg, deadline).map_err(|error| {
+            if matches!(error, DeviceError::OutOfRange { .. }) {
+                return Interrupted::new(None, error);
+            }
+            let grace = deadline.grace(Duration::from_secs(2));
+            let stopped = self.stop(&grace).map(|()| self.angle_deg(&grace).ok());
+            Interrupted::stopped(DEVICE, error, stopped)
+        })
+    }
+
+    fn stop(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
+        let put = self.session.put("halt", &[], deadline);
+        put.map_err(|fail| fail.error(DEVICE, "to stop"))
+    }
+}
