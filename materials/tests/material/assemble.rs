@@ -1,7 +1,7 @@
 //! Samples put together into a material.
 
 use crate::material::cases::{
-    Known, MATERIALS, OTHER, WAVELENGTHS_NM, coarse, density, from_plan, measured, paint, rising,
+    Known, MATERIALS, OTHER, WAVELENGTHS_NM, coarse, density, density_beside, from_plan, measured, paint, rising,
     spectrum, whole,
 };
 use glam::DVec3;
@@ -247,4 +247,52 @@ fn energy_is_kept_by_what_was_not_measured() {
     let over = made.coverage.iter().filter(|c| c.largest_albedo > 1.001).count();
     println!("{:?}", made.coverage);
     assert!(lowered > 0 && over == made.warnings.len(), "{lowered} {over} {:?}", made.warnings);
+}
+
+/// GGX of 0.15 with F₀ = 0.04 (Schlick) over 0.6/π.
+fn glossy(i: DVec3, o: DVec3) -> f64 {
+    let a2: f64 = 0.0225;
+    let h = (i + o).normalize();
+    let d = a2 / (PI * (h.z * h.z * (a2 - 1.0) + 1.0).powi(2));
+    let lambda = |v: DVec3| 0.5 * ((1.0 + a2 * (1.0 / (v.z * v.z) - 1.0)).sqrt() - 1.0);
+    let f = 0.04 + 0.96 * (1.0 - i.dot(h)).powi(5);
+    f * d / (1.0 + lambda(i) + lambda(o)) / (4.0 * i.z * o.z) + 0.6 / PI
+}
+
+#[test]
+fn glossy_paint_is_put_together() {
+    let ndf = density_beside(glossy, std::env::var("NODIFF").is_err());
+    let p = &ndf.profiles[0];
+    println!("α {:?} {:?} F₀ {} {:?}", p.ggx, p.diffuse, ndf.f0, ndf.notes);
+    let plan = PlanOptions { theta_i: 16, side: 17, ..PlanOptions::default() };
+    let samples = measured(glossy, &ndf, &plan);
+    let made = assemble(&samples, &ndf, &AssembleOptions::default()).unwrap();
+    let back = material("glossy", "memory", &made.file).unwrap();
+    let [mut near, mut all] = errors(glossy, &back);
+    let (near, all) = (PARTS.map(|p| quantile(&mut near, p)), PARTS.map(|p| quantile(&mut all, p)));
+    println!(
+        "glossy from {}: up to 80° {near:.5?}; to 88° {all:.5?}; {:?}",
+        made.used, made.base[1]
+    );
+    let mut worst: Vec<(f64, f64, f64, f64, f64)> = geometries(9000).into_iter().filter(|(i, o)| i.z.min(o.z) > 80_f64.to_radians().cos()).map(|(i, o)| {
+        let e = (back.brdf(550.0, i, o) / (glossy(i, o) * spectrum(550.0))).ln();
+        let h = (i + o).normalize();
+        (e, i.z.acos().to_degrees(), o.z.acos().to_degrees(), o.y.atan2(o.x).to_degrees(), h.z.min(1.0).acos().to_degrees())
+    }).collect();
+    worst.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
+    for w in worst.iter().take(25) { println!("{w:.3?}"); }
+    let (mut held, mut count, mut doubts) = (0, 0, Vec::new());
+    for d in &made.doubts {
+        let (i, o) = (direction(d.theta_i_deg, d.phi_i_deg), direction(d.theta_o_deg, d.phi_o_deg));
+        let error = (back.brdf(550.0, i, o) / (glossy(i, o) * spectrum(550.0))).ln().abs();
+        held += usize::from(error <= d.ln_doubt);
+        count += 1;
+        doubts.push(d.ln_doubt);
+        assert!(d.ln_doubt > 0.0);
+    }
+    let doubt = quantile(&mut doubts, 0.5);
+    println!("doubt holds {held} of {count}, median {doubt:.4}");
+    assert!((p.ggx.alpha / 0.15 - 1.0).abs() < 0.03, "{:?}", p.ggx);
+    assert!(near[2] < 0.05, "{near:?}");
+    assert!(held * 100 >= count * 95, "{held} of {count}");
 }

@@ -109,6 +109,11 @@ fn erf(x: f64) -> f64 {
 
 /// The NDF by retro-reflection every half degree up to 89°.
 pub fn density(law: fn(DVec3, DVec3) -> f64) -> Ndf {
+    density_beside(law, false)
+}
+
+/// The same; with diffuse light taken off it, where that is seen.
+pub fn density_beside(law: fn(DVec3, DVec3) -> f64, diffuse: bool) -> Ndf {
     let reading = |k: i32| {
         let angle_deg = 0.5 * f64::from(k);
         let v = DVec3::new(angle_deg.to_radians().sin(), 0.0, angle_deg.to_radians().cos());
@@ -123,7 +128,7 @@ pub fn density(law: fn(DVec3, DVec3) -> f64) -> Ndf {
     let mut readings: Vec<Reading> = (-20..=178).map(reading).collect();
     readings.retain(|r| r.f_per_sr > 1e-200);
     let run = RetroTable { readings, wavelength_nm: Some(550.0), ..RetroTable::default() };
-    let options = NdfOptions { resamplings: 0, zero_deg: Some(0.0), ..NdfOptions::default() };
+    let options = NdfOptions { resamplings: 0, zero_deg: Some(0.0), diffuse, ..NdfOptions::default() };
     extract(&run, &options).unwrap()
 }
 
