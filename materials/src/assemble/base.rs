@@ -591,7 +591,11 @@ fn of_wavelength(lobe: &[Glint], ln: &[f64]) -> Base {
     for _ in 0..16 {
         let middle = [from + 0.382 * (to - from), from + 0.618 * (to - from)];
         let [a, b] = middle.map(|x| with_rise(&rows, x.exp()));
-        if a.rms < b.rms { to = middle[1] } else { from = middle[0] }
+        if a.rms < b.rms {
+            to = middle[1]
+        } else {
+            from = middle[0]
+        }
         for other in [a, b] {
             if other.rms < best.rms && most_rise(&other) {
                 best = other;
