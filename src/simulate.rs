@@ -133,7 +133,8 @@ fn show(pass: &Pass, name: &str, lasers: &[&Laser], console: Console) -> anyhow:
     for material in &pass.target.materials {
         console.detail(&format!("material {}", material.describe()));
     }
-    let report = SimulationReport { simulation: &simulation, cost, warnings: &warnings };
+    let material = simulation.material_doubt(&|_| {}).with_context(|| name.to_owned())?;
+    let report = SimulationReport { simulation: &simulation, material, cost, warnings: &warnings };
     let (product, text) = (report.product()?, report.text());
     let mut shown = Shown { product, text, has_light: simulation.has_light() };
     if !lasers.is_empty() {

@@ -334,3 +334,45 @@ fn what_no_law_or_material_can_be_made_of_says_why() {
     let said = folder.refused(2, &["brdf", "assemble", "t.csv", "n.ecsv", "-o", "x.txt"]);
     assert!(said.contains("expected a file .bsdf"), "{said}");
 }
+
+/// Truth: a Lambert surface (0.1 sr⁻¹) whose spectrum doubles from 532 to 700 nm has twice the diffuse reflectance there, π/10 · 2. Tolerance 1e-6: there is nothing to divide. A spectrum without a geometry, and one that
+/// does not hold the fit's wavelength, are refused with what to do.
+#[test]
+fn a_spectrum_colours_the_fit() {
+    let folder = Folder::new("brdf-colour");
+    let mut table = String::from("theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,brdf_per_sr\n");
+    for theta_i in [10, 40, 60] {
+        for theta_o in (-75..=75).step_by(5) {
+            let _ = writeln!(table, "{theta_i},0,{theta_o},180,0.1");
+        }
+    }
+    std::fs::write(folder.path("t.csv"), table).unwrap();
+    std::fs::write(folder.path("s.csv"), "wavelength_nm,signal\n500,3\n532,3\n700,6\n").unwrap();
+    std::fs::write(folder.path("far.csv"), "wavelength_nm,signal\n600,3\n700,6\n").unwrap();
+    let fit = ["brdf", "fit", "t.csv", "--wavelength-nm", "532", "--most-lobes", "1", "--spectrum"];
+    let message = folder.refused(2, &[&fit[..], &["s.csv"]].concat());
+    assert!(message.contains("--spectrum-at 30,0,0"), "{message}");
+    let at = ["--spectrum-at", "30,0,0", "-o", "lab/"];
+    let message = folder.refused(1, &[&fit[..], &["far.csv"], &at].concat());
+    assert!(message.contains("from 600 to 700 nm"), "{message}");
+    folder.done(&[&fit[..], &["s.csv"], &at].concat());
+    let toml = std::fs::read_to_string(folder.path("lab/material.toml")).unwrap();
+    assert!(toml.contains("# Colour: ") && toml.contains("reflectance_table"), "{toml}");
+    let colour = ecsv::read(folder.path("lab/colour.ecsv")).unwrap();
+    assert!((colour.f64("diffuse").unwrap()[2] - 2.0).abs() < 1e-6);
+    let page = ["brdf", "page", "lab/material.toml", "--wavelength-nm", "532", "-o"];
+    assert!(folder.refused(2, &[&page[..], &["page.txt"]].concat()).contains(".html"));
+    folder.done(&[&page[..], &["page.html"]].concat());
+    let html = std::fs::read_to_string(folder.path("page.html")).unwrap();
+    for chart in ["cuts", "lobes", "hemispherical", "spectra", "ball", "boxwing"] {
+        assert!(html.contains(&format!("data-chart=\"{chart}\"")), "{chart}");
+    }
+    // 0.1 sr⁻¹ is a tenth of π of a white surface, whose ball has 2/3 at full phase: nearly so at 5°.
+    let ball = html.split_once("A ball of 1 m radius").unwrap().1;
+    assert!(ball.contains("white Lambert surface"));
+    let json =
+        folder.json(&["brdf", "show", "lab/material.toml", "--wavelength-nm", "700", "--json"]);
+    let albedo = json["albedo"][0]["albedo"].as_f64();
+    let albedo = albedo.unwrap_or_else(|| panic!("{json}"));
+    assert!((albedo / (0.2 * std::f64::consts::PI) - 1.0).abs() < 1e-4, "{albedo}");
+}

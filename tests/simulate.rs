@@ -164,3 +164,51 @@ fn what_goes_wrong_is_said() {
     );
     assert!(stderr(&["simulate", "body.toml"]).contains("no [attitude] is given"));
 }
+
+/// Truth: closed form. A surface whose f is known to e^±δ in all directions makes light that is known as well: e^δ − 1; and two bodies apart of as much light, of which one alone says how well it is known, half of
+/// that. Tolerance: 1 % (the doubt's own integral over a sphere).
+#[test]
+fn the_doubt_of_a_material_reaches_the_rates() {
+    let folder = Folder::new("simulate-material-doubt");
+    let material = |name: &str, doubt: &str| {
+        format!(
+            "[[target.material]]\nname = \"{name}\"\nmodel = \"composite\"\nreflectance = 1.0\ndiffuse = {{ reflectance = 0.5 }}\n{doubt}"
+        )
+    };
+    let doubt = "[target.material.doubt]\npeak_ln = 0.2\nwings_ln = 0.2\ngrazing_ln = 0.2\n";
+    let part = |name: &str, material: &str, z: f64| {
+        format!(
+            "[[target.part]]\nname = \"{name}\"\nshape = \"sphere\"\nradius_m = 0.5\nmaterial = \"{material}\"\noffset_m = [0, {z}, 0]\n"
+        )
+    };
+    let rest = SPHERE_PASS.split_once("[orbit]").unwrap().1;
+    let scene = |target: &str| format!("{target}[orbit]{rest}");
+    let one = format!("{}{}", part("a", "known", 0.0), material("known", doubt));
+    let two = format!(
+        "{}{}{}{}",
+        part("a", "known", 0.0),
+        part("b", "other", 40.0),
+        material("known", doubt),
+        material("other", "")
+    );
+    for (name, target, share) in [("one", one, 1.0), ("two", two, 0.5)] {
+        let file = format!("{name}.toml");
+        std::fs::write(folder.path(&file), scene(&target)).unwrap();
+        let json = folder.json(&["simulate", &file, "--json"]);
+        let wanted = share * 0.2_f64.exp_m1();
+        for key in ["median_relative", "largest_relative"] {
+            let found = json["material_error"][key].as_f64().unwrap();
+            assert!((found / wanted - 1.0).abs() < 0.01, "{name} {key}: {found} {wanted}");
+        }
+        let out = format!("{name}/");
+        let text = folder.done(&["simulate", &file, "-o", &out]);
+        assert!(text.contains("the doubt of known"), "{text}");
+        let table = std::fs::read_to_string(folder.path(&format!("{name}/{name}_geometry.ecsv")));
+        let table = ecsv::read_str("g", &table.unwrap()).unwrap();
+        let relative = table.f64("material_relative").unwrap();
+        assert!(relative.iter().any(|r| (r / wanted - 1.0).abs() < 0.01), "{relative:?}");
+    }
+    std::fs::write(folder.path("pass.toml"), SPHERE_PASS).unwrap();
+    let json = folder.json(&["simulate", "pass.toml", "--json"]);
+    assert!(json["material_error"]["median_relative"].is_null());
+}

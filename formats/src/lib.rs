@@ -8,7 +8,7 @@
 //! - [`toml`]: what people write (stations, instruments, plans) into plain serde structs;
 //! - [`curve`]: what vendors publish (passbands, efficiencies) as CSV;
 //! - [`jcamp`]: spectra as spectrometers export them;
-//! - [`fred`], [`zemax`]: scattered light as optical design programs tabulate it;
+//! - [`fred`], [`zemax`], [`astm`]: scattered light as optical design programs and laboratories tabulate it;
 //! - [`photometry`]: magnitudes as catalogues, observers and tracking stations publish them;
 //! - [`counts`] and [`frame`]: what instruments deliver, a bin of a photon counter and a frame of a camera;
 //! - [`image_frame`]: a frame of any other program, its header in one form;
@@ -66,6 +66,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod astm;
 pub mod atomic;
 pub mod bsdf;
 pub mod counts;

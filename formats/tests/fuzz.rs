@@ -2,6 +2,8 @@
 
 use sunglint_testkit::Fuzz;
 
+#[path = "../fuzz/targets/astm.rs"]
+mod astm;
 #[path = "../fuzz/targets/bsdf.rs"]
 mod bsdf;
 #[path = "../fuzz/targets/curve.rs"]
@@ -35,7 +37,8 @@ type Target = (&'static str, &'static [&'static str], fn(&[u8]));
 /// Truth: what each target itself holds: no panic, and what is written reads the same. In a run of the suite a fixed number of inputs, in the campaign for a time.
 #[test]
 fn campaign_fuzz() {
-    let targets: [Target; 13] = [
+    let targets: [Target; 14] = [
+        ("astm", &[], astm::run),
         ("bsdf", &["fixtures/formats/hostile"], bsdf::run),
         ("curve", &["fixtures/formats/hostile"], curve::run),
         ("ecsv", &["fixtures/formats/hostile"], ecsv::run),

@@ -10,8 +10,9 @@ mod cases;
 fn main() {
     let folder = std::path::PathBuf::from(std::env::args().nth(1).unwrap());
     std::fs::create_dir_all(&folder).unwrap();
-    for (name, _) in cases::MATERIALS {
-        let made = cases::whole(name);
+    let names = cases::MATERIALS.map(|m| m.0);
+    for name in names.into_iter().chain(["glossy"]) {
+        let made = if name == "glossy" { cases::glossy_whole() } else { cases::whole(name) };
         std::fs::write(folder.join(format!("{name}.bsdf")), made.file.to_bytes().unwrap()).unwrap();
     }
 }

@@ -248,3 +248,53 @@ pub fn compare(
     }
     Ok(rows)
 }
+
+/// Phase angles at which bodies are shown, degrees.
+const PHASES_DEG: std::ops::RangeInclusive<i32> = 1..=34;
+
+/// Radiant intensity over the irradiance, m² sr⁻¹, by phase angle, degrees.
+pub type PhaseCurve = Vec<(f64, f64)>;
+
+/// A ball of 1 m radius, every 5° of phase angle; `None` of a material with a tangent, which a ball has not.
+///
+/// # Errors
+/// A sphere's integral that does not converge.
+pub fn ball(material: &Material, nm: f64) -> Result<Option<PhaseCurve>, LookError> {
+    if !material.is_isotropic() {
+        return Ok(None);
+    }
+    let at = |k: i32| {
+        let deg = 5.0 * f64::from(k);
+        let mut sum = vec![0.0; material.spectra().len()];
+        material.add_sphere_weights(deg.to_radians(), 1.0, &mut sum)?;
+        Ok((deg, material.times_spectra(nm, &sum)))
+    };
+    PHASES_DEG.map(at).collect::<Result<_, LookError>>().map(Some)
+}
+
+/// A box of 1 × 1 × 1.3 m that turns about the normal of the plane of Sun and observer, with a wing of 8 m² towards the Sun, all of the material: the mean over a turn in steps of 1°, every 5° of phase angle.
+/// Convex and without shadows between the parts.
+pub fn box_wing(material: &Material, nm: f64) -> PhaseCurve {
+    use glam::DVec3;
+    let observer = DVec3::X;
+    let one = |phase: f64| {
+        let sun = DVec3::new(phase.cos(), phase.sin(), 0.0);
+        let side = |area: f64, normal: DVec3| {
+            // The tangent lies in the plane of Sun and observer.
+            let tangent = DVec3::Z.cross(normal);
+            let into =
+                |v: DVec3| DVec3::new(v.dot(tangent), v.dot(normal.cross(tangent)), v.dot(normal));
+            let (i, o) = (into(sun), into(observer));
+            if i.z <= 0.0 || o.z <= 0.0 {
+                return 0.0;
+            }
+            area * i.z * o.z * material.brdf(nm, i, o)
+        };
+        let turned = |deg: i32| {
+            let (sin, cos) = f64::from(deg).to_radians().sin_cos();
+            side(1.3, DVec3::new(cos, sin, 0.0))
+        };
+        (0..360).map(turned).sum::<f64>() * 4.0 / 360.0 + side(8.0, sun)
+    };
+    PHASES_DEG.map(|k| (5.0 * f64::from(k), one((5.0 * f64::from(k)).to_radians()))).collect()
+}

@@ -161,8 +161,11 @@ fn simulate(
         let mut warnings = pass.warnings.clone();
         warnings.extend(simulation.concerns());
         warnings.extend(pass.concerns_of_times());
+        let material =
+            simulation.material_doubt(&|_| {}).map_err(|e| format!("{}: {e}", scene.display()))?;
         let report = sunglint_report::simulate::SimulationReport {
             simulation: &simulation,
+            material,
             cost: clock.cost(),
             warnings: &warnings,
         };

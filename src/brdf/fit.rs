@@ -5,13 +5,16 @@ use crate::progress::Bar;
 use anyhow::Context as _;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
-use sunglint_materials::fit::surface::{Cone, SurfaceOptions, fit_surface};
+use sunglint_materials::fit::surface::colour::{Coloured, SpectrumGeometry, divide};
+use sunglint_materials::fit::surface::{Cone, SurfaceFit, SurfaceOptions, fit_surface};
 use sunglint_materials::fit::{FitError, FitOptions, Law, LobeKind, Rise, fit, to_toml};
 use sunglint_materials::read;
 use sunglint_materials::samples::Samples;
 use sunglint_radiometry::light_curve::Input;
 use sunglint_report::brdf::fit::{product, text};
-use sunglint_report::brdf::surface::{product as product_of_surface, text as text_of_surface};
+use sunglint_report::brdf::surface::{
+    colour as product_of_colour, product as product_of_surface, text as text_of_surface,
+};
 use sunglint_simulator::surface::ComplexIndex;
 
 /// Arguments of `sunglint brdf fit`.
@@ -54,6 +57,23 @@ pub struct FitArgs {
     /// Outliers count in full: squares in place of Student's distribution
     #[arg(long)]
     pub gaussian: bool,
+    /// A reflectance spectrum of the sample (CSV: wavelength_nm, reflectance or any other value): its colour is divided among the parts, and material.toml gets it
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["law", "gaussian", "refractive_index"])]
+    pub spectrum: Option<PathBuf>,
+    /// The spectrum's geometry: angle of incidence, angle of the detector and its azimuth from the light's (180 is the mirrored side), degrees
+    #[arg(
+        long,
+        value_name = "DEG,DEG,DEG",
+        value_delimiter = ',',
+        num_args = 3,
+        allow_negative_numbers = true,
+        requires = "spectrum",
+        conflicts_with = "spectrum_hemispherical"
+    )]
+    pub spectrum_at: Vec<f64>,
+    /// The spectrum is hemispherical, at this angle of incidence
+    #[arg(long, value_name = "DEG", requires = "spectrum")]
+    pub spectrum_hemispherical: Option<f64>,
     /// The name of the material that is written
     #[arg(long, value_name = "NAME", default_value = "fitted")]
     pub name: String,
@@ -95,6 +115,32 @@ impl LawName {
     }
 }
 
+/// The geometry that the arguments give the spectrum.
+fn geometry(args: &FitArgs) -> Result<SpectrumGeometry, Usage> {
+    match (args.spectrum_at.as_slice(), args.spectrum_hemispherical) {
+        ([theta_i_deg, theta_o_deg, azimuth_deg], _) => Ok(SpectrumGeometry::Directional {
+            theta_i_deg: *theta_i_deg,
+            theta_o_deg: *theta_o_deg,
+            azimuth_deg: *azimuth_deg,
+        }),
+        (_, Some(theta_i_deg)) => Ok(SpectrumGeometry::Hemispherical { theta_i_deg }),
+        _ => Err(Usage(
+            "--spectrum: also give its geometry, --spectrum-at 30,0,0 or --spectrum-hemispherical 8"
+                .into(),
+        )),
+    }
+}
+
+/// The colours of the parts, where a spectrum is given.
+fn colour(args: &FitArgs, found: &SurfaceFit) -> anyhow::Result<Option<Coloured>> {
+    let Some(path) = &args.spectrum else { return Ok(None) };
+    let geometry = geometry(args)?;
+    let text = sunglint_formats::read::text(path)?;
+    let curve = sunglint_formats::curve::read_str(path, &text, None)?;
+    let divided = divide(found, geometry, &curve.x, &curve.y);
+    Ok(Some(divided.with_context(|| path.display().to_string())?))
+}
+
 /// Several parts together.
 fn surface(
     args: &FitArgs,
@@ -125,8 +171,18 @@ fn surface(
     for flaw in &found.flaws {
         console.warn(&flaw.to_string());
     }
-    let product = product_of_surface(&found, measured, inputs)?;
-    let toml = found.to_toml(&args.name);
+    let mut product = product_of_surface(&found, measured, inputs)?;
+    let colour = colour(args, &found)?;
+    let toml = match &colour {
+        Some(colour) => {
+            for warning in &colour.warnings {
+                console.warn(warning);
+            }
+            product.others.push(product_of_colour(colour));
+            colour.to_toml(&found, &args.name)
+        }
+        None => found.to_toml(&args.name),
+    };
     let is_written = found.is_faithful() || args.accept;
     if !is_written {
         console.warn(
@@ -141,7 +197,10 @@ fn surface(
 
 pub(super) fn run(args: &FitArgs, console: Console) -> anyhow::Result<()> {
     args.out.check()?;
-    args.out.check_names(&["fit.ecsv", "residuals.ecsv", "incidences.ecsv"])?;
+    args.out.check_names(&["fit.ecsv", "residuals.ecsv", "incidences.ecsv", "colour.ecsv"])?;
+    if args.spectrum.is_some() {
+        geometry(args)?;
+    }
     let (measured, inputs) = read::samples(&args.table, args.wavelength_nm)?;
     if args.law.is_empty() && args.refractive_index.is_none() && !args.gaussian {
         match surface(args, &measured, &inputs, console) {
@@ -150,7 +209,7 @@ pub(super) fn run(args: &FitArgs, console: Console) -> anyhow::Result<()> {
                 if matches!(
                     error.downcast_ref(),
                     Some(FitError::Law { .. } | FitError::TooFew { .. })
-                ) =>
+                ) && args.spectrum.is_none() =>
             {
                 console.warn(&format!("{error}: laws of one lobe are fitted"));
             }

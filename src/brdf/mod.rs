@@ -5,6 +5,7 @@ mod fit;
 mod ingest;
 mod lab;
 mod ndf;
+mod page;
 mod plan;
 pub mod retro;
 mod rig;
@@ -15,6 +16,7 @@ pub use assemble::AssembleArgs;
 pub use fit::FitArgs;
 pub use ingest::IngestArgs;
 pub use ndf::NdfArgs;
+pub use page::PageArgs;
 pub use plan::PlanArgs;
 pub use retro::RetroArgs;
 pub use run::RunArgs;
@@ -44,6 +46,8 @@ pub enum BrdfCommand {
     Show(ShowArgs),
     /// How two materials differ, by direction
     Compare(CompareArgs),
+    /// A material as a page: lobes, cuts, spectra, hemispherical reflectance, a ball, a box with a wing
+    Page(PageArgs),
 }
 
 impl BrdfCommand {
@@ -58,7 +62,7 @@ impl BrdfCommand {
             Self::Fit(args) => Some(&args.out),
             Self::Show(args) => Some(&args.out),
             Self::Compare(args) => Some(&args.out),
-            Self::Assemble(_) => None,
+            Self::Assemble(_) | Self::Page(_) => None,
         }
     }
 }
@@ -78,5 +82,6 @@ pub fn run(command: &BrdfCommand, console: Console, seed: u64) -> anyhow::Result
         BrdfCommand::Assemble(args) => assemble::run(args, console),
         BrdfCommand::Show(args) => show::show(args, console),
         BrdfCommand::Compare(args) => show::compare(args, console),
+        BrdfCommand::Page(args) => page::run(args, console),
     }
 }

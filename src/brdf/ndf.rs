@@ -36,9 +36,9 @@ pub struct NdfArgs {
     /// Resamplings of the readings for the uncertainties
     #[arg(long, value_name = "N", default_value_t = 200)]
     pub resamplings: usize,
-    /// Look for diffuse light, and take it off where it is seen
+    /// Take all light for the microfacets': do not look for diffuse light
     #[arg(long)]
-    pub diffuse: bool,
+    pub no_diffuse: bool,
     /// Where the result goes.
     #[command(flatten)]
     pub out: OutputArgs,
@@ -80,7 +80,7 @@ pub(super) fn run(args: &NdfArgs, console: Console, seed: u64) -> anyhow::Result
         zero_deg: args.zero_deg,
         most_offset_deg: args.most_offset_deg,
         tail: args.tail.map(Into::into),
-        diffuse: args.diffuse,
+        diffuse: !args.no_diffuse,
         resamplings: args.resamplings,
         seed,
     };

@@ -1,8 +1,10 @@
 //! Prediction of a sample by the NDF, and how samples differ from it.
 //!
-//! f₀(λ) = F(λ) D(h) G/(4 cosθ_i cosθ_o) + ρ(λ)/π is reciprocal, whatever D, and at most twice too dark or bright by its masking G. What was measured is f₀ q; ln q is smooth, so that it is interpolated between
-//! directions that are far apart, in coordinates that do not change when light and detector are swapped: of an isotropic sample the angles of bisector and difference and
-//! |cosθ_i − cosθ_o|, of another the projections of bisector and difference on the surface.
+//! f₀(λ) = (F + R (1 − cosθ_d)⁵) D(h) G/(4 cosθ_i cosθ_o) + ρ/π, with F, R and ρ of each wavelength, is reciprocal, whatever D, and at most twice too dark or bright by its masking G. What was measured is f₀ q;
+//! ln q is smooth, so that it is interpolated between directions that are far apart, in coordinates that do not change when light and detector are swapped: of an isotropic sample the angles of bisector and
+//! difference and |cosθ_i − cosθ_o|, of another the projections of bisector and difference on the surface.
+//!
+//! Where a lobe ends over diffuse light, what f₀ lacks of the lobe ends with it. So ln q is interpolated as a plane in those coordinates and in the lobe's share of f₀, which is known everywhere.
 
 use super::near::{Point, Tree};
 use crate::ndf::Ndf;
@@ -125,6 +127,12 @@ impl<'a> Microfacets<'a> {
         self.density((i + o).normalize()) * self.unmasked(i, o)
     }
 
+    /// The lobe, and (1 − cosθ_d)⁵.
+    fn glint(&self, i: DVec3, o: DVec3) -> Glint {
+        let cos = (0.5 * (i + o).length()).min(1.0);
+        Glint { lobe: self.lobe(i, o), rise: (1.0 - cos).powi(5) }
+    }
+
     /// Returns the possible error of the lobe's logarithm, by masking and by D's own bound: the largest change by a masking that does not know of azimuths
     /// (heights in common, or none at all), and D's bound.
     pub fn doubt(&self, i: DVec3, o: DVec3) -> f64 {
@@ -155,11 +163,22 @@ impl<'a> Microfacets<'a> {
     }
 }
 
-/// F and ρ of one wavelength.
+/// A direction's lobe before F.
+#[derive(Debug, Clone, Copy)]
+struct Glint {
+    /// D(h) G/(4 cosθ_i cosθ_o), sr⁻¹.
+    lobe: f64,
+    /// (1 − cosθ_d)⁵.
+    rise: f64,
+}
+
+/// F, R and ρ of one wavelength.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Base {
     /// F.
     pub specular: f64,
+    /// R: by how much F rises towards grazing light, as Schlick has it; 0 where the samples do not show it.
+    pub rise: f64,
     /// ρ.
     pub diffuse: f64,
     /// The root mean square of ln q.
@@ -177,6 +196,8 @@ pub(super) struct Field<'a> {
     ln_q: Vec<f64>,
     wavelengths: usize,
     pub base: Vec<Base>,
+    /// The lobe's share of f₀ by sample, mean over the wavelengths.
+    share: Vec<f64>,
     /// How far samples are from their nearest, but for the most lonely tenth.
     pub spacing: f64,
     /// Difference of ln q between two samples, by their distance in steps of [`APART`]: 95 % of all pairs differ by less, the largest over the wavelengths.
@@ -220,7 +241,7 @@ impl<'a> Field<'a> {
                 left_out += 1;
             }
         }
-        let lobe: Vec<f64> = directions.iter().map(|(i, o)| microfacets.lobe(*i, *o)).collect();
+        let lobe: Vec<Glint> = directions.iter().map(|(i, o)| microfacets.glint(*i, *o)).collect();
         let mut ln_q = vec![0.0; value.len()];
         let mut base = Vec::with_capacity(wavelengths);
         for k in 0..wavelengths {
@@ -228,11 +249,12 @@ impl<'a> Field<'a> {
             let one = of_wavelength(&lobe, &ln);
             for (row, (lobe, ln)) in lobe.iter().zip(&ln).enumerate() {
                 let (i, o) = directions[row];
-                let floor = one.specular * microfacets.lobe_of_floor(i, o);
+                let floor = one.specular_at(*lobe) * microfacets.lobe_of_floor(i, o);
                 ln_q[row * wavelengths + k] = (ln.exp() + floor).ln() - one.at(*lobe).ln();
             }
             base.push(one);
         }
+        let share = lobe.iter().map(|l| share(&base, *l)).collect();
         let points: Vec<Point> =
             directions.iter().map(|(i, o)| coordinates(isotropic, *i, *o)).collect();
         let mut all: Vec<(Point, usize)> = points.iter().copied().zip(0..).collect();
@@ -262,6 +284,7 @@ impl<'a> Field<'a> {
             ln_q,
             wavelengths,
             base,
+            share,
             spacing,
             differs,
             left_out: Vec::new(),
@@ -364,7 +387,12 @@ impl<'a> Field<'a> {
         // Weights that grow towards a sample, which is so met.
         let weight = |d2: f64| (1.0 - d2 / radius2).max(0.0).powi(2) / (d2 / radius2 + 1e-6);
         let weights: Vec<f64> = near.iter().map(|(d2, _)| weight(*d2)).collect();
-        let parts = if measured { self.plane(&at, &near, &weights) } else { None };
+        let parts = if measured {
+            let share = share(&self.base, self.microfacets.glint(i, o));
+            self.plane((&at, share), &near, &weights)
+        } else {
+            None
+        };
         let parts = parts.unwrap_or_else(|| {
             let all: f64 = weights.iter().sum();
             near.iter().zip(&weights).map(|((_, k), w)| (*k, w / all)).collect()
@@ -403,20 +431,22 @@ impl<'a> Field<'a> {
     /// Weights that meet every plane through the neighbours; none where they do not span the space.
     fn plane(
         &self,
-        at: &Point,
+        (at, share): (&Point, f64),
         near: &[(f64, usize)],
         weights: &[f64],
     ) -> Option<Vec<(usize, f64)>> {
         let size = (near[near.len() - 1].0).sqrt().max(1e-12);
         let isotropic = self.microfacets.is_isotropic();
-        let terms = if isotropic { 4 } else { 5 };
+        let across = if isotropic { 4 } else { 5 };
+        let terms = across + 1;
         let mut basis = DMatrix::<f64>::zeros(near.len(), terms);
         for (row, (_, k)) in near.iter().enumerate() {
             let p = self.image(*k, at);
             basis[(row, 0)] = 1.0;
-            for t in 1..terms {
+            for t in 1..across {
                 basis[(row, t)] = (p[t - 1] - at[t - 1]) / size;
             }
+            basis[(row, across)] = self.share[*k] - share;
         }
         let mut normal = DMatrix::<f64>::zeros(terms, terms);
         let all: f64 = weights.iter().sum();
@@ -446,7 +476,7 @@ impl<'a> Field<'a> {
 
     /// f \[sr⁻¹\] by wavelength.
     pub fn values(&self, stencil: &Stencil, i: DVec3, o: DVec3, into: &mut [f64]) {
-        let lobe = self.microfacets.lobe(i, o);
+        let lobe = self.microfacets.glint(i, o);
         for (k, value) in into.iter_mut().enumerate() {
             *value = self.base[k].at(lobe) * (stencil.keep * self.ln_q(stencil, k)).exp();
         }
@@ -465,11 +495,11 @@ impl<'a> Field<'a> {
         if stencil.measured {
             return self.between(stencil).hypot(OF_GRID);
         }
-        let (lobe, of_lobe) = (self.microfacets.lobe(i, o), self.microfacets.doubt(i, o));
+        let (lobe, of_lobe) = (self.microfacets.glint(i, o), self.microfacets.doubt(i, o));
         let differs = self.differs(stencil.distance.min(2.0));
         let one = |(k, base): (usize, &Base)| {
             let taken = self.ln_q(stencil, k) * (1.0 - stencil.keep);
-            let share = base.specular * lobe / base.at(lobe);
+            let share = base.share(lobe);
             let squares = (2.0 * differs).powi(2)
                 + (2.0 * base.rms).powi(2)
                 + taken.powi(2)
@@ -512,39 +542,97 @@ fn differences(points: &[Point], ln_q: &[f64], wavelengths: usize) -> Vec<f64> {
 }
 
 impl Base {
-    fn at(&self, lobe: f64) -> f64 {
-        (self.specular * lobe + self.diffuse * FRAC_1_PI).max(1e-290)
+    /// F at the lobe's angle.
+    fn specular_at(&self, lobe: Glint) -> f64 {
+        self.specular + self.rise * lobe.rise
+    }
+
+    fn at(&self, lobe: Glint) -> f64 {
+        (self.specular_at(lobe) * lobe.lobe + self.diffuse * FRAC_1_PI).max(1e-290)
+    }
+
+    fn share(&self, lobe: Glint) -> f64 {
+        self.specular_at(lobe) * lobe.lobe / self.at(lobe)
     }
 }
 
-/// The best F and ρ by least squares of ln f.
-fn of_wavelength(lobe: &[f64], ln: &[f64]) -> Base {
+/// The lobe's share of f₀, mean over the wavelengths.
+fn share(base: &[Base], lobe: Glint) -> f64 {
+    base.iter().map(|b| b.share(lobe)).sum::<f64>() / base.len().max(1) as f64
+}
+
+/// Samples that decide F, R and ρ, at most.
+const DECIDE: usize = 3000;
+/// R is taken where the misfit with it is at most this part of that without.
+const RISES: f64 = 0.95;
+
+/// The best F, R and ρ by least squares of ln f.
+fn of_wavelength(lobe: &[Glint], ln: &[f64]) -> Base {
     // What is darker than this decides nothing: tails in which a lobe's logarithm is far off without a trace of light.
     let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let weight = |ln: &f64| if *ln > most - 12.0 { 1.0 } else { 0.0 };
-    let n = ln.iter().map(weight).sum::<f64>().max(1.0);
+    let step = ln.len().div_ceil(DECIDE).max(1);
+    let rows: Vec<(Glint, f64)> = lobe
+        .iter()
+        .copied()
+        .zip(ln.iter().copied())
+        .filter(|(_, ln)| *ln > most - 12.0)
+        .step_by(step)
+        .collect();
+    let flat = with_rise(&rows, 0.0);
+    // R over F: on a grid, then between its neighbours; more than all light is not reflected.
+    let most_rise = |base: &Base| base.specular + base.rise <= base.specular.max(1.0);
+    let at = |k: usize| (-4.0 + 0.5 * k as f64).exp();
+    let steep = (0..20)
+        .map(|k| (k, with_rise(&rows, at(k))))
+        .filter(|(_, base)| most_rise(base))
+        .min_by(|a, b| a.1.rms.total_cmp(&b.1.rms));
+    let Some((k, mut best)) = steep else { return flat };
+    let (mut from, mut to) = (at(k).ln() - 0.5, at(k).ln() + 0.5);
+    for _ in 0..16 {
+        let middle = [from + 0.382 * (to - from), from + 0.618 * (to - from)];
+        let [a, b] = middle.map(|x| with_rise(&rows, x.exp()));
+        if a.rms < b.rms {
+            to = middle[1]
+        } else {
+            from = middle[0]
+        }
+        for other in [a, b] {
+            if other.rms < best.rms && most_rise(&other) {
+                best = other;
+            }
+        }
+    }
+    if best.rms < RISES * flat.rms { best } else { flat }
+}
+
+/// The best F and ρ where R is that many times F.
+fn with_rise(rows: &[(Glint, f64)], rise: f64) -> Base {
+    let n = (rows.len() as f64).max(1.0);
+    let lobes: Vec<(f64, f64)> =
+        rows.iter().map(|(l, ln)| (l.lobe * (1.0 + rise * l.rise), *ln)).collect();
     // For a share r of Lambert light the strength follows.
     let judge = |ln_ratio: f64| {
         let ratio = ln_ratio.exp();
         let (mut sum, mut square) = (0.0, 0.0);
-        for (lobe, ln) in lobe.iter().zip(ln) {
+        for (lobe, ln) in &lobes {
             let left = ln - (lobe + ratio * FRAC_1_PI).max(1e-290).ln();
-            sum += weight(ln) * left;
-            square += weight(ln) * left * left;
+            sum += left;
+            square += left * left;
         }
         let mean = sum / n;
         ((square / n - mean * mean).max(0.0), mean)
     };
-    let at = |k: usize| -30.0 + 0.5 * k as f64;
-    let best = (0..90).min_by(|a, b| judge(at(*a)).0.total_cmp(&judge(at(*b)).0)).unwrap_or(0);
-    let (mut from, mut to) = (at(best) - 0.5, at(best) + 0.5);
-    for _ in 0..40 {
+    let at = |k: usize| -30.0 + 1.5 * k as f64;
+    let best = (0..30).min_by(|a, b| judge(at(*a)).0.total_cmp(&judge(at(*b)).0)).unwrap_or(0);
+    let (mut from, mut to) = (at(best) - 1.5, at(best) + 1.5);
+    for _ in 0..24 {
         let (a, b) = (from + 0.382 * (to - from), from + 0.618 * (to - from));
         if judge(a).0 < judge(b).0 { to = b } else { from = a }
     }
     let x = 0.5 * (from + to);
     let (square, mean) = judge(x);
-    Base { specular: mean.exp(), diffuse: (mean + x).exp(), rms: square.sqrt() }
+    let specular = mean.exp();
+    Base { specular, rise: rise * specular, diffuse: (mean + x).exp(), rms: square.sqrt() }
 }
 
 /// Returns coordinates that do not change when light and detector are swapped.

@@ -52,6 +52,8 @@ const LEAST_PEAK: f64 = 0.2;
 /// Diffuse light is this many times as bright as the tail of a lobe that has the peak's core, at least; and the core is above this part of the peak.
 const LEAST_OVER_TAIL: f64 = 3.0;
 const CORE: f64 = 3.0;
+/// A misfit of up to this many times the readings' own scatter says all that is in them: no other tail is then called for.
+const ADEQUATE: f64 = 1.3;
 /// It is seen where it is this part of the whole, over so many readings and degrees.
 const SEEN: f64 = 0.8;
 const LEAST_READINGS: usize = 6;
@@ -136,13 +138,32 @@ pub(super) fn find(readings: &[Reading], alone: f64) -> DiffuseLight {
     let off =
         if other.misfit < 2.0 * best.misfit { (other.diffuse - best.diffuse).abs() } else { 0.0 };
     let bound_per_sr = if off.is_finite() { off.max(2.0 * by_scatter) } else { best.diffuse };
+    // A lobe's own tail is as level as diffuse light only beyond 40°: where the readings between core and tail are met within their scatter, it is not that.
+    let is_met = best.misfit <= ADEQUATE * noise(readings);
     let is_fitted = best.misfit < BETTER * alone
-        && best.diffuse > LEAST_OVER_TAIL * tail_of_core(readings, &seen, best.diffuse)
+        && (is_met || best.diffuse > LEAST_OVER_TAIL * tail_of_core(readings, &seen, best.diffuse))
         && peak > LEAST_PEAK * best.diffuse
         && level <= LEVEL + 2.0 * scatter / (seen.len().max(1) as f64).sqrt()
         && off < 0.5 * best.diffuse;
     let origin = if is_fitted { DiffuseOrigin::Fitted } else { DiffuseOrigin::Unknown };
     DiffuseLight { f_per_sr: best.diffuse, bound_per_sr, origin }
+}
+
+/// Scatter of ln f, rms, of readings about the straight lines through their neighbours; 0 of fewer than three.
+fn noise(readings: &[Reading]) -> f64 {
+    let off = readings.windows(3).filter(|w| w[2].0 > w[0].0).map(|w| {
+        let t = (w[1].0 - w[0].0) / (w[2].0 - w[0].0);
+        let off = w[1].1 - (1.0 - t) * w[0].1 - t * w[2].1;
+        off * off / (1.0 + t * t + (1.0 - t) * (1.0 - t))
+    });
+    let mut off: Vec<f64> = off.collect();
+    if off.is_empty() {
+        return 0.0;
+    }
+    // The flanks of a lobe bend: the lower three quarters are the readings' own. 0.3686 of a normal distribution's variance is left without its largest quarter.
+    off.sort_by(f64::total_cmp);
+    let kept = &off[..(off.len() * 3).div_ceil(4)];
+    (kept.iter().sum::<f64>() / kept.len() as f64 / 0.3686).sqrt()
 }
 
 /// Mean retro-reflection over `seen` of a GGX lobe that is as the peak is: its tail, (α/sin²θ)² F₀/(4π cos²θ), is as level between 40 and 65° as diffuse light.

@@ -110,7 +110,7 @@ impl Default for NdfOptions {
             zero_deg: None,
             most_offset_deg: 5.0,
             tail: None,
-            diffuse: false,
+            diffuse: true,
             resamplings: 200,
             seed: 0,
         }

@@ -57,6 +57,16 @@ pub fn paint(i: DVec3, o: DVec3) -> f64 {
     0.04 * d * masking(i, o, lambda) / (4.0 * i.z * o.z) + 0.5 / PI
 }
 
+/// A glossy paint: GGX of 0.15 with F₀ = 0.04 (Schlick) over 0.6/π.
+pub fn glossy(i: DVec3, o: DVec3) -> f64 {
+    let a2: f64 = 0.0225;
+    let h = (i + o).normalize();
+    let d = a2 / (PI * (h.z * h.z * (a2 - 1.0) + 1.0).powi(2));
+    let lambda = |v: DVec3| 0.5 * ((1.0 + a2 * (1.0 / (v.z * v.z) - 1.0)).sqrt() - 1.0);
+    let f = 0.04 + 0.96 * (1.0 - i.dot(h)).powi(5);
+    f * d / (1.0 + lambda(i) + lambda(o)) / (4.0 * i.z * o.z) + 0.6 / PI
+}
+
 /// GGX of 0.4 whose Fresnel term rises (Schlick from 0.1), each direction masked by itself.
 pub fn rising(i: DVec3, o: DVec3) -> f64 {
     let a2: f64 = 0.16;
@@ -109,6 +119,11 @@ fn erf(x: f64) -> f64 {
 
 /// The NDF by retro-reflection every half degree up to 89°.
 pub fn density(law: fn(DVec3, DVec3) -> f64) -> Ndf {
+    density_beside(law, false)
+}
+
+/// The same; with diffuse light taken off it, where that is seen.
+pub fn density_beside(law: fn(DVec3, DVec3) -> f64, diffuse: bool) -> Ndf {
     let reading = |k: i32| {
         let angle_deg = 0.5 * f64::from(k);
         let v = DVec3::new(angle_deg.to_radians().sin(), 0.0, angle_deg.to_radians().cos());
@@ -123,7 +138,8 @@ pub fn density(law: fn(DVec3, DVec3) -> f64) -> Ndf {
     let mut readings: Vec<Reading> = (-20..=178).map(reading).collect();
     readings.retain(|r| r.f_per_sr > 1e-200);
     let run = RetroTable { readings, wavelength_nm: Some(550.0), ..RetroTable::default() };
-    let options = NdfOptions { resamplings: 0, zero_deg: Some(0.0), ..NdfOptions::default() };
+    let options =
+        NdfOptions { resamplings: 0, zero_deg: Some(0.0), diffuse, ..NdfOptions::default() };
     extract(&run, &options).unwrap()
 }
 
@@ -173,4 +189,14 @@ pub fn whole(name: &str) -> &'static Assembled {
     let at = MATERIALS.iter().position(|known| known.0 == name).unwrap();
     let options = AssembleOptions::default();
     MADE[at].get_or_init(|| from_plan(MATERIALS[at].1, (16, 17), &options))
+}
+
+/// The glossy paint on a plan of its lobe, with the diffuse light taken off the NDF; assembled once.
+pub fn glossy_whole() -> &'static Assembled {
+    static MADE: OnceLock<Assembled> = OnceLock::new();
+    MADE.get_or_init(|| {
+        let ndf = density_beside(glossy, true);
+        let plan = PlanOptions { theta_i: 16, side: 17, ..PlanOptions::default() };
+        assemble(&measured(glossy, &ndf, &plan), &ndf, &AssembleOptions::default()).unwrap()
+    })
 }

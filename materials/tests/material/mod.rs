@@ -5,6 +5,8 @@
 mod anisotropic;
 mod assemble;
 mod cases;
+mod colour;
 mod fit;
+mod gallery;
 mod ingest;
 mod surface;

@@ -317,6 +317,15 @@ fn real_surfaces_are_fitted() {
         show(&found);
         assert!(found.rms_ln.all <= most_rms, "{file}: {}", found.rms_ln.all);
         assert!(found.albedo.iter().all(|a| a.1 <= 1.0 + 1e-6), "{:?}", found.albedo);
+        // Inner incidences that were left out: the median half-width over all their samples is at most twice what these are off by, rms.
+        let inner = || found.incidences.iter().filter_map(|i| Some((i.values as f64, i.unseen?)));
+        let inner = || inner().filter(|(_, unseen)| !unseen.extrapolated);
+        let count: f64 = inner().map(|(n, _)| n).sum();
+        let square: f64 = inner().map(|(n, u)| n * u.rms_ln * u.rms_ln).sum();
+        let rms = (square / count).sqrt();
+        let half = sunglint_numerics::order::median(inner().map(|(_, u)| u.half_width_ln)).unwrap();
+        eprintln!("{file}: left out {rms:.3} rms, half-width {half:.3}");
+        assert!(half <= 2.0 * rms, "{file}: {half} {rms}");
         for i in &found.incidences {
             let doubted = i.hemispherical_table > 0.95;
             let (e, p) = if doubted { (0.25, 0.40) } else { (0.10, 0.25) };
@@ -411,4 +420,22 @@ fn fred_and_zemax_say_the_same() {
     assert_eq!(exchange::to_fred(&fred_samples, 0), file);
     let error = exchange::to_zemax(&fred_samples, 0).unwrap_err();
     assert!(error.to_string().contains("write FRED's"), "{error}");
+}
+
+/// Truth: the numbers that the text holds, in degrees (synthetic; the layout is libbsdf's). The mirrored light is at the light's azimuth + 180° in both. Of two wavelengths one has to be said.
+#[test]
+fn astm_tables_are_recognised() {
+    let text = "NUM_POINTS 2\nVARS theta_i,phi_i,theta_s,phi_s,532nm,650nm\n0.5,0,0.5,3.141592653589793,12.5,10\n0.5,0,0.25,0,0.1,0.2\n";
+    assert_eq!(Exchange::of(text), Some(Exchange::Astm));
+    let path = Path::new("made.astm");
+    let read = |nm| exchange::read_str(path, text, Exchange::Astm, nm);
+    let samples = read(Some(650.0)).unwrap();
+    let row = &samples.rows[0];
+    assert_eq!((samples.wavelength_nm[0], row.brdf_per_sr[0]), (650.0, 10.0));
+    let (i, o) = row.directions();
+    assert!((o - DVec3::new(-i.x, -i.y, i.z)).length() < 1e-12 && row.theta_i_deg > 28.6);
+    for nm in [None, Some(600.0)] {
+        let message = read(nm).unwrap_err().to_string();
+        assert!(message.contains("532nm, 650nm"), "{message}");
+    }
 }

@@ -119,6 +119,6 @@ fn campaign_diffuse_retro() {
     campaign.largest("normals_off", f64::from(zero_off));
     campaign.finish();
     assert!(10 * alpha_off <= taken + 9 && 10 * rho_off <= taken + 9);
-    // Nine in ten were wanted. Of 162 that it should tell it tells 115, none of them wrong: two in three are asked for.
-    assert!(3 * found >= 2 * wanted - 6 && zero_off == 0);
+    // Of a part of the seeds one more may be missed.
+    assert!(10 * found + 9 >= 9 * wanted && zero_off == 0);
 }

@@ -6,6 +6,7 @@ pub mod goniometer;
 mod hemispheres;
 pub mod ingest;
 pub mod ndf;
+pub mod page;
 pub mod plan;
 pub mod retro;
 pub mod show;

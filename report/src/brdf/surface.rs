@@ -5,6 +5,7 @@ use crate::{Product, rounded};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_formats::{Column, Table, Values};
+use sunglint_materials::fit::surface::colour::Coloured;
 use sunglint_materials::fit::surface::{Number, SurfaceFit};
 use sunglint_materials::samples::{Samples, direction, turned};
 use sunglint_radiometry::light_curve::Input;
@@ -140,6 +141,25 @@ fn residuals(fit: &SurfaceFit, samples: &Samples) -> Table {
         ("law".to_owned(), json!(fit.name)),
     ];
     Table { meta: meta.into_iter().collect(), columns }
+}
+
+/// The colours of a surface's parts, as a table.
+pub fn colour(colour: &Coloured) -> Product {
+    let columns = vec![
+        Column::f64("wavelength_nm", Some("nm"), colour.wavelength_nm.clone()),
+        Column::f64("specular", None, colour.specular.clone())
+            .described("reflectance of lobes and mirror over that at the wavelength of the fit"),
+        Column::f64("diffuse", None, colour.diffuse.clone())
+            .described("the same of the diffuse part"),
+    ];
+    let meta = [
+        ("kind".to_owned(), json!("brdf_colour")),
+        ("division".to_owned(), json!(colour.division.to_string())),
+        ("specular_share".to_owned(), json!(rounded(colour.specular_share))),
+        ("most_apart_ln".to_owned(), json!(rounded(colour.most_apart_ln))),
+    ];
+    let table = Table { meta: meta.into_iter().collect(), columns };
+    Product { name: "colour".into(), table, ..Product::default() }
 }
 
 /// The text, with the material as a scene takes it.

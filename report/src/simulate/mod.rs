@@ -10,11 +10,13 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use sunglint_ephemeris::orbit::Orbit;
 use sunglint_formats::time::{format_utc, format_utc_shortest};
-use sunglint_formats::{EncodeError, ParseError};
+use sunglint_formats::{Column, EncodeError, ParseError, Table};
 use sunglint_radiometry::air::Air;
 use sunglint_radiometry::light_curve::tracks;
 use sunglint_simulator::light::percent;
-use sunglint_simulator::pass::{ChannelSamples, Cost, Simulation, StandardMagnitude, StatedError};
+use sunglint_simulator::pass::{
+    ChannelSamples, Cost, MaterialDoubt, Simulation, StandardMagnitude, StatedError,
+};
 
 /// The place of V among the bands.
 const V: usize = 2;
@@ -27,6 +29,8 @@ const DARK_MAG: f64 = 32.0;
 pub struct SimulationReport<'a> {
     /// The simulation.
     pub simulation: &'a Simulation<'a>,
+    /// How far it may be off by the doubt of the materials; none where no material says how well it is known.
+    pub material: Option<MaterialDoubt>,
     /// Cost of the simulation.
     pub cost: Cost,
     /// Warnings that the user should read first.
@@ -80,11 +84,8 @@ impl SimulationReport<'_> {
             figure: drawing.spectra(),
             ..Product::default()
         };
-        let geometry = Product {
-            name: name("_geometry"),
-            table: simulation.geometry_table(COMMAND),
-            ..Product::default()
-        };
+        let geometry =
+            Product { name: name("_geometry"), table: self.geometry_table(), ..Product::default() };
         Ok(Product {
             name: name(""),
             table: simulation.light_curve(COMMAND).to_table()?,
@@ -94,6 +95,23 @@ impl SimulationReport<'_> {
             others: vec![geometry, spectra],
             ..Product::default()
         })
+    }
+
+    /// Geometry and magnitudes, with the doubt of the materials where there is one.
+    fn geometry_table(&self) -> Table {
+        let mut table = self.simulation.geometry_table(COMMAND);
+        let Some(doubt) = &self.material else { return table };
+        let channels = self.simulation.channels.iter().zip(&doubt.channels_hz);
+        table.columns.extend(channels.map(|(channel, hz)| {
+            Column::f64(format!("{}_material_hz", channel.name), Some("Hz"), hz.clone()).described(
+                "half-width of the 95 % interval of the rate by the doubt of the materials",
+            )
+        }));
+        let relative = Column::f64("material_relative", None, doubt.relative.clone());
+        table.columns.push(relative.described(
+            "the same over the rate, in the worst channel (in V where there is no channel)",
+        ));
+        table
     }
 
     /// Visible samples; in the Earth's shadow among them; below the horizon.
@@ -268,6 +286,7 @@ impl SimulationReport<'_> {
         }
         text.push_str("wavelengths exactly, for tables that are linear between their points\n");
         self.say_stated(text);
+        self.say_material(text);
         text.push_str("not modelled:\n");
         for what in self.simulation.not_modelled() {
             let _ = writeln!(text, "  - {what}");
@@ -303,6 +322,20 @@ impl SimulationReport<'_> {
                     percent(stated.largest)
                 );
             }
+        }
+    }
+
+    /// Says how far the doubt of the materials reaches.
+    fn say_material(&self, text: &mut String) {
+        let Some(doubt) = &self.material else { return };
+        if let Some(over) = doubt.over_the_pass() {
+            let _ = writeln!(
+                text,
+                "material: the doubt of {} changes a rate by {} in the median, {} at most (95 %; beside the stated error)",
+                doubt.materials.join(", "),
+                percent(over.median),
+                percent(over.largest)
+            );
         }
     }
 
@@ -372,6 +405,7 @@ impl SimulationReport<'_> {
                 "rate_relative": simulation.bounds.rate_relative, "light_relative": simulation.bounds.light_relative },
             "tolerance": pass.tolerance,
             "promise": simulation.promise(),
+            "material_error": stated(self.material.as_ref().and_then(MaterialDoubt::over_the_pass)),
             "needs": explain::json(&simulation.needs),
             "bins_stated_error": stated(simulation.stated_error_of_bins()),
             "not_modelled": simulation.not_modelled(),

@@ -22,7 +22,7 @@ use super::{
 use serde::Deserialize;
 use sha2::{Digest as _, Sha256};
 use std::path::PathBuf;
-use sunglint_formats::toml::{Document, Finite, Fraction};
+use sunglint_formats::toml::{Document, Finite, Fraction, Positive};
 use sunglint_formats::{FileError, ParseError, curve};
 use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
 
@@ -114,6 +114,8 @@ pub struct MirrorFile {
     pub g: Option<Finite>,
     /// The roughness of what waviness is left.
     pub alpha: Finite,
+    /// The wavelength of g; g is the same at all wavelengths where it is left out.
+    pub wavelength_nm: Option<Positive>,
 }
 
 /// Half-widths of the 95 % intervals of ln f, by region.
@@ -126,6 +128,8 @@ pub struct DoubtFile {
     pub wings_ln: Finite,
     /// Where light or detector graze.
     pub grazing_ln: Finite,
+    /// Further doubt where the colour was divided among the parts and the division is not determined: half of what both extremes are apart.
+    pub colour_ln: Option<Finite>,
     /// Further doubts, in words.
     #[serde(default)]
     pub said: Vec<String>,

@@ -10,7 +10,14 @@ pub struct Fresnel {
     pub(super) law: Law,
     /// g of what stays coherent, exp(−(g cosθ)²); 0 where all does.
     coherence: f64,
+    /// cos²θ at which the spectra hold what stays coherent, where g goes as 1/λ; else empty.
+    nodes: Vec<f64>,
 }
+
+/// Values of cos²θ between which what stays coherent is interpolated: over a factor of 2.5 in wavelength 0.5 % of itself for g = 2.
+const COHERENT_NODES: usize = 25;
+/// Step of its spectra, nm.
+const COHERENT_STEP_NM: f64 = 10.0;
 
 #[derive(Debug, Clone)]
 pub(super) enum Law {
@@ -28,7 +35,12 @@ impl Fresnel {
     /// A reflectance above 1.
     pub fn constant(reflectance: Spectrum<Reflectance>) -> Result<Self, MaterialError> {
         super::check_reflectance(&reflectance)?;
-        Ok(Self { spectra: vec![reflectance], law: Law::Constant, coherence: 0.0 })
+        Ok(Self {
+            spectra: vec![reflectance],
+            law: Law::Constant,
+            coherence: 0.0,
+            nodes: Vec::new(),
+        })
     }
 
     /// Schlick's approximation F = R₀ + (1 − R₀)(1 − cosθ)⁵ (Schlick 1994, eq. 15) from a reflectance that was measured at normal incidence.
@@ -39,7 +51,12 @@ impl Fresnel {
         super::check_reflectance(&normal)?;
         let (from_nm, to_nm) = normal.range_nm();
         let one = Spectrum::constant(1.0, from_nm, to_nm)?;
-        Ok(Self { spectra: vec![normal, one], law: Law::Schlick, coherence: 0.0 })
+        Ok(Self {
+            spectra: vec![normal, one],
+            law: Law::Schlick,
+            coherence: 0.0,
+            nodes: Vec::new(),
+        })
     }
 
     /// Fresnel's equations for unpolarised light and the refractive index n + ik of a bulk material in vacuum.
@@ -50,7 +67,7 @@ impl Fresnel {
     /// An index whose reflectance is not smooth enough in angle (n < 1 with k near 0).
     pub fn conductor(index: &conductor::ComplexIndex) -> Result<Self, MaterialError> {
         let (conductor, spectra) = conductor::Conductor::new(index)?;
-        Ok(Self { spectra, law: Law::Conductor(conductor), coherence: 0.0 })
+        Ok(Self { spectra, law: Law::Conductor(conductor), coherence: 0.0, nodes: Vec::new() })
     }
 
     /// Fresnel's equations for unpolarised light and a refractive index n without absorption, the same from `from_nm` to `to_nm`.
@@ -63,7 +80,7 @@ impl Fresnel {
             return Err(MaterialError::Parameter { name: "n", value: n, expected });
         }
         let spectra = vec![Spectrum::constant(1.0, from_nm, to_nm)?];
-        Ok(Self { spectra, law: Law::Dielectric(n), coherence: 0.0 })
+        Ok(Self { spectra, law: Law::Dielectric(n), coherence: 0.0, nodes: Vec::new() })
     }
 
     /// The part of it that a surface with a random height reflects coherently: times exp(−(g cosθ)²), with g = 4πσ/λ of the heights' root mean square σ
@@ -73,6 +90,39 @@ impl Fresnel {
         self
     }
 
+    /// The same with g at one wavelength \[nm\] and as 1/λ at others, as 4πσ/λ has it: the spectra then hold exp(−(g λ₀/λ)² cos²θ) at some cos²θ, between which the weights interpolate. Of a
+    /// [`Fresnel::conductor`] one g holds for all wavelengths.
+    ///
+    /// # Errors
+    /// Numbers that make no spectrum.
+    pub fn coherent_at(self, g: f64, at_nm: f64) -> Result<Self, MaterialError> {
+        if g == 0.0 || matches!(self.law, Law::Conductor(_)) {
+            return Ok(self.coherent(g));
+        }
+        let last = (COHERENT_NODES - 1) as f64;
+        let nodes: Vec<f64> = (0..COHERENT_NODES).map(|k| k as f64 / last).collect();
+        let mut spectra = Vec::with_capacity(nodes.len() * self.spectra.len());
+        for x in &nodes {
+            for spectrum in &self.spectra {
+                let mut nm: Vec<f64> = Vec::new();
+                for pair in spectrum.wavelength_nm().windows(2) {
+                    let steps = ((pair[1] - pair[0]) / COHERENT_STEP_NM).ceil().clamp(1.0, 1e4);
+                    nm.extend(
+                        (0..steps as usize)
+                            .map(|k| pair[0] + (pair[1] - pair[0]) * k as f64 / steps),
+                    );
+                }
+                nm.push(spectrum.range_nm().1);
+                let value = nm
+                    .iter()
+                    .map(|nm| spectrum.at(*nm) * (-(g * at_nm / nm).powi(2) * x).exp())
+                    .collect();
+                spectra.push(Spectrum::new(nm, value)?);
+            }
+        }
+        Ok(Self { spectra, law: self.law, coherence: g, nodes })
+    }
+
     /// The spectra ρ_k, all from 0 to 1.
     pub fn spectra(&self) -> &[Spectrum<Reflectance>] {
         &self.spectra
@@ -80,7 +130,32 @@ impl Fresnel {
 
     /// Adds `scale`·F_k(cosθ) to `sum`, one per spectrum.
     pub fn add_weights(&self, cos: f64, scale: f64, sum: &mut [f64]) {
+        if !self.nodes.is_empty() {
+            let own = self.spectra.len() / self.nodes.len();
+            for (k, weight, _) in self.beside(cos) {
+                self.add_of_law(cos, scale * weight, &mut sum[k * own..(k + 1) * own]);
+            }
+            return;
+        }
         let scale = if self.coherence == 0.0 { scale } else { scale * self.kept(cos).0 };
+        self.add_of_law(cos, scale, sum);
+    }
+
+    /// The two nodes of cos²θ beside an angle, their weights and the weights' derivatives by cosθ: hat functions times what stays coherent at λ₀ here over there.
+    fn beside(&self, cos: f64) -> [(usize, f64, f64); 2] {
+        let last = self.nodes.len() - 1;
+        let x = (cos * cos).clamp(0.0, 1.0);
+        let k = ((x * last as f64) as usize).min(last - 1);
+        let t = x * last as f64 - k as f64;
+        let g2 = self.coherence * self.coherence;
+        [(k, 1.0 - t, -1.0), (k + 1, t, 1.0)].map(|(k, hat, sign)| {
+            let over = (g2 * (self.nodes[k] - x)).exp();
+            let rate = 2.0 * cos * over * (sign * last as f64 - g2 * hat);
+            (k, hat * over, rate)
+        })
+    }
+
+    fn add_of_law(&self, cos: f64, scale: f64, sum: &mut [f64]) {
         match &self.law {
             Law::Constant => sum[0] += scale,
             Law::Dielectric(n) => sum[0] += scale * conductor::fresnel(*n, 0.0, cos),
@@ -95,6 +170,16 @@ impl Fresnel {
 
     /// F_k(cosθ) and their derivatives by cosθ.
     pub(super) fn slopes(&self, cos: f64) -> Vec<(f64, f64)> {
+        if !self.nodes.is_empty() {
+            let of_law = self.slopes_of_law(cos);
+            let mut slopes = vec![(0.0, 0.0); self.spectra.len()];
+            for (k, weight, rate) in self.beside(cos) {
+                for (j, (f, s)) in of_law.iter().enumerate() {
+                    slopes[k * of_law.len() + j] = (f * weight, s * weight + f * rate);
+                }
+            }
+            return slopes;
+        }
         let mut slopes = self.slopes_of_law(cos);
         let (kept, rate) = self.kept(cos);
         slopes.iter_mut().for_each(|(f, s)| (*f, *s) = (*f * kept, *s * kept + *f * rate));
@@ -150,7 +235,8 @@ impl Fresnel {
             Ok(Spectrum::new(spectrum.wavelength_nm().to_vec(), value)?)
         });
         let spectra = spectra.collect::<Result<_, MaterialError>>()?;
-        Ok((Self { spectra, law: self.law.clone(), coherence: self.coherence }, scale))
+        let (law, nodes) = (self.law.clone(), self.nodes.clone());
+        Ok((Self { spectra, law, coherence: self.coherence, nodes }, scale))
     }
 
     /// The largest error of F over all angles and the tabulated wavelengths, against the law that it stands for.
@@ -165,7 +251,8 @@ impl Fresnel {
         let law = self.describe_law();
         match self.coherence {
             0.0 => law,
-            g => format!("{law}, coherent with g {g}"),
+            g if self.nodes.is_empty() => format!("{law}, coherent with g {g}"),
+            g => format!("{law}, coherent with g {g} that goes as 1/λ"),
         }
     }
 

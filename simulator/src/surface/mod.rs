@@ -20,6 +20,7 @@ mod colour;
 pub mod conductor;
 mod cubature;
 mod curve;
+mod doubted;
 pub mod file;
 mod foil;
 pub mod fresnel;

@@ -96,6 +96,8 @@ pub struct MirrorTerm {
     pub g: f64,
     /// The roughness of the waviness that is left: the lobe's half-width at 1/e is twice that.
     pub alpha: f64,
+    /// The wavelength of g, nm: at others it goes as 1/λ. None where it is the same at all.
+    pub wavelength_nm: Option<f64>,
 }
 
 /// Diffuse light of [`Material::composite`].
@@ -172,11 +174,17 @@ impl Material {
             };
             parts.push(Part { shape, fresnel: fresnel.clone(), scale });
         }
-        if let Some(MirrorTerm { share, g, alpha }) = mirror {
+        if let Some(MirrorTerm { share, g, alpha, wavelength_nm }) = mirror {
             within("the share of the mirror", share, 0.0, 1.0)?;
             within("g of the mirror", g, 0.0, 1e3)?;
             let lobe = Lobe::isotropic(Distribution::Beckmann, alpha, Masking::Separable)?;
-            let fresnel = fresnel.clone().coherent(g);
+            let fresnel = match wavelength_nm {
+                Some(nm) => {
+                    within("the wavelength of the mirror's g", nm, 10.0, 1e5)?;
+                    fresnel.clone().coherent_at(g, nm)?
+                }
+                None => fresnel.clone().coherent(g),
+            };
             parts.push(Part { shape: Shape::Facets(lobe), fresnel, scale: share });
         }
         if let Some(Diffuse { reflectance, power }) = diffuse {

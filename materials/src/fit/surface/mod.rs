@@ -10,6 +10,7 @@
 //! Recipes are chosen by what they say of incidences that they were not fitted to, one left out at a time, and the simplest is taken that is not worse by more than chance.
 //! The residuals at the incidences left out give the doubt of ln f, by region.
 
+pub mod colour;
 pub mod hemisphere;
 mod judge;
 mod model;
@@ -322,23 +323,37 @@ impl SurfaceFit {
 
     /// The law as `[[material]]` of a scene, grey: known at one wavelength; with its doubt.
     pub fn to_toml(&self, name: &str) -> String {
+        self.toml_of(name, &model::Tint::grey(), None)
+    }
+
+    /// The same with colours of its parts.
+    fn toml_of(&self, name: &str, tint: &model::Tint, colour: Option<&colour::Coloured>) -> String {
         use fmt::Write as _;
         let mut text = String::new();
         let _ = writeln!(
             text,
-            "# {} through {} values at {} nm, residuals of ln f {:.3} (rms); written by `sunglint brdf fit`.\n\
-             # The reflectances are those of that wavelength.",
-            self.name, self.values, self.wavelength_nm, self.rms_ln.all
+            "# {} through {} values at {} nm, residuals of ln f {:.3} (rms); written by `sunglint brdf fit`.\n{}",
+            self.name,
+            self.values,
+            self.wavelength_nm,
+            self.rms_ln.all,
+            colour.map_or_else(
+                || "# The reflectances are those of that wavelength.".to_owned(),
+                |colour| format!("# Colour: {}.", colour.division)
+            )
         );
         for flaw in &self.flaws {
             let _ = writeln!(text, "# {flaw}.");
         }
-        text.push_str(&self.surface.toml(name));
+        text.push_str(&self.surface.toml(name, tint));
         let Doubt { peak_ln, wings_ln, grazing_ln } = self.doubt;
         let _ = writeln!(
             text,
             "[material.doubt]\npeak_ln = {peak_ln:.4}\nwings_ln = {wings_ln:.4}\ngrazing_ln = {grazing_ln:.4}"
         );
+        if let Some(colour) = colour.filter(|c| c.most_apart_ln > 0.0) {
+            let _ = writeln!(text, "colour_ln = {:.4}", colour.most_apart_ln);
+        }
         if !self.flaws.is_empty() {
             let said: Vec<String> =
                 self.flaws.iter().map(|f| format!("{:?}", f.to_string())).collect();

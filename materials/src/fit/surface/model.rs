@@ -353,59 +353,140 @@ impl Surface {
     /// # Errors
     /// More light than came up to 60° of incidence.
     pub fn material(&self, name: &str) -> Result<Material, MaterialError> {
-        const RANGE_NM: (f64, f64) = (300.0, 1240.0);
-        let grey = |value: f64| {
-            Ok::<_, MaterialError>(Spectrum::<Reflectance>::constant(
-                value, RANGE_NM.0, RANGE_NM.1,
+        self.tinted(name, &Tint::grey())
+    }
+
+    /// The material with a colour for its parts.
+    pub(super) fn tinted(&self, name: &str, tint: &Tint) -> Result<Material, MaterialError> {
+        let spectrum = |value: &[f64]| {
+            Ok::<_, MaterialError>(Spectrum::<Reflectance>::new(
+                tint.wavelength_nm.clone(),
+                value.to_vec(),
             )?)
         };
-        let fresnel = match self.rise {
-            Term::Constant => Fresnel::constant(grey(1.0)?)?,
-            Term::Schlick(f0) => Fresnel::schlick(grey(f0)?)?,
-            Term::Dielectric(n) => Fresnel::dielectric(n, RANGE_NM.0, RANGE_NM.1)?,
+        let (scale, specular) = self.specular(tint);
+        let (from_nm, to_nm) = tint.range_nm();
+        let fresnel = match &specular {
+            Specular::Constant(value) => Fresnel::constant(spectrum(value)?)?,
+            Specular::Schlick(value) => Fresnel::schlick(spectrum(value)?)?,
+            Specular::Dielectric(n) => Fresnel::dielectric(*n, from_nm, to_nm)?,
         };
         let lobes: Vec<CompositeLobe> = self
             .lobes
             .iter()
             .map(|l| match l.shape {
-                Shape::Facets(lobe) => CompositeLobe::Facets { lobe, share: l.share },
-                Shape::Abg { b, g, .. } => CompositeLobe::Abg { a_per_sr: l.scale, b, g },
+                Shape::Facets(lobe) => CompositeLobe::Facets { lobe, share: scale * l.share },
+                Shape::Abg { b, g, .. } => CompositeLobe::Abg { a_per_sr: scale * l.scale, b, g },
                 // No other shape is a part.
                 _ => CompositeLobe::Abg { a_per_sr: 0.0, b: 1.0, g: 2.0 },
             })
             .collect();
-        let mirror = self.mirror.map(|m| MirrorTerm { share: m.share, g: m.g, alpha: m.alpha });
+        let mirror = self.mirror.map(|m| MirrorTerm {
+            share: scale * m.share,
+            g: m.g,
+            alpha: m.alpha,
+            wavelength_nm: tint.at_nm,
+        });
         let diffuse = (self.diffuse > 0.0)
             .then(|| {
-                Ok::<_, MaterialError>(Diffuse {
-                    reflectance: grey(self.diffuse)?,
-                    power: self.power,
-                })
+                let reflectance = spectrum(&self.diffuse_of(tint))?;
+                Ok::<_, MaterialError>(Diffuse { reflectance, power: self.power })
             })
             .transpose()?;
         Material::composite(name, &lobes, mirror, &fresnel, diffuse)
     }
 
+    /// The Fresnel term with a colour, and the factor of all shares that leaves its numbers at most 1.
+    fn specular(&self, tint: &Tint) -> (f64, Specular) {
+        let coloured = |normal: f64| {
+            Specular::Schlick(tint.specular.iter().map(|s| (normal * s).min(1.0)).collect())
+        };
+        match self.rise {
+            Term::Constant => {
+                let most = tint.specular.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+                (most, Specular::Constant(tint.specular.iter().map(|s| s / most).collect()))
+            }
+            Term::Schlick(f0) => (1.0, coloured(f0)),
+            Term::Dielectric(n) if tint.is_neutral() => (1.0, Specular::Dielectric(n)),
+            // A dielectric of one n has no colour.
+            Term::Dielectric(n) => (1.0, coloured(conductor::fresnel(n, 0.0, 1.0))),
+        }
+    }
+
+    fn diffuse_of(&self, tint: &Tint) -> Vec<f64> {
+        tint.diffuse.iter().map(|d| (d * self.diffuse).clamp(0.0, 1.0)).collect()
+    }
+
+    /// F at normal incidence times what lobes and mirror reflect of it.
+    pub(super) fn at_normal(&self) -> f64 {
+        let shares: f64 =
+            self.lobes.iter().map(|l| l.share).sum::<f64>() + self.mirror.map_or(0.0, |m| m.share);
+        shares * self.rise.at(1.0)
+    }
+
+    /// Whether F follows from an index alone.
+    pub(super) fn index(&self) -> Option<f64> {
+        match self.rise {
+            Term::Dielectric(n) => Some(n),
+            _ => None,
+        }
+    }
+
+    /// The surface with light of another wavelength, of which g of its mirror is that many times as large.
+    pub(super) fn with_coherence(&self, times: f64) -> Self {
+        let mirror = self.mirror.map(|m| Mirror { g: m.g * times, ..m });
+        Self { mirror, ..self.clone() }
+    }
+
+    /// Returns the parts of lobes and mirror, and of diffuse light, in f seen in a direction.
+    pub(super) fn parts_at(&self, i: DVec3, o: DVec3, cone: &Cone) -> (f64, f64) {
+        let radius = cone.radius_rad();
+        let broad = self.broad(i.z, o.z);
+        let whole = self.seen(i, o, &disc(o, radius), 0.5 * radius * radius);
+        ((whole - broad).max(0.0), broad)
+    }
+
+    /// The same of the directional–hemispherical reflectance.
+    pub(super) fn parts_of_albedo(&self, cos: f64) -> (f64, f64) {
+        let diffuse = self.diffuse * cos.powf(self.power);
+        ((self.albedo(cos) - diffuse).max(0.0), diffuse)
+    }
+
     /// The same as `[[material]]` of a scene.
-    pub(super) fn toml(&self, name: &str) -> String {
+    pub(super) fn toml(&self, name: &str, tint: &Tint) -> String {
         use std::fmt::Write as _;
+        let table = |value: &[f64]| {
+            if let ([first, ..], true) = (value, tint.is_grey()) {
+                return format!("reflectance = {first:?}");
+            }
+            format!(
+                "reflectance_table = {{ wavelength_nm = {:?}, reflectance = {value:?} }}",
+                tint.wavelength_nm
+            )
+        };
         let mut text = format!("[[material]]\nname = {name:?}\nmodel = \"composite\"\n");
-        let _ = match self.rise {
-            Term::Constant => writeln!(text, "reflectance = 1.0"),
-            Term::Schlick(f0) => writeln!(text, "fresnel = \"schlick\"\nreflectance = {f0}"),
-            Term::Dielectric(n) => writeln!(text, "fresnel = \"dielectric\"\nn = {n}"),
+        let (scale, specular) = self.specular(tint);
+        let _ = match &specular {
+            Specular::Constant(value) => writeln!(text, "{}", table(value)),
+            Specular::Schlick(value) => {
+                writeln!(text, "fresnel = \"schlick\"\n{}", table(value))
+            }
+            Specular::Dielectric(n) => writeln!(text, "fresnel = \"dielectric\"\nn = {n}"),
         };
         if let Some(m) = self.mirror {
+            let at = tint.at_nm.map_or(String::new(), |nm| format!(", wavelength_nm = {nm}"));
             let _ = writeln!(
                 text,
-                "mirror = {{ share = {}, g = {}, alpha = {} }}",
-                m.share, m.g, m.alpha
+                "mirror = {{ share = {}, g = {}, alpha = {}{at} }}",
+                scale * m.share,
+                m.g,
+                m.alpha
             );
         }
         if self.diffuse > 0.0 {
             let power =
                 if self.power > 0.0 { format!(", power = {}", self.power) } else { String::new() };
-            let _ = writeln!(text, "diffuse = {{ reflectance = {}{power} }}", self.diffuse);
+            let _ = writeln!(text, "diffuse = {{ {}{power} }}", table(&self.diffuse_of(tint)));
         }
         for lobe in &self.lobes {
             let _ = match lobe.shape {
@@ -417,20 +498,63 @@ impl Surface {
                     writeln!(
                         text,
                         "[[material.lobe]]\ndistribution = \"{distribution}\"\nshare = {}\nalpha = {}",
-                        lobe.share,
+                        scale * lobe.share,
                         l.alpha().0
                     )
                 }
                 Shape::Abg { b, g, .. } => writeln!(
                     text,
                     "[[material.lobe]]\ndistribution = \"abg\"\na_per_sr = {}\nb = {b}\ng = {g}",
-                    lobe.scale
+                    scale * lobe.scale
                 ),
                 _ => Ok(()),
             };
         }
         text
     }
+}
+
+/// Colours of the parts of a surface, over those at the wavelength of its numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Tint {
+    pub wavelength_nm: Vec<f64>,
+    /// Colour of lobes and mirror.
+    pub specular: Vec<f64>,
+    pub diffuse: Vec<f64>,
+    /// The wavelength of the mirror's g, where it goes as 1/λ.
+    pub at_nm: Option<f64>,
+}
+
+impl Tint {
+    pub fn grey() -> Self {
+        let one = vec![1.0; 2];
+        Self {
+            wavelength_nm: vec![300.0, 1240.0],
+            specular: one.clone(),
+            diffuse: one,
+            at_nm: None,
+        }
+    }
+
+    fn is_neutral(&self) -> bool {
+        self.specular.iter().all(|s| *s == 1.0)
+    }
+
+    fn is_grey(&self) -> bool {
+        *self == Self::grey()
+    }
+
+    fn range_nm(&self) -> (f64, f64) {
+        let last = self.wavelength_nm.last();
+        (self.wavelength_nm.first().copied().unwrap_or(300.0), last.copied().unwrap_or(1240.0))
+    }
+}
+
+/// A Fresnel term with its numbers.
+enum Specular {
+    Constant(Vec<f64>),
+    Schlick(Vec<f64>),
+    Dielectric(f64),
 }
 
 /// ∫ 2πx/(B + x^g) dx from 0 to 1: what A = 1 reflects at normal incidence.

@@ -1,4 +1,4 @@
-//! Tables as other programs and laboratories write them: FRED, Zemax, and the columns of *Scatterworks* tables as Fankhauser et al. (2023) published them.
+//! Tables as other programs and laboratories write them: FRED, Zemax, ASTM E1392 and E2387, and the columns of *Scatterworks* tables as Fankhauser et al. (2023) published them.
 //!
 //! Which it is follows from the content, never from the ending: Zemax's `.bsdf` is text, ours and Mitsuba's is a tensor file.
 
@@ -7,6 +7,7 @@ use glam::DVec3;
 use serde::Serialize;
 use std::path::Path;
 use sunglint_formats::ParseError;
+use sunglint_formats::astm::{self, AstmScatter};
 use sunglint_formats::fred::{self, FredIncidence, FredRow, FredScatter};
 use sunglint_formats::zemax::{self, ZemaxBsdf};
 
@@ -19,6 +20,8 @@ pub enum Exchange {
     Fred,
     /// Zemax OpticStudio's tabular BSDF.
     Zemax,
+    /// ASTM E1392 and E2387, in the layout with a line `VARS`.
+    Astm,
     /// Columns `phi_i theta_i phi_o theta_o brdf`, where phi is the angle from the normal.
     Columns,
 }
@@ -41,6 +44,8 @@ impl Exchange {
             Some(Self::Fred)
         } else if zemax::is_zemax(text) {
             Some(Self::Zemax)
+        } else if astm::is_astm(text) {
+            Some(Self::Astm)
         } else if columns_header(text) {
             Some(Self::Columns)
         } else {
@@ -53,6 +58,7 @@ impl Exchange {
         match self {
             Self::Fred => "FRED",
             Self::Zemax => "Zemax",
+            Self::Astm => "ASTM",
             Self::Columns => "columns phi_i theta_i phi_o theta_o brdf",
         }
     }
@@ -72,6 +78,10 @@ impl Exchange {
             Self::Zemax => {
                 let (rows, missing) = from_zemax(path, &zemax::read_str(path, text)?)?;
                 (rows, None, missing)
+            }
+            Self::Astm => {
+                let (rows, nm) = from_astm(path, &astm::read_str(path, text)?, wavelength_nm)?;
+                (rows, nm, 0)
             }
             Self::Columns => (from_columns(path, text)?, said_wavelength(text), 0),
         };
@@ -102,6 +112,32 @@ fn from_fred(file: &FredScatter) -> Vec<Row> {
         i.rows.iter().map(one).collect::<Vec<_>>()
     };
     file.incidences.iter().flat_map(of).collect()
+}
+
+/// Wavelengths closer than this are the same, nm.
+const SAME_NM: f64 = 0.5;
+
+/// The column of a wavelength, and which one it says; where it is not asked for the file must have one column only.
+fn from_astm(
+    path: &Path,
+    file: &AstmScatter,
+    wavelength_nm: Option<f64>,
+) -> Result<(Vec<Row>, Option<f64>), ParseError> {
+    let said: Vec<Option<f64>> = (0..file.names.len()).map(|k| file.wavelength_nm(k)).collect();
+    let column = match (said.as_slice(), wavelength_nm) {
+        ([_], None) | ([None], Some(_)) => Some(0),
+        (_, Some(nm)) => said.iter().position(|s| s.is_some_and(|s| (s - nm).abs() < SAME_NM)),
+        _ => None,
+    };
+    let Some(column) = column else {
+        let error = ParseError::new(path, file.names.join(", "), "one of its wavelengths");
+        return Err(error.with_hint("say which: --wavelength-nm 532, or wavelength_nm in a scene"));
+    };
+    let one = |r: &astm::AstmRow| {
+        let [theta_i, phi_i, theta_s, phi_s] = r.angles_rad.map(f64::to_degrees);
+        row(theta_i, phi_i, theta_s, phi_s, r.bsdf_per_sr[column])
+    };
+    Ok((file.rows.iter().map(one).collect(), said[column]))
 }
 
 /// The direction at a radial angle and an azimuth about the mirrored ray of light with the azimuth 180°: 0 towards the normal.

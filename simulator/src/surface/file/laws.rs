@@ -9,7 +9,7 @@ use crate::surface::{
     MaterialError, MaxwellBeard, MirrorTerm, brdf_table, measured,
 };
 use sunglint_formats::bsdf::TensorFile;
-use sunglint_formats::toml::Finite;
+use sunglint_formats::toml::{Finite, Positive};
 use sunglint_formats::{FileError, ParseError};
 use sunglint_radiometry::spectrum::{Reflectance, Spectrum};
 
@@ -27,10 +27,11 @@ const FRESNEL: [ModelName; 5] = [Microfacet, Mirror, Blend, CookTorrance, Compos
 impl Material {
     /// Notes how well a fitted material is known.
     pub(super) fn doubt(&mut self, doubt: &DoubtFile) {
+        let colour = doubt.colour_ln.map_or(0.0, Finite::get);
         self.stated = Some(Stated {
-            peak_ln: doubt.peak_ln.get(),
-            wings_ln: doubt.wings_ln.get(),
-            grazing_ln: doubt.grazing_ln.get(),
+            peak_ln: doubt.peak_ln.get().hypot(colour),
+            wings_ln: doubt.wings_ln.get().hypot(colour),
+            grazing_ln: doubt.grazing_ln.get().hypot(colour),
         });
         let percent = |ln: Finite| 100.0 * ln.get().exp_m1();
         self.notes.push(format!(
@@ -267,6 +268,7 @@ impl Reader<'_> {
             share: mirror.share.get(),
             g: mirror.g.map_or(0.0, Finite::get),
             alpha: mirror.alpha.get(),
+            wavelength_nm: mirror.wavelength_nm.map(Positive::get),
         });
         let fresnel = self.fresnel(file)?;
         let diffuse = self.part(file.diffuse.as_ref(), "diffuse.")?.map(|reflectance| {

@@ -1,0 +1,7 @@
+//! ASTM's tables of scattered light: no panic, bounded memory, and what is written reads the same.
+#![no_main]
+
+#[path = "../targets/astm.rs"]
+mod target;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| target::run(bytes));
