@@ -611,12 +611,12 @@ fn a_virtual_night_is_driven_from_the_page() {
             assert!(!within, "{time} is in the pause");
             // A frame that goes on into the pause is there, without a rate.
             let crosses = *time + half > pause.0 && *time - half < pause.0;
-            let planes = curve
+            let mut planes = curve
                 .channels
                 .iter()
                 .filter(|channel| ["r", "g", "b"].contains(&channel.name.as_str()));
             assert!(
-                !crosses || planes.into_iter().all(|plane| plane.rate_hz[i].is_nan()),
+                !crosses || planes.all(|plane| plane.rate_hz[i].is_nan()),
                 "{time} goes on into the pause"
             );
         }

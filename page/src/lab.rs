@@ -266,7 +266,7 @@ impl LabRun {
         let from = seen.max(gone);
         let skip = usize::try_from(from - gone).unwrap_or(usize::MAX);
         let given = inner.places.iter().skip(skip).take(ANSWER);
-        let last = given.clone().last().map_or(from, |place| place.number);
+        let last = given.clone().next_back().map_or(from, |place| place.number);
         let worked = inner.worked + inner.since.map_or(Duration::ZERO, |since| since.elapsed());
         let done = self.before + inner.last_number;
         let left = self.places.saturating_sub(done);

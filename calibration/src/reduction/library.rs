@@ -1,7 +1,7 @@
 //! Library of master calibration frames: a folder that nights share, with the mean dark, bias and flat of each setting of each camera, and its bad pixels.
 //!
 //! A reduction adds what its session's own frames give, and takes from it what a session lacks: masters of the same camera, window and binning, a dark of the same exposure,
-//! gain and temperature (see [`Taken`]), a bias frame of the same gain, a flat behind the same filter. Of several the latest is taken. A master is a FITS file: the mean (32-bit
+//! gain and temperature, a bias frame of the same gain, a flat behind the same filter. Of several the latest is taken. A master is a FITS file: the mean (32-bit
 //! floats) and, of darks, the mask of bad pixels.
 
 use super::sensor::Taken;
@@ -96,12 +96,7 @@ impl Library {
             ));
         }
         for path in paths.into_iter().take(MOST) {
-            match Fits::read(&path).map_err(|error| error.to_string()).and_then(|fits| {
-                let header = fits.hdus().first().map(|hdu| hdu.header().clone());
-                header.as_ref().and_then(|header| master(&path, header)).ok_or_else(|| {
-                    format!("{}: expected a master frame of a library: IMAGETYP, INSTRUME, EXPTIME, XORGSUBF, YORGSUBF", path.display())
-                })
-            }) {
+            match described(&path) {
                 Ok(master) => library.masters.push(master),
                 Err(error) => library.warnings.push(format!("left out of the library: {error}")),
             }
@@ -185,6 +180,18 @@ impl Library {
             written => written.map(|()| Some(name)),
         }
     }
+}
+
+/// Description of a master by its file.
+fn described(path: &Path) -> Result<Master, String> {
+    let fits = Fits::read(path).map_err(|error| error.to_string())?;
+    let header = fits.hdus().first().map(|hdu| hdu.header());
+    header.and_then(|header| master(path, header)).ok_or_else(|| {
+        format!(
+            "{}: expected a master frame of a library: IMAGETYP, INSTRUME, EXPTIME, XORGSUBF, YORGSUBF",
+            path.display()
+        )
+    })
 }
 
 /// Description of a master by its header.

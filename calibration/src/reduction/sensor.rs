@@ -215,7 +215,7 @@ impl<'a> Sensor<'a> {
     }
 
     /// A master of the library that fits.
-    fn from_library(&mut self, kind: MasterKind, fits: impl Fn(&Taken) -> bool) -> Option<Found> {
+    fn master_for(&mut self, kind: MasterKind, fits: impl Fn(&Taken) -> bool) -> Option<Found> {
         let (library, camera) = self.library.as_ref()?;
         match library.find(kind, camera, fits)? {
             Ok(found) => {
@@ -230,7 +230,7 @@ impl<'a> Sensor<'a> {
     }
 
     /// Adds a master of the session's own frames to the library.
-    fn to_library(
+    fn keep_master(
         &mut self,
         kind: MasterKind,
         frames: &[Frame],
@@ -254,11 +254,11 @@ impl<'a> Sensor<'a> {
     fn bias_for(&mut self, taken: &Taken) -> Result<Option<MasterFrame>, ReduceError> {
         let bias = self.bias.fitting(|bias| bias.fits_bias(taken));
         if bias.is_empty() {
-            let found = self.from_library(MasterKind::Bias, |bias| bias.fits_bias(taken));
+            let found = self.master_for(MasterKind::Bias, |bias| bias.fits_bias(taken));
             return Ok(found.map(|found| found.frame));
         }
         let mean = MasterFrame::mean(&bias).within(|| "the bias frames".into())?;
-        self.to_library(MasterKind::Bias, &bias, &mean, None);
+        self.keep_master(MasterKind::Bias, &bias, &mean, None);
         Ok(Some(mean))
     }
 
@@ -274,7 +274,7 @@ impl<'a> Sensor<'a> {
         };
         if darks.len() < LEAST {
             // A dark of the library has the mask, too: better than the night's own bias frames.
-            if let Some(found) = self.from_library(MasterKind::Dark, |dark| dark.fits(taken)) {
+            if let Some(found) = self.master_for(MasterKind::Dark, |dark| dark.fits(taken)) {
                 calibration.bad = found.bad;
                 calibration.dark =
                     Some(MasterFrame { exposure_s: taken.exposure_s, ..found.frame });
@@ -286,7 +286,7 @@ impl<'a> Sensor<'a> {
             let bad = bad.within(|| "the dark frames".into())?;
             let dark = MasterFrame::mean(&darks).within(|| "the dark frames".into())?;
             if self.given.darks.is_empty() {
-                self.to_library(MasterKind::Dark, &darks, &dark, Some(&bad));
+                self.keep_master(MasterKind::Dark, &darks, &dark, Some(&bad));
             }
             (calibration.bad, calibration.dark) = (Some(bad), Some(dark));
         }
@@ -309,11 +309,10 @@ impl<'a> Sensor<'a> {
             let made = MasterFrame::flat(&flats, bias.as_ref().unwrap_or(&dark));
             let made = made.within(|| "the flats".into())?;
             if let Some(own) = own {
-                self.to_library(MasterKind::Flat, &own, &made, None);
+                self.keep_master(MasterKind::Flat, &own, &made, None);
             }
             flat = Some(made);
-        } else if let Some(found) =
-            self.from_library(MasterKind::Flat, |flat| flat.fits_flat(taken))
+        } else if let Some(found) = self.master_for(MasterKind::Flat, |flat| flat.fits_flat(taken))
         {
             flat = Some(MasterFrame { exposure_s: taken.exposure_s, ..found.frame });
         }
