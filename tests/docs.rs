@@ -363,6 +363,23 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     let fold = ["analyse", "fold", "--period", "20", "--period-sigma", "0.01"];
     let axis = ["--pass", "sphere_pass.toml", "--axis", "30,60"];
     keys(&folder.json(&[&fold[..], &axis, &removed].concat()), &mut printed);
+    // Flashes of one row every 4.13 s, over light without a period.
+    let curve = crate::common::turning_curve();
+    let mut flashing: String =
+        curve.lines().take_while(|l| !l.starts_with("2008")).map(|l| format!("{l}\n")).collect();
+    for i in 0..2400_u32 {
+        let t = 0.05 + 0.1 * f64::from(i);
+        let ripple = (f64::from(i * i) * 0.618_033_988_75).fract() - 0.5;
+        let flash = if (t / 4.13).fract() < 0.1 / 4.13 { 4e3 } else { 0.0 };
+        let (minute, second) = (46 + (t / 60.0) as u32, t % 60.0);
+        let rate = 1e4 + 500.0 * ripple + flash;
+        flashing += &format!("2008-09-21T18:{minute:02}:{second:06.3} 0.1 {rate:.3} 150 0 40\n");
+    }
+    std::fs::write(folder.path("flashes.ecsv"), flashing).unwrap();
+    let flashes = ["analyse", "period", "flashes.ecsv", "--station", "ufo", "--json", "-q"];
+    let found = folder.json(&flashes);
+    assert!((found["flashes"]["best"]["period_s"].as_f64().unwrap() / 4.13 - 1.0).abs() < 1e-3);
+    keys(&found, &mut printed);
     // A short night with simulated devices, and what is left of it when a line is cut.
     let night = "station = \"ufo\"\nfor_s = 3\n[[camera]]\nname = \"cam\"\ndevice = \"sim-camera\"\nexposure_s = 0.1\n\
                  [[counter]]\nname = \"tagger\"\ndevice = \"sim-timetagger\"\nchannels = { g = 1 }\nbin_s = 0.1\n";
