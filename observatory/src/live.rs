@@ -618,7 +618,7 @@ impl LiveState {
     }
 }
 
-/// What readers call.
+/// Calls of readers.
 impl LiveState {
     /// Makes the state of a night that has not begun.
     pub fn new() -> Self {

@@ -174,7 +174,7 @@ fn simulate(
     })
 }
 
-/// What is missing of a study, or of a part of it; the report as JSON.
+/// Makes the missing shards of a study, or of a part of it; the report as JSON.
 #[pyfunction]
 #[pyo3(signature = (study, output, station=None, part=1, of=1, progress=None))]
 fn run_study(

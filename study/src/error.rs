@@ -18,7 +18,7 @@ pub enum StudyError {
         path: PathBuf,
         /// The values of the point.
         point: String,
-        /// What is wrong.
+        /// Fault of the scene.
         why: String,
     },
     /// A shard's table cannot be written.

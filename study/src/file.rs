@@ -307,7 +307,7 @@ impl Study {
     /// The scene of a point, made anew. With [`Study::passes`] its orbit is that of the first object, and its time the window's begin.
     ///
     /// # Errors
-    /// What is wrong with it, in words.
+    /// The scene's fault, in words.
     pub fn pass(&self, point: usize) -> Result<Pass, String> {
         let mut table = self.base.clone();
         if let Some(passes) = &self.passes {

@@ -26,7 +26,7 @@ pub const SAMPLES: &str = "samples";
 pub struct Part {
     /// Which, from 1.
     pub part: usize,
-    /// Of how many.
+    /// Number of parts.
     pub of: usize,
 }
 
@@ -73,7 +73,7 @@ pub struct ShardFile {
 pub struct Report {
     /// Name of the study.
     pub study: String,
-    /// Its identity.
+    /// Identity of the study.
     pub id: String,
     /// Program that made it.
     pub program: String,

@@ -154,7 +154,7 @@ impl Array {
 /// Reads `K/N`.
 ///
 /// # Errors
-/// What is wrong with it.
+/// The fault, in words.
 pub fn part(text: &str) -> Result<Part, String> {
     let numbers = text.split_once('/').and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
     let Some((part, of)) = numbers else {

@@ -22,7 +22,7 @@ impl Scene {
     /// Makes the scene of a point.
     ///
     /// # Errors
-    /// What is wrong with it, in words.
+    /// The scene's fault, in words.
     pub fn new(study: &Study, point: usize) -> Result<Self, String> {
         let pass = study.pass(point)?;
         let channels: Vec<&str> = pass.station.channels.iter().map(|c| c.name.as_str()).collect();

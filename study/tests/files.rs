@@ -1,4 +1,4 @@
-//! What a `STUDY.toml` says, and what is wrong with one.
+//! Contents and faults of a `STUDY.toml`.
 
 use crate::{folder, read};
 

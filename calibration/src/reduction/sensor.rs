@@ -37,7 +37,7 @@ pub struct Taken {
 }
 
 impl Taken {
-    /// As a frame says it.
+    /// The same as a frame says it.
     pub fn of(frame: &Frame) -> Self {
         Self {
             exposure_s: frame.exposure_s,
@@ -165,7 +165,7 @@ pub struct Sensor<'a> {
     usual: Vec<Taken>,
 }
 
-/// What a session's calibration frames were used for.
+/// Uses of a session's calibration frames.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Used {
     /// Dark frames, and those that fit no setting of frames of targets.
@@ -340,7 +340,7 @@ impl<'a> Sensor<'a> {
         self.darks.fitting(|dark| dark.fits(&usual))
     }
 
-    /// What was used so far.
+    /// Frames that were used so far.
     pub fn used(&self) -> Used {
         let darks = match self.given.darks.is_empty() {
             true => [self.darks.used.len(), self.darks.files.len() - self.darks.used.len()],

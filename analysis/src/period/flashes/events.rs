@@ -21,7 +21,7 @@ const SIGMA_PER_LOWER_MEAN: f64 = 1.521;
 pub(super) struct Flash {
     /// Middle of its light, s from [`Light::middle_s`].
     pub time_s: f64,
-    /// Its brightest sample, in standard deviations.
+    /// Brightest sample, in standard deviations.
     pub peak: f64,
 }
 
