@@ -150,7 +150,7 @@ pub(super) fn multiples(light: &Light, comb: &Comb, longest_s: f64) -> Answer {
         let strength = sunglint_numerics::order::median(own.iter().map(|o| o.1)).unwrap_or(0.0);
         FlashPhase {
             phase: turn - turn.floor(),
-            seen: own.len(),
+            seen: own.len().max(tooth.flashes.len()),
             flashed: tooth.flashes.len(),
             strength,
         }
