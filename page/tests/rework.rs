@@ -213,7 +213,7 @@ fn a_target_is_followed_from_where_somebody_saw_it() {
     };
     let mut small = recipe.clone();
     small["aperture_px"] = 3.0.into();
-    told(&curve(&recording, &small));
+    assert!(told(&curve(&recording, &small)));
     // Four frames tell too little.
     let all_but_four: Vec<u64> = (1..=FRAMES).filter(|n| !(100..104).contains(n)).collect();
     small["refused"] = json!([{"camera": "cam", "frames": all_but_four}]);
