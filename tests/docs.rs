@@ -132,9 +132,12 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     keys(&folder.json(&[&focus[..], &["--json"]].concat()), &mut printed);
     for (name, celsius) in [("a", 0), ("b", 1), ("c", 2)] {
         let run = format!(r#"{{"curve":{{"best":9,"sigma":1}},"temperature_c":{celsius}}}"#);
-        std::fs::write(folder.path(&format!("{name}.json")), run).unwrap();
+        std::fs::write(folder.path(&format!("{name}_run.json")), run).unwrap();
     }
-    keys(&folder.json(&["focus", "drift", "a.json", "b.json", "c.json", "--json"]), &mut printed);
+    keys(
+        &folder.json(&["focus", "drift", "a_run.json", "b_run.json", "c_run.json", "--json"]),
+        &mut printed,
+    );
     keys(&folder.json(&["simulate", "pass.toml", "--json"]), &mut printed);
     // A comparison, with one sample left out for each of some reasons.
     let stretch =

@@ -38,11 +38,11 @@ fn options() -> RunOptions {
 }
 
 /// Truth: the reading at which the virtual telescope is sharp, from the side of the approach. The stated 95 % interval holds it in 95 % of the runs: so many misses
-/// or more come by chance in 2 % at least. Seeing, play, steps, stars, the start (by up to two steps and a half) and the side are drawn anew in each run.
+/// or more come by chance in 2 % at least. One run in twenty may be refused for want of stars, none for another reason. Seeing, play, steps, stars, the start (by up to two steps and a half) and the side are drawn anew in each run.
 #[test]
 fn campaign_focus() {
     let mut campaign = Campaign::start("focus", 200);
-    let rows: Vec<(u64, f64, f64, f64)> = campaign
+    let all: Vec<Option<(u64, f64, f64, f64)>> = campaign
         .seeds()
         .into_par_iter()
         .map(|seed| {
@@ -66,13 +66,27 @@ fn campaign_focus() {
                 o.overshoot = 400;
                 o.approach = side;
             });
-            let done = focus(&bench, &clock, options).unwrap_or_else(|e| panic!("{seed}: {e}"));
+            let done = match focus(&bench, &clock, options) {
+                Ok(done) => done,
+                // A field of four stars may have them at its edge: that is refused, and goes back.
+                Err(FailedRun {
+                    error: RunError::Curve(CurveError::TooFew { .. }),
+                    returned,
+                    ..
+                }) => {
+                    assert!(returned, "{seed}");
+                    return None;
+                }
+                Err(failed) => panic!("{seed}: {failed}"),
+            };
             let curve = done.curve.unwrap();
             let off = curve.best - bench.best(side == Approach::Up);
             assert!((done.stands_at as f64 - curve.best).abs() <= 0.5, "{seed}");
-            (seed, off, curve.sigma, off.abs() / curve.half_width_95)
+            Some((seed, off, curve.sigma, off.abs() / curve.half_width_95))
         })
         .collect();
+    let rows: Vec<_> = all.iter().flatten().copied().collect();
+    let refused = all.len() - rows.len();
     let missed = rows.iter().filter(|row| row.3 > 1.0).count() as u64;
     let mut sizes: Vec<f64> = rows.iter().map(|row| row.1.abs()).collect();
     sizes.sort_by(f64::total_cmp);
@@ -80,13 +94,15 @@ fn campaign_focus() {
     sigmas.sort_by(f64::total_cmp);
     let n = rows.len() as u64;
     println!(
-        "focus: {missed} of {n} outside, error median {:.1} steps, 95 % {:.1}, sigma median {:.1}",
+        "focus: {missed} of {n} outside, {refused} refused, error median {:.1} steps, 95 % {:.1}, sigma median {:.1}",
         sizes[rows.len() / 2],
         sizes[rows.len() * 95 / 100],
         sigmas[rows.len() / 2]
     );
     assert!(chance_of_misses(n, missed) > 0.02, "{missed} of {n}: {rows:?}");
+    assert!(20 * refused <= all.len(), "{refused} of {} refused", all.len());
     campaign.largest("outside_95_percent", missed as f64);
+    campaign.largest("refused", refused as f64);
     campaign.finish();
 }
 

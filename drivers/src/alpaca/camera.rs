@@ -113,8 +113,7 @@ impl<T: Bytes> Camera<T> {
             ["binning in columns", "first column, px", "columns, px"],
             ["binning in rows", "first row, px", "rows, px"],
         ];
-        for axis in 0..2 {
-            let [bin_name, origin_name, size_name] = NAMES[axis];
+        for (axis, [bin_name, origin_name, size_name]) in NAMES.into_iter().enumerate() {
             let (origin, size, bin) =
                 (window.origin_px[axis], window.size_px[axis], window.binning[axis]);
             let sensor = self.sensor_px[axis];

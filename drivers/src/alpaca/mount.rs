@@ -572,7 +572,8 @@ impl<T: Bytes> device::Mount for Mount<T> {
         let (Some(latitude_deg), Some(longitude_deg)) = (latitude?, longitude?) else {
             return Ok(None);
         };
-        let longitude_deg = wrapped(longitude_deg);
+        let within = (-180.0..=180.0).contains(&longitude_deg);
+        let longitude_deg = if within { longitude_deg } else { wrapped(longitude_deg) };
         Ok(Some(MountSite { latitude_deg, longitude_deg, height_m: height?.unwrap_or(0.0) }))
     }
 

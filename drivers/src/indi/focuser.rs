@@ -18,6 +18,8 @@ const TEMPERATURE: (&str, &str) = ("FOCUS_TEMPERATURE", "TEMPERATURE");
 const KIND: Kind = Kind { label: DEVICE, what: "focuser", interface: 1 << 3, required: &[PLACE] };
 /// Time between two questions after a move.
 const POLL: Duration = Duration::from_millis(100);
+/// How long an abort may take: some drivers hear nothing until a move has ended (the simulator of 1.9.9: 10,000 steps a second).
+const ABORT_WITHIN: Duration = Duration::from_secs(15);
 /// Steps that a focuser may be off and still be there.
 const THERE: i64 = 1;
 
@@ -139,7 +141,7 @@ impl<T: Bytes> crate::device::Focuser for Focuser<T> {
             if harmless {
                 return Interrupted::new(None, error);
             }
-            let grace = deadline.grace(Duration::from_secs(2));
+            let grace = deadline.grace(ABORT_WITHIN);
             if self.stop(&grace).is_err() {
                 let source = Box::new(error);
                 return Interrupted::new(None, DeviceError::NotStopped { device: DEVICE, source });
