@@ -157,7 +157,7 @@ fn without(seed: u64) -> (&'static str, Series) {
         }
         "irregular steps" => {
             let mean = random.random_range(0.5..3.0);
-            let jitter = random.random_range(0.1..0.6);
+            let jitter = random.random_range(0.03..0.6);
             let mut t = 0.0;
             while t < span_s {
                 let long: f64 = Exp1.sample(random);
@@ -200,13 +200,13 @@ fn judged(found: &Outcome, made: &Made) -> Judged {
     }
 }
 
-/// Truth: the period that the trains were made with. Tolerance: 95 % are told as the only period or in a family that has it, to 0.2 %, and no single period is wrong. A family has no more than the
-/// comb's period, its double and its triple where flashes alone decide.
+/// Truth: the period that the trains were made with. Tolerance: 95 % are told as the only period or in a family that has it, to 0.2 %, and no single period is wrong. Where flashes alone decide, nine families of ten have no more than
+/// the comb's period and five multiples, and no more than one in twenty lacks the truth.
 #[test]
 fn campaign_flash_trains() {
     let mut campaign = Campaign::start("flash_trains", 60);
     let mut counts = [0_usize; 5];
-    let (mut by_harmonics, mut single_kept, mut threefold, mut decided) = (0, 0, 0, 0);
+    let (mut by_harmonics, mut single_kept, mut small, mut decided) = (0, 0, 0, 0);
     for seed in campaign.seeds() {
         let made = made(seed);
         let (harmonic, found, train) = whole(&made.series);
@@ -230,7 +230,7 @@ fn campaign_flash_trains() {
         let train = train.as_ref();
         if train.is_some_and(|t| t.decides) {
             decided += 1;
-            threefold += usize::from(train.is_some_and(|t| t.periods.len() <= 3));
+            small += usize::from(train.is_some_and(|t| t.periods.len() <= 6));
         }
         if !matches!(answer, Judged::Single | Judged::Family) {
             eprintln!(
@@ -245,11 +245,12 @@ fn campaign_flash_trains() {
     let [single, family, refused, wrong, without] = counts;
     let n = counts.iter().sum::<usize>();
     eprintln!(
-        "single {single}, family {family}, refused {refused}, wrong {wrong}, family without {without} of {n}; harmonics alone {by_harmonics}, single kept {single_kept}; flashes decide {decided}, {threefold} of these families of at most three"
+        "single {single}, family {family}, refused {refused}, wrong {wrong}, family without {without} of {n}; harmonics alone {by_harmonics}, single kept {single_kept}; flashes decide {decided}, {small} of these families of at most six"
     );
     assert!(100 * (single + family) >= 95 * n, "{} of {n} right", single + family);
     assert_eq!(wrong, 0);
-    assert!(10 * threefold >= 9 * decided, "{threefold} of {decided}");
+    assert!(20 * without <= n, "{without} of {n} lack the truth");
+    assert!(10 * small >= 9 * decided, "{small} of {decided}");
     campaign.largest("single_right", single as f64);
     campaign.largest("family_with_truth", family as f64);
     campaign.largest("refused", refused as f64);
@@ -288,47 +289,179 @@ fn campaign_flashes_without_period() {
     campaign.finish();
 }
 
-/// Truth: Ajisai turned in 2.475 s on 2020-11-14 (the thesis, figure 7.5a), with three flashes a turn, seen over 73 turns at 10 ms (synthetic flashes: equal boxes of one to two bins at these times, of strengths
-/// 1, 0.8 and 0.5). Where the strengths repeat every third flash the turn is told; equal flashes give the family of three. Rows in any order give the same, bit for bit.
-#[test]
-fn three_flashes_of_ajisai() {
-    let mut random = Random::seed_from_u64(3);
-    let normal = Normal::new(0.0, 1.0).unwrap();
-    for (strengths, best_s) in [([1.0, 0.8, 0.5], 2.475), ([0.8, 0.8, 0.8], 0.825)] {
-        let n = 18_067_usize;
-        let time: Vec<f64> = (0..n).map(|i| 0.01 * i as f64).collect();
+/// Light of 100 a sample with noise of 1, and flashes at moments, each a box of `long_s` in exposures of a share of the step.
+struct Flashes {
+    step_s: f64,
+    samples: usize,
+    exposed: f64,
+    long_s: f64,
+}
+
+impl Flashes {
+    fn series(&self, flashes: &[(f64, f64)], from_s: f64, seed: u64) -> (Vec<f64>, Vec<f64>) {
+        let mut random = Random::seed_from_u64(seed);
+        let normal = Normal::new(0.0, 1.0).unwrap();
         let mut value: Vec<f64> =
-            time.iter().map(|_| 100.0 + 2.0 * normal.sample(&mut random)).collect();
-        for k in 0..219_usize {
-            let scatter: f64 = 0.1 * normal.sample(&mut random);
-            let own = 60.0 * strengths[k % 3] * scatter.exp();
-            let (from, to) = (0.4 + 0.825 * k as f64 - 0.006, 0.4 + 0.825 * k as f64 + 0.006);
-            for (i, v) in value
-                .iter_mut()
-                .enumerate()
-                .take((to / 0.01) as usize + 1)
-                .skip((from / 0.01) as usize)
-            {
-                let overlap = to.min(0.01 * (i + 1) as f64) - from.max(0.01 * i as f64);
-                *v += own * overlap.max(0.0) / 0.012;
+            (0..self.samples).map(|_| 100.0 + normal.sample(&mut random)).collect();
+        for (middle, light) in flashes {
+            let (from, to) =
+                (middle - from_s - 0.5 * self.long_s, middle - from_s + 0.5 * self.long_s);
+            let first = (from / self.step_s).floor().max(0.0) as usize;
+            for (i, v) in value.iter_mut().enumerate().skip(first.saturating_sub(1)).take(12) {
+                let begin = i as f64 * self.step_s;
+                let overlap = to.min(begin + self.exposed * self.step_s) - from.max(begin);
+                *v += light * overlap.max(0.0) / self.long_s;
             }
         }
-        let series = Series::new("green", &time, &value, None).unwrap();
-        let train = flash_train(std::slice::from_ref(&series), &Options::default()).unwrap();
-        let near = |p: f64, truth: f64| (p / truth - 1.0).abs() < 2e-4;
+        let time = (0..self.samples)
+            .map(|i| from_s + (i as f64 + 0.5 * self.exposed) * self.step_s)
+            .collect();
+        (time, value)
+    }
+}
+
+/// Flashes of mirrors at phases of a turn, from one moment to another; each scatters by a share, and one in twenty is not seen.
+fn turning(
+    period_s: f64,
+    (from_s, to_s): (f64, f64),
+    mirrors: &[(f64, f64)],
+    scatter: f64,
+    seed: u64,
+) -> Vec<(f64, f64)> {
+    let mut random = Random::seed_from_u64(0x7412 + seed);
+    let normal = Normal::new(0.0, 1.0).unwrap();
+    let mut all = Vec::new();
+    for turn in (from_s / period_s) as i64 - 1..=(to_s / period_s) as i64 + 1 {
+        for (phase, light) in mirrors {
+            let t = (turn as f64 + phase) * period_s;
+            if t > from_s && t < to_s && random.random::<f64>() > 0.05 {
+                all.push((t, light * (scatter * normal.sample(&mut random)).exp()));
+            }
+        }
+    }
+    all
+}
+
+fn trained(time: &[f64], value: &[f64]) -> FlashTrain {
+    let series = Series::new("green", time, value, None).unwrap();
+    flash_train(&[series], &Options::default()).unwrap()
+}
+
+/// The period is among those that are told, and not another alone; or nothing is told. Tolerance: 2e-4, twenty times what a flash slips over the span.
+fn not_wrong(train: &FlashTrain, period_s: f64) {
+    let near = |p: f64| (p / period_s - 1.0).abs() < 2e-4;
+    let all: Vec<f64> = train.periods.iter().map(|m| m.estimate.period_s).collect();
+    assert!(all.is_empty() || all.iter().any(|p| near(*p)), "{all:?} for {period_s} s");
+    assert_eq!(all.is_empty(), train.refusal.is_some());
+}
+
+/// Truth: Ajisai turned in 2.475 s on 2020-11-14 (the thesis, figure 7.5a), with three flashes a turn, seen over 73 turns at 10 ms (synthetic flashes: boxes of 12 ms, of strengths 1, 0.8 and 0.5). Where the
+/// strengths repeat every third flash the turn is told, of strong flashes that scatter little alone; equal flashes give the family of three.
+#[test]
+fn three_flashes_of_ajisai() {
+    let shape = Flashes { step_s: 0.01, samples: 18_067, exposed: 1.0, long_s: 0.012 };
+    for (strengths, light, scatter, best_s, alone) in [
+        ([1.0, 0.8, 0.5], 30.0, 0.1, 2.475, false),
+        ([1.0, 0.8, 0.5], 300.0, 0.03, 2.475, true),
+        ([0.8, 0.8, 0.8], 30.0, 0.1, 0.825, false),
+    ] {
+        let mirrors = [0, 1, 2].map(|k| (0.16 + f64::from(k) / 3.0, light * strengths[k as usize]));
+        let (time, value) =
+            shape.series(&turning(2.475, (0.0, 180.0), &mirrors, scatter, 3), 0.0, 4);
+        let train = trained(&time, &value);
         // A flash of 12 ms that slips by a tenth of that over 180 s moves the period by 7e-6; here 30 times that.
+        let near = |p: f64, truth: f64| (p / truth - 1.0).abs() < 2e-4;
         assert!(train.periods.iter().any(|m| near(m.estimate.period_s, 2.475)), "{train:?}");
         assert!(near(train.best.unwrap().period_s, best_s), "{train:?}");
-        if best_s < 1.0 {
-            assert!(train.periods.len() > 1, "equal flashes do not tell the turn: {train:?}");
-        }
-        // 7919 is a prime that is no part of the number of samples: it visits all.
-        assert!(!n.is_multiple_of(7919));
-        let order: Vec<usize> = (0..n).map(|i| (i * 7919 + 11) % n).collect();
-        let pick = |from: &[f64]| order.iter().map(|i| from[*i]).collect::<Vec<f64>>();
-        let mixed = Series::new("green", &pick(&time), &pick(&value), None).unwrap();
-        assert_eq!(flash_train(&[mixed], &Options::default()).unwrap(), train);
+        assert_eq!(train.periods.len() == 1, alone, "{train:?}");
     }
+}
+
+/// Truth: two rings of three like mirrors: six flashes a turn, on two phases of a third of it, of which all are alike. The third is not the turn.
+#[test]
+fn like_rings_do_not_tell_the_turn() {
+    let shape = Flashes { step_s: 0.01, samples: 18_067, exposed: 1.0, long_s: 0.012 };
+    for (second, light) in [(0.17, 25.0), (0.2, 32.0)] {
+        let ring = |at: f64, light: f64| [0.0, 1.0, 2.0].map(|k| (at + k / 3.0, light));
+        let mirrors = [ring(0.1, 32.0), ring(second, light)].concat();
+        let (time, value) = shape.series(&turning(2.4683, (0.0, 180.0), &mirrors, 0.1, 1), 0.0, 1);
+        let train = trained(&time, &value);
+        assert!(!train.periods.is_empty());
+        not_wrong(&train, 2.4683);
+    }
+}
+
+/// Truth: four mirrors of which neighbours are alike, and five of which none are: the first turns of four kinds are found though every second is alike.
+#[test]
+fn four_and_five_mirrors() {
+    let shape = Flashes { step_s: 0.01, samples: 18_000, exposed: 1.0, long_s: 0.012 };
+    let four: Vec<(f64, f64)> =
+        [60.0, 60.0, 25.0, 25.0].iter().zip([0.1, 0.35, 0.6, 0.85]).map(|(l, p)| (p, *l)).collect();
+    let five: Vec<(f64, f64)> =
+        (0..5).map(|k| (0.02 + 0.2 * f64::from(k), 60.0 - 10.0 * f64::from(k))).collect();
+    for mirrors in [four, five] {
+        let (time, value) = shape.series(&turning(3.0871, (0.0, 180.0), &mirrors, 0.1, 2), 0.0, 2);
+        let train = trained(&time, &value);
+        assert!(!train.periods.is_empty());
+        not_wrong(&train, 3.0871);
+        assert!((train.best.unwrap().period_s / 3.0871 - 1.0).abs() < 2e-4, "{train:?}");
+    }
+}
+
+/// Truth: the period is 200.5 steps, the flashes of 3 ms fall into the 5 ms between two exposures in every second turn. Its double is not told alone.
+#[test]
+fn flashes_between_exposures() {
+    let shape = Flashes { step_s: 0.01, samples: 12_000, exposed: 0.5, long_s: 0.003 };
+    for mirrors in [&[(0.1, 40.0), (0.37, 32.0)][..], &[(0.1, 40.0)]] {
+        let (time, value) = shape.series(&turning(2.005, (0.0, 120.0), mirrors, 0.1, 3), 0.0, 3);
+        let train = trained(&time, &value);
+        assert!(!train.periods.is_empty());
+        not_wrong(&train, 2.005);
+    }
+}
+
+/// Truth: two passes, 2600 s apart, of a body whose flashes are seen a third of a turn later in the second: nobody can count the turns between, and no period is told alone.
+#[test]
+fn turns_in_a_gap_are_not_counted() {
+    let shape = Flashes { step_s: 0.05, samples: 3_000, exposed: 1.0, long_s: 0.04 };
+    for jump in [0.0, 0.3, 0.5] {
+        let first = turning(2.4683, (0.0, 150.0), &[(0.1, 30.0), (0.45, 25.0)], 0.15, 4);
+        let late = [(0.1 + jump, 30.0), (0.45 + jump, 25.0)];
+        let second = turning(2.4683, (2750.0, 2900.0), &late, 0.15, 5);
+        let (mut time, mut value) = shape.series(&first, 0.0, 4);
+        let (more, light) = shape.series(&second, 2750.0, 5);
+        time.extend(more);
+        value.extend(light);
+        let train = trained(&time, &value);
+        assert_ne!(train.periods.len(), 1, "{jump}: {train:?}");
+    }
+}
+
+/// Truth: periods of 7.13 and 8.3 steps are too short for flashes of a sample; their doubles and triples are not told.
+#[test]
+fn multiples_of_short_periods_are_not_told() {
+    let shape = Flashes { step_s: 0.1, samples: 2_000, exposed: 1.0, long_s: 0.02 };
+    for steps in [7.0, 7.13, 8.3, 9.4] {
+        let flashes = turning(0.1 * steps, (0.0, 200.0), &[(0.3, 60.0)], 0.1, 6);
+        let (time, value) = shape.series(&flashes, 0.0, 6);
+        let series = Series::new("green", &time, &value, None).unwrap();
+        if let Some(train) = flash_train(&[series], &Options::default()) {
+            not_wrong(&train, 0.1 * steps);
+        }
+    }
+}
+
+/// Truth: 240,000 rows, for which the search begins at a longer period than the turn: not its double.
+#[test]
+fn the_turn_of_a_long_curve() {
+    let shape = Flashes { step_s: 0.01, samples: 240_000, exposed: 1.0, long_s: 0.008 };
+    let flashes = turning(21.37, (0.0, 2400.0), &[(0.1, 20.0), (0.43, 18.0)], 0.1, 7);
+    let (time, value) = shape.series(&flashes, 0.0, 7);
+    let train = trained(&time, &value);
+    assert!(train.searched_s.unwrap().0 > 21.37, "{:?}", train.searched_s);
+    assert!(!train.periods.is_empty(), "{train:?}");
+    not_wrong(&train, 21.37);
+    assert!((train.best.unwrap().period_s / 21.37 - 1.0).abs() < 2e-4, "{train:?}");
 }
 
 /// Truth: of smooth light with a wide hump a turn and strong noise harmonics tell the period; flashes do not stand in it, and the verdict is the same with and without them.

@@ -23,7 +23,7 @@ pub mod verdict;
 
 pub use curves::{Drawn, FoundPeriod, GEOMETRY_NOT_USED, Geometry, PeriodOptions, find_period};
 pub use fit::{HarmonicFit, fit};
-pub use flashes::{FlashPhase, FlashTrain, flash_train, with_flashes};
+pub use flashes::{FlashPhase, FlashTrain, Refusal, flash_train, with_flashes};
 pub use lomb_scargle::{lomb_scargle, window};
 pub use pdm::{Dispersion, dispersion_test, pdm};
 pub use significance::{false_alarm, joint_gain};

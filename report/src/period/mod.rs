@@ -151,9 +151,10 @@ pub fn text(found: &FoundPeriod) -> String {
 /// Flashes, and how they fall together.
 fn flashes(f: &FlashTrain) -> String {
     let mut text = format!("{} flashes in {} of the samples", f.flashes, percent(f.lit));
-    let Some(best) = f.best.filter(|_| !f.periods.is_empty()) else {
-        return text + ": no period at which they fall together";
-    };
+    if let Some(refusal) = f.refusal {
+        return format!("{text}: {refusal}");
+    }
+    let Some(best) = f.best else { return text };
     let phases: Vec<String> = f
         .phases
         .iter()
@@ -168,15 +169,21 @@ fn flashes(f: &FlashTrain) -> String {
         phases.join(", ")
     );
     if let Some(chance) = f.chance {
-        let _ = write!(text, "; displaced at random they would with a chance of {chance:.1e}");
+        let _ =
+            write!(text, "; displaced at random they would with a chance {}", chance_words(chance));
     }
     text
+}
+
+/// A chance that is not read below one in a million.
+fn chance_words(chance: f64) -> String {
+    if chance <= 1e-6 { "below 1e-6".into() } else { format!("of {chance:.1e}") }
 }
 
 /// A question that flashes answered.
 fn of_flashes(q: &Question) -> String {
     let answer = match (q.chance, q.unlike) {
-        (Some(c), _) if c < 1e-6 => format!("the flashes differ (chance {c:.1e})"),
+        (Some(c), _) if c < 1e-6 => "the flashes differ (chance below 1e-6)".into(),
         (Some(c), Some(u)) => {
             format!("no sure difference (chance {c:.1e}), turns alike within {}", percent(u))
         }

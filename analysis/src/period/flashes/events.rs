@@ -21,8 +21,8 @@ const SIGMA_PER_LOWER_MEAN: f64 = 1.521;
 pub(super) struct Flash {
     /// Middle of its light, s from [`Light::middle_s`].
     pub time_s: f64,
-    /// Brightest sample, in standard deviations.
-    pub peak: f64,
+    /// Light, in standard deviations of a sample.
+    pub sum: f64,
 }
 
 /// Light above its level, and the flashes in it.
@@ -79,8 +79,18 @@ fn level_of(sorted: &[f64]) -> (f64, f64) {
     (middle, (SIGMA_PER_MAD * at_half).max(mean))
 }
 
-/// Subtracts the running median and divides by the running deviation, sample by sample.
-fn above(values: &[f64], to: &mut Vec<f64>) {
+/// The least standard deviation of a channel: a dark channel of a few counts is 0 in most of its samples, and its robust deviation 0 or next to it. If the smallest step of the values is a
+/// photon, this is the law of Poisson for the light above the median; of light that is no count it is far below the noise.
+fn floor_of(values: &[f64]) -> f64 {
+    let Some(level) = median(values.iter().copied()) else { return 0.0 };
+    let mean = values.iter().map(|v| v - level).sum::<f64>() / values.len() as f64;
+    let steps = values.iter().map(|v| (v - level).abs()).filter(|d| *d > 0.0);
+    let least = steps.min_by(f64::total_cmp).unwrap_or(0.0);
+    (mean.max(0.0) * least).sqrt()
+}
+
+/// Subtracts the running median and divides by the running deviation, sample by sample; the deviation is not below `floor`.
+fn above(values: &[f64], floor: f64, to: &mut Vec<f64>) {
     let n = values.len();
     let size = WINDOW.min(n);
     let mut sorted: Vec<f64> = values[..size].to_vec();
@@ -99,6 +109,7 @@ fn above(values: &[f64], to: &mut Vec<f64>) {
             from = wanted;
         }
         let (level, sigma) = level_of(&sorted);
+        let sigma = sigma.max(floor);
         to.push(if sigma > 0.0 { (v - level) / sigma } else { 0.0 });
     }
 }
@@ -120,15 +131,16 @@ impl Light {
         );
         pieces.push(first.len());
         let scale = 1.0 / (series.len() as f64).sqrt();
+        let floors: Vec<f64> = series.iter().map(|s| floor_of(&s.value)).collect();
         let (mut time_s, mut all) = (Vec::new(), Vec::new());
         let mut own = Vec::new();
         for piece in pieces.windows(2).filter(|p| p[1] - p[0] >= LEAST_SAMPLES) {
             let from = all.len();
             time_s.extend(first.time_s[piece[0]..piece[1]].iter().map(|t| t - middle_s));
             all.resize(time_s.len(), 0.0);
-            for s in series {
+            for (s, floor) in series.iter().zip(&floors) {
                 own.clear();
-                above(&s.value[piece[0]..piece[1]], &mut own);
+                above(&s.value[piece[0]..piece[1]], *floor, &mut own);
                 all[from..].iter_mut().zip(&own).for_each(|(a, o)| *a += scale * o);
             }
         }
@@ -151,7 +163,7 @@ impl Light {
                 i += 1;
             }
             if peak >= FLASH {
-                flashes.push(Flash { time_s: moment / sum, peak });
+                flashes.push(Flash { time_s: moment / sum, sum });
                 lengths.push((i - from) as f64);
             }
         }
@@ -187,7 +199,7 @@ mod tests {
         let values: Vec<f64> =
             (0..400_u32).map(|i| f64::from((i * i * 7 + i * 13) % 101)).collect();
         let mut found = Vec::new();
-        above(&values, &mut found);
+        above(&values, 0.0, &mut found);
         for (i, z) in found.iter().enumerate() {
             let from = i.saturating_sub(50).min(400 - WINDOW);
             let own = &values[from..from + WINDOW];
@@ -197,6 +209,27 @@ mod tests {
             let mean = off[..91].iter().sum::<f64>() / 91.0;
             let sigma = (SIGMA_PER_MAD * off[50]).max(SIGMA_PER_LOWER_MEAN * mean);
             assert!((z - (values[i] - level) / sigma).abs() < 1e-12, "{i}: {z}");
+        }
+    }
+
+    /// Truth: counts of a dark channel, one in 20 samples, and flashes of 12 counts every 2.37 s: these are the flashes, and single counts are none.
+    #[test]
+    fn a_dark_channel_has_flashes() {
+        for share in [0, 20] {
+            let n = 12_000_usize;
+            let time: Vec<f64> = (0..n).map(|i| 0.01 * i as f64).collect();
+            let mut value: Vec<f64> =
+                (0..n).map(|i| f64::from(u8::from(share > 0 && i * i % 997 % 20 == 3))).collect();
+            let mut put = 0;
+            for k in 0..50 {
+                let at = ((f64::from(k) + 0.2) * 2.37 / 0.01) as usize;
+                if at < n {
+                    value[at] += 12.0;
+                    put += 1;
+                }
+            }
+            let light = Light::new(&[Series::new("dark", &time, &value, None).unwrap()]).unwrap();
+            assert_eq!(light.flashes.len(), put, "{share}");
         }
     }
 }

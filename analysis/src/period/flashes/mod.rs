@@ -68,8 +68,33 @@ pub struct FlashTrain {
     pub questions: Vec<Question>,
     /// The shortest and the longest period that were looked for, s.
     pub searched_s: Option<(f64, f64)>,
+    /// Why they give no period; `None` where they do.
+    pub refusal: Option<Refusal>,
     /// Whether the verdict is that of the flashes ([`with_flashes`]).
     pub decides: bool,
+}
+
+/// Why flashes give no period.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// There is no comb.
+    #[error("no period at which they fall together")]
+    NoComb,
+    /// Displaced flashes make as good a comb.
+    #[error("no period at which they fall together more than by chance")]
+    Chance,
+    /// Too few of the flashes are on the best comb.
+    #[error("no period at which half of them fall together")]
+    Held,
+    /// Half or a third of the best period is too short for flashes of this width.
+    #[error(
+        "the period at which they fall together may be twice or three times one that is too short for flashes of this width: faster samples would tell"
+    )]
+    Short,
+    /// Many combs are as good.
+    #[error("they fall together at {} periods alike: more turns, or no gaps, would tell", .0 + 1)]
+    Rivals(usize),
 }
 
 /// Finds the flashes of series and the period at which they come. `None` where fewer than eight flashes stand out, where the light is in them for more than 30 % of the samples, and of series
@@ -91,18 +116,40 @@ pub fn flash_train(series: &[Series], options: &Options) -> Option<FlashTrain> {
         chance: None,
         questions: Vec::new(),
         searched_s: None,
+        refusal: None,
         decides: false,
     };
-    let Some(found) = comb::search(&light, options) else { return Some(train) };
+    let Some(found) = comb::search(&light, options) else {
+        train.refusal = Some(Refusal::NoComb);
+        return Some(train);
+    };
     train.searched_s = Some(found.searched_s);
     train.chance = Some(found.chance);
-    let Some(best) = found.combs.first() else { return Some(train) };
+    let Some(best) = found.combs.first() else {
+        train.refusal = Some(Refusal::NoComb);
+        return Some(train);
+    };
     let answer = order::multiples(&light, best, found.searched_s.1);
     train.best = Some(answer.comb.estimate(&light));
     train.width_s = best.width_s;
     train.held = best.held() as f64 / light.flashes.len() as f64;
     train.phases = answer.phases;
-    if found.chance > CHANCE || train.held < LEAST_HELD {
+    train.questions = answer.questions;
+    if found.chance > CHANCE {
+        train.refusal = Some(Refusal::Chance);
+        return Some(train);
+    }
+    if train.held < LEAST_HELD {
+        train.refusal = Some(Refusal::Held);
+        return Some(train);
+    }
+    // Halves and thirds that flashes of this width cannot show.
+    let hidden = |n: f64| {
+        let part = best.period_s / n;
+        part < found.least_s && part >= options.shortest_s.unwrap_or(0.0)
+    };
+    if hidden(2.0) || hidden(3.0) {
+        train.refusal = Some(Refusal::Short);
         return Some(train);
     }
     let span_s = light.span_s;
@@ -112,6 +159,11 @@ pub fn flash_train(series: &[Series], options: &Options) -> Option<FlashTrain> {
         Member { estimate, membership, turns: span_s / estimate.period_s }
     };
     let mut periods = vec![member(&answer.comb, 1.0, Membership::Best)];
+    for n in answer.parts {
+        if answer.comb.period_s / n as f64 >= found.allowed_s {
+            periods.push(member(&answer.comb, 1.0 / n as f64, Membership::Part(n)));
+        }
+    }
     for n in answer.open {
         periods.push(member(&answer.comb, n as f64, Membership::Multiple(n)));
     }
@@ -119,22 +171,29 @@ pub fn flash_train(series: &[Series], options: &Options) -> Option<FlashTrain> {
     let mut others = 0;
     for rival in rivals {
         let p = rival.period_s;
-        if periods.iter().any(|m| (m.estimate.period_s / p - 1.0).abs() < 1e-3) {
+        if periods.iter().any(|m| comb::is_same(m.estimate.period_s, rival, span_s)) {
             continue;
         }
-        let ratio = best.period_s / p;
-        let whole = ratio.round();
-        let membership = if whole >= 2.0 && (ratio / whole - 1.0).abs() < 1e-3 {
-            Membership::Part(whole as usize)
-        } else {
-            others += 1;
-            Membership::Alias
+        let is_whole = |ratio: f64| {
+            let whole = ratio.round();
+            (whole >= 2.0 && comb::is_same(p * ratio / whole, rival, span_s))
+                .then_some(whole as usize)
         };
+        let membership =
+            match (is_whole(answer.comb.period_s / p), is_whole(p / answer.comb.period_s)) {
+                (Some(n), _) => Membership::Part(n),
+                (_, Some(n)) => Membership::Multiple(n),
+                _ => {
+                    others += 1;
+                    Membership::Alias
+                }
+            };
         periods.push(member(rival, 1.0, membership));
     }
-    train.questions = answer.questions;
     if others <= MOST_RIVALS {
         train.periods = periods;
+    } else {
+        train.refusal = Some(Refusal::Rivals(others));
     }
     Some(train)
 }
@@ -156,6 +215,14 @@ pub fn with_flashes(
     let Some(mut train) = flash_train(series, options) else { return (verdict, None) };
     let Some(first) = train.periods.first().copied() else { return (verdict, Some(train)) };
     let span_s = series.iter().map(Series::span_s).fold(0.0, f64::max);
+    // Harmonics see periods that are too short for flashes, whose combs then stand at multiples.
+    let least_s = train.searched_s.map_or(0.0, |s| s.0);
+    let explains = |harmonic: &Estimate, flashes: &Estimate| {
+        let whole = (flashes.period_s / harmonic.period_s).round().max(1.0);
+        let by = if harmonic.period_s < least_s { whole } else { 1.0 };
+        let longer = Estimate { period_s: by * harmonic.period_s, sigma_s: by * harmonic.sigma_s };
+        alike(&longer, flashes, span_s)
+    };
     match &mut verdict.outcome {
         Outcome::NotEnough(_) => {
             train.decides = true;
@@ -171,7 +238,7 @@ pub fn with_flashes(
         }
         Outcome::One(e) => {
             let e = *e;
-            if !train.periods.iter().any(|m| alike(&e, &m.estimate, span_s)) {
+            if !train.periods.iter().any(|m| explains(&e, &m.estimate)) {
                 let turns = span_s / e.period_s;
                 let mut all = vec![Member { estimate: e, membership: Membership::Best, turns }];
                 all.extend(by_flashes(&train.periods));
@@ -179,8 +246,7 @@ pub fn with_flashes(
             }
         }
         Outcome::Family(members) => {
-            let known =
-                |f: &Member| members.iter().any(|m| alike(&m.estimate, &f.estimate, span_s));
+            let known = |f: &Member| members.iter().any(|m| explains(&m.estimate, &f.estimate));
             let new: Vec<Member> = train.periods.iter().filter(|f| !known(f)).copied().collect();
             members.extend(by_flashes(&new));
         }
