@@ -3,6 +3,7 @@
 use crate::plan::VIRTUAL_ADDRESS;
 use serde::Deserialize;
 use std::path::PathBuf;
+use std::time::Duration;
 use sunglint_drivers::catalogue::{Address, Kind};
 use sunglint_drivers::device::MountAxes;
 use sunglint_formats::ParseError;
@@ -82,7 +83,7 @@ pub struct MountPlan {
     /// Whether the mount is told the station's site, and UTC.
     #[serde(default)]
     pub set_site: bool,
-    /// Whether it is parked at the end, at dawn, in bad weather and after errors.
+    /// Whether it is parked at the end, at dawn and in bad weather.
     #[serde(default = "yes")]
     pub park: bool,
     /// Altitude of the rising Sun's centre at which it is parked, deg.
@@ -124,7 +125,18 @@ impl MountPlan {
 
     /// Altitude of the rising Sun's centre at which it is parked, deg.
     pub fn dawn_deg(&self) -> f64 {
-        self.dawn_deg.map_or(-6.0, Within::get)
+        self.dawn_deg.map_or(-2.0, Within::get)
+    }
+
+    /// Longest time that a slew may take, s: a whole turn, and a minute for its beginning and end.
+    pub fn slew_within_s(&self) -> f64 {
+        (360.0 / self.slew_deg_s() + 60.0).clamp(120.0, 3600.0)
+    }
+
+    /// Age at which the file of the weather counts as bad weather. One that no clock can hold never comes.
+    pub fn weather_age(&self) -> Duration {
+        let age_s = self.weather_age_s.map_or(300.0, Positive::get);
+        Duration::try_from_secs_f64(age_s).unwrap_or(Duration::MAX)
     }
 
     /// Where the target is kept, px from the middle of the sensor: columns, rows.
