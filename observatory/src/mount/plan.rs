@@ -7,8 +7,12 @@ use std::time::Duration;
 use sunglint_drivers::catalogue::{Address, Kind};
 use sunglint_drivers::device::MountAxes;
 use sunglint_formats::ParseError;
+use sunglint_formats::session::Session;
 use sunglint_formats::toml::{Document, Finite, Positive, Within};
 use sunglint_radiometry::station::{Detector, Station};
+
+/// Option of a recorded mount that tells where the file of the weather lies.
+const WEATHER: &str = "weather=";
 
 fn yes() -> bool {
     true
@@ -170,12 +174,12 @@ impl MountPlan {
         })
     }
 
-    /// Checks what no night can have, with its line; the file of the weather is found beside the plan.
+    /// Checks what no night can have, with its line.
     ///
     /// # Errors
     /// The key that is wrong.
     pub(crate) fn check(
-        &mut self,
+        &self,
         document: &Document,
         cameras: &[String],
         virtual_night: bool,
@@ -212,8 +216,39 @@ impl MountPlan {
         } else if self.camera_angle_deg.is_some() || self.camera_mirrored {
             return Err(wrong("camera", "the name of the camera that these keys are about"));
         }
-        self.weather = self.weather.take().map(|path| document.resolve(path));
         Ok(())
+    }
+
+    /// Finds the file of the weather: beside the plan, or where it was when the session that goes on began.
+    ///
+    /// # Errors
+    /// The session does not say where it was.
+    pub(crate) fn find_weather(
+        &mut self,
+        document: &Document,
+        session: Option<&Session>,
+    ) -> Result<(), ParseError> {
+        let Some(path) = self.weather.take() else { return Ok(()) };
+        let found = match session.filter(|_| path.is_relative()) {
+            None => document.resolve(path),
+            Some(session) => {
+                let devices = session.manifest().devices.iter();
+                let mut of_mount = devices.filter(|device| device.name == self.name);
+                let recorded = of_mount.find_map(|device| {
+                    device.options.iter().find_map(|option| option.strip_prefix(WEATHER))
+                });
+                let expected = "a whole path: the session does not say in which folder this file lies; write it into its night.toml";
+                PathBuf::from(recorded.ok_or_else(|| document.error_at("mount.weather", expected))?)
+            }
+        };
+        self.weather = Some(std::path::absolute(&found).unwrap_or(found));
+        Ok(())
+    }
+
+    /// Options for the session: those of the driver, and where the file of the weather lies.
+    pub(crate) fn recorded(&self) -> Vec<String> {
+        let weather = self.weather.iter().map(|path| format!("{WEATHER}{}", path.display()));
+        self.with.iter().cloned().chain(weather).collect()
     }
 }
 

@@ -73,6 +73,8 @@ impl Default for TrackOptions {
 
 /// Speed against the stars below which a target is one of them, rad/s: 2″/s.
 const AMONG_STARS_RAD_S: f64 = 1e-5;
+/// Frames without the target after which it is searched for along the track.
+const EMPTY: u32 = 3;
 /// A slew that ends farther from its goal was stopped, deg: pointing errors are smaller.
 const ARRIVES_DEG: f64 = 2.0;
 /// Texts of what somebody else did.
@@ -214,6 +216,8 @@ pub struct Tracker<'a> {
     seen_arcsec: Option<f64>,
     search_from_s: Option<f64>,
     zero_step_s: f64,
+    /// Frames since the beginning in which the target was not found.
+    empty: u32,
     /// Offset of a target that stands among the stars.
     hold: Option<Hold>,
 }
@@ -254,8 +258,11 @@ impl<'a> Tracker<'a> {
             seen_arcsec: None,
             search_from_s: None,
             zero_step_s: 0.0,
-            hold: among_stars(path)
-                .then(|| Hold::new(options.reach_arcsec, options.estimator.coast_s)),
+            empty: 0,
+            hold: among_stars(path).then(|| {
+                let coast_s = options.estimator.coast_s.max(3.0 * options.estimator.frame_s);
+                Hold::new(options.reach_arcsec, coast_s)
+            }),
         }
     }
 
@@ -384,7 +391,9 @@ impl<'a> Tracker<'a> {
         if self.readings.back().is_none_or(|(last_s, _)| time_s > *last_s) {
             self.readings.push_back((time_s, angle));
         }
-        if self.readings.len() > READINGS {
+        // What a frame's middle is held against, also of long exposures.
+        let frames = (3.0 * self.options.estimator.frame_s / self.options.period_s) as usize;
+        if self.readings.len() > READINGS.max(frames.min(20 * READINGS)) {
             self.readings.pop_front();
         }
         (self.pier, self.motion) = (reading.pier, Some(reading.motion));
@@ -708,7 +717,9 @@ impl<'a> Tracker<'a> {
                 if found == Found::Locked && summary.locked_s.is_none() {
                     summary.locked_s = Some(self.now_s());
                 }
-                if found != Found::Nothing {
+                if found == Found::Nothing {
+                    self.empty = self.empty.saturating_add(1);
+                } else {
                     summary.seen += 1;
                     let target = self.target(time_s);
                     self.seen_arcsec = Some(direction(angle).angle_between(target) * ARCSEC);
@@ -717,7 +728,7 @@ impl<'a> Tracker<'a> {
         }
         let now_s = self.now_s();
         if let Some(hold) = &self.hold {
-            return Ok(held(hold, now_s));
+            return Ok(held(hold, now_s, self.options.estimator.frame_s));
         }
         if self.estimator.locked {
             self.search_from_s = None;
@@ -728,7 +739,8 @@ impl<'a> Tracker<'a> {
             return Ok(if fresh { TrackState::Locked } else { TrackState::Coasting });
         }
         // Where the field holds the doubt of the elements, the target is in it.
-        if now_s - summary.began_s > 3.0 {
+        let seen_nothing_s = (4.0 * self.options.estimator.frame_s).max(3.0);
+        if now_s - summary.began_s > seen_nothing_s && self.empty >= EMPTY {
             self.search_from_s.get_or_insert(now_s);
         }
         Ok(TrackState::Searching)
@@ -748,7 +760,7 @@ impl<'a> Tracker<'a> {
             spots.iter().map(|spot| (off_of(predicted, seen_at(angle, spot)), spot.flux)).collect();
         let Some(hold) = self.hold.as_mut() else { return TrackState::Predicted };
         let found = hold.learn(&seen, time_s);
-        let state = held(hold, now_s);
+        let state = held(hold, now_s, self.options.estimator.frame_s);
         if found == Found::Locked && summary.locked_s.is_none() {
             summary.locked_s = Some(now_s);
         }
@@ -797,9 +809,10 @@ fn among_stars(path: &TargetPath) -> bool {
 }
 
 /// State of a tracker that holds a star.
-fn held(hold: &Hold, now_s: f64) -> TrackState {
+fn held(hold: &Hold, now_s: f64, frame_s: f64) -> TrackState {
     // Exposures of stars are long.
-    match (hold.locked, hold.seen_s.is_some_and(|seen| now_s - seen < 10.0)) {
+    let fresh_s = (3.0 * frame_s).max(10.0);
+    match (hold.locked, hold.seen_s.is_some_and(|seen| now_s - seen < fresh_s)) {
         (true, true) => TrackState::Locked,
         (true, false) => TrackState::Coasting,
         _ => TrackState::Searching,
