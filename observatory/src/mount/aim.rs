@@ -150,7 +150,6 @@ mod tests {
         unwaited.set(AimState::Standing);
         let mut eager = Waiting::default();
         assert_eq!(eager.decide(&unwaited, "cam", Some(&vega), at(902.0)), Ready::Record);
-        cam = Waiting::default();
         // A mount that is lost holds up nobody, and neither does one that nobody waits for.
         aim.set(AimState::Lost);
         assert_eq!(other.decide(&aim, "other", Some(&deneb), at(6.0)), Ready::Record);

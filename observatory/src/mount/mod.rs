@@ -45,6 +45,8 @@ const SKY: Duration = Duration::from_secs(5);
 const LINE: Duration = Duration::from_millis(999);
 /// Time between two tries to park, and between two lines about the Sun.
 const MINUTE: Duration = Duration::from_secs(60);
+/// Time that parking may take, and two looks, min.
+const PARKS_MIN: f64 = 3.25;
 /// How far ahead of the Sun a telescope that stands is moved away, min.
 const AHEAD_MIN: f64 = 10.0;
 
@@ -500,7 +502,10 @@ impl MountWork {
         });
         let sun = guard.sun(now).altitude_deg;
         let rises = guard.sun(now + 5.0 * Unit::Minute).altitude_deg > sun;
-        let dawn = rises && sun > self.plan.dawn_deg() && self.plan.park;
+        // Before the cone of the Sun forbids the way to the park: on a high mountain near the equator that is earlier.
+        let soon = guard.sun(now + PARKS_MIN * Unit::Minute);
+        let late = sun > self.plan.dawn_deg() || guard.cone_holds(&soon);
+        let dawn = rises && late && self.plan.park;
         let dawn = dawn.then(|| format!("dawn: the Sun is at {sun:.1}°"));
         self.bad_weather = bad.is_some();
         let closed = bad.or(dawn);
@@ -576,7 +581,7 @@ impl MountWork {
         let (options, clock) = (self.track_options(worker), worker.clock.clone());
         let mut tracker = Tracker::new(&path, guard, mount, None, clock, options);
         let ended = tracker.run(&worker.cancel.clone(), &mut |step| {
-            self.line("away from the Sun", Some(step), axes, worker);
+            self.line("slewing", Some(step), axes, worker);
             let watched = dog.as_mut().is_none_or(|dog| {
                 dog.tick();
                 dog.watches()
@@ -606,6 +611,10 @@ impl MountWork {
     ) -> bool {
         if !mount.abilities().parks {
             return false;
+        }
+        let reading = mount.reading(&worker.even_so(SOON));
+        if reading.is_ok_and(|reading| reading.motion == MountMotion::Parked) {
+            return true;
         }
         if self.by_hand.is_some() {
             self.say_of_park("it is not parked: somebody else stopped it", worker);
