@@ -14,7 +14,7 @@ use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 use sunglint_drivers::catalogue::{Address, AnyDevice};
 use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, VirtualClock};
-use sunglint_drivers::device::{Finder, Mount, MountAxes, MountSite};
+use sunglint_drivers::device::{DeviceError, Finder, Mount, MountAxes, MountSite};
 use sunglint_ephemeris::geometry::Geometry;
 use sunglint_ephemeris::orbit::{Orbit, ReadError};
 use sunglint_ephemeris::passes::{Conditions, Search};
@@ -247,12 +247,19 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
         if sky.unfit().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     let weather = sky.unfit();
-    let done = if args.park || weather.is_some() {
-        parked(mount.as_mut(), &guard, &dog, console)
+    let stands = !matches!(ended, Err(TrackError::Device(DeviceError::NotStopped { .. })));
+    let by_hand = matches!(ended, Err(TrackError::ByHand { .. }));
+    if stands {
+        dog.done();
+    } else {
+        // It stops the mount over its own connection.
+        drop(dog);
+    }
+    let done = if stands && !by_hand && (args.park || weather.is_some()) {
+        parked(mount.as_mut(), &guard, console)
     } else {
         Ok(())
     };
-    drop(dog);
     finish(args, console, &mut report, ended, &lines.steps)?;
     done?;
     match weather {
@@ -262,13 +269,9 @@ pub fn run(args: &TrackArgs, console: Console) -> anyhow::Result<()> {
 }
 
 /// Parks a mount that stands, and says how that went.
-fn parked(
-    mount: &mut dyn Mount,
-    guard: &Guard,
-    dog: &Process,
-    console: Console,
-) -> anyhow::Result<()> {
-    let done = park(mount, guard, &DeviceClock::live(), &mut || dog.tick());
+fn parked(mount: &mut dyn Mount, guard: &Guard, console: Console) -> anyhow::Result<()> {
+    // Parking ends by itself.
+    let done = park(mount, guard, &DeviceClock::live(), &mut || ());
     match done.context("it is not known whether the mount is parked")? {
         Parked::Parked => console.say(Parked::Parked.text()),
         Parked::SunIsUp => console.warn(Parked::SunIsUp.text()),
@@ -475,7 +478,9 @@ pub fn watchdog(args: &WatchdogArgs) -> anyhow::Result<()> {
     std::io::stdout().flush()?;
     match watch(mount.as_mut(), &received)? {
         Watched::Silent => {
-            eprintln!("sunglint: the watchdog stopped the mount: its tracker was silent for 0.5 s");
+            eprintln!(
+                "sunglint: the watchdog stopped the mount: its tracker has ended or was silent for 0.5 s"
+            );
         }
         Watched::Stopped => eprintln!("sunglint: the watchdog stopped the mount by hand"),
         Watched::Done => {}

@@ -224,26 +224,40 @@ impl CameraWork {
         now: &Now,
         worker: &mut Worker,
     ) -> Result<(), DeviceError> {
-        let mut whole = now.exposing.plan.clone();
+        let mut wide = now.clone();
+        let whole = &mut wide.exposing.plan;
         if whole.binning.is_none_or(|binning| binning == 1) {
             (whole.window_px, whole.binning) = (None, None);
         }
-        self.prepare(camera, &whole, worker).map_err(|error| worker.setting(error))?;
+        if !self.is_set(camera, &wide, worker)? {
+            return Ok(());
+        }
+        let whole = wide.exposing.plan;
         self.tell_type(camera, now.exposing.frame_type, worker)?;
         let exposure_s = whole.exposure_s.get();
         let readout = self.readout.unwrap_or(READOUT);
         let most = seconds(exposure_s).saturating_add(readout).saturating_add(LATE);
         let busy = seconds(exposure_s).saturating_add(self.readout.unwrap_or_default());
-        let begun = worker.clock.clock.now();
+        let (asked, begun) = (worker.clock.utc(), worker.clock.clock.now());
         match camera.expose(exposure_s, &worker.within_of(most, busy)) {
-            Ok(frame) => {
-                if let Some(sights) = &self.sights {
+            Ok(mut frame) => {
+                if worker.clock.is_live() {
+                    without_step(&mut frame, asked, clock_offset_s());
+                }
+                let middle = frame.start + hifitime::Duration::from_seconds(0.5 * frame.exposure_s);
+                // A frame of the future is of a clock that is wrong: where the mount stood then is not known.
+                if let Some(sights) = self.sights.as_ref().filter(|_| middle <= worker.clock.utc())
+                {
                     sights.see(&frame, camera.sensor_px());
                 }
             }
             Err(error @ DeviceError::NotOurs { .. }) => {
                 self.refuse(&error.to_string(), worker);
                 (self.set, self.told) = (None, None);
+            }
+            Err(error) if error.is_permanent_setting() && self.is_wished(worker) => {
+                self.forget_wish(&error, worker);
+                return Ok(());
             }
             Err(error) => return Err(error),
         }

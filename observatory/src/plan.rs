@@ -453,13 +453,25 @@ impl Plan {
             None => station(document, &written.station)?,
         };
         let names: Vec<String> = written.cameras.iter().map(|camera| camera.name.clone()).collect();
+        let others: Vec<&String> = written
+            .counters
+            .iter()
+            .map(|counter| &counter.name)
+            .chain(written.wheels.iter().map(|wheel| &wheel.name))
+            .chain(written.rotators.iter().map(|rotator| &rotator.name))
+            .collect();
         if let Some(mount) = &mut written.mount {
             if clock == NightClock::Recording {
                 let expected = "no mount: the cameras are recordings";
                 return Err(document.error_at("mount", expected).into());
             }
             let is_virtual = written.virtual_night.is_some();
+            if others.contains(&&mount.name) {
+                let expected = "a name of its own: another device has this one";
+                return Err(document.error_at("mount.name", expected).into());
+            }
             mount.check(document, &names, is_virtual, station.camera.is_some())?;
+            mount.find_weather(document, session)?;
         }
         for (path, _) in &station.sources {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -571,16 +583,19 @@ impl Plan {
             interval_s: None,
             filter: None,
         });
-        let wheels = self.wheels.iter().map(|w| (DeviceKind::Wheel, &w.name, &w.device, &w.with));
+        let own = |with: &Vec<String>| with.clone();
+        let wheels =
+            self.wheels.iter().map(|w| (DeviceKind::Wheel, &w.name, &w.device, own(&w.with)));
         let rotators =
-            self.rotators.iter().map(|r| (DeviceKind::Rotator, &r.name, &r.device, &r.with));
-        let mounts = self.mount.iter().map(|m| (DeviceKind::Mount, &m.name, &m.device, &m.with));
+            self.rotators.iter().map(|r| (DeviceKind::Rotator, &r.name, &r.device, own(&r.with)));
+        let mounts =
+            self.mount.iter().map(|m| (DeviceKind::Mount, &m.name, &m.device, m.recorded()));
         let movers =
             wheels.chain(rotators).chain(mounts).map(|(kind, name, address, options)| Device {
                 name: name.clone(),
                 kind,
                 address: address.clone(),
-                options: options.clone(),
+                options,
                 channels: vec![],
                 inputs: vec![],
                 raw_tags: false,

@@ -136,6 +136,14 @@ pub enum DeviceError {
         /// Difference between the frame and the request, with both values.
         what: String,
     },
+    /// Somebody else stopped or parked the device while it was used: it is left as it is.
+    #[error("{device}: {what}: it is left as it is")]
+    Taken {
+        /// The device.
+        device: &'static str,
+        /// What was done to it.
+        what: &'static str,
+    },
     /// A driver that this program does not have.
     #[error("{device}: {reason}")]
     Unavailable {

@@ -28,6 +28,9 @@ const SITE: &str = "GEOGRAPHIC_COORD";
 const KIND: Kind =
     Kind { label: DEVICE, what: "telescope", interface: 1, required: &[PLACE, ABORT.0] };
 
+/// Time of a call that is left to ask for the place.
+const TO_ASK: Duration = Duration::from_millis(150);
+
 /// The rate of a mount that follows the stars, arcsec/s of hour angle.
 const SIDEREAL_ARCSEC_S: f64 = 15.041_067;
 
@@ -164,7 +167,9 @@ impl<T: Bytes> Mount<T> {
     fn fresh(&mut self, deadline: &Deadline) -> Result<Option<MountReading>, DeviceError> {
         // What lies in the socket came at a time that nobody knows.
         while self.event_within(Duration::from_micros(500), deadline)?.is_some() {}
-        let end = deadline.now() + self.poll + self.poll / 2;
+        // A call that is short has time to ask, where no change comes by itself.
+        let most = deadline.remaining().unwrap_or_default().saturating_sub(TO_ASK);
+        let end = deadline.now() + (self.poll + self.poll / 2).min(most);
         loop {
             let left = end.saturating_sub(deadline.now());
             if left.is_zero() {
@@ -292,6 +297,19 @@ impl<T: Bytes> Mount<T> {
 
     /// Custom rates, as the driver takes them.
     fn send_rates(&mut self, arcsec_s: [f64; 2], deadline: &Deadline) -> Result<(), DeviceError> {
+        // What somebody else did since is not undone.
+        if self.is_on(PARK, "PARK") == Some(true) {
+            return Err(DeviceError::Taken {
+                device: DEVICE,
+                what: "the mount was parked by somebody else",
+            });
+        }
+        if self.custom && self.is_on(TRACK, "TRACK_ON") == Some(false) {
+            return Err(DeviceError::Taken {
+                device: DEVICE,
+                what: "the mount was stopped by somebody else",
+            });
+        }
         let vector = self.session.property(RATE).ok_or(DeviceError::NotReady {
             device: DEVICE,
             reason: "it takes no rates of its own (TELESCOPE_TRACK_RATE): send it to places",
@@ -315,9 +333,14 @@ impl<T: Bytes> Mount<T> {
             send([0, 1].map(|axis| if turns[axis] { 0.0 } else { last[axis] }))?;
         }
         send(arcsec_s)?;
-        let on =
-            self.is_on(MODE, CUSTOM) == Some(true) && self.is_on(TRACK, "TRACK_ON") == Some(true);
-        if self.custom && on {
+        let tracks = self.is_on(TRACK, "TRACK_ON");
+        if self.custom && tracks == Some(false) {
+            return Err(DeviceError::Taken {
+                device: DEVICE,
+                what: "the mount was stopped by somebody else",
+            });
+        }
+        if self.custom && self.is_on(MODE, CUSTOM) == Some(true) && tracks == Some(true) {
             return Ok(());
         }
         if self.is_on(MODE, CUSTOM) != Some(true) {

@@ -10,6 +10,8 @@ pub enum AimState {
     /// Not open yet, or on its way.
     #[default]
     Away,
+    /// Stands, and will not go to the present visit: parked, stopped, or the visit was given up.
+    Standing,
     /// Follows the prediction of a target, and has not found it.
     Looking(Target),
     /// On a target.
@@ -93,6 +95,8 @@ impl Waiting {
                 false => Ready::Wait,
             },
             AimState::Lost => Ready::Record,
+            // What comes would not be the target, however long it is waited.
+            AimState::Standing if aim.wait => Ready::Wait,
             _ if late => Ready::Record,
             _ => Ready::Wait,
         }
@@ -138,6 +142,14 @@ mod tests {
         aim.set(AimState::Looking(deneb.clone()));
         assert_eq!(cam.decide(&aim, "cam", Some(&deneb), at(64.0)), Ready::Look);
         assert_eq!(cam.decide(&aim, "cam", Some(&deneb), at(65.0)), Ready::Record);
+        // A telescope that stands elsewhere gives no frames of the target, however late it is; one that nobody waits for does, and dark frames are taken.
+        aim.set(AimState::Standing);
+        assert_eq!(cam.decide(&aim, "cam", Some(&deneb), at(900.0)), Ready::Wait);
+        assert_eq!(cam.decide(&aim, "cam", Some(&dark), at(901.0)), Ready::Record);
+        let unwaited = Aim::new(None, false, 60.0);
+        unwaited.set(AimState::Standing);
+        let mut eager = Waiting::default();
+        assert_eq!(eager.decide(&unwaited, "cam", Some(&vega), at(902.0)), Ready::Record);
         // A mount that is lost holds up nobody, and neither does one that nobody waits for.
         aim.set(AimState::Lost);
         assert_eq!(other.decide(&aim, "other", Some(&deneb), at(6.0)), Ready::Record);

@@ -17,7 +17,6 @@ use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::device::{
     DeviceError, MountAbilities, MountAxes, MountRates, MountReading, MountSite,
 };
-use sunglint_formats::toml::Positive;
 
 /// Time that a mount needs beside its motion: to begin, to brake, and to be found on its target, s.
 const SETTLE_S: f64 = 10.0;
@@ -118,8 +117,7 @@ pub(crate) fn check_mount(
         }
     }
     if let Some(path) = &mount.weather {
-        let age = Duration::from_secs_f64(mount.weather_age_s.map_or(300.0, Positive::get));
-        match WeatherFile::new(path, age).look(SystemTime::now()) {
+        match WeatherFile::new(path, mount.weather_age()).look(SystemTime::now()) {
             Weather::Unfit(why) => found.warning(about, format!("nothing would move now: {why}")),
             Weather::Fit => found.fine(about, "the weather is fit"),
         }
@@ -164,6 +162,7 @@ fn check_visits(
             continue;
         }
         tell_cut(&about, &path, now, job.to, guard, found);
+        tell_dawn(&about, mount, (visit.from, job.to), guard, found);
         if let (Some([a, b]), Some((_, ended))) = (pass.slew_deg, stands) {
             let slew_s = a.abs().max(b.abs()) / mount.slew_deg_s() + SETTLE_S;
             let left_s = (visit.from - ended).to_seconds();
@@ -201,6 +200,26 @@ fn check_visits(
         };
         found.fine(&about, format!("the mount can follow it: up to {:.2} °/s{sun}", a.max(b)));
         stands = Some((angles(path.at(path.seconds()).direction), job.to));
+    }
+}
+
+/// A visit in the morning that the parking at dawn cuts.
+fn tell_dawn(
+    about: &str,
+    mount: &MountPlan,
+    (from, to): (Epoch, Epoch),
+    guard: &Guard,
+    found: &mut Preflight,
+) {
+    let sun = |epoch: Epoch| guard.sun(epoch).altitude_deg;
+    let rises = sun(to + 5.0 * Unit::Minute) > sun(to);
+    if mount.park && rises && sun(to) > mount.dawn_deg() {
+        let lost = if sun(from) > mount.dawn_deg() { "all" } else { "the end" };
+        found.warning(about, format!(
+            "{lost} of it is lost: the Sun rises to {:.1}°, and the mount is parked from {:.1}° on (`dawn_deg`, `park` in the plan)",
+            sun(to),
+            mount.dawn_deg()
+        ));
     }
 }
 

@@ -112,7 +112,7 @@ impl Job {
         guard: &Guard,
         now: Epoch,
     ) -> Result<TargetPath, JobError> {
-        let make = |from: Epoch, to: Epoch| self.whole(plan, station, axes, (from, to));
+        let make = |from: Epoch, to: Epoch| self.whole(plan, station, axes, guard, (from, to));
         let lead = match self.visit.target.target_kind {
             TargetKind::Satellite => self.visit.from - LEAD_S * Unit::Second,
             _ => now,
@@ -131,6 +131,7 @@ impl Job {
         plan: &MountPlan,
         station: &Station,
         axes: MountAxes,
+        guard: &Guard,
         (from, to): (Epoch, Epoch),
     ) -> Result<TargetPath, JobError> {
         let (site, earth) = (&station.site, EarthOrientation::embedded());
@@ -156,11 +157,14 @@ impl Job {
         }
         let Some(Body::Orbit(orbit)) = Body::of(target) else { return Err(JobError::NoPlace) };
         if let Some((slot, before)) = &self.beside {
-            // Where the pass ends, or begins: a place over the horizon.
-            let at = if *before { slot.to.unwrap_or(slot.from) } else { slot.from };
-            let place =
-                TargetPath::new(&orbit, site, earth, (at, 1.0), MountAxes::Horizontal, refraction)?;
-            let [azimuth, altitude] = angles(place.at(0.0).direction);
+            // Where the pass ends, or begins, as far as the telescope may follow it.
+            let length_s = slot.to.map_or(1.0, |to| (to - slot.from).to_seconds());
+            let span = (slot.from, length_s.clamp(1.0, MOST_S));
+            let pass =
+                TargetPath::new(&orbit, site, earth, span, MountAxes::Horizontal, refraction)?;
+            let [first_s, last_s] = allowed(&pass, guard).unwrap_or([0.0, pass.seconds()]);
+            let at_s = if *before { last_s } else { first_s };
+            let [azimuth, altitude] = angles(pass.at(at_s).direction);
             let horizontal = [azimuth, altitude + beside_deg];
             return Ok(TargetPath::fixed(horizontal, site, earth, span, axes)?);
         }

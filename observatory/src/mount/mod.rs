@@ -20,29 +20,35 @@ use crate::schedule::Schedule;
 use crate::status::MountStatus;
 use crate::telescope::watchdog::Process;
 use crate::telescope::{
-    Certainty, Danger, Guard, Parked, PassPlan, SunCone, TrackError, TrackOptions, TrackState,
-    TrackStep, Tracker, Weather, WeatherFile, park,
+    Certainty, Danger, Guard, Parked, PassPlan, SunCone, TargetPath, TrackError, TrackOptions,
+    TrackState, TrackStep, Tracker, Weather, WeatherFile, direction, park,
 };
 use crate::worker::{READY, SOON, Worker};
+use glam::DVec3;
 use hifitime::{Epoch, Unit};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
-use sunglint_drivers::device::{DeviceError, Finder, Mount, MountAxes, MountSite};
+use sunglint_drivers::clock::Deadline;
+use sunglint_drivers::device::{DeviceError, Finder, Mount, MountAxes, MountMotion, MountSite};
 use sunglint_formats::session::{Target, What};
-use sunglint_formats::toml::Positive;
+use sunglint_radiometry::sky::EarthOrientation;
 use sunglint_radiometry::station::Station;
 
 const DEVICE: &str = "mount";
 /// How often a mount that has nothing to do looks at the schedule.
 const LOOK: Duration = Duration::from_millis(200);
-/// Time between two looks at weather and Sun, s.
-const SKY_S: f64 = 5.0;
-/// An end that is nearer than this is reached, s.
-const LOOK_S: f64 = 1.0;
+/// Time between two looks at weather, Sun, and a clock in doubt.
+const SKY: Duration = Duration::from_secs(5);
 /// Time between two lines of the log, s.
-const LINE_S: f64 = 1.0;
+const LINE: Duration = Duration::from_millis(999);
+/// Time between two tries to park, and between two lines about the Sun.
+const MINUTE: Duration = Duration::from_secs(60);
+/// Time that parking may take, and two looks, min.
+const PARKS_MIN: f64 = 3.25;
+/// How far ahead of the Sun a telescope that stands is moved away, min.
+const AHEAD_MIN: f64 = 10.0;
 
 /// A mount at work.
 #[derive(Debug)]
@@ -58,11 +64,27 @@ pub struct MountWork {
     /// Visits that were given up: target and beginning.
     barred: Vec<(Target, Epoch)>,
     weather: Option<WeatherFile>,
-    /// When weather and Sun were looked at, and why the telescope is to be parked.
-    looked: Option<Epoch>,
+    /// When weather and Sun were looked at, by the device's clock, and why the telescope is to be parked.
+    looked: Option<Duration>,
     closed: Option<String>,
+    bad_weather: bool,
+    /// Whether it was stopped, and parked, since it is closed; and when parking is tried again.
+    stands: bool,
     parked: bool,
-    told: Option<(String, Epoch)>,
+    park_at: Option<Duration>,
+    park_said: Option<&'static str>,
+    told: Option<(String, Duration)>,
+    /// The visit in which somebody else stopped the mount.
+    by_hand: Option<(Target, Epoch)>,
+    /// Whether a parked mount may be freed: before the night's first motion, and after we parked it.
+    may_unpark: bool,
+    /// When a mount that stands was held against the Sun, and when it was said that the Sun is near.
+    sun_looked: Option<Duration>,
+    sun_told: Option<Duration>,
+    /// Whether the clock is known to be right; when that was asked, and what was wrong.
+    certain: bool,
+    doubted: Option<Duration>,
+    doubt: Option<String>,
 }
 
 impl MountWork {
@@ -75,7 +97,7 @@ impl MountWork {
         frame_s: f64,
         program: Option<PathBuf>,
     ) -> Self {
-        let age = Duration::from_secs_f64(plan.weather_age_s.map_or(300.0, Positive::get));
+        let age = plan.weather_age();
         let weather = plan.weather.as_ref().map(|path| WeatherFile::new(path, age));
         Self {
             plan,
@@ -88,8 +110,19 @@ impl MountWork {
             weather,
             looked: None,
             closed: None,
+            bad_weather: false,
+            stands: false,
             parked: false,
+            park_at: None,
+            park_said: None,
             told: None,
+            by_hand: None,
+            may_unpark: true,
+            sun_looked: None,
+            sun_told: None,
+            certain: false,
+            doubted: None,
+            doubt: None,
         }
     }
 
@@ -106,28 +139,15 @@ impl MountWork {
     fn point(&mut self, worker: &mut Worker) -> Result<(), DeviceError> {
         let mut mount = worker.opener.mount(&self.plan, &worker.within(READY))?;
         worker.opened(mount.as_mut())?;
+        // A mount whose line broke may still go on at its last rate.
+        halt(mount.as_mut(), &worker.within(SOON))?;
         let abilities = mount.abilities().clone();
         let cone = SunCone::default().with_limit_deg(self.plan.sun_limit_deg());
         let guard = Guard::new(&self.station.site, abilities.axes, abilities.tells_pier_side, cone)
             .with_horizon(self.station.horizon.clone(), self.plan.min_elevation_deg());
-        if self.plan.set_site {
-            let place = self.station.site.geodetic();
-            let site = MountSite {
-                latitude_deg: place.latitude_deg,
-                longitude_deg: place.longitude_deg,
-                height_m: place.height_m,
-            };
-            mount.set_site(site, worker.clock.utc(), &worker.within(SOON))?;
-        }
-        let site = mount.site(&worker.within(SOON))?;
         let mut dog = None;
+        self.trust_clock_or_ask(worker);
         if worker.clock.is_live() {
-            let state = clock::measured();
-            let certainty = Certainty { synchronised: state.synchronised, error_s: state.error_s };
-            let clock = certainty.check().err().filter(|_| !self.plan.trust_clock);
-            if let Some(doubt) = guard.check_site(site).err().or(clock) {
-                return Err(self.refuse(&doubt.to_string(), worker));
-            }
             let Some(program) = &self.program else {
                 return Err(self.refuse("there is no watchdog: nothing is moved", worker));
             };
@@ -143,13 +163,84 @@ impl MountWork {
         worker.works();
         let done = self.follow_schedule(mount.as_mut(), &guard, &mut dog, worker);
         // The night is over, or the mount was lost: it does not go on turning by itself.
-        let stopped = mount.stop(&worker.even_so(SOON));
-        if self.plan.park && stopped.is_ok() {
-            // Ctrl-C reaches the watchdog, too, which stops every motion from then on. Parking ends by itself.
-            drop(dog.take());
+        let stopped = halt(mount.as_mut(), &worker.even_so(SOON));
+        match (dog.take(), &stopped) {
+            (Some(dog), Ok(())) => dog.done(),
+            // It stops the mount over its own connection.
+            (dog, Err(error)) => {
+                self.tell(
+                    &format!("it could not be stopped over this connection: {error}"),
+                    worker,
+                );
+                drop(dog);
+            }
+            (None, Ok(())) => {}
+        }
+        // After an error the mount is opened again at once; one that does not do what it is told is not moved.
+        let orderly = match &done {
+            Ok(()) => true,
+            Err(DeviceError::NotReady { .. }) => false,
+            Err(_) => worker.is_over(),
+        };
+        if self.plan.park && stopped.is_ok() && orderly {
+            // Parking ends by itself.
             self.park(mount.as_mut(), &guard, None, worker);
         }
         done.and(stopped)
+    }
+
+    /// Asks the clock anew before the next motion, where it counts.
+    fn trust_clock_or_ask(&mut self, worker: &Worker) {
+        self.certain = !worker.clock.is_live() || self.plan.trust_clock;
+        self.doubted = None;
+    }
+
+    /// Whether the clock is known to be right. One that is not is asked again every five seconds.
+    fn is_certain(&mut self, worker: &Worker) -> bool {
+        if self.certain || !is_due(&mut self.doubted, SKY, worker) {
+            return self.certain;
+        }
+        let state = clock::measured();
+        let certainty = Certainty { synchronised: state.synchronised, error_s: state.error_s };
+        match certainty.check() {
+            Ok(()) => {
+                self.certain = true;
+                if self.doubt.take().is_some() {
+                    worker.status.say(format!("{}: the clock is right: goes on", worker.name));
+                }
+            }
+            Err(danger) => {
+                let why = danger.to_string();
+                if self.doubt.as_ref() != Some(&why) {
+                    self.tell(&why, worker);
+                    self.doubt = Some(why);
+                }
+            }
+        }
+        self.certain
+    }
+
+    /// Tells the mount its site and the time, where the plan wants it, and asks for the site.
+    fn check_site(
+        &self,
+        mount: &mut dyn Mount,
+        guard: &Guard,
+        worker: &mut Worker,
+    ) -> Result<(), DeviceError> {
+        if self.plan.set_site {
+            let place = self.station.site.geodetic();
+            let site = MountSite {
+                latitude_deg: place.latitude_deg,
+                longitude_deg: place.longitude_deg,
+                height_m: place.height_m,
+            };
+            mount.set_site(site, worker.clock.utc(), &worker.within(SOON))?;
+        }
+        let site = mount.site(&worker.within(SOON))?;
+        match guard.check_site(site).err().filter(|_| worker.clock.is_live()) {
+            Some(doubt) => Err(self.refuse(&doubt.to_string(), worker)),
+            None => Ok(()),
+        }
     }
 
     /// Says a doubt; nothing moves for the rest of the night.
@@ -175,6 +266,7 @@ impl MountWork {
         dog: &mut Option<Process>,
         worker: &mut Worker,
     ) -> Result<(), DeviceError> {
+        let mut placed = false;
         while !worker.is_over() {
             if let Some(dog) = dog.as_mut() {
                 dog.tick();
@@ -184,15 +276,26 @@ impl MountWork {
                 }
             }
             self.look_up(guard, worker);
+            if !self.is_certain(worker) {
+                self.aim.set(AimState::Standing);
+                self.keep_from_sun(mount, guard, dog, worker)?;
+                self.rest(worker);
+                continue;
+            }
+            if !placed {
+                self.check_site(mount, guard, worker)?;
+                placed = true;
+            }
             if self.closed.is_some() {
-                self.aim.set(AimState::Away);
-                if !self.parked {
-                    mount.stop(&worker.within(SOON))?;
-                    if self.plan.park {
-                        self.park(mount, guard, dog.as_ref(), worker);
-                    }
-                    self.parked = true;
+                self.aim.set(AimState::Standing);
+                if !self.stands {
+                    halt(mount, &worker.within(SOON))?;
+                    self.stands = true;
                 }
+                if self.plan.park && !self.parked && is_due(&mut self.park_at, MINUTE, worker) {
+                    self.parked = self.park(mount, guard, dog.as_ref(), worker);
+                }
+                self.keep_from_sun(mount, guard, dog, worker)?;
                 self.rest(worker);
                 continue;
             }
@@ -202,9 +305,20 @@ impl MountWork {
                 barred.iter().any(|(known, at)| known == target && *at == from)
             };
             let job = next_job(&schedule, worker.clock.utc(), worker.end, &is_barred);
-            let Some(job) = job else {
+            let is_it = |job: &Job| {
+                let known = self.by_hand.as_ref();
+                known.is_some_and(|(target, at)| {
+                    *target == job.visit.target && *at == job.visit.from
+                })
+            };
+            let stays = job.as_ref().is_some_and(is_it);
+            if !stays {
+                self.by_hand = None;
+            }
+            let Some(job) = job.filter(|_| !stays) else {
                 self.line("stopped", None, mount.abilities().axes, worker);
-                self.aim.set(AimState::Away);
+                self.aim.set(AimState::Standing);
+                self.keep_from_sun(mount, guard, dog, worker)?;
                 self.rest(worker);
                 continue;
             };
@@ -250,14 +364,14 @@ impl MountWork {
                 keyhole.lost_s()
             ));
         }
-        self.parked = false;
+        (self.parked, self.stands, self.park_at, self.park_said) = (false, false, None, None);
         self.aim.set(AimState::Away);
         let mut finder = self.sights.as_ref().filter(|_| job.is_seen()).map(|sights| {
             sights.clear();
             CameraFinder(sights.clone())
         });
-        let mut options = TrackOptions::default();
-        options.watch_clock = worker.clock.is_live();
+        let mut options = self.track_options(worker);
+        options.unpark = std::mem::take(&mut self.may_unpark);
         options.estimator.frame_s = self.frame_s;
         options.latency_s = self.plan.latency_s.map_or(options.latency_s, |latency| latency.get());
         options.reach_arcsec = match (self.plan.reach_arcsec, &self.sights) {
@@ -290,19 +404,16 @@ impl MountWork {
         drop(tracker);
         self.aim.set(AimState::Away);
         match ended {
-            Ok(_) => {
-                // Below the horizon, or near the Sun, before the visit ends.
-                let ends = path.epoch(path.seconds());
-                if ends + 2.0 * Unit::Second < job.to
-                    && worker.clock.utc() + LOOK_S * Unit::Second >= ends
-                {
-                    self.barred.push((job.visit.target.clone(), job.visit.from));
-                }
-                Ok(())
-            }
+            Ok(_) => Ok(()),
             // The prediction is not where it was: it is acquired again, from the beginning.
             Err(TrackError::Danger(danger @ Danger::ClockStep { .. })) => {
                 self.tell(&danger.to_string(), worker);
+                self.trust_clock_or_ask(worker);
+                Ok(())
+            }
+            Err(error @ TrackError::ByHand { .. }) => {
+                self.tell(&error.to_string(), worker);
+                self.by_hand = Some((job.visit.target.clone(), job.visit.from));
                 Ok(())
             }
             Err(TrackError::Device(error)) => Err(error),
@@ -346,7 +457,7 @@ impl MountWork {
 
     /// A line of the log where the state changed or a second has passed, and the live state.
     fn line(&mut self, state: &str, step: Option<&TrackStep>, axes: MountAxes, worker: &Worker) {
-        let utc = worker.clock.utc();
+        let (utc, now) = (worker.clock.utc(), worker.clock.clock.now());
         worker.status.mount(
             &worker.name,
             MountStatus {
@@ -357,11 +468,11 @@ impl MountWork {
         );
         let changed = self.told.as_ref().is_none_or(|(before, _)| before != state);
         let due = step.is_some()
-            && self.told.as_ref().is_none_or(|(_, at)| (utc - *at).to_seconds() >= LINE_S - 1e-3);
+            && self.told.as_ref().is_none_or(|(_, at)| now.saturating_sub(*at) >= LINE);
         if !changed && !due {
             return;
         }
-        self.told = Some((state.to_owned(), utc));
+        self.told = Some((state.to_owned(), now));
         let satellite = step.filter(|step| step.ahead_s != 0.0);
         let what = What::Mount {
             device: worker.name.clone(),
@@ -381,19 +492,22 @@ impl MountWork {
 
     /// Looks at the weather and the Sun every five seconds: whether the telescope is to be parked, and why.
     fn look_up(&mut self, guard: &Guard, worker: &Worker) {
-        let now = worker.clock.utc();
-        if self.looked.is_some_and(|looked| (now - looked).to_seconds() < SKY_S) {
+        if !is_due(&mut self.looked, SKY, worker) {
             return;
         }
-        self.looked = Some(now);
+        let now = worker.clock.utc();
         let bad = self.weather.as_ref().and_then(|file| match file.look(SystemTime::now()) {
             Weather::Unfit(why) => Some(format!("the weather is not fit: {why}")),
             Weather::Fit => None,
         });
         let sun = guard.sun(now).altitude_deg;
         let rises = guard.sun(now + 5.0 * Unit::Minute).altitude_deg > sun;
-        let dawn = rises && sun > self.plan.dawn_deg() && self.plan.park;
+        // Before the cone of the Sun forbids the way to the park: on a high mountain near the equator that is earlier.
+        let soon = guard.sun(now + PARKS_MIN * Unit::Minute);
+        let late = sun > self.plan.dawn_deg() || guard.cone_holds(&soon);
+        let dawn = rises && late && self.plan.park;
         let dawn = dawn.then(|| format!("dawn: the Sun is at {sun:.1}°"));
+        self.bad_weather = bad.is_some();
         let closed = bad.or(dawn);
         match (&self.closed, &closed) {
             (None, Some(why)) => self.tell(why, worker),
@@ -403,15 +517,108 @@ impl MountWork {
         self.closed = closed;
     }
 
+    /// How the mount is moved, whatever the target is.
+    fn track_options(&self, worker: &Worker) -> TrackOptions {
+        let mut options = TrackOptions::default();
+        options.watch_clock = worker.clock.is_live();
+        options.slew_within_s = self.plan.slew_within_s();
+        options.unpark = false;
+        options
+    }
+
+    /// Holds a mount that stands against the Sun of now and of ten minutes later, every five seconds: it is moved to a place far from it, or that is said each minute.
+    fn keep_from_sun(
+        &mut self,
+        mount: &mut dyn Mount,
+        guard: &Guard,
+        dog: &mut Option<Process>,
+        worker: &Worker,
+    ) -> Result<(), DeviceError> {
+        if !is_due(&mut self.sun_looked, SKY, worker) {
+            return Ok(());
+        }
+        // Read in any case: a server lets go of a client that does not take in what it is sent.
+        let reading = mount.reading(&worker.within(SOON))?;
+        if reading.motion == MountMotion::Parked || !self.certain {
+            return Ok(());
+        }
+        let utc = worker.clock.utc();
+        let axes = mount.abilities().axes;
+        let fixed = |place: [f64; 2]| {
+            let earth = EarthOrientation::embedded();
+            TargetPath::fixed(place, &self.station.site, earth, (utc, 300.0), axes)
+        };
+        let Ok(zenith) = fixed([180.0, 80.0]) else { return Ok(()) };
+        let here = zenith.frame().to_enu(direction(zenith.angles_of(&reading)));
+        let later = utc + AHEAD_MIN * Unit::Minute;
+        let Some(danger) = [utc, later].iter().find_map(|at| guard.check_sun(here, *at).err())
+        else {
+            self.sun_told = None;
+            return Ok(());
+        };
+        if !is_due(&mut self.sun_told, MINUTE, worker) {
+            return Ok(());
+        }
+        let near = format!("the telescope stands, and the Sun comes near: {danger}");
+        // A roof may be closing, or somebody be at work.
+        let left = if self.bad_weather {
+            Some("the weather is not fit")
+        } else if self.by_hand.is_some() {
+            Some("somebody else stopped it")
+        } else {
+            None
+        };
+        let free = match left {
+            None => far_from_sun(guard, here, [utc, later], self.plan.slew_within_s()),
+            Some(_) => None,
+        };
+        let Some(path) = free.and_then(|place| fixed(place).ok()) else {
+            let why = left.unwrap_or("no way to a place far from it is free");
+            self.tell(&format!("{near}; it is not moved ({why}): cover it or move it"), worker);
+            return Ok(());
+        };
+        self.tell(&format!("{near}; it is moved away"), worker);
+        let (options, clock) = (self.track_options(worker), worker.clock.clone());
+        let mut tracker = Tracker::new(&path, guard, mount, None, clock, options);
+        let ended = tracker.run(&worker.cancel.clone(), &mut |step| {
+            self.line("slewing", Some(step), axes, worker);
+            let watched = dog.as_mut().is_none_or(|dog| {
+                dog.tick();
+                dog.watches()
+            });
+            match watched && step.state == TrackState::Slewing && !worker.is_over() {
+                true => ControlFlow::Continue(()),
+                false => ControlFlow::Break(()),
+            }
+        });
+        match ended {
+            Ok(_) => Ok(()),
+            Err(TrackError::Device(error)) => Err(error),
+            Err(error) => {
+                self.tell(&format!("it is not moved away: {error}"), worker);
+                Ok(())
+            }
+        }
+    }
+
+    /// Parks it; true where it is parked. What went wrong is told once.
     fn park(
         &mut self,
         mount: &mut dyn Mount,
         guard: &Guard,
         dog: Option<&Process>,
         worker: &Worker,
-    ) {
+    ) -> bool {
         if !mount.abilities().parks {
-            return;
+            return false;
+        }
+        let reading = mount.reading(&worker.even_so(SOON));
+        if reading.is_ok_and(|reading| reading.motion == MountMotion::Parked) {
+            return true;
+        }
+        if self.by_hand.is_some() {
+            self.say_of_park("it is not parked: somebody else stopped it", worker);
+            return false;
         }
         let axes = mount.abilities().axes;
         self.line("parking", None, axes, worker);
@@ -421,11 +628,59 @@ impl MountWork {
             }
         };
         match park(mount, guard, &worker.clock, tick) {
-            Ok(Parked::Parked) => self.line("parked", None, axes, worker),
-            Ok(other) => self.tell(other.text(), worker),
+            Ok(Parked::Parked) => {
+                self.line("parked", None, axes, worker);
+                self.may_unpark = true;
+                return true;
+            }
+            Ok(other) => self.say_of_park(other.text(), worker),
             Err(error) => {
                 self.tell(&format!("it is not known whether it is parked: {error}"), worker);
             }
         }
+        false
     }
+
+    fn say_of_park(&mut self, text: &'static str, worker: &Worker) {
+        if self.park_said != Some(text) {
+            self.park_said = Some(text);
+            self.tell(text, worker);
+        }
+    }
+}
+
+/// Whether something is to be done again after so long a time of the device's clock, which does not step; it is then taken as done.
+fn is_due(last: &mut Option<Duration>, every: Duration, worker: &Worker) -> bool {
+    let now = worker.clock.clock.now();
+    let due = last.is_none_or(|last| now.saturating_sub(last) >= every);
+    if due {
+        *last = Some(now);
+    }
+    due
+}
+
+/// Stops a mount that may move. One that is parked stands.
+fn halt(mount: &mut dyn Mount, deadline: &Deadline) -> Result<(), DeviceError> {
+    match mount.reading(deadline) {
+        Ok(reading) if reading.motion == MountMotion::Parked => Ok(()),
+        _ => mount.stop(deadline),
+    }
+}
+
+/// Azimuth and altitude, deg, of a place about 90° from the Sun that is free at these times, and to which a way is free.
+fn far_from_sun(
+    guard: &Guard,
+    here: DVec3,
+    [now, later]: [Epoch; 2],
+    slew_s: f64,
+) -> Option<[f64; 2]> {
+    let mut places: Vec<(f64, [f64; 2])> = (0..24)
+        .map(|i| [f64::from(i / 2) * 30.0, if i % 2 == 0 { 40.0 } else { 65.0 }])
+        .map(|place| ((guard.sun_distance_deg(direction(place), now) - 90.0).abs(), place))
+        .collect();
+    places.sort_by(|a, b| a.0.total_cmp(&b.0));
+    places.into_iter().map(|(_, place)| place).find(|place| {
+        let there = direction(*place);
+        guard.check_place(there, later).is_ok() && guard.way(here, there, now, slew_s).is_ok()
+    })
 }

@@ -3,11 +3,16 @@
 use crate::plan::VIRTUAL_ADDRESS;
 use serde::Deserialize;
 use std::path::PathBuf;
+use std::time::Duration;
 use sunglint_drivers::catalogue::{Address, Kind};
 use sunglint_drivers::device::MountAxes;
 use sunglint_formats::ParseError;
+use sunglint_formats::session::Session;
 use sunglint_formats::toml::{Document, Finite, Positive, Within};
 use sunglint_radiometry::station::{Detector, Station};
+
+/// Option of a recorded mount that tells where the file of the weather lies.
+const WEATHER: &str = "weather=";
 
 fn yes() -> bool {
     true
@@ -82,7 +87,7 @@ pub struct MountPlan {
     /// Whether the mount is told the station's site, and UTC.
     #[serde(default)]
     pub set_site: bool,
-    /// Whether it is parked at the end, at dawn, in bad weather and after errors.
+    /// Whether it is parked at the end, at dawn and in bad weather.
     #[serde(default = "yes")]
     pub park: bool,
     /// Altitude of the rising Sun's centre at which it is parked, deg.
@@ -124,7 +129,18 @@ impl MountPlan {
 
     /// Altitude of the rising Sun's centre at which it is parked, deg.
     pub fn dawn_deg(&self) -> f64 {
-        self.dawn_deg.map_or(-6.0, Within::get)
+        self.dawn_deg.map_or(-2.0, Within::get)
+    }
+
+    /// Longest time that a slew may take, s: a whole turn, and a minute for its beginning and end.
+    pub fn slew_within_s(&self) -> f64 {
+        (360.0 / self.slew_deg_s() + 60.0).clamp(120.0, 3600.0)
+    }
+
+    /// Age at which the file of the weather counts as bad weather. One that no clock can hold never comes.
+    pub fn weather_age(&self) -> Duration {
+        let age_s = self.weather_age_s.map_or(300.0, Positive::get);
+        Duration::try_from_secs_f64(age_s).unwrap_or(Duration::MAX)
     }
 
     /// Where the target is kept, px from the middle of the sensor: columns, rows.
@@ -158,12 +174,12 @@ impl MountPlan {
         })
     }
 
-    /// Checks what no night can have, with its line; the file of the weather is found beside the plan.
+    /// Checks what no night can have, with its line.
     ///
     /// # Errors
     /// The key that is wrong.
     pub(crate) fn check(
-        &mut self,
+        &self,
         document: &Document,
         cameras: &[String],
         virtual_night: bool,
@@ -200,8 +216,39 @@ impl MountPlan {
         } else if self.camera_angle_deg.is_some() || self.camera_mirrored {
             return Err(wrong("camera", "the name of the camera that these keys are about"));
         }
-        self.weather = self.weather.take().map(|path| document.resolve(path));
         Ok(())
+    }
+
+    /// Finds the file of the weather: beside the plan, or where it was when the session that goes on began.
+    ///
+    /// # Errors
+    /// The session does not say where it was.
+    pub(crate) fn find_weather(
+        &mut self,
+        document: &Document,
+        session: Option<&Session>,
+    ) -> Result<(), ParseError> {
+        let Some(path) = self.weather.take() else { return Ok(()) };
+        let found = match session.filter(|_| path.is_relative()) {
+            None => document.resolve(path),
+            Some(session) => {
+                let devices = session.manifest().devices.iter();
+                let mut of_mount = devices.filter(|device| device.name == self.name);
+                let recorded = of_mount.find_map(|device| {
+                    device.options.iter().find_map(|option| option.strip_prefix(WEATHER))
+                });
+                let expected = "a whole path: the session does not say in which folder this file lies; write it into its night.toml";
+                PathBuf::from(recorded.ok_or_else(|| document.error_at("mount.weather", expected))?)
+            }
+        };
+        self.weather = Some(std::path::absolute(&found).unwrap_or(found));
+        Ok(())
+    }
+
+    /// Options for the session: those of the driver, and where the file of the weather lies.
+    pub(crate) fn recorded(&self) -> Vec<String> {
+        let weather = self.weather.iter().map(|path| format!("{WEATHER}{}", path.display()));
+        self.with.iter().cloned().chain(weather).collect()
     }
 }
 

@@ -48,6 +48,8 @@ pub struct TrackOptions {
     pub watch_clock: bool,
     /// How far from its prediction a star is looked for in the frames, arcsec.
     pub reach_arcsec: f64,
+    /// Whether a mount that is found parked is freed: not where somebody else parked it.
+    pub unpark: bool,
 }
 
 impl Default for TrackOptions {
@@ -64,12 +66,20 @@ impl Default for TrackOptions {
             nudge_s: 0.0,
             watch_clock: true,
             reach_arcsec: 1800.0,
+            unpark: true,
         }
     }
 }
 
 /// Speed against the stars below which a target is one of them, rad/s: 2″/s.
 const AMONG_STARS_RAD_S: f64 = 1e-5;
+/// Frames without the target after which it is searched for along the track.
+const EMPTY: u32 = 3;
+/// A slew that ends farther from its goal was stopped, deg: pointing errors are smaller.
+const ARRIVES_DEG: f64 = 2.0;
+/// Texts of what somebody else did.
+const PARKED: &str = "the mount was parked by somebody else";
+const STOPPED: &str = "the mount was stopped by somebody else";
 /// Readings that are kept: a minute of ten a second, for frames with long exposures.
 const READINGS: usize = 600;
 
@@ -131,6 +141,12 @@ pub enum TrackError {
     /// Not safe.
     #[error(transparent)]
     Danger(#[from] Danger),
+    /// Somebody else stopped or parked it.
+    #[error("{what}: it is left as it is until the next visit, a resume or a new start")]
+    ByHand {
+        /// What was done to it.
+        what: &'static str,
+    },
     /// A mount that only goes to places.
     #[error("this mount takes no rates ({what}): it can be sent to places, not follow a satellite")]
     NoRates {
@@ -193,10 +209,15 @@ pub struct Tracker<'a> {
     /// The last readings: when, and the angles, deg; the first unwrapped.
     readings: VecDeque<(f64, [f64; 2])>,
     pier: Option<PierSide>,
+    motion: Option<MountMotion>,
+    /// Whether it was seen following the rates that it was given.
+    followed: bool,
     most_deg_s: [f64; 2],
     seen_arcsec: Option<f64>,
     search_from_s: Option<f64>,
     zero_step_s: f64,
+    /// Frames since the beginning in which the target was not found.
+    empty: u32,
     /// Offset of a target that stands among the stars.
     hold: Option<Hold>,
 }
@@ -231,16 +252,21 @@ impl<'a> Tracker<'a> {
             commands: VecDeque::new(),
             readings: VecDeque::new(),
             pier: None,
+            motion: None,
+            followed: false,
             most_deg_s: [0.0; 2],
             seen_arcsec: None,
             search_from_s: None,
             zero_step_s: 0.0,
-            hold: among_stars(path)
-                .then(|| Hold::new(options.reach_arcsec, options.estimator.coast_s)),
+            empty: 0,
+            hold: among_stars(path).then(|| {
+                let coast_s = options.estimator.coast_s.max(3.0 * options.estimator.frame_s);
+                Hold::new(options.reach_arcsec, coast_s)
+            }),
         }
     }
 
-    /// Follows until the path ends, `each` breaks, or the token is set; in every case the mount is stopped at the end.
+    /// Follows until the path ends, `each` breaks, or the token is set; in every case the mount is stopped at the end, but not where somebody else parks it.
     ///
     /// # Errors
     /// See [`TrackError`]. The mount was told to stop; where even that failed, the error is [`DeviceError::NotStopped`].
@@ -251,6 +277,10 @@ impl<'a> Tracker<'a> {
     ) -> Result<TrackSummary, TrackError> {
         self.cancel = cancel.clone();
         let ended = self.follow(each);
+        if matches!(ended, Err(TrackError::ByHand { what }) if what == PARKED) {
+            // A stop would end the parking.
+            return ended;
+        }
         let grace = Deadline::after(self.clock.clock.clone(), Duration::from_secs(2));
         let stopped = self.mount.stop(&grace);
         match (ended, stopped) {
@@ -361,11 +391,42 @@ impl<'a> Tracker<'a> {
         if self.readings.back().is_none_or(|(last_s, _)| time_s > *last_s) {
             self.readings.push_back((time_s, angle));
         }
-        if self.readings.len() > READINGS {
+        // What a frame's middle is held against, also of long exposures.
+        let frames = (3.0 * self.options.estimator.frame_s / self.options.period_s) as usize;
+        if self.readings.len() > READINGS.max(frames.min(20 * READINGS)) {
             self.readings.pop_front();
         }
-        self.pier = reading.pier;
+        (self.pier, self.motion) = (reading.pier, Some(reading.motion));
         Ok(angle)
+    }
+
+    /// Whether somebody else stopped or parked the mount since it was told to move: that is not undone.
+    fn check_hand(&mut self) -> Result<(), TrackError> {
+        match self.motion {
+            Some(MountMotion::Parked) => Err(TrackError::ByHand { what: PARKED }),
+            Some(MountMotion::Tracking) => {
+                self.followed |= !self.commands.is_empty();
+                Ok(())
+            }
+            Some(MountMotion::Still) if self.followed && self.is_told_to_move() => {
+                Err(TrackError::ByHand { what: STOPPED })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether all rates that were commanded within the last seconds are motions. A command takes its time.
+    fn is_told_to_move(&self) -> bool {
+        let since_s = self.now_s() - self.options.latency_s - 1.0;
+        for (sent_s, rates) in self.commands.iter().rev() {
+            if *rates == [0.0; 2] {
+                return false;
+            }
+            if *sent_s < since_s {
+                return true;
+            }
+        }
+        false
     }
 
     /// Angles that a mount had at a time, from its readings; the commands carry the last one on.
@@ -408,10 +469,15 @@ impl<'a> Tracker<'a> {
         let start_s = self.now_s().max(0.0);
         let mut meet_s = start_s + if start_s > 0.0 { self.options.lead_s } else { 0.0 };
         let here = self.read()?;
-        self.mount.set_parked(false, &self.soon()).or_else(|error| match error {
-            DeviceError::NotReady { .. } => Ok(()),
-            error => Err(error),
-        })?;
+        if self.motion == Some(MountMotion::Parked) && !self.options.unpark {
+            return Err(TrackError::ByHand { what: PARKED });
+        }
+        if self.options.unpark {
+            self.mount.set_parked(false, &self.soon()).or_else(|error| match error {
+                DeviceError::NotReady { .. } => Ok(()),
+                error => Err(error),
+            })?;
+        }
         let goal = |tracker: &Self, meet_s: f64| tracker.target_deg(meet_s, here[0]);
         let to = goal(self, meet_s);
         let way = self.guard.way(
@@ -426,10 +492,10 @@ impl<'a> Tracker<'a> {
                 meet_s = meet_s
                     .max(self.now_s() + if self.now_s() > 0.0 { self.options.lead_s } else { 0.0 });
             }
-            let angle = if last { goal(self, meet_s) } else { angles(frame.of_enu(*by)) };
+            let angle_to = if last { goal(self, meet_s) } else { angles(frame.of_enu(*by)) };
             let now_s = self.now_s();
             // A mount that follows the stars afterwards should stand where the target comes.
-            let place = self.path.place_of(angle, now_s);
+            let place = self.path.place_of(angle_to, now_s);
             let soon = self.soon();
             self.mount.begin_goto(place, &soon)?;
             let begun_s = self.now_s();
@@ -444,7 +510,17 @@ impl<'a> Tracker<'a> {
                 }
                 let reading = self.mount.reading(&self.soon())?;
                 if reading.motion != MountMotion::Slewing {
-                    break;
+                    let there = self.path.angles_of(&reading);
+                    let off = direction(there).angle_between(direction(angle_to)).to_degrees();
+                    match reading.motion {
+                        MountMotion::Parked => {
+                            return Err(TrackError::ByHand { what: PARKED });
+                        }
+                        MountMotion::Still if off > ARRIVES_DEG => {
+                            return Err(TrackError::ByHand { what: STOPPED });
+                        }
+                        _ => break,
+                    }
                 }
                 let after_s = self.now_s() - begun_s;
                 if after_s > self.options.slew_within_s {
@@ -511,6 +587,7 @@ impl<'a> Tracker<'a> {
             self.sleep(self.options.period_s.min(-self.now_s()).max(0.001))?;
             self.check_clock()?;
             let angle = self.read()?;
+            self.check_hand()?;
             self.check_ahead(angle)?;
             let target = self.target_deg(0.0, angle[0]);
             if self.now_s() < -2.0 {
@@ -534,9 +611,11 @@ impl<'a> Tracker<'a> {
                 self.mount.learn_senses(&self.within(20.0))?;
                 pier = self.pier;
                 (self.readings, self.commands) = (VecDeque::new(), VecDeque::new());
+                self.followed = false;
                 check = None;
                 continue;
             }
+            self.check_hand()?;
             self.check_ahead(angle)?;
             let state = self.look(&mut summary)?;
             let now_s = self.now_s();
@@ -595,7 +674,10 @@ impl<'a> Tracker<'a> {
 
     fn command(&mut self, rates: [f64; 2]) -> Result<(), TrackError> {
         let sent_s = self.now_s();
-        self.mount.set_rates(rates, &self.soon())?;
+        self.mount.set_rates(rates, &self.soon()).map_err(|error| match error {
+            DeviceError::Taken { what, .. } => TrackError::ByHand { what },
+            error => error.into(),
+        })?;
         self.commands.push_back((sent_s, rates));
         if self.commands.len() > 100 {
             self.commands.pop_front();
@@ -610,6 +692,7 @@ impl<'a> Tracker<'a> {
             return Ok(TrackState::Predicted);
         };
         if let Some(frame) = finder.frame(&soon)? {
+            self.seen_arcsec = None;
             let time_s = self.path.time_s(frame.middle);
             if let (Some(angle), true) = (self.angles_then(time_s), self.hold.is_some()) {
                 return Ok(self.look_at_star(&frame.spots, time_s, angle, summary));
@@ -634,7 +717,9 @@ impl<'a> Tracker<'a> {
                 if found == Found::Locked && summary.locked_s.is_none() {
                     summary.locked_s = Some(self.now_s());
                 }
-                if found != Found::Nothing {
+                if found == Found::Nothing {
+                    self.empty = self.empty.saturating_add(1);
+                } else {
                     summary.seen += 1;
                     let target = self.target(time_s);
                     self.seen_arcsec = Some(direction(angle).angle_between(target) * ARCSEC);
@@ -643,7 +728,7 @@ impl<'a> Tracker<'a> {
         }
         let now_s = self.now_s();
         if let Some(hold) = &self.hold {
-            return Ok(held(hold, now_s));
+            return Ok(held(hold, now_s, self.options.estimator.frame_s));
         }
         if self.estimator.locked {
             self.search_from_s = None;
@@ -654,7 +739,8 @@ impl<'a> Tracker<'a> {
             return Ok(if fresh { TrackState::Locked } else { TrackState::Coasting });
         }
         // Where the field holds the doubt of the elements, the target is in it.
-        if now_s - summary.began_s > 3.0 {
+        let seen_nothing_s = (4.0 * self.options.estimator.frame_s).max(3.0);
+        if now_s - summary.began_s > seen_nothing_s && self.empty >= EMPTY {
             self.search_from_s.get_or_insert(now_s);
         }
         Ok(TrackState::Searching)
@@ -674,7 +760,7 @@ impl<'a> Tracker<'a> {
             spots.iter().map(|spot| (off_of(predicted, seen_at(angle, spot)), spot.flux)).collect();
         let Some(hold) = self.hold.as_mut() else { return TrackState::Predicted };
         let found = hold.learn(&seen, time_s);
-        let state = held(hold, now_s);
+        let state = held(hold, now_s, self.options.estimator.frame_s);
         if found == Found::Locked && summary.locked_s.is_none() {
             summary.locked_s = Some(now_s);
         }
@@ -723,9 +809,10 @@ fn among_stars(path: &TargetPath) -> bool {
 }
 
 /// State of a tracker that holds a star.
-fn held(hold: &Hold, now_s: f64) -> TrackState {
+fn held(hold: &Hold, now_s: f64, frame_s: f64) -> TrackState {
     // Exposures of stars are long.
-    match (hold.locked, hold.seen_s.is_some_and(|seen| now_s - seen < 10.0)) {
+    let fresh_s = (3.0 * frame_s).max(10.0);
+    match (hold.locked, hold.seen_s.is_some_and(|seen| now_s - seen < fresh_s)) {
         (true, true) => TrackState::Locked,
         (true, false) => TrackState::Coasting,
         _ => TrackState::Searching,

@@ -12,9 +12,17 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::device::{DeviceError, Mount};
+use sunglint_drivers::transport::TransportError;
 
 /// Age of a heartbeat at which the mount is stopped.
 pub const HEARTBEAT_WITHIN: Duration = Duration::from_millis(500);
+
+/// Time between two readings of the mount: a server lets go of a client that does not take in what it is sent.
+const READ_EVERY: Duration = Duration::from_secs(1);
+/// Time for a reading: it delays the answer to a heartbeat that is missing.
+const READ_WITHIN: Duration = Duration::from_millis(300);
+/// So many readings in a row may come too late.
+const LATE_READINGS: u32 = 5;
 
 /// Message of a tracker to its watchdog.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,13 +46,30 @@ pub enum Watched {
     Stopped,
 }
 
-/// Watches until the tracker is done, or stops the mount.
+/// Watches until the tracker is done, or stops the mount. The mount is read about once a second, so that a lost connection is noticed while it is not needed.
 ///
 /// # Errors
-/// The mount could not be told to stop, three times.
+/// The mount could not be told to stop, three times; or its connection was lost, and it was told to stop as far as that went.
 pub fn watch(mount: &mut dyn Mount, beats: &Receiver<Beat>) -> Result<Watched, DeviceError> {
     let mut stopped_by_person = false;
+    let (mut read, mut late) = (Instant::now(), 0);
     loop {
+        if read.elapsed() >= READ_EVERY {
+            let reading = mount.reading(&Deadline::within(READ_WITHIN));
+            read = Instant::now();
+            late = match &reading {
+                Ok(_) => 0,
+                Err(error) if is_late(error) && late < LATE_READINGS => late + 1,
+                Err(_) => late,
+            };
+            if let Err(error) = reading
+                && (late == LATE_READINGS || !is_late(&error))
+            {
+                // Nobody is watched over a connection that does not work: the tracker sees that its watchdog has gone.
+                stop(mount)?;
+                return Err(error);
+            }
+        }
         match beats.recv_timeout(HEARTBEAT_WITHIN) {
             Ok(Beat::Done) => {
                 return Ok(if stopped_by_person { Watched::Stopped } else { Watched::Done });
@@ -62,6 +87,16 @@ pub fn watch(mount: &mut dyn Mount, beats: &Receiver<Beat>) -> Result<Watched, D
             }
         }
     }
+}
+
+/// Whether an answer was late, and nothing else is wrong.
+fn is_late(error: &DeviceError) -> bool {
+    matches!(
+        error,
+        DeviceError::Transport { source: TransportError::Timeout { .. }, .. }
+            | DeviceError::Awaited { .. }
+            | DeviceError::TooSlow { .. }
+    )
 }
 
 /// Stops it; a call that fails is tried again at once.
@@ -83,13 +118,16 @@ fn stop(mount: &mut dyn Mount) -> Result<(), DeviceError> {
 const HANGS: Duration = Duration::from_secs(4);
 /// Time between two beats.
 const BEAT: Duration = Duration::from_millis(100);
+/// Longest time in which a watchdog that was let go ends: three calls of its last stop, and a reading.
+const ENDS: Duration = Duration::from_secs(5);
 
-/// The watchdog as a process of its own, and the thread that tells it that the tracker lives.
+/// The watchdog as a process of its own, and the thread that tells it that the tracker lives. Dropped without [`done`](Self::done), it stops the mount: so it does after an error or a panic.
 #[derive(Debug)]
 pub struct Process {
     child: Child,
     last_ms: Arc<AtomicU64>,
-    done: Arc<AtomicBool>,
+    ends: Arc<AtomicBool>,
+    stands: Arc<AtomicBool>,
     begun: Instant,
     thread: Option<JoinHandle<()>>,
 }
@@ -112,11 +150,12 @@ impl Process {
     /// # Errors
     /// It cannot be started, or cannot reach the mount.
     pub fn start(program: &Path, mount: &str) -> Result<Self, ProcessError> {
-        let mut child = Command::new(program)
-            .args(["mount-watchdog", mount])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()?;
+        let mut command = Command::new(program);
+        command.args(["mount-watchdog", mount]).stdin(Stdio::piped()).stdout(Stdio::piped());
+        // The terminal's signals would reach it with the tracker, and nobody would watch a tracker that is stopped by one.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let mut child = command.spawn()?;
         let (Some(stdout), Some(mut stdin)) = (child.stdout.take(), child.stdin.take()) else {
             return Err(ProcessError::Unreached);
         };
@@ -127,8 +166,9 @@ impl Process {
             return Err(ProcessError::Unreached);
         }
         let begun = Instant::now();
-        let (last_ms, done) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
-        let (last, end) = (last_ms.clone(), done.clone());
+        let last_ms = Arc::new(AtomicU64::new(0));
+        let [ends, stands] = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
+        let (last, end, still) = (last_ms.clone(), ends.clone(), stands.clone());
         let thread = std::thread::spawn(move || {
             while !end.load(Ordering::SeqCst) {
                 let age = begun
@@ -140,9 +180,12 @@ impl Process {
                 }
                 std::thread::sleep(BEAT);
             }
-            let _ = stdin.write_all(b"d\n").and_then(|()| stdin.flush());
+            // Otherwise the pipe is closed, which is silence.
+            if still.load(Ordering::SeqCst) {
+                let _ = stdin.write_all(b"d\n").and_then(|()| stdin.flush());
+            }
         });
-        Ok(Self { child, last_ms, done, begun, thread: Some(thread) })
+        Ok(Self { child, last_ms, ends, stands, begun, thread: Some(thread) })
     }
 
     /// The tracker lives.
@@ -155,15 +198,23 @@ impl Process {
     pub fn watches(&mut self) -> bool {
         matches!(self.child.try_wait(), Ok(None))
     }
+
+    /// The mount was told to stop and said yes: nothing is to be watched any more.
+    pub fn done(self) {
+        self.stands.store(true, Ordering::SeqCst);
+    }
 }
 
 impl Drop for Process {
-    /// Nothing is to be watched any more.
+    /// Lets go of the watchdog, which stops the mount unless it was told that all is done.
     fn drop(&mut self) {
-        self.done.store(true, Ordering::SeqCst);
+        self.ends.store(true, Ordering::SeqCst);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
-        let _ = self.child.wait();
+        let dropped = Instant::now();
+        while matches!(self.child.try_wait(), Ok(None)) && dropped.elapsed() < ENDS {
+            std::thread::sleep(Duration::from_millis(10));
+        }
     }
 }

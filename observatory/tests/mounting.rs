@@ -1,0 +1,459 @@
+//! A night's mount when things go wrong: virtual, on a clock of its own, with somebody else at work on the same telescope.
+#![allow(clippy::unwrap_used, reason = "helper functions of tests")]
+
+use hifitime::{Epoch, Unit};
+use std::fmt;
+use std::ops::ControlFlow;
+use std::sync::{Arc, Mutex, mpsc};
+use std::time::{Duration, Instant};
+use sunglint_drivers::clock::{Cancel, Clock as _, Deadline, DeviceClock, VirtualClock};
+use sunglint_drivers::device::{
+    Camera, Device, DeviceError, Identity, Mount, MountAbilities, MountMotion, MountPlace,
+    MountReading, MountSite, PhotonCounter, Setting,
+};
+use sunglint_formats::session::{Session, What};
+use sunglint_formats::time::parse_utc;
+use sunglint_observatory::telescope::watchdog::{Beat, watch};
+use sunglint_observatory::telescope::{
+    Guard, SunCone, TargetPath, TrackError, TrackOptions, Tracker,
+};
+use sunglint_observatory::{CameraPlan, CounterPlan, MountPlan, Night, Opener, Plan};
+use sunglint_radiometry::sky::{EarthOrientation, Observer, Site};
+use sunglint_radiometry::station::Station;
+use sunglint_virtual::telescope::{Telescope, TelescopeOptions, VirtualMount};
+
+/// Something that happens at a time of the night, s.
+type Happens = (f64, Box<dyn Fn(&mut VirtualMount) + Send>);
+
+/// A telescope, its time, what happens to it, and what it was told.
+struct Stage {
+    start: Epoch,
+    hand: Arc<VirtualClock>,
+    telescope: Telescope,
+    happens: Mutex<Vec<Happens>>,
+    /// When the line is cut, s.
+    cut_s: [f64; 2],
+    /// Calls: when, s, and what.
+    calls: Mutex<Vec<(f64, &'static str)>>,
+    /// What it said: when, where, and its motion.
+    said: Mutex<Vec<MountReading>>,
+}
+
+impl fmt::Debug for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Stage")
+    }
+}
+
+impl Stage {
+    fn new(start: &str, happens: Vec<Happens>, cut_s: [f64; 2]) -> Arc<Self> {
+        let (start, hand) = (parse_utc(start).unwrap(), Arc::new(VirtualClock::new()));
+        let clock = DeviceClock { clock: hand.clone(), zero_utc: Some(start) };
+        let place = site().geodetic();
+        let options = TelescopeOptions::default().with(|o| {
+            o.site_deg = [place.latitude_deg, place.longitude_deg];
+            o.latency_s = [0.0, 0.0];
+            o.frame_s = 1e9;
+        });
+        let telescope = Telescope::new(options, clock, Arc::new(|_| None));
+        Arc::new(Self {
+            start,
+            hand,
+            telescope,
+            happens: Mutex::new(happens),
+            cut_s,
+            calls: Mutex::default(),
+            said: Mutex::default(),
+        })
+    }
+
+    fn now_s(&self) -> f64 {
+        self.hand.now().as_secs_f64()
+    }
+
+    fn clock(&self) -> DeviceClock {
+        DeviceClock { clock: self.hand.clone(), zero_utc: Some(self.start) }
+    }
+
+    /// When it was told one of these, s.
+    fn told(&self, calls: &[&str]) -> Vec<f64> {
+        let all = self.calls.lock().unwrap();
+        all.iter().filter(|(_, call)| calls.contains(call)).map(|(at, _)| *at).collect()
+    }
+
+    fn motion(&self) -> MountMotion {
+        self.hand.sleep(Duration::from_secs(3));
+        self.telescope.mount().reading(&soon()).unwrap().motion
+    }
+}
+
+const MOVES: [&str; 3] = ["goto", "rates", "unpark"];
+
+fn soon() -> Deadline {
+    Deadline::within(Duration::from_secs(1))
+}
+
+fn site() -> Site {
+    Station::built_in("ufo").unwrap().unwrap().site
+}
+
+/// The mount, on a line that may be cut.
+struct OnLine {
+    mount: VirtualMount,
+    stage: Arc<Stage>,
+}
+
+impl OnLine {
+    fn call(&mut self, what: &'static str) -> Result<&mut VirtualMount, DeviceError> {
+        let now_s = self.stage.now_s();
+        let mut happens = self.stage.happens.lock().unwrap();
+        happens.retain(|(at, act)| {
+            let due = *at <= now_s;
+            if due {
+                act(&mut self.mount);
+            }
+            !due
+        });
+        if (self.stage.cut_s[0]..self.stage.cut_s[1]).contains(&now_s) {
+            return Err(DeviceError::Lost { device: "mount", what: "the line is cut".into() });
+        }
+        self.stage.calls.lock().unwrap().push((now_s, what));
+        Ok(&mut self.mount)
+    }
+}
+
+impl Device for OnLine {
+    fn identity(&mut self, deadline: &Deadline) -> Result<Identity, DeviceError> {
+        self.call("identity")?.identity(deadline)
+    }
+
+    fn settings(&mut self, deadline: &Deadline) -> Result<Vec<Setting>, DeviceError> {
+        self.call("settings")?.settings(deadline)
+    }
+}
+
+impl Mount for OnLine {
+    fn abilities(&self) -> &MountAbilities {
+        self.mount.abilities()
+    }
+
+    fn reading(&mut self, deadline: &Deadline) -> Result<MountReading, DeviceError> {
+        let reading = self.call("reading")?.reading(deadline)?;
+        self.stage.said.lock().unwrap().push(reading);
+        Ok(reading)
+    }
+
+    fn begin_goto(&mut self, place: MountPlace, deadline: &Deadline) -> Result<(), DeviceError> {
+        self.call("goto")?.begin_goto(place, deadline)
+    }
+
+    fn sync(&mut self, place: MountPlace, deadline: &Deadline) -> Result<(), DeviceError> {
+        self.call("sync")?.sync(place, deadline)
+    }
+
+    fn set_tracking(&mut self, on: bool, deadline: &Deadline) -> Result<(), DeviceError> {
+        self.call("rates")?.set_tracking(on, deadline)
+    }
+
+    fn learn_senses(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
+        self.call("learn")?.learn_senses(deadline)
+    }
+
+    fn set_rates(&mut self, deg_s: [f64; 2], deadline: &Deadline) -> Result<(), DeviceError> {
+        self.call("rates")?.set_rates(deg_s, deadline)
+    }
+
+    fn stop(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {
+        self.call("stop")?.stop(deadline)
+    }
+
+    fn set_parked(&mut self, parked: bool, deadline: &Deadline) -> Result<(), DeviceError> {
+        self.call(if parked { "park" } else { "unpark" })?.set_parked(parked, deadline)
+    }
+
+    fn site(&mut self, deadline: &Deadline) -> Result<Option<MountSite>, DeviceError> {
+        self.call("site")?.site(deadline)
+    }
+
+    fn set_site(
+        &mut self,
+        site: MountSite,
+        utc: Epoch,
+        deadline: &Deadline,
+    ) -> Result<(), DeviceError> {
+        self.call("set_site")?.set_site(site, utc, deadline)
+    }
+}
+
+/// A night whose only device that works is the mount.
+#[derive(Debug)]
+struct Backstage(Arc<Stage>);
+
+impl Opener for Backstage {
+    fn clock(&self, device: &str) -> DeviceClock {
+        match device {
+            "mount" => self.0.clock(),
+            _ => {
+                let clock = Arc::new(VirtualClock::new());
+                DeviceClock { clock, zero_utc: Some(self.0.start) }
+            }
+        }
+    }
+
+    fn camera(&self, _: &CameraPlan, _: &Deadline) -> Result<Box<dyn Camera>, DeviceError> {
+        Err(DeviceError::Unavailable { device: "camera", reason: "nobody looks" })
+    }
+
+    fn counter(
+        &self,
+        _: &CounterPlan,
+        _: &Deadline,
+    ) -> Result<Box<dyn PhotonCounter>, DeviceError> {
+        Err(DeviceError::Unavailable { device: "counter", reason: "nobody counts" })
+    }
+
+    fn mount(&self, _: &MountPlan, _: &Deadline) -> Result<Box<dyn Mount>, DeviceError> {
+        let mut mount = OnLine { mount: self.0.telescope.mount(), stage: self.0.clone() };
+        mount.call("open")?;
+        Ok(Box::new(mount))
+    }
+}
+
+/// Runs a night; gives its errors: when, s, and what.
+fn night(
+    stage: &Arc<Stage>,
+    folder: &std::path::Path,
+    mount: &str,
+    visits: &str,
+) -> Vec<(f64, String)> {
+    let from = sunglint_formats::time::format_utc(stage.start, 0);
+    let plan = format!(
+        "station = \"ufo\"\nfrom = \"{from}\"\nvirtual = \"virtual.toml\"\n[[camera]]\nname = \"cam\"\n\
+         device = \"virtual\"\nexposure_s = 0.1\n[mount]\ndevice = \"virtual\"\n{mount}\n{visits}"
+    );
+    std::fs::write(folder.join("night.toml"), plan).unwrap();
+    let plan = Plan::read_with(&folder.join("night.toml"), &mut |_| Ok(())).unwrap();
+    let root = folder.join("session");
+    let night = Night::planned(plan, Arc::new(Backstage(stage.clone())), Some(&root), "test");
+    night.run(&Cancel::new(), &mut |_| {}).unwrap();
+    let session = Session::open(&root).unwrap();
+    let events = session.events().unwrap().map(Result::unwrap);
+    events
+        .filter_map(|event| match event.what {
+            What::Error { about, error } if about == "mount" => {
+                Some(((event.utc - stage.start).to_seconds(), error))
+            }
+            _ => None,
+        })
+        .collect()
+}
+
+const VISITS: &str =
+    "[[visit]]\nstar = \"Vega\"\nfor_s = 120\n[[visit]]\nstar = \"Deneb\"\nfor_s = 60\n";
+const EVENING: &str = "2008-09-21T18:40:00Z";
+
+/// Truth: the rule in words: what somebody else stops stays stopped until the next visit.
+#[test]
+fn what_somebody_else_stops_stays_stopped() {
+    let stop: Happens = (60.0, Box::new(|mount| mount.stop(&soon()).unwrap()));
+    let stage = Stage::new(EVENING, vec![stop], [-1.0; 2]);
+    let folder = tempfile::tempdir().unwrap();
+    let errors = night(&stage, folder.path(), "", VISITS);
+    let moves = stage.told(&MOVES);
+    assert!(moves.iter().any(|at| (50.0..60.0).contains(at)), "{moves:?}");
+    // It is noticed within two commands.
+    let after: Vec<_> = moves.iter().filter(|at| (60.3..119.9).contains(*at)).collect();
+    assert!(after.is_empty(), "{after:?} {errors:?}");
+    assert!(moves.iter().any(|at| *at > 120.0), "the next visit is not followed: {errors:?}");
+    let hand = |(_, text): &&(f64, String)| text.contains("stopped by somebody else");
+    assert_eq!(errors.iter().filter(hand).count(), 1, "{errors:?}");
+}
+
+/// Truth: the rule in words: nobody frees a mount that somebody else parked, also not for the next visit; parking is not ended by a stop.
+#[test]
+fn what_somebody_else_parks_stays_parked() {
+    let park: Happens = (60.0, Box::new(|mount| mount.set_parked(true, &soon()).unwrap()));
+    let stage = Stage::new(EVENING, vec![park], [-1.0; 2]);
+    let folder = tempfile::tempdir().unwrap();
+    let errors = night(&stage, folder.path(), "", VISITS);
+    let late = |calls: &[&str]| stage.told(calls).into_iter().filter(|at| *at > 60.3).count();
+    assert_eq!(late(&MOVES), 0, "{errors:?}");
+    assert_eq!(late(&["stop"]), 0, "{errors:?}");
+    // Said for each of the two visits.
+    let hand = |(_, text): &&(f64, String)| text.contains("parked by somebody else");
+    assert_eq!(errors.iter().filter(hand).count(), 2, "{errors:?}");
+    assert_eq!(stage.motion(), MountMotion::Parked);
+}
+
+/// Truth: the rule in words: after a lost line the first command is a stop, nothing is parked meanwhile, and the visit goes on; at the end it is parked.
+#[test]
+fn a_line_that_breaks_ends_in_a_stop() {
+    let stage = Stage::new(EVENING, vec![], [60.0, 70.0]);
+    let folder = tempfile::tempdir().unwrap();
+    let errors = night(&stage, folder.path(), "", VISITS);
+    let calls = stage.calls.lock().unwrap().clone();
+    let command = |call: &str| !["open", "identity", "settings", "reading"].contains(&call);
+    let first = calls.iter().find(|(at, call)| *at >= 70.0 && command(call)).unwrap();
+    assert_eq!(first.1, "stop", "{calls:?}");
+    let parks = stage.told(&["park"]);
+    assert!(parks.iter().all(|at| *at > 179.0), "{parks:?}");
+    assert!(stage.told(&["rates"]).iter().any(|at| (75.0..120.0).contains(at)), "{errors:?}");
+    let failed = |(_, text): &(f64, String)| text.contains("could not be stopped");
+    assert!(errors.iter().any(failed), "{errors:?}");
+    assert_eq!(stage.motion(), MountMotion::Parked);
+}
+
+/// Truth: the rule in words: nothing moves in bad weather, and it is parked; it goes on when the weather is fit. An age that no clock can hold is no error.
+#[test]
+fn bad_weather_parks_and_good_weather_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let weather = folder.path().join("weather.txt");
+    std::fs::write(&weather, "unsafe\n").unwrap();
+    let clears: Happens = (60.0, Box::new(move |_| std::fs::write(&weather, "safe\n").unwrap()));
+    let stage = Stage::new(EVENING, vec![clears], [-1.0; 2]);
+    let mount = "weather = \"weather.txt\"\nweather_age_s = 1e30";
+    let errors = night(&stage, folder.path(), mount, VISITS);
+    let moves = stage.told(&MOVES);
+    assert!(moves.iter().all(|at| *at >= 60.0), "{moves:?}");
+    // It is looked at every five seconds; the file changes with a reading, within five seconds after the minute.
+    assert!(moves.iter().any(|at| *at < 71.0), "{moves:?} {errors:?}");
+    assert!(stage.told(&["park"])[0] < 1.0);
+    assert!(errors.iter().any(|(_, text)| text.contains("it says unsafe")), "{errors:?}");
+}
+
+/// Sun's altitude, deg, by SOFA.
+fn sun_deg(epoch: Epoch) -> f64 {
+    Observer::at(epoch, &site(), EarthOrientation::embedded())
+        .unwrap()
+        .sun()
+        .horizontal
+        .altitude_deg()
+}
+
+/// Truth: the Sun by SOFA: a morning's visit is followed until the Sun's centre is at −2° (and five seconds: a twentieth of a degree), then the mount is parked.
+#[test]
+fn dawn_parks() {
+    // Vega stands high in the west on a morning of June.
+    let stage = Stage::new("2020-06-21T02:30:00Z", vec![], [-1.0; 2]);
+    let folder = tempfile::tempdir().unwrap();
+    let visit = "[[visit]]\nstar = \"Vega\"\nfor_s = 3600\n";
+    assert!(sun_deg(stage.start) < -4.0 && sun_deg(stage.start + 3600.0 * Unit::Second) > -1.5);
+    let errors = night(&stage, folder.path(), "", visit);
+    let rates = stage.told(&["rates"]);
+    let sun = |at_s: f64| sun_deg(stage.start + at_s * Unit::Second);
+    let last = sun(*rates.last().unwrap());
+    assert!((-2.1..-1.9).contains(&last), "{last} {errors:?}");
+    let parked = sun(stage.told(&["park"])[0]);
+    assert!((-2.1..-1.9).contains(&parked), "{parked}");
+}
+
+/// Truth: the Sun by SOFA: a telescope that stands where the Sun rises is moved away, and is never within 30° of it while its upper limb is up.
+#[test]
+fn the_sun_does_not_walk_into_a_telescope_that_stands() {
+    let stage = Stage::new("2020-06-21T02:40:00Z", vec![], [-1.0; 2]);
+    // 25° beside the place where the Sun comes up.
+    let place = MountPlace::Horizontal { azimuth_deg: 80.0, altitude_deg: 12.0 };
+    stage.telescope.mount().begin_goto(place, &soon()).unwrap();
+    stage.hand.sleep(Duration::from_secs(60));
+    let folder = tempfile::tempdir().unwrap();
+    let visit = "[[visit]]\noff = \"dark\"\nfor_s = 5400\n";
+    let errors = night(&stage, folder.path(), "park = false", visit);
+    assert!(errors.iter().any(|(_, text)| text.contains("it is moved away")), "{errors:?}");
+    let said = stage.said.lock().unwrap().clone();
+    let mut up = 0;
+    for reading in &said {
+        let MountPlace::Horizontal { azimuth_deg, altitude_deg } = reading.place else { panic!() };
+        let observer = Observer::at(reading.utc, &site(), EarthOrientation::embedded()).unwrap();
+        let sun = observer.sun().horizontal;
+        if sun.altitude_deg() > -0.833 {
+            up += 1;
+            let enu = sunglint_observatory::telescope::direction([azimuth_deg, altitude_deg]);
+            let off = enu.angle_between(sun.east_north_up()).to_degrees();
+            assert!(off > 30.0, "{off} at {}", reading.utc);
+        }
+    }
+    assert!(up > 100, "{up}");
+}
+
+/// Truth: the rule in words, for the tracker alone: a stop of somebody else ends it, and the mount stands.
+#[test]
+fn a_tracker_leaves_a_stopped_mount_alone() {
+    let stage = Stage::new(EVENING, vec![], [-1.0; 2]);
+    let earth = EarthOrientation::embedded();
+    let axes = stage.telescope.mount().abilities().axes;
+    let vega = sunglint_radiometry::sky::Catalogue::embedded().find("Vega").unwrap();
+    let path = TargetPath::star(vega, &site(), earth, (stage.start, 120.0), axes, false).unwrap();
+    let guard = Guard::new(&site(), axes, false, SunCone::default());
+    let mut options = TrackOptions::default();
+    options.watch_clock = false;
+    let follow = |options: TrackOptions, act: &dyn Fn(&mut VirtualMount)| {
+        let (mut mount, mut other) = (stage.telescope.mount(), stage.telescope.mount());
+        let mut tracker = Tracker::new(&path, &guard, &mut mount, None, stage.clock(), options);
+        let mut steps = 0;
+        tracker.run(&Cancel::new(), &mut |step| {
+            use sunglint_observatory::telescope::TrackState;
+            steps += u32::from(step.state == TrackState::Predicted);
+            if steps == 40 {
+                act(&mut other);
+            }
+            match steps < 60 {
+                true => ControlFlow::Continue(()),
+                false => ControlFlow::Break(()),
+            }
+        })
+    };
+    assert!(follow(options, &|_| {}).is_ok());
+    let stopped = follow(options, &|mount| mount.stop(&soon()).unwrap());
+    assert!(matches!(stopped, Err(TrackError::ByHand { .. })), "{stopped:?}");
+    assert_eq!(stage.motion(), MountMotion::Still);
+    let parked = follow(options, &|mount| mount.set_parked(true, &soon()).unwrap());
+    assert!(matches!(parked, Err(TrackError::ByHand { .. })), "{parked:?}");
+    options.unpark = false;
+    let again = follow(options, &|_| {});
+    assert!(matches!(again, Err(TrackError::ByHand { .. })), "{again:?}");
+    assert_eq!(stage.motion(), MountMotion::Parked);
+}
+
+/// Truth: the rule in words: a watchdog whose own connection is lost ends, though the tracker lives: the tracker then sees that nobody watches.
+#[test]
+fn a_watchdog_whose_line_breaks_ends() {
+    let stage = Stage::new(EVENING, vec![], [0.0, 1e9]);
+    let mut mount = OnLine { mount: stage.telescope.mount(), stage: stage.clone() };
+    let (beats, received) = mpsc::channel();
+    let tracker = std::thread::spawn(move || {
+        while beats.send(Beat::Alive).is_ok() {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    });
+    let begun = Instant::now();
+    let ended = watch(&mut mount, &received);
+    drop(received);
+    tracker.join().unwrap();
+    assert!(matches!(ended, Err(DeviceError::Lost { .. })), "{ended:?}");
+    assert!(begun.elapsed() < Duration::from_secs(10));
+}
+
+/// Truth: what a stand-in for the watchdog's process writes down: it is told that all is done only where that was said; otherwise its pipe is closed.
+#[cfg(unix)]
+#[test]
+fn a_watchdog_that_is_dropped_is_not_disarmed() {
+    use std::os::unix::fs::PermissionsExt as _;
+    use sunglint_observatory::telescope::watchdog::Process;
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("dog");
+    std::fs::write(&program, "#!/bin/sh\necho ready\ncat > \"$2\"\necho end >> \"$2\"\n").unwrap();
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let told = |name: &str, done: bool| {
+        let file = folder.path().join(name);
+        let dog = Process::start(&program, file.to_str().unwrap()).unwrap();
+        if done {
+            dog.done();
+        } else {
+            drop(dog);
+        }
+        let text = std::fs::read_to_string(file).unwrap();
+        text.lines().filter(|line| *line != "a").map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(told("after a stop", true), ["d", "end"]);
+    assert_eq!(told("after an error", false), ["end"]);
+}
