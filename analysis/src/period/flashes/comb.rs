@@ -530,7 +530,7 @@ mod tests {
         let times: Vec<f64> =
             (0..180).flat_map(|k| [0.1, 0.43].map(|at| (f64::from(k) + at) * 2.137)).collect();
         let light = light_of(&times, 400.0);
-        let found = search_within(&light, &Options::default(), 1.2e8).unwrap();
+        let found = search_within(&light, &Options::default(), 2.38e8).unwrap();
         assert!(found.searched_s.0 > 3.0 * 2.137, "{:?}", found.searched_s);
         let best = &found.combs[0];
         assert!((best.period_s / 2.137 - 1.0).abs() < 2.5e-5, "{}", best.period_s);
