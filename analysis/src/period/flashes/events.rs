@@ -48,7 +48,7 @@ fn level_of(sorted: &[f64]) -> (f64, f64) {
     let n = sorted.len();
     let middle = 0.5 * (sorted[(n - 1) / 2] + sorted[n / 2]);
     // Deviations in rising order: from the middle outwards on both sides.
-    let (mut low, mut high) = (n.div_ceil(2), n / 2);
+    let (mut low, mut high) = (n / 2, n / 2);
     let (mut sum, mut at_half) = (0.0, 0.0);
     let kept = (9 * n).div_ceil(10);
     for k in 0..kept {
