@@ -524,7 +524,7 @@ mod tests {
         }
     }
 
-    /// Truth: two mirrors, 0.33 of a turn apart, and 2.137 s. A search that is cut so that it begins above three turns comes down to the turn by its parts. Tolerance: 10 ms over 400 s.
+    /// Truth: two mirrors, 0.33 of a turn apart, and 2.137 s. A search that is cut so that it begins above three turns comes down to the turn by its parts. Tolerance: the width of a flash, two steps of 10 ms, over 400 s.
     #[test]
     fn a_search_that_begins_late_finds_the_turn() {
         let times: Vec<f64> =
@@ -533,7 +533,7 @@ mod tests {
         let found = search_within(&light, &Options::default(), 2.38e8).unwrap();
         assert!(found.searched_s.0 > 3.0 * 2.137, "{:?}", found.searched_s);
         let best = &found.combs[0];
-        assert!((best.period_s / 2.137 - 1.0).abs() < 2.5e-5, "{}", best.period_s);
+        assert!((best.period_s / 2.137 - 1.0).abs() < 5e-5, "{}", best.period_s);
         assert_eq!(best.teeth.len(), 2);
     }
 }
