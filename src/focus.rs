@@ -175,10 +175,17 @@ fn focus(args: &FocusArgs, console: Console, seed: u64) -> anyhow::Result<()> {
     match done {
         Ok(run) => finish(&run, None),
         Err(FailedRun { run, error, returned }) => {
-            let stands = if returned {
-                format!("the focuser stands at {}, as before", run.stands_at)
-            } else {
-                format!("the focuser could not be sent back to {}", run.started_at)
+            let stands = match (returned, run.stands_at) {
+                (true, Some(at)) => format!("the focuser stands at {at}, as before"),
+                (true, None) => "the focuser was not moved".to_owned(),
+                (false, Some(at)) => format!(
+                    "the focuser could not be sent back to {}: it stands at {at}",
+                    run.started_at
+                ),
+                (false, None) => format!(
+                    "the focuser could not be sent back to {}, and where it stands is not known",
+                    run.started_at
+                ),
             };
             let error = anyhow!("{error}; {stands}");
             // Options that make no sense have seen nothing.

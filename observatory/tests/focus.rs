@@ -81,7 +81,7 @@ fn campaign_focus() {
             };
             let curve = done.curve.unwrap();
             let off = curve.best - bench.best(side == Approach::Up);
-            assert!((done.stands_at as f64 - curve.best).abs() <= 0.5, "{seed}");
+            assert!((done.stands_at.unwrap() as f64 - curve.best).abs() <= 0.5, "{seed}");
             Some((seed, off, curve.sigma, off.abs() / curve.half_width_95))
         })
         .collect();

@@ -41,13 +41,16 @@ pub fn text(run: &FocusRun) -> String {
         let _ = writeln!(
             text,
             "a frame at {} has {:.2} ± {:.2} px",
-            run.stands_at, there.hfr_px, there.sigma_px
+            run.curve.map_or(f64::NAN, |curve| curve.best.round()),
+            there.hfr_px,
+            there.sigma_px
         );
     }
     if let Some(temperature) = run.temperature_c {
         let _ = writeln!(text, "temperature {temperature:.1} °C");
     }
-    let _ = writeln!(text, "the focuser stands at {} (before: {})", run.stands_at, run.started_at);
+    let stands = run.stands_at.map_or("an unknown position".to_owned(), |at| at.to_string());
+    let _ = writeln!(text, "the focuser stands at {stands} (before: {})", run.started_at);
     text
 }
 

@@ -53,12 +53,15 @@ impl<V: serde::de::DeserializeOwned> Envelope<V> {
     }
 }
 
+/// At most so many characters of a text from outside, fit for a terminal.
+pub(super) fn clean(text: &str, most: usize) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(most).collect()
+}
+
 /// Begin of a body, for a message.
 pub(super) fn excerpt(body: &[u8]) -> String {
     let text = String::from_utf8_lossy(&body[..body.len().min(600)]).into_owned();
-    let text: String =
-        text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(200).collect();
-    format!("`{}`", text.trim())
+    format!("`{}`", clean(&text, 200).trim())
 }
 
 /// Meaning of ASCOM's codes.

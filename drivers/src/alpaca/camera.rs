@@ -178,6 +178,7 @@ impl<T: Bytes> Camera<T> {
         let Response { status, content_type, body } = &response;
         if *status != 200 {
             let fail = value_of(DEVICE, &response, transaction).err();
+            self.session.forget();
             return Err(match fail {
                 Some(fail) => fail.error(DEVICE, request),
                 None => self.session.protocol("no frame came".into()),
@@ -190,10 +191,14 @@ impl<T: Bytes> Camera<T> {
         };
         let image = image.map_err(|error| match error {
             ImageError::Said(code, words) => said(code, Some(&words)).error(DEVICE, request),
-            ImageError::Unfit(reason) => self.session.protocol(reason),
+            ImageError::Unfit(reason) => {
+                self.session.forget();
+                self.session.protocol(reason)
+            }
         })?;
         let got = image.client_transaction;
         if got != 0 && got != transaction {
+            self.session.forget();
             let reason = format!("the frame answers request {got}, expected {transaction}");
             return Err(self.session.protocol(reason));
         }

@@ -9,6 +9,10 @@ use crate::transport::Bytes;
 use std::time::Duration;
 
 const DEVICE: &str = "Alpaca focuser";
+/// Positions that fit into ASCOM's type.
+const POSITIONS: [i64; 2] = [i32::MIN as i64, i32::MAX as i64];
+/// Steps that a focuser may be off and still be there.
+const THERE: i64 = 1;
 
 /// A focuser of an Alpaca server, with absolute positions.
 #[derive(Debug)]
@@ -42,9 +46,26 @@ impl<T: Bytes> Focuser<T> {
         let parameters = [("Position", position.to_string())];
         let put = self.session.put("move", &parameters, deadline);
         put.map_err(|fail| fail.error(DEVICE, &format!("position {position}")))?;
-        self.session
-            .wait("moving", deadline, |session, d| session.flag("ismoving", d).map(|m| !m))?;
-        self.position(deadline)
+        let got = self.session.settle(
+            "moving",
+            deadline,
+            |session, d| match session.flag("ismoving", d)? {
+                true => Ok(None),
+                false => session.integer("position", POSITIONS, d).map(Some),
+            },
+            |at| at == position,
+            |a, b| a == b,
+        )?;
+        if (got - position).abs() > THERE {
+            let (asked, got) = (position.to_string(), got.to_string());
+            return Err(DeviceError::NotTaken {
+                device: DEVICE,
+                name: "position, steps",
+                asked,
+                got,
+            });
+        }
+        Ok(got)
     }
 }
 
@@ -79,7 +100,7 @@ impl<T: Bytes> crate::device::Focuser for Focuser<T> {
     }
 
     fn position(&mut self, deadline: &Deadline) -> Result<i64, DeviceError> {
-        self.session.integer("position", [i64::from(i32::MIN), i64::from(i32::MAX)], deadline)
+        self.session.integer("position", POSITIONS, deadline)
     }
 
     fn move_to(

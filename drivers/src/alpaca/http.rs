@@ -1,15 +1,13 @@
 //! HTTP/1.1 as far as Alpaca needs it: one request after the other on one connection, bounded answers, and a new connection after anything went wrong.
 
+use super::answer::clean;
 use crate::clock::Deadline;
 use crate::transport::{Bytes, TransportError};
-use std::time::Duration;
 
 /// The most that the head of an answer may have, bytes.
 pub const MOST_HEAD: usize = 16 << 10;
 /// Interim answers (`100 Continue`) before the real one.
 const MOST_INTERIM: u32 = 8;
-/// A connection that was quiet for so long may have been closed by the server.
-const QUIET: Duration = Duration::from_secs(1);
 
 /// An answer.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -137,7 +135,8 @@ impl ResponseParser {
                 let size = line.split(';').next().unwrap_or_default().trim();
                 let digits = !size.is_empty() && size.bytes().all(|b| b.is_ascii_hexdigit());
                 let size = usize::from_str_radix(size, 16).ok().filter(|_| digits);
-                let size = size.ok_or_else(|| format!("a chunk of `{line}` bytes"))?;
+                let size =
+                    size.ok_or_else(|| format!("a chunk of `{}` bytes", clean(&line, 40)))?;
                 if size > self.most_body.saturating_sub(self.body.len()) {
                     return Err(format!(
                         "the answer is longer than the {} bytes allowed",
@@ -196,7 +195,7 @@ impl ResponseParser {
         let mut lines = head.lines();
         let first = lines.next().unwrap_or_default();
         let wrong = || {
-            let seen: String = first.chars().take(40).collect();
+            let seen = clean(first, 40);
             format!("`{seen}` is no answer of HTTP: is this the port of an Alpaca server?")
         };
         let mut words = first.split_ascii_whitespace();
@@ -215,16 +214,20 @@ impl ResponseParser {
             let value = value.trim();
             match name.trim().to_ascii_lowercase().as_str() {
                 "content-length" => {
-                    let number: usize =
-                        value.parse().map_err(|_| format!("a Content-Length of `{value}`"))?;
+                    let number: usize = value
+                        .parse()
+                        .map_err(|_| format!("a Content-Length of `{}`", clean(value, 40)))?;
                     if length.is_some_and(|known| known != number) {
                         return Err("two different Content-Lengths".into());
                     }
                     length = Some(number);
                 }
                 "transfer-encoding" if value.eq_ignore_ascii_case("chunked") => chunked = true,
-                "transfer-encoding" => return Err(format!("a Transfer-Encoding of `{value}`")),
+                "transfer-encoding" => {
+                    return Err(format!("a Transfer-Encoding of `{}`", clean(value, 40)));
+                }
                 "content-encoding" if !value.eq_ignore_ascii_case("identity") => {
+                    let value = clean(value, 40);
                     return Err(format!("a Content-Encoding of `{value}`, which nobody asked for"));
                 }
                 "content-type" => {
@@ -258,7 +261,13 @@ impl ResponseParser {
                     self.most_body
                 ));
             }
-            (false, Some(length)) => State::Length(length),
+            (false, Some(length)) => {
+                // Once, and no more than is announced: a buffer that grows is twice as large.
+                self.body
+                    .try_reserve_exact(length)
+                    .map_err(|_| format!("no memory for the {length} bytes announced"))?;
+                State::Length(length)
+            }
             (false, None) => {
                 self.keeps = false;
                 State::UntilEnd
@@ -306,16 +315,21 @@ pub(super) struct Http<T> {
     host: String,
     /// Whether the line's content is unknown: it has to be connected again.
     broken: bool,
-    last: Option<Duration>,
+    used: bool,
 }
 
 impl<T: Bytes> Http<T> {
     pub fn new(line: T, host: &str) -> Self {
-        Self { line, host: host.to_owned(), broken: false, last: None }
+        Self { line, host: host.to_owned(), broken: false, used: false }
     }
 
     pub fn line(&self) -> &T {
         &self.line
+    }
+
+    /// Gives the connection up: the next request makes a new one.
+    pub fn forget(&mut self) {
+        self.broken = true;
     }
 
     /// Asks, and waits for the answer. Where a kept connection turns out to be closed, the request is repeated once on a new one, if that is harmless.
@@ -324,13 +338,11 @@ impl<T: Bytes> Http<T> {
         request: &Request<'_>,
         deadline: &Deadline,
     ) -> Result<Response, HttpError> {
-        let fresh = self.last.is_none() || self.broken;
-        if !fresh && !request.repeats {
-            let quiet = self.last.is_none_or(|last| deadline.now().saturating_sub(last) > QUIET);
-            // What has come unasked, and a connection that was closed meanwhile, are seen before the request.
-            if quiet && !matches!(self.line.discard(deadline), Ok(dropped) if dropped.is_empty()) {
-                self.broken = true;
-            }
+        let fresh = !self.used || self.broken;
+        // What has come unasked, such as a second answer, would be taken for that of this request, and each answer for that of the next from then on. A connection
+        // that was closed meanwhile is seen here, too.
+        if !fresh && !matches!(self.line.discard(deadline), Ok(dropped) if dropped.is_empty()) {
+            self.broken = true;
         }
         let had = !self.broken;
         match self.once(request, deadline) {
@@ -367,8 +379,7 @@ impl<T: Bytes> Http<T> {
         text.push_str("\r\n");
         text.push_str(form);
         // Whatever happens from here on but a whole answer leaves the line unknown.
-        self.broken = true;
-        self.last = Some(deadline.now());
+        (self.broken, self.used) = (true, true);
         self.line.send(text.as_bytes(), deadline).map_err(|error| (error.into(), false))?;
         let mut parser = ResponseParser::new(most_body);
         let mut buffer = vec![0; 16 << 10];
@@ -386,7 +397,6 @@ impl<T: Bytes> Http<T> {
             }
         }
         self.broken = !parser.keeps();
-        self.last = Some(deadline.now());
         Ok(parser.into_response())
     }
 }

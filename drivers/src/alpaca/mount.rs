@@ -1,7 +1,7 @@
 //! A telescope mount.
 
 use super::answer::PARKED;
-use super::session::{Place, Session, SessionSettings};
+use super::session::{Place, STARTS, Session, SessionSettings};
 use crate::clock::{Deadline, utc_now};
 use crate::device::{
     self, Device, DeviceError, Identity, MountAbilities, MountAxes, MountMotion, MountPlace,
@@ -17,8 +17,6 @@ const DEVICE: &str = "Alpaca telescope";
 const SIDEREAL_DEG_S: f64 = 15.041_067 / 3600.0;
 /// A slowest rate up to which rates count as continuous, deg/s: 1 arcsec/s.
 const SLOWEST_DEG_S: f64 = 1.0 / 3600.0;
-/// Time after a goto in which a mount need not say yet that it slews.
-const STARTS: Duration = Duration::from_millis(1500);
 /// How far from its goal a mount may stand that says that it is there, deg.
 const THERE_DEG: f64 = 0.5;
 /// Way between two readings from which a mount counts as moving, deg.
@@ -46,6 +44,8 @@ impl Default for MountSettings {
 struct Goal {
     place: MountPlace,
     since: Duration,
+    /// Whether it has said since then that it slews.
+    slewed: bool,
     /// Where it was seen last.
     last: Option<MountPlace>,
 }
@@ -172,7 +172,10 @@ impl<T: Bytes> Mount<T> {
             let off = distance_deg(place, goal.place);
             let moves = goal.last.is_none_or(|last| distance_deg(place, last) > MOVES_DEG);
             goal.last = Some(place);
-            if !slewing && off <= THERE_DEG {
+            goal.slewed |= slewing;
+            // A short way may not have begun yet.
+            let begun = goal.slewed || !young || off < MOVES_DEG;
+            if !slewing && off <= THERE_DEG && begun {
                 self.goal = None;
             } else if slewing || young || moves {
                 return Ok(MountMotion::Slewing);
@@ -245,7 +248,12 @@ impl<T: Bytes> Mount<T> {
         deadline: &Deadline,
     ) -> Result<(), DeviceError> {
         let parameters = [("Axis", axis.to_string()), ("Rate", (deg_s + 0.0).to_string())];
-        let put = self.session.put("moveaxis", &parameters, deadline);
+        // A command that arrived may have been followed by another client's stop, or a watchdog's: it is not sent again by itself. A stop is.
+        let put = if deg_s == 0.0 {
+            self.session.put("moveaxis", &parameters, deadline)
+        } else {
+            self.session.put_once("moveaxis", &parameters, deadline)
+        };
         put.map_err(|fail| fail.error(DEVICE, &format!("{deg_s} deg/s of axis {axis}")))
     }
 
@@ -273,7 +281,8 @@ impl<T: Bytes> Mount<T> {
         let slept = |expired| DeviceError::expired(DEVICE, "a short move", expired);
         let start = self.place(deadline)?;
         let near_pole = both(start.1)[1] > 80.0;
-        let rates = [rate.min(most[0]), if near_pole { -rate } else { rate }.min(most[1])];
+        let (first, second) = (rate.min(most[0]), rate.min(most[1]));
+        let rates = [first, if near_pole { -second } else { second }];
         self.move_axes(rates, deadline)?;
         // The first part of the move is the mount's own: delay and acceleration.
         deadline.sleep(time / 2).map_err(slept)?;
@@ -318,9 +327,17 @@ fn abilities<T: Bytes>(
     let axes = if alignment == Some(0) { MountAxes::Horizontal } else { MountAxes::Equatorial };
     if axes == MountAxes::Equatorial {
         // ASCOM: 0 other, 1 of date, 2 J2000, 3 J2050, 4 B1950.
-        let system = session.optional("equatorialsystem", deadline)?.and_then(|v| v.as_i64());
-        if !matches!(system, None | Some(0 | 1)) {
-            let reason = "it takes places of another equinox: set its driver to the equinox of date (JNow, topocentric)";
+        let system = session.optional("equatorialsystem", deadline)?;
+        let reason = match system.as_ref().map(|system| system.as_i64()) {
+            Some(Some(1)) => None,
+            Some(Some(2..=4)) => Some(
+                "it takes places of another equinox: set its driver to the equinox of date (JNow, topocentric)",
+            ),
+            _ => Some(
+                "it does not say of which equinox its places are (EquatorialSystem): set its driver to the equinox of date (JNow, topocentric)",
+            ),
+        };
+        if let Some(reason) = reason {
             return Err(DeviceError::NotReady { device: DEVICE, reason });
         }
     }
@@ -438,10 +455,10 @@ impl<T: Bytes> device::Mount for Mount<T> {
         let equatorial = matches!(place, MountPlace::Equatorial { .. });
         self.track(equatorial, deadline)?;
         let member = if equatorial { "slewtocoordinatesasync" } else { "slewtoaltazasync" };
-        let put = self.session.put(member, &Self::form(place), deadline);
+        let put = self.session.put_once(member, &Self::form(place), deadline);
         let [first, second] = both(place);
         put.map_err(|fail| fail.error(DEVICE, &format!("to go to {first:.4}, {second:.4} deg")))?;
-        self.goal = Some(Goal { place, since: deadline.now(), last: None });
+        self.goal = Some(Goal { place, since: deadline.now(), slewed: false, last: None });
         Ok(())
     }
 
@@ -552,7 +569,7 @@ impl<T: Bytes> device::Mount for Mount<T> {
         }
         (self.goal, self.rates) = (None, None);
         let (member, request) = if parked { ("park", "to park") } else { ("unpark", "to unpark") };
-        let error = match self.session.put(member, &[], deadline) {
+        let error = match self.session.put_once(member, &[], deadline) {
             Ok(()) => return Ok(()),
             Err(fail) => fail.error(DEVICE, request),
         };

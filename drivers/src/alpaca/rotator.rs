@@ -9,6 +9,8 @@ use crate::transport::Bytes;
 use std::time::Duration;
 
 const DEVICE: &str = "Alpaca rotator";
+/// Angles that servers give, deg.
+const ANGLES: [f64; 2] = [-360.0, 360.0];
 /// How far from its target it may stand, deg.
 const TOLERANCE_DEG: f64 = 0.1;
 
@@ -46,11 +48,21 @@ impl<T: Bytes> Rotator<T> {
         let parameters = [("Position", angle_deg.to_string())];
         let put = self.session.put("moveabsolute", &parameters, deadline);
         put.map_err(|fail| fail.error(DEVICE, &format!("{angle_deg} deg")))?;
-        self.session
-            .wait("turning", deadline, |session, d| session.flag("ismoving", d).map(|m| !m))?;
-        let got = self.angle_deg(deadline)?;
-        let off = (got - angle_deg).rem_euclid(360.0);
-        if off.min(360.0 - off) > TOLERANCE_DEG {
+        let near = |a: f64, b: f64, most: f64| {
+            let off = (a - b).rem_euclid(360.0);
+            off.min(360.0 - off) <= most
+        };
+        let got = self.session.settle(
+            "turning",
+            deadline,
+            |session, d| match session.flag("ismoving", d)? {
+                true => Ok(None),
+                false => session.number("position", ANGLES, d).map(Some),
+            },
+            |at| near(at, angle_deg, TOLERANCE_DEG),
+            |a, b| near(a, b, 0.1 * TOLERANCE_DEG),
+        )?;
+        if !near(got, angle_deg, TOLERANCE_DEG) {
             let (asked, got) = (angle_deg.to_string(), got.to_string());
             return Err(DeviceError::NotTaken { device: DEVICE, name: "angle, deg", asked, got });
         }
@@ -81,7 +93,7 @@ impl<T: Bytes> RotationStage for Rotator<T> {
     }
 
     fn angle_deg(&mut self, deadline: &Deadline) -> Result<f64, DeviceError> {
-        self.session.number("position", [-360.0, 360.0], deadline)
+        self.session.number("position", ANGLES, deadline)
     }
 
     fn home(&mut self, _: &Deadline) -> Result<f64, Interrupted<Option<f64>>> {

@@ -1,6 +1,6 @@
 //! One device of a server: reading its members, and setting them.
 
-use super::answer::{Fail, MOST_JSON, value_of};
+use super::answer::{Fail, MOST_JSON, clean, value_of};
 use super::http::{Http, HttpError, Request, Response};
 use crate::clock::Deadline;
 use crate::device::{DeviceError, Identity};
@@ -31,6 +31,9 @@ impl Default for SessionSettings {
         }
     }
 }
+
+/// Time after a command in which a device need not move yet, nor say so.
+pub(super) const STARTS: Duration = Duration::from_millis(1500);
 
 /// A device of a server.
 #[derive(Debug)]
@@ -129,6 +132,20 @@ impl<T: Bytes> Session<T> {
         })
     }
 
+    /// The value of an answer. After one that is not of this request, or no answer of Alpaca, the connection is not trusted: what comes next on it may be late, too.
+    fn value_of(&mut self, response: &Response) -> Result<Value, Fail> {
+        let value = value_of(self.label, response, self.transaction);
+        if matches!(value, Err(Fail::Device(_))) {
+            self.forget();
+        }
+        value
+    }
+
+    /// Gives the connection up: the next request makes a new one.
+    pub fn forget(&mut self) {
+        self.http.forget();
+    }
+
     /// Reads a member.
     pub fn get(
         &mut self,
@@ -147,7 +164,7 @@ impl<T: Bytes> Session<T> {
             repeats: true,
         };
         let response = self.exchange(&request, &self.soon(deadline))?;
-        value_of(self.label, &response, self.transaction)
+        self.value_of(&response)
     }
 
     /// Reads the frame, in the form that the server prefers.
@@ -184,7 +201,7 @@ impl<T: Bytes> Session<T> {
             repeats,
         };
         let response = self.exchange(&request, deadline)?;
-        value_of(self.label, &response, self.transaction).map(drop)
+        self.value_of(&response).map(drop)
     }
 
     /// Sets a member, or begins something that is the same if it is begun twice.
@@ -310,7 +327,7 @@ impl<T: Bytes> Session<T> {
     pub fn texts(&mut self, member: &str, deadline: &Deadline) -> Result<Vec<String>, DeviceError> {
         let value = self.value(member, deadline)?;
         let texts = value.as_array().filter(|all| all.len() <= 100).and_then(|all| {
-            all.iter().map(|one| one.as_str().map(str::to_owned)).collect::<Option<Vec<_>>>()
+            all.iter().map(|one| Some(clean(one.as_str()?.trim(), 100))).collect::<Option<Vec<_>>>()
         });
         texts.ok_or_else(|| self.wrong(member, "a list of at most 100 names", &value))
     }
@@ -322,10 +339,7 @@ impl<T: Bytes> Session<T> {
     ) -> Result<Option<String>, DeviceError> {
         let value = self.optional(member, deadline)?;
         let text = value.as_ref().and_then(Value::as_str).map(str::trim);
-        let clean = |text: &str| -> String {
-            text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(100).collect()
-        };
-        Ok(text.filter(|text| !text.is_empty()).map(clean))
+        Ok(text.filter(|text| !text.is_empty()).map(|text| clean(text, 100)))
     }
 
     pub fn identity(&mut self, deadline: &Deadline) -> Result<Identity, DeviceError> {
@@ -365,6 +379,33 @@ impl<T: Bytes> Session<T> {
             }
             deadline.sleep(poll).map_err(expired)?;
         }
+    }
+}
+
+impl<T: Bytes> Session<T> {
+    /// Waits until a device is `there` or has come to a stop elsewhere, and gives where it stands. `look` reads that; `None` while the device says that it moves.
+    /// A device may be late to begin, and say until then that it does not move: it has stopped if it stands the `same` twice, and not right after the command.
+    pub fn settle<V: Copy>(
+        &mut self,
+        action: &'static str,
+        deadline: &Deadline,
+        mut look: impl FnMut(&mut Self, &Deadline) -> Result<Option<V>, DeviceError>,
+        there: impl Fn(V) -> bool,
+        same: impl Fn(V, V) -> bool,
+    ) -> Result<V, DeviceError> {
+        let begun = deadline.now();
+        let mut last = None;
+        self.wait(action, deadline, |session, deadline| {
+            let Some(now) = look(session, deadline)? else {
+                last = None;
+                return Ok(false);
+            };
+            let young = deadline.now().saturating_sub(begun) < STARTS;
+            let stands = last.is_some_and(|last| same(last, now));
+            last = Some(now);
+            Ok(there(now) || (stands && !young))
+        })?;
+        last.ok_or_else(|| self.protocol("it does not say where it stands".into()))
     }
 }
 

@@ -51,19 +51,21 @@ impl<T: Bytes> Wheel<T> {
         let put = self.session.put("position", &parameters, deadline);
         put.map_err(|fail| fail.error(DEVICE, &format!("slot {slot}")))?;
         let most = i64::from(self.slots()) - 1;
-        let mut stands = None;
-        self.session.wait("turning", deadline, |session, deadline| {
-            let now = session.integer("position", [-1, most], deadline)?;
-            stands = u32::try_from(now).ok().map(|now| now + 1);
-            Ok(stands.is_some())
-        })?;
-        match stands {
-            Some(got) if got == slot => Ok(got),
-            got => {
-                let (asked, got) = (slot.to_string(), got.unwrap_or_default().to_string());
-                Err(DeviceError::NotTaken { device: DEVICE, name: "slot", asked, got })
-            }
+        let got = self.session.settle(
+            "turning",
+            deadline,
+            |session, deadline| {
+                let now = session.integer("position", [-1, most], deadline)?;
+                Ok(u32::try_from(now).ok().map(|now| now + 1))
+            },
+            |got| got == slot,
+            |a, b| a == b,
+        )?;
+        if got != slot {
+            let (asked, got) = (slot.to_string(), got.to_string());
+            return Err(DeviceError::NotTaken { device: DEVICE, name: "slot", asked, got });
         }
+        Ok(got)
     }
 }
 

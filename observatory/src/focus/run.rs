@@ -12,6 +12,8 @@ use sunglint_formats::time::format_utc;
 
 /// Longest time of one move.
 const MOVES: Duration = Duration::from_secs(180);
+/// Steps that a focuser may be off and still be there.
+const THERE: i64 = 1;
 /// How much longer than its exposure a frame may take.
 const FRAME: Duration = Duration::from_secs(60);
 
@@ -90,8 +92,8 @@ pub struct FocusRun {
     pub points: Vec<Seen>,
     /// The curve; nothing where there is no best position.
     pub curve: Option<Curve>,
-    /// Where the focuser stands now, steps.
-    pub stands_at: i64,
+    /// Where the focuser stands now, steps; nothing where it did not say so after a move that failed.
+    pub stands_at: Option<i64>,
     /// Half-flux radius of a frame at the best position.
     pub there: Option<Sharpness>,
     /// Temperature at the focuser, °C: mean of begin and end.
@@ -175,7 +177,12 @@ struct Runner<'a> {
     clock: &'a DeviceClock,
     options: RunOptions,
     cancel: sunglint_drivers::clock::Cancel,
+    /// Where it stands; nothing where that is not known.
     stands: Option<i64>,
+    /// Whether it was told to move at all.
+    moved: bool,
+    /// Whether the last move ended where it was to: only then it is known which way the gears lie.
+    settled: bool,
 }
 
 impl Runner<'_> {
@@ -185,20 +192,32 @@ impl Runner<'_> {
 
     fn step_to(&mut self, position: i64) -> Result<i64, DeviceError> {
         let deadline = self.within(MOVES);
+        (self.moved, self.settled) = (true, false);
         let moved = self.focuser.move_to(position, &deadline);
+        // A move that fails has moved it, too: as far as it says, or nobody knows where.
+        self.stands = moved.as_ref().map_or_else(|failed| failed.done, |at| Some(*at));
         let at = moved.map_err(|failed| *failed.error)?;
-        self.stands = Some(at);
+        if (at - position).abs() > THERE {
+            let (asked, got) = (position.to_string(), at.to_string());
+            let (device, name) = ("focuser", "position, steps");
+            return Err(DeviceError::NotTaken { device, name, asked, got });
+        }
+        self.settled = true;
         Ok(at)
     }
 
     /// Moves to a position from the chosen side.
     fn approach(&mut self, position: i64) -> Result<i64, DeviceError> {
         let overshoot = self.options.overshoot;
+        let from = self.stands.filter(|_| self.settled);
         let (before, comes) = match self.options.approach {
-            Approach::Up => (position - overshoot, self.stands.is_some_and(|at| at < position)),
-            Approach::Down => (position + overshoot, self.stands.is_some_and(|at| at > position)),
+            Approach::Up => (position - overshoot, from.is_some_and(|at| at < position)),
+            Approach::Down => (position + overshoot, from.is_some_and(|at| at > position)),
         };
-        if !comes && overshoot > 0 {
+        // A run stays within the range with its overshoot. The way back may end nearer to the end of the travel: there is no more room for it then.
+        let [least, most] = self.focuser.range();
+        let before = before.max(least).min(most);
+        if !comes && before != position {
             self.step_to(before)?;
         }
         self.step_to(position)
@@ -262,25 +281,22 @@ pub fn run(
         started_at: 0,
         points: Vec::new(),
         curve: None,
-        stands_at: 0,
+        stands_at: None,
         there: None,
         temperature_c: None,
     };
-    let mut runner =
-        Runner { camera, focuser, clock, options, cancel: cancel.clone(), stands: None };
+    let cancel = cancel.clone();
+    let (stands, moved, settled) = (None, false, false);
+    let mut runner = Runner { camera, focuser, clock, options, cancel, stands, moved, settled };
     let done = go(&mut runner, &mut result, each);
-    if let Some(at) = runner.stands {
-        result.stands_at = at;
-    }
+    result.stands_at = runner.stands;
     match done {
         Ok(()) => Ok(result),
         Err(error) => {
             // Whatever ended it, a cancelled token among it: the focus of before is better than none.
             runner.cancel = sunglint_drivers::clock::Cancel::new();
-            let moved = runner.stands.is_some();
-            let back = result.started_at;
-            let returned = !moved || runner.approach(back).is_ok();
-            result.stands_at = runner.stands.unwrap_or(back);
+            let returned = !runner.moved || runner.approach(result.started_at).is_ok();
+            result.stands_at = runner.stands;
             Err(FailedRun { run: Box::new(result), error, returned })
         }
     }
@@ -295,8 +311,12 @@ fn go(
     check(&options)?;
     let soon = runner.within(Duration::from_secs(10));
     result.started_at = runner.focuser.position(&soon)?;
-    result.stands_at = result.started_at;
-    let before = runner.focuser.temperature_c(&soon)?;
+    runner.stands = Some(result.started_at);
+    // A thermometer that fails is no reason not to focus: the run has no temperature then.
+    let before = match runner.focuser.temperature_c(&soon) {
+        Err(error @ DeviceError::Cancelled { .. }) => return Err(error.into()),
+        read => read.ok().flatten(),
+    };
     let center = options.center.unwrap_or(result.started_at);
     // At most 99 points of a million steps.
     let half = options.step * (options.points as i64 - 1) / 2;
@@ -333,11 +353,12 @@ fn go(
     }
     let curve = fit(&points)?;
     result.curve = Some(curve);
-    let position = curve.best.round() as i64;
-    let position = runner.approach(position)?;
+    let best = curve.best.round();
+    let position = runner.approach(best as i64)?;
     let there = runner.look()?;
     result.there = there;
-    let expected = curve.at(position as f64);
+    // Where it should stand, and not where it says that it does: a focuser that stands still elsewhere is on the curve, too.
+    let expected = curve.at(best);
     let noise = points.iter().map(|p| p.sigma_px).fold(0.0, f64::max);
     match there {
         Some(there) if there.hfr_px <= 1.2 * expected + 4.0 * noise.hypot(there.sigma_px) => {}
@@ -348,7 +369,7 @@ fn go(
         }
     }
     let soon = runner.within(Duration::from_secs(10));
-    let after = runner.focuser.temperature_c(&soon)?;
+    let after = runner.focuser.temperature_c(&soon).ok().flatten();
     result.temperature_c = before.zip(after).map(|(a, b)| 0.5 * (a + b));
     Ok(())
 }
