@@ -369,7 +369,7 @@ fn every_json_key_is_documented_and_every_documented_one_is_printed() {
     // Flashes of one row every 4.13 s, over light without a period.
     let curve = crate::common::turning_curve();
     let mut flashing: String =
-        curve.lines().take_while(|l| !l.starts_with("2008")).map(|l| format!("{l}\n")).collect();
+        curve.lines().take_while(|l| !l.starts_with("2008")).flat_map(|l| [l, "\n"]).collect();
     for i in 0..2400_u32 {
         let t = 0.05 + 0.1 * f64::from(i);
         let ripple = (f64::from(i * i) * 0.618_033_988_75).fract() - 0.5;

@@ -242,7 +242,7 @@ fn every_command_reads_rows_in_any_order() {
     ];
     let answers = || -> Vec<(Option<i32>, serde_json::Value, String)> {
         let one = |args: &&[&str]| {
-            let out = folder.run(&[args, &["--json"][..]].concat());
+            let out = folder.run(&[*args, &["--json"][..]].concat());
             let said = String::from_utf8_lossy(&out.stderr).into_owned();
             let json = serde_json::from_slice(&out.stdout).unwrap_or_default();
             (out.status.code(), same_light(json), said)
