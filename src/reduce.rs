@@ -15,7 +15,7 @@ use sunglint_calibration::reduction::folder::{
 };
 use sunglint_calibration::reduction::frames::{DETECT_SIGMAS, FrameOptions, SensorFiles};
 use sunglint_calibration::reduction::night::OFF_SIGMAS;
-use sunglint_calibration::reduction::{Recipe, ReduceError, ReduceOptions, reduce, stays};
+use sunglint_calibration::reduction::{Library, Recipe, ReduceError, ReduceOptions, reduce, stays};
 use sunglint_ephemeris::orbit::elements;
 use sunglint_ephemeris::orbit::tle::{self, Tle};
 use sunglint_formats::Frame;
@@ -93,6 +93,9 @@ pub struct FrameArgs {
     /// Flats (FITS); they need dark frames
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub flat: Vec<PathBuf>,
+    /// Library of master darks, bias frames and flats: gives what the session lacks, and keeps what it has
+    #[arg(long, value_name = "FOLDER")]
+    pub library: Option<PathBuf>,
 }
 
 /// Frames of other programs.
@@ -313,6 +316,7 @@ impl FrameArgs {
             SensorFiles { darks: read_frames(&self.dark)?, flats: read_frames(&self.flat)? };
         let Some(mut options) = FrameOptions::for_station(station) else { return Ok(None) };
         options.sensor = sensor;
+        options.library = self.library.as_ref().map(Library::open).transpose()?;
         self.recipe().apply_to_frames(&mut options);
         Ok(Some(options))
     }
@@ -406,9 +410,9 @@ fn run_frames(args: &ReduceArgs, console: Console) -> anyhow::Result<()> {
         }
         inputs.push(path.clone());
     }
-    if args.raw || args.target.is_some() || args.recipe.is_some() {
+    if args.raw || args.target.is_some() || args.recipe.is_some() || args.frames.library.is_some() {
         return Err(Usage(
-            "--raw, --target and --recipe are about sessions, not frames of other programs".into(),
+            "--raw, --target, --recipe and --library are about sessions, not frames of other programs".into(),
         )
         .into());
     }

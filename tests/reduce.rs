@@ -369,3 +369,73 @@ fn a_night_that_was_cut_is_reduced_as_far_as_it_is_there() {
     assert_eq!(night.cameras[0].failed.len(), 1, "{:?}", night.warnings);
     assert!(night.warnings.iter().any(|w| w.contains("is left out")), "{:?}", night.warnings);
 }
+
+/// A night without dark frames beside one with them, on a sensor with hot pixels: the masters of the library, which the first reduction fills, stand in. Truth: the first night's own
+/// reduction: the second one is the same night, its dark frames removed, and must come out the same to the last digit, while it does not without the library. A master of another
+/// temperature, or that is damaged, is not used; what is used is said.
+#[test]
+fn a_library_of_masters_stands_in_for_dark_frames() {
+    let folder = Folder::new("library");
+    let options = "seed = 3\n[plan]\nstars = 1\nvisit_s = 40\nsky_s = 5\nslew_s = 2\ndark_s = 20\n[camera]\nhot_fraction = 0.01\nhot_e_per_s = 500\n";
+    let (_, _) = observe(&folder.0, &plan_of(&[]), options);
+    let session = Session::open(folder.path("session")).unwrap();
+    let first = folder.done(&["reduce", "session", "--library", "lib", "-o", "one/"]);
+    assert!(first.contains("added to the library: dark_cam_0.5s"), "{first}");
+    let masters = || {
+        let all = std::fs::read_dir(folder.path("lib")).unwrap();
+        all.map(|entry| entry.unwrap().path()).collect::<Vec<_>>()
+    };
+    assert_eq!(masters().len(), 1);
+    // The same night without its dark frames.
+    let darks: Vec<_> = {
+        let visits = session.visits().unwrap();
+        let is_dark = |start: hifitime::Epoch| {
+            visits.iter().any(|visit| {
+                visit.target.target_kind == sunglint_formats::session::TargetKind::Dark
+                    && visit.from <= start
+                    && visit.to.is_none_or(|to| start < to)
+            })
+        };
+        let files = session.frames("cam").unwrap().files;
+        files.into_iter().filter(|file| file.start().is_some_and(is_dark)).collect()
+    };
+    assert!(darks.len() >= 5, "{}", darks.len());
+    for file in &darks {
+        std::fs::remove_file(&file.path).unwrap();
+    }
+    let rates = |out: &str| {
+        let names = std::fs::read_dir(folder.path(out)).unwrap();
+        let mut paths: Vec<_> = names.map(|entry| entry.unwrap().path()).collect();
+        paths.retain(|path| path.to_str().is_some_and(|path| path.ends_with("_1.ecsv")));
+        let table = sunglint_formats::ecsv::read(&paths[0]).unwrap();
+        let of = |name| table.f64(name).unwrap().iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        [of("r_rate_hz"), of("g_rate_hz"), of("b_rate_hz")]
+    };
+    let second = folder.done(&["reduce", "session", "--library", "lib", "-o", "two/"]);
+    assert!(second.contains("from the library: dark_cam_0.5s"), "{second}");
+    assert_eq!(rates("two"), rates("one"));
+    let without = folder.done(&["reduce", "session", "-o", "three/"]);
+    assert!(without.contains("no dark frames"), "{without}");
+    assert_ne!(rates("three"), rates("one"));
+    let text = std::fs::read_dir(folder.path("two")).unwrap();
+    let text = text.map(|entry| std::fs::read_to_string(entry.unwrap().path()).unwrap_or_default());
+    assert!(
+        text.into_iter()
+            .any(|text| text.contains("calibrated by masters of the library: dark_cam"))
+    );
+    // Ten degrees warmer.
+    let path = masters()[0].clone();
+    let bytes = std::fs::read(&path).unwrap();
+    let at = bytes.windows(8).position(|part| part == b"CCD-TEMP").unwrap();
+    let mut warmer = bytes.clone();
+    let card = format!("{:<80}", "CCD-TEMP=                  0.0 / deg C");
+    warmer[at..at + 80].copy_from_slice(card.as_bytes());
+    std::fs::write(&path, &warmer).unwrap();
+    let other = folder.done(&["reduce", "session", "--library", "lib", "-o", "four/"]);
+    assert!(other.contains("no dark frames"), "{other}");
+    // Cut off.
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let cut = folder.run(&["reduce", "session", "--library", "lib", "-o", "five/"]);
+    let said = String::from_utf8_lossy(&cut.stderr).into_owned();
+    assert!(cut.status.success() && said.contains("left out of the library"), "{said}");
+}

@@ -1,5 +1,6 @@
 //! The frames of a night: the sensor's faults from its dark frames, the target's place and rates from the others.
 
+use super::library::Library;
 use super::recipe::{PointedPlace, RefusedFrames};
 use super::seeing::{self, Width};
 use super::sensor::{Sensor, Taken, Used, bad_count, filter_of};
@@ -52,6 +53,10 @@ pub struct CameraNight {
     pub aperture_px: [f64; 3],
     /// Calibration frames that were used.
     pub sensor: Used,
+    /// Names of the masters that were taken from the library.
+    pub from_library: Vec<String>,
+    /// Names of the masters that were added to it.
+    pub to_library: Vec<String>,
     /// Settings of exposure, gain, binning, window and filter that the frames of targets have.
     pub settings: usize,
     /// Pixels that are left out, of the setting with the most of them.
@@ -133,6 +138,8 @@ pub struct FrameOptions {
     pub aperture_from_frames: bool,
     /// Dark frames and flats in place of the session's.
     pub sensor: SensorFiles,
+    /// Masters that nights share: for what the session lacks, and of what it has.
+    pub library: Option<Library>,
     /// Places at which a person saw targets. In a visit with one the target is followed from frame to frame: on from each place to the next, and back from the
     /// first. Each frame's source nearest to the last place is taken, at most [`FOLLOW_APERTURES`] apertures away where the options allow any distance.
     pub places: Vec<PointedPlace>,
@@ -175,6 +182,7 @@ impl FrameOptions {
             fwhm_from_frames: true,
             aperture_from_frames: true,
             sensor: SensorFiles::default(),
+            library: None,
             places: Vec::new(),
             refused: Vec::new(),
         };
@@ -191,6 +199,14 @@ impl FrameOptions {
 
 /// Frames per stay that are kept for figures.
 const SHOWN: usize = 4;
+
+/// The name by which a library knows a camera: its own, where its frames say one, else the session's.
+fn instrument(files: &[FrameFile], camera: &str) -> String {
+    let first = files.iter().find_map(|file| file.read().ok());
+    let own =
+        first.and_then(|frame| frame.header.text("INSTRUME").map(|name| name.trim().to_owned()));
+    own.filter(|name| !name.is_empty()).unwrap_or_else(|| camera.to_owned())
+}
 
 /// The stay that a time lies in.
 fn stay_at(stays: &[Stay], time: Epoch) -> Option<usize> {
@@ -215,7 +231,8 @@ pub fn camera_night(
         starts.iter().map(|start| start.and_then(|start| stay_at(stays, start))).collect();
     let mut failed = Vec::new();
     let mut options = how.photometry.clone();
-    let mut sensor = Sensor::of(&files, &stay_of, stays, &how.sensor, &mut failed);
+    let library = how.library.as_ref().map(|library| (library, instrument(&files, camera)));
+    let mut sensor = Sensor::of(&files, &stay_of, stays, &how.sensor, library, &mut failed);
     let zeniths = zeniths(&starts, &stay_of, stays, station)?;
     let mut fwhm_px = vec![options.fwhm_px; stays.len()];
     let mut widest_px = options.fwhm_px;
@@ -240,6 +257,8 @@ pub fn camera_night(
         fwhm_px,
         aperture_px: [options.aperture_radius_px, options.annulus_px[0], options.annulus_px[1]],
         sensor: Used::default(),
+        from_library: Vec::new(),
+        to_library: Vec::new(),
         settings: 0,
         bad_pixels: 0,
         warnings: by_hand.warnings.clone(),
@@ -645,6 +664,9 @@ impl<'a> Reducers<'a> {
         }
         night.tally = self.tally;
         night.sensor = self.sensor.used();
+        night.from_library = std::mem::take(&mut self.sensor.from_library).into_iter().collect();
+        night.to_library = std::mem::take(&mut self.sensor.to_library).into_iter().collect();
+        night.warnings.append(&mut self.sensor.warnings);
         night.settings = self.settings.len();
         night.bad_pixels = self.bad_pixels;
         let camera = self.camera;

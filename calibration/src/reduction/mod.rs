@@ -8,6 +8,7 @@ mod error;
 pub mod folder;
 pub mod frames;
 pub mod join;
+pub mod library;
 pub mod night;
 pub mod recipe;
 mod seeing;
@@ -18,6 +19,7 @@ pub mod tags;
 pub mod wings;
 
 pub use error::ReduceError;
+pub use library::Library;
 pub use night::{ReduceOptions, Reduced, Visited, reduce, reduce_with, stays};
 pub use recipe::Recipe;
 pub use sensor::Used;

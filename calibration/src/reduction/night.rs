@@ -332,7 +332,11 @@ impl Reduced {
         }
         let body = Body::of(&stay.target)?;
         let wings = self.cameras.iter().flat_map(|camera| &camera.wings[number]);
-        let wings: Vec<String> = wings.map(super::wings::Wings::note).collect();
+        let mut notes: Vec<String> = wings.map(super::wings::Wings::note).collect();
+        for camera in self.cameras.iter().filter(|camera| !camera.from_library.is_empty()) {
+            let (name, masters) = (&camera.camera, camera.from_library.join(", "));
+            notes.push(format!("camera {name}: calibrated by masters of the library: {masters}"));
+        }
         let complete = |curves: &[LightCurve]| {
             let mut curve =
                 join(curves).map_err(|channel| ReduceError::TwoInstruments { channel })?;
@@ -341,7 +345,7 @@ impl Reduced {
             }
             curve.provenance = provenance(&stay.target, session, station);
             curve.provenance.notes.extend(self.by_hand.clone());
-            curve.provenance.notes.extend(wings.iter().cloned());
+            curve.provenance.notes.extend(notes.iter().cloned());
             curve.other.insert("target".into(), target_json(stay));
             Ok::<_, ReduceError>(curve)
         };

@@ -2,9 +2,10 @@
 
 use super::error::Within as _;
 use super::frames::SensorFiles;
+use super::library::{Found, Library, MasterKind};
 use super::{ReduceError, Stay};
 use crate::photometry::{BadPixels, FrameCalibration, MasterFrame, PixelFault};
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::path::PathBuf;
 use sunglint_formats::Frame;
 use sunglint_formats::session::{FrameFile, TargetKind};
@@ -25,12 +26,12 @@ const NEAR_C: f64 = 2.0;
 /// How a frame was taken, as far as calibration frames must be like it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Taken {
-    exposure_s: f64,
-    origin: [u32; 2],
-    binning: [u32; 2],
-    dim: (usize, usize),
-    gain: Option<f64>,
-    temperature_c: Option<f64>,
+    pub(super) exposure_s: f64,
+    pub(super) origin: [u32; 2],
+    pub(super) binning: [u32; 2],
+    pub(super) dim: (usize, usize),
+    pub(super) gain: Option<f64>,
+    pub(super) temperature_c: Option<f64>,
     /// Name of the filter before the camera.
     pub filter: Option<String>,
 }
@@ -74,7 +75,7 @@ impl Taken {
     }
 
     /// Whether a bias frame fits a frame: part of the sensor, binning and gain, as far as both say them.
-    fn fits_bias(&self, frame: &Self) -> bool {
+    pub(super) fn fits_bias(&self, frame: &Self) -> bool {
         self.same_pixels(frame) && self.same_gain(frame)
     }
 
@@ -152,6 +153,14 @@ pub struct Sensor<'a> {
     darks: Kind,
     bias: Kind,
     flats: Kind,
+    /// Shared masters, and the name that they know the camera by.
+    library: Option<(&'a Library, String)>,
+    /// Masters that were taken from the library, and added to it.
+    pub from_library: BTreeSet<String>,
+    /// Masters that were added to it.
+    pub to_library: BTreeSet<String>,
+    /// Warnings about it.
+    pub warnings: Vec<String>,
     /// How frames of targets were taken, some of them spread over the night.
     usual: Vec<Taken>,
 }
@@ -174,6 +183,7 @@ impl<'a> Sensor<'a> {
         stay_of: &[Option<usize>],
         stays: &[Stay],
         given: &'a SensorFiles,
+        library: Option<(&'a Library, String)>,
         failed: &mut Vec<(FrameFile, String)>,
     ) -> Self {
         let mut kind = |kind| Kind::of(kind, files, stay_of, stays, failed);
@@ -190,7 +200,66 @@ impl<'a> Sensor<'a> {
         let step = on.len().div_ceil(MOST).max(1);
         let usual = on.iter().step_by(step);
         let usual = usual.filter_map(|file| Some(Taken::of(&file.read().ok()?))).collect();
-        Self { given, darks, bias, flats, usual }
+        let warnings = library.as_ref().map(|(library, _)| library.warnings.clone());
+        Self {
+            given,
+            darks,
+            bias,
+            flats,
+            library,
+            from_library: BTreeSet::new(),
+            to_library: BTreeSet::new(),
+            warnings: warnings.unwrap_or_default(),
+            usual,
+        }
+    }
+
+    /// A master of the library that fits.
+    fn master_for(&mut self, kind: MasterKind, fits: impl Fn(&Taken) -> bool) -> Option<Found> {
+        let (library, camera) = self.library.as_ref()?;
+        match library.find(kind, camera, fits)? {
+            Ok(found) => {
+                self.from_library.insert(found.name.clone());
+                Some(found)
+            }
+            Err(error) => {
+                self.warn(format!("left out of the library: {error}"));
+                None
+            }
+        }
+    }
+
+    /// Adds a master of the session's own frames to the library.
+    fn keep_master(
+        &mut self,
+        kind: MasterKind,
+        frames: &[Frame],
+        mean: &MasterFrame,
+        bad: Option<&BadPixels>,
+    ) {
+        let Some((library, camera)) = self.library.as_ref() else { return };
+        match library.keep(kind, camera, frames, mean, bad) {
+            Ok(name) => self.to_library.extend(name),
+            Err(error) => self.warn(format!("not added to the library: {error}")),
+        }
+    }
+
+    fn warn(&mut self, warning: String) {
+        if !self.warnings.contains(&warning) {
+            self.warnings.push(warning);
+        }
+    }
+
+    /// The mean of the session's bias frames that fit, else the library's.
+    fn bias_for(&mut self, taken: &Taken) -> Result<Option<MasterFrame>, ReduceError> {
+        let bias = self.bias.fitting(|bias| bias.fits_bias(taken));
+        if bias.is_empty() {
+            let found = self.master_for(MasterKind::Bias, |bias| bias.fits_bias(taken));
+            return Ok(found.map(|found| found.frame));
+        }
+        let mean = MasterFrame::mean(&bias).within(|| "the bias frames".into())?;
+        self.keep_master(MasterKind::Bias, &bias, &mean, None);
+        Ok(Some(mean))
     }
 
     /// Mask, dark and flat for frames that were taken like this one.
@@ -204,36 +273,50 @@ impl<'a> Sensor<'a> {
             false => self.given.darks.clone(),
         };
         if darks.len() < LEAST {
-            let bias = self.bias.fitting(|bias| bias.fits_bias(taken));
-            if !bias.is_empty() {
-                let bias = MasterFrame::mean(&bias).within(|| "the bias frames".into())?;
+            // A dark of the library has the mask, too: better than the night's own bias frames.
+            if let Some(found) = self.master_for(MasterKind::Dark, |dark| dark.fits(taken)) {
+                calibration.bad = found.bad;
+                calibration.dark =
+                    Some(MasterFrame { exposure_s: taken.exposure_s, ..found.frame });
+            } else if let Some(bias) = self.bias_for(taken)? {
                 calibration.dark = Some(MasterFrame { exposure_s: taken.exposure_s, ..bias });
             }
         } else {
             let bad = BadPixels::from_darks(&darks, BAD_SIGMAS);
-            calibration.bad = Some(bad.within(|| "the dark frames".into())?);
-            calibration.dark = Some(MasterFrame::mean(&darks).within(|| "the dark frames".into())?);
+            let bad = bad.within(|| "the dark frames".into())?;
+            let dark = MasterFrame::mean(&darks).within(|| "the dark frames".into())?;
+            if self.given.darks.is_empty() {
+                self.keep_master(MasterKind::Dark, &darks, &dark, Some(&bad));
+            }
+            (calibration.bad, calibration.dark) = (Some(bad), Some(dark));
         }
-        let Some(dark) = &calibration.dark else { return Ok(calibration) };
+        let Some(dark) = calibration.dark.clone() else { return Ok(calibration) };
         let flats = match self.given.flats.is_empty() {
             true => self.flats.fitting(|flat| flat.fits_flat(taken)),
             false => self.given.flats.clone(),
         };
+        let mut flat = None;
         if !flats.is_empty() {
             // The level without light: bias frames where there are some, because flats have other exposures than the frames.
-            let bias = self.bias.fitting(|bias| bias.fits_bias(taken));
-            let bias = match bias.is_empty() {
-                true => None,
-                false => Some(MasterFrame::mean(&bias).within(|| "the bias frames".into())?),
-            };
+            let bias = self.bias_for(taken)?;
+            let own = self.given.flats.is_empty().then(|| flats.clone());
             // A flat may have any exposure.
             let alike = |mut flat: Frame| {
                 flat.exposure_s = taken.exposure_s;
                 flat
             };
             let flats: Vec<Frame> = flats.into_iter().map(alike).collect();
-            let flat = MasterFrame::flat(&flats, bias.as_ref().unwrap_or(dark));
-            let flat = flat.within(|| "the flats".into())?;
+            let made = MasterFrame::flat(&flats, bias.as_ref().unwrap_or(&dark));
+            let made = made.within(|| "the flats".into())?;
+            if let Some(own) = own {
+                self.keep_master(MasterKind::Flat, &own, &made, None);
+            }
+            flat = Some(made);
+        } else if let Some(found) = self.master_for(MasterKind::Flat, |flat| flat.fits_flat(taken))
+        {
+            flat = Some(MasterFrame { exposure_s: taken.exposure_s, ..found.frame });
+        }
+        if let Some(flat) = flat {
             if let Some(bad) = &mut calibration.bad {
                 bad.add_blind(&flat, BLIND).within(|| "the flats".into())?;
             }

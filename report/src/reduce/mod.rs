@@ -211,6 +211,9 @@ fn camera_text(camera: &CameraNight) -> String {
     let tally = &camera.tally;
     let Used { darks: [darks, other_darks], bias, flats, .. } = camera.sensor;
     let sensor = match (darks, bias) {
+        (0, 0) if !camera.from_library.is_empty() => {
+            format!("{} bad pixels, no calibration frames of its own", camera.bad_pixels)
+        }
         (0, 0) => "no dark frames: no mask, no dark subtracted".to_owned(),
         (0, bias) => format!("no dark frames: no mask; {bias} bias frames subtracted"),
         (darks, _) => format!("{} bad pixels by {darks} dark frames", camera.bad_pixels),
@@ -218,6 +221,14 @@ fn camera_text(camera: &CameraNight) -> String {
     let sensor = match flats {
         0 => sensor,
         flats => format!("{sensor}; {flats} flats"),
+    };
+    let sensor = match camera.from_library.as_slice() {
+        [] => sensor,
+        from => format!("{sensor}; from the library: {}", from.join(", ")),
+    };
+    let sensor = match camera.to_library.as_slice() {
+        [] => sensor,
+        to => format!("{sensor}; added to the library: {}", to.join(", ")),
     };
     let sensor = match camera.settings {
         0 | 1 => sensor,
