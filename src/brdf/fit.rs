@@ -65,7 +65,6 @@ pub struct FitArgs {
         long,
         value_name = "DEG,DEG,DEG",
         value_delimiter = ',',
-        num_args = 3,
         allow_negative_numbers = true,
         requires = "spectrum",
         conflicts_with = "spectrum_hemispherical"
@@ -123,6 +122,10 @@ fn geometry(args: &FitArgs) -> Result<SpectrumGeometry, Usage> {
             theta_o_deg: *theta_o_deg,
             azimuth_deg: *azimuth_deg,
         }),
+        ([_, ..], _) => Err(Usage(format!(
+            "--spectrum-at has {} numbers, expected three: angle of incidence, of the detector, azimuth",
+            args.spectrum_at.len()
+        ))),
         (_, Some(theta_i_deg)) => Ok(SpectrumGeometry::Hemispherical { theta_i_deg }),
         _ => Err(Usage(
             "--spectrum: also give its geometry, --spectrum-at 30,0,0 or --spectrum-hemispherical 8"
