@@ -18,7 +18,7 @@ const TEMPERATURE: (&str, &str) = ("FOCUS_TEMPERATURE", "TEMPERATURE");
 const KIND: Kind = Kind { label: DEVICE, what: "focuser", interface: 1 << 3, required: &[PLACE] };
 /// Time between two questions after a move.
 const POLL: Duration = Duration::from_millis(100);
-/// How long an abort may take: some drivers hear nothing until a move has ended (the simulator of 1.9.9: 10,000 steps a second).
+/// How long an abort, or the rest of a move, may take: some drivers have no abort (the simulator of 1.9.9), and some hear nothing until a move has ended.
 const ABORT_WITHIN: Duration = Duration::from_secs(15);
 /// Steps that a focuser may be off and still be there.
 const THERE: i64 = 1;
@@ -66,6 +66,19 @@ impl<T: Bytes> Focuser<T> {
         let soon = deadline.at_most(self.session.settings.answer_within);
         self.session.require(PLACE)?;
         self.session.client.refresh(&self.session.device, PLACE, &soon)
+    }
+
+    /// Waits until it moves no more, and gives where it stands.
+    fn rest(&mut self, deadline: &Deadline) -> Result<i64, DeviceError> {
+        loop {
+            let now = self.refresh(deadline)?;
+            if now.state != State::Busy {
+                return self.steps(&now);
+            }
+            deadline
+                .sleep(POLL)
+                .map_err(|expired| DeviceError::expired(DEVICE, "coming to rest", expired))?;
+        }
     }
 
     fn go(&mut self, position: i64, deadline: &Deadline) -> Result<i64, DeviceError> {
@@ -142,11 +155,18 @@ impl<T: Bytes> crate::device::Focuser for Focuser<T> {
                 return Interrupted::new(None, error);
             }
             let grace = deadline.grace(ABORT_WITHIN);
-            if self.stop(&grace).is_err() {
-                let source = Box::new(error);
-                return Interrupted::new(None, DeviceError::NotStopped { device: DEVICE, source });
+            // One that cannot be stopped comes to rest where it was sent to.
+            let rests = match self.stop(&grace) {
+                Err(DeviceError::NotReady { .. }) => self.rest(&grace),
+                stopped => stopped.and_then(|()| self.position(&grace)),
+            };
+            match rests {
+                Ok(at) => Interrupted::new(Some(at), error),
+                Err(_) => {
+                    let source = Box::new(error);
+                    Interrupted::new(None, DeviceError::NotStopped { device: DEVICE, source })
+                }
             }
-            Interrupted::new(self.position(&grace).ok(), error)
         })
     }
 
