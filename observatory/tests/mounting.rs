@@ -104,7 +104,8 @@ struct OnLine {
 }
 
 impl OnLine {
-    fn call(&mut self, what: &'static str) -> Result<&mut VirtualMount, DeviceError> {
+    /// Does what others do by now.
+    fn happen(&mut self) {
         let now_s = self.stage.now_s();
         let mut happens = self.stage.happens.lock().unwrap();
         happens.retain(|(at, act)| {
@@ -114,6 +115,21 @@ impl OnLine {
             }
             !due
         });
+    }
+
+    /// Whether rates are commanded ten times a second.
+    fn is_led(&self) -> bool {
+        let calls = self.stage.calls.lock().unwrap();
+        let last = calls.iter().rev().take(4).find(|(_, call)| *call == "rates");
+        last.is_some_and(|(at, _)| self.stage.now_s() - at < 0.25)
+    }
+
+    fn call(&mut self, what: &'static str) -> Result<&mut VirtualMount, DeviceError> {
+        // While it is led, others act after a command: one that comes within the milliseconds between a reading and the next command is undone by that once.
+        if !self.is_led() {
+            self.happen();
+        }
+        let now_s = self.stage.now_s();
         if (self.stage.cut_s[0]..self.stage.cut_s[1]).contains(&now_s) {
             return Err(DeviceError::Lost { device: "mount", what: "the line is cut".into() });
         }
@@ -160,7 +176,9 @@ impl Mount for OnLine {
     }
 
     fn set_rates(&mut self, deg_s: [f64; 2], deadline: &Deadline) -> Result<(), DeviceError> {
-        self.call("rates")?.set_rates(deg_s, deadline)
+        let told = self.call("rates")?.set_rates(deg_s, deadline);
+        self.happen();
+        told
     }
 
     fn stop(&mut self, deadline: &Deadline) -> Result<(), DeviceError> {

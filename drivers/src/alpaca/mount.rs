@@ -329,7 +329,8 @@ fn abilities<T: Bytes>(
         // ASCOM: 0 other, 1 of date, 2 J2000, 3 J2050, 4 B1950.
         let system = session.optional("equatorialsystem", deadline)?;
         let reason = match system.as_ref().map(|system| system.as_i64()) {
-            Some(Some(1)) => None,
+            // The simulators, and drivers that never thought of it, say 0 or nothing: their places are of date.
+            None | Some(Some(0 | 1)) => None,
             Some(Some(2..=4)) => Some(
                 "it takes places of another equinox: set its driver to the equinox of date (JNow, topocentric)",
             ),
