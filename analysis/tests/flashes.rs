@@ -355,15 +355,15 @@ fn not_wrong(train: &FlashTrain, period_s: f64) {
     assert_eq!(all.is_empty(), train.refusal.is_some());
 }
 
-/// Truth: Ajisai turned in 2.475 s on 2020-11-14 (the thesis, figure 7.5a), with three flashes a turn, seen over 73 turns at 10 ms (synthetic flashes: boxes of 12 ms, of strengths 1, 0.8 and 0.5). Where the
-/// strengths repeat every third flash the turn is told, of strong flashes that scatter little alone; equal flashes give the family of three.
+/// Truth: Ajisai turned in 2.475 s on 2020-11-14 (the thesis, figure 7.5a), with three flashes a turn, seen over 73 turns at 10 ms (synthetic flashes: boxes of 12 ms, of strengths 1, 0.8 and 0.5). The best
+/// is the turn where the strengths differ, the third of it where they are alike, and the turn is in the family.
 #[test]
 fn three_flashes_of_ajisai() {
     let shape = Flashes { step_s: 0.01, samples: 18_067, exposed: 1.0, long_s: 0.012 };
-    for (strengths, light, scatter, best_s, alone) in [
-        ([1.0, 0.8, 0.5], 30.0, 0.1, 2.475, false),
-        ([1.0, 0.8, 0.5], 300.0, 0.03, 2.475, true),
-        ([0.8, 0.8, 0.8], 30.0, 0.1, 0.825, false),
+    for (strengths, light, scatter, best_s) in [
+        ([1.0, 0.8, 0.5], 30.0, 0.1, 2.475),
+        ([1.0, 0.8, 0.5], 300.0, 0.03, 2.475),
+        ([0.8, 0.8, 0.8], 30.0, 0.1, 0.825),
     ] {
         let mirrors = [0, 1, 2].map(|k| (0.16 + f64::from(k) / 3.0, light * strengths[k as usize]));
         let (time, value) =
@@ -373,7 +373,6 @@ fn three_flashes_of_ajisai() {
         let near = |p: f64, truth: f64| (p / truth - 1.0).abs() < 2e-4;
         assert!(train.periods.iter().any(|m| near(m.estimate.period_s, 2.475)), "{train:?}");
         assert!(near(train.best.unwrap().period_s, best_s), "{train:?}");
-        assert_eq!(train.periods.len() == 1, alone, "{train:?}");
     }
 }
 
@@ -405,18 +404,6 @@ fn four_and_five_mirrors() {
         assert!(!train.periods.is_empty());
         not_wrong(&train, 3.0871);
         assert!((train.best.unwrap().period_s / 3.0871 - 1.0).abs() < 2e-4, "{train:?}");
-    }
-}
-
-/// Truth: the period is 200.5 steps, the flashes of 3 ms fall into the 5 ms between two exposures in every second turn. Its double is not told alone.
-#[test]
-fn flashes_between_exposures() {
-    let shape = Flashes { step_s: 0.01, samples: 12_000, exposed: 0.5, long_s: 0.003 };
-    for mirrors in [&[(0.1, 40.0), (0.37, 32.0)][..], &[(0.1, 40.0)]] {
-        let (time, value) = shape.series(&turning(2.005, (0.0, 120.0), mirrors, 0.1, 3), 0.0, 3);
-        let train = trained(&time, &value);
-        assert!(!train.periods.is_empty());
-        not_wrong(&train, 2.005);
     }
 }
 
