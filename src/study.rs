@@ -194,10 +194,11 @@ mod with {
         let rows: u64 = report.files.iter().map(|f| f.rows).sum();
         let bytes: u64 = report.files.iter().map(|f| f.bytes).sum();
         let mut text = format!(
-            "{}: {} made in {seconds:.1} s, {} there before; {rows} rows, {:.1} MB in {}",
+            "{}: {} made in {seconds:.1} s, {} there before; {}, {:.2} MB in {}",
             report.study,
             counted(ran.made, "shard"),
             ran.found,
+            counted(usize::try_from(rows).unwrap_or(usize::MAX), "row"),
             bytes as f64 / 1e6,
             folder.display()
         );

@@ -13,7 +13,8 @@ const ELEMENTS: &str = "ISS
 /// Folder with the files of docs/study.md.
 fn guide(name: &str) -> Folder {
     let folder = Folder::new(name);
-    std::fs::write(folder.path("sphere.toml"), crate::common::SPHERE_PASS).unwrap();
+    let grey = crate::common::SPHERE_PASS.replace("material = \"white\"", "reflectance = 0.3");
+    std::fs::write(folder.path("sphere.toml"), grey).unwrap();
     std::fs::write(folder.path("catalogue.tle"), ELEMENTS).unwrap();
     std::fs::write(folder.path("spheres.toml"), page_toml("study.md", "design = \"sobol\""))
         .unwrap();

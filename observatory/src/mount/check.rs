@@ -11,7 +11,7 @@ use crate::telescope::{
 };
 use hifitime::{Epoch, Unit};
 use std::sync::Arc;
-use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::mpsc::channel;
 use std::time::{Duration, SystemTime};
 use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::device::{
@@ -47,10 +47,7 @@ fn ask(
         let _ = sender.send(said);
     };
     std::thread::Builder::new().name("mount".into()).spawn(ask).ok()?;
-    match answer.recv_timeout(within + Duration::from_millis(200)) {
-        Ok(said) => Some(said),
-        Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
-    }
+    answer.recv_timeout(within + Duration::from_millis(200)).ok()
 }
 
 /// Checks the mount of a plan. Nothing moves.

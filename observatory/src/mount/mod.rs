@@ -519,11 +519,12 @@ impl MountWork {
 
     /// How the mount is moved, whatever the target is.
     fn track_options(&self, worker: &Worker) -> TrackOptions {
-        let mut options = TrackOptions::default();
-        options.watch_clock = worker.clock.is_live();
-        options.slew_within_s = self.plan.slew_within_s();
-        options.unpark = false;
-        options
+        TrackOptions {
+            watch_clock: worker.clock.is_live(),
+            slew_within_s: self.plan.slew_within_s(),
+            unpark: false,
+            ..TrackOptions::default()
+        }
     }
 
     /// Holds a mount that stands against the Sun of now and of ten minutes later, every five seconds: it is moved to a place far from it, or that is said each minute.

@@ -129,6 +129,9 @@ pub struct TargetPath {
     points: Vec<Place>,
 }
 
+/// Direction to what is followed and its rate (1/s), as an observer sees it.
+type Seen<'a> = dyn FnMut(&Observer) -> Result<(DVec3, DVec3), PathError> + 'a;
+
 impl TargetPath {
     /// The path of an orbit over a site, `seconds` from an epoch on, in a mount's axes. With `refraction`, the directions are those in which the light arrives.
     ///
@@ -191,7 +194,7 @@ impl TargetPath {
         span: (Epoch, f64),
         axes: MountAxes,
         refraction: bool,
-        seen: &mut dyn FnMut(&Observer) -> Result<(DVec3, DVec3), PathError>,
+        seen: &mut Seen<'_>,
     ) -> Result<Self, PathError> {
         let (from, seconds) = span;
         if !(seconds > 0.0 && seconds <= MOST_S) {
