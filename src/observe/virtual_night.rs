@@ -27,6 +27,9 @@ impl Clock for Since {
     }
 }
 
+/// Clocks of a group, by the device that has each.
+type Members = HashMap<String, Weak<JoinedClock>>;
+
 /// The devices of a virtual night, each on a clock of its own.
 #[derive(Debug, Clone)]
 pub struct VirtualNight {
@@ -34,7 +37,7 @@ pub struct VirtualNight {
     real_time: bool,
     clocks: Arc<Mutex<HashMap<String, Arc<VirtualClock>>>>,
     /// Clocks that wait for each other, in a night with a mount.
-    together: Option<(Together, Arc<Mutex<HashMap<String, Weak<JoinedClock>>>>)>,
+    together: Option<(Together, Arc<Mutex<Members>>)>,
 }
 
 impl VirtualNight {
