@@ -1,5 +1,7 @@
 //! `sunglint study`: the page's commands, parts, kills, refusals. Numbers are tested in the crate `study`.
 
+#![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
+
 use crate::common::{Folder, page_toml};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
