@@ -323,8 +323,8 @@ fn noisy(mut samples: Samples, noise: f64) -> Samples {
 /// grid adds 1 %).
 #[test]
 fn glossy_paint_is_put_together() {
-    let laws: [(&str, fn(DVec3, DVec3) -> f64, f64); 2] =
-        [("glossy", glossy, 0.15), ("paint", paint, 0.25)];
+    type Law = fn(DVec3, DVec3) -> f64;
+    let laws: [(&str, Law, f64); 2] = [("glossy", glossy, 0.15), ("paint", paint, 0.25)];
     for (name, law, alpha) in laws {
         let ndf = density_beside(law, true);
         let p = &ndf.profiles[0];
