@@ -9,7 +9,7 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | [`file`] | `STUDY.toml` and what it names |
+//! | [`mod@file`] | `STUDY.toml` and what it names |
 //! | [`design`] | how values of parameters are combined |
 //! | [`scene`] | a scene with other values at some keys |
 //! | [`task`] | one task: simulated, summarised |
