@@ -67,12 +67,12 @@ pub fn run(args: &SimulateArgs, console: Console) -> anyhow::Result<()> {
         text.as_deref().map(when).transpose().with_context(|| option.to_owned())
     };
     let overrides = Overrides {
-        station: None,
         from: time("--from", &args.from)?,
         to: time("--to", &args.to)?,
         step_s: args.step_s,
         tolerance: args.tolerance,
         budget_s: args.budget,
+        ..Overrides::default()
     };
     let pass = read(&args.pass, &args.station, overrides)?;
     args.out.check_names(&[format!("{}.ecsv", pass.name)])?;

@@ -143,12 +143,12 @@ fn simulate(
             return Err(format!("step_s is {step}, expected seconds above 0").into());
         }
         let overrides = Overrides {
-            station: None,
             from: moment("start", start.as_deref())?,
             to: moment("end", end.as_deref())?,
             step_s,
             tolerance,
             budget_s,
+            ..Overrides::default()
         };
         let pass = pass(&scene, station.as_deref(), overrides)?;
         let clock = Stopwatch::new(pass.times.len());

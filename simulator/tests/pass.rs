@@ -393,8 +393,7 @@ fn what_is_asked_for_instead_takes_the_place_of_the_file() {
         from: Some(parse_utc("2008-09-21T18:48:00Z").unwrap()),
         to: Some(parse_utc("2008-09-21T18:48:10Z").unwrap()),
         step_s: Some(2.5),
-        budget_s: None,
-        tolerance: None,
+        ..Overrides::default()
     };
     let pass = file.resolve(overrides).unwrap();
     assert_eq!(

@@ -4,8 +4,8 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use serde::Deserialize;
 
-/// More points are a slip of a number.
-pub const MOST_POINTS: usize = 10_000_000;
+/// More points are a slip of a number; so many fit into any memory.
+pub const MOST_POINTS: usize = 1_000_000;
 /// Points of a Sobol sequence at most: its generator has no more.
 pub const MOST_SOBOL_POINTS: usize = 1 << 16;
 /// Parameters of a Sobol sequence at most.

@@ -149,6 +149,8 @@ pub struct Study {
     pub tasks_a_shard: usize,
     /// Identity: SHA-256 of the study, the scene, what they name, the station, and the program's version.
     pub id: String,
+    /// Kinds of the parameters' columns: numbers where all values are, else texts.
+    pub kinds: Vec<Kind>,
     /// Channels of the first point's station, whose columns all tasks have.
     pub channels: Vec<String>,
     /// Warnings of the first point's scene.
@@ -202,6 +204,9 @@ impl Study {
                 stem.map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned())
             }
         };
+        let is_number = |p: usize| points.iter().all(|point| point[p].number().is_some());
+        let kind = |p| if is_number(p) { Kind::Number } else { Kind::Text };
+        let kinds = (0..parameters.len()).map(kind).collect();
         let mut study = Self {
             name,
             path: document.path().to_path_buf(),
@@ -211,6 +216,7 @@ impl Study {
             keeps_samples: keys.study.keep.contains(&Kept::Samples),
             tasks_a_shard: 1,
             id: String::new(),
+            kinds,
             channels: Vec::new(),
             warnings: Vec::new(),
             left_out,
@@ -257,6 +263,19 @@ impl Study {
         identity.push(first.station.name.clone());
         self.channels = first.station.channels.iter().map(|c| c.name.clone()).collect();
         self.warnings = first.warnings;
+        if let Some(passes) = &self.passes {
+            // The first object's are with the scene's: all objects' in one line instead.
+            let (from, to) = passes.window;
+            let own = first.orbit.warnings(from, from);
+            self.warnings.retain(|warning| !own.contains(warning));
+            let of = |set: &Tle| TleOrbit::new(set.clone()).ok().map(|o| o.warnings(from, to));
+            let all: Vec<String> = passes.objects.iter().filter_map(of).flatten().collect();
+            if let Some(one) = all.first() {
+                let (count, of) = (all.len(), passes.objects.len());
+                self.warnings
+                    .push(format!("{count} warnings of {of} objects' elements; one is: {one}"));
+            }
+        }
         Ok(())
     }
 
@@ -294,42 +313,15 @@ impl Study {
         (task / self.objects(), task % self.objects())
     }
 
-    /// Kinds of the parameters' columns: numbers where all values are, else texts.
-    pub fn kinds(&self) -> Vec<Kind> {
-        (0..self.parameters.len())
-            .map(|p| match self.points.iter().all(|point| point[p].number().is_some()) {
-                true => Kind::Number,
-                false => Kind::Text,
-            })
-            .collect()
-    }
-
     /// The scene of a point, made anew. With [`Study::passes`] its orbit is that of the first object, and its time the window's begin.
     ///
     /// # Errors
     /// The scene's fault, in words.
     pub fn pass(&self, point: usize) -> Result<Pass, String> {
         let mut table = self.base.clone();
-        if let Some(passes) = &self.passes {
-            let object = &passes.objects[0];
-            table.remove("ephemeris");
-            let mut orbit = toml::Table::new();
-            let lines: Vec<toml::Value> = match object.lines() {
-                Some([one, two]) => vec![one.into(), two.into()],
-                None => Vec::new(),
-            };
-            // Elements that came as a message have no two lines: a placeholder of theirs is not needed, the orbit is put in below.
-            let lines = if lines.is_empty() { placeholder() } else { lines };
-            orbit.insert("lines".into(), lines.into());
-            table.insert("orbit".into(), orbit.into());
-            let from = sunglint_formats::time::format_utc(passes.window.0, 3);
-            let mut times = toml::Table::new();
-            let moment: toml::value::Datetime =
-                from.parse().map_err(|e| format!("passes.from is {from}: {e}"))?;
-            times.insert("from".into(), moment.into());
-            times.insert("to".into(), moment.into());
-            times.insert("step_s".into(), 1.0.into());
-            table.insert("times".into(), times.into());
+        if self.passes.is_some() {
+            // Times are those of the passes.
+            table.insert("times".into(), toml::Table::new().into());
         }
         for (key, value) in self.parameters.iter().zip(&self.points[point]) {
             scene::set(&mut table, key, value).map_err(|e| e.to_string())?;
@@ -343,22 +335,13 @@ impl Study {
                 "no station: the scene names none in [station], and none was given (--station)",
             )?),
         };
-        let overrides = Overrides { station, ..Overrides::default() };
-        let mut pass = file.resolve(overrides).map_err(|e| e.to_string())?;
+        let mut overrides = Overrides { station, ..Overrides::default() };
         if let Some(passes) = &self.passes {
             let orbit = TleOrbit::new(passes.objects[0].clone()).map_err(|e| e.to_string())?;
-            pass.orbit = orbit.into();
+            (overrides.orbit, overrides.from) = (Some(orbit.into()), Some(passes.window.0));
         }
-        Ok(pass)
+        file.resolve(overrides).map_err(|e| e.to_string())
     }
-}
-
-/// Two lines that any scene takes, whose orbit is replaced: those of Spacetrack Report 3's example.
-fn placeholder() -> Vec<toml::Value> {
-    vec![
-        "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927".into(),
-        "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537".into(),
-    ]
 }
 
 fn range(document: &Document, i: usize, keys: &ParameterKeys) -> Result<Range, ParseError> {

@@ -5,7 +5,7 @@ use crate::file::Passes;
 use crate::table::{Cell, Columns, Kind, Rows};
 use hifitime::Epoch;
 use std::ops::Range;
-use sunglint_ephemeris::orbit::{Orbit, TleOrbit, seconds_between};
+use sunglint_ephemeris::orbit::{Orbit, TleOrbit};
 use sunglint_ephemeris::passes::Search;
 use sunglint_simulator::pass::{BANDS, Pass, Simulation};
 
@@ -63,7 +63,7 @@ pub fn summary_columns(study: &Study) -> Columns {
     let mut add = |name: &str, kind| columns.push((name.to_owned(), kind));
     add("task", Kind::Integer);
     add("pass", Kind::Integer);
-    study.parameters.iter().zip(study.kinds()).for_each(|(name, kind)| add(name, kind));
+    study.parameters.iter().zip(&study.kinds).for_each(|(name, kind)| add(name, *kind));
     if study.passes.is_some() {
         add("norad_id", Kind::Integer);
         add("object", Kind::Text);
@@ -210,7 +210,7 @@ fn count(n: usize) -> Cell {
 fn head(study: &Study, task: usize, pass: Cell) -> Vec<Cell> {
     let (point, object) = study.task(task);
     let mut row = vec![count(task), pass];
-    for (value, kind) in study.points[point].iter().zip(study.kinds()) {
+    for (value, kind) in study.points[point].iter().zip(&study.kinds) {
         row.push(match kind {
             Kind::Number => value.number().map_or(Cell::None, Cell::Number),
             _ => Cell::Text(value.to_string()),
@@ -261,8 +261,8 @@ fn summarised(
     };
     let at = |value: &dyn Fn(usize) -> Cell| brightest.map_or(Cell::None, value);
     let times = &simulation.pass.times;
-    let first = span.clone().min_by(|a, b| seconds_between(times[*b], times[*a]).total_cmp(&0.0));
-    let last = span.clone().max_by(|a, b| seconds_between(times[*b], times[*a]).total_cmp(&0.0));
+    let at_ns = |i: &usize| sunglint_formats::time::tai_nanoseconds(times[*i]);
+    let (first, last) = (span.clone().min_by_key(at_ns), span.clone().max_by_key(at_ns));
     let mut row = head(study, task, count(number));
     row.extend([
         Cell::Text("done".into()),

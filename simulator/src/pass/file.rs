@@ -109,6 +109,8 @@ const LEAST_AIR_TOLERANCE: f64 = 1e-10;
 pub struct Overrides {
     /// The station.
     pub station: Option<Station>,
+    /// Where the target is, in place of `[orbit]` and `[ephemeris]`.
+    pub orbit: Option<Orbit>,
     /// The first moment.
     pub from: Option<Epoch>,
     /// The last moment.
@@ -224,9 +226,10 @@ impl PassFile {
             exposure_s = kept.iter().map(|i| exposure_s[*i]).collect();
             observations = kept.iter().map(|i| observations[*i].clone()).collect();
         }
-        let orbit = match observations.first() {
-            Some(first) => first.orbit.clone(),
-            None => reader.orbit(keys, times[0])?,
+        let orbit = match (observations.first(), &overrides.orbit) {
+            (Some(first), _) => first.orbit.clone(),
+            (None, Some(orbit)) => orbit.clone(),
+            (None, None) => reader.orbit(keys, times[0])?,
         };
         let (sun, sun_name) = reader.sun(&keys.illumination)?;
         let shadow = reader.shadow(&keys.illumination)?;
