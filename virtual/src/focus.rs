@@ -52,6 +52,8 @@ pub struct FocusOptions {
     pub sky_e_s: f64,
     /// Noise of the reading, e.
     pub read_noise_e: f64,
+    /// Pixels that count without light, the same in every frame: 200 to 20,000 electrons/s.
+    pub hot_pixels: usize,
     /// Columns and rows of the sensor, px.
     pub size_px: [u32; 2],
 }
@@ -74,6 +76,7 @@ impl Default for FocusOptions {
             flux_e_s: [4000.0, 40_000.0],
             sky_e_s: 20.0,
             read_noise_e: 3.0,
+            hot_pixels: 0,
             size_px: [320, 240],
         }
     }
@@ -98,6 +101,8 @@ struct State {
     frames: u64,
     /// Places and brightnesses of the stars.
     stars: Vec<(f64, f64, f64)>,
+    /// Row, column and electrons/s of the hot pixels.
+    hot: Vec<(usize, usize, f64)>,
 }
 
 impl State {
@@ -132,9 +137,16 @@ impl FocusBench {
             (x * columns, y * rows, faint * (bright / faint).powf(part))
         };
         let stars = (0..options.stars).map(star).collect();
+        let mut random = stream(options.seed, Purpose::Stars, 1);
+        let hot = |_| {
+            let (r, c): (f64, f64) = (random.random(), random.random());
+            let part: f64 = random.random();
+            ((r * rows) as usize, (c * columns) as usize, 200.0 * 100_f64.powf(part))
+        };
+        let hot = (0..options.hot_pixels).map(hot).collect();
         let counter = options.start;
         let place = counter as f64 - 0.5 * options.play;
-        let state = State { options, counter, place, frames: 0, stars };
+        let state = State { options, counter, place, frames: 0, stars, hot };
         Self { state: Arc::new(Mutex::new(state)), clock }
     }
 
@@ -279,6 +291,9 @@ impl FocusCamera {
                         electrons[(r as usize, c as usize)] += 1.0;
                     }
                 }
+            }
+            for &(r, c, rate_e_s) in &state.hot {
+                electrons[(r, c)] += drawn(rate_e_s * exposure_s, &mut random)?;
             }
             let noise = Normal::new(0.0, options.read_noise_e.max(0.0)).ok();
             let sky = options.sky_e_s * exposure_s;

@@ -16,6 +16,13 @@ const HEIGHT: f64 = 5.0;
 const FEWEST_PX: usize = 9;
 /// Least signal to noise of a star's flux.
 const LEAST_SNR: f64 = 15.0;
+/// A pixel is hot, or was hit by a particle, where it stands out from its neighbours by so many times what the highest of them does. The light of a star that is
+/// narrower than 1.1 px would do that, too: such a camera cannot be focused by radii.
+const HOT_TIMES: f64 = 8.0;
+/// And so many standard deviations above the sky.
+const HOT_SIGMA: f64 = 10.0;
+/// Least half-flux radius of light, px: light of one pixel alone has next to none.
+const LEAST_HFR_PX: f64 = 0.4;
 /// Part of the radius by which stars differ that are all in focus: field, guiding.
 const SCATTER: f64 = 0.02;
 
@@ -66,6 +73,35 @@ fn sky(frame: &Frame) -> (f64, f64) {
     }
     // A frame of whole numbers has at least the noise of their steps.
     (middle, (1.4826 * median(&off)).max(0.29))
+}
+
+/// The frame without its hot pixels: each gets the median of its neighbours. Behind a mosaic of colours the neighbours of its own colour are two pixels away.
+fn without_hot(frame: &Frame, middle: f64, sigma: f64) -> Frame {
+    let (rows, columns) = frame.pixels.dim();
+    let reach = if frame.bayer.is_some() { 2 } else { 1 };
+    let mut clean = frame.clone();
+    let mut around = Vec::with_capacity(24);
+    for ((r, c), &value) in frame.pixels.indexed_iter() {
+        let above = f64::from(value) - middle;
+        if above < HOT_SIGMA * sigma {
+            continue;
+        }
+        around.clear();
+        for row in r.saturating_sub(reach)..(r + reach + 1).min(rows) {
+            for column in c.saturating_sub(reach)..(c + reach + 1).min(columns) {
+                if (row, column) != (r, c) {
+                    around.push(frame.pixels[(row, column)]);
+                }
+            }
+        }
+        around.sort_unstable();
+        // Neighbours are noise where there is no light: what they must stand out from is not below it.
+        let highest = around.last().map_or(0.0, |&n| f64::from(n) - middle).max(sigma);
+        if above > HOT_TIMES * highest {
+            clean.pixels[(r, c)] = around[around.len() / 2];
+        }
+    }
+    clean
 }
 
 /// Places of the frame's stars: centroid and a radius that holds what is above the sky.
@@ -186,7 +222,7 @@ fn measure(frame: &Frame, place: (f64, f64, f64), sigma: f64) -> Option<Star> {
             return None;
         }
         let hfr = sr / flux;
-        if !(hfr > 0.0 && hfr < radius) {
+        if !(hfr > LEAST_HFR_PX && hfr < radius) {
             return None;
         }
         let variance: f64 = within
@@ -209,9 +245,10 @@ fn measure(frame: &Frame, place: (f64, f64, f64), sigma: f64) -> Option<Star> {
     star
 }
 
-/// Half-flux radius of the frame's stars; `None` where none can be measured.
+/// Half-flux radius of the frame's stars, hot pixels left out; `None` where none can be measured.
 pub fn sharpness(frame: &Frame) -> Option<Sharpness> {
     let (middle, sigma) = sky(frame);
+    let frame = &without_hot(frame, middle, sigma);
     let places = find(frame, middle, sigma);
     let mut stars: Vec<Star> =
         places.iter().filter_map(|&place| measure(frame, place, sigma)).collect();
