@@ -6,7 +6,9 @@
 
 use super::answer::Envelope;
 use ndarray::Array2;
-use serde::Deserialize;
+use serde::Deserializer;
+use serde::de::{DeserializeSeed, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use std::borrow::Cow;
 
 /// Bytes of the numbers before the pixels.
 pub const HEADER_BYTES: usize = 44;
@@ -111,33 +113,113 @@ pub fn image_bytes(body: &[u8], expected: [u32; 2]) -> Result<AlpacaImage, Image
     Ok(AlpacaImage { pixels, client_transaction: client.cast_unsigned() })
 }
 
-#[derive(Debug, Deserialize)]
-struct JsonPixels {
-    #[serde(rename = "Value")]
-    value: Vec<Vec<f32>>,
+/// Reader of the member `Value`: values one after the other, and no more of them than are expected, whatever the body has.
+struct Pixels<'v> {
+    expected: [u32; 2],
+    values: &'v mut Vec<f32>,
+}
+
+impl<'de> Visitor<'de> for Pixels<'_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("an answer with an image as columns of numbers")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(mut self, mut map: A) -> Result<(), A::Error> {
+        while let Some(key) = map.next_key::<Cow<'de, str>>()? {
+            match key.as_ref() {
+                "Value" => map.next_value_seed(&mut self)?,
+                _ => map.next_value::<IgnoredAny>().map(drop)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut columns: A) -> Result<(), A::Error> {
+        let [count, rows] = self.expected;
+        self.values.clear();
+        let mut column = 0;
+        while columns.next_element_seed(Column { rows, values: self.values })?.is_some() {
+            column += 1;
+            if column > count {
+                return Err(A::Error::custom(format_args!("more than {count} columns")));
+            }
+        }
+        match column == count {
+            true => Ok(()),
+            false => Err(A::Error::custom(format_args!("{column} columns, expected {count}"))),
+        }
+    }
+}
+
+impl<'de> DeserializeSeed<'de> for &mut Pixels<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<(), D::Error> {
+        from.deserialize_seq(Pixels { expected: self.expected, values: self.values })
+    }
+}
+
+/// Reader of a column.
+struct Column<'v> {
+    rows: u32,
+    values: &'v mut Vec<f32>,
+}
+
+impl<'de> Visitor<'de> for Column<'_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "a column of {} numbers", self.rows)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut numbers: A) -> Result<(), A::Error> {
+        let mut row = 0;
+        while let Some(number) = numbers.next_element::<f32>()? {
+            row += 1;
+            if row > self.rows {
+                break;
+            }
+            self.values.push(number);
+        }
+        match row == self.rows {
+            true => Ok(()),
+            false => Err(A::Error::invalid_length(row as usize, &self)),
+        }
+    }
+}
+
+impl<'de> DeserializeSeed<'de> for Column<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<(), D::Error> {
+        from.deserialize_seq(self)
+    }
 }
 
 /// Reads an image in JSON of `expected` columns and rows.
 ///
 /// # Errors
-/// See [`ImageError`].
+/// See [`ImageError`]. No more values are kept than are expected, nor than the body has.
 pub fn image_json(body: &[u8], expected: [u32; 2]) -> Result<AlpacaImage, ImageError> {
     let wrong = |error: serde_json::Error| {
         format!("the image is no JSON of Alpaca ({error}): {}", super::answer::excerpt(body))
     };
-    let envelope: Envelope<serde::de::IgnoredAny> = serde_json::from_slice(body).map_err(wrong)?;
+    let envelope: Envelope<IgnoredAny> = serde_json::from_slice(body).map_err(wrong)?;
     if envelope.error_number != 0 {
         let message = envelope.error_message.unwrap_or_default();
         return Err(ImageError::Said(envelope.error_number, message));
     }
-    let JsonPixels { value } = serde_json::from_slice(body).map_err(wrong)?;
-    let rows = value.first().map_or(0, Vec::len);
-    if value.iter().any(|column| column.len() != rows) {
-        return Err("columns of different lengths".to_owned().into());
+    check_size(expected.map(i64::from), expected)?;
+    let mut values = Vec::new();
+    let mut reader = serde_json::Deserializer::from_slice(body);
+    let pixels = Pixels { expected, values: &mut values };
+    reader.deserialize_map(pixels).and_then(|()| reader.end()).map_err(wrong)?;
+    if values.len() != expected[0] as usize * expected[1] as usize {
+        return Err("the answer has no image".to_owned().into());
     }
-    let long = |n: usize| i64::try_from(n).unwrap_or(i64::MAX);
-    check_size([long(value.len()), long(rows)], expected)?;
-    let all = value.iter().flatten().map(|&value| f64::from(value));
+    let all = values.iter().map(|&value| f64::from(value));
     let pixels = adu(all, expected.map(|n| n as usize))?;
     let client = u32::try_from(envelope.client_transaction).unwrap_or(0);
     Ok(AlpacaImage { pixels, client_transaction: client })
@@ -171,4 +253,40 @@ fn adu(values: impl Iterator<Item = f64>, size: [usize; 2]) -> Result<Array2<u16
         }
     }
     Ok(pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: written by hand: two columns of three rows, the first index the column.
+    #[test]
+    fn an_image_in_json_is_read_and_no_more_of_it_than_was_asked_for() {
+        let body = |value: &str| {
+            format!(
+                r#"{{"Type":2,"Rank":2,"Value":{value},"ClientTransactionID":7,"ErrorNumber":0}}"#
+            )
+        };
+        let read = |value: &str| image_json(body(value).as_bytes(), [2, 3]);
+        let image = read("[[1,2,3],[4,5,6]]").unwrap();
+        assert_eq!(image.pixels, ndarray::arr2(&[[1, 4], [2, 5], [3, 6]]));
+        assert_eq!(image.client_transaction, 7);
+        let empty = format!("[{}[]]", "[],".repeat(100_000));
+        for bad in [
+            "[[1,2,3],[4,5,6],[7,8,9]]",
+            "[[1,2,3]]",
+            "[[1,2,3,4],[5,6,7,8]]",
+            "[[1,2],[3,4]]",
+            "[1,2,3]",
+            "[[[1],[2],[3]]]",
+            "7",
+            "null",
+            &empty,
+        ] {
+            assert!(matches!(read(bad), Err(ImageError::Unfit(_))), "{bad:.40}");
+        }
+        let none = br#"{"Type":2,"ErrorNumber":0}"#;
+        assert!(matches!(image_json(none, [2, 3]), Err(ImageError::Unfit(_))));
+        assert!(matches!(image_json(none, [0, 3]), Err(ImageError::Unfit(_))));
+    }
 }

@@ -411,27 +411,7 @@ impl<T: Bytes> Device for Mount<T> {
 
     fn settings(&mut self, deadline: &Deadline) -> Result<Vec<Setting>, DeviceError> {
         let now = device::Mount::reading(self, deadline)?;
-        let origin = Origin::ReadBack;
-        let mut settings = Vec::new();
-        let mut add = |name, value| settings.push(Setting { name, value, origin });
-        match now.place {
-            MountPlace::Equatorial { ra_deg, dec_deg } => {
-                add("ra_deg", Value::Number(ra_deg));
-                add("dec_deg", Value::Number(dec_deg));
-            }
-            MountPlace::Horizontal { azimuth_deg, altitude_deg } => {
-                add("azimuth_deg", Value::Number(azimuth_deg));
-                add("altitude_deg", Value::Number(altitude_deg));
-            }
-        }
-        add("motion", Value::Text(format!("{:?}", now.motion).to_lowercase()));
-        if let Some(pier) = now.pier {
-            add("pier_side", Value::Text(format!("{pier:?}").to_lowercase()));
-        }
-        if let Some([primary, secondary]) = self.abilities.continuous_deg_s() {
-            add("most_rate_deg_s", Value::Number(primary.min(secondary)));
-        }
-        Ok(settings)
+        Ok(now.settings(&self.abilities))
     }
 }
 

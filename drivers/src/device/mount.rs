@@ -1,6 +1,6 @@
 //! Telescope mounts, and cameras that say where a mount's target stands.
 
-use super::{Device, DeviceError};
+use super::{Device, DeviceError, Origin, Setting, Value};
 use crate::clock::Deadline;
 use hifitime::Epoch;
 
@@ -116,6 +116,33 @@ pub struct MountReading {
     pub pier: Option<PierSide>,
     /// Motion.
     pub motion: MountMotion,
+}
+
+impl MountReading {
+    /// The reading as settings of the device, with the fastest rate that both axes have.
+    pub fn settings(&self, abilities: &MountAbilities) -> Vec<Setting> {
+        let origin = Origin::ReadBack;
+        let mut settings = Vec::new();
+        let mut add = |name, value| settings.push(Setting { name, value, origin });
+        match self.place {
+            MountPlace::Equatorial { ra_deg, dec_deg } => {
+                add("ra_deg", Value::Number(ra_deg));
+                add("dec_deg", Value::Number(dec_deg));
+            }
+            MountPlace::Horizontal { azimuth_deg, altitude_deg } => {
+                add("azimuth_deg", Value::Number(azimuth_deg));
+                add("altitude_deg", Value::Number(altitude_deg));
+            }
+        }
+        add("motion", Value::Text(format!("{:?}", self.motion).to_lowercase()));
+        if let Some(pier) = self.pier {
+            add("pier_side", Value::Text(format!("{pier:?}").to_lowercase()));
+        }
+        if let Some([primary, secondary]) = abilities.continuous_deg_s() {
+            add("most_rate_deg_s", Value::Number(primary.min(secondary)));
+        }
+        settings
+    }
 }
 
 /// Site that a mount believes to stand at.

@@ -419,21 +419,7 @@ impl<T: Bytes> Device for Mount<T> {
 
     fn settings(&mut self, deadline: &Deadline) -> Result<Vec<Setting>, DeviceError> {
         let now = device::Mount::reading(self, deadline)?;
-        let origin = Origin::ReadBack;
-        let mut settings = Vec::new();
-        let mut add = |name, value| settings.push(Setting { name, value, origin });
-        if let MountPlace::Equatorial { ra_deg, dec_deg } = now.place {
-            add("ra_deg", Value::Number(ra_deg));
-            add("dec_deg", Value::Number(dec_deg));
-        }
-        add("motion", Value::Text(format!("{:?}", now.motion).to_lowercase()));
-        if let Some(pier) = now.pier {
-            add("pier_side", Value::Text(format!("{pier:?}").to_lowercase()));
-        }
-        if let Some([primary, secondary]) = self.abilities.continuous_deg_s() {
-            add("most_rate_deg_s", Value::Number(primary.min(secondary)));
-        }
-        Ok(settings)
+        Ok(now.settings(&self.abilities))
     }
 }
 
