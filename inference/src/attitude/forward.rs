@@ -145,6 +145,8 @@ impl Forward {
         }
         let mut pass = curve.pass.clone();
         pass.effects = Switches::OFF;
+        // Samples in the shadow do not count, and the colours of a Sun that is half hidden would be spectra of their own.
+        pass.shadow = None;
         let study = Study::new(pass).map_err(|source| AttitudeError::Pass {
             name: data.name.clone(),
             source: Box::new(source),
