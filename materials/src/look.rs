@@ -272,7 +272,8 @@ pub fn ball(material: &Material, nm: f64) -> Result<Option<PhaseCurve>, LookErro
     PHASES_DEG.map(at).collect::<Result<_, LookError>>().map(Some)
 }
 
-/// A box of 1 × 1 × 1.3 m that turns about the normal of the plane of Sun and observer, with a wing of 8 m² towards the Sun, all of the material: the mean over a turn in steps of 1°, every 5° of phase angle.
+/// A box of 1 × 1 × 1.3 m that turns about the normal of the plane of Sun and observer, with a wing of 8 m² towards the Sun, all of the material: the mean over a turn, every 5° of phase angle.
+/// Steps of the turn are shorter where a side mirrors the Sun, down to 3e-6 rad, so that a narrow lobe is not missed.
 /// Convex and without shadows between the parts.
 pub fn box_wing(material: &Material, nm: f64) -> PhaseCurve {
     use glam::DVec3;
@@ -290,11 +291,16 @@ pub fn box_wing(material: &Material, nm: f64) -> PhaseCurve {
             }
             area * i.z * o.z * material.brdf(nm, i, o)
         };
-        let turned = |deg: i32| {
-            let (sin, cos) = f64::from(deg).to_radians().sin_cos();
-            side(1.3, DVec3::new(cos, sin, 0.0))
+        // From the turn at which a side mirrors: u = w sinh s, by equal steps of s.
+        let (narrow_rad, steps) = (1e-4, 400);
+        let step = (0.5 * std::f64::consts::PI / narrow_rad).asinh() / f64::from(steps);
+        let turned = |k: i32| {
+            let s = f64::from(k) * step;
+            let (sin, cos) = (0.5 * phase + narrow_rad * s.sinh()).sin_cos();
+            side(1.3, DVec3::new(cos, sin, 0.0)) * narrow_rad * s.cosh() * step
         };
-        (0..360).map(turned).sum::<f64>() * 4.0 / 360.0 + side(8.0, sun)
+        let of_one: f64 = (-steps..=steps).map(turned).sum();
+        4.0 * of_one / std::f64::consts::TAU + side(8.0, sun)
     };
     PHASES_DEG.map(|k| (5.0 * f64::from(k), one((5.0 * f64::from(k)).to_radians()))).collect()
 }

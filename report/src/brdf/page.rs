@@ -66,7 +66,7 @@ pub fn page(material: &Material, look: &Look, bodies: &Bodies, nm: f64, phi_i_de
                 "angle of incidence, degrees",
             ),
             Scale::Linear,
-            vec![line("", 0, look.albedo.iter().copied())],
+            vec![line("this material", 0, look.albedo.iter().copied())],
         ),
     ];
     others.extend(spectra(material, phi_i_deg));
@@ -79,12 +79,12 @@ pub fn page(material: &Material, look: &Look, bodies: &Bodies, nm: f64, phi_i_de
     if let Some(ball) = &bodies.ball {
         let own = line("this material", 0, ball.iter().copied());
         let white = line("white Lambert surface", 1, ball.iter().map(white));
-        let what = ("A ball of 1 m radius", "radiant intensity over irradiance, m²/sr", phase);
+        let what = ("A ball of 1 m radius: intensity over irradiance", "I/E, m²/sr", phase);
         others.push(chart("ball", what, Scale::Log, vec![own, white]));
     }
     let what = (
         "A box of 1 × 1 × 1.3 m with a wing of 8 m² towards the Sun, mean over a turn",
-        "radiant intensity over irradiance, m²/sr",
+        "I/E, m²/sr",
         phase,
     );
     let own = line("this material", 0, bodies.box_wing.iter().copied());

@@ -50,6 +50,8 @@ pub(super) fn report(compared: &Comparison<'_>) -> Page {
         curves_title: "Measured and simulated".into(),
         curves_note: "Dots: measured. Lines: simulated, on the same epochs, not scaled.".into(),
         groups: compared.tracks().iter().map(|track| group(compared, track)).collect(),
+        others_title: "Residuals by geometry".into(),
+        others_note: "All light measured in a bin over all light simulated, over the channel's scale: 1 where the model has the course right. Bars: the data's own uncertainty.".into(),
         others: others(compared, &palette),
         sections: sections(compared),
         program: concat!("sunglint ", env!("CARGO_PKG_VERSION")).into(),

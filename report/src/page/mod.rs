@@ -78,7 +78,11 @@ pub struct Page {
     pub curves_note: String,
     /// Charts against time, a group a track.
     pub groups: Vec<Group>,
-    /// Charts against something else.
+    /// Title of the charts against something else; they stand under that of the curves where it is empty.
+    pub others_title: String,
+    /// Note on these charts.
+    pub others_note: String,
+    /// These charts.
     pub others: Vec<Chart>,
     /// Sections that follow.
     pub sections: Vec<Section>,
@@ -165,7 +169,12 @@ impl Page {
         }
         page.push_str("</section>\n");
         if !self.others.is_empty() {
-            page.push_str("<section class=\"pair\">\n<h2>Residuals by geometry</h2>\n<p class=\"how\">All light measured in a bin over all light simulated, over the channel's scale: 1 where the model has the course right. Bars: the data's own uncertainty.</p>\n<div class=\"two\">\n");
+            page.push_str("<section class=\"pair\">\n");
+            if !self.others_title.is_empty() {
+                let (title, note) = (Text(&self.others_title), Text(&self.others_note));
+                let _ = writeln!(page, "<h2>{title}</h2>\n<p class=\"how\">{note}</p>");
+            }
+            page.push_str("<div class=\"two\">\n");
             for chart in &self.others {
                 chart.write(page, None, chart.extent());
             }

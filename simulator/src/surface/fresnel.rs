@@ -251,14 +251,14 @@ impl Fresnel {
         let law = self.describe_law();
         match self.coherence {
             0.0 => law,
-            g if self.nodes.is_empty() => format!("{law}, coherent with g {g}"),
-            g => format!("{law}, coherent with g {g} that goes as 1/λ"),
+            g if self.nodes.is_empty() => format!("{law}, coherent with g {}", super::short(g)),
+            g => format!("{law}, coherent with g {} that goes as 1/λ", super::short(g)),
         }
     }
 
     fn describe_law(&self) -> String {
         match &self.law {
-            Law::Dielectric(n) => format!("Fresnel term of n {n}"),
+            Law::Dielectric(n) => format!("Fresnel term of n {}", super::short(*n)),
             Law::Constant => format!("reflectance {}", super::range_of(&self.spectra[0])),
             Law::Schlick => {
                 format!("Schlick's Fresnel term from {}", super::range_of(&self.spectra[0]))

@@ -207,9 +207,9 @@ impl Lobe {
     pub(super) fn describe(&self) -> String {
         let name = self.name();
         let alpha = if self.is_isotropic() {
-            format!("α {}", self.alpha_x)
+            format!("α {}", super::short(self.alpha_x))
         } else {
-            format!("α_x {} α_y {}", self.alpha_x, self.alpha_y)
+            format!("α_x {} α_y {}", super::short(self.alpha_x), super::short(self.alpha_y))
         };
         let masking = match self.masking {
             Masking::Separable => "separable",

@@ -419,11 +419,17 @@ fn check_reflectance(reflectance: &Spectrum<Reflectance>) -> Result<(), Material
     }
 }
 
+/// A parameter to four digits, for people.
+fn short(value: f64) -> f64 {
+    format!("{value:.3e}").parse().unwrap_or(value)
+}
+
 /// `0.9`, or `0.05 to 0.85`.
 fn range_of(reflectance: &Spectrum<Reflectance>) -> String {
     let (least, most) = reflectance
         .value()
         .iter()
         .fold((f64::INFINITY, 0.0_f64), |(a, b), v| (a.min(*v), b.max(*v)));
+    let (least, most) = (short(least), short(most));
     if least == most { format!("{least}") } else { format!("{least} to {most}") }
 }

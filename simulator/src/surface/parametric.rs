@@ -297,8 +297,11 @@ impl Scatter for Sum {
 
     fn describe(&self) -> String {
         let part = |part: &Part| {
-            let share =
-                if part.scale < 1.0 { format!("{} of ", part.scale) } else { String::new() };
+            let share = if part.scale < 1.0 {
+                format!("{} of ", super::short(part.scale))
+            } else {
+                String::new()
+            };
             format!("{share}{}, {}", part.shape.describe(), part.fresnel.describe())
         };
         self.parts.iter().map(part).collect::<Vec<_>>().join("; ")

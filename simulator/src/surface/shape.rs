@@ -15,7 +15,7 @@
 //! - falling diffuse light: (p+2)/(2π) (cosθ_i cosθ_o)^p (as Minnaert 1941 has it for the Moon).
 
 use super::sampling::Proposal;
-use super::{Distribution, Lobe, Masking};
+use super::{Distribution, Lobe, Masking, short};
 use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 
@@ -185,6 +185,7 @@ impl Shape {
 
     pub(super) fn describe(&self) -> String {
         let pair = |x: f64, y: f64| {
+            let (x, y) = (short(x), short(y));
             if x == y { format!("α {x}") } else { format!("α_x {x} α_y {y}") }
         };
         match self {
@@ -194,7 +195,7 @@ impl Shape {
                 let (x, y) = lobe.alpha();
                 format!("{} {}, V-shaped grooves", lobe.name(), pair(x, y))
             }
-            Self::Phong { exponent } => format!("Phong n {exponent}"),
+            Self::Phong { exponent } => format!("Phong n {}", short(*exponent)),
             Self::Ward { alpha_x, alpha_y, form } => {
                 let form = match form {
                     WardForm::Bounded => "bounded albedo",
@@ -203,14 +204,16 @@ impl Shape {
                 };
                 format!("Ward {}, {form}", pair(*alpha_x, *alpha_y))
             }
-            Self::Abg { a_per_sr, b, g } => format!("ABg A {a_per_sr} sr⁻¹ B {b} g {g}"),
+            Self::Abg { a_per_sr, b, g } => {
+                format!("ABg A {} sr⁻¹ B {} g {}", short(*a_per_sr), short(*b), short(*g))
+            }
             Self::FirstSurface { bias_per_sr, sigma, tau_rad, omega_rad } => format!(
                 "Maxwell–Beard B {bias_per_sr} sr⁻¹ σ {sigma} τ {:.4}° Ω {:.4}°",
                 tau_rad.to_degrees(),
                 omega_rad.to_degrees()
             ),
             Self::Volume => "volume".to_owned(),
-            Self::Falling { power } => format!("diffuse with (cosθᵢ cosθₒ)^{power}"),
+            Self::Falling { power } => format!("diffuse with (cosθᵢ cosθₒ)^{}", short(*power)),
         }
     }
 }
