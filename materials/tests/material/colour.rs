@@ -12,6 +12,7 @@ use sunglint_materials::fit::surface::{
 use sunglint_materials::samples::{Sample, Samples, direction};
 use sunglint_numerics::progress::Silent;
 use sunglint_simulator::surface::Material;
+use sunglint_testkit::Campaign;
 
 const AT_NM: f64 = 532.0;
 
@@ -254,15 +255,18 @@ fn made_up(seed: u64, rng: &mut Xoshiro256PlusPlus) -> Truth {
     }
 }
 
-/// Truth: closed forms written from the papers, integrated here over spheres and summed over the sides of a box with a wing; ten surfaces. Fitted at 532 nm with 1 % noise; one spectrum from 400 to 1,000 nm at 30°, by turns at
+/// Truth: closed forms written from the papers, integrated here over spheres and summed over the sides of a box with a wing. Fitted at 532 nm with 1 % noise; one spectrum from 400 to 1,000 nm at 30°, by turns at
 /// the normal and hemispherical. Tolerance, as promised: where the division is determined, colour indices of six bands at phase angles 30 and 90° within 0.03 mag; else inside both extremes, and 0.03 mag, in 95 %. What
 /// scaling the whole spectrum would give is shown beside it.
 #[test]
-fn made_up_surfaces_get_their_colours() {
+fn campaign_colour() {
+    let mut campaign = Campaign::start("colour", 100);
+    let tried = campaign.seeds().end - campaign.seeds().start;
     let (mut off, mut off_scaled) = (0.0_f64, 0.0_f64);
-    let (mut undetermined, mut inside, mut determined, mut over) = (0, 0, 0, 0);
-    for seed in 0..10_u64 {
-        let mut rng = Xoshiro256PlusPlus::seed_from_u64(4200 + seed);
+    let (mut undetermined, mut inside, mut determined, mut over) = (0, 0, 0_u64, 0);
+    // Not the seeds of 4200, at which the rules were chosen.
+    for seed in campaign.seeds() {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(5200 + seed);
         let truth = made_up(seed, &mut rng);
         let fit = fitted(&truth, 0.01, &mut rng);
         let nm: Vec<f64> = (0..121).map(|k| 400.0 + 5.0 * f64::from(k)).collect();
@@ -309,7 +313,9 @@ fn made_up_surfaces_get_their_colours() {
     println!(
         "determined {determined}, {over} off by more than 0.03, at most {off:.4} mag (scaled {off_scaled:.4}); {inside} of {undetermined} inside"
     );
-    assert!(determined >= 5 && over == 0, "{over} of {determined}: {off}");
+    campaign.largest("off_mag", off);
+    campaign.finish();
+    assert!(2 * determined >= tried && over == 0, "{over} of {determined}: {off}");
     // What the division is for.
     assert!(off_scaled > 3.0 * off, "{off_scaled} {off}");
     assert!(100 * inside >= 95 * undetermined);
