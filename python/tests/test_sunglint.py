@@ -253,6 +253,38 @@ def test_the_interpreter_goes_on_beside_long_work():
     assert ended > begun
 
 
+def test_studies_are_the_programs(tmp_path, demo):
+    """The same bytes from Python in parts, and from the program; read by pyarrow. Truth: a sphere k times as large is 5 lg k mag brighter, to rounding (1e-9)."""
+    import pandas
+
+    text = (demo / "sphere.toml").read_text().replace('"satellites.tle"', json.dumps(str(demo / "satellites.tle")))
+    (tmp_path / "sphere.toml").write_text(text)
+    study = tmp_path / "spheres.toml"
+    study.write_text(
+        '[study]\nscene = "sphere.toml"\nkeep = ["summary", "samples"]\ntasks_a_shard = 1\n'
+        '[[parameter]]\nkey = "target.sphere.radius_m"\nvalues = [0.5, 1.0, 2.0]\n'
+    )
+    heard = []
+    mine = sg.study(study, tmp_path / "mine", part=(2, 2), progress=lambda stage, done, of: heard.append(of))
+    assert mine.report["missing"] == 2 and heard[-1] == 1
+    mine = sg.study(study, tmp_path / "mine")
+    assert mine.report["missing"] == 0 and mine.report["tasks"] == 3
+    program("study", study, "-o", tmp_path / "theirs", "-q")
+    files = sorted(p.relative_to(tmp_path / "theirs") for p in (tmp_path / "theirs").rglob("*.parquet"))
+    assert len(files) == 6
+    for file in files:
+        assert (tmp_path / "mine" / file).read_bytes() == (tmp_path / "theirs" / file).read_bytes()
+    table = mine.summary()
+    radius, mag = table["target.sphere.radius_m"].to_numpy(), table["brightest_v_mag"].to_numpy()
+    assert np.allclose(mag[1] - mag, 5 * np.log10(radius / radius[1]), rtol=0, atol=1e-9)
+    samples = mine.samples()
+    assert len(samples) == table["samples"].sum()
+    assert isinstance(samples["time_utc"].dtype, pandas.DatetimeTZDtype)
+    with pytest.raises(sg.Error, match="another study"):
+        study.write_text(study.read_text().replace("2.0", "3.0"))
+        sg.study(study, tmp_path / "mine")
+
+
 def test_importing_takes_nothing_but_numpy():
     code = "import sys, sunglint; print([m for m in ('pandas', 'astropy', 'matplotlib') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"
