@@ -11,7 +11,9 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::mpsc::channel;
+use sunglint_formats::ecsv;
 use sunglint_page::{Recording, Server, Source};
+use sunglint_radiometry::light_curve::LightCurve;
 
 /// Arguments of `sunglint page`.
 #[derive(Debug, Args)]
@@ -21,9 +23,21 @@ pub struct PageArgs {
     /// Where the page is served: an address of this computer and a port [default: 127.0.0.1 and the first free port from 8650 on]
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "", hide_default_value = true)]
     pub address: String,
+    /// Light curves that are drawn beneath the counts, such as what `sunglint simulate` predicts (ECSV)
+    #[arg(long, value_name = "CURVE")]
+    pub predicted: Vec<PathBuf>,
     /// Print the address and open no browser
     #[arg(long)]
     pub no_open: bool,
+}
+
+/// Reads the curves that are drawn beneath the counts.
+///
+/// # Errors
+/// A file that is no light curve.
+pub fn predicted(paths: &[PathBuf]) -> anyhow::Result<Vec<LightCurve>> {
+    let read = |path: &PathBuf| Ok(LightCurve::from_table(path, &ecsv::read(path)?)?);
+    paths.iter().map(read).collect()
 }
 
 /// Serves a recorded session until Ctrl-C.
@@ -32,7 +46,7 @@ pub struct PageArgs {
 /// A folder that is no session; an address that cannot be listened at.
 pub fn run(args: &PageArgs, console: Console) -> anyhow::Result<()> {
     let address = address_of(&args.address)?;
-    let recording = Recording::open(&args.session)?;
+    let recording = Recording::open(&args.session)?.beside(&predicted(&args.predicted)?);
     let may = "sees the session and saves reductions";
     serve(address, Arc::new(recording), may, !args.no_open, console)
 }

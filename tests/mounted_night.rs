@@ -2,18 +2,17 @@
 
 #![allow(clippy::unwrap_used, reason = "in helpers too, a failure should stop the run")]
 
+use crate::common::star_of_now::star_of_now;
 use crate::common::{Folder, SPHERE_PASS, virtual_night};
-use hifitime::{Epoch, Unit};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use sunglint_drivers::catalogue::{Address, AnyDevice};
-use sunglint_drivers::clock::{Deadline, utc_now};
+use sunglint_drivers::clock::Deadline;
 use sunglint_drivers::device::{Mount, MountMotion};
 use sunglint_formats::session::{Session, TargetKind, What};
-use sunglint_observatory::telescope::sun;
-use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Observer};
+use sunglint_radiometry::sky::{Catalogue, EarthOrientation};
 use sunglint_radiometry::station::Station;
 use sunglint_testkit::live;
 
@@ -301,28 +300,6 @@ impl Drop for Server {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
-}
-
-/// A star that is high, far from the Sun and from the meridian now.
-fn star_of_now() -> String {
-    let station = Station::built_in("ufo").unwrap().unwrap();
-    let place = station.site.geodetic();
-    let (now, earth) = (utc_now(), EarthOrientation::embedded());
-    let sun = sun(now, place.latitude_deg, place.longitude_deg).enu;
-    let fit = |epoch: Epoch| {
-        let later = Observer::at(epoch, &station.site, earth).unwrap();
-        move |star: &sunglint_radiometry::sky::Star| {
-            let enu = later.star(star).horizontal.east_north_up();
-            enu.z > 0.5 && enu.x.abs() > 0.2 && enu.dot(sun) < 0.5
-        }
-    };
-    let (now_fits, soon_fits) = (fit(now), fit(now + 5.0 * Unit::Minute));
-    let stars = Catalogue::embedded().stars().iter();
-    let named = stars.filter(|star| star.v_mag.is_some_and(|v| v < 4.5) && star.hip.is_some());
-    let found = named
-        .filter(|star| now_fits(star) && soon_fits(star))
-        .find(|star| Catalogue::embedded().find(&star.label()).is_ok());
-    found.unwrap().label()
 }
 
 fn plan_of(server: &Server, star: &str, for_s: f64) -> String {

@@ -793,6 +793,120 @@ fn type_into(browser: &mut Browser, selector: &str, text: &str) {
     browser.run(&format!("(() => {{ const e = document.querySelector({selector}); e.value = {}; e.dispatchEvent(new Event('input', {{bubbles: true}})); }})()", json!(text)));
 }
 
+/// Place of the star in the last frame by its light, px of the frame; `None` until the marks are those of the frame.
+fn star_at(browser: &mut Browser) -> Option<[f64; 2]> {
+    let at = browser.run(
+        "sunglint.marks && sunglint.marks.of === sunglint.frame.of && sunglint.frame.header.number ? sunglint.marks.place_px : null",
+    );
+    Some([at[0].as_f64()?, at[1].as_f64()?])
+}
+
+/// Waits until the star stands at a place of the frame within 4 px, in three frames.
+fn star_stands(browser: &mut Browser, place: [f64; 2]) {
+    let (limit, mut near, mut last) = (Instant::now() + Duration::from_secs(60), 0, None);
+    while near < 3 {
+        assert!(Instant::now() < limit, "the star stands at {last:?}, expected {place:?}");
+        let Some(at) = star_at(browser).filter(|at| Some(*at) != last) else { continue };
+        let off = (at[0] - place[0]).hypot(at[1] - place[1]);
+        near = if off < 4.0 { near + 1 } else { 0 };
+        last = Some(at);
+    }
+}
+
+/// The mount of a virtual night at the speed of time, steered by clicks. Truth: where the star's light stands in the frames by its centroid, against the pixel that was clicked; 45″ beside are 101.5 px at the station's
+/// 0.4435″ a pixel, the other way; tolerance 4 px (2″: seeing of 0.2 s, and the mount's own errors). The log has each click in its order.
+#[test]
+fn the_mount_is_steered_by_clicks() {
+    let Some(mut browser) = Browser::start("the_mount_is_steered_by_clicks") else { return };
+    let folder = Folder::new("page-mount");
+    let plan = format!(
+        r#"station = "ufo"
+virtual = "virtual.toml"
+for_s = 600
+[[camera]]
+name = "cam"
+device = "virtual"
+exposure_s = 0.2
+interval_s = 0.5
+window_px = [495, 319, 400, 400]
+[mount]
+device = "virtual"
+camera = "cam"
+sun_limit_deg = 20
+[[visit]]
+star = "{}"
+for_s = 200
+[[visit]]
+off = "dark"
+for_s = 300
+"#,
+        crate::common::star_of_now::star_of_now()
+    );
+    std::fs::write(folder.path("night.toml"), plan).unwrap();
+    let options =
+        "[pointing]\njitter_px = 0.0\naim_scatter_px = 0.0\n[passing]\nstreaks_per_h = 0.0\n";
+    std::fs::write(folder.path("virtual.toml"), options).unwrap();
+    let arguments = [
+        "observe",
+        "night.toml",
+        "-o",
+        "session",
+        "--anyway",
+        "--real-time",
+        "--page",
+        "127.0.0.1:0",
+    ];
+    let mut serving = Serving::start(&folder, &arguments);
+    browser.open(&serving.url);
+    browser.until(
+        "Object.values(sunglint.live?.devices ?? {}).some((d) => d.mount?.state === 'locked')",
+    );
+    let middle = |browser: &mut Browser| loop {
+        if let Some(at) = star_at(browser) {
+            return at;
+        }
+    };
+    let first = middle(&mut browser);
+    // This light is the target; nothing changes.
+    browser.click("#mount-lock");
+    let at = on_screen(&mut browser, first);
+    click_at(&mut browser, at);
+    browser.until("document.getElementById('notice').innerText.includes('for its target')");
+    star_stands(&mut browser, first);
+    // It is kept elsewhere.
+    let place = [first[0] + 60.0, first[1] - 45.0];
+    browser.click("#mount-keep");
+    let at = on_screen(&mut browser, place);
+    click_at(&mut browser, at);
+    browser.until("document.getElementById('notice').innerText.includes('kept there')");
+    star_stands(&mut browser, place);
+    looks_good(&mut browser, "mount");
+    // The telescope looks to the right, so that the light goes to the left.
+    browser.run("(() => { const s = document.getElementById('mount-step'); s.append(new Option('45″', '45')); s.value = '45'; })()");
+    browser.click("[data-jog='1,0']");
+    star_stands(&mut browser, [place[0] - 45.0 / 0.44347, place[1]]);
+    browser.click("#mount-halt");
+    browser.until("Object.values(sunglint.live.devices).some((d) => d.mount?.state === 'stopped')");
+    browser.until("sunglint.live.now_s - sunglint.frame.header.start_s > 3");
+    browser.click("#mount-follow");
+    browser.until("Object.values(sunglint.live.devices).some((d) => d.mount?.state === 'locked')");
+    // No light where nothing is followed: refused in words.
+    browser.click("#skip");
+    browser.until("sunglint.live.target?.kind === 'dark'");
+    browser.until("Object.values(sunglint.live.devices).some((d) => d.mount?.state === 'stopped')");
+    browser.click("[data-jog='0,1']");
+    browser.until("document.getElementById('notice').innerText.includes('follows no target')");
+    browser.complaints.retain(|text| !text.contains("409"));
+    browser.click("#mount-park");
+    browser.until("Object.values(sunglint.live.devices).some((d) => d.mount?.state === 'parked')");
+    assert_eq!(browser.complaints, Vec::<String>::new());
+    browser.click("#stop");
+    assert!(serving.child.wait().unwrap().success());
+    let session = Session::open(folder.path("session")).unwrap();
+    let found: Vec<String> = controls(&session).into_iter().map(|(action, _)| action).collect();
+    assert_eq!(found, ["lock", "keep", "jog", "halt", "follow", "skip", "park", "stop"]);
+}
+
 /// A pass whose automatic choice locks on a star (synthetic: drawn into the frames of a virtual night, nearer to the middle than the target), and in five of whose
 /// frames an aeroplane's lamp shines into the aperture (drawn, too). Truth: what arrives of the target by the virtual night, which shares no formula with the
 /// reduction; the median of 1,000 frames within 1 % of it, which covers how the light changes with the airmass in 200 s. The aperture of 6 px on points 5.7 px wide leaves out 4.8 %

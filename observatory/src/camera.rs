@@ -250,6 +250,8 @@ impl CameraWork {
                 {
                     sights.see(&frame, camera.sensor_px());
                 }
+                worker.status.look(&worker.name, &frame);
+                worker.disk.look(&worker.name, frame);
             }
             Err(error @ DeviceError::NotOurs { .. }) => {
                 self.refuse(&error.to_string(), worker);

@@ -129,6 +129,13 @@ impl Disk {
         self.send(Message::Frame(camera.to_owned(), number, frame));
     }
 
+    /// Shows a frame that is not recorded to those who look on.
+    pub fn look(&self, camera: &str, frame: Frame) {
+        if let Some(watcher) = &self.watcher {
+            watcher.frame(camera, 0, &Arc::new(frame));
+        }
+    }
+
     /// Hands over tags; of a live device without ever waiting: where there is no room they are lost. `loss` is what was lost before and is not told yet;
     /// the result is what is lost now.
     pub fn tags(

@@ -62,6 +62,38 @@ pub enum Control {
         /// Gain in the camera's own steps.
         gain: Option<Finite>,
     },
+    /// The present visit, or else the last one, once more, whole and from now on.
+    Repeat,
+    /// A light of a frame is the target that the mount follows.
+    Lock(Click),
+    /// The target is kept at a place of the frame from now on.
+    Keep(Click),
+    /// The telescope looks by so much beside, arcsec: to the right and up in the frames of the mount's camera; without one along the growing axes.
+    Jog([f64; 2]),
+    /// The mount stands until it is told to follow.
+    Halt,
+    /// The mount is parked until it is told to follow.
+    Park,
+    /// The mount follows the plan again.
+    Follow,
+}
+
+/// A place in a frame that a person pointed at.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Click {
+    /// Name of the camera.
+    pub camera: String,
+    /// Start of the frame's exposure.
+    pub start: Epoch,
+    /// Column and row; the first pixel's middle is 0, 0.
+    pub place_px: [f64; 2],
+}
+
+impl Click {
+    fn text(&self) -> String {
+        let ([column, row], utc) = (self.place_px, format_utc(self.start, 3));
+        format!("{}: column {column:.1}, row {row:.1} of the frame of {utc}", self.camera)
+    }
 }
 
 impl Control {
@@ -75,6 +107,13 @@ impl Control {
             Self::Stop => "stop",
             Self::Note(_) => "note",
             Self::Expose { .. } => "expose",
+            Self::Repeat => "repeat",
+            Self::Lock(_) => "lock",
+            Self::Keep(_) => "keep",
+            Self::Jog(_) => "jog",
+            Self::Halt => "halt",
+            Self::Park => "park",
+            Self::Follow => "follow",
         }
     }
 
@@ -91,6 +130,8 @@ impl Control {
                 let parts: Vec<String> = exposure.into_iter().chain(gain).collect();
                 format!("{camera}: {}", parts.join(", "))
             }
+            Self::Lock(click) | Self::Keep(click) => click.text(),
+            Self::Jog([first, second]) => format!("{first:+.0}″, {second:+.0}″"),
             _ => String::new(),
         }
     }
@@ -323,7 +364,7 @@ pub struct LiveCounts {
 /// Last frame of a camera, in numbers.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LiveFrame {
-    /// Number of the frame.
+    /// Number of the frame; 0 for one that is not recorded, by which the mount looks for its target.
     pub number: u64,
     /// Start of the exposure, s after the night's start.
     pub start_s: f64,
@@ -365,6 +406,10 @@ pub struct LiveMount {
     pub error_arcsec: Option<f64>,
     /// Distance of the target from where it should stand in the last frame, arcsec.
     pub seen_arcsec: Option<f64>,
+    /// Azimuth and altitude where it stands, deg.
+    pub at_deg: Option<[f64; 2]>,
+    /// Distance of the Sun from there, deg.
+    pub sun_deg: Option<f64>,
 }
 
 /// State of a night, and what came since a reader asked last.
@@ -431,6 +476,8 @@ struct Inner {
     snapshot: Option<Snapshot>,
     paused: bool,
     can_pause: bool,
+    /// Least distance of the mount from the Sun, deg.
+    sun_limit_deg: Option<f64>,
     waiting: bool,
     /// Whether it was started by somebody who looked on.
     started: bool,
@@ -515,6 +562,7 @@ impl LiveState {
         let name = night.root.file_name().unwrap_or_default();
         inner.name = name.to_string_lossy().into_owned();
         inner.can_pause = can_pause;
+        inner.sun_limit_deg = night.mount.as_ref().map(|mount| mount.sun_limit_deg());
         inner.waiting = false;
         inner.devices.clear();
         for camera in &night.cameras {
@@ -640,6 +688,11 @@ impl LiveState {
         lock(&self.inner).station.clone()
     }
 
+    /// Least distance of the mount from the Sun, deg; `None` without a mount.
+    pub fn sun_limit_deg(&self) -> Option<f64> {
+        lock(&self.inner).sun_limit_deg
+    }
+
     /// The devices.
     pub fn devices(&self) -> Vec<LiveDevice> {
         lock(&self.inner).devices.clone()
@@ -696,6 +749,8 @@ impl LiveState {
                     state: mount.state.clone(),
                     error_arcsec: mount.error_arcsec,
                     seen_arcsec: mount.seen_arcsec,
+                    at_deg: mount.at_deg,
+                    sun_deg: mount.sun_deg,
                 }),
             };
             (name.clone(), health)

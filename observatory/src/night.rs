@@ -5,8 +5,8 @@ use super::clock::{self, STEP_S};
 use super::counter::CounterWork;
 use super::disk;
 use super::films::Films;
-use super::live::{Asked, Control, ControlError, LiveState};
-use super::mount::{Aim, MountPlan, MountWork, Sights};
+use super::live::{Asked, Click, Control, ControlError, LiveState};
+use super::mount::{Aim, MountPlan, MountWork, Sights, Steering, Want};
 use super::movers::{Before, RotatorWork, Stands, WheelWork};
 use super::opener::Opener;
 use super::plan::{CameraPlan, CounterPlan, NightClock, Plan, PlanError, RotatorPlan, WheelPlan};
@@ -15,6 +15,7 @@ use super::room::Room;
 use super::schedule::{CameraWish, Schedule, SharedSchedule};
 use super::sequence::Exposing;
 use super::status::{Snapshot, State, Status};
+use super::telescope::Order;
 use super::worker::Worker;
 use hifitime::Epoch;
 use std::collections::BTreeMap;
@@ -35,6 +36,8 @@ use sunglint_radiometry::station::Station;
 
 /// Time between two looks at the devices.
 const POLL: Duration = Duration::from_millis(50);
+/// Farthest way that the telescope goes beside by hand at once, arcsec: 2°.
+const FARTHEST_JOG_ARCSEC: f64 = 7200.0;
 /// Longest exposure that may be wished, s.
 const LONGEST_S: f64 = 3600.0;
 /// Time between two looks at the clock.
@@ -363,14 +366,18 @@ impl Night {
             .map(|mount| Arc::new(Aim::new(mount.camera.clone(), mount.wait, mount.acquire_s())));
         let view = self.mount.as_ref().and_then(|mount| mount.view(&self.station));
         let sights = view.map(|view| Arc::new(Sights::new(view)));
-        if let (Some(mount), Some(aim)) = (&self.mount, &aim) {
+        let hand = self
+            .mount
+            .as_ref()
+            .map(|mount| Arc::new(Steering::new(mount.camera.clone(), sights.clone())));
+        if let (Some(plan), Some(aim), Some(hand)) = (&self.mount, &aim, &hand) {
             let (station, aim, program) =
                 (self.station.clone(), aim.clone(), self.watchdog.clone());
-            let frame_s = self.frame_s(mount.camera.as_deref());
-            let mut work =
-                MountWork::new(mount.clone(), station, aim, sights.clone(), frame_s, program);
-            let worker = worker(&mount.name);
-            threads.push(thread(&mount.name, move || worker.supervise(|worker| work.run(worker)))?);
+            let frame_s = self.frame_s(plan.camera.as_deref());
+            let (mount, sights, hand) = (plan.clone(), sights.clone(), hand.clone());
+            let mut work = MountWork::new(mount, station, aim, sights, hand, frame_s, program);
+            let worker = worker(&plan.name);
+            threads.push(thread(&plan.name, move || worker.supervise(|worker| work.run(worker)))?);
         }
         let stands = Arc::new(Stands::default());
         for plan in &self.wheels {
@@ -424,6 +431,7 @@ impl Night {
             cancel,
             schedule: schedule.clone(),
             before_pause: None,
+            hand,
             sequence: self.schedule.has_sequences(),
         };
         if let Some((_, target)) = told {
@@ -550,6 +558,8 @@ struct Watch<'a> {
     schedule: Arc<SharedSchedule>,
     /// The schedule that a pause interrupts.
     before_pause: Option<Arc<Schedule>>,
+    /// A person's hand on the mount.
+    hand: Option<Arc<Steering>>,
     /// Whether visits have settings of their own: then steps are told.
     sequence: bool,
 }
@@ -746,6 +756,62 @@ impl Watch<'_> {
                     Ok("the visit is over".into())
                 }
             },
+            Control::Repeat if self.before_pause.is_some() => refused("it is paused: resume first"),
+            Control::Repeat => match schedule.repeated(utc) {
+                Err(why) => refused(why),
+                Ok(again) => {
+                    self.exchange(again, utc);
+                    Ok("once more from now on; the stars that follow come later".into())
+                }
+            },
+            Control::Lock(_)
+            | Control::Keep(_)
+            | Control::Jog(_)
+            | Control::Halt
+            | Control::Park
+            | Control::Follow => self.steer_mount(&asked.control).map_err(ControlError::Refused),
+        }
+    }
+
+    /// Commands to the mount.
+    fn steer_mount(&self, control: &Control) -> Result<String, String> {
+        let Some(hand) = &self.hand else {
+            return Err("this night moves no mount: its plan has no [mount]".into());
+        };
+        let place = |click: &Click| hand.place(&click.camera, click.start, click.place_px);
+        match control {
+            Control::Lock(click) => {
+                let (middle, offset_arcsec) = place(click)?;
+                hand.order(Order::Lock { middle, offset_arcsec })?;
+                Ok("the mount takes this light for its target".into())
+            }
+            Control::Keep(click) => {
+                let (_, offset_arcsec) = place(click)?;
+                hand.order(Order::Keep { offset_arcsec })?;
+                Ok("targets are kept there from now on".into())
+            }
+            Control::Jog(arcsec) => {
+                let far = arcsec[0].hypot(arcsec[1]);
+                if !(far.is_finite() && far <= FARTHEST_JOG_ARCSEC) {
+                    return Err(format!(
+                        "a jog of {far:.0}″, expected at most {FARTHEST_JOG_ARCSEC}″"
+                    ));
+                }
+                hand.order(Order::Jog { arcsec: hand.along_axes(*arcsec) })?;
+                Ok("the telescope goes beside".into())
+            }
+            Control::Halt => {
+                hand.set_want(Want::Stand);
+                Ok("the mount stands until it is told to follow".into())
+            }
+            Control::Park => {
+                hand.set_want(Want::Park);
+                Ok("the mount is parked until it is told to follow".into())
+            }
+            _ => {
+                hand.follow();
+                Ok("the mount follows the plan".into())
+            }
         }
     }
 

@@ -73,6 +73,11 @@ pub trait Opener: Send + Sync + fmt::Debug {
         Err(another_kind(&plan.device, "device of this night, which has no mount"))
     }
 
+    /// Whether its mount moves a telescope that could be harmed. A virtual one needs no watchdog, and no clock that is right.
+    fn moves_for_real(&self) -> bool {
+        true
+    }
+
     /// Whether a counter can hand over its time tags; asked before the night begins.
     fn streams_tags(&self, plan: &CounterPlan) -> bool {
         let _ = plan;

@@ -197,6 +197,59 @@ impl Schedule {
         self.without(utc, next.unwrap_or(self.slots.len() - self.begun(utc)))
     }
 
+    /// The schedule with the present visit, or else the last one that was, once more from a time on, whole. Stars, dark frames and flats that follow come later,
+    /// one after the other; passes keep their time and cut off what is before them, and what finds no time between them is left out.
+    ///
+    /// # Errors
+    /// In words: there was no visit, or it is a satellite's.
+    pub(crate) fn repeated(&self, utc: Epoch) -> Result<Self, &'static str> {
+        let begun = &self.slots[..self.begun(utc)];
+        let is_visit = |slot: &Slot| slot.target.target_kind != TargetKind::None;
+        let last = begun.iter().rposition(is_visit).ok_or("there was no visit yet")?;
+        if self.slots[last].target.target_kind == TargetKind::Satellite {
+            return Err("a satellite's pass cannot be repeated: it is over when it is over");
+        }
+        let first =
+            self.slots[..=last].iter().rposition(|slot| is_visit(slot) && !slot.continues());
+        let first = first.unwrap_or(last);
+        // Steps after the present one belong to it, too.
+        let rest = &self.slots[last + 1..];
+        let own = rest.iter().take_while(|slot| is_visit(slot) && slot.continues()).count();
+        let mut queue: Vec<Slot> = self.slots[first..=last + own].to_vec();
+        queue[0].step =
+            queue[0].step.take().map(|step| Arc::new(Step { continues: false, ..(*step).clone() }));
+        // Steps count as finished by their number.
+        let numbers = self.slots.iter().filter_map(|slot| slot.step.as_ref().map(|s| s.number));
+        let mut number = numbers.max().unwrap_or(0);
+        for slot in &mut queue {
+            slot.step = slot.step.take().map(|step| {
+                number += 1;
+                Arc::new(Step { number, ..(*step).clone() })
+            });
+        }
+        queue.extend(rest[own..].iter().filter(|slot| is_visit(slot)).cloned());
+        let mut visits = self.until(utc);
+        visits.retain(is_visit);
+        let mut now = utc;
+        for at in 0..queue.len() {
+            let mut slot = queue[at].clone();
+            if slot.target.target_kind != TargetKind::Satellite {
+                let pass =
+                    queue[at..].iter().find(|s| s.target.target_kind == TargetKind::Satellite);
+                let length = slot.to.map(|to| to - slot.from);
+                slot.from = if at == 0 { now } else { slot.from.max(now) };
+                let to = length.map(|length| slot.from + length);
+                slot.to = [to, pass.map(|pass| pass.from)].into_iter().flatten().min();
+                if slot.to.is_some_and(|to| to <= slot.from) {
+                    continue;
+                }
+            }
+            now = slot.to.unwrap_or(now).max(now);
+            visits.push(slot);
+        }
+        Ok(Self::new(visits))
+    }
+
     /// The schedule without the rest of the present step: the visit goes on with its next one, or is over.
     pub(crate) fn stepped(&self, utc: Epoch) -> Option<Self> {
         self.without(utc, 0)
@@ -371,6 +424,16 @@ mod tests {
             &[("Vega", 0.0), ("Deneb", 40.0), ("none", 60.0), ("ISS", 250.0), ("none", 300.0)],
         );
         assert_eq!(skipped.skipped(at(70.0)), None);
+        // Once more: Vega is as long as it was, Deneb comes later and is cut off by the pass, which keeps its time.
+        let again = plan.repeated(at(90.0)).unwrap();
+        let rest = [("Vega", 90.0), ("Deneb", 190.0), ("ISS", 250.0), ("none", 300.0)];
+        expect(&again, &[&[("Vega", 0.0)][..], &rest].concat());
+        assert_eq!(again.slots()[2].to, Some(at(250.0)));
+        // In the gap after a visit it is that one; Deneb finds its whole time no more.
+        let late = plan.repeated(at(210.0)).unwrap();
+        let rest = [("Deneb", 210.0), ("ISS", 250.0), ("none", 300.0)];
+        expect(&late, &[&[("Vega", 0.0), ("Deneb", 100.0), ("none", 200.0)][..], &rest].concat());
+        assert!(plan.repeated(at(260.0)).is_err() && plan.repeated(at(-1.0)).is_err());
         // A pass that follows directly keeps its time.
         let close = Schedule::new(vec![
             visit("Vega", TargetKind::Star, 0.0, 100.0),

@@ -51,7 +51,7 @@ impl State {
 pub struct LastFrame {
     /// When its exposure began.
     pub start: Epoch,
-    /// Number of the frame.
+    /// Number of the frame; 0 for one that is not recorded, by which the mount looks for its target.
     pub number: u64,
     /// Mean of its pixels, ADU.
     pub mean_adu: f64,
@@ -70,6 +70,10 @@ pub struct MountStatus {
     pub error_arcsec: Option<f64>,
     /// Distance of the target from where it should stand in the last frame, arcsec.
     pub seen_arcsec: Option<f64>,
+    /// Azimuth and altitude where it stands, deg.
+    pub at_deg: Option<[f64; 2]>,
+    /// Distance of the Sun from there, deg.
+    pub sun_deg: Option<f64>,
 }
 
 /// Status of a device.
@@ -160,6 +164,12 @@ impl Status {
         let status = shared.devices.entry(camera.to_owned()).or_default();
         status.taken += 1;
         status.frame = Some(last);
+    }
+
+    /// A camera took a frame that is not recorded: the mount looks for its target.
+    pub fn look(&self, camera: &str, frame: &Frame) {
+        let last = LastFrame::of(0, frame);
+        self.shared().devices.entry(camera.to_owned()).or_default().frame = Some(last);
     }
 
     /// A mount's state.

@@ -5,15 +5,15 @@ use glam::DVec3;
 use hifitime::{Epoch, Unit};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
-use std::sync::Arc;
-use sunglint_drivers::clock::{Cancel, DeviceClock, VirtualClock};
-use sunglint_drivers::device::MountAxes;
+use std::sync::{Arc, Mutex};
+use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock, VirtualClock};
+use sunglint_drivers::device::{DeviceError, Finder, FinderFrame, MountAxes};
 use sunglint_ephemeris::geometry::Geometry;
 use sunglint_ephemeris::orbit::{Orbit, TleOrbit, tle};
 use sunglint_ephemeris::passes::{Conditions, Search};
 use sunglint_formats::time::parse_utc;
 use sunglint_observatory::telescope::{
-    Guard, SunCone, TargetPath, TrackOptions, TrackState, TrackStep, Tracker,
+    Guard, Order, Orders, SunCone, TargetPath, TrackOptions, TrackState, TrackStep, Tracker,
 };
 use sunglint_radiometry::sky::{EarthOrientation, Geodetic, Observer, Site, SkyFrames};
 use sunglint_radiometry::station::Horizon;
@@ -118,12 +118,38 @@ impl Went {
     }
 }
 
+/// A finder whose last frame somebody looks at, too.
+struct Watched<F> {
+    finder: F,
+    last: Arc<Mutex<Option<FinderFrame>>>,
+}
+
+impl<F: Finder> Finder for Watched<F> {
+    fn half_width_deg(&self) -> f64 {
+        self.finder.half_width_deg()
+    }
+
+    fn frame(&mut self, deadline: &Deadline) -> Result<Option<FinderFrame>, DeviceError> {
+        let frame = self.finder.frame(deadline)?;
+        if let Some(frame) = &frame {
+            *self.last.lock().unwrap() = Some(frame.clone());
+        }
+        Ok(frame)
+    }
+}
+
 /// Follows a pass whose target is late by `along_s` and `across_arcsec` off its track.
-fn follow(
+fn follow(pass: &Pass, off: [f64; 2], telescope: TelescopeOptions, options: TrackOptions) -> Went {
+    follow_by_hand(pass, off, telescope, options, &mut |_, _, _| {})
+}
+
+/// The same, with a person who sees the steps and the finder's last frame.
+fn follow_by_hand(
     pass: &Pass,
     [along_s, across_arcsec]: [f64; 2],
     telescope: TelescopeOptions,
     options: TrackOptions,
+    hand: &mut dyn FnMut(&TrackStep, Option<&FinderFrame>, &Orders),
 ) -> Went {
     let earth = EarthOrientation::embedded();
     let axes = telescope.axes;
@@ -152,14 +178,18 @@ fn follow(
         false,
         SunCone::default().with_limit_deg(0.0).with_pointing_deg(0.0),
     );
-    let (mut mount, mut finder) = (telescope.mount(), telescope.finder());
+    let (mut mount, last) = (telescope.mount(), Arc::new(Mutex::new(None)));
+    let mut finder = Watched { finder: telescope.finder(), last: last.clone() };
     let mut options = options;
     options.watch_clock = false;
-    let mut tracker = Tracker::new(&path, &guard, &mut mount, Some(&mut finder), clock, options);
+    let orders = Orders::default();
+    let tracker = Tracker::new(&path, &guard, &mut mount, Some(&mut finder), clock, options);
     let mut steps = Vec::new();
     let summary = tracker
+        .steered_by(&orders)
         .run(&Cancel::new(), &mut |step| {
             steps.push(*step);
+            hand(step, last.lock().unwrap().as_ref(), &orders);
             ControlFlow::Continue(())
         })
         .unwrap();
@@ -306,4 +336,109 @@ fn a_zenith_pass_goes_by_the_keyhole() {
     assert!(lost_s < 60.0, "{lost_s}");
     let end = went.rms(60.0 + pass.seconds - 60.0, 60.0 + pass.seconds);
     assert!(end < 5.0, "{end}");
+}
+
+/// Truth: the virtual telescope's own. Elements that are 900″ off across the track, beyond what is searched: the target is never found, or a star is taken for it.
+/// A person clicks on it in a frame that is two seconds old, and it is followed as any other, 3 s later.
+#[test]
+fn a_click_says_which_light_is_the_target() {
+    for (seed, axes) in [(21, MountAxes::Horizontal), (22, MountAxes::Equatorial)] {
+        let mut dice = Dice(seed);
+        let pass = pass([600.0, 1200.0], [35.0, 65.0], &mut dice);
+        let telescope = || {
+            TelescopeOptions::default().with(|o| {
+                (o.axes, o.seed) = (axes, seed);
+                o.stars = (0.3, 1.0);
+            })
+        };
+        let off = [0.8, 900.0];
+        let alone = follow(&pass, off, telescope(), TrackOptions::default());
+        assert!(alone.rms(60.0 + 40.0, 60.0 + pass.seconds) > 300.0, "found alone");
+        // The target is the light that moves least from frame to frame: stars go by.
+        let mut before: Option<FinderFrame> = None;
+        let mut seen: Vec<(f64, Order)> = Vec::new();
+        let mut clicked = None;
+        let went = follow_by_hand(
+            &pass,
+            off,
+            telescope(),
+            TrackOptions::default(),
+            &mut |step, frame, orders| {
+                let Some(frame) = frame else { return };
+                let is_new = before.as_ref().is_none_or(|b| b.middle < frame.middle);
+                if let Some(before) = before.as_ref().filter(|_| is_new) {
+                    let moved = |at: [f64; 2]| {
+                        let to = |b: &sunglint_drivers::device::Spot| {
+                            (b.offset_arcsec[0] - at[0]).hypot(b.offset_arcsec[1] - at[1])
+                        };
+                        before.spots.iter().map(to).fold(f64::INFINITY, f64::min)
+                    };
+                    let near = frame
+                        .spots
+                        .iter()
+                        .min_by(|a, b| moved(a.offset_arcsec).total_cmp(&moved(b.offset_arcsec)));
+                    if let Some(spot) = near.filter(|spot| moved(spot.offset_arcsec) < 20.0) {
+                        let (middle, offset_arcsec) = (frame.middle, spot.offset_arcsec);
+                        seen.push((step.time_s, Order::Lock { middle, offset_arcsec }));
+                    }
+                }
+                if is_new {
+                    before = Some(frame.clone());
+                }
+                // People take a moment to click.
+                if clicked.is_none() && step.time_s > 20.0 {
+                    let old = seen.iter().rev().find(|(at, _)| *at < step.time_s - 2.0);
+                    if let Some((_, order)) = old {
+                        assert!(orders.give(*order));
+                        clicked = Some(step.time_s);
+                    }
+                }
+                assert_eq!(orders.refusals(), Vec::<String>::new());
+            },
+        );
+        let at = clicked.unwrap();
+        let after = went.rms(60.0 + at + 6.0, 60.0 + pass.seconds);
+        println!("{axes:?}: clicked at {at:.1} s, rms {after:.2}″ afterwards");
+        assert!(after < 5.0, "{axes:?} {after}");
+    }
+}
+
+/// Truth: the virtual telescope's own, and Pythagoras: a target that is kept 90″ and −120″ from the finder's middle is 150″ from the axis, within 5″ as when it is kept there; after a jog of as
+/// much the other way it is in the middle again. A frame from before the last minute is refused.
+#[test]
+fn a_target_is_kept_where_a_person_wants_it() {
+    for (seed, axes) in [(31, MountAxes::Horizontal), (32, MountAxes::Equatorial)] {
+        let mut dice = Dice(seed);
+        let pass = pass([800.0, 1200.0], [40.0, 65.0], &mut dice);
+        let from = pass.from;
+        let telescope = TelescopeOptions::default().with(|o| (o.axes, o.seed) = (axes, seed));
+        let (mut kept, mut jogged, mut refused) = (false, false, Vec::new());
+        let went = follow_by_hand(
+            &pass,
+            [0.5, 10.0],
+            telescope,
+            TrackOptions::default(),
+            &mut |step, _, orders| {
+                if !kept && step.time_s > 30.0 {
+                    kept = orders.give(Order::Keep { offset_arcsec: [90.0, -120.0] });
+                }
+                if !jogged && step.time_s > 90.0 {
+                    jogged = orders.give(Order::Jog { arcsec: [90.0, -120.0] });
+                    let middle = from - 3600.0 * Unit::Second;
+                    assert!(orders.give(Order::Lock { middle, offset_arcsec: [0.0; 2] }));
+                }
+                refused.extend(orders.refusals());
+            },
+        );
+        let off = |a: f64, b: f64| {
+            let rows = went.truth.iter().filter(|r| (60.0 + a..60.0 + b).contains(&r.time_s));
+            let off: Vec<f64> = rows.map(|row| row.off_arcsec).collect();
+            (quantile(off.clone(), 0.0), quantile(off, 1.0))
+        };
+        let (least, most) = off(40.0, 89.0);
+        assert!(least > 145.0 && most < 155.0, "{axes:?}: {least} to {most}");
+        let (_, most) = off(100.0, 140.0);
+        assert!(most < 6.0, "{axes:?}: {most}");
+        assert!(refused.len() == 1 && refused[0].contains("take a newer frame"), "{refused:?}");
+    }
 }

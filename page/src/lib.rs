@@ -17,6 +17,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod corrected;
 pub mod frame;
 mod gate;
 mod lab;

@@ -1,5 +1,6 @@
 //! A running night on the page: its live state, and the commands to it.
 
+use crate::corrected::{Corrected, Predicted};
 use crate::frame;
 use crate::marks::marks;
 use crate::recorded::{About, DeviceView, VisitView, fibres, flag_names, unix_ms};
@@ -7,16 +8,19 @@ use crate::request::{Answer, Request, Source};
 use crate::sky::{Sky, SkyTrack};
 use hifitime::{Duration, Epoch};
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration as Wait;
 use sunglint_formats::session::DeviceKind;
 use sunglint_formats::time::format_utc;
 use sunglint_formats::toml::{Finite, Positive};
-use sunglint_observatory::live::{Control, ControlError, LiveState, Seen};
+use sunglint_observatory::live::{Click, Control, ControlError, LiveState, LiveView, Seen};
 use sunglint_observatory::{Schedule, Slot};
+use sunglint_radiometry::light_curve::LightCurve;
 use sunglint_radiometry::station::Station;
 
+/// What a page may ask for.
+const ACTIONS: &str = "expected the action start, pause, resume, skip, repeat, stop, note, expose, lock, keep, jog, halt, park or follow";
 /// Time that a command may take.
 const COMMAND: Wait = Wait::from_secs(2);
 
@@ -26,7 +30,17 @@ pub struct LiveNight {
     state: Arc<LiveState>,
     program: String,
     /// Marks of the last frame that somebody asked for: one measurement for all pages.
-    marked: Mutex<Option<(String, u64, Answer)>>,
+    marked: Mutex<Option<(String, Epoch, Answer)>>,
+    corrected: OnceLock<Corrected>,
+    predicted: Vec<LightCurve>,
+}
+
+/// State of the night, with the counts that came without dead time and dark counts.
+#[derive(Serialize)]
+struct Shown<'a> {
+    #[serde(flatten)]
+    view: &'a LiveView,
+    corrected_hz: BTreeMap<&'a str, Vec<Vec<Option<f64>>>>,
 }
 
 /// Command of a page.
@@ -39,6 +53,11 @@ struct Asked {
     camera: Option<String>,
     exposure_s: Option<f64>,
     gain: Option<f64>,
+    /// Start of the frame that was clicked on, s after the session's start, and the place in it.
+    start_s: Option<f64>,
+    place_px: Option<[f64; 2]>,
+    /// Way beside, arcsec: to the right and up in the frame.
+    arcsec: Option<[f64; 2]>,
 }
 
 #[derive(Serialize)]
@@ -49,7 +68,27 @@ struct Done<'a> {
 impl LiveNight {
     /// Shows a night's live state; `program` is the name and version of the program that runs it.
     pub fn new(state: Arc<LiveState>, program: &str) -> Self {
-        Self { state, program: program.to_owned(), marked: Mutex::default() }
+        Self {
+            state,
+            program: program.to_owned(),
+            marked: Mutex::default(),
+            corrected: OnceLock::new(),
+            predicted: Vec::new(),
+        }
+    }
+
+    /// Shows these curves beneath the counts, such as what `sunglint simulate` predicts.
+    #[must_use]
+    pub fn beside(mut self, curves: Vec<LightCurve>) -> Self {
+        self.predicted = curves;
+        self
+    }
+
+    fn predicted(&self) -> Result<Answer, Answer> {
+        let start = self.start()?;
+        let curves: Vec<Predicted> =
+            self.predicted.iter().map(|curve| Predicted::of(curve, start)).collect();
+        Ok(Answer::json(&curves))
     }
 
     fn start(&self) -> Result<Epoch, Answer> {
@@ -97,6 +136,7 @@ impl LiveNight {
             fibres: fibres(&station),
             sensor_px: station.camera.as_ref().map(|camera| camera.size_px),
             flag_names: flag_names(),
+            sun_limit_deg: self.state.sun_limit_deg(),
             warnings: station.warnings.clone(),
         }))
     }
@@ -106,8 +146,14 @@ impl LiveNight {
             request.prefixed("c.").filter_map(|(name, n)| Some((name.to_owned(), n.parse().ok()?)));
         let seen = Seen { events: request.whole("events").unwrap_or(0), counts: counts.collect() };
         let view = self.state.since(&seen);
-        view.map(|view| Answer::json(&view))
-            .ok_or_else(|| Answer::error(503, "the night has not begun"))
+        let view = view.ok_or_else(|| Answer::error(503, "the night has not begun"))?;
+        let station = self.station()?;
+        let corrected = self.corrected.get_or_init(|| Corrected::of(&station));
+        let counts = view.counts.iter().map(|(name, counts)| {
+            let rates = corrected.all(&counts.channels, &counts.rate_hz, &counts.length_s);
+            (name.as_str(), rates)
+        });
+        Ok(Answer::json(&Shown { corrected_hz: counts.collect(), view: &view }))
     }
 
     fn frame(&self, request: &Request, camera: &str) -> Result<Answer, Answer> {
@@ -116,16 +162,16 @@ impl LiveNight {
     }
 
     fn marks(&self, camera: &str) -> Result<Answer, Answer> {
-        let (number, frame) = self.state.last_frame(camera).ok_or_else(Answer::missing)?;
+        let (_, frame) = self.state.last_frame(camera).ok_or_else(Answer::missing)?;
         let mut marked = self.marked.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((name, of, answer)) = &*marked
             && name == camera
-            && *of == number
+            && *of == frame.start
         {
             return Ok(answer.clone());
         }
         let answer = marks(&frame, &self.station()?)?;
-        *marked = Some((camera.to_owned(), number, answer.clone()));
+        *marked = Some((camera.to_owned(), frame.start, answer.clone()));
         Ok(answer)
     }
 
@@ -149,6 +195,17 @@ impl LiveNight {
         Ok(Answer::json(&tracks))
     }
 
+    /// The place in a frame that a person pointed at.
+    fn click(&self, asked: &Asked) -> Result<Click, Answer> {
+        let wrong = |text: &str| Answer::error(422, text);
+        let camera = asked.camera.clone().ok_or_else(|| wrong("expected the name of a camera"))?;
+        let seconds = asked.start_s.filter(|s| s.abs() < 1e7);
+        let seconds = seconds.ok_or_else(|| wrong("expected the start of a frame, s"))?;
+        let place_px = asked.place_px.filter(|place| place.iter().all(|x| x.is_finite()));
+        let place_px = place_px.ok_or_else(|| wrong("expected a place, column and row"))?;
+        Ok(Click { camera, start: self.start()? + Duration::from_seconds(seconds), place_px })
+    }
+
     fn control(&self, request: &Request) -> Result<Answer, Answer> {
         let asked: Asked = serde_json::from_slice(&request.body)
             .map_err(|error| Answer::error(400, &format!("no command: {error}")))?;
@@ -160,10 +217,18 @@ impl LiveNight {
             "stop" => Control::Stop,
             "note" => Control::Note(asked.text),
             "expose" => expose(&asked)?,
-            _ => {
-                let text = "expected the action start, pause, resume, skip, stop, note or expose";
-                return Err(Answer::error(400, text));
+            "repeat" => Control::Repeat,
+            "lock" => Control::Lock(self.click(&asked)?),
+            "keep" => Control::Keep(self.click(&asked)?),
+            "jog" => {
+                let wrong = || Answer::error(422, "a jog is two numbers, arcsec");
+                let arcsec = asked.arcsec.filter(|way| way.iter().all(|x| x.is_finite()));
+                Control::Jog(arcsec.ok_or_else(wrong)?)
             }
+            "halt" => Control::Halt,
+            "park" => Control::Park,
+            "follow" => Control::Follow,
+            _ => return Err(Answer::error(400, ACTIONS)),
         };
         let said = |error: ControlError| match error {
             ControlError::Busy => Answer::error(503, &error.to_string()),
@@ -202,6 +267,7 @@ impl Source for LiveNight {
             (false, ["marks", camera, "last"]) => self.marks(camera),
             (false, ["sky"]) => self.sky(request),
             (false, ["tracks"]) => self.tracks(),
+            (false, ["predicted"]) => self.predicted(),
             _ => Err(Answer::missing()),
         };
         answer.unwrap_or_else(|answer| answer)

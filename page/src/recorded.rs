@@ -1,5 +1,6 @@
 //! A recorded session, to be looked at like a film: an index of its frames, bins and events in memory, all else read when it is asked for.
 
+use crate::corrected::{Corrected, Predicted};
 use crate::frame;
 use crate::marks::marks;
 use crate::request::{Answer, Request, Source};
@@ -15,6 +16,7 @@ use sunglint_formats::session::{
 use sunglint_formats::time::format_utc;
 use sunglint_formats::{CountRecord, FileError, Frame};
 use sunglint_observatory::live::LiveEvent;
+use sunglint_radiometry::light_curve::LightCurve;
 use sunglint_radiometry::station::{Detector, Station};
 
 /// Points of a plot at most.
@@ -94,6 +96,8 @@ pub struct About {
     pub sensor_px: Option<[u32; 2]>,
     /// Names of the bits of the counts' flags.
     pub flag_names: Vec<(u32, String)>,
+    /// Least distance of the mount from the Sun, deg; `None` without a mount.
+    pub sun_limit_deg: Option<f64>,
     /// What is wrong, for the person who looks.
     pub warnings: Vec<String>,
 }
@@ -155,6 +159,8 @@ pub struct CountsView {
     pub high_hz: Vec<Vec<f64>>,
     /// Flags of any of the bins.
     pub flags: Vec<u32>,
+    /// Mean rate without dead time and dark counts, Hz; `None` where the station does not tell, or the counter was saturated.
+    pub corrected_hz: Vec<Vec<Option<f64>>>,
 }
 
 #[derive(Serialize)]
@@ -181,6 +187,8 @@ pub struct Recording {
     tracks: Mutex<Option<Arc<Vec<SkyTrack>>>>,
     last: Mutex<LastFrame>,
     rework: Rework,
+    corrected: Corrected,
+    predicted: Vec<Predicted>,
     warnings: Vec<String>,
 }
 
@@ -244,6 +252,7 @@ impl Recording {
         if let Err(error) = &station {
             warnings.push(format!("no sky and no aperture: {error}"));
         }
+        let corrected = station.as_ref().map(Corrected::of).unwrap_or_default();
         visits.retain(|visit: &Visit| visit.target.target_kind != TargetKind::None);
         let name = session.root().canonicalize().unwrap_or_else(|_| session.root().to_path_buf());
         let name = name.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -261,8 +270,17 @@ impl Recording {
             tracks: Mutex::default(),
             last: Mutex::default(),
             rework: Rework::default(),
+            corrected,
+            predicted: Vec::new(),
             warnings,
         })
+    }
+
+    /// Shows these curves beneath the counts, such as what `sunglint simulate` predicts.
+    #[must_use]
+    pub fn beside(mut self, curves: &[LightCurve]) -> Self {
+        self.predicted = curves.iter().map(|curve| Predicted::of(curve, self.start)).collect();
+        self
     }
 
     fn seconds(&self, epoch: Epoch) -> f64 {
@@ -311,6 +329,7 @@ impl Recording {
             fibres: station.map(fibres).unwrap_or_default(),
             sensor_px: station.and_then(|s| s.camera.as_ref()).map(|camera| camera.size_px),
             flag_names: flag_names(),
+            sun_limit_deg: None,
             warnings: self.warnings.clone(),
         }
     }
@@ -373,6 +392,7 @@ impl Recording {
                 view.block(part, self.seconds(part[0].start));
             }
         }
+        view.corrected_hz = self.corrected.all(&view.channels, &view.rate_hz, &view.length_s);
         Ok(Answer::json(&view))
     }
 
@@ -493,6 +513,7 @@ impl Source for Recording {
             ["counts", counter] => self.counts(request, counter),
             ["sky"] => self.sky(request),
             ["tracks"] => self.tracks(),
+            ["predicted"] => Ok(Answer::json(&self.predicted)),
             _ => Err(Answer::missing()),
         };
         answer.unwrap_or_else(|answer| answer)

@@ -303,7 +303,7 @@ function frameText() {
   if (!f) return;
   const h = f.header;
   const age = S.live ? `, ${span(S.live.now_s - h.start_s - h.exposure_s)} old` : "";
-  const parts = [`frame ${h.number}`, `${utc(h.start_s, 3)} UTC`, `${h.exposure_s} s${age}`];
+  const parts = [h.number || !S.live ? `frame ${h.number}` : "looks for the target (not recorded)", `${utc(h.start_s, 3)} UTC`, `${h.exposure_s} s${age}`];
   if (h.target) parts.push(h.target);
   if (h.filter) parts.push(`filter ${h.filter}`);
   if (h.bin > 1) parts.push(`shown ${h.bin} × ${h.bin} binned`);
@@ -353,7 +353,7 @@ const loadFrame = latest(async ({ camera, of, again }) => {
   }
   const buffer = await (await ask(`frame/${part(camera)}${S.live ? "" : `/${of}`}?${query}`)).arrayBuffer();
   const frame = decode(buffer);
-  S.frame = { ...frame, of: S.live ? frame.header.number : of, camera };
+  S.frame = { ...frame, of: S.live ? frame.header.start_s : of, camera };
   develop();
   frameText();
   redraw("image");
@@ -482,10 +482,15 @@ function drawCounts() {
   const inside = [];
   for (let i = 0; i < data.start_s.length; i++) if (data.start_s[i] + data.length_s[i] >= from && data.start_s[i] <= to) inside.push(i);
   const on = data.channels.map((_, k) => k).filter((k) => !S.off.has(data.channels[k]));
-  const highs = data.high_hz ?? data.rate_hz;
-  const lows = data.low_hz ?? data.rate_hz;
+  const corrected = $("corrected").checked;
+  const rates = corrected ? data.corrected_hz : data.rate_hz;
+  // The lowest and the highest bin are counted rates.
+  const banded = data.bins > 1 && !corrected;
+  const [highs, lows] = banded ? [data.high_hz, data.low_hz] : [rates, rates];
   let [least, most] = [Infinity, -Infinity];
   for (const k of on) for (const i of inside) { if (lows[k][i] !== null) least = Math.min(least, lows[k][i]); if (highs[k][i] !== null) most = Math.max(most, highs[k][i]); }
+  const foreseen = predictedRange(data.channels, on, [from, to]);
+  if (foreseen) [least, most] = [Math.min(least, foreseen[0]), Math.max(most, foreseen[1])];
   if (!(most > -Infinity)) [least, most] = [0, 1];
   const log = $("log").checked;
   let [bottom, top] = log ? [Math.log10(Math.max(least, 0.5)), Math.log10(Math.max(most, 1))] : [Math.min(0, least), most];
@@ -507,7 +512,7 @@ function drawCounts() {
   c.beginPath(); c.rect(box.l, box.t, box.r - box.l, box.b - box.t); c.clip();
   for (const k of on) {
     const colour = lineColour(k);
-    if (data.bins > 1) {
+    if (banded) {
       c.globalAlpha = 0.3;
       c.fillStyle = colour;
       for (const i of inside) if (lows[k][i] !== null) c.fillRect(x(data.start_s[i]), y(highs[k][i]), Math.max(1, x(data.start_s[i] + data.length_s[i]) - x(data.start_s[i])), Math.max(1, y(lows[k][i]) - y(highs[k][i])));
@@ -520,7 +525,7 @@ function drawCounts() {
     c.beginPath();
     let end = NaN;
     for (const i of inside) {
-      const rate = data.rate_hz[k][i];
+      const rate = rates[k][i];
       const middle = data.start_s[i] + data.length_s[i] / 2;
       // A gap stays a gap.
       if (rate === null || Math.abs(data.start_s[i] - end) > 0.5 * data.length_s[i]) c.moveTo(x(middle), y(rate ?? 0));
@@ -530,6 +535,7 @@ function drawCounts() {
     c.stroke();
     c.setLineDash([]);
   }
+  drawPredicted(c, x, y, data.channels, on, [from, to]);
   // Bins with faults: a mark at the top, whatever the channel. A free clock is no fault.
   c.fillStyle = css("--bad");
   let faults = 0;
@@ -556,12 +562,55 @@ function drawCounts() {
   readCounts(data, inside, faults);
 }
 
+// What was predicted, as dashes in the channel's colour; its range in view.
+function* predictedPoints(name, [from, to]) {
+  if (!$("predicted").checked) return;
+  for (const curve of S.predicted ?? []) {
+    const k = curve.channels.indexOf(name);
+    if (k < 0) continue;
+    for (let i = 0; i < curve.at_s.length; i++) {
+      const next = curve.at_s[i + 1] ?? curve.at_s[i];
+      const last = curve.at_s[i - 1] ?? curve.at_s[i];
+      if (next >= from && last <= to) yield [curve.at_s[i], curve.rate_hz[k][i], i === 0];
+    }
+  }
+}
+function predictedRange(channels, on, span) {
+  let [least, most] = [Infinity, -Infinity];
+  for (const k of on) for (const [at, rate] of predictedPoints(channels[k], span)) {
+    if (rate === null || at < span[0] || at > span[1]) continue;
+    least = Math.min(least, rate);
+    most = Math.max(most, rate);
+  }
+  return most > -Infinity ? [least, most] : null;
+}
+function drawPredicted(c, x, y, channels, on, span) {
+  c.setLineDash([5, 4]);
+  c.lineWidth = 1.5;
+  for (const k of on) {
+    c.strokeStyle = lineColour(k);
+    c.globalAlpha = 0.7;
+    c.beginPath();
+    let before = false;
+    for (const [at, rate, first] of predictedPoints(channels[k], span)) {
+      if (rate === null) { before = false; continue; }
+      before && !first ? c.lineTo(x(at), y(rate)) : c.moveTo(x(at), y(rate));
+      before = true;
+    }
+    c.stroke();
+  }
+  c.globalAlpha = 1;
+  c.setLineDash([]);
+}
+
 function readCounts(data, inside, faults) {
   const want = S.hover ?? (S.live ? Infinity : S.t);
   let best = inside[inside.length - 1];
   for (const i of inside) if (data.start_s[i] <= want && want < data.start_s[i] + data.length_s[i]) best = i;
   if (best === undefined) return;
-  const rates = data.channels.map((name, k) => `${name} ${hertz(data.rate_hz[k][best])}`).join(" · ");
+  const corrected = $("corrected").checked;
+  const shown = (k) => (corrected ? data.corrected_hz : data.rate_hz)[k][best];
+  const rates = data.channels.map((name, k) => `${name} ${shown(k) === null ? "saturated or not known" : hertz(shown(k))}`).join(" · ");
   const flags = flagNames(data.flags[best]).filter((name) => name !== "clock free");
   const bins = data.bins > 1 ? ` · mean of ${data.bins} bins` : "";
   $("counts-text").textContent = `${utc(data.start_s[best], 1)} UTC · ${rates}${bins}${flags.length ? ` · ${flags.join(", ")}` : ""}`;
@@ -652,6 +701,7 @@ function drawSky() {
   }
   c.lineWidth = 1;
   S.overlay?.({ c, place, em });
+  if (S.live) drawMount({ c, place, em });
   if (sky?.target && sky.target[1][1] > 0) {
     const [x, y] = place(sky.target[1]);
     c.strokeStyle = css("--bad");
@@ -724,6 +774,8 @@ function devices() {
     }
     return row(device.name, state, String(taken), now);
   });
+  const mount = mountOf(S.live);
+  if (mount) rows.push(row(mount[0], mount[1].state, "", mount[1].mount.state));
   const text = rows.map((r) => r.textContent).join("\n");
   if (devices.text === text) return;
   devices.text = text;
@@ -893,6 +945,7 @@ async function about() {
   visits();
   notice(S.about.warnings.slice(0, 3).join(" · "));
   get("tracks").then((tracks) => { S.tracks = tracks; redraw("sky"); }, () => {});
+  if (S.about.mode === "recorded" || S.about.mode === "live") get("predicted").then((curves) => { S.predicted = curves; $("predicted-label").hidden = !curves.length; redraw("counts"); }, () => {});
   return { camera: names("camera")[0], counter: names("counter")[0] };
 }
 
@@ -1297,11 +1350,12 @@ function take(view) {
   if (view.events.length) S.seen.events = view.events[view.events.length - 1].number;
   let missed = view.events_missed;
   for (const [name, new_] of Object.entries(view.counts)) {
-    const have = (S.counts[name] ??= { channels: new_.channels, start_s: [], length_s: [], flags: [], rate_hz: new_.channels.map(() => []), bins: 1 });
+    const have = (S.counts[name] ??= { channels: new_.channels, start_s: [], length_s: [], flags: [], rate_hz: new_.channels.map(() => []), corrected_hz: new_.channels.map(() => []), bins: 1 });
     for (const key of ["start_s", "length_s", "flags"]) have[key].push(...new_[key]);
     new_.rate_hz.forEach((rates, k) => have.rate_hz[k].push(...rates));
+    view.corrected_hz[name].forEach((rates, k) => have.corrected_hz[k].push(...rates));
     const over = have.start_s.length - KEEP;
-    if (over > 0) for (const list of [have.start_s, have.length_s, have.flags, ...have.rate_hz]) list.splice(0, over);
+    if (over > 0) for (const list of [have.start_s, have.length_s, have.flags, ...have.rate_hz, ...have.corrected_hz]) list.splice(0, over);
     if (S.seen.counts[name] !== undefined) missed += new_.missed;
     S.seen.counts[name] = new_.last;
   }
@@ -1355,12 +1409,13 @@ function showLive(view) {
   const fills = view.bytes_per_s ? `, full in ${span(view.free_bytes / view.bytes_per_s)} at this rate` : "";
   $("disk").textContent = free + fills;
   $("pause").textContent = view.paused ? "Resume" : "Pause";
-  for (const id of ["pause", "skip"]) { $(id).disabled = Boolean(view.ended) || !view.can_pause; $(id).title = view.can_pause ? "" : "the visits of a night that is virtual or played back are fixed"; }
+  for (const id of ["pause", "skip", "repeat"]) { $(id).disabled = Boolean(view.ended) || !view.can_pause; $(id).title = view.can_pause ? "" : "the visits of a night that is virtual or played back are fixed"; }
   $("stop").disabled = Boolean(view.ended);
   $("start").hidden = !view.waiting || Boolean(view.ended);
-  for (const id of ["pause", "skip"]) $(id).hidden = Boolean(view.waiting);
+  for (const id of ["pause", "skip", "repeat"]) $(id).hidden = Boolean(view.waiting);
+  showMount(view);
   const frame = view.devices[S.camera]?.frame;
-  if (frame && frame.number !== S.frame?.of) loadFrame({ camera: S.camera, of: frame.number });
+  if (frame && frame.start_s !== S.frame?.of) loadFrame({ camera: S.camera, of: frame.start_s });
   else frameText();
   if (!S.sky || Math.abs(S.sky.at_s - view.now_s) > 5) loadSky(view.now_s);
   redraw("counts");
@@ -1424,6 +1479,111 @@ async function steer(action, text = "", more = {}) {
   }
 }
 
+// --- the mount ----------------------------------------------------------------------------------------------------------
+
+// What the next click on the image means: "lock", "keep" or nothing. And where the telescope was.
+const M = { mode: null, trail: [] };
+
+function mountOf(view) {
+  return Object.entries(view?.devices ?? {}).find(([, device]) => device.mount);
+}
+function mountMode(mode) {
+  M.mode = mode;
+  $("mount-lock").setAttribute("aria-pressed", String(mode === "lock"));
+  $("mount-keep").setAttribute("aria-pressed", String(mode === "keep"));
+  if (mode === "lock") notice("click the target in the image: the mount follows this light from then on");
+  if (mode === "keep") notice("click the place in the image at which targets are to be kept");
+}
+M.click = (event) => {
+  if (!M.mode) return;
+  const h = S.frame.header;
+  const [x, y] = pixelUnder(event);
+  const place_px = [x - 0.5, y - 0.5];
+  if (place_px.some((v, k) => v < -0.5 || v > h.size_px[k] - 0.5)) { notice("that place lies outside of the frame"); return; }
+  const action = M.mode;
+  mountMode(null);
+  steer(action, "", { camera: S.camera, start_s: h.start_s, place_px });
+};
+
+function showMount(view) {
+  const [name, device] = mountOf(view) ?? [];
+  $("mount").hidden = !device;
+  if (!device) return;
+  $("mount-steer").hidden = !token();
+  const m = device.mount;
+  const arcsec = (value) => (value >= 3600 ? `${(value / 3600).toFixed(1)}°` : value >= 120 ? `${(value / 60).toFixed(1)}′` : `${value.toFixed(1)}″`);
+  const parts = [`${name}: ${m.state}`];
+  if (m.at_deg) parts.push(`azimuth ${m.at_deg[0].toFixed(2)}°, altitude ${m.at_deg[1].toFixed(2)}°`);
+  if (m.error_arcsec !== null) parts.push(`${arcsec(m.error_arcsec)} from where it should look`);
+  if (m.seen_arcsec !== null) parts.push(`target ${arcsec(m.seen_arcsec)} off in the frame`);
+  if (m.sun_deg !== null) parts.push(`Sun ${m.sun_deg.toFixed(0)}° away`);
+  $("mount-text").textContent = parts.join(" · ");
+  $("mount-text").classList.toggle("warn", ["stopped", "searching", "coasting"].includes(m.state));
+  for (const button of $("mount-steer").querySelectorAll("button")) button.disabled = Boolean(view.ended) || !view.can_pause;
+  const last = M.trail[M.trail.length - 1];
+  if (m.at_deg && (!last || Math.hypot(m.at_deg[0] - last[0], m.at_deg[1] - last[1]) > 0.3)) {
+    M.trail.push(m.at_deg);
+    if (M.trail.length > 2000) M.trail.splice(0, 500);
+    redraw("sky");
+  }
+}
+
+function wireMount() {
+  for (const mode of ["lock", "keep"]) $(`mount-${mode}`).addEventListener("click", () => { const on = M.mode !== mode; mountMode(on ? mode : null); if (!on) notice(""); });
+  for (const what of ["follow", "park", "halt"]) $(`mount-${what}`).addEventListener("click", () => { mountMode(null); steer(what); });
+  for (const button of document.querySelectorAll("[data-jog]")) button.addEventListener("click", () => {
+    const step = Number($("mount-step").value);
+    steer("jog", "", { arcsec: button.dataset.jog.split(",").map((way) => Number(way) * step) });
+  });
+}
+
+// The telescope where its mount says that it looks, and where it was; about the Sun the circle into which it does not go.
+function drawMount({ c, place, em }) {
+  const device = mountOf(S.live)?.[1];
+  if (!device) return;
+  c.strokeStyle = css("--soft");
+  c.setLineDash([2, 3]);
+  c.beginPath();
+  let before;
+  for (const at of M.trail) {
+    const jump = !before || Math.abs(at[0] - before[0]) > 90;
+    jump ? c.moveTo(...place(at)) : c.lineTo(...place(at));
+    before = at;
+  }
+  c.stroke();
+  c.setLineDash([]);
+  const at = device.mount.at_deg;
+  if (at && at[1] > 0) {
+    const [x, y] = place(at);
+    c.strokeStyle = css("--accent");
+    c.lineWidth = 2;
+    c.strokeRect(x - 0.45 * em, y - 0.45 * em, 0.9 * em, 0.9 * em);
+    c.lineWidth = 1;
+  }
+  const [sun, limit] = [S.sky?.sun_deg, S.about.sun_limit_deg];
+  if (!sun || !limit || sun[1] < -limit) return;
+  const rad = Math.PI / 180;
+  const vector = ([a, h]) => [Math.cos(h * rad) * Math.sin(a * rad), Math.cos(h * rad) * Math.cos(a * rad), Math.sin(h * rad)];
+  const s = vector(sun);
+  const e = vector([sun[0] + 90, 0]);
+  const n = [s[1] * e[2] - s[2] * e[1], s[2] * e[0] - s[0] * e[2], s[0] * e[1] - s[1] * e[0]];
+  c.strokeStyle = css("--warn");
+  c.setLineDash([6, 4]);
+  c.beginPath();
+  let up = false;
+  for (let i = 0; i <= 180; i++) {
+    const [cos, sin] = [Math.cos(i * 2 * rad), Math.sin(i * 2 * rad)];
+    const v = [0, 1, 2].map((k) => Math.cos(limit * rad) * s[k] + Math.sin(limit * rad) * (cos * e[k] + sin * n[k]));
+    const h = Math.asin(clamp(v[2], -1, 1)) / rad;
+    if (h < 0) { up = false; continue; }
+    const p = place([Math.atan2(v[0], v[1]) / rad, h]);
+    up ? c.lineTo(...p) : c.moveTo(...p);
+    up = true;
+  }
+  c.stroke();
+  c.setLineDash([]);
+}
+
 // --- the person ---------------------------------------------------------------------------------------------------------
 
 const DRAW = { image: drawImage, counts: () => S.about && drawCounts(), sky: () => S.about && drawSky(), strip: drawStrip, curve: drawCurve };
@@ -1437,7 +1597,7 @@ function wire() {
   $("zoom-in").addEventListener("click", () => zoom(2));
   $("zoom-out").addEventListener("click", () => zoom(0.5));
   $("zoom-all").addEventListener("click", () => zoom(0));
-  $("image").addEventListener("click", (event) => { if (R.pointing && S.frame) pointAt(event); });
+  $("image").addEventListener("click", (event) => { if (!S.frame) return; if (R.pointing) pointAt(event); else if (S.live) M.click(event); });
   wireRework();
   $("image").addEventListener("pointermove", readPixel);
   $("image").addEventListener("pointerleave", () => { $("pixel").textContent = "\u00a0"; });
@@ -1446,7 +1606,7 @@ function wire() {
   $("camera").addEventListener("change", () => chooseCamera($("camera").value).catch(complain));
   $("counter").addEventListener("change", () => chooseCounter($("counter").value));
   $("span").addEventListener("change", () => { needCounts(); redraw("counts"); });
-  $("log").addEventListener("change", () => redraw("counts"));
+  for (const id of ["log", "corrected", "predicted"]) $(id).addEventListener("change", () => redraw("counts"));
   const counts = $("counts");
   const timeUnder = (event) => {
     const { from, to, l, r } = counts.plot ?? {};
@@ -1461,6 +1621,8 @@ function wire() {
   $("after").addEventListener("click", () => stepFrame(1));
   $("pause").addEventListener("click", () => steer(S.live?.paused ? "resume" : "pause"));
   $("skip").addEventListener("click", () => steer("skip"));
+  $("repeat").addEventListener("click", () => steer("repeat"));
+  wireMount();
   $("start").addEventListener("click", () => steer("start"));
   $("stop").addEventListener("click", () => steer("stop"));
   $("note-form").addEventListener("submit", async (event) => { event.preventDefault(); if (await steer("note", $("note").value)) $("note").value = ""; });
@@ -1503,6 +1665,7 @@ function wire() {
       s: () => { $("stretch").selectedIndex = ($("stretch").selectedIndex + 1) % 3; $("stretch").dispatchEvent(new Event("change")); },
       r: () => { const now = $("theme").value; $("theme").value = now === "red" ? (wire.before ?? "auto") : "red"; if (now !== "red") wire.before = now; $("theme").dispatchEvent(new Event("change")); },
       "?": help,
+      Escape: M.mode && (() => { mountMode(null); notice(""); }),
     }[event.key];
     if (!act) return;
     event.preventDefault();

@@ -60,6 +60,9 @@ pub struct ObserveArgs {
     /// Shows the night in a browser and takes commands from it: prints the address [default: 127.0.0.1 and the first free port from 8650 on]
     #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "", conflicts_with = "check")]
     pub page: Option<String>,
+    /// With --page: light curves that are drawn beneath the counts, such as what `sunglint simulate` predicts (ECSV)
+    #[arg(long, value_name = "CURVE", requires = "page")]
+    pub predicted: Vec<PathBuf>,
     /// With --page: shows the plan and records nothing until somebody presses Start on the page
     #[arg(long, requires = "page", conflicts_with_all = ["replay", "resume"])]
     pub wait: bool,
@@ -116,7 +119,9 @@ pub fn run(args: &ObserveArgs, console: Console) -> anyhow::Result<()> {
         Some(address) => {
             let state = Arc::new(LiveState::new());
             night.live = Some(state.clone());
-            let server = Server::start(address, Arc::new(LiveNight::new(state, PROGRAM)))?;
+            let curves = crate::page::predicted(&args.predicted)?;
+            let source = LiveNight::new(state, PROGRAM).beside(curves);
+            let server = Server::start(address, Arc::new(source))?;
             crate::page::announce(&server, "sees and steers the night", console);
             Some(server)
         }

@@ -104,6 +104,10 @@ impl Opener for VirtualNight {
         }
     }
 
+    fn moves_for_real(&self) -> bool {
+        false
+    }
+
     fn camera(&self, _: &CameraPlan, _: &Deadline) -> Result<Box<dyn Camera>, DeviceError> {
         match self.observatory.camera() {
             Some(camera) => Ok(Box::new(camera)),

@@ -6,6 +6,7 @@
 pub mod browser;
 pub mod hostile;
 pub mod night;
+pub mod star_of_now;
 pub mod tagged;
 pub mod virtual_night;
 

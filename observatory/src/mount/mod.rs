@@ -5,12 +5,14 @@ mod check;
 mod job;
 mod plan;
 mod sights;
+mod steer;
 
 pub use aim::{Aim, AimState, Ready, Waiting};
 pub(crate) use check::check_mount;
 pub use job::{Job, JobError, allowed};
 pub use plan::{MountPlan, View};
 pub use sights::Sights;
+pub use steer::{Steering, Want};
 
 use self::job::next_job;
 use self::plan::axes_word;
@@ -21,7 +23,7 @@ use crate::status::MountStatus;
 use crate::telescope::watchdog::Process;
 use crate::telescope::{
     Certainty, Danger, Guard, Parked, PassPlan, SunCone, TargetPath, TrackError, TrackOptions,
-    TrackState, TrackStep, Tracker, Weather, WeatherFile, direction, park,
+    TrackState, TrackStep, Tracker, Weather, WeatherFile, angles, direction, park,
 };
 use crate::worker::{READY, SOON, Worker};
 use glam::DVec3;
@@ -57,6 +59,8 @@ pub struct MountWork {
     station: Station,
     aim: Arc<Aim>,
     sights: Option<Arc<Sights>>,
+    /// A person's hand.
+    hand: Arc<Steering>,
     /// Longest time from one frame of its camera to the next, s.
     frame_s: f64,
     /// This program, which is the watchdog, too.
@@ -74,6 +78,8 @@ pub struct MountWork {
     park_at: Option<Duration>,
     park_said: Option<&'static str>,
     told: Option<(String, Duration)>,
+    /// Azimuth and altitude where it stands, and the Sun's distance from there, deg.
+    at_deg: Option<([f64; 2], f64)>,
     /// The visit in which somebody else stopped the mount.
     by_hand: Option<(Target, Epoch)>,
     /// Whether a parked mount may be freed: before the night's first motion, and after we parked it.
@@ -94,6 +100,7 @@ impl MountWork {
         station: Station,
         aim: Arc<Aim>,
         sights: Option<Arc<Sights>>,
+        hand: Arc<Steering>,
         frame_s: f64,
         program: Option<PathBuf>,
     ) -> Self {
@@ -104,6 +111,7 @@ impl MountWork {
             station,
             aim,
             sights,
+            hand,
             frame_s,
             program,
             barred: Vec::new(),
@@ -116,6 +124,7 @@ impl MountWork {
             park_at: None,
             park_said: None,
             told: None,
+            at_deg: None,
             by_hand: None,
             may_unpark: true,
             sun_looked: None,
@@ -147,7 +156,7 @@ impl MountWork {
             .with_horizon(self.station.horizon.clone(), self.plan.min_elevation_deg());
         let mut dog = None;
         self.trust_clock_or_ask(worker);
-        if worker.clock.is_live() {
+        if is_real(worker) {
             let Some(program) = &self.program else {
                 return Err(self.refuse("there is no watchdog: nothing is moved", worker));
             };
@@ -191,7 +200,7 @@ impl MountWork {
 
     /// Asks the clock anew before the next motion, where it counts.
     fn trust_clock_or_ask(&mut self, worker: &Worker) {
-        self.certain = !worker.clock.is_live() || self.plan.trust_clock;
+        self.certain = !is_real(worker) || self.plan.trust_clock;
         self.doubted = None;
     }
 
@@ -237,7 +246,7 @@ impl MountWork {
             mount.set_site(site, worker.clock.utc(), &worker.within(SOON))?;
         }
         let site = mount.site(&worker.within(SOON))?;
-        match guard.check_site(site).err().filter(|_| worker.clock.is_live()) {
+        match guard.check_site(site).err().filter(|_| is_real(worker)) {
             Some(doubt) => Err(self.refuse(&doubt.to_string(), worker)),
             None => Ok(()),
         }
@@ -286,13 +295,23 @@ impl MountWork {
                 self.check_site(mount, guard, worker)?;
                 placed = true;
             }
-            if self.closed.is_some() {
+            let want = self.hand.want();
+            if self.closed.is_some() || want != Want::Follow {
                 self.aim.set(AimState::Standing);
+                if want != Want::Follow {
+                    let word = if self.parked { "parked" } else { "stopped" };
+                    self.line(word, None, mount.abilities().axes, worker);
+                }
                 if !self.stands {
                     halt(mount, &worker.within(SOON))?;
                     self.stands = true;
                 }
-                if self.plan.park && !self.parked && is_due(&mut self.park_at, MINUTE, worker) {
+                let parks = match want {
+                    Want::Follow => self.plan.park,
+                    Want::Stand => false,
+                    Want::Park => true,
+                };
+                if parks && !self.parked && is_due(&mut self.park_at, MINUTE, worker) {
                     self.parked = self.park(mount, guard, dog.as_ref(), worker);
                 }
                 self.keep_from_sun(mount, guard, dog, worker)?;
@@ -311,7 +330,7 @@ impl MountWork {
                     *target == job.visit.target && *at == job.visit.from
                 })
             };
-            let stays = job.as_ref().is_some_and(is_it);
+            let stays = job.as_ref().is_some_and(is_it) && !self.hand.takes_again();
             if !stays {
                 self.by_hand = None;
             }
@@ -381,12 +400,18 @@ impl MountWork {
         };
         let finder = finder.as_mut().map(|finder| finder as &mut dyn Finder);
         let clock = worker.clock.clone();
-        let mut tracker = Tracker::new(&path, guard, mount, finder, clock, options);
+        self.hand.orders.clear();
+        let hand = self.hand.clone();
+        let mut tracker =
+            Tracker::new(&path, guard, mount, finder, clock, options).steered_by(&hand.orders);
         let cancel = worker.cancel.clone();
         let axes = abilities.axes;
         let ended = tracker.run(&cancel, &mut |step| {
             let on = self.step(job, step, axes, worker);
             self.aim.set(on);
+            for why in hand.orders.refusals() {
+                self.tell(&why, worker);
+            }
             self.look_up(guard, worker);
             let watched = dog.as_mut().is_none_or(|dog| {
                 dog.tick();
@@ -394,6 +419,7 @@ impl MountWork {
             });
             let goes_on = watched
                 && self.closed.is_none()
+                && hand.want() == Want::Follow
                 && !worker.is_over()
                 && (Arc::ptr_eq(schedule, &worker.schedule.get()) || job.is_still(worker));
             match goes_on && worker.clock.utc() < job.to {
@@ -402,6 +428,7 @@ impl MountWork {
             }
         });
         drop(tracker);
+        self.hand.set_following(false);
         self.aim.set(AimState::Away);
         match ended {
             Ok(_) => Ok(()),
@@ -412,6 +439,7 @@ impl MountWork {
                 Ok(())
             }
             Err(error @ TrackError::ByHand { .. }) => {
+                self.hand.takes_again();
                 self.tell(&error.to_string(), worker);
                 self.by_hand = Some((job.visit.target.clone(), job.visit.from));
                 Ok(())
@@ -445,6 +473,7 @@ impl MountWork {
             TrackState::Locked => "locked",
             TrackState::Coasting => "coasting",
         };
+        self.hand.set_following(!matches!(step.state, TrackState::Slewing | TrackState::Waiting));
         self.line(word, Some(step), axes, worker);
         let target = || job.visit.target.clone();
         let near = step.error_arcsec < self.plan.on_target_arcsec();
@@ -458,12 +487,17 @@ impl MountWork {
     /// A line of the log where the state changed or a second has passed, and the live state.
     fn line(&mut self, state: &str, step: Option<&TrackStep>, axes: MountAxes, worker: &Worker) {
         let (utc, now) = (worker.clock.utc(), worker.clock.clock.now());
+        if let Some(step) = step {
+            self.at_deg = Some(([step.azimuth_deg, step.altitude_deg], step.sun_deg));
+        }
         worker.status.mount(
             &worker.name,
             MountStatus {
                 state: state.to_owned(),
                 error_arcsec: step.map(|step| step.error_arcsec),
                 seen_arcsec: step.and_then(|step| step.seen_arcsec),
+                at_deg: self.at_deg.map(|(at, _)| at),
+                sun_deg: self.at_deg.map(|(_, sun)| sun),
             },
         );
         let changed = self.told.as_ref().is_none_or(|(before, _)| before != state);
@@ -551,6 +585,7 @@ impl MountWork {
         };
         let Ok(zenith) = fixed([180.0, 80.0]) else { return Ok(()) };
         let here = zenith.frame().to_enu(direction(zenith.angles_of(&reading)));
+        self.at_deg = Some((angles(here), guard.sun_distance_deg(here, utc)));
         let later = utc + AHEAD_MIN * Unit::Minute;
         let Some(danger) = [utc, later].iter().find_map(|at| guard.check_sun(here, *at).err())
         else {
@@ -562,7 +597,9 @@ impl MountWork {
         }
         let near = format!("the telescope stands, and the Sun comes near: {danger}");
         // A roof may be closing, or somebody be at work.
-        let left = if self.bad_weather {
+        let left = if self.hand.want() != Want::Follow {
+            Some("it was told to stand")
+        } else if self.bad_weather {
             Some("the weather is not fit")
         } else if self.by_hand.is_some() {
             Some("somebody else stopped it")
@@ -648,6 +685,11 @@ impl MountWork {
             self.tell(text, worker);
         }
     }
+}
+
+/// Whether a real telescope is moved, now.
+fn is_real(worker: &Worker) -> bool {
+    worker.clock.is_live() && worker.opener.moves_for_real()
 }
 
 /// Whether something is to be done again after so long a time of the device's clock, which does not step; it is then taken as done.

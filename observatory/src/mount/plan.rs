@@ -269,9 +269,14 @@ impl View {
     /// Offset along the growing axes of a light at a place of the sensor from where the target is kept, arcsec. The place counts from the middle of the sensor: columns, rows.
     pub fn offset_arcsec(&self, from_middle_px: [f64; 2]) -> [f64; 2] {
         let [column, row] = [0, 1].map(|i| from_middle_px[i] - self.aim_px[i]);
-        let (right, up) = (if self.mirrored { -column } else { column }, -row);
+        self.along_axes([self.scale_arcsec * column, -self.scale_arcsec * row])
+    }
+
+    /// A way along the growing axes of a way in the frame: to the right and up.
+    pub fn along_axes(&self, [right, up]: [f64; 2]) -> [f64; 2] {
+        let right = if self.mirrored { -right } else { right };
         let (sin, cos) = self.angle_deg.to_radians().sin_cos();
-        [self.scale_arcsec * (cos * right - sin * up), self.scale_arcsec * (sin * right + cos * up)]
+        [cos * right - sin * up, sin * right + cos * up]
     }
 }
 

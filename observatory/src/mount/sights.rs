@@ -2,6 +2,7 @@
 
 use super::plan::View;
 use crate::spots::lights;
+use hifitime::{Epoch, Unit};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use sunglint_drivers::clock::Deadline;
@@ -10,20 +11,64 @@ use sunglint_formats::Frame;
 
 /// Frames that wait at most: the newest count.
 const MOST: usize = 8;
+/// Frames of which it is known where their pixels lie.
+const KNOWN: usize = 100;
+
+/// Where a frame lies on its sensor, and when it was taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Placed {
+    start: Epoch,
+    exposure_s: f64,
+    origin: [u32; 2],
+    binning: [u32; 2],
+    size: [usize; 2],
+}
+
+impl Placed {
+    fn of(frame: &Frame) -> Self {
+        let (rows, columns) = frame.pixels.dim();
+        Self {
+            start: frame.start,
+            exposure_s: frame.exposure_s,
+            origin: frame.origin,
+            binning: frame.binning,
+            size: [columns, rows],
+        }
+    }
+
+    fn middle(&self) -> Epoch {
+        self.start + 0.5 * self.exposure_s * Unit::Second
+    }
+
+    /// Place on the sensor from its middle, px, of a place in the frame, whose first pixel's middle is 0, 0.
+    fn from_middle(&self, at_px: [f64; 2], sensor_px: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|i| {
+            // The first pixel's middle lies half a pixel from the edge.
+            let at = f64::from(self.origin[i]) + (at_px[i] + 0.5) * f64::from(self.binning[i]);
+            at - 0.5 * sensor_px[i]
+        })
+    }
+}
 
 /// The lights of the last frames.
 #[derive(Debug)]
 pub struct Sights {
     view: View,
     frames: Mutex<VecDeque<FinderFrame>>,
-    /// Half of the sensor's smaller side, px.
-    half_px: Mutex<f64>,
+    known: Mutex<VecDeque<Placed>>,
+    /// Columns and rows of the sensor.
+    sensor_px: Mutex<[f64; 2]>,
 }
 
 impl Sights {
     /// For a camera that sees the axes so.
     pub fn new(view: View) -> Self {
-        Self { view, frames: Mutex::default(), half_px: Mutex::new(0.0) }
+        Self {
+            view,
+            frames: Mutex::default(),
+            known: Mutex::default(),
+            sensor_px: Mutex::default(),
+        }
     }
 
     fn frames(&self) -> MutexGuard<'_, VecDeque<FinderFrame>> {
@@ -32,34 +77,64 @@ impl Sights {
 
     /// The camera's sensor, px.
     pub fn sensor(&self, size_px: [u32; 2]) {
-        let half = 0.5 * f64::from(size_px[0].min(size_px[1]));
-        *self.half_px.lock().unwrap_or_else(PoisonError::into_inner) = half;
+        *self.sensor_px.lock().unwrap_or_else(PoisonError::into_inner) = size_px.map(f64::from);
+    }
+
+    /// Columns and rows of the sensor, px; 0 before the camera is open.
+    pub fn sensor_px(&self) -> [f64; 2] {
+        *self.sensor_px.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// How the camera sees the axes.
+    pub fn view(&self) -> View {
+        self.view
     }
 
     /// Half of the sensor's smaller side on the sky, arcsec.
     pub fn half_arcsec(&self) -> f64 {
-        self.view.scale_arcsec * *self.half_px.lock().unwrap_or_else(PoisonError::into_inner)
+        let [columns, rows] = self.sensor_px();
+        0.5 * self.view.scale_arcsec * columns.min(rows)
     }
 
     /// Takes a frame of a sensor of this size.
     pub fn see(&self, frame: &Frame, sensor_px: [u32; 2]) {
-        let spots = lights(frame.pixels.view()).into_iter().map(|light| {
-            let from_middle = [0, 1].map(|i| {
-                let bins = f64::from(frame.binning[i]);
-                // The first pixel's middle lies half a pixel from the edge.
-                let at = f64::from(frame.origin[i]) + (light.at_px[i] + 0.5) * bins;
-                at - 0.5 * f64::from(sensor_px[i])
-            });
-            let offset_arcsec = self.view.offset_arcsec(from_middle);
-            Spot { offset_arcsec, flux: light.flux_adu / frame.exposure_s.max(1e-6) }
+        let (placed, sensor) = (Placed::of(frame), sensor_px.map(f64::from));
+        let spots = lights(frame.pixels.view()).into_iter().map(|light| Spot {
+            offset_arcsec: self.view.offset_arcsec(placed.from_middle(light.at_px, sensor)),
+            flux: light.flux_adu / frame.exposure_s.max(1e-6),
         });
-        let middle = frame.start + hifitime::Duration::from_seconds(0.5 * frame.exposure_s);
-        let seen = FinderFrame { middle, spots: spots.collect() };
+        let seen = FinderFrame { middle: placed.middle(), spots: spots.collect() };
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        known.push_back(placed);
+        while known.len() > KNOWN {
+            known.pop_front();
+        }
+        drop(known);
         let mut frames = self.frames();
         frames.push_back(seen);
         while frames.len() > MOST {
             frames.pop_front();
         }
+    }
+
+    /// Middle of the exposure of the frame that began at a time, and the offset of a place in it from where targets are kept, arcsec along the growing axes. The
+    /// place counts in pixels of the frame, the first pixel's middle is 0, 0.
+    ///
+    /// # Errors
+    /// In words: a frame that is too old, a place outside.
+    pub fn place(&self, start: Epoch, place_px: [f64; 2]) -> Result<(Epoch, [f64; 2]), String> {
+        let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        // Start times travel in seconds.
+        let is_it = |placed: &&Placed| (placed.start - start).to_seconds().abs() < 5e-4;
+        let Some(placed) = known.iter().rev().find(is_it) else {
+            return Err("that frame is too old, or no frame of the sky: take a newer one".into());
+        };
+        let inside = |i: usize| (-0.5..=placed.size[i] as f64 - 0.5).contains(&place_px[i]);
+        if !(inside(0) && inside(1)) {
+            return Err("that place lies outside of the frame".into());
+        }
+        let from_middle = placed.from_middle(place_px, self.sensor_px());
+        Ok((placed.middle(), self.view.offset_arcsec(from_middle)))
     }
 
     /// Forgets what was seen of another target.

@@ -20,6 +20,11 @@ impl Drift {
         Self { value: 0.0, rate: 0.0, covariance: [sigma * sigma, 0.0, rate_sigma * rate_sigma] }
     }
 
+    /// Known with these standard deviations.
+    pub fn known(value: f64, sigma: f64, rate_sigma: f64) -> Self {
+        Self { value, ..Self::new(sigma, rate_sigma) }
+    }
+
     pub fn sigma(&self) -> f64 {
         self.covariance[0].max(0.0).sqrt()
     }
@@ -50,6 +55,13 @@ impl Drift {
         self.covariance = [vv * (1.0 - kv), vr * (1.0 - kv), rr - kr * vr];
     }
 }
+
+/// Errors of a person's click in those of a measurement.
+const CLICK_SIGMAS: f64 = 5.0;
+/// Doubt of the rate of the error after a click, arcsec/s.
+const CLICK_RATE_ARCSEC_S: f64 = 1.0;
+/// How long a person's choice holds before the light is seen again, s.
+const CHOSEN_S: f64 = 10.0;
 
 /// How the estimator works.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -131,6 +143,8 @@ pub(super) struct Estimator {
     pub seen_s: Option<f64>,
     /// Since when spots are passed over for their brightness, s.
     odd_since: Option<f64>,
+    /// Until when a person's choice needs no trail among the stars, s.
+    chosen_until_s: f64,
 }
 
 impl Estimator {
@@ -140,7 +154,49 @@ impl Estimator {
             across: Drift::new(options.across_arcsec, 0.1 * options.across_arcsec),
         };
         let (trails, flux, seen_s, odd_since) = (Vec::new(), None, None, None);
-        Self { offset, options, at_s: None, trails, flux, locked: false, seen_s, odd_since }
+        let chosen_until_s = f64::NEG_INFINITY;
+        Self {
+            offset,
+            options,
+            at_s: None,
+            trails,
+            flux,
+            locked: false,
+            seen_s,
+            odd_since,
+            chosen_until_s,
+        }
+    }
+
+    /// Where a direction lies from the path's place without what is known across the track: along it and to its left, arcsec.
+    fn from_place(place: &Place, seen: DVec3) -> [f64; 2] {
+        let off = seen - place.direction * seen.dot(place.direction);
+        place.track().map(|axis| off.dot(axis) * ARCSEC)
+    }
+
+    /// A person said which light is the target: its direction in the mount's axes, in a frame at a time of the path; `place` is the path's place at that time and
+    /// the known offset. `now_s` is the time of the path when it was said.
+    pub fn lock(&mut self, seen: DVec3, time_s: f64, place: &Place, now_s: f64) {
+        let speed = (place.speed_rad_s() * ARCSEC).max(1.0);
+        let [along, left] = Self::from_place(place, seen);
+        // A click hits the light's middle by some pixels only, and its rate is not known.
+        let (sigma, rate) = (CLICK_SIGMAS * self.options.measured_arcsec, CLICK_RATE_ARCSEC_S);
+        let later_s = self.offset.along.value + along / speed;
+        self.offset.along = Drift::known(later_s, sigma / speed, rate / speed);
+        self.offset.across = Drift::known(left, sigma, rate);
+        self.at_s = Some(time_s);
+        self.locked = true;
+        self.trails.clear();
+        (self.flux, self.odd_since, self.seen_s) = (None, None, Some(now_s));
+        self.chosen_until_s = now_s + CHOSEN_S;
+    }
+
+    /// A person said that the target is believed to be elsewhere by so much, a vector in the mount's axes at a place of the path.
+    pub fn shift(&mut self, by: DVec3, place: &Place) {
+        let [along, left] = place.track().map(|axis| by.dot(axis) * ARCSEC);
+        self.offset.along.value += along / (place.speed_rad_s() * ARCSEC).max(1.0);
+        self.offset.across.value += left;
+        self.trails.clear();
     }
 
     /// Goes on to a time of the path, with the target's speed, rad/s.
@@ -203,7 +259,8 @@ impl Estimator {
             .map(|(x, flux)| (beside(*x), *flux))
             .filter(|(off, _)| inside(*off))
             .collect();
-        let fresh = self.seen_s.is_some_and(|seen| time_s - seen < self.kept_s());
+        let fresh = self.seen_s.is_some_and(|seen| time_s - seen < self.kept_s())
+            || time_s < self.chosen_until_s;
         if self.locked && fresh {
             let distance = |off: &[f64; 2]| (off[0] / sigma[0]).hypot(off[1] / sigma[1]);
             let nearest = seen.iter().min_by(|a, b| distance(&a.0).total_cmp(&distance(&b.0)));
@@ -243,6 +300,7 @@ impl Estimator {
         self.offset.along.learn(off[0] / speed, sigma / speed);
         self.offset.across.learn(off[1], sigma);
         self.seen_s = Some(time_s);
+        self.chosen_until_s = f64::NEG_INFINITY;
         self.flux = Some(self.flux.map_or(flux, |usual| usual + 0.2 * (flux - usual)));
         self.trails.clear();
     }

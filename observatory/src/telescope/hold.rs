@@ -26,10 +26,22 @@ pub(super) struct Hold {
 }
 
 impl Hold {
-    /// Looks for the star within so many arcsec of its prediction, and keeps it so many seconds without light.
+    /// Looks for the star within so many arcsec of where it is believed to be, and keeps it so many seconds without light.
     pub fn new(reach_arcsec: f64, coast_s: f64) -> Self {
         let (candidate, flux, seen_s) = (None, None, None);
         Self { off: [0.0; 2], locked: false, seen_s, candidate, flux, reach_arcsec, coast_s }
+    }
+
+    /// A person said which light is the star: its offset from the prediction, arcsec, as of now.
+    pub fn lock(&mut self, off: [f64; 2], now_s: f64) {
+        (self.locked, self.off, self.seen_s) = (true, off, Some(now_s));
+        (self.candidate, self.flux) = (None, None);
+    }
+
+    /// A person said that the star is believed to be elsewhere by so much, arcsec.
+    pub fn shift(&mut self, by: [f64; 2]) {
+        self.off = [0, 1].map(|i| self.off[i] + by[i]);
+        self.candidate = None;
     }
 
     /// Learns from a frame: offsets of the lights from the prediction, arcsec, with their brightness.
@@ -51,11 +63,11 @@ impl Hold {
             for (own, seen) in self.off.iter_mut().zip(off) {
                 *own += GAIN * (seen - *own);
             }
-            self.flux = self.flux.map(|usual| usual + 0.2 * (flux - usual));
+            self.flux = Some(self.flux.map_or(*flux, |usual| usual + 0.2 * (flux - usual)));
             self.seen_s = Some(time_s);
             return Found::Target;
         }
-        let within = spots.iter().filter(|(off, _)| off[0].hypot(off[1]) < self.reach_arcsec);
+        let within = spots.iter().filter(|(off, _)| distance(off, &self.off) < self.reach_arcsec);
         let Some((off, flux)) = within.max_by(|a, b| a.1.total_cmp(&b.1)) else {
             self.candidate = None;
             return Found::Nothing;

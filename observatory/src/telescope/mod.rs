@@ -4,6 +4,7 @@
 //! - [`PassPlan`]: slew, flip, keyhole, distance from the Sun, before anything moves;
 //! - [`Guard`]: what a mount may point at, and which ways it may take;
 //! - [`Tracker`]: feed-forward of place and rate, an estimator of the target's error along and across its track, search and coasting;
+//! - [`Orders`]: what a person asks of it meanwhile;
 //! - [`WeatherFile`]: whether the sky is fit for an open telescope, by a file;
 //! - [`watchdog`]: stops the mount when the tracker dies.
 
@@ -13,6 +14,7 @@ mod park;
 mod path;
 mod plan;
 mod safety;
+mod steer;
 mod tracker;
 pub mod watchdog;
 mod weather;
@@ -22,5 +24,6 @@ pub use park::{Parked, park};
 pub use path::{Frame, PathError, Place, TargetPath, angles, direction};
 pub use plan::{Keyhole, PassPlan};
 pub use safety::{Certainty, Danger, Guard, SunCone, SunNow, sun};
+pub use steer::{Order, Orders};
 pub use tracker::{TrackError, TrackOptions, TrackState, TrackStep, TrackSummary, Tracker};
 pub use weather::{Weather, WeatherFile};

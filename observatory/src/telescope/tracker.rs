@@ -5,7 +5,9 @@ use super::hold::Hold;
 use super::path::{TargetPath, angles, direction, wrapped};
 use super::plan::Keyhole;
 use super::safety::{Danger, Guard};
+use super::steer::{Order, Orders};
 use glam::DVec3;
+use hifitime::Epoch;
 use serde::Serialize;
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -129,6 +131,8 @@ pub struct TrackStep {
     pub sun_deg: f64,
     /// Altitude of the mount's direction, deg.
     pub altitude_deg: f64,
+    /// Its azimuth, deg.
+    pub azimuth_deg: f64,
 }
 
 /// Reason why a tracking ended before its path did.
@@ -199,6 +203,7 @@ pub struct Tracker<'a> {
     guard: &'a Guard,
     mount: &'a mut dyn Mount,
     finder: Option<&'a mut dyn Finder>,
+    orders: Option<&'a Orders>,
     clock: DeviceClock,
     options: TrackOptions,
     keyhole: Option<Keyhole>,
@@ -238,12 +243,15 @@ impl<'a> Tracker<'a> {
         clock: DeviceClock,
         options: TrackOptions,
     ) -> Self {
-        let estimator = Estimator::new(options.estimator);
+        let mut estimator = Estimator::new(options.estimator);
+        // A first guess: once the target is seen, its light counts.
+        estimator.offset.along.value = -options.nudge_s;
         Self {
             path,
             guard,
             mount,
             finder,
+            orders: None,
             clock,
             options,
             keyhole: None,
@@ -264,6 +272,13 @@ impl<'a> Tracker<'a> {
                 Hold::new(options.reach_arcsec, coast_s)
             }),
         }
+    }
+
+    /// Takes a person's orders while it follows.
+    #[must_use]
+    pub fn steered_by(mut self, orders: &'a Orders) -> Self {
+        self.orders = Some(orders);
+        self
     }
 
     /// Follows until the path ends, `each` breaks, or the token is set; in every case the mount is stopped at the end, but not where somebody else parks it.
@@ -330,15 +345,23 @@ impl<'a> Tracker<'a> {
         Ok(())
     }
 
-    /// Where the target should be shown at a time, with what was learnt.
+    /// Where the telescope should look at a time: at the target, or so that it stands in the frame where a person wants it.
     fn target(&self, time_s: f64) -> DVec3 {
+        let target = self.believed(time_s);
+        match self.orders.map(Orders::keep_arcsec) {
+            Some([x, y]) if [x, y] != [0.0; 2] => shifted(target, [-x, -y]),
+            _ => target,
+        }
+    }
+
+    /// Where the target is believed to be at a time, with what was learnt.
+    fn believed(&self, time_s: f64) -> DVec3 {
         if let Some(hold) = &self.hold {
             return shifted(self.path.at(time_s - self.options.nudge_s).direction, hold.off);
         }
         let learnt_s = self.estimator.seen_s.map_or(0.0, |seen| (time_s - seen).clamp(0.0, 5.0));
         let ahead_s = if self.estimator.locked { learnt_s } else { 0.0 };
-        let along = self.estimator.offset.along.after(ahead_s) + self.search_s(time_s)
-            - self.options.nudge_s;
+        let along = self.estimator.offset.along.after(ahead_s) + self.search_s(time_s);
         self.estimator.displaced(&self.path.at(time_s + along), ahead_s)
     }
 
@@ -553,6 +576,7 @@ impl<'a> Tracker<'a> {
             left_arcsec: self.estimator.offset.across.value,
             sun_deg: self.guard.sun_distance_deg(enu, self.clock.utc()),
             altitude_deg: enu.z.clamp(-1.0, 1.0).asin().to_degrees(),
+            azimuth_deg: enu.x.atan2(enu.y).to_degrees().rem_euclid(360.0),
         }
     }
 
@@ -616,6 +640,7 @@ impl<'a> Tracker<'a> {
                 continue;
             }
             self.check_hand()?;
+            self.obey();
             self.check_ahead(angle)?;
             let state = self.look(&mut summary)?;
             let now_s = self.now_s();
@@ -682,6 +707,73 @@ impl<'a> Tracker<'a> {
         if self.commands.len() > 100 {
             self.commands.pop_front();
         }
+        Ok(())
+    }
+
+    /// Does what a person asked for.
+    fn obey(&mut self) {
+        let Some(orders) = self.orders else { return };
+        while let Some(order) = orders.next() {
+            match order {
+                Order::Keep { offset_arcsec } => orders.keep(offset_arcsec),
+                Order::Jog { arcsec } if self.holds_light() => {
+                    let keep = orders.keep_arcsec();
+                    orders.keep([0, 1].map(|i| keep[i] - arcsec[i]));
+                }
+                Order::Jog { arcsec } => self.shift(arcsec),
+                Order::Lock { middle, offset_arcsec } => {
+                    if let Err(why) = self.lock(middle, offset_arcsec) {
+                        orders.refuse(why);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whether it follows the target's light, and not the prediction.
+    fn holds_light(&self) -> bool {
+        match &self.hold {
+            Some(hold) => hold.locked,
+            None => self.estimator.locked,
+        }
+    }
+
+    /// The target is believed to be elsewhere by so much along the growing axes, arcsec.
+    fn shift(&mut self, arcsec: [f64; 2]) {
+        if let Some(hold) = &mut self.hold {
+            return hold.shift(arcsec);
+        }
+        let now_s = self.now_s();
+        let [first, second] = tangent(self.believed(now_s));
+        let by = (first * arcsec[0] + second * arcsec[1]) / ARCSEC;
+        let place = self.path.at(now_s + self.estimator.offset.along.value);
+        self.estimator.shift(by, &place);
+    }
+
+    /// A light of a frame is the target.
+    fn lock(&mut self, middle: Epoch, offset_arcsec: [f64; 2]) -> Result<(), String> {
+        let (time_s, now_s) = (self.path.time_s(middle), self.now_s());
+        if time_s > now_s + 1.0 {
+            return Err("the frame's time lies ahead of the mount's".to_owned());
+        }
+        let Some(angle) = self.angles_then(time_s) else {
+            let ago_s = now_s - time_s;
+            return Err(format!(
+                "where the mount stood {ago_s:.0} s ago, at the time of that frame, is not known any more: take a newer frame"
+            ));
+        };
+        let seen = seen_at(angle, &Spot { offset_arcsec, flux: 0.0 });
+        if self.hold.is_some() {
+            let predicted = self.path.at(time_s - self.options.nudge_s).direction;
+            let off = off_of(predicted, seen);
+            if let Some(hold) = &mut self.hold {
+                hold.lock(off, now_s);
+            }
+            return Ok(());
+        }
+        let place = self.path.at(time_s + self.estimator.offset.along.value);
+        self.estimator.lock(seen, time_s, &place, now_s);
+        self.search_from_s = None;
         Ok(())
     }
 
