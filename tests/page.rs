@@ -861,12 +861,14 @@ for_s = 300
     browser.until(
         "Object.values(sunglint.live?.devices ?? {}).some((d) => d.mount?.state === 'locked')",
     );
-    let middle = |browser: &mut Browser| loop {
-        if let Some(at) = star_at(browser) {
-            return at;
+    // A lock comes before the light stands still.
+    browser.until("Object.values(sunglint.live.devices).some((d) => d.mount?.state === 'locked' && d.mount.seen_arcsec !== null && d.mount.seen_arcsec < 2) && sunglint.frame.header.size_px[0] === 400");
+    std::thread::sleep(Duration::from_secs(2));
+    let first = loop {
+        if let Some(at) = star_at(&mut browser) {
+            break at;
         }
     };
-    let first = middle(&mut browser);
     // This light is the target; nothing changes.
     browser.click("#mount-lock");
     let at = on_screen(&mut browser, first);

@@ -864,6 +864,16 @@ impl<'a> Tracker<'a> {
         state
     }
 
+    /// How far apart the rates of each axis are that act after a time, deg/s.
+    fn rate_range(&self, from_s: f64) -> [f64; 2] {
+        let since_s = from_s - self.options.latency_s - 1.0;
+        let acting = self.commands.iter().filter(|(sent_s, _)| *sent_s >= since_s);
+        let ends = acting.fold([[f64::INFINITY, f64::NEG_INFINITY]; 2], |ends, (_, rates)| {
+            [0, 1].map(|i| [ends[i][0].min(rates[i]), ends[i][1].max(rates[i])])
+        });
+        ends.map(|[least, most]| (most - least).max(0.0))
+    }
+
     /// Holds what the mount did in two seconds against what it was told.
     fn check_follows(
         &self,
@@ -883,8 +893,11 @@ impl<'a> Tracker<'a> {
         let length = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
         let (asked_deg, moved_deg, off) =
             (length(told, from), length(angle, from), length(angle, told));
-        // Acceleration, lost commands and a flip of the rates cost some: half of the way, and a tenth of a degree, is a fault.
-        if off > 0.5 * asked_deg.max(moved_deg) + 0.1 {
+        // A change of the rate by v takes v²/2a of the way, as where the search turns round. Lost commands and a flip of the rates cost some, too: half of the way, and a tenth
+        // of a degree, is a fault.
+        let changes = self.rate_range(from_s).map(|range| range * range);
+        let turns_deg = 0.5 * changes[0].hypot(changes[1]) / self.options.acceleration_deg_s2;
+        if off > 0.5 * asked_deg.max(moved_deg) + 0.1 + turns_deg {
             return Err(TrackError::DoesNotFollow { asked_deg, moved_deg });
         }
         Ok(())
