@@ -3,8 +3,8 @@
 use crate::output::{Console, OutputArgs};
 use crate::{
     air, align, analyse, apply, bench, brdf, calibrate, compare, demo, detect, devices, efficiency,
-    elements, explain, fit, focus, import, light, observe, page, passes, picture, reduce, session,
-    simulate, solve, star, study, tables, track,
+    elements, explain, fit, focus, goto, import, light, observe, page, passes, picture, reduce,
+    session, simulate, solve, star, study, tables, track,
 };
 use anyhow::Context as _;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
@@ -92,6 +92,8 @@ pub enum Command {
     Devices(Box<devices::DevicesCommand>),
     /// Observe a night: frames and photon counts into a session's folder, from a plan or from a recorded night
     Observe(Box<observe::ObserveArgs>),
+    /// The telescope at a star or a place, corrected by where its frames look
+    Goto(Box<goto::GotoArgs>),
     /// A mount follows a satellite: from elements to a telescope that tracks, kept off the Sun; or a rehearsal with a virtual one
     Track(Box<track::TrackArgs>),
     /// The telescope's focus: the best position of a focuser by the stars' half-flux radius, and its drift with temperature
@@ -183,6 +185,7 @@ impl Command {
             Command::Import(args) => Some(&args.out),
             Command::Fit(args) => Some(&args.out),
             Command::Analyse(command) => Some(command.output()),
+            Command::Goto(args) => Some(&args.out),
             Command::Track(args) => Some(&args.out),
             Command::Focus(command) => Some(command.output()),
             Command::Demo(_)
@@ -202,6 +205,7 @@ impl Command {
             Command::Tables(args) => tables::run(args, console),
             Command::Air(args) => air::run(args, console),
             Command::Star(args) => star::run(args, console),
+            Command::Goto(args) => goto::run(args, console),
             Command::Track(args) => track::run(args, console),
             Command::Focus(command) => focus::run(command, console, seed),
             Command::MountWatchdog(args) => track::watchdog(args),

@@ -49,6 +49,7 @@ pub mod elements;
 pub mod explain;
 pub mod fit;
 pub mod focus;
+pub mod goto;
 pub mod import;
 pub mod interrupt;
 pub mod light;

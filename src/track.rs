@@ -32,7 +32,7 @@ use sunglint_virtual::telescope::{Telescope, TelescopeOptions};
 /// Names of the virtual telescopes.
 const VIRTUAL: [&str; 2] = ["virtual", "virtual-equatorial"];
 /// How long a mount may take to be opened.
-const OPEN: Duration = Duration::from_secs(30);
+pub(crate) const OPEN: Duration = Duration::from_secs(30);
 
 /// Arguments of `sunglint track`.
 #[derive(Debug, Args)]
@@ -412,7 +412,8 @@ fn rehearse(
     finish(args, console, &mut report, ended, &steps)
 }
 
-fn open(address: &str) -> anyhow::Result<Box<dyn Mount>> {
+/// Opens a mount.
+pub(crate) fn open(address: &str) -> anyhow::Result<Box<dyn Mount>> {
     let mut address = Address::parse(address, &[])
         .map_err(|error| anyhow!("--mount: {error}; or {} for a rehearsal", VIRTUAL.join(", ")))?;
     let deadline = Deadline::within(OPEN);

@@ -793,11 +793,9 @@ fn type_into(browser: &mut Browser, selector: &str, text: &str) {
     browser.run(&format!("(() => {{ const e = document.querySelector({selector}); e.value = {}; e.dispatchEvent(new Event('input', {{bubbles: true}})); }})()", json!(text)));
 }
 
-/// Place of the star in the last frame by its light, px of the frame; `None` until the marks are those of the frame.
+/// Place of the star by its light in the frame that was measured last, px of the frame.
 fn star_at(browser: &mut Browser) -> Option<[f64; 2]> {
-    let at = browser.run(
-        "sunglint.marks && sunglint.marks.of === sunglint.frame.of && sunglint.frame.header.number ? sunglint.marks.place_px : null",
-    );
+    let at = browser.run("sunglint.marks?.place_px ?? null");
     Some([at[0].as_f64()?, at[1].as_f64()?])
 }
 

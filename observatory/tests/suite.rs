@@ -1,6 +1,7 @@
 //! All tests of this crate: one program, so that one is linked.
 
 mod focus;
+mod goto;
 mod mounting;
 mod safety;
 mod sequence;

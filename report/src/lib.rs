@@ -53,6 +53,7 @@ pub mod fit;
 pub mod focus;
 pub mod fold;
 pub mod folder;
+pub mod goto;
 pub mod import;
 mod inputs;
 pub mod intensity;

@@ -4,11 +4,13 @@
 //! - [`PassPlan`]: slew, flip, keyhole, distance from the Sun, before anything moves;
 //! - [`Guard`]: what a mount may point at, and which ways it may take;
 //! - [`Tracker`]: feed-forward of place and rate, an estimator of the target's error along and across its track, search and coasting;
+//! - [`Goto`]: a place on the sky, corrected by where the frames look;
 //! - [`Orders`]: what a person asks of it meanwhile;
 //! - [`WeatherFile`]: whether the sky is fit for an open telescope, by a file;
 //! - [`watchdog`]: stops the mount when the tracker dies.
 
 mod estimate;
+mod goto;
 mod hold;
 mod park;
 mod path;
@@ -20,6 +22,7 @@ pub mod watchdog;
 mod weather;
 
 pub use estimate::EstimatorOptions;
+pub use goto::{Goto, GotoError, GotoOptions, GotoTarget, Look, Looks};
 pub use park::{Parked, park};
 pub use path::{Frame, PathError, Place, TargetPath, angles, direction};
 pub use plan::{Keyhole, PassPlan};

@@ -311,6 +311,32 @@ impl<'a> Tracker<'a> {
         }
     }
 
+    /// Goes to where the target is now, or will be when the path begins, and leaves the mount there as its goto does: it follows the stars, or stands. False where `each`
+    /// broke; the mount is then stopped, as after an error.
+    ///
+    /// # Errors
+    /// See [`TrackError`], as of [`Tracker::run`]. Rates are not needed.
+    pub fn go(
+        &mut self,
+        cancel: &Cancel,
+        each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
+    ) -> Result<bool, TrackError> {
+        self.cancel = cancel.clone();
+        self.zero_step_s = clock_offset_s();
+        let went = self.slew(each);
+        if matches!(went, Ok(true) | Err(TrackError::ByHand { what: PARKED })) {
+            return went;
+        }
+        let grace = Deadline::after(self.clock.clock.clone(), Duration::from_secs(2));
+        match self.mount.stop(&grace) {
+            Ok(()) => went,
+            Err(source) => Err(TrackError::Device(DeviceError::NotStopped {
+                device: "mount",
+                source: Box::new(source),
+            })),
+        }
+    }
+
     fn summary(&self) -> TrackSummary {
         TrackSummary { steps: 0, locked_s: None, began_s: self.now_s(), seen: 0, cancelled: false }
     }
@@ -938,7 +964,7 @@ fn shifted(at: DVec3, off: [f64; 2]) -> DVec3 {
 }
 
 /// Offset of a direction from another along the growing axes, arcsec.
-fn off_of(at: DVec3, seen: DVec3) -> [f64; 2] {
+pub(super) fn off_of(at: DVec3, seen: DVec3) -> [f64; 2] {
     let [first, second] = tangent(at);
     [seen.dot(first) * ARCSEC, seen.dot(second) * ARCSEC]
 }

@@ -1,0 +1,134 @@
+//! Places of frames by their stars, one after the other: the patterns are made when the first frame needs them, and again when one of another width comes.
+
+use super::Catalogue;
+use super::blind::{BlindError, EMBEDDED_DEG, FIELDS_DEG, Patterns, Solved, narrowest_deg};
+use crate::photometry::PhotometryError;
+use crate::photometry::field::{FieldOptions, find};
+use hifitime::Epoch;
+use ndarray::ArrayView2;
+use std::path::Path;
+use sunglint_formats::FileError;
+use sunglint_formats::ParseError;
+
+/// Part by which a width from a header may be wrong, and one that a person gave.
+const WIDTH_TOLERANCE: f64 = 0.15;
+
+/// Why there can be no answer.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SolverError {
+    /// The list of stars.
+    #[error(transparent)]
+    List(#[from] FileError),
+    /// The list's magnitudes.
+    #[error(transparent)]
+    Magnitudes(#[from] ParseError),
+    /// No patterns for these fields.
+    #[error(transparent)]
+    Patterns(#[from] BlindError),
+    /// Sources cannot be looked for.
+    #[error(transparent)]
+    Sources(#[from] PhotometryError),
+}
+
+/// What is known of a frame before.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hint {
+    /// When it was taken.
+    pub middle: Epoch,
+    /// Width of a pixel, arcsec, where it is known.
+    pub scale_arcsec: Option<f64>,
+}
+
+/// Answer for a frame.
+#[derive(Debug, Clone)]
+pub struct Looked {
+    /// Points that were found, or trails where stars are trailed.
+    pub sources: usize,
+    /// Its place; `None` where no pattern is beyond chance.
+    pub solved: Option<Solved>,
+}
+
+/// Solver of frames by one list of stars.
+#[derive(Debug)]
+pub struct Solver {
+    list: Catalogue,
+    is_embedded: bool,
+    magnitudes: Vec<f64>,
+    width_deg: Option<f64>,
+    patterns: Option<Patterns>,
+}
+
+impl Solver {
+    /// A solver by the list in a file, with its column of magnitudes, or by the embedded stars to V = 5. `width_deg` is the frames' width, where it is known better than
+    /// by their scale.
+    ///
+    /// # Errors
+    /// A list that cannot be read, or has no such column.
+    pub fn new(
+        list: Option<&Path>,
+        magnitude: Option<&str>,
+        width_deg: Option<f64>,
+    ) -> Result<Self, SolverError> {
+        let is_embedded = list.is_none();
+        let list = match list {
+            Some(path) => Catalogue::read(path)?,
+            None => Catalogue::embedded()?,
+        };
+        let magnitudes = list.brightness(magnitude)?;
+        Ok(Self { list, is_embedded, magnitudes, width_deg, patterns: None })
+    }
+
+    /// Finds a frame (values in ADU, `[row, column]`; NaN is masked).
+    ///
+    /// # Errors
+    /// Fields for which there are no patterns; a frame in which sources cannot be looked for.
+    pub fn solve(
+        &mut self,
+        pixels: ArrayView2<'_, f32>,
+        hint: &Hint,
+        options: &FieldOptions,
+    ) -> Result<Looked, SolverError> {
+        let by_scale = hint.scale_arcsec.map(|arcsec| {
+            let half = 0.5 * pixels.ncols() as f64 * (arcsec / 3600.0).to_radians();
+            2.0 * half.atan().to_degrees()
+        });
+        let width = self.width_deg.or(by_scale);
+        let [least, most] = self.widths(width);
+        let fits =
+            |p: &Patterns| p.fields_deg()[0] <= least * 1.001 && p.fields_deg()[1] >= most * 0.999;
+        let patterns = match self.patterns.take().filter(fits) {
+            Some(patterns) => patterns,
+            None => {
+                Patterns::new(&self.list, &self.magnitudes, year_of(hint.middle), [least, most])?
+            }
+        };
+        let patterns = self.patterns.insert(patterns);
+        let field = find(pixels, options)?;
+        let is_trailed = field.star_trails.is_some();
+        let solved = patterns.solve(&field, is_trailed, width.map(|w| (w, WIDTH_TOLERANCE)));
+        let sources = if is_trailed { field.streaks.len() } else { field.points.len() };
+        Ok(Looked { sources, solved })
+    }
+
+    /// Widths of field that patterns are made for.
+    fn widths(&self, width: Option<f64>) -> [f64; 2] {
+        let [least, most] = FIELDS_DEG;
+        match width {
+            Some(width) => [
+                (width * (1.0 - WIDTH_TOLERANCE)).max(least),
+                (width * (1.0 + WIDTH_TOLERANCE)).min(most),
+            ],
+            None if self.is_embedded => EMBEDDED_DEG,
+            None => {
+                let narrowest = narrowest_deg(self.list.len()).clamp(least, most);
+                [narrowest, (4.0 * narrowest).min(most)]
+            }
+        }
+    }
+}
+
+/// Julian year of a moment.
+fn year_of(time: Epoch) -> f64 {
+    2000.0 + (time.to_jde_tt_days() - 2_451_545.0) / 365.25
+}

@@ -1,0 +1,209 @@
+//! Going to a place on the sky, corrected by where the frames look.
+
+use super::path::{PathError, TargetPath, angles};
+use super::safety::Guard;
+use super::steer::Orders;
+use super::tracker::{TrackError, TrackOptions, TrackStep, Tracker, off_of};
+use hifitime::Epoch;
+use std::ops::ControlFlow;
+use std::time::Duration;
+use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
+use sunglint_drivers::device::{DeviceError, Mount};
+use sunglint_radiometry::sky::{EarthOrientation, Equatorial, Site, Star, StarError};
+
+/// Length of the path towards a target, s.
+const PATH_S: f64 = 900.0;
+/// A frame that looks farther from where the mount says than this is no error of pointing, deg.
+const MOST_OFF_DEG: f64 = 10.0;
+/// Time for an answer of the mount.
+const SOON: Duration = Duration::from_secs(10);
+
+/// Somebody stopped it.
+const CANCELLED: DeviceError = DeviceError::Cancelled { device: "mount", action: "going" };
+
+/// Where to go.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub enum GotoTarget {
+    /// A star, or any place among them.
+    Star(Box<Star>),
+    /// Azimuth and altitude, deg.
+    Horizontal([f64; 2]),
+}
+
+/// How to go.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct GotoOptions {
+    /// Distance from the target within which it has arrived, arcsec.
+    pub tolerance_arcsec: f64,
+    /// Frames at most.
+    pub rounds: usize,
+    /// Rest before a frame, s: the mount swings out.
+    pub settle_s: f64,
+    /// Whether the mount is told where it is in the end.
+    pub sync: bool,
+    /// Whether places are lifted by refraction.
+    pub refraction: bool,
+    /// How the mount is moved.
+    pub track: TrackOptions,
+}
+
+impl Default for GotoOptions {
+    fn default() -> Self {
+        Self {
+            tolerance_arcsec: 30.0,
+            rounds: 5,
+            settle_s: 1.0,
+            sync: false,
+            refraction: true,
+            // No lead: what follows the stars afterwards is to stand on the target, not before it.
+            track: TrackOptions { lead_s: 0.0, ..TrackOptions::default() },
+        }
+    }
+}
+
+/// Reason why it did not arrive.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum GotoError {
+    /// There is no path to the target.
+    #[error(transparent)]
+    Path(#[from] PathError),
+    /// A place that is none.
+    #[error(transparent)]
+    Place(#[from] StarError),
+    /// Not safe, or the mount does not do it.
+    #[error(transparent)]
+    Track(#[from] TrackError),
+    /// The mount.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// The camera, or its frames tell nothing.
+    #[error(
+        "the frame after a goto tells no place: {0}; the mount stands where it went by its own reckoning"
+    )]
+    Blind(String),
+    /// The mount is lost.
+    #[error(
+        "the frame looks {off_deg:.1}° beside where the mount says that it looks, which no error of pointing explains: check its time, its site and its start position, or sync it"
+    )]
+    Lost {
+        /// How far, deg.
+        off_deg: f64,
+    },
+    /// Corrections do not bring it there.
+    #[error(
+        "after {rounds} frames the telescope is still {off_arcsec:.0}″ off, expected at most {tolerance_arcsec:.0}″"
+    )]
+    Short {
+        /// Frames.
+        rounds: usize,
+        /// Last distance, arcsec.
+        off_arcsec: f64,
+        /// Largest that was allowed, arcsec.
+        tolerance_arcsec: f64,
+    },
+}
+
+/// Where a frame looks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Looks {
+    /// Middle of its exposure.
+    pub middle: Epoch,
+    /// Right ascension and declination of its middle, deg, ICRS.
+    pub sky_deg: [f64; 2],
+}
+
+/// Takes a frame and says where it looks.
+pub type Look<'a> = dyn FnMut(&Cancel) -> Result<Looks, String> + 'a;
+
+/// A mount that goes to places.
+pub struct Goto<'a> {
+    /// Site of the telescope.
+    pub site: &'a Site,
+    /// What it may point at.
+    pub guard: &'a Guard,
+    /// The mount.
+    pub mount: &'a mut dyn Mount,
+    /// Its clock.
+    pub clock: DeviceClock,
+    /// How.
+    pub options: GotoOptions,
+}
+
+impl std::fmt::Debug for Goto<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Goto").field("options", &self.options).finish_non_exhaustive()
+    }
+}
+
+impl Goto<'_> {
+    fn path(&self, target: &GotoTarget, from: Epoch) -> Result<TargetPath, PathError> {
+        let (earth, axes) = (EarthOrientation::embedded(), self.mount.abilities().axes);
+        let span = (from, PATH_S);
+        match target {
+            GotoTarget::Star(star) => {
+                TargetPath::star(star, self.site, earth, span, axes, self.options.refraction)
+            }
+            GotoTarget::Horizontal(place) => {
+                TargetPath::fixed(*place, self.site, earth, span, axes)
+            }
+        }
+    }
+
+    /// Goes to a target. With `look`, it is corrected by where the frames look until it is near enough; gives how far off each frame was, arcsec. A mount that follows the
+    /// stars after a goto does so in the end.
+    ///
+    /// # Errors
+    /// See [`GotoError`]. A goto that was broken off ends in a stop.
+    pub fn to(
+        &mut self,
+        target: &GotoTarget,
+        mut look: Option<&mut Look<'_>>,
+        cancel: &Cancel,
+        each: &mut dyn FnMut(&TrackStep) -> ControlFlow<()>,
+    ) -> Result<Vec<f64>, GotoError> {
+        let orders = Orders::default();
+        let mut offs = Vec::new();
+        loop {
+            let path = self.path(target, self.clock.utc())?;
+            let (clock, options) = (self.clock.clone(), self.options.track);
+            let mut tracker = Tracker::new(&path, self.guard, self.mount, None, clock, options)
+                .steered_by(&orders);
+            if !tracker.go(cancel, each)? {
+                return Err(CANCELLED.into());
+            }
+            let Some(look) = look.as_mut() else { return Ok(offs) };
+            let settle = Deadline::after(self.clock.clock.clone(), SOON).with_cancel(cancel);
+            let rest = Duration::from_secs_f64(self.options.settle_s.clamp(0.0, 9.0));
+            settle.sleep(rest).map_err(|_| CANCELLED)?;
+            let looks = look(cancel).map_err(GotoError::Blind)?;
+            let [ra_deg, dec_deg] = looks.sky_deg;
+            let star = Star::at("the frame's middle", Equatorial { ra_deg, dec_deg })?;
+            let seen = self.path(&GotoTarget::Star(Box::new(star)), looks.middle)?;
+            let seen_at = seen.at(0.0).direction;
+            let wanted = path.at(path.time_s(looks.middle)).direction;
+            let off_arcsec = wanted.angle_between(seen_at).to_degrees() * 3600.0;
+            offs.push(off_arcsec);
+            if off_arcsec > MOST_OFF_DEG * 3600.0 {
+                return Err(GotoError::Lost { off_deg: off_arcsec / 3600.0 });
+            }
+            if off_arcsec <= self.options.tolerance_arcsec {
+                if self.options.sync {
+                    let place = seen.place_of(angles(seen_at), 0.0);
+                    let soon = Deadline::after(self.clock.clock.clone(), SOON);
+                    self.mount.sync(place, &soon.with_cancel(cancel))?;
+                }
+                return Ok(offs);
+            }
+            if offs.len() >= self.options.rounds {
+                let (rounds, tolerance_arcsec) = (offs.len(), self.options.tolerance_arcsec);
+                return Err(GotoError::Short { rounds, off_arcsec, tolerance_arcsec });
+            }
+            // The mount's own places are off by so much here.
+            let (keep, off) = (orders.keep_arcsec(), off_of(wanted, seen_at));
+            orders.keep([0, 1].map(|i| keep[i] + off[i]));
+        }
+    }
+}

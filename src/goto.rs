@@ -1,0 +1,316 @@
+//! `sunglint goto`: the telescope at a place on the sky, corrected by where its frames look.
+
+use crate::interrupt::{Hangup, listen};
+use crate::output::{Console, OutputArgs, Usage};
+use crate::station::StationArgs;
+use crate::track;
+use anyhow::{Context as _, anyhow, bail};
+use clap::Args;
+use hifitime::Epoch;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::Duration;
+use sunglint_calibration::field_stars::solver::{Hint, Solver};
+use sunglint_calibration::photometry::field::FieldOptions;
+use sunglint_drivers::catalogue::{Address, AnyDevice};
+use sunglint_drivers::clock::{Cancel, Deadline, DeviceClock};
+use sunglint_drivers::device::{Camera, Mount, MountMotion, MountSite};
+use sunglint_observatory::clock;
+use sunglint_observatory::telescope::watchdog::Process;
+use sunglint_observatory::telescope::{
+    Certainty, Goto, GotoOptions, GotoTarget, Guard, Looks, SunCone, TargetPath, direction,
+};
+use sunglint_radiometry::sky::{Catalogue, EarthOrientation, Equatorial, Star};
+use sunglint_radiometry::station::Station;
+use sunglint_report::goto::GotoReport;
+use sunglint_report::track::step_text;
+
+/// Time between two signs of life to the watchdog.
+const BEAT: Duration = Duration::from_millis(100);
+/// Longest exposure, s.
+const LONGEST_S: f64 = 120.0;
+
+/// Arguments of `sunglint goto`.
+#[derive(Debug, Args)]
+pub struct GotoArgs {
+    /// A star's name (`Vega`, `HIP 91262`)
+    #[arg(value_name = "STAR", required_unless_present_any = ["radec", "altaz"], conflicts_with_all = ["radec", "altaz"])]
+    pub star: Option<String>,
+    /// Right ascension and declination instead, degrees, ICRS
+    #[arg(long, value_names = ["RA", "DEC"], num_args = 2, allow_negative_numbers = true, conflicts_with = "altaz")]
+    pub radec: Option<Vec<f64>>,
+    /// Altitude and azimuth (from north by east) instead, degrees
+    #[arg(long, value_names = ["ALT", "AZ"], num_args = 2, allow_negative_numbers = true)]
+    pub altaz: Option<Vec<f64>>,
+    /// The mount: `indi-telescope:HOST:PORT/NAME`, `alpaca:HOST:PORT/0` (see `sunglint devices list`)
+    #[arg(long, value_name = "ADDRESS")]
+    pub mount: String,
+    /// Take frames, find where they look by their stars, and go on until the target is in their middle
+    #[arg(long, requires = "camera")]
+    pub solve: bool,
+    /// The camera for that: `indi-camera:HOST:PORT/NAME`, `alpaca-camera:HOST:PORT/0`
+    #[arg(long, value_name = "ADDRESS", requires = "solve")]
+    pub camera: Option<String>,
+    /// Exposure of its frames, s
+    #[arg(long, value_name = "S", default_value_t = 2.0, requires = "solve")]
+    pub exposure_s: f64,
+    /// Width of the frames on the sky, degrees, within 15 % [default: by the station's pixel scale]
+    #[arg(long, value_name = "DEG", requires = "solve")]
+    pub width_deg: Option<f64>,
+    /// A list of stars for fields narrower than 15° (CSV, ECSV, VOTable, FITS) [default: the embedded stars to V = 5]
+    #[arg(long, value_name = "FILE", requires = "solve")]
+    pub catalogue: Option<PathBuf>,
+    /// Distance from the frame's middle at which it is good, arcsec
+    #[arg(long, value_name = "ARCSEC", default_value_t = 30.0, requires = "solve")]
+    pub within: f64,
+    /// Tell the mount where it is in the end
+    #[arg(long, requires = "solve")]
+    pub sync: bool,
+    /// End once it is there, and leave the mount as it is. Nothing then keeps a mount that follows the stars off the Sun or the pier
+    #[arg(long)]
+    pub leave: bool,
+    /// Which station.
+    #[command(flatten)]
+    pub station: StationArgs,
+    /// Lowest altitude, degrees; the station's horizon may ask for more
+    #[arg(long, value_name = "DEG", default_value_t = 10.0)]
+    pub min_elevation: f64,
+    /// Least distance from the Sun while it is up, degrees; 5° are added for the mount's pointing
+    #[arg(long, value_name = "DEG", default_value_t = 30.0)]
+    pub sun_limit: f64,
+    /// The mount's own software lifts places by refraction: leave that to it
+    #[arg(long)]
+    pub no_refraction: bool,
+    /// You know that this computer's clock is right, though nothing says so
+    #[arg(long)]
+    pub trust_clock: bool,
+    /// Tell the mount the station's site, and UTC, first
+    #[arg(long)]
+    pub set_site: bool,
+    /// Where the result goes.
+    #[command(flatten)]
+    pub out: OutputArgs,
+}
+
+impl GotoArgs {
+    fn check(&self) -> anyhow::Result<()> {
+        self.out.check()?;
+        let within = |name: &str, value: f64, least: f64, most: f64| match value {
+            v if (least..=most).contains(&v) => Ok(()),
+            v => Err(Usage(format!("--{name} is {v}, expected {least} to {most}"))),
+        };
+        within("exposure-s", self.exposure_s, 1e-4, LONGEST_S)?;
+        within("within", self.within, 1.0, 36_000.0)?;
+        within("min-elevation", self.min_elevation, 0.0, 89.0)?;
+        within("sun-limit", self.sun_limit, 10.0, 90.0)?;
+        Ok(())
+    }
+
+    fn target(&self) -> anyhow::Result<(GotoTarget, String)> {
+        if let Some([ra_deg, dec_deg]) = self.radec.as_deref() {
+            let (ra_deg, dec_deg) = (*ra_deg, *dec_deg);
+            let name = format!("RA {ra_deg}°, Dec {dec_deg}°");
+            let star = Star::at(&name, Equatorial { ra_deg, dec_deg })
+                .map_err(|error| Usage(format!("--radec: {error}")))?;
+            return Ok((GotoTarget::Star(Box::new(star)), name));
+        }
+        if let Some([altitude, azimuth]) = self.altaz.as_deref() {
+            let is_place = (0.0..=90.0).contains(altitude) && (-360.0..=360.0).contains(azimuth);
+            if !is_place {
+                let text = format!(
+                    "--altaz is {altitude} {azimuth}, expected an altitude of 0 to 90 and an azimuth of -360 to 360 degrees"
+                );
+                return Err(Usage(text).into());
+            }
+            let name = format!("altitude {altitude}°, azimuth {azimuth}°");
+            return Ok((GotoTarget::Horizontal([*azimuth, *altitude]), name));
+        }
+        let star = self.star.as_deref().context("no target")?;
+        let star = Catalogue::embedded().find(star)?;
+        Ok((GotoTarget::Star(Box::new(star.clone())), star.label()))
+    }
+}
+
+/// Goes there.
+///
+/// # Errors
+/// What is not safe, a mount that does not do what it is told, frames that tell no place.
+pub fn run(args: &GotoArgs, console: Console) -> anyhow::Result<()> {
+    args.check()?;
+    let station = args.station.get()?;
+    let (target, name) = args.target()?;
+    let mut eye = match &args.camera {
+        Some(address) => Some(Eye::open(address, args, &station)?),
+        None => None,
+    };
+    let mut mount = track::open(&args.mount)?;
+    let abilities = mount.abilities().clone();
+    let cone = SunCone::default().with_limit_deg(args.sun_limit);
+    let guard = Guard::new(&station.site, abilities.axes, abilities.tells_pier_side, cone)
+        .with_horizon(station.horizon.clone(), args.min_elevation);
+    let soon = || Deadline::within(Duration::from_secs(5));
+    if args.set_site {
+        let place = station.site.geodetic();
+        let site = MountSite {
+            latitude_deg: place.latitude_deg,
+            longitude_deg: place.longitude_deg,
+            height_m: place.height_m,
+        };
+        mount.set_site(site, Epoch::now().context("the system has no clock")?, &soon())?;
+    }
+    guard.check_site(mount.site(&soon())?)?;
+    if !args.trust_clock {
+        let state = clock::measured();
+        Certainty { synchronised: state.synchronised, error_s: state.error_s }.check()?;
+    }
+    let cancel = Cancel::new();
+    let token = cancel.clone();
+    listen(Hangup::Ends, move || token.cancel())?;
+    let program = std::env::current_exe().context("cannot find this program")?;
+    let dog = Process::start(&program, &args.mount)?;
+    let mut options = GotoOptions::default();
+    options.tolerance_arcsec = args.within;
+    options.sync = args.sync;
+    options.refraction = !args.no_refraction;
+    let clock = DeviceClock::live();
+    let mut going =
+        Goto { site: &station.site, guard: &guard, mount: mount.as_mut(), clock, options };
+    let mut look = eye.as_mut().map(|eye| {
+        |cancel: &Cancel| {
+            // Finding a frame takes seconds.
+            let found = std::thread::scope(|scope| {
+                let looking = scope.spawn(|| eye.look(cancel));
+                while !looking.is_finished() {
+                    dog.tick();
+                    std::thread::sleep(BEAT);
+                }
+                looking.join().unwrap_or_else(|_| Err("the search has crashed".to_owned()))
+            });
+            if let Ok(looks) = &found {
+                let [ra, dec] = looks.sky_deg;
+                console.say(&format!("the frame looks at RA {ra:.4}°, Dec {dec:+.4}°"));
+            }
+            found
+        }
+    });
+    let look = look.as_mut().map(|look| look as &mut sunglint_observatory::telescope::Look<'_>);
+    let mut shown = 0_u32;
+    let went = going.to(&target, look, &cancel, &mut |step| {
+        dog.tick();
+        if shown.is_multiple_of(10) {
+            console.say(&step_text(step));
+        }
+        shown += 1;
+        ControlFlow::Continue(())
+    });
+    let offs = match went {
+        Ok(offs) => offs,
+        Err(error) => {
+            // What follows the stars goes on doing so: it is stopped.
+            stop(mount.as_mut(), dog)?;
+            return Err(error.into());
+        }
+    };
+    let report =
+        GotoReport { target: name, mount: args.mount.clone(), off_arcsec: offs, synced: args.sync };
+    args.out.finish(&report.product()?, &report.text(), console)?;
+    if args.leave {
+        dog.done();
+        return Ok(());
+    }
+    console.say("there; Ctrl-C stops the mount");
+    let held = hold(mount.as_mut(), &guard, &station, &cancel, &dog);
+    stop(mount.as_mut(), dog)?;
+    held
+}
+
+/// Stops the mount, and where that fails leaves it to the watchdog.
+fn stop(mount: &mut dyn Mount, dog: Process) -> anyhow::Result<()> {
+    match mount.stop(&Deadline::within(Duration::from_secs(5))) {
+        Ok(()) => dog.done(),
+        Err(error) => {
+            drop(dog);
+            return Err(anyhow!("the mount could not be stopped over this connection: {error}"));
+        }
+    }
+    Ok(())
+}
+
+/// Watches over a mount that follows the stars, until somebody ends it.
+fn hold(
+    mount: &mut dyn Mount,
+    guard: &Guard,
+    station: &Station,
+    cancel: &Cancel,
+    dog: &Process,
+) -> anyhow::Result<()> {
+    let earth = EarthOrientation::embedded();
+    while !cancel.is_cancelled() {
+        let reading = mount.reading(&Deadline::within(Duration::from_secs(2)))?;
+        if !matches!(reading.motion, MountMotion::Tracking | MountMotion::Still) {
+            bail!("somebody else moves the mount: it is left to them");
+        }
+        let axes = mount.abilities().axes;
+        let span = (reading.utc, 10.0);
+        let path = TargetPath::fixed([180.0, 45.0], &station.site, earth, span, axes)?;
+        let here = path.frame().to_enu(direction(path.angles_of(&reading)));
+        guard.check_place(here, reading.utc)?;
+        for _ in 0..10 {
+            if cancel.is_cancelled() {
+                break;
+            }
+            dog.tick();
+            std::thread::sleep(BEAT);
+        }
+    }
+    Ok(())
+}
+
+/// A camera whose frames say where they look.
+struct Eye {
+    camera: Box<dyn Camera>,
+    solver: Solver,
+    exposure_s: f64,
+    scale_arcsec: Option<f64>,
+}
+
+impl Eye {
+    fn open(address: &str, args: &GotoArgs, station: &Station) -> anyhow::Result<Self> {
+        let mut address =
+            Address::parse(address, &[]).map_err(|error| anyhow!("--camera: {error}"))?;
+        let deadline = Deadline::within(track::OPEN);
+        let line = address.connect(&deadline)?;
+        let camera = match address.open(line, &deadline)? {
+            AnyDevice::Camera(camera) => camera,
+            other => bail!("--camera: this is a {}, no camera", other.kind()),
+        };
+        let solver = Solver::new(args.catalogue.as_deref(), None, args.width_deg)?;
+        let scale_arcsec = station.camera.as_ref().map(|camera| camera.pixel_scale_arcsec);
+        Ok(Self { camera, solver, exposure_s: args.exposure_s, scale_arcsec })
+    }
+
+    /// Takes a frame and finds it.
+    fn look(&mut self, cancel: &Cancel) -> Result<Looks, String> {
+        let most = Duration::from_secs_f64(self.exposure_s + 60.0);
+        let deadline = Deadline::within(most).with_cancel(cancel);
+        let frame =
+            self.camera.expose(self.exposure_s, &deadline).map_err(|error| error.to_string())?;
+        let middle = frame.start + hifitime::Duration::from_seconds(0.5 * frame.exposure_s);
+        let pixels = frame.pixels.mapv(f32::from);
+        let mut options = FieldOptions::default();
+        options.saturation_adu = frame.saturation_adu;
+        options.gain_e_per_adu = frame.gain_e_per_adu;
+        options.is_mosaic = frame.bayer.is_some();
+        let scale_arcsec = self.scale_arcsec.map(|scale| scale * f64::from(frame.binning[0]));
+        let hint = Hint { middle, scale_arcsec };
+        let looked = self.solver.solve(pixels.view(), &hint, &options);
+        let looked = looked.map_err(|error| error.to_string())?;
+        let Some(solved) = looked.solved else {
+            return Err(format!(
+                "its {} sources are no pattern of the list: a longer exposure, a deeper list (--catalogue) or the right width (--width-deg) may help",
+                looked.sources
+            ));
+        };
+        Ok(Looks { middle, sky_deg: solved.centre_deg })
+    }
+}
