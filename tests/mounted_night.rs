@@ -404,9 +404,8 @@ fn a_telescope_goes_to_a_star() {
         let server = Server::start();
         let star = star_of_now();
         let mount = format!("indi-telescope:127.0.0.1:{}/Telescope Simulator", server.port);
-        let arguments =
-            ["goto", &star, "--mount", &mount, "--set-site", "--trust-clock", "--leave", "--json"];
-        let made = folder.done(&arguments);
+        let common = ["goto", &star, "--mount", &mount, "--station", "ufo", "--trust-clock"];
+        let made = folder.done(&[&common[..], &["--set-site", "--leave", "--json"]].concat());
         let json: serde_json::Value = serde_json::from_str(&made).unwrap();
         assert_eq!(json["off_arcsec"], serde_json::json!([]));
         let mut own = server.mount();
@@ -423,7 +422,7 @@ fn a_telescope_goes_to_a_star() {
         // Without --leave it stays until somebody ends it, and the mount stands then.
         let mut program = Command::new(env!("CARGO_BIN_EXE_sunglint"))
             .current_dir(&folder.0)
-            .args(["goto", &star, "--mount", &mount, "--trust-clock"])
+            .args(common)
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()
