@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 use sunglint_formats::nearest_names;
 use sunglint_materials::look;
 use sunglint_simulator::intensity::{Aspect, Intensities, IntensityOptions, IntensityWorker, Span};
@@ -16,6 +17,13 @@ use sunglint_simulator::target::Target;
 
 /// Geometries that are evaluated between two looks for Ctrl-C.
 const TOGETHER: usize = 4096;
+
+/// Most geometries between two looks: their results are held at once.
+const MOST_TOGETHER: usize = 1 << 15;
+/// Parts that take less are made larger,
+const SHORT: Duration = Duration::from_millis(30);
+/// and those that take more smaller.
+const LONG: Duration = Duration::from_millis(120);
 
 /// A body whose light is asked for: a built-in target or one of a file.
 #[pyclass(frozen, module = "sunglint._core")]
@@ -153,9 +161,21 @@ impl Body {
                 return Ok((columns, Vec::new()));
             }
             let all = Intensities::new(&target, options, &span)?;
-            for (chunk, part) in aspects.chunks(TOGETHER).enumerate() {
-                watch.at("light", chunk * TOGETHER, n);
-                for light in all.many(part)? {
+            let (mut done, mut together) = (0, FEW);
+            while done < n {
+                watch.at("light", done, n);
+                let part = &aspects[done..(done + together).min(n)];
+                let begun = Instant::now();
+                let lit = all.many(part)?;
+                done += part.len();
+                // A geometry costs microseconds or milliseconds: parts that take long enough for all threads, and end soon at Ctrl-C.
+                let took = begun.elapsed();
+                if took < SHORT {
+                    together = (together * 2).min(MOST_TOGETHER);
+                } else if took > LONG {
+                    together = (together / 2).max(8);
+                }
+                for light in lit {
                     columns.phase_deg.push(light.phase_deg);
                     columns.met.push(light.met);
                     for at in &light.light {
