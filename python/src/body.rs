@@ -16,7 +16,7 @@ use sunglint_simulator::surface::Material;
 use sunglint_simulator::target::Target;
 
 /// Geometries that are evaluated between two looks for Ctrl-C.
-const TOGETHER: usize = 4096;
+const TOGETHER: usize = 256;
 
 /// Most geometries between two looks: their results are held at once.
 const MOST_TOGETHER: usize = 1 << 15;
