@@ -310,6 +310,37 @@ impl LightEngine {
         Ok((shaped(light)?, shaped(error)?))
     }
 
+    /// Seconds that the library alone takes for the same geometries, by all threads and by one, as a program in Rust would call it; for `python/overhead`.
+    fn _alone(
+        &self,
+        py: Python<'_>,
+        sun: PyReadonlyArray2<'_, f64>,
+        observer: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<(f64, f64)> {
+        let (sun, observer) = (directions(&sun, "sun")?, directions(&observer, "observer")?);
+        let rows = sun.into_iter().zip(observer);
+        let aspects: Vec<Aspect> = rows.map(|(sun, observer)| Aspect::new(sun, observer)).collect();
+        py.detach(|| {
+            let failed =
+                |e: sunglint_simulator::intensity::IntensityError| Error::new_err(e.to_string());
+            let begun = Instant::now();
+            let mut sum = 0.0;
+            for part in aspects.chunks(MOST_TOGETHER) {
+                let lit = self.all.many(part).map_err(failed)?;
+                sum += lit.iter().map(|l| l.light[0].per_irradiance_m2_per_sr).sum::<f64>();
+            }
+            let by_all = begun.elapsed().as_secs_f64();
+            let begun = Instant::now();
+            let mut worker = self.all.worker();
+            for aspect in &aspects {
+                sum += worker.light(aspect).map_err(failed)?.light[0].per_irradiance_m2_per_sr;
+            }
+            let by_one = begun.elapsed().as_secs_f64();
+            // The sums are used, so that no work is left out.
+            Ok((by_all, if sum.is_nan() { f64::NAN } else { by_one }))
+        })
+    }
+
     /// Warnings of the body for this engine.
     #[getter]
     fn warnings(&self) -> Vec<String> {

@@ -52,6 +52,7 @@ def test_workers_of_dask_make_the_same_bytes_and_may_be_killed(study, tmp_path):
         finally:
             ended.set()
             killer.join()
+    assert killed
     assert made.report["missing"] == 0 and made.report["failed"] == 0
     mine, theirs = files_of(tmp_path / "alone"), files_of(tmp_path / "dask")
     assert len(mine) == 80 and mine == theirs
